@@ -58,7 +58,7 @@ from rover_pin.experiments.drive_log.calibrate import calibrated_on
 from rover_pin.experiments.drive_log.candidates import candidates
 from rover_pin.experiments.drive_log.experiment import logged
 from rover_pin.experiments.drive_log.model import base_model, with_spread
-from rover_pin.experiments.unlisted.remainder import DriveResidual, describe
+from rover_pin.experiments.unlisted.residual import DriveResidual, describe
 from rover_pin.logs.drive_log import read_drive_log
 from rover_pin.loop.drive import residual_assessment
 

@@ -244,8 +244,8 @@ def identify(
     """
     from rover_pin.base.settings import Settings
     from rover_pin.identification.one_sand import sand_of
-    from rover_pin.loop.behind_points import derivation_inputs
     from rover_pin.loop.data_check import checked_evidence
+    from rover_pin.loop.derived_points import derivation_inputs
     from rover_pin.loop.identified import identified
     from rover_pin.parameters import soil_named
 

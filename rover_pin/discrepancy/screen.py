@@ -12,9 +12,9 @@ import numpy as np
 
 from rover_pin.base.quantity import quantities
 from rover_pin.discrepancy.candidate import FAR_FROM, Candidate
-from rover_pin.estimation.by_chance.random_field import RandomField, learnt_sds, random_effects_filter
 from rover_pin.estimation.fit import Fit, covariance
 from rover_pin.estimation.noise import COLOURED, Absorbed, Noise, huber_weights, noise_of
+from rover_pin.estimation.random_effects.random_field import RandomField, learnt_sds, random_effects_filter
 
 FALSE_ALARMS = 0.05
 """Share of sets without any effect in which one may be named."""

@@ -12,11 +12,11 @@ import numpy as np
 
 from rover_pin.base.errors import OptimisationError
 from rover_pin.base.public import brief
-from rover_pin.discrepancy.anchor import declared_start, is_bent
 from rover_pin.discrepancy.candidate import Candidate
 from rover_pin.discrepancy.compare import refit
 from rover_pin.discrepancy.exact_refits import Tried, as_published, exactly_refitted, paired, rank_refits
 from rover_pin.discrepancy.refit import Progress, Refit, Threshold, indistinguishable_refits
+from rover_pin.discrepancy.restart import declared_start, is_bent
 from rover_pin.discrepancy.screen import (
     Scored,
     Signature,
@@ -28,14 +28,14 @@ from rover_pin.discrepancy.screen import (
     with_noise,
     with_random_effects,
 )
-from rover_pin.estimation.by_chance.beyond_declared import beyond_declared
-from rover_pin.estimation.by_chance.random_field import RandomField
 from rover_pin.estimation.exact import scattered
 from rover_pin.estimation.experiment import Experiment, residual
 from rover_pin.estimation.fit import Fit, best_of, fit
 from rover_pin.estimation.noise import COLOURED, first_noise
 from rover_pin.estimation.numbers import is_adequate
 from rover_pin.estimation.parameter import Parameter
+from rover_pin.estimation.random_effects.beyond_declared import beyond_declared
+from rover_pin.estimation.random_effects.random_field import RandomField
 from rover_pin.estimation.task import Task
 
 MOST = 3

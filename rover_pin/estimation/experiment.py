@@ -10,9 +10,9 @@ import numpy as np
 
 from rover_pin.base.errors import ParameterError, closest
 from rover_pin.base.quantity import Quantity, quantities
-from rover_pin.estimation.by_chance.random_field import RandomField
 from rover_pin.estimation.noise import Noise
 from rover_pin.estimation.parameter import Parameter
+from rover_pin.estimation.random_effects.random_field import RandomField
 
 Arrays = dict[str, np.ndarray]
 LEAST = 1e-6

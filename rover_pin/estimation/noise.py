@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rover_pin.base.public import brief
-from rover_pin.estimation.by_chance.drift import Drift
-from rover_pin.estimation.by_chance.random_field import RandomEffectsFilter
+from rover_pin.estimation.random_effects.drift import Drift
+from rover_pin.estimation.random_effects.random_field import RandomEffectsFilter
 
 SHRINK = 0.2
 """Share by which correlations between channels are drawn to 0."""

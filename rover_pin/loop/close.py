@@ -16,14 +16,14 @@ from rover_pin.base.jobs.workers import ending_workers
 from rover_pin.base.public import public
 from rover_pin.base.trust import Trust
 from rover_pin.contact import Soil
-from rover_pin.discrepancy.bed import Bed
+from rover_pin.discrepancy.bench import Bench
 from rover_pin.discrepancy.refit import Progress
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.experiments.joint_rig.sets import read_joint
 from rover_pin.experiments.wheel_rig.data import RIG_FILE, RigSet, read_rig_set
 from rover_pin.experiments.wheel_rig.model import RigModel
 from rover_pin.logs.drive_log import FILE, DriveLog, read_drive_log
-from rover_pin.loop.bed import close_on_bed, own_kind, read_bed
+from rover_pin.loop.bench import close_on_bench, own_kind, read_bench
 from rover_pin.loop.drive import close_drive_loop
 from rover_pin.loop.joint import close_joint_loop
 from rover_pin.loop.own_effects import refuse_unfit_effects
@@ -37,7 +37,7 @@ from rover_pin.simulation.model.model import Model
 
 @public
 def close_the_loop(
-    data: str | Path | WheelRig | RigSet | DriveLog | Bed | tuple[str | Path, ...],
+    data: str | Path | WheelRig | RigSet | DriveLog | Bench | tuple[str | Path, ...],
     model: RigModel | Soil | Model | str | Path | None = None,
     effects: str | Path | None = None,
     out: str | Path | None = None,
@@ -52,7 +52,7 @@ def close_the_loop(
 
     Parameters
     ----------
-    data : path, WheelRig, RigSet, DriveLog, Bed or tuple of paths
+    data : path, WheelRig, RigSet, DriveLog, Bench or tuple of paths
         A folder with rig.toml or drive.toml, the name of a sample (`rover-pin list samples`), or the data in memory, as
         `read_data` gives them; several folders with rig.toml are a joint fit: one sand, each its own wheel.
     model : RigModel, Soil, Model, path or None
@@ -72,7 +72,7 @@ def close_the_loop(
     scheduler : str, optional
         Address of a Dask scheduler, whose workers then replay them. Start them with `--nthreads 1`.
     experiment : path, str or None
-        A test bed of your own: a file with a class that derives from `Bed`, whose code runs, or `motor_brake`.
+        A test bench of your own: a file with a class that derives from `Bench`, whose code runs, or `motor_brake`.
     trust : bool
         Whether model file and data may run all code, and name all files, that they name.
 
@@ -105,12 +105,14 @@ def close_the_loop(
         data = data_path(data)
     experiment = experiment or own_kind(data)
     request = LoopRequest(data, model, effects, out, experiment, trust, seed)
-    if isinstance(data, Bed) or experiment is not None:
+    if isinstance(data, Bench) or experiment is not None:
         if model is not None:
-            raise DataError(f"{data}: a test bed starts from the model that its own file declares; leave `model` out.")
-        bed = data if isinstance(data, Bed) else read_bed(str(data), experiment or "")
+            raise DataError(
+                f"{data}: a test bench starts from the model that its own file declares; leave `model` out."
+            )
+        bench = data if isinstance(data, Bench) else read_bench(str(data), experiment or "")
         with alone_in(out):
-            return close_on_bed(bed, request, progress)
+            return close_on_bench(bench, request, progress)
     allowed = Trust(everything=trust)
     log = _drive_log(data, allowed)
     if log is not None:

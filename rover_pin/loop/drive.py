@@ -12,9 +12,9 @@ from rover_pin.base.code_digest import key_of_code
 from rover_pin.base.files.results_folder import OF_A_LOOP, say_what_is_replaced
 from rover_pin.base.jobs.cluster import Workers
 from rover_pin.discrepancy.answer import Answer
+from rover_pin.discrepancy.assessment import ResidualAssessment
 from rover_pin.discrepancy.held_out import losses
 from rover_pin.discrepancy.judge import chosen_without, keep_supported_effects, make_verdict, with_draft
-from rover_pin.discrepancy.left import ResidualAssessment
 from rover_pin.discrepancy.refit import Progress, Refit
 from rover_pin.discrepancy.search import Search, search
 from rover_pin.discrepancy.verdict import Verdict
@@ -25,12 +25,12 @@ from rover_pin.experiments.drive_log.checks.log import findings, refuse_unfit, t
 from rover_pin.experiments.drive_log.experiment import logged
 from rover_pin.experiments.drive_log.extra import DriveExtra
 from rover_pin.experiments.drive_log.free_runs import free_runs
-from rover_pin.experiments.drive_log.ground.raked import ground_variability
+from rover_pin.experiments.drive_log.ground.run_variability import ground_variability
 from rover_pin.experiments.drive_log.kinematic import kinematic
 from rover_pin.experiments.drive_log.model import base_model, is_rate_driven, with_spread
 from rover_pin.experiments.drive_log.resume import Memory
 from rover_pin.experiments.drive_log.separating_drive import SeparatingDrive, separating_drive
-from rover_pin.experiments.unlisted.remainder import DriveResidual, describe
+from rover_pin.experiments.unlisted.residual import DriveResidual, describe
 from rover_pin.experiments.unlisted.trial import drafted
 from rover_pin.logs.drive_log import DriveLog
 from rover_pin.loop.drive_written import write_results

@@ -13,7 +13,7 @@ from rover_pin.estimation.numbers import Number
 from rover_pin.estimation.problem import Prior
 from rover_pin.experiments.wheel_rig.data import Independent, as_rig_set
 from rover_pin.experiments.wheel_rig.known_elsewhere import Flag, flags
-from rover_pin.identification.arc_doubt import free_unmeasured_modulus
+from rover_pin.identification.arc_uncertainty import free_unmeasured_modulus
 from rover_pin.identification.dependence import with_held
 from rover_pin.identification.held import held_numbers
 from rover_pin.identification.identify import identify

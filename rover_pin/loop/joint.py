@@ -16,9 +16,8 @@ from rover_pin.discrepancy.refit import Progress
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.estimation.baselines import Baseline, curves
 from rover_pin.estimation.wording import format_value
+from rover_pin.experiments.joint_rig.diagnostics import JointExtra, SetError
 from rover_pin.experiments.joint_rig.experiment import JointRig
-from rover_pin.experiments.joint_rig.left import JointExtra, SetError
-from rover_pin.experiments.wheel_rig.beds import learnt_random_effects
 from rover_pin.experiments.wheel_rig.candidates import rig_kinds
 from rover_pin.experiments.wheel_rig.checks import findings
 from rover_pin.experiments.wheel_rig.data import as_rig_set
@@ -26,6 +25,7 @@ from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.known_elsewhere import flags
 from rover_pin.experiments.wheel_rig.model_file import write_model
 from rover_pin.experiments.wheel_rig.presets import describe_declared
+from rover_pin.experiments.wheel_rig.stiffness_scatter import learnt_random_effects
 from rover_pin.loop.provenance import LoopRequest, provenance
 from rover_pin.loop.verdict_file import written_last
 from rover_pin.measurements.finding import Finding

@@ -19,20 +19,20 @@ from rover_pin.discrepancy.verdict import Side, Verdict
 from rover_pin.estimation.baselines import curves
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.numbers import profiles
-from rover_pin.experiments.wheel_rig.beds import learnt_random_effects
 from rover_pin.experiments.wheel_rig.candidates import candidates, numbers_of, rig_kinds
+from rover_pin.experiments.wheel_rig.channel_residual import channel_residuals
 from rover_pin.experiments.wheel_rig.checks import findings, refuse_unfit, too_poor
 from rover_pin.experiments.wheel_rig.data import RigSet, as_rig_set, read_rig_set
+from rover_pin.experiments.wheel_rig.diagnostics import FitDiagnostics, RigExtra
 from rover_pin.experiments.wheel_rig.draft import drafted
 from rover_pin.experiments.wheel_rig.experiment import RigExperiment, as_declared
 from rover_pin.experiments.wheel_rig.known_elsewhere import flags
-from rover_pin.experiments.wheel_rig.left import FitDiagnostics, RigExtra
 from rover_pin.experiments.wheel_rig.model import RigModel
 from rover_pin.experiments.wheel_rig.model_file import write_model
 from rover_pin.experiments.wheel_rig.presets import describe_declared
-from rover_pin.experiments.wheel_rig.remainder import channel_residuals
 from rover_pin.experiments.wheel_rig.residual_tests import residual_tests
 from rover_pin.experiments.wheel_rig.separating_run import SeparatingRun, separating_run
+from rover_pin.experiments.wheel_rig.stiffness_scatter import learnt_random_effects
 from rover_pin.loop.provenance import LoopRequest, provenance
 from rover_pin.loop.verdict_file import draft_written, written_last
 from rover_pin.measurements.wheel_rig import WheelRig

@@ -10,7 +10,7 @@ import pytest
 
 from rover_pin.base.quantity import Record, quantity
 from rover_pin.discrepancy.answer import Answer
-from rover_pin.discrepancy.bed import Bed, Parts, question_of
+from rover_pin.discrepancy.bench import Bench, Parts, question_of
 from rover_pin.discrepancy.candidate import Candidate, plain_candidate
 from rover_pin.discrepancy.draft import Drafted
 from rover_pin.discrepancy.judge import chosen_anew, concluded
@@ -61,7 +61,7 @@ class Ripple(Bend):
 
 
 @dataclass(frozen=True, eq=False)
-class Points(Bed):
+class Points(Bench):
     """Points of y over x in folds of 12."""
 
     observed: np.ndarray

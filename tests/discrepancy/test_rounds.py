@@ -6,13 +6,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from rover_pin.discrepancy import assessment as left_of_a_law
 from rover_pin.discrepancy import held_out, judge, search
-from rover_pin.discrepancy import left as left_of_a_law
 from rover_pin.discrepancy.answer import Answer
+from rover_pin.discrepancy.assessment import SCATTER, ResidualAssessment, described, is_outperformed, share_taken
 from rover_pin.discrepancy.candidate import Candidate
 from rover_pin.discrepancy.held_out import errors_anew, errors_of_others
 from rover_pin.discrepancy.judge import WORSE_BY, first_of, with_draft
-from rover_pin.discrepancy.left import SCATTER, ResidualAssessment, described, is_outperformed, share_taken
 from rover_pin.discrepancy.refit import Refit, rescale_thresholds
 from rover_pin.discrepancy.screen import null_threshold
 from rover_pin.discrepancy.verdict import Verdict

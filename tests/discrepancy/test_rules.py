@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from scipy.stats import chi2 as chi2_law
 
+from rover_pin.discrepancy import assessment as left_of_a_law
 from rover_pin.discrepancy import judge
-from rover_pin.discrepancy import left as left_of_a_law
 from rover_pin.discrepancy.answer import Answer
+from rover_pin.discrepancy.assessment import ResidualAssessment, held_out_share, holds, share_taken
 from rover_pin.discrepancy.candidate import Candidate
 from rover_pin.discrepancy.held_out import ChannelScore
 from rover_pin.discrepancy.judge import _leading, answer_of, graded, hold_together, vetoes
-from rover_pin.discrepancy.left import ResidualAssessment, held_out_share, holds, share_taken
 from rover_pin.estimation.numbers import Number, implausible, is_adequate
 from rover_pin.estimation.parameter import Parameter
 

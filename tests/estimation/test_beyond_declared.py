@@ -8,10 +8,10 @@ from scipy.linalg import null_space
 from scipy.optimize import minimize_scalar
 from scipy.stats import chi2
 
-from rover_pin.estimation.by_chance.beyond_declared import beyond_declared
-from rover_pin.estimation.by_chance.drift import learnt_drift
-from rover_pin.estimation.by_chance.random_field import Kind, RandomField
 from rover_pin.estimation.noise import declared_noise, spread
+from rover_pin.estimation.random_effects.beyond_declared import beyond_declared
+from rover_pin.estimation.random_effects.drift import learnt_drift
+from rover_pin.estimation.random_effects.random_field import Kind, RandomField
 
 FOLDS, CHANNELS, SAMPLES = 9, 2, 6
 SHAPE = (FOLDS, CHANNELS, SAMPLES)

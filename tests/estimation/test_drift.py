@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.linalg import null_space
 
-from rover_pin.estimation.by_chance.drift import STEPS, Drift, learnt_drift
 from rover_pin.estimation.noise import declared_noise
+from rover_pin.estimation.random_effects.drift import STEPS, Drift, learnt_drift
 
 FOLDS, CHANNELS, SAMPLES = 6, 2, 5
 COUNT = FOLDS * SAMPLES

@@ -7,7 +7,8 @@ import pytest
 from scipy.linalg import null_space, sqrtm
 from scipy.stats import multivariate_normal
 
-from rover_pin.estimation.by_chance.random_field import (
+from rover_pin.estimation.noise import Noise
+from rover_pin.estimation.random_effects.random_field import (
     Kind,
     LearntSd,
     RandomField,
@@ -15,7 +16,6 @@ from rover_pin.estimation.by_chance.random_field import (
     learnt_sds,
     random_effects_filter,
 )
-from rover_pin.estimation.noise import Noise
 
 FOLDS, CHANNELS, SAMPLES = 3, 2, 12
 KINDS = (Kind("grip", 0.05, ""), Kind("slope", 0.01, "rad"))

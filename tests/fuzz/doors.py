@@ -108,8 +108,14 @@ def _undriven(*given: object, **named: object) -> None:
     raise SimulationError("not driven here")
 
 
-STOPS = ("rover_pin.loop.bed.concluded", "rover_pin.loop.close.close_rig_loop", "rover_pin.loop.close.close_drive_loop",
-         "rover_pin.tuning.tune.tune_gains", "rover_pin.view.serve.serve", "webbrowser.open")  # fmt: skip
+STOPS = (
+    "rover_pin.loop.bench.concluded",
+    "rover_pin.loop.close.close_rig_loop",
+    "rover_pin.loop.close.close_drive_loop",
+    "rover_pin.tuning.tune.tune_gains",
+    "rover_pin.view.serve.serve",
+    "webbrowser.open",
+)
 """What comes after every file is read, and is not run."""
 
 

@@ -16,7 +16,7 @@ from rover_pin.estimation.covariance import covariance
 from rover_pin.estimation.problem import Prior, Problem
 from rover_pin.estimation.profile import Best, Interval
 from rover_pin.identification import posterior as sampling
-from rover_pin.identification.arc_doubt import free_unmeasured_modulus
+from rover_pin.identification.arc_uncertainty import free_unmeasured_modulus
 from rover_pin.identification.identifiability import refuse_untold
 from rover_pin.identification.identify import (
     Search,

@@ -12,7 +12,7 @@ from rover_pin.base.errors import DataError
 from rover_pin.cli.app import app
 from rover_pin.contact import Soil, Wheel
 from rover_pin.experiments.joint_rig.sets import read_joint
-from rover_pin.identification.arc_doubt import free_unmeasured_modulus
+from rover_pin.identification.arc_uncertainty import free_unmeasured_modulus
 from rover_pin.identification.held import held_numbers
 from rover_pin.identification.identify import Search, identify
 from rover_pin.identification.one_sand import sand_of

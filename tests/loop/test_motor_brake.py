@@ -13,7 +13,7 @@ from rover_pin.contact import Soil
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.verdict import SCHEMA
 from rover_pin.experiments.motor_brake import MotorBrake
-from rover_pin.loop.bed import read_bed
+from rover_pin.loop.bench import read_bench
 from rover_pin.loop.close import close_the_loop
 from tests.oracle import brake_generator as hidden
 
@@ -30,8 +30,8 @@ def test_it_stays_an_example_of_at_most_80_lines():
 
 def test_it_predicts_what_the_plain_generator_measures(tmp_path, monkeypatch):
     monkeypatch.setattr(hidden, "SD", (1e-12, 1e-12))
-    bed = MotorBrake.read(hidden.write(tmp_path, 0, resistance=1.0))
-    np.testing.assert_allclose(bed.predict([bed.base_model()])[0], bed.observed, rtol=1e-7, atol=1e-9)
+    bench = MotorBrake.read(hidden.write(tmp_path, 0, resistance=1.0))
+    np.testing.assert_allclose(bench.predict([bench.base_model()])[0], bench.observed, rtol=1e-7, atol=1e-9)
 
 
 def test_a_hidden_friction_is_named_with_its_size(tmp_path):
@@ -83,15 +83,15 @@ def test_a_users_copy_is_found_by_its_path_and_the_verdict_is_written(tmp_path):
     [
         (None, "there is no such file of an experiment; give its path, or one of: motor_brake"),
         ("x = 1\n", "here there is none"),
-        ("x = nothing\n", "bed.py, line 1: the code there ends with NameError"),
-        ("from rover_pin.discrepancy.bed import Bed\nclass Half(Bed): pass\n", "here there is none"),
+        ("x = nothing\n", "bench.py, line 1: the code there ends with NameError"),
+        ("from rover_pin.discrepancy.bench import Bench\nclass Half(Bench): pass\n", "here there is none"),
     ],
 )
 def test_a_file_that_is_no_experiment_is_refused(tmp_path, text, said):
     if text is not None:
-        (tmp_path / "bed.py").write_text(text)
+        (tmp_path / "bench.py").write_text(text)
     with pytest.raises(DataError, match=said):
-        read_bed(tmp_path, tmp_path / "bed.py")
+        read_bench(tmp_path, tmp_path / "bench.py")
 
 
 def test_data_that_it_cannot_read_get_one_sentence(tmp_path):
@@ -99,10 +99,10 @@ def test_data_that_it_cannot_read_get_one_sentence(tmp_path):
     text = (folder / "points.csv").read_text()
     (folder / "points.csv").write_text(text.replace("load_Nm", "load"))
     with pytest.raises(DataError, match="has no column 'load_Nm'"):
-        read_bed(folder, "motor_brake")
+        read_bench(folder, "motor_brake")
     (folder / "points.csv").write_text(text.replace("0.003\n", "nan\n", 1))
     with pytest.raises(DataError, match="current_sd_A is missing or not finite in row 1"):
-        read_bed(folder, "motor_brake")
+        read_bench(folder, "motor_brake")
 
 
 def test_a_model_is_not_taken_beside_a_test_bed(tmp_path):

@@ -18,7 +18,7 @@ from rover_pin.base.errors import DataError
 from rover_pin.base.quantity import record_from
 from rover_pin.contact import Soil, Wheel
 from rover_pin.effects.slip import RelaxedSlip
-from rover_pin.identification.arc_doubt import free_unmeasured_modulus
+from rover_pin.identification.arc_uncertainty import free_unmeasured_modulus
 from rover_pin.identification.held import held_numbers
 from rover_pin.identification.identify import Search, identify
 from rover_pin.identification.result import Verdict

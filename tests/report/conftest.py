@@ -34,7 +34,7 @@ from rover_pin.experiments.drive_log.model import DRIVEN_SAND
 from rover_pin.experiments.drive_log.parameters import parameter
 from rover_pin.experiments.unlisted.actions import FORCE, Act
 from rover_pin.experiments.unlisted.regressors import Argument, Hats, Polynomial
-from rover_pin.experiments.unlisted.remainder import DriveChannelResidual, DriveResidual
+from rover_pin.experiments.unlisted.residual import DriveChannelResidual, DriveResidual
 from rover_pin.experiments.unlisted.term import Term
 from rover_pin.logs.drive_log import DriveLog, LogMetadata
 from rover_pin.measurements.finding import Finding

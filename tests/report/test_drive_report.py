@@ -18,8 +18,8 @@ from rover_pin.report.drive import ghost
 from rover_pin.report.drive.cautions import cautions
 from rover_pin.report.drive.full_duty import at_full_duty
 from rover_pin.report.drive.ghost import Ghosts
-from rover_pin.report.drive.left import LeftOver
 from rover_pin.report.drive.report import FreeRuns, labels_of, sides_of, write_report
+from rover_pin.report.drive.residual import LeftOver
 from rover_pin.report.drive.runs import Sides, strayed, telling_channels, worst_runs
 from rover_pin.report.figures import LATER
 from rover_pin.report.practical import channel_changes

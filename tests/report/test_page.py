@@ -11,7 +11,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.report import page as page_module
-from rover_pin.report.bed.report import panel
+from rover_pin.report.bench.report import panel
 from rover_pin.report.drive.report import write_report
 from rover_pin.report.page import marked
 from rover_pin.report.words import key

@@ -8,10 +8,10 @@ import pytest
 from rover_pin.contact import Contact, Soil, Wheel
 from rover_pin.discrepancy.cross_validation import held_out_residual
 from rover_pin.estimation.experiment import residual
-from rover_pin.experiments.unlisted.remainder import DriveResidual, channel_residuals
+from rover_pin.experiments.unlisted.residual import DriveResidual, channel_residuals
 from rover_pin.experiments.wheel_rig.draft import draft_effect
 from rover_pin.loop.rig import on_rig
-from rover_pin.report.drive.left import channel_table
+from rover_pin.report.drive.residual import channel_table
 from rover_pin.report.drive.runs import Sides, residual_panels, scale_of, worst_runs
 from rover_pin.report.rig.figures import residual_panels as rig_residual_panels
 from rover_pin.report.rig.report import test_table as table_of_tests

@@ -16,9 +16,9 @@ from rover_pin.base.jobs.time_left import telling
 from rover_pin.discrepancy.candidate import Candidate
 from rover_pin.effects.effect import SensorEffect
 from rover_pin.effects.tacho_scale import TachoScale
-from rover_pin.estimation.by_chance.random_field import RandomField
 from rover_pin.estimation.experiment import Arrays, Experiment
 from rover_pin.estimation.fit import Fit
+from rover_pin.estimation.random_effects.random_field import RandomField
 from rover_pin.experiments.drive_log.features import LoggedRun
 from rover_pin.experiments.drive_log.ground.field import KINDS, ground_columns
 from rover_pin.experiments.drive_log.parameters import owners, with_record
@@ -26,7 +26,7 @@ from rover_pin.experiments.drive_log.places import neighbours
 from rover_pin.experiments.drive_log.readings.scatter import scatter
 from rover_pin.experiments.drive_log.readings.stated import declared_block_sd
 from rover_pin.experiments.drive_log.readings.tracker import TRACKER, tracker_columns
-from rover_pin.experiments.drive_log.recent import Recent
+from rover_pin.experiments.drive_log.recent_predictions import Recent
 from rover_pin.experiments.drive_log.resume import Memory, digest
 from rover_pin.simulation.model.model import Model
 from rover_pin.simulation.replay import Commands, Perturbation, Replay, replay

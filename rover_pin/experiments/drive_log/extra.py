@@ -8,8 +8,8 @@ import numpy as np
 
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.experiments.drive_log.free_runs import FreeRun
-from rover_pin.experiments.drive_log.ground.raked import GroundVariability
-from rover_pin.experiments.unlisted.remainder import DriveResidual
+from rover_pin.experiments.drive_log.ground.run_variability import GroundVariability
+from rover_pin.experiments.unlisted.residual import DriveResidual
 
 
 class DriveExtra(NamedTuple):

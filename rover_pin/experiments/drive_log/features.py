@@ -12,8 +12,8 @@ from scipy.ndimage import uniform_filter1d
 from scipy.signal import lfilter
 
 from rover_pin.effects.effect import SensorEffect
-from rover_pin.experiments.drive_log.readings.strays import without_pose_outliers
-from rover_pin.experiments.drive_log.readings.unsure import ambiguous_steps, unaffected_rows
+from rover_pin.experiments.drive_log.readings.ambiguous_timing import ambiguous_steps, unaffected_rows
+from rover_pin.experiments.drive_log.readings.outliers import without_pose_outliers
 from rover_pin.logs.drive_log import DriveLog
 from rover_pin.rover.rover import Rover
 from rover_pin.simulation.replay import Commands, averaged, commands, filled

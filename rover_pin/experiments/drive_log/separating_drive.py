@@ -9,7 +9,8 @@ import numpy as np
 
 from rover_pin.discrepancy.refit import Progress
 from rover_pin.estimation.fit import Fit
-from rover_pin.experiments.drive_log.contrast import (
+from rover_pin.experiments.drive_log.candidate_runs import DURATION, CandidateRun, candidate_runs, on_own_ground
+from rover_pin.experiments.drive_log.discrimination import (
     Instruments,
     PredictedDifference,
     logged_instruments,
@@ -17,7 +18,6 @@ from rover_pin.experiments.drive_log.contrast import (
     with_currents,
 )
 from rover_pin.experiments.drive_log.experiment import logged
-from rover_pin.experiments.drive_log.menu import DURATION, CandidateRun, candidate_runs, on_own_ground
 from rover_pin.simulation.model.cruise import CRUISE_DUTY
 
 TELLS, ENOUGH = 9.0, 25.0

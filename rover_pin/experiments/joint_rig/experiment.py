@@ -12,12 +12,11 @@ import numpy as np
 
 from rover_pin.discrepancy.candidate import Candidate
 from rover_pin.effects.effect import Effect
-from rover_pin.estimation.by_chance.random_field import RandomField
 from rover_pin.estimation.experiment import Experiment, Sensitivities
 from rover_pin.estimation.noise import Noise, declared_noise
 from rover_pin.estimation.parameter import Parameter
+from rover_pin.estimation.random_effects.random_field import RandomField
 from rover_pin.experiments.joint_rig.model import OWN, JointModel, Part
-from rover_pin.experiments.wheel_rig.beds import bed_stiffness_field
 from rover_pin.experiments.wheel_rig.candidates import added, needs_speeds
 from rover_pin.experiments.wheel_rig.checks import FEWEST_LEVELS
 from rover_pin.experiments.wheel_rig.data import RigSet, as_rig_set
@@ -31,6 +30,7 @@ from rover_pin.experiments.wheel_rig.presets import (
     known_trench,
     preset_candidate,
 )
+from rover_pin.experiments.wheel_rig.stiffness_scatter import bed_stiffness_field
 from rover_pin.identification.identifiability import SAME_LOAD
 from rover_pin.identification.one_sand import of_one_sand
 from rover_pin.measurements.finding import Finding

@@ -8,7 +8,7 @@ from rover_pin.estimation.fit import Fit
 from rover_pin.experiments.drive_log.candidates import candidate_of, variants
 from rover_pin.experiments.drive_log.experiment import logged
 from rover_pin.experiments.unlisted.draft import can_draft
-from rover_pin.experiments.unlisted.remainder import DriveResidual, draft_effect
+from rover_pin.experiments.unlisted.residual import DriveResidual, draft_effect
 from rover_pin.simulation.model.effect_files import effects_of_text
 
 

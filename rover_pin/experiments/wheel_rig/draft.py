@@ -9,9 +9,9 @@ import numpy as np
 from rover_pin.discrepancy.candidate import plain_candidate
 from rover_pin.discrepancy.draft import Drafted
 from rover_pin.estimation.fit import Fit
+from rover_pin.experiments.wheel_rig.channel_residual import RigChannelResidual, channel_residuals
 from rover_pin.experiments.wheel_rig.data import RigSet
 from rover_pin.experiments.wheel_rig.experiment import RigExperiment
-from rover_pin.experiments.wheel_rig.remainder import RigChannelResidual, channel_residuals
 from rover_pin.measurements.channel import DrawbarPull, Sinkage, Torque
 from rover_pin.simulation.model.effect_files import effects_of_text
 

@@ -13,14 +13,14 @@ import numpy as np
 
 from rover_pin.base.public import brief
 from rover_pin.contact import Soil
-from rover_pin.estimation.by_chance.random_field import RandomField
 from rover_pin.estimation.experiment import Experiment, Sensitivities
 from rover_pin.estimation.noise import Noise, declared_noise
 from rover_pin.estimation.parameter import Parameter, declared_in
-from rover_pin.experiments.wheel_rig.beds import bed_stiffness_field
+from rover_pin.estimation.random_effects.random_field import RandomField
 from rover_pin.experiments.wheel_rig.data import RigSet
 from rover_pin.experiments.wheel_rig.model import ASKEW, PAPER, RigModel, RigPredictor, conditions, predictor, uncarried
 from rover_pin.experiments.wheel_rig.presets import known_heights, known_trench
+from rover_pin.experiments.wheel_rig.stiffness_scatter import bed_stiffness_field
 from rover_pin.identification.identifiability import SAME_LOAD
 from rover_pin.identification.soil_space import MAX_EXIT_RATIO
 from rover_pin.measurements.channel import RIG_CHANNELS, DrawbarPull, RigChannel, Sinkage, Torque

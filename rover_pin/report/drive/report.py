@@ -15,7 +15,7 @@ from rover_pin.experiments.drive_log.free_runs import FreeRun
 from rover_pin.logs.drive_log import DriveLog
 from rover_pin.report.drive.full_duty import at_full_duty
 from rover_pin.report.drive.ghost import Ghosts
-from rover_pin.report.drive.left import LeftOver
+from rover_pin.report.drive.residual import LeftOver
 from rover_pin.report.drive.runs import (
     Sides,
     free_panels,

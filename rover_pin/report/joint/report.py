@@ -11,9 +11,9 @@ import numpy as np
 
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.estimation.wording import format_value
+from rover_pin.experiments.joint_rig.diagnostics import JointExtra
 from rover_pin.experiments.joint_rig.experiment import JointRig
-from rover_pin.experiments.joint_rig.left import JointExtra
-from rover_pin.report.bed.report import panels_of, sections_of
+from rover_pin.report.bench.report import panels_of, sections_of
 from rover_pin.report.headline import headline
 from rover_pin.report.page import Head, write_page
 from rover_pin.report.section import AWAY, Picture, Row, Section, Table, before_and_after

@@ -8,9 +8,9 @@ from collections.abc import Sequence
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.estimation.numbers import Number
 from rover_pin.estimation.wording import Against
+from rover_pin.experiments.wheel_rig.channel_residual import RigChannelResidual
+from rover_pin.experiments.wheel_rig.diagnostics import FitDiagnostics
 from rover_pin.experiments.wheel_rig.known_elsewhere import Flag
-from rover_pin.experiments.wheel_rig.left import FitDiagnostics
-from rover_pin.experiments.wheel_rig.remainder import RigChannelResidual
 from rover_pin.experiments.wheel_rig.residual_tests import SIGNIFICANCE_LEVEL, ResidualTest
 
 STABLE = 0.8

@@ -10,8 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from rover_pin.experiments.wheel_rig.data import RigSet
+from rover_pin.experiments.wheel_rig.diagnostics import FitDiagnostics
 from rover_pin.experiments.wheel_rig.experiment import ROWS
-from rover_pin.experiments.wheel_rig.left import FitDiagnostics
 from rover_pin.experiments.wheel_rig.model import RigModel, conditions, predictor
 from rover_pin.identification.identifiability import SAME_LOAD
 from rover_pin.measurements.channel import RigChannel

@@ -11,7 +11,7 @@ from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.effects.names import display_name
 from rover_pin.estimation.wording import Against, format_value
 from rover_pin.experiments.wheel_rig.data import RigSet
-from rover_pin.experiments.wheel_rig.left import RigExtra
+from rover_pin.experiments.wheel_rig.diagnostics import RigExtra
 from rover_pin.experiments.wheel_rig.residual_tests import SIGNIFICANCE_LEVEL, ResidualTest
 from rover_pin.report.first_screen import FirstScreen
 from rover_pin.report.headline import headline

@@ -14,6 +14,7 @@ from scipy.stats import binom, norm
 from scipy.stats import t as student
 
 from rover_pin.discrepancy.answer import Answer
+from rover_pin.discrepancy.assessment import ResidualAssessment, share_taken
 from rover_pin.discrepancy.candidate import Candidate
 from rover_pin.discrepancy.compare import refit
 from rover_pin.discrepancy.cross_validation import (
@@ -25,7 +26,6 @@ from rover_pin.discrepancy.cross_validation import (
 )
 from rover_pin.discrepancy.held_out import held_out, together
 from rover_pin.discrepancy.judge import answer_of, chosen_without
-from rover_pin.discrepancy.left import ResidualAssessment, share_taken
 from rover_pin.discrepancy.refit import Refit, indistinguishable_refits, joined
 from rover_pin.discrepancy.screen import Signature, candidate_threshold, saturated, score, signatures, started, trials
 from rover_pin.discrepancy.search import Round, Search, search, threshold_after
@@ -37,12 +37,12 @@ from rover_pin.effects.supply_sag import SupplySag
 from rover_pin.effects.tether_drag import TetherDrag
 from rover_pin.effects.torque_saturation import TorqueSaturation
 from rover_pin.effects.viscous_friction import ViscousFriction
-from rover_pin.estimation.by_chance.random_field import Kind, LearntSd, RandomField, random_effects_filter
 from rover_pin.estimation.fit import fit
 from rover_pin.estimation.gauss_newton import at
 from rover_pin.estimation.noise import huber
 from rover_pin.estimation.numbers import numbers
 from rover_pin.estimation.profile import NORMAL_95
+from rover_pin.estimation.random_effects.random_field import Kind, LearntSd, RandomField, random_effects_filter
 from rover_pin.experiments.drive_log.candidates import candidates
 from rover_pin.experiments.drive_log.extra import extra_of
 from rover_pin.loop.drive import is_unknown, verdict_on

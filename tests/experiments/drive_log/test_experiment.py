@@ -17,11 +17,11 @@ from rover_pin.effects.tether_drag import TetherDrag
 from rover_pin.effects.weak_motor import WeakMotor
 from rover_pin.estimation.fit import Task, fit
 from rover_pin.estimation.noise import first_noise, noise_of
+from rover_pin.experiments.drive_log.candidate_runs import candidate_runs
 from rover_pin.experiments.drive_log.candidates import candidate_of
-from rover_pin.experiments.drive_log.contrast import logged_instruments, predict_difference, with_currents
+from rover_pin.experiments.drive_log.discrimination import logged_instruments, predict_difference, with_currents
 from rover_pin.experiments.drive_log.experiment import experiment_of
 from rover_pin.experiments.drive_log.features import logged_run
-from rover_pin.experiments.drive_log.menu import candidate_runs
 from rover_pin.experiments.drive_log.parameters import parameter
 from rover_pin.experiments.drive_log.separating_drive import SeparatingDrive, _choice, separating_drive
 from rover_pin.rover.rover import load_rover

@@ -14,14 +14,14 @@ from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.effects.bent_ground import BentGround
 from rover_pin.effects.gravity_tilt import GravityTilt
 from rover_pin.effects.soil_traction import SoilTraction
-from rover_pin.estimation.by_chance.random_field import LearntSd
 from rover_pin.estimation.fit import Task, fit
 from rover_pin.estimation.noise import Noise
+from rover_pin.estimation.random_effects.random_field import LearntSd
 from rover_pin.experiments.drive_log.experiment import experiment_of
 from rover_pin.experiments.drive_log.extra import DriveExtra
 from rover_pin.experiments.drive_log.features import logged_run
 from rover_pin.experiments.drive_log.ground import field as ground
-from rover_pin.experiments.drive_log.ground import raked
+from rover_pin.experiments.drive_log.ground import run_variability
 from rover_pin.experiments.drive_log.ground.shared_bend import shared_bend
 from rover_pin.experiments.drive_log.parameters import parameter
 from rover_pin.experiments.drive_log.resume import Memory
@@ -179,7 +179,7 @@ def test_runs_on_slopes_of_their_own_are_told_and_where(model):
     experiment = experiment_of(logged(truths), model)
     # a tilt of gravity shows in the drive, not in the attitude, which is of the table's frame: pitch is left out
     found, chance = taught(_without(experiment, "body_pitch", "body_z"), model)
-    told = raked.ground_variability(found, chance)
+    told = run_variability.ground_variability(found, chance)
     of_run = next(one for one in told.learnt if one.kind == ground.SLOPE_OF_RUN)
     assert of_run.sd == pytest.approx(0.02, rel=0.4)
     assert told.rms == pytest.approx(0.02 * math.sqrt(2 / 3), rel=0.15)
@@ -204,7 +204,7 @@ def test_a_bend_that_the_runs_share_is_told_as_an_effect(model):
     truths = [(model.having(BEND), duty, yaw) for duty, yaw in ((0.6, 0.0), (0.7, math.pi), (0.75, 0.0))]
     experiment = experiment_of(logged(truths), model)
     found, chance = taught(experiment, model)
-    told = raked.ground_variability(found, chance)
+    told = run_variability.ground_variability(found, chance)
     x = np.concatenate([run.commands.place[:, 0] for run in experiment.runs])
     grid = np.linspace(np.nanquantile(x, 0.1), np.nanquantile(x, 0.9), 20)
     heights = [one.height(grid, 0.0) for one in (model.having(told.bend).ground, model.having(BEND).ground)]
@@ -238,7 +238,7 @@ def test_the_ends_of_a_stretch_are_in_the_direction_that_the_rover_faces(model):
     tilted = model.having(GravityTilt(rise_x=0.02, rise_y=0.0))
     truths = [(tilted, 0.6, math.pi), (model, 0.6, math.pi), (model, 0.7, math.pi)]
     found, chance = taught(_without(experiment_of(logged(truths), model), "body_pitch", "body_z"), model)
-    worst = raked.ground_variability(found, chance).worst
+    worst = run_variability.ground_variability(found, chance).worst
     assert worst.run == "run-0"
     assert worst.slope < -0.01
     assert worst.begin[0] - worst.end[0] > 0.1
@@ -246,7 +246,7 @@ def test_the_ends_of_a_stretch_are_in_the_direction_that_the_rover_faces(model):
     back = dataclasses.replace(logged_runs(found)[0], heading=logged_runs(found)[0].heading + math.pi)
     turned = dataclasses.replace(found.task.experiment, runs=(back, *logged_runs(found)[1:]))
     task = dataclasses.replace(found.task, experiment=turned)
-    again = raked.ground_variability(dataclasses.replace(found, task=task), chance).worst
+    again = run_variability.ground_variability(dataclasses.replace(found, task=task), chance).worst
     assert (again.begin, again.end) == (worst.end, worst.begin)
 
 
@@ -257,7 +257,7 @@ def logged_runs(found):
 def test_ground_as_declared_is_not_doubted(model):
     experiment = experiment_of(logged([(model, 0.6, 0.0), (model, 0.7, 0.0)]), model)
     found, chance = taught(experiment, model)
-    told = raked.ground_variability(found, chance)
+    told = run_variability.ground_variability(found, chance)
     assert told.worst is None
     assert told.sentence == ""
     assert told.rms < 1e-3
@@ -268,8 +268,8 @@ def test_nothing_is_told_where_no_field_was_learnt(two, model, field):
     count = len(two.channels)
     noise = Noise(np.full(count, SD), np.zeros(count), np.eye(count), good)
     plain = fit(Task(two, noise), model, [parameter(model, "soil.phi", math.radians(2.0))])
-    assert raked.ground_variability(plain, field) is None
-    assert raked.ground_variability(plain, None) is None
+    assert run_variability.ground_variability(plain, field) is None
+    assert run_variability.ground_variability(plain, None) is None
 
 
 @pytest.mark.parametrize(
@@ -277,13 +277,15 @@ def test_nothing_is_told_where_no_field_was_learnt(two, model, field):
 )
 def test_slopes_are_doubted_beyond_chance_and_what_a_survey_tells(two, model, monkeypatch, gain, rms, doubted):
     found, chance = taught(two, model)
-    learnt = tuple(LearntSd(kind, 0.01, raked.SURE + gain if kind == ground.SLOPE else 0.0) for kind in ground.KINDS)
+    learnt = tuple(
+        LearntSd(kind, 0.01, run_variability.SURE + gain if kind == ground.SLOPE else 0.0) for kind in ground.KINDS
+    )
     noise = found.task.noise
     told = dataclasses.replace(noise, random_effects=dataclasses.replace(noise.random_effects, learnt=learnt))
     one = dataclasses.replace(found, task=dataclasses.replace(found.task, noise=told))
     of_whole = chance.kind == ground.KINDS.index(ground.SLOPE_OF_RUN)
-    monkeypatch.setattr(raked, "expected", lambda *asked: np.where(of_whole, rms * math.radians(0.1), 0.0))
-    assert (raked.ground_variability(one, chance).worst is not None) is doubted
+    monkeypatch.setattr(run_variability, "expected", lambda *asked: np.where(of_whole, rms * math.radians(0.1), 0.0))
+    assert (run_variability.ground_variability(one, chance).worst is not None) is doubted
 
 
 def _without(experiment, *names):

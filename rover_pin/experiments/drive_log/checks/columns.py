@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from rover_pin.base.errors import closest
-from rover_pin.experiments.drive_log.readings.unsure import ambiguous_steps
+from rover_pin.experiments.drive_log.readings.ambiguous_timing import ambiguous_steps
 from rover_pin.logs.drive_log import DriveLog
 from rover_pin.measurements.finding import Finding
 from rover_pin.simulation.trace.channels import WHOLE, is_column

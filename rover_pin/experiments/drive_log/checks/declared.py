@@ -12,7 +12,7 @@ from rover_pin.base.quantity import Record, quantities, record_from
 from rover_pin.contact import Wheel
 from rover_pin.experiments.drive_log.checks.driven import Driven, degrees
 from rover_pin.experiments.drive_log.model import is_rate_driven, usual_motor, usual_soil
-from rover_pin.experiments.drive_log.readings.strays import scattered
+from rover_pin.experiments.drive_log.readings.outliers import scattered
 from rover_pin.logs.drive_log import FILE, DriveLog
 from rover_pin.logs.noise import NOISE, kind_of
 from rover_pin.measurements.finding import Finding

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from rover_pin.effects.effect import SensorEffect
-from rover_pin.estimation.by_chance.random_field import Kind
+from rover_pin.estimation.random_effects.random_field import Kind
 from rover_pin.experiments.drive_log.features import BLOCK, LoggedRun
 from rover_pin.rover.rover import Rover
 from rover_pin.simulation.model.defaults import scale

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rover_pin.estimation.by_chance.random_field import Kind
+from rover_pin.estimation.random_effects.random_field import Kind
 from rover_pin.experiments.drive_log.features import DRIFT, HEADING, PATH, LoggedRun, blocks, leaky, levelled
 
 PLACE = Kind("wander of the tracked place", 0.002, "m")

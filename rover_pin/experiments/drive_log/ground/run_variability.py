@@ -9,9 +9,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rover_pin.effects.bent_ground import BentGround
-from rover_pin.estimation.by_chance.random_field import LearntSd, RandomField, expected
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.noise import COLOURED
+from rover_pin.estimation.random_effects.random_field import LearntSd, RandomField, expected
 from rover_pin.estimation.wording import format_value
 from rover_pin.experiments.drive_log.experiment import logged
 from rover_pin.experiments.drive_log.ground.field import KINDS, SLOPE, SLOPE_OF_RUN, shares_of

@@ -1,4 +1,4 @@
-"""A test bed: an experiment that brings along all that the loop needs, so that one file is enough."""
+"""A test bench: an experiment that brings along all that the loop needs, so that one file is enough."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from rover_pin.estimation.parameter import Parameter
 
 @dataclass(frozen=True)
 class Parts:
-    """A model of a test bed: named records with numbers, and the effects that act; a bed may have one of its own."""
+    """A model of a test bench: named records with numbers, and the effects that act; a bench may have its own."""
 
     records: Mapping[str, Any]
     effects: tuple[Any, ...] = ()
@@ -35,7 +35,7 @@ class Parts:
         )
 
 
-class Bed(Experiment):
+class Bench(Experiment):
     """An experiment that can be read, with its base model, its uncertain numbers and its declared noise."""
 
     @classmethod
@@ -78,9 +78,9 @@ class Bed(Experiment):
         return ""
 
 
-def question_of(bed: Bed, kinds: Sequence[type]) -> Question:
-    """Return what is asked of a test bed: which of these kinds of effects its model lacks."""
-    model = bed.base_model()
+def question_of(bench: Bench, kinds: Sequence[type]) -> Question:
+    """Return what is asked of a test bench: which of these kinds of effects its model lacks."""
+    model = bench.base_model()
     return Question(
-        "test-bed", bed.name, bed, model, bed.uncertain(model), lambda base: bed.candidates(base.model, kinds)
+        "test-bed", bench.name, bench, model, bench.uncertain(model), lambda base: bench.candidates(base.model, kinds)
     )

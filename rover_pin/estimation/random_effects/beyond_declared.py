@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from rover_pin.estimation.by_chance.drift import learnt_drift
-from rover_pin.estimation.by_chance.random_field import RandomField, learnt_sds, random_effects_filter, spanning
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.noise import Noise, huber_weights, spread
+from rover_pin.estimation.random_effects.drift import learnt_drift
+from rover_pin.estimation.random_effects.random_field import RandomField, learnt_sds, random_effects_filter, spanning
 
 CLIP_SPREADS = 3.0
 """Times the spread of its channel at which a residual is held when drift is learnt."""

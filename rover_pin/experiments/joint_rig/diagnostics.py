@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from rover_pin.estimation.wording import format_value
-from rover_pin.experiments.wheel_rig.beds import RandomEffects
+from rover_pin.experiments.wheel_rig.stiffness_scatter import RandomEffects
 
 
 class SetError(NamedTuple):

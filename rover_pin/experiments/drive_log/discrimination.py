@@ -13,9 +13,9 @@ from rover_pin.base.errors import SimulationError
 from rover_pin.estimation.fit import Fit, Task
 from rover_pin.estimation.gauss_newton import slopes_at
 from rover_pin.estimation.noise import Noise
+from rover_pin.experiments.drive_log.candidate_runs import CandidateRun
 from rover_pin.experiments.drive_log.experiment import DriveExperiment, logged
 from rover_pin.experiments.drive_log.features import WHOLE, LoggedRun, blocks, comparable_rows
-from rover_pin.experiments.drive_log.menu import CandidateRun
 from rover_pin.simulation.model.model import Model
 from rover_pin.simulation.replay import Commands, Replay, replay
 from rover_pin.simulation.sensors import Sensors

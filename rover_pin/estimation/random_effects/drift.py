@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.stats import chi2
 
-from rover_pin.estimation.by_chance.random_field import spanning
+from rover_pin.estimation.random_effects.random_field import spanning
 
 STEPS = np.array([0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95])
 """Correlations of successive measurements that are tried."""

@@ -9,11 +9,11 @@ import pytest
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.screen import signatures
 from rover_pin.discrepancy.search import calibrated, search
-from rover_pin.estimation.by_chance.beyond_declared import beyond_declared
-from rover_pin.experiments.wheel_rig.beds import STIFFNESS, learnt_random_effects
+from rover_pin.estimation.random_effects.beyond_declared import beyond_declared
 from rover_pin.experiments.wheel_rig.data import read_rig_set
 from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.model import RigModel
+from rover_pin.experiments.wheel_rig.stiffness_scatter import STIFFNESS, learnt_random_effects
 from rover_pin.loop.close import close_the_loop
 from rover_pin.loop.rig import question_of
 from tests.oracle import rig_generator as generator

@@ -23,7 +23,7 @@ from rover_pin.experiments.unlisted import trial
 from rover_pin.experiments.unlisted.actions import FORCE, GRIP, LEAN, READING, TORQUE, VOLTAGE, Act, wheels_ahead
 from rover_pin.experiments.unlisted.draft import draft
 from rover_pin.experiments.unlisted.regressors import Argument, Hats, Polynomial, Wave
-from rover_pin.experiments.unlisted.remainder import DriveResidual, describe, draft_effect
+from rover_pin.experiments.unlisted.residual import DriveResidual, describe, draft_effect
 from rover_pin.experiments.unlisted.term import Curve, Term, stretches
 from rover_pin.logs.drive_log import DriveLog, LogMetadata
 from rover_pin.rover.rover import load_rover

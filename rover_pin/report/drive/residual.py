@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.experiments.drive_log.extra import extra_of
-from rover_pin.experiments.unlisted.remainder import DriveResidual
+from rover_pin.experiments.unlisted.residual import DriveResidual
 from rover_pin.experiments.unlisted.term import Term
 from rover_pin.report.drive.runs import words_of
 from rover_pin.report.drive.terms import term_panels
@@ -26,7 +26,7 @@ class LeftOver(Section):
 
     verdict: Verdict
     title: ClassVar[str] = "What is left"
-    template: ClassVar[str] = "drive/left.html"
+    template: ClassVar[str] = "drive/residual.html"
 
     def content(self) -> Mapping[str, Any] | None:
         """Return sentences and tables; None where nothing was fitted."""

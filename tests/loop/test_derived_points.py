@@ -19,8 +19,8 @@ from rover_pin.identification.identify import Search, identify
 from rover_pin.identification.result import Held, Verdict
 from rover_pin.logs import drive_log
 from rover_pin.logs.drive_log import read_drive_log
-from rover_pin.loop.behind_points import derivation_inputs
 from rover_pin.loop.data_check import checked_evidence
+from rover_pin.loop.derived_points import derivation_inputs
 from rover_pin.loop.identified import identified
 from rover_pin.measurements.drive_points import drive_points, read_drive_points
 from rover_pin.simulation.model.motor import Motor

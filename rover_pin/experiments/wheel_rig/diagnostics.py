@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from rover_pin.base.public import brief
-from rover_pin.experiments.wheel_rig.beds import RandomEffects
+from rover_pin.experiments.wheel_rig.channel_residual import RigChannelResidual
 from rover_pin.experiments.wheel_rig.known_elsewhere import Flag
-from rover_pin.experiments.wheel_rig.remainder import RigChannelResidual
 from rover_pin.experiments.wheel_rig.residual_tests import ResidualTest
+from rover_pin.experiments.wheel_rig.stiffness_scatter import RandomEffects
 
 
 @brief

@@ -7,8 +7,9 @@ import pytest
 
 from rover_pin.base.errors import SimulationError
 from rover_pin.estimation.noise import Noise
-from rover_pin.experiments.drive_log import contrast as contrasts
-from rover_pin.experiments.drive_log.contrast import (
+from rover_pin.experiments.drive_log import discrimination as contrasts
+from rover_pin.experiments.drive_log.candidate_runs import CandidateRun
+from rover_pin.experiments.drive_log.discrimination import (
     Instruments,
     PredictedDifference,
     _root,
@@ -16,7 +17,6 @@ from rover_pin.experiments.drive_log.contrast import (
     with_currents,
 )
 from rover_pin.experiments.drive_log.experiment import DriveExperiment
-from rover_pin.experiments.drive_log.menu import CandidateRun
 from rover_pin.experiments.drive_log.parameters import parameter
 from rover_pin.simulation.replay import PERIOD, Replay
 from tests.experiments.drive_log import linear_drive as linear

@@ -9,10 +9,10 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from rover_pin.estimation.by_chance.random_field import Kind, RandomField
 from rover_pin.estimation.experiment import Sensitivities
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.parameter import Parameter
+from rover_pin.estimation.random_effects.random_field import Kind, RandomField
 
 MOST = 0.1
 """SD of ln k_1 from which it is not preparation that levels differ by: three times that of CMU's pressings, 3.4 %."""

@@ -1,1 +1,0 @@
-"""The report of a test bed: start at `report.write_report`."""

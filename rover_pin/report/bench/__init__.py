@@ -1,0 +1,1 @@
+"""The report of a test bench: start at `report.write_report`."""
