@@ -172,6 +172,26 @@ def test_a_rover_may_lie_elsewhere(outside, tmp_path):
         log.load_rover()
 
 
+def test_a_name_of_a_shipped_rover_is_no_path(outside, tmp_path):
+    """`trust` is full in a shipped rover's folder: a TOML reached by a name would read any URDF."""
+    text = (outside / "nexus6.toml").read_text()
+    (outside / "own.toml").write_text(text.replace('"nexus6.urdf"', f'"{outside / "passwd"}"'))
+    way = Path(os.path.relpath(outside / "own", rover_folder()))
+    for name in (outside / "own", way, rover_folder() / "nexus6"):
+        log = read_drive_log(drive_log(tmp_path / "set", rover=str(name)))
+        with pytest.raises(UrdfError, match=r"There is no rover '.*': known are cart, nexus6"):
+            log.load_rover()
+
+
+def test_a_pipe_in_a_bag_keeps_no_command_waiting(tmp_path):
+    (tmp_path / "bag").mkdir()
+    (tmp_path / "bag" / "metadata.yaml").write_text("rosbag2_bagfile_information: {relative_file_paths: [run.mcap]}")
+    os.mkfifo(tmp_path / "bag" / "run.mcap")
+    done = CliRunner().invoke(app, ["import-log", str(tmp_path / "bag"), "--out", str(tmp_path / "log")])
+    assert isinstance(done.exception, DataError)
+    assert "run.mcap is no file" in str(done.exception)
+
+
 def test_a_bag_folder_holds_regular_files_of_the_set(tmp_path, outside):
     folder = drive_log(tmp_path / "set", run="bag")
     (folder / "bag").mkdir()
@@ -180,6 +200,8 @@ def test_a_bag_folder_holds_regular_files_of_the_set(tmp_path, outside):
         read_drive_log(folder)
     (folder / "bag" / "metadata.yaml").unlink()
     os.mkfifo(folder / "bag" / "metadata.yaml")
+    toml, mapping = folder / "drive.toml", 'bag.period = 0.04\ncolumns.duty_fl = { topic = "j", field = "a[0]" }\n'
+    toml.write_text(mapping + toml.read_text())
     with pytest.raises(DataError, match="is no file, so that bag is no bag"):
         read_drive_log(folder)
 
@@ -312,6 +334,23 @@ def packed(mib):
     with zipfile.ZipFile(made, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
         archive.writestr("wheel.stl", bytes(80) + (mib * MIB // 50).to_bytes(4, "little") + bytes(mib * MIB // 50 * 50))
     return made.getvalue()
+
+
+@pytest.mark.parametrize(
+    ("name", "part"),
+    [
+        ("wheel.obj", "usemtl m\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf -1 -2 -3\n"),
+        ("wheel.stl", "solid a\nfacet normal 0 0 1\nouter loop\nendloop\nendfacet\nendsolid a\n"),
+        ("wheel.dae", '<COLLADA/><node><instance_geometry url="#g"/></node>'),
+    ],
+)
+def test_no_mesh_of_many_parts_takes_minutes(name, part, tmp_path, monkeypatch, caplog):
+    """3.5 MB of OBJ in 60,000 parts took more than 200 s."""
+    monkeypatch.chdir(tmp_path)
+    meshed(tmp_path, name)
+    (tmp_path / name).write_text(1001 * part)
+    assert CliRunner().invoke(app, ["new-rover", "cart.urdf", "--out", "new/own.toml"]).exit_code == 0
+    assert f"{name}: it has more than 1000 parts, groups or materials: export it as one" in caplog.text
 
 
 @pytest.mark.parametrize(

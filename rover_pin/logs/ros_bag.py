@@ -15,7 +15,7 @@ import numpy as np
 
 from rover_pin.base.errors import DataError, MissingExtraError, RoverPinError, closest
 from rover_pin.base.files.columns import Columns
-from rover_pin.base.files.paths import is_folder
+from rover_pin.base.files.paths import exists, is_folder
 from rover_pin.logs.bag_columns import ANGLES, PART, Source, angle_of, parts, period_from, si, sources_from
 
 SUFFIXES = (".bag", ".db3", ".mcap")
@@ -82,6 +82,9 @@ def opened(path: Path) -> Iterator[Any]:
     MissingExtraError
         The extra `ros` is not installed.
     """
+    for part in path.iterdir() if is_folder(path) else [path]:
+        if not exists(part):
+            raise DataError(f"{part} is no file, so that {path.name} is no bag: give one of regular files.")
     try:
         from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore

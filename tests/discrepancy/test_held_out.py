@@ -28,9 +28,14 @@ from rover_pin.estimation.numbers import DRIFTED
 from rover_pin.estimation.wording import Change
 
 
-def experiment(timed=False, told=None, channels=("pull",)):
+def experiment(timed=False, told=None, channels=("pull",), least=0.0):
     return SimpleNamespace(
-        channels=channels, folds=("a", "b"), is_timed=timed, unit=lambda name: "N", floor=lambda: told
+        channels=channels,
+        folds=("a", "b"),
+        is_timed=timed,
+        unit=lambda name: "N",
+        floor=lambda: told,
+        least_noise=lambda model: np.full(len(channels), least),
     )
 
 
@@ -122,7 +127,7 @@ def test_what_is_left_beyond_its_floor_is_named_with_the_fold_that_has_most_the_
     residual[1] = [[2.5, 2.5], [9.0, 0.0], [0.1, 0.1]]
     names = experiment(channels=("pull", "sinkage", "torque"))
     fitted = SimpleNamespace(
-        residual=residual, task=SimpleNamespace(experiment=names, noise=noise(good, (0.5, 0.5, 0.5)))
+        residual=residual, task=SimpleNamespace(experiment=names, noise=noise(good, (0.5, 0.5, 0.5))), model=None
     )
     found = beyond_floor(fitted)
     rms = (9.0 + 2 * 6.25) ** 0.5 / 3**0.5, (144.0 + 81.0) ** 0.5 / 3**0.5
@@ -134,10 +139,18 @@ def test_what_is_left_beyond_its_floor_is_named_with_the_fold_that_has_most_the_
 def test_a_channel_that_was_never_compared_leaves_nothing():
     good = np.zeros((2, 1, 2), dtype=bool)
     good[0, 0, 0] = True
-    one = SimpleNamespace(
-        residual=np.full((2, 1, 2), 2.0), task=SimpleNamespace(experiment=experiment(), noise=noise(good))
-    )
-    assert beyond_floor(one) == (Excess("pull", 4.0, "a"),)
+    assert beyond_floor(leaving_two(good, experiment())) == (Excess("pull", 4.0, "a"),)
+
+
+def test_the_error_of_predictions_is_a_floor_too():
+    good = np.ones((2, 1, 2), dtype=bool)
+    assert beyond_floor(leaving_two(good, experiment(least=0.8))) == (Excess("pull", 2.5, "a"),)
+    assert beyond_floor(leaving_two(good, experiment(least=2.0))) == ()
+
+
+def leaving_two(good, names):
+    task = SimpleNamespace(experiment=names, noise=noise(good))
+    return SimpleNamespace(residual=np.full((2, 1, 2), 2.0), task=task, model=None)
 
 
 def test_the_most_is_left_where_the_rms_in_sds_is_greatest_of_what_was_compared():

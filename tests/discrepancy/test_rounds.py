@@ -23,15 +23,16 @@ def experiment(folds=12, exact=True, noise="declared"):
         folds=tuple(range(folds)),
         is_exact=exact,
         noise=lambda: noise,
+        least_noise=lambda model: np.array([0.1]),
         random_field=lambda model: None,
         turns=lambda: None,
     )
 
 
-def fitted(**how):
+def fitted(rms=1.0, **how):
     noise = SimpleNamespace(inflation=1.5)
     task = SimpleNamespace(experiment=experiment(**how), noise=noise)
-    return SimpleNamespace(predicted=np.zeros((1, 2, 1)), task=task, model=None)
+    return SimpleNamespace(predicted=np.zeros((1, 2, 1)), task=task, model=None, rms=np.array([rms]))
 
 
 @pytest.mark.parametrize(
@@ -98,6 +99,7 @@ def looked(monkeypatch):
 
         patches = {
             "signatures": lambda base, tried: [],
+            "score": lambda base, known: [],
             "_round": lambda found, tried, progress: another("singles", made.pop(0)),
             "_pairs": lambda found, count, progress: another("pairs", Found()),
             "_with_residual_noise": lambda base, known, chance, least: another("noise", base),
@@ -147,6 +149,7 @@ def test_pairs_are_tried_where_no_single_holds_and_the_base_leaves_more_than_the
 
 def test_noise_that_nobody_declares_is_learnt_twice(looked):
     assert looked(Found(), exact=False, noise=None) == ["noise", "noise", "singles"]
+    assert looked(exact=False, noise=None, rms=0.1) == []
 
 
 def test_a_pair_pays_for_both_of_its_effects_in_units_of_the_noise(monkeypatch):

@@ -20,6 +20,13 @@ def test_a_period_is_a_whole_number_of_steps_and_one_at_least(name, period):
     assert getattr(Timing(**{name: 0.015}), name) == 0.015
 
 
+@pytest.mark.parametrize(("allowed", "refused"), [(1e-6, 0.99e-6), (0.1, 0.101)])
+def test_a_step_lies_between_a_microsecond_and_a_tenth(allowed, refused):
+    assert Timing(dt=allowed, control=1.0, sample=1.0).dt == allowed
+    with pytest.raises(SimulationError, match=r"it must lie in \[1e-06, 0.1\] s"):
+        Timing(dt=refused, control=1.0, sample=1.0)
+
+
 def test_half_of_a_third_is_a_sixth():
     third = Timing(dt=0.006, control=0.06, sample=0.06)
     half = third.halved()

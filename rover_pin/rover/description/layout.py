@@ -98,14 +98,12 @@ def shipped(name: str) -> Path:
     UrdfError
         There is none of this name.
     """
-    folder = rover_folder()
-    path = folder / f"{name}.toml"
-    if not is_file(path):
-        names = [file.stem for file in folder.glob("*.toml")]
+    found = {file.stem: file for file in rover_folder().glob("*.toml")}
+    if name not in found:
         raise UrdfError(
-            f"There is no rover '{name}': {closest(name, names)} For one of your own give the path of its .toml."
+            f"There is no rover '{name}': {closest(name, found)} For one of your own give the path of its .toml."
         )
-    return path
+    return found[name]
 
 
 def rover_folder() -> Path:

@@ -6,7 +6,9 @@ Archives (.zip, .3mf, .zae, .gz) unpack to any size, scenes (.gltf, .glb) name o
 from __future__ import annotations
 
 import io
+import re
 from collections.abc import Callable
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +24,14 @@ MOST_CORNERS = MOST_MESH // 16
 """Corners of the triangles that a mesh places: STL has 16.7 bytes for each."""
 STL_HEAD, STL_TRIANGLE = 84, 50
 """Bytes of a binary STL's head and of each triangle."""
+MOST_PARTS = 1000
+"""Parts, groups and materials of a mesh: each takes some 5 ms, in OBJ more as they are more."""
+PARTS = {
+    ".stl": re.compile(rb"endsolid", re.IGNORECASE),
+    ".obj": re.compile(rb"^(?:o|g|usemtl)\s", re.MULTILINE),
+    ".dae": re.compile(rb"<(?:\w+:)?(?:node|geometry|instance_geometry|triangles|polylist|polygons)\b"),
+}
+"""Where a part of a mesh begins or ends."""
 PACKAGE = "package.xml"
 PACKED = (b"PK", b"\x1f\x8b", b"BZh", b"\0")
 """How archives and other binary files begin, which no text does."""
@@ -83,6 +93,8 @@ def read_mesh(file: Path, scale: Any) -> tuple[np.ndarray, np.ndarray]:
         read = content(file, MOST_MESH)
         if not KINDS[kind](read):
             raise DataError(f"{file}: it does not begin as {kind} does, or names other parts: export the mesh again.")
+        if kind in PARTS and any(islice(PARTS[kind].finditer(read), MOST_PARTS, None)):
+            raise DataError(f"{file}: it has more than {MOST_PARTS} parts, groups or materials: export it as one.")
         loaded = trimesh.load(io.BytesIO(read), file_type=kind[1:], process=False)
         mesh = _placed(loaded, file) if isinstance(loaded, trimesh.Scene) else loaded
         return np.asarray(mesh.vertices, dtype=float) * np.asarray(scale), np.asarray(mesh.faces)
