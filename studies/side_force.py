@@ -44,8 +44,11 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from rover_pin.control.crab import Crab
+from rover_pin.parameters import TABLE_1
 from rover_pin.plot import COLOURS, save, write_csv
+from rover_pin.rover.rover import load_rover
 from rover_pin.scenarios.scenario import scenario
+from rover_pin.simulation.model.defaults import own_soil
 from rover_pin.simulation.simulate import simulate
 from rover_pin.simulation.timing import Timing
 from rover_pin.simulation.trace.trace import Trace
@@ -58,11 +61,12 @@ LAWS: dict[str, tuple[str, ...]] = {
     "new: combined shear, flank": ("CombinedShear", "FlankPressure"),
     "new, and slip softens": ("CombinedShear", "FlankPressure", "SlipSoftening"),
 }
+SAND = {"soil": TABLE_1.replace(k=0.003)}
 WAYS: dict[str, dict[str, Any]] = {
-    "turn": {"control.radius": 1.0},
-    "skid": {"rover": "cart", "control": "point-turn", "soil.k": 0.02},
-    "crab": {},
-    "across": {"control": "none", "terrain.angle_deg": 10.0, "start.yaw_deg": 90.0, "soil.k": 0.003},
+    "turn": {"control.radius": 1.0, **SAND},
+    "skid": {"rover": "cart", "control": "point-turn", "soil": own_soil(load_rover("cart")).value.replace(k=0.02)},
+    "crab": SAND,
+    "across": {"control": "none", "terrain.angle_deg": 10.0, "start.yaw_deg": 90.0, **SAND},
 }
 PATH = ("x [m]", "y [m]")
 PANELS = {

@@ -41,8 +41,10 @@ from rover_pin.control.onboard_slip import OnboardSlip, SureSlip
 from rover_pin.control.slip_control import Gains, SlipControl
 from rover_pin.control.slip_estimate import SlipEstimate, TableEstimate, TrueSlip, flat_table
 from rover_pin.control.torque_limit import TorqueLimit
+from rover_pin.rover.rover import load_rover
 from rover_pin.scenarios.scenario import Scenario, scenario
 from rover_pin.simulation.command import Command, Reading
+from rover_pin.simulation.model.defaults import own_soil
 from rover_pin.simulation.model.model import Model
 from rover_pin.simulation.sensors import Sensed, Sensors
 from rover_pin.simulation.simulate import simulate
@@ -117,9 +119,10 @@ def drawn(count: int, duration: float) -> list[Case]:
     def hole() -> str:
         return f"DiggingMemory.c_d={between(0.05, 0.2, 3)}"
 
+    cart = {"rover": "cart", "soil.k_1": float(own_soil(load_rover("cart")).value.k_1)}
     cases: list[tuple[str, str, dict[str, Any]]] = []
     for i in range(count):
-        for kind, rover in (("digging incline", {}), ("digging incline", {}), (CART, {"rover": "cart"})):
+        for kind, rover in (("digging incline", {}), ("digging incline", {}), (CART, cart)):
             ground = {"terrain.angle_deg": between(3.0, 11.0), "terrain.start": 0.5, **sand(0.01, 0.05)}
             cases.append((kind, "incline", {**ground, **rover, "add": (hole(),)}))
         for _ in range(3):
@@ -128,7 +131,7 @@ def drawn(count: int, duration: float) -> list[Case]:
         for start in (0.0, 0.25):
             ground = {"terrain.start": start, **sand(0.005, 0.025), "add": tuple(dug())}
             cases.append(("steepening slope", "slope", ground))
-        rover, kinds = ({"rover": "cart"}, (CART, CART)) if i % 3 == 2 else ({}, ("hills", "rocks"))
+        rover, kinds = (cart, (CART, CART)) if i % 3 == 2 else ({}, ("hills", "rocks"))
         cases += [
             (kind, name, {**sand(0.005, 0.02), **rover}) for kind, name in zip(kinds, ("hills", "rocks"), strict=True)
         ]

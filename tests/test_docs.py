@@ -61,8 +61,8 @@ def test_its_python_runs(name, capsys, tmp_path, monkeypatch):
 
 def test_the_first_drives_end_as_the_pages_say():
     (quoted,) = re.findall(r"says `(stuck at [^`]+)`", PAGES["quickstart.md"])
-    assert str(scenario("ditch").drive().attrs["happened"]).startswith(quoted)
-    free = scenario("ditch", **{"soil.k": "10mm", "duration": "30s"}).drive()
+    assert str(scenario("ditch", soil="table-1").drive().attrs["happened"]).startswith(quoted)
+    free = scenario("ditch", duration="30s").drive()
     assert free["body_x"][-1] > 1.0  # it climbs out: the far lip is at 0.7 m
 
 
@@ -111,7 +111,7 @@ def test_the_gallerys_captions_say_what_becomes_of_the_rover():
     """Where a picture is older than the law, so is what stands below it."""
     shown = re.findall(r"`rover-pin drive ([^`]+)`\n\n!\[([^]]+)\]\([\w-]+\.png\)", PAGES["gallery.md"])
     numbers = {words: re.findall(r"(?:by|after) (\d+) (degrees|s)", caption) for words, caption in shown}
-    assert sum(map(len, numbers.values())) >= 4
+    assert sum(map(len, numbers.values())) >= 3
     for words, said in numbers.items():
         if said:
             happened = gallery().drive_of(words).drive().attrs["happened"]

@@ -123,7 +123,9 @@ def test_the_traction_table_has_the_numbers_of_table_1(name, nexus6_wheel):
     computed = [load_traction_factor(S, TABLE_1, nexus6_wheel, FORMS[name]) for S in (0.0, 0.2, 1.0)]
     assert [float(cell) for cell in factors] == pytest.approx(computed, abs=5.1e-4)
     held = sum(
-        float(effect.R) for effect in scenario("flat", form=name).model.effects if isinstance(effect, MotionResistance)
+        float(effect.R)
+        for effect in scenario("flat", soil="table-1", form=name).model.effects
+        if isinstance(effect, MotionResistance)
     )
     steepest = [math.degrees(math.atan(computed[-1] - R)) for R in (0.0, held)[: 2 if held else 1]]
     printed = [float(cell) for cell in slopes.replace("deg", "").split(",") if cell.strip() != "-"]

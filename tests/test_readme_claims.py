@@ -46,7 +46,7 @@ WORD = r"[-+.\de]+"
 INTERVAL = rf"{NUMBER} \[{NUMBER}, {NUMBER}\]"
 LOOP = "rover-pin close-loop cmu-smooth-wheel"
 OPENED = f"{LOOP} --open"
-DITCH = "rover-pin drive ditch --set soil.k=10mm --set duration=30 --open"
+DITCH = "rover-pin drive ditch --set duration=30 --open"
 NEW = "rover-pin new-rover my_rover.urdf"
 INIT = "rover-pin init mine.csv --r 45mm --b 50mm --noise drawbar_pull=0.5N --noise sinkage=0.5mm"
 IMPORT = "rover-pin import-log steepening-slope/climb-1.csv steepening-slope/flat-steps.csv --out imported"
@@ -66,7 +66,7 @@ COMMANDS = {
     "rover-pin close-loop mine": Command(needs=(INIT,)),
     "rover-pin export out/drive/log --to mcap": Command(needs=(DITCH,)),
     "rover-pin drive ditch --model out/close_loop/model.toml": Command(needs=(LOOP,)),
-    "rover-pin drive flat --set form=net": Command(
+    "rover-pin drive flat --soil table-1 --set form=net": Command(
         (Claim(rf"it is after {NUMBER} s at x = {NUMBER} m", rf"end time s {NUMBER} .* end x m {NUMBER}"),)
     ),
     LOOP: Command(

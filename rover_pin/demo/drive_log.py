@@ -16,6 +16,7 @@ from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.effects.tacho_scale import TachoScale
 from rover_pin.effects.weak_motor import WeakMotor
 from rover_pin.logs.drive_log import LogMetadata, write_drive_log
+from rover_pin.parameters import TABLE_1
 from rover_pin.rover.rover import load_rover
 from rover_pin.simulation.command import Controller
 from rover_pin.simulation.model.defaults import (
@@ -94,8 +95,8 @@ def write(folder: Path, hidden: str, seed: int, rover: str = "nexus6", progress:
 def _declared(rover: str) -> Model:
     """Return the model as the log declares it: waves, then a slope of 5 deg, sized by the rover's wheels."""
     built = load_rover(rover)
-    size, default_soil = scale(built), own_soil(built).value
-    soil = default_soil.replace(k=K) if has_papers_wheel(built) else default_soil
+    size = scale(built)
+    soil = TABLE_1.replace(k=K) if has_papers_wheel(built) else own_soil(built).value
     x = size * np.arange(-1.8, 1.81, 0.06)
     z = 0.012 * size * np.sin(2 * np.pi * x / (0.8 * size))
     z += np.where(x > 0.2 * size, (x - 0.2 * size) * math.tan(math.radians(5)), 0.0)

@@ -9,7 +9,7 @@ from rover_pin.parameters.slope_sand import SlopeSand
 from rover_pin.parameters.wong import DRY_SAND
 from rover_pin.parameters.yoshida import LITERATURE_SAND, NEXUS6_WHEEL, TABLE_1
 
-__all__ = ["NEXUS6_WHEEL", "SLOPE_SAND", "SOILS", "TABLE_1", "soil_named"]
+__all__ = ["NEXUS6_WHEEL", "SLOPE_SAND", "SOILS", "TABLE_1", "name_of", "soil_named"]
 
 SLOPE_SAND = SlopeSand()
 """Sand on which small rovers slip about 0.2 on 10 deg, as measured wheels do."""
@@ -36,6 +36,11 @@ SOILS = Named(
     }
 )
 """Parameter sets by name; what depends on the wheel's width holds for `NEXUS6_WHEEL` (see `bekker.at_width`)."""
+
+
+def name_of(soil: Soil) -> str:
+    """Return the name of the set that a soil changes numbers of."""
+    return next((name for name, each in SOILS.items() if type(each) is type(soil)), "table-1")
 
 
 def soil_named(name: str) -> Soil:

@@ -35,7 +35,7 @@ class Fjs1(Soil):
 
     c: Scalar = quantity(800.0, "Pa", ISHIGAMI, 0.0, 1e6, "c")
     phi: Scalar = quantity(math.radians(37.2), "rad", f"{ISHIGAMI}: 37.2 deg", 0.0, math.radians(60.0), "phi")
-    k: Scalar = quantity(0.036, "m", f"{ISHIGAMI}: k_x at slip angle 0", 1e-5, 10.0, "k")
+    k: Scalar = quantity(0.036, "m", f"{ISHIGAMI}: k_x at slip angle 0", 1e-5, 0.5, "k")
     k_1: Scalar = quantity(FJS1_K[0], "Pa", f"{ISHIGAMI}: k_c = 1.37 kN/m^(n+1)", -1e9, 1e9, "k_1")
     k_2: Scalar = quantity(FJS1_K[1], "Pa/m", f"{ISHIGAMI}: k_phi = 814 kN/m^(n+2)", -1e12, 1e12, "k_2")
     n: Scalar = quantity(1.0, "", ISHIGAMI, 0.05, 3.0, "n")
@@ -50,7 +50,7 @@ class HitLss1(Soil):
 
     c: Scalar = quantity(250.0, "Pa", DING, 0.0, 1e6, "c")
     phi: Scalar = quantity(math.radians(31.9), "rad", f"{DING}: 31.9 deg", 0.0, math.radians(60.0), "phi")
-    k: Scalar = quantity(0.0114, "m", f"{DING}: middle of 9.7 to 13.1 mm", 1e-5, 10.0, "k")
+    k: Scalar = quantity(0.0114, "m", f"{DING}: middle of 9.7 to 13.1 mm", 1e-5, 0.5, "k")
     k_1: Scalar = quantity(HIT_K[0], "Pa", f"{DING}: k_c = 15.6 kN/m^(n+1), b = 0.05 m", -1e9, 1e9, "k_1")
     k_2: Scalar = quantity(HIT_K[1], "Pa/m", f"{DING}: k_phi = 2407.4 kN/m^(n+2), b = 0.05 m", -1e12, 1e12, "k_2")
     n: Scalar = quantity(1.1, "", DING, 0.05, 3.0, "n")
@@ -65,7 +65,7 @@ class LunarNominal(Soil):
 
     c: Scalar = quantity(170.0, "Pa", MOON, 0.0, 1e6, "c")
     phi: Scalar = quantity(math.radians(35.0), "rad", f"{MOON}: 35 deg", 0.0, math.radians(60.0), "phi")
-    k: Scalar = quantity(0.018, "m", MOON, 1e-5, 10.0, "k")
+    k: Scalar = quantity(0.018, "m", MOON, 1e-5, 0.5, "k")
     k_1: Scalar = quantity(MOON_K[0], "Pa", f"{MOON}: k_c = 1.4 kN/m^(n+1)", -1e9, 1e9, "k_1")
     k_2: Scalar = quantity(MOON_K[1], "Pa/m", f"{MOON}: k_phi = 820 kN/m^(n+2)", -1e12, 1e12, "k_2")
     n: Scalar = quantity(1.0, "", MOON, 0.05, 3.0, "n")
@@ -80,7 +80,7 @@ class MarsSimSand(Soil):
 
     c: Scalar = quantity(462.3, "Pa", MARSSIM, 0.0, 1e6, "c")
     phi: Scalar = quantity(math.radians(35.0), "rad", f"{MARSSIM}: 35 deg", 0.0, math.radians(60.0), "phi")
-    k: Scalar = quantity(0.015, "m", MARSSIM, 1e-5, 10.0, "k")
+    k: Scalar = quantity(0.015, "m", MARSSIM, 1e-5, 0.5, "k")
     k_1: Scalar = quantity(MARS_K[0], "Pa", f"{MARSSIM}: k_c = 13.6 kN/m^(n+1), b = 0.05 m", -1e9, 1e9, "k_1")
     k_2: Scalar = quantity(MARS_K[1], "Pa/m", f"{MARSSIM}: k_phi = 2259.1 kN/m^(n+2), b = 0.05 m", -1e12, 1e12, "k_2")
     n: Scalar = quantity(0.92, "", f"{MARSSIM}: at S = 0", 0.05, 3.0, "n")

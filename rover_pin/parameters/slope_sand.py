@@ -23,4 +23,4 @@ class SlopeSand(Soil):
     """
 
     phi: Scalar = quantity(math.radians(41.0), "rad", DING, 0.0, math.radians(60.0), "phi")
-    k: Scalar = quantity(0.008, "m", DING, 1e-5, 10.0, "k")
+    k: Scalar = quantity(0.008, "m", DING, 1e-5, 0.5, "k")

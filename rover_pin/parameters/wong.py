@@ -24,7 +24,7 @@ class DrySand(Soil):
 
     c: Scalar = quantity(1.04e3, "Pa", WONG, 0.0, 1e6, "c")
     phi: Scalar = quantity(math.radians(28.0), "rad", f"{WONG}: 28 deg", 0.0, math.radians(60.0), "phi")
-    k: Scalar = quantity(0.025, "m", "Wong: 10 mm (firm sand) to 25 mm (loose sand)", 1e-5, 10.0, "k")
+    k: Scalar = quantity(0.025, "m", "Wong: 10 mm (firm sand) to 25 mm (loose sand)", 1e-5, 0.5, "k")
     k_1: Scalar = quantity(K_1, "Pa", f"{WONG}: k_c = 0.99 kN/m^(n+1), b = 0.05 m", -1e9, 1e9, "k_1")
     k_2: Scalar = quantity(K_2, "Pa/m", f"{WONG}: k_phi = 1528.43 kN/m^(n+2), b = 0.05 m", -1e12, 1e12, "k_2")
     n: Scalar = quantity(1.1, "", WONG, 0.05, 3.0, "n")

@@ -21,7 +21,7 @@ class LiteratureSand(Soil):
 
     c: Scalar = quantity(0.0, "Pa", "paper, section 4.1, its reference 18", 0.0, 1e6, "c")
     phi: Scalar = quantity(math.radians(32.0), "rad", "paper, section 4.1: 32 deg", 0.0, math.radians(60.0), "phi")
-    k: Scalar = quantity(0.025, "m", "paper, section 4.1", 1e-5, 10.0, "k")
+    k: Scalar = quantity(0.025, "m", "paper, section 4.1", 1e-5, 0.5, "k")
 
 
 LITERATURE_SAND = LiteratureSand()

@@ -18,7 +18,7 @@ from rover_pin.experiments.wheel_rig.model_file import read_model as read_rig_mo
 from rover_pin.parameters import SOILS
 from rover_pin.parameters.hard import HARD_GROUND
 from rover_pin.rover.rover import Rover, load_rover
-from rover_pin.simulation.model.defaults import Chosen, own_motor, own_soil, usual_angles, usual_slip
+from rover_pin.simulation.model.defaults import Chosen, driven_soil, own_motor, usual_angles, usual_slip
 from rover_pin.simulation.model.model import Model, base_effects
 from rover_pin.simulation.model.motors import MOTORS, motor_named
 from rover_pin.simulation.model.toml_file import is_rig_model, read_model
@@ -85,7 +85,7 @@ def _refuse(names: tuple[str, ...], request: Settings, file: str) -> None:
 def _of_settings(request: Settings, trust: Trust) -> Made:
     rover = load_rover(request.take("rover", "nexus6", source=ROVERS), trust)
     named = request.word("soil", str(rover.soil.get("name", "of its weight")), SOILS, "rover-pin list soils")
-    soil = own_soil(rover, named)
+    soil = driven_soil(rover, named)
     form = request.choice("form", "torque", FORMS, "which reading of the paper's traction is driven")
     default_angles = usual_angles(rover)
     word = request.word(

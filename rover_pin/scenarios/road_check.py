@@ -18,7 +18,7 @@ from rover_pin.parameters.gravity import EARTH
 from rover_pin.rover.rover import Rover
 from rover_pin.rover.statics import wheel_loads
 from rover_pin.simulation.model.cruise import CRUISE_DUTY
-from rover_pin.simulation.model.defaults import own_motor, own_soil, usual_angles
+from rover_pin.simulation.model.defaults import driven_soil, own_motor, usual_angles
 from rover_pin.simulation.model.model import BURIED, base_effects
 from rover_pin.simulation.model.motor import Motor
 from rover_pin.soil.sinkage import entry_angle, sinkage
@@ -46,7 +46,7 @@ def road_check(rover: Rover) -> RoadCheck:
     ParameterError
         A soil or motor that its TOML names and that is not known.
     """
-    (soil, of_soil), (motor, of_motor) = own_soil(rover), own_motor(rover)
+    (soil, of_soil), (motor, of_motor) = driven_soil(rover), own_motor(rover)
     assumed = (*of_soil, *of_motor)
     try:
         stands = _stance(rover, soil)

@@ -23,6 +23,7 @@ from rover_pin.effects.motion_resistance import MotionResistance
 from rover_pin.effects.slip import RelaxedSlip
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.logs.drive_log import LogMetadata, write_drive_log
+from rover_pin.parameters import name_of
 from rover_pin.parameters.gravity import GRAVITIES, gravity_named
 from rover_pin.scenarios.composed_model import Made, composed
 from rover_pin.scenarios.controllers import controller_from
@@ -218,6 +219,8 @@ def _made(name: str, settings: Mapping[str, Any]) -> tuple[Scenario, Settings]:
 def spelled(settings: Mapping[str, Any], record_names: Sequence[str]) -> dict[str, Any]:
     """Return settings in which `whole` ones go by their fields, as soil=Soil(k=0.01) by soil.k=0.01 and the others."""
     fields = {f"{name}.{field}": value for name in record_names for field, value in vars(settings[name]).items()}
+    if "soil" in record_names and "model" not in settings:
+        fields["soil"] = name_of(settings["soil"])
     return {**fields, **{name: value for name, value in settings.items() if name not in record_names}}
 
 
@@ -249,10 +252,6 @@ def _model(scene: Scene, request: Settings) -> Made:
     terrain = _terrain(scene, request, size)
     if size != 1.0 and terrain != shapes.flat():
         assumed = (*assumed, f"terrain: lengths that are not set are those for Nexus 6's wheels times {size:.3g}")
-    k = scene.settings.get("soil.k")
-    if size != 1.0 and k is not None and request.values.get("soil.k") == k:
-        request.values["soil.k"] = size * k
-        assumed = (*assumed, f"soil: k = {size * k:.3g} m, which this scene has as {k:g} m for Nexus 6's wheels")
     model, side = on_its_side(model.replace(terrain=terrain), request, scene.askew, of_file)
     assumed = (*assumed, *side)
     ground = model.soils[0].replace(**request.record("soil", model.soils[0]))

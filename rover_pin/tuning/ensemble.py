@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import Any
 
 import numpy as np
 
 from rover_pin.base.errors import ParameterError
+from rover_pin.parameters import TABLE_1
 from rover_pin.simulation.model.cruise import CRUISE_SLIP
 from rover_pin.tuning.study import DriveCase
 
@@ -63,5 +63,5 @@ def _drawn(rng: np.random.Generator, ditch: bool, duration: float, number: int) 
     ground = {"terrain.wall_angle_deg": angle} if ditch else {"terrain.angle_deg": angle, "terrain.start": 0.5}
     kind = "ditch" if ditch else "incline"
     name = f"{number}: {kind} {angle:g} deg, k {1e3 * k:.1f} mm, past {100 * lost:.0f} %"
-    settings: dict[str, Any] = {"soil.k": k, "cruise_slip": CRUISE_SLIP, "duration": duration, **ground}
-    return DriveCase(name, kind, tuple(sorted(settings.items())), lost)
+    sand = {"soil.k": k, "soil.phi": float(TABLE_1.phi), "cruise_slip": CRUISE_SLIP}
+    return DriveCase(name, kind, tuple(sorted({**sand, "duration": duration, **ground}.items())), lost)

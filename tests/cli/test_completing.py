@@ -9,6 +9,7 @@ import typer
 from typer._completion_classes import BashComplete
 
 from rover_pin.cli.app import app
+from rover_pin.parameters.slope_sand import DING
 from rover_pin.scenarios.catalogue import settings
 
 CODE = "from rover_pin.cli.app import app; app(prog_name='rover-pin')"
@@ -62,7 +63,7 @@ def test_every_setting_of_a_scenario_is_offered():
 
 
 def test_each_setting_is_offered_with_default_unit_and_source():
-    assert completed("drive ditch --set soil.k")["soil.k="] == "0.05 m: paper, Table 1"
+    assert completed("drive ditch --set soil.k")["soil.k="] == f"0.008 m: {DING}"
     assert completed("drive ditch --set soil")["soil="]
 
 

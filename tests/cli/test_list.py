@@ -7,8 +7,8 @@ import pytest
 
 from rover_pin.base.errors import RoverPinError
 from rover_pin.base.quantity import quantities
-from rover_pin.contact import Soil
-from rover_pin.parameters import SOILS
+from rover_pin.parameters import SLOPE_SAND, SOILS
+from rover_pin.parameters.slope_sand import DING
 from rover_pin.rover.rover import load_rover
 from rover_pin.scenarios.catalogue import settings
 from rover_pin.scenarios.scenario import scenario
@@ -60,7 +60,7 @@ def test_an_effect_is_told_with_its_numbers(run):
 
 def test_settings_have_unit_bounds_default_and_source(run):
     (k,) = [each for each in listed(run, "settings")["settings"] if each["name"] == "soil.k"]
-    assert k == {"name": "soil.k", "value": 0.05, "unit": "m", "low": 1e-5, "high": 0.5, "source": "paper, Table 1"}
+    assert k == {"name": "soil.k", "value": 0.008, "unit": "m", "low": 1e-5, "high": 0.5, "source": DING}
 
 
 @pytest.mark.parametrize("name", [name for name in SCENES if name not in ("polyline", "grid")])
@@ -91,7 +91,7 @@ def test_a_unit_and_si_are_the_same_drive():
     }
     numbers = {"soil.k": 0.005, "soil.phi_deg": 32.0, "terrain.wall_angle_deg": 40.0, "gravity": 1.62}
     one, other = scenario("ditch", **words, duration="2s"), scenario("ditch", **numbers, duration=2.0)
-    assert one.model.soils[0] == other.model.soils[0] == Soil(k=0.005, phi=other.model.soils[0].phi)
+    assert one.model.soils[0] == other.model.soils[0] == SLOPE_SAND.replace(k=0.005, phi=other.model.soils[0].phi)
     assert one.model.terrain == other.model.terrain
     assert (one.duration, one.model.gravity) == (other.duration, other.model.gravity)
 

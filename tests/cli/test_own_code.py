@@ -10,7 +10,7 @@ from rover_pin.base.jobs.workers import Terminated
 from tests.oracle import brake_generator as hidden
 
 BED = Path(shipped.__file__).read_text(encoding="utf-8")
-LAW, STEADY = "        law, values = ", "return np.nan_to_num(steady.transpose(1, 0, 2), nan=1e3)"
+LAW, STEADY = "        law, values = ", "return np.nan_to_num(steady.transpose(1, 0, 2), nan=self.stand_in)"
 PREDICT = 'return np.array([self._steady(model.records["motor"], model.effects) for model in models])'
 SD, NOISE = "np.sqrt(np.nanmean(points[:, 4:] ** 2, axis=(0, 2)))", "return declared_noise(self.sd, self.observed)"
 ENDS = {
@@ -40,7 +40,7 @@ SHAPES = {
     "noise().sd is not positive in some channel": (SD, "np.zeros(2)"),
     "noise().sd has the shape (1,)": (NOISE, "return declared_noise(self.sd[:1], self.observed)"),
     "observed holds no number in some channel": ("points[:, 2:4]", "np.nan * points[:, 2:4]"),
-    "channels is 'not there', where a tuple belongs": ("name, channels = ", "name, others = "),
+    "channels is 'not there', where a tuple belongs": ("name, channels, ", "name, others, "),
     "folds is 3, where a tuple belongs": ("return cls(motor, folds", "return cls(motor, 3"),
     "observed holds object, where numbers": ("points[:, 2:4]", "points[:, 2:4].astype(object)"),
     "'motor' has no number 'resist'": ('"resistance")', '"resist")'),

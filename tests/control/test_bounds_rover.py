@@ -152,7 +152,7 @@ def test_what_makes_no_bound_is_refused():
 
 @pytest.mark.parametrize(
     "settings",
-    [{"soil": "table-1"}, {"soil": "hit-lss1", "gravity": "mars"}, {"rover": "cart"},
+    [{"soil": "table-1"}, {"soil": "hit-lss1", "gravity": "mars"}, {"rover": "cart", "soil": "table-1"},
      {"soil": "lunar-nominal", "form": "gross"}],
     ids=str,
 )  # fmt: skip

@@ -38,7 +38,7 @@ class Watched:
 
 
 def watched(name, sensors, duration, estimate=None, **settings):
-    scene = scenario(name, duration=duration, **settings)
+    scene = scenario(name, soil="table-1", duration=duration, **settings)
     watch = Watched(estimate or OnboardSlip.of(scene.model))
     simulate(scene.model, Sensed(watch, sensors, 1), duration, scene.start)
     return watch
@@ -66,7 +66,7 @@ def test_a_wheel_that_turns_against_its_mount_alone_is_told_apart():
 
 def test_sand_that_is_weaker_than_believed_reads_as_less_slip():
     """The law is what torques are read by: believed too strong, the same torque needs less slip."""
-    strong = OnboardSlip.of(scenario("flat", **{"soil.k": 0.015}).model)
+    strong = OnboardSlip.of(scenario("flat", soil="table-1", **{"soil.k": 0.015}).model)
     error = watched("slope", Sensors(), 20.0, strong, **{"soil.k": 0.025, "terrain.start": 0.0}).error(8.0)
     assert np.mean(error) < -0.03
 
@@ -75,8 +75,8 @@ def test_a_loss_of_strength_that_the_model_has_is_read_through():
     """Past the peak the same torque is that of two slips: the sand's law alone reads the smaller one."""
     little = {"soil.k": 0.0065, "effect.MotionResistance.R": 0.02}  # with its own R the rover would not get out
     sand = {**little, "terrain.wall_angle_deg": 47.0, "add": "PostPeak.fraction=0.3"}
-    scene = scenario("ditch", **sand)
-    unaware = OnboardSlip.of(scenario("ditch", **little).model)
+    scene = scenario("ditch", soil="table-1", **sand)
+    unaware = OnboardSlip.of(scenario("ditch", soil="table-1", **little).model)
     aware, unaware = (
         np.sqrt(np.mean(watched("ditch", Sensors(), 24.0, estimate, **sand).error(16.0) ** 2))
         for estimate in (OnboardSlip.of(scene.model), unaware)
@@ -86,19 +86,19 @@ def test_a_loss_of_strength_that_the_model_has_is_read_through():
 
 
 def test_ground_that_does_not_bend_tells_no_speed_by_its_folds():
-    estimate = OnboardSlip.of(scenario("flat").model)
+    estimate = OnboardSlip.of(scenario("flat", soil="table-1").model)
     assert np.ptp(estimate._folding(0.0, 0.0)) == pytest.approx(0.0, abs=1e-9)
 
 
 def test_a_bent_posture_that_stays_says_standing_and_one_that_folds_says_moving():
-    estimate = OnboardSlip.of(scenario("flat").model)
+    estimate = OnboardSlip.of(scenario("flat", soil="table-1").model)
     stays, folds = (estimate.speeds[np.argmax(estimate._folding(rise, 0.2))] for rise in (0.0, 0.01))
     assert stays == pytest.approx(0.0, abs=1e-3)
     assert abs(folds) == pytest.approx(0.05, rel=0.2)
 
 
 def test_a_bend_makes_torques_less_sure():
-    estimate, seen = OnboardSlip.of(scenario("flat", **{"soil.k": 0.005}).model), []
+    estimate, seen = OnboardSlip.of(scenario("flat", soil="table-1", **{"soil.k": 0.005}).model), []
     for bend in (0.0, 0.3):
         estimate.reset()
         for _ in range(40):
@@ -111,7 +111,7 @@ def test_a_bend_makes_torques_less_sure():
 def test_a_rover_stuck_past_the_peak_is_told_better_by_its_posture():
     """At the far wall the torque of S = 1 is that of a smaller slip too; that nothing folds speaks for the first."""
     sand = {"soil.k": 0.003, "terrain.wall_angle_deg": 47.0, "add": "PostPeak.fraction=0.3"}
-    scene = scenario("ditch", **sand, **{"effect.MotionResistance.R": 0.07})
+    scene = scenario("ditch", soil="table-1", **sand, **{"effect.MotionResistance.R": 0.07})
     errors = []
     for trust in (Trust(), Trust(quiet=1.0)):
         watch = Watched(OnboardSlip.of(scene.model, trust))
@@ -123,7 +123,7 @@ def test_a_rover_stuck_past_the_peak_is_told_better_by_its_posture():
 
 def test_wheels_that_stand_say_that_the_rover_stands():
     """Parked, no torque tells anything, and no slip is made up."""
-    scene = scenario("flat", duration=8.0)
+    scene = scenario("flat", soil="table-1", duration=8.0)
     watch = Watched(OnboardSlip.of(scene.model), delta=0.0)
     trace = simulate(scene.model, Sensed(watch, Sensors(), 1), 8.0, scene.start)
     assert abs(trace["body_x"][-1]) < 0.002
@@ -132,7 +132,10 @@ def test_wheels_that_stand_say_that_the_rover_stands():
 
 def test_where_the_factor_is_flat_the_estimate_knows_that_it_does_not_know():
     """k = 2 mm: F hardly rises beyond S = 0.3."""
-    sure, unsure = OnboardSlip.of(scenario("flat").model), OnboardSlip.of(scenario("flat", **{"soil.k": 0.002}).model)
+    sure, unsure = (
+        OnboardSlip.of(scenario("flat", soil="table-1").model),
+        OnboardSlip.of(scenario("flat", soil="table-1", **{"soil.k": 0.002}).model),
+    )
     sds = []
     for estimate in (sure, unsure):
         steep = float(np.interp(0.6, SLIPS, estimate.factors))
@@ -159,7 +162,13 @@ def test_a_wall_is_no_slip():
     """A ditch whose sand loses half of its strength: at the far wall torques fit no slip, and the rover gets out."""
     sand = {"soil.k": 0.0025, "effect.MotionResistance.R": 0.03, "terrain.wall_angle_deg": 38.0}
     drive = scenario(
-        "ditch", control="onboard", duration=26.0, add="PostPeak.fraction=0.5", **{"control.S_d": 0.2}, **sand
+        "ditch",
+        soil="table-1",
+        control="onboard",
+        duration=26.0,
+        add="PostPeak.fraction=0.5",
+        **{"control.S_d": 0.2},
+        **sand,
     ).drive()
     assert drive["body_x"][-1] > 0.95
 
@@ -184,7 +193,9 @@ def test_its_slips_are_eq_1():
 
 
 def test_it_drives_by_a_word_and_forgets_the_drive_before():
-    scene = scenario("incline", control="onboard", duration=4.0, **{"soil.k": 0.025, "terrain.start": 0.0})
+    scene = scenario(
+        "incline", soil="table-1", control="onboard", duration=4.0, **{"soil.k": 0.025, "terrain.start": 0.0}
+    )
     assert isinstance(scene.controller, SlipControl)
     first, second = scene.drive(), scene.drive()
     assert first["body_x"][-1] == second["body_x"][-1]
@@ -192,7 +203,7 @@ def test_it_drives_by_a_word_and_forgets_the_drive_before():
 
 def test_sensed_readings_repeat_and_leave_the_truth():
     seen = []
-    scene = scenario("flat")
+    scene = scenario("flat", soil="table-1")
     for _ in range(2):
         seen.append([])
         watch = Sensed(lambda reading: seen[-1].append(reading) or 0.5, Sensors(), 7)
@@ -203,14 +214,16 @@ def test_sensed_readings_repeat_and_leave_the_truth():
 
 
 def test_eq_9s_table_is_that_of_the_driven_model():
-    plain, moon, firm = (scenario("flat", **each).model for each in ({}, {"gravity": "moon"}, {"soil.k": 0.005}))
+    plain, moon, firm = (
+        scenario("flat", soil="table-1", **each).model for each in ({}, {"gravity": "moon"}, {"soil.k": 0.005})
+    )
     speeds = [float(flat_table(model).speed_at(np.array(0.55))) for model in (plain, moon, firm)]
     assert speeds[0] == pytest.approx(0.05, abs=1e-3)
     assert speeds[1] > speeds[0] + 5e-4
     assert speeds[2] < speeds[0] - 3e-3  # firmer sand resists more
-    assert flat_table(scenario("slope").model) is flat_table(plain)
+    assert flat_table(scenario("slope", soil="table-1").model) is flat_table(plain)
     for name, model in (("moon", moon), ("table-1", plain)):
-        drive = scenario("slope", control="eq9", **({"gravity": "moon"} if name == "moon" else {}))
+        drive = scenario("slope", soil="table-1", control="eq9", **({"gravity": "moon"} if name == "moon" else {}))
         assert isinstance(drive.controller.estimate, TableEstimate)
         assert drive.controller.estimate.table == flat_table(model)
 
@@ -220,4 +233,4 @@ def test_a_model_without_a_table_is_refused():
     with pytest.raises(
         ParameterError, match=r"Eq \(9\) needs a speed for every duty, and on flat ground of its own soil"
     ):
-        scenario("slope", control="eq9", form="net")
+        scenario("slope", soil="table-1", control="eq9", form="net")

@@ -167,7 +167,7 @@ def test_the_integral_moves_with_the_error_or_rests(slip, integral, highest, k_p
 
 
 def test_the_torque_limit_is_the_saturation_torque_at_the_static_load():
-    model = scenario("flat", angles="sinkage").model
+    model = scenario("flat", soil="table-1", angles="sinkage").model
     limit = TorqueLimit.saturation(model)
     rover = load_rover()
     loads = wheel_loads(rover, 0.0)
@@ -191,7 +191,7 @@ def test_a_wheel_held_at_the_slip_limit_s_torque_slips_by_that(rover, slip):
 
 
 def test_the_limit_is_of_the_duty_s_magnitude_and_raises_none():
-    limit = TorqueLimit.at_slip(scenario("flat").model, 0.2)
+    limit = TorqueLimit.at_slip(scenario("flat", soil="table-1").model, 0.2)
     most = limit.duty(reading(rate=0.4))
     assert limit.clip_duty(1.0, reading(rate=0.4)) == pytest.approx(most)
     assert limit.clip_duty(-1.0, reading(rate=-0.4)) == pytest.approx(-most)
@@ -201,7 +201,7 @@ def test_the_limit_is_of_the_duty_s_magnitude_and_raises_none():
 
 def test_any_controller_can_be_limited():
     """Held still, a wheel gets the duty at which its motor gives T_lim; steering passes, reset reaches inside."""
-    limit = TorqueLimit.at_slip(scenario("flat").model, 0.2)
+    limit = TorqueLimit.at_slip(scenario("flat", soil="table-1").model, 0.2)
     control = SlipControl(Gains(), TrueSlip(), integral=3.0)
     limited = TorqueLimited(control, limit)
     limited.reset()
@@ -214,7 +214,7 @@ def test_any_controller_can_be_limited():
 
 
 def test_the_limit_caps_the_command():
-    model = scenario("flat").model
+    model = scenario("flat", soil="table-1").model
     control = SlipControl(Gains(delta_max=1.0, delta_0=1.0), TrueSlip(), TorqueLimit.saturation(model))
     given = control(reading(rate=0.0)).duty
     assert given == pytest.approx(TorqueLimit.saturation(model).duty(reading(rate=0.0)))
@@ -222,7 +222,7 @@ def test_the_limit_caps_the_command():
 
 
 def test_the_measured_table_has_the_paper_s_point_and_grows():
-    table = calibrated_table(scenario("flat").model, (0.3, 0.55, 0.8))
+    table = calibrated_table(scenario("flat", soil="table-1").model, (0.3, 0.55, 0.8))
     assert table.speed[2] == pytest.approx(0.05, rel=0.01)
     assert np.all(np.diff(table.speed) > 0.0)
     with pytest.raises(ParameterError, match="needs two or more duties in increasing order"):
@@ -250,7 +250,7 @@ def test_a_duty_outside_its_range_is_refused():
 
 @pytest.mark.parametrize("control", ["eq9", "true"])
 def test_control_drives_the_flat(control):
-    trace = scenario("flat", control=control).drive()
+    trace = scenario("flat", soil="table-1", control=control).drive()
     assert trace["body_vx"][-1] > 0.03
     assert trace.attrs["control"] == "SlipControl"
 
@@ -268,7 +268,7 @@ def test_control_drives_the_flat(control):
     ],
 )
 def test_the_limit_of_every_control_can_be_chosen(settings, limit):
-    made = scenario("flat", **settings)
+    made = scenario("flat", soil="table-1", **settings)
     if limit == "none":
         assert made.controller.limit == NoLimit()
     elif limit == "saturation":
@@ -281,17 +281,17 @@ def test_the_limit_of_every_control_can_be_chosen(settings, limit):
 
 def test_a_limit_that_is_not_known_is_said():
     with pytest.raises(ParameterError, match=r"control.limit = 'at_slip' is not known: did you mean 'at-slip'"):
-        scenario("flat", control="true", **{"control.limit": "at_slip"})
+        scenario("flat", soil="table-1", control="true", **{"control.limit": "at_slip"})
     with pytest.raises(ParameterError, match=r"There is no setting 'control.slip_limit' here"):
-        scenario("flat", control="true", **{"control.slip_limit": 0.3})
+        scenario("flat", soil="table-1", control="true", **{"control.slip_limit": 0.3})
     with pytest.raises(ParameterError, match="slip_limit = 2 is not allowed"):
-        scenario("flat", control="limit", **{"control.slip_limit": 2.0})
+        scenario("flat", soil="table-1", control="limit", **{"control.slip_limit": 2.0})
 
 
 @pytest.mark.parametrize(("S", "degrees"), [(0.2, 1.7), (LOST_SLIP, 4.7), (1.0, 8.8)])
 def test_the_slope_that_a_slip_limit_holds(S, degrees):
     """What argues for the default slip limit: statics of Table 1's sand with the ready-made resistance."""
-    model = scenario("flat").model
+    model = scenario("flat", soil="table-1").model
     F = float(load_traction_factor(S, model.soils[0], model.rover.wheel, TorqueTraction()))
     assert math.degrees(math.atan(F - float(model.effect(MotionResistance).R))) == pytest.approx(degrees, abs=0.05)
 
@@ -299,10 +299,12 @@ def test_the_slope_that_a_slip_limit_holds(S, degrees):
 def test_the_torque_limit_alone_keeps_a_wheel_out_of_the_slip_that_digs():
     """Up a slope beyond T_lim's the wheels turn at S_lim or less, where constant duty spins them; no slip is sensed."""
     slope = {"terrain.angle_deg": 7.0, "terrain.start": -2.0, "soil.k": 0.05, "duration": 8.0}
-    free, held = (scenario("incline", control=control, **slope).drive() for control in ("none", "limit"))
+    free, held = (
+        scenario("incline", soil="table-1", control=control, **slope).drive() for control in ("none", "limit")
+    )
     late = free.t > 3.0
     assert np.mean(free.stack("slip")[late]) > LOST_SLIP + 0.1
-    limit = scenario("incline", control="limit", **slope).controller.limit
+    limit = scenario("incline", soil="table-1", control="limit", **slope).controller.limit
     most = np.array([limit.torque(pitch) for pitch in held["body_pitch"][late]])
     assert np.all(held.stack("torque")[late] < 1.02 * most)
     assert np.mean(held.stack("slip")[late]) < LOST_SLIP + 0.1
@@ -321,7 +323,7 @@ class Own(NoLimit):
 
 @pytest.mark.parametrize("control", ["slip", "constant", "table"])
 def test_a_limit_of_a_user_s_own_holds_in_a_drive(control):
-    model = scenario("flat").model
+    model = scenario("flat", soil="table-1").model
     controller = {
         "slip": SlipControl(Gains(), TrueSlip(), Own()),
         "table": SlipControl(Gains(), TableEstimate(TABLE, 0.045), Own()),
@@ -331,7 +333,7 @@ def test_a_limit_of_a_user_s_own_holds_in_a_drive(control):
 
 
 def test_of_two_limits_the_stricter_holds_in_a_drive():
-    model = scenario("flat").model
+    model = scenario("flat", soil="table-1").model
     strict = TorqueLimit.at_slip(model, 0.1)
     once = simulate(model, TorqueLimited(ConstantDuty(1.0), strict), 0.5).stack("duty")
     for limits in ((strict, TorqueLimit.saturation(model)), (TorqueLimit.saturation(model), strict)):
@@ -349,5 +351,5 @@ class Pessimist:
 
 def test_an_estimate_of_a_user_s_own_holds_in_a_drive():
     gains = Gains()
-    told = simulate(scenario("flat").model, SlipControl(gains, Pessimist()), 2.0).stack("duty")[-1]
+    told = simulate(scenario("flat", soil="table-1").model, SlipControl(gains, Pessimist()), 2.0).stack("duty")[-1]
     assert told == pytest.approx(gains.delta_min)

@@ -51,7 +51,7 @@ class ByLinks:
 )
 def test_the_loads_at_the_pitch_are_off_as_is_told_and_the_drive_ends_alike(name):
     scene, settings, expected = DRIVES[name]
-    drive = scenario(scene, control="limit", duration=20.0, **settings)
+    drive = scenario(scene, soil="table-1", control="limit", duration=20.0, **settings)
     by_pitch, by_links = drive.drive(), ByLinks(drive.model)
     other = simulate(drive.model, by_links, 20.0, drive.start, drive.timing, symmetric=drive.symmetric)
     off = np.sqrt(np.nanmean(np.square(by_links.errors[SETTLED:]), axis=(0, 2)))
@@ -67,5 +67,5 @@ def test_the_loads_at_the_pitch_are_off_as_is_told_and_the_drive_ends_alike(name
 def test_how_often_either_check_acts(name, k, at_shear, at_slip):
     """Per cent of wheels and rows below the asked duty: at the soil's greatest shear only while wheels speed up."""
     for limit, share in (("saturation", at_shear), ("at-slip", at_slip)):
-        trace = scenario(name, control="limit", **{"control.limit": limit, "soil.k": k}).drive()
+        trace = scenario(name, soil="table-1", control="limit", **{"control.limit": limit, "soil.k": k}).drive()
         assert 100.0 * np.mean(trace.stack("duty") < 0.55 - 1e-9) == pytest.approx(share, rel=0.1, abs=0.1)

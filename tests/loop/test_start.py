@@ -52,7 +52,7 @@ def test_a_wheels_model_drives_is_bounded_and_tuned_for(wheels, run):
 
 
 def test_a_rovers_model_goes_to_a_rig_without_what_a_rig_has_not(tmp_path, caplog):
-    model = scenario("flat").model
+    model = scenario("flat", soil="table-1").model
     path = write_model(model.having(ExitAngle(e_1=0.2)).having(WeakMotor(g=0.3, wheel=0)), tmp_path / "model.toml")
     with caplog.at_level(logging.WARNING):
         start = start_on(read_data(RIG), path)
@@ -77,4 +77,4 @@ def test_what_stands_in_no_file_of_a_model_is_refused(tmp_path):
 def test_an_added_effect_has_the_number_of_its_word(run, tmp_path):
     code, _, _ = run("drive", "flat", "--add", "SlipSinkage.n_1=1.4", "--set", "duration=1", "--json", "-q")
     assert code == 0
-    assert scenario("flat", add="SlipSinkage.n_1=1.4").model.effect(SlipSinkage).n_1 == 1.4
+    assert scenario("flat", soil="table-1", add="SlipSinkage.n_1=1.4").model.effect(SlipSinkage).n_1 == 1.4

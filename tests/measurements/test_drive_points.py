@@ -54,7 +54,7 @@ TWO = Search(starts=2)
 
 @pytest.fixture(scope="module")
 def drive():
-    return scenario("slope", **{"soil.k": 0.01, "effect.MotionResistance.R": 0.12})
+    return scenario("slope", soil="table-1", **{"soil.k": 0.01, "effect.MotionResistance.R": 0.12})
 
 
 @pytest.fixture(scope="module")
@@ -173,12 +173,15 @@ def test_a_log_says_what_it_knows_of_its_soil(tmp_path):
     known, doubts = declared_soil(dataclasses.replace(log, metadata=about), log.load_rover())
     assert known == {"k_1": pytest.approx(46750.5, rel=1e-5)}
     assert doubts == {"k_1": pytest.approx(0.7 * known["k_1"])}
-    assert declared_soil(dataclasses.replace(log, metadata=about), scenario("flat").model.rover) == ({}, {})
+    assert declared_soil(dataclasses.replace(log, metadata=about), scenario("flat", soil="table-1").model.rover) == (
+        {},
+        {},
+    )
 
 
 def test_angles_and_rovers_of_ones_own_are_written_into_a_log(tmp_path):
     """Without the angles k and phi of such a log were both found wrong; without the way no command could read it."""
-    drive = scenario("flat", angles="sinkage", duration=1.0)
+    drive = scenario("flat", soil="table-1", angles="sinkage", duration=1.0)
     drive.write_log(drive.drive(), tmp_path / "log")
     assert read_drive_log(tmp_path / "log").metadata.angles == "sinkage"
     for end in ("toml", "urdf"):

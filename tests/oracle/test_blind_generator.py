@@ -39,8 +39,10 @@ campaign, circumstance, hidden, sealed, sensors, world = (
 
 WHEELS = ("fl", "fr", "ml", "mr", "rl", "rr")
 SEVERITY = 4.0
-RESISTANCE = float(scenario("flat", **{"soil.k": 0.005, "cruise_slip": 0.05}).model.effect(MotionResistance).R)
-BASE = scenario("flat", **{"soil.k": 0.005}).model.having(MotionResistance(R=RESISTANCE, q=0.0))
+RESISTANCE = float(
+    scenario("flat", soil="table-1", **{"soil.k": 0.005, "cruise_slip": 0.05}).model.effect(MotionResistance).R
+)
+BASE = scenario("flat", soil="table-1", **{"soil.k": 0.005}).model.having(MotionResistance(R=RESISTANCE, q=0.0))
 """Its resistance fades below v_0 of travel, however fast the rim is, as the generator's does."""
 
 

@@ -67,6 +67,13 @@ def test_every_number_has_a_source_and_is_the_default_of_its_class(name):
     assert list(quantities(soil)) == list(quantities(Soil))
 
 
+@pytest.mark.parametrize("name", SOILS)
+def test_each_set_has_the_bounds_of_every_soil(name):
+    """A k of 10 m is no sand's, whatever its name."""
+    bounds, own = quantities(Soil), quantities(type(SOILS[name]))
+    assert {field: each[2:4] for field, each in own.items()} == {field: each[2:4] for field, each in bounds.items()}
+
+
 def test_an_unknown_name_lists_the_close_ones():
     with pytest.raises(ParameterError, match="no soil is named 'fjs1': did you mean 'fjs-1'"):
         soil_named("fjs1")

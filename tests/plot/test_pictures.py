@@ -89,7 +89,7 @@ def test_poses_that_are_alike_share_a_label_from_above():
 
 def test_a_drive_across_hills_is_seen_from_above_alone():
     """From the side its wheels would hover over, or stand in, the ground of another y."""
-    model, trace = driven("hills", rover="cart", duration=8.0, **{"terrain.height": 0.15})
+    model, trace = driven("hills", rover="cart", soil="table-1", duration=8.0, **{"terrain.height": 0.15})
     assert [axes.get_ylabel() for axes in snapshots(trace, model).axes] == ["y [m]"]
 
 

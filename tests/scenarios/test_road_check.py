@@ -45,7 +45,7 @@ def test_loads_and_depths_are_those_of_a_drive_at_rest(tmp_path):
     assert (min(depths), max(depths)) == pytest.approx((shallow, deep), rel=0.06)
 
 
-@pytest.mark.parametrize(("stall", "goes"), [(0.6, False), (3.0, True)])
+@pytest.mark.parametrize(("stall", "goes"), [(0.6, False), (6.0, True)])
 def test_a_motor_that_is_too_weak_is_told_and_stalls(tmp_path, stall, goes):
     """The torque that the flat takes lies between: a drive stalls below it and goes above it."""
     path = rover_with(tmp_path, motor=motor(stall))

@@ -105,7 +105,10 @@ def test_a_model_that_is_read_keeps_its_own_side_force_unless_one_is_asked_for(t
 
 def test_across_a_slope_the_shared_strength_holds_small_slip_angles_better():
     """Drift 3.0 deg in place of 4.0 on 10 deg; straight drives are the same."""
-    drifts = [-scenario("cross-slope", duration=6.0, side=law).drive()["body_y"][-1] for law in ("combined", "shear")]
+    drifts = [
+        -scenario("cross-slope", soil="table-1", duration=6.0, side=law).drive()["body_y"][-1]
+        for law in ("combined", "shear")
+    ]
     assert 0 < drifts[0] < 0.8 * drifts[1]
     ways = [scenario("flat", duration=2.0, side=law).drive()["body_x"][-1] for law in ("combined", "shear")]
     assert ways[0] == pytest.approx(ways[1], rel=1e-6)
@@ -117,8 +120,9 @@ def resistance(**settings):
 
 @pytest.mark.parametrize(
     "settings",
-    [{}, {"soil.k": "10mm"}, {"soil.k": "3mm"}, {"soil": "dry-sand", "soil.phi": "40deg"}, {"rover": "cart"},
-     {"rover": "cart", "gravity": "moon"}, {"soil": "mars-sand", "form": "gross", "angles": "sinkage"}],
+    [{}, {"soil.k": "10mm"}, {"soil": "table-1", "soil.k": "3mm"}, {"soil": "dry-sand", "soil.phi": "40deg"},
+     {"rover": "cart"}, {"rover": "cart", "gravity": "moon"},
+     {"soil": "mars-sand", "form": "gross", "angles": "sinkage"}],
     ids=str,
 )  # fmt: skip
 def test_driven_wheels_drive_level_ground_on_every_soil(settings):
@@ -130,7 +134,7 @@ def test_driven_wheels_drive_level_ground_on_every_soil(settings):
 
 
 def test_a_declared_resistance_stays_and_wheels_that_skid_are_said(tmp_path):
-    settings = {"soil.k": "10mm", "effect.MotionResistance.R": 0.028}
+    settings = {"soil": "table-1", "soil.k": "10mm", "effect.MotionResistance.R": 0.028}
     drive = scenario("flat", duration=3.0, **settings)
     trace = drive.drive()
     assert trace.summary()["motion_resistance_R"] == 0.028
@@ -198,8 +202,9 @@ def test_a_motor_that_cannot_be_calibrated_is_said():
 
 def test_a_crab_goes_sideways_by_less_than_asked_as_its_middle_wheels_do_not_steer():
     """Of 20 deg 16.9; dragged wheels bear 0.33 of their load sideways, 0.40 with `SideShear`."""
+    sand = {"soil": "table-1", "soil.k": 0.003}
     for side_force, share in ((None, 0.332), ("shear", 0.399)):
-        trace = scenario("crab", duration=10.0, **({"side": side_force} if side_force else {})).drive()
+        trace = scenario("crab", duration=10.0, **sand, **({"side": side_force} if side_force else {})).drive()
         late = trace.t > 5.0
         dx, dy = (np.diff(trace[f"body_{axis}"][late]) for axis in "xy")
         assert np.degrees(np.mean(np.arctan2(dy, dx) - trace["body_yaw"][late][1:])) == pytest.approx(16.9, abs=0.1)

@@ -9,8 +9,8 @@ from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.timing import ACCURACY, DT
 
 DITCHES = {
-    "stopped by the wall": scenario("ditch"),
-    "gets out": scenario("ditch", **{"soil.k": 0.010, "cruise_slip": 0.05}),
+    "stopped by the wall": scenario("ditch", soil="table-1"),
+    "gets out": scenario("ditch", soil="table-1", **{"soil.k": 0.010, "cruise_slip": 0.05}),
 }
 
 

@@ -26,11 +26,11 @@ from tests.simulation import random_drives
 
 STIFF = {"soil.k": 0.0004, "soil.n": 0.6}
 CASES = {
-    "ditch under slip control": (scenario("ditch", duration=4.0), Timing()),
-    "control and rows of other periods": (scenario("bump", duration=2.0), Timing(0.005, 0.1, 0.02)),
-    "steps in parts": (scenario("ditch", duration=2.0, **STIFF), Timing(0.02, 0.1, 0.1)),
-    "steered, on a grid": (scenario("hills", duration=2.0), Timing()),
-    "buried": (scenario("ditch", duration=9.0, buried=0.21), Timing()),
+    "ditch under slip control": (scenario("ditch", soil="table-1", duration=4.0), Timing()),
+    "control and rows of other periods": (scenario("bump", soil="table-1", duration=2.0), Timing(0.005, 0.1, 0.02)),
+    "steps in parts": (scenario("ditch", soil="table-1", duration=2.0, **STIFF), Timing(0.02, 0.1, 0.1)),
+    "steered, on a grid": (scenario("hills", soil="table-1", duration=2.0), Timing()),
+    "buried": (scenario("ditch", soil="table-1", duration=9.0, buried=0.21), Timing()),
 }
 
 
@@ -133,7 +133,7 @@ def draw(q, place, share, moved):
 
 
 def logged(name, duration=3.0):
-    case = scenario(name, duration=duration)
+    case = scenario(name, soil="table-1", duration=duration)
     steered = tuple(wheel.name for wheel in case.model.rover.wheels if wheel.steer_dof is not None)
     return case, replays.commands(case.drive(), tuple(wheel.name for wheel in case.model.rover.wheels), steered)
 
@@ -230,7 +230,7 @@ def test_what_holds_the_wheels_enters_the_balance_of_energy():
 
 def test_after_an_early_end_the_last_good_row_stands_for_the_rest():
     case, run = logged("ditch", 9.0)
-    buried = scenario("ditch", buried=0.21).model
+    buried = scenario("ditch", soil="table-1", buried=0.21).model
     ended = replays.replay(buried, run, rest_state=settled(case.model, run.start))
     assert ended.stop.startswith("buried: ")
     whole = replays.replay(case.model, run, rest_state=settled(case.model, run.start))

@@ -16,7 +16,7 @@ from rover_pin.rover.rover import load_rover
 from rover_pin.rover.statics import wheel_loads
 from rover_pin.scenarios.scaled_terrain import scaled
 from rover_pin.scenarios.scenario import SCENES, scenario
-from rover_pin.simulation.model.defaults import own_motor, own_soil, scale
+from rover_pin.simulation.model.defaults import driven_soil, own_motor, own_soil, scale
 from rover_pin.simulation.model.motors import motor_named
 from rover_pin.simulation.start.place import Start, settled
 from rover_pin.terrain import shapes
@@ -34,7 +34,9 @@ def rover_file(tmp_path):
 
 def test_nexus_6_has_its_own_numbers():
     assert own_motor(NEXUS6) == (motor_named("speed-like"), ())
-    assert own_soil(NEXUS6) == (SOILS["table-1"], ())
+    assert driven_soil(NEXUS6) == (SOILS["slope-sand"], ())
+    assert scenario("ditch").model.soils[0] == SOILS["slope-sand"]
+    assert scenario("ditch", soil="table-1").model.soils[0] == SOILS["table-1"]
     assert scenario("ditch").assumed == ()
     assert scale(NEXUS6) == 1.0
 
@@ -43,7 +45,7 @@ def test_the_rule_for_the_soil_gives_nexus_6_its_own():
     """Table 1's k_1 was assumed by that rule; 3e-3 is the round 5.8 kg, 9.81 and the angle of the load."""
     soil, told = own_soil(dataclasses.replace(NEXUS6, soil={}))
     assert float(soil.k_1) == pytest.approx(float(SOILS["table-1"].k_1), rel=1e-4)
-    assert re.search("soil: none named, so Table 1's with k_1 = 5.42e\\+04 Pa", told[0])
+    assert re.search("soil: none named, so table-1 of k = 50 mm and k_1 = 5.42e\\+04 Pa", told[0])
 
 
 def test_a_rover_rests_on_its_own_soil_as_nexus_6_on_table_1(rover_file):
@@ -52,6 +54,19 @@ def test_a_rover_rests_on_its_own_soil_as_nexus_6_on_table_1(rover_file):
     radius, lowest = 0.15, float(state.q[2]) + 0.3 - 0.3
     sunk = (radius - lowest) / radius
     assert sunk == pytest.approx(1.0 - math.cos(math.radians(35.0)), rel=0.1)
+
+
+@pytest.mark.parametrize("rover", ["nexus6", "nexus6_links", "cart"])
+def test_on_the_usual_sand_each_rover_slips_as_measured_wheels_do(rover):
+    """0.2 on 10 to 14 deg (Ding et al. 2011, Fig 9), not all but 1 as on the paper's sand, which is one word away."""
+    steep = {"terrain.angle_deg": 10.0, "terrain.start": -20.0, "control.delta": 0.7}
+
+    def slip(**soil):
+        trace = scenario("incline", rover=rover, duration=15.0, **steep, **soil).drive(settle_doubts=False)
+        return np.average(trace.stack("slip")[-1], weights=trace.stack("normal")[-1])
+
+    assert slip() == pytest.approx(0.22, abs=0.02)
+    assert slip(soil="table-1") > 0.55
 
 
 def test_the_sized_motor_holds_on_its_slope(rover_file):
@@ -101,7 +116,7 @@ def test_a_heavy_rover_cruises_where_it_is_said_to(rover_file):
 
 def test_a_wheel_that_no_soil_carries_is_refused(rover_file):
     heavy = load_rover(rover_file).carrying(1e9)
-    with pytest.raises(ParameterError, match=r"no soil like Table 1's carries .* name one"):
+    with pytest.raises(ParameterError, match=r"no k_1 below 1e9 Pa carries .* name one"):
         own_soil(heavy)
 
 
@@ -109,7 +124,7 @@ def test_eq_9_has_the_table_of_the_rover_that_drives(rover_file):
     model = scenario("flat", rover=str(rover_file)).model
     table = flat_table(model)
     free = 0.55 * 0.15 * float(model.motor.no_load_rate)
-    assert 0.6 * free < table.speed_at(np.array([0.55]))[0] < free
+    assert 0.4 * free < table.speed_at(np.array([0.55]))[0] < free
     assert table != flat_table(scenario("flat").model)
 
 
@@ -138,7 +153,7 @@ def test_a_rover_four_times_as_large_drives_the_same_way(tmp_path):
         path, slow = made.write(folder, larger(small, size), table), math.sqrt(size)
         effects = {"NormalDamping.d": 10 / slow, "MotionResistance.v_0": 0.005 * slow}
         drive = scenario(
-            *("ditch",), rover=str(path), dt=0.005 * slow,
+            *("ditch",), rover=str(path), dt=0.005 * slow, soil="table-1",
             **{"soil.k": 0.02 * size, "soil.c": 0.005 * size, "soil.k_1": 4.3e4 * size, "cruise_slip": 0.05},
             **{f"effect.{name}": value for name, value in effects.items()},
         )  # fmt: skip
@@ -172,14 +187,14 @@ def test_every_ready_made_terrain_can_be_scaled(rover_file, name):
     assert scenario(name, rover=str(rover_file)).model.terrain is not None
 
 
-def test_the_shear_displacement_of_a_scene_grows_with_the_wheels(rover_file):
+def test_the_shear_displacement_of_the_usual_sand_grows_with_the_wheels(rover_file):
     """F(0.05), and with it the resistance, goes by k / r: with k for small wheels large ones hardly move."""
     drive = scenario("turn", rover=str(rover_file))
-    assert float(drive.model.soils[0].k) == pytest.approx(0.003 * 0.15 / 0.045)
-    assert any("soil: k = 0.01 m" in line for line in drive.assumed)
+    assert float(drive.model.soils[0].k) == pytest.approx(0.008 * 0.15 / 0.045)
+    assert any("slope-sand of k = 26.7 mm" in line for line in drive.assumed)
     asked = scenario("turn", rover=str(rover_file), **{"soil.k": 0.004})
     assert float(asked.model.soils[0].k) == 0.004
-    assert float(scenario("turn").model.soils[0].k) == 0.003
+    assert float(scenario("turn").model.soils[0].k) == 0.008
 
 
 def test_a_length_that_is_asked_for_is_meant(rover_file):

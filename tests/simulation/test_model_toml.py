@@ -28,7 +28,7 @@ from rover_pin.soil.traction import GrossTraction
 from rover_pin.terrain import shapes
 
 FLAT = shapes.flat()
-BASE = scenario("flat").model
+BASE = scenario("flat", soil="table-1").model
 
 
 def alike(one, other):
@@ -59,7 +59,7 @@ def test_every_effect_comes_back_as_it_was(tmp_path, kind):
 
 
 def test_a_whole_model_comes_back_in_order(tmp_path):
-    model = scenario("incline", gravity="moon", **{"soil.k": 0.0123, "motor.gear": 250.0}).model
+    model = scenario("incline", soil="table-1", gravity="moon", **{"soil.k": 0.0123, "motor.gear": 250.0}).model
     for wheel in (4, 1):
         model = model.having(WeakMotor(g=0.1 * wheel, wheel=wheel))
     model = model.having(TachoScale(wheel="fl")).having(TachoScale(wheel="rr", e=0.1)).having(AlgebraicSlip())
@@ -210,7 +210,7 @@ def test_a_key_of_another_form_and_a_missing_terrain(tmp_path):
 
 
 def test_a_scenario_drives_a_models_file(tmp_path):
-    made = scenario("flat", **{"soil.k": 0.02}).model.having(WeakMotor(wheel=1))
+    made = scenario("flat", soil="table-1", **{"soil.k": 0.02}).model.having(WeakMotor(wheel=1))
     file = str(write_model(made, tmp_path / "model.toml"))
     ready = scenario("bump", model=file, gravity="moon", **{"effect.WeakMotor.g": 0.1})
     assert ready.model.motor_effects == (WeakMotor(g=0.1, wheel=1),)

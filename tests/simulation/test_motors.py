@@ -25,7 +25,7 @@ def study():
 
 @pytest.mark.parametrize("name", MOTORS)
 def test_duty_055_runs_at_5_cm_a_second(name):
-    trace = scenario("flat", motor=name).drive()
+    trace = scenario("flat", soil="table-1", motor=name).drive()
     assert trace["body_vx"][-1] == pytest.approx(0.05, rel=0.01)
     assert np.mean(trace.stack("slip")[-1]) == pytest.approx(0.05, abs=0.01)
 
@@ -47,7 +47,9 @@ def test_what_back_emf_takes_of_the_cruising_duty(name, share):
 @pytest.mark.parametrize("name", MOTORS)
 def test_what_eq_9_reads_is_what_a_drive_shows(study, name):
     """The study's table is statics; here the wheels of a rover that climbs steadily, each under its own load."""
-    drive = scenario("incline", motor=name, duration=8.0, **{"terrain.angle_deg": 4.0, "terrain.start": -2.0})
+    drive = scenario(
+        "incline", soil="table-1", motor=name, duration=8.0, **{"terrain.angle_deg": 4.0, "terrain.start": -2.0}
+    )
     trace, rows = drive.drive(), study.readings()
     rows = rows[(rows["motor"] == name) & (rows["k_mm"] == 50.0)]
     S, rim = (np.mean(values[-40:]) for values in (trace.stack("slip"), 0.045 * trace.stack("wheel_rate")))
@@ -78,22 +80,22 @@ def test_when_12_degrees_are_reached(study, name, at):
 
 
 def test_a_speed_table_is_of_its_motor():
-    tables = [calibrated_table(scenario("flat", motor=name).model, (0.3, 0.55)) for name in MOTORS]
+    tables = [calibrated_table(scenario("flat", soil="table-1", motor=name).model, (0.3, 0.55)) for name in MOTORS]
     assert tables[0].speed[2] == pytest.approx(tables[1].speed[2], rel=0.01)
     assert tables[0].speed[1] != pytest.approx(tables[1].speed[1], rel=0.01)
 
 
 def test_the_motor_is_a_setting():
-    assert scenario("flat").model.motor == motor_named("speed-like") == nexus6_motor()
-    assert scenario("flat", motor="torque-like", **{"motor.supply": 9.0}).model.motor.supply == 9.0
+    assert scenario("flat", soil="table-1").model.motor == motor_named("speed-like") == nexus6_motor()
+    assert scenario("flat", soil="table-1", motor="torque-like", **{"motor.supply": 9.0}).model.motor.supply == 9.0
     with pytest.raises(ParameterError, match=r"motor = 'torque' is not known: did you mean 'torque-like'"):
-        scenario("flat", motor="torque")
+        scenario("flat", soil="table-1", motor="torque")
     with pytest.raises(ParameterError, match=r"duty 0.55 cannot hold .* with a stall torque of 0.02 N m"):
         nexus6_motor(0.02)
 
 
 def test_a_model_file_has_its_own_motor(tmp_path):
-    path = write_model(scenario("flat", motor="torque-like").model, tmp_path / "model.toml")
+    path = write_model(scenario("flat", soil="table-1", motor="torque-like").model, tmp_path / "model.toml")
     assert float(scenario("flat", model=str(path)).model.motor.stall_torque) == pytest.approx(0.25)
     with pytest.raises(ParameterError, match="motor stands in the model file"):
         scenario("flat", model=str(path), motor="speed-like")

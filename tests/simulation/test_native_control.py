@@ -45,7 +45,7 @@ def asked(controller):
 @pytest.mark.parametrize("name", CASES)
 def test_a_built_in_controller_drives_as_its_class_does(name):
     shape, settings = CASES[name]
-    case = scenario(shape, **settings, duration=8.0)
+    case = scenario(shape, soil="table-1", **settings, duration=8.0)
     drives, kept = [], []
     assert commands_of(case.controller, 6) is not None
     for controller in (case.controller, asked(case.controller)):
@@ -61,7 +61,7 @@ def test_a_built_in_controller_drives_as_its_class_does(name):
 def test_beyond_its_pitches_a_limit_holds_its_end_values_in_the_loop_too(monkeypatch):
     """Five pitches that a bump goes beyond at either end."""
     monkeypatch.setattr(torque_limit, "PITCHES", np.radians([-0.3, -0.1, 0.0, 0.02, 0.04]))
-    case = scenario("bump", control="limit", duration=8.0)
+    case = scenario("bump", soil="table-1", control="limit", duration=8.0)
     assert commands_of(case.controller, 6) is not None
     ours, theirs = (
         simulate(case.model, each, 8.0, case.start, case.timing) for each in (case.controller, asked(case.controller))
@@ -103,7 +103,7 @@ class Half(NoLimit):
     ids=["function", "subclass", "limit of a user", "limited subclass", "slip control under a user's limit"],
 )
 def test_what_a_user_wrote_is_asked(controller):
-    case = scenario("flat", duration=1.0)
+    case = scenario("flat", soil="table-1", duration=1.0)
     assert commands_of(controller, 6) is None
     trace = simulate(case.model, controller, 1.0, case.start)
     assert np.max(np.abs(trace["duty_fl"])) <= 0.3
@@ -133,7 +133,7 @@ def test_tacking_in_the_loop_is_that_of_its_class(rover, limited):
 
 def test_the_duties_and_angles_of_a_turn_in_the_loop_are_those_of_its_class():
     """One control sample: to 1e-12."""
-    case = scenario("flat")
+    case = scenario("flat", soil="table-1")
     for yaw in (-0.3, -1e-4, 0.0, 1e-5, 0.02, 0.4):
         ends = []
         for wrap in (lambda control: control, asked):
@@ -145,7 +145,7 @@ def test_the_duties_and_angles_of_a_turn_in_the_loop_are_those_of_its_class():
 
 def test_tacking_that_wants_more_than_a_wheel_can_steer_is_asked(monkeypatch):
     """So that it says so, as its class does, when the rover gets there."""
-    case = scenario("ditch")
+    case = scenario("ditch", soil="table-1")
     control = TackingControl(case.model.rover)
     monkeypatch.setattr(steering, "MOST_STEER", math.radians(15.0))
     assert commands_of(control, 6) is None
@@ -155,7 +155,7 @@ def test_tacking_that_wants_more_than_a_wheel_can_steer_is_asked(monkeypatch):
 
 def test_what_is_read_of_a_drive_is_looked_up_when_it_is_asked_for():
     """Also much later, when the drive has gone on; and it is what the plain step shows."""
-    case, kept = scenario("ditch"), []
+    case, kept = scenario("ditch", soil="table-1"), []
 
     def watching(reading):
         kept.append(reading)
@@ -175,7 +175,7 @@ def test_what_is_read_of_a_drive_is_looked_up_when_it_is_asked_for():
 
 
 def test_the_plain_step_shows_a_controller_the_same():
-    case, seen = scenario("ditch"), ([], [])
+    case, seen = scenario("ditch", soil="table-1"), ([], [])
     for drive, kept in zip((simulate, plain_simulate), seen, strict=True):
         drive(case.model, lambda reading, kept=kept: kept.append(reading) or 0.5, 0.15, case.start)
     for mine, theirs in zip(*seen, strict=True):
@@ -190,6 +190,6 @@ def test_the_plain_step_shows_a_controller_the_same():
 
 def test_a_limit_over_a_controlled_wheel_is_asked():
     """Two laws one over the other: the loop takes one."""
-    case = scenario("flat", control="true")
+    case = scenario("flat", soil="table-1", control="true")
     limited = TorqueLimited(case.controller, TorqueLimit.saturation(case.model))
     assert commands_of(limited, 6) is None

@@ -81,7 +81,9 @@ def test_a_rover_rests_where_and_how_it_was_asked_to(form, k, angle):
 
 def test_the_issue_s_stiff_sand_starts_where_asked_and_stays():
     """k = 1 mm, net form, across a slope of 5 deg: it used to start 30 mm off, turned by 10 deg."""
-    drive = scenario("park", form="net", **{"soil.k": 0.001, "terrain.angle_deg": 5.0, "start.yaw_deg": 90.0})
+    drive = scenario(
+        "park", soil="table-1", form="net", **{"soil.k": 0.001, "terrain.angle_deg": 5.0, "start.yaw_deg": 90.0}
+    )
     trace = simulate(drive.model, drive.controller, 1.0, drive.start)
     assert np.hypot(trace["body_x"], trace["body_y"]).max() < 1e-3
     assert np.abs(trace["body_yaw"] - math.pi / 2).max() < math.radians(0.2)
@@ -113,7 +115,7 @@ def test_any_ground_that_carries_lets_a_rover_rest(k_1, n):
 
 
 def test_ground_too_steep_is_said_to_slide_and_starts_unsheared():
-    model = scenario("park", **{"terrain.angle_deg": 25.0}).model
+    model = scenario("park", soil="table-1", **{"terrain.angle_deg": 25.0}).model
     down = set_down(model, Start(x=0.1))
     assert down.standing == SLIDES
     assert not down.state.contact.any()

@@ -38,7 +38,7 @@ CASES = {
 @pytest.mark.parametrize("name", CASES)
 def test_one_call_comes_to_the_rest_of_the_method_in_python(name):
     shape, options, start = CASES[name]
-    model = scenario(shape, **options).model
+    model = scenario(shape, soil="table-1", **options).model
     ends, how = [], []
     for rest in (relaxed, plain.set_down):
         state = hovering(model, start)
@@ -52,13 +52,13 @@ def test_one_call_comes_to_the_rest_of_the_method_in_python(name):
 def test_every_way_to_stand_is_met():
     found = set()
     for shape, options, start in CASES.values():
-        model = scenario(shape, **options).model
+        model = scenario(shape, soil="table-1", **options).model
         found.add(relaxed(model, hovering(model, start), start.yaw, False))
     assert found == {Rest.RESTS, Rest.SLIDES}
 
 
 def test_a_rover_that_cannot_stand_is_refused_by_both():
-    model = scenario("flat").model
+    model = scenario("flat", soil="table-1").model
     heavy = model.having(PointMass(m=20.0, shift_x=0.9))
     state, other = hovering(heavy, Start()), hovering(heavy, Start())
     assert relaxed(heavy, state, 0.0, False) is Rest.NEVER
@@ -69,7 +69,7 @@ def test_a_rover_that_cannot_stand_is_refused_by_both():
 
 def test_heights_that_overflow_are_no_crash():
     """A place is looked up in a grid although the rover was thrown away by a step: it is taken again, shorter."""
-    model = scenario("flat").model
+    model = scenario("flat", soil="table-1").model
     z = np.zeros((40, 40))
     z[::2] = 1e-3
     grid = dataclasses.replace(model, terrain=HeightGrid(-1.0, -1.0, 0.05, 0.05, z))
@@ -80,7 +80,7 @@ def test_heights_that_overflow_are_no_crash():
 def test_a_rover_is_set_down_from_where_its_lowest_wheel_touches(case):
     """Its centre a radius above the ground under it, whatever the slope, and none of the others below that."""
     shape, options, start = CASES[case]
-    model = scenario(shape, **options).model
+    model = scenario(shape, soil="table-1", **options).model
     state, data = hovering(model, start), model.rover.model.createData()
     pin.forwardKinematics(model.rover.model, data, state.q)
     gaps = []
@@ -118,7 +118,7 @@ def test_speeds_and_slides_are_counted_in_wheels(name):
 
 def test_friction_in_the_pivots_is_left_out_while_a_rover_is_set_down():
     """So much that its bogies would stay where they were in the air."""
-    model = scenario("rocks").model
+    model = scenario("rocks", soil="table-1").model
     bare, stiff = (settled(each, Start(0.7)) for each in (model, model.having(PivotFriction(tau_c=0.2, b=5.0))))
     assert np.array_equal(bare.q, stiff.q)
     assert np.array_equal(bare.contact, stiff.contact)

@@ -16,7 +16,7 @@ from rover_pin.soil.traction import wheel_forces
 
 @pytest.fixture(scope="module")
 def flat():
-    made = scenario("flat", duration=1.0, **{"effect.RelaxedSlip.damping": 0.0})
+    made = scenario("flat", soil="table-1", duration=1.0, **{"effect.RelaxedSlip.damping": 0.0})
     return made.model, made.drive()
 
 
@@ -76,7 +76,7 @@ def test_the_state_lags_behind_the_slip_by_its_damping(flat):
 
 def test_slip_that_follows_at_once_stores_nothing(flat):
     _, trace = flat
-    store = shear_store(scenario("flat", slip="algebraic").model, trace)
+    store = shear_store(scenario("flat", soil="table-1", slip="algebraic").model, trace)
     assert not store.taken.any()
     assert not store.stored.any()
     assert store.overdrawn == 0.0
@@ -90,7 +90,7 @@ def test_a_wheel_in_the_air_stores_nothing(flat):
 @pytest.mark.parametrize(("name", "settings"), [("ditch", {"soil.k": 0.01}), ("bump", {}), ("washboard", {})])
 def test_a_ready_made_drive_gets_back_what_it_had_stored_and_no_more(name, settings, monkeypatch):
     """Without its store the ditch was told of .021 J from nowhere; of the power nothing is left over but rounding."""
-    made = scenario(name, **settings)
+    made = scenario(name, soil="table-1", **settings)
     trace = made.drive()
     assert not any("nowhere" in each for each in trace.attrs["warnings"])
     real = shear_store(made.model, trace)
@@ -102,4 +102,4 @@ def test_a_ready_made_drive_gets_back_what_it_had_stored_and_no_more(name, setti
 
 
 def test_a_rover_that_turns_on_rocks_is_not_accused():
-    assert not scenario("rocks").drive().attrs["warnings"]
+    assert not scenario("rocks", soil="table-1").drive().attrs["warnings"]

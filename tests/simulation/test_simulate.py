@@ -27,7 +27,7 @@ DEG = math.pi / 180.0
 
 
 def made(name, **settings):
-    return scenario(name, **settings).model
+    return scenario(name, soil="table-1", **settings).model
 
 
 def test_the_paper_s_duty_gives_the_paper_s_speed_on_the_flat():
@@ -57,14 +57,14 @@ def test_tangential_force_is_the_factor_times_the_normal_force():
 
 @pytest.mark.parametrize("name", ["flat", "incline", "ditch", "bump", "one-sided-bump", "hills", "turn"])
 def test_energy_closes(name):
-    trace = scenario(name, duration=8.0).drive()
+    trace = scenario(name, soil="table-1", duration=8.0).drive()
     assert trace.energy_error() < 0.01
 
 
 @pytest.mark.parametrize("angle", [3.0, 6.0])
 def test_a_parked_rover_stays(angle):
     """Creep below 0.01 mm/s on the slope, once the sand has taken the load up."""
-    model = scenario("park", **{"terrain.angle_deg": angle}).model
+    model = scenario("park", soil="table-1", **{"terrain.angle_deg": angle}).model
     trace = simulate(model, ConstantDuty(0.0), 20.0)
     late = trace["t_s"] > 15.0
     creep = np.ptp(trace["body_x"][late]) / np.ptp(trace["t_s"][late])
@@ -76,7 +76,7 @@ def test_a_parked_rover_stays(angle):
 @pytest.mark.parametrize("dt", [0.01, 0.005])
 def test_a_parked_rover_on_grippy_sand_does_not_chatter(k, dt):
     """A resistance that turns round within a few mm/s must not make the wheels flip from step to step."""
-    model = scenario("park", **{"terrain.angle_deg": 6.0, "soil.k": k, "cruise_slip": 0.05}).model
+    model = scenario("park", soil="table-1", **{"terrain.angle_deg": 6.0, "soil.k": k, "cruise_slip": 0.05}).model
     fine, coarse = (simulate(model, ConstantDuty(0.0), 4.0, timing=Timing(step, 0.05, 0.01)) for step in (0.0025, dt))
     late = coarse["t_s"] > 2.0
     for wheel in coarse.wheels:
@@ -88,7 +88,7 @@ def test_a_parked_rover_on_grippy_sand_does_not_chatter(k, dt):
 @pytest.mark.parametrize("dt", [0.005, 0.00125])
 def test_locked_wheels_that_slide_do_not_ring_on_their_gears(friction, angle, dt):
     """At 107 Hz they did, for ever and at any step (7 Hz in rows of 10 ms), with rims at 0.3 to 0.7 mm/s."""
-    model = scenario("park", gear_friction=friction, **{"terrain.angle_deg": angle}).model
+    model = scenario("park", soil="table-1", gear_friction=friction, **{"terrain.angle_deg": angle}).model
     trace = simulate(model, ConstantDuty(0.0), 6.0, timing=Timing(dt, 0.05, 0.05))
     late = trace["t_s"] > 4.0
     assert 0.045 * np.abs(np.diff(trace.stack("wheel_rate")[late], axis=0)).max() < 1e-5
@@ -112,7 +112,7 @@ def test_the_faster_of_travel_and_rim_decides_where_a_wheel_goes():
 
 def test_a_rover_comes_to_rest_on_a_steep_slope_of_the_grippiest_sand():
     """Set down with the wheels held; a resistance of which nobody knows yet where to does not shake it."""
-    model = scenario("park", **{"terrain.angle_deg": 15.0, "soil.k": 0.001, "cruise_slip": 0.05}).model
+    model = scenario("park", soil="table-1", **{"terrain.angle_deg": 15.0, "soil.k": 0.001, "cruise_slip": 0.05}).model
     state = settled(model, Start())
     trace = simulate(model, ConstantDuty(0.0), 0.5, timing=Timing(0.0025, 0.05, 0.05))
     assert np.abs(state.v).max() == 0.0
@@ -146,7 +146,7 @@ def test_a_reversal_under_way_is_smooth():
 @pytest.mark.parametrize("slip", ["relaxed", "algebraic"])
 def test_the_default_step_is_converged(slip):
     """0.1 mm over 20 s of the 30-deg-wall ditch, against a step 16 times finer."""
-    drive = scenario("ditch", slip=slip, **{"soil.k": 0.01, "cruise_slip": 0.05})
+    drive = scenario("ditch", soil="table-1", slip=slip, **{"soil.k": 0.01, "cruise_slip": 0.05})
     state = settled(drive.model, drive.start, symmetric=True)
     coarse = simulate(drive.model, drive.controller, 20.0, state, drive.timing, symmetric=True)
     fine_timing = Timing(drive.timing.dt / 16, drive.timing.control, drive.timing.sample)
@@ -157,7 +157,7 @@ def test_the_default_step_is_converged(slip):
 @pytest.mark.parametrize("name", ["one-sided-bump", "rocks"])
 def test_a_rover_may_drift_across_a_lanes_edge(name):
     """Both turn until a wheel meets the side of what it passes; an edge had no side, and that wheel was "buried"."""
-    drive = scenario(name)
+    drive = scenario(name, soil="table-1")
     trace = drive.drive()
     assert trace.attrs["stop"] == "duration"
     assert np.degrees(np.abs(trace["body_yaw"]).max()) > 10.0
@@ -167,7 +167,7 @@ def test_a_rover_may_drift_across_a_lanes_edge(name):
 
 @pytest.mark.parametrize("name", ["one-sided-bump", "rocks"])
 def test_a_drive_across_a_lanes_edge_converges(name):
-    drive = scenario(name)
+    drive = scenario(name, soil="table-1")
     coarse = drive.drive()
     fine = dataclasses.replace(drive, timing=Timing(drive.timing.dt / 4)).drive()
     for channel in ("body_x", "body_y", "body_z"):
@@ -176,7 +176,7 @@ def test_a_drive_across_a_lanes_edge_converges(name):
 
 def test_the_step_is_of_second_order_under_way():
     """On a slope, with the duty changing; near rest and at corners the forces have kinks, and the order falls."""
-    drive = scenario("incline", **{"soil.k": 0.01, "terrain.start": -3.0})
+    drive = scenario("incline", soil="table-1", **{"soil.k": 0.01, "terrain.start": -3.0})
     state = settled(drive.model, drive.start, symmetric=True)
     kernel = Kernel(drive.model, state, 0.001, symmetric=True)
     kernel.duty[:] = 0.5
@@ -196,7 +196,7 @@ def test_the_step_is_of_second_order_under_way():
 
 @pytest.mark.slow
 def test_the_plain_reference_agrees_over_a_whole_drive():
-    drive = scenario("ditch", duration=20.0, **{"soil.k": 0.01})
+    drive = scenario("ditch", soil="table-1", duration=20.0, **{"soil.k": 0.01})
     state = settled(drive.model, drive.start, symmetric=True)
     fast = simulate(drive.model, drive.controller, 20.0, state, symmetric=True)
     plain = plain_simulate(drive.model, drive.controller, 20.0, state, symmetric=True)
@@ -250,7 +250,7 @@ def test_a_buried_wheel_stops_the_drive():
 def test_how_deep_a_buried_wheel_is_can_be_set():
     """The same drive, only longer: it goes on where the usual cut ended it."""
     digging = {"add": "DiggingMemory.c_d=0.2", "terrain.angle_deg": 9.0, "terrain.start": -5.0, "duration": 20.0}
-    usual, deep = (scenario("incline", **digging, **cut).drive() for cut in ({}, {"buried": 0.9}))
+    usual, deep = (scenario("incline", soil="table-1", **digging, **cut).drive() for cut in ({}, {"buried": 0.9}))
     rows = len(usual.t)
     assert usual.attrs["stop"].startswith("buried")
     assert deep.attrs["stop"] == "duration"
@@ -258,7 +258,7 @@ def test_how_deep_a_buried_wheel_is_can_be_set():
     assert deep.stack("sinkage").max() > 0.5 * 0.045
     for wrong in (0.0, 0.99, float("nan")):
         with pytest.raises(ParameterError, match=r"buried = .* is not allowed"):
-            scenario("incline", buried=wrong)
+            scenario("incline", soil="table-1", buried=wrong)
 
 
 def test_a_diverged_drive_keeps_what_was_driven():
@@ -299,12 +299,12 @@ def test_commands_are_checked():
             lambda: simulate(made("one-sided-bump"), ConstantDuty(), 1.0, symmetric=True),
             "same on the left and on the right",
         ),
-        (lambda: scenario("dich"), "did you mean 'ditch'"),
-        (lambda: scenario("ditch", soyl="table-1"), "There is no setting 'soyl'"),
+        (lambda: scenario("dich", soil="table-1"), "did you mean 'ditch'"),
+        (lambda: scenario("ditch", soil="table-1", soyl="table-1"), "There is no setting 'soyl'"),
         (lambda: scenario("ditch", soil="tabel-1"), "did you mean 'table-1'"),
-        (lambda: scenario("ditch", gravity="mon"), "did you mean 'moon'"),
-        (lambda: scenario("ditch", gravity=-1.0), "must lie in"),
-        (lambda: scenario("ditch", **{"soil.k": -1.0}), "soil.k = -1 m is not allowed"),
+        (lambda: scenario("ditch", soil="table-1", gravity="mon"), "did you mean 'moon'"),
+        (lambda: scenario("ditch", soil="table-1", gravity=-1.0), "must lie in"),
+        (lambda: scenario("ditch", soil="table-1", **{"soil.k": -1.0}), "soil.k = -1 m is not allowed"),
         (lambda: made("flat").replace(terain=1), "did you mean 'terrain'"),
         (lambda: made("flat").effect(GearFriction), "has no effect GearFriction"),
     ],
@@ -351,7 +351,7 @@ def test_a_turn_has_about_its_radius(radius):
     """Within 7 % at low slip on grippy soil (0.935 m of 1 m), and the mirror image the other way round."""
     traces = {}
     for sign in (1, -1):
-        drive = scenario("turn", duration=20.0, **{"soil.k": 0.001, "control.radius": sign * radius})
+        drive = scenario("turn", soil="table-1", duration=20.0, **{"soil.k": 0.001, "control.radius": sign * radius})
         traces[sign] = drive.drive()
     trace = traces[1]
     late = trace["t_s"] > 5.0
@@ -362,7 +362,7 @@ def test_a_turn_has_about_its_radius(radius):
 
 
 def test_a_point_turn_stays_where_it_is():
-    trace = scenario("point-turn", duration=10.0, **{"soil.k": 0.001}).drive()
+    trace = scenario("point-turn", soil="table-1", duration=10.0, **{"soil.k": 0.001}).drive()
     assert abs(trace["body_yaw"][-1]) > 1.0
     assert np.hypot(trace["body_x"], trace["body_y"]).max() < 0.03
 

@@ -25,7 +25,7 @@ STIFF = {"soil.k": 0.0025, "effect.MotionResistance.R": 0.03}
 
 
 def driven(name, **settings):
-    made = scenario(name, **settings)
+    made = scenario(name, soil="table-1", **settings)
     return made.model, made.drive()
 
 
@@ -157,7 +157,7 @@ def test_the_net_form_gives_nothing_at_any_slip():
     ],
 )
 def test_a_drive_notes_where_sinking_or_rising_costs_nothing(add, settings, told):
-    notes = scenario("flat", duration=0.5, add=add, **settings).drive().summary().get("notes", [])
+    notes = scenario("flat", soil="table-1", duration=0.5, add=add, **settings).drive().summary().get("notes", [])
     assert len(notes) == len(told)
     assert all(words in note for words, note in zip(told, notes, strict=True))
 

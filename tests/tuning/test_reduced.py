@@ -81,7 +81,7 @@ def test_rounded_greater_and_lesser(eps):
 )
 def test_reduced_drive_is_near_the_full_one(name, settings, slip, speed):
     """RMSE over 12 s; the bump's is what the suspension's own motion, left out, is worth."""
-    scene = scenario(name, **settings, duration=12.0)
+    scene = scenario(name, soil="table-1", **settings, duration=12.0)
     trace = simulate(scene.model, ConstantDuty(), 12.0, symmetric=True)
     own = Reduced(scene.model, OPEN, 12.0).drive(HELD, trace.t)
     assert np.sqrt(np.mean((own["v"] - trace["body_vx"]) ** 2)) < speed
@@ -102,7 +102,7 @@ def test_on_a_slope_each_axle_carries_what_it_does_in_the_full_drive(rover, degr
 
 def test_reduced_drive_under_control_is_near_the_full_one():
     """Post-peak loss, gear friction, torque limit and Eq (9) at once: every branch of the reduced loop."""
-    scene = scenario("incline", **{"soil.k": 0.01, "terrain.angle_deg": 5, "terrain.start": 0.2})
+    scene = scenario("incline", soil="table-1", **{"soil.k": 0.01, "terrain.angle_deg": 5, "terrain.start": 0.2})
     model = scene.model.having(PostPeak(fraction=0.2)).having(GearFriction(tau_c=0.05))
     estimate = TableEstimate(SpeedTable((0.0, 0.1, 1.0), (0.0, 0.003, 0.092)), 0.045)
     limit, gains = TorqueLimit.saturation(model), Gains(k_p=0.2, k_i=0.3, delta_max=0.7)
@@ -115,7 +115,7 @@ def test_a_rover_of_two_axles():
     """Four wheels and no differential: the same reduction, level and uphill."""
     settings = {"rover": str(CART), "soil.k": 0.01, "terrain.angle_deg": 4, "terrain.start": 0.3, "soil.k_1": 5e5}
     settings |= {"motor.resistance": 2.0}
-    scene = scenario("incline", **settings)
+    scene = scenario("incline", soil="table-1", **settings)
     trace = simulate(scene.model, ConstantDuty(), 8.0, symmetric=True)
     own = Reduced(scene.model, OPEN, 8.0).drive(HELD, trace.t)
     assert own["slip"].shape == (len(trace.t), 2)
@@ -126,7 +126,7 @@ def test_a_rover_of_two_axles():
 def test_a_wheel_digs_in_as_deep_as_in_the_full_drive(k, degrees, c_d):
     """Its own sinkage and the hole that it digs, until it is buried: slip to 0.1, sinkage to 1 mm of up to 23."""
     settings = {"soil.k": k, "terrain.angle_deg": degrees, "add": DiggingMemory(c_d=c_d), "duration": 25.0}
-    scene = scenario("incline", **settings)
+    scene = scenario("incline", soil="table-1", **settings)
     for S_d in (0.3, 1.0):
         control, gains = TrueSlip(), Gains(S_d=S_d, k_p=0.3)
         trace = simulate(scene.model, SlipControl(gains, control), 25.0, symmetric=True)
@@ -139,7 +139,7 @@ def test_a_wheel_digs_in_as_deep_as_in_the_full_drive(k, degrees, c_d):
 @pytest.mark.parametrize("d", [0.0, 10.0])
 def test_at_rest_the_wheels_stand_as_deep_as_their_loads_ask(d):
     """From the mean load's sinkage to each axle's own, on damped soil and on soil without damping."""
-    scene = scenario("flat", **{"effect.NormalDamping.d": d, "control.delta": 0.0})
+    scene = scenario("flat", soil="table-1", **{"effect.NormalDamping.d": d, "control.delta": 0.0})
     model = scene.model
     still = Reduced(model, OPEN, 2.0).drive(Gains(k_p=0.0, k_i=0.0, delta_0=0.0, delta_min=0.0), np.array([1.0, 2.0]))
     loads = wheel_loads(model.rover, 0.0)[::2]
@@ -149,7 +149,9 @@ def test_at_rest_the_wheels_stand_as_deep_as_their_loads_ask(d):
 
 def test_the_gradient_of_a_digging_drive_equals_finite_differences():
     """Of the mean sinkage and the end, through the wheels' own sinkage and the depth of their holes."""
-    scene = scenario("incline", **{"terrain.angle_deg": 6, "terrain.start": 0.0, "add": DiggingMemory(c_d=0.1)})
+    scene = scenario(
+        "incline", soil="table-1", **{"terrain.angle_deg": 6, "terrain.start": 0.0, "add": DiggingMemory(c_d=0.1)}
+    )
     gains = Gains(S_d=0.3, k_p=0.5, k_i=0.8)
     outcome = Reduced(scene.model, Loop(TrueSlip(), NoLimit(), 0.005), 8.0).outcome()
     symbols = ca.MX.sym("gains", len(GAIN_NAMES))
@@ -167,7 +169,7 @@ def test_the_gradient_of_a_digging_drive_equals_finite_differences():
 @pytest.mark.parametrize("smoothing", [0.0, 0.005])
 def test_adjoint_gradient_equals_finite_differences(smoothing):
     """Of end position and slip, by every gain that acts; the difference step is far above the integrator's noise."""
-    scene = scenario("incline", **{"soil.k": 0.01, "terrain.angle_deg": 6, "terrain.start": 0.0})
+    scene = scenario("incline", soil="table-1", **{"soil.k": 0.01, "terrain.angle_deg": 6, "terrain.start": 0.0})
     gains = Gains(S_d=0.15, k_p=0.5, k_i=0.8, delta_max=0.6)
     outcome = Reduced(scene.model, Loop(TrueSlip(), NoLimit(), smoothing), 6.0).outcome()
     symbols = ca.MX.sym("gains", len(GAIN_NAMES))
@@ -183,7 +185,7 @@ def test_adjoint_gradient_equals_finite_differences(smoothing):
 
 def test_a_stuck_drive_stays_finite():
     """The clamped slip: a rover that rolls back on too steep a slope must not blow up."""
-    scene = scenario("incline", **{"terrain.angle_deg": 20, "terrain.start": 0.2})
+    scene = scenario("incline", soil="table-1", **{"terrain.angle_deg": 20, "terrain.start": 0.2})
     out = np.array(Reduced(scene.model, OPEN, 20.0).outcome()(as_column(HELD))).ravel()
     assert np.all(np.isfinite(out))
     assert abs(out[0]) < 1.0
@@ -191,7 +193,7 @@ def test_a_stuck_drive_stays_finite():
 
 def test_an_integrator_that_gives_up_is_reported_in_the_error_only(monkeypatch, capsys):
     monkeypatch.setattr("rover_pin.tuning.reduced.TOLERANCES", {"max_num_steps": 3})
-    scene = scenario("flat")
+    scene = scenario("flat", soil="table-1")
     with pytest.raises(OptimisationError, match="reduced model cannot be driven with Gains"):
         Reduced(scene.model, OPEN, 5.0).drive(HELD, np.array([1.0, 5.0]))
     assert capsys.readouterr() == ("", "")

@@ -18,10 +18,10 @@ from rover_pin.tuning.study import DriveCase, Effort, TuningStudy
 from rover_pin.tuning.trust import SLIP_ERROR, checked_over, refusal
 from rover_pin.tuning.tune import Point, place_of, slope_of, spread, tune_gains, values
 
-SAND = (("duration", 5.0), ("soil.k", 0.01), ("terrain.angle_deg", 8.0), ("terrain.start", 0.0))
+SAND = (("duration", 5.0), ("soil.k", 0.01), ("terrain.angle_deg", 8.0), ("terrain.start", 0.0), ("soil.phi_deg", 30.0))
 INCLINE = DriveCase("incline", "incline", SAND, 0.2)
 FLAT = DriveCase("flat", "flat", (("duration", 4.0),))
-HELD_OUT = DriveCase("held out", "incline", (*SAND[:2], ("terrain.angle_deg", 6.0), SAND[3]))
+HELD_OUT = DriveCase("held out", "incline", (*SAND[:2], ("terrain.angle_deg", 6.0), *SAND[3:]))
 SMALL = Effort(population=5, generations=1, starts=1, steps=2, keep=2)
 STUDY = TuningStudy("small", (INCLINE, FLAT), (HELD_OUT,), {"k_p": (0.01, 5.0), "S_d": (0.05, 0.9)}, effort=SMALL)
 
@@ -107,7 +107,11 @@ def test_the_check_of_the_reduced_model_is_told_in_millimetres(tuned):
 
 
 def test_all_stuck_is_one_sentence_with_the_score_of_constant_duty():
-    steep = DriveCase("steep", "incline", (("duration", 20.0), ("terrain.angle_deg", 40.0), ("terrain.start", 0.3)))
+    steep = DriveCase(
+        "steep",
+        "incline",
+        (("soil", "table-1"), ("duration", 20.0), ("terrain.angle_deg", 40.0), ("terrain.start", 0.3)),
+    )
     study = dataclasses.replace(STUDY, training=(steep,), held_out=())
     with pytest.raises(
         OptimisationError, match=r"stuck whatever the gains \(.*constant duty 0.55 costs .* 1 of 1"
@@ -211,9 +215,9 @@ def test_reduced_and_full_score_agree_part_by_part():
     assert reduced.sinkage == pytest.approx(full.sinkage, abs=0.01)
 
 
-DIGS = (("duration", 30.0), ("add", "DiggingMemory.c_d=0.1"), ("terrain.angle_deg", 7.0))
+DIGS = (("soil", "table-1"), ("duration", 30.0), ("add", "DiggingMemory.c_d=0.1"), ("terrain.angle_deg", 7.0))
 DIGGING = DriveCase("digging slope", "incline", DIGS)
-LOOSE = (("effect.MotionResistance.R", 0.028), ("soil.k", 0.01))
+LOOSE = (("soil", "table-1"), ("effect.MotionResistance.R", 0.028), ("soil.k", 0.01))
 BEFORE_A_WALL = DriveCase("ditch", "ditch", (("duration", 14.0), *LOOSE, ("terrain.wall_angle_deg", 40.0)))
 
 

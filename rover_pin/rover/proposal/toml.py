@@ -91,7 +91,7 @@ def _ends(proposal: Proposal) -> Iterator[str]:
     yield '# stall_torque = { value = 1.0, unit = "N m" }'
     yield '# no_load_speed = { value = 30, unit = "rpm" }'
     yield "# gear = 1.0\n# efficiency = 1.0"
-    yield "\n# The ground where nothing else is said; without this, Table 1's sand made firm enough:"
+    yield "\n# The ground where nothing else is said; without this, slope-sand made firm enough:"
     yield '# soil = "fjs-1"'
 
 
