@@ -65,7 +65,7 @@ def _entries(title: str, entries: list[Any], command: str) -> str:
     for each in entries:
         example = "" if each.facts.get("acts") == "sensor" else f"\n\n`{command.format(each.name)}`"
         title = f"{each.name}: {each.facts['title']}" if each.facts.get("title") else each.name
-        parts.append(f"\n## {_plain(title)}\n\n{_plain(each.about)}.{example}\n")
+        parts.append(f"\n## {_plain(title)}\n\n{_plain(each.summary)}.{example}\n")
         for name, value in each.facts.items():
             if name not in ("file", "title") and (value or value == 0):
                 words, said = fact(name, value).split(": ", 1)
