@@ -42,11 +42,12 @@ from joblib import Parallel, delayed
 from kept.case import kept
 
 from rover_pin.base.code_digest import key_of_code
+from rover_pin.discrepancy.calibration import calibrated
 from rover_pin.discrepancy.candidate import plain_candidate
 from rover_pin.discrepancy.exact_refits import paired, rank_refits, variants
 from rover_pin.discrepancy.refit import Refit
 from rover_pin.discrepancy.screen import null_threshold
-from rover_pin.discrepancy.search import calibrated, threshold_after
+from rover_pin.discrepancy.search import threshold_after
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.noise import huber_losses

@@ -5,10 +5,10 @@ Question
     the test bed's noise, and does it steer like the true slip?
 Method
     `OnboardSlip` and Eq (9), its table measured for each drive's own model, on 100 held-out drives of 40 s from one
-    seed: digging inclines (3 to 11 deg, k 10 to 50 mm), slopes that steepen, ditches (34 to 50 deg, k 2.5 to 10 mm,
-    up to half of the strength lost), hills, rocks; phi, R, c_d drawn too; 16 with the cart. Nothing was set on them.
-    It knows the model's contact law; a second one a wrong soil (k 1.5 times, phi 3 deg less). Bias and SD at constant
-    duty, of wheels that turn; then each closes the slip control (S_d = 0.2).
+    seed: digging inclines (3 to 11 deg, k 10 to 50 mm), slopes that steepen, ditches (34 to 50 deg, k 2.5 to 10 mm, up
+    to half of the strength lost), hills, rocks; phi, R, c_d drawn; 16 with the cart. Nothing was set on them. The
+    estimate knows the model's contact law; a second one a wrong soil (k 1.5 times, phi 3 deg less). Bias and SD at
+    constant duty, of wheels that turn; then each closes the slip control (S_d = 0.2).
 Result
     S_hat - S: Eq (9) bias -0.29, SD 0.41 (a wheel that spins under load turns slower, and reads as gripping); on
     board +0.001, 0.11: RMS 0.01 to 0.03 on inclines, slopes and hills, 0.15 in ditches, 0.19 on rocks, where the
@@ -20,7 +20,6 @@ What the paper says
     "The latter is difficult to measure by on-board sensors and an external measurement system will be needed."
 What differs
     Here torque is read as slip through the soil's known law.
-
 Run: python studies/slip_sensing.py [--quick] [--out DIR]
 """
 
@@ -79,8 +78,7 @@ def main() -> None:
     options.out.mkdir(parents=True, exist_ok=True)
     cases = drawn(1, 6.0)[1:4] if options.quick else drawn(10, DURATION)
     evaluations = Evaluations(options.out, options.workers or None, said)
-    seen = [(case, at) for at, case in enumerate(cases)]
-    watching = evaluations.run("estimates beside constant duty", watched, seen)
+    watching = evaluations.run("estimates beside constant duty", watched, [(case, at) for at, case in enumerate(cases)])
     jobs = [(case, name, at) for name in CONTROLS[1:] for at, case in enumerate(cases)]
     found = [each[3 * len(ESTIMATES) :] for each in watching] + evaluations.run("drives under control", driven, jobs)
     every = ((case.name, case.kind, name) for name in CONTROLS for case in cases)

@@ -61,8 +61,8 @@ from forms.error_bars import draw_error_bars, last_law
 from forms.joined import joined
 from forms.sinkage import DingMetres, Exponential, Lyasko, Squared
 
+from rover_pin.discrepancy.calibration import calibrated
 from rover_pin.discrepancy.cross_validation import held_out_residual
-from rover_pin.discrepancy.search import calibrated
 from rover_pin.effects.effect import Effect
 from rover_pin.effects.flank_pressure import FlankPressure
 from rover_pin.effects.interface_friction import InterfaceFriction

@@ -223,13 +223,7 @@ def printed(command, folder):
     path = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])
     env = {**os.environ, "PYTHONPATH": path, "COLUMNS": "200", "BROWSER": "true"}  # opens nothing
     got = subprocess.run(
-        [sys.executable, *start, *words],
-        cwd=folder,
-        env=env,
-        capture_output=True,
-        text=True,
-        timeout=1800,
-        check=False,
+        [sys.executable, *start, *words], cwd=folder, env=env, capture_output=True, text=True, timeout=1800, check=False
     )
     assert got.returncode == about.exit_code, got.stderr[-2000:]
     assert "Traceback" not in got.stderr

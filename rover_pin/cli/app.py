@@ -59,8 +59,7 @@ def main() -> None:
 @app.command()
 def drive(
     scenario: Annotated[
-        str,
-        typer.Argument(autocompletion=scenario_names, help="ditch, flat ...: rover-pin list scenarios."),
+        str, typer.Argument(autocompletion=scenario_names, help="ditch, flat ...: rover-pin list scenarios.")
     ],
     control: Annotated[
         str,
@@ -111,12 +110,8 @@ def _driven(chosen: Any, check: bool, views: list[str], out: Path, as_json: bool
         from rover_pin import plot
 
         chosen.write_log(trace, out / "log")
-        files = [
-            out / "log",
-            *plot.drive_figures(trace, chosen.model, out),
-            *write_requested(chosen, trace, views, out),
-        ]
-        result["files"] = list(map(str, files))
+        figures = plot.drive_figures(trace, chosen.model, out)
+        result["files"] = list(map(str, [out / "log", *figures, *write_requested(chosen, trace, views, out)]))
     report(result, as_json)
     if str(trace.attrs["stop"]).startswith("diverged"):
         raise typer.Exit(1)
@@ -147,11 +142,7 @@ def check_urdf(
     if not is_file(file):
         file = shipped(str(name))
     urdf_report = check(file, Trust(everything=trust))
-    result: dict[str, Any] = {
-        "faults": [*urdf_report.faults],
-        "notes": list(urdf_report.notes),
-        "facts": list(urdf_report.facts),
-    }
+    result: dict[str, Any] = {name: list(getattr(urdf_report, name)) for name in ("faults", "notes", "facts")}
     if urdf_report.ok and urdf_report.loads:
         road = road_check(load_rover(file, Trust(everything=trust)))
         result["faults"] += road.faults

@@ -106,11 +106,7 @@ def torque_bounds(
 
 
 def bound_gradient(
-    load: float,
-    soil: Soil,
-    wheel: Wheel,
-    slip_limit: float = SLIP_LIMIT,
-    angles: FixedAngles | SinkageAngles = BY_LOAD,
+    load: float, soil: Soil, wheel: Wheel, slip_limit: float = SLIP_LIMIT, angles: FixedAngles | SinkageAngles = BY_LOAD
 ) -> dict[str, Bounds]:
     """Return the derivatives of both bounds by the load, the slip limit and every quantity of wheel and soil.
 

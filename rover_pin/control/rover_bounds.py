@@ -154,13 +154,7 @@ def driven_slope(
 
 
 def _spare(
-    which: int,
-    rover: Rover,
-    soil: Soil,
-    limit: TractionLimit,
-    gravity: float,
-    R: float = 0.0,
-    most: ArrayLike = np.inf,
+    which: int, rover: Rover, soil: Soil, limit: TractionLimit, gravity: float, R: float = 0.0, most: ArrayLike = np.inf
 ) -> Callable[[float], float]:
     """Return the pull that is left on a slope [N], at full shear (0) or at the slip limit (1)."""
 

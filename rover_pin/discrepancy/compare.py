@@ -7,10 +7,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from rover_pin.discrepancy.calibration import DeclaredStart
 from rover_pin.discrepancy.candidate import Candidate
 from rover_pin.discrepancy.cross_validation import first_order_surprises, refitted_surprises, seen_again
 from rover_pin.discrepancy.refit import ODDS, Progress, Refit, Threshold, best_of_each, joined, rescale_thresholds
-from rover_pin.discrepancy.restart import DeclaredStart
 from rover_pin.discrepancy.screen import Scored, score, signatures, started
 from rover_pin.estimation.fit import Fit, fit
 from rover_pin.estimation.parameter import Parameter

@@ -10,12 +10,13 @@ from typing import Any
 
 from rover_pin.discrepancy.answer import TAKEN_TOGETHER, TAKES_MOST, Answer
 from rover_pin.discrepancy.assessment import ResidualAssessment, described, held_out_share
+from rover_pin.discrepancy.calibration import again, calibrated
 from rover_pin.discrepancy.candidate import Candidate, is_effect
 from rover_pin.discrepancy.cross_validation import without_each
 from rover_pin.discrepancy.draft import Draft, Drafted, scored, tried
 from rover_pin.discrepancy.held_out import ChannelScore, errors_anew, errors_of_others, held_out, lost_folds
 from rover_pin.discrepancy.refit import Progress
-from rover_pin.discrepancy.search import Search, again, calibrated, search
+from rover_pin.discrepancy.search import Search, search
 from rover_pin.discrepancy.sentence import sentence
 from rover_pin.discrepancy.verdict import Side, Verdict
 from rover_pin.estimation.experiment import Experiment

@@ -6,17 +6,15 @@ import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any
 
 import numpy as np
 
-from rover_pin.base.errors import OptimisationError
 from rover_pin.base.public import brief
+from rover_pin.discrepancy.calibration import again, declared_start, is_bent
 from rover_pin.discrepancy.candidate import Candidate
 from rover_pin.discrepancy.compare import refit
 from rover_pin.discrepancy.exact_refits import Tried, as_published, exactly_refitted, paired, rank_refits
 from rover_pin.discrepancy.refit import Progress, Refit, Threshold, indistinguishable_refits
-from rover_pin.discrepancy.restart import declared_start, is_bent
 from rover_pin.discrepancy.screen import (
     Scored,
     Signature,
@@ -28,15 +26,12 @@ from rover_pin.discrepancy.screen import (
     with_noise,
     with_random_effects,
 )
-from rover_pin.estimation.exact import scattered
-from rover_pin.estimation.experiment import Experiment, residual
-from rover_pin.estimation.fit import Fit, best_of, fit
-from rover_pin.estimation.noise import COLOURED, first_noise
+from rover_pin.estimation.experiment import Experiment
+from rover_pin.estimation.fit import Fit
+from rover_pin.estimation.noise import COLOURED
 from rover_pin.estimation.numbers import is_adequate
-from rover_pin.estimation.parameter import Parameter
 from rover_pin.estimation.random_effects.beyond_declared import beyond_declared
 from rover_pin.estimation.random_effects.random_field import RandomField
-from rover_pin.estimation.task import Task
 
 MOST = 3
 """Effects that are added at most."""
@@ -48,8 +43,6 @@ FOLDS_OF_TWO = 5
 freed, on seven levels, one imitated that drag together with another."""
 LEARNT = 2
 """How often noise and base are fitted in turn."""
-STARTS, WIDER = 6, (1.0, 2.0, 4.0)
-"""Starts of the base model's fit where it is exact, and how many times as far they lie where none of them ends."""
 
 
 @brief
@@ -85,9 +78,7 @@ class Search:
 
     def before(self, number: int) -> tuple[Refit, ...]:
         """The best of every round before this one that found something."""
-        return tuple(
-            search_round.indistinguishable[0] for search_round in self.rounds[:number] if search_round.indistinguishable
-        )
+        return tuple(step.indistinguishable[0] for step in self.rounds[:number] if step.indistinguishable)
 
     @property
     def added(self) -> tuple[Candidate, ...]:
@@ -105,9 +96,7 @@ class Search:
     @property
     def indistinguishable(self) -> tuple[str, ...]:
         """What was added, then what cannot be distinguished from it; empty where nothing was added."""
-        *firsts, last = [
-            search_round.indistinguishable for search_round in self.rounds if search_round.indistinguishable
-        ] or [()]
+        *firsts, last = [step.indistinguishable for step in self.rounds if step.indistinguishable] or [()]
         before = [candidate.name for candidate in replace(self, rounds=self.rounds[: len(firsts)]).added]
         ways = [[*([c.name for c in tied_refit.instead] or before), tied_refit.candidate.name] for tied_refit in last]
         if not self.base.task.experiment.is_exact:  # else every round but the last was looked at again by pairs
@@ -128,41 +117,6 @@ class Search:
     def count(self) -> int:
         """How many candidates were tried."""
         return len(self.rounds[0].scored) if self.rounds else 0
-
-
-def calibrated(experiment: Experiment, model: Any, numbers: Sequence[Parameter], seed: int = 0) -> Fit:
-    """Return the model with its uncertain numbers fitted, the noise as declared, or taken as large as what is left.
-
-    Raises
-    ------
-    OptimisationError
-        An exact experiment, and none of several starts ends.
-    """
-    declared = experiment.noise()
-    if declared is not None and experiment.is_exact:
-        centre = np.array([parameter.u(experiment.value(model, parameter.name)) for parameter in numbers])
-        starts = np.array(scattered(numbers, centre, STARTS, seed))
-        for times in WIDER:
-            best_fit = best_of(Task(experiment, declared), model, numbers, [*(centre + times * (starts - centre))])
-            if best_fit is not None:
-                return best_fit
-        lost = experiment.unpredicted(model)
-        why = f"{lost}; start from a model that does, or mend that run" if lost else "free fewer numbers"
-        message = f"{experiment.name}: no start of the fit of the base model converged: {why}."
-        raise OptimisationError(message, status="")
-    if declared is not None:
-        return again(fit(Task(experiment, declared), model, numbers))
-    initial_residual, least = (
-        residual(experiment.observed, experiment.predict([model])[0]),
-        experiment.least_noise(model),
-    )
-    base = fit(Task(experiment, first_noise(initial_residual, least)), model, numbers)
-    return again(with_noise(base, base.residual, least))
-
-
-def again(base: Fit) -> Fit:
-    """Return the fit taken up where it was, as after a change of the noise."""
-    return fit(base.task, base.model, base.parameters, base.u, base.slopes)
 
 
 def _with_residual_noise(
@@ -192,26 +146,23 @@ def search(base: Fit, tried: Sequence[Candidate], progress: Progress) -> Search:
         for _ in range(LEARNT):
             base = again(_with_residual_noise(base, candidate_signatures, random_field, least))
         return _rounds(Search(base, (), tuple(candidate_signatures), random_field), tried, progress)
-    search_result = _rounds(Search(base, (), tuple(candidate_signatures)), tried, progress)
+    result = _rounds(Search(base, (), tuple(candidate_signatures)), tried, progress)
     for _ in range(LEARNT if base.task.experiment.is_exact else 0):
-        before, noise = (
-            search_result,
-            beyond_declared(search_result.last, partial(_remaining_shifts, search_result, tried)),
-        )
+        before, noise = result, beyond_declared(result.last, partial(_remaining_shifts, result, tried))
         if noise is None:
             break
         base = again(replace(base, task=replace(base.task, noise=noise)))
-        search_result = _rounds(Search(base, (), tuple(_known(base, tried, progress))), tried, progress)
-        if search_result.names == before.names:
+        result = _rounds(Search(base, (), tuple(_known(base, tried, progress))), tried, progress)
+        if result.names == before.names:
             break
-    return search_result
+    return result
 
 
-def _remaining_shifts(search_result: Search, tried: Sequence[Candidate]) -> list[np.ndarray]:
+def _remaining_shifts(result: Search, tried: Sequence[Candidate]) -> list[np.ndarray]:
     return [
         signature.shift
-        for signature in _remaining_signatures(search_result, tried)
-        if not is_lost(search_result.last, signature.shift)
+        for signature in _remaining_signatures(result, tried)
+        if not is_lost(result.last, signature.shift)
     ]
 
 
@@ -220,18 +171,14 @@ def _known(base: Fit, tried: Sequence[Candidate], progress: Progress) -> list[Si
     return signatures(base, tried)
 
 
-def _rounds(search_result: Search, tried: Sequence[Candidate], progress: Progress) -> Search:
+def _rounds(result: Search, tried: Sequence[Candidate], progress: Progress) -> Search:
     """Return the search with its rounds, until one finds nothing."""
-    base = search_result.base
-    while len(search_result.rounds) < _most(base.task.experiment) and len(search_result.best_refits) == len(
-        search_result.rounds
-    ):
-        search_result = replace(search_result, rounds=(*search_result.rounds, _round(search_result, tried, progress)))
-    if not search_result.best_refits and _bears_pairs(base.task.experiment) and not is_adequate(base):
-        search_result = replace(
-            search_result, rounds=(*search_result.rounds, _pairs(search_result, len(tried), progress))
-        )
-    return search_result
+    base = result.base
+    while len(result.rounds) < _most(base.task.experiment) and len(result.best_refits) == len(result.rounds):
+        result = replace(result, rounds=(*result.rounds, _round(result, tried, progress)))
+    if not result.best_refits and _bears_pairs(base.task.experiment) and not is_adequate(base):
+        result = replace(result, rounds=(*result.rounds, _pairs(result, len(tried), progress)))
+    return result
 
 
 def attempted(current_fit: Fit, tried: Sequence[Candidate], progress: Progress) -> tuple[Refit, ...]:
@@ -251,11 +198,11 @@ def _most(experiment: Experiment, path: Sequence[Candidate] = ()) -> int:
     return min(max(levels // FOLDS_EACH, 2 if levels >= FOLDS_OF_TWO and not free_shape_count else 1), MOST)
 
 
-def _has_enough_folds(search_result: Search, tried: Tried) -> bool:
+def _has_enough_folds(result: Search, tried: Tried) -> bool:
     """Return whether there are levels for all effects of what is tried: for one alone there always are."""
     instead, candidate, _ = tried
-    path = (*(instead or search_result.added), candidate)
-    return len(path) <= _most(search_result.base.task.experiment, path)
+    path = (*(instead or result.added), candidate)
+    return len(path) <= _most(result.base.task.experiment, path)
 
 
 def _bears_pairs(experiment: Experiment) -> bool:
@@ -263,20 +210,18 @@ def _bears_pairs(experiment: Experiment) -> bool:
     return experiment.is_exact and len(experiment.folds) >= 2 * FOLDS_EACH
 
 
-def _round(search_result: Search, tried: Sequence[Candidate], progress: Progress) -> Round:
-    current_fit, candidate_signatures = search_result.last, _remaining_signatures(search_result, tried)
+def _round(result: Search, tried: Sequence[Candidate], progress: Progress) -> Round:
+    current_fit, candidate_signatures = result.last, _remaining_signatures(result, tried)
     scored = tuple(score(current_fit, candidate_signatures))
-    threshold = threshold_after(search_result.rounds, len(tried), current_fit.task.noise.inflation)
+    threshold = threshold_after(result.rounds, len(tried), current_fit.task.noise.inflation)
     if current_fit.task.experiment.is_exact:
-        eligible = scored if len(search_result.added) < _most(current_fit.task.experiment, search_result.added) else ()
+        eligible = scored if len(result.added) < _most(current_fit.task.experiment, result.added) else ()
         refits = exactly_refitted(
-            current_fit, eligible, threshold, progress, _second(search_result, tried, threshold, progress)
+            current_fit, eligible, threshold, progress, _second(result, tried, threshold, progress)
         )
         return Round(
             scored,
-            rank_refits(
-                current_fit, [attempt for attempt in refits if _has_enough_folds(search_result, attempt)], threshold
-            ),
+            rank_refits(current_fit, [attempt for attempt in refits if _has_enough_folds(result, attempt)], threshold),
         )
     declared = None
     if is_bent(current_fit):
@@ -285,31 +230,27 @@ def _round(search_result: Search, tried: Sequence[Candidate], progress: Progress
     return Round(scored, refit(current_fit, scored, threshold, progress, declared))
 
 
-def _second(
-    search_result: Search, tried: Sequence[Candidate], threshold: Threshold, progress: Progress
-) -> list[Tried] | None:
+def _second(result: Search, tried: Sequence[Candidate], threshold: Threshold, progress: Progress) -> list[Tried] | None:
     """Return pairs for the second round, where the first leaves more than the noise; None in the first."""
-    if len(search_result.rounds) == 1 and not is_adequate(search_result.last):
-        pairs = paired(search_result.base, search_result.rounds[0].refits, search_result.best_refits[0], progress)
-        return [*pairs, *_after_plain_laws(search_result, tried, threshold, progress)]
-    return [] if search_result.rounds else None
+    if len(result.rounds) == 1 and not is_adequate(result.last):
+        pairs = paired(result.base, result.rounds[0].refits, result.best_refits[0], progress)
+        return [*pairs, *_after_plain_laws(result, tried, threshold, progress)]
+    return [] if result.rounds else None
 
 
 def _after_plain_laws(
-    search_result: Search, tried: Sequence[Candidate], threshold: Threshold, progress: Progress
+    result: Search, tried: Sequence[Candidate], threshold: Threshold, progress: Progress
 ) -> list[Tried]:
     """Return second steps from laws as published, where what was found best has its shapes freed and imitates two.
 
     Alone the second of two may gain nothing, so that it is not among the leaders of which pairs are made.
     """
-    best = search_result.best_refits[0].candidate
+    best = result.best_refits[0].candidate
     if not best.free_shapes:
         return []
-    others = (
-        (single.candidate, single.fit) for single in search_result.rounds[0].refits if not single.candidate.free_shapes
-    )
+    others = ((single.candidate, single.fit) for single in result.rounds[0].refits if not single.candidate.free_shapes)
     steps: list[Tried] = []
-    for first, current_fit in (*as_published(search_result.base, best), *itertools.islice(others, 1)):
+    for first, current_fit in (*as_published(result.base, best), *itertools.islice(others, 1)):
         candidate_signatures = signatures(
             current_fit, [candidate for candidate in tried if candidate.kind != first.kind]
         )
@@ -318,25 +259,23 @@ def _after_plain_laws(
     return steps
 
 
-def _remaining_signatures(search_result: Search, tried: Sequence[Candidate]) -> Sequence[Signature]:
+def _remaining_signatures(result: Search, tried: Sequence[Candidate]) -> Sequence[Signature]:
     """Return the signatures of what has not been added; where a fit is exact, on the model with what has."""
-    added = {candidate.kind for candidate in search_result.added}
-    if added and search_result.base.task.experiment.is_exact:
-        return signatures(search_result.last, [candidate for candidate in tried if candidate.kind not in added])
-    return [signature for signature in search_result.signatures if signature.candidate.kind not in added]
+    added = {candidate.kind for candidate in result.added}
+    if added and result.base.task.experiment.is_exact:
+        return signatures(result.last, [candidate for candidate in tried if candidate.kind not in added])
+    return [signature for signature in result.signatures if signature.candidate.kind not in added]
 
 
-def _pairs(search_result: Search, count: int, progress: Progress) -> Round:
+def _pairs(result: Search, count: int, progress: Progress) -> Round:
     """Return the round of pairs where no single candidate was accepted: each pays for both."""
-    singles = search_result.rounds[0].refits
+    singles = result.rounds[0].refits
     first = singles[0].threshold / singles[0].unit if singles else 0.0
-    threshold = threshold_after((), count, search_result.base.task.noise.inflation)
-    return Round(
-        (), rank_refits(search_result.base, paired(search_result.base, singles, None, progress), threshold, first)
-    )
+    threshold = threshold_after((), count, result.base.task.noise.inflation)
+    return Round((), rank_refits(result.base, paired(result.base, singles, None, progress), threshold, first))
 
 
 def threshold_after(before: Sequence[Round], count: int, inflation: float = COLOURED) -> Threshold:
     """Return what each of `count` candidates must gain once these rounds have added theirs."""
-    taken = sum(best_refit.gain for search_round in before for best_refit in search_round.indistinguishable[:1])
+    taken = sum(best_refit.gain for step in before for best_refit in step.indistinguishable[:1])
     return partial(candidate_threshold, count=count, taken=taken, inflation=inflation)

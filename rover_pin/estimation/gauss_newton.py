@@ -120,11 +120,7 @@ def _slopes(
 
 
 def _steps(
-    columns: np.ndarray,
-    rows: np.ndarray,
-    u: np.ndarray,
-    parameters: Sequence[Parameter],
-    damped: Sequence[float],
+    columns: np.ndarray, rows: np.ndarray, u: np.ndarray, parameters: Sequence[Parameter], damped: Sequence[float]
 ) -> tuple[list[Steps], float]:
     """Return the Gauss-Newton step in the bounds, then shorter ones, then damped ones, and the gain of the first."""
     bounds = bounds_of(parameters)

@@ -18,12 +18,7 @@ NO_SPREAD = 1e-9
 
 NOT_PREDICTED = "not predicted"
 
-READERS_UNITS = {
-    "rad": (180 / math.pi, "deg"),
-    "m": (1e3, "mm"),
-    "Pa": (1e-3, "kPa"),
-    "Pa/m^n": (1e-3, "kPa/m^n"),
-}
+READERS_UNITS = {"rad": (180 / math.pi, "deg"), "m": (1e3, "mm"), "Pa": (1e-3, "kPa"), "Pa/m^n": (1e-3, "kPa/m^n")}
 
 
 def in_words(unit: str) -> tuple[float, str]:

@@ -56,10 +56,7 @@ def scenarios() -> list[Entry]:
     """Return the ready-made drives: ground and duration, the ground's numbers, and what they set that others leave."""
     return [
         Entry(
-            name,
-            scene.summary or first_sentence(scene.terrain),
-            {"duration_s": scene.duration},
-            _of_scene(name, scene),
+            name, scene.summary or first_sentence(scene.terrain), {"duration_s": scene.duration}, _of_scene(name, scene)
         )
         for name, scene in SCENES.items()
     ]

@@ -32,12 +32,7 @@ def sideways_ratio(S: Scalar, S_y: Scalar) -> Scalar:
 
 
 def combined_forces(
-    S: Scalar,
-    sideways: Scalar,
-    angles: tuple[Scalar, Scalar],
-    wheel: Wheel,
-    soil: Soil,
-    nodes: int = FAST,
+    S: Scalar, sideways: Scalar, angles: tuple[Scalar, Scalar], wheel: Wheel, soil: Soil, nodes: int = FAST
 ) -> ShearedSideways:
     """Return the forces on a wheel whose rim is sheared along and across.
 

@@ -49,12 +49,7 @@ def sheared(S: Scalar, wheel: Wheel, soil: Soil) -> Mobilised:
 
 
 def entry_angle(
-    load: Scalar,
-    S: Scalar,
-    wheel: Wheel,
-    soil: Soil,
-    steps: int = STEPS,
-    state: ShearState = slipping,
+    load: Scalar, S: Scalar, wheel: Wheel, soil: Soil, steps: int = STEPS, state: ShearState = slipping
 ) -> Scalar:
     """Return theta_1 [rad] at which f_n carries the load, with theta_2 = -exit_ratio theta_1.
 

@@ -42,10 +42,7 @@ def on_cluster(work: Callable[[Case], Row], cases: Sequence[Case], address: str)
         case_of = dict(zip(client.map(work, cases, pure=False), cases, strict=True))
         for future, result in as_completed(list(case_of), loop=client.loop, with_results=True, raise_errors=False):
             case = case_of.pop(future)
-            if future.status in (
-                "pending",
-                "lost",
-            ):  # lost with its worker: Dask runs it again
+            if future.status in ("pending", "lost"):  # lost with its worker: Dask runs it again
                 with suppress(Exception):
                     result = future.result(timeout=AGAIN_SECONDS)
             if future.status == "finished":

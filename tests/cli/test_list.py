@@ -24,11 +24,7 @@ def listed(run, *words):
 
 @pytest.mark.parametrize(
     ("what", "names"),
-    [
-        ("scenarios", set(SCENES)),
-        ("soils", set(SOILS)),
-        ("effects", {kind.__name__ for kind in package_effects()}),
-    ],
+    [("scenarios", set(SCENES)), ("soils", set(SOILS)), ("effects", {kind.__name__ for kind in package_effects()})],
 )
 def test_all_are_listed_with_what_they_are(run, what, names):
     entries = listed(run, what)[what]
@@ -83,12 +79,7 @@ def test_every_setting_that_is_listed_can_be_given_as_it_stands(name):
 
 
 def test_a_unit_and_si_are_the_same_drive():
-    words = {
-        "soil.k": "5mm",
-        "soil.phi": "32deg",
-        "terrain.wall_angle": "40 deg",
-        "gravity": "1.62 m/s^2",
-    }
+    words = {"soil.k": "5mm", "soil.phi": "32deg", "terrain.wall_angle": "40 deg", "gravity": "1.62 m/s^2"}
     numbers = {"soil.k": 0.005, "soil.phi_deg": 32.0, "terrain.wall_angle_deg": 40.0, "gravity": 1.62}
     one, other = scenario("ditch", **words, duration="2s"), scenario("ditch", **numbers, duration=2.0)
     assert one.model.soils[0] == other.model.soils[0] == SLOPE_SAND.replace(k=0.005, phi=other.model.soils[0].phi)

@@ -148,12 +148,7 @@ def test_noise_at_the_limit_is_no_ratchet(k_i):
     assert late > 0.5
 
 
-@given(
-    slip=st.floats(-1.0, 1.0),
-    integral=st.floats(-1.0, 1.0),
-    highest=st.floats(0.0, 1.0),
-    k_p=st.floats(0.0, 5.0),
-)
+@given(slip=st.floats(-1.0, 1.0), integral=st.floats(-1.0, 1.0), highest=st.floats(0.0, 1.0), k_p=st.floats(0.0, 5.0))
 def test_the_integral_moves_with_the_error_or_rests(slip, integral, highest, k_p):
     """It never moves against the error, and rests only where the duty is at a limit that the error pushes against."""
     gains = Gains(k_p=k_p)

@@ -12,6 +12,7 @@ from rover_pin.base.errors import OptimisationError
 from rover_pin.discrepancy import cross_validation
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.assessment import assess_residual
+from rover_pin.discrepancy.calibration import again, calibrated
 from rover_pin.discrepancy.candidate import plain_candidate
 from rover_pin.discrepancy.cross_validation import FAR, held_out_residual, losses_of
 from rover_pin.discrepancy.exact_refits import bearable, paired, rank_refits, variants
@@ -19,7 +20,7 @@ from rover_pin.discrepancy.judge import as_fitted, chosen_anew
 from rover_pin.discrepancy.judge import make_verdict as verdict_of
 from rover_pin.discrepancy.refit import Refit, indistinguishable_refits
 from rover_pin.discrepancy.screen import null_threshold
-from rover_pin.discrepancy.search import _after_plain_laws, again, calibrated, search, threshold_after
+from rover_pin.discrepancy.search import _after_plain_laws, search, threshold_after
 from rover_pin.effects.bulldozing import Bulldozing
 from rover_pin.effects.exit_angle import ExitAngle
 from rover_pin.effects.load_exponent import LoadExponent

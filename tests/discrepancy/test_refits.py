@@ -9,7 +9,7 @@ import pytest
 
 from rover_pin.base.errors import OptimisationError
 from rover_pin.base.quantity import Record, quantity
-from rover_pin.discrepancy import compare, exact_refits, search
+from rover_pin.discrepancy import calibration, compare, exact_refits, search
 from rover_pin.discrepancy.candidate import Candidate
 from rover_pin.discrepancy.refit import Refit, indistinguishable_refits
 from rover_pin.discrepancy.screen import ABSORBED, STILL, Scored, Signature, _unconstrained_signature, started
@@ -67,15 +67,15 @@ def test_rivals_of_earlier_rounds_are_rivals_where_no_pairs_were_tried():
 
 def test_an_exact_experiment_is_calibrated_from_several_starts(monkeypatch):
     seen = []
-    monkeypatch.setattr(search, "scattered", lambda numbers, centre, starts, seed: [(starts, seed, *centre)])
-    monkeypatch.setattr(search, "best_of", lambda task, model, numbers, starts: seen.append(starts[0]) or "best")
-    monkeypatch.setattr(search, "fit", lambda task, model, numbers: "once")
-    monkeypatch.setattr(search, "again", lambda fitted: f"{fitted} more")
+    monkeypatch.setattr(calibration, "scattered", lambda numbers, centre, starts, seed: [(starts, seed, *centre)])
+    monkeypatch.setattr(calibration, "best_of", lambda task, model, numbers, starts: seen.append(starts[0]) or "best")
+    monkeypatch.setattr(calibration, "fit", lambda task, model, numbers: "once")
+    monkeypatch.setattr(calibration, "again", lambda fitted: f"{fitted} more")
     experiment = lambda exact: SimpleNamespace(is_exact=exact, noise=lambda: "declared", value=lambda model, name: 3.0)  # noqa: E731
     one = Parameter("k", 1.0, 0.5, 0.0, 9.0)
-    assert search.calibrated(experiment(True), "model", [one], 7) == "best"
-    assert [list(one) for one in seen] == [[search.STARTS, 7, 4.0]]
-    assert search.calibrated(experiment(False), "model", [one], 7) == "once more"
+    assert calibration.calibrated(experiment(True), "model", [one], 7) == "best"
+    assert [list(one) for one in seen] == [[calibration.STARTS, 7, 4.0]]
+    assert calibration.calibrated(experiment(False), "model", [one], 7) == "once more"
 
 
 # --- what is tried ---------------------------------------------------------------------------------------------------

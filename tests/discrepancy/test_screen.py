@@ -9,8 +9,8 @@ import pytest
 
 from rover_pin.base.quantity import quantities
 from rover_pin.discrepancy import compare, screen, search
+from rover_pin.discrepancy.calibration import is_bent
 from rover_pin.discrepancy.candidate import Candidate
-from rover_pin.discrepancy.restart import is_bent
 from rover_pin.discrepancy.screen import Scored, Signature, _reachable, saturated, score, started, trials
 from rover_pin.effects.gravity_tilt import GravityTilt
 from rover_pin.effects.hard_patch import HardPatch

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from rover_pin.discrepancy.answer import Answer
+from rover_pin.discrepancy.calibration import calibrated
 from rover_pin.discrepancy.screen import signatures
-from rover_pin.discrepancy.search import calibrated, search
+from rover_pin.discrepancy.search import search
 from rover_pin.estimation.random_effects.beyond_declared import beyond_declared
 from rover_pin.experiments.wheel_rig.data import read_rig_set
 from rover_pin.experiments.wheel_rig.experiment import RigExperiment
@@ -117,14 +118,7 @@ def test_what_a_fold_left_out_shows_changes_no_noise(tmp_path):
     assert beyond_declared(without, known) is None
 
 
-BEDS_LIKE_A_LAW = {
-    "n": 1.113684,
-    "K": 58221.27,
-    "phi": 0.57115,
-    "k": 0.009986,
-    "c": 358.5532,
-    "exit_ratio": 0.115263,
-}
+BEDS_LIKE_A_LAW = {"n": 1.113684, "K": 58221.27, "phi": 0.57115, "k": 0.009986, "c": 358.5532, "exit_ratio": 0.115263}
 """In this soil, by the draws of seed 60002, beds that differ by 4 % look like a law of skid."""
 
 

@@ -207,11 +207,7 @@ def test_what_is_needed_and_missing_is_one_sentence_with_the_columns_there_are(n
         ("text.csv", b"Dear all,\nplease find attached\n", "line 2: 1 cells under 2 column names"),
         ("one.csv", b"t\n1\n2\n", "1 columns of numbers in 2 rows"),
         ("bytes.mat", b"\x00\x01", "no .mat that can be read"),
-        (
-            "seven.mat",
-            b"MATLAB 7.3".ljust(124) + b"\x00\x02IM" + bytes(384) + b"\x89HDF",
-            "save it with '-v7'",
-        ),
+        ("seven.mat", b"MATLAB 7.3".ljust(124) + b"\x00\x02IM" + bytes(384) + b"\x89HDF", "save it with '-v7'"),
         ("bytes.parquet", b"PAR1", "is not Parquet"),
         ("bytes.bag", b"\x00\x01", "bag cannot be read"),
         (

@@ -9,7 +9,7 @@ import pytest
 
 from rover_pin.base.errors import DataError, ParameterError
 from rover_pin.contact import Wheel
-from rover_pin.discrepancy.search import calibrated
+from rover_pin.discrepancy.calibration import calibrated
 from rover_pin.effects.bulldozing import Bulldozing
 from rover_pin.effects.lug_excavation import LugExcavation
 from rover_pin.effects.slip_softening import SlipSoftening

@@ -67,10 +67,7 @@ def nominal(of):
     """Return what a run of a rover drives with in the sand and with the motors that are in proportion to it."""
     plain = world.PLAIN
     soil = {"k": plain["k"] * of.ratio("length"), "k_1": plain["k_1"] * of.ratio("Pa")}
-    motor = {
-        "constant": plain["constant"] * of.ratio("length"),
-        "resistance": plain["resistance"] * of.ratio("ohm"),
-    }
+    motor = {"constant": plain["constant"] * of.ratio("length"), "resistance": plain["resistance"] * of.ratio("ohm")}
     return of.base(plain) | soil | motor | {"rest": 0.001, "rest_q": 1.0}
 
 

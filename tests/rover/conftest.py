@@ -13,11 +13,7 @@ from rover_pin.rover.rover import Rover, load_rover
 
 HERE = Path(__file__).parent
 URDF = HERE.parents[1] / "urdf"
-ROVERS = {
-    "nexus6": "nexus6",
-    "cart": "cart",
-    "triple": HERE / "rovers" / "triple.toml",
-}
+ROVERS = {"nexus6": "nexus6", "cart": "cart", "triple": HERE / "rovers" / "triple.toml"}
 
 
 class State(NamedTuple):

@@ -71,10 +71,7 @@ def test_every_effect_can_be_said_and_read_back(kind):
         ("DiggingMemory.", "write it as EFFECT or EFFECT.name=value"),
         ("DiggingMemory.c_d=0.1,,length=1", "'' sets nothing"),
         ("DiggingMemory.c_d=much", "c_d = 'much' is not a number"),
-        (
-            "DiggingMemory.c_d=7",
-            r"^effect DiggingMemory: DiggingMemory.c_d = 7 is not allowed: it must lie in \[0",
-        ),
+        ("DiggingMemory.c_d=7", r"^effect DiggingMemory: DiggingMemory.c_d = 7 is not allowed: it must lie in \[0"),
         ("DiggingMemory.c_d_deg=7", "has no field 'c_d_deg'"),
         ("DiggingMemory.wheel=2", "DiggingMemory has no field 'wheel'"),
         ("WeakMotor.wheel=fx", r"WeakMotor.wheel=fx: the rover has no wheel 'fx'"),

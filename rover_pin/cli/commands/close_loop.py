@@ -16,8 +16,7 @@ REPORT = "report.html"
 
 def close_loop(
     data: Annotated[
-        list[Path],
-        typer.Argument(help="Folder with rig.toml or drive.toml; of rig sets in one sand, several."),
+        list[Path], typer.Argument(help="Folder with rig.toml or drive.toml; of rig sets in one sand, several.")
     ],
     model: Annotated[Path | None, typer.Option(help="Model file to start from, as an earlier run wrote it.")] = None,
     effects: Effects = None,

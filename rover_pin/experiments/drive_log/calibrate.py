@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from rover_pin.base.jobs.cluster import Workers
-from rover_pin.discrepancy.search import calibrated
+from rover_pin.discrepancy.calibration import calibrated
 from rover_pin.effects.raw_current import RawCurrent
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.parameter import Parameter

@@ -196,12 +196,7 @@ def _misspelt(table: pd.DataFrame, where: str) -> Iterator[Finding]:
             yield Finding(f"column '{name}' is not read", where, todo)
 
 
-def as_rig_set(
-    rig: WheelRig,
-    runs: tuple[str, ...] = (),
-    speeds: np.ndarray | None = None,
-    source: str = "",
-) -> RigSet:
+def as_rig_set(rig: WheelRig, runs: tuple[str, ...] = (), speeds: np.ndarray | None = None, source: str = "") -> RigSet:
     """Return a `WheelRig` as a `RigSet`: its own levels, or classes of slip where it names none."""
     slip = np.asarray(rig.slip)
     labels = _classes(slip) if rig.levels is None else np.array([str(level) for level in rig.levels])

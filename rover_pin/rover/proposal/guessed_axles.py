@@ -83,10 +83,7 @@ def _pairs(wheels: list[GuessedWheel]) -> list[tuple[GuessedWheel, GuessedWheel]
 
 
 def _steering(
-    view: Topology,
-    pair: tuple[GuessedWheel, GuessedWheel],
-    wheels: Sequence[str],
-    rpy: tuple[float, float, float],
+    view: Topology, pair: tuple[GuessedWheel, GuessedWheel], wheels: Sequence[str], rpy: tuple[float, float, float]
 ) -> tuple[str, str] | None:
     """Return the joints that turn each of two wheels, and no other wheel, about an upright axis."""
     joints = []

@@ -86,7 +86,5 @@ class Motor(Record):
         constant = self.supply * share / omega
         gear = constant / self.k_t
         return self.replace(
-            gear=gear,
-            resistance=constant * self.supply / self.stall_torque,
-            rotor_inertia=self.armature / gear**2,
+            gear=gear, resistance=constant * self.supply / self.stall_torque, rotor_inertia=self.armature / gear**2
         )

@@ -17,11 +17,7 @@ MOTOR = {
     "gear": {"value": 268.0},
     "note": "bench",
 }
-SOIL = {
-    "phi": {"value": 30.0, "unit": "deg"},
-    "k": {"value": 5.0, "unit": "mm"},
-    "k_1": {"value": 54.2, "unit": "kPa"},
-}
+SOIL = {"phi": {"value": 30.0, "unit": "deg"}, "k": {"value": 5.0, "unit": "mm"}, "k_1": {"value": 54.2, "unit": "kPa"}}
 
 
 def commands(seed, duration, dt=0.04, constant=None):

@@ -37,10 +37,7 @@ def starting_at(x=0.0, y=0.0, yaw=0.0):
         ),
         (changed(wheel_rate_ml=-GOOD[0]["wheel_rate_ml"]), "wheel_rate_ml runs against duty_ml"),
         (log_of(*GOOD, rover="cart"), "but those of the rover 'cart' fl, fr, bl, br; give the rover that was driven"),
-        (
-            log_of(*GOOD, wheel={"r": {"value": 90.0, "unit": "mm"}}),
-            "[wheel] has r = 90 mm, but the rover 'nexus6' 45",
-        ),
+        (log_of(*GOOD, wheel={"r": {"value": 90.0, "unit": "mm"}}), "[wheel] has r = 90 mm, but the rover 'nexus6' 45"),
         (starting_at(x=1.0), "run-1.csv: the declared start is "),
         (starting_at(yaw=math.pi), "180 deg off from the first tracked pose; give start in the axes and units of"),
     ],
@@ -60,10 +57,7 @@ def test_true_velocities_and_a_true_start_are_no_fault():
     ("log", "says"),
     [
         (starting_at(x=0.06), "deg off from the first tracked pose; the first seconds suffer: mend start"),
-        (
-            log_of(*GOOD, soil={}),
-            "drive.toml: [soil] does not declare phi, k, k_1, so 0.5236 rad, 0.005 m, ",
-        ),
+        (log_of(*GOOD, soil={}), "drive.toml: [soil] does not declare phi, k, k_1, so 0.5236 rad, 0.005 m, "),
         (log_of(*GOOD, motor={}), "[motor] does not declare supply, resistance, k_t, gear, so 7.2 V, 23.85 ohm,"),
         (
             log_of(*GOOD, noise={"wheel_rate": 0.003, "angle": {"value": 0.2, "unit": "deg"}}),

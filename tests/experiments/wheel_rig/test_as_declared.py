@@ -10,7 +10,7 @@ import pytest
 
 from rover_pin.base.errors import DataError
 from rover_pin.contact import Soil, Wheel
-from rover_pin.discrepancy.search import calibrated
+from rover_pin.discrepancy.calibration import calibrated
 from rover_pin.effects.bulldozing import Bulldozing
 from rover_pin.effects.digging_memory import DiggingMemory
 from rover_pin.effects.exit_angle import ExitAngle

@@ -5,7 +5,7 @@ import pytest
 
 from rover_pin.base.errors import DataError
 from rover_pin.contact import Soil, Wheel
-from rover_pin.discrepancy.search import calibrated
+from rover_pin.discrepancy.calibration import calibrated
 from rover_pin.experiments.wheel_rig.data import read_rig_set
 from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.model import ASKEW, RigModel

@@ -297,10 +297,7 @@ def test_data_that_cannot_be_used_get_one_sentence(tmp_path, change, said):
 
 @pytest.mark.parametrize(
     ("keep", "kinds", "said"),
-    [
-        (slice(0, 4), (DrawbarPull, Torque, Sinkage), "2 levels of slip"),
-        (slice(0, 6), (Sinkage,), ""),
-    ],
+    [(slice(0, 4), (DrawbarPull, Torque, Sinkage), "2 levels of slip"), (slice(0, 6), (Sinkage,), "")],
 )
 def test_a_set_too_poor_says_so(tmp_path, keep, kinds, said):
     path = folder(tmp_path, "slip_sinkage", loads=(25.0,))

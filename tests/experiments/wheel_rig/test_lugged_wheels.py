@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 
 from rover_pin.base.errors import DataError
 from rover_pin.contact import Soil, Wheel
-from rover_pin.discrepancy.search import calibrated
+from rover_pin.discrepancy.calibration import calibrated
 from rover_pin.effects.lug_excavation import LugExcavation
 from rover_pin.experiments.wheel_rig.data import read_rig_set
 from rover_pin.experiments.wheel_rig.experiment import RigExperiment, as_declared

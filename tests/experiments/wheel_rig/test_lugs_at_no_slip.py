@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from rover_pin.discrepancy.search import calibrated
+from rover_pin.discrepancy.calibration import calibrated
 from rover_pin.effects.grousers import Grousers
 from rover_pin.effects.interface_friction import InterfaceFriction
 from rover_pin.effects.lug_excavation import LugExcavation

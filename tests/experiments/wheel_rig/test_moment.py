@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from rover_pin.base.errors import DataError
 from rover_pin.cli.app import app
 from rover_pin.contact import Contact, Load, Soil, Wheel
-from rover_pin.discrepancy.search import calibrated
+from rover_pin.discrepancy.calibration import calibrated
 from rover_pin.effects.flank_pressure import FlankPressure
 from rover_pin.effects.post_peak import PostPeak
 from rover_pin.effects.rate_dependence import RateDependence
