@@ -283,8 +283,7 @@ def figure(cases: list[Case], out: Path) -> None:
     shown = [next(case for case in cases if case.kind == kind) for kind in dict.fromkeys(c.kind for c in cases)][:3]
     sheet, axes = plot.new_figure(1, len(shown), size=(5.0 * len(shown), 4.2))
     for axis, case in zip(np.atleast_1d(axes), shown, strict=True):
-        scene = built(case)
-        kept = estimates(scene)
+        kept = estimates(scene := built(case))
         run(scene, Watching(list(kept.values())), cases.index(case))
         t, _, _, true = kept["onboard"].columns()
         axis.plot(t, true[:, 0], color="black", lw=1.5, label="true")

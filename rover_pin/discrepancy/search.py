@@ -131,7 +131,7 @@ def _with_residual_noise(
 def search(base: Fit, tried: Sequence[Candidate], progress: Progress) -> Search:
     """Return what the calibrated model lacks of the candidates that are tried.
 
-    Nothing is looked for in what is left where that is no more than the least noise, the error of predictions.
+    Nothing is looked for where what is left is, over all channels, no more than the error of predictions.
     Where a fit is exact and its noise declared, what folds have by chance beyond it is learnt of what the search
     leaves, and the search made again in that noise.
     """
@@ -139,7 +139,7 @@ def search(base: Fit, tried: Sequence[Candidate], progress: Progress) -> Search:
     if base.task.experiment.noise() is None:
         experiment = base.task.experiment
         least, random_field = experiment.least_noise(base.model), experiment.random_field(base.model)
-        if np.all(base.rms <= least):
+        if np.mean((base.rms / least) ** 2) <= 1.0:
             return Search(
                 base, (Round(tuple(score(base, candidate_signatures)), ()),), tuple(candidate_signatures), random_field
             )

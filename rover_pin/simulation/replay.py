@@ -19,7 +19,7 @@ from rover_pin.simulation.model.model import Model
 from rover_pin.simulation.native.loop import Loop, Outcome
 from rover_pin.simulation.native.shared import RECORD
 from rover_pin.simulation.resolution import parts
-from rover_pin.simulation.start.place import Start, settled
+from rover_pin.simulation.start.place import Start, settled, taken_over
 from rover_pin.simulation.state import DriveState
 from rover_pin.simulation.trace.trace import Trace
 from rover_pin.terrain.terrain import Terrain
@@ -166,7 +166,7 @@ def replay(
     rest_state: DriveState | None = None,
     finer: int = 1,
 ) -> Replay:
-    """Return what `model` does under the logged commands, from where it comes to rest, or from another's `rest`.
+    """Return what `model` does under the logged commands, from where it comes to rest, or from another's `shared_rest`.
 
     Steps are `finer` times as short as they would be.
 
@@ -183,7 +183,7 @@ def replay(
     """
     model = run.on(model)
     _check_widths(model, run)
-    state = settled(model, run.start) if rest_state is None else _taken_over(model, rest_state)
+    state = settled(model, run.start) if rest_state is None else taken_over(model, rest_state)
     model = model.begun(run.start.x, run.start.y)
     dt = DT / parts(model, state, DT) / finer
     kernel = Kernel(model, state, dt, symmetric=False)
@@ -226,6 +226,7 @@ def _fields(model: Model, run: Commands, perturbation: Perturbation) -> dict[str
     }
     fields = {name: np.array(values, dtype=float) for name, values in rows.items() if values is not None}
     place = np.array(run.place, dtype=float)
+    fields["gave"] = np.zeros(run.steer.shape[1])
     return {**fields, "place_rows": place, "share": run.period / HOLD, "check_every": CHECKED}
 
 
@@ -258,16 +259,6 @@ def _with_last(loop: Loop, good: int) -> np.ndarray:
     if good < len(loop.rows):
         loop.rows[good:] = loop.rows[good - 1] if good else loop.now()
     return loop.rows
-
-
-def _taken_over(model: Model, rest_state: DriveState) -> DriveState:
-    """Return another model's rest: same place, the soil's shear unloaded, effects at the start of their states."""
-    wheels = len(model.rover.wheels)
-    contact = sum(len(effect.states) for effect in model.contact_effects)
-    motor = sum(len(effect.states) for effect in model.motor_effects)
-    taken = rest_state.copy()
-    taken.contact, taken.motor = np.zeros((wheels, contact)), np.zeros((wheels, motor))
-    return taken
 
 
 def _channels(model: Model, run: Commands, rows: np.ndarray) -> dict[str, np.ndarray]:

@@ -23,16 +23,16 @@ def experiment(folds=12, exact=True, noise="declared"):
         folds=tuple(range(folds)),
         is_exact=exact,
         noise=lambda: noise,
-        least_noise=lambda model: np.array([0.1]),
+        least_noise=lambda model: np.ones(2),
         random_field=lambda model: None,
         turns=lambda: None,
     )
 
 
-def fitted(rms=1.0, **how):
+def fitted(rms=(9.0, 9.0), **how):
     noise = SimpleNamespace(inflation=1.5)
     task = SimpleNamespace(experiment=experiment(**how), noise=noise)
-    return SimpleNamespace(predicted=np.zeros((1, 2, 1)), task=task, model=None, rms=np.array([rms]))
+    return SimpleNamespace(predicted=np.zeros((1, 2, 1)), task=task, model=None, rms=np.array(rms))
 
 
 @pytest.mark.parametrize(
@@ -149,7 +149,11 @@ def test_pairs_are_tried_where_no_single_holds_and_the_base_leaves_more_than_the
 
 def test_noise_that_nobody_declares_is_learnt_twice(looked):
     assert looked(Found(), exact=False, noise=None) == ["noise", "noise", "singles"]
-    assert looked(exact=False, noise=None, rms=0.1) == []
+
+
+@pytest.mark.parametrize(("rms", "looks"), [((1.2, 0.7), 0), ((0.0, 1.4), 0), ((1.2, 1.0), 3), ((1.5, 0.0), 3)])
+def test_nothing_is_sought_below_the_error_of_predictions(rms, looks, looked):
+    assert len(looked(Found(), exact=False, noise=None, rms=rms)) == looks
 
 
 def test_a_pair_pays_for_both_of_its_effects_in_units_of_the_noise(monkeypatch):

@@ -17,7 +17,7 @@ from rover_pin.simulation.failure import failure, suspension_of
 from rover_pin.simulation.pace import FINEST, Pace
 from rover_pin.simulation.plain.run import run_plain
 from rover_pin.simulation.plain.step import Plain
-from rover_pin.simulation.start.place import settled
+from rover_pin.simulation.start.place import settled, shared_rest, taken_over
 from rover_pin.simulation.state import base_rotation, roll_pitch_yaw
 from rover_pin.simulation.timing import Timing
 from rover_pin.simulation.trace.rows import row_type
@@ -82,10 +82,12 @@ def test_the_cases_meet_what_they_are_for():
 
 def plain_replay(model, run, nudge, rest, step=Kernel):
     """A replay row after row in Python, as `replay` says it is done; return the rows."""
-    state = replays._taken_over(model, rest)
+    state = taken_over(model, rest)
     model = model.begun(run.start.x, run.start.y)
     kernel = step(model, state, replays.DT, symmetric=False)
-    rates = np.zeros(len(model.rover.wheels))
+    q_of = {joint.idx_v: joint.idx_q for joint in model.rover.model.joints}
+    servos = [q_of[wheel.steer_dof] for wheel in model.rover.wheels if wheel.steer_dof is not None]
+    gives, rates = np.zeros(len(servos)), np.zeros(len(model.rover.wheels))
     if run.rate_driven:
         kernel.hold(rates)
     pace, suspension, moved = Pace(kernel, replays.DT), suspension_of(model), np.zeros(3)
@@ -96,7 +98,8 @@ def plain_replay(model, run, nudge, rest, step=Kernel):
     for row in range(len(run.t)):
         torque = 0.0 if nudge.torque is None else nudge.torque[row] / float(model.motor.stall_torque)
         kernel.duty[:] = np.clip(run.duty[row] + torque, -1.0, 1.0)
-        kernel.servo_target[: run.steer.shape[1]] = run.steer[row]
+        before, gives = gives, kernel.servo_target[: len(servos)] - state.q[servos]
+        kernel.servo_target[: len(servos)] = run.steer[row] + 2.0 * gives - before
         if nudge.force is not None:
             yaw = roll_pitch_yaw(state.q)[2]
             pull = nudge.force[row] / model.built.mass
@@ -149,7 +152,7 @@ def test_a_replay_is_the_plain_one(kind):
     if kind == "nudged":
         wave = np.sin(np.arange(n))
         nudge = replays.Perturbation(0.02 * np.outer(wave, np.ones(6)), 2.0 * wave, 0.1 * wave)
-    rest = settled(case.model, run.start)
+    rest = shared_rest(case.model, run.start)
     ours = replays.replay(case.model, run, nudge, rest)
     theirs = replays._channels(case.model, run, plain_replay(case.model, run, nudge, rest))
     assert ours.stop == ""
@@ -170,7 +173,7 @@ def test_a_replay_held_to_wheel_rates_is_the_plain_one(step):
     run = held(run, case.drive(), case.model)
     run.rate[:, 0] *= 1.03
     run.place[:, 0] += 0.01
-    rest = settled(case.model, run.start)
+    rest = shared_rest(case.model, run.start)
     ours = replays.replay(case.model, run, rest_state=rest)
     theirs = replays._channels(case.model, run, plain_replay(case.model, run, replays.Perturbation(), rest, step))
     assert ours.stop == ""
@@ -231,9 +234,9 @@ def test_what_holds_the_wheels_enters_the_balance_of_energy():
 def test_after_an_early_end_the_last_good_row_stands_for_the_rest():
     case, run = logged("ditch", 9.0)
     buried = scenario("ditch", soil="table-1", buried=0.21).model
-    ended = replays.replay(buried, run, rest_state=settled(case.model, run.start))
+    ended = replays.replay(buried, run, rest_state=shared_rest(case.model, run.start))
     assert ended.stop.startswith("buried: ")
-    whole = replays.replay(case.model, run, rest_state=settled(case.model, run.start))
+    whole = replays.replay(case.model, run, rest_state=shared_rest(case.model, run.start))
     x = ended.channels["body_x"]
     last = int(np.flatnonzero(np.diff(x))[-1]) + 1
     assert 0 < last < len(x) - 1
@@ -246,7 +249,7 @@ def test_after_an_early_end_the_last_good_row_stands_for_the_rest():
 
 def test_the_first_row_of_a_replay_that_fails_at_once_is_where_it_is():
     case, run = logged("ditch")
-    rest = settled(case.model, run.start)
+    rest = shared_rest(case.model, run.start)
     rest.q[3:7] = 1.0, 0.0, 0.0, 0.0
     ended = replays.replay(case.model, run, rest_state=rest)
     assert ended.stop.startswith("capsized") or ended.stop == "diverged"

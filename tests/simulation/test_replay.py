@@ -14,7 +14,7 @@ from rover_pin.simulation.replay import Perturbation, averaged, commands, filled
 from rover_pin.simulation.replay import _channels as channels_of
 from rover_pin.simulation.replay import _fields as fields
 from rover_pin.simulation.replay import _with_last as with_last
-from rover_pin.simulation.start.place import Start, settled
+from rover_pin.simulation.start.place import Start, shared_rest
 from rover_pin.simulation.trace.rows import row_type
 from rover_pin.simulation.trace.trace import Trace
 from rover_pin.terrain.shapes import flat
@@ -175,7 +175,7 @@ def test_a_replay_whose_numbers_are_lost_has_diverged():
     drive = scenario("flat", duration=0.5)
     wheels = tuple(wheel.name for wheel in drive.model.rover.wheels)
     steered = tuple(wheel.name for wheel in drive.model.rover.wheels if wheel.steer_dof is not None)
-    run, rest = commands(drive.drive(), wheels, steered), settled(drive.model, Start())
+    run, rest = commands(drive.drive(), wheels, steered), shared_rest(drive.model, Start())
     rest.v[0] = NAN
     assert replay(drive.model, run, rest_state=rest).stop == "diverged"
 
@@ -207,7 +207,7 @@ def test_a_replay_that_drives_to_its_end_says_nothing_and_its_sides_are_their_ow
 def test_a_replay_that_ends_early_keeps_the_row_before_its_end():
     """Dropped from 0.3 m, its wheels are buried deeper than 0.05 radii when the tenth row is looked at."""
     model, run = flat_run()
-    rest = settled(model, Start())
+    rest = shared_rest(model, Start())
     rest.q[2] += 0.3
     found = replay(dataclasses.replace(model, buried=0.05), run, rest_state=rest)
     assert "buried" in found.stop

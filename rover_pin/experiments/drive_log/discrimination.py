@@ -19,7 +19,7 @@ from rover_pin.experiments.drive_log.features import WHOLE, LoggedRun, blocks, c
 from rover_pin.simulation.model.model import Model
 from rover_pin.simulation.replay import Commands, Replay, replay
 from rover_pin.simulation.sensors import Sensors
-from rover_pin.simulation.start.place import settled
+from rover_pin.simulation.start.place import shared_rest
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,7 +137,7 @@ def predict_difference(
     """Return what both models do on a run, held to the way of the first; None where one of them cannot drive it."""
     first_model, second_model = (run.on(fit.model) for fit in fits)
     try:
-        rest_state = settled(first_model, run.start)
+        rest_state = shared_rest(first_model, run.start)
         free = replay(first_model, run.commands(first_model.rover), rest_state=rest_state)
         place = np.column_stack([free.channels[name] for name in ("body_x", "body_y", "body_yaw")])
         commands = run.commands(first_model.rover, place)

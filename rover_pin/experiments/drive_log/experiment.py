@@ -30,7 +30,7 @@ from rover_pin.experiments.drive_log.recent_predictions import Recent
 from rover_pin.experiments.drive_log.resume import Memory, digest
 from rover_pin.simulation.model.model import Model
 from rover_pin.simulation.replay import Commands, Perturbation, Replay, replay
-from rover_pin.simulation.start.place import settled
+from rover_pin.simulation.start.place import shared_rest
 from rover_pin.simulation.state import DriveState
 from rover_pin.simulation.trace.channels import unit_of
 
@@ -227,7 +227,7 @@ def _free(run: LoggedRun) -> LoggedRun:
 
 def _rest(model: Model, run: Commands) -> DriveState | None:
     try:
-        return settled(run.on(model), run.start)
+        return shared_rest(run.on(model), run.start)
     except SimulationError:
         return None
 

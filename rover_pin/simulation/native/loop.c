@@ -16,10 +16,20 @@ static void grip(Drive *d, const Loop *l, double share) {
   rover_pin_hold(d);
 }
 
+/* Aim the servos so that they reach the angles of a row: a log tells them as they were under their loads. Each servo is
+   expected to give way as in the last row, and as much more as it did there than in the row before. */
+static void aim(Drive *d, const Loop *l, integer row) {
+  for (integer i = 0; i < d->n_servos; ++i) {
+    const double gives = d->servo_target[i] - d->q[d->servo_q[i]];
+    d->servo_target[i] = l->steer_rows[row * d->n_servos + i] + 2.0 * gives - l->gave[i];
+    l->gave[i] = gives;
+  }
+}
+
 /* The commands of a row of a replay. */
 static void take_row(Drive *d, const Loop *l, integer row) {
   for (integer w = 0; w < d->n_wheels; ++w) d->duty[w] = smaller(1.0, larger(-1.0, l->duty_rows[row * d->n_wheels + w]));
-  for (integer i = 0; i < d->n_servos; ++i) d->servo_target[i] = l->steer_rows[row * d->n_servos + i];
+  aim(d, l, row);
   if (l->force_rows) lean(d, l, l->force_rows[row]);
   if (l->grip_rows) grip(d, l, l->grip_rows[row]);
 }

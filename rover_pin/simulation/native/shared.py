@@ -117,6 +117,7 @@ LOOP_FIELDS: list[tuple[Any, dict[str, str], str]] = [
         {
             "log questions": "rows of ROW; those of the instants at which a controller is asked",
             "duty_rows rate_rows steer_rows force_rows grip_rows place_rows": "commands of a replay; 0 for none",
+            "gave": "by how much each servo gave way, a row before",
             "moved down soils_at_rest folding_limits": "",
             "saved": "two steps' beginnings: all that moves",
             "duty_fixed steer_fixed": "of a built-in controller; 0: none is given",

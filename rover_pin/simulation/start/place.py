@@ -14,7 +14,7 @@ from rover_pin.base.arguments import spec
 from rover_pin.base.errors import SimulationError
 from rover_pin.effects.effect import BodyEffect
 from rover_pin.simulation.model.model import Model
-from rover_pin.simulation.start.relaxation import Rest, relaxed
+from rover_pin.simulation.start.relaxation import Rest, relaxed, slip_columns
 from rover_pin.simulation.state import DriveState
 from rover_pin.terrain.shapes import FARTHEST
 
@@ -51,6 +51,23 @@ class SetDown(NamedTuple):
 def settled(model: Model, start: Start, symmetric: bool = False) -> DriveState:
     """Return the state of `set_down` alone."""
     return set_down(model, start, symmetric).state
+
+
+def shared_rest(model: Model, start: Start) -> DriveState:
+    """Return the state of `set_down` as any model can take it over: of the effects' states the soil's shear alone."""
+    state = settled(model, start)
+    return dataclasses.replace(state, contact=state.contact[:, slip_columns(model)], motor=state.motor[:, :0])
+
+
+def taken_over(model: Model, rest: DriveState) -> DriveState:
+    """Return a model at another's `shared_rest`: same place and shear, its effects at the start of their states."""
+    taken, slip = rest.copy(), slip_columns(model)
+    wheels = len(model.rover.wheels)
+    taken.contact = np.zeros((wheels, sum(len(effect.states) for effect in model.contact_effects)))
+    taken.motor = np.zeros((wheels, sum(len(effect.states) for effect in model.motor_effects)))
+    if rest.contact.shape[1] == len(slip):  # else their laws of slip know another shear
+        taken.contact[:, slip] = rest.contact
+    return taken
 
 
 def set_down(model: Model, start: Start, symmetric: bool = False) -> SetDown:

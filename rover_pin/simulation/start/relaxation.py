@@ -58,7 +58,7 @@ def relaxed(model: Model, state: DriveState, yaw: float, symmetric: bool) -> Res
 
 def _fields(model: Model, state: DriveState, kernel: Kernel) -> dict[str, Any]:
     """Return the fields of the struct Settling; the kernel's rotors are locked by it."""
-    lengths, slip = _lengths(model), np.array(_slip_columns(model), dtype=np.int64)
+    lengths, slip = _lengths(model), np.array(slip_columns(model), dtype=np.int64)
     free = {"free_lengths": lengths[SLIDE], "free_rotors": kernel.armature[SLIDE]}
     locked = SLIDE + [wheel.dof for wheel in model.rover.wheels]
     lengths[locked], kernel.armature[locked] = 0.0, LOCKED
@@ -86,7 +86,8 @@ def _lengths(model: Model) -> np.ndarray:
     return np.array([1.0] * 3 + [reach] * (model.rover.model.nv - 3))
 
 
-def _slip_columns(model: Model) -> list[int]:
+def slip_columns(model: Model) -> list[int]:
+    """Return where the slip's own states, the shear of the soil, stand among those of all contact effects."""
     first = 0
     for effect in model.contact_effects:
         if effect is model.slip:

@@ -174,7 +174,7 @@ def drawn(monkeypatch):
             return found
 
         monkeypatch.setattr(contrasts, "replay", replay)
-        monkeypatch.setattr(contrasts, "settled", lambda model, start: "at rest")
+        monkeypatch.setattr(contrasts, "shared_rest", lambda model, start: "at rest")
         random = np.random.default_rng(3)
         fits = tuple(fit_of(MODEL, linear.nuisances(), random) for _ in range(2))
         run = CandidateRun("on the flat", np.full((len(T), len(WHEELS)), 0.5))

@@ -174,7 +174,7 @@ def test_what_all_runs_have_is_compared_over_the_longest():
 
 
 def test_wheels_are_held_where_they_are_in_any_run():
-    assert experiment(trace(rate_driven=True), trace()).rate_driven
+    assert experiment(trace(held=True), trace()).rate_driven
     assert not experiment(trace(), trace()).rate_driven
 
 
