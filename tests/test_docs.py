@@ -86,7 +86,7 @@ def measured_against_the_paper():
             yield from (each.value for each in said if isinstance(each, ast.Constant))
 
 
-def test_the_page_of_the_paper_has_every_contradiction_and_no_other():
+def test_paper_page_lists_every_contradiction_and_no_other():
     section = PAGES["paper.md"].partition("## Where the paper contradicts itself")[2].partition("\n## ")[0]
     said = [line.split("|")[3].strip() for line in section.splitlines() if line.startswith("| ")][2:]
     found = set(measured_against_the_paper())

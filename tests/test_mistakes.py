@@ -162,7 +162,7 @@ def test_a_soil_a_motor_and_a_start_in_memory_are_driven(run):
     assert scenario("flat", soil=sand, **{"soil.k": "20mm"}).model.soils[0] == sand.replace(k=0.02)
 
 
-def test_a_soil_in_memory_is_what_is_driven_and_not_said_to_be_assumed():
+def test_soil_object_is_driven_and_not_listed_as_assumed():
     sand = dataclasses.replace(SOILS["dry-sand"])
     assert any(line.startswith("soil:") for line in scenario("flat", rover="cart").assumed)
     made = scenario("flat", rover="cart", soil=sand)

@@ -99,7 +99,7 @@ def test_every_miss_among_the_detectable_is_told(part):
 FRONT = (ROOT / "README.md").read_text(encoding="utf-8").replace("**", "")
 
 
-def test_the_front_page_says_how_other_laws_and_pairs_fared_on_rigs():
+def test_front_page_states_results_of_other_laws_and_pairs():
     laws = ROWS["another law, detectable: right class named, in the set, or like it"](SETS["Wheel-rig sets"])
     pairs = ROWS["two effects, both detectable: pair named, or in the set"](SETS["Wheel-rig sets"])
     assert f"By other laws {laws[0]} of {laws[1]} rigs (80 %), of pairs {pairs[0]} of {pairs[1]}." in FRONT

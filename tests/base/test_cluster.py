@@ -60,7 +60,7 @@ def killing(folder, pid, at=20):
 
 
 @given(jobs=st.integers(1, 5000), workers=st.integers(1, 64))
-def test_short_jobs_are_handed_out_so_that_no_process_waits_for_one_other(jobs, workers):
+def test_short_jobs_are_batched_without_idle_processes(jobs, workers):
     """All of them in one go at most half of what a process has to do, where there is more than a job each."""
     at_once = handed_at_once(jobs, workers)
     assert 1 <= at_once <= AT_ONCE

@@ -42,7 +42,7 @@ def test_anything_else_is_refused_in_one_sentence(text):
     assert "\n" not in str(error.value)
 
 
-def test_a_formula_too_long_or_too_deep_or_too_large_is_refused_or_infinite():
+def test_too_long_or_deep_formulas_are_refused_huge_ones_are_inf():
     with pytest.raises(DataError, match="1000 are the most"):
         evaluate("a+" * 600 + "a", COLUMNS, "here")
     assert np.all(np.isinf(evaluate("9**9**9**9", COLUMNS, "here")))
@@ -88,14 +88,14 @@ def test_places_on_earth_become_metres():
     assert evaluate("east(lat, lon)", {"lat": lat, "lon": lon}, "here") == pytest.approx([0, 0, 74.6], abs=0.1)
 
 
-def test_the_course_is_the_direction_of_travel_and_held_where_it_stands():
+def test_course_is_the_travel_direction_and_held_at_standstill():
     t = np.arange(0.0, 20.0, 0.1)
     far = np.minimum(t, 10.0)
     x, y = far * math.cos(0.7), far * math.sin(0.7)
     assert evaluate("course(x, y, t)", {"x": x, "y": y, "t": t}, "here") == pytest.approx(0.7, abs=1e-9)
 
 
-def test_a_heading_by_the_course_stays_where_the_rover_drives_back():
+def test_heading_from_course_stays_when_the_rover_reverses():
     t = np.arange(0.0, 20.0, 0.1)
     v = np.where(t < 10.0, 0.1, -0.1)
     far = np.cumsum(0.1 * v)

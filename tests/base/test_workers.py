@@ -78,7 +78,7 @@ def test_a_stopped_sweep_leaves_no_workers_and_says_what_is_kept(tmp_path, stop,
 
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks at processes in /proc")
-def test_workers_of_a_sweep_that_is_killed_outright_end_by_themselves(tmp_path):
+def test_workers_of_a_killed_sweep_end_by_themselves(tmp_path):
     """They used to go on with their case, and then wait for another."""
     script, out = tmp_path / "slow.py", tmp_path / "out"
     script.write_text(SWEEP)

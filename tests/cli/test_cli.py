@@ -194,7 +194,7 @@ def test_tune_writes_gains(run):
 
 
 @pytest.mark.slow
-def test_tune_takes_a_model_file_and_warns_of_what_the_search_leaves_out(run):
+def test_tune_takes_a_model_file_and_warns_of_ignored_effects(run):
     from rover_pin.effects.pivot_friction import PivotFriction
     from rover_pin.scenarios.scenario import scenario
     from rover_pin.simulation.model.toml_file import write_model
@@ -322,7 +322,7 @@ def test_identify_refuses_parameters_and_priors(run):
         ("check-urdf", "Missing argument"),
     ],
 )
-def test_words_that_a_command_cannot_take_are_refused_in_one_sentence(run, line, sentence):
+def test_invalid_arguments_are_refused_in_one_sentence(run, line, sentence):
     code, _, err = run(*line.split())
     assert code == 2
     assert sentence in err

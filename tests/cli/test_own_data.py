@@ -57,7 +57,7 @@ def test_what_makes_no_set_is_said_and_nothing_is_left(run, table, words, senten
 ASKEW = MINE.replace("operator", "Side force [N]").replace("sinkage_mm", "slip_angle_deg").replace("a\n", "8\n")
 
 
-def test_a_side_force_is_kept_with_its_noise_where_the_wheel_ran_askew(run):
+def test_side_force_is_kept_with_its_noise_at_a_slip_angle(run):
     Path("mine.csv").write_text(ASKEW.replace("b\n", "6\n"))
     words = ("init", "mine.csv", *WHEEL, "--noise", "drawbar_pull=0.5N")
     code, _, err = run(*words)

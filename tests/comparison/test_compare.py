@@ -44,7 +44,7 @@ def test_drives_are_compared_over_their_common_time(tmp_path):
     assert slip.note == f"RMS {0.2 / np.sqrt(2):.4g}"  # one wheel off by 0.2, the other not
 
 
-def test_a_shorter_drive_at_another_rate_is_compared_where_both_are(tmp_path):
+def test_shorter_drive_at_another_rate_is_compared_where_common(tmp_path):
     t = np.linspace(1.0, 3.0, 7)
     short = save_trace(Trace({"t_s": t, "body_x": 0.05 * t}), tmp_path / "short.parquet")
     found = compare(drive(tmp_path, "long"), short)

@@ -88,12 +88,12 @@ def test_with_a_short_shear_displacement_any_slip_saturates(load):
 
 
 @pytest.mark.parametrize("load", LOADS)
-def test_with_a_long_shear_displacement_the_limit_vanishes_as_one_over_k(load):
+def test_limit_goes_as_one_over_k_for_long_shear_displacement(load):
     found = [torque_bounds(load, SAND.replace(k=k), WHEEL, 0.2).limit for k in (1.0, 10.0)]
     assert found[0] / found[1] == pytest.approx(10.0, rel=0.02)
 
 
-def test_without_cohesion_saturation_approaches_friction_times_load():
+def test_saturation_nears_friction_times_load_without_cohesion():
     """A light wheel hardly sinks: T_sat / (r W) tends to tan phi / 1 as theta_1 tends to 0."""
     ratios = [torque_bounds(W, SAND, WHEEL).saturation / (WHEEL.r * W * math.tan(SAND.phi)) for W in (1.0, 1e-2, 1e-4)]
     assert ratios[0] < ratios[1] < ratios[2] < 1.0
@@ -207,7 +207,7 @@ def test_the_prepared_bounds_are_those_of_each_wheel(angles):
         assert (found.d_saturation[i], found.d_limit[i]) == pytest.approx(slope, rel=1e-8, abs=1e-300)
 
 
-def test_prepared_bounds_work_without_a_compiler_and_keep_their_results(monkeypatch):
+def test_prepared_bounds_work_uncompiled_and_keep_their_results(monkeypatch):
     import rover_pin.control.bounds as module
     from rover_pin.base.errors import MissingExtraError
 

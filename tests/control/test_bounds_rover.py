@@ -45,7 +45,7 @@ def test_each_wheel_is_bounded_at_its_own_static_load(slope):
         )
 
 
-def test_load_transfer_raises_the_bound_downhill_and_the_light_wheels_slip_first():
+def test_load_transfer_raises_the_bound_light_wheels_slip_first():
     flat, steep = rover_torque_bounds(ROVER, SAND), rover_torque_bounds(ROVER, SAND, 15 * DEG)
     rear = [steep.names.index(name) for name in ("rl", "rr")]
     assert np.all(steep.limit[rear] > 1.2 * flat.limit[rear])
@@ -93,7 +93,7 @@ def test_the_climbable_slope_balances_the_weight(form):
         assert np.sum(pull) == pytest.approx(ROVER.mass * 9.81 * math.sin(slope), rel=1e-6)
 
 
-def test_with_fixed_angles_every_wheel_climbs_the_angle_of_its_factor():
+def test_every_wheel_climbs_its_factor_angle_with_fixed_angles():
     limit = TractionLimit(0.2, TorqueTraction(), FixedAngles())
     factor = load_traction_factor(0.2, SAND, WHEEL, TorqueTraction())
     assert climbable_slope(ROVER, SAND, limit)[1] == pytest.approx(math.atan(factor), rel=1e-6)

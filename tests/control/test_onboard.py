@@ -42,7 +42,7 @@ def test_folded_bogies_turn_it_to_one_side_and_then_to_the_other(control):
     assert control(reading(5.0, math.radians(8))).steer[0] < 0.0
 
 
-def test_a_slope_is_climbed_straight_and_with_the_duty_for_climbing(control):
+def test_slope_is_climbed_straight_with_the_climbing_duty(control):
     assert control(reading(0.0, 0.0, pitch=math.radians(-10))) == (0.8, 0.0)
     assert control(reading(1.0, 0.0, pitch=math.radians(10))) == (0.5, 0.0)
 

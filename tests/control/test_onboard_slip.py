@@ -58,7 +58,7 @@ def test_slip_is_told_from_noisy_sensors(name, settings, bias, rms):
     assert np.sqrt(np.mean(error**2)) < rms
 
 
-def test_a_wheel_that_turns_against_its_mount_alone_is_told_apart():
+def test_slip_estimate_follows_a_steepening_slope_wheel_by_wheel():
     """Without noise the estimate follows a slope that steepens within 0.02, wheel by wheel."""
     watch = watched("slope", QUIET, 30.0, **{"soil.k": 0.01, "terrain.start": 0.2})
     assert np.max(np.abs(watch.error(4.0))) < 0.03
@@ -90,7 +90,7 @@ def test_ground_that_does_not_bend_tells_no_speed_by_its_folds():
     assert np.ptp(estimate._folding(0.0, 0.0)) == pytest.approx(0.0, abs=1e-9)
 
 
-def test_a_bent_posture_that_stays_says_standing_and_one_that_folds_says_moving():
+def test_steady_posture_means_standing_and_folding_means_moving():
     estimate = OnboardSlip.of(scenario("flat", soil="table-1").model)
     stays, folds = (estimate.speeds[np.argmax(estimate._folding(rise, 0.2))] for rise in (0.0, 0.01))
     assert stays == pytest.approx(0.0, abs=1e-3)
@@ -108,7 +108,7 @@ def test_a_bend_makes_torques_less_sure():
     assert seen[1] > 1.5 * seen[0]
 
 
-def test_a_rover_stuck_past_the_peak_is_told_better_by_its_posture():
+def test_posture_improves_the_slip_of_a_stuck_rover_past_peak():
     """At the far wall the torque of S = 1 is that of a smaller slip too; that nothing folds speaks for the first."""
     sand = {"soil.k": 0.003, "terrain.wall_angle_deg": 47.0, "add": "PostPeak.fraction=0.3"}
     scene = scenario("ditch", soil="table-1", **sand, **{"effect.MotionResistance.R": 0.07})
@@ -130,7 +130,7 @@ def test_wheels_that_stand_say_that_the_rover_stands():
     assert np.sqrt(np.mean(np.array(watch.told)[40:] ** 2)) < 0.2
 
 
-def test_where_the_factor_is_flat_the_estimate_knows_that_it_does_not_know():
+def test_flat_factor_gives_a_wide_slip_estimate():
     """k = 2 mm: F hardly rises beyond S = 0.3."""
     sure, unsure = (
         OnboardSlip.of(scenario("flat", soil="table-1").model),

@@ -15,7 +15,7 @@ TRACK = 0.52
 """Distance of the cart's wheels left and right [m]."""
 
 
-def test_sides_run_in_proportion_to_their_distance_from_the_centre():
+def test_side_speeds_are_proportional_to_their_distance():
     turn = Turn.of(CART, radius=1.04, delta=0.6)
     assert turn.steer == ()
     assert turn.duty == pytest.approx((0.36, 0.6, 0.36, 0.6))

@@ -95,7 +95,7 @@ def test_without_an_integral_gain_there_is_no_integral(slips, caps, k_p):
 
 
 @given(slips=SLIPS, caps=CAPS, k_i=st.floats(0.01, 10.0))
-def test_the_duty_keeps_its_limits_and_the_integral_does_not_pass_them(slips, caps, k_i):
+def test_duty_and_integral_stay_within_their_limits(slips, caps, k_i):
     gains = Gains(k_i=k_i, delta_max=0.8)
     duty, integral = driven(SlipControl(gains, TrueSlip()), slips, caps[: len(slips)])
     most = np.minimum(0.8, caps[: len(slips)])
@@ -161,7 +161,7 @@ def test_the_integral_moves_with_the_error_or_rests(slip, integral, highest, k_p
         assert share == pytest.approx(1.0)
 
 
-def test_the_torque_limit_is_the_saturation_torque_at_the_static_load():
+def test_torque_limit_is_the_saturation_torque_at_static_load():
     model = scenario("flat", soil="table-1", angles="sinkage").model
     limit = TorqueLimit.saturation(model)
     rover = load_rover()
@@ -291,7 +291,7 @@ def test_the_slope_that_a_slip_limit_holds(S, degrees):
     assert math.degrees(math.atan(F - float(model.effect(MotionResistance).R))) == pytest.approx(degrees, abs=0.05)
 
 
-def test_the_torque_limit_alone_keeps_a_wheel_out_of_the_slip_that_digs():
+def test_torque_limit_alone_prevents_the_slip_that_digs():
     """Up a slope beyond T_lim's the wheels turn at S_lim or less, where constant duty spins them; no slip is sensed."""
     slope = {"terrain.angle_deg": 7.0, "terrain.start": -2.0, "soil.k": 0.05, "duration": 8.0}
     free, held = (

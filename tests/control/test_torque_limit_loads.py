@@ -49,7 +49,7 @@ class ByLinks:
 @pytest.mark.parametrize(
     "name", ["incline", *(pytest.param(each, marks=pytest.mark.slow) for each in DRIVES if each != "incline")]
 )
-def test_the_loads_at_the_pitch_are_off_as_is_told_and_the_drive_ends_alike(name):
+def test_loads_at_the_pitch_err_as_stated_with_the_same_outcome(name):
     scene, settings, expected = DRIVES[name]
     drive = scenario(scene, soil="table-1", control="limit", duration=20.0, **settings)
     by_pitch, by_links = drive.drive(), ByLinks(drive.model)

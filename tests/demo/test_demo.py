@@ -60,7 +60,7 @@ def test_a_drive_log_is_as_long_and_as_varied_as_the_loop_needs(tmp_path):
     assert np.std(log.runs[0]["body_x"] - log.runs[4]["body_x"]) > 0.0
 
 
-def test_the_motors_and_the_tracker_of_a_made_up_drive_are_not_perfect(tmp_path):
+def test_motors_and_tracker_of_a_synthetic_drive_are_imperfect(tmp_path):
     """Of two logs of one seed, one with nothing wrong with the sensors: zeros wander, no two motors are alike."""
     drive_log.write(tmp_path / "real", "nothing", 0)
     with pytest.MonkeyPatch.context() as exact:
@@ -91,7 +91,7 @@ def test_chance_hides_what_its_seed_says():
         (("slip-slope", "--rover", "gone"), "There is no rover 'gone'"),
     ],
 )
-def test_what_cannot_be_hidden_or_made_is_refused_in_one_sentence(run, tmp_path, words, said):
+def test_impossible_demos_are_refused_in_one_sentence(run, tmp_path, words, said):
     code, _, err = run("demo", *words)
     assert (code, err.count("\n")) == (2, 1)
     assert said in err

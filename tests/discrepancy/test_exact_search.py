@@ -95,7 +95,7 @@ def test_the_fit_is_least_squares_with_priors(made):
     assert base.misfit == pytest.approx((chi2 - base.u[1] ** 2) / (ROWS - 1))
 
 
-def test_levels_left_out_are_predicted_by_least_squares_on_the_others(made):
+def test_held_out_levels_are_predicted_by_least_squares(made):
     """What has no prior is held near the whole fit by FAR of its scale: hardly at all."""
     base, rows, _ = made
     exact = closed(made)
@@ -142,7 +142,7 @@ def widths(base):
     return np.array([one.high - one.low for one in intervals(settled(base))[1]])
 
 
-def test_intervals_are_those_of_the_noise_and_widened_where_more_is_left():
+def test_intervals_match_the_noise_and_widen_with_the_misfit():
     """Half-width 1.96 SD of the posterior; where more than the noise is left, in noise as large as that."""
     random = np.random.default_rng(2)
     laws = laws_of(random)
@@ -156,7 +156,7 @@ def test_intervals_are_those_of_the_noise_and_widened_where_more_is_left():
     np.testing.assert_allclose(widths(poor), 2 * norm.ppf(0.975) * wide, rtol=2e-2)
 
 
-def test_noise_by_chance_a_little_large_does_not_widen_an_interval():
+def test_slightly_large_noise_does_not_widen_an_interval():
     random = np.random.default_rng(2)
     laws = laws_of(random)
     base = based(1.15 * clipped(random), laws)
@@ -164,7 +164,7 @@ def test_noise_by_chance_a_little_large_does_not_widen_an_interval():
     assert settled(base) is base
 
 
-def test_where_no_profile_ends_the_interval_is_that_of_the_covariance(made, monkeypatch):
+def test_interval_is_that_of_the_covariance_if_profiling_fails(made, monkeypatch):
     def fails(*asked):
         raise OptimisationError("no end")
 
@@ -218,7 +218,7 @@ def test_gains_count_in_units_of_what_the_best_leaves():
 
 
 @pytest.mark.parametrize(("amplitude", "freed"), [(0.0, ()), (1.5, ("Bulldozing.gamma",))])
-def test_a_shape_is_freed_only_where_it_gains_more_than_its_threshold(amplitude, freed):
+def test_shape_is_freed_only_if_it_gains_more_than_its_threshold(amplitude, freed):
     random = np.random.default_rng(3)
     laws = laws_of(random, Bulldozing())
     shape = plain_candidate(Bulldozing()).loose
@@ -242,7 +242,7 @@ def test_a_set_too_small_for_its_numbers_refits_none(made):
     assert not bearable(small, loose[:4])
 
 
-def test_two_effects_that_look_most_like_a_third_are_found_as_a_pair():
+def test_two_effects_that_resemble_a_third_are_found_as_a_pair():
     """The third is added first; of the pairs of leading singles the true one leaves least."""
     random = np.random.default_rng(11)
     laws = laws_of(random, SlipSinkage(), ExitAngle())
@@ -259,7 +259,7 @@ def test_two_effects_that_look_most_like_a_third_are_found_as_a_pair():
 
 
 @pytest.mark.parametrize("shape", [True, False])
-def test_a_bent_law_that_imitates_two_is_replaced_though_the_second_shows_nothing_alone(shape):
+def test_bent_law_is_replaced_by_the_two_effects_it_imitates(shape):
     """Rows are 2 a + 2 b; SlipSinkage moves a, ExitAngle b - a and gains nothing alone; a third with its shape both."""
     random = np.random.default_rng(5)
     a, b, off, away = np.linalg.qr(random.normal(size=(ROWS, 4)))[0].T * 12
@@ -329,7 +329,7 @@ def answered(rows, laws):
     return on_rig(linear.made(rows, laws), linear.MODEL, None, SILENT, 0)
 
 
-def test_a_hidden_effect_is_named_in_every_fold_and_its_errors_fall():
+def test_hidden_effect_is_named_in_every_fold_and_errors_fall():
     random = np.random.default_rng(8)
     laws = laws_of(random, SlipSinkage(), ExitAngle())
     found = answered(rows_of(laws, random, SlipSinkage__n_1=2.0), laws)
@@ -354,7 +354,7 @@ def test_two_that_do_the_same_are_a_set():
     assert "these cannot be distinguished" in found.sentence
 
 
-def test_more_than_the_noise_that_nothing_describes_is_no_unknown_effect_and_nothing_is_added():
+def test_undescribed_misfit_adds_no_effect_and_is_inadequate():
     random = np.random.default_rng(10)
     laws = laws_of(random, SlipSinkage())
     found = answered(clipped(random) + 4 * random.normal(size=ROWS), laws)
@@ -364,7 +364,7 @@ def test_more_than_the_noise_that_nothing_describes_is_no_unknown_effect_and_not
 
 
 @pytest.mark.parametrize(("beside", "answer"), [(1.05, Answer.LIKE), (3.0, Answer.INADEQUATE)])
-def test_an_effect_that_takes_two_thirds_is_what_is_missing_in_another_law(beside, answer):
+def test_effect_taking_two_thirds_is_missing_in_another_law(beside, answer):
     random = np.random.default_rng(12)
     laws = laws_of(random, SlipSinkage())
     rest = beside * 2.0 * random.normal(size=ROWS)
@@ -376,7 +376,7 @@ def test_an_effect_that_takes_two_thirds_is_what_is_missing_in_another_law(besid
         assert found.share >= 2 / 3
 
 
-def test_what_a_law_leaves_without_a_pattern_is_scatter_and_the_law_holds():
+def test_patternless_residual_is_scatter_and_the_law_holds():
     """Noise of 1.7 times the declared SD: the name would be "like" by the declared noise alone."""
     random = np.random.default_rng(12)
     laws = laws_of(random, SlipSinkage())
@@ -386,7 +386,7 @@ def test_what_a_law_leaves_without_a_pattern_is_scatter_and_the_law_holds():
     assert "What is left is still more than the noise" in found.sentence
 
 
-def test_each_fold_is_predicted_by_what_is_chosen_and_fitted_without_it():
+def test_each_fold_is_predicted_by_the_choice_made_without_it():
     random = np.random.default_rng(15)
     laws = laws_of(random, SlipSinkage())
     rows = rows_of(laws, random, SlipSinkage__n_1=2.0)
@@ -403,7 +403,7 @@ def test_each_fold_is_predicted_by_what_is_chosen_and_fitted_without_it():
     assert "held-out RMSE with each fold's own choice: drawbar pull" in found.summary()
 
 
-def test_a_fold_chooses_among_effects_as_large_as_they_were_fitted():
+def test_fold_chooses_among_effects_at_their_fitted_size():
     random = np.random.default_rng(14)
     laws = laws_of(random, SlipSinkage())
     found = answered(rows_of(laws, random, SlipSinkage__n_1=2.0), laws)
@@ -420,7 +420,7 @@ def test_a_size_at_its_bound_does_not_stand_alone():
     assert "does not stand alone: SlipSinkage.n_1 lies at its bound" in found.sentence
 
 
-def test_a_choice_that_most_folds_do_not_make_does_not_stand_alone(made):
+def test_choice_of_a_minority_of_folds_does_not_stand_alone(made):
     found = search(made[0], tried(made[0]), SILENT)
     anew = chosen_anew(found.base, tried(made[0], SlipSinkage(), ExitAngle()))
     assert {one.names for one in anew.values()} == {"SlipSinkage"}

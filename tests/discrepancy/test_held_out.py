@@ -75,7 +75,7 @@ def test_a_single_sample_and_none_at_all():
 
 
 @pytest.mark.parametrize("timed", [False, True])
-def test_a_level_without_the_channel_is_not_drawn_and_one_with_some_of_it_is(timed):
+def test_levels_without_the_channel_are_not_resampled(timed):
     """Of logs stretches are drawn, of all runs: what a run lacks stands in them as nothing."""
     random = np.random.default_rng(7)
     before, after = random.normal(size=(2, 5, 1, 4))
@@ -117,7 +117,7 @@ def test_the_floor_is_the_scatter_of_samples_where_that_is_told():
     assert list(floor_of(experiment(told=np.array([0.2, 0.0, np.nan])), some)) == [0.2, 0.6, 0.7]
 
 
-def test_what_is_left_beyond_its_floor_is_named_with_the_fold_that_has_most_the_worst_first():
+def test_excess_beyond_the_floor_names_its_worst_fold_in_order():
     """Per compared sample: fold a has one of 3, fold b two of 2.5, which sum to more."""
     good = np.ones((2, 3, 2), dtype=bool)
     good[0, :, 1] = False
@@ -153,7 +153,7 @@ def leaving_two(good, names):
     return SimpleNamespace(residual=np.full((2, 1, 2), 2.0), task=task, model=None)
 
 
-def test_the_most_is_left_where_the_rms_in_sds_is_greatest_of_what_was_compared():
+def test_largest_residual_is_the_greatest_compared_rms_in_sds():
     good = np.ones((2, 2, 2), dtype=bool)
     good[0, 0, 1] = good[1, 1] = False
     rows = np.array([3.0, 0.1, 0.1, 2.0, 3.2])  # a: pull, twice sinkage; b: twice pull
@@ -175,7 +175,7 @@ def left_by_a_null(chi2, declared=True):
     return SimpleNamespace(base=base)
 
 
-def test_what_a_declared_noise_seldom_leaves_is_said_though_no_effect_is_needed():
+def test_improbable_chi2_is_reported_though_no_effect_is_needed():
     """The 95 % point of chi2 with 40 degrees of freedom is 55.76; it was silent up to one set in 1,000."""
     said = sentence(Answer.NONE_NEEDED, left_by_a_null(55.7), 0.0, ("", ()))
     assert said.startswith("the calibrated base model meets the data within their noise")
@@ -228,7 +228,7 @@ def refit(net=1.0, held_out=2.0):
     return Refit(Candidate("D", object(), ()), SimpleNamespace(), 10.0 + net, 10.0, held_out)
 
 
-def test_a_draft_tells_what_it_gained_or_that_it_promises_nothing(monkeypatch):
+def test_draft_states_its_gain_or_that_it_promises_nothing(monkeypatch):
     empty, made = Draft("text"), Draft("text", refit(), command="rover-pin close-loop x --effects y")
     assert empty.as_dict() == {
         "accepted": False, "said": "the draft promises nothing when it is tried", "held_out": [], "command": ""
@@ -253,7 +253,7 @@ def test_a_draft_that_promises_nothing_has_no_refit(monkeypatch):
 # --- the verdict -----------------------------------------------------------------------------------------------------
 
 
-def test_a_draft_and_what_is_left_are_in_the_summary_and_in_the_schema():
+def test_draft_and_residual_are_in_the_summary_and_the_schema():
     left = SimpleNamespace(lines=lambda added: ["left: " + ("after" if added else "before")], as_dict=lambda: {})
     bare = Verdict("wheel-rig", Answer.CANNOT_TELL, "x", "too little", None)
     full = Verdict("wheel-rig", Answer.NONE_FITS, "x", "nothing", None, draft=Draft("text", refit()), extra=left)
@@ -275,7 +275,7 @@ def test_numbers_more_than_two_sd_away_have_drifted():
     )
 
 
-def test_a_fold_that_adds_more_is_told_apart_from_one_that_chooses_the_same():
+def test_fold_that_adds_more_is_counted_apart_from_the_same():
     chosen = {"a": "A", "b": "A + B", "c": ""}
     verdict = Verdict("wheel-rig", Answer.NAMED, "x", "said", None, named=("A",), chosen=chosen)
     assert verdict.chosen_again == "A chosen in 1 of 3 folds, and with another in 1"
@@ -306,5 +306,5 @@ def test_a_place_on_the_way_does_not_belong_to_the_effects_name(place, sought, n
     assert (one.name, one.owner) == (name, owner)
 
 
-def test_an_effect_without_a_size_of_its_own_is_tried_at_a_hundredth():
+def test_effect_without_its_own_size_is_tried_at_a_hundredth():
     assert [_reach(unit) for unit in ("m", "rad", "N")] == [0.01, 0.01, 0.05]

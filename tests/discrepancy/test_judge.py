@@ -148,7 +148,7 @@ def test_what_each_fit_leaves_is_drafted_and_tried_once():
     assert list(map(id, asked)) == [id(found.search.last), id(found.search.base)]
 
 
-def test_what_nothing_takes_is_a_base_model_that_does_not_describe_the_data():
+def test_misfit_that_no_candidate_takes_is_an_inadequate_base():
     found = answer(bed(lambda x: 0.2 * np.sin(14 * x)), (Wave,))
     assert (found.answer, found.named, found.model.effects) == (Answer.INADEQUATE, (), ())
     assert "no candidate describes it" in found.sentence
@@ -162,7 +162,7 @@ def test_what_takes_too_little_is_found_and_not_added():
     assert found.vetoes == ()
 
 
-def test_a_summary_tells_of_gains_and_losses_only_where_something_was_added():
+def test_summary_reports_gains_and_losses_only_after_an_addition():
     with_it, without = (answer(bed(lambda x, b=b: b * x**2)).summary() for b in (0.3, 0.0))
     assert "No channel got worse" in with_it
     assert "Bend.b = 0.3" in with_it
@@ -176,7 +176,7 @@ def test_a_size_at_its_bound_does_not_stand_alone():
     assert found.vetoes == ("Bend.b lies at its bound",)
 
 
-def test_a_slope_far_from_what_is_declared_is_an_answer_of_its_own():
+def test_slope_far_from_its_declared_value_is_inadequate():
     found = answer(bed(slope=1.6), (Wave,))
     assert found.answer is Answer.INADEQUATE
     assert "line.a +12" in found.sentence

@@ -36,7 +36,7 @@ def linear(random, far=1.0):
     ), np.broadcast_to(np.arange(RUNS)[:, None, None], good.shape)[good]  # fmt: skip
 
 
-def test_chi2_without_each_run_is_that_of_least_squares_on_the_others():
+def test_chi2_without_a_run_equals_least_squares_on_the_others():
     """With the prior's u^2; what has no prior is held by FAR of its default sizes where it was."""
     fitted, owner = linear(np.random.default_rng(2))
     found = without_each(fitted)
@@ -49,7 +49,7 @@ def test_chi2_without_each_run_is_that_of_least_squares_on_the_others():
         assert found[run] == pytest.approx(chi2)
 
 
-def test_a_surprise_is_minus_twice_the_log_density_beyond_that_of_noise():
+def test_surprise_is_minus_twice_log_density_relative_to_noise():
     """Of N(0, I + J P^-1 J^T), where no row strays."""
     random = np.random.default_rng(1)
     J, root = random.normal(size=(4, 2)), random.normal(size=(2, 2))
@@ -74,14 +74,14 @@ def test_a_stray_row_left_out_counts_with_less_weight():
 
 
 @pytest.mark.parametrize("exact", [True, False])
-def test_held_out_losses_are_chi2_where_fits_are_exact_else_surprises(exact, monkeypatch):
+def test_held_out_losses_are_chi2_for_exact_fits_else_surprises(exact, monkeypatch):
     monkeypatch.setattr(cross_validation, "losses_of", lambda fitted: "chi2")
     monkeypatch.setattr(cross_validation, "refitted_surprises", lambda fitted: "surprise")
     one = SimpleNamespace(task=SimpleNamespace(experiment=SimpleNamespace(is_exact=exact)))
     assert held_out_losses(one) == ("chi2" if exact else "surprise")
 
 
-def test_fits_to_the_others_start_where_the_whole_one_ended_and_a_lost_run_counts_a_thousand_sds(monkeypatch):
+def test_fold_fits_start_at_the_whole_fit_a_lost_run_costs_most(monkeypatch):
     """A number without a prior is held at what it is: there u = 0."""
     seen = []
 
@@ -117,7 +117,7 @@ def replaced(record, **values):
     return type(record)(**(vars(record) | values))
 
 
-def test_where_no_fit_to_the_others_ends_the_whole_ones_model_stands_for_it(monkeypatch):
+def test_whole_model_replaces_a_fold_fit_that_fails(monkeypatch):
     whole, other = SimpleNamespace(model="whole"), SimpleNamespace(model="other")
     monkeypatch.setattr(cross_validation, "_fold_fits", lambda fitted: iter([other, None]))
     assert cross_validation.fold_models(whole) == ["other", "whole"]
@@ -132,7 +132,7 @@ def one(name, losses, net):
     return SimpleNamespace(name=name, fit=SimpleNamespace(losses=np.array(losses)), threshold=10.0, net=net)
 
 
-def test_each_fold_chooses_what_gains_most_on_the_others_as_long_as_it_chooses_as_all_do(monkeypatch):
+def test_each_fold_chooses_by_gain_on_others_until_it_differs(monkeypatch):
     """Beyond the threshold of 10; a candidate that lost by half of its threshold or more is not looked at."""
     monkeypatch.setattr(judge, "without_each", lambda fitted: fitted.losses)
     A, B = one("A", [70, 95, 60, 95], 20.0), one("B", [60, 85, 95, 85], 5.0)
@@ -151,7 +151,7 @@ def test_each_fold_chooses_what_gains_most_on_the_others_as_long_as_it_chooses_a
 
 
 @pytest.mark.parametrize(("folds", "rounds"), [("AB AB A A", 2), ("AB A A A", 1), ("AB BA B -", 2), ("- - - -", 1)])
-def test_a_second_effect_that_fewer_than_half_of_the_folds_choose_is_not_added(monkeypatch, folds, rounds):
+def test_second_effect_chosen_by_few_folds_is_dropped(monkeypatch, folds, rounds):
     asked = []
 
     def chosen(found):

@@ -36,7 +36,7 @@ def searched(*rounds, exact=True):
 # --- what a search says of itself ------------------------------------------------------------------------------------
 
 
-def test_what_was_added_is_the_best_of_each_round_or_what_stands_in_its_place():
+def test_added_effects_are_each_rounds_best_or_its_replacement():
     assert searched((refit("A"), refit("E")), (refit("B"),), ()).names == "A + B"
     assert searched((refit("A"),), (refit("B", "D"),)).names == "D + B"
     assert searched((refit("A"),), (refit("B", "D"),), (refit("C"),)).names == "D + B + C"
@@ -59,7 +59,7 @@ def test_rivals_of_the_last_round_stand_for_the_whole():
     )
 
 
-def test_rivals_of_earlier_rounds_are_rivals_where_no_pairs_were_tried():
+def test_rivals_of_earlier_rounds_remain_where_no_pair_was_tried():
     rounds = ((refit("A"), refit("E")), (refit("B"), refit("F")))
     assert searched(*rounds).indistinguishable == ("A + B", "A + F")
     assert searched(*rounds, exact=False).indistinguishable == ("A + B", "A + F", "E + B")
@@ -94,7 +94,7 @@ def test_pairs_are_made_of_the_six_that_lead_the_added_one_first(monkeypatch):
         assert [one.name for one in instead] == ([] if fitted[0] == "B" else [fitted[0]])
 
 
-def test_a_second_start_has_the_sizes_small_and_all_else_as_it_was():
+def test_second_start_has_small_sizes_and_keeps_other_numbers():
     kinds = ({"prior": True}, {"prior": False}, {"prior": True}, {"prior": False, "log": True})
     numbers = [Parameter("x", 1.0, 0.5, 0.1, 9.0, **kind) for kind in ({"prior": False}, *kinds)]
     assert compare._small(numbers, np.full(5, 2.0), 1) == pytest.approx([2.0, 2.0, 0.2, 2.0, 2.0])
@@ -112,7 +112,7 @@ def test_a_second_start_has_the_sizes_small_and_all_else_as_it_was():
         (-5.0, -1.0, False),
     ],
 )
-def test_one_that_pays_and_does_harm_to_first_order_is_refitted_on_every_fold(monkeypatch, net, held_out, again):
+def test_harmful_first_order_result_is_checked_on_every_fold(monkeypatch, net, held_out, again):
     losses = {"base": np.array([50.0, 60.0]), "fit": np.array([52.0, 55.0])}
     monkeypatch.setattr(compare, "refitted_surprises", losses.get)
     one = Refit(named("A"), "fit", net + 10.0, 10.0, held_out)
@@ -124,7 +124,7 @@ def scored(name, gain, place="", fee=10.0, told=True):
     return Scored(one, NOTHING, gain, 1.0, 1.0 if told else 0.0, 0.0)
 
 
-def test_two_places_of_a_kind_and_five_candidates_at_most_are_refitted(monkeypatch):
+def test_two_places_of_a_kind_and_five_candidates_are_refitted(monkeypatch):
     monkeypatch.setattr(compare, "placed", lambda start, row: row)
     rows = [scored("P", 100.0 - at, f"{at}") for at in range(4)] + [scored(name, 50.0) for name in "ABCD"]
     chosen = compare._chosen(None, rows, lambda one: 10.0)
@@ -134,7 +134,7 @@ def test_two_places_of_a_kind_and_five_candidates_at_most_are_refitted(monkeypat
 @pytest.mark.parametrize(
     ("gain", "best", "enough"), [(4.1, 9.0, True), (3.9, 9.0, False), (9.9, 500.0, False), (10.1, 500.0, True)]
 )
-def test_a_candidate_must_promise_four_tenths_of_its_fee_and_a_fiftieth_of_the_best(monkeypatch, gain, best, enough):
+def test_candidate_must_promise_shares_of_threshold_and_best(monkeypatch, gain, best, enough):
     monkeypatch.setattr(compare, "placed", lambda start, row: row)
     rows = [scored("A", best), scored("B", gain), scored("C", 1e9, told=False)]
     chosen = [row.candidate.name for row in compare._chosen(None, rows, lambda one: 10.0)]
@@ -174,7 +174,7 @@ def test_what_pays_nothing_is_not_fitted_to_the_end(monkeypatch):
     assert polished_of(monkeypatch, 5.0, 0.0) == "A"
 
 
-def test_one_that_gained_less_than_promised_is_refitted_with_new_slopes_and_the_better_one_is_kept(monkeypatch):
+def test_refit_below_its_promise_is_repeated_and_the_best_kept(monkeypatch):
     """Where it promised more than any reached, and more than nothing."""
     for promised, better, asked, kept in ((6.0, 7.0, True, 7.0), (6.0, 1.0, True, 3.0), (2.9, 7.0, False, 3.0)):
         made = {True: refit("A", net=3.0), False: refit("A", net=better)}
@@ -240,7 +240,7 @@ def test_a_leader_is_fitted_to_the_end_with_every_slope_anew(monkeypatch):
     assert (found.gain, found.threshold, found.held_out) == (10.0, 7.0, 4.0)
 
 
-def test_a_few_candidates_are_refitted_at_least_once_then_those_that_promise_a_quarter(monkeypatch):
+def test_few_candidates_are_refitted_then_those_over_a_quarter(monkeypatch):
     monkeypatch.setattr(exact_refits, "variants", lambda base, candidate: [(candidate, "fit")])
     rows = [scored(name, gain) for name, gain in zip("ABCDEFG", (9.0, 2.6, 2.4, 1.0, 0.5, 0.4, 2.7), strict=True)]
     rows.insert(1, scored("untold", 50.0, told=False))
@@ -259,7 +259,7 @@ def test_a_few_candidates_are_refitted_at_least_once_then_those_that_promise_a_q
     ("chi2", "started_with", "kept"),
     [((90.0,), [1.0], 90.0), ((110.0, 95.0), [1.0, 0.1], 95.0), ((110.0, 120.0), [1.0, 0.1], 110.0)],
 )
-def test_a_refit_that_does_no_better_than_none_starts_again_near_nothing(monkeypatch, chi2, started_with, kept):
+def test_refit_without_improvement_restarts_near_zero(monkeypatch, chi2, started_with, kept):
     made, starts, slopes = iter(chi2), [], []
 
     def fit(task, model, numbers, here, given, reuse):
@@ -289,7 +289,7 @@ def test_a_refit_that_does_no_better_than_none_starts_again_near_nothing(monkeyp
 
 
 @pytest.mark.parametrize(("share", "value"), [(0.5, 0.85), (-0.5, 1.15), (9.0, 0.1), (-9.0, 1.9)])
-def test_a_refit_starts_where_the_best_signature_takes_the_gain_up_to_three_of_its_sizes(share, value):
+def test_refit_starts_at_the_best_share_capped_at_three_sizes(share, value):
     signature = Signature(named("A"), {"A.m": 0.7}, np.zeros(1), {"A.m": 1.0})
     assert started(Scored(named("A"), signature, 1.0, share, 1.0, 0.0), None) == {"A.m": pytest.approx(value)}
     far = Signature(named("A"), {"A.m": 0.7}, np.zeros(1), {"A.m": 36.0})
@@ -305,7 +305,7 @@ def test_a_rival_of_a_weak_best_gains_something():
     assert names(refit("A", net=30.0), refit("B", net=16.3), refit("C", net=16.1)) == ["A", "B"]
 
 
-def test_a_kind_that_is_sought_is_one_rival_wherever_it_is_and_every_wheel_another():
+def test_searched_place_is_one_rival_but_every_wheel_is_its_own():
     def at(kind, place, sought, net):
         return Refit(
             Candidate(kind, object(), (), place=place, place_searched=sought), SimpleNamespace(), net + 9, 9.0, 1.0
@@ -341,7 +341,7 @@ def test_a_kind_that_is_sought_is_one_rival_wherever_it_is_and_every_wheel_anoth
         (9.0, 0.99 * ABSORBED**2, False),
     ],
 )
-def test_a_candidate_is_told_that_shows_and_that_the_numbers_cannot_imitate(visible, left, told):
+def test_candidate_is_identifiable_if_visible_and_not_imitated(visible, left, told):
     assert Scored(NOTHING.candidate, NOTHING, 1.0, 1.0, visible, 1 - left).is_identifiable == told
     assert (STILL, ABSORBED) == (0.3, 0.02)
 
@@ -376,7 +376,7 @@ def made_kind(default, neutral, low, high, unit="m"):
     ("default", "neutral", "log", "scale"),
     [(0.1, 10.0, True, 1.0), (10.0, 100.0, False, -90.0), (0.3, 0.0, False, 0.3), (0.0, 0.0, False, 0.01)],
 )
-def test_a_size_is_counted_from_neutral_to_default_or_by_ratios_where_neutral_is_far_off(default, neutral, log, scale):
+def test_size_scale_is_linear_from_neutral_or_logarithmic_if_far(default, neutral, log, scale):
     """Far off is beyond fifty times the default; a size without a default goes by a hundredth."""
     effect = made_kind(default, neutral, 0.0, 1e3)
     found = Candidate("Kind", effect, ("Kind.x",)).size("Kind.x")
@@ -394,7 +394,7 @@ def test_a_size_is_counted_from_neutral_to_default_or_by_ratios_where_neutral_is
         (-0.5, -1.0, False, 0.15),
     ],
 )
-def test_a_shape_is_known_to_half_of_its_logarithm_or_three_tenths_of_its_size(value, low, log, sd):
+def test_shape_prior_is_half_its_logarithm_or_three_tenths_of_it(value, low, log, sd):
     effect = made_kind(0.1, 0.0, low, 9.0).replace(x=value)
     found = Candidate("Kind", effect, (), ("Kind.x",)).shape("Kind.x")
     assert (found.log, found.scale, found.prior) == (log, pytest.approx(sd), True)

@@ -67,7 +67,7 @@ def test_a_freed_shape_takes_the_level_that_tells_it(folds, freed, most):
         ((2,), 0, False),
     ],
 )
-def test_what_replaces_a_bent_law_may_have_a_second_where_that_has_levels_enough(instead, freed, borne):
+def test_bent_law_replacement_may_add_a_second_if_levels_suffice(instead, freed, borne):
     """Nine levels, and a first law with two shapes freed: alone it stands, and with another it is not tried."""
 
     def law(count):
@@ -123,7 +123,7 @@ def replaced(one, **how):
     return SimpleNamespace(**(vars(one) | how)) if isinstance(one, SimpleNamespace) else replace(one, **how)
 
 
-def test_a_search_is_made_again_in_noise_that_runs_share_until_it_finds_the_same(looked):
+def test_search_repeats_in_shared_noise_until_its_result_repeats(looked):
     noise = SimpleNamespace(inflation=1.0)
     assert looked(SOMETHING, Found(), Found(), Found(), shared=[noise] * 3, adequate=True) == ["singles"] * 4
     assert looked(Found(), Found(), shared=[noise] * 3, adequate=True) == ["singles"] * 2
@@ -138,7 +138,7 @@ def test_rounds_follow_as_long_as_something_is_found(looked):
     assert looked(SOMETHING, SOMETHING, folds=8) == ["singles"] * 2
 
 
-def test_pairs_are_tried_where_no_single_holds_and_the_base_leaves_more_than_the_noise(looked):
+def test_pairs_are_tried_if_no_single_holds_and_the_base_misfits(looked):
     """If there are levels for two effects, and fits are exact."""
     assert looked(Found()) == ["singles", "pairs"]
     assert looked(Found(), folds=8) == ["singles", "pairs"]
@@ -156,7 +156,7 @@ def test_nothing_is_sought_below_the_error_of_predictions(rms, looks, looked):
     assert len(looked(Found(), exact=False, noise=None, rms=rms)) == looks
 
 
-def test_a_pair_pays_for_both_of_its_effects_in_units_of_the_noise(monkeypatch):
+def test_pair_pays_for_both_effects_in_units_of_the_noise(monkeypatch):
     seen = []
     monkeypatch.setattr(search, "paired", lambda base, singles, best, progress: [])
     monkeypatch.setattr(search, "rank_refits", lambda base, tried, fee, paid: seen.append(paid) or ())
@@ -171,7 +171,7 @@ def test_a_pair_pays_for_both_of_its_effects_in_units_of_the_noise(monkeypatch):
     ("rounds", "adequate", "pairs"),
     [(0, False, None), (1, True, []), (1, False, ["of leaders", "after plain"]), (2, False, []), (2, True, [])],
 )
-def test_pairs_join_the_second_round_where_the_first_left_more_than_the_noise(rounds, adequate, pairs, monkeypatch):
+def test_pairs_join_the_second_round_where_the_first_misfits(rounds, adequate, pairs, monkeypatch):
     monkeypatch.setattr(search, "is_adequate", lambda fit: adequate)
     monkeypatch.setattr(search, "paired", lambda base, refits, best, progress: ["of leaders"])
     monkeypatch.setattr(search, "_after_plain_laws", lambda found, tried, fee, progress: ["after plain"])
@@ -180,7 +180,7 @@ def test_pairs_join_the_second_round_where_the_first_left_more_than_the_noise(ro
 
 
 @pytest.mark.parametrize("exact", [True, False])
-def test_what_was_added_is_not_tried_again_and_scored_anew_where_fits_are_exact(exact, monkeypatch):
+def test_added_effect_is_not_retried_and_exact_fits_are_rescored(exact, monkeypatch):
     monkeypatch.setattr(search, "signatures", lambda last, tried: (last, [one.kind for one in tried]))
     tried = [Candidate(kind, object(), ()) for kind in "AB"]
     known = [SimpleNamespace(candidate=one) for one in tried]
@@ -194,7 +194,7 @@ def test_what_was_added_is_not_tried_again_and_scored_anew_where_fits_are_exact(
 
 
 @pytest.mark.parametrize(("misfits", "unit"), [((3.0, 2.0), 2.0), ((1.2, 3.0), 1.5)])
-def test_thresholds_count_in_units_of_what_the_best_leaves_where_noise_is_declared(misfits, unit):
+def test_thresholds_scale_with_the_best_misfit_in_declared_noise(misfits, unit):
     def made(name, misfit, gain):
         task = SimpleNamespace(experiment=experiment(), noise=SimpleNamespace(inflation=1.5))
         return Refit(Candidate(name, object(), ()), SimpleNamespace(misfit=misfit, task=task), gain, 1.0, 0.0)
@@ -231,7 +231,7 @@ def test_the_share_of_little_beyond_the_noise_is_its_share_too(found, share):
     assert share_taken(chi2(*found)) == pytest.approx(share)
 
 
-def test_errors_of_others_are_of_the_last_round_that_found_something_without_its_first(monkeypatch):
+def test_errors_of_others_come_from_the_last_round_with_a_result(monkeypatch):
     """By the name of all that stands in the model with each; every fold as the fits to the others predict it."""
     good = np.array([[[True, True]], [[True, False]]])
     task = SimpleNamespace(noise=SimpleNamespace(good=good), experiment=SimpleNamespace(channels=("pull",)))
@@ -244,7 +244,7 @@ def test_errors_of_others_are_of_the_last_round_that_found_something_without_its
     assert errors == {"X + B": {"pull": pytest.approx(13.0 / 3**0.5)}, "C + D": {"pull": 1.0}}
 
 
-def test_errors_with_each_folds_own_choice_are_of_what_was_compared():
+def test_errors_with_each_folds_choice_cover_compared_values():
     good = np.array([[[True, True]], [[True, False]]])
     base = SimpleNamespace(
         task=SimpleNamespace(noise=SimpleNamespace(good=good), experiment=SimpleNamespace(channels=("pull",)))
@@ -277,7 +277,7 @@ def test_a_draft_is_scored_where_nothing_of_the_list_holds(answer, side, tried, 
     ("misfit", "rest", "unlisted"),
     [(3.9, True, True), (3.9, False, False), (3.9, None, False), (4.1, False, True), (4.1, None, True)],
 )
-def test_what_a_law_leaves_without_a_pattern_is_scatter_up_to_four_times_the_noise(misfit, rest, unlisted, monkeypatch):
+def test_patternless_residual_is_scatter_to_four_times_the_noise(misfit, rest, unlisted, monkeypatch):
     monkeypatch.setattr(left_of_a_law, "assess_residual", lambda found: ResidualAssessment(True))
     monkeypatch.setattr(left_of_a_law, "is_outperformed", lambda found, draft: False)
     drafts = {"last": None if rest is None else SimpleNamespace(accepted=rest), "base": SimpleNamespace(accepted=True)}
@@ -301,7 +301,7 @@ def test_what_a_law_leaves_without_a_pattern_is_scatter_up_to_four_times_the_noi
         (("A",), True, True, True, ResidualAssessment(True, "", True, True, True), ["last", "base"]),
     ],
 )
-def test_a_draft_takes_the_place_of_a_law_only_where_that_leaves_a_curve(
+def test_draft_replaces_a_law_only_if_its_residual_has_a_curve(
     found, unlisted, rest, better, expected, asked, monkeypatch
 ):
     """A law that leaves nothing that a draft could describe is not asked for one on the base, which costs a refit."""
@@ -326,9 +326,7 @@ def test_a_draft_takes_the_place_of_a_law_only_where_that_leaves_a_curve(
         (95.0, 70.0, 20.0, True, True),
     ],
 )
-def test_a_draft_outdoes_a_law_by_half_of_what_that_leaves_beyond_chance(
-    law, drawn, fee, accepted, better, monkeypatch
-):
+def test_draft_outperforms_a_law_by_half_of_its_excess(law, drawn, fee, accepted, better, monkeypatch):
     """On folds left out, of 100 compared values, and beyond chance."""
     losses = {"last": [law / 4, 3 * law / 4], "drawn": [drawn / 2, drawn / 2]}
     monkeypatch.setattr(left_of_a_law, "held_out_losses", lambda one: np.array(losses[one.name]))
@@ -339,7 +337,7 @@ def test_a_draft_outdoes_a_law_by_half_of_what_that_leaves_beyond_chance(
     assert not is_outperformed(found, SimpleNamespace(refit=None, accepted=accepted))
 
 
-def test_where_nothing_was_found_the_base_is_judged_and_else_the_law(monkeypatch):
+def test_base_is_assessed_where_nothing_was_found_else_the_law(monkeypatch):
     monkeypatch.setattr(left_of_a_law, "is_adequate", lambda fit: False)
     monkeypatch.setattr(left_of_a_law, "holds", lambda found: True)
     assert left_of_a_law.assess_residual(SimpleNamespace(best_refits=(), base=None)) == ResidualAssessment(True)
@@ -404,7 +402,7 @@ class Named:
         (Answer.NAMED, False, "of base"),
     ],
 )
-def test_what_the_first_law_leaves_is_drafted_where_the_answer_is_like_it(answer, unlisted, draft, monkeypatch):
+def test_residual_of_the_first_law_is_drafted_for_a_like_answer(answer, unlisted, draft, monkeypatch):
     found = SimpleNamespace(base="base")
     patches = {
         "calibrated": lambda experiment, model, numbers, seed: "base",

@@ -69,7 +69,7 @@ def test_the_answer(search, left, takes_most, answer):
 
 
 @pytest.mark.parametrize(("share", "answer"), [(0.67, Answer.LIKE), (0.66, Answer.INADEQUATE)])
-def test_what_the_first_takes_alone_counts_only_where_something_is_left(share, answer, monkeypatch):
+def test_share_of_the_first_counts_only_for_an_unlisted_residual(share, answer, monkeypatch):
     monkeypatch.setattr(judge, "first_of", lambda search: search)
     monkeypatch.setattr(judge, "held_out_share", lambda base, last: share)
     assert graded(found("A", base=fitted(task=of_folds(9))), ResidualAssessment(True), {})[0] is answer
@@ -78,7 +78,7 @@ def test_what_the_first_takes_alone_counts_only_where_something_is_left(share, a
 
 
 @pytest.mark.parametrize("names", [(), ("A",), ("A", "B")])
-def test_what_a_curve_in_the_laws_place_predicts_much_better_is_on_no_list(names, monkeypatch):
+def test_curve_that_predicts_much_better_than_a_law_is_unlisted(names, monkeypatch):
     """Even where the law takes most of what is missed."""
     monkeypatch.setattr(judge, "held_out_share", lambda base, last: 0.99)
     whole = found(*names, base=fitted(task=of_folds(99)))
@@ -104,9 +104,7 @@ AGREED = {"one": "B + A", "two": "A + B", "three": "A"}
         ("A", 0.9, {"one": "A", "two": "A"}, 12, False),
     ],
 )
-def test_several_effects_hold_together_where_they_take_nearly_all_and_most_folds_agree(
-    names, share, chosen, folds, together, monkeypatch
-):
+def test_effects_hold_together_by_their_share_and_most_folds(names, share, chosen, folds, together, monkeypatch):
     """Each has two numbers of its own, so that both ask for twelve folds."""
     first, whole = object(), found(*names, base=fitted(task=of_folds(folds)))
     monkeypatch.setattr(judge, "first_of", lambda search: SimpleNamespace(last=first))
@@ -117,7 +115,7 @@ def test_several_effects_hold_together_where_they_take_nearly_all_and_most_folds
 
 
 @pytest.mark.parametrize(("together", "said_of"), [(False, "first"), (True, "whole")])
-def test_what_is_missing_is_like_all_that_hold_together_else_like_the_first(together, said_of, monkeypatch):
+def test_missing_effect_is_like_the_whole_set_or_like_the_first(together, said_of, monkeypatch):
     """Where the first alone takes most; nothing is predicted for it where all hold together."""
     first, whole = SimpleNamespace(last=fitted()), found("A", "B")
     shares = []
@@ -140,7 +138,7 @@ def test_what_is_left_is_a_surprise_once_in_a_thousand():
 
 
 @pytest.mark.parametrize(("taken", "law"), [(0.901, True), (0.899, False)])
-def test_a_law_holds_that_takes_nine_tenths_or_leaves_no_more_than_one_in_a_hundred(taken, law):
+def test_law_holds_at_nine_tenths_taken_or_a_p_value_of_0_01(taken, law):
     base = fitted(1050.0)
     assert holds(found("A", base=base, last=fitted(1050.0 - 1000.0 * taken))) == law
     limit = chi2_law.isf(0.01, 50)
@@ -206,7 +204,7 @@ def test_a_size_within_a_millionth_of_its_bound_stands_at_it(u, stuck):
 @pytest.mark.parametrize(
     ("high", "u", "prior", "stuck"), [(1.0, 1.0, False, False), (1.0, 1.0, True, True), (1.1, 1.1, False, True)]
 )
-def test_a_law_as_published_is_not_strained_by_the_bound_it_has_there(high, u, prior, stuck):
+def test_published_law_is_not_vetoed_at_the_bound_of_its_prior(high, u, prior, stuck):
     one = parameter("A.share", prior=prior, low=0.0, high=high)
     assert against(u, one) == (["A.share lies at its bound"] if stuck else [])
 
@@ -258,14 +256,14 @@ def score(change, low, high, floor=0.1):
         (score(-0.2, -0.3, -0.1), False),
     ],
 )
-def test_a_channel_that_is_predicted_worse_by_a_twentieth_speaks_against(made, worse):
+def test_channel_predicted_worse_by_a_twentieth_is_a_veto(made, worse):
     assert against(scores=[made]) == (["sinkage is predicted worse where it was not fitted"] if worse else [])
 
 
 # --- what a fold chooses from ----------------------------------------------------------------------------------------
 
 
-def test_where_fits_are_exact_a_fold_chooses_among_the_leaders_as_freed():
+def test_fold_chooses_among_the_leaders_as_freed_in_exact_fits():
     """Four of each round, but for those that would gain less than half of their threshold."""
 
     def refit(name, net, instead=()):

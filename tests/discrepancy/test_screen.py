@@ -35,7 +35,7 @@ def test_a_step_ends_where_the_size_meets_its_bounds(size, neutral):
     assert _reachable(signature(size, neutral), -0.05) == -0.05
 
 
-def test_a_size_at_neutral_bounds_nothing_and_a_freed_number_goes_either_way():
+def test_neutral_size_is_unbounded_and_a_freed_number_two_sided():
     assert _reachable(signature(0.1, 0.1), 1e9) == 1e9
     freed = Candidate("soil.k", None, ("soil.k",))
     assert _reachable(Signature(freed, {"soil.k": 1.0}, np.zeros(1), {"soil.k": 0.5}), -1e9) == -1e9
@@ -72,7 +72,7 @@ def weights_of(rows):
 
 
 @pytest.mark.parametrize("far", [0.5, 3.0])
-def test_a_candidate_scores_what_is_left_beside_the_numbers_and_their_priors(far):
+def test_candidate_scores_the_residual_with_numbers_and_priors(far):
     """Gain and step of the quadratic in (du, share), solved whole: the prior pulls u back to 0, where there is one."""
     random = np.random.default_rng(3)
     base, moved = based(random, far=far), random.normal(size=(3, 2, 7))
@@ -115,7 +115,7 @@ def test_what_no_candidate_explains_is_what_least_squares_leave(far):
 TILT = ("GravityTilt.rise_x", "GravityTilt.rise_y")
 
 
-def test_sizes_are_tried_one_by_one_but_together_where_the_place_is_sought():
+def test_sizes_are_tried_singly_but_jointly_in_a_place_search():
     tilt = Candidate("GravityTilt", GravityTilt(rise_x=0.02, rise_y=0.03), TILT)
     one_by_one = [{TILT[0]: 0.02, TILT[1]: 0.0}, {TILT[0]: 0.0, TILT[1]: 0.03}]
     assert trials(tilt) == [pytest.approx(each) for each in one_by_one]
@@ -123,7 +123,7 @@ def test_sizes_are_tried_one_by_one_but_together_where_the_place_is_sought():
     assert trials(together) == [pytest.approx({TILT[0]: 0.02, TILT[1]: 0.03})]
 
 
-def test_a_threshold_is_tried_at_several_sizes_also_where_the_place_is_sought():
+def test_limit_effect_is_tried_at_several_sizes_also_by_place():
     """Neutral at 1,000 A is far off: the size is sought by ratios of its default."""
     for sought in (False, True):
         limit = Candidate(
@@ -134,7 +134,7 @@ def test_a_threshold_is_tried_at_several_sizes_also_where_the_place_is_sought():
 
 
 @pytest.mark.parametrize(("neutral", "far_off"), [(49.5, False), (51.0, True), (54.0, True)])
-def test_a_size_is_sought_by_ratios_where_neutral_is_fifty_times_as_large(neutral, far_off, monkeypatch):
+def test_size_is_logarithmic_if_neutral_is_fifty_times_as_large(neutral, far_off, monkeypatch):
     monkeypatch.setitem(TorqueSaturation.neutral, "i_max", neutral)
     limit = Candidate("TorqueSaturation", TorqueSaturation(i_max=1.0), ("TorqueSaturation.i_max",))
     assert limit.size("TorqueSaturation.i_max").log is far_off
@@ -143,7 +143,7 @@ def test_a_size_is_sought_by_ratios_where_neutral_is_fifty_times_as_large(neutra
     assert started(row, None) == (size if far_off else {"TorqueSaturation.i_max": pytest.approx((neutral + 1) / 2)})
 
 
-def test_what_is_freed_has_no_prior_and_what_has_a_place_is_known_to_fifteen_centimetres():
+def test_freed_number_has_no_prior_and_a_place_has_sd_of_15_cm():
     patch = Candidate(
         "HardPatch", HardPatch(), ("HardPatch.g",), ("HardPatch.x_from",), free_shapes=("HardPatch.length",)
     )
@@ -161,7 +161,7 @@ def test_a_number_three_sd_from_what_is_declared_is_bent(u, prior, bent):
     assert is_bent(SimpleNamespace(parameters=others, u=np.array([0.1, u]))) is bent
 
 
-def test_an_effect_at_its_neutral_value_is_tried_at_the_default_of_its_class():
+def test_neutral_effect_is_tried_at_the_default_of_its_class():
     for c_r, scale in ((0.0, 0.05), (0.2, 0.2)):
         one = Candidate("RateDependence", RateDependence(c_r=c_r), ("RateDependence.c_r",)).parameters[0]
         assert (one.origin, one.scale) == (0.0, scale)
@@ -170,7 +170,7 @@ def test_an_effect_at_its_neutral_value_is_tried_at_the_default_of_its_class():
 # --- places ----------------------------------------------------------------------------------------------------------
 
 
-def test_an_edge_is_moved_by_eight_centimetres_then_by_halves_down_to_two(monkeypatch):
+def test_edge_moves_by_eight_centimetres_then_halves_down_to_two(monkeypatch):
     """Neighbours that gain more are taken and asked again at the same step; a step of 2 cm is not tried."""
     gains, steps = {0: 5.0, 1: 7.0, 2: 6.9, 3: 8.0}, []
 
@@ -226,7 +226,7 @@ def random_signature(seed):
     return random.normal(size=(3, 2, 7))
 
 
-def test_sds_are_learnt_from_weighted_rows_beside_numbers_and_candidates(monkeypatch):
+def test_sds_are_learnt_from_weighted_rows_beside_candidates(monkeypatch):
     random, seen = np.random.default_rng(7), []
     base, field, moved = based(random, far=6.0), field_of(random), random.normal(size=(3, 2, 7))
     monkeypatch.setattr(screen, "learnt_sds", lambda *given: seen.extend(given) or ())
@@ -244,7 +244,7 @@ def test_sds_are_learnt_from_weighted_rows_beside_numbers_and_candidates(monkeyp
 
 
 @pytest.mark.parametrize("field", [None, "field"])
-def test_chance_is_learnt_beside_the_noise_where_there_is_a_field(field, monkeypatch):
+def test_random_effects_are_learnt_with_the_noise_given_a_field(field, monkeypatch):
     monkeypatch.setattr(search, "saturated", lambda base, known, chance: ("left", "absorbed"))
     monkeypatch.setattr(search, "with_noise", lambda base, left, least, absorbed: "noisy")
     monkeypatch.setattr(search, "with_random_effects", lambda noisy, known, chance: (noisy, chance))

@@ -127,7 +127,7 @@ def test_what_chance_leaves_once_in_twenty_sets_is_rare(share, rare):
         ((2.0, 5.0, 3.0, 4.0, 6.0), ["e 6 times", "b 5 times", "d 4 times"], 2),
     ],
 )
-def test_three_channels_at_most_that_scatter_more_than_their_samples_are_named(rms, told, more):
+def test_at_most_three_channels_above_their_scatter_are_named(rms, told, more):
     base = fit_of(declared=False, floors=[1.0] * len(rms), rms=rms)
     text = said(Answer.NONE_NEEDED, search_of(base))
     named = [f"{one} (most in run 1)" for one in told]
@@ -135,7 +135,7 @@ def test_three_channels_at_most_that_scatter_more_than_their_samples_are_named(r
 
 
 @pytest.mark.parametrize(("floors", "rms"), [([1.0], (1.2,)), (None, (9.0,))])
-def test_within_the_scatter_or_where_nobody_told_it_the_data_are_met(floors, rms):
+def test_data_within_the_scatter_or_of_unknown_scatter_are_met(floors, rms):
     base = fit_of(declared=False, floors=floors, rms=rms)
     assert said(Answer.NONE_NEEDED, search_of(base)) == (
         "the calibrated base model meets the data within their noise, and no candidate gains more than chance."
@@ -154,7 +154,7 @@ def test_what_is_on_no_list_names_the_nearest_where_there_is_one(left):
     assert left or "reduced chi-square 2.25" in alone
 
 
-def test_numbers_far_from_what_is_declared_are_named_where_nothing_was_found_and_the_noise_is_met():
+def test_far_numbers_are_named_where_the_noise_is_met():
     far = fit_of(u=(1.0, -6.0))
     text = said(Answer.INADEQUATE, search_of(far))
     assert text.endswith("only with numbers far from what is declared of them: soil.1 -6.0 SD.")
@@ -166,7 +166,7 @@ def test_numbers_far_from_what_is_declared_are_named_where_nothing_was_found_and
     ("chi2", "declared", "told"),
     [(90.0, True, "the noise may be 1.5 times"), (42.0, True, "1 times"), (90.0, False, ""), (38.0, True, "")],
 )
-def test_a_declared_noise_may_be_too_small_where_nothing_describes_what_is_left(chi2, declared, told):
+def test_declared_noise_may_be_too_small_for_an_unknown_residual(chi2, declared, told):
     text = said(Answer.INADEQUATE, search_of(fit_of(chi2, declared), added=(EFFECT,)))
     assert ("single values may stray, or the noise may be" in text) is bool(told)
     assert told in text

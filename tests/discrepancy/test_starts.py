@@ -29,7 +29,7 @@ def starts_of(*own):
     return [list(one) for one in exact_refits._starts(numbers, here, 1)]
 
 
-def test_a_size_starts_small_as_it_is_and_below_neutral_where_it_may():
+def test_size_starts_small_as_it_is_and_below_neutral_if_allowed():
     """0.05 of what it is, the base's own numbers as they are; below neutral only what has no prior and may."""
     assert starts_of(size()) == [[2.0, 0.05 * 3.0], [2.0, 3.0]]
     assert starts_of(size(low=-0.1)) == [[2.0, 0.05 * 3.0], [2.0, 3.0], [2.0, -0.05 * 3.0]]
@@ -45,7 +45,7 @@ def test_a_number_on_a_logarithm_starts_where_it_is():
     assert starts_of(logged) == [[2.0, 3.0], [2.0, 3.0]], "of it alone nothing is turned round"
 
 
-def test_what_another_fit_has_not_starts_small_and_shapes_as_published():
+def test_new_numbers_of_a_fit_start_small_and_shapes_published():
     fitted = SimpleNamespace(parameters=(OWN, size()), u=np.array([0.7, -0.4]))
     shape = Parameter("A.s", 1.0, 1.0, 0.1, 9.0, log=True)
     loose = Parameter("A.l", 1.0, 1.0, 0.1, 9.0, log=True, prior=False)
@@ -87,7 +87,7 @@ LAW = Candidate("PostPeak", PostPeak(), ("PostPeak.fraction",), ("PostPeak.S_w",
 
 
 @pytest.mark.parametrize(("good", "first", "second"), [(WHOLE, 2, 3), (CUT, 1, 2)])
-def test_a_law_is_refitted_as_published_then_with_its_shapes_freed_from_there_too(good, first, second, noted):
+def test_law_is_refitted_as_published_and_then_with_shapes_freed(good, first, second, noted):
     """Where a fold is left out it starts from what it is on all data alone."""
     found = variants(based(good), LAW)
     assert [one.free_shapes for one, _ in found] == [(), ("PostPeak.S_w",)]
@@ -122,7 +122,7 @@ def fitted_line(values, moves, bound):
 
 @pytest.mark.parametrize(("moves", "told"), [(0.0, False), (0.29, False), (0.31, True), (-0.31, True)])
 @pytest.mark.parametrize("S_w", [0.4, 9.0])
-def test_a_shape_is_told_where_one_sd_of_its_prior_moves_the_data(S_w, moves, told):
+def test_shape_is_visible_if_one_prior_sd_moves_the_data(S_w, moves, told):
     """ln S_w has a prior SD of 1/2; where that is beyond its bound it is moved the other way."""
     law = Candidate("PostPeak", PostPeak(S_w=S_w), ("PostPeak.fraction",), ("PostPeak.S_w",))
     step = S_w * (np.exp(0.5) - 1.0) if S_w * np.exp(0.5) <= 10.0 else S_w * (1.0 - np.exp(-0.5))
@@ -144,7 +144,7 @@ def test_half_a_free_number_for_each_block_is_borne():
 
 
 @pytest.mark.parametrize(("good", "starts"), [(WHOLE, 3), (CUT, 2)])
-def test_a_pair_starts_from_both_singles_or_from_the_first_where_a_fold_is_left_out(good, starts, noted):
+def test_pair_starts_from_both_singles_or_in_a_fold_the_first(good, starts, noted):
     fitted = SimpleNamespace(parameters=(OWN, size()), u=np.array([0.7, -0.4]))
     one, other = (Refit(Candidate(kind, SlipSinkage(), (f"{kind}.n_1",)), fitted, 9.0, 1.0, 1.0) for kind in "AB")
     assert len(exact_refits._pair(based(good), one, other)) == 1
@@ -159,7 +159,7 @@ def fitted(chi2, misfit):
 
 
 @pytest.mark.parametrize(("misfits", "unit"), [((2.0, 3.0), 2.0), ((0.5, 3.0), 1.5)])
-def test_what_stands_in_place_of_the_best_pays_for_the_shapes_that_it_freed(misfits, unit, monkeypatch):
+def test_replacement_of_the_best_pays_for_the_shapes_it_frees(misfits, unit, monkeypatch):
     """In units of what the best leaves, the noise's own at least; nothing is predicted where nothing pays."""
     monkeypatch.setattr(exact_refits, "losses_of", lambda fit: pytest.fail("nothing pays"))
     base = SimpleNamespace(chi2=100.0, task=SimpleNamespace(noise=SimpleNamespace(inflation=1.5)))
@@ -184,7 +184,7 @@ def test_what_gains_its_threshold_exactly_does_not_pay(monkeypatch):
     assert (found.net, found.held_out) == (0.0, 0.0)
 
 
-def test_what_gains_a_little_more_than_its_threshold_is_asked_on_the_folds_left_out(monkeypatch):
+def test_gain_just_above_its_threshold_is_checked_on_folds(monkeypatch):
     monkeypatch.setattr(exact_refits, "losses_of", lambda fit: np.array([fit.chi2, 1.0]))
     base = SimpleNamespace(chi2=100.0, task=SimpleNamespace(noise=SimpleNamespace(inflation=1.0, good=WHOLE)))
     [found] = rank_refits(base, [((), LAW, fitted(89.5, 1.0))], lambda candidate, inflation: 10.0)

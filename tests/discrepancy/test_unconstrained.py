@@ -21,7 +21,7 @@ SIZE, SHAPE = "RateDependence.c_r", "RateDependence.v_0"
 RATE = plain_candidate(RateDependence())
 
 
-def test_a_law_as_published_keeps_free_what_nobody_published_within_a_decade():
+def test_published_law_frees_its_unknown_shape_within_a_decade():
     known, doubted = RATE.bare.parameters
     assert (known.name, known.prior) == (SIZE, False)
     assert (doubted.name, doubted.prior, doubted.log) == (SHAPE, True, True)
@@ -35,18 +35,18 @@ def test_a_published_shape_is_held_as_published():
     assert law.diffuse_shapes == ()
 
 
-def test_a_doubted_shape_that_is_freed_loses_its_prior_and_held_again_has_it_back():
+def test_freed_assumed_shape_loses_its_prior_until_it_is_refixed():
     loose = RATE.loose
     assert [(one.name, one.prior) for one in loose.parameters] == [(SIZE, False), (SHAPE, False)]
     for one in (loose.bare, RATE.bare.bare, RATE.bare.loose.bare):
         assert (one.shapes, one.free_shapes, one.diffuse_shapes) == ((), (), (SHAPE,))
 
 
-def test_where_fits_are_not_exact_its_prior_is_that_of_other_shapes():
+def test_assumed_shape_has_the_usual_prior_in_inexact_fits():
     assert [one.scale for one in RATE.parameters if one.name == SHAPE] == [0.5]
 
 
-def test_the_refit_is_least_squares_with_the_doubt_as_a_prior_and_pays_for_its_size_alone():
+def test_refit_uses_the_prior_and_pays_for_its_size_alone():
     random = np.random.default_rng(31)
     laws = {name: linear.law_of(name, random.normal(size=2 * linear.RUNS)) for name in linear.FREE}
     laws |= {one.name: linear.Law(one, random.normal(size=2 * linear.RUNS)) for one in RATE.bare.parameters}
@@ -63,7 +63,7 @@ def test_the_refit_is_least_squares_with_the_doubt_as_a_prior_and_pays_for_its_s
 
 
 @pytest.mark.parametrize(("fitted", "shown"), [(0.01, 0.1), (0.1, 1.0), (1.0, 0.1)])
-def test_whether_the_data_show_a_shape_is_asked_from_where_it_was_fitted(fitted, shown):
+def test_shape_visibility_is_tested_from_its_fitted_value(fitted, shown):
     """One SD is a factor of e^(1/2); beyond its bound of 1 m/s it is moved the other way."""
     asked = []
 
@@ -83,7 +83,7 @@ def test_whether_the_data_show_a_shape_is_asked_from_where_it_was_fitted(fitted,
     assert asked == pytest.approx([fitted * math.exp(0.5 if shown > fitted else -0.5)])
 
 
-def test_a_fold_starts_from_what_is_assumed_of_a_doubted_shape_not_from_what_all_data_say():
+def test_fold_starts_an_assumed_shape_without_the_full_data_fit():
     record = RateDependence(c_r=0.3, v_0=0.2)
     experiment = SimpleNamespace(records=lambda model: {"RateDependence": record})
     whole = SimpleNamespace(task=SimpleNamespace(experiment=experiment), model=None)

@@ -72,7 +72,7 @@ def test_folds_that_choose_where_nothing_was_added_say_what():
     assert two.chosen_again == "A + B chosen in 1 of 2 folds", "in whatever order"
 
 
-def test_a_set_tells_the_errors_of_each_that_cannot_be_distinguished_from_the_first():
+def test_set_lists_the_errors_of_each_indistinguishable_rival():
     made = verdict(
         named=("A",), scores=(score("pull"),), others={"B": {"pull": 3.0, "sinkage": 2.0}, "C + D": {"pull": 4.0}}
     )
@@ -98,7 +98,7 @@ def test_a_fold_that_is_lost_is_told_in_place_of_an_error():
         assert ("pull 1000 N" in text) is not lost
 
 
-def test_errors_with_each_folds_own_choice_are_told_of_channels_with_a_score():
+def test_errors_with_each_folds_choice_cover_scored_channels():
     more = {"named": ("A",), "chosen": {"a": "A"}, "scores": (score("pull"),)}
     line = "A chosen in 1 of 1 folds"
     assert line in lines_of(verdict(**more))
@@ -107,7 +107,7 @@ def test_errors_with_each_folds_own_choice_are_told_of_channels_with_a_score():
     assert told in lines_of(verdict(**more, errors_anew={"pull": 3.0, "sinkage": 2.0}))
 
 
-def test_numbers_away_from_what_was_declared_are_those_of_the_model_after():
+def test_drifted_numbers_are_those_of_the_model_after():
     near, far, down = number("soil.k", DRIFTED - 0.1), number("soil.c", DRIFTED + 0.1), number("soil.n", -4.0)
     assert verdict(after=side(near, far, down), before=side(number("soil.phi", 9.0))).drifted == (far, down)
     assert verdict(before=side(number("soil.phi", 9.0))).drifted == ()
@@ -123,7 +123,7 @@ def test_chi_square_is_told_where_there_are_two(before, after):
 
 
 @pytest.mark.parametrize(("channels", "told"), [(FEW - 1, FEW - 1), (FEW, FEW), (FEW + 1, 2), (FEW + 3, 2)])
-def test_of_many_channels_those_are_told_whose_change_can_be_claimed(channels, told):
+def test_only_claimable_changes_are_listed_of_many_channels(channels, told):
     """Up to five there is a line for each."""
     better, worse = score("c0"), score("c1", 1.5, 0.4, 0.6)
     scores = (better, worse, *(score(f"c{at}", **SCATTERS) for at in range(2, channels)))
@@ -159,7 +159,7 @@ def test_what_a_kind_of_data_and_a_draft_say_besides(named):
 
 
 @pytest.mark.parametrize(("channels", "told"), [(FEW, "soil.k soil.c A.c B.d"), (FEW + 1, "soil.c A.c B.d")])
-def test_numbers_of_a_large_model_are_told_that_were_added_or_sit_away(channels, told):
+def test_large_model_lists_only_added_or_drifted_numbers(channels, told):
     """B stands at a place, whose numbers bear its name alone."""
     numbers = (number("soil.k"), number("soil.c", 4.0), number("A.c"), number("B.d"))
     scores = tuple(score(f"c{at}") for at in range(channels))

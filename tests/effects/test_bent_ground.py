@@ -58,7 +58,7 @@ def test_what_lies_on_the_ground_is_lifted_and_keeps_its_soil():
 
 
 @pytest.mark.parametrize(("dx", "lines"), [(0.1, 21), (0.25, 17), (0.5, 17)])
-def test_a_grid_gets_no_more_lines_than_the_closest_points_of_the_bend_ask_for(dx, lines):
+def test_grid_gets_no_more_lines_than_the_closest_bend_needs(dx, lines):
     """0.125 m apart at their closest: none between lines 0.1 m apart, one between 0.25, three between 0.5 m."""
     places, lift = [3.0, 3.5, 3.625, 4.0], [0.0, 0.01, 0.02, 0.03]
     made = bent(HeightGrid(2.5, -1.0, dx, 2.0, np.zeros((round(2.0 / dx) + 1, 2))), places, lift)
@@ -66,7 +66,7 @@ def test_a_grid_gets_no_more_lines_than_the_closest_points_of_the_bend_ask_for(d
     assert made.height(4.2, 0.0) == pytest.approx(0.03)
 
 
-def test_beyond_its_last_point_a_bend_far_from_the_start_is_level():
+def test_bend_is_level_beyond_its_last_point():
     made = bent(shapes.flat(), [3.0, 4.0], [0.0, 0.05])
     assert [made.height(x, 0.0) for x in (-2.0, 3.0, 4.0, 4.5, 9.0)] == pytest.approx([0.0, 0.0, 0.05, 0.05, 0.05])
 

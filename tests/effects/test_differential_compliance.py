@@ -29,7 +29,7 @@ def test_the_torque_by_hand(twist, expected):
     assert torque(DifferentialCompliance(compliance=0.005, backlash=0.01), 0.004, rate=3.0) == 0.0
 
 
-def test_towards_no_compliance_the_drive_goes_to_that_of_the_rigid_differential():
+def test_soft_differential_tends_to_the_rigid_one():
     rigid = drive(DifferentialCompliance(compliance=0.0, backlash=0.0))
     off = []
     for compliance in (1e-2, 1e-3, 1e-4, 1e-5):

@@ -98,7 +98,7 @@ def test_without_the_bound_the_torque_form_would_give(patch):
 
 
 @pytest.mark.parametrize("v_0", [0.02, 0.005, 0.0005])
-def test_a_resistance_holds_a_wheel_that_turns_but_for_a_creep_that_vanishes_with_v_0(patch, v_0):
+def test_resistance_holds_a_turning_wheel_but_for_a_small_creep(patch, v_0):
     """The slope that asks for 60 % of R is held at u x / sqrt(1 - x^2) = 0.75 u, and u < v_0^2 / rim."""
     effect = MotionResistance(R=0.1, v_0=v_0)
     u = effect.fading(0.04)

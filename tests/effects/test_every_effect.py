@@ -156,7 +156,7 @@ def test_derivatives_equal_central_differences(kind):
 
 
 @pytest.mark.parametrize("kind", MOTOR_EFFECTS, ids=lambda kind: kind.__name__)
-def test_a_motor_effect_is_passive_and_vanishes_at_its_neutral_values(kind):
+def test_motor_effect_is_passive_and_vanishes_at_neutral(kind):
     rng = np.random.default_rng(4)
     for _ in range(50):
         drive = Drive(rng.uniform(-1, 1), rng.uniform(-3, 3), 7.2, 24.0, 3.3)
@@ -190,7 +190,7 @@ def pushed(effect, body):
 
 
 @pytest.mark.parametrize("kind", BODY_EFFECTS, ids=lambda kind: kind.__name__)
-def test_a_body_effect_vanishes_at_its_neutral_values_and_is_finite_within_its_bounds(kind):
+def test_body_effect_vanishes_at_neutral_and_stays_finite(kind):
     rng = np.random.default_rng(5)
     neutral = kind().replace(**kind.neutral)
     assert (tuple(neutral.ballast()), neutral.rise(), neutral.frees_differential) == ((0, 0, 0), (0, 0), False)

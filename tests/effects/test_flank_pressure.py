@@ -18,7 +18,7 @@ def side_force(patch, S_y, h=0.02, c=0.0, **numbers):
 
 @pytest.mark.parametrize("h", [1e-5, 0.003, 0.02, 0.05])
 @pytest.mark.parametrize("c", [0.0, 300.0])
-def test_the_full_pressure_is_the_integral_over_the_buried_segment(patch, h, c):
+def test_full_pressure_is_the_integral_over_the_buried_segment(patch, h, c):
     """phi = 30 deg: D_1 = D_2 = 2 sqrt 3; the depth of the segment at x along the chord is that of the circle."""
     half = math.sqrt(0.0625**2 - (0.0625 - h) ** 2)
 

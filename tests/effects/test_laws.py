@@ -32,7 +32,7 @@ BEFORE = Load(f_t=1.3, f_y=0.4, f_n=8.0, torque=0.09)
 
 
 @pytest.mark.parametrize("times", [0.0, 0.5, 1.0, 2.0, -1.0])
-def test_failed_sand_loses_a_share_of_its_shear_that_grows_with_the_square_of_slip(patch, times):
+def test_shear_loss_of_failed_sand_grows_with_the_square_of_slip(patch, times):
     """B (1 - e^-x^2) at x = S / S_w: 63 % of the loss at S_w, alike forwards and back; load and resistance stay."""
     effect = PostPeak(fraction=0.35, S_w=0.45)
     contact = patch(S=0.45 * times, wheel=Wheel(r=0.06))
@@ -56,7 +56,7 @@ def test_resistance_fades_the_later_the_faster_the_rim(q, u):
 
 
 @pytest.mark.parametrize("v", [0.05, 0.005, 0.0, -0.05])
-def test_the_resistance_is_a_share_of_the_load_against_the_travel(patch, v):
+def test_resistance_is_a_share_of_the_load_against_travel(patch, v):
     push = MotionResistance(R=0.03, v_0=0.005).load(patch(v_x=v, rim=0.012), BEFORE, ())
     assert push.f_t == pytest.approx(-0.03 * 8.0 * v / math.hypot(v, 0.005 * 5 / 13)), "u = v_0^2 / sqrt(v_0^2 + rim^2)"
     assert (push.f_y, push.f_n, push.torque) == (0.0, 0.0, 0.0)
@@ -78,7 +78,7 @@ def arc(h, r, ratio):
 
 @pytest.mark.parametrize("S_y", [0.3, -0.3, 0.02, 0.0])
 @pytest.mark.parametrize("f_t", [0.0, 2.0])
-def test_the_side_force_is_what_the_strength_leaves_by_janosis_law(patch, S_y, f_t):
+def test_side_force_is_the_remaining_strength_by_janosis_law(patch, S_y, f_t):
     wheel, soil = Wheel(r=0.06, b=0.04), Soil(c=300.0, phi=0.5, k=0.004, exit_ratio=0.2)
     before = Load(f_t=f_t, f_n=8.0, torque=0.1)
     push = SideShear(scale=0.8).load(patch(S_y=S_y, h=0.007, wheel=wheel, soil=soil), before, ())
@@ -92,7 +92,7 @@ def test_the_side_force_is_what_the_strength_leaves_by_janosis_law(patch, S_y, f
     assert (push.f_t, push.f_n, push.torque) == (0.0, 0.0, 0.0)
 
 
-def test_a_wheel_whose_pull_takes_all_the_strength_keeps_a_twentieth_sideways(patch):
+def test_wheel_at_full_pull_keeps_a_twentieth_for_side_force(patch):
     soil = Soil(c=0.0, phi=math.radians(30), k=1e-5)
     push = SideShear(scale=1.0).load(patch(S_y=1.0, soil=soil), Load(f_t=50.0, f_n=9.0), ())
     assert push.f_y == pytest.approx(-LEAST_SHARE * 9.0 * math.tan(math.radians(30)), rel=1e-6)
@@ -128,7 +128,7 @@ def test_algebraic_slip_is_eq_1_but_for_the_least_speed(patch, rim, v, S):
     assert pytest.approx(S) == AlgebraicSlip(v_0=0.01).amend(patch(rim=rim, v_x=v), ()).S
 
 
-def test_sideways_slip_is_the_sideways_speed_over_the_faster_of_rim_and_travel(patch):
+def test_sideways_slip_is_side_speed_over_the_faster_motion(patch):
     slip = AlgebraicSlip(v_0=0.01)
     assert slip.amend(patch(rim=0.05, v_x=0.03, v_y=0.02), ()).S_y == pytest.approx(0.4)
     assert slip.amend(patch(rim=0.03, v_x=-0.05, v_y=-0.02), ()).S_y == pytest.approx(-0.4)
@@ -152,7 +152,7 @@ def test_relaxed_slip_settles_at_eq_1_over_its_length(patch, rim, v_x):
         assert amended.S_y == pytest.approx(x[1] + 0.1 * fastest * off / 0.03)
 
 
-def test_relaxed_slip_stays_within_one_and_keeps_its_value_at_rest(patch):
+def test_relaxed_slip_stays_within_one_and_is_constant_at_rest(patch):
     slip = RelaxedSlip(length=0.03, damping=0.5)
     assert slip.amend(patch(rim=0.5, v_x=0.0), (0.0, 0.0)).S == 1.0
     assert slip.amend(patch(rim=-0.5, v_x=0.0), (0.0, 0.0)).S == -1.0
@@ -187,7 +187,7 @@ def test_a_bristle_winds_up_over_its_angle(omega):
 
 @pytest.mark.parametrize("form", [NetTraction(), TorqueTraction(), GrossTraction()], ids=lambda form: form.name)
 @pytest.mark.parametrize("angles", [FixedAngles(), SinkageAngles()], ids=lambda angles: type(angles).__name__)
-def test_the_papers_traction_is_a_share_of_the_load_that_the_sinkage_carries(patch, form, angles):
+def test_paper_traction_is_a_share_of_the_load_by_sinkage(patch, form, angles):
     contact = patch(S=0.3, h=0.008, soil=Soil(c=200.0, k=0.01))
     wheel, soil = contact.wheel, contact.soil
     push = SoilTraction(form, angles).load(contact, Load(), ())
@@ -205,7 +205,7 @@ def test_the_papers_traction_is_a_share_of_the_load_that_the_sinkage_carries(pat
 
 @pytest.mark.parametrize("form", [NetTraction(), TorqueTraction(), GrossTraction()], ids=lambda form: form.name)
 @pytest.mark.parametrize("angles", [FixedAngles(), SinkageAngles()], ids=lambda angles: type(angles).__name__)
-def test_only_the_net_form_whose_angles_follow_feels_a_deeper_rut(patch, form, angles):
+def test_only_the_net_form_with_sinkage_angles_feels_deep_ruts(patch, form, angles):
     feels = form.name == "net" and isinstance(angles, SinkageAngles)
     assert SoilTraction(form, angles).amend(patch(), ()).uncompacted == (0.0 if feels else 1.0)
 
@@ -254,7 +254,7 @@ def test_sensors_read_what_their_laws_say():
     assert late["body_x"] == pytest.approx(np.maximum(ramp - 0.75, 2.0))
 
 
-def test_a_filtered_velocity_is_the_exact_answer_to_straight_pieces():
+def test_filtered_velocity_is_exact_for_linear_pieces():
     """tau dy/dt = v - y, y(0) = v(0), on a ramp of slope a from v_0: y = v - a tau (1 - exp(-t / tau))."""
     t = np.array([0.0, 0.1, 0.4, 1.0])
     v = 0.5 + 2.0 * t

@@ -32,7 +32,7 @@ from rover_pin.soil.traction import FORMS
 @pytest.mark.parametrize("share", [1.0, 0.3])
 @pytest.mark.parametrize("angles", [FixedAngles(), SinkageAngles()], ids=lambda angles: type(angles).__name__)
 @pytest.mark.parametrize("form", FORMS.values(), ids=FORMS)
-def test_combined_shear_stands_in_for_a_share_of_the_straight_forces(patch, form, angles, share):
+def test_combined_shear_replaces_a_share_of_the_straight_forces(patch, form, angles, share):
     """Forces (1 - w) straight + w combined, whatever side force was there; fixed angles hold f_n to the sinkage's."""
     wheel, soil = Wheel(r=0.06, b=0.04), Soil(c=200.0, k=0.008, exit_ratio=0.2)
     contact = patch(S=-0.3, S_y=0.25, h=0.009, wheel=wheel, soil=soil)
@@ -49,7 +49,7 @@ def test_combined_shear_stands_in_for_a_share_of_the_straight_forces(patch, form
 
 
 @pytest.mark.parametrize("effect", [DiggingMemory(c_d=0.1), LugExcavation(h_l=0.002, filled=0.8)])
-def test_a_rim_digs_by_how_far_it_touches_up_to_a_tenth_of_a_millimetre(patch, effect):
+def test_rim_digs_by_contact_depth_up_to_a_tenth_of_a_millimetre(patch, effect):
     rates = [float(effect.rate(patch(h=h, rim=0.08, v_x=0.03), Load(), (0.0,))[0]) for h in (0.5e-4, 1e-4, 1e-3)]
     assert rates[0] == pytest.approx(rates[2] / 2)
     assert rates[1] == rates[2] > 0.0
@@ -57,7 +57,7 @@ def test_a_rim_digs_by_how_far_it_touches_up_to_a_tenth_of_a_millimetre(patch, e
 
 @pytest.mark.parametrize("v", [0.005, -0.02])
 @pytest.mark.parametrize("cut", [0.0, 0.003])
-def test_a_trench_is_cut_by_the_pockets_and_left_by_the_travel_either_way(patch, v, cut):
+def test_trench_is_cut_by_lug_pockets_and_fades_with_travel(patch, v, cut):
     """L dD/dt = E h_l max(r omega - v, 0) (1 - 2 D / r) - D |v|, and the lift f_n max(-dD/dt, 0) is paid at any v."""
     effect = LugExcavation(h_l=0.002, filled=0.8, length=0.05)
     contact = patch(rim=0.01, v_x=v)
@@ -67,7 +67,7 @@ def test_a_trench_is_cut_by_the_pockets_and_left_by_the_travel_either_way(patch,
     assert paid == pytest.approx(9.0 * max(-expected, 0.0), rel=1e-3)
 
 
-def test_a_lift_that_the_wheel_hardly_drives_through_stays_finite(patch):
+def test_lift_stays_finite_at_vanishing_travel_speed(patch):
     """-dD/dt over v, halved at 0.1 mm/s and nothing at rest."""
     for v, share in ((1e-4, 0.5), (0.0, 0.0)):
         lift = float(LugExcavation(length=0.05).load(patch(rim=0.0, v_x=v), Load(f_n=9.0), (0.003,)).f_t)
@@ -105,7 +105,7 @@ def test_the_pressure_on_a_disc_builds_up_with_its_way_sideways(patch, S, S_y):
 
 @pytest.mark.parametrize("v", [0.005, 5.0, -0.01])
 @pytest.mark.parametrize(("x", "S"), [(1.2, -0.4), (0.2, -0.4), (0.9, 0.3), (0.0, -0.4)])
-def test_ploughing_pushes_by_its_heap_and_lifts_where_the_skid_ends(patch, v, x, S):
+def test_ploughing_pushes_by_its_heap_and_lifts_as_the_skid_ends(patch, v, x, S):
     """f_t = -(B p b p_wall + f_n h a_b max(x + ln(1 + S), 0) / ((n + 1/2) L)) v / sqrt(v^2 + u^2); phi = 0."""
     effect = Ploughing(a_b=0.8, share=1.4, gamma=13000.0, phi_f=0.0, length=0.05, v_0=0.005)
     soil, wheel = Soil(c=200.0, n=1.2), Wheel(r=0.06, b=0.04)
@@ -117,7 +117,7 @@ def test_ploughing_pushes_by_its_heap_and_lifts_where_the_skid_ends(patch, v, x,
 
 
 @pytest.mark.parametrize(("x", "e_b"), [(0.3, 0.4), (0.3, 2.0), (3.0, 2.0), (-0.2, 0.4)])
-def test_a_ploughing_wheel_loses_its_rear_up_to_nine_tenths_of_its_front(patch, x, e_b):
+def test_ploughing_wheel_loses_its_rear_arc_up_to_nine_tenths(patch, x, e_b):
     soil = Soil(exit_ratio=0.2, theta_1=0.7, theta_2=-0.1)
     found = Ploughing(a_b=0.8, e_b=e_b).amend(patch(S=-0.4, soil=soil), (x,)).soil
     lost = e_b * max(1 - math.exp(-0.8 * x), 0.0)
@@ -135,7 +135,7 @@ def test_loosened_sand_lifts_at_any_speed_by_its_sense(patch, v):
 
 
 @pytest.mark.parametrize(("x", "S", "z"), [(0.2, 0.5, 0.75), (0.9, 0.5, 0.75)])
-def test_a_rim_that_turns_on_the_spot_loosens_a_fiftieth_of_its_way(patch, x, S, z):
+def test_rim_turning_on_the_spot_loosens_a_fiftieth_of_its_way(patch, x, S, z):
     for effect, state in ((SlipSoftening(length=0.05), z), (Ploughing(length=0.05), 0.0)):
         rate = float(effect.rate(patch(S=S, v_x=0.0, rim=-0.08), Load(), (x,))[0])
         assert rate == pytest.approx(0.02 * 0.08 * max(state - x, 0.0) / 0.05)
@@ -143,7 +143,7 @@ def test_a_rim_that_turns_on_the_spot_loosens_a_fiftieth_of_its_way(patch, x, S,
 
 @pytest.mark.parametrize(("S", "ahead"), [(-0.4, -math.log(0.6)), (-1.0, -math.log(0.05)), (0.3, 0.0)])
 @pytest.mark.parametrize("x", [0.0, 0.2])
-def test_a_skid_is_followed_over_a_length_of_travel_up_to_a_twentieth_of_rolling(patch, S, ahead, x):
+def test_skid_memory_follows_travel_or_a_twentieth_of_rolling(patch, S, ahead, x):
     rate = float(Ploughing(length=0.05).rate(patch(S=S, v_x=-0.03, rim=0.0), Load(), (x,))[0])
     assert rate == pytest.approx((ahead - x) * 0.03 / 0.05)
 

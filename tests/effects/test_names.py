@@ -26,7 +26,7 @@ def test_no_two_effects_share_name_or_meaning():
     assert len({kind.title for kind in KINDS}) == len({kind.meaning for kind in KINDS}) == len(KINDS)
 
 
-def test_an_effect_without_them_is_called_by_its_class_and_docstring():
+def test_unnamed_effect_is_titled_by_its_class_and_docstring():
     class StickyRim(WeakMotor):
         """Soil sticks to the rim.
 

@@ -65,7 +65,7 @@ def test_it_takes_energy_over_a_bump_and_lags_the_bogie():
     assert np.abs(rubbing["bogie_r"]).max() < np.abs(free["bogie_r"]).max()
 
 
-def test_the_rover_is_set_down_where_it_would_rest_without_friction():
+def test_rover_is_placed_at_its_frictionless_rest():
     model = scenario("one-sided-bump").model
     place = Start(x=0.65)
     from rover_pin.simulation.start.place import settled

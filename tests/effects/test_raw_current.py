@@ -15,5 +15,5 @@ def test_counts_are_the_current_times_a_scale_and_a_zero():
     assert found["adc_4"] == pytest.approx([512.0, 612.0, 112.0])
 
 
-def test_where_its_motor_s_current_is_not_logged_there_are_no_counts():
+def test_counts_are_absent_where_the_motor_current_is_not_logged():
     assert RawCurrent(motor="rr").read(TIMES, {"current_fl_A": CURRENT}) == {}

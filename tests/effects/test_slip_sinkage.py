@@ -57,7 +57,7 @@ def test_the_deeper_rut_is_paid_for_once(patch, effect, S, angles, form):
     assert float(effect.load(backwards, Load(f_n=9.0), ()).f_t) == pytest.approx(-here, rel=1e-5, abs=1e-12)
 
 
-def test_a_wheel_that_sinks_as_it_slips_does_not_climb_the_better_for_it():
+def test_wheel_that_sinks_with_slip_climbs_no_better():
     """In the torque form a deeper wheel had no cost, and its longer arc even some gain."""
     settings = {"soil.k": 0.01, "terrain.angle_deg": 9.0, "terrain.start": 0.0, "duration": 8.0}
     plain, sinking = (scenario("incline", add=add, **settings).drive() for add in ((), (SlipSinkage(n_1=1.0),)))

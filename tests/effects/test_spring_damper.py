@@ -78,7 +78,7 @@ def test_the_plain_step_does_the_same():
     assert a.energy == pytest.approx(b.energy, abs=1e-12)
 
 
-def test_a_preload_moves_the_load_from_the_middle_to_the_rear_wheel():
+def test_preload_moves_load_from_the_middle_to_the_rear_wheel():
     """(N_m - N_r) a changes by the torque on the bogie, a = 75 mm being half of its length (urdf/nexus6.urdf)."""
 
     def middle_less_rear(effect):
@@ -123,7 +123,7 @@ def test_a_stiff_spring_holds_the_bogie(over_a_hard_bump):
     assert np.abs(over_a_hard_bump["stiff"]["bogie_l"]).max() < 0.03
 
 
-def test_a_model_has_one_spring_for_each_joint_and_keeps_it_in_a_file(tmp_path):
+def test_model_keeps_one_spring_per_joint_also_in_a_file(tmp_path):
     model = FLAT.having(SpringDamper(joint="bogie")).having(SpringDamper(k_s=3.0, joint="rocker"))
     model = model.having(SpringDamper(k_s=2.0, joint="bogie"))
     assert [(each.joint, each.k_s) for each in model.body_effects] == [("bogie", 2.0), ("rocker", 3.0)]

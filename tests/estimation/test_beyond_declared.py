@@ -58,7 +58,7 @@ def oracle(residual, free, moved):
 
 
 @pytest.mark.parametrize(("scatter", "spread_by"), [(0.5, 1.0), (1.6, 2.0)])
-def test_the_sd_of_beds_is_that_of_the_greatest_restricted_likelihood(scatter, spread_by):
+def test_stiffness_sd_maximises_the_restricted_likelihood(scatter, spread_by):
     """Beside numbers and candidates of any unit, values that stray, and noise that was declared too large or small."""
     random = np.random.default_rng(3)
     slopes, known = random.normal(size=(2, *SHAPE)), random.normal(size=(1, *SHAPE))
@@ -74,7 +74,7 @@ def test_the_sd_of_beds_is_that_of_the_greatest_restricted_likelihood(scatter, s
     assert learnt.gain == pytest.approx(gain, rel=1e-4)
 
 
-def test_the_least_gain_that_is_told_is_passed_by_one_set_of_alike_beds_in_twenty():
+def test_least_reported_gain_is_exceeded_by_one_null_in_twenty():
     """Half of them gain nothing, so chi2 of one number at 10 %; met by bisection between alike beds and others."""
     random = np.random.default_rng(8)
     field, white = field_of(random, Kind("beds", SIZE, "", 1.0)), SD * random.normal(size=SHAPE)
@@ -88,7 +88,7 @@ def test_the_least_gain_that_is_told_is_passed_by_one_set_of_alike_beds_in_twent
 
 
 @pytest.mark.parametrize("scatter", [1.0, 1.6])
-def test_beds_that_leave_more_than_one_and_a_half_of_the_scatter_within_folds_lack_a_law(scatter):
+def test_folds_beyond_1_5_times_the_inner_scatter_lack_a_law(scatter):
     """Met by bisection on the size of a law that a candidate has and the model lacks, against full matrices."""
     random = np.random.default_rng(12)
     field, known = field_of(random, Kind("beds", SIZE, "", 1.0)), SD * random.normal(size=SHAPE)
@@ -111,7 +111,7 @@ def test_beds_that_leave_more_than_one_and_a_half_of_the_scatter_within_folds_la
     assert rows @ np.linalg.solve(V, rows) / len(rows) / within2 == pytest.approx(1.5, abs=0.01)
 
 
-def test_a_fold_of_which_nothing_is_compared_keeps_from_learning_and_a_missing_value_does_not():
+def test_empty_fold_prevents_learning_but_a_missing_cell_not():
     random = np.random.default_rng(9)
     field = field_of(random, Kind("beds", SIZE, "", 1.0))
     residual = SD * random.normal(size=SHAPE) + np.tensordot(2.0 * random.normal(size=FOLDS), field.moved, 1)
@@ -135,7 +135,7 @@ def test_one_way_of_two_in_which_folds_differ_is_enough():
     assert (one.gain > 10.0, other.gain < 2.71) == (True, True)
 
 
-def test_one_way_of_two_in_which_they_differ_by_too_much_lacks_a_law():
+def test_too_large_sd_of_one_of_two_kinds_means_a_missing_law():
     assert two_kinds(5.0, 1.0, 1.0) is not None
     assert two_kinds(5.0, 1.0, 0.15) is None
 
@@ -148,7 +148,7 @@ def drifting(random, rho=0.8, size=1.0):
 
 
 @pytest.mark.parametrize(("beds", "size"), [(False, 0.5), (True, 0.5), (False, 1.2)])
-def test_drift_is_learnt_of_residuals_in_their_sds_held_at_three_spreads_beside_all_that_is_free(beds, size):
+def test_drift_is_learnt_from_clipped_residuals(beds, size):
     """A channel that is quieter than declared is held at three declared SDs."""
     random = np.random.default_rng(5)
     slopes, known = random.normal(size=(2, *SHAPE)), random.normal(size=(1, *SHAPE))
@@ -165,14 +165,14 @@ def test_drift_is_learnt_of_residuals_in_their_sds_held_at_three_spreads_beside_
 
 
 @pytest.mark.parametrize(("wide", "told"), [(1.95, True), (2.1, False)])
-def test_a_channel_that_spreads_beyond_twice_its_sd_lacks_a_law_and_no_drift_is_learnt(wide, told):
+def test_channel_wider_than_twice_its_sd_lacks_a_law_not_drift(wide, told):
     scaled = drifting(np.random.default_rng(6))
     scaled[:, 1] *= wide / spread(scaled[:, 1])
     found = beyond_declared(fit_of(scaled * SD, [], TURN), lambda: [np.ones(SHAPE)])
     assert (found is not None) is told
 
 
-def test_of_white_noise_and_of_an_experiment_without_either_nothing_is_learnt():
+def test_white_noise_or_no_random_effect_teaches_nothing():
     random = np.random.default_rng(7)
     residual, slopes = SD * random.normal(size=SHAPE), random.normal(size=(1, *SHAPE))
     assert beyond_declared(fit_of(residual, slopes, TURN), list) is None

@@ -106,7 +106,7 @@ def test_a_linear_fit_is_least_squares_with_the_priors_as_rows(exact):
     assert found.task.columns([]).shape == (60, 0)
 
 
-def test_an_sd_is_the_models_widened_by_noise_and_misfit_or_that_of_stretches():
+def test_sd_is_widened_by_misfit_or_taken_from_stretches():
     """Rows that agree within stretches of 8: the sandwich over stretches, by an explicit loop."""
     for seed, shared, noise in ((3, 0.0, 1.0), (4, 3.0, 1.0), (5, 0.0, 0.4)):
         draw = np.random.default_rng(seed)
@@ -157,7 +157,7 @@ def test_two_stretches_count_twice_what_they_scatter():
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_a_step_stays_within_bounds_as_bounded_least_squares_does(seed):
+def test_step_stays_within_bounds_like_bounded_least_squares(seed):
     draw = np.random.default_rng(seed)
     columns, rows, u = draw.normal(size=(30, 3)), 2.0 * draw.normal(size=30), draw.uniform(-0.2, 0.2, 3)
     rows = np.clip(rows, -3.9, 3.9)
@@ -184,13 +184,13 @@ def test_damped_steps_solve_the_damped_equations():
         assert step == pytest.approx(np.linalg.solve(columns.T @ columns + (1.0 + damping) * np.eye(2), right))
 
 
-def test_samples_follow_one_another_only_where_an_experiment_says_so():
+def test_samples_form_a_series_only_if_the_experiment_says_so():
     assert not Line.is_timed
     assert not Experiment.is_exact
 
 
 @pytest.mark.parametrize(("covered", "nothing"), [(0.81, True), (0.79, False)])
-def test_an_interval_of_four_fifths_of_what_is_allowed_says_nothing(covered, nothing):
+def test_interval_covering_four_fifths_of_the_range_says_nothing(covered, nothing):
     for ends, told in (((0.0, 2.0), Against.AGREES), ((5.0, 6.0), Against.AWAY)):
         assert against(ends, (1.0, 1.5), covered) is (Against.NOTHING if nothing else told)
 
@@ -255,7 +255,7 @@ def test_the_lowest_of_the_first_steps_that_help_is_taken(steps, reached, asked)
     assert (found is here) is (reached == 11.0)
 
 
-def test_what_is_assumed_of_a_number_is_said_in_its_unit_or_in_per_cent():
+def test_prior_is_written_in_the_unit_or_in_percent():
     assert number("a", 0.25, origin=2.0).beforehand == "2 +- 0.25"
     assert Parameter("k", 2.0, 0.25, 1e-3, 9.0, log=True).beforehand == "2 +- 25.0%"
     assert Parameter("k", 2.0, math.log(10.0), 1e-3, 90.0, log=True).beforehand == "2 over or times 10"
@@ -272,7 +272,7 @@ def test_a_reader_gets_a_readers_unit(value, unit, words):
 
 
 @pytest.mark.parametrize(("low", "bound"), [(0.0, 1e-6), (0.5, 0.25), (-3.0, 1e-6)])
-def test_a_logarithm_stops_at_a_millionth_of_its_origin_or_its_own_bound(low, bound):
+def test_logarithm_stops_at_a_millionth_of_origin_or_its_bound(low, bound):
     one = Parameter("k", 2.0, 1.0, low, 8.0, log=True)
     assert one.bounds == pytest.approx((math.log(bound), math.log(4.0)))
 
@@ -297,7 +297,7 @@ def test_of_several_starts_the_lowest_fit_is_taken():
 STRAYS = np.array([0.0, 3.9, -3.9, 4.1, -4.1, 12.0, -40.0])
 
 
-def test_rows_of_the_exact_problem_square_to_the_robust_chi2_and_have_its_slopes():
+def test_exact_rows_square_to_robust_chi2_and_match_its_slopes():
     task = made(exact=True, bent=True)
     task.experiment.observed[0, 0, : len(STRAYS)] += 0.5 * STRAYS
     problem = ExactProblem(task, Plane(), BOTH)
@@ -453,7 +453,7 @@ def test_channels_that_are_silent_have_no_memory():
     assert found.rho.tolist() == [0.0, 0.0]
 
 
-def test_correlations_that_contradict_one_another_are_made_possible():
+def test_contradictory_correlations_are_made_positive_definite():
     """Pairs of three channels that meet at blocks of their own, as +1, +1 and -1: no eigenvalue below 0.05 stays."""
     residual, good = np.zeros((1, 3, 42)), np.zeros((1, 3, 42), dtype=bool)
     signs = np.array([1.0, -1.0, 1.0, 1.0] * 3)
@@ -471,7 +471,7 @@ def test_correlations_that_contradict_one_another_are_made_possible():
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_a_stray_counts_as_three_sd_of_its_own_channel_in_its_memory(sign):
+def test_outlier_counts_as_three_sds_of_its_channel_in_memory(sign):
     """Of a channel whose SD is 0.01: clipped at .03, not at 3."""
     row = 0.01 / 1.4826 * np.tile([1.0, 1.0, -1.0, -1.0], 10)
     row[7:9] = 5.0 * sign
@@ -497,7 +497,7 @@ def about_numbers(sd, bounds, prior=True):
     return one, float(found.spread[0])
 
 
-def test_an_interval_about_a_fit_is_1_96_sd_and_ends_at_bounds_that_it_does_not_close():
+def test_interval_about_a_fit_is_1_96_sd_and_open_at_bounds():
     wide, sd = about_numbers(0.5, (-10.0, 10.0))
     assert (wide.low, wide.high) == pytest.approx((-1.959964 * sd, 1.959964 * sd))
     assert (wide.closed, wide.at_bound, wide.note, wide.drift) == (True, False, "", pytest.approx(0.0))
@@ -549,7 +549,7 @@ def test_beyond_five_of_its_sds_a_number_is_implausible(a, names):
 
 
 @pytest.mark.parametrize(("share", "adequate"), [(0.98, True), (1.02, False)])
-def test_what_is_left_is_too_much_where_chance_makes_it_in_one_of_a_thousand(share, adequate):
+def test_residual_is_inadequate_at_a_p_value_of_0_001(share, adequate):
     task = made(exact=True, noise=0.3)
     free = (number("a"), number("b", prior=False))
     plain = fit(task, Plane(), free)
@@ -590,7 +590,7 @@ class Rows:
 
 @pytest.mark.parametrize(("near", "pinned"), [(0.95, True), (1.05, False)])
 @pytest.mark.parametrize("side", [-1, 1])
-def test_another_number_is_pinned_within_a_ten_thousandth_of_its_range(near, pinned, side):
+def test_other_number_is_pinned_near_the_end_of_its_range(near, pinned, side):
     """Where u0's interval ends, u1 stands just off its own bound."""
     A = np.array([[1.0, 0.0], [0.0, 1.0]])
     edge = 1.0
@@ -608,7 +608,7 @@ def test_nothing_is_pinned_at_a_bound_that_is_infinitely_far():
             assert interval(problem, Best(at, 0.0, np.eye(2)), 0).pinned == ()
 
 
-def test_the_rise_is_the_root_of_what_chi2_gained_and_others_follow():
+def test_rise_is_the_root_of_the_chi2_gain_with_others_refitted():
     """u0 and u1 hang together: held at x, chi2 rises by x^2 over u0's variance."""
     A = np.array([[1.0, 0.8], [0.0, 0.6], [0.3, -0.2]])
     covariance = np.linalg.inv(A.T @ A)
@@ -668,7 +668,7 @@ class Scripted(Rows):
         return np.array([math.sqrt(self.left.pop(0))]), np.array([[1e-3]])
 
 
-def test_a_descent_ends_where_three_steps_in_a_row_gain_less_than_a_millionth():
+def test_descent_ends_after_three_steps_of_negligible_gain():
     little, falls = 0.9e-6, []
     for few in (2, 1, 2):
         falls += [*[little] * few, 1.0, 1.1e-6]
@@ -710,7 +710,7 @@ def test_stretches_of_several_runs_are_clusters_of_their_own():
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_a_stray_that_channels_share_counts_as_three_sds_in_what_they_share(sign):
+def test_shared_outlier_counts_as_three_sds_in_the_mixing(sign):
     residual, good = np.random.default_rng(21).normal(size=(1, 2, 60)), np.ones((1, 2, 60), dtype=bool)
     good[:, :, [29, 31]] = False
     mixings = []
@@ -742,14 +742,14 @@ def test_a_usual_fit_takes_six_turns():
 
 
 @pytest.mark.parametrize(("share", "kept"), [(0.52, True), (0.48, False)])
-def test_slopes_are_computed_again_where_a_turn_gains_less_than_half_of_what_it_promised(share, kept):
+def test_slopes_are_recomputed_under_half_of_the_promised_gain(share, kept):
     """Slopes that are 1 / (1 - w) times too steep leave w of the way, and gain 1 - w^2 of chi2."""
     left = math.sqrt(1.0 - share)
     assert given_slopes(200.0, 1.0 / (1.0 - left), reuse=False) == pytest.approx(left**6 if kept else 0.0, abs=1e-6)
 
 
 @pytest.mark.parametrize("radius", [0.02, 0.3, 3.0, 40.0])
-def test_a_step_within_a_radius_is_as_long_as_it_within_a_hundredth(radius):
+def test_step_within_a_radius_has_its_length_to_one_percent(radius):
     draw = np.random.default_rng(17)
     shortened = 0
     for _ in range(30):
@@ -769,7 +769,7 @@ def test_chi2_is_infinite_where_a_model_has_no_value():
         assert Problem.chi2(SimpleNamespace(evaluate=lambda _, row=row: (np.array([row]), None)), np.zeros(1)) == chi2
 
 
-def test_a_number_is_moved_by_its_sds_unless_it_is_said_otherwise():
+def test_number_moves_linearly_in_its_sds_by_default():
     bed = Line(np.zeros((FOLDS, 1, SAMPLES)))
     assert bed.parameter(Plane(a=2.0), "plane.a", 0.5).value(1.0) == pytest.approx(2.5)
     assert bed.parameter(Plane(a=2.0), "plane.a", 0.5, log=True).value(1.0) == pytest.approx(2.0 * math.exp(0.5))
@@ -781,7 +781,7 @@ def test_a_turn_that_gains_less_than_three_tenths_is_the_last(gain, turns):
     assert given_slopes(gain * 9 / 8 * 81, 1.5) == pytest.approx(3.0**-turns)
 
 
-def test_another_number_is_pinned_where_it_ends_at_its_bound_on_one_side_alone():
+def test_number_at_its_bound_on_one_side_alone_is_pinned():
     A = np.array([[1.0, 0.0], [-0.5, 1.0]])
     problem = Rows(A, np.zeros(2), (-50.0, -50.0), (50.0, 0.4))
     covariance = np.linalg.inv(A.T @ A)
@@ -792,7 +792,7 @@ def test_another_number_is_pinned_where_it_ends_at_its_bound_on_one_side_alone()
 
 
 @pytest.mark.parametrize("misfit", [0.5, 1.5])
-def test_a_profile_of_a_linear_fit_is_a_parabola_in_units_of_the_noise(misfit):
+def test_profile_of_a_linear_fit_is_a_parabola_in_noise_units(misfit):
     """Rise (u - u_best)^2 / var over the inflation and a misfit above 1, at these shares of half the interval."""
     task = made(noise=0.5 * math.sqrt(misfit), sd=0.5)
     exact = X[0] - 2.0 * X[1]
@@ -837,7 +837,7 @@ def test_what_others_cannot_reproduce_of_a_column_knows_no_unit():
     assert own_share(np.zeros((2, 1)), 0) == 0.0
 
 
-def test_a_covariance_of_fewer_rows_than_numbers_is_huge_where_nothing_is_told():
+def test_covariance_is_huge_for_numbers_without_information():
     found = data_covariance(Rows(np.array([[1.0, 0.0]]), np.zeros(1), (-5.0, -5.0), (5.0, 5.0)), np.zeros(2))
     assert found[0, 0] == pytest.approx(1.0)
     assert found[1, 1] > 1e12
@@ -921,7 +921,7 @@ def test_held_out_errors_of_a_mean_are_those_of_the_other_folds():
     assert len(misses) == 11
 
 
-def test_a_held_out_quadratic_is_found_whatever_the_unit_of_its_input():
+def test_held_out_quadratic_is_recovered_whatever_the_input_unit():
     draw = np.random.default_rng(1)
     inputs = draw.uniform(1.0, 2.0, (5, 4, 2)) * [1e6, 1e-6]
     x, z = inputs[..., 0] / 1e6, inputs[..., 1] / 1e-6

@@ -35,7 +35,7 @@ def drawn(rho, random):
     return np.stack([(root @ random.normal(size=COUNT))[TURN] for root in rows], axis=1)
 
 
-def test_innovations_are_what_the_cholesky_factor_of_the_correlations_leaves(good):
+def test_innovations_match_the_correlations_cholesky_factor(good):
     residual = np.random.default_rng(2).normal(size=(3, FOLDS, CHANNELS, SAMPLES))
     rho = np.array([0.7, 0.4])
     found = Drift(rho, TURN).innovations(residual, good)
@@ -58,7 +58,7 @@ def test_noise_of_declared_sds_whitens_by_its_drift(good):
     np.testing.assert_allclose(found[other], (residual / sd)[good][other], atol=1e-12)
 
 
-def test_drift_is_found_in_the_channel_that_has_it_also_beside_free_columns():
+def test_drift_is_found_in_its_channel_also_beside_free_columns():
     random, good = np.random.default_rng(4), np.ones((FOLDS, CHANNELS, SAMPLES), dtype=bool)
     free = random.normal(size=(3, FOLDS, CHANNELS, SAMPLES))
     made = [drawn((0.8, 0.0), random) + np.tensordot([9.0, -20.0, 5.0], free, 1) for _ in range(40)]
@@ -69,7 +69,7 @@ def test_drift_is_found_in_the_channel_that_has_it_also_beside_free_columns():
 
 
 @pytest.mark.parametrize("scale", [0.4, 2.0])
-def test_white_noise_of_any_size_drifts_in_one_set_of_forty_at_most(scale):
+def test_white_noise_drifts_in_at_most_one_set_of_forty(scale):
     random, good = np.random.default_rng(5), np.ones((FOLDS, CHANNELS, SAMPLES), dtype=bool)
     free = random.normal(size=(3, FOLDS, CHANNELS, SAMPLES))
     found = [learnt_drift(scale * drawn((0.0, 0.0), random), free, good, TURN) for _ in range(40)]
@@ -139,7 +139,7 @@ def test_no_other_correlation_of_one_channel_is_likelier(good):
             assert told((found.rho[0], step), good, residual, free) > least - 1e-9
 
 
-def test_the_least_gain_that_is_told_is_passed_by_one_white_noise_in_a_thousand(good):
+def test_least_reported_drift_gain_has_a_p_value_of_0_001(good):
     """chi2 of two numbers, -2 ln 0.001, met by bisection between white and drifting residuals."""
     random = np.random.default_rng(13)
     free = np.ones((1, FOLDS, CHANNELS, SAMPLES))

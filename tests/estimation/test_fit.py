@@ -83,7 +83,7 @@ def test_slopes_are_computed_again_as_often_as_is_said():
     assert counts[1] <= TO_THE_END[1]
 
 
-def test_a_step_that_promises_next_to_nothing_and_fails_is_not_tried_shorter():
+def test_failed_step_with_negligible_promise_is_not_shortened():
     """Slopes of the wrong sign point away: from 0.1 SD off a step promises 0.01, from 10 SD off 100."""
     given = {"valley.b": -np.array([[[1.0, 0.0]]])}
     tries = []
@@ -111,7 +111,7 @@ class Watched(Rosenbrock):
 
 
 @pytest.mark.parametrize("start", [(-3.0, 9.0), (-1.0, 9.0), (2.0, -4.0), (0.1, 0.0)])
-def test_a_step_is_tried_shorter_only_where_the_whole_did_not_help(start):
+def test_step_is_shortened_only_where_the_whole_did_not_help(start):
     bed = Watched()
     fit(Task(bed, declared_noise(np.array([0.3]), bed.observed)), Valley(*start), NUMBERS, np.array(start))
     lowest = np.inf

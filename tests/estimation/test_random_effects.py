@@ -65,7 +65,7 @@ def test_a_bed_moves_its_own_level_as_a_stiffer_soil_would(tmp_path):
 
 
 @pytest.mark.parametrize("seed", [1, 2])
-def test_beds_that_differ_are_told_by_how_much_and_alike_ones_are_not(tmp_path, seed):
+def test_differing_stiffness_gets_its_sd_and_equal_gets_none(tmp_path, seed):
     stiffer = np.exp(0.06 * np.random.default_rng(seed).normal(size=len(SLIPS)))
     noise = beyond_declared(*base_of(written(tmp_path / "differ", seed, "white", stiffer)))
     assert noise.drift is None
@@ -89,7 +89,7 @@ def test_noise_that_drifts_is_told_by_the_order_of_the_rows(tmp_path):
 
 
 @pytest.mark.parametrize("seed", [1, 2])
-def test_where_a_law_is_missing_the_noise_of_other_channels_does_not_drift(tmp_path, seed):
+def test_missing_law_does_not_make_other_channels_noise_drift(tmp_path, seed):
     """A sinkage sensor that waves by 2 mm, five SDs, bends the fit of the pull as if its noise wandered."""
     rig = generator.Rig(sizes={"sensor_wave": 0.002})
     runs = generator.rig_set(rig, slips=SLIPS, speeds=(0.02, 0.04), seed=seed, mixed=True)

@@ -52,7 +52,7 @@ def dense(columns, field, sds):
     return np.eye(len(columns)) + (columns * d**2) @ columns.T
 
 
-def test_what_chance_may_have_done_is_taken_out_as_the_inverse_root_of_the_whole_covariance_does(field, noise):
+def test_random_effects_are_removed_by_the_inverse_root(field, noise):
     sds, columns = (0.1, 0.03), noise.white(field.moved).T
     chance = random_effects_filter(field, columns, noise.good, learnt_as(*sds))
     residual = np.random.default_rng(5).normal(size=(7, FOLDS, CHANNELS, SAMPLES))
@@ -98,7 +98,7 @@ def restricted(rows, free, covariance):
     return -2 * law.logpdf(contrasts.T @ rows)
 
 
-def test_the_learnt_sds_are_those_of_greatest_restricted_likelihood(field, noise):
+def test_learnt_sds_maximise_the_restricted_likelihood(field, noise):
     random, columns = np.random.default_rng(8), noise.white(field.moved).T
     free = random.normal(size=(len(columns), 3))
     rows = np.linalg.cholesky(dense(columns, field, (0.06, 0.02))) @ random.normal(size=len(columns))
@@ -113,7 +113,7 @@ def test_the_learnt_sds_are_those_of_greatest_restricted_likelihood(field, noise
         assert one.gain == pytest.approx(restricted(rows, free, dense(columns, field, without)) - least, abs=1e-6)
 
 
-def test_sds_are_found_again_on_the_average_and_what_is_not_there_is_not(field, noise):
+def test_sds_are_recovered_on_average_and_absent_ones_stay_zero(field, noise):
     random, columns = np.random.default_rng(9), noise.white(field.moved).T
     free = random.normal(size=(len(columns), 2))
     root = np.linalg.cholesky(dense(columns, field, (0.1, 0.0)))
@@ -209,7 +209,7 @@ def test_no_sd_beyond_ten_sizes_is_looked_for():
 
 
 @pytest.mark.parametrize(("apart", "told"), [(0.95e-3, False), (1.05e-3, True)])
-def test_free_columns_that_differ_by_less_than_a_thousandth_are_one(apart, told):
+def test_free_columns_within_a_thousandth_count_as_one(apart, told):
     """Two columns of unit length, at an angle whose half has this tangent: the rest of the space is chance's."""
     free = np.array([[1.0, 1.0], [apart, -apart], [0.0, 0.0], [0.0, 0.0]])
     columns = np.array([[0.0], [1.0], [0.0], [0.0]])
@@ -226,7 +226,7 @@ def test_what_free_columns_take_does_not_depend_on_their_units(field, noise):
 
 
 @pytest.mark.parametrize(("scale", "told"), [(0.95e-3, False), (1.05e-3, True)])
-def test_of_chance_that_moves_rows_by_less_than_a_thousandth_nothing_is_taken_out(scale, told):
+def test_negligible_random_effects_are_not_removed(scale, told):
     columns, good = np.array([[0.0], [1.0], [0.0]]), np.ones((1, 1, 3), dtype=bool)
     found = random_effects_filter(alone(KINDS[0]), columns, good, (LearntSd(KINDS[0], scale * 0.05, 0.0),))
     rows = np.array([1.0, 1e6, 2.0])

@@ -40,7 +40,7 @@ def made_space():
     return Space(axes, np.array([7.0, 0.1, 3.0]), ("k", "c", "n"))
 
 
-def test_free_numbers_take_their_places_among_the_known_within_their_bounds():
+def test_free_numbers_join_the_known_ones_within_their_bounds():
     space = made_space()
     assert space.start() == pytest.approx([math.log(3.0), 3.5])
     assert space.fields(np.array([math.log(2.0), 1.5])) == pytest.approx([3.0, 0.1, 2.0])
@@ -64,7 +64,7 @@ def test_a_parameter_comes_back_and_keeps_to_its_bounds(log, scale):
     assert one.slope(0.5) == pytest.approx((one.value(0.5 + 1e-6) - one.value(0.5 - 1e-6)) / 2e-6, rel=1e-6)
 
 
-def test_a_logarithm_that_may_go_to_nothing_stops_before_it_so_that_a_fit_can_begin_there():
+def test_logarithm_that_may_reach_zero_stops_just_above_it():
     never_0 = Parameter("x", 2.0, 0.4, 0.0, 3.0, log=True)
     low = never_0.value(never_0.bounds[0])
     assert 0 < low <= 1e-5
@@ -81,7 +81,7 @@ def linear_problem(J, low=(-9.0, -9.0), high=(9.0, 9.0), spread=(1.0, 1.0)):
     return SimpleNamespace(space=space, evaluate=lambda u: (J @ u, J), data_jacobian=lambda u: J[:-1])
 
 
-def test_the_own_share_of_a_column_is_the_sine_of_its_angle_to_the_others():
+def test_own_share_is_the_sine_of_the_angle_to_other_columns():
     angle = 0.3
     J = np.array([[2.0, 5.0 * math.cos(angle), 0.0], [0.0, 5.0 * math.sin(angle), 0.0], [0.0, 0.0, 7.0]])
     assert own_share(J[:, :2], 1) == pytest.approx(math.sin(angle))
@@ -92,7 +92,7 @@ def test_the_own_share_of_a_column_is_the_sine_of_its_angle_to_the_others():
     assert own_share(np.zeros((3, 2)), 0) == 0.0
 
 
-def test_the_covariance_is_the_inverse_and_a_number_on_a_bound_widens_no_other():
+def test_number_on_a_bound_widens_no_other_in_the_covariance():
     J = np.array([[1.0, 0.9], [0.0, 0.5], [2.0, 1.0]])
     whole = np.linalg.inv(J.T @ J)
     assert covariance(linear_problem(J), np.zeros(2)) == pytest.approx(whole)
@@ -111,7 +111,7 @@ def test_a_direction_that_nothing_tells_has_a_huge_variance():
     assert np.isfinite(found).all()
 
 
-def test_singular_values_are_of_the_data_alone_over_the_spread_of_the_starts():
+def test_singular_values_are_of_the_data_over_the_start_spread():
     J = np.array([[3.0, 0.0], [0.0, 0.5], [7.0, 7.0]])
     values, directions = singular_values(linear_problem(J, spread=(2.0, 4.0)), np.zeros(2))
     assert values == pytest.approx([6.0, 2.0])
@@ -197,7 +197,7 @@ def test_a_step_that_leaves_no_bound_is_taken_as_it_is():
     assert _bounded(np.zeros(2), np.array([3.0, 2.0]), low, high).tolist() == [1.5, 1.0]
 
 
-def test_numbers_at_a_bound_that_would_leave_it_and_held_ones_stay():
+def test_held_numbers_and_those_pushed_past_their_bound_stay():
     low, high = np.array([-9.0, 0.0]), np.array([9.0, 9.0])
     u = np.zeros(2)
     uphill = J.T @ R
@@ -215,7 +215,7 @@ def test_numbers_at_a_bound_that_would_leave_it_and_held_ones_stay():
 # --- curves beside the model -----------------------------------------------------------------------------------------
 
 
-def test_a_process_follows_what_it_sees_smooths_noise_and_ends_at_the_mean():
+def test_gaussian_process_smooths_noise_and_ends_at_the_mean():
     x = np.linspace(-1.0, 1.0, 40)[:, None]
     wave = 5.0 + 0.01 * np.sin(3.0 * x[:, 0])
     assert gaussian_process(x, wave, x + 0.02) == pytest.approx(5.0 + 0.01 * np.sin(3.0 * (x[:, 0] + 0.02)), abs=2e-4)

@@ -28,5 +28,5 @@ def term(size, kind=GRIP, argument=EVEN):
         (term([0.09, -0.05, 0.01] * 3, argument=ALONG), False),
     ],
 )
-def test_small_changes_of_grip_that_each_run_has_of_its_own_are_raked_sand(one, raking):
+def test_small_changes_of_grip_between_runs_are_raked_sand(one, raking):
     assert one.is_raking is raking

@@ -187,7 +187,7 @@ def test_stated_95_percent_intervals_hold_the_truth_rig():
 
 
 @pytest.mark.slow
-def test_intervals_stay_honest_where_k_and_phi_cannot_be_told_apart():
+def test_intervals_cover_the_truth_if_k_and_phi_are_confounded():
     """At Table 1's k = 0.05 m the intervals are open or very wide, and still hold the truth."""
     share = coverage(lambda rng: points(Soil(), rng), Soil(), Soil(), ("k", "phi"), 300)
     assert ((share >= 0.90) & (share <= 0.995)).all(), share
@@ -259,7 +259,7 @@ def test_a_parameter_that_only_anothers_prior_tells_is_not_found():
     assert re.match(r"set by the prior of phi: its interval would be \d+% as wide were phi exact", result["k"].reason)
 
 
-def test_c_and_phi_are_refused_from_one_load_and_found_from_three():
+def test_c_and_phi_need_three_loads_and_are_refused_from_one():
     one = rig(loads=(9.5, 9.7))
     with pytest.raises(
         ParameterError, match=r"c and phi are not identifiable together from one load \(all runs carry abo"

@@ -68,7 +68,7 @@ def test_an_angle_and_a_ratio_are_so_much_off(name, stated, otherwise):
 
 
 @pytest.mark.parametrize("name", ["r", "b"])
-def test_the_size_of_a_wheel_that_nobody_states_is_a_hundredth_off(name):
+def test_undeclared_wheel_size_has_an_sd_of_one_percent(name):
     wheel = Wheel(r=0.06, b=0.04)
     found, value = row(name, points(wheel=wheel)), float(getattr(wheel, name))
     assert (found.low, found.high) == pytest.approx((value * math.exp(-0.01 * WIDE), value * math.exp(0.01 * WIDE)))
@@ -130,7 +130,7 @@ def found(name, low, high):
         ((math.nan, 3.0), math.inf),
     ],
 )
-def test_how_far_a_number_moves_is_over_the_interval_on_that_side(ends, far):
+def test_shift_is_relative_to_the_interval_on_its_side(ends, far):
     """A value of 3 in [2, 5], in a coordinate of half of it."""
     assert _distance(FIT, found("phi", 2.0, 5.0), 1.5, ends) == pytest.approx(far)
 
@@ -161,7 +161,7 @@ def test_what_one_number_does_alone_is_not_said_of_several(end, together):
 
 
 @pytest.mark.parametrize(("change", "enters"), [(0.0, False), (5e-10, False), (2e-9, True), (5.0, True)])
-def test_a_prediction_that_changes_by_a_billionth_of_its_sd_counts_however_far_off_it_is(change, enters, monkeypatch):
+def test_tiny_prediction_change_counts_however_far_off(change, enters, monkeypatch):
     before, after = (
         SimpleNamespace(evaluate=lambda u, to=to: (np.full(3, to), None)) for to in (100.0, 100.0 + change)
     )
@@ -171,7 +171,7 @@ def test_a_prediction_that_changes_by_a_billionth_of_its_sd_counts_however_far_o
     assert u is None if not enters else u == pytest.approx([3.0])
 
 
-def test_data_that_have_more_rows_when_worked_out_again_are_fitted_again():
+def test_data_with_more_rows_after_recomputing_are_refitted():
     data, more = rig(), rig(9)
     first = identify(data, SAND, ("phi",), search=Search(starts=1))
     moved = Held("settle", "s", 1.0, "made", 0.5, 2.0, "made", (lambda: more, lambda: data))
@@ -192,7 +192,7 @@ def test_a_report_has_its_heading_where_anything_is_held():
     assert with_held(first, rig(), held_numbers(rig(), SAND, ("phi",))).report().count(heading) == 1
 
 
-def test_a_modulus_of_nothing_under_two_widths_may_be_all_of_the_pressure():
+def test_zero_modulus_may_be_all_pressure_under_two_widths():
     """k_2 = 0 of k_1 + k_2 b: none of it, or as much as k_1 is now."""
     wide = dataclasses.replace(rig(), wheel=WHEEL.replace(b=0.1), name="wide")
     sand = SAND.replace(k_2=0.0)
@@ -203,7 +203,7 @@ def test_a_modulus_of_nothing_under_two_widths_may_be_all_of_the_pressure():
 
 
 @pytest.mark.parametrize(("sd", "share"), [(0.2, 1.0), (0.1, 1.0), (0.4, 0.25)])
-def test_the_data_s_share_is_of_the_variance_that_they_alone_would_leave(sd, share):
+def test_data_share_is_of_the_variance_from_the_data_alone(sd, share):
     """The column (3, 4, 7) beside (0, 0, 2) of a number without a prior: 5 are its own, and so an SD of 1 / 5."""
     jacobian = np.array([[3.0, 0.0, 9.0], [4.0, 0.0, 9.0], [7.0, 2.0, 9.0]])
     problem = SimpleNamespace(

@@ -112,7 +112,7 @@ def test_a_range_is_that_of_whoever_stated_the_number(how, said, sd, doubt):
     assert found.ends == ({"n": found.low}, {"n": found.high})
 
 
-def test_a_range_stays_inside_what_is_allowed_and_a_modulus_is_a_factor_off():
+def test_held_range_stays_in_bounds_and_modulus_is_by_factor():
     assert row("c", rig()).low == 0.0
     assert row("c", rig()).high == pytest.approx(1.959964 * 300.0)
     stated = row("c", rig(declared={"c": 400.0}), TRUTH.replace(c=400.0))
@@ -282,7 +282,7 @@ def sure(value):
     )
 
 
-def test_what_is_held_as_surely_as_it_need_be_leaves_a_number_found():
+def test_number_held_precisely_enough_lets_another_be_found():
     data, wrong = rig(), TRUTH.replace(k_1=2.0 * TRUTH.k_1)
     found = with_held(identify(data, wrong, ("k", "phi"), search=ONE), data, [sure(2.0 * TRUTH.k_1)])
     assert found["phi"].verdict is Verdict.FOUND
@@ -311,7 +311,7 @@ def test_a_prior_and_a_misfit_are_in_the_refits_too():
         ({}, []),
     ],
 )
-def test_one_that_moves_a_number_far_is_blamed_or_the_fewest_that_do_together(far, blamed):
+def test_number_or_fewest_numbers_with_a_large_shift_are_blamed(far, blamed):
     assert _blamed(far) == blamed
 
 
@@ -387,7 +387,7 @@ def command(*words):
 # --- pressed in ------------------------------------------------------------------------------------------------------
 
 
-def test_a_wheel_that_was_pressed_in_tells_n_and_k_1_as_in_the_loop():
+def test_pressed_wheel_gives_n_and_k_1_as_in_the_loop():
     data, loop = read_evidence(DATA / "cmu-smooth-wheel"), read_rig_set(DATA / "cmu-smooth-wheel")
     assert len(data.trials) == 3
     soil = data.declared_soil(Soil())

@@ -79,7 +79,7 @@ def verdict(made, index=1, interval=CLOSED, misfit=1.0):
 
 
 @pytest.mark.parametrize(("sd", "found"), [(1.02, True), (0.98, False), (0.3, False)])
-def test_data_must_give_half_of_what_is_known_of_a_number_with_a_prior(sd, found):
+def test_data_must_give_half_of_what_is_known_beside_a_prior(sd, found):
     """One value of SD 1 and a prior of SD s: the data give s^2 / (1 + s^2) of the information."""
     made = verdict(problem([[0, 1, 0]], [0.5], ("phi",), {"phi": Prior(0.5, sd)}, scale=0.2), 0)
     assert made.verdict is (Verdict.FOUND if found else Verdict.HELD_AT_PRIOR)
@@ -91,7 +91,7 @@ def test_data_must_give_half_of_what_is_known_of_a_number_with_a_prior(sd, found
 
 @pytest.mark.parametrize(("rows", "own"), [([[0, 1, 1]], 1.0), ([[1, 1, 1], [1, 0, 0]], 2.0)])
 @pytest.mark.parametrize("times", [0.95, 1.05])
-def test_a_number_that_anothers_prior_tells_is_held_where_that_makes_most_of_its_variance(rows, own, times):
+def test_number_set_mostly_by_anothers_prior_is_held(rows, own, times):
     """phi + n, or with k besides, is measured with SD 1: the variance of phi is `own` and that of the prior of n."""
     sd = times * math.sqrt(own)
     free = ("k", "phi", "n") if len(rows) > 1 else ("phi", "n")
@@ -111,7 +111,7 @@ def test_a_number_that_anothers_prior_tells_is_held_where_that_makes_most_of_its
     ("closed", "why"),
     [((False, True), "lower bound"), ((True, False), "upper bound"), ((False, False), "lower and upper bound")],
 )
-def test_a_number_that_ends_at_its_bound_has_no_value_whoevers_prior_is_wide(closed, why):
+def test_number_at_its_bound_has_no_value_despite_wide_priors(closed, why):
     """A cart's log with a wrong k said phi = 60 +- 10 deg, "set by the prior of k_1": 60 deg is phi's bound."""
     made = problem([[0, 1, 1]], [1.5], ("phi", "n"), {"n": Prior(1.0, 3.0)})
     found = verdict(made, 0, Interval(0.3, 0.5, *closed))
@@ -177,7 +177,7 @@ def refused(X, free=("k", "phi"), **how):
 
 
 @pytest.mark.parametrize(("moves", "seen"), [(1.05e-3, True), (-1.05e-3, True), (0.95e-3, False)])
-def test_a_number_that_moves_nothing_by_a_thousandth_of_an_sd_is_refused(moves, seen):
+def test_number_that_moves_nothing_measurable_is_refused(moves, seen):
     said = refused([[1, 0, 0], [0, moves, 0], [0, 0, 0]])
     assert said == "" if seen else said.startswith("phi is not identifiable: it moves nothing in channel 0; a direct")
 
@@ -258,7 +258,7 @@ def test_one_set_that_tells_a_number_is_enough():
         (("k_1", "k_2", "c"), ""),
     ],
 )
-def test_a_refusal_lists_what_is_told_by_how_many_they_are_not_by_how_long_their_names(tells, said):
+def test_refusal_lists_channels_by_count_not_by_name_length(tells, said):
     silent = Measured(np.eye(3), np.zeros(3))
     silent.tells = frozenset(tells)
     assert refusal(with_data(("n",), silent)).startswith(f"n is not identifiable from made data{said}: sinkage under")
@@ -300,7 +300,7 @@ def test_loads_within_half_again_are_one_load(ratio, one):
 
 
 @pytest.mark.parametrize("freedom", [1, 10, 200])
-def test_a_misfit_begins_where_chance_would_not_reach_once_in_a_thousand(freedom):
+def test_misfit_begins_at_a_p_value_of_one_in_a_thousand(freedom):
     limit = chi2_law.isf(1e-3, freedom)
     assert misfit(0.999 * limit, freedom) == 1.0
     assert misfit(1.001 * limit, freedom) == pytest.approx(math.sqrt(1.001 * limit / freedom))
@@ -310,7 +310,7 @@ def test_without_freedom_there_is_no_misfit():
     assert misfit(1e6, 0) == 1.0
 
 
-def test_starts_are_the_soil_and_points_within_the_spread_and_the_bounds():
+def test_starts_are_the_soil_and_points_within_spread_and_bounds():
     low, *drawn = scatter(PLAIN, Search(starts=400, seed=1))
     assert low == pytest.approx(BASE)
     off = np.array(drawn) - BASE
@@ -413,13 +413,13 @@ def test_a_line_of_a_report_is_in_the_readers_unit(unit, said):
 # --- sampling --------------------------------------------------------------------------------------------------------
 
 
-def test_an_interval_of_samples_leaves_out_as_many_on_either_side():
+def test_sample_interval_excludes_equal_tails():
     found = Posterior(("k", "phi"), np.column_stack([np.zeros(1001), np.arange(1001.0)]), 1.0, 0.5)
     assert found.interval("phi") == pytest.approx((25.0, 975.0))
     assert found.interval("phi", 0.5) == pytest.approx((250.0, 750.0))
 
 
-def test_the_density_is_nothing_where_any_number_is_out_of_its_bounds():
+def test_density_is_zero_where_any_number_is_outside_its_bounds():
     inside = PLAIN.space.start()
     for at, side in ((0, 60.0), (1, -60.0), (2, 60.0)):
         outside = inside.copy()
@@ -474,7 +474,7 @@ def test_a_chain_is_ten_times_its_memory_after_the_burn_in(monkeypatch, memory, 
         ((DrawbarPull, Sinkage), (), None),
     ],
 )
-def test_a_modulus_is_uncertain_where_the_arc_hangs_on_it_and_nothing_measures_it(channels, exact, prior):
+def test_modulus_is_uncertain_if_needed_and_unmeasured(channels, exact, prior):
     """A 60 mm wheel without sinkage said phi = 14.1 deg [13.7, 14.7], found, at Table 1's k_1; it is [11, 20] of it."""
     ones = np.ones(4)
     rig = WheelRig(Wheel(0.06, 0.05), 0.2 * ones, 10.0, tuple(channel(ones * 0.01, 0.01) for channel in channels))

@@ -91,7 +91,7 @@ def test_a_descent_that_does_not_end_says_so(monkeypatch):
     assert caught.value.status == 2
 
 
-def test_an_interval_that_ends_at_another_parameters_bound_says_so():
+def test_interval_ending_at_another_parameters_bound_says_so():
     """chi2 = (u_0 + u_1)^2 + (u_0 / 10)^2: u_1 makes up for u_0 until it meets its bound of 2."""
     tied = Made(lambda u: [u[0] + u[1], 0.1 * u[0]], lambda u: [[1.0, 1.0], [0.1, 0.0]], [-50.0, -2.0], [50.0, 2.0])
     covariance = np.linalg.inv(np.array([[1.01, 1.0], [1.0, 1.0]]))
@@ -119,7 +119,7 @@ def test_a_profile_that_does_not_end_says_so(monkeypatch):
         interval(curved, Best(np.array([0.0]), 0.0, np.array([[1.0]])), 0)
 
 
-def test_a_profile_that_finds_a_lower_minimum_moves_the_fit_there():
+def test_profile_that_finds_a_lower_minimum_moves_the_fit():
     problem = build(points(), Soil(), ("k", "phi"), {})
     u = problem.space.start()
     wrong = Best(u, problem.chi2(u), np.eye(2))

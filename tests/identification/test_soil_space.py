@@ -45,7 +45,7 @@ def test_a_negative_angle_scatters_by_its_size():
     assert found.widest * found.scale == pytest.approx((about.high - about.low) / 4)
 
 
-def test_the_pressure_ends_at_the_bound_of_the_modulus_that_is_free():
+def test_pressure_ends_at_the_bound_of_the_free_modulus():
     soil = Soil(k_1=2e4, k_2=5e8)
     assert axis("k_1", soil).high == pytest.approx(math.log(ABOUT["k_1"].high + 2e7), abs=1e-9)
 

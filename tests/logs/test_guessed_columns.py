@@ -26,7 +26,7 @@ def test_x_and_y_are_of_one_source(tmp_path):
     assert any(line.startswith("body_y = y [m]") for line in made.columns), made.columns
 
 
-def test_wheels_of_a_slow_rover_that_run_against_its_way_are_turned(tmp_path):
+def test_reversed_wheel_signs_of_a_slow_rover_are_corrected(tmp_path):
     """A centimetre a second, in turns a second: the sense does not hang on the size of the numbers."""
     seen = recordings.truth()
     table = pd.read_csv(recordings.plain(seen | {"t_s": 10.0 * seen["t_s"]}, tmp_path))
@@ -66,7 +66,7 @@ def test_a_matrix_may_lie_on_its_side(tmp_path):
         assert np.array_equal(one["wheel_rate_br"], other["wheel_rate_br"])
 
 
-def test_a_run_begins_a_second_before_the_wheels_turn_and_says_how_long_it_lasts(tmp_path):
+def test_run_begins_a_second_before_motion_and_states_duration(tmp_path):
     """The drive stands from 30 to 36 s."""
     made, log = imported(pd.read_csv(recordings.plain(recordings.truth(), tmp_path)), tmp_path)
     begins = []

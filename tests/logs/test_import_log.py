@@ -104,7 +104,7 @@ def test_a_stop_and_a_gap_part_runs_and_what_stands_is_left_out(seen, tmp_path):
     assert sum(float(run.t[-1]) for run in log.runs) < 62.0
 
 
-def test_of_a_long_recording_the_most_telling_parts_are_kept_and_that_is_said(tmp_path):
+def test_most_informative_parts_of_a_long_recording_are_kept(tmp_path):
     long = recordings.truth(seconds=900.0)
     made, log = imported(recordings.plain(long, tmp_path), tmp_path, most=4)
     assert len(log.runs) == 4
@@ -135,7 +135,7 @@ def test_a_user_may_say_what_a_column_is(seen, tmp_path):
     assert log.runs[0]["body_yaw"][:5] == pytest.approx(seen["body_yaw"][:5], abs=0.2)
 
 
-def test_a_column_is_used_by_its_name_and_not_by_a_letter_of_others(seen, tmp_path):
+def test_column_is_matched_by_its_name_not_by_single_letters(seen, tmp_path):
     table = pd.read_csv(recordings.plain(seen, tmp_path))
     table.assign(w=1.0, e=2.0).to_csv(tmp_path / "more.csv", index=False)
     made, _ = imported(tmp_path / "more.csv", tmp_path)
@@ -193,7 +193,7 @@ def without(names):
         (("time",), "no column is a clock"),
     ],
 )
-def test_what_is_needed_and_missing_is_one_sentence_with_the_columns_there_are(names, said, seen, tmp_path):
+def test_missing_columns_are_named_with_those_present(names, said, seen, tmp_path):
     with pytest.raises(DataError, match=said) as error:
         imported(without(names)(seen, tmp_path), tmp_path)
     assert "\n" not in str(error.value)
@@ -254,7 +254,7 @@ CLOCKS = {
 
 
 @pytest.mark.parametrize("habit", CLOCKS)
-def test_dates_are_the_clock_in_any_language_and_revolutions_a_minute_the_wheels(habit, tmp_path):
+def test_dates_in_any_language_are_the_clock_and_rpm_the_wheels(habit, tmp_path):
     """Czech: no word of it is known; the dates tell the clock, unit and corner the wheels, the wheels the way ahead."""
     t = np.arange(0.1, 40.0, 0.1)
     ahead = np.where(t < 20.0, 1.0, -1.0)

@@ -108,7 +108,7 @@ def test_the_ground_under_each_wheel_is_that_which_carries_it():
 
 
 @pytest.mark.parametrize("cells", [3.5, 14.0])
-def test_how_fine_the_grid_is_does_not_say_how_stiff_the_ground_is(cells, monkeypatch):
+def test_grid_resolution_does_not_change_the_ground_stiffness(cells, monkeypatch):
     """With more cells the bends over a base had counted by their square, and the wave was flattened."""
     drive = over_the_wave(10.0)
     usual = slope_of(estimated(drive, CART), drive)
@@ -148,7 +148,7 @@ def test_the_roll_tells_the_slope_across():
     assert np.arctan(rise / 0.52) == pytest.approx(4 * DEG, abs=0.3 * DEG)
 
 
-def test_without_a_pitch_the_height_tells_and_its_zero_does_not_matter():
+def test_height_replaces_a_missing_pitch_whatever_its_zero():
     bare = run(0.0, body_z=lambda x, y: 7.0 + 0.1 * x)
     drive = Trace({name: bare[name] for name in bare if name not in ("body_pitch", "body_roll")}, {}, {})
     ground = estimated(drive, CART)
@@ -187,7 +187,7 @@ def test_each_run_may_have_a_ground_of_its_own(tmp_path):
     assert not read.is_estimated(read.runs[0])
 
 
-def test_an_estimated_ground_is_not_compared_with_what_it_was_estimated_from(tmp_path):
+def test_estimated_ground_is_not_compared_with_its_own_sources(tmp_path):
     read = log(tmp_path / "log", {})
     assert all(read.is_estimated(each) for each in read.runs)
     runs = logged_runs(read, CART)

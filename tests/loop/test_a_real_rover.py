@@ -26,7 +26,7 @@ def answered(run, rover, **how):
 
 
 @pytest.mark.slow
-def test_what_drags_on_a_six_wheeler_without_a_differential_is_like_a_cable(run):
+def test_drag_without_a_differential_is_like_a_tether(run):
     """Flank pressure was named before it while the side force was exact: it damps yaw that noise of the rates makes."""
     code, verdict, _ = answered(run, field_log.bogies, seconds=30.0, drag=(20.0, 15.0))
     assert code == 0
@@ -42,7 +42,7 @@ def test_on_a_six_wheeler_with_nothing_hidden_nothing_is_named(run):
 
 
 @pytest.mark.slow
-def test_on_a_skid_steered_cart_with_nothing_hidden_nothing_is_named(run):
+def test_nothing_is_named_on_a_skid_steered_cart_without_effects(run):
     """Its noise was learnt after 110 columns had taken half of it: "none of these", a force of -10 N in one moment."""
     code, verdict, _ = answered(run, field_log.skid, runs=3, seconds=20.0, seed=2, sides=0.3)
     assert code == 0

@@ -34,7 +34,7 @@ def written(trace, folder, **changed):
     ],
     ids=["rates backwards", "pitch upside down", "currents in mA"],
 )
-def test_a_log_that_close_loop_refuses_is_refused_with_the_same_words(trace, tmp_path, change):
+def test_log_refused_by_close_loop_is_refused_in_the_same_words(trace, tmp_path, change):
     folder = written(trace, tmp_path / "log", **change(trace))
     with pytest.raises(DataError) as by_loop:
         check_data(folder)

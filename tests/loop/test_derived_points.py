@@ -40,7 +40,7 @@ def test_a_rig_and_a_table_have_nothing_behind_their_points(tmp_path):
         assert derivation_inputs(checked_evidence(data).drive) == ()
 
 
-def test_a_log_is_read_once_for_its_check_its_points_and_what_is_behind_them(run):
+def test_log_is_read_once_for_its_check_points_and_their_inputs(run):
     with patch.object(drive_log, "telling", wraps=drive_log.telling) as reading:
         code, out, _ = run("identify", LOG)
     assert code == 0
@@ -84,7 +84,7 @@ def changed(folder, name, without):
     return folder
 
 
-def test_a_constant_of_which_nobody_says_how_sure_it_is_moves_the_points(tmp_path):
+def test_constant_without_declared_accuracy_moves_the_points(tmp_path):
     """The torque is gear k_t i: a gear 8 % off takes phi out of an interval that knew nothing of it."""
     folder = changed(tmp_path / "log", "gear", "sd")
     points, gear, log = read_drive_points(folder), told(folder)["gear"], read_drive_log(folder)
@@ -109,7 +109,7 @@ def test_a_constant_that_the_log_leaves_out_is_the_papers(tmp_path):
     assert row.source == "assumed: a small DC motor"
 
 
-def test_where_the_current_was_measured_the_windings_do_not_enter():
+def test_winding_resistance_is_unused_where_current_is_measured():
     points = read_drive_points(LOG)
     found = identified(
         points, points.declared_soil(Soil()), ("k", "phi"), point_inputs=derivation_inputs(read_drive_log(LOG))

@@ -38,7 +38,7 @@ def test_every_answer_has_a_word_that_the_help_names(run, answer):
     assert answer.word in "".join(run("close-loop", "--help")[1].split())  # a line may end after a hyphen
 
 
-def test_the_first_screen_stands_first_on_the_terminal_and_can_be_opened(run, tmp_path, monkeypatch):
+def test_first_screen_comes_first_and_can_be_opened(run, tmp_path, monkeypatch):
     opened = []
     monkeypatch.setattr("webbrowser.open", opened.append)
     _, out, _ = closed(run, tmp_path, "--open", seed=0, viscous=0.02)

@@ -46,7 +46,7 @@ def unread(tmp_path, header, rows=ROWS):
 
 
 @pytest.mark.parametrize("name", ["sinkge_m", "Sinkage_m", "wheel_sinkage_m"])
-def test_a_column_that_is_misspelt_is_named_with_the_one_that_is_meant(tmp_path, name):
+def test_misspelt_column_is_named_with_the_intended_one(tmp_path, name):
     assert unread(tmp_path / "set", f"slip,load_N,drawbar_pull_N,{name}") == [
         f"set/points.csv: column '{name}' is not read; did you mean 'sinkage_m', in SI? rename it, else what it holds "
         "is not used."
@@ -87,7 +87,7 @@ def test_a_folder_that_is_none_is_said_to_be_none(tmp_path):
             close_the_loop(path)
 
 
-def test_a_score_speaks_of_folds_on_a_rig_and_of_runs_on_a_drive_log():
+def test_score_refers_to_folds_on_a_rig_and_runs_on_a_log():
     """On a rig whole folds, its levels, are held out and resampled, on a drive log runs are."""
     drive = ChannelScore("body_x", "m", 1e-3, 5e-3, 4e-3, -0.2, -0.4, 0.1)
     rig = drive._replace(levels=(LevelError("S = 0.1", 5e-3, 4e-3),), of="folds")
@@ -116,13 +116,13 @@ def test_a_column_that_lacks_is_told_which_one_to_rename(tmp_path):
         read_rig_set(written(tmp_path, "slpi,load_N,drawbar_pull_N,sinkage_m"))
 
 
-def test_a_column_of_errors_is_not_proposed_for_the_one_that_lacks(tmp_path):
+def test_column_of_errors_is_not_suggested_for_a_missing_column(tmp_path):
     with pytest.raises(DataError, match=r"no column 'load_N': known are drawbar_pull_N, sinkage_m, slip\.$"):
         read_rig_set(written(tmp_path, "slip,load_sd_N,drawbar_pull_N,sinkage_m"))
 
 
 @pytest.mark.parametrize(("off", "proposed"), [(1e-5, False), (2.0, True)])
-def test_a_run_that_would_tell_two_candidates_apart_by_nothing_is_not_proposed(tmp_path, monkeypatch, off, proposed):
+def test_run_that_would_separate_no_candidates_is_not_proposed(tmp_path, monkeypatch, off, proposed):
     def predicted(data, fit, menu, noise):
         return np.full((2, len(menu)), fit), np.zeros((len(menu), 2, 2))
 

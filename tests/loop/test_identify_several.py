@@ -59,7 +59,7 @@ def pair(seed=0, **how):
 # --- the joint fit ---------------------------------------------------------------------------------------------------
 
 
-def test_intervals_of_two_wheels_hold_the_truth_and_are_narrower_than_of_one():
+def test_intervals_of_two_wheels_hold_the_truth_and_are_narrower():
     """Widths that differ part k_1 from k_2, which no single wheel does; what each wheel tells, both tell closer."""
     held, width = [], {name: [] for name in ("narrow", "wide", "both")}
     for seed in range(10):
@@ -114,7 +114,7 @@ def test_residuals_are_told_by_set():
 # --- what is held ----------------------------------------------------------------------------------------------------
 
 
-def test_sizes_of_different_wheels_are_each_sets_own_and_alike_ones_one():
+def test_differing_wheel_sizes_are_per_set_and_equal_shared():
     sets = pair()
     held = [one.name for one in held_numbers(sets, START, ("k", "phi"))]
     assert held == [
@@ -145,7 +145,7 @@ def test_a_size_moves_its_own_wheels_and_no_others():
             )
 
 
-def test_a_modulus_that_does_not_grow_with_the_width_is_an_assumption_of_several_widths():
+def test_width_independent_modulus_is_assumed_for_several_widths():
     """k_2 = 0 is no assumption under one width; under two it is wrong here, and the fit misses."""
     row = {one.name: one for one in held_numbers(pair(), START, ("k", "phi", "k_1"))}["k_2"]
     assert (row.value, row.low, row.high) == pytest.approx((0.0, 0.0, 5e4 / 0.05))

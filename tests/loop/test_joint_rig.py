@@ -89,7 +89,7 @@ def test_a_set_cut_in_two_is_fitted_as_the_whole(sets):
     assert together.misfit == pytest.approx(alone.misfit, rel=1e-5)
 
 
-def test_slopes_are_differences_of_predictions_lugs_of_two_heights_and_none_included(sets, tmp_path):
+def test_slopes_are_prediction_differences_for_any_lug_height(sets, tmp_path):
     folders = [
         *sets,
         written(tmp_path, "low", toml="lug_height = 0.003\n", seed=3),
@@ -119,7 +119,7 @@ def test_slopes_are_differences_of_predictions_lugs_of_two_heights_and_none_incl
     )
 
 
-def test_lugs_dig_from_the_start_where_every_set_tells_what_it_has(sets, tmp_path):
+def test_lugs_dig_from_the_start_where_every_set_declares_them(sets, tmp_path):
     """One height for both, the lower wheel's in proportion; slopes of it are differences of predictions."""
     low, high, smooth = (
         written(tmp_path, "low", toml="lug_height = 0.003\n", seed=3),
@@ -194,7 +194,7 @@ def softened(tmp_path_factory):
     return read_joint(sets), on_sets(read_joint(sets), (SlipSoftening, Bulldozing), lambda said: None)
 
 
-def test_what_both_sets_lack_is_named_and_each_sets_errors_are_told(softened):
+def test_common_missing_effect_is_named_with_errors_of_each_set(softened):
     joint, verdict = softened
     assert verdict.named == ("SlipSoftening",)
     rows = {(one.set, one.channel): one for one in verdict.extra.sets}
@@ -211,7 +211,7 @@ def test_what_both_sets_lack_is_named_and_each_sets_errors_are_told(softened):
 
 
 @pytest.mark.slow
-def test_the_whole_loop_on_two_sets_writes_a_report_and_a_model_of_each(sets, tmp_path):
+def test_loop_on_two_sets_writes_a_report_and_a_model_of_each(sets, tmp_path):
     verdict = close_the_loop(sets, out=tmp_path)
     assert verdict.answer.value == "no effect needed"
     page = (tmp_path / "report.html").read_text()

@@ -51,7 +51,7 @@ def test_without_anything_hidden_nothing_is_named(tmp_path, seed):
     assert closed(tmp_path, seed=seed).answer is Answer.NONE_NEEDED
 
 
-def test_another_law_is_like_the_nearest_and_its_name_does_not_stand_alone(tmp_path):
+def test_other_law_is_like_the_nearest_and_is_not_named_alone(tmp_path):
     found = closed(tmp_path, seed=1, square=0.03)
     assert found.answer is Answer.LIKE, found.summary()
     assert found.named == ("ViscousFriction",)
@@ -59,14 +59,14 @@ def test_another_law_is_like_the_nearest_and_its_name_does_not_stand_alone(tmp_p
     assert 0.5 < found.share < 1.0
 
 
-def test_a_number_far_from_what_is_declared_is_said_and_not_explained_away(tmp_path):
+def test_number_far_from_declared_is_reported_not_explained_away(tmp_path):
     found = closed(tmp_path, seed=0, resistance=1.5)
     assert found.answer is Answer.INADEQUATE
     assert "motor.resistance +10" in found.sentence
     assert found.named == ()
 
 
-def test_a_users_copy_is_found_by_its_path_and_the_verdict_is_written(tmp_path):
+def test_user_copy_is_found_by_path_and_the_verdict_is_written(tmp_path):
     mine = tmp_path / "my_bed.py"
     mine.write_text(FILE.read_text().replace("motor on a brake", "my motor").replace("class MotorBrake", "class Mine"))
     folder, out = hidden.write(tmp_path / "data", 0, viscous=0.02), tmp_path / "out"

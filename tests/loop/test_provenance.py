@@ -40,14 +40,14 @@ def asked_by(line, monkeypatch):
 
 
 @pytest.mark.parametrize("left_out", [*PARTS, ""])
-def test_the_command_asks_for_what_was_asked_whatever_stands_in_a_name(left_out, monkeypatch):
+def test_command_repeats_the_request_whatever_names_contain(left_out, monkeypatch):
     asked = dataclasses.replace(ASKED, **{name: value for name, value in PARTS.items() if name == left_out})
     seen = asked_by(asked.command, monkeypatch)
     for name in ("data", "out", *PARTS):
         assert seen[name] == plain(getattr(asked, name)), name
 
 
-def test_the_command_that_tries_a_draft_starts_from_the_same_model(tmp_path, monkeypatch):
+def test_command_that_tries_a_draft_starts_from_the_same_model(tmp_path, monkeypatch):
     asked = dataclasses.replace(ASKED, effects=None, experiment=None)
     verdict = Verdict("wheel-rig", Answer.NONE_FITS, "x", "nothing fits", None, draft=Draft("code = 1\n"))
     verdict, [file] = draft_written(verdict, asked, tmp_path / "my out")

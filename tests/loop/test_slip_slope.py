@@ -40,7 +40,7 @@ def test_it_predicts_what_the_plain_generator_finds(tmp_path):
     assert bed.predict([model])[0] == pytest.approx(bed.observed, abs=4e-3)
 
 
-def test_a_table_with_nothing_hidden_needs_nothing_and_tells_the_soil(tmp_path):
+def test_table_without_hidden_effect_needs_none_and_gives_soil(tmp_path):
     made = folder(tmp_path, TOML.replace("31.5", "33.5"))
     found = close_the_loop(made)
     assert found.answer is Answer.NONE_NEEDED, found.summary()
@@ -50,7 +50,7 @@ def test_a_table_with_nothing_hidden_needs_nothing_and_tells_the_soil(tmp_path):
 
 
 @pytest.mark.slow
-def test_digging_that_the_foreign_generator_hides_is_found_in_a_table_that_is_fine_enough(tmp_path):
+def test_digging_is_found_in_a_sufficiently_fine_table(tmp_path):
     """n + 0.8 S; with an SD of 0.01 phi and R take it, with 0.003 and slopes up to a slip of 0.57 they cannot."""
     made = folder(tmp_path, sd=0.003, slopes=(*generator.SLOPES, 16.0, 18.0), digs=0.8)
     found = close_the_loop(made)

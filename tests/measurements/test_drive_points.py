@@ -82,7 +82,7 @@ def test_a_log_with_sensors_tells_the_soil_that_made_it(log):
     assert found["k"].high / found["k"].low < 1.6
 
 
-def test_another_rover_has_the_angles_and_the_lag_of_its_own_wheel(tmp_path, monkeypatch):
+def test_other_rover_has_the_angles_and_the_lag_of_its_own_wheel(tmp_path, monkeypatch):
     cart, lags = scenario("slope", rover="cart"), []
     cart.write_log(measured(cart.drive(), Sensors(), seed=0), tmp_path / "log")
 
@@ -130,7 +130,7 @@ def test_loads_that_statics_leave_open_mislead_nobody(tmp_path):
         assert found[name].low < float(getattr(soil, name)) < found[name].high
 
 
-def test_a_modulus_that_nobody_measured_is_uncertain_with_the_rest(tmp_path):
+def test_unmeasured_modulus_is_uncertain_together_with_the_rest(tmp_path):
     """Held at twice the truth, k_1 halves k and takes 7 deg off phi, and the fit is good."""
     truth = cart_log(tmp_path)
     points = read_drive_points(tmp_path)
@@ -220,14 +220,14 @@ def test_exact_sensors_give_the_slip_that_the_soil_feels(drive, trace, tmp_path)
     assert points.factor == pytest.approx([true_factor(S) for S in points.slip], abs=0.003)
 
 
-def test_duty_and_rate_tell_the_torque_where_no_current_is_logged(drive, trace, tmp_path):
+def test_duty_and_rate_give_the_torque_without_a_logged_current(drive, trace, tmp_path):
     drive.write_log(measured(trace, Sensors(), seed=1, with_current=False), tmp_path)
     points = read_drive_points(tmp_path)
     assert points.factor == pytest.approx([true_factor(S) for S in points.slip], rel=0.15)
     assert identify(points, Soil(), search=TWO)["k"].low < 0.01 < identify(points, Soil(), search=TWO)["k"].high
 
 
-def test_without_heights_the_speed_comes_from_the_map_and_the_slope(drive, trace, tmp_path):
+def test_speed_comes_from_the_map_and_the_slope_without_heights(drive, trace, tmp_path):
     kept = {name: values for name, values in trace.channels.items() if name != "body_z"}
     drive.write_log(dataclasses.replace(trace, channels=kept), tmp_path)
     points = read_drive_points(tmp_path)
@@ -307,7 +307,7 @@ def test_the_line_through_noise_knows_its_doubt():
 
 
 @pytest.mark.slow
-def test_intervals_of_logs_with_sensors_hold_the_truth_in_90_to_99_percent(tmp_path):
+def test_sensor_log_intervals_have_90_to_99_percent_coverage(tmp_path):
     """Six soils climbed by the independent simulator, sixteen draws of sensors, gains and declared constants each."""
     truths = [
         {"k": k, "phi": math.radians(phi)}

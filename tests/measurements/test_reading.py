@@ -47,7 +47,7 @@ def test_shipped_smooth_wheel_is_read_as_its_files_say():
     assert rig.levels.tolist() == table["level"].tolist()
 
 
-def test_shipped_ding_wheel_declares_its_soil_in_bekkers_constants():
+def test_shipped_ding_wheel_declares_its_soil_by_bekker():
     rig = read_wheel_rig(DATA / "ding-2011-lugged")
     assert [type(channel) for channel in rig.channels] == [DrawbarPull, Torque, Sinkage]
     soil = rig.declared_soil(Soil())
@@ -144,7 +144,7 @@ def test_columns_of_different_lengths_are_refused():
         WheelRig(Wheel(), [0.1, 0.2], 9.5, (DrawbarPull([1, 2, 3], 0.1),))
 
 
-def test_traction_points_are_read_and_scatter_is_divided_by_its_count(tmp_path):
+def test_traction_points_are_read_and_scatter_falls_with_count(tmp_path):
     path = tmp_path / "fig6.csv"
     path.write_text("slip,traction_factor,sd,count\n0.1,0.05,0.06,4\n0.5,0.2,0.06,9\n")
     points = read_traction_points(path)

@@ -23,7 +23,7 @@ campaign, circumstance, hidden, sealed, vehicle = (
 WHEELS = ("fl", "fr", "ml", "mr", "rl", "rr")
 
 
-def test_circumstances_have_their_shares_and_change_nothing_else_of_a_plan():
+def test_circumstances_have_their_shares_and_change_nothing_else():
     plain, any_ = sealed.plan(1, 200), sealed.plan(1, 200, under="any")
     assert [{**one, "under": "plain"} for one in any_] == plain
     counts = {name: [one["under"] for one in any_].count(name) / 200 for name in circumstance.NAMES}
@@ -121,7 +121,7 @@ def test_a_late_row_says_when_it_was_read():
     assert circumstance.sampled("drift", true, None) is true
 
 
-def test_a_patchy_log_has_gaps_and_single_wrong_poses_and_says_nothing_of_them():
+def test_patchy_log_has_unannounced_gaps_and_single_wrong_poses():
     true, silent, blind, wrong = rows_of_a_run(1.1), [], [], []
     for seed in range(40):
         read = circumstance.read("patchy", true, np.random.default_rng(seed))

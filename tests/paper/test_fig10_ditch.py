@@ -103,7 +103,7 @@ def test_slip_control_can_lose_a_drive_that_constant_duty_wins():
     assert outcome(case(**settings, control="true")) == "stuck"
 
 
-def test_the_story_comes_out_where_strength_is_lost_past_the_peak():
+def test_ditch_story_holds_with_strength_loss_past_the_peak():
     """With half of the shear lost, walls of 47 deg and the true slip; Eq (2) has no such loss."""
     without, controlled = (
         case(0.5, duration=30.0, **LOSING),
@@ -139,22 +139,22 @@ def test_the_story_comes_out_on_a_sand_that_digs_too():
     assert np.max(controlled.drive().stack("sinkage")) < 0.5 * 0.045
 
 
-def test_the_story_comes_out_with_the_paper_s_own_slip_where_more_resists():
+def test_ditch_story_holds_with_own_slip_and_more_resistance():
     """'S_d = 0.1 is given as a control command': with R = 0.1, and the other gains as assumed."""
     assert outcome(case(0.5, **TIGHT)) == "stuck"
     assert outcome(case(0.5, control="true", **TIGHT)) == "out"
 
 
-def test_the_story_comes_out_on_a_sand_that_digs_with_the_paper_s_own_slip():
+def test_ditch_story_holds_on_digging_sand_with_the_papers_slip():
     assert outcome(case(0.5, control="true", **DIGGING)) == "out"
 
 
 @pytest.mark.xfail(strict=True, reason="walls of 46 deg, not 45: stuck, but not buried; it stands at a small slip")
-def test_the_story_comes_out_where_holes_hold_a_wheel_that_turns_slowly():
+def test_ditch_story_holds_where_holes_hold_slow_wheels():
     """It came out while the rim of a hole faded below 5 mm/s of travel."""
     assert outcome(case(0.5, control="true", **{**TUNED, **DIGGING, "terrain.wall_angle_deg": 46.0})) == "out"
 
 
 @pytest.mark.xfail(strict=True, reason="buried: Eq 9 reads the wheel that spins as one that grips")
-def test_the_story_comes_out_on_a_sand_that_digs_with_the_estimate_of_eq_9():
+def test_ditch_story_holds_on_digging_sand_with_eq_9():
     assert outcome(case(0.5, control="eq9", **TUNED, **DIGGING)) == "out"

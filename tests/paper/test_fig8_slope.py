@@ -104,6 +104,6 @@ def test_where_the_slip_grows_as_measured(traces, form, slip, degrees):
     assert degrees_at(traces[form], slip) == pytest.approx(degrees, abs=0.15)
 
 
-def test_the_climb_ends_below_the_steepest_slope_that_the_factor_allows(traces):
+def test_climb_ends_below_the_steepest_slope_the_factor_allows(traces):
     """atan(F(1) - R) = 8.8 deg with the torque form: the resistance holds a rover whose wheels spin."""
     assert 8.5 < inclination(traces["torque"])[-1] < 8.8

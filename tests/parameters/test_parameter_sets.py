@@ -59,7 +59,7 @@ def test_sets_give_the_published_pressure_at_any_width(name, k_c, k_phi, n, b):
 
 
 @pytest.mark.parametrize("name", SOILS)
-def test_every_number_has_a_source_and_is_the_default_of_its_class(name):
+def test_every_number_has_a_source_and_is_its_class_default(name):
     soil = SOILS[name]
     assert isinstance(soil, Soil)
     assert soil == type(soil)()
@@ -80,7 +80,7 @@ def test_an_unknown_name_lists_the_close_ones():
     assert soil_named("table-1") is TABLE_1
 
 
-def test_on_slope_sand_a_small_rover_slips_on_slopes_as_measured_wheels_do():
+def test_small_rover_on_slope_sand_slips_as_measured_wheels_do():
     """Pull over load is the tangent of a slope: 0.2 of slip on 10.3 deg (smooth wheel) to 14.0 deg (lugged)."""
 
     def slip(slope, soil):

@@ -52,7 +52,7 @@ def test_all_wheels_that_are_drawn_are_within_the_picture(ditch):
         assert rim.center[1] + rim.radius < top
 
 
-def test_the_ground_that_is_drawn_has_the_rock_that_is_driven_over():
+def test_drawn_ground_has_the_rock_that_is_driven_over():
     model, trace = driven("rocks", duration=7.0)
     (axes,) = snapshots(trace, model).axes
     heights = axes.lines[0].get_ydata()
@@ -68,7 +68,7 @@ def test_a_turn_is_seen_from_above():
     assert len([patch for patch in figure.axes[1].patches if isinstance(patch, Polygon)]) >= 6 * 7
 
 
-def test_a_turn_on_the_spot_has_a_time_at_every_pose_and_no_label_hides_another():
+def test_turn_on_the_spot_labels_every_pose_time_without_overlap():
     model, trace = driven("point-turn")
     (axes,) = snapshots(trace, model).axes
     assert [text.get_text() for text in axes.texts] == ["0.1 s", "4.0 s", "8.0 s", "12.0 s", "16.0 s", "20.0 s"]
@@ -110,7 +110,7 @@ def test_what_stands_still_is_said_and_not_drawn(ditch):
     assert "control: constant duty" in figure.axes[0].get_title()
 
 
-def test_a_channel_whose_wheels_differ_but_stand_still_is_said_wheel_by_wheel():
+def test_channel_constant_but_differing_by_wheel_is_given_each():
     trace = driven("point-turn", duration=2.0)[1]
     figure = history(trace)
     assert [axes.get_ylabel() for axes in figure.axes if "duty" in axes.get_ylabel()] == []
@@ -187,7 +187,7 @@ def test_a_trace_shows_itself_in_a_notebook():
     assert "&lt;b&gt;" in html
 
 
-def test_xarray_is_asked_for_where_it_is_missing_and_used_where_it_is_there(monkeypatch):
+def test_xarray_is_requested_if_missing_and_used_if_present(monkeypatch):
     import sys
     import types
 

@@ -33,7 +33,7 @@ def drawn(figure):
     ]
 
 
-def test_two_numbers_and_a_word_give_a_map_a_word_and_a_row_of_panels():
+def test_two_numbers_and_a_word_give_a_map_and_a_row_of_panels():
     figure = study_figure("mine", table(), UNITS, ["soil.k"])
     panels = drawn(figure)
     assert [words[:2] for words in panels] == [

@@ -104,7 +104,7 @@ def test_without_viser_the_page_says_what_the_scene_takes(made, verdict, monkeyp
     assert "<iframe" not in text
 
 
-def test_a_later_candidate_must_gain_a_share_of_what_was_taken_before(verdict):
+def test_later_candidate_must_gain_a_share_of_the_earlier_gain(verdict):
     """The mark of what is not refitted is the fee that decides: in the second round 1 % of the first gain further."""
     (figure,) = WhichEffect(verdict, labels_of(verdict)).pictures()["candidates"].panels
     # of both rounds the second row is the torque limit's, which was scored only
@@ -113,7 +113,7 @@ def test_a_later_candidate_must_gain_a_share_of_what_was_taken_before(verdict):
     assert marks[1] == pytest.approx(marks[0] + 0.01 * taken)
 
 
-def test_pairs_that_follow_a_look_that_found_nothing_are_drawn_and_listed(verdict):
+def test_pairs_after_a_round_without_result_are_drawn_and_listed(verdict):
     """Where no single effect is accepted, pairs were refitted without having been scored: none may be lost."""
     found, chance = verdict.search.rounds[0].refits
     alone = dataclasses.replace(found, held_out=-1.0)
@@ -226,7 +226,7 @@ def test_sizes_that_would_show(verdict):
     assert found["WindingHeating"].size == "none"
 
 
-def test_what_was_accepted_does_not_stand_under_what_could_not_be_told(verdict):
+def test_accepted_effects_are_not_listed_as_indeterminate(verdict):
     """The linear estimate at its usual size may call a candidate imitated that a refit then finds."""
     search = verdict.search
     found, *others = search.rounds[0].refits
@@ -239,7 +239,7 @@ def test_what_was_accepted_does_not_stand_under_what_could_not_be_told(verdict):
         assert any("GearFriction" in name for name in names) is there
 
 
-def test_how_much_an_effect_does_is_what_the_model_predicts_without_it(made, verdict):
+def test_contribution_of_an_effect_is_the_prediction_without_it(made, verdict):
     """The bus voltage falls by R_b times the current of all motors: Ohm's law, not the package's sum."""
     experiment, after = made[1].task.experiment, made[2]
     first = channel_changes(after, "SupplySag")[0]

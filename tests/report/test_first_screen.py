@@ -33,7 +33,7 @@ def rig(verdict):
     return dataclasses.replace(verdict, kind="wheel-rig", scores=(PULL, SINKAGE), **named)
 
 
-def test_the_sentence_of_a_rig_says_what_was_wrong_by_how_much_and_why(rig):
+def test_rig_sentence_states_error_reduction_and_reason(rig):
     assert headline(rig, RIG) == (
         "Sinkage was wrong by 5.5 mm and is now wrong by 1.3 mm on slips it never saw, because sand gives way as the "
         "wheel slips (slip-sinkage); drawbar pull: no claim."
@@ -54,7 +54,7 @@ def test_without_a_better_channel_nothing_is_claimed(rig):
     )
 
 
-def test_something_like_an_effect_is_said_as_if_it_were_the_cause(rig):
+def test_like_answer_is_worded_as_if_the_effect_were_the_cause(rig):
     like = dataclasses.replace(rig, answer=Answer.LIKE)
     better = headline(dataclasses.replace(like, scores=(SINKAGE,)), RIG)
     assert "on slips it never saw, as if sand gives way as the wheel slips (slip-sinkage); something" in better
@@ -80,7 +80,7 @@ def test_every_answer_has_its_sentence_reasons_and_next_step(answered, answer):
     assert next_run(one)
 
 
-def test_answers_that_add_nothing_say_so_and_do_not_claim_a_cause(answered):
+def test_answers_that_add_nothing_say_so_and_claim_no_cause(answered):
     for answer in (Answer.NONE_NEEDED, Answer.NONE_FITS, Answer.INADEQUATE, Answer.CANNOT_TELL):
         assert "because" not in headline(answered(answer), labels_of(answered(answer)))
     assert "do not use the fitted numbers as constants" in headline(answered(Answer.NONE_FITS), RIG)
@@ -88,7 +88,7 @@ def test_answers_that_add_nothing_say_so_and_do_not_claim_a_cause(answered):
 
 
 @pytest.mark.parametrize(("times", "doubted"), [(1.4, False), (5.6, True)])
-def test_a_channel_far_above_its_noise_is_a_doubt_where_nothing_is_added(answered, times, doubted):
+def test_channel_far_above_its_noise_opposes_no_effect_needed(answered, times, doubted):
     """A ground that is learnt may take the excess, so that nothing is needed; the reader is told of it."""
     one = answered(Answer.NONE_NEEDED)
     score = one.scores[0]
@@ -111,7 +111,7 @@ def test_vetoes_are_the_first_reason_to_doubt(answered):
     assert opposing_reasons(answered(Answer.LIKE), RIG)[0] == "R_b lies at its bound."
 
 
-def test_folds_that_choose_otherwise_are_a_doubt_those_that_agree_a_reason(verdict):
+def test_disagreeing_folds_oppose_and_agreeing_folds_support(verdict):
     chosen = {"a": "SupplySag", "b": "SupplySag", "c": ""}
     agrees = dataclasses.replace(verdict, chosen=chosen)
     line = "It is chosen anew in 2 of 3 cases when one of the levels of slip is left out."
@@ -148,7 +148,7 @@ def test_folds_that_all_choose_the_same_are_said_once(verdict):
     assert some.count("SupplySag") == 15
 
 
-def test_a_level_that_is_predicted_worse_is_said_by_what_it_means(verdict):
+def test_worse_predicted_level_is_named_by_its_meaning(verdict):
     one = dataclasses.replace(verdict, runs=(RunScore("15.0", 80, 2.1, 6.2, -0.5, 6.0),))
     said = opposing_reasons(one, RIG._replace(fold={"15.0": "S = 0.65, 45 N"}.get))
     assert any(line.startswith("S = 0.65, 45 N is predicted worse with it") for line in said)
@@ -215,7 +215,7 @@ def test_causes_have_their_place_and_numbers_their_own_clause():
     assert cause("soil.k", kinds) == "soil.k is not what was declared"
 
 
-def test_classes_in_prose_become_names_but_not_those_of_parameters():
+def test_class_names_in_prose_become_titles_except_parameters():
     said = human("SlipSinkage gains; SlipSinkage.n_1 = 1", package_effects())
     assert said == "slip-sinkage gains; SlipSinkage.n_1 = 1"
 

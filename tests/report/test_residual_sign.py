@@ -20,7 +20,7 @@ from tests.experiments.drive_log import linear_drive as drive
 from tests.experiments.wheel_rig import linear_rig as rig
 
 
-def test_a_model_that_gives_too_little_leaves_a_positive_residual():
+def test_model_that_predicts_too_little_has_a_positive_residual():
     assert residual(np.array([3.0]), np.array([1.0])) == [2.0]
 
 

@@ -99,7 +99,7 @@ def test_the_sign_of_the_table_is_that_of_the_picture(tmp_path):
         assert rises == (row == 0)
 
 
-def test_an_offset_that_goes_with_the_square_of_the_load_is_described_and_drafted(tmp_path):
+def test_offset_quadratic_in_the_load_is_described_and_drafted(tmp_path):
     """As a load cell may have it: what is left is 2 w + 12 w^2 N, w = W / mean W - 1, at every slip."""
     slips, loads = np.repeat([0.0, 0.2, 0.4, 0.6], 3), np.tile([20.0, 30.0, 40.0], 4)
     data = written(tmp_path, loads, slips=slips)

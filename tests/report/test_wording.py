@@ -93,7 +93,7 @@ def test_what_is_said_of_a_change():
     assert change(3.0, 3.0, 0.0, 0.0).claim == "unchanged"
 
 
-def test_what_got_worse_beyond_its_scatter_stands_apart_from_what_may_be_chance():
+def test_worsening_beyond_scatter_is_listed_apart_from_within_it():
     lost, perhaps = change(1.0, 1.5, 0.3, 0.7), change(2.0, 2.1, -0.1, 0.2)
     gained, same = change(2.0, 1.0, -0.6, -0.4), change(2.0, 2.0, 0.0, 0.0)
     said = got_worse([("torque", lost), ("pull", perhaps), ("sinkage", gained), ("current", same)])
@@ -149,7 +149,7 @@ def test_an_interval_that_covers_everything_says_nothing(ends, covered, says):
     assert said == "" if says is Against.AGREES else cautioned[says] in said
 
 
-def test_a_constant_that_the_data_do_not_tell_agrees_with_nothing():
+def test_undetermined_constant_agrees_with_nothing():
     """phi moves the channels of this set by a thousandth of their noise over all that is allowed of it."""
     random = np.random.default_rng(0)
     laws = {"soil.phi": rig.law_of("soil.phi", np.full(2 * rig.RUNS, 1e-4))}
@@ -187,7 +187,7 @@ def test_where_nothing_was_added_nothing_changed(nothing):
     assert nothing.model_description == "the fitted base model, to which nothing was added"
 
 
-def test_folds_that_chose_something_are_not_said_to_have_chosen_nothing(nothing):
+def test_folds_that_chose_an_effect_are_not_reported_as_none(nothing):
     folds = dict(zip("abcd", ["PeakStress"] * 3 + [""], strict=True))
     told = dataclasses.replace(nothing, answer=Answer.NONE_FITS, chosen=folds)
     assert told.chosen_again == "chosen in 4 folds: PeakStress in 3, no effect in 1"
@@ -202,7 +202,7 @@ def test_free_runs_of_one_model_are_one_number():
 # --- drives ----------------------------------------------------------------------------------------------------------
 
 
-def test_a_number_that_nothing_tells_has_all_its_bounds_for_an_interval():
+def test_undetermined_number_has_its_bounds_as_interval():
     """Beside one that is told a million times better: a plain pseudo-inverse gave it the variance 0."""
     random = np.random.default_rng(0)
     columns = np.zeros((60, 2))
@@ -232,7 +232,7 @@ def test_rows_of_a_drive_report_word_changes_alike():
     assert [row.cells[-1] for row in parts.rows] == ["-50%, 95 % [-60%, -40%]", "-50%, no interval"]
 
 
-def test_a_change_that_no_table_shows_is_none_whatever_its_interval():
+def test_change_below_table_resolution_is_none():
     """An elevation from 0.41420 to 0.41421 mm on every run is no channel that got worse."""
     tiny = change(1.0, 1.0 + 1e-6, 5e-7, 7e-5, floor=0.5)
     assert tiny.outcome is Outcome.NONE
@@ -261,7 +261,7 @@ def scores():
     return [ChannelScore(name, "", 1e-3, b, a, a / b - 1, low, high) for name, (b, a, low, high) in rows.items()]
 
 
-def test_the_picture_of_runs_left_out_draws_no_change_that_is_not_claimed():
+def test_held_out_figure_draws_no_unclaimed_change():
     left = heldout_panels(scores(), True, MANNER)[0].axes[0]
     drawn = [line for line in left.collections if isinstance(line, LineCollection)]
     assert len(drawn[0].get_segments()) == 2
@@ -269,7 +269,7 @@ def test_the_picture_of_runs_left_out_draws_no_change_that_is_not_claimed():
     assert list(hollow.get_xdata()) == pytest.approx([2.0])
 
 
-def test_the_studys_picture_draws_an_arrow_only_where_a_change_is_claimed(close_study):
+def test_study_figure_draws_an_arrow_only_for_a_claimed_change(close_study):
     study = close_study
     table = pd.DataFrame(
         {"set": "made", "channel": one.name, "noise": one.floor, "held_out_before": one.before,

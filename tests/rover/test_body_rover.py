@@ -154,7 +154,7 @@ def test_the_rovers_are_found_inside_an_installed_package(tmp_path, monkeypatch)
     assert layout.rover_folder() == tmp_path / "urdf"
 
 
-def test_a_model_names_a_rover_beside_it_elsewhere_or_of_the_package(tmp_path):
+def test_model_names_a_rover_beside_elsewhere_or_in_the_package(tmp_path):
     """What makes no rover is told in full only where it is the model's own: it may name any file of the machine."""
     beside, away = tmp_path / "beside", tmp_path / "away"
     for folder in (beside, away):

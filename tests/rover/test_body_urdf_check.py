@@ -82,7 +82,7 @@ def test_wheels_off_their_plane_by_a_thousandth_are_noted(share, noted):
         (-0.02, 1.0, ["fell"]),
     ],
 )
-def test_a_rover_stands_on_the_level_and_on_two_hundredths_either_way(monkeypatch, fails_at, load, words):
+def test_rover_is_checked_level_and_on_2_percent_slopes(monkeypatch, fails_at, load, words):
     asked = []
 
     def loads(_, slope):
@@ -206,7 +206,7 @@ def test_a_reader_that_fails_is_named(own, monkeypatch, reader, words):
     assert words in check_urdf(own(TEXT)).faults[0]
 
 
-def test_a_sound_urdf_is_read_by_the_slow_reader_once_and_a_faulty_one_always(own, monkeypatch):
+def test_slow_reader_reads_a_sound_urdf_once_and_a_faulty_always(own, monkeypatch):
     import yourdfpy
 
     read, load = [], yourdfpy.URDF.load

@@ -18,14 +18,14 @@ R = float(NEXUS6.wheel.r)
 
 
 @pytest.mark.parametrize("slope", [-0.2, 0.0, 0.25])
-def test_wheels_that_pull_in_proportion_to_their_load_stand_as_on_a_plane(slope):
+def test_wheels_pulling_in_load_proportion_match_plane_statics(slope):
     """Torques r f_t with f_t = f_n tan(slope) are the plane statics' vertical forces."""
     plane = wheel_loads(NEXUS6, slope)
     q = configuration(NEXUS6, (0.0, -slope, 0.4), {})
     assert driven_loads(NEXUS6, q, R * plane * math.tan(slope)) == pytest.approx(plane, rel=1e-6)
 
 
-def test_resistance_that_all_wheels_share_changes_no_load_through_the_axles():
+def test_common_resistance_changes_loads_only_through_the_pivots():
     """Twice the torque on the flat is a resistance of the same share: only its moments on the pivots count."""
     q = configuration(NEXUS6, (0.0, 0.0, 0.0), {})
     flat = driven_loads(NEXUS6, q, np.zeros(6))
@@ -57,7 +57,7 @@ def test_they_are_the_normal_forces_of_a_drive(name, most, plainly):
 
 
 @pytest.mark.parametrize(("k", "off", "by_pitch"), [(0.05, 0.08, 0.07), (0.01, 0.115, 0.12), (0.005, 0.15, 0.15)])
-def test_on_rocks_they_are_off_as_is_told_and_no_better_than_by_pitch(k, off, by_pitch):
+def test_loads_on_rocks_err_as_stated_and_no_less_than_by_pitch(k, off, by_pitch):
     """Mean relative error: no sensor tells the slopes under the wheels, which bend within a wheelbase."""
     mine, plain = errors(scenario("rocks", soil="table-1", **{"soil.k": k, "duration": 24.0}))
     assert np.nanmean(np.abs(mine)) == pytest.approx(off, abs=0.01)
@@ -148,7 +148,7 @@ def test_a_rigid_chassis_leaves_loads_open(tmp_path, wheels, groups):
 
 
 @pytest.mark.parametrize(("share", "told"), [(0.095, True), (0.105, False)])
-def test_an_axle_s_sum_is_told_where_no_open_combination_moves_it_by_a_tenth(tmp_path, share, told):
+def test_axle_sum_is_determinate_if_open_modes_barely_move_it(tmp_path, share, told):
     """Front wheels at x + s and x - s: loads (1, -1 - e, e / 2 + g, e / 2 - g) balance where e = 2 s / (2 x - s)."""
 
     def moved(skew):
@@ -161,7 +161,7 @@ def test_an_axle_s_sum_is_told_where_no_open_combination_moves_it_by_a_tenth(tmp
     assert found == ([(0, 1), (2, 3)] if told else [(0, 1, 2, 3)])
 
 
-def test_a_load_that_is_told_beside_one_that_is_not_tells_no_axle(tmp_path):
+def test_determinate_load_beside_an_indeterminate_gives_no_axle(tmp_path):
     """The front right wheel stands amid the line from front left to back right: (1, -2, 0, 1) balances."""
     rover = rigid_rover(tmp_path, (("front", 0.3), ("back", -0.3)), skew=0.2, inward=0.299)
     found = determinate_groups(rover, *footing(rover, configuration(rover, (0.0, 0.0, 0.0), {})))

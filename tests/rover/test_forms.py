@@ -335,7 +335,7 @@ def test_forms_that_cannot_be_taken_get_a_sentence(tmp_path, table, words):
         load_rover(path)
 
 
-def test_joints_that_follow_in_a_ring_or_by_two_ratios_are_refused(tmp_path):
+def test_joints_mimicking_in_a_ring_or_by_two_ratios_are_refused(tmp_path):
     farm = rocker_bogie()
     ring = {"bogie_l": "bogie_r", "bogie_r": "bogie_l"}
     with pytest.raises(UrdfError, match="joint 'bogie_l' follows itself in a ring"):

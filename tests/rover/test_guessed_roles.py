@@ -102,7 +102,7 @@ def test_an_axle_of_another_width_alone_gets_a_table_of_its_own(tmp_path, b, own
     assert ("[wheel.rear]" in (tmp_path / "own.toml").read_text()) is own
 
 
-def test_a_wheel_that_nothing_draws_has_the_size_of_a_solid_cylinder_of_its_inertia(roles):
+def test_undrawn_wheel_is_sized_as_a_cylinder_of_its_inertia(roles):
     """I = m r^2 / 2 about the axis, m (3 r^2 + b^2) / 12 across it."""
     m, r, b = 1.7, 0.12, 0.09
     farm, across = Farm(), m * (3 * r**2 + b**2) / 12

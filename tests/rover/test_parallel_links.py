@@ -37,7 +37,7 @@ def posture(rover, seed):
     return pin.integrate(rover.model, pin.neutral(rover.model), step), v, rng
 
 
-def test_joints_that_follow_are_known_by_their_places_in_speeds_and_angles(tmp_path):
+def test_followers_are_indexed_by_their_speeds_and_angles(tmp_path):
     for name in ("nexus6_links.toml", "nexus6_links.urdf"):
         shutil.copy(Path(__file__).parents[2] / "urdf" / name, tmp_path / name)
     rover = load_rover(tmp_path / "nexus6_links.toml")
@@ -136,7 +136,7 @@ def test_what_is_violated_comes_back_each_at_its_own_place(route):
         assert a[i] - ratio * a[j] == pytest.approx(wanted, rel=1e-8), (i, j)
 
 
-def test_the_differential_s_torque_is_what_equation_8_lacks_at_a_rocker():
+def test_differential_torque_closes_equation_8_at_a_rocker():
     """No other constraint acts on a rocker's row; without a differential there is none, though others hold."""
     q, v, rng = posture(LINKS, 6)
     torques, none = rng.normal(size=LINKS.model.nv), np.zeros((6, 6))

@@ -46,7 +46,7 @@ def test_a_payload_is_a_point_at_the_centre_of_mass(mass):
     assert heavy.mass == pytest.approx(rover.mass + mass)
 
 
-def test_a_shift_moves_the_whole_rover_s_centre_of_mass_and_turns_no_inertia():
+def test_shift_moves_the_centre_of_mass_and_turns_no_inertia():
     rover = off_centre(NEXUS6, (0.1, 0.0, 0.03))
     moved = rover.carrying(1.5, shift_x=0.02, shift_z=-0.03)
     assert centre_of_mass(moved) - centre_of_mass(rover) == pytest.approx([0.02, 0.0, -0.03], abs=1e-12)
@@ -102,7 +102,7 @@ def test_a_world_without_an_upper_side_is_refused(degrees):
     st.floats(0.0, 3.1),
     st.tuples(*[st.floats(-1.0, 1.0)] * 3).filter(lambda axis: np.linalg.norm(axis) > 0.1),
 )
-def test_a_mount_has_turned_by_its_rotation_vector_along_the_axle(axis, angle, axle):
+def test_mount_rotation_is_its_rotation_vector_along_the_axle(axis, angle, axle):
     axis, axle = (np.array(each) / np.linalg.norm(each) for each in (axis, axle))
     first = pin.exp3(np.array([0.3, -0.4, 0.2]))
     turned = np.array([[first], [pin.exp3(angle * axis) @ first]])
@@ -110,7 +110,7 @@ def test_a_mount_has_turned_by_its_rotation_vector_along_the_axle(axis, angle, a
 
 
 @pytest.mark.parametrize(("bend", "seed"), [*((0.1, seed) for seed in range(6)), (0.3, 4)])
-def test_forces_of_driven_wheels_balance_the_weight_on_bent_ground(bend, seed):
+def test_driven_wheel_forces_balance_the_weight_on_bent_ground(bend, seed):
     """Loads, torques, one share of resistance and one of side force, which are means over bent ground: to 3e-3."""
     rng = np.random.default_rng(seed)
     angles = dict(zip(NEXUS6.angles, rng.uniform(-bend, bend, len(NEXUS6.angles)), strict=True))
@@ -125,7 +125,7 @@ def test_forces_of_driven_wheels_balance_the_weight_on_bent_ground(bend, seed):
     assert math.sqrt(float(residual[0])) < 3e-3 * NEXUS6.mass * 9.81
 
 
-def test_the_ground_s_slope_is_that_of_the_line_to_the_neighbours():
+def test_ground_slope_is_that_of_the_line_to_its_neighbours():
     q = configuration(NEXUS6, (0.0, -0.3, 0.0), {})
     foot, _ = footing(NEXUS6, q)
     assert foot.slope == pytest.approx(np.full(6, 0.3), abs=1e-12)
@@ -159,7 +159,7 @@ def test_springs_at_the_rockers_stand_for_a_differential():
     assert sprung[::2] == pytest.approx(sprung[1::2])
 
 
-def test_whether_a_rover_stands_does_not_depend_on_how_heavy_it_is():
+def test_standing_does_not_depend_on_the_rovers_mass():
     """Round-off grows with the weight: of a million megatonnes it is more than one kilogramme's whole limit."""
     heavy = NEXUS6.carrying(1e15)
     assert wheel_loads(heavy, 0.1).sum() == pytest.approx(heavy.mass * 9.81 * math.cos(0.1))
@@ -178,7 +178,7 @@ def test_a_rotor_on_one_side_alone_is_not_symmetric():
         assert not is_symmetric(lopsided, NEXUS6.mirror), mount.name
 
 
-def test_how_symmetric_a_rover_is_does_not_depend_on_how_heavy_it_is():
+def test_symmetry_does_not_depend_on_the_rovers_mass():
     """The limit is a share of the greatest entry: of a million tonnes a gram that stands aside is round-off."""
     model = CART.model.copy()
     model.inertias[1] = pin.Inertia(1e9, np.array([0.0, 1e-8, 0.0]), 1e9 * CART.model.inertias[1].inertia)
@@ -208,7 +208,7 @@ def test_a_rover_of_two_sizes_of_wheels_has_no_one_size():
 
 
 @pytest.mark.parametrize("row", [(0, 1), (1, 2), (3, 4), (4, 5), (0, 0), (1, 1), (2, 2)])
-def test_a_rover_is_symmetric_only_with_its_mass_in_the_same_places(row):
+def test_rover_is_symmetric_only_with_mass_in_mirrored_places(row):
     """Products of inertia across the x-z plane are not; others and moments on the base are."""
     base = CART.model.inertias[1]
     change = np.zeros((3, 3))

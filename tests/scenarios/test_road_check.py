@@ -77,7 +77,7 @@ def test_the_slope_that_the_motors_hold_is_that_of_a_drive(tmp_path):
     assert speed(1.15) < 0.01
 
 
-def test_the_slope_that_the_soil_holds_is_what_its_pull_leaves_beyond_the_resistance(tmp_path):
+def test_slope_held_by_the_soil_is_its_pull_minus_the_resistance(tmp_path):
     """tan of it = F(S) - R, but for what the slope shifts from front to rear and how deep the wheels are: 2.5 deg."""
     path = rover_with(tmp_path, motor=motor(30.0), soil={"name": "table-1", "k": 0.01})
     said = re.search(r"the soil (\d+) deg at S = 1 and (\d+) deg at S = 0.2", road_check(load_rover(path)).moves)
@@ -107,7 +107,7 @@ def test_how_deep_a_buried_wheel_is_is_told_in_millimetres(tmp_path):
     assert 0.25 * 150.0 < deep < 150.0
 
 
-def test_the_command_says_whether_it_stands_moves_and_what_was_assumed(tmp_path, capsys):
+def test_command_reports_standing_motion_and_assumptions(tmp_path, capsys):
     for more, code, moves in (({}, 0, "yes"), ({"motor": motor(0.1)}, 1, "no: its motors stall")):
         path = rover_with(tmp_path, **more)
         with pytest.raises(SystemExit) as ended:

@@ -75,7 +75,7 @@ def side(name, **settings):
 
 
 @pytest.mark.parametrize("name", ["turn", "point-turn", "crab", "cross-slope"])
-def test_where_wheels_go_sideways_thrust_and_side_force_share_one_strength(name):
+def test_thrust_and_side_force_share_strength_in_side_motion(name):
     """The law of the wheel rigs, said in the trace, with a way back."""
     kinds, said = side(name)
     assert kinds == SIDEWAYS
@@ -85,7 +85,7 @@ def test_where_wheels_go_sideways_thrust_and_side_force_share_one_strength(name)
     assert said[0] in scenario(name, duration=0.2).drive().attrs["assumed"]
 
 
-def test_straight_drives_keep_the_side_force_of_logs_and_turning_ones_do_not():
+def test_straight_drives_keep_the_logs_side_force_turns_do_not():
     assert side("flat") == ({"SideShear"}, [])
     assert side("flat", control="turn")[0] == side("flat", side="combined")[0] == SIDEWAYS
     angled = scenario("turn", angles="sinkage", form="gross").model
@@ -96,14 +96,14 @@ def test_straight_drives_keep_the_side_force_of_logs_and_turning_ones_do_not():
         scenario("turn", side="shaer")
 
 
-def test_a_model_that_is_read_keeps_its_own_side_force_unless_one_is_asked_for(tmp_path):
+def test_model_file_keeps_its_own_side_force_unless_overridden(tmp_path):
     write_model(scenario("turn", side="shear").model, tmp_path / "model.toml", "as before")
     file = str(tmp_path / "model.toml")
     assert side("cross-slope", model=file) == ({"SideShear"}, [])
     assert side("cross-slope", model=file, side="combined")[0] == SIDEWAYS
 
 
-def test_across_a_slope_the_shared_strength_holds_small_slip_angles_better():
+def test_shared_strength_holds_small_slip_angles_better():
     """Drift 3.0 deg in place of 4.0 on 10 deg; straight drives are the same."""
     drifts = [
         -scenario("cross-slope", soil="table-1", duration=6.0, side=law).drive()["body_y"][-1]
@@ -133,7 +133,7 @@ def test_driven_wheels_drive_level_ground_on_every_soil(settings):
     assert not trace.attrs["notes"]
 
 
-def test_a_declared_resistance_stays_and_wheels_that_skid_are_said(tmp_path):
+def test_declared_resistance_stays_and_skidding_wheels_are_noted(tmp_path):
     settings = {"soil": "table-1", "soil.k": "10mm", "effect.MotionResistance.R": 0.028}
     drive = scenario("flat", duration=3.0, **settings)
     trace = drive.drive()
@@ -155,7 +155,7 @@ def test_the_flat_is_cruised_at_the_slip_that_is_asked_for(k, form, slip):
     assert trace.summary()["motion_resistance_R"] == resistance(form=form, cruise_slip=slip, **{"soil.k": k})
 
 
-def test_a_log_declares_its_resistance_and_the_loop_begins_with_it(tmp_path):
+def test_log_declares_its_resistance_and_the_loop_starts_with_it(tmp_path):
     drive = scenario("flat", duration=1.0, **{"soil.k": 0.01})
     log = read_drive_log(drive.write_log(drive.drive(), tmp_path / "log"))
     assert base_model(log).effect(MotionResistance) == drive.model.effect(MotionResistance)
@@ -200,7 +200,7 @@ def test_a_motor_that_cannot_be_calibrated_is_said():
     assert omega == pytest.approx(1.2)
 
 
-def test_a_crab_goes_sideways_by_less_than_asked_as_its_middle_wheels_do_not_steer():
+def test_crab_angle_falls_short_with_unsteered_middle_wheels():
     """Of 20 deg 16.9; dragged wheels bear 0.33 of their load sideways, 0.40 with `SideShear`."""
     sand = {"soil": "table-1", "soil.k": 0.003}
     for side_force, share in ((None, 0.332), ("shear", 0.399)):

@@ -108,7 +108,7 @@ def difference(function, step=1e-5):
     return np.column_stack([(function(step * e) - function(-step * e)) / (2 * step) for e in np.eye(M)])
 
 
-def test_the_force_is_what_the_effects_push_in_the_base_s_own_axes(seen):
+def test_force_is_the_push_of_the_effects_in_base_axes(seen):
     force, slope = split(seen, 0.0)
     np.testing.assert_allclose(force, seen.force(seen.rates), rtol=1e-9, atol=1e-9)
     by_speed = difference(lambda by: seen.faster(by).force(seen.rates))

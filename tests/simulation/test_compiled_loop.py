@@ -181,7 +181,7 @@ def test_a_replay_held_to_wheel_rates_is_the_plain_one(step):
         assert ours.channels[channel] == pytest.approx(values, rel=2e-6, abs=1e-7), channel
 
 
-def test_wheels_are_held_to_their_rates_and_the_drive_is_the_one_that_the_motors_made():
+def test_held_rates_reproduce_the_drive_made_by_the_motors():
     case, run = logged("ditch", 6.0)
     trace = case.drive()
     by_duty = replays.replay(case.model, run).channels
@@ -206,7 +206,7 @@ def test_a_replay_held_to_rates_knows_no_motor():
         )
 
 
-def test_a_tachogenerator_that_reads_too_fast_slows_the_wheels_of_a_held_replay():
+def test_fast_reading_tacho_slows_the_wheels_of_a_held_replay():
     case, run = logged("flat", 4.0)
     run = held(run, case.drive(), case.model)
     fast = case.model.having(TachoScale(e=0.1))
@@ -231,7 +231,7 @@ def test_what_holds_the_wheels_enters_the_balance_of_energy():
     assert sum(kernel.energies()) - start == pytest.approx(motor - sum(losses), abs=0.01 * abs(motor))
 
 
-def test_after_an_early_end_the_last_good_row_stands_for_the_rest():
+def test_last_good_row_fills_the_rest_after_an_early_end():
     case, run = logged("ditch", 9.0)
     buried = scenario("ditch", soil="table-1", buried=0.21).model
     ended = replays.replay(buried, run, rest_state=shared_rest(case.model, run.start))
@@ -247,7 +247,7 @@ def test_after_an_early_end_the_last_good_row_stands_for_the_rest():
     assert last == looked[looked % 10 == 0][0] - 1, "of every tenth row, which are looked at, it failed the next"
 
 
-def test_the_first_row_of_a_replay_that_fails_at_once_is_where_it_is():
+def test_first_row_of_an_immediately_failing_replay_is_the_start():
     case, run = logged("ditch")
     rest = shared_rest(case.model, run.start)
     rest.q[3:7] = 1.0, 0.0, 0.0, 0.0

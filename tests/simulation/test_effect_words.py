@@ -42,7 +42,7 @@ def test_an_effect_in_two_words_is_one_effect():
     assert len(model.effects) == len(MODEL.effects) + 1
 
 
-def test_an_effect_of_one_wheel_goes_by_the_wheels_name_or_number():
+def test_effect_of_one_wheel_accepts_the_wheel_name_or_number():
     model = having(MODEL, "WeakMotor.wheel=2,g=0.3 WeakMotor.wheel=fr,g=0.5 WeakMotor.wheel=2,g=0.4")
     fr = [mount.name for mount in MODEL.rover.wheels].index("fr")
     assert set(model.motor_effects) == {WeakMotor(wheel=2, g=0.4), WeakMotor(wheel=fr, g=0.5)}
@@ -98,7 +98,7 @@ def test_a_scenario_takes_effects_and_words_and_tells_them():
     assert {"DiggingMemory", "PostPeak"} <= {name.split("(")[0] for name in trace.attrs["effects"]}
 
 
-def test_an_effect_that_tells_left_from_right_ends_the_mirrored_drive():
+def test_asymmetric_effect_prevents_the_mirrored_drive():
     assert scenario("incline", add=DiggingMemory()).symmetric
     assert not scenario("incline", add="WeakMotor.g=0.1").symmetric
     assert not scenario("incline", add=GravityTilt(rise_y=0.1)).symmetric

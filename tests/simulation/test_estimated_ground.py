@@ -88,7 +88,7 @@ def test_no_change_of_its_heights_makes_the_sum_less(without):
 
 
 @pytest.mark.parametrize(("reach", "size"), [(1.0, 0.56 / 7.0), (40.0, None)])
-def test_the_grid_reaches_a_base_beyond_the_way_in_a_seventh_of_a_base_or_a_hundred_cells(reach, size):
+def test_grid_extends_one_base_beyond_the_path_in_its_cell_size(reach, size):
     run = drive(reach=reach)
     ground, b = estimated(run, CART), halves(run)
     ranges = [np.ptp(b[f"body_{name}"]) + 2.0 * LENGTH for name in ("x", "y")]
@@ -127,7 +127,7 @@ def test_a_rover_stands_on_the_mean_of_its_corners():
     np.testing.assert_allclose(found["body_z"], mean[0] + mean[1])
 
 
-def test_a_declared_plane_reaches_five_metres_beyond_the_drive_about_its_middle():
+def test_declared_plane_extends_five_metres_around_the_drive():
     run = drive(reach=3.0)
     ground, known = run_terrain({"slope": 0.1}, run, CART, "here"), np.isfinite(run["body_x"] + run["body_yaw"])
     x, y = run["body_x"][known], run["body_y"][known]
@@ -141,7 +141,7 @@ def test_a_declared_plane_reaches_five_metres_beyond_the_drive_about_its_middle(
 
 
 @pytest.mark.parametrize("lost", ["body_x", "body_y", "body_yaw"])
-def test_a_declared_plane_begins_where_place_and_heading_are_known(lost):
+def test_declared_plane_begins_where_place_and_heading_are_known(lost):
     """Rows at which one of them is unknown count for neither: as if the drive had begun behind them."""
     run = drive(reach=3.0, without=("body_pitch", "body_roll", "body_z"))
     channels = {name: np.array(run[name]) for name in run}
@@ -171,7 +171,7 @@ CLOCKS = 0.0, 1795.3, 1.7e9 + 0.1
     [*((begin, moved, True) for begin in CLOCKS for moved in (0.0, 4e-7, -4e-7)),
      (0.0, -9.9e-6, True), (0.0, -1.05e-5, False)],
 )  # fmt: skip
-def test_a_row_on_the_border_of_two_half_seconds_is_of_the_later_one_whatever_its_last_digit(begin, moved, later):
+def test_row_on_a_half_second_border_belongs_to_the_later_one(begin, moved, later):
     """Every fifth row of 10 Hz is on a border, as its clock tells it; one that is 10 us early is of the earlier."""
     run = drive()
     rows = np.arange(len(run.t))
@@ -183,7 +183,7 @@ def test_a_row_on_the_border_of_two_half_seconds_is_of_the_later_one_whatever_it
     np.testing.assert_array_equal(told.z, same.z)
 
 
-def test_heights_between_a_grids_corners_are_bilinear_up_to_its_edges():
+def test_heights_between_grid_corners_are_bilinear_to_the_edges():
     grid, random = _Grid(-1.0, 2.0, 0.5, 4, 3), np.random.default_rng(3)
     z = random.normal(size=(4, 3))
     look = RegularGridInterpolator((-1.0 + 0.5 * np.arange(4), 2.0 + 0.5 * np.arange(3)), z)
@@ -194,7 +194,7 @@ def test_heights_between_a_grids_corners_are_bilinear_up_to_its_edges():
     np.testing.assert_allclose(grid.at(x, y) @ z.ravel(), look((x, y)), atol=1e-12)
 
 
-def test_a_grid_reaches_the_farthest_wheel_where_that_is_beyond_a_base():
+def test_grid_reaches_the_farthest_wheel_if_it_is_beyond_a_base():
     """A frame 0.4 m before the middle: the back wheels stand 0.68 m behind it, 0.26 m aside."""
     ahead = CART.model.copy()
     for mount in CART.wheels:

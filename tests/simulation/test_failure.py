@@ -76,7 +76,7 @@ def test_a_wheel_is_buried_beyond_half_its_radius():
 
 
 @pytest.mark.parametrize("depth", [0.49, 0.51])
-def test_the_compiled_loop_measures_what_has_sunk_by_the_wheel_s_radius(depth):
+def test_compiled_loop_measures_burial_by_the_wheel_radius(depth):
     q, v, r = pin.neutral(ROVER.model), np.zeros(ROVER.model.nv), float(ROVER.wheels[0].wheel.r)
     at = RECORD.index("sinkage")
     touching = 0.1

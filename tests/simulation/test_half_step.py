@@ -22,14 +22,14 @@ def rows_at(x, model=None):
     return rows
 
 
-def test_the_greatest_distance_counts_over_the_rows_that_both_have():
+def test_greatest_distance_is_over_the_rows_of_both_drives():
     half = halved(rows_at([0.0, 0.3, 0.1]), "duration", rows_at([0.0, 0.295]), "duration")
     assert half == Halved(pytest.approx(0.005), pytest.approx(0.5), "")
     assert halved(rows_at([0.0]), "duration", rows_at([]), "diverged at 0.00 s: ...").distance == 0.0
 
 
 @pytest.mark.parametrize("way", [0.0, 2.0])
-def test_what_is_within_a_millimetre_and_half_a_per_cent_of_the_way_needs_no_words(way):
+def test_half_step_change_within_limits_needs_no_warning(way):
     least = MOVED + MOVED_SHARE * way
     assert least == pytest.approx(0.001 + 0.005 * way)
     assert step_warnings([DOUBT], Halved(0.999 * least, way, "")) == []
@@ -39,7 +39,7 @@ def test_what_is_within_a_millimetre_and_half_a_per_cent_of_the_way_needs_no_wor
     assert step_warnings([], Halved(1.001 * least, way, "")) == [second]
 
 
-def test_another_reason_to_stop_is_told_another_time_of_the_same_is_not():
+def test_other_stop_reason_is_reported_but_another_time_is_not():
     near = rows_at([0.0, 0.1])
     same = halved(near, "buried: wheel fl at 0.65 s", near, "buried: wheel fr at 0.60 s")
     assert same.warning == ""

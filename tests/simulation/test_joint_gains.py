@@ -31,7 +31,7 @@ def lifted():
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
 @pytest.mark.parametrize(("over", "rate", "wanted"), [(0.02, 0.0, -1.0), (0.02, 0.3, -1.3), (0.02, -0.3, -0.7)])
-def test_a_stop_pushes_by_50_n_m_a_radian_and_1_a_radian_a_second(side, over, rate, wanted):
+def test_stop_has_50_nm_per_rad_and_1_nm_per_rad_per_s(side, over, rate, wanted):
     state, place = lifted(), MODEL.rover.angles["bogie_l"]
     dof = next(each.idx_v for each in list(MODEL.rover.model.joints)[2:] if each.idx_q == place)
     limits = MODEL.rover.model.lowerPositionLimit, MODEL.rover.model.upperPositionLimit
@@ -43,7 +43,7 @@ def test_a_stop_pushes_by_50_n_m_a_radian_and_1_a_radian_a_second(side, over, ra
 
 
 @pytest.mark.parametrize(("angle", "rate", "wanted"), [(0.02, 0.0, -0.4), (-0.01, 0.5, 0.1), (0.03, -1.0, -0.4)])
-def test_a_servo_turns_by_20_n_m_a_radian_and_a_fifth_a_radian_a_second(angle, rate, wanted):
+def test_servo_has_20_nm_per_rad_and_a_fifth_per_rad_per_s(angle, rate, wanted):
     state, wheel = lifted(), next(each for each in MODEL.rover.wheels if each.steer_dof is not None)
     joint = next(each for each in list(MODEL.rover.model.joints)[2:] if each.idx_v == wheel.steer_dof)
     state.q[joint.idx_q], state.v[joint.idx_v] = 0.1 + angle, rate

@@ -29,7 +29,7 @@ def kernel_of(model):
 
 
 @pytest.mark.parametrize("model", [FLAT, FLAT.having(GravityTilt(rise_x=0.05))], ids=["flat", "tilt"])
-def test_there_is_room_for_what_the_laws_and_the_rigid_body_work_with(model):
+def test_workspace_fits_the_laws_and_the_rigid_body(model):
     kernel, laws = kernel_of(model), compiled_laws(structure_of(model))
     for name, needed in zip(("work_i", "work_w"), zip(laws.work, kernel.fixed.body.work, strict=True), strict=True):
         assert kernel.keep[name].size == max(needed)
@@ -78,7 +78,7 @@ def test_there_is_room_for_what_the_largest_wheel_meets():
     assert facets([1.0] * 5 + [2.0]) == facets([2.0] + [1.0] * 5) == large
 
 
-def test_a_kernel_that_accounts_for_nothing_moves_alike_and_its_account_stays():
+def test_kernel_without_energy_balance_moves_equally():
     told, ends = [], []
     for accounts in (True, False):
         kernel = kernel_of(FLAT)
@@ -100,7 +100,7 @@ def test_the_wheels_that_steer_are_those_with_a_steering_joint():
     assert len(names) < 6
 
 
-def test_the_states_that_a_mirrored_wheel_turns_are_the_slips_alone():
+def test_only_slips_change_sign_in_a_mirrored_wheel():
     """A wheel that goes backwards is a mirrored one: its slips change their signs, how loose its soil is does not."""
     model = FLAT.having(SlipSoftening())
     states = [state.name for effect in model.contact_effects for state in effect.states]

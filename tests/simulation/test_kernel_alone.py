@@ -53,7 +53,7 @@ def test_the_mirror_symmetric_mode_is_symmetric():
     assert state.q[1] == 0.0
 
 
-def test_changed_soils_act_as_if_they_had_been_there_from_the_start():
+def test_changed_soils_act_as_if_present_from_the_start():
     made, start = CASES["eq-1"]
     firmer = tuple(soil.replace(phi=soil.phi * 1.1) for soil in made.soils)
     state = settled(made, start)

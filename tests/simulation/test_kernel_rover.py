@@ -71,7 +71,7 @@ def joint_at(rover, dof):
     return next(each for each in list(rover.model.joints)[2:] if each.idx_v == dof)
 
 
-def test_a_wheel_is_moved_by_the_joints_above_it_and_turns_its_rim_and_rotor(rover):
+def test_wheel_is_moved_by_the_joints_above_it_and_turns_its_rim(rover):
     found, keep = fields_of(rover)
     model, random = armed(rover, 2e-3), np.random.default_rng(1)
     data, q = model.createData(), pin.randomConfiguration(model, -np.ones(model.nq), np.ones(model.nq))
@@ -110,7 +110,7 @@ def test_joints_have_their_places_and_their_images(rover):
 
 @pytest.mark.parametrize("rigid", [True, False])
 @pytest.mark.parametrize("pushed", [True, False])
-def test_a_rigid_differential_and_links_tie_joints_and_equations_are_solved_in_an_order(rover, rigid, pushed):
+def test_differential_and_links_tie_joints_in_solving_order(rover, rigid, pushed):
     """Each pair follows its leader, a rocker the other backwards: the others are free, each once."""
     found, keep = fields_of(rover, rigid, pushed)
     ties = [(each.follower, each.leader, each.ratio) for each in rover.couplings]
@@ -159,7 +159,7 @@ def test_servos_and_stops_are_those_of_the_joints(rover):
 
 @pytest.mark.parametrize("pushed", [False, True])
 @pytest.mark.parametrize("name", ["nexus6", "cart"])
-def test_untied_velocities_meet_those_that_bear_them_and_what_is_pushed_meets_together(name, pushed):
+def test_free_velocities_couple_by_supports_and_common_pushes(name, pushed):
     """A tree's zeros stay zeros: what moves a joint is what its Jacobian says. Neither rover has links."""
     rover = load_rover(name)
     found, keep = fields_of(rover, rigid=False, pushed=pushed)

@@ -95,7 +95,7 @@ def test_patches_under_many_wheels_are_those_of_the_plain_step(name):
 
 @pytest.mark.parametrize("across", [2e-4, 0.00105, 0.002])
 @pytest.mark.parametrize("side", [1.0, -1.0])
-def test_a_wheel_along_the_level_lines_meets_what_it_does_in_the_plain_step(across, side):
+def test_wheel_along_level_lines_matches_the_plain_step(across, side):
     """Its axle lies all but in the direction in which a lane has its shape."""
     rng = np.random.default_rng(6)
     terrain = ground("two lanes", rng)

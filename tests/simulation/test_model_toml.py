@@ -249,7 +249,7 @@ def test_a_wheels_model_is_made_of_its_file_and_its_effects(tmp_path):
     assert model_files(path) == (path, tmp_path / "own.py")
 
 
-def test_the_burial_cut_is_kept_and_refused_where_it_is_no_share_of_the_radius(tmp_path):
+def test_burial_cut_is_kept_and_refused_if_not_a_radius_share(tmp_path):
     path = write_model(BASE.replace(buried=0.9), tmp_path / "model.toml")
     alike(read_model(path, FLAT), BASE.replace(buried=0.9))
     path.write_text(path.read_text().replace("buried = 0.9", 'buried = "deep"'))

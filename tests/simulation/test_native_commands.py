@@ -65,7 +65,7 @@ def scramble(loop, rng):
 
 
 @pytest.mark.parametrize("name", controllers())
-def test_one_sample_of_a_controller_in_the_loop_is_that_of_its_class(name):
+def test_one_compiled_controller_sample_is_that_of_its_class(name):
     controller, rng = controllers()[name], np.random.default_rng(8)
     loop, own, told = loop_of(controller.native(6)), getattr(controller, "controller", controller), []
     for _ in range(SAMPLES):

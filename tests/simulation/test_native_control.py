@@ -58,7 +58,7 @@ def test_a_built_in_controller_drives_as_its_class_does(name):
     assert np.array_equal(*kept)
 
 
-def test_beyond_its_pitches_a_limit_holds_its_end_values_in_the_loop_too(monkeypatch):
+def test_torque_limit_holds_end_values_beyond_its_pitches(monkeypatch):
     """Five pitches that a bump goes beyond at either end."""
     monkeypatch.setattr(torque_limit, "PITCHES", np.radians([-0.3, -0.1, 0.0, 0.02, 0.04]))
     case = scenario("bump", soil="table-1", control="limit", duration=8.0)
@@ -131,7 +131,7 @@ def test_tacking_in_the_loop_is_that_of_its_class(rover, limited):
     assert len(np.unique(drives[0].stack("duty"))) > 10
 
 
-def test_the_duties_and_angles_of_a_turn_in_the_loop_are_those_of_its_class():
+def test_turn_duties_and_angles_in_the_loop_match_the_class():
     """One control sample: to 1e-12."""
     case = scenario("flat", soil="table-1")
     for yaw in (-0.3, -1e-4, 0.0, 1e-5, 0.02, 0.4):
@@ -153,7 +153,7 @@ def test_tacking_that_wants_more_than_a_wheel_can_steer_is_asked(monkeypatch):
         simulate(case.model, control, 1.0, Start(0.0, 0.0, -0.5))
 
 
-def test_what_is_read_of_a_drive_is_looked_up_when_it_is_asked_for():
+def test_drive_readings_are_looked_up_when_they_are_accessed():
     """Also much later, when the drive has gone on; and it is what the plain step shows."""
     case, kept = scenario("ditch", soil="table-1"), []
 

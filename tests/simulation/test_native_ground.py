@@ -133,7 +133,7 @@ def test_a_grid_ends_in_c_where_it_ends_in_the_plain_step(border):
         assert agree(terrain, wheel_frame(np.array([x, y, terrain.height(x, y) + R - 0.01]), axle)) > 0
 
 
-def test_the_points_of_a_straight_run_are_one_piece_and_no_bow_is():
+def test_straight_points_are_one_piece_and_a_curve_is_not():
     x = np.arange(-400, 801) / 200.0
     assert Profile(x, 0.1 * np.abs(x)).straightened().x.tolist() == [-2.0, 0.0, 4.0]
     two_soils = Profile(x, np.zeros(len(x)), (np.arange(len(x) - 1) > 499).astype(int))
@@ -155,7 +155,7 @@ def test_a_place_is_found_in_thousands_of_points(spacing):
         assert agree(terrain, frame) >= (1 if abs(at - 0.5) >= 1.0 else 9)
 
 
-def test_a_drive_on_straight_ground_does_not_know_how_many_points_it_has():
+def test_drive_on_straight_ground_ignores_its_point_count():
     """Any number of points on the same lines: the same drive to round-off."""
     case = scenario("ditch", duration=9.0)
     profile = case.model.terrain.profiles[0]

@@ -32,7 +32,7 @@ def test_a_soil_with_one_quantity_more_moves_every_place_in_c(monkeypatch):
 
 
 @pytest.mark.slow
-def test_a_drive_is_the_same_where_the_soil_has_one_quantity_more(tmp_path):
+def test_additional_soil_quantity_does_not_change_a_drive(tmp_path):
     """In a copy of the package, whose `Soil` has another quantity before the exponent."""
     for name in ("rover_pin", "urdf"):
         shutil.copytree(ROOT / name, tmp_path / name, ignore=shutil.ignore_patterns("__pycache__"))

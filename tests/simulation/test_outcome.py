@@ -94,7 +94,7 @@ def test_stuck_since_is_when_the_body_stopped(traces):
     assert abs(trace["body_x"][-1] - after) < 0.01
 
 
-def test_wheels_that_creep_are_told_by_their_way_and_their_share_of_the_speed_asked_for(traces):
+def test_creeping_wheels_are_reported_by_speed_and_duty_share(traces):
     trace = traces["skid-steer on the spot"]
     late, r = trace.t >= drive_outcome(trace).since, float(np.mean(trace.attrs["wheel_radii_m"]))
     rate = np.mean(np.abs(trace.stack("wheel_rate")[late]))
@@ -108,7 +108,7 @@ def test_wheels_that_creep_are_told_by_their_way_and_their_share_of_the_speed_as
     assert "no wheel turns" not in said
 
 
-def test_parked_wheels_swing_at_the_rate_that_is_told_and_only_where_the_soil_drives_them(traces):
+def test_parked_wheels_swing_as_stated_only_if_soil_drives_them(traces):
     trace = traces["park, the soil drives"]
     late = trace.t > 5.0
     rate = trace["wheel_rate_fl"][late]

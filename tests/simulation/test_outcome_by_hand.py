@@ -35,7 +35,7 @@ def told(**given):
 @pytest.mark.parametrize(
     ("travel", "kind"), [(0.0504, "driving"), (0.0495, "creeping"), (0.0101, "creeping"), (0.0099, "stuck")]
 )
-def test_half_of_what_the_rims_turn_is_driving_and_less_than_a_tenth_is_stuck(travel, kind):
+def test_half_of_rim_travel_is_driving_below_a_tenth_is_stuck(travel, kind):
     """The rims turn at 0.1 m/s, forwards or backwards as the duty asks."""
     for sign in (1.0, -1.0):
         found, said = told(rate=sign, travel=sign * travel, duty=0.5 * sign)
@@ -55,7 +55,7 @@ def test_a_rover_that_has_not_turned_by_a_radius_drives():
     assert told(rate=0.0051 / R, travel=0.0)[0] == "stuck"
 
 
-def test_stuck_is_since_the_last_radius_of_which_it_travelled_a_tenth():
+def test_stuck_begins_after_the_last_radius_with_some_travel():
     """At 5 mm/s of 100 mm/s since 10 s, at 50 mm/s before: 0.11 s before that a last radius begins with a tenth."""
     found = drive_outcome(trace(travel=np.where(LATE, 0.005, 0.05), slip_a=0.989, slip_b=0.962))
     assert found.kind == "stuck"
@@ -71,13 +71,13 @@ def test_stuck_is_since_the_last_radius_of_which_it_travelled_a_tenth():
 @pytest.mark.parametrize(
     ("gave", "rate", "stalls"), [(0.049, 0.049, True), (0.051, 0.049, False), (0.049, 0.051, False)]
 )
-def test_motors_stall_below_a_twentieth_of_their_speed_where_no_wheel_turns_by_a_tenth_of_a_radius(gave, rate, stalls):
+def test_motors_stall_below_a_twentieth_of_speed(gave, rate, stalls):
     """In the last tenth of 20 s, 2 s: 0.05 rad/s are a tenth of a radius."""
     for sign in (1.0, -1.0):
         assert (told(rate=sign * rate, travel=0.0, gave=sign * gave)[0] == "stalled") is stalls
 
 
-def test_motors_that_creep_are_told_by_their_share_of_the_speed_without_a_load():
+def test_creeping_motors_are_reported_by_their_no_load_share():
     kind, said = told(rate=0.049, travel=0.0, gave=0.032, duty=(0.2, 0.4))
     assert kind == "stalled"
     assert said.startswith(
@@ -117,7 +117,7 @@ def test_a_fiftieth_of_the_drive_is_its_start(row, words):
 
 
 @pytest.mark.parametrize(("far", "kind"), [(0.0099, "held"), (0.0101, "slid")])
-def test_a_rover_that_nobody_drives_is_held_within_a_tenth_of_a_radius(far, kind):
+def test_undriven_rover_is_held_within_a_tenth_of_a_radius(far, kind):
     for sense, word in ((1.0, "forwards"), (-1.0, "back")):
         x, y = 3.2 + 0.6 * far * sense * T / 20.0, 0.8 * far * T / 20.0 - 1.1
         found, said = told(duty=0.0, rate=0.0, travel=0.001 * sense, body_x=x, body_y=y)
@@ -134,7 +134,7 @@ def swing(f=0.5, amplitude=0.1, offset=0.0):
     return told(duty=0.0, rate=rates, travel=0.0, body_x=0.0)[1]
 
 
-def test_wheels_swing_that_turn_to_and_fro_by_a_tenth_of_a_radius_in_the_later_half():
+def test_swing_is_a_tenth_of_a_radius_in_the_later_half():
     """Amplitude a: 2 a / pi on average, for 10 s; an offset c is c / (sqrt(1 - c^2) + c asin c) pi / 2 of it as net."""
     assert swing().endswith("; its wheels swing to and fro at 0.5 Hz, which the soil drives: F(0) > R")
     assert swing(f=0.8).endswith("at 0.8 Hz, which the soil drives: F(0) > R")
@@ -168,7 +168,7 @@ def test_a_rover_that_is_no_longer_driven_has_stopped_since():
     assert found.sentence == "not driven since 10.1 s, it moved on by 20 mm, at x = 0.52 m"
 
 
-def test_a_pause_keeps_the_sense_of_before_and_a_first_one_is_forwards():
+def test_pause_keeps_the_previous_direction_or_forwards():
     pause = np.where((T > 5.0) & (T < 7.0), 0.0, -0.5)
     kind, said = told(duty=pause, rate=-1.0, travel=-0.06)
     assert (kind, said[:22]) == ("driving", "drives on at 0.06 m/s,")
@@ -181,7 +181,7 @@ def test_a_pause_keeps_the_sense_of_before_and_a_first_one_is_forwards():
 
 
 @pytest.mark.parametrize(("share", "spot"), [(0.19, True), (0.21, False)])
-def test_a_rover_turns_on_the_spot_whose_body_goes_a_fifth_of_its_wheels_way(share, spot):
+def test_rover_turns_on_the_spot_if_its_body_moves_a_fifth(share, spot):
     turn = {"duty": (-0.5, 0.5), "rate": (-1.0, 1.0), "travel": (-0.06, 0.06)}
     place = {"body_x": 0.8 * 0.06 * share * T, "body_y": -0.6 * 0.06 * share * T}
     for sense, word in ((0.1, "left"), (-0.1, "right")):
@@ -212,12 +212,12 @@ def test_the_pace_is_that_of_the_last_twentieth():
     assert "at 7.2 deg/s" in told(rate=1.0, travel=0.06, body_x=0.0, body_yaw=yaw)[1]
 
 
-def test_a_place_beside_the_line_is_told_from_half_a_centimetre_on():
+def test_lateral_position_is_reported_from_half_a_centimetre():
     assert told(body_x=1.0, body_y=0.004)[1].endswith("at x = 1.00 m")
     assert told(body_x=1.0, body_y=-0.006)[1].endswith("at x = 1.00 m, y = -0.01 m")
 
 
-def test_a_drive_that_ended_says_where_and_a_row_alone_says_nothing():
+def test_ended_drive_reports_its_place_and_a_single_row_nothing():
     found = drive_outcome(trace(attrs={"stop": "capsized: roll 61 deg"}))
     assert (found.kind, found.since) == ("ended", 20.0)
     assert found.sentence == "capsized: roll 61 deg, at x = 1.00 m"

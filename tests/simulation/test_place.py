@@ -150,7 +150,7 @@ def test_ground_that_cannot_carry_is_refused_in_one_sentence():
 
 
 @pytest.mark.parametrize("yaw", [0.0, 1.0, 2.5, -2.0])
-def test_a_hovering_rover_stands_square_to_the_ground_and_heads_where_it_was_asked_to(yaw):
+def test_hovering_rover_is_square_to_the_ground_along_its_yaw(yaw):
     """At the begin of time, without speed or shear; seen from above it heads along its yaw."""
     model = model_on(shapes.incline(0.3, -5.0), Soil())
     state = hovering(model, Start(x=0.2, y=-0.1, yaw=yaw))
@@ -161,12 +161,12 @@ def test_a_hovering_rover_stands_square_to_the_ground_and_heads_where_it_was_ask
     assert (state.t, state.v.any(), state.contact.any(), state.motor.any()) == (0.0, False, False, False)
 
 
-def test_a_rover_starts_at_the_origin_and_along_x_unless_told_otherwise():
+def test_rover_starts_at_the_origin_along_x_by_default():
     assert (Start().x, Start().y, Start().yaw) == (0.0, 0.0, 0.0)
 
 
 @pytest.mark.parametrize(("before", "columns"), [(0, [0, 1]), (1, [1, 2]), (3, [3, 4])])
-def test_the_slips_stand_behind_the_states_of_what_acts_before_them(before, columns):
+def test_slip_columns_follow_the_states_of_preceding_effects(before, columns):
     slip, other = SimpleNamespace(states=("S", "S_y")), SimpleNamespace(states=("x",) * before)
     model = SimpleNamespace(contact_effects=(other, slip, other), slip=slip)
     assert relaxation.slip_columns(model) == columns

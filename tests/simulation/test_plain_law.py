@@ -83,7 +83,7 @@ def test_a_wheel_that_goes_the_other_way_is_its_mirror_image(law, v, rim):
         np.testing.assert_allclose(getattr(other, name), wanted, rtol=1e-9, atol=1e-9, err_msg=name)
 
 
-def test_at_rest_it_is_the_mean_of_both_ways_and_beyond_the_one_it_goes(law):
+def test_law_at_rest_is_the_mean_of_both_travel_directions(law):
     """Weighed by the cubic that rises from 0 to 1 and leaves both ends level, 3 s^2 - 2 s^3."""
     x = states(law)
     for share in (0.0, 0.5, 1.0, 1.5, -0.5, -1.1):
@@ -103,7 +103,7 @@ def test_at_rest_it_is_the_mean_of_both_ways_and_beyond_the_one_it_goes(law):
 
 
 @pytest.mark.parametrize("v", [1e-3, -2e-3, 4e-3])
-def test_which_way_a_wheel_goes_is_its_speed_over_5_mm_a_second_where_it_rolls(v):
+def test_direction_of_a_rolling_wheel_is_speed_over_5_mm_per_s(v):
     """Nearly; at rest its travel and its rim have half of that each, and 50 um/s of either alone little."""
     assert direction(v, v)[0] == pytest.approx(v / 0.005, rel=0.04)
     assert direction(20.0 * v, 20.0 * v)[0] == pytest.approx(20.0 * v / 0.005, rel=2e-3)
@@ -127,7 +127,7 @@ def test_a_wheel_has_eight_states_at_most():
 
 
 @pytest.mark.parametrize("states", [(), ("loosened",), ("S", "S_y", "loosened")])
-def test_a_contact_law_has_a_slope_of_each_load_and_rate_by_each_speed_and_state(states):
+def test_contact_law_has_all_slopes_by_speeds_and_states(states):
     """Four loads, four speeds, two slips; every rate has a slope by every speed and every state, also of one alone."""
     effects = [RelaxedSlip() if "S" in states else AlgebraicSlip(), SoilTraction()]
     law = contact_law([*effects, *([SlipSoftening()] if "loosened" in states else [])])

@@ -94,7 +94,7 @@ def test_it_asks_at_its_period_and_notes_every_sample():
     assert not rows["attitude"].any()
 
 
-def test_a_row_has_the_base_s_velocity_in_the_world_and_its_attitude():
+def test_row_has_the_base_velocity_in_the_world_and_its_attitude():
     begun = hovering(MODEL, Start(yaw=0.5 * math.pi))
     begun.v[:3] = 0.2, 0.1, 0.3
     ran = run_plain(drive(Counting(begun)), 0.05, None)
@@ -139,7 +139,7 @@ def test_a_step_without_numbers_ends_it_before_its_row():
 
 
 @pytest.mark.parametrize("k", range(1, 13))
-def test_a_step_is_taken_again_unless_a_command_or_a_row_came_before(k):
+def test_step_is_repeated_unless_a_command_or_a_row_came_before(k):
     """The step before it is, in parts, where forces turned: not across one that had been told what the motors get."""
 
     class Rough(Counting):
@@ -205,7 +205,7 @@ def test_one_speed_that_is_lost_is_enough():
     assert plain.step() == 1
 
 
-def test_a_plain_step_brings_a_differential_that_was_forced_back_to_its_tie():
+def test_plain_step_returns_a_forced_differential_to_its_tie():
     """The compiled step, which eliminates the follower, keeps what it was given: drives begin tied."""
     begun, rover = settled(MODEL, Start()), MODEL.built
     begun.v[rover.differential.left] = 0.3
@@ -216,7 +216,7 @@ def test_a_plain_step_brings_a_differential_that_was_forced_back_to_its_tie():
 
 
 @pytest.mark.parametrize("lengths", [(3, 5), (5, 3), (4, 4)])
-def test_convergence_is_the_furthest_that_half_the_step_is_off_while_both_drive(monkeypatch, lengths):
+def test_convergence_is_the_largest_distance_at_half_the_step(monkeypatch, lengths):
     ways = np.array([1.0, 1.2, 1.1, 1.3, 9.0]), np.array([1.0, 1.25, 1.02, 1.31, 5.0])
     asked = []
 
@@ -232,14 +232,14 @@ def test_convergence_is_the_furthest_that_half_the_step_is_off_while_both_drive(
     assert asked[1] == {"timing": TIMING.halved(), "symmetric": True, "settle_doubts": False}
 
 
-def test_a_plain_step_exchanges_no_rows_and_begins_without_a_misjudgement():
+def test_plain_step_swaps_no_rows_and_starts_without_an_error():
     plain = Plain(MODEL, state(), 0.005, False)
     assert (plain.pivoted, plain.misjudged) == (0, 0.0)
 
 
 @pytest.mark.parametrize("share", [0.01, 1e3])
 @pytest.mark.parametrize("at", range(4))
-def test_what_a_wheel_s_load_was_taken_for_is_judged_by_its_normal_force(at, share):
+def test_predicted_wheel_load_is_compared_by_its_normal_force(at, share):
     """Of 20 and 30 mN: f_t, f_y and the torque over r, each over f_n; of a wheel below its share by as much less."""
     stub = SimpleNamespace(begun=np.array([[4e-3, 2e-3, 0.02, 3e-4]]), foreseen=np.array([[6e-3, 3e-3, 0.03, 4.5e-4]]),
                            misjudged=1e-6, share=share, rover=MODEL.rover)  # fmt: skip
@@ -274,7 +274,7 @@ def test_a_step_that_the_rover_survives_ends_no_drive(monkeypatch):
     assert simulate(buried, ConstantDuty(0.5), 0.2).attrs["stop"] == "duration"
 
 
-def test_a_drive_from_a_state_says_nothing_of_how_it_was_set_down():
+def test_drive_from_a_state_has_no_placement_attribute():
     begun = settled(MODEL, Start())
     assert "set_down" not in simulate(MODEL, ConstantDuty(0.5), 0.05, begun).attrs
     assert simulate(MODEL, ConstantDuty(0.5), 0.05).attrs["set_down"] == "at rest"

@@ -177,7 +177,7 @@ def test_a_thousand_random_drives_are_sound():
     assert_sound(range(DRIVES))
 
 
-def test_what_half_the_step_moves_is_said_of_a_drive_without_a_sign(monkeypatch):
+def test_half_step_change_is_reported_without_other_warnings(monkeypatch):
     """Two of 440 random drives moved by 2 % of their way at half the step and showed nothing else."""
     monkeypatch.setattr("rover_pin.simulation.simulate.doubts_of", lambda *given: [])
     coarse = random_drives.drive(149)

@@ -40,7 +40,7 @@ def test_rows_are_the_logs_own_at_its_period():
     assert (run.start.x, run.start.y, run.start.yaw) == pytest.approx((0.01, 0.5, 0.3)), "the mean of five rows"
 
 
-def test_fast_rows_are_averaged_into_rows_of_50_ms_and_their_last_command_holds():
+def test_fast_rows_are_averaged_to_50_ms_with_their_last_command():
     """Of rows at 0, 10, ... ms those around 50 ms are 30 to 70 ms; the command is the one that came last, by 30 ms."""
     run = commands(log(period=0.01, count=101), ("a",), ())
     assert run.t == pytest.approx(2.0 + 0.05 * np.arange(21))
@@ -61,7 +61,7 @@ def test_two_rows_are_the_least():
         commands(log(count=1, attrs={"file": "day.csv"}), ("a",), ())
 
 
-def test_gaps_of_a_command_hold_the_last_and_a_heading_neither_jumps_nor_is_made_up():
+def test_command_gaps_hold_the_last_and_heading_is_unwrapped():
     yaw = np.where(np.arange(40) < 20, 3.1, -3.1)
     yaw[25] = NAN
     duty = np.full(40, 0.2)
@@ -119,7 +119,7 @@ def test_what_was_never_measured_is_zero():
     assert shares(np.array([[1.0, -4.0], [2.0, 0.0]])).tolist() == [[0.25, -1.0], [0.5, 0.0]]
 
 
-def test_wheels_that_are_tied_have_the_mean_of_their_rates_each_by_its_gear():
+def test_tied_wheels_have_the_mean_of_their_rates_by_gear():
     """Two ties of wheels a b and c d, e alone; a joint that is no wheel ties nothing."""
     wheels = [SimpleNamespace(dof=dof) for dof in (6, 7, 8, 9, 10)]
     ties = [(7, 6, -2.0), (9, 8, 0.5), (10, 30, 3.0), (31, 10, 3.0)]
@@ -131,7 +131,7 @@ def test_wheels_that_are_tied_have_the_mean_of_their_rates_each_by_its_gear():
     assert values[0, 0] == 1.0, "the log itself is left alone"
 
 
-def test_a_nudge_is_added_to_the_duty_and_places_are_drawn_to_within_a_second():
+def test_perturbation_adds_to_the_duty_and_place_follows_in_1_s():
     run = commands(log(), ("a",), ())
     model = SimpleNamespace(motor=SimpleNamespace(stall_torque=2.0))
     found = fields(model, run, Perturbation(torque=np.full((40, 1), 0.5), force=np.full(40, 3.0)))
@@ -143,7 +143,7 @@ def test_a_nudge_is_added_to_the_duty_and_places_are_drawn_to_within_a_second():
 
 
 @pytest.mark.parametrize("held", [False, True])
-def test_channels_are_what_the_model_did_without_what_it_was_drawn(held):
+def test_channels_are_the_model_motion_without_the_drawing_force(held):
     model, n = scenario("flat").model, 5
     rng, rows = np.random.default_rng(4), np.zeros(n, dtype=row_type(model))
     for name in ("q", "v", "record", "attitude", "moved", "velocity"):
@@ -195,7 +195,7 @@ def flat_run(seconds=1.5, **more):
     return drive.model, commands(drive.drive(), tuple(wheel.name for wheel in drive.model.rover.wheels), ())
 
 
-def test_a_replay_that_drives_to_its_end_says_nothing_and_its_sides_are_their_own():
+def test_completed_replay_has_no_stop_and_independent_sides():
     model, run = flat_run()
     turning = dataclasses.replace(run, duty=run.duty * np.array([1.0, 0.2] * (run.duty.shape[1] // 2)))
     found = replay(model, turning)
@@ -220,6 +220,6 @@ def test_a_replay_that_ends_early_keeps_the_row_before_its_end():
 
 
 @pytest.mark.parametrize(("good", "rows"), [(4, [1, 2, 3, 4]), (3, [1, 2, 3, 3]), (1, [1, 1, 1, 1]), (0, [9, 9, 9, 9])])
-def test_after_an_early_end_stands_the_last_good_row_or_where_the_rover_is(good, rows):
+def test_early_end_keeps_the_last_good_row_or_the_current_state(good, rows):
     loop = SimpleNamespace(rows=np.array([1.0, 2.0, 3.0, 4.0]), now=lambda: 9.0)
     assert with_last(loop, good).tolist() == rows

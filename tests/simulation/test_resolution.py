@@ -42,7 +42,7 @@ def test_stiffness_is_the_slope_of_the_sinkage_law():
     assert slope == pytest.approx(expected, rel=0.02)
 
 
-def test_stiffness_goes_with_modulus_and_load_and_what_cannot_carry_has_none():
+def test_stiffness_scales_with_modulus_and_load_or_is_zero():
     wheel = scenario("flat").model.rover.wheel
     weak = Soil(k_1=1e-6 * Soil().k_1)
     assert stiffness(1e-5, wheel, weak) == pytest.approx(1e-6 * stiffness(10.0, wheel, Soil()), rel=1e-6)
@@ -50,7 +50,7 @@ def test_stiffness_goes_with_modulus_and_load_and_what_cannot_carry_has_none():
 
 
 @pytest.mark.parametrize("k_1", [1e5, 1e7])
-def test_the_frequency_is_that_at_which_a_small_disturbance_rings(k_1):
+def test_contact_frequency_is_that_of_a_small_disturbance(k_1):
     """Stable just below omega dt = 2, unstable just above, as Stoermer-Verlet's step must be: undamped, from rest."""
     model = scenario("flat", **{"soil.k_1": k_1, "effect.NormalDamping.d": 0.0}).model
     state = settled(model, Start())
@@ -97,7 +97,7 @@ def test_stiff_ground_is_driven_with_the_weight_on_the_wheels(name, k_1):
     assert np.abs(half["body_x"] - trace["body_x"]).max() < 1e-3
 
 
-def test_ground_that_an_effect_makes_firmer_asks_for_a_finer_step():
+def test_ground_made_firmer_by_an_effect_needs_a_finer_step():
     """Ruts pressed firm by the wheels in front: 24 times as stiff as the soil's own constants under the last axle."""
     settings = {"soil.k_1": 5e6, "soil.k": 0.01, "duration": 2.0}
     plain, firm = scenario("flat", **settings), scenario("flat", **settings)
@@ -171,7 +171,7 @@ def test_the_firmest_ground_of_the_terrain_decides():
     assert parts(hard, state, 0.005) > parts(soft, state, 0.005) == 1
 
 
-def test_ground_too_stiff_for_any_step_is_refused_in_one_sentence():
+def test_too_stiff_ground_is_refused_in_one_sentence():
     model = scenario("flat").model
     state = settled(model, Start())
     stiff = model.replace(soils=(Soil(k_1=1e9, n=0.1), *model.soils[1:]))
@@ -212,7 +212,7 @@ def park(**settings):
     )  # fmt: skip
 
 
-def test_a_shear_stiffer_than_the_step_does_not_shake_the_wheels_loose():
+def test_shear_stiffer_than_the_step_does_not_shake_wheels_loose():
     """It used to slide by 3.9 m in 4 s; steps 4 and 32 times finer creep by 2.1 mm."""
     drive = park()
     coarse = drive.drive()
@@ -257,7 +257,7 @@ def driven(stub, steps=8, commanded=lambda k: k == 0):
     return pace
 
 
-def test_a_step_that_misjudged_its_forces_is_taken_again_in_quarters():
+def test_step_with_mispredicted_forces_is_repeated_in_quarters():
     """Steps of 4 make 0.8 ROUGH where those of 16 make 12.8 ROUGH: none that is worse is kept."""
     stub = Rough((130.0, 200.0), ROUGH / 20.0)
     pace = driven(stub)
@@ -292,7 +292,7 @@ def test_a_step_before_a_command_is_not_taken_again_but_counted():
         (0.0501, 0.0019, [64.0, 16.0, 16.0, 32.0]),
     ],
 )
-def test_a_twentieth_of_the_load_is_rough_and_two_thousandths_are_calm(first, later, lengths):
+def test_step_is_rough_at_0_05_of_the_load_and_calm_at_0_002(first, later, lengths):
     class Told(Rough):
         def step(self):
             super().step()
@@ -304,7 +304,7 @@ def test_a_twentieth_of_the_load_is_rough_and_two_thousandths_are_calm(first, la
     assert stub.tried == lengths
 
 
-def test_what_the_finest_step_before_misjudged_counts_by_its_own_length():
+def test_misprediction_of_the_finest_step_counts_by_its_length():
     """Two calm steps of the finest, then one of twice that which is told that the last misjudged its forces."""
 
     class Told(Rough):
@@ -328,7 +328,7 @@ def test_a_step_that_explodes_is_taken_again_until_the_finest():
     assert Pace(Rough((0.0, 1.0), 0.0, explodes=0.0), 64.0).advance() == 1
 
 
-def test_lengths_and_what_is_missed_go_by_the_step_that_was_asked_for():
+def test_step_lengths_and_errors_scale_with_the_requested_step():
     """A stub in 64ths of a step that is half as long: the same steps, and half of what is missed."""
     stub = Rough((64.0, 65.0), 2.0 * ROUGH * 4.0)
     pace = Pace(stub, 32.0)
@@ -340,7 +340,7 @@ def test_lengths_and_what_is_missed_go_by_the_step_that_was_asked_for():
     assert pace.missed == pytest.approx(2.0 * 0.5 * 2.0 * ROUGH)
 
 
-def test_the_step_s_parts_are_those_of_soils_as_they_are_unless_told():
+def test_step_parts_are_those_of_the_unscaled_soils_by_default():
     model = scenario("flat", **{"soil.k_1": 1e7}).model
     state = settled(model, Start())
     steps = np.linspace(1e-3, 0.1, 60)
@@ -353,7 +353,7 @@ def test_what_the_finest_steps_misjudge_is_counted():
     assert driven(stub).missed == pytest.approx(2 * 2.0 * ROUGH)
 
 
-def test_a_drive_whose_forces_turn_faster_than_its_steps_is_measured_and_says_what_came_of_it(monkeypatch):
+def test_drive_with_forces_faster_than_its_steps_is_remeasured(monkeypatch):
     """A wheel that turns against its travel as fast as it travels, where the slip law jumps: 1 mm at half the step."""
     drive = scenario(
         "hills", form="net", slip="algebraic", duration=4.0, gravity=7.2, gear_friction=0.0178,
@@ -403,7 +403,7 @@ def test_a_rover_that_hops_is_doubted(airborne, share):
         (0.5, np.s_[:, :], 60, ""),
     ],
 )
-def test_wheels_that_are_braked_for_a_tenth_of_a_drive_are_a_doubt(slip, wheels, count, share):
+def test_wheels_braked_for_a_tenth_of_a_drive_cause_a_warning(slip, wheels, count, share):
     model = scenario("flat").model
     rows = rows_of(model, count, np.s_[:0, :])
     rows["record"][:, :, RECORD.index("slip")][wheels] = slip
@@ -416,7 +416,7 @@ def test_wheels_that_are_braked_for_a_tenth_of_a_drive_are_a_doubt(slip, wheels,
 
 
 @pytest.mark.parametrize(("duration", "most"), [(20.0, 0.005), (2.0, 0.002)])
-def test_what_a_step_misjudged_counts_as_a_change_of_speed_in_all_and_in_a_second(duration, most):
+def test_misprediction_is_a_speed_change_in_total_and_per_second(duration, most):
     model = scenario("flat", gravity=2.0).model
     rows = rows_of(model, 60, np.s_[:0], duration)
     rows["t"] += 40.0  # of a drive that goes on
@@ -487,7 +487,7 @@ def test_energy_at_rest_is_measured_by_the_least_wheel(share, told):
     assert bool(balance_warning(trace)) is told
 
 
-def test_rows_after_the_first_number_that_is_not_finite_are_left_out():
+def test_rows_from_the_first_nonfinite_number_on_are_dropped():
     """A rover that diverges overflows: its trace used to hold NaN."""
     rows = rows_of(scenario("flat").model, 9, np.s_[:0])
     assert len(finite(rows)) == 9
@@ -506,7 +506,7 @@ def test_half_the_step_is_half_of_what_is_taken():
     assert math.isclose(timing.halved().dt, 0.005)
 
 
-def test_a_drive_of_no_rows_or_of_lost_numbers_is_not_taken_for_a_good_one():
+def test_drive_without_rows_or_with_lost_numbers_is_not_good():
     model = scenario("flat").model
     rows = rows_of(model, 60, np.s_[:0])
     assert len(doubts_of(model, rows[:0], 1e-5)) == 1, "no time in which anything may be misjudged"

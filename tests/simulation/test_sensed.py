@@ -41,7 +41,7 @@ def reading(count):
     return Reading(**{**given, **rooms, "attitude": (0.1, 0.2, 0.3)})
 
 
-def test_rates_currents_joints_and_attitude_are_read_with_noise_and_in_steps():
+def test_rates_currents_joints_and_attitude_have_noise_and_steps():
     read = []
     sensed = Sensed(lambda asked: read.append(asked) or 0.5, SENSORS, 3)
     assert sensed(reading(40000)) == 0.5

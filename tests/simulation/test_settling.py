@@ -116,7 +116,7 @@ def test_speeds_and_slides_are_counted_in_wheels(name):
     assert fields["most_shear"].tolist() == [1.0, 1.0 / SIDEWAYS_SHARE]
 
 
-def test_friction_in_the_pivots_is_left_out_while_a_rover_is_set_down():
+def test_pivot_friction_is_ignored_while_a_rover_is_placed():
     """So much that its bogies would stay where they were in the air."""
     model = scenario("rocks", soil="table-1").model
     bare, stiff = (settled(each, Start(0.7)) for each in (model, model.having(PivotFriction(tau_c=0.2, b=5.0))))

@@ -88,7 +88,7 @@ def test_a_wheel_in_the_air_stores_nothing(flat):
 
 
 @pytest.mark.parametrize(("name", "settings"), [("ditch", {"soil.k": 0.01}), ("bump", {}), ("washboard", {})])
-def test_a_ready_made_drive_gets_back_what_it_had_stored_and_no_more(name, settings, monkeypatch):
+def test_scenario_drive_regains_its_stored_energy_and_no_more(name, settings, monkeypatch):
     """Without its store the ditch was told of .021 J from nowhere; of the power nothing is left over but rounding."""
     made = scenario(name, soil="table-1", **settings)
     trace = made.drive()

@@ -110,7 +110,7 @@ def test_the_faster_of_travel_and_rim_decides_where_a_wheel_goes():
     assert direction(0.004, -2e-4)[2] < 0.2 * direction(0.004, -2e-4)[1]
 
 
-def test_a_rover_comes_to_rest_on_a_steep_slope_of_the_grippiest_sand():
+def test_rover_comes_to_rest_on_a_steep_slope_of_high_grip_sand():
     """Set down with the wheels held; a resistance of which nobody knows yet where to does not shake it."""
     model = scenario("park", soil="table-1", **{"terrain.angle_deg": 15.0, "soil.k": 0.001, "cruise_slip": 0.05}).model
     state = settled(model, Start())
@@ -329,7 +329,7 @@ def test_having_replaces_one_of_the_same_class_and_adds_another():
     assert len(model.without(NormalDamping).effects) == len(model.effects) - 1
 
 
-def test_a_model_holds_one_effect_of_a_class_for_each_wheel_and_channel():
+def test_model_holds_one_effect_per_class_wheel_and_channel():
     model = made("flat").having(WeakMotor(g=0.1, wheel=0)).having(WeakMotor(g=0.2, wheel=3))
     assert [each.g for each in model.having(WeakMotor(g=0.3, wheel=3)).motor_effects] == [0.1, 0.3]
     for wheel in ("fl", "mr"):

@@ -179,7 +179,7 @@ def test_traction_that_gives_is_told():
 
 
 @pytest.mark.parametrize(("set_down", "fall"), [(False, 0.0), (True, 0.1)])
-def test_before_the_first_row_a_rover_that_was_set_down_has_had_nothing(set_down, fall):
+def test_placed_rover_has_no_soil_energy_before_the_first_row(set_down, fall):
     """An account that stands at -0.1 J, and wheels that lift: what the greatest sinkage held may have been given."""
     model, trace = driven("flat", duration=0.1)
     h, load = np.array([0.002, 0.004, 0.003]), 20.0
@@ -193,7 +193,7 @@ def test_before_the_first_row_a_rover_that_was_set_down_has_had_nothing(set_down
 @pytest.mark.parametrize(
     ("meanwhile", "share"), [(4.0, ", 25 % of the motors' work meanwhile"), (1.1, ", 91 % of"), (0.9, "")]
 )
-def test_a_gift_is_told_as_a_share_of_the_motors_work_that_exceeds_it(meanwhile, share):
+def test_spurious_energy_is_reported_as_a_share_of_motor_work(meanwhile, share):
     trace = SimpleNamespace(attrs={"traction_form": "net"})
     said = _of_traction(trace, SpuriousEnergy(1.0, 0.0, meanwhile), 0.5)
     assert said.startswith(f"the net form's traction gave 1 J from nowhere{share}")
@@ -210,7 +210,7 @@ def test_a_gift_is_told_as_a_share_of_the_motors_work_that_exceeds_it(meanwhile,
         ((1.0, -0.02), (-1.0, 0.05), (1.0, 1.0), 0.0),
     ],
 )
-def test_what_sheared_soil_had_not_stored_is_what_it_gave_beyond_that(gave, taken, held, unstored, monkeypatch):
+def test_unstored_shear_energy_is_the_excess_over_the_store(gave, taken, held, unstored, monkeypatch):
     """Row by row beyond what it gave back, and what it gave back beyond all that it had: no more than was given."""
     store = ShearStore(np.array(taken), np.array(held))
     monkeypatch.setattr(soil_energy, "shear_store", lambda *given: store)
@@ -218,7 +218,7 @@ def test_what_sheared_soil_had_not_stored_is_what_it_gave_beyond_that(gave, take
 
 
 @pytest.mark.parametrize("v", [1e-4, 1e-3, 0.04])
-def test_the_resistance_that_a_pull_pays_fades_with_the_travel_over_the_rim(v):
+def test_resistance_paid_by_a_pull_fades_with_travel_over_rim(v):
     """One wheel at 1 rad/s under 20 N that pulls by 1 N and asks for no torque: all that it pulls with is a gift."""
     model, trace = driven("flat", slip="algebraic", duration=0.1)
     (resists,) = (each for each in model.effects if isinstance(each, MotionResistance))

@@ -41,7 +41,7 @@ class Growing:
 
 @pytest.mark.parametrize("side", [0, 1])
 @pytest.mark.parametrize(("share", "told"), [(1.02, True), (0.98, False), (-1.0, False)])
-def test_a_push_that_grows_beyond_the_driving_speed_while_it_is_watched_is_told(side, share, told):
+def test_push_growing_beyond_driving_speed_is_reported(side, share, told):
     """A 500th of the driving speed, within a twentieth of a second: rate ln(500) / .05 s."""
     rate = share * math.log(500.0) / 0.05
     said = thrown_by_a_push(Growing(rate, side))
@@ -58,7 +58,7 @@ def test_a_push_of_one_sense_alone_is_enough():
 
 
 @pytest.mark.parametrize(("fails", "told"), [(3, True), (round(0.05 / DT), False)])
-def test_a_push_after_which_a_step_fails_is_told_while_it_is_watched(fails, told):
+def test_push_followed_by_a_failed_step_is_reported(fails, told):
     assert bool(thrown_by_a_push(Growing(0.0, fails=fails))) is told
 
 

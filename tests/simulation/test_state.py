@@ -22,7 +22,7 @@ def test_angles_turn_about_z_then_y_then_x(seed):
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
-def test_a_rover_on_its_nose_has_a_pitch_though_a_sine_is_rounded_beyond_1(side):
+def test_rover_on_its_nose_has_a_pitch_despite_a_sine_beyond_1(side):
     rotation = pin.rpy.rpyToMatrix(0.0, side * math.pi / 2, 0.0)
     assert roll_pitch_yaw(configured(rotation, 1.0 + 1e-12))[1] == pytest.approx(side * math.pi / 2)
 

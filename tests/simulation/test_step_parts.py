@@ -168,7 +168,7 @@ def test_integrals_of_the_depth_over_an_arc(parts, n, h):
 
 
 @pytest.mark.parametrize("name", ["nexus6", "cart"])
-def test_energies_are_those_of_the_mass_matrix_and_the_centre_of_mass(name):
+def test_energies_are_those_of_mass_matrix_and_centre_of_mass(name):
     model = scenario("incline", rover=name, **{"terrain.angle_deg": 7.0}).model
     state = settled(model, Start())
     kernel, rng = Kernel(model, state, 0.005, symmetric=False), np.random.default_rng(3)

@@ -58,7 +58,7 @@ def test_a_slope_that_drives_or_vanishes_is_left_alone():
 
 
 @pytest.mark.parametrize("name", MOTORS)
-def test_the_shipped_motors_keep_the_midpoint_rule_at_the_default_step(name):
+def test_shipped_motors_keep_the_midpoint_rule_by_default(name):
     model = dataclasses.replace(scenario("flat").model, motor=motor_named(name))
     inertia = rim_inertia(armed(model.built, float(model.motor.armature)), model.built)
     motor = model.motor

@@ -25,7 +25,7 @@ def test_a_rover_without_joints_has_no_suspension():
 
 
 @pytest.mark.parametrize("name", ["nexus6", "cart"])
-def test_gains_go_by_mass_and_wheel_over_those_of_5_8_kg_on_45_mm(name):
+def test_gains_scale_with_mass_and_wheel_from_5_8_kg_on_45_mm(name):
     rover = load_rover(name)
     wanted = rover.mass * float(rover.wheels[0].wheel.r) / (5.8 * 0.045)
     assert joint_strength(rover) == pytest.approx(wanted, rel=1e-5)

@@ -6,7 +6,7 @@ from rover_pin.base.errors import SimulationError
 from rover_pin.simulation.timing import Timing
 
 
-def test_a_drive_asks_and_tells_twenty_times_a_second_unless_told_otherwise():
+def test_drive_controls_and_samples_at_20_hz_by_default():
     usual = Timing()
     assert (usual.dt, usual.control, usual.sample, usual.divided) == (0.005, 0.05, 0.05, 1)
 

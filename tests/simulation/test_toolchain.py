@@ -175,7 +175,7 @@ def test_a_full_disk_is_one_sentence_and_nothing_is_left(cache, tmp_path, monkey
     assert not list(cache.iterdir())
 
 
-def test_a_file_that_may_not_grow_is_one_sentence_and_nothing_is_left(cache):
+def test_unwritable_cache_file_is_one_sentence_and_is_removed(cache):
     def small():
         resource.setrlimit(resource.RLIMIT_FSIZE, (10, 10))
 
@@ -230,7 +230,7 @@ def _built(place):
     return place / "made.so"
 
 
-def test_a_compiler_that_does_not_know_the_processor_builds_for_any(cache, monkeypatch):
+def test_compiler_without_this_processor_builds_generic_code(cache, monkeypatch):
     monkeypatch.setattr(toolchain, "fast_flags", lambda command: ["-march=not-a-processor"])
     assert twice(toolchain.shared_library(SOURCE, "twice")) == 42.0
 

@@ -64,7 +64,7 @@ def test_only_0_1_and_minus_1_are_no_parameters():
     assert_like_pinocchio(model)
 
 
-def test_a_body_s_zeros_are_known_but_for_the_base_s_which_a_load_changes():
+def test_zeros_of_a_body_are_known_except_for_the_loaded_base():
     plain = pin.Inertia(1.3, np.zeros(3), np.diag([0.02, 0.03, 0.04]))
     base, joint = tree_of(tree((pin.JointModelRX(), shifted(0.3, 0.0, 0.0), plain))).joints
     assert joint.numbers[12:] == (None, 0, 0, 0, None, 0, 0, None, 0, None)
@@ -72,7 +72,7 @@ def test_a_body_s_zeros_are_known_but_for_the_base_s_which_a_load_changes():
     assert base.numbers[:12] == (1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0)
 
 
-def test_entries_of_the_inertia_are_told_once_and_are_those_that_are_not_always_zero():
+def test_inertia_entries_are_listed_once_and_cover_all_nonzero():
     model = load_rover("nexus6").model
     places = inertia_places(tree_of(model).joints)
     seen = np.zeros((model.nv, model.nv), dtype=bool)
@@ -106,7 +106,7 @@ def test_what_round_off_leaves_of_a_right_angle_is_none():
 @pytest.mark.parametrize(
     ("place", "kept"), [((500.0, 2e-13, 0.0), False), ((0.002, 2e-13, 0.0), True), ((0.002, 1e-18, 0.0), False)]
 )
-def test_a_length_is_round_off_beside_one_that_is_1e15_times_as_long(place, kept):
+def test_length_is_rounded_off_beside_one_1e15_times_as_long(place, kept):
     joint = tree_of(tree((pin.JointModelRX(), shifted(*place), UNEVEN))).joints[1]
     assert joint.numbers[PLACE] == (None, None if kept else 0, 0)
 
@@ -117,7 +117,7 @@ def rim(axle, across, off=0.0, lever=(0.1, 0.0, 0.0)):
 
 
 @pytest.mark.parametrize(("axle", "across"), [(1e-3, 4e-4), (4e-4, 1e-3), (70.0, 20.0)])
-def test_a_wheel_is_of_revolution_to_1e13_of_its_greatest_inertia(axle, across):
+def test_wheel_is_axisymmetric_to_1e_13_of_its_largest_inertia(axle, across):
     """Its centre lies on its axle, too."""
     share = SAME * max(axle, across)
     assert SAME == 1e-13
@@ -133,7 +133,7 @@ def test_a_joint_that_slides_is_none_of_the_step():
         tree_of(tree((pin.JointModelPZ(), shifted(0.1, 0.0, 0.0), UNEVEN)))
 
 
-def test_bodies_of_the_same_content_are_compiled_once_and_another_tree_is_another():
+def test_equal_bodies_are_compiled_once_and_other_trees_apart():
     """One whose last joint turns freely has the same numbers."""
     joint, end = (
         (pin.JointModelRX(), shifted(0.3, 0.0, 0.0), UNEVEN),

@@ -80,6 +80,6 @@ def test_the_resultant_keeps_to_the_strength():
     assert combined_forces(0.0, 1e3, (ENTRY, EXIT), WHEEL, SOIL).f_y == pytest.approx(-most, rel=1e-3)
 
 
-def test_the_sideways_way_of_a_braked_wheel_is_longer_by_v_over_r_omega():
+def test_side_displacement_of_a_braked_wheel_is_longer():
     assert sideways_ratio(0.4, 0.3) == 0.3
     assert sideways_ratio(-0.5, 0.3) == pytest.approx(0.6)

@@ -47,7 +47,7 @@ def test_where_the_shear_changes_once_it_is_backwards_to_the_end(zero):
 
 
 @pytest.mark.parametrize("ratio", [1.0001 / math.cos(0.9), 3.0, 1e14])
-def test_soil_that_is_sheared_backwards_from_the_start_is_cut_there(ratio):
+def test_arc_sheared_backwards_from_the_start_is_cut_there(ratio):
     assert cuts(ratio)[0] == 0.0
 
 
@@ -98,7 +98,7 @@ def test_a_cut_arc_needs_few_nodes(S, theta_1, k, n):
 
 
 @pytest.mark.parametrize(("S", "angles"), [(0.3, (0.6, 0.25, -0.1)), (1.0, (0.9, 0.2, -0.8)), (0.0, (0.4, 0.3, -0.1))])
-def test_the_certified_peak_is_the_plain_one_where_nothing_needs_a_cut(S, angles):
+def test_certified_peak_is_the_plain_one_where_no_cut_is_needed(S, angles):
     """Driving: `peak_stress_forces` takes either side of the peak by a rule and a formula of its own."""
     wheel, soil = Wheel(r=0.06, b=0.04), Soil(c=300.0, k=0.01, n=0.8)
     plain, certified = peak_stress_forces(S, angles, wheel, soil, 60), certified_peak_forces(S, angles, wheel, soil)

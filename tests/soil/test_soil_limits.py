@@ -53,7 +53,7 @@ def test_a_load_that_no_arc_carries_is_an_error_that_says_so():
 
 
 @pytest.mark.parametrize("name", SOILS)
-def test_a_wheel_sunk_nearly_to_its_axle_is_still_carried_and_no_deeper(name):
+def test_wheel_sunk_nearly_to_its_axle_is_carried_and_no_deeper(name):
     soil = SOILS[name]
     load = lambda deg: float(wheel_forces(0.2, *angles(deg), WHEEL, soil).f_n)  # noqa: E731
     angles = lambda deg: (math.radians(deg), -soil.exit_ratio * math.radians(deg))  # noqa: E731
@@ -68,7 +68,7 @@ def test_soil_that_pulls_is_an_error_and_not_a_nan():
 
 
 @pytest.mark.parametrize("torque", [saturation_torque, lambda W, wheel, soil: torque_at_slip(W, 0.3, wheel, soil)])
-def test_a_lifted_wheel_has_no_torque_and_the_way_there_is_smooth(torque):
+def test_lifted_wheel_has_no_torque_with_a_smooth_transition(torque):
     assert torque(-3.0, WHEEL, SOIL) == 0.0
     assert torque(0.0, WHEEL, SOIL) == 0.0
     W = ca.SX.sym("W")
@@ -81,7 +81,7 @@ def test_a_lifted_wheel_has_no_torque_and_the_way_there_is_smooth(torque):
     assert 0 < values[2][0] < values[3][0] < values[4][0]
 
 
-def test_the_share_of_a_wheel_that_touches_rises_with_the_cube_of_its_load():
+def test_contact_share_rises_with_the_cube_of_the_load():
     """0 in the air, 2^-1.5 at the floor, 1 - 1.5 (floor / load)^2 for a loaded wheel."""
     assert contact_share(-1.0) == 0.0
     assert contact_share(1e-3 * LOAD_FLOOR) == pytest.approx(1e-9, rel=1e-5)
@@ -107,7 +107,7 @@ def test_a_small_shear_constant_reaches_saturation():
     assert torque_at_slip(9.483, 1.0, WHEEL, soil) == pytest.approx(saturation_torque(9.483, WHEEL, soil), rel=2e-3)
 
 
-def test_expressions_equal_floats_and_their_slopes_central_differences():
+def test_expressions_equal_floats_and_slopes_equal_differences():
     x = [ca.SX.sym(name) for name in ("W", "S", "k", "phi", "k_1")]
     soil = SOIL.replace(k=x[2], phi=x[3], k_1=x[4])
     whole = ca.vertcat(entry_angle(x[0], x[1], WHEEL, soil), torque_at_slip(x[0], x[1], WHEEL, soil))

@@ -17,7 +17,7 @@ from rover_pin.soil.traction import load_traction_factor
 ROOT_3 = math.sqrt(3.0)
 
 
-def test_soil_without_friction_bears_two_cohesions_and_its_weight():
+def test_frictionless_soil_bears_two_cohesions_and_its_weight():
     """phi = 0: X = 45 deg, so D_1 = 2, D_2 = 1."""
     assert passive(0.0).per_width(0.3, 700.0, 16e3) == pytest.approx(2 * 700.0 * 0.3 + 16e3 * 0.3**2)
 
@@ -39,7 +39,7 @@ def test_the_part_of_cohesion_is_rankines(phi_deg):
 
 @pytest.mark.parametrize("n", [0.4, 0.8, 1.0, 1.6, 2.5])
 @pytest.mark.parametrize("ratio", [0.0, 0.15, 0.3])
-def test_the_guess_of_the_entry_angle_is_a_few_percent_off_for_a_shallow_wheel_without_friction(n, ratio):
+def test_entry_angle_guess_is_within_4_percent_if_shallow(n, ratio):
     """W by adaptive quadrature of Eqs (4) and (6), sigma alone."""
     wheel, theta_1 = Wheel(r=0.07, b=0.04), 0.1
     soil = Soil(k_1=4e4, k_2=3e5, n=n, exit_ratio=ratio)
@@ -49,11 +49,11 @@ def test_the_guess_of_the_entry_angle_is_a_few_percent_off_for_a_shallow_wheel_w
     assert guess == pytest.approx(theta_1, rel=0.04)
 
 
-def test_the_guess_goes_to_ninety_degrees_under_any_load_and_no_further():
+def test_entry_angle_guess_is_at_most_ninety_degrees():
     assert math.exp(power_law_guess(math.log(1e9), Wheel(), Soil())) == pytest.approx(math.pi / 2, rel=1e-15)
 
 
-def test_curves_are_of_every_k_over_all_driving_slips_and_of_the_exponent_asked_for():
+def test_curves_cover_every_k_all_slips_and_a_given_exponent():
     soil = Soil(n=1.2)
     found = traction_curves(soil, [0.004, 0.03])
     assert (found.S[0], found.S[-1], len(found.S)) == (0.0, 1.0, 101)

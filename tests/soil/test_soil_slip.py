@@ -45,7 +45,7 @@ def test_floats_equal_symbols_and_are_floats(S):
     assert isinstance(speed_ratio(S), float)
 
 
-def test_slip_and_speed_ratio_have_one_slope_where_driving_meets_braking():
+def test_slip_and_speed_ratio_share_one_slope_at_zero():
     x = ca.SX.sym("x")
     slope = ca.Function("f", [x], [ca.jacobian(speed_ratio(x), x), ca.jacobian(slip_ratio(1.0, 1 + x), x)])
     assert [float(part) for part in slope(0.0)] == [-1.0, -1.0]

@@ -31,7 +31,7 @@ def test_stresses_equal_the_oracle(theta_1, share, S):
     )
 
 
-def test_the_shear_is_bounded_where_the_printed_exponential_is_not():
+def test_shear_is_bounded_where_the_printed_exponential_is_not():
     printed = 1 - math.exp(30.0)
     assert printed < -1e12
     assert mobilised(-30.0) == pytest.approx(-1.0)
@@ -51,7 +51,7 @@ def test_sinkage_angles_invert_eq_5(theta_1):
     assert found == pytest.approx((theta_1, -soil.exit_ratio * theta_1), rel=1e-9)
 
 
-def test_sinkage_angles_stay_finite_out_of_the_soil_and_beyond_the_axle():
+def test_sinkage_angles_are_finite_above_soil_and_past_the_axle():
     assert 0 < SinkageAngles().angles(-0.01, WHEEL, Soil())[0] < 1e-5
     assert SinkageAngles().angles(1.0, WHEEL, Soil())[0] == pytest.approx(math.pi / 2)
     h = ca.SX.sym("h")
@@ -59,7 +59,7 @@ def test_sinkage_angles_stay_finite_out_of_the_soil_and_beyond_the_axle():
     assert all(math.isfinite(float(slope(value))) for value in (-0.01, 0.0, 0.01, 0.2))
 
 
-def test_the_peak_of_the_stress_moves_forwards_with_slip_in_share_of_the_entry_angle():
+def test_stress_peak_moves_forwards_with_slip_per_entry_angle():
     """theta_m = (a_0 + a_1 S) theta_1, Wong and Reece: 0.40 theta_1 at rest and 0.55 theta_1 at S = 1 by default."""
     assert PeakAngle().at(0.0, 0.7) == pytest.approx(0.4 * 0.7)
     assert PeakAngle().at(1.0, 0.7) == pytest.approx(0.55 * 0.7)

@@ -79,7 +79,7 @@ def test_certified_forces_equal_a_30_digit_integral_to_1e_10(corner):
 
 
 @pytest.mark.slow
-def test_certified_forces_equal_a_30_digit_integral_over_the_whole_box():
+def test_certified_forces_equal_a_30_digit_integral_over_the_box():
     rng = np.random.default_rng(7)
     for _ in range(120):
         at_corner = rng.random(7) < 0.3
@@ -126,7 +126,7 @@ def test_the_fast_rule_brakes_as_its_docstring_says(k, stated):
     assert 0.7 * stated < worst < 1.1 * stated
 
 
-def test_the_fast_rule_over_the_whole_box_is_as_its_docstring_says():
+def test_fast_rule_over_the_whole_box_errs_as_its_docstring_says():
     rng, count = np.random.default_rng(1), 3000
 
     def drawn(low, high, ends=True):
@@ -199,7 +199,7 @@ def test_compaction_is_the_exact_identity(n, theta_1, ratio):
     assert found.compaction == pytest.approx(scale * numeric, rel=1e-9, abs=1e-9 * found.f_n)
 
 
-def test_a_small_shear_constant_is_full_shear_and_a_large_one_goes_as_1_k():
+def test_small_k_gives_full_shear_and_large_k_goes_as_one_over_k():
     sheared = forces(0.6, -0.1, full_shear, WHEEL, SOIL, entry_graded(48))
     assert certified_forces(1.0, 0.6, -0.1, WHEEL, SOIL.replace(k=1e-5)).torque == pytest.approx(
         sheared.torque, rel=1e-3
@@ -286,7 +286,7 @@ def test_derivatives_are_finite(point):
     assert np.isfinite(np.array(symbolic(wheel_forces)(point)[1])).all()
 
 
-def test_the_expression_stays_small_enough_to_compile_into_the_simulator():
+def test_expression_is_small_enough_to_compile():
     x = [ca.SX.sym(f"x_{i}") for i in range(11)]
     soil = Soil(c=x[5], phi=x[6], k=x[7], k_1=x[8], k_2=x[9], n=x[10])
     f = ca.Function("f", x, list(wheel_forces(*x[:3], Wheel(x[3], x[4]), soil)))
@@ -312,12 +312,12 @@ def certified_peak_error(S, theta_1, ratio, share, n, k, c):
 
 
 @pytest.mark.parametrize("point", [(1.0, 0.6, 0.15, 0.6, 0.7, 0.001, 1000.0), (-0.18, 1.2, 0.72, 0.3, 1.3, 0.02, 0.0)])
-def test_certified_peak_forces_equal_a_30_digit_integral_to_1e_10(point):
+def test_certified_peak_equals_a_30_digit_integral_to_1e_10(point):
     assert certified_peak_error(*point) < 1e-10
 
 
 @pytest.mark.slow
-def test_certified_peak_forces_equal_a_30_digit_integral_over_the_whole_box():
+def test_certified_peak_equals_a_30_digit_integral_over_the_box():
     rng = np.random.default_rng(3)
     for _ in range(25):
         S = rng.choice([-1.0, -0.99, 0.0, 1.0, rng.uniform(-1, 1), rng.uniform(-1, 0)])
@@ -339,7 +339,7 @@ def test_certified_peak_forces_have_derivatives():
         )
 
 
-def test_peak_stress_is_the_paper_s_where_the_arc_is_symmetric_about_the_axle():
+def test_peak_stress_is_the_papers_for_a_symmetric_arc():
     plain = certified_forces(0.3, 0.5, -0.5, WHEEL, SOIL)
     peaked = peak_stress_forces(0.3, (0.5, 0.0, -0.5), WHEEL, SOIL, nodes=40)
     assert list(peaked) == pytest.approx(list(plain), rel=1e-9, abs=1e-9 * plain.f_n)
@@ -381,7 +381,7 @@ def test_no_form_pulls_more_than_its_torque_pays_for(S, torque, expected):
     assert pull_of_shear(torque, wheel, S) == pytest.approx(2.0 * expected["torque"])
 
 
-def test_the_factor_uses_the_net_form_and_the_soil_s_angles_unless_told():
+def test_factor_uses_the_net_form_and_soil_angles_by_default():
     found = wheel_forces(0.3, SOIL.theta_1, SOIL.theta_2, WHEEL, SOIL)
     assert load_traction_factor(0.3, SOIL, WHEEL) == found.f_t / found.f_n
     assert load_traction_factor(0.3, SOIL, WHEEL, NetTraction(), SinkageAngles()) == pytest.approx(

@@ -66,7 +66,7 @@ def test_the_speed_that_scales_the_rate_is_as_told(folder, said):
 
 
 @pytest.mark.slow
-def test_with_that_speed_held_the_lugged_pull_is_as_told_and_softening_is_no_better_a_set(monkeypatch):
+def test_page_states_the_lugged_pull_and_softening_at_held_speed(monkeypatch):
     pull, same, count = re.findall(r"leaves a pull of ([\d.]+) N, chosen in (\d) of (\d) folds", PAGE)[0]
     left = re.findall(r"reduced chi-square of ([\d.]+), the exponent ([\d.]+)\.", PAGE)[0]
     free = close_the_loop(DATA / "cmu-grousered-wheel")

@@ -40,7 +40,7 @@ def test_a_crab_points_all_steered_wheels_one_way(study):
     assert steered == pytest.approx([np.radians(20.0)] * 4, abs=0.02)
 
 
-def test_across_a_slope_the_drift_that_is_drawn_is_downhill_to_the_left(study):
+def test_drawn_drift_across_a_slope_is_downhill_to_the_left(study):
     trace = study.driven("across", (), 4.0)
     along, drift = study.seen("across", trace)
     assert 0.1 < along[-1] < 0.3

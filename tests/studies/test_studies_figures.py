@@ -15,7 +15,7 @@ def study(name):
     return module
 
 
-def test_gains_lie_in_the_cell_of_the_grid_point_that_is_nearest_in_ratio():
+def test_gains_lie_in_the_cell_of_the_nearest_point_by_ratio():
     centres = np.geomspace(0.01, 10.0, 12)
     edges = study("tune_gains").log_edges(centres)
     for gain in np.geomspace(0.009, 11.0, 97):

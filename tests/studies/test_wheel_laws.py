@@ -53,7 +53,7 @@ def test_the_page_has_the_table_that_the_study_wrote():
         assert one_soil == shown(rows, f"one sand: {name}", "+ smooth rims + rate")
 
 
-def test_the_page_says_on_which_sets_the_laws_are_ahead_of_both_curves(study):
+def test_page_states_the_sets_on_which_laws_beat_both_curves(study):
     """Over all channels in their noise; the numbers are the kept table's, "law (quadratic, Gaussian process)"."""
     rows = pd.read_csv(ROOT / "studies" / "results" / "wheel_laws.csv")
     assert study.ahead(rows) == ["smooth", "lugged", "braked", "both signs", "lugged from smooth"]

@@ -90,7 +90,7 @@ def test_a_cluster_gives_the_table_of_one_core(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_scheduler_that_goes_away_is_told_and_the_sweep_resumes(tmp_path):
+def test_lost_scheduler_is_reported_and_the_sweep_resumes(tmp_path):
     whole = sweep(STUDY, tmp_path / "whole", workers=1, case_function=stub()).table
 
     with cluster(tmp_path) as (address, process):
@@ -150,7 +150,7 @@ def test_a_scheduler_without_workers_is_told(tmp_path, monkeypatch):
     [f"tcp://127.0.0.1:{free_port()}", "127.0.0.1", "nonsense://x", "tcp://127.0.0.1:no"],
     ids=["nobody listens", "no port", "no such protocol", "port is no number"],
 )
-def test_a_scheduler_that_does_not_answer_is_told_before_dask_starts(tmp_path, monkeypatch, address):
+def test_unresponsive_scheduler_is_reported_before_dask_starts(tmp_path, monkeypatch, address):
     distributed = pytest.importorskip("distributed")
     monkeypatch.setattr(distributed, "Client", lambda *_, **__: pytest.fail("Dask was started"))
     with pytest.raises(ParameterError, match=r"No Dask scheduler answers at .* start one with `dask scheduler`"):

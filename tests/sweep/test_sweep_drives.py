@@ -32,7 +32,7 @@ def test_a_drive_that_cannot_be_is_a_row_with_its_reason(tmp_path):
     assert table["stop"][1] == "duration"
 
 
-def test_a_drive_with_a_warning_is_no_failure_and_the_study_is_drawn(tmp_path):
+def test_drive_with_a_warning_is_no_failure_and_is_drawn(tmp_path):
     """Parked across a slope the net form's compaction pushes from nowhere: a sentence, no reason to lose a row."""
     parked = {"form": "net", "terrain.angle_deg": 5.0, "start.yaw_deg": 90.0}
     changed = {"scenario": "park", "parameters": {"soil.k": Values([0.001, 0.002])}, "duration": 3.0}

@@ -33,7 +33,7 @@ def test_grid_moves_paired_parameters_together():
 
 @settings(deadline=None)  # the first draw imports scipy.stats
 @given(cases=st.integers(1, 40), seed=st.integers(0, 2**32))
-def test_latin_hypercube_meets_every_part_of_every_parameter_once(cases, seed):
+def test_latin_hypercube_samples_each_stratum_once(cases, seed):
     points = LatinHypercube(cases).choose([ANGLE, SHEAR], seed)
     parts = sorted(int((point["terrain.wall_angle"] - 10.0) / 50.0 * cases) for point in points)
     decades = sorted(int(math.log10(point["soil.k"] / 1e-3) / 2.0 * cases) for point in points)

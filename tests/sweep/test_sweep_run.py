@@ -224,7 +224,7 @@ def test_workers_compute_with_one_thread(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_worker_that_dies_is_told_and_the_finished_cases_are_kept(tmp_path):
+def test_dead_worker_is_reported_and_finished_cases_are_kept(tmp_path):
     def deadly(study, case):
         if case.index == 9:
             time.sleep(1.0)

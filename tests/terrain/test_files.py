@@ -118,7 +118,7 @@ def test_coordinates_reach_a_kilometre(write):
 
 
 @pytest.mark.parametrize(("off", "refused"), [(0.95e-3, False), (1.05e-3, True), (-0.95e-3, False), (-1.05e-3, True)])
-def test_a_grid_line_may_be_a_thousandth_of_the_spacing_off_its_place(write, off, refused):
+def test_grid_line_may_be_off_by_a_thousandth_of_the_spacing(write, off, refused):
     """The spacing is 2 m; places that differ by round-off are one."""
     x = (1.0, 3.0 + 2.0 * off, 5.0, 7.0)
     rows = "".join(f"{at!r},{y!r},0\n" for at in x for y in (0.5, 0.8))

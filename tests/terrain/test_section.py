@@ -71,7 +71,7 @@ def test_flat_ground_is_one_whole_patch():
 
 
 @pytest.mark.parametrize("sunk", [0.97, 0.99, 1.5, 2.5])
-def test_a_wheel_in_level_ground_is_reckoned_sunk_by_0_98_of_its_radius_at_most(sunk):
+def test_wheel_in_level_ground_sinks_by_at_most_0_98_radius(sunk):
     (patch,) = patches(flat(), upright(0.0, (1.0 - sunk) * R), R, B, [0.8])
     assert (patch.share, patch.tilt, patch.turn) == (1.0, 0.0, 1.0)
     assert patch.h == pytest.approx(min(sunk, 0.98) * R)
@@ -205,7 +205,7 @@ def test_two_soils_of_one_plane_are_two_facets(soils):
 @pytest.mark.parametrize("kind", ["lane", "grid"])
 @pytest.mark.parametrize("yaw", [0.0, 0.6, -2.1, 2.6])
 @pytest.mark.parametrize("lean", [0.0, 0.4, -0.3])
-def test_a_cut_s_corners_lie_on_the_ground_and_its_facets_along_it(yaw, lean, kind):
+def test_cut_corners_lie_on_the_ground_and_its_facets_along_it(yaw, lean, kind):
     """In the plane of a wheel that leans, at any heading; a grid's on waves, in three corrections."""
     if kind == "lane":
         terrain = Lanes((Profile([-1.0, -0.01, 0.02, 1.0], [0.3, 0.0, 0.005, 0.5]),))
@@ -232,7 +232,7 @@ def test_two_slopes_of_a_grid_are_two_facets():
 
 @pytest.mark.parametrize("yaw", [0.0, 0.4, 1.1, math.pi / 2, 2.5])
 @pytest.mark.parametrize("at", [-0.6, -0.45, -0.2, 0.1, 0.48, 0.6])
-def test_a_lane_carries_by_six_s_times_one_minus_s_over_the_width_along_y(yaw, at):
+def test_lane_share_is_the_integral_of_6s_1_minus_s(yaw, at):
     """The width is that of the rim, b |cos yaw|, and of about a contact's length, r |sin yaw|."""
     width = B * abs(math.cos(yaw)) + R * abs(math.sin(yaw))
     terrain, frame = Lanes((LEVEL, LEVEL), (0.02,)), upright(0.0, R, yaw, 0.02 + at * width)
@@ -263,7 +263,7 @@ def test_two_lanes_alike_are_one(yaw):
 
 
 @pytest.mark.parametrize("yaw", [0.0, 0.7, math.pi / 2])
-def test_over_an_edge_each_lane_carries_by_its_share_of_the_width(yaw):
+def test_lanes_carry_by_their_share_of_the_width_over_an_edge(yaw):
     """With an edge under a wheel's middle half of it is 18 mm deep, half 8 mm; moved by 1 nm nothing jumps."""
     terrain = Lanes((LEVEL, RAISED), (0.0,))
     found, sinkage = patches_and_sinkage(terrain, upright(0.0, R - 0.008, yaw), R, B, [1.0])

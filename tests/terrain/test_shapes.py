@@ -147,7 +147,7 @@ def test_all_is_sand_but_rocks_unless_it_is_said():
         (shapes.washboard, -0.5, 4.5),
     ],
 )
-def test_a_metre_is_described_before_and_behind_a_shape_of_its_usual_size(make, low, high):
+def test_ground_extends_one_metre_around_a_default_shape(make, low, high):
     """20 deg at 10 deg/m; a bump of 0.3 m; a ditch of 0.2 m; a wall of 89 deg; 2 m of rocks; 10 waves of 0.3 m."""
     terrain = make()
     assert terrain.extent[:2] == pytest.approx((low, high), abs=1e-12)
@@ -190,7 +190,7 @@ def test_obstacles_are_as_high_as_they_usually_are():
     assert shapes.ditch().slope_at(0.51, 0.0) == pytest.approx(-30 * DEG)
 
 
-def test_a_slope_that_grows_has_a_piece_each_half_degree_and_two_at_least():
+def test_growing_slope_has_pieces_of_half_a_degree_at_least_two():
     for steepest, pieces in ((0.2, 2), (1.1, 3), (20.0, 40)):
         assert shapes.growing_slope(steepest=steepest * DEG).profiles[0].x.size == pieces + 3
 

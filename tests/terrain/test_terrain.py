@@ -50,7 +50,7 @@ def test_what_is_straight_is_told_by_the_greatest_coordinate(reach, slope):
     assert Profile(x, slope * x).straightened().x.tolist() == [x[0], x[-1]]
 
 
-def test_what_is_straight_is_told_by_the_greatest_x_where_it_is_rounded_most():
+def test_straightness_tolerance_follows_the_greatest_x():
     """A kilometre's millionth part: places along a slope are rounded to 1e-10 m, its heights are not."""
     a = np.sort(np.append([0.0, 1.0], np.random.default_rng(1).random(20)))
     found = Profile(np.append(0.0, 1e6 + a), np.append(0.0, 0.1 * a)).straightened()
@@ -58,7 +58,7 @@ def test_what_is_straight_is_told_by_the_greatest_x_where_it_is_rounded_most():
 
 
 @pytest.mark.parametrize(("off", "size"), [(1.7e-15, 2), (1.85e-15, 3)])
-def test_within_a_metre_a_point_is_off_a_line_by_eight_last_digits(off, size):
+def test_point_is_off_a_line_by_eight_last_digits_within_a_metre(off, size):
     assert Profile([0.0, 0.5, 1.0], [0.0, off, 0.0]).straightened().x.size == size
 
 

@@ -38,7 +38,7 @@ def test_axle_loads_at_rest_are_those_of_the_wheels():
     assert axle_loads(rover, 9.81).at_rest == pytest.approx(wheel_loads(rover, 0.0).reshape(3, 2).sum(axis=1))
 
 
-def test_a_push_moves_load_backwards_by_the_height_of_the_centre_of_mass():
+def test_push_moves_load_backwards_by_the_centre_of_mass_height():
     """No load appears or vanishes, and the moment about the ground is the inertia's: sum x_i dW_i = -h per newton."""
     rover = load_rover()
     loads, q = axle_loads(rover, 9.81), pin.neutral(rover.model)
@@ -90,7 +90,7 @@ def test_reduced_drive_is_near_the_full_one(name, settings, slip, speed):
 
 @pytest.mark.parametrize("rover", ["nexus6", "cart"])
 @pytest.mark.parametrize("degrees", [-6, 0, 8])
-def test_on_a_slope_each_axle_carries_what_it_does_in_the_full_drive(rover, degrees):
+def test_each_axle_carries_its_full_drive_load_on_a_slope(rover, degrees):
     """Uphill the load moves to the rear: at 8 deg the rear wheels stood 1.1 mm too high, the front ones 0.7 too low."""
     slope = {"terrain.angle_deg": degrees, "terrain.start": -2.0, "duration": 8.0}
     scene = scenario("incline", rover=rover, **({"soil.k": 0.02} if rover == "nexus6" else {}), **slope)
@@ -147,7 +147,7 @@ def test_at_rest_the_wheels_stand_as_deep_as_their_loads_ask(d):
     assert still["sinkage"][-1] == pytest.approx(np.array(expected, dtype=float), rel=0.02)
 
 
-def test_the_gradient_of_a_digging_drive_equals_finite_differences():
+def test_gradient_of_a_digging_drive_equals_finite_differences():
     """Of the mean sinkage and the end, through the wheels' own sinkage and the depth of their holes."""
     scene = scenario(
         "incline", soil="table-1", **{"terrain.angle_deg": 6, "terrain.start": 0.0, "add": DiggingMemory(c_d=0.1)}
@@ -191,7 +191,7 @@ def test_a_stuck_drive_stays_finite():
     assert abs(out[0]) < 1.0
 
 
-def test_an_integrator_that_gives_up_is_reported_in_the_error_only(monkeypatch, capsys):
+def test_failed_integration_is_reported_in_the_error_only(monkeypatch, capsys):
     monkeypatch.setattr("rover_pin.tuning.reduced.TOLERANCES", {"max_num_steps": 3})
     scene = scenario("flat", soil="table-1")
     with pytest.raises(OptimisationError, match="reduced model cannot be driven with Gains"):
@@ -199,7 +199,7 @@ def test_an_integrator_that_gives_up_is_reported_in_the_error_only(monkeypatch, 
     assert capsys.readouterr() == ("", "")
 
 
-def test_a_path_is_the_mean_of_both_tracks_and_a_straight_line_between_its_knots():
+def test_path_is_the_mean_of_both_tracks_linear_between_knots():
     """Across a slope the left track is as much higher as the right one is lower: the middle stays at 0, plus r."""
     path = wheel_path(shapes.cross_slope(math.radians(10.0)), 0.05, 0.16, 0.5, 2.0)
     assert float(path.height_at(1.5)) == pytest.approx(0.05, abs=2e-3)

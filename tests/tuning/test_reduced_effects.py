@@ -83,7 +83,7 @@ def test_effects_on_joints_and_sideways_are_named_as_left_out(slope):
         assert omitted_effects(slope.having(effect)) == ()
 
 
-def test_a_tether_pulls_back_by_what_is_pulled_out_and_a_rise_by_its_sine(slope):
+def test_tether_pulls_by_its_length_and_a_rise_by_its_sine(slope):
     at = Along(2.0, 0.05, 0.0, 0.0)
     tether = TetherDrag(f_0=1.0, f_1=0.5, x_0=1.0, v_0=1e-5)
     assert float(pull_along(slope.having(tether), at)) == pytest.approx(-1.5, rel=1e-3)
@@ -92,7 +92,7 @@ def test_a_tether_pulls_back_by_what_is_pulled_out_and_a_rise_by_its_sine(slope)
     assert float(pull_along(leaning, at)) == pytest.approx(-weight * float(ca.sin(0.1)), rel=1e-6)
 
 
-def test_gravity_that_leans_along_the_path_moves_no_load_by_itself(slope):
+def test_gravity_tilted_along_the_path_moves_no_load_by_itself(slope):
     """Its share along the path accelerates the rover and is taken up by inertia at the same point."""
     level, leaning = (axle_loads(model.built, 9.81).at_rest for model in (slope, slope.having(GravityTilt(rise_x=0.2))))
     assert leaning == pytest.approx(level * float(ca.cos(0.2)), rel=1e-6)

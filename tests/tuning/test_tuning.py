@@ -33,7 +33,7 @@ def tuned(tmp_path_factory):
     return tune_gains(STUDY, folder, lambda *told: stages.append(told), workers=1), folder, stages
 
 
-def test_the_full_rover_decides_and_before_is_among_the_candidates(tuned):
+def test_full_rover_decides_and_the_old_gains_are_a_candidate(tuned):
     result = tuned[0]
     assert result.candidates[0].stage == "before"
     assert result.gains == min(result.candidates, key=lambda each: each.cost).gains
@@ -66,7 +66,7 @@ def test_progress_is_told_by_stage(tuned):
     assert all(done <= total for _, done, total in stages)
 
 
-def test_the_report_holds_both_estimates_before_and_after_and_the_check(tuned):
+def test_report_holds_both_estimates_before_after_and_the_check(tuned):
     summary = tuned[0].summary()
     for where in ("training", "held out"):
         for control in ("constant duty", "torque check", "before, true", "tuned, true", "before, eq9", "tuned, eq9"):
@@ -106,7 +106,7 @@ def test_the_check_of_the_reduced_model_is_told_in_millimetres(tuned):
     assert made["reduced model on flat"] == {"slip RMSE": 0.01, "speed RMSE [mm/s]": 2.0, "end x [mm]": -3.0}
 
 
-def test_all_stuck_is_one_sentence_with_the_score_of_constant_duty():
+def test_all_stuck_is_one_sentence_with_the_constant_duty_score():
     steep = DriveCase(
         "steep",
         "incline",
@@ -120,7 +120,7 @@ def test_all_stuck_is_one_sentence_with_the_score_of_constant_duty():
     assert caught.value.status[0].stuck == 1.0
 
 
-def test_an_unknown_scenario_and_settings_of_the_control_are_refused_at_once():
+def test_unknown_scenario_and_control_settings_are_refused():
     with pytest.raises(ParameterError, match="odd: There is no scenario 'dich'"):
         tune_gains(dataclasses.replace(STUDY, training=(DriveCase("odd", "dich"),)))
     with pytest.raises(ParameterError, match=r"'control.k_p' is the tuning's own"):
@@ -151,7 +151,7 @@ def test_points_that_are_near_each_other_count_once():
     assert [float(each.place[0]) for each in spread(points, 3)] == [0.0, 0.3, 0.9]
 
 
-def test_an_integrator_that_gives_up_costs_the_penalty_and_prints_nothing(monkeypatch, capsys):
+def test_failed_integration_costs_the_penalty_and_prints_nothing(monkeypatch, capsys):
     from rover_pin.tuning import drives, reduced
 
     monkeypatch.setattr(reduced, "TOLERANCES", {"max_num_steps": 2})
@@ -162,7 +162,7 @@ def test_an_integrator_that_gives_up_costs_the_penalty_and_prints_nothing(monkey
     assert capsys.readouterr() == ("", "")
 
 
-def test_a_drive_that_ends_early_is_stuck_and_one_without_rows_is_the_worst():
+def test_early_end_is_stuck_and_a_drive_without_rows_is_worst():
     scene = built(FLAT)
     trace = scene.drive()
     assert score_trace(trace, scene.model, 4.0).stuck == 0.0
@@ -221,7 +221,7 @@ LOOSE = (("soil", "table-1"), ("effect.MotionResistance.R", 0.028), ("soil.k", 0
 BEFORE_A_WALL = DriveCase("ditch", "ditch", (("duration", 14.0), *LOOSE, ("terrain.wall_angle_deg", 40.0)))
 
 
-def test_what_digs_in_is_buried_by_both_models_and_costs_its_depth():
+def test_digging_drive_is_buried_in_both_models_at_a_cost():
     """Constant duty buries a wheel within 30 s; the law that holds S at 0.3 does not. Score by score, both models."""
     bare, held = Control("true", values(Gains(k_p=0.0, k_i=0.0))), Control("true", values(Gains(S_d=0.3)))
     for control, buried in ((bare, 1.0), (held, 0.0)):
@@ -265,7 +265,7 @@ def test_the_reduced_model_is_checked_where_the_rover_moves():
     assert refusal([ditch, ditch]).endswith("on ditch and 1 more")
 
 
-def test_where_the_reduced_model_is_wrong_the_full_rover_is_searched_and_nothing_is_polished():
+def test_full_rover_is_searched_if_the_reduced_model_is_wrong():
     study = dataclasses.replace(
         STUDY,
         training=(INCLINE, BEFORE_A_WALL),

@@ -46,7 +46,7 @@ def on(path, study=STUDY):
     [SupplySag(R_b=15.0), MultiPass(stiffening=1.0, shear_stiffening=2.0), SlipSinkage(n_1=1.5)],
     ids=lambda effect: type(effect).__name__,
 )
-def test_an_effect_of_the_file_changes_the_full_and_the_reduced_score(tmp_path, effect):
+def test_effect_of_the_file_changes_the_full_and_reduced_score(tmp_path, effect):
     plain, lacking = on(written(tmp_path / "plain.toml")), on(written(tmp_path / "lacking.toml", effect))
     for score in (full_score, reduced_score):
         before, after = (score(case, CONTROL)[0] for case in (plain, lacking))
@@ -75,7 +75,7 @@ def test_every_drive_has_the_model_training_and_held_out(tmp_path):
         assert built(case).model.effect(SupplySag).R_b == 3.0
 
 
-def test_the_loss_past_the_peak_is_the_drives_its_width_the_models(tmp_path):
+def test_post_peak_loss_is_the_drives_and_its_width_the_models(tmp_path):
     path = written(tmp_path / "model.toml", PostPeak(fraction=0.1, S_w=0.7))
     case = dataclasses.replace(on(path), post_peak=0.25)
     assert built(case).model.effect(PostPeak) == PostPeak(fraction=0.25, S_w=0.7)
@@ -114,7 +114,7 @@ def test_a_drive_with_a_model_of_its_own_is_refused(tmp_path):
         ("kind = 'drive-model'\n[[effect]]\nname = 'A'\nfile = 'gone.py'", r"gone.py cannot be read: No such file"),
     ],
 )
-def test_a_bad_model_file_is_one_sentence_before_anything_is_driven(tmp_path, text, message):
+def test_bad_model_file_is_one_sentence_before_any_drive(tmp_path, text, message):
     path = tmp_path / "model.toml"
     if text is not None:
         path.write_text(text)

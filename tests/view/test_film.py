@@ -151,7 +151,7 @@ def test_a_mesh_is_read_from_the_rovers_folder_and_nowhere_else(tmp_path, caplog
     assert "the mesh ../outside.stl is not in the rover's folder or package" in caplog.text
 
 
-def test_the_legend_of_slip_stays_where_it_is_while_the_cursor_passes(driven):
+def test_slip_legend_stays_in_place_while_the_cursor_passes(driven):
     axes = Figure().add_subplot()
     draw, legend = _slip(axes, film_of(driven), None), axes.get_legend()
     places = []
@@ -200,7 +200,7 @@ def test_a_drive_that_turns_is_seen_from_above(turn, across, side, above):
     assert [axes.get_ylabel() for axes in _figure(film, None)[0].axes] == ["z [m]"] * side + ["y [m]"] * above
 
 
-def test_the_colours_of_the_wheels_are_explained_beside_their_slip(driven):
+def test_wheel_colours_are_explained_beside_their_slip(driven):
     axes = Figure().add_subplot()
     _slip(axes, film_of(driven), None)
     (strip,) = axes.child_axes

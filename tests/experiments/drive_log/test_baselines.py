@@ -28,7 +28,7 @@ def farther(run, times):
     return run | {"body_x": times * run["body_x"]}
 
 
-def test_a_rover_that_slips_alike_in_every_run_is_met_and_one_that_does_not_is_missed_by_the_difference():
+def test_uniform_slip_is_met_and_differing_slip_is_missed():
     one, other = (drive_channels.drive(seed, noise=0.0, hill=0.0) for seed in (0, 1))
     alike = errors(one, other)
     seen = logged(one)

@@ -86,7 +86,7 @@ def test_a_body_that_cannot_be_is_turned_down_not_crashed_on(model, driven):
     assert far > 10 * near
 
 
-def test_models_that_differ_in_their_sensors_only_are_replayed_once(model, driven, monkeypatch):
+def test_models_that_differ_only_in_sensors_are_replayed_once(model, driven, monkeypatch):
     experiment, replayed = experiment_of([logged_run(as_logged(driven), model.rover)], model), []
     monkeypatch.setattr(experiments, "replay", lambda one, *rest: replayed.append(one) or replay(one, *rest))
     biased, weak = model.having(SensorBias(channel="body_pitch", bias=0.01)), model.having(SupplySag())
@@ -155,7 +155,7 @@ def test_blocks_are_means_and_leave_out_what_does_not_fill_one():
     assert blocks(np.arange(25.0), 0.05) == pytest.approx([4.5, 14.5])
 
 
-def test_the_leaky_way_of_a_steady_speed_ends_at_speed_times_leak():
+def test_leaky_path_of_a_steady_speed_tends_to_speed_times_leak():
     period = 0.05
     assert leaky(np.full(2000, 0.05 * period), period)[-1] == pytest.approx(0.05 * LEAK, rel=0.02)
 

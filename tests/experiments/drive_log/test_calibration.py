@@ -71,7 +71,7 @@ def scored_at(start):
     return score(start, signatures(start, [EXIT]))
 
 
-def test_an_effect_that_the_base_absorbed_is_found_from_the_declared_numbers():
+def test_absorbed_effect_is_found_from_the_declared_numbers():
     base = stuck(TRUE)
     assert base.u[0] < -4.0
     assert is_bent(base)
@@ -92,7 +92,7 @@ def test_numbers_within_what_is_declared_are_not_bent():
     assert not is_bent(base)
 
 
-def test_the_start_has_what_has_a_prior_as_declared_and_keeps_the_sizes_of_effects():
+def test_restart_resets_numbers_with_priors_and_keeps_sizes():
     base = stuck(TRUE)
     model: Model = EXIT.on(base.model)
     parameters = (*base.parameters, *EXIT.parameters)

@@ -54,7 +54,7 @@ def test_a_bent_ground_is_no_candidate():
     assert "BentGround" in kinds - tried("nexus6").keys()
 
 
-def test_what_acts_in_a_differential_or_in_pivots_is_tried_only_where_they_are(tmp_path):
+def test_differential_and_pivot_effects_need_these_parts(tmp_path):
     (tmp_path / "mine.py").write_text(OWN)
     parts = {"DifferentialCompliance", "PivotFriction", "SpringDamper", "MyGears"}
     nexus6, cart = tried("nexus6", tmp_path / "mine.py"), tried("cart", tmp_path / "mine.py")
@@ -75,7 +75,7 @@ def test_the_model_says_why_an_effect_cannot_act():
             cart.having(effect)
 
 
-def test_forces_torques_and_masses_are_tried_in_proportion_to_the_rover():
+def test_forces_torques_and_masses_are_tried_in_rover_proportion():
     """A cable of 0.2 N/m behind a rover of 60 kg moved no row by 0.3 SD in all: it was never looked at."""
     cart, nexus = load_rover("cart"), load_rover("nexus6")
     weight, length = cart.mass / nexus.mass, 110.0 / 45.0

@@ -136,7 +136,7 @@ def over_waves(wavelength, folder):
     return run, dataclasses.replace(log_of(run, terrain={"polyline": "ground.csv"}), folder=folder)
 
 
-def test_without_height_the_declared_terrain_tells_the_pitchs_sign(tmp_path):
+def test_declared_terrain_gives_the_pitch_sign_without_height(tmp_path):
     run, log = over_waves(3.0 * LENGTH, tmp_path)
     del run["body_z"]
     assert faults(dataclasses.replace(log, runs=log_of(run).runs)) == ()
@@ -145,7 +145,7 @@ def test_without_height_the_declared_terrain_tells_the_pitchs_sign(tmp_path):
     assert "body_pitch rises where the rover climbs" in str(found[0])
 
 
-def test_a_rover_longer_than_half_a_wave_may_pitch_down_where_its_middle_rises(tmp_path):
+def test_rover_longer_than_half_a_wave_may_pitch_down_rising(tmp_path):
     run, log = over_waves(1.4 * LENGTH, tmp_path)
     assert "body_pitch rises where the rover climbs" in str(faults(log_of(run))[0])
     assert faults(log) == ()
@@ -191,7 +191,7 @@ def without(run, *starts):
     return {name: values for name, values in run.items() if not name.startswith(starts)}
 
 
-def test_a_current_that_one_run_lacks_is_named_and_the_others_are_not_denied():
+def test_current_missing_in_one_run_is_named_and_others_are_kept():
     wheel = next(name for name in GOOD[0] if name.startswith("current_"))
     said = [each.what for each in findings(log_of(without(GOOD[0], wheel), *GOOD[1:]))]
     assert any(line.startswith(f"{wheel} of ") and " is not recorded, so friction" in line for line in said)
@@ -224,7 +224,7 @@ FLAT = {"constant": 0.55, "hill": 0.0}
         (GOOD[:2], "no run is repeated, so what scatters and what"),
     ],
 )
-def test_each_missing_excitation_says_what_looks_alike_and_what_to_drive(runs, says):
+def test_missing_excitation_names_confusion_and_remedy(runs, says):
     found = [each for each in findings(log_of(*runs)) if says in each.what]
     assert len(found) == 1
     assert found[0].todo.startswith(("add", "repeat", "record"))
@@ -280,7 +280,7 @@ def test_duties_without_gaps_between_them_are_many_levels():
     assert len(one) == 1
 
 
-def test_a_heading_has_length_1_also_where_the_rover_turns_within_a_block():
+def test_heading_has_length_1_also_while_turning_within_a_block():
     t = np.arange(0.0, 6.0, 0.05)
     run = Driven(Trace({"t_s": t, "body_x": t, "body_y": t, "body_yaw": 2.0 * t}), R)
     assert len(run.heading) > 3

@@ -133,7 +133,7 @@ def test_the_fit_is_least_squares_with_priors(made):
     np.testing.assert_allclose(fitted.covariance, closed(fitted).covariance, rtol=1e-9)
 
 
-def test_intervals_are_those_of_the_posterior_widened_for_coloured_noise(made):
+def test_intervals_are_of_the_posterior_in_coloured_noise(made):
     """And by the misfit where it is above 1: where twice the noise is left, SDs are twice as wide."""
     fitted, columns = made
     plain = np.sqrt(np.diag(closed(fitted).covariance))
@@ -149,7 +149,7 @@ def test_intervals_are_those_of_the_posterior_widened_for_coloured_noise(made):
         assert one.drift == pytest.approx(u)
 
 
-def test_numbers_at_their_bounds_are_held_there_and_the_others_fitted():
+def test_numbers_at_bounds_are_held_there_and_others_refitted():
     """Against scipy's bounded least squares: phi would leave its bounds; the other takes over."""
     random = np.random.default_rng(3)
     free = linear.nuisances()
@@ -227,7 +227,7 @@ def test_runs_that_differ_widen_an_interval_from_four_on(runs, counts):
         assert fitted.spread[0] < of_runs(fitted)
 
 
-def test_intervals_by_runs_hold_a_number_that_each_run_has_a_little_otherwise():
+def test_run_wise_intervals_cover_a_number_varying_by_run():
     """400 logs of six runs, each with its own value about the true one: 95 % intervals hold it in 90 to 99 %."""
     random = np.random.default_rng(11)
     shape, free = (6, 2, 64), linear.nuisances()[:1]
@@ -293,7 +293,7 @@ def test_what_the_numbers_imitate_is_not_told():
     assert found[2].gain > found[1].gain
 
 
-def test_a_size_that_may_not_be_negative_gains_nothing_where_the_log_asks_for_less():
+def test_nonnegative_size_gains_nothing_if_the_log_wants_less():
     random = np.random.default_rng(2)
     columns = linear.slopes(random, linear.nuisances()) | law(random, VISCOUS) | law(random, EXIT)
     seen = shown(columns, {"ViscousFriction.b_v": -0.02})
@@ -308,7 +308,7 @@ def test_a_size_that_may_not_be_negative_gains_nothing_where_the_log_asks_for_le
     assert 0 < row.gain < far.chi2 - near
 
 
-def test_a_candidate_is_tried_at_each_of_its_sizes_alone_a_threshold_at_several():
+def test_candidate_sizes_are_tried_singly_and_a_limit_at_several():
     tether, threshold = candidate(TetherDrag()), candidate(TorqueSaturation())
     assert trials(tether) == [
         {"TetherDrag.f_0": 0.5, "TetherDrag.f_1": 0.0}, {"TetherDrag.f_0": 0.0, "TetherDrag.f_1": pytest.approx(0.2)},
@@ -440,7 +440,7 @@ def surprised(fitted, anchored=True):
     return exact.surprise(OWNER, COLOURED * max(fitted.misfit, 1.0))
 
 
-def test_a_run_left_out_is_predicted_by_the_exact_density_that_the_others_give_it(made, with_exit):
+def test_held_out_run_is_predicted_by_its_conditional_density(made, with_exit):
     np.testing.assert_allclose(first_order_surprises(made[0]), surprised(made[0], False), rtol=1e-9)
     np.testing.assert_allclose(first_order_surprises(with_exit), surprised(with_exit), rtol=1e-9)
     whole = [huber(with_exit.rows[run == OWNER]) for run in range(linear.RUNS)]
@@ -493,7 +493,7 @@ def test_a_size_that_one_run_alone_shows_is_not_seen_again():
     assert abs(got.held_out) < 5
 
 
-def test_a_size_that_one_run_tells_far_better_than_the_others_is_seen_in_all():
+def test_size_determined_mainly_by_one_run_is_seen_in_all():
     """They leave it open by more than that run's noise: its own miss is no more than they expect."""
     base, got = with_a_size([0.4, 0.4, 0.4, 1.0])
     assert got.held_out > 5
@@ -503,7 +503,7 @@ def test_a_size_that_one_run_tells_far_better_than_the_others_is_seen_in_all():
 @pytest.mark.parametrize(
     ("falls", "left"), [((9.0, 1.0, -2.0), -1.0), ((9.0, -1.0), 8.0), ((-3.0, -1.0, -2.0), -6.0), ((4.0,), 4.0)]
 )
-def test_of_three_and_more_runs_that_which_gains_most_does_not_count(falls, left):
+def test_run_with_the_largest_gain_is_ignored_of_three_or_more(falls, left):
     assert seen_again(np.array(falls), np.zeros(len(falls))) == left
 
 
@@ -550,7 +550,7 @@ def test_a_freed_number_loses_its_prior_and_nothing_else_does(made):
     assert start[-1] == 1.0
 
 
-def test_freeing_a_number_that_is_far_off_gains_what_its_prior_cost():
+def test_freeing_a_distant_number_gains_the_cost_of_its_prior():
     random = np.random.default_rng(6)
     free = linear.nuisances()
     columns = linear.slopes(random, free)
@@ -612,7 +612,7 @@ def refitted_lines(base, rows):
     return found, lines
 
 
-def test_leaders_are_fitted_to_the_end_and_those_far_behind_are_not():
+def test_leaders_are_fitted_fully_and_distant_ones_are_not():
     base = three_hidden()
     found, lines = refitted_lines(base, score(base, signatures(base, [EXIT, VISCOUS, BAND])))
     assert [one.name for one in found] == ["ExitAngle", "DeadBand", "ViscousFriction"]
@@ -811,7 +811,7 @@ def test_the_share_that_was_taken_is_of_what_is_beyond_the_noise(base, last, sha
     assert share_taken(looked((ONE,), (), base=base, last=last, count=20)) == pytest.approx(share)
 
 
-def test_where_nothing_is_beyond_the_noise_all_of_it_was_taken_or_none():
+def test_share_taken_is_all_or_none_without_excess_misfit():
     assert share_taken(looked((ONE,), (), base=15.0, last=10.0)) == 1.0
     assert share_taken(looked((), base=15.0)) == 0.0
 
@@ -860,7 +860,7 @@ def test_an_effect_of_one_run_is_not_chosen_without_it(log):
     assert fits[0].chi2 - fits[1].chi2 < found.best_refits[0].threshold
 
 
-def test_what_takes_most_is_like_what_is_missing_though_more_is_left(log):
+def test_effect_taking_most_is_like_the_missing_one(log):
     verdict = verdict_on(log, searched({"ExitAngle.e_1": 0.5}, three), term(1e6), 0, SILENT)
     assert (verdict.answer, verdict.named) == (Answer.LIKE, ("ExitAngle",))
     assert "its law does not hold exactly" in verdict.sentence
@@ -894,7 +894,7 @@ def test_nothing_needed_is_said_and_added(log):
 
 
 @pytest.mark.parametrize(("share", "within"), [(1.0, True), (0.5, False)])
-def test_within_the_noise_is_said_of_the_samples_scatter_not_of_the_misfit(log, monkeypatch, share, within):
+def test_within_the_noise_refers_to_the_scatter_of_the_samples(log, monkeypatch, share, within):
     """The residuals of this set are white with an SD of 1e-3 to 1e-2; the noise is learnt from them, as always."""
     found = searched({}, three)
     sd = found.base.residual.std(axis=(0, 2))
@@ -908,7 +908,7 @@ def test_within_the_noise_is_said_of_the_samples_scatter_not_of_the_misfit(log, 
 
 
 @pytest.mark.parametrize("told", [True, False])
-def test_runs_are_proposed_that_tell_the_best_from_its_first_two_rivals(log, monkeypatch, told):
+def test_runs_separating_the_best_from_two_rivals_are_proposed(log, monkeypatch, told):
     def asked(best, rival, progress):
         return SimpleNamespace(sentence=f"{best[0]} or {rival[0]}", second=rival[0]) if told else None
 

@@ -147,7 +147,7 @@ def test_a_file_of_another_program_is_refused(content, says, tmp_path):
     assert says in str(refused.value)
 
 
-def test_a_terrain_file_that_is_not_there_is_named_with_the_nearest(tmp_path):
+def test_missing_terrain_file_is_named_with_the_nearest_match(tmp_path):
     (tmp_path / "ground.csv").write_text("x_m,z_m\n-10,0\n10,0\n")
     log = dataclasses.replace(log_of(*GOOD, terrain={"polyline": "grund.csv"}), folder=tmp_path)
     with pytest.raises(DataError) as refused:

@@ -90,7 +90,7 @@ def judged_by(one, usable):
     return white(one.difference[0]), np.array([white(each[0]) for each in one.uncertainties]).T
 
 
-def test_what_separates_two_models_is_the_mean_of_what_is_told_if_either_is_true(apart):
+def test_separation_is_the_mean_expected_chi2_if_either_is_true(apart):
     plain, found, parts = 0.0, 0.0, np.zeros(2)
     for usable in apart.moving:
         d, A = judged_by(apart, usable)
@@ -105,7 +105,7 @@ def test_what_separates_two_models_is_the_mean_of_what_is_told_if_either_is_true
 
 
 @pytest.mark.parametrize("channel", linear.CHANNELS)
-def test_instruments_may_be_some_of_the_channels_and_the_one_that_tells_is_named(apart, channel):
+def test_instruments_may_be_a_subset_and_the_decisive_is_named(apart, channel):
     """A channel alone whose difference is 3 SD in one block that moves if either is true, and in one of the other's."""
     at = linear.CHANNELS.index(channel)
     blank = np.zeros(SHAPE)
@@ -129,7 +129,7 @@ def test_an_instrument_s_noise_is_that_of_the_blocks_that_move():
 
 
 @pytest.mark.parametrize(("rates", "worse"), [((0.03, 0.05, 0.02), 3.0), ((0.004, 0.002), 1.0), ((), 1.0)])
-def test_a_current_that_is_not_logged_is_read_as_much_worse_as_the_wheels_rates_are(rates, worse):
+def test_unlogged_current_has_noise_scaled_as_the_wheel_rates(rates, worse):
     """A sample of a rate has 0.01 rad/s and of a current 2 mA; `worse` is the median rate's ratio, 1 at least."""
     names = ("path", *(f"wheel_rate_{at}" for at in range(len(rates))), "current_b_A")
     sd, rho = np.array([7.0, *rates, 0.5]), np.linspace(0.1, 0.3, len(names))

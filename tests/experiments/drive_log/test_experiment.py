@@ -131,13 +131,13 @@ def gain(one, instruments, truth, seed):
     return chi2[1 - truth] - chi2[truth]
 
 
-def test_the_expected_chi2_is_what_the_drive_then_gives_whichever_is_true(back):
+def test_expected_chi2_is_that_of_the_drive_under_either_truth(back):
     one, instruments = back
     found = [np.mean([gain(one, instruments, truth, seed) for seed in (20, 21)]) for truth in (0, 1)]
     assert 0.5 < min(found) / one.expected_chi2(instruments)[0] < 2.0
 
 
-def test_currents_that_are_not_logged_are_read_no_better_than_a_sensor(tilted):
+def test_unlogged_currents_are_read_no_better_than_by_a_sensor(tilted):
     logged_ones = logged_instruments(tilted[0])
     richer = with_currents(logged_ones, ("fl", "fr"))
     assert richer.names[-2:] == ("current_fl_A", "current_fr_A")
@@ -170,7 +170,7 @@ def test_every_run_of_the_menu_is_said_once_and_within_the_duty(model):
     assert np.all(alone.duty[:, 2] != others[:, 0])
 
 
-def test_ballast_is_the_same_for_both_and_rests_at_the_centre_of_mass(model):
+def test_ballast_is_common_and_rests_at_the_centre_of_mass(model):
     run = next(run for run in candidate_runs(model.rover, 0.6, Start()) if run.ballast)
     mass = sum(inertia.mass for inertia in model.rover.model.inertias)
     assert run.ballast == pytest.approx(0.2 * mass, abs=0.06)
@@ -210,7 +210,7 @@ def test_nothing_separates_a_model_from_itself(tilted):
 
 
 @pytest.mark.slow
-def test_a_weak_motor_is_told_from_its_tachogenerator_by_load_or_currents(model):
+def test_load_or_currents_separate_weak_motor_and_tachogenerator(model):
     neutral = model.having(WeakMotor(g=0.0, wheel=2)).having(TachoScale(e=0.0, wheel="ml"))
     task = logged(neutral.having(WeakMotor(g=0.25, wheel=2)), neutral)
     gains = {WEAK: parameter(neutral, f"{WEAK}.g", 0.02), TACHO: parameter(neutral, f"{TACHO}.e", 0.015)}

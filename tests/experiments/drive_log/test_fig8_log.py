@@ -100,7 +100,7 @@ TRUE = {
 }
 
 
-def test_which_of_the_kept_intervals_hold_the_true_numbers_is_as_the_docs_tell():
+def test_intervals_that_hold_the_truth_are_those_the_docs_state():
     """Slip grows faster than grip falls: an even ground is fitted weaker than the mean of the uneven one."""
     after = kept()["after"]
     held = {name for name, true in TRUE.items() if after[name]["low"] < true < after[name]["high"]}

@@ -129,7 +129,7 @@ def test_what_was_worked_out_once_is_kept(two, model, field, tmp_path):
     np.testing.assert_array_equal(dataclasses.replace(kept).random_field(model).moved, first.moved)
 
 
-def test_the_grip_of_a_run_moves_what_a_soil_of_another_friction_angle_moves(two, model, field):
+def test_grip_of_a_run_acts_like_a_change_of_the_friction_angle(two, model, field):
     soil = model.soils[0]
     phi = math.atan((1 + ground.GRIP.size) * math.tan(soil.phi))
     other = model.replace(soils=(soil.replace(phi=phi), *model.soils[1:]))
@@ -140,7 +140,7 @@ def test_the_grip_of_a_run_moves_what_a_soil_of_another_friction_angle_moves(two
         assert np.nanmax(np.abs(moved - (gripped - still)[fold]) / np.maximum(scale[fold], 1e-6)[:, None]) < 0.05
 
 
-def test_the_slope_of_a_run_moves_what_a_ground_of_that_slope_moves(model):
+def test_slope_of_a_run_acts_like_ground_of_that_slope(model):
     """The ground itself is inclined, a second way to say it: drive, currents and attitude move alike."""
     rise = Lanes((Profile(np.array([-FAR, FAR]), np.array([-FAR, FAR]) * math.tan(ground.SLOPE.size)),))
     experiment = experiment_of(logged([(model, 0.6, 0.0)]), model)
@@ -155,7 +155,7 @@ def test_the_slope_of_a_run_moves_what_a_ground_of_that_slope_moves(model):
         assert np.linalg.norm(found) == pytest.approx(np.linalg.norm(wanted), rel=0.1), name
 
 
-def test_what_one_place_climbs_is_still_below_the_rover_at_the_end(two, field):
+def test_height_gained_at_one_place_persists_to_the_end(two, field):
     """A place's slope falls evenly to 0 at its neighbours: after them the ground is higher by slope times distance."""
     row, (run, *_) = two.channels.index("body_z"), two.runs
     place = run.commands.place[:, :2]
@@ -233,7 +233,7 @@ def test_a_shared_slope_is_that_along_x_whatever_the_heading(two):
     assert shared_bend(two.runs, [slopes[0], slopes[0]]) == shared_bend([two.runs[0], back], slopes)
 
 
-def test_the_ends_of_a_stretch_are_in_the_direction_that_the_rover_faces(model):
+def test_ends_of_a_stretch_follow_the_facing_direction(model):
     """Driven towards -x: what is uphill towards +x is downhill on this way, which is told from the larger x on."""
     tilted = model.having(GravityTilt(rise_x=0.02, rise_y=0.0))
     truths = [(tilted, 0.6, math.pi), (model, 0.6, math.pi), (model, 0.7, math.pi)]
@@ -275,7 +275,7 @@ def test_nothing_is_told_where_no_field_was_learnt(two, model, field):
 @pytest.mark.parametrize(
     ("gain", "rms", "doubted"), [(-0.1, 2.0, False), (0.1, 2.0, True), (100.0, 0.99, False), (0.1, 1.01, True)]
 )
-def test_slopes_are_doubted_beyond_chance_and_what_a_survey_tells(two, model, monkeypatch, gain, rms, doubted):
+def test_slopes_are_questioned_beyond_noise_and_survey_accuracy(two, model, monkeypatch, gain, rms, doubted):
     found, chance = taught(two, model)
     learnt = tuple(
         LearntSd(kind, 0.01, run_variability.SURE + gain if kind == ground.SLOPE else 0.0) for kind in ground.KINDS

@@ -27,7 +27,7 @@ def fitted(tmp_path_factory):
     return fit(Task(experiment, noise), model, free)
 
 
-def test_a_run_that_is_left_out_does_not_shape_its_own_prediction(fitted):
+def test_held_out_run_does_not_shape_its_own_prediction(fitted):
     """Whatever its log says, the fit to the others predicts the same of it."""
     experiment, honest = fitted.task.experiment, held_out_residual(fitted)
     assert experiment.runs[1].channels == experiment.channels
@@ -46,7 +46,7 @@ def test_a_whole_refit_and_a_single_step_agree_on_runs_left_out(fitted):
     assert losses_of(fitted).sum() > huber(fitted.rows)
 
 
-def test_chi2_rises_by_a_normal_law_along_a_number_that_acts_linearly(fitted):
+def test_chi2_is_parabolic_along_a_number_that_acts_linearly(fitted):
     (profile,) = profiles(fitted, ("motor.gear",))
     values, rises = np.array(profile.values), np.array(profile.rises)
     assert len(values) == 7

@@ -115,7 +115,7 @@ def test_a_log_too_poor_says_so_instead_of_answering(tmp_path):
     assert (verdict.named, verdict.share) == ((), 0.0)
 
 
-def test_a_log_of_ones_own_rover_gives_a_model_that_reads_back_from_anywhere(tmp_path, monkeypatch):
+def test_log_of_a_user_rover_gives_a_model_readable_anywhere(tmp_path, monkeypatch):
     folder = drive_sets.write(tmp_path / "log", runs=1, duration=1.0)
     (tmp_path / "rovers").mkdir()
     for suffix in ("toml", "urdf"):

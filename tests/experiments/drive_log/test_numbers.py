@@ -53,7 +53,7 @@ def currents(log, model=MODEL):
     return {one.channel: (one.motor, one.scale, one.offset) for one in added}
 
 
-def test_counts_begin_at_their_median_with_a_scale_that_nobody_knows():
+def test_counts_start_at_their_median_with_unknown_scale():
     runs = (Run(raw_current_fl=[500.0, np.nan, 540.0]), Run(raw_current_fl=[520.0, 900.0]), Run())
     assert currents(log_of(*runs)) == {"raw_current_fl": ("fl", 0.0, 530.0)}
     assert currents(log_of(Run(raw_current_fl=[np.nan, np.nan]))) == {}
@@ -81,13 +81,13 @@ def test_a_current_that_a_model_knows_is_left_as_it_is():
         ((), (False, False), False),
     ],
 )
-def test_amperes_are_counts_where_wheels_are_held_and_no_torque_constant_is_declared(motor, held, counts):
+def test_amperes_are_counts_on_held_wheels_if_k_t_is_undeclared(motor, held, counts):
     log = log_of(*(Run(one, current_fl_A=[0.1, 0.3], raw_current_br=[9.0]) for one in held), motor=motor)
     assert ("current_fl_A" in currents(log)) == counts
     assert currents(log)["raw_current_br"] == ("br", 0.0, 9.0), "whatever is declared"
 
 
-def test_a_scale_may_be_a_spread_that_belongs_to_a_pull_of_three_hundredths_of_the_load():
+def test_raw_current_scale_prior_is_a_pull_of_3_percent_load():
     """SD of the counts over the current of 0.03 m g r / k_t of a wheel; the zero by three SDs."""
     values = np.array([512.0, 520.0, np.nan, 516.0, 530.0])
     log = log_of(Run(raw_current_fr=values[:3]), Run(raw_current_fr=values[3:]), Run(raw_current_fl=[4.0, 4.0]))
@@ -123,7 +123,7 @@ def test_soil_motor_and_effects_are_called_by_name_and_replaced():
 
 
 @pytest.mark.parametrize("called", ["Drag", "adrag", "my_drag", "pull", "zdrag"])
-def test_a_user_s_effect_is_replaced_whatever_its_class_is_called(called):
+def test_user_effect_is_replaced_whatever_its_class_name(called):
     drag = TetherDrag(f_0=0.25)
     assert drag in with_record(MODEL.having(TetherDrag()), called, drag).all_effects
 
@@ -147,7 +147,7 @@ def experiment(*ways, channels=(), held=False):
     return SimpleNamespace(channels=channels, rate_driven=held, runs=runs)
 
 
-def test_numbers_with_priors_are_candidates_but_those_of_soil_motor_and_unknown_scales():
+def test_numbers_with_priors_are_candidates_except_soil_motor():
     log = log_of(Run(raw_current_fl=[1.0, 2.0]))
     model = with_raw_currents(log, MODEL).having(TachoScale(e=0.0, wheel="fl")).having(WeakMotor(g=0.0, wheel=1))
     free = [parameter(model, name, 0.01) for name in ("soil.phi", "motor.gear", "TachoScale[fl].e", "WeakMotor[1].g")]
@@ -161,7 +161,7 @@ def test_numbers_with_priors_are_candidates_but_those_of_soil_motor_and_unknown_
     assert "WeakMotor[0]" in names
 
 
-def test_a_freed_number_and_an_effect_are_called_by_whose_they_are():
+def test_freed_number_and_effect_are_named_by_their_place():
     one = candidate_without_prior(Parameter("TachoScale[fl].e", 0.0, 0.01, -1.0, 1.0))
     assert (one.kind, one.place, one.amplitudes, one.effect) == ("TachoScale", "fl", ("TachoScale[fl].e",), None)
     patch = candidate_of(HardPatch(x_from=1.25))
@@ -192,7 +192,7 @@ def test_an_effect_is_tried_at_all_wheels_at_once_and_at_each():
 
 
 @pytest.mark.parametrize(("reach", "count"), [(0.0, 2), (0.0999, 2), (0.1001, 3), (8.799, 60)])
-def test_places_are_tried_from_ten_centimetres_before_the_way_to_ten_after(reach, count):
+def test_places_start_ten_cm_before_and_end_ten_cm_after(reach, count):
     found = _places(experiment(np.array([2.0, np.nan, 2.0 + reach])), 0.0)
     assert found == pytest.approx(1.9 + 0.15 * np.arange(count))
 

@@ -56,7 +56,7 @@ def log(tmp_path_factory):
     return only(folder, lambda name: not name.startswith(DROPPED))
 
 
-def test_a_log_without_duties_can_be_used_and_says_what_cannot_show(log):
+def test_log_without_duties_is_usable_and_states_its_blind_spots(log):
     assert is_rate_driven(log)
     assert faults(log) == ()
     said = " ".join(map(str, check(log).findings))
@@ -85,7 +85,7 @@ def test_the_side_force_is_uncertain_where_nothing_steers(tmp_path, rover, free)
     assert [one.scale for one in own] == ([0.5] if free else [])
 
 
-def test_a_tacho_gain_moves_the_replay_and_other_sensors_only_what_they_read(log):
+def test_tacho_gain_moves_the_replay_and_other_sensors_do_not(log):
     model = with_spread(base_model(log), motors=False)
     experiment = experiment_of(logged_runs(log, model.rover), model)
     at = experiment.channels.index("path")
@@ -93,7 +93,7 @@ def test_a_tacho_gain_moves_the_replay_and_other_sensors_only_what_they_read(log
     assert np.nanmax(np.abs(plain - fast)) > 2e-4
 
 
-def test_duties_are_held_back_where_the_log_says_that_rates_are_the_input(tmp_path):
+def test_duties_are_ignored_if_the_log_declares_rates_as_input(tmp_path):
     folder = write(tmp_path, runs=1, duration=3.0)
     toml = folder / "drive.toml"
     toml.write_text('input = "rates"\n' + toml.read_text())
@@ -156,7 +156,7 @@ def over(folder, profile, start, seconds=8.0):
 
 
 @pytest.mark.parametrize(("slope", "yaw"), [(0.0, 0.0), (6.0, 0.0), (6.0, math.pi)])
-def test_what_a_rover_sinks_deeper_behind_is_no_slope_of_the_ground(tmp_path, slope, yaw):
+def test_deeper_rear_sinkage_is_not_taken_for_a_ground_slope(tmp_path, slope, yaw):
     """The level of a cart is nose up by .1 to .5 deg on any ground; a wheel's scale was named for that."""
     log = on_a_plane(tmp_path, math.radians(slope), yaw)
     model = with_spread(base_model(log), motors=False)
@@ -190,7 +190,7 @@ def test_a_ground_that_is_declared_is_nobody_s_level(log):
     assert [one.commands.terrain for one in runs_on_estimated_ground(log, model)] == [None, None]
 
 
-def test_wheels_that_turn_round_from_one_row_to_the_next_are_not_compared():
+def test_wheels_that_reverse_between_rows_are_not_compared():
     """At 10 Hz none is seen standing: what the reversal shoved was taken for what the model missed for 6 s."""
     t = np.arange(0.0, 8.0, 0.1)
     rate = np.where(t < 4.0, 1.0, -1.0)[:, None] * np.ones(4)
@@ -222,7 +222,7 @@ def counted(folder, amperes):
 
 
 @pytest.mark.parametrize("amperes", [False, True])
-def test_currents_of_unknown_scale_and_zero_are_compared_by_their_shape(tmp_path, amperes):
+def test_currents_of_unknown_scale_are_compared_by_shape(tmp_path, amperes):
     log = counted(write(tmp_path, runs=2, duration=12.0), amperes)
     model = with_spread(base_model(log), motors=False)
     fit = calibrated_on(log, model, 1, lambda said: None)
@@ -251,7 +251,7 @@ def test_a_scale_that_nobody_knew_is_nothing_that_a_model_lacks(tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("degrees", [0.0, 1.5])
-def test_a_tilt_is_found_without_duties_and_nothing_where_nothing_is(tmp_path, degrees):
+def test_tilt_is_found_without_duties_and_none_in_a_null_log(tmp_path, degrees):
     hidden = [GravityTilt(rise_x=math.radians(degrees))] if degrees else []
     folder = write(tmp_path, hidden)
     only(folder, lambda name: not name.startswith(DROPPED))

@@ -37,7 +37,7 @@ def test_noise_alone_never_strays():
         assert not pose_outliers(log).any()
 
 
-def test_a_coarse_tracker_s_noise_never_strays_and_a_pose_far_beyond_it_does():
+def test_coarse_tracker_noise_is_no_outlier_a_distant_pose_is():
     """Two million poses with noise of five times the least distance that strays."""
     x = 0.025 * np.random.default_rng(5).standard_normal(2_000_000)
     t = 0.01 * np.arange(len(x))
@@ -47,7 +47,7 @@ def test_a_coarse_tracker_s_noise_never_strays_and_a_pose_far_beyond_it_does():
 
 
 @pytest.mark.parametrize("name", LEAST)
-def test_a_single_pose_that_is_off_in_any_of_its_numbers_strays_as_a_whole(name):
+def test_pose_with_one_wrong_number_is_an_outlier_as_a_whole(name):
     values = GOOD[0][name].copy()
     values[300] -= 0.1
     log = changed(**{name: values}).runs[0]
@@ -91,7 +91,7 @@ def test_what_strays_is_told_with_its_times_and_not_as_a_jump():
     )
 
 
-def test_a_pose_that_strays_is_not_compared_and_moves_nothing_else():
+def test_outlier_pose_is_not_compared_and_changes_nothing_else():
     rover = load_rover("nexus6")
     clean, off = (logged_run(log.runs[0], rover) for log in (log_of(*GOOD), with_poses_off(300)))
     path = clean.channels.index("path")
@@ -159,7 +159,7 @@ def late(run, at=None):
     return {name: (t if name == "t_s" and at is None else values)[keep] for name, values in run.items()}
 
 
-def test_blocks_at_such_steps_are_not_compared_and_the_log_says_so():
+def test_blocks_at_ambiguous_steps_are_excluded_and_reported():
     log = log_of(late(GOOD[0]), *GOOD[1:])
     count = len(ambiguous_steps(log.runs[0]))
     assert count > 5
@@ -171,7 +171,7 @@ def test_blocks_at_such_steps_are_not_compared_and_the_log_says_so():
     assert any(f"so when {count} steps of the duty were given is not told, to 0.0" in each for each in said), said
 
 
-def test_what_is_driven_where_rows_with_a_step_are_missing_does_not_count():
+def test_driving_during_missing_rows_with_a_step_does_not_count():
     run = logged_run(log_of(late(GOOD[0], at=6.0)).runs[0], load_rover("nexus6"))
     inside = (run.commands.t > 5.7) & (run.commands.t < 6.3)
     assert not run.summed_rows[inside].any()
@@ -191,7 +191,7 @@ def wandering(names, seconds=20.0, skipped=()):
 NAMES = ("path", "drift", "heading", "body_z", "body_roll", "body_pitch", "wheel_rate_fl")
 
 
-def test_every_number_of_a_pose_wanders_by_itself_and_no_other_channel_does():
+def test_each_pose_number_wanders_alone_and_no_other_channel():
     made = tracker_columns([wandering(NAMES)] * 2, NAMES, 40)
     moved = made["moved"].any(axis=3)
     assert moved.sum(axis=(1, 2)).tolist() == [1] * len(moved), "one run, one feature"

@@ -22,7 +22,7 @@ def making(asked):
     return make
 
 
-def test_only_what_is_not_known_is_made_and_a_key_asked_twice_once():
+def test_only_unknown_predictions_are_computed_and_each_key_once():
     asked: list[list[int]] = []
     recent = Recent()
     recent.of(["a", "b"], making(asked))
@@ -41,7 +41,7 @@ def test_what_was_asked_for_longest_ago_goes_first():
     assert asked == [[0, 1], [0], [2]]
 
 
-def test_more_than_there_is_room_for_is_made_and_returned_all_the_same():
+def test_predictions_beyond_the_room_are_still_computed():
     found = Recent(room=64).of(["a", "b", "c"], making([]))
     assert [one[0] for one in found] == [0.0, 1.0, 2.0]
 
@@ -52,7 +52,7 @@ def test_what_is_kept_cannot_be_written_to():
         one[0] = 1.0
 
 
-def test_a_model_is_replayed_once_and_another_or_another_ground_anew(monkeypatch):
+def test_model_is_replayed_once_and_another_model_or_ground_anew(monkeypatch):
     case = scenario("incline", **{"soil.k": 0.005, "terrain.angle_deg": 5})
     driven = simulate(case.model, case.controller, 2.0, Start(-0.2))
     log = Trace(dict(driven.channels), attrs={"start": {"x": -0.2, "y": 0.0, "yaw": 0.0}})

@@ -94,7 +94,7 @@ def body(x=0.0, v_x=0.05):
     return Body(x, 0.0, 0.1, 0.0, 0.1, 0.0, v_x, *[0.0] * 5, (), (), ())
 
 
-def test_hats_waves_and_polynomials_are_themselves_on_their_grids():
+def test_hats_waves_and_polynomials_are_exact_on_their_grids():
     assert np.allclose(
         Hats((0.0, 1.0, 3.0)).of(np.array([0.0, 0.5, 2.0, 9.0])), [[1, 0.5, 0, 0], [0, 0.5, 0.5, 0], [0, 0, 0.5, 1]]
     )
@@ -134,7 +134,7 @@ def test_a_draft_of_the_duty_adds_to_the_duty(tmp_path):
     assert effect.rate(drive(), 0.0, (0.0,)) == (1.0,)
 
 
-def test_a_force_draft_pushes_against_the_motion_where_the_curve_says(tmp_path):
+def test_force_draft_opposes_motion_where_the_curve_says(tmp_path):
     one = term(FORCE, "", argument("local place", Hats((0.0, 0.1, 0.2)), "m"), [0.0, 0.8, 0.0], "N")
     effect = made(one, tmp_path)
     assert float(effect.push(body(0.1)).f_x) == pytest.approx(-0.8, rel=0.01)
@@ -147,7 +147,7 @@ def test_a_force_draft_pushes_against_the_motion_where_the_curve_says(tmp_path):
     assert float(lean.push(body(0.1, -0.05)).f_x) == pytest.approx(0.8)
 
 
-def test_a_force_of_time_and_a_torque_of_slip_act_at_the_contacts(tmp_path):
+def test_force_by_time_and_torque_by_slip_act_at_the_contacts(tmp_path):
     moment = term(FORCE, "", argument("moment", Hats((0.0, 1.0, 2.0)), "s", per_run=True), [0, 6.0, 0, 0, 6.0, 0], "N")
     effect = made(moment, tmp_path)
     assert float(effect.load(contact(), None, (1.0,)).f_t) == pytest.approx(-1.0, rel=0.01)
@@ -176,7 +176,7 @@ def test_what_no_effect_sees_is_refused():
         draft(one, "x", WHEELS)
 
 
-def test_a_remainder_drafts_the_best_term_that_an_effect_can_imitate():
+def test_residual_drafts_the_best_term_an_effect_can_imitate():
     blind = term(TORQUE, "fl", argument("pitch", Polynomial(0.0, 0.1, 2), "rad"), [0.0, 0.1, 0.0])
     able = term(LEAN, "", argument("nothing", Polynomial(0.0, 1.0, 0)), [0.4], "N")
     remainder = DriveResidual((blind, able), (), ("one", "two"), WHEELS)
@@ -206,7 +206,7 @@ def drives(hidden, count=3, duration=15.0):
 
 
 @pytest.mark.slow
-def test_an_unlisted_eccentric_wheel_is_described_and_its_draft_fits(tmp_path):
+def test_unlisted_eccentric_wheel_is_described_and_drafted(tmp_path):
     file = tmp_path / "eccentric.py"
     file.write_text(ECCENTRIC)
     (kind,) = user_effects(file)

@@ -132,7 +132,7 @@ def test_the_key_knows_the_code_of_a_users_effects(tmp_path):
     assert key_of_code([tmp_path / "own.py"]) != before
 
 
-def test_a_calibration_and_its_signatures_are_taken_up_without_a_replay(tmp_path, monkeypatch):
+def test_calibration_and_signatures_are_resumed_without_a_replay(tmp_path, monkeypatch):
     log = read_drive_log(drive_sets.write(tmp_path / "log", runs=2, duration=4.0))
     start = with_spread(base_model(log))
 

@@ -33,7 +33,7 @@ def test_the_first_second_is_not_compared():
 
 
 @pytest.mark.parametrize(("rate", "duty"), [(0.19, 0.5), (-0.19, -0.5), (-1.0, 0.5), (1.0, -0.5)])
-def test_a_rover_that_stands_or_turns_round_is_compared_again_a_second_and_a_half_later(rate, duty):
+def test_standing_or_reversing_rover_is_compared_after_1_5_s(rate, duty):
     """Below 0.2 rad/s in the mean of its wheels, or against its duty; from 4 to 5 s."""
     usual = math.copysign(1.0, duty)
     row = np.where((T > 3.95) & (T < 5.05), rate, usual)
@@ -50,7 +50,7 @@ def test_standing_is_told_by_the_mean_of_the_wheels(rates, count):
 
 
 @pytest.mark.parametrize(("usual", "slow", "stands"), [(1.0, 0.09, True), (1.0, 0.11, False), (5.0, 0.21, False)])
-def test_held_wheels_stand_below_a_tenth_of_their_fastest_whichever_way_they_turn(usual, slow, stands):
+def test_held_wheels_stand_below_a_tenth_of_their_fastest_speed(usual, slow, stands):
     """And never above 0.2 rad/s; a rover that turns on the spot drives."""
     size = np.where((T > 3.95) & (T < 5.05), slow, usual)
     found = compared([size, -size], held=True)
@@ -60,7 +60,7 @@ def test_held_wheels_stand_below_a_tenth_of_their_fastest_whichever_way_they_tur
 # --- what is made of the channels ------------------------------------------------------------------------------------
 
 
-def test_way_and_drift_are_along_and_across_the_heading_and_fade_in_two_seconds():
+def test_path_and_drift_follow_the_heading_and_fade_in_2_s():
     heading = np.full(len(T), 0.3)
     along, across = 0.05, -0.02
     x = (along * math.cos(0.3) - across * math.sin(0.3)) * T
@@ -119,7 +119,7 @@ def patch(begin=1.0, length=0.3):
     return candidate_of(HardPatch(x_from=begin, length=length))
 
 
-def test_each_edge_of_a_patch_is_moved_either_way_unless_too_little_is_left():
+def test_patch_edges_move_both_ways_unless_too_little_remains():
     found = neighbours(patch(), 0.1)
     ends = [(one.effect.x_from, one.effect.x_from + one.effect.length) for one in found]
     assert ends == [pytest.approx(each) for each in ((0.9, 1.3), (1.1, 1.3), (1.0, 1.2), (1.0, 1.4))]
@@ -129,7 +129,7 @@ def test_each_edge_of_a_patch_is_moved_either_way_unless_too_little_is_left():
     assert neighbours(candidate_of(SupplySag()), 0.1) == []
 
 
-def test_a_patch_may_begin_all_along_the_way_by_fifteen_centimetres():
+def test_patch_may_begin_along_the_path_every_15_cm():
     place = np.array([[0.5, 0.0], [np.nan, 0.0], [1.9, 0.0]])
     runs = [SimpleNamespace(commands=SimpleNamespace(place=each)) for each in (place, place - 0.1)]
     found = _places(SimpleNamespace(runs=runs), 0.4)
@@ -140,7 +140,7 @@ def test_a_patch_may_begin_all_along_the_way_by_fifteen_centimetres():
 
 @pytest.mark.parametrize("held", [True, False])
 @pytest.mark.parametrize("ground", [None, "its own"])
-def test_held_wheels_hide_motors_and_runs_with_their_own_ground_hide_a_tilt(held, ground):
+def test_held_wheels_hide_motors_and_own_ground_hides_tilt(held, ground):
     runs = [SimpleNamespace(commands=SimpleNamespace(terrain=each)) for each in (None, ground)]
     experiment = SimpleNamespace(rate_driven=held, runs=runs)
     assert shows(SupplySag(), experiment) == (not held)

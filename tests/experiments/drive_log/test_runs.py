@@ -52,7 +52,7 @@ def seen(log, name):
     [("body_x", ("path", "drift")), ("body_y", ("path", "drift")), ("body_yaw", ("heading",)),
      ("body_pitch", ("body_pitch",)), ("body_vx", ("speed",)), ("wheel_rate_bl", ("wheel_rate_bl",))],
 )  # fmt: skip
-def test_what_is_made_of_a_channel_is_not_compared_where_that_has_a_gap(channel, blind):
+def test_derived_value_is_not_compared_in_a_gap_of_its_channel(channel, blind):
     speeds = {"body_vx": 0.05 + 0.0 * T, "body_vy": 0.0 * T}
     whole = trace(**speeds)
     run = logged_run(trace(**{**speeds, channel: gap(whole[channel], 5, 6)}), CART)
@@ -83,7 +83,7 @@ def test_the_heading_is_smoothed_over_half_a_second():
     np.testing.assert_allclose(blocks(slow, 1.5), slow)
 
 
-def test_blocks_are_means_of_what_was_seen_and_a_height_has_no_zero():
+def test_blocks_are_means_of_readings_and_height_has_no_zero():
     pitch, height = (seen(trace(), name) for name in ("body_pitch", "body_z"))
     middle = 0.225 + 0.5 * np.arange(COUNT)
     np.testing.assert_allclose(pitch[2:], 0.01 * middle[2:])
@@ -117,7 +117,7 @@ def test_a_rover_that_coasts_without_a_duty_is_compared():
     assert len(times_compared([1.0, 1.0], duty=0.0)) == 100
 
 
-def test_held_wheels_that_turn_round_do_so_from_one_row_to_the_next():
+def test_held_wheels_reverse_between_one_row_and_the_next():
     """Not from the last row of a run to its first; and by the sum over the wheels, so that one of two is a turn."""
     back = np.where(T < 4.025, 1.0, -1.0)
     found = times_compared([back, back], held=True)
@@ -133,13 +133,13 @@ def test_held_wheels_that_turn_round_do_so_from_one_row_to_the_next():
 
 
 @pytest.mark.parametrize(("fast", "slow", "stands"), [(3.0, 0.21, False), (3.0, 0.19, True), (1.0, 0.15, False)])
-def test_a_held_rover_stands_below_a_tenth_of_its_fastest_and_below_a_fifth_of_a_radian_a_second(fast, slow, stands):
+def test_held_rover_stands_below_a_tenth_of_top_and_0_2_rad_s(fast, slow, stands):
     rate = np.where((T > 3.0) & (T < 3.5), slow, fast)
     assert (len(times_compared([rate, rate], held=True)) < 100) == stands
 
 
 @pytest.mark.parametrize(("period", "distance"), [(0.05, 0.05 * 5.0), (0.25, 0.05 * 29.0), (3.0, 0.05 * 357.0)])
-def test_a_way_is_measured_from_second_to_second_or_from_row_to_row(period, distance):
+def test_distance_is_measured_between_seconds_or_between_rows(period, distance):
     t = period * np.arange(120)
     wiggle = 0.004 * (-1.0) ** np.arange(120) * (period < 0.5)  # alike a second later
     place = np.column_stack([0.05 * t, wiggle, 0.0 * t])
@@ -223,7 +223,7 @@ def test_a_prediction_that_is_no_number_is_far_off_on_its_side(replayed):
     assert np.all(row["battery_V"][6:] == 1e3)
 
 
-def test_models_that_differ_in_what_only_reads_are_replayed_together(replayed):
+def test_models_differing_only_in_readings_are_replayed_together(replayed):
     """Held to their rates, wheels drive otherwise with a tachogenerator's gain, not with a potentiometer's zero."""
     biased = MODEL.having(SensorBias(channel="rocker_l", bias=0.1))
     gained, faster = MODEL.having(TachoScale(e=0.1, wheel="fl")), MODEL.replace(motor=Motor().replace(gear=90.0))

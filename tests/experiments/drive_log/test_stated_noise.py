@@ -56,7 +56,7 @@ def test_a_log_with_an_unknown_kind_of_noise_is_not_read(tmp_path):
         read_drive_log(tmp_path)
 
 
-def test_a_mean_of_ten_samples_has_the_noise_of_one_over_the_root_of_ten():
+def test_mean_of_ten_samples_has_the_noise_over_the_root_of_ten():
     names = ("path", "heading", "speed", "wheel_rate_fl", "current_fl_A")
     sds = {"wheel_rate": 0.1, "body_position": 2.0, "body_attitude": 3.0, "body_velocity": 4.0, "sample_period": 0.05}
     assert declared_block_sd(sds, names) == pytest.approx(
@@ -65,7 +65,7 @@ def test_a_mean_of_ten_samples_has_the_noise_of_one_over_the_root_of_ten():
     assert declared_block_sd({**sds, "sample_period": 1.0}, names)[:2] == pytest.approx([2.0, 3.0])
 
 
-def test_the_floor_is_what_is_declared_where_that_is_more_than_the_scatter():
+def test_floor_is_the_declared_noise_if_it_exceeds_the_scatter():
     rover = load_rover("nexus6")
     runs = [logged_run(run, rover) for run in log_of(*GOOD).runs]
     plain, wide, small = (
@@ -78,7 +78,7 @@ def test_the_floor_is_what_is_declared_where_that_is_more_than_the_scatter():
     assert np.array_equal(small, plain)
 
 
-def test_noise_declared_too_small_is_told_and_what_is_as_declared_is_not():
+def test_noise_declared_too_small_is_reported_and_correct_is_not():
     def said(noise):
         return [str(each) for each in findings(log_of(*GOOD, noise=noise)) if "[noise]" in str(each)]
 

@@ -73,7 +73,7 @@ def blind(rig, holes):
     )  # fmt: skip
 
 
-def test_a_missing_cell_is_a_cell_of_no_weight_and_the_row_keeps_its_other_channels(plain, tmp_path):
+def test_missing_cell_has_no_weight_and_its_row_keeps_others(plain, tmp_path):
     holes = read_wheel_rig(changed(plain, tmp_path / "holes", points=with_holes))
     worthless = blind(read_wheel_rig(plain), holes)
     start = Soil(k=0.01, c=0.0, n=holes.declared.get("n", 1.0))
@@ -189,7 +189,7 @@ def test_a_speed_of_the_whole_set_is_declared_in_its_toml(plain, tmp_path):
     assert slip == pytest.approx(data.rig.slip)
 
 
-def test_a_wheel_that_spins_on_the_spot_does_not_tell_its_rim_speed(plain, tmp_path):
+def test_wheel_spinning_on_the_spot_does_not_give_its_rim_speed(plain, tmp_path):
     def spot(table):
         return table.assign(slip=1.0).drop(columns="rim_speed_mps")
 
@@ -278,7 +278,7 @@ def test_a_fitted_stiffness_is_held_against_the_declared_one(plain, tmp_path, st
     assert flags(data, soil.replace(n=soil.n + 0.1), b, (Number("soil.k_1", "Pa", 1.0, 1.0, 1.0, math.nan),)) == ()
 
 
-def test_a_wheel_with_declared_lugs_has_their_trench_from_the_start(tmp_path):
+def test_wheel_with_declared_lugs_has_a_trench_from_the_start(tmp_path):
     """Its depth is known but for how full the pockets are; what is missing besides is told from it."""
     rig = hidden.Rig(sizes={"lug_trench": 0.006, "rate_dependence": 0.1})
     table = hidden.rig_set(rig, loads=(15.0, 40.0), slips=(0.0, 0.2, 0.4, 0.6, 0.8), repeats=2, speeds=(0.01, 0.04))
@@ -297,7 +297,7 @@ def test_a_wheel_with_declared_lugs_has_their_trench_from_the_start(tmp_path):
     assert before == {"SoilTraction", "LugExcavation"}
 
 
-def test_a_model_of_ones_own_needs_no_trench_and_its_height_is_as_declared_where_it_has_one(plain, tmp_path):
+def test_user_model_needs_no_trench_and_keeps_lug_height(plain, tmp_path):
     data = read_rig_set(changed(plain, tmp_path / "lugs", lambda text: declared(text, LUGS)))
     experiment, bare = RigExperiment(data), RigModel(data.rig.wheel, data.soil())
     without = [one.name for one in numbers_of(experiment, bare)]
@@ -385,7 +385,7 @@ def test_a_soil_constant_with_an_sd_is_a_prior_of_the_loops_fits(plain, tmp_path
 # --- slow carriages --------------------------------------------------------------------------------------------------
 
 
-def test_how_the_hole_of_a_slow_wheel_depends_on_its_speed_is_told():
+def test_page_states_how_a_slow_wheels_hole_depends_on_its_speed():
     page = (Path(__file__).parents[3] / "docs" / "data-wheel-rig.md").read_text()
     told_so = re.search(r"sinks (.*?)\.\n", page, re.DOTALL)[1]
     pairs = [tuple(map(float, pair)) for pair in re.findall(r"([\d.]+) mm\s+at (\d+) mm/s", told_so)]

@@ -59,7 +59,7 @@ def test_the_derivatives_are_those_of_differences(name):
 
 
 @pytest.mark.parametrize("k_1", np.logspace(5.0, 9.0, 9))
-def test_a_hole_lowers_a_wheel_by_its_depth_on_soft_and_on_firm_ground(k_1):
+def test_hole_lowers_a_wheel_by_its_depth_on_any_ground(k_1):
     """On firm ground the wheel stands deep in its hole and hardly in its floor, as one without a hole does."""
     soil, hole = SOIL.replace(k_1=k_1), DiggingMemory(c_d=0.18, length=1.0, deepest=0.4)
     without, dug = (RigModel(WHEEL, soil, (*PAPER, *own)).predict(*RUNS[:, :2].T).sinkage for own in ((), (hole,)))

@@ -187,7 +187,7 @@ def test_a_null_set_needs_no_effect(tmp_path):
     assert all(one.is_noise for one in verdict.extra.after.residuals)
 
 
-def test_what_is_on_no_list_is_described_and_its_draft_is_an_effect(tmp_path):
+def test_unlisted_effect_is_described_and_its_draft_is_an_effect(tmp_path):
     path = folder(tmp_path, "slip_squared_drag")
     verdict = close_the_loop(path, out=tmp_path / "out")
     assert verdict.answer is Answer.NONE_FITS

@@ -66,7 +66,7 @@ def p_of(tests, channel, against):
 
 
 @pytest.mark.parametrize("against", ["slip", SLIP_SQUARED, "load", ORDER])
-def test_a_residual_that_follows_something_is_told_so_and_by_nothing_else(against):
+def test_trend_of_a_residual_is_attributed_to_its_cause_alone(against):
     data = plain_set((10.0, 20.0))
     slip = np.asarray(data.rig.slip)
     cause = {

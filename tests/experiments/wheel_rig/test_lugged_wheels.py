@@ -154,7 +154,7 @@ def test_the_slip_of_a_locked_wheel_follows_from_its_speeds(run):
 
 
 @pytest.mark.slow
-def test_a_lugged_wheel_is_fitted_from_locked_to_spinning_on_the_spot(run):
+def test_lugged_wheel_is_fitted_from_locked_to_spinning(run):
     """Nothing is hidden: its numbers are found, every level is predicted by the others, and nothing is named."""
     lugs = LugExcavation(h_l=0.008)
     write("mine", thrice(SLIPS), lugs, wheel="lug_height = { value = 8, unit = 'mm' }")
@@ -169,7 +169,7 @@ def test_a_lugged_wheel_is_fitted_from_locked_to_spinning_on_the_spot(run):
 
 
 @pytest.mark.slow
-def test_a_run_that_no_sinkage_carries_is_said_and_never_averaged(run):
+def test_run_that_no_sinkage_carries_is_named_and_not_averaged(run):
     """One load of 20 kN among 60 N: no number stands for what the others do not predict."""
     write("mine", [*thrice(SLIPS[2:-1]), (0.5, 20000.0)])
     code, out, _ = run("check-data", "mine")

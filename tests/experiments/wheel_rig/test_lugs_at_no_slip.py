@@ -62,7 +62,7 @@ def test_both_wheels_pull_alike_at_no_slip():
     assert abs(lugged - smooth) < np.hypot(sd, its_sd)
 
 
-def test_with_r_over_the_lugs_the_law_holds_both_wheels_at_no_slip(tmp_path):
+def test_law_holds_for_both_wheels_at_no_slip_with_outer_r(tmp_path):
     """A mean of three runs scatters by 0.2 N."""
     without, _ = fitted(LUGGED, 0.0)
     chi2, errors = fitted(over_lugs(tmp_path), 0.5)
@@ -70,7 +70,7 @@ def test_with_r_over_the_lugs_the_law_holds_both_wheels_at_no_slip(tmp_path):
     assert (without, chi2) == pytest.approx((115.0, 106.9), abs=0.5)
 
 
-def test_with_r_of_the_rim_lugs_would_pull_at_no_slip_as_these_do_not():
+def test_law_with_rim_r_predicts_a_lug_pull_unlike_measured():
     chi2, (smooth, lugged) = fitted(LUGGED, 0.5)
     assert chi2 == pytest.approx(141.5, abs=0.5)
     assert lugged == pytest.approx(-0.94, abs=0.05)

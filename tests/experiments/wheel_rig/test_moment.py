@@ -105,7 +105,7 @@ def test_all_channels_are_those_of_forces_summed_as_vectors(S, flank):
         assert expected[4] == pytest.approx(alone, rel=1e-6)
 
 
-def test_a_wheel_that_runs_straight_or_has_no_side_force_has_no_moment():
+def test_straight_wheel_or_one_without_side_force_has_no_moment():
     assert RigModel(WHEEL, SOIL, ASKEW).predict(25.0, 0.3).moment == pytest.approx(0.0, abs=1e-12)
     assert RigModel(WHEEL, SOIL, PAPER).predict(25.0, 0.3, slip_angle=0.4).moment == 0.0
 
@@ -152,7 +152,7 @@ def test_the_moment_tells_where_the_contact_ends(tmp_path):
     assert whole["soil.exit_ratio"][1] < 0.7 * without["soil.exit_ratio"][1]
 
 
-def test_a_cell_that_stands_ahead_of_the_axle_is_found_as_an_error_of_the_rig(tmp_path):
+def test_cell_ahead_of_the_axle_is_found_as_a_rig_error(tmp_path):
     table = CLEAN.copy()
     side = np.array([TRUE.run(25.0, S, angle)[3] for S, angle in RUNS])
     table[:, 7] += 0.03 - 0.02 * side
@@ -223,7 +223,7 @@ def with_moment(rig, measured, sd=None):
     return dataclasses.replace(rig, channels=(*other, type(own)(measured, own.sd if sd is None else sd)))
 
 
-def test_a_moment_beyond_the_wheel_is_named_and_one_of_no_wheel_refused(tmp_path):
+def test_moment_outside_the_wheel_is_named_and_frozen_refused(tmp_path):
     rig = read_rig_set(written(tmp_path / "set")).rig
     assert not [each for each in suspicions(rig) if "moment_z" in str(each)]
     moment, side = CLEAN[:, 7], CLEAN[:, 6]

@@ -33,7 +33,7 @@ def of(folder, residual, loads=(20.0, 25.0, 30.0), repeats=1):
     return channel_residuals(read_rig_set(folder), np.array([left, left]))
 
 
-def test_a_curve_that_was_put_there_is_found_with_its_coefficients(tmp_path):
+def test_planted_curve_is_found_with_its_coefficients(tmp_path):
     pull, sinkage = of(tmp_path, lambda S, w, at: 10.0 - 30.0 * S + 40.0 * S**2 + 20.0 * w)
     for left, sd in ((pull, SD["drawbar pull"]), (sinkage, SD["sinkage"])):
         assert left.powers == pytest.approx([10.0 * sd, -30.0 * sd, 40.0 * sd], rel=1e-6)
