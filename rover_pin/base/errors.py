@@ -77,7 +77,7 @@ MOST_NAMES = 20
 
 
 def closest(name: Any, names: Iterable[Any]) -> str:
-    """Return the tail of an unknown-name message: `did you mean 'x'? Known: ...`, or `known are ...` of none alike."""
+    """Return the end of an unknown-name message: `did you mean 'x'? Known: ..`, or `known are ...` if none is close."""
     name, names = str(name), sorted(map(str, names))
     if not names:
         return "there is none."

@@ -87,7 +87,7 @@ def heading(x: Array, y: Array, t: Array, v: Array) -> Array:
 
 
 def change(value: Array, t: Array, finite: Array) -> Array:
-    """Return by how much a value changes over the second around each row, straight between its `known` rows."""
+    """Return by how much a value changes over the second around each row, straight between its `finite` rows."""
     ahead, before = (np.interp(at, t[finite], value[finite]) for at in (t + 0.5, t - 0.5))
     return np.asarray(ahead - before)
 

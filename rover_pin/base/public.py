@@ -78,7 +78,7 @@ def refuse_unknown(owner: str, keywords: Iterable[str], names: Collection[str]) 
 
 
 def fits(value: Any, hint: Any) -> bool:
-    """Return whether a value is of the kind that an annotation says; what cannot be told is taken as it is."""
+    """Return whether a value is of the kind that an annotation says; what cannot be checked is accepted."""
     origin, inner = get_origin(hint), get_args(hint)
     if origin is Annotated:
         return all(marker.holds(value) for marker in inner[1:] if isinstance(marker, Kind)) and fits(value, inner[0])

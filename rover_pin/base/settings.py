@@ -70,7 +70,7 @@ class Settings:
         return choices[one_of(name, self.take(name, default, choices, source), choices)]
 
     def word(self, name: str, default: str, choices: Collection[str], source: str) -> str:
-        """Return one of several words, or an empty one where none is given; `usual` is what then holds, for lists."""
+        """Return one of several words, or an empty one where none is given; `default` is what then holds, for lists."""
         value = self.values.get(name)
         word = self.take(name, default, choices, source)
         return "" if value is None else one_of(name, word, choices)
@@ -85,7 +85,7 @@ class Settings:
     ) -> dict[str, Any]:
         """Return the settings `prefix.NAME` that are given for a function's arguments, or for those of these names.
 
-        Unit, bounds and source are those of their annotations; `usual` are defaults in place of the function's own.
+        Unit, bounds and source are those of their annotations; `overrides` are defaults in place of the function's own.
         """
         arguments = arguments_of(function)
         chosen = {

@@ -69,7 +69,7 @@ class Trust:
     def refuse_elsewhere(self, table: object, file: Path) -> None:
         """Refuse a table in `file` where a text in it, at any depth, is the path of something outside.
 
-        Inside are the folder of that file and the one that the user stands in, from which such paths are seen.
+        Inside are the folder of that file and the working directory, from which such paths are seen.
 
         Raises
         ------

@@ -138,7 +138,7 @@ HEADER = re.compile(r"(.*?)\s*(?:\[([^\[\]]*)\]|\(((?:[^()]|\([^()]*\))*)\))\s*"
 def name_and_unit(header: str) -> tuple[str, str]:
     """Return the name and the unit of a column: `Torque [N.m]`, `Torque (Nm)`, `Torque / Nm`, `torque_Nm`.
 
-    What stands in brackets at the end is the unit, also where it is none that can be read; empty where there is none.
+    What is in brackets at the end is the unit, also where it is none that can be read; empty where there is none.
     """
     bracketed = HEADER.fullmatch(header)
     if bracketed:

@@ -1,4 +1,4 @@
-"""The border between this program and the code of a user's file: what goes wrong there is told by file and line."""
+"""The border between this program and the code of a user's file: an error there is reported by file and line."""
 
 from __future__ import annotations
 

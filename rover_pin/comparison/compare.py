@@ -1,4 +1,4 @@
-"""Two of a kind compared, whatever they are: told apart by what lies at their paths."""
+"""Two of a kind compared; what their paths hold says which kind it is."""
 
 from __future__ import annotations
 

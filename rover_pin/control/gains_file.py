@@ -11,7 +11,7 @@ from rover_pin.control.slip_control import Gains
 
 
 def save_gains(gains: Gains, path: str | Path, comment: str = "") -> Path:
-    """Write gains as a TOML file, one `name = value` a line; `about` becomes a comment."""
+    """Write gains as a TOML file, one `name = value` a line; `comment` comes first, as comment lines."""
     text = toml_text({name: float(value) for name, value in gains.values().items()})
     return replace_file(path, "".join(f"# {line}\n" for line in comment.splitlines()) + text)
 

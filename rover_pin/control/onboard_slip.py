@@ -29,7 +29,7 @@ REST = 0.005
 FACTORS = 2.0
 """Range of T / (r W) over which a wheel that meets something else may read anything."""
 LEAST_ROWS = 6
-"""Readings from which rates of angles are told."""
+"""Readings from which rates of angles are estimated."""
 SETTLING = 0.0012
 """Rise of a wheel against the others that noise, sinking and settling make of a rover that stands [m/s]."""
 
@@ -70,7 +70,7 @@ class _Rates(NamedTuple):
     ahead: np.ndarray
     "forward speeds of the centres against the base [m/s]"
     rise: np.ndarray | None
-    "upward ones; None before they are told"
+    "upward ones; None before they are known"
 
 
 @dataclass
@@ -220,7 +220,7 @@ class SureSlip:
         self.estimate.reset()
 
     def slip(self, reading: Reading) -> np.ndarray:
-        """Return the slip that is surely exceeded, one value a wheel [-]; a braking one as it is told."""
+        """Return the slip that is surely exceeded, one value a wheel [-]; a braking slip as estimated."""
         S_hat = self.estimate.slip(reading)
         return np.maximum(S_hat - self.estimate.sd, np.minimum(S_hat, 0.0))
 

@@ -99,7 +99,7 @@ def calibrated_table(model: Model, duties: Sequence[float] = DUTIES) -> SpeedTab
     if not np.all(np.diff(speeds) > 0.0):
         text = ", ".join(f"{speed:.2g}" for speed in speeds[1:])
         raise ParameterError(
-            f"Eq (9) needs a speed for every duty, and on flat ground of its own soil this model runs at {text} m/s at "
+            f"Eq (9) needs a speed for every duty, and on flat ground of its soil this model runs at {text} m/s at "
             f"duties {', '.join(f'{duty:g}' for duty in duties)}: it has no such table; take another soil or form, or "
             "control = 'onboard' or 'true'."
         )
@@ -132,7 +132,7 @@ def flat_table(model: Model) -> SpeedTable:
 
 @dataclass(frozen=True)
 class _OnFlat:
-    """A model on flat ground, the same as another where its `alike` is."""
+    """A model on flat ground, the same as another where its `identity` is."""
 
     identity: str
     model: Model = field(compare=False)

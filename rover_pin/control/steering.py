@@ -1,4 +1,4 @@
-"""Turns: every wheel square to the line to one turning centre, at the speed of its own path, or by sides' speeds."""
+"""Turns: every wheel square to the line to one turning centre, at its path's speed, or by sides' speeds."""
 
 from __future__ import annotations
 

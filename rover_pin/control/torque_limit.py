@@ -138,7 +138,7 @@ CUSTOM_LIMIT = TorqueTable(np.zeros(0), (), 0.0, 0.0)
 
 
 def native_limit(limit: TorqueLimit | NoLimit) -> TorqueTable | None:
-    """Return a limit for the compiled loop: None for no limit, `ASKED` for one of another class."""
+    """Return a limit for the compiled loop: None for no limit, `CUSTOM_LIMIT` for one of another class."""
     if type(limit) is NoLimit:
         return None
     if type(limit) is not TorqueLimit:

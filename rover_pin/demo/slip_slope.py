@@ -22,7 +22,7 @@ STEEPEST, COUNT, MAX_SLIP = 30.0, 7, 0.85
 """Slopes looked at [deg], how many of them are driven, and the slip up to which anybody drives."""
 DAYS = ("day-1", "day-2", "day-3")
 NOISE = 0.012
-"""SD of one slip: of a minute's drive on raked sand, assumed."""
+"""SD of one slip: of a minute's drive on prepared sand, assumed."""
 PHI_SD, K_SD = math.radians(2.0), 0.25
 
 

@@ -23,7 +23,7 @@ class Candidate:
     """An effect at its default size at some place, or, without an effect, numbers of the model freed from their priors.
 
     An effect is a record of quantities that names the `neutral` values of its sizes, at which it vanishes, and its
-    `places`; `sizes` and `shapes` are names of parameters, `owner.quantity`.
+    `places`; `amplitudes` and `shapes` are names of parameters, `owner.quantity`.
     """
 
     kind: str
@@ -63,7 +63,7 @@ class Candidate:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The names of its own numbers: sizes, and shapes, freed or not."""
+        """The names of the candidate's numbers: amplitudes, and shapes, free or not."""
         return (*self.amplitudes, *self.shapes, *self.diffuse_shapes, *self.free_shapes)
 
     @property

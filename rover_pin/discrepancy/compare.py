@@ -16,7 +16,7 @@ from rover_pin.estimation.fit import Fit, fit
 from rover_pin.estimation.parameter import Parameter
 
 REFITTED, PROMISING = 5, 0.4
-"""Candidates that are refitted, at most, and the share of its fee that one must promise to pay."""
+"""Candidates that are refitted, at most, and the share of its threshold that one must promise to gain."""
 MIN_SHARE_OF_BEST = 0.02
 """Share of the best score below which a candidate is not refitted."""
 FROM_DECLARED = 3
@@ -34,7 +34,7 @@ SMALL = 0.1
 def refit(
     base: Fit, scored: Sequence[Scored], threshold: Threshold, progress: Progress, declared: DeclaredStart | None = None
 ) -> tuple[Refit, ...]:
-    """Return the plausible candidates refitted, the best first; `fee` says what one must gain.
+    """Return the plausible candidates refitted, the best first; `threshold` says what one must gain.
 
     Each starts where the base ended; the best of `declared`, which a bent base gives, from the declared numbers too:
     from a base that has absorbed a strong effect there may be no way down to the model that has it.

@@ -28,7 +28,7 @@ PAIRED = 6
 """Leading candidates from which pairs are made."""
 
 Tried = tuple[tuple[Candidate, ...], Candidate, Fit]
-"""What stands in place of the best before, if anything, the candidate, and the fit with both."""
+"""What replaces the best before, if anything, the candidate, and the fit with both."""
 
 
 def exactly_refitted(
@@ -132,7 +132,7 @@ def with_visible_shapes(fitted: Fit, candidate: Candidate) -> Candidate:
 
 
 def bearable(base: Fit, numbers: Sequence[Parameter]) -> bool:
-    """Return whether there are enough data for so many free numbers."""
+    """Return whether there are enough data for these free numbers."""
     return sum(not parameter.prior for parameter in numbers) <= MOST_FREE * base.task.noise.count
 
 
@@ -192,7 +192,7 @@ def rank_refits(base: Fit, tried: Sequence[Tried], threshold: Threshold, paid: f
 
 
 def _owed(tried: Tried, threshold: Threshold, unit: float, paid: float) -> float:
-    """Return what chance alone gains with it, the freed shapes of what stands in place of the best before included."""
+    """Return what chance alone gains with it, the free shapes of what replaces the best before included."""
     instead, candidate, _ = tried
     return threshold(candidate, inflation=unit) + unit * (
         paid + null_threshold(1) * sum(len(predecessor.free_shapes) for predecessor in instead)

@@ -170,7 +170,7 @@ def errors_of_others(search_result: Search) -> dict[str, dict[str, float]]:
 
 
 def floor_of(experiment: Experiment, noise: Noise) -> np.ndarray:
-    """Return what no model beats (channels,): the samples' scatter where that is told, else the noise."""
+    """Return what no model beats (channels,): the samples' scatter where that is known, else the noise."""
     sample_scatter = experiment.floor()
     return (
         noise.floor

@@ -166,7 +166,7 @@ def chosen_without(search_result: Search) -> dict[str, str]:
 def keep_supported_effects(search_result: Search) -> Search:
     """Return the search up to the last effect that, with those before it, half of the folds would choose as well.
 
-    Where folds are told to first order: a second law that mends what the form of the first leaves gains on a few only.
+    Where folds are predicted to first order: a second law that mends what the first's form leaves gains on a few only.
     """
     while len(search_result.best_refits) > 1:
         chosen = chosen_without(search_result)

@@ -50,7 +50,7 @@ where it loses one that the model without predicts"
 
     @property
     def net(self) -> float:
-        """Gain minus fee."""
+        """Gain minus threshold."""
         return self.gain - self.threshold
 
     @property

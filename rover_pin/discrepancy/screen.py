@@ -19,11 +19,11 @@ from rover_pin.estimation.random_effects.random_field import RandomField, learnt
 FALSE_ALARMS = 0.05
 """Share of sets without any effect in which one may be named."""
 SOUGHT = 3.0
-"""How much more chance gains where the stretch of ground is chosen too: on null sets up to 71 of raked sand."""
+"""How much more chance gains where the stretch of ground is chosen too: on null sets up to 71 of prepared sand."""
 ROUGH = 0.01
 """Share of the chi2 that an effect took which its law may leave: laws hold to 10 %, assumed."""
 ABSORBED = 0.02
-"""Share of a signature that must be left after the uncertain numbers for the candidate to be told at all."""
+"""Share of a signature that must be left after the uncertain numbers for the candidate to be identified at all."""
 STILL = 0.3
 """A signature that moves all rows together by fewer SDs than this is not in the data."""
 SMALL = 0.05
@@ -34,7 +34,7 @@ MULTIPLES = (0.8, 1.2, 1.8, 2.7)
 
 @dataclass(frozen=True, eq=False)
 class Signature:
-    """How a candidate at some size moves the features (runs, channels, blocks); `sizes` are its values there."""
+    """How a candidate at some size moves the features (runs, channels, blocks); `amplitudes` are its values there."""
 
     candidate: Candidate
     amplitudes: dict[str, float]
@@ -46,7 +46,7 @@ class Signature:
 class Scored:
     """One candidate by its best signature: the gain in chi2 and the size that a linear model promises.
 
-    NaN where the model with it, however small, loses a prediction: it is not told.
+    NaN where the model with it, however small, loses a prediction: it is not identified.
     """
 
     candidate: Candidate
@@ -250,7 +250,7 @@ def with_random_effects(base: Fit, candidate_signatures: Sequence[Signature], fi
 
 
 def null_threshold(candidates: int) -> float:
-    """Return the gain in chi2 that chance alone gives the best of so many candidates in 5 % of sets."""
+    """Return the gain in chi2 that chance alone gives the best of `candidates` in 5 % of sets."""
     return 2 * math.log(max(candidates, 1) / FALSE_ALARMS)
 
 

@@ -125,7 +125,7 @@ def _unpatterned(search_result: Search) -> str:
     times = math.sqrt(search_result.base.misfit)
     if search_result.base.task.experiment.noise() is None or search_result.base.misfit <= 1.0:
         return ""
-    return f": single values may stray, or the noise may be {times:.2g} times what is declared"
+    return f": single values may be outliers, or the noise may be {times:.2g} times what is declared"
 
 
 SENTENCES: dict[Answer, Callable[[Search, float, str, Sequence[str]], str]] = {

@@ -33,7 +33,7 @@ class Extra(Protocol):
 
 
 class HasSentence(Protocol):
-    """Something that a reader is told in a sentence."""
+    """Something that reports itself in a sentence."""
 
     @property
     def sentence(self) -> str:

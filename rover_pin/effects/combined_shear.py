@@ -20,7 +20,7 @@ class CombinedShear(Effect):
 
     tau = (c + sigma tan phi) (1 - exp(-|j| / k)) points against the displacement of each point of the rim
     (`combined_forces`), so the resultant keeps to Eq (3): side force takes thrust away, and a slipping wheel slides
-    sideways easily. With w = 1 it stands in for the side force of the effects before it (`SideShear`), per normal force
+    sideways easily. With w = 1 it replaces the side force of the effects before it (`SideShear`), per normal force
     as `SoilTraction` has it; where the angles follow the sinkage the shear's share of f_n changes too. The moment
     about the vertical is that of f_y along the contact. An effect on the stresses (`PeakStress`) keeps its own straight
     shear. `form` and `angles` must be those of the model's `SoilTraction`.

@@ -20,7 +20,7 @@ class GravityTilt(BodyEffect):
 
     title: ClassVar[str] = "tilted table"
     meaning: ClassVar[str] = "the table that counts as level is not"
-    rise_x: Scalar = quantity(0.01, "rad", "assumed: 0.6 deg, a bed raked by hand", -0.5, 0.5, "rise_x")
+    rise_x: Scalar = quantity(0.01, "rad", "assumed: 0.6 deg, a bed levelled by hand", -0.5, 0.5, "rise_x")
     rise_y: Scalar = quantity(0.0, "rad", "assumed", -0.5, 0.5, "rise_y")
     neutral: ClassVar[dict[str, float]] = {"rise_x": 0.0, "rise_y": 0.0}
 

@@ -24,7 +24,7 @@ class PeakStress(Effect):
     """A share w of the stress is Wong and Reece's, with its peak at theta_m = (a_0 + a_1 S) theta_1, the rest Eq (4)'s.
 
     With q the ratio of the normal forces (Wong and Reece's over Eq 6's, at the sinkage's angles) and F, M the factors
-    of f_t and torque by f_n, all that hangs on f_n so far grows by w (q - 1), and w q dF f_n, w q dM r f_n are added.
+    of f_t and torque by f_n, all that depends on f_n so far grows by w (q - 1), and w q dF f_n, w q dM r f_n are added.
     `form` and `angles` must be those of the model's `SoilTraction`, whose forces this replaces.
 
     Source: Wong and Reece, J. Terramechanics 4(1) (1967) 81; values: Ishigami, Miwa, Nagatani and Yoshida, J. Field

@@ -24,7 +24,7 @@ class SlipSoftening(Effect):
 
     s = min(sqrt(max(S, 0)^2 + S_y^2), 1) is the slip vector over the faster of rim and travel: shear loosens sand
     whichever way it goes, so a slip angle sinks a wheel as driving slip does. dz/ds = 2 (1 - s): the rim can loosen no
-    more sand than comes in fresh, a share 1 - s of its own way, so the last slip before standing still adds nothing.
+    more sand than comes in fresh, a share 1 - s of the rim's way, so the last slip before standing still adds nothing.
     Sinkage grows as exp(a x / (n + 1/2)) at any h / b, where a growing exponent (`SlipSinkage`) ends at h = b. x
     follows z over the length L of a contact: digging that goes on at constant slip. It costs the deeper rut by
     `rut_cost`, and the rise of a wheel whose slip falls, f_t = -f_n h a max(x - z, 0) / ((n + 1/2) L). For S < 0 see

@@ -91,7 +91,7 @@ class Axis(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Space:
-    """The free parameters among all `known`; the others keep the values of `base`."""
+    """The free parameters among `all_names`; the others keep the values of `base`."""
 
     axes: tuple[Axis, ...]
     base: np.ndarray

@@ -19,7 +19,7 @@ GAIN = 1e-6
 """A descent ends where a full step would lower chi2 by less than this."""
 
 IDLE = 3
-"""... or where so many steps in a row did."""
+"""... or where this many steps in a row did."""
 
 SMALLEST = 1e-10
 """... or where no step longer than this, in u, lowers chi2."""
@@ -53,7 +53,7 @@ class LeastSquares(Protocol):
 
 
 def descend(problem: LeastSquares, u: np.ndarray, fixed_index: int | None = None) -> tuple[np.ndarray, float]:
-    """Return the u and chi2 of the nearest minimum inside the bounds, with coordinate `held` kept.
+    """Return the u and chi2 of the nearest minimum inside the bounds, with coordinate `fixed_index` fixed.
 
     Raises
     ------

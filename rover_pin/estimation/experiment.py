@@ -115,7 +115,7 @@ at a minimum, and every fold is predicted by whole refits"
     def least_noise(self, model: Any) -> np.ndarray:
         """Return the least SD that noise is taken to have in each channel (channels,), where it is learnt.
 
-        A channel that never moves, or a fit that meets all its numbers, shows no noise of its own.
+        A channel that never moves, or a fit that meets all its numbers, shows no noise.
         """
         return np.full(len(self.channels), LEAST)
 
@@ -126,7 +126,7 @@ at a minimum, and every fold is predicted by whole refits"
     def turns(self) -> np.ndarray | None:
         """Return at which turn each sample was measured (folds, samples), by which noise may drift.
 
-        None where that is not told, or folds were measured one after the other: their drift looks like a law.
+        None where that is not known, or folds were measured one after the other: their drift looks like a law.
         """
         return None
 

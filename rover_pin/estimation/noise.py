@@ -18,7 +18,7 @@ MOST_MEMORY = 0.95
 HUBER_THRESHOLD = 4.0
 """Whitened residuals beyond this many SDs count linearly, not squared."""
 COLOURED = 1.5
-"""By how much chi2 by chance, and variances, exceed those of white noise: ground that is raked anew leaves residuals
+"""By how much chi2 by chance, and variances, exceed those of white noise: ground prepared anew leaves residuals
 that hang together beyond AR(1) blocks and a random field. Set on 14 blind null sets (seed 3101): what was not there
 gained up to 1.04 white fees, and errors of the numbers were 0.79 of SDs that had been widened by 2.25."""
 SPREAD = 1.4826
@@ -159,7 +159,7 @@ def spread(values: np.ndarray) -> float:
 
 
 def huber_weights(rows: np.ndarray) -> np.ndarray:
-    """Return the weights with which stray rows count."""
+    """Return the weights with which outlying rows count."""
     return np.asarray(np.minimum(1.0, HUBER_THRESHOLD / np.maximum(np.abs(rows), 1e-12)))
 
 

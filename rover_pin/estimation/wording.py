@@ -14,7 +14,7 @@ SAME = 5e-5
 NEARLY = 0.8
 """Share of what is allowed of a number from which its interval says nothing of it."""
 NO_SPREAD = 1e-9
-"""An SD, or an interval's width, below this share of the number, or of one unit of a size, was not told by the data."""
+"""Data do not identify an SD, or an interval's width, below this share of the number, or of one unit of a size."""
 
 NOT_PREDICTED = "not predicted"
 
@@ -78,8 +78,8 @@ class Outcome(Enum):
     WORSE = "worse"
     NONE = "unchanged"
     AT_FLOOR = "at its noise floor before: no gain to claim"
-    SCATTER = "not beyond its scatter: nothing to claim"
-    UNTOLD = "too little to resample: nothing to claim"
+    SCATTER = "not beyond its scatter: no claim"
+    UNTOLD = "too little to resample: no claim"
     LOST = "not predicted everywhere: not compared"
 
 
@@ -146,9 +146,9 @@ class Change(NamedTuple):
         if self.outcome is Outcome.AT_FLOOR:
             return f"at its noise floor before ({self.before / self.floor:.2f} x): no gain to claim"
         if self.outcome is Outcome.UNTOLD:
-            return f"{sense}, but too few {self.of} to resample: nothing to claim"
+            return f"{sense}, but too few {self.of} to resample: no claim"
         if self.outcome is Outcome.SCATTER:
-            return f"{sense}, not beyond what the {self.of} scatter: nothing to claim"
+            return f"{sense}, not beyond what the {self.of} scatter: no claim"
         return self.outcome.value
 
 

@@ -1,4 +1,4 @@
-"""What the contact arc hangs on where nothing measures it: k_1 is then as uncertain as it is known."""
+"""What the contact arc depends on where nothing measures it: k_1 is then as uncertain as it is known."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def free_unmeasured_modulus(
     priors: Mapping[str, Prior],
     exact: frozenset[str] = frozenset(),
 ) -> tuple[tuple[str, ...], dict[str, Prior]]:
-    """Return what is free, and the priors, with k_1 among them where the data's arc hangs on a modulus nobody measured.
+    """Return what is free, and the priors, with k_1 among them where the data's arc depends on an unmeasured modulus.
 
     Where theta_1 carries a load, F(S) shifts with r theta_1 / k: a modulus twice too high halves k and takes 7 deg off
     phi of a 110 mm wheel, with a good fit. A sinkage that any set measured tells theta_1; `exact` constants are the

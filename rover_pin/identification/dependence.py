@@ -48,9 +48,9 @@ def with_held(
 
     Parameters
     ----------
-    found : Identification
+    identification : Identification
         Of these `data` with these `priors`.
-    held : sequence of Held
+    fixed : sequence of Held
         As `held_numbers` gives them.
     """
     names = tuple(estimate.name for estimate in identification.estimates)

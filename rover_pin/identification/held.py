@@ -54,14 +54,14 @@ def held_numbers(
 ) -> tuple[Held, ...]:
     """Return every number of wheel and soil that a fit of `free` holds, with its 95 % range.
 
-    The range is the data's own where they state one, else 1.96 SDs of `DOUBTS`. Of one width only k_1 + k_2 b counts:
+    The range is the data's own where they state one, else 1.96 `ASSUMED_SDS`. Of one width only k_1 + k_2 b counts:
     where both are held they are one number; where one is free and the other 0, that is no assumption. Of several widths
     a 0 is one: that the modulus does, or does not, grow with the width. Sizes of several wheels that are stated alike
     are one number, others name their set.
 
     Parameters
     ----------
-    said : mapping of str to str
+    user_sources : mapping of str to str
         Name -> source of what the user has set.
 
     Raises
@@ -100,7 +100,7 @@ def _resized(rigs: Sequence[WheelRig], names: Sequence[str], size: str, value: f
 
 @dataclass(frozen=True, eq=False)
 class _FitInputs:
-    """What a fit is given of wheel and soil, and by whom: `own` is the soil as the data have it."""
+    """What a fit is given of wheel and soil, and by whom: `data_soil` is the soil as the data have it."""
 
     data: Evidence
     soil: Soil

@@ -34,7 +34,7 @@ INVISIBLE = 1e-3
 """A parameter that moves no prediction by this many SDs over the spread of the starts is not in the data."""
 
 MIN_OWN_SHARE = 1e-5
-"""A parameter whose effect is reproduced by others to this share is not told from them."""
+"""A parameter whose effect is reproduced by others to this share is not distinguished from them."""
 
 MAX_LISTED_PARAMETERS = 2
 """Parameters up to which a refusal lists what the data tell instead."""

@@ -1,4 +1,4 @@
-"""The verdict on one free parameter: found, held at its prior, or not told by the data."""
+"""The verdict on one free parameter: found, held at its prior, or not identified by the data."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def _verdict(problem: Problem, best: Best, index: int, interval: Interval) -> tu
         return Verdict.FOUND, f"found{_given(problem, axis.name)}"
     why = "the 95 % interval is too wide to call it found"
     if pinned:
-        why = f"the 95 % interval ends where {' and '.join(pinned)} meets a bound of its own, not where the data end it"
+        why = f"the 95 % interval ends where {' and '.join(pinned)} meets its own bound, not where the data end it"
     if not closed:
         ends = [end for end, closed in (("lower", interval.closed_low), ("upper", interval.closed_high)) if not closed]
         why = f"the 95 % interval is open at its {' and '.join(ends)} bound"
@@ -70,7 +70,7 @@ def _verdict(problem: Problem, best: Best, index: int, interval: Interval) -> tu
 def data_share(problem: Problem, best: Best, index: int) -> float:
     """Return the share of a parameter's variance that is left where those with priors are known exactly, in [0, 1].
 
-    1 / SD^2 is then the squared length of what the columns of the parameters without priors leave of its own.
+    1 / SD^2 is then the squared length of what the columns of the parameters without priors leave of its column.
     """
     jacobian = problem.data_jacobian(best.u)
     free = [at for at, name in enumerate(problem.space.names) if at != index and name not in problem.priors]

@@ -1,4 +1,4 @@
-"""Several rig sets in one sand: what any of them declares of it holds for all, and what each has of its own."""
+"""Several rig sets in one sand: what any of them declares of it holds for all, and what each has for itself."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def _of_sand(values: Mapping[str, T]) -> dict[str, T]:
 
 
 def _first(tables: Sequence[Mapping[str, T]]) -> dict[str, T]:
-    """Return all tables as one; of a name that stands in several the first counts."""
+    """Return all tables as one; of a name that several have the first counts."""
     return {name: value for table in reversed(tables) for name, value in table.items()}
 
 

@@ -139,7 +139,7 @@ class DriveLog:
         return None if declared is None else terrain_from(table, self.folder, self.trust)
 
     def is_estimated(self, run: Trace) -> bool:
-        """Return whether the ground under a run is told by the run itself."""
+        """Return whether the ground under a run is estimated from the run itself."""
         table = run.attrs.get("terrain") or self.metadata.terrain
         return not table or bool(table.get("estimated"))
 

@@ -73,7 +73,7 @@ def read_bag(path: Path, columns: Mapping[str, Any], bag: Mapping[str, Any], whe
 
 @contextmanager
 def opened(path: Path) -> Iterator[Any]:
-    """Give the reader of a bag; whatever it raises is told in one sentence.
+    """Give the reader of a bag; whatever it raises is reported in one sentence.
 
     Raises
     ------

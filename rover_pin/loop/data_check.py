@@ -74,7 +74,7 @@ def checked_evidence(path: str | Path | tuple[str | Path, ...], trust: Trust = T
     Parameters
     ----------
     path : str, Path or tuple of them
-        As `read_evidence` takes it; several are rig sets in one sand, of which a run that stands in two is used once.
+        As `read_evidence` takes it; several are rig sets in one sand, of which a run that is in two is used once.
 
     Raises
     ------

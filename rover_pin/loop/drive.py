@@ -43,7 +43,7 @@ RIVALS = 2
 """Rivals of the best for which a separating run is proposed."""
 UNKNOWN = 90.0
 """Strength of a term, after everything listed, from which something that is not on the list is said to act: on null
-sets raked sand showed up to 68 (seed 902)."""
+sets prepared sand showed up to 68 (seed 902)."""
 MUCH = 0.1
 """Share of the net gain of what was added from which such a term makes it doubtful: after false names it was 0.15 to
 0.3, after true ones no term came near UNKNOWN (seed 1303, once that had been scored)."""

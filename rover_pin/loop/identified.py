@@ -1,4 +1,4 @@
-"""What `rover-pin identify` says: a fit, what it hangs on, and what was measured of the same numbers elsewhere."""
+"""What `rover-pin identify` says: a fit, what it depends on, and what was measured of the same numbers elsewhere."""
 
 from __future__ import annotations
 
@@ -76,8 +76,8 @@ def identified(
         data's.
     by_hand : set of str
         Constants of `soil` that the user has set.
-    behind : sequence of Held
-        What the data were worked out with: `behind_points` of a drive log.
+    point_inputs : sequence of Held
+        What the data were worked out with: `derivation_inputs` of a drive log.
 
     Raises
     ------

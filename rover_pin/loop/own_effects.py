@@ -1,4 +1,4 @@
-"""A user's effect files, looked at before any work: a mistake in one is told at once, not after the fits."""
+"""A user's effect files, looked at before any work: a mistake in one is reported at once, not after the fits."""
 
 from __future__ import annotations
 

@@ -79,7 +79,7 @@ class Read(NamedTuple):
 def read_foreign(file: Path) -> Read:
     """Return a table with the columns of a wheel-rig set, in SI.
 
-    A unit stands in brackets or at the end of a name: `Sinkage [mm]`, `sinkage_mm`, `Slip (%)`; without one it is SI.
+    A unit is in brackets or at the end of a name: `Sinkage [mm]`, `sinkage_mm`, `Slip (%)`; without one it is SI.
 
     Raises
     ------

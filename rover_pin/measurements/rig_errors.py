@@ -15,7 +15,7 @@ class RigErrors(Record):
     """What a rig reads of the forces f_t, f_y, torque T, moment M and sinkage h of a wheel under the load W.
 
     The wheel carries W' = s_W W. Read are s_f f_t + f_0 + x W', s_f f_y + f_y0, T + T_0 with T_0 the tare and the
-    friction of bearing and seals, h + h_0, a zero that is off, or a radius that is told over or under the lugs, and of
+    friction of bearing and seals, h + h_0, a zero that is off, or a radius measured over or under the lugs, and of
     the moment about the vertical M + M_0 - x_0 f_y, by a cell whose axis stands x_0 ahead of the wheel's centre.
     Neutral is a rig without errors. What `rig.toml` states with an `sd` is a nuisance of every fit, with that prior;
     what it states without one is taken off as it is.

@@ -240,7 +240,7 @@ def slip_of_speeds(travel: np.ndarray, rim: np.ndarray) -> np.ndarray:
 def _on_a_slope(table: pd.DataFrame, noise: Mapping[str, Any], where: str) -> pd.DataFrame:
     """Return the table with the load W cos(slope) and the pull W sin(slope) that a wheel of weight W needs uphill."""
     if DrawbarPull.column in table:
-        raise DataError(f"{where}: {SLOPE} stands in place of {DrawbarPull.column}; leave one of the two out.")
+        raise DataError(f"{where}: {SLOPE} replaces {DrawbarPull.column}; leave one of the two out.")
     slope, weight = column(table[SLOPE], SLOPE, where), column(table["load_N"], "load_N", where)
     if np.max(np.abs(slope)) > STEEPEST:
         raise DataError(f"{where}: {SLOPE} reaches {np.max(np.abs(slope)):g}; give radians, positive uphill.")

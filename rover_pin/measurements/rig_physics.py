@@ -39,7 +39,7 @@ SOFTEST, NARROWEST, STIFFEST = 1e5, 1e4, 1e9
 """Mean pressure over sinkage [Pa/m], and times the width [Pa], that are named where both are less, and the most. The
 package's soils under wheels of 5 mm to 1 m and 1 N to 100 kN give 2e4 to 7e6 Pa/m, CMU's sand 3e5."""
 MIN_TREND_RUNS, FALLING = 4, -0.7
-"""Runs from which a trend is told, and the rank correlation of pull with slip that is a fall."""
+"""Runs from which a trend is reported, and the rank correlation of pull with slip that is a fall."""
 SLENDER = (0.05, 5.0)
 """Width over diameter of wheels: a bicycle's has 0.05, a road roller's 2."""
 

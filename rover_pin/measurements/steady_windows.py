@@ -24,7 +24,7 @@ class Steady:
     """What counts as steady: not the first `settle` s, nor rims slower than `slowest` m/s.
 
     Over a window the duty moves by `duty` at most, the rim speed by the share `rim` and the slip by `slip`, or by
-    three SDs of its own noise. Slips of wheels whose loads are told together only differ by `alike` at most.
+    three SDs of its noise. Slips of wheels whose loads are known only together differ by `slip_spread` at most.
     """
 
     settle: float = 2.0
@@ -36,10 +36,10 @@ class Steady:
 
 
 class Window(NamedTuple):
-    """One wheel, or wheels that are told together, over one window; SDs are of means, from how the rows scatter."""
+    """One wheel, or wheels whose loads are known only together, over one window; SDs are of means, from the rows."""
 
     wheel: int
-    "the first of those that are told together"
+    "the first of those whose loads are known only together"
     start: float
     "s"
     slip: float
@@ -159,7 +159,7 @@ class _Run:
 
 
 def pooled(group: Sequence[Window]) -> Window:
-    """Return the window of wheels whose loads are told together, which roll on wheels of one size.
+    """Return the window of wheels of one size whose loads are known only together.
 
     With T_i = F(S_i) r W_i the loads weigh the means of S and of F = T / (r W): of F by the sum of the loads alone, of
     S to first order in how slips and loads differ.

@@ -45,7 +45,7 @@ def bekker_si(name: str, value: float, unit: str, n: float | None, where: str) -
     if length == 1.0:
         return value * factor
     if n is None:
-        raise ParameterError(f"{where}: unit '{unit}' hangs on n: declare n too, or give it in metres.")
+        raise ParameterError(f"{where}: unit '{unit}' depends on n: declare n too, or give it in metres.")
     return value * factor / length ** (n + power)
 
 

@@ -61,7 +61,7 @@ def _inline(name: str, picture: Picture) -> dict[str, Any]:
 
 
 def marked(text: str) -> Markup:
-    """Return a docstring's paragraph with what stands in backticks as code."""
+    """Return a docstring's paragraph with what is in backticks as code."""
     parts = [escape(part) for part in text.split("`")]
     return Markup("").join(Markup(f"<code>{part}</code>") if at % 2 else part for at, part in enumerate(parts))
 

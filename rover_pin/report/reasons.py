@@ -29,7 +29,7 @@ NEXT = {
     Answer.NONE_FITS: WRITE_IT,
     Answer.INADEQUATE: WRITE_IT,
     Answer.LIKE: "measure where its law and the data part most: see where the error lives",
-    Answer.SET: "no run of the menu tells these apart",
+    Answer.SET: "no candidate run distinguishes these",
 }
 """What to do next where no run was found that would tell more."""
 
@@ -92,7 +92,7 @@ def _nothing_added(verdict: Verdict, labels: Labels) -> Iterator[str]:
 
 
 def _chosen(verdict: Verdict, labels: Labels, agreeing: bool) -> Iterator[str]:
-    """Yield that most folds choose the same again, or, if not `same`, that they do not."""
+    """Yield that most folds choose the same again, or, if not `agreeing`, that they do not."""
     names = set(verdict.named)
     folds = [set(name.split(" + ")) for name in verdict.chosen.values()]
     agree = sum(fold == names for fold in folds)
@@ -107,7 +107,7 @@ def _doubts(verdict: Verdict, labels: Labels) -> Iterator[str]:
     if verdict.named and not any("folds" in veto for veto in verdict.vetoes):
         yield from _chosen(verdict, labels, False)
     if len(verdict.indistinguishable) > 1:
-        yield f"{listing(verdict.indistinguishable[1:4], 'or')} cannot be told from it by these data"
+        yield f"{listing(verdict.indistinguishable[1:4], 'or')} cannot be distinguished from it by these data"
     worst_run = max(verdict.runs, key=lambda run_score: run_score.after / max(run_score.before, 1e-9), default=None)
     if verdict.named and worst_run is not None and worst_run.after > MORE * worst_run.before:
         yield (

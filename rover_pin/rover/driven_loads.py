@@ -18,7 +18,7 @@ SLIDING = (0, 1, 5)
 UNTOLD = 1e-6
 """Singular value over the greatest below which a combination of loads moves no balance."""
 SHARED = 0.1
-"""Share of any such combination of unit length up to which a load, or the sum of an axle, counts as told."""
+"""Share of any such combination of unit length up to which a load, or the sum of an axle, counts as known."""
 SHARES = 4
 """Rounds in which the shares of resistance and side force are found; each is some ten times nearer."""
 

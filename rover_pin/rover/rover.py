@@ -51,7 +51,7 @@ class Rover:
     springs: tuple[SpringDamper, ...] = ()
     "of its suspension, as its TOML states them"
     motor: MotorSheet | str | None = None
-    "of its wheels, as its TOML states it, or the name of one of `motion.motors`"
+    "of its wheels, as its TOML states it, or the name of one of `model.motors`"
     soil: Mapping[str, Any] = field(default_factory=dict)
     "[soil] of its TOML: the ground to drive on where nothing else is said"
 
@@ -185,7 +185,7 @@ def load_rover(rover: str | Path = "nexus6", trust: Trust = Trust()) -> Rover:
     Returns
     -------
     Rover
-        Wheels, joints and Pinocchio's model, a copy of its own.
+        Wheels, joints and Pinocchio's model, a separate copy.
 
     Raises
     ------
@@ -207,7 +207,7 @@ def load_rover(rover: str | Path = "nexus6", trust: Trust = Trust()) -> Rover:
 
 @lru_cache(maxsize=16)
 def _loaded(path: Path, texts: tuple[str, ...], trust: Trust) -> Rover:
-    """Return the rover of a TOML; what is `written` in its files tells whether it is the one loaded before."""
+    """Return the rover of a TOML; the `texts` of its files say whether it is the one loaded before."""
     layout = read_layout(path, trust)
     refuse_faults(layout)
     return assemble(layout)
@@ -216,7 +216,7 @@ def _loaded(path: Path, texts: tuple[str, ...], trust: Trust) -> Rover:
 def load_named(rover: str, folder: Path, trust: Trust = Trust()) -> Rover:
     """Return the rover that a model or a drive log in `folder` names: one of the package's, or a TOML seen from there.
 
-    Sets share rovers, so the TOML may lie elsewhere; a refusal of such a one tells nothing of what stands in it.
+    Sets share rovers, so the TOML may lie elsewhere; a refusal of such a one says nothing of its content.
 
     Raises
     ------

@@ -71,7 +71,7 @@ def check_urdf(path: str | Path, trust: Trust = Trust()) -> UrdfReport:
 
 
 def _standing_faults(layout: Layout) -> Iterator[str]:
-    """Yield why the rover does not stand on level ground at zero joint angles, if so; a poise is not to stand."""
+    """Yield why the rover does not stand on level ground at zero angles, if so: an unstable balance is a fault."""
     rover = assemble(layout)
     try:
         loads, *_ = (wheel_loads(rover, slope) for slope in (0.0, TILT, -TILT))

@@ -79,7 +79,7 @@ def _of_rig(file: str, request: Settings, trust: Trust) -> Made:
 def _refuse(names: tuple[str, ...], request: Settings, file: str) -> None:
     for name in names:
         if request.take(name, None) is not None:
-            raise ParameterError(f"{name} stands in the model file {file}: change it there, or leave out one of both.")
+            raise ParameterError(f"the model file {file} sets {name}: change it there, or leave out one of both.")
 
 
 def _of_settings(request: Settings, trust: Trust) -> Made:

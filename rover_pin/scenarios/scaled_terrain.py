@@ -16,7 +16,7 @@ POWERS = {"m": 1, "rad/m": -1}
 def scaled(terrain: Callable[..., Terrain], arguments: Mapping[str, Any], size: float) -> dict[str, Any]:
     """Return the arguments of a terrain for wheels `size` times as large as those that it is made for.
 
-    An argument's unit says whether it is a length. What is no argument (`field` has distances of its own) grows by the
+    An argument's unit says whether it is a length. What is no argument (`field` has its own distances) grows by the
     argument `size`, where there is one.
     """
     if size == 1.0:

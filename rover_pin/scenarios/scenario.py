@@ -152,12 +152,12 @@ def scenario(name: str, /, **settings: Any) -> Scenario:
     **settings
         `rover`, `soil` (a name of SOILS, or a `Soil`, taken as it is whatever the wheels' width), `soil.FIELD`,
         `terrain.ARGUMENT` (`terrain.path` of a file), `patch.x_from`, `patch.x_to` (a stretch of hard ground), `motor`
-        (speed-like, torque-like: `motion.motors`; or a `Motor`), `motor.FIELD`, `gravity` (name or m/s^2),
+        (speed-like, torque-like: `model.motors`; or a `Motor`), `motor.FIELD`, `gravity` (name or m/s^2),
         `form` (net, torque, gross), `angles` (fixed, sinkage), `slip` (relaxed, algebraic), `gear_friction` [N m],
-        `side` (combined, shear: law of the side force; combined where wheels go sideways, see `vehicle.side_force`),
-        `add` (effects, or words for them as "DiggingMemory.c_d=0.1,length=0.05": see `motion.effect_words`),
+        `side` (combined, shear: law of the side force; combined where wheels go sideways, see `side_force`),
+        `add` (effects, or words for them as "DiggingMemory.c_d=0.1,length=0.05": see `model.effect_words`),
         `effect.CLASS.FIELD`, `cruise_slip` (the slip on the flat, 0.05, that gives the resistance R of soil, wheels and
-        load as driven: `motion.cruise`; a declared R, or that of a model file, stays), `model` (a drive's model
+        load as driven: `model.cruise`; a declared R, or that of a model file, stays), `model` (a drive's model
         file, instead of rover, soil, form, angles and slip; or a wheel rig's, instead of soil, form and angles),
         `trust` (a `Trust`: which files that the model or the rover names may run, or lie elsewhere),
         `buried` (sinkage over wheel radius that ends a drive: 0.5), `control` (none, limit, eq9, onboard, true, turn,
@@ -217,7 +217,7 @@ def _made(name: str, settings: Mapping[str, Any]) -> tuple[Scenario, Settings]:
 
 
 def spelled(settings: Mapping[str, Any], record_names: Sequence[str]) -> dict[str, Any]:
-    """Return settings in which `whole` ones go by their fields, as soil=Soil(k=0.01) by soil.k=0.01 and the others."""
+    """Return settings in which those of `record_names` go by their fields, as soil=Soil(k=0.01) by soil.k=0.01."""
     fields = {f"{name}.{field}": value for name in record_names for field, value in vars(settings[name]).items()}
     if "soil" in record_names and "model" not in settings:
         fields["soil"] = name_of(settings["soil"])

@@ -56,7 +56,7 @@ class DriveEnd:
     stepper_state: StepperState
 
     def refuse_other(self, timing: Timing, symmetric: bool, new_state: DriveState) -> None:
-        """Refuse to go on in another way, or with a model whose states are not those of this drive, but as of `other`.
+        """Refuse to go on in another way, or with a model whose states, as in `new_state`, are not those of this drive.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""A drive in progress: its stepper, what its controller reads, and what it is told to do."""
+"""A drive in progress: its stepper, what its controller reads, and what it is commanded."""
 
 from __future__ import annotations
 

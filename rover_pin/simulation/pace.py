@@ -68,7 +68,7 @@ class Pace:
             self._change(checkpoint.size)
 
     def checkpoint(self, begun: Checkpoint, steps: int) -> Checkpoint:
-        """Return how far the drive is that begun there, after so many steps."""
+        """Return how far the drive is that began there, after `steps` steps."""
         return Checkpoint(begun.begin, steps, self.size, self.missed)
 
     def advance(self, commanded: bool = True) -> int:

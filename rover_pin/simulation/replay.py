@@ -166,7 +166,7 @@ def replay(
     rest_state: DriveState | None = None,
     finer: int = 1,
 ) -> Replay:
-    """Return what `model` does under the logged commands, from where it comes to rest, or from another's `shared_rest`.
+    """Return what `model` does under the logged commands, from where it comes to rest, or from a `rest_state`.
 
     Steps are `finer` times as short as they would be.
 
@@ -204,7 +204,7 @@ def replay(
 
 
 def _check_widths(model: Model, run: Commands) -> None:
-    """Refuse commands of other wheels than the rover's: the compiled loop reads so many a row."""
+    """Refuse commands of other wheels than the rover's: the compiled loop reads one a wheel from each row."""
     wheels = model.rover.wheels
     need = (len(wheels), sum(wheel.steer_dof is not None for wheel in wheels))
     have = (run.duty.shape[1], run.steer.shape[1])

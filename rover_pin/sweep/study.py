@@ -1,4 +1,4 @@
-"""A study: which scenario is driven, what is varied, how often; and its cases, each with a seed of its own."""
+"""A study: which scenario is driven, what is varied, how often; and its cases, each with its own seed."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ STEEPEST = math.radians(89.0)
 
 
 def numbers(name: str, values: Any) -> np.ndarray:
-    """Return `values` [m] as an array of its own, or refuse what is not finite."""
+    """Return `values` [m] as a separate array, or refuse what is not finite."""
     try:
         raw = np.asarray(values)
         if raw.dtype.kind not in "biuf":

@@ -3,7 +3,7 @@
 A facet is a straight piece of the cut. A patch is the part of a facet's contact arc that lies between the bisectors to
 its neighbours, so that patches tile the arc: one on flats and slopes, two at a lip or between floor and wall.
 
-A wheel over the border of two lanes stands in each by the share of its width that lies over it, and the edge pushes
+A wheel over the border of two lanes rests in each by the share of its width that lies over it, and the edge pushes
 it sideways by what moving across would store in the soil, -dU/dy with U = f_n h / (n + 3/2), the work that pressed the
 wheel in where f_n grows as h^(n + 1/2). So its forces are continuous in y, and a wheel is not lifted for nothing.
 """

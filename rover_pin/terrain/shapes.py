@@ -101,7 +101,7 @@ def one_sided_bump(
 ) -> Lanes:
     """Return the same bump under the left wheels (y > 0) only, or under the right ones.
 
-    It ends at y = 0 with a sheer edge, which a wheel meets over its width: see `body.section`.
+    It ends at y = 0 with a sheer edge, which a wheel meets over its width: see `terrain.section`.
     """
     level, raised = flat().profiles[0], _bump_profile(height, length, at, ground)
     return Lanes((level, raised) if left else (raised, level), (0.0,))

@@ -73,7 +73,7 @@ class Terrain(ABC):
 @final
 @dataclass(frozen=True)
 class Lanes(Terrain):
-    """Profiles along x, each extruded over its own band of y; a wheel over a border stands in both: see `section`.
+    """Profiles along x, each extruded over its own band of y; a wheel over a border rests in both: see `section`.
 
     Parameters
     ----------

@@ -57,7 +57,7 @@ def terrain_from(table: Mapping[str, Any], folder: str | Path, trust: Trust = Tr
 
 
 def write_terrain(folder: str | Path, terrain: Terrain) -> dict[str, Any]:
-    """Write a terrain's files into a drive log's folder; return its `[terrain]` table, for `About`."""
+    """Write a terrain's files into a drive log's folder; return its `[terrain]` table, for `LogMetadata`."""
     folder = Path(folder)
     if isinstance(terrain, HeightGrid):
         return {"grid": to_grid(folder / "terrain.npz", terrain).name}

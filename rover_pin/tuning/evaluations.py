@@ -21,7 +21,7 @@ Progress = Callable[[str, int, int], None]
 
 
 class Evaluations:
-    """Runs `function(*arguments) -> list of float`; a result stands in the file before it is used.
+    """Runs `function(*arguments) -> list of float`; a result is in the file before it is used.
 
     Parameters
     ----------

@@ -10,9 +10,9 @@ a, with p the path's slope, F = f_t / f_n, and X, W the forces on an axle along 
 
 F, M and f_n are the model's own effects at that sinkage, motors and supply too: the same expressions as in the
 simulator. Of body effects there are their weight and their push f_x along the path. Left out: the suspension's motion
-and angles, what acts on it (`left_out`), that a wheel which sinks leaves the path of the others, yaw, the two patches
-of a lip, ground other than the first soil, and the mirrored view of a wheel that runs backwards. An effect that amends
-a motor by the supply's current of now sees the current without it.
+and angles, what acts on it (`omitted_effects`), that a wheel which sinks leaves the path of the others, yaw, the two
+patches of a lip, ground other than the first soil, and the mirrored view of a wheel that runs backwards. An effect that
+amends a motor by the supply's current of now sees the current without it.
 """
 
 from __future__ import annotations

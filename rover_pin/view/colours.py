@@ -1,6 +1,6 @@
 """The colours of slip: blue where a wheel brakes, pale where it rolls, through orange to dark red where it only spins.
 
-They differ in lightness too, so that they are told apart without colours.
+They differ in lightness too, so that they are distinct without colours.
 """
 
 from __future__ import annotations

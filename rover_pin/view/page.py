@@ -43,7 +43,7 @@ def page_of(subject: Subject, others: Sequence[tuple[Subject, str]] = ()) -> str
     """
     film = Film.of(subject.trace, subject.rover, subject.terrain)
     ghosts = ghosts_of(film, others)
-    with server() as viser, viser.atomic():  # nobody looks on: what a server would send is told once, at the end
+    with server() as viser, viser.atomic():  # nobody looks on: what a server would send is written once, at the end
         look_from(viser, film)
         recorder = viser.get_scene_serializer()
         stage = Stage(viser.scene, film, shapes_of(subject.rover, subject.meshes), ghosts)

@@ -165,7 +165,7 @@ def test_drive_and_bounds_take_a_model_file(run):
     assert told["wheels"] == plain["wheels"]
     code, _, err = run("bounds", "--model", "model.toml", "--soil", "table-1")
     assert code == 2
-    assert "soil stands in the model file model.toml" in err
+    assert "the model file model.toml sets soil" in err
 
 
 def test_bounds_for_every_wheel(run):
@@ -272,7 +272,7 @@ REFUSED = [
     ("tune sand.toml --model gone.toml", "gone.toml: the file cannot be read"),
     ("tune sand.toml --model broken.toml", "broken.toml: the file is not TOML"),
     ("tune sand.toml --model empty.toml", "empty.toml: kind = None is not a driving rover's model"),
-    ("tune sand.toml --model model.toml", "training 1: soil stands in the model file model.toml: change it there, or"),
+    ("tune sand.toml --model model.toml", "training 1: the model file model.toml sets soil: change it there, or"),
 ]
 
 

@@ -41,7 +41,7 @@ def test_odometry_is_written_down_and_then_refused(run):
         (("--column", "body_x=x", "--column", "body_z"), "--column body_z: give NAME=FORMULA"),
         (("--column", "body_x=x", "--column", "body_x=y"), "--column body_x=y: give NAME=FORMULA"),
         (("--column", "body_x=open('x')"), "there is no function 'open'"),
-        (("--column", "body_zz=z"), "no column 'body_zz', and nothing else that is told is made of it: did you mean"),
+        (("--column", "body_zz=z"), "no column 'body_zz', and no other --column uses it: did you mean"),
         (("--column", "wheel_rate_f1=1"), "did you mean 'wheel_rate_f"),
         (("--column", "body_x=body_yz"), "there is no column 'body_yz'"),
         (("--rover", "nowhere.toml"), "nowhere"),

@@ -168,5 +168,5 @@ def test_far_numbers_are_named_where_the_noise_is_met():
 )
 def test_declared_noise_may_be_too_small_for_an_unknown_residual(chi2, declared, told):
     text = said(Answer.INADEQUATE, search_of(fit_of(chi2, declared), added=(EFFECT,)))
-    assert ("single values may stray, or the noise may be" in text) is bool(told)
+    assert ("single values may be outliers, or the noise may be" in text) is bool(told)
     assert told in text

@@ -133,7 +133,7 @@ PLAIN = problem(np.eye(3), [0.01, 0.5, 1.0])
         (Interval(0.3, 0.5, True, False), "the 95 % interval is open at its upper bound"),
         (Interval(0.3, 0.5, False, False), "the 95 % interval is open at its lower and upper bound"),
         (Interval(0.3, 0.5, True, True, (1,)), ""),
-        (Interval(0.3, 0.5, True, True, (0, 2)), "the 95 % interval ends where k and n meets a bound of its own, not"),
+        (Interval(0.3, 0.5, True, True, (0, 2)), "the 95 % interval ends where k and n meets its own bound, not"),
         (Interval(0.3, 0.5, True, False, (0,)), "the 95 % interval is open at its upper bound"),
     ],
 )

@@ -53,7 +53,7 @@ def test_a_sound_log_is_read_as_ever_and_its_findings_are_told(trace, tmp_path, 
     evidence, findings, _ = checked_evidence(folder)
     by_loop = check_data(folder).findings
     assert [each for each in by_loop if each in findings] == list(findings)
-    assert any("stray" in str(each) for each in findings), findings
+    assert any("outlier" in str(each) for each in findings), findings
     plain = read_evidence(folder)
     assert evidence.factor.tobytes() == plain.factor.tobytes()
 

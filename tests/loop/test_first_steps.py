@@ -91,11 +91,11 @@ def test_score_refers_to_folds_on_a_rig_and_runs_on_a_log():
     """On a rig whole folds, its levels, are held out and resampled, on a drive log runs are."""
     drive = ChannelScore("body_x", "m", 1e-3, 5e-3, 4e-3, -0.2, -0.4, 0.1)
     rig = drive._replace(levels=(LevelError("S = 0.1", 5e-3, 4e-3),), of="folds")
-    assert drive.claim == "better, not beyond what the runs scatter: nothing to claim"
-    assert rig.claim == "better, not beyond what the folds scatter: nothing to claim"
-    assert score_line(drive).endswith("better, not beyond what the runs scatter: nothing to claim")
+    assert drive.claim == "better, not beyond what the runs scatter: no claim"
+    assert rig.claim == "better, not beyond what the folds scatter: no claim"
+    assert score_line(drive).endswith("better, not beyond what the runs scatter: no claim")
     lost = drive._replace(before=1e-3, after=2e-3, change=1.0)
-    assert lost.claim == "worse, not beyond what the runs scatter: nothing to claim"
+    assert lost.claim == "worse, not beyond what the runs scatter: no claim"
 
 
 def test_a_model_of_another_rover_is_refused():

@@ -226,7 +226,7 @@ def run(*words):
 def test_the_command_fits_measured_sets_together(caplog):
     told = run(SMOOTH, SKID, "--free", "phi,k_1", "--json")
     assert told.exit_code == 0, told.output
-    assert "cmu-smooth-wheel-skid: 3 of 12 runs stand in another set too; they are used once." in caplog.text
+    assert "cmu-smooth-wheel-skid: 3 of 12 runs are in another set too; they are used once." in caplog.text
     found = json.loads(told.stdout)
     assert [(row["set"], row["points"]) for row in found["channels"]] == [
         ("cmu-smooth-wheel", 15), ("cmu-smooth-wheel", 15), ("cmu-smooth-wheel-skid", 9), ("cmu-smooth-wheel-skid", 9),

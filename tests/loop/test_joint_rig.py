@@ -153,9 +153,9 @@ def test_a_run_that_stands_in_two_sets_is_used_once(sets, tmp_path):
     rows = (more / "points.csv").read_text().splitlines() + (sets[0] / "points.csv").read_text().splitlines()[1:4]
     (more / "points.csv").write_text("\n".join(rows) + "\n")
     joint = read_joint((sets[0], more))
-    assert [str(one) for one in joint.twice] == ["more: 3 of 13 runs stand in another set too; they are used once."]
+    assert [str(one) for one in joint.twice] == ["more: 3 of 13 runs are in another set too; they are used once."]
     assert int(np.isfinite(joint.observed[:, 0]).sum()) == 20
-    with pytest.raises(DataError, match="again: every run of it stands in another set too; leave it out"):
+    with pytest.raises(DataError, match="again: every run of it is in another set too; leave it out"):
         joined([small, other])
 
 

@@ -192,7 +192,7 @@ def test_a_fitted_centre_of_mass_outside_the_rover_is_a_caution(verdict):
 
 def test_free_runs_that_stray_further_are_a_caution(verdict):
     free = tuple(each._replace(after=2.0 * each.before) for each in extra_of(verdict).free)
-    assert any("strays further than the base model in run_1" in line for line in cautions(verdict, free))
+    assert any("diverges further than the base model in run_1" in line for line in cautions(verdict, free))
     lost = tuple(each._replace(after=float("nan")) for each in free)
     assert any("does not come to the end of run_1" in line for line in cautions(verdict, lost))
 

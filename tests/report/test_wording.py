@@ -85,9 +85,9 @@ def test_the_floor_ends_where_it_says():
 
 
 def test_what_is_said_of_a_change():
-    assert change(3.0, 1.5, -0.6, 0.1).claim == "better, not beyond what the levels scatter: nothing to claim"
-    assert change(3.0, 3.3, -0.6, 0.1, of="runs").claim == "worse, not beyond what the runs scatter: nothing to claim"
-    assert change(3.0, 1.5, -0.5, -0.5).claim == "better, but too few levels to resample: nothing to claim"
+    assert change(3.0, 1.5, -0.6, 0.1).claim == "better, not beyond what the levels scatter: no claim"
+    assert change(3.0, 3.3, -0.6, 0.1, of="runs").claim == "worse, not beyond what the runs scatter: no claim"
+    assert change(3.0, 1.5, -0.5, -0.5).claim == "better, but too few levels to resample: no claim"
     assert change(1.2, 1.2, 0.0, 0.0).claim == "at its noise floor before (1.20 x): no gain to claim"
     assert change(3.0, 1.5, -0.6, -0.4).claim == "better"
     assert change(3.0, 3.0, 0.0, 0.0).claim == "unchanged"

@@ -95,15 +95,15 @@ FAULTS = {
     ),
     "loop": (
         TEXT.replace("</robot>", EXTRA.format("bar", "continuous", "bogie_l_link", "rocker_r_link")),
-        r"link 'rocker_r_link' hangs on 2 joints \('rocker_r' and 'bar'\), which closes a loop",
+        r"link 'rocker_r_link' is the child of 2 joints \('rocker_r' and 'bar'\), which closes a loop",
     ),
     "loose link": (
         TEXT.replace("</robot>", '<link name="lone"/></robot>'),
-        "links 'base_link', 'lone' hang on no joint",
+        "links 'base_link', 'lone' are no joint's children",
     ),
     "ring": (
         TEXT.replace("</robot>", EXTRA.format("ring", "continuous", "wheel_fl_link", "base_link")),
-        "every link hangs on another, in a ring",
+        "every link is another's child, in a ring",
     ),
     "ring apart": (
         TEXT.replace("</robot>", '<link name="a"/><link name="b"/></robot>')

@@ -217,7 +217,7 @@ def test_a_scenario_drives_a_models_file(tmp_path):
     assert (ready.model.soils[0].k, ready.model.gravity) == (0.02, 1.62)
     assert ready.model.terrain == shapes.bump()
     assert not ready.symmetric
-    with pytest.raises(ParameterError, match=r"soil stands in the model file .*: change it there, or leave out one"):
+    with pytest.raises(ParameterError, match=r"the model file .* sets soil: change it there, or leave out one"):
         scenario("bump", model=file, soil="table-1")
 
 
@@ -235,7 +235,7 @@ def test_a_rover_drives_on_a_wheels_model(tmp_path):
         assert model.effect(SoilTraction) == PAPER[0]
         assert {type(effect) for effect in model.effects} == {SoilTraction, NormalDamping, SideShear, SlipSinkage}
         assert simulate(model, ready.controller, 0.2).attrs["traction_form"] == "net"
-    with pytest.raises(ParameterError, match=r"soil stands in the model file .*: change it there, or leave out one"):
+    with pytest.raises(ParameterError, match=r"the model file .* sets soil: change it there, or leave out one"):
         scenario("flat", model=file, soil="table-1")
     bare = write_rig_model(RigModel(RIG.wheel, RIG.soil, ()), tmp_path / "bare.toml")
     with pytest.raises(DataError, match=r"bare.toml: a wheel's model .* must have one \[\[effect\]\] SoilTraction"):

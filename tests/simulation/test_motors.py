@@ -97,5 +97,5 @@ def test_the_motor_is_a_setting():
 def test_a_model_file_has_its_own_motor(tmp_path):
     path = write_model(scenario("flat", soil="table-1", motor="torque-like").model, tmp_path / "model.toml")
     assert float(scenario("flat", model=str(path)).model.motor.stall_torque) == pytest.approx(0.25)
-    with pytest.raises(ParameterError, match="motor stands in the model file"):
+    with pytest.raises(ParameterError, match=r"the model file .* sets motor"):
         scenario("flat", model=str(path), motor="speed-like")

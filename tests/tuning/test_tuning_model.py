@@ -94,7 +94,7 @@ def test_eq_9_reads_the_rims_of_the_models_own_wheels(tmp_path):
 def test_a_soil_named_by_a_drive_contradicts_the_file(tmp_path):
     path = written(tmp_path / "model.toml")
     named = TuningStudy("s", (DriveCase("sand", "flat", (("soil", "dry-sand"),)),)).on_model(path)
-    with pytest.raises(ParameterError, match=r"sand: soil stands in the model file .*model.toml: change it there, or"):
+    with pytest.raises(ParameterError, match=r"sand: the model file .*model.toml sets soil: change it there, or"):
         tune_gains(named)
 
 

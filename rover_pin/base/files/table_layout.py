@@ -11,7 +11,7 @@ from rover_pin.base.units import readings
 
 DELIMITERS = (";", "\t", "|", ",", " ")
 LOOKED = 60
-"""Lines by which delimiter and header are told."""
+"""Lines from which delimiter and header are recognised."""
 MISSING = {"", "-", "--", "\u2013", "\u2014", "na", "n/a", "#n/a", "nan", "null", "none"}
 """Cells, in small letters, that stand for a missing one."""
 UNIT = r"[A-Za-z°%µμΩ][^\s,;]{0,7}(?:\s?m)?"
@@ -124,6 +124,6 @@ def _are_names(row: list[str], decimal: str) -> bool:
 
 
 def _are_units(row: list[str]) -> bool:
-    """Return whether a row has the units of columns: most of what is no stroke is a unit, or stands in brackets."""
+    """Return whether a row has the units of columns: most cells that are not missing are a unit or in brackets."""
     filled = [cell for cell in row if cell not in MISSING]
     return 2 * sum(cell[0] in "[(" or bool(readings(cell)) for cell in filled) > len(filled)

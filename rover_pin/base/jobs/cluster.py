@@ -72,7 +72,7 @@ def results(
 def on_processes(
     function: Callable[..., Any], jobs: Sequence[tuple[Any, ...]], workers: int, **options: Any
 ) -> Iterator[Any]:
-    """Yield None when so many processes are at work, then `function(*job)` of each job; `how` is joblib's.
+    """Yield None when the workers are at work, then `function(*job)` of each job; `options` are joblib's.
 
     A process has one thread and a share of the machine's memory, and takes no code from the working directory.
 

@@ -1,4 +1,4 @@
-"""What lies in the folder one stands in is data: no program, module or setting of it is taken by us or our children.
+"""The working directory holds data: no program, module or setting of it is taken by us or our children.
 
 Python puts the working directory first on the path of `python -m` and `python -c`, by which worker processes and their
 trackers start; a shell does so for an empty entry of PATH, and matplotlib reads ./matplotlibrc.

@@ -51,7 +51,7 @@ def ending_workers() -> Iterator[None]:
 
 
 def working_for(program: int, workers: int, function: Callable[..., Any], *job: Any) -> Any:
-    """Return `function(*job)`, in one of so many worker processes that end when the program of this number is gone.
+    """Return `function(*job)`, in one of `workers` processes, which end when the process `program` is gone.
 
     A program that is killed outright (SIGKILL, no memory left) cannot end its workers itself.
     """

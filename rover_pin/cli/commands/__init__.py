@@ -1,4 +1,4 @@
-"""Commands that `cli` adds to those of its own: one file each; what a command needs is imported when it runs.
+"""Commands that `cli` adds to its own: one file each; what a command needs is imported when it runs.
 
 Their files postpone no annotations: typer would evaluate every one of those strings, several times, at every start.
 """

@@ -12,7 +12,7 @@ from rover_pin.base.errors import ParameterError, closest
 from rover_pin.version import __version__
 
 MISTYPED: type[Exception] = typer.BadParameter.__mro__[1]
-"""What the command line's library raises of words that it cannot take; which module it is in hangs on the version."""
+"""What the command line's library raises of words that it cannot take; its module depends on the version."""
 LEVELS = {"quiet": logging.WARNING, "": logging.INFO, "verbose": logging.DEBUG}
 
 

@@ -1,4 +1,4 @@
-"""What measurements of an exact experiment share by chance, beyond declared noise, told from what a model leaves."""
+"""What measurements of an exact experiment share by chance, beyond declared noise, apart from a model's residual."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def beyond_declared(last: Fit, candidate_shifts: Callable[[], Sequence[np.ndarra
     """Return the declared noise with what measurements share by chance beside it; None where nothing shows.
 
     Drift in the order of measurement, with what folds differ in left free, else that. Every number is left free too,
-    and what candidates move, `known`, so that neither a wrong number nor a missing law is taken for chance. With a fold
+    and `candidate_shifts` with them, so that neither a wrong number nor a missing law is taken for chance. With a fold
     left out the noise stays what it is on all.
     """
     experiment = last.task.experiment
@@ -51,7 +51,7 @@ def beyond_declared(last: Fit, candidate_shifts: Callable[[], Sequence[np.ndarra
 
 
 def _held(scaled: np.ndarray, spreads: Sequence[float]) -> np.ndarray:
-    """Return residuals in SDs, held at STRAYING times the spread of their channel: two that stray would drift."""
+    """Return residuals in SDs, held at STRAYING times the spread of their channel: two outliers would be a drift."""
     most = CLIP_SPREADS * np.maximum(1.0, spreads)[:, None]
     return np.clip(scaled, -most, most)
 

@@ -48,7 +48,7 @@ class Drift:
         return float(sum(np.sum(np.log1p(-(memory**2))) for _, _, memory in self._follows(good)))
 
     def _follows(self, good: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-        """Yield of every channel folds and samples in their turn, and how each hangs on the one before."""
+        """Yield of every channel folds and samples in their turn, and how each depends on the one before."""
         for channel, rho in enumerate(self.rho):
             fold, sample = np.nonzero(good[:, channel])
             order = np.argsort(self.turn[fold, sample])

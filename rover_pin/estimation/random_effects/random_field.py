@@ -1,4 +1,4 @@
-"""What differs from fold to fold by chance, as ground that is raked anew: columns of known shape, SDs that are learnt.
+"""What differs from fold to fold by chance, as ground prepared anew: columns of known shape, SDs that are learnt.
 
 y = predicted(u) + G gamma + eps, gamma ~ N(0, diag tau^2), eps the noise. With whitened columns B, one scale d of each
 kind for its SD over the size that made the column, rows have the covariance I + B d^2 B^T: what gamma may have done is
@@ -135,7 +135,7 @@ def learnt_sds(rows: np.ndarray, free: np.ndarray, columns: np.ndarray, field: R
     solution = minimize(loss, start, method="L-BFGS-B", bounds=[(0.0, MOST_SCALE**2)] * count).x
     best = np.where(solution > MIN_SINGULAR_SHARE**2, solution, 0.0)
     without = [np.where(np.arange(count) == at, 0.0, 1.0) for at in range(count)]
-    for mask in without:  # where nothing is told of a kind, the search stays where it began
+    for mask in without:  # where data say nothing of a kind, it stays as it began
         best = best * mask if loss(best * mask) <= loss(best) + MIN_SINGULAR_SHARE else best
     gains = [loss(best * mask) - loss(best) for mask in without]
     rows_of = zip(field.kinds, np.sqrt(best), gains, strict=True)

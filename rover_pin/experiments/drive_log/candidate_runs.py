@@ -1,4 +1,4 @@
-"""A menu of runs that a test bed could drive next: duty, slope, heading, load, each with a sentence that says it."""
+"""Candidate runs that a test bed could drive next: duty, slope, heading, load, each with a sentence that says it."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ BALLAST = 0.2
 
 @dataclass(frozen=True, eq=False)
 class CandidateRun:
-    """One run of the menu: `duty` (T, wheels), steering straight; `terrain` is the log's own where it is None.
+    """One candidate run: `duty` (T, wheels), steering straight; `terrain` is the log's own where it is None.
 
     `ballast` [kg] is set down at the rover's centre of mass, and both models know it.
     """
@@ -71,13 +71,13 @@ class CandidateRun:
 def candidate_runs(
     rover: Rover, cruise: float, log_start: Start, alone: Sequence[int] = (0,)
 ) -> tuple[CandidateRun, ...]:
-    """Return the menu for a rover.
+    """Return the candidate runs for a rover.
 
     Parameters
     ----------
     cruise : float
         Duty at which the rover of the log goes along, as the middle of the runs at one duty.
-    own : Start
+    log_start : Start
         Where a run on the log's own ground starts.
     alone : sequence of int
         Wheels that are tried at another duty than the rest.

@@ -44,7 +44,7 @@ def candidates(
     free : sequence of Parameter
         The uncertain numbers; of effects those are candidates too, freed from their priors, that are declared, or
         neutral beforehand: of what is assumed to be something, nothing is missing where it is something else.
-    own : path or None
+    effects_path : path or None
         A user's effect file or folder.
     """
     unknown = {owner_name(effect) for effect in model.sensor_effects if not effect.neutral}
@@ -78,7 +78,7 @@ def shows(effect: AnyEffect, experiment: DriveExperiment) -> bool:
 
     Wheels held to their rates hide what acts in the motors; where each run tells its own ground, no tilt of all shows.
     A bent ground never does: the random field of the ground has every slope along the way already, and what it says
-    it says as such (`ground.raked`), so that the same misfit would be counted twice.
+    it says as such (`ground.run_variability`), so that the same misfit would be counted twice.
     """
     own_ground = any(run.commands.terrain is not None for run in experiment.runs)
     hidden = (experiment.rate_driven and isinstance(effect, MotorEffect)) or (

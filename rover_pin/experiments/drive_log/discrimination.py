@@ -64,7 +64,7 @@ def with_currents(logged: Instruments, wheels: Sequence[str]) -> Instruments:
 
 @dataclass(frozen=True, eq=False)
 class PredictedDifference:
-    """A run of the menu as both models drive it, with every channel that an instrument may read."""
+    """A candidate run as both models drive it, with every channel that an instrument may read."""
 
     run: CandidateRun
     fits: tuple[Fit, Fit] = field(repr=False)

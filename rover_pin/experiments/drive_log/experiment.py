@@ -170,11 +170,11 @@ class DriveExperiment(Experiment):
         return self.memory.cached_arrays((self.identity, *request), make)
 
     def replays(self, model: Model, perturbations: Sequence[Perturbation] | None = None) -> tuple[Replay, ...]:
-        """Return the replays of one model, perhaps nudged, one nudge a run."""
+        """Return the replays of one model, perhaps perturbed, one perturbation a run."""
         return self.perturbed_replays(model, list(enumerate(perturbations or [Perturbation()] * len(self.runs))))
 
     def perturbed_replays(self, model: Model, perturbations: Sequence[tuple[int, Perturbation]]) -> tuple[Replay, ...]:
-        """Return the replays of one model on these runs, by index, under these nudges."""
+        """Return the replays of one model on these runs, by index, under these perturbations."""
         return tuple(
             self._spread(
                 _replayed,

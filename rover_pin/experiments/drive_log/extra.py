@@ -40,7 +40,7 @@ def extra_of(verdict: Verdict) -> DriveExtra:
 
 
 def free_lines(free: tuple[FreeRun, ...]) -> list[str]:
-    """Return one line: how far free simulations stray from the log."""
+    """Return one line: how far free simulations diverge from the log."""
     if not free:
         return []
     was, now = (

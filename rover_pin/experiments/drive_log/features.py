@@ -43,7 +43,7 @@ LEVELS = ("body_z",)
 class LoggedRun:
     """One run of a log on the rows of its replay.
 
-    `seen` are the measured features (channels, blocks), not a number where they are not comparable; `heading` (T,) is
+    `observed` are the measured features (channels, blocks), NaN where they are not comparable; `heading` (T,) is
     the logged yaw, smoothed.
     """
 
@@ -89,7 +89,7 @@ class LoggedRun:
 
 
 def logged_run(log: Trace, rover: Rover) -> LoggedRun:
-    """Return a run of a log ready for comparison, without poses that stray and steps of a duty at a time not told."""
+    """Return a run of a log ready for comparison, without outlying poses and duty steps at unknown times."""
     log = without_pose_outliers(log)
     wheels = tuple(wheel.name for wheel in rover.wheels)
     steered = tuple(wheel.name for wheel in rover.wheels if wheel.steer_dof is not None)
@@ -136,7 +136,7 @@ def driven(
 ) -> dict[str, np.ndarray]:
     """Return the features made of several channels: way along and across the heading, turn, speed along it.
 
-    What was driven in rows that are not `counted` is left out of the leaky sums, or it would be compared later.
+    What was driven in rows that are not in `summed_rows` is left out of the leaky sums, or it would be compared later.
     """
     derived_features = {}
     forward = np.array([np.cos(heading), np.sin(heading)])
@@ -196,7 +196,7 @@ TELL_GROUND = ("body_pitch", "body_roll", "body_z")
 
 
 def _on_its_ground(log: DriveLog, trace: Trace, run: LoggedRun) -> LoggedRun:
-    """Return the run on the ground of its own, if it has one, without the channels that this was estimated from."""
+    """Return the run on its own ground, if it has one, without the channels that this was estimated from."""
     is_selected = [name not in TELL_GROUND or not log.is_estimated(trace) for name in run.channels]
     names = tuple(name for name, keep in zip(run.channels, is_selected, strict=True) if keep)
     commands = replace(run.commands, terrain=log.terrain_of(trace))

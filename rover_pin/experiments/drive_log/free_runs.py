@@ -1,4 +1,4 @@
-"""Runs driven freely from their start, without being drawn to the log: how far they stray."""
+"""Runs driven freely from their start, without being drawn to the log: how far they diverge."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class FreeRun(NamedTuple):
 
 
 def free_runs(experiment: DriveExperiment, before: Model, after: Model) -> tuple[FreeRun, ...]:
-    """Return how far the free simulations of all runs stray from the log, before and after."""
+    """Return how far the free simulations of all runs diverge from the log, before and after."""
     strayed = [
         [
             _strayed(run.commands, replay.channels)

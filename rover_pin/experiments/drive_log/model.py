@@ -41,7 +41,7 @@ MOTOR_SD = {"gear": 0.04, "resistance": 0.04}
 ORDER = 1.0
 """SD of the logarithm of a motor constant that nobody declares: only its order is known."""
 LEVEL_SD = math.tan(math.radians(1.0))
-"""SD of the slope of a ground that a log's own level told: its zero is off by a degree (assumed), as if R differed."""
+"""SD of the slope of a ground that a log's own level gives: its zero is off by a degree (assumed), as if R differed."""
 SIDE_SD = 0.5
 """Relative SD of the side force (assumed: the law gives half of that of a measured wheel). It is free where nothing
 steers: such a rover turns, and holds its heading, by scrub alone."""

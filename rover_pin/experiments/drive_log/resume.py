@@ -34,7 +34,7 @@ class Memory:
     key: str = ""
 
     def cached_arrays(self, request: tuple[Any, ...], make: Callable[[], Arrays]) -> Arrays:
-        """Return the arrays that answer `asked`, as they were kept, or make and keep them."""
+        """Return the arrays that answer `request`, as they were kept, or make and keep them."""
         if self.folder is None:
             return make()
         file = self.folder / FOLDER / f"{digest(self.key, request)}.npz"

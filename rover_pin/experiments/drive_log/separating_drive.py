@@ -1,4 +1,4 @@
-"""The drive that would tell two candidates apart: of a menu of runs, the one with the greatest expected information."""
+"""The drive that would distinguish two effects: the candidate run with the greatest expected information."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class SeparatingDrive(NamedTuple):
 
 
 class _RunScore(NamedTuple):
-    """One run of the menu, judged."""
+    """One candidate run, evaluated."""
 
     expected: float
     label: str
@@ -63,7 +63,7 @@ class _RunScore(NamedTuple):
 
 
 def separating_drive(first: Named, second: Named, progress: Progress = lambda message: None) -> SeparatingDrive | None:
-    """Return the run of the menu with the greatest expected information, or None where none tells the two apart.
+    """Return the candidate run with the greatest expected information, or None where none distinguishes the two.
 
     d^T (I + J_1 C_1 J_1^T + J_2 C_2 J_2^T)^-1 d, with d the difference of the two predictions in units of the noise
     and C the covariance of each fit. Runs are judged by the log's own channels; by motor currents too where they are
@@ -117,7 +117,7 @@ def _choice(first: Named, second: Named) -> tuple[CandidateRun, ...]:
 
 
 def _applicable_runs(first: Named, second: Named) -> tuple[CandidateRun, ...]:
-    """Return the menu; where an effect is tied to a place of the log, only what crosses the log's own ground."""
+    """Return the candidate runs; where an effect is tied to a place of the log, those that cross the log's ground."""
     experiment, rover = logged(first[1]), first[1].model.rover
     duty = np.concatenate([np.abs(run.commands.duty).mean(axis=1) for run in experiment.runs])
     moving = duty[duty > MOVING]

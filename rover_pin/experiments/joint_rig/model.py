@@ -14,12 +14,12 @@ from rover_pin.experiments.wheel_rig.presets import LUGS
 from rover_pin.measurements.rig_errors import RigErrors
 
 OWN = (("wheel", "wheel"), ("rig", "errors"))
-"""Records that each set has of its own, as parameters and as a `Part` name them."""
+"""Records that each set has for itself, as parameters and as a `Part` name them."""
 
 
 @dataclass(frozen=True)
 class Part:
-    """What is a set's own: its wheel, its rig's errors, and the height of its lugs [m], None where it is not told."""
+    """What is a set's own: its wheel, its rig's errors, and the height of its lugs [m], None if not declared."""
 
     wheel: Wheel
     errors: RigErrors
@@ -30,9 +30,9 @@ class Part:
 class JointModel:
     """One soil and one tuple of effects under several wheels, by the name of their set.
 
-    An effect of lugs acts under wheels that are told to have some, or not told to have none; its height is that of
-    the highest, and others have theirs in proportion. `InterfaceFriction`, of a smooth rim, acts under wheels that are
-    not told to have lugs: between lugs sand shears on sand.
+    An effect of lugs acts under all wheels but those that declare none; its height is that of the highest, and others
+    have theirs in proportion. `InterfaceFriction`, of a smooth rim, acts under all wheels but those that declare lugs:
+    between lugs sand shears on sand.
     """
 
     soil: Soil
@@ -56,13 +56,13 @@ class JointModel:
         return RigModel(part.wheel, self.soil, tuple(effects), part.errors)
 
     def lug_share(self, name: str) -> float:
-        """Return the height of a set's lugs over that of the highest; 1 where it is not told."""
+        """Return the height of a set's lugs over that of the highest; 1 where it is not declared."""
         lugs = self.parts[name].lugs
         return lugs / max(part.lugs or 0.0 for part in self.parts.values()) if lugs else float(lugs is None)
 
 
 def _acts(effect: Effect, lugs: float | None) -> bool:
-    """Return whether an effect acts under a wheel with lugs of this height, None where it is not told."""
+    """Return whether an effect acts under a wheel with lugs of this height, None where it is not declared."""
     return not lugs if isinstance(effect, InterfaceFriction) else lugs != 0.0 or not _heights(effect)
 
 

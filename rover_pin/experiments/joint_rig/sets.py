@@ -1,4 +1,4 @@
-"""Several rig sets read as one experiment: each by its name, and a run that stands in two of them used once."""
+"""Several rig sets read as one experiment: each by its name, and a run that is in two of them used once."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ GIVEN = 0.05
 
 
 def joined(sets: Sequence[RigSet]) -> JointRig:
-    """Return several sets as one experiment, runs that stand in two of them used once.
+    """Return several sets as one experiment, runs that are in two of them used once.
 
     Raises
     ------
     ParameterError
         Fewer than two sets.
     DataError
-        Two of one name, one of which every run stands in another, or two that declare different values of one constant
+        Two of one name, one of which every run is in another, or two that declare different values of one constant
         of the sand.
     """
     if len(sets) < 2:
@@ -43,9 +43,9 @@ def joined(sets: Sequence[RigSet]) -> JointRig:
             raise DataError(f"{name}: two sets have this name; give each its own in its rig.toml.")
         new = ~_seen_before(data, named.values())
         if not new.any():
-            raise DataError(f"{name}: every run of it stands in another set too; leave it out.")
+            raise DataError(f"{name}: every run of it is in another set too; leave it out.")
         if not new.all():
-            what = f"{int((~new).sum())} of {new.size} runs stand in another set too"
+            what = f"{int((~new).sum())} of {new.size} runs are in another set too"
             findings.append(Finding(what, name, "they are used once"))
         named[name] = data if new.all() else data.rows(new)
     of_one_sand([data.rig for data in named.values()])

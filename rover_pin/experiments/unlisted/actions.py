@@ -24,7 +24,7 @@ from rover_pin.simulation.replay import Perturbation, Replay, filled
 from rover_pin.simulation.trace.channels import unit_of
 
 TORQUE_SHARE, FORCE_SHARE, GRIP_SHARE = 0.03, 0.01, 0.05
-"""Sizes of the nudges: of the stall torque, of the rover's weight, of tan phi."""
+"""Sizes of the perturbations: of the stall torque, of the rover's weight, of tan phi."""
 TORQUE, VOLTAGE, FORCE, LEAN, GRIP, READING = "torque", "voltage", "force", "lean", "grip", "reading"
 """Kinds of what is acted on; a force is against the motion, a lean along the x of the world."""
 
@@ -33,10 +33,10 @@ TORQUE, VOLTAGE, FORCE, LEAN, GRIP, READING = "torque", "voltage", "force", "lea
 class AxleGrip(Effect):
     """tan phi -> (1 + share) tan phi under the wheels that `axle` others of their side have passed before.
 
-    Source: none; a nudge to learn what more grip would change. Differs from the paper: its soil is everywhere the same.
+    Source: none; a perturbation that shows what grip does. Differs from the paper: its soil is the same everywhere.
     """
 
-    share: Scalar = quantity(GRIP_SHARE, "", "assumed: a nudge", -0.9, 10.0, "s")
+    share: Scalar = quantity(GRIP_SHARE, "", "assumed: a perturbation", -0.9, 10.0, "s")
     axle: Scalar = quantity(0.0, "", "which of the wheels, in the order of passing", 0.0, 100.0, "a")
     neutral: ClassVar[dict[str, float]] = {"share": 0.0}
 
@@ -168,7 +168,7 @@ def _gains(sensors: Sequence[SensorEffect], channels: Mapping[str, np.ndarray]) 
 
 
 def acts(scene: Scene) -> tuple[Act, ...]:
-    """Return everything that an unknown effect may act on, from one nudged replay of the runs each."""
+    """Return everything that an unknown effect may act on, from one perturbed replay of the runs each."""
     possible_acts: list[Act] = []
     if not scene.experiment.rate_driven:
         torques, duties = zip(*(_pushed(scene, at) for at, _ in enumerate(scene.wheels)), strict=True)
@@ -229,8 +229,8 @@ def _pushed(scene: Scene, wheel: int) -> tuple[Part, Part]:
     model, name = scene.fit.model, scene.wheels[wheel]
     stall, channel = float(model.motor.stall_torque), f"current_{name}_A"
     added = np.eye(len(scene.wheels))[wheel] * TORQUE_SHARE * stall
-    nudges = [Perturbation(torque=np.tile(added, (len(run.commands.t), 1))) for run in scene.experiment.runs]
-    changes = _difference(scene, scene.experiment.replays(model, nudges), TORQUE_SHARE)
+    perturbations = [Perturbation(torque=np.tile(added, (len(run.commands.t), 1))) for run in scene.experiment.runs]
+    changes = _difference(scene, scene.experiment.replays(model, perturbations), TORQUE_SHARE)
     duty = Part((name,), None, _rows(scene, changes))
     for run in changes:
         run[channel] = run[channel] - stall / float(model.motor.constant)
@@ -241,8 +241,8 @@ def _forces(scene: Scene) -> list[Act]:
     """Return a force against the motion and one along x of the world, from one along the heading."""
     model = scene.fit.model
     size = FORCE_SHARE * model.built.mass * abs(model.gravity)
-    nudges = [Perturbation(force=np.full(len(run.commands.t), size)) for run in scene.experiment.runs]
-    along = _rows(scene, _difference(scene, scene.experiment.replays(model, nudges), size))
+    perturbations = [Perturbation(force=np.full(len(run.commands.t), size)) for run in scene.experiment.runs]
+    along = _rows(scene, _difference(scene, scene.experiment.replays(model, perturbations), size))
     against = tuple(-scene.sense(run) * rows for run, rows in enumerate(along))
     leaning = tuple(np.cos(scene.experiment.runs[run].heading) * rows for run, rows in enumerate(along))
     return [Act(kind, "", "N", (Part(scene.wheels, None, rows),)) for kind, rows in ((FORCE, against), (LEAN, leaning))]

@@ -60,12 +60,12 @@ from rover_pin.base.quantity import quantity
 
 @dataclass(frozen=True)
 class {name}({base}):
-    """A remainder: see the top of this file.
+    """What a log leaves: see the top of this file.
 
     Source: estimated from a drive log. Differs from the paper: it has no such effect.
     """
 
-    title: ClassVar[str] = "remainder of a log"
+    title: ClassVar[str] = "residual of a log"
     meaning: ClassVar[str] = "something acts that is on no list, as a log showed it"
     size: float = quantity(1.0, "", "1 is as estimated from the log", -20.0, 20.0, "s")
     neutral: ClassVar[dict[str, float]] = {{"size": 0.0}}

@@ -1,4 +1,4 @@
-"""What an unknown effect may depend on: functions of measured signals, as few columns that multiply a nudge."""
+"""What an unknown effect may depend on: functions of measured signals, as few columns that multiply a perturbation."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ class Argument(NamedTuple):
     signal: Signal
     basis: Basis
     per_run: bool = False
-    "whether every run has numbers of its own"
+    "whether every run has its own numbers"
 
     def shares(self, scene: Scene, act: Act, run: int) -> np.ndarray:
         """Return the columns (k, parts, T) by which the parts act in a run."""

@@ -98,8 +98,8 @@ class DriveResidual:
 def describe(fit: Fit, progress: Callable[[str], None] = lambda line: None) -> DriveResidual:
     """Return what a fitted model leaves, by channel and as terms.
 
-    A few nudged replays show how a unit of torque, force and grip moves the features; each times a function of measured
-    signals is a term, and the one that takes most chi2 beyond its number of columns describes the remainder.
+    A few perturbed replays show how a unit of torque, force and grip moves the features; each times a function of
+    measured signals is a term, and the one that takes most chi2 beyond its number of columns describes the residual.
     """
     scene = Scene(fit)
     progress("Nudging the replays")

@@ -15,7 +15,7 @@ from rover_pin.experiments.unlisted.regressors import Argument, Hats, Polynomial
 CLEAR = 3.0
 """SDs from which a value of a piecewise linear function is pointed at."""
 UNTOLD = 0.01
-"""SD over the greatest below which a value of such a function was not told at all: no row hangs on it."""
+"""SD over the greatest below which a value of such a function is not identified at all: no row depends on it."""
 GRIP_VARIABILITY = 0.03
 """RMS by which the grip of sand that is prepared anew differs from run to run and along the way (assumed)."""
 
@@ -42,7 +42,7 @@ class Term:
     columns: int
     "how many directions the data tell"
     detection_threshold: float
-    "what chance gives the best of all terms with so many columns"
+    "what chance gives the best of all terms with as many columns"
     held_out: float | None
     "fall of chi2 of runs on which its numbers were not fitted; None where every run has its own"
 
@@ -77,7 +77,7 @@ class Term:
 
     @property
     def is_raking(self) -> bool:
-        """Whether it is no more than prepared sand differs by: a small change of grip that each run has of its own."""
+        """Whether it is no more than prepared sand differs by: a small change of grip, another in each run."""
         if self.act.kind != GRIP or not self.argument.per_run:
             return False
         curve = self.curve

@@ -17,7 +17,7 @@ from rover_pin.experiments.unlisted.regressors import Argument, arguments
 from rover_pin.experiments.unlisted.term import Term
 
 IDENTIFIABLE_SHARE = 1e-3
-"""Share of a direction's sum of squares that must be left after the uncertain numbers for it to be told."""
+"""Share of a direction's sum of squares that must be left after the uncertain numbers for it to be identified."""
 REWEIGHED, TURNS = 12, 4
 """How many of the best are weighed again by what they leave, and how often."""
 
@@ -46,11 +46,11 @@ def rows_of(fit: Fit) -> Rows:
 
 
 class Columns(NamedTuple):
-    """The whitened columns (n, k) of a term; where every run has numbers of its own, those of run r act on its rows."""
+    """The whitened columns (n, k) of a term; where every run has its own numbers, those of run r act on its rows."""
 
     values: np.ndarray
     runs: tuple[slice, ...]
-    "the rows of each run that has numbers of its own; all rows, once, where the runs share them"
+    "the rows of each run that has its own numbers; all rows, once, where the runs share them"
 
     def normal(self, w: np.ndarray) -> np.ndarray:
         """Return C^T diag(w) C, C the whole columns."""
@@ -170,7 +170,7 @@ def terms(scene: Scene, chosen_acts: Sequence[Act] | None = None) -> tuple[Term,
 
 
 def _light(term: Term) -> Term:
-    """Return the term without the nudges, which are large."""
+    """Return the term without the perturbations, which are large."""
     return replace(term, act=term.act._replace(parts=()))
 
 

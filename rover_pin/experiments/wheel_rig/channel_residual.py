@@ -17,7 +17,7 @@ DEGREES = 3
 """Highest power of the slip in a description."""
 
 LOAD_DEGREES = 2
-"""Highest power of the load: a cell whose offset hangs on the load need not do so in proportion."""
+"""Highest power of the load: a cell's offset need not grow in proportion to it."""
 FORMS = (LOAD_DEGREES + 1) * (DEGREES + 1)
 """Polynomials among which one is chosen."""
 NOISE_LIKE = 1.5
@@ -123,7 +123,7 @@ def _describe(data: RigSet, channel: RigChannel, residual: np.ndarray) -> RigCha
 
 
 def _exceeds_noise(before: float, after: float, count: int, columns: int) -> bool:
-    """Return whether so many columns, of the best of FORMS forms, take more of chi2 than chance does."""
+    """Return whether these columns, of the best of FORMS forms, take more of chi2 than chance does."""
     unit = max(1.0, after / max(count - columns, 1))
     return before - after > unit * (null_threshold(FORMS) + null_threshold(1) * (columns - 1))
 

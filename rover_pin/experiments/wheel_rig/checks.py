@@ -14,7 +14,7 @@ from rover_pin.measurements.rig_physics import refuse_impossible, suspicions
 from rover_pin.measurements.wheel_rig import STRAIGHT
 
 FEWEST_LEVELS = 3
-"""Levels with which an effect that depends on slip can be held out and told from a constant."""
+"""Levels with which an effect that depends on slip can be held out and distinguished from a constant."""
 
 LEAST_RANGE = 0.15
 """Slips that span less than this tell no dependence on slip."""
@@ -98,7 +98,7 @@ def findings(data: RigSet) -> list[Finding]:
     if np.max(rig.load) < SAME_LOAD * np.min(rig.load):
         what = f"all loads are alike ({np.min(rig.load):.3g} to {np.max(rig.load):.3g} N)"
         set_findings.append(
-            Finding(what, "load_N", "n, c and effects of the load cannot be told; vary the load 1.5 times")
+            Finding(what, "load_N", "n, c and effects of the load are not identifiable; vary the load 1.5 times")
         )
     if np.bincount(repeats(data)).max() < 2:
         set_findings.append(

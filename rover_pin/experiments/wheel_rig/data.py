@@ -174,7 +174,7 @@ def _of_speeds(table: pd.DataFrame, where: str) -> Iterator[Finding]:
 
 
 def _unsaid(rig: WheelRig, is_declared: bool, where: str) -> Iterator[Finding]:
-    """Yield that a wheel with lugs does not say over what its radius is told: at S = 0 its lugs slip or do not."""
+    """Yield that a wheel with lugs does not say over what its radius is measured: at S = 0 its lugs slip or do not."""
     if rig.beside.get("lug_height") and not is_declared:
         todo = (
             f"r, slip and rim speed are taken as the rim's, whose lugs slip at S = 0; write {OVER_LUGS} = true or false"
@@ -224,7 +224,7 @@ def _askew(rig: WheelRig, where: str) -> Iterator[Finding]:
 
 
 def _stated_speeds(table: pd.DataFrame, declared: Mapping[str, Any], where: str) -> pd.DataFrame:
-    """Return the table with the speeds of [speed] where it has no column of its own: of the carriage, of the rim."""
+    """Return the table with the speeds of [speed], of the carriage and of the rim, where it has no such column."""
     declared_speeds = {
         name: number_si(declared[key], "m/s", f"{where}: [speed] {key}")
         for name, key in zip(SPEEDS, ("carriage", "rim"), strict=True)

@@ -1,4 +1,4 @@
-"""What a model leaves of a rig set: constants against other measurements, remainders, and what residuals go with."""
+"""What a model leaves of a rig set: constants against other measurements, channel residuals, and what they go with."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ from rover_pin.measurements.channel import DrawbarPull, Sinkage, Torque
 from rover_pin.simulation.model.effect_files import effects_of_text
 
 FACTORS = {DrawbarPull.name: "pull", Torque.name: "torque", Sinkage.name: "depth"}
-"""What a draft can add; a side force hangs on the slip angle more than on S."""
+"""What a draft can add; a side force depends on the slip angle more than on S."""
 
 DRAFT = '''"""What the model leaves of {name}, as measured: a draft for a person to replace by a cause."""
 
@@ -36,16 +36,16 @@ from rover_pin.base.quantity import quantity
 class MeasuredRemainder(Effect):
     """f_t += f_n p(S), torque += r f_n t(S), h <- h - r d(S): polynomials of the slip and of the load.
 
-    Source: the remainder of a closed loop on {name}; it describes and does not explain.
+    Source: the residual of a closed loop on {name}; it describes and does not explain.
     """
 
-    title: ClassVar[str] = "measured remainder"
+    title: ClassVar[str] = "measured residual"
     meaning: ClassVar[str] = "something acts that is on no list, as a wheel rig showed it"
 {fields}
     neutral: ClassVar[dict[str, float]] = {{{neutral}}}
 
     def amend(self, contact: Contact, x: tuple[Scalar, ...]) -> Contact:
-        """Return the contact as deep as it would be without the remainder."""
+        """Return the contact as deep as it would be without the residual."""
         S = contact.S
         return contact._replace(h=ca.fmax(contact.h - contact.wheel.r * ({depth}), 0.0))
 
@@ -77,7 +77,7 @@ def can_draft(residual: RigChannelResidual) -> bool:
 
 
 def draft_effect(data: RigSet, residuals: Sequence[RigChannelResidual]) -> str:
-    """Return an effect file that adds the described remainders, per load and per radius, for `effects=`."""
+    """Return an effect file that adds the described residuals, per load and per radius, for `effects=`."""
     load, r = float(np.mean(data.rig.load)), float(data.rig.wheel.r)
     unit = {"pull": load, "torque": load * r, "depth": r}
     amplitudes: dict[str, float] = {}

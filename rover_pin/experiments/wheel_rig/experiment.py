@@ -32,7 +32,7 @@ DECADES = math.log(5.0)
 LEAST = 1e-6
 """A logarithm stops at this share of where it starts."""
 MIXED = 0.5
-"""Share of runs after one of their own level from which drift cannot be told from what levels share."""
+"""Share of runs after one of their own level from which drift cannot be distinguished from what levels share."""
 WIDE = 0.25
 """How far apart starts of phi are, as a share of its range."""
 

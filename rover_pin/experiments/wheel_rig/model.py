@@ -73,7 +73,7 @@ class RigModel:
         kinds = [type(effect).__name__ for effect in self.effects]
         for kind in kinds:
             if kinds.count(kind) > 1:
-                raise ParameterError(f"the effect {kind} stands in the model twice; a rig model holds each kind once.")
+                raise ParameterError(f"the model has the effect {kind} twice; a rig model holds each kind once.")
 
     def having(self, effect: Effect) -> RigModel:
         """Return the model with one more effect."""

@@ -1,4 +1,4 @@
-"""The run that would tell two candidates apart: the load and slip at which they differ most beyond their own doubt."""
+"""The run that would distinguish two candidates: the load and slip at which they differ most beyond their own doubt."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from rover_pin.soil.slip import speed_ratio
 
 SLIPS = (-0.3, 0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
 LOADS = (0.5, 1.0, 2.0)
-"""Loads of the menu, as multiples of the mean load."""
+"""Loads of the candidate runs, as multiples of the mean load."""
 TELLS = 9.0
 """Expected chi2 from which a run tells two candidates apart: 3 standard deviations."""
 
@@ -44,7 +44,7 @@ Named = tuple[str, Fit]
 
 
 def separating_run(data: RigSet, first: Named, second: Named) -> SeparatingRun | None:
-    """Return the run of the menu with the greatest expected information, or None where none tells the two apart.
+    """Return the candidate run with the greatest expected information, or None where none distinguishes the two.
 
     d^T (Sigma + J_1 C_1 J_1^T + J_2 C_2 J_2^T)^-1 d, with d the difference of the two predictions, Sigma the noise and
     C the covariance of each fit.
@@ -85,7 +85,7 @@ def _covariance(fit: Fit) -> np.ndarray:
 
 
 def _speeds(data: RigSet, slip: np.ndarray) -> np.ndarray | None:
-    """Return travel and rim speeds at the menu's slips, Eq (1), the rig's travel speed kept; None where it has none."""
+    """Return travel and rim speeds at the tried slips, Eq (1), the rig's travel speed kept; None where it has none."""
     if data.speeds is None:
         return None
     travel = float(np.median(data.speeds[:, 0]))

@@ -61,7 +61,7 @@ class Law(NamedTuple):
 
 @lru_cache(maxsize=LAWS)
 def steady_law(effects: tuple[Effect, ...], free: tuple[str, ...], runs: int) -> Law:
-    """Return the law of a structure for so many runs at once, all with the same parameters."""
+    """Return the law of a structure for several runs at once, all with the same parameters."""
     equations = _balance(effects)
     every = zip(("first", "newton", "point"), (equations.first, equations.newton, _point(effects, free)), strict=True)
     return Law(*(function.map(name, "serial", runs, [function.n_in() - 1], []) for name, function in every))

@@ -19,11 +19,11 @@ MOST = 0.1
 STIFFNESS = Kind("stiffness of a level's bed", 0.05, "", MOST)
 """Share of k_1 by which beds may differ."""
 MIN_BED_LEVELS = 4
-"""Levels from which their scatter is told from a law of slip."""
+"""Levels from which their scatter is distinguished from a law of slip."""
 
 
 class OnBeds(Protocol):
-    """Runs at levels of slip, each on a bed of its own."""
+    """Runs at levels of slip, each level on its own bed."""
 
     @property
     def folds(self) -> tuple[str, ...]:

@@ -136,7 +136,7 @@ def _score(word: Word, words: set[str]) -> float:
 
 
 def angle_unit(recording: Recording, word: Word) -> tuple[str, bool]:
-    """Return the unit of an angle, and whether that is certain: told by its name, or beyond a turn in radians."""
+    """Return the unit of an angle, and whether that is certain: by its name, or beyond a turn in radians."""
     if word.unit in ANGLES:
         return word.unit, True
     values = recording.table[word.name].to_numpy(dtype=float)

@@ -20,7 +20,7 @@ SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 SLOWEST, FASTEST = 2.0, 1e-4
 """Rows of a drive lie between these apart [s], or the clock is in another unit."""
 PARTS = {"nanosec": 1e-9, "nanosecs": 1e-9, "nsec": 1e-9, "nsecs": 1e-9, "usec": 1e-6, "microsec": 1e-6}
-"""What follows whole seconds in a column of its own, in s."""
+"""What follows whole seconds in a separate column, in s."""
 REST = re.compile(rf"(.*?)({'|'.join(PARTS)})")
 BACK = 0.01
 """Share of rows that may run back or repeat and are then dropped."""

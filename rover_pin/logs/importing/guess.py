@@ -37,7 +37,7 @@ class Recording(NamedTuple):
     "of the columns that are not the clock's"
 
     def values(self, entry: Mapping[str, Any], target: str, derived: Mapping[str, np.ndarray] = NOTHING) -> np.ndarray:
-        """Return what an entry makes of the recording, and of columns that were `made` of it before [SI]."""
+        """Return what an entry makes of the recording, and of columns that were `derived` from it before [SI]."""
         columns = {str(name): self.table[name].to_numpy(dtype=float) for name in self.table} | {
             **derived,
             "t_s": self.t,

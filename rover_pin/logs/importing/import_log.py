@@ -30,7 +30,7 @@ MOST_RUNS = 12
 """Runs that a log gets at most, unless more are asked for: each is replayed hundreds of times."""
 
 LARGE = 5_000_000
-"""A file of more bytes takes long enough to be told of."""
+"""A file of more bytes takes long enough to be announced."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ def import_log(
         The rover that was driven: a name, or a TOML as `new-rover` writes it.
     out : path, optional
         Folder of the log; by the first recording's name, beside it or, of a sample, here, if not given.
-    told : mapping, optional
+    columns : mapping, optional
         Column of a drive log -> column or formula of the recording, where the guess is wrong.
     most : int
         Runs that are kept; of more parts those that tell most are.
@@ -92,7 +92,7 @@ def _beside(first: Path) -> Path:
 
 
 def _refuse_unread(declared: Sequence[Guess], rover: Rover) -> None:
-    """Refuse a column that is none of a drive log of this rover, and of which no other that was told is made."""
+    """Refuse a column that is none of a drive log of this rover, and that no other declared column uses."""
     wheels = [mount.name for mount in rover.wheels]
     used = {word for guess in declared for word in re.findall(r"\w+", str(guess.entry["formula"]))}
     for name in (guess.target for guess in declared):
@@ -100,8 +100,8 @@ def _refuse_unread(declared: Sequence[Guess], rover: Rover) -> None:
             kinds = ("wheel_rate_{}", "duty_{}", "current_{}_A", "raw_current_{}")
             there = (*WHOLE, *rover.angles, *(kind.format(wheel) for kind in kinds for wheel in wheels))
             raise DataError(
-                f"--column {name}: a drive log of {rover.name} has no column '{name}', and nothing else that is told "
-                f"is made of it: {closest(name, there)}"
+                f"--column {name}: a drive log of {rover.name} has no column '{name}', and no other --column "
+                f"uses it: {closest(name, there)}"
             )
 
 

@@ -11,7 +11,7 @@ from rover_pin.logs.importing.guess import Guess, Recording, column
 from rover_pin.logs.importing.words import LATITUDE, LONGITUDE, MEASURED, NO_PLACE, ODOMETRY, Word, X, Y, Z
 
 FASTEST = 3.0
-"""No planetary rover drives faster [m/s]; places whose unit is not told are then in millimetres."""
+"""No planetary rover drives faster [m/s]; places whose unit is not given are then in millimetres."""
 LENGTHS = ("m", "mm", "cm", "km")
 
 

@@ -1,4 +1,4 @@
-"""A recording as it stands in its files: columns of numbers by their own names, one clock in seconds."""
+"""A recording as its files have it: columns of numbers by their own names, one clock in seconds."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ DATED = re.compile(
 LARGEST = math.sqrt(sys.float_info.max)
 """What is larger has no square, and is no reading."""
 NO_DAY = pd.Timestamp("2000-01-01")
-"""What stands for the day where only times are told."""
+"""What stands for the day where only times are given."""
 
 
 class Raw(NamedTuple):

@@ -11,7 +11,7 @@ import numpy as np
 STANDS = 3.0
 """A stop of at least so long [s] parts two runs; what stands is left out."""
 GAP, GAPS = 1.0, 10.0
-"""So does a gap in the clock [s], or of so many usual steps."""
+"""So does a gap in the clock [s], or of this many usual steps."""
 LONGEST, SHORTEST = 45.0, 8.0
 """Parts of a run are no longer, and what is shorter is left out [s]."""
 WANTED = 4
@@ -83,7 +83,7 @@ def _cut(drive: Drive, part: Part, longest: float) -> Iterator[Part]:
 
 
 def chosen(drive: Drive, candidates: list[Part], most: int) -> list[Part]:
-    """Return at most so many parts, those that tell most, in their order.
+    """Return at most `most` parts, the most informative, in their order.
 
     Parts are taken one by one, each time the one that adds most to log det(sum of F^T F), F being the blocks' 1, slip,
     slip^2, sin pitch, turn, and rate, each over its own spread (D-optimal, greedy).

@@ -46,7 +46,7 @@ class Understood(NamedTuple):
 
 
 def understood(recording: Recording, declared: Sequence[Guess], where: str) -> Understood:
-    """Return what the columns of a recording are; what the user has `told` comes before any guess.
+    """Return what the columns of a recording are; what the user has `declared` comes before any guess.
 
     Raises
     ------

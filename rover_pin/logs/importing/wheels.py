@@ -59,7 +59,7 @@ def _current(mount: str, word: Word) -> Guess:
     name = f"current_{mount}_A"
     if word.unit in ("A", "mA") or word.name == name:
         return Guess(name, column(word), "its name", word.name == name)
-    why = "its name; no unit is told, so it is taken as counts of unknown scale and zero"
+    why = "its name; it has no unit, so it is taken as counts of unknown scale and zero"
     return Guess(f"raw_current_{mount}", column(word._replace(unit="")), why, word.name == f"raw_current_{mount}")
 
 
@@ -106,7 +106,7 @@ def tokens(name: str) -> tuple[str, ...]:
 
 
 def _numbered(mounts: list[WheelMount], rover: Rover, number: int, side: str) -> list[str]:
-    """Return wheel `number`, counted from 1: along its side where that is told, else left before right, front first."""
+    """Return wheel `number`, counted from 1: along its side where known, else left before right, front first."""
     if side:
         return [mount.name for mount in mounts if mount.axle == number - 1]
     return [rover.wheels[number - 1].name] if 1 <= number <= len(rover.wheels) else []
@@ -161,7 +161,7 @@ def _against(values: np.ndarray, speed: np.ndarray | None) -> bool:
 
 
 def _rate_unit(recording: Recording, by_wheel: Mapping[str, Word], speed: np.ndarray | None) -> tuple[str, bool]:
-    """Return the unit of the rates: told by a name, else that under which rims run about as fast as the rover."""
+    """Return the unit of the rates: by a name, else that under which rims run about as fast as the rover."""
     stated_unit = next((word.unit for word in by_wheel.values() if word.unit), "")
     if stated_unit:
         return stated_unit, True
@@ -182,7 +182,7 @@ def _rate_unit(recording: Recording, by_wheel: Mapping[str, Word], speed: np.nda
 
 
 def _of_twist(recording: Recording) -> Iterator[Guess]:
-    """Yield side rates of a speed and a turn that the wheels are told or report: v +- omega b / 2."""
+    """Yield side rates of a speed and a turn that are commanded or reported: v +- omega b / 2."""
     ahead = recording.best(lambda word: _twist_score(word, AHEAD) if word.tokens[-1:] != ("z",) else 0.0)
     turn = recording.best(
         lambda word: _twist_score(word, TURN) or 0.9 * (word.has({"angular"}) and word.tokens[-1] == "z")

@@ -58,7 +58,7 @@ def _terrain(sheet: Sheet) -> Iterator[str]:
     else:
         yield 'slope = { value = 0.0, unit = "deg" }  # ASSUMED flat: neither pitch nor height is recorded'
     yield '# or: slope = { value = 12, unit = "deg" }, uphill along the heading at the start of a run,'
-    yield '# in a [[run]] of its own: terrain = { slope = { value = 5, unit = "deg" } }; or polyline = "ground.csv"'
+    yield '# in its [[run]]: terrain = { slope = { value = 5, unit = "deg" } }; or polyline = "ground.csv"'
 
 
 def _further() -> Iterator[str]:

@@ -18,7 +18,7 @@ MISSED = 1.3
 
 
 def cautions(verdict: Verdict, free: tuple[FreeRun, ...]) -> tuple[str, ...]:
-    """Return what a reader should be wary of, given how far free runs stray."""
+    """Return what a reader should be wary of, given how far free runs diverge."""
     return tuple(_cautions(verdict, free)) if verdict.after is not None else ()
 
 
@@ -46,4 +46,4 @@ def _free(free: tuple[FreeRun, ...], added: bool) -> Iterator[str]:
         yield f"driven freely, the model does not come to the end of {', '.join(lost)}"
     farther_runs = [free_run.run for free_run in free if added and free_run.after > free_run.before]
     if farther_runs:
-        yield f"driven freely, the model strays further than the base model in {', '.join(farther_runs)}"
+        yield f"driven freely, the model diverges further than the base model in {', '.join(farther_runs)}"

@@ -25,7 +25,7 @@ from rover_pin.view.subject import Subject, mesh_folder
 
 @dataclass(frozen=True, eq=False)
 class Ghosts(Section):
-    """The run on which the base model strays furthest, as a scene within the page; without viser, how to get it."""
+    """The run on which the base model diverges furthest, as a scene within the page; without viser, how to get it."""
 
     run: str
     "its name, empty where nothing was driven"

@@ -113,7 +113,7 @@ def _describe_free_runs(free: tuple[FreeRun, ...]) -> list[str]:
 
 @dataclass(frozen=True, eq=False)
 class FreeRuns(Section):
-    """How far simulations stray that are given the logged commands and nothing else."""
+    """How far simulations diverge that are given the logged commands and nothing else."""
 
     verdict: Verdict
     title: ClassVar[str] = "Driven freely"

@@ -17,7 +17,7 @@ from rover_pin.report.section import AWAY, Picture, Row, Section, Table
 TERMS = 3
 """Terms whose curves are drawn."""
 MAX_RESIDUAL_CHANNELS = 12
-"""Channels whose remainder is listed."""
+"""Channels whose residual is listed."""
 
 
 @dataclass(frozen=True, eq=False)

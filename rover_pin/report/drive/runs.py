@@ -193,7 +193,7 @@ def _off(run: Commands, channels: dict[str, np.ndarray]) -> np.ndarray:
 
 
 def free_panels(experiment: DriveExperiment, models: Sequence[Model]) -> tuple[Figure, ...]:
-    """Return how far free simulations stray from the log over time, a panel a run: the base model, and that after."""
+    """Return how far free simulations diverge from the log over time, a panel a run: the base model, and that after."""
     ways = [strayed(experiment, model) for model in models]
     highest = max(
         (1e3 * float(np.nanmax(way)) for distances in ways for way in distances if np.isfinite(way).any()), default=1.0

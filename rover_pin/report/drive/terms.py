@@ -16,7 +16,7 @@ from rover_pin.report.svg import AFTER
 from rover_pin.report.words import as_text
 
 RUN_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
-"""Of curves that each run has for itself. Source: Okabe and Ito 2008, told apart by the colour-blind."""
+"""Of curves that each run has for itself. Source: Okabe and Ito 2008, distinct for the colour-blind."""
 
 
 def term_panels(terms: Sequence[Term]) -> tuple[Figure, ...]:

@@ -23,7 +23,7 @@ def _nothing_more(effect: Any) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Physics(Section):
-    """Each added effect; `further` says more of how much one does, where a kind of data can."""
+    """Each added effect; `describe_size` says more of how much one does, where a kind of data can."""
 
     verdict: Verdict
     labels: Labels

@@ -75,7 +75,7 @@ class Untold(Section):
 
 
 def _accepted(search: Search | None) -> set[str]:
-    """Return the kinds that a refit told after all: a linear estimate at the usual size may deny a greater one."""
+    """Return the kinds that a refit identified: a linear estimate at the usual size may deny a greater one."""
     rounds = search.rounds if search else ()
     return {refit.candidate.kind for search_round in rounds for refit in search_round.refits if refit.accepted}
 

@@ -1,4 +1,4 @@
-"""Which candidates were tried, what each gains, and which of them cannot be told from the best."""
+"""Which candidates were tried, what each gains, and which of them cannot be distinguished from the best."""
 
 from __future__ import annotations
 

@@ -17,7 +17,7 @@ def part_of(table: Mapping[str, Any], key: str, where: str) -> Mapping[str, Any]
     """Return the table under a key, an empty one where there is none; anything else is a `UrdfError`."""
     part = table.get(key, {})
     if not isinstance(part, Mapping):
-        raise UrdfError(f"{where}: '{key}' must be a table, written [{key}] on a line of its own.")
+        raise UrdfError(f"{where}: '{key}' must be a table, written [{key}] on a separate line.")
     return part
 
 

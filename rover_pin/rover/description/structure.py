@@ -11,7 +11,7 @@ from rover_pin.base.errors import closest
 from rover_pin.rover.description.tree import Joint, UrdfTree
 
 UNLIMITED = 1e6
-"""A limit of so many rad is none: tools write the largest double, 1.8e308, or the like for a joint without stops."""
+"""A limit of this many rad is none: tools write the largest double, 1.8e308, or the like for a joint without stops."""
 KINDS = ("fixed", "revolute", "continuous")
 
 
@@ -66,15 +66,15 @@ def _shape_faults(tree: UrdfTree) -> Iterator[str]:
         if times > 1:
             names = " and ".join(f"'{joint.name}'" for joint in tree.joints if joint.child == child)
             yield (
-                f"link '{child}' hangs on {times} joints ({names}), which closes a loop: a URDF is a tree, so cut the "
-                "loop at one of them; a differential is named in the TOML instead."
+                f"link '{child}' is the child of {times} joints ({names}), which closes a loop: a URDF is a tree, so "
+                "cut the loop at one of them; a differential is named in the TOML instead."
             )
     roots = tree.roots
     if len(roots) > 1:
         names = ", ".join(f"'{root}'" for root in roots)
-        yield f"links {names} hang on no joint; all but the base must, so join them to it or leave them out."
+        yield f"links {names} are no joint's children; all but the base must be, so join them to it or leave them out."
     elif not roots:
-        yield "every link hangs on another, in a ring; one link, the base, must be no joint's child."
+        yield "every link is another's child, in a ring; one link, the base, must be no joint's child."
     elif lost := sorted({link.name for link in tree.links} - _reached(tree, roots[0])):
         yield f"link '{lost[0]}' cannot be reached from the base '{roots[0]}'; join it to it or leave it out."
 

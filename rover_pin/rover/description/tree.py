@@ -94,7 +94,7 @@ class UrdfTree:
 
     @property
     def placements(self) -> dict[str, np.ndarray]:
-        """Where each link that hangs on the first root lies in it, all joints at zero [4, 4]."""
+        """Where each link below the first root lies in it, all joints at zero [4, 4]."""
         placements = {self.roots[0]: np.eye(4)} if self.roots else {}
         reached = list(placements)
         for name in reached:

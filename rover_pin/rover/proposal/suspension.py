@@ -103,7 +103,7 @@ def _other_half(view: Topology, proposal: Proposal, joint: Joint, wheels: list[s
 
 
 def _level(view: Topology, pivot: Joint, side: list[Joint]) -> str:
-    """Return rocker for a pivot that carries others or all wheels of its side, bogie for one that hangs on another."""
+    """Return rocker for a pivot that carries others or all wheels of its side, bogie for one that another carries."""
     names = [member.name for member in side]
     above = [up.name for up in view.ancestors(pivot.name) if up.name in names]
     carries = [member for member in side if pivot.name in [up.name for up in view.ancestors(member.name)]]

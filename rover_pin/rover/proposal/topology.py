@@ -1,4 +1,4 @@
-"""What hangs on what in a URDF, and where, in axes x forward, y left, z up."""
+"""Which link carries which in a URDF, and where, in axes x forward, y left, z up."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from rover_pin.rover.description.tree import Joint, UrdfTree, turn
 
 
 class Topology:
-    """What hangs on what in a URDF; a loop is cut at all joints but the first to a link."""
+    """Which link carries which in a URDF; a loop is cut at all joints but the first to a link."""
 
     def __init__(self, tree: UrdfTree):
         self.tree, self.places = tree, tree.placements

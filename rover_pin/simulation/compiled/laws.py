@@ -196,7 +196,7 @@ def _derivatives(of: ca.SX, by: ca.SX) -> list[ca.SX]:
 
 
 def _through(slip_symbol: ca.SX, slip: ca.SX, of: ca.SX, by: ca.SX) -> list[ca.SX]:
-    """Return d of / d by with `known` for what is `slip` of `by`: the quadrature is differentiated once by each."""
+    """Return d of / d by with `slip_symbol` for what is `slip` of `by`: the quadrature is differentiated once."""
     if of.numel() == 0 or by.numel() == 0:
         return []
     chain = ca.mtimes(ca.jacobian(of, slip_symbol), ca.jacobian(slip, by))

@@ -65,7 +65,7 @@ def line_of(profile: Profile) -> Line:
 
 def _lanes(terrain: Lanes, radius: float) -> dict[str, Any]:
     lines = [line_of(profile) for profile in terrain.profiles]
-    # a point more ahead of each lane's pieces: the last point has no piece of its own
+    # a point more ahead of each lane's pieces: the last point has no piece
     return {
         "n_lanes": len(lines),
         "lane_borders": np.append(np.asarray(terrain.borders, dtype=float), np.inf),

@@ -22,7 +22,7 @@ from rover_pin.simulation.compiled.processor import has_vector_math, level
 log = logging.getLogger(__name__)
 FLAGS = ("-O3", "-fPIC", "-shared", "-fno-math-errno", "-ffp-contract=off")
 PLAIN_CPU = "-mcpu=baseline"
-"""Zig builds for this very processor unless told otherwise; a folder of libraries may be shared with another."""
+"""Zig builds for this very processor unless set otherwise; a folder of libraries may be shared with another."""
 SEPARATOR = "\0"
 FULL = os.strerror(errno.ENOSPC)
 
@@ -62,7 +62,7 @@ def shared_library(source: str, name: str) -> ctypes.CDLL:
 
 def fast_flags(command: list[str]) -> list[str]:
     """Return what lets the compiler use this processor's vectors: nothing where elementary functions have none."""
-    if len(command) > 1 or not (level() and has_vector_math()):  # zig has a C library of its own
+    if len(command) > 1 or not (level() and has_vector_math()):  # zig brings its own C library
         return []
     return [f"-march={level()}", "-DLIBMVEC"]
 

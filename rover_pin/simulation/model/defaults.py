@@ -1,4 +1,4 @@
-"""What a rover drives with where nothing is said: motor, soil and sizes by its own weight and wheels, each one told.
+"""What a rover drives with where nothing is said: motor, soil and sizes by its own weight and wheels, each reported.
 
 The numbers of Nexus 6 are its own: another rover takes over none of them but as a ratio that is stated here.
 """
@@ -51,7 +51,7 @@ def scale(rover: Rover) -> float:
 
 
 def pace(rover: Rover, motor: Motor) -> float:
-    """Return by how much longer the rover takes over a terrain of its own size than Nexus 6 over its own.
+    """Return by how much longer the rover takes over a terrain of its size than Nexus 6 over its own.
 
     Source: way over speed at full duty without load; 1 for the paper's wheels whatever the motor.
     """

@@ -206,7 +206,7 @@ def effect_from(entry: Mapping[str, Any], where: str, folder: Path, trust: Trust
 
 
 def _choice(value: Any, default: Any, where: str) -> Any:
-    """Return what a file's word stands for, where the field's default is `usual`."""
+    """Return what a file's word stands for, where the field's default is `default`."""
     for none, options in CHOICES.items():
         if type(default) in map(type, options.values()):
             if not isinstance(value, str) or value not in options:

@@ -30,7 +30,7 @@ class Motor(Record):
     """torque = K i, i = (delta V - K omega) / R with K = gear k_t: stall torque K V / R, no-load rate V / K.
 
     Held still, the torque is in proportion to the duty; a turning wheel's is less by what back-EMF takes. The stronger
-    the motor, the more its duty sets the speed and the less the torque: `motion.motors` weighs the paper's words.
+    the motor, the more its duty sets the speed and the less the torque: `model.motors` weighs the paper's words.
     Source: the paper has "a PWM controlled DC motor" with back electromotive force, a duty "effectively in proportion
     to the driving torque", and 0.05 m/s at duty 0.55; the numbers are assumed so that the stall torque at the wheel is
     1 N m, then calibrated.

@@ -49,6 +49,6 @@ def step_layout(handle: ctypes.CDLL) -> StepLayout:
 
 
 def aligned(count: int) -> np.ndarray:
-    """Return so many zeros that begin where a row of lanes may begin."""
+    """Return `count` zeros that begin where a row of lanes may begin."""
     room = np.zeros(count + 8)
     return room[(-room.ctypes.data // 8) % 8 :][:count]

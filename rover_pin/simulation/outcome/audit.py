@@ -89,7 +89,7 @@ def braked(rows: np.ndarray) -> float:
 
 
 def pivot_warning(steps: int) -> str:
-    """Return a sentence where the equations of so many steps were nearly singular, or nothing."""
+    """Return a sentence where the equations were nearly singular in some steps, or nothing."""
     if not steps:
         return ""
     return (

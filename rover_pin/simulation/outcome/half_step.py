@@ -12,7 +12,7 @@ from rover_pin.simulation.command import Command, Controller, Reading
 from rover_pin.simulation.timing import Timing
 
 MOVED, MOVED_SHARE = 1e-3, 0.005
-"""Change of place at half the step that a drive need not tell: so many metres, and this share of its way."""
+"""Change of place at half the step that a drive need not report: in metres, and as a share of its way."""
 
 
 class Halved(NamedTuple):

@@ -1,6 +1,6 @@
 """What a drive came to, in one sentence: it drives on or turns, is stuck, stalled, slid back, or held, since when.
 
-Lengths are told by the wheel's radius r and by how far the rims have turned, times by the drive's own duration, so
+Lengths are in units of the wheel's radius r and of the rims' way, times in those of the drive's duration, so
 that the same words fit any rover. What a wheel does is counted in the sense in which its motor is driven.
 """
 
@@ -23,7 +23,7 @@ LEAST_CROSSINGS = 4
 """Changes of a wheel's sense in the later half of a drive from which it swings."""
 ON_THE_SPOT = 0.2
 """The body's way over that of its wheels, below which a rover that turns does so on the spot; and its way aside over
-that of its wheels, from which it is told."""
+that of its wheels, from which it is reported."""
 
 
 class DriveOutcome(NamedTuple):

@@ -1,4 +1,4 @@
-"""What a soil gives that it has not: traction laws that create energy, told from the account of a drive."""
+"""What a soil gives that it has not: traction laws that create energy, found in the energy balance of a drive."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from rover_pin.simulation.outcome.shear_store import shear_store
 from rover_pin.simulation.trace.trace import Trace
 
 WORTH_TELLING = 0.005
-"""Share of the drive's greatest energy, or of the weight times a wheel's radius, from which a gift is told."""
+"""Share of the drive's greatest energy, or of weight times wheel radius, from which spurious energy is reported."""
 
 LAGS = (
     "slip that lags keeps its shear while a wheel's load or ground changes, and gives back more than it stored; "

@@ -40,7 +40,7 @@ def relaxed(model: Model, state: DriveState, yaw: float, symmetric: bool) -> Res
     By implicit steps, each from no speed: q <- q + dt^2/2 (M - dt D - dt^2/2 K)^-1 Q, D and K the slopes of the
     generalised force Q with speed and with the wheels' depth. Short steps follow the force, long ones are Newton's for
     Q = 0: the step grows while the rest comes nearer, so that neither a stiff shear (small k), a stiff or a soft ground
-    nor the rover's weight needs a step of its own. After every step the base is put back along the ground to its x, y
+    nor the rover's weight needs its own step. After every step the base is put back along the ground to its x, y
     and heading; the shear that the way has built up stays. Wheels are locked. First the rover is held against sliding
     and turning, the soil unsheared; a second time from a slightly other pitch, so that it does not rest where it would
     tip over. Then it is let go, and if that does not hold it comes to rest on sheared soil alone. Where the soil does

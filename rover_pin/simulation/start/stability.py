@@ -1,4 +1,4 @@
-"""Whether a rover that was set down at rest stands there by a hair only: a push far below its driving speed tells."""
+"""Whether a rover that was set down at rest is only marginally stable: a push far below its driving speed tells."""
 
 from __future__ import annotations
 

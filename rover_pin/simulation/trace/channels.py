@@ -36,7 +36,7 @@ WHOLE = {
     "battery_V": "V",
     "differential_torque": "N m",
 }
-"""Channels of the rover; joint angles and energies are told by the start of their names."""
+"""Channels of the rover; joint angles and energies are recognised by the start of their names."""
 BY_START = {"rocker_": "rad", "bogie_": "rad", "energy_": "J"}
 
 

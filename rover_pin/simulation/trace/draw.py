@@ -1,4 +1,4 @@
-"""Channels of a trace against time, as lines that can be told apart: by colour, also colour-blind, and by style."""
+"""Channels of a trace against time, as distinct lines: by colour, also for the colour-blind, and by style."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 Trace = Any
-"""A `motion.trace.Trace`, which draws itself with this module."""
+"""A `simulation.trace.trace.Trace`, which draws itself with this module."""
 
 COLOURS = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#d55e00", "#56b4e9", "#999999", "#000000", "#f0e442")
-"""Okabe and Ito's, told apart by all: blue, orange, green, pink, vermilion, sky, grey, black, yellow."""
+"""Okabe and Ito's, distinct for all: blue, orange, green, pink, vermilion, sky, grey, black, yellow."""
 STYLES = {"l": "-", "r": "--"}
 OVERLAP_TOLERANCE = 2e-3
 """Share of what all lines span within which two are one to the eye."""

@@ -1,4 +1,4 @@
-"""What a tracker and a logger make of a drive: poses that stray are left out, doubtful steps too, wander is learnt."""
+"""What a tracker and a logger make of a drive: outlying poses are left out, doubtful steps too, wander is learnt."""
 
 import math
 from types import SimpleNamespace
@@ -27,7 +27,7 @@ def with_poses_off(*rows, size=0.05):
     return changed(body_x=x)
 
 
-# --- poses that stray -------------------------------------------------------------------------------------------------
+# --- outlying poses -------------------------------------------------------------------------------------------------
 
 
 def test_noise_alone_never_strays():
@@ -73,20 +73,22 @@ def test_jumps_turns_over_pi_and_rows_far_apart_do_not_stray():
     assert not pose_outliers(Trace({"t_s": np.arange(3.0), "body_x": np.zeros(3)})).any()
 
 
-def test_a_run_without_strays_is_the_same_run():
+def test_a_run_without_outliers_is_the_same_run():
     (log,) = log_of(GOOD[0]).runs
     assert without_pose_outliers(log) is log
 
 
-def test_what_strays_is_told_with_its_times_and_not_as_a_jump():
+def test_outliers_are_reported_with_times_and_not_as_jumps():
     said = [str(each) for each in findings(with_poses_off(300))]
-    (line,) = [each for each in said if "stray" in each]
-    assert line.startswith("run-1.csv: a single pose strays from those before and after, at t = 12 s (row 301); ")
+    (line,) = [each for each in said if "outlier" in each]
+    assert line.startswith(
+        "run-1.csv: a single pose is an outlier among those before and after, at t = 12 s (row 301); "
+    )
     assert line.endswith("the loop leaves these 1 of 1500 poses out.")
     assert not any("jumps" in each for each in said)
     many = [str(each) for each in findings(with_poses_off(*range(100, 170, 10)))]
     assert any(
-        "single poses stray" in each and "and 2 more; the loop leaves these 7 of 1500 poses out" in each
+        "single poses are outliers" in each and "and 2 more; the loop leaves these 7 of 1500 poses out" in each
         for each in many
     )
 

@@ -150,7 +150,7 @@ def test_a_slope_is_the_load_across_and_the_pull_along_it(plain, tmp_path):
     [
         (
             lambda table: table.assign(slope_rad=0.1),
-            "slope_rad stands in place of drawbar_pull_N; leave one of the two",
+            "slope_rad replaces drawbar_pull_N; leave one of the two",
         ),
         (lambda table: uphill(table).assign(slope_rad=20.0), "slope_rad reaches 20; give radians, positive uphill"),
         (

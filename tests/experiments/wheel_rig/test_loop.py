@@ -120,7 +120,7 @@ def test_a_load_that_nothing_carries_is_refused():
 
 
 def test_an_effect_stands_in_a_model_once():
-    with pytest.raises(ParameterError, match="SlipSinkage stands in the model twice"):
+    with pytest.raises(ParameterError, match="the model has the effect SlipSinkage twice"):
         RigModel(Wheel(), Soil()).having(SlipSinkage()).having(SlipSinkage())
 
 
@@ -357,7 +357,7 @@ def test_smooth_wheel_sinks_with_slip():
     assert sunk.before == pytest.approx(5.5e-3, abs=0.4e-3)
     assert sunk.after == pytest.approx(1.04e-3, abs=0.15e-3)
     assert sunk.claim == "better"
-    assert "nothing to claim" in pull.claim
+    assert "no claim" in pull.claim
     (before,), (after,) = verdict.extra.before.flags, verdict.extra.after.flags
     assert not before.agrees
     assert before.ratio < 0.6

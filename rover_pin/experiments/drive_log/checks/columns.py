@@ -34,13 +34,13 @@ UNEVEN = 1.5
 OPTIONAL = {
     "body_z": ("effects that only the sinkage shows stay hidden", ("body_z",)),
     "body_pitch": ("the slope and the loads follow from the declared terrain alone", ("body_pitch",)),
-    "body_roll": ("loads that differ between left and right cannot be told", ("body_roll",)),
+    "body_roll": ("loads that differ between left and right are not identifiable", ("body_roll",)),
     "rocker and bogie angles": (
-        "friction of the pivots, backlash of the differential and a wrong terrain cannot be told apart",
+        "friction of the pivots, backlash of the differential and a wrong terrain cannot be distinguished",
         ("rocker_l", "rocker_r", "bogie_l", "bogie_r"),
     ),
 }
-"""Channels that a comparison can do without: name -> (what is then not told, the columns)."""
+"""Channels that a comparison can do without: name -> (what is then unknown, the columns)."""
 
 
 def needed(wheels: tuple[str, ...], rate_driven: bool = False) -> tuple[str, ...]:
@@ -83,7 +83,7 @@ def _instead(name: str, run: Trace) -> str:
 
 
 def column_findings(log: DriveLog) -> Iterator[Finding]:
-    """Yield what is not recorded and what then cannot be told, and columns that nobody reads."""
+    """Yield what is not recorded and what then is not identifiable, and columns that nobody reads."""
     suspended = log.load_rover().differential is not None
     for name, (lost, columns) in OPTIONAL.items():
         for run in log.runs if suspended or "rocker_l" not in columns else ():
@@ -153,7 +153,7 @@ def _clock_gaps(run: Trace) -> Iterator[Finding]:
             f"{late.size} of {steps.size} samples come late, the latest {steps[worst]:.3g} s after t = "
             f"{run.t[worst]:.4g} s (row {worst + 1}), where {median_step:.3g} s are usual"
         )
-        yield Finding(what, str(run.attrs["file"]), "look for dropped frames; nothing is told of what is between")
+        yield Finding(what, str(run.attrs["file"]), "look for dropped frames; nothing is known of what is between")
 
 
 def longest_run(flags: np.ndarray) -> tuple[int, int]:

@@ -38,7 +38,7 @@ def _scale_message(times: float) -> str:
 
 
 def _times(run: Driven, motor: Motor) -> float | None:
-    """Return the measured over the motor's current, the median of all wheels; None where that is not told."""
+    """Return the measured over the motor's current, the median of all wheels; None where that is not known."""
     ratios: list[np.ndarray] = []
     if run.rate_driven:
         return None

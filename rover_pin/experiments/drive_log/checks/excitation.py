@@ -16,7 +16,7 @@ SAME_DUTY = 0.02
 """Duties that differ by less are one level."""
 
 FEWEST_DUTIES = 3
-"""Levels of duty with which a friction can be told from a gain."""
+"""Levels of duty with which a friction can be distinguished from a gain."""
 
 LOW_DUTY = 0.15
 """A drive's lowest duty that still tells where motion begins."""
@@ -47,7 +47,7 @@ HELD_OUT = 3
 
 
 def excitation_findings(runs: Sequence[Driven], where: str) -> Iterator[Finding]:
-    """Yield, for each missing excitation, the effects that cannot be told apart without it and the run to add."""
+    """Yield, for each missing excitation, the effects that cannot be distinguished without it and the run to add."""
     rate_driven = any(run.rate_driven for run in runs)
     checks = (_rates, _slips, _slopes, _headings, _runs) if rate_driven else CHECKS
     for check in checks:
@@ -130,7 +130,7 @@ def _rates(runs: Sequence[Driven]) -> Iterator[tuple[str, str]]:
     )
     if not any("body_pitch" in run.trace or "body_z" in run.trace for run in runs):
         yield (
-            "neither pitch nor height is recorded, so slip cannot be told from an unknown slope",
+            "neither pitch nor height is recorded, so slip cannot be distinguished from an unknown slope",
             "record body_pitch or body_z, or declare the terrain",
         )
 

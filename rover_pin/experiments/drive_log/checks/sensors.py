@@ -34,7 +34,7 @@ QUICKEST_TURN = 2.0
 """Rate [rad/s] at which a body may turn or pitch."""
 
 MAX_LISTED_POSES = 5
-"""Poses that stray whose times are told."""
+"""Outlying poses whose times are reported."""
 
 SPIKE = 4.0
 """A wheel rate this many times its own 99th percentile is a spike."""
@@ -121,7 +121,7 @@ def _usual_run(repeats: np.ndarray) -> float:
 
 
 def jump_findings(run: Driven) -> Iterator[Finding]:
-    """Yield steps of the tracked pose that no rover makes, single poses that stray, and spikes of wheel rates."""
+    """Yield steps of the tracked pose that no rover makes, single outlying poses, and spikes of wheel rates."""
     outliers = pose_outliers(run.trace)
     yield from _outlier_findings(run, outliers)
     trace = without_poses(run.trace, outliers)
@@ -140,8 +140,8 @@ def _outlier_findings(run: Driven, outliers: np.ndarray) -> Iterator[Finding]:
     if rows.size:
         times = ", ".join(f"{run.trace.t[row]:.4g}" for row in rows[:MAX_LISTED_POSES])
         more = f" and {rows.size - MAX_LISTED_POSES} more" if rows.size > MAX_LISTED_POSES else ""
-        many = "single poses stray" if rows.size > 1 else "a single pose strays"
-        what = f"{many} from those before and after, at t = {times} s (row {rows[0] + 1}){more}"
+        many = "single poses are outliers" if rows.size > 1 else "a single pose is an outlier"
+        what = f"{many} among those before and after, at t = {times} s (row {rows[0] + 1}){more}"
         yield Finding(what, run.name, f"the loop leaves these {rows.size} of {len(run.trace.t)} poses out")
 
 

@@ -39,7 +39,7 @@ class Driven(Protocol):
         """Return the features of each model (models, runs, channels, blocks)."""
 
     def perturbed_replays(self, model: Model, perturbations: Sequence[tuple[int, Perturbation]]) -> Sequence[Replay]:
-        """Return the replays of one model on these runs, by index, under these nudges."""
+        """Return the replays of one model on these runs, by index, under these perturbations."""
 
     def read_run(self, at: int, replay: Replay, sensors: Sequence[SensorEffect]) -> np.ndarray:
         """Return the features (channels, blocks) of one run's replay as these sensors report them."""

@@ -23,7 +23,7 @@ SURE = 10.8 * COLOURED
 SURVEYED = math.radians(0.1)
 """Slope [rad, rms] to which a ground counts as declared, however sure a difference is: 2 mm a metre (assumed)."""
 MOST_OF_IT = 0.5
-"""Share of the steepest deviation from which a place belongs to the stretch that is told."""
+"""Share of the steepest deviation from which a place belongs to the stretch that is reported."""
 
 
 class Stretch(NamedTuple):

@@ -13,7 +13,7 @@ from rover_pin.simulation.replay import filled
 SHARED = 0.5
 """Share of the slopes' sum of squares from which runs have a bend in common; the rest is each run's own raking."""
 SHORTEST = 0.2
-"""Way along x from which a bend is told [m]: the rover's own length smooths what is shorter (assumed)."""
+"""Way along x from which a bend is identified [m]: the rover's own length smooths what is shorter (assumed)."""
 WEIGHT = 1e-3
 """Of a knot's slope being 0 against one run over it: knots that nothing passed stay as declared."""
 

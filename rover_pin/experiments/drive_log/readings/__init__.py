@@ -1,1 +1,1 @@
-"""What sensors, tracker and logger make of a drive: scatter, poses that stray or wander, rows that come late."""
+"""What sensors, tracker and logger make of a drive: scatter, outlying or wandering poses, late rows."""

@@ -1,4 +1,4 @@
-"""When a step of the duty was given: told where rows come at even times, else somewhere between two of them.
+"""When a step of the duty was given: known where rows come at even times, else somewhere between two of them.
 
 The duty of a row holds since the row before, as long as commands are given at the rows. Rows that are read late, or
 were not written, tell only that the duty changed between them: half a row's doubt is 1 % of a half-second mean for each
@@ -28,16 +28,16 @@ RESPONSE_TIME = 0.1
 
 
 class AmbiguousStep(NamedTuple):
-    """A time between two rows of a log in which a duty stepped, when is not told."""
+    """A time between two rows of a log in which a duty stepped at an unknown instant."""
 
     begin: float
     end: float
     missed: bool
-    "whether rows are missing in between: what was driven there is not told either"
+    "whether rows are missing in between: what was driven there is not known either"
 
 
 def ambiguous_steps(log: Trace) -> list[AmbiguousStep]:
-    """Return the times between two rows of a log in which a duty stepped, when is not told."""
+    """Return the times between two rows of a log in which a duty stepped at an unknown instant."""
     names = [name for name in log.channels if name.startswith("duty_")]
     if log.rate_driven or not names or len(log.t) < 3:
         return []

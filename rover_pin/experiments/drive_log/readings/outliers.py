@@ -14,7 +14,7 @@ from rover_pin.simulation.trace.trace import Trace
 LEAST = {
     "body_x": 0.005, "body_y": 0.005, "body_z": 0.005, "body_roll": 0.02, "body_pitch": 0.02, "body_yaw": 0.02,
 }  # fmt: skip
-"""Numbers of a pose, and the least distance from its neighbours at which one strays [m, rad]."""
+"""Numbers of a pose, and the least distance from its neighbours that makes an outlier [m, rad]."""
 BEYOND = 6.0
 """SDs of the tracker's noise that it lies beyond the nearest of its neighbours: by chance one of some million rows."""
 SIDE = 2
@@ -26,9 +26,9 @@ ABOUT_THE_MIDDLE = 1.4826 / np.sqrt(1.5)
 
 
 def pose_outliers(log: Trace) -> np.ndarray:
-    """Return which rows (T,) of a log have a pose that strays from the two before and the two after.
+    """Return which rows (T,) of a log have a pose that lies off the two before and the two after.
 
-    What one stray pose hides of another is found in a second look.
+    What one outlier hides of another is found in a second look.
     """
     outliers = np.zeros(len(log.t), dtype=bool)
     for _ in range(2):
@@ -39,7 +39,7 @@ def pose_outliers(log: Trace) -> np.ndarray:
 
 
 def without_pose_outliers(log: Trace) -> Trace:
-    """Return the log with the poses that stray left empty, all numbers of them."""
+    """Return the log without its outlying poses: all their numbers are empty."""
     return without_poses(log, pose_outliers(log))
 
 

@@ -10,7 +10,7 @@ from rover_pin.estimation.noise import MOST_MEMORY
 from rover_pin.experiments.drive_log.features import BLOCK, LoggedRun
 
 FEWEST = 5
-"""Samples of a block from which their scatter about a line is told."""
+"""Samples of a block from which their scatter about a line is estimated."""
 
 
 def scatter(runs: Sequence[LoggedRun], channels: Sequence[str]) -> np.ndarray:
