@@ -1,7 +1,7 @@
 """Arguments of functions that state unit, bounds and source in their annotation, and are checked against them.
 
 @checked("terrain")
-def bump(height: Annotated[float, about("m", "assumed", -100.0, 100.0)] = 0.04) -> Lanes: ...
+def bump(height: Annotated[float, spec("m", "assumed", -100.0, 100.0)] = 0.04) -> Lanes: ...
 """
 
 from __future__ import annotations

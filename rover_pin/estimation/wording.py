@@ -46,7 +46,7 @@ def share(value: float) -> str:
 
 def spread(sd: float, size: float = 1.0) -> str:
     """Return " +- SD", or that there is none: an SD of nothing is no certainty."""
-    return f" +- {sd:.2g}" if sd > NO_SPREAD * abs(size) else " (SD not told)"
+    return f" +- {sd:.2g}" if sd > NO_SPREAD * abs(size) else " (SD not identified)"
 
 
 def interval(value: float, low: float, high: float, unit: str) -> str:

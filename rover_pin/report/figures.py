@@ -104,7 +104,7 @@ def _candidates(axis: Axes, look: Round, bars: Sequence[Bar]) -> None:
 
 def _signs() -> list[Line2D]:
     return [
-        Line2D([], [], color=AFTER, lw=7, label="accepted: the best, or not told from it"),
+        Line2D([], [], color=AFTER, lw=7, label="accepted: the best, or not distinguished from it"),
         Line2D([], [], color=BEATEN, lw=7, label="accepted, but beaten"),
         Line2D([], [], color=REFUSED, lw=7, label="not accepted, or promised only"),
         Line2D([], [], color="k", marker="D", ms=4, ls="", label="refitted"),

@@ -15,7 +15,7 @@ from rover_pin.sweep.case import LEADING, Row
 
 STUDY_FILE, PARTS, RESULTS, CSV = "study.json", "parts", "results.parquet", "results.csv"
 MOST_PARTS = 256
-"""So many small files are merged into one, lest a folder of many cases become slow to list."""
+"""This many small files are merged into one, lest a folder of many cases become slow to list."""
 
 
 class Store:

@@ -52,7 +52,7 @@ ROOMS = (
 """Folders of rover_pin."""
 
 
-DECLARING = ("quantity", "about", "lru_cache")
+DECLARING = ("quantity", "spec", "lru_cache")
 """Calls whose numbers are defaults and bounds with a source, or the size of a memory."""
 
 

@@ -120,7 +120,7 @@ def test_an_interval_without_width_is_none():
 
 def test_an_sd_of_nothing_is_not_printed_as_certainty():
     assert spread(0.2) == " +- 0.2"
-    assert spread(0.0) == spread(4.5e-27) == " (SD not told)"
+    assert spread(0.0) == spread(4.5e-27) == " (SD not identified)"
     assert spread(1e-7, 1e-6) == " +- 1e-07"
 
 
@@ -143,7 +143,7 @@ def test_an_interval_that_covers_everything_says_nothing(ends, covered, says):
     flag = Flag("phi", "rad", tuple(np.radians((20.0, *ends))), KNOWN, says)
     assert flag.agrees == (says is Against.AGREES)
     assert f"deg] {says.value} 38 deg (stated)" in flag.sentence
-    cautioned = {Against.AWAY: "sits away from", Against.NOTHING: "is not told"}
+    cautioned = {Against.AWAY: "sits away from", Against.NOTHING: "is not identified"}
     (said, *rest) = of_parameters((), [flag]) or [""]
     assert rest == []
     assert said == "" if says is Against.AGREES else cautioned[says] in said
@@ -159,7 +159,7 @@ def test_undetermined_constant_agrees_with_nothing():
     (flag,) = verdict.extra.before.flags
     assert flag.says is Against.NOTHING
     assert "says nothing of 34.38 deg" in verdict.summary()
-    assert "phi is not told" in " ".join(verdict.cautions)
+    assert "phi is not identified" in " ".join(verdict.cautions)
     told = next(one for one in verdict.as_dict()["extra"]["before"]["flags"])
     assert (told["agrees"], told["says"]) == (False, "says nothing of")
 

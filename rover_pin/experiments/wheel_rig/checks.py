@@ -38,7 +38,7 @@ def refuse_unfit(data: RigSet) -> None:
     span = float(np.ptp(rig.slip))
     if span < SAME:
         raise DataError(
-            f"{where}: slip is {rig.slip[0]:g} in every run, so nothing can be told from a constant; add runs at other "
+            f"{where}: slip is {rig.slip[0]:g} in every run, so no effect differs from a constant; add runs at other "
             "slips, best from 0 to 0.8."
         )
     if len(data.level_names) < 2:

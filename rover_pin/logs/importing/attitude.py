@@ -92,7 +92,7 @@ def _turned(
     offset = _off(yaw, way)
     if offset < FOLLOWS:
         return Guess("body_yaw", {"formula": angle}, why, sure)
-    others = {form: _off(evaluate(form.format("told"), {"told": yaw}, "a heading"), way) for form in TURNS}
+    others = {form: _off(evaluate(form.format("yaw"), {"yaw": yaw}, "a heading"), way) for form in TURNS}
     best = min(others, key=lambda form: others[form])
     if others[best] > FOLLOWS or others[best] > 0.5 * offset:
         return Guess("body_yaw", {"formula": angle}, f"{why}; it does not follow the course", False)

@@ -79,7 +79,7 @@ def import_log(
             f"{folder}: is already there; give another folder with --out, nothing of yours is written over."
         )
     loaded_rover = load_rover(str(rover))
-    declared = [Guess(name, {"formula": text}, "told", True) for name, text in (columns or {}).items()]
+    declared = [Guess(name, {"formula": text}, "as given", True) for name, text in (columns or {}).items()]
     _refuse_unread(declared, loaded_rover)
     pending = (_read(path, loaded_rover, declared, most) for path in paths)
     readings = list(telling(pending, len(paths), "recordings read"))

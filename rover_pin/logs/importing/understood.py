@@ -22,7 +22,7 @@ NEEDED = {
 }
 LACKS = {
     "duty_": "no duties: the wheels are held to their measured rates, and what motors and gears do does not show",
-    "current_": "no motor currents: the wheels' torques are not told, nor the soil's k apart from its phi",
+    "current_": "no motor currents: the wheels' torques are unknown, and the soil's k apart from its phi",
     "body_pitch": "no pitch: slopes come of the height, or are taken as flat, and then look like slip",
     "body_z": "no height: slopes come of the pitch alone",
     "body_roll": "no roll: loads of left and right wheels are taken as equal",

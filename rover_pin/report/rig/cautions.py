@@ -35,7 +35,7 @@ def of_parameters(fitted: Sequence[Number], flags: Sequence[Flag]) -> list[str]:
     sentences += [
         f"{number.name} is not closed by the data" for number in fitted if not number.closed and not number.at_bound
     ]
-    nothing = "is not told: its interval covers what is allowed of it, and says nothing of its independent value"
+    nothing = "is not identified: its interval covers what is allowed of it, and says nothing of its independent value"
     sentences += [flag.sentence for flag in flags if flag.says is Against.AWAY]
     sentences += [f"{flag.name} {nothing}" for flag in flags if flag.says is Against.NOTHING]
     return sentences

@@ -1,4 +1,4 @@
-"""The URDF as it is driven: held joints fixed, axes the right way round, joints that follow made to follow one leader.
+"""The URDF as it is driven: held joints fixed, axes the right way round, joints that follow all follow one leader.
 
 Everything after this, Pinocchio, viewers and drives alike, reads the text that comes out. A URDF that needs none of it
 stays as it is, byte for byte; else each change is one sentence.

@@ -1,4 +1,4 @@
-"""Joints that follow others, by <mimic>: each made to follow the one joint that leads, however the chain ran.
+"""Joints that follow others, by <mimic>: each follows the one joint that leads, however the chain ran.
 
 A differential is one such relation among others: gear, bar or brace, what moves with it follows its left rocker.
 """

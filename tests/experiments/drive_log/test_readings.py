@@ -170,7 +170,7 @@ def test_blocks_at_ambiguous_steps_are_excluded_and_reported():
     shared = min(len(rows.summed_rows), len(even.summed_rows))
     assert np.mean(rows.summed_rows[:shared] != even.summed_rows[:shared]) < 0.01, "what is driven there counts"
     said = [str(each) for each in findings(log)]
-    assert any(f"so when {count} steps of the duty were given is not told, to 0.0" in each for each in said), said
+    assert any(f"so the instants of {count} steps of the duty are unknown, to 0.0" in each for each in said), said
 
 
 def test_driving_during_missing_rows_with_a_step_does_not_count():

@@ -281,7 +281,7 @@ def with_nan(table):
         (scaled("rim_speed_mps", 2.0), "its speeds give .* by Eq"),
         (
             lambda table: table.update(slip=0.2 + 0 * table["slip"], rim_speed_mps=0.025 + 0 * table["slip"]),
-            "slip is 0.2 in every run, so nothing can be told from a constant",
+            "slip is 0.2 in every run, so no effect differs from a constant",
         ),
         (lambda table: table.update(level=0 * table["level"]), r"all runs are one level \(0.0\)"),
         (

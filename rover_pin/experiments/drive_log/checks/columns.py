@@ -131,7 +131,7 @@ def _ambiguous_step_findings(run: Trace) -> Iterator[Finding]:
     if steps:
         longest = max(steps, key=lambda step: step.end - step.begin)
         what = (
-            f"rows are not evenly apart, so when {len(steps)} steps of the duty were given is not told, to "
+            f"rows are not evenly apart, so the instants of {len(steps)} steps of the duty are unknown, to "
             f"{longest.end - longest.begin:.2g} s after t = {longest.begin:.4g} s"
         )
         yield Finding(what, str(run.attrs["file"]), "nothing is compared in the half-seconds around them")

@@ -139,7 +139,7 @@ def _slips(runs: Sequence[Driven]) -> Iterator[tuple[str, str]]:
     span = slip_range(runs)
     if span < LEAST_SLIP:
         yield (
-            f"slips span {span:.2f} only, so nothing that depends on slip can be told from the soil's constants",
+            f"slips span {span:.2f} only, so what depends on slip cannot be distinguished from the soil's constants",
             "add a run up a slope that grows until the wheels slip by 0.3 or more",
         )
 
