@@ -14,8 +14,8 @@ import numpy as np
 
 from rover_pin.base.files.toml_file import read_toml, table_in
 from rover_pin.base.quantity import record_from
-from rover_pin.discrepancy.bench import Bench, Parts
 from rover_pin.discrepancy.candidate import Candidate, plain_candidate
+from rover_pin.discrepancy.standalone import Parts, Standalone
 from rover_pin.effects.effect import MotorEffect
 from rover_pin.estimation.noise import Noise, declared_noise
 from rover_pin.estimation.parameter import Parameter
@@ -27,7 +27,7 @@ COLUMNS = ("duty", "load_Nm", "wheel_rate_radps", "current_A", "wheel_rate_sd_ra
 
 
 @dataclass(frozen=True, eq=False)
-class MotorBrake(Bench):
+class MotorBrake(Standalone):
     """The experiment: what was set (folds, 2, samples), what was observed then, and the SD of each channel."""
 
     motor: Motor

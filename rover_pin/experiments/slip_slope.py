@@ -26,8 +26,8 @@ from rover_pin.base.errors import DataError, closest
 from rover_pin.base.files.toml_file import read_toml, table_in
 from rover_pin.base.quantity import declared_sd, declared_sds, record_from
 from rover_pin.contact import Soil
-from rover_pin.discrepancy.bench import Bench, Parts
 from rover_pin.discrepancy.candidate import Candidate, plain_candidate
+from rover_pin.discrepancy.standalone import Parts, Standalone
 from rover_pin.effects.effect import Effect
 from rover_pin.effects.motion_resistance import MotionResistance
 from rover_pin.effects.soil_traction import SoilTraction
@@ -56,7 +56,7 @@ FEWEST = 4
 
 
 @dataclass(frozen=True, eq=False)
-class SlipSlope(Bench):
+class SlipSlope(Standalone):
     """The experiment: slopes (folds, samples) [rad], slips observed there (folds, 1, samples), and their SD."""
 
     rover: Rover

@@ -16,19 +16,19 @@ from rover_pin.base.jobs.workers import ending_workers
 from rover_pin.base.public import public
 from rover_pin.base.trust import Trust
 from rover_pin.contact import Soil
-from rover_pin.discrepancy.bench import Bench
 from rover_pin.discrepancy.refit import Progress
+from rover_pin.discrepancy.standalone import Standalone
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.experiments.joint_rig.sets import read_joint
 from rover_pin.experiments.wheel_rig.data import RIG_FILE, RigSet, read_rig_set
 from rover_pin.experiments.wheel_rig.model import RigModel
 from rover_pin.logs.drive_log import FILE, DriveLog, read_drive_log
-from rover_pin.loop.bench import close_on_bench, own_kind, read_bench
 from rover_pin.loop.drive import close_drive_loop
 from rover_pin.loop.joint import close_joint_loop
 from rover_pin.loop.own_effects import refuse_unfit_effects
 from rover_pin.loop.provenance import LoopRequest
 from rover_pin.loop.rig import close_rig_loop, rig_set_of
+from rover_pin.loop.standalone import close_standalone, own_kind, read_standalone
 from rover_pin.loop.start import start_on
 from rover_pin.measurements.wheel_rig import WheelRig
 from rover_pin.rover.rover import Rover
@@ -37,7 +37,7 @@ from rover_pin.simulation.model.model import Model
 
 @public
 def close_the_loop(
-    data: str | Path | WheelRig | RigSet | DriveLog | Bench | tuple[str | Path, ...],
+    data: str | Path | WheelRig | RigSet | DriveLog | Standalone | tuple[str | Path, ...],
     model: RigModel | Soil | Model | str | Path | None = None,
     effects: str | Path | None = None,
     out: str | Path | None = None,
@@ -52,7 +52,7 @@ def close_the_loop(
 
     Parameters
     ----------
-    data : path, WheelRig, RigSet, DriveLog, Bench or tuple of paths
+    data : path, WheelRig, RigSet, DriveLog, Standalone or tuple of paths
         A folder with rig.toml or drive.toml, the name of a sample (`rover-pin list samples`), or the data in memory, as
         `read_data` gives them; several folders with rig.toml are a joint fit: one sand, each its own wheel.
     model : RigModel, Soil, Model, path or None
@@ -72,7 +72,7 @@ def close_the_loop(
     scheduler : str, optional
         Address of a Dask scheduler, whose workers then replay them. Start them with `--nthreads 1`.
     experiment : path, str or None
-        A test bench of your own: a file with a class that derives from `Bench`, whose code runs, or `motor_brake`.
+        A test bench of your own: a file with a class that derives from `Standalone`, whose code runs, or `motor_brake`.
     trust : bool
         Whether model file and data may run all code, and name all files, that they name.
 
@@ -105,14 +105,14 @@ def close_the_loop(
         data = data_path(data)
     experiment = experiment or own_kind(data)
     request = LoopRequest(data, model, effects, out, experiment, trust, seed)
-    if isinstance(data, Bench) or experiment is not None:
+    if isinstance(data, Standalone) or experiment is not None:
         if model is not None:
             raise DataError(
                 f"{data}: a test bench starts from the model that its own file declares; leave `model` out."
             )
-        bench = data if isinstance(data, Bench) else read_bench(str(data), experiment or "")
+        standalone = data if isinstance(data, Standalone) else read_standalone(str(data), experiment or "")
         with alone_in(out):
-            return close_on_bench(bench, request, progress)
+            return close_standalone(standalone, request, progress)
     allowed = Trust(everything=trust)
     log = _drive_log(data, allowed)
     if log is not None:

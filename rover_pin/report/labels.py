@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from rover_pin.discrepancy.verdict import Verdict
-from rover_pin.report.bench.report import LABELS as BED
 from rover_pin.report.drive.report import labels_of as of_drive
 from rover_pin.report.rig.report import UNSEEN as RIG
+from rover_pin.report.standalone.report import LABELS as BED
 from rover_pin.report.words import Labels
 
 

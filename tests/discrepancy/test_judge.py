@@ -10,11 +10,11 @@ import pytest
 
 from rover_pin.base.quantity import Record, quantity
 from rover_pin.discrepancy.answer import Answer
-from rover_pin.discrepancy.bench import Bench, Parts, question_of
 from rover_pin.discrepancy.calibration import calibrated
 from rover_pin.discrepancy.candidate import Candidate, plain_candidate
 from rover_pin.discrepancy.draft import Drafted
 from rover_pin.discrepancy.judge import chosen_anew, concluded
+from rover_pin.discrepancy.standalone import Parts, Standalone, question_of
 from rover_pin.discrepancy.verdict import SCHEMA
 from rover_pin.estimation.noise import declared_noise
 from rover_pin.loop.close import close_the_loop
@@ -61,7 +61,7 @@ class Ripple(Bend):
 
 
 @dataclass(frozen=True, eq=False)
-class Points(Bench):
+class Points(Standalone):
     """Points of y over x in folds of 12."""
 
     observed: np.ndarray

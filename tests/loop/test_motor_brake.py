@@ -13,8 +13,8 @@ from rover_pin.contact import Soil
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.verdict import SCHEMA
 from rover_pin.experiments.motor_brake import MotorBrake
-from rover_pin.loop.bench import read_bench
 from rover_pin.loop.close import close_the_loop
+from rover_pin.loop.standalone import read_standalone
 from tests.oracle import brake_generator as hidden
 
 FILE = Path(shipped.__file__)
@@ -84,14 +84,17 @@ def test_user_copy_is_found_by_path_and_the_verdict_is_written(tmp_path):
         (None, "there is no such file of an experiment; give its path, or one of: motor_brake"),
         ("x = 1\n", "here there is none"),
         ("x = nothing\n", "bench.py, line 1: the code there ends with NameError"),
-        ("from rover_pin.discrepancy.bench import Bench\nclass Half(Bench): pass\n", "here there is none"),
+        (
+            "from rover_pin.discrepancy.standalone import Standalone\nclass Half(Standalone): pass\n",
+            "here there is none",
+        ),
     ],
 )
 def test_a_file_that_is_no_experiment_is_refused(tmp_path, text, said):
     if text is not None:
         (tmp_path / "bench.py").write_text(text)
     with pytest.raises(DataError, match=said):
-        read_bench(tmp_path, tmp_path / "bench.py")
+        read_standalone(tmp_path, tmp_path / "bench.py")
 
 
 def test_data_that_it_cannot_read_get_one_sentence(tmp_path):
@@ -99,10 +102,10 @@ def test_data_that_it_cannot_read_get_one_sentence(tmp_path):
     text = (folder / "points.csv").read_text()
     (folder / "points.csv").write_text(text.replace("load_Nm", "load"))
     with pytest.raises(DataError, match="has no column 'load_Nm'"):
-        read_bench(folder, "motor_brake")
+        read_standalone(folder, "motor_brake")
     (folder / "points.csv").write_text(text.replace("0.003\n", "nan\n", 1))
     with pytest.raises(DataError, match="current_sd_A is missing or not finite in row 1"):
-        read_bench(folder, "motor_brake")
+        read_standalone(folder, "motor_brake")
 
 
 def test_a_model_is_not_taken_beside_a_test_bed(tmp_path):

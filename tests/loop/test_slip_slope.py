@@ -12,7 +12,7 @@ from rover_pin.discrepancy.answer import Answer
 from rover_pin.experiments import slip_slope
 from rover_pin.experiments.slip_slope import SlipSlope
 from rover_pin.loop.close import close_the_loop
-from rover_pin.report.bench.report import panel
+from rover_pin.report.standalone.report import panel
 from rover_pin.rover.proposal.new_rover import new_rover
 from tests.oracle import slope_generator as generator
 

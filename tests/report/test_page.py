@@ -11,9 +11,9 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.report import page as page_module
-from rover_pin.report.bench.report import panel
 from rover_pin.report.drive.report import write_report
 from rover_pin.report.page import marked
+from rover_pin.report.standalone.report import panel
 from rover_pin.report.words import key
 
 CSS = (Path(page_module.__file__).parent / "page.css").read_text(encoding="utf-8")

@@ -13,10 +13,10 @@ from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.estimation.wording import format_value
 from rover_pin.experiments.joint_rig.diagnostics import JointExtra
 from rover_pin.experiments.joint_rig.experiment import JointRig
-from rover_pin.report.bench.report import panels_of, sections_of
 from rover_pin.report.headline import headline
 from rover_pin.report.page import Head, write_page
 from rover_pin.report.section import AWAY, Picture, Row, Section, Table, before_and_after
+from rover_pin.report.standalone.report import panels_of, sections_of
 from rover_pin.report.words import Labels, listing
 
 LABELS = Labels("on slips it never saw", "levels of slip")

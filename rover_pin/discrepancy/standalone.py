@@ -35,7 +35,7 @@ class Parts:
         )
 
 
-class Bench(Experiment):
+class Standalone(Experiment):
     """An experiment that can be read, with its base model, its uncertain numbers and its declared noise."""
 
     @classmethod
@@ -78,9 +78,14 @@ class Bench(Experiment):
         return ""
 
 
-def question_of(bench: Bench, kinds: Sequence[type]) -> Question:
+def question_of(standalone: Standalone, kinds: Sequence[type]) -> Question:
     """Return what is asked of a test bench: which of these kinds of effects its model lacks."""
-    model = bench.base_model()
+    model = standalone.base_model()
     return Question(
-        "test-bed", bench.name, bench, model, bench.uncertain(model), lambda base: bench.candidates(base.model, kinds)
+        "test-bed",
+        standalone.name,
+        standalone,
+        model,
+        standalone.uncertain(model),
+        lambda base: standalone.candidates(base.model, kinds),
     )

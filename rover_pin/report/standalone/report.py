@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from rover_pin.discrepancy.bench import Bench
+from rover_pin.discrepancy.standalone import Standalone
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.effects.names import display_name
 from rover_pin.estimation.experiment import Experiment
@@ -30,12 +30,12 @@ from rover_pin.report.words import Labels, as_text, key, kinds_of, listing
 LABELS = Labels("where it was not fitted", "folds")
 
 
-def write_report(verdict: Verdict, bench: Bench, out: Path) -> list[Path]:
+def write_report(verdict: Verdict, standalone: Standalone, out: Path) -> list[Path]:
     """Write report.html and its figures, and return their paths."""
-    count = int(np.isfinite(bench.observed).any(axis=1).sum())
-    kicker = f"{count} points in {len(bench.folds)} folds; {listing(bench.channels)}"
-    sections = sections_of(verdict, LABELS, _picture(verdict, bench))
-    return write_page(Head(bench.name, kicker, headline(verdict, LABELS)), sections, out)
+    count = int(np.isfinite(standalone.observed).any(axis=1).sum())
+    kicker = f"{count} points in {len(standalone.folds)} folds; {listing(standalone.channels)}"
+    sections = sections_of(verdict, LABELS, _picture(verdict, standalone))
+    return write_page(Head(standalone.name, kicker, headline(verdict, LABELS)), sections, out)
 
 
 def sections_of(verdict: Verdict, labels: Labels, picture: Picture | None, *extra_sections: Section) -> list[Section]:
@@ -54,13 +54,14 @@ def sections_of(verdict: Verdict, labels: Labels, picture: Picture | None, *extr
     ]
 
 
-def _picture(verdict: Verdict, bench: Bench) -> Picture | None:
+def _picture(verdict: Verdict, standalone: Standalone) -> Picture | None:
     if verdict.before is None or verdict.after is None:
         return None
-    panels = panels_of(verdict, bench, bench.along())
+    panels = panels_of(verdict, standalone, standalone.along())
     errors = [f"{score.name} {score.before:.2g} to {score.after:.2g} {score.unit}" for score in verdict.scores]
-    alt = f"Measured and modelled {listing(bench.channels)}, point by point; error where not fitted: {listing(errors)}."
-    order = "" if bench.along() else ", fold after fold; a fold begins at each line"
+    channels = listing(standalone.channels)
+    alt = f"Measured and modelled {channels}, point by point; error where not fitted: {listing(errors)}."
+    order = "" if standalone.along() else ", fold after fold; a fold begins at each line"
     return Picture(panels, alt, f"Each point once{order}.")
 
 
@@ -68,23 +69,23 @@ Side = tuple[Fit, str, str, str]
 Along = tuple[str, np.ndarray]
 
 
-def panels_of(verdict: Verdict, bench: Experiment, along: Along | None = None) -> tuple[Figure, ...]:
+def panels_of(verdict: Verdict, standalone: Experiment, along: Along | None = None) -> tuple[Figure, ...]:
     """Return one picture a channel: what was measured, the base model, and the model with what was named, if any."""
     assert verdict.before is not None
     assert verdict.after is not None
     added = listing(display_name(name, kinds_of(verdict)) for name in verdict.named)
     sides: list[Side] = [(verdict.before.fit, BEFORE, "_", "base model, fitted")]
     sides += [(verdict.after.fit, AFTER, "x", key(added))] if added else []
-    return tuple(panel(bench, row, sides, along) for row in range(len(bench.channels)))
+    return tuple(panel(standalone, row, sides, along) for row in range(len(standalone.channels)))
 
 
-def panel(bench: Experiment, row: int, sides: list[Side], along: Along | None = None) -> Figure:
+def panel(standalone: Experiment, row: int, sides: list[Side], along: Along | None = None) -> Figure:
     """Return a channel's picture: measured and modelled, over `along`, else sample by sample."""
     figure = Figure(figsize=(4.6, 3.6), layout="constrained")
-    axis, factor, unit = figure.subplots(), *in_words(bench.unit(bench.channels[row]))
-    recorded = np.isfinite(bench.observed[:, row])
+    axis, factor, unit = figure.subplots(), *in_words(standalone.unit(standalone.channels[row]))
+    recorded = np.isfinite(standalone.observed[:, row])
     words, values = along or ("point", np.cumsum(recorded).reshape(recorded.shape) - 1)
-    axis.plot(values[recorded], factor * bench.observed[:, row][recorded], "ko", ms=4, label="measured")
+    axis.plot(values[recorded], factor * standalone.observed[:, row][recorded], "ko", ms=4, label="measured")
     for fitted, colour, marker, label in sides:
         axis.plot(
             values[recorded],
@@ -97,7 +98,7 @@ def panel(bench: Experiment, row: int, sides: list[Side], along: Along | None = 
         )
     for begin in () if along else _begins(recorded):
         axis.axvline(begin - 0.5, color="#b0b0b0", lw=0.7)
-    axis.set(xlabel=words, ylabel=f"{as_text(bench.channels[row])} [{unit or '-'}]")
+    axis.set(xlabel=words, ylabel=f"{as_text(standalone.channels[row])} [{unit or '-'}]")
     axis.grid(alpha=0.25, axis="y")
     figure.legend(*axis.get_legend_handles_labels(), loc="outside upper center", ncols=2, frameon=False, fontsize=8.5)
     return figure

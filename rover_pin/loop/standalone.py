@@ -13,14 +13,14 @@ from rover_pin.base.errors import DataError
 from rover_pin.base.files.paths import is_file
 from rover_pin.base.files.results_folder import OF_A_LOOP, say_what_is_replaced
 from rover_pin.discrepancy.answer import Answer
-from rover_pin.discrepancy.bench import Bench, question_of
 from rover_pin.discrepancy.judge import concluded
 from rover_pin.discrepancy.refit import Progress
+from rover_pin.discrepancy.standalone import Standalone, question_of
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.experiments.slip_slope import FILE as SLOPE_FILE
 from rover_pin.loop.provenance import LoopRequest, provenance
 from rover_pin.loop.verdict_file import written_last
-from rover_pin.report.bench.report import write_report
+from rover_pin.report.standalone.report import write_report
 from rover_pin.simulation.model.effect_files import package_effects, run_file, user_effects
 
 OWN = ("motor_brake", "slip_slope")
@@ -33,43 +33,48 @@ def own_kind(data: object) -> str | None:
     return "slip_slope" if slopes else None
 
 
-def read_bench(data: str | Path, experiment: str | Path) -> Bench:
+def read_standalone(data: str | Path, experiment: str | Path) -> Standalone:
     """Return the experiment that a file defines, read from the data.
 
     Parameters
     ----------
     experiment : path or str
-        A Python file with one class that derives from `Bench`, or the name of one of the package's own. To name a file
-        is to let its code run.
+        A Python file with one class that derives from `Standalone`, or the name of one of the package's own. To name a
+        file is to let its code run.
 
     Raises
     ------
     DataError
         No such file, one that cannot be run or defines no experiment, or what its `read` refuses.
     """
-    kinds = _bench_classes(_file(experiment))
+    kinds = _experiment_classes(_file(experiment))
     if len(kinds) != 1:
         names = ", ".join(kind.__name__ for kind in kinds) or "none"
         raise DataError(
             f"{experiment}: an experiment's file defines one class that derives from "
-            f"rover_pin.discrepancy.bench.Bench and leaves none of its methods abstract; here there is {names}."
+            f"rover_pin.discrepancy.standalone.Standalone and leaves none of its methods abstract; here there is "
+            f"{names}."
         )
-    bench = kinds[0].read(Path(data))
-    _refuse_unfit(bench, str(experiment))
-    return bench
+    standalone = kinds[0].read(Path(data))
+    _refuse_unfit(standalone, str(experiment))
+    return standalone
 
 
-def _refuse_unfit(bench: Bench, where: str) -> None:
+def _refuse_unfit(standalone: Standalone, where: str) -> None:
     """Refuse a test bench whose arrays do not fit one another, before any fit."""
     for name, kind in {"channels": tuple, "folds": tuple, "observed": np.ndarray}.items():
-        if not isinstance(getattr(bench, name, None), kind):
+        if not isinstance(getattr(standalone, name, None), kind):
             raise DataError(
-                f"{where}: {name} is {getattr(bench, name, 'not there')!r}, where a {kind.__name__} belongs."
+                f"{where}: {name} is {getattr(standalone, name, 'not there')!r}, where a {kind.__name__} belongs."
             )
-    if bench.observed.dtype.kind != "f":
-        raise DataError(f"{where}: observed holds {bench.observed.dtype}, where numbers of kind float belong.")
-    observed, noise, predicted = bench.observed, bench.noise(), bench.predict([bench.base_model()])
-    full_shape = (len(bench.folds), len([bench.unit(channel) for channel in bench.channels]), *observed.shape[2:3])
+    if standalone.observed.dtype.kind != "f":
+        raise DataError(f"{where}: observed holds {standalone.observed.dtype}, where numbers of kind float belong.")
+    observed, noise, predicted = standalone.observed, standalone.noise(), standalone.predict([standalone.base_model()])
+    full_shape = (
+        len(standalone.folds),
+        len([standalone.unit(channel) for channel in standalone.channels]),
+        *observed.shape[2:3],
+    )
     shapes = {
         "observed (folds, channels, samples)": (observed.shape, full_shape),
         "what predict returns for one model": (predicted.shape, (1, *full_shape)),
@@ -101,23 +106,23 @@ def _file(experiment: str | Path) -> Path:
     return Path(experiment)
 
 
-def _bench_classes(file: Path) -> list[type[Bench]]:
+def _experiment_classes(file: Path) -> list[type[Standalone]]:
     module = run_file(file)
     kinds = [kind for _, kind in inspect.getmembers(module, inspect.isclass) if kind.__module__ == module.__name__]
-    return [kind for kind in kinds if issubclass(kind, Bench) and not inspect.isabstract(kind)]
+    return [kind for kind in kinds if issubclass(kind, Standalone) and not inspect.isabstract(kind)]
 
 
-def close_on_bench(bench: Bench, request: LoopRequest, progress: Progress) -> Verdict:
+def close_standalone(standalone: Standalone, request: LoopRequest, progress: Progress) -> Verdict:
     """Return what the model of a test bench lacks; with `out`, report.html and verdict.json are written there."""
     begun, effects, out = time.monotonic(), request.effects, request.out
     kinds_by_name = {kind.__name__: kind for kind in (*package_effects(), *(user_effects(effects) if effects else ()))}
-    poor = bench.insufficient()
+    poor = standalone.insufficient()
     say_what_is_replaced(out, OF_A_LOOP)
     if poor:
-        verdict = Verdict("test-bed", Answer.CANNOT_TELL, bench.name, poor, bench.base_model())
+        verdict = Verdict("test-bed", Answer.CANNOT_TELL, standalone.name, poor, standalone.base_model())
     else:
-        verdict = concluded(question_of(bench, tuple(kinds_by_name.values())), progress, request.seed)
+        verdict = concluded(question_of(standalone, tuple(kinds_by_name.values())), progress, request.seed)
     verdict.provenance.update(provenance(request, time.monotonic() - begun))
     if out is not None:
-        verdict = written_last(verdict, write_report(verdict, bench, Path(out)), Path(out))
+        verdict = written_last(verdict, write_report(verdict, standalone, Path(out)), Path(out))
     return verdict
