@@ -66,7 +66,13 @@ WAYS: dict[str, dict[str, Any]] = {
     "turn": {"control.radius": 1.0, **SAND},
     "skid": {"rover": "cart", "control": "point-turn", "soil": own_soil(load_rover("cart")).value.replace(k=0.02)},
     "crab": SAND,
-    "across": {"control": "none", "terrain.angle_deg": 10.0, "start.yaw_deg": 90.0, **SAND},
+    "across": {
+        "control": "none",
+        "terrain.angle_deg": 10.0,
+        "start.yaw_deg": 90.0,
+        "effect.MotionResistance.R": 0.028,
+        **SAND,
+    },
 }
 PATH = ("x [m]", "y [m]")
 PANELS = {

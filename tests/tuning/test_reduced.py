@@ -17,9 +17,11 @@ from rover_pin.control.torque_limit import NoLimit, TorqueLimit
 from rover_pin.effects.digging_memory import DiggingMemory
 from rover_pin.effects.gear_friction import GearFriction
 from rover_pin.effects.post_peak import PostPeak
+from rover_pin.parameters import TABLE_1
 from rover_pin.rover.rover import load_rover
 from rover_pin.rover.statics import wheel_loads
 from rover_pin.scenarios.scenario import scenario
+from rover_pin.simulation.model.defaults import own_soil
 from rover_pin.simulation.simulate import simulate
 from rover_pin.soil.sinkage import entry_angle, sinkage
 from rover_pin.terrain import shapes
@@ -93,7 +95,8 @@ def test_reduced_drive_is_near_the_full_one(name, settings, slip, speed):
 def test_each_axle_carries_its_full_drive_load_on_a_slope(rover, degrees):
     """Uphill the load moves to the rear: at 8 deg the rear wheels stood 1.1 mm too high, the front ones 0.7 too low."""
     slope = {"terrain.angle_deg": degrees, "terrain.start": -2.0, "duration": 8.0}
-    scene = scenario("incline", rover=rover, **({"soil.k": 0.02} if rover == "nexus6" else {}), **slope)
+    soil = TABLE_1.replace(k=0.02) if rover == "nexus6" else own_soil(load_rover(rover)).value
+    scene = scenario("incline", rover=rover, soil=soil, **slope)
     trace = simulate(scene.model, ConstantDuty(), 8.0, scene.start, scene.timing, symmetric=True)
     own = Reduced(scene.model, OPEN, 8.0, scene.start.x).drive(HELD, trace.t)
     assert own["sinkage"][-1] == pytest.approx(trace.stack("sinkage")[-1, ::2], rel=0.04)
