@@ -13,9 +13,9 @@ from rover_pin.version import __version__
 if TYPE_CHECKING:
     from rover_pin.base.errors import RoverPinError
     from rover_pin.contact import Soil, Wheel
-    from rover_pin.control.bounds import torque_bounds
     from rover_pin.control.constant import ConstantDuty
     from rover_pin.control.slip_control import SlipControl
+    from rover_pin.control.torque_bounds import torque_bounds
     from rover_pin.loop.close import close_the_loop
     from rover_pin.parameters import SOILS
     from rover_pin.rover.rover import load_rover
@@ -53,7 +53,7 @@ __all__ = [
 _HOMES = {
     "rover.rover": ("load_rover",),
     "contact": ("Soil", "Wheel"),
-    "control.bounds": ("torque_bounds",),
+    "control.torque_bounds": ("torque_bounds",),
     "control.constant": ("ConstantDuty",),
     "control.slip_control": ("SlipControl",),
     "base.errors": ("RoverPinError",),

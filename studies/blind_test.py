@@ -46,10 +46,10 @@ from kept.case import kept
 
 from rover_pin.base.code_digest import key_of_code
 from rover_pin.discrepancy.answer import Answer
-from rover_pin.discrepancy.compare import refit
 from rover_pin.discrepancy.cross_validation import first_order_surprises
-from rover_pin.discrepancy.judge import chosen_without, keep_supported_effects, make_verdict
+from rover_pin.discrepancy.decide_answer import chosen_without, keep_supported_effects, make_verdict
 from rover_pin.discrepancy.refit import Refit
+from rover_pin.discrepancy.refit_candidates import refit
 from rover_pin.discrepancy.screen import candidate_threshold, score
 from rover_pin.discrepancy.search import Search, search
 from rover_pin.estimation.fit import Fit

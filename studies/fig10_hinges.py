@@ -40,7 +40,7 @@ from joblib import Parallel, delayed
 from matplotlib.figure import Figure
 
 from rover_pin.control.slip_control import Gains, SlipControl
-from rover_pin.control.torque_limit import NoLimit
+from rover_pin.control.torque_check import NoLimit
 from rover_pin.effects.post_peak import PostPeak
 from rover_pin.plot import save, write_csv
 from rover_pin.scenarios.scenario import Scenario, scenario

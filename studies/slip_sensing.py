@@ -39,7 +39,7 @@ from rover_pin.base.errors import ParameterError
 from rover_pin.control.onboard_slip import OnboardSlip, SureSlip
 from rover_pin.control.slip_control import Gains, SlipControl
 from rover_pin.control.slip_estimate import SlipEstimate, TableEstimate, TrueSlip, flat_table
-from rover_pin.control.torque_limit import TorqueLimit
+from rover_pin.control.torque_check import TorqueLimit
 from rover_pin.scenarios.scenario import Scenario, scenario
 from rover_pin.simulation.command import Command, Reading
 from rover_pin.simulation.model.model import Model

@@ -9,7 +9,7 @@ import casadi as ca
 
 from rover_pin.contact import Scalar, Soil, Wheel
 from rover_pin.control.bound_law import FINE
-from rover_pin.control.bounds import BY_LOAD, SLIP_LIMIT
+from rover_pin.control.torque_bounds import BY_LOAD, SLIP_LIMIT
 from rover_pin.soil.angles import FixedAngles, SinkageAngles
 from rover_pin.soil.quadrature import entry_graded
 from rover_pin.soil.sinkage import ShearState, entry_angle, sheared, slipping

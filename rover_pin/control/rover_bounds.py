@@ -15,7 +15,7 @@ from scipy.optimize import brentq
 from rover_pin.base.errors import ParameterError
 from rover_pin.contact import Soil
 from rover_pin.control.bound_pull import DEFAULT_LIMIT, BoundPulls, TractionLimit, pull_at_bounds
-from rover_pin.control.bounds import TorqueBounds
+from rover_pin.control.torque_bounds import TorqueBounds
 from rover_pin.parameters.gravity import EARTH
 from rover_pin.rover.rover import Rover
 from rover_pin.rover.statics import wheel_loads

@@ -14,7 +14,7 @@ from rover_pin.base.quantity import Record, quantities, quantity
 from rover_pin.contact import Scalar
 from rover_pin.control.slip_estimate import SlipEstimate, TableEstimate, TrueSlip
 from rover_pin.control.smooth import greater, lesser
-from rover_pin.control.torque_limit import CUSTOM_LIMIT, NoLimit, TorqueLimit, native_limit
+from rover_pin.control.torque_check import CUSTOM_LIMIT, NoLimit, TorqueLimit, native_limit
 from rover_pin.simulation.command import Command, Reading
 from rover_pin.simulation.native.control import Commands, SlipLaw
 from rover_pin.simulation.timing import CONTROL_PERIOD

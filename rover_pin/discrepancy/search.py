@@ -12,9 +12,9 @@ import numpy as np
 from rover_pin.base.public import brief
 from rover_pin.discrepancy.calibration import again, declared_start, is_bent
 from rover_pin.discrepancy.candidate import Candidate
-from rover_pin.discrepancy.compare import refit
 from rover_pin.discrepancy.exact_refits import Tried, as_published, exactly_refitted, paired, rank_refits
 from rover_pin.discrepancy.refit import Progress, Refit, Threshold, indistinguishable_refits
+from rover_pin.discrepancy.refit_candidates import refit
 from rover_pin.discrepancy.screen import (
     Scored,
     Signature,

@@ -18,8 +18,8 @@ from rover_pin.estimation.descent import descend
 from rover_pin.estimation.problem import Prior, Problem
 from rover_pin.estimation.profile import Best, Interval, LowerMinimum, interval, rise
 from rover_pin.identification.identifiability import refuse_untold
-from rover_pin.identification.judge import judge
 from rover_pin.identification.one_sand import sets_of
+from rover_pin.identification.parameter_verdict import judge
 from rover_pin.identification.result import ChannelFit, Estimate, Identification, Starts
 from rover_pin.identification.soil_space import space
 from rover_pin.measurements.channel import FIELDS, Evidence

@@ -46,7 +46,7 @@ from rover_pin.base.public import brief
 from rover_pin.base.quantity import as_float
 from rover_pin.base.trust import Trust
 from rover_pin.logs.column_map import mapped
-from rover_pin.logs.noise import noise_from
+from rover_pin.logs.declared_noise import noise_from
 from rover_pin.logs.ros_bag import is_bag, read_bag
 from rover_pin.logs.run_terrain import is_of_run, run_terrain
 from rover_pin.parameters.gravity import EARTH, gravity_from

@@ -11,7 +11,7 @@ import numpy as np
 
 from rover_pin.base.files.results_folder import OF_A_LOOP, say_what_is_replaced
 from rover_pin.discrepancy.answer import Answer
-from rover_pin.discrepancy.judge import Question, concluded
+from rover_pin.discrepancy.decide_answer import Question, concluded
 from rover_pin.discrepancy.refit import Progress
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.estimation.baselines import Baseline, curves

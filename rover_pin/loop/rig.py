@@ -12,8 +12,8 @@ from rover_pin.base.trust import Trust
 from rover_pin.contact import Soil
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.candidate import Candidate
+from rover_pin.discrepancy.decide_answer import Question, concluded
 from rover_pin.discrepancy.held_out import losses
-from rover_pin.discrepancy.judge import Question, concluded
 from rover_pin.discrepancy.refit import Progress
 from rover_pin.discrepancy.verdict import Side, Verdict
 from rover_pin.estimation.baselines import curves

@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from rover_pin.base.errors import ParameterError, closest
-from rover_pin.rover.acceleration import constraint_rows, wheel_jacobians
+from rover_pin.rover.forward_dynamics import constraint_rows, wheel_jacobians
 from rover_pin.rover.rover import Rover
 
 SLIDING = (0, 1, 5)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from rover_pin.rover.acceleration import checked_configuration, checked_state
+from rover_pin.rover.forward_dynamics import checked_configuration, checked_state
 from rover_pin.rover.rover import Rover
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from rover_pin.base.errors import ParameterError, closest
-from rover_pin.rover.acceleration import checked_state
+from rover_pin.rover.forward_dynamics import checked_state
 from rover_pin.rover.rover import Rover
 
 

@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from rover_pin.base.errors import ParameterError
 from rover_pin.effects.effect import called
-from rover_pin.rover.acceleration import constraint_rows, wheel_jacobians
+from rover_pin.rover.forward_dynamics import constraint_rows, wheel_jacobians
 from rover_pin.rover.rover import Rover
 
 STEEPEST = math.radians(80.0)

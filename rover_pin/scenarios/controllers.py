@@ -15,7 +15,7 @@ from rover_pin.control.onboard_slip import OnboardSlip, SureSlip
 from rover_pin.control.slip_control import Gains, SlipControl
 from rover_pin.control.slip_estimate import SlipEstimate, TableEstimate, TrueSlip, flat_table
 from rover_pin.control.steering import Turn
-from rover_pin.control.torque_limit import LOST_SLIP, NoLimit, TorqueLimit, TorqueLimited
+from rover_pin.control.torque_check import LOST_SLIP, NoLimit, TorqueLimit, TorqueLimited
 from rover_pin.simulation.command import Controller
 from rover_pin.simulation.model.defaults import scale
 from rover_pin.simulation.model.model import Model

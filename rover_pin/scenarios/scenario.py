@@ -29,7 +29,7 @@ from rover_pin.scenarios.composed_model import Made, composed
 from rover_pin.scenarios.controllers import controller_from
 from rover_pin.scenarios.scaled_terrain import scaled
 from rover_pin.scenarios.scenes import SCENES, Scene
-from rover_pin.scenarios.side_force import on_its_side
+from rover_pin.scenarios.side_force_choice import on_its_side
 from rover_pin.simulation.command import Controller
 from rover_pin.simulation.model.cruise import CRUISE_SLIP
 from rover_pin.simulation.model.defaults import pace, scale, usual_angles

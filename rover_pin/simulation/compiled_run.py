@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from rover_pin.simulation.compiled.step import Kernel
+from rover_pin.simulation.compiled.kernel import Kernel
 from rover_pin.simulation.driving import OFTEN, Drive, Progress, Ran, diverged, obey
 from rover_pin.simulation.failure import failure, suspension_of
 from rover_pin.simulation.native.control import commands_of

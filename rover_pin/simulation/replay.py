@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from rover_pin.base.errors import DataError
-from rover_pin.simulation.compiled.step import Kernel
+from rover_pin.simulation.compiled.kernel import Kernel
 from rover_pin.simulation.failure import failure, suspension_of
 from rover_pin.simulation.model.model import Model
 from rover_pin.simulation.native.loop import Loop, Outcome

@@ -13,7 +13,7 @@ from rover_pin.base.errors import SimulationError
 from rover_pin.base.public import public
 from rover_pin.simulation.checkpoint import DriveEnd, StepperState
 from rover_pin.simulation.command import Controller
-from rover_pin.simulation.compiled.step import Kernel
+from rover_pin.simulation.compiled.kernel import Kernel
 from rover_pin.simulation.compiled_run import run_compiled
 from rover_pin.simulation.driving import Drive, Progress, Ran, Stepper
 from rover_pin.simulation.model.implausible import implausible

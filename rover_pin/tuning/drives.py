@@ -17,7 +17,7 @@ from rover_pin.base.errors import OptimisationError, ParameterError
 from rover_pin.control.constant import ConstantDuty
 from rover_pin.control.slip_control import Gains, SlipControl
 from rover_pin.control.slip_estimate import TableEstimate, TrueSlip, flat_table
-from rover_pin.control.torque_limit import TorqueLimit, TorqueLimited
+from rover_pin.control.torque_check import TorqueLimit, TorqueLimited
 from rover_pin.effects.post_peak import PostPeak
 from rover_pin.scenarios.scenario import Scenario, scenario
 from rover_pin.simulation.command import Controller

@@ -11,7 +11,7 @@ from rover_pin.contact import Scalar
 from rover_pin.control.slip_control import Gains, pi_law
 from rover_pin.control.slip_estimate import SLOWEST_RIM, TableEstimate, TrueSlip
 from rover_pin.control.smooth import greater, lesser
-from rover_pin.control.torque_limit import PITCHES, NoLimit, TorqueLimit
+from rover_pin.control.torque_check import PITCHES, NoLimit, TorqueLimit
 from rover_pin.simulation.timing import CONTROL_PERIOD
 from rover_pin.tuning.wheel_path import piecewise
 

@@ -20,7 +20,7 @@ import numpy as np
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
-from rover_pin.control.bounds import BY_LOAD, TorqueBounds, WheelBounds, interpreted, torque_bounds
+from rover_pin.control.torque_bounds import BY_LOAD, TorqueBounds, WheelBounds, interpreted, torque_bounds
 from rover_pin.parameters import NEXUS6_WHEEL, SOILS
 
 WHEEL, SOIL, S_LIM = NEXUS6_WHEEL, SOILS["literature-sand"], 0.2

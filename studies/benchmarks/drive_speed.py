@@ -29,7 +29,7 @@ from speed_table import keep, reader
 from rover_pin.scenarios.scenario import Scenario, scenario
 from rover_pin.simulation import driving
 from rover_pin.simulation import simulate as motion
-from rover_pin.simulation.compiled.step import Kernel
+from rover_pin.simulation.compiled.kernel import Kernel
 from rover_pin.simulation.instant import Instant, Places
 from rover_pin.simulation.native.loop import Loop
 from rover_pin.simulation.start.place import settled

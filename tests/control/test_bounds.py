@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 from rover_pin.base.errors import ParameterError
 from rover_pin.contact import Soil, Wheel
 from rover_pin.control.bound_law import INPUTS
-from rover_pin.control.bounds import TorqueBounds, bound_gradient, torque_bounds
+from rover_pin.control.torque_bounds import TorqueBounds, bound_gradient, torque_bounds
 from rover_pin.parameters import SOILS
 from rover_pin.soil.angles import FixedAngles
-from rover_pin.soil.limits import saturation_torque, torque_at_slip
+from rover_pin.soil.torque_at_limits import saturation_torque, torque_at_slip
 from tests.oracle import terramechanics as oracle
 
 WHEEL = Wheel()
@@ -208,7 +208,7 @@ def test_the_prepared_bounds_are_those_of_each_wheel(angles):
 
 
 def test_prepared_bounds_work_uncompiled_and_keep_their_results(monkeypatch):
-    import rover_pin.control.bounds as module
+    import rover_pin.control.torque_bounds as module
     from rover_pin.base.errors import MissingExtraError
 
     def none(source, name):

@@ -7,14 +7,14 @@ import pytest
 from scipy.optimize import brentq
 
 from rover_pin.control.bound_pull import TractionLimit
-from rover_pin.control.bounds import TorqueBounds, torque_bounds
 from rover_pin.control.rover_bounds import climbable_slope, rover_torque_bounds
+from rover_pin.control.torque_bounds import TorqueBounds, torque_bounds
 from rover_pin.effects.motion_resistance import MotionResistance
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.compiled.toolchain import compiler
 from rover_pin.simulation.model.motor import Motor
 from rover_pin.simulation.simulate import Timing, simulate
-from rover_pin.soil.limits import torque_at_slip
+from rover_pin.soil.torque_at_limits import torque_at_slip
 from rover_pin.soil.traction import FORMS
 
 pytestmark = [pytest.mark.slow, pytest.mark.skipif(compiler() is None, reason="the simulator needs a C compiler")]

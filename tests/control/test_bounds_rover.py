@@ -11,8 +11,8 @@ from rover_pin.base.errors import ParameterError
 from rover_pin.cli.app import app
 from rover_pin.contact import Wheel
 from rover_pin.control.bound_pull import TractionLimit, pull_at_bounds
-from rover_pin.control.bounds import torque_bounds
 from rover_pin.control.rover_bounds import bounds_report, bounds_table, climbable_slope, rover_torque_bounds
+from rover_pin.control.torque_bounds import torque_bounds
 from rover_pin.parameters import SOILS
 from rover_pin.rover.rover import load_rover
 from rover_pin.rover.statics import wheel_loads

@@ -15,9 +15,9 @@ from rover_pin.discrepancy.assessment import assess_residual
 from rover_pin.discrepancy.calibration import again, calibrated
 from rover_pin.discrepancy.candidate import plain_candidate
 from rover_pin.discrepancy.cross_validation import FAR, held_out_residual, losses_of
+from rover_pin.discrepancy.decide_answer import as_fitted, chosen_anew
+from rover_pin.discrepancy.decide_answer import make_verdict as verdict_of
 from rover_pin.discrepancy.exact_refits import bearable, paired, rank_refits, variants
-from rover_pin.discrepancy.judge import as_fitted, chosen_anew
-from rover_pin.discrepancy.judge import make_verdict as verdict_of
 from rover_pin.discrepancy.refit import Refit, indistinguishable_refits
 from rover_pin.discrepancy.screen import null_threshold
 from rover_pin.discrepancy.search import _after_plain_laws, search, threshold_after

@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from rover_pin.base.errors import OptimisationError
-from rover_pin.discrepancy import cross_validation, judge
+from rover_pin.discrepancy import cross_validation, decide_answer
 from rover_pin.discrepancy.cross_validation import (
     FAR,
     fall_of,
@@ -134,7 +134,7 @@ def one(name, losses, net):
 
 def test_each_fold_chooses_by_gain_on_others_until_it_differs(monkeypatch):
     """Beyond the threshold of 10; a candidate that lost by half of its threshold or more is not looked at."""
-    monkeypatch.setattr(judge, "without_each", lambda fitted: fitted.losses)
+    monkeypatch.setattr(decide_answer, "without_each", lambda fitted: fitted.losses)
     A, B = one("A", [70, 95, 60, 95], 20.0), one("B", [60, 85, 95, 85], 5.0)
     late, lost, far = one("D", [95, 95, 30, 95], -4.0), one("C", [0, 0, 0, 0], -5.0), one("E", [0, 0, 0, 0], -7.0)
     further = one("F", [49.5, 80, 0, 75], 3.0)
@@ -146,7 +146,7 @@ def test_each_fold_chooses_by_gain_on_others_until_it_differs(monkeypatch):
     )
     experiment = SimpleNamespace(folds=("a", "b", "c", "d"))
     base = SimpleNamespace(losses=BASE, task=SimpleNamespace(experiment=experiment))
-    chosen = judge.chosen_without(SimpleNamespace(base=base, rounds=rounds))
+    chosen = decide_answer.chosen_without(SimpleNamespace(base=base, rounds=rounds))
     assert chosen == {"a": "B + F", "b": "B", "c": "D", "d": "B"}
 
 
@@ -158,10 +158,10 @@ def test_second_effect_chosen_by_few_folds_is_dropped(monkeypatch, folds, rounds
         asked.append(len(found.rounds))
         return {str(at): " + ".join(one.replace("-", "")) for at, one in enumerate(folds.split())}
 
-    monkeypatch.setattr(judge, "chosen_without", chosen)
+    monkeypatch.setattr(decide_answer, "chosen_without", chosen)
     effects = [SimpleNamespace(name=name, instead=(), candidate=SimpleNamespace(name=name)) for name in "AB"]
     every = (*(SimpleNamespace(indistinguishable=(one,)) for one in effects), SimpleNamespace(indistinguishable=()))
-    assert len(judge.keep_supported_effects(Search(None, every, ())).best_refits) == rounds
+    assert len(decide_answer.keep_supported_effects(Search(None, every, ())).best_refits) == rounds
     assert asked == [3], "a first effect stands without being asked for"
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from rover_pin.base.errors import OptimisationError
 from rover_pin.base.quantity import Record, quantity
-from rover_pin.discrepancy import calibration, compare, exact_refits, search
+from rover_pin.discrepancy import calibration, exact_refits, refit_candidates, search
 from rover_pin.discrepancy.candidate import Candidate
 from rover_pin.discrepancy.refit import Refit, indistinguishable_refits
 from rover_pin.discrepancy.screen import ABSORBED, STILL, Scored, Signature, _unconstrained_signature, started
@@ -97,7 +97,7 @@ def test_pairs_are_made_of_the_six_that_lead_the_added_one_first(monkeypatch):
 def test_second_start_has_small_sizes_and_keeps_other_numbers():
     kinds = ({"prior": True}, {"prior": False}, {"prior": True}, {"prior": False, "log": True})
     numbers = [Parameter("x", 1.0, 0.5, 0.1, 9.0, **kind) for kind in ({"prior": False}, *kinds)]
-    assert compare._small(numbers, np.full(5, 2.0), 1) == pytest.approx([2.0, 2.0, 0.2, 2.0, 2.0])
+    assert refit_candidates._small(numbers, np.full(5, 2.0), 1) == pytest.approx([2.0, 2.0, 0.2, 2.0, 2.0])
 
 
 @pytest.mark.parametrize(
@@ -114,9 +114,9 @@ def test_second_start_has_small_sizes_and_keeps_other_numbers():
 )
 def test_harmful_first_order_result_is_checked_on_every_fold(monkeypatch, net, held_out, again):
     losses = {"base": np.array([50.0, 60.0]), "fit": np.array([52.0, 55.0])}
-    monkeypatch.setattr(compare, "refitted_surprises", losses.get)
+    monkeypatch.setattr(refit_candidates, "refitted_surprises", losses.get)
     one = Refit(named("A"), "fit", net + 10.0, 10.0, held_out)
-    assert compare._confirmed("base", one).held_out == (3.0 if again else held_out)
+    assert refit_candidates._confirmed("base", one).held_out == (3.0 if again else held_out)
 
 
 def scored(name, gain, place="", fee=10.0, told=True):
@@ -125,9 +125,9 @@ def scored(name, gain, place="", fee=10.0, told=True):
 
 
 def test_two_places_of_a_kind_and_five_candidates_are_refitted(monkeypatch):
-    monkeypatch.setattr(compare, "placed", lambda start, row: row)
+    monkeypatch.setattr(refit_candidates, "placed", lambda start, row: row)
     rows = [scored("P", 100.0 - at, f"{at}") for at in range(4)] + [scored(name, 50.0) for name in "ABCD"]
-    chosen = compare._chosen(None, rows, lambda one: 10.0)
+    chosen = refit_candidates._chosen(None, rows, lambda one: 10.0)
     assert [row.candidate.name for row in chosen] == ["P@0", "P@1", "A", "B", "C"]
 
 
@@ -135,9 +135,9 @@ def test_two_places_of_a_kind_and_five_candidates_are_refitted(monkeypatch):
     ("gain", "best", "enough"), [(4.1, 9.0, True), (3.9, 9.0, False), (9.9, 500.0, False), (10.1, 500.0, True)]
 )
 def test_candidate_must_promise_shares_of_threshold_and_best(monkeypatch, gain, best, enough):
-    monkeypatch.setattr(compare, "placed", lambda start, row: row)
+    monkeypatch.setattr(refit_candidates, "placed", lambda start, row: row)
     rows = [scored("A", best), scored("B", gain), scored("C", 1e9, told=False)]
-    chosen = [row.candidate.name for row in compare._chosen(None, rows, lambda one: 10.0)]
+    chosen = [row.candidate.name for row in refit_candidates._chosen(None, rows, lambda one: 10.0)]
     assert chosen == (["A", "B"] if enough else ["A"])
 
 
@@ -155,9 +155,9 @@ def polished_of(monkeypatch, *nets, inflation=2.25, promised=()):
         "rescale_thresholds": lambda refits, fee: refits,
     }
     for name, instead in patches.items():
-        monkeypatch.setattr(compare, name, instead)
+        monkeypatch.setattr(refit_candidates, name, instead)
     base = SimpleNamespace(task=SimpleNamespace(noise=SimpleNamespace(inflation=inflation)))
-    compare.refit(base, rows, lambda one: 10.0, said.append)
+    refit_candidates.refit(base, rows, lambda one: 10.0, said.append)
     return "".join(line.split()[2].rstrip(",") for line in said if line.endswith("every slope anew"))
 
 
@@ -201,27 +201,27 @@ def refitted_of(monkeypatch, made, promised):
         "rescale_thresholds": lambda refits, fee: refits,
     }
     for name, instead in patches.items():
-        monkeypatch.setattr(compare, name, instead)
+        monkeypatch.setattr(refit_candidates, name, instead)
     base = SimpleNamespace(task=SimpleNamespace(noise=SimpleNamespace(inflation=1.0)))
-    [found] = compare.refit(base, [scored("A", 10.0 + promised)], lambda one: 10.0, lambda said: None)
+    [found] = refit_candidates.refit(base, [scored("A", 10.0 + promised)], lambda one: 10.0, lambda said: None)
     return asked == [True, False], found.net
 
 
 def test_three_at_most_are_refitted_from_the_declared_numbers(monkeypatch):
     rows = [scored(name, 50.0) for name in "ABCDE"]
-    monkeypatch.setattr(compare, "_chosen", lambda start, scored, fee: rows)
-    monkeypatch.setattr(compare, "_refit", lambda base, start, row, fee, without, reuse=True: (start, reuse))
+    monkeypatch.setattr(refit_candidates, "_chosen", lambda start, scored, fee: rows)
+    monkeypatch.setattr(refit_candidates, "_refit", lambda base, start, row, fee, without, reuse=True: (start, reuse))
     declared = SimpleNamespace(start="declared", scored=rows)
-    found = compare._from_declared("base", declared, None, None, lambda said: None)
+    found = refit_candidates._from_declared("base", declared, None, None, lambda said: None)
     assert found == [("declared", True)] * 3
 
 
 def test_every_wheel_is_a_place_of_its_own(monkeypatch):
     """Only of what is sought all over the ground two places are enough."""
-    monkeypatch.setattr(compare, "placed", lambda start, row: row)
+    monkeypatch.setattr(refit_candidates, "placed", lambda start, row: row)
     wheels = [Candidate("Weak", object(), (), place=f"{at}") for at in range(3)]
     rows = [Scored(each, NOTHING, 50.0, 1.0, 1.0, 0.0) for each in wheels]
-    assert len(compare._chosen(None, rows, lambda one: 10.0)) == 3
+    assert len(refit_candidates._chosen(None, rows, lambda one: 10.0)) == 3
 
 
 def test_a_leader_is_fitted_to_the_end_with_every_slope_anew(monkeypatch):
@@ -231,11 +231,11 @@ def test_a_leader_is_fitted_to_the_end_with_every_slope_anew(monkeypatch):
         seen.append((model, numbers, u, slopes, stale))
         return SimpleNamespace(chi2=90.0)
 
-    monkeypatch.setattr(compare, "fit", fit)
-    monkeypatch.setattr(compare, "first_order_surprises", lambda fitted: np.zeros(2))
+    monkeypatch.setattr(refit_candidates, "fit", fit)
+    monkeypatch.setattr(refit_candidates, "first_order_surprises", lambda fitted: np.zeros(2))
     fitted = SimpleNamespace(model="model", parameters="numbers", u="u", slopes="old")
     one = Refit(named("A"), fitted, 5.0, 7.0, 1.0)
-    found = compare._polished(SimpleNamespace(task=None, chi2=100.0), one, np.array([3.0, 1.0]))
+    found = refit_candidates._polished(SimpleNamespace(task=None, chi2=100.0), one, np.array([3.0, 1.0]))
     assert seen == [("model", "numbers", "u", "old", True)]
     assert (found.gain, found.threshold, found.held_out) == (10.0, 7.0, 4.0)
 
@@ -268,9 +268,9 @@ def test_refit_without_improvement_restarts_near_zero(monkeypatch, chi2, started
         return SimpleNamespace(chi2=next(made))
 
     one = Candidate("Kind", made_kind(0.2, 0.0, 0.0, 9.0), ("Kind.x",))
-    monkeypatch.setattr(compare, "fit", fit)
-    monkeypatch.setattr(compare, "started", lambda row, start: {})
-    monkeypatch.setattr(compare, "first_order_surprises", lambda fitted: np.zeros(2))
+    monkeypatch.setattr(refit_candidates, "fit", fit)
+    monkeypatch.setattr(refit_candidates, "started", lambda row, start: {})
+    monkeypatch.setattr(refit_candidates, "first_order_surprises", lambda fitted: np.zeros(2))
     model = SimpleNamespace(having=lambda effect: model)
     experiment = SimpleNamespace(with_values=lambda model, values: model, value=lambda model, name: 0.2)
     base = SimpleNamespace(
@@ -279,12 +279,12 @@ def test_refit_without_improvement_restarts_near_zero(monkeypatch, chi2, started
     row = Scored(one, NOTHING, 1.0, 1.0, 1.0, 0.0)
     for reuse, given in ((True, "old"), (False, None)):
         made, starts[:], slopes[:] = iter(chi2), [], []
-        found = compare._refit(base, base, row, lambda candidate: 7.0, np.array([3.0, 1.0]), reuse)
+        found = refit_candidates._refit(base, base, row, lambda candidate: 7.0, np.array([3.0, 1.0]), reuse)
         assert (found.gain, found.threshold, found.held_out) == (100.0 - kept, 7.0, 4.0)
         assert starts == pytest.approx(started_with)
         assert set(slopes) == {given}
     made, slopes[:] = iter(chi2), []
-    compare._refit(base, base, row, lambda candidate: 7.0, np.zeros(2))
+    refit_candidates._refit(base, base, row, lambda candidate: 7.0, np.zeros(2))
     assert set(slopes) == {"old"}, "with the slopes of the start, unless told"
 
 

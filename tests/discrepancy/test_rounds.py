@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from rover_pin.discrepancy import assessment as left_of_a_law
-from rover_pin.discrepancy import held_out, judge, search
+from rover_pin.discrepancy import decide_answer, held_out, search
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.assessment import SCATTER, ResidualAssessment, described, is_outperformed, share_taken
 from rover_pin.discrepancy.candidate import Candidate
+from rover_pin.discrepancy.decide_answer import WORSE_BY, first_of, with_draft
 from rover_pin.discrepancy.held_out import errors_anew, errors_of_others
-from rover_pin.discrepancy.judge import WORSE_BY, first_of, with_draft
 from rover_pin.discrepancy.refit import Refit, rescale_thresholds
 from rover_pin.discrepancy.screen import null_threshold
 from rover_pin.discrepancy.verdict import Verdict
@@ -266,7 +266,7 @@ def test_errors_with_each_folds_choice_cover_compared_values():
     ],
 )
 def test_a_draft_is_scored_where_nothing_of_the_list_holds(answer, side, tried, monkeypatch):
-    monkeypatch.setattr(judge, "scored", lambda draft, before, seed: (draft, before, seed))
+    monkeypatch.setattr(decide_answer, "scored", lambda draft, before, seed: (draft, before, seed))
     after = None if side is None else SimpleNamespace(fit=side)
     verdict = Verdict("wheel-rig", answer, "x", "said", None, after=after)
     assert with_draft(verdict, "draft", 3).draft == (("draft", "fit", 3) if tried else None)
@@ -378,8 +378,8 @@ def test_a_verdict_keeps_what_its_answer_says(answer, against, named, said, shar
         "sentence": lambda answer, found, share, besides: answer.value,
     }  # fmt: skip
     for name, instead in patches.items():
-        monkeypatch.setattr(judge, name, instead)
-    found = judge.make_verdict(("wheel-rig", "x"), of("AB"), {}, ResidualAssessment(False), 0)
+        monkeypatch.setattr(decide_answer, name, instead)
+    found = decide_answer.make_verdict(("wheel-rig", "x"), of("AB"), {}, ResidualAssessment(False), 0)
     assert (found.answer, found.named, found.share) == (said, named, share)
     assert found.model == ("".join(named) or "base")
     assert found.vetoes == (against if named else ())
@@ -418,8 +418,8 @@ def test_residual_of_the_first_law_is_drafted_for_a_like_answer(answer, unlisted
         "with_draft": lambda verdict, draft, seed: draft,
     }
     for name, instead in patches.items():
-        monkeypatch.setattr(judge, name, instead)
+        monkeypatch.setattr(decide_answer, name, instead)
     question = SimpleNamespace(
         kind="wheel-rig", name="x", experiment=None, model=None, numbers=(), candidates=lambda base: [], draft=None
     )
-    assert judge.concluded(question, lambda said: None) == draft
+    assert decide_answer.concluded(question, lambda said: None) == draft

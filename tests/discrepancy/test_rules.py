@@ -8,12 +8,12 @@ import pytest
 from scipy.stats import chi2 as chi2_law
 
 from rover_pin.discrepancy import assessment as left_of_a_law
-from rover_pin.discrepancy import judge
+from rover_pin.discrepancy import decide_answer
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.assessment import ResidualAssessment, held_out_share, holds, share_taken
 from rover_pin.discrepancy.candidate import Candidate
+from rover_pin.discrepancy.decide_answer import _leading, answer_of, graded, hold_together, vetoes
 from rover_pin.discrepancy.held_out import ChannelScore
-from rover_pin.discrepancy.judge import _leading, answer_of, graded, hold_together, vetoes
 from rover_pin.estimation.numbers import Number, implausible, is_adequate
 from rover_pin.estimation.parameter import Parameter
 
@@ -70,8 +70,8 @@ def test_the_answer(search, left, takes_most, answer):
 
 @pytest.mark.parametrize(("share", "answer"), [(0.67, Answer.LIKE), (0.66, Answer.INADEQUATE)])
 def test_share_of_the_first_counts_only_for_an_unlisted_residual(share, answer, monkeypatch):
-    monkeypatch.setattr(judge, "first_of", lambda search: search)
-    monkeypatch.setattr(judge, "held_out_share", lambda base, last: share)
+    monkeypatch.setattr(decide_answer, "first_of", lambda search: search)
+    monkeypatch.setattr(decide_answer, "held_out_share", lambda base, last: share)
     assert graded(found("A", base=fitted(task=of_folds(9))), ResidualAssessment(True), {})[0] is answer
     assert graded(found("A"), ResidualAssessment(False), {})[0] is Answer.NAMED
     assert graded(found(base=PLAUSIBLE), ResidualAssessment(True), {})[0] is Answer.INADEQUATE
@@ -80,7 +80,7 @@ def test_share_of_the_first_counts_only_for_an_unlisted_residual(share, answer, 
 @pytest.mark.parametrize("names", [(), ("A",), ("A", "B")])
 def test_curve_that_predicts_much_better_than_a_law_is_unlisted(names, monkeypatch):
     """Even where the law takes most of what is missed."""
-    monkeypatch.setattr(judge, "held_out_share", lambda base, last: 0.99)
+    monkeypatch.setattr(decide_answer, "held_out_share", lambda base, last: 0.99)
     whole = found(*names, base=fitted(task=of_folds(99)))
     assert graded(whole, ResidualAssessment(True, described=True, outperformed=True), AGREED) == (
         Answer.NONE_FITS,
@@ -107,8 +107,8 @@ AGREED = {"one": "B + A", "two": "A + B", "three": "A"}
 def test_effects_hold_together_by_their_share_and_most_folds(names, share, chosen, folds, together, monkeypatch):
     """Each has two numbers of its own, so that both ask for twelve folds."""
     first, whole = object(), found(*names, base=fitted(task=of_folds(folds)))
-    monkeypatch.setattr(judge, "first_of", lambda search: SimpleNamespace(last=first))
-    monkeypatch.setattr(judge, "held_out_share", lambda base, last: 0.1 if last is first else share)
+    monkeypatch.setattr(decide_answer, "first_of", lambda search: SimpleNamespace(last=first))
+    monkeypatch.setattr(decide_answer, "held_out_share", lambda base, last: 0.1 if last is first else share)
     assert hold_together(whole, chosen) is together
     assert graded(whole, ResidualAssessment(True), chosen) == (Answer.LIKE if together else Answer.INADEQUATE, whole)
     assert graded(whole, ResidualAssessment(False), chosen) == (Answer.NAMED if len(names) == 1 else Answer.SET, whole)
@@ -119,9 +119,9 @@ def test_missing_effect_is_like_the_whole_set_or_like_the_first(together, said_o
     """Where the first alone takes most; nothing is predicted for it where all hold together."""
     first, whole = SimpleNamespace(last=fitted()), found("A", "B")
     shares = []
-    monkeypatch.setattr(judge, "first_of", lambda search: first)
-    monkeypatch.setattr(judge, "hold_together", lambda search, chosen: together)
-    monkeypatch.setattr(judge, "held_out_share", lambda base, last: shares.append(last) or 0.9)
+    monkeypatch.setattr(decide_answer, "first_of", lambda search: first)
+    monkeypatch.setattr(decide_answer, "hold_together", lambda search, chosen: together)
+    monkeypatch.setattr(decide_answer, "held_out_share", lambda base, last: shares.append(last) or 0.9)
     assert graded(whole, ResidualAssessment(True), {}) == (Answer.LIKE, first if said_of == "first" else whole)
     assert shares == ([] if together else [first.last])
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rover_pin.base.quantity import quantities
-from rover_pin.discrepancy import compare, screen, search
+from rover_pin.discrepancy import refit_candidates, screen, search
 from rover_pin.discrepancy.calibration import is_bent
 from rover_pin.discrepancy.candidate import Candidate
 from rover_pin.discrepancy.screen import Scored, Signature, _reachable, saturated, score, started, trials
@@ -179,21 +179,21 @@ def test_edge_moves_by_eight_centimetres_then_halves_down_to_two(monkeypatch):
         return [candidate + 1, candidate + 2] if candidate < 3 else [0]
 
     row = lambda at: SimpleNamespace(candidate=at, gain=gains.get(at, 0.0))  # noqa: E731
-    monkeypatch.setattr(compare, "signatures", lambda base, near: near)
-    monkeypatch.setattr(compare, "score", lambda base, near: [row(at) for at in near])
+    monkeypatch.setattr(refit_candidates, "signatures", lambda base, near: near)
+    monkeypatch.setattr(refit_candidates, "score", lambda base, near: [row(at) for at in near])
     base = SimpleNamespace(task=SimpleNamespace(experiment=SimpleNamespace(neighbours=neighbours)))
-    assert compare.placed(base, row(0)).candidate == 3
+    assert refit_candidates.placed(base, row(0)).candidate == 3
     assert steps == [(0, 0.08), (1, 0.08), (3, 0.08), (3, 0.04)]
     steps.clear()
     base.task.experiment.neighbours = lambda candidate, step: []
-    assert compare.placed(base, row(1)).candidate == 1
+    assert refit_candidates.placed(base, row(1)).candidate == 1
 
 
 def test_a_neighbour_that_gains_no_more_is_left_where_it_is(monkeypatch):
-    monkeypatch.setattr(compare, "signatures", lambda base, near: near)
-    monkeypatch.setattr(compare, "score", lambda base, near: [SimpleNamespace(candidate=9, gain=5.0)])
+    monkeypatch.setattr(refit_candidates, "signatures", lambda base, near: near)
+    monkeypatch.setattr(refit_candidates, "score", lambda base, near: [SimpleNamespace(candidate=9, gain=5.0)])
     base = SimpleNamespace(task=SimpleNamespace(experiment=SimpleNamespace(neighbours=lambda one, step: [9])))
-    assert compare.placed(base, SimpleNamespace(candidate=1, gain=5.0)).candidate == 1
+    assert refit_candidates.placed(base, SimpleNamespace(candidate=1, gain=5.0)).candidate == 1
 
 
 # --- chance beside the noise -----------------------------------------------------------------------------------------

@@ -10,8 +10,8 @@ import pytest
 from rover_pin.base.quantity import quantities
 from rover_pin.discrepancy.calibration import calibrated
 from rover_pin.discrepancy.candidate import Candidate, plain_candidate
+from rover_pin.discrepancy.decide_answer import as_fitted
 from rover_pin.discrepancy.exact_refits import rank_refits, variants, with_visible_shapes
-from rover_pin.discrepancy.judge import as_fitted
 from rover_pin.discrepancy.search import threshold_after
 from rover_pin.effects.post_peak import PostPeak
 from rover_pin.effects.rate_dependence import RateDependence

@@ -16,7 +16,7 @@ from rover_pin.effects.tether_drag import TetherDrag
 from rover_pin.effects.wheel_scale import WheelScale
 from rover_pin.rover.rover import load_rover
 from rover_pin.scenarios.scenario import scenario
-from rover_pin.simulation.compiled.step import Kernel
+from rover_pin.simulation.compiled.kernel import Kernel
 from rover_pin.simulation.plain.step import Plain
 from rover_pin.simulation.simulate import simulate
 from rover_pin.simulation.start.place import Start, settled

@@ -9,7 +9,7 @@ from rover_pin.control.constant import ConstantDuty
 from rover_pin.effects.effect import Body
 from rover_pin.effects.pivot_friction import PivotFriction
 from rover_pin.scenarios.scenario import scenario
-from rover_pin.simulation.compiled.step import Kernel
+from rover_pin.simulation.compiled.kernel import Kernel
 from rover_pin.simulation.simulate import simulate
 from rover_pin.simulation.start.place import Start, hovering
 

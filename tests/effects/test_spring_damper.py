@@ -9,10 +9,10 @@ from rover_pin.base.errors import ParameterError
 from rover_pin.control.constant import ConstantDuty
 from rover_pin.effects.effect import Body
 from rover_pin.effects.spring_damper import SpringDamper
-from rover_pin.rover.acceleration import mass_matrix
+from rover_pin.rover.forward_dynamics import mass_matrix
 from rover_pin.rover.rover import load_rover
 from rover_pin.scenarios.scenario import scenario
-from rover_pin.simulation.compiled.step import Kernel
+from rover_pin.simulation.compiled.kernel import Kernel
 from rover_pin.simulation.compiled.suspension import suspension_dofs
 from rover_pin.simulation.model.toml_file import read_model, write_model
 from rover_pin.simulation.plain.step import Plain

@@ -13,7 +13,7 @@ from rover_pin.identification import dependence
 from rover_pin.identification.dependence import _distance, _evaluate_dependence, _refit, with_held
 from rover_pin.identification.held import held_numbers
 from rover_pin.identification.identify import Search, identify
-from rover_pin.identification.judge import data_share
+from rover_pin.identification.parameter_verdict import data_share
 from rover_pin.identification.result import Assumed, Estimate, Held, Verdict
 from rover_pin.measurements.channel import DrawbarPull
 from rover_pin.measurements.traction_points import TractionPoints

@@ -29,7 +29,7 @@ from rover_pin.identification.identify import (
     profile,
     scatter,
 )
-from rover_pin.identification.judge import judge
+from rover_pin.identification.parameter_verdict import judge
 from rover_pin.identification.posterior import Chain, Posterior, _walkers, log_density
 from rover_pin.identification.result import ChannelFit, Estimate, Identification, Starts, Verdict, _line
 from rover_pin.measurements.channel import DrawbarPull, Sinkage, Torque

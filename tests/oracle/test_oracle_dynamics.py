@@ -11,8 +11,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from rover_pin.rover.acceleration import Dynamics, mass_matrix
 from rover_pin.rover.description.layout import read_layout, shipped
+from rover_pin.rover.forward_dynamics import Dynamics, mass_matrix
 from rover_pin.rover.rover import assemble
 
 HERE = Path(__file__).parent

@@ -9,7 +9,7 @@ import pinocchio as pin
 import pytest
 
 from rover_pin.base.errors import ParameterError
-from rover_pin.rover.acceleration import (
+from rover_pin.rover.forward_dynamics import (
     STABILISATION,
     Dynamics,
     bias,

@@ -7,8 +7,8 @@ import pinocchio as pin
 import pytest
 
 from rover_pin.base.errors import ParameterError
-from rover_pin.rover.acceleration import Dynamics, mass_matrix
 from rover_pin.rover.energy import kinetic_energy, potential_energy
+from rover_pin.rover.forward_dynamics import Dynamics, mass_matrix
 from rover_pin.rover.snapshot import snapshot
 
 

@@ -14,8 +14,8 @@ import pinocchio as pin
 import pytest
 
 from rover_pin.base.errors import ParameterError, UrdfError
-from rover_pin.rover.acceleration import forward_dynamics
 from rover_pin.rover.description import layout
+from rover_pin.rover.forward_dynamics import forward_dynamics
 from rover_pin.rover.rover import load_named, load_rover
 
 URDF = Path(__file__).parents[2] / "urdf"

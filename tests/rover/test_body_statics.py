@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rover_pin.base.errors import ParameterError
-from rover_pin.rover.acceleration import bias, forward_dynamics, wheel_jacobians
+from rover_pin.rover.forward_dynamics import bias, forward_dynamics, wheel_jacobians
 from rover_pin.rover.rover import load_rover
 from rover_pin.rover.statics import wheel_loads
 

@@ -11,12 +11,12 @@ import pytest
 
 from rover_pin.base.errors import UrdfError
 from rover_pin.control.constant import ConstantDuty
-from rover_pin.rover.acceleration import constraint_rows, forward_dynamics, forward_dynamics_aba
+from rover_pin.rover.forward_dynamics import constraint_rows, forward_dynamics, forward_dynamics_aba
 from rover_pin.rover.rover import load_rover
 from rover_pin.rover.statics import wheel_loads
 from rover_pin.rover.urdf_check import check_urdf
 from rover_pin.scenarios.scenario import scenario
-from rover_pin.simulation.compiled.step import Kernel
+from rover_pin.simulation.compiled.kernel import Kernel
 from rover_pin.simulation.plain.step import Plain
 from rover_pin.simulation.simulate import simulate
 from rover_pin.simulation.start.place import Start, hovering

@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from rover_pin.effects.slip import SIDEWAYS_SHARE
-from rover_pin.simulation.compiled.step import Kernel
+from rover_pin.simulation.compiled.kernel import Kernel
 from rover_pin.simulation.model.model import Model
 from rover_pin.simulation.state import DriveState, roll_pitch_yaw
 

@@ -12,7 +12,7 @@ from rover_pin.control.constant import ConstantDuty
 from rover_pin.control.slip_control import Gains, SlipControl
 from rover_pin.control.slip_estimate import TrueSlip
 from rover_pin.control.steering import Turn
-from rover_pin.control.torque_limit import TorqueLimit
+from rover_pin.control.torque_check import TorqueLimit
 from rover_pin.effects.bulldozing import Bulldozing
 from rover_pin.effects.dead_band import DeadBand
 from rover_pin.effects.digging_memory import DiggingMemory

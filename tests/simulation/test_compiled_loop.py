@@ -10,7 +10,7 @@ from rover_pin.effects.tacho_scale import TachoScale
 from rover_pin.effects.weak_motor import WeakMotor
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation import replay as replays
-from rover_pin.simulation.compiled.step import Kernel
+from rover_pin.simulation.compiled.kernel import Kernel
 from rover_pin.simulation.compiled_run import run_compiled
 from rover_pin.simulation.driving import Drive
 from rover_pin.simulation.failure import failure, suspension_of

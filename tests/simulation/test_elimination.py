@@ -7,8 +7,8 @@ import pytest
 from rover_pin.rover.rover import load_rover
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation import native
-from rover_pin.simulation.compiled import step as module
-from rover_pin.simulation.compiled.step import Kernel
+from rover_pin.simulation.compiled import kernel as module
+from rover_pin.simulation.compiled.kernel import Kernel
 from rover_pin.simulation.compiled.suspension import suspension_dofs
 from rover_pin.simulation.compiled.toolchain import shared_library
 from rover_pin.simulation.native.elimination import elimination

@@ -9,7 +9,7 @@ import pytest
 
 from rover_pin.rover.rover import load_rover
 from rover_pin.scenarios.scenario import scenario
-from rover_pin.simulation.compiled.step import Kernel
+from rover_pin.simulation.compiled.kernel import Kernel
 from rover_pin.simulation.failure import failure, suspension_of
 from rover_pin.simulation.model.model import BURIED
 from rover_pin.simulation.native.loop import Loop, Outcome

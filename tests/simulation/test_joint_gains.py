@@ -4,8 +4,8 @@ import pinocchio as pin
 import pytest
 
 from rover_pin.scenarios.scenario import scenario
+from rover_pin.simulation.compiled.kernel import Kernel
 from rover_pin.simulation.compiled.rover_numbers import armed
-from rover_pin.simulation.compiled.step import Kernel
 from rover_pin.simulation.start.place import Start, hovering
 
 MOMENT = 1e-7

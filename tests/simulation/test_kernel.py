@@ -15,7 +15,7 @@ from rover_pin.simulation.compiled import rover_numbers
 from rover_pin.simulation.compiled.body_law import body_law
 from rover_pin.simulation.compiled.constant_part import split_law
 from rover_pin.simulation.compiled.generated_laws import compiled_laws, structure_of
-from rover_pin.simulation.compiled.step import Kernel
+from rover_pin.simulation.compiled.kernel import Kernel
 from rover_pin.simulation.native.library import aligned
 from rover_pin.simulation.start.place import Start, settled
 from rover_pin.terrain.profile import Profile

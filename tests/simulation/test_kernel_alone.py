@@ -7,7 +7,7 @@ import pytest
 
 from rover_pin.effects.supply_sag import SupplySag
 from rover_pin.scenarios.scenario import scenario
-from rover_pin.simulation.compiled.step import Kernel
+from rover_pin.simulation.compiled.kernel import Kernel
 from rover_pin.simulation.plain.step import Plain
 from rover_pin.simulation.start.place import Start, settled
 from tests.simulation import kernel_cases as cases

@@ -13,8 +13,8 @@ from rover_pin.effects.gravity_tilt import GravityTilt
 from rover_pin.effects.point_mass import PointMass
 from rover_pin.rover.rover import load_rover
 from rover_pin.scenarios.scenario import scenario
+from rover_pin.simulation.compiled.kernel import Kernel
 from rover_pin.simulation.compiled.rover_numbers import armed, rover_fields
-from rover_pin.simulation.compiled.step import Kernel
 from rover_pin.simulation.model.motor import Motor
 from rover_pin.simulation.simulate import simulate
 from rover_pin.simulation.start.place import Start, settled

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rover_pin.simulation.compiled.step import DIRECTION_SPEED, Kernel
+from rover_pin.simulation.compiled.kernel import DIRECTION_SPEED, Kernel
 from rover_pin.simulation.native.shared import RECORD
 from rover_pin.simulation.plain.step import Plain
 from rover_pin.simulation.start.place import settled

@@ -6,7 +6,7 @@ import pytest
 from rover_pin.control.constant import ConstantDuty
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.checkpoint import Checkpoint
-from rover_pin.simulation.compiled.step import Kernel
+from rover_pin.simulation.compiled.kernel import Kernel
 from rover_pin.simulation.native.control import Commands, commands_of
 from rover_pin.simulation.native.loop import Loop, Outcome, _moving
 from rover_pin.simulation.pace import FINEST

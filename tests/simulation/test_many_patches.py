@@ -9,7 +9,7 @@ import pytest
 
 from rover_pin.parameters import SOILS
 from rover_pin.scenarios.scenario import scenario
-from rover_pin.simulation.compiled.step import Kernel, library
+from rover_pin.simulation.compiled.kernel import Kernel, library
 from rover_pin.simulation.start.place import Start, hovering
 from rover_pin.terrain.profile import Profile
 from rover_pin.terrain.section import patches, wheel_frame

@@ -10,9 +10,9 @@ from rover_pin.control.constant import ConstantDuty
 from rover_pin.control.onboard import Tacking, TackingControl
 from rover_pin.control.slip_control import Gains, SlipControl
 from rover_pin.control.slip_estimate import SpeedTable, TableEstimate, TrueSlip
-from rover_pin.control.torque_limit import PITCHES, NoLimit, TorqueLimit, TorqueLimited
+from rover_pin.control.torque_check import PITCHES, NoLimit, TorqueLimit, TorqueLimited
 from rover_pin.scenarios.scenario import scenario
-from rover_pin.simulation.compiled.step import Kernel
+from rover_pin.simulation.compiled.kernel import Kernel
 from rover_pin.simulation.instant import Instant, Places
 from rover_pin.simulation.native.control import Commands
 from rover_pin.simulation.native.loop import Loop

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from rover_pin.base.errors import ParameterError
-from rover_pin.control import steering, torque_limit
+from rover_pin.control import steering, torque_check
 from rover_pin.control.constant import ConstantDuty
 from rover_pin.control.onboard import Tacking, TackingControl
 from rover_pin.control.slip_control import Gains, SlipControl
 from rover_pin.control.slip_estimate import TrueSlip
-from rover_pin.control.torque_limit import NoLimit, TorqueLimit, TorqueLimited
+from rover_pin.control.torque_check import NoLimit, TorqueLimit, TorqueLimited
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.command import Reading
 from rover_pin.simulation.native.control import commands_of
@@ -60,7 +60,7 @@ def test_a_built_in_controller_drives_as_its_class_does(name):
 
 def test_torque_limit_holds_end_values_beyond_its_pitches(monkeypatch):
     """Five pitches that a bump goes beyond at either end."""
-    monkeypatch.setattr(torque_limit, "PITCHES", np.radians([-0.3, -0.1, 0.0, 0.02, 0.04]))
+    monkeypatch.setattr(torque_check, "PITCHES", np.radians([-0.3, -0.1, 0.0, 0.02, 0.04]))
     case = scenario("bump", soil="table-1", control="limit", duration=8.0)
     assert commands_of(case.controller, 6) is not None
     ours, theirs = (

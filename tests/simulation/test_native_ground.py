@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from rover_pin.parameters import SOILS
 from rover_pin.scenarios.scenario import scenario
-from rover_pin.simulation.compiled.step import Kernel, library
+from rover_pin.simulation.compiled.kernel import Kernel, library
 from rover_pin.simulation.compiled.terrain_numbers import line_of
 from rover_pin.simulation.simulate import simulate
 from rover_pin.simulation.start.place import Start, hovering

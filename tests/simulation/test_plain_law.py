@@ -14,8 +14,8 @@ from rover_pin.effects.slip_softening import SlipSoftening
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.effects.viscous_friction import ViscousFriction
 from rover_pin.rover.rover import load_rover
+from rover_pin.simulation.compiled.kernel import DIRECTION_SPEED
 from rover_pin.simulation.compiled.laws import as_numbers, contact_law, motor_law, number_of_states, numbers, symbolic
-from rover_pin.simulation.compiled.step import DIRECTION_SPEED
 from rover_pin.simulation.model.model import Model, base_effects
 from rover_pin.simulation.model.motor import Motor
 from rover_pin.simulation.plain.law import TRAVEL_SIGNS, PlainLaw, direction

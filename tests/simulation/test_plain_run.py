@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from rover_pin.control.constant import ConstantDuty
-from rover_pin.rover.acceleration import constraint_rows
+from rover_pin.rover.forward_dynamics import constraint_rows
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.checkpoint import Checkpoint
 from rover_pin.simulation.command import Command
-from rover_pin.simulation.compiled.step import Kernel
+from rover_pin.simulation.compiled.kernel import Kernel
 from rover_pin.simulation.driving import OFTEN, Drive, obey
 from rover_pin.simulation.native.shared import ENERGY, RECORD
 from rover_pin.simulation.pace import FINEST

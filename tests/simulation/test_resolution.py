@@ -10,11 +10,11 @@ from rover_pin.base.errors import SimulationError
 from rover_pin.contact import Soil
 from rover_pin.control.constant import ConstantDuty
 from rover_pin.effects.multi_pass import MultiPass
-from rover_pin.rover.acceleration import constraint_rows, mass_matrix, wheel_jacobians
+from rover_pin.rover.forward_dynamics import constraint_rows, mass_matrix, wheel_jacobians
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.checkpoint import Checkpoint
+from rover_pin.simulation.compiled.kernel import Kernel
 from rover_pin.simulation.compiled.rover_numbers import armed
-from rover_pin.simulation.compiled.step import Kernel
 from rover_pin.simulation.native.shared import RECORD
 from rover_pin.simulation.outcome import half_step
 from rover_pin.simulation.outcome.audit import airborne, balance_warning, braked, doubts_of, load_warning, mean_load

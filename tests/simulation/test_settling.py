@@ -14,7 +14,7 @@ from rover_pin.effects.pivot_friction import PivotFriction
 from rover_pin.effects.point_mass import PointMass
 from rover_pin.effects.slip import SIDEWAYS_SHARE
 from rover_pin.scenarios.scenario import scenario
-from rover_pin.simulation.compiled.step import Kernel
+from rover_pin.simulation.compiled.kernel import Kernel
 from rover_pin.simulation.start.place import Start, hovering, settled
 from rover_pin.simulation.start.relaxation import LOCKED, Rest, _fields, relaxed
 from rover_pin.terrain.terrain import HeightGrid

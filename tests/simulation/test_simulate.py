@@ -16,7 +16,7 @@ from rover_pin.effects.tacho_scale import TachoScale
 from rover_pin.effects.weak_motor import WeakMotor
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.command import Command
-from rover_pin.simulation.compiled.step import Kernel
+from rover_pin.simulation.compiled.kernel import Kernel
 from rover_pin.simulation.native.loop import Outcome
 from rover_pin.simulation.plain.law import direction
 from rover_pin.simulation.simulate import Timing, convergence, plain_simulate, simulate

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from rover_pin.scenarios.scenario import scenario
-from rover_pin.simulation.compiled.step import Kernel
+from rover_pin.simulation.compiled.kernel import Kernel
 from rover_pin.simulation.driving import Drive
 from rover_pin.simulation.start.place import settled
 from rover_pin.simulation.start.stability import PUSH, THROWN, WATCHED, thrown_by_a_push

@@ -12,8 +12,8 @@ from rover_pin.effects.supply_sag import SupplySag
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation import native
 from rover_pin.simulation.compiled import toolchain
+from rover_pin.simulation.compiled.kernel import Kernel
 from rover_pin.simulation.compiled.rover_numbers import armed
-from rover_pin.simulation.compiled.step import Kernel
 from rover_pin.simulation.plain.step import Plain
 from rover_pin.simulation.start.place import Start, settled
 from tests.simulation import plain_relaxation as relaxation

@@ -12,8 +12,8 @@ from rover_pin.base.errors import ParameterError
 from rover_pin.contact import Soil, Wheel
 from rover_pin.parameters import SOILS
 from rover_pin.soil.certified import certified_forces
-from rover_pin.soil.limits import contact_share, saturation_torque, torque_at_slip
 from rover_pin.soil.sinkage import LOAD_FLOOR, entry_angle
+from rover_pin.soil.torque_at_limits import contact_share, saturation_torque, torque_at_slip
 from rover_pin.soil.traction import wheel_forces
 
 WHEEL, SOIL = Wheel(), Soil()

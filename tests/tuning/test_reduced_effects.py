@@ -6,7 +6,7 @@ import pytest
 from rover_pin.control.constant import ConstantDuty
 from rover_pin.control.slip_control import Gains
 from rover_pin.control.slip_estimate import TrueSlip
-from rover_pin.control.torque_limit import NoLimit
+from rover_pin.control.torque_check import NoLimit
 from rover_pin.effects.differential_compliance import DifferentialCompliance
 from rover_pin.effects.gravity_tilt import GravityTilt
 from rover_pin.effects.hard_patch import HardPatch

@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 
 from rover_pin.base.formula import course, evaluate, quoted, unwrapped
-from rover_pin.logs.importing.guess import Guess, Recording, column
+from rover_pin.logs.importing.guess_record import Guess, Recording, column
 from rover_pin.logs.importing.words import COMPASS, COURSE, NO_ANGLE, ODOMETRY, PITCH, ROLL, YAW, Word
 
 ANGLES = ("rad", "deg")

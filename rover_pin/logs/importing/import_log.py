@@ -17,10 +17,10 @@ from rover_pin.base.files.samples import data_path
 from rover_pin.base.jobs.time_left import telling
 from rover_pin.logs.drive_log import FILE
 from rover_pin.logs.importing.clock import find_clock
-from rover_pin.logs.importing.guess import Guess, Recording, recording
+from rover_pin.logs.importing.guess_columns import Understood, drive_of, lines, understood
+from rover_pin.logs.importing.guess_record import Guess, Recording, recording
 from rover_pin.logs.importing.raw import read_raw
 from rover_pin.logs.importing.splitting import Part, chosen, parts
-from rover_pin.logs.importing.understood import Understood, drive_of, lines, understood
 from rover_pin.logs.importing.written import Run, Sheet, toml_of
 from rover_pin.rover.rover import Rover, load_rover
 from rover_pin.simulation.trace.channels import WHOLE, is_column

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from rover_pin.base.formula import quoted
-from rover_pin.logs.importing.guess import Guess, Recording, column
+from rover_pin.logs.importing.guess_record import Guess, Recording, column
 from rover_pin.logs.importing.words import LATITUDE, LONGITUDE, MEASURED, NO_PLACE, ODOMETRY, Word, X, Y, Z
 
 FASTEST = 3.0

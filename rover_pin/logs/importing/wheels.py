@@ -11,7 +11,7 @@ import numpy as np
 from rover_pin.base.formula import quoted
 from rover_pin.base.units import UNITS
 from rover_pin.logs.importing.attitude import BOTH_WAYS, angle_unit, share_back
-from rover_pin.logs.importing.guess import Guess, Recording, column
+from rover_pin.logs.importing.guess_record import Guess, Recording, column
 from rover_pin.logs.importing.words import (
     AHEAD,
     COMMAND,

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rover_pin.logs.importing.guess import Guess
+from rover_pin.logs.importing.guess_record import Guess
 
 
 class Run(NamedTuple):

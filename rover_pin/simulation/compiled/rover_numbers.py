@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from rover_pin.base.errors import ParameterError
-from rover_pin.rover.acceleration import supporting_dofs
+from rover_pin.rover.forward_dynamics import supporting_dofs
 from rover_pin.rover.rover import Rover
 from rover_pin.simulation.compiled import laws
 from rover_pin.simulation.compiled.suspension import suspension_dofs, suspension_places

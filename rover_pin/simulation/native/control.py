@@ -11,8 +11,8 @@ from typing import Any, NamedTuple, Protocol
 import casadi as ca
 import numpy as np
 
+from rover_pin.simulation.compiled.kernel import Kernel
 from rover_pin.simulation.compiled.laws import generated_source
-from rover_pin.simulation.compiled.step import Kernel
 from rover_pin.simulation.compiled.toolchain import shared_library
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from rover_pin.simulation.checkpoint import Checkpoint
-from rover_pin.simulation.compiled.step import Kernel
+from rover_pin.simulation.compiled.kernel import Kernel
 from rover_pin.simulation.failure import FASTEST, FOLDED, UPRIGHT, suspension_of
 from rover_pin.simulation.instant import Instant, Places
 from rover_pin.simulation.native.library import library

@@ -1,4 +1,4 @@
-/* What is logged of an instant, in the order of loop.py's ROW; and whether the drive can go on. */
+/* What is logged of an instant, in the order of trace/rows.py; and whether the drive can go on. */
 
 static double *put(double *row, const double *values, integer n) {
   memcpy(row, values, n * sizeof(double));

@@ -115,7 +115,7 @@ LOOP_FIELDS: list[tuple[Any, dict[str, str], str]] = [
     (
         ctypes.c_void_p,
         {
-            "log questions": "rows of ROW; those of the instants at which a controller is asked",
+            "log questions": "rows; those of the instants at which a controller is asked",
             "duty_rows rate_rows steer_rows force_rows grip_rows place_rows": "commands of a replay; 0 for none",
             "gave": "by how much each servo gave way, a row before",
             "moved down soils_at_rest folding_limits": "",

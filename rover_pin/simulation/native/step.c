@@ -1,6 +1,6 @@
 /* One step of the drive: wheel-terrain patches, their loads, and a linearly implicit solve of Eq (8).
    The rigid body is a function generated from Pinocchio's model, the laws are functions generated from the effects.
-   Twin of plain.py, which is slower, explains the scheme, and is the reference. */
+   Twin of plain/step.py, which is slower, explains the scheme, and is the reference. */
 
 /* For the caller to check that its mirror of the struct is this one, and to make room. */
 void rover_pin_sizes(integer *sizes) {

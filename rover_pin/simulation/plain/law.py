@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rover_pin.simulation.compiled import laws
-from rover_pin.simulation.compiled.step import DIRECTION_SPEED
+from rover_pin.simulation.compiled.kernel import DIRECTION_SPEED
 from rover_pin.simulation.model.model import Model
 
 TRAVEL_SIGNS = np.array([-1.0, -1.0, 1.0, -1.0])

@@ -21,11 +21,11 @@ import numpy as np
 import pinocchio as pin
 
 from rover_pin.contact import Load
-from rover_pin.rover.acceleration import constraint_rows
+from rover_pin.rover.forward_dynamics import constraint_rows
 from rover_pin.simulation.compiled import laws
 from rover_pin.simulation.compiled.body_law import body_law
+from rover_pin.simulation.compiled.kernel import HOLDING
 from rover_pin.simulation.compiled.rover_numbers import SERVO_GAIN, STOP_GAIN, armed, rim_inertia
-from rover_pin.simulation.compiled.step import HOLDING
 from rover_pin.simulation.compiled.suspension import joint_strength, joints_of, suspension_dofs, suspension_places
 from rover_pin.simulation.model.model import Model
 from rover_pin.simulation.model.motor import unringing

@@ -10,7 +10,7 @@ import numpy as np
 
 from rover_pin.effects.slip import SIDEWAYS_SHARE
 from rover_pin.rover.wheel_base import wheel_places
-from rover_pin.simulation.compiled.step import Kernel
+from rover_pin.simulation.compiled.kernel import Kernel
 from rover_pin.simulation.model.model import Model
 from rover_pin.simulation.native.library import library
 from rover_pin.simulation.native.shared import SettlingStruct, fill

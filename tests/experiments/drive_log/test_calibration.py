@@ -10,7 +10,7 @@ import pytest
 
 from rover_pin.discrepancy.calibration import BENT, as_declared, declared_start, is_bent
 from rover_pin.discrepancy.candidate import Candidate
-from rover_pin.discrepancy.compare import refit
+from rover_pin.discrepancy.refit_candidates import refit
 from rover_pin.discrepancy.screen import score, signatures
 from rover_pin.effects.exit_angle import ExitAngle
 from rover_pin.estimation.fit import Task, fit

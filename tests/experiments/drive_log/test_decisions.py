@@ -16,7 +16,6 @@ from scipy.stats import t as student
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.assessment import ResidualAssessment, share_taken
 from rover_pin.discrepancy.candidate import Candidate
-from rover_pin.discrepancy.compare import refit
 from rover_pin.discrepancy.cross_validation import (
     first_order_surprises,
     losses_of,
@@ -24,9 +23,10 @@ from rover_pin.discrepancy.cross_validation import (
     seen_again,
     without_each,
 )
+from rover_pin.discrepancy.decide_answer import answer_of, chosen_without
 from rover_pin.discrepancy.held_out import held_out, together
-from rover_pin.discrepancy.judge import answer_of, chosen_without
 from rover_pin.discrepancy.refit import Refit, indistinguishable_refits, joined
+from rover_pin.discrepancy.refit_candidates import refit
 from rover_pin.discrepancy.screen import Signature, candidate_threshold, saturated, score, signatures, started, trials
 from rover_pin.discrepancy.search import Round, Search, search, threshold_after
 from rover_pin.effects.dead_band import DeadBand
@@ -868,7 +868,7 @@ def test_effect_taking_most_is_like_the_missing_one(log):
 
 
 def test_what_is_doubtful_is_not_in_the_verdicts_model(log, monkeypatch):
-    monkeypatch.setattr("rover_pin.discrepancy.judge.TAKES_MOST", 1.1)
+    monkeypatch.setattr("rover_pin.discrepancy.decide_answer.TAKES_MOST", 1.1)
     found = searched({"ExitAngle.e_1": 0.5}, three)
     verdict = verdict_on(log, found, term(1e6), 0, SILENT)
     assert verdict.answer is Answer.NONE_FITS

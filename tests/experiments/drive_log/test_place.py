@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from rover_pin.discrepancy.compare import placed
+from rover_pin.discrepancy.refit_candidates import placed
 from rover_pin.discrepancy.screen import score, signatures
 from rover_pin.effects.hard_patch import HardPatch
 from rover_pin.effects.supply_sag import SupplySag

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from rover_pin.discrepancy.compare import FIRST, LAST, placed
+from rover_pin.discrepancy.refit_candidates import FIRST, LAST, placed
 from rover_pin.effects.gravity_tilt import GravityTilt
 from rover_pin.effects.hard_patch import HardPatch
 from rover_pin.effects.supply_sag import SupplySag
@@ -156,7 +156,7 @@ def test_an_edge_is_moved_by_ever_smaller_steps_while_that_gains(monkeypatch):
         asked.append(step)
         return [row - step, row + step]
 
-    module = "rover_pin.discrepancy.compare"
+    module = "rover_pin.discrepancy.refit_candidates"
     monkeypatch.setattr(f"{module}.signatures", lambda base, near: near)
     made = lambda at: SimpleNamespace(candidate=at, gain=-abs(at - 0.53))  # noqa: E731
     monkeypatch.setattr(f"{module}.score", lambda base, near: [made(at) for at in near])

@@ -13,8 +13,8 @@ from rover_pin.contact import Wheel
 from rover_pin.experiments.drive_log.checks.driven import Driven, degrees
 from rover_pin.experiments.drive_log.model import is_rate_driven, usual_motor, usual_soil
 from rover_pin.experiments.drive_log.readings.outliers import scattered
+from rover_pin.logs.declared_noise import NOISE, kind_of
 from rover_pin.logs.drive_log import FILE, DriveLog
-from rover_pin.logs.noise import NOISE, kind_of
 from rover_pin.measurements.finding import Finding
 from rover_pin.terrain.files import LARGEST
 from rover_pin.terrain.terrain import Terrain

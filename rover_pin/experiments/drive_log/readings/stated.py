@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from rover_pin.experiments.drive_log.features import BLOCK, DRIFT, HEADING, PATH, SPEED
-from rover_pin.logs.noise import SAMPLE_PERIOD, kind_of
+from rover_pin.logs.declared_noise import SAMPLE_PERIOD, kind_of
 from rover_pin.simulation.replay import PERIOD
 
 OF_FEATURES = {PATH: "body_position", DRIFT: "body_position", HEADING: "body_attitude", SPEED: "body_velocity"}

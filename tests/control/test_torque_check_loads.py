@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from rover_pin.control.bounds import TorqueBounds
-from rover_pin.control.torque_limit import LOST_SLIP
+from rover_pin.control.torque_bounds import TorqueBounds
+from rover_pin.control.torque_check import LOST_SLIP
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.rover.driven_loads import configuration, driven_loads
 from rover_pin.rover.statics import wheel_loads

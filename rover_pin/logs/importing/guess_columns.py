@@ -10,7 +10,7 @@ import numpy as np
 from rover_pin.base.errors import DataError
 from rover_pin.base.formula import change, names_in, quoted
 from rover_pin.logs.importing.attitude import BY_COURSE, backwards, headings, tilts
-from rover_pin.logs.importing.guess import Guess, Recording
+from rover_pin.logs.importing.guess_record import Guess, Recording
 from rover_pin.logs.importing.pose import places
 from rover_pin.logs.importing.splitting import Drive
 from rover_pin.logs.importing.wheels import joint_guesses, wheel_guesses

@@ -12,8 +12,8 @@ from rover_pin.base.quantity import Record, quantity
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.calibration import calibrated
 from rover_pin.discrepancy.candidate import Candidate, plain_candidate
+from rover_pin.discrepancy.decide_answer import chosen_anew, concluded
 from rover_pin.discrepancy.draft import Drafted
-from rover_pin.discrepancy.judge import chosen_anew, concluded
 from rover_pin.discrepancy.standalone import Parts, Standalone, question_of
 from rover_pin.discrepancy.verdict import SCHEMA
 from rover_pin.estimation.noise import declared_noise

@@ -9,7 +9,7 @@ from typing import Self
 import numpy as np
 
 from rover_pin.base.public import brief
-from rover_pin.control.bounds import SLIP_LIMIT, TorqueBounds, WheelBounds
+from rover_pin.control.torque_bounds import SLIP_LIMIT, TorqueBounds, WheelBounds
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.rover.statics import wheel_loads
 from rover_pin.simulation.command import Command, Controller, Reading
