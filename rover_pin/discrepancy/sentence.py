@@ -55,8 +55,8 @@ def _rest(search_result: Search) -> str:
 
 
 def _named(search_result: Search, share: float, description: str, against: Sequence[str]) -> str:
-    takes, rest = _takes(search_result, share), _rest(search_result)
-    return f"the data are consistent with {_names(search_result)}, which {takes}.{rest}"
+    takes, remaining = _takes(search_result, share), _rest(search_result)
+    return f"the data are consistent with {_names(search_result)}, which {takes}.{remaining}"
 
 
 def _set(search_result: Search, share: float, description: str, against: Sequence[str]) -> str:

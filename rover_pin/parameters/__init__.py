@@ -40,7 +40,7 @@ SOILS = Named(
 
 def name_of(soil: Soil) -> str:
     """Return the name of the set that a soil changes numbers of."""
-    return next((name for name, each in SOILS.items() if type(each) is type(soil)), "table-1")
+    return next((name for name, preset in SOILS.items() if type(preset) is type(soil)), "table-1")
 
 
 def soil_named(name: str) -> Soil:

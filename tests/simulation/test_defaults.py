@@ -57,7 +57,7 @@ def test_a_rover_rests_on_its_own_soil_as_nexus_6_on_table_1(rover_file):
 
 
 @pytest.mark.parametrize("rover", ["nexus6", "nexus6_links", "cart"])
-def test_on_the_usual_sand_each_rover_slips_as_measured_wheels_do(rover):
+def test_on_slope_sand_rovers_slip_as_measured_wheels_do(rover):
     """0.2 on 10 to 14 deg (Ding et al. 2011, Fig 9), not all but 1 as on the paper's sand, which is one word away."""
     steep = {"terrain.angle_deg": 10.0, "terrain.start": -20.0, "control.delta": 0.7}
 
@@ -187,7 +187,7 @@ def test_every_ready_made_terrain_can_be_scaled(rover_file, name):
     assert scenario(name, rover=str(rover_file)).model.terrain is not None
 
 
-def test_the_shear_displacement_of_the_usual_sand_grows_with_the_wheels(rover_file):
+def test_shear_displacement_of_default_sand_grows_with_wheels(rover_file):
     """F(0.05), and with it the resistance, goes by k / r: with k for small wheels large ones hardly move."""
     drive = scenario("turn", rover=str(rover_file))
     assert float(drive.model.soils[0].k) == pytest.approx(0.008 * 0.15 / 0.045)

@@ -98,12 +98,12 @@ def shipped(name: str) -> Path:
     UrdfError
         There is none of this name.
     """
-    found = {file.stem: file for file in rover_folder().glob("*.toml")}
-    if name not in found:
+    rovers = {file.stem: file for file in rover_folder().glob("*.toml")}
+    if name not in rovers:
         raise UrdfError(
-            f"There is no rover '{name}': {closest(name, found)} For one of your own give the path of its .toml."
+            f"There is no rover '{name}': {closest(name, rovers)} For one of your own give the path of its .toml."
         )
-    return found[name]
+    return rovers[name]
 
 
 def rover_folder() -> Path:

@@ -122,7 +122,7 @@ def driven_soil(rover: Rover, name: str = "") -> Chosen[Soil]:
     return own_soil(rover, name, SLOPE_SAND.replace(k=scale(rover) * SLOPE_SAND.k))
 
 
-def own_soil(rover: Rover, name: str = "", usual: Soil = TABLE_1) -> Chosen[Soil]:
+def own_soil(rover: Rover, name: str = "", default: Soil = TABLE_1) -> Chosen[Soil]:
     """Return the soil that is named, else that of the TOML's [soil], else the usual one made firm enough for the rover.
 
     Named soils are converted to the width of the rover's wheels. Table 1's own k_1 is assumed so that Nexus 6 sinks to
@@ -142,13 +142,13 @@ def own_soil(rover: Rover, name: str = "", usual: Soil = TABLE_1) -> Chosen[Soil
         declared_soil = record_from(type(named), constants, f"rover '{rover.name}': [soil]")
         return Chosen(soil.replace(**{key: getattr(declared_soil, key) for key in constants}))
     load = rover.mass * EARTH / len(rover.wheels)
-    k_1 = max(_firm_enough(mount.wheel, usual, load) for mount in rover.wheels)
-    sand = f"{name_of(usual)} of k = {1e3 * float(usual.k):.3g} mm and k_1 = {k_1:.3g} Pa"
+    k_1 = max(_firm_enough(mount.wheel, default, load) for mount in rover.wheels)
+    sand = f"{name_of(default)} of k = {1e3 * float(default.k):.3g} mm and k_1 = {k_1:.3g} Pa"
     return Chosen(
-        usual.replace(k_1=k_1),
+        default.replace(k_1=k_1),
         (
             f"soil: none named, so {sand}, in which a wheel under {load:.3g} N sinks to theta_1 = "
-            f"{math.degrees(float(usual.theta_1)):.0f} deg as Nexus 6's does",
+            f"{math.degrees(float(default.theta_1)):.0f} deg as Nexus 6's does",
         ),
     )
 

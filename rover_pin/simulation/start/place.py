@@ -59,14 +59,14 @@ def shared_rest(model: Model, start: Start) -> DriveState:
     return dataclasses.replace(state, contact=state.contact[:, slip_columns(model)], motor=state.motor[:, :0])
 
 
-def taken_over(model: Model, rest: DriveState) -> DriveState:
+def taken_over(model: Model, rest_state: DriveState) -> DriveState:
     """Return a model at another's `shared_rest`: same place and shear, its effects at the start of their states."""
-    taken, slip = rest.copy(), slip_columns(model)
+    taken, slip = rest_state.copy(), slip_columns(model)
     wheels = len(model.rover.wheels)
     taken.contact = np.zeros((wheels, sum(len(effect.states) for effect in model.contact_effects)))
     taken.motor = np.zeros((wheels, sum(len(effect.states) for effect in model.motor_effects)))
-    if rest.contact.shape[1] == len(slip):  # else their laws of slip know another shear
-        taken.contact[:, slip] = rest.contact
+    if rest_state.contact.shape[1] == len(slip):  # else their laws of slip know another shear
+        taken.contact[:, slip] = rest_state.contact
     return taken
 
 
