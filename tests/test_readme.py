@@ -49,7 +49,7 @@ def test_one_line_sets_up_and_does_the_main_job():
     assert install.count("\n") == drive.count("\n") == 1
     set_up = "python3 -m venv .venv && . .venv/bin/activate && "
     assert install == f'{set_up}pip install -e ".[view]" && rover-pin close-loop cmu-smooth-wheel --open\n'
-    assert blocks("sh")[-1] == f'{set_up}pip install -e ".[dev]" && pytest -n 2 -m "slow or not slow"\n'
+    assert blocks("sh")[-1] == f'{set_up}pip install -e ".[dev]" && pytest -n 2 -m "not nightly"\n'
     assert drive.startswith("rover-pin drive ditch ")
 
 

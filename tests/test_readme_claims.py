@@ -165,7 +165,7 @@ ELSEWHERE = {
     ". .venv/bin/activate": "`.ci/run`, as printed",
     'pip install -e ".[view]"': "`.ci/run` installs what has it",
     'pip install -e ".[dev]"': "`.ci/run`, as printed",
-    'pytest -n 2 -m "slow or not slow"': "`.ci/run`, as printed",
+    'pytest -n 2 -m "not nightly"': "`.ci/run`, as printed",
     "pytest -n 2": "part of it",
     "ruff check .": "`.ci/run`",
     "ruff format --check .": "`.ci/run`",
