@@ -105,7 +105,11 @@ def test_the_files_that_the_texts_name_are_there():
     text = "".join(path.read_text(encoding="utf-8") for path in [ROOT / "README.md", *DOCS.glob("*.md")])
     named = set(re.findall(r"(?:studies|urdf|tests|docs|notebooks|rover_pin)/[\w./-]*\w", text))
     named |= {
-        f"rover_pin/{path}" for path in re.findall(r"`((?:soil|effects|body|motion|control)/[\w./]*\.(?:py|c))", text)
+        f"rover_pin/{path}"
+        for path in re.findall(
+            r"`((?:base|soil|effects|terrain|rover|simulation|logs|control|scenarios|tuning|discrepancy|loop)/[\w./]*\.(?:py|c))",
+            text,
+        )
     }
     assert len(named) > 20
     assert not [path for path in sorted(named) if not (ROOT / path).exists()]

@@ -18,8 +18,8 @@ class MotionResistance(Effect):
     forms have none, and would run at S < 0 on the flat. R is one number for a drive: it follows neither the sinkage nor
     what effects make of the soil (`MultiPass`, `HardPatch`, `LoadExponent`); what slip digs (`DiggingMemory`,
     `SlipSinkage`, `SkidSinkage`) brings its own resistance. Where it is not declared it is F(0.05) of the soil, wheels
-    and load as driven (0.028 for Table 1: `model.cruise.default_resistance`); declared below F(0), driven wheels skid
-    on level ground, which the drive says.
+    and load as driven (0.028 for Table 1: `simulation.model.cruise.default_resistance`); declared below F(0), driven
+    wheels skid on level ground, which the drive says.
 
     A resistance is Coulomb's: at rest any share of it may act. Below u = v_0 (v_0 / sqrt(v_0^2 + (r omega)^2))^q
     (`fading`) it fades: below v_0 where wheels do not turn, so that a parked rover is not pushed, below a tenth of that
