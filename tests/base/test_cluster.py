@@ -72,7 +72,7 @@ def test_short_jobs_come_back_in_order():
     assert list(results(math.sqrt, asked, 2, short=True)) == [math.sqrt(number) for number in range(11)]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_what_a_killed_worker_was_at_is_run_again(tmp_path):
     with two_workers(tmp_path) as (_, workers, client):
         found = results(killing(tmp_path, workers[0].pid), [(n,) for n in range(60)], client)
@@ -80,7 +80,7 @@ def test_what_a_killed_worker_was_at_is_run_again(tmp_path):
     assert (tmp_path / "killed").exists()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_scheduler_that_goes_away_is_one_sentence(tmp_path):
     with two_workers(tmp_path) as (address, _, client):
         found = results(killing(tmp_path, 0, -1), [(n,) for n in range(500)], client)
@@ -90,7 +90,7 @@ def test_a_scheduler_that_goes_away_is_one_sentence(tmp_path):
             list(found)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_tuning_and_replays_on_a_cluster_are_those_of_one_core(tmp_path):
     """With one of two workers killed while the tuning is at work."""
     drives = [
@@ -118,7 +118,7 @@ def test_tuning_and_replays_on_a_cluster_are_those_of_one_core(tmp_path):
     assert far.tobytes() == experiment_of(runs, model, 1).predict([model]).tobytes()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_whole_loop_on_a_cluster_is_that_of_one_core(tmp_path):
     """From the log to the verdict, one of two workers killed on the way."""
     log = drive_sets.write(tmp_path / "log", (), runs=3, duration=8.0)
@@ -158,7 +158,7 @@ def test_a_missing_dask_is_told(monkeypatch):
         close_the_loop(LOG, scheduler="tcp://127.0.0.1:1")
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("command", [("close-loop", str(LOG)), ("tune", str(STUDY))], ids=lambda words: words[0])
 def test_the_commands_take_a_scheduler(command, tmp_path):
     """Nobody listens there: asked for, and told."""

@@ -12,7 +12,7 @@ SHIFT = 0.15
 """Share of a 95 % interval's width by which a value, or one of its ends, may move: round-off, another time step."""
 GROWTH = {"rig": 0.1, "cmu": 0.1, "drive": 0.5}
 """Relative change that a held-out error may show; a drive log is simulated anew, so another step is other data."""
-SETS = [*golden.FAST, *(pytest.param(name, marks=pytest.mark.slow) for name in golden.SLOW)]
+SETS = [*golden.FAST, *(pytest.param(name, marks=pytest.mark.nightly) for name in golden.SLOW)]
 
 
 @pytest.mark.parametrize("name", SETS)

@@ -25,7 +25,7 @@ def answered(run, rover, **how):
     return code, json.loads(out) if code == 0 else None, err
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_drag_without_a_differential_is_like_a_tether(run):
     """Flank pressure was named before it while the side force was exact: it damps yaw that noise of the rates makes."""
     code, verdict, _ = answered(run, field_log.bogies, seconds=30.0, drag=(20.0, 15.0))
@@ -34,14 +34,14 @@ def test_drag_without_a_differential_is_like_a_tether(run):
     assert verdict["effects"] == ["TetherDrag"], verdict["sentence"]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_on_a_six_wheeler_with_nothing_hidden_nothing_is_named(run):
     code, verdict, _ = answered(run, field_log.bogies, seconds=30.0, seed=7)
     assert code == 0
     assert verdict["answer"] == "no effect needed", verdict["sentence"]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_nothing_is_named_on_a_skid_steered_cart_without_effects(run):
     """Its noise was learnt after 110 columns had taken half of it: "none of these", a force of -10 N in one moment."""
     code, verdict, _ = answered(run, field_log.skid, runs=3, seconds=20.0, seed=2, sides=0.3)
@@ -49,7 +49,7 @@ def test_nothing_is_named_on_a_skid_steered_cart_without_effects(run):
     assert verdict["answer"] == "no effect needed", verdict["sentence"]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_pose_that_is_odometry_is_refused_in_one_sentence(run):
     code, _, err = answered(run, field_log.skid, runs=1, seconds=12.0, odometry=True)
     assert code == 2

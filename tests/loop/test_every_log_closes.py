@@ -61,7 +61,7 @@ def test_without_noise_the_declared_model_misses_its_steps_alone(scene, rover, t
     assert np.all(missed <= experiment.least_noise(model)), dict(zip(experiment.channels, missed, strict=True))
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(("scene", "rover", "noisy", "runs"), CASES)
 def test_a_log_with_nothing_hidden_closes_without_an_alarm(scene, rover, noisy, runs, tmp_path):
     try:

@@ -28,7 +28,7 @@ def held_out(verdict):
     return in_the_pages_units({one.name: one.after for one in verdict.scores})
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("data", "folder", "named"),
     [
@@ -54,7 +54,7 @@ def test_the_loop_on_a_measured_wheel_is_as_told(data, folder, named):
         assert in_the_pages_units(other) == pytest.approx([float(one) for one in each.split(" / ")], abs=0.0051)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("folder", "said"), [("cmu-grousered-wheel", "here"), ("cmu-smooth-wheel-angles", "at slip angles")]
 )
@@ -65,7 +65,7 @@ def test_the_speed_that_scales_the_rate_is_as_told(folder, said):
     assert found == pytest.approx([float(one) for one in told_of_it], rel=0.03, abs=0.51)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_page_states_the_lugged_pull_and_softening_at_held_speed(monkeypatch):
     pull, same, count = re.findall(r"leaves a pull of ([\d.]+) N, chosen in (\d) of (\d) folds", PAGE)[0]
     left = re.findall(r"reduced chi-square of ([\d.]+), the exponent ([\d.]+)\.", PAGE)[0]
@@ -82,7 +82,7 @@ def test_page_states_the_lugged_pull_and_softening_at_held_speed(monkeypatch):
     assert (sum(chosen), len(chosen)) == (int(same), int(count))
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("data", "folders", "named"),
     [

@@ -98,7 +98,7 @@ def test_the_page_compares_with_what_was_to_be_reached(study):
         assert pull is None or float(asked[0]) == pull
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_side_force_and_both_signs_of_slip_are_reached(study):
     made = study.table()
     rows = {(row.set, row.law): row for row in made}

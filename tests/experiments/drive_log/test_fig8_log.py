@@ -112,7 +112,7 @@ def test_intervals_that_hold_the_truth_are_those_the_docs_state():
     assert "c_d by 19 %, phi by 1.4 deg and R by 3 %" in told
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_loop_finds_the_digging():
     verdict, before = close_the_loop(DATA, jobs=2).as_dict(), kept()
     assert verdict["answer"] == Answer.NAMED.value
@@ -123,7 +123,7 @@ def test_the_loop_finds_the_digging():
     assert now == pytest.approx(then, rel=0.3)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_shipped_files_are_what_the_simulator_drives(log):
     """The first three seconds of every run, within the sensors' noise and gains."""
     planned, gains = fig8.plan()

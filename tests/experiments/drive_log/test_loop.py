@@ -35,7 +35,7 @@ def loop(sagging, tmp_path_factory):
     return close_the_loop(sagging, out=out, jobs=2), out
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_hidden_sag_is_named_with_its_size_and_its_error_falls(loop):
     verdict, _ = loop
     assert verdict.answer is Answer.NAMED, verdict.summary()
@@ -49,7 +49,7 @@ def test_a_hidden_sag_is_named_with_its_size_and_its_error_falls(loop):
     assert sum(one.after for one in free) < 1.05 * sum(one.before for one in free)  # voltage, not way
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_files_can_be_used_at_once(loop, sagging):
     verdict, out = loop
     told = json.loads((out / "verdict.json").read_text(encoding="utf-8"))
@@ -64,7 +64,7 @@ def test_the_files_can_be_used_at_once(loop, sagging):
     assert not (out / ".resume").exists()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_nothing_is_named_where_nothing_is_hidden(tmp_path):
     verdict = close_the_loop(drive_sets.write(tmp_path / "log", seed=3), jobs=2)
     assert verdict.answer is Answer.NONE_NEEDED, verdict.summary()
@@ -72,7 +72,7 @@ def test_nothing_is_named_where_nothing_is_hidden(tmp_path):
     assert not verdict.drifted
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_loop_that_was_killed_goes_on_and_says_the_same(loop, sagging, tmp_path):
     _, whole = loop
     command = [sys.executable, "-m", "rover_pin.cli.app", "close-loop", str(sagging), "--out", str(tmp_path)]
@@ -97,7 +97,7 @@ def said(out):
     return {key: value for key, value in told.items() if key not in ("seconds", "command", "date", "files")}
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_rover_without_a_differential_closes_the_loop_too(tmp_path):
     """The cart has neither differential nor pivots: what acts there is not tried, and its own effect is found."""
     folder = drive_sets.write(tmp_path, [SupplySag(R_b=0.4)], runs=2, duration=10.5, rover="cart")

@@ -15,7 +15,7 @@ from rover_pin.logs.drive_log import read_drive_log
 from tests.experiments.drive_log import drive_sets
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_edges_of_a_patch_are_found(tmp_path):
     hidden = HardPatch(g=1.5, g_k=1.0, dphi=math.radians(4), x_from=0.12, length=0.2)
     log = read_drive_log(drive_sets.write(tmp_path, [hidden]))

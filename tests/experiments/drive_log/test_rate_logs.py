@@ -249,7 +249,7 @@ def test_a_scale_that_nobody_knew_is_nothing_that_a_model_lacks(tmp_path):
     assert not [name for name in names if "current" in name.lower()]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("degrees", [0.0, 1.5])
 def test_tilt_is_found_without_duties_and_none_in_a_null_log(tmp_path, degrees):
     hidden = [GravityTilt(rise_x=math.radians(degrees))] if degrees else []

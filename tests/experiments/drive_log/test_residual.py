@@ -205,7 +205,7 @@ def drives(hidden, count=3, duration=15.0):
     return model, logs
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_unlisted_eccentric_wheel_is_described_and_drafted(tmp_path):
     file = tmp_path / "eccentric.py"
     file.write_text(ECCENTRIC)

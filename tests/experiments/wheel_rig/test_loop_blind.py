@@ -25,7 +25,7 @@ def verdict_of(folder, effect, seed, severity=1.0):
     return close_the_loop(path)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_hidden_effects_are_named_or_within_the_stated_set(tmp_path):
     """A miss counts where the true effect, refitted, gains more than the best of all candidates would by chance."""
     wrong, missed, hidden_well = [], [], []
@@ -45,7 +45,7 @@ def test_hidden_effects_are_named_or_within_the_stated_set(tmp_path):
     assert len(hidden_well) <= 3
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_null_sets_raise_no_alarm(tmp_path):
     alarms = []
     for seed in range(20):
@@ -56,7 +56,7 @@ def test_null_sets_raise_no_alarm(tmp_path):
     assert len(alarms) <= 1, alarms
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_what_is_on_no_list_is_not_named(tmp_path):
     named = []
     for effect in ("slip_squared_drag", "sinkage_bump"):

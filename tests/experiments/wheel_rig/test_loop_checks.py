@@ -118,7 +118,7 @@ def test_a_correlation_beyond_chance_is_a_caution():
     assert said == ["the residual of sinkage hangs together with load (r = +0.80, p = 0.001 < 0.01)"]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_ding_s_wheel_comes_with_its_cautions(tmp_path):
     verdict = close_the_loop(DATA / "ding-2011-smooth", out=tmp_path)
     assert "folds" in verdict.chosen_again
@@ -131,7 +131,7 @@ def test_ding_s_wheel_comes_with_its_cautions(tmp_path):
     assert all(human(said, kinds)[1:] in page for said in told)  # capital letters begin them; a veto is said once
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_smooth_wheel_sinks_with_slip_in_every_fold(tmp_path):
     """By either law of it; some folds add a second effect."""
     verdict = close_the_loop(DATA / "cmu-smooth-wheel", out=tmp_path)

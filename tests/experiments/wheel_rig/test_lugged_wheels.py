@@ -153,7 +153,7 @@ def test_the_slip_of_a_locked_wheel_follows_from_its_speeds(run):
     assert "slip is infinite in row 1; by Eq (1) a locked wheel has -1" in err
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_lugged_wheel_is_fitted_from_locked_to_spinning(run):
     """Nothing is hidden: its numbers are found, every level is predicted by the others, and nothing is named."""
     lugs = LugExcavation(h_l=0.008)
@@ -168,7 +168,7 @@ def test_lugged_wheel_is_fitted_from_locked_to_spinning(run):
     assert "DiggingMemory was not tried: with it, however small, no sinkage carries a run" in told["cautions"]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_run_that_no_sinkage_carries_is_named_and_not_averaged(run):
     """One load of 20 kN among 60 N: no number stands for what the others do not predict."""
     write("mine", [*thrice(SLIPS[2:-1]), (0.5, 20000.0)])
@@ -220,7 +220,7 @@ def test_where_the_stiffness_is_not_fitted_the_run_is_named(run):
     assert "no start of the fit of the base model converged: no sinkage down to the axle carries load = 60 N" in err
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(("degrees", "is_below"), [(40.0, True), (29.0, False)])
 def test_friction_below_the_angle_of_repose_is_a_caution(run, degrees, is_below):
     """Dry sand stands no steeper than its own friction, 31 deg here."""

@@ -77,7 +77,7 @@ def test_law_with_rim_r_predicts_a_lug_pull_unlike_measured():
     assert smooth == pytest.approx(0.44, abs=0.05)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_half_way_up_the_lugs_is_the_best_of_their_height(tmp_path):
     """0 at the rim, 1 at the tips; a parabola through these has its least at 0.48."""
     folder = over_lugs(tmp_path)

@@ -164,7 +164,7 @@ def test_cell_ahead_of_the_axle_is_found_as_a_rig_error(tmp_path):
     assert found["rig.moment_arm"][1] < 0.001
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_loop_fits_holds_out_and_draws_it(tmp_path):
     verdict = close_the_loop(written(tmp_path / "set"), out=tmp_path / "out")
     assert verdict.answer.value == "no effect needed"
