@@ -1,4 +1,4 @@
-"""The program `rover-pin`, also as `python -m rover_pin`."""
+"""The program `rover-pin`."""
 
 from __future__ import annotations
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 
@@ -28,7 +29,12 @@ def on_cores(work: Callable[[Case], Row], cases: Sequence[Case], workers: int | 
     begun = on_processes(work, [(case,) for case in cases], count, return_as="generator_unordered")
     next(begun)
     try:
-        yield from begun
+        for row in begun:  # noqa: UP028  `yield from` would close it first
+            yield row
+    except GeneratorExit:
+        with warnings.catch_warnings(action="ignore"):  # joblib's advice on tasks that nobody waits for
+            begun.close()
+        raise
     except SimulationError as error:
         raise SimulationError(f"{str(error).rstrip('.')}; {KEPT}, or take workers=1 to see at which case.") from error
 

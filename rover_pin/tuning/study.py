@@ -219,7 +219,8 @@ def _study(table: dict[str, Any], stem: str) -> TuningStudy:
     for key in table:
         if key not in keys:
             raise ParameterError(f"the study has no key '{key}': {closest(key, keys)}")
-    fields = {key: value for key, value in table.items() if key in ("name", "estimate", "seed")}
+    fields = {key: value for key, value in table.items() if key in ("estimate", "seed")}
+    name = _name("the study", "name", table.get("name", stem))
     if "free" in table:
         fields["free"] = {name: _pair(name, bounds) for name, bounds in table_in(table, "free", stem).items()}
     effort = table_in(table, "effort", stem)
@@ -228,7 +229,8 @@ def _study(table: dict[str, Any], stem: str) -> TuningStudy:
         if key not in efforts:
             raise ParameterError(f"[effort] has no key '{key}': {closest(key, efforts)}")
     return TuningStudy(
-        **{"name": stem, **fields},
+        name,
+        **fields,
         training=_cases("training", table.get("training", [])),
         held_out=_cases("held_out", table.get("held_out", [])),
         before=record_from(Gains, table.get("before", {}), "[before]"),
@@ -253,9 +255,15 @@ def _cases(where: str, entries: Any) -> tuple[DriveCase, ...]:
 def _case(where: str, entry: dict[str, Any]) -> DriveCase:
     if "scenario" not in entry:
         raise ParameterError(f'{where} names no scenario: add scenario = "ditch", say.')
-    scenario, name = entry.pop("scenario"), entry.pop("name", where)
+    scenario, name = (_name(where, key, entry.pop(key, where)) for key in ("scenario", "name"))
     post_peak = to_si(entry.pop("post_peak", 0.0), "", "", f"{where}: post_peak")
-    return DriveCase(str(name), str(scenario), tuple(sorted(_flat(entry))), post_peak)
+    return DriveCase(name, scenario, tuple(sorted(_flat(entry))), post_peak)
+
+
+def _name(where: str, key: str, value: Any) -> str:
+    if not isinstance(value, str):
+        raise ParameterError(f"{where}: {key} = {value!r} is not allowed: it is one name, in quotes.")
+    return value
 
 
 def _flat(entry: Mapping[str, Any], prefix: str = "") -> list[tuple[str, Any]]:

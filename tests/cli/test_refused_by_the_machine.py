@@ -77,6 +77,17 @@ def test_a_full_disk_in_a_sweep_keeps_what_is_done(run, monkeypatch):
     assert '"cases": 4, "taken_over": 2, "failed": 0' in out
 
 
+def test_a_full_disk_beside_worker_processes_is_one_sentence(run, monkeypatch):
+    def full(rows, study, path):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    Path("study.toml").write_text(STUDY.replace("points = 4", "points = 12"))
+    monkeypatch.setattr(store, "_write", full)
+    code, _, err = run("-q", "sweep", "study.toml", "--workers", "2")
+    assert (code, err.count("\n")) == (2, 1)
+    assert "No space left on device" in err
+
+
 def test_a_full_disk_leaves_no_half_of_a_file(tmp_path):
     def fails(path):
         path.write_text("half")
@@ -118,6 +129,15 @@ def test_a_list_for_a_table_of_a_tuning_file_is_refused(entry, run):
     code, _, err = run("tune", "study.toml")
     assert (code, err.count("\n")) == (2, 1)
     assert "table" in err
+
+
+@pytest.mark.parametrize("entry", ['name = "t"', 'name = "a"', 'scenario = "ditch"'])
+def test_a_list_for_a_name_of_a_tuning_file_is_refused(entry, run):
+    key, _, value = entry.partition(" = ")
+    Path("study.toml").write_text(TUNING.replace(entry, f"{key} = [{value}]"))
+    code, _, err = run("tune", "study.toml")
+    assert (code, err.count("\n")) == (2, 1)
+    assert f"{key} = ['{value[1:-1]}'] is not allowed: it is one name" in err
 
 
 @pytest.mark.parametrize("link", ["tyre_lf", "tyre_rb", "chassis"])

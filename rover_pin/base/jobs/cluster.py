@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import socket
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -71,7 +71,7 @@ def results(
 
 def on_processes(
     function: Callable[..., Any], jobs: Sequence[tuple[Any, ...]], workers: int, **options: Any
-) -> Iterator[Any]:
+) -> Generator[Any, None, None]:
     """Yield None when the workers are at work, then `function(*job)` of each job; `options` are joblib's.
 
     A process has one thread and a share of the machine's memory, and takes no code from the working directory.
