@@ -187,7 +187,7 @@ def bounds(
     trust: Trusted = False,
     as_json: AsJson = False,
 ) -> None:
-    """Print the slope that a drive climbs, what wheels bear, and the motor's margin.
+    """Print the slope that a drive climbs, and what wheels bear. The motor's margin is printed too.
 
     Of a model's effects only its traction and its motion resistance count.
     """

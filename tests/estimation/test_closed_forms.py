@@ -955,12 +955,12 @@ def test_a_floor_of_any_size_counts_in_its_own_measure(made, outcome):
     assert change(0.0, 1.0, 0.0, 0.0).share == 0.0
 
 
-def test_nothing_told_and_nothing_changed_are_shares():
+def test_nothing_identified_and_nothing_changed_are_shares():
     assert change(1.0, 1.0 + 4.9e-5, 0.0, 0.0).none
     assert not change(1.0, 1.0 + 5.2e-5, 0.0, 0.0).none
     for size in (1e3, 1e-3):
-        assert "not told" in spread(0.9e-9 * size, size)
-        assert "not told" not in spread(1.1e-9 * size, size)
+        assert "not identified" in spread(0.9e-9 * size, size)
+        assert "not identified" not in spread(1.1e-9 * size, size)
         assert "no interval" in said_interval(size, size, size * (1.0 + 0.9e-9), "")
         assert "no interval" not in said_interval(size, size, size * (1.0 + 1.2e-9), "")
     single = Noise(np.array([[[2.0]]]), np.zeros(1), np.eye(1), np.ones((1, 1, 1), dtype=bool))

@@ -29,7 +29,7 @@ def close_loop(
     open_: Annotated[bool, typer.Option("--open", help="Open the report in your browser.")] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Find the effect that the model lacks, add it, and report the error before and after. Killed, it resumes.
+    """Find the effect that the model lacks, add it, and report. It prints errors before and after; killed, it resumes.
 
     Exit codes: 0 an answer, whatever it is; 2 data or words that are refused; 3 an answer named by --fail-on.
     """
