@@ -145,6 +145,7 @@ COMMANDS = {
 BY_HAND = {
     "python studies/blind_rig.py": "307 loops, 40 minutes of CPU; `test_validation_text` reads its sets",
     "python studies/blind_test.py --under any": "100 loops, 80 minutes of CPU; `test_validation_text` reads its sets",
+    "python studies/blind_pendulum.py": "30 loops, six minutes of CPU; `tests/loop/test_pendulum.py` reads its sets",
     "python studies/fig10_ditch.py": "1,200 drives, ten minutes; `test_readme_tables` reads the table that it wrote",
     "python studies/tune_gains.py": "two tunings, a minute of CPU; its table as well",
     "python studies/digging.py": "570 drives, four minutes of CPU; `test_readme_tables` reads the table that it wrote",

@@ -1,1 +1,1 @@
-"""What a loop is closed on: `wheel_rig`, `drive_log`, `slip_slope`, `motor_brake`; what is on no list (`unlisted`)."""
+"""What a loop is closed on: rigs, drive logs, slopes, `motor_brake`, `pendulum`; what is on no list (`unlisted`)."""

@@ -72,7 +72,7 @@ def close_the_loop(
     scheduler : str, optional
         Address of a Dask scheduler, whose workers then replay them. Start them with `--nthreads 1`.
     experiment : path, str or None
-        A test bench of your own: a file with a class that derives from `Standalone`, whose code runs, or `motor_brake`.
+        A test bench of your own: a file with a class that derives from `Standalone`, whose code runs, or `pendulum`.
     trust : bool
         Whether model file and data may run all code, and name all files, that they name.
 

@@ -23,7 +23,7 @@ from rover_pin.loop.verdict_file import written_last
 from rover_pin.report.standalone.report import write_report
 from rover_pin.simulation.model.effect_files import package_effects, run_file, user_effects
 
-OWN = ("motor_brake", "slip_slope")
+OWN = ("motor_brake", "pendulum", "slip_slope")
 """The package's own test benches, by the name of their file."""
 
 

@@ -24,7 +24,9 @@ def close_loop(
     out: Out = Path("out/close_loop"),
     workers: Annotated[int, typer.Option(help="Processes for a drive log; 0 for all cores.")] = 0,
     scheduler: Scheduler = "",
-    experiment: Annotated[str | None, typer.Option(help="Your own test bed: its file, or motor_brake.")] = None,
+    experiment: Annotated[
+        str | None, typer.Option(help="Your own test bed: its file, motor_brake or pendulum.")
+    ] = None,
     fail_on: FailOn = "",
     open_: Annotated[bool, typer.Option("--open", help="Open the report in your browser.")] = False,
     as_json: AsJson = False,

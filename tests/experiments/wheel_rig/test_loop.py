@@ -359,7 +359,8 @@ def test_smooth_wheel_sinks_with_slip():
     assert sunk.claim == "better"
     assert "no claim" in pull.claim
     before, after = (
-        next(flag for flag in sides.flags if flag.name == "K_eff") for sides in (verdict.extra.before, verdict.extra.after)
+        next(flag for flag in sides.flags if flag.name == "K_eff")
+        for sides in (verdict.extra.before, verdict.extra.after)
     )
     pressed = (before.independent.low + before.independent.high) / 2
     assert not before.agrees
