@@ -148,7 +148,7 @@ def draw_valley(axis: Axes, points: TractionPoints, repeats: int, cells: int) ->
 def draw_profiles(axis: Axes) -> None:
     for soil, colour in ((TABLE_1, "tab:blue"), (SHORT, "tab:orange")):
         points = measured(soil, FORMS[0], seed=1)
-        share = np.geomspace(0.1, 20, 61)
+        share = np.geomspace(0.1, min(20, 0.5 / soil.k), 61)  # k ends at half a metre
         chi2 = profile(points, soil, FREE, "k", soil.k * share)
         axis.plot(share, chi2 - chi2.min(), color=colour, label=f"true k = {1000 * soil.k:.0f} mm")
     axis.axhline(3.84, color="grey", ls="--", lw=1, label="95 %")

@@ -27,8 +27,8 @@ PROGRAM = """
 import sys
 try:
     from rover_pin.__main__ import main
-except ImportError:
-    from rover_pin.cli.app import main
+except ImportError:  # in the former version
+    from rover_pin.cli import main
 sys.argv[0] = "rover-pin"
 main()
 """

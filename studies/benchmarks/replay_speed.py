@@ -28,9 +28,16 @@ SHAPES = ("ditch", "washboard")
 REPLAY = """
 import json, sys, time
 import numpy as np
-from rover_pin.simulation.start.place import settled
-from rover_pin.simulation.replay import commands, replay
-from rover_pin.scenarios.scenario import scenario
+try:
+    from rover_pin.simulation.start.place import shared_rest as settled
+    from rover_pin.simulation.replay import commands, replay
+    from rover_pin.scenarios.scenario import scenario
+    begun = "rest_state"
+except ImportError:  # in the former version
+    from rover_pin.motion.place import settled
+    from rover_pin.motion.replay import commands, replay
+    from rover_pin.scenarios import scenario
+    begun = "rest"
 shape, repeats, folder = sys.argv[1], int(sys.argv[2]), sys.argv[3]
 case = scenario(shape, soil="table-1", duration=20.0)
 rover = case.model.rover
@@ -39,7 +46,7 @@ run = commands(case.drive(), tuple(wheel.name for wheel in rover.wheels), steere
 rest, times = settled(case.model, run.start), []
 for _ in range(1 + repeats):
     begin = time.process_time()
-    made = replay(case.model, run, rest=rest)
+    made = replay(case.model, run, **{begun: rest})
     times.append(time.process_time() - begin)
 np.savez(folder, **made.channels)
 print(json.dumps(min(times[1:])))
@@ -47,7 +54,7 @@ print(json.dumps(min(times[1:])))
 COMPILE = """
 import json, resource
 from rover_pin.simulation.compiled.generated_laws import compiled_laws, structure_of
-from rover_pin.simulation.native.compiled_body import Known, compiled_body
+from rover_pin.simulation.native.compiled_body import KeyedModel, compiled_body
 from rover_pin.simulation.native.library import library
 from rover_pin.scenarios.scenario import scenario
 model = scenario("ditch", soil="table-1").model
@@ -57,7 +64,7 @@ def spent():
 told = {}
 for name, make in {
     "the step": library,
-    "a rigid body": lambda: compiled_body(Known.of(model.built.model)),
+    "a rigid body": lambda: compiled_body(KeyedModel.of(model.built.model)),
     "a set of laws": lambda: compiled_laws(structure_of(model)),
 }.items():
     begin = spent()
