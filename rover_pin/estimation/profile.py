@@ -82,10 +82,15 @@ def interval(problem: LeastSquares, best: Best, index: int) -> Interval:
 
 
 def rise(problem: LeastSquares, best: Best, index: int, x: float, guess: np.ndarray) -> tuple[float, np.ndarray]:
-    """Return the root of chi2's rise with coordinate `index` at x, and the refitted u."""
+    """Return the root of chi2's rise with coordinate `index` at x, refitted, and u; infinite without a prediction."""
     start = guess.copy()
     start[index] = x
-    u, chi2 = descend(problem, start, fixed_index=index)
+    try:
+        u, chi2 = descend(problem, start, fixed_index=index)
+    except OptimisationError as error:
+        if error.status != 0:
+            raise
+        return np.inf, start
     if chi2 < best.chi2 - 1e-3:
         raise LowerMinimum(u)
     return float(np.sqrt(max(chi2 - best.chi2, 0.0))), u
@@ -139,7 +144,7 @@ def _next(
         risen = max(inside[1], 0.1 * target)
         stretch = min(1.05 * target / risen, 4.0)
         return _within(limits[0] + stretch * (inside[0] - limits[0]), *limits)
-    share = (target - inside[1]) / (outside[1] - inside[1]) if turn % 3 else 0.5
+    share = (target - inside[1]) / (outside[1] - inside[1]) if turn % 3 and np.isfinite(outside[1]) else 0.5
     return inside[0] + share * (outside[0] - inside[0])
 
 
