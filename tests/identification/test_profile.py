@@ -72,6 +72,18 @@ def test_interval_of_a_line_is_its_textbook_interval():
     assert found.closed_high
 
 
+def test_interval_ends_where_the_model_predicts_nothing():
+    """The line again, without a value for slopes above 0.8: one SD is 0.24, so the upper end is there."""
+    design = np.column_stack([np.ones(6), np.arange(6.0)])
+    rows = lambda u: design @ (u - [0.3, 0.7]) if u[1] <= 0.8 else np.full(6, np.nan)  # noqa: E731
+    line = Made(rows, lambda u: design, [-50.0, -50.0], [50.0, 50.0])
+    covariance = np.linalg.inv(design.T @ design)
+    found = interval(line, Best(np.array([0.3, 0.7]), 0.0, covariance), 1)
+    assert found.high == pytest.approx(0.8, abs=0.01)
+    assert found.low == pytest.approx(0.7 - 1.959964 * math.sqrt(covariance[1, 1]), rel=1e-2)
+    assert found.closed_high
+
+
 def test_interval_is_open_where_the_data_say_nothing():
     flat = Made(lambda u: [0.1 * np.tanh(u[0])], lambda u: [[0.1 / np.cosh(u[0]) ** 2]], [-3.0], [4.0])
     found = interval(flat, Best(np.array([0.0]), 0.0, np.array([[100.0]])), 0)
