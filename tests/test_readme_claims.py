@@ -160,6 +160,7 @@ BY_HAND = {
     "python studies/benchmarks/drive_speed.py": "times, which hang on the machine",
     "python studies/benchmarks/ground_speed.py": "times",
     "python studies/benchmarks/process_cost.py --quick": "times",
+    "python studies/benchmarks/replay_speed.py": "times, beside a former version of a clone with its history",
 }
 """Commands that take too long for a test, run by hand before a release; `test_studies_run` runs them with --quick."""
 

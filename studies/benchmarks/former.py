@@ -17,10 +17,10 @@ ROOT = Path(__file__).parents[2]
 @contextmanager
 def checkout(commit: str) -> Iterator[Path]:
     """Yield a folder with the package and the rovers of a commit; put it first in PYTHONPATH."""
-    packed = subprocess.run(
-        ["git", "archive", commit, "rover_pin", "urdf"], cwd=ROOT, check=True, capture_output=True
-    ).stdout
-    with TemporaryDirectory() as folder, tarfile.open(fileobj=io.BytesIO(packed)) as archive:
+    packed = subprocess.run(["git", "archive", commit, "rover_pin", "urdf"], cwd=ROOT, check=False, capture_output=True)
+    if packed.returncode:
+        raise SystemExit(f"{ROOT} has no commit {commit}: run this in a clone with its history")
+    with TemporaryDirectory() as folder, tarfile.open(fileobj=io.BytesIO(packed.stdout)) as archive:
         if hasattr(tarfile, "data_filter"):  # Python 3.11.4 on; 3.11.2 is what Debian 12 has
             archive.extraction_filter = tarfile.data_filter
         archive.extractall(folder)

@@ -212,7 +212,10 @@ def rows_of(table: Path, room: str) -> list[dict]:
 
 def git(*words: str) -> str:
     """Return what git says of this checkout."""
-    return subprocess.run(["git", *words], cwd=ROOT, check=True, capture_output=True, text=True).stdout
+    said = subprocess.run(["git", *words], cwd=ROOT, check=False, capture_output=True, text=True)
+    if said.returncode:
+        raise SystemExit(f"{ROOT} is no clone with its history: {said.stderr.strip()}")
+    return said.stdout
 
 
 if __name__ == "__main__":

@@ -9,7 +9,7 @@ import pytest
 DRIVE = """
 import sys
 import numpy as np
-from rover_pin.simulation import toolchain
+from rover_pin.simulation.compiled import toolchain
 if sys.argv[1] == "scalar":
     toolchain.has_vector_math = lambda: False
 assert any("LIBMVEC" in flag for flag in toolchain.fast_flags(["cc"])) is (sys.argv[1] == "lanes" and VECTORS)
