@@ -70,7 +70,7 @@ class Candidate:
     def parameters(self) -> tuple[Parameter, ...]:
         """The free numbers of the effect: sizes without a prior, shapes with one unless they are freed of it."""
         loose = (replace(self.shape(name), prior=False) for name in self.free_shapes)
-        diffuse = map(self._diffuse_shape, self.diffuse_shapes)
+        diffuse = map(self.diffuse_shape, self.diffuse_shapes)
         return (*map(self.size, self.amplitudes), *map(self.shape, self.shapes), *diffuse, *loose)
 
     @property
@@ -113,7 +113,7 @@ class Candidate:
         scale = SHAPE_SHARE * (abs(value) or 1.0)
         return Parameter(name, value, scale, low, high, declared=True, source=PUBLISHED)
 
-    def _diffuse_shape(self, name: str) -> Parameter:
+    def diffuse_shape(self, name: str) -> Parameter:
         """Return the parameter of a shape of which even the order is assumed, its doubt the prior."""
         return replace(self.shape(name), scale=self._about(name).log_sd)
 

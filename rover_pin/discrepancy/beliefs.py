@@ -1,0 +1,84 @@
+"""What the data make of all hypotheses: their probabilities, those of each cause, and of a discrepancy left."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from scipy.special import logsumexp
+
+from rover_pin.base.public import brief
+from rover_pin.discrepancy.hypothesis import ALLOWED, Hypothesis
+from rover_pin.estimation.error_model import Discrepancy
+
+COUNTS = 0.5, 0.3, 0.15, 0.05
+"""Prior probability of no, one, two, three missing causes, shared evenly by all sets of as many."""
+
+
+@brief
+@dataclass(frozen=True, eq=False)
+class Beliefs:
+    """Hypotheses, and how many causes there were to choose from."""
+
+    hypotheses: tuple[Hypothesis, ...] = field(repr=False)
+    choice: int
+
+    @cached_property
+    def scores(self) -> np.ndarray:
+        """Logarithm of evidence times prior of each hypothesis."""
+        return np.array([hypothesis.log_evidence + self._log_prior(hypothesis) for hypothesis in self.hypotheses])
+
+    def _log_prior(self, hypothesis: Hypothesis) -> float:
+        count = len(hypothesis.causes)
+        allowed = ALLOWED[count > 0][hypothesis.errors.discrepancy]
+        return math.log(COUNTS[count] * allowed / math.comb(max(self.choice, count), count))
+
+    @cached_property
+    def weights(self) -> np.ndarray:
+        """Probability of each hypothesis."""
+        return np.asarray(np.exp(self.scores - logsumexp(self.scores)))
+
+    def probability(self, holds: Callable[[Hypothesis], bool]) -> float:
+        """Return the probability of all hypotheses of which something holds."""
+        rows = zip(self.weights, self.hypotheses, strict=True)
+        return float(sum(weight for weight, hypothesis in rows if holds(hypothesis)))
+
+    def inclusion(self, name: str) -> float:
+        """Return the probability that a cause acts."""
+        return self.probability(lambda hypothesis: name in hypothesis.names)
+
+    @property
+    def included(self) -> dict[str, float]:
+        """The probability of each cause, the largest first."""
+        names = {name for hypothesis in self.hypotheses for name in hypothesis.names}
+        return dict(sorted(((name, self.inclusion(name)) for name in names), key=lambda pair: -pair[1]))
+
+    @property
+    def sets(self) -> dict[frozenset[str], float]:
+        """The probability of each set of causes, whatever it leaves, the largest first."""
+        totals: dict[frozenset[str], float] = {}
+        for weight, hypothesis in zip(self.weights, self.hypotheses, strict=True):
+            names = frozenset(hypothesis.names)
+            totals[names] = totals.get(names, 0.0) + float(weight)
+        return dict(sorted(totals.items(), key=lambda pair: -pair[1]))
+
+    def left(self, names: Iterable[str]) -> float:
+        """Return the probability that a set of causes leaves more than noise, given that it acts."""
+        wanted = frozenset(names)
+        among = self.probability(lambda hypothesis: frozenset(hypothesis.names) == wanted)
+        more = self.probability(
+            lambda hypothesis: (
+                frozenset(hypothesis.names) == wanted and hypothesis.errors.discrepancy is not Discrepancy.NONE
+            )
+        )
+        return more / among if among else math.nan
+
+    def best(self, names: Sequence[str] | None = None) -> Hypothesis:
+        """Return the most probable hypothesis, of all or of a set of causes."""
+        rows = zip(self.scores, self.hypotheses, strict=True)
+        wanted = None if names is None else frozenset(names)
+        among = [row for row in rows if wanted is None or frozenset(row[1].names) == wanted]
+        return max(among, key=lambda row: row[0])[1]

@@ -1,0 +1,188 @@
+"""Which hypotheses are worth fitting: all causes alone, pairs of those that lead, triples of the best pairs."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from rover_pin.base.errors import OptimisationError
+from rover_pin.discrepancy.beliefs import Beliefs
+from rover_pin.discrepancy.cause import SIZE_SD, Cause
+from rover_pin.discrepancy.hypothesis import Fitter, Hypothesis
+from rover_pin.estimation.error_model import Discrepancy
+
+SHOWN = 0.3
+"""Norm [SD] of what a cause's default size moves, below which these data cannot show it."""
+STRAY = 3.0
+"""SDs by which a value misses what all others say of it, from which its variance is raised to that."""
+LEADING, LEADING_FLAT, LEADING_PAIRS = 6, 4, 3
+"""Causes that are paired, by evidence and by least squares, and pairs that are taken further."""
+REACH = 12.0
+"""Nats behind the best at which a set is not followed."""
+SHARES = 0.5, 0.1
+"""Starts of a size, as shares of its default."""
+
+
+@dataclass(eq=False)
+class Explorer:
+    """What was fitted so far."""
+
+    fitter: Fitter
+    causes: Sequence[Cause]
+    progress: Callable[[str], None] = lambda message: None
+    fitted: dict[frozenset[str], tuple[Hypothesis, ...]] = field(default_factory=dict)
+    flat: dict[frozenset[str], tuple[np.ndarray, float]] = field(default_factory=dict)
+
+    def beliefs(self) -> Beliefs:
+        """Return what the data make of all that was fitted."""
+        return Beliefs(tuple(itertools.chain(*self.fitted.values())), len(self.causes))
+
+    def explore(self) -> Beliefs:
+        """Return what the data make of the causes, after the hypotheses that are worth it were fitted."""
+        self.base()
+        self.progress("fitting each cause alone")
+        singles = [cause for cause in self.causes if self.fit((cause,))]
+        by_evidence = sorted(singles, key=lambda cause: -self.score((cause,)))
+        by_squares = sorted(singles, key=lambda cause: self.flat[names_of((cause,))][1])
+        leaders = list(dict.fromkeys([*by_evidence[:LEADING], *by_squares[:LEADING_FLAT]]))
+        pairs = {names_of(pair): pair for pair in itertools.combinations(leaders, 2)}
+        first = dict.fromkeys([*by_evidence[:2], *by_squares[:1]])
+        pairs |= {names_of(pair): pair for lead in first for pair in self._with_each(lead, singles)}
+        self.progress("fitting pairs of causes")
+        for pair in pairs.values():
+            self.fit(pair)
+        best_pairs = sorted((pair for pair in pairs.values() if names_of(pair) in self.fitted), key=self.rank)
+        partners = list(dict.fromkeys([*leaders, *itertools.chain(*best_pairs[: 2 * LEADING_PAIRS])]))
+        self.progress("fitting three causes at once")
+        for pair in best_pairs[:LEADING_PAIRS]:
+            if self.score(pair) < self.best_score() - REACH:
+                break
+            for other in partners:
+                if other not in pair:
+                    self.fit((*pair, other))
+        return self.beliefs()
+
+    @staticmethod
+    def _with_each(lead: Cause, others: Iterable[Cause]) -> Iterable[tuple[Cause, Cause]]:
+        return ((lead, other) for other in others if other is not lead)
+
+    def rank(self, causes: Sequence[Cause]) -> float:
+        """Return what sorts sets of causes, the most probable first."""
+        return -self.score(causes)
+
+    def score(self, causes: Sequence[Cause]) -> float:
+        """Return the greatest logarithm of evidence times prior of a set of causes."""
+        found = self.fitted.get(names_of(causes), ())
+        return float(Beliefs(found, len(self.causes)).scores.max()) if found else -np.inf
+
+    def best_score(self) -> float:
+        """Return the greatest of all."""
+        return float(self.beliefs().scores.max())
+
+    def base(self) -> None:
+        """Fit the base model, raise the variance of strays, and leave out the causes that these data cannot show."""
+        start = self._declared()
+        random = np.random.default_rng(0)
+        starts = [start, *(start + random.uniform(-0.6, 0.6, (5, len(start))))]
+        self._fit_all((), starts)
+        inflation = self._strays()
+        if inflation is not None:
+            self.fitter = replace(self.fitter, inflation=inflation)
+            self.fitted.clear()
+            self._fit_all((), [self.flat[frozenset()][0]])
+        self.causes = [cause for cause in self.causes if self.is_shown(cause)]
+
+    def _declared(self) -> np.ndarray:
+        experiment, model = self.fitter.experiment, self.fitter.model
+        return np.array([number.u(experiment.value(model, number.name)) for number in self.fitter.numbers])
+
+    def _strays(self) -> np.ndarray | None:
+        """Return by how much each value's variance is raised; None where all agree with what the others say of them.
+
+        Each is predicted by the others, a smooth discrepancy included.
+        """
+        base = next(one for one in self.fitted[frozenset()] if one.errors.discrepancy is Discrepancy.SMOOTH)
+        linear, deviations = base.linear, np.zeros(len(self.fitter.samples.value))
+        whole = _whole_covariance(base) + linear.slopes @ linear.slopes.T
+        precision = np.linalg.inv(whole)
+        deviations = (precision @ linear.target) / np.sqrt(np.diag(precision))
+        far = np.abs(deviations) > STRAY
+        return np.where(far, (2.0 * deviations / STRAY) ** 2, 1.0) if far.any() else None
+
+    def is_shown(self, cause: Cause) -> bool:
+        """Return whether a cause of default size moves what was measured at all."""
+        fitter, start = self.fitter, self.flat[frozenset()][0]
+        model, parameters = fitter.having((cause,))
+        own = [0.5 if parameter.name in cause.sizes and not parameter.log else 0.0 for parameter in cause.parameters]
+        with_it, _ = fitter.predicted(model, parameters, np.array([*start, *own]))
+        without, _ = fitter.predicted(fitter.model, fitter.numbers, start)
+        moved = (with_it - without) / fitter.samples.sd
+        return bool(np.linalg.norm(moved[np.isfinite(moved)]) > SHOWN)
+
+    def fit(self, causes: Sequence[Cause]) -> bool:
+        """Fit a set of causes, where that has a fit, and return whether it has."""
+        names = names_of(causes)
+        if names not in self.fitted:
+            self._fit_all(tuple(causes), self._starts(causes))
+        return names in self.fitted
+
+    def _fit_all(self, causes: Sequence[Cause], starts: Sequence[np.ndarray]) -> None:
+        names = names_of(causes)
+        try:
+            self.flat[names] = self.fitter.flat(causes, starts)
+            u = self.flat[names][0]
+            self.fitted[names] = (self.fitter.hypothesis(causes, u, Discrepancy.NONE),)
+            if len(causes) < 2 or self._is_near(causes):
+                left = [Discrepancy.SMOOTH, *([Discrepancy.FORM] if causes else [])]
+                self.fitted[names] += tuple(self.fitter.hypothesis(causes, u, kind) for kind in left)
+        except (OptimisationError, np.linalg.LinAlgError):
+            return
+
+    def _is_near(self, causes: Sequence[Cause]) -> bool:
+        """Return whether a set, leaving nothing, is within reach of the best that leaves nothing, or of least squares."""
+        plain = [self.fitted[names][0] for names in self.fitted]
+        scores = Beliefs(tuple(plain), len(self.causes)).scores
+        own = Beliefs(self.fitted[names_of(causes)], len(self.causes)).scores[0]
+        closer = sum(loss < self.flat[names_of(causes)][1] for _, loss in self.flat.values())
+        return bool(own > scores.max() - REACH) or closer < LEADING_FLAT
+
+    def _starts(self, causes: Sequence[Cause]) -> list[np.ndarray]:
+        """Return where fits begin: of one cause at shares of its size, of several where their parts ended."""
+        base, declared = self.flat[frozenset()][0], self._declared()
+        if len(causes) == 1:
+            sizes = [_sizes(causes[0], share) for share in SHARES]
+            return [*(np.concatenate([base, size]) for size in sizes), np.concatenate([declared, sizes[0]])]
+        count = len(self.fitter.numbers)
+        parts = [self.flat[names_of((cause,))][0] for cause in causes]
+        starts = [
+            np.concatenate([lead[:count], *(part[count:] * (1.0 if part is lead else 0.3) for part in parts)])
+            for lead in parts
+        ]
+        return [*starts, np.concatenate([np.mean([part[:count] for part in parts], 0), *(p[count:] for p in parts)])]
+
+
+def _sizes(cause: Cause, share: float) -> np.ndarray:
+    """Return u of a cause's numbers with its sizes at a share of their default."""
+    return np.array(
+        [
+            share / SIZE_SD if parameter.name in cause.sizes and not parameter.log else 0.0
+            for parameter in cause.parameters
+        ]
+    )
+
+
+def _whole_covariance(hypothesis: Hypothesis) -> np.ndarray:
+    """Return the covariance (n, n) of all errors of a hypothesis."""
+    errors = hypothesis.errors
+    whole = np.zeros((len(errors.samples.value),) * 2)
+    for at, block in enumerate(errors.samples.blocks):
+        whole[np.ix_(block, block)] = errors.covariance(hypothesis.posterior.scales, at)
+    return whole
+
+
+def names_of(causes: Iterable[Cause]) -> frozenset[str]:
+    """Return the names of causes."""
+    return frozenset(cause.name for cause in causes)

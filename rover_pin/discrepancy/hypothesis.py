@@ -1,0 +1,207 @@
+"""A set of causes fitted to data: its most probable numbers, and its evidence with each kind of discrepancy."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from scipy.stats import norm
+
+from rover_pin.base.errors import OptimisationError
+from rover_pin.discrepancy.cause import Cause
+from rover_pin.estimation.descent import descend
+from rover_pin.estimation.error_model import PRIORS, Discrepancy, ErrorModel
+from rover_pin.estimation.evidence import Linear, Posterior, learnt_scales, posterior
+from rover_pin.estimation.exact import Box
+from rover_pin.estimation.experiment import Experiment
+from rover_pin.estimation.gauss_newton import at, slopes_at
+from rover_pin.estimation.parameter import Parameter, bounds_of
+from rover_pin.estimation.samples import Samples
+
+LEAST_MASS = 1e-12
+"""Least probability that a number is taken to have inside its bounds."""
+ALLOWED = {
+    False: {Discrepancy.NONE: 0.7, Discrepancy.SMOOTH: 0.3},
+    True: {Discrepancy.NONE: 0.6, Discrepancy.FORM: 0.2, Discrepancy.SMOOTH: 0.2},
+}
+"""Prior probability of each kind of discrepancy, of a base model and of one with causes."""
+
+
+@dataclass(frozen=True, eq=False)
+class Hypothesis:
+    """The base model with a set of causes, at its most probable numbers for one kind of discrepancy."""
+
+    causes: tuple[Cause, ...]
+    model: Any = field(repr=False)
+    "with the causes, as before the fit"
+    parameters: tuple[Parameter, ...] = field(repr=False)
+    u: np.ndarray = field(repr=False)
+    predicted: np.ndarray = field(repr=False)
+    "row of what it predicts (n,) at u"
+    slopes: np.ndarray = field(repr=False)
+    "d predicted / d u (n, numbers)"
+    errors: ErrorModel = field(repr=False)
+    posterior: Posterior = field(repr=False)
+    log_evidence: float
+    "of its numbers inside their bounds, with sizes that are not none"
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the causes."""
+        return tuple(cause.name for cause in self.causes)
+
+    @property
+    def linear(self) -> Linear:
+        """The data as the linear model about u has them."""
+        return linear_at(self.errors.samples, self.predicted, self.slopes, self.u)
+
+
+def linear_at(samples: Samples, predicted: np.ndarray, slopes: np.ndarray, u: np.ndarray) -> Linear:
+    """Return the data as a model that is linear about u has them."""
+    return Linear(samples.value - predicted + slopes @ u, slopes)
+
+
+@dataclass(frozen=True, eq=False)
+class Fitter:
+    """The data, and the base model whose numbers every hypothesis fits anew."""
+
+    experiment: Experiment
+    samples: Samples
+    model: Any = field(repr=False)
+    numbers: tuple[Parameter, ...] = field(repr=False)
+    inflation: np.ndarray | None = None
+
+    def predicted(self, model: Any, parameters: Sequence[Parameter], u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the row that a model predicts at u, and its slopes (n, numbers)."""
+        if self.experiment.is_exact:
+            exact = self.experiment.sensitivities(model, parameters, u)
+            return self.samples.row_of(exact.predicted), self.samples.row_of(exact.slopes).T
+        slopes = slopes_at(self.experiment, model, parameters, u)
+        row = self.samples.row_of(self.experiment.predict([at(self.experiment, model, parameters, u)])[0])
+        return row, np.array([self.samples.row_of(slopes[parameter.name]) for parameter in parameters]).T
+
+    def flat(self, causes: Sequence[Cause], starts: Sequence[np.ndarray]) -> tuple[np.ndarray, float]:
+        """Return the most probable u with independent errors as large as noise and a usual discrepancy, and its loss.
+
+        Raises
+        ------
+        OptimisationError
+            No descent from any of the starts ends.
+        """
+        samples = self.samples
+        spread = np.empty(len(samples.value))
+        for channel, block in enumerate(samples.blocks):
+            spread[block] = PRIORS["a"].median * samples.spread[channel]
+        raised = 1.0 if self.inflation is None else self.inflation
+        whitening = [np.diag(1.0 / np.sqrt(samples.sd**2 * raised + spread**2)[block]) for block in samples.blocks]
+        model, parameters = self.having(causes)
+        best: tuple[np.ndarray, float] | None = None
+        for start in starts:
+            try:
+                reached = descend(
+                    _Problem(self, model, parameters, whitening), np.clip(start, *bounds_of(parameters).T)
+                )
+            except (OptimisationError, np.linalg.LinAlgError):
+                continue
+            best = reached if best is None or reached[1] < best[1] else best
+        if best is None:
+            raise OptimisationError("no start of a hypothesis leads to a fit.", status=0)
+        return best
+
+    def having(self, causes: Sequence[Cause]) -> tuple[Any, tuple[Parameter, ...]]:
+        """Return the base model with causes, and all free numbers."""
+        model = self.model
+        for cause in causes:
+            model = cause.on(model)
+        return model, (*self.numbers, *(parameter for cause in causes for parameter in cause.parameters))
+
+    def hypothesis(self, causes: Sequence[Cause], u: np.ndarray, discrepancy: Discrepancy) -> Hypothesis:
+        """Return a hypothesis at its most probable numbers near u, and its evidence."""
+        model, parameters = self.having(causes)
+        predicted, slopes = self.predicted(model, parameters, u)
+        added = self._added(causes, u, predicted) if discrepancy is Discrepancy.FORM else ()
+        errors = ErrorModel(self.samples, discrepancy, added, self.inflation)
+        scales = learnt_scales(errors, linear_at(self.samples, predicted, slopes, u), errors.median)
+        whitening = [
+            np.linalg.inv(np.linalg.cholesky(errors.covariance(scales, channel)))
+            for channel in range(len(self.samples.blocks))
+        ]
+        try:
+            u, _ = descend(_Problem(self, model, parameters, whitening), u)
+        except (OptimisationError, np.linalg.LinAlgError):
+            pass  # the linear model about the first fit stays
+        predicted, slopes = self.predicted(model, parameters, u)
+        known = posterior(errors, linear_at(self.samples, predicted, slopes, u), scales)
+        evidence = known.log_evidence + self._inside(causes, known)
+        return Hypothesis(tuple(causes), model, parameters, u, predicted, slopes, errors, known, evidence)
+
+    def _added(self, causes: Sequence[Cause], u: np.ndarray, predicted: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Return what each cause adds to the prediction (n,), the numbers as they are."""
+        rows = []
+        for cause in causes:
+            others = [other for other in causes if other is not cause]
+            model, parameters = self.having(others)
+            kept = self._own(causes, others)
+            row, _ = self.predicted(model, parameters, u[kept])
+            rows.append(np.nan_to_num(predicted - row))
+        return tuple(rows)
+
+    def _own(self, causes: Sequence[Cause], others: Sequence[Cause]) -> np.ndarray:
+        """Return where the numbers of the base and of some of the causes stand among those of all."""
+        kept, at = list(range(len(self.numbers))), len(self.numbers)
+        for cause in causes:
+            if cause in others:
+                kept += range(at, at + len(cause.parameters))
+            at += len(cause.parameters)
+        return np.array(kept, dtype=int)
+
+    def _inside(self, causes: Sequence[Cause], known: Posterior) -> float:
+        """Return the logarithm of how much more of the posterior than of the prior lies where numbers may be.
+
+        A size counts by its own length: a cause of no size is no cause (a non-local prior).
+        Source: Johnson and Rossell, J. Roy. Stat. Soc. B 72 (2010) 143.
+        """
+        total, place = 0.0, len(self.numbers)
+        for cause in causes:
+            for parameter in cause.parameters:
+                is_size = parameter.name in cause.sizes and not parameter.log
+                mean, sd = float(known.mean[place]), math.sqrt(known.covariance[place, place])
+                total += math.log(_moment(mean, sd, parameter.bounds, is_size))
+                total -= math.log(_moment(0.0, 1.0, parameter.bounds, is_size))
+                place += 1
+        return total
+
+
+def _moment(mean: float, sd: float, bounds: tuple[float, float], is_size: bool) -> float:
+    """Return the integral of N(u; mean, sd), times |u| for a size, between the bounds."""
+    low, high = (np.clip(bounds, mean - 8 * sd, mean + 8 * sd) - mean) / sd
+    if not is_size:
+        return max(float(norm.cdf(high) - norm.cdf(low)), LEAST_MASS)
+    edges = [low, *([-mean / sd] if low < -mean / sd < high else []), high]
+    whole = sum(abs(_first_moment(mean, sd, *edge)) for edge in zip(edges, edges[1:], strict=False))
+    return max(whole, LEAST_MASS)
+
+
+def _first_moment(mean: float, sd: float, low: float, high: float) -> float:
+    """Return the integral of u N(u; mean, sd) from mean + low sd to mean + high sd."""
+    return float(mean * (norm.cdf(high) - norm.cdf(low)) + sd * (norm.pdf(low) - norm.pdf(high)))
+
+
+class _Problem:
+    """Rows whose squares sum to (y - f)' C^-1 (y - f) + u' u."""
+
+    def __init__(self, fitter: Fitter, model: Any, parameters: Sequence[Parameter], whitening: Sequence[np.ndarray]):
+        self._fitter, self._model, self._parameters, self._whitening = fitter, model, parameters, whitening
+        self.space = Box(tuple(parameter.name for parameter in parameters), *bounds_of(parameters).T)
+
+    def evaluate(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return rows and their Jacobian at u."""
+        samples = self._fitter.samples
+        predicted, slopes = self._fitter.predicted(self._model, self._parameters, u)
+        pairs = list(zip(samples.blocks, self._whitening, strict=True))
+        rows = [white @ (samples.value - predicted)[block] for block, white in pairs]
+        columns = [-white @ slopes[block] for block, white in pairs]
+        return np.concatenate([*rows, u]), np.concatenate([*columns, np.eye(len(u))])

@@ -1,0 +1,97 @@
+"""The compared samples of an experiment in one row, with all that says how their errors hang together."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from rover_pin.base.public import brief
+from rover_pin.estimation.experiment import Experiment
+
+SAME_INPUT = 1e-9
+"""Range below which an input is the same everywhere, so that nothing can be a function of it."""
+
+
+@brief
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """What was measured, channel after channel: value, SD, fold, turn and scaled inputs of each sample (n, ...)."""
+
+    value: np.ndarray
+    sd: np.ndarray
+    fold: np.ndarray
+    inputs: np.ndarray
+    "what was set (n, inputs), each over its range"
+    turn: np.ndarray | None
+    "at which turn each was measured; None where that is not known"
+    blocks: tuple[np.ndarray, ...] = field(repr=False)
+    "where the samples of each channel stand in the row"
+    good: np.ndarray = field(repr=False)
+    "which samples (channels, folds, samples) are compared"
+
+    def row_of(self, table: np.ndarray) -> np.ndarray:
+        """Return a table (..., folds, channels, samples) as rows (..., n)."""
+        return np.asarray(np.swapaxes(table, -3, -2)[..., self.good])
+
+    def table_of(self, row: np.ndarray) -> np.ndarray:
+        """Return a row (n,) as a table (folds, channels, samples), NaN where nothing is compared."""
+        table = np.full(self.good.shape, np.nan)
+        table[self.good] = row
+        return np.swapaxes(table, 0, 1)
+
+    @cached_property
+    def noise(self) -> np.ndarray:
+        """RMS of the declared SDs of each channel (channels,)."""
+        return np.array([np.sqrt(np.mean(self.sd[block] ** 2)) for block in self.blocks])
+
+    @cached_property
+    def spread(self) -> np.ndarray:
+        """SD of what was measured in each channel (channels,), no less than its noise."""
+        return np.maximum([self.value[block].std() for block in self.blocks], self.noise)
+
+    @cached_property
+    def distances(self) -> tuple[np.ndarray, ...]:
+        """The squared distances (m, m) of the inputs of each channel's samples."""
+        rows = [self.inputs[block] for block in self.blocks]
+        return tuple(((x[:, None] - x[None]) ** 2).sum(axis=-1) for x in rows)
+
+
+def samples_of(experiment: Experiment, sd: np.ndarray, inputs: np.ndarray) -> Samples:
+    """Return the compared samples of an experiment.
+
+    Parameters
+    ----------
+    sd : array [folds, channels, samples]
+        SD of each, as declared.
+    inputs : array [folds, samples, inputs]
+        What was set.
+    """
+    observed = np.asarray(experiment.observed)
+    good = np.swapaxes(np.isfinite(observed), 0, 1)
+    place = np.broadcast_to(np.arange(observed.shape[0])[:, None, None], observed.shape)
+    spread_inputs = np.broadcast_to(np.moveaxis(inputs, 2, 0)[:, :, None], (inputs.shape[2], *observed.shape))
+    rows = np.array([np.swapaxes(table, 0, 1)[good] for table in spread_inputs]).reshape(inputs.shape[2], -1)
+    turns = experiment.turns()
+    order = None if turns is None else np.swapaxes(np.broadcast_to(turns[:, None], observed.shape), 0, 1)[good]
+    channel = np.broadcast_to(np.arange(observed.shape[1])[:, None, None], good.shape)[good]
+    return Samples(
+        np.swapaxes(observed, 0, 1)[good],
+        np.swapaxes(sd, 0, 1)[good],
+        np.swapaxes(place, 0, 1)[good],
+        _scaled(rows),
+        order,
+        tuple(np.flatnonzero(channel == at) for at in range(observed.shape[1])),
+        good,
+    )
+
+
+def _scaled(rows: np.ndarray) -> np.ndarray:
+    """Return inputs (inputs, n) as (n, inputs), each over its range; those that never change are left out."""
+    ranges = np.ptp(rows, axis=1) if rows.size else np.zeros(len(rows))
+    return (
+        np.array([(row - row.min()) / reach for row, reach in zip(rows, ranges, strict=True) if reach > SAME_INPUT])
+        .reshape(-1, rows.shape[1])
+        .T
+    )
