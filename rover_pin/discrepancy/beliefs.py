@@ -6,16 +6,20 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from scipy.special import logsumexp
 
 from rover_pin.base.public import brief
 from rover_pin.discrepancy.hypothesis import ALLOWED, Hypothesis
+from rover_pin.discrepancy.left_out import LeftOut, left_out
 from rover_pin.estimation.error_model import Discrepancy
 
 COUNTS = 0.5, 0.3, 0.15, 0.05
 """Prior probability of no, one, two, three missing causes, shared evenly by all sets of as many."""
+LEAST = 1e-3
+"""Least probability that is written down."""
 
 
 @brief
@@ -82,3 +86,37 @@ class Beliefs:
         wanted = None if names is None else frozenset(names)
         among = [row for row in rows if wanted is None or frozenset(row[1].names) == wanted]
         return max(among, key=lambda row: row[0])[1]
+
+    def moments(self, of: Hypothesis, name: str) -> tuple[float, float]:
+        """Return mean and SD of a number's u over all hypotheses that contain another one, as probable as they are."""
+        rows = [
+            (weight, *hypothesis.moments(name))
+            for weight, hypothesis in zip(self.weights, self.hypotheses, strict=True)
+            if set(of.names) <= set(hypothesis.names)
+        ]
+        weights, means, sds = np.array(rows).T
+        weights = weights / weights.sum() if weights.sum() > 0 else np.full(len(weights), 1.0 / len(weights))
+        mean = float(weights @ means)
+        return mean, math.sqrt(float(weights @ (sds**2 + (means - mean) ** 2)))
+
+    def left_out(self, hypothesis: Hypothesis) -> LeftOut:
+        """Return every fold as the others predict it by a hypothesis, computed once."""
+        if id(hypothesis) not in self._left_out:
+            self._left_out[id(hypothesis)] = left_out(hypothesis)
+        return self._left_out[id(hypothesis)]
+
+    @cached_property
+    def _left_out(self) -> dict[int, LeftOut]:
+        return {}
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return plain values: the probability of each cause, and of each set with what it leaves."""
+        return {
+            "tried": self.choice,
+            "inclusion": {name: chance for name, chance in self.included.items() if chance > LEAST},
+            "sets": [
+                {"causes": sorted(names), "probability": chance, "leaves_more": self.left(names)}
+                for names, chance in self.sets.items()
+                if chance > LEAST
+            ],
+        }

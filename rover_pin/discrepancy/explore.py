@@ -42,7 +42,9 @@ class Explorer:
 
     def explore(self) -> Beliefs:
         """Return what the data make of the causes, after the hypotheses that are worth it were fitted."""
-        self.base()
+        if not self.fitted:
+            self.base()
+        self.causes = [cause for cause in self.causes if self.is_shown(cause)]
         self.progress("fitting each cause alone")
         singles = [cause for cause in self.causes if self.fit((cause,))]
         by_evidence = sorted(singles, key=lambda cause: -self.score((cause,)))
@@ -83,17 +85,24 @@ class Explorer:
         return float(self.beliefs().scores.max())
 
     def base(self) -> None:
-        """Fit the base model, raise the variance of strays, and leave out the causes that these data cannot show."""
+        """Fit the base model, and raise the variance of strays.
+
+        Raises
+        ------
+        OptimisationError
+            No start leads to a fit.
+        """
         start = self._declared()
         random = np.random.default_rng(0)
         starts = [start, *(start + random.uniform(-0.6, 0.6, (5, len(start))))]
         self._fit_all((), starts)
+        if not self.fitted:
+            raise OptimisationError("no start of the base model leads to a fit.", status=0)
         inflation = self._strays()
         if inflation is not None:
             self.fitter = replace(self.fitter, inflation=inflation)
             self.fitted.clear()
             self._fit_all((), [self.flat[frozenset()][0]])
-        self.causes = [cause for cause in self.causes if self.is_shown(cause)]
 
     def _declared(self) -> np.ndarray:
         experiment, model = self.fitter.experiment, self.fitter.model
@@ -105,9 +114,8 @@ class Explorer:
         Each is predicted by the others, a smooth discrepancy included.
         """
         base = next(one for one in self.fitted[frozenset()] if one.errors.discrepancy is Discrepancy.SMOOTH)
-        linear, deviations = base.linear, np.zeros(len(self.fitter.samples.value))
-        whole = _whole_covariance(base) + linear.slopes @ linear.slopes.T
-        precision = np.linalg.inv(whole)
+        linear = base.linear
+        precision = np.linalg.inv(base.covariance + linear.slopes @ linear.slopes.T)
         deviations = (precision @ linear.target) / np.sqrt(np.diag(precision))
         far = np.abs(deviations) > STRAY
         return np.where(far, (2.0 * deviations / STRAY) ** 2, 1.0) if far.any() else None
@@ -142,7 +150,7 @@ class Explorer:
             return
 
     def _is_near(self, causes: Sequence[Cause]) -> bool:
-        """Return whether a set, leaving nothing, is within reach of the best that leaves nothing, or of least squares."""
+        """Return whether a set, leaving nothing, is within reach of the best of these, or of least squares."""
         plain = [self.fitted[names][0] for names in self.fitted]
         scores = Beliefs(tuple(plain), len(self.causes)).scores
         own = Beliefs(self.fitted[names_of(causes)], len(self.causes)).scores[0]
@@ -172,15 +180,6 @@ def _sizes(cause: Cause, share: float) -> np.ndarray:
             for parameter in cause.parameters
         ]
     )
-
-
-def _whole_covariance(hypothesis: Hypothesis) -> np.ndarray:
-    """Return the covariance (n, n) of all errors of a hypothesis."""
-    errors = hypothesis.errors
-    whole = np.zeros((len(errors.samples.value),) * 2)
-    for at, block in enumerate(errors.samples.blocks):
-        whole[np.ix_(block, block)] = errors.covariance(hypothesis.posterior.scales, at)
-    return whole
 
 
 def names_of(causes: Iterable[Cause]) -> frozenset[str]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -17,7 +18,6 @@ from rover_pin.estimation.error_model import PRIORS, Discrepancy, ErrorModel
 from rover_pin.estimation.evidence import Linear, Posterior, learnt_scales, posterior
 from rover_pin.estimation.exact import Box
 from rover_pin.estimation.experiment import Experiment
-from rover_pin.estimation.gauss_newton import at, slopes_at
 from rover_pin.estimation.parameter import Parameter, bounds_of
 from rover_pin.estimation.samples import Samples
 
@@ -34,6 +34,7 @@ ALLOWED = {
 class Hypothesis:
     """The base model with a set of causes, at its most probable numbers for one kind of discrepancy."""
 
+    experiment: Experiment = field(repr=False)
     causes: tuple[Cause, ...]
     model: Any = field(repr=False)
     "with the causes, as before the fit"
@@ -58,6 +59,34 @@ class Hypothesis:
         """The data as the linear model about u has them."""
         return linear_at(self.errors.samples, self.predicted, self.slopes, self.u)
 
+    def moments(self, name: str) -> tuple[float, float]:
+        """Return mean and SD of a number's u."""
+        place = [parameter.name for parameter in self.parameters].index(name)
+        return float(self.posterior.mean[place]), math.sqrt(self.posterior.covariance[place, place])
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """The covariance (n, n) of all errors."""
+        whole = np.zeros((len(self.errors.samples.value),) * 2)
+        for at, block in enumerate(self.errors.samples.blocks):
+            whole[np.ix_(block, block)] = self.errors.covariance(self.posterior.scales, at)
+        return whole
+
+    @property
+    def variance(self) -> np.ndarray:
+        """The variance of each error (n,)."""
+        return np.diag(self.covariance)
+
+    @property
+    def noise_share(self) -> np.ndarray:
+        """RMS of what is taken for noise in each channel (channels,), over the declared: discrepancy left out."""
+        samples, rows = self.errors.samples, []
+        for at, block in enumerate(samples.blocks):
+            noise = self.variance[block] - np.diag(self.errors.smooth_part(self.posterior.scales, at))
+            raised = 1.0 if self.errors.inflation is None else self.errors.inflation[block]
+            rows.append(np.sqrt(np.mean(noise / raised)) / samples.noise[at])
+        return np.array(rows)
+
 
 def linear_at(samples: Samples, predicted: np.ndarray, slopes: np.ndarray, u: np.ndarray) -> Linear:
     """Return the data as a model that is linear about u has them."""
@@ -76,12 +105,8 @@ class Fitter:
 
     def predicted(self, model: Any, parameters: Sequence[Parameter], u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the row that a model predicts at u, and its slopes (n, numbers)."""
-        if self.experiment.is_exact:
-            exact = self.experiment.sensitivities(model, parameters, u)
-            return self.samples.row_of(exact.predicted), self.samples.row_of(exact.slopes).T
-        slopes = slopes_at(self.experiment, model, parameters, u)
-        row = self.samples.row_of(self.experiment.predict([at(self.experiment, model, parameters, u)])[0])
-        return row, np.array([self.samples.row_of(slopes[parameter.name]) for parameter in parameters]).T
+        exact = self.experiment.sensitivities(model, parameters, u)
+        return self.samples.row_of(exact.predicted), self.samples.row_of(exact.slopes).T
 
     def flat(self, causes: Sequence[Cause], starts: Sequence[np.ndarray]) -> tuple[np.ndarray, float]:
         """Return the most probable u with independent errors as large as noise and a usual discrepancy, and its loss.
@@ -129,14 +154,14 @@ class Fitter:
             np.linalg.inv(np.linalg.cholesky(errors.covariance(scales, channel)))
             for channel in range(len(self.samples.blocks))
         ]
-        try:
+        with suppress(OptimisationError, np.linalg.LinAlgError):  # else the linear model about the first fit stays
             u, _ = descend(_Problem(self, model, parameters, whitening), u)
-        except (OptimisationError, np.linalg.LinAlgError):
-            pass  # the linear model about the first fit stays
         predicted, slopes = self.predicted(model, parameters, u)
         known = posterior(errors, linear_at(self.samples, predicted, slopes, u), scales)
         evidence = known.log_evidence + self._inside(causes, known)
-        return Hypothesis(tuple(causes), model, parameters, u, predicted, slopes, errors, known, evidence)
+        return Hypothesis(
+            self.experiment, tuple(causes), model, parameters, u, predicted, slopes, errors, known, evidence
+        )
 
     def _added(self, causes: Sequence[Cause], u: np.ndarray, predicted: np.ndarray) -> tuple[np.ndarray, ...]:
         """Return what each cause adds to the prediction (n,), the numbers as they are."""

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple, Protocol
 
 from rover_pin.base.public import brief
 from rover_pin.discrepancy.answer import Answer, plain, score_line
+from rover_pin.discrepancy.beliefs import Beliefs
 from rover_pin.discrepancy.draft import Draft
 from rover_pin.discrepancy.held_out import ChannelScore, RunScore
 from rover_pin.discrepancy.refit import Refit
@@ -18,7 +19,7 @@ from rover_pin.estimation.numbers import DRIFTED, Number, assumed_lines
 from rover_pin.estimation.profile import Profile
 from rover_pin.estimation.wording import Outcome, format_value, got_worse
 
-SCHEMA = 2
+SCHEMA = 3
 """Version of the plain values of a verdict, as docs/verdict.md describes them."""
 
 
@@ -87,6 +88,8 @@ class Verdict:
     experiments: tuple[HasSentence, ...] = ()
     "what to measure next"
     search: Search | None = field(default=None, repr=False)
+    beliefs: Beliefs | None = field(default=None, repr=False)
+    "what the data make of all hypotheses, where they were weighed"
     profiles: tuple[Profile, ...] = field(default=(), repr=False)
     baselines: tuple[Baseline, ...] = field(default=(), repr=False)
     "held-out errors of what a user would otherwise take"
@@ -102,9 +105,16 @@ class Verdict:
     "versions, seed, seconds, the command that repeats it"
 
     @property
+    def tried(self) -> int:
+        """How many candidates were tried."""
+        if self.beliefs is not None:
+            return self.beliefs.choice
+        return self.search.count if self.search is not None else 0
+
+    @property
     def model_description(self) -> str:
         """What `model` is, in words."""
-        if self.search is None:
+        if self.after is None:
             return "the base model as declared, nothing fitted"
         added = " + ".join(self.named)
         return f"the model with {added}" if added else "the fitted base model, to which nothing was added"
@@ -200,6 +210,7 @@ class Verdict:
                 "draft": self.draft.as_dict() if self.draft else {},
                 "extra": self.extra.as_dict() if self.extra else {},
                 "files": [str(file) for file in self.files],
+                "posterior": self.beliefs.as_dict() if self.beliefs else {},
                 **self.provenance,
             }
         )

@@ -123,6 +123,16 @@ at a minimum, and every fold is predicted by whole refits"
         """Return what differs from fold to fold by chance and how that would move a model; None: nothing that shows."""
         return None
 
+    @property
+    def set_values(self) -> np.ndarray:
+        """What was set at each sample (folds, samples, inputs), over which what a model leaves may be smooth."""
+        folds, _, samples = np.shape(self.observed)
+        return np.zeros((folds, samples, 0))
+
+    def reading_errors(self, model: Any) -> tuple[Parameter, ...]:
+        """Return the errors of the measuring that nobody declares, at none: each may be what is missing."""
+        return ()
+
     def turns(self) -> np.ndarray | None:
         """Return at which turn each sample was measured (folds, samples), by which noise may drift.
 

@@ -12,7 +12,8 @@ from rover_pin.base.trust import Trust
 from rover_pin.contact import Soil
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.candidate import Candidate
-from rover_pin.discrepancy.decide_answer import Question, concluded
+from rover_pin.discrepancy.conclude import concluded_by_evidence, fit_of
+from rover_pin.discrepancy.decide_answer import Question
 from rover_pin.discrepancy.held_out import losses
 from rover_pin.discrepancy.refit import Progress
 from rover_pin.discrepancy.verdict import Side, Verdict
@@ -106,7 +107,7 @@ def on_rig(
     if poor:
         data_findings = tuple(findings(data))
         return Verdict("wheel-rig", Answer.CANNOT_TELL, data.rig.name, poor, model, findings=data_findings)
-    verdict = concluded(question, progress, seed)
+    verdict = concluded_by_evidence(question, progress, seed)
     assert verdict.before is not None
     assert verdict.after is not None
     tried = [candidate.effect for candidate in candidates(data, model, rig_kinds(effects))]
@@ -137,15 +138,11 @@ def _fit_diagnostics(data: RigSet, side: Side, seed: int) -> FitDiagnostics:
 
 def _experiments(data: RigSet, verdict: Verdict) -> tuple[SeparatingRun, ...]:
     """Return the runs that would tell the best from its rivals."""
-    rounds = [
-        search_round.indistinguishable
-        for search_round in (verdict.search.rounds if verdict.search else ())
-        if search_round.indistinguishable
-    ]
-    if not verdict.named or not rounds:
+    if not verdict.named or verdict.beliefs is None:
         return ()
-    best, *rivals = [(name, refit.fit) for name, refit in zip(verdict.indistinguishable, rounds[-1], strict=False)]
-    runs = [separating_run(data, best, rival) for rival in rivals[:RIVALS]]
+    sets = [tuple(name.split(" + ")) for name in verdict.indistinguishable if name != "nothing"]
+    best, *rivals = [(" + ".join(names), fit_of(verdict.beliefs.best(names))) for names in sets[: 1 + RIVALS]]
+    runs = [separating_run(data, best, rival) for rival in rivals]
     return tuple(run for run in runs if run is not None)
 
 

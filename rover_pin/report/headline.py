@@ -94,15 +94,13 @@ def _off(verdict: Verdict, labels: Labels) -> str:
 
 
 def _none_needed(verdict: Verdict, labels: Labels) -> str:
-    tried = verdict.search.count if verdict.search else 0
     off = f": at worst {_off(verdict, labels)} {labels.unseen}" if verdict.scores else ""
-    return f"nothing needs to be added{off}, and none of the {tried} candidates gains more than chance."
+    return f"nothing needs to be added{off}, and none of the {verdict.tried} candidates gains more than chance."
 
 
 def _unexplained(verdict: Verdict, labels: Labels) -> str:
-    tried = verdict.search.count if verdict.search else 0
     off = f"{_off(verdict, labels)} {labels.unseen}, and " if verdict.scores else ""
-    return f"{off}none of the {tried} candidates explains it: do not use the fitted numbers as constants."
+    return f"{off}none of the {verdict.tried} candidates explains it: do not use the fitted numbers as constants."
 
 
 def _cannot_tell(verdict: Verdict, labels: Labels) -> str:

@@ -23,7 +23,7 @@ from rover_pin.experiments.wheel_rig.presets import known_heights, known_trench
 from rover_pin.experiments.wheel_rig.stiffness_scatter import bed_stiffness_field
 from rover_pin.identification.identifiability import SAME_LOAD
 from rover_pin.identification.soil_space import MAX_EXIT_RATIO
-from rover_pin.measurements.channel import RIG_CHANNELS, DrawbarPull, RigChannel, Sinkage, Torque
+from rover_pin.measurements.channel import RIG_CHANNELS, DrawbarPull, RigChannel, SideForce, Sinkage, Torque
 
 ROWS: tuple[type[RigChannel], ...] = RIG_CHANNELS
 """The channels in the order in which a rig model predicts them."""
@@ -33,6 +33,10 @@ LEAST = 1e-6
 """A logarithm stops at this share of where it starts."""
 MIXED = 0.5
 """Share of runs after one of their own level from which drift cannot be distinguished from what levels share."""
+TARES = {DrawbarPull: "pull_tare", Torque: "torque_tare", Sinkage: "sinkage_zero", SideForce: "side_tare"}
+"""The offset of each channel that a rig may have."""
+TARE, SCALE = 0.1, 0.05
+"""SD of an offset that nobody states, as a share of the channel's largest value; of a scale (assumed)."""
 WIDE = 0.25
 """How far apart starts of phi are, as a share of its range."""
 
@@ -107,6 +111,22 @@ class RigExperiment(Experiment):
         rows = [rig.slip, *([rig.slip_angle] if rig.askew.any() else [])]
         rows += [rig.load] if np.max(rig.load) >= SAME_LOAD * np.min(rig.load) else []
         return np.moveaxis(self.table(np.array(rows)), 1, 2)
+
+    @property
+    def set_values(self) -> np.ndarray:
+        """What was set (levels, runs of a level, inputs): slip, slip angle, logarithms of load and travel speed."""
+        rig = self.data.rig
+        rows = [rig.slip, rig.slip_angle, np.log(rig.load)]
+        rows += [] if self.data.speeds is None else [np.log(np.abs(self.data.speeds).max(axis=1))]
+        return np.moveaxis(self.table(np.array(rows)), 1, 2)
+
+    def reading_errors(self, model: RigModel) -> tuple[Parameter, ...]:
+        """Return a tare or zero of each channel that rig.toml does not state, and scales of load and force."""
+        largest = {type(channel): float(np.max(np.abs(channel.measured))) for channel in self.data.rig.channels}
+        sds = {f"rig.{TARES[kind]}": TARE * size for kind, size in largest.items() if kind in TARES}
+        sds |= dict.fromkeys(("rig.load_scale", "rig.force_scale"), SCALE)
+        stated = self.data.rig.error_sd
+        return tuple(self.parameter(model, name, sd) for name, sd in sds.items() if name not in stated)
 
     @cached_property
     def _conditions(self) -> np.ndarray:

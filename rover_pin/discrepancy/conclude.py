@@ -1,0 +1,189 @@
+"""The loop by evidence: hypotheses explored, their answer read, and the model that is kept judged where not fitted."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from rover_pin.base.errors import OptimisationError
+from rover_pin.discrepancy.answer import Answer
+from rover_pin.discrepancy.assessment import held_out_share
+from rover_pin.discrepancy.beliefs import Beliefs
+from rover_pin.discrepancy.candidate import is_effect
+from rover_pin.discrepancy.cause import Cause, cause_of, reading_error
+from rover_pin.discrepancy.decide_answer import Question, drafted, with_draft
+from rover_pin.discrepancy.evidence_sentence import sentence
+from rover_pin.discrepancy.explore import Explorer
+from rover_pin.discrepancy.held_out import fold_errors, held_out, lost_folds
+from rover_pin.discrepancy.hypothesis import Fitter, Hypothesis
+from rover_pin.discrepancy.reading import Reading, read
+from rover_pin.discrepancy.refit import Progress
+from rover_pin.discrepancy.verdict import Side, Verdict
+from rover_pin.discrepancy.weighed_anew import chosen_without, errors_without
+from rover_pin.estimation.fit import Fit
+from rover_pin.estimation.gauss_newton import at
+from rover_pin.estimation.noise import declared_noise
+from rover_pin.estimation.numbers import AT_BOUND, Number
+from rover_pin.estimation.parameter import Parameter
+from rover_pin.estimation.profile import NORMAL_95
+from rover_pin.estimation.samples import samples_of
+from rover_pin.estimation.task import Task
+
+LOOSE = 2.0
+"""How many times as far as its starts a number may lie that nobody declares: k and k_1 within a factor of 25, phi
+within half its range."""
+MAX_OTHERS = 3
+"""Sets beside the first whose held-out errors are told."""
+
+
+def concluded_by_evidence(question: Question, progress: Progress, seed: int = 0) -> Verdict:
+    """Return what a model lacks, as a graded answer.
+
+    Raises
+    ------
+    OptimisationError
+        The base model cannot be fitted at all.
+    """
+    progress("calibrating the base model")
+    explorer = explorer_of(question, progress)
+    beliefs = explorer.explore()
+    return verdict_of(question, beliefs, progress, seed)
+
+
+def explorer_of(question: Question, progress: Progress) -> Explorer:
+    """Return what explores a question, its base model fitted."""
+    experiment, model = question.experiment, question.model
+    numbers = tuple(map(proper, question.numbers))
+    samples = samples_of(experiment, np.asarray(_declared(experiment).sd), experiment.set_values)
+    explorer = Explorer(Fitter(experiment, samples, model, numbers), (), progress)
+    try:
+        explorer.base()
+    except OptimisationError as error:
+        lost = experiment.unpredicted(model)
+        why = f"{lost}; start from a model that does, or mend that run" if lost else "free fewer numbers"
+        message = f"{experiment.name}: no start of the fit of the base model converged: {why}."
+        raise OptimisationError(message, status="") from error
+    base = fit_of(explorer.beliefs().best(()))
+    readings = [reading_error(parameter.name, parameter) for parameter in experiment.reading_errors(model)]
+    explorer.causes = [*map(cause_of, question.candidates(base)), *readings]
+    return explorer
+
+
+def _declared(experiment: Any) -> Any:
+    noise = experiment.noise()
+    assert noise is not None
+    return noise
+
+
+def proper(parameter: Parameter) -> Parameter:
+    """Return a number with a prior: what nobody knows of it lies LOOSE times as far as its starts."""
+    if parameter.prior:
+        return parameter
+    return replace(parameter, scale=LOOSE * parameter.scale, prior=True)
+
+
+def verdict_of(question: Question, beliefs: Beliefs, progress: Progress, seed: int = 0) -> Verdict:
+    """Return the verdict that the beliefs give, with the errors on what was left out."""
+    reading = read(beliefs)
+    base, best = beliefs.best(()), beliefs.best(reading.kept)
+    progress("intervals, and errors on what was left out")
+    before = side_of(beliefs, base)
+    after = side_of(beliefs, best) if reading.kept else before
+    noise = before.fit.task.noise
+    errors = held_out(before.fit, after.fit, _declared(question.experiment), seed)
+    share = held_out_share(before.fit, after.fit) if reading.kept else 0.0
+    records = question.experiment.records(after.model)
+    own = [cause.candidate.owner for cause in best.causes if cause.candidate is not None]
+    names = tuple(" + ".join(one) or "nothing" for one in reading.sets)
+    folds = question.experiment.folds
+    verdict = Verdict(
+        question.kind,
+        reading.answer,
+        question.name,
+        sentence(reading, beliefs, share, before.fit),
+        after.model,
+        tuple(records[owner] for owner in own if is_effect(records[owner])) if reading.kept else (),
+        reading.kept,
+        names if reading.kept else (),
+        share,
+        before,
+        after,
+        errors.channels,
+        errors.runs,
+        {name: " + ".join(sorted(chosen)) for name, chosen in zip(folds, chosen_without(beliefs), strict=True)},
+        _strained(after, reading),
+        lost_folds(errors.channels, question.experiment.no_value),
+        beliefs=beliefs,
+        errors_anew=dict(zip(question.experiment.channels, errors_without(beliefs), strict=True)),
+        others=_others(beliefs, reading) if reading.answer is Answer.SET else {},
+    )
+    drafts = cache(lambda fitted: drafted(question, fitted, progress))
+    is_open = reading.answer in (Answer.NONE_FITS, Answer.LIKE)
+    return with_draft(verdict, drafts(after.fit) if is_open else None, seed)
+
+
+def fit_of(hypothesis: Hypothesis) -> Fit:
+    """Return a hypothesis as a fit, its noise as large as all its errors."""
+    experiment, samples = hypothesis.experiment, hypothesis.errors.samples
+    variance = samples.table_of(hypothesis.variance)
+    noise = declared_noise(np.sqrt(np.where(np.isfinite(variance), variance, 1.0)), np.asarray(experiment.observed))
+    exact = experiment.sensitivities(hypothesis.model, hypothesis.parameters, hypothesis.u)
+    task = Task(experiment, noise)
+    names = [parameter.name for parameter in hypothesis.parameters]
+    return Fit(
+        task,
+        at(task, hypothesis.model, hypothesis.parameters, hypothesis.u),
+        hypothesis.parameters,
+        hypothesis.u,
+        exact.predicted,
+        dict(zip(names, exact.slopes, strict=True)),
+    )
+
+
+def side_of(beliefs: Beliefs, hypothesis: Hypothesis) -> Side:
+    """Return a hypothesis as a side of the verdict, its intervals over all hypotheses that contain it."""
+    fitted = fit_of(hypothesis)
+    declared = replace(fitted, task=Task(hypothesis.experiment, _declared(hypothesis.experiment)))
+    sizes = {name for cause in hypothesis.causes for name in cause.sizes}
+    numbers = tuple(
+        _number(beliefs, hypothesis, fitted, place, parameter.name in sizes)
+        for place, parameter in enumerate(hypothesis.parameters)
+    )
+    return Side(fitted.model, numbers, declared.misfit, fitted)
+
+
+def _number(beliefs: Beliefs, hypothesis: Hypothesis, fitted: Fit, place: int, is_size: bool) -> Number:
+    """Return a number with its 95 % interval, the hypotheses that contain this one weighed."""
+    parameter, u = hypothesis.parameters[place], float(hypothesis.u[place])
+    mean, sd = beliefs.moments(hypothesis, parameter.name)
+    low, high = (float(np.clip(end, *parameter.bounds)) for end in (mean - NORMAL_95 * sd, mean + NORMAL_95 * sd))
+    low, high = min(low, u), max(high, u)
+    ends = sorted((parameter.value(low), parameter.value(high)))
+    unit = hypothesis.experiment.quantity(fitted.model, parameter.name).unit
+    near = min(u - parameter.bounds[0], parameter.bounds[1] - u) <= AT_BOUND
+    closed = low > parameter.bounds[0] and high < parameter.bounds[1]
+    covered = (high - low) / (parameter.bounds[1] - parameter.bounds[0])
+    drift = math.nan if is_size else u
+    prior_facts = (parameter.beforehand, covered, parameter.declared, parameter.source)
+    return Number(parameter.name, unit, parameter.value(u), ends[0], ends[1], drift, closed, near, *prior_facts)
+
+
+def _strained(after: Side, reading: Reading) -> tuple[str, ...]:
+    """Return which numbers of what was added lie at their bounds."""
+    prefixes = tuple(f"{name}." for name in reading.kept)
+    rows = [number for number in after.numbers if number.at_bound and number.name.startswith(prefixes)]
+    return tuple(f"{number.name} lies at its bound" for number in rows) if prefixes else ()
+
+
+def _others(beliefs: Beliefs, reading: Reading) -> dict[str, dict[str, float]]:
+    """Return the held-out errors by channel of the sets beside the first."""
+    return {
+        " + ".join(names): fold_errors(fit_of(beliefs.best(names)))
+        for names in reading.sets[1 : 1 + MAX_OTHERS]
+        if names
+    }

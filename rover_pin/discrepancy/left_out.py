@@ -1,0 +1,39 @@
+"""Every fold as the others say it by a hypothesis, its model linear about the whole fit."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from rover_pin.discrepancy.hypothesis import Hypothesis
+
+
+class LeftOut(NamedTuple):
+    """What the others say of each fold: ln of its density (folds,), and how far it is missed (n,)."""
+
+    log_density: np.ndarray
+    missed: np.ndarray
+
+
+def left_out(hypothesis: Hypothesis) -> LeftOut:
+    """Return every fold as the others predict it, with a hypothesis' scales of errors.
+
+    With Q = (C + J J')^-1 a fold b of r_0 is of N(r_b - Q_bb^-1 (Q r)_b, Q_bb^-1) by the others.
+    Source: Rasmussen and Williams, Gaussian Processes for Machine Learning (2006), section 5.4.2.
+    """
+    linear, fold = hypothesis.linear, hypothesis.errors.samples.fold
+    precision = np.linalg.inv(hypothesis.covariance + linear.slopes @ linear.slopes.T)
+    pull = precision @ linear.target
+    density, missed = np.zeros(int(fold.max()) + 1), np.zeros(len(fold))
+    for at in range(len(density)):
+        own = np.flatnonzero(fold == at)
+        if not own.size:
+            continue
+        block = precision[np.ix_(own, own)]
+        missed[own] = np.linalg.solve(block, pull[own])
+        density[at] = 0.5 * (
+            np.linalg.slogdet(block)[1] - float(missed[own] @ pull[own]) - len(own) * math.log(2 * math.pi)
+        )
+    return LeftOut(density, missed)

@@ -1,0 +1,56 @@
+"""The words for what the data make of all hypotheses: one graded answer, and the set of causes that the model keeps."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from rover_pin.discrepancy.answer import Answer
+from rover_pin.discrepancy.beliefs import Beliefs
+
+SURE, MOST = 0.95, 0.5
+"""Probability from which something is said without a doubt, and that of what is more likely than not."""
+BEYOND = 3.0
+"""Times a channel's declared noise from which what is left is no noise, whatever shares it."""
+
+
+class Reading(NamedTuple):
+    """An answer, the causes that the model keeps, and the sets that the data leave, most probable first."""
+
+    answer: Answer
+    kept: tuple[str, ...] = ()
+    sets: tuple[tuple[str, ...], ...] = ()
+    "what holds SURE of the probability, without what only adds to a set before it"
+
+
+def read(beliefs: Beliefs) -> Reading:
+    """Return the answer: the most probable set is named where nearly all that is probable contains it.
+
+    Nothing is missing, or nothing of the list, where no cause is more likely than not; the data cannot tell where
+    neither that nor a cause can be excluded. A set whose laws more likely than not leave more than noise is like what
+    is missing.
+    """
+    none = beliefs.sets.get(frozenset(), 0.0)
+    if none > MOST:
+        base = beliefs.best(())
+        leaves = beliefs.left(()) > MOST or bool((base.noise_share > BEYOND).any())
+        return Reading(Answer.NONE_FITS if leaves else Answer.NONE_NEEDED)
+    sets = _leading(beliefs)
+    if none > 1.0 - SURE:
+        return Reading(Answer.CANNOT_TELL, (), sets)
+    kept = beliefs.best(sets[0]).names
+    contained = beliefs.probability(lambda hypothesis: set(kept) <= set(hypothesis.names))
+    if contained <= SURE:
+        return Reading(Answer.SET, kept, sets)
+    return Reading(Answer.LIKE if beliefs.left(kept) > MOST else Answer.NAMED, kept, sets[:1])
+
+
+def _leading(beliefs: Beliefs) -> tuple[tuple[str, ...], ...]:
+    """Return the sets that hold SURE of the probability, without those that only add to one before them."""
+    total, leading = 0.0, []
+    for names, probability in beliefs.sets.items():
+        if total > SURE:
+            break
+        total += probability
+        if not any(set(before) < set(names) for before in leading if before):
+            leading.append(beliefs.best(tuple(names)).names)
+    return tuple(leading)
