@@ -7,6 +7,7 @@ from typing import Any
 
 from rover_pin.base.quantity import Quantity, quantities
 from rover_pin.estimation.parameter import Parameter
+from rover_pin.inference.cause import SIZE_SD, Cause
 
 SHAPE_SD, SHAPE_SHARE = 0.5, 0.3
 """Prior SD of an effect's shape: of its logarithm, or as a share of its size where it may be negative."""
@@ -85,6 +86,18 @@ class Candidate:
         return replace(
             self, shapes=(), free_shapes=(*self.shapes, *self.diffuse_shapes, *self.free_shapes), diffuse_shapes=()
         )
+
+    @property
+    def cause(self) -> Cause:
+        """The effect as a cause: sizes of SD SIZE_SD, shapes as published or within their doubt."""
+        sizes = tuple(
+            replace(size, scale=SIZE_SD * size.scale, prior=True, source="assumed: default sizes")
+            for size in map(self.size, self.amplitudes)
+        )
+        shapes = (
+            self.diffuse_shape(name) if self._about(name).log_sd > 0.0 else self.shape(name) for name in self.shapes
+        )
+        return Cause(self.name, self.on, (*sizes, *shapes), frozenset(self.amplitudes), self.owner)
 
     def size(self, name: str) -> Parameter:
         """Return the parameter of a size: u = 0 neutral, u = 1 the effect's own; a logarithm where neutral is far off.

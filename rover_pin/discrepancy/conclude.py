@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
 from typing import Any
@@ -13,26 +12,25 @@ import numpy as np
 from rover_pin.base.errors import OptimisationError
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.assessment import held_out_share
-from rover_pin.discrepancy.beliefs import Beliefs
 from rover_pin.discrepancy.candidate import is_effect
-from rover_pin.discrepancy.cause import Cause, cause_of, reading_error
 from rover_pin.discrepancy.decide_answer import Question, drafted, with_draft
-from rover_pin.discrepancy.evidence_sentence import sentence
-from rover_pin.discrepancy.explore import Explorer
 from rover_pin.discrepancy.held_out import fold_errors, held_out, lost_folds
-from rover_pin.discrepancy.hypothesis import Fitter, Hypothesis
-from rover_pin.discrepancy.reading import Reading, read
+from rover_pin.discrepancy.reading import Reading, read, sentence
 from rover_pin.discrepancy.refit import Progress
 from rover_pin.discrepancy.verdict import Side, Verdict
-from rover_pin.discrepancy.weighed_anew import chosen_without, errors_without
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.gauss_newton import at
 from rover_pin.estimation.noise import declared_noise
 from rover_pin.estimation.numbers import AT_BOUND, Number
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.estimation.profile import NORMAL_95
-from rover_pin.estimation.samples import samples_of
 from rover_pin.estimation.task import Task
+from rover_pin.inference.beliefs import Beliefs
+from rover_pin.inference.cause import reading_error
+from rover_pin.inference.explore import Explorer
+from rover_pin.inference.hypothesis import Fitter, Hypothesis
+from rover_pin.inference.samples import samples_of
+from rover_pin.inference.weighed_anew import chosen_without, errors_without
 
 LOOSE = 2.0
 """How many times as far as its starts a number may lie that nobody declares: k and k_1 within a factor of 25, phi
@@ -70,7 +68,7 @@ def explorer_of(question: Question, progress: Progress) -> Explorer:
         raise OptimisationError(message, status="") from error
     base = fit_of(explorer.beliefs().best(()))
     readings = [reading_error(parameter.name, parameter) for parameter in experiment.reading_errors(model)]
-    explorer.causes = [*map(cause_of, question.candidates(base)), *readings]
+    explorer.causes = [*(candidate.cause for candidate in question.candidates(base)), *readings]
     return explorer
 
 
@@ -94,11 +92,10 @@ def verdict_of(question: Question, beliefs: Beliefs, progress: Progress, seed: i
     progress("intervals, and errors on what was left out")
     before = side_of(beliefs, base)
     after = side_of(beliefs, best) if reading.kept else before
-    noise = before.fit.task.noise
     errors = held_out(before.fit, after.fit, _declared(question.experiment), seed)
     share = held_out_share(before.fit, after.fit) if reading.kept else 0.0
     records = question.experiment.records(after.model)
-    own = [cause.candidate.owner for cause in best.causes if cause.candidate is not None]
+    own = [cause.owner for cause in best.causes if cause.owner]
     names = tuple(" + ".join(one) or "nothing" for one in reading.sets)
     folds = question.experiment.folds
     verdict = Verdict(

@@ -5,12 +5,17 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from rover_pin.discrepancy.answer import Answer
-from rover_pin.discrepancy.beliefs import Beliefs
+from rover_pin.estimation.fit import Fit
+from rover_pin.inference.beliefs import Beliefs
 
 SURE, MOST = 0.95, 0.5
 """Probability from which something is said without a doubt, and that of what is more likely than not."""
 BEYOND = 3.0
 """Times a channel's declared noise from which what is left is no noise, whatever shares it."""
+
+
+MAX_SETS = 4
+"""Sets that a sentence lists."""
 
 
 class Reading(NamedTuple):
@@ -46,7 +51,8 @@ def read(beliefs: Beliefs) -> Reading:
 
 def _leading(beliefs: Beliefs) -> tuple[tuple[str, ...], ...]:
     """Return the sets that hold SURE of the probability, without those that only add to one before them."""
-    total, leading = 0.0, []
+    total = 0.0
+    leading: list[tuple[str, ...]] = []
     for names, probability in beliefs.sets.items():
         if total > SURE:
             break
@@ -54,3 +60,24 @@ def _leading(beliefs: Beliefs) -> tuple[tuple[str, ...], ...]:
         if not any(set(before) < set(names) for before in leading if before):
             leading.append(beliefs.best(tuple(names)).names)
     return tuple(leading)
+
+
+def sentence(reading: Reading, beliefs: Beliefs, share: float, base: Fit) -> str:
+    """Return the answer as a sentence."""
+    kept = " and ".join(reading.kept)
+    chance = beliefs.probability(lambda hypothesis: set(reading.kept) <= set(hypothesis.names))
+    takes = f"takes {share:.0%} of what the base model misses beyond the noise where it was not fitted"
+    listed = " or ".join(
+        f"{' + '.join(names) or 'nothing'} ({beliefs.sets[frozenset(names)]:.2f})" for names in reading.sets[:MAX_SETS]
+    )
+    none, left = beliefs.sets.get(frozenset(), 0.0), beliefs.left(reading.kept)
+    return {
+        Answer.NAMED: f"{kept} is missing with probability {chance:.2f}; it {takes}.",
+        Answer.LIKE: f"something like {kept} is missing (probability {chance:.2f}): it {takes}, but with probability "
+        f"{left:.2f} its law leaves more than noise.",
+        Answer.SET: f"the data leave {listed}; the first {takes}.",
+        Answer.NONE_NEEDED: f"nothing is missing with probability {none:.2f}; the base model leaves noise.",
+        Answer.NONE_FITS: f"no cause of the list is missing with probability {none:.2f}, but the base model leaves "
+        f"more than noise (reduced chi-square {base.misfit:.3g}): something acts that is not on the list.",
+        Answer.CANNOT_TELL: f"the data cannot tell: {listed}.",
+    }[reading.answer]

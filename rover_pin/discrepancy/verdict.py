@@ -8,7 +8,6 @@ from typing import Any, NamedTuple, Protocol
 
 from rover_pin.base.public import brief
 from rover_pin.discrepancy.answer import Answer, plain, score_line
-from rover_pin.discrepancy.beliefs import Beliefs
 from rover_pin.discrepancy.draft import Draft
 from rover_pin.discrepancy.held_out import ChannelScore, RunScore
 from rover_pin.discrepancy.refit import Refit
@@ -18,6 +17,7 @@ from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.numbers import DRIFTED, Number, assumed_lines
 from rover_pin.estimation.profile import Profile
 from rover_pin.estimation.wording import Outcome, format_value, got_worse
+from rover_pin.inference.beliefs import Beliefs
 
 SCHEMA = 3
 """Version of the plain values of a verdict, as docs/verdict.md describes them."""

@@ -124,6 +124,11 @@ at a minimum, and every fold is predicted by whole refits"
         return None
 
     @property
+    def campaigns(self) -> np.ndarray:
+        """Which campaign each fold (folds,) is of: noise and discrepancy of each are its own."""
+        return np.zeros(len(self.folds), dtype=int)
+
+    @property
     def set_values(self) -> np.ndarray:
         """What was set at each sample (folds, samples, inputs), over which what a model leaves may be smooth."""
         folds, _, samples = np.shape(self.observed)

@@ -11,7 +11,8 @@ import numpy as np
 
 from rover_pin.base.files.results_folder import OF_A_LOOP, say_what_is_replaced
 from rover_pin.discrepancy.answer import Answer
-from rover_pin.discrepancy.decide_answer import Question, concluded
+from rover_pin.discrepancy.conclude import concluded_by_evidence
+from rover_pin.discrepancy.decide_answer import Question
 from rover_pin.discrepancy.refit import Progress
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.estimation.baselines import Baseline, curves
@@ -25,7 +26,6 @@ from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.known_elsewhere import flags
 from rover_pin.experiments.wheel_rig.model_file import write_model
 from rover_pin.experiments.wheel_rig.presets import describe_declared
-from rover_pin.experiments.wheel_rig.stiffness_scatter import learnt_random_effects
 from rover_pin.loop.provenance import LoopRequest, provenance
 from rover_pin.loop.verdict_file import written_last
 from rover_pin.measurements.finding import Finding
@@ -67,14 +67,13 @@ def on_sets(joint: JointRig, kinds: Sequence[type], progress: Progress, seed: in
     question = Question(
         "wheel-rig", joint.name, joint, model, numbers, lambda base: joint.candidates(base.model, kinds)
     )
-    verdict = concluded(question, progress, seed)
+    verdict = concluded_by_evidence(question, progress, seed)
     tried = [candidate.effect for candidate in joint.candidates(model, kinds)]
     assert verdict.before is not None
-    shared = learnt_random_effects(verdict.before.fit)
-    extra = JointExtra(tuple(_errors(joint, verdict)), describe_declared(joint.declared, tried, model.effects), shared)
+    extra = JointExtra(tuple(_errors(joint, verdict)), describe_declared(joint.declared, tried, model.effects))
     fitted = verdict.after.numbers if verdict.after else ()
     reference_flags = flags(as_rig_set(joint.declared), verdict.model.soil, float(joint.declared.wheel.b), fitted)
-    against = (*shared.cautions, *of_parameters((), reference_flags), *verdict.cautions, *_losses(extra.sets))
+    against = (*of_parameters((), reference_flags), *verdict.cautions, *_losses(extra.sets))
     return dataclasses.replace(verdict, extra=extra, findings=data_findings, cautions=against)
 
 

@@ -33,7 +33,6 @@ from rover_pin.experiments.wheel_rig.model_file import write_model
 from rover_pin.experiments.wheel_rig.presets import describe_declared
 from rover_pin.experiments.wheel_rig.residual_tests import residual_tests
 from rover_pin.experiments.wheel_rig.separating_run import SeparatingRun, separating_run
-from rover_pin.experiments.wheel_rig.stiffness_scatter import learnt_random_effects
 from rover_pin.loop.provenance import LoopRequest, provenance
 from rover_pin.loop.verdict_file import draft_written, written_last
 from rover_pin.measurements.wheel_rig import WheelRig
@@ -115,12 +114,11 @@ def on_rig(
         _fit_diagnostics(data, verdict.before, seed),
         _fit_diagnostics(data, verdict.after, seed),
         describe_declared(data.rig, tried, model.effects),
-        learnt_random_effects(verdict.before.fit),
     )
     return dataclasses.replace(
         verdict,
         extra=extra,
-        cautions=(*extra.random_effects.cautions, *cautions(verdict, extra.after)),
+        cautions=cautions(verdict, extra.after),
         findings=tuple(findings(data)),
         experiments=_experiments(data, verdict),
         profiles=profiles(verdict.after.fit, tuple(number.name for number in verdict.after.numbers)),

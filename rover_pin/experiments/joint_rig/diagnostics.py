@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from rover_pin.estimation.wording import format_value
-from rover_pin.experiments.wheel_rig.stiffness_scatter import RandomEffects
 
 
 class SetError(NamedTuple):
@@ -34,7 +33,6 @@ class JointExtra(NamedTuple):
 
     sets: tuple[SetError, ...]
     declared: tuple[str, ...]
-    random_effects: RandomEffects = RandomEffects()
 
     def lines(self, added: bool) -> list[str]:
         """Return lines for a reader."""
@@ -43,4 +41,4 @@ class JointExtra(NamedTuple):
     def as_dict(self) -> dict[str, Any]:
         """Return plain values."""
         sets = [set_error._asdict() for set_error in self.sets]
-        return {"sets": sets, "declared": list(self.declared), "by_chance": self.random_effects.as_dict()}
+        return {"sets": sets, "declared": list(self.declared)}

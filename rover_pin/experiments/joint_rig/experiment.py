@@ -15,7 +15,6 @@ from rover_pin.effects.effect import Effect
 from rover_pin.estimation.experiment import Experiment, Sensitivities
 from rover_pin.estimation.noise import Noise, declared_noise
 from rover_pin.estimation.parameter import Parameter
-from rover_pin.estimation.random_effects.random_field import RandomField
 from rover_pin.experiments.joint_rig.model import OWN, JointModel, Part
 from rover_pin.experiments.wheel_rig.candidates import added, needs_speeds
 from rover_pin.experiments.wheel_rig.checks import FEWEST_LEVELS
@@ -30,7 +29,6 @@ from rover_pin.experiments.wheel_rig.presets import (
     known_trench,
     preset_candidate,
 )
-from rover_pin.experiments.wheel_rig.stiffness_scatter import bed_stiffness_field
 from rover_pin.identification.identifiability import SAME_LOAD
 from rover_pin.identification.one_sand import of_one_sand
 from rover_pin.measurements.finding import Finding
@@ -92,6 +90,30 @@ class JointRig(Experiment):
             padded_table[..., rows, : table.shape[-1]] = table
             wide.append(padded_table)
         return np.concatenate(wide, axis=-3)
+
+    @property
+    def campaigns(self) -> np.ndarray:
+        """Which set each fold is of."""
+        return np.array([at for at, data in enumerate(self.sets.values()) for _ in data.level_names])
+
+    @property
+    def set_values(self) -> np.ndarray:
+        """What was set at each sample (folds, samples, inputs), speeds left out where a set has none."""
+        tables = [np.moveaxis(experiment.set_values, 2, 1) for experiment in self._each.values()]
+        count, samples = min(table.shape[1] for table in tables), max(table.shape[2] for table in tables)
+        padded = [np.full((len(table), count, samples), np.nan) for table in tables]
+        for wide, table in zip(padded, tables, strict=True):
+            wide[..., : table.shape[2]] = table[:, :count]
+        return np.moveaxis(np.concatenate(padded), 1, 2)
+
+    def reading_errors(self, model: JointModel) -> tuple[Parameter, ...]:
+        """Return the tares and zeros of every set that its rig.toml does not state."""
+        return tuple(
+            dataclasses.replace(parameter, name=f"{name}.{parameter.name}")
+            for name, experiment in self._each.items()
+            for parameter in experiment.reading_errors(model.of(name))
+            if not parameter.log and not parameter.name.endswith("_scale")
+        )
 
     @cached_property
     def observed(self) -> np.ndarray:
@@ -209,10 +231,6 @@ class JointRig(Experiment):
             table[[at for at, _ in acting]] = set_sensitivities.slopes
             predicted[name], slopes[name] = set_sensitivities.predicted, table
         return Sensitivities(self._whole(predicted, 0.0), self._whole(slopes, 0.0))
-
-    def random_field(self, model: JointModel) -> RandomField | None:
-        """Return how the beds of all levels of all sets may differ; None where no sinkage tells k_1."""
-        return bed_stiffness_field(self, model)
 
     def predict(self, models: Sequence[JointModel]) -> np.ndarray:
         """Return the channels of each model (models, folds, channels, samples)."""

@@ -8,7 +8,6 @@ from rover_pin.base.public import brief
 from rover_pin.experiments.wheel_rig.channel_residual import RigChannelResidual
 from rover_pin.experiments.wheel_rig.known_elsewhere import Flag
 from rover_pin.experiments.wheel_rig.residual_tests import ResidualTest
-from rover_pin.experiments.wheel_rig.stiffness_scatter import RandomEffects
 
 
 @brief
@@ -40,7 +39,6 @@ class RigExtra(NamedTuple):
     after: FitDiagnostics
     declared: tuple[str, ...] = ()
     "how what is declared of lugs and sand was used"
-    random_effects: RandomEffects = RandomEffects()
 
     def lines(self, added: bool) -> list[str]:
         """Return lines for a reader."""
@@ -52,4 +50,4 @@ class RigExtra(NamedTuple):
     def as_dict(self) -> dict[str, Any]:
         """Return plain values."""
         sides = {"before": self.before.as_dict(), "after": self.after.as_dict()}
-        return {**sides, "declared": list(self.declared), "by_chance": self.random_effects.as_dict()}
+        return {**sides, "declared": list(self.declared)}

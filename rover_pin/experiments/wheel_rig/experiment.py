@@ -16,11 +16,9 @@ from rover_pin.contact import Soil
 from rover_pin.estimation.experiment import Experiment, Sensitivities
 from rover_pin.estimation.noise import Noise, declared_noise
 from rover_pin.estimation.parameter import Parameter, declared_in
-from rover_pin.estimation.random_effects.random_field import RandomField
 from rover_pin.experiments.wheel_rig.data import RigSet
 from rover_pin.experiments.wheel_rig.model import ASKEW, PAPER, RigModel, RigPredictor, conditions, predictor, uncarried
 from rover_pin.experiments.wheel_rig.presets import known_heights, known_trench
-from rover_pin.experiments.wheel_rig.stiffness_scatter import bed_stiffness_field
 from rover_pin.identification.identifiability import SAME_LOAD
 from rover_pin.identification.soil_space import MAX_EXIT_RATIO
 from rover_pin.measurements.channel import RIG_CHANNELS, DrawbarPull, RigChannel, SideForce, Sinkage, Torque
@@ -35,8 +33,9 @@ MIXED = 0.5
 """Share of runs after one of their own level from which drift cannot be distinguished from what levels share."""
 TARES = {DrawbarPull: "pull_tare", Torque: "torque_tare", Sinkage: "sinkage_zero", SideForce: "side_tare"}
 """The offset of each channel that a rig may have."""
-TARE, SCALE = 0.1, 0.05
-"""SD of an offset that nobody states, as a share of the channel's largest value; of a scale (assumed)."""
+TARE, SCALE = 0.1, 0.02
+"""SD of an offset that nobody states, as a share of the channel's largest value; of a scale (assumed), twice what is
+usual."""
 WIDE = 0.25
 """How far apart starts of phi are, as a share of its range."""
 
@@ -162,10 +161,6 @@ class RigExperiment(Experiment):
         if np.mean(np.diff(self.data.level) == 0) > MIXED:
             return None
         return np.nan_to_num(self.table(order[None].astype(float))[:, 0]).astype(int)
-
-    def random_field(self, model: RigModel) -> RandomField | None:
-        """Return how beds prepared anew for each level may differ; None where the sinkage does not tell k_1."""
-        return bed_stiffness_field(self, model)
 
     def predict(self, models: Sequence[RigModel]) -> np.ndarray:
         """Return the channels of each model (models, levels, channels, runs of a level)."""

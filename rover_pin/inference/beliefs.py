@@ -12,9 +12,9 @@ import numpy as np
 from scipy.special import logsumexp
 
 from rover_pin.base.public import brief
-from rover_pin.discrepancy.hypothesis import ALLOWED, Hypothesis
-from rover_pin.discrepancy.left_out import LeftOut, left_out
-from rover_pin.estimation.error_model import Discrepancy
+from rover_pin.inference.error_model import Discrepancy
+from rover_pin.inference.hypothesis import ALLOWED, Hypothesis
+from rover_pin.inference.left_out import LeftOut, left_out
 
 COUNTS = 0.5, 0.3, 0.15, 0.05
 """Prior probability of no, one, two, three missing causes, shared evenly by all sets of as many."""

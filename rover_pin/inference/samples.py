@@ -27,7 +27,9 @@ class Samples:
     turn: np.ndarray | None
     "at which turn each was measured; None where that is not known"
     blocks: tuple[np.ndarray, ...] = field(repr=False)
-    "where the samples of each channel stand in the row"
+    "where the samples of each channel of each campaign stand in the row"
+    channel: np.ndarray = field(repr=False)
+    "of each sample (n,)"
     good: np.ndarray = field(repr=False)
     "which samples (channels, folds, samples) are compared"
 
@@ -43,17 +45,17 @@ class Samples:
 
     @cached_property
     def noise(self) -> np.ndarray:
-        """RMS of the declared SDs of each channel (channels,)."""
+        """RMS of the declared SDs of each block (blocks,)."""
         return np.array([np.sqrt(np.mean(self.sd[block] ** 2)) for block in self.blocks])
 
     @cached_property
     def spread(self) -> np.ndarray:
-        """SD of what was measured in each channel (channels,), no less than its noise."""
+        """SD of what was measured in each block (blocks,), no less than its noise."""
         return np.maximum([self.value[block].std() for block in self.blocks], self.noise)
 
     @cached_property
     def distances(self) -> tuple[np.ndarray, ...]:
-        """The squared distances (m, m) of the inputs of each channel's samples."""
+        """The squared distances (m, m) of the inputs of each block's samples."""
         rows = [self.inputs[block] for block in self.blocks]
         return tuple(((x[:, None] - x[None]) ** 2).sum(axis=-1) for x in rows)
 
@@ -76,13 +78,19 @@ def samples_of(experiment: Experiment, sd: np.ndarray, inputs: np.ndarray) -> Sa
     turns = experiment.turns()
     order = None if turns is None else np.swapaxes(np.broadcast_to(turns[:, None], observed.shape), 0, 1)[good]
     channel = np.broadcast_to(np.arange(observed.shape[1])[:, None, None], good.shape)[good]
+    fold, campaign = np.swapaxes(place, 0, 1)[good], experiment.campaigns
     return Samples(
         np.swapaxes(observed, 0, 1)[good],
         np.swapaxes(sd, 0, 1)[good],
-        np.swapaxes(place, 0, 1)[good],
+        fold,
         _scaled(rows),
         order,
-        tuple(np.flatnonzero(channel == at) for at in range(observed.shape[1])),
+        tuple(
+            np.flatnonzero((channel == at) & (campaign[fold] == of))
+            for of in np.unique(campaign)
+            for at in np.unique(channel[campaign[fold] == of])
+        ),
+        channel,
         good,
     )
 

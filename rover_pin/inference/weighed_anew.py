@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.special import logsumexp
 
-from rover_pin.discrepancy.beliefs import Beliefs
+from rover_pin.inference.beliefs import Beliefs
 
 
 def weights_without(beliefs: Beliefs) -> np.ndarray:
@@ -33,4 +33,4 @@ def errors_without(beliefs: Beliefs) -> list[float]:
     missed = np.array([beliefs.left_out(hypothesis).missed for hypothesis in beliefs.hypotheses])
     weights = weights_without(beliefs)[samples.fold].T
     averaged = np.sum(weights * missed, axis=0)
-    return [float(np.sqrt(np.mean(averaged[block] ** 2))) for block in samples.blocks]
+    return [float(np.sqrt(np.mean(averaged[samples.channel == at] ** 2))) for at in np.unique(samples.channel)]

@@ -9,10 +9,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from rover_pin.base.errors import OptimisationError
-from rover_pin.discrepancy.beliefs import Beliefs
-from rover_pin.discrepancy.cause import SIZE_SD, Cause
-from rover_pin.discrepancy.hypothesis import Fitter, Hypothesis
-from rover_pin.estimation.error_model import Discrepancy
+from rover_pin.inference.beliefs import Beliefs
+from rover_pin.inference.cause import SIZE_SD, Cause
+from rover_pin.inference.error_model import Discrepancy
+from rover_pin.inference.hypothesis import Fitter, Hypothesis
 
 SHOWN = 0.3
 """Norm [SD] of what a cause's default size moves, below which these data cannot show it."""

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rover_pin.discrepancy.hypothesis import Hypothesis
+from rover_pin.inference.hypothesis import Hypothesis
 
 
 class LeftOut(NamedTuple):

@@ -9,20 +9,18 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from scipy.stats import norm
 
 from rover_pin.base.errors import OptimisationError
-from rover_pin.discrepancy.cause import Cause
 from rover_pin.estimation.descent import descend
-from rover_pin.estimation.error_model import PRIORS, Discrepancy, ErrorModel
-from rover_pin.estimation.evidence import Linear, Posterior, learnt_scales, posterior
 from rover_pin.estimation.exact import Box
 from rover_pin.estimation.experiment import Experiment
 from rover_pin.estimation.parameter import Parameter, bounds_of
-from rover_pin.estimation.samples import Samples
+from rover_pin.inference.cause import Cause
+from rover_pin.inference.error_model import PRIORS, Discrepancy, ErrorModel
+from rover_pin.inference.evidence import Linear, Posterior, learnt_scales, posterior
+from rover_pin.inference.samples import Samples
+from rover_pin.inference.size_prior import inside_share, size_share
 
-LEAST_MASS = 1e-12
-"""Least probability that a number is taken to have inside its bounds."""
 ALLOWED = {
     False: {Discrepancy.NONE: 0.7, Discrepancy.SMOOTH: 0.3},
     True: {Discrepancy.NONE: 0.6, Discrepancy.FORM: 0.2, Discrepancy.SMOOTH: 0.2},
@@ -79,7 +77,7 @@ class Hypothesis:
 
     @property
     def noise_share(self) -> np.ndarray:
-        """RMS of what is taken for noise in each channel (channels,), over the declared: discrepancy left out."""
+        """RMS of what is taken for noise in each block (blocks,), over the declared: discrepancy left out."""
         samples, rows = self.errors.samples, []
         for at, block in enumerate(samples.blocks):
             noise = self.variance[block] - np.diag(self.errors.smooth_part(self.posterior.scales, at))
@@ -184,35 +182,16 @@ class Fitter:
         return np.array(kept, dtype=int)
 
     def _inside(self, causes: Sequence[Cause], known: Posterior) -> float:
-        """Return the logarithm of how much more of the posterior than of the prior lies where numbers may be.
-
-        A size counts by its own length: a cause of no size is no cause (a non-local prior).
-        Source: Johnson and Rossell, J. Roy. Stat. Soc. B 72 (2010) 143.
-        """
+        """Return the logarithm of how much more of the posterior than of the prior lies where numbers may be."""
         total, place = 0.0, len(self.numbers)
         for cause in causes:
             for parameter in cause.parameters:
                 is_size = parameter.name in cause.sizes and not parameter.log
                 mean, sd = float(known.mean[place]), math.sqrt(known.covariance[place, place])
-                total += math.log(_moment(mean, sd, parameter.bounds, is_size))
-                total -= math.log(_moment(0.0, 1.0, parameter.bounds, is_size))
+                share = size_share if is_size else inside_share
+                total += math.log(share(mean, sd, parameter.bounds) / share(0.0, 1.0, parameter.bounds))
                 place += 1
         return total
-
-
-def _moment(mean: float, sd: float, bounds: tuple[float, float], is_size: bool) -> float:
-    """Return the integral of N(u; mean, sd), times |u| for a size, between the bounds."""
-    low, high = (np.clip(bounds, mean - 8 * sd, mean + 8 * sd) - mean) / sd
-    if not is_size:
-        return max(float(norm.cdf(high) - norm.cdf(low)), LEAST_MASS)
-    edges = [low, *([-mean / sd] if low < -mean / sd < high else []), high]
-    whole = sum(abs(_first_moment(mean, sd, *edge)) for edge in zip(edges, edges[1:], strict=False))
-    return max(whole, LEAST_MASS)
-
-
-def _first_moment(mean: float, sd: float, low: float, high: float) -> float:
-    """Return the integral of u N(u; mean, sd) from mean + low sd to mean + high sd."""
-    return float(mean * (norm.cdf(high) - norm.cdf(low)) + sd * (norm.pdf(low) - norm.pdf(high)))
 
 
 class _Problem:

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.linalg.lapack import dpotri
 from scipy.optimize import minimize
 
-from rover_pin.estimation.error_model import ErrorModel
+from rover_pin.inference.error_model import ErrorModel
 
 REACH = 4.0
 """Prior SDs within which scales are sought."""

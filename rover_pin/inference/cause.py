@@ -1,0 +1,29 @@
+"""What may be missing from a model, or wrong with the measuring, as a hypothesis has it: numbers with priors."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from rover_pin.estimation.parameter import Parameter
+
+SIZE_SD = 2.0
+"""Prior SD of a size in fits, in the default sizes of its effect (assumed)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Cause:
+    """One cause: how a model gets it, and its numbers, of which `sizes` vanish where it does not act."""
+
+    name: str
+    on: Callable[[Any], Any]
+    parameters: tuple[Parameter, ...]
+    sizes: frozenset[str]
+    owner: str = ""
+    "the name of the effect in the model; empty where it is none"
+
+
+def reading_error(name: str, parameter: Parameter) -> Cause:
+    """Return an error of the measuring that a model has already, at none, as a cause."""
+    return Cause(name, lambda model: model, (parameter,), frozenset({name}))

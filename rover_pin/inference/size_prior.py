@@ -1,0 +1,46 @@
+"""What is thought of a size beforehand: a cause that acts has one, around the default of its effect.
+
+ln (|size| / default) ~ N(ln 0.5, 1.2): half of all sizes lie within a factor of 2.2 of half the default, and none is 0,
+for a cause of no size is no cause (a non-local prior). Fits have the wider N(0, SIZE_SD) in its place; the evidence is
+then multiplied by the mean, over the posterior, of the one density over the other.
+Source: Johnson and Rossell, J. Roy. Stat. Soc. B 72 (2010) 143, for priors that vanish at none.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy.stats import norm
+
+from rover_pin.inference.cause import SIZE_SD
+
+MEDIAN, SPREAD = 0.5, 1.2
+"""Median of a size over its default, and SD of its logarithm."""
+LEAST_SHARE = 1e-12
+"""Least probability that a number is taken to have inside its bounds."""
+POINTS, SDS = 801, 8.0
+"""Points of the quadrature over a posterior, and how many of its SDs it spans on each side."""
+
+
+def inside_share(mean: float, sd: float, bounds: tuple[float, float]) -> float:
+    """Return the probability that u ~ N(mean, sd) lies between the bounds."""
+    low, high = (np.array(bounds) - mean) / sd
+    return max(float(norm.cdf(high) - norm.cdf(low)), LEAST_SHARE)
+
+
+def size_share(mean: float, sd: float, bounds: tuple[float, float]) -> float:
+    """Return the mean over u ~ N(mean, sd) of the density of a size over that of N(u; 0, 1), between the bounds."""
+    low, high = max(bounds[0], mean - SDS * sd), min(bounds[1], mean + SDS * sd)
+    if not high > low:
+        return LEAST_SHARE
+    u = np.linspace(low, high, POINTS)
+    log_ratio = log_density(u) + 0.5 * u**2 + 0.5 * math.log(2 * math.pi)
+    return max(float(np.trapezoid(np.exp(log_ratio) * norm.pdf(u, mean, sd), u)), LEAST_SHARE)
+
+
+def log_density(u: np.ndarray) -> np.ndarray:
+    """Return the logarithm of the density of a size's u, either sign alike."""
+    size = np.maximum(np.abs(u), 1e-300)
+    away = np.log(SIZE_SD * size / MEDIAN) / SPREAD
+    return np.asarray(-0.5 * away**2 - np.log(2.0 * SPREAD * math.sqrt(2 * math.pi) * size))
