@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
 from rover_pin.discrepancy.cross_validation import fall_of, held_out_losses
-from rover_pin.discrepancy.draft import Draft
 from rover_pin.discrepancy.search import Search
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.noise import Noise
@@ -19,11 +17,6 @@ ENOUGH = 0.9
 the last digit."""
 MIN_MISFIT_PROBABILITY = 0.01
 """What is left with less than this probability, beside too small a share, keeps a law from holding."""
-SCATTER = 4.0
-"""Reduced chi-square up to which what has no pattern is scatter: noise declared too small by a factor of two."""
-BETTER = 0.5
-"""Share of what a law leaves on held-out folds that a curve in its place takes, from which the law does not stand: of
-causes on no list curves took 51 % and more, of other laws of what is listed 41 % at most (98 generated rigs)."""
 
 
 class ResidualAssessment(NamedTuple):
@@ -35,10 +28,6 @@ class ResidualAssessment(NamedTuple):
     "how it acts, in words, where that can be described"
     described: bool = False
     "whether it can be described, and drafted as an effect that holds up when it is tried"
-    patterned: bool = False
-    "whether a draft describes what the law that was found leaves"
-    outperformed: bool = False
-    "whether a draft in place of what was found predicts so much better that no law of the list is like it"
 
 
 def assess_residual(search_result: Search) -> ResidualAssessment:
@@ -46,37 +35,6 @@ def assess_residual(search_result: Search) -> ResidualAssessment:
     return ResidualAssessment(
         not (holds(search_result) if search_result.best_refits else is_adequate(search_result.base))
     )
-
-
-def described(
-    search_result: Search, can_draft: bool, drafts: Callable[[Fit], Draft | None]
-) -> tuple[ResidualAssessment, Draft | None]:
-    """Return what a search leaves, and what the base leaves as a draft that was tried, if an effect may be unlisted.
-
-    What a found law leaves is more than its form's if a draft describes it; without a pattern it is scatter. Where a
-    draft on the base model, in place of what was found, predicts much better, something else acts.
-    """
-    assessment = assess_residual(search_result)
-    if not can_draft or not (assessment.unlisted or search_result.best_refits):
-        return assessment, None
-    draft_on_law = drafts(search_result.last) if search_result.best_refits else None
-    patterned = draft_on_law is not None and draft_on_law.accepted
-    if search_result.best_refits and not patterned and search_result.last.misfit < SCATTER:
-        assessment = ResidualAssessment(False)
-    draft = drafts(search_result.base) if assessment.unlisted or draft_on_law is not None else None
-    if search_result.best_refits and draft is not None and is_outperformed(search_result, draft):
-        return ResidualAssessment(True, described=True, patterned=patterned, outperformed=True), draft
-    if not assessment.unlisted:
-        return assessment._replace(patterned=patterned), None
-    return assessment._replace(described=draft is not None and draft.accepted, patterned=patterned), draft
-
-
-def is_outperformed(search_result: Search, draft: Draft) -> bool:
-    """Return whether a draft on the base takes, beyond chance, half of what the law leaves on folds left out."""
-    if draft.refit is None or not draft.accepted:
-        return False
-    fall, excess = _fall_and_room(search_result.base.task.noise, search_result.last, draft.refit.fit)
-    return fall > max(BETTER * excess, draft.refit.threshold)
 
 
 def holds(search_result: Search) -> bool:

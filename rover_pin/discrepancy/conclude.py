@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from functools import cache
 from typing import Any
 
 import numpy as np
@@ -13,10 +12,13 @@ from rover_pin.base.errors import OptimisationError
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.assessment import held_out_share
 from rover_pin.discrepancy.candidate import is_effect
-from rover_pin.discrepancy.decide_answer import Question, drafted, with_draft
+from rover_pin.discrepancy.cross_validation import fall_of, losses_of
+from rover_pin.discrepancy.decide_answer import Question, with_draft
+from rover_pin.discrepancy.draft import Draft
 from rover_pin.discrepancy.held_out import fold_errors, held_out, lost_folds
 from rover_pin.discrepancy.reading import Reading, read, sentence
-from rover_pin.discrepancy.refit import Progress
+from rover_pin.discrepancy.refit import Progress, Refit
+from rover_pin.discrepancy.screen import candidate_threshold
 from rover_pin.discrepancy.verdict import Side, Verdict
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.gauss_newton import at
@@ -50,7 +52,27 @@ def concluded_by_evidence(question: Question, progress: Progress, seed: int = 0)
     progress("calibrating the base model")
     explorer = explorer_of(question, progress)
     beliefs = explorer.explore()
-    return verdict_of(question, beliefs, progress, seed)
+    verdict = verdict_of(question, beliefs, progress, seed)
+    is_open = verdict.answer in (Answer.NONE_FITS, Answer.LIKE)
+    return with_draft(
+        verdict, _drafted(question, explorer, verdict.after.fit) if is_open and verdict.after else None, seed
+    )
+
+
+def _drafted(question: Question, explorer: Explorer, fitted: Fit) -> Draft | None:
+    """Return what the kept model leaves as a draft, tried beside its causes; None where nothing describes it."""
+    drafted = question.draft(fitted)
+    if drafted is None:
+        return None
+    (candidate,) = drafted.candidates
+    kept = explorer.beliefs().best(read(explorer.beliefs()).kept).causes
+    if not explorer.fit((*kept, candidate.cause)):
+        return Draft(drafted.text)
+    after = fit_of(explorer.beliefs().best((*(cause.name for cause in kept), candidate.name)))
+    same_noise = replace(after, task=fitted.task)
+    gain, held_out_gain = fitted.chi2 - same_noise.chi2, fall_of(losses_of(fitted), losses_of(same_noise))
+    refit = Refit(candidate, same_noise, gain, candidate_threshold(candidate, 1, inflation=1.0), held_out_gain, 1.0)
+    return Draft(drafted.text, refit)
 
 
 def explorer_of(question: Question, progress: Progress) -> Explorer:
@@ -98,7 +120,7 @@ def verdict_of(question: Question, beliefs: Beliefs, progress: Progress, seed: i
     own = [cause.owner for cause in best.causes if cause.owner]
     names = tuple(" + ".join(one) or "nothing" for one in reading.sets)
     folds = question.experiment.folds
-    verdict = Verdict(
+    return Verdict(
         question.kind,
         reading.answer,
         question.name,
@@ -119,9 +141,6 @@ def verdict_of(question: Question, beliefs: Beliefs, progress: Progress, seed: i
         errors_anew=dict(zip(question.experiment.channels, errors_without(beliefs), strict=True)),
         others=_others(beliefs, reading) if reading.answer is Answer.SET else {},
     )
-    drafts = cache(lambda fitted: drafted(question, fitted, progress))
-    is_open = reading.answer in (Answer.NONE_FITS, Answer.LIKE)
-    return with_draft(verdict, drafts(after.fit) if is_open else None, seed)
 
 
 def fit_of(hypothesis: Hypothesis) -> Fit:

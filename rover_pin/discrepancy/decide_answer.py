@@ -5,15 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
 from typing import Any
 
 from rover_pin.discrepancy.answer import TAKEN_TOGETHER, TAKES_MOST, Answer
-from rover_pin.discrepancy.assessment import ResidualAssessment, described, held_out_share
+from rover_pin.discrepancy.assessment import ResidualAssessment, assess_residual, held_out_share
 from rover_pin.discrepancy.calibration import again, calibrated
 from rover_pin.discrepancy.candidate import Candidate, is_effect
 from rover_pin.discrepancy.cross_validation import without_each
-from rover_pin.discrepancy.draft import Draft, Drafted, scored, tried
+from rover_pin.discrepancy.draft import Draft, Drafted, scored
 from rover_pin.discrepancy.held_out import ChannelScore, errors_anew, errors_of_others, held_out, lost_folds
 from rover_pin.discrepancy.refit import Progress
 from rover_pin.discrepancy.search import Search, search
@@ -21,12 +20,10 @@ from rover_pin.discrepancy.sentence import sentence
 from rover_pin.discrepancy.verdict import Side, Verdict
 from rover_pin.estimation.experiment import Experiment
 from rover_pin.estimation.fit import Fit, fit
-from rover_pin.estimation.numbers import AT_BOUND, implausible, intervals, settled
+from rover_pin.estimation.numbers import AT_BOUND, implausible, intervals
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.estimation.wording import Outcome
 
-LEADERS = 4
-"""Leading candidates of every round among which a fold chooses again, where a fit is exact."""
 FEWEST = 3
 """Folds from which those that choose otherwise speak against a name: of two each has half of the data."""
 LEVELS_EACH = 3
@@ -46,7 +43,7 @@ class Question:
     numbers: tuple[Parameter, ...]
     candidates: Callable[[Fit], Sequence[Candidate]]
     "what may be missing of the calibrated model"
-    draft: Callable[[Fit], Drafted | None] | None = None
+    draft: Callable[[Fit], Drafted | None] = lambda fitted: None
     "what a fit leaves as a drafted effect, where that can be described"
 
 
@@ -63,21 +60,17 @@ def concluded(question: Question, progress: Progress, seed: int = 0) -> Verdict:
     candidates = question.candidates(base)
     search_result = search(base, candidates, progress)
     progress("choosing again without each fold")
-    anew = chosen_anew(search_result.base, _leading(search_result, candidates))
-    drafts = cache(lambda fitted: drafted(question, fitted, progress))
-    assessment, draft = described(search_result, question.draft is not None, drafts)
+    anew = chosen_anew(search_result.base, candidates)
     progress("intervals, and errors on what was left out")
     verdict = make_verdict(
         (question.kind, question.name),
         search_result,
         {name: fold_search.names for name, fold_search in anew.items()},
-        assessment,
+        assess_residual(search_result),
         seed,
     )
-    if verdict.answer is Answer.LIKE and assessment.unlisted and verdict.search is not None:
-        draft = drafts(verdict.search.last)
     others = errors_of_others(search_result) if verdict.answer is Answer.SET else {}
-    return with_draft(replace(verdict, errors_anew=errors_anew(search_result.base, anew), others=others), draft, seed)
+    return replace(verdict, errors_anew=errors_anew(search_result.base, anew), others=others)
 
 
 def with_draft(verdict: Verdict, draft: Draft | None, seed: int) -> Verdict:
@@ -85,45 +78,6 @@ def with_draft(verdict: Verdict, draft: Draft | None, seed: int) -> Verdict:
     if draft is None or verdict.after is None or verdict.answer not in (Answer.NONE_FITS, Answer.LIKE):
         return verdict
     return replace(verdict, draft=scored(draft, verdict.after.fit, seed))
-
-
-def drafted(question: Question, fitted: Fit, progress: Progress) -> Draft | None:
-    """Return the draft of what a fit leaves as it was tried; None where nothing describes that."""
-    drafted_effect = question.draft(fitted) if question.draft is not None else None
-    return None if drafted_effect is None else tried(drafted_effect, fitted, progress)
-
-
-def _leading(search_result: Search, tried: Sequence[Candidate]) -> Sequence[Candidate]:
-    """Return the candidates among which a fold chooses.
-
-    Where a fit is exact those that lead on all data, as freed, and as large as they were fitted there.
-    """
-    if not search_result.base.task.experiment.is_exact:
-        return tried
-    refits = [
-        refit
-        for search_round in search_result.rounds
-        for refit in search_round.refits[:LEADERS]
-        if refit.net > -refit.threshold / 2
-    ]
-    leaders = {
-        candidate.name: as_fitted(candidate, refit.fit)
-        for refit in refits
-        for candidate in (*refit.instead, refit.candidate)
-    }
-    return list(leaders.values())
-
-
-def as_fitted(candidate: Candidate, fitted: Fit) -> Candidate:
-    """Return a candidate that starts at what it was fitted to, its doubted shapes at what is assumed of them."""
-    if candidate.effect is None:
-        return candidate
-    record = fitted.task.experiment.records(fitted.model)[candidate.owner]
-    assumed = {
-        name: getattr(candidate.effect, name)
-        for name in (full_name.rpartition(".")[2] for full_name in candidate.diffuse_shapes)
-    }
-    return replace(candidate, effect=record.replace(**assumed))
 
 
 def chosen_anew(base: Fit, tried: Sequence[Candidate]) -> dict[str, Search]:
@@ -177,9 +131,9 @@ def keep_supported_effects(search_result: Search) -> Search:
 
 
 def side_of(fitted: Fit) -> Side:
-    """Return a model with its numbers and their intervals, in the noise widened to what the model leaves."""
-    wide, numbers = intervals(settled(fitted))
-    return Side(wide.model, numbers, replace(wide, task=fitted.task).misfit, wide)
+    """Return a model with its numbers and their intervals."""
+    best, numbers = intervals(fitted)
+    return Side(best.model, numbers, best.misfit, best)
 
 
 def make_verdict(
@@ -193,7 +147,7 @@ def make_verdict(
     added = search_result.added if last is not search_result.base else ()
     errors = held_out(before.fit, after.fit, search_result.base.task.noise, seed)
     share = held_out_share(search_result.base, last) if added else 0.0
-    against = tuple(vetoes(search_result, chosen, errors.channels, assessment.patterned)) if added else ()
+    against = tuple(vetoes(search_result, chosen, errors.channels)) if added else ()
     if answer is Answer.NAMED and against:
         answer = Answer.LIKE
     records = after.fit.task.experiment.records(after.model)
@@ -227,7 +181,7 @@ def first_of(search_result: Search) -> Search:
     )
 
 
-def vetoes(search_result: Search, chosen: dict[str, str], scores: Sequence[ChannelScore], patterned: bool) -> list[str]:
+def vetoes(search_result: Search, chosen: dict[str, str], scores: Sequence[ChannelScore]) -> list[str]:
     """Return what keeps a lone name from standing, one sentence each."""
     last = search_result.last
     sentences = []
@@ -243,7 +197,7 @@ def vetoes(search_result: Search, chosen: dict[str, str], scores: Sequence[Chann
     sentences += [f"{score.name} is predicted worse where it was not fitted" for score in worse]
     lost = [score for score in scores if math.isnan(score.after)]
     sentences += [f"{score.name} is not predicted where it was not fitted" for score in lost]
-    return [*sentences, "a smooth curve describes what it leaves, beyond chance"] if patterned else sentences
+    return sentences
 
 
 def graded(search_result: Search, assessment: ResidualAssessment, chosen: dict[str, str]) -> tuple[Answer, Search]:
@@ -251,8 +205,6 @@ def graded(search_result: Search, assessment: ResidualAssessment, chosen: dict[s
 
     What is missing is like all that was found where that holds together, else like the first.
     """
-    if assessment.outperformed:
-        return Answer.NONE_FITS, search_result
     if not search_result.best_refits or not assessment.unlisted:
         return answer_of(search_result, assessment, False), search_result
     if hold_together(search_result, chosen):

@@ -11,7 +11,6 @@ from rover_pin.discrepancy.held_out import ChannelScore, held_out
 from rover_pin.discrepancy.refit import Progress, Refit
 from rover_pin.discrepancy.search import attempted
 from rover_pin.estimation.fit import Fit
-from rover_pin.estimation.numbers import settled
 
 
 class Drafted(NamedTuple):
@@ -79,4 +78,4 @@ def scored(draft: Draft, before: Fit, seed: int) -> Draft:
     """Return a draft with its errors on folds left out beside those of a fit without."""
     if draft.refit is None:
         return draft
-    return replace(draft, scores=held_out(before, settled(draft.refit.fit), draft.refit.fit.task.noise, seed).channels)
+    return replace(draft, scores=held_out(before, draft.refit.fit, draft.refit.fit.task.noise, seed).channels)

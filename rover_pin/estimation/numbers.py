@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -106,15 +105,6 @@ def implausible(fitted: Fit) -> tuple[str, ...]:
         for parameter, u in rows
         if parameter.prior and parameter.declared and abs(u) > AWAY
     )
-
-
-def settled(fitted: Fit) -> Fit:
-    """Return an exact fit with the noise widened to what it leaves, where that is more: no model is perfect."""
-    noise = fitted.task.noise
-    if not fitted.task.experiment.is_exact or is_adequate(fitted):
-        return fitted
-    task = replace(fitted.task, noise=replace(noise, sd=noise.sd * math.sqrt(fitted.misfit)))
-    return fit(task, fitted.model, fitted.parameters, fitted.u)
 
 
 def numbers(fitted: Fit) -> tuple[Number, ...]:

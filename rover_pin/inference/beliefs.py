@@ -16,8 +16,8 @@ from rover_pin.inference.error_model import Discrepancy
 from rover_pin.inference.hypothesis import ALLOWED, Hypothesis
 from rover_pin.inference.left_out import LeftOut, left_out
 
-COUNTS = 0.5, 0.3, 0.15, 0.05
-"""Prior probability of no, one, two, three missing causes, shared evenly by all sets of as many."""
+COUNTS = 0.5, 0.3, 0.14, 0.05, 0.01
+"""Prior probability of no to four missing causes, shared evenly by all sets of as many."""
 LEAST = 1e-3
 """Least probability that is written down."""
 
@@ -29,6 +29,8 @@ class Beliefs:
 
     hypotheses: tuple[Hypothesis, ...] = field(repr=False)
     choice: int
+    untried: tuple[str, ...] = ()
+    "causes with which nothing could be fitted"
 
     @cached_property
     def scores(self) -> np.ndarray:

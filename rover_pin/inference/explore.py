@@ -38,7 +38,8 @@ class Explorer:
 
     def beliefs(self) -> Beliefs:
         """Return what the data make of all that was fitted."""
-        return Beliefs(tuple(itertools.chain(*self.fitted.values())), len(self.causes))
+        untried = tuple(cause.name for cause in self.causes if names_of((cause,)) not in self.fitted)
+        return Beliefs(tuple(itertools.chain(*self.fitted.values())), len(self.causes), untried)
 
     def explore(self) -> Beliefs:
         """Return what the data make of the causes, after the hypotheses that are worth it were fitted."""
@@ -164,6 +165,10 @@ class Explorer:
             sizes = [_sizes(causes[0], share) for share in SHARES]
             return [*(np.concatenate([base, size]) for size in sizes), np.concatenate([declared, sizes[0]])]
         count = len(self.fitter.numbers)
+        for cause in causes:
+            self.fit((cause,))
+        if any(names_of((cause,)) not in self.flat for cause in causes):
+            return [np.concatenate([base, *(_sizes(cause, SHARES[0]) for cause in causes)])]
         parts = [self.flat[names_of((cause,))][0] for cause in causes]
         starts = [
             np.concatenate([lead[:count], *(part[count:] * (1.0 if part is lead else 0.3) for part in parts)])

@@ -58,7 +58,7 @@ def _as_sentences(verdict: Verdict, lines: Iterator[str] | tuple[str, ...]) -> l
 
 
 def _added(verdict: Verdict, labels: Labels) -> Iterator[str]:
-    if not verdict.named or verdict.before is None or verdict.after is None or verdict.search is None:
+    if not verdict.named or verdict.before is None or verdict.after is None:
         return
     better, worse = (by_outcome(verdict.scores, outcome) for outcome in (Outcome.BETTER, Outcome.WORSE))
     if better:
@@ -71,11 +71,14 @@ def _added(verdict: Verdict, labels: Labels) -> Iterator[str]:
     if verdict.share > 0:
         yield f"it takes {verdict.share:.0%} of what the base model misses beyond the noise {labels.unseen}"
     yield from _chosen(verdict, labels, True)
-    for search_round in verdict.search.rounds:
+    if verdict.beliefs is not None:
+        chances = [f"{name} {chance:.2f}" for name, chance in verdict.beliefs.included.items() if name in verdict.named]
+        yield f"probability by the evidence, {verdict.tried} causes and their pairs weighed: {listing(chances)}"
+    for search_round in verdict.search.rounds if verdict.search is not None else ():
         if search_round.indistinguishable:
             best = search_round.indistinguishable[0]
             yield (
-                f"{best.name} gains {best.gain:.0f} in chi2; the luckiest of {verdict.search.count} "
+                f"{best.name} gains {best.gain:.0f} in chi2; the luckiest of {verdict.tried} "
                 f"candidates gains {two_digits(best.threshold)} by chance"
             )
     before, after = two_digits(verdict.before.misfit), two_digits(verdict.after.misfit)
@@ -83,11 +86,11 @@ def _added(verdict: Verdict, labels: Labels) -> Iterator[str]:
 
 
 def _nothing_added(verdict: Verdict, labels: Labels) -> Iterator[str]:
-    if verdict.named or verdict.before is None or verdict.search is None:
+    if verdict.named or verdict.before is None:
         return
     yield f"chi2 for each number measured is {two_digits(verdict.before.misfit)}, where 1 is the noise"
-    yield f"{verdict.search.count} candidates were tried, each with all uncertain numbers free"
-    if verdict.answer is not Answer.NONE_NEEDED and verdict.search.indistinguishable:
+    yield f"{verdict.tried} candidates were tried, each with all uncertain numbers free"
+    if verdict.answer is not Answer.NONE_NEEDED and verdict.search is not None and verdict.search.indistinguishable:
         yield f"the nearest, {verdict.search.indistinguishable[0]}, does not take what is left"
 
 
@@ -122,8 +125,7 @@ def _doubts(verdict: Verdict, labels: Labels) -> Iterator[str]:
     yield from (caution for caution in verdict.cautions if caution.partition(":")[0] not in verdict.vetoes)
     for finding in verdict.findings:
         yield f"the data check says: {finding}"
-    tried = verdict.search.count if verdict.search else 0
     if verdict.named:
-        yield f"only the {tried} candidates of the list were tried: something outside of it may do the same"
+        yield f"only the {verdict.tried} candidates of the list were tried: something outside of it may do the same"
     elif verdict.answer is Answer.NONE_NEEDED:
         yield "an effect too small to show in these data may act; 'what could not be told' has the sizes that would"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 from rover_pin.discrepancy.verdict import Verdict
@@ -58,17 +57,9 @@ def of_residuals(residuals: Sequence[RigChannelResidual], tests: Sequence[Residu
 
 
 def of_choice(verdict: Verdict) -> list[str]:
-    """Return the cautions of the choice: what no held-out level confirms, folds that choose otherwise, few levels."""
-    first = verdict.search.rounds[0].refits if verdict.search and not verdict.named else ()
-    worse = "predicts held-out levels no better: it may show in one level only"
-    lost = "is not compared: with it no sinkage carries a level left out that is carried without"
-    sentences = [
-        f"{refit.name} gains more than chance but {lost if refit.loses else worse}"
-        for refit in first
-        if refit.net > 0 and not refit.accepted
-    ]
-    scored = verdict.search.rounds[0].scored if verdict.search else ()
-    untried = [row.candidate.name for row in scored if math.isnan(row.gain)]
+    """Return the cautions of the choice: what could not be fitted, folds that choose otherwise, few levels."""
+    sentences = []
+    untried = verdict.beliefs.untried if verdict.beliefs is not None else ()
     sentences += [f"{name} was not tried: with it, however small, no sinkage carries a run" for name in untried]
     chosen, levels = list(verdict.chosen.values()), len(verdict.chosen)
     times = sum(set(name.split(" + ")) == set(verdict.named or [""]) for name in chosen)

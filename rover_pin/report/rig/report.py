@@ -23,8 +23,7 @@ from rover_pin.report.sections.closing import DataCheck, Repeat, Warnings
 from rover_pin.report.sections.held_out import HeldOut
 from rover_pin.report.sections.numbers import Numbers
 from rover_pin.report.sections.physics import Physics
-from rover_pin.report.sections.sensitivity import Untold
-from rover_pin.report.sections.which_effect import WhichEffect
+from rover_pin.report.sections.which_cause import WhichCause
 from rover_pin.report.words import Labels, kinds_of, listing
 
 UNSEEN = Labels("on slips it never saw", "levels of slip")
@@ -45,10 +44,9 @@ def write_report(verdict: Verdict, data: RigSet, out: Path) -> list[Path]:
         HeldOut(verdict, labels),
         WhereItLives(verdict, data),
         Physics(verdict, labels),
-        WhichEffect(verdict, labels),
+        WhichCause(verdict, labels),
         Numbers(verdict),
         Elsewhere(verdict),
-        Untold(verdict),
         Warnings(verdict, labels),
         DataCheck(verdict, data.source),
         Repeat(verdict),

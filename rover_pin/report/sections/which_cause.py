@@ -1,0 +1,109 @@
+"""How probable each cause is, what size it would have, and which sets the data leave."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from rover_pin.discrepancy.verdict import Verdict
+from rover_pin.effects.names import display_name
+from rover_pin.estimation.profile import NORMAL_95
+from rover_pin.estimation.wording import format_value, interval
+from rover_pin.inference.beliefs import Beliefs
+from rover_pin.report.section import CHOSEN, Picture, Row, Section, Table
+from rover_pin.report.svg import AFTER, GREY
+from rover_pin.report.words import Labels, as_text, full, kinds_of, listing
+
+MAX_CAUSES, MAX_SETS = 20, 8
+"""Causes and sets that are listed."""
+
+
+@dataclass(frozen=True, eq=False)
+class WhichCause(Section):
+    """The probabilities of causes and of sets."""
+
+    verdict: Verdict
+    labels: Labels
+    title: ClassVar[str] = "Which cause"
+    template: ClassVar[str] = "sections/which_cause.html"
+
+    def content(self) -> Mapping[str, Any] | None:
+        """Return the tables; None where nothing was weighed."""
+        beliefs = self.verdict.beliefs
+        if beliefs is None:
+            return None
+        return {
+            "count": beliefs.choice,
+            "causes": self._causes(beliefs),
+            "sets": self._sets(beliefs),
+            "anew": self._anew(),
+        }
+
+    def pictures(self) -> Mapping[str, Picture]:
+        """Return the probabilities of the leading causes."""
+        assert self.verdict.beliefs is not None
+        kinds = kinds_of(self.verdict)
+        chances = list(self.verdict.beliefs.included.items())[:MAX_CAUSES]
+        figure = Figure(figsize=(6.2, 0.26 * len(chances) + 1.0), layout="constrained")
+        axis = figure.subplots()
+        colours = [AFTER if name in self.verdict.named else GREY for name, _ in chances]
+        axis.barh(range(len(chances)), [chance for _, chance in chances], color=colours, height=0.7)
+        names = [as_text(display_name(name, kinds)) for name, _ in chances]
+        axis.set_yticks(range(len(chances)), names, fontsize=8.5)
+        axis.invert_yaxis()
+        axis.set_xlim(0.0, 1.0)
+        axis.set_xlabel("probability that it acts")
+        axis.grid(alpha=0.25, axis="x")
+        leading = [f"{full(name, kinds)} {chance:.2f}" for name, chance in chances[:3]]
+        return {"causes": Picture((figure,), f"Probability that a cause acts: {listing(leading)}.")}
+
+    def _causes(self, beliefs: Beliefs) -> Table:
+        kinds = kinds_of(self.verdict)
+        rows = [
+            Row((full(name, kinds), f"{chance:.3f}", _size(beliefs, name)), CHOSEN * (name in self.verdict.named))
+            for name, chance in list(beliefs.included.items())[:MAX_CAUSES]
+        ]
+        return Table(("cause", "probability", "its size, if it acts"), tuple(rows), "Causes")
+
+    def _sets(self, beliefs: Beliefs) -> Table:
+        kinds = kinds_of(self.verdict)
+        rows = [
+            Row(
+                (
+                    listing(full(name, kinds) for name in sorted(names)) or "nothing",
+                    f"{chance:.3f}",
+                    f"{beliefs.left(names):.2f}",
+                ),
+                CHOSEN * (names == frozenset(self.verdict.named)),
+            )
+            for names, chance in list(beliefs.sets.items())[:MAX_SETS]
+        ]
+        return Table(("all that is missing", "probability", "leaves more than noise"), tuple(rows), "Sets")
+
+    def _anew(self) -> str:
+        units = {score.name: score.unit for score in self.verdict.scores}
+        errors = [f"{name} {format_value(error, units[name])}" for name, error in self.verdict.errors_anew.items()]
+        anew = f"All hypotheses together miss {self.labels.folds} left out by {listing(errors)}."
+        return f"{self.verdict.chosen_again}. {anew}"
+
+
+def _size(beliefs: Beliefs, name: str) -> str:
+    """Return the sizes of a cause with their 95 % intervals, by all hypotheses that have it."""
+    holding = [hypothesis for hypothesis in beliefs.hypotheses if name in hypothesis.names]
+    alone = min(holding, key=lambda hypothesis: len(hypothesis.names))
+    cause = next(cause for cause in alone.causes if cause.name == name)
+    texts = []
+    for parameter in cause.parameters:
+        if parameter.name in cause.sizes:
+            mean, sd = beliefs.moments(alone, parameter.name)
+            ends = np.clip([mean - NORMAL_95 * sd, mean, mean + NORMAL_95 * sd], *parameter.bounds)
+            low, middle, high = (parameter.value(float(u)) for u in ends)
+            unit = alone.experiment.quantity(alone.model, parameter.name).unit
+            texts.append(
+                f"{parameter.name.rpartition('.')[2]} = {interval(middle, min(low, high), max(low, high), unit)}"
+            )
+    return "; ".join(texts)
