@@ -53,10 +53,9 @@ def concluded_by_evidence(question: Question, progress: Progress, seed: int = 0)
     explorer = explorer_of(question, progress)
     beliefs = explorer.explore()
     verdict = verdict_of(question, beliefs, progress, seed)
-    is_open = verdict.answer in (Answer.NONE_FITS, Answer.LIKE)
-    return with_draft(
-        verdict, _drafted(question, explorer, verdict.after.fit) if is_open and verdict.after else None, seed
-    )
+    if verdict.after is None or verdict.answer not in (Answer.NONE_FITS, Answer.LIKE):
+        return verdict
+    return with_draft(verdict, _drafted(question, explorer, verdict.after.fit), seed)
 
 
 def _drafted(question: Question, explorer: Explorer, fitted: Fit) -> Draft | None:
