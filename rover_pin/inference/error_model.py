@@ -90,6 +90,11 @@ class ErrorModel:
         """Prior SD of the logarithm of each scale."""
         return np.array([PRIORS[letter].sd for letter, _ in self.scales])
 
+    def scales_like(self, other: ErrorModel, eta: np.ndarray) -> np.ndarray:
+        """Return the scales of another error model where both have them, else their medians, as logarithms."""
+        known = dict(zip(other.scales, eta, strict=True))
+        return np.array([known.get(scale, median) for scale, median in zip(self.scales, self.median, strict=True)])
+
     def covariance(self, eta: np.ndarray, at: int) -> np.ndarray:
         """Return the covariance (m, m) of one channel."""
         return self.with_slopes(eta, at)[0]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -48,6 +49,8 @@ class Explorer:
         self.causes = [cause for cause in self.causes if self.is_shown(cause)]
         self.progress("fitting each cause alone")
         singles = [cause for cause in self.causes if self.fit((cause,))]
+        for cause in singles:
+            self._fit_discrepancy(self.fitted[names_of((cause,))][0])
         by_evidence = sorted(singles, key=lambda cause: -self.score((cause,)))
         by_squares = sorted(singles, key=lambda cause: self.flat[names_of((cause,))][1])
         leaders = list(dict.fromkeys([*by_evidence[:LEADING], *by_squares[:LEADING_FLAT]]))
@@ -139,16 +142,26 @@ class Explorer:
         return names in self.fitted
 
     def _fit_all(self, causes: Sequence[Cause], starts: Sequence[np.ndarray]) -> None:
+        """Fit a set that leaves nothing; of no cause or several also what leaves more, where that is near the best."""
         names = names_of(causes)
         try:
             self.flat[names] = self.fitter.flat(causes, starts)
-            u = self.flat[names][0]
-            self.fitted[names] = (self.fitter.hypothesis(causes, u, Discrepancy.NONE),)
-            if len(causes) < 2 or self._is_near(causes):
-                left = [Discrepancy.SMOOTH, *([Discrepancy.FORM] if causes else [])]
-                self.fitted[names] += tuple(self.fitter.hypothesis(causes, u, kind) for kind in left)
+            near = self.fitted[frozenset()][0] if causes else None
+            plain = self.fitter.hypothesis(causes, self.flat[names][0], Discrepancy.NONE, near)
         except (OptimisationError, np.linalg.LinAlgError):
             return
+        self.fitted[names] = (plain,)
+        if len(causes) != 1:
+            self._fit_discrepancy(plain)
+
+    def _fit_discrepancy(self, plain: Hypothesis) -> None:
+        """Fit a set with what it may leave besides noise, unless it is far behind."""
+        if plain.causes and not self._is_near(plain.causes):
+            return
+        left = [Discrepancy.SMOOTH, *([Discrepancy.FORM] if plain.causes else [])]
+        with suppress(OptimisationError, np.linalg.LinAlgError):
+            more = tuple(self.fitter.hypothesis(plain.causes, plain.u, kind, plain) for kind in left)
+            self.fitted[names_of(plain.causes)] = (plain, *more)
 
     def _is_near(self, causes: Sequence[Cause]) -> bool:
         """Return whether a set, leaving nothing, is within reach of the best of these, or of least squares."""
@@ -174,7 +187,7 @@ class Explorer:
             np.concatenate([lead[:count], *(part[count:] * (1.0 if part is lead else 0.3) for part in parts)])
             for lead in parts
         ]
-        return [*starts, np.concatenate([np.mean([part[:count] for part in parts], 0), *(p[count:] for p in parts)])]
+        return starts[:2] if len(causes) == 2 else starts
 
 
 def _sizes(cause: Cause, share: float) -> np.ndarray:

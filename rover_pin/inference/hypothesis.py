@@ -141,13 +141,16 @@ class Fitter:
             model = cause.on(model)
         return model, (*self.numbers, *(parameter for cause in causes for parameter in cause.parameters))
 
-    def hypothesis(self, causes: Sequence[Cause], u: np.ndarray, discrepancy: Discrepancy) -> Hypothesis:
-        """Return a hypothesis at its most probable numbers near u, and its evidence."""
+    def hypothesis(
+        self, causes: Sequence[Cause], u: np.ndarray, discrepancy: Discrepancy, near: Hypothesis | None = None
+    ) -> Hypothesis:
+        """Return a hypothesis at its most probable numbers near u, its scales sought from those of one that is near."""
         model, parameters = self.having(causes)
         predicted, slopes = self.predicted(model, parameters, u)
         added = self._added(causes, u, predicted) if discrepancy is Discrepancy.FORM else ()
         errors = ErrorModel(self.samples, discrepancy, added, self.inflation)
-        scales = learnt_scales(errors, linear_at(self.samples, predicted, slopes, u), errors.median)
+        start = errors.median if near is None else errors.scales_like(near.errors, near.posterior.scales)
+        scales = learnt_scales(errors, linear_at(self.samples, predicted, slopes, u), start)
         whitening = [
             np.linalg.inv(np.linalg.cholesky(errors.covariance(scales, channel)))
             for channel in range(len(self.samples.blocks))
