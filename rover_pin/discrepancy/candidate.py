@@ -97,7 +97,8 @@ class Candidate:
         shapes = (
             self.diffuse_shape(name) if self._about(name).log_sd > 0.0 else self.shape(name) for name in self.shapes
         )
-        return Cause(self.name, self.on, (*sizes, *shapes), frozenset(self.amplitudes), self.owner)
+        family = getattr(self.effect, "family", "")
+        return Cause(self.name, self.on, (*sizes, *shapes), frozenset(self.amplitudes), family, self.owner)
 
     def size(self, name: str) -> Parameter:
         """Return the parameter of a size: u = 0 neutral, u = 1 the effect's own; a logarithm where neutral is far off.

@@ -75,9 +75,15 @@ def sentence(reading: Reading, beliefs: Beliefs, share: float, base: Fit) -> str
         Answer.NAMED: f"{kept} is missing with probability {chance:.2f}; it {takes}.",
         Answer.LIKE: f"something like {kept} is missing (probability {chance:.2f}): it {takes}, but with probability "
         f"{left:.2f} its law leaves more than noise.",
-        Answer.SET: f"the data leave {listed}; the first {takes}.",
+        Answer.SET: f"{_families(beliefs)}the data leave {listed}; the first {takes}.",
         Answer.NONE_NEEDED: f"nothing is missing with probability {none:.2f}; the base model leaves noise.",
         Answer.NONE_FITS: f"no cause of the list is missing with probability {none:.2f}, but the base model leaves "
         f"more than noise (reduced chi-square {base.misfit:.3g}): something acts that is not on the list.",
-        Answer.CANNOT_TELL: f"the data cannot tell: {listed}.",
+        Answer.CANNOT_TELL: f"the data cannot tell: {_families(beliefs)}{listed}.",
     }[reading.answer]
+
+
+def _families(beliefs: Beliefs) -> str:
+    """Return the families of which one cause is more likely than not to act, in words."""
+    sure = [f"{name} ({chance:.2f})" for name, chance in beliefs.families.items() if chance > MOST]
+    return f"missing is {' and '.join(sure)}: " if sure else ""

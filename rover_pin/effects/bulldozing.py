@@ -25,6 +25,7 @@ class Bulldozing(Effect):
     """
 
     title: ClassVar[str] = "bulldozing"
+    family: ClassVar[str] = "resistance"
     meaning: ClassVar[str] = "a sunk wheel pushes soil ahead of its rim"
     share: Scalar = quantity(0.5, "", "assumed: between rolling over and pushing", 0.0, 3.0, "B")
     gamma: Scalar = quantity(15700.0, "N/m^3", "assumed: loose dry sand, 1600 kg/m^3, on Earth", 0.0, 1e5, "gamma")

@@ -28,6 +28,7 @@ class CombinedShear(Effect):
     """
 
     title: ClassVar[str] = "combined shear"
+    family: ClassVar[str] = "grip"
     meaning: ClassVar[str] = "thrust and side force share one shear strength of the soil"
     share: Scalar = quantity(1.0, "", "1: this law, 0: that of the effects before it", 0.0, 1.0, "w")
     form: NetTraction | TorqueTraction | GrossTraction = field(default_factory=TorqueTraction)

@@ -30,6 +30,7 @@ class DiggingMemory(Effect):
     """
 
     title: ClassVar[str] = "digging"
+    family: ClassVar[str] = "sinkage with slip"
     meaning: ClassVar[str] = "a slipping wheel digs a hole and has to climb out of it"
     c_d: Scalar = quantity(0.05, "", "assumed: a twentieth of what the rim throws deepens the hole", 0.0, 1.0, "c_d")
     length: Scalar = quantity(0.04, "m", "assumed: a contact length of travel leaves the hole", 0.02, 1.0, "L")

@@ -34,6 +34,8 @@ class Effect(Record):
 
     title: ClassVar[str] = ""
     "a reader's name of it"
+    family: ClassVar[str] = ""
+    "what effects like it do, where data may tell that sooner than which of them acts"
     meaning: ClassVar[str] = ""
     "what it means, a clause without a full stop that can follow 'because'"
     before_slip: ClassVar[bool] = False

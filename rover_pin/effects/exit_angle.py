@@ -24,6 +24,7 @@ class ExitAngle(Effect):
     """
 
     title: ClassVar[str] = "growing exit angle"
+    family: ClassVar[str] = "grip"
     meaning: ClassVar[str] = "the slipping rim carries soil round and stays in contact further behind the axle"
     e_1: Scalar = quantity(0.3, "", "assumed: the exit angle triples from S = 0 to 1", -1.0, 1.0, "e_1")
     neutral: ClassVar[dict[str, float]] = {"e_1": 0.0}

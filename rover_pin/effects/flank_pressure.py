@@ -36,6 +36,7 @@ class FlankPressure(Effect):
     """
 
     title: ClassVar[str] = "flank pressure"
+    family: ClassVar[str] = "side wall"
     meaning: ClassVar[str] = "soil beside the sunk wheel resists when it is pushed sideways"
     share: Scalar = quantity(2.9, "", "one measured wheel (studies/wheel_laws.py); wide plate: 1", 0.0, 8.0, "B")
     k_f: Scalar = quantity(0.024, "m", "one measured wheel (studies/wheel_laws.py)", 1e-4, 0.5, "k_f")

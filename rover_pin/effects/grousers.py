@@ -34,6 +34,7 @@ class Grousers(Effect):
     """
 
     title: ClassVar[str] = "grousers"
+    family: ClassVar[str] = "grip"
     meaning: ClassVar[str] = "lugs shear the soil at a radius greater than the rim's"
     h_s: Scalar = quantity(0.003, "m", "assumed: 1 to 5 mm on a wheel of this size", 0.0, 0.02, "h_s")
     lambda_s: Scalar = quantity(0.5, "", "assumed: half-way between rim and lug tip", 0.0, 1.0, "lambda_s")

@@ -28,6 +28,7 @@ class HardPatch(Effect):
     """
 
     title: ClassVar[str] = "patch of other soil"
+    family: ClassVar[str] = "ground"
     meaning: ClassVar[str] = "a stretch of the ground is firmer, or looser, than the rest"
     g: Scalar = quantity(1.0, "", "assumed: twice as stiff", -0.9, 100.0, "g")
     g_k: Scalar = quantity(1.0, "", "assumed: shear within half the length", -0.9, 100.0, "g_k")

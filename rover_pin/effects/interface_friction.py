@@ -24,6 +24,7 @@ class InterfaceFriction(Effect):
     """
 
     title: ClassVar[str] = "smooth rim"
+    family: ClassVar[str] = "grip"
     meaning: ClassVar[str] = "the rim slides on the sand before the sand itself shears"
     m: Scalar = quantity(0.7, "", "assumed: between smooth and rough metal on dry sand", 0.05, 1.0, "m")
     neutral: ClassVar[dict[str, float]] = {"m": 1.0}

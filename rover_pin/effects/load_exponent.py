@@ -22,6 +22,7 @@ class LoadExponent(Effect):
     """
 
     title: ClassVar[str] = "exponent that changes with depth"
+    family: ClassVar[str] = "load and depth"
     meaning: ClassVar[str] = "the sand stiffens with depth otherwise than by one power law"
     n_h: Scalar = quantity(0.5, "", "assumed: n differs by 0.05 to 0.1 at h / b = 0.1 to 0.2", -1.0, 2.0, "n_h")
     neutral: ClassVar[dict[str, float]] = {"n_h": 0.0}

@@ -31,6 +31,7 @@ class LugExcavation(Effect):
     """
 
     title: ClassVar[str] = "lugs that dig"
+    family: ClassVar[str] = "sinkage with slip"
     meaning: ClassVar[str] = "lugs carry sand back, and the wheel runs in the trench they cut"
     h_l: Scalar = quantity(0.003, "m", "assumed: 1 to 5 mm on a wheel of this size", 0.0, 0.05, "h_l")
     filled: Scalar = quantity(1.0, "", "full pockets; one measured wheel: 0.7 (studies/wheel_laws.py)", 0.0, 2.0, "E")

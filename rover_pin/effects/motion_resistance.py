@@ -30,6 +30,7 @@ class MotionResistance(Effect):
     """
 
     title: ClassVar[str] = "motion resistance"
+    family: ClassVar[str] = "resistance"
     meaning: ClassVar[str] = "the soil takes a share of the load as a resistance to motion"
     R: Scalar = quantity(0.028, "", "assumed: F(S = 0.05) of the torque form with Table 1", 0.0, 1.0, "R")
     v_0: Scalar = quantity(0.005, "m/s", "assumed: a tenth of the paper's 0.05 m/s", 1e-6, 1.0, "v_0")

@@ -22,6 +22,7 @@ class MultiPass(Effect):
     """
 
     title: ClassVar[str] = "multi-pass"
+    family: ClassVar[str] = "ground"
     meaning: ClassVar[str] = "the wheels that follow run in soil that those ahead have pressed"
     stiffening: Scalar = quantity(0.3, "", "assumed: 30 % a pass", 0.0, 5.0, "g")
     shear_stiffening: Scalar = quantity(0.3, "", "assumed: 30 % a pass", 0.0, 5.0, "g_k")

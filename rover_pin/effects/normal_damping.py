@@ -21,6 +21,7 @@ class NormalDamping(Effect):
     """
 
     title: ClassVar[str] = "damping of the soil"
+    family: ClassVar[str] = "rate"
     meaning: ClassVar[str] = "the soil gives back less than was pressed into it"
     d: Scalar = quantity(10.0, "s/m", "assumed: a 12 mm drop settles at once", 0.0, 1e3, "d")
     neutral: ClassVar[dict[str, float]] = {"d": 0.0}

@@ -33,6 +33,7 @@ class PeakStress(Effect):
     """
 
     title: ClassVar[str] = "stress peak ahead of the axle"
+    family: ClassVar[str] = "grip"
     meaning: ClassVar[str] = "the pressure under the wheel peaks further ahead the more it slips"
     share: Scalar = quantity(1.0, "", "1: Wong and Reece's stress, 0: the paper's", 0.0, 1.0, "w")
     a_0: Scalar = quantity(0.40, "", "Ishigami et al. 2007, within Wong and Reece's range", 0.0, 1.0, "a_0")

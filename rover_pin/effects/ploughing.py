@@ -38,6 +38,7 @@ class Ploughing(Effect):
     """
 
     title: ClassVar[str] = "ploughing"
+    family: ClassVar[str] = "resistance"
     meaning: ClassVar[str] = "a braked wheel pushes part of the sand ahead instead of standing on it"
     a_b: Scalar = quantity(1.0, "", "conservation of volume; 0.6 to 1 fitted on one measured wheel", 0.0, 4.0, "a_b")
     share: Scalar = quantity(1.0, "", "assumed: the heap is as wide as the wheel", 0.0, 5.0, "B")

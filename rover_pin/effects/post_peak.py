@@ -28,6 +28,7 @@ class PostPeak(Effect):
     """
 
     title: ClassVar[str] = "loss of strength past the peak"
+    family: ClassVar[str] = "grip"
     meaning: ClassVar[str] = "sand that has failed bears less shear"
     fraction: Scalar = quantity(0.3, "", "assumed: loose to dense sand loses 0 to 0.5", 0.0, 1.0, "B")
     S_w: Scalar = quantity(0.4, "", "assumed: the slip at which 63 % of the loss has come", 0.01, 10.0, "S_w")

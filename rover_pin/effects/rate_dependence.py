@@ -29,6 +29,7 @@ class RateDependence(Effect):
     """
 
     title: ClassVar[str] = "rate-dependent shear"
+    family: ClassVar[str] = "rate"
     meaning: ClassVar[str] = "the soil's shear strength depends on how fast the rim slides"
     c_r: Scalar = quantity(0.05, "", "assumed: -0.05 to 0.15 is plausible", -0.15, 0.5, "c_r")
     v_0: Scalar = quantity(0.01, "m/s", "assumed: a fifth of the paper's 0.05 m/s", 1e-4, 1.0, "v_0", log_sd=DECADE)

@@ -28,6 +28,7 @@ class SideShear(Effect):
     """
 
     title: ClassVar[str] = "side shear"
+    family: ClassVar[str] = "side wall"
     meaning: ClassVar[str] = "the soil resists a wheel that is pushed across its plane"
     scale: Scalar = quantity(1.0, "", "assumed: the soil shears sideways as it does along", 0.0, 5.0, "scale")
     neutral: ClassVar[dict[str, float]] = {"scale": 0.0}

@@ -23,6 +23,7 @@ class SkidSinkage(Effect):
     """
 
     title: ClassVar[str] = "skid-sinkage"
+    family: ClassVar[str] = "sinkage with slip"
     meaning: ClassVar[str] = "a braking wheel sinks deeper the more it skids"
     n_s: Scalar = quantity(0.3, "", "assumed: of the order of n_1 of slip-sinkage", 0.0, 2.0, "n_s")
     neutral: ClassVar[dict[str, float]] = {"n_s": 0.0}

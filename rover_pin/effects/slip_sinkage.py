@@ -31,6 +31,7 @@ class SlipSinkage(Effect):
     """
 
     title: ClassVar[str] = "slip-sinkage"
+    family: ClassVar[str] = "sinkage with slip"
     meaning: ClassVar[str] = "sand gives way as the wheel slips"
     n_1: Scalar = quantity(0.5, "", "assumed: 0 to 0.8 is plausible for rover wheels in sand", 0.0, 2.0, "n_1")
     neutral: ClassVar[dict[str, float]] = {"n_1": 0.0}

@@ -35,6 +35,7 @@ class SlipSoftening(Effect):
     """
 
     title: ClassVar[str] = "slip-softening"
+    family: ClassVar[str] = "sinkage with slip"
     meaning: ClassVar[str] = "a slipping wheel loosens the sand under it, so it stands deeper"
     a: Scalar = quantity(1.0, "", "0.9 to 1.6 fitted on measured sand (studies/wheel_laws.py)", 0.0, 6.0, "a")
     length: Scalar = quantity(0.066, "m", "measured transients of a 125 mm wheel: 62 to 71 mm", 1e-3, 1.0, "L")

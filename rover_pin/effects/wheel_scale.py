@@ -20,6 +20,7 @@ class WheelScale(Effect):
     """
 
     title: ClassVar[str] = "wheel radius"
+    family: ClassVar[str] = "wheel"
     meaning: ClassVar[str] = "the wheels are larger, or smaller, than they are said to be"
     e: Scalar = quantity(0.02, "", "assumed: 2 %, 1 mm of the paper's 45", -0.3, 0.3, "e")
     before_slip: ClassVar[bool] = True

@@ -63,6 +63,16 @@ class Beliefs:
         return dict(sorted(((name, self.inclusion(name)) for name in names), key=lambda pair: -pair[1]))
 
     @property
+    def families(self) -> dict[str, float]:
+        """The probability that any cause of a family acts, the largest first."""
+        names = {cause.family for hypothesis in self.hypotheses for cause in hypothesis.causes if cause.family}
+        chances = {
+            name: self.probability(lambda hypothesis, name=name: name in {cause.family for cause in hypothesis.causes})
+            for name in names
+        }
+        return dict(sorted(chances.items(), key=lambda pair: -pair[1]))
+
+    @property
     def sets(self) -> dict[frozenset[str], float]:
         """The probability of each set of causes, whatever it leaves, the largest first."""
         totals: dict[frozenset[str], float] = {}
@@ -115,6 +125,7 @@ class Beliefs:
         """Return plain values: the probability of each cause, and of each set with what it leaves."""
         return {
             "tried": self.choice,
+            "families": {name: chance for name, chance in self.families.items() if chance > LEAST},
             "inclusion": {name: chance for name, chance in self.included.items() if chance > LEAST},
             "sets": [
                 {"causes": sorted(names), "probability": chance, "leaves_more": self.left(names)}

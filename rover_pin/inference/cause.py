@@ -20,10 +20,12 @@ class Cause:
     on: Callable[[Any], Any]
     parameters: tuple[Parameter, ...]
     sizes: frozenset[str]
+    family: str = ""
+    "what causes like it do"
     owner: str = ""
     "the name of the effect in the model; empty where it is none"
 
 
 def reading_error(name: str, parameter: Parameter) -> Cause:
     """Return an error of the measuring that a model has already, at none, as a cause."""
-    return Cause(name, lambda model: model, (parameter,), frozenset({name}))
+    return Cause(name, lambda model: model, (parameter,), frozenset({name}), "rig")

@@ -37,6 +37,7 @@ class WhichCause(Section):
         if beliefs is None:
             return None
         return {
+            "families": self._families(beliefs),
             "count": beliefs.choice,
             "causes": self._causes(beliefs),
             "sets": self._sets(beliefs),
@@ -60,6 +61,10 @@ class WhichCause(Section):
         axis.grid(alpha=0.25, axis="x")
         leading = [f"{full(name, kinds)} {chance:.2f}" for name, chance in chances[:3]]
         return {"causes": Picture((figure,), f"Probability that a cause acts: {listing(leading)}.")}
+
+    def _families(self, beliefs: Beliefs) -> Table:
+        rows = [Row((name, f"{chance:.3f}")) for name, chance in beliefs.families.items()]
+        return Table(("family", "probability that one of it acts"), tuple(rows), "Families of causes")
 
     def _causes(self, beliefs: Beliefs) -> Table:
         kinds = kinds_of(self.verdict)
