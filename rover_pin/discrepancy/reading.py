@@ -68,7 +68,7 @@ def sentence(reading: Reading, beliefs: Beliefs, share: float, base: Fit) -> str
     chance = beliefs.probability(lambda hypothesis: set(reading.kept) <= set(hypothesis.names))
     takes = f"takes {share:.0%} of what the base model misses beyond the noise where it was not fitted"
     listed = " or ".join(
-        f"{' + '.join(names) or 'nothing'} ({beliefs.sets[frozenset(names)]:.2f})" for names in reading.sets[:MAX_SETS]
+        f"{' + '.join(names) or 'nothing'} ({chance:.2f})" for names, chance in _shares(reading, beliefs)
     )
     none, left = beliefs.sets.get(frozenset(), 0.0), beliefs.left(reading.kept)
     return {
@@ -83,7 +83,23 @@ def sentence(reading: Reading, beliefs: Beliefs, share: float, base: Fit) -> str
     }[reading.answer]
 
 
+def _shares(reading: Reading, beliefs: Beliefs) -> list[tuple[tuple[str, ...], float]]:
+    """Return the sets that are listed with the probability of each, of all that contain it and none before it."""
+    shares, before = [], list[set[str]]()
+    for names in reading.sets[:MAX_SETS]:
+        own = set(names)
+        chance = beliefs.probability(
+            lambda hypothesis, own=own: (
+                (own <= set(hypothesis.names) if own else not hypothesis.names)  # type: ignore[misc]
+                and not any(one <= set(hypothesis.names) for one in before)
+            )
+        )
+        shares.append((names, chance))
+        before += [own] if own else []
+    return shares
+
+
 def _families(beliefs: Beliefs) -> str:
     """Return the families of which one cause is more likely than not to act, in words."""
     sure = [f"{name} ({chance:.2f})" for name, chance in beliefs.families.items() if chance > MOST]
-    return f"missing is {' and '.join(sure)}: " if sure else ""
+    return f"missing with these probabilities: {', '.join(sure)}; " if sure else ""

@@ -65,12 +65,11 @@ class Beliefs:
     @property
     def families(self) -> dict[str, float]:
         """The probability that any cause of a family acts, the largest first."""
-        names = {cause.family for hypothesis in self.hypotheses for cause in hypothesis.causes if cause.family}
-        chances = {
-            name: self.probability(lambda hypothesis, name=name: name in {cause.family for cause in hypothesis.causes})
-            for name in names
-        }
-        return dict(sorted(chances.items(), key=lambda pair: -pair[1]))
+        totals: dict[str, float] = {}
+        for weight, hypothesis in zip(self.weights, self.hypotheses, strict=True):
+            for family in {cause.family for cause in hypothesis.causes if cause.family}:
+                totals[family] = totals.get(family, 0.0) + float(weight)
+        return dict(sorted(totals.items(), key=lambda pair: -pair[1]))
 
     @property
     def sets(self) -> dict[frozenset[str], float]:
