@@ -85,17 +85,11 @@ def sentence(reading: Reading, beliefs: Beliefs, share: float, base: Fit) -> str
 
 def _shares(reading: Reading, beliefs: Beliefs) -> list[tuple[tuple[str, ...], float]]:
     """Return the sets that are listed with the probability of each, of all that contain it and none before it."""
-    shares, before = [], list[set[str]]()
+    shares, remaining = [], beliefs.sets
     for names in reading.sets[:MAX_SETS]:
-        own = set(names)
-        chance = beliefs.probability(
-            lambda hypothesis, own=own: (
-                (own <= set(hypothesis.names) if own else not hypothesis.names)  # type: ignore[misc]
-                and not any(one <= set(hypothesis.names) for one in before)
-            )
-        )
-        shares.append((names, chance))
-        before += [own] if own else []
+        own = {one: chance for one, chance in remaining.items() if (one >= set(names) if names else not one)}
+        remaining = {one: chance for one, chance in remaining.items() if one not in own}
+        shares.append((names, sum(own.values())))
     return shares
 
 
