@@ -10,12 +10,11 @@ import numpy as np
 
 from rover_pin.base.errors import OptimisationError
 from rover_pin.discrepancy.answer import Answer
-from rover_pin.discrepancy.assessment import held_out_share
 from rover_pin.discrepancy.candidate import is_effect
 from rover_pin.discrepancy.cross_validation import fall_of, losses_of
 from rover_pin.discrepancy.decide_answer import Question, with_draft
 from rover_pin.discrepancy.draft import Draft
-from rover_pin.discrepancy.held_out import fold_errors, held_out, lost_folds
+from rover_pin.discrepancy.held_out import fold_errors, held_out, lost_folds, taken_share
 from rover_pin.discrepancy.reading import Reading, read, sentence
 from rover_pin.discrepancy.refit import Progress, Refit
 from rover_pin.discrepancy.screen import candidate_threshold
@@ -114,7 +113,7 @@ def verdict_of(question: Question, beliefs: Beliefs, progress: Progress, seed: i
     before = side_of(beliefs, base)
     after = side_of(beliefs, best) if reading.kept else before
     errors = held_out(before.fit, after.fit, _declared(question.experiment), seed)
-    share = held_out_share(before.fit, after.fit) if reading.kept else 0.0
+    share = taken_share(errors.channels) if reading.kept else 0.0
     records = question.experiment.records(after.model)
     own = [cause.owner for cause in best.causes if cause.owner]
     names = tuple(" + ".join(one) or "nothing" for one in reading.sets)

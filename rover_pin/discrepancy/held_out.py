@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -77,6 +78,17 @@ def lost_folds(scores: Sequence[ChannelScore], why: str) -> tuple[str, ...]:
     """Return which folds no fit to the others predicts, one sentence each."""
     lost = dict.fromkeys(name for score in scores for name in score.lost)
     return tuple(f"{name} left out is not predicted by the others: {why}; no error is averaged" for name in lost)
+
+
+def taken_share(scores: Sequence[ChannelScore]) -> float:
+    """Return the share of the held-out mean squares beyond the noise, in its variance, that is gone; 0 if one is lost."""
+    before, after = (
+        sum(max(score.times(error) ** 2 - 1.0, 0.0) for score, error in zip(scores, errors, strict=True))
+        for errors in ([score.before for score in scores], [score.after for score in scores])
+    )
+    if not math.isfinite(before + after) or before <= 0.0:
+        return 0.0
+    return min(max(1.0 - after / before, 0.0), 1.0)
 
 
 class RunScore(NamedTuple):
