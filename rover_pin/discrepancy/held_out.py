@@ -81,7 +81,7 @@ def lost_folds(scores: Sequence[ChannelScore], why: str) -> tuple[str, ...]:
 
 
 def taken_share(scores: Sequence[ChannelScore]) -> float:
-    """Return the share of the held-out mean squares beyond the noise, in its variance, that is gone; 0 if one is lost."""
+    """Return the share of held-out squares beyond the noise, in its variance, that is gone; 0 if one is lost."""
     before, after = (
         sum(max(score.times(error) ** 2 - 1.0, 0.0) for score, error in zip(scores, errors, strict=True))
         for errors in ([score.before for score in scores], [score.after for score in scores])

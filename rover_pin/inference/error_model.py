@@ -74,11 +74,12 @@ class ErrorModel:
     "letter and channel of each scale; -1 for those that all share"
 
     def __post_init__(self) -> None:
-        letters = ["s", "t" if self.samples.turn is None else "d"]
+        shared = "t" if self.samples.turn is None else "d"
+        letters = ["s", *([shared] if self.samples.repeats else [])]
         letters += ["a"] if self.discrepancy is Discrepancy.SMOOTH else []
         own = [(letter, at) for at in range(len(self.samples.blocks)) for letter in letters]
-        shared = {Discrepancy.NONE: (), Discrepancy.FORM: ("e", "l"), Discrepancy.SMOOTH: ("l",)}[self.discrepancy]
-        object.__setattr__(self, "scales", (*own, *((letter, -1) for letter in shared)))
+        common = {Discrepancy.NONE: (), Discrepancy.FORM: ("e", "l"), Discrepancy.SMOOTH: ("l",)}[self.discrepancy]
+        object.__setattr__(self, "scales", (*own, *((letter, -1) for letter in common)))
 
     @property
     def median(self) -> np.ndarray:

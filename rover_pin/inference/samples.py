@@ -43,6 +43,11 @@ class Samples:
         table[self.good] = row
         return np.swapaxes(table, 0, 1)
 
+    @property
+    def repeats(self) -> bool:
+        """Whether folds have several samples of a channel, so that what they share shows."""
+        return len(self.value) > sum(len(np.unique(self.fold[block])) for block in self.blocks)
+
     @cached_property
     def noise(self) -> np.ndarray:
         """RMS of the declared SDs of each block (blocks,)."""
