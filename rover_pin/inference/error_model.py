@@ -36,7 +36,7 @@ PRIORS = {
     "t": Scale(0.3, 1.0),
     "d": Scale(0.3, 1.0),
     "a": Scale(0.05, 0.8),
-    "e": Scale(0.15, 0.7),
+    "e": Scale(0.1, 0.5),
     "l": Scale(0.5, 0.5),
 }
 """Noise over that declared; scatter of folds and drift over the noise; smooth discrepancy over the channel's spread;
