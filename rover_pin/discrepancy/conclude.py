@@ -77,7 +77,7 @@ def explorer_of(question: Question, progress: Progress) -> Explorer:
     """Return what explores a question, its base model fitted."""
     experiment, model = question.experiment, question.model
     numbers = tuple(map(proper, question.numbers))
-    samples = samples_of(experiment, np.asarray(_declared(experiment).sd), experiment.set_values)
+    samples = samples_of(experiment, np.asarray(_declared(experiment).sd), experiment.varied)
     explorer = Explorer(Fitter(experiment, samples, model, numbers), (), progress)
     try:
         explorer.base()

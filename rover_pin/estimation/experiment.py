@@ -129,7 +129,7 @@ at a minimum, and every fold is predicted by whole refits"
         return np.zeros(len(self.folds), dtype=int)
 
     @property
-    def set_values(self) -> np.ndarray:
+    def varied(self) -> np.ndarray:
         """What was set at each sample (folds, samples, inputs), over which what a model leaves may be smooth."""
         folds, _, samples = np.shape(self.observed)
         return np.zeros((folds, samples, 0))

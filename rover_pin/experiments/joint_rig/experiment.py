@@ -97,9 +97,9 @@ class JointRig(Experiment):
         return np.array([at for at, data in enumerate(self.sets.values()) for _ in data.level_names])
 
     @property
-    def set_values(self) -> np.ndarray:
+    def varied(self) -> np.ndarray:
         """What was set at each sample (folds, samples, inputs), speeds left out where a set has none."""
-        tables = [np.moveaxis(experiment.set_values, 2, 1) for experiment in self._each.values()]
+        tables = [np.moveaxis(experiment.varied, 2, 1) for experiment in self._each.values()]
         count, samples = min(table.shape[1] for table in tables), max(table.shape[2] for table in tables)
         padded = [np.full((len(table), count, samples), np.nan) for table in tables]
         for wide, table in zip(padded, tables, strict=True):

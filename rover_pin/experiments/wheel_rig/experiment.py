@@ -104,7 +104,7 @@ class RigExperiment(Experiment):
         return np.array([float(np.sqrt(np.mean(channel.sd**2))) for channel in self.data.rig.channels])
 
     @property
-    def inputs(self) -> np.ndarray:
+    def varied(self) -> np.ndarray:
         """What was set (levels, runs of a level, inputs): slip, and slip angle and load where they differ."""
         rig = self.data.rig
         rows = [rig.slip, *([rig.slip_angle] if rig.askew.any() else [])]
@@ -112,7 +112,7 @@ class RigExperiment(Experiment):
         return np.moveaxis(self.table(np.array(rows)), 1, 2)
 
     @property
-    def set_values(self) -> np.ndarray:
+    def varied(self) -> np.ndarray:
         """What was set (levels, runs of a level, inputs): slip, slip angle, logarithms of load and travel speed."""
         rig = self.data.rig
         rows = [rig.slip, rig.slip_angle, np.log(rig.load)]
