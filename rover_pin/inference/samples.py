@@ -79,7 +79,7 @@ def samples_of(experiment: Experiment, sd: np.ndarray, inputs: np.ndarray) -> Sa
     good = np.swapaxes(np.isfinite(observed), 0, 1)
     place = np.broadcast_to(np.arange(observed.shape[0])[:, None, None], observed.shape)
     spread_inputs = np.broadcast_to(np.moveaxis(inputs, 2, 0)[:, :, None], (inputs.shape[2], *observed.shape))
-    rows = np.array([np.swapaxes(table, 0, 1)[good] for table in spread_inputs]).reshape(inputs.shape[2], -1)
+    rows = np.swapaxes(spread_inputs, 1, 2)[:, good]
     turns = experiment.turns()
     order = None if turns is None else np.swapaxes(np.broadcast_to(turns[:, None], observed.shape), 0, 1)[good]
     channel = np.broadcast_to(np.arange(observed.shape[1])[:, None, None], good.shape)[good]
@@ -102,9 +102,6 @@ def samples_of(experiment: Experiment, sd: np.ndarray, inputs: np.ndarray) -> Sa
 
 def _scaled(rows: np.ndarray) -> np.ndarray:
     """Return inputs (inputs, n) as (n, inputs), each over its range; those that never change are left out."""
-    ranges = np.ptp(rows, axis=1) if rows.size else np.zeros(len(rows))
-    return (
-        np.array([(row - row.min()) / reach for row, reach in zip(rows, ranges, strict=True) if reach > SAME_INPUT])
-        .reshape(-1, rows.shape[1])
-        .T
-    )
+    ranges = np.ptp(rows, axis=1)
+    varied = ranges > SAME_INPUT
+    return np.asarray(((rows[varied] - rows[varied].min(axis=1, keepdims=True)) / ranges[varied, None]).T)
