@@ -50,14 +50,28 @@ def posterior(errors: ErrorModel, linear: Linear, start: np.ndarray | None = Non
     eta = learnt_scales(errors, linear, errors.median if start is None else start)
     parts = _parts(errors, linear, eta)
     count = len(eta)
-    information = np.diag(errors.sd**-2.0)
-    for block in parts.blocks:
-        inverse = block.inverse(parts.covariance)
-        moved = {scale: inverse @ slope for scale, slope in block.slopes.items()}
-        for (first, left), (second, right) in itertools.product(moved.items(), repeat=2):
-            information[first, second] += 0.5 * float(np.sum(left * right.T))
+    information = np.diag(errors.sd**-2.0) + _expected_curvature(parts, count)
     log_evidence = -parts.loss + 0.5 * count * math.log(2 * math.pi) - 0.5 * float(np.linalg.slogdet(information)[1])
     return Posterior(log_evidence, eta, parts.mean, parts.covariance)
+
+
+def _expected_curvature(parts: _Parts, count: int) -> np.ndarray:
+    """Return 1/2 tr(K^-1 dK_i K^-1 dK_j), K = C + J J', for each pair of scales.
+
+    Channels hang together by the numbers that they share: there K^-1 is -W V W', W = C^-1 J and V the covariance of u.
+    """
+    information = np.zeros((count, count))
+    own, shared = [], []
+    for block in parts.blocks:
+        inverse = block.inverse(parts.covariance)
+        own.append({scale: inverse @ slope for scale, slope in block.slopes.items()})
+        left = parts.covariance @ block.weighted.T
+        shared.append({scale: left @ slope @ block.weighted for scale, slope in block.slopes.items()})
+    pairs = [*((moved, moved) for moved in own), *itertools.permutations(shared, 2)]
+    for first, second in pairs:
+        for (i, left), (j, right) in itertools.product(first.items(), second.items()):
+            information[i, j] += 0.5 * float(np.sum(left * right.T))
+    return information
 
 
 def learnt_scales(errors: ErrorModel, linear: Linear, start: np.ndarray, iterations: int = 40) -> np.ndarray:
