@@ -19,7 +19,7 @@ from rover_pin.inference.cause import Cause
 from rover_pin.inference.error_model import PRIORS, Discrepancy, ErrorModel
 from rover_pin.inference.evidence import Linear, Posterior, learnt_scales, posterior
 from rover_pin.inference.samples import Samples
-from rover_pin.inference.size_prior import inside_share, size_share
+from rover_pin.inference.size_prior import inside_share, log_dependence, size_share
 
 ALLOWED = {
     False: {Discrepancy.NONE: 0.7, Discrepancy.SMOOTH: 0.3},
@@ -186,15 +186,18 @@ class Fitter:
 
     def _inside(self, causes: Sequence[Cause], known: Posterior) -> float:
         """Return the logarithm of how much more of the posterior than of the prior lies where numbers may be."""
-        total, place = 0.0, len(self.numbers)
+        total, place, places = 0.0, len(self.numbers), []
         for cause in causes:
             for parameter in cause.parameters:
                 is_size = parameter.name in cause.sizes and not parameter.log
                 mean, sd = float(known.mean[place]), math.sqrt(known.covariance[place, place])
                 share = size_share if is_size else inside_share
                 total += math.log(share(mean, sd, parameter.bounds) / share(0.0, 1.0, parameter.bounds))
+                places += [place] if is_size else []
                 place += 1
-        return total
+        bounds = bounds_of([parameter for cause in causes for parameter in cause.parameters])
+        own = bounds[np.array(places, dtype=int) - len(self.numbers)]
+        return total + log_dependence(known.mean[places], known.covariance[np.ix_(places, places)], own)
 
 
 class _Problem:

@@ -9,9 +9,11 @@ Source: Johnson and Rossell, J. Roy. Stat. Soc. B 72 (2010) 143, for priors that
 from __future__ import annotations
 
 import math
+from functools import cache
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import logsumexp
+from scipy.stats import norm, qmc
 
 from rover_pin.inference.cause import SIZE_SD
 
@@ -21,6 +23,8 @@ LEAST_SHARE = 1e-12
 """Least probability that a number is taken to have inside its bounds."""
 POINTS, SDS = 801, 8.0
 """Points of the quadrature over a posterior, and how many of its SDs it spans on each side."""
+DRAWS = 12
+"""Power of 2 of the points that are spread evenly over the joint posterior of several sizes."""
 
 
 def inside_share(mean: float, sd: float, bounds: tuple[float, float]) -> float:
@@ -35,8 +39,35 @@ def size_share(mean: float, sd: float, bounds: tuple[float, float]) -> float:
     if not high > low:
         return LEAST_SHARE
     u = np.linspace(low, high, POINTS)
-    log_ratio = log_density(u) + 0.5 * u**2 + 0.5 * math.log(2 * math.pi)
-    return max(float(np.trapezoid(np.exp(log_ratio) * norm.pdf(u, mean, sd), u)), LEAST_SHARE)
+    return max(float(np.trapezoid(np.exp(_log_ratio(u)) * norm.pdf(u, mean, sd), u)), LEAST_SHARE)
+
+
+def log_dependence(mean: np.ndarray, covariance: np.ndarray, bounds: np.ndarray) -> float:
+    """Return ln of the mean, over several sizes' u, of the product of their density ratios over that of the means.
+
+    0 where sizes are independent: of two causes that do much the same only the sum may be known.
+    """
+    if len(mean) < 2:
+        return 0.0
+    u = mean + _normal_points(len(mean)) @ np.linalg.cholesky(covariance).T
+    inside = (u >= bounds[:, 0]) & (u <= bounds[:, 1])
+    log_ratio = np.where(inside, _log_ratio(u), -math.inf)
+    if not inside.all(axis=1).any():
+        return 0.0
+    constant = (len(mean) - 1) * math.log(len(u))
+    return float(logsumexp(log_ratio.sum(axis=1)) - logsumexp(log_ratio, axis=0).sum()) + constant
+
+
+@cache
+def _normal_points(count: int) -> np.ndarray:
+    """Return points (points, count) spread evenly over N(0, I)."""
+    even = qmc.Sobol(count, scramble=False).random_base2(DRAWS)
+    return np.asarray(norm.ppf(even + 0.5 / len(even)))
+
+
+def _log_ratio(u: np.ndarray) -> np.ndarray:
+    """Return the logarithm of the density of a size's u over that of N(u; 0, 1)."""
+    return np.asarray(log_density(u) + 0.5 * u**2 + 0.5 * math.log(2 * math.pi))
 
 
 def log_density(u: np.ndarray) -> np.ndarray:
