@@ -19,6 +19,8 @@ SHOWN = 0.3
 """Norm [SD] of what a cause's default size moves, below which these data cannot show it."""
 STRAY = 3.0
 """SDs by which a value misses what all others say of it, from which its variance is raised to that."""
+LOOKS = 4
+"""Most looks for strays: a stray widens the scales by which it is looked at, and hides itself and others in part."""
 LEADING, LEADING_FLAT, LEADING_PAIRS = 6, 4, 3
 """Causes that are paired, by evidence and by least squares, and pairs that are taken further."""
 REACH = 12.0
@@ -102,9 +104,12 @@ class Explorer:
         self._fit_all((), starts)
         if not self.fitted:
             raise OptimisationError("no start of the base model leads to a fit.", status=0)
-        inflation = self._strays()
-        if inflation is not None:
-            self.fitter = replace(self.fitter, inflation=inflation)
+        for _ in range(LOOKS):
+            inflation = self._strays()
+            if inflation is None:
+                return
+            known = 1.0 if self.fitter.inflation is None else self.fitter.inflation
+            self.fitter = replace(self.fitter, inflation=known * inflation)
             self.fitted.clear()
             self._fit_all((), [self.flat[frozenset()][0]])
 

@@ -1,0 +1,82 @@
+"""The explorer on linear toys with six causes: it finds what was hidden, whatever a stray says."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from rover_pin.inference.explore import SHOWN, STRAY
+from tests.inference import linear_causes as toys
+
+NAMES = tuple("pqrstu")
+HIDDEN = {"none": {}, "single": {"r": 1.5}, "pair": {"q": -2.0, "t": 1.8}}
+"""Sizes of what is hidden, over the default."""
+
+
+def toy_with(hidden, stray=0.0):
+    """Data of hidden causes with white noise, one value off by `stray` SDs."""
+    toy = toys.design(11, NAMES, folds=6, each=4, size=None)
+    noise = np.random.default_rng(4).normal(size=toy.sd.shape)
+    noise[3, 0, 1] += stray
+    parts = (size * toy.columns[name] for name, size in hidden.items())
+    toy.observed = sum(parts, toy.columns["base"] + toys.NOISE * noise)
+    return toy
+
+
+@cache
+def explored(case, stray):
+    explorer = toys.explorer(toy_with(HIDDEN[case], stray), NAMES)
+    return explorer, explorer.explore()
+
+
+@pytest.mark.parametrize("stray", [0.0, 20.0, -100.0])
+@pytest.mark.parametrize("case", HIDDEN)
+def test_what_is_hidden_is_found_whatever_a_stray_says(case, stray):
+    _, beliefs = explored(case, stray)
+    names, probability = next(iter(beliefs.sets.items()))
+    assert names == frozenset(HIDDEN[case])
+    assert probability > 0.5
+    for name in NAMES:
+        assert (beliefs.inclusion(name) > 0.5) == (name in HIDDEN[case])
+
+
+@pytest.mark.parametrize("case", ["single", "pair"])
+def test_sizes_are_those_that_were_hidden(case):
+    _, beliefs = explored(case, 0.0)
+    best = beliefs.best(list(HIDDEN[case]))
+    for name, size in HIDDEN[case].items():
+        mean, sd = best.moments(name)
+        assert 2.0 * mean == pytest.approx(size, abs=4 * 2.0 * sd)
+        assert 2.0 * sd < 0.5 * abs(size)
+
+
+@pytest.mark.parametrize("stray", [20.0, -100.0])
+@pytest.mark.parametrize("case", HIDDEN)
+def test_only_a_stray_is_taken_for_one(case, stray):
+    (plain, _), (explorer, _) = explored(case, 0.0), explored(case, stray)
+    assert plain.fitter.inflation is None
+    table = explorer.fitter.samples.table_of(explorer.fitter.inflation)
+    assert abs(stray) / np.sqrt(table[3, 0, 1]) < STRAY, "it is within reach then"
+    table[3, 0, 1] = 1.0
+    assert (table == 1.0).all()
+
+
+def test_a_cause_that_shows_nothing_is_left_out():
+    toy = toy_with(HIDDEN["single"])
+    for name, share in (("p", 0.0), ("q", 0.9 * SHOWN), ("s", 1.1 * SHOWN)):
+        column = toy.columns[name] / toy.sd
+        toy.columns[name] = toy.columns[name] * share / np.linalg.norm(column)
+    explorer = toys.explorer(toy, tuple("pqrs"))
+    beliefs = explorer.explore()
+    assert [cause.name for cause in explorer.causes] == ["r", "s"]
+    assert beliefs.choice == 2
+    assert set(beliefs.included) == {"r", "s"}
+
+
+def test_all_singles_and_pairs_of_the_leading_are_fitted():
+    explorer, beliefs = explored("pair", 0.0)
+    sets = set(beliefs.sets)
+    assert {frozenset(), *(frozenset(name) for name in NAMES)} <= sets
+    assert {frozenset({lead, other}) for lead in "qt" for other in NAMES if lead != other} <= sets
+    assert {frozenset({"q", "t", other}) for other in NAMES} <= sets
+    assert set(explorer.fitted) == sets
