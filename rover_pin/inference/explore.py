@@ -19,8 +19,8 @@ SHOWN = 0.3
 """Norm [SD] of what a cause's default size moves, below which these data cannot show it."""
 STRAY = 3.0
 """SDs by which a value misses what all others say of it, from which its variance is raised to that."""
-LOOKS = 4
-"""Most looks for strays: a stray widens the scales by which it is looked at, and hides itself and others in part."""
+LOOKS = 12
+"""Most looks for strays, the farthest first: it widens the scales, hides in part and makes its fold look astray."""
 LEADING, LEADING_FLAT, LEADING_PAIRS = 6, 4, 3
 """Causes that are paired, by evidence and by least squares, and pairs that are taken further."""
 REACH = 12.0
@@ -118,7 +118,7 @@ class Explorer:
         return np.array([number.u(experiment.value(model, number.name)) for number in self.fitter.numbers])
 
     def _strays(self) -> np.ndarray | None:
-        """Return by how much each value's variance is raised; None where all agree with what the others say of them.
+        """Return by how much each value's variance is raised, the farthest's; None where the others agree with all.
 
         Each is predicted by the others, a smooth discrepancy included.
         """
@@ -126,8 +126,8 @@ class Explorer:
         linear = base.linear
         precision = np.linalg.inv(base.covariance + linear.slopes @ linear.slopes.T)
         deviations = (precision @ linear.target) / np.sqrt(np.diag(precision))
-        far = np.abs(deviations) > STRAY
-        return np.where(far, (2.0 * deviations / STRAY) ** 2, 1.0) if far.any() else None
+        size = np.abs(deviations)
+        return np.where(size == size.max(), (2.0 * size / STRAY) ** 2, 1.0) if size.max() > STRAY else None
 
     def is_shown(self, cause: Cause) -> bool:
         """Return whether a cause of default size moves what was measured at all."""
