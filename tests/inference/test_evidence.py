@@ -86,7 +86,7 @@ def test_scales_are_where_their_posterior_is_greatest(problem):
         assert negative_log(errors, linear, eta + move)[0] > least - 1e-3
 
 
-@quick
+@settings(quick, max_examples=8)
 @given(problems)
 def test_curvature_is_the_information_of_the_dense_matrix(problem):
     """H_ij = 1/2 tr(K^-1 dK_i K^-1 dK_j) + 1 / SD_i^2, K that of all channels at once."""
