@@ -22,7 +22,7 @@ class Toy(Experiment):
         self.folds, self.channels = (tuple(map(str, range(many))) for many in np.shape(observed)[:2])
 
     @property
-    def set_values(self):
+    def varied(self):
         return self.inputs
 
     def turns(self):
