@@ -1,4 +1,4 @@
-"""What a search adds, pairs, confirms and calls alike, on refits made by hand."""
+"""What a search adds, confirms and calls alike, on refits made by hand."""
 
 from dataclasses import dataclass
 from types import SimpleNamespace
@@ -9,7 +9,7 @@ import pytest
 
 from rover_pin.base.errors import OptimisationError
 from rover_pin.base.quantity import Record, quantity
-from rover_pin.discrepancy import calibration, exact_refits, refit_candidates, search
+from rover_pin.discrepancy import calibration, refit_candidates, search
 from rover_pin.discrepancy.candidate import Candidate
 from rover_pin.discrepancy.refit import Refit, indistinguishable_refits
 from rover_pin.discrepancy.screen import ABSORBED, STILL, Scored, Signature, _unconstrained_signature, started
@@ -28,9 +28,8 @@ def refit(name, *instead, net=1.0, held_out=1.0):
     return Refit(named(name), SimpleNamespace(), net + 10.0, 10.0, held_out, instead=tuple(map(named, instead)))
 
 
-def searched(*rounds, exact=True):
-    base = SimpleNamespace(task=SimpleNamespace(experiment=SimpleNamespace(is_exact=exact)))
-    return search.Search(base, tuple(SimpleNamespace(indistinguishable=each) for each in rounds), ())
+def searched(*rounds):
+    return search.Search(None, tuple(SimpleNamespace(indistinguishable=each) for each in rounds), ())
 
 
 # --- what a search says of itself ------------------------------------------------------------------------------------
@@ -50,19 +49,10 @@ def test_a_search_counts_what_its_first_round_scored():
     assert search.Search(None, (), ()).count == 0
 
 
-def test_rivals_of_the_last_round_stand_for_the_whole():
+def test_rivals_of_every_round_remain():
     assert searched((refit("A"), refit("E"))).indistinguishable == ("A", "E")
-    assert searched((refit("A"),), (refit("B"), refit("C", "D"), refit("F")), ()).indistinguishable == (
-        "A + B",
-        "D + C",
-        "A + F",
-    )
-
-
-def test_rivals_of_earlier_rounds_remain_where_no_pair_was_tried():
     rounds = ((refit("A"), refit("E")), (refit("B"), refit("F")))
-    assert searched(*rounds).indistinguishable == ("A + B", "A + F")
-    assert searched(*rounds, exact=False).indistinguishable == ("A + B", "A + F", "E + B")
+    assert searched(*rounds).indistinguishable == ("A + B", "A + F", "E + B")
 
 
 def test_an_exact_experiment_is_calibrated_from_several_starts(monkeypatch):
@@ -79,19 +69,6 @@ def test_an_exact_experiment_is_calibrated_from_several_starts(monkeypatch):
 
 
 # --- what is tried ---------------------------------------------------------------------------------------------------
-
-
-def test_pairs_are_made_of_the_six_that_lead_the_added_one_first(monkeypatch):
-    monkeypatch.setattr(exact_refits, "_pair", lambda base, one, other: [one.name + other.name])
-    singles = [refit(name) for name in "ABCDEFGH"]
-    tried = exact_refits.paired(None, singles, singles[1], lambda said: None)
-    pairs = [fitted for *_, fitted in tried]
-    assert len(pairs) == 15
-    assert set("".join(pairs)) == set("ABCDEF")
-    assert {pair for pair in pairs if "B" in pair} == {"BA", "BC", "BD", "BE", "BF"}
-    for instead, candidate, fitted in tried:
-        assert candidate.name == fitted[1]
-        assert [one.name for one in instead] == ([] if fitted[0] == "B" else [fitted[0]])
 
 
 def test_second_start_has_small_sizes_and_keeps_other_numbers():
@@ -238,21 +215,6 @@ def test_a_leader_is_fitted_to_the_end_with_every_slope_anew(monkeypatch):
     found = refit_candidates._polished(SimpleNamespace(task=None, chi2=100.0), one, np.array([3.0, 1.0]))
     assert seen == [("model", "numbers", "u", "old", True)]
     assert (found.gain, found.threshold, found.held_out) == (10.0, 7.0, 4.0)
-
-
-def test_few_candidates_are_refitted_then_those_over_a_quarter(monkeypatch):
-    monkeypatch.setattr(exact_refits, "variants", lambda base, candidate: [(candidate, "fit")])
-    rows = [scored(name, gain) for name, gain in zip("ABCDEFG", (9.0, 2.6, 2.4, 1.0, 0.5, 0.4, 2.7), strict=True)]
-    rows.insert(1, scored("untold", 50.0, told=False))
-
-    def chosen(pairs):
-        tried = exact_refits.exactly_refitted(None, rows, lambda one: 10.0, lambda line: None, pairs)
-        return "".join(one.name for _, one, _ in tried)
-
-    assert chosen(None) == "ABCDEG"
-    assert chosen([]) == "ABG"
-    rows[:] = [scored("A", 2.4)]
-    assert (chosen(None), chosen([])) == ("A", "")
 
 
 @pytest.mark.parametrize(

@@ -11,8 +11,7 @@ from rover_pin.discrepancy import assessment as left_of_a_law
 from rover_pin.discrepancy import decide_answer
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.assessment import ResidualAssessment, held_out_share, holds, share_taken
-from rover_pin.discrepancy.candidate import Candidate
-from rover_pin.discrepancy.decide_answer import _leading, answer_of, graded, hold_together, vetoes
+from rover_pin.discrepancy.decide_answer import answer_of, graded, hold_together, vetoes
 from rover_pin.discrepancy.held_out import ChannelScore
 from rover_pin.estimation.numbers import Number, implausible, is_adequate
 from rover_pin.estimation.parameter import Parameter
@@ -75,17 +74,6 @@ def test_share_of_the_first_counts_only_for_an_unlisted_residual(share, answer, 
     assert graded(found("A", base=fitted(task=of_folds(9))), ResidualAssessment(True), {})[0] is answer
     assert graded(found("A"), ResidualAssessment(False), {})[0] is Answer.NAMED
     assert graded(found(base=PLAUSIBLE), ResidualAssessment(True), {})[0] is Answer.INADEQUATE
-
-
-@pytest.mark.parametrize("names", [(), ("A",), ("A", "B")])
-def test_curve_that_predicts_much_better_than_a_law_is_unlisted(names, monkeypatch):
-    """Even where the law takes most of what is missed."""
-    monkeypatch.setattr(decide_answer, "held_out_share", lambda base, last: 0.99)
-    whole = found(*names, base=fitted(task=of_folds(99)))
-    assert graded(whole, ResidualAssessment(True, described=True, outperformed=True), AGREED) == (
-        Answer.NONE_FITS,
-        whole,
-    )
 
 
 AGREED = {"one": "B + A", "two": "A + B", "three": "A"}
@@ -185,13 +173,9 @@ def test_on_held_out_folds_too(monkeypatch, before, after, share):
 # --- what speaks against a lone name ---------------------------------------------------------------------------------
 
 
-def against(u=0.5, one=None, chosen=None, scores=(), names=("A",), patterned=False):
+def against(u=0.5, one=None, chosen=None, scores=(), names=("A",)):
     last = fitted(u=(u,), parameters=(one or parameter("A.size", prior=False, low=-2.0, high=3.0),))
-    return vetoes(found(*names, last=last), chosen or {}, scores, patterned)
-
-
-def test_a_pattern_in_what_a_law_leaves_speaks_against_its_name():
-    assert against(patterned=True) == ["a smooth curve describes what it leaves, beyond chance"]
+    return vetoes(found(*names, last=last), chosen or {}, scores)
 
 
 @pytest.mark.parametrize(
@@ -258,28 +242,6 @@ def score(change, low, high, floor=0.1):
 )
 def test_channel_predicted_worse_by_a_twentieth_is_a_veto(made, worse):
     assert against(scores=[made]) == (["sinkage is predicted worse where it was not fitted"] if worse else [])
-
-
-# --- what a fold chooses from ----------------------------------------------------------------------------------------
-
-
-def test_fold_chooses_among_the_leaders_as_freed_in_exact_fits():
-    """Four of each round, but for those that would gain less than half of their threshold."""
-
-    def refit(name, net, instead=()):
-        return SimpleNamespace(candidate=named(name), net=net, threshold=10.0, instead=instead, fit=fitted)
-
-    named = lambda name: Candidate(name, None, (name,))  # noqa: E731
-    fitted, replaced = SimpleNamespace(), named("first of a pair")
-    rounds = [
-        SimpleNamespace(refits=[refit("A", 9.0), refit("B", -4.9), refit("C", -5.1), refit("D", 0.0), refit("E", 0.0)]),
-        SimpleNamespace(refits=[refit("F", 1.0, (replaced,))]),
-    ]
-    made = lambda exact: SimpleNamespace(  # noqa: E731
-        base=SimpleNamespace(task=SimpleNamespace(experiment=SimpleNamespace(is_exact=exact))), rounds=rounds
-    )
-    assert [one.name for one in _leading(made(True), ["all"])] == ["A", "B", "D", "first of a pair", "F"]
-    assert _leading(made(False), ["all"]) == ["all"]
 
 
 # --- a number in words -----------------------------------------------------------------------------------------------

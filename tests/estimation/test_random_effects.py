@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from rover_pin.experiments.wheel_rig.stiffness_scatter import STIFFNESS, learnt_random_effects
 
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.calibration import calibrated
@@ -14,7 +15,6 @@ from rover_pin.estimation.random_effects.beyond_declared import beyond_declared
 from rover_pin.experiments.wheel_rig.data import read_rig_set
 from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.model import RigModel
-from rover_pin.experiments.wheel_rig.stiffness_scatter import STIFFNESS, learnt_random_effects
 from rover_pin.loop.close import close_the_loop
 from rover_pin.loop.rig import question_of
 from tests.oracle import rig_generator as generator
