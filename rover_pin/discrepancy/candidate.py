@@ -90,7 +90,7 @@ class Candidate:
     @property
     def cause(self) -> Cause:
         """The effect as a cause: sizes of SD SIZE_SD, shapes as published or within their doubt."""
-        sizes = tuple(
+        amplitudes = tuple(
             replace(size, scale=SIZE_SD * size.scale, prior=True, source="assumed: default sizes")
             for size in map(self.size, self.amplitudes)
         )
@@ -98,7 +98,7 @@ class Candidate:
             self.diffuse_shape(name) if self._about(name).log_sd > 0.0 else self.shape(name) for name in self.shapes
         )
         family = getattr(self.effect, "family", "")
-        return Cause(self.name, self.on, (*sizes, *shapes), frozenset(self.amplitudes), family, self.owner)
+        return Cause(self.name, self.on, (*amplitudes, *shapes), frozenset(self.amplitudes), family, self.owner)
 
     def size(self, name: str) -> Parameter:
         """Return the parameter of a size: u = 0 neutral, u = 1 the effect's own; a logarithm where neutral is far off.

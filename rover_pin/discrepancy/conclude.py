@@ -37,7 +37,7 @@ LOOSE = 2.0
 """How many times as far as its starts a number may lie that nobody declares: k and k_1 within a factor of 25, phi
 within half its range."""
 MAX_OTHERS = 3
-"""Sets beside the first whose held-out errors are told."""
+"""Sets beside the first whose held-out errors are listed."""
 
 
 def concluded_by_evidence(question: Question, progress: Progress, seed: int = 0) -> Verdict:
@@ -63,10 +63,10 @@ def _drafted(question: Question, explorer: Explorer, fitted: Fit) -> Draft | Non
     if drafted is None:
         return None
     (candidate,) = drafted.candidates
-    kept = explorer.beliefs().best(read(explorer.beliefs()).kept).causes
-    if not explorer.fit((*kept, candidate.cause)):
+    retained = explorer.beliefs().best(read(explorer.beliefs()).retained).causes
+    if not explorer.fit((*retained, candidate.cause)):
         return Draft(drafted.text)
-    after = fit_of(explorer.beliefs().best((*(cause.name for cause in kept), candidate.name)))
+    after = fit_of(explorer.beliefs().best((*(cause.name for cause in retained), candidate.name)))
     same_noise = replace(after, task=fitted.task)
     gain, held_out_gain = fitted.chi2 - same_noise.chi2, fall_of(losses_of(fitted), losses_of(same_noise))
     refit = Refit(candidate, same_noise, gain, candidate_threshold(candidate, 1, inflation=1.0), held_out_gain, 1.0)
@@ -108,15 +108,15 @@ def proper(parameter: Parameter) -> Parameter:
 def verdict_of(question: Question, beliefs: Beliefs, progress: Progress, seed: int = 0) -> Verdict:
     """Return the verdict that the beliefs give, with the errors on what was left out."""
     reading = read(beliefs)
-    base, best = beliefs.best(()), beliefs.best(reading.kept)
+    base, best = beliefs.best(()), beliefs.best(reading.retained)
     progress("intervals, and errors on what was left out")
     before = side_of(beliefs, base)
-    after = side_of(beliefs, best) if reading.kept else before
+    after = side_of(beliefs, best) if reading.retained else before
     errors = held_out(before.fit, after.fit, _declared(question.experiment), seed)
-    share = taken_share(errors.channels) if reading.kept else 0.0
+    share = taken_share(errors.channels) if reading.retained else 0.0
     records = question.experiment.records(after.model)
-    own = [cause.owner for cause in best.causes if cause.owner]
-    names = tuple(" + ".join(one) or "nothing" for one in reading.sets)
+    owners = [cause.owner for cause in best.causes if cause.owner]
+    names = tuple(" + ".join(names) or "nothing" for names in reading.sets)
     folds = question.experiment.folds
     return Verdict(
         question.kind,
@@ -124,9 +124,9 @@ def verdict_of(question: Question, beliefs: Beliefs, progress: Progress, seed: i
         question.name,
         sentence(reading, beliefs, share, before.fit),
         after.model,
-        tuple(records[owner] for owner in own if is_effect(records[owner])) if reading.kept else (),
-        reading.kept,
-        names if reading.kept else (),
+        tuple(records[owner] for owner in owners if is_effect(records[owner])) if reading.retained else (),
+        reading.retained,
+        names if reading.retained else (),
         share,
         before,
         after,
@@ -163,9 +163,9 @@ def side_of(beliefs: Beliefs, hypothesis: Hypothesis) -> Side:
     """Return a hypothesis as a side of the verdict, its intervals over all hypotheses that contain it."""
     fitted = fit_of(hypothesis)
     declared = replace(fitted, task=Task(hypothesis.experiment, _declared(hypothesis.experiment)))
-    sizes = {name for cause in hypothesis.causes for name in cause.sizes}
+    amplitudes = {name for cause in hypothesis.causes for name in cause.amplitudes}
     numbers = tuple(
-        _number(beliefs, hypothesis, fitted, place, parameter.name in sizes)
+        _number(beliefs, hypothesis, fitted, place, parameter.name in amplitudes)
         for place, parameter in enumerate(hypothesis.parameters)
     )
     return Side(fitted.model, numbers, declared.misfit, fitted)
@@ -179,17 +179,17 @@ def _number(beliefs: Beliefs, hypothesis: Hypothesis, fitted: Fit, place: int, i
     low, high = min(low, u), max(high, u)
     ends = sorted((parameter.value(low), parameter.value(high)))
     unit = hypothesis.experiment.quantity(fitted.model, parameter.name).unit
-    near = min(u - parameter.bounds[0], parameter.bounds[1] - u) <= AT_BOUND
+    at_bound = min(u - parameter.bounds[0], parameter.bounds[1] - u) <= AT_BOUND
     closed = low > parameter.bounds[0] and high < parameter.bounds[1]
     covered = (high - low) / (parameter.bounds[1] - parameter.bounds[0])
     drift = math.nan if is_size else u
     prior_facts = (parameter.beforehand, covered, parameter.declared, parameter.source)
-    return Number(parameter.name, unit, parameter.value(u), ends[0], ends[1], drift, closed, near, *prior_facts)
+    return Number(parameter.name, unit, parameter.value(u), ends[0], ends[1], drift, closed, at_bound, *prior_facts)
 
 
 def _strained(after: Side, reading: Reading) -> tuple[str, ...]:
     """Return which numbers of what was added lie at their bounds."""
-    prefixes = tuple(f"{name}." for name in reading.kept)
+    prefixes = tuple(f"{name}." for name in reading.retained)
     rows = [number for number in after.numbers if number.at_bound and number.name.startswith(prefixes)]
     return tuple(f"{number.name} lies at its bound" for number in rows) if prefixes else ()
 

@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from rover_pin.discrepancy.answer import TAKEN_TOGETHER, TAKES_MOST, Answer
-from rover_pin.discrepancy.assessment import ResidualAssessment, assess_residual, held_out_share
 from rover_pin.discrepancy.calibration import again, calibrated
 from rover_pin.discrepancy.candidate import Candidate, is_effect
-from rover_pin.discrepancy.cross_validation import without_each
+from rover_pin.discrepancy.cross_validation import fall_of, held_out_losses, without_each
 from rover_pin.discrepancy.draft import Draft, Drafted, scored
 from rover_pin.discrepancy.held_out import ChannelScore, errors_anew, errors_of_others, held_out, lost_folds
 from rover_pin.discrepancy.refit import Progress
@@ -20,7 +21,8 @@ from rover_pin.discrepancy.sentence import sentence
 from rover_pin.discrepancy.verdict import Side, Verdict
 from rover_pin.estimation.experiment import Experiment
 from rover_pin.estimation.fit import Fit, fit
-from rover_pin.estimation.numbers import AT_BOUND, implausible, intervals
+from rover_pin.estimation.noise import Noise
+from rover_pin.estimation.numbers import AT_BOUND, implausible, intervals, is_adequate
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.estimation.wording import Outcome
 
@@ -30,6 +32,22 @@ LEVELS_EACH = 3
 """Folds for each number of several effects that hold together: on nine levels two laws with six imitated a third."""
 WORSE_BY = 0.05
 """Share by which a channel that was not fitted must be predicted worse, beyond its scatter, to speak against a name."""
+ENOUGH = 0.9
+"""Share of chi2 beyond the noise from which a law holds though more than the noise is left: real laws never hold to
+the last digit."""
+MIN_MISFIT_PROBABILITY = 0.01
+"""What is left with less than this probability, beside too small a share, keeps a law from holding."""
+
+
+class ResidualAssessment(NamedTuple):
+    """What the last model of a search leaves."""
+
+    unlisted: bool
+    "whether it is more than the noise, and more than the form of a law that holds may leave"
+    description: str = ""
+    "how it acts, in words, where that can be described"
+    described: bool = False
+    "whether it can be described, and drafted as an effect that holds up when it is tried"
 
 
 @dataclass(frozen=True, eq=False)
@@ -243,3 +261,35 @@ def answer_of(search_result: Search, assessment: ResidualAssessment, takes_most:
     if assessment.unlisted:
         return Answer.LIKE if takes_most else unlisted
     return Answer.SET if len(search_result.indistinguishable) > 1 else Answer.NAMED
+
+
+def assess_residual(search_result: Search) -> ResidualAssessment:
+    """Return what is left by the stated noise."""
+    return ResidualAssessment(
+        not (holds(search_result) if search_result.best_refits else is_adequate(search_result.base))
+    )
+
+
+def holds(search_result: Search) -> bool:
+    """Return whether a law holds by the declared noise: it leaves that, or takes nearly all that was missed."""
+    return is_adequate(search_result.last, MIN_MISFIT_PROBABILITY) or share_taken(search_result) >= ENOUGH
+
+
+def share_taken(search_result: Search) -> float:
+    """Return the share of the base's chi2 beyond the noise that what was found takes."""
+    excess = search_result.base.chi2 - search_result.base.freedom
+    taken = search_result.base.chi2 - search_result.last.chi2
+    return float(np.clip(taken / excess, 0.0, 1.0)) if excess > 0 else float(taken > 0)
+
+
+def held_out_share(base: Fit, last: Fit) -> float:
+    """Return the share of the held-out losses beyond the noise that what was added takes; 0 where it loses a fold."""
+    fall, excess = _fall_and_room(base.task.noise, base, last)
+    return float(np.clip(np.nan_to_num(fall / excess), 0.0, 1.0)) if excess > 0 else float(fall > 0)
+
+
+def _fall_and_room(noise: Noise, before: Fit, after: Fit) -> tuple[float, float]:
+    """Return `fall_of` the held-out losses, and those before beyond the noise, on the folds that both predict."""
+    was, now = (held_out_losses(fitted) for fitted in (before, after))
+    both = np.isfinite(was + now)
+    return fall_of(was, now), float(was[both].sum() - noise.good[both].sum())

@@ -22,7 +22,7 @@ class Reading(NamedTuple):
     """An answer, the causes that the model keeps, and the sets that the data leave, most probable first."""
 
     answer: Answer
-    kept: tuple[str, ...] = ()
+    retained: tuple[str, ...] = ()
     sets: tuple[tuple[str, ...], ...] = ()
     "what holds SURE of the probability, without what only adds to a set before it"
 
@@ -42,11 +42,11 @@ def read(beliefs: Beliefs) -> Reading:
     sets = _leading(beliefs)
     if none > 1.0 - SURE:
         return Reading(Answer.CANNOT_TELL, (), sets)
-    kept = beliefs.best(sets[0]).names
-    contained = beliefs.probability(lambda hypothesis: set(kept) <= set(hypothesis.names))
+    retained = beliefs.best(sets[0]).names
+    contained = beliefs.probability(lambda hypothesis: set(retained) <= set(hypothesis.names))
     if contained <= SURE:
-        return Reading(Answer.SET, kept, sets)
-    return Reading(Answer.LIKE if beliefs.left(kept) > MOST else Answer.NAMED, kept, sets[:1])
+        return Reading(Answer.SET, retained, sets)
+    return Reading(Answer.LIKE if beliefs.left(retained) > MOST else Answer.NAMED, retained, sets[:1])
 
 
 def _leading(beliefs: Beliefs) -> tuple[tuple[str, ...], ...]:
@@ -64,17 +64,17 @@ def _leading(beliefs: Beliefs) -> tuple[tuple[str, ...], ...]:
 
 def sentence(reading: Reading, beliefs: Beliefs, share: float, base: Fit) -> str:
     """Return the answer as a sentence."""
-    kept = " and ".join(reading.kept)
-    chance = beliefs.probability(lambda hypothesis: set(reading.kept) <= set(hypothesis.names))
+    retained = " and ".join(reading.retained)
+    probability = beliefs.probability(lambda hypothesis: set(reading.retained) <= set(hypothesis.names))
     takes = f"takes {share:.0%} of what the base model misses beyond the noise where it was not fitted"
     listed = " or ".join(
-        f"{' + '.join(names) or 'nothing'} ({chance:.2f})" for names, chance in _shares(reading, beliefs)
+        f"{' + '.join(names) or 'nothing'} ({probability:.2f})" for names, probability in _shares(reading, beliefs)
     )
-    none, left = beliefs.sets.get(frozenset(), 0.0), beliefs.left(reading.kept)
+    none, left = beliefs.sets.get(frozenset(), 0.0), beliefs.left(reading.retained)
     return {
-        Answer.NAMED: f"{kept} is missing with probability {chance:.2f}; it {takes}.",
-        Answer.LIKE: f"something like {kept} is missing (probability {chance:.2f}): it {takes}, but with probability "
-        f"{left:.2f} its law leaves more than noise.",
+        Answer.NAMED: f"{retained} is missing with probability {probability:.2f}; it {takes}.",
+        Answer.LIKE: f"something like {retained} is missing (probability {probability:.2f}): it {takes}, but its law "
+        f"leaves more than noise with probability {left:.2f}.",
         Answer.SET: f"{_families(beliefs)}the data leave {listed}; the first {takes}.",
         Answer.NONE_NEEDED: f"nothing is missing with probability {none:.2f}; the base model leaves noise.",
         Answer.NONE_FITS: f"no cause of the list is missing with probability {none:.2f}, but the base model leaves "
@@ -87,13 +87,21 @@ def _shares(reading: Reading, beliefs: Beliefs) -> list[tuple[tuple[str, ...], f
     """Return the sets that are listed with the probability of each, of all that contain it and none before it."""
     shares, remaining = [], beliefs.sets
     for names in reading.sets[:MAX_SETS]:
-        own = {one: chance for one, chance in remaining.items() if (one >= set(names) if names else not one)}
-        remaining = {one: chance for one, chance in remaining.items() if one not in own}
-        shares.append((names, sum(own.values())))
+        containing = {
+            candidate_set: probability
+            for candidate_set, probability in remaining.items()
+            if (candidate_set >= set(names) if names else not candidate_set)
+        }
+        remaining = {
+            candidate_set: probability
+            for candidate_set, probability in remaining.items()
+            if candidate_set not in containing
+        }
+        shares.append((names, sum(containing.values())))
     return shares
 
 
 def _families(beliefs: Beliefs) -> str:
     """Return the families of which one cause is more likely than not to act, in words."""
-    sure = [f"{name} ({chance:.2f})" for name, chance in beliefs.families.items() if chance > MOST]
+    sure = [f"{name} ({probability:.2f})" for name, probability in beliefs.families.items() if probability > MOST]
     return f"missing with these probabilities: {', '.join(sure)}; " if sure else ""

@@ -124,11 +124,11 @@ class Beliefs:
         """Return plain values: the probability of each cause, and of each set with what it leaves."""
         return {
             "tried": self.choice,
-            "families": {name: chance for name, chance in self.families.items() if chance > LEAST},
-            "inclusion": {name: chance for name, chance in self.included.items() if chance > LEAST},
+            "families": {name: probability for name, probability in self.families.items() if probability > LEAST},
+            "inclusion": {name: probability for name, probability in self.included.items() if probability > LEAST},
             "sets": [
-                {"causes": sorted(names), "probability": chance, "leaves_more": self.left(names)}
-                for names, chance in self.sets.items()
-                if chance > LEAST
+                {"causes": sorted(names), "probability": probability, "leaves_more": self.left(names)}
+                for names, probability in self.sets.items()
+                if probability > LEAST
             ],
         }

@@ -9,17 +9,17 @@ from typing import Any
 from rover_pin.estimation.parameter import Parameter
 
 SIZE_SD = 2.0
-"""Prior SD of a size in fits, in the default sizes of its effect (assumed)."""
+"""Prior SD of a size in fits, in the default amplitudes of its effect (assumed)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Cause:
-    """One cause: how a model gets it, and its numbers, of which `sizes` vanish where it does not act."""
+    """One cause: how a model gets it, and its numbers, of which `amplitudes` vanish where it does not act."""
 
     name: str
     on: Callable[[Any], Any]
     parameters: tuple[Parameter, ...]
-    sizes: frozenset[str]
+    amplitudes: frozenset[str]
     family: str = ""
     "what causes like it do"
     owner: str = ""

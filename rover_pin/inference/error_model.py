@@ -77,9 +77,9 @@ class ErrorModel:
         shared = "t" if self.samples.turn is None else "d"
         letters = ["s", *([shared] if self.samples.repeats else [])]
         letters += ["a"] if self.discrepancy is Discrepancy.SMOOTH else []
-        own = [(letter, at) for at in range(len(self.samples.blocks)) for letter in letters]
+        block_scales = [(letter, at) for at in range(len(self.samples.blocks)) for letter in letters]
         common = {Discrepancy.NONE: (), Discrepancy.FORM: ("e", "l"), Discrepancy.SMOOTH: ("l",)}[self.discrepancy]
-        object.__setattr__(self, "scales", (*own, *((letter, -1) for letter in common)))
+        object.__setattr__(self, "scales", (*block_scales, *((letter, -1) for letter in common)))
 
     @property
     def median(self) -> np.ndarray:
@@ -91,10 +91,12 @@ class ErrorModel:
         """Prior SD of the logarithm of each scale."""
         return np.array([PRIORS[letter].sd for letter, _ in self.scales])
 
-    def scales_like(self, other: ErrorModel, eta: np.ndarray) -> np.ndarray:
+    def scales_like(self, source_model: ErrorModel, eta: np.ndarray) -> np.ndarray:
         """Return the scales of another error model where both have them, else their medians, as logarithms."""
-        known = dict(zip(other.scales, eta, strict=True))
-        return np.array([known.get(scale, median) for scale, median in zip(self.scales, self.median, strict=True)])
+        eta_by_scale = dict(zip(source_model.scales, eta, strict=True))
+        return np.array(
+            [eta_by_scale.get(scale, median) for scale, median in zip(self.scales, self.median, strict=True)]
+        )
 
     def covariance(self, eta: np.ndarray, at: int) -> np.ndarray:
         """Return the covariance (m, m) of one channel."""

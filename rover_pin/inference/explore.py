@@ -17,10 +17,10 @@ from rover_pin.inference.hypothesis import Fitter, Hypothesis
 
 SHOWN = 0.3
 """Norm [SD] of what a cause's default size moves, below which these data cannot show it."""
-STRAY = 3.0
+OUTLIER = 3.0
 """SDs by which a value misses what all others say of it, from which its variance is raised to that."""
 LOOKS = 12
-"""Most looks for strays, the farthest first: it widens the scales, hides in part and makes its fold look astray."""
+"""Most looks for outliers, the farthest first: it widens the scales, hides in part and makes its fold look astray."""
 LEADING, LEADING_FLAT, LEADING_PAIRS = 6, 4, 3
 """Causes that are paired, by evidence and by least squares, and pairs that are taken further."""
 REACH = 12.0
@@ -68,14 +68,14 @@ class Explorer:
         for pair in best_pairs[:LEADING_PAIRS]:
             if self.score(pair) < self.best_score() - REACH:
                 break
-            for other in partners:
-                if other not in pair:
-                    self.fit((*pair, other))
+            for partner in partners:
+                if partner not in pair:
+                    self.fit((*pair, partner))
         return self.beliefs()
 
     @staticmethod
     def _with_each(lead: Cause, others: Iterable[Cause]) -> Iterable[tuple[Cause, Cause]]:
-        return ((lead, other) for other in others if other is not lead)
+        return ((lead, partner) for partner in others if partner is not lead)
 
     def rank(self, causes: Sequence[Cause]) -> float:
         """Return what sorts sets of causes, the most probable first."""
@@ -83,15 +83,15 @@ class Explorer:
 
     def score(self, causes: Sequence[Cause]) -> float:
         """Return the greatest logarithm of evidence times prior of a set of causes."""
-        found = self.fitted.get(names_of(causes), ())
-        return float(Beliefs(found, len(self.causes)).scores.max()) if found else -np.inf
+        hypotheses = self.fitted.get(names_of(causes), ())
+        return float(Beliefs(hypotheses, len(self.causes)).scores.max()) if hypotheses else -np.inf
 
     def best_score(self) -> float:
         """Return the greatest of all."""
         return float(self.beliefs().scores.max())
 
     def base(self) -> None:
-        """Fit the base model, and raise the variance of strays.
+        """Fit the base model, and raise the variance of outliers.
 
         Raises
         ------
@@ -105,11 +105,11 @@ class Explorer:
         if not self.fitted:
             raise OptimisationError("no start of the base model leads to a fit.", status=0)
         for _ in range(LOOKS):
-            inflation = self._strays()
+            inflation = self._outlier_inflation()
             if inflation is None:
                 return
-            known = 1.0 if self.fitter.inflation is None else self.fitter.inflation
-            self.fitter = replace(self.fitter, inflation=known * inflation)
+            before = 1.0 if self.fitter.inflation is None else self.fitter.inflation
+            self.fitter = replace(self.fitter, inflation=before * inflation)
             self.fitted.clear()
             self._fit_all((), [self.flat[frozenset()][0]])
 
@@ -117,27 +117,29 @@ class Explorer:
         experiment, model = self.fitter.experiment, self.fitter.model
         return np.array([number.u(experiment.value(model, number.name)) for number in self.fitter.numbers])
 
-    def _strays(self) -> np.ndarray | None:
+    def _outlier_inflation(self) -> np.ndarray | None:
         """Return by how much each value's variance is raised, the farthest's; None where the others agree with all.
 
         Each is predicted by the others, a smooth discrepancy included.
         """
-        base = next(one for one in self.fitted[frozenset()] if one.errors.discrepancy is Discrepancy.SMOOTH)
+        *_, base = self.fitted[frozenset()]
         linear = base.linear
         precision = np.linalg.inv(base.covariance + linear.slopes @ linear.slopes.T)
         deviations = (precision @ linear.target) / np.sqrt(np.diag(precision))
         size = np.abs(deviations)
-        return np.where(size == size.max(), (2.0 * size / STRAY) ** 2, 1.0) if size.max() > STRAY else None
+        return np.where(size == size.max(), (2.0 * size / OUTLIER) ** 2, 1.0) if size.max() > OUTLIER else None
 
     def is_shown(self, cause: Cause) -> bool:
         """Return whether a cause of default size moves what was measured at all."""
         fitter, start = self.fitter, self.flat[frozenset()][0]
         model, parameters = fitter.having((cause,))
-        own = [0.5 if parameter.name in cause.sizes and not parameter.log else 0.0 for parameter in cause.parameters]
-        with_it, _ = fitter.predicted(model, parameters, np.array([*start, *own]))
+        default_u = [
+            0.5 if parameter.name in cause.amplitudes and not parameter.log else 0.0 for parameter in cause.parameters
+        ]
+        with_it, _ = fitter.predicted(model, parameters, np.array([*start, *default_u]))
         without, _ = fitter.predicted(fitter.model, fitter.numbers, start)
-        moved = (with_it - without) / fitter.samples.sd
-        return bool(np.linalg.norm(moved[np.isfinite(moved)]) > SHOWN)
+        response = (with_it - without) / fitter.samples.sd
+        return bool(np.linalg.norm(response[np.isfinite(response)]) > SHOWN)
 
     def fit(self, causes: Sequence[Cause]) -> bool:
         """Fit a set of causes, where that has a fit, and return whether it has."""
@@ -151,8 +153,8 @@ class Explorer:
         names = names_of(causes)
         try:
             self.flat[names] = self.fitter.flat(causes, starts)
-            near = self.fitted[frozenset()][0] if causes else None
-            plain = self.fitter.hypothesis(causes, self.flat[names][0], Discrepancy.NONE, near)
+            base_hypothesis = self.fitted[frozenset()][0] if causes else None
+            plain = self.fitter.hypothesis(causes, self.flat[names][0], Discrepancy.NONE, base_hypothesis)
         except (OptimisationError, np.linalg.LinAlgError):
             return
         self.fitted[names] = (plain,)
@@ -172,21 +174,21 @@ class Explorer:
         """Return whether a set, leaving nothing, is within reach of the best of these, or of least squares."""
         plain = [self.fitted[names][0] for names in self.fitted]
         scores = Beliefs(tuple(plain), len(self.causes)).scores
-        own = Beliefs(self.fitted[names_of(causes)], len(self.causes)).scores[0]
+        score = Beliefs(self.fitted[names_of(causes)], len(self.causes)).scores[0]
         closer = sum(loss < self.flat[names_of(causes)][1] for _, loss in self.flat.values())
-        return bool(own > scores.max() - REACH) or closer < LEADING_FLAT
+        return bool(score > scores.max() - REACH) or closer < LEADING_FLAT
 
     def _starts(self, causes: Sequence[Cause]) -> list[np.ndarray]:
         """Return where fits begin: of one cause at shares of its size, of several where their parts ended."""
         base, declared = self.flat[frozenset()][0], self._declared()
         if len(causes) == 1:
-            sizes = [_sizes(causes[0], share) for share in SHARES]
-            return [*(np.concatenate([base, size]) for size in sizes), np.concatenate([declared, sizes[0]])]
+            amplitudes = [_start_amplitudes(causes[0], share) for share in SHARES]
+            return [*(np.concatenate([base, size]) for size in amplitudes), np.concatenate([declared, amplitudes[0]])]
         count = len(self.fitter.numbers)
         for cause in causes:
             self.fit((cause,))
         if any(names_of((cause,)) not in self.flat for cause in causes):
-            return [np.concatenate([base, *(_sizes(cause, SHARES[0]) for cause in causes)])]
+            return [np.concatenate([base, *(_start_amplitudes(cause, SHARES[0]) for cause in causes)])]
         parts = [self.flat[names_of((cause,))][0] for cause in causes]
         starts = [
             np.concatenate([lead[:count], *(part[count:] * (1.0 if part is lead else 0.3) for part in parts)])
@@ -195,11 +197,11 @@ class Explorer:
         return starts[:2] if len(causes) == 2 else starts
 
 
-def _sizes(cause: Cause, share: float) -> np.ndarray:
-    """Return u of a cause's numbers with its sizes at a share of their default."""
+def _start_amplitudes(cause: Cause, share: float) -> np.ndarray:
+    """Return u of a cause's numbers with its amplitudes at a share of their default."""
     return np.array(
         [
-            share / SIZE_SD if parameter.name in cause.sizes and not parameter.log else 0.0
+            share / SIZE_SD if parameter.name in cause.amplitudes and not parameter.log else 0.0
             for parameter in cause.parameters
         ]
     )

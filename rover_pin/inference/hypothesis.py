@@ -45,7 +45,7 @@ class Hypothesis:
     errors: ErrorModel = field(repr=False)
     posterior: Posterior = field(repr=False)
     log_evidence: float
-    "of its numbers inside their bounds, with sizes that are not none"
+    "of its numbers inside their bounds, with amplitudes that are not none"
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -65,10 +65,10 @@ class Hypothesis:
     @property
     def covariance(self) -> np.ndarray:
         """The covariance (n, n) of all errors."""
-        whole = np.zeros((len(self.errors.samples.value),) * 2)
+        covariance = np.zeros((len(self.errors.samples.value),) * 2)
         for at, block in enumerate(self.errors.samples.blocks):
-            whole[np.ix_(block, block)] = self.errors.covariance(self.posterior.scales, at)
-        return whole
+            covariance[np.ix_(block, block)] = self.errors.covariance(self.posterior.scales, at)
+        return covariance
 
     @property
     def variance(self) -> np.ndarray:
@@ -142,14 +142,14 @@ class Fitter:
         return model, (*self.numbers, *(parameter for cause in causes for parameter in cause.parameters))
 
     def hypothesis(
-        self, causes: Sequence[Cause], u: np.ndarray, discrepancy: Discrepancy, near: Hypothesis | None = None
+        self, causes: Sequence[Cause], u: np.ndarray, discrepancy: Discrepancy, neighbour: Hypothesis | None = None
     ) -> Hypothesis:
         """Return a hypothesis at its most probable numbers near u, its scales sought from those of one that is near."""
         model, parameters = self.having(causes)
         predicted, slopes = self.predicted(model, parameters, u)
         added = self._added(causes, u, predicted) if discrepancy is Discrepancy.FORM else ()
         errors = ErrorModel(self.samples, discrepancy, added, self.inflation)
-        start = errors.median if near is None else errors.scales_like(near.errors, near.posterior.scales)
+        start = errors.median if neighbour is None else errors.scales_like(neighbour.errors, neighbour.posterior.scales)
         scales = learnt_scales(errors, linear_at(self.samples, predicted, slopes, u), start)
         whitening = [
             np.linalg.inv(np.linalg.cholesky(errors.covariance(scales, channel)))
@@ -158,46 +158,46 @@ class Fitter:
         with suppress(OptimisationError, np.linalg.LinAlgError):  # else the linear model about the first fit stays
             u, _ = descend(_Problem(self, model, parameters, whitening), u)
         predicted, slopes = self.predicted(model, parameters, u)
-        known = posterior(errors, linear_at(self.samples, predicted, slopes, u), scales)
-        evidence = known.log_evidence + self._inside(causes, known)
+        solution = posterior(errors, linear_at(self.samples, predicted, slopes, u), scales)
+        evidence = solution.log_evidence + self._inside(causes, solution)
         return Hypothesis(
-            self.experiment, tuple(causes), model, parameters, u, predicted, slopes, errors, known, evidence
+            self.experiment, tuple(causes), model, parameters, u, predicted, slopes, errors, solution, evidence
         )
 
     def _added(self, causes: Sequence[Cause], u: np.ndarray, predicted: np.ndarray) -> tuple[np.ndarray, ...]:
         """Return what each cause adds to the prediction (n,), the numbers as they are."""
         rows = []
         for cause in causes:
-            others = [other for other in causes if other is not cause]
+            others = [other_cause for other_cause in causes if other_cause is not cause]
             model, parameters = self.having(others)
-            kept = self._own(causes, others)
-            row, _ = self.predicted(model, parameters, u[kept])
+            retained = self._own(causes, others)
+            row, _ = self.predicted(model, parameters, u[retained])
             rows.append(np.nan_to_num(predicted - row))
         return tuple(rows)
 
     def _own(self, causes: Sequence[Cause], others: Sequence[Cause]) -> np.ndarray:
         """Return where the numbers of the base and of some of the causes stand among those of all."""
-        kept, at = list(range(len(self.numbers))), len(self.numbers)
+        retained, at = list(range(len(self.numbers))), len(self.numbers)
         for cause in causes:
             if cause in others:
-                kept += range(at, at + len(cause.parameters))
+                retained += range(at, at + len(cause.parameters))
             at += len(cause.parameters)
-        return np.array(kept, dtype=int)
+        return np.array(retained, dtype=int)
 
-    def _inside(self, causes: Sequence[Cause], known: Posterior) -> float:
+    def _inside(self, causes: Sequence[Cause], solution: Posterior) -> float:
         """Return the logarithm of how much more of the posterior than of the prior lies where numbers may be."""
         total, place, places = 0.0, len(self.numbers), []
         for cause in causes:
             for parameter in cause.parameters:
-                is_size = parameter.name in cause.sizes and not parameter.log
-                mean, sd = float(known.mean[place]), math.sqrt(known.covariance[place, place])
+                is_size = parameter.name in cause.amplitudes and not parameter.log
+                mean, sd = float(solution.mean[place]), math.sqrt(solution.covariance[place, place])
                 share = size_share if is_size else inside_share
                 total += math.log(share(mean, sd, parameter.bounds) / share(0.0, 1.0, parameter.bounds))
                 places += [place] if is_size else []
                 place += 1
         bounds = bounds_of([parameter for cause in causes for parameter in cause.parameters])
-        own = bounds[np.array(places, dtype=int) - len(self.numbers)]
-        return total + log_dependence(known.mean[places], known.covariance[np.ix_(places, places)], own)
+        size_bounds = bounds[np.array(places, dtype=int) - len(self.numbers)]
+        return total + log_dependence(solution.mean[places], solution.covariance[np.ix_(places, places)], size_bounds)
 
 
 class _Problem:

@@ -28,12 +28,12 @@ def left_out(hypothesis: Hypothesis) -> LeftOut:
     pull = precision @ linear.target
     density, missed = np.zeros(int(fold.max()) + 1), np.zeros(len(fold))
     for at in range(len(density)):
-        own = np.flatnonzero(fold == at)
-        if not own.size:
+        members = np.flatnonzero(fold == at)
+        if not members.size:
             continue
-        block = precision[np.ix_(own, own)]
-        missed[own] = np.linalg.solve(block, pull[own])
+        block = precision[np.ix_(members, members)]
+        missed[members] = np.linalg.solve(block, pull[members])
         density[at] = 0.5 * (
-            np.linalg.slogdet(block)[1] - float(missed[own] @ pull[own]) - len(own) * math.log(2 * math.pi)
+            np.linalg.slogdet(block)[1] - float(missed[members] @ pull[members]) - len(members) * math.log(2 * math.pi)
         )
     return LeftOut(density, missed)

@@ -1,7 +1,7 @@
 """What is thought of a size beforehand: a cause that acts has one, around the default of its effect.
 
-ln (|size| / default) ~ N(ln 0.5, 1.2): half of all sizes lie within a factor of 2.2 of half the default, and none is 0,
-for a cause of no size is no cause (a non-local prior). Fits have the wider N(0, SIZE_SD) in its place; the evidence is
+ln (|size| / default) ~ N(ln 0.5, 1.2): half of all sizes lie within a factor of 2.2 of half the default, and none is
+0, for a cause of no size is no cause (a non-local prior). Fits have the wider N(0, SIZE_SD) in its place; evidence is
 then multiplied by the mean, over the posterior, of the one density over the other.
 Source: Johnson and Rossell, J. Roy. Stat. Soc. B 72 (2010) 143, for priors that vanish at none.
 """
@@ -24,7 +24,7 @@ LEAST_SHARE = 1e-12
 POINTS, SDS = 801, 8.0
 """Points of the quadrature over a posterior, and how many of its SDs it spans on each side."""
 DRAWS = 12
-"""Power of 2 of the points that are spread evenly over the joint posterior of several sizes."""
+"""Power of 2 of the points that are spread evenly over the joint posterior of several amplitudes."""
 
 
 def inside_share(mean: float, sd: float, bounds: tuple[float, float]) -> float:
@@ -43,9 +43,9 @@ def size_share(mean: float, sd: float, bounds: tuple[float, float]) -> float:
 
 
 def log_dependence(mean: np.ndarray, covariance: np.ndarray, bounds: np.ndarray) -> float:
-    """Return ln of the mean, over several sizes' u, of the product of their density ratios over that of the means.
+    """Return ln of the mean, over several amplitudes' u, of the product of their density ratios over that of the means.
 
-    0 where sizes are independent: of two causes that do much the same only the sum may be known.
+    0 where amplitudes are independent: of two causes that do much the same only the sum may be known.
     """
     if len(mean) < 2:
         return 0.0

@@ -12,8 +12,13 @@ from rover_pin.base.code_digest import key_of_code
 from rover_pin.base.files.results_folder import OF_A_LOOP, say_what_is_replaced
 from rover_pin.base.jobs.cluster import Workers
 from rover_pin.discrepancy.answer import Answer
-from rover_pin.discrepancy.assessment import ResidualAssessment
-from rover_pin.discrepancy.decide_answer import chosen_without, keep_supported_effects, make_verdict, with_draft
+from rover_pin.discrepancy.decide_answer import (
+    ResidualAssessment,
+    chosen_without,
+    keep_supported_effects,
+    make_verdict,
+    with_draft,
+)
 from rover_pin.discrepancy.held_out import losses
 from rover_pin.discrepancy.refit import Progress, Refit
 from rover_pin.discrepancy.search import Search, search

@@ -72,8 +72,12 @@ def _added(verdict: Verdict, labels: Labels) -> Iterator[str]:
         yield f"it takes {verdict.share:.0%} of what the base model misses beyond the noise {labels.unseen}"
     yield from _chosen(verdict, labels, True)
     if verdict.beliefs is not None:
-        chances = [f"{name} {chance:.2f}" for name, chance in verdict.beliefs.included.items() if name in verdict.named]
-        yield f"probability by the evidence, {verdict.tried} causes and their pairs weighed: {listing(chances)}"
+        probabilities = [
+            f"{name} {probability:.2f}"
+            for name, probability in verdict.beliefs.included.items()
+            if name in verdict.named
+        ]
+        yield f"probability by the evidence, {verdict.tried} causes and their pairs weighed: {listing(probabilities)}"
     for search_round in verdict.search.rounds if verdict.search is not None else ():
         if search_round.indistinguishable:
             best = search_round.indistinguishable[0]

@@ -8,9 +8,8 @@ import pytest
 from rover_pin.discrepancy import assessment as left_of_a_law
 from rover_pin.discrepancy import decide_answer, held_out, search
 from rover_pin.discrepancy.answer import Answer
-from rover_pin.discrepancy.assessment import ResidualAssessment, share_taken
 from rover_pin.discrepancy.candidate import Candidate
-from rover_pin.discrepancy.decide_answer import first_of, with_draft
+from rover_pin.discrepancy.decide_answer import ResidualAssessment, first_of, share_taken, with_draft
 from rover_pin.discrepancy.held_out import errors_anew, errors_of_others
 from rover_pin.discrepancy.refit import Refit, rescale_thresholds
 from rover_pin.discrepancy.screen import null_threshold

@@ -10,8 +10,16 @@ from scipy.stats import chi2 as chi2_law
 from rover_pin.discrepancy import assessment as left_of_a_law
 from rover_pin.discrepancy import decide_answer
 from rover_pin.discrepancy.answer import Answer
-from rover_pin.discrepancy.assessment import ResidualAssessment, held_out_share, holds, share_taken
-from rover_pin.discrepancy.decide_answer import answer_of, graded, hold_together, vetoes
+from rover_pin.discrepancy.decide_answer import (
+    ResidualAssessment,
+    answer_of,
+    graded,
+    held_out_share,
+    hold_together,
+    holds,
+    share_taken,
+    vetoes,
+)
 from rover_pin.discrepancy.held_out import ChannelScore
 from rover_pin.estimation.numbers import Number, implausible, is_adequate
 from rover_pin.estimation.parameter import Parameter

@@ -1,4 +1,4 @@
-"""Linear toys with causes, drawn from the prior that the package states, or with sizes that a test sets."""
+"""Linear toys with causes, drawn from the prior that the package states, or with amplitudes that a test sets."""
 
 import numpy as np
 
@@ -15,7 +15,7 @@ NOISE = 0.5
 
 
 def design(seed, causes, folds=5, each=3, channels=1, size=20.0):
-    """A toy without data: a slope and smooth, curved causes whose default sizes move their channels by some SDs.
+    """A toy without data: a slope and smooth, curved causes whose default amplitudes move their channels by some SDs.
 
     `size`: greatest norm [SD] of what a default size moves, the least a tenth of it; None: all alike at 10.
     """

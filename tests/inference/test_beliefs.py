@@ -13,10 +13,10 @@ from tests.inference import linear_causes as toys
 NAMES = "p", "q", "r"
 
 
-def with_data(toy, sizes, seed):
-    """The toy with data of these causes [default sizes] and white noise of its SD."""
+def with_data(toy, amplitudes, seed):
+    """The toy with data of these causes [default amplitudes] and white noise of its SD."""
     noise = toys.NOISE * np.random.default_rng(seed).normal(size=toy.sd.shape)
-    toy.observed = sum((share * toy.columns[name] for name, share in sizes.items()), toy.columns["base"] + noise)
+    toy.observed = sum((share * toy.columns[name] for name, share in amplitudes.items()), toy.columns["base"] + noise)
     return toy
 
 
@@ -164,7 +164,7 @@ def calibration(seeds, names):
 def test_what_is_said_is_true_as_often_as_its_probability():
     far = deviations(calibration(range(200), NAMES))
     assert np.abs(far).max() < 3.0
-    assert np.sum(np.square(far)) < 20.0, "six bins: 99.7 % by chance"
+    assert np.sum(np.square(far)) < 20.0, "six bins: 99.7 % by probability"
 
 
 def test_what_is_said_of_two_causes_is_true_as_often():

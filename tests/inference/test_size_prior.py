@@ -1,4 +1,4 @@
-"""What is thought of sizes beforehand, against quadrature."""
+"""What is thought of amplitudes beforehand, against quadrature."""
 
 import numpy as np
 import pytest

@@ -104,7 +104,7 @@ class RigExperiment(Experiment):
         return np.array([float(np.sqrt(np.mean(channel.sd**2))) for channel in self.data.rig.channels])
 
     @property
-    def varied(self) -> np.ndarray:
+    def inputs(self) -> np.ndarray:
         """What was set (levels, runs of a level, inputs): slip, and slip angle and load where they differ."""
         rig = self.data.rig
         rows = [rig.slip, *([rig.slip_angle] if rig.askew.any() else [])]
@@ -124,8 +124,8 @@ class RigExperiment(Experiment):
         largest = {type(channel): float(np.max(np.abs(channel.measured))) for channel in self.data.rig.channels}
         sds = {f"rig.{TARES[kind]}": TARE * size for kind, size in largest.items() if kind in TARES}
         sds |= dict.fromkeys(("rig.load_scale", "rig.force_scale"), SCALE)
-        stated = self.data.rig.error_sd
-        return tuple(self.parameter(model, name, sd) for name, sd in sds.items() if name not in stated)
+        stated_errors = self.data.rig.error_sd
+        return tuple(self.parameter(model, name, sd) for name, sd in sds.items() if name not in stated_errors)
 
     @cached_property
     def _conditions(self) -> np.ndarray:

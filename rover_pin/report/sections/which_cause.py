@@ -48,29 +48,31 @@ class WhichCause(Section):
         """Return the probabilities of the leading causes."""
         assert self.verdict.beliefs is not None
         kinds = kinds_of(self.verdict)
-        chances = list(self.verdict.beliefs.included.items())[:MAX_CAUSES]
-        figure = Figure(figsize=(6.2, 0.26 * len(chances) + 1.0), layout="constrained")
+        probabilities = list(self.verdict.beliefs.included.items())[:MAX_CAUSES]
+        figure = Figure(figsize=(6.2, 0.26 * len(probabilities) + 1.0), layout="constrained")
         axis = figure.subplots()
-        colours = [AFTER if name in self.verdict.named else GREY for name, _ in chances]
-        axis.barh(range(len(chances)), [chance for _, chance in chances], color=colours, height=0.7)
-        names = [as_text(display_name(name, kinds)) for name, _ in chances]
-        axis.set_yticks(range(len(chances)), names, fontsize=8.5)
+        colours = [AFTER if name in self.verdict.named else GREY for name, _ in probabilities]
+        axis.barh(
+            range(len(probabilities)), [probability for _, probability in probabilities], color=colours, height=0.7
+        )
+        names = [as_text(display_name(name, kinds)) for name, _ in probabilities]
+        axis.set_yticks(range(len(probabilities)), names, fontsize=8.5)
         axis.invert_yaxis()
         axis.set_xlim(0.0, 1.0)
         axis.set_xlabel("probability that it acts")
         axis.grid(alpha=0.25, axis="x")
-        leading = [f"{full(name, kinds)} {chance:.2f}" for name, chance in chances[:3]]
+        leading = [f"{full(name, kinds)} {probability:.2f}" for name, probability in probabilities[:3]]
         return {"causes": Picture((figure,), f"Probability that a cause acts: {listing(leading)}.")}
 
     def _families(self, beliefs: Beliefs) -> Table:
-        rows = [Row((name, f"{chance:.3f}")) for name, chance in beliefs.families.items()]
+        rows = [Row((name, f"{probability:.3f}")) for name, probability in beliefs.families.items()]
         return Table(("family", "probability that one of it acts"), tuple(rows), "Families of causes")
 
     def _causes(self, beliefs: Beliefs) -> Table:
         kinds = kinds_of(self.verdict)
         rows = [
-            Row((full(name, kinds), f"{chance:.3f}", _size(beliefs, name)), CHOSEN * (name in self.verdict.named))
-            for name, chance in list(beliefs.included.items())[:MAX_CAUSES]
+            Row((full(name, kinds), f"{probability:.3f}", _size(beliefs, name)), CHOSEN * (name in self.verdict.named))
+            for name, probability in list(beliefs.included.items())[:MAX_CAUSES]
         ]
         return Table(("cause", "probability", "its size, if it acts"), tuple(rows), "Causes")
 
@@ -80,12 +82,12 @@ class WhichCause(Section):
             Row(
                 (
                     listing(full(name, kinds) for name in sorted(names)) or "nothing",
-                    f"{chance:.3f}",
+                    f"{probability:.3f}",
                     f"{beliefs.left(names):.2f}",
                 ),
                 CHOSEN * (names == frozenset(self.verdict.named)),
             )
-            for names, chance in list(beliefs.sets.items())[:MAX_SETS]
+            for names, probability in list(beliefs.sets.items())[:MAX_SETS]
         ]
         return Table(("all that is missing", "probability", "leaves more than noise"), tuple(rows), "Sets")
 
@@ -97,13 +99,13 @@ class WhichCause(Section):
 
 
 def _size(beliefs: Beliefs, name: str) -> str:
-    """Return the sizes of a cause with their 95 % intervals, by all hypotheses that have it."""
+    """Return the amplitudes of a cause with their 95 % intervals, by all hypotheses that have it."""
     holding = [hypothesis for hypothesis in beliefs.hypotheses if name in hypothesis.names]
     alone = min(holding, key=lambda hypothesis: len(hypothesis.names))
     cause = next(cause for cause in alone.causes if cause.name == name)
     texts = []
     for parameter in cause.parameters:
-        if parameter.name in cause.sizes:
+        if parameter.name in cause.amplitudes:
             mean, sd = beliefs.moments(alone, parameter.name)
             ends = np.clip([mean - NORMAL_95 * sd, mean, mean + NORMAL_95 * sd], *parameter.bounds)
             low, middle, high = (parameter.value(float(u)) for u in ends)

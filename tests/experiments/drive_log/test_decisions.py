@@ -14,7 +14,6 @@ from scipy.stats import binom, norm
 from scipy.stats import t as student
 
 from rover_pin.discrepancy.answer import Answer
-from rover_pin.discrepancy.assessment import ResidualAssessment, share_taken
 from rover_pin.discrepancy.candidate import Candidate
 from rover_pin.discrepancy.cross_validation import (
     first_order_surprises,
@@ -23,7 +22,7 @@ from rover_pin.discrepancy.cross_validation import (
     seen_again,
     without_each,
 )
-from rover_pin.discrepancy.decide_answer import answer_of, chosen_without
+from rover_pin.discrepancy.decide_answer import ResidualAssessment, answer_of, chosen_without, share_taken
 from rover_pin.discrepancy.held_out import held_out, together
 from rover_pin.discrepancy.refit import Refit, indistinguishable_refits, joined
 from rover_pin.discrepancy.refit_candidates import refit
