@@ -52,8 +52,12 @@ class LeastSquares(Protocol):
         """Return rows and their Jacobian at u."""
 
 
-def descend(problem: LeastSquares, u: np.ndarray, fixed_index: int | None = None) -> tuple[np.ndarray, float]:
+def descend(
+    problem: LeastSquares, u: np.ndarray, fixed_index: int | None = None, gain: float = GAIN
+) -> tuple[np.ndarray, float]:
     """Return the u and chi2 of the nearest minimum inside the bounds, with coordinate `fixed_index` fixed.
+
+    It ends where a full step would lower chi2 by less than `gain`, or three steps in a row did.
 
     Raises
     ------
@@ -68,14 +72,14 @@ def descend(problem: LeastSquares, u: np.ndarray, fixed_index: int | None = None
     radius, idle = 1.0, 0
     for _ in range(STEPS):
         step, newton = _step(u, residual, jacobian, radius, (low, high, fixed_index))
-        if newton and _promised(residual, jacobian, step) < GAIN:
+        if newton and _promised(residual, jacobian, step) < gain:
             return u, chi2
         trial = _bounded(u, step, low, high)
         trial_residual, trial_jacobian = problem.evaluate(trial)
         fall = chi2 - float(trial_residual @ trial_residual)
         radius = _next_radius(radius, trial - u, fall, _promised(residual, jacobian, trial - u))
         if fall > 0:
-            idle = idle + 1 if fall < GAIN else 0
+            idle = idle + 1 if fall < gain else 0
             u, chi2, residual, jacobian = trial, chi2 - fall, trial_residual, trial_jacobian
         if radius < SMALLEST or idle == IDLE:
             return u, chi2

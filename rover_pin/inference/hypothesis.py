@@ -21,6 +21,8 @@ from rover_pin.inference.evidence import Linear, Posterior, learnt_scales, poste
 from rover_pin.inference.samples import Samples
 from rover_pin.inference.size_prior import inside_share, log_dependence, size_share
 
+ROUGH, CLOSE = 0.1, 0.01
+"""Fall of chi2 at which a descent ends that only leads to another, and one about which the model is linear."""
 ALLOWED = {
     False: {Discrepancy.NONE: 0.7, Discrepancy.SMOOTH: 0.3},
     True: {Discrepancy.NONE: 0.6, Discrepancy.FORM: 0.2, Discrepancy.SMOOTH: 0.2},
@@ -124,9 +126,8 @@ class Fitter:
         best: tuple[np.ndarray, float] | None = None
         for start in starts:
             try:
-                reached = descend(
-                    _Problem(self, model, parameters, whitening), np.clip(start, *bounds_of(parameters).T)
-                )
+                problem = _Problem(self, model, parameters, whitening)
+                reached = descend(problem, np.clip(start, *bounds_of(parameters).T), gain=ROUGH)
             except (OptimisationError, np.linalg.LinAlgError):
                 continue
             best = reached if best is None or reached[1] < best[1] else best
@@ -156,7 +157,7 @@ class Fitter:
             for channel in range(len(self.samples.blocks))
         ]
         with suppress(OptimisationError, np.linalg.LinAlgError):  # else the linear model about the first fit stays
-            u, _ = descend(_Problem(self, model, parameters, whitening), u)
+            u, _ = descend(_Problem(self, model, parameters, whitening), u, gain=CLOSE)
         predicted, slopes = self.predicted(model, parameters, u)
         solution = posterior(errors, linear_at(self.samples, predicted, slopes, u), scales)
         evidence = solution.log_evidence + self._inside(causes, solution)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import casadi as ca
@@ -92,7 +93,7 @@ class RigModel:
         effects = tuple(record if type(effect).__name__ == owner else effect for effect in self.effects)
         return dataclasses.replace(self, effects=effects)
 
-    @property
+    @cached_property
     def structure(self) -> tuple[Effect, ...]:
         """The effects with default numbers: what the compiled law depends on."""
         return tuple(_skeleton(effect) for effect in self.effects)
