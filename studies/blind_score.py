@@ -4,9 +4,8 @@ Question
     How often is a hidden effect named, named within a set, missed, or taken for another? How often is something named
     where nothing was hidden? How good are the sizes, and the predictions on runs that were not fitted?
 Method
-    Plain records, one a set, made by `blind_rig.py` (and by any other blind test). An effect counts as detectable where
-    refitting the true effect gains more chi2 than the luckiest of all candidates would by chance: what is smaller than
-    that cannot be found by anyone.
+    Plain records, one a set, made by `blind_rig.py` (and by any other blind test), which says what of it counts as
+    detectable: what is smaller cannot be found by anyone. Probabilities are of sets of listed effects or of nothing.
 Result
     Run alone, it scores nine made-up records, to show the tables; the results stand in the blind tests.
 What the paper says
@@ -24,13 +23,14 @@ import argparse
 import math
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
+from kept.tables import calibration, listed, markdown
 
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.estimation.profile import NORMAL_95
@@ -96,6 +96,8 @@ class Case:
     "loss on runs that were not fitted: base model, model with the answer, model with the true effect refitted"
     after: float = math.nan
     oracle: float = math.nan
+    inclusion: dict[str, float] = field(default_factory=dict)
+    "probability of each effect that may act, and of the true ones"
 
     @property
     def told(self) -> bool:
@@ -251,20 +253,16 @@ def publish(cases: Sequence[Case], out: Path) -> None:
     """Print the tables, and write them as Markdown and every case as CSV."""
     out.mkdir(parents=True, exist_ok=True)
     tables = [shares_table(shares(cases)), confusion(cases).reset_index(names="hidden"), quality(cases)]
+    own = [case for case in cases if case.kind in (Kind.SINGLE, Kind.PAIR, Kind.NULL)]
+    tables.append(calibration([(case.inclusion, case.truth) for case in own]))
     for table in tables:
         print(table.to_string(index=False), end="\n\n")
     print(f"share of the excess loss that is recovered, median: {recovered(cases):.3f}")
     told = [len(case.alike) for case in cases if case.told and case.kind is Kind.SINGLE]
     print(f"candidates in the answer to one effect, mean: {np.mean(told) if told else math.nan:.2f}")
-    (out / "scores.md").write_text("\n\n".join(_markdown(table) for table in tables) + "\n", encoding="utf-8")
+    (out / "scores.md").write_text("\n\n".join(markdown(table) for table in tables) + "\n", encoding="utf-8")
     pd.DataFrame([_flat(case) for case in cases]).to_csv(out / "cases.csv", index=False, float_format="%.6g")
     print(f"written: {out / 'scores.md'} and {out / 'cases.csv'}")
-
-
-def _markdown(table: pd.DataFrame) -> str:
-    cells = [[f"{cell:.3g}" if isinstance(cell, float) else str(cell) for cell in row] for row in table.to_numpy()]
-    lines = [list(map(str, table.columns)), ["---"] * len(table.columns), *cells]
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 
 
 def _flat(case: Case) -> dict[str, object]:
@@ -279,6 +277,7 @@ def _flat(case: Case) -> dict[str, object]:
         "loss_before": case.before,
         "loss_after": case.after,
         "loss_oracle": case.oracle,
+        "inclusion": listed(case.inclusion),
         "sizes": "; ".join(f"{s.name} {s.true:.5g}: {s.fitted:.5g} [{s.low:.5g}, {s.high:.5g}]" for s in case.sizes),
     }
 
