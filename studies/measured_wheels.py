@@ -1,0 +1,99 @@
+"""What the loop finds on the measured wheels: probabilities of causes, and errors where nothing was fitted.
+
+Question
+    Which causes do the data of measured wheels leave, how probable is each, and what do they take off the error?
+Method
+    `close_the_loop` on every shipped wheel-rig set, and on two pairs of sets jointly, with all its causes: effects and
+    errors of the rig. Errors are of each level predicted by fits to the others; `together` are those of all hypotheses,
+    each level predicted as the other levels weigh them.
+Result
+    studies/results/measured_wheels.csv, which docs/validation.md shows.
+What the paper says
+    Nothing of these wheels.
+What differs
+    Loads, wheels and sands are others' than the paper's.
+
+Run: python studies/measured_wheels.py [--quick] [--out DIR]
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import pandas as pd
+
+from rover_pin.discrepancy.verdict import Verdict
+from rover_pin.loop.close import close_the_loop
+
+DATA = Path(__file__).parent / "data"
+SETS = {
+    "smooth wheel": ("cmu-smooth-wheel",),
+    "lugged wheel": ("cmu-grousered-wheel",),
+    "braked wheel": ("cmu-smooth-wheel-skid",),
+    "at slip angles": ("cmu-smooth-wheel-angles",),
+    "Ding, smooth": ("ding-2011-smooth",),
+    "Ding, lugged": ("ding-2011-lugged",),
+    "smooth and braked": ("cmu-smooth-wheel", "cmu-smooth-wheel-skid"),
+    "smooth and lugged": ("cmu-smooth-wheel", "cmu-grousered-wheel"),
+}
+SHOWN = 0.05
+"""Least probability of a cause that the table names."""
+UNITS = {"drawbar pull": ("N", 1.0), "torque": ("N m", 1.0), "sinkage": ("mm", 1e-3), "side force": ("N", 1.0)}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--quick", action="store_true", help="the smooth wheel alone")
+    parser.add_argument("--out", type=Path, default=Path("out/measured_wheels"))
+    options = parser.parse_args()
+    options.out.mkdir(parents=True, exist_ok=True)
+    rows = []
+    for data, folders in list(SETS.items())[: 1 if options.quick else None]:
+        paths = tuple(DATA / folder for folder in folders)
+        rows.append(row_of(data, close_the_loop(paths if len(paths) > 1 else paths[0])))
+        print(pd.DataFrame(rows[-1:]).T.to_string(header=False), end="\n\n", flush=True)
+        pd.DataFrame(rows).to_csv(options.out / "measured_wheels.csv", index=False)
+    drawn(rows, options.out / "measured_wheels.png")
+
+
+def row_of(data: str, verdict: Verdict) -> dict[str, str]:
+    """Return a verdict as a row of the table."""
+    assert verdict.beliefs is not None
+    return {
+        "data": data,
+        "answer": verdict.answer.value,
+        "sets": " or ".join(verdict.indistinguishable),
+        "families": listed(verdict.beliefs.families),
+        "causes": listed(verdict.beliefs.included),
+        "before": errors({score.name: score.before for score in verdict.scores}),
+        "after": errors({score.name: score.after for score in verdict.scores}),
+        "together": errors(verdict.errors_anew),
+    }
+
+
+def listed(probabilities: dict[str, float]) -> str:
+    return "; ".join(f"{name} {chance:.2f}" for name, chance in probabilities.items() if chance > SHOWN)
+
+
+def errors(by_channel: dict[str, float]) -> str:
+    return "; ".join(f"{name} {error / UNITS[name][1]:.3g} {UNITS[name][0]}" for name, error in by_channel.items())
+
+
+def drawn(rows: list[dict[str, str]], file: Path) -> None:
+    """Draw the probability of each family in each set."""
+    families = {row["data"]: dict(part.rsplit(" ", 1) for part in row["families"].split("; ") if part) for row in rows}
+    names = list(dict.fromkeys(name for shares in families.values() for name in shares))
+    figure, axis = plt.subplots(figsize=(7.5, 0.4 * len(rows) + 1.8), layout="constrained")
+    image = axis.imshow(
+        [[float(shares.get(name, 0.0)) for name in names] for shares in families.values()], vmin=0, vmax=1, cmap="Blues"
+    )
+    axis.set_xticks(range(len(names)), names, rotation=30, ha="right")
+    axis.set_yticks(range(len(families)), list(families))
+    figure.colorbar(image, label="probability that one of the family acts")
+    figure.savefig(file, dpi=150)
+
+
+if __name__ == "__main__":
+    main()
