@@ -17,6 +17,7 @@ from rover_pin.base.errors import DataError, MissingExtraError, RoverPinError, c
 from rover_pin.base.files.columns import Columns
 from rover_pin.base.files.paths import exists, is_folder
 from rover_pin.logs.bag_columns import ANGLES, PART, Source, angle_of, parts, period_from, si, sources_from
+from rover_pin.logs.unpacking import bounded_unpacking, refuse_anchors
 
 SUFFIXES = (".bag", ".db3", ".mcap")
 MISSED = 5.0
@@ -85,6 +86,7 @@ def opened(path: Path) -> Iterator[Any]:
     for part in path.iterdir() if is_folder(path) else [path]:
         if not exists(part):
             raise DataError(f"{part} is no file, so that {path.name} is no bag: give one of regular files.")
+    refuse_anchors(path)
     try:
         from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
@@ -93,12 +95,13 @@ def opened(path: Path) -> Iterator[Any]:
             f"{path}: a ROS bag needs the extra 'ros': pip install 'rover-pin[ros]', or convert it to CSV."
         ) from error
     try:
-        with AnyReader([path], default_typestore=get_typestore(Stores.LATEST)) as bag:
+        with bounded_unpacking(), AnyReader([path], default_typestore=get_typestore(Stores.LATEST)) as bag:
             yield bag
     except RoverPinError:
         raise
     except Exception as error:
-        raise DataError(f"{path}: the bag cannot be read: {(str(error) or repr(error)).splitlines()[0]}") from error
+        why = getattr(error, "strerror", "") or str(error) or repr(error)
+        raise DataError(f"{path}: the bag cannot be read: {why.splitlines()[0]}") from error
 
 
 def _held(t: np.ndarray, at: np.ndarray, values: np.ndarray) -> np.ndarray:
