@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 from rover_pin.discrepancy.answer import score_line
 from rover_pin.discrepancy.candidate import Candidate
+from rover_pin.discrepancy.cross_validation import held_out_losses
 from rover_pin.discrepancy.held_out import ChannelScore, held_out
 from rover_pin.discrepancy.refit import Progress, Refit
 from rover_pin.discrepancy.search import attempted
@@ -30,11 +32,13 @@ class Draft:
     scores: tuple[ChannelScore, ...] = ()
     command: str = ""
     "the command line that tries it again"
+    unpredicted: tuple[str, ...] = ()
+    "folds that no fit to the others predicts with it, of one that else were accepted"
 
     @property
     def accepted(self) -> bool:
-        """Whether it gains more than chance, and predicts folds that it has not seen better."""
-        return self.refit is not None and self.refit.accepted
+        """Whether it gains more than chance, and predicts every fold that it has not seen, all in all better."""
+        return self.refit is not None and self.refit.accepted and not self.unpredicted
 
     @property
     def sentence(self) -> str:
@@ -45,6 +49,8 @@ class Draft:
         folds = f"on folds left out by {self.refit.held_out:.3g}"
         if self.refit.loses:
             folds = "a fold left out that is predicted without it is lost, and nothing compared"
+        if self.unpredicted:
+            folds += f", but {', '.join(self.unpredicted)} left out is predicted by nobody"
         return f"tried, {gain}, {folds}{'' if self.accepted else '; it does not hold up'}"
 
     def lines(self) -> list[str]:
@@ -71,7 +77,14 @@ def tried(drafted: Drafted, fitted: Fit, progress: Progress) -> Draft:
     """Return a draft tried on the fit that leaves what it describes."""
     progress("trying the draft of what is left")
     refits = attempted(fitted, drafted.candidates, progress)
-    return Draft(drafted.text, refits[0] if refits else None)
+    draft = Draft(drafted.text, refits[0] if refits else None)
+    return replace(draft, unpredicted=_unpredicted(refits[0].fit)) if draft.accepted else draft
+
+
+def _unpredicted(fitted: Fit) -> tuple[str, ...]:
+    """Return the folds that a fit to the others does not predict."""
+    rows = zip(fitted.task.experiment.folds, held_out_losses(fitted), strict=True)
+    return tuple(name for name, loss in rows if math.isnan(loss))
 
 
 def scored(draft: Draft, before: Fit, seed: int) -> Draft:

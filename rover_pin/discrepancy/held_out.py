@@ -203,13 +203,18 @@ class Excess(NamedTuple):
 
 def beyond_floor(fitted: Fit) -> tuple[Excess, ...]:
     """Return the channels that a fit leaves with more than AT_FLOOR times what no model beats, the worst first."""
-    experiment, good = fitted.task.experiment, fitted.task.noise.good
+    experiment, good = fitted.task.experiment, _predicted(fitted)
     floor = np.fmax(floor_of(experiment, fitted.task.noise), experiment.least_noise(fitted.model))
     times = _rms(fitted.residual, good, (0, 2)) / floor
     worst = _rms(fitted.residual, good).argmax(axis=0)
     rows = zip(experiment.channels, times, worst, strict=True)
     excesses = [Excess(name, float(ratio), experiment.folds[at]) for name, ratio, at in rows if ratio > AT_FLOOR]
     return tuple(sorted(excesses, key=lambda excess: -excess.times))
+
+
+def _predicted(fitted: Fit) -> np.ndarray:
+    """Return where there is a sample to compare and the model predicts it: no stand-in counts as an error."""
+    return fitted.task.noise.good & ~np.isnan(fitted.missed)
 
 
 def _rms(residual: np.ndarray, good: np.ndarray, axes: int | tuple[int, int] = 2) -> np.ndarray:
@@ -220,7 +225,7 @@ def _rms(residual: np.ndarray, good: np.ndarray, axes: int | tuple[int, int] = 2
 
 def largest_residual(fitted: Fit) -> Excess:
     """Return the channel and fold that a fit leaves with most, in RMS of the stated noise."""
-    rms = _rms(table_of(fitted), fitted.task.noise.good)
+    rms = _rms(table_of(fitted), _predicted(fitted))
     fold, channel = np.unravel_index(int(rms.argmax()), rms.shape)
     experiment = fitted.task.experiment
     return Excess(experiment.channels[channel], float(rms[fold, channel]), experiment.folds[fold])

@@ -91,8 +91,9 @@ def _kind(channel: str) -> str:
 
 def _rms(fit: Fit) -> np.ndarray:
     noise = fit.task.noise
-    squares = np.where(noise.good, fit.residual, 0.0) ** 2
-    count = np.maximum(noise.good.sum(axis=(0, 2)), 1)
+    good = noise.good & ~np.isnan(fit.missed)  # a run that breaks off has no error there
+    squares = np.where(good, fit.residual, 0.0) ** 2
+    count = np.maximum(good.sum(axis=(0, 2)), 1)
     return np.asarray(np.sqrt(squares.sum(axis=(0, 2)) / count) / noise.floor)
 
 
@@ -108,7 +109,7 @@ def _residuals(sides: Sides, run: int) -> Figure:
         axis.axhspan(-noise, noise, color=NOISE, alpha=0.6, lw=0, label="±1 SD of the noise")
         axis.axhline(0, color="k", lw=0.7)
         for fit, look in _looks(sides):
-            _line(axis, sides.experiment, run, factor * fit.residual[run, row], look)
+            _line(axis, sides.experiment, run, factor * fit.missed[run, row], look)
     return _finished(figure, f"{sides.experiment.runs[run].name}: measured - model")
 
 
@@ -124,7 +125,8 @@ def _measured(sides: Sides, run: int, channels: Sequence[int]) -> Figure:
         black = {"color": "k", "marker": "o", "ms": 2.2, "ls": "", "label": "measured"}
         _line(axis, sides.experiment, run, factor * sides.experiment.observed[run, row], black)
         for fit, look in _looks(sides):
-            _line(axis, sides.experiment, run, factor * fit.predicted[run, row], look)
+            lost = np.abs(fit.predicted[run, row]) == sides.experiment.stand_in
+            _line(axis, sides.experiment, run, factor * np.where(lost, np.nan, fit.predicted[run, row]), look)
     return _finished(figure, sides.experiment.runs[run].name)
 
 
