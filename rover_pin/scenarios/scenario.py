@@ -107,7 +107,8 @@ class Scenario:
         metadata = LogMetadata.of(trace, self.name)
         metadata = dataclasses.replace(
             metadata,
-            rover=self._rover_from(Path(folder)) or metadata.rover,
+            rover=self._rover_from(Path(folder)) or model.rover.name,
+            gravity=model.gravity,
             angles=_declared_angles(model),
             terrain=write_terrain(folder, model.terrain),
             soil=declared(model.soils[0]),

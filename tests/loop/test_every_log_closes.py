@@ -17,6 +17,8 @@ from tests.loop import own_log
 
 EASY = {"effect.MotionResistance.R": 0.01}
 QUIET = (Answer.NONE_NEEDED, Answer.CANNOT_TELL)
+HIDDEN = {"park": {"gear_friction": 0.0}}
+"""What a scene has that no log declares, taken out: its gears' friction is found, as it should be."""
 READY = sorted(set(SCENES) - {"grid", "polyline"})
 """Scenes that need no file of one's own."""
 SAND = {
@@ -65,7 +67,8 @@ def test_without_noise_the_declared_model_misses_its_steps_alone(scene, rover, t
 @pytest.mark.parametrize(("scene", "rover", "noisy", "runs"), CASES)
 def test_a_log_with_nothing_hidden_closes_without_an_alarm(scene, rover, noisy, runs, tmp_path):
     try:
-        own_log.write(tmp_path, scene, runs=runs, sensors=Sensors() if noisy else None, **SAND[rover])
+        settings = SAND[rover] | HIDDEN.get(scene, {})
+        own_log.write(tmp_path, scene, runs=runs, sensors=Sensors() if noisy else None, **settings)
         verdict = close_the_loop(tmp_path, jobs=2)
     except RoverPinError as refused:
         pytest.skip(f"refused in a sentence: {refused}")
