@@ -124,7 +124,7 @@ def search(base: Fit, tried: Sequence[Candidate], progress: Progress) -> Search:
     if base.task.experiment.noise() is None:
         experiment = base.task.experiment
         least, random_field = experiment.least_noise(base.model), experiment.random_field(base.model)
-        if np.mean((base.rms / least) ** 2) <= 1.0:
+        if is_within_prediction_error(base):
             return Search(
                 base, (Round(tuple(score(base, candidate_signatures)), ()),), tuple(candidate_signatures), random_field
             )
@@ -132,6 +132,11 @@ def search(base: Fit, tried: Sequence[Candidate], progress: Progress) -> Search:
             base = again(_with_residual_noise(base, candidate_signatures, random_field, least))
         return _rounds(Search(base, (), tuple(candidate_signatures), random_field), tried, progress)
     return _rounds(Search(base, (), tuple(candidate_signatures)), tried, progress)
+
+
+def is_within_prediction_error(fitted: Fit) -> bool:
+    """Return whether all channels together leave no more than the error of predictions: of that nothing is told."""
+    return bool(np.mean((fitted.rms / fitted.task.experiment.least_noise(fitted.model)) ** 2) <= 1.0)
 
 
 def _known(base: Fit, tried: Sequence[Candidate], progress: Progress) -> list[Signature]:

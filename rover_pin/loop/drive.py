@@ -21,7 +21,7 @@ from rover_pin.discrepancy.decide_answer import (
 )
 from rover_pin.discrepancy.held_out import losses
 from rover_pin.discrepancy.refit import Progress, Refit
-from rover_pin.discrepancy.search import Search, search
+from rover_pin.discrepancy.search import Search, is_within_prediction_error, search
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.estimation.numbers import profiles
 from rover_pin.experiments.drive_log.calibrate import calibrated_on
@@ -156,9 +156,11 @@ def is_unknown(search_result: Search, residual: DriveResidual) -> bool:
     """Return whether a term takes, after everything listed, more than chance and no less than what was added.
 
     Where sand that was prepared anew is what describes it best, nothing is missing: the model's sand is everywhere one.
+    Nor is it where the replays' own error is as large as what is left.
     """
     taken = sum(refit.net for refit in search_result.best_refits)
-    return residual.best.strength > max(UNKNOWN, MUCH * taken) and not residual.best.is_raking
+    is_much = residual.best.strength > max(UNKNOWN, MUCH * taken)
+    return is_much and not residual.best.is_raking and not is_within_prediction_error(search_result.last)
 
 
 def with_wheel_names(sentence: str, wheels: Sequence[str]) -> str:

@@ -127,7 +127,10 @@ def test_excess_beyond_the_floor_names_its_worst_fold_in_order():
     residual[1] = [[2.5, 2.5], [9.0, 0.0], [0.1, 0.1]]
     names = experiment(channels=("pull", "sinkage", "torque"))
     fitted = SimpleNamespace(
-        residual=residual, task=SimpleNamespace(experiment=names, noise=noise(good, (0.5, 0.5, 0.5))), model=None
+        residual=residual,
+        missed=residual,
+        task=SimpleNamespace(experiment=names, noise=noise(good, (0.5, 0.5, 0.5))),
+        model=None,
     )
     found = beyond_floor(fitted)
     rms = (9.0 + 2 * 6.25) ** 0.5 / 3**0.5, (144.0 + 81.0) ** 0.5 / 3**0.5
@@ -150,7 +153,8 @@ def test_the_error_of_predictions_is_a_floor_too():
 
 def leaving_two(good, names):
     task = SimpleNamespace(experiment=names, noise=noise(good))
-    return SimpleNamespace(residual=np.full((2, 1, 2), 2.0), task=task, model=None)
+    residual = np.full((2, 1, 2), 2.0)
+    return SimpleNamespace(residual=residual, missed=residual, task=task, model=None)
 
 
 def test_largest_residual_is_the_greatest_compared_rms_in_sds():
@@ -158,7 +162,9 @@ def test_largest_residual_is_the_greatest_compared_rms_in_sds():
     good[0, 0, 1] = good[1, 1] = False
     rows = np.array([3.0, 0.1, 0.1, 2.0, 3.2])  # a: pull, twice sinkage; b: twice pull
     names = experiment(channels=("pull", "sinkage"))
-    fitted = SimpleNamespace(rows=rows, task=SimpleNamespace(experiment=names, noise=noise(good)))
+    fitted = SimpleNamespace(
+        rows=rows, missed=np.zeros(good.shape), task=SimpleNamespace(experiment=names, noise=noise(good))
+    )
     assert largest_residual(fitted) == Excess("pull", 3.0, "a")
     fitted.rows = np.array([2.0, 0.1, 0.1, 2.0, 3.2])
     assert largest_residual(fitted) == Excess("pull", pytest.approx(((4.0 + 3.2**2) / 2) ** 0.5), "b")
@@ -171,7 +177,8 @@ def left_by_a_null(chi2, declared=True):
     rows[20:] = np.sqrt((chi2 - 20 * 0.25) / 20)
     names = SimpleNamespace(**vars(experiment()), noise=lambda: object() if declared else None)
     task = SimpleNamespace(experiment=names, noise=noise(good))
-    base = SimpleNamespace(rows=rows, freedom=40, misfit=chi2 / 40, task=task, residual=rows.reshape(2, 1, 20))
+    residual = rows.reshape(2, 1, 20)
+    base = SimpleNamespace(rows=rows, freedom=40, misfit=chi2 / 40, task=task, residual=residual, missed=residual)
     return SimpleNamespace(base=base)
 
 
@@ -225,7 +232,8 @@ def test_a_curve_is_compared_with_the_model_on_its_own_channel():
 
 
 def refit(net=1.0, held_out=2.0):
-    return Refit(Candidate("D", object(), ()), SimpleNamespace(), 10.0 + net, 10.0, held_out)
+    task = SimpleNamespace(experiment=SimpleNamespace(folds=("S = 0", "S = 0.5", "S = 1")))
+    return Refit(Candidate("D", object(), ()), SimpleNamespace(task=task), 10.0 + net, 10.0, held_out)
 
 
 def test_draft_states_its_gain_or_that_it_promises_nothing(monkeypatch):
@@ -244,10 +252,34 @@ def test_draft_states_its_gain_or_that_it_promises_nothing(monkeypatch):
 def test_a_draft_that_promises_nothing_has_no_refit(monkeypatch):
     from rover_pin.discrepancy import draft
 
+    monkeypatch.setattr(draft, "held_out_losses", lambda fitted: np.ones(3))
     for refits in ((), (refit(), refit(net=0.5))):
         monkeypatch.setattr(draft, "attempted", lambda here, candidates, progress, made=refits: made)
         found = tried(Drafted("text", ()), None, lambda said: None)
         assert found.refit is (refits[0] if refits else None)
+        assert found.accepted is bool(refits)
+
+
+def test_a_draft_is_not_accepted_where_a_fold_is_predicted_by_nobody(monkeypatch):
+    """Such a fold counts for neither model, so that on the rest alone the draft gains."""
+    from rover_pin.discrepancy import draft
+
+    monkeypatch.setattr(draft, "attempted", lambda here, candidates, progress: (refit(),))
+    monkeypatch.setattr(draft, "held_out_losses", lambda fitted: np.array([1.0, np.nan, 2.0]))
+    found = tried(Drafted("text", ()), None, lambda said: None)
+    assert (found.accepted, found.unpredicted) == (False, ("S = 0.5",))
+    assert found.sentence.endswith("but S = 0.5 left out is predicted by nobody; it does not hold up")
+    assert found.as_dict()["accepted"] is False
+
+
+def test_a_run_that_a_fit_does_not_predict_has_no_error_of_what_stands_for_it():
+    good, residual = np.ones((2, 1, 2), dtype=bool), np.array([[[0.1, 0.2]], [[1e3, 1e3]]])
+    task = SimpleNamespace(experiment=experiment(), noise=noise(good, (0.01,)))
+    missed = np.where(residual > 1.0, np.nan, residual)
+    fitted = SimpleNamespace(rows=residual[good] / 0.01, residual=residual, missed=missed, task=task, model=None)
+    assert largest_residual(fitted).fold == "a"
+    assert largest_residual(fitted).times < 100.0
+    assert all(one.times < 100.0 and one.fold == "a" for one in beyond_floor(fitted))
 
 
 # --- the verdict -----------------------------------------------------------------------------------------------------

@@ -766,10 +766,15 @@ def test_no_more_than_so_many_are_added():
 # --- the answer ------------------------------------------------------------------------------------------------------
 
 
-def looked(*rounds, base=100.0, last=10.0, count=20):
-    """A hand-made search: chi2 of the base and of the last fit, and the refits of each look."""
-    task = SimpleNamespace(noise=SimpleNamespace(count=count), experiment=SimpleNamespace(is_exact=False))
-    fits = [SimpleNamespace(chi2=chi2, task=task, freedom=count, parameters=(), u=()) for chi2 in (base, last)]
+def looked(*rounds, base=100.0, last=10.0, count=20, rms=2.0):
+    """A hand-made search: chi2 of the base and of the last fit, the refits of each look, the RMS left in one channel.
+
+    Replays are wrong by 1.
+    """
+    experiment = SimpleNamespace(is_exact=False, least_noise=lambda model: np.ones(1))
+    task = SimpleNamespace(noise=SimpleNamespace(count=count), experiment=experiment)
+    about = {"task": task, "freedom": count, "parameters": (), "u": (), "model": None, "rms": np.array([rms])}
+    fits = [SimpleNamespace(chi2=chi2, **about) for chi2 in (base, last)]
     made = [Round((), tuple(dataclasses.replace(one, fit=fits[1]) for one in each)) for each in rounds]
     return Search(fits[0], tuple(made), ())
 
@@ -801,6 +806,12 @@ def test_the_answer(found, strength, answer):
     if answer is Answer.NONE_FITS and found.best_refits:
         assert answered(found, term(strength), takes_most=True) is Answer.LIKE
         assert answered(found, term(strength), takes_most=False) is Answer.NONE_FITS
+
+
+def test_a_term_of_what_replays_are_wrong_by_is_no_effect():
+    """A log without noise over a step: a torque of 0.2 mN m for two seconds was "not on the list"."""
+    assert not is_unknown(looked((), rms=0.6), term(UNKNOWN + 1))
+    assert answered(looked((), rms=0.6), term(UNKNOWN + 1)) is Answer.NONE_NEEDED
 
 
 @pytest.mark.parametrize(
