@@ -154,3 +154,23 @@ def test_motors_that_are_hardly_driven_do_not_drive_on():
     for duty in (1e-12, 1e-3):
         trace = scenario("park", soil="table-1", duration=5.0, gear_friction=0.1, **{"control.delta": duty}).drive()
         assert trace.attrs["happened"] == f"moved by 1.1 mm in 5 s at a duty of {duty:.2g}"
+
+
+@pytest.mark.parametrize(("rover", "at_full_duty"), [("cart", 0.153), ("nexus6", 0.106)])
+@pytest.mark.parametrize("duty", [1e-5, 0.01, 0.03, 0.1])
+def test_what_the_soil_rocks_is_told_by_its_mean_way(rover, at_full_duty, duty):
+    """Without resistance a cart at a duty of 1e-5 "drove on at 0.019 m/s": its swing; its way goes with its duty."""
+    settings = {"control.delta": duty, "effect.MotionResistance.R": 0.0, "soil.k": 0.005}
+    trace = scenario("flat", rover=rover, duration=10.0, soil="table-1", **settings).drive()
+    said = trace.attrs["happened"]
+    told = re.search(r"(?:drives on|moves) at (-?[\d.e-]+) m/s", said)
+    assert float(told[1]) == pytest.approx(duty * at_full_duty, rel=0.2, abs=3e-4)
+    assert ("swing to and fro" in said) is (duty == 1e-5 or (rover, duty) == ("cart", 0.01))
+    assert said.startswith("drives on") is ("swing" not in said)
+
+
+@pytest.mark.parametrize("duty", [1e-5, 0.02])
+def test_what_rolls_back_against_its_duty_does_not_drive_on(duty):
+    trace = scenario("park", rover="cart", duration=10.0, **{"control.delta": duty}).drive()
+    assert re.match(r"slides back, against its duty, at 0\.001\d m/s, at x = -0\.0", trace.attrs["happened"])
+    assert drive_outcome(trace).kind == "slid back"

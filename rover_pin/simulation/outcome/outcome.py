@@ -30,7 +30,7 @@ class DriveOutcome(NamedTuple):
     """What a drive came to; `since` [s] is NaN where it was so from the start."""
 
     kind: str
-    "driving, creeping, sliding, stuck, stalled, slid back, held, slid, stopped, or ended"
+    "driving, rocking, creeping, sliding, stuck, stalled, slid back, held, slid, stopped, or ended"
     since: float
     sentence: str
 
@@ -49,9 +49,10 @@ def drive_outcome(trace: Trace) -> DriveOutcome | None:
     """Return what a drive came to, or None where the trace has not the truth that it takes.
 
     - ended: stopped before its time, as `attrs["stop"]` says;
-    - slid back: more than a radius behind the furthest place, in the sense of its duty;
+    - slid back: more than a radius behind the furthest place, in the sense of its duty, or going back at the end;
     - stalled: driven, but the motors turn at less than 5 % of their speed without a load, and no wheel by a tenth of r
       over the last tenth of the drive; that they creep is said with their share of that speed;
+    - rocking: over the later half, its wheels swing to and fro, and less than half of that takes them on;
     - sliding: the body goes further aside than its wheels travel, over the last twentieth of the drive;
     - stuck: over every last radius that the rims turn, the wheels travel less than a tenth of it;
     - held, slid: never driven, and moved by less than r / 10, or by more; held also where driven, by less than r / 10;
@@ -69,7 +70,7 @@ def drive_outcome(trace: Trace) -> DriveOutcome | None:
     ways = _ways(trace)
     if not np.any(ways.driven):
         return _parked(trace, ways)
-    for judge in (_slid_back, _stopped, _stalled, _barely_moved, _sliding, _stuck):
+    for judge in (_slid_back, _stopped, _rocking, _stalled, _barely_moved, _sliding, _stuck):
         outcome = judge(trace, ways)
         if outcome is not None:
             return outcome
@@ -99,7 +100,8 @@ def _furthest(trace: Trace) -> float:
 
 def _parked(trace: Trace, ways: _Ways) -> DriveOutcome:
     distance = _furthest(trace)
-    swing = _swinging(trace, ways)
+    _, swing = _swing(trace, ways)
+    swing = swing and f"; {swing}"
     if distance < SHORT * ways.r:
         return DriveOutcome("held", math.nan, f"held: not driven, it stood still to {1e3 * distance:.2g} mm{swing}")
     way = "forwards" if ways.travelled[-1] > 0.0 else "back"
@@ -108,20 +110,31 @@ def _parked(trace: Trace, ways: _Ways) -> DriveOutcome:
     )
 
 
-def _swinging(trace: Trace, ways: _Ways) -> str:
-    """Return that the wheels of a rover that is not driven turn to and fro, where they do in its later half.
+def _swing(trace: Trace, ways: _Ways) -> tuple[float, str]:
+    """Return at what rate [Hz] wheels swing in the later half of a drive, and in words if little of it takes them on.
 
     A soil whose traction at no slip exceeds the resistance, F(0) > R, drives wheels that stand: no rest is stable.
     """
-    late = np.arange(len(ways.t)) >= len(ways.t) // 2
-    rates = trace.stack("wheel_rate")[late]
-    to_and_fro = float(ways.turned[-1] - ways.turned[late][0])
-    net = ways.r * float(np.mean(np.abs(np.trapezoid(rates, ways.t[late], axis=0))))
+    late = slice(len(ways.t) // 2, None)
+    t, rates, signs = ways.t[late], trace.stack("wheel_rate")[late], np.sign(trace.stack("duty")[late])
+    net = ways.r * float(np.mean(np.abs(np.trapezoid(rates, t, axis=0))))
     crossings = float(np.mean(np.sum(np.diff(np.sign(rates), axis=0) != 0.0, axis=0)))
-    if to_and_fro < SHORT * ways.r or net > 0.5 * to_and_fro or crossings < LEAST_CROSSINGS:
-        return ""
-    rate = 0.5 * crossings / float(ways.t[-1] - ways.t[late][0])
-    return f"; its wheels swing to and fro at {rate:.1f} Hz, which the soil drives: F(0) > R"
+    to_and_fro, rate = float(ways.turned[-1] - ways.turned[late][0]), 0.5 * crossings / float(t[-1] - t[0])
+    if crossings < LEAST_CROSSINGS:
+        return 0.0, ""
+    if to_and_fro < SHORT * ways.r or net > 0.5 * to_and_fro:
+        return rate, ""
+    why = ", which the soil drives: F(0) > R" if np.all(signs == signs[0]) else ""
+    return rate, f"its wheels swing to and fro at {rate:.1f} Hz{why}"
+
+
+def _rocking(trace: Trace, ways: _Ways) -> DriveOutcome | None:
+    _, swinging = _swing(trace, ways)
+    if not swinging:
+        return None
+    time, travel, _ = _aside(trace, ways)
+    text = f"{swinging}; all in all it moves at {abs(travel) / time:.2g} m/s, {_place(trace, -1)}{_turned(trace)}"
+    return DriveOutcome("rocking", math.nan, text)
 
 
 def _slid_back(trace: Trace, ways: _Ways) -> DriveOutcome | None:
@@ -185,13 +198,22 @@ def _barely_moved(trace: Trace, ways: _Ways) -> DriveOutcome | None:
 def _aside(trace: Trace, ways: _Ways) -> tuple[float, float, float]:
     """Return the last twentieth of a drive [s], and what wheels travel and the body goes aside of that in it [m].
 
+    Where wheels swing it is the body's mean way in 1 s over the later half: a twentieth takes the swing for the pace.
+    Of a rover that turns wheels travel further than the body, which is what comes on.
     Aside is the body's way across its heading, but no more than aside^2 = body^2 - travel^2: wheels that are steered
     travel across the heading too, and do not slide.
     """
-    row = -1 - max(1, len(ways.t) // 20)
+    swings = _swing(trace, ways)[0] > 0.0
+    row = -1 - max(1, len(ways.t) // (2 if swings else 20))
     x, y = (float(trace[name][-1] - trace[name][row]) for name in ("body_x", "body_y"))
     yaw = float(np.mean(trace["body_yaw"][row:])) if "body_yaw" in trace else math.atan2(y, x)
     travel = float(ways.travelled[-1] - ways.travelled[row])
+    if swings:
+        slopes = (np.polyfit(ways.t[row:], trace[name][row:], 1)[0] for name in ("body_x", "body_y"))
+        return 1.0, math.copysign(math.hypot(*slopes), travel), 0.0
+    places = np.stack([trace[name][row:] for name in ("body_x", "body_y", "body_z") if name in trace])
+    body = float(np.sum(np.linalg.norm(np.diff(places), axis=0)))
+    travel = math.copysign(min(abs(travel), body), travel)
     across = abs(y * math.cos(yaw) - x * math.sin(yaw))
     return float(ways.t[-1] - ways.t[row]), travel, min(across, math.sqrt(max(x**2 + y**2 - travel**2, 0.0)))
 
@@ -225,7 +247,9 @@ def _driving(trace: Trace, ways: _Ways) -> DriveOutcome:
     if rate:
         sense, halting = "left" if rate > 0.0 else "right", "" if kind == "driving" else ", its wheels slip much"
         return DriveOutcome(kind, math.nan, f"turns {sense} on the spot at {abs(rate):.2g} deg/s{halting}, {place}")
-    across = f", sliding aside at {aside / time:.2g} m/s" if aside > ON_THE_SPOT * travel else ""
+    across = f", sliding aside at {aside / time:.2g} m/s" if aside > ON_THE_SPOT * abs(travel) else ""
+    if travel < 0.0:
+        kind, word, travel = "slid back", "slides back, against its duty,", -travel
     return DriveOutcome(kind, math.nan, f"{word} at {travel / time:.2g} m/s{across}, {place}")
 
 
