@@ -135,7 +135,7 @@ def search(base: Fit, tried: Sequence[Candidate], progress: Progress) -> Search:
 
 
 def is_within_prediction_error(fitted: Fit) -> bool:
-    """Return whether all channels together leave no more than the error of predictions: of that nothing is told."""
+    """Return whether all channels together leave no more than the error of predictions."""
     return bool(np.mean((fitted.rms / fitted.task.experiment.least_noise(fitted.model)) ** 2) <= 1.0)
 
 

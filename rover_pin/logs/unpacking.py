@@ -1,6 +1,6 @@
 """What rosbags unpacks goes through a bound: a packed bag of a few kB may hold any size.
 
-rosbags unpacks in three places, each by a table or module of its own; while a bag is open these are ours.
+rosbags unpacks in three places, each by tables and a module that are ours while a bag is open.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from rover_pin.base.files import bounded
 from rover_pin.base.files.paths import is_file, is_folder
 
 METADATA = "metadata.yaml"
-ANCHOR = re.compile(r"(?m)(?:^|[-:,\[{])\s*[&*]")
+ALIASES = re.compile(r"(?m)(?:^|[-:,\[{])\s*[&*]")
 """YAML that names a part of itself, and of which a few lines grow without bound."""
 
 PLAIN = ("", "none")
@@ -39,17 +39,17 @@ class Allowance:
 
     def unpacked(self, opener: Opener, packed: bytes) -> bytes:
         """Return packed bytes as a whole; an `OSError` where that is more than is left."""
-        with _Counted(opener(io.BytesIO(packed)), self) as file:
+        with _LimitedFile(opener(io.BytesIO(packed)), self) as file:
             return b"".join(iter(lambda: file.read(bounded.MIB), b""))
 
     def take(self, count: int) -> None:
-        """Take so many bytes."""
+        """Take this number of bytes."""
         self.left -= count
         if self.left < 0:
             raise OSError(errno.EFBIG, f"it unpacks to more than {self.most // bounded.MIB} MiB, {ADVICE}")
 
 
-class _Counted:
+class _LimitedFile:
     """A packed file whose bytes are taken from an allowance as they are read."""
 
     def __init__(self, file: Any, allowance: Allowance):
@@ -60,7 +60,7 @@ class _Counted:
         self.allowance.take(len(part))
         return part
 
-    def __enter__(self) -> _Counted:
+    def __enter__(self) -> _LimitedFile:
         return self
 
     def __exit__(self, *error: object) -> None:
@@ -82,7 +82,7 @@ def bounded_unpacking() -> Iterator[None]:
         return lambda raw, *size: allowance.unpacked(openers[name], raw)
 
     module = SimpleNamespace(
-        open=lambda file, mode: _Counted(zstd.open(file, mode), allowance), decompress=whole("zstd")
+        open=lambda file, mode: _LimitedFile(zstd.open(file, mode), allowance), decompress=whole("zstd")
     )
     with ExitStack() as stack:
         for table in (one.decompressors, chunks.DECOMPRESSORS):
@@ -114,7 +114,7 @@ def refuse_anchors(bag: Path) -> None:
     if not is_folder(bag) or not is_file(file):
         return
     try:
-        anchored = ANCHOR.search(bounded.text(file))
+        anchored = ALIASES.search(bounded.text(file))
     except (OSError, UnicodeDecodeError) as error:
         raise DataError(f"{file}: the file cannot be read: {getattr(error, 'strerror', '') or error}") from error
     if anchored:

@@ -260,7 +260,7 @@ def test_a_draft_that_promises_nothing_has_no_refit(monkeypatch):
         assert found.accepted is bool(refits)
 
 
-def test_a_draft_is_not_accepted_where_a_fold_is_predicted_by_nobody(monkeypatch):
+def test_a_fold_that_nobody_predicts_vetoes_a_draft(monkeypatch):
     """Such a fold counts for neither model, so that on the rest alone the draft gains."""
     from rover_pin.discrepancy import draft
 
@@ -272,7 +272,7 @@ def test_a_draft_is_not_accepted_where_a_fold_is_predicted_by_nobody(monkeypatch
     assert found.as_dict()["accepted"] is False
 
 
-def test_a_run_that_a_fit_does_not_predict_has_no_error_of_what_stands_for_it():
+def test_a_run_without_a_prediction_has_no_error():
     good, residual = np.ones((2, 1, 2), dtype=bool), np.array([[[0.1, 0.2]], [[1e3, 1e3]]])
     task = SimpleNamespace(experiment=experiment(), noise=noise(good, (0.01,)))
     missed = np.where(residual > 1.0, np.nan, residual)

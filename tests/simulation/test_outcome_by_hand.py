@@ -188,7 +188,7 @@ def test_rover_turns_on_the_spot_if_its_body_moves_a_fifth(share, spot):
         kind, said = told(**turn, **place, body_yaw=sense * T)
         assert kind == "driving"
         assert said.startswith(
-            f"turns {word} on the spot at 5.7 deg/s, at x" if spot else "drives on at 0.06 m/s, at x"
+            f"turns {word} on the spot at 5.7 deg/s, at x" if spot else "drives on at 0.013 m/s, at x"
         )
         assert said.endswith(f", turned by {math.degrees(20.0 * sense):.0f} deg")
 
@@ -248,5 +248,5 @@ def test_rates_are_over_the_time_that_they_took():
     )
     slow = told(t_s=200.0 * T, rate=0.01, travel=6e-4, body_x=0.0, body_yaw=0.1 * T)[1]
     assert slow.startswith("turns left on the spot at 0.029 deg/s")
-    assert told(t_s=2.0 * T, rate=1.0, travel=0.06)[1].startswith("drives on at 0.06 m/s")
+    assert told(t_s=2.0 * T, rate=1.0, travel=0.06, body_x=0.12 * T)[1].startswith("drives on at 0.06 m/s")
     assert "creep at 2.4 mm/s" in told(t_s=2.0 * T, rate=0.024, travel=0.0, gave=0.01)[1]

@@ -82,7 +82,7 @@ def _count(kind: int, body: memoryview, order: str, entries: Allowance) -> None:
 
 
 def _elements(body: memoryview, order: str) -> Iterator[tuple[int, memoryview]]:
-    """Yield the kind and the bytes of each element; one of four bytes or less stands in its tag."""
+    """Yield the kind and the bytes of each element; one of four bytes or less is in its tag."""
     at = 0
     while at + 8 <= len(body):
         kind, size = struct.unpack_from(f"{order}II", body, at)

@@ -119,9 +119,9 @@ def _swing(trace: Trace, ways: _Ways) -> tuple[float, str]:
     t, rates, signs = ways.t[late], trace.stack("wheel_rate")[late], np.sign(trace.stack("duty")[late])
     net = ways.r * float(np.mean(np.abs(np.trapezoid(rates, t, axis=0))))
     crossings = float(np.mean(np.sum(np.diff(np.sign(rates), axis=0) != 0.0, axis=0)))
-    to_and_fro, rate = float(ways.turned[-1] - ways.turned[late][0]), 0.5 * crossings / float(t[-1] - t[0])
     if crossings < LEAST_CROSSINGS:
         return 0.0, ""
+    to_and_fro, rate = float(ways.turned[-1] - ways.turned[late][0]), 0.5 * crossings / float(t[-1] - t[0])
     if to_and_fro < SHORT * ways.r or net > 0.5 * to_and_fro:
         return rate, ""
     why = ", which the soil drives: F(0) > R" if np.all(signs == signs[0]) else ""
