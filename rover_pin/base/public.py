@@ -129,7 +129,8 @@ def words(hint: Any) -> str:
         return f"a tuple, each {words(inner[0])}"
     if getattr(origin, "__name__", "") == "Callable":
         return f"a function that takes {', '.join(words(argument) for argument in inner[0]) or 'nothing'}"
-    return NAMES.get(hint) or f"a {getattr(origin or hint, '__name__', hint)}"
+    name = str(getattr(origin or hint, "__name__", hint))
+    return NAMES.get(hint) or f"{'an' if name[0] in 'AEIO' else 'a'} {name}"
 
 
 def brief(kind: type[Any]) -> Any:

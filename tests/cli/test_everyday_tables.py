@@ -1,5 +1,6 @@
 """One table in the many ways that programs write it: `init` and `import-log` read it, or say where it is wrong."""
 
+import gzip
 import json
 import re
 from pathlib import Path
@@ -97,12 +98,12 @@ def test_a_measured_cell_that_is_missing_is_no_run(run):
 
 
 @pytest.mark.parametrize("command", [("init", *INIT), ("import-log", "--rover", "cart")])
-@pytest.mark.parametrize("begin", [b"PK\x03\x04\x14\x00", b"\xd0\xcf\x11\xe0\xa1\xb1"])
+@pytest.mark.parametrize("begin", [b"PK\x03\x04\x14\x00", b"\xd0\xcf\x11\xe0\xa1\xb1", gzip.compress(b"slip\n1\n")])
 def test_a_spreadsheet_is_refused_with_what_to_do(command, begin, run):
     Path("runs.xlsx").write_bytes(begin + bytes(200))
     code, _, err = run(command[0], "runs.xlsx", *command[1:])
     assert code == 2
-    assert "this is a spreadsheet or an archive: save the sheet as CSV, and give that file." in err
+    assert "this is a spreadsheet or an archive: save the sheet as CSV, or unpack it, and give that file." in err
 
 
 def stamps(**columns):

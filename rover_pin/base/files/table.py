@@ -23,8 +23,8 @@ from rover_pin.base.units import name_and_unit, readings
 
 ENCODINGS = ((b"\xef\xbb\xbf", "utf-8-sig"), (b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16"))
 """Byte-order marks."""
-SPREADSHEETS = (b"PK\x03\x04", b"\xd0\xcf\x11\xe0")
-"""How .xlsx and .ods, which are archives, and .xls begin."""
+SPREADSHEETS = (b"PK\x03\x04", b"\xd0\xcf\x11\xe0", b"\x1f\x8b", b"BZh", b"\xfd7zXZ", b"(\xb5/\xfd")
+"""How .xlsx and .ods, which are archives, .xls, and what gzip, bzip2, xz and zstd pack begin."""
 
 
 class Table(NamedTuple):
@@ -97,7 +97,9 @@ def read_table(path: Path) -> Table:
     except OSError as error:
         raise DataError(f"{path}: the file cannot be read: {error.strerror or error}.") from error
     if raw.startswith(SPREADSHEETS):
-        raise DataError(f"{path}: this is a spreadsheet or an archive: save the sheet as CSV, and give that file.")
+        raise DataError(
+            f"{path}: this is a spreadsheet or an archive: save the sheet as CSV, or unpack it, and give that file."
+        )
     table = _text(path, raw) if raw or path.suffix not in (".parquet", ".pq") else _parquet(path)
     if not table.places:
         table.refuse_faults()

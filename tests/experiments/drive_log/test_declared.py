@@ -136,7 +136,10 @@ def test_a_drive_toml_that_contradicts_itself_is_refused(old, new, says, tmp_pat
     [
         (b"t_s;duty_fl\n0,1;0\n0,1;0\n", "line 3: column 't_s' must increase, but 0.1 follows 0.1"),
         (b"t_s\tduty_fl\n0.1\tfull\n", "line 2: column 'duty_fl' has 'full', which is not a number"),
-        (b"PK\x03\x04\xff\xfe", "this is a spreadsheet or an archive: save the sheet as CSV, and give that file."),
+        (
+            b"PK\x03\x04\xff\xfe",
+            "this is a spreadsheet or an archive: save the sheet as CSV, or unpack it, and give that file.",
+        ),
     ],
 )
 def test_a_file_of_another_program_is_refused(content, says, tmp_path):
