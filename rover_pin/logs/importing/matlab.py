@@ -1,8 +1,12 @@
-"""Tables in .mat files: vectors of one length, also inside structs; read by scipy, h5py not needed for version 5."""
+"""Tables in .mat files of versions 4 to 7: vectors of one length, also inside structs.
+
+Read here: scipy takes a damaged file's word for its sizes, and the program ends without a word.
+Source: MATLAB, MAT-File Format (MathWorks, 2019), chapters 1 (version 7) and 4.
+"""
 
 from __future__ import annotations
 
-import io
+import itertools
 import math
 import struct
 import zlib
@@ -20,8 +24,15 @@ from rover_pin.logs.unpacking import Allowance
 
 HEAD, MATRIX, PACKED = 128, 14, 15
 """Bytes before the elements of version 5, and the kinds of those that hold others."""
-NUMBER, RECORD, RECORDS = 8, 256, (1, 2, 3)
-"""Bytes that an entry takes in memory, as a number and as a record or cell, and the classes of the latter."""
+KINDS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
+RECORD, NUMBERS, COMPLEX = 2, range(6, 16), 0x800
+"""Classes of a struct and of arrays of numbers, and the flag of complex ones, which no channel is."""
+KINDS_4 = ("f8", "f4", "i4", "i2", "u2", "u1")
+NUMBER = 8
+"""Bytes that each number takes in memory."""
+
+Variables = dict[str, Any]
+"""Arrays and structs by name."""
 
 
 def mat_table(path: Path) -> pd.DataFrame:
@@ -32,16 +43,14 @@ def mat_table(path: Path) -> pd.DataFrame:
     DataError
         It cannot be read, is of version 7.3 (HDF5), or holds no vectors.
     """
-    from scipy.io import loadmat
-
     try:
-        variables = loadmat(io.BytesIO(_bounded(content(path))), squeeze_me=True, struct_as_record=False)
-    except NotImplementedError as error:
-        raise DataError(f"{path}: a .mat of version 7.3 is not read: save it with '-v7', or as CSV.") from error
-    except Exception as error:  # whatever scipy raises for bytes that are no .mat
-        why = getattr(error, "strerror", "") or str(error)
-        raise DataError(f"{path}: the file is no .mat that can be read: {why}".rstrip(". \n") + ".") from error
-    vectors = dict(_vectors("", {name: value for name, value in variables.items() if not name.startswith("__")}))
+        file = content(path)
+        if b"\x89HDF" in (file[:4], file[512:516]):
+            raise DataError(f"{path}: a .mat of version 7.3 is not read: save it with '-v7', or as CSV.")
+        vectors = dict(_vectors("", _variables(file)))
+    except (OSError, ValueError, struct.error, zlib.error, OverflowError, RecursionError) as error:
+        why = getattr(error, "strerror", "") or "its parts do not fit together"
+        raise DataError(f"{path}: the file is no .mat that can be read: {why}.") from error
     lengths = Counter(len(values) for values in vectors.values() if len(values) > 1)
     if not lengths:
         raise DataError(f"{path}: there is no vector of numbers in it: save one variable a channel.")
@@ -49,13 +58,30 @@ def mat_table(path: Path) -> pd.DataFrame:
     return pd.DataFrame({name: values for name, values in vectors.items() if len(values) == length})
 
 
-def _bounded(file: bytes) -> bytes:
-    """Return a file if neither what it unpacks to nor the entries that it declares are beyond `bounded`."""
-    unpacked, entries = Allowance(), Allowance()
+def _variables(file: bytes) -> Variables:
+    allowance = Allowance()
+    if 0 in file[:4]:
+        return dict(_of_version_4(file, allowance))
     order = ">" if file[HEAD - 2 : HEAD] == b"MI" else "<"
-    for kind, part in _elements(memoryview(file)[HEAD:], order):
-        _count(kind, part if kind != PACKED else _inflated(part, unpacked), order, entries)
-    return file
+    elements = _elements(memoryview(file)[HEAD:], order)
+    bodies = (_inflated(part, allowance) if kind == PACKED else part for kind, part in elements)
+    return dict(_matrix(body, order, allowance) for body in bodies)
+
+
+def _of_version_4(file: bytes, allowance: Allowance) -> Iterator[tuple[str, np.ndarray]]:
+    at = 0
+    while at < len(file):
+        order = "<" if file[at + 2 : at + 4] == b"\0\0" else ">"
+        kind, rows, columns, is_complex, length = struct.unpack_from(f"{order}5i", file, at)
+        if not (0 <= kind % 1000 < 60 and length > 0 and min(rows, columns) >= 0):
+            raise ValueError
+        dtype = np.dtype(f"{order}{KINDS_4[kind % 100 // 10]}")
+        begin, count = at + 20 + length, rows * columns
+        allowance.take(NUMBER * count)
+        values = np.frombuffer(file, dtype, count, begin)
+        if kind % 10 == 0 and not is_complex:
+            yield file[at + 20 : begin - 1].decode("latin-1"), values.reshape(rows, columns, order="F").squeeze()
+        at = begin + count * dtype.itemsize * (2 if is_complex else 1)
 
 
 def _inflated(part: memoryview, allowance: Allowance) -> memoryview:
@@ -68,17 +94,23 @@ def _inflated(part: memoryview, allowance: Allowance) -> memoryview:
     return memoryview(b"".join(parts))[8:]
 
 
-def _count(kind: int, body: memoryview, order: str, entries: Allowance) -> None:
-    """Take the entries that a matrix declares, the second of its parts, and those of the matrices in it."""
-    size = NUMBER
-    for place, (inner, part) in enumerate(_elements(body, order) if kind in (MATRIX, PACKED) else ()):
-        if place == 0 and len(part) >= 4:
-            size = RECORD if struct.unpack_from(f"{order}I", part)[0] & 0xFF in RECORDS else NUMBER
-        elif place == 1:
-            dimensions = struct.unpack_from(f"{order}{len(part) // 4}i", part)
-            entries.take(size * abs(math.prod(dimensions)))
-        else:
-            _count(inner, part, order, entries)
+def _matrix(body: memoryview, order: str, allowance: Allowance) -> tuple[str, Any]:
+    """Return the name of a matrix, and its numbers, or the fields of a single record; else None."""
+    parts = _elements(body, order)
+    (_, flags), (_, shape), (_, name), (kind, first) = itertools.islice(itertools.chain(parts, 4 * [(0, body[:0])]), 4)
+    if not name and not len(flags):
+        return "", None
+    (flag,), dimensions = struct.unpack_from(f"{order}I", flags), struct.unpack(f"{order}{len(shape) // 4}i", shape)
+    value: Any = None
+    if flag & 0xFF == RECORD and math.prod(dimensions) == 1:
+        (length,), (_, names) = struct.unpack(f"{order}i", first), next(parts, (0, body[:0]))
+        keys = [bytes(names[at : at + length]).split(b"\0")[0].decode() for at in range(0, len(names), length)]
+        value = {key: _matrix(field, order, allowance)[1] for key, (_, field) in zip(keys, parts, strict=False)}
+    elif flag & 0xFF in NUMBERS and not flag & COMPLEX and kind in KINDS:
+        numbers = np.frombuffer(first, f"{order}{KINDS[kind]}")
+        allowance.take(NUMBER * numbers.size)
+        value = numbers.reshape(dimensions, order="F").squeeze()
+    return bytes(name).decode("latin-1"), value
 
 
 def _elements(body: memoryview, order: str) -> Iterator[tuple[int, memoryview]]:
@@ -88,16 +120,18 @@ def _elements(body: memoryview, order: str) -> Iterator[tuple[int, memoryview]]:
         kind, size = struct.unpack_from(f"{order}II", body, at)
         begin = at + 4 if kind >> 16 else at + 8
         kind, size = (kind & 0xFFFF, kind >> 16) if kind >> 16 else (kind, size)
+        if begin + size > len(body):
+            raise ValueError
         yield kind, body[begin : begin + size]
         at = begin + size if kind == PACKED else begin + size + -(begin + size) % 8
 
 
-def _vectors(prefix: str, table: dict[str, Any]) -> Iterator[tuple[str, np.ndarray]]:
+def _vectors(prefix: str, table: Variables) -> Iterator[tuple[str, np.ndarray]]:
     for key, value in table.items():
         name = f"{prefix}.{key}" if prefix else key
-        if hasattr(value, "_fieldnames"):
-            yield from _vectors(name, {field: getattr(value, field) for field in value._fieldnames})
-        elif isinstance(value, np.ndarray) and value.dtype.kind in "biuf":
+        if isinstance(value, dict):
+            yield from _vectors(name, value)
+        elif isinstance(value, np.ndarray):
             yield from _columns(name, value)
 
 
