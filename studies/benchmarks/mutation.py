@@ -46,8 +46,8 @@ CORE = """
     ReplaceAndWithOr ReplaceOrWithAnd AddNot ReplaceTrueWithFalse ReplaceFalseWithTrue
 """
 ROOMS = (
-    "soil effects body motion control vehicle importing measurements experiments/wheel_rig experiments/drive_log "
-    "estimation identification discrepancy"
+    "soil effects terrain rover simulation logs control scenarios measurements experiments/wheel_rig "
+    "experiments/drive_log estimation identification discrepancy rover/proposal logs/importing"
 ).split()
 """Folders of rover_pin."""
 
@@ -168,7 +168,7 @@ def again(missed: list[dict], tests: list[Path], most: float) -> Iterator[dict]:
 
 def tests_of(room: str) -> list[Path]:
     """Return the files of tests of a room: of its folder of tests, or else those that name it."""
-    every, name = sorted(Path("tests").glob("*/test_*.py")), f"rover_pin.{room.replace('/', '.')}"
+    every, name = sorted(Path("tests").rglob("*/test_*.py")), f"rover_pin.{room.replace('/', '.')}"
     own = [file for file in every if Path("tests", room) in file.parents]
     return own or [file for file in every if name in file.read_text(encoding="utf-8")]
 
