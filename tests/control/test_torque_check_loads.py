@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rover_pin.control.torque_bounds import TorqueBounds
-from rover_pin.control.torque_check import LOST_SLIP
+from rover_pin.control.torque_check import LOST_SLIP, TorqueLimit
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.rover.driven_loads import configuration, driven_loads
 from rover_pin.rover.statics import wheel_loads
@@ -69,3 +69,12 @@ def test_how_often_either_check_acts(name, k, at_shear, at_slip):
     for limit, share in (("saturation", at_shear), ("at-slip", at_slip)):
         trace = scenario(name, soil="table-1", control="limit", **{"control.limit": limit, "soil.k": k}).drive()
         assert 100.0 * np.mean(trace.stack("duty") < 0.55 - 1e-9) == pytest.approx(share, rel=0.1, abs=0.1)
+
+
+def test_beyond_forty_degrees_the_limit_is_that_of_forty():
+    limit = TorqueLimit.at_slip(scenario("flat").model)
+    for sign in (1.0, -1.0):
+        ends = [limit.torque(sign * np.radians(degrees)) for degrees in (39.0, 40.0, 42.0, 60.0)]
+        np.testing.assert_array_equal(ends[1], ends[2])
+        np.testing.assert_array_equal(ends[1], ends[3])
+        assert np.any(ends[0] != ends[1])
