@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -28,6 +28,9 @@ ALLOWED = {
     True: {Discrepancy.NONE: 0.6, Discrepancy.FORM: 0.2, Discrepancy.SMOOTH: 0.2},
 }
 """Prior probability of each kind of discrepancy, of a base model and of one with causes."""
+TURNS, SHRUNK = 4, 1.5
+"""Turns of fit and form error, and times by which a law may add less than where its form error was taken: that is a
+share of what the law adds in the end, not of what it adds without one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,15 +153,25 @@ class Fitter:
         predicted, slopes = self.predicted(model, parameters, u)
         added = self._added(causes, u, predicted) if discrepancy is Discrepancy.FORM else ()
         errors = ErrorModel(self.samples, discrepancy, added, self.inflation)
-        start = errors.median if neighbour is None else errors.scales_like(neighbour.errors, neighbour.posterior.scales)
-        scales = learnt_scales(errors, linear_at(self.samples, predicted, slopes, u), start)
-        whitening = [
-            np.linalg.inv(np.linalg.cholesky(errors.covariance(scales, channel)))
-            for channel in range(len(self.samples.blocks))
-        ]
-        with suppress(OptimisationError, np.linalg.LinAlgError):  # else the linear model about the first fit stays
-            u, _ = descend(_Problem(self, model, parameters, whitening), u, gain=CLOSE)
-        predicted, slopes = self.predicted(model, parameters, u)
+        scales = (
+            errors.median if neighbour is None else errors.scales_like(neighbour.errors, neighbour.posterior.scales)
+        )
+        for _ in range(TURNS):
+            scales = learnt_scales(errors, linear_at(self.samples, predicted, slopes, u), scales)
+            whitening = [
+                np.linalg.inv(np.linalg.cholesky(errors.covariance(scales, channel)))
+                for channel in range(len(self.samples.blocks))
+            ]
+            with suppress(OptimisationError, np.linalg.LinAlgError):  # else the linear model about the first fit stays
+                u, _ = descend(_Problem(self, model, parameters, whitening), u, gain=CLOSE)
+            predicted, slopes = self.predicted(model, parameters, u)
+            if discrepancy is not Discrepancy.FORM:
+                break
+            added = self._added(causes, u, predicted)
+            taken, left = (np.linalg.norm(rows, axis=1) for rows in (errors.added, added))
+            if (taken <= SHRUNK * left).all():
+                break
+            errors = replace(errors, added=added)
         solution = posterior(errors, linear_at(self.samples, predicted, slopes, u), scales)
         evidence = solution.log_evidence + self._inside(causes, solution)
         return Hypothesis(
