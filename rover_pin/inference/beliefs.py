@@ -99,11 +99,11 @@ class Beliefs:
         return max(among, key=lambda row: row[0])[1]
 
     def moments(self, of: Hypothesis, name: str) -> tuple[float, float]:
-        """Return mean and SD of a number's u over all hypotheses that contain another one, as probable as they are."""
+        """Return mean and SD of a number's u over all hypotheses that contain another one; of the base over its own."""
         rows = [
             (weight, *hypothesis.moments(name))
             for weight, hypothesis in zip(self.weights, self.hypotheses, strict=True)
-            if set(of.names) <= set(hypothesis.names)
+            if (set(of.names) <= set(hypothesis.names) if of.names else not hypothesis.names)
         ]
         weights, means, sds = np.array(rows).T
         weights = weights / weights.sum() if weights.sum() > 0 else np.full(len(weights), 1.0 / len(weights))

@@ -1,12 +1,12 @@
 """How errors hang together: the sensors' noise, smooth discrepancy, scatter of folds, drift, a law's own form error.
 
 The error of channel c has the covariance
-    C_c = s_c^2 diag(sd^2) + t_c^2 n_c^2 [same fold] or d_c^2 n_c^2 exp(-|turns apart| / memory)
+    C_c = s_c^2 diag(sd^2) + t_c^2 n_c^2 [same fold] + d_c^2 n_c^2 exp(-|turns apart| / memory)
         + a_c^2 Y_c^2 exp(-|x - x'|^2 / 2 l^2) + e^2 sum_j g_j g_j' exp(-|x - x'|^2 / 2 l^2)
 with n_c the declared noise, Y_c the spread of what was measured, x what was set over its range, and g_j what law j
-adds. Folds scatter where they were measured one after the other, as on beds prepared anew; noise drifts over the turns
-where they were mixed. Each of s, t, d, a, e, l has a prior on its logarithm; a and l act where the discrepancy is
-smooth, e and l where a law's form is off.
+adds. Folds scatter as beds prepared anew do; noise drifts over the turns, where the order of runs mixes folds. Each of
+s, t, d, a, e, l has a prior on its logarithm; a and l act where the discrepancy is smooth, e and l where a law's form
+is off.
 Source: Kennedy and O'Hagan, J. Roy. Stat. Soc. B 63 (2001) 425; Brynjarsdottir and O'Hagan, Inverse Probl. 30 (2014).
 """
 
@@ -74,8 +74,8 @@ class ErrorModel:
     "letter and channel of each scale; -1 for those that all share"
 
     def __post_init__(self) -> None:
-        shared = "t" if self.samples.turn is None else "d"
-        letters = ["s", *([shared] if self.samples.repeats else [])]
+        shared = ["t", *(["d"] if self.samples.turn is not None else [])]
+        letters = ["s", *(shared if self.samples.repeats else [])]
         letters += ["a"] if self.discrepancy is Discrepancy.SMOOTH else []
         block_scales = [(letter, at) for at in range(len(self.samples.blocks)) for letter in letters]
         common = {Discrepancy.NONE: (), Discrepancy.FORM: ("e", "l"), Discrepancy.SMOOTH: ("l",)}[self.discrepancy]

