@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from rover_pin.discrepancy.candidate import Candidate
+from rover_pin.discrepancy.conclude import side_of
 from rover_pin.loop.close import close_the_loop
 
 ROOT = Path(__file__).parents[2]
@@ -70,9 +71,8 @@ def test_page_states_the_lugged_pull_and_softening_at_held_speed(monkeypatch):
     pull, same, count = re.findall(r"leaves a pull of ([\d.]+) N, chosen in (\d) of (\d) folds", PAGE)[0]
     left = re.findall(r"reduced chi-square of ([\d.]+), the exponent ([\d.]+)\.", PAGE)[0]
     free = close_the_loop(DATA / "cmu-grousered-wheel")
-    pairs = {frozenset(one.name.split(" + ")): one.fit.misfit for one in free.search.rounds[1].refits}
-    softened, named = pairs[frozenset({"SlipSoftening", "RateDependence"})], free.search.last.misfit
-    assert [softened, named] == pytest.approx([float(one) for one in left], abs=0.051)
+    other = side_of(free.beliefs, free.beliefs.best(("SlipSoftening", "RateDependence")))
+    assert [other.misfit, free.after.misfit] == pytest.approx([float(one) for one in left], abs=0.051)
     about = Candidate._about
     monkeypatch.setattr(Candidate, "_about", lambda self, name: about(self, name)._replace(log_sd=0.0))
     held = close_the_loop(DATA / "cmu-grousered-wheel")
