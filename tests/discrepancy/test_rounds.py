@@ -5,7 +5,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from rover_pin.discrepancy import assessment as left_of_a_law
 from rover_pin.discrepancy import decide_answer, held_out, search
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.candidate import Candidate
@@ -169,10 +168,10 @@ def test_a_draft_is_scored_where_nothing_of_the_list_holds(answer, side, tried, 
 
 
 def test_base_is_assessed_where_nothing_was_found_else_the_law(monkeypatch):
-    monkeypatch.setattr(left_of_a_law, "is_adequate", lambda fit: False)
-    monkeypatch.setattr(left_of_a_law, "holds", lambda found: True)
-    assert left_of_a_law.assess_residual(SimpleNamespace(best_refits=(), base=None)) == ResidualAssessment(True)
-    assert left_of_a_law.assess_residual(SimpleNamespace(best_refits=("A",), base=None)) == ResidualAssessment(False)
+    monkeypatch.setattr(decide_answer, "is_adequate", lambda fit: False)
+    monkeypatch.setattr(decide_answer, "holds", lambda found: True)
+    assert decide_answer.assess_residual(SimpleNamespace(best_refits=(), base=None)) == ResidualAssessment(True)
+    assert decide_answer.assess_residual(SimpleNamespace(best_refits=("A",), base=None)) == ResidualAssessment(False)
 
 
 @pytest.mark.parametrize(

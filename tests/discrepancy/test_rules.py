@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from scipy.stats import chi2 as chi2_law
 
-from rover_pin.discrepancy import assessment as left_of_a_law
 from rover_pin.discrepancy import decide_answer
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.decide_answer import (
@@ -172,7 +171,7 @@ def test_the_share_that_is_taken_is_of_what_is_beyond_the_noise(before, after, s
 )
 def test_on_held_out_folds_too(monkeypatch, before, after, share):
     """Of 100 compared blocks."""
-    monkeypatch.setattr(left_of_a_law, "held_out_losses", lambda one: np.array([0.25, 0.75]) * one.loss)
+    monkeypatch.setattr(decide_answer, "held_out_losses", lambda one: np.array([0.25, 0.75]) * one.loss)
     task = SimpleNamespace(noise=SimpleNamespace(good=np.ones((2, 1, 50), bool)))
     base, last = (fitted(loss=loss, task=task) for loss in (before, after))
     assert held_out_share(base, last) == pytest.approx(share)
