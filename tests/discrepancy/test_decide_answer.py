@@ -13,7 +13,6 @@ from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.calibration import calibrated
 from rover_pin.discrepancy.candidate import Candidate, plain_candidate
 from rover_pin.discrepancy.decide_answer import chosen_anew, concluded
-from rover_pin.discrepancy.draft import Drafted
 from rover_pin.discrepancy.standalone import Parts, Standalone, question_of
 from rover_pin.discrepancy.verdict import SCHEMA
 from rover_pin.estimation.noise import declared_noise
@@ -131,21 +130,6 @@ def test_another_law_is_like_the_one_that_takes_most_of_it():
     assert (found.answer, found.named) == (Answer.LIKE, ("Bend",))
     assert 0.5 < found.share < 0.95
     assert "1 is the noise" in found.summary()
-
-
-def test_what_each_fit_leaves_is_drafted_and_tried_once():
-    """The law takes most, and a draft of what it leaves holds up: it is what stands beside the law too."""
-    asked = []
-
-    def draft(here):
-        asked.append(here)
-        return Drafted("ripple", (plain_candidate(Ripple()),))
-
-    made = question_of(bed(lambda x: 0.4 * x**2 + 0.03 * np.sin(14 * x)), (Bend,))
-    found = concluded(replace(made, draft=draft), lambda said: None)
-    assert found.answer is Answer.LIKE
-    assert found.draft.accepted
-    assert list(map(id, asked)) == [id(found.search.last), id(found.search.base)]
 
 
 def test_misfit_that_no_candidate_takes_is_an_inadequate_base():

@@ -294,7 +294,7 @@ def test_draft_and_residual_are_in_the_summary_and_the_schema():
     assert "draft" not in bare.summary()
     assert full.as_dict()["draft"]["gain"] == 11.0
     assert bare.as_dict()["draft"] == {}
-    assert SCHEMA == bare.as_dict()["schema"] == 2
+    assert SCHEMA == bare.as_dict()["schema"] == 3
 
 
 def test_numbers_more_than_two_sd_away_have_drifted():

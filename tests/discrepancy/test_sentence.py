@@ -38,6 +38,7 @@ def fit_of(chi2=ENOUGH, declared=True, floors=None, rms=(1.0,), u=()):
         misfit=chi2 / FREEDOM,
         task=task,
         residual=residual,
+        missed=residual,
         parameters=numbers,
         u=u,
     )

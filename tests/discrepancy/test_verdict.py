@@ -42,8 +42,8 @@ def lines_of(made):
     ("more", "words"),
     [
         ({}, "the base model as declared, nothing fitted"),
-        ({"search": SimpleNamespace()}, "the fitted base model, to which nothing was added"),
-        ({"search": SimpleNamespace(), "named": ("A", "B")}, "the model with A + B"),
+        ({"after": side()}, "the fitted base model, to which nothing was added"),
+        ({"after": side(), "named": ("A", "B")}, "the model with A + B"),
     ],
 )
 def test_the_model_in_words(more, words):
@@ -175,8 +175,8 @@ def test_a_verdict_as_plain_values():
     row = SimpleNamespace(candidate=refit.candidate, gain=25.0, visible=0.5, absorbed=0.4)
     search = SimpleNamespace(rounds=(SimpleNamespace(scored=[row], refits=[refit], indistinguishable=[refit]),))
     values = verdict(search=search, after=side(number("A.c", 1.5))).as_dict()
-    assert (values["schema"], values["kind"], values["answer"]) == (2, "test-bed", "an effect is missing")
-    assert SCHEMA == 2, "docs/verdict.md describes this one"
+    assert (values["schema"], values["kind"], values["answer"]) == (3, "test-bed", "an effect is missing")
+    assert SCHEMA == 3, "docs/verdict.md describes this one"
     assert values["share"] == 0.0
     assert (values["before"], list(values["after"])) == ({}, ["A.c"])
     assert values["after"]["A.c"]["drift"] == 1.5
@@ -192,4 +192,5 @@ def test_a_verdict_as_plain_values():
             "alike": ["A"],
         }
     ]  # fmt: skip
+    assert values["posterior"] == {}, "where hypotheses were not weighed"
     assert verdict().as_dict()["rounds"] == []
