@@ -45,7 +45,7 @@ def test_what_its_drives_set_can_be_set(name):
             continue
         given = dict(words[i + 1].split("=", 1) for i, word in enumerate(words) if word == "--set")
         if given.get("rover", "").startswith("my_"):
-            continue  # the reader's own; `test_readme_claims` has one made and drives it
+            continue  # the reader's own; `test_commands_of_pages` has one made and drives it
         assert settings_of(words[2], **given)
 
 

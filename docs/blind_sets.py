@@ -1,0 +1,143 @@
+"""Tables of the blind sets: every count anew from the rows that `studies/results` keeps."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable
+
+import pandas as pd
+
+NAMED = ["named", "in the set"]
+WRONG = ["wrong name", "with one that is not there"]
+ONE, OTHER, TWO, NO, NOTHING = (
+    "one effect", "a listed effect by another law", "two effects", "an effect on no list", "nothing",
+)  # fmt: skip
+NORMAL_95 = 1.959964
+Count = tuple[int, int]
+
+
+def of_kind(sets: pd.DataFrame, kind: str, detectable: bool | None = None) -> pd.DataFrame:
+    """Return the blind sets that hide one kind."""
+    rows = sets[sets.kind == kind]
+    return rows if detectable is None else rows[rows.detectable.astype(str) == str(detectable)]
+
+
+def share(sets: pd.DataFrame, outcomes: list[str]) -> Count:
+    """Return how many sets have one of the outcomes."""
+    return int(sets.outcome.isin(outcomes).sum()), len(sets)
+
+
+def intervals_held(sets: pd.DataFrame) -> Count:
+    """Return how many of the stated intervals hold the truth."""
+    found = re.findall(r"([-+.\de]+): \S+ \[(\S+), (\S+)\]", " ; ".join(sets.sizes))
+    return sum(float(low) <= float(true) <= float(high) for true, low, high in found), len(found)
+
+
+def loss(sets: pd.DataFrame, name: str) -> pd.Series:
+    """Return a loss on fresh runs, NaN where there is none."""
+    return pd.to_numeric(sets[f"loss_{name}"], errors="coerce")
+
+
+def as_good_as_truth(sets: pd.DataFrame) -> Count:
+    """Return in how many answered sets the loss is within 5 % of the true effect's."""
+    answered = sets[sets.outcome.isin([*NAMED, *WRONG]) & loss(sets, "oracle").notna()]
+    return int((loss(answered, "after") <= 1.05 * loss(answered, "oracle")).sum()), len(answered)
+
+
+def improved(sets: pd.DataFrame) -> Count:
+    """Return in how many sets the loss is less than the base model's."""
+    return int((loss(sets, "after") < loss(sets, "before")).sum()), len(sets)
+
+
+def refit_improves(sets: pd.DataFrame) -> pd.DataFrame:
+    """Return the sets in which the right law's refit has less loss than the base model."""
+    return sets[loss(sets, "oracle") < loss(sets, "before")]
+
+
+SHARES: dict[str, tuple[str, Callable[[pd.DataFrame], Count]]] = {
+    "one effect: detectable": ("", lambda sets: (len(of_kind(sets, ONE, True)), len(of_kind(sets, ONE)))),
+    "detectable: named, or in the stated set": (">= 97 %", lambda sets: share(of_kind(sets, ONE, True), NAMED)),
+    "detectable: named alone": ("", lambda sets: share(of_kind(sets, ONE, True), ["named"])),
+    "detectable: wrong name, or one too many": ("<= 2 %", lambda sets: share(of_kind(sets, ONE, True), WRONG)),
+    "too small to detect: wrong name": ("", lambda sets: share(of_kind(sets, ONE, False), WRONG)),
+    "two effects, both detectable: pair named, or in the set": (
+        "", lambda sets: share(of_kind(sets, TWO, True), NAMED)),
+    'nothing hidden: false alarm (a name, or "none of these")': (
+        "<= 2 %", lambda sets: share(of_kind(sets, NOTHING), ["wrong name", "none of these"])),
+    "on no list, beyond the noise: abstained": (
+        ">= 85 %", lambda sets: (len(of_kind(sets, NO, True)) - share(of_kind(sets, NO, True), ["wrong name"])[0],
+                                 len(of_kind(sets, NO, True)))),
+    "on no list, within the noise: something named": ("", lambda sets: share(of_kind(sets, NO, False), ["wrong name"])),
+    "another law: detectable": ("", lambda sets: (len(of_kind(sets, OTHER, True)), len(of_kind(sets, OTHER)))),
+    "another law, detectable: right class named, in the set, or like it": (
+        ">= 80 %", lambda sets: share(of_kind(sets, OTHER, True), NAMED)),
+    "all sets: a wrong name standing alone": ("<= 2 %", lambda sets: (
+        int(((sets.answer == "an effect is missing") & sets.outcome.isin(WRONG)).sum()), len(sets))),
+    "95 % intervals that hold the true size": ("90-99 %", intervals_held),
+    "loss on fresh runs within 5 % of the true effect's refit": (
+        ">= 95 %", lambda sets: as_good_as_truth(of_kind(sets, ONE, True))),
+    "another law, detectable: loss on fresh runs less than the base's": (
+        ">= 95 %", lambda sets: improved(of_kind(sets, OTHER, True))),
+    "of these, where that of the right law's refit is less too": (
+        "", lambda sets: improved(refit_improves(of_kind(sets, OTHER, True)))),
+}  # fmt: skip
+
+
+def shares(sets: pd.DataFrame) -> str:
+    """Return the table of shares of blind sets, with 95 % Wilson intervals."""
+    rows = ["| what | count | share, 95 % | aim |", "| --- | --- | --- | --- |"]
+    for what, (aim, counted) in SHARES.items():
+        count, whole = counted(sets)
+        low, high = wilson(count, whole)
+        rows.append(
+            f"| {what} | {count} of {whole} | {100 * count / whole:.1f} % [{100 * low:.1f}, {100 * high:.1f}] | {aim} |"
+        )
+    return "\n".join(rows)
+
+
+def wilson(count: int, whole: int) -> tuple[float, float]:
+    """Return the 95 % Wilson interval of a share."""
+    part, z2 = count / whole, NORMAL_95**2
+    middle = (part + z2 / (2 * whole)) / (1 + z2 / whole)
+    half = NORMAL_95 / (1 + z2 / whole) * math.sqrt(part * (1 - part) / whole + z2 / (4 * whole**2))
+    return max(middle - half, 0.0), min(middle + half, 1.0)
+
+
+def counts(sets: pd.DataFrame) -> dict[str, tuple[str, str]]:
+    """Return the counts that the front page states."""
+    names = {
+        "named": "detectable: named, or in the stated set",
+        "alarms": 'nothing hidden: false alarm (a name, or "none of these")',
+        "abstained": "on no list, beyond the noise: abstained",
+        "intervals": "95 % intervals that hold the true size",
+        "laws": "another law, detectable: right class named, in the set, or like it",
+        "pairs": "two effects, both detectable: pair named, or in the set",
+    }
+    found = {name: SHARES[what][1](sets) for name, what in names.items()}
+    return {name: (str(count), str(whole)) for name, (count, whole) in found.items()}
+
+
+def misses(sets: pd.DataFrame) -> str:
+    """Return the table of sets that are neither right nor silent: the detectable ones, and every wrong name."""
+    seen = (sets.detectable.astype(str) == "True") & sets.kind.isin([ONE, OTHER, TWO]) & ~sets.outcome.isin(NAMED)
+    rows = ["| set | hidden | answer | of |", "| --- | --- | --- | --- |"]
+    for row in sets[seen | sets.outcome.isin(["wrong name", *WRONG])].itertuples():
+        label = row.label.replace("[]", "").replace("[", "(").replace("]", ")")
+        rows.append(f"| {label} | {row.truth or row.kind} | {row.answer} | {row.alike or '-'} |")
+    return "\n".join(rows)
+
+
+def by_circumstance(sets: pd.DataFrame) -> str:
+    """Return, for each circumstance of drive logs, right answers, false alarms and wrong names that stand alone."""
+    names = sets.label.str.extract(r"\((\w+)\)$")[0].fillna("none")
+    rows = ["| circumstance | sets | right | alarms | wrong alone |", "| --- | --- | --- | --- | --- |"]
+    for name, part in sets.groupby(names, sort=False):
+        real = pd.concat([of_kind(part, kind, True) for kind in (ONE, OTHER)])
+        (right, seen), (alarms, nulls) = (
+            share(real, NAMED),
+            share(of_kind(part, NOTHING), ["wrong name", "none of these"]),
+        )
+        alone = ((part.answer == "an effect is missing") & part.outcome.isin(WRONG)).sum()
+        rows.append(f"| {name} | {len(part)} | {right} of {seen} | {alarms} of {nulls} | {alone} |")
+    return "\n".join(rows)

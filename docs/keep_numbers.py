@@ -1,0 +1,146 @@
+"""Keep what the commands of README and pages print: the numbers that the pages show.
+
+Question
+    Which numbers stand beside a command in README and docs/?
+Method
+    Each command runs as printed in a folder of its own; patterns pick its numbers from what it prints.
+Result
+    `studies/results/commands.toml`: a table of numbers for each command, put into the pages when they are built.
+What the paper says
+    Nothing; these are results of this package.
+What differs
+    Nothing.
+"""
+
+import argparse
+import ast
+import os
+import re
+import shlex
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).parents[1]
+KEPT = ROOT / "studies" / "results" / "commands.toml"
+NUMBER = r"([-+]?[\d.]+(?:e[-+]?\d+)?)"
+WORD = r"[-+.\de]+"
+INTERVAL = rf"{NUMBER}[ \w]* \[{NUMBER}[ \w]*, {NUMBER}[ \w]*\]"
+BAND = rf"95 % in \[{NUMBER}, {NUMBER}\]"
+Patterns = dict[str, str]
+"""What is printed, by the names of its groups, apart by a space; a number is kept as a number."""
+
+COMMANDS: dict[str, tuple[tuple[str, ...], Patterns]] = {
+    "smooth_wheel": (("rover-pin close-loop cmu-smooth-wheel",), {
+        "before after": rf"sinkage: RMSE {NUMBER} mm -> {NUMBER} mm",
+        "a a_low a_high": rf"SlipSoftening.a = {INTERVAL}",
+        "chosen folds": rf"SlipSoftening chosen in {NUMBER} of {NUMBER} folds",
+        "anew": rf"with each fold's own choice: drawbar pull {WORD} N, sinkage {NUMBER} mm",
+        "K_eff_before": rf"before: K_eff = {NUMBER} kPa",
+        "K_eff_after known_low known_high": rf"after: K_eff = {NUMBER} kPa.*? with {NUMBER} kPa/m\^n to {NUMBER} kPa",
+    }),
+    "tether": (("rover-pin demo drive-log --hidden TetherDrag.f_0=2", "rover-pin close-loop demo-drive-log"), {
+        "f_0 f_0_low f_0_high": rf"TetherDrag.f_0 = {INTERVAL}",
+    }),
+    "ditch": (("rover-pin drive ditch --set duration=30",), {"speed": rf"drives on at {NUMBER} m/s"}),
+    "paper_flat": (("rover-pin drive flat --soil table-1 --set form=net",), {
+        "t x": rf"end time s {NUMBER} .*?end x m {NUMBER}",
+    }),
+    "motors": (("python studies/motors.py",), {"nominal saturated": rf"deg reached at \[s\] {NUMBER} {NUMBER}"}),
+    "paper_residuals": (("python studies/paper_residuals.py",), {
+        "net sentences torque": rf"Table 1 breaks {NUMBER} of {NUMBER} in the net form, {NUMBER} in the torque",
+    }),
+    "identify_wheel": (("rover-pin identify cmu-smooth-wheel --free k,phi,k_1",), {
+        "phi phi_low phi_high": rf"phi = {NUMBER} \+- {WORD} deg, [^:]*: depends on the assumed exit_ratio "
+        rf"\(it becomes {NUMBER} to {NUMBER} deg\)",
+        "pull": rf"drawbar pull: RMSE {NUMBER} N over 15 points",
+        "K_eff known_low known_high":
+            rf"K_eff = {NUMBER} kPa/m\^n [^\]]*\] sits away from {NUMBER} kPa/m\^n to {NUMBER} kPa",
+    }),
+    "identify_both": (("rover-pin identify cmu-smooth-wheel cmu-smooth-wheel-skid --free k,phi,k_1",), {
+        "pull": rf"cmu-smooth-wheel: drawbar pull: RMSE {NUMBER} N over 15",
+    }),
+    "identify_log": (("rover-pin identify steepening-slope",), {
+        "k k_low k_high": rf"k = {NUMBER} \+- {WORD} m, {BAND}",
+        "k_least k_most": rf"depends on the assumed theta_1 \(it becomes {NUMBER} to {NUMBER} m\)",
+        "phi phi_low phi_high": rf"phi = {NUMBER} \+- {WORD} deg, {BAND}",
+        "theta_1_low theta_1_high": rf"theta_1 = 35 deg \(declared with the data\), {NUMBER} to {NUMBER} deg",
+    }),
+    "table_1": (("python studies/identify_table1.py",), {
+        "k_low k_high phi_low phi_high": rf"net 50 (?:{WORD} ){{3}}{NUMBER} {NUMBER} {NUMBER} {NUMBER} none",
+    }),
+    "transients": (("python studies/close_the_loop.py",), {
+        "base": rf" base at once {NUMBER} ", "relaxing": rf"SlipSoftening relaxing {NUMBER} ",
+        "known": rf" as measured relaxing {NUMBER} ",
+        "lugged_pull": rf"cmu-grousered-wheel: an effect is missing .*?drawbar pull: RMSE {WORD} N -> {NUMBER} N",
+        "lugged_sinkage": rf"cmu-grousered-wheel: an effect is missing .*?sinkage: RMSE {WORD} mm -> {NUMBER} mm",
+        "skid_chosen skid_pull_anew skid_sinkage_anew": "cmu-smooth-wheel-skid: like .*?"
+        rf"Ploughing chosen in {NUMBER} of 4 folds; held-out RMSE with each fold's own choice: drawbar pull "
+        rf"{NUMBER} N, sinkage {NUMBER} mm",
+        "skid_pull": rf"cmu-smooth-wheel-skid: like an effect of the list .*?drawbar pull: RMSE {WORD} N -> {NUMBER} N",
+        "skid_sinkage": rf"cmu-smooth-wheel-skid: like an effect of the list .*?sinkage: RMSE {WORD} mm -> {NUMBER} mm",
+    }),
+}  # fmt: skip
+
+
+def run(command: str, folder: Path) -> str:
+    """Return what a command prints in a folder, in one line."""
+    program, *words = shlex.split(command)
+    if program == "python":
+        words[0] = str(ROOT / words[0])
+    start = ["-m", "rover_pin.cli.app"] if program == "rover-pin" else []
+    path = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])
+    environment = {**os.environ, "PYTHONPATH": path, "COLUMNS": "200", "MPLBACKEND": "Agg"}
+    done = subprocess.run(
+        [sys.executable, *start, *words], cwd=folder, env=environment, capture_output=True, text=True, check=True
+    )
+    return " ".join(done.stdout.split())
+
+
+def measure(name: str, folder: Path) -> dict[str, Any]:
+    """Run the commands of a name and return the numbers that the last one prints."""
+    commands, patterns = COMMANDS[name]
+    printed = [run(command, folder) for command in commands][-1]
+    numbers: dict[str, Any] = {}
+    for fields, pattern in patterns.items():
+        found = re.search(pattern, printed)
+        if found is None:
+            raise SystemExit(f"{commands[-1]}: does not print {pattern}:\n{printed[:3000]}")
+        numbers |= dict(zip(fields.split(), map(ast.literal_eval, found.groups()), strict=True))
+    return numbers
+
+
+def main() -> None:
+    """Run every command, or those named, and write the table."""
+    import tomllib
+
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("names", nargs="*", metavar="NAME", help="of the table; all of them where none is named")
+    names = parser.parse_args().names or list(COMMANDS)
+    tables = tomllib.loads(KEPT.read_text(encoding="utf-8")) if KEPT.is_file() else {}
+    for name in names:
+        with tempfile.TemporaryDirectory() as folder:
+            tables[name] = {"command": COMMANDS[name][0][-1], **measure(name, Path(folder))}
+        KEPT.write_text(
+            "".join(
+                map(
+                    section,
+                    [each for each in COMMANDS if each in tables],
+                    [tables[each] for each in COMMANDS if each in tables],
+                )
+            ),
+            encoding="utf-8",
+        )
+        print(f"{name}: {tables[name]}", flush=True)
+
+
+def section(name: str, table: dict[str, Any]) -> str:
+    """Return a table as it stands in the file."""
+    rows = [f'{key} = "{value}"' if isinstance(value, str) else f"{key} = {value!r}" for key, value in table.items()]
+    return "\n".join([f"[{name}]", *rows, "", ""])
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,200 @@
+"""Numbers of the pages: `{{ ... }}` in a page is a field of `studies/results`, put in when the site is built.
+
+A field that no result has fails the build. `dec(x, n)` rounds to n decimals, `sig(x, n)` to n digits.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import tomllib
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import jinja2
+import pandas as pd
+from blind_sets import by_circumstance, counts, misses, shares
+
+RESULTS = Path(__file__).parents[1] / "studies" / "results"
+FURTHER = 0.01
+"""How much further [m] a rover is said to come."""
+
+
+def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
+    """Put in the numbers that a page asks for."""
+    written = (Path(__file__).parent / page.file.src_uri).is_file()
+    return fill_in(markdown) if written and "{{" in markdown else markdown
+
+
+def fill_in(text: str) -> str:
+    """Return a page's text with its numbers."""
+    environment = jinja2.Environment(undefined=jinja2.StrictUndefined, autoescape=False, trim_blocks=True)
+    environment.globals |= {"dec": lambda value, n: f"{value:.{n}f}", "sig": significant, "deg": math.degrees}
+    return environment.from_string(text, globals=fields()).render()
+
+
+def significant(value: float, digits: int) -> str:
+    """Return a number to so many significant digits, without an exponent."""
+    return f"{value:.{max(0, digits - 1 - math.floor(math.log10(abs(value))))}f}" if value else "0"
+
+
+@cache
+def fields() -> Mapping[str, Any]:
+    """Return every field, by the result that has it."""
+    blind = {"rigs": kept("blind_rig", keep_default_na=False), "logs": kept("blind_drives", keep_default_na=False)}
+    blind["both"] = pd.concat(blind.values())
+    return {
+        "blind": {
+            name: {"sets": len(sets), "shares": shares(sets), "counts": counts(sets), "misses": misses(sets)}
+            for name, sets in blind.items()
+        },
+        "circumstances": by_circumstance(blind["logs"]),
+        "commands": tomllib.loads((RESULTS / "commands.toml").read_text(encoding="utf-8")),
+        "digging": digging(),
+        "ditches": ditches(),
+        "fig10": fig10(),
+        "log_loop": log_loop(),
+        "measured_loops": kept("measured_wheels", keep_default_na=False).to_dict("records"),
+        "slip": sensed_slip(),
+        "speed": speed(),
+        "traction": traction(),
+        "tuned": tuned(),
+        "wheels": measured_wheels(),
+    }
+
+
+def kept(name: str, **options: Any) -> pd.DataFrame:
+    """Return a kept table."""
+    return pd.read_csv(RESULTS / f"{name}.csv", **options)
+
+
+def speed() -> dict[str, dict[str, float]]:
+    """Return what each benchmark measured."""
+    table = kept("speed")
+    return {str(name): dict(zip(rows.name, rows.value, strict=True)) for name, rows in table.groupby("benchmark")}
+
+
+def digging() -> dict[str, Any]:
+    """Return what becomes of drives on soft inclines that are dug away, and on stiff sand that loses strength."""
+    table = kept("digging").fillna({"R": -1.0})
+    ground = ["scene", "angle", "k", "R", "c_d"]
+    soft = table[(table.scene == "incline") & (table.k >= 0.025) & (table.c_d > 0)]
+    stiff = table[(table.scene == "ditch") & (table.loss > 0)]
+    bare, stuck = (rows[rows.control == "none"].set_index(ground) for rows in (soft, stiff))
+    was_stuck = stuck.there.isna()
+    counts: dict[str, Any] = {"inclines": len(bare), "stuck": int(was_stuck.sum())}
+    for control in table.control.unique():
+        on_soft, on_stiff = (rows[rows.control == control].set_index(ground) for rows in (soft, stiff))
+        gain = (on_soft.x_buried - bare.x_buried)[bare.buried.notna()]
+        counts[str(control)] = {
+            "driven": int(on_soft.end_x.notna().sum()),
+            "buried": int(on_soft.buried.notna().sum()),
+            "further": int((gain > FURTHER).sum()),
+            "rescued": int(on_stiff.there[was_stuck].notna().sum()) if len(on_stiff) else 0,
+        }
+    return counts
+
+
+def fig10() -> dict[str, Any]:
+    """Return what slip control makes of the ditch of Fig 10, on sand that keeps its strength and that loses it."""
+    table = kept("fig10_map")
+    losing = table.sand.str.endswith("lost")
+    rising, falling = against_bare(table[~losing]), against_bare(table[losing & (table.kind != "eq9")])
+    out = falling[(falling.bare == "stuck") & (falling.verdict == "out")]
+    walls = sorted(rows.wall_deg.max() - rows.wall_deg.min() + 0.5 for _, rows in out.groupby("sand"))
+    return {
+        "rescued": int(((rising.bare == "stuck") & (rising.verdict == "out")).sum()),
+        "stuck": int((rising.bare == "stuck").sum()),
+        "lost": int(((rising.bare == "out") & (rising.verdict == "stuck")).sum()),
+        "passed": int((rising.bare == "out").sum()),
+        "falling_rescued": len(out),
+        "falling_stuck": int((falling.bare == "stuck").sum()),
+        "other_slip": int((out.S_d != 0.2).sum()),
+        "windows": walls,
+    }
+
+
+def against_bare(rows: pd.DataFrame) -> pd.DataFrame:
+    """Return controlled drives with the outcome of constant duty on the same ground."""
+    bare = rows[rows.kind == "none"].set_index(["sand", "wall_deg"]).verdict.rename("bare")
+    return rows[rows.kind != "none"].join(bare, on=["sand", "wall_deg"])
+
+
+def ditches() -> dict[str, Any]:
+    """Return how many held-out ditches each control passes."""
+    table = kept("beyond_the_paper")
+    rows = table[table.kind == "ditch"]
+    passed = {str(name): int(part.passed.sum()) for name, part in rows.groupby("control")}
+    inclines = int(table[table.kind == "incline"].drive.nunique())
+    return {"passed": passed, "drives": int(rows.drive.nunique()), "inclines": inclines}
+
+
+def tuned() -> dict[str, Any]:
+    """Return mean costs on held-out drives, by control and ensemble, and the slip that tuning chose."""
+    table = kept("tune_gains")
+    means = table[table.set == "held out"].pivot(index="control", columns="ensemble", values="mean")
+    gains = {
+        name: tomllib.loads((RESULTS / f"tuned_{name}.toml").read_text(encoding="utf-8"))["S_d"]
+        for name in ("slopes", "ditch")
+    }
+    return {"cost": means.to_dict("index"), "S_d": gains}
+
+
+def log_loop() -> dict[str, Any]:
+    """Return what the loop on the drive log found, held-out errors, and how far free runs go from the log [m]."""
+    verdict = json.loads((RESULTS / "steepening-slope" / "verdict.json").read_text(encoding="utf-8"))
+    runs = verdict["extra"]["free_runs"]
+    free = {side: math.sqrt(sum(run[side] ** 2 for run in runs) / len(runs)) for side in ("before", "after")}
+    return verdict | {"errors": {row["name"]: row for row in verdict["held_out"]}, "free": free}
+
+
+def sensed_slip() -> dict[str, Any]:
+    """Return the errors of sensed slip by estimate and ground, and outcomes of the drives that use it."""
+    errors, drives = kept("slip_errors"), kept("slip_drives")
+    by_estimate: dict[str, Any] = {}
+    for row in errors.to_dict("records"):
+        by_estimate.setdefault(row["estimate"], {})[row["kind"]] = row
+    table = drives.pivot(index="drive", columns="control", values=["passed", "buried"])
+    free = table["passed"]["constant"] == 1
+    outcomes = {
+        str(control): {
+            "buried": int(table["buried"][control].sum()),
+            "passed": int(table["passed"][control].sum()),
+            "lost": int((free & (table["passed"][control] == 0)).sum()),
+            "rescued": int((~free & (table["passed"][control] == 1)).sum()),
+        }
+        for control in drives.control.unique()
+    }
+    return {"errors": by_estimate, "drives": outcomes, "count": len(table)}
+
+
+def measured_wheels() -> dict[str, dict[str, str]]:
+    """Return held-out errors of the laws on measured wheels as cells: pull [N] / sinkage [mm] (/ side force [N])."""
+    cells: dict[str, dict[str, str]] = {}
+    for row in kept("wheel_laws").to_dict("records"):
+        errors = [row["drawbar_pull_N"], row["sinkage_mm"], row["side_force_N"]]
+        said = " / ".join(f"{error:.2f}" for error in errors if not pd.isna(error))
+        cells.setdefault(row["set"], {})[row["law"]] = said
+        cells[row["set"]][f"{row['law']}: SDs"] = f"{row['in_sds']:.2f}"
+    return cells
+
+
+def traction() -> dict[str, dict[str, Any]]:
+    """Return F of Table 1 on the paper's wheel in each reading, and the steepest slopes [deg] without and with R."""
+    from rover_pin.effects.motion_resistance import MotionResistance
+    from rover_pin.parameters import TABLE_1
+    from rover_pin.rover.rover import load_rover
+    from rover_pin.scenarios.scenario import scenario
+    from rover_pin.soil.traction import FORMS, load_traction_factor
+
+    wheel, readings = load_rover().wheel, {}
+    for name, form in FORMS.items():
+        factors = [float(load_traction_factor(S, TABLE_1, wheel, form)) for S in (0.0, 0.2, 1.0)]
+        effects = scenario("flat", soil="table-1", form=name).model.effects
+        held = sum(float(effect.R) for effect in effects if isinstance(effect, MotionResistance))
+        slopes = [math.degrees(math.atan(factors[-1] - R)) for R in ((0.0, held) if held else (0.0,))]
+        said = ", ".join(f"{slope:.1f}" for slope in slopes)
+        readings[name] = {"F": factors, "slopes": f"{said} deg" if held else f"{said} deg, -"}
+    return readings

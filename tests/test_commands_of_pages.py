@@ -1,0 +1,163 @@
+"""Every command that README and pages print runs as printed; what it prints is kept in `studies/results`."""
+
+import importlib.util
+import os
+import re
+import shlex
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+from shutil import copyfile
+
+import pytest
+import typer.main
+
+from rover_pin.cli.app import app
+
+ROOT = Path(__file__).parents[1]
+FILES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
+spec = importlib.util.spec_from_file_location("keep_numbers", ROOT / "docs" / "keep_numbers.py")
+keeper = importlib.util.module_from_spec(spec)
+spec.loader.exec_module(keeper)
+KEPT = {"python studies/close_the_loop.py", "rover-pin close-loop demo-drive-log"}
+"""Minutes, and run every night with their numbers compared."""
+PAGES = {path.name: path.read_text(encoding="utf-8") for path in FILES}
+COMMAND = re.compile(r"`((?:rover-pin |python studies/)[^`]*|studies/[\w./]+\.py)`")
+GROUP = typer.main.get_group(app)
+TO_FILL_IN = re.compile(r"\b(?:COMMAND|DATA|DATASET|EXPERIMENT|FILE|FOLDER|NAME|OUT|ROOM|SCENARIO)\b")
+"""What a reader puts a word of his own for; `test_docs` holds the options."""
+DITCH = "rover-pin drive ditch --set duration=30 --open"
+NEW = "rover-pin new-rover my_rover.urdf"
+INIT = "rover-pin init mine.csv --r 45mm --b 50mm --noise drawbar_pull=0.5N --noise sinkage=0.5mm"
+IMPORT = "rover-pin import-log steepening-slope/climb-1.csv steepening-slope/flat-steps.csv --out imported"
+OTHER = (DITCH, "rover-pin drive ditch --out other")
+NEEDS = {
+    "rover-pin check-data imported": (IMPORT,),
+    "rover-pin check-urdf my_rover.toml": (NEW,),
+    "rover-pin drive flat --set rover=my_rover.toml": (NEW,),
+    "rover-pin check-data mine": (INIT,),
+    "rover-pin close-loop mine": (INIT,),
+    "rover-pin export out/drive/log --to mcap": (DITCH,),
+    "rover-pin drive ditch --model out/close_loop/model.toml": ("rover-pin close-loop cmu-smooth-wheel",),
+    "rover-pin close-loop demo-drive-log": ("rover-pin demo drive-log --hidden TetherDrag.f_0=2",),
+    "rover-pin compare out/drive/log other/log": OTHER,
+    "rover-pin view out/drive/log --compare other/log --gif": OTHER,
+}
+"""What a command needs to have been run before."""
+BY_HAND = {
+    "python studies/blind_rig.py": "307 loops, 40 minutes of CPU; pages are made of its sets",
+    "python studies/blind_test.py --under any": "100 loops, 80 minutes of CPU; pages are made of its sets",
+    "python studies/blind_pendulum.py": "30 loops, six minutes of CPU; `tests/loop/test_pendulum.py` reads its sets",
+    "python studies/fig10_ditch.py": "1,200 drives, ten minutes; pages are made of its table",
+    "python studies/tune_gains.py": "two tunings, a minute of CPU; its table as well",
+    "python studies/digging.py": "570 drives, four minutes of CPU; pages are made of its table",
+    "rover-pin close-loop steepening-slope --out out/loop": "five minutes; its verdict is kept, "
+    "pages are made of it and `test_fig8_log` finds it again",
+    "python studies/slip_sensing.py": "100 drives under four controls, six minutes of CPU",
+    "python studies/beyond_the_paper.py": "a tuning on the full rover, three minutes of CPU; its table as well",
+    "python studies/benchmarks/long_log.py": "a loop on an hour's recording, three minutes of CPU",
+    "python studies/benchmarks/measure_all.py": "all of them, ten minutes alone on a machine",
+    "python studies/benchmarks/close_loop_speed.py": "times, which depend on the machine",
+    "python studies/benchmarks/drive_speed.py": "times",
+    "python studies/benchmarks/ground_speed.py": "times",
+    "python studies/benchmarks/process_cost.py --quick": "times",
+    "python studies/benchmarks/replay_speed.py": "times, beside a former version of a clone with its history",
+}
+"""Commands that take too long for a test, run by hand before a release; `test_studies_run` runs them with --quick."""
+
+
+ELSEWHERE = {
+    "python3 -m venv .venv": "`.ci/run`, as printed",
+    ". .venv/bin/activate": "`.ci/run`, as printed",
+    'pip install -e ".[view]"': "`.ci/run` installs what has it",
+    'pip install -e ".[dev]"': "`.ci/run`, as printed",
+    'pytest -n 2 -m "not nightly"': "`.ci/run`, as printed",
+    "pytest -n 2": "part of it",
+    "ruff check .": "`.ci/run`",
+    "ruff format --check .": "`.ci/run`",
+    "mypy": "`.ci/run`",
+    "mkdocs build": "`.ci/run`",
+    "pytest test_sticky_soil.py": "`tests/cli` runs the test of a new effect",
+}
+"""Lines for a shell that are no command of the package, and who runs them."""
+
+
+def lines():
+    """Every line for a shell: those of blocks, and commands of the package and studies between backquotes."""
+    for text in PAGES.values():
+        for block in re.findall(r"```sh\n(.*?)```", text, re.DOTALL):
+            for line in filter(None, (line.split("#")[0].strip() for line in block.splitlines())):
+                yield from line.split(" && ")
+        for found in COMMAND.findall(" ".join(re.sub(r"```.*?```", "", text, flags=re.DOTALL).split())):
+            yield found if found.startswith(("rover-pin", "python")) else f"python {found}"
+
+
+def only_named(line):
+    """Whether a line names the program, or a command of it that wants more, as `rover-pin check-data`."""
+    words = line.split()
+    if words == ["rover-pin"]:
+        return True
+    if words[0] != "rover-pin" or len(words) != 2 or words[1].startswith("-"):
+        return False
+    return any(each.required and each.param_type_name == "argument" for each in GROUP.commands[words[1]].params)
+
+
+def commands():
+    """Every command of README and pages, once, as it is printed."""
+    found = dict.fromkeys(line for line in lines() if not TO_FILL_IN.search(line) and not only_named(line))
+    return [line for line in found if line not in ELSEWHERE]
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A folder of results, of this test alone, with what a reader is said to have."""
+    copyfile(ROOT / "studies" / "data" / "cmu-smooth-wheel" / "points.csv", tmp_path / "mine.csv")
+    copyfile(ROOT / "urdf" / "cart.urdf", tmp_path / "my_rover.urdf")
+    return tmp_path
+
+
+def run(command, folder):
+    """Run a command, after those that it needs."""
+    for other in NEEDS.get(command, ()):
+        run(other, folder)
+    for name in ("studies", "urdf"):  # of a checkout only what is named
+        if f"{name}/" in command and not (folder / name).exists():
+            (folder / name).symlink_to(ROOT / name)
+    program, *words = shlex.split(command)
+    start = ["-m", "rover_pin.cli.app"] if program == "rover-pin" else []
+    path = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])
+    env = {**os.environ, "PYTHONPATH": path, "COLUMNS": "200", "BROWSER": "true"}  # opens nothing
+    got = subprocess.run(
+        [sys.executable, *start, *words], cwd=folder, env=env, capture_output=True, text=True, timeout=1800, check=False
+    )
+    assert got.returncode == 0, got.stderr[-2000:]
+    assert "Traceback" not in got.stderr
+
+
+def test_every_line_for_a_shell_is_accounted_for():
+    known = [*commands(), *ELSEWHERE]
+    others = [each for each in lines() if each not in known and not TO_FILL_IN.search(each) and not only_named(each)]
+    assert not others
+    assert all(each.startswith(("rover-pin ", "python studies/")) for each in commands())
+    assert set(ELSEWHERE) <= set(lines())
+
+
+def test_what_is_run_by_hand_is_a_command_of_the_pages():
+    assert set(BY_HAND) | set(NEEDS) <= set(commands())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("command", [each for each in commands() if each not in BY_HAND and each not in KEPT])
+def test_a_command_of_the_pages_runs(command, folder):
+    run(command, folder)
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("name", keeper.COMMANDS)
+def test_a_command_prints_what_is_kept(name, tmp_path):
+    """The numbers that the pages show; a command of these runs here alone."""
+    kept = tomllib.loads(keeper.KEPT.read_text(encoding="utf-8"))[name]
+    command = kept.pop("command")
+    assert command in [each.removesuffix(" --open") for each in commands()]
+    assert keeper.measure(name, tmp_path) == pytest.approx(kept, rel=0.02)

@@ -1,0 +1,102 @@
+"""What the pages say in words of `studies/results`: fields and bounds of the kept tables."""
+
+import importlib
+import re
+import tomllib
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+ROOT = Path(__file__).parents[1]
+RESULTS = ROOT / "studies" / "results"
+TRUE_SLIP = ("true slip 0.1", "true slip 0.2", "true slip 0.5")
+
+
+@pytest.fixture
+def fields(monkeypatch):
+    monkeypatch.syspath_prepend(str(ROOT / "docs"))
+    return importlib.import_module("page_numbers").fields()
+
+
+def kept(name):
+    return pd.read_csv(RESULTS / f"{name}.csv")
+
+
+def test_every_kept_table_says_what_made_it():
+    made = tomllib.loads((RESULTS / "made.toml").read_text())
+    assert set(made) == {path.stem for path in RESULTS.iterdir()} - {"made"}
+    for about in made.values():
+        assert (ROOT / about["command"].split()[-1]).exists()
+        assert re.fullmatch(r"[0-9a-f]{7,40}", about["commit"])
+
+
+@pytest.mark.parametrize("name", ["blind_rig", "blind_drives"])
+def test_a_blind_set_is_counted_once(name):
+    assert kept(name).label.is_unique
+
+
+def test_a_known_slip_keeps_wheels_from_burying(fields):
+    digging = fields["digging"]
+    assert [digging[control]["buried"] for control in TRUE_SLIP] == [0, 0, 0]
+    assert digging["T_sat alone"]["buried"] == digging["none"]["buried"] == digging["true slip 0.5"]["further"]
+    assert digging["Eq 9"]["rescued"] == digging["on-board slip 0.2"]["rescued"] == 0
+
+
+def test_no_control_climbs_what_constant_duty_does_not():
+    table = kept("digging")
+    soft = table[(table.scene == "incline") & (table.k >= 0.025) & (table.c_d > 0)]
+    climbs = {name: set(rows.dropna(subset="there")[["angle", "k", "c_d"]].itertuples(index=False, name=None))
+              for name, rows in soft.groupby("control")}  # fmt: skip
+    assert all(grounds <= climbs["none"] for grounds in climbs.values())
+
+
+def test_half_the_step_agrees_on_all_but_one_drive():
+    again = kept("digging").dropna(subset="moved")
+    same = again.same.astype(str) == "True"
+    assert len(again) > 40
+    assert [(row.control, row.angle) for row in again[~same].itertuples()] == [("on-board slip 0.2", 46.0)]
+    assert again[same].moved.max() < 3e-3
+
+
+def test_tacking_gains_nothing_on_inclines(fields):
+    table = kept("beyond_the_paper")
+    inclines = table[table.kind == "incline"].pivot(index="drive", columns="control", values="passed")
+    assert not (inclines["tacking"] & ~inclines["constant 0.55"]).any()
+    passed = fields["ditches"]["passed"]
+    assert passed["constant 0.55"] >= passed["constant 1"]
+
+
+def test_tuned_gains_leave_the_fewest_rovers_stuck(fields):
+    table = kept("tune_gains")
+    stuck = table[table.set == "held out"].pivot(index="control", columns="ensemble", values="stuck_share")
+    assert stuck.min().eq(stuck.loc["tuned, true"]).all()
+    cost = {name: row["ditch"] for name, row in fields["tuned"]["cost"].items()}
+    assert cost["tuned, true"] < cost["constant duty"] < min(cost["torque check"], cost["before, true"])
+
+
+def test_the_loop_on_the_drive_log_names_digging(fields):
+    assert fields["log_loop"]["answer"] == "an effect is missing"
+    assert fields["log_loop"]["named"] == ["DiggingMemory"]
+
+
+def test_slip_sensed_on_slopes_and_hills_is_good(fields):
+    onboard = fields["slip"]["errors"]["onboard"]
+    assert max(onboard[kind]["rms"] for kind in ("digging incline", "steepening slope", "hills")) < 0.03
+
+
+def test_what_was_asked_of_the_speed_is_reached(fields):
+    """The bounds that the step is held to; the table is measured, no test times anything."""
+    drive, ground, replay, process = (
+        fields["speed"][name] for name in ("drive_speed", "ground_speed", "replay_speed", "process_cost")
+    )
+    assert max(drive["off [mm]"], drive["off with k = 10 mm [mm]"]) <= 0.1
+    assert drive["MuJoCo at 2 ms [s]"] / drive["ditch [s]"] >= 7.0
+    assert drive["memory [MB]"] <= 210.0
+    assert ground["ditch, 1,000 points and its corners [x]"] <= 1.3
+    assert ground["ditch, 300 x 300 grid [x]"] <= 1.5
+    assert ground["case over drive [x]"] <= 1.3
+    assert ground["drive-seconds a core-second"] >= 250.0
+    assert min(replay[f"{name}, former over now [x]"] for name in ("ditch", "washboard")) >= 3.5
+    assert sum(replay[f"compiling {name} [s]"] for name in ("the step", "a rigid body", "a set of laws")) <= 4.0
+    assert max(process["--help, over former [x]"], process["drive flat, over former [x]"]) <= 0.5
