@@ -62,17 +62,15 @@ def test_every_module_is_in_a_room_and_every_room_is_there():
     assert {room(name) for name in OWN} == set(ROOMS)
 
 
-@pytest.mark.parametrize("name", OWN)
-def test_rooms_import_downwards(name):
-    allowed = ROOMS[: ROOMS.index(room(name)) + 1]
-    upwards = {other for other in OWN[name] - {"rover_pin"} if room(other) not in allowed}
-    assert not upwards, f"{name} ({room(name)}) imports from above: {sorted(upwards)}"
+def test_rooms_import_downwards():
+    level = {name: i for i, name in enumerate(ROOMS)}
+    pairs = [(name, other) for name, others in OWN.items() for other in others - {"rover_pin"}]
+    assert not [pair for pair in pairs if level[room(pair[1])] > level[room(pair[0])]]
 
 
-@pytest.mark.parametrize("name", [name for name in OWN if room(name) in NO_ROVER])
-def test_the_loop_itself_knows_no_rover(name):
-    own = {other for other in OWN[name] if room(other) not in (*NO_ROVER, "base")}
-    assert not own, f"{name} imports {sorted(own)}"
+def test_the_loop_itself_knows_no_rover():
+    pairs = [(name, other) for name, others in OWN.items() if room(name) in NO_ROVER for other in others]
+    assert not [pair for pair in pairs if room(pair[1]) not in (*NO_ROVER, "base")]
 
 
 ONE_IDEA_A_FILE = ("effects",)
@@ -144,15 +142,13 @@ def undocumented(tree):
                     yield f"{node.name}.{member.name}"
 
 
-@pytest.mark.parametrize("path", FILES, ids=module)
-def test_what_is_public_has_a_docstring(path):
-    assert not list(undocumented(FILES[path]))
+def test_what_is_public_has_a_docstring():
+    assert not [(module(path), name) for path, tree in FILES.items() for name in undocumented(tree)]
 
 
-@pytest.mark.parametrize("path", [*FILES, *STUDIES], ids=lambda path: path.stem)
-def test_files_are_short(path):
-    lines = len(path.read_text(encoding="utf-8").splitlines())
-    assert lines < LONGEST, f"{path.name} has {lines} lines: split it"
+def test_files_are_short():
+    lines = {path.name: len(path.read_text(encoding="utf-8").splitlines()) for path in [*FILES, *STUDIES]}
+    assert not {name: count for name, count in lines.items() if count >= LONGEST}
 
 
 def test_the_packages_own_names_are_there():

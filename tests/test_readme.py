@@ -26,10 +26,10 @@ CLAIMS = [
     f"f_0 = {{{{ dec({TETHER}.f_0, 1) }}}} N [{{{{ dec({TETHER}.f_0_low, 1) }}}} N,",
     "to {{ sig(speed.drive_speed['off [mm]'], 1) }} mm of a sixteenth",
     "ditch in {{ sig(speed.drive_speed['ditch [s]'], 2) }} s",
-    "of {{ digging.inclines }} inclines",
+    "Of {{ digging.inclines }} inclines",
     "in {{ digging['none'].buried }} at constant duty, in {{ digging['true slip 0.2'].buried }} with the true slip, in "
     "{{ digging['on-board slip 0.2'].buried }} with",
-    "in {{ digging['Eq 9'].buried }} of {{ digging['Eq 9'].driven }} with the paper's Eq 9",
+    "Eq 9 it is {{ digging['Eq 9'].buried }} of {{ digging['Eq 9'].driven }}",
     "Of {{ slip.count }} drives",
     "buries {{ slip.drives.onboard.buried }} (constant duty {{ slip.drives.constant.buried }})",
     "passes {{ slip.drives.onboard.passed }} ({{ slip.drives.constant.passed }})",
