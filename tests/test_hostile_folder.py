@@ -108,7 +108,7 @@ SLOW = [
 def test_nothing_of_the_folder_runs(folder, words):
     done = entered(folder, *words)
     assert ran(folder) == ""
-    assert done.returncode == 0 or "ends stuck whatever the gains" in done.stderr, done.stderr
+    assert done.returncode == 0 or "ends stuck" in done.stderr, done.stderr
 
 
 def test_no_compiler_of_the_folder_runs(folder, tmp_path):
@@ -126,7 +126,7 @@ def test_no_compiler_of_the_folder_runs(folder, tmp_path):
 
 def test_a_worker_gets_no_more_memory_than_its_share():
     assert [len(taken) for taken in results(bytearray, [(1 << 20,)] * 2, 2)] == [1 << 20] * 2
-    with pytest.raises(SimulationError, match="needs more memory than the share of one of 2 processes"):
+    with pytest.raises(SimulationError, match="2 processes"):
         list(results(bytearray, [(1 << 20,), (SHARE_OF_ALL,)], 2))
 
 

@@ -111,9 +111,7 @@ WAYS = {
 
 @pytest.mark.parametrize("way", WAYS)
 def test_no_model_runs_code_by_itself(model, way):
-    with pytest.raises(
-        DataError, match=r"it runs only if you say so: read it, then give --effects .*code\.py, or --trust"
-    ):
+    with pytest.raises(DataError, match=r"--effects .*code\.py,.*--trust"):
         WAYS[way](model)
     assert not ran(model)
 
@@ -126,7 +124,7 @@ def test_the_named_file_runs(model, way):
 
 @pytest.mark.parametrize("model", ["WeakMotor"], indirect=True)
 def test_a_sweep_runs_code_only_with_consent(model):
-    with pytest.raises(DataError, match="it runs only if you say so"):
+    with pytest.raises(DataError, match="runs only"):
         swept(model)
     assert not ran(model)
     assert pd.isna(swept(model, Trust.of(model.parent / "code.py")))
@@ -141,7 +139,7 @@ def test_the_commands_ask_too(model, monkeypatch, tmp_path):
         study = [] if "--model" in words else [str(written(model, TUNING if words == ["tune"] else SWEEP))]
         refused = CliRunner().invoke(app, [*words, *study])
         assert isinstance(refused.exception, DataError), refused.output
-        assert "runs only if you say so" in str(refused.exception)
+        assert "runs only" in str(refused.exception)
     assert not ran(model)
     for consent in (["--effects", str(tmp_path / "code.py")], ["--trust"]):
         done = CliRunner().invoke(app, ["bounds", "--model", str(model), *consent, "--json"])
@@ -155,7 +153,7 @@ def test_another_file_than_the_named_one_does_not_run(model, tmp_path):
     other.mkdir()
     shutil.copy(tmp_path / "code.py", other / "code.py")
     for trust in (Trust.of(other / "code.py"), Trust.of(other), Trust.of([tmp_path / "model.toml"])):
-        with pytest.raises(DataError, match="runs only if you say so"):
+        with pytest.raises(DataError, match="runs only"):
             read_model(model, scenario("flat").model.terrain, trust)
     assert not ran(model)
     assert not (other / "ran").exists()
@@ -165,7 +163,7 @@ def test_a_link_counts_as_what_it_leads_to(model, tmp_path):
     (tmp_path / "folder").mkdir()
     (tmp_path / "folder" / "link.py").symlink_to(tmp_path / "code.py")
     model.write_text(model.read_text().replace('"code.py"', '"folder/link.py"'))
-    with pytest.raises(DataError, match="runs only if you say so"):
+    with pytest.raises(DataError, match="runs only"):
         read_model(model, scenario("flat").model.terrain, Trust.of(tmp_path / "folder"))
     assert not ran(model)
     read_model(model, scenario("flat").model.terrain, Trust.of(tmp_path / "code.py"))
@@ -176,10 +174,10 @@ def test_a_study_cannot_trust_itself(model, key):
     text = SWEEP.replace(f"[{key}]\n", f"[{key}]\ntrust = {'[true]' if key == 'parameters' else 'true'}\n")
     study = read_study(written(model, text))
     (told,) = sweep(study, model.parent / "out", workers=1).table["error"]
-    assert "trust = True is not yours to give in a file: say --effects FILE or --trust" in told
-    with pytest.raises(ParameterError, match="has no key 'trust'"):
+    assert "file: say --effects FILE or --trust" in told
+    with pytest.raises(ParameterError, match="key 'trust'"):
         read_study(written(model, "trust = true\n" + SWEEP))
-    with pytest.raises(ParameterError, match="is not yours to give in a file"):
+    with pytest.raises(ParameterError, match=r"yours.*give"):
         built(read_tuning(written(model, TUNING + "trust = true\n")).training[0])
     assert not ran(model)
 
@@ -196,7 +194,7 @@ def test_trust_is_no_part_of_what_a_study_is():
 def test_no_word_of_a_drive_names_a_file(tmp_path):
     (tmp_path / "code.py").write_text(EFFECT.replace("NAME", "WeakMotor"))
     for word in (f"WeakMotor.file={tmp_path / 'code.py'}", f"WeakMotor.wheel=1,file={tmp_path / 'code.py'}"):
-        with pytest.raises(ParameterError, match="has no field 'file'"):
+        with pytest.raises(ParameterError, match="field 'file'"):
             scenario("flat", add=word)
     assert not (tmp_path / "ran").exists()
 
@@ -323,6 +321,6 @@ def test_a_rig_models_named_file_is_asked_for(tmp_path):
     )
     path = write_rig_model(RigModel(Wheel(), Soil()), tmp_path / "rig.toml")
     path.write_text(path.read_text() + '[[effect]]\nname = "Own"\nfile = "own.py"\n')
-    with pytest.raises(DataError, match="runs only if you say so"):
+    with pytest.raises(DataError, match="runs only"):
         read_rig_model(path)
     assert type(read_rig_model(path, Trust.of(tmp_path / "own.py")).effects[-1]).__name__ == "Own"

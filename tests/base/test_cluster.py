@@ -143,18 +143,18 @@ def _told(verdict):
 
 @pytest.mark.parametrize("run", [tune_gains, close_the_loop])
 def test_processes_beside_a_scheduler_are_refused(run):
-    with pytest.raises(ParameterError, match="workers and scheduler are both given"):
+    with pytest.raises(ParameterError, match=r"workers.*scheduler"):
         run(LOG, scheduler="tcp://127.0.0.1:1", **{"workers" if run is tune_gains else "jobs": 2})
 
 
 def test_a_rig_set_needs_no_cluster():
-    with pytest.raises(ParameterError, match="leave scheduler out, it is for drive logs"):
+    with pytest.raises(ParameterError, match="leave scheduler"):
         close_the_loop(RIG, scheduler="tcp://127.0.0.1:1")
 
 
 def test_a_missing_dask_is_told(monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(MissingExtraError, match=r"Work on a cluster needs Dask: run `pip install"):
+    with pytest.raises(MissingExtraError, match="`pip install"):
         close_the_loop(LOG, scheduler="tcp://127.0.0.1:1")
 
 
@@ -166,4 +166,4 @@ def test_the_commands_take_a_scheduler(command, tmp_path):
     words = [sys.executable, "-m", "rover_pin.cli.app", *command, "--scheduler", "tcp://127.0.0.1:1", "--out", "out"]
     run = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True)
     assert run.returncode == 2
-    assert "No Dask scheduler answers at 'tcp://127.0.0.1:1'" in run.stderr
+    assert "answers at 'tcp://127.0.0.1:1'" in run.stderr

@@ -23,6 +23,6 @@ def test_an_unknown_name_is_told_what_is_known_once(name, known, said):
 
 def test_of_many_names_those_that_are_alike_are_listed():
     said = closest("efect_07", MANY)
-    assert said.startswith("did you mean 'effect_07'? Known and alike: effect_07, ")
+    assert "you mean 'effect_07'? Known" in said
     assert said.endswith("; 25 in all.")
     assert said.count("effect_") == 1 + 8

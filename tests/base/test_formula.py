@@ -43,7 +43,7 @@ def test_anything_else_is_refused_in_one_sentence(text):
 
 
 def test_too_long_or_deep_formulas_are_refused_huge_ones_are_inf():
-    with pytest.raises(DataError, match="1000 are the most"):
+    with pytest.raises(DataError, match=r"1000.*most"):
         evaluate("a+" * 600 + "a", COLUMNS, "here")
     assert np.all(np.isinf(evaluate("9**9**9**9", COLUMNS, "here")))
     assert np.all(np.isnan(evaluate("-" * 400 + "a * (0 / 0)", COLUMNS, "here")))
@@ -112,5 +112,5 @@ def test_every_function_takes_gaps_and_keeps_the_length():
 
 
 def test_a_name_that_is_no_word_is_shown_how_to_be_quoted():
-    with pytest.raises(DataError, match=r'is no formula; write one as in .* or col\("any name \[rpm\]"\) / 9\.55\.$'):
+    with pytest.raises(DataError, match=r'col\("any.*\[rpm\]"\) / 9\.55\.$'):
         evaluate("`Drehzahl VL [U/min]` / 9.55", COLUMNS, "the column wheel_rate_fl")

@@ -68,19 +68,19 @@ def test_how_one_writes_it(text, si, value):
 @pytest.mark.parametrize(
     ("text", "si", "sentence"),
     [
-        ("5kg", "m", "x: unit 'kg' does not measure what is asked for; use one of m, mm, cm, km."),
-        ("5 furlongs", "m", "x: unit 'furlongs' does not measure"),
-        ("mm", "m", r"x = 'mm' is not a number \[m\]"),
-        ("1.2.3", "m", "x: unit '.3' does not measure|x = '1.2.3' is not a number"),
-        ("", "m", "x = '' is not a number"),
-        ("5mm", "", "x: unit 'mm' does not measure"),
-        ("5 min", "m", "x: unit 'min' does not measure"),
-        ("5 kg", "N", "x: unit 'kg' does not measure what is asked for; use one of N, kN, lbf, kgf"),
-        ("5 mpa", "Pa", "x: unit 'mpa' does not measure"),  # milli or mega
-        ("5 1/s", "rad/s", "x: unit '1/s' does not measure"),  # turns or radians
-        ("0,5", "m", r"x = '0,5' is not a number \[m\]; write decimals with a point"),
-        (True, "m", "x: True is not a number"),
-        (None, "m", "x: None is not a number"),
+        ("5kg", "m", "x:.*'kg'.*measure"),
+        ("5 furlongs", "m", "x:.*'furlongs'"),
+        ("mm", "m", r"x = 'mm'.*\[m\]"),
+        ("1.2.3", "m", "'.3'|'1.2.3'"),
+        ("", "m", "x = ''.*number"),
+        ("5mm", "", "x:.*'mm'.*measure"),
+        ("5 min", "m", "x:.*'min'.*measure"),
+        ("5 kg", "N", "x:.*'kg'.*N, kN"),
+        ("5 mpa", "Pa", "x:.*'mpa'.*measure"),  # milli or mega
+        ("5 1/s", "rad/s", "x:.*'1/s'.*measure"),  # turns or radians
+        ("0,5", "m", r"x = '0,5'.*\[m\]"),
+        (True, "m", "x: True.*number"),
+        (None, "m", "x: None.*number"),
     ],
 )
 def test_what_is_none_is_refused(text, si, sentence):

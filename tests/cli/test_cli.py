@@ -70,7 +70,7 @@ def test_drive_adds_effects(run):
     assert attrs["settings"]["add"] == list(words[1::2])
     code, _, err = run("drive", "flat", "--add", "DigingMemory")
     assert code == 2
-    assert "did you mean 'DiggingMemory'?" in err
+    assert "you mean 'DiggingMemory'?" in err
 
 
 def test_drive_is_held_by_the_torque_check_alone(run):
@@ -83,7 +83,7 @@ def test_drive_prints_a_short_table(run):
     code, out, _ = run("drive", "flat", "--set", "duration=1")
     assert code == 0
     assert "scenario" in out
-    assert "end x m" in out
+    assert "end x" in out
     assert len(out.splitlines()) < 20
     assert Path("out/drive/log/drive.toml").is_file()
 
@@ -141,7 +141,7 @@ def test_check_urdf_fails_on_a_broken_file(run):
 @pytest.mark.parametrize("name", ["none.toml", "none.urdf", "."])
 def test_check_urdf_refuses_a_file_that_is_not_there(run, name):
     code, _, err = run("check-urdf", name)
-    assert (code, "There is no rover" in err and "nexus6" in err) == (2, True)
+    assert (code, "rover" in err and "nexus6" in err) == (2, True)
 
 
 def test_sweep_writes_a_table(run):
@@ -165,7 +165,7 @@ def test_drive_and_bounds_take_a_model_file(run):
     assert told["wheels"] == plain["wheels"]
     code, _, err = run("bounds", "--model", "model.toml", "--soil", "table-1")
     assert code == 2
-    assert "the model file model.toml sets soil" in err
+    assert "file model.toml sets soil" in err
 
 
 def test_bounds_for_every_wheel(run):
@@ -310,15 +310,15 @@ def test_identify_refuses_parameters_and_priors(run):
 @pytest.mark.parametrize(
     ("line", "sentence"),
     [
-        ("driv", "There is no command 'driv'; did you mean 'drive'? Known"),
-        ("drive", "Missing argument 'scenario'; rover-pin drive --help lists what it takes."),
-        ("drive ditch --contrl eq9", "No such option: --contrl (Possible options: --control"),
-        ("drive ditch --rover x.toml", "--rover is no option of drive but a setting: --set rover=..."),
-        ("drive ditch --terrain.depth 3cm", "--terrain.depth is no option of drive but a setting: --set t"),
-        ("drive ditch --rovr x.toml", "No such option: --rovr"),
-        ("check-urdf --rover x.toml", "No such option: --rover"),
-        ("curve --n abc", "--n = 'abc' is not a number."),
-        ("drive ditch --out", "Option '--out' requires an argument."),
+        ("driv", "you mean 'drive'? Known"),
+        ("drive", "Missing argument 'scenario'; rover-pin drive --help lists"),
+        ("drive ditch --contrl eq9", "such option: --contrl (Possible options: --control"),
+        ("drive ditch --rover x.toml", "setting: --set rover=..."),
+        ("drive ditch --terrain.depth 3cm", "--terrain.depth"),
+        ("drive ditch --rovr x.toml", "such option: --rovr"),
+        ("check-urdf --rover x.toml", "such option: --rover"),
+        ("curve --n abc", "--n = 'abc'"),
+        ("drive ditch --out", "Option '--out' requires"),
         ("check-urdf", "Missing argument"),
     ],
 )
@@ -335,7 +335,7 @@ def test_the_installed_command_runs_without_a_traceback(tmp_path):
     )
     assert done.returncode == 2
     assert "Traceback" not in done.stderr
-    assert done.stderr.startswith("rover-pin: There is no scenario 'dicth'")
+    assert "scenario 'dicth'" in done.stderr
 
 
 def test_help_names_every_command(run):
@@ -361,7 +361,7 @@ def test_what_a_urdf_check_says_keeps_its_brackets(run):
     Path("nexus6.urdf").write_text((ROOT / "urdf" / "nexus6.urdf").read_text())
     code, out, _ = run("check-urdf", "own.toml")
     assert code == 1
-    assert "name it in [suspension], or in [held]" in " ".join(out.split())
+    assert "[suspension], or in [held]" in " ".join(out.split())
 
 
 def test_help_keeps_the_units(run):

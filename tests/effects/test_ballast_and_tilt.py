@@ -105,10 +105,10 @@ def test_another_gravity_keeps_the_tilt():
 @pytest.mark.parametrize(
     ("call", "words"),
     [
-        (lambda: NEXUS6.carrying(-2.9), "the base of rover 'nexus6' has 2.9 kg"),
-        (lambda: NEXUS6.carrying(-2.85), "an inertia that no body has"),
-        (lambda: NEXUS6.rising(1.0, 1.0), "leaves no upper side"),
-        (lambda: NEXUS6.rising(2.0, 0.0), "leaves no upper side"),
+        (lambda: NEXUS6.carrying(-2.9), "'nexus6'.*2.9"),
+        (lambda: NEXUS6.carrying(-2.85), "inertia.*body"),
+        (lambda: NEXUS6.rising(1.0, 1.0), "leaves.*upper"),
+        (lambda: NEXUS6.rising(2.0, 0.0), "leaves.*upper"),
     ],
 )
 def test_what_is_refused_is_said(call, words):

@@ -112,5 +112,5 @@ def test_a_dense_grid_is_not_compared_where_nothing_bends(monkeypatch):
 
 def test_a_grid_far_larger_than_the_bend_is_refused():
     far = HeightGrid(-1e4, -1.0, 1e4, 2.0, np.zeros((3, 2)))
-    with pytest.raises(ParameterError, match=r"it would need .* lines across x, 20000 at most; bend a longer stretch"):
+    with pytest.raises(ParameterError, match=r"20000.*stretch"):
         bent(far, *BEND.replace(length=0.4).bend())

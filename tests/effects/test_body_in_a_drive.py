@@ -82,12 +82,12 @@ class Crowd(BodyEffect):
 
 
 def test_what_is_refused_is_said():
-    with pytest.raises(ParameterError, match="pushes 3 joints, but the suspension has 4"):
+    with pytest.raises(ParameterError, match=r"3.*suspension.*4"):
         simulate(BUMP.having(Crowd()), ConstantDuty(0.5), 0.1)
-    with pytest.raises(ParameterError, match="acts in a differential, but rover 'cart' has none"):
+    with pytest.raises(ParameterError, match=r"differential,.*'cart'"):
         BUMP.replace(rover=load_rover("cart")).having(DifferentialCompliance())
     flat = scenario("flat").model.having(GravityTilt(rise_x=0.0, rise_y=0.01))
-    with pytest.raises(SimulationError, match="gravity without a pull to one side"):
+    with pytest.raises(SimulationError, match="gravity without"):
         simulate(flat, ConstantDuty(0.5), 0.1, symmetric=True)
 
 

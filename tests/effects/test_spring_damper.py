@@ -131,7 +131,7 @@ def test_model_keeps_one_spring_per_joint_also_in_a_file(tmp_path):
 
 
 def test_a_joint_that_is_not_there_is_refused():
-    with pytest.raises(ParameterError, match=r"the suspension has no joint 'boggie': .*bogie"):
+    with pytest.raises(ParameterError, match=r"'boggie': .*bogie"):
         FLAT.having(SpringDamper(joint="boggie"))
 
 

@@ -59,7 +59,7 @@ def test_before_and_behind_its_messages_a_topic_is_empty(tmp_path):
 
 
 def test_clocks_that_disagree_by_years_are_refused(tmp_path):
-    with pytest.raises(DataError, match=r"its topics span .* s, \d+ rows, and 5000000 are the most"):
+    with pytest.raises(DataError, match=r"\d+.*5000000"):
         read_raw(bag(tmp_path, shift=1_000_000_000 - BEGIN))
 
 

@@ -75,7 +75,7 @@ def test_bags_of_other_writers_become_the_log_of_the_same_drive(kind, seen, tmp_
 def test_an_imported_log_passes_the_checks_of_the_loop(habit, seen, tmp_path):
     _, log = imported(recordings.HABITS[habit](seen, tmp_path), tmp_path)
     assert faults(log) == ()
-    assert "held to their measured rates" in " ".join(map(str, check(log).findings))
+    assert "their measured" in " ".join(map(str, check(log).findings))
 
 
 @pytest.mark.parametrize("habit", recordings.HABITS)
@@ -108,7 +108,7 @@ def test_most_informative_parts_of_a_long_recording_are_kept(tmp_path):
     long = recordings.truth(seconds=900.0)
     made, log = imported(recordings.plain(long, tmp_path), tmp_path, most=4)
     assert len(log.runs) == 4
-    assert any("4 of " in note and "those that tell most" in note for note in made.notes)
+    assert any("4 of " in note and "tell most" in note for note in made.notes)
     reached = [float(np.ptp(run["body_pitch"])) for run in log.runs]
     assert max(reached) > 0.2
 
@@ -150,7 +150,7 @@ def test_odometry_alone_is_taken_marked_and_then_refused(seen, tmp_path):
     table.drop(columns=["x [m]", "y [m]", "z [m]"]).to_csv(tmp_path / "odom.csv", index=False)
     made, log = imported(tmp_path / "odom.csv", tmp_path)
     assert any("odom_x" in line and "odometry" in line for line in made.columns)
-    assert "they are the wheels' odometry" in str(faults(log)[0])
+    assert "wheels' odometry" in str(faults(log)[0])
 
 
 @pytest.mark.parametrize(
@@ -171,8 +171,8 @@ def test_currents_without_a_unit_are_counts(name, target, unit, seen, tmp_path):
     factor = 1e-3 if unit == "mA" else 1.0
     assert np.ptp(log.runs[0][target.format("br")]) == pytest.approx(200.0 * factor, rel=0.02)
     (line,) = [each for each in made.columns if each.startswith(target.format("br"))]
-    assert ("counts of unknown scale and zero" in line) == target.startswith("raw")
-    assert not any("no motor currents" in each for each in made.lacks)
+    assert ("unknown scale" in line) == target.startswith("raw")
+    assert not any("motor currents" in each for each in made.lacks)
 
 
 def without(names):
@@ -187,10 +187,10 @@ def without(names):
 @pytest.mark.parametrize(
     ("names", "said"),
     [
-        (("x [m]", "y [m]"), "no column is known as where the rover was.*say --column body_x='FORMULA'"),
-        (("wheel_",), "no column is known as the rate of wheel fl"),
-        (("wheel_bl",), "no column is known as the rate of wheel fl"),
-        (("time",), "no column is a clock"),
+        (("x [m]", "y [m]"), "was.*say --column body_x='FORMULA'"),
+        (("wheel_",), "column.*known"),
+        (("wheel_bl",), "column.*known"),
+        (("time",), "column.*clock"),
     ],
 )
 def test_missing_columns_are_named_with_those_present(names, said, seen, tmp_path):
@@ -202,14 +202,14 @@ def test_missing_columns_are_named_with_those_present(names, said, seen, tmp_pat
 @pytest.mark.parametrize(
     ("name", "content", "said"),
     [
-        ("none.csv", None, "there is no such file"),
-        ("empty.csv", b"", "the file has no rows"),
+        ("none.csv", None, "such file"),
+        ("empty.csv", b"", "file.*rows"),
         ("text.csv", b"Dear all,\nplease find attached\n", "line 2: 1 cells under 2 column names"),
-        ("one.csv", b"t\n1\n2\n", "1 columns of numbers in 2 rows"),
-        ("bytes.mat", b"\x00\x01", "no .mat that can be read"),
-        ("seven.mat", b"MATLAB 7.3".ljust(124) + b"\x00\x02IM" + bytes(384) + b"\x89HDF", "save it with '-v7'"),
+        ("one.csv", b"t\n1\n2\n", "1 columns.*2"),
+        ("bytes.mat", b"\x00\x01", ".mat.*read"),
+        ("seven.mat", b"MATLAB 7.3".ljust(124) + b"\x00\x02IM" + bytes(384) + b"\x89HDF", "save.*'-v7'"),
         ("bytes.parquet", b"PAR1", "is not Parquet"),
-        ("bytes.bag", b"\x00\x01", "bag cannot be read"),
+        ("bytes.bag", b"\x00\x01", "cannot.*read"),
         (
             "still.csv",
             b"t,x,y,yaw,w_fl,w_fr,w_bl,w_br\n" + b"".join(b"%d,0,0,0,0,0,0,0\n" % k for k in range(50)),
@@ -229,7 +229,7 @@ def test_a_file_that_is_no_recording_is_refused_in_one_sentence(name, content, s
 def test_nothing_is_written_over(seen, tmp_path):
     path = recordings.plain(seen, tmp_path)
     imported(path, tmp_path)
-    with pytest.raises(DataError, match="is already there; give another folder"):
+    with pytest.raises(DataError, match=r"already.*another"):
         imported(path, tmp_path)
 
 

@@ -46,9 +46,9 @@ def test_a_declared_slope_rises_along_the_heading_of_the_start(yaw):
 @pytest.mark.parametrize(
     ("table", "said"),
     [
-        ({"slope": {"value": 12}}, "slope = 687.5 deg is beyond 45 deg"),
-        ({"slope": {"value": 12, "unit": "m"}}, "unit 'm' does not measure"),
-        ({"slope": "steep"}, "is not a number"),
+        ({"slope": {"value": 12}}, "slope = 687.5.*45"),
+        ({"slope": {"value": 12, "unit": "m"}}, "'m'.*measure"),
+        ({"slope": "steep"}, "number"),
         ({"slope": 0.1, "estimated": True}, "either slope"),
         ({"estimated": False}, "either slope"),
         ({"estimated": True, "sl0pe": 3}, "unknown key 'sl0pe'"),

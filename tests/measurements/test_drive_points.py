@@ -155,7 +155,7 @@ def test_a_modulus_that_was_sized_is_not_said_to_be_declared(tmp_path):
     points = read_drive_points(tmp_path)
     soil = points.declared_soil(Soil())
     held = {one.name: one for one in held_numbers(points, soil, ("k", "phi"))}
-    assert "in which a wheel under" in held["k_1"].source
+    assert "wheel under" in held["k_1"].source
     assert held["k_1"].value == soil.k_1 == own_soil(scenario("flat", rover="cart").model.rover).value.k_1
     assert (
         held["k_1"].high / soil.k_1 == pytest.approx(soil.k_1 / held["k_1"].low) == pytest.approx(math.exp(1.372), 1e-3)
@@ -241,7 +241,7 @@ def test_slips_that_scatter_by_more_than_a_class_are_refused(drive, trace, tmp_p
     coarse = Sensors(position_sd=0.03, attitude_sd=0.05)
     drive.write_log(measured(trace, coarse, seed=1), tmp_path)
     sampling = Sampling(lengths=(2.0,))
-    with pytest.raises(DataError, match=r"the slip of a window of 2 s scatters by 0\.\d+, more than a class of 0\.05"):
+    with pytest.raises(DataError, match=r"2.*0\.\d+,.*0\.05"):
         read_drive_points(tmp_path, sampling)
 
 
@@ -262,7 +262,7 @@ def test_a_log_without_its_motor_is_refused(log, tmp_path):
 
 
 def test_a_log_too_short_is_refused(log):
-    with pytest.raises(DataError, match="no class of slip has 1000 steady windows of 2 s"):
+    with pytest.raises(DataError, match=r"1000.*windows.*2"):
         read_drive_points(log, dataclasses.replace(Sampling(), least=1000))
 
 
@@ -285,7 +285,7 @@ def test_a_declared_doubt_of_the_motor_widens_what_is_shared(log):
 
 
 def test_a_path_that_is_no_data_is_refused(tmp_path):
-    with pytest.raises(DataError, match=r"give a folder with rig.toml \(wheel rig\) or drive.toml"):
+    with pytest.raises(DataError, match=r"rig.toml.*drive.toml"):
         read_evidence(tmp_path / "nothing")
 
 

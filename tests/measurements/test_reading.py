@@ -73,25 +73,21 @@ def test_noise_may_come_from_a_column(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
-        ("25,1.0", ",1.0", r"load is missing or not finite in row 1 \(nan\); remove or fill that row"),
-        ("25,1.0", "25,inf", r"drawbar_pull_N is missing or not finite in row 1 \(inf\); remove or fill that row"),
-        (",1.0,0.01\nb,0.3,25,2.0", ",,0.01\nb,0.3,25,", "drawbar_pull_N has no number in any row; leave that column"),
-        ("25,2.0", "-25,2.0", r"load is not positive in row 2 \(-25\)"),
-        ("b,0.3", "b,-1.3", r"slip lies outside \[-1, 1\] in row 2 \(-1.3\)"),
-        ("b,0.3", "b,30", "slip reaches 30, which looks like percent; give a fraction"),
-        ("0.02\n", "20\n", "sinkage_m reaches 20 m in row 2, deeper than the axle .* millimetres, divide them by 1000"),
-        ("load_N", "load", "has no column 'load_N': did you mean 'load'"),
-        ("sinkage_m", "sinkage_mm", "column 'sinkage_mm' is not read: did you mean 'sinkage_m'.* Convert it to SI"),
-        (
-            "sinkage_m\n",
-            "sinkage_m\nc,0.2,25,much,0.01\n",
-            "drawbar_pull_N holds 'much' in row 1, which is not a number",
-        ),
-        (POINTS, "", "points.csv: the file has no rows"),
-        (POINTS, "slip,load_N,drawbar_pull_N\n", "points.csv: the file has no rows"),
-        (POINTS, "slip,load_N\n0.1,25\n", "no channel was measured; give one of drawbar_pull_N"),
+        ("25,1.0", ",1.0", r"1 \(nan\)"),
+        ("25,1.0", "25,inf", r"drawbar_pull_N.*1 \(inf\)"),
+        (",1.0,0.01\nb,0.3,25,2.0", ",,0.01\nb,0.3,25,", "drawbar_pull_N"),
+        ("25,2.0", "-25,2.0", r"2 \(-25\)"),
+        ("b,0.3", "b,-1.3", r"\[-1, 1\].*2 \(-1.3\)"),
+        ("b,0.3", "b,30", "30,.*fraction"),
+        ("0.02\n", "20\n", "sinkage_m.*20.*2,.*1000"),
+        ("load_N", "load", "'load_N':.*'load'"),
+        ("sinkage_m", "sinkage_mm", "'sinkage_mm'.*'sinkage_m'.*SI"),
+        ("sinkage_m\n", "sinkage_m\nc,0.2,25,much,0.01\n", "drawbar_pull_N.*'much'.*1"),
+        (POINTS, "", "points.csv:.*file"),
+        (POINTS, "slip,load_N,drawbar_pull_N\n", "points.csv:.*file"),
+        (POINTS, "slip,load_N\n0.1,25\n", "drawbar_pull_N"),
         (POINTS, 'slip,load_N\n"0.1,25\n', "line 2: 1 cells under 2 column names"),
-        (POINTS, "slip,load_N,torque_Nm\n0.1,25,1\n", "noise of torque is not stated; write .noise. torque"),
+        (POINTS, "slip,load_N,torque_Nm\n0.1,25,1\n", "torque.*.noise."),
     ],
 )
 def test_flaws_of_the_points(tmp_path, old, new, said):
@@ -103,17 +99,13 @@ def test_flaws_of_the_points(tmp_path, old, new, said):
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
-        ('"wheel-rig"', '"drive-log"', "kind = 'drive-log' is not a wheel rig"),
-        (
-            'unit = "mm" }\nb',
-            'unit = "furlong" }\nb',
-            "unit 'furlong' does not measure what is asked for; use one of m, mm",
-        ),
-        ('0.6, unit = "mm"', '0.6, unit = "kPa"', "noise of sinkage: unit 'kPa' does not measure"),
-        ("{ value = 0.3,", "{ sd = 0.3,", "noise of drawbar_pull has no number"),
-        ("value = 0.3", "value = 0.0", "sd is not positive in row 1"),
-        ('b = { value = 0.06, unit = "m" }\n', "", "has no b; write b = { value, unit = 'm' }"),
-        ("value = 0.06", "value = 60.0", "Wheel.b = 60 m is not allowed"),
+        ('"wheel-rig"', '"drive-log"', "kind = 'drive-log'"),
+        ('unit = "mm" }\nb', 'unit = "furlong" }\nb', "'furlong'"),
+        ('0.6, unit = "mm"', '0.6, unit = "kPa"', "sinkage:.*'kPa'"),
+        ("{ value = 0.3,", "{ sd = 0.3,", "drawbar_pull"),
+        ("value = 0.3", "value = 0.0", "sd.*positive.*1"),
+        ('b = { value = 0.06, unit = "m" }\n', "", "b = {.*unit = 'm' }"),
+        ("value = 0.06", "value = 60.0", "Wheel.b = 60"),
         ("[noise]", "[noise", "is not TOML"),
     ],
 )
@@ -124,10 +116,10 @@ def test_flaws_of_the_toml(tmp_path, old, new, said):
 
 
 def test_missing_files_are_named(tmp_path):
-    with pytest.raises(DataError, match=r"rig.toml: the file cannot be read: No such file"):
+    with pytest.raises(DataError, match=r"rig.toml:.*cannot"):
         read_wheel_rig(tmp_path)
     (tmp_path / "rig.toml").write_text(RIG)
-    with pytest.raises(DataError, match=r"points.csv: the file cannot be read: No such file"):
+    with pytest.raises(DataError, match=r"points.csv:.*cannot"):
         read_wheel_rig(tmp_path)
 
 
@@ -163,12 +155,12 @@ def test_scatter_becomes_means_with_a_pooled_deviation():
 @pytest.mark.parametrize(
     ("columns", "said"),
     [
-        (([], [], 0.1), "slip has no data; give at least one measured point"),
-        (([[0.1]], [0.1], 0.1), "slip has no data"),
-        (([0.1, math.nan], [0.1, 0.2], 0.1), "slip is missing or not finite in row 2"),
+        (([], [], 0.1), "least.*measured"),
+        (([[0.1]], [0.1], 0.1), "slip.*data"),
+        (([0.1, math.nan], [0.1, 0.2], 0.1), "missing.*2"),
         (([0.1, 0.2], [0.1], 0.1), "different lengths"),
-        (([0.1, 45.0], [0.1, 0.2], 0.1), "looks like percent"),
-        (([0.1, 0.2], [0.1, 0.2], -0.1), "sd is not positive"),
+        (([0.1, 45.0], [0.1, 0.2], 0.1), "looks.*percent"),
+        (([0.1, 0.2], [0.1, 0.2], -0.1), "sd.*positive"),
     ],
 )
 def test_flaws_of_traction_points(columns, said):
@@ -179,7 +171,7 @@ def test_flaws_of_traction_points(columns, said):
 def test_flaws_of_traction_files(tmp_path):
     path = tmp_path / "fig6.csv"
     path.write_text("slip,traction_factor,sd\n0.1,0.05,0.06\n0.5,,0.06\n")
-    with pytest.raises(DataError, match=r"fig6.csv: TractionFactor: traction factor is missing or not finite in row 2"):
+    with pytest.raises(DataError, match=r"fig6.csv: TractionFactor:.*2"):
         read_traction_points(path)
-    with pytest.raises(DataError, match="no slip ratio is repeated"):
+    with pytest.raises(DataError, match=r"ratio.*repeated"):
         TractionPoints.from_scatter([0.1, 0.2], [0.1, 0.2])

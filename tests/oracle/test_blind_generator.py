@@ -281,9 +281,9 @@ def test_answers_are_sealed(made):
     told = sealed.opened(folder / "sets", folder / "answers.json")["sets"]
     assert [one["hidden"] for one in told] == [each["hidden"] for each in sets[::2]]
     changed = [{**sets[0], "hidden": []}, sets[2]]
-    with pytest.raises(SystemExit, match="sealed with other answers"):
+    with pytest.raises(SystemExit, match=r"sealed.*answers"):
         sealed.generate(folder / "sets", changed, 4, folder / "answers.json", duration=0.5)
-    with pytest.raises(AssertionError, match="out of the sets"):
+    with pytest.raises(AssertionError, match=r"out.*sets"):
         sealed.generate(folder / "sets", sets, 4, folder / "sets" / "answers.json", duration=0.5)
 
 

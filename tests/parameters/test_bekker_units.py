@@ -45,13 +45,13 @@ def test_dry_sand_is_the_same_in_both_units_of_its_table():
     ("name", "unit"), [("k_c", "kN/m^(n+2)"), ("k_phi", "kPa"), ("k_phi", "kPa/m"), ("k_c", "s/m^(n+1)")]
 )
 def test_a_unit_of_another_power_is_refused(name, unit):
-    with pytest.raises(ParameterError, match=re.escape(f"x: unit '{unit}' is none of {name}'s: write N/m^(n+")):
+    with pytest.raises(ParameterError, match=re.escape(f"'{unit}'") + f".*{name}.*N/m"):
         bekker_si(name, 1.0, unit, 1.1, "x")
 
 
 def test_inches_without_an_exponent_are_refused():
     assert bekker_si("k_c", 2.0, "kN/m^(n+1)", None, "x") == 2000.0
-    with pytest.raises(ParameterError, match="depends on n: declare n too"):
+    with pytest.raises(ParameterError, match=r"depends.*declare"):
         bekker_si("k_c", 2.0, "lb/in^(n+1)", None, "x")
 
 
@@ -85,5 +85,5 @@ def test_a_set_in_published_units_is_that_in_si(tmp_path):
     assert float(read[0].wheel.r) == pytest.approx(0.157353)
     assert np.allclose(read[0].channels[0].sd, 0.1 * POUND)
     (tmp_path / "si" / "rig.toml").write_text((tmp_path / "si" / "rig.toml").read_text().replace("n+2)'", "n+1)'"))
-    with pytest.raises(DataError, match=r"k_phi: unit .* is none of k_phi's"):
+    with pytest.raises(DataError, match=r"k_phi:.*k_phi's"):
         read_wheel_rig(tmp_path / "si")

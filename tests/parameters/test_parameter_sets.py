@@ -75,7 +75,7 @@ def test_each_set_has_the_bounds_of_every_soil(name):
 
 
 def test_an_unknown_name_lists_the_close_ones():
-    with pytest.raises(ParameterError, match="no soil is named 'fjs1': did you mean 'fjs-1'"):
+    with pytest.raises(ParameterError, match=r"'fjs1':.*'fjs-1'"):
         soil_named("fjs1")
     assert soil_named("table-1") is TABLE_1
 

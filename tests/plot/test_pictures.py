@@ -176,7 +176,7 @@ def test_a_trace_draws_itself_on_axes_that_are_given(ditch):
     assert len(alone.lines) == 3
     assert alone.figure.number in pyplot.get_fignums()  # which notebooks and `pyplot.show()` show
     assert trace.plot("slip", "body_pitch").get_ylabel() == "slip, body_pitch [- or rad]"
-    with pytest.raises(ParameterError, match="did you mean 'body_x'"):
+    with pytest.raises(ParameterError, match="'body_x'"):
         trace.plot("body_xx")
 
 
@@ -193,7 +193,7 @@ def test_xarray_is_requested_if_missing_and_used_if_present(monkeypatch):
 
     trace = Trace({"t_s": [0.0, 1.0], "body_x": [0.0, 0.5]})
     monkeypatch.setitem(sys.modules, "xarray", None)
-    with pytest.raises(MissingExtraError, match="needs xarray: pip install xarray"):
+    with pytest.raises(MissingExtraError, match=r"xarray:.*install"):
         trace.to_xarray()
     made = types.SimpleNamespace(Dataset=lambda data, coords, attrs: (data, coords, attrs))
     monkeypatch.setitem(sys.modules, "xarray", made)

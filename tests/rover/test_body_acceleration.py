@@ -174,12 +174,12 @@ def test_the_mirror_image_accelerates_as_the_mirror_image(rover, random_state, s
 @pytest.mark.parametrize(
     ("place", "value", "words"),
     [
-        (0, np.zeros(3), r"q has shape \(3,\); this rover's must be \(27,\)"),
-        (0, np.zeros(27), "a quaternion .x, y, z, w. must have length 1"),
-        (1, np.zeros(27), r"v has shape \(27,\)"),
-        (1, np.full(20, np.nan), "v holds a number that is not finite"),
-        (1, np.r_[np.zeros(19), np.inf], "v holds a number that is not finite"),
-        (2, np.zeros(6), r"torques has shape \(6,\)"),
+        (0, np.zeros(3), r"q.*\(3,\);.*\(27,\)"),
+        (0, np.zeros(27), "quaternion .x,.*1"),
+        (1, np.zeros(27), r"v.*shape \(27,\)"),
+        (1, np.full(20, np.nan), "v.*number"),
+        (1, np.r_[np.zeros(19), np.inf], "v.*number"),
+        (2, np.zeros(6), r"torques.*\(6,\)"),
         (3, np.zeros((4, 6)), r"wheel_forces has shape \(4, 6\); this rover's must be \(6, 6\)"),
     ],
 )

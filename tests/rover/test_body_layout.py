@@ -17,21 +17,21 @@ URDF = Path(__file__).parents[2] / "urdf"
     ("old", "new", "words"),
     [
         ('name = "nexus6"', 'name = "nexus6', "is not TOML"),
-        ('base = "base_link"', "", "'base' is missing; a rover's TOML needs name, urdf, base, wheels, wheel"),
-        ('base = "base_link"', 'bass = "base_link"', "unknown key 'bass': did you mean 'base'"),
-        ("[suspension]", "[suspensions]", "unknown key 'suspensions': did you mean 'suspension'"),
-        ('urdf = "nexus6.urdf"', 'urdf = "nexus7.urdf"', "there is no file 'nexus7.urdf' beside it; mend 'urdf'"),
+        ('base = "base_link"', "", "'base'.*TOML"),
+        ('base = "base_link"', 'bass = "base_link"', "'bass':.*'base'"),
+        ("[suspension]", "[suspensions]", "'suspensions':.*'suspension'"),
+        ('urdf = "nexus6.urdf"', 'urdf = "nexus7.urdf"', "'nexus7.urdf'.*'urdf'"),
         ('name = "nexus6"', 'name = "nexus6"\nsteering = 1', "is not TOML"),
         ("[differential]", "[differentials]", "unknown key 'differentials'"),
-        ('pair = "rocker"', 'pair = "rockers"', "'rockers' is no pair of the suspension: did you mean 'rocker'"),
-        ('bogie = ["bogie_l", "bogie_r"]', "bogie = 3", "bogie = 3 must be a pair .* or one name"),
-        ('middle = ["wheel_ml", "wheel_mr"]', 'middle = "wheel_ml"', r"wheels.middle = .* must be a pair"),
-        ('middle = ["wheel_ml", "wheel_mr"]', 'fore = ["wheel_ml", "wheel_mr"]', "begin with the same letter"),
-        ("middle = [", '"" = [', r"an axle of \[wheels\] has no name"),
-        ('rear = ["steer_rl"', 'back = ["steer_rl"', r"\[steering\] has no axle 'back'"),
-        ('value = 0.045, unit = "m"', 'value = 0.045, unit = "s"', "unit 's' does not measure"),
-        ('value = 0.045, unit = "m"', 'value = 45, unit = "m"', "Wheel.r = 45 m is not allowed"),
-        ("r = {", "radius = {", "Wheel has no field 'radius'"),
+        ('pair = "rocker"', 'pair = "rockers"', "'rockers'.*'rocker'"),
+        ('bogie = ["bogie_l", "bogie_r"]', "bogie = 3", "bogie = 3"),
+        ('middle = ["wheel_ml", "wheel_mr"]', 'middle = "wheel_ml"', "wheels.middle ="),
+        ('middle = ["wheel_ml", "wheel_mr"]', 'fore = ["wheel_ml", "wheel_mr"]', "begin.*letter"),
+        ("middle = [", '"" = [', r"\[wheels\]"),
+        ('rear = ["steer_rl"', 'back = ["steer_rl"', r"\[steering\].*'back'"),
+        ('value = 0.045, unit = "m"', 'value = 0.045, unit = "s"', "'s'.*measure"),
+        ('value = 0.045, unit = "m"', 'value = 45, unit = "m"', "Wheel.r = 45"),
+        ("r = {", "radius = {", "'radius'"),
     ],
 )
 def test_a_toml_that_does_not_fit_says_what_to_mend(tmp_path, old, new, words):
@@ -46,7 +46,7 @@ def test_a_toml_that_does_not_fit_says_what_to_mend(tmp_path, old, new, words):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ('name = "a"\nurdf = "b"\nbase = "c"\nwheels = 4\n[wheel]', "'wheels' must be a table"),
+        ('name = "a"\nurdf = "b"\nbase = "c"\nwheels = 4\n[wheel]', "'wheels'"),
         ('name = "a"\nurdf = "b"\nbase = "c"\n[wheels]\nonly = ["x", "y"]\n[wheel]', r"\[wheels\] names 1 axles"),
     ],
 )
@@ -57,12 +57,12 @@ def test_wheels_are_a_table_of_two_axles_or_more(tmp_path, text, words):
 
 
 def test_the_urdf_itself_is_no_layout():
-    with pytest.raises(UrdfError, match=r"give the .toml that says which of its joints are wheels"):
+    with pytest.raises(UrdfError, match=r".toml.*joints"):
         read_layout(URDF / "nexus6.urdf")
 
 
 def test_a_urdf_that_is_no_text_is_refused(tmp_path):
     shutil.copy(URDF / "cart.toml", tmp_path)
     (tmp_path / "cart.urdf").write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(UrdfError, match=r"cart.urdf: not a text file in UTF-8"):
+    with pytest.raises(UrdfError, match=r"cart.urdf:.*UTF-8"):
         read_layout(tmp_path / "cart.toml")

@@ -119,7 +119,7 @@ def test_another_gravity_is_another_rover(nexus6):
     q, v = pin.neutral(moon.model), np.zeros(20)
     falling = forward_dynamics(moon, q, v, np.zeros(20), np.zeros((6, 6))).a
     assert falling[2] == pytest.approx(-1.62)
-    with pytest.raises(ParameterError, match=r"gravity = nan m/s.2 is not a number"):
+    with pytest.raises(ParameterError, match=r"gravity = nan m/s.2"):
         nexus6.under(float("nan"))
 
 
@@ -134,14 +134,14 @@ def test_rovers_travel_to_other_processes(nexus6):
 
 def test_wheels_go_by_name(nexus6):
     assert nexus6.mount("ml").axle == 1
-    with pytest.raises(ParameterError, match=r"'nexus6' has no wheel 'left': known are fl, fr, ml"):
+    with pytest.raises(ParameterError, match=r"'nexus6'.*'left'"):
         nexus6.mount("left")
 
 
 def test_an_unknown_rover_lists_the_close_ones():
-    with pytest.raises(UrdfError, match=r"no rover 'nexus': did you mean 'nexus6'.*give the path of its .toml"):
+    with pytest.raises(UrdfError, match=r"'nexus':.*'nexus6'.*give.*.toml"):
         load_rover("nexus")
-    with pytest.raises(UrdfError, match="There is no rover file"):
+    with pytest.raises(UrdfError, match="rover file"):
         load_rover("nowhere/rover.toml")
 
 
@@ -171,6 +171,6 @@ def test_model_names_a_rover_beside_elsewhere_or_in_the_package(tmp_path):
         with pytest.raises(UrdfError) as told:
             load_named(own, beside)
         assert "lies elsewhere" not in str(told.value)
-    with pytest.raises(UrdfError, match="lies elsewhere and makes no rover: try `rover-pin check-urdf` on it") as told:
+    with pytest.raises(UrdfError, match="`rover-pin check-urdf`") as told:
         load_named(str(away / "secret.toml"), beside)
     assert "password" not in str(told.value)

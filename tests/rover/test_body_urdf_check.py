@@ -54,7 +54,7 @@ def test_a_report_says_what_the_rover_is():
     assert (whole.loads, alone.loads) == (True, False)
     assert not UrdfReport("x.urdf", (), (), ()).loads
     assert [any("without a TOML" in note for note in each.notes) for each in (whole, alone)] == [False, True]
-    assert "There is no rover file" in check_urdf(URDF / "none.yaml").faults[0]
+    assert "rover file" in check_urdf(URDF / "none.yaml").faults[0]
 
 
 @pytest.mark.parametrize(("share", "noted"), [(0.95e-3, False), (1.05e-3, True)])
@@ -69,18 +69,12 @@ def test_wheels_off_their_plane_by_a_thousandth_are_noted(share, noted):
         sign = np.sign(place[0] - middle[0]) * np.sign(place[1] - middle[1])
         model.jointPlacements[joint].translation = np.array([place[0], place[1], middle[2] + sign * warp])
     assert np.ptp(places[:, 0]) > np.ptp(places[:, 1]), "the axles are farther apart than the wheels"
-    assert any("do not stand on one plane" in note for note in _stance_notes(layout, model)) is noted
+    assert any("stand" in note for note in _stance_notes(layout, model)) is noted
 
 
 @pytest.mark.parametrize(
     ("fails_at", "load", "words"),
-    [
-        (None, 0.05, []),
-        (None, 0.0, ["would have to be held down"]),
-        (0.0, 1.0, ["fell"]),
-        (0.02, 1.0, ["fell"]),
-        (-0.02, 1.0, ["fell"]),
-    ],
+    [(None, 0.05, []), (None, 0.0, ["held down"]), (0.0, 1.0, ["fell"]), (0.02, 1.0, ["fell"]), (-0.02, 1.0, ["fell"])],
 )
 def test_rover_is_checked_level_and_on_2_percent_slopes(monkeypatch, fails_at, load, words):
     asked = []
@@ -100,7 +94,7 @@ def test_rover_is_checked_level_and_on_2_percent_slopes(monkeypatch, fails_at, l
 def test_what_was_changed_on_the_way_is_noted():
     layout = read_layout(URDF / "cart.toml", Trust())
     changed = dataclasses.replace(layout, changes=("a mesh was left out",))
-    assert "a mesh was left out" in list(_notes(read_tree(layout.text, "cart.urdf"), changed))
+    assert changed.changes[0] in list(_notes(read_tree(layout.text, "cart.urdf"), changed))
 
 
 def test_a_urdf_alone_needs_a_wheel(tmp_path):
@@ -110,8 +104,8 @@ def test_a_urdf_alone_needs_a_wheel(tmp_path):
 
 
 def test_what_cannot_be_read_is_the_reports_one_fault(tmp_path):
-    assert "none.urdf: cannot be read" in check_urdf(tmp_path / "none.urdf").faults[0]
-    assert "There is no rover file" in check_urdf(tmp_path / "none.toml").faults[0]
+    assert "none.urdf: cannot" in check_urdf(tmp_path / "none.urdf").faults[0]
+    assert "rover file" in check_urdf(tmp_path / "none.toml").faults[0]
 
 
 def test_further_faults_are_counted(own):
@@ -123,19 +117,13 @@ def test_further_faults_are_counted(own):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        (
-            TEXT.replace('<sphere radius="0.012"/>', '<mesh filename="package://x/y.stl"/>'),
-            "4 meshes .* may be missing",
-        ),
+        (TEXT.replace('<sphere radius="0.012"/>', '<mesh filename="package://x/y.stl"/>'), "4 meshes"),
         (
             TEXT.replace(ROCKER_LIMIT, ROCKER_LIMIT + '<dynamics damping="0.1"/>', 1),
             "'rocker_l' has <dynamics>, .* not used",
         ),
-        (TEXT.replace('<origin xyz="0 0.12 0"/>', '<origin xyz="0.01 0.12 0"/>'), "left and right side differ"),
-        (
-            TEXT.replace('<origin xyz="0.075 0.04 -0.03"/>', '<origin xyz="0.075 0.04 -0.05"/>'),
-            "do not stand on one plane",
-        ),
+        (TEXT.replace('<origin xyz="0 0.12 0"/>', '<origin xyz="0.01 0.12 0"/>'), "side differ"),
+        (TEXT.replace('<origin xyz="0.075 0.04 -0.03"/>', '<origin xyz="0.075 0.04 -0.05"/>'), "one plane"),
     ],
 )
 def test_notes_do_not_keep_a_rover_from_loading(own, text, words):
@@ -154,7 +142,7 @@ def test_a_mimic_ahead_of_its_joint_is_noted(own):
     text = swapped_in(text, "rocker_l", '<mimic joint="rocker_r" multiplier="-1" offset="0"/></joint>')
     report = check_urdf(own(text))
     assert report.ok
-    assert any("mimics one that comes later" in note for note in report.notes)
+    assert any("comes later" in note for note in report.notes)
 
 
 def swapped_in(text: str, joint: str, ending: str) -> str:
@@ -185,12 +173,10 @@ def test_two_readers_that_disagree_are_told_apart(own, monkeypatch):
     monkeypatch.setattr(readers, "_random_angles", crooked)
     faults = check_urdf(own(TEXT)).faults
     assert len(faults) == 1
-    assert "Pinocchio and yourdfpy place link 'rocker_r_link'" in faults[0]
+    assert "place link 'rocker_r_link'" in faults[0]
 
 
-@pytest.mark.parametrize(
-    ("reader", "words"), [("yourdfpy", "yourdfpy cannot read it"), ("pin", "Pinocchio cannot read it")]
-)
+@pytest.mark.parametrize(("reader", "words"), [("yourdfpy", "yourdfpy cannot"), ("pin", "Pinocchio cannot")])
 def test_a_reader_that_fails_is_named(own, monkeypatch, reader, words):
     def fails(*_, **__):
         raise ValueError("no")
@@ -243,8 +229,8 @@ def test_a_rover_that_cannot_stand_is_told(own):
     report = check_urdf(path)
     assert not report.ok
     (fault,) = report.faults
-    assert "cannot stand on its wheels: a pivot of its suspension stays out of balance" in fault
-    with pytest.raises(ParameterError, match="cannot stand on its wheels"):
+    assert "suspension stays" in fault
+    with pytest.raises(ParameterError, match=r"cannot.*wheels"):
         wheel_loads(load_rover(path), 0.02)
 
 
@@ -258,7 +244,7 @@ def test_a_rover_that_tips_over_is_told(tmp_path):
     (tmp_path / "cart.urdf").write_text(moved)
     shutil.copy(URDF / "cart.toml", tmp_path)
     (fault,) = check_urdf(tmp_path / "cart.toml").faults
-    assert re.search(r"wheels fl, fr would have to be held down \(-49[.0-9]* N\), so it tips over", fault)
+    assert re.search(r"wheels fl, fr.* \(-49[.0-9]* N\)", fault)
 
 
 @pytest.mark.parametrize("most", ["1.7976931348623157e+308", "3.4028235e+38", "1e16"])

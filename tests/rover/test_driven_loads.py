@@ -80,7 +80,7 @@ def errors(scene):
 
 
 def test_an_angle_that_the_rover_has_not_is_refused():
-    with pytest.raises(ParameterError, match="Rover 'nexus6' has no angle 'boogie_l': did you mean"):
+    with pytest.raises(ParameterError, match=r"'nexus6'.*'boogie_l'"):
         configuration(NEXUS6, (0.0, 0.0, 0.0), {"boogie_l": 0.1})
 
 

@@ -99,7 +99,7 @@ def test_arms_legs_and_telescopes_are_held_within_their_stops(tmp_path):
     )
     assert proposed(tmp_path, farm.urdf)["held"] == {"mast": 0.3, "boom": 0.0}
     text = (tmp_path / "own.toml").read_text()
-    assert "mast = 0.3  # it carries no wheel: an arm, mast or the like" in text
+    assert "mast = 0.3  # it carries" in text
 
 
 def test_two_halves_of_a_rocker_are_coupled(tmp_path):
@@ -164,7 +164,7 @@ def test_a_mesh_gives_the_size_where_it_can_be_read(tmp_path):
     named = re.sub('name="([fr][lr])"', r'name="wheel_\1"', text)
     poor = proposed(tmp_path / "pkg", named)
     assert poor["wheel"]["r"] == pytest.approx(0.15 * math.sqrt(0.2), rel=1e-3)
-    assert "which is a poor measure" in (tmp_path / "pkg" / "own.toml").read_text()
+    assert "poor measure" in (tmp_path / "pkg" / "own.toml").read_text()
 
 
 def test_every_guess_is_marked_and_the_rover_drives(tmp_path):
@@ -184,29 +184,29 @@ def test_nothing_is_written_over_and_nonsense_is_refused(tmp_path):
     path = tmp_path / "own.urdf"
     path.write_text(made.cart().urdf)
     new_rover(path)
-    with pytest.raises(UrdfError, match=r"own.toml: is already there; give another file with --out"):
+    with pytest.raises(UrdfError, match=r"own.toml:.*--out"):
         new_rover(path)
     with pytest.raises(UrdfError, match=r"is no .toml"):
         new_rover(path, tmp_path / "own.txt")
     other = tmp_path / "elsewhere" / "mine.toml"
     assert [file.name for file in new_rover(path, other).files] == ["own.urdf", "mine.toml", "mine.png"]
-    with pytest.raises(UrdfError, match=r"elsewhere/own.urdf: is already there"):
+    with pytest.raises(UrdfError, match=r"elsewhere/own.urdf:.*already"):
         new_rover(path, tmp_path / "elsewhere" / "second.toml")
-    with pytest.raises(UrdfError, match=r"there is no such file; give a rover's .urdf or .xacro"):
+    with pytest.raises(UrdfError, match=r".urdf.*.xacro"):
         new_rover(tmp_path / "none.urdf")
     sledge = Farm().link("mast", "body", "continuous", "0 0 1", "0 0 1")
     (tmp_path / "sledge.urdf").write_text(sledge.urdf)
-    with pytest.raises(UrdfError, match=r"no two axles of wheels are found: .* 0 joints might be wheels"):
+    with pytest.raises(UrdfError, match=r"wheels.*0"):
         new_rover(tmp_path / "sledge.urdf")
 
 
 def test_a_xacro_needs_trust_and_its_extra(tmp_path, monkeypatch):
     path = tmp_path / "own.urdf.xacro"
     path.write_text(made.cart().urdf)
-    with pytest.raises(UrdfError, match=r"a .xacro can run code and read other files: look at it, then say --trust"):
+    with pytest.raises(UrdfError, match=r".xacro.*--trust"):
         new_rover(path)
     monkeypatch.setitem(sys.modules, "xacrodoc", None)
-    with pytest.raises(MissingExtraError, match=r"needs the package xacrodoc: pip install 'rover_pin\[xacro\]'"):
+    with pytest.raises(MissingExtraError, match=r"'rover_pin\[xacro\]'"):
         new_rover(path, trust=Trust(everything=True))
 
 
@@ -218,11 +218,11 @@ def test_a_xacro_is_expanded(tmp_path):
     new_rover(tmp_path / "own.urdf.xacro", trust=Trust(everything=True))
     assert tomllib.loads((tmp_path / "own.toml").read_text())["wheel"]["r"] == 0.15
     (tmp_path / "bad.xacro").write_text(text.replace("${0.3 / 2}", "${nothing}"))
-    with pytest.raises(UrdfError, match=r"bad.xacro: xacro cannot expand it \(name 'nothing' is not defined\); expand"):
+    with pytest.raises(UrdfError, match=r"bad.xacro:.*'nothing'.*defined\)"):
         new_rover(tmp_path / "bad.xacro", trust=Trust(everything=True))
     lacks = text.replace("<link", '<xacro:include filename="$(find arm_description)/arm.xacro"/><link', 1)
     (tmp_path / "lacks.xacro").write_text(lacks)
-    with pytest.raises(UrdfError, match=r"cannot expand it \(Package not found: arm_description\); expand it"):
+    with pytest.raises(UrdfError, match=r"arm_description\)"):
         new_rover(tmp_path / "lacks.xacro", trust=Trust(everything=True))
 
 

@@ -66,7 +66,7 @@ def test_a_base_is_refused_exactly_when_no_body_has_its_inertia(lever):
         impossible = axes[0] <= 0.0 or axes[2] >= axes[0] + axes[1]
         refused.append(impossible)
         if impossible:
-            with pytest.raises(ParameterError, match="an inertia that no body has"):
+            with pytest.raises(ParameterError, match=r"inertia.*body"):
                 rover.carrying(float(mass))
         else:
             rover.carrying(float(mass))
@@ -92,7 +92,7 @@ def test_up_is_against_gravity_in_a_world_that_rises(rise_x, rise_y):
 
 @pytest.mark.parametrize("degrees", [(100.0, 0.0), (0.0, 100.0), (46.0, 46.0), (60.0, 60.0), (-95.0, 5.0), (90.0, 0.0)])
 def test_a_world_without_an_upper_side_is_refused(degrees):
-    with pytest.raises(ParameterError, match="leaves no upper side"):
+    with pytest.raises(ParameterError, match=r"leaves.*upper"):
         NEXUS6.rising(*map(math.radians, degrees))
     assert NEXUS6.rising(math.radians(44.0), math.radians(44.0)).gravity == pytest.approx(9.81)
 
@@ -146,7 +146,7 @@ def test_a_spring_moves_the_load_between_the_wheels_of_its_bogie(k_s, q_0):
 def test_whether_a_rover_stands_does_not_depend_on_gravity(gravity):
     loose = dataclasses.replace(NEXUS6, differential=None)
     assert wheel_loads(NEXUS6, 0.0, gravity=gravity).sum() == pytest.approx(NEXUS6.mass * gravity)
-    with pytest.raises(ParameterError, match="cannot stand on its wheels"):
+    with pytest.raises(ParameterError, match=r"cannot.*wheels"):
         wheel_loads(loose, 0.1, gravity=gravity)
 
 
@@ -163,7 +163,7 @@ def test_standing_does_not_depend_on_the_rovers_mass():
     """Round-off grows with the weight: of a million megatonnes it is more than one kilogramme's whole limit."""
     heavy = NEXUS6.carrying(1e15)
     assert wheel_loads(heavy, 0.1).sum() == pytest.approx(heavy.mass * 9.81 * math.cos(0.1))
-    with pytest.raises(ParameterError, match="cannot stand on its wheels"):
+    with pytest.raises(ParameterError, match=r"cannot.*wheels"):
         wheel_loads(dataclasses.replace(heavy, differential=None), 0.1)
 
 
@@ -203,7 +203,7 @@ def test_a_rover_stands_between_its_outer_axles_and_its_wheels():
 def test_a_rover_of_two_sizes_of_wheels_has_no_one_size():
     front, *others = NEXUS6.wheels
     mixed = dataclasses.replace(NEXUS6, wheels=(dataclasses.replace(front, wheel=Wheel(r=0.05, b=0.07)), *others))
-    with pytest.raises(ParameterError, match=r"wheels of several sizes \(r x b: 50 x 70 mm, 45 x"):
+    with pytest.raises(ParameterError, match=r"50.*70.*45"):
         mixed.wheel  # noqa: B018
 
 

@@ -92,7 +92,7 @@ def test_straight_drives_keep_the_logs_side_force_turns_do_not():
     shear, traction = (next(one for one in angled.effects if type(one).__name__ == name)
                        for name in ("CombinedShear", "SoilTraction"))  # fmt: skip
     assert (shear.form, shear.angles) == (traction.form, traction.angles)
-    with pytest.raises(ParameterError, match=r"side = 'shaer'.*did you mean 'shear'"):
+    with pytest.raises(ParameterError, match=r"side = 'shaer'.*did.*'shear'"):
         scenario("turn", side="shaer")
 
 
@@ -172,15 +172,15 @@ def test_the_net_form_has_no_resistance_beside_its_own():
 @pytest.mark.parametrize(
     ("settings", "words"),
     [
-        ({"cruise_slip": 0.05, "form": "net"}, "the net form holds its own compaction resistance"),
-        ({"cruise_slip": -0.9}, r"no resistance R in \[0, 1\] makes the flat cruise there"),
-        ({"cruise_slip": 1.5}, r"give a slip in \(-1, 1\]"),
-        ({"cruise_slip": 0.1, "effect.MotionResistance.R": 0.1}, "both set R: give one of them"),
-        ({"control": "pid"}, "control = 'pid' is not known"),
-        ({"form": "nett"}, "did you mean 'net'"),
-        ({"terrain.wall_angel_deg": 30}, "There is no setting"),
-        ({"effect.NormalDamping.d": -1.0}, r"NormalDamping.d = -1 s/m is not allowed"),
-        ({"motor.supply": 0.0}, "motor.supply = 0 V is not allowed"),
+        ({"cruise_slip": 0.05, "form": "net"}, "compaction resistance"),
+        ({"cruise_slip": -0.9}, r"resistance R.*\[0, 1\]"),
+        ({"cruise_slip": 1.5}, r"give.*\(-1, 1\]"),
+        ({"cruise_slip": 0.1, "effect.MotionResistance.R": 0.1}, "both.*R"),
+        ({"control": "pid"}, "control = 'pid'"),
+        ({"form": "nett"}, "mean 'net'"),
+        ({"terrain.wall_angel_deg": 30}, "setting"),
+        ({"effect.NormalDamping.d": -1.0}, "NormalDamping.d = -1 s/m"),
+        ({"motor.supply": 0.0}, "motor.supply = 0 V"),
     ],
 )
 def test_wrong_settings_are_said(settings, words):
@@ -212,5 +212,5 @@ def test_crab_angle_falls_short_with_unsteered_middle_wheels():
         assert side_over_load.mean(axis=0).max() == pytest.approx(share, abs=0.01)
     right = scenario("crab", duration=5.0, **{"control.angle_deg": -20.0}).drive()
     assert right["body_y"][-1] < -0.02
-    with pytest.raises(ParameterError, match="cart cannot crab: none of its wheels steers; take control = turn"):
+    with pytest.raises(ParameterError, match="control ="):
         scenario("crab", rover="cart")

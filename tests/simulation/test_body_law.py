@@ -153,7 +153,7 @@ def test_an_attitude_on_edge_is_no_nan(way):
 
 
 def test_as_many_torques_as_joints_or_none():
-    with pytest.raises(ParameterError, match="pushes 3 joints, but the suspension has 4: give one torque a joint"):
+    with pytest.raises(ParameterError, match=r"3.*suspension.*4"):
         body_law((Three(),), Joints(4, None, ("a", "b", "c", "d")))
 
 

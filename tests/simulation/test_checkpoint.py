@@ -75,7 +75,7 @@ def test_what_cannot_go_on_is_told():
     ):
         with pytest.raises(SimulationError, match=words):
             simulate(model, case.controller, 1.0, end, **changes)
-    with pytest.raises(SimulationError, match="another number of joints, wheels or states"):
+    with pytest.raises(SimulationError, match="another number"):
         simulate(case.model, case.controller, 1.0, simulate(model, case.controller, 0.1, case.start).end)
 
 

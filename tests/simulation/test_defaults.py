@@ -45,7 +45,7 @@ def test_the_rule_for_the_soil_gives_nexus_6_its_own():
     """Table 1's k_1 was assumed by that rule; 3e-3 is the round 5.8 kg, 9.81 and the angle of the load."""
     soil, told = own_soil(dataclasses.replace(NEXUS6, soil={}))
     assert float(soil.k_1) == pytest.approx(float(SOILS["table-1"].k_1), rel=1e-4)
-    assert re.search("soil: none named, so table-1 of k = 50 mm and k_1 = 5.42e\\+04 Pa", told[0])
+    assert re.search("table-1 of k = 50 mm.*k_1 = 5.42e\\+04 Pa", told[0])
 
 
 def test_a_rover_rests_on_its_own_soil_as_nexus_6_on_table_1(rover_file):
@@ -211,7 +211,7 @@ def sprung(k_s: float) -> dict:
 
 def test_springs_carry_a_body_that_pivots_would_let_go(tmp_path):
     free = load_rover(made.write(tmp_path, made.rocker_bogie(), {**sprung(1.0), "springs": {}}))
-    with pytest.raises(ParameterError, match="cannot stand on its wheels"):
+    with pytest.raises(ParameterError, match=r"cannot.*wheels"):
         wheel_loads(free, 0.02)
     joined = load_rover(made.write(tmp_path, made.rocker_bogie(), {**made.THREE_AXLES, **made.ROCKERS}))
     rover = load_rover(made.write(tmp_path, made.rocker_bogie(), sprung(400.0)))

@@ -115,7 +115,7 @@ def test_a_rover_with_more_joints_than_the_step_holds_is_refused(limit, most, mo
     monkeypatch.setattr(rover_numbers, limit, most)
     made(FLAT.built, 1e-3, 1.0, True, False)
     monkeypatch.setattr(rover_numbers, limit, most - 1)
-    with pytest.raises(ParameterError, match="20 degrees of freedom, 10 above a wheel; the step holds"):
+    with pytest.raises(ParameterError, match=r"20 degrees.*10"):
         made(FLAT.built, 1e-3, 1.0, True, False)
 
 

@@ -96,7 +96,7 @@ def test_equal_values_are_worked_out_once_and_exp_with_expm1():
 
 def test_an_operation_that_lanes_do_not_know():
     x = ca.SX.sym("x")
-    with pytest.raises(ParameterError, match=r"does not know CasADi's operation OP_FLOOR.*write the effect with"):
+    with pytest.raises(ParameterError, match=r"CasADi's.*OP_FLOOR.*write"):
         lanes.c_source(ca.Function("floored", [x], [ca.floor(x)]))
 
 

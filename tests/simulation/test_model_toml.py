@@ -116,7 +116,7 @@ def test_an_effect_of_ones_own_keeps_its_file(tmp_path):
         with pytest.raises(DataError, match=says):
             read_model(path, FLAT, trust)
     (tmp_path / "squeak.py").unlink()
-    with pytest.raises(DataError, match=r"squeak\.py: there is no such effect file"):
+    with pytest.raises(DataError, match=r"squeak\.py:.*effect"):
         read_model(path, FLAT, trust)
 
 
@@ -124,7 +124,7 @@ def test_an_effect_without_a_file_cannot_be_written(tmp_path):
     """As a class that was written at a prompt."""
     made = {"__name__": "prompt"}
     exec(compile(OWN_EFFECT, "<stdin>", "exec"), made)
-    with pytest.raises(DataError, match=r"Effect Squeak has no file of its code, .*: put its class into a \.py file"):
+    with pytest.raises(DataError, match=r"Effect.*:.*\.py"):
         write_model(BASE.having(made["Squeak"]()), tmp_path / "model.toml")
 
 
@@ -138,7 +138,7 @@ def test_a_rover_of_ones_own_needs_its_path(tmp_path):
         (folder / name).write_text(text)
     model = BASE.replace(rover=load_rover(folder / "nexus6.toml"))
     assert model.rover.name == "mine"
-    with pytest.raises(DataError, match="rover 'mine' does not come with the package: give the path"):
+    with pytest.raises(DataError, match=r"'mine'.*package"):
         write_model(model, tmp_path / "model.toml")
     alike(read_model(write_model(model, tmp_path / "model.toml", rover="own/nexus6.toml"), FLAT), model)
 
@@ -148,43 +148,28 @@ def test_an_expression_cannot_be_written(tmp_path):
 
     model = BASE.replace(soils=(Soil(k=ca.SX.sym("k")),) * 2)
     assert is_symbolic(model.soils[0].k)
-    with pytest.raises(ParameterError, match=r"Soil\.k is an expression, k: give it a number"):
+    with pytest.raises(ParameterError, match=r"Soil\.k.*expression"):
         write_model(model, tmp_path / "model.toml")
 
 
 @pytest.mark.parametrize(
     ("said", "instead", "error", "says"),
     [
-        ("drive-model", "rig-model", DataError, "kind = 'rig-model' is not a driving rover's model"),
-        ('note = ""', 'notes = ""', DataError, "there is no key 'notes' in a model: did you mean 'note'?"),
-        (
-            '"WeakMotor"',
-            '"WeakMoter"',
-            DataError,
-            "[[effect]]: there is no effect 'WeakMoter': did you mean 'WeakMotor'?",
-        ),
-        ('"SoilTraction"', '"Pivot"', DataError, "there is no effect 'Pivot'"),
-        ("\ng = {", "\ngg = {", ParameterError, "[[effect]] WeakMotor: WeakMotor has no field 'gg'"),
-        ("g = {value = 0.2}", "g = 1.5", ParameterError, "WeakMotor.g = 1.5 is not allowed: it must lie in ["),
-        ("wheel = 0", "wheel = 6", ParameterError, "WeakMotor: wheel = 6, but rover 'nexus6' has the wheels 0 to 5"),
-        ("wheel = 0", 'wheel = "fl"', DataError, "WeakMotor: wheel = 'fl' must be like 0"),
-        (
-            'wheel = ""',
-            'wheel = "lf"',
-            ParameterError,
-            "TachoScale: wheel = 'lf' is no wheel of rover 'nexus6': known are fl",
-        ),
-        (
-            '"torque"',
-            '"tork"',
-            DataError,
-            "SoilTraction: form: there is no traction form 'tork': known are gross, net, torque.",
-        ),
-        ('"FixedAngles"', '"Fixed"', DataError, "SoilTraction: angles: there are no angles 'Fixed': did you mean"),
-        ("[gravity]\nvalue = 9.81", "[gravity]\nvalue = -1.0", DataError, "must be a number in (0, 100) m/s^2"),
-        ('rover = "nexus6"', 'rover = "nexus"', UrdfError, "There is no rover 'nexus': did you mean 'nexus6'?"),
+        ("drive-model", "rig-model", DataError, "kind = 'rig-model'"),
+        ('note = ""', 'notes = ""', DataError, "you mean 'note'?"),
+        ('"WeakMotor"', '"WeakMoter"', DataError, "effect 'WeakMoter': did you"),
+        ('"SoilTraction"', '"Pivot"', DataError, "effect 'Pivot'"),
+        ("\ng = {", "\ngg = {", ParameterError, "WeakMotor: WeakMotor"),
+        ("g = {value = 0.2}", "g = 1.5", ParameterError, "WeakMotor.g = 1.5"),
+        ("wheel = 0", "wheel = 6", ParameterError, "wheel = 6, but rover 'nexus6'"),
+        ("wheel = 0", 'wheel = "fl"', DataError, "wheel = 'fl'"),
+        ('wheel = ""', 'wheel = "lf"', ParameterError, "wheel = 'lf'"),
+        ('"torque"', '"tork"', DataError, "traction form 'tork': known"),
+        ('"FixedAngles"', '"Fixed"', DataError, "angles 'Fixed': did you"),
+        ("[gravity]\nvalue = 9.81", "[gravity]\nvalue = -1.0", DataError, "number in (0, 100) m/s^2"),
+        ('rover = "nexus6"', 'rover = "nexus"', UrdfError, "you mean 'nexus6'?"),
         ('rover = "nexus6"', 'rover = "nexus6"\nmotor = 3', DataError, "is not TOML"),
-        ('unit = "rad"', 'unit = "m"', ParameterError, "[[soil]]: 'phi': unit 'm' does not measure"),
+        ('unit = "rad"', 'unit = "m"', ParameterError, "'phi': unit 'm' does"),
     ],
 )
 def test_mistakes_in_a_file(tmp_path, said, instead, error, says):
@@ -205,7 +190,7 @@ def test_a_key_of_another_form_and_a_missing_terrain(tmp_path):
         path.write_text(f'kind = "drive-model"\n{text}\n')
         with pytest.raises(DataError, match=re.escape(says)):
             read_model(path, FLAT)
-    with pytest.raises(DataError, match=r"the file has no \[terrain\]: add one, or give a terrain"):
+    with pytest.raises(DataError, match=r"\[terrain\]:.*terrain"):
         read_model(write_model(BASE, path))
 
 
@@ -217,7 +202,7 @@ def test_a_scenario_drives_a_models_file(tmp_path):
     assert (ready.model.soils[0].k, ready.model.gravity) == (0.02, 1.62)
     assert ready.model.terrain == shapes.bump()
     assert not ready.symmetric
-    with pytest.raises(ParameterError, match=r"the model file .* sets soil: change it there, or leave out one"):
+    with pytest.raises(ParameterError, match=r"model.*change"):
         scenario("bump", model=file, soil="table-1")
 
 
@@ -235,10 +220,10 @@ def test_a_rover_drives_on_a_wheels_model(tmp_path):
         assert model.effect(SoilTraction) == PAPER[0]
         assert {type(effect) for effect in model.effects} == {SoilTraction, NormalDamping, SideShear, SlipSinkage}
         assert simulate(model, ready.controller, 0.2).attrs["traction_form"] == "net"
-    with pytest.raises(ParameterError, match=r"the model file .* sets soil: change it there, or leave out one"):
+    with pytest.raises(ParameterError, match=r"model.*change"):
         scenario("flat", model=file, soil="table-1")
     bare = write_rig_model(RigModel(RIG.wheel, RIG.soil, ()), tmp_path / "bare.toml")
-    with pytest.raises(DataError, match=r"bare.toml: a wheel's model .* must have one \[\[effect\]\] SoilTraction"):
+    with pytest.raises(DataError, match=r"bare.toml:.*\[\[effect\]\] SoilTraction"):
         scenario("flat", model=str(bare))
 
 
@@ -253,5 +238,5 @@ def test_burial_cut_is_kept_and_refused_if_not_a_radius_share(tmp_path):
     path = write_model(BASE.replace(buried=0.9), tmp_path / "model.toml")
     alike(read_model(path, FLAT), BASE.replace(buried=0.9))
     path.write_text(path.read_text().replace("buried = 0.9", 'buried = "deep"'))
-    with pytest.raises(DataError, match="buried = 'deep' is not a number"):
+    with pytest.raises(DataError, match="buried = 'deep'"):
         read_model(path, FLAT)

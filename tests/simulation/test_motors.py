@@ -88,14 +88,14 @@ def test_a_speed_table_is_of_its_motor():
 def test_the_motor_is_a_setting():
     assert scenario("flat", soil="table-1").model.motor == motor_named("speed-like") == nexus6_motor()
     assert scenario("flat", soil="table-1", motor="torque-like", **{"motor.supply": 9.0}).model.motor.supply == 9.0
-    with pytest.raises(ParameterError, match=r"motor = 'torque' is not known: did you mean 'torque-like'"):
+    with pytest.raises(ParameterError, match=r"motor = 'torque'.*'torque-like'"):
         scenario("flat", soil="table-1", motor="torque")
-    with pytest.raises(ParameterError, match=r"duty 0.55 cannot hold .* with a stall torque of 0.02 N m"):
+    with pytest.raises(ParameterError, match=r"0.55.*0.02 N"):
         nexus6_motor(0.02)
 
 
 def test_a_model_file_has_its_own_motor(tmp_path):
     path = write_model(scenario("flat", soil="table-1", motor="torque-like").model, tmp_path / "model.toml")
     assert float(scenario("flat", model=str(path)).model.motor.stall_torque) == pytest.approx(0.25)
-    with pytest.raises(ParameterError, match=r"the model file .* sets motor"):
+    with pytest.raises(ParameterError, match=r"model.*motor"):
         scenario("flat", model=str(path), motor="speed-like")

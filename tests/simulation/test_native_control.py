@@ -149,7 +149,7 @@ def test_tacking_that_wants_more_than_a_wheel_can_steer_is_asked(monkeypatch):
     control = TackingControl(case.model.rover)
     monkeypatch.setattr(steering, "MOST_STEER", math.radians(15.0))
     assert commands_of(control, 6) is None
-    with pytest.raises(ParameterError, match="at most 15 deg are allowed"):
+    with pytest.raises(ParameterError, match=r"15.*allowed"):
         simulate(case.model, control, 1.0, Start(0.0, 0.0, -0.5))
 
 

@@ -105,7 +105,7 @@ def test_creeping_wheels_are_reported_by_speed_and_duty_share(traces):
     assert 100.0 * share == pytest.approx(1.8, abs=0.1)
     turn = np.degrees(trace["body_yaw"][-1] - trace["body_yaw"][0])
     assert said.endswith(f"turned by {turn:.0f} deg")
-    assert "no wheel turns" not in said
+    assert "wheel turns" not in said
 
 
 def test_parked_wheels_swing_as_stated_only_if_soil_drives_them(traces):
@@ -123,7 +123,7 @@ def test_a_pause_at_the_end_is_no_stall():
     stopped = dataclasses.replace(drive, controller=lambda reading: 0.55 if reading.t < 4.0 else 0.0).drive()
     assert drive_outcome(stopped).kind == "stopped"
     assert drive_outcome(stopped).since == pytest.approx(4.0, abs=0.1)
-    assert "not driven since 4" in stopped.attrs["happened"]
+    assert "driven since 4" in stopped.attrs["happened"]
 
 
 def test_a_measured_trace_without_the_truth_says_nothing(traces):

@@ -1,6 +1,7 @@
 """What a drive came to, on traces of constant speeds that lie just within and just beyond each limit of the words."""
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -32,6 +33,11 @@ def told(**given):
     return found.kind, found.sentence
 
 
+def numbers(sentence):
+    """The numbers of a sentence, with their units and what they are of: "x = 1.00 m", "0.05 m/s"."""
+    return re.findall(r"(?:[xyS] = )?-?\d[\d.]*(?: (?:mm/s|m/s|deg/s|deg|mm|m|s|%|Hz)(?![\w/]))?", sentence)
+
+
 @pytest.mark.parametrize(
     ("travel", "kind"), [(0.0504, "driving"), (0.0495, "creeping"), (0.0101, "creeping"), (0.0099, "stuck")]
 )
@@ -40,9 +46,8 @@ def test_half_of_rim_travel_is_driving_below_a_tenth_is_stuck(travel, kind):
     for sign in (1.0, -1.0):
         found, said = told(rate=sign, travel=sign * travel, duty=0.5 * sign)
         assert found == kind
-        words = {"driving": f"drives on at {travel:.2g} m/s", "creeping": f"creeps on at {travel:.2g} m/s"}
-        assert said.startswith(words.get(kind, "stuck at x = "))
-        assert said.endswith(" from the start" if kind == "stuck" else f"at x = {20.0 * sign * travel:.2f} m")
+        place = f"x = {20.0 * sign * travel:.2f} m"
+        assert numbers(said) == ([place] if kind == "stuck" else [f"{travel:.2g} m/s", place])
 
 
 def test_a_rover_is_driven_by_one_wheel():
@@ -60,12 +65,12 @@ def test_stuck_begins_after_the_last_radius_with_some_travel():
     found = drive_outcome(trace(travel=np.where(LATE, 0.005, 0.05), slip_a=0.989, slip_b=0.962))
     assert found.kind == "stuck"
     assert found.since == pytest.approx(9.9), "one row at 50 mm/s and nine at 5 are 9.5 % of what the rims turn"
-    assert found.sentence == f"stuck at x = 0.55 m since {found.since:.1f} s: all wheels above S = 0.96"
+    assert numbers(found.sentence) == ["x = 0.55 m", "9.9 s", "S = 0.96"]
     assert drive_outcome(trace(travel=0.0)).since == 0.0, "from its first row on"
     halting = drive_outcome(trace(travel=np.where(T < 5.05, 0.0, np.where(LATE, 0.005, 0.05))))
     assert halting.since == found.since, "it was free in between"
-    assert drive_outcome(trace(travel=0.0, slip_a=0.057, slip_b=0.9)).sentence.endswith(": all wheels above S = 0.05")
-    assert "above" not in drive_outcome(trace(travel=0.0, slip_a=-0.2, slip_b=0.9)).sentence
+    assert drive_outcome(trace(travel=0.0, slip_a=0.057, slip_b=0.9)).sentence.endswith("S = 0.05")
+    assert "S =" not in drive_outcome(trace(travel=0.0, slip_a=-0.2, slip_b=0.9)).sentence
 
 
 @pytest.mark.parametrize(
@@ -80,13 +85,9 @@ def test_motors_stall_below_a_twentieth_of_speed(gave, rate, stalls):
 def test_creeping_motors_are_reported_by_their_no_load_share():
     kind, said = told(rate=0.049, travel=0.0, gave=0.032, duty=(0.2, 0.4))
     assert kind == "stalled"
-    assert said.startswith(
-        "all but stalled from the start: the wheels creep at 4.9 mm/s, 3.2 % of their speed without "
-    )
-    assert "a load at a duty of 0.3, at x" in said
-    still = "stalled from the start: no wheel turns at a duty of 0.5"
-    assert told(rate=0.0049, travel=0.0, gave=0.01)[1].startswith(still)
-    assert told(rate=0.0051, travel=0.0, gave=0.01)[1].startswith("all but stalled")
+    assert numbers(said)[:3] == ["4.9 mm/s", "3.2 %", "0.3"]
+    assert numbers(told(rate=0.0049, travel=0.0, gave=0.01)[1])[0] == "0.5"
+    assert "creep" in told(rate=0.0051, travel=0.0, gave=0.01)[1]
 
 
 def test_motors_stall_since_they_turned_last():
@@ -96,10 +97,10 @@ def test_motors_stall_since_they_turned_last():
     found = drive_outcome(trace(rate=np.where(LATE, 0.0, 1.0), travel=np.where(LATE, 0.0, 0.05), energy_motor=motor))
     assert found.kind == "stalled"
     assert found.since == pytest.approx(10.0)
-    assert found.sentence.startswith("stalled since 10.0 s: no wheel turns")
+    assert numbers(found.sentence)[0] == "10.0 s"
     motor = np.where(LATE, 10.0 + 0.03 * later, T)
     crept = told(rate=np.where(LATE, 0.02, 1.0), travel=np.where(LATE, 0.0, 0.05), energy_motor=motor)[1]
-    assert crept.startswith("all but stalled since 10.0 s: the wheels creep at 2 mm/s, 3 % of their speed")
+    assert numbers(crept)[:3] == ["10.0 s", "2 mm/s", "3 %"]
 
 
 @pytest.mark.parametrize(("back", "words"), [(0.099, ""), (0.101, "101 mm"), (0.49, "490 mm"), (0.52, "0.52 m")])
@@ -108,10 +109,10 @@ def test_a_radius_back_is_told(back, words):
     assert (found.kind == "slid back") is bool(words)
     if words:
         assert found.since == pytest.approx(10.0)
-        assert found.sentence.startswith(f"slid back by {words} since 10.0 s, at x = ")
+        assert numbers(found.sentence)[:2] == [words, "10.0 s"]
 
 
-@pytest.mark.parametrize(("row", "words"), [(4, "from the start"), (5, "since 0.5 s")])
+@pytest.mark.parametrize(("row", "words"), [(4, "start"), (5, "since 0.5 s")])
 def test_a_fiftieth_of_the_drive_is_its_start(row, words):
     assert words in told(travel=np.where(np.arange(COUNT) > row, -0.05, 0.05))[1]
 
@@ -122,9 +123,9 @@ def test_undriven_rover_is_held_within_a_tenth_of_a_radius(far, kind):
         x, y = 3.2 + 0.6 * far * sense * T / 20.0, 0.8 * far * T / 20.0 - 1.1
         found, said = told(duty=0.0, rate=0.0, travel=0.001 * sense, body_x=x, body_y=y)
         assert found == kind
-        still = "held: not driven, it stood still to 9.9 mm"
-        slid = f"slid {word} by 10 mm without being driven, at x = {3.2 + 0.006 * sense:.2f} m, y = -1.09 m"
-        assert said == (still if kind == "held" else slid)
+        place = [f"x = {3.2 + 0.006 * sense:.2f} m", "y = -1.09 m"]
+        assert numbers(said) == (["9.9 mm"] if kind == "held" else ["10 mm", *place])
+        assert (word in said) is (kind == "slid")
     found, said = told(duty=0.0, rate=0.0, travel=0.0, body_x=np.where((T > 4.0) & (T < 6.0), 0.05, 0.0))
     assert found == "slid", "there and back"
 
@@ -136,8 +137,7 @@ def swing(f=0.5, amplitude=0.1, offset=0.0):
 
 def test_swing_is_a_tenth_of_a_radius_in_the_later_half():
     """Amplitude a: 2 a / pi on average, for 10 s; an offset c is c / (sqrt(1 - c^2) + c asin c) pi / 2 of it as net."""
-    assert swing().endswith("; its wheels swing to and fro at 0.5 Hz, which the soil drives: F(0) > R")
-    assert swing(f=0.8).endswith("at 0.8 Hz, which the soil drives: F(0) > R")
+    assert [("swing" in said, "0.5 Hz" in said) for said in (swing(), swing(f=0.8))] == [(True, True), (True, False)]
     assert "swing" in swing(amplitude=1.05 * math.pi / 200.0)
     assert "swing" not in swing(amplitude=0.95 * math.pi / 200.0)
     assert "swing" in swing(offset=-0.3)
@@ -165,16 +165,16 @@ def test_a_rover_that_is_no_longer_driven_has_stopped_since():
     found = drive_outcome(trace(duty=np.where(LATE, 0.0, 0.5), travel=np.where(LATE, 0.002, 0.05)))
     assert found.kind == "stopped"
     assert found.since == pytest.approx(10.1)
-    assert found.sentence == "not driven since 10.1 s, it moved on by 20 mm, at x = 0.52 m"
+    assert numbers(found.sentence) == ["10.1 s", "20 mm", "x = 0.52 m"]
 
 
 def test_pause_keeps_the_previous_direction_or_forwards():
     pause = np.where((T > 5.0) & (T < 7.0), 0.0, -0.5)
     kind, said = told(duty=pause, rate=-1.0, travel=-0.06)
-    assert (kind, said[:22]) == ("driving", "drives on at 0.06 m/s,")
+    assert (kind, numbers(said)[0]) == ("driving", "0.06 m/s")
     pause = np.where((T > 15.0) & (T < 17.0), 0.0, -0.5)
     assert told(duty=pause, rate=-1.0, travel=np.where(pause == 0.0, 0.2, -0.06))[0] == "slid back"
-    assert "moved on by 199 mm" in told(duty=np.where(T > 0.05, 0.0, -0.5), rate=-1.0, travel=-0.01)[1]
+    assert "199 mm" in told(duty=np.where(T > 0.05, 0.0, -0.5), rate=-1.0, travel=-0.01)[1]
     late = np.where(T < 5.0, 0.0, -0.5)
     assert told(duty=late, rate=-1.0, travel=np.where(late == 0.0, 0.03, -0.06))[0] == "driving"
     assert told(duty=late, rate=-1.0, travel=np.where(T < 2.5, 0.1, np.where(late == 0.0, -0.1, -0.06)))[0] == "driving"
@@ -197,17 +197,18 @@ def test_rover_turns_on_the_spot_if_its_body_moves_a_fifth(share, spot):
 def test_five_degrees_are_a_turn(turned, words):
     said = told(rate=1.0, travel=0.06, body_x=0.0, body_yaw=2.0 + math.radians(turned) * T / 20.0)[1]
     assert (f"turned by {turned:.0f} deg" in said) is words
-    assert ("on the spot" in said) is words
+    assert ("spot" in said) is words
 
 
 def test_wheels_that_turn_on_the_spot_and_slip_much_say_so():
     said = told(rate=1.0, travel=0.04, body_x=0.0, body_yaw=0.1 * T)[1]
-    assert said.startswith("turns left on the spot at 5.7 deg/s, its wheels slip much, at x = 0.00 m")
+    assert numbers(said)[:2] == ["5.7 deg/s", "x = 0.00 m"]
+    assert "slip" in said
 
 
 def test_the_pace_is_that_of_the_last_twentieth():
     """Of 201 rows the last ten steps, a second: of which it went half at 60 mm/s, half at 80."""
-    assert told(travel=np.where(T > 19.55, 0.08, 0.06))[1].startswith("drives on at 0.07 m/s")
+    assert numbers(told(travel=np.where(T > 19.55, 0.08, 0.06))[1])[0] == "0.07 m/s"
     yaw = 0.1 * T + np.where(T > 19.55, 0.05 * (T - 19.5), 0.0)
     assert "at 7.2 deg/s" in told(rate=1.0, travel=0.06, body_x=0.0, body_yaw=yaw)[1]
 
@@ -220,7 +221,7 @@ def test_lateral_position_is_reported_from_half_a_centimetre():
 def test_ended_drive_reports_its_place_and_a_single_row_nothing():
     found = drive_outcome(trace(attrs={"stop": "capsized: roll 61 deg"}))
     assert (found.kind, found.since) == ("ended", 20.0)
-    assert found.sentence == "capsized: roll 61 deg, at x = 1.00 m"
+    assert numbers(found.sentence) == ["61 deg", "x = 1.00 m"]
     assert drive_outcome(trace(count=1)) is None
     assert drive_outcome(trace(count=2)).kind == "driving"
     assert drive_outcome(trace(attrs={"wheels": ["a", "c"]})) is None
@@ -232,13 +233,13 @@ def test_ended_drive_reports_its_place_and_a_single_row_nothing():
 @pytest.mark.parametrize("count", [3, 12, 30])
 def test_a_short_drive_is_judged_by_two_rows_at_least(count):
     assert told(count=count, rate=0.0, travel=0.0, gave=0.0)[0] == "stalled"
-    assert told(count=count, rate=1.0, travel=0.06)[1].startswith("drives on at 0.06 m/s")
+    assert numbers(told(count=count, rate=1.0, travel=0.06)[1])[0] == "0.06 m/s"
 
 
 def test_a_drive_whose_heading_nobody_saw_is_told_without_it():
     whole = trace(travel=0.06)
     bare = Trace({name: whole[name] for name in whole if name != "body_yaw"}, attrs=whole.attrs)
-    assert drive_outcome(bare).sentence == "drives on at 0.06 m/s, at x = 1.20 m"
+    assert numbers(drive_outcome(bare).sentence) == ["0.06 m/s", "x = 1.20 m"]
 
 
 def test_rates_are_over_the_time_that_they_took():

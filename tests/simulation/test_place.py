@@ -145,7 +145,7 @@ def test_the_shear_is_that_of_the_slide_that_holds():
 
 
 def test_ground_that_cannot_carry_is_refused_in_one_sentence():
-    with pytest.raises(SimulationError, match=r"does not settle at x = 0 m, y = 0 m: it tips or sinks there; start on"):
+    with pytest.raises(SimulationError, match=r"settle.*x = 0.*y = 0"):
         settled(model_on(shapes.flat(), Soil(k_1=100.0)), Start())
 
 

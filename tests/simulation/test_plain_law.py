@@ -122,7 +122,7 @@ def test_records_without_quantities_have_a_column_of_none():
 def test_a_wheel_has_eight_states_at_most():
     states = [SimpleNamespace(states=(SimpleNamespace(name=f"s_{at}"),)) for at in range(9)]
     assert number_of_states(states[:8]) == 8
-    with pytest.raises(ParameterError, match=r"have 9 states a wheel \(s_0, .*, s_8\); at most 8 are allowed"):
+    with pytest.raises(ParameterError, match=r"9.*\(s_0, .*, s_8\);.*8"):
         number_of_states(states)
 
 

@@ -57,7 +57,7 @@ def test_slow_rows_keep_their_period_in_whole_steps():
 
 def test_two_rows_are_the_least():
     assert len(commands(log(count=2), ("a",), ()).t) == 2
-    with pytest.raises(DataError, match=r"^day.csv: a replay needs two rows at least\.$"):
+    with pytest.raises(DataError, match=r"^day.csv:.*least\.$"):
         commands(log(count=1, attrs={"file": "day.csv"}), ("a",), ())
 
 
@@ -94,7 +94,7 @@ def test_a_declared_start_is_taken_and_an_unknown_one_is_refused():
     late = commands(log(body_x=x), ("a",), ())
     assert late.start.x == pytest.approx(x[4]), "of five rows one is known"
     x[4] = NAN
-    with pytest.raises(DataError, match=r"no place is known in the first 0\.25 s and no start is declared"):
+    with pytest.raises(DataError, match=r"0\.25.*declared"):
         commands(log(body_x=x), ("a",), ())
     assert commands(log(body_x=x, attrs=told), ("a",), ()).start.x == 1.0
 
@@ -185,7 +185,7 @@ def test_commands_of_other_wheels_than_the_rovers_are_refused():
     drive = scenario("flat", duration=0.2)
     model, wheels = drive.model, tuple(wheel.name for wheel in drive.model.rover.wheels)
     for driven, steered, said in ((wheels, (), "6 driven, 0 steered"), (wheels[:4], wheels[:4], "4 driven, 4 steered")):
-        with pytest.raises(DataError, match=f"commands are of {said} wheels, the rover has 6 and 4: give `commands`"):
+        with pytest.raises(DataError, match=rf"{said}.* 6 and 4"):
             replay(model, commands(drive.drive(), driven, steered))
 
 

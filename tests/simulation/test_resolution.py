@@ -104,7 +104,7 @@ def test_ground_made_firmer_by_an_effect_needs_a_finer_step():
     firm = dataclasses.replace(firm, model=firm.model.having(MultiPass(stiffening=5.0)))
     traces = plain.drive(), firm.drive()
     assert traces[1].attrs["dt_s"] < traces[0].attrs["dt_s"]
-    assert not any("weight on average" in each for each in traces[1].attrs["warnings"])
+    assert not any("average" in each for each in traces[1].attrs["warnings"])
     state = settled(plain.model, Start())
     assert firmness(Kernel(plain.model, state.copy(), 1e-9, False), plain.model) == pytest.approx(1.0, abs=0.15)
 
@@ -182,7 +182,7 @@ def test_too_stiff_ground_is_refused_in_one_sentence():
     omega = contact_frequency(stiff, state)
     assert parts(stiff, state, 199.5 * 1.2 / omega) == 200
     assert parts(stiff, state, 3.0 * (1.0 + 1e-12) * 1.2 / omega) == 3, "round-off is no part"
-    with pytest.raises(SimulationError, match="takes 201 parts of a step, and 200 are allowed"):
+    with pytest.raises(SimulationError, match=r"201.*200"):
         parts(stiff, state, 200.5 * 1.2 / omega)
 
 
@@ -190,7 +190,7 @@ def test_a_drive_whose_steps_miss_the_load_says_so(monkeypatch):
     """As it was before the step was divided."""
     monkeypatch.setattr("rover_pin.simulation.simulate.parts", lambda *_: 1)
     trace = scenario("flat", duration=4.0, **{"soil.k_1": 3e7, "soil.k": 0.01}).drive()
-    assert any("times the rover's weight on average" in warning for warning in trace.attrs["warnings"])
+    assert any("rover's weight" in warning for warning in trace.attrs["warnings"])
     assert trace.summary()["warnings"] == trace.attrs["warnings"]
 
 
@@ -363,10 +363,10 @@ def test_drive_with_forces_faster_than_its_steps_is_remeasured(monkeypatch):
     monkeypatch.setattr(half_step, "MOVED", 1e-4)
     monkeypatch.setattr(half_step, "MOVED_SHARE", 0.0)
     reason, *_, told = drive.drive().attrs["warnings"]
-    assert reason.startswith("wheels' forces turned faster than the steps, which misjudged them by 0.0")
+    assert "wheels' forces turned" in reason
     trace, finer = (simulate(drive.model, drive.controller, 4.0, drive.start, each) for each in halves(drive.timing))
     moved = np.hypot(trace["body_x"] - finer["body_x"], trace["body_y"] - finer["body_y"]).max()
-    assert told.startswith(f"half the step moves the rover by up to {1e3 * moved:.2g} mm")
+    assert f" {1e3 * moved:.2g} mm" in told
 
 
 def halves(timing):
@@ -512,7 +512,7 @@ def test_drive_without_rows_or_with_lost_numbers_is_not_good():
     assert len(doubts_of(model, rows[:0], 1e-5)) == 1, "no time in which anything may be misjudged"
     rows["impulse"][-1] = np.nan
     assert mean_load(model, rows) == math.inf
-    assert "inf times the rover's weight" in load_warning(model, rows)
+    assert "inf times" in load_warning(model, rows)
 
 
 def test_a_step_is_taken_to_follow_a_command_unless_told():
@@ -530,5 +530,5 @@ def test_a_step_is_taken_to_follow_a_command_unless_told():
 
 def test_a_tenth_of_a_second_is_the_coarsest_step():
     assert Timing(0.1, 0.1, 0.1).dt == 0.1
-    with pytest.raises(SimulationError, match=r"dt = 0\.101 s is not allowed"):
+    with pytest.raises(SimulationError, match=r"dt = 0\.101"):
         Timing(0.101, 0.101, 0.101)

@@ -63,7 +63,7 @@ def test_an_account_that_falls_is_told():
     model, trace = driven("flat")
     trace.channels["energy_soil"] = -trace["energy_soil"]
     assert spurious_energy(model, trace).soil > 0.03
-    assert "the soil's account fell by" in energy_warning(model, trace)
+    assert "soil's account fell" in energy_warning(model, trace)
 
 
 def test_the_rate_of_a_wheel_is_that_of_the_world():
@@ -142,31 +142,27 @@ def test_the_net_form_gives_nothing_at_any_slip():
 @pytest.mark.parametrize(
     ("add", "settings", "told"),
     [
-        (
-            "MultiPass",
-            {},
-            ["MultiPass changes how deep wheels stand, and the torque form lets that cost or save nothing"],
-        ),
+        ("MultiPass", {}, [("MultiPass", "torque form")]),
         ("MultiPass", {"form": "net", "angles": "sinkage"}, []),
         ("DiggingMemory", {}, []),
-        ("SlipSinkage", {"form": "gross"}, ["SlipSinkage lifts a wheel whose slip falls as a spring would"]),
-        ("SkidSinkage", {"form": "net"}, ["SkidSinkage lifts a wheel whose slip falls as a spring would"]),
+        ("SlipSinkage", {"form": "gross"}, [("SlipSinkage", "spring")]),
+        ("SkidSinkage", {"form": "net"}, [("SkidSinkage", "spring")]),
         ("SlipSoftening", {}, []),
         ("Ploughing", {}, []),
-        ("LoadExponent", {"form": "net"}, ["LoadExponent changes how deep wheels stand, and the net form"]),
+        ("LoadExponent", {"form": "net"}, [("LoadExponent", "net form")]),
     ],
 )
 def test_a_drive_notes_where_sinking_or_rising_costs_nothing(add, settings, told):
     notes = scenario("flat", soil="table-1", duration=0.5, add=add, **settings).drive().summary().get("notes", [])
     assert len(notes) == len(told)
-    assert all(words in note for words, note in zip(told, notes, strict=True))
+    assert all(word in note for words, note in zip(told, notes, strict=True) for word in words)
 
 
 def test_the_net_form_is_told_why_it_pushes_at_rest():
     """Parked across a slope on stiff shear it creeps, pushed by a compaction that nothing rolls up."""
     parked = {"soil.k": 0.001, "terrain.angle_deg": 5.0, "start.yaw_deg": 90.0, "duration": 3.0}
     _, trace = driven("park", form="net", **parked)
-    assert "near rest Eq (7)'s compaction pushes, though nothing rolls" in trace.attrs["warnings"][0]
+    assert "near rest Eq (7)'s compaction pushes" in trace.attrs["warnings"][0]
 
 
 def test_traction_that_gives_is_told():
@@ -190,13 +186,12 @@ def test_placed_rover_has_no_soil_energy_before_the_first_row(set_down, fall):
     assert spurious_energy(model, made).soil == pytest.approx(fall)
 
 
-@pytest.mark.parametrize(
-    ("meanwhile", "share"), [(4.0, ", 25 % of the motors' work meanwhile"), (1.1, ", 91 % of"), (0.9, "")]
-)
+@pytest.mark.parametrize(("meanwhile", "share"), [(4.0, ", 25 % of"), (1.1, ", 91 % of"), (0.9, "")])
 def test_spurious_energy_is_reported_as_a_share_of_motor_work(meanwhile, share):
     trace = SimpleNamespace(attrs={"traction_form": "net"})
     said = _of_traction(trace, SpuriousEnergy(1.0, 0.0, meanwhile), 0.5)
-    assert said.startswith(f"the net form's traction gave 1 J from nowhere{share}")
+    assert said.startswith("the net form's traction")
+    assert f" 1 J from nowhere{share}" in said
     assert ("meanwhile" in said) == bool(share)
     assert _of_traction(trace, SpuriousEnergy(1.0, 0.0, meanwhile), 1.1) == ""
 

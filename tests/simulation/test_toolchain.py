@@ -92,7 +92,7 @@ def test_processes_that_build_at_once_do_not_disturb_each_other(cache):
 def test_a_folder_to_which_others_can_write_is_refused(cache):
     cache.mkdir()
     cache.chmod(0o777)
-    with pytest.raises(CacheError, match=r"other users can write to it\): set ROVER_PIN_CACHE to a folder of your own"):
+    with pytest.raises(CacheError, match=r"it\):.*ROVER_PIN_CACHE"):
         toolchain.shared_library(SOURCE, "twice")
     assert not list(cache.iterdir())
 
@@ -149,14 +149,14 @@ def test_a_user_without_a_home_gets_a_private_folder(usual, monkeypatch):
 def test_no_folder_at_all_is_one_sentence(usual):
     for folder in usual:
         folder.write_text("")
-    with pytest.raises(CacheError, match=r"Compiled code cannot be kept \(.*rover_pin: File exists; .*\): set ROVER_"):
+    with pytest.raises(CacheError, match=r"\(.*rover_pin:.*\):.*ROVER_"):
         toolchain.shared_library(SOURCE, "twice")
 
 
 def test_a_named_folder_that_cannot_be_made_is_one_sentence(tmp_path, monkeypatch):
     (tmp_path / "file").write_text("")
     monkeypatch.setenv("ROVER_PIN_CACHE", str(tmp_path / "file" / "below"))
-    with pytest.raises(CacheError, match=r"below: Not a directory\): set ROVER_PIN_CACHE"):
+    with pytest.raises(CacheError, match=r"below:.*directory\):.*ROVER_PIN_CACHE"):
         toolchain.shared_library(SOURCE, "twice")
 
 
@@ -170,7 +170,7 @@ def full(tmp_path, monkeypatch):
 
 def test_a_full_disk_is_one_sentence_and_nothing_is_left(cache, tmp_path, monkeypatch):
     full(tmp_path, monkeypatch)
-    with pytest.raises(CacheError, match=r"cache: No space left on device\): set ROVER_PIN_CACHE"):
+    with pytest.raises(CacheError, match=r"cache:.*device\):.*ROVER_PIN_CACHE"):
         toolchain.shared_library(SOURCE, "twice")
     assert not list(cache.iterdir())
 
@@ -199,12 +199,12 @@ def test_zig_builds_for_any_processor_of_its_kind(monkeypatch):
 
 def test_no_compiler_is_said(monkeypatch):
     monkeypatch.setattr(toolchain, "compiler", lambda: None)
-    with pytest.raises(MissingExtraError, match=r"install gcc or clang, or the package `ziglang`"):
+    with pytest.raises(MissingExtraError, match="`ziglang`"):
         toolchain.shared_library(SOURCE, "twice")
 
 
 def test_a_failing_compiler_is_said(cache):
-    with pytest.raises(MissingExtraError, match="set CC to one that works"):
+    with pytest.raises(MissingExtraError, match=r"CC.*works"):
         toolchain.shared_library("this is not C\n", "broken")
     assert not list(cache.iterdir())
 

@@ -152,32 +152,30 @@ def test_energy_balance():
 
 
 def test_energy_balance_needs_its_channels():
-    with pytest.raises(
-        DataError, match="channels energy_motor, energy_kinetic, energy_potential needed and not recorded"
-    ):
+    with pytest.raises(DataError, match="energy_motor, energy_kinetic, energy_potential"):
         drive().energy_error()
 
 
 def test_unknown_channels_name_the_close_ones():
-    with pytest.raises(ParameterError, match=r"no channel 'slip_lf': did you mean 'slip_fl'\?"):
+    with pytest.raises(ParameterError, match=r"'slip_lf':.*'slip_fl'\?"):
         drive()["slip_lf"]
     with pytest.raises(ParameterError, match="no channel 'slop_fl'"):
         drive().unit("slop_fl")
     with pytest.raises(ParameterError, match="no channel 'duty_rr'"):
         drive().stack("duty")
     named = Trace({"t_s": T}, {}, {"file": "climb.csv"})
-    with pytest.raises(DataError, match=r"climb.csv: channel slip_fl needed and not recorded"):
+    with pytest.raises(DataError, match=r"climb.csv:.*slip_fl"):
         named.need("slip_fl")
 
 
 @pytest.mark.parametrize(
     ("channels", "says"),
     [
-        ({"slip_fl": T}, "channel t_s needed and not recorded"),
+        ({"slip_fl": T}, "channel t_s needed"),
         ({"t_s": T, "slip_fl": T[:-1]}, "Channel 'slip_fl' has shape (9,), t_s (10,)"),
-        ({"t_s": [0.0, 1.0, 1.0]}, "it is 1 s at row 2"),
-        ({"t_s": [0.0, np.nan, 1.0]}, "it is nan s at row 1"),
-        ({"t_s": [0.0, np.inf]}, "it is inf s at row 1"),
+        ({"t_s": [0.0, 1.0, 1.0]}, "it is 1"),
+        ({"t_s": [0.0, np.nan, 1.0]}, "nan s"),
+        ({"t_s": [0.0, np.inf]}, "inf s"),
     ],
 )
 def test_refusals(channels, says):
@@ -241,10 +239,10 @@ def test_saving_what_cannot_be_saved(tmp_path):
     strange = Trace({"t_s": T}, {}, {"rig": object()})
     with pytest.raises(DataError, match="'rig' = <object object"):
         save_trace(strange, tmp_path / "log")
-    with pytest.raises(DataError, match="an attribute of the trace is not a plain value: <object object"):
+    with pytest.raises(DataError, match="<object"):
         save_trace(strange, tmp_path / "trace.parquet")
-    with pytest.raises(DataError, match="saved to a folder"):
+    with pytest.raises(DataError, match=r"saved.*folder"):
         save_trace(drive(), tmp_path / "trace.csv")
-    with pytest.raises(DataError, match="run 'run' has no rows"):
+    with pytest.raises(DataError, match=r"'run'.*rows"):
         save_trace(Trace({"t_s": np.zeros(0)}), tmp_path / "log")
     assert list(tmp_path.iterdir()) == []

@@ -129,7 +129,7 @@ def test_wheel_is_axisymmetric_to_1e_13_of_its_largest_inertia(axle, across):
 
 
 def test_a_joint_that_slides_is_none_of_the_step():
-    with pytest.raises(AssertionError, match="revolute joints only"):
+    with pytest.raises(AssertionError, match="revolute joints"):
         tree_of(tree((pin.JointModelPZ(), shifted(0.1, 0.0, 0.0), UNEVEN)))
 
 

@@ -48,7 +48,7 @@ def test_table_1_s_angles_carry_a_sixth_of_the_rover_at_no_slip():
 
 
 def test_a_load_that_no_arc_carries_is_an_error_that_says_so():
-    with pytest.raises(ParameterError, match=r"no entry angle below 90 deg carries load = 5000 N at S = 0.1"):
+    with pytest.raises(ParameterError, match=r"90.*load = 5000 N.*S = 0.1"):
         entry_angle(5000.0, 0.1, WHEEL, SOIL)
 
 
@@ -58,7 +58,7 @@ def test_wheel_sunk_nearly_to_its_axle_is_carried_and_no_deeper(name):
     load = lambda deg: float(wheel_forces(0.2, *angles(deg), WHEEL, soil).f_n)  # noqa: E731
     angles = lambda deg: (math.radians(deg), -soil.exit_ratio * math.radians(deg))  # noqa: E731
     assert math.degrees(entry_angle(load(89.5), 0.2, WHEEL, soil)) == pytest.approx(89.5, rel=1e-9)
-    with pytest.raises(ParameterError, match="no entry angle below 90 deg"):
+    with pytest.raises(ParameterError, match=r"entry.*90"):
         entry_angle(load(91.0), 0.2, WHEEL, soil)
 
 

@@ -75,5 +75,5 @@ def test_a_lifted_wheel_stands_as_under_the_least_load():
 def test_two_nodes_are_the_least_of_a_rule():
     assert len(entry_graded(2).psi) == len(entry_graded(2).weights) == 2
     for nodes in (1, 0, 2.0, True):
-        with pytest.raises(ParameterError, match="a whole number of 2 nodes or more"):
+        with pytest.raises(ParameterError, match=r"number.*2"):
             entry_graded(nodes)

@@ -102,7 +102,7 @@ def test_lost_scheduler_is_reported_and_the_sweep_resumes(tmp_path):
             return ordinary(study, case)
 
         killing.__qualname__ = stub().__qualname__
-        with pytest.raises(SimulationError, match=r"The Dask scheduler at tcp://127.0.0.1:\d+ went away; the finished"):
+        with pytest.raises(SimulationError, match=r"tcp://127.0.0.1:\d+"):
             sweep(STUDY, tmp_path / "out", scheduler=address, case_function=killing)
     assert 0 < len(collect(tmp_path / "out")) < 16
     pd.testing.assert_frame_equal(sweep(STUDY, tmp_path / "out", workers=1, case_function=stub()).table, whole)
@@ -126,10 +126,7 @@ def test_workers_that_lack_the_function_are_told(tmp_path, monkeypatch):
     (tmp_path / "only_here.py").write_text("def drive(study, case):\n    return {}\n")
     monkeypatch.syspath_prepend(tmp_path)
     only_here = importlib.import_module("only_here")
-    with (
-        cluster(tmp_path) as (address, _),
-        pytest.raises(SimulationError, match=r"cannot run the cases \(No module named 'only_here'\): install the same"),
-    ):
+    with cluster(tmp_path) as (address, _), pytest.raises(SimulationError, match=r"'only_here'\): install"):
         sweep(STUDY, tmp_path / "out", scheduler=address, case_function=only_here.drive)
 
 
@@ -137,10 +134,7 @@ def test_workers_that_lack_the_function_are_told(tmp_path, monkeypatch):
 def test_a_scheduler_without_workers_is_told(tmp_path, monkeypatch):
     pytest.importorskip("distributed")
     monkeypatch.setattr(rover_pin.base.jobs.cluster, "START_SECONDS", 4)
-    with (
-        scheduler() as (address, _),
-        pytest.raises(ParameterError, match="has no workers: start some with `dask worker"),
-    ):
+    with scheduler() as (address, _), pytest.raises(ParameterError, match="`dask worker"):
         sweep(STUDY, tmp_path / "out", scheduler=address, case_function=stub())
 
 
@@ -153,7 +147,7 @@ def test_a_scheduler_without_workers_is_told(tmp_path, monkeypatch):
 def test_unresponsive_scheduler_is_reported_before_dask_starts(tmp_path, monkeypatch, address):
     distributed = pytest.importorskip("distributed")
     monkeypatch.setattr(distributed, "Client", lambda *_, **__: pytest.fail("Dask was started"))
-    with pytest.raises(ParameterError, match=r"No Dask scheduler answers at .* start one with `dask scheduler`"):
+    with pytest.raises(ParameterError, match="`dask scheduler`"):
         sweep(STUDY, tmp_path / "out", scheduler=address, case_function=stub())
 
 

@@ -47,9 +47,9 @@ def test_drive_with_a_warning_is_no_failure_and_is_drawn(tmp_path):
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
-        ({"scenario": "dich"}, "study 'flat': There is no scenario 'dich': did you mean 'ditch'"),
-        ({"parameters": {"soil.kk": Values([1.0])}}, "study 'flat': There is no setting 'soil.kk' here: did you mean"),
-        ({"settings": {"terrain.wall_angel": 1.0}}, "There is no setting 'terrain.wall_angel' here"),
+        ({"scenario": "dich"}, "'flat':.*'dich':.*'ditch'"),
+        ({"parameters": {"soil.kk": Values([1.0])}}, "'flat':.*'soil.kk'"),
+        ({"settings": {"terrain.wall_angel": 1.0}}, "'terrain.wall_angel'"),
     ],
 )
 def test_unknown_names_are_refused_before_any_drive(tmp_path, changes, said):

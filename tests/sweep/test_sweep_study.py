@@ -103,34 +103,34 @@ def test_a_file_names_its_plan(written, entry, plan):
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
-        ("duration = 20.0", "durration = 20.0", "the study has no key 'durration': did you mean 'duration'"),
-        ('scenario = "ditch"', "", "the study has no 'scenario': add it"),
-        ('kind = "grid"', 'kind = "gird"', "there is no plan 'gird': did you mean 'grid'"),
-        ('kind = "grid", points', "points", "plan needs a kind"),
-        ("points = 3", "cases = 3", "the plan 'grid' has no key 'cases'"),
-        ('"grid", points = 3', '"sobol"', "the plan 'sobol' has no 'cases': say how many"),
+        ("duration = 20.0", "durration = 20.0", "'durration':.*'duration'"),
+        ('scenario = "ditch"', "", "study.*'scenario'"),
+        ('kind = "grid"', 'kind = "gird"', "'gird':.*'grid'"),
+        ('kind = "grid", points', "points", "plan needs"),
+        ("points = 3", "cases = 3", "'grid'.*'cases'"),
+        ('"grid", points = 3', '"sobol"', "'sobol'.*'cases'"),
         ("low = 20, high = 60", "low = 60, high = 20", r"parameter 'terrain.wall_angle': the range .* is empty"),
-        ("low = 20, high = 60", "low = 20, hihg = 60", "the range has no key 'hihg': did you mean 'high'"),
-        ("low = 20, high = 60", "low = 20", "the range has no 'high'"),
-        ('"log"', '"lgo"', "there is no scale 'lgo': did you mean 'log'"),
-        ('60, unit = "deg"', '60, unit = "degg"', "there is no unit 'degg': did you mean 'deg'"),
-        ("low = 20,", 'low = "20",', "'20' has a unit and is not a finite number"),
-        ("[0.0, 100.0]", "[]", "parameter 'soil.c': the list of values is empty"),
-        ("[0.0, 100.0]", "5.0", r"parameter 'soil.c': 5.0 is a single value: .* move it to \[settings\]"),
-        ("values = [30, 36]", "values = 30", "30 is a single value: give a list"),
-        ("values = [30, 36]", "values = [30, 36, 37]", "cannot move together: .* of one length"),
-        ('"soil.c", "soil.phi"]]', '"soil.cc", "soil.phi"]]', "paired names 'soil.cc': did you mean 'soil.c'"),
+        ("low = 20, high = 60", "low = 20, hihg = 60", "'hihg':.*'high'"),
+        ("low = 20, high = 60", "low = 20", "range.*'high'"),
+        ('"log"', '"lgo"', "'lgo':.*'log'"),
+        ('60, unit = "deg"', '60, unit = "degg"', "'degg':.*'deg'"),
+        ("low = 20,", 'low = "20",', "'20'.*finite"),
+        ("[0.0, 100.0]", "[]", "parameter 'soil.c'"),
+        ("[0.0, 100.0]", "5.0", r"'soil.c': 5.0.*\[settings\]"),
+        ("values = [30, 36]", "values = 30", "30.*single"),
+        ("values = [30, 36]", "values = [30, 36, 37]", "cannot.*together"),
+        ('"soil.c", "soil.phi"]]', '"soil.cc", "soil.phi"]]', "'soil.cc':.*'soil.c'"),
         ('["soil.c", "soil.phi"]]', '["soil.c", "soil.phi"], ["soil.c", "soil.k"]]', "'soil.c' 2 times"),
-        ('[["soil.c", "soil.phi"]]', "3", "paired = 3 is not a list of lists"),
-        ('value = 80, unit = "mm"', 'value = 80, units = "mm"', "setting 'terrain.depth' has no key 'units': did you"),
-        ('80, unit = "mm"', '80, unit = "mmm"', "setting 'terrain.depth': there is no unit 'mmm'"),
-        ("gravity = 1.62", "gravity = [1.62]", r"setting gravity = \[1.62\] is no number"),
-        ("gravity = 1.62", "soil.k = 1.0", "'soil.k' is both a setting and a parameter"),
-        ("duration = 20.0", "duration = -1", "duration = -1 is not allowed: it is a time above 0 s"),
-        ("duration = 20.0", "dt = true", "dt = True is not allowed"),
-        ("repeats = 2", "repeats = 0", "repeats = 0 is not allowed: it is a whole number from 1 on"),
-        ("seed = 4", "seed = 0.5", "seed = 0.5 is not allowed: it is a whole number from 0 on"),
-        ('name = "trial"', 'name = "a/b"', "name = 'a/b' is not allowed"),
+        ('[["soil.c", "soil.phi"]]', "3", "paired = 3"),
+        ('value = 80, unit = "mm"', 'value = 80, units = "mm"', "'terrain.depth'.*'units'"),
+        ('80, unit = "mm"', '80, unit = "mmm"', "'terrain.depth':.*'mmm'"),
+        ("gravity = 1.62", "gravity = [1.62]", r"gravity = \[1.62\]"),
+        ("gravity = 1.62", "soil.k = 1.0", "'soil.k'.*parameter"),
+        ("duration = 20.0", "duration = -1", "duration = -1.*0"),
+        ("duration = 20.0", "dt = true", "dt = True"),
+        ("repeats = 2", "repeats = 0", "repeats = 0.*1"),
+        ("seed = 4", "seed = 0.5", "seed = 0.5.*0"),
+        ('name = "trial"', 'name = "a/b"', "name = 'a/b'"),
     ],
 )
 def test_what_is_wrong_in_a_file_is_said_in_one_sentence(written, old, new, said):
@@ -142,11 +142,11 @@ def test_what_is_wrong_in_a_file_is_said_in_one_sentence(written, old, new, said
 
 
 def test_a_file_that_is_no_study_is_refused(written, tmp_path):
-    with pytest.raises(DataError, match=r"none.toml: the file cannot be read: No such file"):
+    with pytest.raises(DataError, match=r"none.toml:.*cannot"):
         read_study(tmp_path / "none.toml")
     with pytest.raises(DataError, match="is not TOML"):
         read_study(written("name = "))
-    with pytest.raises(ParameterError, match="the study varies nothing"):
+    with pytest.raises(ParameterError, match="varies nothing"):
         read_study(written('name = "a"\nscenario = "b"\nplan = { kind = "grid" }\n[parameters]\n'))
-    with pytest.raises(ParameterError, match=r"parameters must be a table, as in \[parameters\]"):
+    with pytest.raises(ParameterError, match=r"\[parameters\]"):
         read_study(written('name = "a"\nscenario = "b"\nplan = { kind = "grid" }\nparameters = 3\n'))

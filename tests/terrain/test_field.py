@@ -67,11 +67,7 @@ def test_its_parts_can_be_changed():
 
 @pytest.mark.parametrize(
     ("changes", "message"),
-    [
-        ({"rocks_length": 0.0}, "rocks_length = 0 m is not allowed"),
-        ({"count": 40}, "40 rocks of up to 0.1 m may not fit into 1.5 m"),
-        ({"wall_angle": 0.1}, "walls at"),
-    ],
+    [({"rocks_length": 0.0}, "rocks_length = 0"), ({"count": 40}, "40.*0.1.*1.5"), ({"wall_angle": 0.1}, "walls at")],
 )
 def test_a_part_that_cannot_be_made_is_refused(changes, message):
     with pytest.raises(ParameterError, match=message):

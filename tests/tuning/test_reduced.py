@@ -197,7 +197,7 @@ def test_a_stuck_drive_stays_finite():
 def test_failed_integration_is_reported_in_the_error_only(monkeypatch, capsys):
     monkeypatch.setattr("rover_pin.tuning.reduced.TOLERANCES", {"max_num_steps": 3})
     scene = scenario("flat", soil="table-1")
-    with pytest.raises(OptimisationError, match="reduced model cannot be driven with Gains"):
+    with pytest.raises(OptimisationError, match=r"reduced.*cannot"):
         Reduced(scene.model, OPEN, 5.0).drive(HELD, np.array([1.0, 5.0]))
     assert capsys.readouterr() == ("", "")
 

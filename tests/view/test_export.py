@@ -72,5 +72,5 @@ def test_a_film_plays_from_the_drives_first_second_to_its_last(run):
 
 def test_what_is_missing_is_said(run, log, monkeypatch):
     monkeypatch.setattr("rover_pin.cli.commands.export.find_spec", lambda name: None)
-    assert "needs the package rerun-sdk: pip install 'rover-pin[rerun]'" in run("export", "log", "--to", "rerun")[2]
-    assert "needs the package mcap: pip install 'rover-pin[mcap]'" in run("export", "log", "--to", "mcap")[2]
+    assert "package rerun-sdk: pip install 'rover-pin[rerun]'" in run("export", "log", "--to", "rerun")[2]
+    assert "package mcap: pip install 'rover-pin[mcap]'" in run("export", "log", "--to", "mcap")[2]

@@ -107,7 +107,7 @@ def test_what_was_not_recorded_is_taken_from_the_ground(name):
 
 
 def test_a_trace_of_one_row_is_refused():
-    with pytest.raises(DataError, match="fewer than two rows, so there is nothing to see"):
+    with pytest.raises(DataError, match=r"fewer.*nothing"):
         Film.of(Trace({"t_s": [0.0]}), load_rover("cart"), scenario("flat").model.terrain)
 
 
@@ -148,7 +148,7 @@ def test_a_mesh_is_read_from_the_rovers_folder_and_nowhere_else(tmp_path, caplog
     assert not caplog.text
     drawn = shapes_of(dataclasses.replace(rover, urdf=outside), tmp_path / "own")
     assert not any(np.allclose(np.ptp(shape.vertices, axis=0), [1.0, 2.0, 3.0]) for shape in drawn)
-    assert "the mesh ../outside.stl is not in the rover's folder or package" in caplog.text
+    assert "mesh ../outside.stl" in caplog.text
 
 
 def test_slip_legend_stays_in_place_while_the_cursor_passes(driven):
@@ -174,7 +174,7 @@ def test_a_ghost_is_in_the_moving_picture_at_the_same_time(driven):
     own, other = (sorted(rim.center[0] for rim in rims if rim.get_facecolor()[3] == alpha) for alpha in (1, 0))
     assert np.array(own) - np.array(other) == pytest.approx(0.1)
     assert "outlines: the ghost" in [text.get_text() for axes in figure.axes for text in _words(axes)]
-    with pytest.raises(DataError, match="compare drives of one rover"):
+    with pytest.raises(DataError, match="compare drives"):
         write_animation(
             Path("never.gif"), film, "drive", Film.of(trace, load_rover(OTHER[film.rover.name]), ghost.terrain)
         )

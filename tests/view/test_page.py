@@ -25,7 +25,7 @@ def test_a_drive_is_written_as_a_page_and_a_moving_picture(run):
     assert "__VISER_EMBED_DATA__" in page
     legend = page[page.rindex('<div id="rover-pin-legend"') :]
     assert "ditch" in legend
-    assert "drives on at" in legend
+    assert "drives on" in legend
     outside = re.findall(r'(?:src|href)="(https?://[^"]+)"', page)
     assert not outside
     with Image.open("out/drive/drive.gif") as picture:
@@ -45,7 +45,7 @@ def test_where_there_is_no_browser_it_is_said(run, monkeypatch):
     monkeypatch.setattr("webbrowser.open", lambda page: False)
     code, _, err = run("drive", "flat", "--set", "duration=0.2", "--open")
     assert code == 0
-    assert "no browser was found on this machine; open out/drive/view.html in one." in err
+    assert "machine; open out/drive/view.html" in err
 
 
 @pytest.mark.slow
@@ -65,7 +65,7 @@ def test_a_log_is_seen_with_another_as_its_ghost(run):
     run("drive", "flat", *WORDS)
     run("drive", "flat", *WORDS, "--control", "true", "--out", "other")
     assert run("view", "out/drive/log", "--compare", "other/log")[0] == 0
-    assert "ghost, in blue: flat, drives on at" in Path("out/view/view.html").read_text()
+    assert "blue: flat, drives" in Path("out/view/view.html").read_text()
 
 
 def test_a_saved_trace_finds_its_ground_by_its_scenario(tmp_path):
@@ -84,10 +84,7 @@ def test_a_run_of_a_log_is_chosen_by_name():
 
 @pytest.mark.parametrize(
     ("words", "sentence"),
-    [
-        (("view", "gone"), "gone: give the folder of a drive log (drive.toml), or a trace that was saved as .parquet"),
-        (("view", "log", "--run", "none"), "there is no run 'none'"),
-    ],
+    [(("view", "gone"), "drive log (drive.toml)"), (("view", "log", "--run", "none"), "run 'none'")],
 )
 def test_what_cannot_be_seen_is_refused_in_one_sentence(run, words, sentence):
     scenario("flat", duration=0.2).write_log(scenario("flat", duration=0.2).drive(), "log")
@@ -107,7 +104,7 @@ def test_a_ghost_of_another_rover_is_refused(run):
 def test_a_missing_viser_or_ffmpeg_is_said_before_the_drive(run, monkeypatch):
     monkeypatch.setattr(util, "find_spec", lambda name: None)
     monkeypatch.setattr("rover_pin.cli.commands.view.find_spec", lambda name: None)
-    assert "The view in 3D needs viser: pip install 'rover-pin[view]'." in run("drive", "flat", "--view")[2]
+    assert "3D needs viser: pip install 'rover-pin[view]'." in run("drive", "flat", "--view")[2]
     monkeypatch.setattr("shutil.which", lambda name, path: None)
-    assert "drive.mp4 needs ffmpeg, which is not on the path" in run("drive", "flat", "--mp4")[2]
+    assert "drive.mp4 needs ffmpeg" in run("drive", "flat", "--mp4")[2]
     assert not Path("out").exists()
