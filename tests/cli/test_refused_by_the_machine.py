@@ -77,6 +77,7 @@ def test_a_full_disk_in_a_sweep_keeps_what_is_done(run, monkeypatch):
     assert '"cases": 4, "taken_over": 2, "failed": 0' in out
 
 
+@pytest.mark.slow
 def test_a_full_disk_beside_worker_processes_is_one_sentence(run, monkeypatch):
     def full(rows, study, path):
         raise OSError(errno.ENOSPC, "No space left on device")

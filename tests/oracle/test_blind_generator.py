@@ -252,6 +252,7 @@ def made(tmp_path_factory):
     return folder, sets
 
 
+@pytest.mark.slow
 def test_sets_are_drive_logs(made):
     folder, _ = made
     for index, electric in ((1, False), (3, False)):
@@ -265,6 +266,7 @@ def test_sets_are_drive_logs(made):
             assert not any(name.startswith("slip") for name in run.channels)
 
 
+@pytest.mark.slow
 def test_nothing_in_the_sets_tells_the_answer(made):
     folder, _ = made
     for file in (folder / "sets").rglob("*"):
@@ -274,6 +276,7 @@ def test_nothing_in_the_sets_tells_the_answer(made):
         assert "seed" not in text
 
 
+@pytest.mark.slow
 def test_answers_are_sealed(made):
     folder, sets = made
     digest = (folder / "sets" / "answers.sha256").read_text().split()[0]
@@ -287,6 +290,7 @@ def test_answers_are_sealed(made):
         sealed.generate(folder / "sets", sets, 4, folder / "sets" / "answers.json", duration=0.5)
 
 
+@pytest.mark.slow
 def test_a_set_is_made_again_as_it_was(made, tmp_path):
     folder, sets = made
     kept = {file: file.stat().st_mtime_ns for file in (folder / "sets").rglob("*.csv")}

@@ -51,7 +51,13 @@ def test_the_page_holds_everything(made, verdict, tmp_path):
         assert said in page
 
 
-@pytest.mark.parametrize("answer", Answer)
+QUICK = (Answer.NAMED, Answer.NONE_NEEDED)
+"""The pages of the other answers are drawn with the slow tests: up to half a minute each."""
+
+
+@pytest.mark.parametrize(
+    "answer", [pytest.param(answer, marks=[] if answer in QUICK else [pytest.mark.slow]) for answer in Answer]
+)
 def test_every_answer_has_its_page(made, answered, answer, tmp_path, monkeypatch):
     monkeypatch.setattr(ghost, "find_spec", lambda name: None)  # the scene has a test of its own
     one = answered(answer)
