@@ -24,7 +24,9 @@ def study():
 
 def numbers(text):
     """Every name with its number: probabilities of causes, or errors of channels in their unit."""
-    return {part.split()[0]: float(part.removesuffix(" N m").rstrip(" Nm").rsplit(" ", 1)[1]) for part in text.split("; ")}
+    return {
+        part.split()[0]: float(part.removesuffix(" N m").rstrip(" Nm").rsplit(" ", 1)[1]) for part in text.split("; ")
+    }
 
 
 @pytest.mark.nightly

@@ -90,19 +90,10 @@ def test_values_that_stray_have_their_variance_raised(tmp_path):
     assert white.fitter.inflation is None or (white.fitter.inflation > 1.0).sum() <= 2
 
 
-MIXED_BEDS = pytest.mark.xfail(reason="where runs are mixed, drift is looked for and no scatter of levels")
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("seed", "noise", "soil"),
-    [
-        pytest.param(
-            60002, "raked", BEDS_LIKE_A_LAW, marks=pytest.mark.xfail(reason="drift alone where runs are mixed")
-        ),
-        (1, "drifting", {}),
-        (62010, "spiked", STRAYING_TWICE),
-    ],
+    [(60002, "raked", BEDS_LIKE_A_LAW), (1, "drifting", {}), (62010, "spiked", STRAYING_TWICE)],
 )
 def test_what_chance_shares_is_no_law(tmp_path, seed, noise, soil):
     """Each of these sets with nothing hidden was once a false alarm."""

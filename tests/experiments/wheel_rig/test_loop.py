@@ -369,6 +369,7 @@ def test_smooth_wheel_sinks_with_slip():
         for sides in (verdict.extra.before, verdict.extra.after)
     )
     pressed = (before.independent.low + before.independent.high) / 2
+    assert not before.agrees
     assert before.fitted[0] < 0.6 * pressed
     assert after.agrees
     assert after.fitted[0] == pytest.approx(pressed, rel=0.15)
