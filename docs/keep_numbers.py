@@ -35,8 +35,9 @@ Patterns = dict[str, str]
 COMMANDS: dict[str, tuple[tuple[str, ...], Patterns]] = {
     "smooth_wheel": (("rover-pin close-loop cmu-smooth-wheel",), {
         "before after": rf"sinkage: RMSE {NUMBER} mm -> {NUMBER} mm",
-        "a a_low a_high": rf"SlipSoftening.a = {INTERVAL}",
-        "chosen folds": rf"SlipSoftening chosen in {NUMBER} of {NUMBER} folds",
+        "n_1 n_1_low n_1_high": rf"SlipSinkage.n_1 = {INTERVAL}",
+        "exponent softening": rf"SlipSinkage \({NUMBER}\) or SlipSoftening \({NUMBER}\)",
+        "softened": rf"with SlipSoftening instead: held-out RMSE drawbar pull {WORD} N, sinkage {NUMBER} mm",
         "anew": rf"with each fold's own choice: drawbar pull {WORD} N, sinkage {NUMBER} mm",
         "K_eff_before": rf"before: K_eff = {NUMBER} kPa",
         "K_eff_after known_low known_high": rf"after: K_eff = {NUMBER} kPa.*? with {NUMBER} kPa/m\^n to {NUMBER} kPa",
@@ -72,15 +73,8 @@ COMMANDS: dict[str, tuple[tuple[str, ...], Patterns]] = {
         "k_low k_high phi_low phi_high": rf"net 50 (?:{WORD} ){{3}}{NUMBER} {NUMBER} {NUMBER} {NUMBER} none",
     }),
     "transients": (("python studies/close_the_loop.py",), {
-        "base": rf" base at once {NUMBER} ", "relaxing": rf"SlipSoftening relaxing {NUMBER} ",
+        "base": rf" base at once {NUMBER} ", "relaxing": rf"SlipSinkage relaxing {NUMBER} ",
         "known": rf" as measured relaxing {NUMBER} ",
-        "lugged_pull": rf"cmu-grousered-wheel: an effect is missing .*?drawbar pull: RMSE {WORD} N -> {NUMBER} N",
-        "lugged_sinkage": rf"cmu-grousered-wheel: an effect is missing .*?sinkage: RMSE {WORD} mm -> {NUMBER} mm",
-        "skid_chosen skid_pull_anew skid_sinkage_anew": "cmu-smooth-wheel-skid: like .*?"
-        rf"Ploughing chosen in {NUMBER} of 4 folds; held-out RMSE with each fold's own choice: drawbar pull "
-        rf"{NUMBER} N, sinkage {NUMBER} mm",
-        "skid_pull": rf"cmu-smooth-wheel-skid: like an effect of the list .*?drawbar pull: RMSE {WORD} N -> {NUMBER} N",
-        "skid_sinkage": rf"cmu-smooth-wheel-skid: like an effect of the list .*?sinkage: RMSE {WORD} mm -> {NUMBER} mm",
     }),
 }  # fmt: skip
 

@@ -36,10 +36,6 @@ class Candidate:
     "where it is: a wheel, a joint, a channel, or the begin of a stretch of the way [m]"
     place_searched: bool = False
     "whether that place was sought along the way, so that chance had more to choose from"
-    free_shapes: tuple[str, ...] = ()
-    "shapes without a prior, each of which has to pay for itself"
-    diffuse_shapes: tuple[str, ...] = ()
-    "where fits are exact: shapes that are assumed, even in their order, free within their doubt while others are held"
 
     @property
     def name(self) -> str:
@@ -64,28 +60,13 @@ class Candidate:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The names of the candidate's numbers: amplitudes, and shapes, free or not."""
-        return (*self.amplitudes, *self.shapes, *self.diffuse_shapes, *self.free_shapes)
+        """The names of the candidate's numbers: amplitudes and shapes."""
+        return (*self.amplitudes, *self.shapes)
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """The free numbers of the effect: sizes without a prior, shapes with one unless they are freed of it."""
-        loose = (replace(self.shape(name), prior=False) for name in self.free_shapes)
-        diffuse = map(self.diffuse_shape, self.diffuse_shapes)
-        return (*map(self.size, self.amplitudes), *map(self.shape, self.shapes), *diffuse, *loose)
-
-    @property
-    def bare(self) -> Candidate:
-        """The candidate with its law's shapes as published, those that nobody published within their doubt."""
-        diffuse = (name for name in (*self.shapes, *self.free_shapes) if self._about(name).log_sd > 0.0)
-        return replace(self, shapes=(), free_shapes=(), diffuse_shapes=(*self.diffuse_shapes, *diffuse))
-
-    @property
-    def loose(self) -> Candidate:
-        """The candidate with its law's shapes freed of any prior."""
-        return replace(
-            self, shapes=(), free_shapes=(*self.shapes, *self.diffuse_shapes, *self.free_shapes), diffuse_shapes=()
-        )
+        """The free numbers of the effect: sizes without a prior, shapes with one."""
+        return (*map(self.size, self.amplitudes), *map(self.shape, self.shapes))
 
     @property
     def cause(self) -> Cause:

@@ -40,13 +40,11 @@ class Refit:
 where it loses one that the model without predicts"
     unit: float = COLOURED
     "by how much chi2 by chance exceeds that of white noise here: what gains are counted in"
-    instead: tuple[Candidate, ...] = ()
-    "what was added before it, where that is not what the round before found best"
 
     @property
     def name(self) -> str:
-        """Name of the candidate, after those that it needs in place of the best before."""
-        return " + ".join(candidate.name for candidate in (*self.instead, self.candidate))
+        """Name of the candidate."""
+        return self.candidate.name
 
     @property
     def net(self) -> float:

@@ -259,7 +259,7 @@ def candidate_threshold(candidate: Candidate, count: int, taken: float = 0.0, in
 
     Beside chance stands what the laws that were added before, which took `taken` of chi2, may leave by their form.
     """
-    extra_numbers = len(candidate.amplitudes) - 1 + len(candidate.free_shapes)
+    extra_numbers = len(candidate.amplitudes) - 1
     white = null_threshold(count) * (SOUGHT if candidate.place_searched else 1.0) + null_threshold(1) * extra_numbers
     return inflation * white + ROUGH * taken
 

@@ -73,7 +73,7 @@ class Search:
         """What was added, in turn."""
         path: tuple[Candidate, ...] = ()
         for best_refit in self.best_refits:
-            path = (*(best_refit.instead or path), best_refit.candidate)
+            path = (*path, best_refit.candidate)
         return path
 
     @property
@@ -86,7 +86,7 @@ class Search:
         """What was added, then what cannot be distinguished from it; empty where nothing was added."""
         *firsts, last = [step.indistinguishable for step in self.rounds if step.indistinguishable] or [()]
         before = [candidate.name for candidate in replace(self, rounds=self.rounds[: len(firsts)]).added]
-        ways = [[*([c.name for c in tied_refit.instead] or before), tied_refit.candidate.name] for tied_refit in last]
+        ways = [[*before, tied_refit.candidate.name] for tied_refit in last]
         added_names = self.names.split(" + ")
         ways += [
             [*added_names[:at], tied_refit.name, *added_names[at + 1 :]]

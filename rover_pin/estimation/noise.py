@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rover_pin.base.public import brief
-from rover_pin.estimation.random_effects.drift import Drift
 from rover_pin.estimation.random_effects.random_field import RandomEffectsFilter
 
 SHRINK = 0.2
@@ -42,8 +41,6 @@ class Noise:
     "by how much chi2 by chance, and variances, exceed those of white rows; 1 where the noise is declared white"
     random_effects: RandomEffectsFilter | None = None
     "what besides differs from run to run by chance, as the ground does"
-    drift: Drift | None = None
-    "how samples hang on those measured before, where `sd` is of every block"
 
     @property
     def floor(self) -> np.ndarray:
@@ -71,8 +68,7 @@ class Noise:
     def _scaled(self, residual: np.ndarray) -> np.ndarray:
         """Return residuals in their SDs, without memory or common mode where the noise has any."""
         if self.sd.ndim > 1:
-            scaled = np.asarray(residual / self.sd)
-            return scaled if self.drift is None else self.drift.innovations(scaled, self.good)
+            return np.asarray(residual / self.sd)
         steps = _innovations(np.where(self.good, residual, 0.0), self.good, self.rho)
         scaled = steps / (self.sd * np.sqrt(1 - self.rho**2))[:, None]
         return np.asarray(self.mixing @ np.where(self.good, scaled, 0.0))

@@ -21,6 +21,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rover_pin.base.public import brief
 from rover_pin.inference.samples import Samples
 
 
@@ -60,6 +61,7 @@ class Term(NamedTuple):
     matrix: np.ndarray
 
 
+@brief
 @dataclass(frozen=True, eq=False)
 class ErrorModel:
     """The scales that act, and the covariance of every channel as a function of their logarithms eta."""

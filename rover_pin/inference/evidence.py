@@ -16,6 +16,7 @@ import numpy as np
 from scipy.linalg.lapack import dpotri
 from scipy.optimize import minimize
 
+from rover_pin.base.public import brief
 from rover_pin.inference.error_model import ErrorModel
 
 REACH = 4.0
@@ -33,6 +34,7 @@ class Linear(NamedTuple):
     slopes: np.ndarray
 
 
+@brief
 class Posterior(NamedTuple):
     """What the data say of the numbers of a linear model and of the scales of its errors."""
 

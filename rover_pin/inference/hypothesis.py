@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from rover_pin.base.errors import OptimisationError
+from rover_pin.base.public import brief
 from rover_pin.estimation.descent import descend
 from rover_pin.estimation.exact import Box
 from rover_pin.estimation.experiment import Experiment
@@ -33,6 +34,7 @@ TURNS, SHRUNK = 4, 1.5
 share of what the law adds in the end, not of what it adds without one."""
 
 
+@brief
 @dataclass(frozen=True, eq=False)
 class Hypothesis:
     """The base model with a set of causes, at its most probable numbers for one kind of discrepancy."""

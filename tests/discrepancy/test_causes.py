@@ -23,7 +23,7 @@ def test_a_cause_of_unknown_shape_has_it_within_a_decade():
     assert (known.name, known.prior) == (SIZE, True)
     assert (doubted.name, doubted.prior, doubted.log) == (SHAPE, True, True)
     assert [doubted.value(u) for u in (-2.0, -1.0, 0.0, 1.0, 2.0)] == pytest.approx([1e-4, 1e-3, 0.01, 0.1, 1.0])
-    assert RATE.cause.sizes == {SIZE}
+    assert RATE.cause.amplitudes == {SIZE}
 
 
 def test_a_size_is_neutral_at_none_and_two_defaults_at_one_sd():
@@ -66,5 +66,5 @@ def test_an_error_of_the_measuring_adds_nothing_to_the_model():
     tare = Parameter("rig.torque_tare", 0.0, 0.1, -1.0, 1.0)
     cause, model = reading_error(tare.name, tare), object()
     assert cause.on(model) is model
-    assert cause.sizes == {tare.name}
+    assert cause.amplitudes == {tare.name}
     assert (cause.family, cause.owner) == ("rig", "")

@@ -143,14 +143,11 @@ def test_size_is_logarithmic_if_neutral_is_fifty_times_as_large(neutral, far_off
     assert started(row, None) == (size if far_off else {"TorqueSaturation.i_max": pytest.approx((neutral + 1) / 2)})
 
 
-def test_freed_number_has_no_prior_and_a_place_has_sd_of_15_cm():
-    patch = Candidate(
-        "HardPatch", HardPatch(), ("HardPatch.g",), ("HardPatch.x_from",), free_shapes=("HardPatch.length",)
-    )
-    size, place, freed = patch.parameters
-    assert (size.prior, place.prior, freed.prior) == (False, True, False)
+def test_a_size_has_no_prior_and_a_place_has_sd_of_15_cm():
+    patch = Candidate("HardPatch", HardPatch(), ("HardPatch.g",), ("HardPatch.x_from",))
+    size, place = patch.parameters
+    assert (size.prior, place.prior) == (False, True)
     assert (place.scale, place.log) == (0.15, False)
-    assert freed.name == "HardPatch.length"
 
 
 @pytest.mark.parametrize(
