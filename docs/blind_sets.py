@@ -89,6 +89,8 @@ def shares(sets: pd.DataFrame) -> str:
     rows = ["| what | count | share, 95 % | aim |", "| --- | --- | --- | --- |"]
     for what, (aim, counted) in SHARES.items():
         count, whole = counted(sets)
+        if not whole:
+            continue
         low, high = wilson(count, whole)
         rows.append(
             f"| {what} | {count} of {whole} | {100 * count / whole:.1f} % [{100 * low:.1f}, {100 * high:.1f}] | {aim} |"

@@ -283,12 +283,12 @@ OF_ITS_OWN = {
     "base/files/bounded.py": "os.open open zipfile.ZipFile np.load",  # it is what bounds
     "rover/description/meshes.py": "trimesh.load",  # bytes of a file of its folder, bounded, of a known kind
     "logs/ros_bag.py": "AnyReader",  # reads as it goes
+    "logs/unpacking.py": "zstd.open",  # of a bag, within an allowance of bytes
     "rover/proposal/new_rover.py": "XacroDoc.from_file",  # only with --trust
     "simulation/model/effect_files.py": "self.get_data",  # code that the user has named
     # bytes or text in memory, read through the bounds
     "rover/description/readers.py": "yourdfpy.URDF.load",
     "view/shapes.py": "yourdfpy.URDF.load",
-    "logs/importing/matlab.py": "loadmat",
     "base/files/parquet.py": "pyarrow.parquet.ParquetFile",
     "sweep/store.py": "pq.ParquetFile temporary.open",
     # what the package has written or made itself, or what comes with it
