@@ -137,6 +137,12 @@ class Verdict:
         errors_text = self._errors_text(self.errors_anew)
         return f"; held-out RMSE with each fold's own choice: {errors_text}" if errors_text else ""
 
+    @property
+    def _noise_taken(self) -> str:
+        assert self.beliefs is not None
+        taken = self.beliefs.noise_taken(self.named).items()
+        return "taken for noise: " + ", ".join(f"{name} {times:.2f}" for name, times in taken) + " times the declared"
+
     def _instead(self, errors: dict[str, float]) -> str:
         return f"held-out RMSE {self._errors_text(errors)}"
 
@@ -158,6 +164,7 @@ class Verdict:
         if self.before is not None and self.after is not None:
             lines += [f"  reduced chi-square: {self.before.misfit:.3g} -> {self.after.misfit:.3g}; 1 is the noise"]
         lines += [f"  {score_line(score)}" for score in self.scores if is_claimable(score) or len(self.scores) <= FEW]
+        lines += [f"  {self._noise_taken}"] if self.beliefs is not None else []
         lines += [f"  with {name} instead: {self._instead(errors)}" for name, errors in self.others.items()]
         lines += [f"  {self.chosen_again}{self._missed_anew}"] if self.chosen else []
         lines += [f"  {got_worse((score.name, score.worded) for score in self.scores)}"] if self.named else []
@@ -178,6 +185,12 @@ class Verdict:
             return list(numbers)
         prefixes = tuple(name.partition("@")[0] + "." for name in self.named)
         return [number for number in numbers if number.name.startswith(prefixes) or number in self.drifted]
+
+    @property
+    def _posterior(self) -> dict[str, Any]:
+        if self.beliefs is None:
+            return {}
+        return {**self.beliefs.as_dict(), "noise": self.beliefs.noise_taken(self.named)}
 
     def as_dict(self) -> dict[str, Any]:
         """Return the verdict as plain values for JSON; SI units, NaN and infinities as None."""
@@ -210,7 +223,7 @@ class Verdict:
                 "draft": self.draft.as_dict() if self.draft else {},
                 "extra": self.extra.as_dict() if self.extra else {},
                 "files": [str(file) for file in self.files],
-                "posterior": self.beliefs.as_dict() if self.beliefs else {},
+                "posterior": self._posterior,
                 **self.provenance,
             }
         )

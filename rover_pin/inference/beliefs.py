@@ -110,6 +110,18 @@ class Beliefs:
         mean = float(weights @ means)
         return mean, math.sqrt(float(weights @ (sds**2 + (means - mean) ** 2)))
 
+    def noise_taken(self, names: Sequence[str]) -> dict[str, float]:
+        """Return, for each channel, how many times the declared noise a set takes for noise, discrepancy left out."""
+        hypothesis = self.best(names)
+        samples = hypothesis.errors.samples
+        channels = np.array([samples.channel[block[0]] for block in samples.blocks])
+        return {
+            str(hypothesis.experiment.channels[at]): float(
+                np.sqrt(np.mean(hypothesis.noise_share[channels == at] ** 2))
+            )
+            for at in np.unique(channels)
+        }
+
     def left_out(self, hypothesis: Hypothesis) -> LeftOut:
         """Return every fold as the others predict it by a hypothesis, computed once."""
         if id(hypothesis) not in self._left_out:
