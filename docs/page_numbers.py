@@ -45,7 +45,6 @@ def fields() -> Mapping[str, Any]:
     """Return every field, by the result that has it."""
     blind = {"rigs": kept("blind_rig", keep_default_na=False), "logs": kept("blind_drives", keep_default_na=False)}
     blind["both"] = pd.concat(blind.values())
-    blind["evidence"] = kept("blind_rig_evidence", keep_default_na=False)
     return {
         "blind": {
             name: {"sets": len(sets), "shares": shares(sets), "counts": counts(sets), "misses": misses(sets)}
