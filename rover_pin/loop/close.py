@@ -93,7 +93,7 @@ def close_the_loop(
     --------
     >>> verdict = close_the_loop("cmu-smooth-wheel")
     >>> verdict.answer.value, [type(effect).__name__ for effect in verdict.effects]
-    ('one of a set of effects is missing', ['SlipSoftening'])
+    ('one of a set of effects is missing', ['SlipSinkage'])
     """
     refuse_both(jobs or None, scheduler)
     if effects is not None:
