@@ -13,7 +13,7 @@ from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.candidate import is_effect
 from rover_pin.discrepancy.cross_validation import fall_of, losses_of
 from rover_pin.discrepancy.decide_answer import Question, with_draft
-from rover_pin.discrepancy.draft import Draft
+from rover_pin.discrepancy.draft import Draft, draft_of
 from rover_pin.discrepancy.held_out import fold_errors, held_out, lost_folds, taken_share
 from rover_pin.discrepancy.reading import Reading, read, sentence
 from rover_pin.discrepancy.refit import Progress, Refit
@@ -65,12 +65,12 @@ def _drafted(question: Question, explorer: Explorer, fitted: Fit) -> Draft | Non
     (candidate,) = drafted.candidates
     retained = explorer.beliefs().best(read(explorer.beliefs()).retained).causes
     if not explorer.fit((*retained, candidate.cause)):
-        return Draft(drafted.text)
+        return draft_of(drafted.text, None)
     after = fit_of(explorer.beliefs().best((*(cause.name for cause in retained), candidate.name)))
     same_noise = replace(after, task=fitted.task)
     gain, held_out_gain = fitted.chi2 - same_noise.chi2, fall_of(losses_of(fitted), losses_of(same_noise))
     refit = Refit(candidate, same_noise, gain, candidate_threshold(candidate, 1, inflation=1.0), held_out_gain, 1.0)
-    return Draft(drafted.text, refit)
+    return draft_of(drafted.text, refit)
 
 
 def explorer_of(question: Question, progress: Progress) -> Explorer:

@@ -77,8 +77,13 @@ def tried(drafted: Drafted, fitted: Fit, progress: Progress) -> Draft:
     """Return a draft tried on the fit that leaves what it describes."""
     progress("trying the draft of what is left")
     refits = attempted(fitted, drafted.candidates, progress)
-    draft = Draft(drafted.text, refits[0] if refits else None)
-    return replace(draft, unpredicted=_unpredicted(refits[0].fit)) if draft.accepted else draft
+    return draft_of(drafted.text, refits[0] if refits else None)
+
+
+def draft_of(text: str, refit: Refit | None) -> Draft:
+    """Return a draft as its refit has it, with the folds that nobody predicts where it else were accepted."""
+    draft = Draft(text, refit)
+    return replace(draft, unpredicted=_unpredicted(refit.fit)) if refit is not None and draft.accepted else draft
 
 
 def _unpredicted(fitted: Fit) -> tuple[str, ...]:

@@ -12,6 +12,7 @@ import pytest
 from rover_pin.base.errors import DataError, ParameterError
 from rover_pin.base.trust import Trust
 from rover_pin.contact import Soil, Wheel
+from rover_pin.discrepancy import draft as draft_module
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.effects.effect import Effect
 from rover_pin.effects.slip_sinkage import SlipSinkage
@@ -210,6 +211,21 @@ def test_unlisted_effect_is_described_and_its_draft_is_an_effect(tmp_path):
     again = close_the_loop(path, effects=tmp_path / "out" / "draft_effect")
     assert again.indistinguishable[0] == "MeasuredRemainder"
     assert again.share > 0.95
+
+
+@pytest.mark.slow
+def test_a_fold_nobody_predicts_vetoes_a_draft_on_a_rig(tmp_path, monkeypatch):
+    levels = []
+
+    def all_but_the_first(fitted):
+        levels.append(fitted.task.experiment.folds)
+        return np.array([np.nan, *(0.0 for _ in levels[-1][1:])])
+
+    monkeypatch.setattr(draft_module, "held_out_losses", all_but_the_first)
+    draft = close_the_loop(folder(tmp_path, "slip_squared_drag")).draft
+    assert draft.refit.accepted
+    assert not draft.accepted
+    assert draft.unpredicted == levels[-1][:1]
 
 
 def test_noise_that_is_larger_than_declared_is_no_unknown_effect(tmp_path):
