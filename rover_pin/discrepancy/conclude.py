@@ -54,19 +54,18 @@ def concluded_by_evidence(question: Question, progress: Progress, seed: int = 0)
     verdict = verdict_of(question, beliefs, progress, seed)
     if verdict.after is None or verdict.answer not in (Answer.NONE_FITS, Answer.LIKE):
         return verdict
-    return with_draft(verdict, _drafted(question, explorer, verdict.after.fit), seed)
+    return with_draft(verdict, _drafted(question, explorer, verdict.named, verdict.after.fit), seed)
 
 
-def _drafted(question: Question, explorer: Explorer, fitted: Fit) -> Draft | None:
+def _drafted(question: Question, explorer: Explorer, named: tuple[str, ...], fitted: Fit) -> Draft | None:
     """Return what the kept model leaves as a draft, tried beside its causes; None where nothing describes it."""
     drafted = question.draft(fitted)
     if drafted is None:
         return None
     (candidate,) = drafted.candidates
-    retained = explorer.beliefs().best(read(explorer.beliefs()).retained).causes
-    if not explorer.fit((*retained, candidate.cause)):
+    if not explorer.fit((*explorer.beliefs().best(named).causes, candidate.cause)):
         return draft_of(drafted.text, None)
-    after = fit_of(explorer.beliefs().best((*(cause.name for cause in retained), candidate.name)))
+    after = fit_of(explorer.beliefs().best((*named, candidate.name)))
     same_noise = replace(after, task=fitted.task)
     gain, held_out_gain = fitted.chi2 - same_noise.chi2, fall_of(losses_of(fitted), losses_of(same_noise))
     refit = Refit(candidate, same_noise, gain, candidate_threshold(candidate, 1, inflation=1.0), held_out_gain, 1.0)

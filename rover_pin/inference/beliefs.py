@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Sequence, Set
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from scipy.special import logsumexp
@@ -18,6 +18,7 @@ from rover_pin.inference.left_out import LeftOut, left_out
 
 COUNTS = 0.5, 0.3, 0.14, 0.05, 0.01
 """Prior probability of no to four missing causes, shared evenly by all sets of as many."""
+Key = TypeVar("Key", bound=Hashable)
 LEAST = 1e-3
 """Least probability that is written down."""
 
@@ -52,6 +53,14 @@ class Beliefs:
         rows = zip(self.weights, self.hypotheses, strict=True)
         return float(sum(weight for weight, hypothesis in rows if holds(hypothesis)))
 
+    def totals(self, keys: Callable[[Hypothesis], Set[Key]], weights: np.ndarray | None = None) -> dict[Key, float]:
+        """Return the probability of each key, of all hypotheses that have it, the largest first."""
+        totals: dict[Key, float] = {}
+        for weight, hypothesis in zip(self.weights if weights is None else weights, self.hypotheses, strict=True):
+            for key in keys(hypothesis):
+                totals[key] = totals.get(key, 0.0) + float(weight)
+        return dict(sorted(totals.items(), key=lambda pair: -pair[1]))
+
     def inclusion(self, name: str) -> float:
         """Return the probability that a cause acts."""
         return self.probability(lambda hypothesis: name in hypothesis.names)
@@ -59,26 +68,17 @@ class Beliefs:
     @property
     def included(self) -> dict[str, float]:
         """The probability of each cause, the largest first."""
-        names = {name for hypothesis in self.hypotheses for name in hypothesis.names}
-        return dict(sorted(((name, self.inclusion(name)) for name in names), key=lambda pair: -pair[1]))
+        return self.totals(lambda hypothesis: set(hypothesis.names))
 
     @property
     def families(self) -> dict[str, float]:
         """The probability that any cause of a family acts, the largest first."""
-        totals: dict[str, float] = {}
-        for weight, hypothesis in zip(self.weights, self.hypotheses, strict=True):
-            for family in {cause.family for cause in hypothesis.causes if cause.family}:
-                totals[family] = totals.get(family, 0.0) + float(weight)
-        return dict(sorted(totals.items(), key=lambda pair: -pair[1]))
+        return self.totals(lambda hypothesis: {cause.family for cause in hypothesis.causes if cause.family})
 
     @property
     def sets(self) -> dict[frozenset[str], float]:
         """The probability of each set of causes, whatever it leaves, the largest first."""
-        totals: dict[frozenset[str], float] = {}
-        for weight, hypothesis in zip(self.weights, self.hypotheses, strict=True):
-            names = frozenset(hypothesis.names)
-            totals[names] = totals.get(names, 0.0) + float(weight)
-        return dict(sorted(totals.items(), key=lambda pair: -pair[1]))
+        return self.totals(lambda hypothesis: {frozenset(hypothesis.names)})
 
     def left(self, names: Iterable[str]) -> float:
         """Return the probability that a set of causes leaves more than noise, given that it acts."""
@@ -115,12 +115,9 @@ class Beliefs:
         hypothesis = self.best(names)
         samples = hypothesis.errors.samples
         channels = np.array([samples.channel[block[0]] for block in samples.blocks])
-        return {
-            str(hypothesis.experiment.channels[at]): float(
-                np.sqrt(np.mean(hypothesis.noise_share[channels == at] ** 2))
-            )
-            for at in np.unique(channels)
-        }
+        squares = hypothesis.noise_share**2
+        rows = [(hypothesis.experiment.channels[at], np.mean(squares[channels == at])) for at in np.unique(channels)]
+        return {name: math.sqrt(square) for name, square in rows}
 
     def left_out(self, hypothesis: Hypothesis) -> LeftOut:
         """Return every fold as the others predict it by a hypothesis, computed once."""

@@ -112,12 +112,10 @@ class ErrorModel:
             total += part
             slopes[term.scale] = 2.0 * part
         if self.discrepancy is not Discrepancy.NONE:
-            length = math.exp(eta[-1])
-            distance = self.samples.distances[at]
-            smooth = self._amplitude(eta, at) * np.exp(-0.5 * distance / length**2)
+            smooth = self.smooth_part(eta, at)
             total += smooth
             slopes[self.scales.index(self._smooth_scale(at))] = 2.0 * smooth
-            slopes[len(self.scales) - 1] = smooth * distance / length**2
+            slopes[len(self.scales) - 1] = smooth * self.samples.distances[at] / math.exp(eta[-1]) ** 2
         return total, slopes
 
     def smooth_part(self, eta: np.ndarray, at: int) -> np.ndarray:

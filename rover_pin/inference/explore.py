@@ -48,7 +48,7 @@ class Explorer:
         """Return what the data make of the causes, after the hypotheses that are worth it were fitted."""
         if not self.fitted:
             self.base()
-        self.causes = [cause for cause in self.causes if self.is_shown(cause)]
+        self.causes = self._shown()
         self.progress("fitting each cause alone")
         singles = [cause for cause in self.causes if self.fit((cause,))]
         for cause in singles:
@@ -62,7 +62,8 @@ class Explorer:
         self.progress("fitting pairs of causes")
         for pair in pairs.values():
             self.fit(pair)
-        best_pairs = sorted((pair for pair in pairs.values() if names_of(pair) in self.fitted), key=self.rank)
+        fitted_pairs = [pair for pair in pairs.values() if names_of(pair) in self.fitted]
+        best_pairs = sorted(fitted_pairs, key=lambda pair: -self.score(pair))
         partners = list(dict.fromkeys([*leaders, *itertools.chain(*best_pairs[: 2 * LEADING_PAIRS])]))
         self.progress("fitting three causes at once")
         for pair in best_pairs[:LEADING_PAIRS]:
@@ -76,10 +77,6 @@ class Explorer:
     @staticmethod
     def _with_each(lead: Cause, others: Iterable[Cause]) -> Iterable[tuple[Cause, Cause]]:
         return ((lead, partner) for partner in others if partner is not lead)
-
-    def rank(self, causes: Sequence[Cause]) -> float:
-        """Return what sorts sets of causes, the most probable first."""
-        return -self.score(causes)
 
     def score(self, causes: Sequence[Cause]) -> float:
         """Return the greatest logarithm of evidence times prior of a set of causes."""
@@ -129,17 +126,17 @@ class Explorer:
         size = np.abs(deviations)
         return np.where(size == size.max(), (2.0 * size / OUTLIER) ** 2, 1.0) if size.max() > OUTLIER else None
 
-    def is_shown(self, cause: Cause) -> bool:
-        """Return whether a cause of default size moves what was measured at all."""
+    def _shown(self) -> list[Cause]:
+        """Return the causes that move what was measured at all, each of its default size."""
         fitter, start = self.fitter, self.flat[frozenset()][0]
-        model, parameters = fitter.having((cause,))
-        default_u = [
-            0.5 if parameter.name in cause.amplitudes and not parameter.log else 0.0 for parameter in cause.parameters
-        ]
-        with_it, _ = fitter.predicted(model, parameters, np.array([*start, *default_u]))
         without, _ = fitter.predicted(fitter.model, fitter.numbers, start)
-        response = (with_it - without) / fitter.samples.sd
-        return bool(np.linalg.norm(response[np.isfinite(response)]) > SHOWN)
+
+        def moves(cause: Cause) -> bool:
+            u = np.concatenate([start, _start_amplitudes(cause, 1.0)])
+            response = (fitter.predicted(*fitter.having((cause,)), u)[0] - without) / fitter.samples.sd
+            return bool(np.linalg.norm(response[np.isfinite(response)]) > SHOWN)
+
+        return [cause for cause in self.causes if moves(cause)]
 
     def fit(self, causes: Sequence[Cause]) -> bool:
         """Fit a set of causes, where that has a fit, and return whether it has."""

@@ -85,9 +85,9 @@ class Hypothesis:
     @property
     def noise_share(self) -> np.ndarray:
         """RMS of what is taken for noise in each block (blocks,), over the declared: discrepancy left out."""
-        samples, rows = self.errors.samples, []
+        samples, variance, rows = self.errors.samples, self.variance, []
         for at, block in enumerate(samples.blocks):
-            noise = self.variance[block] - np.diag(self.errors.smooth_part(self.posterior.scales, at))
+            noise = variance[block] - np.diag(self.errors.smooth_part(self.posterior.scales, at))
             raised = 1.0 if self.errors.inflation is None else self.errors.inflation[block]
             rows.append(np.sqrt(np.mean(noise / raised)) / samples.noise[at])
         return np.array(rows)

@@ -17,14 +17,8 @@ def weights_without(beliefs: Beliefs) -> np.ndarray:
 
 def chosen_without(beliefs: Beliefs) -> list[frozenset[str]]:
     """Return the most probable set of causes without each fold (folds,)."""
-    chosen = []
-    for weights in weights_without(beliefs):
-        totals: dict[frozenset[str], float] = {}
-        for weight, hypothesis in zip(weights, beliefs.hypotheses, strict=True):
-            names = frozenset(hypothesis.names)
-            totals[names] = totals.get(names, 0.0) + float(weight)
-        chosen.append(max(totals, key=lambda names: totals[names]))
-    return chosen
+    names = [beliefs.totals(lambda hypothesis: {frozenset(hypothesis.names)}, row) for row in weights_without(beliefs)]
+    return [next(iter(totals)) for totals in names]
 
 
 def errors_without(beliefs: Beliefs) -> list[float]:
