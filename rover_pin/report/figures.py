@@ -48,7 +48,7 @@ def candidates_figure(search: Search, kinds: Iterable[type]) -> Figure:
         names = [as_text(display_name(bar.name, kinds)) for bar in bars[::-1]]
         axis.set_yticks(range(len(names)), names, fontsize=8.5)
         base = listing(display_name(refit.name, kinds) for refit in search.before(number)) or "the base model"
-        axis.set_title(f"{'' if look.scored else 'pairs, '}added to {as_text(base)}", fontsize=9.5, loc="left")
+        axis.set_title(f"added to {as_text(base)}", fontsize=9.5, loc="left")
     axes[-1].set_xlabel("gain in chi2")
     axes[-1].set_xlim(left=LEAST_GAIN)  # only now: a limit ends the growth with what is drawn, in all of them
     figure.legend(handles=_signs(), loc="outside upper left", ncols=2, frameon=False, fontsize=8.5)
@@ -56,19 +56,13 @@ def candidates_figure(search: Search, kinds: Iterable[type]) -> Figure:
 
 
 def _bars(search: Search, number: int) -> list[Bar]:
-    """Return the leading candidates of a look and all refitted ones, by refitted or else promised gain.
-
-    Pairs are refitted without having been scored; of these only the leading ones and what was chosen.
-    """
+    """Return the leading candidates of a look and all refitted ones, by refitted or else promised gain."""
     look, most = search.rounds[number], LATER if number else FIRST
     must_gain = threshold_after(search.rounds[:number], search.count, search.base.task.noise.inflation)
     refits = {refit.name: refit for refit in look.refits}
     rows = [row for row in _leaders(look.scored, refits, most) if row.candidate.name not in refits]
-    scored = {row.candidate.name for row in look.scored}
-    pairs = sorted((refit for refit in look.refits if refit.name not in scored), key=lambda refit: -refit.gain)
-    omitted = [refit for refit in pairs[most:] if refit not in look.indistinguishable]
     bars = [Bar(row.candidate.name, row.gain, must_gain(row.candidate), None) for row in rows]
-    bars += [Bar(refit.name, refit.gain, refit.threshold, refit) for refit in look.refits if refit not in omitted]
+    bars += [Bar(refit.name, refit.gain, refit.threshold, refit) for refit in look.refits]
     return sorted(bars, key=lambda bar: -bar.gain)
 
 

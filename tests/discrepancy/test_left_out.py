@@ -159,7 +159,7 @@ def test_second_effect_chosen_by_few_folds_is_dropped(monkeypatch, folds, rounds
         return {str(at): " + ".join(one.replace("-", "")) for at, one in enumerate(folds.split())}
 
     monkeypatch.setattr(decide_answer, "chosen_without", chosen)
-    effects = [SimpleNamespace(name=name, instead=(), candidate=SimpleNamespace(name=name)) for name in "AB"]
+    effects = [SimpleNamespace(name=name, candidate=SimpleNamespace(name=name)) for name in "AB"]
     every = (*(SimpleNamespace(indistinguishable=(one,)) for one in effects), SimpleNamespace(indistinguishable=()))
     assert len(decide_answer.keep_supported_effects(Search(None, every, ())).best_refits) == rounds
     assert asked == [3], "a first effect stands without being asked for"

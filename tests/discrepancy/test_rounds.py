@@ -58,7 +58,7 @@ def looked(monkeypatch):
     return look
 
 
-SOMETHING = Found(SimpleNamespace(candidate=Candidate("A", object(), ()), instead=(), gain=9.0, fit="with A"))
+SOMETHING = Found(SimpleNamespace(candidate=Candidate("A", object(), ()), gain=9.0, fit="with A"))
 
 
 def test_rounds_follow_as_long_as_something_is_found(looked):

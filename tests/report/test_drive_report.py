@@ -10,7 +10,6 @@ from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.cross_validation import losses_of
 from rover_pin.discrepancy.held_out import together
 from rover_pin.discrepancy.refit import Refit
-from rover_pin.discrepancy.search import Round
 from rover_pin.effects.point_mass import PointMass
 from rover_pin.estimation.profile import Profile
 from rover_pin.experiments.drive_log.extra import DriveExtra, extra_of
@@ -21,7 +20,6 @@ from rover_pin.report.drive.ghost import Ghosts
 from rover_pin.report.drive.report import FreeRuns, labels_of, sides_of, write_report
 from rover_pin.report.drive.residual import LeftOver
 from rover_pin.report.drive.runs import Sides, strayed, telling_channels, worst_runs
-from rover_pin.report.figures import LATER
 from rover_pin.report.practical import channel_changes
 from rover_pin.report.sections.held_out import HeldOut
 from rover_pin.report.sections.numbers import Numbers, number_table
@@ -117,28 +115,6 @@ def test_later_candidate_must_gain_a_share_of_the_earlier_gain(verdict):
     marks = [[line.get_xdata()[0] for line in look.lines if line.get_linestyle() == "-"][1] for look in figure.axes]
     (taken,) = (one.gain for one in verdict.search.best_refits)
     assert marks[1] == pytest.approx(marks[0] + 0.01 * taken)
-
-
-def test_pairs_after_a_round_without_result_are_drawn_and_listed(verdict):
-    """Where no single effect is accepted, pairs were refitted without having been scored: none may be lost."""
-    found, chance = verdict.search.rounds[0].refits
-    alone = dataclasses.replace(found, held_out=-1.0)
-    pair = dataclasses.replace(found, instead=(chance.candidate,))
-    worse = [dataclasses.replace(pair, instead=2 * (chance.candidate,), gain=n, held_out=-1.0) for n in range(9)]
-    rounds = (Round(verdict.search.rounds[0].scored, (alone, chance)), Round((), (pair, *worse)))
-    again = dataclasses.replace(verdict, search=dataclasses.replace(verdict.search, rounds=rounds))
-    section = WhichEffect(again, labels_of(verdict))
-    (figure,) = section.pictures()["candidates"].panels
-    first, second = figure.axes
-    assert [axes.get_title(loc="left") for axes in (first, second)] == [
-        "added to the base model", "pairs, added to the base model"
-    ]  # fmt: skip
-    assert second.get_xlim()[1] > pair.gain
-    names = [label.get_text() for label in second.get_yticklabels()]
-    assert len(names) == LATER
-    assert " + " in names[-1]
-    _, table = section.content()["tables"]
-    assert len(table.rows) == 10
 
 
 def test_profiles_are_drawn_where_there_are_any(verdict):

@@ -119,13 +119,7 @@ def describe_outcome(refit: Refit) -> str:
 
 
 def own_text(refit: Refit) -> str:
-    """Return the candidate's own numbers in words; of an exact fit without intervals, whose profiles take long."""
-    names = refit.candidate.names
-    if refit.fit.task.experiment.is_exact:
-        free = [parameter.name for parameter in refit.fit.parameters if parameter.name in names]
-        quantity = refit.fit.task.experiment.quantity
-        texts = [(name, format_value(refit.fit.value(name), quantity(refit.fit.model, name).unit)) for name in free]
-    else:
-        rows = [number for number in numbers(refit.fit) if number.name in names]
-        texts = [(number.name, interval(number.value, number.low, number.high, number.unit)) for number in rows]
+    """Return the candidate's own numbers in words."""
+    rows = [number for number in numbers(refit.fit) if number.name in refit.candidate.names]
+    texts = [(number.name, interval(number.value, number.low, number.high, number.unit)) for number in rows]
     return "; ".join(f"{name.rpartition('.')[2]} = {words}" for name, words in texts)
