@@ -38,7 +38,7 @@ COMMANDS: dict[str, tuple[tuple[str, ...], Patterns]] = {
         "n_1 n_1_low n_1_high": rf"SlipSinkage.n_1 = {INTERVAL}",
         "exponent softening": rf"SlipSinkage \({NUMBER}\) or SlipSoftening \({NUMBER}\)",
         "softened": rf"with SlipSoftening instead: held-out RMSE drawbar pull {WORD} N, sinkage {NUMBER} mm",
-        "anew": rf"with each fold's own choice: drawbar pull {WORD} N, sinkage {NUMBER} mm",
+        "anew": rf"of all hypotheses together: drawbar pull {WORD} N, sinkage {NUMBER} mm",
         "K_eff_before": rf"before: K_eff = {NUMBER} kPa",
         "K_eff_after known_low known_high": rf"after: K_eff = {NUMBER} kPa.*? with {NUMBER} kPa/m\^n to {NUMBER} kPa",
     }),

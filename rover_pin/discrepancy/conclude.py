@@ -121,7 +121,7 @@ def verdict_of(question: Question, beliefs: Beliefs, progress: Progress, seed: i
         question.kind,
         reading.answer,
         question.name,
-        sentence(reading, beliefs, share, before.fit),
+        sentence(reading, beliefs, share, before.misfit),
         after.model,
         tuple(records[owner] for owner in owners if is_effect(records[owner])) if reading.retained else (),
         reading.retained,

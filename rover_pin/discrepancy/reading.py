@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from rover_pin.discrepancy.answer import Answer
-from rover_pin.estimation.fit import Fit
 from rover_pin.inference.beliefs import Beliefs
 
 SURE, MOST = 0.95, 0.5
@@ -62,8 +61,8 @@ def _leading(beliefs: Beliefs) -> tuple[tuple[str, ...], ...]:
     return tuple(leading)
 
 
-def sentence(reading: Reading, beliefs: Beliefs, share: float, base: Fit) -> str:
-    """Return the answer as a sentence."""
+def sentence(reading: Reading, beliefs: Beliefs, share: float, misfit: float) -> str:
+    """Return the answer as a sentence; `misfit` is the base's reduced chi-square by the declared noise."""
     retained = " and ".join(reading.retained)
     probability = beliefs.probability(lambda hypothesis: set(reading.retained) <= set(hypothesis.names))
     takes = f"takes {share:.0%} of what the base model misses beyond the noise where it was not fitted"
@@ -71,16 +70,24 @@ def sentence(reading: Reading, beliefs: Beliefs, share: float, base: Fit) -> str
         f"{' + '.join(names) or 'nothing'} ({probability:.2f})" for names, probability in _shares(reading, beliefs)
     )
     none, left = beliefs.sets.get(frozenset(), 0.0), beliefs.left(reading.retained)
-    return {
+    words = {
         Answer.NAMED: f"{retained} is missing with probability {probability:.2f}; it {takes}.",
         Answer.LIKE: f"something like {retained} is missing (probability {probability:.2f}): it {takes}, but its law "
         f"leaves more than noise with probability {left:.2f}.",
         Answer.SET: f"{_families(beliefs)}the data leave {listed}; the first {takes}.",
         Answer.NONE_NEEDED: f"nothing is missing with probability {none:.2f}; the base model leaves noise.",
         Answer.NONE_FITS: f"no cause of the list is missing with probability {none:.2f}, but the base model leaves "
-        f"more than noise (reduced chi-square {base.misfit:.3g}): something acts that is not on the list.",
+        f"more than noise (reduced chi-square {misfit:.3g}): something acts that is not on the list.",
         Answer.CANNOT_TELL: f"the data cannot tell: {_families(beliefs)}{listed}.",
     }[reading.answer]
+    return words + _besides(reading, beliefs)
+
+
+def _besides(reading: Reading, beliefs: Beliefs) -> str:
+    """Return the channels that are left with more than noise can be, whatever took it, in words; empty where none."""
+    taken = beliefs.noise_taken(reading.retained).items()
+    beyond = [f"{name} is left with {times:.1f} times its declared noise" for name, times in taken if times > BEYOND]
+    return f" Something acts besides: {', '.join(beyond)}." if beyond else ""
 
 
 def _shares(reading: Reading, beliefs: Beliefs) -> list[tuple[tuple[str, ...], float]]:

@@ -94,7 +94,8 @@ class Verdict:
     baselines: tuple[Baseline, ...] = field(default=(), repr=False)
     "held-out errors of what a user would otherwise take"
     errors_anew: dict[str, float] = field(default_factory=dict, repr=False)
-    "RMSE of each channel, every fold predicted with what is chosen and fitted without it; where fits are exact"
+    "RMSE of each channel, every fold predicted with what is chosen and fitted without it, or by all hypotheses as \
+the other folds weigh them"
     others: dict[str, dict[str, float]] = field(default_factory=dict, repr=False)
     "of a set: held-out RMSE of each channel with what cannot be distinguished from the first, by name"
     draft: Draft | None = field(default=None, repr=False)
@@ -135,7 +136,8 @@ class Verdict:
     @property
     def _missed_anew(self) -> str:
         errors_text = self._errors_text(self.errors_anew)
-        return f"; held-out RMSE with each fold's own choice: {errors_text}" if errors_text else ""
+        of = "with each fold's own choice" if self.beliefs is None else "of all hypotheses together"
+        return f"; held-out RMSE {of}: {errors_text}" if errors_text else ""
 
     @property
     def _noise_taken(self) -> str:

@@ -1,0 +1,88 @@
+"""The words for probabilities: which answer, which causes the model keeps, what the sentence says of what is left."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from rover_pin.discrepancy.answer import Answer
+from rover_pin.discrepancy.reading import read, sentence
+from rover_pin.inference.beliefs import Beliefs
+from rover_pin.inference.error_model import Discrepancy
+
+SAMPLES = SimpleNamespace(channel=np.array([0, 1]), blocks=(np.array([0]), np.array([1])))
+EXPERIMENT = SimpleNamespace(channels=("pull", "sinkage"))
+KINDS = {"": Discrepancy.NONE, "~": Discrepancy.SMOOTH, "'": Discrepancy.FORM}
+"""How a set's name ends that leaves a smooth discrepancy, or an error of form."""
+
+
+def hypothesis(text, noise):
+    causes = tuple(
+        SimpleNamespace(name=name, family=f"family of {name}") for name in text.rstrip("~'").replace("-", "")
+    )
+    errors = SimpleNamespace(discrepancy=KINDS[text[-1] if text[-1] in "~'" else ""], samples=SAMPLES)
+    names = tuple(cause.name for cause in causes)
+    return SimpleNamespace(names=names, causes=causes, errors=errors, noise_share=noise, experiment=EXPERIMENT)
+
+
+def beliefs(text, noise=(1.0, 1.0)):
+    """Sets with their probabilities, as "A .7 AB .2 - .1": `-` is nothing."""
+    words = text.split()
+    made = Beliefs(tuple(hypothesis(word, np.array(noise)) for word in words[::2]), 5)
+    made.__dict__["scores"] = np.log(np.array(words[1::2], dtype=float))
+    return made
+
+
+@pytest.mark.parametrize(
+    ("text", "answer", "retained"),
+    [
+        ("- .6 A .4", Answer.NONE_NEEDED, ""),
+        ("- .4 -~ .2 A .4", Answer.NONE_NEEDED, ""),
+        ("- .2 -~ .4 A .4", Answer.NONE_FITS, ""),
+        ("- .4 A .6", Answer.CANNOT_TELL, ""),
+        ("- .06 A .94", Answer.CANNOT_TELL, ""),
+        ("- .02 A .98", Answer.NAMED, "A"),
+        ("A .5 AB .3 AC .18 - .02", Answer.NAMED, "A"),
+        ("A .2 A~ .3 A' .48 - .02", Answer.LIKE, "A"),
+        ("AB .9 A .04 B .04 - .02", Answer.SET, "AB"),
+        ("A .6 B .38 - .02", Answer.SET, "A"),
+        ("AB .97 A .03", Answer.NAMED, "AB"),
+    ],
+)
+def test_probabilities_decide(text, answer, retained):
+    reading = read(beliefs(text))
+    assert (reading.answer, "".join(reading.retained)) == (answer, retained)
+
+
+def test_what_only_adds_to_a_set_is_not_listed_beside_it():
+    reading = read(beliefs("A .5 AB .1 B .3 BC .06 - .04"))
+    assert reading.sets == (("A",), ("B",))
+    text = sentence(reading, beliefs("A .5 AB .1 B .3 BC .06 - .04"), 0.8, 1.0)
+    assert "A (0.60)" in text
+    assert "B (0.36)" in text
+
+
+def test_a_base_that_leaves_thrice_its_noise_is_not_enough():
+    assert read(beliefs("- .9 A .1", noise=(1.0, 2.9))).answer is Answer.NONE_NEEDED
+    assert read(beliefs("- .9 A .1", noise=(1.0, 3.1))).answer is Answer.NONE_FITS
+
+
+@pytest.mark.parametrize("text", ["A .99 - .01", "A .6 B .39 - .01", "A .9 - .1"])
+def test_what_is_beyond_the_noise_is_told_after_any_answer(text):
+    """No channel that is left with more than thrice its noise is passed over, whatever was named."""
+    loud, quiet = (beliefs(text, noise=(1.0, times)) for times in (4.5, 2.9))
+    assert "sinkage is left with 4.5 times" in sentence(read(loud), loud, 0.8, 1.0)
+    assert "times" not in sentence(read(quiet), quiet, 0.8, 1.0)
+
+
+def test_a_base_that_does_not_hold_has_its_chi_square_told():
+    left = beliefs("- .2 -~ .6 A .2")
+    assert "7.25" in sentence(read(left), left, 0.0, 7.25)
+
+
+def test_families_are_told_where_members_are_not():
+    many = beliefs("A .5 B .49 - .01")
+    for one in many.hypotheses[:2]:
+        for cause in one.causes:
+            cause.family = "digging"
+    assert "digging (0.99)" in sentence(read(many), many, 0.8, 1.0)
