@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Callable
 
 import pandas as pd
+from scipy.stats import binomtest
 
 NAMED = ["named", "in the set"]
 WRONG = ["wrong name", "with one that is not there"]
 ONE, OTHER, TWO, NO, NOTHING = (
     "one effect", "a listed effect by another law", "two effects", "an effect on no list", "nothing",
 )  # fmt: skip
-NORMAL_95 = 1.959964
 Count = tuple[int, int]
 
 
@@ -91,19 +90,11 @@ def shares(sets: pd.DataFrame) -> str:
         count, whole = counted(sets)
         if not whole:
             continue
-        low, high = wilson(count, whole)
+        low, high = binomtest(count, whole).proportion_ci(method="wilson")
         rows.append(
             f"| {what} | {count} of {whole} | {100 * count / whole:.1f} % [{100 * low:.1f}, {100 * high:.1f}] | {aim} |"
         )
     return "\n".join(rows)
-
-
-def wilson(count: int, whole: int) -> tuple[float, float]:
-    """Return the 95 % Wilson interval of a share."""
-    part, z2 = count / whole, NORMAL_95**2
-    middle = (part + z2 / (2 * whole)) / (1 + z2 / whole)
-    half = NORMAL_95 / (1 + z2 / whole) * math.sqrt(part * (1 - part) / whole + z2 / (4 * whole**2))
-    return max(middle - half, 0.0), min(middle + half, 1.0)
 
 
 def counts(sets: pd.DataFrame) -> dict[str, tuple[str, str]]:

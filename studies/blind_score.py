@@ -31,9 +31,9 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 from kept.tables import calibration, listed, markdown
+from scipy.stats import binomtest
 
 from rover_pin.discrepancy.answer import Answer
-from rover_pin.estimation.profile import NORMAL_95
 
 
 class Kind(Enum):
@@ -139,10 +139,8 @@ class Row(NamedTuple):
 
 def wilson(count: int, of: int) -> tuple[float, float]:
     """Return the 95 % Wilson interval of a share; of > 0."""
-    share, z2 = count / of, NORMAL_95**2
-    middle = (share + z2 / (2 * of)) / (1 + z2 / of)
-    half = NORMAL_95 / (1 + z2 / of) * math.sqrt(share * (1 - share) / of + z2 / (4 * of**2))
-    return max(middle - half, 0.0), min(middle + half, 1.0)
+    low, high = binomtest(count, of).proportion_ci(method="wilson")
+    return float(low), float(high)
 
 
 def shares(cases: Sequence[Case]) -> list[Row]:

@@ -23,6 +23,7 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 import pandas as pd
+from kept.tables import listed
 
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.loop.close import close_the_loop
@@ -65,16 +66,16 @@ def row_of(data: str, verdict: Verdict) -> dict[str, str]:
         "data": data,
         "answer": verdict.answer.value,
         "sets": " or ".join(verdict.indistinguishable),
-        "families": listed(verdict.beliefs.families),
-        "causes": listed(verdict.beliefs.included),
+        "families": listed(shown(verdict.beliefs.families)),
+        "causes": listed(shown(verdict.beliefs.included)),
         "before": errors({score.name: score.before for score in verdict.scores}),
         "after": errors({score.name: score.after for score in verdict.scores}),
         "together": errors(verdict.errors_anew),
     }
 
 
-def listed(probabilities: dict[str, float]) -> str:
-    return "; ".join(f"{name} {chance:.2f}" for name, chance in probabilities.items() if chance > SHOWN)
+def shown(probabilities: dict[str, float]) -> dict[str, float]:
+    return {name: chance for name, chance in probabilities.items() if chance > SHOWN}
 
 
 def errors(by_channel: dict[str, float]) -> str:

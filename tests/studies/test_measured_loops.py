@@ -18,7 +18,11 @@ def study():
     spec = importlib.util.spec_from_file_location("measured_wheels", ROOT / "studies" / "measured_wheels.py")
     module = importlib.util.module_from_spec(spec)
     sys.modules["measured_wheels"] = module
-    spec.loader.exec_module(module)
+    sys.path.insert(0, str(ROOT / "studies"))
+    try:
+        spec.loader.exec_module(module)
+    finally:
+        sys.path.remove(str(ROOT / "studies"))
     return module
 
 
