@@ -45,7 +45,7 @@ from kept.case import kept
 from rover_pin.base.code_digest import key_of_code
 from rover_pin.discrepancy.calibration import calibrated
 from rover_pin.discrepancy.conclude import explorer_of, fit_of
-from rover_pin.discrepancy.decide_answer import Question
+from rover_pin.discrepancy.question import Question
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.estimation.noise import huber_losses
 from rover_pin.estimation.numbers import is_adequate

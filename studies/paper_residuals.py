@@ -46,7 +46,7 @@ from scipy.optimize import minimize
 
 from rover_pin.base.quantity import quantities
 from rover_pin.contact import Contact, Load, Soil, Wheel
-from rover_pin.discrepancy.screen import null_threshold
+from rover_pin.estimation.noise import null_gain
 from rover_pin.effects.effect import Effect
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.experiments.wheel_rig.candidates import added, rig_kinds
@@ -258,7 +258,7 @@ def ranking(found: Sequence[Resolved]) -> pd.DataFrame:
                 "change": one.shown,
                 "chi2": round(one.chi2, 2),
                 "gain": round(gain, 1),
-                "fee": round(parts * null_threshold(count), 1),
+                "fee": round(parts * null_gain(count), 1),
                 "statements_broken": ", ".join(broken) or "none",
             }
         )

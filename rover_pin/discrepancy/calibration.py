@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from rover_pin.base.errors import OptimisationError
-from rover_pin.discrepancy.candidate import Candidate
-from rover_pin.discrepancy.screen import Scored, score, signatures, with_noise
 from rover_pin.estimation.exact import scattered
 from rover_pin.estimation.experiment import Experiment, residual
-from rover_pin.estimation.fit import Fit, best_of, fit
+from rover_pin.estimation.fit import Fit, again, best_of, fit
 from rover_pin.estimation.gauss_newton import at, slopes_at
+from rover_pin.estimation.learnt_noise import with_noise
 from rover_pin.estimation.noise import first_noise
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.estimation.task import Task
@@ -50,24 +49,6 @@ def calibrated(experiment: Experiment, model: Any, numbers: Sequence[Parameter],
     least = experiment.least_noise(model)
     base = fit(Task(experiment, first_noise(initial_residual, least)), model, numbers)
     return again(with_noise(base, base.residual, least))
-
-
-def again(base: Fit) -> Fit:
-    """Return the fit taken up where it was, as after a change of the noise."""
-    return fit(base.task, base.model, base.parameters, base.u, base.slopes)
-
-
-class DeclaredStart(NamedTuple):
-    """A model with all uncertain numbers as declared, and the candidates scored there, the most promising first."""
-
-    start: Fit
-    scored: tuple[Scored, ...]
-
-
-def declared_start(fitted: Fit, candidates: Sequence[Candidate]) -> DeclaredStart:
-    """Return the declared numbers as a start for refits of these candidates."""
-    start = as_declared(fitted)
-    return DeclaredStart(start, tuple(score(start, signatures(start, candidates))))
 
 
 def is_bent(fitted: Fit) -> bool:

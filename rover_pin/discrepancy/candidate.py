@@ -21,7 +21,7 @@ FAR_FROM = 50.0
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """An effect at its default size at some place, or, without an effect, numbers of the model freed from their priors.
+    """An effect at its default size at some place, or one that the model has, a number of it freed from its prior.
 
     An effect is a record of quantities that names the `neutral` values of its sizes, at which it vanishes, and its
     `places`; `amplitudes` and `shapes` are names of parameters, `owner.quantity`.
@@ -36,6 +36,8 @@ class Candidate:
     "where it is: a wheel, a joint, a channel, or the begin of a stretch of the way [m]"
     place_searched: bool = False
     "whether that place was sought along the way, so that chance had more to choose from"
+    freed: Parameter | None = None
+    "the number of an effect of the model, as it is known beforehand, that may be otherwise"
 
     @property
     def name(self) -> str:
@@ -51,7 +53,7 @@ class Candidate:
 
     def on(self, model: Any) -> Any:
         """Return the model with the effect at its default size."""
-        return model if self.effect is None else model.having(self.effect)
+        return model if self.freed else model.having(self.effect)
 
     @property
     def neutral(self) -> dict[str, float]:
@@ -62,11 +64,6 @@ class Candidate:
     def names(self) -> tuple[str, ...]:
         """The names of the candidate's numbers: amplitudes and shapes."""
         return (*self.amplitudes, *self.shapes)
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:
-        """The free numbers of the effect: sizes without a prior, shapes with one."""
-        return (*map(self.size, self.amplitudes), *map(self.shape, self.shapes))
 
     @property
     def cause(self) -> Cause:
@@ -84,17 +81,21 @@ class Candidate:
     def size(self, name: str) -> Parameter:
         """Return the parameter of a size: u = 0 neutral, u = 1 the effect's own; a logarithm where neutral is far off.
 
-        An effect that is at its neutral value is tried at the default of its class.
+        An effect that is at its neutral value is tried at the default of its class, and so is a freed number, about
+        what is known of it.
         """
         quantity = name.rpartition(".")[2]
         spec, neutral = quantities(self.effect)[quantity], self.effect.neutral[quantity]
         default = float(getattr(self.effect, quantity))
-        if default == neutral:
+        if default == neutral or self.freed:
             default = float(type(self.effect).__dataclass_fields__[quantity].default)
         low, high = float(spec.low), float(spec.high)
         if abs(neutral) > FAR_FROM * abs(default):
             return Parameter(name, default, 1.0, low, high, log=True, prior=False, fd=0.1)
-        return Parameter(name, neutral, default - neutral or _reach(spec.unit), low, high, prior=False, fd=0.2)
+        scale = default - neutral or _reach(spec.unit)
+        if self.freed:
+            return replace(self.freed, scale=1.0 if self.freed.log else scale, fd=0.2)
+        return Parameter(name, neutral, scale, low, high, prior=False, fd=0.2)
 
     def shape(self, name: str) -> Parameter:
         """Return the parameter of a shape, with a prior around its present value."""

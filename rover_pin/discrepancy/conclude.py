@@ -10,26 +10,28 @@ import numpy as np
 
 from rover_pin.base.errors import OptimisationError
 from rover_pin.discrepancy.answer import Answer
+from rover_pin.discrepancy.calibration import calibrated
 from rover_pin.discrepancy.candidate import is_effect
-from rover_pin.discrepancy.cross_validation import fall_of, losses_of
-from rover_pin.discrepancy.decide_answer import Question, with_draft
-from rover_pin.discrepancy.draft import Draft, draft_of
+from rover_pin.discrepancy.draft import Draft, draft_of, scored
 from rover_pin.discrepancy.held_out import fold_errors, held_out, lost_folds, taken_share
+from rover_pin.discrepancy.question import Progress, Question
 from rover_pin.discrepancy.reading import Reading, read, sentence
-from rover_pin.discrepancy.refit import Progress, Refit
-from rover_pin.discrepancy.screen import candidate_threshold
+from rover_pin.discrepancy.search import Search
+from rover_pin.discrepancy.signature import signatures
 from rover_pin.discrepancy.verdict import Side, Verdict
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.gauss_newton import at
+from rover_pin.estimation.learnt_noise import with_learnt_noise
 from rover_pin.estimation.noise import declared_noise
-from rover_pin.estimation.numbers import AT_BOUND, Number
+from rover_pin.estimation.numbers import AT_BOUND, Number, implausible
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.estimation.profile import NORMAL_95
 from rover_pin.estimation.task import Task
 from rover_pin.inference.beliefs import Beliefs
 from rover_pin.inference.cause import reading_error
 from rover_pin.inference.explore import Explorer
-from rover_pin.inference.hypothesis import Fitter, Hypothesis
+from rover_pin.inference.hypothesis import Fitter
+from rover_pin.inference.linear_hypothesis import LinearHypothesis
 from rover_pin.inference.samples import samples_of
 from rover_pin.inference.weighed_anew import chosen_without, errors_without
 
@@ -40,7 +42,7 @@ MAX_OTHERS = 3
 """Sets beside the first whose held-out errors are listed."""
 
 
-def concluded_by_evidence(question: Question, progress: Progress, seed: int = 0) -> Verdict:
+def concluded(question: Question, progress: Progress, seed: int = 0) -> Verdict:
     """Return what a model lacks, as a graded answer.
 
     Raises
@@ -49,12 +51,21 @@ def concluded_by_evidence(question: Question, progress: Progress, seed: int = 0)
         The base model cannot be fitted at all.
     """
     progress("calibrating the base model")
+    if not question.experiment.is_exact:
+        searched = search_of(question, progress, seed)
+        return verdict_of(question, searched.beliefs(), progress, seed)
     explorer = explorer_of(question, progress)
-    beliefs = explorer.explore()
-    verdict = verdict_of(question, beliefs, progress, seed)
+    verdict = verdict_of(question, explorer.explore(), progress, seed)
     if verdict.after is None or verdict.answer not in (Answer.NONE_FITS, Answer.LIKE):
         return verdict
     return with_draft(verdict, _drafted(question, explorer, verdict.named, verdict.after.fit), seed)
+
+
+def with_draft(verdict: Verdict, draft: Draft | None, seed: int) -> Verdict:
+    """Return a verdict with the draft of what its model leaves, beside whose errors the draft's stand."""
+    if draft is None or verdict.after is None or verdict.answer not in (Answer.NONE_FITS, Answer.LIKE):
+        return verdict
+    return replace(verdict, draft=scored(draft, verdict.after.fit, seed))
 
 
 def _drafted(question: Question, explorer: Explorer, named: tuple[str, ...], fitted: Fit) -> Draft | None:
@@ -63,13 +74,27 @@ def _drafted(question: Question, explorer: Explorer, named: tuple[str, ...], fit
     if drafted is None:
         return None
     (candidate,) = drafted.candidates
-    if not explorer.fit((*explorer.beliefs().best(named).causes, candidate.cause)):
-        return draft_of(drafted.text, None)
-    after = fit_of(explorer.beliefs().best((*named, candidate.name)))
-    same_noise = replace(after, task=fitted.task)
-    gain, held_out_gain = fitted.chi2 - same_noise.chi2, fall_of(losses_of(fitted), losses_of(same_noise))
-    refit = Refit(candidate, same_noise, gain, candidate_threshold(candidate, 1, inflation=1.0), held_out_gain, 1.0)
-    return draft_of(drafted.text, refit)
+    without = explorer.beliefs().best(named)
+    if not explorer.fit((*without.causes, candidate.cause)):
+        return draft_of(drafted.text, fitted, None, -math.inf)
+    with_it = explorer.beliefs().best((*named, candidate.name))
+    return draft_of(drafted.text, fitted, fit_of(with_it), with_it.log_evidence - without.log_evidence)
+
+
+def search_of(question: Question, progress: Progress, seed: int = 0) -> Search:
+    """Return what was fitted of a question whose slopes are differences, its noise learnt where none is declared."""
+    base = calibrated(question.experiment, question.model, tuple(map(proper, question.numbers)), seed)
+    candidates = question.candidates(base)
+    progress(f"how each of {len(candidates)} candidates would show")
+    rows = signatures(base, candidates)
+    if question.experiment.noise() is None:
+        progress("learning the noise")
+        base = with_learnt_noise(base, [row.shift for row in rows])
+    found = Search(base, progress)
+    found.run(rows)
+    progress("weighing what is on no list")
+    found.leave(question.functions(base))
+    return found
 
 
 def explorer_of(question: Question, progress: Progress) -> Explorer:
@@ -111,17 +136,20 @@ def verdict_of(question: Question, beliefs: Beliefs, progress: Progress, seed: i
     progress("intervals, and errors on what was left out")
     before = side_of(beliefs, base)
     after = side_of(beliefs, best) if reading.retained else before
-    errors = held_out(before.fit, after.fit, _declared(question.experiment), seed)
+    errors = held_out(before.fit, after.fit, question.experiment.noise() or before.fit.task.noise, seed)
     share = taken_share(errors.channels) if reading.retained else 0.0
+    answer = reading.answer
+    if answer is Answer.NONE_NEEDED and implausible(before.fit):
+        answer = Answer.INADEQUATE
     records = question.experiment.records(after.model)
     owners = [cause.owner for cause in best.causes if cause.owner]
     names = tuple(" + ".join(names) or "nothing" for names in reading.sets)
     folds = question.experiment.folds
     return Verdict(
         question.kind,
-        reading.answer,
+        answer,
         question.name,
-        sentence(reading, beliefs, share, before.misfit),
+        sentence(reading._replace(answer=answer), beliefs, share, before.misfit),
         after.model,
         tuple(records[owner] for owner in owners if is_effect(records[owner])) if reading.retained else (),
         reading.retained,
@@ -140,8 +168,10 @@ def verdict_of(question: Question, beliefs: Beliefs, progress: Progress, seed: i
     )
 
 
-def fit_of(hypothesis: Hypothesis) -> Fit:
+def fit_of(hypothesis: Any) -> Fit:
     """Return a hypothesis as a fit, its noise as large as all its errors."""
+    if isinstance(hypothesis, LinearHypothesis):
+        return hypothesis.fit
     experiment, samples = hypothesis.experiment, hypothesis.errors.samples
     variance = samples.table_of(hypothesis.variance)
     noise = declared_noise(np.sqrt(np.where(np.isfinite(variance), variance, 1.0)), np.asarray(experiment.observed))
@@ -158,10 +188,11 @@ def fit_of(hypothesis: Hypothesis) -> Fit:
     )
 
 
-def side_of(beliefs: Beliefs, hypothesis: Hypothesis) -> Side:
+def side_of(beliefs: Beliefs, hypothesis: Any) -> Side:
     """Return a hypothesis as a side of the verdict, its intervals over all hypotheses that contain it."""
     fitted = fit_of(hypothesis)
-    declared = replace(fitted, task=Task(hypothesis.experiment, _declared(hypothesis.experiment)))
+    noise = hypothesis.experiment.noise()
+    declared = fitted if noise is None else replace(fitted, task=Task(hypothesis.experiment, noise))
     amplitudes = {name for cause in hypothesis.causes for name in cause.amplitudes}
     numbers = tuple(
         _number(beliefs, hypothesis, fitted, place, parameter.name in amplitudes)
@@ -170,7 +201,7 @@ def side_of(beliefs: Beliefs, hypothesis: Hypothesis) -> Side:
     return Side(fitted.model, numbers, declared.misfit, fitted)
 
 
-def _number(beliefs: Beliefs, hypothesis: Hypothesis, fitted: Fit, place: int, is_size: bool) -> Number:
+def _number(beliefs: Beliefs, hypothesis: Any, fitted: Fit, place: int, is_size: bool) -> Number:
     """Return a number with its 95 % interval, the hypotheses that contain this one weighed."""
     parameter, u = hypothesis.parameters[place], float(hypothesis.u[place])
     mean, sd = beliefs.moments(hypothesis, parameter.name)

@@ -10,7 +10,6 @@ import numpy as np
 
 from rover_pin.base.public import brief
 from rover_pin.discrepancy.cross_validation import held_out_residual
-from rover_pin.discrepancy.search import Search
 from rover_pin.estimation.baselines import Baseline
 from rover_pin.estimation.experiment import Experiment
 from rover_pin.estimation.fit import STRETCH, Fit, table_of
@@ -161,24 +160,9 @@ def fold_errors(fitted: Fit) -> dict[str, float]:
     return _named_rms(fitted, held_out_residual(fitted))
 
 
-def errors_anew(base: Fit, anew: dict[str, Search]) -> dict[str, float]:
-    """Return the RMSE of each channel, every fold predicted with what is chosen and fitted without it."""
-    return _named_rms(base, np.array([fold_search.last.missed[at] for at, fold_search in enumerate(anew.values())]))
-
-
 def _named_rms(fitted: Fit, residual: np.ndarray) -> dict[str, float]:
     rms = _rms(residual, fitted.task.noise.good, (0, 2))
     return dict(zip(fitted.task.experiment.channels, rms.tolist(), strict=True))
-
-
-def errors_of_others(search_result: Search) -> dict[str, dict[str, float]]:
-    """Return the held-out errors by channel of what cannot be distinguished from what was found best, by name."""
-    *_, last = (
-        search_round.indistinguishable for search_round in search_result.rounds if search_round.indistinguishable
-    )
-    return {
-        name: fold_errors(refit.fit) for name, refit in zip(search_result.indistinguishable[1:], last[1:], strict=True)
-    }
 
 
 def floor_of(experiment: Experiment, noise: Noise) -> np.ndarray:

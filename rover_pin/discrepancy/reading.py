@@ -35,8 +35,7 @@ def read(beliefs: Beliefs) -> Reading:
     """
     none = beliefs.sets.get(frozenset(), 0.0)
     if none > MOST:
-        base = beliefs.best(())
-        leaves = beliefs.left(()) > MOST or bool((base.noise_share > BEYOND).any())
+        leaves = beliefs.left(()) > MOST or _is_beyond(beliefs)
         return Reading(Answer.NONE_FITS if leaves else Answer.NONE_NEEDED)
     sets = _leading(beliefs)
     if none > 1.0 - SURE:
@@ -46,6 +45,15 @@ def read(beliefs: Beliefs) -> Reading:
     if contained <= SURE:
         return Reading(Answer.SET, retained, sets)
     return Reading(Answer.LIKE if beliefs.left(retained) > MOST else Answer.NAMED, retained, sets[:1])
+
+
+def _is_beyond(beliefs: Beliefs) -> bool:
+    """Return whether the base model leaves a channel with more than its declared noise can be.
+
+    Noise that is learnt has what the ground does besides, of which there is no declaration to be beyond.
+    """
+    base = beliefs.best(())
+    return base.experiment.noise() is not None and max(base.noise_taken.values()) > BEYOND
 
 
 def _leading(beliefs: Beliefs) -> tuple[tuple[str, ...], ...]:
@@ -86,7 +94,8 @@ def sentence(reading: Reading, beliefs: Beliefs, share: float, misfit: float) ->
 def _besides(reading: Reading, beliefs: Beliefs) -> str:
     """Return the channels that are left with more than noise can be, whatever took it, in words; empty where none."""
     taken = beliefs.noise_taken(reading.retained).items()
-    beyond = [f"{name} is left with {times:.1f} times its declared noise" for name, times in taken if times > BEYOND]
+    floor = "its declared noise" if beliefs.best(()).experiment.noise() is not None else "what its samples scatter"
+    beyond = [f"{name} is left with {times:.1f} times {floor}" for name, times in taken if times > BEYOND]
     return f" Something acts besides: {', '.join(beyond)}." if beyond else ""
 
 

@@ -1,179 +1,279 @@
-"""The search for what a model lacks: calibrate, learn the noise, screen, refit, add, and look again."""
+"""Which sets of causes are worth a fit, the most promising first: by the linear model about what was fitted so far.
+
+Every candidate moves a fitted model by its signature. About each fit the evidence of any set that adds one or two
+candidates is a matrix; the most promising set is fitted, which gives its evidence anew and that of the sets beyond it,
+until no set that was not fitted is worth it. A cause that may be anywhere along the way is as probable as any other,
+and shares that among its places.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import itertools
+import math
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 
 import numpy as np
+from scipy.special import logsumexp
 
-from rover_pin.base.public import brief
-from rover_pin.discrepancy.calibration import again, declared_start, is_bent
+from rover_pin.base.errors import OptimisationError
+from rover_pin.discrepancy.calibration import as_declared, is_bent
 from rover_pin.discrepancy.candidate import Candidate
-from rover_pin.discrepancy.refit import Progress, Refit, Threshold, indistinguishable_refits
-from rover_pin.discrepancy.refit_candidates import refit
-from rover_pin.discrepancy.screen import (
-    Scored,
-    Signature,
-    candidate_threshold,
-    saturated,
-    score,
-    signatures,
-    with_noise,
-    with_random_effects,
-)
-from rover_pin.estimation.fit import Fit
-from rover_pin.estimation.noise import COLOURED
-from rover_pin.estimation.random_effects.random_field import RandomField
+from rover_pin.discrepancy.signature import Signature, signatures
+from rover_pin.estimation.columns import Columns
+from rover_pin.estimation.fit import Fit, fit
+from rover_pin.inference.beliefs import Beliefs
+from rover_pin.inference.cause import Cause
+from rover_pin.inference.expansion import Expansion
+from rover_pin.inference.explore import SHOWN
+from rover_pin.inference.left_over import left_overs
+from rover_pin.inference.linear_hypothesis import LinearHypothesis, linear_hypothesis, with_left_over
 
-MOST = 3
-"""Effects that are added at most."""
-LEARNT = 2
-"""How often noise and base are fitted in turn."""
+MAX_CAUSES, MAX_FITS = 4, 12
+"""Causes of a set at most, and sets that are fitted at most."""
+WORTH = 5.0
+"""Nats behind the best at which a set is not fitted, nor weighed with what it may leave."""
+FOLLOWED = 20.0
+"""Nats behind the best at which a set is not followed at all."""
+FROM_DECLARED = 3
+"""Causes that are fitted from the declared numbers too, where a missing effect has bent the base model."""
+FIRST, LAST = 0.08, 0.02
+"""First and last step by which an edge of a stretch of the way is moved [m]; half a second's drive is 0.025 m."""
+SMALL = 0.1
+"""Share of its first size from which a cause is fitted again, where it did not do better than none."""
+LIKELY = 0.05
+"""Probability from which a set is fitted to its end."""
+Progress = Callable[[str], None]
+Names = frozenset[str]
 
 
-@brief
 @dataclass(frozen=True, eq=False)
-class Round:
-    """One look for something missing: all candidates scored, the plausible ones refitted."""
+class Option:
+    """A cause as it may be added: how it moves the rows, and how much more probable all its places are than this."""
 
-    scored: tuple[Scored, ...] = field(repr=False)
-    refits: tuple[Refit, ...]
+    signature: Signature
+    column: np.ndarray = field(repr=False)
+    "of the whitened rows (n,), by u of its size"
+    log_places: float = 0.0
 
     @property
-    def indistinguishable(self) -> tuple[Refit, ...]:
-        """The candidates that the data cannot tell from the best; empty where none is accepted."""
-        return indistinguishable_refits(self.refits)
+    def candidate(self) -> Candidate:
+        """What it is."""
+        return self.signature.candidate
+
+    @property
+    def size(self) -> Cause:
+        """The cause with the one size that its signature moves."""
+        whole, moved = self.candidate.cause, self.signature.moved
+        number = next(parameter for parameter in whole.parameters if parameter.name == moved)
+        return replace(
+            whole, parameters=(replace(number, log=False, low=-math.inf, high=math.inf),) if number.log else (number,)
+        )
 
 
-@brief
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class Search:
-    """The calibrated base model, and one round for each effect that was added, then the last that found none."""
+    """What was fitted so far, and the most promising estimate of every other set."""
 
     base: Fit
-    rounds: tuple[Round, ...]
-    signatures: tuple[Signature, ...] = field(repr=False)
-    "how each candidate moves the base model"
-    random_field: RandomField | None = field(default=None, repr=False)
-    "what of the experiment differs from fold to fold by chance"
+    progress: Progress = lambda message: None
+    options: dict[str, Option] = field(default_factory=dict)
+    fitted: dict[Names, list[LinearHypothesis]] = field(default_factory=dict)
+    estimates: dict[Names, LinearHypothesis] = field(default_factory=dict)
+    lost: set[Names] = field(default_factory=set)
+    "sets with which no fit ends"
 
-    @property
-    def best_refits(self) -> tuple[Refit, ...]:
-        """The best of every round that found something, in turn."""
-        return self.before(len(self.rounds))
+    def beliefs(self) -> Beliefs:
+        """Return what the data make of all sets."""
+        rest = [hypothesis for names, hypothesis in self.estimates.items() if names not in self.fitted]
+        untried = tuple(name for name in self.options if frozenset((name,)) in self.lost)
+        return Beliefs((*itertools.chain(*self.fitted.values()), *rest), max(len(self.options), 1), untried)
 
-    def before(self, number: int) -> tuple[Refit, ...]:
-        """The best of every round before this one that found something."""
-        return tuple(step.indistinguishable[0] for step in self.rounds[:number] if step.indistinguishable)
+    def run(self, rows: Sequence[Signature]) -> Beliefs:
+        """Return what the data make of candidates by their signatures, after the sets that are worth it were fitted."""
+        self.progress("weighing candidates and pairs of them")
+        self.options = {option.candidate.name: option for option in options(self.base, rows)}
+        self._add((), self._expansion(self.base))
+        if is_bent(self.base):
+            self._from_declared(list(dict.fromkeys(row.candidate for row in rows)))
+        while len(self.fitted) <= MAX_FITS and (names := self._worthiest()):
+            self.fit(names)
+        self._to_the_end()
+        return self.beliefs()
 
-    @property
-    def added(self) -> tuple[Candidate, ...]:
-        """What was added, in turn."""
-        path: tuple[Candidate, ...] = ()
-        for best_refit in self.best_refits:
-            path = (*path, best_refit.candidate)
-        return path
+    def score(self, hypothesis: LinearHypothesis) -> float:
+        """Return the logarithm of evidence times prior."""
+        return float(Beliefs((hypothesis,), max(len(self.options), 1)).scores[0])
 
-    @property
-    def names(self) -> str:
-        """What was added, in words; empty where nothing was."""
-        return " + ".join(candidate.name for candidate in self.added)
+    def best_score(self) -> float:
+        """Return the greatest of what was fitted."""
+        return max(self.score(rows[0]) for rows in self.fitted.values())
 
-    @property
-    def indistinguishable(self) -> tuple[str, ...]:
-        """What was added, then what cannot be distinguished from it; empty where nothing was added."""
-        *firsts, last = [step.indistinguishable for step in self.rounds if step.indistinguishable] or [()]
-        before = [candidate.name for candidate in replace(self, rounds=self.rounds[: len(firsts)]).added]
-        ways = [[*before, tied_refit.candidate.name] for tied_refit in last]
-        added_names = self.names.split(" + ")
-        ways += [
-            [*added_names[:at], tied_refit.name, *added_names[at + 1 :]]
-            for at, tied_refits in enumerate(firsts)
-            for tied_refit in tied_refits[1:]
+    def _worthiest(self) -> Names:
+        """Return the most promising set that was not fitted; none where none is worth it."""
+        tried = {
+            names: self.score(estimate)
+            for names, estimate in self.estimates.items()
+            if names not in self.fitted and names not in self.lost and self._promises(estimate)
+        }
+        best = max(tried, key=lambda names: tried[names], default=frozenset[str]())
+        return best if best and tried[best] > self.best_score() - WORTH else frozenset()
+
+    def _promises(self, estimate: LinearHypothesis) -> bool:
+        """Return whether the data speak for what a set adds to the fit about which it was estimated."""
+        return estimate.log_evidence > self.fitted[frozenset(estimate.names) - set(estimate.added)][0].log_evidence
+
+    def _expansion(self, fitted: Fit) -> Expansion:
+        columns = [option.column for option in self.options.values()]
+        return Expansion(fitted, np.array(columns).T if columns else np.zeros((len(fitted.rows), 0)))
+
+    def _add(self, causes: Sequence[Cause], expansion: Expansion) -> None:
+        """Note a fit, and what it says of the sets that have one cause more; the base model's, of pairs too."""
+        names = frozenset(cause.name for cause in causes)
+        self.fitted[names] = [self._weighed(causes, expansion)]
+        if len(names) == MAX_CAUSES:
+            return
+        others = [name for name in self.options if name not in names]
+        sets = [(name,) for name in others] + ([] if names else [*itertools.combinations(others, 2)])
+        places = {name: at for at, name in enumerate(self.options)}
+        evidence = [expansion.posterior([places[name] for name in added]).log_evidence for added in sets]
+        least = max([*evidence, self.fitted[names][0].posterior.log_evidence]) - FOLLOWED
+        for added in itertools.compress(sets, np.array(evidence) > least):
+            wider = names | set(added)
+            known = self.estimates.get(wider)
+            if known is None or len(known.causes) - len(known.extra) < len(names):
+                self.estimates[wider] = self._weighed(causes, expansion, added)
+
+    def _weighed(self, causes: Sequence[Cause], expansion: Expansion, added: Sequence[str] = ()) -> LinearHypothesis:
+        places = [*self.options]
+        sizes = [self.options[name].size for name in added]
+        hypothesis = linear_hypothesis((*causes, *sizes), expansion, [places.index(name) for name in added], sizes)
+        more = sum(self.options[name].log_places for name in hypothesis.names)
+        return replace(hypothesis, log_evidence=hypothesis.log_evidence + more)
+
+    def fit(self, names: Names) -> None:
+        """Fit a set of causes from where its estimate was made."""
+        self.progress(f"fitting {' + '.join(sorted(names))}")
+        estimate = self.estimates[names]
+        fitted = self._fitted(estimate, True)
+        if fitted is None:
+            self.lost.add(names)
+            return
+        self._add(*fitted)
+        if self.fitted[names][0].log_evidence < estimate.log_evidence - WORTH:
+            again = self._fitted(estimate, False)
+            if again is not None and again[1].fit.chi2 < fitted[1].fit.chi2:
+                self._add(*again)
+
+    def _fitted(self, estimate: LinearHypothesis, reuse: bool) -> tuple[tuple[Cause, ...], Expansion] | None:
+        """Return a set fitted from about a fit of some of it, slopes computed anew or those that are known used."""
+        start, sizes = estimate.expansion.fit, estimate.posterior.mean[len(estimate.parameters) - len(estimate.extra) :]
+        experiment, model = start.task.experiment, start.model
+        causes = [cause for cause in estimate.causes if cause.name not in estimate.added]
+        numbers, u, slopes = list(start.parameters), list(start.u), dict(start.slopes)
+        first = len(numbers)
+        for name, size in zip(estimate.added, sizes, strict=True):
+            signature = self._placed(start, self.options[name])
+            cause = signature.candidate.cause
+            model = experiment.with_values(cause.on(model), signature.started(float(size)))
+            for known in [number for number in numbers if number.name in cause.amplitudes]:
+                at = numbers.index(known)
+                numbers.pop(at), u.pop(at), slopes.pop(known.name)
+                first -= 1
+            numbers += cause.parameters
+            u += [number.u(experiment.value(model, number.name)) for number in cause.parameters]
+            causes.append(replace(cause, name=name))
+        try:
+            fitted = fit(start.task, model, numbers, np.array(u), slopes, reuse)
+            if fitted.chi2 > start.chi2:
+                small = [x * SMALL if at >= first and not numbers[at].log else x for at, x in enumerate(u)]
+                attempt = fit(start.task, model, numbers, np.array(small), slopes, reuse)
+                fitted = min(fitted, attempt, key=lambda one: one.chi2)
+        except OptimisationError:
+            return None
+        return tuple(causes), self._expansion(fitted)
+
+    def _placed(self, start: Fit, option: Option) -> Signature:
+        """Return a cause with a place on the way where moving neither of its edges gains; others as they are.
+
+        Which stretch of the way differs is not found by following slopes: an edge acts only where something passes it.
+        """
+        signature, step, gain = option.signature, FIRST, -math.inf
+        while step > LAST and (neighbours := start.task.experiment.neighbours(signature.candidate, step)):
+            rows = signatures(start, [*neighbours, *([signature.candidate] if gain == -math.inf else [])])
+            gains = singles(start, rows)
+            best = int(np.argmax(gains))
+            if gains[best] > gain:
+                signature, gain = rows[best], gains[best]
+            else:
+                step /= 2
+        return signature
+
+    def _from_declared(self, candidates: Sequence[Candidate]) -> None:
+        """Fit the causes that promise most at the declared numbers, from there."""
+        self.progress("the numbers had to leave what is known beforehand: weighing every candidate there too")
+        start = as_declared(self.base)
+        there = options(start, signatures(start, candidates))
+        expansion = Expansion(start, np.array([option.column for option in there]).T)
+        rows = [linear_hypothesis((option.size,), expansion, (at,), (option.size,)) for at, option in enumerate(there)]
+        for row in sorted(rows, key=lambda row: -row.log_evidence)[:FROM_DECLARED]:
+            names = frozenset(row.names)
+            if row.names[0] not in self.options:
+                continue
+            starts = [row, *([self.estimates[names]] if names in self.estimates else [])]
+            ends = [fitted for fitted in (self._fitted(estimate, True) for estimate in starts) if fitted]
+            if ends:
+                self._add(*min(ends, key=lambda fitted: fitted[1].fit.chi2))
+
+    def _to_the_end(self) -> None:
+        """Take the best fits to their ends, every slope computed again."""
+        beliefs = self.beliefs()
+        for names in [names for names in self.fitted if beliefs.sets[names] > LIKELY]:
+            self.progress(f"fitting {' + '.join(sorted(names)) or 'the base model'} to the end")
+            near = self.fitted[names][0].fit
+            ended = fit(near.task, near.model, near.parameters, near.u, near.slopes, stale=True)
+            self._add(self.fitted[names][0].causes, self._expansion(ended))
+
+    def leave(self, functions: Iterable[Columns]) -> None:
+        """Weigh, of all that was fitted and is worth it, that something that is on no list is left besides."""
+        best = self.best_score()
+        worth = [rows[0] for rows in self.fitted.values() if not rows[0].causes or self.score(rows[0]) > best - WORTH]
+        found = left_overs([(row.expansion, row.posterior) for row in worth], functions)
+        for row, left in zip(worth, found, strict=True):
+            self.fitted[frozenset(row.names)].append(with_left_over(row, left))
+
+
+def options(start: Fit, rows: Sequence[Signature]) -> list[Option]:
+    """Return the candidates that move what was measured, each as it promises most: at its best place and size."""
+    shown = [row for row in rows if np.linalg.norm(start.task.noise.white(row.shift)) > SHOWN * row.share]
+    gains = singles(start, shown)
+    best: dict[str, tuple[Signature, float]] = {}
+    for row, gain in zip(shown, gains, strict=True):
+        if row.candidate.name not in best or gain > best[row.candidate.name][1]:
+            best[row.candidate.name] = row, gain
+    by_kind: dict[str, list[tuple[Signature, float]]] = {}
+    for row, gain in best.values():
+        candidate = row.candidate
+        by_kind.setdefault(candidate.kind if candidate.place_searched else candidate.name, []).append((row, gain))
+    return [_option(start, of_kind) for of_kind in by_kind.values()]
+
+
+def _option(start: Fit, of_kind: Sequence[tuple[Signature, float]]) -> Option:
+    gains = np.array([gain for _, gain in of_kind])
+    leader, gain = max(of_kind, key=lambda pair: pair[1])
+    places = float(logsumexp(gains)) - gain - math.log(len(gains))
+    return Option(leader, -start.task.noise.white(leader.column), places)
+
+
+def singles(start: Fit, rows: Sequence[Signature]) -> np.ndarray:
+    """Return the logarithm of the evidence of each signature alone beside what was fitted."""
+    if not rows:
+        return np.zeros(0)
+    table = [Option(row, -start.task.noise.white(row.column)) for row in rows]
+    expansion = Expansion(start, np.array([option.column for option in table]).T)
+    return np.array(
+        [
+            linear_hypothesis((option.size,), expansion, (at,), (option.size,)).log_evidence
+            for at, option in enumerate(table)
         ]
-        return tuple(" + ".join(way) for way in ways)
-
-    @property
-    def last(self) -> Fit:
-        """The fit with everything that was added."""
-        return self.best_refits[-1].fit if self.best_refits else self.base
-
-    @property
-    def count(self) -> int:
-        """How many candidates were tried."""
-        return len(self.rounds[0].scored) if self.rounds else 0
-
-
-def _with_residual_noise(
-    base: Fit, candidate_signatures: Sequence[Signature], random_field: RandomField | None, least: np.ndarray
-) -> Fit:
-    """Return the fit with noise, and chance, as large as what nothing explains."""
-    unexplained, absorbed = saturated(base, candidate_signatures, random_field)
-    noisy = with_noise(base, unexplained, least, absorbed)
-    return noisy if random_field is None else with_random_effects(noisy, candidate_signatures, random_field)
-
-
-def search(base: Fit, tried: Sequence[Candidate], progress: Progress) -> Search:
-    """Return what the calibrated model lacks of the candidates that are tried.
-
-    Nothing is looked for where what is left is, over all channels, no more than the error of predictions.
-    """
-    candidate_signatures = _known(base, tried, progress)
-    if base.task.experiment.noise() is None:
-        experiment = base.task.experiment
-        least, random_field = experiment.least_noise(base.model), experiment.random_field(base.model)
-        if is_within_prediction_error(base):
-            return Search(
-                base, (Round(tuple(score(base, candidate_signatures)), ()),), tuple(candidate_signatures), random_field
-            )
-        for _ in range(LEARNT):
-            base = again(_with_residual_noise(base, candidate_signatures, random_field, least))
-        return _rounds(Search(base, (), tuple(candidate_signatures), random_field), tried, progress)
-    return _rounds(Search(base, (), tuple(candidate_signatures)), tried, progress)
-
-
-def is_within_prediction_error(fitted: Fit) -> bool:
-    """Return whether all channels together leave no more than the error of predictions."""
-    return bool(np.mean((fitted.rms / fitted.task.experiment.least_noise(fitted.model)) ** 2) <= 1.0)
-
-
-def _known(base: Fit, tried: Sequence[Candidate], progress: Progress) -> list[Signature]:
-    progress(f"score test of {len(tried)} candidates")
-    return signatures(base, tried)
-
-
-def _rounds(result: Search, tried: Sequence[Candidate], progress: Progress) -> Search:
-    """Return the search with its rounds, until one finds nothing."""
-    while len(result.rounds) <= MOST and len(result.best_refits) == len(result.rounds):
-        result = replace(result, rounds=(*result.rounds, _round(result, tried, progress)))
-    return result
-
-
-def attempted(current_fit: Fit, tried: Sequence[Candidate], progress: Progress) -> tuple[Refit, ...]:
-    """Return a few candidates of any kind refitted on a fit as one round would, the best first."""
-    return _round(Search(current_fit, (), tuple(signatures(current_fit, tried))), tried, progress).refits
-
-
-def _round(result: Search, tried: Sequence[Candidate], progress: Progress) -> Round:
-    current_fit, candidate_signatures = result.last, _remaining_signatures(result)
-    scored = tuple(score(current_fit, candidate_signatures))
-    threshold = threshold_after(result.rounds, len(tried), current_fit.task.noise.inflation)
-    declared = None
-    if is_bent(current_fit):
-        progress("the numbers had to leave what is known beforehand: scoring every candidate there too")
-        declared = declared_start(current_fit, [signature.candidate for signature in candidate_signatures])
-    return Round(scored, refit(current_fit, scored, threshold, progress, declared))
-
-
-def _remaining_signatures(result: Search) -> Sequence[Signature]:
-    """Return the signatures of what has not been added."""
-    added = {candidate.kind for candidate in result.added}
-    return [signature for signature in result.signatures if signature.candidate.kind not in added]
-
-
-def threshold_after(before: Sequence[Round], count: int, inflation: float = COLOURED) -> Threshold:
-    """Return what each of `count` candidates must gain once these rounds have added theirs."""
-    taken = sum(best_refit.gain for step in before for best_refit in step.indistinguishable[:1])
-    return partial(candidate_threshold, count=count, taken=taken, inflation=inflation)
+    )

@@ -11,7 +11,7 @@ from typing import Any, Self
 import numpy as np
 
 from rover_pin.discrepancy.candidate import Candidate
-from rover_pin.discrepancy.decide_answer import Question
+from rover_pin.discrepancy.question import Question
 from rover_pin.estimation.experiment import Experiment
 from rover_pin.estimation.noise import Noise
 from rover_pin.estimation.parameter import Parameter

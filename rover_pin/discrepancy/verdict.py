@@ -10,8 +10,6 @@ from rover_pin.base.public import brief
 from rover_pin.discrepancy.answer import Answer, plain, score_line
 from rover_pin.discrepancy.draft import Draft
 from rover_pin.discrepancy.held_out import ChannelScore, RunScore
-from rover_pin.discrepancy.refit import Refit
-from rover_pin.discrepancy.search import Round, Search
 from rover_pin.estimation.baselines import Baseline
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.numbers import DRIFTED, Number, assumed_lines
@@ -87,7 +85,6 @@ class Verdict:
     "what the check of the data found"
     experiments: tuple[HasSentence, ...] = ()
     "what to measure next"
-    search: Search | None = field(default=None, repr=False)
     beliefs: Beliefs | None = field(default=None, repr=False)
     "what the data make of all hypotheses, where they were weighed"
     profiles: tuple[Profile, ...] = field(default=(), repr=False)
@@ -108,9 +105,7 @@ the other folds weigh them"
     @property
     def tried(self) -> int:
         """How many candidates were tried."""
-        if self.beliefs is not None:
-            return self.beliefs.choice
-        return self.search.count if self.search is not None else 0
+        return self.beliefs.choice if self.beliefs is not None else 0
 
     @property
     def model_description(self) -> str:
@@ -136,8 +131,7 @@ the other folds weigh them"
     @property
     def _missed_anew(self) -> str:
         errors_text = self._errors_text(self.errors_anew)
-        of = "with each fold's own choice" if self.beliefs is None else "of all hypotheses together"
-        return f"; held-out RMSE {of}: {errors_text}" if errors_text else ""
+        return f"; held-out RMSE of all hypotheses together: {errors_text}" if errors_text else ""
 
     @property
     def _noise_taken(self) -> str:
@@ -218,7 +212,6 @@ the other folds weigh them"
                 "cautions": list(self.cautions),
                 "findings": [str(finding) for finding in self.findings],
                 **{name: _numbers(side) for name, side in sides.items()},
-                "rounds": [_round(search_round) for search_round in (self.search.rounds if self.search else ())],
                 "baselines": [baseline._asdict() for baseline in self.baselines],
                 "profiles": [profile._asdict() for profile in self.profiles],
                 "experiments": [experiment.sentence for experiment in self.experiments],
@@ -242,31 +235,3 @@ def is_claimable(score: ChannelScore) -> bool:
 
 def _numbers(side: Side | None) -> dict[str, Any]:
     return {} if side is None else {number.name: number.as_dict() for number in side.numbers}
-
-
-def _round(search_round: Round) -> dict[str, Any]:
-    return {
-        "scored": [
-            {"name": row.candidate.name, "gain": row.gain, "visible": row.visible, "absorbed": row.absorbed}
-            for row in search_round.scored
-        ],
-        "refits": [_refit(refit) for refit in search_round.refits],
-        "alike": [refit.name for refit in search_round.indistinguishable],
-    }
-
-
-def _refit(refit: Refit) -> dict[str, Any]:
-    candidate_names = refit.candidate.names
-    return {
-        "name": refit.name,
-        "gain": refit.gain,
-        "threshold": refit.threshold,
-        "net": refit.net,
-        "held_out_gain": refit.held_out,
-        "reduced_chi_square": refit.fit.misfit,
-        "values": {
-            parameter.name: refit.fit.value(parameter.name)
-            for parameter in refit.fit.parameters
-            if parameter.name in candidate_names
-        },
-    }

@@ -88,6 +88,7 @@ class MotorEffect(Record):
     """An effect between duty and wheel torque, with the same three hooks as `Effect`."""
 
     title: ClassVar[str] = ""
+    family: ClassVar[str] = "motor"
     meaning: ClassVar[str] = ""
     states: ClassVar[tuple[State, ...]] = ()
     neutral: ClassVar[dict[str, float]] = {}
@@ -180,6 +181,7 @@ class BodyEffect(Record):
     """
 
     title: ClassVar[str] = ""
+    family: ClassVar[str] = "body"
     meaning: ClassVar[str] = ""
     only_resists: ClassVar[bool] = False
     "whether it acts against motion alone, so that where a rover stands at rest does not depend on it"
@@ -226,6 +228,7 @@ class SensorEffect(Record):
     """An effect between what happens and what is logged; it works on whole channels, arrays over time."""
 
     title: ClassVar[str] = ""
+    family: ClassVar[str] = "sensor"
     meaning: ClassVar[str] = ""
     neutral: ClassVar[dict[str, float]] = {}
     places: ClassVar[tuple[str, ...]] = ()

@@ -177,6 +177,11 @@ def fit(
     return Fit(task, at(task, model, parameters, u), tuple(parameters), u, arrays["predicted"], slopes_by_name)
 
 
+def again(base: Fit) -> Fit:
+    """Return the fit taken up where it was, as after a change of the noise."""
+    return fit(base.task, base.model, base.parameters, base.u, base.slopes)
+
+
 def best_of(task: Task, model: Any, parameters: Sequence[Parameter], starts: Sequence[np.ndarray]) -> Fit | None:
     """Return the lowest of the fits from several starts, or None where none of them ends."""
     fits = []

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -168,3 +169,12 @@ def huber_losses(rows: Any) -> np.ndarray:
 def huber(rows: Any) -> float:
     """Return the robust sum of squares."""
     return float(np.sum(huber_losses(rows)))
+
+
+FALSE_ALARMS = 0.05
+"""Share of sets in which chance gives the best of many more than is called chance."""
+
+
+def null_gain(count: int) -> float:
+    """Return the gain in chi2 that chance alone gives the best of `count` in FALSE_ALARMS of sets."""
+    return 2 * math.log(max(count, 1) / FALSE_ALARMS)

@@ -56,6 +56,11 @@ class MotorBrake(Standalone):
         """Return white noise of the declared SDs."""
         return declared_noise(self.sd, self.observed)
 
+    @property
+    def varied(self) -> np.ndarray:
+        """Duty and load."""
+        return np.swapaxes(self.inputs, 1, 2)
+
     def unit(self, channel: str) -> str:
         """Return the unit of a channel."""
         return "rad/s" if channel == "wheel rate" else "A"

@@ -84,6 +84,11 @@ class OverTime(Standalone):
         """Names of the measured channels."""
         return tuple(self.units)
 
+    @property
+    def varied(self) -> np.ndarray:
+        """Time, and what is set."""
+        return np.concatenate([self.time[..., None], np.swapaxes(self.set_values, 1, 2)], axis=2)
+
     def unit(self, channel: str) -> str:
         """Return the unit of a channel."""
         return self.units[channel]

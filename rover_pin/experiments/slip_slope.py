@@ -123,6 +123,11 @@ class SlipSlope(Standalone):
         """Return white noise of the declared SDs."""
         return declared_noise(self.sd, self.observed)
 
+    @property
+    def varied(self) -> np.ndarray:
+        """The slopes."""
+        return self.slopes[..., None]
+
     def along(self) -> tuple[str, np.ndarray]:
         """Return the slopes [deg]."""
         return "slope [deg]", np.degrees(self.slopes)

@@ -6,21 +6,74 @@ import math
 from collections.abc import Callable, Hashable, Iterable, Sequence, Set
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, TypeVar
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 from scipy.special import logsumexp
 
 from rover_pin.base.public import brief
+from rover_pin.estimation.experiment import Experiment
+from rover_pin.estimation.parameter import Parameter
+from rover_pin.inference.cause import Cause
 from rover_pin.inference.error_model import Discrepancy
-from rover_pin.inference.hypothesis import ALLOWED, Hypothesis
-from rover_pin.inference.left_out import LeftOut, left_out
+from rover_pin.inference.left_out import LeftOut
 
+ALLOWED = {
+    False: {Discrepancy.NONE: 0.7, Discrepancy.SMOOTH: 0.3},
+    True: {Discrepancy.NONE: 0.6, Discrepancy.FORM: 0.2, Discrepancy.SMOOTH: 0.2},
+}
+"""Prior probability of each kind of discrepancy, of a base model and of one with causes."""
 COUNTS = 0.5, 0.3, 0.14, 0.05, 0.01
 """Prior probability of no to four missing causes, shared evenly by all sets of as many."""
 Key = TypeVar("Key", bound=Hashable)
 LEAST = 1e-3
 """Least probability that is written down."""
+
+
+class Hypothesis(Protocol):
+    """A set of causes as the data have it, with one kind of discrepancy."""
+
+    @property
+    def causes(self) -> tuple[Cause, ...]:
+        """The causes."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Their names."""
+
+    @property
+    def discrepancy(self) -> Discrepancy:
+        """What is left besides noise."""
+
+    @property
+    def log_evidence(self) -> float:
+        """The logarithm of its evidence."""
+
+    @property
+    def is_fitted(self) -> bool:
+        """Whether its numbers were fitted, and not only estimated from a smaller set's."""
+
+    @property
+    def experiment(self) -> Experiment:
+        """What was measured."""
+
+    @property
+    def model(self) -> Any:
+        """The model with its causes."""
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Its numbers."""
+
+    @property
+    def noise_taken(self) -> dict[str, float]:
+        """How many times its declared noise each channel is taken to have for noise, discrepancy left out."""
+
+    def moments(self, name: str) -> tuple[float, float]:
+        """Return mean and SD of a number's u."""
+
+    def left_out(self) -> LeftOut:
+        """Return every fold as the others predict it."""
 
 
 @brief
@@ -40,7 +93,7 @@ class Beliefs:
 
     def _log_prior(self, hypothesis: Hypothesis) -> float:
         count = len(hypothesis.causes)
-        allowed = ALLOWED[count > 0][hypothesis.errors.discrepancy]
+        allowed = ALLOWED[count > 0][hypothesis.discrepancy]
         return math.log(COUNTS[count] * allowed / math.comb(max(self.choice, count), count))
 
     @cached_property
@@ -85,9 +138,7 @@ class Beliefs:
         wanted = frozenset(names)
         among = self.probability(lambda hypothesis: frozenset(hypothesis.names) == wanted)
         more = self.probability(
-            lambda hypothesis: (
-                frozenset(hypothesis.names) == wanted and hypothesis.errors.discrepancy is not Discrepancy.NONE
-            )
+            lambda hypothesis: frozenset(hypothesis.names) == wanted and hypothesis.discrepancy is not Discrepancy.NONE
         )
         return more / among if among else math.nan
 
@@ -103,7 +154,7 @@ class Beliefs:
         rows = [
             (weight, *hypothesis.moments(name))
             for weight, hypothesis in zip(self.weights, self.hypotheses, strict=True)
-            if (set(of.names) <= set(hypothesis.names) if of.names else not hypothesis.names)
+            if hypothesis.is_fitted and (set(of.names) <= set(hypothesis.names) if of.names else not hypothesis.names)
         ]
         weights, means, sds = np.array(rows).T
         weights = weights / weights.sum() if weights.sum() > 0 else np.full(len(weights), 1.0 / len(weights))
@@ -112,17 +163,12 @@ class Beliefs:
 
     def noise_taken(self, names: Sequence[str]) -> dict[str, float]:
         """Return, for each channel, how many times the declared noise a set takes for noise, discrepancy left out."""
-        hypothesis = self.best(names)
-        samples = hypothesis.errors.samples
-        channels = np.array([samples.channel[block[0]] for block in samples.blocks])
-        squares = hypothesis.noise_share**2
-        rows = [(hypothesis.experiment.channels[at], np.mean(squares[channels == at])) for at in np.unique(channels)]
-        return {name: math.sqrt(square) for name, square in rows}
+        return self.best(names).noise_taken
 
     def left_out(self, hypothesis: Hypothesis) -> LeftOut:
         """Return every fold as the others predict it by a hypothesis, computed once."""
         if id(hypothesis) not in self._left_out:
-            self._left_out[id(hypothesis)] = left_out(hypothesis)
+            self._left_out[id(hypothesis)] = hypothesis.left_out()
         return self._left_out[id(hypothesis)]
 
     @cached_property

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -19,16 +19,12 @@ from rover_pin.estimation.parameter import Parameter, bounds_of
 from rover_pin.inference.cause import Cause
 from rover_pin.inference.error_model import PRIORS, Discrepancy, ErrorModel
 from rover_pin.inference.evidence import Linear, Posterior, learnt_scales, posterior
+from rover_pin.inference.left_out import LeftOut, left_out
 from rover_pin.inference.samples import Samples
-from rover_pin.inference.size_prior import inside_share, log_dependence, size_share
+from rover_pin.inference.size_prior import log_share_inside
 
 ROUGH, CLOSE = 0.1, 0.01
 """Fall of chi2 at which a descent ends that only leads to another, and one about which the model is linear."""
-ALLOWED = {
-    False: {Discrepancy.NONE: 0.7, Discrepancy.SMOOTH: 0.3},
-    True: {Discrepancy.NONE: 0.6, Discrepancy.FORM: 0.2, Discrepancy.SMOOTH: 0.2},
-}
-"""Prior probability of each kind of discrepancy, of a base model and of one with causes."""
 TURNS, SHRUNK = 4, 1.5
 """Turns of fit and form error, and times by which a law may add less than where its form error was taken: that is a
 share of what the law adds in the end, not of what it adds without one."""
@@ -82,15 +78,30 @@ class Hypothesis:
         """The variance of each error (n,)."""
         return np.diag(self.covariance)
 
+    is_fitted: ClassVar[bool] = True
+
     @property
-    def noise_share(self) -> np.ndarray:
-        """RMS of what is taken for noise in each block (blocks,), over the declared: discrepancy left out."""
-        samples, variance, rows = self.errors.samples, self.variance, []
+    def discrepancy(self) -> Discrepancy:
+        """What is left besides noise."""
+        return self.errors.discrepancy
+
+    @property
+    def noise_taken(self) -> dict[str, float]:
+        """How many times its declared noise (RMS) each channel is taken to have for noise, discrepancy left out."""
+        samples, variance = self.errors.samples, self.variance
+        squares: dict[str, list[float]] = {}
         for at, block in enumerate(samples.blocks):
             noise = variance[block] - np.diag(self.errors.smooth_part(self.posterior.scales, at))
             raised = 1.0 if self.errors.inflation is None else self.errors.inflation[block]
-            rows.append(np.sqrt(np.mean(noise / raised)) / samples.noise[at])
-        return np.array(rows)
+            name = self.experiment.channels[samples.channel[block[0]]]
+            squares.setdefault(name, []).append(float(np.mean(noise / raised)) / samples.noise[at] ** 2)
+        return {name: math.sqrt(float(np.mean(values))) for name, values in squares.items()}
+
+    def left_out(self) -> LeftOut:
+        """Return every fold as the others predict it."""
+        samples = self.errors.samples
+        found = left_out(self.covariance, self.linear, samples.fold)
+        return LeftOut(found.log_density, samples.table_of(found.missed))
 
 
 def linear_at(samples: Samples, predicted: np.ndarray, slopes: np.ndarray, u: np.ndarray) -> Linear:
@@ -175,9 +186,19 @@ class Fitter:
                 break
             errors = replace(errors, added=added)
         solution = posterior(errors, linear_at(self.samples, predicted, slopes, u), scales)
-        evidence = solution.log_evidence + self._inside(causes, solution)
+        base = len(self.numbers)
+        inside = log_share_inside(causes, solution.mean[base:], solution.covariance[base:, base:])
         return Hypothesis(
-            self.experiment, tuple(causes), model, parameters, u, predicted, slopes, errors, solution, evidence
+            self.experiment,
+            tuple(causes),
+            model,
+            parameters,
+            u,
+            predicted,
+            slopes,
+            errors,
+            solution,
+            solution.log_evidence + inside,
         )
 
     def _added(self, causes: Sequence[Cause], u: np.ndarray, predicted: np.ndarray) -> tuple[np.ndarray, ...]:
@@ -199,21 +220,6 @@ class Fitter:
                 retained += range(at, at + len(cause.parameters))
             at += len(cause.parameters)
         return np.array(retained, dtype=int)
-
-    def _inside(self, causes: Sequence[Cause], solution: Posterior) -> float:
-        """Return the logarithm of how much more of the posterior than of the prior lies where numbers may be."""
-        total, place, places = 0.0, len(self.numbers), []
-        for cause in causes:
-            for parameter in cause.parameters:
-                is_size = parameter.name in cause.amplitudes and not parameter.log
-                mean, sd = float(solution.mean[place]), math.sqrt(solution.covariance[place, place])
-                share = size_share if is_size else inside_share
-                total += math.log(share(mean, sd, parameter.bounds) / share(0.0, 1.0, parameter.bounds))
-                places += [place] if is_size else []
-                place += 1
-        bounds = bounds_of([parameter for cause in causes for parameter in cause.parameters])
-        size_bounds = bounds[np.array(places, dtype=int) - len(self.numbers)]
-        return total + log_dependence(solution.mean[places], solution.covariance[np.ix_(places, places)], size_bounds)
 
 
 class _Problem:

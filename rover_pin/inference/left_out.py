@@ -7,24 +7,23 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rover_pin.inference.hypothesis import Hypothesis
+from rover_pin.inference.evidence import Linear
 
 
 class LeftOut(NamedTuple):
-    """What the others say of each fold: ln of its density (folds,), and how far it is missed (n,)."""
+    """What the others say of each fold: ln of its density (folds,), and how far it is missed (folds, ...)."""
 
     log_density: np.ndarray
     missed: np.ndarray
 
 
-def left_out(hypothesis: Hypothesis) -> LeftOut:
-    """Return every fold as the others predict it, with a hypothesis' scales of errors.
+def left_out(covariance: np.ndarray, linear: Linear, fold: np.ndarray) -> LeftOut:
+    """Return every fold as the others predict it, given the covariance C of the errors; `missed` is a row (n,).
 
     With Q = (C + J J')^-1 a fold b of r_0 is of N(r_b - Q_bb^-1 (Q r)_b, Q_bb^-1) by the others.
     Source: Rasmussen and Williams, Gaussian Processes for Machine Learning (2006), section 5.4.2.
     """
-    linear, fold = hypothesis.linear, hypothesis.errors.samples.fold
-    precision = np.linalg.inv(hypothesis.covariance + linear.slopes @ linear.slopes.T)
+    precision = np.linalg.inv(covariance + linear.slopes @ linear.slopes.T)
     pull = precision @ linear.target
     density, missed = np.zeros(int(fold.max()) + 1), np.zeros(len(fold))
     for at in range(len(density)):

@@ -9,13 +9,15 @@ Source: Johnson and Rossell, J. Roy. Stat. Soc. B 72 (2010) 143, for priors that
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from functools import cache
 
 import numpy as np
 from scipy.special import logsumexp
 from scipy.stats import norm, qmc
 
-from rover_pin.inference.cause import SIZE_SD
+from rover_pin.estimation.parameter import bounds_of
+from rover_pin.inference.cause import SIZE_SD, Cause
 
 MEDIAN, SPREAD = 0.5, 1.2
 """Median of a size over its default, and SD of its logarithm."""
@@ -56,6 +58,22 @@ def log_dependence(mean: np.ndarray, covariance: np.ndarray, bounds: np.ndarray)
         return 0.0
     constant = (len(mean) - 1) * math.log(len(u))
     return float(logsumexp(log_ratio.sum(axis=1)) - logsumexp(log_ratio, axis=0).sum()) + constant
+
+
+def log_share_inside(causes: Sequence[Cause], mean: np.ndarray, covariance: np.ndarray) -> float:
+    """Return the logarithm of how much more of the posterior than of the prior lies where the causes' numbers may be.
+
+    `mean` and `covariance` are of all their numbers in turn; amplitudes have their own density.
+    """
+    total, amplitudes = 0.0, []
+    pairs = [(cause, parameter) for cause in causes for parameter in cause.parameters]
+    for at, (cause, parameter) in enumerate(pairs):
+        is_size = parameter.name in cause.amplitudes and not parameter.log
+        share, sd = size_share if is_size else inside_share, math.sqrt(covariance[at, at])
+        total += math.log(share(float(mean[at]), sd, parameter.bounds) / share(0.0, 1.0, parameter.bounds))
+        amplitudes += [at] if is_size else []
+    bounds = bounds_of([parameter for _, parameter in pairs])[amplitudes]
+    return total + log_dependence(mean[amplitudes], covariance[np.ix_(amplitudes, amplitudes)], bounds)
 
 
 @cache

@@ -22,9 +22,10 @@ def chosen_without(beliefs: Beliefs) -> list[frozenset[str]]:
 
 
 def errors_without(beliefs: Beliefs) -> list[float]:
-    """Return the RMSE of each channel, every fold predicted by all hypotheses as the other folds weigh them."""
-    samples = beliefs.hypotheses[0].errors.samples
-    missed = np.array([beliefs.left_out(hypothesis).missed for hypothesis in beliefs.hypotheses])
-    weights = weights_without(beliefs)[samples.fold].T
-    averaged = np.sum(weights * missed, axis=0)
-    return [float(np.sqrt(np.mean(averaged[samples.channel == at] ** 2))) for at in np.unique(samples.channel)]
+    """Return the RMSE of each channel, every fold predicted by all that was fitted, as the other folds weigh that."""
+    fitted = np.array([hypothesis.is_fitted for hypothesis in beliefs.hypotheses])
+    rows = [beliefs.left_out(hypothesis).missed for hypothesis in beliefs.hypotheses if hypothesis.is_fitted]
+    weights = weights_without(beliefs)[:, fitted]
+    weights /= weights.sum(axis=1, keepdims=True)
+    averaged = np.einsum("fh,hfcs->fcs", weights, np.array(rows))
+    return [float(np.sqrt(np.nanmean(averaged[:, at] ** 2))) for at in range(averaged.shape[1])]

@@ -16,7 +16,7 @@ from rover_pin.base.jobs.workers import ending_workers
 from rover_pin.base.public import public
 from rover_pin.base.trust import Trust
 from rover_pin.contact import Soil
-from rover_pin.discrepancy.refit import Progress
+from rover_pin.discrepancy.question import Progress
 from rover_pin.discrepancy.standalone import Standalone
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.experiments.joint_rig.sets import read_joint

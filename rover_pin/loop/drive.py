@@ -12,19 +12,13 @@ from rover_pin.base.code_digest import key_of_code
 from rover_pin.base.files.results_folder import OF_A_LOOP, say_what_is_replaced
 from rover_pin.base.jobs.cluster import Workers
 from rover_pin.discrepancy.answer import Answer
-from rover_pin.discrepancy.decide_answer import (
-    ResidualAssessment,
-    chosen_without,
-    keep_supported_effects,
-    make_verdict,
-    with_draft,
-)
+from rover_pin.discrepancy.conclude import fit_of, search_of, verdict_of, with_draft
 from rover_pin.discrepancy.held_out import losses
-from rover_pin.discrepancy.refit import Progress, Refit
-from rover_pin.discrepancy.search import Search, is_within_prediction_error, search
+from rover_pin.discrepancy.question import Progress, Question
+from rover_pin.discrepancy.search import Search
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.estimation.numbers import profiles
-from rover_pin.experiments.drive_log.calibrate import calibrated_on
+from rover_pin.experiments.drive_log.calibrate import experiment_on
 from rover_pin.experiments.drive_log.candidates import candidates
 from rover_pin.experiments.drive_log.checks.log import findings, refuse_unfit, too_poor
 from rover_pin.experiments.drive_log.experiment import logged
@@ -35,7 +29,9 @@ from rover_pin.experiments.drive_log.kinematic import kinematic
 from rover_pin.experiments.drive_log.model import base_model, is_rate_driven, with_spread
 from rover_pin.experiments.drive_log.resume import Memory
 from rover_pin.experiments.drive_log.separating_drive import SeparatingDrive, separating_drive
+from rover_pin.experiments.unlisted.actions import Scene
 from rover_pin.experiments.unlisted.residual import DriveResidual, describe
+from rover_pin.experiments.unlisted.terms import functions
 from rover_pin.experiments.unlisted.trial import drafted
 from rover_pin.logs.drive_log import DriveLog
 from rover_pin.loop.drive_written import write_results
@@ -46,12 +42,6 @@ from rover_pin.simulation.model.model import Model
 
 RIVALS = 2
 """Rivals of the best for which a separating run is proposed."""
-UNKNOWN = 90.0
-"""Strength of a term, after everything listed, from which something that is not on the list is said to act: on null
-sets prepared sand showed up to 68 (seed 902)."""
-MUCH = 0.1
-"""Share of the net gain of what was added from which such a term makes it doubtful: after false names it was 0.15 to
-0.3, after true ones no term came near UNKNOWN (seed 1303, once that had been scored)."""
 
 
 def close_drive_loop(
@@ -96,12 +86,11 @@ def _decided(
     progress, jobs, seed = options
     if memory.status:
         progress(f"going on: {memory.status}")
-    base = calibrated_on(log, with_spread(start, motors=not is_rate_driven(log)), jobs, progress, memory)
-    search_result = keep_supported_effects(
-        search(base, candidates(base.model, logged(base), base.parameters, effects), progress)
-    )
-    progress("describing what is left")
-    return verdict_on(log, search_result, describe(search_result.last, progress), seed, progress)
+    model = with_spread(start, motors=not is_rate_driven(log))
+    question = question_of(log, model, effects, jobs, progress, memory)
+    progress("calibrating the base model")
+    search = search_of(question, progress, seed)
+    return verdict_on(log, question, search, seed, progress)
 
 
 def _code(model: Model, effects: str | Path | None) -> set[Path]:
@@ -114,53 +103,62 @@ def _poor(log: DriveLog, model: Model, poor: str) -> Verdict:
     return Verdict("drive-log", Answer.CANNOT_TELL, log.metadata.name, poor, model, findings=findings(log))
 
 
-def verdict_on(log: DriveLog, search_result: Search, residual: DriveResidual, seed: int, progress: Progress) -> Verdict:
-    """Return the verdict on what was found in a log and what is left; what is doubtful is not in its model."""
-    progress("runs left out, and driven freely")
-    verdict = make_verdict(
-        ("drive-log", log.metadata.name),
-        search_result,
-        chosen_without(search_result),
-        residual_assessment(search_result, residual),
-        seed,
+def question_of(
+    log: DriveLog,
+    start: Model,
+    effects: str | Path | None = None,
+    jobs: Workers = 1,
+    progress: Progress = lambda message: None,
+    memory: Memory = Memory(),
+) -> Question:
+    """Return what is asked of a drive log: which effect its model lacks."""
+    experiment, model, numbers = experiment_on(log, start, jobs, progress, memory)
+    return Question(
+        "drive-log",
+        log.metadata.name,
+        experiment,
+        model,
+        numbers,
+        lambda base: candidates(base.model, experiment, base.parameters, effects),
+        functions=lambda base: functions(Scene(base)),
     )
-    wheels = [wheel.name for wheel in search_result.base.model.rover.wheels]
-    added = [candidate for candidate in search_result.added if candidate.name in verdict.named]
-    amplitude_names = tuple(name for candidate in added for name in candidate.amplitudes)
-    best, experiment = search_result.rounds[0].indistinguishable, logged(search_result.base)
-    free = free_runs(experiment, search_result.base.model, verdict.model)
-    ground = ground_variability(search_result.last, search_result.random_field)
-    odometry = kinematic(experiment, search_result.base.model.rover)
-    if verdict.answer is Answer.NONE_FITS:
-        verdict = with_draft(verdict, drafted(search_result.last, residual, log.metadata.name, progress), seed)
+
+
+def verdict_on(log: DriveLog, question: Question, search: Search, seed: int, progress: Progress) -> Verdict:
+    """Return the verdict on what was found in a log and what is left."""
+    verdict = verdict_of(question, search.beliefs(), progress, seed)
+    assert verdict.before is not None
+    assert verdict.after is not None
+    progress("describing what is left")
+    residual = describe(verdict.after.fit, progress)
+    progress("runs driven freely")
+    wheels = [wheel.name for wheel in search.base.model.rover.wheels]
+    after = verdict.after.fit
+    amplitude_names = tuple(
+        name for cause in search.beliefs().best(verdict.named).causes for name in sorted(cause.amplitudes)
+    )
+    experiment = logged(search.base)
+    free = free_runs(experiment, verdict.before.model, verdict.model)
+    ground = ground_variability(verdict.after.fit, experiment.random_field(search.base.model))
+    odometry = kinematic(experiment, search.base.model.rover)
+    if verdict.answer in (Answer.NONE_FITS, Answer.LIKE):
+        verdict = with_draft(verdict, drafted(verdict.after.fit, residual, log.metadata.name, progress), seed)
+    said = (verdict.sentence, _how(verdict, residual), ground.sentence if ground else "")
     return dataclasses.replace(
         verdict,
         baselines=odometry,
-        sentence=" ".join(
-            filter(None, (with_wheel_names(verdict.sentence, wheels), ground.sentence if ground else ""))
-        ),
+        sentence=with_wheel_names(" ".join(filter(None, said)), wheels),
         findings=findings(log),
-        experiments=_experiments(best, progress),
-        profiles=profiles(verdict.after.fit, amplitude_names) if amplitude_names and verdict.after else (),
+        experiments=_experiments(verdict, progress),
+        profiles=profiles(after, amplitude_names) if amplitude_names and verdict.named else (),
         cautions=(*verdict.cautions, *cautions(verdict, free), *losses(verdict.scores, odometry)),
         extra=DriveExtra(free, residual, ground),
     )
 
 
-def residual_assessment(search_result: Search, residual: DriveResidual) -> ResidualAssessment:
-    """Return what is left, as it is judged."""
-    return ResidualAssessment(is_unknown(search_result, residual), residual.best.description, described=True)
-
-
-def is_unknown(search_result: Search, residual: DriveResidual) -> bool:
-    """Return whether a term takes, after everything listed, more than chance and no less than what was added.
-
-    Where sand that was prepared anew is what describes it best, nothing is missing: the model's sand is everywhere one.
-    Nor is it where the replays' own error is as large as what is left.
-    """
-    taken = sum(refit.net for refit in search_result.best_refits)
-    is_much = residual.best.strength > max(UNKNOWN, MUCH * taken)
-    return is_much and not residual.best.is_raking and not is_within_prediction_error(search_result.last)
+def _how(verdict: Verdict, residual: DriveResidual) -> str:
+    """Return how what is on no list acts, where something does."""
+    return f"It {residual.best.description}." if verdict.answer is Answer.NONE_FITS else ""
 
 
 def with_wheel_names(sentence: str, wheels: Sequence[str]) -> str:
@@ -172,10 +170,15 @@ def with_wheel_names(sentence: str, wheels: Sequence[str]) -> str:
     return re.sub(r"\w+\[(\d+)\](?!\.)", with_name, sentence)
 
 
-def _experiments(best: tuple[Refit, ...], progress: Progress) -> tuple[SeparatingDrive, ...]:
+def _experiments(verdict: Verdict, progress: Progress) -> tuple[SeparatingDrive, ...]:
+    """Return the runs that would tell the best from its rivals that were fitted too."""
+    if not verdict.named or verdict.beliefs is None:
+        return ()
+    sets = [tuple(name.split(" + ")) for name in verdict.indistinguishable if name != "nothing"]
+    best, *rivals = [verdict.beliefs.best(names) for names in sets[: 1 + RIVALS]]
     drives = []
-    for rival in best[1 : 1 + RIVALS]:
-        progress(f"looking for the run that tells {best[0].name} from {rival.name}")
-        drive = separating_drive((best[0].name, best[0].fit), (rival.name, rival.fit), progress)
-        drives += [drive] if drive is not None else []
-    return tuple(drives)
+    for rival in (row for row in rivals if row.is_fitted):
+        names = [" + ".join(row.names) for row in (best, rival)]
+        progress(f"looking for the run that tells {names[0]} from {names[1]}")
+        drives.append(separating_drive((names[0], fit_of(best)), (names[1], fit_of(rival)), progress))
+    return tuple(drive for drive in drives if drive is not None)

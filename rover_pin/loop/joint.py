@@ -11,9 +11,8 @@ import numpy as np
 
 from rover_pin.base.files.results_folder import OF_A_LOOP, say_what_is_replaced
 from rover_pin.discrepancy.answer import Answer
-from rover_pin.discrepancy.conclude import concluded_by_evidence
-from rover_pin.discrepancy.decide_answer import Question
-from rover_pin.discrepancy.refit import Progress
+from rover_pin.discrepancy.conclude import concluded
+from rover_pin.discrepancy.question import Progress, Question
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.estimation.baselines import Baseline, curves
 from rover_pin.estimation.wording import format_value
@@ -67,7 +66,7 @@ def on_sets(joint: JointRig, kinds: Sequence[type], progress: Progress, seed: in
     question = Question(
         "wheel-rig", joint.name, joint, model, numbers, lambda base: joint.candidates(base.model, kinds)
     )
-    verdict = concluded_by_evidence(question, progress, seed)
+    verdict = concluded(question, progress, seed)
     tried = [candidate.effect for candidate in joint.candidates(model, kinds)]
     assert verdict.before is not None
     extra = JointExtra(tuple(_errors(joint, verdict)), describe_declared(joint.declared, tried, model.effects))

@@ -12,10 +12,9 @@ from rover_pin.base.trust import Trust
 from rover_pin.contact import Soil
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.candidate import Candidate
-from rover_pin.discrepancy.conclude import concluded_by_evidence, fit_of
-from rover_pin.discrepancy.decide_answer import Question
+from rover_pin.discrepancy.conclude import concluded, fit_of
 from rover_pin.discrepancy.held_out import losses
-from rover_pin.discrepancy.refit import Progress
+from rover_pin.discrepancy.question import Progress, Question
 from rover_pin.discrepancy.verdict import Side, Verdict
 from rover_pin.estimation.baselines import curves
 from rover_pin.estimation.fit import Fit
@@ -106,7 +105,7 @@ def on_rig(
     if poor:
         data_findings = tuple(findings(data))
         return Verdict("wheel-rig", Answer.CANNOT_TELL, data.rig.name, poor, model, findings=data_findings)
-    verdict = concluded_by_evidence(question, progress, seed)
+    verdict = concluded(question, progress, seed)
     assert verdict.before is not None
     assert verdict.after is not None
     tried = [candidate.effect for candidate in candidates(data, model, rig_kinds(effects))]

@@ -13,8 +13,8 @@ from rover_pin.base.errors import DataError
 from rover_pin.base.files.paths import is_file
 from rover_pin.base.files.results_folder import OF_A_LOOP, say_what_is_replaced
 from rover_pin.discrepancy.answer import Answer
-from rover_pin.discrepancy.decide_answer import concluded
-from rover_pin.discrepancy.refit import Progress
+from rover_pin.discrepancy.conclude import concluded
+from rover_pin.discrepancy.question import Progress
 from rover_pin.discrepancy.standalone import Standalone, question_of
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.experiments.slip_slope import FILE as SLOPE_FILE

@@ -78,13 +78,6 @@ def _added(verdict: Verdict, labels: Labels) -> Iterator[str]:
             if name in verdict.named
         ]
         yield f"probability by the evidence, {verdict.tried} causes and their pairs weighed: {listing(probabilities)}"
-    for search_round in verdict.search.rounds if verdict.search is not None else ():
-        if search_round.indistinguishable:
-            best = search_round.indistinguishable[0]
-            yield (
-                f"{best.name} gains {best.gain:.0f} in chi2; the luckiest of {verdict.tried} "
-                f"candidates gains {two_digits(best.threshold)} by chance"
-            )
     before, after = two_digits(verdict.before.misfit), two_digits(verdict.after.misfit)
     yield f"chi2 for each number measured falls from {before} to {after}; 1 is the noise"
 
@@ -94,8 +87,6 @@ def _nothing_added(verdict: Verdict, labels: Labels) -> Iterator[str]:
         return
     yield f"chi2 for each number measured is {two_digits(verdict.before.misfit)}, where 1 is the noise"
     yield f"{verdict.tried} candidates were tried, each with all uncertain numbers free"
-    if verdict.answer is not Answer.NONE_NEEDED and verdict.search is not None and verdict.search.indistinguishable:
-        yield f"the nearest, {verdict.search.indistinguishable[0]}, does not take what is left"
 
 
 def _chosen(verdict: Verdict, labels: Labels, agreeing: bool) -> Iterator[str]:

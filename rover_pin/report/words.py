@@ -59,13 +59,7 @@ def pair(before: float, after: float, unit: str) -> tuple[str, str]:
 
 def kinds_of(verdict: Verdict) -> tuple[type, ...]:
     """Return the classes of effects that a verdict may name: the package's, what it added, what was tried."""
-    tried = [
-        row.candidate.effect
-        for search_round in (verdict.search.rounds if verdict.search else ())
-        for row in search_round.scored
-    ]
-    other_kinds = [type(effect) for effect in (*verdict.effects, *tried) if effect is not None]
-    return tuple(dict.fromkeys([*package_effects(), *other_kinds]))
+    return tuple(dict.fromkeys([*package_effects(), *map(type, verdict.effects)]))
 
 
 def human(text: str, kinds: Iterable[type]) -> str:

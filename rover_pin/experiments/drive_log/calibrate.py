@@ -15,7 +15,7 @@ from rover_pin.discrepancy.calibration import calibrated
 from rover_pin.effects.raw_current import RawCurrent
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.parameter import Parameter
-from rover_pin.experiments.drive_log.experiment import experiment_of
+from rover_pin.experiments.drive_log.experiment import DriveExperiment, experiment_of
 from rover_pin.experiments.drive_log.ground.stance import runs_on_estimated_ground
 from rover_pin.experiments.drive_log.model import nuisances
 from rover_pin.experiments.drive_log.parameters import parameter
@@ -23,20 +23,33 @@ from rover_pin.experiments.drive_log.resume import Memory
 from rover_pin.logs.drive_log import DriveLog
 from rover_pin.simulation.model.model import Model
 
+
+def _quiet(message: str) -> None:
+    """Say nothing."""
+
+
 PULL = 0.03
 """Pull of a wheel as a share of its load to which a channel's spread may belong at the least: the scale's SD is that
 spread over this pull's current, several times what pulls on slopes and soft ground make of it."""
 
 
-def calibrated_on(
-    log: DriveLog, model: Model, jobs: Workers, progress: Callable[[str], None], memory: Memory = Memory()
-) -> Fit:
-    """Return the model fitted to a log, every run replayed from where the rover stood at its start."""
+def experiment_on(
+    log: DriveLog, model: Model, jobs: Workers = 1, progress: Callable[[str], None] = _quiet, memory: Memory = Memory()
+) -> tuple[DriveExperiment, Model, tuple[Parameter, ...]]:
+    """Return a log as an experiment, every run replayed from where the rover stood at its start, model and numbers."""
     model = with_raw_currents(log, model)
     progress("setting the rover down at every start")
     experiment = experiment_of(runs_on_estimated_ground(log, model, jobs), model, jobs, memory, log.noise_sd)
+    return experiment, model, (*nuisances(log, model), *raw_current_numbers(log, model))
+
+
+def calibrated_on(
+    log: DriveLog, model: Model, jobs: Workers = 1, progress: Callable[[str], None] = _quiet, memory: Memory = Memory()
+) -> Fit:
+    """Return the model fitted to a log."""
+    experiment, model, numbers = experiment_on(log, model, jobs, progress, memory)
     progress("calibrating the base model")
-    return calibrated(experiment, model, (*nuisances(log, model), *raw_current_numbers(log, model)))
+    return calibrated(experiment, model, numbers)
 
 
 def with_raw_currents(log: DriveLog, model: Model) -> Model:

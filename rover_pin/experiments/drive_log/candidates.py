@@ -51,7 +51,9 @@ def candidates(
     excluded_owners = {"soil", "motor"} | unknown
     own_numbers = [number for number in free if number.prior and number.name.rpartition(".")[0] not in excluded_owners]
     loosened = [
-        candidate_without_prior(number) for number in own_numbers if number.declared or _is_neutral(number, model)
+        candidate_without_prior(number, model)
+        for number in own_numbers
+        if number.declared or _is_neutral(number, model)
     ]
     present = {owner_name(effect) for effect in model.all_effects}
     kinds = {kind.__name__: kind for kind in package_effects() if kind.neutral}
@@ -101,10 +103,11 @@ def candidate_of(effect: AnyEffect) -> Candidate:
     return Candidate(kind, effect, amplitudes, shapes, place.rstrip("]"))
 
 
-def candidate_without_prior(parameter: Parameter) -> Candidate:
+def candidate_without_prior(parameter: Parameter, model: Model) -> Candidate:
     """Return a number of an effect that the model has as a candidate, freed from its prior."""
-    kind, _, place = parameter.name.rpartition(".")[0].partition("[")
-    return Candidate(kind, None, (parameter.name,), (), place.rstrip("]"))
+    owner = parameter.name.rpartition(".")[0]
+    kind, _, place = owner.partition("[")
+    return Candidate(kind, owners(model)[owner], (parameter.name,), (), place.rstrip("]"), freed=parameter)
 
 
 def sized(effect: Any, rover: Rover, gravity: float) -> Any:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rover_pin.discrepancy.refit import Progress
+from rover_pin.discrepancy.question import Progress
 from rover_pin.estimation.fit import Fit
 from rover_pin.experiments.drive_log.candidate_runs import DURATION, CandidateRun, candidate_runs, on_own_ground
 from rover_pin.experiments.drive_log.discrimination import (

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import block_diag
 
-from rover_pin.discrepancy.screen import null_threshold
+from rover_pin.estimation.columns import Columns
 from rover_pin.estimation.fit import Fit
-from rover_pin.estimation.noise import huber, huber_weights
-from rover_pin.experiments.unlisted.actions import Act, Scene, acts, moved_features
+from rover_pin.estimation.noise import huber, huber_weights, null_gain
+from rover_pin.experiments.unlisted.actions import GRIP, Act, Scene, acts, moved_features
 from rover_pin.experiments.unlisted.regressors import Argument, arguments
 from rover_pin.experiments.unlisted.term import Term
+from rover_pin.inference.left_over import in_shares, rows_signal
 
 IDENTIFIABLE_SHARE = 1e-3
 """Share of a direction's sum of squares that must be left after the uncertain numbers for it to be identified."""
@@ -43,33 +43,6 @@ def rows_of(fit: Fit) -> Rows:
     prior = np.array([1.0 if fit.parameters[at].prior else 1e-9 for at in free])
     run_of = np.nonzero(fit.task.noise.good)[0]
     return Rows(fit, fit.rows, fit.columns[:, free], prior, np.asarray(fit.u)[free], run_of)
-
-
-class Columns(NamedTuple):
-    """The whitened columns (n, k) of a term; where every run has its own numbers, those of run r act on its rows."""
-
-    values: np.ndarray
-    runs: tuple[slice, ...]
-    "the rows of each run that has its own numbers; all rows, once, where the runs share them"
-
-    def normal(self, w: np.ndarray) -> np.ndarray:
-        """Return C^T diag(w) C, C the whole columns."""
-        return np.asarray(block_diag(*(part.T @ (w[run, None] * part) for run, part in self._parts)))
-
-    def across(self, table: np.ndarray) -> np.ndarray:
-        """Return table^T C of a table (n, ...)."""
-        return np.concatenate([table[run].T @ part for run, part in self._parts], axis=-1)
-
-    def times(self, size: np.ndarray) -> np.ndarray:
-        """Return C size, one number a row."""
-        amplitudes_by_run = np.split(size, len(self.runs))
-        return np.concatenate(
-            [part @ run_amplitudes for (_, part), run_amplitudes in zip(self._parts, amplitudes_by_run, strict=True)]
-        )
-
-    @property
-    def _parts(self) -> list[tuple[slice, np.ndarray]]:
-        return [(run, self.values[run]) for run in self.runs]
 
 
 def columns_of(scene: Scene, rows: Rows, act: Act, argument: Argument) -> Columns:
@@ -155,6 +128,19 @@ def held_out(rows: Rows, columns: Columns) -> float:
     return total
 
 
+def functions(scene: Scene) -> Iterator[Columns]:
+    """Yield what a model may leave: each act times what it may depend on, in shares of what was measured.
+
+    A grip that differs from run to run is not among them: the noise has that of ground prepared anew.
+    """
+    rows, signal = rows_of(scene.fit), rows_signal(scene.fit)
+    weights = huber_weights(rows.rows)
+    for act in acts(scene):
+        for argument in arguments(scene, act):
+            if not (act.kind == GRIP and argument.per_run):
+                yield in_shares(columns_of(scene, rows, act, argument), weights, signal)
+
+
 def terms(scene: Scene, chosen_acts: Sequence[Act] | None = None) -> tuple[Term, ...]:
     """Return every term, those with the greatest net gain first."""
     rows = rows_of(scene.fit)
@@ -182,7 +168,7 @@ def _term(
     count: int,
     held_out_gain: float | None = None,
 ) -> Term:
-    detection_threshold = 2.0 * solved.columns + null_threshold(count)
+    detection_threshold = 2.0 * solved.columns + null_gain(count)
     runs = tuple(run.name for run in scene.experiment.runs)
     return Term(*what, runs, solved.size, solved.covariance, gain, solved.columns, detection_threshold, held_out_gain)
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rover_pin.base.public import brief
-from rover_pin.discrepancy.screen import null_threshold
+from rover_pin.estimation.noise import null_gain
 from rover_pin.experiments.wheel_rig.data import RigSet
 from rover_pin.identification.identifiability import SAME_LOAD
 from rover_pin.measurements.channel import RigChannel
@@ -125,7 +125,7 @@ def _describe(data: RigSet, channel: RigChannel, residual: np.ndarray) -> RigCha
 def _exceeds_noise(before: float, after: float, count: int, columns: int) -> bool:
     """Return whether these columns, of the best of FORMS forms, take more of chi2 than chance does."""
     unit = max(1.0, after / max(count - columns, 1))
-    return before - after > unit * (null_threshold(FORMS) + null_threshold(1) * (columns - 1))
+    return before - after > unit * (null_gain(FORMS) + null_gain(1) * (columns - 1))
 
 
 def _smooth(

@@ -33,8 +33,7 @@ from rover_pin.report.sections.closing import DataCheck, Repeat, Warnings
 from rover_pin.report.sections.held_out import HeldOut
 from rover_pin.report.sections.numbers import Numbers
 from rover_pin.report.sections.physics import Physics
-from rover_pin.report.sections.sensitivity import Untold
-from rover_pin.report.sections.which_effect import WhichEffect
+from rover_pin.report.sections.which_cause import WhichCause
 from rover_pin.report.words import Labels, brief, listing, pair
 
 SHOWN = 2
@@ -64,10 +63,9 @@ def write_report(verdict: Verdict, log: DriveLog, out: Path) -> list[Path]:
         HeldOut(verdict, labels),
         WhereItIsWrong(verdict),
         Physics(verdict, labels, lambda effect: at_full_duty(verdict.model, effect)),
-        WhichEffect(verdict, labels),
+        WhichCause(verdict, labels),
         Numbers(verdict),
         LeftOver(verdict),
-        Untold(verdict),
         Warnings(verdict, labels),
         DataCheck(verdict, log.metadata.source),
         Repeat(verdict),

@@ -1,0 +1,34 @@
+"""What the loop is asked: which of the candidates a model lacks, its uncertain numbers free."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from rover_pin.discrepancy.candidate import Candidate
+from rover_pin.discrepancy.draft import Drafted
+from rover_pin.estimation.columns import Columns
+from rover_pin.estimation.experiment import Experiment
+from rover_pin.estimation.fit import Fit
+from rover_pin.estimation.parameter import Parameter
+from rover_pin.inference.left_over import smooth_functions
+
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Question:
+    """What the loop is asked: which of the candidates the model lacks, its uncertain numbers free."""
+
+    kind: str
+    name: str
+    experiment: Experiment
+    model: Any
+    numbers: tuple[Parameter, ...]
+    candidates: Callable[[Fit], Sequence[Candidate]]
+    "what may be missing of the calibrated model"
+    draft: Callable[[Fit], Drafted | None] = lambda fitted: None
+    "what a fit leaves as a drafted effect, where that can be described"
+    functions: Callable[[Fit], Iterable[Columns]] = smooth_functions
+    "what a fit may leave besides noise, where slopes are differences: functions of which at most one acts"

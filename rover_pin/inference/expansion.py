@@ -1,0 +1,138 @@
+"""A fit and what may be missing from it, to second order: evidence where a prediction costs more than a matrix.
+
+With rows r and columns A = dr/du about u_0, Huber's weights W and the noise's scale s, of which u ~ N(0, I) beforehand:
+    -2 ln p(data, u) = huber(r) / s^2 + |u_0|^2 + 2 g'd + d'H d,  d = u - u_0,
+    g = A'W r / s^2 + u_0,  H = A'W A / s^2 + I,
+    ln Z = -(huber(r) / s^2 + |u_0|^2 - g'H^-1 g) / 2 - ln|H| / 2 - n ln s.
+Sums are kept fold by fold, so that each can be left out.
+Source: MacKay, Neural Comput. 4 (1992) 415; Miller and Dunson, J. Am. Stat. Assoc. 114 (2019) 1113, for rows that hang
+together beyond the noise's model, whose likelihood counts as that of fewer.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import logsumexp
+
+from rover_pin.base.public import brief
+from rover_pin.estimation.fit import Fit
+from rover_pin.estimation.noise import huber_losses, huber_weights
+from rover_pin.inference.error_model import PRIORS
+
+STEPS = np.linspace(-3.0, 3.0, 13)
+"""Prior SDs at which the logarithm of the noise's scale is tried."""
+
+
+class Laplace(NamedTuple):
+    """What the data say of some numbers: ln Z, the noise's scale, mean and covariance of u."""
+
+    log_evidence: float
+    scale: float
+    mean: np.ndarray
+    covariance: np.ndarray
+
+
+@brief
+@dataclass(frozen=True, eq=False)
+class Expansion:
+    """A fit, and the whitened columns (n, m) of what else may move its rows by a unit of u."""
+
+    fit: Fit = field(repr=False)
+    others: np.ndarray = field(repr=False)
+
+    @cached_property
+    def columns(self) -> np.ndarray:
+        """Columns of the fit's own numbers, then of the others (n, numbers + m)."""
+        return np.concatenate([self.fit.columns, self.others], axis=1)
+
+    @property
+    def own(self) -> int:
+        """How many numbers the fit has."""
+        return len(self.fit.parameters)
+
+    @cached_property
+    def u(self) -> np.ndarray:
+        """Where every number stands: the fit's own, then 0."""
+        return np.concatenate([self.fit.u, np.zeros(self.others.shape[1])])
+
+    @cached_property
+    def fold(self) -> np.ndarray:
+        """The fold of each row (n,)."""
+        return np.nonzero(self.fit.task.noise.good)[0]
+
+    @cached_property
+    def rows(self) -> np.ndarray:
+        """The whitened residuals (n,)."""
+        return self.fit.rows
+
+    @cached_property
+    def weights(self) -> np.ndarray:
+        """Huber's weight of each row (n,)."""
+        return huber_weights(self.rows)
+
+    @cached_property
+    def sums(self) -> Sums:
+        """The sums over each fold."""
+        rows, weighted = self.rows, self.columns * self.weights[:, None]
+        members = [np.flatnonzero(self.fold == at) for at in range(len(self.fit.task.experiment.folds))]
+        losses = huber_losses(rows)
+        return Sums(
+            np.array([losses[at].sum() for at in members]),
+            np.array([weighted[at].T @ rows[at] for at in members]),
+            np.array([weighted[at].T @ self.columns[at] for at in members]),
+            np.array([len(at) for at in members]),
+        )
+
+    @cached_property
+    def whole(self) -> Sums:
+        """The sums over all folds, one."""
+        return Sums(*(part.sum(axis=0, keepdims=True) for part in self.sums))
+
+    @property
+    def scales(self) -> np.ndarray:
+        """The noise's scales that are tried: by its prior where it is declared, by its inflation where it is learnt."""
+        noise = self.fit.task.noise
+        if self.fit.task.experiment.noise() is None:
+            return np.array([math.sqrt(noise.inflation)])
+        return np.asarray(math.sqrt(noise.inflation) * np.exp(PRIORS["s"].sd * STEPS))
+
+    def posterior(self, extra: Sequence[int] = (), without: int | None = None) -> Laplace:
+        """Return what the data say of the fit's numbers with these of the others, perhaps without a fold."""
+        at = np.array([*range(self.own), *(self.own + place for place in extra)], dtype=int)
+        less = () if without is None else (without,)
+        loss = float(self.whole.loss[0] - sum(self.sums.loss[fold] for fold in less))
+        slope = self.whole.slope[0][at] - sum(self.sums.slope[fold][at] for fold in less)
+        box = np.ix_(at, at)
+        curvature = self.whole.curvature[0][box] - sum(self.sums.curvature[fold][box] for fold in less)
+        count = int(self.whole.rows[0] - sum(self.sums.rows[fold] for fold in less))
+        scales = self.scales
+        solved = [_solved(loss, slope, curvature, self.u[at], count, float(scale)) for scale in scales]
+        priors = -0.5 * STEPS**2 - logsumexp(-0.5 * STEPS**2) if len(scales) > 1 else np.zeros(1)
+        totals = np.array([row.log_evidence for row in solved]) + priors
+        best = solved[int(np.argmax(totals))]
+        return best._replace(log_evidence=float(logsumexp(totals)))
+
+
+class Sums(NamedTuple):
+    """Over each fold: huber(r) (folds,), A'W r (folds, m), A'W A (folds, m, m), and how many rows."""
+
+    loss: np.ndarray
+    slope: np.ndarray
+    curvature: np.ndarray
+    rows: np.ndarray
+
+
+def _solved(loss: float, slope: np.ndarray, curvature: np.ndarray, u: np.ndarray, count: int, scale: float) -> Laplace:
+    gradient = slope / scale**2 + u
+    lower = np.linalg.cholesky(curvature / scale**2 + np.eye(len(u)))
+    inverse = np.linalg.inv(lower)
+    covariance = inverse.T @ inverse
+    gain = float(np.sum((inverse @ gradient) ** 2))
+    log_evidence = -0.5 * (loss / scale**2 + float(u @ u) - gain) - float(np.log(np.diag(lower)).sum())
+    return Laplace(log_evidence - count * math.log(scale), scale, u - covariance @ gradient, covariance)

@@ -1,0 +1,128 @@
+"""A set of causes by a model that is linear about a fit: of all of them, or of some, with the sizes of the others."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from rover_pin.base.public import brief
+from rover_pin.estimation.experiment import Experiment
+from rover_pin.estimation.fit import Fit
+from rover_pin.estimation.parameter import Parameter
+from rover_pin.inference.cause import Cause
+from rover_pin.inference.error_model import Discrepancy
+from rover_pin.inference.expansion import Expansion, Laplace
+from rover_pin.inference.left_out import LeftOut
+from rover_pin.inference.left_over import LeftOver
+from rover_pin.inference.size_prior import log_share_inside
+
+
+@brief
+@dataclass(frozen=True, eq=False)
+class LinearHypothesis:
+    """The base model with a set of causes, by the second order of a fit."""
+
+    causes: tuple[Cause, ...]
+    expansion: Expansion = field(repr=False)
+    extra: tuple[int, ...]
+    "which of the expansion's other columns act besides: none where all causes were fitted"
+    parameters: tuple[Parameter, ...] = field(repr=False)
+    "the fit's, then the sizes of the others"
+    posterior: Laplace = field(repr=False)
+    log_evidence: float
+    discrepancy: Discrepancy = Discrepancy.NONE
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the causes."""
+        return tuple(cause.name for cause in self.causes)
+
+    @property
+    def added(self) -> tuple[str, ...]:
+        """Names of the causes that were not fitted, in the order of `extra`."""
+        return self.names[len(self.names) - len(self.extra) :]
+
+    @property
+    def experiment(self) -> Experiment:
+        """What was measured."""
+        return self.expansion.fit.task.experiment
+
+    @property
+    def model(self) -> Any:
+        """The model of the fit."""
+        return self.expansion.fit.model
+
+    @property
+    def u(self) -> np.ndarray:
+        """The fit's u of its numbers."""
+        return self.fit.u
+
+    @property
+    def is_fitted(self) -> bool:
+        """Whether all its causes were fitted."""
+        return not self.extra
+
+    @property
+    def fit(self) -> Fit:
+        """The fit about which it is linear."""
+        return self.expansion.fit
+
+    @cached_property
+    def _sd(self) -> np.ndarray:
+        """SD of each u: of the posterior, or as runs and stretches scatter, if that is more."""
+        sd = np.sqrt(np.diag(self.posterior.covariance))
+        own = self.fit.spread
+        return np.concatenate([np.maximum(sd[: len(own)], own), sd[len(own) :]])
+
+    def moments(self, name: str) -> tuple[float, float]:
+        """Return mean and SD of a number's u."""
+        place = [parameter.name for parameter in self.parameters].index(name)
+        return float(self.posterior.mean[place]), float(self._sd[place])
+
+    @property
+    def noise_taken(self) -> dict[str, float]:
+        """How many times the declared noise, or what samples scatter, each channel is taken to have for noise."""
+        floor, noise = self.experiment.floor(), self.fit.task.noise
+        if self.experiment.noise() is not None or floor is None:
+            return dict.fromkeys(self.experiment.channels, self.posterior.scale / math.sqrt(noise.inflation))
+        return {
+            name: float(sd / least) if least > 0 else math.nan
+            for name, sd, least in zip(self.experiment.channels, noise.floor, floor, strict=True)
+        }
+
+    def left_out(self) -> LeftOut:
+        """Return every fold as the others predict it."""
+        whole = self.expansion.posterior(self.extra).log_evidence
+        density, missed = [], np.full(np.shape(self.experiment.observed), np.nan)
+        slopes = np.array([self.fit.slopes[parameter.name] for parameter in self.fit.parameters])
+        for fold in range(len(self.experiment.folds)):
+            others = self.expansion.posterior(self.extra, without=fold)
+            density.append(whole - others.log_evidence)
+            step = others.mean[: len(slopes)] - self.fit.u
+            missed[fold] = self.fit.residual[fold] - np.tensordot(step, slopes[:, fold], 1)
+        return LeftOut(np.array(density), np.where(self.fit.task.noise.good, missed, np.nan))
+
+
+def linear_hypothesis(
+    causes: Sequence[Cause], expansion: Expansion, extra: Sequence[int] = (), sizes: Sequence[Cause] = ()
+) -> LinearHypothesis:
+    """Return a set of causes about a fit; the last of them, `sizes`, have one size each, that `extra` columns move."""
+    posterior = expansion.posterior(extra)
+    at = slice(len(posterior.mean) - sum(len(cause.parameters) for cause in causes), None)
+    inside = log_share_inside(causes, posterior.mean[at], posterior.covariance[at, at])
+    parameters = (*expansion.fit.parameters, *(cause.parameters[0] for cause in sizes))
+    return LinearHypothesis(
+        tuple(causes), expansion, tuple(extra), parameters, posterior, posterior.log_evidence + inside
+    )
+
+
+def with_left_over(plain: LinearHypothesis, left: LeftOver) -> LinearHypothesis:
+    """Return the same set of causes, something smooth or otherwise unlisted left besides."""
+    posterior = plain.posterior._replace(mean=left.mean, covariance=left.covariance)
+    evidence = plain.log_evidence + left.gain
+    return replace(plain, posterior=posterior, log_evidence=evidence, discrepancy=Discrepancy.SMOOTH)
