@@ -41,6 +41,7 @@ import numpy as np
 from blind_score import Case, Kind, Size, publish
 from joblib import Parallel, delayed
 from kept.case import kept
+from kept.told import CLEAR, alike_of, inclusion_of
 
 from rover_pin.base.code_digest import key_of_code
 from rover_pin.discrepancy.calibration import calibrated
@@ -123,9 +124,6 @@ COUNTS = {Kind.SINGLE: 7, Kind.PAIR: 24, Kind.NULL: 80, Kind.OFF_LIST: 5, Kind.O
 UNKIND, ELSE_UNKIND = {Kind.NULL: 0.5}, 0.25
 """Share of sets whose noise is not white and as stated; of other kinds ELSE_UNKIND."""
 
-CLEAR = 3.0
-"""Nats of log evidence from which an effect is detectable: odds of 20 to 1."""
-
 SLIPS = (-0.3, -0.15, 0.0, 0.1, 0.2, 0.35, 0.5, 0.7, 0.85)
 FRESH = {"loads": (20.0, 32.0), "slips": (-0.1, 0.05, 0.15, 0.28, 0.42, 0.6, 0.78), "repeats": 1, "speeds": (0.03,)}
 WRONG = {"n": 1.0, "c": 0.0, "phi": 0.6, "k": 0.02}
@@ -201,21 +199,14 @@ def case_of(hidden: Hidden) -> Case:
         hidden.kind,
         hidden.truth,
         verdict.answer,
-        tuple(tuple(one.split(" + ")) for one in verdict.indistinguishable) if verdict.named else (),
+        alike_of(verdict),
         seen,
         fitted_sizes(hidden, sizes, verdict),
         error_of(verdict.before.model, fresh, make.SD),
         error_of(verdict.model, fresh, make.SD),
         math.nan if oracle is None else error_of(oracle, fresh, make.SD),
-        inclusion_of(hidden, verdict),
+        inclusion_of(verdict, () if hidden.kind is Kind.OFF_LIST else hidden.truth),
     )
-
-
-def inclusion_of(hidden: Hidden, verdict: Verdict) -> dict[str, float]:
-    """Return the probability of each cause that may act, and of the true ones."""
-    true = () if hidden.kind is Kind.OFF_LIST else hidden.truth
-    chances = dict.fromkeys(true, 0.0) | verdict.beliefs.included
-    return {name: chance for name, chance in chances.items() if chance > 0.02 or name in true}
 
 
 def drawn_sizes(hidden: Hidden, rng: np.random.Generator) -> dict[str, float]:
