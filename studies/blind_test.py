@@ -48,6 +48,7 @@ from rover_pin.discrepancy.cross_validation import losses_of
 from rover_pin.discrepancy.held_out import together
 from rover_pin.discrepancy.question import Question
 from rover_pin.discrepancy.search import Search
+from rover_pin.discrepancy.signature import signatures
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.experiments.drive_log.model import base_model, is_rate_driven, with_spread
 from rover_pin.inference.beliefs import Beliefs
@@ -152,8 +153,8 @@ def name_of(hidden: dict[str, Any]) -> str:
 
 def true_fit(question: Question, search: Search, names: tuple[str, ...]) -> Truth:
     """Return the true set fitted as the search fits any, beside its parts; where nothing shows it, it gains nothing."""
-    own = Search(search.base)
-    own.run([candidate for candidate in question.candidates(search.base) if plain(candidate.name) in names])
+    own, candidates = Search(search.base), question.candidates(search.base)
+    own.run(signatures(search.base, [candidate for candidate in candidates if plain(candidate.name) in names]))
     whole = frozenset(own.options)
     while untried := own.estimates.keys() - own.fitted.keys() - own.lost:
         own.fit(min(untried, key=len))
