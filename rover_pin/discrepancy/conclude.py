@@ -196,14 +196,14 @@ def side_of(beliefs: Beliefs, hypothesis: Any) -> Side:
     amplitudes = {name for cause in hypothesis.causes for name in cause.amplitudes}
     numbers = tuple(
         _number(beliefs, hypothesis, fitted, place, parameter.name in amplitudes)
-        for place, parameter in enumerate(hypothesis.parameters)
+        for place, parameter in enumerate(fitted.parameters)
     )
     return Side(fitted.model, numbers, declared.misfit, fitted)
 
 
 def _number(beliefs: Beliefs, hypothesis: Any, fitted: Fit, place: int, is_size: bool) -> Number:
     """Return a number with its 95 % interval, the hypotheses that contain this one weighed."""
-    parameter, u = hypothesis.parameters[place], float(hypothesis.u[place])
+    parameter, u = fitted.parameters[place], float(fitted.u[place])
     mean, sd = beliefs.moments(hypothesis, parameter.name)
     low, high = (float(np.clip(end, *parameter.bounds)) for end in (mean - NORMAL_95 * sd, mean + NORMAL_95 * sd))
     low, high = min(low, u), max(high, u)
