@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 
 from rover_pin.discrepancy.answer import Answer
@@ -14,6 +15,8 @@ WORTH = 0.01
 """Relative change of an error below which it is not worth a word."""
 MAX_NAMED_CHANNELS = 4
 """Channels up to which each is named; of more, the two that changed most."""
+NOTHING = "of chance, nothing being missing"
+"""Why a model without causes may be right all the same."""
 
 
 def headline(verdict: Verdict, labels: Labels) -> str:
@@ -66,20 +69,23 @@ def _pairs(scores: Sequence[ChannelScore]) -> list[tuple[ChannelScore, tuple[str
     return [(score, pair(score.before, score.after, score.unit)) for score in scores]
 
 
-def _named(verdict: Verdict, labels: Labels) -> str:
+def _causes(verdict: Verdict, names: Sequence[str], labels: Labels) -> list[str]:
     kinds = kinds_of(verdict)
-    return _changed(verdict, labels, "because", listing(cause(name, kinds) for name in verdict.named)) + "."
+    return [cause(name, kinds, labels.placed) for name in names]
+
+
+def _named(verdict: Verdict, labels: Labels) -> str:
+    return _changed(verdict, labels, "because", listing(_causes(verdict, verdict.named, labels))) + "."
 
 
 def _set(verdict: Verdict, labels: Labels) -> str:
-    kinds = kinds_of(verdict)
-    either = listing((cause(name, kinds) for name in (verdict.indistinguishable or verdict.named)[:3]), "or")
-    return _changed(verdict, labels, "because", f"either {either}, which these data cannot tell") + "."
+    sets = [names.split(" + ") for names in (verdict.indistinguishable or verdict.named)[:3]]
+    whys = [NOTHING if names == ["nothing"] else listing(_causes(verdict, names, labels)) for names in sets]
+    return _changed(verdict, labels, "because", f"either {listing(whys, 'or')}, which these data cannot tell") + "."
 
 
 def _like(verdict: Verdict, labels: Labels) -> str:
-    kinds = kinds_of(verdict)
-    return _changed(verdict, labels, "as if", listing(cause(name, kinds) for name in verdict.named)) + (
+    return _changed(verdict, labels, "as if", listing(_causes(verdict, verdict.named, labels))) + (
         "; something like it is missing, but the name does not stand alone."
     )
 
@@ -95,7 +101,8 @@ def _off(verdict: Verdict, labels: Labels) -> str:
 
 def _none_needed(verdict: Verdict, labels: Labels) -> str:
     off = f": at worst {_off(verdict, labels)} {labels.unseen}" if verdict.scores else ""
-    return f"nothing needs to be added{off}, and none of the {verdict.tried} candidates gains more than chance."
+    none = verdict.beliefs.sets.get(frozenset(), 0.0) if verdict.beliefs is not None else math.nan
+    return f"nothing needs to be added{off}; none of the {verdict.tried} candidates acts, with probability {none:.2f}."
 
 
 def _unexplained(verdict: Verdict, labels: Labels) -> str:

@@ -16,6 +16,8 @@ LOUD = 1.5
 """Times its noise from which a channel that is left over is a reason to doubt."""
 MORE = 1.25
 """Times what it was from which a left-out fold's chi2 is a reason to doubt."""
+MAY_ACT = 0.05
+"""Probability from which a cause that was not added is a reason to doubt."""
 
 
 WRITE_IT = (
@@ -77,7 +79,7 @@ def _added(verdict: Verdict, labels: Labels) -> Iterator[str]:
             for name, probability in verdict.beliefs.included.items()
             if name in verdict.named
         ]
-        yield f"probability by the evidence, {verdict.tried} causes and their pairs weighed: {listing(probabilities)}"
+        yield f"probability by the evidence, {verdict.tried} causes weighed: {listing(probabilities)}"
     before, after = two_digits(verdict.before.misfit), two_digits(verdict.after.misfit)
     yield f"chi2 for each number measured falls from {before} to {after}; 1 is the noise"
 
@@ -86,7 +88,7 @@ def _nothing_added(verdict: Verdict, labels: Labels) -> Iterator[str]:
     if verdict.named or verdict.before is None:
         return
     yield f"chi2 for each number measured is {two_digits(verdict.before.misfit)}, where 1 is the noise"
-    yield f"{verdict.tried} candidates were tried, each with all uncertain numbers free"
+    yield f"{verdict.tried} candidates were weighed, alone and together, with all uncertain numbers free"
 
 
 def _chosen(verdict: Verdict, labels: Labels, agreeing: bool) -> Iterator[str]:
@@ -102,7 +104,7 @@ def _doubts(verdict: Verdict, labels: Labels) -> Iterator[str]:
     yield from verdict.vetoes
     for score in by_outcome(verdict.scores, Outcome.WORSE):
         yield f"{labels.channel(score.name)} is predicted worse by {share(score.change)} {labels.unseen}"
-    if verdict.named and not any("folds" in veto for veto in verdict.vetoes):
+    if verdict.named:
         yield from _chosen(verdict, labels, False)
     if len(verdict.indistinguishable) > 1:
         yield f"{listing(verdict.indistinguishable[1:4], 'or')} cannot be distinguished from it by these data"
@@ -121,6 +123,14 @@ def _doubts(verdict: Verdict, labels: Labels) -> Iterator[str]:
     for finding in verdict.findings:
         yield f"the data check says: {finding}"
     if verdict.named:
-        yield f"only the {verdict.tried} candidates of the list were tried: something outside of it may do the same"
+        yield f"only the {verdict.tried} candidates of the list were weighed: something outside of it may do the same"
     elif verdict.answer is Answer.NONE_NEEDED:
+        yield from _may_act(verdict)
         yield "an effect too small to show in these data may act; 'what could not be told' has the sizes that would"
+
+
+def _may_act(verdict: Verdict) -> Iterator[str]:
+    """Yield the most probable cause of all that were not added, where that is worth a word."""
+    name, probability = next(iter(verdict.beliefs.included.items()), ("", 0.0)) if verdict.beliefs else ("", 0.0)
+    if probability > MAY_ACT:
+        yield f"{name} may act all the same: probability {probability:.2f}"

@@ -30,6 +30,8 @@ class Labels(NamedTuple):
     "what is left out, in the plural"
     channel: Callable[[str], str] = _same
     "a channel's name for a reader"
+    placed: Callable[[str], str] = _same
+    "a cause's name with its place as a reader knows it: WeakMotor[2] is WeakMotor[wheel mr]"
     fold: Callable[[str], str] = _same
     "the meaning of a fold's name, as 'S = 0.5'"
     evidence: tuple[str, ...] = ()
@@ -68,12 +70,12 @@ def human(text: str, kinds: Iterable[type]) -> str:
     return re.sub(r"\b[A-Z]\w+\b(?!\.)", lambda match: titles.get(match[0], match[0]), text)
 
 
-def cause(name: str, kinds: Iterable[type]) -> str:
+def cause(name: str, kinds: Iterable[type], placed: Callable[[str], str] = _same) -> str:
     """Return what was found as a clause that follows 'because', its name in brackets."""
     kind = {effect_class.__name__: effect_class for effect_class in kinds}.get(re.split(r"[\[@]", name)[0])
     if kind is None:
         return f"{name} is not what was declared"
-    where = re.fullmatch(r"\w+(?:\[(.*)\])?(?:@(.*))?", name)
+    where = re.fullmatch(r"\w+(?:\[(.*)\])?(?:@(.*))?", placed(name))
     place = "" if where is None else f", {where[1]}" if where[1] else f", at x = {where[2]} m" if where[2] else ""
     return f"{meaning_of(kind)} ({title_of(kind)}{place})"
 
@@ -102,9 +104,9 @@ def capital(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
-def full(name: str, kinds: Iterable[type]) -> str:
+def full(name: str, kinds: Iterable[type], labels: Labels) -> str:
     """Return a candidate's human name with its class and place behind it: 'digging (DiggingMemory)'."""
-    title = display_name(name, kinds)
+    title = display_name(labels.placed(name), kinds)
     return title if title == name else f"{title} ({name})"
 
 

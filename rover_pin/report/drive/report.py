@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -33,6 +35,7 @@ from rover_pin.report.sections.closing import DataCheck, Repeat, Warnings
 from rover_pin.report.sections.held_out import HeldOut
 from rover_pin.report.sections.numbers import Numbers
 from rover_pin.report.sections.physics import Physics
+from rover_pin.report.sections.sensitivity import Untold
 from rover_pin.report.sections.which_cause import WhichCause
 from rover_pin.report.words import Labels, brief, listing, pair
 
@@ -47,9 +50,15 @@ def labels_of(verdict: Verdict) -> Labels:
         "on runs it never saw",
         "runs",
         words_of,
+        partial(_placed, wheels=[wheel.name for wheel in verdict.model.rover.wheels]),
         evidence=tuple(_describe_free_runs(extra.free) if verdict.named else ()),
         besides=extra.ground.sentence if extra.ground else "",
     )
+
+
+def _placed(name: str, wheels: Sequence[str]) -> str:
+    """Return a cause's name with the wheel's name in the place of its number."""
+    return re.sub(r"\[(\d+)\]", lambda number: f"[wheel {wheels[int(number[1])]}]", name)
 
 
 def write_report(verdict: Verdict, log: DriveLog, out: Path) -> list[Path]:
@@ -66,9 +75,10 @@ def write_report(verdict: Verdict, log: DriveLog, out: Path) -> list[Path]:
         WhichCause(verdict, labels),
         Numbers(verdict),
         LeftOver(verdict),
+        Untold(verdict, labels),
         Warnings(verdict, labels),
         DataCheck(verdict, log.metadata.source),
-        Repeat(verdict),
+        Repeat(verdict, labels),
     ]
     head = Head(log.metadata.name, f"{len(log.runs)} runs, {seconds:.0f} s", headline(verdict, labels))
     return write_page(head, sections, out)

@@ -23,6 +23,7 @@ from rover_pin.report.sections.closing import DataCheck, Repeat, Warnings
 from rover_pin.report.sections.held_out import HeldOut
 from rover_pin.report.sections.numbers import Numbers
 from rover_pin.report.sections.physics import Physics
+from rover_pin.report.sections.sensitivity import Untold
 from rover_pin.report.sections.which_cause import WhichCause
 from rover_pin.report.words import Labels, kinds_of, listing
 
@@ -47,9 +48,10 @@ def write_report(verdict: Verdict, data: RigSet, out: Path) -> list[Path]:
         WhichCause(verdict, labels),
         Numbers(verdict),
         Elsewhere(verdict),
+        Untold(verdict, labels),
         Warnings(verdict, labels),
         DataCheck(verdict, data.source),
-        Repeat(verdict),
+        Repeat(verdict, labels),
     ]
     return write_page(Head(data.rig.name, kicker, headline(verdict, labels)), sections, out)
 

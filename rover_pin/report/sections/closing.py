@@ -47,6 +47,7 @@ class Repeat(Section):
     """The command, the seed and the versions that give the same answer; `model_file` says whether there is one."""
 
     verdict: Verdict
+    labels: Labels
     model_file: bool = True
     title: ClassVar[str] = "To repeat it"
     template: ClassVar[str] = "sections/repeat.html"
@@ -57,7 +58,7 @@ class Repeat(Section):
         if not noted:
             return None
         kinds = kinds_of(self.verdict)
-        added = listing(full(name, kinds) for name in self.verdict.named)
+        added = listing(full(name, kinds, self.labels) for name in self.verdict.named)
         return {
             "command": noted["command"],
             "seconds": noted["seconds"],

@@ -15,11 +15,14 @@ from rover_pin.estimation.profile import NORMAL_95
 from rover_pin.estimation.wording import format_value, interval
 from rover_pin.inference.beliefs import Beliefs
 from rover_pin.report.section import CHOSEN, Picture, Row, Section, Table
+from rover_pin.report.sections.sensitivity import is_threshold
 from rover_pin.report.svg import AFTER, GREY
 from rover_pin.report.words import Labels, as_text, full, kinds_of, listing
 
 MAX_CAUSES, MAX_SETS = 20, 8
 """Causes and sets that are listed."""
+ESTIMATED = "estimated, not fitted"
+"""What is said of a set that was weighed by a linear estimate alone."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +42,7 @@ class WhichCause(Section):
         return {
             "families": self._families(beliefs),
             "count": beliefs.choice,
+            "estimated": not all(hypothesis.is_fitted for hypothesis in beliefs.hypotheses),
             "causes": self._causes(beliefs),
             "sets": self._sets(beliefs),
             "anew": self._anew(),
@@ -55,13 +59,13 @@ class WhichCause(Section):
         axis.barh(
             range(len(probabilities)), [probability for _, probability in probabilities], color=colours, height=0.7
         )
-        names = [as_text(display_name(name, kinds)) for name, _ in probabilities]
+        names = [as_text(display_name(self.labels.placed(name), kinds)) for name, _ in probabilities]
         axis.set_yticks(range(len(probabilities)), names, fontsize=8.5)
         axis.invert_yaxis()
         axis.set_xlim(0.0, 1.0)
         axis.set_xlabel("probability that it acts")
         axis.grid(alpha=0.25, axis="x")
-        leading = [f"{full(name, kinds)} {probability:.2f}" for name, probability in probabilities[:3]]
+        leading = [f"{full(name, kinds, self.labels)} {probability:.2f}" for name, probability in probabilities[:3]]
         return {"causes": Picture((figure,), f"Probability that a cause acts: {listing(leading)}.")}
 
     def _families(self, beliefs: Beliefs) -> Table:
@@ -70,10 +74,10 @@ class WhichCause(Section):
 
     def _causes(self, beliefs: Beliefs) -> Table:
         kinds = kinds_of(self.verdict)
-        rows = [
-            Row((full(name, kinds), f"{probability:.3f}", _size(beliefs, name)), CHOSEN * (name in self.verdict.named))
-            for name, probability in list(beliefs.included.items())[:MAX_CAUSES]
-        ]
+        rows = []
+        for name, probability in list(beliefs.included.items())[:MAX_CAUSES]:
+            cells = full(name, kinds, self.labels), f"{probability:.3f}", _size(beliefs, name)
+            rows.append(Row(cells, CHOSEN * (name in self.verdict.named)))
         return Table(("cause", "probability", "its size, if it acts"), tuple(rows), "Causes")
 
     def _sets(self, beliefs: Beliefs) -> Table:
@@ -81,9 +85,9 @@ class WhichCause(Section):
         rows = [
             Row(
                 (
-                    listing(full(name, kinds) for name in sorted(names)) or "nothing",
+                    listing(full(name, kinds, self.labels) for name in sorted(names)) or "nothing",
                     f"{probability:.3f}",
-                    f"{beliefs.left(names):.2f}",
+                    f"{beliefs.left(names):.2f}" if beliefs.best(tuple(names)).is_fitted else ESTIMATED,
                 ),
                 CHOSEN * (names == frozenset(self.verdict.named)),
             )
@@ -99,17 +103,20 @@ class WhichCause(Section):
 
 
 def _size(beliefs: Beliefs, name: str) -> str:
-    """Return the amplitudes of a cause with their 95 % intervals, by all hypotheses that have it."""
-    holding = [hypothesis for hypothesis in beliefs.hypotheses if name in hypothesis.names]
-    alone = min(holding, key=lambda hypothesis: len(hypothesis.names))
-    cause = next(cause for cause in alone.causes if cause.name == name)
-    texts = []
+    """Return the amplitudes of a cause with their 95 % intervals, by all fitted hypotheses that have it.
+
+    Where none was fitted, by the most probable estimate.
+    """
+    rows = [row for row in zip(beliefs.scores, beliefs.hypotheses, strict=True) if name in row[1].names]
+    _, of = max(rows, key=lambda row: (row[1].is_fitted, -len(row[1].names) * row[1].is_fitted, row[0]))
+    cause = next(cause for cause in of.causes if cause.name == name)
+    texts = [] if of.is_fitted else [ESTIMATED]
     for parameter in cause.parameters:
-        if parameter.name in cause.amplitudes:
-            mean, sd = beliefs.moments(alone, parameter.name)
+        if parameter.name in cause.amplitudes and (of.is_fitted or not is_threshold(parameter)):
+            mean, sd = beliefs.moments(of, parameter.name) if of.is_fitted else of.moments(parameter.name)
             ends = np.clip([mean - NORMAL_95 * sd, mean, mean + NORMAL_95 * sd], *parameter.bounds)
             low, middle, high = (parameter.value(float(u)) for u in ends)
-            unit = alone.experiment.quantity(alone.model, parameter.name).unit
+            unit = of.experiment.quantity(cause.on(of.model), parameter.name).unit
             texts.append(
                 f"{parameter.name.rpartition('.')[2]} = {interval(middle, min(low, high), max(low, high), unit)}"
             )

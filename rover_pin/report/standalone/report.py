@@ -22,6 +22,7 @@ from rover_pin.report.sections.closing import DataCheck, Repeat, Warnings
 from rover_pin.report.sections.held_out import HeldOut
 from rover_pin.report.sections.numbers import Numbers
 from rover_pin.report.sections.physics import Physics
+from rover_pin.report.sections.sensitivity import Untold
 from rover_pin.report.sections.which_cause import WhichCause
 from rover_pin.report.svg import AFTER, BEFORE
 from rover_pin.report.words import Labels, as_text, key, kinds_of, listing
@@ -46,9 +47,10 @@ def sections_of(verdict: Verdict, labels: Labels, picture: Picture | None, *extr
         Physics(verdict, labels),
         WhichCause(verdict, labels),
         Numbers(verdict),
+        Untold(verdict, labels),
         Warnings(verdict, labels),
         DataCheck(verdict),
-        Repeat(verdict, model_file=False),
+        Repeat(verdict, labels, model_file=False),
     ]
 
 
