@@ -80,8 +80,8 @@ class LinearHypothesis:
         return np.concatenate([np.maximum(sd[: len(own)], own), sd[len(own) :]])
 
     def moments(self, name: str) -> tuple[float, float]:
-        """Return mean and SD of a number's u."""
-        place = [parameter.name for parameter in self.parameters].index(name)
+        """Return mean and SD of a number's u; of one that a cause frees, of that."""
+        place = {parameter.name: at for at, parameter in enumerate(self.parameters)}[name]
         return float(self.posterior.mean[place]), float(self._sd[place])
 
     @property

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.verdict import Verdict
@@ -39,12 +39,12 @@ NEXT = {
 def supporting_reasons(verdict: Verdict, labels: Labels) -> list[str]:
     """Return what speaks for a verdict."""
     lines = (*_added(verdict, labels), *_nothing_added(verdict, labels))
-    return _as_sentences(verdict, (*lines[:1], *labels.evidence, *lines[1:]))
+    return _as_sentences(verdict, map(labels.placed, (*lines[:1], *labels.evidence, *lines[1:])))
 
 
 def opposing_reasons(verdict: Verdict, labels: Labels) -> list[str]:
     """Return what speaks against it, the weightiest first."""
-    return _as_sentences(verdict, _doubts(verdict, labels))
+    return _as_sentences(verdict, map(labels.placed, _doubts(verdict, labels)))
 
 
 def next_run(verdict: Verdict) -> list[str]:
@@ -54,7 +54,7 @@ def next_run(verdict: Verdict) -> list[str]:
     return [capital(NEXT[verdict.answer]) + "."]
 
 
-def _as_sentences(verdict: Verdict, lines: Iterator[str] | tuple[str, ...]) -> list[str]:
+def _as_sentences(verdict: Verdict, lines: Iterable[str]) -> list[str]:
     kinds = kinds_of(verdict)
     return [capital(human(line, kinds)).rstrip(".") + "." for line in dict.fromkeys(lines)]
 
@@ -70,8 +70,6 @@ def _added(verdict: Verdict, labels: Labels) -> Iterator[str]:
             f"{labels.unseen} {len(better)} of {len(verdict.scores)} channels are predicted better beyond their "
             f"scatter, {len(worse)} worse: {change}"
         )
-    if verdict.share > 0:
-        yield f"it takes {verdict.share:.0%} of what the base model misses beyond the noise {labels.unseen}"
     yield from _chosen(verdict, labels, True)
     if verdict.beliefs is not None:
         probabilities = [
@@ -80,6 +78,8 @@ def _added(verdict: Verdict, labels: Labels) -> Iterator[str]:
             if name in verdict.named
         ]
         yield f"probability by the evidence, {verdict.tried} causes weighed: {listing(probabilities)}"
+    if verdict.share > 0:
+        yield f"it takes {verdict.share:.0%} of what the base model misses beyond the noise {labels.unseen}"
     before, after = two_digits(verdict.before.misfit), two_digits(verdict.after.misfit)
     yield f"chi2 for each number measured falls from {before} to {after}; 1 is the noise"
 

@@ -31,7 +31,7 @@ class Labels(NamedTuple):
     channel: Callable[[str], str] = _same
     "a channel's name for a reader"
     placed: Callable[[str], str] = _same
-    "a cause's name with its place as a reader knows it: WeakMotor[2] is WeakMotor[wheel mr]"
+    "a text with the places of causes as a reader knows them: WeakMotor[2] is WeakMotor[wheel mr]"
     fold: Callable[[str], str] = _same
     "the meaning of a fold's name, as 'S = 0.5'"
     evidence: tuple[str, ...] = ()
@@ -67,7 +67,7 @@ def kinds_of(verdict: Verdict) -> tuple[type, ...]:
 def human(text: str, kinds: Iterable[type]) -> str:
     """Return a text with its effects' human names in the place of their classes'."""
     titles = {kind.__name__: title_of(kind) for kind in kinds}
-    return re.sub(r"\b[A-Z]\w+\b(?!\.)", lambda match: titles.get(match[0], match[0]), text)
+    return re.sub(r"\b[A-Z]\w+\b(?!(\[[^\]]*\])?\.)", lambda match: titles.get(match[0], match[0]), text)
 
 
 def cause(name: str, kinds: Iterable[type], placed: Callable[[str], str] = _same) -> str:

@@ -1,4 +1,4 @@
-"""A drive log made here, small enough for every test, with the fits before and after what was hidden was added."""
+"""A drive log made here, small enough for every test, with all that the loop weighs of it."""
 
 import dataclasses
 import math
@@ -8,24 +8,20 @@ import numpy as np
 import pytest
 
 from rover_pin.discrepancy.answer import Answer
-from rover_pin.discrepancy.candidate import Candidate
+from rover_pin.discrepancy.conclude import verdict_of
 from rover_pin.discrepancy.draft import Draft
-from rover_pin.discrepancy.held_out import held_out
-from rover_pin.discrepancy.refit import Refit
-from rover_pin.discrepancy.screen import Scored, Signature, candidate_threshold
-from rover_pin.discrepancy.search import Round, Search
-from rover_pin.discrepancy.verdict import Side, Verdict
+from rover_pin.discrepancy.question import Question
+from rover_pin.discrepancy.search import Search
+from rover_pin.discrepancy.signature import signatures
 from rover_pin.effects.gear_friction import GearFriction
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.effects.supply_sag import SupplySag
 from rover_pin.effects.torque_saturation import TorqueSaturation
 from rover_pin.effects.weak_motor import WeakMotor
-from rover_pin.effects.winding_heating import WindingHeating
-from rover_pin.estimation.fit import Fit
-from rover_pin.estimation.gauss_newton import slopes_at
+from rover_pin.estimation.fit import fit
 from rover_pin.estimation.noise import first_noise, noise_of
-from rover_pin.estimation.numbers import numbers
 from rover_pin.estimation.task import Task
+from rover_pin.experiments.drive_log.candidates import candidate_of
 from rover_pin.experiments.drive_log.experiment import experiment_of
 from rover_pin.experiments.drive_log.extra import DriveExtra
 from rover_pin.experiments.drive_log.features import logged_run
@@ -36,6 +32,7 @@ from rover_pin.experiments.unlisted.actions import FORCE, Act
 from rover_pin.experiments.unlisted.regressors import Argument, Hats, Polynomial
 from rover_pin.experiments.unlisted.residual import DriveChannelResidual, DriveResidual
 from rover_pin.experiments.unlisted.term import Term
+from rover_pin.inference.beliefs import Beliefs
 from rover_pin.logs.drive_log import DriveLog, LogMetadata
 from rover_pin.measurements.finding import Finding
 from rover_pin.rover.rover import load_rover
@@ -69,54 +66,28 @@ def log_of(truth, seed):
     return dataclasses.replace(trace, attrs=attrs)
 
 
-def fitted(task, model, parameters):
-    """A fit that is where it starts."""
-    u = np.array([one.u(SupplySag().R_b) if one.name == "SupplySag.R_b" else 0.0 for one in parameters])
-    predicted = task.experiment.predict([model])[0]
-    return Fit(task, model, tuple(parameters), u, predicted, slopes_at(task, model, parameters, u))
-
-
 @pytest.fixture(scope="session")
-def made():
-    """Two logged runs of a sagging supply, with the fits before and after it is added."""
+def searched():
+    """Two logged runs of a sagging supply, what is asked of them, and all that was weighed."""
     model, truth = base(), base().having(SupplySag())
     traces = tuple(log_of(truth, seed) for seed in (1, 2))
     experiment = experiment_of([logged_run(trace, model.rover) for trace in traces], model)
-    left = experiment.observed - experiment.predict([truth])[0]
+    left_by_truth = experiment.observed - experiment.predict([truth])[0]
     least = np.full(len(experiment.channels), 1e-4)
-    task = Task(experiment, noise_of(left, first_noise(left, least).good, least))
+    task = Task(experiment, noise_of(left_by_truth, first_noise(left_by_truth, least).good, least))
     phi = parameter(model, "soil.phi", math.radians(2.0), declared="declared in [soil]")
-    free = [phi, parameter(model, "WeakMotor[0].g", 0.02)]
-    before = fitted(task, model, free)
-    after = fitted(task, truth, [*free, SAG.size("SupplySag.R_b")])
-    return DriveLog(Path("nowhere"), LogMetadata("small", source="made here"), traces), before, after
+    search = Search(fit(task, model, (phi, parameter(model, "WeakMotor[0].g", 0.02))))
+    tried = tuple(map(candidate_of, (SupplySag(), GearFriction(), TorqueSaturation(), WeakMotor(g=0.02, wheel=4))))
+    search.run(signatures(search.base, tried))
+    log = DriveLog(Path("nowhere"), LogMetadata("small", source="made here"), traces)
+    return log, Question("drive-log", "small", experiment, model, search.base.parameters, lambda fit: tried), search
 
 
-SAG = Candidate("SupplySag", SupplySag(), ("SupplySag.R_b",), ("SupplySag.tau",))
-
-
-def scored(candidate, base, sizes, gain, visible, absorbed):
-    neutral = candidate.effect.neutral if candidate.effect else {"g": 0.0}
-    own = {name: neutral[name.rpartition(".")[2]] for name in sizes}
-    return Scored(candidate, Signature(candidate, sizes, base.predicted, own), gain, 1.0, visible, absorbed)
-
-
-def looked(before, after):
-    """One look that found the sag, and one that found no more."""
-    friction = Candidate("GearFriction", GearFriction(), ("GearFriction.tau_c",))
-    heating = Candidate("WindingHeating", WindingHeating(), ("WindingHeating.R_th",))
-    saturation = Candidate("TorqueSaturation", TorqueSaturation(), ("TorqueSaturation.i_max",))
-    motor = Candidate("WeakMotor", None, ("WeakMotor[0].g",), place="0")
-    rows = (
-        scored(SAG, before, {"SupplySag.R_b": 2.0}, 400.0, 2 * math.sqrt(candidate_threshold(SAG, 5)), 0.3),
-        scored(saturation, before, {"TorqueSaturation.i_max": 0.03}, 9.0, 50.0, 0.2),
-        scored(friction, before, {"GearFriction.tau_c": 0.02}, 5.0, 20.0, 0.99),
-        scored(motor, before, {"WeakMotor[0].g": 0.02}, 3.0, 1.0, 0.5),
-        scored(heating, before, {"WindingHeating.R_th": 100.0}, 0.0, 0.1, 0.5),
-    )
-    found = Refit(SAG, after, 390.0, 14.0, 300.0)
-    chance = Refit(motor, before, 4.0, 14.0, 1.0)
-    return Search(before, (Round(rows, (found, chance)), Round(rows[1:], (chance,))), ())
+@pytest.fixture(scope="session")
+def made(searched):
+    """The log, with the fits before and after the sag is added."""
+    log, _, search = searched
+    return log, search.base, search.beliefs().best(("SupplySag",)).fit
 
 
 def term(argument, size, gain=200.0):
@@ -138,27 +109,16 @@ def left(gain=200.0):
 
 
 @pytest.fixture(scope="session")
-def verdict(made):
-    """What the loop would say of that log."""
-    _, before, after = made
-    held = held_out(before, after, before.task.noise, 0)
-    return Verdict(
-        kind="drive-log",
-        answer=Answer.NAMED,
-        name="small",
-        sentence="the log is consistent with SupplySag, which takes 99% of it.",
-        model=after.model,
-        effects=(next(one for one in after.model.all_effects if isinstance(one, SupplySag)),),
-        indistinguishable=("SupplySag",),
-        named=("SupplySag",),
-        share=0.99,
-        before=Side(before.model, numbers(before), before.misfit, before),
-        after=Side(after.model, numbers(after), after.misfit, after),
-        scores=held.channels,
-        runs=held.runs,
-        extra=DriveExtra(free_runs(before.task.experiment, before.model, after.model), left()),
+def verdict(searched):
+    """What the loop says of that log, a remainder made here besides."""
+    _, question, search = searched
+    found = verdict_of(question, search.beliefs(), lambda said: None)
+    assert found.named == ("SupplySag",)
+    experiment = search.base.task.experiment
+    return dataclasses.replace(
+        found,
+        extra=DriveExtra(free_runs(experiment, found.before.model, found.model), left()),
         findings=(Finding("no low duty", "small", "add one"),),
-        search=looked(before, after),
         provenance={"command": "rover-pin close-loop small", "seconds": 1.0, "seed": 0, "versions": {"numpy": "2"}},
     )
 
@@ -168,27 +128,22 @@ def answered(verdict):
     """Return the same with another answer."""
 
     def made(answer):
-        search = verdict.search
-        none = Search(search.base, (Round(search.rounds[0].scored, search.rounds[1].refits),), ())
-        bare = {"named": (), "effects": (), "after": verdict.before, "model": search.base.model}
-        empty = {
-            "before": None,
-            "after": None,
-            "scores": (),
-            "runs": (),
-            "extra": None,
-            "search": None,
-            "indistinguishable": (),
-        }
+        base = verdict.beliefs.best(())
+        alone = Beliefs((base,), verdict.beliefs.choice)
+        bare = {"named": (), "effects": (), "indistinguishable": (), "after": verdict.before, "beliefs": alone,
+                "model": verdict.before.model, "chosen": {}}  # fmt: skip
+        poor = {"before": None, "after": None, "scores": (), "runs": (), "extra": None, "beliefs": None}
         changes = {
             Answer.NAMED: {},
             Answer.LIKE: {"vetoes": ("R_b lies at its bound",)},
-            Answer.SET: {"indistinguishable": ("SupplySag", "PeakStress")},
-            Answer.NONE_NEEDED: {**bare, "indistinguishable": (), "search": none},
-            Answer.NONE_FITS: {**bare, "draft": Draft("text", search.rounds[0].refits[0], verdict.scores, "try --it")},
+            Answer.SET: {"indistinguishable": ("SupplySag", "PeakStress + WeakMotor[4]")},
+            Answer.NONE_NEEDED: bare,
+            Answer.NONE_FITS: {
+                **bare, "draft": Draft("text", verdict.after.fit, 3.0, 300.0, (), verdict.scores, "try --it")
+            },
             Answer.INADEQUATE: bare,
-            Answer.CANNOT_TELL: {**bare, **empty, "provenance": {}},
-        }[answer]
+            Answer.CANNOT_TELL: {**bare, **poor, "provenance": {}},
+        }[answer]  # fmt: skip
         return dataclasses.replace(verdict, answer=answer, **changes)
 
     return made

@@ -2,6 +2,7 @@
 
 import dataclasses
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,10 +10,11 @@ import pytest
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.cross_validation import losses_of
 from rover_pin.discrepancy.held_out import together
-from rover_pin.discrepancy.refit import Refit
 from rover_pin.effects.point_mass import PointMass
 from rover_pin.estimation.profile import Profile
 from rover_pin.experiments.drive_log.extra import DriveExtra, extra_of
+from rover_pin.inference.beliefs import Beliefs
+from rover_pin.inference.cause import SIZE_SD
 from rover_pin.report.drive import ghost
 from rover_pin.report.drive.cautions import cautions
 from rover_pin.report.drive.full_duty import at_full_duty
@@ -25,11 +27,11 @@ from rover_pin.report.sections.held_out import HeldOut
 from rover_pin.report.sections.numbers import Numbers, number_table
 from rover_pin.report.sections.physics import Physics
 from rover_pin.report.sections.sensitivity import Untold, sensitivities
-from rover_pin.report.sections.which_effect import WhichEffect, describe_outcome, own_text
+from rover_pin.report.sections.which_cause import WhichCause
 
 SECTIONS = [
     "Driven freely", "Seen in 3D", "Error on data that were not fitted", "Where the error lives",
-    "What was added, and how much it does", "Which effect", "Fitted numbers", "What is left", "What could not be told",
+    "What was added, and how much it does", "Which cause", "Fitted numbers", "What is left", "What could not be told",
     "Warnings", "The data check", "To repeat it",
 ]  # fmt: skip
 
@@ -108,15 +110,6 @@ def test_without_viser_the_page_says_what_the_scene_takes(made, verdict, monkeyp
     assert "<iframe" not in text
 
 
-def test_later_candidate_must_gain_a_share_of_the_earlier_gain(verdict):
-    """The mark of what is not refitted is the fee that decides: in the second round 1 % of the first gain further."""
-    (figure,) = WhichEffect(verdict, labels_of(verdict)).pictures()["candidates"].panels
-    # of both rounds the second row is the torque limit's, which was scored only
-    marks = [[line.get_xdata()[0] for line in look.lines if line.get_linestyle() == "-"][1] for look in figure.axes]
-    (taken,) = (one.gain for one in verdict.search.best_refits)
-    assert marks[1] == pytest.approx(marks[0] + 0.01 * taken)
-
-
 def test_profiles_are_drawn_where_there_are_any(verdict):
     shape = Profile("SupplySag.R_b", "ohm", (1.8, 2.0, 2.2), (4.0, 0.0, 4.0))
     assert "profiles" in Numbers(dataclasses.replace(verdict, profiles=(shape,))).pictures()
@@ -155,7 +148,7 @@ def test_numbers_that_drifted_or_lie_at_a_bound_stand_first(verdict):
     )
     one = dataclasses.replace(verdict, after=verdict.after._replace(numbers=moved))
     rows = number_table(one).rows
-    assert [row.cells[0] for row in rows] == ["soil.phi", "SupplySag.R_b", "WeakMotor[0].g"]
+    assert [row.cells[0] for row in rows] == ["soil.phi", "SupplySag.R_b", "SupplySag.tau", "WeakMotor[0].g"]
     assert rows[0].cells[3:] == ("30 deg \u00b1 2 deg, declared in [soil]", "+4.00", "+4.0 SD from what was declared")
     assert rows[1].cells[1] == "not in the model"
     assert "bound" in rows[1].cells[-1]
@@ -179,46 +172,48 @@ def test_free_runs_that_stray_further_are_a_caution(verdict):
     assert any("end of run_1" in line for line in cautions(verdict, lost))
 
 
+def test_sizes_that_would_show(verdict):
+    """3 SD of a size beside the sag, which all that is probable contains; a torque limit is a threshold."""
+    told = sensitivities(verdict.beliefs, verdict.named)
+    assert list(told) == ["GearFriction", "WeakMotor"]
+    beside = verdict.beliefs.best(("SupplySag", "WeakMotor[4]"))
+    sd = beside.moments("WeakMotor[4].g")[1]
+    assert 3 * SIZE_SD * sd == pytest.approx(told["WeakMotor"][0].share)
+    assert told["WeakMotor"][0].size == f"g = {3 * SIZE_SD * sd * 0.02:.4g}"
+    rows = Untold(verdict, labels_of(verdict)).content()
+    assert rows["detectable"].rows[1].cells[0] == "weak motor (wheel rl) (WeakMotor[4])"
+    assert not rows["undetectable"].rows
+
+
 @pytest.mark.parametrize(
-    ("gain", "held_out", "said"),
+    ("sd", "why", "size"),
     [
-        (50.0, 5.0, "accepted"),
-        (10.0, 5.0, "gains no more than chance"),
-        (50.0, -5.0, "no better where it was not fitted"),
-        (-50.0, -5.0, "its refit did not settle"),
+        (0.2, "would show from 1.2 times its usual size only", "tau_c = 0.06 N m"),
+        (0.95, "the data say nothing of its size", "none"),
     ],
 )
-def test_what_a_refit_is_worth(verdict, made, gain, held_out, said):
-    one = Refit(verdict.search.best_refits[0].candidate, made[2], gain, 14.0, held_out)
-    assert describe_outcome(one) == said
-    assert own_text(one).startswith("R_b = 2 ohm [")
+def test_large_sizes_and_open_ones_are_not_told(verdict, sd, why, size):
+    (friction,) = (one for one in verdict.beliefs.hypotheses if one.names == ("SupplySag", "GearFriction"))
+    vague = SimpleNamespace(**{name: getattr(friction, name) for name in OF_A_HYPOTHESIS}, moments=lambda _: (0, sd))
+    one = dataclasses.replace(verdict, beliefs=Beliefs((vague,), 4, ("Dropped",)))
+    rows = Untold(one, labels_of(one)).content()["undetectable"].rows
+    assert rows[0].cells == ("dry gear friction (GearFriction)", why, size)
+    assert rows[1].cells == ("Dropped", "with it, however small, no fit ended", "none")
 
 
-def test_sizes_that_would_show(verdict):
-    found = {one.name: one for one in sensitivities(verdict.search)}
-    assert found["SupplySag"].detectable
-    assert found["SupplySag"].size == "R_b = 1 ohm"
-    assert found["SupplySag"].share_text == "0.5"
-    assert found["TorqueSaturation"].size == "i_max near 0.03 A"
-    assert found["TorqueSaturation"].share_text == ""
-    assert found["GearFriction"].why == "the uncertain numbers imitate 99.0% of what it does"
-    assert "3.7 times" in found["WeakMotor"].why
-    assert found["WeakMotor"].size.startswith("g off")
-    assert found["WindingHeating"].why == "moves nothing that was measured here"
-    assert found["WindingHeating"].size == "none"
+OF_A_HYPOTHESIS = ("names", "causes", "parameters", "experiment", "model", "is_fitted", "discrepancy", "log_evidence")
 
 
-def test_accepted_effects_are_not_listed_as_indeterminate(verdict):
-    """The linear estimate at its usual size may call a candidate imitated that a refit then finds."""
-    search = verdict.search
-    found, *others = search.rounds[0].refits
-    friction = next(row.candidate for row in search.rounds[0].scored if row.candidate.kind == "GearFriction")
-    accepted = dataclasses.replace(found, candidate=friction)
-    first = dataclasses.replace(search.rounds[0], refits=(accepted, *others))
-    after = dataclasses.replace(verdict, search=dataclasses.replace(search, rounds=(first, *search.rounds[1:])))
-    for one, there in ((verdict, True), (after, False)):
-        names = [row.cells[0] for row in Untold(one).content()["untold"].rows]
-        assert any("GearFriction" in name for name in names) is there
+def test_what_was_estimated_is_told_from_what_was_fitted(verdict):
+    content = WhichCause(verdict, labels_of(verdict)).content()
+    sizes = {row.cells[0]: row.cells[2] for row in content["causes"].rows}
+    assert sizes["supply sag (SupplySag)"].startswith("R_b = 2")
+    assert sizes["weak motor (wheel rl) (WeakMotor[4])"].startswith("estimated, not fitted; g = ")
+    assert content["anew"] == "Supply sag chosen in 2 of 2 folds."
+    first, *others = content["sets"].rows
+    assert (first.cells[0], first.look) == ("supply sag (SupplySag)", "chosen")
+    both = next(row for row in others if "WeakMotor[4]" in row.cells[0])
+    assert both.cells[2] == "estimated, not fitted"
 
 
 def test_contribution_of_an_effect_is_the_prediction_without_it(made, verdict):

@@ -11,7 +11,6 @@ from rover_pin.report.drive.report import labels_of
 from rover_pin.report.first_screen import FirstScreen, first_lines
 from rover_pin.report.headline import headline
 from rover_pin.report.reasons import next_run, opposing_reasons, supporting_reasons
-from rover_pin.report.sections.which_effect import WhichEffect
 from rover_pin.report.words import Labels, brief, capital, cause, human, listing, pair, two_digits
 from rover_pin.simulation.model.effect_files import package_effects
 
@@ -84,7 +83,9 @@ def test_answers_that_add_nothing_say_so_and_claim_no_cause(answered):
     for answer in (Answer.NONE_NEEDED, Answer.NONE_FITS, Answer.INADEQUATE, Answer.CANNOT_TELL):
         assert "because" not in headline(answered(answer), labels_of(answered(answer)))
     assert "fitted numbers" in headline(answered(Answer.NONE_FITS), RIG)
-    assert "nothing needs" in headline(answered(Answer.NONE_NEEDED), RIG).lower()
+    none = headline(answered(Answer.NONE_NEEDED), RIG)
+    assert "nothing needs" in none.lower()
+    assert none.endswith("none of the 4 candidates acts, with probability 1.00.")
 
 
 @pytest.mark.parametrize(("times", "doubted"), [(1.4, False), (5.6, True)])
@@ -101,7 +102,7 @@ def test_what_cannot_be_told_apart_is_said_as_either_or(answered):
     one = answered(Answer.SET)
     said = headline(one, RIG)
     assert "because either" in said
-    assert "stress peak" in said
+    assert re.search(r"\(stress peak[^)]*\) and .* \(weak motor, 4\), which these data cannot tell", said)
     assert any("distinguished" in line.lower() for line in opposing_reasons(one, RIG))
 
 
@@ -134,16 +135,6 @@ def test_what_is_to_be_known_first_follows_the_headline(verdict):
     assert headline(verdict, RIG._replace(besides="The ground is not as declared.")) == (
         f"{plain} The ground is not as declared."
     )
-
-
-def test_folds_that_all_choose_the_same_are_said_once(verdict):
-    chosen = {f"{level}.0": "SupplySag" for level in range(16)}
-    said = WhichEffect(dataclasses.replace(verdict, chosen=chosen), RIG).content()["again"]
-    assert said.count("SupplySag") == 1
-    assert "(SupplySag), whichever" in said
-    some = WhichEffect(dataclasses.replace(verdict, chosen={**chosen, "3.0": ""}), RIG).content()["again"]
-    assert "without 3.0 nothing" in some
-    assert some.count("SupplySag") == 15
 
 
 def test_worse_predicted_level_is_named_by_its_meaning(verdict):
@@ -224,3 +215,20 @@ def test_numbers_of_two_digits_have_no_exponent(value, said):
 def test_a_parameter_that_begins_a_sentence_keeps_its_name():
     assert capital("soil.exit_ratio lies at its bound") == "soil.exit_ratio lies at its bound"
     assert capital("slip-sinkage cannot be it.") == "Slip-sinkage cannot be it."
+
+
+def test_a_cause_that_may_act_all_the_same_is_a_reason_to_doubt(answered, verdict):
+    one = dataclasses.replace(answered(Answer.NONE_NEEDED), beliefs=verdict.beliefs)
+    assert "Supply sag may act all the same: probability 1.00." in opposing_reasons(one, RIG)
+
+
+def test_a_wheel_is_named_in_headline_and_reasons(verdict):
+    named = ("WeakMotor[4]",)
+    one = dataclasses.replace(
+        verdict, named=named, indistinguishable=(*named, "WeakMotor[1]"), cautions=("WeakMotor[4].g is far off",)
+    )
+    manner = labels_of(one)
+    assert "(weak motor, wheel rl)" in headline(one, manner)
+    doubts = opposing_reasons(one, manner)
+    assert "Weak motor[wheel fr] cannot be distinguished from it by these data." in doubts
+    assert "WeakMotor[4].g is far off." in doubts

@@ -36,8 +36,6 @@ def _cautions(verdict: Verdict, free: tuple[FreeRun, ...]) -> Iterator[str]:
     if len(verdict.runs) < FEW_RUNS:
         yield f"{len(verdict.runs)} runs are few: what holds on one left out may not hold on the next"
     yield from _free(free, bool(verdict.named))
-    if verdict.named:
-        yield "runs were left out of the fits, not of the choice: the effect was chosen on all of them"
 
 
 def _free(free: tuple[FreeRun, ...], added: bool) -> Iterator[str]:

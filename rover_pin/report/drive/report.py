@@ -56,9 +56,9 @@ def labels_of(verdict: Verdict) -> Labels:
     )
 
 
-def _placed(name: str, wheels: Sequence[str]) -> str:
-    """Return a cause's name with the wheel's name in the place of its number."""
-    return re.sub(r"\[(\d+)\]", lambda number: f"[wheel {wheels[int(number[1])]}]", name)
+def _placed(text: str, wheels: Sequence[str]) -> str:
+    """Return a text with the wheel's name in the place of its number behind the name of a cause."""
+    return re.sub(r"(?<=\w)\[(\d+)\](?!\.)", lambda number: f"[wheel {wheels[int(number[1])]}]", text)
 
 
 def write_report(verdict: Verdict, log: DriveLog, out: Path) -> list[Path]:

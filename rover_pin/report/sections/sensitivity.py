@@ -51,16 +51,16 @@ class Untold(Section):
         if not results:
             return None
         kinds = kinds_of(self.verdict)
-        untold, told = [], []
+        undetectable, detectable = [], []
         for best, places in results.values():
             name = full(best.name, kinds, self.labels) + (f", best of {places} places" if places > 1 else "")
             if best.why:
-                untold.append(Row((name, best.why, best.size)))
+                undetectable.append(Row((name, best.why, best.size)))
             else:
-                told.append(Row((name, best.size, two_digits(best.share))))
+                detectable.append(Row((name, best.size, two_digits(best.share))))
         return {
-            "untold": Table(("candidate", "why not", "would show from about"), tuple(untold)),
-            "told": Table(("candidate", "would show from about", "of its usual size"), tuple(told)),
+            "undetectable": Table(("candidate", "why not", "would show from about"), tuple(undetectable)),
+            "detectable": Table(("candidate", "would show from about", "of its usual size"), tuple(detectable)),
         }
 
 
@@ -86,9 +86,9 @@ def _of(beliefs: Beliefs, name: str) -> Iterator[Sensitivity]:
     rows = zip(beliefs.scores, beliefs.hypotheses, strict=True)
     _, hypothesis = max((row for row in rows if name in row[1].names), key=lambda row: row[0])
     cause = next(cause for cause in hypothesis.causes if cause.name == name)
-    sizes = [each for each in cause.parameters if each.name in cause.amplitudes and not is_threshold(each)]
-    if sizes:
-        sd, parameter = min(((hypothesis.moments(each.name)[1], each) for each in sizes), key=lambda pair: pair[0])
+    linear = [each for each in cause.parameters if each.name in cause.amplitudes and not is_threshold(each)]
+    if linear:
+        sd, parameter = min(((hypothesis.moments(each.name)[1], each) for each in linear), key=lambda pair: pair[0])
         yield _sensitivity(hypothesis, cause, parameter, sd)
 
 

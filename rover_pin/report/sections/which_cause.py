@@ -14,10 +14,11 @@ from rover_pin.effects.names import display_name
 from rover_pin.estimation.profile import NORMAL_95
 from rover_pin.estimation.wording import format_value, interval
 from rover_pin.inference.beliefs import Beliefs
+from rover_pin.report.headline import MAX_NAMED_CHANNELS
 from rover_pin.report.section import CHOSEN, Picture, Row, Section, Table
 from rover_pin.report.sections.sensitivity import is_threshold
 from rover_pin.report.svg import AFTER, GREY
-from rover_pin.report.words import Labels, as_text, full, kinds_of, listing
+from rover_pin.report.words import Labels, as_text, capital, full, human, kinds_of, listing
 
 MAX_CAUSES, MAX_SETS = 20, 8
 """Causes and sets that are listed."""
@@ -96,10 +97,15 @@ class WhichCause(Section):
         return Table(("all that is missing", "probability", "leaves more than noise"), tuple(rows), "Sets")
 
     def _anew(self) -> str:
+        again = capital(human(f"{self.verdict.chosen_again}.", kinds_of(self.verdict)))
         units = {score.name: score.unit for score in self.verdict.scores}
-        errors = [f"{name} {format_value(error, units[name])}" for name, error in self.verdict.errors_anew.items()]
-        anew = f"All hypotheses together miss {self.labels.folds} left out by {listing(errors)}."
-        return f"{self.verdict.chosen_again}. {anew}"
+        if len(units) > MAX_NAMED_CHANNELS:
+            return again
+        errors = [
+            f"{self.labels.channel(name)} {format_value(error, units[name])}"
+            for name, error in self.verdict.errors_anew.items()
+        ]
+        return f"{again} All hypotheses together miss {self.labels.folds} left out by {listing(errors)}."
 
 
 def _size(beliefs: Beliefs, name: str) -> str:
