@@ -96,12 +96,20 @@ def _sensitivity(hypothesis: Hypothesis, cause: Cause, parameter: Parameter, sd:
     share = SHOWS * sd * (SIZE_SD if cause.owner else 1.0)  # an error of the measuring has its prior SD as usual size
     if sd > OPEN:
         return Sensitivity(cause.name, share, "none", NOTHING)
-    unit = hypothesis.experiment.quantity(cause.on(hypothesis.model), parameter.name).unit
+    unit = unit_of(hypothesis, cause, parameter)
     step, short = SHOWS * sd * parameter.scale, parameter.name.rpartition(".")[2]
     from_none = f"{short} = {format_value(step, unit)}"
     size = f"{short} off {format_value(parameter.origin, unit)} by {format_value(abs(step), unit)}"
     why = f"would show from {two_digits(share)} times its usual size only" if share > 1 else ""
-    return Sensitivity(cause.name, share, size if parameter.origin else from_none, why)
+    beyond = "" if parameter.low <= parameter.origin + step <= parameter.high else ", beyond its bounds"
+    return Sensitivity(cause.name, share, (size if parameter.origin else from_none) + beyond, why)
+
+
+def unit_of(hypothesis: Hypothesis, cause: Cause, parameter: Parameter) -> str:
+    """Return the unit of a cause's number; the model of an estimate may not have the cause."""
+    experiment, model = hypothesis.experiment, hypothesis.model
+    has_it = parameter.name.rpartition(".")[0] in experiment.records(model)
+    return experiment.quantity(model if has_it else cause.on(model), parameter.name).unit
 
 
 def is_threshold(parameter: Parameter) -> bool:

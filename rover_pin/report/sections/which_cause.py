@@ -16,7 +16,7 @@ from rover_pin.estimation.wording import format_value, interval
 from rover_pin.inference.beliefs import Beliefs
 from rover_pin.report.headline import MAX_NAMED_CHANNELS
 from rover_pin.report.section import CHOSEN, Picture, Row, Section, Table
-from rover_pin.report.sections.sensitivity import is_threshold
+from rover_pin.report.sections.sensitivity import is_threshold, unit_of
 from rover_pin.report.svg import AFTER, GREY
 from rover_pin.report.words import Labels, as_text, capital, full, human, kinds_of, listing
 
@@ -122,7 +122,7 @@ def _size(beliefs: Beliefs, name: str) -> str:
             mean, sd = beliefs.moments(of, parameter.name) if of.is_fitted else of.moments(parameter.name)
             ends = np.clip([mean - NORMAL_95 * sd, mean, mean + NORMAL_95 * sd], *parameter.bounds)
             low, middle, high = (parameter.value(float(u)) for u in ends)
-            unit = of.experiment.quantity(cause.on(of.model), parameter.name).unit
+            unit = unit_of(of, cause, parameter)
             texts.append(
                 f"{parameter.name.rpartition('.')[2]} = {interval(middle, min(low, high), max(low, high), unit)}"
             )
