@@ -6,11 +6,13 @@ import math
 import re
 from collections.abc import Callable, Iterable
 from textwrap import fill
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.effects.names import display_name, meaning_of, title_of
 from rover_pin.estimation.wording import in_words
+from rover_pin.inference.beliefs import Hypothesis
+from rover_pin.inference.cause import Cause
 from rover_pin.simulation.model.effect_files import package_effects
 
 KEY = 36
@@ -60,8 +62,20 @@ def pair(before: float, after: float, unit: str) -> tuple[str, str]:
 
 
 def kinds_of(verdict: Verdict) -> tuple[type, ...]:
-    """Return the classes of effects that a verdict may name: the package's, what it added, what was tried."""
-    return tuple(dict.fromkeys([*package_effects(), *map(type, verdict.effects)]))
+    """Return the classes of effects that a verdict may name: the package's, what it added, what was weighed."""
+    kinds = {kind.__name__: kind for kind in (*package_effects(), *map(type, verdict.effects))}
+    for hypothesis in verdict.beliefs.hypotheses if verdict.beliefs is not None else ():
+        for missing in hypothesis.causes:
+            if missing.owner and re.split(r"[\[@]", missing.name)[0] not in kinds:
+                kind = type(hypothesis.experiment.records(model_with(hypothesis, missing))[missing.owner])
+                kinds[kind.__name__] = kind
+    return tuple(kinds.values())
+
+
+def model_with(hypothesis: Hypothesis, missing: Cause) -> Any:
+    """Return a hypothesis's model with one of its causes, which that of an estimate may not have."""
+    has_it = not missing.owner or missing.owner in hypothesis.experiment.records(hypothesis.model)
+    return hypothesis.model if has_it else missing.on(hypothesis.model)
 
 
 def human(text: str, kinds: Iterable[type]) -> str:

@@ -14,7 +14,7 @@ from rover_pin.estimation.wording import format_value
 from rover_pin.inference.beliefs import Beliefs, Hypothesis
 from rover_pin.inference.cause import SIZE_SD, Cause
 from rover_pin.report.section import Row, Section, Table
-from rover_pin.report.words import Labels, full, kinds_of, two_digits
+from rover_pin.report.words import Labels, full, kinds_of, model_with, two_digits
 
 SHOWS = 3.0
 """SDs of its size from which a cause shows."""
@@ -106,10 +106,8 @@ def _sensitivity(hypothesis: Hypothesis, cause: Cause, parameter: Parameter, sd:
 
 
 def unit_of(hypothesis: Hypothesis, cause: Cause, parameter: Parameter) -> str:
-    """Return the unit of a cause's number; the model of an estimate may not have the cause."""
-    experiment, model = hypothesis.experiment, hypothesis.model
-    has_it = parameter.name.rpartition(".")[0] in experiment.records(model)
-    return experiment.quantity(model if has_it else cause.on(model), parameter.name).unit
+    """Return the unit of a cause's number."""
+    return hypothesis.experiment.quantity(model_with(hypothesis, cause), parameter.name).unit
 
 
 def is_threshold(parameter: Parameter) -> bool:

@@ -13,7 +13,7 @@ from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.effects.names import display_name
 from rover_pin.estimation.profile import NORMAL_95
 from rover_pin.estimation.wording import format_value, interval
-from rover_pin.inference.beliefs import Beliefs
+from rover_pin.inference.beliefs import LEAST, Beliefs
 from rover_pin.report.headline import MAX_NAMED_CHANNELS
 from rover_pin.report.section import CHOSEN, Picture, Row, Section, Table
 from rover_pin.report.sections.sensitivity import is_threshold, unit_of
@@ -93,6 +93,7 @@ class WhichCause(Section):
                 CHOSEN * (names == frozenset(self.verdict.named)),
             )
             for names, probability in list(beliefs.sets.items())[:MAX_SETS]
+            if probability > LEAST
         ]
         return Table(("all that is missing", "probability", "leaves more than noise"), tuple(rows), "Sets")
 
@@ -123,7 +124,7 @@ def _size(beliefs: Beliefs, name: str) -> str:
             ends = np.clip([mean - NORMAL_95 * sd, mean, mean + NORMAL_95 * sd], *parameter.bounds)
             low, middle, high = (parameter.value(float(u)) for u in ends)
             unit = unit_of(of, cause, parameter)
-            texts.append(
-                f"{parameter.name.rpartition('.')[2]} = {interval(middle, min(low, high), max(low, high), unit)}"
-            )
+            name = parameter.name.rpartition(".")[2]
+            within = interval(middle, min(low, high), max(low, high), unit)
+            texts.append(f"{name} = {within}" if low != high else f"{name} at its bound")
     return "; ".join(texts)
