@@ -226,8 +226,6 @@ def _strained(after: Side, reading: Reading) -> tuple[str, ...]:
 
 def _others(beliefs: Beliefs, reading: Reading) -> dict[str, dict[str, float]]:
     """Return the held-out errors by channel of the sets beside the first."""
-    return {
-        " + ".join(names): fold_errors(fit_of(beliefs.best(names)))
-        for names in reading.sets[1 : 1 + MAX_OTHERS]
-        if names
-    }
+    others = {names: beliefs.best(names) for names in reading.sets[1 : 1 + MAX_OTHERS] if names}
+    fitted = {names: fit_of(hypothesis) for names, hypothesis in others.items() if hypothesis.is_fitted}
+    return {" + ".join(names): fold_errors(of_set) for names, of_set in fitted.items()}

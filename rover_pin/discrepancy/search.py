@@ -30,12 +30,12 @@ from rover_pin.inference.left_over import left_overs
 from rover_pin.inference.linear_hypothesis import LinearHypothesis, linear_hypothesis, with_left_over
 
 MAX_CAUSES, MAX_FITS = 4, 12
-"""Causes of a set at most, and sets that are fitted at most."""
+"""Causes of a set at most, and sets that are fitted at most, but for those that are more probable than all of them."""
 WORTH = 5.0
 """Nats behind the best at which a set is not fitted, nor weighed with what it may leave."""
 FOLLOWED = 20.0
 """Nats behind the best at which a set is not followed at all."""
-FROM_DECLARED = 3
+FROM_DECLARED = 6
 """Causes that are fitted from the declared numbers too, where a missing effect has bent the base model."""
 FIRST, LAST = 0.08, 0.02
 """First and last step by which an edge of a stretch of the way is moved [m]; half a second's drive is 0.025 m."""
@@ -80,12 +80,18 @@ class Search:
     options: dict[str, Option] = field(default_factory=dict)
     fitted: dict[Names, list[LinearHypothesis]] = field(default_factory=dict)
     estimates: dict[Names, LinearHypothesis] = field(default_factory=dict)
+    ended: set[Names] = field(default_factory=set)
+    "sets whose fit was taken to its end"
     lost: set[Names] = field(default_factory=set)
     "sets with which no fit ends"
 
     def beliefs(self) -> Beliefs:
         """Return what the data make of all sets."""
-        rest = [hypothesis for names, hypothesis in self.estimates.items() if names not in self.fitted]
+        rest = [
+            hypothesis
+            for names, hypothesis in self.estimates.items()
+            if names not in self.fitted and names not in self.lost
+        ]
         untried = tuple(name for name in self.options if frozenset((name,)) in self.lost)
         return Beliefs((*itertools.chain(*self.fitted.values()), *rest), max(len(self.options), 1), untried)
 
@@ -96,9 +102,14 @@ class Search:
         self._add((), self._expansion(self.base))
         if is_bent(self.base):
             self._from_declared(list(dict.fromkeys(row.candidate for row in rows)))
-        while len(self.fitted) <= MAX_FITS and (names := self._worthiest()):
-            self.fit(names)
-        self._to_the_end()
+        while names := self._worthiest():
+            smaller = names - set(self.estimates[names].added)
+            if smaller in self.ended:
+                self.fit(names)
+            else:
+                self._end(smaller)
+        for names in [names for names in self.fitted if self.beliefs().sets[names] > LIKELY]:
+            self._end(names)
         return self.beliefs()
 
     def score(self, hypothesis: LinearHypothesis) -> float:
@@ -117,7 +128,8 @@ class Search:
             if names not in self.fitted and names not in self.lost and self._promises(estimate)
         }
         best = max(tried, key=lambda names: tried[names], default=frozenset[str]())
-        return best if best and tried[best] > self.best_score() - WORTH else frozenset()
+        worth = self.best_score() - (WORTH if len(self.fitted) <= MAX_FITS else 0.0)
+        return best if best and tried[best] > worth else frozenset()
 
     def _promises(self, estimate: LinearHypothesis) -> bool:
         """Return whether the data speak for what a set adds to the fit about which it was estimated."""
@@ -141,7 +153,7 @@ class Search:
         for added in itertools.compress(sets, np.array(evidence) > least):
             wider = names | set(added)
             known = self.estimates.get(wider)
-            if known is None or len(known.causes) - len(known.extra) < len(names):
+            if known is None or len(known.causes) - len(known.extra) <= len(names):
                 self.estimates[wider] = self._weighed(causes, expansion, added)
 
     def _weighed(self, causes: Sequence[Cause], expansion: Expansion, added: Sequence[str] = ()) -> LinearHypothesis:
@@ -225,14 +237,15 @@ class Search:
             if ends:
                 self._add(*min(ends, key=lambda fitted: fitted[1].fit.chi2))
 
-    def _to_the_end(self) -> None:
-        """Take the best fits to their ends, every slope computed again."""
-        beliefs = self.beliefs()
-        for names in [names for names in self.fitted if beliefs.sets[names] > LIKELY]:
-            self.progress(f"fitting {' + '.join(sorted(names)) or 'the base model'} to the end")
-            near = self.fitted[names][0].fit
-            ended = fit(near.task, near.model, near.parameters, near.u, near.slopes, stale=True)
-            self._add(self.fitted[names][0].causes, self._expansion(ended))
+    def _end(self, names: Names) -> None:
+        """Take a fit to its end, every slope computed again: what would be added to it may else only end it."""
+        if names in self.ended:
+            return
+        self.ended.add(names)
+        self.progress(f"fitting {' + '.join(sorted(names)) or 'the base model'} to the end")
+        near = self.fitted[names][0].fit
+        ended = fit(near.task, near.model, near.parameters, near.u, near.slopes, stale=True)
+        self._add(self.fitted[names][0].causes, self._expansion(ended))
 
     def leave(self, functions: Iterable[Columns]) -> None:
         """Weigh, of all that was fitted and is worth it, that something that is on no list is left besides."""

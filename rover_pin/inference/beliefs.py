@@ -46,6 +46,10 @@ class Hypothesis(Protocol):
         """What is left besides noise."""
 
     @property
+    def leaves_more(self) -> bool:
+        """Whether that is more than noise."""
+
+    @property
     def log_evidence(self) -> float:
         """The logarithm of its evidence."""
 
@@ -137,9 +141,7 @@ class Beliefs:
         """Return the probability that a set of causes leaves more than noise, given that it acts."""
         wanted = frozenset(names)
         among = self.probability(lambda hypothesis: frozenset(hypothesis.names) == wanted)
-        more = self.probability(
-            lambda hypothesis: frozenset(hypothesis.names) == wanted and hypothesis.discrepancy is not Discrepancy.NONE
-        )
+        more = self.probability(lambda hypothesis: frozenset(hypothesis.names) == wanted and hypothesis.leaves_more)
         return more / among if among else math.nan
 
     def best(self, names: Sequence[str] | None = None) -> Hypothesis:

@@ -97,6 +97,11 @@ class Hypothesis:
             squares.setdefault(name, []).append(float(np.mean(noise / raised)) / samples.noise[at] ** 2)
         return {name: math.sqrt(float(np.mean(values))) for name, values in squares.items()}
 
+    @property
+    def leaves_more(self) -> bool:
+        """Whether more than noise is left."""
+        return self.discrepancy is not Discrepancy.NONE
+
     def left_out(self) -> LeftOut:
         """Return every fold as the others predict it."""
         samples = self.errors.samples

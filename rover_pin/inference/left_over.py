@@ -33,13 +33,18 @@ class LeftOver(NamedTuple):
     gain: float
     mean: np.ndarray
     covariance: np.ndarray
+    rows: np.ndarray
+    "the likeliest function (n,), in SDs of the noise"
 
 
 def left_overs(fits: Sequence[tuple[Expansion, Laplace]], functions: Iterable[Columns]) -> list[LeftOver]:
     """Return what the data say of each fit's own numbers where one of these functions is left besides."""
     amplitudes = PRIORS["a"].median * np.exp(PRIORS["a"].sd * NODES)
     gains: list[list[float]] = [[] for _ in fits]
-    best = [LeftOver(-math.inf, laplace.mean, laplace.covariance) for _, laplace in fits]
+    best = [
+        LeftOver(-math.inf, laplace.mean, laplace.covariance, np.zeros(len(expansion.rows)))
+        for expansion, laplace in fits
+    ]
     for columns in functions:
         for at, (expansion, laplace) in enumerate(fits):
             rows = _with(expansion, laplace, columns, amplitudes)
@@ -63,7 +68,12 @@ def _with(expansion: Expansion, laplace: Laplace, columns: Columns, amplitudes: 
     gains = 0.5 * spread @ along**2 - 0.5 * np.log1p(amplitudes[:, None] ** 2 * values).sum(axis=1)
     moved = back @ vectors
     return [
-        LeftOver(float(gain), laplace.mean + moved @ (share * along), laplace.covariance + moved * share @ moved.T)
+        LeftOver(
+            float(gain),
+            laplace.mean + moved @ (share * along),
+            laplace.covariance + moved * share @ moved.T,
+            columns.times(vectors @ (share * along)) / laplace.scale,
+        )
         for gain, share in zip(gains, spread, strict=True)
     ]
 

@@ -21,6 +21,9 @@ from rover_pin.inference.left_out import LeftOut
 from rover_pin.inference.left_over import LeftOver
 from rover_pin.inference.size_prior import log_share_inside
 
+NOISE = 1.0
+"""RMS of what is left besides, in SDs of the noise, up to which it is no more than that: many samples show less."""
+
 
 @brief
 @dataclass(frozen=True, eq=False)
@@ -36,6 +39,8 @@ class LinearHypothesis:
     posterior: Laplace = field(repr=False)
     log_evidence: float
     discrepancy: Discrepancy = Discrepancy.NONE
+    leaves_more: bool = False
+    "whether what is left besides is more than noise, in some channel of some fold"
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -56,11 +61,6 @@ class LinearHypothesis:
     def model(self) -> Any:
         """The model of the fit."""
         return self.expansion.fit.model
-
-    @property
-    def u(self) -> np.ndarray:
-        """The fit's u of its numbers."""
-        return self.fit.u
 
     @property
     def is_fitted(self) -> bool:
@@ -124,5 +124,14 @@ def linear_hypothesis(
 def with_left_over(plain: LinearHypothesis, left: LeftOver) -> LinearHypothesis:
     """Return the same set of causes, something smooth or otherwise unlisted left besides."""
     posterior = plain.posterior._replace(mean=left.mean, covariance=left.covariance)
-    evidence = plain.log_evidence + left.gain
-    return replace(plain, posterior=posterior, log_evidence=evidence, discrepancy=Discrepancy.SMOOTH)
+    good = plain.fit.task.noise.good
+    table = np.zeros(good.shape)
+    table[good] = left.rows
+    rms = np.sqrt((table**2).sum(axis=2) / np.maximum(good.sum(axis=2), 1))
+    return replace(
+        plain,
+        posterior=posterior,
+        log_evidence=plain.log_evidence + left.gain,
+        discrepancy=Discrepancy.SMOOTH,
+        leaves_more=bool(rms.max() > NOISE),
+    )
