@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from rover_pin.inference.beliefs import COUNTS
+from rover_pin.inference.beliefs import ALLOWED, COUNTS
 from rover_pin.inference.cause import SIZE_SD
 from rover_pin.inference.error_model import PRIORS, ErrorModel
 from rover_pin.inference.explore import Explorer
-from rover_pin.inference.hypothesis import ALLOWED, Fitter
+from rover_pin.inference.hypothesis import Fitter
 from rover_pin.inference.size_prior import MEDIAN, SPREAD
 from tests.inference import linear_toy as toys
 
@@ -45,7 +45,7 @@ def size(draw):
     return draw.choice([-1.0, 1.0]) * MEDIAN * np.exp(SPREAD * draw.normal())
 
 
-def _spread(at, weights):
+def spread(at, weights):
     """Which of some alternatives has the place `at`, modulo 1, each as wide as its weight."""
     edges = np.cumsum(weights) / np.sum(weights)
     return int(np.searchsorted(edges, (0.5 + at) % 1.0))
@@ -58,9 +58,9 @@ def from_the_prior(seed, names, **options):
     """
     draw = np.random.default_rng(seed)
     toy = design(seed + 10**6, names, **options)
-    true = [names[at] for at in draw.permutation(len(names))[: _spread(seed * 0.6180340, COUNTS[: len(names) + 1])]]
+    true = [names[at] for at in draw.permutation(len(names))[: spread(seed * 0.6180340, COUNTS[: len(names) + 1])]]
     kinds = ALLOWED[bool(true)]
-    kind = list(kinds)[_spread(seed * 0.7548777, list(kinds.values()))]
+    kind = list(kinds)[spread(seed * 0.7548777, list(kinds.values()))]
     parts = [size(draw) * toy.columns[name] for name in true]
     smooth = draw.normal() * toy.columns["base"] + sum(parts)
     toy.observed = smooth + NOISE * draw.normal(size=smooth.shape)  # for the spread of what is measured
