@@ -86,6 +86,8 @@ def sentence(reading: Reading, beliefs: Beliefs, share: float, misfit: float) ->
         Answer.NONE_NEEDED: f"nothing is missing with probability {none:.2f}; the base model leaves noise.",
         Answer.NONE_FITS: f"no cause of the list is missing with probability {none:.2f}, but the base model leaves "
         f"more than noise (reduced chi-square {misfit:.3g}): something acts that is not on the list.",
+        Answer.INADEQUATE: f"no cause of the list is missing with probability {none:.2f}, but the base model meets the "
+        "data only by numbers far from what is declared of them.",
         Answer.CANNOT_TELL: f"the data cannot tell: {_families(beliefs)}{listed}.",
     }[reading.answer]
     return words + _besides(reading, beliefs)

@@ -1,0 +1,87 @@
+"""Verdicts on what a search found: the answer, numbers and errors of a linear experiment, its noise declared or learnt."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rover_pin.discrepancy.answer import Answer
+from rover_pin.discrepancy.conclude import concluded, search_of
+from rover_pin.estimation.numbers import AWAY
+from rover_pin.inference.beliefs import LEAST
+from tests.inference import linear_search as toys
+
+NAMES = "pqrs"
+
+
+def quiet(said):
+    pass
+
+
+def verdict(sizes, number=toys.NUMBER, **how):
+    experiment = toys.made(NAMES, sizes, **{"size": 12.0, **how})
+    return concluded(toys.question(experiment, NAMES, number), quiet)
+
+
+@pytest.mark.parametrize("sd", [1.0, None])
+def test_a_hidden_effect_is_named_with_its_size(sd):
+    found = verdict({"q": 1.5}, sd=sd)
+    assert (found.answer, found.named) == (Answer.NAMED, ("q",))
+    assert [type(effect) for effect in found.effects] == [toys.Effect]
+    assert dict(found.model.records)["q"].a == found.effects[0].a
+    (size,) = [number for number in found.after.numbers if number.name == "q.a"]
+    assert size.low < 1.5 < size.high
+    assert size.high - size.low < 0.8
+    assert found.after.misfit < found.before.misfit
+    assert all(score.after < score.before for score in found.scores)
+    assert set(found.errors_anew) == {"c0", "c1"}
+    assert set(found.chosen.values()) <= {"q", "p + q", "q + r", "q + s"}
+    assert "q is missing with probability" in found.sentence
+    assert found.as_dict()["posterior"]["inclusion"]["q"] > 0.95
+
+
+def test_noise_needs_no_effect_and_adds_none():
+    found = verdict({})
+    assert (found.answer, found.named, found.effects, found.share) == (Answer.NONE_NEEDED, (), (), 0.0)
+    assert found.after is found.before
+    assert [number.name for number in found.after.numbers] == ["base.b"]
+
+
+def test_two_that_do_the_same_are_a_set():
+    experiment = toys.made(NAMES, {"q": 1.5}, size=12.0)
+    experiment.columns["r"] = 1.01 * experiment.columns["q"]
+    found = concluded(toys.question(experiment, NAMES), quiet)
+    assert found.answer is Answer.SET
+    assert {*found.indistinguishable} >= {"q", "r"}
+    assert len(found.others) >= 1
+    assert found.effects[0].name == found.named[0]
+
+
+@pytest.mark.parametrize(("far", "declared", "answer"), [
+    (1.1 * AWAY, True, Answer.INADEQUATE), (0.9 * AWAY, True, Answer.NONE_NEEDED), (1.1 * AWAY, False, Answer.NONE_NEEDED),
+])  # fmt: skip
+def test_a_number_five_sd_from_what_is_declared_is_inadequate(far, declared, answer):
+    """What was assumed contradicts nobody."""
+    number = replace(toys.NUMBER, declared=declared)
+    found = verdict({}, number, b=far, size=60.0)
+    assert found.answer is answer
+    assert (found.named, AWAY) == ((), 5.0)
+    assert ("far from what is declared" in found.sentence) is (answer is Answer.INADEQUATE)
+
+
+def test_what_is_on_no_list_is_something_that_acts():
+    experiment = toys.made(NAMES, {})
+    wave = 3.0 * np.sin(4.0 * experiment.varied[:, None, :, 0])
+    found = concluded(toys.question(replace(experiment, observed=experiment.observed + wave), NAMES), quiet)
+    assert found.answer is Answer.NONE_FITS
+    assert found.beliefs.left(()) > 0.99
+    assert "something acts that is not on the list" in found.sentence
+
+
+def test_functions_are_those_that_the_question_has():
+    experiment = toys.made(NAMES, {})
+    asked = []
+    question = replace(toys.question(experiment, NAMES), functions=lambda base: asked.append(base) or [])
+    search = search_of(question, quiet)
+    assert asked == [search.base]
+    assert search.beliefs().left(()) <= LEAST or len(search.fitted[frozenset()]) == 2
