@@ -87,11 +87,8 @@ class Search:
 
     def beliefs(self) -> Beliefs:
         """Return what the data make of all sets."""
-        rest = [
-            hypothesis
-            for names, hypothesis in self.estimates.items()
-            if names not in self.fitted and names not in self.lost
-        ]
+        done = self.lost | set(self.fitted)
+        rest = [hypothesis for names, hypothesis in self.estimates.items() if names not in done]
         untried = tuple(name for name in self.options if frozenset((name,)) in self.lost)
         return Beliefs((*itertools.chain(*self.fitted.values()), *rest), max(len(self.options), 1), untried)
 
@@ -99,9 +96,10 @@ class Search:
         """Return what the data make of candidates by their signatures, after the sets that are worth it were fitted."""
         self.progress("weighing candidates and pairs of them")
         self.options = {option.candidate.name: option for option in options(self.base, rows)}
+        start, there = self._at_declared(rows) if is_bent(self.base) else (self.base, [])
         self._add((), self._expansion(self.base))
-        if is_bent(self.base):
-            self._from_declared(list(dict.fromkeys(row.candidate for row in rows)))
+        if there:
+            self._from_declared(start, there)
         while names := self._worthiest():
             smaller = names - set(self.estimates[names].added)
             if smaller in self.ended:
@@ -121,15 +119,26 @@ class Search:
         return max(self.score(rows[0]) for rows in self.fitted.values())
 
     def _worthiest(self) -> Names:
-        """Return the most promising set that was not fitted; none where none is worth it."""
+        """Return the most promising set that was not fitted; none where none is worth it, after MAX_FITS leads."""
+        rises, behind = (self._rises(), WORTH) if len(self.fitted) <= MAX_FITS else ({}, 0.0)
         tried = {
-            names: self.score(estimate)
+            names: self.score(estimate) + rises.get(id(estimate.expansion), 0.0)
             for names, estimate in self.estimates.items()
             if names not in self.fitted and names not in self.lost and self._promises(estimate)
         }
         best = max(tried, key=lambda names: tried[names], default=frozenset[str]())
-        worth = self.best_score() - (WORTH if len(self.fitted) <= MAX_FITS else 0.0)
-        return best if best and tried[best] > worth else frozenset()
+        return best if best and tried[best] > self.best_score() - behind else frozenset()
+
+    def _rises(self) -> dict[int, float]:
+        """Return by how much a fit rose at most over its estimate, for each fit about which there are estimates.
+
+        Where rows are far off they count less than squared, so that about such a fit estimates of rivals are too low.
+        """
+        rises: dict[int, float] = {}
+        for names in self.fitted.keys() & self.estimates.keys():
+            estimate, about = self.estimates[names], id(self.estimates[names].expansion)
+            rises[about] = max(rises.get(about, 0.0), self.fitted[names][0].log_evidence - estimate.log_evidence)
+        return rises
 
     def _promises(self, estimate: LinearHypothesis) -> bool:
         """Return whether the data speak for what a set adds to the fit about which it was estimated."""
@@ -221,11 +230,17 @@ class Search:
                 step /= 2
         return signature
 
-    def _from_declared(self, candidates: Sequence[Candidate]) -> None:
-        """Fit the causes that promise most at the declared numbers, from there."""
+    def _at_declared(self, rows: Sequence[Signature]) -> tuple[Fit, list[Option]]:
+        """Return the base model with the declared numbers and what shows there, which is an option where new."""
         self.progress("the numbers had to leave what is known beforehand: weighing every candidate there too")
         start = as_declared(self.base)
-        there = options(start, signatures(start, candidates))
+        there = options(start, signatures(start, list(dict.fromkeys(row.candidate for row in rows))))
+        known = {option.candidate.owner for option in self.options.values()}
+        self.options |= {option.candidate.name: option for option in there if option.candidate.owner not in known}
+        return start, there
+
+    def _from_declared(self, start: Fit, there: Sequence[Option]) -> None:
+        """Fit the causes that promise most at the declared numbers, from there."""
         expansion = Expansion(start, np.array([option.column for option in there]).T)
         rows = [linear_hypothesis((option.size,), expansion, (at,), (option.size,)) for at, option in enumerate(there)]
         for row in sorted(rows, key=lambda row: -row.log_evidence)[:FROM_DECLARED]:
@@ -266,8 +281,7 @@ def options(start: Fit, rows: Sequence[Signature]) -> list[Option]:
             best[row.candidate.name] = row, gain
     by_kind: dict[str, list[tuple[Signature, float]]] = {}
     for row, gain in best.values():
-        candidate = row.candidate
-        by_kind.setdefault(candidate.kind if candidate.place_searched else candidate.name, []).append((row, gain))
+        by_kind.setdefault(row.candidate.owner, []).append((row, gain))
     return [_option(start, of_kind) for of_kind in by_kind.values()]
 
 

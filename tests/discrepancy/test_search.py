@@ -1,0 +1,318 @@
+"""The search on linear experiments: what was hidden is found, estimates are fits, words are true as often as said."""
+
+import math
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy.special import logsumexp
+
+from rover_pin.base.errors import OptimisationError
+from rover_pin.discrepancy import search as module
+from rover_pin.discrepancy.calibration import is_bent
+from rover_pin.discrepancy.search import FROM_DECLARED, MAX_FITS, WORTH, Search, options, singles
+from rover_pin.discrepancy.signature import signatures
+from rover_pin.estimation.columns import Columns
+from rover_pin.inference.beliefs import ALLOWED, COUNTS
+from rover_pin.inference.error_model import PRIORS, Discrepancy
+from tests.inference import linear_causes
+from tests.inference import linear_search as toys
+from tests.inference.test_beliefs import deviations, rows_of
+
+NAMES = "pqrstu"
+HIDDEN = {"none": {}, "single": {"r": -1.4}, "pair": {"q": -1.3, "t": 1.5}}
+"""Sizes of what is hidden, over the default."""
+
+
+@cache
+def found(case):
+    return toys.searched(toys.made(NAMES, HIDDEN[case], seed=1, size=12.0), NAMES)
+
+
+@pytest.mark.parametrize("case", HIDDEN)
+def test_what_is_hidden_is_found(case):
+    beliefs = found(case).beliefs()
+    names, probability = next(iter(beliefs.sets.items()))
+    assert names == frozenset(HIDDEN[case])
+    assert probability > 0.5
+    for name in NAMES:
+        assert (beliefs.inclusion(name) > 0.5) == (name in HIDDEN[case])
+    assert beliefs.choice == len(NAMES)
+    for name, size in HIDDEN[case].items():
+        mean, sd = beliefs.moments(beliefs.best(tuple(names)), f"{name}.a")
+        assert 2.0 * mean == pytest.approx(size, abs=8.0 * sd)
+
+
+@pytest.mark.parametrize("case", HIDDEN)
+def test_every_set_is_weighed_once_and_what_is_probable_fitted(case):
+    search = found(case)
+    beliefs = search.beliefs()
+    sets = [frozenset(hypothesis.names) for hypothesis in beliefs.hypotheses]
+    assert len(set(sets)) == len(sets)
+    assert {frozenset(), *map(frozenset, NAMES)} <= set(sets) or case != "none", "what is far behind is not followed"
+    assert len(search.fitted) <= MAX_FITS + 1
+    for hypothesis, weight in zip(beliefs.hypotheses, beliefs.weights, strict=True):
+        assert hypothesis.is_fitted or weight < 0.1
+    assert search.best_score() == pytest.approx(max(beliefs.scores))
+
+
+def test_estimates_of_sets_are_their_fits():
+    """Rows within 4 SDs: the model is linear and the loss quadratic, so that one fit says all."""
+    experiment = toys.made("pqrt", {"q": 0.5, "t": -0.5}, seed=2)
+    search = toys.searched(experiment, "pqrt")
+    assert np.abs(search.base.rows).max() < 4.0
+    estimated = dict(search.estimates)
+    for names, estimate in estimated.items():
+        search.fit(names)
+        fitted = search.fitted[names][0]
+        assert fitted.is_fitted
+        assert fitted.log_evidence == pytest.approx(estimate.log_evidence, abs=1e-6)
+        for name in names:
+            assert fitted.moments(f"{name}.a")[0] == pytest.approx(estimate.moments(f"{name}.a")[0], abs=1e-6)
+    assert len(estimated) >= 10
+
+
+@pytest.mark.parametrize("size", [6.0, 12.0, 30.0])
+def test_two_that_do_the_same_share_the_probability(size):
+    """However far off the base model is: about it, where strays count little, estimates lie far below fits."""
+    experiment = toys.made("pqrs", {"q": 1.5}, size=size)
+    experiment.columns["r"] = experiment.columns["q"].copy()
+    beliefs = toys.searched(experiment, "pqrs").beliefs()
+    assert beliefs.inclusion("q") == pytest.approx(beliefs.inclusion("r"), abs=0.02)
+    assert beliefs.sets[frozenset()] < 0.01
+
+
+def test_most_estimates_of_pairs_come_from_the_base():
+    search = found("pair")
+    pairs = [row for names, row in search.estimates.items() if len(names) == 2]
+    assert {row.fit is search.base for row in pairs} == {True}
+    assert all(len(row.added) == 1 for names, row in search.estimates.items() if len(names) > 2)
+
+
+def test_a_set_far_behind_is_not_fitted():
+    search = found("single")
+    for names in search.fitted:
+        if names:
+            assert search.score(search.estimates[names]) > search.best_score() - WORTH
+
+
+# --- places ----------------------------------------------------------------------------------------------------------
+
+
+def places(count):
+    return [f"Patch@{at}" for at in range(count)]
+
+
+def test_places_share_the_prior_of_their_kind():
+    names = places(12)
+    experiment = toys.made([*names, "q"], {"Patch@7": 0.9}, seed=3)
+    base = toys.fitted(experiment)
+    rows = signatures(base, [toys.candidate(name) for name in [*names, "q"]])
+    alone = singles(base, rows)
+    patch, other = options(base, rows)
+    assert patch.candidate.name == "Patch@7"
+    assert patch.log_places == pytest.approx(logsumexp(alone[:12]) - math.log(12) - alone[:12].max())
+    assert (other.candidate.name, other.log_places) == ("q", 0.0)
+    search = Search(base)
+    beliefs = search.run(rows)
+    assert beliefs.choice == 2
+    estimate = search.estimates[frozenset({"Patch@7"})]
+    assert estimate.log_evidence == pytest.approx(logsumexp(alone[:12]) - math.log(12))
+
+
+def test_many_places_are_no_more_probable_than_one():
+    """Of ten sets of noise, each with the best of ten places."""
+    said = [
+        toys.searched(toys.made(places(10), seed=seed, shape=(3, 1, 20)), places(10)).beliefs() for seed in range(10)
+    ]
+    assert np.mean([1.0 - beliefs.sets[frozenset()] for beliefs in said]) < 0.25, "beforehand a half"
+
+
+@dataclass(frozen=True, eq=False)
+class Sliding(toys.Sums):
+    """A patch whose place may lie anywhere: its columns are those of its begin, in hundredths."""
+
+    def neighbours(self, candidate, step):
+        """Return the patch earlier and later by a step."""
+        if not candidate.place:
+            return []
+        places = [round(float(candidate.place) + move, 3) for move in (-step, step)]
+        return [toys.candidate(f"Patch@{place:.3f}") for place in places]
+
+    def sum_of(self, model):
+        """What one model predicts."""
+        (base, number), *more = model.records
+        total = super().sum_of(toys.Model(((base, number),)))
+        for _, record in more:
+            begin = float(record.name.partition("@")[2])
+            total = total + record.a * 4.0 * (np.abs(self.varied[:, None, :, 0] - begin) < 0.15)
+        return total
+
+
+def test_an_edge_is_moved_until_it_gains_no_more():
+    """First tried at 0.4 and 0.7, the patch lies about 0.55."""
+    draw = np.random.default_rng(0)
+    shape = (3, 2, 201)
+    columns = {"base": draw.normal(size=shape)}
+    empty = Sliding(np.zeros(shape), columns)
+    shown = empty.sum_of(toys.Model().having(toys.Effect("Patch@0.55", 0.8)))
+    experiment = Sliding(shown + draw.normal(size=shape), columns)
+    search = toys.searched(experiment, ["Patch@0.400", "Patch@0.700"])
+    (patch,) = [rows[0] for names, rows in search.fitted.items() if names]
+    effect = dict(patch.model.records)["Patch"]
+    assert float(effect.name.partition("@")[2]) == pytest.approx(0.55, abs=0.03)
+    assert effect.a == pytest.approx(0.8, abs=0.1)
+    assert patch.names[0] in ("Patch@0.400", "Patch@0.700"), "by the place at which it was listed"
+    assert (module.FIRST, module.LAST) == (0.08, 0.02)
+
+
+# --- what cannot be fitted -------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Losing(toys.Sums):
+    """Nothing is predicted with the effect p: a number that is far off stands for it."""
+
+    stand_in = 1e3
+
+    def sum_of(self, model):
+        """What one model predicts."""
+        lost = any(owner == "p" and record.a for owner, record in model.records)
+        return np.full(self.observed.shape, self.stand_in) if lost else super().sum_of(model)
+
+
+def test_what_loses_predictions_is_not_chosen():
+    beliefs = toys.searched(toys.made(NAMES, {"q": 1.5}, of=Losing, size=12.0), NAMES).beliefs()
+    assert beliefs.inclusion("p") < 1e-3
+    assert beliefs.inclusion("q") > 0.99
+
+
+def test_what_no_fit_ends_with_is_said_to_be_untried(monkeypatch):
+    real = module.fit
+
+    def fit(task, model, *more, **options):
+        if "q" in dict(model.records):
+            raise OptimisationError("it does not end", status="")
+        return real(task, model, *more, **options)
+
+    monkeypatch.setattr(module, "fit", fit)
+    beliefs = toys.searched(toys.made(NAMES, {"q": 1.5}, size=12.0), NAMES).beliefs()
+    assert beliefs.untried == ("q",)
+    assert beliefs.inclusion("q") < 0.2, "of sets that were estimated only, which are improbable"
+
+
+@pytest.mark.parametrize("most", [1, 2])
+def test_what_leads_is_always_fitted(most, monkeypatch):
+    """However many were: an estimate is no verdict, and its sizes are in no model."""
+    monkeypatch.setattr(module, "MAX_FITS", most)
+    sizes = {name: 1.0 for name in "pqr"}
+    beliefs = toys.searched(toys.made(NAMES, sizes, size=15.0), NAMES).beliefs()
+    assert beliefs.best().is_fitted
+    assert set(beliefs.best().names) == set(sizes)
+
+
+def test_a_candidate_that_moves_nothing_is_no_option():
+    experiment = toys.made("pq", seed=2)
+    experiment.columns["p"] *= 1e-6
+    search = toys.searched(experiment, "pq")
+    assert list(search.options) == ["q"]
+    assert search.beliefs().choice == 1
+    assert toys.searched(experiment, "p").beliefs().sets == {frozenset(): 1.0}
+
+
+# --- bent numbers ----------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Stuck(toys.Sums):
+    """The effect p acts about the declared number alone: where the rover does not move, it changes nothing."""
+
+    def sum_of(self, model):
+        """What one model predicts."""
+        (_, number), *more = model.records
+        acts = math.exp(-((number.b / 2.0) ** 4))
+        return number.b * self.columns["base"] + acts * sum(record.a * self.columns[name] for name, record in more)
+
+
+def stuck(size):
+    experiment = toys.made("pqr", seed=5, of=Stuck)
+    draw = np.random.default_rng(5)
+    along, across = draw.normal(size=(2, *toys.SHAPE))
+    columns = {**experiment.columns, "base": 8.0 * along, "p": -40.0 * along + 4.0 * across}
+    return Stuck(size * columns["p"] + draw.normal(size=toys.SHAPE), columns)
+
+
+def test_absorbed_effect_is_found_from_the_declared_numbers(monkeypatch):
+    search = toys.searched(stuck(1.0), "pqr")
+    assert is_bent(search.base)
+    assert search.base.u[0] < -4.0
+    assert search.beliefs().inclusion("p") > 0.99
+    best = search.beliefs().best()
+    assert dict(best.model.records)["p"].a == pytest.approx(1.0, abs=0.1)
+    assert abs(best.fit.u[0]) < 1.0
+    monkeypatch.setattr(module, "is_bent", lambda fitted: False)
+    assert toys.searched(stuck(1.0), "pqr").beliefs().inclusion("p") < 0.5, "from the base there is no way down"
+
+
+def test_three_at_most_are_fitted_from_the_declared_numbers(monkeypatch):
+    asked = []
+    monkeypatch.setattr(Search, "_fitted", lambda self, estimate, reuse: asked.append(estimate))
+    toys.searched(stuck(1.0), "pqr")
+    assert not is_bent(toys.fitted(stuck(0.0)))
+    declared = [one for one in asked if one.fit.u[0] == 0.0]
+    assert len(declared) == FROM_DECLARED == 3
+    assert declared[0].names == ("p",)
+
+
+# --- what is left ----------------------------------------------------------------------------------------------------
+
+
+def test_what_is_left_is_weighed_of_all_that_is_worth_it():
+    search = toys.searched(toys.made(NAMES, {"q": 1.5}, size=12.0), NAMES)
+    before = search.beliefs()
+    draw = np.random.default_rng(0)
+    search.leave([Columns(30.0 * draw.normal(size=(len(search.base.rows), 3)), (slice(None),))])
+    for names, rows in search.fitted.items():
+        worth = not names or search.score(rows[0]) > search.best_score() - WORTH
+        kinds = [row.discrepancy for row in rows]
+        assert kinds == ([Discrepancy.NONE, Discrepancy.SMOOTH] if worth else [Discrepancy.NONE])
+    assert len(search.beliefs().hypotheses) > len(before.hypotheses)
+    assert search.beliefs().left(("q",)) < 0.3, "noise leaves no function"
+
+
+# --- calibration -----------------------------------------------------------------------------------------------------
+
+SHARES = [share * ALLOWED[count > 0][Discrepancy.NONE] for count, share in enumerate(COUNTS)]
+"""Prior probability of no to four causes, where nothing else is left."""
+
+
+def drawn(seed, names):
+    """An experiment with data drawn from the priors, noise's scale included, and the names of what acts."""
+    draw = np.random.default_rng(seed)
+    toy = linear_causes.design(seed + 10**6, names, channels=2)
+    count = linear_causes.spread(seed * 0.6180340, SHARES[: len(names) + 1])
+    true = [names[at] for at in draw.permutation(len(names))[:count]]
+    parts = [linear_causes.size(draw) * toy.columns[name] for name in true]
+    scale = linear_causes.NOISE * math.exp(PRIORS["s"].sd * draw.normal())
+    shown = draw.normal() * toy.columns["base"] + sum(parts) + scale * draw.normal(size=toy.sd.shape)
+    return toys.Sums(shown, toy.columns, linear_causes.NOISE), true
+
+
+def calibration(seeds, names):
+    rows = []
+    for seed in seeds:
+        experiment, true = drawn(seed, names)
+        rows += rows_of(toys.searched(experiment, names).beliefs(), names, true)
+    return rows
+
+
+@pytest.mark.slow
+def test_what_is_said_is_true_as_often_as_its_probability():
+    far = deviations(calibration(range(200), NAMES))
+    assert np.abs(far).max() < 3.0
+    assert np.sum(np.square(far)) < 20.0, "six bins: 99.7 % by probability"
+
+
+def test_what_is_said_of_two_causes_is_true_as_often():
+    assert np.abs(deviations(calibration(range(12), NAMES[:2]))).max() < 3.5
