@@ -43,10 +43,6 @@ def test_a_published_shape_keeps_its_prior():
     assert shape.value(0.0) == PostPeak().S_w
 
 
-def test_assumed_shape_has_the_usual_prior_in_inexact_fits():
-    assert [one.scale for one in RATE.parameters if one.name == SHAPE] == [0.5]
-
-
 def test_every_doubt_is_of_a_positive_number_within_its_bounds():
     about = quantities(RateDependence)["v_0"]
     assert about.log_sd == pytest.approx(math.log(10.0))

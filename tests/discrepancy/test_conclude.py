@@ -1,4 +1,4 @@
-"""Verdicts on what a search found: the answer, numbers and errors of a linear experiment, its noise declared or learnt."""
+"""Verdicts on linear experiments whose noise is declared or learnt: the answer, what is kept, numbers and errors."""
 
 from dataclasses import replace
 
@@ -57,13 +57,13 @@ def test_two_that_do_the_same_are_a_set():
     assert found.effects[0].name == found.named[0]
 
 
-@pytest.mark.parametrize(("far", "declared", "answer"), [
-    (1.1 * AWAY, True, Answer.INADEQUATE), (0.9 * AWAY, True, Answer.NONE_NEEDED), (1.1 * AWAY, False, Answer.NONE_NEEDED),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("far", "declared", "answer"),
+    [(1.1, True, Answer.INADEQUATE), (0.9, True, Answer.NONE_NEEDED), (1.1, False, Answer.NONE_NEEDED)],
+)
 def test_a_number_five_sd_from_what_is_declared_is_inadequate(far, declared, answer):
     """What was assumed contradicts nobody."""
-    number = replace(toys.NUMBER, declared=declared)
-    found = verdict({}, number, b=far, size=60.0)
+    found = verdict({}, replace(toys.NUMBER, declared=declared), b=far * AWAY, size=60.0)
     assert found.answer is answer
     assert (found.named, AWAY) == ((), 5.0)
     assert ("far from what is declared" in found.sentence) is (answer is Answer.INADEQUATE)

@@ -5,23 +5,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from rover_pin.discrepancy import conclude, draft
 from rover_pin.discrepancy import held_out as module
 from rover_pin.discrepancy.answer import Answer
-from rover_pin.discrepancy.candidate import Candidate, _reach
-from rover_pin.discrepancy.draft import Draft, Drafted, scored, tried
-from rover_pin.discrepancy.held_out import (
-    ChannelScore,
-    Excess,
-    RunScore,
-    _by_channel,
-    _by_run,
-    beyond_floor,
-    floor_of,
-    largest_residual,
-    losses,
-)
-from rover_pin.discrepancy.refit import Refit
-from rover_pin.discrepancy.sentence import sentence
+from rover_pin.discrepancy.draft import Draft
+from rover_pin.discrepancy.held_out import ChannelScore, RunScore, _by_channel, _by_run, losses
 from rover_pin.discrepancy.verdict import SCHEMA, Verdict
 from rover_pin.estimation.baselines import Baseline
 from rover_pin.estimation.numbers import DRIFTED
@@ -108,90 +96,6 @@ def test_the_interval_holds_the_middle_19_of_20_of_the_draws(monkeypatch):
     assert (low, high) == pytest.approx([end / 2.0 - 1.0 for end in ends])
 
 
-# --- floors ----------------------------------------------------------------------------------------------------------
-
-
-def test_the_floor_is_the_scatter_of_samples_where_that_is_told():
-    some = noise(np.ones((2, 3, 1), dtype=bool), floor=(0.5, 0.6, 0.7))
-    assert list(floor_of(experiment(told=None), some)) == [0.5, 0.6, 0.7]
-    assert list(floor_of(experiment(told=np.array([0.2, 0.0, np.nan])), some)) == [0.2, 0.6, 0.7]
-
-
-def test_excess_beyond_the_floor_names_its_worst_fold_in_order():
-    """Per compared sample: fold a has one of 3, fold b two of 2.5, which sum to more."""
-    good = np.ones((2, 3, 2), dtype=bool)
-    good[0, :, 1] = False
-    residual = np.zeros((2, 3, 2))
-    residual[0, :, 1] = 99.0
-    residual[0, :, 0] = [3.0, 12.0, 0.1]
-    residual[1] = [[2.5, 2.5], [9.0, 0.0], [0.1, 0.1]]
-    names = experiment(channels=("pull", "sinkage", "torque"))
-    fitted = SimpleNamespace(
-        residual=residual,
-        missed=residual,
-        task=SimpleNamespace(experiment=names, noise=noise(good, (0.5, 0.5, 0.5))),
-        model=None,
-    )
-    found = beyond_floor(fitted)
-    rms = (9.0 + 2 * 6.25) ** 0.5 / 3**0.5, (144.0 + 81.0) ** 0.5 / 3**0.5
-    assert found == (
-        Excess("sinkage", pytest.approx(rms[1] / 0.5), "a"), Excess("pull", pytest.approx(rms[0] / 0.5), "a")
-    )  # fmt: skip
-
-
-def test_a_channel_that_was_never_compared_leaves_nothing():
-    good = np.zeros((2, 1, 2), dtype=bool)
-    good[0, 0, 0] = True
-    assert beyond_floor(leaving_two(good, experiment())) == (Excess("pull", 4.0, "a"),)
-
-
-def test_the_error_of_predictions_is_a_floor_too():
-    good = np.ones((2, 1, 2), dtype=bool)
-    assert beyond_floor(leaving_two(good, experiment(least=0.8))) == (Excess("pull", 2.5, "a"),)
-    assert beyond_floor(leaving_two(good, experiment(least=2.0))) == ()
-
-
-def leaving_two(good, names):
-    task = SimpleNamespace(experiment=names, noise=noise(good))
-    residual = np.full((2, 1, 2), 2.0)
-    return SimpleNamespace(residual=residual, missed=residual, task=task, model=None)
-
-
-def test_largest_residual_is_the_greatest_compared_rms_in_sds():
-    good = np.ones((2, 2, 2), dtype=bool)
-    good[0, 0, 1] = good[1, 1] = False
-    rows = np.array([3.0, 0.1, 0.1, 2.0, 3.2])  # a: pull, twice sinkage; b: twice pull
-    names = experiment(channels=("pull", "sinkage"))
-    fitted = SimpleNamespace(
-        rows=rows, missed=np.zeros(good.shape), task=SimpleNamespace(experiment=names, noise=noise(good))
-    )
-    assert largest_residual(fitted) == Excess("pull", 3.0, "a")
-    fitted.rows = np.array([2.0, 0.1, 0.1, 2.0, 3.2])
-    assert largest_residual(fitted) == Excess("pull", pytest.approx(((4.0 + 3.2**2) / 2) ** 0.5), "b")
-
-
-def left_by_a_null(chi2, declared=True):
-    """A search that found nothing on a base whose 40 rows have this chi2, most in fold b."""
-    good = np.ones((2, 1, 20), dtype=bool)
-    rows = np.full(40, 0.5)
-    rows[20:] = np.sqrt((chi2 - 20 * 0.25) / 20)
-    names = SimpleNamespace(**vars(experiment()), noise=lambda: object() if declared else None)
-    task = SimpleNamespace(experiment=names, noise=noise(good))
-    residual = rows.reshape(2, 1, 20)
-    base = SimpleNamespace(rows=rows, freedom=40, misfit=chi2 / 40, task=task, residual=residual, missed=residual)
-    return SimpleNamespace(base=base)
-
-
-def test_improbable_chi2_is_reported_though_no_effect_is_needed():
-    """The 95 % point of chi2 with 40 degrees of freedom is 55.76; it was silent up to one set in 1,000."""
-    said = sentence(Answer.NONE_NEEDED, left_by_a_null(55.7), 0.0, ("", ()))
-    assert said.startswith("the calibrated base model meets the data within their noise")
-    said = sentence(Answer.NONE_NEEDED, left_by_a_null(66.77), 0.0, ("", ()))
-    assert "reduced chi-square 1.67, as chance has it in 0.5% of sets, most in pull of b (1.8 times its noise)" in said
-    learnt = left_by_a_null(66.77, declared=False)
-    assert "meets the data" in sentence(Answer.NONE_NEEDED, learnt, 0.0, ("", ()))
-
-
 # --- by run ----------------------------------------------------------------------------------------------------------
 
 
@@ -231,55 +135,51 @@ def test_a_curve_is_compared_with_the_model_on_its_own_channel():
 # --- drafts ----------------------------------------------------------------------------------------------------------
 
 
-def refit(net=1.0, held_out=2.0):
-    task = SimpleNamespace(experiment=SimpleNamespace(folds=("S = 0", "S = 0.5", "S = 1")))
-    return Refit(Candidate("D", object(), ()), SimpleNamespace(task=task), 10.0 + net, 10.0, held_out)
+def fold_fit(losses):
+    """A fit whose folds cost so much where they are left out."""
+    return SimpleNamespace(task=SimpleNamespace(experiment=experiment()), losses=np.array(losses))
 
 
-def test_draft_states_its_gain_or_that_it_promises_nothing(monkeypatch):
-    empty, made = Draft("text"), Draft("text", refit(), command="rover-pin close-loop x --effects y")
-    assert empty.as_dict() == {
-        "accepted": False, "said": "the draft promises nothing when it is tried", "held_out": [], "command": ""
-    }  # fmt: skip
-    assert empty.lines() == [empty.sentence]
-    told = made.as_dict()
-    assert (told["accepted"], told["gain"], told["threshold"], told["held_out_gain"]) == (True, 11.0, 10.0, 2.0)
-    assert made.lines() == [made.sentence, "try it again: rover-pin close-loop x --effects y"]
-    assert Draft("text", refit(held_out=-1.0)).sentence.endswith("; it does not hold up")
-    assert scored(empty, None, 0) is empty
+@pytest.mark.parametrize(
+    ("odds", "after", "accepted", "says"),
+    [
+        (3.0, [1.0, 2.0], True, "the data are 20.1 times as probable with it, chi2 of folds left out falls by 4"),
+        (-1.0, [1.0, 2.0], False, "chi2 of folds left out falls by 4; it does not hold up"),
+        (3.0, [4.0, 5.0], False, "chi2 of folds left out falls by -2; it does not hold up"),
+        (3.0, [1.0, np.nan], False, "nothing compared, but b left out is predicted by nobody; it does not hold up"),
+    ],
+)
+def test_a_draft_holds_where_it_is_probable_and_predicts(odds, after, accepted, says, monkeypatch):
+    monkeypatch.setattr(draft, "losses_of", lambda fitted: fitted.losses)
+    monkeypatch.setattr(draft, "replace", lambda fitted, task: fitted)
+    found = draft.draft_of("text", fold_fit([3.0, 4.0]), fold_fit(after), odds)
+    assert found.accepted is accepted
+    assert found.sentence.endswith(says)
+    assert found.as_dict()["accepted"] is accepted
 
 
-def test_a_draft_that_promises_nothing_has_no_refit(monkeypatch):
-    from rover_pin.discrepancy import draft
-
-    monkeypatch.setattr(draft, "held_out_losses", lambda fitted: np.ones(3))
-    for refits in ((), (refit(), refit(net=0.5))):
-        monkeypatch.setattr(draft, "attempted", lambda here, candidates, progress, made=refits: made)
-        found = tried(Drafted("text", ()), None, lambda said: None)
-        assert found.refit is (refits[0] if refits else None)
-        assert found.accepted is bool(refits)
+def test_a_draft_with_which_no_fit_ends_promises_nothing():
+    empty = draft.draft_of("text", None, None, -np.inf)
+    assert (empty.accepted, empty.fit, empty.lines()) == (False, None, [empty.sentence])
+    assert draft.scored(empty, None, 0) is empty
+    assert Draft("text", command="again").lines()[-1] == "try it again: again"
 
 
-def test_a_fold_that_nobody_predicts_vetoes_a_draft(monkeypatch):
-    """Such a fold counts for neither model, so that on the rest alone the draft gains."""
-    from rover_pin.discrepancy import draft
-
-    monkeypatch.setattr(draft, "attempted", lambda here, candidates, progress: (refit(),))
-    monkeypatch.setattr(draft, "held_out_losses", lambda fitted: np.array([1.0, np.nan, 2.0]))
-    found = tried(Drafted("text", ()), None, lambda said: None)
-    assert (found.accepted, found.unpredicted) == (False, ("S = 0.5",))
-    assert found.sentence.endswith("but S = 0.5 left out is predicted by nobody; it does not hold up")
-    assert found.as_dict()["accepted"] is False
-
-
-def test_a_run_without_a_prediction_has_no_error():
-    good, residual = np.ones((2, 1, 2), dtype=bool), np.array([[[0.1, 0.2]], [[1e3, 1e3]]])
-    task = SimpleNamespace(experiment=experiment(), noise=noise(good, (0.01,)))
-    missed = np.where(residual > 1.0, np.nan, residual)
-    fitted = SimpleNamespace(rows=residual[good] / 0.01, residual=residual, missed=missed, task=task, model=None)
-    assert largest_residual(fitted).fold == "a"
-    assert largest_residual(fitted).times < 100.0
-    assert all(one.times < 100.0 and one.fold == "a" for one in beyond_floor(fitted))
+@pytest.mark.parametrize(
+    ("answer", "side", "tried"),
+    [
+        (Answer.NONE_FITS, "fit", True),
+        (Answer.LIKE, "fit", True),
+        (Answer.NAMED, "fit", False),
+        (Answer.LIKE, None, False),
+    ],
+)
+def test_a_draft_is_scored_where_nothing_of_the_list_holds(answer, side, tried, monkeypatch):
+    monkeypatch.setattr(conclude, "scored", lambda draft, before, seed: (draft, before, seed))
+    after = None if side is None else SimpleNamespace(fit=side)
+    verdict = Verdict("wheel-rig", answer, "x", "said", None, after=after)
+    assert conclude.with_draft(verdict, "draft", 3).draft == (("draft", "fit", 3) if tried else None)
+    assert conclude.with_draft(verdict, None, 3).draft is None
 
 
 # --- the verdict -----------------------------------------------------------------------------------------------------
@@ -288,11 +188,11 @@ def test_a_run_without_a_prediction_has_no_error():
 def test_draft_and_residual_are_in_the_summary_and_the_schema():
     left = SimpleNamespace(lines=lambda added: ["left: " + ("after" if added else "before")], as_dict=lambda: {})
     bare = Verdict("wheel-rig", Answer.CANNOT_TELL, "x", "too little", None)
-    full = Verdict("wheel-rig", Answer.NONE_FITS, "x", "nothing", None, draft=Draft("text", refit()), extra=left)
+    full = Verdict("wheel-rig", Answer.NONE_FITS, "x", "nothing", None, draft=Draft("text"), extra=left)
     assert "left: before" in full.summary()
-    assert "draft: tried" in full.summary()
+    assert "draft: the draft promises nothing" in full.summary()
     assert "draft" not in bare.summary()
-    assert full.as_dict()["draft"]["gain"] == 11.0
+    assert full.as_dict()["draft"]["accepted"] is False
     assert bare.as_dict()["draft"] == {}
     assert SCHEMA == bare.as_dict()["schema"] == 3
 
@@ -324,19 +224,3 @@ def test_stretches_of_a_run_are_summed_along_its_samples(samples):
     expected = [values[..., a:b].sum(axis=-1) for a, b in zip(ends, ends[1:], strict=False)]
     assert found.shape == (2, 3, len(expected))
     np.testing.assert_allclose(np.moveaxis(found, -1, 0), expected)
-
-
-# --- what a candidate is called --------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("place", "sought", "name", "owner"),
-    [("", False, "Weak", "Weak"), ("2", False, "Weak[2]", "Weak[2]"), ("1.5", True, "Weak@1.5", "Weak")],
-)
-def test_a_place_on_the_way_does_not_belong_to_the_effects_name(place, sought, name, owner):
-    one = Candidate("Weak", object(), (), place=place, place_searched=sought)
-    assert (one.name, one.owner) == (name, owner)
-
-
-def test_effect_without_its_own_size_is_tried_at_a_hundredth():
-    assert [_reach(unit) for unit in ("m", "rad", "N")] == [0.01, 0.01, 0.05]

@@ -10,8 +10,6 @@ from rover_pin.discrepancy.reading import read, sentence
 from rover_pin.inference.beliefs import Beliefs
 from rover_pin.inference.error_model import Discrepancy
 
-SAMPLES = SimpleNamespace(channel=np.array([0, 1]), blocks=(np.array([0]), np.array([1])))
-EXPERIMENT = SimpleNamespace(channels=("pull", "sinkage"))
 KINDS = {"": Discrepancy.NONE, "~": Discrepancy.SMOOTH, "'": Discrepancy.FORM}
 """How a set's name ends that leaves a smooth discrepancy, or an error of form."""
 
@@ -20,15 +18,15 @@ def hypothesis(text, noise):
     causes = tuple(
         SimpleNamespace(name=name, family=f"family of {name}") for name in text.rstrip("~'").replace("-", "")
     )
-    errors = SimpleNamespace(discrepancy=KINDS[text[-1] if text[-1] in "~'" else ""], samples=SAMPLES)
-    names = tuple(cause.name for cause in causes)
-    return SimpleNamespace(names=names, causes=causes, errors=errors, noise_share=noise, experiment=EXPERIMENT)
+    kind, names = KINDS[text[-1] if text[-1] in "~'" else ""], tuple(cause.name for cause in causes)
+    taken = dict(zip(("pull", "sinkage"), noise, strict=True))
+    return SimpleNamespace(names=names, causes=causes, discrepancy=kind, noise_taken=taken)
 
 
 def beliefs(text, noise=(1.0, 1.0)):
     """Sets with their probabilities, as "A .7 AB .2 - .1": `-` is nothing."""
     words = text.split()
-    made = Beliefs(tuple(hypothesis(word, np.array(noise)) for word in words[::2]), 5)
+    made = Beliefs(tuple(hypothesis(word, noise) for word in words[::2]), 5)
     made.__dict__["scores"] = np.log(np.array(words[1::2], dtype=float))
     return made
 

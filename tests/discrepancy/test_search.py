@@ -10,10 +10,11 @@ from scipy.special import logsumexp
 
 from rover_pin.base.errors import OptimisationError
 from rover_pin.discrepancy import search as module
-from rover_pin.discrepancy.calibration import is_bent
+from rover_pin.discrepancy.calibration import as_declared, is_bent
 from rover_pin.discrepancy.search import FROM_DECLARED, MAX_FITS, WORTH, Search, options, singles
 from rover_pin.discrepancy.signature import signatures
 from rover_pin.estimation.columns import Columns
+from rover_pin.estimation.fit import fit
 from rover_pin.inference.beliefs import ALLOWED, COUNTS
 from rover_pin.inference.error_model import PRIORS, Discrepancy
 from tests.inference import linear_causes
@@ -90,11 +91,28 @@ def test_most_estimates_of_pairs_come_from_the_base():
     assert all(len(row.added) == 1 for names, row in search.estimates.items() if len(names) > 2)
 
 
-def test_a_set_far_behind_is_not_fitted():
+def test_what_the_data_do_not_speak_for_is_not_fitted():
+    search = found("none")
+    base = search.fitted[frozenset()][0].log_evidence
+    assert len(search.estimates) > len(NAMES)
+    assert all(search.estimates[names].log_evidence > base for names in search.fitted if names)
+
+
+def test_so_many_fits_are_enough_where_none_leads(monkeypatch):
+    monkeypatch.setattr(module, "MAX_FITS", 2)
+    experiment = toys.made(NAMES, {"q": 1.5}, size=6.0)
+    experiment.columns.update({name: experiment.columns["q"] for name in NAMES})
+    search = toys.searched(experiment, NAMES)
+    assert len(search.fitted) == 3
+    assert search.beliefs().inclusion("p") == pytest.approx(search.beliefs().inclusion("u"), abs=0.03)
+
+
+def test_a_set_more_than_five_nats_behind_is_not_fitted():
     search = found("single")
-    for names in search.fitted:
-        if names:
-            assert search.score(search.estimates[names]) > search.best_score() - WORTH
+    far = [row for names, row in search.estimates.items() if search.score(row) < search.best_score() - 7.0]
+    assert WORTH == 5.0
+    assert not any(frozenset(row.names) in search.fitted and row.fit is not search.base for row in far)
+    assert len(search.fitted) < 8
 
 
 # --- places ----------------------------------------------------------------------------------------------------------
@@ -253,6 +271,16 @@ def test_absorbed_effect_is_found_from_the_declared_numbers(monkeypatch):
     assert abs(best.fit.u[0]) < 1.0
     monkeypatch.setattr(module, "is_bent", lambda fitted: False)
     assert toys.searched(stuck(1.0), "pqr").beliefs().inclusion("p") < 0.5, "from the base there is no way down"
+
+
+def test_restart_resets_numbers_with_priors_and_keeps_sizes():
+    base = toys.fitted(stuck(1.0))
+    model = toys.Model().having(toys.Effect("p"))
+    whole = fit(base.task, model, (*base.parameters, toys.candidate("p").size("p.a")), np.array([-1.0, 0.4]))
+    start = as_declared(whole)
+    assert start.u.tolist() == [0.0, whole.u[1]]
+    assert start.value("base.b") == base.parameters[0].origin
+    np.testing.assert_array_equal(start.predicted, base.task.experiment.predict([start.model])[0])
 
 
 def test_three_at_most_are_fitted_from_the_declared_numbers(monkeypatch):

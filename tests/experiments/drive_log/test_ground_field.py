@@ -9,12 +9,12 @@ import pytest
 
 from rover_pin.contact import Soil
 from rover_pin.discrepancy.answer import Answer
-from rover_pin.discrepancy.screen import signatures, with_random_effects
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.effects.bent_ground import BentGround
 from rover_pin.effects.gravity_tilt import GravityTilt
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.estimation.fit import Task, fit
+from rover_pin.estimation.learnt_noise import with_random_effects
 from rover_pin.estimation.noise import Noise
 from rover_pin.estimation.random_effects.random_field import LearntSd
 from rover_pin.experiments.drive_log.experiment import experiment_of
@@ -171,7 +171,7 @@ def taught(experiment, model):
                   np.eye(len(experiment.channels)), good)  # fmt: skip
     base = fit(Task(experiment, noise), model, [parameter(model, "soil.phi", math.radians(2.0))])
     chance = experiment.random_field(base.model)
-    return with_random_effects(base, signatures(base, ()), chance), chance
+    return with_random_effects(base, (), chance), chance
 
 
 def test_runs_on_slopes_of_their_own_are_told_and_where(model):

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from rover_pin.discrepancy.cross_validation import first_order_surprises, held_out_residual, losses_of
+from rover_pin.discrepancy.cross_validation import held_out_residual, losses_of
 from rover_pin.estimation.fit import Task, fit
 from rover_pin.estimation.noise import first_noise, huber
 from rover_pin.estimation.numbers import profiles
@@ -41,9 +41,8 @@ def test_held_out_run_does_not_shape_its_own_prediction(fitted):
     assert moved[known] == pytest.approx(shift[known], rel=1e-6)
 
 
-def test_a_whole_refit_and_a_single_step_agree_on_runs_left_out(fitted):
-    assert losses_of(fitted).sum() == pytest.approx(first_order_surprises(fitted).sum(), rel=0.03)
-    assert losses_of(fitted).sum() > huber(fitted.rows)
+def test_runs_left_out_cost_more_than_those_that_were_fitted(fitted):
+    assert huber(fitted.rows) < losses_of(fitted).sum() < 2.0 * huber(fitted.rows)
 
 
 def test_chi2_is_parabolic_along_a_number_that_acts_linearly(fitted):

@@ -4,8 +4,8 @@ import math
 
 import pytest
 
-from rover_pin.discrepancy.refit_candidates import placed
-from rover_pin.discrepancy.screen import score, signatures
+from rover_pin.discrepancy.search import Search, options, singles
+from rover_pin.discrepancy.signature import signatures
 from rover_pin.effects.hard_patch import HardPatch
 from rover_pin.effects.supply_sag import SupplySag
 from rover_pin.experiments.drive_log.calibrate import calibrated_on
@@ -21,12 +21,11 @@ def test_the_edges_of_a_patch_are_found(tmp_path):
     log = read_drive_log(drive_sets.write(tmp_path, [hidden]))
     base = calibrated_on(log, with_spread(base_model(log)), 1, lambda said: None)
     known = candidates(base.model, base.task.experiment, base.parameters, None)
-    rows = score(base, signatures(base, [one for one in known if one.kind == "HardPatch"]))
-    found = placed(base, rows[0])
+    (patch,) = options(base, signatures(base, [one for one in known if one.kind == "HardPatch"]))
+    found = Search(base)._placed(base, patch)
     effect = found.candidate.effect
-    assert found.gain > rows[0].gain
+    assert singles(base, [found])[0] > singles(base, [patch.signature])[0]
     assert effect.x_from == pytest.approx(0.12, abs=0.03)
     assert effect.x_from + effect.length == pytest.approx(0.32, abs=0.03)
-    sag = next(one for one in known if one.effect == SupplySag())
-    row = score(base, signatures(base, [sag]))[0]
-    assert placed(base, row) is row
+    (sag,) = options(base, signatures(base, [next(one for one in known if one.effect == SupplySag())]))
+    assert Search(base)._placed(base, sag) is sag.signature

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rover_pin.base.code_digest import key_of_code
-from rover_pin.discrepancy.screen import signatures
+from rover_pin.discrepancy.signature import signatures
 from rover_pin.effects.weak_motor import WeakMotor
 from rover_pin.experiments.drive_log.calibrate import calibrated_on
 from rover_pin.experiments.drive_log.candidates import candidates

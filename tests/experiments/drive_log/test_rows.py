@@ -6,7 +6,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from rover_pin.discrepancy.refit_candidates import FIRST, LAST, placed
 from rover_pin.effects.gravity_tilt import GravityTilt
 from rover_pin.effects.hard_patch import HardPatch
 from rover_pin.effects.supply_sag import SupplySag
@@ -146,25 +145,6 @@ def test_held_wheels_hide_motors_and_own_ground_hides_tilt(held, ground):
     assert shows(SupplySag(), experiment) == (not held)
     assert shows(GravityTilt(), experiment) == (ground is None)
     assert shows(WheelScale(), experiment)
-
-
-def test_an_edge_is_moved_by_ever_smaller_steps_while_that_gains(monkeypatch):
-    """A gain that is greatest at 0.53: from 0.4 two steps of 80 mm forward, then one of 40 back, and no finer."""
-    asked = []
-
-    def moved(row, step):
-        asked.append(step)
-        return [row - step, row + step]
-
-    module = "rover_pin.discrepancy.refit_candidates"
-    monkeypatch.setattr(f"{module}.signatures", lambda base, near: near)
-    made = lambda at: SimpleNamespace(candidate=at, gain=-abs(at - 0.53))  # noqa: E731
-    monkeypatch.setattr(f"{module}.score", lambda base, near: [made(at) for at in near])
-    base = SimpleNamespace(task=SimpleNamespace(experiment=SimpleNamespace(neighbours=moved)))
-    found = placed(base, made(0.4))
-    assert found.candidate == pytest.approx(0.52)
-    assert asked == pytest.approx([0.08, 0.08, 0.08, 0.04, 0.04])
-    assert (FIRST, LAST) == (0.08, 0.02)
 
 
 # --- free runs -------------------------------------------------------------------------------------------------------

@@ -1,0 +1,223 @@
+"""Fits to a drive log and errors on runs left out against the linear Gaussian model in closed form."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from scipy.optimize import lsq_linear, minimize_scalar
+from scipy.stats import binom, norm
+from scipy.stats import t as student
+
+from rover_pin.base.errors import OptimisationError
+from rover_pin.discrepancy.candidate import plain_candidate
+from rover_pin.discrepancy.held_out import held_out, together
+from rover_pin.effects.exit_angle import ExitAngle
+from rover_pin.estimation.fit import fit
+from rover_pin.estimation.noise import huber
+from rover_pin.estimation.numbers import numbers, profiles
+from rover_pin.estimation.profile import NORMAL_95
+from tests.experiments.drive_log import linear_drive as linear
+
+OWNER, COLOURED = linear.owner_of_rows(), 1.5
+EXIT = plain_candidate(ExitAngle())
+
+
+def shown(columns, sizes):
+    """The features that these values of numbers show beyond those of the base model."""
+    return sum((value - columns[name][0]) * columns[name][1] for name, value in sizes.items())
+
+
+@pytest.fixture(scope="module")
+def made():
+    """A base whose numbers are fitted, an exit angle hidden in the log, and its law."""
+    random = np.random.default_rng(7)
+    free = linear.nuisances()
+    columns = linear.slopes(random, free)
+    columns["ExitAngle.e_1"] = (0.0, random.normal(size=linear.SHAPE) / ExitAngle().e_1)
+    seen = shown(columns, {"soil.phi": free[0].value(0.8), "ExitAngle.e_1": 0.18}) + random.normal(size=linear.SHAPE)
+    return linear.fitted(seen, columns), columns
+
+
+def test_the_fit_is_least_squares_with_priors(made):
+    fitted, _ = made
+    u, chi2 = linear.gaussian(fitted).solved()
+    np.testing.assert_allclose(fitted.u, u, atol=1e-8)
+    assert fitted.chi2 == pytest.approx(chi2, rel=1e-12)
+    assert fitted.misfit == pytest.approx(huber(fitted.rows) / fitted.freedom)
+    np.testing.assert_allclose(fitted.covariance, linear.gaussian(fitted).covariance, rtol=1e-9)
+
+
+def test_intervals_are_of_the_posterior_in_coloured_noise(made):
+    """And by the misfit where it is above 1: where twice the noise is left, SDs are twice as wide."""
+    fitted, columns = made
+    plain = np.sqrt(np.diag(linear.gaussian(fitted).covariance))
+    assert (fitted.spread >= math.sqrt(COLOURED) * plain * (1 - 1e-9)).all()
+    poor = np.where(np.arange(linear.SHAPE[2]) % 2, 3.0, -3.0) * np.ones(linear.SHAPE)
+    missed = linear.fitted(poor, columns)
+    assert missed.misfit > 8.5
+    expected = np.sqrt(np.diag(linear.gaussian(missed).covariance) * COLOURED * missed.misfit)
+    assert (missed.spread >= expected * (1 - 1e-9)).all()
+    for one, sd, u in zip(numbers(missed), missed.spread, missed.u, strict=True):
+        known = next(each for each in missed.parameters if each.name == one.name)
+        assert one.high - one.low == pytest.approx(2 * NORMAL_95 * sd * known.scale, rel=1e-9)
+        assert one.drift == pytest.approx(u)
+
+
+def test_numbers_at_bounds_are_held_there_and_others_refitted():
+    """Against scipy's bounded least squares: phi would leave its bounds; the other takes over."""
+    random = np.random.default_rng(3)
+    free = linear.nuisances()
+    signs = random.choice([-1.0, 1.0], (2, *linear.SHAPE))
+    slopes = (signs[0] / free[0].scale, (0.3 * signs[0] + 0.7 * signs[1]) / free[1].scale)
+    columns = {one.name: (one.origin, slope) for one, slope in zip(free, slopes, strict=True)}
+    for value, prior in ((0.62, True), (0.42, True), (0.62, False)):
+        narrow = dataclasses.replace(free[0], low=0.47, high=0.58, prior=prior)
+        seen = shown(columns, {"soil.phi": value}) + 0.3 * random.normal(size=linear.SHAPE)
+        fitted = linear.fitted(seen, columns, (narrow, free[1]))
+        exact = linear.gaussian(fitted)
+        known = np.isfinite(exact.sd)
+        matrix = np.vstack([exact.X, np.eye(2)[known]])
+        right = np.concatenate([exact.y, np.zeros(known.sum())])
+        low, high = np.array([one.bounds for one in fitted.parameters]).T
+        np.testing.assert_allclose(fitted.u, lsq_linear(matrix, right, (low, high)).x, atol=1e-6)
+        assert fitted.u[0] in (pytest.approx(low[0]), pytest.approx(high[0]))
+
+
+def test_rows_beyond_4_sd_pull_as_one_of_4_sd():
+    """The optimum of the Huber loss, by a plain minimiser; the spread counts a stray by its weight."""
+    random = np.random.default_rng(3)
+    free = linear.nuisances()[:1]
+    columns = linear.slopes(random, free)
+    noise = random.normal(size=linear.SHAPE)
+    noise[0, 0, :3] += 40.0 * np.sign(columns["soil.phi"][1][0, 0, :3])
+    fitted = linear.fitted(noise, columns, free)
+    (x,) = linear.gaussian(fitted).X.T
+
+    def loss(u):
+        size = np.abs(noise.ravel() - x * u)
+        return np.sum(np.where(size > 4, 8 * size - 16, size**2)) + u * u
+
+    best = minimize_scalar(loss, bounds=(-3, 3), method="bounded", options={"xatol": 1e-10}).x
+    assert fitted.u[0] == pytest.approx(best, abs=1e-3)
+    weights = np.minimum(1.0, 4.0 / np.abs(noise.ravel() - x * fitted.u[0]))
+    assert fitted.covariance[0, 0] == pytest.approx(1 / (np.sum(weights * x * x) + 1), rel=1e-9)
+
+
+def test_rows_that_hang_together_by_stretches_widen_an_interval():
+    """The sandwich of stretches, by hand: errors of 8 blocks have one sign, so their SD is sqrt(8) times the white."""
+    random = np.random.default_rng(3)
+    shape = (8, 2, 64)
+    free = linear.nuisances()[:1]
+    columns = {free[0].name: (free[0].origin, np.ones(shape) / free[0].scale)}
+    seen = np.repeat(random.choice([-1.0, 1.0], (8, 1, 8)), 8, axis=2) * np.ones(shape)
+    fitted = linear.fitted(seen, columns, free)
+    count = fitted.rows.size
+    stretches = np.add.reduceat(fitted.residual.sum(axis=1), np.arange(0, 64, 8), axis=1)
+    expected = math.sqrt((64 / 63 * np.sum(stretches**2) + 1.0) / (count + 1.0) ** 2)
+    alike = np.max([expected, math.sqrt(COLOURED * fitted.misfit / (count + 1)), of_runs(fitted)])
+    assert fitted.spread[0] == pytest.approx(alike, rel=1e-9)
+    assert expected > math.sqrt(COLOURED / (count + 1))
+
+
+def of_runs(fitted):
+    """The SD of one number that all rows tell alike, by how runs scatter: the sandwich, as Student's t has it."""
+    runs = fitted.residual.sum(axis=(1, 2))
+    count, few = fitted.rows.size, len(runs)
+    widened = student.ppf(0.975, few - 1) / norm.ppf(0.975)
+    return widened * math.sqrt(few / (few - 1) * np.sum(runs**2) + 1.0) / (count + 1.0)
+
+
+@pytest.mark.parametrize(("runs", "counts"), [(3, False), (4, True), (8, True)])
+def test_runs_that_differ_widen_an_interval_from_four_on(runs, counts):
+    """Sand that is prepared anew: every run is off by its own, far from the noise, and half a run tells no more."""
+    shape = (runs, 2, 64)
+    free = linear.nuisances()[:1]
+    columns = {free[0].name: (free[0].origin, np.ones(shape) / free[0].scale)}
+    offset = np.linspace(-1.0, 1.0, runs)[:, None, None] * np.ones(shape)
+    fitted = linear.fitted(offset, columns, free)
+    if counts:
+        assert fitted.spread[0] == pytest.approx(of_runs(fitted), rel=1e-9)
+    else:
+        assert fitted.spread[0] < of_runs(fitted)
+
+
+def test_run_wise_intervals_cover_a_number_varying_by_run():
+    """400 logs of six runs, each with its own value about the true one: 95 % intervals hold it in 90 to 99 %."""
+    random = np.random.default_rng(11)
+    shape, free = (6, 2, 64), linear.nuisances()[:1]
+    slope = 5.0 * np.ones(shape)
+    columns = {free[0].name: (free[0].origin, slope / free[0].scale)}
+    held = 0
+    for _ in range(400):
+        own = 0.1 * random.normal(size=(6, 1, 1))
+        seen = own * slope + random.normal(size=shape)
+        fitted = linear.fitted(seen, columns, free)
+        held += abs(fitted.u[0]) <= norm.ppf(0.975) * fitted.spread[0]
+    assert 0.9 <= held / 400 <= 0.99
+
+
+# --- runs left out ---------------------------------------------------------------------------------------------------
+
+
+def test_held_out_errors_are_the_exact_ones(made):
+    base, _ = made
+    with_exit = fit(base.task, EXIT.on(base.model), (*base.parameters, *EXIT.cause.parameters))
+    found = held_out(base, with_exit, base.task.noise, 0)
+    exact = [linear.gaussian(one).left_out(OWNER) for one in (base, with_exit)]
+    count = linear.SHAPE[1] * linear.SHAPE[2]
+    for run, row in enumerate(found.runs):
+        assert (row.before, row.after) == pytest.approx((exact[0][run] / count, exact[1][run] / count), rel=1e-6)
+        assert row.low <= row.after / row.before - 1 <= row.high
+    assert together(found.runs) == pytest.approx(tuple(each.sum() / (count * linear.RUNS) for each in exact), rel=1e-6)
+    squares = sum(row.before**2 for row in found.channels) * count / linear.SHAPE[1] * linear.RUNS
+    assert squares == pytest.approx(exact[0].sum(), rel=1e-6)
+
+
+def test_the_interval_of_a_change_is_that_of_resampled_stretches():
+    """Every second stretch falls from 2 to 1 SD: a run's two stretches and a channel's eight, by the binomial law."""
+    columns = {one.name: (one.origin, np.zeros(linear.SHAPE)) for one in linear.nuisances()}
+    was = np.full(linear.SHAPE, 2.0)
+    now = np.where(np.arange(linear.SHAPE[2]) < 8, 1.0, was)
+    fits = [linear.fitted(seen, columns) for seen in (was, now)]
+    found = held_out(*fits, fits[1].task.noise, 0)
+    for run in found.runs:
+        assert (run.before, run.after) == pytest.approx((4.0, 2.5))
+        assert (run.low, run.high) == pytest.approx((1 / 4 - 1, 0.0))
+    fell = [math.sqrt(1 - 0.75 * binom.ppf(share, 8, 0.5) / 8) - 1 for share in (0.975, 0.025)]
+    for row in found.channels:
+        assert (row.before, row.after, row.change) == pytest.approx((2.0, math.sqrt(2.5), math.sqrt(2.5) / 2 - 1))
+        assert (row.low, row.high) == pytest.approx(fell)
+
+
+# --- profiles --------------------------------------------------------------------------------------------------------
+
+
+def test_a_profile_is_the_parabola_of_a_linear_fit():
+    """rise = (u - u_best)^2 / variance over the noise's inflation and a misfit above 1."""
+    random, free = np.random.default_rng(3), linear.nuisances()
+    columns = linear.slopes(random, free)
+    for size in (1.0, 2.5):
+        fitted = linear.fitted(np.clip(size * random.normal(size=linear.SHAPE), -2.2, 2.2), columns)
+        for at, one in enumerate(fitted.parameters):
+            (found,) = profiles(fitted, (one.name,))
+            off = np.array([one.u(value) for value in found.values]) - fitted.u[at]
+            half = 1.959964 * fitted.spread[at]
+            assert off == pytest.approx(half * np.array([-1.5, -1.0, -0.5, 0.0, 0.5, 1.0, 1.5]), abs=1e-9)
+            unit = fitted.task.noise.inflation * max(fitted.misfit, 1.0)
+            assert found.rises == pytest.approx(off**2 / fitted.covariance[at, at] / unit, rel=1e-5, abs=1e-8)
+
+
+def test_a_profile_has_no_rise_where_the_others_do_not_settle(monkeypatch):
+    """Such a point once ended the whole loop: a hole's length, depth and rest imitate one another."""
+    random, free = np.random.default_rng(3), linear.nuisances()
+    columns = linear.slopes(random, free)
+    fitted = linear.fitted(np.clip(random.normal(size=linear.SHAPE), -2.2, 2.2), columns)
+
+    def unsettled(*asked, **named):
+        raise OptimisationError("a refit did not settle", status=400)
+
+    monkeypatch.setattr("rover_pin.estimation.numbers.fit", unsettled)
+    (found,) = profiles(fitted, (fitted.parameters[0].name,))
+    assert [rise == 0.0 for rise in found.rises] == [False, False, False, True, False, False, False]
+    assert np.isnan(found.rises).sum() == 6
