@@ -10,6 +10,7 @@ from rover_pin.discrepancy.reading import read, sentence
 from rover_pin.inference.beliefs import Beliefs
 from rover_pin.inference.error_model import Discrepancy
 
+DECLARED = SimpleNamespace(noise=lambda: "declared")
 KINDS = {"": Discrepancy.NONE, "~": Discrepancy.SMOOTH, "'": Discrepancy.FORM}
 """How a set's name ends that leaves a smooth discrepancy, or an error of form."""
 
@@ -20,7 +21,7 @@ def hypothesis(text, noise):
     )
     kind, names = KINDS[text[-1] if text[-1] in "~'" else ""], tuple(cause.name for cause in causes)
     taken = dict(zip(("pull", "sinkage"), noise, strict=True))
-    return SimpleNamespace(names=names, causes=causes, discrepancy=kind, noise_taken=taken)
+    return SimpleNamespace(names=names, causes=causes, discrepancy=kind, noise_taken=taken, experiment=DECLARED)
 
 
 def beliefs(text, noise=(1.0, 1.0)):

@@ -1,5 +1,6 @@
 """Which numbers of a drive model are free, and which effects it may lack and where, on hand-made logs."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -153,17 +154,26 @@ def test_numbers_with_priors_are_candidates_except_soil_motor():
     free = [parameter(model, name, 0.01) for name in ("soil.phi", "motor.gear", "TachoScale[fl].e", "WeakMotor[1].g")]
     free += [parameter(model, "TachoScale[fl].e", 0.01, prior=False), *raw_current_numbers(log, model)]
     found = candidates(model, experiment(), free, None)
-    assert [each.amplitudes for each in found if each.effect is None] == [("TachoScale[fl].e",), ("WeakMotor[1].g",)]
-    names = [each.name for each in found if each.effect is not None]
+    assert [each.amplitudes for each in found if each.freed] == [("TachoScale[fl].e",), ("WeakMotor[1].g",)]
+    names = [each.name for each in found if not each.freed]
     assert "TachoScale[fl]" not in names
     assert "TachoScale[fr]" in names
     assert "WeakMotor[1]" not in names
     assert "WeakMotor[0]" in names
 
 
+@pytest.mark.parametrize(("e", "declared", "freed"), [(0.0, False, True), (0.2, False, False), (0.2, True, True)])
+def test_what_is_assumed_to_be_something_is_not_missing(e, declared, freed):
+    model = MODEL.having(TachoScale(e=e, wheel="fl"))
+    known = replace(parameter(model, "TachoScale[fl].e", 0.01), declared=declared)
+    assert any(each.freed for each in candidates(model, experiment(), [known], None)) is freed
+
+
 def test_freed_number_and_effect_are_named_by_their_place():
-    one = candidate_without_prior(Parameter("TachoScale[fl].e", 0.0, 0.01, -1.0, 1.0))
-    assert (one.kind, one.place, one.amplitudes, one.effect) == ("TachoScale", "fl", ("TachoScale[fl].e",), None)
+    known, scale = Parameter("TachoScale[fl].e", 0.0, 0.01, -1.0, 1.0), TachoScale(e=0.0, wheel="fl")
+    one = candidate_without_prior(known, MODEL.having(scale))
+    assert (one.kind, one.place, one.amplitudes) == ("TachoScale", "fl", ("TachoScale[fl].e",))
+    assert (one.effect, one.freed) == (scale, known)
     patch = candidate_of(HardPatch(x_from=1.25))
     assert (patch.name, patch.place_searched) == ("HardPatch@1.250", True)
     assert patch.amplitudes == tuple(f"HardPatch.{name}" for name in HardPatch.neutral)
