@@ -105,7 +105,7 @@ def test_slopes_are_prediction_differences_for_any_lug_height(sets, tmp_path):
         name: [one.h_l for one in model.of(name).effects if isinstance(one, LugExcavation)] for name in joint.sets
     }
     assert heights == {"small": [0.006], "large": [0.006], "low": [0.003], "high": [0.006], "smooth": []}
-    numbers = (*joint.uncertain(base), *lugs.parameters)
+    numbers = (*joint.uncertain(base), *lugs.cause.parameters)
     u = np.full(len(numbers), 0.1)
     slopes = joint.sensitivities(model, numbers, u).slopes
     for at, one in enumerate(numbers):
