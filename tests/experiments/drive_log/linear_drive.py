@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from types import SimpleNamespace
 
 import numpy as np
-from scipy.stats import multivariate_normal
 
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.effects.weak_motor import WeakMotor
@@ -159,36 +158,19 @@ class Gaussian:
             losses.append(float(rest @ rest))
         return np.array(losses)
 
-    def surprise(self, owner, widened):
-        """Return -2 ln of the density of every group of rows given the others, less that of noise that is 0."""
-        known, found = np.isfinite(self.sd), []
-        priors = np.diag(1 / self.sd)[known]
-        for one in np.unique(owner):
-            u, _ = self.solved(owner != one)
-            others, own = self.X[owner != one], self.X[owner == one]
-            spread = widened * np.linalg.inv(others.T @ others + priors.T @ priors)
-            law = multivariate_normal(own @ u, np.eye(len(own)) + own @ spread @ own.T)
-            found.append(-2 * law.logpdf(self.y[owner == one]) - len(own) * np.log(2 * np.pi))
-        return np.array(found)
 
-
-def gaussian(fitted_, free=(), anchors=None):
-    """The closed form of a linear fit: X from the experiment's own slopes; `free` numbers have no prior.
-
-    `anchors` are name -> (mean, sd) of u for numbers that are held near somewhere else than their prior.
-    """
-    experiment, anchors = fitted_.task.experiment, anchors or {}
-    columns, mean, sd = [], [], []
+def gaussian(fitted_):
+    """The closed form of a linear fit: X from the experiment's own slopes."""
+    experiment = fitted_.task.experiment
+    columns, sd = [], []
     for one in fitted_.parameters:
         assert not one.log
         columns.append((one.scale * experiment.slopes[one.name][1]).ravel())
-        m, s = anchors.get(one.name, (0.0, 1.0 if one.prior and one.name not in free else np.inf))
-        mean.append(m)
-        sd.append(s)
+        sd.append(1.0 if one.prior else np.inf)
     zero = sum(
         (one.origin - experiment.slopes[one.name][0]) * experiment.slopes[one.name][1] for one in fitted_.parameters
     )
-    return Gaussian(np.array(columns).T, (experiment.observed - zero).ravel(), np.array(mean), np.array(sd))
+    return Gaussian(np.array(columns).T, (experiment.observed - zero).ravel(), np.zeros(len(sd)), np.array(sd))
 
 
 def owner_of_rows(shape=SHAPE):

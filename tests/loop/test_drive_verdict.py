@@ -1,0 +1,80 @@
+"""The verdict on a drive log whose features are linear: what is kept, runs driven freely, and what to drive next."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from rover_pin.discrepancy.answer import Answer
+from rover_pin.discrepancy.candidate import plain_candidate
+from rover_pin.discrepancy.conclude import search_of
+from rover_pin.discrepancy.question import Question
+from rover_pin.effects.dead_band import DeadBand
+from rover_pin.effects.exit_angle import ExitAngle
+from rover_pin.effects.viscous_friction import ViscousFriction
+from rover_pin.experiments.drive_log.extra import extra_of
+from rover_pin.loop import drive
+from tests.experiments.drive_log import drive_channels as channels
+from tests.experiments.drive_log import linear_drive as linear
+
+KINDS = ExitAngle, ViscousFriction, DeadBand
+
+
+def quiet(said):
+    pass
+
+
+@pytest.fixture
+def verdict_of(monkeypatch):
+    """The verdict on a log that hides an exit angle of some size, beside others that may do the same."""
+    left = SimpleNamespace(best=SimpleNamespace(description="acts as a force"), terms=(), wheels=())
+    monkeypatch.setattr(drive, "describe", lambda fitted, progress: left)
+    monkeypatch.setattr(drive, "kinematic", lambda experiment, rover: ())
+    monkeypatch.setattr(drive, "logged", lambda fitted: fitted.task.experiment)
+    monkeypatch.setattr(drive, "cautions", lambda verdict, free: ())
+    told = lambda best, rival, progress: SimpleNamespace(sentence=f"{best[0]} or {rival[0]}")  # noqa: E731
+    monkeypatch.setattr(drive, "separating_drive", told)
+
+    def of(size, alike):
+        random = np.random.default_rng(9)
+        columns, one = linear.slopes(random, linear.nuisances()), random.normal(size=linear.SHAPE)
+        for kind in KINDS:
+            (name,) = kind.neutral
+            law = one if alike else random.normal(size=linear.SHAPE)
+            reach = float(getattr(kind(), name)) - kind.neutral[name]
+            columns[f"{kind.__name__}.{name}"] = (kind.neutral[name], law / reach)
+        shown = size * ExitAngle().e_1 * columns["ExitAngle.e_1"][1] + random.normal(size=linear.SHAPE)
+        experiment = linear.LinearExperiment(shown, columns, linear.runs_of(linear.SHAPE))
+        tried = [plain_candidate(kind()) for kind in KINDS]
+        question = Question(
+            "drive-log", "linear", experiment, linear.MODEL, linear.nuisances(), lambda base: tried,
+            functions=lambda base: (),
+        )  # fmt: skip
+        log = channels.log_of(*channels.GOOD)
+        return drive.verdict_on(log, question, search_of(question, quiet), 0, quiet)
+
+    return of
+
+
+def test_what_was_found_is_in_the_verdicts_model(verdict_of):
+    verdict = verdict_of(1.5, alike=False)
+    assert (verdict.answer, verdict.named) == (Answer.NAMED, ("ExitAngle",))
+    assert verdict.model.effect(ExitAngle).e_1 == pytest.approx(1.5 * ExitAngle().e_1, rel=0.3)
+    assert [one.name for one in verdict.after.numbers] == ["soil.phi", "WeakMotor[0].g", "ExitAngle.e_1"]
+    assert [one.name for one in verdict.profiles] == ["ExitAngle.e_1"]
+    assert [(one.before, one.after) for one in extra_of(verdict).free] == [pytest.approx((0.01, 0.009))] * linear.RUNS
+    assert verdict.experiments == ()
+
+
+def test_noise_needs_no_effect(verdict_of):
+    verdict = verdict_of(0.0, alike=False)
+    assert (verdict.answer, verdict.named, verdict.effects, verdict.profiles) == (Answer.NONE_NEEDED, (), (), ())
+    assert verdict.before == verdict.after
+
+
+def test_runs_separating_the_best_from_two_rivals_are_proposed(verdict_of):
+    verdict = verdict_of(1.5, alike=True)
+    assert verdict.answer is Answer.SET
+    best, *rivals = verdict.indistinguishable
+    assert [one.sentence for one in verdict.experiments] == [f"{best} or {rival}" for rival in rivals[: drive.RIVALS]]
+    assert len(rivals) >= 1
