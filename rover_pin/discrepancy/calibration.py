@@ -12,9 +12,9 @@ from rover_pin.estimation.exact import scattered
 from rover_pin.estimation.experiment import Experiment, residual
 from rover_pin.estimation.fit import Fit, again, best_of, fit
 from rover_pin.estimation.gauss_newton import at, slopes_at
-from rover_pin.estimation.learnt_noise import with_noise
 from rover_pin.estimation.noise import first_noise
 from rover_pin.estimation.parameter import Parameter
+from rover_pin.estimation.random_effects.learnt_noise import with_noise
 from rover_pin.estimation.task import Task
 
 STARTS, WIDER = 6, (1.0, 2.0, 4.0)

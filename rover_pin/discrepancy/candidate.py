@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -15,6 +16,8 @@ PUBLISHED = "as published, its SD assumed"
 """Who says how an effect's shape is."""
 SPACING = 0.15
 """Distance between the places at which an effect with a place is tried, and prior SD of its place [m]."""
+DECLARED, DEVIATION = "declaration", 10.0
+"""Family of numbers that are not as declared, and their usual deviation in the declared SDs (assumed)."""
 FAR_FROM = 50.0
 """Ratio of neutral to default value from which an effect's size is sought on a logarithm."""
 
@@ -36,7 +39,7 @@ class Candidate:
     "where it is: a wheel, a joint, a channel, or the begin of a stretch of the way [m]"
     place_searched: bool = False
     "whether that place was sought along the way, so that chance had more to choose from"
-    freed: Parameter | None = None
+    released: Parameter | None = None
     "the number of an effect of the model, as it is known beforehand, that may be otherwise"
 
     @property
@@ -49,11 +52,13 @@ class Candidate:
     @property
     def owner(self) -> str:
         """The name under which a model holds the effect; a place on the way does not belong to it."""
+        if self.released:
+            return self.released.name.rpartition(".")[0]
         return self.kind if self.place_searched or not self.place else self.name
 
     def on(self, model: Any) -> Any:
         """Return the model with the effect at its default size."""
-        return model if self.freed else model.having(self.effect)
+        return model if self.released else model.having(self.effect)
 
     @property
     def neutral(self) -> dict[str, float]:
@@ -75,7 +80,7 @@ class Candidate:
         shapes = (
             self.diffuse_shape(name) if self._about(name).log_sd > 0.0 else self.shape(name) for name in self.shapes
         )
-        family = getattr(self.effect, "family", "")
+        family = getattr(self.effect, "family", "") if is_effect(self.effect) else DECLARED
         return Cause(self.name, self.on, (*amplitudes, *shapes), frozenset(self.amplitudes), family, self.owner)
 
     def size(self, name: str) -> Parameter:
@@ -84,17 +89,19 @@ class Candidate:
         An effect that is at its neutral value is tried at the default of its class, and so is a freed number, about
         what is known of it.
         """
+        if self.released and not is_effect(self.effect):
+            return replace(self.released, scale=DEVIATION * self.released.scale)
         quantity = name.rpartition(".")[2]
         spec, neutral = quantities(self.effect)[quantity], self.effect.neutral[quantity]
         default = float(getattr(self.effect, quantity))
-        if default == neutral or self.freed:
+        if default == neutral or self.released:
             default = float(type(self.effect).__dataclass_fields__[quantity].default)
         low, high = float(spec.low), float(spec.high)
         if abs(neutral) > FAR_FROM * abs(default):
             return Parameter(name, default, 1.0, low, high, log=True, prior=False, fd=0.1)
         scale = default - neutral or _reach(spec.unit)
-        if self.freed:
-            return replace(self.freed, scale=1.0 if self.freed.log else scale, fd=0.2)
+        if self.released:
+            return replace(self.released, scale=1.0 if self.released.log else scale, fd=0.2)
         return Parameter(name, neutral, scale, low, high, prior=False, fd=0.2)
 
     def shape(self, name: str) -> Parameter:
@@ -122,6 +129,16 @@ def plain_candidate(effect: Any) -> Candidate:
     kind = type(effect).__name__
     shapes = tuple(f"{kind}.{name}" for name in quantities(effect) if name not in effect.neutral)
     return Candidate(kind, effect, tuple(f"{kind}.{name}" for name in effect.neutral), shapes)
+
+
+def wrongly_declared(numbers: Sequence[Parameter], records: Mapping[str, Any]) -> tuple[Candidate, ...]:
+    """Return that a declared number of a record that is no effect is otherwise, as candidates."""
+    owners = {number.name: records[number.name.rpartition(".")[0]] for number in numbers if number.declared}
+    return tuple(
+        Candidate(number.name, owners[number.name], (number.name,), released=number)
+        for number in numbers
+        if number.name in owners and not is_effect(owners[number.name])
+    )
 
 
 def is_effect(record: Any) -> bool:

@@ -21,11 +21,11 @@ from rover_pin.discrepancy.signature import signatures
 from rover_pin.discrepancy.verdict import Side, Verdict
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.gauss_newton import at
-from rover_pin.estimation.learnt_noise import with_learnt_noise
 from rover_pin.estimation.noise import declared_noise
 from rover_pin.estimation.numbers import AT_BOUND, Number, implausible
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.estimation.profile import NORMAL_95
+from rover_pin.estimation.random_effects.learnt_noise import with_learnt_noise
 from rover_pin.estimation.task import Task
 from rover_pin.inference.beliefs import Beliefs
 from rover_pin.inference.cause import reading_error
@@ -132,7 +132,7 @@ def proper(parameter: Parameter) -> Parameter:
 def verdict_of(question: Question, beliefs: Beliefs, progress: Progress, seed: int = 0) -> Verdict:
     """Return the verdict that the beliefs give, with the errors on what was left out."""
     reading = read(beliefs)
-    base, best = beliefs.best(()), beliefs.best(reading.retained)
+    base, best = beliefs.best(reading.otherwise), beliefs.best(reading.retained)
     progress("intervals, and errors on what was left out")
     before = side_of(beliefs, base)
     after = side_of(beliefs, best) if reading.retained else before

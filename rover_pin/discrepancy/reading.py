@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from rover_pin.discrepancy.answer import Answer
+from rover_pin.discrepancy.candidate import DECLARED
 from rover_pin.inference.beliefs import Beliefs
 
 SURE, MOST = 0.95, 0.5
@@ -24,21 +25,27 @@ class Reading(NamedTuple):
     retained: tuple[str, ...] = ()
     sets: tuple[tuple[str, ...], ...] = ()
     "what holds SURE of the probability, without what only adds to a set before it"
+    otherwise: tuple[str, ...] = ()
+    "the numbers that are not as declared, where nothing else is missing"
 
 
 def read(beliefs: Beliefs) -> Reading:
     """Return the answer: the most probable set is named where nearly all that is probable contains it.
 
     Nothing is missing, or nothing of the list, where no cause is more likely than not; the data cannot tell where
-    neither that nor a cause can be excluded. A set whose laws more likely than not leave more than noise is like what
+    neither that nor a cause can be excluded. Where only what is declared of a number is otherwise, the base model as
+    declared does not describe the data. A set whose laws more likely than not leave more than noise is like what
     is missing.
     """
     none = beliefs.sets.get(frozenset(), 0.0)
-    if none > MOST:
+    otherwise = beliefs.probability(lambda hypothesis: {cause.family for cause in hypothesis.causes} == {DECLARED})
+    if none + otherwise > MOST:
+        if otherwise > none:
+            return Reading(Answer.INADEQUATE, otherwise=_leading(beliefs)[0])
         leaves = beliefs.left(()) > MOST or _is_beyond(beliefs)
         return Reading(Answer.NONE_FITS if leaves else Answer.NONE_NEEDED)
     sets = _leading(beliefs)
-    if none > 1.0 - SURE:
+    if none + otherwise > 1.0 - SURE:
         return Reading(Answer.CANNOT_TELL, (), sets)
     retained = beliefs.best(sets[0]).names
     contained = beliefs.probability(lambda hypothesis: set(retained) <= set(hypothesis.names))
@@ -78,17 +85,19 @@ def sentence(reading: Reading, beliefs: Beliefs, share: float, misfit: float) ->
         f"{' + '.join(names) or 'nothing'} ({probability:.2f})" for names, probability in _shares(reading, beliefs)
     )
     none, left = beliefs.sets.get(frozenset(), 0.0), beliefs.left(reading.retained)
+    more = beliefs.probability(lambda hypothesis: hypothesis.leaves_more)
+    besides = f" Whichever acts, more than noise is left with probability {more:.2f}." if more > MOST else ""
     words = {
         Answer.NAMED: f"{retained} is missing with probability {probability:.2f}; it {takes}.",
         Answer.LIKE: f"something like {retained} is missing (probability {probability:.2f}): it {takes}, but its law "
         f"leaves more than noise with probability {left:.2f}.",
-        Answer.SET: f"{_families(beliefs)}the data leave {listed}; the first {takes}.",
+        Answer.SET: f"{_families(beliefs)}the data leave {listed}; the first {takes}.{besides}",
         Answer.NONE_NEEDED: f"nothing is missing with probability {none:.2f}; the base model leaves noise.",
         Answer.NONE_FITS: f"no cause of the list is missing with probability {none:.2f}, but the base model leaves "
         f"more than noise (reduced chi-square {misfit:.3g}): something acts that is not on the list.",
-        Answer.INADEQUATE: f"no cause of the list is missing with probability {none:.2f}, but the base model meets the "
-        "data only by numbers far from what is declared of them.",
-        Answer.CANNOT_TELL: f"the data cannot tell: {_families(beliefs)}{listed}.",
+        Answer.INADEQUATE: "the base model meets the data only with numbers far from what is declared of them"
+        + (f": {', '.join(reading.otherwise)}." if reading.otherwise else "."),
+        Answer.CANNOT_TELL: f"the data cannot tell: {_families(beliefs)}{listed}.{besides}",
     }[reading.answer]
     return words + _besides(reading, beliefs)
 

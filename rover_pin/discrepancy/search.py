@@ -14,18 +14,16 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.special import logsumexp
 
 from rover_pin.base.errors import OptimisationError
 from rover_pin.discrepancy.calibration import as_declared, is_bent
-from rover_pin.discrepancy.candidate import Candidate
+from rover_pin.discrepancy.option import Option, options, singles
 from rover_pin.discrepancy.signature import Signature, signatures
 from rover_pin.estimation.columns import Columns
 from rover_pin.estimation.fit import Fit, fit
 from rover_pin.inference.beliefs import Beliefs
 from rover_pin.inference.cause import Cause
 from rover_pin.inference.expansion import Expansion
-from rover_pin.inference.explore import SHOWN
 from rover_pin.inference.left_over import left_overs
 from rover_pin.inference.linear_hypothesis import LinearHypothesis, linear_hypothesis, with_left_over
 
@@ -47,30 +45,6 @@ Progress = Callable[[str], None]
 Names = frozenset[str]
 
 
-@dataclass(frozen=True, eq=False)
-class Option:
-    """A cause as it may be added: how it moves the rows, and how much more probable all its places are than this."""
-
-    signature: Signature
-    column: np.ndarray = field(repr=False)
-    "of the whitened rows (n,), by u of its size"
-    log_places: float = 0.0
-
-    @property
-    def candidate(self) -> Candidate:
-        """What it is."""
-        return self.signature.candidate
-
-    @property
-    def size(self) -> Cause:
-        """The cause with the one size that its signature moves."""
-        whole, moved = self.candidate.cause, self.signature.moved
-        number = next(parameter for parameter in whole.parameters if parameter.name == moved)
-        return replace(
-            whole, parameters=(replace(number, log=False, low=-math.inf, high=math.inf),) if number.log else (number,)
-        )
-
-
 @dataclass(eq=False)
 class Search:
     """What was fitted so far, and the most promising estimate of every other set."""
@@ -80,7 +54,7 @@ class Search:
     options: dict[str, Option] = field(default_factory=dict)
     fitted: dict[Names, list[LinearHypothesis]] = field(default_factory=dict)
     estimates: dict[Names, LinearHypothesis] = field(default_factory=dict)
-    ended: set[Names] = field(default_factory=set)
+    finished: set[Names] = field(default_factory=set)
     "sets whose fit was taken to its end"
     lost: set[Names] = field(default_factory=set)
     "sets with which no fit ends"
@@ -102,7 +76,7 @@ class Search:
             self._from_declared(start, there)
         while names := self._worthiest():
             smaller = names - set(self.estimates[names].added)
-            if smaller in self.ended:
+            if smaller in self.finished:
                 self.fit(names)
             else:
                 self._end(smaller)
@@ -167,8 +141,8 @@ class Search:
 
     def _weighed(self, causes: Sequence[Cause], expansion: Expansion, added: Sequence[str] = ()) -> LinearHypothesis:
         places = [*self.options]
-        sizes = [self.options[name].size for name in added]
-        hypothesis = linear_hypothesis((*causes, *sizes), expansion, [places.index(name) for name in added], sizes)
+        partial = [self.options[name].size for name in added]
+        hypothesis = linear_hypothesis((*causes, *partial), expansion, [places.index(name) for name in added], partial)
         more = sum(self.options[name].log_places for name in hypothesis.names)
         return replace(hypothesis, log_evidence=hypothesis.log_evidence + more)
 
@@ -188,12 +162,15 @@ class Search:
 
     def _fitted(self, estimate: LinearHypothesis, reuse: bool) -> tuple[tuple[Cause, ...], Expansion] | None:
         """Return a set fitted from about a fit of some of it, slopes computed anew or those that are known used."""
-        start, sizes = estimate.expansion.fit, estimate.posterior.mean[len(estimate.parameters) - len(estimate.extra) :]
+        start, u_added = (
+            estimate.expansion.fit,
+            estimate.posterior.mean[len(estimate.parameters) - len(estimate.extra) :],
+        )
         experiment, model = start.task.experiment, start.model
         causes = [cause for cause in estimate.causes if cause.name not in estimate.added]
         numbers, u, slopes = list(start.parameters), list(start.u), dict(start.slopes)
         first = len(numbers)
-        for name, size in zip(estimate.added, sizes, strict=True):
+        for name, size in zip(estimate.added, u_added, strict=True):
             signature = self._placed(start, self.options[name])
             cause = signature.candidate.cause
             model = experiment.with_values(cause.on(model), signature.started(float(size)))
@@ -254,13 +231,13 @@ class Search:
 
     def _end(self, names: Names) -> None:
         """Take a fit to its end, every slope computed again: what would be added to it may else only end it."""
-        if names in self.ended:
+        if names in self.finished:
             return
-        self.ended.add(names)
+        self.finished.add(names)
         self.progress(f"fitting {' + '.join(sorted(names)) or 'the base model'} to the end")
         near = self.fitted[names][0].fit
-        ended = fit(near.task, near.model, near.parameters, near.u, near.slopes, stale=True)
-        self._add(self.fitted[names][0].causes, self._expansion(ended))
+        fitted = fit(near.task, near.model, near.parameters, near.u, near.slopes, stale=True)
+        self._add(self.fitted[names][0].causes, self._expansion(fitted))
 
     def leave(self, functions: Iterable[Columns]) -> None:
         """Weigh, of all that was fitted and is worth it, that something that is on no list is left besides."""
@@ -269,38 +246,3 @@ class Search:
         found = left_overs([(row.expansion, row.posterior) for row in worth], functions)
         for row, left in zip(worth, found, strict=True):
             self.fitted[frozenset(row.names)].append(with_left_over(row, left))
-
-
-def options(start: Fit, rows: Sequence[Signature]) -> list[Option]:
-    """Return the candidates that move what was measured, each as it promises most: at its best place and size."""
-    shown = [row for row in rows if np.linalg.norm(start.task.noise.white(row.shift)) > SHOWN * row.share]
-    gains = singles(start, shown)
-    best: dict[str, tuple[Signature, float]] = {}
-    for row, gain in zip(shown, gains, strict=True):
-        if row.candidate.name not in best or gain > best[row.candidate.name][1]:
-            best[row.candidate.name] = row, gain
-    by_kind: dict[str, list[tuple[Signature, float]]] = {}
-    for row, gain in best.values():
-        by_kind.setdefault(row.candidate.owner, []).append((row, gain))
-    return [_option(start, of_kind) for of_kind in by_kind.values()]
-
-
-def _option(start: Fit, of_kind: Sequence[tuple[Signature, float]]) -> Option:
-    gains = np.array([gain for _, gain in of_kind])
-    leader, gain = max(of_kind, key=lambda pair: pair[1])
-    places = float(logsumexp(gains)) - gain - math.log(len(gains))
-    return Option(leader, -start.task.noise.white(leader.column), places)
-
-
-def singles(start: Fit, rows: Sequence[Signature]) -> np.ndarray:
-    """Return the logarithm of the evidence of each signature alone beside what was fitted."""
-    if not rows:
-        return np.zeros(0)
-    table = [Option(row, -start.task.noise.white(row.column)) for row in rows]
-    expansion = Expansion(start, np.array([option.column for option in table]).T)
-    return np.array(
-        [
-            linear_hypothesis((option.size,), expansion, (at,), (option.size,)).log_evidence
-            for at, option in enumerate(table)
-        ]
-    )

@@ -46,21 +46,24 @@ class Signature:
         start = {}
         for name, value in self.amplitudes.items():
             size, neutral = self.candidate.size(name), self._neutral(name)
-            moved = value if size.log and not self.candidate.freed else neutral + times * (value - neutral)
+            moved = value if size.log and not self.candidate.released else neutral + times * (value - neutral)
             start[name] = min(max(moved, size.low), size.high)
         return start
 
     def _neutral(self, name: str) -> float:
-        freed = self.candidate.freed
-        return self.candidate.neutral[name] if freed is None else freed.origin
+        released = self.candidate.released
+        return self.candidate.neutral[name] if released is None else released.origin
 
 
 def signatures(base: Fit, candidates: Sequence[Candidate]) -> list[Signature]:
     """Return the signatures of all candidates on the fitted base."""
     model, experiment = base.model, base.task.experiment
-    freed = [_freed(base, candidate) for candidate in candidates if candidate.freed]
+    released = [_released(base, candidate) for candidate in candidates if candidate.released]
     tried = [
-        (candidate, amplitudes) for candidate in candidates if not candidate.freed for amplitudes in trials(candidate)
+        (candidate, amplitudes)
+        for candidate in candidates
+        if not candidate.released
+        for amplitudes in trials(candidate)
     ]
     with_it = [experiment.with_values(candidate.on(model), amplitudes) for candidate, amplitudes in tried]
     request = (model, tuple(with_it))
@@ -69,10 +72,10 @@ def signatures(base: Fit, candidates: Sequence[Candidate]) -> list[Signature]:
         Signature(candidate, amplitudes, prediction - base.predicted)
         for (candidate, amplitudes), prediction in zip(tried, features, strict=True)
     ]
-    return freed + [_smaller(base, row) for row in rows]
+    return released + [_smaller(base, row) for row in rows]
 
 
-def _freed(base: Fit, candidate: Candidate) -> Signature:
+def _released(base: Fit, candidate: Candidate) -> Signature:
     """Return the signature of a number freed from its prior: its slope, over its size."""
     (name,) = candidate.amplitudes
     known, size = next(number for number in base.parameters if number.name == name), candidate.size(name)

@@ -10,10 +10,10 @@ from typing import Any, Self
 
 import numpy as np
 
-from rover_pin.discrepancy.candidate import Candidate
+from rover_pin.discrepancy.candidate import Candidate, wrongly_declared
 from rover_pin.discrepancy.question import Question
 from rover_pin.estimation.experiment import Experiment
-from rover_pin.estimation.noise import Noise
+from rover_pin.estimation.noise import Noise, declared_noise
 from rover_pin.estimation.parameter import Parameter
 
 
@@ -65,9 +65,12 @@ class Standalone(Experiment):
             return model.having(record)
         return replace(model, records={**model.records, owner: record})
 
-    @abstractmethod
+    sd: np.ndarray
+    "SD of each channel (channels,) as declared, or as repeats show it: never what the model leaves"
+
     def noise(self) -> Noise:
-        """Return the noise as declared, or as repeats show it: never what the model leaves."""
+        """Return white noise of these SDs."""
+        return declared_noise(self.sd, self.observed)
 
     def along(self) -> tuple[str, np.ndarray] | None:
         """Return over what a picture shows samples, with unit, and its values [folds, samples]; None: in turn."""
@@ -87,5 +90,8 @@ def question_of(standalone: Standalone, kinds: Sequence[type]) -> Question:
         standalone,
         model,
         standalone.uncertain(model),
-        lambda base: standalone.candidates(base.model, kinds),
+        lambda base: (
+            *standalone.candidates(base.model, kinds),
+            *wrongly_declared(base.parameters, standalone.records(base.model)),
+        ),
     )

@@ -17,7 +17,6 @@ from rover_pin.base.quantity import record_from
 from rover_pin.discrepancy.candidate import Candidate, plain_candidate
 from rover_pin.discrepancy.standalone import Parts, Standalone
 from rover_pin.effects.effect import MotorEffect
-from rover_pin.estimation.noise import Noise, declared_noise
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.experiments.folded import read_folded
 from rover_pin.simulation.compiled.laws import motor_law, numbers
@@ -51,10 +50,6 @@ class MotorBrake(Standalone):
     def uncertain(self, model: Parts) -> tuple[Parameter, ...]:
         """Return gear and resistance, known to 4 % (assumed: data sheets)."""
         return tuple(self.parameter(model, f"motor.{n}", 0.04, True, "motor.toml") for n in ("gear", "resistance"))
-
-    def noise(self) -> Noise:
-        """Return white noise of the declared SDs."""
-        return declared_noise(self.sd, self.observed)
 
     @property
     def varied(self) -> np.ndarray:

@@ -21,7 +21,6 @@ from rover_pin.base.files.toml_file import read_toml, table_in
 from rover_pin.base.quantity import Record, quantity, record_from
 from rover_pin.discrepancy.candidate import Candidate, plain_candidate
 from rover_pin.discrepancy.standalone import Parts, Standalone
-from rover_pin.estimation.noise import Noise, declared_noise
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.experiments.folded import read_folded
 
@@ -100,10 +99,6 @@ class OverTime(Standalone):
     def uncertain(self, model: Parts) -> tuple[Parameter, ...]:
         """Return the uncertain numbers about what is declared."""
         return tuple(self.parameter(model, name, sd, True, FILE) for name, sd in self.uncertainty.items())
-
-    def noise(self) -> Noise:
-        """Return white noise of the declared SDs."""
-        return declared_noise(self.sd, self.observed)
 
     def candidates(self, model: Parts, kinds: Sequence[type]) -> tuple[Candidate, ...]:
         """Return the laws of this bench."""

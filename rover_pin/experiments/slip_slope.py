@@ -31,7 +31,6 @@ from rover_pin.discrepancy.standalone import Parts, Standalone
 from rover_pin.effects.effect import Effect
 from rover_pin.effects.motion_resistance import MotionResistance
 from rover_pin.effects.soil_traction import SoilTraction
-from rover_pin.estimation.noise import Noise, declared_noise
 from rover_pin.estimation.parameter import Parameter, declared_in
 from rover_pin.experiments.folded import read_folded
 from rover_pin.experiments.wheel_rig.model import RigModel, conditions, predictor
@@ -118,10 +117,6 @@ class SlipSlope(Standalone):
         if sd is None:
             return SD[name]
         return sd if name == "phi" else sd / abs(float(getattr(self.soil, name)))
-
-    def noise(self) -> Noise:
-        """Return white noise of the declared SDs."""
-        return declared_noise(self.sd, self.observed)
 
     @property
     def varied(self) -> np.ndarray:

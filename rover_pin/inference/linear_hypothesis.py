@@ -109,13 +109,13 @@ class LinearHypothesis:
 
 
 def linear_hypothesis(
-    causes: Sequence[Cause], expansion: Expansion, extra: Sequence[int] = (), sizes: Sequence[Cause] = ()
+    causes: Sequence[Cause], expansion: Expansion, extra: Sequence[int] = (), partial: Sequence[Cause] = ()
 ) -> LinearHypothesis:
-    """Return a set of causes about a fit; the last of them, `sizes`, have one size each, that `extra` columns move."""
+    """Return a set of causes about a fit; the last, `partial`, have one size each, that `extra` columns move."""
     posterior = expansion.posterior(extra)
     at = slice(len(posterior.mean) - sum(len(cause.parameters) for cause in causes), None)
     inside = log_share_inside(causes, posterior.mean[at], posterior.covariance[at, at])
-    parameters = (*expansion.fit.parameters, *(cause.parameters[0] for cause in sizes))
+    parameters = (*expansion.fit.parameters, *(cause.parameters[0] for cause in partial))
     return LinearHypothesis(
         tuple(causes), expansion, tuple(extra), parameters, posterior, posterior.log_evidence + inside
     )

@@ -143,11 +143,11 @@ def verdict_on(log: DriveLog, question: Question, search: Search, seed: int, pro
     odometry = kinematic(experiment, search.base.model.rover)
     if verdict.answer in (Answer.NONE_FITS, Answer.LIKE):
         verdict = with_draft(verdict, drafted(verdict.after.fit, residual, log.metadata.name, progress), seed)
-    said = (verdict.sentence, _how(verdict, residual), ground.sentence if ground else "")
+    sentences = (verdict.sentence, _how(verdict, residual), ground.sentence if ground else "")
     return dataclasses.replace(
         verdict,
         baselines=odometry,
-        sentence=with_wheel_names(" ".join(filter(None, said)), wheels),
+        sentence=with_wheel_names(" ".join(filter(None, sentences)), wheels),
         findings=findings(log),
         experiments=_experiments(verdict, progress),
         profiles=profiles(after, amplitude_names) if amplitude_names and verdict.named else (),

@@ -137,13 +137,13 @@ def test_what_loses_a_prediction_is_tried_at_a_small_share():
 
 
 def test_a_freed_number_moves_by_its_slope():
-    """What the base has fitted already is its own signature, over the size of the freed number."""
+    """What the base has fitted already is its own signature, over the size of the released number."""
     experiment = toys.made("p", {"p": 0.5}, seed=4)
     model = toys.Model().having(toys.Effect("p", 0.0))
     known = replace(toys.NUMBER, name="p.a", scale=0.25)
     base = fit(Task(experiment, experiment.noise()), model, [known])
-    freed = Candidate("p", toys.Effect("p"), ("p.a",), freed=known)
-    (row,) = signatures(base, [freed])
+    released = Candidate("p", toys.Effect("p"), ("p.a",), released=known)
+    (row,) = signatures(base, [released])
     assert row.shift == pytest.approx(experiment.columns["p"], abs=1e-9)
     assert (row.amplitudes, row.moved) == ({"p.a": 1.0}, "p.a")
-    assert freed.on(model) is model
+    assert released.on(model) is model

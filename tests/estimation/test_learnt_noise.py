@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from rover_pin.estimation import learnt_noise as module
-from rover_pin.estimation.learnt_noise import saturated, with_learnt_noise, with_random_effects
 from rover_pin.estimation.parameter import Parameter
+from rover_pin.estimation.random_effects.learnt_noise import saturated, with_learnt_noise, with_random_effects
 from tests.inference import linear_search as toys
 
 RHO, SD, COMMON = np.array([0.6, 0.0, 0.3]), np.array([0.2, 1.0, 3.0]), 0.7

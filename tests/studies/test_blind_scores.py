@@ -38,7 +38,7 @@ def test_true_causes_are_kept_however_improbable():
 
 
 @pytest.mark.parametrize(("other", "nats"), [(5.0, 5.0), (-5.0, 0.0)])
-def test_what_is_on_no_list_shows_beside_a_base_that_leaves_noise(other, nats):
+def test_what_is_on_no_list_shows_beside_a_quiet_base(other, nats):
     rows = [SimpleNamespace(names=(), discrepancy=kind) for kind in (Discrepancy.NONE, Discrepancy.SMOOTH)]
     beliefs = SimpleNamespace(scores=np.array([0.0, other]), hypotheses=rows)
     assert math.isclose(importlib.import_module("blind_test").more_than_noise(beliefs), nats)

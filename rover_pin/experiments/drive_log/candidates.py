@@ -107,7 +107,7 @@ def candidate_without_prior(parameter: Parameter, model: Model) -> Candidate:
     """Return a number of an effect that the model has as a candidate, freed from its prior."""
     owner = parameter.name.rpartition(".")[0]
     kind, _, place = owner.partition("[")
-    return Candidate(kind, owners(model)[owner], (parameter.name,), (), place.rstrip("]"), freed=parameter)
+    return Candidate(kind, owners(model)[owner], (parameter.name,), (), place.rstrip("]"), released=parameter)
 
 
 def sized(effect: Any, rover: Rover, gravity: float) -> Any:

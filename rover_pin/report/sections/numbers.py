@@ -66,7 +66,7 @@ def _row(number: Number, before: Mapping[str, Number], parameter: Parameter, add
     notes = [number.away] if abs(number.drift) > DRIFTED else []
     notes += [number.note] if number.note else []
     if was is not None and math.isfinite(was.drift) and not math.isfinite(number.drift):
-        notes.append(f"freed: before, {was.away}")
+        notes.append(f"released: before, {was.away}")
     drift = f"{number.drift:+.2f}" if math.isfinite(number.drift) else ""
     look = AWAY if notes else CHOSEN if was is None else ""
     return Row((number.name, *sides, beforehand(parameter, number), drift, "; ".join(notes)), look)

@@ -14,8 +14,8 @@ from rover_pin.effects.bent_ground import BentGround
 from rover_pin.effects.gravity_tilt import GravityTilt
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.estimation.fit import Task, fit
-from rover_pin.estimation.learnt_noise import with_random_effects
 from rover_pin.estimation.noise import Noise
+from rover_pin.estimation.random_effects.learnt_noise import with_random_effects
 from rover_pin.estimation.random_effects.random_field import LearntSd
 from rover_pin.experiments.drive_log.experiment import experiment_of
 from rover_pin.experiments.drive_log.extra import DriveExtra

@@ -154,8 +154,8 @@ def test_numbers_with_priors_are_candidates_except_soil_motor():
     free = [parameter(model, name, 0.01) for name in ("soil.phi", "motor.gear", "TachoScale[fl].e", "WeakMotor[1].g")]
     free += [parameter(model, "TachoScale[fl].e", 0.01, prior=False), *raw_current_numbers(log, model)]
     found = candidates(model, experiment(), free, None)
-    assert [each.amplitudes for each in found if each.freed] == [("TachoScale[fl].e",), ("WeakMotor[1].g",)]
-    names = [each.name for each in found if not each.freed]
+    assert [each.amplitudes for each in found if each.released] == [("TachoScale[fl].e",), ("WeakMotor[1].g",)]
+    names = [each.name for each in found if not each.released]
     assert "TachoScale[fl]" not in names
     assert "TachoScale[fr]" in names
     assert "WeakMotor[1]" not in names
@@ -166,14 +166,14 @@ def test_numbers_with_priors_are_candidates_except_soil_motor():
 def test_what_is_assumed_to_be_something_is_not_missing(e, declared, freed):
     model = MODEL.having(TachoScale(e=e, wheel="fl"))
     known = replace(parameter(model, "TachoScale[fl].e", 0.01), declared=declared)
-    assert any(each.freed for each in candidates(model, experiment(), [known], None)) is freed
+    assert any(each.released for each in candidates(model, experiment(), [known], None)) is freed
 
 
 def test_freed_number_and_effect_are_named_by_their_place():
     known, scale = Parameter("TachoScale[fl].e", 0.0, 0.01, -1.0, 1.0), TachoScale(e=0.0, wheel="fl")
     one = candidate_without_prior(known, MODEL.having(scale))
     assert (one.kind, one.place, one.amplitudes) == ("TachoScale", "fl", ("TachoScale[fl].e",))
-    assert (one.effect, one.freed) == (scale, known)
+    assert (one.effect, one.released) == (scale, known)
     patch = candidate_of(HardPatch(x_from=1.25))
     assert (patch.name, patch.place_searched) == ("HardPatch@1.250", True)
     assert patch.amplitudes == tuple(f"HardPatch.{name}" for name in HardPatch.neutral)

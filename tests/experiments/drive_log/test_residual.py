@@ -15,8 +15,8 @@ from rover_pin.discrepancy.signature import signatures
 from rover_pin.effects.effect import Body, Drive
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.estimation.fit import Task, fit
-from rover_pin.estimation.learnt_noise import with_noise
 from rover_pin.estimation.noise import first_noise
+from rover_pin.estimation.random_effects.learnt_noise import with_noise
 from rover_pin.experiments.drive_log.candidates import candidates
 from rover_pin.experiments.drive_log.experiment import experiment_of
 from rover_pin.experiments.drive_log.features import logged_run
