@@ -10,13 +10,6 @@ from rover_pin.base.errors import ParameterError, closest
 from rover_pin.discrepancy.held_out import ChannelScore
 from rover_pin.estimation.wording import format_value
 
-TAKES_MOST = 2 / 3
-"""Share of what is missed on held-out folds from which what is missing is like an effect: where the hidden law of a
-wheel rig is on no list, single effects took up to 0.52; of a measured one, ding-2011-smooth, softening takes 0.83."""
-TAKEN_TOGETHER = 0.8
-"""Share from which what is missing is like several effects, chosen in most folds: where the hidden law is on no list,
-two took up to 0.76 together (35 generated rigs); of a measured wheel at slip angles three take 0.83."""
-
 
 class Answer(Enum):
     """What may be said of the model."""

@@ -12,9 +12,9 @@ from rover_pin.base.public import brief
 from rover_pin.discrepancy.cross_validation import held_out_residual
 from rover_pin.estimation.baselines import Baseline
 from rover_pin.estimation.experiment import Experiment
-from rover_pin.estimation.fit import STRETCH, Fit, table_of
+from rover_pin.estimation.fit import STRETCH, Fit
 from rover_pin.estimation.noise import Noise, huber_losses
-from rover_pin.estimation.wording import AT_FLOOR, Change, format_value
+from rover_pin.estimation.wording import Change, format_value
 
 LOSES = 0.95
 """Share of the model's held-out error below which a baseline's is called better."""
@@ -175,44 +175,10 @@ def floor_of(experiment: Experiment, noise: Noise) -> np.ndarray:
     )
 
 
-class Excess(NamedTuple):
-    """A channel that a model leaves with more than its floor."""
-
-    channel: str
-    times: float
-    "RMS of what is left over the floor"
-    fold: str
-    "where most is left"
-
-
-def beyond_floor(fitted: Fit) -> tuple[Excess, ...]:
-    """Return the channels that a fit leaves with more than AT_FLOOR times what no model beats, the worst first."""
-    experiment, good = fitted.task.experiment, _predicted(fitted)
-    floor = np.fmax(floor_of(experiment, fitted.task.noise), experiment.least_noise(fitted.model))
-    times = _rms(fitted.residual, good, (0, 2)) / floor
-    worst = _rms(fitted.residual, good).argmax(axis=0)
-    rows = zip(experiment.channels, times, worst, strict=True)
-    excesses = [Excess(name, float(ratio), experiment.folds[at]) for name, ratio, at in rows if ratio > AT_FLOOR]
-    return tuple(sorted(excesses, key=lambda excess: -excess.times))
-
-
-def _predicted(fitted: Fit) -> np.ndarray:
-    """Return where there is a sample to compare and the model predicts it: no stand-in counts as an error."""
-    return fitted.task.noise.good & ~np.isnan(fitted.missed)
-
-
 def _rms(residual: np.ndarray, good: np.ndarray, axes: int | tuple[int, int] = 2) -> np.ndarray:
     """Return the RMS of what is left where it is good, over the samples of a fold's channel; 0 where none is."""
     squares = np.where(good, residual, 0.0) ** 2
     return np.sqrt(squares.sum(axis=axes) / np.maximum(good.sum(axis=axes), 1))
-
-
-def largest_residual(fitted: Fit) -> Excess:
-    """Return the channel and fold that a fit leaves with most, in RMS of the stated noise."""
-    rms = _rms(table_of(fitted), _predicted(fitted))
-    fold, channel = np.unravel_index(int(rms.argmax()), rms.shape)
-    experiment = fitted.task.experiment
-    return Excess(experiment.channels[channel], float(rms[fold, channel]), experiment.folds[fold])
 
 
 def losses(scores: Sequence[ChannelScore], baselines: Sequence[Baseline]) -> tuple[str, ...]:
