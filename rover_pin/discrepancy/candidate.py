@@ -50,6 +50,11 @@ class Candidate:
         return f"{self.kind}@{self.place}" if self.place_searched else f"{self.kind}[{self.place}]"
 
     @property
+    def anywhere(self) -> str:
+        """Its name, wherever along the way it is."""
+        return self.kind if self.place_searched else self.name
+
+    @property
     def owner(self) -> str:
         """The name under which a model holds the effect; a place on the way does not belong to it."""
         if self.released:

@@ -52,7 +52,7 @@ def options(start: Fit, rows: Sequence[Signature]) -> list[Option]:
             best[row.candidate.name] = row, gain
     by_kind: dict[str, list[tuple[Signature, float]]] = {}
     for row, gain in best.values():
-        by_kind.setdefault(row.candidate.owner, []).append((row, gain))
+        by_kind.setdefault(row.candidate.anywhere, []).append((row, gain))
     return [_option(start, of_kind) for of_kind in by_kind.values()]
 
 

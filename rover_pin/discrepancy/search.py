@@ -74,15 +74,27 @@ class Search:
         self._add((), self._expansion(self.base))
         if there:
             self._from_declared(start, there)
-        while names := self._worthiest():
-            smaller = names - set(self.estimates[names].added)
-            if smaller in self.finished:
-                self.fit(names)
-            else:
-                self._end(smaller)
-        for names in [names for names in self.fitted if self.beliefs().sets[names] > LIKELY]:
-            self._end(names)
+        while self._fit_worthiest() or self._end_likely():
+            pass
         return self.beliefs()
+
+    def _fit_worthiest(self) -> bool:
+        """Fit the most promising set, what it adds to once that is at its end; return whether one is worth it."""
+        names = self._worthiest()
+        smaller = names - set(self.estimates[names].added) if names else names
+        if names and smaller in self.finished:
+            self.fit(names)
+        elif names:
+            self._end(smaller)
+        return bool(names)
+
+    def _end_likely(self) -> bool:
+        """Take what is likely to its end; return whether anything was not."""
+        sets = self.beliefs().sets
+        likely = [names for names in self.fitted if sets[names] > LIKELY and names not in self.finished]
+        for names in likely:
+            self._end(names)
+        return bool(likely)
 
     def score(self, hypothesis: LinearHypothesis) -> float:
         """Return the logarithm of evidence times prior."""
@@ -104,14 +116,15 @@ class Search:
         return best if best and tried[best] > self.best_score() - behind else frozenset()
 
     def _rises(self) -> dict[int, float]:
-        """Return by how much a fit rose at most over its estimate, for each fit about which there are estimates.
+        """Return by how much more than WORTH a fit rose over its estimate, for each fit about which there are estimates.
 
         Where rows are far off they count less than squared, so that about such a fit estimates of rivals are too low.
         """
         rises: dict[int, float] = {}
         for names in self.fitted.keys() & self.estimates.keys():
             estimate, about = self.estimates[names], id(self.estimates[names].expansion)
-            rises[about] = max(rises.get(about, 0.0), self.fitted[names][0].log_evidence - estimate.log_evidence)
+            rise = self.fitted[names][0].log_evidence - estimate.log_evidence - WORTH
+            rises[about] = max(rises.get(about, 0.0), rise)
         return rises
 
     def _promises(self, estimate: LinearHypothesis) -> bool:
@@ -212,8 +225,8 @@ class Search:
         self.progress("the numbers had to leave what is known beforehand: weighing every candidate there too")
         start = as_declared(self.base)
         there = options(start, signatures(start, list(dict.fromkeys(row.candidate for row in rows))))
-        known = {option.candidate.owner for option in self.options.values()}
-        self.options |= {option.candidate.name: option for option in there if option.candidate.owner not in known}
+        known = {option.candidate.anywhere for option in self.options.values()}
+        self.options |= {option.candidate.name: option for option in there if option.candidate.anywhere not in known}
         return start, there
 
     def _from_declared(self, start: Fit, there: Sequence[Option]) -> None:
@@ -231,8 +244,6 @@ class Search:
 
     def _end(self, names: Names) -> None:
         """Take a fit to its end, every slope computed again: what would be added to it may else only end it."""
-        if names in self.finished:
-            return
         self.finished.add(names)
         self.progress(f"fitting {' + '.join(sorted(names)) or 'the base model'} to the end")
         near = self.fitted[names][0].fit

@@ -12,7 +12,7 @@ from tests.oracle import brake_generator as hidden
 BED = Path(shipped.__file__).read_text(encoding="utf-8")
 LAW, STEADY = "        law, values = ", "return np.nan_to_num(steady.transpose(1, 0, 2), nan=self.stand_in)"
 PREDICT = 'return np.array([self._steady(model.records["motor"], model.effects) for model in models])'
-SD, NOISE = "np.sqrt(np.nanmean(points[:, 4:] ** 2, axis=(0, 2)))", "return declared_noise(self.sd, self.observed)"
+SD, NOISE = "np.sqrt(np.nanmean(points[:, 4:] ** 2, axis=(0, 2)))", "    def unit(self"
 ENDS = {
     "KeyError: 'x'": "        {}['x']\n",
     "ValueError: two lines": "        raise ValueError('two\\nlines')\n",
@@ -27,7 +27,7 @@ ENDS = {
 }
 RETURNS = {
     "predict returns [1, 2], where a ndarray belongs": (PREDICT, "return [1, 2]"),
-    "noise returns None, where a Noise belongs": (NOISE, "return None"),
+    "noise returns None, where a Noise belongs": (NOISE, f"    def noise(self):\n        return None\n\n{NOISE}"),
     "unit returns 3, where text belongs": ('return "rad/s" if', "return 3 if"),
     "read returns None, where a MotorBrake belongs": ("return cls(", "return None and cls("),
     "uncertain returns [1], where a tuple, each a Parameter belongs": ('"resistance"))', '"resistance")) and [1]'),
@@ -38,7 +38,7 @@ SHAPES = {
     "predict gives no finite number": (STEADY, "return np.full(self.observed.shape[:0] + (5, 2, 6), np.nan)"),
     "where (5, 1, 6) belongs": ('("wheel rate", "current")', '("wheel rate",)'),
     "noise().sd is not positive in some channel": (SD, "np.zeros(2)"),
-    "noise().sd has the shape (1,)": (NOISE, "return declared_noise(self.sd[:1], self.observed)"),
+    "noise().sd has the shape (1,)": (SD, "np.ones(1)"),
     "observed holds no number in some channel": ("points[:, 2:4]", "np.nan * points[:, 2:4]"),
     "channels is 'not there', where a tuple belongs": ("name, channels, ", "name, others, "),
     "folds is 3, where a tuple belongs": ("return cls(motor, folds", "return cls(motor, 3"),

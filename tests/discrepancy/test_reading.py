@@ -21,7 +21,14 @@ def hypothesis(text, noise):
     )
     kind, names = KINDS[text[-1] if text[-1] in "~'" else ""], tuple(cause.name for cause in causes)
     taken = dict(zip(("pull", "sinkage"), noise, strict=True))
-    return SimpleNamespace(names=names, causes=causes, discrepancy=kind, noise_taken=taken, experiment=DECLARED)
+    return SimpleNamespace(
+        names=names,
+        causes=causes,
+        discrepancy=kind,
+        leaves_more=kind is not Discrepancy.NONE,
+        noise_taken=taken,
+        experiment=DECLARED,
+    )
 
 
 def beliefs(text, noise=(1.0, 1.0)):

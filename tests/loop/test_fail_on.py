@@ -49,6 +49,6 @@ def test_first_screen_comes_first_and_can_be_opened(run, tmp_path, monkeypatch):
     assert out.rstrip().endswith("written: out/report.html")
     assert [each.rsplit("/", 1)[1] for each in opened] == ["report.html"]
     written = sorted(each.name for each in Path("out").iterdir())
-    assert written == ["candidates.png", "points-1.png", "points-2.png", "report.html", "verdict.json"]
+    assert written == ["causes.png", "points-1.png", "points-2.png", "report.html", "verdict.json"]
     page = Path("out/report.html").read_text()
     assert "model.toml" not in page  # nothing of files that were not written
