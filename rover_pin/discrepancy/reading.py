@@ -40,7 +40,7 @@ def read(beliefs: Beliefs) -> Reading:
     none = beliefs.sets.get(frozenset(), 0.0)
     otherwise = beliefs.probability(lambda hypothesis: {cause.family for cause in hypothesis.causes} == {DECLARED})
     if none + otherwise > MOST:
-        if otherwise > SURE:
+        if beliefs.families.get(DECLARED, 0.0) > SURE:
             return Reading(Answer.INADEQUATE, otherwise=_leading(beliefs)[0])
         leaves = beliefs.left(()) > MOST or _is_beyond(beliefs)
         return Reading(Answer.NONE_FITS if leaves else Answer.NONE_NEEDED)

@@ -116,15 +116,15 @@ class Search:
         return best if best and tried[best] > self.best_score() - behind else frozenset()
 
     def _rises(self) -> dict[int, float]:
-        """Return by how much more than WORTH a fit rose over its estimate, for each fit about which there are estimates.
+        """Return by how much a fit rose at most over its estimate, if by more than WORTH, for each fit it was made about.
 
         Where rows are far off they count less than squared, so that about such a fit estimates of rivals are too low.
         """
         rises: dict[int, float] = {}
         for names in self.fitted.keys() & self.estimates.keys():
             estimate, about = self.estimates[names], id(self.estimates[names].expansion)
-            rise = self.fitted[names][0].log_evidence - estimate.log_evidence - WORTH
-            rises[about] = max(rises.get(about, 0.0), rise)
+            rise = self.fitted[names][0].log_evidence - estimate.log_evidence
+            rises[about] = max(rises.get(about, 0.0), rise if rise > WORTH else 0.0)
         return rises
 
     def _promises(self, estimate: LinearHypothesis) -> bool:

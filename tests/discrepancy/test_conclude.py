@@ -71,7 +71,7 @@ def test_a_number_five_sd_from_what_is_declared_is_inadequate(far, declared, ans
 
 def test_what_is_on_no_list_is_something_that_acts():
     experiment = toys.made(NAMES, {})
-    wave = 3.0 * np.sin(4.0 * experiment.varied[:, None, :, 0])
+    wave = 12.0 * np.sin(4.0 * experiment.varied[:, None, :, 0])
     found = concluded(toys.question(replace(experiment, observed=experiment.observed + wave), NAMES), quiet)
     assert found.answer is Answer.NONE_FITS
     assert found.beliefs.left(()) > 0.99
