@@ -56,15 +56,24 @@ class Search:
     estimates: dict[Names, LinearHypothesis] = field(default_factory=dict)
     finished: set[Names] = field(default_factory=set)
     "sets whose fit was taken to its end"
+    shortfalls: dict[str, float] = field(default_factory=dict)
+    "by how much fits with a cause fell short of their estimate, at least: its size shows otherwise than in proportion"
     lost: set[Names] = field(default_factory=set)
     "sets with which no fit ends"
 
     def beliefs(self) -> Beliefs:
         """Return what the data make of all sets."""
-        done = self.lost | set(self.fitted)
-        rest = [hypothesis for names, hypothesis in self.estimates.items() if names not in done]
+        rest = self._open()
         untried = tuple(name for name in self.options if frozenset((name,)) in self.lost)
         return Beliefs((*itertools.chain(*self.fitted.values()), *rest), max(len(self.options), 1), untried)
+
+    def _open(self) -> list[LinearHypothesis]:
+        """Return the estimates of the sets that were not fitted, less what their causes fell short of others."""
+        rows = [row for names, row in self.estimates.items() if names not in self.fitted and names not in self.lost]
+        return [
+            replace(row, log_evidence=row.log_evidence - sum(self.shortfalls.get(name, 0.0) for name in row.added))
+            for row in rows
+        ]
 
     def run(self, rows: Sequence[Signature]) -> Beliefs:
         """Return what the data make of candidates by their signatures, after the sets that are worth it were fitted."""
@@ -79,14 +88,22 @@ class Search:
         return self.beliefs()
 
     def _fit_worthiest(self) -> bool:
-        """Fit the most promising set, what it adds to once that is at its end; return whether one is worth it."""
+        """Fit the most promising set, once all that it adds to is at its end; return whether one is worth it.
+
+        A pair that was estimated about the base model comes after each of its causes alone: a part may do as well.
+        """
         names = self._worthiest()
-        smaller = names - set(self.estimates[names].added) if names else names
-        if names and smaller in self.finished:
-            self.fit(names)
-        elif names:
+        if not names:
+            return False
+        added = self.estimates[names].added
+        alone = [frozenset((name,)) for name in added] if len(added) > 1 else []
+        missing = [part for part in alone if part not in self.fitted and part not in self.lost]
+        smaller = names - set(added)
+        if smaller not in self.finished:
             self._end(smaller)
-        return bool(names)
+        else:
+            self.fit(missing[0] if missing else names)
+        return True
 
     def _end_likely(self) -> bool:
         """Take what is likely to its end; return whether anything was not."""
@@ -108,15 +125,15 @@ class Search:
         """Return the most promising set that was not fitted; none where none is worth it, after MAX_FITS leads."""
         rises, behind = (self._rises(), WORTH) if len(self.fitted) <= MAX_FITS else ({}, 0.0)
         tried = {
-            names: self.score(estimate) + rises.get(id(estimate.expansion), 0.0)
-            for names, estimate in self.estimates.items()
-            if names not in self.fitted and names not in self.lost and self._promises(estimate)
+            frozenset(estimate.names): self.score(estimate) + rises.get(id(estimate.expansion), 0.0)
+            for estimate in self._open()
+            if self._promises(estimate)
         }
         best = max(tried, key=lambda names: tried[names], default=frozenset[str]())
         return best if best and tried[best] > self.best_score() - behind else frozenset()
 
     def _rises(self) -> dict[int, float]:
-        """Return by how much a fit rose at most over its estimate, if by more than WORTH, for each fit it was made about.
+        """Return, by what it was made about, how far fits rose at most over an estimate; 0 up to WORTH.
 
         Where rows are far off they count less than squared, so that about such a fit estimates of rivals are too low.
         """
@@ -146,7 +163,7 @@ class Search:
         places = {name: at for at, name in enumerate(self.options)}
         evidence = [expansion.posterior([places[name] for name in added]).log_evidence for added in sets]
         least = max([*evidence, self.fitted[names][0].posterior.log_evidence]) - FOLLOWED
-        for added in itertools.compress(sets, np.array(evidence) > least):
+        for added in (one for one, of_it in zip(sets, evidence, strict=True) if len(one) == 1 or of_it > least):
             wider = names | set(added)
             known = self.estimates.get(wider)
             if known is None or len(known.causes) - len(known.extra) <= len(names):
@@ -172,6 +189,10 @@ class Search:
             again = self._fitted(estimate, False)
             if again is not None and again[1].fit.chi2 < fitted[1].fit.chi2:
                 self._add(*again)
+        if len(estimate.added) == 1:
+            (name,) = estimate.added
+            fall = max(estimate.log_evidence - self.fitted[names][0].log_evidence, 0.0)
+            self.shortfalls[name] = min(self.shortfalls.get(name, fall), fall)
 
     def _fitted(self, estimate: LinearHypothesis, reuse: bool) -> tuple[tuple[Cause, ...], Expansion] | None:
         """Return a set fitted from about a fit of some of it, slopes computed anew or those that are known used."""
@@ -231,7 +252,7 @@ class Search:
 
     def _from_declared(self, start: Fit, there: Sequence[Option]) -> None:
         """Fit the causes that promise most at the declared numbers, from there."""
-        expansion = Expansion(start, np.array([option.column for option in there]).T)
+        expansion = Expansion(start, np.array([option.column for option in there]).T, is_optimum=False)
         rows = [linear_hypothesis((option.size,), expansion, (at,), (option.size,)) for at, option in enumerate(there)]
         for row in sorted(rows, key=lambda row: -row.log_evidence)[:FROM_DECLARED]:
             names = frozenset(row.names)

@@ -45,6 +45,8 @@ class Expansion:
 
     fit: Fit = field(repr=False)
     others: np.ndarray = field(repr=False)
+    is_optimum: bool = True
+    "whether the fit's own numbers are where it is best: what its slopes promise besides was tried, and is not there"
 
     @cached_property
     def columns(self) -> np.ndarray:
@@ -91,8 +93,11 @@ class Expansion:
 
     @cached_property
     def whole(self) -> Sums:
-        """The sums over all folds, one."""
-        return Sums(*(part.sum(axis=0, keepdims=True) for part in self.sums))
+        """The sums over all folds, one; at an optimum the slope by the fit's own numbers is that of their prior."""
+        whole = Sums(*(part.sum(axis=0, keepdims=True) for part in self.sums))
+        if self.is_optimum:
+            whole.slope[0, : self.own] = -self.fit.u
+        return whole
 
     @property
     def scales(self) -> np.ndarray:

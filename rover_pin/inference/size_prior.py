@@ -29,19 +29,21 @@ DRAWS = 12
 """Power of 2 of the points that are spread evenly over the joint posterior of several amplitudes."""
 
 
-def inside_share(mean: float, sd: float, bounds: tuple[float, float]) -> float:
-    """Return the probability that u ~ N(mean, sd) lies between the bounds."""
+def log_inside_share(mean: float, sd: float, bounds: tuple[float, float]) -> float:
+    """Return ln of the probability that u ~ N(mean, sd) lies between the bounds."""
     low, high = (np.array(bounds) - mean) / sd
-    return max(float(norm.cdf(high) - norm.cdf(low)), LEAST_SHARE)
+    return math.log(max(float(norm.cdf(high) - norm.cdf(low)), LEAST_SHARE))
 
 
-def size_share(mean: float, sd: float, bounds: tuple[float, float]) -> float:
-    """Return the mean over u ~ N(mean, sd) of the density of a size over that of N(u; 0, 1), between the bounds."""
+def log_size_share(mean: float, sd: float, bounds: tuple[float, float]) -> float:
+    """Return ln of the mean over u ~ N(mean, sd) of a size's density over that of N(u; 0, 1), between the bounds."""
     low, high = max(bounds[0], mean - SDS * sd), min(bounds[1], mean + SDS * sd)
     if not high > low:
-        return LEAST_SHARE
+        return math.log(LEAST_SHARE)
     u = np.linspace(low, high, POINTS)
-    return max(float(np.trapezoid(np.exp(_log_ratio(u)) * norm.pdf(u, mean, sd), u)), LEAST_SHARE)
+    log_ratio = _log_ratio(u)
+    mean_ratio = float(np.trapezoid(np.exp(log_ratio - log_ratio.max()) * norm.pdf(u, mean, sd), u))
+    return max(math.log(max(mean_ratio, 1e-300)) + float(log_ratio.max()), math.log(LEAST_SHARE))
 
 
 def log_dependence(mean: np.ndarray, covariance: np.ndarray, bounds: np.ndarray) -> float:
@@ -69,8 +71,8 @@ def log_share_inside(causes: Sequence[Cause], mean: np.ndarray, covariance: np.n
     pairs = [(cause, parameter) for cause in causes for parameter in cause.parameters]
     for at, (cause, parameter) in enumerate(pairs):
         is_size = parameter.name in cause.amplitudes and not parameter.log
-        share, sd = size_share if is_size else inside_share, math.sqrt(covariance[at, at])
-        total += math.log(share(float(mean[at]), sd, parameter.bounds) / share(0.0, 1.0, parameter.bounds))
+        log_share, sd = log_size_share if is_size else log_inside_share, math.sqrt(covariance[at, at])
+        total += log_share(float(mean[at]), sd, parameter.bounds) - log_share(0.0, 1.0, parameter.bounds)
         amplitudes += [at] if is_size else []
     bounds = bounds_of([parameter for _, parameter in pairs])[amplitudes]
     return total + log_dependence(mean[amplitudes], covariance[np.ix_(amplitudes, amplitudes)], bounds)

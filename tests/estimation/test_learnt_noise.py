@@ -6,8 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from rover_pin.estimation.random_effects import learnt_noise as module
 from rover_pin.estimation.parameter import Parameter
+from rover_pin.estimation.random_effects import learnt_noise as module
 from rover_pin.estimation.random_effects.learnt_noise import saturated, with_learnt_noise, with_random_effects
 from tests.inference import linear_search as toys
 

@@ -6,7 +6,7 @@ from scipy.integrate import quad
 from scipy.stats import norm
 
 from rover_pin.inference.cause import SIZE_SD
-from rover_pin.inference.size_prior import MEDIAN, inside_share, log_density, log_dependence, size_share
+from rover_pin.inference.size_prior import MEDIAN, log_density, log_dependence, log_inside_share, log_size_share
 
 ANYWHERE = (-1e3, 1e3)
 
@@ -35,13 +35,13 @@ def test_share_is_the_mean_of_the_ratio_of_densities(mean, sd, bounds):
         inside = (u >= bounds[0]) & (u <= bounds[1])
         ratio = density(u) * np.exp(norm.logpdf(u, mean, sd) - norm.logpdf(u))
         whole += np.trapezoid(np.where(inside, ratio, 0.0), u)
-    assert size_share(mean, sd, bounds) == pytest.approx(whole, rel=0.02, abs=2e-12)
+    assert np.exp(log_size_share(mean, sd, bounds)) == pytest.approx(whole, rel=0.02, abs=2e-12)
 
 
 def test_share_of_the_prior_itself_is_one():
-    assert size_share(0.0, 1.0, ANYWHERE) == pytest.approx(1.0, abs=0.01)
-    assert inside_share(0.0, 1.0, ANYWHERE) == 1.0
-    assert inside_share(2.0, 0.5, (-1e3, 2.0)) == pytest.approx(0.5)
+    assert np.exp(log_size_share(0.0, 1.0, ANYWHERE)) == pytest.approx(1.0, abs=0.01)
+    assert np.exp(log_inside_share(0.0, 1.0, ANYWHERE)) == 1.0
+    assert np.exp(log_inside_share(2.0, 0.5, (-1e3, 2.0))) == pytest.approx(0.5)
 
 
 @pytest.mark.parametrize("together", [0.5, 2.0])
@@ -58,7 +58,7 @@ def test_sizes_known_by_their_sum_are_weighed_together(together, correlation, lo
     ratios = np.where(u > low, density(u) / norm.pdf(u), 0.0)
     whole = float(np.prod(ratios, axis=0) @ np.prod(norm.pdf(z), axis=0)) * (axis[1] - axis[0]) ** 2
     bounds = np.array([(low, 1e3)] * 2)
-    alone = sum(np.log(size_share(*row)) for row in zip(mean, sds, bounds, strict=True))
+    alone = sum(log_size_share(*row) for row in zip(mean, sds, bounds, strict=True))
     assert alone + log_dependence(mean, covariance, bounds) == pytest.approx(np.log(whole), abs=0.05)
 
 
