@@ -9,15 +9,14 @@ and shares that among its places.
 from __future__ import annotations
 
 import itertools
-import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from rover_pin.base.errors import OptimisationError
+from rover_pin.discrepancy.added import fitted_with, part_of
 from rover_pin.discrepancy.calibration import as_declared, is_bent
-from rover_pin.discrepancy.option import Option, options, singles
+from rover_pin.discrepancy.option import Option, options
 from rover_pin.discrepancy.signature import Signature, signatures
 from rover_pin.estimation.columns import Columns
 from rover_pin.estimation.fit import Fit, fit
@@ -35,10 +34,6 @@ FOLLOWED = 20.0
 """Nats behind the best at which a set is not followed at all."""
 FROM_DECLARED = 6
 """Causes that are fitted from the declared numbers too, where a missing effect has bent the base model."""
-FIRST, LAST = 0.08, 0.02
-"""First and last step by which an edge of a stretch of the way is moved [m]; half a second's drive is 0.025 m."""
-SMALL = 0.1
-"""Share of its first size from which a cause is fitted again, where it did not do better than none."""
 LIKELY = 0.05
 """Probability from which a set is fitted to its end."""
 Progress = Callable[[str], None]
@@ -56,6 +51,8 @@ class Search:
     estimates: dict[Names, LinearHypothesis] = field(default_factory=dict)
     finished: set[Names] = field(default_factory=set)
     "sets whose fit was taken to its end"
+    parted: set[Names] = field(default_factory=set)
+    "sets whose parts were fitted from where they are best"
     shortfalls: dict[str, float] = field(default_factory=dict)
     "by how much fits with a cause fell short of their estimate, at least: its size shows otherwise than in proportion"
     lost: set[Names] = field(default_factory=set)
@@ -80,7 +77,7 @@ class Search:
         self.progress("weighing candidates and pairs of them")
         self.options = {option.candidate.name: option for option in options(self.base, rows)}
         start, there = self._at_declared(rows) if is_bent(self.base) else (self.base, [])
-        self._add((), self._expansion(self.base))
+        self._note((), self.base)
         if there:
             self._from_declared(start, there)
         while self._fit_worthiest() or self._end_likely():
@@ -106,12 +103,25 @@ class Search:
         return True
 
     def _end_likely(self) -> bool:
-        """Take what is likely to its end; return whether anything was not."""
+        """Take what is likely to its end, and fit its parts from there; return whether anything was not."""
         sets = self.beliefs().sets
-        likely = [names for names in self.fitted if sets[names] > LIKELY and names not in self.finished]
-        for names in likely:
+        likely = [names for names in self.fitted if sets[names] > LIKELY]
+        unfinished = [names for names in likely if names not in self.finished]
+        whole = [names for names in likely if len(names) > 1 and names not in self.parted]
+        for names in unfinished:
             self._end(names)
-        return bool(likely)
+        for names in whole:
+            self.parted.add(names)
+            for name in names:
+                self._fit_part(names, names - {name})
+        return bool(unfinished or whole)
+
+    def _fit_part(self, names: Names, part: Names) -> None:
+        """Fit a part of a set from where the set is best: fits of the part may end in another valley, far above."""
+        causes, fitted = part_of(self.base, self.fitted[names][0], part)
+        if fitted is not None and (part not in self.fitted or fitted.chi2 < self.fitted[part][0].fit.chi2):
+            self.finished.discard(part)
+            self._note(causes, fitted)
 
     def score(self, hypothesis: LinearHypothesis) -> float:
         """Return the logarithm of evidence times prior."""
@@ -148,12 +158,10 @@ class Search:
         """Return whether the data speak for what a set adds to the fit about which it was estimated."""
         return estimate.log_evidence > self.fitted[frozenset(estimate.names) - set(estimate.added)][0].log_evidence
 
-    def _expansion(self, fitted: Fit) -> Expansion:
-        columns = [option.column for option in self.options.values()]
-        return Expansion(fitted, np.array(columns).T if columns else np.zeros((len(fitted.rows), 0)))
-
-    def _add(self, causes: Sequence[Cause], expansion: Expansion) -> None:
+    def _note(self, causes: Sequence[Cause], fitted: Fit) -> None:
         """Note a fit, and what it says of the sets that have one cause more; the base model's, of pairs too."""
+        columns = [option.column for option in self.options.values()]
+        expansion = Expansion(fitted, np.array(columns).T if columns else np.zeros((len(fitted.rows), 0)))
         names = frozenset(cause.name for cause in causes)
         self.fitted[names] = [self._weighed(causes, expansion)]
         if len(names) == MAX_CAUSES:
@@ -180,66 +188,19 @@ class Search:
         """Fit a set of causes from where its estimate was made."""
         self.progress(f"fitting {' + '.join(sorted(names))}")
         estimate = self.estimates[names]
-        fitted = self._fitted(estimate, True)
+        fitted = fitted_with(estimate, self.options, True)
         if fitted is None:
             self.lost.add(names)
             return
-        self._add(*fitted)
+        self._note(*fitted)
         if self.fitted[names][0].log_evidence < estimate.log_evidence - WORTH:
-            again = self._fitted(estimate, False)
-            if again is not None and again[1].fit.chi2 < fitted[1].fit.chi2:
-                self._add(*again)
+            again = fitted_with(estimate, self.options, False)
+            if again is not None and again[1].chi2 < fitted[1].chi2:
+                self._note(*again)
         if len(estimate.added) == 1:
             (name,) = estimate.added
             fall = max(estimate.log_evidence - self.fitted[names][0].log_evidence, 0.0)
             self.shortfalls[name] = min(self.shortfalls.get(name, fall), fall)
-
-    def _fitted(self, estimate: LinearHypothesis, reuse: bool) -> tuple[tuple[Cause, ...], Expansion] | None:
-        """Return a set fitted from about a fit of some of it, slopes computed anew or those that are known used."""
-        start, u_added = (
-            estimate.expansion.fit,
-            estimate.posterior.mean[len(estimate.parameters) - len(estimate.extra) :],
-        )
-        experiment, model = start.task.experiment, start.model
-        causes = [cause for cause in estimate.causes if cause.name not in estimate.added]
-        numbers, u, slopes = list(start.parameters), list(start.u), dict(start.slopes)
-        first = len(numbers)
-        for name, size in zip(estimate.added, u_added, strict=True):
-            signature = self._placed(start, self.options[name])
-            cause = signature.candidate.cause
-            model = experiment.with_values(cause.on(model), signature.started(float(size)))
-            for known in [number for number in numbers if number.name in cause.amplitudes]:
-                at = numbers.index(known)
-                numbers.pop(at), u.pop(at), slopes.pop(known.name)
-                first -= 1
-            numbers += cause.parameters
-            u += [number.u(experiment.value(model, number.name)) for number in cause.parameters]
-            causes.append(replace(cause, name=name))
-        try:
-            fitted = fit(start.task, model, numbers, np.array(u), slopes, reuse)
-            if fitted.chi2 > start.chi2:
-                small = [x * SMALL if at >= first and not numbers[at].log else x for at, x in enumerate(u)]
-                attempt = fit(start.task, model, numbers, np.array(small), slopes, reuse)
-                fitted = min(fitted, attempt, key=lambda one: one.chi2)
-        except OptimisationError:
-            return None
-        return tuple(causes), self._expansion(fitted)
-
-    def _placed(self, start: Fit, option: Option) -> Signature:
-        """Return a cause with a place on the way where moving neither of its edges gains; others as they are.
-
-        Which stretch of the way differs is not found by following slopes: an edge acts only where something passes it.
-        """
-        signature, step, gain = option.signature, FIRST, -math.inf
-        while step > LAST and (neighbours := start.task.experiment.neighbours(signature.candidate, step)):
-            rows = signatures(start, [*neighbours, *([signature.candidate] if gain == -math.inf else [])])
-            gains = singles(start, rows)
-            best = int(np.argmax(gains))
-            if gains[best] > gain:
-                signature, gain = rows[best], gains[best]
-            else:
-                step /= 2
-        return signature
 
     def _at_declared(self, rows: Sequence[Signature]) -> tuple[Fit, list[Option]]:
         """Return the base model with the declared numbers and what shows there, which is an option where new."""
@@ -259,9 +220,9 @@ class Search:
             if row.names[0] not in self.options:
                 continue
             starts = [row, *([self.estimates[names]] if names in self.estimates else [])]
-            ends = [fitted for fitted in (self._fitted(estimate, True) for estimate in starts) if fitted]
+            ends = [fitted for fitted in (fitted_with(estimate, self.options, True) for estimate in starts) if fitted]
             if ends:
-                self._add(*min(ends, key=lambda fitted: fitted[1].fit.chi2))
+                self._note(*min(ends, key=lambda ending: ending[1].chi2))
 
     def _end(self, names: Names) -> None:
         """Take a fit to its end, every slope computed again: what would be added to it may else only end it."""
@@ -269,7 +230,7 @@ class Search:
         self.progress(f"fitting {' + '.join(sorted(names)) or 'the base model'} to the end")
         near = self.fitted[names][0].fit
         fitted = fit(near.task, near.model, near.parameters, near.u, near.slopes, stale=True)
-        self._add(self.fitted[names][0].causes, self._expansion(fitted))
+        self._note(self.fitted[names][0].causes, fitted)
 
     def leave(self, functions: Iterable[Columns]) -> None:
         """Weigh, of all that was fitted and is worth it, that something that is on no list is left besides."""

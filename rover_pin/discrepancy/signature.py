@@ -46,7 +46,9 @@ class Signature:
         start = {}
         for name, value in self.amplitudes.items():
             size, neutral = self.candidate.size(name), self._neutral(name)
-            moved = value if size.log and not self.candidate.released else neutral + times * (value - neutral)
+            moved = value if size.log else neutral + times * (value - neutral)
+            if self.candidate.released:
+                moved = size.value(times)
             start[name] = min(max(moved, size.low), size.high)
         return start
 
