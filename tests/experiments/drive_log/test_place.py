@@ -4,7 +4,8 @@ import math
 
 import pytest
 
-from rover_pin.discrepancy.search import Search, options, singles
+from rover_pin.discrepancy.option import options, singles
+from rover_pin.discrepancy.search import Search
 from rover_pin.discrepancy.signature import signatures
 from rover_pin.effects.hard_patch import HardPatch
 from rover_pin.effects.supply_sag import SupplySag

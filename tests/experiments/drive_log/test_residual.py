@@ -10,7 +10,7 @@ import pytest
 from rover_pin.base.errors import ParameterError
 from rover_pin.contact import Contact, Soil, Wheel
 from rover_pin.discrepancy.draft import scored as scored_draft
-from rover_pin.discrepancy.search import singles
+from rover_pin.discrepancy.option import singles
 from rover_pin.discrepancy.signature import signatures
 from rover_pin.effects.effect import Body, Drive
 from rover_pin.effects.soil_traction import SoilTraction
