@@ -59,8 +59,9 @@ class Search:
     "sets with which no fit ends"
 
     def beliefs(self) -> Beliefs:
-        """Return what the data make of all sets."""
-        rest = self._open()
+        """Return what the data make of all sets that are followed."""
+        least = self.best_score() - FOLLOWED
+        rest = [row for row in self._open() if self.score(row) > least]
         untried = tuple(name for name in self.options if frozenset((name,)) in self.lost)
         return Beliefs((*itertools.chain(*self.fitted.values()), *rest), max(len(self.options), 1), untried)
 
