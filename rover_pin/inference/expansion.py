@@ -93,11 +93,22 @@ class Expansion:
 
     @cached_property
     def whole(self) -> Sums:
-        """The sums over all folds, one; at an optimum the slope by the fit's own numbers is that of their prior."""
+        """The sums over all folds, one; at an optimum without what a step of the fit's own numbers still promises."""
         whole = Sums(*(part.sum(axis=0, keepdims=True) for part in self.sums))
         if self.is_optimum:
+            whole.slope[0] = (self.weights[:, None] * self.columns).T @ self.settled
             whole.slope[0, : self.own] = -self.fit.u
         return whole
+
+    @cached_property
+    def settled(self) -> np.ndarray:
+        """The rows (n,), at an optimum without what a step of the fit's own numbers still promises."""
+        if not self.is_optimum:
+            return self.rows
+        own = slice(self.own)
+        slope, curvature = self.sums.slope.sum(axis=0)[own], self.sums.curvature.sum(axis=0)[own, own]
+        step = np.linalg.solve(curvature + np.eye(self.own), slope + self.fit.u)
+        return np.asarray(self.rows - self.columns[:, own] @ step)
 
     @property
     def scales(self) -> np.ndarray:

@@ -63,7 +63,7 @@ def _with(expansion: Expansion, laplace: Laplace, columns: Columns, amplitudes: 
     back = laplace.covariance @ cross
     values, vectors = np.linalg.eigh(columns.normal(weights) - cross.T @ back)
     values = np.maximum(values, 0.0)
-    along = vectors.T @ (columns.across(weights * expansion.rows) - back.T @ gradient)
+    along = vectors.T @ (columns.across(weights * expansion.settled) - back.T @ gradient)
     spread = amplitudes[:, None] ** 2 / (1.0 + amplitudes[:, None] ** 2 * values)
     gains = 0.5 * spread @ along**2 - 0.5 * np.log1p(amplitudes[:, None] ** 2 * values).sum(axis=1)
     moved = back @ vectors

@@ -221,7 +221,7 @@ def test_a_fold_nobody_predicts_vetoes_a_draft_on_a_rig(tmp_path, monkeypatch):
         levels.append(fitted.task.experiment.folds)
         return np.array([np.nan, *(0.0 for _ in levels[-1][1:])])
 
-    monkeypatch.setattr(draft_module, "held_out_losses", all_but_the_first)
+    monkeypatch.setattr(draft_module, "losses_of", all_but_the_first)
     draft = close_the_loop(folder(tmp_path, "slip_squared_drag")).draft
     assert draft.log_odds > 0
     assert not draft.accepted
