@@ -10,7 +10,7 @@ Method
     detectable where the base model leaves more than the noise by
     its declared SD. The seeds from REPORTED on were run once; 1 to 18 and 73001 to 73006 served for trials.
 Result
-    Of the former search, until a run replaces studies/results/blind_pendulum.csv:
+    Of the former search on seeds from 73001, until a run replaces studies/results/blind_pendulum.csv:
     20 of 20 detectable laws are named (19) or in the stated set (1, Coulomb or Stribeck); 0 of 10 sets with nothing
     hidden are named, 1 is called inadequate (73024: chi-square 1.14, 1.07 where the generator's teeth have no damping).
     17 of 20 intervals hold: two of Stribeck are 2 to 3 % too large (they hold where both signs are as smooth) and one
