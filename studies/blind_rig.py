@@ -45,7 +45,7 @@ from kept.told import CLEAR, alike_of, inclusion_of
 
 from rover_pin.base.code_digest import key_of_code
 from rover_pin.discrepancy.calibration import calibrated
-from rover_pin.discrepancy.conclude import explorer_of, fit_of
+from rover_pin.discrepancy.conclude import explorer_of
 from rover_pin.discrepancy.question import Question
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.estimation.noise import huber_losses
@@ -247,7 +247,7 @@ def oracle_of(folder: Path, hidden: Hidden) -> tuple[RigModel | None, float]:
     evidence = {names: found[0].log_evidence for names, found in explorer.fitted.items()}
     best = max(ways, key=lambda names: evidence[frozenset(names)])
     without = max(evidence.get(frozenset(best) - {name}, -math.inf) for name in best)
-    return fit_of(explorer.beliefs().best(best)).model, evidence[frozenset(best)] - without
+    return explorer.beliefs().best(best).fit.model, evidence[frozenset(best)] - without
 
 
 def asked(folder: Path) -> Question:

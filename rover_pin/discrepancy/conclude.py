@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -20,18 +21,15 @@ from rover_pin.discrepancy.search import Search
 from rover_pin.discrepancy.signature import signatures
 from rover_pin.discrepancy.verdict import Side, Verdict
 from rover_pin.estimation.fit import Fit
-from rover_pin.estimation.gauss_newton import at
-from rover_pin.estimation.noise import declared_noise
 from rover_pin.estimation.numbers import AT_BOUND, Number, implausible
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.estimation.profile import NORMAL_95
 from rover_pin.estimation.random_effects.learnt_noise import with_learnt_noise
 from rover_pin.estimation.task import Task
-from rover_pin.inference.beliefs import Beliefs
+from rover_pin.inference.beliefs import Beliefs, Hypothesis
 from rover_pin.inference.cause import reading_error
 from rover_pin.inference.explore import Explorer
 from rover_pin.inference.hypothesis import Fitter
-from rover_pin.inference.linear_hypothesis import LinearHypothesis
 from rover_pin.inference.samples import samples_of
 from rover_pin.inference.weighed_anew import chosen_without, errors_without
 
@@ -56,16 +54,15 @@ def concluded(question: Question, progress: Progress, seed: int = 0) -> Verdict:
         return verdict_of(question, searched.beliefs(), progress, seed)
     explorer = explorer_of(question, progress)
     verdict = verdict_of(question, explorer.explore(), progress, seed)
+    return with_draft(verdict, lambda fitted: _drafted(question, explorer, verdict.named, fitted), seed)
+
+
+def with_draft(verdict: Verdict, drafted: Callable[[Fit], Draft | None], seed: int) -> Verdict:
+    """Return a verdict with the draft of what its model leaves, if that is more than noise, beside its errors."""
     if verdict.after is None or verdict.answer not in (Answer.NONE_FITS, Answer.LIKE):
         return verdict
-    return with_draft(verdict, _drafted(question, explorer, verdict.named, verdict.after.fit), seed)
-
-
-def with_draft(verdict: Verdict, draft: Draft | None, seed: int) -> Verdict:
-    """Return a verdict with the draft of what its model leaves, beside whose errors the draft's stand."""
-    if draft is None or verdict.after is None or verdict.answer not in (Answer.NONE_FITS, Answer.LIKE):
-        return verdict
-    return replace(verdict, draft=scored(draft, verdict.after.fit, seed))
+    draft = drafted(verdict.after.fit)
+    return verdict if draft is None else replace(verdict, draft=scored(draft, verdict.after.fit, seed))
 
 
 def _drafted(question: Question, explorer: Explorer, named: tuple[str, ...], fitted: Fit) -> Draft | None:
@@ -78,7 +75,7 @@ def _drafted(question: Question, explorer: Explorer, named: tuple[str, ...], fit
     if not explorer.fit((*without.causes, candidate.cause)):
         return draft_of(drafted.text, fitted, None, -math.inf)
     with_it = explorer.beliefs().best((*named, candidate.name))
-    return draft_of(drafted.text, fitted, fit_of(with_it), with_it.log_evidence - without.log_evidence)
+    return draft_of(drafted.text, fitted, with_it.fit, with_it.log_evidence - without.log_evidence)
 
 
 def search_of(question: Question, progress: Progress, seed: int = 0) -> Search:
@@ -110,7 +107,7 @@ def explorer_of(question: Question, progress: Progress) -> Explorer:
         why = f"{lost}; start from a model that does, or mend that run" if lost else "free fewer numbers"
         message = f"{experiment.name}: no start of the fit of the base model converged: {why}."
         raise OptimisationError(message, status="") from error
-    base = fit_of(explorer.beliefs().best(()))
+    base = explorer.beliefs().best(()).fit
     readings = [reading_error(parameter.name, parameter) for parameter in experiment.reading_errors(model)]
     explorer.causes = [*(candidate.cause for candidate in question.candidates(base)), *readings]
     return explorer
@@ -168,41 +165,22 @@ def verdict_of(question: Question, beliefs: Beliefs, progress: Progress, seed: i
     )
 
 
-def fit_of(hypothesis: Any) -> Fit:
-    """Return a hypothesis as a fit, its noise as large as all its errors."""
-    if isinstance(hypothesis, LinearHypothesis):
-        return hypothesis.fit
-    experiment, samples = hypothesis.experiment, hypothesis.errors.samples
-    variance = samples.table_of(hypothesis.variance)
-    noise = declared_noise(np.sqrt(np.where(np.isfinite(variance), variance, 1.0)), np.asarray(experiment.observed))
-    exact = experiment.sensitivities(hypothesis.model, hypothesis.parameters, hypothesis.u)
-    task = Task(experiment, noise)
-    names = [parameter.name for parameter in hypothesis.parameters]
-    return Fit(
-        task,
-        at(task, hypothesis.model, hypothesis.parameters, hypothesis.u),
-        hypothesis.parameters,
-        hypothesis.u,
-        exact.predicted,
-        dict(zip(names, exact.slopes, strict=True)),
-    )
-
-
-def side_of(beliefs: Beliefs, hypothesis: Any) -> Side:
+def side_of(beliefs: Beliefs, hypothesis: Hypothesis) -> Side:
     """Return a hypothesis as a side of the verdict, its intervals over all hypotheses that contain it."""
-    fitted = fit_of(hypothesis)
+    fitted = hypothesis.fit
     noise = hypothesis.experiment.noise()
     declared = fitted if noise is None else replace(fitted, task=Task(hypothesis.experiment, noise))
     amplitudes = {name for cause in hypothesis.causes for name in cause.amplitudes}
     numbers = tuple(
-        _number(beliefs, hypothesis, fitted, place, parameter.name in amplitudes)
+        _number(beliefs, hypothesis, place, parameter.name in amplitudes)
         for place, parameter in enumerate(fitted.parameters)
     )
     return Side(fitted.model, numbers, declared.misfit, fitted)
 
 
-def _number(beliefs: Beliefs, hypothesis: Any, fitted: Fit, place: int, is_size: bool) -> Number:
+def _number(beliefs: Beliefs, hypothesis: Hypothesis, place: int, is_size: bool) -> Number:
     """Return a number with its 95 % interval, the hypotheses that contain this one weighed."""
+    fitted = hypothesis.fit
     parameter, u = fitted.parameters[place], float(fitted.u[place])
     mean, sd = beliefs.moments(hypothesis, parameter.name)
     low, high = (float(np.clip(end, *parameter.bounds)) for end in (mean - NORMAL_95 * sd, mean + NORMAL_95 * sd))
@@ -227,5 +205,4 @@ def _strained(after: Side, reading: Reading) -> tuple[str, ...]:
 def _others(beliefs: Beliefs, reading: Reading) -> dict[str, dict[str, float]]:
     """Return the held-out errors by channel of the sets beside the first."""
     others = {names: beliefs.best(names) for names in reading.sets[1 : 1 + MAX_OTHERS] if names}
-    fitted = {names: fit_of(hypothesis) for names, hypothesis in others.items() if hypothesis.is_fitted}
-    return {" + ".join(names): fold_errors(of_set) for names, of_set in fitted.items()}
+    return {" + ".join(names): fold_errors(rival.fit) for names, rival in others.items() if rival.is_fitted}

@@ -107,6 +107,14 @@ the other folds weigh them"
         """How many candidates were tried."""
         return self.beliefs.choice if self.beliefs is not None else 0
 
+    def leading_fits(self, rivals: int) -> list[tuple[str, Fit]]:
+        """Return the fit of what was named, then of as many of its rivals as were fitted too, with their names."""
+        if not self.named or self.beliefs is None:
+            return []
+        sets = [tuple(name.split(" + ")) for name in self.indistinguishable if name != "nothing"]
+        hypotheses = [self.beliefs.best(names) for names in sets[: 1 + rivals]]
+        return [(" + ".join(hypothesis.names), hypothesis.fit) for hypothesis in hypotheses if hypothesis.is_fitted]
+
     @property
     def model_description(self) -> str:
         """What `model` is, in words."""

@@ -13,6 +13,7 @@ from scipy.special import logsumexp
 
 from rover_pin.base.public import brief
 from rover_pin.estimation.experiment import Experiment
+from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.inference.cause import Cause
 from rover_pin.inference.error_model import Discrepancy
@@ -68,6 +69,10 @@ class Hypothesis(Protocol):
     @property
     def parameters(self) -> tuple[Parameter, ...]:
         """Its numbers."""
+
+    @property
+    def fit(self) -> Fit:
+        """The fit of its numbers, of an estimate that of a smaller set."""
 
     @property
     def noise_taken(self) -> dict[str, float]:

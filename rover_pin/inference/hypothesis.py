@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
@@ -15,7 +16,11 @@ from rover_pin.base.public import brief
 from rover_pin.estimation.descent import descend
 from rover_pin.estimation.exact import Box
 from rover_pin.estimation.experiment import Experiment
+from rover_pin.estimation.fit import Fit
+from rover_pin.estimation.gauss_newton import at
+from rover_pin.estimation.noise import declared_noise
 from rover_pin.estimation.parameter import Parameter, bounds_of
+from rover_pin.estimation.task import Task
 from rover_pin.inference.cause import Cause
 from rover_pin.inference.error_model import PRIORS, Discrepancy, ErrorModel
 from rover_pin.inference.evidence import Linear, Posterior, learnt_scales, posterior
@@ -69,8 +74,8 @@ class Hypothesis:
     def covariance(self) -> np.ndarray:
         """The covariance (n, n) of all errors."""
         covariance = np.zeros((len(self.errors.samples.value),) * 2)
-        for at, block in enumerate(self.errors.samples.blocks):
-            covariance[np.ix_(block, block)] = self.errors.covariance(self.posterior.scales, at)
+        for channel, block in enumerate(self.errors.samples.blocks):
+            covariance[np.ix_(block, block)] = self.errors.covariance(self.posterior.scales, channel)
         return covariance
 
     @property
@@ -90,17 +95,28 @@ class Hypothesis:
         """How many times its declared noise (RMS) each channel is taken to have for noise, discrepancy left out."""
         samples, variance = self.errors.samples, self.variance
         squares: dict[str, list[float]] = {}
-        for at, block in enumerate(samples.blocks):
-            noise = variance[block] - np.diag(self.errors.smooth_part(self.posterior.scales, at))
+        for channel, block in enumerate(samples.blocks):
+            noise = variance[block] - np.diag(self.errors.smooth_part(self.posterior.scales, channel))
             raised = 1.0 if self.errors.inflation is None else self.errors.inflation[block]
             name = self.experiment.channels[samples.channel[block[0]]]
-            squares.setdefault(name, []).append(float(np.mean(noise / raised)) / samples.noise[at] ** 2)
+            squares.setdefault(name, []).append(float(np.mean(noise / raised)) / samples.noise[channel] ** 2)
         return {name: math.sqrt(float(np.mean(values))) for name, values in squares.items()}
 
     @property
     def leaves_more(self) -> bool:
         """Whether more than noise is left."""
         return self.discrepancy is not Discrepancy.NONE
+
+    @cached_property
+    def fit(self) -> Fit:
+        """The hypothesis as a fit, its noise as large as all its errors."""
+        samples, experiment = self.errors.samples, self.experiment
+        variance = samples.table_of(self.variance)
+        noise = declared_noise(np.sqrt(np.where(np.isfinite(variance), variance, 1.0)), np.asarray(experiment.observed))
+        task, names = Task(experiment, noise), [parameter.name for parameter in self.parameters]
+        exact = experiment.sensitivities(self.model, self.parameters, self.u)
+        model = at(task, self.model, self.parameters, self.u)
+        return Fit(task, model, self.parameters, self.u, exact.predicted, dict(zip(names, exact.slopes, strict=True)))
 
     def left_out(self) -> LeftOut:
         """Return every fold as the others predict it."""

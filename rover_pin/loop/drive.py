@@ -12,7 +12,7 @@ from rover_pin.base.code_digest import key_of_code
 from rover_pin.base.files.results_folder import OF_A_LOOP, say_what_is_replaced
 from rover_pin.base.jobs.cluster import Workers
 from rover_pin.discrepancy.answer import Answer
-from rover_pin.discrepancy.conclude import fit_of, search_of, verdict_of, with_draft
+from rover_pin.discrepancy.conclude import search_of, verdict_of, with_draft
 from rover_pin.discrepancy.held_out import losses
 from rover_pin.discrepancy.question import Progress, Question
 from rover_pin.discrepancy.search import Search
@@ -126,7 +126,8 @@ def question_of(
 
 def verdict_on(log: DriveLog, question: Question, search: Search, seed: int, progress: Progress) -> Verdict:
     """Return the verdict on what was found in a log and what is left."""
-    verdict = verdict_of(question, search.beliefs(), progress, seed)
+    beliefs = search.beliefs()
+    verdict = verdict_of(question, beliefs, progress, seed)
     assert verdict.before is not None
     assert verdict.after is not None
     progress("describing what is left")
@@ -134,15 +135,12 @@ def verdict_on(log: DriveLog, question: Question, search: Search, seed: int, pro
     progress("runs driven freely")
     wheels = [wheel.name for wheel in search.base.model.rover.wheels]
     after = verdict.after.fit
-    amplitude_names = tuple(
-        name for cause in search.beliefs().best(verdict.named).causes for name in sorted(cause.amplitudes)
-    )
+    amplitude_names = tuple(name for cause in beliefs.best(verdict.named).causes for name in sorted(cause.amplitudes))
     experiment = logged(search.base)
     free = free_runs(experiment, verdict.before.model, verdict.model)
     ground = ground_variability(verdict.after.fit, experiment.random_field(search.base.model))
     odometry = kinematic(experiment, search.base.model.rover)
-    if verdict.answer in (Answer.NONE_FITS, Answer.LIKE):
-        verdict = with_draft(verdict, drafted(verdict.after.fit, residual, log.metadata.name, progress), seed)
+    verdict = with_draft(verdict, lambda fitted: drafted(fitted, residual, log.metadata.name, progress), seed)
     sentences = (verdict.sentence, _how(verdict, residual), ground.sentence if ground else "")
     return dataclasses.replace(
         verdict,
@@ -172,13 +170,9 @@ def with_wheel_names(sentence: str, wheels: Sequence[str]) -> str:
 
 def _experiments(verdict: Verdict, progress: Progress) -> tuple[SeparatingDrive, ...]:
     """Return the runs that would tell the best from its rivals that were fitted too."""
-    if not verdict.named or verdict.beliefs is None:
-        return ()
-    sets = [tuple(name.split(" + ")) for name in verdict.indistinguishable if name != "nothing"]
-    best, *rivals = [verdict.beliefs.best(names) for names in sets[: 1 + RIVALS]]
+    fits = verdict.leading_fits(RIVALS)
     drives = []
-    for rival in (row for row in rivals if row.is_fitted):
-        names = [" + ".join(row.names) for row in (best, rival)]
-        progress(f"looking for the run that tells {names[0]} from {names[1]}")
-        drives.append(separating_drive((names[0], fit_of(best)), (names[1], fit_of(rival)), progress))
+    for rival in fits[1:]:
+        progress(f"looking for the run that tells {fits[0][0]} from {rival[0]}")
+        drives.append(separating_drive(fits[0], rival, progress))
     return tuple(drive for drive in drives if drive is not None)

@@ -12,7 +12,7 @@ from rover_pin.base.trust import Trust
 from rover_pin.contact import Soil
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.candidate import Candidate
-from rover_pin.discrepancy.conclude import concluded, fit_of
+from rover_pin.discrepancy.conclude import concluded
 from rover_pin.discrepancy.held_out import losses
 from rover_pin.discrepancy.question import Progress, Question
 from rover_pin.discrepancy.verdict import Side, Verdict
@@ -135,11 +135,8 @@ def _fit_diagnostics(data: RigSet, side: Side, seed: int) -> FitDiagnostics:
 
 def _experiments(data: RigSet, verdict: Verdict) -> tuple[SeparatingRun, ...]:
     """Return the runs that would tell the best from its rivals."""
-    if not verdict.named or verdict.beliefs is None:
-        return ()
-    sets = [tuple(name.split(" + ")) for name in verdict.indistinguishable if name != "nothing"]
-    best, *rivals = [(" + ".join(names), fit_of(verdict.beliefs.best(names))) for names in sets[: 1 + RIVALS]]
-    runs = [separating_run(data, best, rival) for rival in rivals]
+    fits = verdict.leading_fits(RIVALS)
+    runs = [separating_run(data, fits[0], rival) for rival in fits[1:]]
     return tuple(run for run in runs if run is not None)
 
 

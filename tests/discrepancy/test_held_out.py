@@ -178,8 +178,8 @@ def test_a_draft_is_scored_where_nothing_of_the_list_holds(answer, side, tried, 
     monkeypatch.setattr(conclude, "scored", lambda draft, before, seed: (draft, before, seed))
     after = None if side is None else SimpleNamespace(fit=side)
     verdict = Verdict("wheel-rig", answer, "x", "said", None, after=after)
-    assert conclude.with_draft(verdict, "draft", 3).draft == (("draft", "fit", 3) if tried else None)
-    assert conclude.with_draft(verdict, None, 3).draft is None
+    assert conclude.with_draft(verdict, lambda fitted: "draft", 3).draft == (("draft", "fit", 3) if tried else None)
+    assert conclude.with_draft(verdict, lambda fitted: None, 3).draft is None
 
 
 # --- the verdict -----------------------------------------------------------------------------------------------------
