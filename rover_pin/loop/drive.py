@@ -138,7 +138,7 @@ def verdict_on(log: DriveLog, question: Question, search: Search, seed: int, pro
     amplitude_names = tuple(name for cause in beliefs.best(verdict.named).causes for name in sorted(cause.amplitudes))
     experiment = logged(search.base)
     free = free_runs(experiment, verdict.before.model, verdict.model)
-    ground = ground_variability(verdict.after.fit, experiment.random_field(search.base.model))
+    ground = ground_variability(after)
     odometry = kinematic(experiment, search.base.model.rover)
     verdict = with_draft(verdict, lambda fitted: drafted(fitted, residual, log.metadata.name, progress), seed)
     sentences = (verdict.sentence, _how(verdict, residual), ground.sentence if ground else "")

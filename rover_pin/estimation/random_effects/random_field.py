@@ -64,6 +64,8 @@ class RandomEffectsFilter:
     W = U sqrt(1 - 1 / sqrt(1 + s^2)) with B d = U s V^T, so that I - W W^T is the inverse root of I + B d^2 B^T.
     """
 
+    field: RandomField = dataclasses.field(repr=False)
+    "of what the SDs were learnt"
     learnt: tuple[LearntSd, ...]
     basis: np.ndarray = dataclasses.field(repr=False)
     "W (folds, channels, samples, columns)"
@@ -100,7 +102,7 @@ def random_effects_filter(
     basis = np.zeros((*good.shape, max(root.shape[1] for root in roots)))
     for table, fold_mask, root in zip(basis, good, roots, strict=True):
         table[fold_mask, : root.shape[1]] = root
-    return RandomEffectsFilter(tuple(learnt), basis)
+    return RandomEffectsFilter(field, tuple(learnt), basis)
 
 
 def _root(part: np.ndarray) -> np.ndarray:

@@ -170,16 +170,15 @@ def taught(experiment, model):
     noise = Noise(np.full(len(experiment.channels), SD), np.zeros(len(experiment.channels)),
                   np.eye(len(experiment.channels)), good)  # fmt: skip
     base = fit(Task(experiment, noise), model, [parameter(model, "soil.phi", math.radians(2.0))])
-    chance = experiment.random_field(base.model)
-    return with_random_effects(base, (), chance), chance
+    return with_random_effects(base, (), experiment.random_field(base.model))
 
 
 def test_runs_on_slopes_of_their_own_are_told_and_where(model):
     truths = [(model.having(GravityTilt(rise_x=rise, rise_y=0.0)), 0.6, 0.0) for rise in (0.02, -0.02, 0.0)]
     experiment = experiment_of(logged(truths), model)
     # a tilt of gravity shows in the drive, not in the attitude, which is of the table's frame: pitch is left out
-    found, chance = taught(_without(experiment, "body_pitch", "body_z"), model)
-    told = run_variability.ground_variability(found, chance)
+    found = taught(_without(experiment, "body_pitch", "body_z"), model)
+    told = run_variability.ground_variability(found)
     of_run = next(one for one in told.learnt if one.kind == ground.SLOPE_OF_RUN)
     assert of_run.sd == pytest.approx(0.02, rel=0.4)
     assert told.rms == pytest.approx(0.02 * math.sqrt(2 / 3), rel=0.15)
@@ -203,8 +202,8 @@ def test_a_bend_that_the_runs_share_is_told_as_an_effect(model):
     """Driven both ways over one bent ground, declared flat: what they share bends the ground as it is bent."""
     truths = [(model.having(BEND), duty, yaw) for duty, yaw in ((0.6, 0.0), (0.7, math.pi), (0.75, 0.0))]
     experiment = experiment_of(logged(truths), model)
-    found, chance = taught(experiment, model)
-    told = run_variability.ground_variability(found, chance)
+    found = taught(experiment, model)
+    told = run_variability.ground_variability(found)
     x = np.concatenate([run.commands.place[:, 0] for run in experiment.runs])
     grid = np.linspace(np.nanquantile(x, 0.1), np.nanquantile(x, 0.9), 20)
     heights = [one.height(grid, 0.0) for one in (model.having(told.bend).ground, model.having(BEND).ground)]
@@ -237,8 +236,8 @@ def test_ends_of_a_stretch_follow_the_facing_direction(model):
     """Driven towards -x: what is uphill towards +x is downhill on this way, which is told from the larger x on."""
     tilted = model.having(GravityTilt(rise_x=0.02, rise_y=0.0))
     truths = [(tilted, 0.6, math.pi), (model, 0.6, math.pi), (model, 0.7, math.pi)]
-    found, chance = taught(_without(experiment_of(logged(truths), model), "body_pitch", "body_z"), model)
-    worst = run_variability.ground_variability(found, chance).worst
+    found = taught(_without(experiment_of(logged(truths), model), "body_pitch", "body_z"), model)
+    worst = run_variability.ground_variability(found).worst
     assert worst.run == "run-0"
     assert worst.slope < -0.01
     assert worst.begin[0] - worst.end[0] > 0.1
@@ -246,7 +245,7 @@ def test_ends_of_a_stretch_follow_the_facing_direction(model):
     back = dataclasses.replace(logged_runs(found)[0], heading=logged_runs(found)[0].heading + math.pi)
     turned = dataclasses.replace(found.task.experiment, runs=(back, *logged_runs(found)[1:]))
     task = dataclasses.replace(found.task, experiment=turned)
-    again = run_variability.ground_variability(dataclasses.replace(found, task=task), chance).worst
+    again = run_variability.ground_variability(dataclasses.replace(found, task=task)).worst
     assert (again.begin, again.end) == (worst.end, worst.begin)
 
 
@@ -256,36 +255,35 @@ def logged_runs(found):
 
 def test_ground_as_declared_is_not_doubted(model):
     experiment = experiment_of(logged([(model, 0.6, 0.0), (model, 0.7, 0.0)]), model)
-    found, chance = taught(experiment, model)
-    told = run_variability.ground_variability(found, chance)
+    found = taught(experiment, model)
+    told = run_variability.ground_variability(found)
     assert told.worst is None
     assert told.sentence == ""
     assert told.rms < 1e-3
 
 
-def test_nothing_is_told_where_no_field_was_learnt(two, model, field):
+def test_nothing_is_told_where_no_field_was_learnt(two, model):
     good = np.isfinite(two.observed)
     count = len(two.channels)
     noise = Noise(np.full(count, SD), np.zeros(count), np.eye(count), good)
     plain = fit(Task(two, noise), model, [parameter(model, "soil.phi", math.radians(2.0))])
-    assert run_variability.ground_variability(plain, field) is None
-    assert run_variability.ground_variability(plain, None) is None
+    assert run_variability.ground_variability(plain) is None
 
 
 @pytest.mark.parametrize(
     ("gain", "rms", "doubted"), [(-0.1, 2.0, False), (0.1, 2.0, True), (100.0, 0.99, False), (0.1, 1.01, True)]
 )
 def test_slopes_are_questioned_beyond_noise_and_survey_accuracy(two, model, monkeypatch, gain, rms, doubted):
-    found, chance = taught(two, model)
+    found = taught(two, model)
     learnt = tuple(
         LearntSd(kind, 0.01, run_variability.SURE + gain if kind == ground.SLOPE else 0.0) for kind in ground.KINDS
     )
     noise = found.task.noise
     told = dataclasses.replace(noise, random_effects=dataclasses.replace(noise.random_effects, learnt=learnt))
     one = dataclasses.replace(found, task=dataclasses.replace(found.task, noise=told))
-    of_whole = chance.kind == ground.KINDS.index(ground.SLOPE_OF_RUN)
+    of_whole = found.task.noise.random_effects.field.kind == ground.KINDS.index(ground.SLOPE_OF_RUN)
     monkeypatch.setattr(run_variability, "expected", lambda *asked: np.where(of_whole, rms * math.radians(0.1), 0.0))
-    assert (run_variability.ground_variability(one, chance).worst is not None) is doubted
+    assert (run_variability.ground_variability(one).worst is not None) is doubted
 
 
 def _without(experiment, *names):

@@ -102,12 +102,12 @@ def _degrees(slope: float) -> str:
     return f"{math.degrees(slope):.2g} deg"
 
 
-def ground_variability(fitted: Fit, field: RandomField | None) -> GroundVariability | None:
+def ground_variability(fitted: Fit) -> GroundVariability | None:
     """Return what a fit says of the ground of its runs; None where none was learnt."""
     noise, experiment = fitted.task.noise, logged(fitted)
-    if field is None or noise.random_effects is None:
+    if noise.random_effects is None:
         return None
-    learnt = noise.random_effects.learnt
+    field, learnt = noise.random_effects.field, noise.random_effects.learnt
     plain = dataclasses.replace(noise, random_effects=None)
     coefficients = expected(field, learnt, plain.white(field.moved).T, plain.white(fitted.residual))
     slopes = [
