@@ -34,9 +34,9 @@ def fitted_with(
         signature = _placed(start, options[name])
         cause = signature.candidate.cause
         model = experiment.with_values(cause.on(model), signature.started(float(size)))
-        for known in [number for number in numbers if number.name in cause.amplitudes]:
-            at = numbers.index(known)
-            numbers.pop(at), u.pop(at), slopes.pop(known.name)
+        for released in [number for number in numbers if number.name in cause.amplitudes]:
+            at = numbers.index(released)
+            numbers.pop(at), u.pop(at), slopes.pop(released.name)
             first -= 1
         numbers += cause.parameters
         u += [number.u(experiment.value(model, number.name)) for number in cause.parameters]
@@ -46,7 +46,7 @@ def fitted_with(
         if fitted.chi2 > start.chi2:
             small = [x * SMALL if at >= first and not numbers[at].log else x for at, x in enumerate(u)]
             attempt = fit(start.task, model, numbers, np.array(small), slopes, reuse)
-            fitted = min(fitted, attempt, key=lambda one: one.chi2)
+            fitted = min(fitted, attempt, key=lambda ending: ending.chi2)
     except OptimisationError:
         return None
     return tuple(causes), fitted
@@ -72,9 +72,9 @@ def _placed(start: Fit, option: Option) -> Signature:
 def part_of(base: Fit, whole: LinearHypothesis, part: frozenset[str]) -> tuple[tuple[Cause, ...], Fit | None]:
     """Return some causes of a set fitted from where the set is best; None where no fit ends."""
     causes = tuple(cause for cause in whole.causes if cause.name in part)
-    own = [parameter for cause in causes for parameter in cause.parameters]
-    others = [number for number in base.parameters if number.name not in {parameter.name for parameter in own}]
-    numbers, model = (*others, *own), base.model
+    added = [parameter for cause in causes for parameter in cause.parameters]
+    others = [number for number in base.parameters if number.name not in {parameter.name for parameter in added}]
+    numbers, model = (*others, *added), base.model
     for cause in causes:
         model = cause.on(model)
     u = np.array([number.u(whole.fit.value(number.name)) for number in numbers])

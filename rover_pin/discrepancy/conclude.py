@@ -87,11 +87,11 @@ def search_of(question: Question, progress: Progress, seed: int = 0) -> Search:
     if question.experiment.noise() is None:
         progress("learning the noise")
         base = with_learnt_noise(base, [row.shift for row in rows])
-    found = Search(base, progress)
-    found.run(rows)
+    search = Search(base, progress)
+    search.run(rows)
     progress("weighing what is on no list")
-    found.leave(question.functions(base))
-    return found
+    search.leave(question.functions(base))
+    return search
 
 
 def explorer_of(question: Question, progress: Progress) -> Explorer:

@@ -12,10 +12,10 @@ from scipy.special import logsumexp
 from rover_pin.discrepancy.candidate import Candidate
 from rover_pin.discrepancy.signature import Signature
 from rover_pin.estimation.fit import Fit
-from rover_pin.inference.cause import Cause
+from rover_pin.inference.cause import SIZE_SD, Cause
 from rover_pin.inference.expansion import Expansion
 from rover_pin.inference.explore import SHOWN
-from rover_pin.inference.linear_hypothesis import linear_hypothesis
+from rover_pin.inference.linear_hypothesis import LinearHypothesis, linear_hypothesis
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,43 +35,45 @@ class Option:
     @property
     def size(self) -> Cause:
         """The cause with the one size that its signature moves."""
-        whole, moved = self.candidate.cause, self.signature.moved
-        number = next(parameter for parameter in whole.parameters if parameter.name == moved)
-        return replace(
-            whole, parameters=(replace(number, log=False, low=-math.inf, high=math.inf),) if number.log else (number,)
-        )
+        cause, name = self.candidate.cause, self.signature.moved
+        number = next(parameter for parameter in cause.parameters if parameter.name == name)
+        anywhere = replace(number, log=False, low=-math.inf, high=math.inf)
+        return replace(cause, parameters=(anywhere if number.log else number,))
 
 
-def options(start: Fit, rows: Sequence[Signature]) -> list[Option]:
+def options(start: Fit, rows: Sequence[Signature], is_optimum: bool = True) -> list[Option]:
     """Return the candidates that move what was measured, each as it promises most: at its best place and size."""
-    shown = [row for row in rows if np.linalg.norm(start.task.noise.white(row.shift)) > SHOWN * row.share]
-    gains = singles(start, shown)
-    best: dict[str, tuple[Signature, float]] = {}
-    for row, gain in zip(shown, gains, strict=True):
-        if row.candidate.name not in best or gain > best[row.candidate.name][1]:
-            best[row.candidate.name] = row, gain
-    by_kind: dict[str, list[tuple[Signature, float]]] = {}
-    for row, gain in best.values():
-        by_kind.setdefault(row.candidate.anywhere, []).append((row, gain))
-    return [_option(start, of_kind) for of_kind in by_kind.values()]
+    visible = [option for option in _listed(start, rows) if np.linalg.norm(option.column) > SHOWN * SIZE_SD]
+    gains = [hypothesis.log_evidence for hypothesis in alone(start, visible, is_optimum)]
+    best: dict[str, tuple[Option, float]] = {}
+    for option, gain in zip(visible, gains, strict=True):
+        name = option.candidate.name
+        if name not in best or gain > best[name][1]:
+            best[name] = option, gain
+    by_kind: dict[str, list[tuple[Option, float]]] = {}
+    for option, gain in best.values():
+        by_kind.setdefault(option.candidate.anywhere, []).append((option, gain))
+    return [_at_its_best_place(of_kind) for of_kind in by_kind.values()]
 
 
-def _option(start: Fit, of_kind: Sequence[tuple[Signature, float]]) -> Option:
+def _at_its_best_place(of_kind: Sequence[tuple[Option, float]]) -> Option:
     gains = np.array([gain for _, gain in of_kind])
-    leader, gain = max(of_kind, key=lambda pair: pair[1])
-    places = float(logsumexp(gains)) - gain - math.log(len(gains))
-    return Option(leader, -start.task.noise.white(leader.column), places)
+    option, gain = max(of_kind, key=lambda pair: pair[1])
+    return replace(option, log_places=float(logsumexp(gains)) - gain - math.log(len(gains)))
+
+
+def _listed(start: Fit, rows: Sequence[Signature]) -> list[Option]:
+    return [Option(row, -start.task.noise.white(row.column)) for row in rows]
+
+
+def alone(start: Fit, listed: Sequence[Option], is_optimum: bool = True) -> list[LinearHypothesis]:
+    """Return each option alone beside what was fitted."""
+    if not listed:
+        return []
+    expansion = Expansion(start, np.array([option.column for option in listed]).T, is_optimum)
+    return [linear_hypothesis((option.size,), expansion, (at,), (option.size,)) for at, option in enumerate(listed)]
 
 
 def singles(start: Fit, rows: Sequence[Signature]) -> np.ndarray:
     """Return the logarithm of the evidence of each signature alone beside what was fitted."""
-    if not rows:
-        return np.zeros(0)
-    table = [Option(row, -start.task.noise.white(row.column)) for row in rows]
-    expansion = Expansion(start, np.array([option.column for option in table]).T)
-    return np.array(
-        [
-            linear_hypothesis((option.size,), expansion, (at,), (option.size,)).log_evidence
-            for at, option in enumerate(table)
-        ]
-    )
+    return np.array([hypothesis.log_evidence for hypothesis in alone(start, _listed(start, rows))])

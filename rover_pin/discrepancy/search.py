@@ -16,7 +16,7 @@ import numpy as np
 
 from rover_pin.discrepancy.added import fitted_with, part_of
 from rover_pin.discrepancy.calibration import as_declared, is_bent
-from rover_pin.discrepancy.option import Option, options
+from rover_pin.discrepancy.option import Option, alone, options
 from rover_pin.discrepancy.signature import Signature, signatures
 from rover_pin.estimation.columns import Columns
 from rover_pin.estimation.fit import Fit, fit
@@ -61,9 +61,9 @@ class Search:
     def beliefs(self) -> Beliefs:
         """Return what the data make of all sets that are followed."""
         least = self.best_score() - FOLLOWED
-        rest = [row for row in self._open() if self.score(row) > least]
+        estimates = [row for row in self._open() if self.score(row) > least]
         untried = tuple(name for name in self.options if frozenset((name,)) in self.lost)
-        return Beliefs((*itertools.chain(*self.fitted.values()), *rest), max(len(self.options), 1), untried)
+        return Beliefs((*itertools.chain(*self.fitted.values()), *estimates), max(len(self.options), 1), untried)
 
     def _open(self) -> list[LinearHypothesis]:
         """Return the estimates of the sets that were not fitted, less what their causes fell short of others."""
@@ -108,14 +108,14 @@ class Search:
         sets = self.beliefs().sets
         likely = [names for names in self.fitted if sets[names] > LIKELY]
         unfinished = [names for names in likely if names not in self.finished]
-        whole = [names for names in likely if len(names) > 1 and names not in self.parted]
+        undivided = [names for names in likely if len(names) > 1 and names not in self.parted]
         for names in unfinished:
             self._end(names)
-        for names in whole:
+        for names in undivided:
             self.parted.add(names)
             for name in names:
                 self._fit_part(names, names - {name})
-        return bool(unfinished or whole)
+        return bool(unfinished or undivided)
 
     def _fit_part(self, names: Names, part: Names) -> None:
         """Fit a part of a set from where the set is best: fits of the part may end in another valley, far above."""
@@ -134,14 +134,14 @@ class Search:
 
     def _worthiest(self) -> Names:
         """Return the most promising set that was not fitted; none where none is worth it, after MAX_FITS leads."""
-        rises, behind = (self._rises(), WORTH) if len(self.fitted) <= MAX_FITS else ({}, 0.0)
+        rises, margin = (self._rises(), WORTH) if len(self.fitted) <= MAX_FITS else ({}, 0.0)
         tried = {
             frozenset(estimate.names): self.score(estimate) + rises.get(id(estimate.expansion), 0.0)
             for estimate in self._open()
             if self._promises(estimate)
         }
         best = max(tried, key=lambda names: tried[names], default=frozenset[str]())
-        return best if best and tried[best] > self.best_score() - behind else frozenset()
+        return best if best and tried[best] > self.best_score() - margin else frozenset()
 
     def _rises(self) -> dict[int, float]:
         """Return, by what it was made about, how far fits rose at most over an estimate; 0 up to WORTH.
@@ -150,9 +150,9 @@ class Search:
         """
         rises: dict[int, float] = {}
         for names in self.fitted.keys() & self.estimates.keys():
-            estimate, about = self.estimates[names], id(self.estimates[names].expansion)
+            estimate, expansion = self.estimates[names], id(self.estimates[names].expansion)
             rise = self.fitted[names][0].log_evidence - estimate.log_evidence
-            rises[about] = max(rises.get(about, 0.0), rise if rise > WORTH else 0.0)
+            rises[expansion] = max(rises.get(expansion, 0.0), rise if rise > WORTH else 0.0)
         return rises
 
     def _promises(self, estimate: LinearHypothesis) -> bool:
@@ -169,19 +169,23 @@ class Search:
             return
         others = [name for name in self.options if name not in names]
         sets = [(name,) for name in others] + ([] if names else [*itertools.combinations(others, 2)])
-        places = {name: at for at, name in enumerate(self.options)}
-        evidence = [expansion.posterior([places[name] for name in added]).log_evidence for added in sets]
+        evidence = [expansion.posterior(self._places(added)).log_evidence for added in sets]
         least = max([*evidence, self.fitted[names][0].posterior.log_evidence]) - FOLLOWED
-        for added in (one for one, of_it in zip(sets, evidence, strict=True) if len(one) == 1 or of_it > least):
+        for added, log_evidence in zip(sets, evidence, strict=True):
             wider = names | set(added)
-            known = self.estimates.get(wider)
-            if known is None or len(known.causes) - len(known.extra) <= len(names):
+            estimate = self.estimates.get(wider)
+            is_nearer = estimate is None or len(estimate.causes) - len(estimate.extra) <= len(names)
+            if is_nearer and (len(added) == 1 or log_evidence > least):
                 self.estimates[wider] = self._weighed(causes, expansion, added)
 
+    def _places(self, added: Sequence[str]) -> list[int]:
+        """Return which of an expansion's other columns these options are."""
+        names = [*self.options]
+        return [names.index(name) for name in added]
+
     def _weighed(self, causes: Sequence[Cause], expansion: Expansion, added: Sequence[str] = ()) -> LinearHypothesis:
-        places = [*self.options]
         partial = [self.options[name].size for name in added]
-        hypothesis = linear_hypothesis((*causes, *partial), expansion, [places.index(name) for name in added], partial)
+        hypothesis = linear_hypothesis((*causes, *partial), expansion, self._places(added), partial)
         more = sum(self.options[name].log_places for name in hypothesis.names)
         return replace(hypothesis, log_evidence=hypothesis.log_evidence + more)
 
@@ -207,15 +211,15 @@ class Search:
         """Return the base model with the declared numbers and what shows there, which is an option where new."""
         self.progress("the numbers had to leave what is known beforehand: weighing every candidate there too")
         start = as_declared(self.base)
-        there = options(start, signatures(start, list(dict.fromkeys(row.candidate for row in rows))))
-        known = {option.candidate.anywhere for option in self.options.values()}
-        self.options |= {option.candidate.name: option for option in there if option.candidate.anywhere not in known}
+        candidates = list(dict.fromkeys(row.candidate for row in rows))
+        there = options(start, signatures(start, candidates), is_optimum=False)
+        listed = {option.candidate.anywhere for option in self.options.values()}
+        self.options |= {option.candidate.name: option for option in there if option.candidate.anywhere not in listed}
         return start, there
 
     def _from_declared(self, start: Fit, there: Sequence[Option]) -> None:
         """Fit the causes that promise most at the declared numbers, from there."""
-        expansion = Expansion(start, np.array([option.column for option in there]).T, is_optimum=False)
-        rows = [linear_hypothesis((option.size,), expansion, (at,), (option.size,)) for at, option in enumerate(there)]
+        rows = alone(start, there, is_optimum=False)
         for row in sorted(rows, key=lambda row: -row.log_evidence)[:FROM_DECLARED]:
             names = frozenset(row.names)
             if row.names[0] not in self.options:
@@ -229,8 +233,8 @@ class Search:
         """Take a fit to its end, every slope computed again: what would be added to it may else only end it."""
         self.finished.add(names)
         self.progress(f"fitting {' + '.join(sorted(names)) or 'the base model'} to the end")
-        near = self.fitted[names][0].fit
-        fitted = fit(near.task, near.model, near.parameters, near.u, near.slopes, stale=True)
+        start = self.fitted[names][0].fit
+        fitted = fit(start.task, start.model, start.parameters, start.u, start.slopes, stale=True)
         self._note(self.fitted[names][0].causes, fitted)
 
     def leave(self, functions: Iterable[Columns]) -> None:

@@ -46,10 +46,10 @@ class Signature:
         start = {}
         for name, value in self.amplitudes.items():
             size, neutral = self.candidate.size(name), self._neutral(name)
-            moved = value if size.log else neutral + times * (value - neutral)
+            first = value if size.log else neutral + times * (value - neutral)
             if self.candidate.released:
-                moved = size.value(times)
-            start[name] = min(max(moved, size.low), size.high)
+                first = size.value(times)
+            start[name] = min(max(first, size.low), size.high)
         return start
 
     def _neutral(self, name: str) -> float:
@@ -80,8 +80,8 @@ def signatures(base: Fit, candidates: Sequence[Candidate]) -> list[Signature]:
 def _released(base: Fit, candidate: Candidate) -> Signature:
     """Return the signature of a number freed from its prior: its slope, over its size."""
     (name,) = candidate.amplitudes
-    known, size = next(number for number in base.parameters if number.name == name), candidate.size(name)
-    return Signature(candidate, {name: size.value(1.0)}, base.slopes[name] * (size.scale / known.scale))
+    fitted, size = next(number for number in base.parameters if number.name == name), candidate.size(name)
+    return Signature(candidate, {name: size.value(1.0)}, base.slopes[name] * (size.scale / fitted.scale))
 
 
 def _smaller(base: Fit, signature: Signature) -> Signature:
