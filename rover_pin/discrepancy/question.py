@@ -12,7 +12,7 @@ from rover_pin.estimation.columns import Columns
 from rover_pin.estimation.experiment import Experiment
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.parameter import Parameter
-from rover_pin.inference.left_over import smooth_functions
+from rover_pin.inference.residual_function import smooth_functions
 
 Progress = Callable[[str], None]
 

@@ -23,8 +23,8 @@ from rover_pin.estimation.fit import Fit, fit
 from rover_pin.inference.beliefs import Beliefs
 from rover_pin.inference.cause import Cause
 from rover_pin.inference.expansion import Expansion
-from rover_pin.inference.left_over import left_overs
-from rover_pin.inference.linear_hypothesis import LinearHypothesis, linear_hypothesis, with_left_over
+from rover_pin.inference.linear_hypothesis import LinearHypothesis, linear_hypothesis, with_function
+from rover_pin.inference.residual_function import with_functions
 
 MAX_CAUSES, MAX_FITS = 4, 12
 """Causes of a set at most, and sets that are fitted at most, but for those that are more probable than all of them."""
@@ -241,6 +241,6 @@ class Search:
         """Weigh, of all that was fitted and is worth it, that something that is on no list is left besides."""
         best = self.best_score()
         worth = [rows[0] for rows in self.fitted.values() if not rows[0].causes or self.score(rows[0]) > best - WORTH]
-        found = left_overs([(row.expansion, row.posterior) for row in worth], functions)
-        for row, left in zip(worth, found, strict=True):
-            self.fitted[frozenset(row.names)].append(with_left_over(row, left))
+        evidence = with_functions([(row.expansion, row.posterior) for row in worth], functions)
+        for row, of_row in zip(worth, evidence, strict=True):
+            self.fitted[frozenset(row.names)].append(with_function(row, of_row))

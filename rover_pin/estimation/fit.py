@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -54,7 +55,7 @@ class Fit:
         squares = np.where(good, self.residual, 0.0) ** 2
         return np.asarray(np.sqrt(squares.sum(axis=(0, 2)) / np.maximum(good.sum(axis=(0, 2)), 1)))
 
-    @property
+    @cached_property
     def rows(self) -> np.ndarray:
         """Whitened residuals."""
         return self.task.rows(self.predicted)
@@ -84,7 +85,7 @@ class Fit:
         """Covariance of u: (J^T W J + priors)^-1."""
         return covariance(self.columns, self.rows, self.parameters)
 
-    @property
+    @cached_property
     def spread(self) -> np.ndarray:
         """SD of each u: of the model, inflated as its noise says and by a misfit above 1; of stretches, or of runs.
 

@@ -69,19 +69,14 @@ class Expansion:
         return np.nonzero(self.fit.task.noise.good)[0]
 
     @cached_property
-    def rows(self) -> np.ndarray:
-        """The whitened residuals (n,)."""
-        return self.fit.rows
-
-    @cached_property
     def weights(self) -> np.ndarray:
         """Huber's weight of each row (n,)."""
-        return huber_weights(self.rows)
+        return huber_weights(self.fit.rows)
 
     @cached_property
     def sums(self) -> Sums:
         """The sums over each fold."""
-        rows, weighted = self.rows, self.columns * self.weights[:, None]
+        rows, weighted = self.fit.rows, self.columns * self.weights[:, None]
         members = [np.flatnonzero(self.fold == at) for at in range(len(self.fit.task.experiment.folds))]
         losses = huber_losses(rows)
         return Sums(
@@ -100,15 +95,18 @@ class Expansion:
             whole.slope[0, : self.own] = -self.fit.u
         return whole
 
+    def _sums_without(self, fold: int) -> Sums:
+        return Sums(*(total - part[fold] for total, part in zip(self.whole, self.sums, strict=True)))
+
     @cached_property
     def settled(self) -> np.ndarray:
         """The rows (n,), at an optimum without what a step of the fit's own numbers still promises."""
         if not self.is_optimum:
-            return self.rows
+            return self.fit.rows
         own = slice(self.own)
         slope, curvature = self.sums.slope.sum(axis=0)[own], self.sums.curvature.sum(axis=0)[own, own]
         step = np.linalg.solve(curvature + np.eye(self.own), slope + self.fit.u)
-        return np.asarray(self.rows - self.columns[:, own] @ step)
+        return np.asarray(self.fit.rows - self.columns[:, own] @ step)
 
     @property
     def scales(self) -> np.ndarray:
@@ -121,12 +119,9 @@ class Expansion:
     def posterior(self, extra: Sequence[int] = (), without: int | None = None) -> Laplace:
         """Return what the data say of the fit's numbers with these of the others, perhaps without a fold."""
         at = np.array([*range(self.own), *(self.own + place for place in extra)], dtype=int)
-        less = () if without is None else (without,)
-        loss = float(self.whole.loss[0] - sum(self.sums.loss[fold] for fold in less))
-        slope = self.whole.slope[0][at] - sum(self.sums.slope[fold][at] for fold in less)
-        box = np.ix_(at, at)
-        curvature = self.whole.curvature[0][box] - sum(self.sums.curvature[fold][box] for fold in less)
-        count = int(self.whole.rows[0] - sum(self.sums.rows[fold] for fold in less))
+        sums = self.whole if without is None else self._sums_without(without)
+        loss, count = float(sums.loss[0]), int(sums.rows[0])
+        slope, curvature = sums.slope[0][at], sums.curvature[0][np.ix_(at, at)]
         scales = self.scales
         solved = [_solved(loss, slope, curvature, self.u[at], count, float(scale)) for scale in scales]
         priors = -0.5 * STEPS**2 - logsumexp(-0.5 * STEPS**2) if len(scales) > 1 else np.zeros(1)

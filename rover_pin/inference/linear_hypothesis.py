@@ -18,7 +18,7 @@ from rover_pin.inference.cause import Cause
 from rover_pin.inference.error_model import Discrepancy
 from rover_pin.inference.expansion import Expansion, Laplace
 from rover_pin.inference.left_out import LeftOut
-from rover_pin.inference.left_over import LeftOver
+from rover_pin.inference.residual_function import FunctionEvidence
 from rover_pin.inference.size_prior import log_share_inside
 
 NOISE = 1.0
@@ -76,8 +76,8 @@ class LinearHypothesis:
     def _sd(self) -> np.ndarray:
         """SD of each u: of the posterior, or as runs and stretches scatter, if that is more."""
         sd = np.sqrt(np.diag(self.posterior.covariance))
-        own = self.fit.spread
-        return np.concatenate([np.maximum(sd[: len(own)], own), sd[len(own) :]])
+        spread = self.fit.spread
+        return np.concatenate([np.maximum(sd[: len(spread)], spread), sd[len(spread) :]])
 
     def moments(self, name: str) -> tuple[float, float]:
         """Return mean and SD of a number's u; of one that a cause frees, of that."""
@@ -121,17 +121,17 @@ def linear_hypothesis(
     )
 
 
-def with_left_over(plain: LinearHypothesis, left: LeftOver) -> LinearHypothesis:
+def with_function(plain: LinearHypothesis, evidence: FunctionEvidence) -> LinearHypothesis:
     """Return the same set of causes, something smooth or otherwise unlisted left besides."""
-    posterior = plain.posterior._replace(mean=left.mean, covariance=left.covariance)
+    posterior = plain.posterior._replace(mean=evidence.mean, covariance=evidence.covariance)
     good = plain.fit.task.noise.good
     table = np.zeros(good.shape)
-    table[good] = left.rows
+    table[good] = evidence.rows
     rms = np.sqrt((table**2).sum(axis=2) / np.maximum(good.sum(axis=2), 1))
     return replace(
         plain,
         posterior=posterior,
-        log_evidence=plain.log_evidence + left.gain,
+        log_evidence=plain.log_evidence + evidence.gain,
         discrepancy=Discrepancy.SMOOTH,
         leaves_more=bool(rms.max() > NOISE),
     )

@@ -11,8 +11,15 @@ from rover_pin.estimation.columns import Columns
 from rover_pin.estimation.fit import Task, fit
 from rover_pin.inference.error_model import PRIORS, Discrepancy
 from rover_pin.inference.expansion import Expansion
-from rover_pin.inference.left_over import NODE_WEIGHTS, NODES, in_shares, left_overs, rows_signal, smooth_functions
-from rover_pin.inference.linear_hypothesis import linear_hypothesis, with_left_over
+from rover_pin.inference.linear_hypothesis import linear_hypothesis, with_function
+from rover_pin.inference.residual_function import (
+    NODE_WEIGHTS,
+    NODES,
+    in_shares,
+    rows_signal,
+    smooth_functions,
+    with_functions,
+)
 from rover_pin.inference.size_prior import log_share_inside
 from tests.inference import linear_search as toys
 
@@ -113,7 +120,7 @@ def test_a_function_left_is_that_of_the_dense_law(shared, extra):
     made = expansion(None, scale=1.3)
     columns, T = function(made, shared)
     rows, A, plain = free(made), matrix(made, extra), made.posterior(extra)
-    (found,) = left_overs([(made, plain)], [columns])
+    (found,) = with_functions([(made, plain)], [columns])
     amplitudes = PRIORS["a"].median * np.exp(PRIORS["a"].sd * NODES)
     laws = [law(made, extra, 1.3, a**2 * T @ T.T) for a in amplitudes]
     gains = np.array([log_density(K, rows) for K in laws]) - plain.log_evidence
@@ -126,19 +133,19 @@ def test_a_function_left_is_that_of_the_dense_law(shared, extra):
 def test_of_several_functions_at_most_one_is_left():
     made = expansion(None)
     plain, two = made.posterior(), [function(made, True, seed)[0] for seed in (5, 6)]
-    alone = [left_overs([(made, plain)], [one])[0].gain for one in two]
-    (both,) = left_overs([(made, plain)], two)
+    alone = [with_functions([(made, plain)], [one])[0].gain for one in two]
+    (both,) = with_functions([(made, plain)], two)
     assert both.gain == pytest.approx(math.log(np.exp(alone).mean()))
-    assert left_overs([(made, plain)], [])[0].mean is plain.mean
+    assert with_functions([(made, plain)], [])[0].mean is plain.mean
 
 
 @pytest.mark.parametrize("size", [0.0, 1e-6])
 def test_a_function_of_no_effect_gains_nothing(size):
     made = expansion(None)
     columns, _ = function(made, True)
-    (found,) = left_overs([(made, made.posterior())], [columns._replace(values=size * columns.values)])
+    (found,) = with_functions([(made, made.posterior())], [columns._replace(values=size * columns.values)])
     assert found.gain == pytest.approx(0.0, abs=1e-6)
-    (noise,) = left_overs([(made, made.posterior())], [columns])
+    (noise,) = with_functions([(made, made.posterior())], [columns])
     assert noise.gain < 0.0
 
 
@@ -216,8 +223,8 @@ def test_evidence_of_a_set_has_its_sizes_prior(extra):
 def test_what_is_left_besides_changes_numbers_and_evidence():
     made = expansion(None)
     found = hypothesis(made, (0,))
-    (left,) = left_overs([(made, found.posterior)], [function(made, True)[0]])
-    more = with_left_over(found, left)
+    (left,) = with_functions([(made, found.posterior)], [function(made, True)[0]])
+    more = with_function(found, left)
     assert more.log_evidence == pytest.approx(found.log_evidence + left.gain)
     assert more.moments("p.a")[0] == left.mean[made.own] != found.moments("p.a")[0]
     assert more.moments("p.a")[1] == pytest.approx(math.sqrt(left.covariance[1, 1]))

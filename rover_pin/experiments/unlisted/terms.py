@@ -14,7 +14,7 @@ from rover_pin.estimation.noise import huber, huber_weights, null_gain
 from rover_pin.experiments.unlisted.actions import GRIP, Act, Scene, acts, moved_features
 from rover_pin.experiments.unlisted.regressors import Argument, arguments
 from rover_pin.experiments.unlisted.term import Term
-from rover_pin.inference.left_over import in_shares, rows_signal
+from rover_pin.inference.residual_function import in_shares, rows_signal
 
 IDENTIFIABLE_SHARE = 1e-3
 """Share of a direction's sum of squares that must be left after the uncertain numbers for it to be identified."""

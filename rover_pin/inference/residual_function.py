@@ -1,4 +1,4 @@
-"""What a fit leaves besides noise as a function of something: its evidence, the function's numbers integrated out.
+"""Functions that act besides what was fitted: their evidence, the numbers of a function integrated out.
 
 Rows have besides T v, v ~ N(0, a^2 I): with S = T'W T / s^2 - C'H^-1 C and e = T'W r / s^2 - C'H^-1 g, C = A'W T / s^2,
     ln Z(with T) - ln Z = e'(S + I / a^2)^-1 e / 2 - ln|I + a^2 S| / 2.
@@ -27,8 +27,8 @@ KNOTS, LEAST_SHARE = 100, 1e-3
 """Points that carry a smooth function, and least eigenvalue of its covariance over the greatest that is kept."""
 
 
-class LeftOver(NamedTuple):
-    """What the data say with a function left besides: ln Z over that without, and numbers with the likeliest one."""
+class FunctionEvidence(NamedTuple):
+    """What the data say with a function besides: ln Z over that without, and numbers with the likeliest one."""
 
     gain: float
     mean: np.ndarray
@@ -37,45 +37,63 @@ class LeftOver(NamedTuple):
     "the likeliest function (n,), in SDs of the noise"
 
 
-def left_overs(fits: Sequence[tuple[Expansion, Laplace]], functions: Iterable[Columns]) -> list[LeftOver]:
-    """Return what the data say of each fit's own numbers where one of these functions is left besides."""
+class _Projected(NamedTuple):
+    """A function without what the numbers of a fit take of it: S = V diag(values) V', V'e, and H^-1 C V."""
+
+    columns: Columns
+    vectors: np.ndarray
+    values: np.ndarray
+    along: np.ndarray
+    back: np.ndarray
+
+    def gains(self, amplitudes: np.ndarray) -> np.ndarray:
+        """Return ln Z with the function over that without (amplitudes,)."""
+        shares = amplitudes[:, None] ** 2 / (1.0 + amplitudes[:, None] ** 2 * self.values)
+        return np.asarray(
+            0.5 * shares @ self.along**2 - 0.5 * np.log1p(amplitudes[:, None] ** 2 * self.values).sum(axis=1)
+        )
+
+    def evidence(self, laplace: Laplace, amplitude: float) -> FunctionEvidence:
+        """Return what the data say with the function at one amplitude."""
+        share = amplitude**2 / (1.0 + amplitude**2 * self.values)
+        return FunctionEvidence(
+            float(self.gains(np.array([amplitude]))[0]),
+            laplace.mean + self.back @ (share * self.along),
+            laplace.covariance + self.back * share @ self.back.T,
+            self.columns.times(self.vectors @ (share * self.along)) / laplace.scale,
+        )
+
+
+def with_functions(fits: Sequence[tuple[Expansion, Laplace]], functions: Iterable[Columns]) -> list[FunctionEvidence]:
+    """Return what the data say of each fit's own numbers with one of these functions besides."""
     amplitudes = PRIORS["a"].median * np.exp(PRIORS["a"].sd * NODES)
     gains: list[list[float]] = [[] for _ in fits]
-    best = [
-        LeftOver(-math.inf, laplace.mean, laplace.covariance, np.zeros(len(expansion.rows)))
-        for expansion, laplace in fits
-    ]
+    likeliest: dict[int, tuple[float, _Projected, float]] = {}
     for columns in functions:
         for at, (expansion, laplace) in enumerate(fits):
-            rows = _with(expansion, laplace, columns, amplitudes)
-            gains[at].append(float(logsumexp([row.gain for row in rows], b=NODE_WEIGHTS)))
-            best[at] = max([best[at], *rows], key=lambda row: row.gain)
+            function = _projected(expansion, laplace, columns)
+            by_amplitude = function.gains(amplitudes)
+            gains[at].append(float(logsumexp(by_amplitude, b=NODE_WEIGHTS)))
+            if at not in likeliest or by_amplitude.max() > likeliest[at][0]:
+                likeliest[at] = float(by_amplitude.max()), function, float(amplitudes[by_amplitude.argmax()])
+    if not likeliest:
+        return [
+            FunctionEvidence(-math.inf, *laplace[2:], np.zeros(len(expansion.fit.rows))) for expansion, laplace in fits
+        ]
     return [
-        row._replace(gain=float(logsumexp(of_fit)) - math.log(len(of_fit))) if of_fit else row
-        for row, of_fit in zip(best, gains, strict=True)
+        function.evidence(laplace, amplitude)._replace(gain=float(logsumexp(gains[at])) - math.log(len(gains[at])))
+        for (at, (_, function, amplitude)), (_, laplace) in zip(likeliest.items(), fits, strict=True)
     ]
 
 
-def _with(expansion: Expansion, laplace: Laplace, columns: Columns, amplitudes: np.ndarray) -> list[LeftOver]:
-    own, weights = len(laplace.mean), expansion.weights / laplace.scale**2
-    cross = columns.across(weights[:, None] * expansion.columns[:, :own])
-    gradient = expansion.whole.slope[0][:own] / laplace.scale**2 + expansion.u[:own]
+def _projected(expansion: Expansion, laplace: Laplace, columns: Columns) -> _Projected:
+    count, weights = len(laplace.mean), expansion.weights / laplace.scale**2
+    cross = columns.across(weights[:, None] * expansion.columns[:, :count])
+    gradient = expansion.whole.slope[0][:count] / laplace.scale**2 + expansion.u[:count]
     back = laplace.covariance @ cross
     values, vectors = np.linalg.eigh(columns.normal(weights) - cross.T @ back)
-    values = np.maximum(values, 0.0)
-    along = vectors.T @ (columns.across(weights * expansion.settled) - back.T @ gradient)
-    spread = amplitudes[:, None] ** 2 / (1.0 + amplitudes[:, None] ** 2 * values)
-    gains = 0.5 * spread @ along**2 - 0.5 * np.log1p(amplitudes[:, None] ** 2 * values).sum(axis=1)
-    moved = back @ vectors
-    return [
-        LeftOver(
-            float(gain),
-            laplace.mean + moved @ (share * along),
-            laplace.covariance + moved * share @ moved.T,
-            columns.times(vectors @ (share * along)) / laplace.scale,
-        )
-        for gain, share in zip(gains, spread, strict=True)
-    ]
+    e = columns.across(weights * expansion.settled) - back.T @ gradient
+    return _Projected(columns, vectors, np.maximum(values, 0.0), vectors.T @ e, back @ vectors)
 
 
 def smooth_functions(fit: Fit) -> Iterator[Columns]:
@@ -107,10 +125,9 @@ def _features(inputs: np.ndarray, used: np.ndarray) -> np.ndarray:
     among = np.flatnonzero(used.ravel())
     knots = x.reshape(-1, x.shape[-1])[among[np.linspace(0, len(among) - 1, min(KNOTS, len(among))).astype(int)]]
     values, vectors = np.linalg.eigh(_kernel(knots, knots))
-    kept = values > LEAST_SHARE * values[-1]
-    return np.asarray(_kernel(x.reshape(-1, x.shape[-1]), knots) @ (vectors[:, kept] / np.sqrt(values[kept]))).reshape(
-        *x.shape[:2], -1
-    )
+    sound = values > LEAST_SHARE * values[-1]
+    features = _kernel(x.reshape(-1, x.shape[-1]), knots) @ (vectors[:, sound] / np.sqrt(values[sound]))
+    return np.asarray(features).reshape(*x.shape[:2], -1)
 
 
 def _kernel(x: np.ndarray, knots: np.ndarray) -> np.ndarray:
@@ -127,9 +144,9 @@ def in_shares(columns: Columns, weights: np.ndarray, signal: float) -> Columns:
     for run in columns.runs:
         part = columns.values[run]
         values, vectors = np.linalg.eigh(part.T @ (weights[run, None] * part))
-        kept = values > LEAST_SHARE * max(float(values[-1]), 1e-12)
-        size = signal * math.sqrt(len(part) / max(int(kept.sum()), 1))
-        parts.append(part @ np.where(kept, vectors * size / np.sqrt(np.where(kept, values, 1.0)), 0.0))
+        sound = values > LEAST_SHARE * max(float(values[-1]), 1e-12)
+        size = signal * math.sqrt(len(part) / max(int(sound.sum()), 1))
+        parts.append(part @ np.where(sound, vectors * size / np.sqrt(np.where(sound, values, 1.0)), 0.0))
     return Columns(np.concatenate(parts), columns.runs)
 
 
