@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -136,14 +136,13 @@ def plain_candidate(effect: Any) -> Candidate:
     return Candidate(kind, effect, tuple(f"{kind}.{name}" for name in effect.neutral), shapes)
 
 
-def wrongly_declared(numbers: Sequence[Parameter], records: Mapping[str, Any]) -> tuple[Candidate, ...]:
-    """Return that a declared number of a record that is no effect is otherwise, as candidates."""
-    owners = {number.name: records[number.name.rpartition(".")[0]] for number in numbers if number.declared}
-    return tuple(
-        Candidate(number.name, owners[number.name], (number.name,), released=number)
-        for number in numbers
-        if number.name in owners and not is_effect(owners[number.name])
-    )
+def released_candidate(number: Parameter, records: Mapping[str, Any]) -> Candidate:
+    """Return a number of a model's records, one of an effect or not, as a candidate, freed from its prior."""
+    owner = number.name.rpartition(".")[0]
+    if not is_effect(records[owner]):
+        return Candidate(number.name, records[owner], (number.name,), released=number)
+    kind, _, place = owner.partition("[")
+    return Candidate(kind, records[owner], (number.name,), (), place.rstrip("]"), released=number)
 
 
 def is_effect(record: Any) -> bool:

@@ -10,9 +10,10 @@ from typing import Any, Self
 
 import numpy as np
 
-from rover_pin.discrepancy.candidate import Candidate, wrongly_declared
+from rover_pin.discrepancy.candidate import Candidate, is_effect, released_candidate
 from rover_pin.discrepancy.question import Question
 from rover_pin.estimation.experiment import Experiment
+from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.noise import Noise, declared_noise
 from rover_pin.estimation.parameter import Parameter
 
@@ -84,14 +85,14 @@ class Standalone(Experiment):
 def question_of(standalone: Standalone, kinds: Sequence[type]) -> Question:
     """Return what is asked of a test bench: which of these kinds of effects its model lacks."""
     model = standalone.base_model()
-    return Question(
-        "test-bed",
-        standalone.name,
-        standalone,
-        model,
-        standalone.uncertain(model),
-        lambda base: (
-            *standalone.candidates(base.model, kinds),
-            *wrongly_declared(base.parameters, standalone.records(base.model)),
-        ),
-    )
+
+    def candidates(base: Fit) -> tuple[Candidate, ...]:
+        records = standalone.records(base.model)
+        doubtful = [
+            number
+            for number in base.parameters
+            if number.declared and not is_effect(records[number.name.rpartition(".")[0]])
+        ]
+        return *standalone.candidates(base.model, kinds), *(released_candidate(number, records) for number in doubtful)
+
+    return Question("test-bed", standalone.name, standalone, model, standalone.uncertain(model), candidates)

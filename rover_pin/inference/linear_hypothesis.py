@@ -96,16 +96,16 @@ class LinearHypothesis:
         }
 
     def left_out(self) -> LeftOut:
-        """Return every fold as the others predict it."""
-        whole = self.expansion.posterior(self.extra).log_evidence
-        density, missed = [], np.full(np.shape(self.experiment.observed), np.nan)
+        """Return every fold as the others predict it; an estimate says how probable it is alone."""
+        log_evidence = self.expansion.posterior(self.extra).log_evidence
+        others = [self.expansion.posterior(self.extra, fold) for fold in range(len(self.experiment.folds))]
+        density = np.array([log_evidence - posterior.log_evidence for posterior in others])
+        if not self.is_fitted:
+            return LeftOut(density, np.full(np.shape(self.experiment.observed), np.nan))
         slopes = np.array([self.fit.slopes[parameter.name] for parameter in self.fit.parameters])
-        for fold in range(len(self.experiment.folds)):
-            others = self.expansion.posterior(self.extra, without=fold)
-            density.append(whole - others.log_evidence)
-            step = others.mean[: len(slopes)] - self.fit.u
-            missed[fold] = self.fit.residual[fold] - np.tensordot(step, slopes[:, fold], 1)
-        return LeftOut(np.array(density), np.where(self.fit.task.noise.good, missed, np.nan))
+        steps = np.array([posterior.mean - self.fit.u for posterior in others])
+        missed = self.fit.residual - np.einsum("fp,pfcs->fcs", steps, slopes)
+        return LeftOut(density, np.where(self.fit.task.noise.good, missed, np.nan))
 
 
 def linear_hypothesis(

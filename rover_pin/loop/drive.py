@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import re
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -27,6 +26,7 @@ from rover_pin.experiments.drive_log.free_runs import free_runs
 from rover_pin.experiments.drive_log.ground.run_variability import ground_variability
 from rover_pin.experiments.drive_log.kinematic import kinematic
 from rover_pin.experiments.drive_log.model import base_model, is_rate_driven, with_spread
+from rover_pin.experiments.drive_log.parameters import with_wheels
 from rover_pin.experiments.drive_log.resume import Memory
 from rover_pin.experiments.drive_log.separating_drive import SeparatingDrive, separating_drive
 from rover_pin.experiments.unlisted.actions import Scene
@@ -161,11 +161,7 @@ def _how(verdict: Verdict, residual: DriveResidual) -> str:
 
 def with_wheel_names(sentence: str, wheels: Sequence[str]) -> str:
     """Return a sentence with the wheel's name behind that of a candidate which has the wheel's number only."""
-
-    def with_name(match: re.Match[str]) -> str:
-        return f"{match[0]} (wheel {wheels[int(match[1])]})"
-
-    return re.sub(r"\w+\[(\d+)\](?!\.)", with_name, sentence)
+    return with_wheels(sentence, wheels, "{name}[{number}] (wheel {wheel})")
 
 
 def _experiments(verdict: Verdict, progress: Progress) -> tuple[SeparatingDrive, ...]:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from rover_pin.base.quantity import quantities
-from rover_pin.discrepancy.candidate import SPACING, Candidate
+from rover_pin.discrepancy.candidate import SPACING, Candidate, released_candidate
 from rover_pin.effects.bent_ground import BentGround
 from rover_pin.effects.effect import MotorEffect
 from rover_pin.effects.gravity_tilt import GravityTilt
@@ -51,7 +51,7 @@ def candidates(
     excluded_owners = {"soil", "motor"} | unknown
     own_numbers = [number for number in free if number.prior and number.name.rpartition(".")[0] not in excluded_owners]
     loosened = [
-        candidate_without_prior(number, model)
+        released_candidate(number, owners(model))
         for number in own_numbers
         if number.declared or _is_neutral(number, model)
     ]
@@ -101,13 +101,6 @@ def candidate_of(effect: AnyEffect) -> Candidate:
         )
     kind, _, place = owner.partition("[")
     return Candidate(kind, effect, amplitudes, shapes, place.rstrip("]"))
-
-
-def candidate_without_prior(parameter: Parameter, model: Model) -> Candidate:
-    """Return a number of an effect that the model has as a candidate, freed from its prior."""
-    owner = parameter.name.rpartition(".")[0]
-    kind, _, place = owner.partition("[")
-    return Candidate(kind, owners(model)[owner], (parameter.name,), (), place.rstrip("]"), released=parameter)
 
 
 def sized(effect: Any, rover: Rover, gravity: float) -> Any:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
 from typing import Any
 
 from rover_pin.estimation.experiment import find
@@ -16,6 +18,15 @@ def owner_name(effect: Any) -> str:
     """Return the name of an effect of a model: its class, and whose it is where a model may have several."""
     place = next((getattr(effect, owner) for owner in OWNERS if hasattr(effect, owner)), None)
     return type(effect).__name__ + ("" if place in (None, "") else f"[{place}]")
+
+
+def with_wheels(text: str, wheels: Sequence[str], form: str) -> str:
+    """Return a text with the `wheel` of an effect's `name` that has its `number` only, in a form of these three."""
+
+    def written(match: re.Match[str]) -> str:
+        return form.format(name=match[1], number=match[2], wheel=wheels[int(match[2])])
+
+    return re.sub(r"(\w+)\[(\d+)\](?!\.)", written, text)
 
 
 def owners(model: Model) -> dict[str, Any]:

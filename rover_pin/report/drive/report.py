@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -14,6 +13,7 @@ import numpy as np
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.experiments.drive_log.extra import extra_of
 from rover_pin.experiments.drive_log.free_runs import FreeRun
+from rover_pin.experiments.drive_log.parameters import with_wheels
 from rover_pin.logs.drive_log import DriveLog
 from rover_pin.report.drive.full_duty import at_full_duty
 from rover_pin.report.drive.ghost import Ghosts
@@ -45,20 +45,15 @@ SHOWN = 2
 
 def labels_of(verdict: Verdict) -> Labels:
     """Return what a drive log calls its parts, and what its free runs and its ground say."""
-    extra = extra_of(verdict)
+    extra, wheels = extra_of(verdict), [wheel.name for wheel in verdict.model.rover.wheels]
     return Labels(
         "on runs it never saw",
         "runs",
         words_of,
-        partial(_placed, wheels=[wheel.name for wheel in verdict.model.rover.wheels]),
+        partial(with_wheels, wheels=wheels, form="{name}[wheel {wheel}]"),
         evidence=tuple(_describe_free_runs(extra.free) if verdict.named else ()),
         besides=extra.ground.sentence if extra.ground else "",
     )
-
-
-def _placed(text: str, wheels: Sequence[str]) -> str:
-    """Return a text with the wheel's name in the place of its number behind the name of a cause."""
-    return re.sub(r"(?<=\w)\[(\d+)\](?!\.)", lambda number: f"[wheel {wheels[int(number[1])]}]", text)
 
 
 def write_report(verdict: Verdict, log: DriveLog, out: Path) -> list[Path]:

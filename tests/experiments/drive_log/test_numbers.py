@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from rover_pin.contact import Soil
+from rover_pin.discrepancy.candidate import released_candidate
 from rover_pin.effects.differential_compliance import DifferentialCompliance
 from rover_pin.effects.hard_patch import HardPatch
 from rover_pin.effects.raw_current import RawCurrent
@@ -16,14 +17,7 @@ from rover_pin.effects.tether_drag import TetherDrag
 from rover_pin.effects.weak_motor import WeakMotor
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.experiments.drive_log.calibrate import raw_current_numbers, with_raw_currents
-from rover_pin.experiments.drive_log.candidates import (
-    _places,
-    candidate_of,
-    candidate_without_prior,
-    candidates,
-    sized,
-    variants,
-)
+from rover_pin.experiments.drive_log.candidates import _places, candidate_of, candidates, sized, variants
 from rover_pin.experiments.drive_log.parameters import owner_name, owners, parameter, with_record
 from rover_pin.rover.rover import load_rover
 from rover_pin.simulation.model.model import Model
@@ -171,7 +165,7 @@ def test_what_is_assumed_to_be_something_is_not_missing(e, declared, freed):
 
 def test_freed_number_and_effect_are_named_by_their_place():
     known, scale = Parameter("TachoScale[fl].e", 0.0, 0.01, -1.0, 1.0), TachoScale(e=0.0, wheel="fl")
-    one = candidate_without_prior(known, MODEL.having(scale))
+    one = released_candidate(known, owners(MODEL.having(scale)))
     assert (one.kind, one.place, one.amplitudes) == ("TachoScale", "fl", ("TachoScale[fl].e",))
     assert (one.effect, one.released) == (scale, known)
     patch = candidate_of(HardPatch(x_from=1.25))
