@@ -28,7 +28,6 @@ KEPT = ROOT / "studies" / "results" / "commands.toml"
 NUMBER = r"([-+]?[\d.]+(?:e[-+]?\d+)?)"
 WORD = r"[-+.\de]+"
 INTERVAL = rf"{NUMBER}[ \w]* \[{NUMBER}[ \w]*, {NUMBER}[ \w]*\]"
-BAND = rf"95 % in \[{NUMBER}, {NUMBER}\]"
 Patterns = dict[str, str]
 """What is printed, by the names of its groups, apart by a space; a number is kept as a number."""
 
@@ -53,24 +52,23 @@ COMMANDS: dict[str, tuple[tuple[str, ...], Patterns]] = {
     "paper_residuals": (("python studies/paper_residuals.py",), {
         "net sentences torque": rf"Table 1 breaks {NUMBER} of {NUMBER} in the net form, {NUMBER} in the torque",
     }),
-    "identify_wheel": (("rover-pin identify cmu-smooth-wheel --free k,phi,k_1",), {
-        "phi phi_low phi_high": rf"phi = {NUMBER} \+- {WORD} deg, [^:]*: depends on the assumed exit_ratio "
-        rf"\(it becomes {NUMBER} to {NUMBER} deg\)",
+    "identify_wheel": (("rover-pin identify cmu-smooth-wheel",), {
+        "phi phi_low phi_high exit_share":
+            rf"soil.phi = {INTERVAL}: its variance depends on the assumed soil.exit_ratio \({NUMBER}%\)",
         "pull": rf"drawbar pull: RMSE {NUMBER} N over 15 points",
         "K_eff known_low known_high":
             rf"K_eff = {NUMBER} kPa/m\^n [^\]]*\] sits away from {NUMBER} kPa/m\^n to {NUMBER} kPa",
     }),
-    "identify_both": (("rover-pin identify cmu-smooth-wheel cmu-smooth-wheel-skid --free k,phi,k_1",), {
-        "pull": rf"cmu-smooth-wheel: drawbar pull: RMSE {NUMBER} N over 15",
+    "identify_both": (("rover-pin identify cmu-smooth-wheel cmu-smooth-wheel-skid",), {
+        "pull": rf"drawbar pull: RMSE {NUMBER} N over 24",
     }),
     "identify_log": (("rover-pin identify steepening-slope",), {
-        "k k_low k_high": rf"k = {NUMBER} \+- {WORD} m, {BAND}",
-        "k_least k_most": rf"depends on the assumed theta_1 \(it becomes {NUMBER} to {NUMBER} m\)",
-        "phi phi_low phi_high": rf"phi = {NUMBER} \+- {WORD} deg, {BAND}",
-        "theta_1_low theta_1_high": rf"theta_1 = 35 deg \(declared with the data\), {NUMBER} to {NUMBER} deg",
+        "k k_low k_high theta_1_share":
+            rf"soil.k = {INTERVAL}: its variance depends on the declared soil.theta_1 \({NUMBER}%\)",
+        "phi phi_low phi_high": rf"soil.phi = {INTERVAL}",
     }),
     "table_1": (("python studies/identify_table1.py",), {
-        "k_low k_high phi_low phi_high": rf"net 50 (?:{WORD} ){{3}}{NUMBER} {NUMBER} {NUMBER} {NUMBER} none",
+        "k_low k_high phi_low phi_high": rf"net 50 {NUMBER} {NUMBER} {NUMBER} {NUMBER} {WORD} none",
     }),
     "transients": (("python studies/close_the_loop.py",), {
         "base": rf" base at once {NUMBER} ", "relaxing": rf"SlipSinkage relaxing {NUMBER} ",

@@ -137,7 +137,7 @@ LINES = {
     "curve --n=one": "--n = 'one'",
     "identify cmu-smooth-wheel --prior phi=30deg": "--prior phi=30deg",
     "identify cmu-smooth-wheel --prior phi=30deg:2": "--prior phi=30deg:2",
-    "identify cmu-smooth-wheel --prior phi=30:2": "prior.phi = 30 rad",
+    "identify cmu-smooth-wheel --prior phi=30:2": "soil.phi = 30 rad",
     "init gone.csv --r 45 --b 50": "Wheel.r = 45 m",
     "list soil": "'soil'",
     "list soils dry": "'dry'",
@@ -192,7 +192,7 @@ def test_units_are_read_alike_by_options_settings_and_python(run):
     assert bounds("--slope-deg", f"{math.radians(5.0)!r}rad", "--gravity", "162 cm/s²") == bounds(
         "--slope-deg", "5", "--gravity", "moon"
     )
-    options = "identify", "cmu-smooth-wheel", "--free", "k,phi", "--json"
+    options = "identify", "cmu-smooth-wheel", "--json"
     by_degrees, by_radians = (
         run(*options, "--prior", f"phi={mean}:{sd}")
         for mean, sd in (("30deg", "2deg"), (math.radians(30.0), math.radians(2.0)))

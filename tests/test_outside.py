@@ -20,7 +20,7 @@ from rover_pin.base.trust import Trust
 from rover_pin.cli.app import app
 from rover_pin.logs.drive_log import read_drive_log
 from rover_pin.loop.close import close_the_loop, read_data
-from rover_pin.measurements.reading import read_evidence
+from rover_pin.loop.data_check import measured_in
 from rover_pin.rover.description.layout import rover_folder
 from rover_pin.rover.rover import load_rover
 from rover_pin.rover.urdf_check import check_urdf
@@ -97,7 +97,7 @@ WAYS = {
         "ground.csv",
     ),
     "points": (lambda to, name, trust=Trust(): read_data(rig(to, "points", name), trust), "points.csv"),
-    "points of a fit": (lambda to, name, trust=Trust(): read_evidence(rig(to, "points", name), trust), "points.csv"),
+    "points of a fit": (lambda to, name, trust=Trust(): measured_in(rig(to, "points", name), trust), "points.csv"),
     "penetration": (lambda to, name, trust=Trust(): read_data(rig(to, "penetration", name), trust), "penetration.csv"),
     "terrain of a model": (
         lambda to, name, trust=Trust(): read_model(model(to, f'polyline = "{name}"'), trust=trust),
@@ -253,7 +253,7 @@ def test_large_tables_are_refused(tmp_path, monkeypatch):
     with (rig(tmp_path / "rig", "points", "points.csv") / "points.csv").open("r+b") as opened:
         opened.truncate(1 << 33)
     with pytest.raises(DataError, match=r"it.*256 MiB"):
-        read_evidence(tmp_path / "rig")
+        measured_in(tmp_path / "rig")
     np.savez_compressed(tmp_path / "set" / "grid.npz", x0=0, y0=0, dx=1, dy=1, z=np.zeros((2_000, 1_000)))
     monkeypatch.setattr(files, "arrays", partial(arrays, most=8 * MIB))
     log = read_drive_log(drive_log(tmp_path / "set", terrain='grid = "grid.npz"'))
@@ -264,7 +264,7 @@ def test_large_tables_are_refused(tmp_path, monkeypatch):
 def test_the_commands_take_trust(tmp_path, outside, monkeypatch):
     monkeypatch.chdir(tmp_path)
     folder = rig(tmp_path / "set", "points", "../outside/points.csv")
-    words = ["identify", str(folder), "--free", "k,phi", "--json"]
+    words = ["identify", str(folder), "--json"]
     assert isinstance(CliRunner().invoke(app, words).exception, DataError)
     assert CliRunner().invoke(app, [*words, "--trust"]).exit_code == 0
     with pytest.raises(DataError, match="lies outside"):

@@ -221,36 +221,33 @@ def identify(
             help="Folder with rig.toml or drive.toml, or CSV of slip, traction_factor, sd; several rig sets."
         ),
     ],
-    free: Annotated[str, typer.Option(help="Parameters to find, as k,phi,k_1; angles in rad.")] = "k,phi",
-    soil: SoilName = "",
     set_: Set = [],  # noqa: B006
-    prior: Annotated[list[str], typer.Option(help="NAME=MEAN:SD, what is known of a parameter, repeatable.")] = [],  # noqa: B006
+    prior: Annotated[list[str], typer.Option(help="NAME=MEAN:SD, what is known of a number, repeatable.")] = [],  # noqa: B006
     trust: Trusted = False,
     as_json: AsJson = False,
 ) -> None:
-    """Fit soil parameters to data, and say which the data tell.
+    """Fit the numbers of soil and wheel to data, and say which the data tell.
 
-    The rest is --set's, --soil's, the data's or Table 1's, each listed with what it moves within its range; k_1 is
-    uncertain where it decides and nothing measured it.
+    It is the loop's fit before anything is missing. --set holds a number, --prior states it; what is neither is as the
+    data declare it, or assumed, and each estimate says what it depends on.
     """
     from rover_pin.base.settings import Settings
-    from rover_pin.identification.one_sand import sand_of
-    from rover_pin.loop.data_check import checked_evidence
-    from rover_pin.loop.derived_points import derivation_inputs
-    from rover_pin.loop.identified import identified
-    from rover_pin.parameters import soil_named
+    from rover_pin.contact import Soil, Wheel
+    from rover_pin.loop.data_check import measured_in
+    from rover_pin.loop.identify import identify as identified
 
-    soil_values = {name.removeprefix("soil."): value for name, value in assignments(set_).items()}
-    request = Settings({f"soil.{name}": value for name, value in soil_values.items()})
-    start = soil_named(soil or "table-1")
-    changes = request.record("soil", start)
+    values = assignments(set_)
+    request = Settings({name if "." in name else f"soil.{name}": value for name, value in values.items()})
+    fixed = {
+        f"{owner}.{name}": value
+        for owner, record in (("soil", Soil()), ("wheel", Wheel()))
+        for name, value in request.record(owner, record).items()
+    }
     request.finish()
-    evidence, findings, drive = checked_evidence(data[0] if len(data) == 1 else tuple(data), Trust(everything=trust))
-    start = (start if soil else sand_of(evidence).declared_soil(start)).replace(**changes)
-    names = tuple(name.strip() for name in free.split(",") if name.strip())
+    measured, findings = measured_in(data[0] if len(data) == 1 else tuple(data), Trust(everything=trust))
+    result = identified(measured, priors(prior), fixed)
     for finding in findings:
         log.warning("%s", finding)
-    result = identified(evidence, start, names, priors(prior), frozenset(soil_values), derivation_inputs(drive))
     print(json_text(result.as_dict()) if as_json else result.report())
 
 

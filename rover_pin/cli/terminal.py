@@ -27,10 +27,10 @@ log = logging.getLogger(__name__)
 def priors(words: Iterable[str]) -> dict[str, Any]:
     """Return NAME=MEAN:SD words as priors by name."""
     from rover_pin.base.quantity import parse_quantity, quantities
-    from rover_pin.contact import Soil
-    from rover_pin.estimation.problem import Prior
+    from rover_pin.contact import Soil, Wheel
+    from rover_pin.estimation.parameter import Prior
 
-    result, units = {}, {name: spec.unit for name, spec in quantities(Soil).items()}
+    result, units = {}, {name: spec.unit for name, spec in (quantities(Soil) | quantities(Wheel)).items()}
     for word in words:
         name, _, value = word.partition("=")
         mean, sign, sd = value.partition(":")
@@ -38,7 +38,9 @@ def priors(words: Iterable[str]) -> dict[str, Any]:
         if not sign or bare[0] != bare[1]:
             raise ParameterError(f"--prior {word}: write it as NAME=MEAN:SD, as --prior n=1.1:0.1 or phi=30deg:2deg.")
         where = f"--prior {word}: {name}"
-        result[name] = Prior(*(parse_quantity(text, units.get(name, ""), where) for text in (mean, sd)))
+        result[name] = Prior(
+            *(parse_quantity(text, units.get(name.rpartition(".")[2], ""), where) for text in (mean, sd))
+        )
     return result
 
 

@@ -52,10 +52,8 @@ class LeastSquares(Protocol):
         """Return rows and their Jacobian at u."""
 
 
-def descend(
-    problem: LeastSquares, u: np.ndarray, fixed_index: int | None = None, gain: float = GAIN
-) -> tuple[np.ndarray, float]:
-    """Return the u and chi2 of the nearest minimum inside the bounds, with coordinate `fixed_index` fixed.
+def descend(problem: LeastSquares, u: np.ndarray, gain: float = GAIN) -> tuple[np.ndarray, float]:
+    """Return the u and chi2 of the nearest minimum inside the bounds.
 
     It ends where a full step would lower chi2 by less than `gain`, or three steps in a row did.
 
@@ -71,7 +69,7 @@ def descend(
         raise OptimisationError("the model has no finite value where the descent starts; start elsewhere.", status=0)
     radius, idle = 1.0, 0
     for _ in range(STEPS):
-        step, newton = _step(u, residual, jacobian, radius, (low, high, fixed_index))
+        step, newton = _step(u, residual, jacobian, radius, (low, high))
         if newton and _promised(residual, jacobian, step) < gain:
             return u, chi2
         trial = _bounded(u, step, low, high)
@@ -87,19 +85,13 @@ def descend(
 
 
 def _step(
-    u: np.ndarray,
-    residual: np.ndarray,
-    jacobian: np.ndarray,
-    radius: float,
-    limits: tuple[np.ndarray, np.ndarray, int | None],
+    u: np.ndarray, residual: np.ndarray, jacobian: np.ndarray, radius: float, limits: tuple[np.ndarray, np.ndarray]
 ) -> tuple[np.ndarray, bool]:
     """Return the best step of length `radius` or less that leaves no bound, and whether it is the full Newton step."""
-    low, high, fixed_index = limits
+    low, high = limits
     gradient = jacobian.T @ residual
     free = ~((u <= low) & (gradient > 0))
     free &= ~((u >= high) & (gradient < 0))
-    if fixed_index is not None:
-        free[fixed_index] = False
     while free.any():
         step = np.zeros(len(u))
         step[free], newton = _damped(jacobian[:, free], residual, radius)

@@ -1,7 +1,4 @@
-"""The fitted numbers of a model with their 95 % intervals: profiles where the fit is exact, else SDs about it.
-
-Of what was added the shape of chi2 along its numbers, too, all others fitted again.
-"""
+"""The fitted numbers of a model with their 95 % intervals, and the shape of chi2 along those of what was added."""
 
 from __future__ import annotations
 
@@ -14,18 +11,14 @@ from scipy.stats import chi2 as chi2_law
 
 from rover_pin.base.errors import OptimisationError
 from rover_pin.estimation import wording
-from rover_pin.estimation.covariance import covariance
-from rover_pin.estimation.exact import ExactProblem
 from rover_pin.estimation.fit import Fit, fit
 from rover_pin.estimation.noise import huber
-from rover_pin.estimation.profile import NORMAL_95, Best, Interval, LowerMinimum, Profile, interval
+from rover_pin.estimation.profile import NORMAL_95, Profile
 
 SURPRISE = 1e-3
 """A chi2 less probable than this by the stated noise means that more is left than the noise."""
 DRIFTED = 3.0
 """Prior SDs from which a number is said to sit away from what was known of it beforehand."""
-TURNS = 3
-"""Lower minima found by profiles that are followed."""
 AWAY = 5.0
 """Prior SDs beyond which a number has left what is declared of it."""
 SHARES = (-1.5, -1.0, -0.5, 0.5, 1.0, 1.5)
@@ -105,53 +98,6 @@ def implausible(fitted: Fit) -> tuple[str, ...]:
         for parameter, u in rows
         if parameter.prior and parameter.declared and abs(u) > AWAY
     )
-
-
-def numbers(fitted: Fit) -> tuple[Number, ...]:
-    """Return all free numbers of a fit, see `intervals`."""
-    return intervals(fitted)[1]
-
-
-def intervals(fitted: Fit) -> tuple[Fit, tuple[Number, ...]]:
-    """Return all free numbers with intervals, and the fit at the lowest minimum that was met on the way.
-
-    Profiles of chi2, all others refitted, where the fit is exact; else `Fit.spread` about the optimum.
-    """
-    if not fitted.task.experiment.is_exact:
-        return fitted, tuple(_about(fitted, at, float(sd)) for at, sd in enumerate(fitted.spread))
-    for _ in range(TURNS):
-        problem = ExactProblem(fitted.task, fitted.model, fitted.parameters)
-        best = Best(fitted.u, fitted.chi2, covariance(problem, fitted.u))
-        try:
-            return fitted, tuple(_profiled(fitted, problem, best, at) for at in range(len(fitted.u)))
-        except LowerMinimum as lower:
-            fitted = fit(fitted.task, fitted.model, fitted.parameters, lower.u)
-    spread = np.sqrt(np.diag(best.covariance))
-    return fitted, tuple(_about(fitted, at, float(sd)) for at, sd in enumerate(spread))
-
-
-def _profiled(fitted: Fit, problem: ExactProblem, best: Best, at: int) -> Number:
-    try:
-        ends = interval(problem, best, at)
-    except OptimisationError:
-        return _about(fitted, at, float(np.sqrt(best.covariance[at, at])))
-    return _number(fitted, at, ends)
-
-
-def _about(fitted: Fit, at: int, sd: float) -> Number:
-    (low, high), u, half = fitted.parameters[at].bounds, float(fitted.u[at]), NORMAL_95 * sd
-    return _number(fitted, at, Interval(max(u - half, low), min(u + half, high), u - half > low, u + half < high))
-
-
-def _number(fitted: Fit, at: int, ends: Interval) -> Number:
-    parameter, u = fitted.parameters[at], float(fitted.u[at])
-    unit = fitted.task.experiment.quantity(fitted.model, parameter.name).unit
-    low, high = sorted((parameter.value(ends.low), parameter.value(ends.high)))
-    stuck = min(u - parameter.bounds[0], parameter.bounds[1] - u) <= AT_BOUND
-    covered = (ends.high - ends.low) / (parameter.bounds[1] - parameter.bounds[0])
-    drift, closed = u if parameter.prior else math.nan, ends.closed_low and ends.closed_high
-    prior_facts = (parameter.beforehand, covered, parameter.declared, parameter.source)
-    return Number(parameter.name, unit, parameter.value(u), low, high, drift, closed, stuck, *prior_facts)
 
 
 def profiles(fitted: Fit, names: tuple[str, ...]) -> tuple[Profile, ...]:

@@ -8,12 +8,29 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rover_pin.base.errors import ParameterError
+
 MOST_EXPONENT = 700.0
 """Greatest exponent of which a float holds the exponential; beyond every bound."""
 FD = 0.3
 """Step of u for a derivative, where nothing else is said."""
 LEAST = 1e-6
 """Share of its origin at which a number on a logarithm stops that may fall to 0."""
+
+
+@dataclass(frozen=True)
+class Prior:
+    """What is known of a number without these data: a normal distribution, in its unit (SI)."""
+
+    mean: float
+    sd: float
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.mean) and math.isfinite(self.sd) and self.sd > 0):
+            raise ParameterError(
+                f"Prior({self.mean:g}, {self.sd:g}) needs a finite mean and a positive sd; to hold a number exactly, "
+                "set it."
+            )
 
 
 @dataclass(frozen=True)

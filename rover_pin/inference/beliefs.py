@@ -71,6 +71,10 @@ class Hypothesis(Protocol):
         """Its numbers."""
 
     @property
+    def posterior(self) -> Any:
+        """Mean and covariance of its numbers' u."""
+
+    @property
     def fit(self) -> Fit:
         """The fit of its numbers, of an estimate that of a smaller set."""
 

@@ -5,23 +5,26 @@ from __future__ import annotations
 from pathlib import Path
 from typing import NamedTuple
 
-from rover_pin.base.files.paths import is_file
-from rover_pin.base.files.samples import data_path
+from rover_pin.base.errors import DataError
+from rover_pin.base.files.paths import is_file, is_folder
+from rover_pin.base.files.samples import closest_samples, data_path
 from rover_pin.base.trust import Trust
+from rover_pin.discrepancy.standalone import Standalone
 from rover_pin.experiments.drive_log.checks.log import check as check_log
 from rover_pin.experiments.drive_log.checks.log import data_findings
 from rover_pin.experiments.drive_log.checks.log import refuse_unfit as refuse_log
+from rover_pin.experiments.joint_rig.experiment import JointRig
 from rover_pin.experiments.joint_rig.sets import read_joint
+from rover_pin.experiments.traction_factors import TractionFactors
 from rover_pin.experiments.wheel_rig.checks import findings, refuse_unfit, too_poor
-from rover_pin.experiments.wheel_rig.data import RigSet
+from rover_pin.experiments.wheel_rig.data import RIG_FILE, RigSet, read_rig_set
 from rover_pin.experiments.wheel_rig.experiment import RigExperiment, as_declared
+from rover_pin.logs.drive_log import FILE as LOG_FILE
 from rover_pin.logs.drive_log import DriveLog, read_drive_log
 from rover_pin.loop.close import read_data
-from rover_pin.measurements.channel import Evidence
-from rover_pin.measurements.drive_points import points_of_log
+from rover_pin.loop.derived_points import factors_of
 from rover_pin.measurements.finding import Finding
-from rover_pin.measurements.reading import read_evidence, refuse_beyond_soil
-from rover_pin.measurements.wheel_rig import WheelRig
+from rover_pin.measurements.rig_physics import refuse_impossible
 
 
 class DataCheck(NamedTuple):
@@ -55,44 +58,52 @@ def check_data(folder: str | Path, trust: Trust = Trust()) -> DataCheck:
     return DataCheck("wheel-rig", _holds(data), tuple(findings(data)), too_poor(data, len(uncertain)))
 
 
+Measured = RigSet | JointRig | Standalone
+"""Data to whose base model numbers can be fitted."""
+
+
 class Checked(NamedTuple):
-    """Measured data to fit parameters to."""
+    """Measured data to fit numbers to, and what their check found."""
 
-    evidence: Evidence | tuple[WheelRig, ...]
-    "one set, or several in one sand"
+    data: Measured
     findings: tuple[Finding, ...]
-    "what their check found"
-    drive: DriveLog | None
-    "the log, where they are the points of one"
 
 
-def checked_evidence(path: str | Path | tuple[str | Path, ...], trust: Trust = Trust()) -> Checked:
-    """Return measured data to fit parameters to, and what their check found: a drive log is refused as by the loop.
-
-    What the loop alone lacks, as excitation that tells effects apart, is not among the findings.
+def measured_in(path: str | Path | tuple[str | Path, ...], trust: Trust = Trust()) -> Checked:
+    """Return measured data to fit numbers to, and what their check found.
 
     Parameters
     ----------
     path : str, Path or tuple of them
-        As `read_evidence` takes it; several are rig sets in one sand, of which a run that is in two is used once.
+        A folder with rig.toml; one with drive.toml, of which the traction factors are taken; a CSV file of slip,
+        traction_factor and sd; the name of a sample. Several are rig sets in one sand.
 
     Raises
     ------
     DataError
-        What `read_evidence` refuses, a drive log that would mislead whatever the model, and what `read_joint` refuses
-        of several.
+        None of these, or data that mislead whatever the model.
     """
     if isinstance(path, tuple):
         joint = read_joint([data_path(folder) for folder in path], trust)
-        for name, data in joint.sets.items():
-            refuse_beyond_soil(data.rig, name)
-        return Checked(tuple(data.rig for data in joint.sets.values()), joint.twice, None)
+        for data in joint.sets.values():
+            refuse_impossible(data.rig)
+        return Checked(joint, joint.twice)
     path = data_path(path)
-    if is_file(path / "rig.toml") or not is_file(path / "drive.toml"):
-        return Checked(read_evidence(path, trust), (), None)
-    drive = read_drive_log(path, trust)
-    refuse_log(drive)
-    return Checked(points_of_log(drive), data_findings(drive), drive)
+    if is_file(path / RIG_FILE):
+        data = read_rig_set(path, trust)
+        refuse_unfit(data)
+        return Checked(data, tuple(findings(data)))
+    if is_file(path / LOG_FILE):
+        drive = read_drive_log(path, trust)
+        refuse_log(drive)
+        return Checked(factors_of(drive), data_findings(drive))
+    if is_file(path):
+        return Checked(TractionFactors.read(path), ())
+    absent = "" if is_folder(path) else "there is no such file or folder; "
+    raise DataError(
+        f"{path}: {absent}give a folder with {RIG_FILE} (wheel rig) or {LOG_FILE} (drive log), or a CSV file with the "
+        f"columns slip, traction_factor, sd.{closest_samples(path)}"
+    )
 
 
 def _holds(data: RigSet) -> str:

@@ -1,18 +1,20 @@
-"""What traction points of a drive log were worked out with: motor, loads and the lag of slip, each with its doubt."""
+"""A drive log as traction factors by slip, and what moves the points that were worked out of it: motor and lag."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from functools import partial
-from typing import Any
+from collections.abc import Iterator
 
-from rover_pin.base.quantity import declared_sds, quantities, record_from
+import numpy as np
+
+from rover_pin.base.quantity import Record, declared_sds, quantities, record_from
+from rover_pin.discrepancy.standalone import Parts
 from rover_pin.effects.slip import RelaxedSlip
-from rover_pin.experiments.drive_log.model import MOTOR_SD
-from rover_pin.identification.result import Held
+from rover_pin.estimation.parameter import Parameter, declared_in
+from rover_pin.experiments.drive_log.model import MOTOR_SD, usual_soil
+from rover_pin.experiments.traction_factors import Shift, TractionFactors
 from rover_pin.logs.drive_log import DriveLog
-from rover_pin.measurements.drive_points import IN_POINTS, SAMPLING, drive_points
-from rover_pin.measurements.known import ASSUMED, DECLARED_SD, range_of
+from rover_pin.measurements.drive_points import IN_POINTS, SAMPLING, drive_points, points_of_log
+from rover_pin.measurements.known import DECLARED_SD
 from rover_pin.measurements.traction_points import TractionPoints
 from rover_pin.simulation.model.defaults import usual_slip
 from rover_pin.simulation.model.motor import Motor
@@ -20,51 +22,63 @@ from rover_pin.simulation.model.motor import Motor
 OF_MOTOR = ("supply", "resistance", "k_t", "gear")
 
 
-def derivation_inputs(log: DriveLog | None) -> tuple[Held, ...]:
-    """Return the numbers with which a drive log's points were worked out; nothing for data that are of no log.
+def factors_of(log: DriveLog) -> TractionFactors:
+    """Return the traction factors of a drive log that declares its [motor], as section 4 of the paper takes them.
 
-    A number whose error is not in the points' own moves them: its ends are the points worked out again.
+    Raises
+    ------
+    DataError
+        What `points_of_log` refuses.
     """
-    if log is None:
-        return ()
+    points = points_of_log(log)
     motor = record_from(Motor, log.metadata.motor, f"{log.folder}: [motor]")
-    return (*_of_motor(log, motor), *_of_lag(log, motor), *_of_loads(log))
-
-
-def _of_motor(log: DriveLog, motor: Motor) -> Iterator[Held]:
-    """Yield the motor's constants; supply and k_t that state no SD share that of resistance and gear."""
-    table: Mapping[str, Any] = log.metadata.motor
-    sds = declared_sds(table, Motor, f"{log.folder}: [motor]")
-    for name in OF_MOTOR:
-        value, spec = float(getattr(motor, name)), quantities(motor)[name]
-        source = "declared with the data" if name in table else spec.source
-        row = partial(Held, f"motor.{name}", spec.unit, value, source)
-        if name in sds and name in IN_POINTS:
-            yield row(value, value, f"its declared SD, {sds[name] / value:.2g} of it, is in the points' errors")
-        elif name not in sds and name not in MOTOR_SD:
-            yield row(value, value, f"in the doubt of {'resistance' if name == 'supply' else 'gear'}")
-        else:
-            sd = sds.get(name, MOTOR_SD.get(name, 0.0) * value)
-            low, high = range_of(value, sd)
-            ends = (_again(log, motor.replace(**{name: low})), _again(log, motor.replace(**{name: high})))
-            yield row(low, high, "its declared SD" if name in sds else ASSUMED, ends)
-
-
-def _of_lag(log: DriveLog, motor: Motor) -> Iterator[Held]:
     lag = usual_slip(log.load_rover())
-    for name, spec in quantities(lag).items():
+    soil = usual_soil(log.load_rover()).replace(**points.declared)
+    declared = Parts({"soil": soil, "wheel": points.wheel, "motor": motor, "RelaxedSlip": lag})
+    shifts = (*_of_motor(log, motor, points), *_of_lag(log, motor, lag, points))
+    return TractionFactors(points, declared, shifts, log.metadata.name)
+
+
+def _of_motor(log: DriveLog, motor: Motor, points: TractionPoints) -> Iterator[Shift]:
+    """Yield the motor's constants whose error is not among those that the points share."""
+    sds = declared_sds(log.metadata.motor, Motor, f"{log.folder}: [motor]")
+    for name in OF_MOTOR:
+        value = float(getattr(motor, name))
+        sd = sds.get(name, MOTOR_SD.get(name, 0.0) * value)
+        if sd > 0.0 and not (name in sds and name in IN_POINTS):
+            source = declared_in("motor", name, log.metadata.motor, sds)
+            number = _number("motor", motor, name, sd, source)
+            yield Shift(number, _moved(drive_points(log, motor.replace(**{name: value + sd})), points))
+
+
+def _of_lag(log: DriveLog, motor: Motor, lag: RelaxedSlip, points: TractionPoints) -> Iterator[Shift]:
+    """Yield length and damping of the lag of the slip, which nobody declares."""
+    for name in quantities(lag):
         value = float(getattr(lag, name))
-        low, high = range_of(value, DECLARED_SD, relative=True)
-        ends = (_again(log, motor, lag.replace(**{name: low})), _again(log, motor, lag.replace(**{name: high})))
-        yield Held(f"RelaxedSlip.{name}", spec.unit, value, spec.source, low, high, ASSUMED, ends)
+        sd = DECLARED_SD * value
+        if sd > 0.0:
+            moved = drive_points(log, motor, SAMPLING, lag.replace(**{name: value + sd}))
+            yield Shift(_number("RelaxedSlip", lag, name, sd, ""), _moved(moved, points))
 
 
-def _of_loads(log: DriveLog) -> Iterator[Held]:
-    mass, g = float(log.load_rover().mass), float(log.metadata.gravity)
-    share = f"{SAMPLING.load_error:.0%} of all loads is in the points' errors (assumed)"
-    yield Held("gravity", "m/s^2", g, "the log's", g, g, "exact")
-    yield Held("mass", "kg", mass, f"the rover's, '{log.metadata.rover}'", mass, mass, share)
+def _number(owner: str, record: Record, name: str, sd: float, declared: str) -> Parameter:
+    spec = quantities(record)[name]
+    source = declared or f"assumed: {spec.source.removeprefix('assumed: ')}"
+    value, bounds = float(getattr(record, name)), (float(spec.low), float(spec.high))
+    return Parameter(f"{owner}.{name}", value, sd, *bounds, declared=bool(declared), source=source)
 
 
-def _again(log: DriveLog, motor: Motor, lag: RelaxedSlip | None = None) -> Callable[[], TractionPoints]:
-    return partial(drive_points, log, motor, lag=lag)
+def _moved(moved: TractionPoints, points: TractionPoints) -> np.ndarray:
+    """Return what a model must add to its factor at each point where the log was read with a wrong number.
+
+    The points of the right number are higher by their difference; each is compared with the nearest of them by slip
+    and load, which is as a rule of the same class.
+    """
+    places = [np.column_stack([each.slip * SAMPLING.levels, _log_load(each)]) for each in (points, moved)]
+    distance = np.linalg.norm(places[0][:, None] - places[1][None], axis=2)
+    return np.asarray(points.factor - moved.factor[distance.argmin(axis=1)])
+
+
+def _log_load(points: TractionPoints) -> np.ndarray:
+    loads = points.loads
+    return np.log(loads) / SAMPLING.loads if loads.size else np.zeros(len(points.slip))

@@ -62,11 +62,7 @@ def on_sets(joint: JointRig, kinds: Sequence[type], progress: Progress, seed: in
     data_findings = tuple(_findings(joint))
     if poor:
         return Verdict("wheel-rig", Answer.CANNOT_TELL, joint.name, poor, model, findings=data_findings)
-    numbers = joint.uncertain(model)
-    question = Question(
-        "wheel-rig", joint.name, joint, model, numbers, lambda base: joint.candidates(base.model, kinds)
-    )
-    verdict = concluded(question, progress, seed)
+    verdict = concluded(question_of(joint, kinds), progress, seed)
     tried = [candidate.effect for candidate in joint.candidates(model, kinds)]
     assert verdict.before is not None
     extra = JointExtra(tuple(_errors(joint, verdict)), describe_declared(joint.declared, tried, model.effects))
@@ -74,6 +70,13 @@ def on_sets(joint: JointRig, kinds: Sequence[type], progress: Progress, seed: in
     reference_flags = flags(as_rig_set(joint.declared), verdict.model.soil, float(joint.declared.wheel.b), fitted)
     against = (*of_parameters((), reference_flags), *verdict.cautions, *_losses(extra.sets))
     return dataclasses.replace(verdict, extra=extra, findings=data_findings, cautions=against)
+
+
+def question_of(joint: JointRig, kinds: Sequence[type]) -> Question:
+    """Return what is asked of several sets: which of these kinds of effects one model of all lacks."""
+    model = joint.base_model()
+    numbers = joint.uncertain(model)
+    return Question("wheel-rig", joint.name, joint, model, numbers, lambda base: joint.candidates(base.model, kinds))
 
 
 def _findings(joint: JointRig) -> list[Finding]:

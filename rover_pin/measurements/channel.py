@@ -1,25 +1,16 @@
-"""What every kind of evidence offers a fit: measured channels with their noise, and a prediction with its Jacobian."""
+"""Measured channels with their noise, and what a wheel's forces predict of each."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar
 
 import numpy as np
 
-from rover_pin.base.quantity import quantities
-from rover_pin.contact import Scalar, Soil, Wheel
+from rover_pin.contact import Scalar, Wheel
 from rover_pin.measurements.checks import column, positive, same_length
-from rover_pin.measurements.known import Known
 from rover_pin.soil.sinkage import sinkage
 from rover_pin.soil.traction import WheelForces
-
-FIELDS: tuple[str, ...] = (*quantities(Wheel), *quantities(Soil))
-"""Every parameter that can be free, in the order in which a predictor takes them."""
-
-Predictor = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
-"""Values of `FIELDS` -> predictions [m] and their Jacobian with respect to the free ones [m, p], channel by channel."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,42 +143,3 @@ class VerticalMoment(SidewaysChannel):
 
 RIG_CHANNELS: tuple[type[RigChannel], ...] = (DrawbarPull, Torque, Sinkage, SideForce, VerticalMoment)
 """The channels of a rig, in the order in which they are read and predicted."""
-
-
-class Evidence(Protocol):
-    """One measured data set. A fit takes any number of them."""
-
-    tells: ClassVar[frozenset[str]]
-    "the parameters that this kind of data can tell at all"
-    data_kind: ClassVar[str]
-    "what was measured, in words"
-
-    @property
-    def wheel(self) -> Wheel:
-        """The wheel that was used."""
-
-    @property
-    def channels(self) -> tuple[Channel, ...]:
-        """The measured channels."""
-
-    @property
-    def declared(self) -> Mapping[str, float]:
-        """Soil constants that come with the data, by name (SI)."""
-
-    @property
-    def doubts(self) -> Mapping[str, float]:
-        """The SDs that are stated with them, by name (SI)."""
-
-    @property
-    def known_ranges(self) -> Mapping[str, Known]:
-        """What the data say of the range of a number, by name: of the wheel's sizes, or by another measurement."""
-
-    def declared_soil(self, soil: Soil) -> Soil:
-        """Return `soil` with what the data declare of it."""
-
-    @property
-    def loads(self) -> np.ndarray:
-        """Vertical loads [N]; empty where the data do not depend on the load."""
-
-    def predictor(self, free: tuple[str, ...]) -> Predictor:
-        """Return the model of these data, with derivatives with respect to the `free` ones of `FIELDS`."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,15 +12,12 @@ import numpy as np
 from rover_pin.base.errors import DataError
 from rover_pin.base.jobs.time_left import telling
 from rover_pin.base.quantity import declared_sds, record_from
-from rover_pin.base.trust import Trust
 from rover_pin.contact import Soil
 from rover_pin.effects.slip import RelaxedSlip
-from rover_pin.logs.drive_log import DriveLog, read_drive_log
-from rover_pin.measurements.known import UNDECLARED_SD
+from rover_pin.logs.drive_log import DriveLog
 from rover_pin.measurements.steady_windows import Steady, Window, steady_windows
 from rover_pin.measurements.traction_points import TractionPoints
-from rover_pin.rover.rover import Rover
-from rover_pin.simulation.model.defaults import has_papers_wheel, own_soil, usual_angles, usual_slip
+from rover_pin.simulation.model.defaults import usual_angles, usual_slip
 from rover_pin.simulation.model.motor import Motor
 from rover_pin.soil.angles import SinkageAngles
 from rover_pin.soil.traction import TorqueTraction
@@ -50,11 +46,6 @@ class Sampling:
 SAMPLING = Sampling()
 IN_POINTS = ("gear", "k_t")
 """Motor constants whose declared SD is an error that all points share: their product is the torque's constant."""
-
-
-def read_drive_points(folder: str | Path, sampling: Sampling = SAMPLING, trust: Trust = Trust()) -> TractionPoints:
-    """Return the traction points of the drive log in `folder`, which must declare its [motor]."""
-    return points_of_log(read_drive_log(folder, trust), sampling)
 
 
 def points_of_log(log: DriveLog, sampling: Sampling = SAMPLING) -> TractionPoints:
@@ -114,33 +105,14 @@ def drive_points(
             "constant duty, over slopes that change the slip."
         )
     slip, factor, sd, *others = points_of(classes, sampling, torque_constant_sd(log.metadata.motor)).T
-    declared, doubts = declared_soil(log, rover)
+    where, table = f"{log.folder}: [soil]", log.metadata.soil
+    constants, doubts = record_from(Soil, table, where), declared_sds(table, Soil, where)
+    declared = {name: float(getattr(constants, name)) for name in table}
     slip_sd, shared, slip_shared, load = others
     shared_errors = (slip_sd, shared, slip_shared)
     return TractionPoints(
-        slip, factor, sd, rover.wheel, TorqueTraction(), angles, *shared_errors, load, declared, doubts,
-        sized_soil(log, rover),
+        slip, factor, sd, rover.wheel, TorqueTraction(), angles, *shared_errors, load, declared, doubts
     )  # fmt: skip
-
-
-def declared_soil(log: DriveLog, rover: Rover) -> tuple[dict[str, float], dict[str, float]]:
-    """Return the soil constants of a log's [soil], and the SDs that it states.
-
-    A wheel that is not the paper's needs a k_1 that carries it: one that is not declared is `own_soil`'s.
-    """
-    where, table = f"{log.folder}: [soil]", log.metadata.soil
-    soil = record_from(Soil, table, where)
-    constants, doubts = {name: getattr(soil, name) for name in table}, declared_sds(table, Soil, where)
-    if not sized_soil(log, rover):
-        return constants, doubts
-    k_1 = float(own_soil(rover).value.k_1)
-    return {"k_1": k_1, **constants}, {"k_1": UNDECLARED_SD * k_1, **doubts}
-
-
-def sized_soil(log: DriveLog, rover: Rover) -> str:
-    """Return how k_1 was chosen where the log declares no modulus and the wheel is not the paper's, else nothing."""
-    declared = {"k_1", "k_2"}.intersection(log.metadata.soil)
-    return "" if has_papers_wheel(rover) or declared else "; ".join(own_soil(rover).assumed) or "the rover's own soil"
 
 
 def instrumented(windows: Sequence[Window], length: float, lag: RelaxedSlip) -> list[tuple[float, Window]]:

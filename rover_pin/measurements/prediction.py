@@ -11,7 +11,9 @@ import numpy as np
 
 from rover_pin.base.quantity import quantities
 from rover_pin.contact import Soil, Wheel
-from rover_pin.measurements.channel import FIELDS
+
+FIELDS: tuple[str, ...] = (*quantities(Wheel), *quantities(Soil))
+"""Every constant that can be free, in the order in which a prediction takes them."""
 
 
 class Law(Hashable, Protocol):
@@ -55,8 +57,8 @@ class CompiledPrediction:
         for index, value in self._own.items():
             self._fields[index] = value
         self._evaluate()
-        free = self._jacobian.shape[1]
-        return self._values.T.flatten(), np.array(self._jacobian.transpose(2, 0, 1)).reshape(-1, free)
+        values = self._values.T.flatten()
+        return values, np.array(self._jacobian.transpose(2, 0, 1)).reshape(values.size, self._jacobian.shape[1])
 
 
 @lru_cache(maxsize=64)

@@ -17,7 +17,6 @@ from rover_pin.base.public import brief
 from rover_pin.base.trust import Trust
 from rover_pin.contact import Soil, Wheel
 from rover_pin.measurements.checks import column
-from rover_pin.measurements.known import Known
 from rover_pin.soil.angles import SinkageAngles
 from rover_pin.soil.traction import wheel_forces
 
@@ -117,37 +116,6 @@ def exponent(trials: tuple[Trial, ...], wheel: Wheel) -> float:
         return float(sum(residual @ residual for residual in residuals))
 
     return float(minimize_scalar(misfit, bounds=EXPONENTS, method="bounded", options={"xatol": 1e-3}).x)
-
-
-def pressed_known(trials: tuple[Trial, ...], wheel: Wheel, n: float, n_declared: bool) -> dict[str, Known]:
-    """Return what trials say of k_1 (then all of k_1 + k_2 b) and, unless it is stated, of n, with their spread.
-
-    The modulus belongs to its exponent: where n moves, k_1 is what the trials say at that n. Both are granted 10 %.
-    """
-    b, source = float(wheel.b), f"the same wheel pressed in without turning, {len(trials)} trials"
-
-    def pressure(n: float) -> np.ndarray:
-        return np.asarray(press(trials, wheel, n).moduli * b**n)
-
-    pressures = pressure(n)
-    range_source = f"between the trials, and {ASSUMED_UNCERTAINTY:.0%}"
-    known_ranges = {
-        "k_1": Known(
-            source,
-            (1 - ASSUMED_UNCERTAINTY) * float(pressures.min()),
-            (1 + ASSUMED_UNCERTAINTY) * float(pressures.max()),
-            range_source,
-        )
-    }
-    if not n_declared:
-        exponents = [exponent((trial,), wheel) for trial in trials]
-        low, high = (
-            max((1 - ASSUMED_UNCERTAINTY) * min(exponents), EXPONENTS[0]),
-            min((1 + ASSUMED_UNCERTAINTY) * max(exponents), EXPONENTS[1]),
-        )
-        along = ({"k_1": float(pressure(end).mean())} for end in (low, high))
-        known_ranges["n"] = Known(source, low, high, range_source, *along)
-    return known_ranges
 
 
 def _modulus(trial: Trial, unit: np.ndarray) -> float:

@@ -7,9 +7,8 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, ClassVar, Self
+from typing import Any, Self
 
-import casadi as ca
 import numpy as np
 import pandas as pd
 
@@ -19,11 +18,10 @@ from rover_pin.base.public import brief
 from rover_pin.base.quantity import declared_sds, quantities, record_from
 from rover_pin.base.trust import Trust
 from rover_pin.contact import Soil, Wheel
-from rover_pin.measurements.channel import FIELDS, RIG_CHANNELS, Predictor, RigChannel, Sinkage
+from rover_pin.measurements.channel import RIG_CHANNELS, RigChannel, Sinkage
 from rover_pin.measurements.checks import column, depths, positive, same_length, slips
-from rover_pin.measurements.known import Known, declared_ranges, stated_ranges
-from rover_pin.measurements.prediction import CompiledPrediction
-from rover_pin.measurements.pressed import Trial, declared_trials, exponent, press, pressed_known
+from rover_pin.measurements.known import stated_ranges
+from rover_pin.measurements.pressed import Trial, declared_trials, exponent, press
 from rover_pin.measurements.rig_errors import RigErrors, dimension_sds, stated_errors
 from rover_pin.measurements.rig_file import (
     ANGLE,
@@ -36,35 +34,12 @@ from rover_pin.measurements.rig_file import (
     rim_of,
 )
 from rover_pin.parameters.bekker import bekker
-from rover_pin.soil.sinkage import fitted_entry_angle
-from rover_pin.soil.traction import wheel_forces
+
+SAME_LOAD = 1.5
+"""Loads within this ratio count as one: they move the share of c in the strength too little."""
 
 STRAIGHT = 0.01
 """Slip angle [rad] up to which a wheel runs straight, and its side force is not looked at."""
-
-
-@dataclass(frozen=True)
-class RigLaw:
-    """Channels of a wheel that carries a load: theta_1 balances f_n against it, theta_2 = -exit_ratio theta_1."""
-
-    kinds: tuple[type[RigChannel], ...]
-
-    def build(self, condition: Any, wheel: Wheel, soil: Soil, free: Any) -> tuple[Any, Any]:
-        """Return the channels at (load, slip ratio) and their Jacobian; NaN where no theta_1 carries the load.
-
-        The derivative of theta_1 comes from the balance it solves, d theta_1 = -(d ln f_n / d free) / (d ln f_n / d
-        theta_1), which is exact at the solution and a fifth of the work of differentiating the iteration.
-        """
-        load, S = condition[0], condition[1]
-        theta_1 = ca.SX.sym("theta_1")
-        forces = wheel_forces(S, theta_1, -soil.exit_ratio * theta_1, wheel, soil)
-        values = ca.vertcat(*(kind.predicted(forces, theta_1, wheel) for kind in self.kinds))
-        balance = ca.log(forces.f_n)
-        turning = -ca.jacobian(balance, free) / ca.jacobian(balance, theta_1)
-        jacobian = ca.jacobian(values, free) + ca.mtimes(ca.jacobian(values, theta_1), turning)
-        solved = fitted_entry_angle(load, S, wheel, soil)
-        values, jacobian = ca.substitute([values, jacobian], [theta_1], [solved])
-        return values, jacobian
 
 
 @brief
@@ -118,9 +93,6 @@ class WheelRig:
     trials: tuple[Trial, ...] = ()
     beside: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
 
-    tells: ClassVar[frozenset[str]] = frozenset(FIELDS) - {"theta_1", "theta_2"}
-    data_kind: ClassVar[str] = "a wheel rig, whose arc follows from the load"
-
     def __post_init__(self) -> None:
         slip = column(self.slip, "slip", self.name)
         load = column(np.atleast_1d(self.load), "load", self.name)
@@ -149,11 +121,6 @@ class WheelRig:
     def loads(self) -> np.ndarray:
         """Vertical loads [N]."""
         return np.asarray(self.load)
-
-    def predictor(self, free: tuple[str, ...]) -> Predictor:
-        """Return the channels and their Jacobian at the measured slips and loads."""
-        law = RigLaw(tuple(type(channel) for channel in self.channels))
-        return CompiledPrediction(law, np.column_stack([self.load, self.slip]), self.wheel, free)
 
     def only(self, *kinds: type[RigChannel]) -> Self:
         """Return the set with these channels only."""
@@ -187,17 +154,6 @@ class WheelRig:
             return soil
         k_1, k_2 = bekker(self.declared["k_c"], self.declared["k_phi"], soil.n, self.wheel.b)
         return soil.replace(k_1=k_1, k_2=k_2)
-
-    @property
-    def known_ranges(self) -> Mapping[str, Known]:
-        """The wheel's sizes, soil constants that state a range, and n and k_1 where the wheel was pressed in."""
-        ranged_constants = {name: self.declared[name] for name in self.wheel_range if name in self.declared}
-        sds = {name: sd for name, sd in self.doubts.items() if name in ranged_constants}
-        sds |= {name.removeprefix("wheel."): sd for name, sd in self.error_sd.items()}
-        declared = declared_ranges({**self.wheel.values(), **ranged_constants}, self.wheel_range, sds)
-        if not self.trials:
-            return declared
-        return {**declared, **pressed_known(self.trials, self.wheel, self._pressed_n, n_declared="n" in self.declared)}
 
     @cached_property
     def _pressed_n(self) -> float:

@@ -1,6 +1,4 @@
-"""Time of one rig identification: exact CasADi Jacobians against scipy's 2-point differences, in the same run.
-
-The differences are given a model compiled with a single column of the Jacobian, the least that compiles.
+"""Time of one rig fit: exact CasADi Jacobians against scipy's 2-point differences, in the same run.
 
 Run: python studies/benchmarks/identification.py [--quick] [--repeats N]
 """
@@ -13,20 +11,17 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from scipy.optimize import OptimizeResult, least_squares
+from scipy.optimize import least_squares
 
-from rover_pin.contact import Soil, Wheel
-from rover_pin.estimation.problem import Problem
-from rover_pin.identification.identify import Search, build, identify
-from rover_pin.measurements.channel import DrawbarPull, Predictor, Sinkage, Torque
-from rover_pin.measurements.wheel_rig import WheelRig, read_wheel_rig
-from rover_pin.soil.sinkage import entry_angle, sinkage
-from rover_pin.soil.traction import wheel_forces
+from rover_pin.estimation.exact import ExactProblem
+from rover_pin.estimation.task import Task
+from rover_pin.experiments.wheel_rig.data import RigSet, read_rig_set
+from rover_pin.experiments.wheel_rig.experiment import RigExperiment, as_declared
+from rover_pin.loop.identify import identify
 
 DATA = Path(__file__).parents[1] / "data"
-TRUTH, START = Soil(k=0.008, phi=0.55, n=1.1, c=400.0, k_1=8e4), Soil(k=0.01, n=0.9, c=100.0)
-FREE = ("k", "phi", "c", "n", "k_1")
-GOAL = 0.2
+GOAL = 0.5
+SETS = ("cmu-smooth-wheel", "ding-2011-lugged")
 
 
 def main() -> None:
@@ -35,54 +30,30 @@ def main() -> None:
     parser.add_argument("--repeats", type=int, default=20)
     options = parser.parse_args()
     repeats = 2 if options.quick else options.repeats
-    smooth = read_wheel_rig(DATA / "cmu-smooth-wheel")
-    cases = {
-        "simulated rig, 3 loads, 21 runs, F + T + h, 5 free": (simulated(), START, FREE),
-        "smooth wheel, 15 runs, F + h, 3 free": (smooth, Soil(c=0.0, k=0.005, n=1.46), ("k", "phi", "k_1")),
-    }
-    for name, (data, start, free) in cases.items():
-        report(name, data, start, free, repeats)
+    for name in SETS:
+        report(name, read_rig_set(DATA / name), repeats)
 
 
-def report(name: str, data: WheelRig, start: Soil, free: tuple[str, ...], repeats: int) -> None:
-    compiled = seconds(lambda: build(data, start, free, {}), 1)
-    problem = build(data, start, free, {})
-    plain = data.predictor(free[:1])
-    exact = lambda: solve(problem, lambda u: problem.evaluate(u)[0], lambda u: problem.evaluate(u)[1])  # noqa: E731
-    differences = lambda: solve(problem, lambda u: weighted(problem, plain, u), "2-point")  # noqa: E731
-    print(name)
-    print(f"  compile, once a process                          {1000 * compiled:8.1f} ms")
-    for label, run in (("CasADi Jacobian", exact), ("scipy 2-point Jacobian", differences)):
-        found = run()
-        told = f"chi2 {2 * found.cost:.8g}, {found.nfev} steps"
-        print(f"  one start, least_squares, {label:23s}{1000 * seconds(run, repeats):8.1f} ms   {told}")
-    for label, search in (("1 start", Search(starts=1)), ("5 starts", Search())):
-        spent = seconds(lambda search=search: identify(data, start, free, search=search), repeats)
-        verdict = "reached" if spent <= GOAL else "MISSED"
-        told = f"goal {GOAL} s: {verdict}"
-        print(f"  identify with profiles and verdicts, {label:12s}{1000 * spent:8.1f} ms   {told}")
-
-
-def solve(problem: Problem, residuals: Callable, jacobian: Callable | str) -> OptimizeResult:
-    """Solve from the start, with residuals and Jacobian evaluated each time scipy asks."""
+def report(name: str, data: RigSet, repeats: int) -> None:
+    experiment, model = RigExperiment(data), as_declared(data)
+    numbers = experiment.uncertain(model)
+    problem = ExactProblem(Task(experiment, experiment.noise()), model, numbers)
+    start = np.array([number.u(experiment.value(model, number.name)) for number in numbers])
+    rows = lambda u: problem.evaluate(u)[0]  # noqa: E731
     bounds = (problem.space.low, problem.space.high)
-    return least_squares(residuals, problem.space.start(), jacobian, bounds=bounds, x_scale="jac", max_nfev=500)
-
-
-def weighted(problem: Problem, predict: Predictor, u: np.ndarray) -> np.ndarray:
-    return (predict(problem.space.fields(u))[0] - problem.measured) / problem.sd
-
-
-def simulated() -> WheelRig:
-    wheel, rng = Wheel(), np.random.default_rng(0)
-    slip, load = np.tile([0.05, 0.1, 0.2, 0.3, 0.45, 0.6, 0.8], 3), np.repeat([5.0, 9.5, 15.0], 7)
-    rows = []
-    for S, W in zip(slip.tolist(), load.tolist(), strict=True):
-        theta_1 = entry_angle(W, S, wheel, TRUTH)
-        forces = wheel_forces(S, theta_1, -TRUTH.exit_ratio * theta_1, wheel, TRUTH)
-        rows.append((forces.f_t, forces.torque, sinkage(theta_1, wheel)))
-    kinds = zip((DrawbarPull, Torque, Sinkage), np.array(rows).T, (0.1, 0.003, 0.0005), strict=True)
-    return WheelRig(wheel, slip, load, tuple(kind(v + rng.normal(0, sd, v.size), sd) for kind, v, sd in kinds))
+    print(f"{name}: {len(rows(start))} rows, {len(numbers)} numbers")
+    spent = {}
+    jacobians = {"CasADi Jacobian": lambda u: problem.evaluate(u)[1], "scipy 2-point Jacobian": "2-point"}
+    for label, jacobian in jacobians.items():
+        run = lambda jacobian=jacobian: least_squares(  # noqa: E731
+            rows, start, jacobian, bounds=bounds, x_scale="jac", max_nfev=500
+        )
+        found, spent[label] = run(), seconds(run, repeats)
+        steps = f"chi2 {2 * found.cost:.8g}, {found.nfev} steps"
+        print(f"  one start, least_squares, {label:23s}{1000 * spent[label]:8.1f} ms   {steps}")
+    whole = seconds(lambda: identify(data), repeats)
+    verdict = "reached" if whole <= GOAL else "MISSED"
+    print(f"  identify, noise and discrepancy weighed         {1000 * whole:8.1f} ms   goal {GOAL} s: {verdict}")
 
 
 def seconds(run: Callable[[], object], repeats: int) -> float:

@@ -6,11 +6,9 @@ from pathlib import Path
 import pytest
 
 from rover_pin import Soil, close_the_loop, scenario, torque_bounds
-from rover_pin.base.files.samples import data_path
 from rover_pin.contact import Wheel
-from rover_pin.identification.identify import identify
 from rover_pin.loop.close import read_data
-from rover_pin.measurements.reading import read_evidence
+from rover_pin.loop.identify import identify
 from rover_pin.sweep import read_study
 from rover_pin.tuning.study import read_tuning
 
@@ -26,7 +24,7 @@ def seen():
     roots = [drive, rig, log, torque_bounds(9.5, Soil(), Wheel())]
     roots += [read_study(STUDIES / "sweep_ditch.toml"), read_tuning(next(STUDIES.glob("tune*.toml")))]
     roots += [close_the_loop("cmu-smooth-wheel")]
-    roots += [identify(read_evidence(data_path("cmu-smooth-wheel")), Soil(), ("k", "phi")), drive.drive()]
+    roots += [identify("cmu-smooth-wheel"), drive.drive()]
     found, known = {}, set()
     while roots:
         thing = roots.pop()

@@ -178,11 +178,12 @@ def test_bounds_for_every_wheel(run):
 
 
 def test_identify_says_what_the_data_tell(run):
-    told = said(run, "identify", RIG, "--free", "phi")
-    assert set(told["parameters"]) == {"phi"}
-    code, out, _ = run("identify", RIG, "--free", "phi")
+    told = said(run, "identify", RIG, "--set", "phi=0.5")
+    assert "soil.phi" not in told["parameters"]
+    assert told["held"]["soil.phi"] == 0.5
+    code, out, _ = run("identify", RIG, "--set", "phi=0.5")
     assert code == 0
-    assert "phi" in out
+    assert "soil.k = " in out
 
 
 @pytest.mark.slow
@@ -298,7 +299,7 @@ def test_what_is_refused_gets_one_sentence(run, line, sentence):
 
 def test_identify_refuses_parameters_and_priors(run):
     for words, sentence in (
-        (("--free", "kk"), "did you mean 'k'"),
+        (("--prior", "kk=1:1"), "did you mean 'k'"),
         (("--prior", "k"), "write it as NAME=MEAN:SD"),
         (("--set", "soil.kk=1"), "There is no setting 'soil.kk' here"),
     ):

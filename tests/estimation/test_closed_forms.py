@@ -2,29 +2,23 @@
 
 import math
 from dataclasses import dataclass, replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from scipy.optimize import OptimizeResult, approx_fprime, brentq, lsq_linear
+from scipy.optimize import OptimizeResult, brentq, lsq_linear
 from scipy.stats import chi2 as chi2_law
 
-from rover_pin.base.errors import DataError, ParameterError
-from rover_pin.base.quantity import Record, quantities, quantity
+from rover_pin.base.errors import ParameterError
+from rover_pin.base.quantity import Record, quantity
 from rover_pin.estimation import baselines
-from rover_pin.estimation.coordinates import Axis, Linear, Log, Space
-from rover_pin.estimation.covariance import covariance as data_covariance
-from rover_pin.estimation.covariance import own_share
-from rover_pin.estimation.descent import _damped, descend
+from rover_pin.estimation.descent import _damped
 from rover_pin.estimation.exact import ExactProblem, scattered
 from rover_pin.estimation.experiment import Experiment, Sensitivities
 from rover_pin.estimation.fit import STRETCH, best_of, fit
 from rover_pin.estimation.gauss_newton import _perturbed_value, _searched, _steps
 from rover_pin.estimation.noise import Absorbed, Noise, declared_noise, huber, noise_of
-from rover_pin.estimation.numbers import implausible, intervals, is_adequate, profiles
-from rover_pin.estimation.parameter import Parameter
-from rover_pin.estimation.problem import Prior, Problem
-from rover_pin.estimation.profile import Best, LowerMinimum, interval, rise
+from rover_pin.estimation.numbers import Number, implausible, is_adequate, profiles
+from rover_pin.estimation.parameter import Parameter, Prior
 from rover_pin.estimation.task import Task, objective
 from rover_pin.estimation.wording import Against, Change, Outcome, against, format_value, spread
 from rover_pin.estimation.wording import interval as said_interval
@@ -346,49 +340,6 @@ class Exponential:
         return predict
 
 
-def exponential_problem(priors, free=("p", "q")):
-    t = np.linspace(0.1, 2.0, 9)
-    sd = np.linspace(0.1, 0.3, 9)
-    data = Exponential((Channel(2.0 * np.exp(-0.7 * t) + 0.1 * np.sin(9.0 * t), sd),), t)
-    about = quantities(Plane)["a"]
-    axes = {"p": Axis("p", about, Log(shift=0.5), -1.0, 3.0), "q": Axis("q", about, Linear(0.4, 1.0), -2.0, 5.0)}
-    return Problem([data], Space(tuple(axes[name] for name in free), np.array([1.5, 0.6]), ("p", "q")), priors)
-
-
-@pytest.mark.parametrize("priors", [{}, {"q": Prior(0.9, 0.05)}, {"q": Prior(0.9, 0.05), "p": Prior(1.0, 0.2)}])
-def test_rows_of_a_problem_are_residuals_and_priors_in_sds(priors):
-    problem = exponential_problem(priors)
-    u = problem.space.start()
-    rows, jacobian = problem.evaluate(u)
-    (one,) = problem.data
-    p, q = 1.5, 0.6
-    expected = [*((one.channels[0].measured - p * np.exp(-q * one.t)) / one.channels[0].sd)]
-    expected += [(prior.mean - {"p": p, "q": q}[name]) / prior.sd for name, prior in priors.items()]
-    assert rows == pytest.approx(expected, rel=1e-12)
-    assert jacobian == pytest.approx(approx_fprime(u, lambda x: problem.evaluate(x)[0], 1e-7), abs=1e-4)
-    assert problem.chi2(u) == pytest.approx(float(np.square(expected).sum()))
-    assert problem.freedom == 9 + len(priors) - 2
-    assert problem.data_jacobian(u) == pytest.approx(jacobian[:9])
-    assert problem.widened(3.0).evaluate(u)[0][:9] == pytest.approx(rows[:9] / 3.0)
-    assert problem.widened(3.0).evaluate(u)[0][9:] == pytest.approx(rows[9:])
-
-
-@pytest.mark.parametrize("given", [(math.nan, 1.0), (math.inf, 1.0), (0.0, math.inf), (0.0, 0.0), (0.0, -1.0)])
-def test_a_prior_that_says_nothing_is_refused(given):
-    with pytest.raises(ParameterError, match="needs a finite mean and a positive sd"):
-        Prior(*given)
-
-
-def test_more_numbers_than_values_are_refused_priors_apart():
-    t, about = np.array([1.0]), quantities(Plane)["a"]
-    data = Exponential((Channel(np.array([1.0]), np.array([0.1])),), t)
-    axes = tuple(Axis(name, about, Linear(1.0, 1.0), -5.0, 5.0) for name in "pq")
-    space = Space(axes, np.array([1.0, 1.0]), ("p", "q"))
-    with pytest.raises(DataError, match="2 free parameters without a prior and 1 measured values"):
-        Problem([data], space, {})
-    assert Problem([data], space, {"q": Prior(1.0, 1.0)}).freedom == 0
-
-
 def test_noise_of_every_value_whitens_by_it():
     """SDs of each block: no memory, no common mode; what is not compared counts in nothing."""
     sd = np.array([[[2.0, 4.0, 8.0], [1.0, 0.5, 0.25]]])
@@ -453,23 +404,6 @@ def test_channels_that_are_silent_have_no_memory():
     assert found.rho.tolist() == [0.0, 0.0]
 
 
-def test_contradictory_correlations_are_made_positive_definite():
-    """Pairs of three channels that meet at blocks of their own, as +1, +1 and -1: no eigenvalue below 0.05 stays."""
-    residual, good = np.zeros((1, 3, 42)), np.zeros((1, 3, 42), dtype=bool)
-    signs = np.array([1.0, -1.0, 1.0, 1.0] * 3)
-    for part, (i, j, sign) in enumerate(((0, 1, 1.0), (0, 2, 1.0), (1, 2, -1.0))):
-        at = slice(14 * part, 14 * part + 12)
-        residual[0, i, at], residual[0, j, at] = signs, sign * signs
-        good[0, [i, j], at] = True
-    found = noise_of(residual, good, np.zeros(3))
-    correlation = np.array([[1.0, 0.8, 0.8], [0.8, 1.0, -0.8], [0.8, -0.8, 1.0]])
-    values, vectors = np.linalg.eigh(correlation)
-    assert values.min() < 0.0
-    sound = vectors @ np.diag(np.maximum(values, 0.05)) @ vectors.T
-    whitened = found.mixing * found.mixing[0, 0] ** -1 * math.sqrt(1.0 / sound[0, 0])
-    assert whitened @ sound @ whitened.T == pytest.approx(np.eye(3), abs=0.02)
-
-
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_outlier_counts_as_three_sds_of_its_channel_in_memory(sign):
     """Of a channel whose SD is 0.01: clipped at .03, not at 3."""
@@ -484,60 +418,6 @@ def test_outlier_counts_as_three_sds_of_its_channel_in_memory(sign):
 
 
 MIDDLE = 3.0
-
-
-def about_numbers(sd, bounds, prior=True):
-    """Numbers of a fit that is not exact: one about MIDDLE, between bounds about it; with a prior it is as declared."""
-    task = made(noise=0.0, sd=sd, a=0.0 if prior else MIDDLE, b=0.0)
-    middle = 0.0 if prior else MIDDLE
-    free = (number("a", 1.0, middle + bounds[0], middle + bounds[1], prior=prior),)
-    task = replace(task, noise=replace(task.noise, inflation=1.0))
-    found = fit(task, Plane(), free)
-    (one,) = intervals(found)[1]
-    return one, float(found.spread[0])
-
-
-def test_interval_about_a_fit_is_1_96_sd_and_open_at_bounds():
-    wide, sd = about_numbers(0.5, (-10.0, 10.0))
-    assert (wide.low, wide.high) == pytest.approx((-1.959964 * sd, 1.959964 * sd))
-    assert (wide.closed, wide.at_bound, wide.note, wide.drift) == (True, False, "", pytest.approx(0.0))
-    assert wide.covered == pytest.approx(2 * 1.959964 * sd / 20.0)
-    for bounds in ((-0.5 * sd, 10.0), (-10.0, 0.5 * sd), (-0.5 * sd, 0.5 * sd)):
-        cut, _ = about_numbers(0.5, bounds)
-        assert not cut.closed
-        assert cut.note == "not closed by the data"
-        assert cut.text.endswith("], not closed by the data")
-        assert cut.low == pytest.approx(max(bounds[0], -1.959964 * sd))
-        assert cut.high == pytest.approx(min(bounds[1], 1.959964 * sd))
-    for bounds in ((-10.0, 10.0), (-0.1 * sd, 10.0), (-10.0, 0.1 * sd)):
-        off, own = about_numbers(0.5, bounds, prior=False)
-        assert math.isnan(off.drift)
-        assert off.low == pytest.approx(MIDDLE + max(bounds[0], -1.959964 * own))
-        assert off.high == pytest.approx(MIDDLE + min(bounds[1], 1.959964 * own))
-        assert off.closed is (bounds == (-10.0, 10.0))
-    assert not wide._replace(at_bound=False).note
-    assert wide._replace(at_bound=True).note == "at its bound"
-    assert type(wide)(*wide[:6]).covered == 0.0
-    assert wide.text.endswith("mm]")
-    assert type(wide)(*wide[:6]).note == ""
-
-
-@pytest.mark.parametrize(("off", "stuck"), [(0.5e-6, True), (2e-6, False)])
-def test_a_number_stands_at_its_bound_within_a_millionth(off, stuck):
-    for middle in (0.0, 2.0):
-        task = made(noise=0.0, a=middle, b=0.0, sd=1e-4)
-        for bounds in ((middle - off, 5.0), (-5.0, middle + off)):
-            found = fit(task, Plane(), (number("a", 1.0, *bounds, prior=False),), np.array([middle]))
-            assert intervals(found)[1][0].at_bound is stuck
-
-
-def test_a_drift_is_said_beyond_three_of_its_sds():
-    (one,) = intervals(fit(made(a=3.1, noise=0.0, sd=1e-3, b=0.0), Plane(), (number("a"),)))[1]
-    assert one.text.endswith(", +3.1 SD from what was declared")
-    (other,) = intervals(fit(made(a=-2.9, noise=0.0, sd=1e-3, b=0.0), Plane(), (number("a"),)))[1]
-    assert "SD" not in other.text
-    (assumed,) = intervals(fit(made(a=3.1, noise=0.0, sd=1e-3, b=0.0), Plane(), (number("a", declared=False),)))[1]
-    assert assumed.text.endswith(", +3.1 SD from what was assumed")
 
 
 @pytest.mark.parametrize(("a", "names"), [(4.9, ()), (5.1, ("plane.a +5.1 SD",)), (-5.1, ("plane.a -5.1 SD",))])
@@ -570,109 +450,6 @@ def test_less_likely_than_one_in_a_thousand_is_too_much(surprise, adequate):
     limit = float(chi2_law.isf(surprise, 59))
     factor = brentq(lambda one: huber(widened(one).rows) - limit, 0.1, 2.0, rtol=1e-6)
     assert is_adequate(widened(factor)) is adequate
-
-
-class Rows:
-    """A problem of two numbers within bounds, linear with this matrix."""
-
-    def __init__(self, A, y, low, high):
-        self.A, self.y = A, y
-        self.space = Space(
-            tuple(Axis(f"u{i}", quantities(Plane)["a"], Linear(1.0, 1.0), *ends) for i, ends in
-                  enumerate(zip(low, high, strict=True))), np.zeros(2), ("u0", "u1"),
-        )  # fmt: skip
-
-    def evaluate(self, u):
-        return self.A @ u - self.y, self.A
-
-
-@pytest.mark.parametrize(("near", "pinned"), [(0.95, True), (1.05, False)])
-@pytest.mark.parametrize("side", [-1, 1])
-def test_other_number_is_pinned_near_the_end_of_its_range(near, pinned, side):
-    """Where u0's interval ends, u1 stands just off its own bound."""
-    A = np.array([[1.0, 0.0], [0.0, 1.0]])
-    edge = 1.0
-    y = np.array([0.0, side * (edge - near * 1e-4 * 2.0 * edge)])
-    problem = Rows(A, y, (-9.0, -edge), (9.0, edge))
-    found = interval(problem, Best(y.copy(), 0.0, np.eye(2)), 0)
-    assert (found.low, found.high) == pytest.approx((-1.959964, 1.959964), rel=4e-3)
-    assert (found.pinned == (1,)) is pinned
-
-
-def test_nothing_is_pinned_at_a_bound_that_is_infinitely_far():
-    for low, high in ((-np.inf, 5.0), (-5.0, np.inf), (-np.inf, np.inf)):
-        for at in (np.array([0.0, -4.95]), np.array([0.0, 4.95])):
-            problem = Rows(np.eye(2), at, (-9.0, low), (9.0, high))
-            assert interval(problem, Best(at, 0.0, np.eye(2)), 0).pinned == ()
-
-
-def test_rise_is_the_root_of_the_chi2_gain_with_others_refitted():
-    """u0 and u1 hang together: held at x, chi2 rises by x^2 over u0's variance."""
-    A = np.array([[1.0, 0.8], [0.0, 0.6], [0.3, -0.2]])
-    covariance = np.linalg.inv(A.T @ A)
-    problem = Rows(A, np.zeros(3), (-50.0, -50.0), (50.0, 50.0))
-    best = Best(np.zeros(2), 0.0, covariance)
-    z, u = rise(problem, best, 0, 1.5, np.zeros(2))
-    assert z == pytest.approx(1.5 / math.sqrt(covariance[0, 0]), rel=1e-6)
-    assert u == pytest.approx([1.5, 1.5 * covariance[0, 1] / covariance[0, 0]], abs=1e-5)
-    above = Rows(np.vstack([A, np.zeros(2)]), np.array([0.0, 0.0, 0.0, 2.0]), (-50.0, -50.0), (50.0, 50.0))
-    assert rise(above, Best(np.zeros(2), 4.0, covariance), 0, 1.5, np.zeros(2))[0] == pytest.approx(z)
-
-
-@pytest.mark.parametrize("unit", [1e-5, 1.0, 1e3])
-@pytest.mark.parametrize("guess", [1e-4, 0.05, 1.0, 30.0])
-def test_an_interval_is_found_from_any_guess_of_its_width(guess, unit):
-    """Its first trial is 1.96 guessed SDs away; it goes on from there, outwards or inwards, to the same end."""
-    A, far = np.array([[1.0, 0.8], [0.0, 0.6], [0.3, -0.2]]) / unit, 50.0 * unit
-    covariance = np.linalg.inv(A.T @ A)
-    found = interval(Rows(A, np.zeros(3), (-far, -far), (far, far)), Best(np.zeros(2), 0.0, guess * covariance), 0)
-    assert (found.low, found.high) == pytest.approx(
-        np.array([-1.0, 1.0]) * 1.959964 * covariance[0, 0] ** 0.5, rel=4e-3
-    )
-    assert (found.closed_low, found.closed_high) == (True, True)
-
-
-class Valleys(Rows):
-    """Two valleys of u1, at 5, where chi2 is 0, and near 0, where it is 6: u0, least at 7, is free of both."""
-
-    def __init__(self):
-        super().__init__(np.eye(2), np.zeros(2), (-50.0, -50.0), (50.0, 50.0))
-
-    def evaluate(self, u):
-        rows = np.array([u[0] - 7.0, 2.0 * u[1] * (u[1] - 5.0), 0.5 * (u[1] - 5.0)])
-        return rows, np.array([[1.0, 0.0], [0.0, 4.0 * u[1] - 10.0], [0.0, 0.5]])
-
-
-def test_an_interval_is_that_of_the_valley_of_the_fit():
-    """Refits begin where the fit is: another valley, that they fall into from elsewhere, is none of its own."""
-    problem = Valleys()
-    other, chi2 = descend(problem, np.array([7.0, 0.0]))
-    assert abs(other[1]) < 0.1
-    assert chi2 > 5.0
-    for together in (0.0, -0.6, 0.6):
-        guess = 2.0 * np.array([[1.0, together], [together, 0.5]])
-        found = interval(problem, Best(np.array([7.0, 5.0]), 0.0, guess), 0)
-        assert (found.low, found.high) == pytest.approx((7.0 - 1.959964, 7.0 + 1.959964), abs=8e-3)
-
-
-class Scripted(Rows):
-    """One number of next to no slope, whose chi2 falls by these at each evaluation after the first."""
-
-    def __init__(self, falls):
-        super().__init__(np.eye(1), np.zeros(1), (-1e9,), (1e9,))
-        self.left = [10.0 - sum(falls[:count]) for count in range(len(falls) + 1)]
-
-    def evaluate(self, u):
-        return np.array([math.sqrt(self.left.pop(0))]), np.array([[1e-3]])
-
-
-def test_descent_ends_after_three_steps_of_negligible_gain():
-    little, falls = 0.9e-6, []
-    for few in (2, 1, 2):
-        falls += [*[little] * few, 1.0, 1.1e-6]
-    problem = Scripted([*falls, little, little, little, 1.0, 1.0])
-    assert descend(problem, np.zeros(1))[1] == pytest.approx(7.0, abs=1e-4)
-    assert len(problem.left) == 2
 
 
 def test_given_slopes_that_are_stale_do_not_end_a_fit():
@@ -762,11 +539,6 @@ def test_step_within_a_radius_has_its_length_to_one_percent(radius):
     assert shortened > 3
 
 
-def test_chi2_is_infinite_where_a_model_has_no_value():
-    for row, chi2 in ((np.nan, np.inf), (np.inf, np.inf), (2.0, 4.0)):
-        assert Problem.chi2(SimpleNamespace(evaluate=lambda _, row=row: (np.array([row]), None)), np.zeros(1)) == chi2
-
-
 def test_number_moves_linearly_in_its_sds_by_default():
     bed = Line(np.zeros((FOLDS, 1, SAMPLES)))
     assert bed.parameter(Plane(a=2.0), "plane.a", 0.5).value(1.0) == pytest.approx(2.5)
@@ -777,16 +549,6 @@ def test_number_moves_linearly_in_its_sds_by_default():
 def test_a_turn_that_gains_less_than_three_tenths_is_the_last(gain, turns):
     """Each turn goes two thirds of the way, and gains 8 / 9 of chi2; the third gains `gain`."""
     assert given_slopes(gain * 9 / 8 * 81, 1.5) == pytest.approx(3.0**-turns)
-
-
-def test_number_at_its_bound_on_one_side_alone_is_pinned():
-    A = np.array([[1.0, 0.0], [-0.5, 1.0]])
-    problem = Rows(A, np.zeros(2), (-50.0, -50.0), (50.0, 0.4))
-    covariance = np.linalg.inv(A.T @ A)
-    found = interval(problem, Best(np.zeros(2), 0.0, covariance), 0)
-    assert found.pinned == (1,)
-    assert found.low == pytest.approx(-1.959964 * math.sqrt(covariance[0, 0]), rel=4e-3)
-    assert found.high < 0.97 * 1.959964 * math.sqrt(covariance[0, 0]), "chi2 rises faster where u1 cannot follow"
 
 
 @pytest.mark.parametrize("misfit", [0.5, 1.5])
@@ -804,77 +566,6 @@ def test_profile_of_a_linear_fit_is_a_parabola_in_noise_units(misfit):
         off = half * np.array([-1.5, -1.0, -0.5, 0.0, 0.5, 1.0, 1.5])
         assert one.values == pytest.approx(BOTH[at].scale * (found.u[at] + off), rel=1e-6)
         assert one.rises == pytest.approx(off**2 / var / 1.7 / max(found.misfit, 1.0), rel=1e-4, abs=1e-6)
-
-
-@pytest.mark.parametrize(("fall", "lower"), [(0.00095, False), (0.00105, True)])
-def test_a_lower_minimum_is_one_that_is_lower_by_a_thousandth(fall, lower):
-    problem = Rows(np.eye(2), np.zeros(2), (-5.0, -5.0), (5.0, 5.0))
-    best = Best(np.zeros(2), fall, np.eye(2))
-    if lower:
-        with pytest.raises(LowerMinimum):
-            rise(problem, best, 0, 0.0, np.zeros(2))
-    else:
-        assert rise(problem, best, 0, 0.0, np.zeros(2))[0] == 0.0
-    assert rise(problem, best._replace(chi2=0.0), 0, 0.05, np.zeros(2))[0] == pytest.approx(0.05)
-
-
-def test_a_descent_leaves_a_bound_that_it_began_on():
-    low, high = (-1.0, -1.0), (2.0, 2.0)
-    for start in ([-1.0, 2.0], [2.0, -1.0], [-1.0, -1.0], [2.0, 2.0]):
-        for least in ([0.3, 0.7], [-0.9, 1.9], [1.9, -0.9]):
-            u, _ = descend(Rows(np.eye(2), np.array(least), low, high), np.array(start))
-            assert u == pytest.approx(least, abs=1e-6)
-
-
-def test_what_others_cannot_reproduce_of_a_column_knows_no_unit():
-    columns = np.array([[1.0, 1.0, 0.0], [0.0, 1.0, 1.0], [0.0, 0.0, 2.0], [0.5, 0.0, 0.0]])
-    plain = [own_share(columns, at) for at in range(3)]
-    for unit in (1e-18, 1e12):
-        assert [own_share(columns * [1.0, unit, 1.0], at) for at in range(3)] == pytest.approx(plain, rel=1e-9)
-    assert own_share(np.array([[0.2], [0.1]]), 0) == 1.0
-    assert own_share(np.zeros((2, 1)), 0) == 0.0
-
-
-def test_covariance_is_huge_for_numbers_without_information():
-    found = data_covariance(Rows(np.array([[1.0, 0.0]]), np.zeros(1), (-5.0, -5.0), (5.0, 5.0)), np.zeros(2))
-    assert found[0, 0] == pytest.approx(1.0)
-    assert found[1, 1] > 1e12
-
-
-class Bent(Rows):
-    """Rosenbrock's rows about a place, in a unit; counts how often it is asked."""
-
-    def __init__(self, place, unit):
-        self.place, self.unit, self.asked = np.array(place), unit, 0
-        ends = self.place - 50.0 * unit, self.place + 50.0 * unit
-        super().__init__(np.eye(2), np.zeros(2), *ends)
-
-    def evaluate(self, u):
-        self.asked += 1
-        a, b = (u - self.place) / self.unit
-        slopes = np.array([[-6.0 * a, 3.0], [1.0, 0.0]]) / self.unit
-        return np.array([3.0 * (b - a * a), a]), slopes
-
-
-def test_descents_and_intervals_know_no_origin_and_no_unit():
-    """As many evaluations wherever the origin lies, and the same interval whatever the unit."""
-    counts = []
-    for place in ((0.0, 0.0), (1e4, -3e3)):
-        problem = Bent(place, 1.0)
-        u, chi2 = descend(problem, problem.place + np.array([3.0, 9.0]))
-        assert u - problem.place == pytest.approx(0.0, abs=1e-3)
-        assert chi2 < 1e-6
-        counts.append(problem.asked)
-    assert counts[0] == counts[1] < 40
-    found = []
-    for unit, place in ((1.0, 0.0), (2e-2, 0.0), (1.0, 500.0)):
-        problem = Bent((place, 0.0), unit)
-        covariance = unit**2 * np.diag([5.3, 1.0 / 9.0])  # a guess that is off
-        ends = interval(problem, Best(problem.place, 0.0, covariance), 0)
-        found.append(((ends.low - place) / unit, (ends.high - place) / unit))
-        assert problem.asked < 60
-    for ends in found:
-        assert ends == pytest.approx((-1.959964, 1.959964), rel=4e-3)
 
 
 def test_of_two_likelihoods_the_better_is_taken(monkeypatch):
@@ -963,3 +654,35 @@ def test_nothing_identified_and_nothing_changed_are_shares():
         assert "no interval" not in said_interval(size, size, size * (1.0 + 1.2e-9), "")
     single = Noise(np.array([[[2.0]]]), np.zeros(1), np.eye(1), np.ones((1, 1, 1), dtype=bool))
     assert single.floor.tolist() == [2.0]
+
+
+def test_contradictory_correlations_are_made_positive_definite():
+    """Pairs of three channels that meet at blocks of their own, as +1, +1 and -1: no eigenvalue below 0.05 stays."""
+    residual, good = np.zeros((1, 3, 42)), np.zeros((1, 3, 42), dtype=bool)
+    signs = np.array([1.0, -1.0, 1.0, 1.0] * 3)
+    for part, (i, j, sign) in enumerate(((0, 1, 1.0), (0, 2, 1.0), (1, 2, -1.0))):
+        at = slice(14 * part, 14 * part + 12)
+        residual[0, i, at], residual[0, j, at] = signs, sign * signs
+        good[0, [i, j], at] = True
+    found = noise_of(residual, good, np.zeros(3))
+    correlation = np.array([[1.0, 0.8, 0.8], [0.8, 1.0, -0.8], [0.8, -0.8, 1.0]])
+    values, vectors = np.linalg.eigh(correlation)
+    assert values.min() < 0.0
+    sound = vectors @ np.diag(np.maximum(values, 0.05)) @ vectors.T
+    whitened = found.mixing * found.mixing[0, 0] ** -1 * math.sqrt(1.0 / sound[0, 0])
+    assert whitened @ sound @ whitened.T == pytest.approx(np.eye(3), abs=0.02)
+
+
+def test_a_drift_is_said_beyond_three_of_its_sds():
+    row = Number("plane.a", "m", 3.1, 2.0, 4.2, 3.1, declared=True)
+    assert row.text.endswith(", +3.1 SD from what was declared")
+    assert "SD" not in row._replace(drift=-2.9).text
+    assert row._replace(declared=False).text.endswith(", +3.1 SD from what was assumed")
+    assert row._replace(closed=False).note == "not closed by the data"
+    assert row._replace(at_bound=True).note == "at its bound"
+
+
+@pytest.mark.parametrize("given", [(math.nan, 1.0), (math.inf, 1.0), (0.0, math.inf), (0.0, 0.0), (0.0, -1.0)])
+def test_a_prior_that_says_nothing_is_refused(given):
+    with pytest.raises(ParameterError, match="needs a finite mean and a positive sd"):
+        Prior(*given)

@@ -1,22 +1,89 @@
-"""The one descent of the package against scipy's, from the same scattered starts on measured and simulated rigs."""
+"""The one descent of the package: against scipy's on measured rigs, and on problems whose minimum is known."""
 
+import math
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
 from rover_pin.base.errors import OptimisationError
-from rover_pin.contact import Soil
+from rover_pin.estimation import descent
 from rover_pin.estimation.descent import descend
-from rover_pin.identification.identify import Search, build, scatter
-from rover_pin.measurements.wheel_rig import read_wheel_rig
+from rover_pin.estimation.exact import ExactProblem, scattered
+from rover_pin.estimation.task import Task
+from rover_pin.experiments.wheel_rig.data import read_rig_set
+from rover_pin.experiments.wheel_rig.experiment import RigExperiment, as_declared
 
 DATA = Path(__file__).parents[2] / "studies" / "data"
-CASES = {
-    "cmu-smooth-wheel": (Soil(c=0.0, k=0.005, n=1.46), ("k", "phi", "k_1")),
-    "ding-2011-smooth": (Soil(), ("k", "phi", "k_1", "n")),
-}
+
+
+class Made:
+    """A problem whose residuals are a plain function of u."""
+
+    def __init__(self, residual, jacobian, low, high):
+        self.residual, self.jacobian = residual, jacobian
+        self.space = SimpleNamespace(low=np.array(low), high=np.array(high))
+
+    def evaluate(self, u):
+        return np.asarray(self.residual(u), float), np.asarray(self.jacobian(u), float)
+
+
+def rosenbrock(low=(-5.0, -5.0), high=(5.0, 5.0)):
+    return Made(lambda u: [10 * (u[1] - u[0] ** 2), 1 - u[0]], lambda u: [[-20 * u[0], 10.0], [-1.0, 0.0]], low, high)
+
+
+def test_descent_follows_a_curved_valley():
+    u, chi2 = descend(rosenbrock(), np.array([-1.2, 1.0]))
+    np.testing.assert_allclose(u, [1, 1], atol=1e-4)
+    assert chi2 < 1e-8
+
+
+def test_descent_ends_on_the_bound_where_the_minimum_lies_beyond():
+    """With x <= 0.5 the least of (1 - x)^2 + 100 (y - x^2)^2 is at x = 0.5, y = 0.25."""
+    u, chi2 = descend(rosenbrock(high=(0.5, 5.0)), np.array([-1.2, 1.0]))
+    np.testing.assert_allclose(u, [0.5, 0.25], atol=1e-6)
+    assert chi2 == pytest.approx(0.25)
+
+
+def test_a_descent_without_a_value_or_an_end_says_so(monkeypatch):
+    nowhere = Made(lambda u: [np.nan], lambda u: [[1.0]], [-1.0], [1.0])
+    with pytest.raises(OptimisationError, match="no finite value where the descent starts"):
+        descend(nowhere, np.zeros(1))
+    monkeypatch.setattr(descent, "STEPS", 2)
+    with pytest.raises(OptimisationError, match="did not settle in 2 steps"):
+        descend(rosenbrock(), np.array([-1.2, 1.0]))
+
+
+class Scripted(Made):
+    """One number of next to no slope, whose chi2 falls by these at each evaluation after the first."""
+
+    def __init__(self, falls):
+        super().__init__(None, None, (-1e9,), (1e9,))
+        self.left = [10.0 - sum(falls[:count]) for count in range(len(falls) + 1)]
+
+    def evaluate(self, u):
+        return np.array([math.sqrt(self.left.pop(0))]), np.array([[1e-3]])
+
+
+def test_descent_ends_after_three_steps_of_negligible_gain():
+    little, falls = 0.9e-6, []
+    for few in (2, 1, 2):
+        falls += [*[little] * few, 1.0, 1.1e-6]
+    problem = Scripted([*falls, little, little, little, 1.0, 1.0])
+    assert descend(problem, np.zeros(1))[1] == pytest.approx(7.0, abs=1e-4)
+    assert len(problem.left) == 2
+
+
+def test_a_descent_leaves_a_bound_that_it_began_on():
+    low, high = (-1.0, -1.0), (2.0, 2.0)
+    for start in ([-1.0, 2.0], [2.0, -1.0], [-1.0, -1.0], [2.0, 2.0]):
+        for least in ([0.3, 0.7], [-0.9, 1.9], [1.9, -0.9]):
+            u, _ = descend(
+                Made(lambda u, end=np.array(least): u - end, lambda u: np.eye(2), low, high), np.array(start)
+            )
+            assert u == pytest.approx(least, abs=1e-6)
 
 
 class Counted:
@@ -52,12 +119,17 @@ def of_ours(problem, start):
         return np.inf, counted.count
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", ["cmu-smooth-wheel", "ding-2011-smooth"])
 def test_it_ends_as_low_as_scipy_in_no_more_evaluations(name):
-    soil, free = CASES[name]
-    problem = build(read_wheel_rig(DATA / name), soil, free, {})
-    starts = scatter(problem, Search(starts=12))
-    ours, theirs = ([solve(problem, start) for start in starts] for solve in (of_ours, of_scipy))
+    experiment = RigExperiment(read_rig_set(DATA / name))
+    model = as_declared(experiment.data)
+    numbers = experiment.uncertain(model)
+    problem = ExactProblem(Task(experiment, experiment.noise()), model, numbers)
+    centre = np.array([number.u(experiment.value(model, number.name)) for number in numbers])
+    starts = scattered(numbers, centre, 12, 0)
+    problems = [start for start in starts if np.isfinite(problem.evaluate(start)[0]).all()]
+    assert len(problems) >= 6
+    ours, theirs = ([solve(problem, start) for start in problems] for solve in (of_ours, of_scipy))
     lowest = min(chi2 for chi2, _ in theirs)
     reached = [sum(chi2 < lowest * (1 + 1e-6) + 1e-6 for chi2, _ in one) for one in (ours, theirs)]
     spent = [sum(count for _, count in one) for one in (ours, theirs)]

@@ -95,7 +95,7 @@ WORDS = (
     "close-loop rig --effects mine.py --fail-on named --out out",
     "sweep study.toml --workers 1 --out out",
     "tune tuning.toml --workers 1 --out out",
-    "identify rig --free k,phi --soil table-1 --prior phi=30deg:2deg",
+    "identify rig --set n=1.1 --prior phi=30deg:2deg",
 )
 """Command lines on a folder of files; what takes long is not run."""
 

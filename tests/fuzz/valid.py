@@ -25,7 +25,7 @@ from rover_pin.experiments.wheel_rig import checks as rig_checks
 from rover_pin.experiments.wheel_rig.data import read_rig_set
 from rover_pin.experiments.wheel_rig.model_file import read_model as read_rig_model
 from rover_pin.logs.drive_log import read_drive_log
-from rover_pin.measurements.drive_points import read_drive_points
+from rover_pin.measurements.drive_points import points_of_log
 from rover_pin.measurements.traction_points import read_traction_points
 from rover_pin.rover.description.layout import rover_folder
 from rover_pin.rover.description.tree import read_tree
@@ -190,7 +190,7 @@ WORDS = (
     "drive slope --set terrain.rate_deg=10 --set terrain.steepest_deg=10 --add Grousers --control true",
     "drive turn --set control.radius=1 --set gear_friction=0.1 --set start.x=0 --set angles=sinkage",
     "bounds --slope-deg 5 --slip 0.2 --soil table-1 --form net --rover cart --gravity moon --json",
-    "identify POINTS --free k,phi --soil table-1 --set soil.c=0 --prior phi=0.6:0.05 --json",
+    "identify POINTS --set soil.c=0 --prior phi=0.6:0.05 --json",
     "check-urdf ROVER --json",
 )
 """Command lines; of `drive` only the scenario is made, nothing is driven."""
@@ -270,7 +270,7 @@ def _drive(folder: Path) -> None:
     log = read_drive_log(folder)
     drive_checks.check(log)
     nuisances(log, with_spread(base_model(log)))
-    read_drive_points(folder)
+    points_of_log(log)
 
 
 def _rover(path: Path) -> None:

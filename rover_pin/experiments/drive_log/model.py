@@ -18,6 +18,7 @@ from rover_pin.effects.tacho_scale import TachoScale
 from rover_pin.effects.weak_motor import WeakMotor
 from rover_pin.estimation.parameter import FD, Parameter, declared_in
 from rover_pin.experiments.drive_log.parameters import owners, parameter
+from rover_pin.experiments.soil_priors import SD
 from rover_pin.logs.drive_log import DriveLog
 from rover_pin.parameters.hard import HARD_GROUND
 from rover_pin.rover.description.motor_sheet import MotorSheet
@@ -32,10 +33,6 @@ DRIVEN_SAND = Soil().replace(k=0.005)
 """What stands for constants that a log does not declare: Table 1, with the k at which its rover can drive at all."""
 MOTOR_TO_MOTOR, TACHO_TO_TACHO = 0.02, 0.015
 """SD of one motor's torque and of one tachogenerator's gain against the others' (assumed: small series motors)."""
-SOIL_SD = {"phi": math.radians(2.0), "k": 0.35, "k_1": 0.35, "theta_1": math.radians(2.0)}
-"""SD of a soil constant that is declared without one; relative for k and k_1 (assumed: bench tests)."""
-UNDECLARED = 2.0
-"""How much wider the prior of a soil constant is that the log does not declare at all."""
 MOTOR_SD = {"gear": 0.04, "resistance": 0.04}
 """Relative SD of a motor constant that is declared without one (assumed: data sheets)."""
 ORDER = 1.0
@@ -117,9 +114,9 @@ def nuisances(log: DriveLog, model: Model) -> tuple[Parameter, ...]:
     fixed = any(isinstance(effect, SoilTraction) and isinstance(effect.angles, FixedAngles) for effect in model.effects)
     numbers = []
     for name in ("phi", *(("theta_1",) if fixed else ()), "k", "k_1"):
-        value, log_scale = abs(float(getattr(model.soils[0], name))), name in ("k", "k_1")
-        sd = SOIL_SD[name] * (value if log_scale else 1.0)
-        numbers.append(parameter_of("soil", name, sd, UNDECLARED * sd, log_scale))
+        declared, undeclared, is_log = SD[name]
+        size = abs(float(getattr(model.soils[0], name))) if is_log else 1.0
+        numbers.append(parameter_of("soil", name, declared * size, undeclared * size, is_log))
     numbers += _of_motors(log, model) if not is_rate_driven(log) else _of_scrub(model)
     gains = (f"TachoScale[{wheel.name}].e" for wheel in model.rover.wheels)
     tacho_source = "tachogenerators of a kind differ so"

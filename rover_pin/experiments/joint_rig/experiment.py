@@ -16,6 +16,7 @@ from rover_pin.estimation.experiment import Experiment, Sensitivities
 from rover_pin.estimation.noise import Noise, declared_noise
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.experiments.joint_rig.model import OWN, JointModel, Part
+from rover_pin.experiments.joint_rig.one_sand import of_one_sand
 from rover_pin.experiments.wheel_rig.candidates import added, needs_speeds
 from rover_pin.experiments.wheel_rig.checks import FEWEST_LEVELS
 from rover_pin.experiments.wheel_rig.data import RigSet, as_rig_set
@@ -29,10 +30,8 @@ from rover_pin.experiments.wheel_rig.presets import (
     known_trench,
     preset_candidate,
 )
-from rover_pin.identification.identifiability import SAME_LOAD
-from rover_pin.identification.one_sand import of_one_sand
 from rover_pin.measurements.finding import Finding
-from rover_pin.measurements.wheel_rig import WheelRig
+from rover_pin.measurements.wheel_rig import SAME_LOAD, WheelRig
 
 OTHER_WIDTH = 1.05
 """Widths that differ by this tell k_1 and k_2 apart: from here k_2 is free."""

@@ -11,9 +11,9 @@ from rover_pin.base.errors import DataError, ParameterError
 from rover_pin.base.files.paths import is_file
 from rover_pin.base.trust import Trust
 from rover_pin.experiments.joint_rig.experiment import JointRig
+from rover_pin.experiments.joint_rig.one_sand import of_one_sand
 from rover_pin.experiments.wheel_rig.data import RIG_FILE, RigSet, read_rig_set
 from rover_pin.experiments.wheel_rig.experiment import ROWS
-from rover_pin.identification.one_sand import of_one_sand
 from rover_pin.measurements.finding import Finding
 
 SAME_RUN = 0.02

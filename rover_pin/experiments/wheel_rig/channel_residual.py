@@ -10,8 +10,8 @@ import numpy as np
 from rover_pin.base.public import brief
 from rover_pin.estimation.noise import null_gain
 from rover_pin.experiments.wheel_rig.data import RigSet
-from rover_pin.identification.identifiability import SAME_LOAD
 from rover_pin.measurements.channel import RigChannel
+from rover_pin.measurements.wheel_rig import SAME_LOAD
 
 DEGREES = 3
 """Highest power of the slip in a description."""

@@ -7,11 +7,10 @@ import numpy as np
 from rover_pin.base.errors import DataError
 from rover_pin.experiments.wheel_rig.data import RigSet
 from rover_pin.experiments.wheel_rig.experiment import ROWS, RigExperiment, as_declared
-from rover_pin.identification.identifiability import SAME_LOAD
 from rover_pin.measurements.channel import RigChannel
 from rover_pin.measurements.finding import Finding
 from rover_pin.measurements.rig_physics import refuse_impossible, suspicions
-from rover_pin.measurements.wheel_rig import STRAIGHT
+from rover_pin.measurements.wheel_rig import SAME_LOAD, STRAIGHT
 
 FEWEST_LEVELS = 3
 """Levels with which an effect that depends on slip can be held out and distinguished from a constant."""

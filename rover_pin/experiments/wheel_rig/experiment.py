@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -16,19 +15,15 @@ from rover_pin.contact import Soil
 from rover_pin.estimation.experiment import Experiment, Sensitivities
 from rover_pin.estimation.noise import Noise, declared_noise
 from rover_pin.estimation.parameter import Parameter, declared_in
+from rover_pin.experiments.soil_priors import DECADES, LEAST, MAX_EXIT_RATIO, WIDE
 from rover_pin.experiments.wheel_rig.data import RigSet
 from rover_pin.experiments.wheel_rig.model import ASKEW, PAPER, RigModel, RigPredictor, conditions, predictor, uncarried
 from rover_pin.experiments.wheel_rig.presets import known_heights, known_trench
-from rover_pin.identification.identifiability import SAME_LOAD
-from rover_pin.identification.soil_space import MAX_EXIT_RATIO
 from rover_pin.measurements.channel import RIG_CHANNELS, DrawbarPull, RigChannel, SideForce, Sinkage, Torque
+from rover_pin.measurements.wheel_rig import SAME_LOAD
 
 ROWS: tuple[type[RigChannel], ...] = RIG_CHANNELS
 """The channels in the order in which a rig model predicts them."""
-DECADES = math.log(5.0)
-"""How far apart starts of k and k_1 are, in their logarithm."""
-LEAST = 1e-6
-"""A logarithm stops at this share of where it starts."""
 MIXED = 0.5
 """Share of runs after one of their own level from which drift cannot be distinguished from what levels share."""
 TARES = {DrawbarPull: "pull_tare", Torque: "torque_tare", Sinkage: "sinkage_zero", SideForce: "side_tare"}
@@ -36,8 +31,6 @@ TARES = {DrawbarPull: "pull_tare", Torque: "torque_tare", Sinkage: "sinkage_zero
 TARE, SCALE = 0.1, 0.02
 """SD of an offset that nobody states, as a share of the channel's largest value; of a scale (assumed), twice what is
 usual."""
-WIDE = 0.25
-"""How far apart starts of phi are, as a share of its range."""
 
 
 @brief

@@ -19,7 +19,7 @@ from rover_pin.effects.combined_shear import CombinedShear
 from rover_pin.effects.effect import Effect
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.experiments.wheel_rig.steady_law import VALUES, Law, parameter_names, steady_law
-from rover_pin.measurements.channel import FIELDS
+from rover_pin.measurements.prediction import FIELDS
 from rover_pin.measurements.rig_errors import RigErrors
 from rover_pin.soil.angles import SHALLOW, SinkageAngles
 from rover_pin.soil.traction import NetTraction

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.stats import permutation_test
 
 from rover_pin.experiments.wheel_rig.data import RigSet
-from rover_pin.identification.identifiability import SAME_LOAD
+from rover_pin.measurements.wheel_rig import SAME_LOAD
 
 DRAWS = 1999
 """Permutations of a test: the least p-value is 1 / 2000."""

@@ -13,8 +13,8 @@ from rover_pin.experiments.wheel_rig.data import RigSet
 from rover_pin.experiments.wheel_rig.diagnostics import FitDiagnostics
 from rover_pin.experiments.wheel_rig.experiment import ROWS
 from rover_pin.experiments.wheel_rig.model import RigModel, conditions, predictor
-from rover_pin.identification.identifiability import SAME_LOAD
 from rover_pin.measurements.channel import RigChannel
+from rover_pin.measurements.wheel_rig import SAME_LOAD
 from rover_pin.report.svg import AFTER, BEFORE, GREY
 from rover_pin.report.words import key
 

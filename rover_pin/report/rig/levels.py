@@ -8,7 +8,7 @@ from collections import Counter
 import numpy as np
 
 from rover_pin.experiments.wheel_rig.data import RigSet
-from rover_pin.identification.identifiability import SAME_LOAD
+from rover_pin.measurements.wheel_rig import SAME_LOAD
 
 LEVEL = 0.005
 """Half of the last digit of a slip as it is said: what lies within is one level."""

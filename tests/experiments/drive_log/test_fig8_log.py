@@ -13,14 +13,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rover_pin.contact import Soil
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.effects.digging_memory import DiggingMemory
 from rover_pin.experiments.drive_log.model import base_model
-from rover_pin.identification.identify import identify
 from rover_pin.logs.drive_log import read_drive_log
 from rover_pin.loop.close import close_the_loop
-from rover_pin.measurements.drive_points import read_drive_points
+from rover_pin.loop.identify import identify
 from rover_pin.simulation.model.toml_file import read_model
 from rover_pin.simulation.simulate import simulate
 from rover_pin.simulation.start.place import Start
@@ -66,9 +64,9 @@ def test_the_elevation_stops_where_the_base_model_keeps_rising(log):
 
 def test_section_4_tells_the_soil_from_it():
     """The declared k of 3.5 mm is wrong; steady windows of the same log say which is right."""
-    found = identify(read_drive_points(DATA), Soil())
-    assert found["k"].low < fig8.TRUE["k"] < found["k"].high < 0.002
-    assert found["phi"].low < fig8.TRUE["phi"] < found["phi"].high
+    k, phi = (identify(DATA)[name].number for name in ("k", "phi"))
+    assert k.low < fig8.TRUE["k"] < k.high < 0.002
+    assert phi.low < fig8.TRUE["phi"] < phi.high
 
 
 def test_it_declares_another_soil_than_the_true_one(log):

@@ -10,7 +10,6 @@ from rover_pin.experiments.wheel_rig.data import read_rig_set
 from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.model import ASKEW, RigModel
 from rover_pin.experiments.wheel_rig.model_file import read_model, write_model
-from rover_pin.measurements.reading import read_evidence
 from rover_pin.measurements.rig_errors import RigErrors
 from rover_pin.measurements.wheel_rig import read_wheel_rig
 from tests.oracle import rig_generator as hidden
@@ -109,10 +108,3 @@ def test_what_cannot_be_an_error_of_a_rig_is_refused(folder, tmp_path, line, sai
     (tmp_path / "rig.toml").write_text((folder / "rig.toml").read_text() + f"\n[rig]\n{line}\n")
     with pytest.raises(DataError, match=said):
         read_wheel_rig(tmp_path)
-
-
-def test_identify_says_that_it_does_not_fit_them(folder, tmp_path):
-    (tmp_path / "points.csv").write_text((folder / "points.csv").read_text())
-    (tmp_path / "rig.toml").write_text((folder / "rig.toml").read_text() + STATED)
-    with pytest.raises(DataError, match="states errors of the rig, which identify does not fit"):
-        read_evidence(tmp_path)

@@ -3,38 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TypeVar
 
 from rover_pin.base.errors import DataError
 from rover_pin.base.quantity import quantities
 from rover_pin.contact import Soil
-from rover_pin.identification.result import Held
-from rover_pin.measurements.channel import Evidence
 from rover_pin.measurements.rig_file import BEKKER_UNITS, BESIDE
 from rover_pin.measurements.wheel_rig import WheelRig
 
 T = TypeVar("T")
-
-SAME_TO = Held._fields.index("ends")
-"""Numbers that are the same in a `Held` up to here are held alike."""
 
 DECLARED_TOLERANCE = 1e-6
 """Share by which a constant that two sets declare may differ, and still be one: rounding of units."""
 
 OF_SAND = (*quantities(Soil), *BEKKER_UNITS, *(name for name, of in BESIDE.items() if of.table == "soil"))
 """Names of what a set declares of the sand."""
-
-
-def sets_of(data: Evidence | Sequence[Evidence]) -> tuple[Evidence, ...]:
-    """Return data as sets, one or several."""
-    return tuple(data) if isinstance(data, Sequence) else (data,)
-
-
-def sand_of(data: Evidence | Sequence[WheelRig]) -> Evidence:
-    """Return the set that stands for the sand of one set, its own, or of several: `of_one_sand`."""
-    return of_one_sand(data) if isinstance(data, Sequence) else data
 
 
 def of_one_sand(rigs: Sequence[WheelRig]) -> WheelRig:
@@ -77,17 +62,3 @@ def _of_sand(values: Mapping[str, T]) -> dict[str, T]:
 def _first(tables: Sequence[Mapping[str, T]]) -> dict[str, T]:
     """Return all tables as one; of a name that several have the first counts."""
     return {name: value for table in reversed(tables) for name, value in table.items()}
-
-
-def as_held(rows: Sequence[tuple[str, Held]], count: int) -> Iterator[tuple[tuple[str, ...], Held]]:
-    """Yield what sets hold as their own with the sets' names, what several hold alike as one number.
-
-    A size that several sets state alike has one drawing, and is wrong in all of them at once. What not all of `count`
-    sets hold says whose it is.
-    """
-    groups: dict[tuple, tuple[list[str], Held]] = {}
-    for name, fixed in rows:
-        groups.setdefault((*fixed[:SAME_TO], fixed.measured), ([], fixed))[0].append(name)
-    for names, fixed in groups.values():
-        whose = "" if len(names) == count else f" of {' and '.join(names)}"
-        yield tuple(names), fixed._replace(name=f"{fixed.name}{whose}")

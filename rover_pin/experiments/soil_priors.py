@@ -1,0 +1,74 @@
+"""What is known beforehand of a constant of wheel or soil: as declared, as assumed, or nothing."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from rover_pin.base.quantity import Record, quantities
+from rover_pin.estimation.parameter import Parameter, declared_in
+from rover_pin.measurements.known import DECLARED_SD, SIZE_SD, UNDECLARED_SD
+
+DECADES = math.log(5.0)
+"""How far apart starts of k and k_1 are, in their logarithm, where nothing is known of them."""
+WIDE = 0.25
+"""How far apart starts of phi are, as a share of its range, where nothing is known of it."""
+MAX_EXIT_RATIO = 0.99
+"""Greatest exit ratio of a fit: at 1 the stress ends on a second singularity, where derivatives jump."""
+LEAST = 1e-6
+"""A logarithm stops at this share of where it starts."""
+
+
+class AssumedSd(NamedTuple):
+    """SD of a constant that states none."""
+
+    declared: float
+    "of one that comes with the data, as of a bench test"
+    undeclared: float
+    "of one that stands for another soil's"
+    is_log: bool = False
+    "whether it is of the logarithm"
+
+
+SD = {
+    "r": AssumedSd(SIZE_SD, SIZE_SD, True),
+    "b": AssumedSd(SIZE_SD, SIZE_SD, True),
+    "phi": AssumedSd(math.radians(2.0), math.radians(4.0)),
+    "c": AssumedSd(100.0, 300.0),
+    "k": AssumedSd(DECLARED_SD, UNDECLARED_SD, True),
+    "k_1": AssumedSd(DECLARED_SD, UNDECLARED_SD, True),
+    "k_2": AssumedSd(DECLARED_SD, UNDECLARED_SD, True),
+    "n": AssumedSd(0.1, 0.3),
+    "theta_1": AssumedSd(math.radians(2.0), math.radians(4.0)),
+    "theta_2": AssumedSd(math.radians(2.0), math.radians(4.0)),
+    "exit_ratio": AssumedSd(0.05, 0.1),
+}
+"""SDs of constants that state none (assumed)."""
+
+
+def known_constant(
+    owner: str, record: Record, name: str, declared: Mapping[str, float], doubts: Mapping[str, float]
+) -> Parameter:
+    """Return a constant around its value in `record`, with the SD that is declared, or assumed."""
+    value, spec, assumed = float(getattr(record, name)), quantities(record)[name], SD[name]
+    is_log = assumed.is_log and value > 0
+    sd = doubts.get(name, math.nan) / (value if is_log else 1.0)
+    if math.isnan(sd):
+        sd = (assumed.declared if name in declared else assumed.undeclared) * (
+            abs(value) if assumed.is_log and not is_log else 1.0
+        )
+    high = MAX_EXIT_RATIO if name == "exit_ratio" else float(spec.high)
+    source = declared_in(owner, name, declared, doubts) or f"assumed: {spec.source.removeprefix('assumed: ')}"
+    is_declared = name in declared
+    return Parameter(f"{owner}.{name}", value, sd, float(spec.low), high, is_log, declared=is_declared, source=source)
+
+
+def unknown_constant(owner: str, record: Record, name: str) -> Parameter:
+    """Return a constant of which nothing is known: of a positive one its logarithm, else within its range."""
+    value, spec = float(getattr(record, name)), quantities(record)[name]
+    is_log = SD[name].is_log
+    scale = DECADES if is_log else WIDE * (spec.high - spec.low)
+    low = max(float(spec.low), LEAST * value) if is_log else float(spec.low)
+    source = f"assumed: {spec.source.removeprefix('assumed: ')}"
+    return Parameter(f"{owner}.{name}", value, scale, low, float(spec.high), is_log, prior=False, source=source)

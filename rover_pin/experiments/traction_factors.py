@@ -1,0 +1,189 @@
+"""Traction factors by slip as an experiment: points as of Fig 6, of a CSV file or worked out from a drive log."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any, NamedTuple, Self
+
+import casadi as ca
+import numpy as np
+
+from rover_pin.base.quantity import Record, quantities, quantity
+from rover_pin.contact import Scalar, Soil, Wheel
+from rover_pin.discrepancy.candidate import Candidate
+from rover_pin.discrepancy.standalone import Parts, Standalone
+from rover_pin.estimation.experiment import Sensitivities
+from rover_pin.estimation.noise import Noise, declared_noise
+from rover_pin.estimation.parameter import Parameter
+from rover_pin.experiments.soil_priors import known_constant, unknown_constant
+from rover_pin.measurements.prediction import FIELDS, CompiledPrediction
+from rover_pin.measurements.traction_points import TractionPoints, read_traction_points
+from rover_pin.parameters import TABLE_1
+from rover_pin.soil.angles import Angles
+from rover_pin.soil.sinkage import fitted_entry_angle
+from rover_pin.soil.traction import TractionForm, load_traction_factor
+
+SOUGHT = ("k", "phi")
+"""What Fig 6's points are drawn for: nothing is known of these beforehand."""
+MODULUS_BY_WIDTH = "k_2"
+"""Of one wheel k_1 stands for all of k_1 + k_2 b."""
+ENTERS = 1e-9
+"""SDs of a point that the prior SD of a constant moves where the constant does not enter at all."""
+CUBIC = 3
+"""Degree of the curve whose slope says how far an error of the slip moves a factor."""
+
+
+@dataclass(frozen=True)
+class FactorLaw:
+    """F(S) of a form, at the soil's theta_1 or at that which carries the load, drawn to where the slip may have been.
+
+    With S known to a and F_m to b, the least of (S_t - S)^2 / a^2 + (F(S_t) - F_m)^2 / b^2 over the true slip S_t is,
+    to first order, (F(S) - F_m)^2 / s^2 with s^2 = b^2 + F'(S)^2 a^2. So F_m + b (F - F_m) / s is handed out, whose
+    squares in b are these: F itself where a = 0. Without it a noisy slip flattens the curve (regression dilution).
+
+    Source: Deming, Statistical Adjustment of Data (1943); York et al., American Journal of Physics 72 (2004) 367.
+    """
+
+    form: TractionForm
+    angles: Angles
+    loaded: bool = False
+
+    def build(self, condition: Any, wheel: Wheel, soil: Soil, free: Any) -> tuple[Any, Any]:
+        """Return the factor [-] at `condition`, S with its SD a, F_m with its SD b, and W, and its Jacobian."""
+        S, a, measured, b, load = (condition[place] for place in range(5))
+        slip = ca.SX.sym("S")
+        if self.loaded:
+            soil = soil.replace(theta_1=fitted_entry_angle(load, slip, wheel, soil))
+        law = load_traction_factor(slip, soil, wheel, self.form, self.angles)
+        factor, slope = (ca.substitute(expression, slip, S) for expression in (law, ca.jacobian(law, slip)))
+        drawn = measured + b * (factor - measured) / ca.sqrt(b * b + (slope * a) ** 2)
+        return drawn, ca.jacobian(drawn, free)
+
+
+@dataclass(frozen=True)
+class PointErrors(Record):
+    """Errors that all points share, each in its own SDs."""
+
+    common_factor: Scalar = quantity(0.0, "", "assumed: loads and the torque constant are wrong together", -10, 10)
+    common_slip: Scalar = quantity(0.0, "", "assumed: rates and radii are wrong together", -10.0, 10.0)
+
+
+class Shift(NamedTuple):
+    """A number with which the points were worked out, and d factor / d u of each point [points]."""
+
+    parameter: Parameter
+    effect: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class TractionFactors(Standalone):
+    """Points at slips S, each with the SD of its mean; `declared` is the model that comes with them.
+
+    What all points share is a number with a prior, and `shifts` are further ones; an error of all slips moves a point
+    by the slope of a cubic through all.
+    """
+
+    points: TractionPoints
+    declared: Parts = field(repr=False)
+    shifts: tuple[Shift, ...] = field(default=(), repr=False)
+    name: str = "traction factors"
+    channels = ("traction factor",)
+    is_exact = True
+
+    @classmethod
+    def read(cls, path: Path) -> Self:
+        """Return the points of a CSV file, in a soil as of Table 1 where nothing else is said."""
+        points = read_traction_points(path)
+        return cls(points, Parts({"soil": TABLE_1, "wheel": points.wheel}), name=path.stem)
+
+    @property
+    def folds(self) -> tuple[str, ...]:
+        """Every point by itself."""
+        return tuple(f"point {number + 1}" for number in range(len(self.points.slip)))
+
+    @property
+    def observed(self) -> np.ndarray:
+        """The factors (points, 1, 1)."""
+        return np.asarray(self.points.factor)[:, None, None]
+
+    @property
+    def varied(self) -> np.ndarray:
+        """The slips."""
+        return np.asarray(self.points.slip)[:, None, None]
+
+    def noise(self) -> Noise:
+        """Return white noise of each point's SD."""
+        return declared_noise(np.asarray(self.points.sd)[:, None, None], self.observed)
+
+    @cached_property
+    def _slope(self) -> np.ndarray:
+        """F'(S) at each point, of a cubic through the points."""
+        slip, factor = np.asarray(self.points.slip), np.asarray(self.points.factor)
+        degree = min(CUBIC, len(np.unique(slip)) - 1)
+        curve = np.polynomial.Polynomial.fit(slip, factor, degree, w=1.0 / self.points.sd)
+        return np.asarray(curve.deriv()(slip))
+
+    @cached_property
+    def _shifts(self) -> dict[str, Shift]:
+        """What moves all points together, by name."""
+        common = {"common_factor": self.points.shared, "common_slip": self._slope * self.points.slip_shared}
+        specs = quantities(PointErrors)
+        shared = (
+            Shift(Parameter(f"points.{name}", 0.0, 1.0, -10.0, 10.0, source=specs[name].source), effect)
+            for name, effect in common.items()
+            if np.any(effect)
+        )
+        return {shift.parameter.name: shift for shift in (*shared, *self.shifts)}
+
+    def base_model(self) -> Parts:
+        """Return the soil and the wheel as declared, and no errors."""
+        return Parts({**self.declared.records, "points": PointErrors()})
+
+    def uncertain(self, model: Parts) -> tuple[Parameter, ...]:
+        """Return k and phi, of which nothing is known, the other constants that enter, and what the points share."""
+        constants = [
+            unknown_constant(owner, model.records[owner], name)
+            if name in SOUGHT
+            else known_constant(owner, model.records[owner], name, self.points.declared, self.points.doubts)
+            for owner in ("wheel", "soil")
+            for name in quantities(model.records[owner])
+            if name != MODULUS_BY_WIDTH
+        ]
+        moved = np.abs(self.noise().white(self.sensitivities(model, constants, np.zeros(len(constants))).slopes)).max(
+            axis=1
+        )
+        entering = [number for number, size in zip(constants, moved, strict=True) if size > ENTERS]
+        return (*entering, *(shift.parameter for shift in self._shifts.values()))
+
+    def candidates(self, model: Parts, kinds: Sequence[type]) -> tuple[Candidate, ...]:
+        """Return nothing: one curve of F over S shows no effect."""
+        return ()
+
+    def sensitivities(self, model: Parts, parameters: Sequence[Parameter], u: np.ndarray) -> Sensitivities:
+        """Return the factors, and their exact slopes."""
+        values = {parameter.name: parameter.value(x) for parameter, x in zip(parameters, u, strict=True)}
+        model = self.with_values(model, values)
+        free = tuple(name.partition(".")[2] for name in values if name not in self._shifts)
+        constants: Mapping[str, float] = {**model.records["wheel"].values(), **model.records["soil"].values()}
+        factors, jacobian = self._law(free)(np.array([float(constants[name]) for name in FIELDS]))
+        slopes = dict(zip((f for f in values if f not in self._shifts), jacobian.T, strict=True))
+        for name, shift in self._shifts.items():
+            factors = factors + shift.effect * shift.parameter.u(self.value(model, name))
+            slopes[name] = shift.effect / shift.parameter.scale
+        columns = [slopes[parameter.name] * parameter.slope(x) for parameter, x in zip(parameters, u, strict=True)]
+        return Sensitivities(factors[:, None, None], np.array(columns).reshape(len(columns), len(factors), 1, 1))
+
+    def predict(self, models: Sequence[Parts]) -> np.ndarray:
+        """Return the factors of each model (models, points, 1, 1)."""
+        return np.array([self.sensitivities(model, (), np.zeros(0)).predicted for model in models])
+
+    def _law(self, free: tuple[str, ...]) -> CompiledPrediction:
+        """Return the compiled law at the points."""
+        points, load = self.points, self.points.loads
+        load_of_each = load if load.size else np.zeros(len(points.slip))
+        conditions = np.column_stack([points.slip, points.slip_sd, points.factor, points.sd, load_of_each])
+        law = FactorLaw(points.form, points.angles, bool(load.size))
+        return CompiledPrediction(law, conditions, points.wheel, free)

@@ -1,0 +1,227 @@
+"""`identify`: the loop's own fit with nothing missing, known truths, what each number depends on, and refusals."""
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rover_pin.base.errors import DataError, ParameterError
+from rover_pin.contact import Soil, Wheel
+from rover_pin.estimation.parameter import Prior
+from rover_pin.estimation.variance_shares import variance_shares
+from rover_pin.experiments.joint_rig.sets import joined
+from rover_pin.experiments.wheel_rig.data import as_rig_set, read_rig_set
+from rover_pin.loop.close import close_the_loop
+from rover_pin.loop.data_check import check_data, measured_in
+from rover_pin.loop.identify import identify
+from rover_pin.measurements.channel import DrawbarPull, Sinkage, Torque
+from rover_pin.measurements.wheel_rig import WheelRig
+from rover_pin.scenarios.scenario import scenario
+from rover_pin.simulation.sensors import Sensors, measured
+from tests.oracle import rig_generator as hidden
+
+DATA = Path(__file__).parents[2] / "studies" / "data"
+SMOOTH, LOG = DATA / "cmu-smooth-wheel", DATA / "steepening-slope"
+KINDS = (DrawbarPull, Torque, Sinkage)
+TRUTH = {"k": 0.008, "phi": 0.5, "n": 1.1, "k_1": 3e4, "k_2": 8e5}
+WHEELS = {"narrow": (0.0625, 0.05, (15.0, 25.0)), "wide": (0.09, 0.12, (60.0,))}
+
+
+def made(name):
+    """What a wheel does in the one sand, by a generator that shares no code: rows (S, W, pull, torque, sinkage)."""
+    r, b, loads = WHEELS[name]
+    bed = hidden.Rig("none", K=TRUTH["k_1"] + TRUTH["k_2"] * b)
+    bed.r, bed.b = r, b
+    return np.array([(S, W, *bed.run(W, S)[:3]) for S in (0.0, 0.15, 0.3, 0.5, 0.75) for W in loads])
+
+
+TABLES = {name: made(name) for name in WHEELS}
+
+
+def rig(name, seed=0, times=1.0):
+    r, b, _ = WHEELS[name]
+    rows = TABLES[name]
+    noise = times * np.random.default_rng([seed, r > 0.07]).normal(size=(len(rows), 3)) * hidden.SD
+    channels = tuple(kind(rows[:, 2 + i] + noise[:, i], hidden.SD[i]) for i, kind in enumerate(KINDS))
+    declared = {"c": 200.0, "n": 1.1, "exit_ratio": 0.15}
+    sds = {"c": 1.0, "exit_ratio": 1e-3}
+    return as_rig_set(WheelRig(Wheel(r, b), rows[:, 0], rows[:, 1], channels, name, declared=declared, doubts=sds))
+
+
+# --- where a number's variance comes from ----------------------------------------------------------------------------
+
+
+def test_shares_of_a_variance_are_what_each_prior_scatters():
+    """Of a linear model whose priors' means and data are drawn: the variance of the estimate that each leaves."""
+    draw = np.random.default_rng(3)
+    J = draw.normal(size=(4, 3)) * [2.0, 0.3, 1.0]
+    C = np.linalg.inv(J.T @ J + np.eye(3))
+    shares = variance_shares(C)
+    repeats = 20_000
+    for prior in range(3):
+        means = np.zeros((repeats, 3))
+        means[:, prior] = draw.normal(size=repeats)
+        assert (means @ C).var(axis=0) / np.diag(C) == pytest.approx(shares[:, prior], rel=0.05, abs=1e-4)
+    of_data = (draw.normal(size=(repeats, 4)) @ J @ C).var(axis=0) / np.diag(C)
+    assert of_data == pytest.approx(1.0 - shares.sum(axis=1), rel=0.05)
+
+
+def test_a_number_depends_on_its_assumption_until_it_is_stated():
+    """The smooth wheel's phi goes with where the contact ends, which nobody measured."""
+    open_end = identify(SMOOTH)
+    assert open_end["phi"].depends_on == ("soil.exit_ratio",)
+    assert not open_end["phi"].is_found
+    assert open_end["exit_ratio"].is_as_known
+    stated = identify(SMOOTH, {"exit_ratio": Prior(0.14, 0.01)})
+    assert stated["phi"].is_found
+    assert stated["phi"].depends_on == ()
+    width = [one["phi"].number.high - one["phi"].number.low for one in (open_end, stated)]
+    assert width[1] < 0.6 * width[0]
+
+
+# --- known truths ----------------------------------------------------------------------------------------------------
+
+
+def test_intervals_of_two_wheels_hold_the_truth_and_are_narrower():
+    """Widths that differ part k_1 from k_2, which no single wheel does; what each wheel tells, both tell closer."""
+    held, width = [], {"narrow": [], "both": []}
+    for seed in range(10):
+        sets = joined([rig("narrow", seed), rig("wide", seed)])
+        fits = {"narrow": identify(sets.sets["narrow"]), "both": identify(sets)}
+        rows = [fits["both"][name].number for name in TRUTH]
+        held += [row.low <= TRUTH[name] <= row.high for name, row in zip(TRUTH, rows, strict=True)]
+        for name, fit in fits.items():
+            width[name].append([fit[each].number.high - fit[each].number.low for each in ("k", "phi", "n")])
+    assert sum(held) >= 43, "95 % of 50, three SDs of a count below"
+    assert (np.mean(width["both"], axis=0) < np.mean(width["narrow"], axis=0)).all()
+
+
+def test_noiseless_rig_returns_the_soil():
+    found = identify(joined([rig("narrow", times=0.0), rig("wide", times=0.0)]))
+    for name in ("k", "phi", "n"):
+        assert found[name].number.value == pytest.approx(TRUTH[name], rel=0.01)
+        assert found[name].is_found
+    assert found.misfit < 0.01
+
+
+@pytest.mark.slow
+def test_numbers_are_those_of_the_loop_before_anything_is_added():
+    by_loop = {number.name: number for number in close_the_loop(SMOOTH).before.numbers}
+    found = identify(SMOOTH)
+    assert {estimate.number.name for estimate in found.estimates} == by_loop.keys()
+    for estimate in found.estimates:
+        row = by_loop[estimate.number.name]
+        assert estimate.number.value == pytest.approx(row.value, rel=1e-6)
+        assert (estimate.number.low, estimate.number.high) == pytest.approx((row.low, row.high), rel=1e-3)
+
+
+# --- what is stated --------------------------------------------------------------------------------------------------
+
+
+def test_a_number_that_is_set_is_held_and_listed():
+    found = identify(SMOOTH, fixed={"soil.exit_ratio": 0.2, "n": 1.2})
+    assert found.held["soil.exit_ratio"] == 0.2
+    assert (found.model.soil.exit_ratio, found.model.soil.n) == (0.2, 1.2)
+    assert "soil.exit_ratio" not in {estimate.number.name for estimate in found.estimates}
+    assert {"wheel.r", "wheel.b", "soil.c", "soil.n"} <= found.held.keys()
+
+
+@pytest.mark.parametrize("sd", [1e-4, 0.002])
+def test_an_uncertain_size_is_fitted_within_what_is_stated(sd):
+    found = identify(SMOOTH, {"wheel.r": Prior(0.061, sd)})
+    assert found["r"].number.declared
+    assert abs(found["r"].number.value - 0.061) < 2.0 * sd
+    assert found["r"].prior_shares["wheel.r"] <= 1.0
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"priors": {"phj": Prior(0.5, 0.1)}}, "no number 'phj': did you mean 'phi'"),
+        ({"priors": {"phi": Prior(50.0, 1.0)}}, "soil.phi = 50 rad is not allowed"),
+        ({"fixed": {"n": 11.0}}, "soil.n = 11 is not allowed"),
+        ({"fixed": {"sand.n": 1.0}}, "no 'sand' to fit"),
+    ],
+)
+def test_what_cannot_be_stated_is_refused(given, said):
+    with pytest.raises(ParameterError, match=said):
+        identify(SMOOTH, **given)
+
+
+def test_an_unknown_name_of_a_result_lists_those_that_were_free():
+    with pytest.raises(ParameterError, match=r"'theta_1' was not free: soil.k"):
+        identify(SMOOTH)["theta_1"]
+
+
+# --- data ------------------------------------------------------------------------------------------------------------
+
+
+def test_wheels_askew_and_errors_of_the_rig_are_fitted(tmp_path):
+    askew = identify(DATA / "cmu-smooth-wheel-angles")
+    assert [channel.name for channel in askew.channels] == ["drawbar pull", "sinkage", "side force"]
+    text = (SMOOTH / "rig.toml").read_text() + '\n[rig]\nsinkage_zero = { value = 0.0, sd = 2.0, unit = "mm" }\n'
+    for name in ("points.csv", "penetration.csv"):
+        (tmp_path / name).write_bytes((SMOOTH / name).read_bytes())
+    (tmp_path / "rig.toml").write_text(text)
+    assert identify(tmp_path)["sinkage_zero"].number.declared
+
+
+def test_a_path_that_is_no_data_is_refused(tmp_path):
+    with pytest.raises(DataError, match=r"there is no such file or folder.*rig.toml.*drive.toml"):
+        identify(tmp_path / "nothing")
+    with pytest.raises(DataError, match=r"give a folder with rig.toml"):
+        identify(tmp_path)
+
+
+@pytest.fixture(scope="module")
+def drive():
+    return scenario("slope", soil="table-1", **{"soil.k": 0.01, "effect.MotionResistance.R": 0.12})
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda trace: {f"wheel_rate_{each}": -trace[f"wheel_rate_{each}"] for each in trace.wheels},
+        lambda trace: {"body_pitch": -trace["body_pitch"]},
+    ],
+    ids=["rates backwards", "pitch upside down"],
+)
+def test_log_refused_by_close_loop_is_refused_in_the_same_words(drive, tmp_path, change):
+    trace = measured(drive.drive(), Sensors(), seed=0)
+    changed = type(trace)({**trace.channels, **change(trace)}, trace.attrs)
+    drive.write_log(changed, tmp_path)
+    with pytest.raises(DataError) as by_loop:
+        check_data(tmp_path)
+    with pytest.raises(DataError) as here:
+        measured_in(tmp_path)
+    assert str(here.value) == str(by_loop.value)
+
+
+def test_the_log_of_the_climb_says_which_soil_it_was():
+    """Declared k = 3.5 mm, made with 1.5 mm and 30 deg; k depends on the angle at which wheels are taken to sink."""
+    found = identify(LOG)
+    k, phi = found["k"], found["phi"]
+    assert k.number.low < 0.0015 < k.number.high < 0.0025
+    assert phi.number.low < math.radians(30.0) < phi.number.high
+    assert k.depends_on[0] == "soil.theta_1"
+    assert "motor.resistance" in found["phi"].prior_shares
+
+
+def test_the_command_prints_the_same_as_text_and_as_json(run):
+    code, out, _ = run("identify", SMOOTH, "--prior", "exit_ratio=0.14:0.01", "--json")
+    assert code == 0
+    values = json.loads(out)
+    assert values["parameters"]["soil.phi"]["found"]
+    text = run("identify", SMOOTH, "--prior", "exit_ratio=0.14:0.01")[1]
+    assert f"{math.degrees(values['parameters']['soil.phi']['value']):.4g} deg" in text
+    shares = values["parameters"]["soil.phi"]
+    assert sum(shares["prior_shares"].values()) + shares["data_share"] == pytest.approx(1.0)
+
+
+def test_a_shipped_wheel_in_another_soil_is_what_is_declared():
+    held = identify(DATA / "ding-2011-smooth").held
+    declared = read_rig_set(DATA / "ding-2011-smooth").soil()
+    assert held["soil.n"] == declared.n == 1.1
+    assert Soil().n != 1.1
