@@ -90,6 +90,8 @@ class Verdict:
     profiles: tuple[Profile, ...] = field(default=(), repr=False)
     baselines: tuple[Baseline, ...] = field(default=(), repr=False)
     "held-out errors of what a user would otherwise take"
+    rival: str = ""
+    "which of these predicts what was left out better than the model, in a sentence"
     errors_anew: dict[str, float] = field(default_factory=dict, repr=False)
     "RMSE of each channel, every fold predicted with what is chosen and fitted without it, or by all hypotheses as \
 the other folds weigh them"
@@ -221,6 +223,7 @@ the other folds weigh them"
                 "findings": [str(finding) for finding in self.findings],
                 **{name: _numbers(side) for name, side in sides.items()},
                 "baselines": [baseline._asdict() for baseline in self.baselines],
+                "rival": self.rival,
                 "profiles": [profile._asdict() for profile in self.profiles],
                 "experiments": [experiment.sentence for experiment in self.experiments],
                 "draft": self.draft.as_dict() if self.draft else {},

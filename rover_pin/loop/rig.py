@@ -13,8 +13,8 @@ from rover_pin.contact import Soil
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.candidate import Candidate
 from rover_pin.discrepancy.conclude import concluded
-from rover_pin.discrepancy.held_out import losses
 from rover_pin.discrepancy.question import Progress, Question
+from rover_pin.discrepancy.rivals import against_rivals
 from rover_pin.discrepancy.verdict import Side, Verdict
 from rover_pin.estimation.baselines import curves
 from rover_pin.estimation.fit import Fit
@@ -64,17 +64,7 @@ def close_rig_loop(
     verdict.provenance.update(provenance(request, time.monotonic() - begun))
     if request.out is None:
         return verdict
-    progress("errors of what a user would otherwise take")
-    return _written(with_baselines(verdict, RigExperiment(data)), data, request, progress)
-
-
-def with_baselines(verdict: Verdict, experiment: RigExperiment) -> Verdict:
-    """Return the verdict with the errors of curves through the points, and a caution where one predicts better."""
-    channels = [(name, experiment.unit(name)) for name in experiment.channels]
-    baselines = curves(experiment.observed, experiment.inputs, channels) if verdict.scores else ()
-    return dataclasses.replace(
-        verdict, baselines=baselines, cautions=(*verdict.cautions, *losses(verdict.scores, baselines))
-    )
+    return _written(verdict, data, request, progress)
 
 
 def rig_set_of(data: str | Path | WheelRig | RigSet, trust: Trust = Trust()) -> RigSet:
@@ -114,7 +104,9 @@ def on_rig(
         _fit_diagnostics(data, verdict.after, seed),
         describe_declared(data.rig, tried, model.effects),
     )
-    return dataclasses.replace(
+    progress("errors of what a user would otherwise take")
+    channels = [(name, experiment.unit(name)) for name in experiment.channels]
+    verdict = dataclasses.replace(
         verdict,
         extra=extra,
         cautions=cautions(verdict, extra.after),
@@ -122,6 +114,7 @@ def on_rig(
         experiments=_experiments(data, verdict),
         profiles=profiles(verdict.after.fit, tuple(number.name for number in verdict.after.numbers)),
     )
+    return against_rivals(verdict, curves(experiment.observed, experiment.inputs, channels))
 
 
 def _fit_diagnostics(data: RigSet, side: Side, seed: int) -> FitDiagnostics:
