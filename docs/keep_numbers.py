@@ -129,7 +129,7 @@ def main() -> None:
 
 
 def section(name: str, table: dict[str, Any]) -> str:
-    """Return a table as it stands in the file."""
+    """Return a table as the file has it."""
     rows = [f'{key} = "{value}"' if isinstance(value, str) else f"{key} = {value!r}" for key, value in table.items()]
     return "\n".join([f"[{name}]", *rows, "", ""])
 

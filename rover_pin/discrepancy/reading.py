@@ -42,7 +42,7 @@ def read(beliefs: Beliefs) -> Reading:
     if none + otherwise > MOST:
         if beliefs.families.get(DECLARED, 0.0) > SURE:
             return Reading(Answer.INADEQUATE, otherwise=_leading(beliefs)[0])
-        leaves = beliefs.left(()) > MOST or _is_beyond(beliefs)
+        leaves = beliefs.leaves_more(()) > MOST or _is_beyond(beliefs)
         return Reading(Answer.NONE_FITS if leaves else Answer.NONE_NEEDED)
     sets = _leading(beliefs)
     if none + otherwise > 1.0 - SURE:
@@ -51,7 +51,7 @@ def read(beliefs: Beliefs) -> Reading:
     contained = beliefs.probability(lambda hypothesis: set(retained) <= set(hypothesis.names))
     if contained <= SURE:
         return Reading(Answer.SET, retained, sets)
-    return Reading(Answer.LIKE if beliefs.left(retained) > MOST else Answer.NAMED, retained, sets[:1])
+    return Reading(Answer.LIKE if beliefs.leaves_more(retained) > MOST else Answer.NAMED, retained, sets[:1])
 
 
 def _is_beyond(beliefs: Beliefs) -> bool:
@@ -84,13 +84,13 @@ def sentence(reading: Reading, beliefs: Beliefs, share: float, misfit: float) ->
     listed = " or ".join(
         f"{' + '.join(names) or 'nothing'} ({probability:.2f})" for names, probability in _shares(reading, beliefs)
     )
-    none, left = beliefs.sets.get(frozenset(), 0.0), beliefs.left(reading.retained)
+    none, unexplained = beliefs.sets.get(frozenset(), 0.0), beliefs.leaves_more(reading.retained)
     more = beliefs.probability(lambda hypothesis: hypothesis.leaves_more)
     besides = f" Whichever acts, more than noise is left with probability {more:.2f}." if more > MOST else ""
     words = {
         Answer.NAMED: f"{retained} is missing with probability {probability:.2f}; it {takes}.",
         Answer.LIKE: f"something like {retained} is missing (probability {probability:.2f}): it {takes}, but its law "
-        f"leaves more than noise with probability {left:.2f}.",
+        f"leaves more than noise with probability {unexplained:.2f}.",
         Answer.SET: f"{_families(beliefs)}the data leave {listed}; the first {takes}.{besides}",
         Answer.NONE_NEEDED: f"nothing is missing with probability {none:.2f}; the base model leaves noise.",
         Answer.NONE_FITS: f"no cause of the list is missing with probability {none:.2f}, but the base model leaves "

@@ -146,7 +146,7 @@ class Beliefs:
         """The probability of each set of causes, whatever it leaves, the largest first."""
         return self.totals(lambda hypothesis: {frozenset(hypothesis.names)})
 
-    def left(self, names: Iterable[str]) -> float:
+    def leaves_more(self, names: Iterable[str]) -> float:
         """Return the probability that a set of causes leaves more than noise, given that it acts."""
         wanted = frozenset(names)
         among = self.probability(lambda hypothesis: frozenset(hypothesis.names) == wanted)
@@ -193,7 +193,7 @@ class Beliefs:
             "families": {name: probability for name, probability in self.families.items() if probability > LEAST},
             "inclusion": {name: probability for name, probability in self.included.items() if probability > LEAST},
             "sets": [
-                {"causes": sorted(names), "probability": probability, "leaves_more": self.left(names)}
+                {"causes": sorted(names), "probability": probability, "leaves_more": self.leaves_more(names)}
                 for names, probability in self.sets.items()
                 if probability > LEAST
             ],

@@ -67,12 +67,12 @@ def _expected_curvature(parts: _Parts, count: int) -> np.ndarray:
     for block in parts.blocks:
         inverse = block.inverse(parts.covariance)
         own.append({scale: inverse @ slope for scale, slope in block.slopes.items()})
-        left = parts.covariance @ block.weighted.T
-        shared.append({scale: left @ slope @ block.weighted for scale, slope in block.slopes.items()})
+        gain = parts.covariance @ block.weighted.T
+        shared.append({scale: gain @ slope @ block.weighted for scale, slope in block.slopes.items()})
     pairs = [*((moved, moved) for moved in own), *itertools.permutations(shared, 2)]
     for first, second in pairs:
-        for (i, left), (j, right) in itertools.product(first.items(), second.items()):
-            information[i, j] += 0.5 * float(np.sum(left * right.T))
+        for (i, row), (j, column) in itertools.product(first.items(), second.items()):
+            information[i, j] += 0.5 * float(np.sum(row * column.T))
     return information
 
 
@@ -96,9 +96,9 @@ def negative_log(errors: ErrorModel, linear: Linear, eta: np.ndarray) -> tuple[f
     gradient = (eta - errors.median) / errors.sd**2
     for block in parts.blocks:
         inverse = block.inverse(parts.covariance)
-        left = block.target - block.weighted @ parts.mean
+        residual = block.target - block.weighted @ parts.mean
         for scale, slope in block.slopes.items():
-            gradient[scale] += 0.5 * (float(np.vdot(inverse, slope)) - float(left @ slope @ left))
+            gradient[scale] += 0.5 * (float(np.vdot(inverse, slope)) - float(residual @ slope @ residual))
     return parts.loss, gradient
 
 

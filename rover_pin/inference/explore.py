@@ -162,9 +162,9 @@ class Explorer:
         """Fit a set with what it may leave besides noise, unless it is far behind."""
         if plain.causes and not self._is_near(plain.causes):
             return
-        left = [Discrepancy.SMOOTH, *([Discrepancy.FORM] if plain.causes else [])]
+        kinds = [Discrepancy.SMOOTH, *([Discrepancy.FORM] if plain.causes else [])]
         with suppress(OptimisationError, np.linalg.LinAlgError):
-            more = tuple(self.fitter.hypothesis(plain.causes, plain.u, kind, plain) for kind in left)
+            more = tuple(self.fitter.hypothesis(plain.causes, plain.u, kind, plain) for kind in kinds)
             self.fitted[names_of(plain.causes)] = (plain, *more)
 
     def _is_near(self, causes: Sequence[Cause]) -> bool:

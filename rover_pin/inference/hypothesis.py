@@ -202,8 +202,8 @@ class Fitter:
             if discrepancy is not Discrepancy.FORM:
                 break
             added = self._added(causes, u, predicted)
-            taken, left = (np.linalg.norm(rows, axis=1) for rows in (errors.added, added))
-            if (taken <= SHRUNK * left).all():
+            taken, present = (np.linalg.norm(rows, axis=1) for rows in (errors.added, added))
+            if (taken <= SHRUNK * present).all():
                 break
             errors = replace(errors, added=added)
         solution = posterior(errors, linear_at(self.samples, predicted, slopes, u), scales)

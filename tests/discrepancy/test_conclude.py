@@ -74,7 +74,7 @@ def test_what_is_on_no_list_is_something_that_acts():
     wave = 12.0 * np.sin(4.0 * experiment.varied[:, None, :, 0])
     found = concluded(toys.question(replace(experiment, observed=experiment.observed + wave), NAMES), quiet)
     assert found.answer is Answer.NONE_FITS
-    assert found.beliefs.left(()) > 0.99
+    assert found.beliefs.leaves_more(()) > 0.99
     assert "something acts that is not on the list" in found.sentence
 
 
@@ -84,4 +84,4 @@ def test_functions_are_those_that_the_question_has():
     question = replace(toys.question(experiment, NAMES), functions=lambda base: asked.append(base) or [])
     search = search_of(question, quiet)
     assert asked == [search.base]
-    assert search.beliefs().left(()) <= LEAST or len(search.fitted[frozenset()]) == 2
+    assert search.beliefs().leaves_more(()) <= LEAST or len(search.fitted[frozenset()]) == 2

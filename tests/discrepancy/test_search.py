@@ -300,7 +300,7 @@ def test_what_is_left_is_weighed_of_all_that_is_worth_it():
         kinds = [row.discrepancy for row in rows]
         assert kinds == ([Discrepancy.NONE, Discrepancy.SMOOTH] if worth else [Discrepancy.NONE])
     assert len(search.beliefs().hypotheses) > len(before.hypotheses)
-    assert search.beliefs().left(("q",)) < 0.3, "noise leaves no function"
+    assert search.beliefs().leaves_more(("q",)) < 0.3, "noise leaves no function"
 
 
 # --- calibration -----------------------------------------------------------------------------------------------------

@@ -48,7 +48,7 @@ def test_probabilities_sum_up_over_hypotheses_and_sets(seed):
     assert list(beliefs.included.values()) == sorted(beliefs.included.values(), reverse=True)
     assert frozenset(beliefs.best().names) in sets
     for names in sets:
-        assert 0.0 <= beliefs.left(names) <= 1.0
+        assert 0.0 <= beliefs.leaves_more(names) <= 1.0
 
 
 def test_prior_of_all_sets_sums_to_that_of_their_counts():

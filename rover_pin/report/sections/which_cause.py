@@ -88,7 +88,7 @@ class WhichCause(Section):
                 (
                     listing(full(name, kinds, self.labels) for name in sorted(names)) or "nothing",
                     f"{probability:.3f}",
-                    f"{beliefs.left(names):.2f}" if beliefs.best(tuple(names)).is_fitted else ESTIMATED,
+                    f"{beliefs.leaves_more(names):.2f}" if beliefs.best(tuple(names)).is_fitted else ESTIMATED,
                 ),
                 CHOSEN * (names == frozenset(self.verdict.named)),
             )

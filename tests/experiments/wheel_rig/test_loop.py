@@ -181,7 +181,7 @@ def test_unlisted_effect_is_described_and_its_draft_is_an_effect(tmp_path):
     verdict = close_the_loop(path, out=tmp_path / "out")
     assert verdict.answer is Answer.NONE_FITS
     assert verdict.effects == ()
-    assert verdict.beliefs.left(()) > 0.5
+    assert verdict.beliefs.leaves_more(()) > 0.5
     assert max(verdict.beliefs.included.values()) < 0.5
     assert any(not one.is_noise and "smooth fit" in one.sentence for one in verdict.extra.after.residuals)
     draft = verdict.draft
