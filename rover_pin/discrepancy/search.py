@@ -81,7 +81,7 @@ class Search:
         self._note((), self.base)
         if there:
             self._from_declared(start, there)
-        while self._fit_worthiest() or self._end_likely():
+        while self._end_promising() or self._fit_worthiest() or self._end_likely():
             pass
         return self.beliefs()
 
@@ -102,6 +102,18 @@ class Search:
         else:
             self.fit(missing[0] if missing else names)
         return True
+
+    def _end_promising(self) -> bool:
+        """Take fits to their end that promise as much as the best is ahead; return whether there was one."""
+        best = self.best_score()
+        promising = [
+            names
+            for names, rows in self.fitted.items()
+            if names not in self.finished and self.score(rows[0]) + rows[0].expansion.promised > best + WORTH
+        ]
+        for names in promising:
+            self._end(names)
+        return bool(promising)
 
     def _end_likely(self) -> bool:
         """Take what is likely to its end, and fit its parts from there; return whether anything was not."""

@@ -103,10 +103,20 @@ class Expansion:
         """The rows (n,), at an optimum without what a step of the fit's own numbers still promises."""
         if not self.is_optimum:
             return self.fit.rows
+        return np.asarray(self.fit.rows - self.columns[:, : self.own] @ self._own_step[0])
+
+    @cached_property
+    def _own_step(self) -> tuple[np.ndarray, float]:
+        """The step of the fit's own numbers, H^-1 g, and the nats g'H^-1 g / 2 that it promises."""
         own = slice(self.own)
-        slope, curvature = self.sums.slope.sum(axis=0)[own], self.sums.curvature.sum(axis=0)[own, own]
-        step = np.linalg.solve(curvature + np.eye(self.own), slope + self.fit.u)
-        return np.asarray(self.fit.rows - self.columns[:, own] @ step)
+        gradient = self.sums.slope.sum(axis=0)[own] + self.fit.u
+        step = np.linalg.solve(self.sums.curvature.sum(axis=0)[own, own] + np.eye(self.own), gradient)
+        return step, 0.5 * float(gradient @ step)
+
+    @property
+    def promised(self) -> float:
+        """How many nats a step of the fit's own numbers still promises: none at its end, as far as it is linear."""
+        return self._own_step[1]
 
     @property
     def scales(self) -> np.ndarray:

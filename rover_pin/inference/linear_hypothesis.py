@@ -113,12 +113,17 @@ def linear_hypothesis(
 ) -> LinearHypothesis:
     """Return a set of causes about a fit; the last, `partial`, have one size each, that `extra` columns move."""
     posterior = expansion.posterior(extra)
-    at = slice(len(posterior.mean) - sum(len(cause.parameters) for cause in causes), None)
-    inside = log_share_inside(causes, posterior.mean[at], posterior.covariance[at, at])
+    inside = _log_share_inside(causes, posterior)
     parameters = (*expansion.fit.parameters, *(cause.parameters[0] for cause in partial))
     return LinearHypothesis(
         tuple(causes), expansion, tuple(extra), parameters, posterior, posterior.log_evidence + inside
     )
+
+
+def _log_share_inside(causes: Sequence[Cause], posterior: Laplace) -> float:
+    """Return the logarithm of how much of the posterior of the causes' numbers, the last, their priors allow."""
+    at = slice(len(posterior.mean) - sum(len(cause.parameters) for cause in causes), None)
+    return log_share_inside(causes, posterior.mean[at], posterior.covariance[at, at])
 
 
 def with_function(plain: LinearHypothesis, evidence: FunctionEvidence) -> LinearHypothesis:
@@ -127,11 +132,12 @@ def with_function(plain: LinearHypothesis, evidence: FunctionEvidence) -> Linear
     good = plain.fit.task.noise.good
     table = np.zeros(good.shape)
     table[good] = evidence.rows
+    inside = _log_share_inside(plain.causes, posterior) - _log_share_inside(plain.causes, plain.posterior)
     rms = np.sqrt((table**2).sum(axis=2) / np.maximum(good.sum(axis=2), 1))
     return replace(
         plain,
         posterior=posterior,
-        log_evidence=plain.log_evidence + evidence.gain,
+        log_evidence=plain.log_evidence + evidence.gain + inside,
         discrepancy=Discrepancy.SMOOTH,
         leaves_more=bool(rms.max() > NOISE),
     )

@@ -225,7 +225,26 @@ def test_what_is_left_besides_changes_numbers_and_evidence():
     found = hypothesis(made, (0,))
     (left,) = with_functions([(made, found.posterior)], [function(made, True)[0]])
     more = with_function(found, left)
-    assert more.log_evidence == pytest.approx(found.log_evidence + left.gain)
+    size = slice(made.own, None)
+    allowed = [
+        log_share_inside(found.causes, each.mean[size], each.covariance[size, size]) for each in (found.posterior, left)
+    ]
+    assert more.log_evidence == pytest.approx(found.log_evidence + left.gain + allowed[1] - allowed[0])
+    assert allowed[0] != allowed[1]
     assert more.moments("p.a")[0] == left.mean[made.own] != found.moments("p.a")[0]
     assert more.moments("p.a")[1] == pytest.approx(math.sqrt(left.covariance[1, 1]))
     assert more.discrepancy is Discrepancy.SMOOTH
+
+
+def test_a_fit_at_its_end_promises_nothing_and_one_beside_it_does():
+    """Half a chi2 of the linear model: what Newton's step from there gains."""
+    made = expansion(None)
+    at_end = fit(made.fit.task, made.fit.model, made.fit.parameters, made.fit.u, made.fit.slopes, stale=True)
+    ended = Expansion(at_end, made.others)
+    assert ended.promised == pytest.approx(0.0, abs=1e-4)
+    off = np.eye(made.own)[0] * 0.3
+    predicted = at_end.predicted + sum(at_end.slopes[p.name] * d for p, d in zip(at_end.parameters, off, strict=True))
+    beside = Expansion(replace(at_end, u=at_end.u + off, predicted=predicted), made.others)
+    gained = 0.5 * (beside.fit.chi2 - at_end.chi2)
+    assert beside.promised == pytest.approx(gained, rel=0.05)
+    assert gained > 1.0
