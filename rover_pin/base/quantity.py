@@ -93,8 +93,11 @@ def _declared(kind: Any) -> dict[str, Quantity]:
     }
 
 
-def check(owner: str, name: str, value: Any, spec: Quantity) -> None:
-    """Refuse a number that is not finite or is out of bounds; let expressions pass."""
+def check(owner: str, name: str, value: Any, spec: Quantity, written: str = "") -> None:
+    """Refuse a number that is not finite or is out of bounds; let expressions pass.
+
+    A number whose unit was `written` beside it is told in that unit, and is not taken for one of another.
+    """
     if is_symbolic(value):
         return
     name = f"{owner}.{name}" if owner else name
@@ -102,12 +105,13 @@ def check(owner: str, name: str, value: Any, spec: Quantity) -> None:
         raise ParameterError(f"{name} = {value!r} is not a number; give one in {spec.unit or 'no unit'}.")
     number = as_float(value)
     if not (math.isfinite(number) and spec.low <= number <= spec.high):
-        unit = f" {spec.unit}" if spec.unit else ""
-        likely_unit = meant(number, spec)
+        size = factor_to(written, spec.unit) if written else 1.0
+        unit = f" {written or spec.unit}".rstrip()
+        likely_unit = "" if written else meant(number, spec)
         hint = f"Did you mean {number:g} {likely_unit}? " if likely_unit else ""
         raise ParameterError(
-            f"{name} = {number:g}{unit} is not allowed: it must lie in "
-            f"[{spec.low:g}, {spec.high:g}]{unit}. {hint}Its default comes from: {spec.source}."
+            f"{name} = {number / size:g}{unit} is not allowed: it must lie in "
+            f"[{spec.low / size:g}, {spec.high / size:g}]{unit}. {hint}Its default comes from: {spec.source}."
         )
 
 
@@ -166,7 +170,7 @@ def parse_quantity(value: Any, expected: str, where: str, bare: str | None = Non
     default_unit = expected if bare is None else bare
     if not isinstance(value, str):
         return to_si(value, default_unit, expected, where)
-    match = WRITTEN.fullmatch(value.strip().replace("\N{MINUS SIGN}", "-"))
+    match = _number_and_unit(value)
     if match is None:
         try:
             return float(value)  # as nan and inf are written, which bounds refuse
@@ -175,6 +179,16 @@ def parse_quantity(value: Any, expected: str, where: str, bare: str | None = Non
             point = "; write decimals with a point" if "," in value else ""
             raise ParameterError(f"{where} = {value!r} is not a number{unit}{point}.") from None
     return to_si(float(match[1]), (match[2] or match[3] or default_unit).strip(), expected, where)
+
+
+def written_unit(value: Any) -> str:
+    """Return the unit that a text names behind its number, as `parse_quantity` reads it; empty where it names none."""
+    match = _number_and_unit(value) if isinstance(value, str) else None
+    return (match[2] or match[3] or "").strip() if match else ""
+
+
+def _number_and_unit(text: str) -> re.Match[str] | None:
+    return WRITTEN.fullmatch(text.strip().replace("\N{MINUS SIGN}", "-"))
 
 
 ENTRY = ("value", "unit", "sd", "low", "high", "source", "note")
@@ -229,7 +243,7 @@ def record_from(record: type[Record], table: Mapping[str, Any], where: str) -> A
     if not isinstance(table, Mapping):
         raise ParameterError(f"{where}: {table!r} is not a table; write one line a quantity, as name = 1.0.")
     specs = quantities(record)
-    fields = {}
+    fields, units = dict(table), {}
     for name, entry in table.items():
         if name not in specs:
             raise ParameterError(f"{where}: {record.__name__} has no field '{name}': {closest(name, specs)}")
@@ -240,9 +254,11 @@ def record_from(record: type[Record], table: Mapping[str, Any], where: str) -> A
                     f"{where}: '{name}' needs a 'value', as in {name} = {{ value = 1.0, unit = '...' }}."
                 )
             unit = specs[name].unit
-            entry = to_si(entry["value"], entry.get("unit", unit), unit, f"{where}: '{name}'")
-        fields[name] = entry
+            fields[name] = to_si(entry["value"], entry.get("unit", unit), unit, f"{where}: '{name}'")
+            units[name] = str(entry.get("unit", ""))
     try:
+        for name, written in units.items():
+            check(record.__name__, name, fields[name], specs[name], written)
         return record(**fields)
     except ParameterError as error:
         raise ParameterError(f"{where}: {error}") from error

@@ -13,7 +13,16 @@ from typing import Any, NamedTuple, Self
 
 from rover_pin.base.arguments import arguments_of
 from rover_pin.base.errors import ParameterError, closest, one_of
-from rover_pin.base.quantity import Quantity, Record, check, is_symbolic, meant, parse_quantity, quantities
+from rover_pin.base.quantity import (
+    Quantity,
+    Record,
+    check,
+    is_symbolic,
+    meant,
+    parse_quantity,
+    quantities,
+    written_unit,
+)
 from rover_pin.base.units import factor_to
 
 
@@ -60,8 +69,9 @@ class Settings:
     def number(self, name: str, default: float, spec: Quantity) -> float:
         """Return a setting that is a number, or its default."""
         setting = Setting.of(name, default, spec)
-        value = parse_quantity(self._taken(setting), spec.unit, name)
-        _check(setting, name.rpartition(".")[2], value)
+        given = self._taken(setting)
+        value = parse_quantity(given, spec.unit, name)
+        _check(setting, value, written_unit(given))
         self._in_force(name, value)
         return value
 
@@ -108,19 +118,19 @@ class Settings:
 
     def _given(self, settings: Iterable[Setting]) -> dict[str, Any]:
         """Return the values by the last part of the name; `_deg` behind that of an angle reads degrees."""
-        values = {}
+        values: dict[str, Any] = {}
         for setting in settings:
+            written = written_unit(self.values.get(setting.name))
             key = setting.name.rpartition(".")[2]
             degrees = f"{setting.name}_deg" if setting.unit.startswith("rad") else ""
             if setting.name in self.values:
                 values[key] = _read(setting, self._taken(setting))
             self._taken(setting)
             if degrees in self.values:
-                values[key] = parse_quantity(
-                    self.values.pop(degrees), setting.unit, degrees, setting.unit.replace("rad", "deg")
-                )
+                written = setting.unit.replace("rad", "deg")
+                values[key] = parse_quantity(self.values.pop(degrees), setting.unit, degrees, written)
             if key in values:
-                _check(setting, key, values[key])
+                _check(setting, values[key], written)
                 self._in_force(setting.name, values[key])
         return values
 
@@ -159,14 +169,15 @@ def _read(setting: Setting, value: Any) -> Any:
     return tuple(parse_quantity(part, setting.unit, setting.name) for part in several)
 
 
-def _check(setting: Setting, key: str, value: Any) -> None:
+def _check(setting: Setting, value: Any, written: str) -> None:
     """Refuse a number out of bounds by the setting's own name, with how it is written in another unit."""
     spec = Quantity(setting.unit, setting.source, setting.low, setting.high, "")
     if isinstance(value, float) and math.isfinite(setting.low):
-        hint = meant(value, spec)
+        owner, _, key = setting.name.rpartition(".")
+        hint = "" if written else meant(value, spec)
         write = f" Write it as {setting.name}={value:g}{hint}." if hint else ""
         try:
-            check(setting.name.rpartition(".")[0], key, value, spec)
+            check(owner, key, value, spec, written)
         except ParameterError as error:
             raise ParameterError(f"{error}{write}") from None
 

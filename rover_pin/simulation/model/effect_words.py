@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from rover_pin.base.errors import DataError, ParameterError, closest
-from rover_pin.base.quantity import parse_quantity, quantities
+from rover_pin.base.quantity import check, parse_quantity, quantities, written_unit
 from rover_pin.rover.rover import Rover
 from rover_pin.simulation.model.effect_files import (
     BASES,
@@ -116,4 +116,7 @@ def _value(word: str, effect: AnyEffect, field: str, text: str) -> tuple[str, An
         if name not in names:
             raise ParameterError(f"{word}: {type(effect).__name__} has no field '{field}': {closest(field, names)}")
         return name, text
-    return name, parse_quantity(text, quantities(effect)[name].unit, f"{word}: {field}", "deg" if angle else None)
+    spec, bare = quantities(effect)[name], "deg" if angle else ""
+    value = parse_quantity(text, spec.unit, f"{word}: {field}", bare or None)
+    check(f"effect {type(effect).__name__}: {type(effect).__name__}", name, value, spec, written_unit(text) or bare)
+    return name, value
