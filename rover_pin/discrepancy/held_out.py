@@ -139,7 +139,7 @@ Pair = tuple[np.ndarray, np.ndarray]
 def _by_channel(
     experiment: Experiment, noise: Noise, pair: Pair, random: np.random.Generator
 ) -> tuple[ChannelScore, ...]:
-    good, scores, floor = noise.good, [], floor_of(experiment, noise)
+    good, scores, floor = noise.good, [], noise.lower_bound(experiment.floor())
     for row, name in enumerate(experiment.channels):
         squares = [np.where(good, residual, 0.0)[:, row] ** 2 for residual in pair]
         has_data = np.full(len(good), True) if experiment.is_timed else good[:, row].any(axis=1)
@@ -163,16 +163,6 @@ def fold_errors(fitted: Fit) -> dict[str, float]:
 def _named_rms(fitted: Fit, residual: np.ndarray) -> dict[str, float]:
     rms = _rms(residual, fitted.task.noise.good, (0, 2))
     return dict(zip(fitted.task.experiment.channels, rms.tolist(), strict=True))
-
-
-def floor_of(experiment: Experiment, noise: Noise) -> np.ndarray:
-    """Return what no model beats (channels,): the samples' scatter where that is known, else the noise."""
-    sample_scatter = experiment.floor()
-    return (
-        noise.floor
-        if sample_scatter is None
-        else np.where(np.nan_to_num(sample_scatter) > 0, sample_scatter, noise.floor)
-    )
 
 
 def _rms(residual: np.ndarray, good: np.ndarray, axes: int | tuple[int, int] = 2) -> np.ndarray:

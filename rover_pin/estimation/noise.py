@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -40,6 +40,8 @@ class Noise:
     good: np.ndarray = field(repr=False)
     inflation: float = COLOURED
     "by how much chi2 by chance, and variances, exceed those of white rows; 1 where the noise is declared white"
+    least: np.ndarray | float = field(default=0.0, repr=False)
+    "SD (channels,) that it was held to at least, as of the error of a replay"
     random_effects: RandomEffectsFilter | None = None
     "what besides differs from run to run by chance, as the ground does"
 
@@ -50,6 +52,13 @@ class Noise:
             return self.sd
         squares = np.where(self.good, self.sd, 0.0) ** 2
         return np.asarray(np.sqrt(squares.sum(axis=(0, 2)) / np.maximum(self.good.sum(axis=(0, 2)), 1)))
+
+    def lower_bound(self, sample_scatter: np.ndarray | None) -> np.ndarray:
+        """Return the SD (channels,) that no model beats: samples' scatter, where known, or `least`; else the noise."""
+        if sample_scatter is None:
+            return self.floor
+        known = np.nan_to_num(sample_scatter) > 0
+        return np.where(known, np.fmax(sample_scatter, self.least), self.floor)
 
     @property
     def count(self) -> int:
@@ -89,7 +98,7 @@ def first_noise(residual: np.ndarray, least: np.ndarray) -> Noise:
     """Return noise as large as a residual itself, no less than `least` (channels,), without memory."""
     good = np.isfinite(residual)
     sd = np.array([spread(residual[:, row][good[:, row]]) for row in range(residual.shape[1])])
-    return Noise(np.maximum(sd, least), np.zeros(len(sd)), np.eye(len(sd)), good)
+    return Noise(np.maximum(sd, least), np.zeros(len(sd)), np.eye(len(sd)), good, least=least)
 
 
 def declared_noise(sd: np.ndarray, observed: np.ndarray) -> Noise:
@@ -113,7 +122,7 @@ def noise_of(residual: np.ndarray, good: np.ndarray, least: np.ndarray, absorbed
     39 (1977) 1), where the residual's alone are too small by the share of the columns in the rows.
     """
     channels = residual.shape[1]
-    sd, rho = np.zeros(channels), np.zeros(channels)
+    sd, rho, given_back = np.zeros((3, channels))
     for row in range(channels):
         values = np.where(good[:, row], residual[:, row], np.nan)
         sd[row] = max(spread(values[np.isfinite(values)]), least[row])
@@ -122,18 +131,25 @@ def noise_of(residual: np.ndarray, good: np.ndarray, least: np.ndarray, absorbed
         both = np.isfinite(current * previous)
         power = float(np.nanmean(clipped**2)) if both.any() else 0.0
         product = float(np.mean(current[both] * previous[both])) if both.any() else 0.0
+        taken = lagged = 0.0
         if absorbed is not None and both.any():
             taken = float(np.mean(absorbed.variance[:, row][good[:, row]]))
-            sd[row], power = float(np.hypot(sd[row], np.sqrt(taken))), power + taken
-            product += float(np.mean(absorbed.lagged[:, row, 1:].ravel()[both]))
+            lagged = float(np.mean(absorbed.lagged[:, row, 1:].ravel()[both]))
+            sd[row], power, product = float(np.hypot(sd[row], np.sqrt(taken))), power + taken, product + lagged
         memory = product / power if power > 0 else 0.0
         rho[row] = min(max(memory, 0.0), MOST_MEMORY)
-    plain = Noise(sd, rho, np.eye(channels), good)
-    return Noise(sd, rho, _mixing(plain, residual), good)
+        step = taken * (1 + rho[row] ** 2) - 2 * rho[row] * lagged
+        given_back[row] = max(step, 0.0) / (sd[row] ** 2 * (1 - rho[row] ** 2))
+    plain = Noise(sd, rho, np.eye(channels), good, least=least)
+    return replace(plain, mixing=_mixing(plain, residual, given_back))
 
 
-def _mixing(plain: Noise, residual: np.ndarray) -> np.ndarray:
-    """Return the inverse Cholesky factor of the correlations of the innovations, drawn to 0 by SHRINK."""
+def _mixing(plain: Noise, residual: np.ndarray, given_back: np.ndarray) -> np.ndarray:
+    """Return the inverse Cholesky factor of the correlations of the innovations, drawn to 0 by SHRINK.
+
+    Innovations are scaled to SD 1, with what a fit took of their variance `given_back` (channels,), but to no more than
+    `least` allows. What is added to what is left of a channel is no other channel's.
+    """
     rows: np.ndarray = np.full(residual.shape, np.nan)
     rows[plain.good] = np.clip(plain.white(residual), -3, 3)
     table = np.moveaxis(rows, 1, 0).reshape(residual.shape[1], -1)
@@ -141,7 +157,7 @@ def _mixing(plain: Noise, residual: np.ndarray) -> np.ndarray:
     filled = np.where(finite, table, 0.0)
     shared = np.maximum(finite.astype(float) @ finite.T, 1.0)
     covariance = filled @ filled.T / shared
-    size = np.sqrt(np.maximum(np.diag(covariance), 1e-12))
+    size = np.maximum(np.sqrt(np.diag(covariance) + given_back), plain.least / plain.sd)
     correlation = (1 - SHRINK) * covariance / np.outer(size, size)
     np.fill_diagonal(correlation, 1.0)
     values, vectors = np.linalg.eigh(correlation)

@@ -87,13 +87,11 @@ class LinearHypothesis:
     @property
     def noise_taken(self) -> dict[str, float]:
         """How many times the declared noise, or what samples scatter, each channel is taken to have for noise."""
-        floor, noise = self.experiment.floor(), self.fit.task.noise
-        if self.experiment.noise() is not None or floor is None:
+        scatter, noise = self.experiment.floor(), self.fit.task.noise
+        if self.experiment.noise() is not None or scatter is None:
             return dict.fromkeys(self.experiment.channels, self.posterior.scale / math.sqrt(noise.inflation))
-        return {
-            name: float(sd / least) if least > 0 else math.nan
-            for name, sd, least in zip(self.experiment.channels, noise.floor, floor, strict=True)
-        }
+        times = noise.floor / noise.lower_bound(scatter)
+        return dict(zip(self.experiment.channels, times.tolist(), strict=True))
 
     def left_out(self) -> LeftOut:
         """Return every fold as the others predict it; an estimate says how probable it is alone."""

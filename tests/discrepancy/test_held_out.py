@@ -12,6 +12,7 @@ from rover_pin.discrepancy.draft import Draft
 from rover_pin.discrepancy.held_out import ChannelScore, RunScore, _by_channel, _by_run, losses
 from rover_pin.discrepancy.verdict import SCHEMA, Verdict
 from rover_pin.estimation.baselines import Baseline
+from rover_pin.estimation.noise import declared_noise
 from rover_pin.estimation.numbers import DRIFTED
 from rover_pin.estimation.wording import Change
 
@@ -28,7 +29,7 @@ def experiment(timed=False, told=None, channels=("pull",), least=0.0):
 
 
 def noise(good, floor=(0.5,)):
-    return SimpleNamespace(good=good, floor=np.array(floor), white=lambda residual: residual[good])
+    return declared_noise(np.array(floor), np.where(good, 0.0, np.nan))
 
 
 # --- by channel ------------------------------------------------------------------------------------------------------
@@ -104,7 +105,7 @@ def test_a_run_is_judged_by_its_robust_chi2_a_compared_block():
     good = np.array([[[True, True, False]], [[True, False, False]]])
     residual = np.array([[[1.0, 10.0, 99.0]], [[2.0, 99.0, 99.0]]])
     pair = residual, 0.5 * residual
-    first, second = _by_run(experiment(timed=True), noise(good), pair, np.random.default_rng(0))
+    first, second = _by_run(experiment(timed=True), noise(good, (1.0,)), pair, np.random.default_rng(0))
     assert (first.run, first.blocks, first.before, first.after) == ("a", 2, (1.0 + 64.0) / 2, (0.25 + 24.0) / 2)
     assert (second.run, second.blocks, second.before, second.after) == ("b", 1, 4.0, 1.0)
     assert module.together((second,)) == (4.0, 1.0)

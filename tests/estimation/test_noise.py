@@ -98,6 +98,20 @@ def test_what_channels_share_is_taken_out_but_for_a_fifth():
     assert np.mean(noise.white(residual) ** 2) == pytest.approx((1 + left) / 2, rel=1e-3)
 
 
+@pytest.mark.parametrize("rho", [0.0, 0.8])
+def test_rows_are_no_larger_than_the_noise_is_held_to(rho):
+    """What a replay misses by a tenth of its own error is a tenth of an SD, also where channels miss it together."""
+    random = np.random.default_rng(2)
+    residual = random.standard_normal((1, 2, 400))
+    for at in range(1, 400):
+        residual[0, :, at] = rho * residual[0, :, at - 1] + np.sqrt(1 - rho**2) * residual[0, :, at]
+    residual[0, 1] = 0.99 * residual[0, 0] + 0.1 * residual[0, 1]
+    noise = noise_of(0.1 * residual, np.ones_like(residual, dtype=bool), np.ones(2))
+    assert noise.sd == pytest.approx([1.0, 1.0])
+    assert np.std(noise.white(0.1 * residual).reshape(2, -1), axis=1) == pytest.approx([0.1, 0.1], rel=0.2)
+    assert noise.lower_bound(np.array([0.2, 3.0])) == pytest.approx([1.0, 3.0]), "no model beats its own replays"
+
+
 def test_a_stray_that_channels_share_counts_as_one_of_3_sd():
     """Two channels without memory and without common mode, but for one block that both miss by far."""
     one = np.tile([1.0, -1.0], 20)
@@ -143,12 +157,14 @@ def test_what_a_fit_took_of_the_noise_is_given_back():
     smooth = np.array([np.convolve(random.standard_normal(n), np.ones(5), "same") for _ in range(p)]).T
     hat = smooth @ np.linalg.solve(smooth.T @ smooth, smooth.T)
     absorbed = Absorbed(np.diag(hat)[None, None], np.append(0.0, np.diag(hat, -1))[None, None])
-    alone, whole = [], []
+    alone, whole, rows = [], [], []
     for _ in range(40):
         noise = random.standard_normal(n)
         left = (noise - hat @ noise)[None, None]
         alone.append(noise_of(left, good, np.full(1, 1e-9)))
         whole.append(noise_of(left, good, np.full(1, 1e-9), absorbed))
+        rows.append(np.std(whole[-1].white(noise[None, None])))
     assert np.mean([each.sd for each in alone]) < 0.85
     assert np.mean([each.sd for each in whole]) == pytest.approx(1.0, abs=0.03)
     assert np.mean([each.rho for each in whole]) < 0.06
+    assert np.mean(rows) == pytest.approx(1.0, abs=0.03), "in rows too"
