@@ -94,10 +94,7 @@ def _declared(kind: Any) -> dict[str, Quantity]:
 
 
 def check(owner: str, name: str, value: Any, spec: Quantity, written: str = "") -> None:
-    """Refuse a number that is not finite or is out of bounds; let expressions pass.
-
-    A number whose unit was `written` beside it is told in that unit, and is not taken for one of another.
-    """
+    """Refuse a number that is not finite or is out of bounds, in the unit `written` beside it; let expressions pass."""
     if is_symbolic(value):
         return
     name = f"{owner}.{name}" if owner else name
@@ -107,8 +104,7 @@ def check(owner: str, name: str, value: Any, spec: Quantity, written: str = "") 
     if not (math.isfinite(number) and spec.low <= number <= spec.high):
         size = factor_to(written, spec.unit) if written else 1.0
         unit = f" {written or spec.unit}".rstrip()
-        likely_unit = "" if written else meant(number, spec)
-        hint = f"Did you mean {number:g} {likely_unit}? " if likely_unit else ""
+        hint = "" if written else _meant(number, spec)
         raise ParameterError(
             f"{name} = {number / size:g}{unit} is not allowed: it must lie in "
             f"[{spec.low / size:g}, {spec.high / size:g}]{unit}. {hint}Its default comes from: {spec.source}."
@@ -119,12 +115,10 @@ MEANT = {"rad": "deg", "rad/m": "deg/m", "m": "mm"}
 """The unit that a number out of bounds may have been in."""
 
 
-def meant(number: float, spec: Quantity) -> str:
-    """Return the unit in which a number that is out of bounds would be allowed, or nothing."""
-    unit = MEANT.get(spec.unit, spec.unit)
-    value = number * UNITS[unit][1] if unit in UNITS else math.nan
-    within = spec.low <= number <= spec.high
-    return unit if unit != spec.unit and not within and spec.low <= value <= spec.high else ""
+def _meant(number: float, spec: Quantity) -> str:
+    """Return in words the unit in which a number that is out of bounds would be allowed, or nothing."""
+    unit = MEANT.get(spec.unit, "")
+    return f"Did you mean {number:g} {unit}? " if unit and spec.low <= number * UNITS[unit][1] <= spec.high else ""
 
 
 def as_float(value: Any) -> float:
@@ -170,7 +164,7 @@ def parse_quantity(value: Any, expected: str, where: str, bare: str | None = Non
     default_unit = expected if bare is None else bare
     if not isinstance(value, str):
         return to_si(value, default_unit, expected, where)
-    match = _number_and_unit(value)
+    match = WRITTEN.fullmatch(value.strip().replace("\N{MINUS SIGN}", "-"))
     if match is None:
         try:
             return float(value)  # as nan and inf are written, which bounds refuse
@@ -183,12 +177,8 @@ def parse_quantity(value: Any, expected: str, where: str, bare: str | None = Non
 
 def written_unit(value: Any) -> str:
     """Return the unit that a text names behind its number, as `parse_quantity` reads it; empty where it names none."""
-    match = _number_and_unit(value) if isinstance(value, str) else None
+    match = WRITTEN.fullmatch(value.strip().lstrip("+-\N{MINUS SIGN}")) if isinstance(value, str) else None
     return (match[2] or match[3] or "").strip() if match else ""
-
-
-def _number_and_unit(text: str) -> re.Match[str] | None:
-    return WRITTEN.fullmatch(text.strip().replace("\N{MINUS SIGN}", "-"))
 
 
 ENTRY = ("value", "unit", "sd", "low", "high", "source", "note")
@@ -243,22 +233,18 @@ def record_from(record: type[Record], table: Mapping[str, Any], where: str) -> A
     if not isinstance(table, Mapping):
         raise ParameterError(f"{where}: {table!r} is not a table; write one line a quantity, as name = 1.0.")
     specs = quantities(record)
-    fields, units = dict(table), {}
+    fields = dict(table)
     for name, entry in table.items():
         if name not in specs:
             raise ParameterError(f"{where}: {record.__name__} has no field '{name}': {closest(name, specs)}")
         if isinstance(entry, Mapping):
             refuse_strange(entry, f"{where}: '{name}'")
             if "value" not in entry:
-                raise ParameterError(
-                    f"{where}: '{name}' needs a 'value', as in {name} = {{ value = 1.0, unit = '...' }}."
-                )
+                raise ParameterError(f"{where}: '{name}' needs a 'value': {name} = {{ value = 1.0, unit = '...' }}.")
             unit = specs[name].unit
             fields[name] = to_si(entry["value"], entry.get("unit", unit), unit, f"{where}: '{name}'")
-            units[name] = str(entry.get("unit", ""))
+            check(f"{where}: {record.__name__}", name, fields[name], specs[name], str(entry.get("unit", "")))
     try:
-        for name, written in units.items():
-            check(record.__name__, name, fields[name], specs[name], written)
         return record(**fields)
     except ParameterError as error:
         raise ParameterError(f"{where}: {error}") from error

@@ -13,16 +13,7 @@ from typing import Any, NamedTuple, Self
 
 from rover_pin.base.arguments import arguments_of
 from rover_pin.base.errors import ParameterError, closest, one_of
-from rover_pin.base.quantity import (
-    Quantity,
-    Record,
-    check,
-    is_symbolic,
-    meant,
-    parse_quantity,
-    quantities,
-    written_unit,
-)
+from rover_pin.base.quantity import Quantity, Record, check, is_symbolic, parse_quantity, quantities, written_unit
 from rover_pin.base.units import factor_to
 
 
@@ -170,16 +161,9 @@ def _read(setting: Setting, value: Any) -> Any:
 
 
 def _check(setting: Setting, value: Any, written: str) -> None:
-    """Refuse a number out of bounds by the setting's own name, with how it is written in another unit."""
-    spec = Quantity(setting.unit, setting.source, setting.low, setting.high, "")
+    """Refuse a number out of bounds by the setting's own name."""
     if isinstance(value, float) and math.isfinite(setting.low):
-        owner, _, key = setting.name.rpartition(".")
-        hint = "" if written else meant(value, spec)
-        write = f" Write it as {setting.name}={value:g}{hint}." if hint else ""
-        try:
-            check(owner, key, value, spec, written)
-        except ParameterError as error:
-            raise ParameterError(f"{error}{write}") from None
+        check("", setting.name, value, Quantity(setting.unit, setting.source, setting.low, setting.high, ""), written)
 
 
 def format_setting(value: Any) -> str:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Self
 
 from rover_pin.base.errors import DataError
+from rover_pin.base.files.paths import exists
 
 
 @dataclass(frozen=True)
@@ -28,9 +29,12 @@ class Trust:
 
     @classmethod
     def of(cls, effects: str | Path | Sequence[str | Path] | None = None, everything: bool = False) -> Self:
-        """Return the trust in a file of effects, or several, or in everything."""
-        named = [effects] if isinstance(effects, (str, Path)) else effects or []
-        return cls(tuple(map(Path, named)), everything)
+        """Return the trust in a file of effects, which must be there, or several, or in everything."""
+        named = tuple(map(Path, [effects] if isinstance(effects, (str, Path)) else effects or []))
+        for path in named:
+            if not exists(path):
+                raise DataError(f"{path}: there is no such effect file; give a .py file or a folder of them.")
+        return cls(named, everything)
 
     def refuse_code(self, file: Path, where: str) -> None:
         """Refuse to run a file, or the files of a folder, that the user has not named.

@@ -79,7 +79,7 @@ class SlipSlope(Standalone):
         for key in table:
             if key not in KEYS:
                 raise DataError(f"{file}: there is no key '{key}': {closest(key, KEYS)}")
-        rover = load_named(str(table.get("rover", "nexus6")), path)
+        rover = load_named(str(table.get("rover", "nexus6")), file)
         declared = table_in(table, "soil", str(file))
         soil = record_from(Soil, {**own_soil(rover).value.values(), **declared}, f"{file}: [soil]")
         folds, points = read_folded(path / "points.csv", "run", COLUMNS)

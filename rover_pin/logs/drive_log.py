@@ -113,6 +113,11 @@ class DriveLog:
     trust: Trust = Trust()
     "of the user in the log, whose files else lie in its folder"
 
+    @property
+    def file(self) -> Path:
+        """What declares it."""
+        return self.folder / FILE
+
     def run(self, name: str) -> Trace:
         """Return the run whose file is `name`, with or without its suffix."""
         stems = [Path(trace.attrs["file"]).stem for trace in self.runs]
@@ -124,7 +129,7 @@ class DriveLog:
     def terrain(self) -> Terrain:
         """Return the terrain that the log declares for all runs; flat ground where each run has its own."""
         if self.metadata.terrain and not is_of_run(self.metadata.terrain):
-            return terrain_from(self.metadata.terrain, self.folder, self.trust)
+            return terrain_from(self.metadata.terrain, self.file, self.trust)
         return flat()
 
     def terrain_of(self, run: Trace) -> Terrain | None:
@@ -136,7 +141,7 @@ class DriveLog:
         table = declared or self.metadata.terrain or {"estimated": True}
         if is_of_run(table):
             return run_terrain(table, run, self.load_rover(), f"{self.folder}: {run.attrs.get('file', 'run')}: terrain")
-        return None if declared is None else terrain_from(table, self.folder, self.trust)
+        return None if declared is None else terrain_from(table, self.file, self.trust)
 
     def is_estimated(self, run: Trace) -> bool:
         """Return whether the ground under a run is estimated from the run itself."""
@@ -146,11 +151,11 @@ class DriveLog:
     @property
     def noise_sd(self) -> dict[str, float]:
         """What the log declares of its sensors, in SI: see `noise_from`."""
-        return noise_from(self.metadata.noise, str(self.folder / FILE))
+        return noise_from(self.metadata.noise, str(self.file))
 
     def load_rover(self) -> Rover:
         """Return the rover that the log names."""
-        return load_named(self.metadata.rover, self.folder, self.trust)
+        return load_named(self.metadata.rover, self.file, self.trust)
 
     @property
     def rover(self) -> str:

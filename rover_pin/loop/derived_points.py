@@ -31,7 +31,7 @@ def factors_of(log: DriveLog) -> TractionFactors:
         What `points_of_log` refuses.
     """
     points = points_of_log(log)
-    motor = record_from(Motor, log.metadata.motor, f"{log.folder}: [motor]")
+    motor = record_from(Motor, log.metadata.motor, f"{log.file}: [motor]")
     lag = usual_slip(log.load_rover())
     soil = usual_soil(log.load_rover()).replace(**points.declared)
     declared = Parts({"soil": soil, "wheel": points.wheel, "motor": motor, "RelaxedSlip": lag})
@@ -41,7 +41,7 @@ def factors_of(log: DriveLog) -> TractionFactors:
 
 def _of_motor(log: DriveLog, motor: Motor, points: TractionPoints) -> Iterator[Shift]:
     """Yield the motor's constants whose error is not among those that the points share."""
-    sds = declared_sds(log.metadata.motor, Motor, f"{log.folder}: [motor]")
+    sds = declared_sds(log.metadata.motor, Motor, f"{log.file}: [motor]")
     for name in OF_MOTOR:
         value = float(getattr(motor, name))
         sd = sds.get(name, MOTOR_SD.get(name, 0.0) * value)

@@ -55,7 +55,7 @@ def points_of_log(log: DriveLog, sampling: Sampling = SAMPLING) -> TractionPoint
             f"{log.folder}: drive.toml declares no [motor], and the torque is evaluated from its characteristics: "
             "add supply, resistance, k_t and gear."
         )
-    return drive_points(log, record_from(Motor, log.metadata.motor, f"{log.folder}: [motor]"), sampling)
+    return drive_points(log, record_from(Motor, log.metadata.motor, f"{log.file}: [motor]"), sampling)
 
 
 def drive_points(
@@ -105,7 +105,7 @@ def drive_points(
             "constant duty, over slopes that change the slip."
         )
     slip, factor, sd, *others = points_of(classes, sampling, torque_constant_sd(log.metadata.motor)).T
-    where, table = f"{log.folder}: [soil]", log.metadata.soil
+    where, table = f"{log.file}: [soil]", log.metadata.soil
     constants, doubts = record_from(Soil, table, where), declared_sds(table, Soil, where)
     declared = {name: float(getattr(constants, name)) for name in table}
     slip_sd, shared, slip_shared, load = others

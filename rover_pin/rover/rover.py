@@ -213,8 +213,8 @@ def _loaded(path: Path, texts: tuple[str, ...], trust: Trust) -> Rover:
     return assemble(layout)
 
 
-def load_named(rover: str, folder: Path, trust: Trust = Trust()) -> Rover:
-    """Return the rover that a model or a drive log in `folder` names: one of the package's, or a TOML seen from there.
+def load_named(rover: str, file: Path, trust: Trust = Trust()) -> Rover:
+    """Return the rover that a model's or a drive log's `file` names: one of the package's, or a TOML seen from there.
 
     Sets share rovers, so the TOML may lie elsewhere; a refusal of such a one says nothing of its content.
 
@@ -223,16 +223,16 @@ def load_named(rover: str, folder: Path, trust: Trust = Trust()) -> Rover:
     UrdfError
         It does not make a rover.
     """
-    beside = folder / rover
+    beside = file.parent / rover
     path = beside if is_file(beside) else Path(rover)
-    elsewhere = path.suffix != "" and not path.resolve().is_relative_to(folder.resolve())
+    elsewhere = path.suffix != "" and not path.resolve().is_relative_to(file.parent.resolve())
     try:
         if not elsewhere or path.suffix == ".toml":
             return load_rover(path, trust)
-    except UrdfError:
+    except UrdfError as error:
         if not elsewhere:
-            raise
-    raise UrdfError(f"{folder}: rover = {rover!r} lies elsewhere and makes no rover: try `rover-pin check-urdf` on it.")
+            raise UrdfError(f"{file}: {error}") from error
+    raise UrdfError(f"{file}: rover = {rover!r} lies elsewhere and makes no rover: try `rover-pin check-urdf` on it.")
 
 
 def assemble(layout: Layout) -> Rover:

@@ -27,32 +27,31 @@ KEYS = (*KINDS, "borders", "patch")
 PATCH_KEYS = ("x_from", "x_to", "ground")
 
 
-def terrain_from(table: Mapping[str, Any], folder: str | Path, trust: Trust = Trust()) -> Terrain:
-    """Return the terrain that a drive log's table declares, its files in `folder` unless `trust` allows more.
+def terrain_from(table: Mapping[str, Any], file: Path, trust: Trust = Trust()) -> Terrain:
+    """Return the terrain that a log's or model's `file` declares, its own files beside that unless `trust` allows more.
 
     Raises
     ------
     DataError
         None or more than one kind of terrain, an unknown key, or what its files' readers refuse.
     """
-    folder = Path(folder)
     for key in table:
         if key not in KEYS:
-            raise DataError(f"{folder}: [terrain] has an unknown key '{key}': {closest(key, KEYS)}")
+            raise DataError(f"{file}: [terrain] has an unknown key '{key}': {closest(key, KEYS)}")
     kinds = [kind for kind in KINDS if kind in table]
     if len(kinds) != 1:
         raise DataError(
-            f"{folder}: [terrain] must have one of {', '.join(KINDS)}, but it has {', '.join(kinds) or 'none'}."
+            f"{file}: [terrain] must have one of {', '.join(KINDS)}, but it has {', '.join(kinds) or 'none'}."
         )
     for key in ("polylines", "borders", "patch"):
         if not isinstance(table.get(key, []), list):
-            raise DataError(f"{folder}: [terrain] has {key} = {table[key]!r}: give a list.")
+            raise DataError(f"{file}: [terrain] has {key} = {table[key]!r}: give a list.")
     try:
-        terrain = _bare(kinds[0], table, folder, trust)
+        terrain = _bare(kinds[0], table, file, trust)
         for patch in table.get("patch", []):
-            terrain = _laid(terrain, patch, folder)
+            terrain = _laid(terrain, patch, file)
     except ParameterError as error:
-        raise DataError(f"{folder}: [terrain]: {error}") from error
+        raise DataError(f"{file}: [terrain]: {error}") from error
     return terrain
 
 
@@ -68,30 +67,30 @@ def write_terrain(folder: str | Path, terrain: Terrain) -> dict[str, Any]:
     return {"polylines": files, "borders": list(terrain.borders)}
 
 
-def _bare(kind: str, table: Mapping[str, Any], folder: Path, trust: Trust) -> Terrain:
+def _bare(kind: str, table: Mapping[str, Any], file: Path, trust: Trust) -> Terrain:
     if kind == "grid":
-        return from_grid(_beside(folder, table["grid"], trust))
+        return from_grid(_beside(file, table["grid"], trust))
     if kind == "polyline":
-        return from_polyline(_beside(folder, table["polyline"], trust))
-    lanes = [from_polyline(_beside(folder, name, trust)).profiles[0] for name in table["polylines"]]
+        return from_polyline(_beside(file, table["polyline"], trust))
+    lanes = [from_polyline(_beside(file, name, trust)).profiles[0] for name in table["polylines"]]
     return Lanes(tuple(lanes), tuple(table.get("borders", ())))
 
 
-def _beside(folder: Path, name: Any, trust: Trust) -> Path:
+def _beside(file: Path, name: Any, trust: Trust) -> Path:
     """Return the path of a terrain's file, which must be there."""
-    path = trust.within(folder, name, f"{folder}: [terrain]")
+    path = trust.within(file.parent, name, f"{file}: [terrain]")
     if not is_file(path):
-        there = [file.name for file in folder.iterdir() if file.is_file()] if folder.is_dir() else []
+        there = [each.name for each in file.parent.iterdir() if each.is_file()] if file.parent.is_dir() else []
         suggestion = closest(str(name), there)
-        raise DataError(f"{folder}: [terrain] names the file {name!r}, which is not there: {suggestion}")
+        raise DataError(f"{file}: [terrain] names the file {name!r}, which is not there: {suggestion}")
     return path
 
 
-def _laid(terrain: Terrain, patch: Any, folder: Path) -> Terrain:
+def _laid(terrain: Terrain, patch: Any, file: Path) -> Terrain:
     if not isinstance(patch, Mapping) or not set(patch) <= set(PATCH_KEYS) or "ground" not in patch:
-        raise DataError(f"{folder}: [terrain] has patch = {patch!r}: give {{ x_from = [m], x_to = [m], ground = 1 }}.")
+        raise DataError(f"{file}: [terrain] has patch = {patch!r}: give {{ x_from = [m], x_to = [m], ground = 1 }}.")
     try:
         ends = [as_float(patch.get("x_from", -math.inf)), as_float(patch.get("x_to", math.inf))]
     except (TypeError, ValueError):
-        raise DataError(f"{folder}: [terrain] has patch = {patch!r}: x_from and x_to must be numbers [m].") from None
+        raise DataError(f"{file}: [terrain] has patch = {patch!r}: x_from and x_to must be numbers [m].") from None
     return with_ground(terrain, ends[0], ends[1], patch["ground"])

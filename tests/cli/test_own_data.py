@@ -1,6 +1,7 @@
 """Data of one's own: made a set out of a table, and checked by themselves before any fit."""
 
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -87,6 +88,40 @@ def test_a_drive_log_is_checked_likewise(run):
     told = json.loads(run("check-data", DATA / "steepening-slope", "--json")[1])
     assert told["kind"] == "drive-log"
     assert told["holds"].startswith("6 runs, ")
+
+
+@pytest.mark.parametrize(
+    ("written", "instead", "told"),
+    [
+        ('rover = "nexus6"', 'rover = "nexsu6"', "bad/drive.toml: There is no rover 'nexsu6': did you mean 'nexus6'?"),
+        (
+            "ground-0.csv",
+            "grund.csv",
+            "bad/drive.toml: [terrain] names the file 'grund.csv', which is not there: did you",
+        ),
+        ("k_t =", "kt =", "bad/drive.toml: [motor]: Motor has no field 'kt': did you mean 'k_t'?"),
+        (
+            "gear =",
+            "gear = {value = 9, unit = 'deg'} #",
+            "bad/drive.toml: [motor]: 'gear': unit 'deg' does not measure",
+        ),
+    ],
+)
+def test_a_mistake_in_a_log_is_told_by_its_file(run, written, instead, told):
+    shutil.copytree(DATA / "steepening-slope", "bad")
+    file = Path("bad/drive.toml")
+    assert written in file.read_text()
+    file.write_text(file.read_text().replace(written, instead))
+    code, _, err = run("close-loop", "bad")
+    assert code == 2
+    assert told in err.splitlines()[-1]
+
+
+def test_a_channel_that_a_set_lacks_is_told_by_its_file(run):
+    shutil.copytree(DATA / "cmu-smooth-wheel", "bad")
+    file = Path("bad/points.csv")
+    file.write_text(file.read_text().replace("drawbar_pull_N", "pull", 1))
+    assert "bad/points.csv: drawbar_pull_N: drawbar pull was not measured; " in run("check-data", "bad")[1]
 
 
 def test_a_poor_set_is_told_so_and_a_wrong_one_refused(run):

@@ -191,7 +191,7 @@ def test_mistakes_in_the_terrain(log, table, says):
 
 def test_a_terrain_s_file_beside_a_folder_that_is_gone_is_named(tmp_path):
     with pytest.raises(DataError, match=r"names.*'g\.csv'"):
-        terrain_from({"polyline": "g.csv"}, tmp_path / "gone")
+        terrain_from({"polyline": "g.csv"}, tmp_path / "gone" / "drive.toml")
 
 
 def test_other_refusals(tmp_path, log):

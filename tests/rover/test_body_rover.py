@@ -162,15 +162,15 @@ def test_model_names_a_rover_beside_elsewhere_or_in_the_package(tmp_path):
         for name in ("cart.toml", "cart.urdf"):
             shutil.copy(URDF / name, folder / name)
     (beside / "cart.toml").write_text((URDF / "cart.toml").read_text().replace('name = "cart"', 'name = "own cart"'))
-    assert load_named("cart.toml", beside).name == "own cart"
-    assert load_named(str(away / "cart.toml"), beside).name == "cart"
-    assert load_named("nexus6", beside).name == "nexus6"
+    assert load_named("cart.toml", beside / "drive.toml").name == "own cart"
+    assert load_named(str(away / "cart.toml"), beside / "drive.toml").name == "cart"
+    assert load_named("nexus6", beside / "drive.toml").name == "nexus6"
     for folder in (beside, away):
         (folder / "secret.toml").write_text("password = 1")
     for own in ("secret.toml", str(beside / "secret.toml"), "nexus7"):
         with pytest.raises(UrdfError) as told:
-            load_named(own, beside)
+            load_named(own, beside / "drive.toml")
         assert "lies elsewhere" not in str(told.value)
     with pytest.raises(UrdfError, match="`rover-pin check-urdf`") as told:
-        load_named(str(away / "secret.toml"), beside)
+        load_named(str(away / "secret.toml"), beside / "drive.toml")
     assert "password" not in str(told.value)

@@ -58,19 +58,19 @@ def base_model(log: DriveLog) -> Model:
         A terrain, soil or motor that cannot be read.
     """
     rover = log.load_rover()
-    soil = record_from(Soil, {**usual_soil(rover).values(), **log.metadata.soil}, f"{log.folder}: [soil]")
-    motor = record_from(Motor, {**usual_motor(rover).values(), **log.metadata.motor}, f"{log.folder}: [motor]")
+    soil = record_from(Soil, {**usual_soil(rover).values(), **log.metadata.soil}, f"{log.file}: [soil]")
+    motor = record_from(Motor, {**usual_motor(rover).values(), **log.metadata.motor}, f"{log.file}: [motor]")
     traction = SoilTraction(TorqueTraction(), usual_angles(rover, log.metadata.angles))
     effects, terrain = base_effects(soil, rover, traction, log.metadata.gravity), log.terrain()
     if log.metadata.resistance:
-        resistance = record_from(MotionResistance, log.metadata.resistance, f"{log.folder}: [resistance]")
+        resistance = record_from(MotionResistance, log.metadata.resistance, f"{log.file}: [resistance]")
         declared_values = {name: getattr(resistance, name) for name in log.metadata.resistance}
         effects = tuple(
             effect.replace(**declared_values) if isinstance(effect, MotionResistance) else effect for effect in effects
         )
     most = max(terrain.ground_indices)
     if most > 1:
-        raise DataError(f"{log.folder}: [terrain] has ground {most}: a log knows 0, the [soil], and 1, hard ground.")
+        raise DataError(f"{log.file}: [terrain] has ground {most}: a log knows 0, the [soil], and 1, hard ground.")
     grounds, springs = (soil, HARD_GROUND), rover.springs
     slip, gravity = usual_slip(rover), log.metadata.gravity
     return Model(rover, terrain, grounds, motor, slip, effects, gravity=gravity, body_effects=springs)
@@ -174,7 +174,7 @@ def _known(
     """
     title, record = TABLES[owner], owners(model)[owner]
     table: Mapping[str, Any] = getattr(log.metadata, title)
-    sd_by_name = declared_sds(table, type(record), f"{log.folder}: [{title}]")
+    sd_by_name = declared_sds(table, type(record), f"{log.file}: [{title}]")
     declaration = declared_in(title, name, table, sd_by_name) or _by_the_rover(log, owner)
     size = sd_by_name.get(name, sd if declaration else undeclared)
     step = min(FD * (sd or undeclared) / size, FD) if size > 0.0 else FD

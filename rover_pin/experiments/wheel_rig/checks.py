@@ -87,34 +87,38 @@ def findings(data: RigSet) -> list[Finding]:
     set_findings = [*data.misspelt, *suspicions(rig)]
     if lost := RigExperiment(data).unpredicted(as_declared(data)):
         todo = "if that load is right, declare a firmer soil.k_1: a fit starts at the next one that carries all runs"
-        set_findings.append(Finding(f"{lost} with the soil as declared", "load_N", todo))
+        set_findings.append(Finding(f"{lost} with the soil as declared", data.place("load_N"), todo))
     present = [type(channel) for channel in rig.channels]
     missing = [kind for kind in ROWS if kind not in present and not kind.is_sideways]
     for kind in missing:
         set_findings.append(
-            Finding(f"{kind.name} was not measured", kind.column, "effects that it alone shows stay hidden")
+            Finding(f"{kind.name} was not measured", data.place(kind.column), "effects that it alone shows stay hidden")
         )
     if np.max(rig.load) < SAME_LOAD * np.min(rig.load):
         what = f"all loads are alike ({np.min(rig.load):.3g} to {np.max(rig.load):.3g} N)"
         set_findings.append(
-            Finding(what, "load_N", "n, c and effects of the load are not identifiable; vary the load 1.5 times")
+            Finding(
+                what, data.place("load_N"), "n, c and effects of the load are not identifiable; vary the load 1.5 times"
+            )
         )
     if np.bincount(repeats(data)).max() < 2:
         set_findings.append(
-            Finding("no level is repeated", "level", "the noise is as stated, not measured; repeat each level")
+            Finding(
+                "no level is repeated", data.place("level"), "the noise is as stated, not measured; repeat each level"
+            )
         )
     if data.speeds is None:
         todo = "effects of speed are left out; give rim or travel speed, as a column or in [speed]"
-        set_findings.append(Finding("no speeds", "rim_speed_mps", todo))
+        set_findings.append(Finding("no speeds", data.place("rim_speed_mps"), todo))
     for channel in rig.channels:
-        set_findings += [*_missing_cells(channel), *_of_repeats(data, channel)]
+        set_findings += [*_missing_cells(data, channel), *_of_repeats(data, channel)]
     return set_findings
 
 
-def _missing_cells(channel: RigChannel) -> list[Finding]:
+def _missing_cells(data: RigSet, channel: RigChannel) -> list[Finding]:
     empty = int((~channel.has_value).sum())
     what = f"{empty} of {channel.has_value.size} runs have no {channel.name}"
-    return [Finding(what, channel.column, "their other channels are used")] if empty else []
+    return [Finding(what, data.place(channel.column), "their other channels are used")] if empty else []
 
 
 def repeats(data: RigSet) -> np.ndarray:
@@ -150,7 +154,7 @@ def _of_repeats(data: RigSet, channel: RigChannel) -> list[Finding]:
     scatter, group = repeat_sd(data, channel), repeats(data)
     if scatter > 1.6:
         what = f"repeats scatter {scatter:.1f} times as much as the stated noise"
-        repeat_findings.append(Finding(what, channel.column, "state the larger noise"))
+        repeat_findings.append(Finding(what, data.place(channel.column), "state the larger noise"))
     for i in range(group.max() + 1):
         at = np.flatnonzero((group == i) & channel.has_value)
         if at.size < 3:
@@ -158,5 +162,7 @@ def _of_repeats(data: RigSet, channel: RigChannel) -> list[Finding]:
         off = np.abs(channel.measured[at] - np.median(channel.measured[at])) / channel.sd[at]
         if off.max() > OUTLYING:
             what = f"{data.runs[at[off.argmax()]]} lies {off.max():.0f} SD from its repeats"
-            repeat_findings.append(Finding(what, channel.column, "look at that run; it counts less in the fits"))
+            repeat_findings.append(
+                Finding(what, data.place(channel.column), "look at that run; it counts less in the fits")
+            )
     return repeat_findings

@@ -79,6 +79,12 @@ class RigSet:
     source: str = ""
     misspelt: tuple[Finding, ...] = ()
     "columns that look like one that is missing, and what a set leaves unsaid"
+    points_file: str = ""
+    "what the runs were read from, where it is a file"
+
+    def place(self, column_name: str) -> str:
+        """Return where a column stands, as a finding says it."""
+        return f"{self.points_file}: {column_name}" if self.points_file else column_name
 
     def rows(self, keep: Any) -> RigSet:
         """Return the set with these runs only."""
@@ -86,14 +92,13 @@ class RigSet:
         names, level = np.unique(level_names, return_inverse=True)
         order = np.argsort([np.mean(self.rig.slip[keep][level_names == name]) for name in names])
         place = np.argsort(order)
-        return RigSet(
-            self.rig.rows(keep),
-            place[level],
-            tuple(map(str, names[order])),
-            tuple(np.array(self.runs)[keep]),
-            None if self.speeds is None else self.speeds[keep],
-            self.source,
-            self.misspelt,
+        return replace(
+            self,
+            rig=self.rig.rows(keep),
+            level=place[level],
+            level_names=tuple(map(str, names[order])),
+            runs=tuple(np.array(self.runs)[keep]),
+            speeds=None if self.speeds is None else self.speeds[keep],
         )
 
     def soil(self) -> Soil:
@@ -157,6 +162,7 @@ def read_rig_set(folder: str | Path, trust: Trust = Trust()) -> RigSet:
     declares_radius = OVER_LUGS in table_in(rig_table, "wheel", where)
     return replace(
         data,
+        points_file=points_file,
         misspelt=(
             *_misspelt(table, points_file),
             *_askew(rig, points_file),

@@ -103,13 +103,13 @@ def read_model(path: str | Path, terrain: Terrain | None = None, trust: Trust = 
     table = _checked(path, read_toml(path))
     if terrain is None and "terrain" not in table:
         raise DataError(f"{path}: the file has no [terrain]: add one, or give a terrain to drive on.")
-    rover = load_named(str(table.get("rover", "nexus6")), path.parent, trust)
+    rover = load_named(str(table.get("rover", "nexus6")), path, trust)
     effects = [effect_from(entry, f"{path} [[effect]]", path.parent, trust) for entry in table.get("effect", [])]
     for effect in effects:
         _refuse_other_wheel(effect, rover, path)
     return Model(
         rover,
-        terrain_from(table["terrain"], path.parent, trust) if terrain is None else terrain,
+        terrain_from(table["terrain"], path, trust) if terrain is None else terrain,
         tuple(record_from(Soil, soil, f"{path} [[soil]]") for soil in table.get("soil", [{}])),
         record_from(Motor, table.get("motor", {}), f"{path} [motor]"),
         _slip(table.get("slip", {"name": "RelaxedSlip"}), path, trust),

@@ -86,9 +86,10 @@ def test_missing_cells_are_counted_and_told(plain, tmp_path):
     refuse_unfit(data)
     said = [str(one) for one in findings(data)]
     count, level = data.rig.slip.size, int((data.level == 0).sum())
-    assert f"torque_Nm: 2 of {count} runs have no torque; their other channels are used." in said
-    assert f"drawbar_pull_N: 1 of {count} runs have no drawbar pull; their other channels are used." in said
-    assert f"sinkage_m: {level} of {count} runs have no sinkage; their other channels are used." in said
+    missing = {"torque_Nm": ("torque", 2), "drawbar_pull_N": ("drawbar pull", 1), "sinkage_m": ("sinkage", level)}
+    for column, (channel, runs) in missing.items():
+        told = f"{runs} of {count} runs have no {channel}; their other channels are used."
+        assert f"holes/points.csv: {column}: {told}" in said
 
 
 def test_the_loop_goes_through_a_set_with_missing_cells(plain, tmp_path):

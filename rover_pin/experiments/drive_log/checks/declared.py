@@ -53,7 +53,7 @@ def rover_faults(log: DriveLog) -> Iterator[Finding]:
         yield Finding(what, FILE, "give the rover that was driven, and name wheels and columns as it does")
     for name in ("r", "b"):
         if name in log.metadata.wheel:
-            size = float(getattr(record_from(Wheel, {name: log.metadata.wheel[name]}, f"{log.folder}: [wheel]"), name))
+            size = float(getattr(record_from(Wheel, {name: log.metadata.wheel[name]}, f"{log.file}: [wheel]"), name))
             actual = float(getattr(rover.wheel, name))
             if abs(size - actual) > OTHER_WHEEL * actual:
                 what = f"[wheel] has {name} = {1e3 * size:.4g} mm, but the rover '{rover.name}' {1e3 * actual:.4g} mm"

@@ -149,7 +149,7 @@ def driven(log: DriveLog) -> list[Driven]:
     """Return the runs as the checks look at them, with the wheels' radius as declared, else the rover's."""
     declared_wheel = {name: entry for name, entry in log.metadata.wheel.items() if name == "r"}
     wheel = (
-        record_from(Wheel, declared_wheel, f"{log.folder.name}: [wheel]") if declared_wheel else log.load_rover().wheel
+        record_from(Wheel, declared_wheel, f"{log.file}: [wheel]") if declared_wheel else log.load_rover().wheel
     )
     return [Driven(run, float(wheel.r)) for run in log.runs]
 
@@ -158,7 +158,7 @@ def declared_motor(log: DriveLog) -> Motor | None:
     """Return the motor that the log declares, or None; what it declares of it beyond a `Motor` is left out."""
     table = {name: entry for name, entry in log.metadata.motor.items() if name in quantities(Motor)}
     is_declared = {"supply", "resistance"} <= table.keys()
-    return record_from(Motor, table, f"{log.folder.name}: [motor]") if is_declared else None
+    return record_from(Motor, table, f"{log.file}: [motor]") if is_declared else None
 
 
 def _whole_motor(log: DriveLog) -> Motor | None:
