@@ -34,7 +34,7 @@ class FunctionEvidence(NamedTuple):
     mean: np.ndarray
     covariance: np.ndarray
     rows: np.ndarray
-    "the likeliest function (n,), in SDs of the noise"
+    "the likeliest function (n,) less what the numbers take of it, in SDs of the noise: what a model without it leaves"
 
 
 class _Projected(NamedTuple):
@@ -53,14 +53,16 @@ class _Projected(NamedTuple):
             0.5 * shares @ self.along**2 - 0.5 * np.log1p(amplitudes[:, None] ** 2 * self.values).sum(axis=1)
         )
 
-    def evidence(self, laplace: Laplace, amplitude: float) -> FunctionEvidence:
+    def evidence(self, expansion: Expansion, laplace: Laplace, amplitude: float) -> FunctionEvidence:
         """Return what the data say with the function at one amplitude."""
         share = amplitude**2 / (1.0 + amplitude**2 * self.values)
+        step = self.back @ (share * self.along)
+        function = self.columns.times(self.vectors @ (share * self.along))
         return FunctionEvidence(
             float(self.gains(np.array([amplitude]))[0]),
-            laplace.mean + self.back @ (share * self.along),
+            laplace.mean + step,
             laplace.covariance + self.back * share @ self.back.T,
-            self.columns.times(self.vectors @ (share * self.along)) / laplace.scale,
+            (function - expansion.columns[:, : len(step)] @ step) / laplace.scale,
         )
 
 
@@ -81,8 +83,8 @@ def with_functions(fits: Sequence[tuple[Expansion, Laplace]], functions: Iterabl
             FunctionEvidence(-math.inf, *laplace[2:], np.zeros(len(expansion.fit.rows))) for expansion, laplace in fits
         ]
     return [
-        function.evidence(laplace, amplitude)._replace(gain=float(logsumexp(gains[at])) - math.log(len(gains[at])))
-        for (at, (_, function, amplitude)), (_, laplace) in zip(likeliest.items(), fits, strict=True)
+        function.evidence(*fits[at], amplitude)._replace(gain=float(logsumexp(gains[at])) - math.log(len(gains[at])))
+        for at, (_, function, amplitude) in likeliest.items()
     ]
 
 

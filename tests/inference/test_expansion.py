@@ -125,9 +125,13 @@ def test_a_function_left_is_that_of_the_dense_law(shared, extra):
     laws = [law(made, extra, 1.3, a**2 * T @ T.T) for a in amplitudes]
     gains = np.array([log_density(K, rows) for K in laws]) - plain.log_evidence
     assert found.gain == pytest.approx(math.log(NODE_WEIGHTS @ np.exp(gains)), abs=1e-8)
-    pull = np.linalg.solve(laws[int(np.argmax(gains))], A).T
+    likeliest = int(np.argmax(gains))
+    pull = np.linalg.solve(laws[likeliest], A).T
     assert found.mean == pytest.approx(-pull @ rows, abs=1e-8)
     assert found.covariance == pytest.approx(np.eye(len(pull)) - pull @ A, abs=1e-8)
+    acts = amplitudes[likeliest] ** 2 * T @ T.T @ np.linalg.solve(laws[likeliest], rows)
+    taken = A @ (found.mean - plain.mean)
+    assert 1.3 * found.rows == pytest.approx(acts - taken, abs=1e-7), "numbers without it take a part"
 
 
 def test_of_several_functions_at_most_one_is_left():
