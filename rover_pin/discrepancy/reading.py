@@ -104,10 +104,14 @@ def sentence(reading: Reading, beliefs: Beliefs, share: float, misfit: float) ->
 
 def _besides(reading: Reading, beliefs: Beliefs) -> str:
     """Return the channels that are left with more than noise can be, whatever took it, in words; empty where none."""
-    taken = beliefs.noise_taken(reading.retained).items()
-    floor = "its declared noise" if beliefs.best(()).experiment.noise() is not None else "what its samples scatter"
-    beyond = [f"{name} is left with {times:.1f} times {floor}" for name, times in taken if times > BEYOND]
+    taken, usual = beliefs.noise_taken(reading.retained).items(), usual_noise(beliefs)
+    beyond = [f"{name} is left with {times:.1f} times {usual}" for name, times in taken if times > BEYOND]
     return f" Something acts besides: {', '.join(beyond)}." if beyond else ""
+
+
+def usual_noise(beliefs: Beliefs) -> str:
+    """Return, in words, the noise of a channel to which what is left of it is compared."""
+    return "its declared noise" if beliefs.best(()).experiment.noise() is not None else "what its samples scatter"
 
 
 def _shares(reading: Reading, beliefs: Beliefs) -> list[tuple[tuple[str, ...], float]]:

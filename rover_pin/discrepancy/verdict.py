@@ -10,6 +10,7 @@ from rover_pin.base.public import brief
 from rover_pin.discrepancy.answer import Answer, plain, score_line
 from rover_pin.discrepancy.draft import Draft
 from rover_pin.discrepancy.held_out import ChannelScore, RunScore
+from rover_pin.discrepancy.reading import usual_noise
 from rover_pin.estimation.baselines import Baseline
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.numbers import DRIFTED, Number, assumed_lines
@@ -146,8 +147,8 @@ the other folds weigh them"
     @property
     def _noise_taken(self) -> str:
         assert self.beliefs is not None
-        taken = self.beliefs.noise_taken(self.named).items()
-        return "taken for noise: " + ", ".join(f"{name} {times:.2f}" for name, times in taken) + " times the declared"
+        taken = ", ".join(f"{name} {times:.2f}" for name, times in self.beliefs.noise_taken(self.named).items())
+        return f"taken for noise: {taken} times {usual_noise(self.beliefs)}"
 
     def _instead(self, errors: dict[str, float]) -> str:
         return f"held-out RMSE {self._errors_text(errors)}"
