@@ -16,6 +16,9 @@ import casadi as ca
 from rover_pin.base.public import Kind
 from rover_pin.base.quantity import Record, is_number, quantity
 
+LEAST = 1e-12
+"""Keeps a right angle smooth where both its sides are 0."""
+
 Scalar = Annotated[Any, Kind("a number or a CasADi expression", is_number)]
 """A float, or a scalar CasADi expression (SX or MX)."""
 
@@ -86,11 +89,26 @@ class Contact(NamedTuple):
     soil: Soil
     uncompacted: Scalar = 0.0
     "share of what compaction costs more in a deeper rut that the traction law leaves out [-]"
+    trench: Scalar = 0.0
+    "how far the ground under the wheel lies below that beside it, which h is not counted from [m]"
+    loosened: Scalar = 0.0
+    "ln of the stiffness that the sand has lost to slip, skid and drift so far [-]"
+
+    @property
+    def travel(self) -> Scalar:
+        """Speed of the wheel's centre over the ground, whatever its direction [m/s]."""
+        return right_angle(ca.fabs(self.v_x), self.v_y)
 
     def sense(self, v_0: Scalar, q: Scalar = 1.0) -> Scalar:
         """Return v / sqrt(v^2 + u^2), u = `fading` of the rim: 1 under way, so fading that rest is not pushed."""
         u = fading(self.rim, v_0, q)
         return self.v_x / ca.sqrt(self.v_x * self.v_x + u * u)
+
+
+def right_angle(first: Scalar, second: Scalar) -> Scalar:
+    """Return sqrt(first^2 + second^2), exactly `first` where `second` is 0, and smooth there."""
+    square = second * second
+    return first + square / (ca.fabs(first) + ca.sqrt(first * first + square + LEAST * LEAST))
 
 
 def fading(rim: Any, v_0: Scalar, q: Scalar) -> Any:

@@ -43,6 +43,8 @@ class Effect(Record):
     states: ClassVar[tuple[State, ...]] = ()
     neutral: ClassVar[dict[str, float]] = {}
     places: ClassVar[tuple[str, ...]] = ()
+    holds: ClassVar[tuple[str, ...]] = ()
+    "effects whose law it holds already: beside it they are no candidates"
     unpaid: ClassVar[bool] = False
     "whether it changes the sinkage without what compaction then costs, where the traction law leaves that out"
 

@@ -9,48 +9,66 @@ from typing import ClassVar
 import casadi as ca
 
 from rover_pin.base.quantity import quantity
-from rover_pin.contact import Contact, Load, Scalar
+from rover_pin.contact import Contact, Load, Scalar, fading
 from rover_pin.effects.effect import Effect
 from rover_pin.soil.angles import SinkageAngles
-from rover_pin.soil.combined import sideways_ratio
 from rover_pin.soil.passive import passive
+from rover_pin.soil.slip import drift, spinning
+
+CENTRE = 0.43
+"""Height of the pressure's centre over the wheel's lowest point, of the depth: 1 - 2/3 of 6/7, a shallow segment's."""
+ROUNDED = 0.05
+"""Share of the full pressure, built up at some 2 deg, below which the size of what rubs is rounded."""
 
 
 @dataclass(frozen=True)
 class FlankPressure(Effect):
-    """f_y = -sgn(j_y) B (1 - exp(-|j_y| / k_f)) int_-theta_1^theta_1 p(h(theta)) r cos theta dtheta.
+    """f_y = -F, F = sgn(v_y) B e^(-l S) (1 - exp(-|j_y| / k_f)) int_-theta_1^theta_1 p(h(theta)) r cos theta dtheta.
 
     p(h) = D_1 (c h + D_2 gamma h^2 / 2), `soil.passive`, is the passive pressure per width of a wall of depth
-    h = r (cos theta - cos theta_1): the buried segment of the disc, in ground that is level beside the rut. Both
-    integrals are closed:
+    h = r (cos theta - cos theta_1): the buried segment of the disc, in ground that is level beside the rut; where the
+    wheel runs in a trench of its lugs, from its bottom up to that ground. Both integrals are closed:
     int h cos theta = r (theta_1 - sin theta_1 cos theta_1), int h^2 cos theta = r^2 (2 sin theta_1 - 2/3 sin^3 theta_1
-    - 2 theta_1 cos theta_1). The pressure builds up with the way j_y = r (v_y / r omega)(theta_1 - theta_2) that the
-    disc goes sideways while it passes. phi_f is the soil's own friction, not the rim's. B is 1 for a plate that is wide
-    for its depth; a short one also moves the soil beside it, and the heap that it pushes stands above the ground. It
-    opposes v_y, so it only takes energy; its friction against sinking and turning is left out. The segment is even
-    before and behind the axle, so that its moment about the vertical is none: a rut that is open behind would move its
-    force ahead, pressure that builds up along the way behind, and neither is measured.
+    - 2 theta_1 cos theta_1). The pressure builds up with the way j_y = d 2 r sin theta_1 that the disc goes sideways
+    while it travels its buried length, d = `slip.drift`; a rim that spins, S > 0 over the whole travel, carries sand
+    away from beside it. phi_f is the soil's own friction, not the rim's. B is 1 for a plate that is wide for its depth;
+    a short one also moves the soil beside it, and the heap that it pushes stands above the ground.
+
+    The sand rubs on the disc: f_t = -tan(phi) |F| w / sqrt(w^2 + v_y^2 + u^2), w = v - q r omega, and q r of it is
+    torque, q = 1 - 0.43 h / r at the pressure's centre. A rolling or braked wheel is held back, a spinning one driven.
+    Both only take energy. The segment is even before and behind the axle, so that its moment about the vertical is
+    none: a rut that is open behind would move its force ahead, pressure that builds up along the way behind, and
+    neither is measured. The rubbing of a disc that runs straight, at rest pressure, is left out.
 
     Source: Hegedus (1960) in the form of Ishigami, Miwa, Nagatani and Yoshida, J. Field Robotics 24 (2007) 233, who let
-    it act in full; that it builds up: Janosi's law. Differs from the paper: it has no side force.
+    it act in full; that it builds up: Janosi's law; friction on the disc (Coulomb) and the loss with slip: derived
+    here, new, from seven measured sets. Differs from the paper: it has no side force.
     """
 
     title: ClassVar[str] = "flank pressure"
     family: ClassVar[str] = "side wall"
     meaning: ClassVar[str] = "soil beside the sunk wheel resists when it is pushed sideways"
-    share: Scalar = quantity(2.9, "", "one measured wheel (studies/wheel_laws.py); wide plate: 1", 0.0, 8.0, "B")
-    k_f: Scalar = quantity(0.024, "m", "one measured wheel (studies/wheel_laws.py)", 1e-4, 0.5, "k_f")
+    share: Scalar = quantity(2.5, "", "seven measured sets: 2.2 to 2.9; a wide plate: 1", 0.0, 8.0, "B")
+    k_f: Scalar = quantity(0.05, "m", "seven measured sets (studies/wheel_laws.py)", 1e-4, 0.5, "k_f")
+    lost: Scalar = quantity(1.3, "", "seven measured sets (studies/wheel_laws.py): 1.2 to 1.3", 0.0, 5.0, "l")
     gamma: Scalar = quantity(15700.0, "N/m^3", "assumed: loose dry sand, 1600 kg/m^3, on Earth", 0.0, 1e5, "gamma")
     phi_f: Scalar = quantity(math.radians(30.0), "rad", "assumed: Table 1's sand", 0.0, math.radians(60.0), "phi_f")
+    v_0: Scalar = quantity(0.001, "m/s", "assumed: rest, a fiftieth of the paper's 0.05 m/s", 1e-6, 1.0, "v_0")
     neutral: ClassVar[dict[str, float]] = {"share": 0.0}
 
     def load(self, contact: Contact, load: Load, x: tuple[Scalar, ...]) -> Load:
-        """Return the side force on the disc."""
-        wheel, c = contact.wheel, contact.soil.c
-        theta_1, theta_2 = SinkageAngles().angles(contact.h, wheel, contact.soil)
-        j_y = sideways_ratio(contact.S, contact.S_y) * wheel.r * (theta_1 - theta_2)
+        """Return the side force on the disc, and what rubs along it."""
+        r, soil, h = contact.wheel.r, contact.soil, contact.h + contact.trench
+        theta_1, _ = SinkageAngles().angles(h, contact.wheel, soil)
+        j_y = drift(contact.S, contact.S_y) * 2.0 * r * ca.sin(theta_1)
         built = ca.if_else(j_y < 0.0, ca.expm1(j_y / self.k_f), -ca.expm1(-j_y / self.k_f))
-        return Load(f_y=-self.share * built * self._passive(theta_1, wheel.r, c))
+        left = ca.exp(-self.lost * spinning(contact.S, contact.S_y))
+        most = self.share * left * self._passive(theta_1, r, soil.c)
+        size = most * (ca.sqrt(built * built + ROUNDED**2) - ROUNDED)
+        arm = r - CENTRE * ca.fmax(h, 0.0)
+        along, u = contact.v_x - contact.rim * arm / r, fading(contact.rim, self.v_0, 1.0)
+        rubbing = ca.tan(soil.phi) * size * along / ca.sqrt(along * along + contact.v_y * contact.v_y + u * u)
+        return Load(f_t=-rubbing, f_y=-most * built, torque=-rubbing * arm)
 
     def _passive(self, theta_1: Scalar, r: Scalar, c: Scalar) -> Scalar:
         """Return the passive force on the buried segment of the disc [N]."""

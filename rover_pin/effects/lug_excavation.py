@@ -19,13 +19,14 @@ STANDING = 1e-4
 
 @dataclass(frozen=True)
 class LugExcavation(Effect):
-    """L dD/dt = E h_l max(r omega - v, 0) (1 - 2 D / r) - D v; h <- max(h - D, 0).
+    """L dD/dt = E h_l max(r omega - V, 0) (1 - 2 D / r) - D V; h <- max(h - D, 0).
 
-    Pockets of depth h_l move back past the ground at r omega - v and carry off a layer of E h_l; fresh ground comes in
-    at v, so at constant slip D = E h_l S / (1 - S), levelling off towards r / 2: nothing at S = 0, a trench that
-    deepens without end but the wheel's where v = 0. The wheel runs on the trench's bottom at constant height and pays
-    there for pressing the bottom alone; where the trench becomes shallower it is lifted, and pays the lift,
-    f_t = -f_n max(-dD/dt, 0) / v. What lifting the carried sand costs (gamma b D h, some mN) is left out.
+    Pockets of depth h_l move back past the ground at r omega - V and carry off a layer of E h_l; fresh ground comes in
+    at V, the speed over the ground, so at constant slip D = E h_l S / (1 - S), levelling off towards r / 2: nothing at
+    S = 0, a trench that deepens without end but the wheel's where V = 0. The wheel runs on the trench's bottom at
+    constant height and pays there for pressing the bottom alone; where the trench becomes shallower it is lifted, and
+    pays the lift, f_t = -f_n max(-dD/dt, 0) / v. What lifting the carried sand costs (gamma b D h, some mN) is left
+    out.
     Source: conservation of volume, with E = 1 where pockets are full; that lugs dig: Ding et al., J. Terramechanics 48
     (2011) 27. Differs from the paper: smooth wheels, and no digging.
     """
@@ -41,7 +42,7 @@ class LugExcavation(Effect):
 
     def amend(self, contact: Contact, x: tuple[Scalar, ...]) -> Contact:
         """Return the contact on the bottom of the trench."""
-        return contact._replace(h=ca.fmax(contact.h - x[0], 0.0))
+        return contact._replace(h=ca.fmax(contact.h - x[0], 0.0), trench=contact.trench + x[0])
 
     def load(self, contact: Contact, load: Load, x: tuple[Scalar, ...]) -> Load:
         """Return what the way out of the trench costs."""
@@ -51,5 +52,7 @@ class LugExcavation(Effect):
 
     def rate(self, contact: Contact, load: Load, x: tuple[Scalar, ...]) -> tuple[Scalar, ...]:
         """Return dD/dt."""
-        cut = self.h_l * self.filled * ca.fmax(contact.rim - contact.v_x, 0.0) * ca.fmin(contact.h / TOUCH, 1.0)
-        return ((cut * (1.0 - 2.0 * x[0] / contact.wheel.r) - x[0] * ca.fabs(contact.v_x)) / self.length,)
+        V = contact.travel
+        passing = V - ca.fabs(contact.v_x) + contact.v_x
+        cut = self.h_l * self.filled * ca.fmax(contact.rim - passing, 0.0) * ca.fmin(contact.h / TOUCH, 1.0)
+        return ((cut * (1.0 - 2.0 * x[0] / contact.wheel.r) - x[0] * V) / self.length,)

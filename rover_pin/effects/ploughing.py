@@ -9,14 +9,15 @@ from typing import ClassVar
 import casadi as ca
 
 from rover_pin.base.quantity import quantity
-from rover_pin.contact import Contact, Load, Scalar
+from rover_pin.contact import Contact, Load, Scalar, fading
 from rover_pin.effects.effect import Effect, State
 from rover_pin.effects.slip_sinkage import rut_cost
-from rover_pin.effects.slip_softening import approach, lift, softer
+from rover_pin.effects.slip_softening import approach, lift, loosen, share_of, softer
 from rover_pin.soil.passive import passive
+from rover_pin.soil.slip import TURNED, positive_part
 
-LOCKED = 0.05
-"""Least 1 + S: a locked wheel ploughs as one at S = -0.95."""
+LOCKED, SHARPNESS = 0.2, 16
+"""Least 1 + S, rounded: a locked wheel stands on sand like a plate, and ploughs as one at S = -0.8 (assumed)."""
 FOREMOST = 0.9
 """Share of the arc in front of the axle that is lost at most."""
 
@@ -52,7 +53,8 @@ class Ploughing(Effect):
 
     def amend(self, contact: Contact, x: tuple[Scalar, ...]) -> Contact:
         """Return the contact on what is left to carry, without the rear that is lost."""
-        soil, lost = softer(contact, -self.a_b * x[0]), self.e_b * self._pushed(x[0])
+        contact, lost = loosen(contact, self.a_b * x[0]), self.e_b * self._pushed(x[0])
+        soil = contact.soil
         ratio = ca.fmax(soil.exit_ratio - lost, -FOREMOST)
         theta_2 = ca.fmin(soil.theta_2 + lost * soil.theta_1, FOREMOST * soil.theta_1)
         return contact._replace(soil=soil.replace(exit_ratio=ratio, theta_2=theta_2))
@@ -62,16 +64,23 @@ class Ploughing(Effect):
         h = ca.fmax(contact.h, 0.0)
         wall = contact.wheel.b * passive(self.phi_f).per_width(h, contact.soil.c, self.gamma)
         up = lift(contact, load, self.a_b * (x[0] - _skid(contact)), self.length)
-        against = (self.share * self._pushed(x[0]) * wall + up) * contact.sense(self.v_0)
-        return Load(f_t=-against - rut_cost(contact, softer(contact, self.a_b * x[0])))
+        heap = self.share * self._pushed(x[0]) * wall * self._facing(contact)
+        firm = softer(contact, share_of(contact, self.a_b * x[0]))
+        return Load(f_t=-heap - up * contact.sense(self.v_0) - rut_cost(contact, firm))
 
     def rate(self, contact: Contact, load: Load, x: tuple[Scalar, ...]) -> tuple[Scalar, ...]:
         """Return d/dt of what -ln(1 + S) has come to."""
         return (approach(contact, _skid(contact) - x[0]) / self.length,)
+
+    def _facing(self, contact: Contact) -> Scalar:
+        """Return v / sqrt(v^2 + kappa^2 v_y^2 + u^2), kappa of `against_travel`: the wall faces the heading."""
+        v, v_y, u = contact.v_x, TURNED * contact.v_y, fading(contact.rim, self.v_0, 1.0)
+        return v / ca.sqrt(v * v + v_y * v_y + u * u)
 
     def _pushed(self, skid: Scalar) -> Scalar:
         return -ca.expm1(-self.a_b * ca.fmax(skid, 0.0))
 
 
 def _skid(contact: Contact) -> Scalar:
-    return -ca.log(ca.fmax(1.0 + ca.fmin(contact.S, 0.0), LOCKED))
+    rolled = 1.0 - positive_part(-contact.S)
+    return ca.log((1.0 + LOCKED**SHARPNESS) / (rolled**SHARPNESS + LOCKED**SHARPNESS)) / SHARPNESS

@@ -9,7 +9,7 @@ from typing import ClassVar
 import casadi as ca
 
 from rover_pin.base.quantity import quantity
-from rover_pin.contact import Contact, Load, Scalar
+from rover_pin.contact import Contact, Load, Scalar, right_angle
 from rover_pin.effects.effect import Effect
 from rover_pin.soil.traction import pull_of_shear
 
@@ -19,8 +19,8 @@ DECADE = math.log(10.0)
 
 @dataclass(frozen=True)
 class RateDependence(Effect):
-    """Shear <- shear (1 + c_r ln(1 + v_j / v_0)), v_j = |r omega - v|; f_t changes by what torque changes, over r
-    (braking: by what that pays for, `paid_for`).
+    """Shear <- shear (1 + c_r ln(1 + v_j / v_0)), v_j^2 = (r omega - v)^2 + v_y^2; f_t changes by what
+    torque changes, over r (braking: by what that pays for, `paid_for`).
 
     c_r > 0 is sand that strengthens with rate, c_r < 0 one that loses grip, as single-wheel tests at speed show. Acts
     on the load of the effects before it: torque and f_y, and f_t by its shear.
@@ -37,7 +37,8 @@ class RateDependence(Effect):
 
     def load(self, contact: Contact, load: Load, x: tuple[Scalar, ...]) -> Load:
         """Return what the rate adds to the shear."""
-        more = self.c_r * ca.log1p(ca.fabs(contact.rim - contact.v_x) / self.v_0)
+        sliding = right_angle(ca.fabs(contact.rim - contact.v_x), contact.v_y)
+        more = self.c_r * ca.log1p(sliding / self.v_0)
         pull = pull_of_shear(load.torque, contact.wheel, contact.S)
         shear = {name: more * getattr(load, name) for name in ("f_y", "torque", "moment_z")}
         return Load(f_t=more * pull, **shear)

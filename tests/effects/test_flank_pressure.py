@@ -36,7 +36,29 @@ def test_it_opposes_the_sideways_motion_and_builds_up_with_it(patch):
     assert side_force(patch, 0.2) == pytest.approx(-side_force(patch, -0.2))
     some, more, most = (side_force(patch, S_y) for S_y in (0.05, 0.3, 10.0))
     assert most < more < some < 0.0
-    assert some == pytest.approx(most * 0.05 / 0.024 * 0.0625 * math.acos(1 - 0.02 / 0.0625) * 8 / 7, rel=0.2)
+    chord = 2 * math.sqrt(0.0625**2 - 0.0425**2)
+    assert some == pytest.approx(most * 0.05 / 0.05 * chord, rel=0.1)
+
+
+def test_the_wall_beside_a_trench_stands_from_its_bottom(patch):
+    """10 mm of a trench and 10 mm into its bottom push back as a wheel that is sunk by 20 mm."""
+    in_trench = patch(S=0.0, S_y=0.3, h=0.01, trench=0.01, wheel=WHEEL, soil=patch().soil.replace(c=0.0))
+    assert float(FlankPressure().load(in_trench, Load(), ()).f_y) == pytest.approx(side_force(patch, 0.3), rel=1e-12)
+
+
+@pytest.mark.parametrize("rim", [0.0, 0.01, 0.5])
+def test_sand_rubs_along_the_disc(patch, rim):
+    """tan phi of the side force, less 5 % of the full one, against v - q r omega; the torque has the same arm q r."""
+    soil = patch().soil.replace(phi=math.radians(20.0), c=0.0)
+    contact = patch(S=0.0, S_y=0.5, h=0.02, v_x=0.03, v_y=0.04, rim=rim, wheel=WHEEL, soil=soil)
+    load = FlankPressure(v_0=1e-6).load(contact, Load(), ())
+    q = 1 - 0.43 * 0.02 / 0.0625
+    slides = 0.03 - q * rim
+    full = side_force(patch, 1e3)
+    rubs = full * (math.hypot(float(load.f_y) / full, 0.05) - 0.05)
+    expected = math.tan(math.radians(20.0)) * rubs * slides / math.hypot(slides, 0.04)
+    assert float(load.f_t) == pytest.approx(expected, rel=1e-3)
+    assert float(load.torque) == pytest.approx(float(load.f_t) * q * 0.0625)
 
 
 def test_a_deeper_wheel_is_held_the_more(patch):

@@ -33,7 +33,10 @@ from rover_pin.soil.traction import FORMS
 @pytest.mark.parametrize("angles", [FixedAngles(), SinkageAngles()], ids=lambda angles: type(angles).__name__)
 @pytest.mark.parametrize("form", FORMS.values(), ids=FORMS)
 def test_combined_shear_replaces_a_share_of_the_straight_forces(patch, form, angles, share):
-    """Forces (1 - w) straight + w combined, whatever side force was there; fixed angles hold f_n to the sinkage's."""
+    """Forces (1 - w) straight + w combined, whatever side force was there; fixed angles hold f_n to the sinkage's.
+
+    Pressing the rut costs less by (0.2 v_y)^2 / (v^2 + (0.2 v_y)^2), v = 1 and v_y = 0.25.
+    """
     wheel, soil = Wheel(r=0.06, b=0.04), Soil(c=200.0, k=0.008, exit_ratio=0.2)
     contact = patch(S=-0.3, S_y=0.25, h=0.009, wheel=wheel, soil=soil)
     straight = SoilTraction(form, angles).load(contact, Load(), ()).plus(Load(f_y=0.7, moment_z=0.03))
@@ -41,7 +44,8 @@ def test_combined_shear_replaces_a_share_of_the_straight_forces(patch, form, ang
     arc = angles.angles(0.009, wheel, soil)
     sheared = combined_forces(-0.3, 0.25 / 0.7, arc, wheel, soil, NODES)
     f_n = straight.f_n if isinstance(angles, FixedAngles) else sheared.along.f_n
-    per_load = (form.factor(sheared.along, wheel, -0.3), sheared.f_y / sheared.along.f_n, 1.0)
+    along = sheared.along._replace(f_t=sheared.along.f_t + sheared.along.compaction * 0.0025 / 1.0025)
+    per_load = (form.factor(along, wheel, -0.3), sheared.f_y / sheared.along.f_n, 1.0)
     turning = (sheared.along.torque / sheared.along.f_n, sheared.moment / sheared.along.f_n)
     combined = [f_n * each for each in (*per_load, *turning)]
     expected = [(1 - share) * one + share * other for one, other in zip(straight, combined, strict=True)]
@@ -85,19 +89,20 @@ def test_lugs_add_the_shear_between_rim_and_their_own_radius(patch):
 @pytest.mark.parametrize("S", [0.3, -0.4])
 @pytest.mark.parametrize("S_y", [0.02, -0.1])
 def test_the_pressure_on_a_disc_builds_up_with_its_way_sideways(patch, S, S_y):
-    """1 - exp(-|j_y| / k_f), j_y = r (theta_1 - theta_2) v_y / (r omega), of the pressure by quadrature."""
+    """1 - exp(-|j_y| / k_f), j_y = 2 r sin theta_1 v_y / v, of the pressure by quadrature, less exp(-l S)."""
     wheel, soil = Wheel(r=0.06, b=0.04), Soil(c=300.0, exit_ratio=0.3)
     effect = FlankPressure(share=1.5, k_f=0.02, gamma=14000.0, phi_f=0.0)
     found = float(effect.load(patch(S=S, S_y=S_y, h=0.015, wheel=wheel, soil=soil), Load(f_n=9.0), ()).f_y)
     theta_1 = math.acos(1 - 0.015 / 0.06)
-    way = 0.06 * 1.3 * theta_1 * abs(S_y) / (1 + min(S, 0.0))
+    way = 2 * 0.06 * math.sin(theta_1) * abs(S_y) / math.hypot(1 - max(S, 0.0), 0.02)
 
     def pressure(at):  # a wall without friction: 2 c h + gamma h^2
         h = 0.06 * (math.cos(at) - math.cos(theta_1))
         return 2 * (300.0 * h + 14000.0 * h * h / 2) * 0.06 * math.cos(at)
 
-    expected = 1.5 * (1 - math.exp(-way / 0.02)) * quad(pressure, -theta_1, theta_1)[0]
-    assert found == pytest.approx(-math.copysign(expected, S_y), rel=1e-9)
+    kept = math.exp(-1.3 * max(S, 0.0))
+    expected = 1.5 * kept * (1 - math.exp(-way / 0.02)) * quad(pressure, -theta_1, theta_1)[0]
+    assert found == pytest.approx(-math.copysign(expected, S_y), rel=4e-3), "the corner at S = 0 is rounded"
 
 
 # --- ploughing and softening -----------------------------------------------------------------------------------------
@@ -112,7 +117,7 @@ def test_ploughing_pushes_by_its_heap_and_lifts_as_the_skid_ends(patch, v, x, S)
     found = effect.load(patch(S=S, h=0.01, v_x=v, rim=0.012, wheel=wheel, soil=soil), Load(f_n=9.0), (x,))
     heap = 1.4 * (1 - math.exp(-0.8 * x)) * 0.04 * (2 * 200.0 * 0.01 + 13000.0 * 0.01**2)
     lift = 9.0 * 0.01 * 0.8 * max(x + math.log(1 + min(S, 0.0)), 0.0) / (1.7 * 0.05)
-    assert float(found.f_t) == pytest.approx(-(heap + lift) * v / math.hypot(v, 0.005 * 5 / 13), rel=1e-9, abs=1e-15)
+    assert float(found.f_t) == pytest.approx(-(heap + lift) * v / math.hypot(v, 0.005 * 5 / 13), rel=1e-8, abs=1e-15)
     assert tuple(found[1:]) == (0.0, 0.0, 0.0, 0.0)
 
 
@@ -141,7 +146,7 @@ def test_rim_turning_on_the_spot_loosens_a_fiftieth_of_its_way(patch, x, S, z):
         assert rate == pytest.approx(0.02 * 0.08 * max(state - x, 0.0) / 0.05)
 
 
-@pytest.mark.parametrize(("S", "ahead"), [(-0.4, -math.log(0.6)), (-1.0, -math.log(0.05)), (0.3, 0.0)])
+@pytest.mark.parametrize(("S", "ahead"), [(-0.4, -math.log(0.6)), (-1.0, -math.log(0.2)), (0.3, 0.0)])
 @pytest.mark.parametrize("x", [0.0, 0.2])
 def test_skid_memory_follows_travel_or_a_twentieth_of_rolling(patch, S, ahead, x):
     rate = float(Ploughing(length=0.05).rate(patch(S=S, v_x=-0.03, rim=0.0), Load(), (x,))[0])

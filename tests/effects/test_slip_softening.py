@@ -2,12 +2,11 @@
 
 import math
 
-import numpy as np
 import pytest
 
 from rover_pin.contact import Load
 from rover_pin.effects.slip_sinkage import rut_cost
-from rover_pin.effects.slip_softening import SlipSoftening
+from rover_pin.effects.slip_softening import SlipSoftening, loosen, loosening, share_of
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.soil.angles import SinkageAngles
 from rover_pin.soil.sinkage import entry_angle, sinkage
@@ -32,10 +31,20 @@ def test_the_stiffness_of_a_settled_wheel(patch):
     assert settled(patch, S=-0.5, v_x=0.1, rim=0.05)[1] == pytest.approx(0.0, abs=1e-12)
 
 
-def test_slip_loosens_alike_in_every_direction(patch):
-    states = [settled(patch, S=0.5 * math.cos(t), S_y=0.5 * math.sin(t))[1] for t in np.radians([0, 40, 80])]
-    assert states == pytest.approx([0.75] * 3, rel=1e-6)
-    assert settled(patch, S=0.0, S_y=20.0)[1] == pytest.approx(1.0, rel=1e-6)
+def test_slip_and_drift_loosen_as_the_sides_of_a_right_angle(patch):
+    """Drift alone 1 - exp(-(d / 0.4)^2), d = v_y / v, as much as slip can at most; S = 0.5 alone 0.75."""
+    for d, alone in ((0.2, 1 - math.exp(-0.25)), (0.8, 1 - math.exp(-4.0)), (20.0, 1.0)):
+        assert settled(patch, S=0.0, S_y=d)[1] == pytest.approx(math.hypot(0.005, alone), rel=1e-3)
+        assert settled(patch, S=0.5, S_y=0.5 * d)[1] == pytest.approx(math.hypot(0.75, alone), rel=3e-3)
+        assert settled(patch, S=0.5, S_y=-0.5 * d)[1] == settled(patch, S=0.5, S_y=0.5 * d)[1]
+
+
+def test_sand_that_is_loose_is_loosened_the_less(patch):
+    """Two causes that lose 0.6 and 0.8 of ln stiffness lose 1 together, whichever comes first; each has its share."""
+    for first, second in ((0.6, 0.8), (0.8, 0.6)):
+        loose = loosen(loosen(patch(), first), second)
+        assert float(loose.soil.k_1) == pytest.approx(patch().soil.k_1 * math.exp(-1.0))
+        assert share_of(loose, first) + share_of(loose, second) == pytest.approx(1.0)
 
 
 def test_it_takes_a_contact_length_of_travel(patch):
@@ -45,6 +54,14 @@ def test_it_takes_a_contact_length_of_travel(patch):
         assert rate == pytest.approx((0.75 - 0.25) * v / 0.066)
     assert float(EFFECT.rate(patch(S=1.0, v_x=0.0, rim=0.05), Load(), (0.25,))[0]) > 0.0
     assert float(EFFECT.rate(patch(S=0.0, v_x=0.0, rim=0.05), Load(), (0.25,))[0]) == 0.0
+
+
+def test_the_corner_at_no_slip_is_rounded(patch):
+    """z and its slope are continuous: S from -0.01 to 0.01 is a parabola, and beyond it is max(S, 0)."""
+    z = lambda S: float(loosening(patch(S=S)))  # noqa: E731
+    assert (z(-0.01), z(0.0), z(0.02)) == pytest.approx((0.0, 0.0025 * 1.9975, 0.02 * 1.98))
+    for corner in (-0.01, 0.01):
+        assert (z(corner + 1e-6) - z(corner)) == pytest.approx(z(corner) - z(corner - 1e-6), rel=1e-3, abs=1e-9)
 
 
 def test_the_way_up_costs_what_it_lifts(patch):

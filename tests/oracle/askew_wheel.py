@@ -2,7 +2,8 @@
 
 x forward, y left, z up; at a positive slip angle the wheel goes to its right. Stresses are midpoint sums over the
 contact arc, the load is balanced by bisection on the sinkage, and the moment is the sum of r x F over all points of
-rim and flank, taken as vectors.
+rim and flank, taken as vectors. Along the wheel the rim is sheared against u = v V / sqrt(v^2 + (v_y / 5)^2), nearly
+the speed over the ground V, and the pressure of the rut resists the less by (v_y / 5)^2 over u^2 + (v_y / 5)^2.
 """
 
 from __future__ import annotations
@@ -28,8 +29,10 @@ class AskewWheel:
         theta = leave + (entry - leave) * (np.arange(NODES) + 0.5) / NODES
         patch = self.r * self.b * (entry - leave) / NODES
         sigma = self.K * (self.r * (np.cos(theta) - np.cos(entry)) / self.b) ** self.n
-        travel = 1 - S if S >= 0 else 1 / (1 + S)
-        right = travel * np.tan(angle)
+        v, rim = 1 - max(S, 0.0), 1 + min(S, 0.0)
+        aside = v * np.tan(angle)
+        u = v * np.hypot(v, aside) / np.hypot(v, aside / 5)
+        travel, right = u / rim, aside / rim
         j_x = self.r * (entry - theta - travel * (np.sin(entry) - np.sin(theta)))
         j_y = self.r * right * (entry - theta)
         j = np.hypot(j_x, j_y)
@@ -39,22 +42,37 @@ class AskewWheel:
         forward = np.column_stack([np.cos(theta), 0 * theta, np.sin(theta)])
         left = np.array([0.0, 1.0, 0.0])
         force = patch * (sigma[:, None] * inward + (tau * j_x)[:, None] * forward + (tau * j_y)[:, None] * left)
-        beside, where = self.beside(entry, leave, right)
+        beside, where = self.beside(entry, h, (v, rim, aside), u)
         whole = force.sum(axis=0) + beside.sum(axis=0)
+        whole[0] += patch * (sigma * np.sin(theta)).sum() / (1 + (5 * u / aside) ** 2) if aside else 0.0
         return whole, np.cross(at, force).sum(axis=0) + np.cross(where, beside).sum(axis=0)
 
-    def beside(self, entry, leave, right):
-        """Forces on strips of the buried disc, and where they act: passive pressure of walls of their depth."""
+    def beside(self, entry, h, speeds, u):
+        """Forces on strips of the buried disc, and where they act: passive pressure of walls of their depth.
+
+        The pressure builds up with the way aside over the chord, and falls as the rim spins; the sand rubs along the
+        disc, 0.43 h above its lowest point.
+        """
+        v, rim, aside = speeds
         theta = -entry + 2 * entry * (np.arange(NODES) + 0.5) / NODES
         wide = self.r * np.cos(theta) * 2 * entry / NODES
         depth = self.r * (np.cos(theta) - np.cos(entry))
         X = np.pi / 4 - FRICTION / 2
         D_1, D_2 = 1 / np.tan(X) + np.tan(X + FRICTION), 1 / np.tan(X) + np.tan(FRICTION) / np.tan(X) ** 2
         wall = D_1 * (self.c * depth + D_2 * 15700 * depth**2 / 2)
-        built = -np.expm1(-self.r * abs(right) * (entry - leave) / self.k_f)
-        push = self.flank * np.sign(right) * built * wall * wide
+        top = max(rim, u)
+        built = -np.expm1(-2 * self.r * np.sin(entry) * abs(aside) / np.hypot(min(u / top, 1.0), 0.02) / top / self.k_f)
+        spun = 1 - ((min(u, top) / top) ** 8 + (aside / top) ** 8) ** 0.125
+        spun = max(spun, 0.0) if abs(spun) > 0.01 else (spun + 0.01) ** 2 / 0.04
+        most = self.flank * np.exp(-1.3 * spun) * wall * wide
+        push = np.sign(aside) * built * most
         force = np.column_stack([0 * push, push, 0 * push])
-        return force, np.column_stack([self.r * np.sin(theta), 0 * theta, depth / 2 - self.r * np.cos(theta)])
+        where = np.column_stack([self.r * np.sin(theta), 0 * theta, depth / 2 - self.r * np.cos(theta)])
+        arm, rest = self.r - 0.43 * h, 0.001 * 0.02 / np.hypot(0.02, rim)  # speeds over 0.05 m/s
+        slides = v - rim * arm / self.r
+        size = np.tan(self.phi) * most.sum() * (np.hypot(built, 0.05) - 0.05)
+        rubs = -size * slides / np.sqrt(slides**2 + aside**2 + (rest / 0.05) ** 2)
+        return np.vstack([force, [rubs, 0.0, 0.0]]), np.vstack([where, [0.0, 0.0, -arm]])
 
     def run(self, W, S, angle):
         """Drawbar pull, torque, sinkage, side force and moment about the vertical under a load."""

@@ -185,9 +185,9 @@ class JointRig(Experiment):
 
     def candidates(self, model: JointModel, kinds: Sequence[type]) -> tuple[Candidate, ...]:
         """Return what a rig can show and every set, where it needs speeds, has them for; geometry as declared."""
-        present = {type(effect) for effect in model.effects}
+        present = {name for effect in model.effects for name in (type(effect).__name__, *effect.holds)}
         mine = [kind for kind in kinds if issubclass(kind, Effect) and kind.neutral and not kind.places]
-        able = [kind for kind in mine if not kind.before_slip and kind not in present]
+        able = [kind for kind in mine if not kind.before_slip and kind.__name__ not in present]
         effects = [added(kind, model.of(next(iter(self.sets)))) for kind in able]
         sand = self.declared
         visible_effects = [

@@ -67,7 +67,7 @@ def candidates(data: RigSet, model: RigModel, kinds: Sequence[type[Effect]]) -> 
     An effect of speed is left out where the set has no speeds: what was assumed of them would decide; one of lugs
     where the wheel is said to have none.
     """
-    present = {type(effect).__name__ for effect in model.effects}
+    present = {name for effect in model.effects for name in (type(effect).__name__, *effect.holds)}
     effects = [added(kind, model) for kind in kinds if kind.__name__ not in present]
     visible_effects = [effect for effect in effects if data.speeds is not None or not needs_speeds(data, model, effect)]
     return tuple(
