@@ -26,7 +26,7 @@ class CombinedShear(Effect):
     share `pushed_aside`, to nothing for a wheel pushed along its axle. With w = 1 it replaces the side force of the
     effects before it (`SideShear`), per normal force as `SoilTraction` has it; where the angles follow the sinkage the
     shear's share of f_n changes too. The moment about the vertical is that of f_y along the contact. An effect on the
-    stresses (`PeakStress`) keeps its own straight shear. `form` and `angles` must be those of the model's `SoilTraction`.
+    stresses (`PeakStress`) keeps its own straight shear. `form` and `angles` are those of the model's `SoilTraction`.
     Source and what differs: `combined_forces`, `against_travel`. Differs from the paper: it has no side force.
     """
 

@@ -238,7 +238,7 @@ def test_a_wheel_that_is_said_to_be_smooth_has_no_lugs(plain, tmp_path):
     model = RigModel(data.rig.wheel, data.soil())
     kinds = {one.kind for one in candidates(data, model, rig_kinds())}
     every = {one.kind for one in candidates(read_rig_set(plain), model, rig_kinds())}
-    assert every - kinds == {"LugExcavation", "Grousers"}
+    assert every - kinds == {"LugExcavation", "LugGrip", "Grousers"}
 
 
 def test_fitted_lugs_are_held_against_their_height(plain, tmp_path):
