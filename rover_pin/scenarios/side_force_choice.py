@@ -20,7 +20,7 @@ TURNS = ("turn", "point-turn", "crab")
 """Controllers that steer."""
 SIDE_FORCE_NOTE = (
     "side force: thrust and side force share the soil's strength (CombinedShear), and the soil beside a sunk wheel "
-    "resists as beside one measured wheel (FlankPressure); side = shear has SideShear instead"
+    "resists as beside measured wheels (FlankPressure); side = shear has SideShear instead"
 )
 
 
