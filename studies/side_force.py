@@ -6,10 +6,11 @@ Method
     Nexus 6 on sand of k = 3 mm, 20 s at duty 0.55. Old: `SideShear`, f_y from what f_t leaves of the strength at the
     middle of the contact. New: `CombinedShear`, one stress for thrust and side force at every point of the rim, against
     the whole travel, and `FlankPressure` on the buried part of the disc, with the numbers of measured wheels. Besides
-    them the shear alone, and `SlipSoftening`, which lets a slip angle sink the wheel. Turn: Ackermann angles for a radius of 1 m.
-    Crab: all steered wheels at 20 deg to one side, the others dragged. Across: straight ahead over a slope that falls
-    to the left by 10 deg. Skid: the cart, without steering, on the spot. Measured over the last 5 s: the radius
-    driven, the direction of travel against the body's axis, the greatest side force over load and motor work per metre.
+    them the shear alone, and `SlipSoftening`, which lets a slip angle sink the wheel. Turn: Ackermann angles for a
+    radius of 1 m. Crab: all steered wheels at 20 deg to one side, the others dragged. Across: straight ahead over a
+    slope that falls to the left by 10 deg. Skid: the cart, without steering, on the spot. Measured over the last 5 s:
+    the radius driven, the direction of travel against the body's axis, the greatest side force over load and motor work
+    per metre.
 Result
     A rover that steers hardly notices: the turn has a radius of 0.939 m with the old law, 0.933 with the new. Crabbing,
     its dragged middle wheels' side force falls from 0.40 of their load to 0.33 (thrust and side force share one
@@ -26,7 +27,8 @@ Result
 What the paper says
     Nothing: it has no side force, and no turning drive.
 What differs
-    B, k_f and l of the flank are those of wheels of 125 mm in another sand; nothing of a turning rover was measured here.
+    B, k_f and l of the flank are those of wheels of 125 mm in another sand; nothing of a turning rover was measured
+    here.
 
 Run: python studies/side_force.py [--quick] [--out DIR]
 """

@@ -59,6 +59,7 @@ import pandas as pd
 from forms.curves import BASELINES, carried_over, left_out
 from forms.error_bars import draw_error_bars, last_law
 from forms.joined import joined
+from forms.one_soil import FROM, from_the_others, one_sand
 from forms.sinkage import DingMetres, Exponential, Lyasko, Squared
 
 from rover_pin.discrepancy.calibration import calibrated
@@ -67,14 +68,14 @@ from rover_pin.effects.effect import Effect
 from rover_pin.effects.flank_pressure import FlankPressure
 from rover_pin.effects.interface_friction import InterfaceFriction
 from rover_pin.effects.lug_excavation import LugExcavation
+from rover_pin.effects.lug_grip import LugGrip
 from rover_pin.effects.ploughing import Ploughing
 from rover_pin.effects.rate_dependence import RateDependence
 from rover_pin.effects.skid_sinkage import SkidSinkage
 from rover_pin.effects.slip_sinkage import SlipSinkage
 from rover_pin.effects.slip_softening import SlipSoftening
 from rover_pin.estimation.fit import Fit
-from rover_pin.experiments.joint_rig.sets import joined as joined_sets
-from rover_pin.experiments.wheel_rig.candidates import numbers_of, present_amplitudes
+from rover_pin.experiments.wheel_rig.candidates import numbers_of
 from rover_pin.experiments.wheel_rig.data import RigSet, read_rig_set
 from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.model import ASKEW, PAPER, RigModel
@@ -85,12 +86,16 @@ LUG_HEIGHT, REPOSE, DENSITY = 0.005, np.radians(29.0), 1330.0 * 9.81
 """Of studies/data/cmu-grousered-wheel/rig.toml: [m], [rad], [N/m^3]."""
 REACH = {
     "smooth": (0.41, 1.3, None), "lugged": (0.6, 2.5, None), "braked": (2.0, 2.0, None),
-    "both signs": (1.5, 2.5, None), "slip angles": (None, 2.5, 2.0), "lugged from smooth": (1.2, 4.0, None),
+    "both signs": (1.5, 2.5, None), "slip angles": (0.6, 1.3, 0.5), "braked askew": (0.9, 1.5, 0.8),
+    "lugs askew": (0.7, 1.4, 0.6), "braked lugs": (0.8, 1.5, None), "lugged from smooth": (1.2, 4.0, None),
 }  # fmt: skip
+EACH = (1.2, 2.5, 1.5)
+"""To reach in the median set that is predicted from the others; twice that in every one."""
 """Errors to reach: drawbar pull [N], sinkage [mm], side force [N]; DP/W = 0.05 is 1.2 N under the lugged wheel."""
 
 
 SOFT, RATE, LUGS = SlipSoftening(), RateDependence(v_0=0.05), LugExcavation(h_l=LUG_HEIGHT)
+GRIP = LugGrip(h_l=LUG_HEIGHT)
 PLOUGH, FLANK, RIM = Ploughing(gamma=DENSITY), FlankPressure(gamma=DENSITY), InterfaceFriction()
 DRIVING: dict[str, tuple[Effect, ...]] = {
     "base": (),
@@ -130,16 +135,30 @@ ANGLES: dict[str, tuple[Effect, ...]] = {
     "+ softening + flank": (SOFT, FLANK),
     "+ softening + flank + rate": (SOFT, FLANK, RATE),
 }
+BRAKED_ASKEW: dict[str, tuple[Effect, ...]] = {
+    "combined shear": (),
+    "+ softening + flank": (SOFT, FLANK),
+    "+ softening + flank + ploughing": (SOFT, FLANK, PLOUGH),
+}
+LUGS_ASKEW: dict[str, tuple[Effect, ...]] = {
+    "combined shear": (),
+    "+ softening + flank + trench": (SOFT, FLANK, LUGS),
+    "+ softening + flank + trench + grip": (SOFT, FLANK, LUGS, GRIP),
+}
+ASKEW_SETS = {
+    "braked askew": "smooth-wheel-angles-braked", "lugs askew": "grousered-wheel-angles",
+    "braked lugs": "grousered-wheel-skid",
+}  # fmt: skip
+OTHERS = {"braked askew": BRAKED_ASKEW, "lugs askew": LUGS_ASKEW, "braked lugs": BRAKING}
+LAW = "+ grip of lugs"
+"""The law of `ONE_SAND` by which each set is predicted from the others."""
 ONE_SAND: dict[str, tuple[Effect, ...]] = {
     "base": (),
     "softening, ploughing, flank, trench": (SOFT, PLOUGH, FLANK, LUGS),
     "+ smooth rims": (SOFT, PLOUGH, FLANK, LUGS, RIM),
-    "+ smooth rims + rate": (SOFT, PLOUGH, FLANK, LUGS, RIM, RATE),
+    "+ grip of lugs": (SOFT, PLOUGH, FLANK, LUGS, GRIP),
+    "+ grip of lugs + rate": (SOFT, PLOUGH, FLANK, LUGS, GRIP, RATE),
 }
-NAMES = {
-    "cmu-smooth-wheel": "smooth", "cmu-smooth-wheel-skid": "braked", "cmu-smooth-wheel-angles": "slip angles",
-    "cmu-grousered-wheel": "lugged",
-}  # fmt: skip
 
 
 class Row(NamedTuple):
@@ -173,7 +192,8 @@ def shown(frame: pd.DataFrame) -> str:
     """Return the table for a reader, with what was to be reached under each set."""
     lines = ["Held-out RMSE by level: drawbar pull [N], sinkage [mm], side force [N], all channels in their noise"]
     for name, rows in frame.groupby("set", sort=False):
-        lines.append(f"\n{name}; reach {REACH[str(name).removeprefix('one sand: ')]}")
+        reach = EACH if str(name).startswith(FROM) else REACH[str(name).removeprefix("one sand: ")]
+        lines.append(f"\n{name}; reach {reach}")
         for row in rows.itertuples():
             side = "" if np.isnan(row.side_force_N) else f"{row.side_force_N:7.2f}"
             errors = f"{row.drawbar_pull_N:6.2f} {row.sinkage_mm:6.2f}{side:8} {row.in_sds:5.1f} SD"
@@ -202,9 +222,14 @@ def table(quick: bool = False) -> list[Row]:
     both = joined(smooth, braked.rows(np.asarray(braked.rig.slip) < -0.1))
     sets = {"smooth": (smooth, DRIVING), "lugged": (lugged, LUGGED), "braked": (braked, BRAKING)}
     rows: list[Row] = []
-    for name, (data, laws) in {**sets, "both signs": (both, BOTH), "slip angles": (angles, ANGLES)}.items():
+    others = {name: read_rig_set(DATA / f"cmu-{folder}") for name, folder in ASKEW_SETS.items()}
+    sets |= {"both signs": (both, BOTH), "slip angles": (angles, ANGLES)}
+    sets |= {name: (data, OTHERS[name]) for name, data in others.items()}
+    for name, (data, laws) in sets.items():
         rows += compared(name, data, laws, n)
-    return [*rows, *from_smooth(smooth, lugged, n), *one_sand([smooth, braked, angles, lugged])]
+    every = {"smooth": smooth, "braked": braked, "slip angles": angles, "lugged": lugged, **others}
+    soil = [Row(*cells) for cells in (*one_sand(every, ONE_SAND), *from_the_others(every, ONE_SAND[LAW]))]
+    return [*rows, *from_smooth(smooth, lugged, n), *soil]
 
 
 def compared(name: str, data: RigSet, laws: dict[str, tuple[Effect, ...]], n: float) -> Sequence[Row]:
@@ -250,6 +275,7 @@ def from_smooth(smooth: RigSet, lugged: RigSet, n: float) -> list[Row]:
         ("without lugs", model),
         ("lugs, the smooth rim's grip", model.having(LUGS)),
         ("lugs, sand as in its heap", heap.having(LUGS)),
+        ("lugs and their grip", model.having(LUGS).having(GRIP)),
         ("lugs, sand on sand by the rim's m", sand.having(LUGS)),
     ):
         found = one.predict(lugged.rig.load, lugged.rig.slip, lugged.speeds)
@@ -258,24 +284,6 @@ def from_smooth(smooth: RigSet, lugged: RigSet, n: float) -> list[Row]:
         rows.append(row("lugged from smooth", law, lugged, error))
     curves = {law: carried_over(smooth, lugged, predict) for law, predict in BASELINES.items()}
     return rows + [row("lugged from smooth", law, lugged, error) for law, error in curves.items()]
-
-
-def one_sand(sets: Sequence[RigSet]) -> list[Row]:
-    """Fit all sets with one soil, each level predicted from all the others, and return the errors of each set."""
-    joint, rows = joined_sets(sets), []
-    for law, effects in ONE_SAND.items():
-        model = dataclasses.replace(joint.base_model(), effects=(*ASKEW, *effects))
-        known = joint.uncertain(model)
-        fit = calibrated(joint, model, (*known, *present_amplitudes(model, known)))
-        left = np.where(np.isfinite(joint.observed), held_out_residual(fit), np.nan)
-        for name in joint.sets:
-            own = left[joint.of_set(name)]
-            seen = [(at, one) for at, one in enumerate(joint.channels) if np.isfinite(own[:, at]).any()]
-            rms = {"side force": np.nan} | {one: float(np.sqrt(np.nanmean(own[:, at] ** 2))) for at, one in seen}
-            noise = float(np.sqrt(np.nanmean((own / joint.noise().sd[joint.of_set(name)]) ** 2)))
-            errors = (rms["drawbar pull"], 1e3 * rms["sinkage"], rms["side force"], noise)
-            rows.append(Row(f"one sand: {NAMES[name]}", law, *errors, sizes(fit)))
-    return rows
 
 
 if __name__ == "__main__":

@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from forms.curves import BASELINES
+from forms.one_soil import FROM
 
 BARS = {
     "base": ("#c9d6db", "base: the first law of each set's table"),
@@ -35,6 +36,8 @@ def by_set(frame: pd.DataFrame) -> dict[str, tuple[str, dict[str, float]]]:
     for key, rows in frame.groupby("set", sort=False):
         name, errors = str(key), rows.set_index("law")["in_sds"]
         law = last_law(errors)
+        if name.startswith(FROM):
+            continue
         if name.startswith(ONE_SAND):
             found[name.removeprefix(ONE_SAND)][1]["one soil"] = float(errors[law])
         else:

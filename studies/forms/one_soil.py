@@ -1,0 +1,125 @@
+"""One soil under all wheels: every set's levels held out, and whole sets predicted from the others."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+
+from forms.curves import BASELINES, Predict
+from rover_pin.discrepancy.calibration import calibrated
+from rover_pin.discrepancy.cross_validation import held_out_residual
+from rover_pin.effects.effect import Effect
+from rover_pin.estimation.fit import Fit
+from rover_pin.experiments.joint_rig.experiment import JointRig
+from rover_pin.experiments.joint_rig.sets import joined
+from rover_pin.experiments.wheel_rig.candidates import present_amplitudes
+from rover_pin.experiments.wheel_rig.data import RigSet
+from rover_pin.experiments.wheel_rig.model import ASKEW
+from rover_pin.experiments.wheel_rig.presets import FULL_BY
+
+FROM = "from the others: "
+"""What stands before a set's name where it is predicted from the other sets."""
+GRIP = "LugGrip.h_l"
+SAME = 5e-3
+"""Runs of two sets whose slips, loads and pulls differ by less are one run."""
+Cells = tuple[str, str, float, float, float, float, str]
+"""Set, law, errors of pull [N], sinkage [mm] and side force [N], of all in their noise, and what was fitted."""
+
+
+def fitted(joint: JointRig, effects: tuple[Effect, ...]) -> Fit:
+    """Return one soil and the sizes of these effects fitted to all sets; the lugs' height is declared, to 30 %."""
+    model = dataclasses.replace(joint.base_model(), effects=(*ASKEW, *effects))
+    known = joint.uncertain(model)
+    sizes = [
+        dataclasses.replace(size, scale=FULL_BY * size.origin, prior=True) if size.name == GRIP else size
+        for size in present_amplitudes(model, known)
+    ]
+    return calibrated(joint, model, (*known, *sizes))
+
+
+def one_sand(sets: Mapping[str, RigSet], laws: Mapping[str, tuple[Effect, ...]]) -> Iterator[Cells]:
+    """Yield the errors of each set and law, each level predicted from all the others of all sets."""
+    joint = joined(list(sets.values()))
+    words = {data.rig.name: name for name, data in sets.items()}
+    for law, effects in laws.items():
+        fit = fitted(joint, effects)
+        left = np.where(np.isfinite(joint.observed), held_out_residual(fit), np.nan)
+        for name in joint.sets:
+            mine = joint.of_set(name)
+            errors = np.moveaxis(left[mine], 1, 0).reshape(len(joint.channels), -1)
+            sds = np.moveaxis(joint.noise().sd[mine], 1, 0).reshape(len(joint.channels), -1)
+            yield cells(f"one sand: {words[name]}", law, dict(zip(joint.channels, errors, strict=True)), sds, said(fit))
+
+
+def from_the_others(sets: Mapping[str, RigSet], effects: tuple[Effect, ...]) -> Iterator[Cells]:
+    """Yield the errors of each set as one soil fitted to the other sets predicts it, and as curves through them do.
+
+    Runs that stand in the set as well are taken out of the others. Curves know slip, slip angle and lugs.
+    """
+    for name, data in sets.items():
+        others = [rest for other in sets.values() if other is not data and (rest := without(other, data)) is not None]
+        joint = joined(distinct(others))
+        fit = fitted(joint, effects)
+        whole = joined([data, *joint.sets.values()]).base_model()
+        model = dataclasses.replace(whole, soil=fit.model.soil, effects=fit.model.effects).of(data.rig.name)
+        found = model.predict(data.rig.load, data.rig.slip, data.speeds, data.rig.slip_angle)
+        values = {"drawbar pull": found.drawbar_pull, "sinkage": found.sinkage, "side force": found.side_force}
+        sds = np.array([channel.sd for channel in data.rig.channels])
+        errors = {channel.name: values[channel.name] - channel.measured for channel in data.rig.channels}
+        yield cells(FROM + name, "the law", errors, sds, said(fit))
+        for curve, predict in BASELINES.items():
+            errors = {channel.name: carried(others, data, channel.name, predict) for channel in data.rig.channels}
+            yield cells(FROM + name, curve, errors, sds)
+
+
+def cells(name: str, law: str, errors: Mapping[str, np.ndarray], sds: np.ndarray, words: str = "") -> Cells:
+    """Return errors of channels by their names as a row; NaN where a channel was not measured."""
+    rms = {
+        channel: float(np.sqrt(np.nanmean(e**2))) if np.isfinite(e).any() else np.nan for channel, e in errors.items()
+    }
+    noise = float(np.sqrt(np.nanmean((np.array(list(errors.values())) / sds) ** 2)))
+    return name, law, rms["drawbar pull"], 1e3 * rms["sinkage"], rms.get("side force", np.nan), noise, words
+
+
+def said(fit: Fit) -> str:
+    """Return what was fitted, in words."""
+    return ", ".join(f"{one.name} = {fit.value(one.name):.3g}" for one in fit.parameters)
+
+
+def distinct(sets: Sequence[RigSet]) -> list[RigSet]:
+    """Return the sets with each run once: none that holds no other run than those before it."""
+    kept: list[RigSet] = []
+    for data in sets:
+        rest: RigSet | None = data
+        for before in kept:
+            rest = None if rest is None else without(rest, before)
+        kept += [] if rest is None else [rest]
+    return kept
+
+
+def without(data: RigSet, other: RigSet) -> RigSet | None:
+    """Return the runs of a set that do not stand in another one; None where all do."""
+    mine, theirs = (np.column_stack([one.rig.slip, one.rig.load, pull(one)]) for one in (data, other))
+    new = ~(np.abs(mine[:, None] - theirs[None]) < SAME).all(axis=2).any(axis=1)
+    return data.rows(new) if new.any() else None
+
+
+def pull(data: RigSet) -> np.ndarray:
+    return next(channel.measured for channel in data.rig.channels if channel.name == "drawbar pull")
+
+
+def carried(others: Sequence[RigSet], data: RigSet, channel: str, predict: Predict) -> np.ndarray:
+    """Return the errors on a set of a curve through the others' points of a channel."""
+    seen = [(inputs(one), each.measured) for one in others for each in one.rig.channels if each.name == channel]
+    points, values = (np.concatenate(part) for part in zip(*seen, strict=True))
+    varied = np.ptp(points, axis=0) > 0
+    measured = next(each.measured for each in data.rig.channels if each.name == channel)
+    return predict(points[:, varied], values, inputs(data)[:, varied]) - measured
+
+
+def inputs(data: RigSet) -> np.ndarray:
+    """Return slip, slip angle and the lugs' height in cm of each run."""
+    lugs = np.full(data.rig.slip.size, 100.0 * data.rig.beside.get("lug_height", 0.0))
+    return np.column_stack([data.rig.slip, np.asarray(data.rig.slip_angle), lugs])
