@@ -12,7 +12,9 @@ from rover_pin.discrepancy.calibration import calibrated
 from rover_pin.discrepancy.cross_validation import held_out_residual
 from rover_pin.effects.effect import Effect
 from rover_pin.estimation.fit import Fit
+from rover_pin.estimation.parameter import Parameter
 from rover_pin.experiments.joint_rig.experiment import JointRig
+from rover_pin.experiments.joint_rig.model import JointModel
 from rover_pin.experiments.joint_rig.sets import joined
 from rover_pin.experiments.wheel_rig.candidates import present_amplitudes
 from rover_pin.experiments.wheel_rig.data import RigSet
@@ -32,11 +34,14 @@ def fitted(joint: JointRig, effects: tuple[Effect, ...]) -> Fit:
     """Return one soil and the sizes of these effects fitted to all sets; the lugs' height is declared, to 30 %."""
     model = dataclasses.replace(joint.base_model(), effects=(*ASKEW, *effects))
     known = joint.uncertain(model)
-    sizes = [
-        dataclasses.replace(size, scale=FULL_BY * size.origin, prior=True) if size.name == GRIP else size
-        for size in present_amplitudes(model, known)
-    ]
+    sizes = [declared(joint, model, size) for size in present_amplitudes(model, known)]
     return calibrated(joint, model, (*known, *sizes))
+
+
+def declared(joint: JointRig, model: JointModel, size: Parameter) -> Parameter:
+    """Return a size, the grip's height of lugs around what it is in the model."""
+    height = joint.value(model, size.name)
+    return dataclasses.replace(size, origin=height, scale=FULL_BY * height, prior=True) if size.name == GRIP else size
 
 
 def one_sand(sets: Mapping[str, RigSet], laws: Mapping[str, tuple[Effect, ...]]) -> Iterator[Cells]:
