@@ -1,0 +1,47 @@
+"""Slip over the whole travel, by hand: what it is straight, askew and aside, and what of it is rounded."""
+
+import math
+
+import pytest
+
+from rover_pin.soil.slip import against_travel, drift, positive_part, pushed_aside, spinning
+
+
+@pytest.mark.parametrize(("rim", "degrees"), [(0.03, 30.0), (0.05, 45.0), (0.2, 60.0), (0.0, 15.0), (0.05, 89.0)])
+def test_slips_are_of_the_speed_that_brakes(rim, degrees):
+    """u = v V / sqrt(v^2 + (v_y / 5)^2) with V = 0.05 m/s, and the greater of r omega and u divides."""
+    beta = math.radians(degrees)
+    v, v_y = 0.05 * math.cos(beta), 0.05 * math.sin(beta)
+    u = v * 0.05 / math.hypot(v, v_y / 5)
+    faster, before = max(rim, u), max(rim, v)
+    S, S_y = against_travel((rim - v) / before, v_y / before)
+    assert float(S) == pytest.approx((rim - u) / faster, abs=1e-9)
+    assert float(S_y) == pytest.approx(v_y / faster, rel=1e-9)
+    assert float(pushed_aside(S, S_y)) == pytest.approx(
+        (v_y / 5) ** 2 / (min(u, faster) ** 2 + (v_y / 5) ** 2), rel=1e-6
+    )
+
+
+def test_a_share_of_it_lies_between_the_heading_and_the_travel():
+    half, whole = (float(against_travel(-0.2, 0.8, share)[0]) for share in (0.5, 1.0))
+    assert float(against_travel(-0.2, 0.8, 0.0)[0]) == pytest.approx(-0.2, rel=1e-12)
+    assert 0.8 / (1 + half) == pytest.approx((1.0 + 0.8 / (1 + whole)) / 2)
+
+
+def test_drift_is_the_way_aside_per_way_ahead():
+    assert float(drift(0.6, 0.2)) == pytest.approx(0.2 / math.hypot(0.4, 0.02))
+    assert float(drift(-0.5, -0.3)) == pytest.approx(-0.3 / math.hypot(1.0, 0.02))
+    assert float(drift(1.0, 0.0)) == 0.0
+
+
+def test_a_wheel_pushed_aside_does_not_spin():
+    """1 - V / r omega of the greater of v and v_y: of a slip of 1 with v_y as fast as the rim nothing is left."""
+    assert float(spinning(0.7, 0.1)) == pytest.approx(0.7, rel=1e-4)
+    assert float(spinning(1.0, 0.4)) == pytest.approx(0.6, rel=1e-6)
+    assert float(spinning(1.0, 3.0)) == 0.0
+    assert float(spinning(-0.5, 0.3)) == pytest.approx(0.0025, rel=0.01), "the corner of positive_part"
+
+
+@pytest.mark.parametrize(("S", "expected"), [(-0.5, 0.0), (-0.01, 0.0), (0.0, 0.0025), (0.005, 0.005625), (0.3, 0.3)])
+def test_the_corner_of_a_positive_part_is_a_parabola(S, expected):
+    assert float(positive_part(S)) == pytest.approx(expected, abs=1e-15)
