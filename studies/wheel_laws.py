@@ -1,46 +1,51 @@
-"""Laws of slip, skid, side force and lugs side by side on four measured sets of one sand, slip levels held out.
+"""Laws of slip, skid, side force and lugs side by side on seven measured sets of one sand, levels and sets held out.
 
 Question
     Which of the forms that the literature has, or that are near at hand, do measured wheels follow? Does any predict a
-    level that was not fitted better than a curve through the points?
+    level or a set that was not fitted better than a curve through the points?
 Method
-    One sand and test bed (CMU): smooth wheel driving, braked and at slip angles, wheel with 5 mm lugs. k, phi, k_1 and
-    the exit ratio (prior 0.143 +- 0.1) are fitted together with each law's own size, the exponent n = 1.51 is from
-    pressing the smooth wheel in; errors are of each level predicted by a fit to the others. Beside them the mean, a
-    quadratic in slip (and slip angle), and a Gaussian process of both, held out alike. "Both signs" is the driving and
-    the braked smooth wheel with one soil. The lugged wheel is also predicted from the smooth one: all its numbers, the
-    lugs' height with full pockets, and sand that shears on sand: phi is the declared angle of repose, 29 deg, or by the
-    smooth rim's grip over m = 0.7, `InterfaceFriction`'s default (Potyondy's ratios): tan phi = tan phi_rim / m.
-    "One sand" fits all sets together, each level of each predicted from all the others.
+    One sand and test bed (CMU): smooth wheel driving, braked, at slip angles and braked at them; wheel with 5 mm lugs
+    driving, braked and at slip angles. k, phi, k_1 and the exit ratio (prior 0.143 +- 0.1) are fitted together with
+    each law's own size, the exponent n = 1.51 is from pressing the smooth wheel in; errors are of each level predicted
+    by a fit to the others. Beside them the mean, a quadratic in slip (and slip angle), and a Gaussian process of both,
+    held out alike. "Both signs" is the driving and the braked smooth wheel with one soil. The lugged wheel is also
+    predicted from the smooth one: all its numbers, the lugs' height with full pockets, and their grip by `LugGrip`, or
+    sand that shears on sand: phi is the declared angle of repose, 29 deg, or by the smooth rim's grip over m = 0.7,
+    `InterfaceFriction`'s default (Potyondy's ratios). "One sand" fits all sets together, each level of each predicted
+    from all the others; "from the others" predicts a set from one soil fitted to the other six, without its runs.
 Result
     Held out, drawbar pull / sinkage (/ side force), with quadratic and Gaussian process in brackets:
     smooth: softening 0.55 N / 1.03 mm, with rate 0.32 / 1.03 (1.39 / 1.65; 1.26 / 0.74); Ding's exponent of h / b 0.41
     / 1.29, of h in metres 0.56 / 2.18, exponential 0.66 / 2.58, Lyasko with a free power 0.66 / 2.60, base 0.63 / 5.90.
-    braked: ploughing 0.57 / 1.53 (0.25 / 1.71; 1.21 / 5.90), a_b = 0.98 where volume says 1; exp(-a S^2) 1.82 / 3.19,
+    braked: ploughing 0.58 / 1.53 (0.25 / 1.71; 1.21 / 5.90), a_b = 0.98 where volume says 1; exp(-a S^2) 1.82 / 3.19,
     exp(a S) 2.47 / 2.76, Ding in metres 2.80 / 3.74, the exponent of h / b 3.45 / 4.38 at its bound, base 2.55 / 10.6.
     both signs: softening with ploughing 0.88 / 1.34 (1.59 / 4.49; 2.80 / 1.47), exponents 3.66 / 3.56, base 3.0 / 6.6.
-    lugged: softening, trench and rate 0.47 / 1.53 (1.82 / 2.78; 2.00 / 3.15), without rate 1.32 / 1.47, without trench
+    lugged: softening, trench and rate 0.47 / 1.52 (1.82 / 2.78; 2.00 / 3.15), without rate 1.32 / 1.47, without trench
     1.45 / 7.0; base 1.27 / 12.3. The trench is that of 5.9 mm lugs with full pockets; they are 5 mm high, its prior.
-    slip angles: softening, flank and rate 0.84 / 1.73 / 0.47 (0.89 / 1.52 / 0.53; 0.85 / 1.29 / 0.59), without rate
-    1.18 / 1.73 / 0.64, without softening 1.50 / 5.26 / 1.18, without flank 1.22 / 1.74 / 2.86.
-    lugged from smooth: 2.14 N / 8.3 mm without lugs, 2.14 / 2.1 with their trench. Sand as in its heap asks too much of
-    the pull, 4.37 / 1.7; by m = 0.7 phi is 20.5 deg: 0.94 / 1.92, DP/W 0.038, the lugs' height told, nothing of their
-    wheel fitted (m = 0.65: 1.38 N, 0.8: 0.94 N). m is assumed of this rim, and all four sets were in sight.
-    One sand (all four sets, one soil, one size of each law; runs that stand in two sets once): softening, ploughing,
-    flank and trench bring the sinkage of all four to 1.2 to 2.7 mm from 4.5 to 10.1. The lugged wheel's pull, 2.09 N,
-    needs a smooth rim that slides before the sand shears (m = 0.73 on the three smooth sets): 1.15 N, and with rate
-    0.45 N; phi is then 21 deg, not the 29 of the heap.
-    Reached: smooth, braked, both signs, lugged, lugged from smooth, side force and all sinkages; from one soil braked,
-    slip angles and the lugged pull, its sinkage by a hair not, the smooth wheel not. The parabola keeps the braked
-    pull, and at slip angles both curves keep the sinkage; the Gaussian process keeps the smooth wheel's sinkage. Over
-    all channels in their noise the law is ahead of both on all but the slip angles; braked by a hair, 1.64 to 1.65.
+    braked lugs: ploughing 0.67 / 1.93 (0.97 / 3.17; 3.09 / 6.41): the smooth wheel's pull within 0.6 N at each level.
+    slip angles: softening and flank 0.78 / 1.15 / 0.54 (0.89 / 1.52 / 0.53; 0.85 / 1.29 / 0.59), with rate 0.56 / 1.15
+    / 0.65, without softening 1.08 / 5.18 / 1.07, without flank 0.95 / 1.16 / 2.49.
+    braked askew: softening, flank and ploughing 0.93 / 2.00 / 1.81 (0.61 / 1.95 / 0.66; 0.67 / 0.73 / 1.00).
+    lugs askew: softening, flank, trench and grip 0.69 / 1.19 / 0.74 (1.04 / 2.03 / 0.75; 0.66 / 1.52 / 0.73).
+    lugged from smooth: 2.14 N / 8.3 mm without lugs, 2.14 / 2.1 with their trench, 0.44 / 1.95 with their grip as well
+    (learnt of it; by m = 0.7 0.94 / 1.92). Sand as in its heap asks too much of the pull, 4.38 / 1.7.
+    One sand: softening, ploughing, flank, trench and grip bring every set to 0.60 to 2.15 N, 0.85 to 1.53 mm and 0.87
+    to 2.14 N; a smooth rim that slides (m) instead of the grip leaves braked lugs at 4.3 N: braked, lugs do not matter.
+    From the others: 0.67, 0.75, 0.85, 0.87, 1.59, 2.05 and 2.16 N; 0.94 to 2.00 mm; 0.89, 1.16 and 1.85 N sideways: in
+    the median set, and twice that in every one, as was to be reached. The Gaussian process is ahead in pull where a set
+    has its like among the others (smooth, lugged, both braked ones), and 2 to 11 mm, 2 to 6 N off where it has not.
+    Not reached: the side force of all three sets askew, by 0.04, 0.14 and 1.0 N; braked askew and braked lugs in
+    sinkage, by 0.5 and 0.4 mm; the pull braked askew, by 0.03 N, and at slip angles, without rate by 0.18 N. Braked
+    askew, the side force is too large at r omega / V = 0.3 for 15 and 30 deg (by 2 to 3 N), too small for 45 deg at 0.5
+    and 0.8 (by 2 N): the flank grows with depth as h^2.5, the measured one less. Straight skids pull 1 to 2 N less than
+    one soil says. Over all channels in their noise the law is ahead of both curves on all sets but braked askew.
 What the paper says
     "the digging and sinking process is not modeled in the simulation" (section 4.2); it has no side force.
 What differs
-    The forms of SlipSoftening and Ploughing, and e_b, were chosen with these four sets in sight, so "held out" is of
-    levels, not of wheels or sands: read the comparison of forms, and wait for another bed. Travel speed is 10 mm/s
-    throughout, so rim speed and slip go together: what RateDependence takes may be an effect of large slip. gamma is
-    the declared density's.
+    The forms of all laws, and kappa, d, k_f, l, e_b and h_g, were chosen with these seven sets in sight, so "held out"
+    is of levels and sets, not of wheels or sands: read the comparison of forms, and wait for another bed. Travel speed
+    is 10 mm/s throughout, so rim speed and slip go together: what RateDependence takes may be an effect of large slip.
+    gamma is the declared density's.
 
 Run: python studies/wheel_laws.py [--quick] [--out DIR]
 """

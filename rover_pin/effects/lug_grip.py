@@ -21,9 +21,9 @@ class LugGrip(Effect):
     """tan phi <- g tan phi, c <- g c, g = 1 + (h_l / h_g) max(S, 0): the strength that the rim brings to bear.
 
     What slides between lugs and sand is a smooth rim's friction where the rim rolls; as the lugs move through the sand
-    they shear it in itself. Braked wheels of one sand, with 5 mm lugs and without, pull alike within 0.4 N of 24 N, and
-    so they do rolling; driving, lugs give 0.15 S of the load more. With h_l = 5 mm and S = 1 the grip that is found,
-    26 deg, comes near the sand's angle of repose, 29 deg. Limit: lugs of other heights were not measured; g is a
+    they shear it in itself. Braked wheels of one sand, with 5 mm lugs and without, pull alike within 0.6 N of 7 to 24
+    N, and so they do rolling; driving, lugs give 0.15 S of the load more. With h_l = 5 mm and S = 1 the grip that is
+    found, 26 deg, comes near the sand's angle of repose, 29 deg. Limit: lugs of other heights were not measured; g is a
     straight line in h_l, and lugs of twice h_g or more bite harder than sand can.
     Source: derived here, new, from four measured sets; rims that slide before the sand shears: Potyondy, Geotechnique
     11 (1961) 339. Differs from the paper: smooth wheels.

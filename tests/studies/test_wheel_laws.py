@@ -1,6 +1,7 @@
 """The study of wheel laws: its laws reach what it says, on levels held out."""
 
 import importlib
+import itertools
 from pathlib import Path
 
 import matplotlib.pyplot as plt
@@ -26,12 +27,35 @@ def test_a_braked_wheel_ploughs_as_its_volume_says(study):
 
 
 ROOT = Path(__file__).parents[2]
+ANGLES = "smooth-wheel-angles"
 
 
-def test_laws_beat_both_curves_on_five_of_the_six_sets(study):
+def test_laws_beat_both_curves_on_all_sets_but_one(study):
     """Over all channels in their noise, in the kept table."""
     rows = pd.read_csv(ROOT / "studies" / "results" / "wheel_laws.csv")
-    assert study.ahead(rows) == ["smooth", "lugged", "braked", "both signs", "lugged from smooth"]
+    assert study.ahead(rows) == [name for name in study.REACH if name != "braked askew"]
+
+
+def test_one_soil_predicts_each_set_from_the_others(study):
+    """In the kept table: the median set, and twice that in every one."""
+    rows = pd.read_csv(ROOT / "studies" / "results" / "wheel_laws.csv")
+    found = rows[rows["set"].str.startswith(study.FROM) & (rows["law"] == "the law")]
+    assert len(found) == 7
+    for name, most in zip(("drawbar_pull_N", "sinkage_mm", "side_force_N"), study.EACH, strict=True):
+        assert found[name].median() < most
+        assert found[name].max() < 2 * most
+
+
+@pytest.mark.slow
+def test_a_braked_wheel_askew_is_predicted_from_the_others(study):
+    """No run of it is fitted: 1.6 N, 1.6 mm and 1.9 N, where a Gaussian process is 6 N and 7 mm off."""
+    folders = {"braked": "smooth-wheel-skid", "lugged": "grousered-wheel", **study.ASKEW_SETS, "angles": ANGLES}
+    sets = {name: study.read_rig_set(study.DATA / f"cmu-{folder}") for name, folder in folders.items()}
+    chosen = {"braked askew": sets.pop("braked askew"), **sets}
+    law, *_, process = itertools.islice(study.from_the_others(chosen, study.ONE_SAND[study.LAW]), 4)
+    assert law[2:5] == pytest.approx((1.6, 1.6, 1.9), rel=0.15)
+    assert process[3] > 4.0
+    assert process[4] > 3.0
 
 
 def test_the_bars_are_the_tables_errors_in_one_unit(study):
@@ -43,14 +67,14 @@ def test_the_bars_are_the_tables_errors_in_one_unit(study):
     of = lambda name, *laws: [sds[name, law] for law in laws]  # noqa: E731
     expected = [
         *of("braked", "base", "ploughing", "quadratic", "Gaussian process"),
-        *of("one sand: braked", "+ smooth rims + rate"),
+        *of("one sand: braked", "+ grip of lugs + rate"),
         *of("both signs", "base", "softening + ploughing", "quadratic", "Gaussian process"),
     ]
     for name, own in (("braked", expected[:5]), ("both signs", expected[5:])):
         at = list(study.REACH).index(name)
         bars = [each for each in axis.patches if abs(each.get_y() + each.get_height() / 2 - at) < 0.5]
         assert sorted(each.get_width() for each in bars) == pytest.approx(sorted(own))
-    assert len(axis.patches) == 4 * len(study.REACH) + 4
+    assert len(axis.patches) == 4 * len(study.REACH) + 7
     assert {each.get_text() for each in axis.texts} >= {f"{each:.1f}" for each in expected}
     assert "SD" in axis.get_xlabel()
     plt.close(figure)
