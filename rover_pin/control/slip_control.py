@@ -12,6 +12,7 @@ import numpy as np
 from rover_pin.base.public import brief, public
 from rover_pin.base.quantity import Record, quantities, quantity
 from rover_pin.contact import Scalar
+from rover_pin.control.hole_law import HoleLaw
 from rover_pin.control.slip_estimate import SlipEstimate, TableEstimate, TrueSlip
 from rover_pin.control.smooth import greater, lesser
 from rover_pin.control.torque_check import CUSTOM_LIMIT, NoLimit, TorqueLimit, native_limit
@@ -33,6 +34,10 @@ class Gains(Record):
     delta_0: Scalar = quantity(0.55, "", "paper, section 5: cruise duty", -1.0, 1.0, "delta_0")
     delta_min: Scalar = quantity(0.05, "", "assumed: a wheel is never stopped", -1.0, 1.0, "delta_min")
     delta_max: Scalar = quantity(0.55, "", "assumed: the duty without control", -1.0, 1.0, "delta_max")
+
+
+HOLE_GAINS = Gains(S_d=0.6, k_p=1.65, k_i=10.0)
+"""Gains for a `HoleLaw`, set with its numbers on drives that no study counts."""
 
 
 class Step(NamedTuple):
@@ -72,18 +77,23 @@ def pi_law(gains: Gains, S_hat: Scalar, integral: Scalar, highest: Scalar, smoot
     return Step(duty, gains.k_i * error * (1.0 - ca.fmin(outward / FADE, 1.0)))
 
 
-@lru_cache(maxsize=1)
-def _one() -> ca.Function:
-    """Return the law of one wheel: (S_hat, integral, highest), gains -> duty, rate."""
-    p, x = ca.SX.sym("gains", len(quantities(Gains))), ca.SX.sym("x", 3)
+@lru_cache(maxsize=16)
+def _one(hole: HoleLaw | None) -> ca.Function:
+    """Return the law of one wheel: (S_hat, integral, highest, rate, D), gains -> duty, and what both grow by [1/s]."""
+    p, x = ca.SX.sym("gains", len(quantities(Gains))), ca.SX.sym("x", 5)
     gains = Gains(**dict(zip(quantities(Gains), ca.vertsplit(p), strict=True)))
-    return ca.Function("pi_law", [x, p], [ca.vertcat(*pi_law(gains, *ca.vertsplit(x)))])
+    S_hat, integral, highest, rate, D = ca.vertsplit(x)
+    deepening = ca.SX(0.0)
+    if hole:
+        deepening = hole.deepening(S_hat, hole.r * rate, D)
+        gains = gains.replace(S_d=hole.desired(gains.S_d, D))
+    return ca.Function("pi_law", [x, p], [ca.vertcat(*pi_law(gains, S_hat, integral, highest), deepening)])
 
 
 @lru_cache(maxsize=16)
-def _law(wheels: int) -> ca.Function:
+def _law(wheels: int, hole: HoleLaw | None) -> ca.Function:
     """Return the law of all wheels, a column a wheel."""
-    return _one().map("slip_control", "serial", wheels, [1], [])
+    return _one(hole).map("slip_control", "serial", wheels, [1], [])
 
 
 @brief
@@ -105,10 +115,12 @@ class SlipControl:
         The greatest duty that the torque check leaves a wheel.
     period : float
         Of sampling [s].
-    integral : array or float
-        The integral's part of the duty, a wheel each.
+    hole : HoleLaw, optional
+        Has S_d fall as a wheel's own hole deepens; without one it is constant.
+    integral, depth : array or float
+        The integral's part of the duty, and the estimated depth of its hole [m], a wheel each.
 
-    Source: section 5, Fig 9. Differs from the paper: see `pi_law`.
+    Source: section 5, Fig 9. Differs from the paper: see `pi_law`; its S_d is constant.
 
     Examples
     --------
@@ -125,29 +137,35 @@ class SlipControl:
     estimate: SlipEstimate
     limit: TorqueLimit | NoLimit = field(default_factory=NoLimit)
     period: float = CONTROL_PERIOD
+    hole: HoleLaw | None = None
     integral: np.ndarray | float = 0.0
+    depth: np.ndarray | float = 0.0
 
     def reset(self) -> None:
         """Forget the past."""
-        self.integral = 0.0
+        self.integral, self.depth = 0.0, 0.0
         if hasattr(self.estimate, "reset"):
             self.estimate.reset()
 
     def __call__(self, reading: Reading) -> Command:
         """Return the duty of each wheel."""
         S_hat = np.asarray(self.estimate.slip(reading), dtype=float)
-        inputs = np.vstack(np.broadcast_arrays(S_hat, self.integral, self.limit.duty(reading)))
+        self.depth = getattr(self.estimate, "hole", self.depth)
+        seen = (S_hat, self.integral, self.limit.duty(reading), reading.wheel_rate, self.depth)
         gains = [float(value) for value in self.gains.values().values()]
-        duty, rate = np.array(_law(len(S_hat))(inputs, gains))
+        duty, rate, deepening = np.array(_law(len(S_hat), self.hole)(np.vstack(np.broadcast_arrays(*seen)), gains))
         self.integral = self.integral + self.period * rate
+        self.depth = self.depth + self.period * deepening
         return Command(duty)
 
     def native(self, wheels: int) -> Commands | None:
-        """Return the same for the compiled loop, which keeps `integral`; None with an estimate or limit of your own."""
+        """Return the same for the compiled loop, which keeps the memories; None with your own estimate or limit."""
         limit, true = native_limit(self.limit), type(self.estimate) is TrueSlip
         if limit is CUSTOM_LIMIT or not (true or type(self.estimate) is TableEstimate):
             return None
-        self.integral = np.broadcast_to(np.asarray(self.integral, dtype=float), wheels).copy()
+        self.integral, self.depth = (np.full(wheels, each, dtype=float) for each in (self.integral, self.depth))
         gains = [float(value) for value in self.gains.values().values()]
         table = self.estimate.native() if isinstance(self.estimate, TableEstimate) else None
-        return Commands(slip=SlipLaw(_one(), gains, self.integral, self.period, table), limit=limit)
+        return Commands(
+            slip=SlipLaw(_one(self.hole), gains, self.integral, self.depth, self.period, table), limit=limit
+        )

@@ -11,8 +11,9 @@ from rover_pin.base.settings import Settings
 from rover_pin.control.constant import ConstantDuty
 from rover_pin.control.crab import Crab
 from rover_pin.control.gains_file import load_gains
+from rover_pin.control.hole_law import HoleLaw
 from rover_pin.control.onboard_slip import OnboardSlip, SureSlip
-from rover_pin.control.slip_control import Gains, SlipControl
+from rover_pin.control.slip_control import HOLE_GAINS, Gains, SlipControl
 from rover_pin.control.slip_estimate import SlipEstimate, TableEstimate, TrueSlip, flat_table
 from rover_pin.control.steering import Turn
 from rover_pin.control.torque_check import LOST_SLIP, NoLimit, TorqueLimit, TorqueLimited
@@ -24,6 +25,7 @@ CONTROLS = ("none", "limit", "eq9", "onboard", "true", "turn", "point-turn", "cr
 RADIUS = 1.0
 """Radius [m] of a turn of Nexus 6; that of another rover is larger as its wheels are."""
 SLIP_LIMIT = spec("", "assumed: the slip whose torque is the limit", 0.0, 1.0)
+AIMS = ("constant", "hole")
 LIMITS = ("none", "saturation", "at-slip")
 
 
@@ -44,10 +46,16 @@ def controller_from(request: Settings, model: Model) -> Controller:
         )
     if kind == "crab":
         return Crab.of(model.rover, **request.arguments("control", Crab.of, {}, ("angle", "delta")))
+    aim = request.choice("control.aim", "constant", {name: name for name in AIMS}, "paper, section 5: S_d is constant")
+    hole = None
+    if aim == "hole":
+        of_rover = HoleLaw(r=float(model.rover.wheel.r))
+        hole = of_rover.replace(**request.record("control.hole", of_rover))
     file = request.take("control.gains", None, source="a file of tuned gains, as tune writes it")
-    gains = Gains() if file is None else load_gains(str(file))
+    usual = HOLE_GAINS if hole else Gains()
+    gains = usual if file is None else load_gains(str(file))
     gains = gains.replace(**request.record("control", gains))
-    return SlipControl(gains, _estimate(kind, model), _limit(request, model, "saturation"))
+    return SlipControl(gains, _estimate(kind, model), _limit(request, model, "saturation"), hole=hole)
 
 
 def _own(value: Any) -> Controller:

@@ -7,6 +7,7 @@ import pinocchio as pin
 import pytest
 
 from rover_pin.control.constant import ConstantDuty
+from rover_pin.control.hole_law import HoleLaw
 from rover_pin.control.onboard import Tacking, TackingControl
 from rover_pin.control.slip_control import Gains, SlipControl
 from rover_pin.control.slip_estimate import SpeedTable, TableEstimate, TrueSlip
@@ -39,6 +40,7 @@ def controllers():
         "slip control by Eq (9)": SlipControl(WIDE, TableEstimate(TABLE, 0.045)),
         "slip control by Eq (9) under a limit": SlipControl(WIDE, TableEstimate(TABLE, 0.045), limit(), period=0.1),
         "slip control by the true slip": SlipControl(WIDE, TrueSlip(), NoLimit(), period=0.02),
+        "slip control by the hole": SlipControl(WIDE, TrueSlip(), NoLimit(), 0.02, HoleLaw(S_deep=-0.1)),
         "tacking": TackingControl(MODEL.rover, tacking),
         "tacking under a limit": TorqueLimited(TackingControl(MODEL.rover, tacking), limit()),
     }
@@ -70,7 +72,7 @@ def test_one_compiled_controller_sample_is_that_of_its_class(name):
     loop, own, told = loop_of(controller.native(6)), getattr(controller, "controller", controller), []
     for _ in range(SAMPLES):
         if hasattr(own, "integral"):
-            own.integral[:] = 0.5 * rng.normal(size=6)
+            own.integral[:], own.depth[:] = 0.5 * rng.normal(size=6), rng.uniform(0.0, 0.015, 6)
         if hasattr(own, "memory"):
             own.memory[:] = rng.choice([-1.0, 1.0]), rng.choice([-1.0, 5.0])
         reading = scramble(loop, rng)
@@ -80,7 +82,7 @@ def test_one_compiled_controller_sample_is_that_of_its_class(name):
         assert loop.kernel.duty == pytest.approx(np.broadcast_to(wanted.duty, 6), rel=0.0, abs=1e-12)
         assert loop.kernel.servo_target == pytest.approx(np.broadcast_to(wanted.steer, 4), rel=0.0, abs=1e-12)
         rest = getattr(other, "controller", other)
-        for kept in ("integral", "memory"):
+        for kept in ("integral", "depth", "memory"):
             if hasattr(own, kept):
                 assert getattr(own, kept) == pytest.approx(getattr(rest, kept), rel=1e-13, abs=1e-13)
         told.append(loop.kernel.duty.copy())

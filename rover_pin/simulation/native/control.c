@@ -25,14 +25,15 @@ static double most_duty(const Loop *l, integer wheel, double pitch, double rate,
   return fmin(1.0, fmax(0.0, torque / l->stall_torque + sense * rate / l->no_load_rate));
 }
 
-/* One sample of the slip control: its duty; its integral goes on. */
+/* One sample of the slip control: its duty; its integral and hole go on. */
 static double slip_control(const Drive *d, Loop *l, integer wheel, double pitch, double rate) {
   const double slip = l->table_duty ? slip_by_table(l, rate, d->duty[wheel]) : d->record[wheel * N_RECORD + RECORD_SLIP];
-  const double seen[3] = {slip, l->integral[wheel], most_duty(l, wheel, pitch, rate, 1.0)};
+  const double seen[5] = {slip, l->integral[wheel], most_duty(l, wheel, pitch, rate, 1.0), rate, l->depth[wheel]};
   const double *arguments[2] = {seen, l->gains};
-  double out[2], *results[1] = {out};
+  double out[3], *results[1] = {out};
   l->slip_law(arguments, results, d->work_i, d->work_w, 0);
   l->integral[wheel] += l->control_period * out[1];
+  l->depth[wheel] += l->control_period * out[2];
   return out[0];
 }
 

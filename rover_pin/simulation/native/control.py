@@ -34,11 +34,15 @@ class TorqueTable(NamedTuple):
 
 
 class SlipLaw(NamedTuple):
-    """A law of one wheel, (S_hat, integral, highest duty), gains -> duty, rate; `integral` is read and written."""
+    """A law of one wheel, (S_hat, integral, highest duty, rate, hole), gains -> duty, and what the memories grow by.
+
+    Both memories, `integral` and the hole's `depth`, are read and written.
+    """
 
     law: ca.Function
     gains: Sequence[float]
     integral: np.ndarray
+    depth: np.ndarray
     period: float
     table: SlipTable | None
     "None: the true slip"
@@ -112,6 +116,7 @@ def _slip_fields(slip: SlipLaw | None, kernel: Kernel) -> dict[str, Any]:
         "slip_law": address,
         "gains": np.array(slip.gains, dtype=float),
         "integral": slip.integral,
+        "depth": slip.depth,
         "control_period": slip.period,
     }
     if slip.table is not None:

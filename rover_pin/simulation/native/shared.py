@@ -121,7 +121,7 @@ LOOP_FIELDS: list[tuple[Any, dict[str, str], str]] = [
             "moved down soils_at_rest folding_limits": "",
             "saved": "two steps' beginnings: all that moves",
             "duty_fixed steer_fixed": "of a built-in controller; 0: none is given",
-            "gains integral table_duty table_speed limit_pitch limit_torque": "",
+            "gains integral depth table_duty table_speed limit_pitch limit_torque": "",
             "tack_places tack_memory": "x, y of each wheel from the turning line; side, and end of uneven ground",
         },
         "double *{}",

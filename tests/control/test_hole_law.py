@@ -1,0 +1,65 @@
+"""S_d by the depth of a wheel's own hole, against numbers worked out by hand, and what it is for."""
+
+import numpy as np
+import pytest
+
+from rover_pin.base.errors import ParameterError
+from rover_pin.control.hole_law import HoleLaw
+from rover_pin.control.slip_control import HOLE_GAINS, SlipControl
+from rover_pin.control.slip_estimate import TrueSlip
+from rover_pin.scenarios.scenario import scenario
+from rover_pin.simulation.command import Reading, Truth
+
+
+def reading(slip, rate):
+    truth = Truth(slip, 0.008 * np.ones(6), 9.5 * np.ones(6), 0.05 * np.ones(6), np.zeros(3), np.zeros(3))
+    return Reading(0.0, 0.55 * np.ones(6), rate, 0.1 * np.ones(6), np.zeros(4), (0.0, 0.0, 0.0), truth)
+
+
+@pytest.mark.parametrize(("depth", "wanted"), [(0.0, 0.6), (4.5, 0.6), (6.75, 0.35), (9.0, 0.1), (20.0, 0.1)])
+def test_the_desired_slip_falls_with_the_hole(depth, wanted):
+    assert float(HoleLaw().desired(0.6, depth * 1e-3)) == pytest.approx(wanted)
+    assert float(HoleLaw(r=0.09).desired(0.6, 2.0 * depth * 1e-3)) == pytest.approx(wanted), "by the radius"
+
+
+def test_a_hole_by_hand():
+    """Rim 60 mm/s, S = 0.5: 30 mm/s are thrown; 0.15 x 30 (1 - 9 / 22.5) less 9 x 30 / 40 is 2.7 - 6.75 mm/s."""
+    law = HoleLaw()
+    assert float(law.deepening(0.5, 0.06, 0.009)) == pytest.approx(-4.05e-3, abs=2e-6)
+    assert float(law.deepening(1.0, 0.06, 0.009)) == pytest.approx(5.4e-3)
+    assert float(law.deepening(-0.5, 0.03, 0.004)) == pytest.approx(-0.004 * 0.06 / 0.04, rel=1e-3)
+    assert float(law.deepening(0.2, -0.03, 0.004)) < 0.0, "backwards a wheel leaves its hole as well"
+    assert np.isfinite(float(law.deepening(-1.0, 0.03, 0.004)))
+
+
+def test_every_wheel_has_its_own_hole():
+    control = SlipControl(HOLE_GAINS, TrueSlip(), hole=HoleLaw())
+    slip = np.array([0.0, 0.0, 0.3, 0.3, 0.9, 0.9])
+    for _ in range(40):
+        command = control(reading(slip, 1.3 * np.ones(6)))
+    depth = np.asarray(control.depth)
+    assert np.all(np.diff(depth[::2]) > 0.0)
+    assert depth[::2] == pytest.approx(depth[1::2])
+    assert np.all(np.diff(np.asarray(command.duty)[::2]) <= 0.0)
+    control.reset()
+    assert control.depth == 0.0
+
+
+def test_it_drives_through_the_compiled_loop_and_digs_less():
+    drive = {"soil.k": 0.04, "terrain.angle_deg": 9.0, "terrain.start": 0.5, "add": ("DiggingMemory.c_d=0.2",)}
+    drive["duration"] = 20.0
+    constant = scenario("incline", **drive).drive()
+    made = scenario("incline", **drive, control="true", **{"control.aim": "hole"})
+    held = made.drive()
+    assert str(constant.attrs["stop"]).startswith("buried")
+    assert held.attrs["stop"] == "duration"
+    assert held["body_x"][-1] > constant["body_x"][-1]
+    assert made.controller.depth.max() > 0.1 * made.model.rover.wheel.r
+
+
+def test_its_numbers_are_settings():
+    settings = {"control": "true", "control.aim": "hole", "control.hole.c_d": 0.1, "control.S_d": 0.5}
+    law = scenario("flat", **settings).controller
+    assert (law.hole.c_d, law.gains.S_d, law.gains.k_p) == (0.1, 0.5, 1.65)
+    with pytest.raises(ParameterError, match=r"control\.hole\.c_d"):
+        scenario("flat", **{"control": "true", "control.hole.c_d": 0.1})
