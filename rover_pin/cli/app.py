@@ -64,7 +64,7 @@ def drive(
     control: Annotated[
         str,
         typer.Option(
-            help="none, limit (torque alone), eq9 (the paper's), onboard, true (slip), turn, point-turn, crab."
+            help="none, limit (torque alone), eq9 (the paper's), onboard, camera, true (slip), turn, point-turn, crab."
         ),
     ] = "",
     gravity: Gravity = "",

@@ -1,4 +1,4 @@
 """Fig 9 and beyond: slip estimates, slip control, torque bounds and checks, steering.
 
-Start at `slip_control`; `bounds` are the traction-limited torques, `onboard_slip` senses without a camera.
+Start at `slip_control`; `bounds` are the traction-limited torques, `sensing/` tells the slip on board.
 """

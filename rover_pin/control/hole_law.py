@@ -10,9 +10,6 @@ from rover_pin.base.quantity import Record, quantity
 from rover_pin.contact import Contact, Load, Scalar, Soil, Wheel
 from rover_pin.effects.digging_memory import TOUCH, DiggingMemory
 
-STOPPED = 0.05
-"""Least 1 + S of a braked wheel: one that is held slides at up to 20 times its rim speed, no faster."""
-
 
 @dataclass(frozen=True)
 class HoleLaw(Record):
@@ -38,8 +35,7 @@ class HoleLaw(Record):
         share = (D / self.r - self.shallow) / (self.deep - self.shallow)
         return S_d - (S_d - self.S_deep) * ca.fmax(ca.fmin(share, 1.0), 0.0)
 
-    def deepening(self, S: Scalar, rim: Scalar, D: Scalar) -> Scalar:
-        """Return dD/dt [m/s] of a wheel that slips by S at a rim speed [m/s]."""
-        v = ca.if_else(S >= 0.0, rim * (1.0 - S), rim / ca.fmax(1.0 + S, STOPPED))
-        at = Contact(S, 0.0, TOUCH, v, 0.0, 0.0, rim, 0.0, 0, Wheel(r=self.r), Soil())
+    def deepening(self, v: Scalar, rim: Scalar, D: Scalar) -> Scalar:
+        """Return dD/dt [m/s] of a wheel that travels at v, its rim at `rim` [m/s]."""
+        at = Contact(0.0, 0.0, TOUCH, v, 0.0, 0.0, rim, 0.0, 0, Wheel(r=self.r), Soil())
         return DiggingMemory(c_d=self.c_d, length=self.length).rate(at, Load(), (D,))[0]

@@ -79,13 +79,13 @@ def pi_law(gains: Gains, S_hat: Scalar, integral: Scalar, highest: Scalar, smoot
 
 @lru_cache(maxsize=16)
 def _one(hole: HoleLaw | None) -> ca.Function:
-    """Return the law of one wheel: (S_hat, integral, highest, rate, D), gains -> duty, and what both grow by [1/s]."""
-    p, x = ca.SX.sym("gains", len(quantities(Gains))), ca.SX.sym("x", 5)
+    """Return the law of one wheel: (S_hat, integral, highest, rate, v, D), gains -> duty, dI/dt, dD/dt."""
+    p, x = ca.SX.sym("gains", len(quantities(Gains))), ca.SX.sym("x", 6)
     gains = Gains(**dict(zip(quantities(Gains), ca.vertsplit(p), strict=True)))
-    S_hat, integral, highest, rate, D = ca.vertsplit(x)
+    S_hat, integral, highest, rate, v, D = ca.vertsplit(x)
     deepening = ca.SX(0.0)
     if hole:
-        deepening = hole.deepening(S_hat, hole.r * rate, D)
+        deepening = hole.deepening(v, hole.r * rate, D)
         gains = gains.replace(S_d=hole.desired(gains.S_d, D))
     return ca.Function("pi_law", [x, p], [ca.vertcat(*pi_law(gains, S_hat, integral, highest), deepening)])
 
@@ -151,7 +151,8 @@ class SlipControl:
         """Return the duty of each wheel."""
         S_hat = np.asarray(self.estimate.slip(reading), dtype=float)
         self.depth = getattr(self.estimate, "hole", self.depth)
-        seen = (S_hat, self.integral, self.limit.duty(reading), reading.wheel_rate, self.depth)
+        v = self.estimate.travel(reading) if self.hole and hasattr(self.estimate, "travel") else 0.0
+        seen = (S_hat, self.integral, self.limit.duty(reading), reading.wheel_rate, v, self.depth)
         gains = [float(value) for value in self.gains.values().values()]
         duty, rate, deepening = np.array(_law(len(S_hat), self.hole)(np.vstack(np.broadcast_arrays(*seen)), gains))
         self.integral = self.integral + self.period * rate

@@ -23,7 +23,11 @@ SLOWEST_RIM = 1e-3
 
 
 class SlipEstimate(Protocol):
-    """A way to know the slip of each wheel; one that remembers has a `reset()`, called at the start of a drive."""
+    """A way to know the slip of each wheel; one that remembers has a `reset()`, called at the start of a drive.
+
+    For a `HoleLaw` it has besides `travel(reading)`, the speed of each wheel over the ground [m/s], or `hole`, how deep
+    the hole of each wheel is that it dug [m].
+    """
 
     def slip(self, reading: Reading) -> np.ndarray:
         """Return S_hat, one value a wheel [-]."""
@@ -36,6 +40,10 @@ class TrueSlip:
     def slip(self, reading: Reading) -> np.ndarray:
         """Return the true slip [-]."""
         return reading.truth.slip
+
+    def travel(self, reading: Reading) -> np.ndarray:
+        """Return the true speed of each wheel over the ground [m/s]: a slip that relaxes lags behind it."""
+        return reading.truth.travel
 
 
 @dataclass(frozen=True)
@@ -73,7 +81,11 @@ class TableEstimate:
         rim = self.r * reading.wheel_rate
         sense = np.where(rim < 0.0, -1.0, 1.0)
         speed = np.maximum(np.abs(rim), SLOWEST_RIM)
-        return np.clip(1.0 - sense * self.table.speed_at(reading.duty) / speed, -1.0, 1.0)
+        return np.clip(1.0 - sense * self.travel(reading) / speed, -1.0, 1.0)
+
+    def travel(self, reading: Reading) -> np.ndarray:
+        """Return v_hat(delta) [m/s]."""
+        return self.table.speed_at(reading.duty)
 
     def native(self) -> SlipTable:
         """Return the table for the compiled loop."""

@@ -12,7 +12,9 @@ from rover_pin.control.constant import ConstantDuty
 from rover_pin.control.crab import Crab
 from rover_pin.control.gains_file import load_gains
 from rover_pin.control.hole_law import HoleLaw
-from rover_pin.control.onboard_slip import OnboardSlip, SureSlip
+from rover_pin.control.sensing.odometry import Camera, VisualOdometry
+from rover_pin.control.sensing.onboard_slip import OnboardSlip
+from rover_pin.control.sensing.stop import Stop, StopStuck
 from rover_pin.control.slip_control import HOLE_GAINS, Gains, SlipControl
 from rover_pin.control.slip_estimate import SlipEstimate, TableEstimate, TrueSlip, flat_table
 from rover_pin.control.steering import Turn
@@ -20,12 +22,16 @@ from rover_pin.control.torque_check import LOST_SLIP, NoLimit, TorqueLimit, Torq
 from rover_pin.simulation.command import Controller
 from rover_pin.simulation.model.defaults import scale
 from rover_pin.simulation.model.model import Model
+from rover_pin.simulation.timing import CONTROL_PERIOD
 
-CONTROLS = ("none", "limit", "eq9", "onboard", "true", "turn", "point-turn", "crab")
+CONTROLS = ("none", "limit", "eq9", "onboard", "camera", "true", "turn", "point-turn", "crab")
 RADIUS = 1.0
 """Radius [m] of a turn of Nexus 6; that of another rover is larger as its wheels are."""
 SLIP_LIMIT = spec("", "assumed: the slip whose torque is the limit", 0.0, 1.0)
 AIMS = ("constant", "hole")
+STOPS = {"stuck": True, "never": False}
+SEED = 1
+"""Of the noise of the camera of a scenario."""
 LIMITS = ("none", "saturation", "at-slip")
 
 
@@ -46,8 +52,18 @@ def controller_from(request: Settings, model: Model) -> Controller:
         )
     if kind == "crab":
         return Crab.of(model.rover, **request.arguments("control", Crab.of, {}, ("angle", "delta")))
-    aim = request.choice("control.aim", "constant", {name: name for name in AIMS}, "paper, section 5: S_d is constant")
-    hole = None
+    estimate = _estimate(kind, model, request)
+    if not isinstance(estimate, OnboardSlip):
+        return _slip_control(request, model, estimate, "constant")
+    slip_control = _slip_control(request, model, estimate, "hole")
+    stop = request.choice("control.stop", "stuck", STOPS, "beyond the paper: a rover that is stuck digs on")
+    return StopStuck(slip_control, estimate, Stop(**request.record("control.stop", Stop))) if stop else slip_control
+
+
+def _slip_control(request: Settings, model: Model, estimate: SlipEstimate, usual_aim: str) -> SlipControl:
+    """Return the slip law, its desired slip constant or by each wheel's hole, with usual gains for either."""
+    source = "constant: paper, section 5; hole: beyond the paper"
+    aim, hole = request.choice("control.aim", usual_aim, {name: name for name in AIMS}, source), None
     if aim == "hole":
         of_rover = HoleLaw(r=float(model.rover.wheel.r))
         hole = of_rover.replace(**request.record("control.hole", of_rover))
@@ -55,7 +71,7 @@ def controller_from(request: Settings, model: Model) -> Controller:
     usual = HOLE_GAINS if hole else Gains()
     gains = usual if file is None else load_gains(str(file))
     gains = gains.replace(**request.record("control", gains))
-    return SlipControl(gains, _estimate(kind, model), _limit(request, model, "saturation"), hole=hole)
+    return SlipControl(gains, estimate, _limit(request, model, "saturation"), hole=hole)
 
 
 def _own(value: Any) -> Controller:
@@ -69,11 +85,14 @@ def _own(value: Any) -> Controller:
     return controller
 
 
-def _estimate(kind: str, model: Model) -> SlipEstimate:
+def _estimate(kind: str, model: Model, request: Settings) -> SlipEstimate | OnboardSlip:
     if kind == "true":
         return TrueSlip()
     if kind == "onboard":
-        return SureSlip(OnboardSlip.of(model))
+        return OnboardSlip.of(model)
+    if kind == "camera":
+        camera = Camera(**request.record("control.camera", Camera))
+        return OnboardSlip.of(model, odometry=VisualOdometry(camera, CONTROL_PERIOD, SEED))
     return TableEstimate(flat_table(model), float(model.rover.wheel.r))
 
 

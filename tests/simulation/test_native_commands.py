@@ -39,6 +39,7 @@ def controllers():
         "a duty backwards under a limit": TorqueLimited(ConstantDuty(-0.8), limit()),
         "slip control by Eq (9)": SlipControl(WIDE, TableEstimate(TABLE, 0.045)),
         "slip control by Eq (9) under a limit": SlipControl(WIDE, TableEstimate(TABLE, 0.045), limit(), period=0.1),
+        "slip control by Eq (9) and the hole": SlipControl(WIDE, TableEstimate(TABLE, 0.045), hole=HoleLaw()),
         "slip control by the true slip": SlipControl(WIDE, TrueSlip(), NoLimit(), period=0.02),
         "slip control by the hole": SlipControl(WIDE, TrueSlip(), NoLimit(), 0.02, HoleLaw(S_deep=-0.1)),
         "tacking": TackingControl(MODEL.rover, tacking),
@@ -62,6 +63,7 @@ def scramble(loop, rng):
     state.v[places.wheels] = rng.normal(size=6) * rng.choice([0.0, 1e-3, 0.02, 3.0], 6)
     kernel.duty[:] = rng.uniform(-1.0, 1.0, 6) * rng.choice([0.0, 1.0, 1.0], 6)
     kernel.record[:, RECORD.index("slip")] = rng.uniform(-1.0, 1.0, 6)
+    kernel.record[:, RECORD.index("travel")] = 0.05 * rng.normal(size=6)
     loop.set(k=0, row=0, begin=rng.uniform(0.0, 10.0))
     return Instant(np.atleast_1d(loop.now()).copy(), 0, places)
 

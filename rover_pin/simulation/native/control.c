@@ -11,10 +11,14 @@ static double between(double at, const double *x, const double *y, integer n) {
   return (y[k + 1] - y[k]) / (x[k + 1] - x[k]) * (at - x[k]) + y[k];
 }
 
-/* S_hat of Eq (9) from the duty now applied. */
-static double slip_by_table(const Loop *l, double rate, double duty) {
-  const double rim = l->table_radius * rate, sense = rim < 0.0 ? -1.0 : 1.0, way = (duty > 0.0) - (duty < 0.0);
-  const double speed = way * between(fabs(duty), l->table_duty, l->table_speed, l->n_table);
+/* v_hat of Eq (9) from the duty now applied. */
+static double speed_by_table(const Loop *l, double duty) {
+  const double way = (duty > 0.0) - (duty < 0.0);
+  return way * between(fabs(duty), l->table_duty, l->table_speed, l->n_table);
+}
+
+static double slip_by_table(const Loop *l, double rate, double speed) {
+  const double rim = l->table_radius * rate, sense = rim < 0.0 ? -1.0 : 1.0;
   return fmin(1.0, fmax(-1.0, 1.0 - sense * speed / fmax(fabs(rim), SLOWEST_RIM)));
 }
 
@@ -27,8 +31,11 @@ static double most_duty(const Loop *l, integer wheel, double pitch, double rate,
 
 /* One sample of the slip control: its duty; its integral and hole go on. */
 static double slip_control(const Drive *d, Loop *l, integer wheel, double pitch, double rate) {
-  const double slip = l->table_duty ? slip_by_table(l, rate, d->duty[wheel]) : d->record[wheel * N_RECORD + RECORD_SLIP];
-  const double seen[5] = {slip, l->integral[wheel], most_duty(l, wheel, pitch, rate, 1.0), rate, l->depth[wheel]};
+  const double *truth = d->record + wheel * N_RECORD;
+  const double travel = l->table_duty ? speed_by_table(l, d->duty[wheel]) : truth[RECORD_TRAVEL];
+  const double slip = l->table_duty ? slip_by_table(l, rate, travel) : truth[RECORD_SLIP];
+  const double most = most_duty(l, wheel, pitch, rate, 1.0);
+  const double seen[6] = {slip, l->integral[wheel], most, rate, travel, l->depth[wheel]};
   const double *arguments[2] = {seen, l->gains};
   double out[3], *results[1] = {out};
   l->slip_law(arguments, results, d->work_i, d->work_w, 0);

@@ -34,7 +34,7 @@ class TorqueTable(NamedTuple):
 
 
 class SlipLaw(NamedTuple):
-    """A law of one wheel, (S_hat, integral, highest duty, rate, hole), gains -> duty, and what the memories grow by.
+    """A law of one wheel, (S_hat, integral, highest duty, rate, travel, hole), gains -> duty, memories' rates.
 
     Both memories, `integral` and the hole's `depth`, are read and written.
     """

@@ -189,7 +189,7 @@ def header() -> str:
     lines += [_places(table, names) for table, names in tables.items()]
     lines += [f"#define {name} {value!r}" for name, value in PACE.items()]
     for name, fields in {"Drive": FIELDS, "Loop": LOOP_FIELDS, "Settling": SETTLING_FIELDS}.items():
-        lines += ["typedef struct {", *_members(fields), f"}} {name};"]
+        lines += ["typedef struct {", *members(fields), f"}} {name};"]
     return "\n".join([*lines, ""])
 
 
@@ -202,7 +202,8 @@ def _places(table: str, names: Sequence[str]) -> str:
     return f"enum {{ {entries}, N_{table} }};"
 
 
-def _members(fields: list[tuple[Any, dict[str, str], str]]) -> list[str]:
+def members(fields: list[tuple[Any, dict[str, str], str]]) -> list[str]:
+    """Return the lines of a struct with these fields."""
     return [
         f"  {form.format(name)};" + (f" /* {comment} */" if comment else "")
         for _, lines, form in fields

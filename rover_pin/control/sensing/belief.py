@@ -1,0 +1,125 @@
+"""The belief in C: its source, its struct, and the arrays that it works with."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Sequence
+from importlib.resources import files
+from typing import Any, NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from rover_pin.simulation.compiled.laws import generated_source
+from rover_pin.simulation.compiled.toolchain import shared_library
+from rover_pin.simulation.native import lanes
+from rover_pin.simulation.native.library import aligned
+from rover_pin.simulation.native.shared import fill, members
+
+PARTICLES = 200
+LENGTHS = {
+    "MAX_WHEELS": 48, "N_FACTORS": 201, "WINDOW": 16, "POSTURE": 8, "RECENT": 4, "LEAST_ROWS": 6,
+    "STILL": 8, "PAST": 17,
+}  # fmt: skip
+"""Samples from which rates, posture, torques and rim speeds are taken; strides of 0.25 s that are looked back."""
+LEAST = {"LEAST_LOAD": 0.5, "LEAST_RIM": 5e-4, "BENT": 0.04, "STANDING": 0.12}
+"""Load [N] and rim speed [m/s] that tell something; bend that counts; u / (r omega) below which a rover stands."""
+UNDER = "SLOPE LEVEL LOAD AHEAD RISE SWING HEIGHT".split()
+
+FIELDS: list[tuple[Any, dict[str, str], str]] = [
+    (ctypes.c_uint64, {"random": ""}, "unsigned long long {}"),
+    (
+        ctypes.c_int64,
+        {"n N n_posture lag stride": "", "count k backwards folds no_progress": "samples kept, and in all"},
+        "integer {}",
+    ),
+    (
+        ctypes.c_double,
+        {
+            "period torque_per_current most_factor floor wall_gain least_roll settled odometry_sd": "",
+            "strength correlated fold_correlated wall_share wander surprise stalls wall_stalls frees": "of `Trust`",
+            "wall bend reference rolled stuck speed": "",
+        },
+        "double {}",
+    ),
+    (
+        ctypes.c_void_p,
+        {
+            "radius factors": "of each wheel; F over slips of -1 to 1",
+            "samples mean rates under": "",
+            "torque rim factor tells": "of each wheel",
+            "share stalled travel way log_weight weight odds chance": "of each particle",
+            "slip hole": "of each wheel, a row of particles each",
+            "way_then travel_then past": "",
+            "told": "4 a wheel: slip, its SD, hole, its SD",
+            "work_w": "",
+        },
+        "double *{}",
+    ),
+    (ctypes.c_void_p, {"parent work_i": ""}, "integer *{}"),
+]
+
+
+class BeliefStruct(ctypes.Structure):
+    """The struct Belief."""
+
+    _fields_ = [(name, kind) for kind, lines, _ in FIELDS for names in lines for name in names.split()]
+
+
+class Compiled(NamedTuple):
+    """A belief's functions, and the room that the expression of the ground works in."""
+
+    library: ctypes.CDLL
+    work: tuple[int, int]
+
+
+def compiled(ground: ca.Function, laws: Sequence[ca.Function]) -> Compiled:
+    """Return `belief.c` with the ground of a rover and the laws, compiled."""
+    handle = shared_library(_source(ground, laws), "belief")
+    handle.rover_pin_sense.argtypes = [ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int64, ctypes.c_double]
+    handle.rover_pin_sense.restype = handle.rover_pin_forget.restype = None
+    handle.rover_pin_forget.argtypes = [ctypes.c_void_p]
+    return Compiled(handle, (ground.sz_iw(), ground.sz_w()))
+
+
+class Belief:
+    """A belief in C: its numbers are given, its arrays are here."""
+
+    def __init__(self, functions: Compiled, wheels: int, links: int, lag: int, **numbers: Any):
+        self._library = functions.library
+        self.struct = BeliefStruct()
+        self.keep: dict[str, Any] = {}
+        posture, many = 2 + links, PARTICLES
+        self.sample = np.zeros(posture + 2 * wheels)
+        self.told = np.zeros((wheels, 4))
+        rows = {"mean": self.sample.size, "rates": posture, "torque": wheels, "rim": wheels, "factor": wheels}
+        rows |= {"tells": wheels, "under": len(UNDER) * wheels, "samples": LENGTHS["WINDOW"] * self.sample.size}
+        rows |= {
+            "past": LENGTHS["PAST"] * (wheels + 2),
+            "way_then": LENGTHS["PAST"] * many,
+            "travel_then": (lag + 1) * many,
+        }
+        rows |= {"slip": wheels * many, "hole": wheels * many, "work_w": functions.work[1]}
+        rows |= dict.fromkeys("share stalled travel way log_weight weight odds chance".split(), many)
+        whole = {"parent": np.zeros(many, dtype=np.int64), "work_i": np.zeros(functions.work[0] + 1, dtype=np.int64)}
+        given = {"n": wheels, "N": many, "n_posture": posture, "lag": lag, "told": self.told}
+        fill(self.struct, self.keep, {name: aligned(size) for name, size in rows.items()} | whole | given | numbers)
+        self._address = ctypes.addressof(self.struct)
+        self.forget()
+
+    def forget(self) -> None:
+        """Begin anew."""
+        self._library.rover_pin_forget(self._address)
+
+    def sense(self, backwards: bool, late: float) -> None:
+        """Take `sample` in: posture, wheel rates, currents; `late` is a speed of `lag` samples ago, or NaN."""
+        self._library.rover_pin_sense(self._address, self.sample.ctypes.data, backwards, late)
+
+
+def _source(ground: ca.Function, laws: Sequence[ca.Function]) -> str:
+    lines = [lanes.header(), generated_source(ground), "typedef int64_t integer;"]
+    lines += ["typedef void (*lanes_law)(const double *, const double *, double *);"]
+    lines += [f"#define {name} {value!r}" for name, value in (LENGTHS | LEAST).items()]
+    lines += [f"enum {{ {', '.join(UNDER)} }};", "typedef struct {", *members(FIELDS), "} Belief;"]
+    lines += [lanes.c_source(law, shared=(1,)) for law in laws]
+    return "\n".join([*lines, files("rover_pin.control.sensing").joinpath("belief.c").read_text(encoding="utf-8")])

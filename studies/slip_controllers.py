@@ -1,0 +1,142 @@
+"""Controllers of the duty side by side: what each senses, how often it arrives, and how often it buries a wheel.
+
+Question
+    What does slip control cost and gain over all grounds, by what it senses and by which slip it wants?
+Method
+    ...
+Run: python studies/slip_controllers.py [--quick] [--out DIR]
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import pandas as pd
+from slip_sensing import Case, built, drawn, mistaken, outcome, said
+
+from rover_pin import plot
+from rover_pin.control.constant import ConstantDuty
+from rover_pin.control.hole_law import HoleLaw
+from rover_pin.control.sensing.odometry import Camera, VisualOdometry
+from rover_pin.control.sensing.onboard_slip import OnboardSlip
+from rover_pin.control.sensing.stop import StopStuck
+from rover_pin.control.sensing.tracker import TrackedSlip, Tracker
+from rover_pin.control.slip_control import HOLE_GAINS, Gains, SlipControl
+from rover_pin.control.slip_estimate import SlipEstimate, TrueSlip
+from rover_pin.control.torque_check import TorqueLimit
+from rover_pin.simulation.command import Controller
+from rover_pin.simulation.model.model import Model
+from rover_pin.simulation.sensors import Sensed, Sensors
+from rover_pin.simulation.simulate import simulate
+from rover_pin.simulation.timing import CONTROL_PERIOD
+from rover_pin.tuning.evaluations import Evaluations
+
+SEEDS = (290_001, 290_002, 290_003)
+"""Of the drives and of their noise: nothing was chosen on them."""
+ROUNDS, DURATION = 10, 40.0
+
+
+class Control(NamedTuple):
+    """A controller of the table: what it senses, how it is made for a model and a seed, and whether sensors err."""
+
+    senses: str
+    of: Callable[[Model, int], Controller]
+    noisy: bool = True
+
+
+def constant_aim(model: Model, estimate: SlipEstimate) -> Controller:
+    """Return the paper's law with S_d = 0.2 and gains set by hand."""
+    return SlipControl(Gains(S_d=0.2), estimate, TorqueLimit.saturation(model))
+
+
+def by_hole(model: Model, estimate: SlipEstimate) -> Controller:
+    """Return the law whose S_d falls with each wheel's hole."""
+    hole = HoleLaw(r=float(model.rover.wheel.r))
+    return SlipControl(HOLE_GAINS, estimate, TorqueLimit.saturation(model), hole=hole)
+
+
+def onboard(model: Model, known: Model, seed: int | None = None) -> Controller:
+    """Return the same with the on-board estimate, that knows another model's soil, and stops when it is stuck."""
+    camera = None if seed is None else VisualOdometry(Camera(), CONTROL_PERIOD, seed)
+    estimate = OnboardSlip.of(known, odometry=camera)
+    return StopStuck(by_hole(model, estimate), estimate)
+
+
+def tracked(model: Model, seed: int) -> SlipEstimate:
+    """Return the slip of an external tracker."""
+    return TrackedSlip(model.rover.radii, Tracker(), CONTROL_PERIOD, seed)
+
+
+BOARD = "rates, currents, angles"
+CONTROLS = {
+    "constant duty": Control("nothing", lambda model, _: ConstantDuty(), False),
+    "S_d = 0.2, true slip": Control("the slip itself", lambda model, _: constant_aim(model, TrueSlip()), False),
+    "by the hole, true slip": Control("the slip itself", lambda model, _: by_hole(model, TrueSlip()), False),
+    "by the hole, on board": Control(BOARD, lambda model, _: onboard(model, model)),
+    "by the hole, camera": Control(f"{BOARD}, images", lambda model, seed: onboard(model, model, seed)),
+    "by the hole, wrong soil": Control(BOARD, lambda model, _: onboard(model, mistaken(model))),
+    "by the hole, tracked": Control("slip by a tracker", lambda model, seed: by_hole(model, tracked(model, seed))),
+}
+
+
+def main() -> None:
+    """Draw, drive, write and print."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--quick", action="store_true", help="three short drives: shows that it runs")
+    parser.add_argument("--out", type=Path, default=Path("out/slip_controllers"))
+    parser.add_argument("--workers", type=int, default=0, help="processes; 0 for all cores")
+    options = parser.parse_args()
+    options.out.mkdir(parents=True, exist_ok=True)
+    cases = [(case, seed + at) for seed in SEEDS for at, case in enumerate(drawn(ROUNDS, DURATION, seed))]
+    if options.quick:
+        cases = [(case, at) for at, case in enumerate(drawn(1, 4.0, SEEDS[0])[2:5])]
+    evaluations = Evaluations(options.out, options.workers or None, said)
+    tables = []
+    for name in CONTROLS:
+        found = evaluations.run(name, driven, [(case, name, seed) for case, seed in cases])
+        drives = pd.DataFrame(found, columns=["end_x", "passed", "buried", "slip"])
+        tables.append(drives.assign(control=name, kind=[case.kind for case, _ in cases], seed=[s for _, s in cases]))
+        print(line(tables[-1]), flush=True)
+    table = pd.concat(tables)
+    plot.write_csv(table[["control", "kind", "seed", "end_x", "passed", "buried"]], options.out / "controllers.csv")
+    figure(table, options.out)
+    print(f"written: {options.out}/controllers.csv, slip_controllers.png")
+
+
+def driven(case: Case, name: str, seed: int) -> list[float]:
+    """Return x at the end, whether the drive passed and was buried, and its mean slip."""
+    scene, control = built(case), CONTROLS[name]
+    law = control.of(scene.model, seed)
+    law = Sensed(law, Sensors(), seed) if control.noisy else law
+    return outcome(case, simulate(scene.model, law, scene.duration, scene.start, scene.timing, settle_doubts=False))
+
+
+def line(drives: pd.DataFrame) -> str:
+    """Return a controller's row as text."""
+    name = drives.control.iloc[0]
+    kinds = ", ".join(
+        f"{kind} {int(rows.passed.sum())} / {int(rows.buried.sum())}" for kind, rows in drives.groupby("kind")
+    )
+    return (
+        f"{name:30s} passed {int(drives.passed.sum())} of {len(drives)}, buried {int(drives.buried.sum())}, mean x "
+        f"{drives.end_x.mean():.3f} m; senses {CONTROLS[name].senses}; passed / buried: {kinds}"
+    )
+
+
+def figure(table: pd.DataFrame, out: Path) -> None:
+    """Draw passed against buried, in percent."""
+    sheet, axis = plot.new_figure(1, 1, size=(6.5, 4.5))
+    shares = table.groupby("control", sort=False)[["passed", "buried"]].mean() * 100.0
+    for (name, row), colour in zip(shares.iterrows(), plot.COLOURS, strict=False):
+        axis.plot(row.buried, row.passed, "o", color=colour, label=name)
+    axis.set(xlabel="buried [%]", ylabel="passed [%]")
+    axis.legend(fontsize=8)
+    axis.grid(alpha=0.3)
+    plot.save(sheet, out / "slip_controllers.png")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,58 @@
+"""The densities by which particles are weighed: they integrate to 1, and say what they are there for."""
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+from rover_pin.control.hole_law import HoleLaw
+from rover_pin.control.sensing.laws import FACTORS, Trust, fold_law, still_law, torque_law, wheel_law
+from rover_pin.effects.slip import RelaxedSlip
+
+PERIOD = 0.05
+
+
+def wheel(u, s, D, ahead=0.0, level=1.0, rim=0.05, r=0.045):
+    law = wheel_law(HoleLaw(), RelaxedSlip(), PERIOD)
+    return np.array(law([u, s, D], [ahead, level, rim, r])).ravel()
+
+
+def test_a_particle_s_slip_settles_at_eq_1():
+    s, D = 0.0, 0.0
+    for _ in range(200):
+        s, D = wheel(0.03, s, D)
+    assert s == pytest.approx(0.4, abs=1e-6)
+    assert pytest.approx(0.15 * 0.02 / (0.03 / 0.04 + 0.15 * 0.02 / 0.0225), rel=0.02) == D, "thrown in, climbed out"
+
+
+def test_a_stalled_particle_digs_and_one_that_rolls_climbs_out():
+    assert wheel(0.0, 1.0, 0.005)[1] > 0.005
+    assert wheel(0.05, 0.0, 0.005)[1] < 0.005
+    assert wheel(0.05, 0.0, 1e-9)[1] >= 0.0
+    assert wheel(0.05, 0.0, 0.0, ahead=-0.02)[0] > 0.0, "a centre that falls back travels less"
+    assert wheel(0.04, 0.0, 0.0, level=0.8)[0] == pytest.approx(0.0, abs=1e-12), "up a slope the way is longer"
+    assert wheel(1.0, -3.0, 0.0)[0] == pytest.approx(-0.95), "however fast, the slip goes no further than to Eq (1)"
+
+
+@pytest.mark.parametrize("share", [0.0025, 0.04])
+def test_a_torque_s_density_is_one_but_for_strays(share):
+    law = torque_law(Trust())
+    total, _ = quad(lambda factor: float(law(0.3, [factor, share])), -3.0, 3.0, points=[0.3])
+    assert total == pytest.approx(0.9 + 0.1 * 6.0 / FACTORS, rel=1e-6)
+    assert float(law(0.3, [1.5, share])) == pytest.approx(0.05, rel=1e-6), "a wall may read anything"
+
+
+def test_a_posture_that_stays_speaks_against_travel():
+    fold, still = fold_law(Trust()), still_law(Trust())
+    for law, quiet, much in ((fold, 0.0, 0.01), (still, 2e-4, 0.008)):
+        moves, stands = 0.05 if law is fold else 0.1, 0.0
+        assert float(law(stands, [quiet, 0.2])) > float(law(moves, [quiet, 0.2]))
+        assert float(law(stands, [much, 0.2])) < float(law(moves, [much, 0.2]))
+        assert float(law(stands, [quiet, 0.0])) == pytest.approx(float(law(moves, [quiet, 0.0]))), "smooth: no word"
+
+
+@pytest.mark.parametrize("bend", [0.0, 0.05, 0.3])
+def test_densities_of_what_is_read_are_one(bend):
+    fold, still = fold_law(Trust()), still_law(Trust())
+    assert quad(lambda rise: np.exp(float(fold(0.05, [rise, bend]))), 0.0, 1.0, points=[0.01])[0] == pytest.approx(1.0)
+    total = quad(lambda change: np.exp(float(still(0.08, [change, bend]))), 0.0, 0.5, points=[0.001, 0.02])[0]
+    assert total == pytest.approx(1.0, abs=1e-6)

@@ -1,0 +1,223 @@
+"""The slip estimated on board: against the true slip on noisy sensors, and its limits."""
+
+import timeit
+
+import numpy as np
+import pytest
+
+from rover_pin.control.constant import ConstantDuty
+from rover_pin.control.sensing.odometry import Camera, VisualOdometry
+from rover_pin.control.sensing.onboard_slip import OnboardSlip
+from rover_pin.control.sensing.stop import StopStuck
+from rover_pin.scenarios.scenario import scenario
+from rover_pin.simulation.sensors import Sensed, Sensors
+from rover_pin.simulation.simulate import simulate
+from rover_pin.simulation.timing import CONTROL_PERIOD
+
+QUIET = Sensors(rate_sd=0.0, rate_step=0.0, angle_sd=0.0, angle_step=0.0, current_sd=0.0, attitude_sd=0.0)
+
+
+class Watched:
+    """Constant duty with an estimate beside it."""
+
+    def __init__(self, estimate, delta=0.55):
+        self.estimate, self.inner = estimate, ConstantDuty(delta)
+
+    def reset(self):
+        self.estimate.reset()
+        self.t, self.told, self.true = [], [], []
+
+    def __call__(self, reading):
+        self.t.append(reading.t)
+        self.told.append(self.estimate.slip(reading))
+        self.true.append(reading.truth.slip)
+        return self.inner(reading)
+
+    def error(self, after=2.0):
+        late = np.array(self.t) > after
+        return (np.array(self.told) - np.array(self.true))[late]
+
+
+def watched(name, sensors, duration, estimate=None, **settings):
+    scene = scenario(name, soil="table-1", duration=duration, **settings)
+    watch = Watched(estimate or OnboardSlip.of(scene.model))
+    simulate(scene.model, Sensed(watch, sensors, 1), duration, scene.start)
+    return watch
+
+
+@pytest.mark.parametrize(
+    ("name", "settings", "bias", "rms"),
+    [
+        ("slope", {"soil.k": 0.025, "terrain.start": 0.2}, 0.02, 0.04),
+        ("cross-slope", {"soil.k": 0.01}, 0.02, 0.04),
+        ("hills", {"soil.k": 0.01}, 0.03, 0.06),
+    ],
+)
+def test_slip_is_told_from_noisy_sensors(name, settings, bias, rms):
+    error = watched(name, Sensors(), 20.0, **settings).error()
+    assert abs(np.mean(error)) < bias
+    assert np.sqrt(np.mean(error**2)) < rms
+
+
+def test_slip_estimate_follows_a_steepening_slope_wheel_by_wheel():
+    """Without noise the estimate follows a slope that steepens within 0.02, wheel by wheel."""
+    watch = watched("slope", QUIET, 30.0, **{"soil.k": 0.01, "terrain.start": 0.2})
+    assert np.max(np.abs(watch.error(4.0))) < 0.03
+
+
+def test_sand_that_is_weaker_than_believed_reads_as_less_slip():
+    """The law is what torques are read by: believed too strong, the same torque needs less slip."""
+    strong = OnboardSlip.of(scenario("flat", soil="table-1", **{"soil.k": 0.015}).model)
+    error = watched("slope", Sensors(), 20.0, strong, **{"soil.k": 0.025, "terrain.start": 0.0}).error(8.0)
+    assert np.mean(error) < -0.03
+
+
+def test_a_loss_of_strength_that_the_model_has_is_read_through():
+    """Past the peak the same torque is that of two slips: the sand's law alone reads the smaller one."""
+    little = {"soil.k": 0.0065, "effect.MotionResistance.R": 0.02}  # with its own R the rover would not get out
+    sand = {**little, "terrain.wall_angle_deg": 47.0, "add": "PostPeak.fraction=0.3"}
+    scene = scenario("ditch", soil="table-1", **sand)
+    unaware = OnboardSlip.of(scenario("ditch", soil="table-1", **little).model)
+    aware, unaware = (
+        np.sqrt(np.mean(watched("ditch", Sensors(), 24.0, estimate, **sand).error(16.0) ** 2))
+        for estimate in (OnboardSlip.of(scene.model), unaware)
+    )
+    assert aware < 0.15
+    assert unaware > 0.25
+
+
+def test_wheels_that_stand_say_that_the_rover_stands():
+    """Parked, no torque tells anything, and no slip is made up."""
+    scene = scenario("flat", soil="table-1", duration=8.0)
+    watch = Watched(OnboardSlip.of(scene.model), delta=0.0)
+    trace = simulate(scene.model, Sensed(watch, Sensors(), 1), 8.0, scene.start)
+    assert abs(trace["body_x"][-1]) < 0.002
+    assert np.sqrt(np.mean(np.array(watch.told)[40:] ** 2)) < 0.2
+
+
+def test_a_wall_is_no_slip():
+    """A ditch whose sand loses half of its strength: at the far wall torques fit no slip, and the rover gets out."""
+    sand = {"soil.k": 0.0025, "effect.MotionResistance.R": 0.03, "terrain.wall_angle_deg": 38.0}
+    drive = scenario(
+        "ditch", soil="table-1", control="onboard", duration=26.0, add="PostPeak.fraction=0.5", **sand
+    ).drive()
+    assert drive["body_x"][-1] > 0.95
+
+
+def test_it_drives_by_a_word_and_forgets_the_drive_before():
+    scene = scenario(
+        "incline", soil="table-1", control="onboard", duration=4.0, **{"soil.k": 0.025, "terrain.start": 0.0}
+    )
+    assert isinstance(scene.controller, StopStuck)
+    first, second = scene.drive(), scene.drive()
+    assert first["body_x"][-1] == second["body_x"][-1]
+
+
+def test_sensed_readings_repeat_and_leave_the_truth():
+    seen = []
+    scene = scenario("flat", soil="table-1")
+    for _ in range(2):
+        seen.append([])
+        watch = Sensed(lambda reading: seen[-1].append(reading) or 0.5, Sensors(), 7)
+        simulate(scene.model, watch, 0.5, scene.start)
+    assert all(np.array_equal(a.current, b.current) for a, b in zip(*seen, strict=True))
+    assert np.std([reading.wheel_rate[0] - reading.wheel_rate[1] for reading in seen[0]]) > 0.005
+    assert np.ptp([reading.truth.slip[0] - reading.truth.slip[1] for reading in seen[0]]) < 1e-6
+
+
+def stuck_ditch():
+    sand = {"soil.k": 0.003, "terrain.wall_angle_deg": 47.0, "effect.MotionResistance.R": 0.07}
+    return {**sand, "add": ("PostPeak.fraction=0.3", "DiggingMemory.c_d=0.1")}
+
+
+class Minding(Watched):
+    """The same, with what it says of standing and of holes."""
+
+    def reset(self):
+        super().reset()
+        self.stands, self.holes, self.sinkage = [], [], []
+
+    def __call__(self, reading):
+        command = super().__call__(reading)
+        self.stands.append(self.estimate.p_stands)
+        self.holes.append(self.estimate.hole)
+        self.sinkage.append(reading.truth.sinkage.copy())
+        return command
+
+
+def minding(name, duration, **settings):
+    scene = scenario(name, soil="table-1", duration=duration, **settings)
+    watch = Minding(OnboardSlip.of(scene.model))
+    return watch, simulate(scene.model, Sensed(watch, Sensors(), 1), duration, scene.start)
+
+
+def test_it_knows_that_it_stands_in_a_ditch_and_how_deep():
+    """Two seconds behind the wall the wheels spin, the rover stands, and its holes grow with its sinkage."""
+    watch, trace = minding("ditch", 30.0, **stuck_ditch())
+    late = len(watch.t) - 40
+    assert trace["slip_ml"][-1] > 0.9
+    assert np.mean(watch.stands[late:]) > 0.7
+    assert np.max(watch.holes[-1]) > 0.004
+
+
+def test_it_knows_that_it_drives():
+    watch, _ = minding("hills", 20.0, **{"soil.k": 0.01})
+    moving = np.array(watch.t) > 4.0
+    assert np.mean(np.array(watch.stands)[moving] > 0.5) < 0.02
+    assert np.max(np.array(watch.holes)[moving]) < 0.006
+
+
+def test_a_hole_is_about_what_was_dug():
+    """An incline that digs as fast as the estimator holds for likely: its holes are those that the wheels stand in."""
+    ground = {"soil.k": 0.03, "terrain.angle_deg": 9.0, "terrain.start": 0.5, "add": ("DiggingMemory.c_d=0.15",)}
+    watch, trace = minding("incline", 14.0, **ground)
+    flat, _ = minding("incline", 14.0, **{**ground, "add": ()})
+    dug = float(np.max(trace.stack("sinkage")[-1])) - float(np.max(np.array(flat.sinkage)[-1]))
+    assert dug > 0.004
+    assert np.max(watch.holes[-1]) == pytest.approx(dug, rel=0.35)
+
+
+def test_odometry_tells_a_slip_that_torques_do_not():
+    """In a ditch, where the slope under each wheel is not known; a soil taken for another it does not put right."""
+    scene, errors = scenario("ditch", soil="table-1", **stuck_ditch()), []
+    for odometry in (None, VisualOdometry(Camera(), CONTROL_PERIOD, 1)):
+        watch = watched("ditch", Sensors(), 20.0, OnboardSlip.of(scene.model, odometry=odometry), **stuck_ditch())
+        errors.append(np.sqrt(np.mean(watch.error(6.0) ** 2)))
+    assert errors[1] < 0.9 * errors[0]
+
+
+def test_the_belief_starts_again():
+    watch = watched("flat", Sensors(), 2.0)
+    first = np.array(watch.told)
+    scene = scenario("flat", soil="table-1", duration=2.0)
+    simulate(scene.model, Sensed(watch, Sensors(), 1), 2.0, scene.start)
+    assert np.array_equal(first, watch.told)
+
+
+class Standing:
+    """Stands in for an estimate: says that the rover stands, in holes so deep."""
+
+    period = 0.05
+
+    def __init__(self, model, depth, p_stands=1.0):
+        self.rover, self.hole, self.p_stands = model.rover, np.full(6, depth), p_stands
+
+
+@pytest.mark.parametrize(("depth", "p_stands", "stops"), [(0.008, 0.9, True), (0.004, 0.9, False), (0.008, 0.3, False)])
+def test_a_rover_that_stands_in_deep_holes_stops_after_a_second(depth, p_stands, stops):
+    model = scenario("flat").model
+    control = StopStuck(ConstantDuty(0.5), Standing(model, depth, p_stands))
+    duties = [getattr(control(None), "duty", None) for _ in range(100)]
+    assert (duties[-1] == 0.0) is stops
+    assert duties[10] == 0.5
+    if stops:
+        assert 0.7 < 0.05 * duties.index(0.0) < 1.3
+        control.reset()
+        assert control(None).duty == 0.5
+
+
+def test_a_sample_costs_little():
+    """Twenty seconds of drive in a tenth of a second where the machine is free; here five times that."""
+    estimate = OnboardSlip.of(scenario("flat", soil="table-1").model)
+    best = min(timeit.repeat(lambda: estimate.belief.sense(False, np.nan), number=100, repeat=5)) / 100
+    assert best < 5.0 * 250e-6
