@@ -161,8 +161,8 @@ def scenario(name: str, /, **settings: Any) -> Scenario:
         load as driven: `model.cruise`; a declared R, or that of a model file, stays), `model` (a drive's model
         file, instead of rover, soil, form, angles and slip; or a wheel rig's, instead of soil, form and angles),
         `trust` (a `Trust`: which files that the model or the rover names may run, or lie elsewhere),
-        `buried` (sinkage over wheel radius that ends a drive: 0.5), `control` (none, limit, eq9, onboard, camera, true, turn,
-        point-turn, crab; or any `Controller`: a function of the `Reading` that returns a duty), `control.FIELD`,
+        `buried` (sinkage over wheel radius that ends a drive: 0.5), `control` (none, limit, eq9, onboard, camera, true,
+        turn, point-turn, crab; or any `Controller`: a function of the `Reading` that returns a duty), `control.FIELD`,
         `control.gains` (a file of tuned gains), `control.limit` (none, saturation, at-slip: the torque check;
         saturation with a slip, at-slip with limit) and `control.slip_limit`,
         `start.FIELD` or `start` (a `Start`), `duration`, `dt` [s].

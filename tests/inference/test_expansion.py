@@ -240,7 +240,7 @@ def test_what_is_left_besides_changes_numbers_and_evidence():
     assert more.discrepancy is Discrepancy.SMOOTH
 
 
-def test_a_fit_at_its_end_promises_nothing_and_one_beside_it_does():
+def test_a_fit_at_its_end_promises_nothing():
     """Half a chi2 of the linear model: what Newton's step from there gains."""
     made = expansion(None)
     at_end = fit(made.fit.task, made.fit.model, made.fit.parameters, made.fit.u, made.fit.slopes, stale=True)

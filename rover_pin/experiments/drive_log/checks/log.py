@@ -148,9 +148,7 @@ def too_poor(log: DriveLog) -> str:
 def driven(log: DriveLog) -> list[Driven]:
     """Return the runs as the checks look at them, with the wheels' radius as declared, else the rover's."""
     declared_wheel = {name: entry for name, entry in log.metadata.wheel.items() if name == "r"}
-    wheel = (
-        record_from(Wheel, declared_wheel, f"{log.file}: [wheel]") if declared_wheel else log.load_rover().wheel
-    )
+    wheel = record_from(Wheel, declared_wheel, f"{log.file}: [wheel]") if declared_wheel else log.load_rover().wheel
     return [Driven(run, float(wheel.r)) for run in log.runs]
 
 
