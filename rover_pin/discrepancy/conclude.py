@@ -135,9 +135,10 @@ def verdict_of(question: Question, beliefs: Beliefs, progress: Progress, seed: i
     after = side_of(beliefs, best) if reading.retained else before
     errors = held_out(before.fit, after.fit, question.experiment.noise() or before.fit.task.noise, seed)
     share = taken_share(errors.channels) if reading.retained else 0.0
-    answer = reading.answer
-    if answer is Answer.NONE_NEEDED and implausible(before.fit):
+    answer, far = reading.answer, implausible(before.fit)
+    if answer is Answer.NONE_NEEDED and far:
         answer = Answer.INADEQUATE
+    otherwise = tuple(number.text for number in before.numbers if number.name in reading.otherwise) or far
     records = question.experiment.records(after.model)
     owners = [cause.owner for cause in best.causes if cause.owner]
     names = tuple(" + ".join(names) or "nothing" for names in reading.sets)
@@ -146,7 +147,7 @@ def verdict_of(question: Question, beliefs: Beliefs, progress: Progress, seed: i
         question.kind,
         answer,
         question.name,
-        sentence(reading._replace(answer=answer), beliefs, share, before.misfit),
+        sentence(reading._replace(answer=answer, otherwise=otherwise), beliefs, share, before.misfit),
         after.model,
         tuple(records[owner] for owner in owners if is_effect(records[owner])) if reading.retained else (),
         reading.retained,

@@ -112,6 +112,10 @@ def _unexplained(verdict: Verdict, labels: Labels) -> str:
     return f"{off}none of the {verdict.tried} candidates explains it: do not use the fitted numbers as constants."
 
 
+def _inadequate(verdict: Verdict, labels: Labels) -> str:
+    return f"{verdict.sentence.rstrip('.')}: do not use the fitted numbers as constants."
+
+
 def _cannot_tell(verdict: Verdict, labels: Labels) -> str:
     return f"these data cannot tell what the model lacks: {verdict.sentence}"
 
@@ -122,6 +126,6 @@ SENTENCES: dict[Answer, Callable[[Verdict, Labels], str]] = {
     Answer.LIKE: _like,
     Answer.NONE_NEEDED: _none_needed,
     Answer.NONE_FITS: _unexplained,
-    Answer.INADEQUATE: _unexplained,
+    Answer.INADEQUATE: _inadequate,
     Answer.CANNOT_TELL: _cannot_tell,
 }

@@ -29,7 +29,7 @@ NEXT = {
     Answer.NONE_NEEDED: "drive where more is asked of the model: steeper, faster, with more slip",
     Answer.CANNOT_TELL: "measure what the sentence above asks for",
     Answer.NONE_FITS: WRITE_IT,
-    Answer.INADEQUATE: WRITE_IT,
+    Answer.INADEQUATE: f"measure those numbers alone and declare what you find; if they are as declared, {WRITE_IT}",
     Answer.LIKE: "measure where its law and the data part most: see where the error lives",
     Answer.SET: "no candidate run distinguishes these",
 }

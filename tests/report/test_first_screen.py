@@ -83,6 +83,11 @@ def test_answers_that_add_nothing_say_so_and_claim_no_cause(answered):
     for answer in (Answer.NONE_NEEDED, Answer.NONE_FITS, Answer.INADEQUATE, Answer.CANNOT_TELL):
         assert "because" not in headline(answered(answer), labels_of(answered(answer)))
     assert "fitted numbers" in headline(answered(Answer.NONE_FITS), RIG)
+    far = dataclasses.replace(
+        answered(Answer.INADEQUATE), sentence="numbers are far off: motor.gear = 30.", experiments=()
+    )
+    assert headline(far, RIG).startswith("Numbers are far off: motor.gear = 30: do not use")
+    assert next_run(far)[0].startswith("Measure those numbers alone")
     none = headline(answered(Answer.NONE_NEEDED), RIG)
     assert "nothing needs" in none.lower()
     assert none.endswith("none of the 4 candidates acts, with probability 1.00.")
