@@ -54,7 +54,8 @@ BY_HAND = {
     "python studies/digging.py": "570 drives, four minutes of CPU; pages are made of its table",
     "rover-pin close-loop steepening-slope --out out/loop": "five minutes; its verdict is kept, "
     "pages are made of it and `test_fig8_log` finds it again",
-    "python studies/slip_sensing.py": "100 drives under four controls, six minutes of CPU",
+    "python studies/slip_sensing.py": "100 drives with estimates beside them, three minutes of CPU",
+    "python studies/slip_controllers.py": "1,500 drives, twenty minutes of CPU; pages are made of its table",
     "python studies/beyond_the_paper.py": "a tuning on the full rover, three minutes of CPU; its table as well",
     "python studies/benchmarks/long_log.py": "a loop on an hour's recording, three minutes of CPU",
     "python studies/benchmarks/measure_all.py": "all of them, ten minutes alone on a machine",

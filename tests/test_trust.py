@@ -302,6 +302,7 @@ OF_ITS_OWN = {
     "cli/commands/view.py": "webbrowser.open",
     "simulation/native/__init__.py": ".read_text",
     "simulation/native/lanes.py": ".read_text",
+    "control/sensing/belief.py": ".read_text",
     "simulation/compiled/processor.py": "CPUINFO.read_text",
     "base/jobs/safe_environment.py": "os.open",
 }

@@ -48,7 +48,7 @@ class Trust:
         if self.everything or any(_covers(effect_path.resolve(), real) for effect_path in self.effects):
             return
         raise DataError(
-            f"{where}: the code of this effect lies in {file}, and it runs only if you say so: read it, then give "
+            f"{where}: this code lies in {file}, and it runs only if you say so: read it, then give "
             f"--effects {file}, or --trust for all that the model names (in Python trust=Trust.of('{file}'))."
         )
 

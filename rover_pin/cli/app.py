@@ -64,7 +64,8 @@ def drive(
     control: Annotated[
         str,
         typer.Option(
-            help="none, limit (torque alone), eq9 (the paper's), onboard, camera, true (slip), turn, point-turn, crab."
+            help="none, limit (torque alone), eq9 (the paper's), onboard, camera, tracked, true, turn, point-turn, "
+            "crab; or your own .py file."
         ),
     ] = "",
     gravity: Gravity = "",
@@ -89,7 +90,8 @@ def drive(
 
     options = {"control": control, "gravity": gravity, "soil": soil, "model": model and str(model), "add": add}
     settings = {**{name: value for name, value in options.items() if value}, **assignments(set_)}
-    settings["trust"] = Trust.of(effects, trust)
+    own = Path(control) if control.endswith(".py") else None
+    settings["trust"] = Trust.of([file for file in (effects, own) if file], trust)
     chosen = ready(scenario, **settings)
     views = requested_files(view or open_, gif, mp4)
     untouched = [name for name in SEEN if name not in views]

@@ -8,13 +8,16 @@ from rover_pin.base.arguments import spec
 from rover_pin.base.errors import ParameterError
 from rover_pin.base.public import SHORT, fits, words
 from rover_pin.base.settings import Settings
+from rover_pin.base.trust import Trust
 from rover_pin.control.constant import ConstantDuty
 from rover_pin.control.crab import Crab
+from rover_pin.control.design.controller_file import controller_of_file
 from rover_pin.control.gains_file import load_gains
 from rover_pin.control.hole_law import HoleLaw
 from rover_pin.control.sensing.odometry import Camera, VisualOdometry
 from rover_pin.control.sensing.onboard_slip import OnboardSlip
 from rover_pin.control.sensing.stop import Stop, StopStuck
+from rover_pin.control.sensing.tracker import TrackedSlip, Tracker
 from rover_pin.control.slip_control import HOLE_GAINS, Gains, SlipControl
 from rover_pin.control.slip_estimate import SlipEstimate, TableEstimate, TrueSlip, flat_table
 from rover_pin.control.steering import Turn
@@ -24,22 +27,24 @@ from rover_pin.simulation.model.defaults import scale
 from rover_pin.simulation.model.model import Model
 from rover_pin.simulation.timing import CONTROL_PERIOD
 
-CONTROLS = ("none", "limit", "eq9", "onboard", "camera", "true", "turn", "point-turn", "crab")
+CONTROLS = ("none", "limit", "eq9", "onboard", "camera", "tracked", "true", "turn", "point-turn", "crab")
 RADIUS = 1.0
 """Radius [m] of a turn of Nexus 6; that of another rover is larger as its wheels are."""
 SLIP_LIMIT = spec("", "assumed: the slip whose torque is the limit", 0.0, 1.0)
 AIMS = ("constant", "hole")
 STOPS = {"stuck": True, "never": False}
 SEED = 1
-"""Of the noise of the camera of a scenario."""
+"""Of the noise of a scenario's camera or tracker."""
 LIMITS = ("none", "saturation", "at-slip")
 
 
-def controller_from(request: Settings, model: Model) -> Controller:
-    """Return the controller that `control` and `control.FIELD` ask for."""
+def controller_from(request: Settings, model: Model, trust: Trust) -> Controller:
+    """Return the controller that `control` and `control.FIELD` ask for; a file of one must be trusted."""
     source = "none: constant duty; eq9: paper, Eq 9"
     if not isinstance(request.values.get("control", ""), str):
         return _own(request.take("control", "none", CONTROLS, source))
+    if str(request.values.get("control", "")).endswith(".py"):
+        return controller_of_file(request.take("control", "none", CONTROLS, source), model, trust)
     kind = request.choice("control", "none", {name: name for name in CONTROLS}, source)
     if kind in ("none", "limit"):
         constant = ConstantDuty(**request.record("control", ConstantDuty))
@@ -68,8 +73,7 @@ def _slip_control(request: Settings, model: Model, estimate: SlipEstimate, usual
         of_rover = HoleLaw(r=float(model.rover.wheel.r))
         hole = of_rover.replace(**request.record("control.hole", of_rover))
     file = request.take("control.gains", None, source="a file of tuned gains, as tune writes it")
-    usual = HOLE_GAINS if hole else Gains()
-    gains = usual if file is None else load_gains(str(file))
+    gains = load_gains(str(file)) if file is not None else HOLE_GAINS if hole else Gains()
     gains = gains.replace(**request.record("control", gains))
     return SlipControl(gains, estimate, _limit(request, model, "saturation"), hole=hole)
 
@@ -79,7 +83,7 @@ def _own(value: Any) -> Controller:
     if not fits(value, Controller):
         raise ParameterError(
             f"control = {SHORT.repr(value)} is not allowed: give {words(Controller)} and returns duties in [-1, 1], or "
-            f"one of {', '.join(CONTROLS)}; a constant duty is control.delta=0.3."
+            f"one of {', '.join(CONTROLS)}, or a .py file of one; a constant duty is control.delta=0.3."
         )
     controller: Controller = value
     return controller
@@ -88,6 +92,9 @@ def _own(value: Any) -> Controller:
 def _estimate(kind: str, model: Model, request: Settings) -> SlipEstimate | OnboardSlip:
     if kind == "true":
         return TrueSlip()
+    if kind == "tracked":
+        tracker = Tracker(**request.record("control.tracker", Tracker))
+        return TrackedSlip(model.rover.radii, tracker, CONTROL_PERIOD, SEED)
     if kind == "onboard":
         return OnboardSlip.of(model)
     if kind == "camera":

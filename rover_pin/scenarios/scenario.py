@@ -161,8 +161,10 @@ def scenario(name: str, /, **settings: Any) -> Scenario:
         load as driven: `model.cruise`; a declared R, or that of a model file, stays), `model` (a drive's model
         file, instead of rover, soil, form, angles and slip; or a wheel rig's, instead of soil, form and angles),
         `trust` (a `Trust`: which files that the model or the rover names may run, or lie elsewhere),
-        `buried` (sinkage over wheel radius that ends a drive: 0.5), `control` (none, limit, eq9, onboard, camera, true,
-        turn, point-turn, crab; or any `Controller`: a function of the `Reading` that returns a duty), `control.FIELD`,
+        `buried` (sinkage over wheel radius that ends a drive: 0.5), `control` (none, limit, eq9, onboard, camera,
+        tracked, true, turn, point-turn, crab; or any `Controller`: a function of the `Reading` that returns a duty;
+        true is the slip itself, tracked that of a tracker with noise and delay), `control.FIELD`,
+        `control.aim` (S_d constant, or by each wheel's hole), `control.stop` (stuck, never: with onboard and camera),
         `control.gains` (a file of tuned gains), `control.limit` (none, saturation, at-slip: the torque check;
         saturation with a slip, at-slip with limit) and `control.slip_limit`,
         `start.FIELD` or `start` (a `Start`), `duration`, `dt` [s].
@@ -201,9 +203,10 @@ def _made(name: str, settings: Mapping[str, Any]) -> tuple[Scenario, Settings]:
     record_names = [name for name, kind in WHOLE.items() if isinstance(settings.get(name), kind)]
     settings = spelled(settings, record_names)
     request = Settings({**scene.settings, **settings})
-    model, assumed, _ = _model(scene, request)
+    trust = _trust(request)
+    model, assumed, _ = _model(scene, request, trust)
     assumed = tuple(line for line in assumed if line.partition(":")[0] not in record_names)
-    controller = controller_from(request, model)
+    controller = controller_from(request, model, trust)
     start = Start(**request.arguments("start", Start))
     dt = request.number("dt", Timing().dt if isinstance(model.slip, RelaxedSlip) else ALGEBRAIC_DT, STEP)
     duration = request.number("duration", scene.duration * pace(model.rover, model.motor), DURATION)
@@ -246,9 +249,9 @@ def _terrain(scene: Scene, request: Settings, size: float) -> Terrain:
     return terrain
 
 
-def _model(scene: Scene, request: Settings) -> Made:
+def _model(scene: Scene, request: Settings, trust: Trust) -> Made:
     of_file = request.values.get("model") is not None
-    model, assumed, resists = composed(request, _trust(request))
+    model, assumed, resists = composed(request, trust)
     size = scale(model.rover)
     terrain = _terrain(scene, request, size)
     if size != 1.0 and terrain != shapes.flat():

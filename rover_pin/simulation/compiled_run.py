@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Generator
+from typing import cast
+
+from rover_pin.simulation.command import Reading
 from rover_pin.simulation.compiled.kernel import Kernel
 from rover_pin.simulation.driving import OFTEN, Drive, Progress, Ran, diverged, obey
 from rover_pin.simulation.failure import failure, suspension_of
@@ -11,6 +15,16 @@ from rover_pin.simulation.native.loop import Loop, Outcome
 
 def run_compiled(drive: Drive, duration: float, progress: Progress | None) -> Ran:
     """Drive until the end; `run_plain` does the same, readably."""
+    asking = questions(drive, duration, progress)
+    while True:
+        try:
+            obey(drive, next(asking))
+        except StopIteration as end:
+            return cast("Ran", end.value)
+
+
+def questions(drive: Drive, duration: float, progress: Progress | None = None) -> Generator[Reading, None, Ran]:
+    """Yield what there is to be read at every sample at which the controller is asked; `obey` it before going on."""
     timing, suspension = drive.timing, suspension_of(drive.model)
     per_control, per_sample = round(timing.control / timing.dt), round(timing.sample / timing.dt)
     assert isinstance(drive.stepper, Kernel)
@@ -27,7 +41,7 @@ def run_compiled(drive: Drive, duration: float, progress: Progress | None) -> Ra
     while not (stop or loop.done):
         outcome = loop.run(OFTEN * (1 + loop.row // OFTEN))
         if outcome is Outcome.ASKS:
-            obey(drive, loop.question())
+            yield loop.question()
         elif outcome is Outcome.FAILS:
             reason = failure(drive.model, drive.state, drive.stepper.record, suspension)
             stop = f"{reason} at {drive.state.t:.2f} s" if reason else ""

@@ -164,7 +164,7 @@ def _simulate(job: DriveJob, start: Start | DriveState | DriveEnd) -> Trace:
         job.controller.reset()
     attrs = {"set_down": begin.standing} if begin.standing else {}
     again = _Again(job, begin.state.copy(), begin.standing) if job.settle_doubts else None
-    return _traced(job, _begun(job, begin.state), _place(begin.state), attrs, again)
+    return _traced(job, begun(job, begin.state), _place(begin.state), attrs, again)
 
 
 class _Again(NamedTuple):
@@ -178,7 +178,7 @@ class _Again(NamedTuple):
         """Return the doubt of a start at rest that a push throws off, if it does."""
         if self.standing != RESTS:
             return []
-        reason = thrown_by_a_push(_begun(self.job, self.state.copy()))
+        reason = thrown_by_a_push(begun(self.job, self.state.copy()))
         return [reason] if reason else []
 
     def halved(self, rows: np.ndarray, stop: str) -> Halved | None:
@@ -187,7 +187,7 @@ class _Again(NamedTuple):
         if controller is None:
             return None
         halved_job = self.job._replace(controller=controller, timing=self.job.timing.halved())
-        halved_run = halved_job.run(_begun(halved_job, self.state.copy()), halved_job.duration, None)
+        halved_run = halved_job.run(begun(halved_job, self.state.copy()), halved_job.duration, None)
         return halved(rows, stop, finite(halved_run.rows), halved_run.stop)
 
 
@@ -195,7 +195,7 @@ def _place(state: DriveState) -> tuple[float, float]:
     return float(state.q[0]), float(state.q[1])
 
 
-def _begun(job: DriveJob, state: DriveState) -> Drive:
+def begun(job: DriveJob, state: DriveState) -> Drive:
     """Return a drive that begins in this state, with the step that its ground asks for."""
     model = job.model.begun(*_place(state))
     stepper = job.stepper(model, state, STANDING, job.symmetric)

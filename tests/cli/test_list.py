@@ -107,7 +107,9 @@ def test_every_setting_says_its_default_source_and_bounds(name):
             assert each.low <= each.value <= each.high, each.name
 
 
-@pytest.mark.parametrize("control", ["limit", "eq9", "onboard", "true", "turn", "point-turn", "crab"])
+@pytest.mark.parametrize(
+    "control", ["limit", "eq9", "onboard", "camera", "tracked", "true", "turn", "point-turn", "crab"]
+)
 def test_so_do_those_of_a_control(control):
     own = [each for each in settings("flat", control=control) if each.name.startswith("control")]
     assert all(each.source for each in own)

@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
+from rover_pin.base.errors import ParameterError
 from rover_pin.control.sensing.odometry import Camera, VisualOdometry
 from rover_pin.control.sensing.tracker import TrackedSlip, Tracker
+from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.command import Reading, Truth
 
 PERIOD, RADII = 0.05, np.full(6, 0.045)
@@ -50,3 +52,19 @@ def test_a_tracker_is_late_and_errs_alike_for_all_wheels():
     slips = np.array([noisy.slip(reading(0.027)) for _ in range(2000)])
     assert np.std(slips[:, 0]) == pytest.approx(0.004 / 0.054, rel=0.1)
     assert np.all(slips == slips[:, :1])
+
+
+def test_tracker_and_camera_are_settings_of_a_scenario():
+    tracked = scenario("flat", control="tracked", **{"control.tracker.delay": 0.2}).controller
+    assert tracked.estimate.lag == 4
+    seeing = scenario("flat", control="camera", **{"control.camera.scale": 1.05, "control.stop": "never"}).controller
+    assert seeing.estimate.odometry.camera.scale == 1.05
+    with pytest.raises(ParameterError, match=r"control\.camera\.scale"):
+        scenario("flat", control="onboard", **{"control.camera.scale": 1.05})
+
+
+def test_a_drive_by_the_tracked_slip_repeats():
+    made = scenario("ditch", control="tracked", duration=3.0, **{"control.aim": "hole"})
+    first, second = made.drive(), made.drive()
+    assert first["body_x"].tobytes() == second["body_x"].tobytes()
+    assert np.max(made.controller.depth) > 0.0
