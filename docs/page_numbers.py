@@ -58,6 +58,7 @@ def fields() -> Mapping[str, Any]:
         "log_loop": log_loop(),
         "measured_loops": kept("measured_wheels", keep_default_na=False).to_dict("records"),
         "slip": sensed_slip(),
+        "control": controllers(),
         "speed": speed(),
         "traction": traction(),
         "tuned": tuned(),
@@ -151,23 +152,21 @@ def log_loop() -> dict[str, Any]:
 
 
 def sensed_slip() -> dict[str, Any]:
-    """Return the errors of sensed slip by estimate and ground, and outcomes of the drives that use it."""
-    errors, drives = kept("slip_errors"), kept("slip_drives")
+    """Return the errors of sensed slip by estimate and ground."""
     by_estimate: dict[str, Any] = {}
-    for row in errors.to_dict("records"):
+    for row in kept("slip_errors").to_dict("records"):
         by_estimate.setdefault(row["estimate"], {})[row["kind"]] = row
-    table = drives.pivot(index="drive", columns="control", values=["passed", "buried"])
-    free = table["passed"]["constant"] == 1
-    outcomes = {
-        str(control): {
-            "buried": int(table["buried"][control].sum()),
-            "passed": int(table["passed"][control].sum()),
-            "lost": int((free & (table["passed"][control] == 0)).sum()),
-            "rescued": int((~free & (table["passed"][control] == 1)).sum()),
-        }
-        for control in drives.control.unique()
+    return by_estimate
+
+
+def controllers() -> dict[str, Any]:
+    """Return how many drives there are, and how many each controller passes and buries, with its mean way [m]."""
+    drives = kept("controllers").groupby("control", sort=False)
+    rows = {
+        str(name): {"passed": int(each.passed.sum()), "buried": int(each.buried.sum()), "way": each.end_x.mean()}
+        for name, each in drives
     }
-    return {"errors": by_estimate, "drives": outcomes, "count": len(table)}
+    return {"drives": int(drives.size().max()), "rows": rows}
 
 
 def measured_wheels() -> dict[str, dict[str, str]]:

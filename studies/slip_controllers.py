@@ -3,7 +3,22 @@
 Question
     What does slip control cost and gain over all grounds, by what it senses and by which slip it wants?
 Method
-    ...
+    300 drives of 40 s as `slip_sensing` draws them (inclines that dig, ditches, slopes that steepen, hills, rocks;
+    soils, digging and the rover drawn), from three seeds on which nothing was chosen; each with its own seed of the
+    sensors' noise, where a controller reads sensors. A drive passes that comes past its obstacle, and is buried where a
+    wheel sinks by half its radius. Constant duty 0.55; the paper's law with S_d = 0.2 and gains set by hand; the law
+    whose S_d falls from 0.6 to 0.1 with each wheel's own hole, from the true slip and speed, and from the on-board
+    estimate that stops for good where it is stuck. `--also`: the same with a camera, with a sand taken for a weaker one
+    (k 1.5 times, phi 3 deg less), and from a tracker's slip with noise and delay, on the 100 drives of the first seed.
+Result
+    Passed, buried, mean way: constant duty 195, 84, 1.378 m; S_d = 0.2 153, 0, 1.258 m; by the hole 198, 0, 1.406 m; by
+    the hole on board 188, 2, 1.341 m. What the true slip costs is thus S_d = 0.2 and untuned gains. On board 10 of 39
+    ditches are lost that constant duty and the true slip pass, where rims roll against a wall while the posture stays;
+    both burials are in ditches; on all other grounds it passes as many as the true slip.
+What the paper says
+    Slip control with S_d = 0.1 passes "without digging the soil or being stuck"; the slip is measured from outside.
+What differs
+    S_d is no constant, and the slip comes from on-board sensors.
 Run: python studies/slip_controllers.py [--quick] [--out DIR]
 """
 
@@ -76,6 +91,8 @@ CONTROLS = {
     "S_d = 0.2, true slip": Control("the slip itself", lambda model, _: constant_aim(model, TrueSlip()), False),
     "by the hole, true slip": Control("the slip itself", lambda model, _: by_hole(model, TrueSlip()), False),
     "by the hole, on board": Control(BOARD, lambda model, _: onboard(model, model)),
+}
+ALSO = {
     "by the hole, camera": Control(f"{BOARD}, images", lambda model, seed: onboard(model, model, seed)),
     "by the hole, wrong soil": Control(BOARD, lambda model, _: onboard(model, mistaken(model))),
     "by the hole, tracked": Control("slip by a tracker", lambda model, seed: by_hole(model, tracked(model, seed))),
@@ -88,6 +105,7 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="three short drives: shows that it runs")
     parser.add_argument("--out", type=Path, default=Path("out/slip_controllers"))
     parser.add_argument("--workers", type=int, default=0, help="processes; 0 for all cores")
+    parser.add_argument("--also", action="store_true", help="a camera, a wrong soil and a tracker besides")
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
     cases = [(case, seed + at) for seed in SEEDS for at, case in enumerate(drawn(ROUNDS, DURATION, seed))]
@@ -95,10 +113,11 @@ def main() -> None:
         cases = [(case, at) for at, case in enumerate(drawn(1, 4.0, SEEDS[0])[2:5])]
     evaluations = Evaluations(options.out, options.workers or None, said)
     tables = []
-    for name in CONTROLS:
-        found = evaluations.run(name, driven, [(case, name, seed) for case, seed in cases])
+    for name in (*CONTROLS, *(ALSO if options.also else ())):
+        mine = cases if name in CONTROLS else cases[: 10 * ROUNDS]
+        found = evaluations.run(name, driven, [(case, name, seed) for case, seed in mine])
         drives = pd.DataFrame(found, columns=["end_x", "passed", "buried", "slip"])
-        tables.append(drives.assign(control=name, kind=[case.kind for case, _ in cases], seed=[s for _, s in cases]))
+        tables.append(drives.assign(control=name, kind=[case.kind for case, _ in mine], seed=[s for _, s in mine]))
         print(line(tables[-1]), flush=True)
     table = pd.concat(tables)
     plot.write_csv(table[["control", "kind", "seed", "end_x", "passed", "buried"]], options.out / "controllers.csv")
@@ -108,7 +127,7 @@ def main() -> None:
 
 def driven(case: Case, name: str, seed: int) -> list[float]:
     """Return x at the end, whether the drive passed and was buried, and its mean slip."""
-    scene, control = built(case), CONTROLS[name]
+    scene, control = built(case), (CONTROLS | ALSO)[name]
     law = control.of(scene.model, seed)
     law = Sensed(law, Sensors(), seed) if control.noisy else law
     return outcome(case, simulate(scene.model, law, scene.duration, scene.start, scene.timing, settle_doubts=False))
@@ -122,7 +141,7 @@ def line(drives: pd.DataFrame) -> str:
     )
     return (
         f"{name:30s} passed {int(drives.passed.sum())} of {len(drives)}, buried {int(drives.buried.sum())}, mean x "
-        f"{drives.end_x.mean():.3f} m; senses {CONTROLS[name].senses}; passed / buried: {kinds}"
+        f"{drives.end_x.mean():.3f} m; senses {(CONTROLS | ALSO)[name].senses}; passed / buried: {kinds}"
     )
 
 

@@ -20,19 +20,24 @@ DOCS = ROOT / "docs"
 TEXT = (ROOT / "README.md").read_text(encoding="utf-8")
 MOST_WORDS = 900
 SMOOTH, TETHER = "commands.smooth_wheel", "commands.tether"
+CONTROLLERS = {
+    "constant duty": "constant duty | nothing",
+    "S_d = 0.2, true slip": "0.2 | true slip",
+    "by the hole, true slip": "by its hole | true slip",
+    "by the hole, on board": "by its hole | rates, currents, angles",
+}
 CLAIMS = [
     f"was wrong by {{{{ dec({SMOOTH}.before, 1) }}}} mm and is now wrong by {{{{ dec({SMOOTH}.after, 1) }}}} mm",
     "drives on at {{ commands.ditch.speed }} m/s",
     f"f_0 = {{{{ dec({TETHER}.f_0, 1) }}}} N [{{{{ dec({TETHER}.f_0_low, 1) }}}} N,",
     "to {{ sig(speed.drive_speed['off [mm]'], 1) }} mm of a sixteenth",
     "ditch in {{ sig(speed.drive_speed['ditch [s]'], 2) }} s",
-    "Of {{ digging.inclines }} inclines",
-    "in {{ digging['none'].buried }} at constant duty, in {{ digging['true slip 0.2'].buried }} with the true slip, in "
-    "{{ digging['on-board slip 0.2'].buried }} with",
-    "Eq 9 it is {{ digging['Eq 9'].buried }} of {{ digging['Eq 9'].driven }}",
-    "Of {{ slip.count }} drives",
-    "buries {{ slip.drives.onboard.buried }} (constant duty {{ slip.drives.constant.buried }})",
-    "passes {{ slip.drives.onboard.passed }} ({{ slip.drives.constant.passed }})",
+    "Of {{ control.drives }} drives",
+    *(
+        f"| {senses} | {{{{ control.rows['{name}'].passed }}}} | {{{{ control.rows['{name}'].buried }}}} | "
+        f"{{{{ dec(control.rows['{name}'].way, 2) }}}} m |"
+        for name, senses in CONTROLLERS.items()
+    ),
     "rescued {{ fig10.rescued }} of {{ fig10.stuck }} ditches",
     "wheel rigs, {{ blind.rigs.sets }} sets | drive logs, {{ blind.logs.sets }} sets",
     *(

@@ -40,7 +40,7 @@ def test_a_known_slip_keeps_wheels_from_burying(fields):
     digging = fields["digging"]
     assert [digging[control]["buried"] for control in TRUE_SLIP] == [0, 0, 0]
     assert digging["T_sat alone"]["buried"] == digging["none"]["buried"] == digging["true slip 0.5"]["further"]
-    assert digging["Eq 9"]["rescued"] == digging["on-board slip 0.2"]["rescued"] == 0
+    assert digging["Eq 9"]["rescued"] == 0
 
 
 def test_no_control_climbs_what_constant_duty_does_not():
@@ -51,11 +51,11 @@ def test_no_control_climbs_what_constant_duty_does_not():
     assert all(grounds <= climbs["none"] for grounds in climbs.values())
 
 
-def test_half_the_step_agrees_on_all_but_one_drive():
+def test_half_the_step_agrees_on_all_drives():
     again = kept("digging").dropna(subset="moved")
     same = again.same.astype(str) == "True"
     assert len(again) > 40
-    assert [(row.control, row.angle) for row in again[~same].itertuples()] == [("on-board slip 0.2", 46.0)]
+    assert same.all()
     assert again[same].moved.max() < 3e-3
 
 
@@ -81,7 +81,7 @@ def test_the_loop_on_the_drive_log_names_digging(fields):
 
 
 def test_slip_sensed_on_slopes_and_hills_is_good(fields):
-    onboard = fields["slip"]["errors"]["onboard"]
+    onboard = fields["slip"]["onboard"]
     assert max(onboard[kind]["rms"] for kind in ("digging incline", "steepening slope", "hills")) < 0.03
 
 
@@ -100,3 +100,12 @@ def test_what_was_asked_of_the_speed_is_reached(fields):
     assert min(replay[f"{name}, former over now [x]"] for name in ("ditch", "washboard")) >= 3.5
     assert sum(replay[f"compiling {name} [s]"] for name in ("the step", "a rigid body", "a set of laws")) <= 4.0
     assert max(process["--help, over former [x]"], process["drive flat, over former [x]"]) <= 0.5
+
+
+def test_what_slip_control_costs_is_its_constant_aim(fields):
+    rows = fields["control"]["rows"]
+    constant, by_hole, onboard = rows["constant duty"], rows["by the hole, true slip"], rows["by the hole, on board"]
+    assert by_hole["buried"] == rows["S_d = 0.2, true slip"]["buried"] == 0
+    assert rows["S_d = 0.2, true slip"]["passed"] < onboard["passed"] < constant["passed"] < by_hole["passed"]
+    assert onboard["buried"] <= 0.01 * fields["control"]["drives"] < constant["buried"]
+    assert by_hole["way"] > constant["way"]
