@@ -1,0 +1,65 @@
+"""The linear model at a trim point, against the drive itself."""
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from rover_pin.base.errors import SimulationError
+from rover_pin.control.constant import ConstantDuty
+from rover_pin.control.design.linear import linearised, trimmed
+from rover_pin.scenarios.scenario import scenario
+from rover_pin.simulation.simulate import simulate
+
+DUTY, MORE = 0.5, 0.01
+
+
+@pytest.fixture(scope="module")
+def flat():
+    model = scenario("flat", soil="table-1").model
+    state = trimmed(model, DUTY)
+    return model, state, linearised(model, state, DUTY)
+
+
+def test_its_sizes_and_names_fit(flat):
+    model, state, linear = flat
+    states, wheels = len(linear.states), len(model.rover.wheels)
+    assert linear.A.shape == (states, states)
+    assert linear.B.shape == (states, wheels) == (states, len(linear.inputs))
+    assert linear.C.shape == (len(linear.outputs), states)
+    assert linear.D.shape == (len(linear.outputs), wheels)
+    assert states == 2 * model.rover.model.nv + state.contact.size + state.motor.size
+    way, speed = linear.states.index("way of x"), linear.states.index("speed of x")
+    assert linear.A[way, speed] == pytest.approx(1.0, abs=1e-3)
+    assert linear.C[0, speed] == pytest.approx(1.0)
+    assert linear.D[linear.outputs.index("current_fl"), 0] > 0.0
+
+
+def test_a_small_step_of_duty_does_what_the_drive_does(flat):
+    model, state, linear = flat
+    wheels, n = len(model.rover.wheels), len(linear.A)
+    both = np.zeros((n + 1, n + 1))
+    both[:n, :n], both[:n, n] = linear.A, linear.B @ np.full(wheels, MORE)
+    step, x, speeds = expm(0.05 * both), np.append(np.zeros(n), 1.0), []
+    for _ in range(60):
+        x = step @ x
+        speeds.append(float(linear.C[0] @ x[:n]))
+    before, after = (
+        simulate(model, ConstantDuty(duty), 3.0, state.copy(), settle_doubts=False)["body_vx"]
+        for duty in (DUTY, DUTY + MORE)
+    )
+    change = after - before
+    assert change[-1] > 0.01 * before[-1]
+    assert speeds == pytest.approx(change, abs=0.03 * change[-1])
+
+
+def test_its_gain_at_rest_is_that_of_two_trim_points(flat):
+    model, state, linear = flat
+    more = trimmed(model, DUTY + MORE)
+    gain = linear.response(1e-3)[0].sum()
+    assert gain.real == pytest.approx((more.v[0] - state.v[0]) / MORE, rel=0.03)
+    assert abs(linear.response(1e3)[0].sum()) < 1e-2 * abs(gain)
+
+
+def test_a_rover_that_still_speeds_up_is_refused():
+    with pytest.raises(SimulationError, match="no trim point"):
+        trimmed(scenario("flat").model, DUTY, 0.1)
