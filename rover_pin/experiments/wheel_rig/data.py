@@ -251,7 +251,9 @@ def _speeds(table: pd.DataFrame, slip: np.ndarray, angle: np.ndarray, where: str
         return _by_slip(measured_speeds, slip, angle, where)
     travel, rim = measured_speeds[SPEEDS[0]] * np.cos(angle), measured_speeds[SPEEDS[1]]
     S = slip_of_speeds(travel, rim)
-    off = np.abs(S - slip)
+    # locked and pushed along its axle, a wheel has any slip
+    rolls = np.maximum(np.abs(travel), np.abs(rim)) > STANDS * np.abs(measured_speeds[SPEEDS[0]])
+    off = np.where(rolls, np.abs(S - slip), 0.0)
     if off.max() > 0.05:
         row = int(off.argmax())
         raise DataError(

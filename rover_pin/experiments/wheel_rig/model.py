@@ -119,8 +119,8 @@ class RigModel:
     def predict(self, load: Any, slip: Any, speeds: Any = None, slip_angle: Any = 0.0) -> Steady:
         """Return the channels as the rig reads them: loads [N], slips [-], speeds of travel and rim [runs, 2] [m/s].
 
-        `slip_angle` [rad] is that between heading and travel, below 90 deg. f_n of the chained effects is balanced with
-        the load by Newton's method on ln h; without `speeds` the faster of the two is 0.05 m/s.
+        `slip_angle` [rad] is that between heading and travel, to 90 deg (there with speeds). f_n of the chained effects
+        is balanced with the load by Newton's method on ln h; without `speeds` the faster of the two is 0.05 m/s.
 
         Raises
         ------
