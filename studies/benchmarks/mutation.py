@@ -47,7 +47,8 @@ CORE = """
 """
 ROOMS = (
     "soil effects terrain rover simulation logs control scenarios measurements experiments/wheel_rig "
-    "experiments/drive_log estimation identification discrepancy rover/proposal logs/importing"
+    "experiments/drive_log estimation inference identification discrepancy loop sweep tuning base rover/proposal "
+    "logs/importing"
 ).split()
 """Folders of rover_pin."""
 
