@@ -228,7 +228,7 @@ def identify(
     trust: Trusted = False,
     as_json: AsJson = False,
 ) -> None:
-    """Fit the numbers of soil and wheel to data, and say which the data tell.
+    """Fit soil and wheel to data, and say which numbers they tell.
 
     It is the loop's fit before anything is missing. --set holds a number, --prior states it; what is neither is as the
     data declare it, or assumed, and each estimate says what it depends on.
