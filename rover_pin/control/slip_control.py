@@ -23,6 +23,9 @@ from rover_pin.simulation.timing import CONTROL_PERIOD
 FADE = 0.005
 """Excess of the asked duty over the given one [-] on which the integral comes to rest; at once, it would chatter."""
 
+LEAST_RATIO = 0.05
+"""Least rim speed over travel [-] of a wheel that brakes: one that is held slides no faster than 20 times its rim."""
+
 
 @dataclass(frozen=True)
 class Gains(Record):
@@ -151,13 +154,20 @@ class SlipControl:
         """Return the duty of each wheel."""
         S_hat = np.asarray(self.estimate.slip(reading), dtype=float)
         self.depth = getattr(self.estimate, "hole", self.depth)
-        v = self.estimate.travel(reading) if self.hole and hasattr(self.estimate, "travel") else 0.0
-        seen = (S_hat, self.integral, self.limit.duty(reading), reading.wheel_rate, v, self.depth)
+        travel = self._travel(self.hole, reading, S_hat) if self.hole else 0.0
+        seen = (S_hat, self.integral, self.limit.duty(reading), reading.wheel_rate, travel, self.depth)
         gains = [float(value) for value in self.gains.values().values()]
         duty, rate, deepening = np.array(_law(len(S_hat), self.hole)(np.vstack(np.broadcast_arrays(*seen)), gains))
         self.integral = self.integral + self.period * rate
         self.depth = self.depth + self.period * deepening
         return Command(duty)
+
+    def _travel(self, hole: HoleLaw, reading: Reading, S_hat: np.ndarray) -> np.ndarray:
+        """Return the speed of each wheel over the ground [m/s], by Eq (1) from its slip where nothing else is known."""
+        if hasattr(self.estimate, "travel"):
+            return np.asarray(self.estimate.travel(reading))
+        ratio = np.where(S_hat >= 0.0, 1.0 - S_hat, 1.0 / np.maximum(1.0 + S_hat, LEAST_RATIO))
+        return np.asarray(hole.r * reading.wheel_rate * ratio)
 
     def native(self, wheels: int) -> Commands | None:
         """Return the same for the compiled loop, which keeps the memories; None with your own estimate or limit."""

@@ -45,6 +45,22 @@ def test_every_wheel_has_its_own_hole():
     assert control.depth == 0.0
 
 
+def test_an_estimate_of_slip_alone_digs_by_eq_1():
+    class Told:
+        def slip(self, reading):
+            return reading.truth.slip
+
+    slip = np.array([-1.0, -0.5, 0.0, 0.3, 0.9, 1.0])
+    depths = []
+    for estimate in (Told(), TrueSlip()):
+        control = SlipControl(HOLE_GAINS, estimate, hole=HoleLaw())
+        for _ in range(40):
+            control(reading(slip, 1.3 * np.ones(6)))
+        depths.append(np.asarray(control.depth))
+    assert depths[0][2:] == pytest.approx(depths[1][2:])
+    assert np.all(depths[0][:3] < 1e-9)
+
+
 def test_it_drives_through_the_compiled_loop_and_digs_less():
     drive = {"soil.k": 0.04, "terrain.angle_deg": 9.0, "terrain.start": 0.5, "add": ("DiggingMemory.c_d=0.2",)}
     drive["duration"] = 20.0
