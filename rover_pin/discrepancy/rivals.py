@@ -6,37 +6,48 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+from scipy.stats import t as student
+
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.held_out import LOSES, ChannelScore, losses
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.estimation.baselines import Baseline
 
+FEWEST = 2
+"""Folds from which they scatter at all."""
 
-def error_ratio(scores: Sequence[ChannelScore], curve: Sequence[Baseline]) -> float:
-    """Return the geometric mean over channels of a curve's held-out error over the model's; NaN where one is lost.
 
-    An error below the noise counts as the noise: nothing predicts better than that.
+def error_ratio(scores: Sequence[ChannelScore], curve: Sequence[Baseline]) -> tuple[float, float]:
+    """Return a curve's held-out error over the model's, geometric mean over channels and folds, and its 95 % bound.
+
+    An error below the noise counts as the noise: nothing predicts better than that. The upper bound is by Student's t
+    of what folds scatter. NaN where a fold is lost, or they are fewer than FEWEST.
     """
-    errors = {baseline.channel: baseline.error for baseline in curve}
-    logs = [
-        math.log(max(errors[score.name], score.floor) / max(score.after, score.floor))
+    by_fold = {baseline.channel: baseline.by_fold for baseline in curve}
+    rows = [
+        [
+            math.log(max(error, score.floor) / max(level.after, score.floor))
+            for error, level in zip(by_fold.get(score.name, ()), score.levels, strict=False)
+        ]
         for score in scores
-        if score.name in errors and math.isfinite(score.after)
     ]
-    return math.exp(sum(logs) / len(logs)) if len(logs) == len(scores) and logs else math.nan
+    table = np.array(rows)
+    if table.ndim < 2 or table.shape[1] < FEWEST or any(score.lost or score.name not in by_fold for score in scores):
+        return math.nan, math.nan
+    folds = np.nanmean(table, axis=0)[np.isfinite(table).any(axis=0)]
+    reach = float(student.ppf(0.975, len(folds) - 1) * np.std(folds, ddof=1) / math.sqrt(len(folds)))
+    return math.exp(folds.mean()), math.exp(folds.mean() + reach)
 
 
 def against_rivals(verdict: Verdict, baselines: Sequence[Baseline]) -> Verdict:
-    """Return a verdict beside its rivals: one that predicts better over all channels is said first.
-
-    Source: Draper and Smith, Applied Regression Analysis (1998), on lack of fit against a model that is free of form.
-    """
+    """Return a verdict beside its rivals: one that predicts better, beyond what folds scatter, is said first."""
     kinds = dict.fromkeys((baseline.curve, baseline.given) for baseline in baselines)
     ratios = {
         f"a {curve} of {given}": error_ratio(verdict.scores, [one for one in baselines if one.curve == curve])
         for curve, given in kinds
     }
-    better = {words: ratio for words, ratio in ratios.items() if ratio < LOSES}
+    better = {words: ratio for words, (ratio, high) in ratios.items() if ratio < LOSES and high < 1.0}
     beside = replace(
         verdict, baselines=tuple(baselines), cautions=(*verdict.cautions, *losses(verdict.scores, baselines))
     )
@@ -44,5 +55,5 @@ def against_rivals(verdict: Verdict, baselines: Sequence[Baseline]) -> Verdict:
         return beside
     words = min(better, key=lambda name: better[name])
     first = f"{words} predicts what was left out with {better[words]:.2f} times this model's errors"
-    sentence = f"{first[0].upper()}{first[1:]}. {verdict.sentence}"
-    return replace(beside, answer=Answer.INADEQUATE, rival=first, sentence=sentence)
+    answer = verdict.answer if verdict.answer is Answer.NONE_FITS else Answer.INADEQUATE
+    return replace(beside, answer=answer, rival=first, sentence=f"{first[0].upper()}{first[1:]}. {verdict.sentence}")

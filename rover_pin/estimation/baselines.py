@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
@@ -59,6 +60,8 @@ class Baseline(NamedTuple):
     error: float
     given: str = "what was set"
     "what it is a function of"
+    by_fold: tuple[float, ...] = ()
+    "RMSE of each fold; NaN where nothing was measured"
 
 
 def curves(observed: np.ndarray, inputs: np.ndarray, channels: Sequence[tuple[str, str]]) -> tuple[Baseline, ...]:
@@ -78,7 +81,9 @@ def curves(observed: np.ndarray, inputs: np.ndarray, channels: Sequence[tuple[st
         good = np.isfinite(observed[:, at])
         for curve, predict in CURVES.items():
             errors = [_missed(observed[:, at], inputs, good, fold, predict) for fold in range(len(observed))]
-            baselines.append(Baseline(name, unit, curve, float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))))
+            by_fold = tuple(float(np.sqrt(np.mean(one**2))) if one.size else math.nan for one in errors)
+            whole = float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))
+            baselines.append(Baseline(name, unit, curve, whole, by_fold=by_fold))
     return tuple(baselines)
 
 
