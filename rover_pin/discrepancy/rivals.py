@@ -32,9 +32,9 @@ def error_ratio(scores: Sequence[ChannelScore], curve: Sequence[Baseline]) -> tu
         ]
         for score in scores
     ]
-    table = np.array(rows)
-    if table.ndim < 2 or table.shape[1] < FEWEST or any(score.lost or score.name not in by_fold for score in scores):
+    if min(map(len, rows), default=0) < FEWEST or any(score.lost for score in scores):
         return math.nan, math.nan
+    table = np.array(rows)
     folds = np.nanmean(table, axis=0)[np.isfinite(table).any(axis=0)]
     reach = float(student.ppf(0.975, len(folds) - 1) * np.std(folds, ddof=1) / math.sqrt(len(folds)))
     return math.exp(folds.mean()), math.exp(folds.mean() + reach)

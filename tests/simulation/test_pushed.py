@@ -17,7 +17,7 @@ DOUBT = "a push throws it off"
     ("standing", "doubt", "told"), [(RESTS, DOUBT, [DOUBT]), (RESTS, "", []), (SLIDES, DOUBT, []), ("", DOUBT, [])]
 )
 def test_a_start_at_rest_alone_is_pushed(standing, doubt, told, monkeypatch):
-    monkeypatch.setattr(module, "_begun", lambda asked, state: state)
+    monkeypatch.setattr(module, "begun", lambda asked, state: state)
     monkeypatch.setattr(module, "thrown_by_a_push", lambda drive: doubt)
     state = SimpleNamespace(copy=lambda: "a copy")
     assert module._Again(None, state, standing).pushed() == told

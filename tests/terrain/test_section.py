@@ -313,7 +313,7 @@ def test_a_wheel_beside_an_edge_does_not_know_of_it():
     exponent=st.sampled_from([0.6, 1.0, 1.3]),
 )
 def test_parts_of_a_straight_run_add_up_to_it(at, depth, yaw, slopes, exponent):
-    """On slopes to 30 deg and to a third of the radius: each facet cut in three, against whole."""
+    """On slopes to 30 deg and to a third of the radius: each facet cut in three, against whole; ends lie 1 km off."""
     x = 0.12 * np.arange(len(slopes) + 1) - 0.1
     z = np.concatenate([[0.0], np.cumsum(0.12 * np.array(slopes))])
     terrain = Lanes((Profile(x, z),))
@@ -327,4 +327,4 @@ def test_parts_of_a_straight_run_add_up_to_it(at, depth, yaw, slopes, exponent):
         _patches_of(strip._replace(facets=each, slope=7.0), R, [exponent]) for each in (strip.facets, thirds)
     )
     pull = [sum(np.append(p.share * p.facet.normal, [p.tilt, p.turn, p.side]) for p in each) for each in (whole, parts)]
-    assert pull[0] == pytest.approx(pull[1], abs=1e-5 if exponent != 1.0 else 1e-12)
+    assert pull[0] == pytest.approx(pull[1], abs=1e-5 if exponent != 1.0 else 1e-11)
