@@ -38,7 +38,6 @@ CLAIMS = [
         f"{{{{ dec(control.rows['{name}'].way, 2) }}}} m |"
         for name, senses in CONTROLLERS.items()
     ),
-    "rescued {{ fig10.rescued }} of {{ fig10.stuck }} ditches",
     "wheel rigs, {{ blind.rigs.sets }} sets | drive logs, {{ blind.logs.sets }} sets",
     *(
         "| " + " | ".join(f"{{{{ ' of '.join(blind.{part}.counts.{what}) }}}}" for part in ("rigs", "logs")) + " |"

@@ -44,7 +44,7 @@ def against_rivals(verdict: Verdict, baselines: Sequence[Baseline]) -> Verdict:
     """Return a verdict beside its rivals: one that predicts better, beyond what folds scatter, is said first."""
     kinds = dict.fromkeys((baseline.curve, baseline.given) for baseline in baselines)
     ratios = {
-        f"a {curve} of {given}": error_ratio(verdict.scores, [one for one in baselines if one.curve == curve])
+        f"a {curve} of {given}": error_ratio(verdict.scores, [row for row in baselines if row.curve == curve])
         for curve, given in kinds
     }
     better = {words: ratio for words, (ratio, high) in ratios.items() if ratio < LOSES and high < 1.0}

@@ -81,7 +81,7 @@ def curves(observed: np.ndarray, inputs: np.ndarray, channels: Sequence[tuple[st
         good = np.isfinite(observed[:, at])
         for curve, predict in CURVES.items():
             errors = [_missed(observed[:, at], inputs, good, fold, predict) for fold in range(len(observed))]
-            by_fold = tuple(float(np.sqrt(np.mean(one**2))) if one.size else math.nan for one in errors)
+            by_fold = tuple(float(np.sqrt(np.mean(row**2))) if row.size else math.nan for row in errors)
             whole = float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))
             baselines.append(Baseline(name, unit, curve, whole, by_fold=by_fold))
     return tuple(baselines)

@@ -99,7 +99,7 @@ class Identification:
         for estimate in self.estimates:
             if name in (estimate.number.name, estimate.number.name.rpartition(".")[2]):
                 return estimate
-        raise ParameterError(f"'{name}' was not free: {', '.join(one.number.name for one in self.estimates)} were.")
+        raise ParameterError(f"'{name}' was not free: {', '.join(row.number.name for row in self.estimates)} were.")
 
     @property
     def found(self) -> tuple[str, ...]:
