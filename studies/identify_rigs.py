@@ -41,11 +41,13 @@ def main() -> None:
     options.add_argument("--out", type=Path, default=Path("out"))
     asked = options.parse_args()
     asked.out.mkdir(parents=True, exist_ok=True)
-    table = []
+    table, reports = [], []
     for label, data in cases():
         found = identify(data)
-        print(f"{label}\n{found.report()}\n")
+        reports.append(f"## {label}\n\n```text\n{found.report()}\n```\n")
         table += rows(label, found)
+    print("\n".join(reports))
+    (asked.out / "identify_rigs.md").write_text("\n".join(reports), encoding="utf-8")
     pd.DataFrame(table).to_csv(asked.out / "identify_rigs.csv", index=False)
 
 

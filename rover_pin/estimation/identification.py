@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -13,6 +13,8 @@ from rover_pin.base.public import brief
 from rover_pin.estimation.numbers import Number, assumed_lines
 from rover_pin.estimation.wording import format_value
 
+MANY = 10
+"""Numbers of one record up to which each is listed that is as it was known beforehand."""
 HALF = 0.5
 """Share of a number's variance from which it is said to come from there."""
 
@@ -127,9 +129,20 @@ class Identification:
         lines += [f"  {channel.line}" for channel in self.channels]
         lines += [f"  reduced chi-square {self.misfit:.3g}; 1 is the noise"]
         lines += [f"  measured elsewhere: {flag.sentence}" for flag in self.elsewhere]
-        as_known = [estimate.number.text for estimate in self.estimates if estimate.is_as_known]
+        as_known = _listed([estimate.number for estimate in self.estimates if estimate.is_as_known])
         lines += ["  the data say less of these than was known beforehand:"] if as_known else []
         lines += [f"    {text}" for text in as_known]
         lines += [f"  {line}" for line in assumed_lines(numbers)]
         held = ", ".join(f"{name} = {value:.4g}" for name, value in self.held.items())
         return "\n".join([*lines, f"  held [SI]: {held}"])
+
+
+def _listed(numbers: Sequence[Number]) -> list[str]:
+    """Return numbers in words, those of a record that has many of them as their count."""
+    owners = [number.name.rpartition(".")[0] for number in numbers]
+    counts = {owner: owners.count(owner) for owner in owners}
+    rows = [
+        number.text if counts[owner] <= MANY else f"{owner}: {counts[owner]} numbers"
+        for number, owner in zip(numbers, owners, strict=True)
+    ]
+    return list(dict.fromkeys(rows))

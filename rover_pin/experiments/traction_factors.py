@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import cached_property
+from dataclasses import dataclass, field, make_dataclass
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple, Self
 
@@ -38,29 +38,20 @@ CUBIC = 3
 
 @dataclass(frozen=True)
 class FactorLaw:
-    """F(S) of a form, at the soil's theta_1 or at that which carries the load, drawn to where the slip may have been.
-
-    With S known to a and F_m to b, the least of (S_t - S)^2 / a^2 + (F(S_t) - F_m)^2 / b^2 over the true slip S_t is,
-    to first order, (F(S) - F_m)^2 / s^2 with s^2 = b^2 + F'(S)^2 a^2. So F_m + b (F - F_m) / s is handed out, whose
-    squares in b are these: F itself where a = 0. Without it a noisy slip flattens the curve (regression dilution).
-
-    Source: Deming, Statistical Adjustment of Data (1943); York et al., American Journal of Physics 72 (2004) 367.
-    """
+    """F(S) of a form, at the soil's theta_1 or at that which carries the point's load."""
 
     form: TractionForm
     angles: Angles
     loaded: bool = False
 
     def build(self, condition: Any, wheel: Wheel, soil: Soil, free: Any) -> tuple[Any, Any]:
-        """Return the factor [-] at `condition`, S with its SD a, F_m with its SD b, and W, and its Jacobian."""
-        S, a, measured, b, load = (condition[place] for place in range(5))
-        slip = ca.SX.sym("S")
+        """Return F [-] and dF/dS at `condition`, S and W, and their Jacobian."""
+        S, load, slip = condition[0], condition[1], ca.SX.sym("S")
         if self.loaded:
             soil = soil.replace(theta_1=fitted_entry_angle(load, slip, wheel, soil))
         law = load_traction_factor(slip, soil, wheel, self.form, self.angles)
-        factor, slope = (ca.substitute(expression, slip, S) for expression in (law, ca.jacobian(law, slip)))
-        drawn = measured + b * (factor - measured) / ca.sqrt(b * b + (slope * a) ** 2)
-        return drawn, ca.jacobian(drawn, free)
+        values = ca.substitute(ca.vertcat(law, ca.jacobian(law, slip)), slip, S)
+        return values, ca.jacobian(values, free)
 
 
 @dataclass(frozen=True)
@@ -69,6 +60,15 @@ class PointErrors(Record):
 
     common_factor: Scalar = quantity(0.0, "", "assumed: loads and the torque constant are wrong together", -10, 10)
     common_slip: Scalar = quantity(0.0, "", "assumed: rates and radii are wrong together", -10.0, 10.0)
+
+
+@lru_cache(maxsize=16)
+def slip_errors(count: int) -> Any:
+    """Return a record with the error of each point's slip, in its own SD."""
+    errors = [
+        (f"point_{at + 1}", float, quantity(0.0, "", "declared: the SD of its slip", -10, 10)) for at in range(count)
+    ]
+    return make_dataclass("SlipErrors", errors, bases=(Record,), frozen=True)()
 
 
 class Shift(NamedTuple):
@@ -82,8 +82,10 @@ class Shift(NamedTuple):
 class TractionFactors(Standalone):
     """Points at slips S, each with the SD of its mean; `declared` is the model that comes with them.
 
-    What all points share is a number with a prior, and `shifts` are further ones; an error of all slips moves a point
-    by the slope of a cubic through all.
+    Each true slip is S + a xi, xi ~ N(0, 1), a number like the others: taken as exact, noisy slips flatten the curve
+    (regression dilution). What all points share is a number too, and `shifts` are further ones.
+
+    Source: Deming, Statistical Adjustment of Data (1943); York et al., American Journal of Physics 72 (2004) 367.
     """
 
     points: TractionPoints
@@ -140,7 +142,8 @@ class TractionFactors(Standalone):
 
     def base_model(self) -> Parts:
         """Return the soil and the wheel as declared, and no errors."""
-        return Parts({**self.declared.records, "points": PointErrors()})
+        slips = slip_errors(len(self.points.slip))
+        return Parts({**self.declared.records, "points": PointErrors(), "slips": slips})
 
     def uncertain(self, model: Parts) -> tuple[Parameter, ...]:
         """Return k and phi, of which nothing is known, the other constants that enter, and what the points share."""
@@ -156,7 +159,11 @@ class TractionFactors(Standalone):
             axis=1
         )
         entering = [number for number, size in zip(constants, moved, strict=True) if size > ENTERS]
-        return (*entering, *(shift.parameter for shift in self._shifts.values()))
+        slips = (
+            Parameter(f"slips.point_{at + 1}", 0.0, 1.0, -10.0, 10.0, declared=True, source="the SD of its slip")
+            for at in np.flatnonzero(self.points.slip_sd)
+        )
+        return (*entering, *(shift.parameter for shift in self._shifts.values()), *slips)
 
     def candidates(self, model: Parts, kinds: Sequence[type]) -> tuple[Candidate, ...]:
         """Return nothing: one curve of F over S shows no effect."""
@@ -166,13 +173,19 @@ class TractionFactors(Standalone):
         """Return the factors, and their exact slopes."""
         values = {parameter.name: parameter.value(x) for parameter, x in zip(parameters, u, strict=True)}
         model = self.with_values(model, values)
-        free = tuple(name.partition(".")[2] for name in values if name not in self._shifts)
         constants: Mapping[str, float] = {**model.records["wheel"].values(), **model.records["soil"].values()}
-        factors, jacobian = self._law(free)(np.array([float(constants[name]) for name in FIELDS]))
-        slopes = dict(zip((f for f in values if f not in self._shifts), jacobian.T, strict=True))
+        free = tuple(name for name in values if name.partition(".")[0] in ("wheel", "soil"))
+        slip = self.points.slip + self.points.slip_sd * np.array([*model.records["slips"].values().values()])
+        law = self._law(tuple(name.partition(".")[2] for name in free), slip)
+        values_and_slopes = law(np.array([float(constants[name]) for name in FIELDS]))
+        (factors, rises), jacobian = (part.reshape(2, len(slip), -1) for part in values_and_slopes)
+        slopes = dict(zip(free, jacobian[0].T, strict=True))
+        factors = factors[:, 0]
         for name, shift in self._shifts.items():
             factors = factors + shift.effect * shift.parameter.u(self.value(model, name))
             slopes[name] = shift.effect / shift.parameter.scale
+        for at, reach in enumerate(rises[:, 0] * self.points.slip_sd):
+            slopes[f"slips.point_{at + 1}"] = np.where(np.arange(len(slip)) == at, reach, 0.0)
         columns = [slopes[parameter.name] * parameter.slope(x) for parameter, x in zip(parameters, u, strict=True)]
         return Sensitivities(factors[:, None, None], np.array(columns).reshape(len(columns), len(factors), 1, 1))
 
@@ -180,10 +193,9 @@ class TractionFactors(Standalone):
         """Return the factors of each model (models, points, 1, 1)."""
         return np.array([self.sensitivities(model, (), np.zeros(0)).predicted for model in models])
 
-    def _law(self, free: tuple[str, ...]) -> CompiledPrediction:
-        """Return the compiled law at the points."""
+    def _law(self, free: tuple[str, ...], slip: np.ndarray) -> CompiledPrediction:
+        """Return the compiled law at these slips."""
         points, load = self.points, self.points.loads
-        load_of_each = load if load.size else np.zeros(len(points.slip))
-        conditions = np.column_stack([points.slip, points.slip_sd, points.factor, points.sd, load_of_each])
+        conditions = np.column_stack([slip, load if load.size else np.zeros(len(slip))])
         law = FactorLaw(points.form, points.angles, bool(load.size))
         return CompiledPrediction(law, conditions, points.wheel, free)

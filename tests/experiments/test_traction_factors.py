@@ -102,18 +102,19 @@ def test_the_papers_own_numbers_are_not_told_by_its_points():
 
 @pytest.mark.slow
 def test_a_noisy_slip_does_not_flatten_the_curve():
-    """Slips off by 0.04 (1 SD) on the steep part: taken as exact, k comes out too small, or too large."""
+    """Slips off by 0.04 (1 SD) on the steep part: taken as exact, the median fit has 0.6 of the true k."""
     slips, random = np.tile(np.linspace(0.0, 0.3, 8), 6), np.random.default_rng(5)
-    off = {0.04: [], 0.0: []}
+    off, held = {0.04: [], 0.0: []}, 0
     for _ in range(12):
         slip = slips + 0.04 * random.standard_normal(48)
         factor = curve(slips) + 0.005 * random.standard_normal(48)
         for sd, logs in off.items():
-            found = identify(factors(slip, factor, 0.005, slip_sd=sd), fixed={**HELD, **SIZES})
-            logs.append(math.log(found["k"].number.value / float(SOIL.k)))
-    right, wrong = (np.mean(logs) for logs in off.values())
-    assert abs(right) < 2.0 * np.std(off[0.04]) / math.sqrt(12), (right, wrong)
-    assert abs(wrong) > 2.0 * abs(right)
+            k = identify(factors(slip, factor, 0.005, slip_sd=sd), fixed={**HELD, **SIZES})["k"].number
+            logs.append(math.log(k.value / float(SOIL.k)))
+            held += sd > 0 and k.low < float(SOIL.k) < k.high
+    right, wrong = (abs(np.median(logs)) for logs in off.values())
+    assert right < 0.5 * wrong, off
+    assert held >= 9, off
 
 
 def test_a_shared_error_widens_phi_more_than_k():
