@@ -26,11 +26,7 @@ SMALLEST = 1e-10
 
 
 class Bounds(Protocol):
-    """Names of the free numbers and the bounds of their u."""
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names."""
+    """The bounds of the free numbers' u."""
 
     @property
     def low(self) -> np.ndarray:

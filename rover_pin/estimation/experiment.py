@@ -11,7 +11,7 @@ import numpy as np
 from rover_pin.base.errors import ParameterError, closest
 from rover_pin.base.quantity import Quantity, quantities
 from rover_pin.estimation.noise import Noise
-from rover_pin.estimation.parameter import Parameter
+from rover_pin.estimation.parameter import Parameter, parameter_of
 from rover_pin.estimation.random_effects.random_field import RandomField
 
 Arrays = dict[str, np.ndarray]
@@ -99,10 +99,7 @@ at a minimum, and every fold is predicted by whole refits"
 
         `declared` says where the data state it; without it is assumed, by the source of its quantity.
         """
-        spec = self.quantity(model, name)
-        source = declared or f"assumed: {spec.source.removeprefix('assumed: ')}"
-        low, high = float(spec.low), float(spec.high)
-        return Parameter(name, self.value(model, name), sd, low, high, log, declared=bool(declared), source=source)
+        return parameter_of(name, find(self.records(model), name)[0], sd, log, declared)
 
     def noise(self) -> Noise | None:
         """Return the noise as it is declared, or as repeats show it; None where it is learnt from what is left."""

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rover_pin.base.errors import ParameterError
+from rover_pin.base.quantity import Record, quantities
 
 MOST_EXPONENT = 700.0
 """Greatest exponent of which a float holds the exponential; beyond every bound."""
@@ -80,6 +81,20 @@ class Parameter:
         if self.log and self.scale >= 1.0:
             return f"{self.origin:.3g} over or times {math.exp(self.scale):.3g}"
         return f"{self.origin:.3g} +- {self.scale:.1%}" if self.log else f"{self.origin:.3g} +- {self.scale:.2g}"
+
+
+def parameter_of(
+    name: str, record: Record, sd: float, log: bool = False, declared: str = "", source: str = ""
+) -> Parameter:
+    """Return the number `owner.quantity` around its value in its record; `sd` is relative where `log`.
+
+    `declared` says where the data state it; without it is assumed, by `source` or that of the quantity.
+    """
+    quantity = name.rpartition(".")[2]
+    value, spec = float(getattr(record, quantity)), quantities(record)[quantity]
+    source = declared or f"assumed: {(source or spec.source).removeprefix('assumed: ')}"
+    low, high = float(spec.low), float(spec.high)
+    return Parameter(name, value, sd, low, high, log, declared=bool(declared), source=source)
 
 
 def declared_in(title: str, name: str, table: Container[str], sds: Container[str]) -> str:

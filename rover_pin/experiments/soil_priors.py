@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import NamedTuple
 
 from rover_pin.base.quantity import Record, quantities
-from rover_pin.estimation.parameter import Parameter, declared_in
+from rover_pin.estimation.parameter import Parameter, declared_in, parameter_of
 from rover_pin.measurements.known import DECLARED_SD, SIZE_SD, UNDECLARED_SD
 
 DECADES = math.log(5.0)
@@ -51,24 +52,20 @@ def known_constant(
     owner: str, record: Record, name: str, declared: Mapping[str, float], doubts: Mapping[str, float]
 ) -> Parameter:
     """Return a constant around its value in `record`, with the SD that is declared, or assumed."""
-    value, spec, assumed = float(getattr(record, name)), quantities(record)[name], SD[name]
-    is_log = assumed.is_log and value > 0
-    sd = doubts.get(name, math.nan) / (value if is_log else 1.0)
-    if math.isnan(sd):
-        sd = (assumed.declared if name in declared else assumed.undeclared) * (
-            abs(value) if assumed.is_log and not is_log else 1.0
-        )
-    high = MAX_EXIT_RATIO if name == "exit_ratio" else float(spec.high)
-    source = declared_in(owner, name, declared, doubts) or f"assumed: {spec.source.removeprefix('assumed: ')}"
-    is_declared = name in declared
-    return Parameter(f"{owner}.{name}", value, sd, float(spec.low), high, is_log, declared=is_declared, source=source)
+    value, assumed = abs(float(getattr(record, name))), SD[name]
+    is_log = assumed.is_log and float(getattr(record, name)) > 0
+    sd = assumed.declared if name in declared else assumed.undeclared
+    if name in doubts:
+        sd = doubts[name] / (value if is_log else 1.0)
+    elif assumed.is_log and not is_log:
+        sd *= value
+    constant = parameter_of(f"{owner}.{name}", record, sd, is_log, declared_in(owner, name, declared, doubts))
+    return replace(constant, high=MAX_EXIT_RATIO) if name == "exit_ratio" else constant
 
 
 def unknown_constant(owner: str, record: Record, name: str) -> Parameter:
     """Return a constant of which nothing is known: of a positive one its logarithm, else within its range."""
-    value, spec = float(getattr(record, name)), quantities(record)[name]
-    is_log = SD[name].is_log
+    is_log, spec = SD[name].is_log, quantities(record)[name]
     scale = DECADES if is_log else WIDE * (spec.high - spec.low)
-    low = max(float(spec.low), LEAST * value) if is_log else float(spec.low)
-    source = f"assumed: {spec.source.removeprefix('assumed: ')}"
-    return Parameter(f"{owner}.{name}", value, scale, low, float(spec.high), is_log, prior=False, source=source)
+    constant = replace(parameter_of(f"{owner}.{name}", record, scale, is_log), prior=False)
+    return replace(constant, low=max(constant.low, LEAST * constant.origin)) if is_log else constant

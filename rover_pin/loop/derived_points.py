@@ -6,10 +6,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from rover_pin.base.quantity import Record, declared_sds, quantities, record_from
+from rover_pin.base.quantity import declared_sds, quantities, record_from
 from rover_pin.discrepancy.standalone import Parts
 from rover_pin.effects.slip import RelaxedSlip
-from rover_pin.estimation.parameter import Parameter, declared_in
+from rover_pin.estimation.parameter import declared_in, parameter_of
 from rover_pin.experiments.drive_log.model import MOTOR_SD, usual_soil
 from rover_pin.experiments.traction_factors import Shift, TractionFactors
 from rover_pin.logs.drive_log import DriveLog
@@ -47,7 +47,7 @@ def _of_motor(log: DriveLog, motor: Motor, points: TractionPoints) -> Iterator[S
         sd = sds.get(name, MOTOR_SD.get(name, 0.0) * value)
         if sd > 0.0 and not (name in sds and name in IN_POINTS):
             source = declared_in("motor", name, log.metadata.motor, sds)
-            number = _number("motor", motor, name, sd, source)
+            number = parameter_of(f"motor.{name}", motor, sd, declared=source)
             yield Shift(number, _moved(drive_points(log, motor.replace(**{name: value + sd})), points))
 
 
@@ -58,14 +58,7 @@ def _of_lag(log: DriveLog, motor: Motor, lag: RelaxedSlip, points: TractionPoint
         sd = DECLARED_SD * value
         if sd > 0.0:
             moved = drive_points(log, motor, SAMPLING, lag.replace(**{name: value + sd}))
-            yield Shift(_number("RelaxedSlip", lag, name, sd, ""), _moved(moved, points))
-
-
-def _number(owner: str, record: Record, name: str, sd: float, declared: str) -> Parameter:
-    spec = quantities(record)[name]
-    source = declared or f"assumed: {spec.source.removeprefix('assumed: ')}"
-    value, bounds = float(getattr(record, name)), (float(spec.low), float(spec.high))
-    return Parameter(f"{owner}.{name}", value, sd, *bounds, declared=bool(declared), source=source)
+            yield Shift(parameter_of(f"RelaxedSlip.{name}", lag, sd), _moved(moved, points))
 
 
 def _moved(moved: TractionPoints, points: TractionPoints) -> np.ndarray:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 from rover_pin.estimation.experiment import find
-from rover_pin.estimation.parameter import Parameter
+from rover_pin.estimation.parameter import Parameter, parameter_of
 from rover_pin.simulation.model.model import OWNERS, Model
 
 GROUND = 0
@@ -52,7 +53,5 @@ def parameter(
 
     `declared` says where the log declares it; without it is assumed, by `source` or that of the quantity.
     """
-    record, quantity, spec = find(owners(model), name)
-    value, low, high = float(getattr(record, quantity)), float(spec.low), float(spec.high)
-    source = declared or f"assumed: {(source or spec.source).removeprefix('assumed: ')}"
-    return Parameter(name, value, sd, low, high, log, prior, declared=bool(declared), source=source)
+    record, _, _ = find(owners(model), name)
+    return replace(parameter_of(name, record, sd, log, declared, source), prior=prior)
