@@ -19,6 +19,7 @@ from rover_pin.control.torque_check import CUSTOM_LIMIT, NoLimit, TorqueLimit, n
 from rover_pin.simulation.command import Command, Reading
 from rover_pin.simulation.native.control import Commands, SlipLaw
 from rover_pin.simulation.timing import CONTROL_PERIOD
+from rover_pin.soil.slip import speed_ratio
 
 FADE = 0.005
 """Excess of the asked duty over the given one [-] on which the integral comes to rest; at once, it would chatter."""
@@ -166,8 +167,8 @@ class SlipControl:
         """Return the speed of each wheel over the ground [m/s], by Eq (1) from its slip where nothing else is known."""
         if hasattr(self.estimate, "travel"):
             return np.asarray(self.estimate.travel(reading))
-        ratio = np.where(S_hat >= 0.0, 1.0 - S_hat, 1.0 / np.maximum(1.0 + S_hat, LEAST_RATIO))
-        return np.asarray(hole.r * reading.wheel_rate * ratio)
+        ratios = [float(speed_ratio(S)) for S in np.maximum(S_hat, LEAST_RATIO - 1.0).tolist()]
+        return np.asarray(hole.r * reading.wheel_rate * ratios)
 
     def native(self, wheels: int) -> Commands | None:
         """Return the same for the compiled loop, which keeps the memories; None with your own estimate or limit."""

@@ -106,10 +106,11 @@ def _none_needed(verdict: Verdict, labels: Labels) -> str:
 
 
 def _unexplained(verdict: Verdict, labels: Labels) -> str:
-    if verdict.rival:
-        return f"{verdict.rival}: do not use the fitted numbers as constants."
+    rival = f"{verdict.rival}; " if verdict.rival else ""
     off = f"{_off(verdict, labels)} {labels.unseen}, and " if verdict.scores else ""
-    return f"{off}none of the {verdict.tried} candidates explains it: do not use the fitted numbers as constants."
+    return (
+        f"{rival}{off}none of the {verdict.tried} candidates explains it: do not use the fitted numbers as constants."
+    )
 
 
 def _inadequate(verdict: Verdict, labels: Labels) -> str:

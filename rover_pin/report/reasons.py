@@ -51,7 +51,7 @@ def next_run(verdict: Verdict) -> list[str]:
     """Return what to drive or measure next."""
     if verdict.experiments:
         return _as_sentences(verdict, (experiment.sentence for experiment in verdict.experiments))
-    return [capital(NEXT[verdict.answer]) + "."]
+    return [capital(WRITE_IT if verdict.rival else NEXT[verdict.answer]) + "."]
 
 
 def _as_sentences(verdict: Verdict, lines: Iterable[str]) -> list[str]:

@@ -237,3 +237,13 @@ def test_a_wheel_is_named_in_headline_and_reasons(verdict):
     doubts = opposing_reasons(one, manner)
     assert "Weak motor[wheel fr] cannot be distinguished from it by these data." in doubts
     assert "WeakMotor[4].g is far off." in doubts
+
+
+def test_a_rival_is_said_first_and_asks_for_an_effect(answered):
+    first = "a quadratic of what was set predicts what was left out with 0.50 times this model's errors"
+    drafted = dataclasses.replace(answered(Answer.NONE_FITS), rival=first)
+    assert headline(drafted, RIG).startswith(f"A{first[1:]}; ")
+    assert "candidates explains it" in headline(drafted, RIG)
+    plain = dataclasses.replace(answered(Answer.INADEQUATE), experiments=())
+    assert "easure those numbers alone" in next_run(plain)[0]
+    assert "easure those numbers alone" not in next_run(dataclasses.replace(plain, rival=first))[0]

@@ -14,7 +14,7 @@ from rover_pin.simulation.compiled.laws import generated_source
 from rover_pin.simulation.compiled.toolchain import shared_library
 from rover_pin.simulation.native import lanes
 from rover_pin.simulation.native.library import aligned
-from rover_pin.simulation.native.shared import fill, members
+from rover_pin.simulation.native.shared import fill, members, struct_fields
 
 PARTICLES = 200
 LENGTHS = {
@@ -37,7 +37,7 @@ FIELDS: list[tuple[Any, dict[str, str], str]] = [
         ctypes.c_double,
         {
             "period torque_per_current most_factor floor wall_gain least_roll settled odometry_sd": "",
-            "strength correlated fold_correlated wall_share wander surprise stalls wall_stalls frees": "of `Trust`",
+            "strength correlated fold_correlated wall_share wander surprise stalls wall_stalls frees": "of `laws.py`",
             "wall bend reference rolled stuck speed": "",
         },
         "double {}",
@@ -63,7 +63,7 @@ FIELDS: list[tuple[Any, dict[str, str], str]] = [
 class BeliefStruct(ctypes.Structure):
     """The struct Belief."""
 
-    _fields_ = [(name, kind) for kind, lines, _ in FIELDS for names in lines for name in names.split()]
+    _fields_ = struct_fields(FIELDS)
 
 
 class Compiled(NamedTuple):

@@ -21,7 +21,7 @@ POSSIBLE = 1e-12
 
 
 @dataclass(frozen=True)
-class Trust(Record):
+class ReadingTrust(Record):
     """How far the estimator trusts what it knows (all assumed, set on drives that no study counts)."""
 
     strength: Scalar = quantity(0.05, "", "assumed: relative error of the soil's law and of loads", 1e-3, 1.0)
@@ -56,7 +56,7 @@ def wheel_law(hole: HoleLaw, relaxed: RelaxedSlip, period: float) -> ca.Function
     return ca.Function("wheel_law", [x, wheel], [ca.vertcat(s_next, D_next)])
 
 
-def torque_law(trust: Trust) -> ca.Function:
+def torque_law(trust: ReadingTrust) -> ca.Function:
     """Return the function F, (T / (r W), share) -> density of what is read; F errs by `factor` and a share of itself.
 
     A wheel at a wall or a stone may read anything (`stray`).
@@ -67,7 +67,7 @@ def torque_law(trust: Trust) -> ca.Function:
     return ca.Function("torque_law", [expected, read], [(1.0 - trust.stray) * known + trust.stray / FACTORS])
 
 
-def fold_law(trust: Trust) -> ca.Function:
+def fold_law(trust: ReadingTrust) -> ca.Function:
     """Return the function u, (rise, bend) -> log density of wheels that rise so fast against each other."""
     u, read = ca.SX.sym("u"), ca.SX.sym("read", 2)
     moving = ca.sqrt(trust.settling**2 + (u * read[1]) ** 2)
@@ -76,7 +76,7 @@ def fold_law(trust: Trust) -> ca.Function:
     return ca.Function("fold_law", [u, read], [ca.log(density + standing)])
 
 
-def still_law(trust: Trust) -> ca.Function:
+def still_law(trust: ReadingTrust) -> ca.Function:
     """Return the function way, (change of posture, bend) -> log density of that change over that way.
 
     Over bent ground wheels change their heights by about half the way times the bend; where that is less than what a

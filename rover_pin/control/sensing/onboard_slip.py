@@ -11,7 +11,7 @@ import numpy as np
 from rover_pin.control.hole_law import HoleLaw
 from rover_pin.control.sensing.belief import LENGTHS, Belief, Compiled, compiled
 from rover_pin.control.sensing.ground import ground_law
-from rover_pin.control.sensing.laws import Trust, fold_law, still_law, torque_law, wheel_law
+from rover_pin.control.sensing.laws import ReadingTrust, fold_law, still_law, torque_law, wheel_law
 from rover_pin.control.sensing.odometry import VisualOdometry
 from rover_pin.control.torque_factor import torque_factors
 from rover_pin.effects.slip import RelaxedSlip
@@ -68,7 +68,7 @@ class OnboardSlip:
     factors: np.ndarray
     "F at SLIPS"
     holes: HoleLaw
-    trust: Trust = field(default_factory=Trust)
+    trust: ReadingTrust = field(default_factory=ReadingTrust)
     relaxed: RelaxedSlip = field(default_factory=RelaxedSlip)
     odometry: VisualOdometry | None = None
     period: float = CONTROL_PERIOD
@@ -99,7 +99,7 @@ class OnboardSlip:
         self.reset()
 
     @classmethod
-    def of(cls, model: Model, trust: Trust | None = None, odometry: VisualOdometry | None = None) -> OnboardSlip:
+    def of(cls, model: Model, trust: ReadingTrust | None = None, odometry: VisualOdometry | None = None) -> OnboardSlip:
         """Return the estimator for a model's rover, motor, gravity and contact law: first soil and contact effects."""
         rover = model.built
         return cls(
@@ -108,7 +108,7 @@ class OnboardSlip:
             float(model.motor.constant),
             torque_factors(model, SLIPS),
             HoleLaw(r=float(rover.wheel.r)),
-            trust or Trust(),
+            trust or ReadingTrust(),
             odometry=odometry,
         )
 
@@ -166,6 +166,6 @@ class _Content:
 
 
 @lru_cache(maxsize=16)
-def _compiled(at: _Content, holes: HoleLaw, relaxed: RelaxedSlip, trust: Trust, period: float) -> Compiled:
+def _compiled(at: _Content, holes: HoleLaw, relaxed: RelaxedSlip, trust: ReadingTrust, period: float) -> Compiled:
     laws = [wheel_law(holes, relaxed, period), *(law(trust) for law in (torque_law, fold_law, still_law))]
     return compiled(ground_law(at.rover, at.places), laws)

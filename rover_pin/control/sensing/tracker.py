@@ -12,6 +12,7 @@ from rover_pin.contact import Scalar
 from rover_pin.effects.slip import AlgebraicSlip
 from rover_pin.simulation.command import Reading
 from rover_pin.simulation.sensors import Sensors
+from rover_pin.soil.slip import slip_ratio
 
 
 @dataclass(frozen=True)
@@ -42,9 +43,8 @@ class TrackedSlip:
         """Return S_hat, one value a wheel [-]; the first one until a later one has come through."""
         rim = self.radii * reading.wheel_rate
         v = reading.truth.travel + float(self.tracker.sd) * self.random.standard_normal()
-        greatest = np.maximum(np.maximum(np.abs(rim), np.abs(v)), float(AlgebraicSlip().v_0))
-        sense = np.where(rim < 0.0, -1.0, 1.0)
-        self.pending.append((np.clip(sense * (rim - v) / greatest, -1.0, 1.0), v))
+        S = [float(slip_ratio(*speeds, AlgebraicSlip().v_0)) for speeds in zip(rim.tolist(), v.tolist(), strict=True)]
+        self.pending.append((np.clip(np.where(rim < 0.0, -1.0, 1.0) * S, -1.0, 1.0), v))
         if len(self.pending) > self.lag + 1:
             self.pending.popleft()
         return self.pending[0][0]

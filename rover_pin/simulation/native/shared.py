@@ -154,22 +154,27 @@ SETTLING_FIELDS: list[tuple[Any, dict[str, str], str]] = [
 ]
 
 
+def struct_fields(fields: list[tuple[Any, dict[str, str], str]]) -> list[tuple[str, Any]]:
+    """Return name and kind of each of a struct's fields, as ctypes takes them."""
+    return [(name, kind) for kind, lines, _ in fields for names in lines for name in names.split()]
+
+
 class LoopStruct(ctypes.Structure):
     """The struct Loop."""
 
-    _fields_ = [(name, kind) for kind, lines, _ in LOOP_FIELDS for names in lines for name in names.split()]
+    _fields_ = struct_fields(LOOP_FIELDS)
 
 
 class SettlingStruct(ctypes.Structure):
     """The struct Settling."""
 
-    _fields_ = [(name, kind) for kind, lines, _ in SETTLING_FIELDS for names in lines for name in names.split()]
+    _fields_ = struct_fields(SETTLING_FIELDS)
 
 
 class DriveStruct(ctypes.Structure):
     """The struct Drive."""
 
-    _fields_ = [(name, kind) for kind, lines, _ in FIELDS for names in lines for name in names.split()]
+    _fields_ = struct_fields(FIELDS)
 
 
 def fill(struct: ctypes.Structure, keep: dict[str, Any], values: Mapping[str, Any]) -> None:

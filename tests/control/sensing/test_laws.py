@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import quad
 
 from rover_pin.control.hole_law import HoleLaw
-from rover_pin.control.sensing.laws import FACTORS, Trust, fold_law, still_law, torque_law, wheel_law
+from rover_pin.control.sensing.laws import FACTORS, ReadingTrust, fold_law, still_law, torque_law, wheel_law
 from rover_pin.effects.slip import RelaxedSlip
 
 PERIOD = 0.05
@@ -35,14 +35,14 @@ def test_a_stalled_particle_digs_and_one_that_rolls_climbs_out():
 
 @pytest.mark.parametrize("share", [0.0025, 0.04])
 def test_a_torque_s_density_is_one_but_for_strays(share):
-    law = torque_law(Trust())
+    law = torque_law(ReadingTrust())
     total, _ = quad(lambda factor: float(law(0.3, [factor, share])), -3.0, 3.0, points=[0.3])
     assert total == pytest.approx(0.9 + 0.1 * 6.0 / FACTORS, rel=1e-6)
     assert float(law(0.3, [1.5, share])) == pytest.approx(0.05, rel=1e-6), "a wall may read anything"
 
 
 def test_a_posture_that_stays_speaks_against_travel():
-    fold, still = fold_law(Trust()), still_law(Trust())
+    fold, still = fold_law(ReadingTrust()), still_law(ReadingTrust())
     for law, quiet, much in ((fold, 0.0, 0.01), (still, 2e-4, 0.008)):
         moves, stands = 0.05 if law is fold else 0.1, 0.0
         assert float(law(stands, [quiet, 0.2])) > float(law(moves, [quiet, 0.2]))
@@ -52,7 +52,7 @@ def test_a_posture_that_stays_speaks_against_travel():
 
 @pytest.mark.parametrize("bend", [0.0, 0.05, 0.3])
 def test_densities_of_what_is_read_are_one(bend):
-    fold, still = fold_law(Trust()), still_law(Trust())
+    fold, still = fold_law(ReadingTrust()), still_law(ReadingTrust())
     assert quad(lambda rise: np.exp(float(fold(0.05, [rise, bend]))), 0.0, 1.0, points=[0.01])[0] == pytest.approx(1.0)
     total = quad(lambda change: np.exp(float(still(0.08, [change, bend]))), 0.0, 0.5, points=[0.001, 0.02])[0]
     assert total == pytest.approx(1.0, abs=1e-6)
