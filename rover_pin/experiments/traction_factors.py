@@ -17,7 +17,7 @@ from rover_pin.discrepancy.candidate import Candidate
 from rover_pin.discrepancy.standalone import Parts, Standalone
 from rover_pin.estimation.experiment import Sensitivities
 from rover_pin.estimation.noise import Noise, declared_noise
-from rover_pin.estimation.parameter import Parameter
+from rover_pin.estimation.parameter import Parameter, parameter_of
 from rover_pin.experiments.soil_priors import known_constant, unknown_constant
 from rover_pin.measurements.prediction import FIELDS, CompiledPrediction
 from rover_pin.measurements.traction_points import TractionPoints, read_traction_points
@@ -32,8 +32,6 @@ MODULUS_BY_WIDTH = "k_2"
 """Of one wheel k_1 stands for all of k_1 + k_2 b."""
 ENTERS = 1e-9
 """SDs of a point that the prior SD of a constant moves where the constant does not enter at all."""
-CUBIC = 3
-"""Degree of the curve whose slope says how far an error of the slip moves a factor."""
 
 
 @dataclass(frozen=True)
@@ -83,7 +81,7 @@ class TractionFactors(Standalone):
     """Points at slips S, each with the SD of its mean; `declared` is the model that comes with them.
 
     Each true slip is S + a xi, xi ~ N(0, 1), a number like the others: taken as exact, noisy slips flatten the curve
-    (regression dilution). What all points share is a number too, and `shifts` are further ones.
+    (regression dilution). What all points share, of slips and factors, is a number too; `shifts` are further ones.
 
     Source: Deming, Statistical Adjustment of Data (1943); York et al., American Journal of Physics 72 (2004) 367.
     """
@@ -121,23 +119,9 @@ class TractionFactors(Standalone):
         return declared_noise(np.asarray(self.points.sd)[:, None, None], self.observed)
 
     @cached_property
-    def _slope(self) -> np.ndarray:
-        """F'(S) at each point, of a cubic through the points."""
-        slip, factor = np.asarray(self.points.slip), np.asarray(self.points.factor)
-        degree = min(CUBIC, len(np.unique(slip)) - 1)
-        curve = np.polynomial.Polynomial.fit(slip, factor, degree, w=1.0 / self.points.sd)
-        return np.asarray(curve.deriv()(slip))
-
-    @cached_property
     def _shifts(self) -> dict[str, Shift]:
-        """What moves all points together, by name."""
-        common = {"common_factor": self.points.shared, "common_slip": self._slope * self.points.slip_shared}
-        specs = quantities(PointErrors)
-        shared = (
-            Shift(Parameter(f"points.{name}", 0.0, 1.0, -10.0, 10.0, source=specs[name].source), effect)
-            for name, effect in common.items()
-            if np.any(effect)
-        )
+        """What moves the factors of all points together, by name."""
+        shared = [Shift(_shared("common_factor"), self.points.shared)] if np.any(self.points.shared) else []
         return {shift.parameter.name: shift for shift in (*shared, *self.shifts)}
 
     def base_model(self) -> Parts:
@@ -155,14 +139,14 @@ class TractionFactors(Standalone):
             for name in quantities(model.records[owner])
             if name != MODULUS_BY_WIDTH
         ]
-        moved = np.abs(self.noise().white(self.sensitivities(model, constants, np.zeros(len(constants))).slopes)).max(
-            axis=1
-        )
+        slopes = self.sensitivities(model, constants, np.zeros(len(constants))).slopes
+        moved = np.abs(self.noise().white(slopes)).max(axis=1)
         entering = [number for number, size in zip(constants, moved, strict=True) if size > ENTERS]
-        slips = (
+        slips = [
             Parameter(f"slips.point_{at + 1}", 0.0, 1.0, -10.0, 10.0, declared=True, source="the SD of its slip")
             for at in np.flatnonzero(self.points.slip_sd)
-        )
+        ]
+        slips += [_shared("common_slip")] if np.any(self.points.slip_shared) else []
         return (*entering, *(shift.parameter for shift in self._shifts.values()), *slips)
 
     def candidates(self, model: Parts, kinds: Sequence[type]) -> tuple[Candidate, ...]:
@@ -175,7 +159,9 @@ class TractionFactors(Standalone):
         model = self.with_values(model, values)
         constants: Mapping[str, float] = {**model.records["wheel"].values(), **model.records["soil"].values()}
         free = tuple(name for name in values if name.partition(".")[0] in ("wheel", "soil"))
-        slip = self.points.slip + self.points.slip_sd * np.array([*model.records["slips"].values().values()])
+        errors = np.array([*model.records["slips"].values().values()])
+        shared = self.points.slip_shared * model.records["points"].common_slip
+        slip = self.points.slip + self.points.slip_sd * errors + shared
         law = self._law(tuple(name.partition(".")[2] for name in free), slip)
         values_and_slopes = law(np.array([float(constants[name]) for name in FIELDS]))
         (factors, rises), jacobian = (part.reshape(2, len(slip), -1) for part in values_and_slopes)
@@ -184,6 +170,7 @@ class TractionFactors(Standalone):
         for name, shift in self._shifts.items():
             factors = factors + shift.effect * shift.parameter.u(self.value(model, name))
             slopes[name] = shift.effect / shift.parameter.scale
+        slopes["points.common_slip"] = rises[:, 0] * self.points.slip_shared
         for at, reach in enumerate(rises[:, 0] * self.points.slip_sd):
             slopes[f"slips.point_{at + 1}"] = np.where(np.arange(len(slip)) == at, reach, 0.0)
         columns = [slopes[parameter.name] * parameter.slope(x) for parameter, x in zip(parameters, u, strict=True)]
@@ -199,3 +186,8 @@ class TractionFactors(Standalone):
         conditions = np.column_stack([slip, load if load.size else np.zeros(len(slip))])
         law = FactorLaw(points.form, points.angles, bool(load.size))
         return CompiledPrediction(law, conditions, points.wheel, free)
+
+
+def _shared(name: str) -> Parameter:
+    """Return one of `PointErrors`, of which nothing but its SD is known."""
+    return parameter_of(f"points.{name}", PointErrors(), 1.0)
