@@ -30,6 +30,7 @@ from rover_pin.inference.beliefs import Beliefs, Hypothesis
 from rover_pin.inference.cause import reading_error
 from rover_pin.inference.explore import Explorer
 from rover_pin.inference.hypothesis import Fitter
+from rover_pin.inference.next_measurement import next_measurement, open_sets
 from rover_pin.inference.samples import samples_of
 from rover_pin.inference.weighed_anew import chosen_without, errors_without
 
@@ -51,10 +52,20 @@ def concluded(question: Question, progress: Progress, seed: int = 0) -> Verdict:
     progress("calibrating the base model")
     if not question.experiment.is_exact:
         searched = search_of(question, progress, seed)
-        return verdict_of(question, searched.beliefs(), progress, seed)
+        return with_next(question, verdict_of(question, searched.beliefs(), progress, seed), progress)
     explorer = explorer_of(question, progress)
-    verdict = verdict_of(question, explorer.explore(), progress, seed)
+    verdict = with_next(question, verdict_of(question, explorer.explore(), progress, seed), progress)
     return with_draft(verdict, lambda fitted: _drafted(question, explorer, verdict.named, fitted), seed)
+
+
+def with_next(question: Question, verdict: Verdict, progress: Progress) -> Verdict:
+    """Return a verdict with what to measure next, where it leaves open which set of causes acts."""
+    if verdict.answer not in (Answer.SET, Answer.CANNOT_TELL) or verdict.beliefs is None:
+        return verdict
+    leading = open_sets(verdict.beliefs)
+    offers = question.offers([hypothesis for _, hypothesis in leading])
+    proposed = next_measurement(leading, offers, progress)
+    return verdict if proposed is None else replace(verdict, experiments=(proposed,))
 
 
 def with_draft(verdict: Verdict, drafted: Callable[[Fit], Draft | None], seed: int) -> Verdict:

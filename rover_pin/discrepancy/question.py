@@ -12,6 +12,8 @@ from rover_pin.estimation.columns import Columns
 from rover_pin.estimation.experiment import Experiment
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.parameter import Parameter
+from rover_pin.inference.beliefs import Hypothesis
+from rover_pin.inference.next_measurement import Offer
 from rover_pin.inference.residual_function import smooth_functions
 
 Progress = Callable[[str], None]
@@ -32,3 +34,5 @@ class Question:
     "what a fit leaves as a drafted effect, where that can be described"
     functions: Callable[[Fit], Iterable[Columns]] = smooth_functions
     "what a fit may leave besides noise, where slopes are differences: functions of which at most one acts"
+    offers: Callable[[Sequence[Hypothesis]], Iterable[Offer]] = lambda leading: ()
+    "what could be measured next, to tell the leading hypotheses apart"

@@ -16,6 +16,7 @@ from rover_pin.estimation.experiment import Experiment
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.noise import Noise, declared_noise
 from rover_pin.estimation.parameter import Parameter
+from rover_pin.inference.next_measurement import Offer
 
 
 @dataclass(frozen=True)
@@ -77,6 +78,10 @@ class Standalone(Experiment):
         """Return over what a picture shows samples, with unit, and its values [folds, samples]; None: in turn."""
         return None
 
+    def next_runs(self) -> Self | None:
+        """Return what could be measured next, each a fold of such an experiment with 0 observed; None: nothing."""
+        return None
+
     def insufficient(self) -> str:
         """Return why these data cannot tell anything, and what to measure; empty where they can."""
         return ""
@@ -95,4 +100,7 @@ def question_of(standalone: Standalone, kinds: Sequence[type]) -> Question:
         ]
         return *standalone.candidates(base.model, kinds), *(released_candidate(number, records) for number in doubtful)
 
-    return Question("test-bed", standalone.name, standalone, model, standalone.uncertain(model), candidates)
+    ahead = standalone.next_runs()
+    offers = () if ahead is None else (Offer(ahead, ahead.noise()),)
+    numbers = standalone.uncertain(model)
+    return Question("test-bed", standalone.name, standalone, model, numbers, candidates, offers=lambda leading: offers)

@@ -17,6 +17,7 @@ from rover_pin.estimation.numbers import DRIFTED, Number, assumed_lines
 from rover_pin.estimation.profile import Profile
 from rover_pin.estimation.wording import Outcome, format_value, got_worse
 from rover_pin.inference.beliefs import Beliefs
+from rover_pin.inference.next_measurement import NextMeasurement
 
 SCHEMA = 3
 """Version of the plain values of a verdict, as docs/verdict.md describes them."""
@@ -30,14 +31,6 @@ class Extra(Protocol):
 
     def as_dict(self) -> dict[str, Any]:
         """Return plain values."""
-
-
-class HasSentence(Protocol):
-    """Something that reports itself in a sentence."""
-
-    @property
-    def sentence(self) -> str:
-        """The sentence."""
 
 
 @brief
@@ -84,7 +77,7 @@ class Verdict:
     cautions: tuple[str, ...] = ()
     findings: tuple[Any, ...] = ()
     "what the check of the data found"
-    experiments: tuple[HasSentence, ...] = ()
+    experiments: tuple[NextMeasurement, ...] = ()
     "what to measure next"
     beliefs: Beliefs | None = field(default=None, repr=False)
     "what the data make of all hypotheses, where they were weighed"
@@ -109,14 +102,6 @@ the other folds weigh them"
     def tried(self) -> int:
         """How many candidates were tried."""
         return self.beliefs.choice if self.beliefs is not None else 0
-
-    def leading_fits(self, rivals: int) -> list[tuple[str, Fit]]:
-        """Return the fit of what was named, then of as many of its rivals as were fitted too, with their names."""
-        if not self.named or self.beliefs is None:
-            return []
-        sets = [tuple(name.split(" + ")) for name in self.indistinguishable if name != "nothing"]
-        hypotheses = [self.beliefs.best(names) for names in sets[: 1 + rivals]]
-        return [(" + ".join(hypothesis.names), hypothesis.fit) for hypothesis in hypotheses if hypothesis.is_fitted]
 
     @property
     def model_description(self) -> str:

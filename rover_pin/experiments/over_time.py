@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, make_dataclass
+from dataclasses import dataclass, make_dataclass, replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, ClassVar, Self
@@ -25,6 +25,8 @@ from rover_pin.estimation.parameter import Parameter
 from rover_pin.experiments.folded import read_folded
 
 FILE = "bench.toml"
+SHARES = (0.25, 0.5, 0.75, 1.0)
+"""Shares of what was set in a run at which it could be run again."""
 
 
 def record(name: str, meaning: str, **numbers: tuple[float, str, float, float]) -> Any:
@@ -103,6 +105,14 @@ class OverTime(Standalone):
     def candidates(self, model: Parts, kinds: Sequence[type]) -> tuple[Candidate, ...]:
         """Return the laws of this bench."""
         return tuple(plain_candidate(law()) for law in self.laws)
+
+    def next_runs(self) -> Self:
+        """Return each run with what is set at SHARES of what it was: within what the bench has borne."""
+        pairs = [(at, share) for at in range(len(self.folds)) for share in SHARES]
+        which, shares = [at for at, _ in pairs], np.array([share for _, share in pairs])
+        labels = tuple(f"a run as {self.folds[at]}, with {share:.0%} of what was set" for at, share in pairs)
+        ahead = shares[:, None, None] * self.set_values[which]
+        return replace(self, folds=labels, time=self.time[which], set_values=ahead, observed=0.0 * self.observed[which])
 
     def predict(self, models: Sequence[Parts]) -> np.ndarray:
         """Return what each model says (models, runs, channels, samples), all at once by fixed steps of RK4."""

@@ -11,7 +11,7 @@ from rover_pin.base.code_digest import key_of_code
 from rover_pin.base.files.results_folder import OF_A_LOOP, say_what_is_replaced
 from rover_pin.base.jobs.cluster import Workers
 from rover_pin.discrepancy.answer import Answer
-from rover_pin.discrepancy.conclude import search_of, verdict_of, with_draft
+from rover_pin.discrepancy.conclude import search_of, verdict_of, with_draft, with_next
 from rover_pin.discrepancy.held_out import losses
 from rover_pin.discrepancy.question import Progress, Question
 from rover_pin.discrepancy.search import Search
@@ -26,9 +26,9 @@ from rover_pin.experiments.drive_log.free_runs import free_runs
 from rover_pin.experiments.drive_log.ground.run_variability import ground_variability
 from rover_pin.experiments.drive_log.kinematic import kinematic
 from rover_pin.experiments.drive_log.model import base_model, is_rate_driven, with_spread
+from rover_pin.experiments.drive_log.next_drives import next_drives
 from rover_pin.experiments.drive_log.parameters import with_wheels
 from rover_pin.experiments.drive_log.resume import Memory
-from rover_pin.experiments.drive_log.separating_drive import SeparatingDrive, separating_drive
 from rover_pin.experiments.unlisted.actions import Scene
 from rover_pin.experiments.unlisted.residual import DriveResidual, describe
 from rover_pin.experiments.unlisted.terms import functions
@@ -39,9 +39,6 @@ from rover_pin.loop.provenance import LoopRequest, provenance
 from rover_pin.report.drive.cautions import cautions
 from rover_pin.simulation.model.effect_files import file_of, user_effects
 from rover_pin.simulation.model.model import Model
-
-RIVALS = 2
-"""Rivals of the best for which a separating run is proposed."""
 
 
 def close_drive_loop(
@@ -121,13 +118,14 @@ def question_of(
         numbers,
         lambda base: candidates(base.model, experiment, base.parameters, effects),
         functions=lambda base: functions(Scene(base)),
+        offers=lambda leading: next_drives([hypothesis.fit for hypothesis in leading]),
     )
 
 
 def verdict_on(log: DriveLog, question: Question, search: Search, seed: int, progress: Progress) -> Verdict:
     """Return the verdict on what was found in a log and what is left."""
     beliefs = search.beliefs()
-    verdict = verdict_of(question, beliefs, progress, seed)
+    verdict = with_next(question, verdict_of(question, beliefs, progress, seed), progress)
     assert verdict.before is not None
     assert verdict.after is not None
     progress("describing what is left")
@@ -147,7 +145,6 @@ def verdict_on(log: DriveLog, question: Question, search: Search, seed: int, pro
         baselines=odometry,
         sentence=with_wheel_names(" ".join(filter(None, sentences)), wheels),
         findings=findings(log),
-        experiments=_experiments(verdict, progress),
         profiles=profiles(after, amplitude_names) if amplitude_names and verdict.named else (),
         cautions=(*verdict.cautions, *cautions(verdict, free), *losses(verdict.scores, odometry)),
         extra=DriveExtra(free, residual, ground),
@@ -162,13 +159,3 @@ def _how(verdict: Verdict, residual: DriveResidual) -> str:
 def with_wheel_names(sentence: str, wheels: Sequence[str]) -> str:
     """Return a sentence with the wheel's name behind that of a candidate which has the wheel's number only."""
     return with_wheels(sentence, wheels, "{name}[{number}] (wheel {wheel})")
-
-
-def _experiments(verdict: Verdict, progress: Progress) -> tuple[SeparatingDrive, ...]:
-    """Return the runs that would tell the best from its rivals that were fitted too."""
-    fits = verdict.leading_fits(RIVALS)
-    drives = []
-    for rival in fits[1:]:
-        progress(f"looking for the run that tells {fits[0][0]} from {rival[0]}")
-        drives.append(separating_drive(fits[0], rival, progress))
-    return tuple(drive for drive in drives if drive is not None)

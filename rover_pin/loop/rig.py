@@ -29,17 +29,14 @@ from rover_pin.experiments.wheel_rig.experiment import RigExperiment, as_declare
 from rover_pin.experiments.wheel_rig.known_elsewhere import flags
 from rover_pin.experiments.wheel_rig.model import RigModel
 from rover_pin.experiments.wheel_rig.model_file import write_model
+from rover_pin.experiments.wheel_rig.next_runs import next_runs
 from rover_pin.experiments.wheel_rig.presets import describe_declared
 from rover_pin.experiments.wheel_rig.residual_tests import residual_tests
-from rover_pin.experiments.wheel_rig.separating_run import SeparatingRun, separating_run
 from rover_pin.loop.provenance import LoopRequest, provenance
 from rover_pin.loop.verdict_file import draft_written, written_last
 from rover_pin.measurements.wheel_rig import WheelRig
 from rover_pin.report.rig.cautions import cautions
 from rover_pin.report.rig.report import write_report
-
-RIVALS = 3
-"""Rivals of the best for which a separating run is proposed."""
 
 
 def close_rig_loop(
@@ -82,7 +79,14 @@ def question_of(experiment: RigExperiment, model: RigModel, effects: str | Path 
     numbers = numbers_of(experiment, model)
     lacks: Callable[[Fit], Sequence[Candidate]] = lambda base: candidates(data, base.model, kinds)  # noqa: E731
     return Question(
-        "wheel-rig", data.rig.name, experiment, model, numbers, lacks, lambda base: drafted(experiment, base)
+        "wheel-rig",
+        data.rig.name,
+        experiment,
+        model,
+        numbers,
+        lacks,
+        lambda base: drafted(experiment, base),
+        offers=lambda leading: (next_runs(data),),
     )
 
 
@@ -111,7 +115,6 @@ def on_rig(
         extra=extra,
         cautions=cautions(verdict, extra.after),
         findings=tuple(findings(data)),
-        experiments=_experiments(data, verdict),
         profiles=profiles(verdict.after.fit, tuple(number.name for number in verdict.after.numbers)),
     )
     return against_rivals(verdict, curves(experiment.observed, experiment.inputs, channels))
@@ -124,13 +127,6 @@ def _fit_diagnostics(data: RigSet, side: Side, seed: int) -> FitDiagnostics:
     scaled = experiment.in_sds(side.fit.residual)
     reference_flags = flags(data, soil, float(side.model.wheel.b), side.numbers)
     return FitDiagnostics(reference_flags, channel_residuals(data, scaled), residual_tests(data, scaled, seed))
-
-
-def _experiments(data: RigSet, verdict: Verdict) -> tuple[SeparatingRun, ...]:
-    """Return the runs that would tell the best from its rivals."""
-    fits = verdict.leading_fits(RIVALS)
-    runs = [separating_run(data, fits[0], rival) for rival in fits[1:]]
-    return tuple(run for run in runs if run is not None)
 
 
 def _written(verdict: Verdict, data: RigSet, request: LoopRequest, progress: Progress) -> Verdict:

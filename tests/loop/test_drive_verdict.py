@@ -13,6 +13,7 @@ from rover_pin.effects.dead_band import DeadBand
 from rover_pin.effects.exit_angle import ExitAngle
 from rover_pin.effects.viscous_friction import ViscousFriction
 from rover_pin.experiments.drive_log.extra import extra_of
+from rover_pin.inference.next_measurement import Offer
 from rover_pin.loop import drive
 from tests.experiments.drive_log import drive_channels as channels
 from tests.experiments.drive_log import linear_drive as linear
@@ -24,6 +25,17 @@ def quiet(said):
     pass
 
 
+def ahead_of(experiment):
+    """A run in which each of the laws shows otherwise, though all show alike in the log."""
+    random, names = np.random.default_rng(3), [f"{kind.__name__}.{next(iter(kind.neutral))}" for kind in KINDS]
+    shape = (1, *linear.SHAPE[1:])
+    other = {name: (experiment.slopes[name][0], 50.0 * random.normal(size=shape)) for name in names}
+    same = {name: (zero, slope[:1]) for name, (zero, slope) in experiment.slopes.items()}
+    blank = np.zeros(shape)
+    ahead = linear.LinearExperiment(blank, same | other, folds=("with currents",))
+    return Offer(ahead, linear.white(shape))
+
+
 @pytest.fixture
 def verdict_of(monkeypatch):
     """The verdict on a log that hides an exit angle of some size, beside others that may do the same."""
@@ -32,8 +44,6 @@ def verdict_of(monkeypatch):
     monkeypatch.setattr(drive, "kinematic", lambda experiment, rover: ())
     monkeypatch.setattr(drive, "logged", lambda fitted: fitted.task.experiment)
     monkeypatch.setattr(drive, "cautions", lambda verdict, free: ())
-    told = lambda best, rival, progress: SimpleNamespace(sentence=f"{best[0]} or {rival[0]}")  # noqa: E731
-    monkeypatch.setattr(drive, "separating_drive", told)
 
     def of(size, alike):
         random = np.random.default_rng(9)
@@ -48,7 +58,7 @@ def verdict_of(monkeypatch):
         tried = [plain_candidate(kind()) for kind in KINDS]
         question = Question(
             "drive-log", "linear", experiment, linear.MODEL, linear.nuisances(), lambda base: tried,
-            functions=lambda base: (),
+            functions=lambda base: (), offers=lambda leading: [ahead_of(experiment)],
         )  # fmt: skip
         log = channels.log_of(*channels.GOOD)
         return drive.verdict_on(log, question, search_of(question, quiet), 0, quiet)
@@ -72,9 +82,10 @@ def test_noise_needs_no_effect(verdict_of):
     assert verdict.before == verdict.after
 
 
-def test_runs_separating_the_best_from_two_rivals_are_proposed(verdict_of):
+def test_a_run_that_tells_the_first_from_its_rivals_is_proposed(verdict_of):
     verdict = verdict_of(1.5, alike=True)
     assert verdict.answer is Answer.SET
-    best, *rivals = verdict.indistinguishable
-    assert [one.sentence for one in verdict.experiments] == [f"{best} or {rival}" for rival in rivals[: drive.RIVALS]]
-    assert len(rivals) >= 1
+    (proposed,) = verdict.experiments
+    assert set(proposed.sets) >= set(verdict.indistinguishable)
+    assert proposed.what == "with currents"
+    assert 0.5 < proposed.nats / proposed.open_nats <= 1.0

@@ -1,9 +1,7 @@
 """What a newcomer meets first: a folder that is none, a column misspelt, a score that nothing can be claimed of."""
 
 from pathlib import Path
-from types import SimpleNamespace
 
-import numpy as np
 import pytest
 
 from rover_pin.base.errors import DataError
@@ -12,7 +10,6 @@ from rover_pin.discrepancy.held_out import ChannelScore, LevelError
 from rover_pin.experiments.drive_log.model import DRIVEN_SAND
 from rover_pin.experiments.wheel_rig.checks import findings
 from rover_pin.experiments.wheel_rig.data import read_rig_set
-from rover_pin.experiments.wheel_rig.separating_run import separating_run
 from rover_pin.logs.drive_log import DriveLog, LogMetadata
 from rover_pin.loop.close import close_the_loop, read_data
 from rover_pin.loop.drive import with_wheel_names
@@ -119,34 +116,3 @@ def test_a_column_that_lacks_is_told_which_one_to_rename(tmp_path):
 def test_column_of_errors_is_not_suggested_for_a_missing_column(tmp_path):
     with pytest.raises(DataError, match=r"no column 'load_N': known are drawbar_pull_N, sinkage_m, slip\.$"):
         read_rig_set(written(tmp_path, "slip,load_sd_N,drawbar_pull_N,sinkage_m"))
-
-
-@pytest.mark.parametrize(("off", "proposed"), [(1e-5, False), (2.0, True)])
-def test_run_that_would_separate_no_candidates_is_not_proposed(tmp_path, monkeypatch, off, proposed):
-    def predicted(data, fit, menu, noise):
-        return np.full((2, len(menu)), fit), np.zeros((len(menu), 2, 2))
-
-    monkeypatch.setattr("rover_pin.experiments.wheel_rig.separating_run._predicted", predicted)
-    data = read_rig_set(written(tmp_path, "slip,load_N,drawbar_pull_N,sinkage_m"))
-    assert (separating_run(data, ("A", 0.0), ("B", off)) is not None) == proposed
-
-
-def test_runs_to_choose_from_keep_the_rig_s_travel_and_eq_1(tmp_path, monkeypatch):
-    asked = []
-
-    def predictor(model, free, runs):
-        asked.append(runs)
-        return lambda x: (np.zeros((5, len(runs))), np.zeros((5, len(runs), 0)), None)
-
-    monkeypatch.setattr("rover_pin.experiments.wheel_rig.separating_run.predictor", predictor)
-    head = "slip,load_N,drawbar_pull_N,sinkage_m,travel_speed_mps,rim_speed_mps"
-    data = read_rig_set(written(tmp_path, head, ("0.1,25,1.0,0.01,0.018,0.02", "0.4,25,2.0,0.02,0.018,0.03")))
-    fit = SimpleNamespace(
-        model=SimpleNamespace(vector=lambda: 0), parameters=(), u=(), columns=np.zeros((2, 0)), misfit=1
-    )
-    assert separating_run(data, ("A", fit), ("B", fit)) is None
-    for load, slip, travel, rim, _ in asked[0]:
-        assert load in (12.5, 25.0, 50.0)
-        assert travel == pytest.approx(0.018)
-        assert slip == pytest.approx((rim - travel) / max(rim, travel))
-    assert {slip for _, slip, *_ in asked[0]} >= {-0.3, 0.0, 0.9}

@@ -47,6 +47,11 @@ class CandidateRun:
     fastest: float = 0.0
     "rate of a wheel [rad/s] at 1, where `duty` is the share of a rate that the wheels are held to; 0: it is a duty"
 
+    @property
+    def description(self) -> str:
+        """The run in words, with how long it is."""
+        return f"{DURATION:g} s {self.label}"
+
     def held_to(self, fastest: float) -> CandidateRun:
         """Return the run at shares of a wheel rate [rad/s] instead of duties."""
         label = (

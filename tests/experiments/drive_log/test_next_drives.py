@@ -1,7 +1,8 @@
-"""The drive that tells two candidates apart: what is proposed, and that its expected chi2 is what a drive gives."""
+"""The drives that could be made next: what they offer, which is proposed, and that it tells who is right."""
 
 import dataclasses
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,18 +17,19 @@ from rover_pin.effects.tacho_scale import TachoScale
 from rover_pin.effects.tether_drag import TetherDrag
 from rover_pin.effects.weak_motor import WeakMotor
 from rover_pin.estimation.fit import Task, fit
-from rover_pin.estimation.noise import first_noise, noise_of
+from rover_pin.estimation.noise import Noise, first_noise, noise_of
+from rover_pin.experiments.drive_log import next_drives as next_drives_file
 from rover_pin.experiments.drive_log.candidate_runs import candidate_runs
 from rover_pin.experiments.drive_log.candidates import candidate_of
-from rover_pin.experiments.drive_log.discrimination import logged_instruments, predict_difference, with_currents
 from rover_pin.experiments.drive_log.experiment import experiment_of
 from rover_pin.experiments.drive_log.features import logged_run
+from rover_pin.experiments.drive_log.next_drives import _choice, _offered, next_drives, noise_with
 from rover_pin.experiments.drive_log.parameters import parameter
-from rover_pin.experiments.drive_log.separating_drive import SeparatingDrive, _choice, separating_drive
+from rover_pin.inference.next_measurement import _expected, next_measurement
 from rover_pin.rover.rover import load_rover
 from rover_pin.simulation.model.model import Model, base_effects
 from rover_pin.simulation.model.motors import nexus6_motor
-from rover_pin.simulation.replay import PERIOD, Commands, replay
+from rover_pin.simulation.replay import PERIOD, Commands, Replay, replay
 from rover_pin.simulation.sensors import Sensors, measured
 from rover_pin.simulation.start.place import Start, settled
 from rover_pin.simulation.trace.trace import Trace
@@ -47,12 +49,15 @@ def model():
 
 def driven(model, commands, seed):
     """Return the log of a free drive, with the noise of the default sensors, without currents."""
+    return logged_run(measured_log(model, commands, seed), model.rover)
+
+
+def measured_log(model, commands, seed):
     drive = replay(model, commands)
     wheels = [wheel.name for wheel in model.rover.wheels]
     duty = {f"duty_{name}": commands.duty[:, at] for at, name in enumerate(wheels)}
     trace = Trace({**drive.channels, **duty}, attrs={"start": dataclasses.asdict(commands.start)})
-    log = measured(trace, Sensors(), seed, model.sensor_effects, with_current=False)
-    return logged_run(log, model.rover)
+    return measured(trace, Sensors(), seed, model.sensor_effects, with_current=False)
 
 
 def forward(model, seed, seconds=12.0):
@@ -89,60 +94,92 @@ def tilted(model):
     )
 
 
+def told(fits, offers, say=lambda said: None):
+    """Return what is proposed to tell equally probable fits apart."""
+    sets = [
+        SimpleNamespace(
+            names=(type(each.model.all_effects[-1]).__name__,), fit=each, experiment=each.task.experiment,
+            posterior=SimpleNamespace(covariance=each.covariance),
+        )
+        for each in fits
+    ]  # fmt: skip
+    return next_measurement([(1.0 / len(sets), each) for each in sets], offers, say)
+
+
 def run_called(fits, words):
-    return next(run for run in _choice(("a", fits[0]), ("b", fits[1])) if words in run.label)
+    return next(run for run in _choice(fits) if words in run.label)
 
 
-@pytest.fixture(scope="module")
-def back(tilted):
-    instruments = logged_instruments(tilted[0])
-    return predict_difference(run_called(tilted, "flat towards -x"), tilted, instruments.names), instruments
+def test_a_tilt_is_told_from_a_tether_by_the_other_heading(tilted):
+    same, back = (_offered(run_called(tilted, f"flat towards {way}x"), tilted[0]) for way in "+-")
+    found, poor = told(tilted, [back]), told(tilted, [same])
+    assert found.nats > 0.9 * math.log(2.0)
+    assert poor is None or poor.nats < 0.2 * found.nats
+    assert found.what.startswith("20 s on the flat towards -x at a constant duty of 0.6")
 
 
-def dense(rows, doubt):
-    return float(rows @ np.linalg.solve(np.eye(len(rows)) + doubt @ doubt.T, rows))
+@pytest.mark.parametrize("truth", [0, 1])
+def test_the_proposed_drive_tells_who_is_right(tilted, truth):
+    """It is made, with noise, by either model: what that one expected of it is the more probable."""
+    offer = _offered(run_called(tilted, "flat towards -x"), tilted[0])
+    (ahead,) = offer.experiment.runs
+    log = logged_run(
+        measured_log(tilted[truth].model.replace(terrain=flat()), ahead.commands, seed=20 + truth),
+        tilted[0].model.rover,
+    )
+    names = [name for name in offer.experiment.channels if name not in offer.unmeasured]
+    logs = []
+    for each in tilted:
+        own = SimpleNamespace(
+            fit=each, experiment=each.task.experiment, posterior=SimpleNamespace(covariance=each.covariance)
+        )
+        expected = _expected(offer, own, own, True)
+        table = np.full(offer.noise.good.shape, np.nan)
+        table[0, [offer.experiment.channels.index(name) for name in names]] = log.observed[
+            [log.channels.index(name) for name in names]
+        ]
+        rows = offer.noise.white(np.nan_to_num(table))
+        used = np.isfinite(table[offer.noise.good])
+        mean, covariance = expected.at(used)
+        left = rows[used] - mean
+        logs.append(-0.5 * left @ np.linalg.solve(covariance, left) - 0.5 * np.linalg.slogdet(covariance)[1])
+    assert logs[truth] > logs[1 - truth] + 3.0
 
 
-def test_expected_information_is_that_of_whole_matrices(back):
-    one, instruments = back
-    rows = [one.experiment.channels.index(name) for name in instruments.names]
-    noise = instruments.noise(one.moving[0])
-    assert np.array_equal(*one.moving)
-    expected = dense(noise.white(one.difference[:, rows]), noise.white(one.uncertainties[:, :, rows]).T)
-    assert one.expected_chi2(instruments)[0] == pytest.approx(expected, rel=1e-6)
-    assert 0.0 < expected < one.plain(instruments)
+def test_an_offer_is_the_first_s_way_with_all_that_may_be_read(tilted):
+    run = run_called(tilted, "flat towards -x")
+    offer = _offered(run, tilted[0])
+    (ahead,) = offer.experiment.runs
+    free = replay(run.on(tilted[0].model), run.commands(tilted[0].model.rover), rest_state=offer.experiment.rests[0])
+    np.testing.assert_array_equal(ahead.commands.place[:, 0], free.channels["body_x"])
+    assert offer.unmeasured == tuple(f"current_{wheel.name}_A" for wheel in tilted[0].model.rover.wheels)
+    assert offer.experiment.channels == (*tilted[0].task.experiment.channels, *offer.unmeasured)
+    assert not offer.noise.good[..., 0].any(), "the first second"
 
 
-def test_a_tilt_is_told_from_a_tether_by_the_other_heading(tilted, back):
-    one, instruments = back
-    same = predict_difference(run_called(tilted, "flat towards +x"), tilted, instruments.names)
-    assert one.expected_chi2(instruments)[0] > max(9.0, 10.0 * same.expected_chi2(instruments)[0])
+def test_a_run_that_cannot_be_driven_is_not_offered(tilted, monkeypatch):
+    def stopped(*given, **named):
+        return Replay({}, "the rover tips")
+
+    monkeypatch.setattr(next_drives_file, "replay", stopped)
+    assert _offered(run_called(tilted, "flat towards -x"), tilted[0]) is None
 
 
-def gain(one, instruments, truth, seed):
-    """Return how much more chi2 the wrong model has than the true one when the drive is made, both free to move."""
-    run = driven(one.models[truth], one.run.commands(one.models[truth].rover), seed)
-    experiment = experiment_of([run], one.models[0])
-    assert experiment.channels == instruments.names
-    noise, count = instruments.noise(run.usable), len(one.fits[0].u)
-    doubts = [noise.white(part).T for part in (one.uncertainties[:count], one.uncertainties[count:])]
-    left = [noise.white(experiment.observed - features) for features in experiment.predict(one.models)]
-    chi2 = [dense(rows, doubt) for rows, doubt in zip(left, doubts, strict=True)]
-    return chi2[1 - truth] - chi2[truth]
-
-
-def test_expected_chi2_is_that_of_the_drive_under_either_truth(back):
-    one, instruments = back
-    found = [np.mean([gain(one, instruments, truth, seed) for seed in (20, 21)]) for truth in (0, 1)]
-    assert 0.5 < min(found) / one.expected_chi2(instruments)[0] < 2.0
-
-
-def test_unlogged_currents_are_read_no_better_than_by_a_sensor(tilted):
-    logged_ones = logged_instruments(tilted[0])
-    richer = with_currents(logged_ones, ("fl", "fr"))
-    assert richer.names[-2:] == ("current_fl_A", "current_fr_A")
-    assert np.all(richer.sd[-2:] >= Sensors().current_sd)
-    assert with_currents(richer, ("fl", "fr")).names == richer.names
+@pytest.mark.parametrize(("rates", "worse"), [((0.03, 0.05, 0.02), 3.0), ((0.004, 0.002), 1.0), ((), 1.0)])
+def test_unlogged_current_has_noise_scaled_as_the_wheel_rates(rates, worse):
+    """A sample of a rate has 0.01 rad/s and of a current 2 mA; `worse` is the median rate's ratio, 1 at least."""
+    names = ("path", *(f"wheel_rate_{at}" for at in range(len(rates))), "current_b_A")
+    count = len(names)
+    mixing, rho = np.random.default_rng(1).normal(size=(count, count)), np.linspace(0.1, 0.3, count)
+    good = np.ones((1, count + 2, 5), dtype=bool)
+    log = Noise(np.array([7.0, *rates, 0.5]), rho, mixing, good[:, :count])
+    found = noise_with(log, names, ("current_a_A", "current_c_A"), good)
+    np.testing.assert_allclose(found.sd, [*log.sd, 0.002 * worse, 0.002 * worse])
+    np.testing.assert_array_equal(found.rho, [*rho, 0.0, 0.0])
+    np.testing.assert_array_equal(
+        found.mixing, np.block([[mixing, np.zeros((count, 2))], [np.zeros((2, count)), np.eye(2)]])
+    )
+    assert found.count == 5 * (count + 2)
 
 
 def test_what_holds_at_every_duty_needs_currents(model):
@@ -152,12 +189,9 @@ def test_what_holds_at_every_duty_needs_currents(model):
         fitted(task, model, DeadBand(), "DeadBand.delta_0"),
     )
     assert fits[0].chi2 == pytest.approx(fits[1].chi2, abs=4.0)
-    logged_ones = logged_instruments(fits[0])
-    richer = with_currents(logged_ones, [wheel.name for wheel in model.rover.wheels])
-    one = predict_difference(run_called(fits, "flat, the duty stepping"), fits, richer.names)
-    told, channel = one.expected_chi2(richer)
-    assert told > 9.0 > one.expected_chi2(logged_ones)[0]
-    assert channel.startswith("current_")
+    found = told(fits, [_offered(run_called(fits, "flat, the duty stepping"), fits[0])])
+    assert found.what.endswith(", with current_fl_A to current_rr_A too")
+    assert found.channel.startswith("current_")
 
 
 def test_every_run_of_the_menu_is_said_once_and_within_the_duty(model):
@@ -180,33 +214,23 @@ def test_ballast_is_common_and_rests_at_the_centre_of_mass(model):
 
 def test_an_effect_at_a_place_is_sought_on_the_logged_ground(tilted):
     patched = dataclasses.replace(tilted[1], model=tilted[1].model.having(HardPatch(x_from=0.3)))
-    runs = _choice(("GravityTilt", tilted[0]), ("HardPatch@0.30", patched))
+    runs = _choice((tilted[0], patched))
     assert runs
     assert all(run.terrain is None for run in runs)
 
 
-def test_the_sentences():
-    found = SeparatingDrive("A", "B", "on the flat at a constant duty of 0.50", "wheel_rate_fl", 26.6)
-    assert found.sentence == (
-        "to tell A from B: 20 s on the flat at a constant duty of 0.50; "
-        "wheel_rate_fl shows it most (expected chi2 26.6)"
-    )
-
-
 @pytest.mark.slow
-def test_the_menu_is_searched_for_a_tilt_and_a_tether(tilted):
+def test_all_runs_are_weighed_for_a_tilt_and_a_tether(tilted):
     said = []
-    found = separating_drive(("GravityTilt", tilted[0]), ("TetherDrag", tilted[1]), said.append)
-    assert "-x" in found.run or "back" in found.run
-    assert found.expected > 9.0
-    assert found.expected >= found.runner_up_expected
-    assert found.run != found.runner_up
+    found = told(tilted, next_drives(tilted), said.append)
+    assert "-x" in found.what or "back" in found.what
+    assert found.nats > 0.9 * math.log(2.0)
     assert len(said) >= 16
 
 
 @pytest.mark.slow
-def test_nothing_separates_a_model_from_itself(tilted):
-    assert separating_drive(("A", tilted[0]), ("B", tilted[0])) is None
+def test_nothing_tells_a_model_from_itself(tilted):
+    assert told((tilted[0], tilted[0]), next_drives(tilted[:1])) is None
 
 
 @pytest.mark.slow
@@ -218,6 +242,6 @@ def test_load_or_currents_separate_weak_motor_and_tachogenerator(model):
     for freed in (WEAK, TACHO):
         also = [dataclasses.replace(each, prior=name != freed) for name, each in gains.items()]
         fits.append(fitted(task, neutral, also=also))
-    found = separating_drive((WEAK, fits[0]), (TACHO, fits[1]))
-    assert any(word in found.run for word in ("current", "slope", "ballast", "wheel ml"))
+    found = told(fits, next_drives(fits))
+    assert any(word in found.what for word in ("current", "slope", "ballast", "wheel ml"))
     assert found.channel in ("wheel_rate_ml", "current_ml_A")

@@ -1,0 +1,46 @@
+"""The runs that a wheel rig could make next: from braked to nearly spinning, of half to twice the mean load."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+
+import numpy as np
+
+from rover_pin.experiments.wheel_rig.data import RigSet
+from rover_pin.experiments.wheel_rig.experiment import RigExperiment
+from rover_pin.inference.next_measurement import Offer
+from rover_pin.soil.slip import speed_ratio
+
+SLIPS = (-0.3, 0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
+LOADS = (0.5, 1.0, 2.0)
+"""Loads as multiples of the mean load."""
+
+
+def next_runs(data: RigSet) -> Offer:
+    """Return what the rig could measure next: every slip and load, at each of its slip angles, by its channels."""
+    rig, mean = data.rig, float(np.mean(data.rig.load))
+    angles = np.unique(np.round(rig.slip_angle, 2))
+    table = np.array(list(itertools.product(mean * np.array(LOADS), SLIPS, angles)))
+    load, slip, angle = table.T
+    labels = tuple(_words(*row) for row in table)
+    blank = np.zeros(len(table))
+    channels = tuple(type(channel)(blank, np.sqrt(np.mean(channel.sd**2))) for channel in rig.channels)
+    ahead = dataclasses.replace(
+        rig, slip=slip, load=load, slip_angle=angle, channels=channels, levels=np.array(labels), trials=()
+    )
+    experiment = RigExperiment(RigSet(ahead, np.arange(len(labels)), labels, labels, _speeds(data, slip)))
+    return Offer(experiment, experiment.noise())
+
+
+def _words(load: float, slip: float, angle: float) -> str:
+    askew = f", {np.degrees(angle):.0f} deg askew" if angle else ""
+    return f"one run at S = {slip:g} under {load:.3g} N{askew}"
+
+
+def _speeds(data: RigSet, slip: np.ndarray) -> np.ndarray | None:
+    """Return travel and rim speeds, Eq (1), the rig's travel speed kept; None where it states none."""
+    if data.speeds is None:
+        return None
+    travel = float(np.median(data.speeds[:, 0]))
+    return np.array([(travel, travel / float(speed_ratio(S))) for S in slip])

@@ -1,0 +1,188 @@
+"""How many more measurements tell what is hidden: those that are expected to tell most, or any.
+
+Question
+    After how many further runs is the hidden law included with probability .95, if each is the one that the loop
+    proposes, and if each is drawn at random from the same list?
+Method
+    Wheel rigs by tests/oracle/rig_generator.py: five slips at one load, one effect of the list hidden, soil drawn, its
+    size from the upper half of what studies/blind_rig.py hides. Benches by tests/oracle/pendulum_generator.py: one run
+    with a quarter of its voltages, one law hidden, all noise COARSE times as large. After each run all is weighed anew.
+    Sets that tell at once are passed over. What is not told after MOST more runs counts as MOST + 1.
+Result
+    studies/results/next_run.csv.
+What the paper says
+    Nothing: its conditions are given.
+What differs
+    One run ahead is looked at: where only several together tell, the best first of them may not be seen.
+
+Run: python studies/next_run.py [--quick] [--sets N] [--workers N] [--out DIR]
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import itertools
+import tempfile
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from types import ModuleType
+from typing import Any, NamedTuple
+
+import numpy as np
+from blind_pendulum import generator as pendulum_generator
+from blind_rig import LISTED, Hidden, Kind, drawn_sizes, drawn_soil
+from blind_rig import generator as rig_generator
+from joblib import Parallel, delayed
+
+from rover_pin.discrepancy.conclude import explorer_of, search_of
+from rover_pin.discrepancy.standalone import question_of as bench_question
+from rover_pin.experiments.pendulum import Pendulum
+from rover_pin.experiments.wheel_rig.data import read_rig_set
+from rover_pin.experiments.wheel_rig.experiment import RigExperiment
+from rover_pin.experiments.wheel_rig.model import RigModel
+from rover_pin.experiments.wheel_rig.next_runs import next_runs
+from rover_pin.inference.beliefs import Beliefs
+from rover_pin.inference.next_measurement import Offer, next_measurement, open_sets
+from rover_pin.loop.rig import question_of
+
+SURE, MOST = 0.95, 8
+RIG_SEED, BENCH_SEED = 52_000, 76_000
+FIRST = (-0.15, 0.0, 0.2, 0.4, 0.6)
+"""Slips of a rig's first runs, under 25 N."""
+COARSE = 8
+"""Times the generator's usual noise that a bench has: with that nearly every run tells."""
+HEADER = ("kind", "seed", "hidden", "proposed", "at random")
+RESULTS = Path(__file__).parent / "results"
+
+
+class Told(NamedTuple):
+    """What is believed after some runs, and what could be measured next."""
+
+    beliefs: Beliefs
+    offer: Offer
+
+
+def main() -> None:
+    """Count runs by both ways, and write and print them."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--quick", action="store_true", help="one rig")
+    parser.add_argument("--sets", type=int, default=20, help="of each kind that are not told at once")
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--out", type=Path, default=RESULTS)
+    options = parser.parse_args()
+    kinds = [("rig", RIG_SEED, rig)] if options.quick else [("rig", RIG_SEED, rig), ("bench", BENCH_SEED, bench)]
+    rows = []
+    for kind, first, make in kinds:
+        run = Parallel(options.workers, batch_size=1, return_as="generator")
+        found = run(delayed(counted)(kind, make, seed) for seed in range(first, first + 3 * options.sets))
+        still_open = (row for row in found if row[3] or row[4])
+        rows += itertools.islice(still_open, 1 if options.quick else options.sets)
+    options.out.mkdir(parents=True, exist_ok=True)
+    with (options.out / "next_run.csv").open("w", newline="") as file:
+        csv.writer(file).writerows([HEADER, *rows])
+    for kind, *_ in kinds:
+        proposed, random = np.array([row[3:] for row in rows if row[0] == kind]).T
+        print(
+            f"{kind}: median of {len(proposed)}: {np.median(proposed):g} runs proposed, {np.median(random):g} at random"
+        )
+
+
+def counted(kind: str, make: Callable[[int], tuple[str, Any]], seed: int) -> tuple[str, int, str, int, int]:
+    """Return the row of a set: how many more runs either way needs."""
+    name, after = make(seed)
+    needed = [runs_needed(name, after, seed, is_proposed) for is_proposed in (True, False)]
+    print(kind, seed, name, *needed, flush=True)
+    return kind, seed, name, *needed
+
+
+def runs_needed(name: str, after: Callable[[list[int]], Told], seed: int, is_proposed: bool) -> int:
+    """Return how many more runs it takes; `after` tells what is believed after these runs of the list."""
+    random, chosen = np.random.default_rng([seed, 7]), list[int]()
+    while (told := after(chosen)).beliefs.inclusion(name) < SURE:
+        if len(chosen) == MOST:
+            return MOST + 1
+        folds = told.offer.experiment.folds
+        best = next_measurement(open_sets(told.beliefs), (told.offer,)) if is_proposed else None
+        drawn = int(random.integers(len(folds)))
+        chosen.append(drawn if best is None else folds.index(best.what))
+    return len(chosen)
+
+
+def rig(seed: int) -> tuple[str, Callable[[list[int]], Told]]:
+    """Return what a rig hides, and what is believed after runs of its list."""
+    make, random = rig_generator(), np.random.default_rng(seed)
+    name = sorted(LISTED.keys() - {"InterfaceFriction"})[seed % (len(LISTED) - 1)]
+    hidden = make.Rig(sizes=drawn_sizes(Hidden(Kind.PAIR, (name,), seed, "white"), random), **drawn_soil(random))
+    first = rig_set(make, hidden, [(25.0, slip, 0.02) for slip in FIRST], seed)
+    offer = next_runs(first)
+    ahead = offer.experiment.data
+
+    def after(chosen: list[int]) -> Told:
+        more = [(float(ahead.rig.load[at]), float(ahead.rig.slip[at]), float(ahead.speeds[at, 0])) for at in chosen]
+        data = rig_set(make, hidden, [*((25.0, slip, 0.02) for slip in FIRST), *more], seed)
+        question = question_of(RigExperiment(data), RigModel(data.rig.wheel, data.soil()))
+        return Told(explorer_of(question, quiet).explore(), offer)
+
+    return name, after
+
+
+def rig_set(make: ModuleType, hidden: Any, runs: list[tuple[float, float, float]], seed: int) -> Any:
+    """Return runs (load, slip, travel speed) as the loop reads them, each with noise of its own."""
+    parts = [
+        make.rig_set(hidden, (load,), (slip,), 1, 1000 * seed + at, (v,)) for at, (load, slip, v) in enumerate(runs)
+    ]
+    columns = {name: np.concatenate([part[name] for part in parts]) for name in make.NAMES}
+    _, columns["level"] = np.unique(columns["slip"], return_inverse=True)
+    with tempfile.TemporaryDirectory() as folder:
+        make.write(Path(folder), hidden, columns)
+        return read_rig_set(Path(folder))
+
+
+def bench(seed: int) -> tuple[str, Callable[[list[int]], Told]]:
+    """Return what a bench hides, and what is believed after runs of its list."""
+    make = pendulum_generator()
+    laws = [law for law in make.LAWS if law != "none"]
+    name = laws[seed % len(laws)]
+    with tempfile.TemporaryDirectory() as folder:
+        make.write(Path(folder), name, seed)
+        declared = Pendulum.read(Path(folder))
+    ahead = replace(declared.next_runs(), sd=COARSE * declared.sd)
+    measured = observed(make, name, seed, ahead)
+
+    def after(chosen: list[int]) -> Told:
+        which = [0, *chosen]
+        folds = tuple(f"run {at}" for at, _ in enumerate(which))
+        own = replace(ahead, folds=folds, time=ahead.time[which], set_values=ahead.set_values[which],
+                      observed=np.array([measured(at, turn) for turn, at in enumerate(which)]))  # fmt: skip
+        beliefs = search_of(bench_question(own, ()), quiet).beliefs()
+        return Told(beliefs, Offer(ahead, ahead.noise()))
+
+    return name, after
+
+
+def observed(make: ModuleType, law: str, seed: int, ahead: Pendulum) -> Callable[[int, int], np.ndarray]:
+    """Return what is measured (channels, samples) of each run of a list, noise anew each time."""
+    numbers, hidden = make.drawn(np.random.default_rng(seed), law)
+    volts = ahead.set_values[:, 0].T
+    parts = [
+        make.simulated(volts[:, at : at + make.RUNS], numbers, hidden) for at in range(0, volts.shape[1], make.RUNS)
+    ]
+    exact = np.concatenate(parts, axis=2)
+    sd, step = COARSE * np.array([0.0, make.RATE_SD, make.CURRENT_SD])[:, None], COARSE * make.ENCODER
+
+    def measured(at: int, turn: int) -> np.ndarray:
+        rows = exact[:, :, at] + sd * np.random.default_rng([seed, turn]).normal(size=exact.shape[:2])
+        rows[0] = step * np.round(rows[0] / step)
+        return np.asarray(rows)
+
+    return measured
+
+
+def quiet(message: str) -> None:
+    """Say nothing."""
+
+
+if __name__ == "__main__":
+    main()
