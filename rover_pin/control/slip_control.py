@@ -170,6 +170,11 @@ class SlipControl:
         ratios = [float(speed_ratio(S)) for S in np.maximum(S_hat, LEAST_RATIO - 1.0).tolist()]
         return np.asarray(hole.r * reading.wheel_rate * ratios)
 
+    @property
+    def expression(self) -> ca.Function:
+        """The law of one wheel: (S_hat, integral, highest duty, rate, v, D), gains -> duty, dI/dt, dD/dt."""
+        return _one(self.hole)
+
     def native(self, wheels: int) -> Commands | None:
         """Return the same for the compiled loop, which keeps the memories; None with your own estimate or limit."""
         limit, true = native_limit(self.limit), type(self.estimate) is TrueSlip

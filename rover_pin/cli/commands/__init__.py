@@ -29,6 +29,7 @@ def add_to(app: typer.Typer) -> None:
     app.command("list")(listing.list_)
     app.command()(view.view)
     app.command()(export.export)
+    app.command("export-c")(export.export_c)
     app.command("close-loop")(close_loop.close_loop)
     app.command()(compare.compare)
     app.command("check-data")(check_data.check_data)

@@ -1,4 +1,4 @@
-"""`rover-pin export`: a drive for other tools."""
+"""`rover-pin export` and `export-c`: a drive for other tools, a slip control as one C file."""
 
 from enum import StrEnum
 from importlib.util import find_spec
@@ -8,10 +8,11 @@ from typing import Annotated
 import typer
 
 from rover_pin.base.errors import MissingExtraError
-from rover_pin.base.files.results_folder import say_what_is_replaced
+from rover_pin.base.files.results_folder import alone_in, say_what_is_replaced
 from rover_pin.base.trust import Trust
-from rover_pin.cli.commands.options import AsJson, Trusted
-from rover_pin.cli.terminal import report
+from rover_pin.cli.commands.completing import scenario_names
+from rover_pin.cli.commands.options import Add, AsJson, Gravity, ModelFile, Set, SoilName, Trusted
+from rover_pin.cli.terminal import assignments, report
 
 
 class Kind(StrEnum):
@@ -43,3 +44,34 @@ def export(
     file = out / f"{subject.trace.attrs.get('scenario', 'drive')}{'.rrd' if to is Kind.RERUN else f'.{to.value}'}"
     say_what_is_replaced(out, (file.name,))
     report({"exported": subject.name, "files": [str(write(file, subject))]}, as_json)
+
+
+def export_c(
+    scenario: Annotated[
+        str, typer.Argument(autocompletion=scenario_names, help="The rover and soil to control: ditch, flat ...")
+    ],
+    control: Annotated[
+        str, typer.Option(help="eq9 (the paper's), onboard, camera, or true: slip is given.")
+    ] = "onboard",
+    gravity: Gravity = "",
+    soil: SoilName = "",
+    model: ModelFile = None,
+    add: Add = [],  # noqa: B006 - typer wants a list
+    set_: Set = [],  # noqa: B006
+    out: Annotated[Path, typer.Option("--out", help="Folder for the files.")] = Path("out/control"),
+    as_json: AsJson = False,
+) -> None:
+    """Write a slip control as C, with test vectors."""
+    from rover_pin.control.embedded.folder import write_embedded
+    from rover_pin.control.embedded.source import embedded
+    from rover_pin.scenarios.scenario import scenario as ready
+
+    options = {"control": control, "gravity": gravity, "soil": soil, "model": model and str(model), "add": add}
+    settings = {**{name: value for name, value in options.items() if value}, **assignments(set_)}
+    chosen = ready(scenario, **settings)
+    taken = embedded(chosen.controller, chosen.model.rover)
+    say_what_is_replaced(out, ("rover_control.c",))
+    with alone_in(out):
+        written = write_embedded(taken, out)
+    build = "cc -std=c11 -O2 -ffp-contract=off rover_control.c test_vectors.c -lm -o test_vectors"
+    report({"control": control, "rover": taken.rover.name, "build": build, "files": list(map(str, written))}, as_json)

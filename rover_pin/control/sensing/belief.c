@@ -11,18 +11,18 @@ static double uniform(Belief *b) { /* xorshift64*: Vigna (2016), An experimental
   return (double)((x * 2685821657736338717ULL) >> 11) * 0x1p-53;
 }
 
-static double between(Belief *b, double low, double high) { return low + (high - low) * uniform(b); }
+static real evenly(Belief *b, real low, real high) { return low + (high - low) * uniform(b); }
 
-static void fill_normal(Belief *b, double *out) { /* Box and Muller's pairs */
+static void fill_normal(Belief *b, real *out) { /* Box and Muller's pairs */
   for (integer i = 0; i < b->N; i += 2) {
-    const double far = sqrt(-2.0 * log(1.0 - uniform(b))), turn = 2.0 * HALF_TURN * uniform(b);
+    const real far = sqrt(-2.0 * log(1.0 - uniform(b))), turn = 2.0 * HALF_TURN * uniform(b);
     out[i] = far * cos(turn);
     out[i + 1] = far * sin(turn);
   }
 }
 
-static double median(const double *values, integer n) {
-  double sorted[MAX_WHEELS];
+static real median(const real *values, integer n) {
+  real sorted[MAX_WHEELS];
   for (integer i = 0; i < n; ++i) {
     integer k = i;
     for (; k > 0 && sorted[k - 1] > values[i]; --k) sorted[k] = sorted[k - 1];
@@ -32,9 +32,9 @@ static double median(const double *values, integer n) {
 }
 
 /* Mean distance of the wheels' values from their median. */
-static double apart(const double *values, integer n) {
-  const double middle = median(values, n);
-  double sum = 0.0;
+static real apart(const real *values, integer n) {
+  const real middle = median(values, n);
+  real sum = 0.0;
   for (integer i = 0; i < n; ++i) sum += fabs(values[i] - middle);
   return sum / n;
 }
@@ -42,28 +42,28 @@ static double apart(const double *values, integer n) {
 /* Begin anew: any travel may be, nothing slips, no hole is dug. */
 void rover_pin_forget(Belief *b) {
   b->random = 88172645463325252ULL;
-  b->count = b->k = b->backwards = 0;
-  b->wall = b->rolled = 0.0;
-  memset(b->slip, 0, b->n * b->N * sizeof(double));
-  memset(b->hole, 0, b->n * b->N * sizeof(double));
+  b->count = b->k = b->backwards = b->folds = b->no_progress = 0;
+  b->wall = b->rolled = b->bend = b->reference = b->stuck = b->speed = 0.0;
+  memset(b->slip, 0, b->n * b->N * sizeof(real));
+  memset(b->hole, 0, b->n * b->N * sizeof(real));
   for (integer i = 0; i < b->N; ++i) {
-    b->share[i] = between(b, 0.0, 1.1);
+    b->share[i] = evenly(b, 0.0, 1.1);
     b->stalled[i] = uniform(b) < 0.1;
     b->log_weight[i] = b->way[i] = 0.0;
   }
 }
 
 /* Means over the last samples: of posture, torque and rate; and the posture's rates over all that are kept. */
-static void felt(Belief *b, const double *sample) {
+static void felt(Belief *b, const real *sample) {
   const integer n = b->n, p = b->n_posture, size = p + 2 * n;
-  if (b->count == WINDOW) memmove(b->samples, b->samples + size, (WINDOW - 1) * size * sizeof(double));
+  if (b->count == WINDOW) memmove(b->samples, b->samples + size, (WINDOW - 1) * size * sizeof(real));
   else ++b->count;
-  memcpy(b->samples + (b->count - 1) * size, sample, size * sizeof(double));
-  memset(b->mean, 0, size * sizeof(double));
-  memset(b->rates, 0, p * sizeof(double));
-  double squares = 0.0;
+  memcpy(b->samples + (b->count - 1) * size, sample, size * sizeof(real));
+  memset(b->mean, 0, size * sizeof(real));
+  memset(b->rates, 0, p * sizeof(real));
+  real squares = 0.0;
   for (integer k = 0; k < b->count; ++k) {
-    const double *row = b->samples + k * size, t = b->period * (k - 0.5 * (b->count - 1));
+    const real *row = b->samples + k * size, t = b->period * (k - 0.5 * (b->count - 1));
     const integer ago = b->count - k, of_posture = b->count < POSTURE ? b->count : POSTURE;
     const integer of_rest = b->count < RECENT ? b->count : RECENT;
     squares += t * t;
@@ -79,41 +79,41 @@ static void felt(Belief *b, const double *sample) {
 static void look(Belief *b) {
   const integer n = b->n, p = b->n_posture;
   for (integer i = 0; i < n; ++i) b->torque[i] = b->torque_per_current * b->mean[p + n + i];
-  const double *asked[3] = {b->mean, b->rates, b->torque};
-  double *told[1] = {b->under};
+  const real *asked[3] = {b->mean, b->rates, b->torque};
+  real *told[1] = {b->under};
   ground(asked, told, b->work_i, b->work_w, 0);
-  double highest = 0.0;
+  real highest = 0.0;
   for (integer i = 0; i < n; ++i) {
-    const double load = b->under[LOAD * n + i];
+    const real load = b->under[LOAD * n + i];
     b->rim[i] = b->radius[i] * (b->mean[p + i] + b->under[SWING * n + i]);
     b->tells[i] = load > LEAST_LOAD && fabs(b->rim[i]) > LEAST_RIM && !b->backwards;
     b->factor[i] = b->torque[i] / (b->radius[i] * fmax(load, LEAST_LOAD));
     if (b->tells[i]) highest = fmax(highest, b->factor[i]);
   }
   b->bend = apart(b->under + SLOPE * n, n);
-  const double excess = b->bend > BENT ? fmax(highest / b->most_factor - 1.1, 0.0) : 0.0;
+  const real excess = b->bend > BENT ? fmax(highest / b->most_factor - 1.1, 0.0) : 0.0;
   b->wall += b->wall_gain * (fmin(excess / 0.3, 1.0) - b->wall);
 }
 
 /* Modes and travel a period later; a rover that turns back may do anything. */
 static void move(Belief *b, int backwards) {
-  const double dt = b->period, usual = fmax(fabs(median(b->rim, b->n)), b->floor);
-  const double falls = (b->stalls + b->wall_stalls * fmin(b->wall, 1.0)) * dt;
+  const real dt = b->period, usual = fmax(fabs(median(b->rim, b->n)), b->floor);
+  const real falls = (b->stalls + b->wall_stalls * fmin(b->wall, 1.0)) * dt;
   b->reference = backwards ? -usual : usual;
   fill_normal(b, b->chance);
   for (integer i = 0; i < b->N; ++i) {
-    double share = b->share[i];
+    real share = b->share[i];
     int stalled = b->stalled[i] > 0.0;
     if (backwards != b->backwards) {
-      share = between(b, 0.3, 1.0);
+      share = evenly(b, 0.3, 1.0);
       stalled = uniform(b) < 0.1;
     }
-    const double drawn = uniform(b);
+    const real drawn = uniform(b);
     const int frees = stalled && drawn < b->frees * dt;
     stalled = (stalled && !frees) || (!stalled && drawn < falls);
     share += b->wander * sqrt(dt) * b->chance[i];
-    if (frees) share = between(b, 0.0, 0.6);
-    if (!stalled && uniform(b) < b->surprise * dt) share = between(b, -0.2, 1.2);
+    if (frees) share = evenly(b, 0.0, 0.6);
+    if (!stalled && uniform(b) < b->surprise * dt) share = evenly(b, -0.2, 1.2);
     b->share[i] = stalled ? 0.03 * b->chance[i] : fmin(fmax(share, -0.4), 1.4);
     b->stalled[i] = stalled;
     b->travel[i] = b->reference * b->share[i];
@@ -123,23 +123,23 @@ static void move(Belief *b, int backwards) {
   b->rolled += fmax(median(b->rim, b->n), 0.0) * dt;
 }
 
-static double expected(const Belief *b, double S) { /* F at a slip: linear in the table over [-1, 1] */
-  const double at = (fmin(fmax(S, -1.0), 1.0) + 1.0) * 0.5 * (N_FACTORS - 1);
+static real expected(const Belief *b, real S) { /* F at a slip: linear in the table over [-1, 1] */
+  const real at = (fmin(fmax(S, -1.0), 1.0) + 1.0) * 0.5 * (N_FACTORS - 1);
   const integer k = at >= N_FACTORS - 1 ? N_FACTORS - 2 : (integer)at;
   return b->factors[k] + (at - k) * (b->factors[k + 1] - b->factors[k]);
 }
 
 /* Slips and holes a period later, and what the torques say of them. */
 static void turn_wheels(Belief *b) {
-  _Alignas(64) double given[3 * LANES], result[2 * LANES], F[LANES];
+  _Alignas(64) real given[3 * LANES], result[2 * LANES], F[LANES];
   const integer n = b->n, N = b->N;
-  const double wide[1] = {b->strength * b->strength + b->bend * b->bend + b->wall_share * b->wall * b->wall_share * b->wall};
+  const real wide[1] = {b->strength * b->strength + b->bend * b->bend + b->wall_share * b->wall * b->wall_share * b->wall};
   for (integer i = 0; i < N; ++i) b->odds[i] = 1.0;
   for (integer w = 0; w < n; ++w) {
-    const double wheel[4] = {b->under[AHEAD * n + w], b->under[LEVEL * n + w], b->rim[w], b->radius[w]};
-    const double read[2] = {b->factor[w], wide[0]};
+    const real wheel[4] = {b->under[AHEAD * n + w], b->under[LEVEL * n + w], b->rim[w], b->radius[w]};
+    const real read[2] = {b->factor[w], wide[0]};
     for (integer i = 0; i < N; i += LANES) {
-      double *slip = b->slip + w * N + i, *hole = b->hole + w * N + i;
+      real *slip = b->slip + w * N + i, *hole = b->hole + w * N + i;
       memcpy(given, b->travel + i, sizeof F);
       memcpy(given + LANES, slip, sizeof F);
       memcpy(given + 2 * LANES, hole, sizeof F);
@@ -156,8 +156,8 @@ static void turn_wheels(Belief *b) {
 }
 
 /* Weigh by a law of one number a particle. */
-static void weigh(Belief *b, lanes_law law, const double *of, const double *shared, double by) {
-  _Alignas(64) double result[LANES];
+static void weigh(Belief *b, lanes_law law, const real *of, const real *shared, real by) {
+  _Alignas(64) real result[LANES];
   for (integer i = 0; i < b->N; i += LANES) {
     law(of + i, shared, result);
     for (int lane = 0; lane < LANES; ++lane) b->log_weight[i + lane] += by * result[lane];
@@ -168,21 +168,21 @@ static void weigh(Belief *b, lanes_law law, const double *of, const double *shar
 static void look_back(Belief *b) {
   const integer n = b->n, row = b->k / b->stride;
   if (b->k % b->stride) return;
-  double *now = b->past + (row % PAST) * (n + 2), changed[MAX_WHEELS], bend = 0.0;
-  memcpy(now, b->under + HEIGHT * n, n * sizeof(double));
+  real *now = b->past + (row % PAST) * (n + 2), changed[MAX_WHEELS], bend = 0.0;
+  memcpy(now, b->under + HEIGHT * n, n * sizeof(real));
   now[n] = b->bend;
   now[n + 1] = b->rolled;
-  memcpy(b->way_then + (row % PAST) * b->N, b->way, b->N * sizeof(double));
+  memcpy(b->way_then + (row % PAST) * b->N, b->way, b->N * sizeof(real));
   for (integer back = 1; back <= PAST - 1 && back <= row; ++back) {
-    const double *then = b->past + ((row - back) % PAST) * (n + 2);
+    const real *then = b->past + ((row - back) % PAST) * (n + 2);
     bend += then[n];
     if (back != STILL && back != PAST - 1) continue;
-    const double mean = (bend + b->bend) / (back + 1);
+    const real mean = (bend + b->bend) / (back + 1);
     for (integer i = 0; i < n; ++i) changed[i] = now[i] - then[i];
-    const double change = apart(changed, n), rolled = b->rolled - then[n + 1];
+    const real change = apart(changed, n), rolled = b->rolled - then[n + 1];
     if (back == STILL) {
       for (integer i = 0; i < b->N; ++i) b->odds[i] = b->way[i] - b->way_then[((row - back) % PAST) * b->N + i];
-      const double shared[2] = {change, mean};
+      const real shared[2] = {change, mean};
       weigh(b, still_law, b->odds, shared, 2.0 / STILL);
     } else {
       b->no_progress = mean > BENT && rolled > b->least_roll && change < fmax(0.3 * rolled * mean, b->settled);
@@ -191,74 +191,76 @@ static void look_back(Belief *b) {
 }
 
 /* Weights of sum 1, and what is told of slips, holes and standing. */
-static double tell(Belief *b) {
+static real tell(Belief *b) {
   const integer n = b->n, N = b->N;
-  double most = b->log_weight[0], sum = 0.0, squares = 0.0;
+  real most = b->log_weight[0], sum = 0.0, squares = 0.0;
   for (integer i = 0; i < N; ++i) most = fmax(most, b->log_weight[i]);
   for (integer i = 0; i < N; ++i) sum += b->weight[i] = exp(b->log_weight[i] -= most);
   b->stuck = b->speed = 0.0;
   for (integer i = 0; i < N; ++i) {
-    const double p = b->weight[i] /= sum;
+    const real p = b->weight[i] /= sum;
     squares += p * p;
     b->speed += p * b->travel[i];
     if (b->stalled[i] > 0.0 || b->share[i] < STANDING) b->stuck += p;
   }
   if (b->no_progress) b->stuck = 1.0;
   for (integer w = 0; w < n; ++w) {
-    double s = 0.0, ss = 0.0, d = 0.0, dd = 0.0;
+    real s = 0.0, ss = 0.0, d = 0.0, dd = 0.0;
+    const real *slip = b->slip + w * N, *hole = b->hole + w * N;
+    for (integer i = 0; i < N; ++i) s += b->weight[i] * slip[i], d += b->weight[i] * hole[i];
     for (integer i = 0; i < N; ++i) {
-      const double p = b->weight[i], slip = b->slip[w * N + i], hole = b->hole[w * N + i];
-      s += p * slip; ss += p * slip * slip; d += p * hole; dd += p * hole * hole;
+      ss += b->weight[i] * (slip[i] - s) * (slip[i] - s);
+      dd += b->weight[i] * (hole[i] - d) * (hole[i] - d);
     }
-    double *told = b->told + 4 * w;
-    told[0] = fmin(fmax(s, -1.0), 1.0); told[1] = sqrt(fmax(ss - s * s, 0.0));
-    told[2] = d; told[3] = sqrt(fmax(dd - d * d, 0.0));
+    real *told = b->told + 4 * w;
+    told[0] = fmin(fmax(s, -1.0), 1.0); told[1] = sqrt(ss);
+    told[2] = d; told[3] = sqrt(dd);
   }
   return 1.0 / squares;
 }
 
-static void pick(Belief *b, double *row) {
+static void pick(Belief *b, real *row) {
   for (integer i = 0; i < b->N; ++i) b->chance[i] = row[b->parent[i]];
-  memcpy(row, b->chance, b->N * sizeof(double));
+  memcpy(row, b->chance, b->N * sizeof(real));
 }
 
 /* Particles anew, in proportion to their weights, with even spacing. */
 static void resample(Belief *b) {
-  const double first = uniform(b);
-  double sum = b->weight[0];
+  const real first = uniform(b);
+  real sum = b->weight[0];
   integer k = 0;
   for (integer i = 0; i < b->N; ++i) {
     while (k < b->N - 1 && sum < (i + first) / b->N) sum += b->weight[++k];
     b->parent[i] = k;
   }
-  double *rows[] = {b->share, b->stalled, b->travel, b->way};
+  real *rows[] = {b->share, b->stalled, b->travel, b->way};
   for (int r = 0; r < 4; ++r) pick(b, rows[r]);
   for (integer w = 0; w < b->n; ++w) pick(b, b->slip + w * b->N), pick(b, b->hole + w * b->N);
   for (integer r = 0; r < PAST; ++r) pick(b, b->way_then + r * b->N);
   for (integer r = 0; r < b->lag + 1; ++r) pick(b, b->travel_then + r * b->N);
-  memset(b->log_weight, 0, b->N * sizeof(double));
+  memset(b->log_weight, 0, b->N * sizeof(real));
 }
 
 /* Visual odometry tells the speed of `lag` samples ago. */
-static void see(Belief *b, double late) {
+static void see(Belief *b, real late) {
   const integer rows = b->lag + 1;
-  memcpy(b->travel_then + (b->k % rows) * b->N, b->travel, b->N * sizeof(double));
+  memcpy(b->travel_then + (b->k % rows) * b->N, b->travel, b->N * sizeof(real));
   if (!isfinite(late) || b->k < b->lag) return;
-  const double *then = b->travel_then + ((b->k - b->lag) % rows) * b->N;
+  const real *then = b->travel_then + ((b->k - b->lag) % rows) * b->N;
   for (integer i = 0; i < b->N; ++i) {
-    const double off = (late - then[i]) / b->odometry_sd;
+    const real off = (late - then[i]) / b->odometry_sd;
     b->log_weight[i] -= 0.5 * off * off;
   }
 }
 
 /* One sample: posture, wheel rates and currents; whether the duties turn back; a late speed, or NaN. */
-void rover_pin_sense(Belief *b, const double *sample, integer backwards, double late) {
+void rover_pin_sense(Belief *b, const real *sample, integer backwards, real late) {
   felt(b, sample);
   look(b);
   move(b, backwards != 0);
   turn_wheels(b);
   if (b->folds) {
-    const double shared[2] = {apart(b->under + RISE * b->n, b->n), b->bend};
+    const real shared[2] = {apart(b->under + RISE * b->n, b->n), b->bend};
     weigh(b, fold_law, b->travel, shared, b->period / b->fold_correlated);
   }
   look_back(b);

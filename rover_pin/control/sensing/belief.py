@@ -82,6 +82,18 @@ def compiled(ground: ca.Function, laws: Sequence[ca.Function]) -> Compiled:
     return Compiled(handle, (ground.sz_iw(), ground.sz_w()))
 
 
+def row_lengths(wheels: int, links: int, lag: int) -> dict[str, int]:
+    """Return the lengths of the arrays of `double` that a belief works with, but for `told` and `work_w`."""
+    posture, many = 2 + links, PARTICLES
+    sample = posture + 2 * wheels
+    rows = {"mean": sample, "rates": posture, "samples": LENGTHS["WINDOW"] * sample, "under": len(UNDER) * wheels}
+    rows |= dict.fromkeys("torque rim factor tells".split(), wheels)
+    rows |= dict.fromkeys("share stalled travel way log_weight weight odds chance".split(), many)
+    past, lags = LENGTHS["PAST"], lag + 1
+    rows |= {"past": past * (wheels + 2), "way_then": past * many, "travel_then": lags * many}
+    return rows | {"slip": wheels * many, "hole": wheels * many}
+
+
 class Belief:
     """A belief in C: its numbers are given, its arrays are here."""
 
@@ -89,21 +101,18 @@ class Belief:
         self._library = functions.library
         self.struct = BeliefStruct()
         self.keep: dict[str, Any] = {}
-        posture, many = 2 + links, PARTICLES
-        self.sample = np.zeros(posture + 2 * wheels)
+        self.numbers = numbers
+        self.sample = np.zeros(2 + links + 2 * wheels)
         self.told = np.zeros((wheels, 4))
-        rows = {"mean": self.sample.size, "rates": posture, "torque": wheels, "rim": wheels, "factor": wheels}
-        rows |= {"tells": wheels, "under": len(UNDER) * wheels, "samples": LENGTHS["WINDOW"] * self.sample.size}
-        rows |= {
-            "past": LENGTHS["PAST"] * (wheels + 2),
-            "way_then": LENGTHS["PAST"] * many,
-            "travel_then": (lag + 1) * many,
-        }
-        rows |= {"slip": wheels * many, "hole": wheels * many, "work_w": functions.work[1]}
-        rows |= dict.fromkeys("share stalled travel way log_weight weight odds chance".split(), many)
-        whole = {"parent": np.zeros(many, dtype=np.int64), "work_i": np.zeros(functions.work[0] + 1, dtype=np.int64)}
-        given = {"n": wheels, "N": many, "n_posture": posture, "lag": lag, "told": self.told}
-        fill(self.struct, self.keep, {name: aligned(size) for name, size in rows.items()} | whole | given | numbers)
+        rows = row_lengths(wheels, links, lag) | {"work_w": functions.work[1]}
+        integers = {"parent": PARTICLES, "work_i": functions.work[0] + 1}
+        rows_of_integers = {name: np.zeros(size, dtype=np.int64) for name, size in integers.items()}
+        counts = {"n": wheels, "N": PARTICLES, "n_posture": 2 + links, "lag": lag, "told": self.told}
+        fill(
+            self.struct,
+            self.keep,
+            {name: aligned(size) for name, size in rows.items()} | rows_of_integers | counts | numbers,
+        )
         self._address = ctypes.addressof(self.struct)
         self.forget()
 
@@ -117,7 +126,7 @@ class Belief:
 
 
 def _source(ground: ca.Function, laws: Sequence[ca.Function]) -> str:
-    lines = [lanes.header(), generated_source(ground), "typedef int64_t integer;"]
+    lines = [lanes.header(), generated_source(ground), "typedef int64_t integer;", "typedef double real;"]
     lines += ["typedef void (*lanes_law)(const double *, const double *, double *);"]
     lines += [f"#define {name} {value!r}" for name, value in (LENGTHS | LEAST).items()]
     lines += [f"enum {{ {', '.join(UNDER)} }};", "typedef struct {", *members(FIELDS), "} Belief;"]

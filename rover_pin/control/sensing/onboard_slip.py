@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, field
 from functools import lru_cache
 
+import casadi as ca
 import numpy as np
 
 from rover_pin.control.hole_law import HoleLaw
@@ -128,6 +129,12 @@ class OnboardSlip:
         return self.belief.told[:, 0].copy()
 
     @property
+    def expressions(self) -> list[ca.Function]:
+        """The ground under the wheels, and the belief's laws."""
+        laws = belief_laws(self.holes, self.relaxed, self.trust, self.period)
+        return [ground_law(self.rover, self.places), *laws]
+
+    @property
     def sd(self) -> np.ndarray:
         """SD of the last estimate."""
         return self.belief.told[:, 1].copy()
@@ -167,5 +174,9 @@ class _Content:
 
 @lru_cache(maxsize=16)
 def _compiled(at: _Content, holes: HoleLaw, relaxed: RelaxedSlip, trust: ReadingTrust, period: float) -> Compiled:
-    laws = [wheel_law(holes, relaxed, period), *(law(trust) for law in (torque_law, fold_law, still_law))]
-    return compiled(ground_law(at.rover, at.places), laws)
+    return compiled(ground_law(at.rover, at.places), belief_laws(holes, relaxed, trust, period))
+
+
+def belief_laws(holes: HoleLaw, relaxed: RelaxedSlip, trust: ReadingTrust, period: float) -> list[ca.Function]:
+    """Return the laws of `laws.py` by which particles move on and are weighed."""
+    return [wheel_law(holes, relaxed, period), *(law(trust) for law in (torque_law, fold_law, still_law))]

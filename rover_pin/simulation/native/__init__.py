@@ -9,7 +9,7 @@ from rover_pin.simulation.native.shared import header
 FILES = (
     "lanes.h types.h shared.py drive.h system.h rigid.c wheel.c lanes.c grid.c arc.c patch.c law.c stiffness.c "
     "spots.c states.c assembly.c judge.c motor.c springs.c body.c solve.c account.c configuration.c step.c "
-    "pace.c row.c control.c loop.c settle.c"
+    "pace.c row.c tables.c control.c loop.c settle.c"
 ).split()
 """The files of the source: each uses only what those before it define."""
 

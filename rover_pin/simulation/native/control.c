@@ -1,39 +1,22 @@
 /* The built-in controllers, sampled in the loop: twins of control/'s classes, which say what they do and why. */
 
-#define SLOWEST_RIM 1e-3 /* as of control/slip_estimate.py */
-
-/* Linear between the points (x, y), the end values beyond. */
-static double between(double at, const double *x, const double *y, integer n) {
-  if (at <= x[0]) return y[0];
-  if (at >= x[n - 1]) return y[n - 1];
-  integer k = 0;
-  while (x[k + 1] <= at) ++k;
-  return (y[k + 1] - y[k]) / (x[k + 1] - x[k]) * (at - x[k]) + y[k];
-}
-
 /* v_hat of Eq (9) from the duty now applied. */
 static double speed_by_table(const Loop *l, double duty) {
-  const double way = (duty > 0.0) - (duty < 0.0);
-  return way * between(fabs(duty), l->table_duty, l->table_speed, l->n_table);
-}
-
-static double slip_by_table(const Loop *l, double rate, double speed) {
-  const double rim = l->table_radius * rate, sense = rim < 0.0 ? -1.0 : 1.0;
-  return fmin(1.0, fmax(-1.0, 1.0 - sense * speed / fmax(fabs(rim), SLOWEST_RIM)));
+  return signed_speed(duty, l->table_duty, l->table_speed, l->n_table);
 }
 
 /* The greatest |duty| that the torque limit allows a wheel in a sense of driving. */
 static double most_duty(const Loop *l, integer wheel, double pitch, double rate, double sense) {
   if (!l->limit_pitch) return 1.0;
   const double torque = between(pitch, l->limit_pitch, l->limit_torque + wheel * l->n_pitches, l->n_pitches);
-  return fmin(1.0, fmax(0.0, torque / l->stall_torque + sense * rate / l->no_load_rate));
+  return duty_for(torque, l->stall_torque, sense * rate / l->no_load_rate);
 }
 
 /* One sample of the slip control: its duty; its integral and hole go on. */
 static double slip_control(const Drive *d, Loop *l, integer wheel, double pitch, double rate) {
   const double *truth = d->record + wheel * N_RECORD;
   const double travel = l->table_duty ? speed_by_table(l, d->duty[wheel]) : truth[RECORD_TRAVEL];
-  const double slip = l->table_duty ? slip_by_table(l, rate, travel) : truth[RECORD_SLIP];
+  const double slip = l->table_duty ? slip_by_table(l->table_radius, rate, travel) : truth[RECORD_SLIP];
   const double most = most_duty(l, wheel, pitch, rate, 1.0);
   const double seen[6] = {slip, l->integral[wheel], most, rate, travel, l->depth[wheel]};
   const double *arguments[2] = {seen, l->gains};

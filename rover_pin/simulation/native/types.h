@@ -3,6 +3,7 @@
 #include <string.h>
 
 typedef int64_t integer;
+typedef double real;
 typedef int (*casadi_function)(const double **, double **, integer *, double *, int);
 typedef void (*lanes_function)(const double *, const double *, const double *, double *); /* varying, states, constants */
 typedef double Row __attribute__((vector_size(64), may_alias));

@@ -1,0 +1,23 @@
+/* One control sample, as control/slip_control.py has it: estimate, torque limit, PI law, and what is remembered. */
+
+void rover_control_reset(RoverControl *c) {
+  memset(c, 0, sizeof *c);
+  begin(c);
+}
+
+void rover_control_step(RoverControl *c, const RoverReading *in, RoverCommand *out) {
+  real travel[ROVER_WHEELS];
+  int i;
+  estimate(c, in, out, travel);
+  for (i = 0; i < ROVER_WHEELS; ++i) {
+    const real seen[6] = {out->slip[i], c->integral[i], highest(in, i), in->wheel_rate[i], travel[i], c->depth[i]};
+    const real *arguments[2] = {seen, GAINS};
+    real law[3], *results[1] = {law};
+    pi_law(arguments, results, 0, 0, 0);
+    c->integral[i] += ROVER_PERIOD * law[1];
+    c->depth[i] += ROVER_PERIOD * law[2];
+    out->duty[i] = law[0];
+    out->hole[i] = c->depth[i];
+  }
+  stop(c, out);
+}

@@ -1,0 +1,184 @@
+"""The parts of the C file that depend on what is taken away: estimates of the slip, the torque limit, the stop."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from rover_pin.base.errors import ParameterError
+from rover_pin.control.sensing.belief import FIELDS, LEAST, LENGTHS, PARTICLES, UNDER, row_lengths
+from rover_pin.control.sensing.onboard_slip import BACKWARDS, OnboardSlip
+from rover_pin.control.sensing.stop import StopStuck
+from rover_pin.control.slip_control import LEAST_RATIO, SlipControl
+from rover_pin.control.slip_estimate import TableEstimate, TrueSlip
+from rover_pin.control.torque_check import PITCHES, NoLimit, TorqueLimit
+from rover_pin.soil.slip import LOCKED
+
+
+def numbers(name: str, values: Iterable[float]) -> str:
+    """Return a C table of numbers, to the last bit."""
+    row = [repr(float(value)) for value in np.ravel(np.asarray(values))]
+    return f"static const real {name}[{len(row)}] = {{{', '.join(row)}}};"
+
+
+def of_table(estimate: TableEstimate) -> str:
+    """Return C of Eq (9): slip and travel from the duty now applied and the wheel's rate."""
+    duty, speed = estimate.table.duty, estimate.table.speed
+    return f"""{numbers("TABLE_DUTY", duty)}
+{numbers("TABLE_SPEED", speed)}
+
+static void estimate(RoverControl *c, const RoverReading *in, RoverCommand *out, real *travel) {{
+  int i;
+  (void)c;
+  for (i = 0; i < ROVER_WHEELS; ++i) {{
+    travel[i] = signed_speed(in->duty[i], TABLE_DUTY, TABLE_SPEED, {len(duty)});
+    out->slip[i] = slip_by_table({estimate.r!r}, in->wheel_rate[i], travel[i]);
+  }}
+  out->stands = 0.0;
+}}
+static void begin(RoverControl *c) {{ (void)c; }}
+"""
+
+
+OF_READING = """static void estimate(RoverControl *c, const RoverReading *in, RoverCommand *out, real *travel) {
+  (void)c;
+  memcpy(out->slip, in->slip, sizeof in->slip);
+  memcpy(travel, in->travel, sizeof in->travel);
+  out->stands = 0.0;
+}
+static void begin(RoverControl *c) { (void)c; }
+"""
+"""C of an estimate of the user's own: slip and travel are read."""
+
+
+def on_board(estimate: OnboardSlip, radius: float) -> str:
+    """Return C of the on-board estimate; a wheel's travel is by Eq (1) from its slip, its rim's radius `radius` [m]."""
+    wheels, links = len(estimate.rover.wheels), len(estimate.places)
+    belief = estimate.belief.numbers
+    tables = {"radius": "RADIUS", "factors": "FACTORS"}
+    settings = {"n": wheels, "N": PARTICLES, "n_posture": 2 + links, "lag": int(estimate.belief.struct.lag)}
+    settings |= {name: value for name, value in belief.items() if name not in tables}
+    lines = [f"  b->{name} = {value!r};" for name, value in settings.items()]
+    lines += [f"  b->{name} = {table};" for name, table in tables.items()]
+    return f"""{numbers("RADIUS", belief["radius"])}
+{numbers("FACTORS", belief["factors"])}
+
+static void begin(RoverControl *c) {{
+  Belief *b = &c->belief;
+{chr(10).join(lines)}
+  rover_pin_forget(b);
+}}
+
+static real slip_travel(real slip, real rim) {{ /* travel of a wheel of this slip, Eq (1) */
+  const real S = fmax(slip, {LEAST_RATIO - 1.0!r});
+  return rim * ((1.0 - fmax(S, 0.0)) / fmax(1.0 + fmin(S, 0.0), {LOCKED!r}));
+}}
+
+static void estimate(RoverControl *c, const RoverReading *in, RoverCommand *out, real *travel) {{
+  Belief *b = &c->belief;
+  real sample[{2 + links + 2 * wheels}], most = in->duty[0];
+  int i;
+  sample[0] = in->roll;
+  sample[1] = in->pitch;
+  for (i = 0; i < ROVER_LINKS; ++i) sample[2 + i] = in->suspension[i];
+  for (i = 0; i < ROVER_WHEELS; ++i) {{
+    sample[2 + ROVER_LINKS + i] = in->wheel_rate[i];
+    sample[2 + ROVER_LINKS + ROVER_WHEELS + i] = in->current[i];
+    most = fmax(most, in->duty[i]);
+  }}
+  rover_pin_sense(b, sample, most < {BACKWARDS!r}, in->seen_speed);
+  for (i = 0; i < ROVER_WHEELS; ++i) {{
+    out->slip[i] = b->told[4 * i];
+    c->depth[i] = b->told[4 * i + 2] + b->told[4 * i + 3];
+    travel[i] = slip_travel(out->slip[i], {radius!r} * in->wheel_rate[i]);
+  }}
+  out->stands = b->stuck;
+}}
+"""
+
+
+def belief_struct(estimate: OnboardSlip, work: tuple[int, int]) -> str:
+    """Return the C declaration of the estimator's memory: arrays of fixed length, nothing is allocated."""
+    wheels = len(estimate.rover.wheels)
+    lengths = row_lengths(wheels, len(estimate.places), int(estimate.belief.struct.lag))
+    lengths |= {"told": 4 * wheels, "work_w": max(work[1], 1), "parent": PARTICLES, "work_i": work[0] + 1}
+    lines = ["typedef struct {"]
+    for _, groups, form in FIELDS:
+        for name in (name for names in groups for name in names.split()):
+            if "*" not in form:
+                lines.append(f"  {_plain(form).format(name)};")
+            elif name in lengths:
+                lines.append(f"  {_plain(form).split()[0]} {name}[{lengths[name]}];")
+            else:
+                lines.append(f"  const rover_real *{name};")
+    return "\n".join([*lines, "} RoverBelief;"])
+
+
+def _plain(form: str) -> str:
+    return form.replace("double", "rover_real").replace("integer", "int")
+
+
+def belief_names() -> str:
+    """Return the C definitions that `belief.c` is written with."""
+    lines = [f"#define {name} {value!r}" for name, value in (LENGTHS | LEAST).items()]
+    return "\n".join([*lines, f"enum {{ {', '.join(UNDER)} }};", "typedef RoverBelief Belief;"])
+
+
+def of_limit(limit: TorqueLimit | NoLimit) -> str:
+    """Return C of the highest duty of a wheel: 1, or by the torque bound at the body's pitch."""
+    if isinstance(limit, NoLimit):
+        body = "  (void)in, (void)wheel;\n  return 1.0;"
+        return f"static real highest(const RoverReading *in, int wheel) {{\n{body}\n}}\n"
+    if type(limit) is not TorqueLimit:
+        raise ParameterError(
+            f"A torque limit of the class {type(limit).__name__} cannot be taken away: it is your own."
+        )
+    return f"""{numbers("PITCHES", PITCHES)}
+{numbers("TORQUES", np.array(limit.torques).T)}
+
+static real highest(const RoverReading *in, int wheel) {{ /* T_lim at this pitch, a row a wheel */
+  const real torque = between(in->pitch, PITCHES, TORQUES + wheel * {len(PITCHES)}, {len(PITCHES)});
+  const real back = in->wheel_rate[wheel] / {float(limit.motor.no_load_rate)!r};
+  return duty_for(torque, {float(limit.motor.stall_torque)!r}, back);
+}}
+"""
+
+
+def of_stop(control: StopStuck | None) -> str:
+    """Return C of the stop of a rover that is stuck, or of none."""
+    if control is None:
+        return "static void stop(RoverControl *c, RoverCommand *out) {\n  (void)c;\n  out->stopped = 0;\n}\n"
+    law, estimate = control.stop, control.estimate
+    return f"""static void stop(RoverControl *c, RoverCommand *out) {{
+  real deepest = 0.0;
+  int i;
+  c->late_share += {estimate.period / float(law.time)!r} * ((out->stands > {float(law.p_stands)!r}) - c->late_share);
+  for (i = 0; i < ROVER_WHEELS; ++i)
+    deepest = fmax(deepest, (c->belief.told[4 * i + 2] + c->belief.told[4 * i + 3]) / RADIUS[i]);
+  if (c->late_share > {float(law.share)!r} && deepest > {float(law.depth)!r}) c->stopped = 1;
+  if (c->stopped) memset(out->duty, 0, sizeof out->duty);
+  out->stopped = c->stopped;
+}}
+"""
+
+
+def of_estimate(control: SlipControl) -> str:
+    """Return C of a slip control's estimate.
+
+    Raises
+    ------
+    ParameterError
+        An estimate of another class: it stays where it is, and its slip is given with each reading.
+    """
+    estimate = control.estimate
+    if type(estimate) is TableEstimate:
+        return of_table(estimate)
+    if type(estimate) is OnboardSlip:
+        return on_board(estimate, float(control.hole.r) if control.hole else float(estimate.rover.wheel.r))
+    if type(estimate) is TrueSlip:
+        return OF_READING
+    raise ParameterError(
+        f"A slip estimate of the class {type(estimate).__name__} cannot be taken away: choose control = true, and give "
+        "the slips with each reading."
+    )

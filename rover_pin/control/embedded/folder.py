@@ -1,0 +1,55 @@
+"""A slip control's files to take away: C source, header, vectors, a test of both, a build file, CasADi's functions."""
+
+from __future__ import annotations
+
+from importlib.resources import files
+from pathlib import Path
+
+from rover_pin.base.files.columns import replace_file
+from rover_pin.control.embedded.source import Embedded
+from rover_pin.control.embedded.vectors import vectors
+
+COUNT, LIMIT, LIMIT_ON_BOARD = 400, 1e-12, 1e-11
+"""Samples of the vectors, 20 s; by how much the C may differ from them in double precision, and the on-board estimate,
+whose exponentials are not the same library's."""
+CMAKE = """cmake_minimum_required(VERSION 3.13)
+project(rover_control C)
+set(CMAKE_C_STANDARD 11)
+add_library(rover_control STATIC rover_control.c)
+target_include_directories(rover_control PUBLIC ${CMAKE_CURRENT_SOURCE_DIR})
+target_link_libraries(rover_control PUBLIC m)
+enable_testing()
+add_executable(test_vectors test_vectors.c)
+target_link_libraries(test_vectors rover_control)
+add_test(NAME vectors COMMAND test_vectors ${CMAKE_CURRENT_SOURCE_DIR}/vectors.csv LIMIT)
+"""
+
+
+def write_embedded(taken: Embedded, folder: str | Path, count: int = COUNT) -> list[Path]:
+    """Write what is taken away into a folder, and return its files.
+
+    Build and test: `cc -std=c11 -Wall -Werror -O2 rover_control.c test_vectors.c -lm && ./a.out vectors.csv`, or CMake.
+    """
+    place, limit = Path(folder), LIMIT_ON_BOARD if taken.on_board else LIMIT
+    (place / "functions").mkdir(parents=True, exist_ok=True)
+    texts = {
+        "rover_control.h": taken.header,
+        "rover_control.c": taken.source,
+        "CMakeLists.txt": CMAKE.replace("LIMIT", f"{limit:g}"),
+    }
+    texts["test_vectors.c"] = files("rover_pin.control.embedded").joinpath("test_vectors.c").read_text(encoding="utf-8")
+    texts["vectors.csv"] = _table(taken, count)
+    paths = [replace_file(place / name, text) for name, text in texts.items()]
+    for function in taken.expressions:
+        paths.append(replace_file(place / "functions" / f"{function.name()}.casadi", function.serialize()))
+    return paths
+
+
+def _table(taken: Embedded, count: int) -> str:
+    names = [wheel.name for wheel in taken.rover.wheels]
+    groups = ("duty", "wheel_rate", "current"), ("slip_given", "travel"), ("duty_out", "slip", "hole")
+    before, external, out = ([f"{group}_{name}" for group in row for name in names] for row in groups)
+    links = [f"suspension_{at}" for at in range(taken.links)]
+    heads = ["anew", *before, *links, "roll", "pitch", "seen_speed", *external, *out, "stands", "stopped"]
+    rows = (",".join(map(repr, row)) for row in vectors(taken, count))
+    return "\n".join([",".join(heads), *rows, ""])

@@ -1,0 +1,191 @@
+"""The C of a slip control: header and source, from the same expressions as the package's own loop."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from importlib.resources import files
+
+import casadi as ca
+
+from rover_pin import version
+from rover_pin.base.errors import ParameterError
+from rover_pin.control.embedded.estimates import belief_names, belief_struct, numbers, of_estimate, of_limit, of_stop
+from rover_pin.control.sensing.onboard_slip import OnboardSlip
+from rover_pin.control.sensing.stop import StopStuck
+from rover_pin.control.slip_control import SlipControl
+from rover_pin.control.slip_estimate import TableEstimate
+from rover_pin.control.torque_check import TorqueLimit
+from rover_pin.rover.rover import Rover
+from rover_pin.simulation.command import Controller
+
+READING = """typedef struct {{ /* what is read at a sample; wheels in the order {names} */
+  rover_real duty[ROVER_WHEELS]; /* now applied [-] */
+  rover_real wheel_rate[ROVER_WHEELS]; /* of the wheels' joints [rad/s] */
+  rover_real current[ROVER_WHEELS]; /* of the motors [A]{current} */
+  rover_real suspension[{room}]; /* angles of {links} [rad]{link_use} */
+  rover_real roll, pitch; /* of the base [rad]; nose down is above 0 */
+  rover_real seen_speed; /* forwards, of visual odometry [m/s]; NaN where there is none{odometry} */
+  rover_real slip[ROVER_WHEELS], travel[ROVER_WHEELS]; /* slip and speed over the ground [-, m/s]{slip} */
+}} RoverReading;"""
+UNUSED = "; not looked at"
+COMMAND = """typedef struct {
+  rover_real duty[ROVER_WHEELS]; /* to apply until the next sample [-] */
+  rover_real slip[ROVER_WHEELS], hole[ROVER_WHEELS]; /* estimates: slip [-], depth of each wheel's hole [m] */
+  rover_real stands; /* probability that the rover stands while its wheels turn; 0 where that is not estimated */
+  int stopped; /* whether it is stuck, and all duties are 0 from now on */
+} RoverCommand;"""
+TABLES = {"table": ("between", "signed_speed", "slip_by_table"), "limit": ("between", "duty_for")}
+
+
+@dataclass(frozen=True)
+class Embedded:
+    """A slip control to take away, of a rover."""
+
+    control: SlipControl
+    rover: Rover
+    stop: StopStuck | None = None
+
+    @property
+    def controller(self) -> SlipControl | StopStuck:
+        """The control, with the stop that it may have."""
+        return self.stop or self.control
+
+    @property
+    def on_board(self) -> OnboardSlip | None:
+        """The on-board estimate, where the control has it."""
+        return self.control.estimate if isinstance(self.control.estimate, OnboardSlip) else None
+
+    @property
+    def links(self) -> int:
+        """How many suspension angles are read."""
+        return len(self.on_board.places) if self.on_board else 0
+
+    @cached_property
+    def expressions(self) -> list[ca.Function]:
+        """The CasADi functions that it computes."""
+        return [self.control.expression, *(self.on_board.expressions if self.on_board else ())]
+
+    @cached_property
+    def header(self) -> str:
+        """The C header."""
+        wheels = ", ".join(wheel.name for wheel in self.rover.wheels)
+        on_board = self.on_board
+        reading = READING.format(
+            names=wheels,
+            room="ROVER_LINKS" if self.links else "1",
+            links="the suspension's joints",
+            current="" if on_board else UNUSED,
+            link_use="" if on_board else UNUSED,
+            odometry="" if on_board and on_board.odometry else UNUSED,
+            slip=UNUSED if on_board or isinstance(self.control.estimate, TableEstimate) else "",
+        )
+        work = (self.expressions[1].sz_iw(), self.expressions[1].sz_w()) if on_board else (0, 0)
+        belief = [belief_struct(on_board, work)] if on_board else []
+        memory = ["typedef struct { /* what is remembered; its fields are private */"]
+        memory += ["  rover_real integral[ROVER_WHEELS], depth[ROVER_WHEELS], late_share;", "  int stopped;"]
+        memory += [*(["  RoverBelief belief;"] if on_board else []), "} RoverControl;"]
+        lines = [
+            f"/* Slip control of {self.rover.name}, by rover-pin {version.__version__}: C11 with libm.",
+            f"   Call rover_control_step every {self.control.period:g} s. -DROVER_REAL=float for single precision. */",
+            "#ifndef ROVER_CONTROL_H\n#define ROVER_CONTROL_H\n#ifndef ROVER_REAL\n#define ROVER_REAL double\n#endif",
+            "typedef ROVER_REAL rover_real;",
+            f"#define ROVER_WHEELS {len(self.rover.wheels)}\n#define ROVER_LINKS {self.links}",
+            f"#define ROVER_PERIOD {self.control.period!r}",
+            *belief,
+            reading,
+            COMMAND,
+            *memory,
+            "void rover_control_reset(RoverControl *control); /* before the first step */",
+            "void rover_control_step(RoverControl *control, const RoverReading *reading, RoverCommand *command);",
+            "#endif",
+        ]
+        return "\n".join([*lines, ""])
+
+    @cached_property
+    def source(self) -> str:
+        """The C source."""
+        on_board, control = self.on_board, self.control
+        needed = [*(TABLES["table"] if isinstance(control.estimate, TableEstimate) else ())]
+        needed += TABLES["limit"] if isinstance(control.limit, TorqueLimit) else ()
+        lines = ['#include "rover_control.h"', "#include <math.h>", "#include <string.h>"]
+        lines += [
+            "typedef rover_real real;\ntypedef int integer;",
+            "#define casadi_real real",
+            "#define casadi_int int",
+        ]
+        lines += [
+            _tables(needed),
+            _functions(self.expressions),
+            numbers("GAINS", [float(value) for value in control.gains.values().values()]),
+        ]
+        if on_board:
+            lines += [
+                belief_names(),
+                "#define LANES 1",
+                "typedef void (*lanes_law)(const real *, const real *, real *);",
+            ]
+            lines += [_one_lane(law.name()) for law in self.expressions[2:]]
+            lines += [_belief()]
+        lines += [of_estimate(control), of_limit(control.limit), of_stop(self.stop)]
+        return "\n".join([*lines, _file("rover_pin.control.embedded", "controller.c")])
+
+
+def embedded(controller: Controller, rover: Rover) -> Embedded:
+    """Return a controller as it can be taken away.
+
+    Raises
+    ------
+    ParameterError
+        A controller that is no slip control, or one with parts of its user's own.
+    """
+    stop = controller if isinstance(controller, StopStuck) else None
+    control = stop.controller if stop else controller
+    if not isinstance(control, SlipControl):
+        raise ParameterError(
+            "Only a slip control can be taken away: choose control = eq9, onboard, camera or true (the slip is then "
+            "given with each reading)."
+        )
+    return Embedded(control, rover, stop)
+
+
+def _file(package: str, name: str) -> str:
+    return files(package).joinpath(name).read_text(encoding="utf-8")
+
+
+def _tables(needed: Sequence[str]) -> str:
+    """Return the functions of `tables.c` that are needed: an unused one is a warning."""
+    parts = _file("rover_pin.simulation.native", "tables.c").split("\n\n")
+    used = [part for part in parts if any(re.search(rf"static real {name}\(", part) for name in needed)]
+    return "\n\n".join([*(part for part in parts if part.startswith("#define") and needed), *used])
+
+
+def _belief() -> str:
+    text = _file("rover_pin.control.sensing", "belief.c")
+    return re.sub(r"^void rover_pin_", "static void rover_pin_", text, flags=re.MULTILINE)
+
+
+def _functions(expressions: Sequence[ca.Function]) -> str:
+    """Return CasADi's C of the functions, static and by their names, with its own helpers and nothing else."""
+    generator = ca.CodeGenerator("laws.c", {"with_header": False, "with_export": False})
+    for function in expressions:
+        generator.add(function)
+    text = str(generator.dump())
+    helpers = re.findall(r"^casadi_real casadi_\w+\([^)]*\) \{.*?\}$", text, re.MULTILINE | re.DOTALL)
+    bodies = re.findall(r"^static int (casadi_f\d+)(\(.*?^\})", text, re.MULTILINE | re.DOTALL)
+    names = re.findall(r"^int (\w+)\(const casadi_real\*\* arg.*?\{\s*return (casadi_f\d+)\(", text, re.MULTILINE)
+    called = {inner: outer for outer, inner in names}
+    return "\n\n".join(
+        [*(f"static {helper}" for helper in helpers), *(f"static int {called[name]}{body}" for name, body in bodies)]
+    )
+
+
+def _one_lane(name: str) -> str:
+    """Return a law as `belief.c` calls it, for one particle."""
+    return (
+        f"static void {name}_lane(const real *of, const real *shared, real *result) {{\n"
+        "  const real *arguments[2] = {of, shared};\n  real *results[1] = {result};\n"
+        f"  {name}(arguments, results, 0, 0, 0);\n}}\n#define {name} {name}_lane"
+    )

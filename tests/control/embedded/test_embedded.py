@@ -1,0 +1,144 @@
+"""A slip control taken away as C: it compiles without a warning and answers as the package does, sample by sample."""
+
+import shutil
+import subprocess
+
+import casadi as ca
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from rover_pin import scenario
+from rover_pin.base.errors import ParameterError
+from rover_pin.cli.app import app
+from rover_pin.control.embedded.folder import write_embedded
+from rover_pin.control.embedded.source import embedded
+from rover_pin.control.embedded.vectors import vectors
+from rover_pin.simulation.compiled.toolchain import compiler
+
+STRICT = ("-std=c11", "-Wall", "-Werror", "-O2", "-ffp-contract=off")
+SANE = (*STRICT[:3], "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
+CONTROLS = {
+    "eq9": {"control": "eq9"},
+    "eq9 without limit": {"control": "eq9", "control.limit": "none"},
+    "eq9 in holes": {"control": "eq9", "control.aim": "hole", "control.limit": "at-slip"},
+    "slip given": {"control": "true", "control.aim": "hole"},
+    "on board": {"control": "onboard"},
+    "on board, never stopped": {"control": "onboard", "control.stop": "never", "control.aim": "constant"},
+    "camera": {"control": "camera"},
+}
+
+
+def taken(**settings):
+    chosen = scenario("ditch", **settings)
+    return embedded(chosen.controller, chosen.model.rover)
+
+
+def built(folder, flags=STRICT):
+    words = [*compiler(), *flags, "rover_control.c", "test_vectors.c", "-lm", "-o", "test_vectors"]
+    made = subprocess.run(words, cwd=folder, capture_output=True, text=True, check=False)
+    assert made.returncode == 0, made.stderr
+    return folder / "test_vectors"
+
+
+def stepped(program, limit="1e-12"):
+    return subprocess.run(
+        [program, "vectors.csv", limit], cwd=program.parent, capture_output=True, text=True, check=False
+    )
+
+
+@pytest.mark.parametrize("settings", CONTROLS.values(), ids=CONTROLS)
+def test_c_answers_as_the_package(settings, tmp_path):
+    write_embedded(taken(**settings), tmp_path)
+    done = stepped(built(tmp_path))
+    assert done.returncode == 0, done.stdout
+    assert done.stdout.startswith("400 samples")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("settings", CONTROLS.values(), ids=CONTROLS)
+def test_ten_thousand_samples_under_sanitizers(settings, tmp_path):
+    own = taken(**settings)
+    write_embedded(own, tmp_path, 10_000)
+    done = stepped(built(tmp_path, SANE), "1e-11" if own.on_board else "1e-12")
+    assert done.returncode == 0, (done.stdout, done.stderr)
+    assert done.stdout.startswith("10000 samples")
+
+
+@pytest.mark.parametrize("name", ["eq9", "slip given"])
+def test_single_precision_is_near(name, tmp_path):
+    write_embedded(taken(**CONTROLS[name]), tmp_path)
+    program = built(tmp_path, (*STRICT, "-DROVER_REAL=float"))
+    assert stepped(program, "1e-2").returncode == 0
+    assert stepped(program).returncode == 1
+
+
+def test_vectors_notice_a_number_that_is_otherwise(tmp_path):
+    write_embedded(taken(control="eq9"), tmp_path)
+    source = (tmp_path / "rover_control.c").read_text()
+    head, table = source.split("TABLE_SPEED[", 1)
+    (tmp_path / "rover_control.c").write_text(head + "TABLE_SPEED[" + table.replace("0.0, 0.0", "0.0, 0.001", 1))
+    assert stepped(built(tmp_path)).returncode == 1
+
+
+def test_vectors_try_all_that_a_control_decides():
+    """Duties within and at their limits, stops and their ends, estimates that are sure and that are not."""
+    rows = np.array(list(vectors(taken(control="onboard"), 2000)))
+    stands, stopped = rows[:, -2], rows[:, -1]
+    duty = rows[:, -2 - 18 : -2 - 12]
+    assert 0.05 < stopped.mean() < 0.95
+    assert stands.min() < 0.1 < 0.9 < stands.max()
+    assert np.unique(np.round(duty, 6)).size > 100
+    assert rows[:, 0].sum() == 20
+
+
+@pytest.mark.skipif(shutil.which("cmake") is None, reason="cmake is not installed")
+def test_cmake_builds_and_tests_it(tmp_path):
+    write_embedded(taken(control="eq9"), tmp_path)
+    for words in (["cmake", "-B", "build", "."], ["cmake", "--build", "build"], ["ctest", "--test-dir", "build"]):
+        done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_functions_are_casadi_s_by_their_names(tmp_path):
+    own = taken(control="onboard")
+    write_embedded(own, tmp_path, 1)
+    names = {function.name() for function in own.expressions}
+    assert names == {"pi_law", "ground", "wheel_law", "torque_law", "fold_law", "still_law"}
+    for function in own.expressions:
+        read = ca.Function.deserialize((tmp_path / "functions" / f"{function.name()}.casadi").read_text())
+        given = [np.linspace(0.1, 0.9, read.numel_in(at)) for at in range(read.n_in())]
+        np.testing.assert_array_equal(read(*given), function(*given))
+
+
+def test_command_writes_and_says_how_to_build(tmp_path):
+    done = CliRunner().invoke(app, ["export-c", "ditch", "--control", "eq9", "--out", str(tmp_path)])
+    assert done.exit_code == 0, done.output
+    assert "cc -std=c11" in done.output
+    assert stepped(built(tmp_path)).returncode == 0
+
+
+@pytest.mark.parametrize("control", ["none", "limit", "crab", "tracked"])
+def test_what_is_no_slip_control_of_the_package_is_refused(control):
+    with pytest.raises(ParameterError, match="taken away"):
+        taken(control=control).source  # noqa: B018
+
+
+def test_an_estimate_that_begins_anew_has_forgotten_all():
+    own = taken(control="onboard")
+    first, second = list(vectors(own, 100)), list(vectors(own, 200))[100:]
+    estimate = own.on_board
+    told = []
+    for rows in (first, second, first):
+        estimate.reset()
+        links, wheels = own.links, 6
+        for row in rows:
+            duty, rest = row[1 : 1 + wheels], row[1 + wheels :]
+            sample = estimate.belief.sample
+            sample[2 + links :] = rest[: 2 * wheels]
+            sample[2 : 2 + links] = rest[2 * wheels : 2 * wheels + links]
+            sample[:2] = rest[2 * wheels + links : 2 * wheels + links + 2]
+            estimate.belief.sense(max(duty) < -0.02, float("nan"))
+        told.append((estimate.belief.told.copy(), estimate.p_stands, estimate.speed))
+    np.testing.assert_array_equal(told[0][0], told[2][0])
+    assert told[0][1:] == told[2][1:]
