@@ -268,7 +268,7 @@ def _model(scene: Scene, request: Settings, trust: Trust) -> Made:
         model = model.having(GearFriction(tau_c=friction))
     model = _cruising(model, request, resists)
     model = having(
-        model, request.take("add", (), source="effects to add, as DiggingMemory.c_d=0.1: rover-pin list effects")
+        model, request.take("add", (), source="effects to add, as DiggingMemory.c_d=0.1: rover-pin list effects"), trust
     )
     for effect in model.all_effects:
         changes = request.record(f"effect.{type(effect).__name__}", effect)

@@ -1,11 +1,15 @@
 """Effects in a word: what each word adds, that every effect can be said, and every refusal."""
 
+import json
 import math
 
 import pytest
+from typer.testing import CliRunner
 
 from rover_pin.base.errors import ParameterError
 from rover_pin.base.quantity import quantities
+from rover_pin.base.trust import Trust
+from rover_pin.cli.app import app
 from rover_pin.effects.digging_memory import DiggingMemory
 from rover_pin.effects.gravity_tilt import GravityTilt
 from rover_pin.effects.motion_resistance import MotionResistance
@@ -102,3 +106,41 @@ def test_asymmetric_effect_prevents_the_mirrored_drive():
     assert scenario("incline", add=DiggingMemory()).symmetric
     assert not scenario("incline", add="WeakMotor.g=0.1").symmetric
     assert not scenario("incline", add=GravityTilt(rise_y=0.1)).symmetric
+
+
+OWN = """
+from dataclasses import dataclass
+from typing import ClassVar
+from rover_pin.base.quantity import quantity
+from rover_pin.effects.effect import Effect
+from rover_pin.contact import Load
+
+@dataclass(frozen=True)
+class Drag(Effect):
+    share: float = quantity(0.05, "", "assumed", 0.0, 1.0)
+    neutral: ClassVar[dict] = {"share": 0.0}
+
+    def load(self, contact, load, x):
+        return Load(f_t=-self.share * load.f_n)
+"""
+
+
+def test_a_word_is_also_an_effect_of_a_file_that_is_trusted(tmp_path):
+    (tmp_path / "drag.py").write_text(OWN)
+    (tmp_path / "control.py").write_text("def controller(model):\n    return lambda reading: 0.5\n")
+    trust = Trust.of([tmp_path / "control.py", tmp_path / "drag.py"])
+    model = having(MODEL, ["Drag.share=0.1", "PostPeak", "Drag.share=0.2"], trust)
+    (own,) = [effect for effect in model.all_effects if type(effect).__name__ == "Drag"]
+    assert own.share == 0.2
+    assert model.effect(PostPeak) == PostPeak()
+    with pytest.raises(ParameterError, match="needs --effects FILE"):
+        having(MODEL, "Drag")
+
+
+def test_a_drive_adds_an_effect_of_one_s_own(tmp_path):
+    (tmp_path / "drag.py").write_text(OWN)
+    ways = []
+    for more in ([], ["--effects", str(tmp_path / "drag.py"), "--add", "Drag.share=0.1"]):
+        words = ["drive", "flat", "--set", "duration=2", "--json", "--out", str(tmp_path / "out"), *more]
+        ways.append(json.loads(CliRunner().invoke(app, words).stdout)["distance_m"])
+    assert ways[1] < ways[0] - 0.003

@@ -203,7 +203,7 @@ static real tell(Belief *b) {
     b->speed += p * b->travel[i];
     if (b->stalled[i] > 0.0 || b->share[i] < STANDING) b->stuck += p;
   }
-  if (b->no_progress) b->stuck = 1.0;
+  b->stuck = b->no_progress ? 1.0 : fmin(b->stuck, 1.0);
   for (integer w = 0; w < n; ++w) {
     real s = 0.0, ss = 0.0, d = 0.0, dd = 0.0;
     const real *slip = b->slip + w * N, *hole = b->hole + w * N;

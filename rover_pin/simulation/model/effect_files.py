@@ -64,6 +64,12 @@ def user_effects(path: str | Path) -> tuple[type[AnyEffect], ...]:
     return kinds
 
 
+def trusted_effects(trust: Trust) -> tuple[type[AnyEffect], ...]:
+    """Return the effects of all files that the user trusts by name; a file may hold none, as a controller's does."""
+    files = [file for path in trust.effects for file in (sorted(path.glob("*.py")) if is_folder(path) else [path])]
+    return tuple(kind for file in files for kind in defined_in(run_file(file)))
+
+
 def _made(kind: type[AnyEffect]) -> AnyEffect:
     """Return an effect of a user's file with its defaults, as it is tried first."""
     try:
@@ -185,14 +191,18 @@ def effect_from(entry: Mapping[str, Any], where: str, folder: Path, trust: Trust
     ParameterError
         An unknown field, unit or value, or one out of bounds.
     """
-    fields, name = dict(entry), text_in(entry, "name", where)
-    file = fields.pop("file", None)
-    fields.pop("name", None)
-    kinds = {kind.__name__: kind for kind in package_effects()}
+    kinds, file = {kind.__name__: kind for kind in package_effects()}, entry.get("file")
     if file is not None:
         code = folder / str(file)
-        trust.refuse_code(code, f"{where} {name}".rstrip())
+        trust.refuse_code(code, f"{where} {text_in(entry, 'name', where)}".rstrip())
         kinds |= {kind.__name__: kind for kind in user_effects(code)}
+    return effect_among(kinds, entry, where)
+
+
+def effect_among(kinds: Mapping[str, type[AnyEffect]], entry: Mapping[str, Any], where: str) -> AnyEffect:
+    """Return the effect of a TOML table, one of these by the names of their classes; see `effect_from`."""
+    name = text_in(entry, "name", where)
+    fields = {field: value for field, value in entry.items() if field not in ("name", "file")}
     if name not in kinds:
         raise DataError(f"{where}: there is no effect '{name}': {closest(name, kinds)}")
     default, where = kinds[name](), f"{where} {name}"

@@ -3,28 +3,31 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable
-from pathlib import Path
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from rover_pin.base.errors import DataError, ParameterError, closest
 from rover_pin.base.quantity import check, parse_quantity, quantities, written_unit
+from rover_pin.base.trust import Trust
 from rover_pin.rover.rover import Rover
 from rover_pin.simulation.model.effect_files import (
     BASES,
     AnyEffect,
+    effect_among,
     effect_entry,
-    effect_from,
     package_effects,
     reading_traction,
+    trusted_effects,
 )
 from rover_pin.simulation.model.model import OWNERS, Model, same_place
 
 FORM = "write it as EFFECT or EFFECT.name=value,name=value, as DiggingMemory.c_d=0.1"
 
 
-def having(model: Model, effects: AnyEffect | str | Iterable[AnyEffect | str]) -> Model:
+def having(model: Model, effects: AnyEffect | str | Iterable[AnyEffect | str], trust: Trust = Trust()) -> Model:
     """Return the model with effects added in turn, each an effect or a word for one; a text may hold several words.
+
+    A class that is not of the package is sought in the files that `trust` names.
 
     A word changes what it names of the effect of its class and wheel or channel that the model has, else of the
     class's defaults; an effect that reads the traction law reads the model's. A wheel goes by name or number, an angle
@@ -35,9 +38,19 @@ def having(model: Model, effects: AnyEffect | str | Iterable[AnyEffect | str]) -
     ParameterError
         A word or value that cannot be read, an unknown effect or field, with the close ones, a value out of bounds.
     """
-    for entry in _listed(effects):
-        model = model.having(effect_of(entry, model) if isinstance(entry, str) else entry)
+    entries = _listed(effects)
+    kinds = kinds_for([entry for entry in entries if isinstance(entry, str)], trust)
+    for entry in entries:
+        model = model.having(effect_of(entry, model, kinds) if isinstance(entry, str) else entry)
     return model
+
+
+def kinds_for(effect_words: Iterable[str], trust: Trust = Trust()) -> dict[str, type[AnyEffect]]:
+    """Return the effects of the package by name; where a word names another, those of trusted files too."""
+    kinds = {kind.__name__: kind for kind in package_effects()}
+    if all(word.partition(".")[0] in kinds for word in effect_words):
+        return kinds
+    return kinds | {kind.__name__: kind for kind in trusted_effects(trust)}
 
 
 def words_of(effects: AnyEffect | str | Iterable[AnyEffect | str]) -> list[str]:
@@ -66,12 +79,14 @@ def _listed(effects: Any) -> list[AnyEffect | str]:
     return [word for entry in effects for word in _listed(entry)]
 
 
-def effect_of(word: str, model: Model) -> AnyEffect:
-    """Return the effect that a word stands for on this model."""
+def effect_of(word: str, model: Model, kinds: Mapping[str, type[AnyEffect]] | None = None) -> AnyEffect:
+    """Return the effect that a word stands for on this model, of the package unless other `kinds` are given."""
     name, dot, settings = word.partition(".")
-    kinds = {kind.__name__: kind for kind in package_effects()}
+    kinds = kinds_for(()) if kinds is None else kinds
     if name not in kinds:
-        raise ParameterError(f"There is no effect '{name}' to add: {closest(name, kinds)}")
+        raise ParameterError(
+            f"There is no effect '{name}' to add: {closest(name, kinds)} One of your own needs --effects FILE."
+        )
     if dot and not settings:
         raise ParameterError(f"{word}: {FORM}.")
     texts = dict(_pair(word, part) for part in settings.split(",")) if dot else {}
@@ -82,7 +97,7 @@ def effect_of(word: str, model: Model) -> AnyEffect:
     effect = next((present for present in model.all_effects if same_place(present, effect)), effect)
     values = dict(_value(word, effect, field, text) for field, text in texts.items())
     try:
-        return effect_from({**effect_entry(effect), **values}, "effect", Path())
+        return effect_among(kinds, {**effect_entry(effect), **values}, "effect")
     except DataError as error:
         raise ParameterError(str(error)) from error
 
