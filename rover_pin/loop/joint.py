@@ -24,7 +24,9 @@ from rover_pin.experiments.wheel_rig.data import as_rig_set
 from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.known_elsewhere import flags
 from rover_pin.experiments.wheel_rig.model_file import write_model
+from rover_pin.experiments.wheel_rig.next_runs import runs_ahead
 from rover_pin.experiments.wheel_rig.presets import describe_declared
+from rover_pin.inference.next_measurement import Offer
 from rover_pin.loop.provenance import LoopRequest, provenance
 from rover_pin.loop.verdict_file import written_last
 from rover_pin.measurements.finding import Finding
@@ -76,7 +78,16 @@ def question_of(joint: JointRig, kinds: Sequence[type]) -> Question:
     """Return what is asked of several sets: which of these kinds of effects one model of all lacks."""
     model = joint.base_model()
     numbers = joint.uncertain(model)
-    return Question("wheel-rig", joint.name, joint, model, numbers, lambda base: joint.candidates(base.model, kinds))
+    ahead = JointRig({name: runs_ahead(data) for name, data in joint.sets.items()})
+    return Question(
+        "wheel-rig",
+        joint.name,
+        joint,
+        model,
+        numbers,
+        lambda base: joint.candidates(base.model, kinds),
+        offers=lambda leading: (Offer(ahead, ahead.noise()),),
+    )
 
 
 def _findings(joint: JointRig) -> list[Finding]:

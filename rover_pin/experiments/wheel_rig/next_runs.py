@@ -18,7 +18,13 @@ LOADS = (0.5, 1.0, 2.0)
 
 
 def next_runs(data: RigSet) -> Offer:
-    """Return what the rig could measure next: every slip and load, at each of its slip angles, by its channels."""
+    """Return what the rig could measure next."""
+    experiment = RigExperiment(runs_ahead(data))
+    return Offer(experiment, experiment.noise())
+
+
+def runs_ahead(data: RigSet) -> RigSet:
+    """Return a set of runs not made yet: every slip and load, at each slip angle of a set, by its channels, all 0."""
     rig, mean = data.rig, float(np.mean(data.rig.load))
     angles = np.unique(np.round(rig.slip_angle, 2))
     table = np.array(list(itertools.product(mean * np.array(LOADS), SLIPS, angles)))
@@ -29,8 +35,7 @@ def next_runs(data: RigSet) -> Offer:
     ahead = dataclasses.replace(
         rig, slip=slip, load=load, slip_angle=angle, channels=channels, levels=np.array(labels), trials=()
     )
-    experiment = RigExperiment(RigSet(ahead, np.arange(len(labels)), labels, labels, _speeds(data, slip)))
-    return Offer(experiment, experiment.noise())
+    return RigSet(ahead, np.arange(len(labels)), labels, labels, _speeds(data, slip))
 
 
 def _words(load: float, slip: float, angle: float) -> str:
