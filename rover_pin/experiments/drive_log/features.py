@@ -13,12 +13,14 @@ from scipy.signal import lfilter
 
 from rover_pin.effects.effect import SensorEffect
 from rover_pin.experiments.drive_log.readings.ambiguous_timing import ambiguous_steps, unaffected_rows
+from rover_pin.experiments.drive_log.readings.lane_borders import on_borders
 from rover_pin.experiments.drive_log.readings.outliers import without_pose_outliers
 from rover_pin.logs.drive_log import DriveLog
 from rover_pin.rover.rover import Rover
 from rover_pin.simulation.replay import Commands, averaged, commands, filled
 from rover_pin.simulation.trace.channels import is_current
 from rover_pin.simulation.trace.trace import Trace
+from rover_pin.terrain.terrain import Terrain
 
 BLOCK = 0.5
 """Time over which samples are averaged [s]."""
@@ -88,8 +90,11 @@ class LoggedRun:
         return blocks(self.commands.t, self.commands.period)
 
 
-def logged_run(log: Trace, rover: Rover) -> LoggedRun:
-    """Return a run of a log ready for comparison, without outlying poses and duty steps at unknown times."""
+def logged_run(log: Trace, rover: Rover, terrain: Terrain | None = None) -> LoggedRun:
+    """Return a run of a log ready for comparison, without outlying poses and duty steps at unknown times.
+
+    Nor is compared what was driven where a wheel stood on the border of two lanes of the terrain.
+    """
     log = without_pose_outliers(log)
     wheels = tuple(wheel.name for wheel in rover.wheels)
     steered = tuple(wheel.name for wheel in rover.wheels if wheel.steer_dof is not None)
@@ -104,6 +109,8 @@ def logged_run(log: Trace, rover: Rover) -> LoggedRun:
     summed_rows = comparable_rows(run, [rows[name] for name in turned]) & unaffected_rows(
         [step for step in steps if step.missed], run
     )
+    if terrain is not None:
+        summed_rows &= ~on_borders(run, rover, terrain)
     compared = summed_rows & unaffected_rows(steps, run)
     derived_features = driven(gapless_rows, heading, run.period, summed_rows)
     gaps = {PATH: ("body_x", "body_y"), DRIFT: ("body_x", "body_y"), HEADING: ("body_yaw",), SPEED: ("body_vx",)}
@@ -188,16 +195,18 @@ def comparable_rows(run: Commands, rates: Sequence[np.ndarray]) -> np.ndarray:
 
 def logged_runs(log: DriveLog, rover: Rover) -> tuple[LoggedRun, ...]:
     """Return all runs of a log."""
-    return tuple(_on_its_ground(log, trace, logged_run(trace, rover)) for trace in log.runs)
+    return tuple(_on_its_ground(log, trace, rover) for trace in log.runs)
 
 
 TELL_GROUND = ("body_pitch", "body_roll", "body_z")
 """Channels that tell the ground where it is estimated: comparing them again would count them twice."""
 
 
-def _on_its_ground(log: DriveLog, trace: Trace, run: LoggedRun) -> LoggedRun:
+def _on_its_ground(log: DriveLog, trace: Trace, rover: Rover) -> LoggedRun:
     """Return the run on its own ground, if it has one, without the channels that this was estimated from."""
+    terrain = log.terrain_of(trace)
+    run = logged_run(trace, rover, terrain or log.terrain())
     is_selected = [name not in TELL_GROUND or not log.is_estimated(trace) for name in run.channels]
     names = tuple(name for name, keep in zip(run.channels, is_selected, strict=True) if keep)
-    commands = replace(run.commands, terrain=log.terrain_of(trace))
+    commands = replace(run.commands, terrain=terrain)
     return replace(run, commands=commands, channels=names, observed=run.observed[np.array(is_selected, dtype=bool)])

@@ -1,19 +1,33 @@
-"""Runs in which the rover stands or turns on the spot throughout: the loop compares nothing of them."""
+"""What of a log the loop does not compare: runs in which the rover stands or turns, wheels on a border of lanes."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
-from rover_pin.experiments.drive_log.features import logged_run
+from rover_pin.experiments.drive_log.features import BLOCK, logged_run
+from rover_pin.experiments.drive_log.readings.lane_borders import on_borders
 from rover_pin.logs.drive_log import DriveLog
 from rover_pin.measurements.finding import Finding
 
 
 def compared_findings(log: DriveLog) -> Iterator[Finding]:
-    """Yield each run without a half-second mean that is compared: left out like any other, it tells nothing."""
+    """Yield each run without a half-second mean that is compared: left out like any other, it tells nothing.
+
+    Yield also how long a wheel stood on the border of two lanes, where that was long enough to be missed.
+    """
     rover = log.load_rover()
     for trace in log.runs:
-        if not logged_run(trace, rover).usable.any():
+        terrain = log.terrain_of(trace) or log.terrain()
+        run = logged_run(trace, rover, terrain)
+        on_border = run.commands.period * float(on_borders(run.commands, rover, terrain).sum())
+        if on_border > BLOCK:
+            yield Finding(
+                f"for {on_border:.1f} s a wheel stands on the border of lanes of other heights: what carries it there "
+                "is not declared, and not compared",
+                str(trace.attrs["file"]),
+                "drive in the middle of the lanes, or declare the ground as a grid",
+            )
+        if not run.usable.any():
             yield Finding(
                 "the rover stands or turns on the spot, so nothing of this run is compared, and leaving it out tests "
                 "nothing",
