@@ -153,6 +153,15 @@ class Beliefs:
         more = self.probability(lambda hypothesis: frozenset(hypothesis.names) == wanted and hypothesis.leaves_more)
         return more / among if among else math.nan
 
+    def has_discrepancy(self, names: Iterable[str]) -> float:
+        """Return the probability that a set of causes leaves anything besides noise, given that it acts."""
+        wanted = frozenset(names)
+        among = self.probability(lambda hypothesis: frozenset(hypothesis.names) == wanted)
+        none = self.probability(
+            lambda hypothesis: frozenset(hypothesis.names) == wanted and hypothesis.discrepancy is Discrepancy.NONE
+        )
+        return 1.0 - none / among if among else math.nan
+
     def best(self, names: Sequence[str] | None = None) -> Hypothesis:
         """Return the most probable hypothesis, of all or of a set of causes."""
         rows = zip(self.scores, self.hypotheses, strict=True)

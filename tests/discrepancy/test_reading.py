@@ -92,3 +92,13 @@ def test_families_are_told_where_members_are_not():
         for cause in one.causes:
             cause.family = "digging"
     assert "digging (0.99)" in sentence(read(many), many, 0.8, 1.0)
+
+
+@pytest.mark.parametrize(("shares", "says"), [("- .03 -~ .87 A .1", "something"), ("- .3 -~ .6 A .1", "leaves noise")])
+def test_what_is_smaller_than_the_noise_is_said_where_it_is_sure(shares, says):
+    small = beliefs(shares)
+    for one in small.hypotheses:
+        one.leaves_more = False
+    reading = read(small)
+    assert reading.answer is Answer.NONE_NEEDED
+    assert says in sentence(reading, small, 0.0, 1.0)
