@@ -29,7 +29,7 @@ from rover_pin.inference.residual_function import with_functions
 MAX_CAUSES, MAX_FITS = 4, 12
 """Causes of a set at most, and sets that are fitted at most, but for those that are more probable than all of them."""
 WORTH = 5.0
-"""Nats behind the best at which a set is not fitted, nor weighed with what it may leave."""
+"""Nats behind the best at which a set is not fitted."""
 FOLLOWED = 20.0
 """Nats behind the best at which a set is not followed at all."""
 FROM_DECLARED = 6
@@ -250,9 +250,11 @@ class Search:
         self._note(self.fitted[names][0].causes, fitted)
 
     def leave(self, functions: Iterable[Columns]) -> None:
-        """Weigh, of all that was fitted and is worth it, that something that is on no list is left besides."""
-        best = self.best_score()
-        worth = [rows[0] for rows in self.fitted.values() if not rows[0].causes or self.score(rows[0]) > best - WORTH]
-        evidence = with_functions([(row.expansion, row.posterior) for row in worth], functions)
-        for row, of_row in zip(worth, evidence, strict=True):
+        """Weigh, of all that was fitted, that something that is on no list is left besides.
+
+        Where that is much, a set that is far behind without it may lead: others stand in for what its law leaves.
+        """
+        plain = [rows[0] for rows in self.fitted.values()]
+        evidence = with_functions([(row.expansion, row.posterior) for row in plain], functions)
+        for row, of_row in zip(plain, evidence, strict=True):
             self.fitted[frozenset(row.names)].append(with_function(row, of_row))

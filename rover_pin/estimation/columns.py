@@ -15,6 +15,11 @@ class Columns(NamedTuple):
     runs: tuple[slice, ...]
     "the rows of each run that has its own numbers; all rows, once, where the runs share them"
 
+    @property
+    def width(self) -> int:
+        """How many columns there are, those of each run counted."""
+        return int(self.values.shape[1]) * len(self.runs)
+
     def normal(self, w: np.ndarray) -> np.ndarray:
         """Return C^T diag(w) C, C the whole columns."""
         return np.asarray(block_diag(*(part.T @ (w[run, None] * part) for run, part in self._parts)))

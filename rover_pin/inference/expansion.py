@@ -126,6 +126,11 @@ class Expansion:
             return np.array([math.sqrt(noise.inflation)])
         return np.asarray(math.sqrt(noise.inflation) * np.exp(PRIORS["s"].sd * STEPS))
 
+    def of_scales(self, loss: float, count: int) -> np.ndarray:
+        """Return what each of the scales adds to ln Z, but for a constant: -loss / (2 s^2) - count ln s + ln p(s)."""
+        priors = -0.5 * STEPS**2 if len(self.scales) > 1 else np.zeros(1)
+        return np.asarray(-0.5 * loss / self.scales**2 - count * np.log(self.scales) + priors)
+
     def posterior(self, extra: Sequence[int] = (), without: int | None = None) -> Laplace:
         """Return what the data say of the fit's numbers with these of the others, perhaps without a fold."""
         at = np.array([*range(self.own), *(self.own + place for place in extra)], dtype=int)

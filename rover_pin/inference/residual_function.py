@@ -2,7 +2,8 @@
 
 Rows have besides T v, v ~ N(0, a^2 I): with S = T'W T / s^2 - C'H^-1 C and e = T'W r / s^2 - C'H^-1 g, C = A'W T / s^2,
     ln Z(with T) - ln Z = e'(S + I / a^2)^-1 e / 2 - ln|I + a^2 S| / 2.
-Amplitudes a are weighed by their prior, functions alike: at most one of them acts.
+Amplitudes a are weighed by their prior, functions alike: at most one of them acts. W are the weights of rows as the fit
+leaves them; with the likeliest function they are taken anew (`_reweighed`), for what it explains is no stray.
 Source: Rasmussen and Williams, Gaussian Processes for Machine Learning (2006), section 2.7.
 """
 
@@ -17,12 +18,15 @@ from scipy.special import logsumexp
 
 from rover_pin.estimation.columns import Columns
 from rover_pin.estimation.fit import Fit
+from rover_pin.estimation.noise import huber, huber_weights
 from rover_pin.inference.error_model import PRIORS
 from rover_pin.inference.expansion import Expansion, Laplace
 
 NODES = np.array([-math.sqrt(3.0), 0.0, math.sqrt(3.0)])
 NODE_WEIGHTS = np.array([1.0, 4.0, 1.0]) / 6.0
 """Three-point Gauss-Hermite rule for the logarithm of the amplitude."""
+TURNS = 6
+"""Turns of weights and function: rows that it explains count in full after two or three."""
 KNOTS, LEAST_SHARE = 100, 1e-3
 """Points that carry a smooth function, and least eigenvalue of its covariance over the greatest that is kept."""
 
@@ -38,13 +42,10 @@ class FunctionEvidence(NamedTuple):
 
 
 class _Projected(NamedTuple):
-    """A function without what the numbers of a fit take of it: S = V diag(values) V', V'e, and H^-1 C V."""
+    """A function without what the numbers of a fit take of it: S = V diag(values) V', and V'e."""
 
-    columns: Columns
-    vectors: np.ndarray
     values: np.ndarray
     along: np.ndarray
-    back: np.ndarray
 
     def gains(self, amplitudes: np.ndarray) -> np.ndarray:
         """Return ln Z with the function over that without (amplitudes,)."""
@@ -53,39 +54,71 @@ class _Projected(NamedTuple):
             0.5 * shares @ self.along**2 - 0.5 * np.log1p(amplitudes[:, None] ** 2 * self.values).sum(axis=1)
         )
 
-    def evidence(self, expansion: Expansion, laplace: Laplace, amplitude: float) -> FunctionEvidence:
-        """Return what the data say with the function at one amplitude."""
-        share = amplitude**2 / (1.0 + amplitude**2 * self.values)
-        step = self.back @ (share * self.along)
-        function = self.columns.times(self.vectors @ (share * self.along))
-        return FunctionEvidence(
-            float(self.gains(np.array([amplitude]))[0]),
-            laplace.mean + step,
-            laplace.covariance + self.back * share @ self.back.T,
-            (function - expansion.columns[:, : len(step)] @ step) / laplace.scale,
-        )
+
+def _reweighed(expansion: Expansion, laplace: Laplace, columns: Columns, amplitude: float) -> FunctionEvidence:
+    """Return what the data say with a function of one amplitude, rows and noise weighed by what is left with it.
+
+    minimise huber(r_0 + A d - T v) / s^2 + |u_0 + d|^2 + |v|^2 / a^2 by turns of weights, s and (d, v);
+    ln Z = -(that) / 2 - ln|H| / 2 - m ln a - n ln s + ln p(s), H with the last weights; less the same without T.
+    """
+    nothing = Columns(np.zeros((len(expansion.settled), 0)), (slice(None),))
+    without, best = (_mode(expansion, laplace, function, amplitude) for function in (nothing, columns))
+    slopes = expansion.columns[:, : len(best.u)]
+    rows = (columns.times(best.size) - slopes @ (best.u - laplace.mean)) / best.scale
+    return FunctionEvidence(best.log_evidence - without.log_evidence, best.u, best.covariance, rows)
+
+
+class _Mode(NamedTuple):
+    log_evidence: float
+    u: np.ndarray
+    covariance: np.ndarray
+    size: np.ndarray
+    scale: float
+
+
+def _mode(expansion: Expansion, laplace: Laplace, columns: Columns, amplitude: float) -> _Mode:
+    count, many, settled = len(laplace.mean), columns.width, expansion.settled
+    slopes, start, scale = expansion.columns[:, :count], expansion.u[:count], laplace.scale
+    left, curvature = settled, np.eye(count + many)
+    for _ in range(TURNS):
+        weights = huber_weights(left) / scale**2
+        weighted = weights[:, None] * slopes
+        across = columns.across(weighted)
+        curvature = np.block([[slopes.T @ weighted, -across], [-across.T, columns.normal(weights)]])
+        curvature += np.diag(np.concatenate([np.ones(count), np.full(many, amplitude**-2.0)]))
+        right = np.concatenate([-weighted.T @ settled - start, columns.across(weights * settled)])
+        solved = np.linalg.solve(curvature, right)
+        left = settled + slopes @ solved[:count] - columns.times(solved[count:])
+        by_scale = expansion.of_scales(huber(left), len(left))
+        scale = float(expansion.scales[int(np.argmax(by_scale))])
+    u, size = start + solved[:count], solved[count:]
+    penalty = float(u @ u) + float(size @ size) / amplitude**2 + float(np.linalg.slogdet(curvature)[1])
+    covariance = np.linalg.inv(curvature)[:count, :count]
+    return _Mode(float(by_scale.max()) - 0.5 * penalty - many * math.log(amplitude), u, covariance, size, scale)
 
 
 def with_functions(fits: Sequence[tuple[Expansion, Laplace]], functions: Iterable[Columns]) -> list[FunctionEvidence]:
     """Return what the data say of each fit's own numbers with one of these functions besides."""
     amplitudes = PRIORS["a"].median * np.exp(PRIORS["a"].sd * NODES)
     gains: list[list[float]] = [[] for _ in fits]
-    likeliest: dict[int, tuple[float, _Projected, float]] = {}
+    likeliest: dict[int, tuple[float, Columns, float]] = {}
     for columns in functions:
         for at, (expansion, laplace) in enumerate(fits):
             function = _projected(expansion, laplace, columns)
             by_amplitude = function.gains(amplitudes)
             gains[at].append(float(logsumexp(by_amplitude, b=NODE_WEIGHTS)))
             if at not in likeliest or by_amplitude.max() > likeliest[at][0]:
-                likeliest[at] = float(by_amplitude.max()), function, float(amplitudes[by_amplitude.argmax()])
+                likeliest[at] = float(by_amplitude.max()), columns, float(amplitudes[by_amplitude.argmax()])
     if not likeliest:
         return [
             FunctionEvidence(-math.inf, *laplace[2:], np.zeros(len(expansion.fit.rows))) for expansion, laplace in fits
         ]
-    return [
-        function.evidence(*fits[at], amplitude)._replace(gain=float(logsumexp(gains[at])) - math.log(len(gains[at])))
-        for at, (_, function, amplitude) in likeliest.items()
-    ]
+    evidence = []
+    for at, (linear, columns, amplitude) in likeliest.items():
+        best = _reweighed(*fits[at], columns, amplitude)
+        total = float(logsumexp(gains[at])) - math.log(len(gains[at]))
+        evidence.append(best._replace(gain=total + best.gain - linear))
+    return evidence
 
 
 def _projected(expansion: Expansion, laplace: Laplace, columns: Columns) -> _Projected:
@@ -95,7 +128,7 @@ def _projected(expansion: Expansion, laplace: Laplace, columns: Columns) -> _Pro
     back = laplace.covariance @ cross
     values, vectors = np.linalg.eigh(columns.normal(weights) - cross.T @ back)
     e = columns.across(weights * expansion.settled) - back.T @ gradient
-    return _Projected(columns, vectors, np.maximum(values, 0.0), vectors.T @ e, back @ vectors)
+    return _Projected(np.maximum(values, 0.0), vectors.T @ e)
 
 
 def smooth_functions(fit: Fit) -> Iterator[Columns]:
