@@ -301,7 +301,7 @@ def test_what_is_left_is_weighed_of_all_that_was_fitted():
     assert search.beliefs().leaves_more(("q",)) < 0.3, "noise leaves no function"
 
 
-def test_a_set_that_is_far_behind_may_lead_with_what_its_law_leaves():
+def test_a_set_far_behind_may_lead_with_what_its_law_leaves():
     """Most of the data is a function of the list; without it r and s stand in for that, and q is far behind them."""
     experiment = toys.made(NAMES, {"q": 1.5}, size=12.0)
     noise, draw = experiment.noise(), np.random.default_rng(1)
