@@ -15,7 +15,7 @@ from typing import Any
 
 import jinja2
 import pandas as pd
-from blind_sets import by_circumstance, counts, misses, shares
+from blind_sets import by_circumstance, counts, misses, reliability, shares
 
 RESULTS = Path(__file__).parents[1] / "studies" / "results"
 FURTHER = 0.01
@@ -51,6 +51,7 @@ def fields() -> Mapping[str, Any]:
             for name, sets in blind.items()
         },
         "circumstances": by_circumstance(blind["logs"]),
+        "reliability": reliability(blind["rigs"]),
         "commands": tomllib.loads((RESULTS / "commands.toml").read_text(encoding="utf-8")),
         "digging": digging(),
         "ditches": ditches(),

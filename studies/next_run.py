@@ -22,7 +22,6 @@ from __future__ import annotations
 
 import argparse
 import csv
-import itertools
 import tempfile
 from collections.abc import Callable
 from dataclasses import replace
@@ -49,6 +48,8 @@ from rover_pin.loop.rig import question_of
 
 SURE, MOST = 0.95, 8
 RIG_SEED, BENCH_SEED = 52_000, 76_000
+QUICK = 3
+"""A bench whose law one run tells."""
 FIRST = (-0.15, 0.0, 0.2, 0.4, 0.6)
 """Slips of a rig's first runs, under 25 N."""
 COARSE = 8
@@ -67,26 +68,33 @@ class Told(NamedTuple):
 def main() -> None:
     """Count runs by both ways, and write and print them."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--quick", action="store_true", help="one rig")
+    parser.add_argument("--quick", action="store_true", help="one bench")
     parser.add_argument("--sets", type=int, default=20, help="of each kind that are not told at once")
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--out", type=Path, default=RESULTS)
     options = parser.parse_args()
-    kinds = [("rig", RIG_SEED, rig)] if options.quick else [("rig", RIG_SEED, rig), ("bench", BENCH_SEED, bench)]
-    rows = []
-    for kind, first, make in kinds:
-        run = Parallel(options.workers, batch_size=1, return_as="generator")
-        found = run(delayed(counted)(kind, make, seed) for seed in range(first, first + 3 * options.sets))
-        still_open = (row for row in found if row[3] or row[4])
-        rows += itertools.islice(still_open, 1 if options.quick else options.sets)
+    kinds = {"rig": (RIG_SEED, rig), "bench": (BENCH_SEED, bench)}
+    rows: list[tuple[str, int, str, int, int]] = []
+    if options.quick:
+        rows.append(counted("bench", bench, BENCH_SEED + QUICK))
+    for kind, (first, make) in {} if options.quick else kinds.items():
+        open_sets_of_kind = 0
+        for block in range(first, first + 3 * options.sets, options.workers):
+            run = Parallel(options.workers, batch_size=1)
+            found = run(delayed(counted)(kind, make, seed) for seed in range(block, block + options.workers))
+            rows += [row for row in found if row[3] or row[4]][: options.sets - open_sets_of_kind]
+            open_sets_of_kind = sum(row[0] == kind for row in rows)
+            if open_sets_of_kind == options.sets:
+                break
     options.out.mkdir(parents=True, exist_ok=True)
     with (options.out / "next_run.csv").open("w", newline="") as file:
         csv.writer(file).writerows([HEADER, *rows])
-    for kind, *_ in kinds:
-        proposed, random = np.array([row[3:] for row in rows if row[0] == kind]).T
-        print(
-            f"{kind}: median of {len(proposed)}: {np.median(proposed):g} runs proposed, {np.median(random):g} at random"
-        )
+    table = ["| kind | sets | proposed, median | at random, median |", "| --- | --- | --- | --- |"]
+    for kind in dict.fromkeys(row[0] for row in rows):
+        needed = np.array([row[3:] for row in rows if row[0] == kind])
+        table.append(f"| {kind} | {len(needed)} | {np.median(needed[:, 0]):g} | {np.median(needed[:, 1]):g} |")
+    (options.out / "next_run.md").write_text("\n".join([*table, ""]), encoding="utf-8")
+    print("\n".join(table))
 
 
 def counted(kind: str, make: Callable[[int], tuple[str, Any]], seed: int) -> tuple[str, int, str, int, int]:
