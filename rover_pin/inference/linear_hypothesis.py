@@ -13,6 +13,7 @@ import numpy as np
 from rover_pin.base.public import brief
 from rover_pin.estimation.experiment import Experiment
 from rover_pin.estimation.fit import Fit
+from rover_pin.estimation.noise import huber_losses
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.inference.cause import Cause
 from rover_pin.inference.error_model import Discrepancy
@@ -41,6 +42,8 @@ class LinearHypothesis:
     discrepancy: Discrepancy = Discrepancy.NONE
     leaves_more: bool = False
     "whether what is left besides is more than noise, in some channel of some fold"
+    shares: np.ndarray | None = None
+    "logarithm of the probability of each fold (folds,) with what is left besides: they sum to the evidence"
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -95,9 +98,10 @@ class LinearHypothesis:
 
     def left_out(self) -> LeftOut:
         """Return every fold as the others predict it; an estimate says how probable it is alone."""
-        log_evidence = self.expansion.posterior(self.extra).log_evidence
         others = [self.expansion.posterior(self.extra, fold) for fold in range(len(self.experiment.folds))]
-        density = np.array([log_evidence - posterior.log_evidence for posterior in others])
+        log_evidence = self.expansion.posterior(self.extra).log_evidence
+        plain = np.array([log_evidence - posterior.log_evidence for posterior in others])
+        density = plain if self.shares is None else self.shares
         if not self.is_fitted:
             return LeftOut(density, np.full(np.shape(self.experiment.observed), np.nan))
         slopes = np.array([self.fit.slopes[parameter.name] for parameter in self.fit.parameters])
@@ -125,12 +129,18 @@ def _log_share_inside(causes: Sequence[Cause], posterior: Laplace) -> float:
 
 
 def with_function(plain: LinearHypothesis, evidence: FunctionEvidence) -> LinearHypothesis:
-    """Return the same set of causes, something smooth or otherwise unlisted left besides."""
+    """Return the same set of causes, something smooth or otherwise unlisted left besides.
+
+    Its evidence is that of its folds: what each is missed by, and of what the numbers cost as much as it has rows.
+    """
     posterior = plain.posterior._replace(mean=evidence.mean, covariance=evidence.covariance)
     good = plain.fit.task.noise.good
     table = np.zeros(good.shape)
     table[good] = evidence.rows
     inside = _log_share_inside(plain.causes, posterior) - _log_share_inside(plain.causes, plain.posterior)
+    fold, total = plain.expansion.fold, plain.posterior.log_evidence + evidence.gain
+    by_row = -0.5 * huber_losses(evidence.left) / evidence.scale**2 - math.log(evidence.scale)
+    shares = np.bincount(fold, by_row + (total - by_row.sum()) / len(by_row), minlength=len(good))
     rms = np.sqrt((table**2).sum(axis=2) / np.maximum(good.sum(axis=2), 1))
     return replace(
         plain,
@@ -138,4 +148,5 @@ def with_function(plain: LinearHypothesis, evidence: FunctionEvidence) -> Linear
         log_evidence=plain.log_evidence + evidence.gain + inside,
         discrepancy=Discrepancy.SMOOTH,
         leaves_more=bool(rms.max() > NOISE),
+        shares=shares,
     )

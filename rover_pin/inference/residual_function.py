@@ -39,6 +39,10 @@ class FunctionEvidence(NamedTuple):
     covariance: np.ndarray
     rows: np.ndarray
     "the likeliest function (n,) less what the numbers take of it, in SDs of the noise: what a model without it leaves"
+    left: np.ndarray
+    "what is left with it (n,)"
+    scale: float
+    "of the noise with it"
 
 
 class _Projected(NamedTuple):
@@ -65,7 +69,8 @@ def _reweighed(expansion: Expansion, laplace: Laplace, columns: Columns, amplitu
     without, best = (_mode(expansion, laplace, function, amplitude) for function in (nothing, columns))
     slopes = expansion.columns[:, : len(best.u)]
     rows = (columns.times(best.size) - slopes @ (best.u - laplace.mean)) / best.scale
-    return FunctionEvidence(best.log_evidence - without.log_evidence, best.u, best.covariance, rows)
+    gain = best.log_evidence - without.log_evidence
+    return FunctionEvidence(gain, best.u, best.covariance, rows, best.left, best.scale)
 
 
 class _Mode(NamedTuple):
@@ -73,6 +78,7 @@ class _Mode(NamedTuple):
     u: np.ndarray
     covariance: np.ndarray
     size: np.ndarray
+    left: np.ndarray
     scale: float
 
 
@@ -94,7 +100,7 @@ def _mode(expansion: Expansion, laplace: Laplace, columns: Columns, amplitude: f
     u, size = start + solved[:count], solved[count:]
     penalty = float(u @ u) + float(size @ size) / amplitude**2 + float(np.linalg.slogdet(curvature)[1])
     covariance = np.linalg.inv(curvature)[:count, :count]
-    return _Mode(float(by_scale.max()) - 0.5 * penalty - many * math.log(amplitude), u, covariance, size, scale)
+    return _Mode(float(by_scale.max()) - 0.5 * penalty - many * math.log(amplitude), u, covariance, size, left, scale)
 
 
 def with_functions(fits: Sequence[tuple[Expansion, Laplace]], functions: Iterable[Columns]) -> list[FunctionEvidence]:
@@ -111,7 +117,10 @@ def with_functions(fits: Sequence[tuple[Expansion, Laplace]], functions: Iterabl
                 likeliest[at] = float(by_amplitude.max()), columns, float(amplitudes[by_amplitude.argmax()])
     if not likeliest:
         return [
-            FunctionEvidence(-math.inf, *laplace[2:], np.zeros(len(expansion.fit.rows))) for expansion, laplace in fits
+            FunctionEvidence(
+                -math.inf, *laplace[2:], np.zeros(len(expansion.fit.rows)), expansion.settled, laplace.scale
+            )
+            for expansion, laplace in fits
         ]
     evidence = []
     for at, (linear, columns, amplitude) in likeliest.items():

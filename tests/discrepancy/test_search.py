@@ -19,6 +19,7 @@ from rover_pin.estimation.columns import Columns
 from rover_pin.estimation.fit import fit
 from rover_pin.inference.beliefs import ALLOWED, COUNTS
 from rover_pin.inference.error_model import PRIORS, Discrepancy
+from rover_pin.inference.weighed_anew import chosen_without
 from tests.inference import linear_causes
 from tests.inference import linear_search as toys
 from tests.inference.test_beliefs import assert_as_often_as_said, calibration
@@ -312,6 +313,7 @@ def test_a_set_far_behind_may_lead_with_what_its_law_leaves():
     search.leave([Columns(100.0 * noise.white(left[None]).T, (slice(None),))])
     assert search.beliefs().best().names == ("q",)
     assert search.beliefs().leaves_more(("q",)) > 0.99
+    assert chosen_without(search.beliefs()).count(frozenset("q")) >= 4, "of five folds"
 
 
 # --- calibration -----------------------------------------------------------------------------------------------------
