@@ -38,6 +38,7 @@ def test_a_hidden_friction_is_named_with_its_size(tmp_path):
     found = closed(tmp_path, seed=0, viscous=0.02)
     assert found.answer is Answer.NAMED, found.summary()
     assert found.named == ("ViscousFriction",)
+    assert 0.0 <= found.provenance["seconds"] < 600.0
     size = {one.name: one for one in found.after.numbers}["ViscousFriction.b_v"]
     assert size.low < 0.02 < size.high
     assert found.after.misfit < 1.5 < found.before.misfit

@@ -55,6 +55,12 @@ def test_a_terrain_from_a_file_with_a_hard_stretch(tmp_path):
         scenario("polyline", **{"terrain.path": "nowhere.csv"})
 
 
+def test_a_patch_reaches_to_where_its_end_is_not_given():
+    ahead, behind = (scenario("flat", **{f"patch.{end}": 1.0}).model.terrain for end in ("x_from", "x_to"))
+    assert [int(ahead.ground_at(x, 0.0)) for x in (-50.0, 0.5, 1.5, 50.0)] == [0, 0, 1, 1]
+    assert [int(behind.ground_at(x, 0.0)) for x in (-50.0, 0.5, 1.5, 50.0)] == [1, 1, 0, 0]
+
+
 def test_the_log_of_a_drive_declares_what_made_it(tmp_path):
     drive = scenario("bump", duration=1.0, **{"soil.k": 0.02})
     trace = drive.drive()

@@ -109,6 +109,8 @@ def test_it_drives_by_a_word_and_forgets_the_drive_before():
         "incline", soil="table-1", control="onboard", duration=4.0, **{"soil.k": 0.025, "terrain.start": 0.0}
     )
     assert isinstance(scene.controller, StopStuck)
+    never = scenario("incline", soil="table-1", control="onboard", **{"control.stop": "never"}).controller
+    assert not isinstance(never, StopStuck)
     first, second = scene.drive(), scene.drive()
     assert first["body_x"][-1] == second["body_x"][-1]
 
