@@ -303,6 +303,8 @@ OF_ITS_OWN = {
     "simulation/native/__init__.py": ".read_text",
     "simulation/native/lanes.py": ".read_text",
     "control/sensing/belief.py": ".read_text",
+    "control/embedded/source.py": ".read_text",
+    "control/embedded/folder.py": ".read_text",
     "simulation/compiled/processor.py": "CPUINFO.read_text",
     "base/jobs/safe_environment.py": "os.open",
 }

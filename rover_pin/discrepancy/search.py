@@ -256,5 +256,5 @@ class Search:
         """
         plain = [rows[0] for rows in self.fitted.values()]
         evidence = with_functions([(row.expansion, row.posterior) for row in plain], functions)
-        for row, of_row in zip(plain, evidence, strict=True):
+        for row, of_row in zip(plain, evidence, strict=bool(evidence)):
             self.fitted[frozenset(row.names)].append(with_function(row, of_row))

@@ -104,7 +104,7 @@ def _mode(expansion: Expansion, laplace: Laplace, columns: Columns, amplitude: f
 
 
 def with_functions(fits: Sequence[tuple[Expansion, Laplace]], functions: Iterable[Columns]) -> list[FunctionEvidence]:
-    """Return what the data say of each fit's own numbers with one of these functions besides."""
+    """Return what the data say of each fit's own numbers with one of these functions; [] without any."""
     amplitudes = PRIORS["a"].median * np.exp(PRIORS["a"].sd * NODES)
     gains: list[list[float]] = [[] for _ in fits]
     likeliest: dict[int, tuple[float, Columns, float]] = {}
@@ -115,13 +115,6 @@ def with_functions(fits: Sequence[tuple[Expansion, Laplace]], functions: Iterabl
             gains[at].append(float(logsumexp(by_amplitude, b=NODE_WEIGHTS)))
             if at not in likeliest or by_amplitude.max() > likeliest[at][0]:
                 likeliest[at] = float(by_amplitude.max()), columns, float(amplitudes[by_amplitude.argmax()])
-    if not likeliest:
-        return [
-            FunctionEvidence(
-                -math.inf, *laplace[2:], np.zeros(len(expansion.fit.rows)), expansion.settled, laplace.scale
-            )
-            for expansion, laplace in fits
-        ]
     evidence = []
     for at, (linear, columns, amplitude) in likeliest.items():
         best = _reweighed(*fits[at], columns, amplitude)
