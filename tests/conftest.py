@@ -1,18 +1,23 @@
 """The command line as a user runs it."""
 
 import logging
+import os
 import sys
 
 import pytest
 
+from rover_pin.base.jobs.safe_environment import SAFE_PATH
 from rover_pin.cli.app import main
 
 
 @pytest.fixture(autouse=True)
-def spoken_as_before():
-    """Let no test that asked for quiet keep the next one quiet."""
+def as_before():
+    """Let no test that asked for quiet keep the next one quiet, nor one that ended amid workers their path of modules."""
+    safe_path = os.environ.get(SAFE_PATH)
     yield
     logging.getLogger("rover_pin").setLevel(logging.NOTSET)
+    if safe_path is None:
+        os.environ.pop(SAFE_PATH, None)
 
 
 @pytest.fixture

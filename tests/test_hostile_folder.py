@@ -106,7 +106,8 @@ SLOW = [
 
 @pytest.mark.parametrize("words", [*QUICK, *(pytest.param(each, marks=pytest.mark.slow) for each in SLOW)])
 def test_nothing_of_the_folder_runs(folder, words):
-    if "log/run-1.csv" in words and not (folder / "log").exists():  # another worker may have made it in its own folder
+    needs_log = any(word.partition("/")[0] == "log" for word in words)
+    if needs_log and not (folder / "log").exists():  # another worker may have made it in its own folder
         entered(folder, "demo", "drive-log", "--out", "log")
     done = entered(folder, *words)
     assert ran(folder) == ""
