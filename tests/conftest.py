@@ -12,7 +12,7 @@ from rover_pin.cli.app import main
 
 @pytest.fixture(autouse=True)
 def as_before():
-    """Let no test that asked for quiet keep the next one quiet, nor one that ended amid workers their path of modules."""
+    """Let no test keep the next one quiet, nor leave it the path of modules of workers amid which it ended."""
     safe_path = os.environ.get(SAFE_PATH)
     yield
     logging.getLogger("rover_pin").setLevel(logging.NOTSET)
