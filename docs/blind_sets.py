@@ -165,7 +165,9 @@ def diagram(places: list[tuple[float, float, float, float]]) -> str:
         f'<path d="M{x(0)} {y(0)}L{x(1)} {y(1)}" stroke="currentColor" stroke-dasharray="4"/>{"".join(marks)}'
         f'<text x="{x(0.5)}" y="{y(0) + 25}" fill="currentColor" text-anchor="middle">probability said</text>'
         f'<text x="12" y="{y(0.5)}" fill="currentColor" text-anchor="middle" transform="rotate(-90 12 {y(0.5)})">'
-        "share that acted</text></svg>"
+        "share that acted</text>"
+        f'<g fill="currentColor" text-anchor="middle"><text x="{x(0)}" y="{y(0) + 12}">0</text>'
+        f'<text x="{x(1)}" y="{y(0) + 12}">1</text><text x="{margin - 8}" y="16">1</text></g></svg>'
     )
 
 
