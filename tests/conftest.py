@@ -1,23 +1,18 @@
 """The command line as a user runs it."""
 
 import logging
-import os
 import sys
 
 import pytest
 
-from rover_pin.base.jobs.safe_environment import SAFE_PATH
 from rover_pin.cli.app import main
 
 
 @pytest.fixture(autouse=True)
-def as_before():
-    """Let no test keep the next one quiet, nor leave it the path of modules of workers amid which it ended."""
-    safe_path = os.environ.get(SAFE_PATH)
+def spoken_as_before():
+    """Let no test that asked for quiet keep the next one quiet."""
     yield
     logging.getLogger("rover_pin").setLevel(logging.NOTSET)
-    if safe_path is None:
-        os.environ.pop(SAFE_PATH, None)
 
 
 @pytest.fixture

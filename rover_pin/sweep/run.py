@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
 from importlib.metadata import PackageNotFoundError, version
@@ -135,7 +136,7 @@ def _run(
     done = len(store.keys())
     total = done + len(pending)
     try:
-        with progress(str(store.study["name"]), total, done) as advance:
+        with closing(rows), progress(str(store.study["name"]), total, done) as advance:
             for row in rows:
                 store.append(row)
                 done += 1

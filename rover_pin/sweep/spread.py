@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from contextlib import suppress
 
 from rover_pin.base.errors import ParameterError, SimulationError
@@ -16,7 +16,7 @@ AGAIN_SECONDS = 60
 KEPT = "the finished cases are kept: run the sweep again to go on"
 
 
-def on_cores(work: Callable[[Case], Row], cases: Sequence[Case], workers: int | None) -> Iterator[Row]:
+def on_cores(work: Callable[[Case], Row], cases: Sequence[Case], workers: int | None) -> Generator[Row, None, None]:
     """Yield rows as they are finished; `workers` processes with one thread each (all cores by default).
 
     One worker is this process itself, which a debugger can follow.
@@ -39,7 +39,7 @@ def on_cores(work: Callable[[Case], Row], cases: Sequence[Case], workers: int | 
         raise SimulationError(f"{str(error).rstrip('.')}; {KEPT}, or take workers=1 to see at which case.") from error
 
 
-def on_cluster(work: Callable[[Case], Row], cases: Sequence[Case], address: str) -> Iterator[Row]:
+def on_cluster(work: Callable[[Case], Row], cases: Sequence[Case], address: str) -> Generator[Row, None, None]:
     """Yield rows as the Dask cluster at `address` finishes them; a case that kills its workers is a row too."""
     with client_of(address) as client:
         _check_sendable(work)

@@ -1,10 +1,12 @@
 """Names that no file can have, a full disk and entries of another type: one sentence, at every command."""
 
 import errno
+import os
 from pathlib import Path
 
 import pytest
 
+from rover_pin.base.jobs.safe_environment import SAFE_PATH
 from rover_pin.demo import rig
 from rover_pin.sweep import store
 
@@ -84,9 +86,11 @@ def test_a_full_disk_beside_worker_processes_is_one_sentence(run, monkeypatch):
 
     Path("study.toml").write_text(STUDY.replace("points = 4", "points = 12"))
     monkeypatch.setattr(store, "_write", full)
+    before = os.environ.get(SAFE_PATH)
     code, _, err = run("-q", "sweep", "study.toml", "--workers", "2")
     assert (code, err.count("\n")) == (2, 1)
     assert "space left" in err
+    assert os.environ.get(SAFE_PATH) == before, "the workers' path of modules is theirs alone"
 
 
 def test_a_full_disk_leaves_no_half_of_a_file(tmp_path):
