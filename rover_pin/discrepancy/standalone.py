@@ -16,6 +16,7 @@ from rover_pin.estimation.experiment import Experiment
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.noise import Noise, declared_noise
 from rover_pin.estimation.parameter import Parameter
+from rover_pin.inference.beliefs import Hypothesis
 from rover_pin.inference.next_measurement import Offer
 
 
@@ -100,7 +101,8 @@ def question_of(standalone: Standalone, kinds: Sequence[type]) -> Question:
         ]
         return *standalone.candidates(base.model, kinds), *(released_candidate(number, records) for number in doubtful)
 
-    ahead = standalone.next_runs()
-    offers = () if ahead is None else (Offer(ahead, ahead.noise()),)
+    def offers(leading: Sequence[Hypothesis]) -> tuple[Offer, ...]:
+        return () if (ahead := standalone.next_runs()) is None else (Offer(ahead, ahead.noise()),)
+
     numbers = standalone.uncertain(model)
-    return Question("test-bed", standalone.name, standalone, model, numbers, candidates, offers=lambda leading: offers)
+    return Question("test-bed", standalone.name, standalone, model, numbers, candidates, offers=offers)

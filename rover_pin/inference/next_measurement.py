@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -105,8 +106,8 @@ def open_sets(beliefs: Beliefs) -> list[tuple[float, Hypothesis]]:
 
     Their shares sum to 1.
     """
-    rows = [(share, beliefs.best(tuple(names))) for names, share in beliefs.sets.items()]
-    fitted = [(share, best) for share, best in rows if best.is_fitted][:MAX_SETS]
+    rows = ((share, beliefs.best(tuple(names))) for names, share in beliefs.sets.items())
+    fitted = list(islice(((share, best) for share, best in rows if best.is_fitted), MAX_SETS))
     before = np.cumsum([0.0, *(share for share, _ in fitted)])
     leading = [row for at, row in enumerate(fitted) if at < MIN_SETS or before[at] < COVERED]
     total = sum(share for share, _ in leading)
@@ -126,15 +127,15 @@ def next_measurement(
         return None
     weights = np.array([share for share, _ in leading])
     hypotheses = [hypothesis for _, hypothesis in leading]
-    if_known = []
+    if_known: list[tuple[float, Offer, list[Expected]]] = []
     for offer in offers:
         progress(f"predicting {offer.label}")
-        expected = [_expected(offer, hypothesis, hypotheses[0], False) for hypothesis in hypotheses]
-        if_known.append((_best(weights, offer, expected, offer.unmeasured).nats, offer))
+        expected = [_expected(offer, hypothesis, hypotheses[0]) for hypothesis in hypotheses]
+        if_known.append((_best(weights, offer, expected, offer.unmeasured).nats, offer, expected))
     choices: list[_Choice] = []
-    for _, offer in sorted(if_known, key=lambda row: -row[0])[:CLOSER]:
+    for _, offer, known in sorted(if_known, key=lambda row: -row[0])[:CLOSER]:
         progress(f"weighing {offer.label}")
-        expected = [_expected(offer, hypothesis, hypotheses[0], True) for hypothesis in hypotheses]
+        expected = [_uncertain(offer, *pair) for pair in zip(hypotheses, known, strict=True)]
         choices += [_best(weights, offer, expected, offer.unmeasured), _best(weights, offer, expected)]
     open_nats = float(-np.sum(weights * np.log(weights)))
     measured, best = _greatest(choices[::2]), _greatest(choices)
@@ -189,19 +190,21 @@ def information(weights: np.ndarray, mean: np.ndarray, covariance: np.ndarray) -
     return max(0.0, -float(weights @ logsumexp(-distance, b=weights[None], axis=1)))
 
 
-def _expected(offer: Offer, hypothesis: Hypothesis, first: Hypothesis, is_uncertain: bool) -> Expected:
-    """Return what a set of causes expects of an offer, its numbers uncertain or as if they were known."""
-    experiment, noise, fit = offer.experiment, offer.noise, hypothesis.fit
-    model = offer.meets(fit.model)
-    predicted = experiment.predict([model])[0]
+def _expected(offer: Offer, hypothesis: Hypothesis, first: Hypothesis) -> Expected:
+    """Return what a set of causes expects of an offer, as if its numbers were known."""
+    experiment, noise = offer.experiment, offer.noise
+    predicted = experiment.predict([offer.meets(hypothesis.fit.model)])[0]
     mean = noise.white(np.where(np.abs(predicted) == experiment.stand_in, np.nan, predicted))
-    columns = np.zeros((len(mean), 0))
-    if is_uncertain:
-        slopes = slopes_at(Task(experiment, noise), model, fit.parameters, fit.u)
-        rows = noise.white(np.array([slopes[parameter.name] for parameter in fit.parameters]))
-        columns = rows.T @ _root(hypothesis.posterior.covariance)
     variance = noise.inflation * _scales(offer, hypothesis, first) ** 2
-    return Expected(mean, columns, variance[np.nonzero(noise.good)[1]])
+    return Expected(mean, np.zeros((len(mean), 0)), variance[np.nonzero(noise.good)[1]])
+
+
+def _uncertain(offer: Offer, hypothesis: Hypothesis, expected: Expected) -> Expected:
+    """Return the same with the numbers as uncertain as they are."""
+    noise, fit = offer.noise, hypothesis.fit
+    slopes = slopes_at(Task(offer.experiment, noise), offer.meets(fit.model), fit.parameters, fit.u)
+    rows = noise.white(np.array([slopes[parameter.name] for parameter in fit.parameters]))
+    return expected._replace(columns=rows.T @ _root(hypothesis.posterior.covariance))
 
 
 def _scales(offer: Offer, hypothesis: Hypothesis, first: Hypothesis) -> np.ndarray:

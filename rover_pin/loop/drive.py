@@ -118,7 +118,7 @@ def question_of(
         numbers,
         lambda base: candidates(base.model, experiment, base.parameters, effects),
         functions=lambda base: functions(Scene(base)),
-        offers=lambda leading: next_drives([hypothesis.fit for hypothesis in leading]),
+        offers=next_drives,
     )
 
 

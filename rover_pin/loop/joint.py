@@ -78,7 +78,6 @@ def question_of(joint: JointRig, kinds: Sequence[type]) -> Question:
     """Return what is asked of several sets: which of these kinds of effects one model of all lacks."""
     model = joint.base_model()
     numbers = joint.uncertain(model)
-    ahead = JointRig({name: runs_ahead(data) for name, data in joint.sets.items()})
     return Question(
         "wheel-rig",
         joint.name,
@@ -86,8 +85,14 @@ def question_of(joint: JointRig, kinds: Sequence[type]) -> Question:
         model,
         numbers,
         lambda base: joint.candidates(base.model, kinds),
-        offers=lambda leading: (Offer(ahead, ahead.noise()),),
+        offers=lambda leading: (_next_runs(joint),),
     )
+
+
+def _next_runs(joint: JointRig) -> Offer:
+    """Return what could be measured next with any of the sets."""
+    ahead = JointRig({name: runs_ahead(data) for name, data in joint.sets.items()})
+    return Offer(ahead, ahead.noise())
 
 
 def _findings(joint: JointRig) -> list[Finding]:

@@ -16,6 +16,7 @@ from rover_pin.estimation.noise import Noise
 from rover_pin.experiments.drive_log.candidate_runs import CandidateRun, candidate_runs, on_own_ground
 from rover_pin.experiments.drive_log.experiment import DriveExperiment, logged
 from rover_pin.experiments.drive_log.features import WHOLE, LoggedRun, blocks, comparable_rows
+from rover_pin.inference.beliefs import Hypothesis
 from rover_pin.inference.next_measurement import Offer
 from rover_pin.simulation.model.cruise import CRUISE_DUTY
 from rover_pin.simulation.model.model import Model
@@ -29,10 +30,10 @@ MOVING = 0.1
 """Duty above which a rover is driving."""
 
 
-def next_drives(fits: Sequence[Fit]) -> Iterator[Offer]:
-    """Yield what could be driven next, as the first of these fits drives it, where it can."""
-    for run in _choice(fits):
-        offer = _offered(run, fits[0])
+def next_drives(leading: Sequence[Hypothesis]) -> Iterator[Offer]:
+    """Yield what could be driven next, as the first of these sets of causes drives it, where it can."""
+    for run in _choice(leading):
+        offer = _offered(run, leading[0].fit)
         if offer is not None:
             yield offer
 
@@ -61,8 +62,7 @@ def _offered(run: CandidateRun, fit: Fit) -> Offer | None:
 
 
 def _unlogged(log: DriveExperiment, model: Model) -> tuple[str, ...]:
-    names = [f"current_{wheel.name}_A" for wheel in model.rover.wheels]
-    return tuple(name for name in names if name not in log.channels)
+    return tuple(f"current_{w.name}_A" for w in model.rover.wheels if f"current_{w.name}_A" not in log.channels)
 
 
 def noise_with(noise: Noise, channels: Sequence[str], unmeasured: Sequence[str], good: np.ndarray) -> Noise:
@@ -83,9 +83,9 @@ def noise_with(noise: Noise, channels: Sequence[str], unmeasured: Sequence[str],
     )
 
 
-def _choice(fits: Sequence[Fit]) -> tuple[CandidateRun, ...]:
+def _choice(leading: Sequence[Hypothesis]) -> tuple[CandidateRun, ...]:
     """Return the runs to choose from, at shares of the fastest logged rate where the wheels are held to rates."""
-    runs, experiment = _applicable_runs(fits), logged(fits[0])
+    runs, experiment = _applicable_runs(leading), logged(leading[0].fit)
     if not experiment.rate_driven:
         return runs
     rates = [np.abs(run.commands.rate) for run in experiment.runs if run.commands.rate is not None]
@@ -93,16 +93,15 @@ def _choice(fits: Sequence[Fit]) -> tuple[CandidateRun, ...]:
     return tuple(run.held_to(fastest) for run in runs if ROLLS not in run.label)
 
 
-def _applicable_runs(fits: Sequence[Fit]) -> tuple[CandidateRun, ...]:
+def _applicable_runs(leading: Sequence[Hypothesis]) -> tuple[CandidateRun, ...]:
     """Return the candidate runs; where an effect is tied to a place of the log, those that cross the log's ground."""
-    experiment, rover = logged(fits[0]), fits[0].model.rover
+    experiment, rover = logged(leading[0].fit), leading[0].fit.model.rover
     duty = np.concatenate([np.abs(run.commands.duty).mean(axis=1) for run in experiment.runs])
     moving = duty[duty > MOVING]
     cruise = round(float(np.median(moving)), 2) if moving.size else CRUISE_DUTY
     log_start = experiment.runs[0].commands.start
-    effects = [effect for fit in fits for effect in fit.model.all_effects]
-    if any("x_from" in effect.places for effect in effects):
+    if any("x_from" in effect.places for hypothesis in leading for effect in hypothesis.fit.model.all_effects):
         return on_own_ground(rover, cruise, log_start)
-    marks = {getattr(effect, "wheel", None) for effect in effects}
-    alone = [at for at, wheel in enumerate(rover.wheels) if wheel.name in marks or at in marks]
+    marks = {name.partition("[")[2].rstrip("]") for hypothesis in leading for name in hypothesis.names}
+    alone = [at for at, wheel in enumerate(rover.wheels) if wheel.name in marks or str(at) in marks]
     return candidate_runs(rover, cruise, log_start, alone or [0])

@@ -25,7 +25,7 @@ from rover_pin.experiments.drive_log.experiment import experiment_of
 from rover_pin.experiments.drive_log.features import logged_run
 from rover_pin.experiments.drive_log.next_drives import _choice, _offered, next_drives, noise_with
 from rover_pin.experiments.drive_log.parameters import parameter
-from rover_pin.inference.next_measurement import _expected, next_measurement
+from rover_pin.inference.next_measurement import _expected, _uncertain, next_measurement
 from rover_pin.rover.rover import load_rover
 from rover_pin.simulation.model.model import Model, base_effects
 from rover_pin.simulation.model.motors import nexus6_motor
@@ -96,18 +96,23 @@ def tilted(model):
 
 def told(fits, offers, say=lambda said: None):
     """Return what is proposed to tell equally probable fits apart."""
-    sets = [
+    return next_measurement([(1.0 / len(fits), each) for each in sets_of(fits)], offers, say)
+
+
+def sets_of(fits, names=()):
+    """Return fits as sets of causes, by the kind of their last effect unless they are named."""
+    names = names or [type(each.model.all_effects[-1]).__name__ for each in fits]
+    return [
         SimpleNamespace(
-            names=(type(each.model.all_effects[-1]).__name__,), fit=each, experiment=each.task.experiment,
+            names=(name,), fit=each, experiment=each.task.experiment,
             posterior=SimpleNamespace(covariance=each.covariance),
         )
-        for each in fits
+        for name, each in zip(names, fits, strict=True)
     ]  # fmt: skip
-    return next_measurement([(1.0 / len(sets), each) for each in sets], offers, say)
 
 
 def run_called(fits, words):
-    return next(run for run in _choice(fits) if words in run.label)
+    return next(run for run in _choice(sets_of(fits)) if words in run.label)
 
 
 def test_a_tilt_is_told_from_a_tether_by_the_other_heading(tilted):
@@ -133,7 +138,7 @@ def test_the_proposed_drive_tells_who_is_right(tilted, truth):
         own = SimpleNamespace(
             fit=each, experiment=each.task.experiment, posterior=SimpleNamespace(covariance=each.covariance)
         )
-        expected = _expected(offer, own, own, True)
+        expected = _uncertain(offer, own, _expected(offer, own, own))
         table = np.full(offer.noise.good.shape, np.nan)
         table[0, [offer.experiment.channels.index(name) for name in names]] = log.observed[
             [log.channels.index(name) for name in names]
@@ -214,15 +219,24 @@ def test_ballast_is_common_and_rests_at_the_centre_of_mass(model):
 
 def test_an_effect_at_a_place_is_sought_on_the_logged_ground(tilted):
     patched = dataclasses.replace(tilted[1], model=tilted[1].model.having(HardPatch(x_from=0.3)))
-    runs = _choice((tilted[0], patched))
+    runs = _choice(sets_of((tilted[0], patched)))
     assert runs
     assert all(run.terrain is None for run in runs)
+
+
+@pytest.mark.parametrize(("names", "tried"), [(("A", "B"), ["fl"]), ((WEAK, "TachoScale[rr]"), ["ml", "rr"])])
+def test_one_wheel_alone_is_tried_where_a_cause_is_of_that_wheel(tilted, names, tried):
+    """Every wheel has a gain that is uncertain; what is to be distinguished says which of them are tried."""
+    runs = _choice(sets_of(tilted, names))
+    assert [
+        wheel for wheel in ("fl", "fr", "ml", "mr", "rl", "rr") if any(f"wheel {wheel}" in run.label for run in runs)
+    ] == tried
 
 
 @pytest.mark.slow
 def test_all_runs_are_weighed_for_a_tilt_and_a_tether(tilted):
     said = []
-    found = told(tilted, next_drives(tilted), said.append)
+    found = told(tilted, next_drives(sets_of(tilted)), said.append)
     assert "-x" in found.what or "back" in found.what
     assert found.nats > 0.9 * math.log(2.0)
     assert len(said) >= 16
@@ -230,7 +244,7 @@ def test_all_runs_are_weighed_for_a_tilt_and_a_tether(tilted):
 
 @pytest.mark.slow
 def test_nothing_tells_a_model_from_itself(tilted):
-    assert told((tilted[0], tilted[0]), next_drives(tilted[:1])) is None
+    assert told((tilted[0], tilted[0]), next_drives(sets_of(tilted[:1]))) is None
 
 
 @pytest.mark.slow
@@ -242,6 +256,6 @@ def test_load_or_currents_separate_weak_motor_and_tachogenerator(model):
     for freed in (WEAK, TACHO):
         also = [dataclasses.replace(each, prior=name != freed) for name, each in gains.items()]
         fits.append(fitted(task, neutral, also=also))
-    found = told(fits, next_drives(fits))
+    found = told(fits, next_drives(sets_of(fits, (WEAK, TACHO))))
     assert any(word in found.what for word in ("current", "slope", "ballast", "wheel ml"))
     assert found.channel in ("wheel_rate_ml", "current_ml_A")
