@@ -13,7 +13,7 @@ from scipy.signal import lfilter
 
 from rover_pin.effects.effect import SensorEffect
 from rover_pin.experiments.drive_log.readings.ambiguous_timing import ambiguous_steps, unaffected_rows
-from rover_pin.experiments.drive_log.readings.lane_borders import on_borders
+from rover_pin.experiments.drive_log.readings.lane_borders import lanes_under, on_borders
 from rover_pin.experiments.drive_log.readings.outliers import without_pose_outliers
 from rover_pin.logs.drive_log import DriveLog
 from rover_pin.rover.rover import Rover
@@ -60,6 +60,8 @@ class LoggedRun:
     "in which rows what was driven counts (T,)"
     compared: np.ndarray = field(repr=False)
     "which of them are compared (T,)"
+    on_border: float = 0.0
+    "how long a wheel stood on the border of two lanes, which is not compared [s]"
 
     @cached_property
     def usable(self) -> np.ndarray:
@@ -109,8 +111,8 @@ def logged_run(log: Trace, rover: Rover, terrain: Terrain | None = None) -> Logg
     summed_rows = comparable_rows(run, [rows[name] for name in turned]) & unaffected_rows(
         [step for step in steps if step.missed], run
     )
-    if terrain is not None:
-        summed_rows &= ~on_borders(run, rover, terrain)
+    on_border = on_borders(run, rover, terrain)
+    summed_rows &= ~on_border
     compared = summed_rows & unaffected_rows(steps, run)
     derived_features = driven(gapless_rows, heading, run.period, summed_rows)
     gaps = {PATH: ("body_x", "body_y"), DRIFT: ("body_x", "body_y"), HEADING: ("body_yaw",), SPEED: ("body_vx",)}
@@ -124,7 +126,8 @@ def logged_run(log: Trace, rover: Rover, terrain: Terrain | None = None) -> Logg
         block = blocks(row, run.period)
         observed.append(levelled(name, np.where(use, block, np.nan), use))
     name = Path(str(log.attrs.get("file", "run"))).stem
-    return LoggedRun(name, run, tuple(features), np.array(observed), heading, rows, summed_rows, compared)
+    known = tuple(features), np.array(observed), heading, rows, summed_rows, compared
+    return LoggedRun(name, run, *known, run.period * float(on_border.sum()))
 
 
 WHOLE = 0.999
@@ -195,18 +198,18 @@ def comparable_rows(run: Commands, rates: Sequence[np.ndarray]) -> np.ndarray:
 
 def logged_runs(log: DriveLog, rover: Rover) -> tuple[LoggedRun, ...]:
     """Return all runs of a log."""
-    return tuple(_on_its_ground(log, trace, rover) for trace in log.runs)
+    shared = log.terrain()
+    runs = [(trace, logged_run(trace, rover, lanes_under(log, trace, shared))) for trace in log.runs]
+    return tuple(_on_its_ground(log, trace, run) for trace, run in runs)
 
 
 TELL_GROUND = ("body_pitch", "body_roll", "body_z")
 """Channels that tell the ground where it is estimated: comparing them again would count them twice."""
 
 
-def _on_its_ground(log: DriveLog, trace: Trace, rover: Rover) -> LoggedRun:
+def _on_its_ground(log: DriveLog, trace: Trace, run: LoggedRun) -> LoggedRun:
     """Return the run on its own ground, if it has one, without the channels that this was estimated from."""
-    terrain = log.terrain_of(trace)
-    run = logged_run(trace, rover, terrain or log.terrain())
     is_selected = [name not in TELL_GROUND or not log.is_estimated(trace) for name in run.channels]
     names = tuple(name for name, keep in zip(run.channels, is_selected, strict=True) if keep)
-    commands = replace(run.commands, terrain=terrain)
+    commands = replace(run.commands, terrain=log.terrain_of(trace))
     return replace(run, commands=commands, channels=names, observed=run.observed[np.array(is_selected, dtype=bool)])

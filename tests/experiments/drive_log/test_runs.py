@@ -92,7 +92,9 @@ def test_blocks_are_means_of_readings_and_height_has_no_zero():
 
 @pytest.mark.parametrize("estimated", [True, False])
 def test_channels_that_told_the_ground_are_not_compared_again(estimated):
-    log = SimpleNamespace(runs=(trace(rocker_l=0.0 * T),), is_estimated=lambda one: estimated, terrain_of=id)
+    log = SimpleNamespace(
+        runs=(trace(rocker_l=0.0 * T),), is_estimated=lambda one: estimated, terrain_of=id, terrain=lambda: None
+    )
     (run,) = logged_runs(log, CART)
     assert {"body_pitch", "body_z"}.isdisjoint(run.channels) == estimated
     assert {"path", "rocker_l", "wheel_rate_fl"} <= set(run.channels)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from rover_pin.experiments.drive_log.features import BLOCK, logged_run
-from rover_pin.experiments.drive_log.readings.lane_borders import on_borders
+from rover_pin.experiments.drive_log.readings.lane_borders import lanes_under
 from rover_pin.logs.drive_log import DriveLog
 from rover_pin.measurements.finding import Finding
 
@@ -15,15 +15,13 @@ def compared_findings(log: DriveLog) -> Iterator[Finding]:
 
     Yield also how long a wheel stood on the border of two lanes, where that was long enough to be missed.
     """
-    rover = log.load_rover()
+    rover, shared = log.load_rover(), log.terrain()
     for trace in log.runs:
-        terrain = log.terrain_of(trace) or log.terrain()
-        run = logged_run(trace, rover, terrain)
-        on_border = run.commands.period * float(on_borders(run.commands, rover, terrain).sum())
-        if on_border > BLOCK:
+        run = logged_run(trace, rover, lanes_under(log, trace, shared))
+        if run.on_border > BLOCK:
             yield Finding(
-                f"for {on_border:.1f} s a wheel stands on the border of lanes of other heights: what carries it there "
-                "is not declared, and not compared",
+                f"for {run.on_border:.1f} s a wheel stands on the border of lanes of other heights: what carries it "
+                "there is not declared, and not compared",
                 str(trace.attrs["file"]),
                 "drive in the middle of the lanes, or declare the ground as a grid",
             )
