@@ -29,7 +29,7 @@ from rover_pin.cli.commands.options import (
 )
 from rover_pin.cli.commands.speaking import Speaking, program
 from rover_pin.cli.commands.view import SEEN, open_page, requested_files, write_requested
-from rover_pin.cli.terminal import assignments, json_text, priors, progress, report, stoppable
+from rover_pin.cli.terminal import assignments, drive_settings, json_text, priors, progress, report, stoppable
 
 log = logging.getLogger("rover_pin.cli.app")  # its name also where it is run by python -m
 app = typer.Typer(
@@ -88,8 +88,7 @@ def drive(
     """Drive a scenario: write its drive log, figures and a summary."""
     from rover_pin.scenarios.scenario import scenario as ready
 
-    options = {"control": control, "gravity": gravity, "soil": soil, "model": model and str(model), "add": add}
-    settings = {**{name: value for name, value in options.items() if value}, **assignments(set_)}
+    settings = drive_settings(control, gravity, soil, model, add, set_)
     own = Path(control) if control.endswith(".py") else None
     settings["trust"] = Trust.of([file for file in (effects, own) if file], trust)
     chosen = ready(scenario, **settings)

@@ -44,6 +44,14 @@ def priors(words: Iterable[str]) -> dict[str, Any]:
     return result
 
 
+def drive_settings(
+    control: str, gravity: str, soil: str, model: Path | None, add: list[str], set_: list[str]
+) -> dict[str, Any]:
+    """Return the settings of a scenario that options give, those that are given alone; `--set` comes last."""
+    options = {"control": control, "gravity": gravity, "soil": soil, "model": model and str(model), "add": add}
+    return {**{name: value for name, value in options.items() if value}, **assignments(set_)}
+
+
 def assignments(words: Iterable[str], option: str = "--set") -> dict[str, Any]:
     """Return NAME=VALUE words of an option as a dict; numbers as numbers."""
     values: dict[str, Any] = {}

@@ -148,19 +148,18 @@ class Beliefs:
 
     def leaves_more(self, names: Iterable[str]) -> float:
         """Return the probability that a set of causes leaves more than noise, given that it acts."""
-        wanted = frozenset(names)
-        among = self.probability(lambda hypothesis: frozenset(hypothesis.names) == wanted)
-        more = self.probability(lambda hypothesis: frozenset(hypothesis.names) == wanted and hypothesis.leaves_more)
-        return more / among if among else math.nan
+        return self._given(names, lambda hypothesis: hypothesis.leaves_more)
 
     def has_discrepancy(self, names: Iterable[str]) -> float:
         """Return the probability that a set of causes leaves anything besides noise, given that it acts."""
+        return self._given(names, lambda hypothesis: hypothesis.discrepancy is not Discrepancy.NONE)
+
+    def _given(self, names: Iterable[str], holds: Callable[[Hypothesis], bool]) -> float:
+        """Return the probability that something holds, given that a set of causes acts."""
         wanted = frozenset(names)
         among = self.probability(lambda hypothesis: frozenset(hypothesis.names) == wanted)
-        none = self.probability(
-            lambda hypothesis: frozenset(hypothesis.names) == wanted and hypothesis.discrepancy is Discrepancy.NONE
-        )
-        return 1.0 - none / among if among else math.nan
+        both = self.probability(lambda hypothesis: frozenset(hypothesis.names) == wanted and holds(hypothesis))
+        return both / among if among else math.nan
 
     def best(self, names: Sequence[str] | None = None) -> Hypothesis:
         """Return the most probable hypothesis, of all or of a set of causes."""

@@ -128,8 +128,12 @@ class Expansion:
 
     def of_scales(self, loss: float, count: int) -> np.ndarray:
         """Return what each of the scales adds to ln Z, but for a constant: -loss / (2 s^2) - count ln s + ln p(s)."""
-        priors = -0.5 * STEPS**2 if len(self.scales) > 1 else np.zeros(1)
-        return np.asarray(-0.5 * loss / self.scales**2 - count * np.log(self.scales) + priors)
+        return np.asarray(-0.5 * loss / self.scales**2 - count * np.log(self.scales) + self._scale_priors)
+
+    @property
+    def _scale_priors(self) -> np.ndarray:
+        """Logarithm of the prior of each of the scales; nothing for the one of noise that is learnt."""
+        return -0.5 * STEPS**2 - logsumexp(-0.5 * STEPS**2) if len(self.scales) > 1 else np.zeros(1)
 
     def posterior(self, extra: Sequence[int] = (), without: int | None = None) -> Laplace:
         """Return what the data say of the fit's numbers with these of the others, perhaps without a fold."""
@@ -139,8 +143,7 @@ class Expansion:
         slope, curvature = sums.slope[0][at], sums.curvature[0][np.ix_(at, at)]
         scales = self.scales
         solved = [_solved(loss, slope, curvature, self.u[at], count, float(scale)) for scale in scales]
-        priors = -0.5 * STEPS**2 - logsumexp(-0.5 * STEPS**2) if len(scales) > 1 else np.zeros(1)
-        totals = np.array([row.log_evidence for row in solved]) + priors
+        totals = np.array([row.log_evidence for row in solved]) + self._scale_priors
         best = solved[int(np.argmax(totals))]
         return best._replace(log_evidence=float(logsumexp(totals)))
 

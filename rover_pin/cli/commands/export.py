@@ -12,7 +12,7 @@ from rover_pin.base.files.results_folder import alone_in, say_what_is_replaced
 from rover_pin.base.trust import Trust
 from rover_pin.cli.commands.completing import scenario_names
 from rover_pin.cli.commands.options import Add, AsJson, Gravity, ModelFile, Set, SoilName, Trusted
-from rover_pin.cli.terminal import assignments, report
+from rover_pin.cli.terminal import drive_settings, report
 
 
 class Kind(StrEnum):
@@ -66,9 +66,7 @@ def export_c(
     from rover_pin.control.embedded.source import embedded
     from rover_pin.scenarios.scenario import scenario as ready
 
-    options = {"control": control, "gravity": gravity, "soil": soil, "model": model and str(model), "add": add}
-    settings = {**{name: value for name, value in options.items() if value}, **assignments(set_)}
-    chosen = ready(scenario, **settings)
+    chosen = ready(scenario, **drive_settings(control, gravity, soil, model, add, set_))
     taken = embedded(chosen.controller, chosen.model.rover)
     say_what_is_replaced(out, ("rover_control.c",))
     with alone_in(out):

@@ -12,7 +12,7 @@ from rover_pin.control.sensing.onboard_slip import BACKWARDS, OnboardSlip
 from rover_pin.control.sensing.stop import StopStuck
 from rover_pin.control.slip_control import LEAST_RATIO, SlipControl
 from rover_pin.control.slip_estimate import TableEstimate, TrueSlip
-from rover_pin.control.torque_check import PITCHES, NoLimit, TorqueLimit
+from rover_pin.control.torque_check import CUSTOM_LIMIT, NoLimit, TorqueLimit, native_limit
 from rover_pin.soil.slip import LOCKED
 
 
@@ -126,21 +126,23 @@ def belief_names() -> str:
 
 
 def of_limit(limit: TorqueLimit | NoLimit) -> str:
-    """Return C of the highest duty of a wheel: 1, or by the torque bound at the body's pitch."""
-    if isinstance(limit, NoLimit):
+    """Return C of the highest duty of a wheel, 1 or by the torque bound at the pitch; your own limit is refused."""
+    table = native_limit(limit)
+    if table is CUSTOM_LIMIT:
+        raise ParameterError(
+            f"A torque limit of the class {type(limit).__name__} cannot be taken away: choose control.limit = at-slip, "
+            "saturation or none."
+        )
+    if table is None:
         body = "  (void)in, (void)wheel;\n  return 1.0;"
         return f"static real highest(const RoverReading *in, int wheel) {{\n{body}\n}}\n"
-    if type(limit) is not TorqueLimit:
-        raise ParameterError(
-            f"A torque limit of the class {type(limit).__name__} cannot be taken away: it is your own."
-        )
-    return f"""{numbers("PITCHES", PITCHES)}
-{numbers("TORQUES", np.array(limit.torques).T)}
+    many = len(table.pitches)
+    return f"""{numbers("PITCHES", table.pitches)}
+{numbers("TORQUES", np.array(table.torques).T)}
 
 static real highest(const RoverReading *in, int wheel) {{ /* T_lim at this pitch, a row a wheel */
-  const real torque = between(in->pitch, PITCHES, TORQUES + wheel * {len(PITCHES)}, {len(PITCHES)});
-  const real back = in->wheel_rate[wheel] / {float(limit.motor.no_load_rate)!r};
-  return duty_for(torque, {float(limit.motor.stall_torque)!r}, back);
+  const real torque = between(in->pitch, PITCHES, TORQUES + wheel * {many}, {many});
+  return duty_for(torque, {table.stall_torque!r}, in->wheel_rate[wheel] / {table.no_load_rate!r});
 }}
 """
 
