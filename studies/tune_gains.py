@@ -45,11 +45,13 @@ import numpy as np
 import pandas as pd
 
 from rover_pin import plot
-from rover_pin.tuning.drives import CHECKED, CONSTANT, Control, controller_of, drive_full
+from rover_pin.tuning.control import CHECKED, CONSTANT, Control
+from rover_pin.tuning.drives import controller_of, drive_full
 from rover_pin.tuning.evaluations import Evaluations
 from rover_pin.tuning.report import TuningResult
-from rover_pin.tuning.study import ESTIMATES, DriveCase, Effort, TuningStudy, read_tuning
-from rover_pin.tuning.tune import reduced_costs, tune_gains, values
+from rover_pin.tuning.study import IDEAL, DriveCase, Effort, SlipLaw, TuningStudy
+from rover_pin.tuning.study_file import read_tuning
+from rover_pin.tuning.tune import reduced_costs, tune_gains
 
 ENSEMBLES = ("slopes", "ditch")
 K_P = K_I = (0.01, 10.0)
@@ -59,7 +61,7 @@ def main() -> None:
     """Tune for both ensembles, draw and print."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="two drives and hardly any search: shows that it runs")
-    parser.add_argument("--estimate", choices=ESTIMATES, default="true", help="the slip that is fed back")
+    parser.add_argument("--estimate", choices=IDEAL, default="true", help="the slip that is fed back")
     parser.add_argument("--out", type=Path, default=Path("out/tune_gains"))
     options = parser.parse_args()
     results = {}
@@ -93,7 +95,9 @@ def digests(ensemble: str, result: TuningResult) -> pd.DataFrame:
         for where, controls in result.digests().items()
         for control, each in controls.items()
     ]
-    return pd.DataFrame(rows, columns=["ensemble", "set", "control", "mean", "worst", "tail_10", "stuck_share"])
+    return pd.DataFrame(
+        rows, columns=["ensemble", "set", "control", "mean", "worst", "tail_10", "stuck_share", "buried_share"]
+    )
 
 
 def landscape_figure(result: TuningResult, out: Path, points: int) -> None:
@@ -123,8 +127,8 @@ def log_edges(centres: np.ndarray) -> np.ndarray:
 
 def landscape(study: TuningStudy, S_d: float, k_p: np.ndarray, k_i: np.ndarray, out: Path) -> np.ndarray:
     """Return the cost over the grid; resumes as the tuning does."""
-    gains = [study.before.replace(S_d=S_d, k_p=float(p), k_i=float(i)) for p in k_p for i in k_i]
-    return reduced_costs(study, Evaluations(out / "landscape", None, None), gains).reshape(len(k_p), len(k_i))
+    laws = [SlipLaw(study.before.replace(S_d=S_d, k_p=float(p), k_i=float(i))) for p in k_p for i in k_i]
+    return reduced_costs(study, Evaluations(out / "landscape", None, None), laws).reshape(len(k_p), len(k_i))
 
 
 def most_changed(result: TuningResult) -> DriveCase:
@@ -137,9 +141,9 @@ def most_changed(result: TuningResult) -> DriveCase:
 def drives_figure(result: TuningResult, out: Path) -> None:
     """Draw x, slip and sinkage of a middle wheel without control, under the check, before and after."""
     case, by = most_changed(result), result.study.estimate
-    before, tuned = values(result.study.before), values(result.gains)
-    controls = {"constant duty": Control(CONSTANT, before), "torque check": Control(CHECKED, before)}
-    controls |= {f"before, {by}": Control(by, before), f"tuned, {by}": Control(by, tuned)}
+    before = result.study.law_before
+    controls = {"constant duty": Control.of(CONSTANT, before), "torque check": Control.of(CHECKED, before)}
+    controls |= {f"before, {by}": Control.of(by, before), f"tuned, {by}": Control.of(by, result.law)}
     sheet, axes = plot.new_figure(3, size=(9.0, 8.0), sharex=True)
     for (name, control), colour in zip(controls.items(), plot.COLOURS, strict=False):
         trace = drive_full(case, controller_of(case, control))

@@ -26,7 +26,8 @@ from rover_pin.simulation.model.effect_files import run_file, user_effects
 from rover_pin.simulation.model.toml_file import read_model, write_model
 from rover_pin.sweep import read_study, sweep
 from rover_pin.tuning.drives import built
-from rover_pin.tuning.study import DriveCase, TuningStudy, read_tuning
+from rover_pin.tuning.study import DriveCase, TuningStudy
+from rover_pin.tuning.study_file import read_tuning
 
 ROOT = Path(__file__).parents[1]
 RIG = ROOT / "studies" / "data" / "cmu-smooth-wheel"

@@ -263,10 +263,10 @@ def tune(
     out: Out = Path("out/tune"),
     as_json: AsJson = False,
 ) -> None:
-    """Tune the slip control's gains over an ensemble of drives. Killed, it resumes where it stopped."""
+    """Tune the slip control over an ensemble of drives, as it senses them. Killed, it resumes where it stopped."""
     from rover_pin.base.jobs.time_left import TimeLeft
     from rover_pin.tuning.drives import cautions
-    from rover_pin.tuning.study import read_tuning
+    from rover_pin.tuning.study_file import read_tuning
     from rover_pin.tuning.tune import tune_gains
 
     begun: dict[str, TimeLeft] = {}
@@ -281,7 +281,7 @@ def tune(
     tuning_study = (tuning_study if model is None else tuning_study.on_model(model)).trusting(allowed)
     for line in cautions((*tuning_study.training, *tuning_study.held_out)):
         log.warning("%s", line)
-    with stoppable(out, ("gains.toml", "drives.csv", "candidates.csv", "drives.png")):
+    with stoppable(out, ("gains.toml", "drives.csv", "candidates.csv", "drives.png", "frontier.png")):
         result = tune_gains(tuning_study, out, stage, workers or None, scheduler or None)
     report(result.summary(), as_json)
 

@@ -1,19 +1,26 @@
-"""Gains of the slip control as a file."""
+"""Gains of the slip control, and with a hole law its numbers, as a file."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 from rover_pin.base.files.columns import replace_file
-from rover_pin.base.files.toml_file import read_toml, toml_text
+from rover_pin.base.files.toml_file import read_toml, table_in, toml_text
 from rover_pin.base.quantity import record_from
+from rover_pin.control.hole_law import HoleLaw
 from rover_pin.control.slip_control import Gains
 
+HOLE = "hole"
+"""The table of a hole law's numbers; its r is that of the rover that is driven."""
 
-def save_gains(gains: Gains, path: str | Path, comment: str = "") -> Path:
+
+def save_gains(gains: Gains, path: str | Path, comment: str = "", hole: HoleLaw | None = None) -> Path:
     """Write gains as a TOML file, one `name = value` a line; `comment` comes first, as comment lines."""
-    text = toml_text({name: float(value) for name, value in gains.values().items()})
-    return replace_file(path, "".join(f"# {line}\n" for line in comment.splitlines()) + text)
+    table: dict[str, Any] = {name: float(value) for name, value in gains.values().items()}
+    if hole:
+        table |= {HOLE: {name: float(value) for name, value in hole.values().items() if name != "r"}}
+    return replace_file(path, "".join(f"# {line}\n" for line in comment.splitlines()) + toml_text(table))
 
 
 def load_gains(path: str | Path) -> Gains:
@@ -26,4 +33,19 @@ def load_gains(path: str | Path) -> Gains:
     ParameterError
         An unknown gain, with the close ones, or a value out of its bounds.
     """
-    return record_from(Gains, read_toml(path), str(path))
+    table = read_toml(path)
+    return record_from(Gains, {name: value for name, value in table.items() if name != HOLE}, str(path))
+
+
+def load_hole(path: str | Path, r: float) -> HoleLaw | None:
+    """Return the hole law of a file of gains for wheels of radius r [m]; None where S_d is constant.
+
+    Raises
+    ------
+    DataError, ParameterError
+        As `load_gains`.
+    """
+    table = read_toml(path)
+    if HOLE not in table:
+        return None
+    return record_from(HoleLaw, table_in(table, HOLE, str(path)), f"{path}: [{HOLE}]").replace(r=r)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 from matplotlib.axes import Axes
@@ -43,6 +44,47 @@ def tuning_figure(table: Any, title: str) -> Figure:
         _panel(axes, table[table["set"] == name], drives[name])
         axes.set_title(name, fontsize=9, loc="left")
     panels[-1].set_xlabel("cost of the drive (less is better)")
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=3, fontsize=8)
+    return figure
+
+
+def frontier_figure(table: Any, trials: Sequence[tuple[float, float]], estimate: str) -> Figure:
+    """Return the figure of drives that get through against those that bury a wheel.
+
+    Parameters
+    ----------
+    table : DataFrame
+        As of `tuning_figure`, with `stuck` and `buried` of each drive.
+    trials : sequence of (passed, buried)
+        Shares of the training drives, of all numbers that were tried.
+    estimate : str
+        The slip that was fed back.
+
+    Returns
+    -------
+    Figure
+        A panel a set; up and left is better.
+    """
+    sets = list(dict.fromkeys(table["set"]))
+    figure = Figure(figsize=(5.0 * len(sets), 4.2), layout="constrained")
+    panels = figure.subplots(1, len(sets), sharex=True, sharey=True, squeeze=False)[0]
+    for axes, name in zip(panels, sets, strict=True):
+        if name == "training":
+            passed, buried = zip(*trials, strict=True) if trials else ((), ())
+            style = {"ls": "", "marker": ".", "color": "#bbbbbb", "label": "tried in the search"}
+            axes.plot([100.0 * share for share in buried], [100.0 * share for share in passed], **style)
+        rows = table[table["set"] == name]
+        for control in ("constant duty", "torque check", f"before, {estimate}", f"tuned, {estimate}"):
+            group = rows[rows["control"] == control]
+            marker, colour = next(look for start, look in LOOKS.items() if control.startswith(start))
+            point = 100.0 * group["buried"].mean(), 100.0 * (1.0 - group["stuck"].mean())
+            axes.plot(*point, ls="", marker=marker, ms=9, mec=colour, mfc=colour, mew=2.0, label=control)
+        n = len(rows) // rows["control"].nunique()
+        axes.set_title(f"{name}: {n} drives", fontsize=9, loc="left")
+        axes.set_xlabel("drives that bury a wheel [%]")
+        axes.grid(alpha=0.3)
+    panels[0].set_ylabel("drives that get through [%]")
     handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=3, fontsize=8)
     return figure

@@ -12,7 +12,7 @@ from rover_pin.base.trust import Trust
 from rover_pin.control.constant import ConstantDuty
 from rover_pin.control.crab import Crab
 from rover_pin.control.design.controller_file import controller_of_file
-from rover_pin.control.gains_file import load_gains
+from rover_pin.control.gains_file import load_gains, load_hole
 from rover_pin.control.hole_law import HoleLaw
 from rover_pin.control.sensing.odometry import Camera, VisualOdometry
 from rover_pin.control.sensing.onboard_slip import OnboardSlip
@@ -35,6 +35,7 @@ AIMS = ("constant", "hole")
 STOPS = {"stuck": True, "never": False}
 SEED = 1
 """Of the noise of a scenario's camera or tracker."""
+NOISE_SEED = spec("", "assumed: any whole number does", 0.0, 2.0**31)
 LIMITS = ("none", "saturation", "at-slip")
 
 
@@ -67,12 +68,15 @@ def controller_from(request: Settings, model: Model, trust: Trust) -> Controller
 
 def _slip_control(request: Settings, model: Model, estimate: SlipEstimate, usual_aim: str) -> SlipControl:
     """Return the slip law, its desired slip constant or by each wheel's hole, with usual gains for either."""
+    file = request.take("control.gains", None, source="a file of tuned gains, as tune writes it")
+    r = float(model.rover.wheel.r)
+    tuned = None if file is None else load_hole(str(file), r)
     source = "constant: paper, section 5; hole: beyond the paper"
+    usual_aim = usual_aim if file is None else "hole" if tuned else "constant"
     aim, hole = request.choice("control.aim", usual_aim, {name: name for name in AIMS}, source), None
     if aim == "hole":
-        of_rover = HoleLaw(r=float(model.rover.wheel.r))
+        of_rover = tuned or HoleLaw(r=r)
         hole = of_rover.replace(**request.record("control.hole", of_rover))
-    file = request.take("control.gains", None, source="a file of tuned gains, as tune writes it")
     gains = load_gains(str(file)) if file is not None else HOLE_GAINS if hole else Gains()
     gains = gains.replace(**request.record("control", gains))
     return SlipControl(gains, estimate, _limit(request, model, "saturation"), hole=hole)
@@ -94,13 +98,21 @@ def _estimate(kind: str, model: Model, request: Settings) -> SlipEstimate | Onbo
         return TrueSlip()
     if kind == "tracked":
         tracker = Tracker(**request.record("control.tracker", Tracker))
-        return TrackedSlip(model.rover.radii, tracker, CONTROL_PERIOD, SEED)
+        return TrackedSlip(model.rover.radii, tracker, CONTROL_PERIOD, _seed(request))
     if kind == "onboard":
         return OnboardSlip.of(model)
     if kind == "camera":
         camera = Camera(**request.record("control.camera", Camera))
-        return OnboardSlip.of(model, odometry=VisualOdometry(camera, CONTROL_PERIOD, SEED))
+        return OnboardSlip.of(model, odometry=VisualOdometry(camera, CONTROL_PERIOD, _seed(request)))
     return TableEstimate(flat_table(model), float(model.rover.wheel.r))
+
+
+def _seed(request: Settings) -> int:
+    """Return the seed of the noise of a camera or tracker."""
+    seed = request.number("control.seed", SEED, NOISE_SEED)
+    if seed != int(seed):
+        raise ParameterError(f"control.seed = {seed:g} is not allowed: give a whole number.")
+    return int(seed)
 
 
 def _limit(request: Settings, model: Model, default: str) -> TorqueLimit | NoLimit:

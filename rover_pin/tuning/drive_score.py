@@ -1,4 +1,4 @@
-"""What a drive costs: too little progress, slip, energy, digging in, and being stuck or buried in the end."""
+"""What a drive costs: too little progress, slip, energy, digging in, and being stuck in the end; none may be buried."""
 
 from __future__ import annotations
 
@@ -27,10 +27,12 @@ BURIED_WIDTH = 0.01
 
 @dataclass(frozen=True)
 class Cost(Record):
-    """J = progress (1 - x / (v_c T)) + slip mean(S^2) + energy E / (m g v_c T) + sinkage mean(h / r) + stuck + buried.
+    """J = progress (1 - x / (v_c T)) + slip mean(S^2) + energy E / (m g v_c T) + sinkage mean(h / r) + stuck.
 
-    v_c = 0.05 m/s; S is the true slip, E the electric energy, means are over wheels and time; the weights of stuck and
-    buried (a wheel sank by `Model.buried` r) count where that came about. Ensemble: (1 - worst) mean(J) + worst max(J).
+    v_c = 0.05 m/s; S is the true slip, E the electric energy, means are over wheels and time; the weight of stuck
+    counts where that came about. A buried wheel (it sank by `Model.buried` r) is a constraint, no weight: such a drive
+    costs as much more as all else together, and of an ensemble the fewest burials come first, then
+    (1 - worst) mean(J) + worst max(J).
     """
 
     progress: Scalar = quantity(1.0, "", "assumed: one for a drive that goes nowhere", 0.0, 1e3)
@@ -38,17 +40,27 @@ class Cost(Record):
     energy: Scalar = quantity(0.1, "", "assumed: cruise on the flat costs 0.03 then", 0.0, 1e3)
     sinkage: Scalar = quantity(0.5, "", "assumed: 9 mm deeper all the time cost 0.1; a wheel at rest 0.09", 0.0, 1e3)
     stuck: Scalar = quantity(1.0, "", "assumed: as bad as no progress at all", 0.0, 1e3)
-    buried: Scalar = quantity(1.0, "", "assumed: one for being stuck, one more for good", 0.0, 1e3)
     worst: Scalar = quantity(0.0, "", "assumed: the mean counts", 0.0, 1.0)
 
     def total(self, score: Score) -> Scalar:
         """Return J of one drive, a float or an expression."""
         steady = self.slip * score.slip + self.energy * score.energy + self.sinkage * score.sinkage
-        return self.progress * (1.0 - score.progress) + steady + self.stuck * score.stuck + self.buried * score.buried
+        unburied = self.progress * (1.0 - score.progress) + steady + self.stuck * score.stuck
+        return unburied + self.highest * score.buried
+
+    @property
+    def highest(self) -> Scalar:
+        """What a drive costs that makes no progress, slips, digs and gets stuck: all weights together."""
+        return self.progress + self.slip + self.energy + self.sinkage + self.stuck
 
     def over(self, costs: np.ndarray) -> np.ndarray:
         """Return the ensemble's cost from those of the drives, along the last axis."""
         return (1.0 - self.worst) * np.mean(costs, axis=-1) + self.worst * np.max(costs, axis=-1)
+
+    def choice(self, scores: np.ndarray) -> np.ndarray:
+        """Return what gains are chosen by, from scores (..., drives, parts): one burial outweighs any other cost."""
+        parts = Score(*np.moveaxis(scores, -1, 0))
+        return self.over(self.total(parts)) + float(self.highest) * np.sum(parts.buried, axis=-1)
 
 
 class Score(NamedTuple):

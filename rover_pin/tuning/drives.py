@@ -8,20 +8,18 @@ import io
 import math
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 
 from rover_pin.base.errors import OptimisationError, ParameterError
-from rover_pin.control.constant import ConstantDuty
-from rover_pin.control.slip_control import Gains, SlipControl
 from rover_pin.control.slip_estimate import TableEstimate, TrueSlip, flat_table
-from rover_pin.control.torque_check import TorqueLimit, TorqueLimited
+from rover_pin.control.torque_check import TorqueLimit
 from rover_pin.effects.post_peak import PostPeak
 from rover_pin.scenarios.scenario import Scenario, scenario
 from rover_pin.simulation.command import Controller
 from rover_pin.simulation.trace.trace import Trace
+from rover_pin.tuning.control import CONSTANT, Control
 from rover_pin.tuning.drive_score import TAIL, Cost, Score, score_outcome, score_trace
 from rover_pin.tuning.model import refuse_other_model
 from rover_pin.tuning.reduced import GAIN_NAMES, Outcome, Reduced
@@ -33,22 +31,6 @@ FAILED = Score(progress=0.0, slip=1.0, energy=1.0, stuck=1.0, sinkage=1.0, burie
 """The score of a drive that the integrator gives up: worse than any that stands still."""
 SMOOTHING = 0.005
 """Rounding of the limits [duty] where derivatives are taken; it moves the cost by about 0.2 %."""
-CONSTANT = "constant"
-"""The name of the drive without control, beside those of the estimates."""
-CHECKED = "limit"
-"""The name of the drive at constant duty under the torque check at a slip, which senses no slip."""
-
-
-class Control(NamedTuple):
-    """A control law as plain values: slip control by an estimate (`true`, `eq9`), `constant` or `limit` (delta_0)."""
-
-    estimate: str
-    gains: tuple[float, ...]
-
-    @property
-    def named(self) -> Gains:
-        """The gains."""
-        return Gains(**dict(zip(GAIN_NAMES, self.gains, strict=True)))
 
 
 @lru_cache(maxsize=64)
@@ -103,11 +85,7 @@ def limit_of(case: DriveCase) -> TorqueLimit:
 
 def controller_of(case: DriveCase, control: Control) -> Controller:
     """Return the controller for the full rover."""
-    if control.estimate == CONSTANT:
-        return ConstantDuty(control.named.delta_0)
-    if control.estimate == CHECKED:
-        return TorqueLimited(ConstantDuty(control.named.delta_0), TorqueLimit.at_slip(built(case).model))
-    return SlipControl(control.named, estimate_of(case, control.estimate), limit_of(case))
+    return control.controller(built(case).model)
 
 
 def drive_full(case: DriveCase, controller: Controller) -> Trace:
@@ -140,10 +118,11 @@ def _scores(case: DriveCase, estimate: str, smoothing: float) -> ca.Function:
 
 
 @lru_cache(maxsize=64)
-def _sensitivity(case: DriveCase, estimate: str, smoothing: float, cost: Cost) -> ca.Function:
-    """Return gains -> J and its gradient, by adjoints through CVODES."""
+def _sensitivity(case: DriveCase, estimate: str, smoothing: float, cost: Cost, drives: int) -> ca.Function:
+    """Return gains -> J, of one of several drives, and its gradient, by adjoints through CVODES."""
     gains = ca.MX.sym("gains", len(GAIN_NAMES))
-    J = cost.total(Score(*ca.vertsplit(_scores(case, estimate, smoothing)(gains))))
+    score = Score(*ca.vertsplit(_scores(case, estimate, smoothing)(gains)))
+    J = cost.total(score) + drives * cost.highest * score.buried
     return ca.Function("sensitivity", [gains], [ca.vertcat(J, ca.gradient(J, gains))])
 
 
@@ -152,10 +131,15 @@ def reduced_score(case: DriveCase, control: Control, smoothing: float = 0.0) -> 
     return _numbers(_scores(case, control.estimate, smoothing), control.gains, list(FAILED))
 
 
-def reduced_gradient(case: DriveCase, control: Control, cost: Cost, smoothing: float = SMOOTHING) -> list[float]:
-    """Return J of the rounded reduced model and its gradient by all gains; FAILED and flat where there is none."""
-    failed = [FAILED.cost(cost)] + [0.0] * len(GAIN_NAMES)
-    return _numbers(_sensitivity(case, control.estimate, smoothing, cost), control.gains, failed)
+def reduced_gradient(
+    case: DriveCase, control: Control, cost: Cost, drives: int = 1, smoothing: float = SMOOTHING
+) -> list[float]:
+    """Return J of the rounded reduced model and its gradient by all gains; FAILED and flat where there is none.
+
+    The mean of J over `drives` of them is what the ensemble costs: a burial weighs as much as all of them.
+    """
+    failed = [FAILED.cost(cost) + drives * cost.highest] + [0.0] * len(GAIN_NAMES)
+    return _numbers(_sensitivity(case, control.estimate, smoothing, cost, drives), control.gains, failed)
 
 
 def _numbers(function: ca.Function, gains: tuple[float, ...], failed: list[float]) -> list[float]:

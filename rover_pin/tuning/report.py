@@ -12,26 +12,41 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rover_pin.control.gains_file import save_gains
+from rover_pin.control.hole_law import HoleLaw
 from rover_pin.control.slip_control import Gains
 from rover_pin.plot import save, write_csv
-from rover_pin.plot.tuning import tuning_figure
+from rover_pin.plot.tuning import frontier_figure, tuning_figure
 from rover_pin.tuning.drive_score import Cost, Score
-from rover_pin.tuning.study import ESTIMATES, TuningStudy
+from rover_pin.tuning.study import SlipLaw, TuningStudy
 
 COST_TOLERANCE = 1e-3
 """Costs closer than this count as equal."""
 
 
 class Candidate(NamedTuple):
-    """Gains that the full rover has driven on the training drives."""
+    """Numbers that the full rover has driven on the training drives."""
 
     stage: str
     "where they come from: before, search or polish"
-    gains: Gains
+    law: SlipLaw
     reduced_cost: float
+    "NaN of a control that the reduced model does not know"
     cost: float
     "of the full rover"
     scores: tuple[Score, ...]
+
+
+class Trial(NamedTuple):
+    """Shares of the training drives that get through, and that bury a wheel, under numbers that the search tried."""
+
+    passed: float
+    buried: float
+
+    @classmethod
+    def of(cls, scores: np.ndarray) -> Trial:
+        """Return the shares of scores (drives, parts)."""
+        parts = Score(*np.transpose(scores))
+        return cls(float(np.mean(1.0 - parts.stuck)), float(np.mean(parts.buried)))
 
 
 class Drives(NamedTuple):
@@ -42,6 +57,7 @@ class Drives(NamedTuple):
     held_out: tuple[Score, ...]
 
 
+STATISTICS = ("mean", "worst", "10 % tail", "stuck share", "buried share")
 WORTH = 0.02
 """Difference of a drive's cost that counts as better or worse: a fiftieth of a drive that goes nowhere (assumed)."""
 
@@ -59,14 +75,16 @@ class Digest(NamedTuple):
     "mean of the worst tenth, one drive at least"
     stuck: float
     "share of drives that end stuck"
+    buried: float
+    "share of drives that bury a wheel"
 
 
 def digest(scores: Sequence[Score], cost: Cost) -> Digest:
-    """Return mean, worst, 10 % tail and stuck share of an ensemble's costs."""
+    """Return mean, worst and 10 % tail of an ensemble's costs, and how many of its drives end stuck or buried."""
     costs = np.sort([score.cost(cost) for score in scores])
     worst = costs[-max(1, math.ceil(len(costs) / 10)) :]
-    stuck = float(np.mean([score.stuck for score in scores]))
-    return Digest(float(np.mean(costs)), float(costs[-1]), float(np.mean(worst)), stuck)
+    stuck, buried = (float(np.mean([getattr(score, name) for score in scores])) for name in ("stuck", "buried"))
+    return Digest(float(np.mean(costs)), float(costs[-1]), float(np.mean(worst)), stuck, buried)
 
 
 @dataclass(frozen=True)
@@ -74,7 +92,7 @@ class TuningResult:
     """The gains and how they were judged."""
 
     study: TuningStudy
-    gains: Gains
+    law: SlipLaw
     candidates: tuple[Candidate, ...]
     drives: tuple[Drives, ...]
     check: tuple[tuple[str, float, float, float], ...]
@@ -86,6 +104,18 @@ class TuningResult:
     "what the reduced model, or every drive, leaves out of the model"
     search_notes: tuple[str, ...] = ()
     "where the search drove the full rover, and where the polish was not begun"
+    trials: tuple[Trial, ...] = ()
+    "of all that the search tried, in turn"
+
+    @property
+    def gains(self) -> Gains:
+        """The gains found."""
+        return self.law.gains
+
+    @property
+    def hole(self) -> HoleLaw | None:
+        """The hole law found; None where S_d is constant."""
+        return self.law.hole
 
     def digests(self) -> dict[str, dict[str, Digest]]:
         """Return 'training' and 'held out' -> control -> Digest; without held-out drives only the first."""
@@ -104,7 +134,7 @@ class TuningResult:
                 f"{where}: the torque check alone {check.mean:.3f} against {constant.mean:.3f} at constant duty"
                 f"{_warning(check, constant)}"
             )
-            for estimate in ESTIMATES:
+            for estimate in self.study.compared:
                 before, after = table[f"before, {estimate}"], table[f"tuned, {estimate}"]
                 sentences.append(
                     f"{where}, {estimate} slip: tuned {after.mean:.3f} against {before.mean:.3f} before and "
@@ -116,6 +146,20 @@ class TuningResult:
         """Return in a sentence a set on how many drives a control helps, tuning adds to it, and nothing does."""
         sets = [("training", "training"), *([("held out", "held_out")] if self.study.held_out else [])]
         return [f"{name}: {self._outcome_counts(part)}" for name, part in sets]
+
+    def by_ground(self) -> list[str]:
+        """Return in a sentence a kind of ground how many of its drives get through, and bury a wheel."""
+        table = self.table()
+        names = ("constant duty", *(f"{when}, {self.study.estimate}" for when in ("before", "tuned")))
+        lines = []
+        for (where, ground), drives in table.groupby(["set", "ground"], sort=False):
+            rows = [drives[drives["control"] == name] for name in names]
+            counts = ", ".join(
+                f"{name} {int(np.sum(1.0 - row['stuck']))} through and {int(row['buried'].sum())} buried"
+                for name, row in zip(names, rows, strict=True)
+            )
+            lines.append(f"{where}, {ground}, of {len(rows[0])}: {counts}")
+        return lines
 
     def _outcome_counts(self, part: str) -> str:
         cost, by = self.study.cost, self.study.estimate
@@ -137,7 +181,7 @@ class TuningResult:
     def summary(self) -> dict[str, Any]:
         """Return the gains, the digests, the check of the reduced model and the verdicts, for a table or JSON."""
         rows = {
-            f"{where}: {control}": dict(zip(("mean", "worst", "10 % tail", "stuck share"), statistics, strict=True))
+            f"{where}: {control}": dict(zip(STATISTICS, statistics, strict=True))
             for where, table in self.digests().items()
             for control, statistics in table.items()
         }
@@ -150,10 +194,11 @@ class TuningResult:
             "tuned by": f"{self.study.estimate} slip",
             **({"model": list(self.study.model_files)} if self.study.model_files else {}),
             "gains": {name: float(value) for name, value in self.gains.values().items()},
+            **({"hole law": {name: float(value) for name, value in self.hole.values().items()}} if self.hole else {}),
             **rows,
             **check,
             "verdict": [*self.verdicts(), *self.search_notes],
-            "where": self.where(),
+            "where": [*self.where(), *self.by_ground()],
             **({"warnings": list(self.cautions)} if self.cautions else {}),
             "new evaluations": self.evaluations,
             "seconds": round(self.seconds, 1),
@@ -166,13 +211,14 @@ class TuningResult:
 
         rows = []
         for drives in self.drives:
-            for where, cases, scores in (
-                ("training", self.study.training, drives.training),
-                ("held out", self.study.held_out, drives.held_out),
+            for where, runs, scores in (
+                ("training", self.study.training_runs, drives.training),
+                ("held out", self.study.held_out_runs, drives.held_out),
             ):
-                for case, score in zip(cases, scores, strict=True):
-                    rows.append((where, case.name, drives.control, score.cost(self.study.cost), *score))
-        return pd.DataFrame(rows, columns=["set", "drive", "control", "cost", *Score._fields])
+                for run, score in zip(runs, scores, strict=True):
+                    cost, ground = score.cost(self.study.cost), run.case.scenario
+                    rows.append((where, run.case.name, ground, run.seed, drives.control, cost, *score))
+        return pd.DataFrame(rows, columns=["set", "drive", "ground", "seed", "control", "cost", *Score._fields])
 
 
 def _warning(after: Digest, constant: Digest) -> str:
@@ -180,30 +226,33 @@ def _warning(after: Digest, constant: Digest) -> str:
         return ": the control makes things WORSE than constant duty."
     if after.mean > constant.mean - COST_TOLERANCE:
         return ": the control changes nothing."
-    return f", stuck {100 * after.stuck:.0f} % against {100 * constant.stuck:.0f} %."
+    stuck = f"stuck {100 * after.stuck:.0f} % against {100 * constant.stuck:.0f} %"
+    return f", {stuck}, buried {100 * after.buried:.0f} % against {100 * constant.buried:.0f} %."
 
 
 def _title(result: TuningResult) -> str:
-    free = ", ".join(f"{name} = {float(getattr(result.gains, name)):.3g}" for name in result.study.free)
+    free = ", ".join(f"{name} = {result.law.number(name):.3g}" for name in result.study.free)
     return f"{result.study.name}: tuned with {result.study.estimate} slip to {free}"
 
 
 def write_result(result: TuningResult, out: Path) -> TuningResult:
-    """Write gains.toml, drives.csv, candidates.csv and drives.png into `out`; return the result with their paths."""
+    """Write gains.toml, drives.csv, candidates.csv and figures into `out`; return the result with their paths."""
     import pandas as pd
 
     study = result.study
     on = f" on {', '.join(study.model_files)}" if study.model_files else ""
     comment = f"Found by rover_pin for '{study.name}'{on} with {study.estimate} slip.\n" + "\n".join(result.verdicts())
+    numbers = tuple(dict.fromkeys((*result.gains.values(), *study.free)))
     rows = [
-        (candidate.stage, *candidate.gains.values().values(), candidate.reduced_cost, candidate.cost)
+        (candidate.stage, *map(candidate.law.number, numbers), candidate.reduced_cost, candidate.cost)
         for candidate in result.candidates
     ]
-    names = ["stage", *result.gains.values(), "reduced_cost", "full_cost"]
+    names = ["stage", *numbers, "reduced_cost", "full_cost"]
     files = (
-        save_gains(result.gains, out / "gains.toml", comment),
+        save_gains(result.gains, out / "gains.toml", comment, result.hole),
         write_csv(result.table(), out / "drives.csv"),
         write_csv(pd.DataFrame(rows, columns=names), out / "candidates.csv"),
         save(tuning_figure(result.table(), _title(result)), out / "drives.png"),
+        save(frontier_figure(result.table(), result.trials, study.estimate), out / "frontier.png"),
     )
     return dataclasses.replace(result, files=files)

@@ -1,4 +1,4 @@
-"""What is to be tuned, on which drives, at what effort: declared in Python or in a TOML file."""
+"""What is to be tuned, on which drives, at what effort."""
 
 from __future__ import annotations
 
@@ -7,20 +7,48 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
 from rover_pin.base.errors import ParameterError, closest
-from rover_pin.base.files.toml_file import read_toml, table_in
 from rover_pin.base.public import brief
-from rover_pin.base.quantity import quantities, record_from, to_si
+from rover_pin.base.quantity import Quantity, quantities
 from rover_pin.base.trust import Trust
+from rover_pin.control.hole_law import HoleLaw
 from rover_pin.control.slip_control import Gains
 from rover_pin.tuning.drive_score import Cost
 
-ESTIMATES = ("true", "eq9")
-"""The slip of Eq (1) itself, or the paper's estimate, Eq (9)."""
+IDEAL, SENSED = ("true", "eq9"), ("onboard", "camera", "tracked")
+"""The slip of Eq (1) itself, or the paper's estimate, Eq (9); and what sensors with noise of their own say of it."""
+ESTIMATES = (*IDEAL, *SENSED)
 LOGARITHMIC = ("k_p", "k_i")
 """Gains that are searched on a logarithmic scale."""
+HOLE = "hole."
+"""Before the name of a hole law's number."""
+
+
+class SlipLaw(NamedTuple):
+    """The numbers of a slip control: its gains, and those of its hole law, if S_d is no constant."""
+
+    gains: Gains = Gains()
+    hole: HoleLaw | None = None
+
+    def number(self, name: str) -> float:
+        """Return the number of this name, as `k_p` or `hole.deep`."""
+        record = self.hole if name.startswith(HOLE) else self.gains
+        return float(getattr(record, name.removeprefix(HOLE)))
+
+    def replaced(self, numbers: Mapping[str, float]) -> SlipLaw:
+        """Return the law with other numbers, by such names."""
+        gains = self.gains.replace(**{name: value for name, value in numbers.items() if not name.startswith(HOLE)})
+        of_hole = {name.removeprefix(HOLE): value for name, value in numbers.items() if name.startswith(HOLE)}
+        return SlipLaw(gains, self.hole.replace(**of_hole) if self.hole else None)
+
+
+class Run(NamedTuple):
+    """A drive with a seed of its sensors' noise; 0 where none are read."""
+
+    case: DriveCase
+    seed: int = 0
 
 
 @dataclass(frozen=True)
@@ -59,15 +87,16 @@ class Effort:
 
     def __post_init__(self) -> None:
         for name, low in (("population", 5), ("generations", 0), ("starts", 0), ("steps", 1), ("keep", 1)):
-            value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int) or value < low:
-                raise ParameterError(f"effort.{name} = {value!r} is not allowed: give a whole number from {low} on.")
+            _check_whole(f"effort.{name}", getattr(self, name), low)
 
 
 @brief
 @dataclass(frozen=True)
 class TuningStudy:
-    """Gains to find: `free` names them with their bounds; the others keep their values in `before`.
+    """Numbers to find: `free` names them with their bounds; the others keep their values in `before` and `hole`.
+
+    With a `hole` law S_d falls with each wheel's hole, and its numbers may be free too, as `hole.deep`. An estimate of
+    SENSED is driven with the noise, steps and delays of its sensors, each drive with other `noise_seeds` seeds.
 
     Raises
     ------
@@ -80,7 +109,9 @@ class TuningStudy:
     held_out: tuple[DriveCase, ...] = ()
     free: Mapping[str, tuple[float, float]] = field(default_factory=lambda: {"k_p": (0.01, 10.0), "k_i": (0.01, 10.0)})
     before: Gains = field(default_factory=Gains)
+    hole: HoleLaw | None = None
     estimate: str = "true"
+    noise_seeds: int = 1
     cost: Cost = field(default_factory=Cost)
     effort: Effort = field(default_factory=Effort)
     seed: int = 0
@@ -92,20 +123,63 @@ class TuningStudy:
             raise ParameterError(
                 f"Tuning '{self.name}': estimate = {self.estimate!r}: {closest(self.estimate, ESTIMATES)}"
             )
+        _check_whole(f"Tuning '{self.name}': noise_seeds", self.noise_seeds, 1)
         if not self.free:
-            raise ParameterError(
-                f"Tuning '{self.name}' has no free gains: name some of {', '.join(quantities(Gains))}."
-            )
+            raise ParameterError(f"Tuning '{self.name}' has no free gains: name some of {', '.join(self._numbers)}.")
         names = [case.name for case in (*self.training, *self.held_out)]
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
             raise ParameterError(f"Tuning '{self.name}' has two drives named '{twice[0]}': give each its own name.")
         for name, bounds in self.free.items():
-            _check_bounds(self.name, name, bounds)
+            _check_bounds(self.name, name, bounds, self._numbers)
 
-    def gains(self, unit: Iterable[float]) -> Gains:
-        """Return the gains at a point of the unit cube, one coordinate a free gain."""
-        return self.before.replace(**{n: placed(n, b, u) for (n, b), u in zip(self.free.items(), unit, strict=True)})
+    @property
+    def _numbers(self) -> dict[str, Quantity]:
+        """What may be free, by name; a hole law's r is the rover's."""
+        of_hole = {f"{HOLE}{name}": spec for name, spec in quantities(HoleLaw).items() if name != "r"}
+        return {**quantities(Gains), **(of_hole if self.hole else {})}
+
+    @property
+    def law_before(self) -> SlipLaw:
+        """The numbers before the tuning."""
+        return SlipLaw(self.before, self.hole)
+
+    def law(self, unit: Iterable[float]) -> SlipLaw:
+        """Return the numbers at a point of the unit cube, one coordinate a free one."""
+        return self.law_before.replaced(
+            {name: placed(name, bounds, u) for (name, bounds), u in zip(self.free.items(), unit, strict=True)}
+        )
+
+    @property
+    def has_reduced_model(self) -> bool:
+        """Whether the reduced model knows this control: a constant S_d, and a slip without noise."""
+        return self.hole is None and self.estimate in IDEAL
+
+    @property
+    def compared(self) -> tuple[str, ...]:
+        """The estimates that a report compares: those without noise, and the study's own."""
+        return tuple(dict.fromkeys((*IDEAL, self.estimate)))
+
+    @property
+    def seeds(self) -> int:
+        """How many seeds of noise every drive has."""
+        return self.noise_seeds if self.estimate in SENSED else 1
+
+    @property
+    def training_runs(self) -> tuple[Run, ...]:
+        """Every training drive with each of its seeds."""
+        return self._runs(self.training, 0)
+
+    @property
+    def held_out_runs(self) -> tuple[Run, ...]:
+        """Every drive that is held out with each of its seeds, none of them one of the training."""
+        return self._runs(self.held_out, len(self.training_runs))
+
+    def _runs(self, cases: Iterable[DriveCase], first: int) -> tuple[Run, ...]:
+        repeated = [case for case in cases for _ in range(self.seeds)]
+        if self.estimate not in SENSED:
+            return tuple(map(Run, repeated))
+        return tuple(Run(case, first + number) for number, case in enumerate(repeated, 1))
 
     @property
     def model_files(self) -> tuple[str, ...]:
@@ -155,8 +229,12 @@ def placed(name: str, bounds: tuple[float, float], u: float) -> float:
     return low + float(u) * (high - low)
 
 
-def _check_bounds(study: str, name: str, bounds: tuple[float, float]) -> None:
-    gain_fields = quantities(Gains)
+def _check_whole(name: str, value: Any, low: int) -> None:
+    if isinstance(value, bool) or not isinstance(value, int) or value < low:
+        raise ParameterError(f"{name} = {value!r} is not allowed: give a whole number from {low} on.")
+
+
+def _check_bounds(study: str, name: str, bounds: tuple[float, float], gain_fields: Mapping[str, Quantity]) -> None:
     if name not in gain_fields:
         raise ParameterError(f"Tuning '{study}': there is no gain '{name}': {closest(name, gain_fields)}")
     try:
@@ -174,103 +252,3 @@ def _check_bounds(study: str, name: str, bounds: tuple[float, float]) -> None:
             f"Tuning '{study}': the bounds of {name} must lie in [{floor:g}, {gain_fields[name].high:g}], but are "
             f"[{low:g}, {high:g}]{' (it is searched on a logarithmic scale)' if name in LOGARITHMIC else ''}."
         )
-
-
-def read_tuning(path: str | Path, trust: Trust = Trust()) -> TuningStudy:
-    """Return the study in a TOML file, as in::
-
-        name = "ditch"
-        estimate = "true"              # the true slip, or "eq9"
-        seed = 0
-        [free]                         # gains to find, with their bounds
-        k_p = [0.01, 10.0]
-        S_d = [0.05, 0.9]
-        [before]                       # the other gains, and where the free ones come from
-        delta_max = 0.55
-        [cost]
-        slip = 0.3
-        [effort]
-        population = 12
-        [[training]]
-        scenario = "ditch"
-        post_peak = 0.3
-        soil.k = 0.01
-        terrain.wall_angle_deg = 35
-        [[held_out]]
-        scenario = "incline"
-
-    Raises
-    ------
-    DataError
-        A file that is missing or not TOML, or names another outside its folder that `trust` does not allow.
-    ParameterError
-        An unknown key or name, with the close ones; anything that TuningStudy refuses.
-    """
-    table = read_toml(path)
-    trust.refuse_elsewhere(table, Path(path))
-    try:
-        return _study(table, Path(path).stem)
-    except ParameterError as error:
-        raise ParameterError(f"{path}: {error}") from error
-
-
-def _study(table: dict[str, Any], stem: str) -> TuningStudy:
-    keys = [entry.name for entry in dataclasses.fields(TuningStudy)]
-    for key in table:
-        if key not in keys:
-            raise ParameterError(f"the study has no key '{key}': {closest(key, keys)}")
-    fields = {key: value for key, value in table.items() if key in ("estimate", "seed")}
-    name = _name("the study", "name", table.get("name", stem))
-    if "free" in table:
-        fields["free"] = {name: _pair(name, bounds) for name, bounds in table_in(table, "free", stem).items()}
-    effort = table_in(table, "effort", stem)
-    efforts = [entry.name for entry in dataclasses.fields(Effort)]
-    for key in effort:
-        if key not in efforts:
-            raise ParameterError(f"[effort] has no key '{key}': {closest(key, efforts)}")
-    return TuningStudy(
-        name,
-        **fields,
-        training=_cases("training", table.get("training", [])),
-        held_out=_cases("held_out", table.get("held_out", [])),
-        before=record_from(Gains, table.get("before", {}), "[before]"),
-        cost=record_from(Cost, table.get("cost", {}), "[cost]"),
-        effort=Effort(**effort),
-    )
-
-
-def _pair(name: str, bounds: Any) -> Any:
-    """Return bounds as two numbers; what is none is left for `TuningStudy` to refuse."""
-    if not isinstance(bounds, list):
-        return bounds
-    return tuple(to_si(bound, "", "", f"the bounds of {name}") for bound in bounds)
-
-
-def _cases(where: str, entries: Any) -> tuple[DriveCase, ...]:
-    if not isinstance(entries, list) or not all(isinstance(entry, Mapping) for entry in entries):
-        raise ParameterError(f"'{where}' must be a list of drives: write each under its own [[{where}]].")
-    return tuple(_case(f"{where} {i + 1}", dict(entry)) for i, entry in enumerate(entries))
-
-
-def _case(where: str, entry: dict[str, Any]) -> DriveCase:
-    if "scenario" not in entry:
-        raise ParameterError(f'{where} names no scenario: add scenario = "ditch", say.')
-    scenario, name = (_name(where, key, entry.pop(key, where)) for key in ("scenario", "name"))
-    post_peak = to_si(entry.pop("post_peak", 0.0), "", "", f"{where}: post_peak")
-    return DriveCase(name, scenario, tuple(sorted(_flat(entry))), post_peak)
-
-
-def _name(where: str, key: str, value: Any) -> str:
-    if not isinstance(value, str):
-        raise ParameterError(f"{where}: {key} = {value!r} is not allowed: it is one name, in quotes.")
-    return value
-
-
-def _flat(entry: Mapping[str, Any], prefix: str = "") -> list[tuple[str, Any]]:
-    """Return dotted name -> value: in TOML `soil.k = 1` is a table in a table."""
-    flat: list[tuple[str, Any]] = []
-    for name, value in entry.items():
-        # a list, as of effects to add, must be fit for a key
-        plain = tuple(value) if isinstance(value, list) else value
-        flat += _flat(value, f"{prefix}{name}.") if isinstance(value, Mapping) else [(f"{prefix}{name}", plain)]
-    return flat

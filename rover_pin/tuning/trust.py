@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from rover_pin.control.slip_control import Gains
-from rover_pin.tuning.drives import Control, reduced_errors
+from rover_pin.tuning.control import Control
+from rover_pin.tuning.drives import reduced_errors
 from rover_pin.tuning.evaluations import Evaluations
-from rover_pin.tuning.reduced import as_column
-from rover_pin.tuning.study import DriveCase, TuningStudy
+from rover_pin.tuning.study import DriveCase, SlipLaw, TuningStudy
 
 SLIP_ERROR = 0.05
 """RMSE of the slip, over wheels and time, up to which a reduced drive counts as that of the full rover (assumed)."""
@@ -32,9 +31,11 @@ class Checked(NamedTuple):
         return self.slip < SLIP_ERROR
 
 
-def checked(study: TuningStudy, evaluations: Evaluations, gains: Gains) -> tuple[Checked, ...]:
-    """Return the check of every training drive under these gains."""
-    control = Control(study.estimate, tuple(float(gain) for gain in as_column(gains)))
+def checked(study: TuningStudy, evaluations: Evaluations, law: SlipLaw) -> tuple[Checked, ...]:
+    """Return the check of every training drive under these numbers; none of a control that is not in the model."""
+    if not study.has_reduced_model:
+        return ()
+    control = Control.of(study.estimate, law)
     jobs = [(case, control) for case in study.training]
     results = evaluations.run("check of the reduced model", reduced_errors, jobs)
     return tuple(Checked(case, *errors) for case, errors in zip(study.training, results, strict=True))
@@ -45,7 +46,7 @@ def checked_over(study: TuningStudy, evaluations: Evaluations) -> tuple[Checked,
 
     One alone may lie where nothing moves: a rover that control holds before a wall is easily modelled.
     """
-    both = [checked(study, evaluations, gains) for gains in (study.before, study.gains([0.5] * len(study.free)))]
+    both = [checked(study, evaluations, law) for law in (study.law_before, study.law([0.5] * len(study.free)))]
     return tuple(max(pair, key=lambda check: check.slip) for pair in zip(*both, strict=True))
 
 

@@ -1,10 +1,11 @@
 """Find gains: a global search, a gradient polish on the reduced model, then the verdict of the full rover.
 
 The landscape of the gains has several minima and cliffs, so that differential evolution looks everywhere first: on the
-reduced model where its slip is that of the full rover (`tuning_trust`), on the full rover elsewhere. L-BFGS then goes
-by derivatives that adjoints carry through the reduced model, with limits rounded by SMOOTHING, from starts at which
-that model is right on every drive; from others it is not begun, and the result says so. What they find is driven by the
-full rover, together with the gains from before; its unsmoothed score alone decides.
+reduced model where its slip is that of the full rover (`trust`), on the full rover elsewhere, and wherever sensors are
+read or S_d falls with the hole. L-BFGS then goes by derivatives that adjoints carry through the reduced model, with
+limits rounded by SMOOTHING, from starts at which that model is right on every drive; from others it is not begun, and
+the result says so. What they find is driven by the full rover, together with the gains from before; its unsmoothed
+score alone decides, fewest burials first.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import math
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.optimize import differential_evolution, minimize
@@ -23,23 +24,14 @@ from rover_pin.base.errors import OptimisationError
 from rover_pin.base.files.results_folder import alone_in
 from rover_pin.base.jobs.cluster import refuse_both, workers_of
 from rover_pin.base.jobs.workers import ending_workers
-from rover_pin.control.slip_control import Gains
+from rover_pin.tuning.control import CHECKED, CONSTANT, Control
 from rover_pin.tuning.drive_score import Score
-from rover_pin.tuning.drives import (
-    CHECKED,
-    CONSTANT,
-    Control,
-    built,
-    cautions,
-    full_score,
-    reduced_gradient,
-    reduced_score,
-)
+from rover_pin.tuning.drives import built, cautions, full_score, reduced_gradient, reduced_score
 from rover_pin.tuning.evaluations import Evaluations, Progress
 from rover_pin.tuning.model import sealed
-from rover_pin.tuning.reduced import GAIN_NAMES, as_column
-from rover_pin.tuning.report import Candidate, Drives, TuningResult, write_result
-from rover_pin.tuning.study import ESTIMATES, LOGARITHMIC, DriveCase, TuningStudy
+from rover_pin.tuning.reduced import GAIN_NAMES
+from rover_pin.tuning.report import Candidate, Drives, Trial, TuningResult, write_result
+from rover_pin.tuning.study import LOGARITHMIC, Run, SlipLaw, TuningStudy
 from rover_pin.tuning.trust import Checked, checked, checked_over, refusal
 
 APART = 0.1
@@ -47,11 +39,12 @@ APART = 0.1
 
 
 class Point(NamedTuple):
-    """A point of the unit cube with the reduced model's cost."""
+    """A point of the unit cube with its cost in the search."""
 
     place: np.ndarray
     cost: float
     stage: str
+    trial: Trial | None = None
 
 
 def tune_gains(
@@ -103,29 +96,31 @@ def _tuned(study: TuningStudy, evaluations: Evaluations) -> TuningResult:
     begin = time.perf_counter()
     checks = checked_over(study, evaluations)
     points = search(study, evaluations, checks)
+    trials = tuple(point.trial for point in points if point.trial)
     polished, skipped = polishes(study, evaluations, spread(points, study.effort.starts))
     points += polished
     candidates = evaluate_points(study, evaluations, spread(points, study.effort.keep))
-    constant = _drives(evaluations, study.training, Control(CONSTANT, values(study.before)))
+    constant = _constant(study, evaluations)
     if all(score.stuck for candidate in candidates for score in candidate.scores):
         raise OptimisationError(
             f"Tuning '{study.name}': every training drive ends stuck whatever the gains "
             f"({len(candidates)} sets driven by the full rover); constant duty {study.before.delta_0:g} costs "
-            f"{_mean_cost(study, constant.training):.3f} with {_stuck(constant.training)} of {len(study.training)} "
-            "stuck: choose gentler drives, or do without this control.",
-            status=constant.training,
+            f"{_mean_cost(study, constant):.3f} with {_stuck(constant)} of {len(constant)} stuck: choose gentler "
+            "drives, or do without this control.",
+            status=constant,
         )
-    best = min(candidates, key=lambda candidate: candidate.cost)
+    best = min(candidates, key=lambda candidate: float(study.cost.choice(np.array(candidate.scores))))
     return TuningResult(
         study,
-        best.gains,
+        best.law,
         candidates,
-        tuple(_report(study, evaluations, best.gains)),
-        tuple((check.case.name, *check[1:]) for check in checked(study, evaluations, best.gains)),
+        tuple(_report(study, evaluations, best.law)),
+        tuple((check.case.name, *check[1:]) for check in checked(study, evaluations, best.law)),
         evaluations.fresh,
         time.perf_counter() - begin,
         cautions=cautions((*study.training, *study.held_out)),
-        search_notes=(*_on_full(checks), *skipped),
+        search_notes=(*_on_full(study, checks), *skipped),
+        trials=trials,
     )
 
 
@@ -135,13 +130,14 @@ def search(study: TuningStudy, evaluations: Evaluations, checks: Sequence[Checke
     tried: list[Point] = []
 
     def costs(places: np.ndarray) -> np.ndarray:
-        gains = [study.gains(place) for place in places.T]
-        values = search_costs(study, evaluations, gains, checks)
-        tried.extend(Point(place.copy(), float(cost), "search") for place, cost in zip(places.T, values, strict=True))
-        return values
+        scores = search_scores(study, evaluations, [study.law(place) for place in places.T], checks)
+        choices = np.asarray(study.cost.choice(scores))
+        for place, choice, drives in zip(places.T, choices, scores, strict=True):
+            tried.append(Point(place.copy(), float(choice), "search", Trial.of(drives)))
+        return choices
 
     first = qmc.LatinHypercube(size, seed=study.seed).random(effort.population)
-    first[0] = place_of(study, study.before)
+    first[0] = place_of(study, study.law_before)
     differential_evolution(
         costs,
         [(0.0, 1.0)] * size,
@@ -156,25 +152,32 @@ def search(study: TuningStudy, evaluations: Evaluations, checks: Sequence[Checke
     return tried
 
 
-def search_costs(
-    study: TuningStudy, evaluations: Evaluations, gains: Sequence[Gains], checks: Sequence[Checked]
+def search_scores(
+    study: TuningStudy, evaluations: Evaluations, laws: Sequence[SlipLaw], checks: Sequence[Checked]
 ) -> np.ndarray:
-    """Return the ensemble's cost of each set of gains: of the reduced model where it is trusted, else of the rover."""
-    scores = np.zeros((len(gains), len(checks), len(Score._fields)))
-    for trusted, stage, score in (
+    """Return the scores (laws, drives, parts): of the reduced model where it is trusted, else of the rover."""
+    runs, trusted = study.training_runs, {check.case.name for check in checks if check.trusted}
+    scores = np.zeros((len(laws), len(runs), len(Score._fields)))
+    for is_reduced, stage, score in (
         (True, "search on the reduced model", reduced_score),
         (False, "search on the full rover", full_score),
     ):
-        places = [i for i, check in enumerate(checks) if check.trusted == trusted]
-        jobs = [(checks[i].case, Control(study.estimate, values(gain_set))) for gain_set in gains for i in places]
+        places = [i for i, run in enumerate(runs) if (run.case.name in trusted) == is_reduced]
+        jobs = [job_of(study, law, runs[i]) for law in laws for i in places]
         if jobs:
-            scores[:, places] = np.reshape(evaluations.run(stage, score, jobs), (len(gains), len(places), -1))
-    costs = [[Score(*score).cost(study.cost) for score in drive_scores] for drive_scores in scores]
-    return study.cost.over(np.array(costs))
+            scores[:, places] = np.reshape(evaluations.run(stage, score, jobs), (len(laws), len(places), -1))
+    return scores
 
 
-def _on_full(checks: Sequence[Checked]) -> tuple[str, ...]:
+def job_of(study: TuningStudy, law: SlipLaw, run: Run) -> tuple[Any, ...]:
+    """Return the arguments of a drive's score."""
+    return run.case, Control.of(study.estimate, law, run.seed)
+
+
+def _on_full(study: TuningStudy, checks: Sequence[Checked]) -> tuple[str, ...]:
     """Return in words where the search drives the full rover."""
+    if not study.has_reduced_model:
+        return ("the search drives the full rover: its sensors and holes are not in the reduced model",)
     off = [check for check in checks if not check.trusted]
     if not off:
         return ()
@@ -188,8 +191,8 @@ def polishes(
     """Return what the polish finds from each start at which the reduced model is right, and why not from others."""
     polished: list[Point] = []
     skipped: list[str] = []
-    for i, start in enumerate(starts):
-        wrong = refusal(checked(study, evaluations, study.gains(start.place)))
+    for i, start in enumerate(starts if study.has_reduced_model else ()):
+        wrong = refusal(checked(study, evaluations, study.law(start.place)))
         if wrong:
             skipped.append(f"no gradient polish from start {i + 1} of {len(starts)}: {wrong}")
         else:
@@ -197,18 +200,19 @@ def polishes(
     return polished, tuple(skipped)
 
 
-def reduced_costs(study: TuningStudy, evaluations: Evaluations, gains: Sequence[Gains]) -> np.ndarray:
-    """Return the ensemble's cost of each set of gains on the reduced model, unsmoothed but for stuck and buried."""
+def reduced_costs(study: TuningStudy, evaluations: Evaluations, laws: Sequence[SlipLaw]) -> np.ndarray:
+    """Return the ensemble's cost of each law on the reduced model, unsmoothed but for stuck and buried."""
     everywhere = [Checked(case, 0.0, 0.0, 0.0) for case in study.training]
-    return search_costs(study, evaluations, gains, everywhere)
+    scores = search_scores(study, evaluations, laws, everywhere)
+    return study.cost.over(np.array([_costs(study, drives) for drives in scores]))
 
 
 def polish(study: TuningStudy, evaluations: Evaluations, start: np.ndarray) -> Point:
     """Return where L-BFGS-B comes to from a point of the unit cube, with the rounded reduced model's derivatives."""
 
     def cost_and_slope(place: np.ndarray) -> tuple[float, np.ndarray]:
-        control = Control(study.estimate, values(study.gains(place)))
-        jobs = [(case, control, study.cost) for case in study.training]
+        control = Control.of(study.estimate, study.law(place))
+        jobs = [(case, control, study.cost, len(study.training)) for case in study.training]
         rows = np.array(evaluations.run("polish by gradients", reduced_gradient, jobs))
         share = np.full(len(jobs), (1.0 - study.cost.worst) / len(jobs))
         share[int(np.argmax(rows[:, 0]))] += study.cost.worst
@@ -223,7 +227,7 @@ def polish(study: TuningStudy, evaluations: Evaluations, start: np.ndarray) -> P
 def slope_of(study: TuningStudy, place: np.ndarray) -> np.ndarray:
     """Return d(all gains) / d(unit cube), a column a free gain."""
     slope = np.zeros((len(GAIN_NAMES), len(study.free)))
-    gains = study.gains(place)
+    gains = study.law(place).gains
     for j, (name, (low, high)) in enumerate(study.free.items()):
         row = GAIN_NAMES.index(name)
         slope[row, j] = getattr(gains, name) * math.log(high / low) if name in LOGARITHMIC else high - low
@@ -240,57 +244,55 @@ def spread(points: Sequence[Point], most: int) -> list[Point]:
 
 
 def evaluate_points(study: TuningStudy, evaluations: Evaluations, points: Sequence[Point]) -> tuple[Candidate, ...]:
-    """Return the gains before and those of the points, each with the full rover's scores on the training drives."""
-    sets = [("before", study.before), *((point.stage, study.gains(point.place)) for point in points)]
-    reduced = reduced_costs(study, evaluations, [gains for _, gains in sets])
-    jobs = [(case, Control(study.estimate, values(gains))) for _, gains in sets for case in study.training]
-    flat_scores = [Score(*score) for score in evaluations.run("verdict of the full rover", full_score, jobs)]
-    size = len(study.training)
-    scores = [tuple(flat_scores[i * size : (i + 1) * size]) for i in range(len(sets))]
+    """Return the numbers before and those of the points, each with the full rover's scores on the training drives."""
+    sets = [("before", study.law_before), *((point.stage, study.law(point.place)) for point in points)]
+    laws = [law for _, law in sets]
+    reduced = reduced_costs(study, evaluations, laws) if study.has_reduced_model else np.full(len(laws), math.nan)
+    jobs = [job_of(study, law, run) for law in laws for run in study.training_runs]
+    flat_scores = evaluations.run("verdict of the full rover", full_score, jobs)
+    scores = np.reshape(flat_scores, (len(laws), -1, len(Score._fields)))
     return tuple(
-        Candidate(stage, gains, float(cost), _mean_cost(study, drive_scores), drive_scores)
-        for (stage, gains), cost, drive_scores in zip(sets, reduced, scores, strict=True)
+        Candidate(stage, law, float(cost), _mean_cost(study, drives), tuple(Score(*score) for score in drives))
+        for (stage, law), cost, drives in zip(sets, reduced, scores.tolist(), strict=True)
     )
 
 
-def values(gains: Gains) -> tuple[float, ...]:
-    """Return the gains as a tuple, in the order of GAIN_NAMES."""
-    return tuple(float(gain) for gain in as_column(gains))
-
-
-def place_of(study: TuningStudy, gains: Gains) -> np.ndarray:
-    """Return the point of the unit cube where the free gains are these, at the nearest bound where outside."""
+def place_of(study: TuningStudy, law: SlipLaw) -> np.ndarray:
+    """Return the point of the unit cube where the free numbers are these, at the nearest bound where outside."""
     place = []
     for name, (low, high) in study.free.items():
-        value = min(max(float(getattr(gains, name)), low), high)
+        value = min(max(law.number(name), low), high)
         place.append(
             math.log(value / low) / math.log(high / low) if name in LOGARITHMIC else (value - low) / (high - low)
         )
     return np.array(place)
 
 
-def _report(study: TuningStudy, evaluations: Evaluations, gains: Gains) -> list[Drives]:
-    """Return all drives without control, under the torque check alone, and by either estimate before and after."""
-    controls = {"constant duty": Control(CONSTANT, values(study.before))}
-    controls["torque check"] = Control(CHECKED, values(study.before))
-    for estimate in ESTIMATES:
-        controls[f"before, {estimate}"] = Control(estimate, values(study.before))
-        controls[f"tuned, {estimate}"] = Control(estimate, values(gains))
-    both = (*study.training, *study.held_out)
-    jobs = [(case, control) for control in controls.values() for case in both]
+def _report(study: TuningStudy, evaluations: Evaluations, law: SlipLaw) -> list[Drives]:
+    """Return all drives without control, under the torque check alone, and by each estimate before and after."""
+    laws = {"constant duty": (CONSTANT, study.law_before), "torque check": (CHECKED, study.law_before)}
+    for estimate in study.compared:
+        laws[f"before, {estimate}"] = (estimate, study.law_before)
+        laws[f"tuned, {estimate}"] = (estimate, law)
+    runs = (*study.training_runs, *study.held_out_runs)
+    jobs = [(run.case, Control.of(by, numbers, run.seed)) for by, numbers in laws.values() for run in runs]
     scores = [Score(*score) for score in evaluations.run("report on all drives", full_score, jobs)]
-    rows = [tuple(scores[i * len(both) : (i + 1) * len(both)]) for i in range(len(controls))]
-    split = len(study.training)
-    return [Drives(name, row[:split], row[split:]) for name, row in zip(controls, rows, strict=True)]
+    rows = [tuple(scores[i * len(runs) : (i + 1) * len(runs)]) for i in range(len(laws))]
+    split = len(study.training_runs)
+    return [Drives(name, row[:split], row[split:]) for name, row in zip(laws, rows, strict=True)]
 
 
-def _drives(evaluations: Evaluations, cases: Sequence[DriveCase], control: Control) -> Drives:
-    scores = evaluations.run("constant duty", full_score, [(case, control) for case in cases])
-    return Drives("constant duty", tuple(Score(*score) for score in scores), ())
+def _constant(study: TuningStudy, evaluations: Evaluations) -> tuple[Score, ...]:
+    jobs = [(case, Control.of(CONSTANT, study.law_before)) for case in study.training]
+    return tuple(Score(*score) for score in evaluations.run("constant duty", full_score, jobs))
 
 
-def _mean_cost(study: TuningStudy, scores: Sequence[Score]) -> float:
-    return float(study.cost.over(np.array([score.cost(study.cost) for score in scores])))
+def _costs(study: TuningStudy, scores: Any) -> list[float]:
+    return [Score(*score).cost(study.cost) for score in scores]
+
+
+def _mean_cost(study: TuningStudy, scores: Any) -> float:
+    return float(study.cost.over(np.array(_costs(study, scores))))
 
 
 def _stuck(scores: Sequence[Score]) -> int:

@@ -29,12 +29,12 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import minimize
 
-from rover_pin.control.slip_control import Gains
 from rover_pin.tuning.drive_score import Score
-from rover_pin.tuning.drives import Control, full_score
+from rover_pin.tuning.drives import full_score
 from rover_pin.tuning.evaluations import Evaluations
-from rover_pin.tuning.study import Effort, TuningStudy, read_tuning
-from rover_pin.tuning.tune import place_of, reduced_costs, tune_gains, values
+from rover_pin.tuning.study import Effort, SlipLaw, TuningStudy
+from rover_pin.tuning.study_file import read_tuning
+from rover_pin.tuning.tune import job_of, place_of, reduced_costs, tune_gains
 
 EXAMPLE = Path(__file__).parents[1] / "tune_slopes.toml"
 EVALUATIONS = 120
@@ -50,7 +50,7 @@ def main() -> None:
     if options.quick:
         effort = Effort(population=5, generations=0, starts=1, steps=1, keep=1)
         study = dataclasses.replace(study, training=study.training[-2:], effort=effort)
-    full_costs(study, study.before, options.workers)
+    full_costs(study, study.law_before, options.workers)
     print(f"{len(study.training)} drives, {options.workers} workers, load before {os.getloadavg()[0]:.1f}")
     result = tune_gains(study, workers=options.workers)
     reduced, full = min((each.cost, each.reduced_cost) for each in result.candidates)[::-1]
@@ -68,22 +68,22 @@ def told(what: str, reduced: float, full: float) -> None:
     print(f"{what}: cost {reduced:.4f} on the reduced model, {full:.4f} on the full rover")
 
 
-def full_costs(study: TuningStudy, gains: Gains, workers: int) -> float:
+def full_costs(study: TuningStudy, law: SlipLaw, workers: int) -> float:
     """Return the ensemble's cost on the full rover."""
-    jobs = [(case, Control(study.estimate, values(gains))) for case in study.training]
+    jobs = [job_of(study, law, run) for run in study.training_runs]
     scores = Evaluations(None, workers, None).run("full rover", full_score, jobs)
     return float(study.cost.over(np.array([Score(*score).cost(study.cost) for score in scores])))
 
 
-def nelder_mead(study: TuningStudy, most: int, workers: int) -> tuple[Gains, float, int]:
+def nelder_mead(study: TuningStudy, most: int, workers: int) -> tuple[SlipLaw, float, int]:
     """Return the gains, their reduced cost and how many single drives that took."""
     evaluations = Evaluations(None, workers, None)
 
     def cost(place: np.ndarray) -> float:
-        return float(reduced_costs(study, evaluations, [study.gains(np.clip(place, 0.0, 1.0))])[0])
+        return float(reduced_costs(study, evaluations, [study.law(np.clip(place, 0.0, 1.0))])[0])
 
-    found = minimize(cost, place_of(study, study.before), method="Nelder-Mead", options={"maxfev": most})
-    return study.gains(np.clip(found.x, 0.0, 1.0)), float(found.fun), evaluations.fresh
+    found = minimize(cost, place_of(study, study.law_before), method="Nelder-Mead", options={"maxfev": most})
+    return study.law(np.clip(found.x, 0.0, 1.0)), float(found.fun), evaluations.fresh
 
 
 if __name__ == "__main__":

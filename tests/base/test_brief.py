@@ -10,7 +10,7 @@ from rover_pin.contact import Wheel
 from rover_pin.loop.close import read_data
 from rover_pin.loop.identify import identify
 from rover_pin.sweep import read_study
-from rover_pin.tuning.study import read_tuning
+from rover_pin.tuning.study_file import read_tuning
 
 STUDIES = Path(__file__).parents[2] / "studies"
 MOST = 400

@@ -40,7 +40,7 @@ from rover_pin.simulation.trace.trace import Trace
 from rover_pin.sweep import read_study
 from rover_pin.sweep.case import check_names
 from rover_pin.terrain.files import from_grid, from_polyline
-from rover_pin.tuning.study import read_tuning
+from rover_pin.tuning.study_file import read_tuning
 
 from . import doors
 

@@ -17,17 +17,19 @@ from rover_pin.effects.supply_sag import SupplySag
 from rover_pin.effects.tacho_scale import TachoScale
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.model.toml_file import write_model
-from rover_pin.tuning.drives import Control, built, cautions, controller_of, full_score, reduced_score
+from rover_pin.tuning.control import Control
+from rover_pin.tuning.drives import built, cautions, controller_of, full_score, reduced_score
 from rover_pin.tuning.evaluations import Evaluations
 from rover_pin.tuning.model import sealed
-from rover_pin.tuning.study import DriveCase, Effort, TuningStudy, read_tuning
-from rover_pin.tuning.tune import tune_gains, values
+from rover_pin.tuning.study import DriveCase, Effort, SlipLaw, TuningStudy
+from rover_pin.tuning.study_file import read_tuning
+from rover_pin.tuning.tune import tune_gains
 
 ROOT = Path(__file__).parents[2]
 SAND = (("duration", 5.0), ("soil.k", 0.01), ("terrain.angle_deg", 8.0), ("terrain.start", 0.0))
 CASE = DriveCase("incline", "incline", SAND)
 STUDY = TuningStudy("small", (CASE,), (DriveCase("flat", "flat", (("duration", 4.0),)),))
-CONTROL = Control("true", values(Gains()))
+CONTROL = Control.of("true", SlipLaw(Gains()))
 
 
 def written(path, *effects, **settings):

@@ -10,7 +10,8 @@ from rover_pin.control.slip_control import Gains
 from rover_pin.effects.digging_memory import DiggingMemory
 from rover_pin.tuning.drives import built
 from rover_pin.tuning.ensemble import random_drives
-from rover_pin.tuning.study import DriveCase, Effort, TuningStudy, placed, read_tuning
+from rover_pin.tuning.study import DriveCase, Effort, TuningStudy, placed
+from rover_pin.tuning.study_file import read_tuning
 
 EXAMPLE = Path(__file__).parents[2] / "studies" / "tune_ditch.toml"
 ONE = (DriveCase("flat", "flat"),)
@@ -60,8 +61,8 @@ def test_a_missing_gains_file(tmp_path):
 
 def test_free_gains_run_between_their_bounds_on_their_scale():
     study = TuningStudy("s", ONE, free={"k_p": (0.01, 1.0), "S_d": (0.0, 0.5)})
-    assert study.gains([0.5, 0.5]).k_p == pytest.approx(0.1)
-    assert study.gains([0.5, 0.5]).S_d == pytest.approx(0.25)
+    assert study.law([0.5, 0.5]).gains.k_p == pytest.approx(0.1)
+    assert study.law([0.5, 0.5]).gains.S_d == pytest.approx(0.25)
     assert placed("k_i", (0.3, 0.7), 1.0) == 0.7
 
 
