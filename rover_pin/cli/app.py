@@ -29,7 +29,7 @@ from rover_pin.cli.commands.options import (
 )
 from rover_pin.cli.commands.speaking import Speaking, program
 from rover_pin.cli.commands.view import SEEN, open_page, requested_files, write_requested
-from rover_pin.cli.terminal import assignments, drive_settings, json_text, priors, progress, report, stoppable
+from rover_pin.cli.terminal import assignments, drive_settings, json_text, priors, progress, report, stages, stoppable
 
 log = logging.getLogger("rover_pin.cli.app")  # its name also where it is run by python -m
 app = typer.Typer(
@@ -193,24 +193,18 @@ def bounds(
     Of a model's effects only its traction and its motion resistance count.
     """
     from rover_pin.base.quantity import parse_quantity
-    from rover_pin.control.bound_pull import TractionLimit
-    from rover_pin.control.rover_bounds import bounds_report, bounds_table, rover_torque_bounds
-    from rover_pin.effects.soil_traction import SoilTraction
+    from rover_pin.control.rover_bounds import bounds_of_model, bounds_table
     from rover_pin.scenarios.scenario import scenario
-    from rover_pin.simulation.trace.record import model_attrs
 
     options = {"rover": rover, "soil": soil, "form": form, "gravity": gravity, "model": model and str(model)}
     settings = {name: value for name, value in options.items() if value}
     loaded_model = scenario("flat", **settings, trust=Trust.of(effects, trust)).model
-    loaded_rover, ground, g, motor = loaded_model.rover, loaded_model.soils[0], loaded_model.gravity, loaded_model.motor
-    traction, R = loaded_model.effect(SoilTraction), model_attrs(loaded_model)["motion_resistance_R"]
-    limit = TractionLimit(parse_quantity(slip, "", "--slip"), traction.form, traction.angles)
     slope = parse_quantity(slope_deg, "rad", "--slope-deg", "deg")
-    result = bounds_report(loaded_rover, ground, slope, g, limit, motor, R)
+    wheel_bounds, result = bounds_of_model(loaded_model, parse_quantity(slip, "", "--slip"), slope)
     if as_json:
         report(result, as_json)
         return
-    print(bounds_table(rover_torque_bounds(loaded_rover, ground, slope, gravity=g, limit=limit), motor))
+    print(bounds_table(wheel_bounds, loaded_model.motor))
     report({name: value for name, value in result.items() if name != "wheels"}, as_json)
 
 
@@ -255,7 +249,9 @@ def identify(
 @app.command()
 def tune(
     study: Annotated[Path, typer.Argument(help="A tuning study's TOML file.")],
-    model: ModelFile = None,
+    model: Annotated[
+        Path | None, typer.Option(help="A model file, or a folder of equally probable ones, as close-loop's posterior.")
+    ] = None,
     workers: Annotated[int, typer.Option(help="Processes; 0 for all cores.")] = 0,
     scheduler: Scheduler = "",
     effects: Effects = None,
@@ -264,25 +260,18 @@ def tune(
     as_json: AsJson = False,
 ) -> None:
     """Tune the slip control over an ensemble of drives, as it senses them. Killed, it resumes where it stopped."""
-    from rover_pin.base.jobs.time_left import TimeLeft
     from rover_pin.tuning.drives import cautions
+    from rover_pin.tuning.model import models_of
     from rover_pin.tuning.study_file import read_tuning
     from rover_pin.tuning.tune import tune_gains
 
-    begun: dict[str, TimeLeft] = {}
-
-    def stage(name: str, done: int, total: int) -> None:
-        begun.setdefault(name, TimeLeft(name)).done(done, total)
-        if not as_json and done == total:
-            log.info("%s: %d done", name, total)
-
     allowed = Trust.of(effects, trust)
     tuning_study = read_tuning(study, allowed)
-    tuning_study = (tuning_study if model is None else tuning_study.on_model(model)).trusting(allowed)
+    tuning_study = (tuning_study if model is None else tuning_study.on_model(*models_of(model))).trusting(allowed)
     for line in cautions((*tuning_study.training, *tuning_study.held_out)):
         log.warning("%s", line)
     with stoppable(out, ("gains.toml", "drives.csv", "candidates.csv", "drives.png", "frontier.png")):
-        result = tune_gains(tuning_study, out, stage, workers or None, scheduler or None)
+        result = tune_gains(tuning_study, out, stages(as_json), workers or None, scheduler or None)
     report(result.summary(), as_json)
 
 

@@ -52,6 +52,22 @@ def drive_settings(
     return {**{name: value for name, value in options.items() if value}, **assignments(set_)}
 
 
+def stages(is_silent: bool) -> Callable[[str, int, int], None]:
+    """Return what says how far each stage of long work is."""
+    from rover_pin.base.jobs.time_left import TimeLeft
+
+    begun: dict[str, TimeLeft] = {}
+
+    def say(name: str, done: int, total: int) -> None:
+        begun.setdefault(name, TimeLeft(name)).done(done, total)
+        if done == total:
+            del begun[name]
+            if not is_silent:
+                log.info("%s: %d done", name, total)
+
+    return say
+
+
 def assignments(words: Iterable[str], option: str = "--set") -> dict[str, Any]:
     """Return NAME=VALUE words of an option as a dict; numbers as numbers."""
     values: dict[str, Any] = {}

@@ -16,10 +16,13 @@ from rover_pin.base.errors import ParameterError
 from rover_pin.contact import Soil
 from rover_pin.control.bound_pull import DEFAULT_LIMIT, BoundPulls, TractionLimit, pull_at_bounds
 from rover_pin.control.torque_bounds import TorqueBounds
+from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.parameters.gravity import EARTH
 from rover_pin.rover.rover import Rover
 from rover_pin.rover.statics import wheel_loads
+from rover_pin.simulation.model.model import Model
 from rover_pin.simulation.model.motor import Motor
+from rover_pin.simulation.trace.record import model_attrs
 
 STEEPEST = math.radians(40.0)
 """Slopes up and down between which `climbable_slope` searches."""
@@ -205,6 +208,15 @@ def bounds_report(
         "climbable_at_slip_limit_deg": math.degrees(slipping),
         "wheels": bounds.rows(motor),
     }
+
+
+def bounds_of_model(model: Model, slip: float, slope: float = 0.0) -> tuple[RoverBounds, dict[str, Any]]:
+    """Return the bounds of a model's rover on its first soil, with its traction law and motion resistance."""
+    traction, soil = model.effect(SoilTraction), model.soils[0]
+    limit = TractionLimit(slip, traction.form, traction.angles)
+    R = model_attrs(model)["motion_resistance_R"]
+    plain = bounds_report(model.rover, soil, slope, model.gravity, limit, model.motor, R)
+    return rover_torque_bounds(model.rover, soil, slope, gravity=model.gravity, limit=limit), plain
 
 
 def bounds_table(bounds: RoverBounds, motor: Motor | None = None) -> str:

@@ -9,17 +9,22 @@ from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.experiments.drive_log.extra import extra_of
 from rover_pin.logs.drive_log import DriveLog
 from rover_pin.loop.provenance import LoopRequest
-from rover_pin.loop.verdict_file import draft_written, written_last
+from rover_pin.loop.verdict_file import draft_written, posterior_written, written_last
 from rover_pin.report.drive.report import write_report
 from rover_pin.simulation.model.model import Model
 from rover_pin.simulation.model.toml_file import write_model
 
 
 def write_results(verdict: Verdict, log: DriveLog, request: LoopRequest, out: Path) -> Verdict:
-    """Write model.toml, report.html with its figures and verdict.json; return the verdict with their paths."""
-    named = Path(log.rover)
-    rover = "" if named.suffix == "" else os.path.relpath(named.resolve(), out.resolve())
-    files = [write_model(on_its_ground(verdict), out / "model.toml", verdict.sentence, rover)]
+    """Write model.toml, posterior, report.html with its figures and verdict.json; return the verdict with the paths."""
+
+    def write(model: Model, file: Path, note: str) -> Path:
+        named = Path(log.rover)
+        rover = "" if named.suffix == "" else os.path.relpath(named.resolve(), file.parent.resolve())
+        return write_model(model, file, note, rover)
+
+    files = [write(on_its_ground(verdict), out / "model.toml", verdict.sentence)]
+    files += posterior_written(verdict, write, out, request.seed)
     verdict, draft = draft_written(verdict, request, out)
     return written_last(verdict, (*files, *draft, *write_report(verdict, log, out)), out)
 

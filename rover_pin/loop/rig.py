@@ -33,7 +33,7 @@ from rover_pin.experiments.wheel_rig.next_runs import next_runs
 from rover_pin.experiments.wheel_rig.presets import describe_declared
 from rover_pin.experiments.wheel_rig.residual_tests import residual_tests
 from rover_pin.loop.provenance import LoopRequest, provenance
-from rover_pin.loop.verdict_file import draft_written, written_last
+from rover_pin.loop.verdict_file import draft_written, posterior_written, written_last
 from rover_pin.measurements.wheel_rig import WheelRig
 from rover_pin.report.rig.cautions import cautions
 from rover_pin.report.rig.report import write_report
@@ -134,5 +134,6 @@ def _written(verdict: Verdict, data: RigSet, request: LoopRequest, progress: Pro
     progress("writing the report")
     out = Path(str(request.out))
     files = [write_model(verdict.model, out / "model.toml", verdict.sentence)]
+    files += posterior_written(verdict, write_model, out, request.seed)
     verdict, draft = draft_written(verdict, request, out)
     return written_last(verdict, (*files, *draft, *write_report(verdict, data, out)), out)

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 from rover_pin.base.files.columns import replace_file
 from rover_pin.discrepancy.verdict import Verdict
+from rover_pin.inference.drawn_models import drawn_models
 from rover_pin.loop.provenance import LoopRequest
 
 DRAFT = Path("draft_effect") / "measured_remainder.py"
+POSTERIOR, DRAWN = "posterior", 8
+"""Folder of the models that are drawn from what is believed, and how many."""
 
 
 def draft_written(verdict: Verdict, request: LoopRequest, out: Path) -> tuple[Verdict, list[Path]]:
@@ -21,6 +25,18 @@ def draft_written(verdict: Verdict, request: LoopRequest, out: Path) -> tuple[Ve
     file = out / DRAFT
     draft = dataclasses.replace(verdict.draft, command=request.again_with(file))
     return dataclasses.replace(verdict, draft=draft), [replace_file(file, draft.text)]
+
+
+def posterior_written(verdict: Verdict, write: Callable[[Any, Path, str], Path], out: Path, seed: int) -> list[Path]:
+    """Write models drawn from what is believed, by `write(model, file, note)`; return their folder, if any."""
+    if verdict.beliefs is None:
+        return []
+    folder = out / POSTERIOR
+    folder.mkdir(parents=True, exist_ok=True)
+    note = f"One of {DRAWN} models of equal weight, drawn from what the data leave open."
+    for number, model in enumerate(drawn_models(verdict.beliefs, DRAWN, seed), 1):
+        write(model, folder / f"{number:02d}.toml", note)
+    return [folder]
 
 
 def written_last(verdict: Verdict, files: Sequence[Path], out: Path) -> Verdict:

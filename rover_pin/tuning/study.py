@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -157,8 +158,8 @@ class TuningStudy:
 
     @property
     def compared(self) -> tuple[str, ...]:
-        """The estimates that a report compares: those without noise, and the study's own."""
-        return tuple(dict.fromkeys((*IDEAL, self.estimate)))
+        """The estimates that a report compares: those without noise; where sensors are read, the slip and these."""
+        return IDEAL if self.estimate in IDEAL else ("true", self.estimate)
 
     @property
     def seeds(self) -> int:
@@ -186,8 +187,8 @@ class TuningStudy:
         """The paths of the model files that its drives name."""
         return tuple(sorted({case.model_file for case in (*self.training, *self.held_out)} - {""}))
 
-    def on_model(self, file: str | Path) -> Self:
-        """Return the study with every drive, training and held out, on the model of a file.
+    def on_model(self, *files: str | Path) -> Self:
+        """Return the study on the models of files: training drives take them in turn, held-out ones are driven on each.
 
         What a drive's own settings may still change is what `scenario` lets them change beside `model`; the resistance
         is the model's, so that a `cruise_slip` of theirs is left out.
@@ -201,14 +202,16 @@ class TuningStudy:
             if case.model_file:
                 raise ParameterError(
                     f"Tuning '{self.name}': {case.name} names the model file {case.model_file} itself: leave it out "
-                    f"there, or tune without {file}."
+                    f"there, or tune without {files[0]}."
                 )
 
-        def with_model(case: DriveCase) -> DriveCase:
+        def with_model(case: DriveCase, file: str | Path) -> DriveCase:
             settings = (setting for setting in case.settings if setting[0] != "cruise_slip")
-            return dataclasses.replace(case, settings=(*settings, ("model", str(file))))
+            name = f"{case.name}, model {Path(file).stem}" if len(files) > 1 else case.name
+            return dataclasses.replace(case, name=name, settings=(*settings, ("model", str(file))))
 
-        training, held_out = (tuple(with_model(case) for case in cases) for cases in (self.training, self.held_out))
+        training = tuple(map(with_model, self.training, itertools.cycle(files)))
+        held_out = tuple(with_model(case, file) for case in self.held_out for file in files)
         return dataclasses.replace(self, training=training, held_out=held_out)
 
     def trusting(self, trust: Trust) -> Self:

@@ -13,7 +13,7 @@ from rover_pin.base.errors import DataError
 from rover_pin.base.files.paths import exists
 
 LOCK = ".rover_pin.lock"
-OF_A_LOOP = ("report.html", "verdict.json", "model.toml", "draft_effect")
+OF_A_LOOP = ("report.html", "verdict.json", "model.toml", "posterior", "draft_effect")
 """What a run of the loop may leave in its folder, besides pictures."""
 
 log = logging.getLogger(__name__)

@@ -15,6 +15,7 @@ from rover_pin.cli.commands import (
     demo,
     export,
     import_log,
+    improve,
     init,
     listing,
     new_effect,
@@ -31,6 +32,7 @@ def add_to(app: typer.Typer) -> None:
     app.command()(export.export)
     app.command("export-c")(export.export_c)
     app.command("close-loop")(close_loop.close_loop)
+    app.command()(improve.improve)
     app.command()(compare.compare)
     app.command("check-data")(check_data.check_data)
     app.command()(init.init)

@@ -1,0 +1,128 @@
+"""From data to control by one command: what is predicted, and what is said where nothing can be."""
+
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rover_pin.base.errors import DataError
+from rover_pin.scenarios.scenario import scenario
+from rover_pin.simulation.model.toml_file import write_model
+from rover_pin.tuning.drive_score import Cost, Score
+from rover_pin.tuning.improve import STUDY, Improvement, Predicted, improve, predicted_gain
+from rover_pin.tuning.report import Drives, TuningResult
+from rover_pin.tuning.study import DriveCase, TuningStudy
+
+SMALL = """
+name = "small"
+estimate = "onboard"
+[free]
+S_d = [0.2, 0.8]
+[before.hole]
+[effort]
+population = 5
+generations = 0
+keep = 1
+[[training]]
+scenario = "incline"
+duration = 4
+[[held_out]]
+scenario = "flat"
+duration = 3
+"""
+
+
+def test_one_more_draw_lies_inside_as_often_as_said():
+    """Of 4000 samples of eight and one more the interval of 90 % holds the one more in 90 %."""
+    random = np.random.default_rng(2)
+    rows = random.normal(size=(4000, 9))
+    intervals = [Predicted.of(row[:8]) for row in rows]
+    held = np.mean([low <= row[8] <= high for (_, low, high), row in zip(intervals, rows, strict=True)])
+    assert held == pytest.approx(0.90, abs=0.015)
+
+
+@given(st.lists(st.floats(-5, 5), min_size=2, max_size=9), st.floats(-3, 3), st.floats(0.1, 10))
+def test_a_prediction_moves_and_scales_with_its_values(values, shift, scale):
+    plain, moved = Predicted.of(values), Predicted.of([shift + scale * value for value in values])
+    assert moved == pytest.approx(tuple(shift + scale * number for number in plain), abs=1e-6)
+
+
+def test_one_model_predicts_no_interval():
+    assert Predicted.of([0.3])[1:] == (-np.inf, np.inf)
+
+
+def result_of(now, tuned, files=("a", "a", "b", "b")):
+    """Drives that pass (0) or get stuck (1) by constant duty and tuned, each on the model of a file."""
+    cases = tuple(DriveCase(f"{at}", "flat", (("model", file),)) for at, file in enumerate(files))
+    study = dataclasses.replace(STUDY, held_out=cases)
+    rows = {
+        name: tuple(Score(1.0 - stuck, 0.0, 0.0, stuck, 0.0, 0.0) for stuck in drives)
+        for name, drives in (("constant duty", now), ("before, onboard", now), ("tuned, onboard", tuned))
+    }
+    drives = tuple(Drives(name, scores[:1] * len(study.training), scores) for name, scores in rows.items())
+    return TuningResult(study, study.law_before, (), drives, (), 0, 0.0)
+
+
+def test_gain_is_averaged_over_drives_and_scattered_over_models():
+    gain = predicted_gain(result_of((1, 1, 1, 0), (0, 0, 0, 0)))
+    assert gain["through"].mean == pytest.approx(0.75)
+    assert gain["cost saved"].mean == pytest.approx(0.75 * float(Cost().progress + Cost().stuck))
+    assert gain["buried"] == (0.0, 0.0, 0.0)
+    assert gain["through"].low < 0.0 < gain["through"].high
+
+
+@pytest.mark.parametrize(("now", "is_certain"), [((1, 1, 1, 1), True), ((0, 0, 0, 0), False), ((1, 1, 0, 0), False)])
+def test_no_gain_is_claimed_where_the_interval_holds_none(now, is_certain):
+    tuning = result_of(now, (0, 0, 0, 0))
+    result = Improvement(tuning, {}, "constant duty", predicted_gain(tuning))
+    assert result.is_certain == is_certain
+    assert result.sentence.startswith("gain: " if is_certain else "no certain gain: ")
+    assert result.summary()["gain is certain"] == is_certain
+
+
+def test_training_takes_models_in_turn_and_judging_takes_all(tmp_path):
+    files = [write_model(scenario("flat", **{"soil.k": k}).model, tmp_path / f"{k}.toml") for k in (0.01, 0.02, 0.03)]
+    cases = tuple(DriveCase(name, "flat", (("duration", 2.0),)) for name in "pqrsuv")
+    study = TuningStudy("s", cases[:4], cases[4:]).on_model(*files)
+    assert [case.model_file for case in study.training] == [str(files[at]) for at in (0, 1, 2, 0)]
+    assert [case.model_file for case in study.held_out] == 2 * [str(file) for file in files]
+
+
+def test_results_without_a_posterior_are_refused_in_a_sentence(tmp_path):
+    (tmp_path / "verdict.json").write_text('{"answer": "cannot tell", "sentence": "two runs are too few."}')
+    with pytest.raises(DataError, match=r"cannot tell.*two runs are too few.*posterior"):
+        improve(tmp_path, tmp_path / "out")
+
+
+def test_a_folder_that_is_no_data_is_refused_by_the_command(run, tmp_path):
+    code, _, message = run("improve", tmp_path / "nowhere")
+    assert code == 2
+    assert "nowhere" in message
+    assert message.count("\n") == 1
+
+
+@pytest.mark.slow
+def test_a_rig_set_becomes_gains_that_drive(run, tmp_path):
+    """The command as printed: the loop, its posterior, gains and what they are expected to gain."""
+    (tmp_path / "small.toml").write_text(SMALL)
+    code, output, _ = run("improve", "cmu-smooth-wheel", "--study", "small.toml", "--workers", "1", "--json")
+    assert code == 0
+    summary = json.loads(output)
+    assert summary == json.loads((tmp_path / "out/improve/improve.json").read_text())
+    assert summary["hole law"]["deep"] == pytest.approx(0.2)
+    assert set(summary) >= {"torque bound [N m]", "climbable at the slip limit [deg]", "through", "cost saved"}
+    assert len(list((tmp_path / "out/improve/loop/posterior").glob("*.toml"))) == 8
+    words = ("--control", "onboard", "--set", "control.gains=out/improve/control/gains.toml", "--set", "duration=2")
+    assert run("drive", "flat", "--model", "out/improve/loop/model.toml", *words)[0] == 0
+    again, output, _ = run("improve", "out/improve/loop", "--study", "small.toml", "--workers", "1", "--json")
+    assert again == 0
+    assert json.loads(output)["cost saved"] == summary["cost saved"]
+
+
+def test_usual_grounds_are_not_those_that_judge():
+    assert not {(case.scenario, case.settings) for case in STUDY.training} & {
+        (case.scenario, case.settings) for case in STUDY.held_out
+    }
