@@ -97,6 +97,8 @@ class Improvement:
             f"the cost of a drive falls by {saved.words()}, {100 * through.mean:+.0f} % of drives get through and "
             f"{100 * buried.mean:+.0f} % bury a wheel, against {self.now} on {drives} drives that were not tuned on"
         )
+        if saved.high < 0.0:
+            return f"no gain, keep {self.now}: {what}"
         return f"gain: {what}" if self.is_certain else f"no certain gain: {what}; the interval holds none at all"
 
     def summary(self) -> dict[str, Any]:

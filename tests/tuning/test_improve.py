@@ -74,13 +74,20 @@ def test_gain_is_averaged_over_drives_and_scattered_over_models():
     assert gain["through"].low < 0.0 < gain["through"].high
 
 
-@pytest.mark.parametrize(("now", "is_certain"), [((1, 1, 1, 1), True), ((0, 0, 0, 0), False), ((1, 1, 0, 0), False)])
-def test_no_gain_is_claimed_where_the_interval_holds_none(now, is_certain):
-    tuning = result_of(now, (0, 0, 0, 0))
+@pytest.mark.parametrize(
+    ("now", "tuned", "start"),
+    [
+        ((1, 1, 1, 1), (0, 0, 0, 0), "gain: "),
+        ((0, 0, 0, 0), (0, 0, 0, 0), "no certain gain: "),
+        ((1, 1, 0, 0), (0, 0, 0, 0), "no certain gain: "),
+        ((0, 0, 0, 0), (1, 1, 1, 1), "no gain, keep constant duty: "),
+    ],
+)
+def test_no_gain_is_claimed_where_the_interval_holds_none(now, tuned, start):
+    tuning = result_of(now, tuned)
     result = Improvement(tuning, {}, "constant duty", predicted_gain(tuning))
-    assert result.is_certain == is_certain
-    assert result.sentence.startswith("gain: " if is_certain else "no certain gain: ")
-    assert result.summary()["gain is certain"] == is_certain
+    assert result.sentence.startswith(start)
+    assert result.summary()["gain is certain"] == result.is_certain == (start == "gain: ")
 
 
 def test_training_takes_models_in_turn_and_judging_takes_all(tmp_path):
