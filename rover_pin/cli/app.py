@@ -14,6 +14,7 @@ from rover_pin.base.files.results_folder import alone_in
 from rover_pin.base.jobs.safe_environment import leave_folder_out
 from rover_pin.base.trust import Trust
 from rover_pin.cli import commands
+from rover_pin.cli.commands.bands import bands, refuse_of_one_model
 from rover_pin.cli.commands.completing import scenario_names
 from rover_pin.cli.commands.options import (
     Add,
@@ -91,8 +92,13 @@ def drive(
     settings = drive_settings(control, gravity, soil, model, add, set_)
     own = Path(control) if control.endswith(".py") else None
     settings["trust"] = Trust.of([file for file in (effects, own) if file], trust)
-    chosen = ready(scenario, **settings)
     views = requested_files(view or open_, gif, mp4)
+    if model is not None and model.is_dir():
+        refuse_of_one_model(check, views, model)
+        with stoppable(out, ("bands.csv", "bands.png")), alone_in(out):
+            report(bands(scenario, model, settings, out), as_json)
+        return
+    chosen = ready(scenario, **settings)
     untouched = [name for name in SEEN if name not in views]
     with stoppable(out, ("log/drive.toml", "snapshots.png", "history.png", *views), untouched), alone_in(out):
         _driven(chosen, check, views, out, as_json)
@@ -260,8 +266,8 @@ def tune(
     as_json: AsJson = False,
 ) -> None:
     """Tune the slip control over an ensemble of drives, as it senses them. Killed, it resumes where it stopped."""
+    from rover_pin.simulation.model.toml_file import models_of
     from rover_pin.tuning.drives import cautions
-    from rover_pin.tuning.model import models_of
     from rover_pin.tuning.study_file import read_tuning
     from rover_pin.tuning.tune import tune_gains
 

@@ -24,9 +24,9 @@ from rover_pin.discrepancy.question import Progress
 from rover_pin.loop.close import close_the_loop
 from rover_pin.loop.verdict_file import POSTERIOR
 from rover_pin.scenarios.scenario import scenario
+from rover_pin.simulation.model.toml_file import models_of
 from rover_pin.tuning.ensemble import JUDGED_ON, TRAINED_ON, usual_drives
 from rover_pin.tuning.evaluations import Progress as Stages
-from rover_pin.tuning.model import models_of
 from rover_pin.tuning.report import TuningResult
 from rover_pin.tuning.study import Effort, TuningStudy
 from rover_pin.tuning.tune import tune_gains

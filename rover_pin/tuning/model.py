@@ -25,23 +25,6 @@ def sealed(study: TuningStudy) -> TuningStudy:
     return dataclasses.replace(study, training=_with(seals, study.training), held_out=_with(seals, study.held_out))
 
 
-def models_of(path: str | Path) -> tuple[Path, ...]:
-    """Return a model file, or all those of a folder, as the loop's `posterior`.
-
-    Raises
-    ------
-    DataError
-        A folder without a .toml file.
-    """
-    path = Path(path)
-    if not path.is_dir():
-        return (path,)
-    files = tuple(sorted(path.glob("*.toml")))
-    if not files:
-        raise DataError(f"{path}: no model file (.toml) is here: name one, or the folder `posterior` of a loop.")
-    return files
-
-
 def refuse_other_model(case: DriveCase) -> None:
     """Refuse a model file that is no longer what it was when the study was sealed.
 

@@ -85,6 +85,23 @@ def _effects(model: Model) -> tuple[AnyEffect, ...]:
     return (*model.effects, *model.motor_effects, *model.body_effects, *model.sensor_effects)
 
 
+def models_of(path: str | Path) -> tuple[Path, ...]:
+    """Return a model file, or all those of a folder, as the loop's `posterior`.
+
+    Raises
+    ------
+    DataError
+        A folder without a .toml file.
+    """
+    path = Path(path)
+    if not path.is_dir():
+        return (path,)
+    files = tuple(sorted(path.glob("*.toml")))
+    if not files:
+        raise DataError(f"{path}: no model file (.toml) is here: name one, or the folder `posterior` of a loop.")
+    return files
+
+
 def read_model(path: str | Path, terrain: Terrain | None = None, trust: Trust = Trust()) -> Model:
     """Return the model of a file, on `terrain`, else on the one that the file declares.
 
