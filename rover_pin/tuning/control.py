@@ -15,7 +15,7 @@ from rover_pin.scenarios.controllers import controller_from
 from rover_pin.simulation.command import Controller
 from rover_pin.simulation.model.model import Model
 from rover_pin.simulation.sensors import Sensed, Sensors
-from rover_pin.tuning.reduced import GAIN_NAMES
+from rover_pin.tuning.reduced_model.drive import GAIN_NAMES
 from rover_pin.tuning.study import HOLE, SENSED, SlipLaw
 
 CONSTANT = "constant"

@@ -13,7 +13,7 @@ from rover_pin.contact import Scalar
 from rover_pin.simulation.model.cruise import CRUISE_SPEED
 from rover_pin.simulation.model.model import Model
 from rover_pin.simulation.trace.trace import Trace
-from rover_pin.tuning.reduced import Outcome
+from rover_pin.tuning.reduced_model.drive import Outcome
 
 TAIL = 3.0
 """The end of a drive [s], whose mean speed tells whether the rover is stuck."""

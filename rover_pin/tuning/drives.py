@@ -22,9 +22,9 @@ from rover_pin.simulation.trace.trace import Trace
 from rover_pin.tuning.control import CONSTANT, Control
 from rover_pin.tuning.drive_score import TAIL, Cost, Score, score_outcome, score_trace
 from rover_pin.tuning.model import refuse_other_model
-from rover_pin.tuning.reduced import GAIN_NAMES, Outcome, Reduced
-from rover_pin.tuning.reduced_effects import omitted_effects
-from rover_pin.tuning.reduced_loop import Loop
+from rover_pin.tuning.reduced_model.drive import GAIN_NAMES, Outcome, Reduced
+from rover_pin.tuning.reduced_model.effects import omitted_effects
+from rover_pin.tuning.reduced_model.loop import Loop
 from rover_pin.tuning.study import DriveCase
 
 FAILED = Score(progress=0.0, slip=1.0, energy=1.0, stuck=1.0, sinkage=1.0, buried=1.0)

@@ -33,7 +33,7 @@ TRAINED_ON: Grounds = {
     "hills": [{}],
     "rocks": [{}],
 }
-JUDGED_ON: Grounds = {
+HELD_OUT_ON: Grounds = {
     "incline": [{"terrain.angle_deg": 6.0}, {"terrain.angle_deg": 10.0}],
     "slope": [{"terrain.start": 0.25}],
     "ditch": [{"terrain.wall_angle_deg": 40.0}],

@@ -25,7 +25,7 @@ from rover_pin.loop.close import close_the_loop
 from rover_pin.loop.verdict_file import POSTERIOR
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.model.toml_file import models_of
-from rover_pin.tuning.ensemble import JUDGED_ON, TRAINED_ON, usual_drives
+from rover_pin.tuning.ensemble import HELD_OUT_ON, TRAINED_ON, usual_drives
 from rover_pin.tuning.evaluations import Progress as Stages
 from rover_pin.tuning.report import TuningResult
 from rover_pin.tuning.study import Effort, TuningStudy
@@ -38,7 +38,7 @@ COVERED = 0.90
 STUDY = TuningStudy(
     "usual grounds",
     usual_drives(TRAINED_ON),
-    usual_drives(JUDGED_ON),
+    usual_drives(HELD_OUT_ON),
     {"k_p": (0.1, 10.0), "k_i": (0.1, 30.0), "S_d": (0.2, 0.8), "hole.S_deep": (0.0, 0.2), "hole.deep": (0.1, 0.4)},
     before=HOLE_GAINS,
     hole=HoleLaw(),

@@ -29,7 +29,7 @@ from rover_pin.tuning.drive_score import Score
 from rover_pin.tuning.drives import built, cautions, full_score, reduced_gradient, reduced_score
 from rover_pin.tuning.evaluations import Evaluations, Progress
 from rover_pin.tuning.model import sealed
-from rover_pin.tuning.reduced import GAIN_NAMES
+from rover_pin.tuning.reduced_model.drive import GAIN_NAMES
 from rover_pin.tuning.report import Candidate, Drives, Trial, TuningResult, write_result
 from rover_pin.tuning.study import LOGARITHMIC, Run, SlipLaw, TuningStudy
 from rover_pin.tuning.trust import Checked, checked, checked_over, refusal

@@ -25,10 +25,10 @@ from rover_pin.simulation.model.defaults import own_soil
 from rover_pin.simulation.simulate import simulate
 from rover_pin.soil.sinkage import entry_angle, sinkage
 from rover_pin.terrain import shapes
-from rover_pin.tuning.load_transfer import axle_loads
-from rover_pin.tuning.reduced import GAIN_NAMES, Outcome, Reduced, as_column
-from rover_pin.tuning.reduced_loop import Loop
-from rover_pin.tuning.wheel_path import SLOPE_ERROR, piecewise, simplified, wheel_path
+from rover_pin.tuning.reduced_model.drive import GAIN_NAMES, Outcome, Reduced, as_column
+from rover_pin.tuning.reduced_model.load_transfer import axle_loads
+from rover_pin.tuning.reduced_model.loop import Loop
+from rover_pin.tuning.reduced_model.wheel_path import SLOPE_ERROR, piecewise, simplified, wheel_path
 
 CART = Path(__file__).parents[2] / "urdf" / "cart.toml"
 HELD = Gains(k_p=0.0, k_i=0.0)
@@ -195,7 +195,7 @@ def test_a_stuck_drive_stays_finite():
 
 
 def test_failed_integration_is_reported_in_the_error_only(monkeypatch, capsys):
-    monkeypatch.setattr("rover_pin.tuning.reduced.TOLERANCES", {"max_num_steps": 3})
+    monkeypatch.setattr("rover_pin.tuning.reduced_model.drive.TOLERANCES", {"max_num_steps": 3})
     scene = scenario("flat", soil="table-1")
     with pytest.raises(OptimisationError, match=r"reduced.*cannot"):
         Reduced(scene.model, OPEN, 5.0).drive(HELD, np.array([1.0, 5.0]))

@@ -19,10 +19,10 @@ from rover_pin.effects.tether_drag import TetherDrag
 from rover_pin.effects.weak_motor import WeakMotor
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.simulate import simulate
-from rover_pin.tuning.load_transfer import axle_loads
-from rover_pin.tuning.reduced import Reduced
-from rover_pin.tuning.reduced_effects import Along, omitted_effects, pull_along
-from rover_pin.tuning.reduced_loop import Loop
+from rover_pin.tuning.reduced_model.drive import Reduced
+from rover_pin.tuning.reduced_model.effects import Along, omitted_effects, pull_along
+from rover_pin.tuning.reduced_model.load_transfer import axle_loads
+from rover_pin.tuning.reduced_model.loop import Loop
 
 HELD, OPEN = Gains(k_p=0.0, k_i=0.0), Loop(TrueSlip(), NoLimit())
 DURATION = 8.0

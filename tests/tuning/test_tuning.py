@@ -152,7 +152,8 @@ def test_points_that_are_near_each_other_count_once():
 
 
 def test_failed_integration_costs_the_penalty_and_prints_nothing(monkeypatch, capsys):
-    from rover_pin.tuning import drives, reduced
+    from rover_pin.tuning import drives
+    from rover_pin.tuning.reduced_model import drive as reduced
 
     monkeypatch.setattr(reduced, "TOLERANCES", {"max_num_steps": 2})
     hopeless = dataclasses.replace(FLAT, name="hopeless")
@@ -298,7 +299,8 @@ def test_full_rover_is_searched_if_the_reduced_model_is_wrong():
 
 
 def test_an_integrator_that_gives_up_is_no_model_to_trust(monkeypatch):
-    from rover_pin.tuning import drives, reduced
+    from rover_pin.tuning import drives
+    from rover_pin.tuning.reduced_model import drive as reduced
 
     monkeypatch.setattr(reduced, "TOLERANCES", {"max_num_steps": 2})
     lost = dataclasses.replace(FLAT, name="lost")

@@ -20,15 +20,15 @@ def bands(name: str, folder: Path, settings: dict[str, Any], out: Path) -> dict[
     title = (
         f"{name} on {len(files)} models of {folder.name}: stuck on {sum(drives.stuck)}, buried on {sum(drives.buried)}"
     )
-    written = [
+    paths = [
         write_csv(drives.table(), out / "bands.csv"),
         save(bands_figure(drives.t, drives.panels, title), out / "bands.png"),
     ]
-    return {"scenario": name, **drives.summary(), "files": list(map(str, written))}
+    return {"scenario": name, **drives.summary(), "files": list(map(str, paths))}
 
 
 def refuse_of_one_model(check: bool, views: list[str], folder: Path) -> None:
     """Refuse what is of one drive."""
-    asked = [name for name, is_asked in (("--check", check), ("a view", bool(views))) if is_asked]
-    if asked:
-        raise ParameterError(f"{' and '.join(asked)}: {folder} is a folder of models; name one of its files for that.")
+    refused = ["--check"] * check + ["a view"] * bool(views)
+    if refused:
+        raise ParameterError(f"{' and '.join(refused)}: {folder} is a folder of models; name one of its files for that.")

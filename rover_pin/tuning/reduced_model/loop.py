@@ -13,7 +13,7 @@ from rover_pin.control.slip_estimate import SLOWEST_RIM, TableEstimate, TrueSlip
 from rover_pin.control.smooth import greater, lesser
 from rover_pin.control.torque_check import PITCHES, NoLimit, TorqueLimit
 from rover_pin.simulation.timing import CONTROL_PERIOD
-from rover_pin.tuning.wheel_path import piecewise
+from rover_pin.tuning.reduced_model.wheel_path import piecewise
 
 
 @dataclass(frozen=True)

@@ -35,10 +35,10 @@ from rover_pin.rover.rover import Rover
 from rover_pin.simulation.model.cruise import CRUISE_SPEED
 from rover_pin.simulation.model.model import Model
 from rover_pin.soil.sinkage import entry_angle, sinkage
-from rover_pin.tuning.load_transfer import AxleLoads, axle_loads
-from rover_pin.tuning.reduced_effects import Along, AxleMotors, pull_along, through_contacts, through_motors
-from rover_pin.tuning.reduced_loop import Loop
-from rover_pin.tuning.wheel_path import WheelPath, wheel_path
+from rover_pin.tuning.reduced_model.effects import Along, AxleMotors, pull_along, through_contacts, through_motors
+from rover_pin.tuning.reduced_model.load_transfer import AxleLoads, axle_loads
+from rover_pin.tuning.reduced_model.loop import Loop
+from rover_pin.tuning.reduced_model.wheel_path import WheelPath, wheel_path
 
 LIGHTEST = 0.05
 """Load of an axle that is about to lift, as a share of its load at rest: the shear model has no wheel in the air."""
