@@ -31,4 +31,5 @@ def refuse_of_one_model(check: bool, views: list[str], folder: Path) -> None:
     """Refuse what is of one drive."""
     refused = ["--check"] * check + ["a view"] * bool(views)
     if refused:
-        raise ParameterError(f"{' and '.join(refused)}: {folder} is a folder of models; name one of its files for that.")
+        words = " and ".join(refused)
+        raise ParameterError(f"{words}: {folder} is a folder of models; name one of its files for that.")
