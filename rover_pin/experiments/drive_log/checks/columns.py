@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from rover_pin.base.errors import closest
+from rover_pin.experiments.drive_log.checks.driven import Driven, Remarks
 from rover_pin.experiments.drive_log.readings.ambiguous_timing import ambiguous_steps
 from rover_pin.logs.drive_log import DriveLog
 from rover_pin.measurements.finding import Finding
@@ -106,9 +107,9 @@ def _recorded(run: Trace, name: str) -> bool:
     return name in run and bool(np.isfinite(run[name]).any())
 
 
-def gap_findings(run: Trace) -> Iterator[Finding]:
+def gap_findings(driven: Driven) -> Remarks:
     """Yield stretches that are missing from a channel, and samples that are missing from the log."""
-    where, t = str(run.attrs["file"]), run.t
+    run, t = driven.trace, driven.trace.t
     channels_by_gap: dict[tuple[int, int, int], list[str]] = {}
     for name, values in run.channels.items():
         missing = ~np.isfinite(values)
@@ -120,21 +121,19 @@ def gap_findings(run: Trace) -> Iterator[Finding]:
         lasting = float(t[min(first + longest, len(t) - 1)] - t[first])
         what = f"{_missing(names)} missing for {lasting:.3g} s from t = {t[first]:.4g} s on (row {first + 1})"
         duty = "; the last duty before is taken to hold" if any(name.startswith("duty_") for name in names) else ""
-        yield Finding(what, where, f"the {100 * count / len(t):.0f} % of the run without are passed over{duty}")
-    yield from _clock_gaps(run)
-    yield from _ambiguous_step_findings(run)
+        yield what, f"the {100 * count / len(t):.0f} % of the run without are passed over{duty}"
 
 
-def _ambiguous_step_findings(run: Trace) -> Iterator[Finding]:
+def ambiguous_step_findings(run: Driven) -> Remarks:
     """Yield how many steps of a duty fall between rows that are not evenly apart."""
-    steps = ambiguous_steps(run)
+    steps = ambiguous_steps(run.trace)
     if steps:
         longest = max(steps, key=lambda step: step.end - step.begin)
         what = (
             f"rows are not evenly apart, so the instants of {len(steps)} steps of the duty are unknown, to "
             f"{longest.end - longest.begin:.2g} s after t = {longest.begin:.4g} s"
         )
-        yield Finding(what, str(run.attrs["file"]), "nothing is compared in the half-seconds around them")
+        yield what, "nothing is compared in the half-seconds around them"
 
 
 def _missing(names: list[str]) -> str:
@@ -143,17 +142,17 @@ def _missing(names: list[str]) -> str:
     return f"{listed} {'is' if len(names) == 1 else 'are'}"
 
 
-def _clock_gaps(run: Trace) -> Iterator[Finding]:
-    steps = np.diff(run.t)
-    median_step = float(np.median(steps)) if steps.size else 0.0
-    late = np.flatnonzero(steps > UNEVEN * median_step)
+def clock_findings(run: Driven) -> Remarks:
+    """Yield samples that come late."""
+    steps, t = np.diff(run.trace.t), run.trace.t
+    late = np.flatnonzero(steps > UNEVEN * run.period)
     if late.size:
         worst = int(late[np.argmax(steps[late])])
         what = (
             f"{late.size} of {steps.size} samples come late, the latest {steps[worst]:.3g} s after t = "
-            f"{run.t[worst]:.4g} s (row {worst + 1}), where {median_step:.3g} s are usual"
+            f"{t[worst]:.4g} s (row {worst + 1}), where {run.period:.3g} s are usual"
         )
-        yield Finding(what, str(run.attrs["file"]), "look for dropped frames; nothing is known of what is between")
+        yield what, "look for dropped frames; nothing is known of what is between"
 
 
 def longest_run(flags: np.ndarray) -> tuple[int, int]:

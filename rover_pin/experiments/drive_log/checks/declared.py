@@ -10,14 +10,13 @@ import numpy as np
 
 from rover_pin.base.quantity import Record, quantities, record_from
 from rover_pin.contact import Wheel
-from rover_pin.experiments.drive_log.checks.driven import Driven, degrees
+from rover_pin.experiments.drive_log.checks.driven import Driven, Remarks, degrees
 from rover_pin.experiments.drive_log.model import is_rate_driven, usual_motor, usual_soil
 from rover_pin.experiments.drive_log.readings.outliers import scattered
 from rover_pin.logs.declared_noise import NOISE, kind_of
 from rover_pin.logs.drive_log import FILE, DriveLog
 from rover_pin.measurements.finding import Finding
 from rover_pin.terrain.files import LARGEST
-from rover_pin.terrain.terrain import Terrain
 
 SOIL = ("phi", "k", "k_1")
 MOTOR = ("supply", "resistance", "k_t", "gear")
@@ -94,23 +93,22 @@ def _values(record: Record, names: list[str]) -> str:
     return ", ".join(f"{float(getattr(record, name)):.4g} {specs[name].unit}".strip() for name in names)
 
 
-def start_faults(run: Driven) -> Iterator[Finding]:
+def start_faults(run: Driven) -> Remarks:
     """Yield a declared start that is elsewhere than where the tracker first sees the rover."""
-    off, turn = _off_start(run)
-    if off > FAR or turn > FARTHER:
-        todo = "give start in the axes and units of body_x, body_y and body_yaw, or leave it out"
-        yield Finding(_start_message(off, turn), run.name, todo)
+    yield from _off_by(
+        FAR, FARTHER, run, "give start in the axes and units of body_x, body_y and body_yaw, or leave it out"
+    )
 
 
-def start_findings(run: Driven) -> Iterator[Finding]:
+def start_findings(run: Driven) -> Remarks:
     """Yield a declared start that is a little off from where the tracker first sees the rover."""
+    yield from _off_by(NEAR, NEARLY, run, "the first seconds suffer: mend start, or leave it out")
+
+
+def _off_by(far: float, turned: float, run: Driven, todo: str) -> Remarks:
     off, turn = _off_start(run)
-    if off > NEAR or turn > NEARLY:
-        yield Finding(_start_message(off, turn), run.name, "the first seconds suffer: mend start, or leave it out")
-
-
-def _start_message(off: float, turn: float) -> str:
-    return f"the declared start is {1e3 * off:.3g} mm and {degrees(turn)} off from the first tracked pose"
+    if off > far or turn > turned:
+        yield f"the declared start is {1e3 * off:.3g} mm and {degrees(turn)} off from the first tracked pose", todo
 
 
 def _off_start(run: Driven) -> tuple[float, float]:
@@ -127,29 +125,24 @@ def _off_start(run: Driven) -> tuple[float, float]:
     return off, abs(float(np.angle(heading.mean()))) if heading.size else 0.0
 
 
-def far_faults(run: Driven) -> Iterator[Finding]:
+def far_faults(run: Driven) -> Remarks:
     """Yield a place far from where any ground is described, as of a map's grid."""
-    for axis in "xyz":
-        values = run.trace[f"body_{axis}"] if f"body_{axis}" in run.trace else np.zeros(1)
-        middle = float(np.nanmedian(values)) if np.isfinite(values).any() else 0.0
+    for name in ("body_x", "body_y", "body_z"):
+        values = run.finite(name)
+        middle = float(np.median(values)) if values.size else 0.0
         if abs(middle) > FAR_OFF:
-            what = f"body_{axis} is {middle:.3g} m in the median"
             todo = f"give metres from an origin on the declared ground, which lies within {LARGEST:g} m of 0"
-            yield Finding(what, run.name, todo)
+            yield f"{name} is {middle:.3g} m in the median", todo
 
 
-def ground_findings(run: Driven, terrain: Terrain) -> Iterator[Finding]:
+def ground_findings(run: Driven) -> Remarks:
     """Yield how far the rover goes beyond what is declared of the ground."""
-    for axis, low, high in zip("xy", *_box(terrain), strict=True):
-        values = run.trace[f"body_{axis}"]
-        overshoot = float(np.nanmax(np.maximum(low - values, values - high), initial=0.0))
-        if overshoot > 0.0:
-            what = (
-                f"body_{axis} goes {overshoot:.3g} m beyond the declared ground, which spans {low:.4g} to {high:.4g} m"
-            )
-            yield Finding(what, run.name, "what lies there is guessed: extend the terrain's file")
-
-
-def _box(terrain: Terrain) -> tuple[tuple[float, float], tuple[float, float]]:
-    box = terrain.extent
-    return (box.x_low, box.y_low), (box.x_high, box.y_high)
+    if run.declared.terrain is None:
+        return
+    box = run.declared.terrain.extent
+    for axis, low, high in (("x", box.x_low, box.x_high), ("y", box.y_low, box.y_high)):
+        values = run.finite(f"body_{axis}")
+        beyond = float(np.max(np.maximum(low - values, values - high), initial=0.0))
+        if beyond > 0.0:
+            what = f"body_{axis} goes {beyond:.3g} m beyond the declared ground, which spans {low:.4g} to {high:.4g} m"
+            yield what, "what lies there is guessed: extend the terrain's file"

@@ -1,14 +1,21 @@
-"""A logged run in short blocks: the means and speeds that the checks of a drive log look at."""
+"""A logged run in short blocks: the means and speeds that the checks of a drive log look at, and what is declared."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
+from rover_pin.simulation.model.motor import Motor
 from rover_pin.simulation.trace.trace import Trace
+from rover_pin.terrain.terrain import Terrain
+
+Remarks = Iterator[tuple[str, str]]
+"""What is wrong with a run, and what to do."""
 
 BLOCK = 1.0
 """Length of a block [s]: a tracker's 1.5 mm at 25 Hz then gives the speed within 1 mm/s."""
@@ -23,12 +30,27 @@ ROLLING = 0.3
 """Mean rim speed over mean size of rim speed, below which a rover turns rather than drives."""
 
 
+class Declared(NamedTuple):
+    """What a log declares for all its runs, as far as it does."""
+
+    motor: Motor | None = None
+    "where supply and resistance are declared"
+    whole_motor: Motor | None = None
+    "where all that its current follows from is"
+    terrain: Terrain | None = None
+    "where the log has one for all runs"
+    length: float = 0.0
+    "from the rear to the front axle of the rover [m]"
+    has_differential: bool = False
+
+
 @dataclass(frozen=True, eq=False)
 class Driven:
     """One run of a drive log; `radius` is the wheels' [m]. Blocks that are mostly gaps are NaN."""
 
     trace: Trace
     radius: float
+    declared: Declared = Declared()
 
     @property
     def name(self) -> str:
@@ -55,6 +77,11 @@ class Driven:
         """Number of the block that a sample is in (T,)."""
         t = self.trace.t
         return np.floor((t - t[0]) / self.length).astype(int) if len(t) else np.zeros(0, dtype=int)
+
+    def finite(self, channel: str) -> np.ndarray:
+        """Return what is known of a channel (N,); nothing of one that is not recorded."""
+        values = self.trace[channel] if channel in self.trace else np.zeros(0)
+        return values[np.isfinite(values)]
 
     def mean(self, values: np.ndarray) -> np.ndarray:
         """Return the mean of a channel in every block (B,)."""

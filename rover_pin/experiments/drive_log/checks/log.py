@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 from rover_pin.base.errors import DataError
@@ -13,7 +13,14 @@ from rover_pin.base.jobs.time_left import telling
 from rover_pin.base.quantity import quantities, record_from
 from rover_pin.contact import Wheel
 from rover_pin.experiments.drive_log.checks import excitation as drive_excitation
-from rover_pin.experiments.drive_log.checks.columns import absurd_faults, column_faults, column_findings, gap_findings
+from rover_pin.experiments.drive_log.checks.columns import (
+    absurd_faults,
+    ambiguous_step_findings,
+    clock_findings,
+    column_faults,
+    column_findings,
+    gap_findings,
+)
 from rover_pin.experiments.drive_log.checks.compared import compared_findings
 from rover_pin.experiments.drive_log.checks.currents import current_faults, current_findings
 from rover_pin.experiments.drive_log.checks.declared import (
@@ -24,18 +31,28 @@ from rover_pin.experiments.drive_log.checks.declared import (
     start_faults,
     start_findings,
 )
-from rover_pin.experiments.drive_log.checks.driven import Driven
+from rover_pin.experiments.drive_log.checks.driven import Declared, Driven, Remarks
 from rover_pin.experiments.drive_log.checks.odometry import odometry_faults, odometry_findings
-from rover_pin.experiments.drive_log.checks.sensors import frozen_faults, jump_findings, range_findings, stuck_findings
-from rover_pin.experiments.drive_log.checks.signs import differential_findings, sign_faults, wheel_sign_faults
-from rover_pin.experiments.drive_log.checks.speeds import speed_faults
+from rover_pin.experiments.drive_log.checks.sensors import (
+    frozen_faults,
+    jump_findings,
+    range_findings,
+    stuck_findings,
+    supply_findings,
+)
+from rover_pin.experiments.drive_log.checks.signs import (
+    differential_findings,
+    heading_faults,
+    pitch_faults,
+    wheel_sign_faults,
+)
+from rover_pin.experiments.drive_log.checks.speeds import height_faults, racing_faults, velocity_faults
 from rover_pin.experiments.drive_log.checks.units import unit_faults
 from rover_pin.logs.drive_log import DriveLog
 from rover_pin.logs.run_terrain import is_of_run
 from rover_pin.measurements.finding import Finding, gathered
 from rover_pin.rover.wheel_base import base_of
 from rover_pin.simulation.model.motor import Motor
-from rover_pin.terrain.terrain import Terrain
 
 
 class DriveFindings(NamedTuple):
@@ -78,30 +95,36 @@ def faults(log: DriveLog) -> tuple[Finding, ...]:
     missing = gathered([*rover_faults(log), *column_faults(log), *absurd_faults(log)])
     if missing:
         return missing
-    motor, terrain, length = declared_motor(log), _terrain(log), _length(log)
-    full_motor, runs = _whole_motor(log), driven(log)
+    runs = driven(log)
     return gathered(
         fault
         for run in telling(runs, len(runs), "runs looked at for faults")
-        for fault in (*_of_run(run, motor, terrain, length), *(current_faults(run, full_motor) if full_motor else ()))
+        for fault in (*_of_first(FAULTS, run), *_by(current_faults, run))
     )
 
 
-def _of_run(run: Driven, motor: Motor | None, terrain: Terrain | None, length: float) -> list[Finding]:
-    """Return a run's faults: what the speeds tell only where the wheels are right, signs only where units are."""
-    run_faults = [*frozen_faults(run), *wheel_sign_faults(run)]
-    run_faults = run_faults or [
-        *far_faults(run),
-        *unit_faults(run, motor),
-        *speed_faults(run, motor),
-        *start_faults(run),
-    ]
-    return run_faults or [*sign_faults(run, terrain, length), *odometry_faults(run)]
+Check = Callable[[Driven], Remarks]
+FAULTS: tuple[tuple[Check, ...], ...] = (
+    (frozen_faults, wheel_sign_faults),
+    (far_faults, unit_faults, velocity_faults, height_faults, racing_faults, start_faults),
+    (heading_faults, pitch_faults, odometry_faults),
+)
+"""What refuses a run: speeds tell something only where the wheels are right, signs only where the units are."""
+FINDINGS: tuple[Check, ...] = (
+    start_findings, ground_findings, gap_findings, clock_findings, ambiguous_step_findings, stuck_findings,
+    jump_findings, range_findings, supply_findings, odometry_findings, current_findings, differential_findings,
+)  # fmt: skip
+"""What a reader should know of a run."""
 
 
-def _length(log: DriveLog) -> float:
-    """Return the length from the rear to the front axle of the rover [m]."""
-    return base_of(log.load_rover()).length
+def _of_first(stages: tuple[tuple[Check, ...], ...], run: Driven) -> list[Finding]:
+    """Return what the first stage finds that finds anything."""
+    by_stage = ([finding for check in checks for finding in _by(check, run)] for checks in stages)
+    return next(filter(None, by_stage), [])
+
+
+def _by(check: Check, run: Driven) -> Iterator[Finding]:
+    return (Finding(what, run.name, todo) for what, todo in check(run))
 
 
 def findings(log: DriveLog) -> tuple[Finding, ...]:
@@ -123,21 +146,10 @@ def _findings(log: DriveLog) -> Iterator[Finding]:
 
 
 def _of_runs(log: DriveLog) -> Iterator[Finding]:
-    runs, motor = driven(log), declared_motor(log)
-    joined = log.load_rover().differential is not None
-    terrain, full_motor = _terrain(log), _whole_motor(log)
+    runs = driven(log)
     for run in telling(runs, len(runs), "runs checked"):
-        yield from start_findings(run)
-        if terrain is not None:
-            yield from ground_findings(run, terrain)
-        yield from gap_findings(run.trace)
-        yield from stuck_findings(run)
-        yield from jump_findings(run)
-        yield from range_findings(run, motor)
-        yield from odometry_findings(run)
-        yield from current_findings(run, full_motor) if full_motor else ()
-        if joined:
-            yield from differential_findings(run)
+        for check_run in FINDINGS:
+            yield from _by(check_run, run)
 
 
 def too_poor(log: DriveLog) -> str:
@@ -147,22 +159,20 @@ def too_poor(log: DriveLog) -> str:
 
 def driven(log: DriveLog) -> list[Driven]:
     """Return the runs as the checks look at them, with the wheels' radius as declared, else the rover's."""
-    declared_wheel = {name: entry for name, entry in log.metadata.wheel.items() if name == "r"}
-    wheel = record_from(Wheel, declared_wheel, f"{log.file}: [wheel]") if declared_wheel else log.load_rover().wheel
-    return [Driven(run, float(wheel.r)) for run in log.runs]
+    rover, about = log.load_rover(), log.metadata
+    declared_wheel = {name: entry for name, entry in about.wheel.items() if name == "r"}
+    wheel = record_from(Wheel, declared_wheel, f"{log.file}: [wheel]") if declared_wheel else rover.wheel
+    declared = Declared(
+        _motor(log, {"supply", "resistance"}),
+        _motor(log, {"supply", "resistance", "k_t", "gear"}),
+        log.terrain() if about.terrain and not is_of_run(about.terrain) else None,
+        base_of(rover).length,
+        rover.differential is not None,
+    )
+    return [Driven(run, float(wheel.r), declared) for run in log.runs]
 
 
-def declared_motor(log: DriveLog) -> Motor | None:
-    """Return the motor that the log declares, or None; what it declares of it beyond a `Motor` is left out."""
+def _motor(log: DriveLog, needed: set[str]) -> Motor | None:
+    """Return the motor of a log that declares what is needed of it, or None, without what is no part of a `Motor`."""
     table = {name: entry for name, entry in log.metadata.motor.items() if name in quantities(Motor)}
-    is_declared = {"supply", "resistance"} <= table.keys()
-    return record_from(Motor, table, f"{log.file}: [motor]") if is_declared else None
-
-
-def _whole_motor(log: DriveLog) -> Motor | None:
-    """Return the motor of a log that declares all that its current follows from, or None."""
-    return declared_motor(log) if {"supply", "resistance", "k_t", "gear"} <= log.metadata.motor.keys() else None
-
-
-def _terrain(log: DriveLog) -> Terrain | None:
-    return log.terrain() if log.metadata.terrain and not is_of_run(log.metadata.terrain) else None
+    return record_from(Motor, table, f"{log.file}: [motor]") if needed <= table.keys() else None

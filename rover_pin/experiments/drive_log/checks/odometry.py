@@ -9,8 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.stats import spearmanr
 
-from rover_pin.experiments.drive_log.checks.driven import Driven
-from rover_pin.measurements.finding import Finding
+from rover_pin.experiments.drive_log.checks.driven import Driven, Remarks
 
 FEW = 50
 """Samples that a judgement needs."""
@@ -49,21 +48,21 @@ class Followed(NamedTuple):
         return self.way > LEAST_WAY and within and self.noise < RESOLVED * self.way
 
 
-def odometry_faults(run: Driven) -> Iterator[Finding]:
+def odometry_faults(run: Driven) -> Remarks:
     """Yield a pose whose increments are those of the wheels: the loop would find a rover that never slips."""
     if any(
         comparison.equal and abs(comparison.slip) < SAME and comparison.shared > SHARED for comparison in _followed(run)
     ):
         what = "body_x and body_y move as the wheels turn, within their noise: they are the wheels' odometry"
-        yield Finding(what, run.name, "give a pose that was measured otherwise, as by a camera, GNSS or total station")
+        yield what, "give a pose that was measured otherwise, as by a camera, GNSS or total station"
 
 
-def odometry_findings(run: Driven) -> Iterator[Finding]:
+def odometry_findings(run: Driven) -> Remarks:
     """Yield a pose that may be the wheels' with another radius, or that of wheels that slip evenly all along."""
     close = [comparison for comparison in _followed(run) if comparison.equal and abs(comparison.slip) < MAX_EVEN_SLIP]
     if close:
         what = f"body_x and body_y follow the wheels at an even slip of {100 * close[0].slip:.2g} %"
-        yield Finding(what, run.name, "if they are odometry, give a measured pose; else add slopes, where slip varies")
+        yield what, "if they are odometry, give a measured pose; else add slopes, where slip varies"
 
 
 def _followed(run: Driven) -> Iterator[Followed]:

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 
 from rover_pin.experiments.drive_log.checks.columns import longest_run
-from rover_pin.experiments.drive_log.checks.driven import Driven, degrees
+from rover_pin.experiments.drive_log.checks.driven import Driven, Remarks, degrees
 from rover_pin.experiments.drive_log.checks.units import AT_LEAST
 from rover_pin.experiments.drive_log.readings.outliers import pose_outliers, without_poses
-from rover_pin.measurements.finding import Finding
-from rover_pin.simulation.model.motor import Motor
 from rover_pin.simulation.trace.channels import unit_of
 from rover_pin.simulation.trace.trace import Trace
 
@@ -49,35 +45,23 @@ MOST_CURRENT = 1.5
 """Times the declared stall current that a motor may draw."""
 
 
-def frozen_faults(run: Driven) -> Iterator[Finding]:
+def frozen_faults(run: Driven) -> Remarks:
     """Yield needed channels that keep one value through the whole of a driven run."""
-    rolled = float(np.nansum(np.abs(run.rim[run.moving]))) * run.length if run.moving.any() else 0.0
-    alive = np.array([_varies(column) for column in run.trace.stack("wheel_rate").T])
+    rolled, travelled = (float(np.nansum(np.abs(speed))) * run.length for speed in (run.rim[run.moving], run.velocity))
     todo = "the sensor is stuck or unplugged: mend it, or leave the run out"
-    for wheel, lives in zip(run.wheels, alive, strict=True):
-        if not lives and (alive.any() or _travelled(run) > ROLLED):
-            value = _first(run.trace[f"wheel_rate_{wheel}"])
-            yield Finding(f"wheel_rate_{wheel} is {value:g} rad/s all along while the rover drives", run.name, todo)
-    if rolled > ROLLED and not _varies(run.trace["body_x"]) and not _varies(run.trace["body_y"]):
-        yield Finding(f"body_x and body_y stand still while the rims roll {rolled:.2g} m", run.name, todo)
+    constant = [wheel for wheel in run.wheels if _is_constant(run.finite(f"wheel_rate_{wheel}"))]
+    for wheel in constant if len(constant) < len(run.wheels) or travelled > ROLLED else ():
+        rate = run.finite(f"wheel_rate_{wheel}")[0]
+        yield f"wheel_rate_{wheel} is {rate:g} rad/s all along while the rover drives", todo
+    if rolled > ROLLED and _is_constant(run.finite("body_x")) and _is_constant(run.finite("body_y")):
+        yield f"body_x and body_y stand still while the rims roll {rolled:.2g} m", todo
 
 
-def _varies(values: np.ndarray) -> bool:
-    finite_values = values[np.isfinite(values)]
-    return finite_values.size < 2 or float(np.ptp(finite_values)) > 0.0
+def _is_constant(values: np.ndarray) -> bool:
+    return values.size > 1 and float(np.ptp(values)) == 0.0
 
 
-def _first(values: np.ndarray) -> float:
-    finite_values = values[np.isfinite(values)]
-    return float(finite_values[0]) if finite_values.size else float("nan")
-
-
-def _travelled(run: Driven) -> float:
-    speed = np.abs(run.velocity)
-    return float(np.sum(speed[np.isfinite(speed)])) * run.length
-
-
-def stuck_findings(run: Driven) -> Iterator[Finding]:
+def stuck_findings(run: Driven) -> Remarks:
     """Yield measured channels that keep one value for a while, or at their end of range, while others move."""
     rates = run.trace.stack("wheel_rate")
     for name, values in run.trace.channels.items():
@@ -89,29 +73,25 @@ def stuck_findings(run: Driven) -> Iterator[Finding]:
         if name != "body_x" and name.startswith(("rocker_", "bogie_", "body_")):
             if repeats[1:].all() and len(repeats) > 1 and moves.any():
                 todo = "see whether it is measured: else leave the column out"
-                yield Finding(f"{name} is {values[0]:g} {unit_of(name)} all along", run.name, todo)
+                yield f"{name} is {values[0]:g} {unit_of(name)} all along", todo
             continue
         yield from _stuck(run, name, repeats & (moves | ~moves.any()) & run.moving[run.block])
 
 
-def _stuck(run: Driven, name: str, repeats: np.ndarray) -> Iterator[Finding]:
+def _stuck(run: Driven, name: str, repeats: np.ndarray) -> Remarks:
     begin, count = longest_run(repeats)
     values, lasting = run.trace[name], count * run.period
-    value, finite_values = values[begin], values[np.isfinite(values)]
+    value, finite_values = values[begin], run.finite(name)
     if lasting < STUCK or count < USUALLY * _usual_run(repeats & (values != value)):
         return
-    at_end = (
-        value != 0.0
-        and value in (finite_values.min(), finite_values.max())
-        and finite_values.min() < finite_values.max()
-    )
-    place = f"from t = {run.trace.t[begin]:.4g} s on (row {begin + 1})"
-    if at_end:
-        what = f"{name} stays at its extreme, {value:.4g}, for {lasting:.3g} s {place}"
-        yield Finding(what, run.name, "it looks clipped: widen its range, or empty these cells")
+    ends = {finite_values.min(), finite_values.max()}
+    place = f"for {lasting:.3g} s from t = {run.trace.t[begin]:.4g} s on (row {begin + 1})"
+    if value != 0.0 and value in ends and len(ends) > 1:
+        what = f"{name} stays at its extreme, {value:.4g}, {place}"
+        yield what, "it looks clipped: widen its range, or empty these cells"
     else:
-        what = f"{name} stays at {value:.4g} for {lasting:.3g} s {place} while others move"
-        yield Finding(what, run.name, "it looks frozen: empty these cells, or leave the run out")
+        what = f"{name} stays at {value:.4g} {place} while others move"
+        yield what, "it looks frozen: empty these cells, or leave the run out"
 
 
 def _usual_run(repeats: np.ndarray) -> float:
@@ -120,7 +100,7 @@ def _usual_run(repeats: np.ndarray) -> float:
     return float(np.median(edges[1::2] - edges[::2])) if len(edges) > 2 else 1.0
 
 
-def jump_findings(run: Driven) -> Iterator[Finding]:
+def jump_findings(run: Driven) -> Remarks:
     """Yield steps of the tracked pose that no rover makes, single outlying poses, and spikes of wheel rates."""
     outliers = pose_outliers(run.trace)
     yield from _outlier_findings(run, outliers)
@@ -135,17 +115,17 @@ def jump_findings(run: Driven) -> Iterator[Finding]:
         yield from _spikes(run, f"wheel_rate_{wheel}")
 
 
-def _outlier_findings(run: Driven, outliers: np.ndarray) -> Iterator[Finding]:
+def _outlier_findings(run: Driven, outliers: np.ndarray) -> Remarks:
     rows = np.flatnonzero(outliers)
     if rows.size:
         times = ", ".join(f"{run.trace.t[row]:.4g}" for row in rows[:MAX_LISTED_POSES])
         more = f" and {rows.size - MAX_LISTED_POSES} more" if rows.size > MAX_LISTED_POSES else ""
         many = "single poses are outliers" if rows.size > 1 else "a single pose is an outlier"
         what = f"{many} among those before and after, at t = {times} s (row {rows[0] + 1}){more}"
-        yield Finding(what, run.name, f"the loop leaves these {rows.size} of {len(run.trace.t)} poses out")
+        yield what, f"the loop leaves these {rows.size} of {len(run.trace.t)} poses out"
 
 
-def _jumps(run: Driven, trace: Trace, name: str, least: float, fastest: float) -> Iterator[Finding]:
+def _jumps(run: Driven, trace: Trace, name: str, least: float, fastest: float) -> Remarks:
     if name not in trace:
         return
     rows = np.flatnonzero(np.isfinite(trace[name]))
@@ -160,46 +140,45 @@ def _jumps(run: Driven, trace: Trace, name: str, least: float, fastest: float) -
         worst = int(jumps[np.argmax(np.abs(steps[jumps]))])
         size = f"{1e3 * abs(steps[worst]):.3g} mm" if least == LEAP else degrees(abs(float(steps[worst])))
         what = f"{name} jumps by {size} at t = {t[worst + 1]:.4g} s (row {rows[worst + 1] + 1}), {jumps.size} in all"
-        yield Finding(what, run.name, "the tracker lost the rover: empty the cells that are off")
+        yield what, "the tracker lost the rover: empty the cells that are off"
 
 
-def _spikes(run: Driven, name: str) -> Iterator[Finding]:
-    rate = np.abs(run.trace[name])
-    finite_rates = rate[np.isfinite(rate)]
+def _spikes(run: Driven, name: str) -> Remarks:
+    rate, finite_rates = np.abs(run.trace[name]), np.abs(run.finite(name))
     typical_rate = float(np.percentile(finite_rates, 99)) if finite_rates.size else 0.0
-    high = np.flatnonzero(rate > SPIKE * typical_rate) if typical_rate > 0.0 else np.zeros(0, dtype=int)
-    if high.size:
+    high = np.flatnonzero(rate > SPIKE * typical_rate)
+    if high.size and typical_rate > 0.0:
         what = f"{name} spikes to {rate[high[0]]:.3g} rad/s at t = {run.trace.t[high[0]]:.4g} s (row {high[0] + 1})"
-        yield Finding(what, run.name, f"usual is up to {typical_rate:.3g}: empty these {high.size} cells")
+        yield what, f"usual is up to {typical_rate:.3g}: empty these {high.size} cells"
 
 
-def range_findings(run: Driven, motor: Motor | None) -> Iterator[Finding]:
-    """Yield slips, battery voltages and currents that are out of what they should be."""
+def range_findings(run: Driven) -> Remarks:
+    """Yield slips that no wheel has for long."""
     rim, speed = run.rim[run.steady], run.speed[run.steady]
     slower = np.minimum(np.abs(rim), np.abs(speed))
     against = np.isfinite(slower) & (slower > 0.2 * np.nanmax(np.abs(run.rim), initial=0.0)) & (rim * speed < 0.0)
     share = float(np.sum(against)) / max(rim.size, 1)
     if rim.size >= AT_LEAST and share > AGAINST:
         what = f"the rover travels against its wheels in {100 * share:.0f} % of the driven time"
-        yield Finding(what, run.name, "it slides, or a clock is shifted: compare the times of tracker and wheels")
+        yield what, "it slides, or a clock is shifted: compare the times of tracker and wheels"
     slip = run.slip
     if slip.size >= AT_LEAST and float(np.median(slip)) < -0.15:
         what = f"the rover outruns its rims (slip {np.median(slip):.2f} in the median)"
-        yield Finding(what, run.name, "check the wheel's radius and the tracker's scale, unless it drives downhill")
-    if motor is not None:
-        yield from _electric(run, motor)
+        yield what, "check the wheel's radius and the tracker's scale, unless it drives downhill"
 
 
-def _electric(run: Driven, motor: Motor) -> Iterator[Finding]:
+def supply_findings(run: Driven) -> Remarks:
+    """Yield battery voltages and currents that the declared motor does not allow."""
+    motor = run.declared.motor
+    if motor is None:
+        return
     supply, stall = float(motor.supply), float(motor.supply / motor.resistance)
-    battery = run.trace["battery_V"] if "battery_V" in run.trace else np.array([np.nan])
-    if np.isfinite(battery).any() and abs(float(np.nanmedian(battery)) - supply) > OFF_SUPPLY * supply:
-        what = f"battery_V is {np.nanmedian(battery):.3g} V in the median, the motor's supply {supply:.3g} V"
-        yield Finding(what, run.name, "mend [motor] supply, or the voltage's scale")
-    for wheel in run.wheels:
-        name = f"current_{wheel}_A"
-        current = np.abs(run.trace[name]) if name in run.trace else np.array([np.nan])
-        high = float(np.nanmax(current)) if np.isfinite(current).any() else 0.0
+    voltage = float(np.median(run.finite("battery_V"))) if run.finite("battery_V").size else supply
+    if abs(voltage - supply) > OFF_SUPPLY * supply:
+        what = f"battery_V is {voltage:.3g} V in the median, the motor's supply {supply:.3g} V"
+        yield what, "mend [motor] supply, or the voltage's scale"
+    for name in (f"current_{wheel}_A" for wheel in run.wheels):
+        high = float(np.max(np.abs(run.finite(name)), initial=0.0))
         if high > MOST_CURRENT * stall:
             what = f"{name} reaches {high:.3g} A, {high / stall:.2g} times the declared motor's stall current"
-            yield Finding(what, run.name, "mend [motor] resistance and supply, or the current's scale")
+            yield what, "mend [motor] resistance and supply, or the current's scale"

@@ -7,10 +7,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from rover_pin.experiments.drive_log.checks.driven import Driven, degrees
+from rover_pin.experiments.drive_log.checks.driven import Driven, Remarks, degrees
 from rover_pin.experiments.drive_log.checks.units import AT_LEAST
-from rover_pin.measurements.finding import Finding
-from rover_pin.terrain.terrain import Terrain
 
 OPPOSITE = -0.5
 """Correlation about zero from which two channels run against each other."""
@@ -43,29 +41,21 @@ UNLEVEL = 0.02
 """Mean of rocker_l + rocker_r [rad] from which it is named: 1.1 deg, beyond a potentiometer's noise."""
 
 
-def sign_faults(run: Driven, terrain: Terrain | None, length: float) -> Iterator[Finding]:
-    """Yield channels of a run that are upside down or turned round; `length` is between the outer axles [m]."""
-    yield from _heading(run)
-    yield from _pitch(run, terrain, length)
-
-
-def wheel_sign_faults(run: Driven) -> Iterator[Finding]:
+def wheel_sign_faults(run: Driven) -> Remarks:
     """Yield duties, wheel rates and currents that run against each other."""
     drawn = _drawn(run)
     for i, wheel in enumerate(run.wheels):
         current = f"current_{wheel}_A"
         if run.rate_driven and _correlation(run.rate[:, i], run.speed) < OPPOSITE:
             what = f"wheel_rate_{wheel} runs against the travel"
-            yield Finding(what, run.name, f"multiply wheel_rate_{wheel} by -1: positive is forward")
+            yield what, f"multiply wheel_rate_{wheel} by -1: positive is forward"
         if _correlation(run.duty[:, i], run.rate[:, i]) < OPPOSITE:
             against = _correlation(run.rate[:, i], run.speed) < OPPOSITE
             turned, reference_channel = ("wheel_rate", "duty") if against else ("duty", "wheel_rate")
             what = f"{turned}_{wheel} runs against {reference_channel}_{wheel}"
-            yield Finding(what, run.name, f"multiply {turned}_{wheel} by -1: positive is forward")
+            yield what, f"multiply {turned}_{wheel} by -1: positive is forward"
         elif current in run.trace and _correlation(drawn[:, i], run.mean(run.trace[current])) < OPPOSITE:
-            yield Finding(
-                f"{current} runs against duty_{wheel}", run.name, "multiply it by -1: positive drives forward"
-            )
+            yield f"{current} runs against duty_{wheel}", "multiply it by -1: positive drives forward"
 
 
 def _drawn(run: Driven) -> np.ndarray:
@@ -94,19 +84,22 @@ def _correlation(a: np.ndarray, b: np.ndarray) -> float:
     return float(np.sum(a[use] * b[use])) / size if np.sum(use) >= AT_LEAST and size > 0.0 else 0.0
 
 
-def _heading(run: Driven) -> Iterator[Finding]:
+def heading_faults(run: Driven) -> Remarks:
     """Yield a yaw in degrees, or one that is off from the course by more than crabbing explains."""
     use = run.steady & np.isfinite(run.velocity) & (np.abs(run.velocity) > CREEP * np.abs(run.rim))
     use &= np.abs(run.rim) > 0.0
     if np.sum(use) < AT_LEAST:
         return
     course = run.velocity[use] / np.abs(run.velocity[use]) * np.sign(run.rim[use])
-    off = complex(np.mean(course * np.conj(run.heading[use])))
-    aligned = abs(off) > ALIGNED
+    mean = complex(np.mean(course * np.conj(run.heading[use])))
+    off = abs(float(np.angle(mean)))
     if _in_degrees(run, course, use):
-        yield Finding("body_yaw looks like degrees", run.name, "give radians: multiply it by pi / 180")
-    elif aligned and abs(np.angle(off)) > ASTRAY:
-        yield _turned(run, float(np.angle(off)))
+        yield "body_yaw looks like degrees", "give radians: multiply it by pi / 180"
+    elif abs(mean) > ALIGNED and off > ASTRAY:
+        todo = "check the axes of body_x and body_y, which axis body_yaw is taken from, and that it is in radians"
+        if abs(off - math.pi) < 0.3:
+            todo = "add pi to body_yaw, or turn the signs of duties and wheel rates"
+        yield f"the rover travels {degrees(off)} off its heading, body_yaw", todo
 
 
 def _in_degrees(run: Driven, course: np.ndarray, use: np.ndarray) -> bool:
@@ -129,23 +122,19 @@ def _turns_in_degrees(course: np.ndarray, yaw: np.ndarray) -> bool:
         return False
     correlation = float(np.corrcoef(turned, yaw)[0, 1])
     slope = correlation * float(np.std(turned) / np.std(yaw))
-    sure = correlation * math.sqrt(len(yaw) - 2) > SURE * math.sqrt(max(1.0 - correlation**2, 0.0))
-    return sure and abs(slope / math.radians(1.0) - 1.0) < SLOPE
+    return _is_sure(correlation, len(yaw)) and abs(slope / math.radians(1.0) - 1.0) < SLOPE
+
+
+def _is_sure(correlation: float, count: int) -> bool:
+    """Whether Student's t of a positive correlation is beyond chance."""
+    return correlation * math.sqrt(count - 2) > SURE * math.sqrt(max(1.0 - correlation**2, 0.0))
 
 
 def _rms(values: np.ndarray) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
-def _turned(run: Driven, off: float) -> Finding:
-    what = f"the rover travels {degrees(abs(off))} off its heading, body_yaw"
-    if abs(abs(off) - math.pi) < 0.3:
-        return Finding(what, run.name, "add pi to body_yaw, or turn the signs of duties and wheel rates")
-    todo = "check the axes of body_x and body_y, which axis body_yaw is taken from, and that it is in radians"
-    return Finding(what, run.name, todo)
-
-
-def _pitch(run: Driven, terrain: Terrain | None, length: float) -> Iterator[Finding]:
+def pitch_faults(run: Driven) -> Remarks:
     """Yield a pitch that falls where the rover climbs, or rises too fast; nose down is positive.
 
     A rover as long as half a wave pitches down where its middle rises: what tracker and terrain tell must agree.
@@ -155,12 +144,12 @@ def _pitch(run: Driven, terrain: Terrain | None, length: float) -> Iterator[Find
     along = np.real(run.velocity * np.conj(run.heading))
     pitch = run.mean(run.trace["body_pitch"])
     use = run.steady & np.isfinite(along * pitch) & (np.abs(along) > 0.5 * CREEP * np.abs(run.rim))
-    gains = [_gain(climb[use], pitch[use]) for climb in _climbs(run, terrain, along, length)]
+    gains = [_gain(climb[use], pitch[use]) for climb in _climbs(run, along)]
     if gains and max(gains) < -0.5:
-        yield Finding("body_pitch rises where the rover climbs", run.name, "multiply it by -1: nose down is positive")
+        yield "body_pitch rises where the rover climbs", "multiply it by -1: nose down is positive"
     elif gains and min(gains) > STEEPER:
         what = f"body_pitch changes {min(gains):.0f} times as much as the climb"
-        yield Finding(what, run.name, "if it is in degrees multiply it by pi / 180")
+        yield what, "if it is in degrees multiply it by pi / 180"
 
 
 def _gain(climb: np.ndarray, pitch: np.ndarray) -> float:
@@ -171,14 +160,14 @@ def _gain(climb: np.ndarray, pitch: np.ndarray) -> float:
     climb, pitch = climb[use], pitch[use]
     together, size = float(np.cov(climb, pitch)[0, 1]), float(np.std(climb, ddof=1) * np.std(pitch, ddof=1))
     correlation = abs(together) / size if size > 0.0 else 0.0
-    sure = correlation * math.sqrt(len(climb) - 2) > SURE * math.sqrt(max(1.0 - correlation**2, 0.0))
-    return -together / float(np.var(climb, ddof=1)) if sure else 0.0
+    return -together / float(np.var(climb, ddof=1)) if _is_sure(correlation, len(climb)) else 0.0
 
 
-def _climbs(run: Driven, terrain: Terrain | None, along: np.ndarray, length: float) -> Iterator[np.ndarray]:
+def _climbs(run: Driven, along: np.ndarray) -> Iterator[np.ndarray]:
     """Yield the climb [rad] (B,) as tracked, and as the declared ground rises from the rear axle to the front one."""
-    if "body_z" in run.trace and np.isfinite(run.trace["body_z"]).any():
+    if run.finite("body_z").size:
         yield np.arctan(run.slope(run.trace["body_z"]) / np.where(along == 0.0, np.nan, along))
+    terrain, length = run.declared.terrain, run.declared.length
     if terrain is None:
         return
     x, y, yaw = (run.trace[f"body_{name}"] for name in ("x", "y", "yaw"))
@@ -190,12 +179,12 @@ def _climbs(run: Driven, terrain: Terrain | None, along: np.ndarray, length: flo
     yield run.mean(np.arctan(rise / length))
 
 
-def differential_findings(run: Driven) -> Iterator[Finding]:
+def differential_findings(run: Driven) -> Remarks:
     """Yield rocker angles that do not add up to 0, as a differential makes them."""
-    if "rocker_l" not in run.trace or "rocker_r" not in run.trace:
+    if not run.declared.has_differential or "rocker_l" not in run.trace or "rocker_r" not in run.trace:
         return
     total = run.trace["rocker_l"] + run.trace["rocker_r"]
     total = total[np.isfinite(total)]
     if total.size and abs(float(np.mean(total))) > UNLEVEL:
         what = f"rocker_l + rocker_r is {np.mean(total):.3f} rad in the mean (SD {np.std(total):.3f}), not 0"
-        yield Finding(what, run.name, "take the potentiometers' zero on level ground, or expect a sensor bias")
+        yield what, "take the potentiometers' zero on level ground, or expect a sensor bias"

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 
 import numpy as np
 
-from rover_pin.experiments.drive_log.checks.driven import Driven
+from rover_pin.experiments.drive_log.checks.driven import Driven, Remarks
 from rover_pin.experiments.drive_log.checks.units import AT_LEAST
-from rover_pin.measurements.finding import Finding
-from rover_pin.simulation.model.motor import Motor
 
 TIMES = 2.0
 """A velocity this many times that of the tracked place, or its inverse, is in another unit."""
@@ -37,15 +34,7 @@ LOW = 0.002
 """Duty below which nothing is judged."""
 
 
-def speed_faults(run: Driven, motor: Motor | None) -> Iterator[Finding]:
-    """Yield channels of a run whose speeds contradict each other."""
-    yield from _velocity(run)
-    yield from _height(run)
-    if motor is not None and not run.rate_driven:
-        yield from _racing(run, motor)
-
-
-def _velocity(run: Driven) -> Iterator[Finding]:
+def velocity_faults(run: Driven) -> Remarks:
     """Yield a velocity that is not that of the tracked place, as a complex gain of the one on the other."""
     if "body_vx" not in run.trace or "body_vy" not in run.trace:
         return
@@ -61,18 +50,15 @@ def _velocity(run: Driven) -> Iterator[Finding]:
     what = f"body_vx and body_vy are {abs(gain):.3g} times the speed of body_x and body_y"
     if 1.0 / TIMES < abs(gain) < TIMES:
         what = "body_vx and body_vy point elsewhere than body_x and body_y move"
-        yield Finding(
-            what, run.name, "give them in the axes of body_x and body_y, not in the rover's, or leave them out"
-        )
+        yield what, "give them in the axes of body_x and body_y, not in the rover's, or leave them out"
     elif ratio / NEAR < abs(gain) < ratio * NEAR:
-        yield Finding(
-            f"{what}: they look like {VELOCITY_UNITS[ratio]}", run.name, f"give m/s: divide them by {ratio:g}"
-        )
+        yield f"{what}: they look like {VELOCITY_UNITS[ratio]}", f"give m/s: divide them by {ratio:g}"
     else:
-        yield Finding(what, run.name, "give m/s, or leave them out")
+        yield what, "give m/s, or leave them out"
 
 
-def _height(run: Driven) -> Iterator[Finding]:
+def height_faults(run: Driven) -> Remarks:
+    """Yield a height that changes faster than any rover climbs."""
     if "body_z" not in run.trace:
         return
     rising = np.abs(run.slope(run.trace["body_z"]))
@@ -80,10 +66,14 @@ def _height(run: Driven) -> Iterator[Finding]:
     way = float(np.sum(np.abs(run.velocity[use])))
     if np.sum(use) >= AT_LEAST and float(np.sum(rising[use])) > STEEPEST * way > 0.0:
         what = f"body_z changes {np.sum(rising[use]) / way:.3g} times as fast as the rover travels"
-        yield Finding(what, run.name, "give metres: if it is in mm divide it by 1000")
+        yield what, "give metres: if it is in mm divide it by 1000"
 
 
-def _racing(run: Driven, motor: Motor) -> Iterator[Finding]:
+def racing_faults(run: Driven) -> Remarks:
+    """Yield wheels that turn faster than their motors would without load."""
+    motor = run.declared.motor
+    if motor is None or run.rate_driven:
+        return
     duty, rate = np.abs(run.duty[run.steady]), np.abs(run.rate[run.steady])
     use = np.isfinite(duty * rate) & (duty > LOW)
     if np.sum(use) < AT_LEAST:
@@ -91,4 +81,4 @@ def _racing(run: Driven, motor: Motor) -> Iterator[Finding]:
     times = float(np.median(rate[use] / (duty[use] * float(motor.no_load_rate))))
     if times > RACING:
         what = f"the wheels turn {times:.3g} times as fast as [motor] would at their duty without load"
-        yield Finding(what, run.name, "give duties from -1 to 1, and mend [motor]")
+        yield what, "give duties from -1 to 1, and mend [motor]"

@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 
 import numpy as np
 
-from rover_pin.experiments.drive_log.checks.driven import Driven
-from rover_pin.measurements.finding import Finding
-from rover_pin.simulation.model.motor import Motor
+from rover_pin.experiments.drive_log.checks.driven import Driven, Remarks
 
 SLOWEST_SAMPLING = 1.0
 """Samples further apart [s] tell nothing of a drive, and milliseconds taken for seconds are."""
@@ -35,22 +32,22 @@ MAX_RATIO_SPREAD = 2.0
 LARGEST = {"body_pitch": 0.5 * math.pi, "body_roll": math.pi, "rocker_": 2.0, "bogie_": 2.0, "steer_": 2.0 * math.pi}
 """Greatest angle [rad] that a channel can show; beyond it stand degrees."""
 
-MILLI = {"battery_V": (1000.0, "mV"), "current_": (100.0, "mA")}
-"""Beyond this a rover's battery or motor current is in thousandths."""
+MOST_VOLTS, MOST_AMPERES, STALLS = 1000.0, 100.0, 20.0
+"""Beyond this a rover's battery or motor current is in thousandths: in V, in A, in times the stall current."""
 
 
-def unit_faults(run: Driven, motor: Motor | None) -> Iterator[Finding]:
+def unit_faults(run: Driven) -> Remarks:
     """Yield channels of a run whose numbers are in another unit than theirs."""
     if run.period > SLOWEST_SAMPLING:
         what = f"samples lie {run.period:.3g} s apart"
-        yield Finding(what, run.name, "if t_s is in milliseconds divide it by 1000, else log twice a second or more")
+        yield what, "if t_s is in milliseconds divide it by 1000, else log twice a second or more"
         return
     yield from _rates_or_positions(run)
     yield from _angles(run)
-    yield from _thousandths(run, motor)
+    yield from _thousandths(run)
 
 
-def _rates_or_positions(run: Driven) -> Iterator[Finding]:
+def _rates_or_positions(run: Driven) -> Remarks:
     """Yield the unit that rim speed over travel speed tells; the tenth percentile, where grip is best."""
     rim, speed = np.abs(run.rim), np.abs(run.velocity)
     turning = run.steady & np.isfinite(rim * speed) & (rim > STILL_RIM * run.radius)
@@ -63,35 +60,31 @@ def _rates_or_positions(run: Driven) -> Iterator[Finding]:
     factor = min(FACTORS, key=lambda candidate: abs(math.log(best / candidate)))
     times = f"the rim runs {typical_ratio:.3g} times as fast as the rover all along"
     if abs(math.log(best / factor)) > math.log(NEAR):
-        yield Finding(times, run.name, "check the units of wheel_rate_*, body_x and body_y, and the wheel's radius")
+        yield times, "check the units of wheel_rate_*, body_x and body_y, and the wheel's radius"
         return
     what, todo = FACTORS[factor]
-    yield Finding(f"{times}: {what}", run.name, todo)
+    yield f"{times}: {what}", todo
 
 
 STILL_RIM = 0.02
 """Wheel rate [rad/s] from which rim and travel are compared, whatever their unit."""
 
 
-def _angles(run: Driven) -> Iterator[Finding]:
+def _angles(run: Driven) -> Remarks:
     for name, values in run.trace.channels.items():
         limit = next((most for start, most in LARGEST.items() if name.startswith(start)), math.inf)
-        greatest = float(np.nanmax(np.abs(values))) if np.isfinite(values).any() else 0.0
-        if greatest > limit:
+        if np.max(np.abs(run.finite(name)), initial=0.0) > limit:
             row = int(np.nanargmax(np.abs(values)))
-            what = f"{name} reaches {greatest:.3g} rad at t = {run.trace.t[row]:.4g} s (row {row + 1})"
-            yield Finding(what, run.name, "if it is in degrees multiply it by pi / 180")
+            what = f"{name} reaches {abs(values[row]):.3g} rad at t = {run.trace.t[row]:.4g} s (row {row + 1})"
+            yield what, "if it is in degrees multiply it by pi / 180"
 
 
-def _thousandths(run: Driven, motor: Motor | None) -> Iterator[Finding]:
+def _thousandths(run: Driven) -> Remarks:
+    motor = run.declared.motor
     stall = math.inf if motor is None else float(motor.supply / motor.resistance)
-    for name, values in run.trace.channels.items():
-        start = next((start for start in MILLI if name.startswith(start)), "")
-        if not start or not np.isfinite(values).any():
-            continue
-        limit, unit = MILLI[start]
-        limit = min(limit, 20.0 * stall) if start == "current_" else limit
-        middle = float(np.nanmedian(np.abs(values[np.nonzero(values)]))) if np.nanmax(np.abs(values)) > 0.0 else 0.0
-        if middle > limit:
-            what = f"{name} is {middle:.3g} {unit[1:]} in the middle"
-            yield Finding(what, run.name, f"if it is in {unit} divide it by 1000")
+    limits = {"battery_V": (MOST_VOLTS, "V"), "current_": (min(MOST_AMPERES, STALLS * stall), "A")}
+    for name in run.trace.channels:
+        limit, unit = next((limits[start] for start in limits if name.startswith(start)), (math.inf, ""))
+        sizes = np.abs(run.finite(name))
+        if np.any(sizes > limit) and (middle := float(np.median(sizes[sizes > 0.0]))) > limit:
+            yield f"{name} is {middle:.3g} {unit} in the middle", f"if it is in m{unit} divide it by 1000"
