@@ -13,7 +13,7 @@ from rover_pin.discrepancy import added
 from rover_pin.discrepancy import search as module
 from rover_pin.discrepancy.calibration import as_declared, is_bent
 from rover_pin.discrepancy.option import options, singles
-from rover_pin.discrepancy.search import FROM_DECLARED, MAX_FITS, WORTH, Search
+from rover_pin.discrepancy.search import MAX_FITS, Search
 from rover_pin.discrepancy.signature import signatures
 from rover_pin.estimation.columns import Columns
 from rover_pin.estimation.fit import fit
@@ -92,22 +92,6 @@ def test_what_the_data_do_not_speak_for_is_not_fitted():
     base = search.fitted[frozenset()][0].log_evidence
     assert len(search.estimates) > len(NAMES)
     assert all(search.estimates[names].log_evidence > base for names in search.fitted if names)
-
-
-def test_so_many_fits_are_enough_where_none_leads(monkeypatch):
-    monkeypatch.setattr(module, "MAX_FITS", 2)
-    experiment = toys.made(NAMES, {"q": 1.5}, size=6.0)
-    experiment.columns.update({name: experiment.columns["q"] for name in NAMES})
-    search = toys.searched(experiment, NAMES)
-    assert len(search.fitted) <= 4
-
-
-def test_a_set_more_than_five_nats_behind_is_not_fitted():
-    search = found("single")
-    far = [row for names, row in search.estimates.items() if search.score(row) < search.best_score() - 7.0]
-    assert WORTH == 5.0
-    assert not any(frozenset(row.names) in search.fitted and row.fit is not search.base for row in far)
-    assert len(search.fitted) < 8
 
 
 # --- places ----------------------------------------------------------------------------------------------------------
@@ -276,16 +260,6 @@ def test_restart_resets_numbers_with_priors_and_keeps_sizes():
     assert start.u.tolist() == [0.0, whole.u[1]]
     assert start.value("base.b") == base.parameters[0].origin
     np.testing.assert_array_equal(start.predicted, base.task.experiment.predict([start.model])[0])
-
-
-def test_few_are_fitted_from_the_declared_numbers(monkeypatch):
-    asked = []
-    monkeypatch.setattr(module, "fitted_with", lambda estimate, options, reuse: asked.append(estimate))
-    toys.searched(stuck(1.0), "pqr")
-    assert not is_bent(toys.fitted(stuck(0.0)))
-    declared = [one for one in asked if one.fit.u[0] == 0.0]
-    assert len(declared) == min(FROM_DECLARED, 3)
-    assert declared[0].names == ("p",)
 
 
 # --- what is left ----------------------------------------------------------------------------------------------------

@@ -5,23 +5,21 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from scipy.optimize import OptimizeResult, brentq, lsq_linear
+from scipy.optimize import lsq_linear
 from scipy.stats import chi2 as chi2_law
 
 from rover_pin.base.errors import ParameterError
 from rover_pin.base.quantity import Record, quantity
 from rover_pin.estimation import baselines
-from rover_pin.estimation.descent import _damped
 from rover_pin.estimation.exact import ExactProblem, scattered
 from rover_pin.estimation.experiment import Experiment, Sensitivities
 from rover_pin.estimation.fit import STRETCH, best_of, fit
-from rover_pin.estimation.gauss_newton import _perturbed_value, _searched, _steps
-from rover_pin.estimation.noise import Absorbed, Noise, declared_noise, huber, noise_of
-from rover_pin.estimation.numbers import Number, implausible, is_adequate, profiles
+from rover_pin.estimation.gauss_newton import _steps
+from rover_pin.estimation.noise import Noise, declared_noise, huber, noise_of
+from rover_pin.estimation.numbers import implausible, is_adequate, profiles
 from rover_pin.estimation.parameter import Parameter, Prior
-from rover_pin.estimation.task import Task, objective
-from rover_pin.estimation.wording import Against, Change, Outcome, against, format_value, spread
-from rover_pin.estimation.wording import interval as said_interval
+from rover_pin.estimation.task import Task
+from rover_pin.estimation.wording import Change, Outcome, format_value
 
 FOLDS, SAMPLES = 3, 20
 X = np.random.default_rng(7).normal(size=(2, FOLDS, 1, SAMPLES))
@@ -125,31 +123,6 @@ def test_sd_is_widened_by_misfit_or_taken_from_stretches():
         assert (sandwich > plain).any() or not shared
 
 
-def test_one_stretch_alone_has_no_freedom_left_to_take_away():
-    task = made()
-    observed = np.full_like(task.experiment.observed, np.nan)
-    observed[0, 0, :5] = task.experiment.observed[0, 0, :5]
-    bed = Line(observed)
-    found = fit(Task(bed, declared_noise(np.array([0.5]), observed)), Plane(), BOTH)
-    assert np.isfinite(found.spread).all()
-    assert found.freedom == 4
-    observed[0, 0, 2:] = np.nan
-    assert fit(Task(bed, declared_noise(np.array([0.5]), observed)), Plane(), BOTH).freedom == 1
-    assert declared_noise(np.array([0.5]), observed).inflation == 1.0
-
-
-def test_two_stretches_count_twice_what_they_scatter():
-    """G / (G - 1) of G stretches."""
-    task = made(noise=0.1)
-    observed = np.full_like(task.experiment.observed, np.nan)
-    observed[0, 0, :16] = task.experiment.observed[0, 0, :16] + np.repeat([1.0, -1.0], 8) * np.sign(X[1, 0, 0, :16])
-    bed = Line(observed)
-    found = fit(Task(bed, declared_noise(np.array([0.5]), observed)), Plane(), (number("b", prior=False),))
-    x, rows = X[1].ravel()[:16] / 0.5, found.rows
-    g = (x * np.minimum(1.0, 4.0 / np.abs(rows)) * rows).reshape(2, 8).sum(axis=1)
-    assert found.spread[0] ** 2 == pytest.approx(found.covariance[0, 0] ** 2 * 2.0 * float(g @ g), rel=1e-5)
-
-
 @pytest.mark.parametrize("seed", range(6))
 def test_step_stays_within_bounds_like_bounded_least_squares(seed):
     draw = np.random.default_rng(seed)
@@ -167,26 +140,6 @@ def test_step_stays_within_bounds_like_bounded_least_squares(seed):
     inside = np.abs(u + step) < 0.3 - 1e-9
     assert (stacked.T @ (stacked @ step - right))[inside] == pytest.approx(0.0, abs=1e-9), "the free ones at their best"
     assert after == pytest.approx(float(np.sum((stacked @ best - right) ** 2)), rel=0.02), "held where they leave"
-
-
-def test_damped_steps_solve_the_damped_equations():
-    draw = np.random.default_rng(9)
-    columns, rows, u = draw.normal(size=(30, 2)), draw.normal(size=30), np.array([0.1, -0.2])
-    ((whole,), *_, damped), _ = _steps(columns, rows, u, (number("a"), number("b")), (10.0, 1e3))
-    right = -(columns.T @ rows) - u
-    for damping, step in zip((0.0, 10.0, 1e3), (whole, *damped), strict=True):
-        assert step == pytest.approx(np.linalg.solve(columns.T @ columns + (1.0 + damping) * np.eye(2), right))
-
-
-def test_samples_form_a_series_only_if_the_experiment_says_so():
-    assert not Line.is_timed
-    assert not Experiment.is_exact
-
-
-@pytest.mark.parametrize(("covered", "nothing"), [(0.81, True), (0.79, False)])
-def test_interval_covering_four_fifths_of_the_range_says_nothing(covered, nothing):
-    for ends, told in (((0.0, 2.0), Against.AGREES), ((5.0, 6.0), Against.AWAY)):
-        assert against(ends, (1.0, 1.5), covered) is (Against.NOTHING if nothing else told)
 
 
 def test_a_start_beyond_a_bound_begins_on_it():
@@ -216,39 +169,6 @@ def test_slopes_that_are_wrong_are_computed_again():
     assert kept.u == pytest.approx(np.zeros(2)), "with reuse given slopes stay as they are"
 
 
-class Asked(Line):
-    """Remembers the a of every model that it was asked for."""
-
-    def predict(self, models):
-        assert models, "asked for nothing"
-        self.a = [*getattr(self, "a", []), *(one.a for one in models)]
-        return super().predict(models)
-
-
-@pytest.mark.parametrize(
-    ("steps", "reached", "asked"),
-    [
-        (([-2.0], [-8.0]), 9.0, [9.0]),
-        (([2.0], [-4.0], [-8.0]), 7.0, [13.0, 7.0]),
-        (([2.0], [4.0], [-4.0, -8.0, -10.0]), 3.0, [13.0, 15.0, 7.0, 3.0, 1.0]),
-        (([2.0], [4.0, 6.0]), 11.0, [13.0, 15.0, 17.0]),
-    ],
-)
-def test_the_lowest_of_the_first_steps_that_help_is_taken(steps, reached, asked):
-    """chi2 is least at a = 3, from 11: one that helps is taken before a better one of a later group is tried."""
-    bed = Asked(3.0 * X[0])
-    task = Task(bed, declared_noise(np.array([100.0]), bed.observed))
-    free = (number("a", prior=False),)
-    here = np.array([11.0]), 11.0 * X[0], objective(task.rows(11.0 * X[0]), np.array([11.0]), free)
-    groups = [[np.array([one]) for one in group] for group in steps]
-    found = u, predicted, chi2 = _searched(task, Plane(), free, here, groups)
-    assert bed.a == pytest.approx(asked)
-    assert float(u[0]) == reached
-    assert predicted == pytest.approx(reached * X[0])
-    assert chi2 == pytest.approx(objective(task.rows(predicted), u, free))
-    assert (found is here) is (reached == 11.0)
-
-
 def test_prior_is_written_in_the_unit_or_in_percent():
     assert number("a", 0.25, origin=2.0).beforehand == "2 +- 0.25"
     assert Parameter("k", 2.0, 0.25, 1e-3, 9.0, log=True).beforehand == "2 +- 25.0%"
@@ -263,19 +183,6 @@ def test_prior_is_written_in_the_unit_or_in_percent():
 )  # fmt: skip
 def test_a_reader_gets_a_readers_unit(value, unit, words):
     assert format_value(value, unit) == words
-
-
-@pytest.mark.parametrize(("low", "bound"), [(0.0, 1e-6), (0.5, 0.25), (-3.0, 1e-6)])
-def test_logarithm_stops_at_a_millionth_of_origin_or_its_bound(low, bound):
-    one = Parameter("k", 2.0, 1.0, low, 8.0, log=True)
-    assert one.bounds == pytest.approx((math.log(bound), math.log(4.0)))
-
-
-def test_a_difference_stays_inside_the_bounds_and_tells_its_step():
-    one = number("a", 2.0, -1.0, 1.0, fd=0.2)
-    assert one.bounds == (-0.5, 0.5)
-    assert _perturbed_value(one, 0.29) == (pytest.approx(0.98), 0.2)
-    assert _perturbed_value(one, 0.31) == (pytest.approx(0.22), -0.2)
 
 
 def test_of_several_starts_the_lowest_fit_is_taken():
@@ -315,29 +222,6 @@ def test_starts_are_scattered_about_the_centre():
     assert np.abs(spread).max() <= 1.0
     assert spread.std(axis=0) == pytest.approx(np.full(2, 1.0 / math.sqrt(3.0)), rel=0.2)
     assert np.abs(spread.mean(axis=0)).max() < 0.3
-
-
-@dataclass(frozen=True)
-class Channel:
-    measured: np.ndarray
-    sd: np.ndarray
-
-
-@dataclass(frozen=True)
-class Exponential:
-    """y = p exp(-q t): data of a `Problem`."""
-
-    channels: tuple
-    t: np.ndarray
-
-    def predictor(self, free):
-        def predict(fields):
-            p, q = fields
-            y = p * np.exp(-q * self.t)
-            by = {"p": y / p, "q": -self.t * y}
-            return y, np.array([by[name] for name in free]).T
-
-        return predict
 
 
 def test_noise_of_every_value_whitens_by_it():
@@ -380,44 +264,10 @@ def test_blocks_that_never_follow_one_another_have_no_memory():
     assert found.sd[0] > 0.3
 
 
-@pytest.mark.parametrize("gap", [False, True])
-def test_what_a_fit_took_of_the_noise_is_given_back(gap):
-    """The variance of what is explained adds to the residual's, its product with the block before to theirs."""
-    row = 0.5 / 1.4826 * np.tile([1.0, 1.0, -1.0, -1.0, 1.0], 8)
-    good = np.ones((1, 1, 40), dtype=bool)
-    good[0, 0, 13] = not gap
-    draw = np.random.default_rng(5)
-    taken = Absorbed(draw.uniform(0.0, 0.2, (1, 1, 40)), draw.uniform(0.0, 0.1, (1, 1, 40)))
-    found = noise_of(row[None, None], good, np.zeros(1), taken)
-    own = row[good[0, 0]]
-    variance = taken.variance[good].mean()
-    assert found.sd[0] == pytest.approx(math.hypot(1.4826 * np.median(np.abs(own)), math.sqrt(variance)))
-    pairs = [i for i in range(1, 40) if good[0, 0, i] and good[0, 0, i - 1]]
-    product = np.mean([row[i] * row[i - 1] for i in pairs]) + np.mean([taken.lagged[0, 0, i] for i in pairs])
-    assert found.rho[0] == pytest.approx(product / (np.mean(own**2) + variance))
-    assert 0.05 < found.rho[0] < 0.9
-
-
 def test_channels_that_are_silent_have_no_memory():
     found = noise_of(np.zeros((1, 2, 9)), np.ones((1, 2, 9), dtype=bool), np.full(2, 0.1))
     assert found.sd.tolist() == [0.1, 0.1]
     assert found.rho.tolist() == [0.0, 0.0]
-
-
-@pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_outlier_counts_as_three_sds_of_its_channel_in_memory(sign):
-    """Of a channel whose SD is 0.01: clipped at .03, not at 3."""
-    row = 0.01 / 1.4826 * np.tile([1.0, 1.0, -1.0, -1.0], 10)
-    row[7:9] = 5.0 * sign
-    found = noise_of(row[None, None], np.ones((1, 1, 40), dtype=bool), np.zeros(1))
-    clipped = np.clip(row, -0.03, 0.03)
-    memory = np.mean(clipped[1:] * clipped[:-1]) / np.mean(clipped**2)
-    assert found.sd[0] == pytest.approx(0.01)
-    assert found.rho[0] == pytest.approx(memory)
-    assert 0.1 < memory < 0.9
-
-
-MIDDLE = 3.0
 
 
 @pytest.mark.parametrize(("a", "names"), [(4.9, ()), (5.1, ("plane.a +5.1 SD",)), (-5.1, ("plane.a -5.1 SD",))])
@@ -437,27 +287,6 @@ def test_residual_is_inadequate_at_a_p_value_of_0_001(share, adequate):
     found = fit(replace(task, noise=replace(task.noise, sd=task.noise.sd * wanted)), Plane(), free)
     assert huber(found.rows) == pytest.approx(share * chi2_law.isf(1e-3, 59), rel=2e-3)
     assert is_adequate(found) is adequate
-
-
-@pytest.mark.parametrize(("surprise", "adequate"), [(1.05e-3, True), (0.95e-3, False)])
-def test_less_likely_than_one_in_a_thousand_is_too_much(surprise, adequate):
-    task = made(exact=True, noise=0.3)
-
-    def widened(factor):
-        noise = replace(task.noise, sd=task.noise.sd * factor)
-        return fit(replace(task, noise=noise), Plane(), (number("a"), number("b", prior=False)))
-
-    limit = float(chi2_law.isf(surprise, 59))
-    factor = brentq(lambda one: huber(widened(one).rows) - limit, 0.1, 2.0, rtol=1e-6)
-    assert is_adequate(widened(factor)) is adequate
-
-
-def test_given_slopes_that_are_stale_do_not_end_a_fit():
-    """Slopes of next to nothing promise nothing: a usual fit ends there, one to its end computes its own."""
-    task = made(noise=0.0, a=1.0, b=0.0)
-    for stale, end in ((False, 0.2), (True, 1.0)):
-        found = fit(task, Plane(), (number("a", prior=False),), np.array([0.2]), {"plane.a": 1e-9 * X[0]}, stale=stale)
-        assert found.u == pytest.approx([end], abs=1e-6)
 
 
 class Constant(Experiment):
@@ -484,17 +313,6 @@ def test_stretches_of_several_runs_are_clusters_of_their_own():
     assert found.spread**2 == pytest.approx([10 / 9 * 640 / 80**2], rel=1e-6)
 
 
-@pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_shared_outlier_counts_as_three_sds_in_the_mixing(sign):
-    residual, good = np.random.default_rng(21).normal(size=(1, 2, 60)), np.ones((1, 2, 60), dtype=bool)
-    good[:, :, [29, 31]] = False
-    mixings = []
-    for stray in (4.5, 60.0):
-        residual[:, :, 30] = sign * stray
-        mixings.append(noise_of(residual, good, np.zeros(2)).mixing)
-    assert mixings[0] == pytest.approx(mixings[1], rel=1e-12)
-
-
 def test_a_channel_that_is_nowhere_compared_has_its_least_noise():
     good = np.ones((1, 2, 9), dtype=bool)
     good[:, 1] = False
@@ -503,52 +321,10 @@ def test_a_channel_that_is_nowhere_compared_has_its_least_noise():
     assert found.rho[1] == 0.0
 
 
-def given_slopes(chi2, factor, reuse=True):
-    """Return where a fit of a ends whose given slopes are so many times too steep, as a share of where it began."""
-    task = made(noise=0.0, sd=1.0, a=0.0, b=0.0)
-    start = math.sqrt(chi2 / float(np.sum(X[0] ** 2)))
-    found = fit(task, Plane(), (number("a", prior=False),), np.array([start]), {"plane.a": factor * X[0]}, reuse)
-    return found.u[0] / start
-
-
-def test_a_usual_fit_takes_six_turns():
-    """Each goes a third of the way."""
-    assert given_slopes(200.0, 3.0) == pytest.approx((2 / 3) ** 6)
-
-
-@pytest.mark.parametrize(("share", "kept"), [(0.52, True), (0.48, False)])
-def test_slopes_are_recomputed_under_half_of_the_promised_gain(share, kept):
-    """Slopes that are 1 / (1 - w) times too steep leave w of the way, and gain 1 - w^2 of chi2."""
-    left = math.sqrt(1.0 - share)
-    assert given_slopes(200.0, 1.0 / (1.0 - left), reuse=False) == pytest.approx(left**6 if kept else 0.0, abs=1e-6)
-
-
-@pytest.mark.parametrize("radius", [0.02, 0.3, 3.0, 40.0])
-def test_step_within_a_radius_has_its_length_to_one_percent(radius):
-    draw = np.random.default_rng(17)
-    shortened = 0
-    for _ in range(30):
-        jacobian, residual = draw.normal(size=(6, 3)) * [1.0, 0.1, 3.0], 10.0 * draw.normal(size=6)
-        step, newton = _damped(jacobian, residual, radius)
-        shortened += not newton
-        if newton:
-            assert step == pytest.approx(-np.linalg.lstsq(jacobian, residual, rcond=None)[0])
-            assert np.linalg.norm(step) <= radius
-        else:
-            assert radius * (1 - 1e-9) <= np.linalg.norm(step) <= 1.01 * radius
-    assert shortened > 3
-
-
 def test_number_moves_linearly_in_its_sds_by_default():
     bed = Line(np.zeros((FOLDS, 1, SAMPLES)))
     assert bed.parameter(Plane(a=2.0), "plane.a", 0.5).value(1.0) == pytest.approx(2.5)
     assert bed.parameter(Plane(a=2.0), "plane.a", 0.5, log=True).value(1.0) == pytest.approx(2.0 * math.exp(0.5))
-
-
-@pytest.mark.parametrize(("gain", "turns"), [(0.29, 3), (0.31, 4)])
-def test_a_turn_that_gains_less_than_three_tenths_is_the_last(gain, turns):
-    """Each turn goes two thirds of the way, and gains 8 / 9 of chi2; the third gains `gain`."""
-    assert given_slopes(gain * 9 / 8 * 81, 1.5) == pytest.approx(3.0**-turns)
 
 
 @pytest.mark.parametrize("misfit", [0.5, 1.5])
@@ -566,48 +342,6 @@ def test_profile_of_a_linear_fit_is_a_parabola_in_noise_units(misfit):
         off = half * np.array([-1.5, -1.0, -0.5, 0.0, 0.5, 1.0, 1.5])
         assert one.values == pytest.approx(BOTH[at].scale * (found.u[at] + off), rel=1e-6)
         assert one.rises == pytest.approx(off**2 / var / 1.7 / max(found.misfit, 1.0), rel=1e-4, abs=1e-6)
-
-
-def test_of_two_likelihoods_the_better_is_taken(monkeypatch):
-    """Of a process: the lower cost of both starts, whichever comes first."""
-    x = np.linspace(0.0, 1.0, 6)[:, None]
-    y = np.sin(3.0 * x[:, 0])
-    found = []
-    for costs in ((5.0, 1.0), (1.0, 5.0)):
-        ends = iter([(costs[0], np.array([0.0, -4.0, -1.0])), (costs[1], np.array([0.0, 1.0, -1.0]))])
-
-        def ended(cost, start, bounds, ends=ends):
-            fun, place = next(ends)
-            height, noise, length = np.exp(2.0 * np.array([0.2, -1.5, -1.0]))
-            K, z = height * np.exp(-0.5 * (x - x.T) ** 2 / length) + noise * np.eye(6), (y - y.mean()) / y.std()
-            likely = z @ np.linalg.solve(K, z) + np.linalg.slogdet(K)[1]
-            assert cost(np.array([0.2, -1.5, -1.0])) == pytest.approx(likely)
-            return OptimizeResult(fun=fun, x=place)
-
-        monkeypatch.setattr(baselines, "minimize", ended)
-        found.append(baselines.gaussian_process(x, y, x) - y)
-        noise = math.exp(-4.0 if costs[0] < costs[1] else 1.0)
-        K = np.exp(-0.5 * ((x - x.T) / math.exp(-1.0)) ** 2)
-        centred = (y - y.mean()) / y.std()
-        wanted = y.mean() + y.std() * K @ np.linalg.solve(K + noise**2 * np.eye(6), centred)
-        assert found[-1] + y == pytest.approx(wanted, rel=1e-9)
-    assert np.abs(found[0]).max() > 0.3, "the noisy one"
-    assert np.abs(found[1]).max() < 0.05
-
-
-CURVED = np.array([[[1.0, 2.0, 9.0]], [[3.0, np.nan, 5.0]], [[4.0, 4.0, 7.0]], [[0.0, 1.0, 2.0]]])
-
-
-def test_held_out_errors_of_a_mean_are_those_of_the_other_folds():
-    inputs = np.random.default_rng(0).normal(size=(4, 3, 1))
-    found = {one.curve: one for one in baselines.curves(CURVED, inputs, [("pull", "N")])}
-    misses = []
-    for fold in range(4):
-        rest = np.delete(CURVED[:, 0], fold, axis=0)
-        own = CURVED[fold, 0]
-        misses += list(own[np.isfinite(own)] - np.nanmean(rest))
-    assert found["mean"][:4] == ("pull", "N", "mean", pytest.approx(math.sqrt(np.mean(np.square(misses)))))
-    assert len(misses) == 11
 
 
 def test_held_out_quadratic_is_recovered_whatever_the_input_unit():
@@ -644,18 +378,6 @@ def test_a_floor_of_any_size_counts_in_its_own_measure(made, outcome):
     assert change(0.0, 1.0, 0.0, 0.0).share == 0.0
 
 
-def test_nothing_identified_and_nothing_changed_are_shares():
-    assert change(1.0, 1.0 + 4.9e-5, 0.0, 0.0).none
-    assert not change(1.0, 1.0 + 5.2e-5, 0.0, 0.0).none
-    for size in (1e3, 1e-3):
-        assert "not identified" in spread(0.9e-9 * size, size)
-        assert "not identified" not in spread(1.1e-9 * size, size)
-        assert "no interval" in said_interval(size, size, size * (1.0 + 0.9e-9), "")
-        assert "no interval" not in said_interval(size, size, size * (1.0 + 1.2e-9), "")
-    single = Noise(np.array([[[2.0]]]), np.zeros(1), np.eye(1), np.ones((1, 1, 1), dtype=bool))
-    assert single.floor.tolist() == [2.0]
-
-
 def test_contradictory_correlations_are_made_positive_definite():
     """Pairs of three channels that meet at blocks of their own, as +1, +1 and -1: no eigenvalue below 0.05 stays."""
     residual, good = np.zeros((1, 3, 42)), np.zeros((1, 3, 42), dtype=bool)
@@ -671,15 +393,6 @@ def test_contradictory_correlations_are_made_positive_definite():
     sound = vectors @ np.diag(np.maximum(values, 0.05)) @ vectors.T
     whitened = found.mixing * found.mixing[0, 0] ** -1 * math.sqrt(1.0 / sound[0, 0])
     assert whitened @ sound @ whitened.T == pytest.approx(np.eye(3), abs=0.02)
-
-
-def test_a_drift_is_said_beyond_three_of_its_sds():
-    row = Number("plane.a", "m", 3.1, 2.0, 4.2, 3.1, declared=True)
-    assert row.text.endswith(", +3.1 SD from what was declared")
-    assert "SD" not in row._replace(drift=-2.9).text
-    assert row._replace(declared=False).text.endswith(", +3.1 SD from what was assumed")
-    assert row._replace(closed=False).note == "not closed by the data"
-    assert row._replace(at_bound=True).note == "at its bound"
 
 
 @pytest.mark.parametrize("given", [(math.nan, 1.0), (math.inf, 1.0), (0.0, math.inf), (0.0, 0.0), (0.0, -1.0)])

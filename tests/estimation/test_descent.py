@@ -1,6 +1,5 @@
 """The one descent of the package: against scipy's on measured rigs, and on problems whose minimum is known."""
 
-import math
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -54,26 +53,6 @@ def test_a_descent_without_a_value_or_an_end_says_so(monkeypatch):
     monkeypatch.setattr(descent, "STEPS", 2)
     with pytest.raises(OptimisationError, match="did not settle in 2 steps"):
         descend(rosenbrock(), np.array([-1.2, 1.0]))
-
-
-class Scripted(Made):
-    """One number of next to no slope, whose chi2 falls by these at each evaluation after the first."""
-
-    def __init__(self, falls):
-        super().__init__(None, None, (-1e9,), (1e9,))
-        self.left = [10.0 - sum(falls[:count]) for count in range(len(falls) + 1)]
-
-    def evaluate(self, u):
-        return np.array([math.sqrt(self.left.pop(0))]), np.array([[1e-3]])
-
-
-def test_descent_ends_after_three_steps_of_negligible_gain():
-    little, falls = 0.9e-6, []
-    for few in (2, 1, 2):
-        falls += [*[little] * few, 1.0, 1.1e-6]
-    problem = Scripted([*falls, little, little, little, 1.0, 1.0])
-    assert descend(problem, np.zeros(1))[1] == pytest.approx(7.0, abs=1e-4)
-    assert len(problem.left) == 2
 
 
 def test_a_descent_leaves_a_bound_that_it_began_on():

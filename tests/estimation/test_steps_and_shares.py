@@ -2,13 +2,12 @@
 
 import math
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from rover_pin.estimation.baselines import gaussian_process, quadratic
-from rover_pin.estimation.descent import _bounded, _damped, _next_radius, _promised, _step
+from rover_pin.estimation.descent import _bounded, _damped, _promised, _step
 from rover_pin.estimation.parameter import Parameter
 
 # --- coordinates -----------------------------------------------------------------------------------------------------
@@ -37,12 +36,6 @@ def test_logarithm_that_may_reach_zero_stops_just_above_it():
 
 
 # --- what a Jacobian tells -------------------------------------------------------------------------------------------
-
-
-def linear_problem(J, low=(-9.0, -9.0), high=(9.0, 9.0), spread=(1.0, 1.0)):
-    axes = [SimpleNamespace(coordinate=SimpleNamespace(spread=each)) for each in spread]
-    space = SimpleNamespace(low=np.array(low), high=np.array(high), axes=axes)
-    return SimpleNamespace(space=space, evaluate=lambda u: (J @ u, J), data_jacobian=lambda u: J[:-1])
 
 
 # --- steps of the descent --------------------------------------------------------------------------------------------
@@ -77,33 +70,9 @@ def test_a_damped_step_does_not_depend_on_the_rows_unit(unit):
         assert newton is (radius > 1.0)
 
 
-@pytest.mark.parametrize("radius", [0.01, 0.1, 0.4])
-def test_a_damped_step_is_as_long_as_it_may_be(radius):
-    draw = np.random.default_rng(3)
-    A, r = draw.normal(size=(8, 3)) * [30.0, 1.0, 0.05], draw.normal(size=8)
-    length = float(np.linalg.norm(_damped(A, r, radius)[0]))
-    assert 0.999 * radius <= length <= 1.01 * radius
-
-
 def test_what_a_step_promises_is_the_fall_of_the_linear_chi2():
     step = np.array([0.3, -0.7])
     assert _promised(R, J, step) == pytest.approx(R @ R - (R + J @ step) @ (R + J @ step))
-
-
-def test_the_radius_follows_how_far_the_linear_model_holds():
-    step = np.array([0.6, 0.8])
-    assert _next_radius(0.5, step, 0.76, 1.0) == 2.0
-    assert _next_radius(5.0, step, 0.76, 1.0) == 5.0
-    assert _next_radius(0.5, step, 0.74, 1.0) == 0.5
-    assert _next_radius(0.5, step, 0.26, 1.0) == 0.5
-    assert _next_radius(0.5, step, 0.24, 1.0) == 0.25
-    assert _next_radius(0.5, step, math.nan, 1.0) == 0.25
-    step = np.array([3.0, 4.0])
-    assert _next_radius(1.0, step, 1.6, 2.0) == 10.0
-    assert _next_radius(30.0, step, 1.6, 2.0) == 30.0
-    assert _next_radius(7.0, step, 1.4, 2.0) == 7.0
-    assert _next_radius(7.0, step, 0.6, 2.0) == 7.0
-    assert _next_radius(7.0, step, 0.4, 2.0) == 1.25
 
 
 @pytest.mark.parametrize(
@@ -113,12 +82,6 @@ def test_the_radius_follows_how_far_the_linear_model_holds():
 def test_a_step_ends_on_the_first_bound_in_its_own_direction(step, ends):
     found = _bounded(np.zeros(2), np.array(step), np.array([-1.0, -2.0]), np.array([1.0, 2.0]))
     assert found == pytest.approx(ends)
-
-
-def test_a_step_that_leaves_no_bound_is_taken_as_it_is():
-    low, high = np.full(2, -9.0), np.array([1.5, 9.0])
-    assert _bounded(np.zeros(2), np.array([1.0, 2.0]), low, high).tolist() == [1.0, 2.0]
-    assert _bounded(np.zeros(2), np.array([3.0, 2.0]), low, high).tolist() == [1.5, 1.0]
 
 
 def test_numbers_pushed_past_their_bound_stay():

@@ -17,7 +17,6 @@ WHEEL_INERTIA = re.search(r'<inertia ixx="0.00017\S+" .*?/>', TEXT).group()
 BODY_MASS = '<mass value="2.9"/>'
 ROCKER_LIMIT = re.search(r"<limit .*?/>", TEXT).group()
 ROCKER_AXIS = '<axis xyz="0 1 0"/>'
-STEER_AXIS = '<axis xyz="0 0 1"/>'
 EXTRA = '<joint name="{}" type="{}"><parent link="{}"/><child link="{}"/><axis xyz="0 1 0"/></joint></robot>'
 
 MAST = (

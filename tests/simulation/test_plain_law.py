@@ -22,7 +22,6 @@ from rover_pin.simulation.plain.law import TRAVEL_SIGNS, PlainLaw, direction
 from rover_pin.terrain import shapes
 
 ROVER, SOIL = load_rover(), Soil(k=0.004)
-SPEEDS = slice(1, 5)
 
 
 @pytest.fixture(scope="module")

@@ -12,19 +12,17 @@ from rover_pin.control.constant import ConstantDuty
 from rover_pin.effects.multi_pass import MultiPass
 from rover_pin.rover.forward_dynamics import constraint_rows, mass_matrix, wheel_jacobians
 from rover_pin.scenarios.scenario import scenario
-from rover_pin.simulation.checkpoint import Checkpoint
 from rover_pin.simulation.compiled.kernel import Kernel
 from rover_pin.simulation.compiled.rover_numbers import armed
 from rover_pin.simulation.native.shared import RECORD
 from rover_pin.simulation.outcome import half_step
-from rover_pin.simulation.outcome.audit import airborne, balance_warning, braked, doubts_of, load_warning, mean_load
+from rover_pin.simulation.outcome.audit import balance_warning, doubts_of, load_warning, mean_load
 from rover_pin.simulation.pace import ROUGH, Pace
 from rover_pin.simulation.replay import commands, replay
 from rover_pin.simulation.resolution import MOST, contact_frequency, firmness, parts, stiffness
 from rover_pin.simulation.simulate import Timing, simulate
 from rover_pin.simulation.start.place import Start, settled
 from rover_pin.simulation.trace.rows import finite, row_type
-from rover_pin.simulation.trace.trace import Trace
 from rover_pin.terrain import shapes
 
 
@@ -107,55 +105,6 @@ def test_ground_made_firmer_by_an_effect_needs_a_finer_step():
     assert not any("average" in each for each in traces[1].attrs["warnings"])
     state = settled(plain.model, Start())
     assert firmness(Kernel(plain.model, state.copy(), 1e-9, False), plain.model) == pytest.approx(1.0, abs=0.15)
-
-
-class Springs:
-    """A rover at rest whose wheels stand on springs, some of `firmer` times the ground's own stiffness, some of 0."""
-
-    def __init__(self, model, firmer, h=0.005):
-        self.model, self.h = model, h
-        self.state = settled(model, Start())
-        self.rest, self.record = float(self.state.q[2]), np.zeros((6, len(RECORD)))
-        self.springs = np.array([firmer, *[0.0] * 5]) * stiffness(10.0, model.rover.wheel, model.soils[0])
-
-    def saved(self):
-        return [self.state.q.copy(), self.record.copy()]
-
-    def restore(self, saved):
-        self.state.q[:], self.record[:] = saved
-
-    def step(self):
-        depth = self.rest - self.state.q[2]
-        there = np.broadcast_to(self.h, 6) > 0.0
-        self.record[:, RECORD.index("sinkage")] = np.where(there, self.h + depth, 0.0)
-        self.record[:, RECORD.index("normal")] = np.where(there, 10.0 + self.springs * depth, 0.0)
-
-
-@pytest.mark.parametrize(("firmer", "told"), [(0.5, 1.0), (1.05, 1.05), (30.0, 30.0), (99.0, 99.0), (105.0, 100.0)])
-def test_firmness_is_how_much_stiffer_the_firmest_wheel_stands(firmer, told):
-    model = scenario("flat").model
-    stepper = Springs(model, firmer)
-    assert firmness(stepper, model) == pytest.approx(told, rel=1e-6)
-    assert stepper.state.q[2] == stepper.rest
-    assert firmness(Springs(model, firmer, h=0.0), model) == 1.0, "in the air"
-    lifted = Springs(model, firmer, h=np.array([0.005, 0.0, 0.0, 0.005, 0.005, 0.005]))
-    assert firmness(lifted, model) == pytest.approx(told, rel=1e-6)
-
-
-def test_the_lightest_rover_has_its_firmness_too():
-    """Wheels that carry 20 mN, as of a rover of 12 g on the Moon's sixth, stand on the ground all the same."""
-    model = scenario("flat").model
-    stepper = Springs(model, 1.0)
-    usual = stepper.step
-
-    def step():
-        usual()
-        stepper.record[:, RECORD.index("normal")] -= 9.98
-
-    stepper.step = step
-    heavy, light = (stiffness(load, model.rover.wheel, model.soils[0]) for load in (10.0, 0.02))
-    assert firmness(stepper, model) == pytest.approx(heavy / light, rel=1e-6)
-    assert heavy > 5.0 * light
 
 
 def test_the_shipped_grounds_keep_their_step():
@@ -284,68 +233,11 @@ def test_a_step_before_a_command_is_not_taken_again_but_counted():
     assert stub.kept[4][1] == 16.0
 
 
-@pytest.mark.parametrize(
-    ("first", "later", "lengths"),
-    [
-        (0.0499, 0.0021, [64.0, 64.0]),
-        (0.0501, 0.0021, [64.0, 16.0, 16.0, 16.0, 16.0]),
-        (0.0501, 0.0019, [64.0, 16.0, 16.0, 32.0]),
-    ],
-)
-def test_step_is_rough_at_0_05_of_the_load_and_calm_at_0_002(first, later, lengths):
-    class Told(Rough):
-        def step(self):
-            super().step()
-            self.misjudged = later if len(self.tried) > 1 else first
-            return 0
-
-    stub = Told((0.0, 0.0), 0.0)
-    driven(stub, 2, commanded=lambda k: True)
-    assert stub.tried == lengths
-
-
-def test_misprediction_of_the_finest_step_counts_by_its_length():
-    """Two calm steps of the finest, then one of twice that which is told that the last misjudged its forces."""
-
-    class Told(Rough):
-        def step(self):
-            super().step()
-            self.misjudged = 0.06 if len(self.tried) == 3 else 0.0
-            return 0
-
-    stub = Told((0.0, 0.0), 0.0)
-    pace = Pace(stub, 64.0)
-    pace.go_on(Checkpoint(0.0, 0, 1, 0.5))
-    assert pace.advance(True) == 0
-    assert stub.tried[:5] == [1.0, 1.0, 2.0, 1.0, 1.0]
-    assert pace.missed == pytest.approx(0.5 + 0.06)
-
-
 def test_a_step_that_explodes_is_taken_again_until_the_finest():
     stub = Rough((100.0, 140.0), 0.0, explodes=2.0)
     assert driven(stub).missed == 0.0
     assert max(length for begin, length in stub.kept if 100.0 <= begin < 140.0) <= 2.0
     assert Pace(Rough((0.0, 1.0), 0.0, explodes=0.0), 64.0).advance() == 1
-
-
-def test_step_lengths_and_errors_scale_with_the_requested_step():
-    """A stub in 64ths of a step that is half as long: the same steps, and half of what is missed."""
-    stub = Rough((64.0, 65.0), 2.0 * ROUGH * 4.0)
-    pace = Pace(stub, 32.0)
-    stub.dt = 32.0
-    assert [pace.advance(k == 0) for k in range(8)] == [0] * 8
-    assert stub.t[0] == 32.0 * 8
-    assert min(stub.tried) == 0.5
-    assert max(stub.tried) == 32.0
-    assert pace.missed == pytest.approx(2.0 * 0.5 * 2.0 * ROUGH)
-
-
-def test_step_parts_are_those_of_the_unscaled_soils_by_default():
-    model = scenario("flat", **{"soil.k_1": 1e7}).model
-    state = settled(model, Start())
-    steps = np.linspace(1e-3, 0.1, 60)
-    assert [parts(model, state, dt) for dt in steps] == [parts(model, state, dt, 1.0) for dt in steps]
-    assert [parts(model, state, dt) for dt in steps] != [parts(model, state, dt, 1.1) for dt in steps]
 
 
 def test_what_the_finest_steps_misjudge_is_counted():
@@ -384,63 +276,6 @@ def rows_of(model, count, airborne, duration=3.0):
     return rows
 
 
-@pytest.mark.parametrize(
-    ("airborne", "share"), [(np.s_[:20, :], ""), (np.s_[:21, :], "35%"), (np.s_[:, :2], ""), (np.s_[:, :3], "50%")]
-)
-def test_a_rover_that_hops_is_doubted(airborne, share):
-    model = scenario("flat").model
-    told = [f"the wheels were off the ground {share} of the time"] if share else []
-    assert doubts_of(model, rows_of(model, 60, airborne), 0.0) == told
-
-
-@pytest.mark.parametrize(
-    ("slip", "wheels", "count", "share"),
-    [
-        (-0.11, np.s_[:, :1], 60, "17%"),
-        (-0.09, np.s_[:, :6], 60, ""),
-        (-0.5, np.s_[:35, :1], 60, ""),
-        (-0.5, np.s_[:38, :1], 60, "11%"),
-        (0.5, np.s_[:, :], 60, ""),
-    ],
-)
-def test_wheels_braked_for_a_tenth_of_a_drive_cause_a_warning(slip, wheels, count, share):
-    model = scenario("flat").model
-    rows = rows_of(model, count, np.s_[:0, :])
-    rows["record"][:, :, RECORD.index("slip")][wheels] = slip
-    told = [f"the wheels were braked beyond S = -0.1 {share} of the time"] if share else []
-    assert doubts_of(model, rows, 0.0) == told
-    rows["record"][:, :, RECORD.index("normal")] = 1e-3
-    assert doubts_of(model, rows, 0.0) == told, "however light the rover"
-    rows["record"][:, :, RECORD.index("normal")] = 0.0
-    assert not any("braked" in one for one in doubts_of(model, rows, 0.0)), "in the air nothing brakes"
-
-
-@pytest.mark.parametrize(("duration", "most"), [(20.0, 0.005), (2.0, 0.002)])
-def test_misprediction_is_a_speed_change_in_total_and_per_second(duration, most):
-    model = scenario("flat", gravity=2.0).model
-    rows = rows_of(model, 60, np.s_[:0], duration)
-    rows["t"] += 40.0  # of a drive that goes on
-    assert doubts_of(model, rows, 0.49 * most) == []
-    (doubt,) = doubts_of(model, rows, 0.51 * most)
-    assert f"misjudged them by {1.02 * most:.2g} m/s in sum" in doubt
-
-
-@pytest.mark.parametrize(("load", "told"), [(0.982, True), (0.991, False), (1.009, False), (1.011, True)])
-def test_a_mean_load_that_is_not_the_weight_is_told(load, told):
-    model = scenario("flat").model
-    rows = rows_of(model, 60, np.s_[:0])
-    rows["impulse"] *= load
-    assert bool(load_warning(model, rows)) is told
-    enough = rows_of(model, 60, np.s_[:0], duration=0.51)
-    enough["impulse"] *= 2.0
-    assert load_warning(model, enough) != ""
-    short = rows_of(model, 60, np.s_[:0], duration=0.49)
-    assert airborne(rows_of(model, 60, np.s_[:], duration=0.49)) == 0.0
-    assert braked(rows_of(model, 60, np.s_[:0])[:0]) == 0.0
-    short["impulse"] *= 2.0
-    assert load_warning(model, short) == ""
-
-
 @pytest.mark.parametrize("rise", [0.0, 0.6])
 def test_what_carries_more_than_the_weight_speeds_up_the_rover(rise):
     """Newton: I . up = m g T + m dv. What was gained along the slope is no weight."""
@@ -457,34 +292,32 @@ def test_what_carries_more_than_the_weight_speeds_up_the_rover(rise):
     assert doubts_of(model, rows[:0], 0.0) == []
 
 
-@pytest.mark.parametrize(("off", "told"), [(0.0099, False), (0.0101, True)])
-def test_energy_that_does_not_balance_is_told(off, told):
+NORMAL, SLIP = RECORD.index("normal"), RECORD.index("slip")
+
+
+@pytest.mark.parametrize(
+    ("row", "values", "missed", "told"),
+    [
+        (NORMAL, [0.0], 0.0, "the wheels were off the ground 100% of the time"),
+        (SLIP, [-0.5], 0.0, "the wheels were braked beyond S = -0.1 100% of the time"),
+        (SLIP, [0.5], 1e-3, "wheels' forces turned faster than the steps, which misjudged them by 0.0098 m/s in sum"),
+        (SLIP, [0.5], 1e-5, ""),
+    ],
+)
+def test_a_drive_that_cannot_be_believed_says_why(row, values, missed, told):
+    model = scenario("flat").model
+    rows = rows_of(model, 60, np.s_[:0])
+    rows["record"][:, :, row] = values
+    assert doubts_of(model, rows, missed) == [told] * bool(told)
+
+
+def test_energy_that_does_not_balance_is_told():
     trace = scenario("flat", duration=1.0).drive()
-    stored = trace["energy_motor"] - trace["energy_motor"][0]
-    changed = {"energy_kinetic": 0.0 * stored, "energy_potential": (1.0 - off) * stored}
-    rest = {name: 0.0 * stored for name in trace.channels if name.startswith("energy_") and name != "energy_motor"}
-    of = dataclasses.replace(trace, channels={**trace.channels, **rest, **changed})
-    assert bool(balance_warning(of)) is told
     assert balance_warning(trace) == ""
-    two = dataclasses.replace(of, channels={name: values[[0, -1]] for name, values in of.channels.items()})
-    assert bool(balance_warning(two)) is told
-    assert balance_warning(dataclasses.replace(of, channels={n: v[:1] for n, v in of.channels.items()})) == ""
-    rest = 1e-6 * 5.8 * 9.81 * 0.045  # of the weight times a wheel's radius
-    for share, heard in ((0.9, False), (1.1, told)):
-        tiny = {
-            name: share * rest / np.ptp(stored) * values for name, values in of.channels.items() if "energy_" in name
-        }
-        assert bool(balance_warning(dataclasses.replace(of, channels={**of.channels, **tiny}))) is heard
-
-
-@pytest.mark.parametrize(("share", "told"), [(0.9, False), (1.1, True)])
-def test_energy_at_rest_is_measured_by_the_least_wheel(share, told):
-    """Wheels of 45 and 90 mm under 10 N: 1e-6 of 10 N times 45 mm is no energy, and needs no balance."""
-    zero, moved = np.zeros(2), np.array([0.0, share * 1e-6 * 10.0 * 0.045])
-    channels = {"energy_motor": moved, "energy_kinetic": zero, "energy_potential": zero, "normal_a": zero + 6.0}
-    trace = Trace({"t_s": [0.0, 1.0], **channels, "normal_b": zero + 4.0}, attrs={"wheel_radii_m": [0.045, 0.09]})
-    trace.attrs["wheels"] = ["a", "b"]
-    assert bool(balance_warning(trace)) is told
+    gained = trace["energy_motor"] + np.linspace(0.0, 0.1 * np.ptp(trace["energy_motor"]), len(trace.t))
+    assert "does not balance" in balance_warning(
+        dataclasses.replace(trace, channels={**trace.channels, "energy_motor": gained})
+    )
 
 
 def test_rows_from_the_first_nonfinite_number_on_are_dropped():
@@ -513,19 +346,6 @@ def test_drive_without_rows_or_with_lost_numbers_is_not_good():
     rows["impulse"][-1] = np.nan
     assert mean_load(model, rows) == math.inf
     assert "inf times" in load_warning(model, rows)
-
-
-def test_a_step_is_taken_to_follow_a_command_unless_told():
-    class Told(Rough):
-        def step(self):
-            super().step()
-            self.misjudged = float(len(self.tried) == 2)
-            return 0
-
-    for commanded, tried in (((), [64.0, 64.0]), ((False,), [64.0, 64.0, 16.0])):
-        pace = Pace(Told((0.0, 0.0), 0.0), 64.0)
-        assert pace.advance() == pace.advance(*commanded) == 0
-        assert pace.stepper.tried[:3] == tried
 
 
 def test_a_tenth_of_a_second_is_the_coarsest_step():

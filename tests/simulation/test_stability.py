@@ -10,7 +10,7 @@ from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.compiled.kernel import Kernel
 from rover_pin.simulation.driving import Drive
 from rover_pin.simulation.start.place import settled
-from rover_pin.simulation.start.stability import PUSH, THROWN, WATCHED, thrown_by_a_push
+from rover_pin.simulation.start.stability import thrown_by_a_push
 from rover_pin.simulation.timing import Timing
 
 DT = 0.0025
@@ -60,19 +60,6 @@ def test_a_push_of_one_sense_alone_is_enough():
 @pytest.mark.parametrize(("fails", "told"), [(3, True), (round(0.05 / DT), False)])
 def test_push_followed_by_a_failed_step_is_reported(fails, told):
     assert bool(thrown_by_a_push(Growing(0.0, fails=fails))) is told
-
-
-def test_a_coarse_step_is_watched_once():
-    """Of 0.1 s, the coarsest: a second step is beyond what is watched."""
-    drive = Growing(0.0, fails=1)
-    drive.timing = SimpleNamespace(dt=0.1)
-    assert thrown_by_a_push(drive) == ""
-    drive.fails = 0
-    assert thrown_by_a_push(drive)
-
-
-def test_the_limits_are_as_stated():
-    assert (PUSH, THROWN, WATCHED) == (1e-4, 0.05, 0.05)
 
 
 @pytest.mark.parametrize("name", ["flat", "hills", "turn", "park"])

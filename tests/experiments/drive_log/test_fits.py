@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 import pytest
-from scipy.optimize import lsq_linear, minimize_scalar
+from scipy.optimize import lsq_linear
 from scipy.stats import binom, norm
 from scipy.stats import t as student
 
@@ -77,26 +77,6 @@ def test_numbers_at_bounds_are_held_there_and_others_refitted():
         low, high = np.array([one.bounds for one in fitted.parameters]).T
         np.testing.assert_allclose(fitted.u, lsq_linear(matrix, right, (low, high)).x, atol=1e-6)
         assert fitted.u[0] in (pytest.approx(low[0]), pytest.approx(high[0]))
-
-
-def test_rows_beyond_4_sd_pull_as_one_of_4_sd():
-    """The optimum of the Huber loss, by a plain minimiser; the spread counts a stray by its weight."""
-    random = np.random.default_rng(3)
-    free = linear.nuisances()[:1]
-    columns = linear.slopes(random, free)
-    noise = random.normal(size=linear.SHAPE)
-    noise[0, 0, :3] += 40.0 * np.sign(columns["soil.phi"][1][0, 0, :3])
-    fitted = linear.fitted(noise, columns, free)
-    (x,) = linear.gaussian(fitted).X.T
-
-    def loss(u):
-        size = np.abs(noise.ravel() - x * u)
-        return np.sum(np.where(size > 4, 8 * size - 16, size**2)) + u * u
-
-    best = minimize_scalar(loss, bounds=(-3, 3), method="bounded", options={"xatol": 1e-10}).x
-    assert fitted.u[0] == pytest.approx(best, abs=1e-3)
-    weights = np.minimum(1.0, 4.0 / np.abs(noise.ravel() - x * fitted.u[0]))
-    assert fitted.covariance[0, 0] == pytest.approx(1 / (np.sum(weights * x * x) + 1), rel=1e-9)
 
 
 def test_rows_that_hang_together_by_stretches_widen_an_interval():
@@ -186,21 +166,6 @@ def test_the_interval_of_a_change_is_that_of_resampled_stretches():
 
 
 # --- profiles --------------------------------------------------------------------------------------------------------
-
-
-def test_a_profile_is_the_parabola_of_a_linear_fit():
-    """rise = (u - u_best)^2 / variance over the noise's inflation and a misfit above 1."""
-    random, free = np.random.default_rng(3), linear.nuisances()
-    columns = linear.slopes(random, free)
-    for size in (1.0, 2.5):
-        fitted = linear.fitted(np.clip(size * random.normal(size=linear.SHAPE), -2.2, 2.2), columns)
-        for at, one in enumerate(fitted.parameters):
-            (found,) = profiles(fitted, (one.name,))
-            off = np.array([one.u(value) for value in found.values]) - fitted.u[at]
-            half = 1.959964 * fitted.spread[at]
-            assert off == pytest.approx(half * np.array([-1.5, -1.0, -0.5, 0.0, 0.5, 1.0, 1.5]), abs=1e-9)
-            unit = fitted.task.noise.inflation * max(fitted.misfit, 1.0)
-            assert found.rises == pytest.approx(off**2 / fitted.covariance[at, at] / unit, rel=1e-5, abs=1e-8)
 
 
 def test_a_profile_has_no_rise_where_the_others_do_not_settle(monkeypatch):
