@@ -10,7 +10,7 @@ import pytest
 from rover_pin.base.quantity import Record, quantity
 from rover_pin.discrepancy import calibration
 from rover_pin.discrepancy.calibration import is_bent
-from rover_pin.discrepancy.candidate import Candidate, _reach
+from rover_pin.discrepancy.candidate import Candidate
 from rover_pin.effects.hard_patch import HardPatch
 from rover_pin.effects.rate_dependence import RateDependence
 from rover_pin.estimation.parameter import Parameter
@@ -77,10 +77,6 @@ def test_neutral_effect_is_tried_at_the_default_of_its_class():
 def test_a_place_on_the_way_does_not_belong_to_the_effects_name(place, sought, name, owner):
     one = Candidate("Weak", object(), (), place=place, place_searched=sought)
     assert (one.name, one.owner) == (name, owner)
-
-
-def test_effect_without_its_own_size_is_tried_at_a_hundredth():
-    assert [_reach(unit) for unit in ("m", "rad", "N")] == [0.01, 0.01, 0.05]
 
 
 @pytest.mark.parametrize(

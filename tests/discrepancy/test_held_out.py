@@ -9,12 +9,10 @@ from rover_pin.discrepancy import conclude, draft
 from rover_pin.discrepancy import held_out as module
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.draft import Draft
-from rover_pin.discrepancy.held_out import ChannelScore, RunScore, _by_channel, _by_run, losses
+from rover_pin.discrepancy.held_out import ChannelScore, _by_channel, _by_run, losses
 from rover_pin.discrepancy.verdict import SCHEMA, Verdict
 from rover_pin.estimation.baselines import Baseline
 from rover_pin.estimation.noise import declared_noise
-from rover_pin.estimation.numbers import DRIFTED
-from rover_pin.estimation.wording import Change
 
 
 def experiment(timed=False, told=None, channels=("pull",), least=0.0):
@@ -112,10 +110,6 @@ def test_a_run_is_judged_by_its_robust_chi2_a_compared_block():
     assert module.together((first, second)) == (pytest.approx(69.0 / 3), pytest.approx(25.25 / 3))
 
 
-def test_a_run_is_worded_in_units_of_the_noise():
-    assert RunScore("a", 3, 2.0, 1.5, -0.4, -0.1).worded == Change(2.0, 1.5, -0.4, -0.1, 1.0, "stretches")
-
-
 @pytest.mark.parametrize("timed", [True, False])
 def test_stretches_of_runs_hang_together_else_whole_folds(timed):
     squares = np.ones((2, module.STRETCH + 1))
@@ -198,23 +192,10 @@ def test_draft_and_residual_are_in_the_summary_and_the_schema():
     assert SCHEMA == bare.as_dict()["schema"] == 3
 
 
-def test_numbers_more_than_two_sd_away_have_drifted():
-    numbers = tuple(SimpleNamespace(name=name, drift=drift) for name, drift in zip("abcd", DRIFTS, strict=True))
-    side = SimpleNamespace(numbers=numbers, misfit=1.0)
-    verdict = Verdict("wheel-rig", Answer.NONE_NEEDED, "x", "said", None, after=side)
-    assert [one.name for one in verdict.drifted] == ["b", "c"]
-    assert (
-        "reduced chi-square" not in Verdict("wheel-rig", Answer.NONE_NEEDED, "x", "said", None, before=side).summary()
-    )
-
-
 def test_fold_that_adds_more_is_counted_apart_from_the_same():
     chosen = {"a": "A", "b": "A + B", "c": ""}
     verdict = Verdict("wheel-rig", Answer.NAMED, "x", "said", None, named=("A",), chosen=chosen)
     assert verdict.chosen_again == "A chosen in 1 of 3 folds, and with another in 1"
-
-
-DRIFTS = (0.98 * DRIFTED, 1.02 * DRIFTED, -1.02 * DRIFTED, -0.98 * DRIFTED)
 
 
 @pytest.mark.parametrize("samples", [module.STRETCH, 2 * module.STRETCH + 1])

@@ -68,11 +68,6 @@ def test_what_only_adds_to_a_set_is_not_listed_beside_it():
     assert "B (0.36)" in text
 
 
-def test_a_base_that_leaves_thrice_its_noise_is_not_enough():
-    assert read(beliefs("- .9 A .1", noise=(1.0, 2.9))).answer is Answer.NONE_NEEDED
-    assert read(beliefs("- .9 A .1", noise=(1.0, 3.1))).answer is Answer.NONE_FITS
-
-
 @pytest.mark.parametrize("text", ["A .99 - .01", "A .6 B .39 - .01", "A .9 - .1"])
 def test_what_is_beyond_the_noise_is_told_after_any_answer(text):
     """No channel that is left with more than thrice its noise is passed over, whatever was named."""

@@ -13,7 +13,7 @@ from rover_pin.discrepancy import added
 from rover_pin.discrepancy import search as module
 from rover_pin.discrepancy.calibration import as_declared, is_bent
 from rover_pin.discrepancy.option import options, singles
-from rover_pin.discrepancy.search import MAX_FITS, Search
+from rover_pin.discrepancy.search import FROM_DECLARED, MAX_FITS, Search
 from rover_pin.discrepancy.signature import signatures
 from rover_pin.estimation.columns import Columns
 from rover_pin.estimation.fit import fit
@@ -260,6 +260,16 @@ def test_restart_resets_numbers_with_priors_and_keeps_sizes():
     assert start.u.tolist() == [0.0, whole.u[1]]
     assert start.value("base.b") == base.parameters[0].origin
     np.testing.assert_array_equal(start.predicted, base.task.experiment.predict([start.model])[0])
+
+
+def test_few_are_fitted_from_the_declared_numbers(monkeypatch):
+    asked = []
+    monkeypatch.setattr(module, "fitted_with", lambda estimate, options, reuse: asked.append(estimate))
+    toys.searched(stuck(1.0), "pqr")
+    assert not is_bent(toys.fitted(stuck(0.0)))
+    declared = [one for one in asked if one.fit.u[0] == 0.0]
+    assert len(declared) == min(FROM_DECLARED, 3)
+    assert declared[0].names == ("p",)
 
 
 # --- what is left ----------------------------------------------------------------------------------------------------

@@ -7,7 +7,7 @@ import pytest
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.held_out import ChannelScore
 from rover_pin.discrepancy.verdict import FEW, SCHEMA, Side, Verdict
-from rover_pin.estimation.numbers import DRIFTED, Number
+from rover_pin.estimation.numbers import Number
 
 
 def verdict(**more):
@@ -35,18 +35,6 @@ def lines_of(made):
 
 
 @pytest.mark.parametrize(
-    ("more", "words"),
-    [
-        ({}, "the base model as declared, nothing fitted"),
-        ({"after": side()}, "the fitted base model, to which nothing was added"),
-        ({"after": side(), "named": ("A", "B")}, "the model with A + B"),
-    ],
-)
-def test_the_model_in_words(more, words):
-    assert verdict(**more).model_description == words
-
-
-@pytest.mark.parametrize(
     ("chosen", "words"),
     [
         (("A", "A", "B"), "A chosen in 2 of 3 folds"),
@@ -59,13 +47,6 @@ def test_folds_that_choose_the_same_and_more_are_counted(chosen, words):
     assert verdict(named=("A",), chosen=folds).chosen_again == words
     assert words in lines_of(verdict(named=("A",), chosen=folds))
     assert not any("chosen" in line for line in lines_of(verdict(named=("A",))))
-
-
-def test_folds_that_choose_where_nothing_was_added_say_what():
-    made = verdict(chosen={"a": "A", "b": "", "c": "A"})
-    assert made.chosen_again == "chosen in 3 folds: A in 2, no effect in 1"
-    two = verdict(named=("A", "B"), chosen={"a": "B + A", "b": "A"})
-    assert two.chosen_again == "A + B chosen in 1 of 2 folds", "in whatever order"
 
 
 def test_set_lists_the_errors_of_each_indistinguishable_rival():
@@ -103,21 +84,6 @@ def test_errors_with_each_folds_choice_cover_scored_channels():
     assert told in lines_of(verdict(**more, errors_anew={"pull": 3.0, "sinkage": 2.0}))
 
 
-def test_drifted_numbers_are_those_of_the_model_after():
-    near, far, down = number("soil.k", DRIFTED - 0.1), number("soil.c", DRIFTED + 0.1), number("soil.n", -4.0)
-    assert verdict(after=side(near, far, down), before=side(number("soil.phi", 9.0))).drifted == (far, down)
-    assert verdict(before=side(number("soil.phi", 9.0))).drifted == ()
-
-
-@pytest.mark.parametrize(("before", "after"), [(True, True), (True, False), (False, True), (False, False)])
-def test_chi_square_is_told_where_there_are_two(before, after):
-    made = verdict(before=side(misfit=4.0) if before else None, after=side(misfit=1.5) if after else None)
-    told = [line for line in lines_of(made) if line.startswith("reduced chi-square")]
-    assert told == (["reduced chi-square: 4 -> 1.5; 1 is the noise"] if before and after else [])
-    values = {"before": 4.0} if before else {}
-    assert made.as_dict()["reduced_chi_square"] == values | ({"after": 1.5} if after else {})
-
-
 @pytest.mark.parametrize(("channels", "told"), [(FEW - 1, FEW - 1), (FEW, FEW), (FEW + 1, 2), (FEW + 3, 2)])
 def test_only_claimable_changes_are_listed_of_many_channels(channels, told):
     """Up to five there is a line for each."""
@@ -126,32 +92,6 @@ def test_only_claimable_changes_are_listed_of_many_channels(channels, told):
     rows = [line for line in lines_of(verdict(scores=scores)) if line.startswith("held-out c")]
     assert [row.split()[1] for row in rows] == [f"c{at}:" for at in range(told)]
     assert FEW == 5
-
-
-@pytest.mark.parametrize("named", [(), ("A",)])
-def test_what_got_worse_is_told_where_something_was_added(named):
-    text = verdict(named=named, scores=(score("pull", 1.5, 0.4, 0.6),)).summary()
-    assert ("Got worse: pull by 50%." in text) is bool(named)
-
-
-class Told:
-    """What a kind of data, or a draft, says besides."""
-
-    def lines(self, added=None):
-        return ["told"] if added is None else [f"told with {added}"]
-
-    def as_dict(self):
-        return {"told": 1}
-
-
-@pytest.mark.parametrize("named", [(), ("A",)])
-def test_what_a_kind_of_data_and_a_draft_say_besides(named):
-    made = verdict(named=named, extra=Told(), draft=Told())
-    assert {f"told with {bool(named)}", "draft: told"} <= set(lines_of(made))
-    assert (made.as_dict()["extra"], made.as_dict()["draft"]) == ({"told": 1}, {"told": 1})
-    bare = verdict(named=named)
-    assert not any("told" in line for line in lines_of(bare))
-    assert (bare.as_dict()["extra"], bare.as_dict()["draft"]) == ({}, {})
 
 
 @pytest.mark.parametrize(("channels", "told"), [(FEW, "soil.k soil.c A.c B.d"), (FEW + 1, "soil.c A.c B.d")])

@@ -35,9 +35,6 @@ def test_logarithm_that_may_reach_zero_stops_just_above_it():
     assert Parameter("x", 2.0, 0.4, 0.0, math.inf, log=True).value(1e6) < math.inf
 
 
-# --- what a Jacobian tells -------------------------------------------------------------------------------------------
-
-
 # --- steps of the descent --------------------------------------------------------------------------------------------
 
 J = np.array([[3.0, 1.0], [0.0, 0.4], [1.0, 2.0]])

@@ -11,7 +11,7 @@ from rover_pin.report.drive.report import labels_of
 from rover_pin.report.first_screen import FirstScreen, first_lines
 from rover_pin.report.headline import headline
 from rover_pin.report.reasons import next_run, opposing_reasons, supporting_reasons
-from rover_pin.report.words import Labels, brief, capital, cause, human, listing, pair, two_digits
+from rover_pin.report.words import Labels, brief, cause, human, pair
 from rover_pin.simulation.model.effect_files import package_effects
 
 RIG = Labels("on slips it never saw", "levels of slip")
@@ -111,10 +111,6 @@ def test_what_cannot_be_told_apart_is_said_as_either_or(answered):
     assert any("distinguished" in line.lower() for line in opposing_reasons(one, RIG))
 
 
-def test_vetoes_are_the_first_reason_to_doubt(answered):
-    assert opposing_reasons(answered(Answer.LIKE), RIG)[0] == "R_b lies at its bound."
-
-
 def test_disagreeing_folds_oppose_and_agreeing_folds_support(verdict):
     chosen = {"a": "SupplySag", "b": "SupplySag", "c": ""}
     agrees = dataclasses.replace(verdict, chosen=chosen)
@@ -132,13 +128,6 @@ def test_a_run_that_the_others_predict_worse_is_a_doubt(verdict, after, doubted)
     line = "Climb-steps is predicted worse with it by the others (chi2 for each number 2.1 -> 6.2): what it tells they"
     assert (
         any(one.startswith(line) for one in opposing_reasons(dataclasses.replace(verdict, runs=runs), RIG)) is doubted
-    )
-
-
-def test_what_is_to_be_known_first_follows_the_headline(verdict):
-    plain = headline(verdict, RIG)
-    assert headline(verdict, RIG._replace(besides="The ground is not as declared.")) == (
-        f"{plain} The ground is not as declared."
     )
 
 
@@ -206,20 +195,6 @@ def test_causes_have_their_place_and_numbers_their_own_clause():
 def test_class_names_in_prose_become_titles_except_parameters():
     said = human("SlipSinkage gains; SlipSinkage.n_1 = 1", package_effects())
     assert said == "slip-sinkage gains; SlipSinkage.n_1 = 1"
-
-
-def test_lists_read_as_sentences():
-    assert [listing(parts) for parts in ((), ("a",), ("a", "b"), ("a", "b", "c"))] == ["", "a", "a and b", "a, b and c"]
-
-
-@pytest.mark.parametrize(("value", "said"), [(282.4, "280"), (18.66, "19"), (1.73, "1.7"), (0.034, "0.034")])
-def test_numbers_of_two_digits_have_no_exponent(value, said):
-    assert two_digits(value) == said
-
-
-def test_a_parameter_that_begins_a_sentence_keeps_its_name():
-    assert capital("soil.exit_ratio lies at its bound") == "soil.exit_ratio lies at its bound"
-    assert capital("slip-sinkage cannot be it.") == "Slip-sinkage cannot be it."
 
 
 def test_a_cause_that_may_act_all_the_same_is_a_reason_to_doubt(answered, verdict):

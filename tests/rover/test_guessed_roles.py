@@ -25,25 +25,6 @@ def stops(low, high):
     return f'<limit lower="{low}" upper="{high}" effort="9" velocity="9"/>'
 
 
-@pytest.mark.parametrize(("high", "count"), [(math.pi, 3), (0.9 * math.pi, 2)])
-def test_what_turns_less_than_a_whole_turn_is_no_wheel(roles, high, count):
-    """Two drums between the axles, between stops."""
-    farm = made.cart()
-    for name, y in (("drum_l", 0.35), ("drum_r", -0.35)):
-        farm.wheel(name, "body", f"0 {y} 0", kind="revolute", limit=stops(-high, high))
-    found = roles(farm.urdf)
-    assert len(found.axles) == count
-    assert set(found.held_joints) == (set() if count == 3 else {"drum_l", "drum_r"})
-
-
-@pytest.mark.parametrize("back", [0.2, -0.2])
-def test_wheels_a_fifth_of_their_radius_apart_are_an_axle(roles, back):
-    farm = made.cart().wheel("ml", "body", "0 0.35 0").wheel("mr", "body", f"{back * 0.15} -0.35 0")
-    assert [[wheel.joint for wheel in axle.wheels] for axle in roles(farm.urdf).axles] == [
-        ["fl", "fr"], ["ml", "mr"], ["rl", "rr"],
-    ]  # fmt: skip
-
-
 @pytest.mark.parametrize(("back", "r"), [(0.5, 0.15), (0.0, 0.17)])
 def test_wheels_half_a_radius_apart_or_of_two_sizes_are_none(roles, back, r):
     farm = made.cart().wheel("ml", "body", "0 0.35 0").wheel("mr", "body", f"{back * 0.15} -0.35 0", r=r)

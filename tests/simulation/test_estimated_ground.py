@@ -155,34 +155,6 @@ def test_declared_plane_begins_where_place_and_heading_are_known(lost):
     assert np.isfinite(found.z).all()
 
 
-@pytest.mark.parametrize("late", [0.25, 0.125])
-def test_half_seconds_are_counted_from_the_first_row(late):
-    run = drive()
-    later = dataclasses.replace(run, channels={**run.channels, "t_s": run.t + late})
-    np.testing.assert_allclose(estimated(later, CART).z, estimated(run, CART).z, atol=1e-12)
-
-
-CLOCKS = 0.0, 1795.3, 1.7e9 + 0.1
-"""Where clocks begin: at 0, or long before."""
-
-
-@pytest.mark.parametrize(
-    ("begin", "moved", "later"),
-    [*((begin, moved, True) for begin in CLOCKS for moved in (0.0, 4e-7, -4e-7)),
-     (0.0, -9.9e-6, True), (0.0, -1.05e-5, False)],
-)  # fmt: skip
-def test_row_on_a_half_second_border_belongs_to_the_later_one(begin, moved, later):
-    """Every fifth row of 10 Hz is on a border, as its clock tells it; one that is 10 us early is of the earlier."""
-    run = drive()
-    rows = np.arange(len(run.t))
-    half = np.where((rows % 5 == 0) & (rows > 0) & (not later), rows // 5 - 1, rows // 5)
-    told, same = (
-        estimated(dataclasses.replace(run, channels={**run.channels, "t_s": t}), CART)
-        for t in (begin + 0.1 * rows + np.where(rows > 0, moved, 0.0), 0.5 * half + 0.25 * (rows > 0) + 1e-3 * rows)
-    )
-    np.testing.assert_array_equal(told.z, same.z)
-
-
 def test_heights_between_grid_corners_are_bilinear_to_the_edges():
     grid, random = _Grid(-1.0, 2.0, 0.5, 4, 3), np.random.default_rng(3)
     z = random.normal(size=(4, 3))

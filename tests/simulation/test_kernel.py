@@ -7,7 +7,6 @@ import pytest
 
 from rover_pin.base.errors import ParameterError
 from rover_pin.effects.gravity_tilt import GravityTilt
-from rover_pin.effects.slip_softening import SlipSoftening
 from rover_pin.effects.tether_drag import TetherDrag
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.compiled import laws as laws_of
@@ -90,22 +89,6 @@ def test_kernel_without_energy_balance_moves_equally():
         ends.append(kernel.state.q.copy())
     assert told == [True, False]
     np.testing.assert_array_equal(*ends)
-
-
-def test_the_wheels_that_steer_are_those_with_a_steering_joint():
-    rover = FLAT.built
-    names = [rover.wheels[at].name for at in kernel_of(FLAT).servo_wheels]
-    assert names == [mount.name for mount in rover.wheels if mount.steer_dof is not None]
-    assert names
-    assert len(names) < 6
-
-
-def test_only_slips_change_sign_in_a_mirrored_wheel():
-    """A wheel that goes backwards is a mirrored one: its slips change their signs, how loose its soil is does not."""
-    model = FLAT.having(SlipSoftening())
-    states = [state.name for effect in model.contact_effects for state in effect.states]
-    signs = dict(zip(states, kernel_of(model).keep["contact_odd"].tolist(), strict=True))
-    assert signs == {"S": -1.0, "S_y": -1.0, "loosened": 1.0}
 
 
 @pytest.mark.parametrize(("limit", "most"), [("MAX_DOF", 20), ("MAX_COLS", 10)])

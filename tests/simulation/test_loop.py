@@ -8,7 +8,7 @@ from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.checkpoint import Checkpoint
 from rover_pin.simulation.compiled.kernel import Kernel
 from rover_pin.simulation.native.control import Commands, commands_of
-from rover_pin.simulation.native.loop import Loop, Outcome, _moving
+from rover_pin.simulation.native.loop import Loop, Outcome
 from rover_pin.simulation.pace import FINEST
 from rover_pin.simulation.simulate import simulate
 from rover_pin.simulation.start.place import Start, settled
@@ -28,22 +28,6 @@ def test_a_drive_that_goes_on_asks_where_it_ended(steps):
     loop.go_on(Checkpoint(1.0, steps, FINEST, 0.0))
     assert loop.run(6) is Outcome.ASKS
     assert (loop.checkpoint.steps, loop.state.t) == (steps, pytest.approx(1.0 + 0.005 * steps))
-
-
-def test_now_is_the_state_as_a_row():
-    loop = loop_of()
-    assert loop.run(3) is Outcome.DONE
-    now, last = loop.now(), loop.rows[-1]
-    assert (loop.row, loop.done) == (3, True)
-    assert now["t"] == pytest.approx(0.03)
-    np.testing.assert_array_equal(now["q"], loop.state.q)
-    np.testing.assert_array_equal(now["q"], last["q"])
-
-
-def test_commands_that_give_no_duty_give_none():
-    given = Commands().fields(loop_of().kernel)
-    assert given["duty_fixed"].tolist() == [0.0] * 6
-    assert given["steer_fixed"].tolist() == [0.0] * 4
 
 
 class Fixed:
@@ -81,14 +65,3 @@ def test_a_compiled_drive_tells_how_far_it_is_every_fifty_rows():
     told = []
     simulate(MODEL, ConstantDuty(0.3), 0.6, timing=Timing(0.005, 0.005, 0.005), progress=told.append)
     assert told == pytest.approx([0.25, 0.5])
-
-
-@pytest.mark.parametrize(
-    "odd",
-    [np.zeros((4, 4))[:, ::2], np.zeros(3, dtype=np.int64), np.zeros(3, dtype=np.longdouble), np.zeros(3, dtype="f4")],
-)
-def test_what_a_step_changes_is_held_in_rows_of_doubles(odd):
-    assert _moving([np.zeros(3), np.zeros((2, 2))])["moving_size"] == 7
-    for arrays in ([np.zeros(3), odd], [odd]):
-        with pytest.raises(AssertionError):
-            _moving(arrays)

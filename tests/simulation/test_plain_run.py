@@ -1,7 +1,6 @@
 """The plain loop on a stepper that only counts: what it asks, notes and tells, row by row and step by step."""
 
 import math
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,12 +11,12 @@ from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.checkpoint import Checkpoint
 from rover_pin.simulation.command import Command
 from rover_pin.simulation.compiled.kernel import Kernel
-from rover_pin.simulation.driving import OFTEN, Drive, obey
+from rover_pin.simulation.driving import Drive, obey
 from rover_pin.simulation.native.shared import ENERGY, RECORD
 from rover_pin.simulation.pace import FINEST
 from rover_pin.simulation.plain.run import run_plain
 from rover_pin.simulation.plain.step import Plain
-from rover_pin.simulation.simulate import convergence, simulate
+from rover_pin.simulation.simulate import simulate
 from rover_pin.simulation.start.place import Start, hovering, settled
 from rover_pin.simulation.timing import Timing
 
@@ -94,22 +93,6 @@ def test_it_asks_at_its_period_and_notes_every_sample():
     assert not rows["attitude"].any()
 
 
-def test_row_has_the_base_velocity_in_the_world_and_its_attitude():
-    begun = hovering(MODEL, Start(yaw=0.5 * math.pi))
-    begun.v[:3] = 0.2, 0.1, 0.3
-    ran = run_plain(drive(Counting(begun)), 0.05, None)
-    assert ran.rows["velocity"][0] == pytest.approx([-0.1, 0.2, 0.3])
-    assert ran.rows["attitude"][0] == pytest.approx([0.0, 0.0, 0.5 * math.pi])
-    assert ran.rows["v"][0, :3] == pytest.approx([0.2, 0.1, 0.3])
-
-
-def test_it_tells_how_far_it_is_every_fifty_rows():
-    told = []
-    run_plain(drive(Counting(state()), timing=Timing(0.005, 0.005, 0.005)), 0.6, told.append)
-    assert told == pytest.approx([0.005 * OFTEN, 0.01 * OFTEN])
-    assert OFTEN == 50
-
-
 def test_it_goes_on_in_the_beat_of_the_drive_that_ended():
     """After 18 steps that began at 3 s, in sixteenths: the next question before the 20th, the next row after it."""
     asked, begun = [], state()
@@ -123,39 +106,11 @@ def test_it_goes_on_in_the_beat_of_the_drive_that_ended():
     assert stepper.lengths[0] == pytest.approx(0.005 / 4)
 
 
-def test_a_drive_that_cannot_go_on_keeps_the_row_that_says_so():
-    ran = run_plain(drive(Counting(state(), tips=22)), 1.0, None)
-    assert ran.stop.startswith("capsized: roll ")
-    assert ran.stop.endswith(" at 0.15 s")
-    assert ran.rows["t"] == pytest.approx([0.05, 0.1, 0.15])
-    assert ran.checkpoint.steps == 30
-
-
 def test_a_step_without_numbers_ends_it_before_its_row():
     ran = run_plain(drive(Counting(state(), bad=17)), 1.0, None)
     assert ran.stop == "diverged at 0.09 s: a velocity is not finite"
     assert ran.rows["t"] == pytest.approx([0.05])
     assert (ran.checkpoint.steps, ran.checkpoint.size) == (17, 1)
-
-
-@pytest.mark.parametrize("k", range(1, 13))
-def test_step_is_repeated_unless_a_command_or_a_row_came_before(k):
-    """The step before it is, in parts, where forces turned: not across one that had been told what the motors get."""
-
-    class Rough(Counting):
-        def step(self):
-            status = super().step()
-            self.misjudged = float(self.steps == k + 1)
-            return status
-
-        def restore(self, saved):
-            self.restored = True
-
-    stepper = Rough(state())
-    ran = run_plain(drive(stepper), 0.1, None)
-    commanded = k % 4 == 0 or k % 10 == 0
-    assert hasattr(stepper, "restored") != commanded
-    assert ran.checkpoint.missed == pytest.approx(0.005 if commanded else 0.0)
 
 
 def test_commands_reach_the_motors():
@@ -186,23 +141,10 @@ def test_wheels_are_held_by_the_same_inertia_in_both_steps():
     np.testing.assert_allclose(told[0], told[1], rtol=1e-8)
 
 
-def test_a_drive_begins_with_nothing_misjudged():
-    assert Checkpoint(0.0, 0, FINEST).missed == 0.0
-
-
 def test_a_plain_step_whose_numbers_are_lost_says_so():
     begun = settled(MODEL, Start())
     begun.v[0] = math.nan
     assert Plain(MODEL, begun, 0.005, False).step() == 1
-
-
-def test_one_speed_that_is_lost_is_enough():
-    plain = Plain(MODEL, settled(MODEL, Start()), 0.005, False)
-    lost = np.zeros(MODEL.rover.model.nv)
-    assert plain.step() == 0
-    lost[-1] = math.nan
-    plain._solve = lambda force, D: lost
-    assert plain.step() == 1
 
 
 def test_plain_step_returns_a_forced_differential_to_its_tie():
@@ -213,65 +155,6 @@ def test_plain_step_returns_a_forced_differential_to_its_tie():
     assert np.abs(G @ begun.v).max() == pytest.approx(0.3)
     assert Plain(MODEL, begun, 0.005, False).step() == 0
     assert np.abs(G @ begun.v).max() < 1e-9
-
-
-@pytest.mark.parametrize("lengths", [(3, 5), (5, 3), (4, 4)])
-def test_convergence_is_the_largest_distance_at_half_the_step(monkeypatch, lengths):
-    ways = np.array([1.0, 1.2, 1.1, 1.3, 9.0]), np.array([1.0, 1.25, 1.02, 1.31, 5.0])
-    asked = []
-
-    def drives(model, controller, duration, **options):
-        asked.append(options)
-        return {"body_x": ways[len(asked) - 1][: lengths[len(asked) - 1]]}
-
-    monkeypatch.setattr("rover_pin.simulation.simulate.simulate", drives)
-    trace, moved = convergence(MODEL, ConstantDuty(), 1.0, timing=TIMING, symmetric=True)
-    assert len(trace["body_x"]) == lengths[0]
-    assert moved == pytest.approx(0.08)
-    assert asked[0] == {"timing": TIMING, "symmetric": True}
-    assert asked[1] == {"timing": TIMING.halved(), "symmetric": True, "settle_doubts": False}
-
-
-def test_plain_step_swaps_no_rows_and_starts_without_an_error():
-    plain = Plain(MODEL, state(), 0.005, False)
-    assert (plain.pivoted, plain.misjudged) == (0, 0.0)
-
-
-@pytest.mark.parametrize("share", [0.01, 1e3])
-@pytest.mark.parametrize("at", range(4))
-def test_predicted_wheel_load_is_compared_by_its_normal_force(at, share):
-    """Of 20 and 30 mN: f_t, f_y and the torque over r, each over f_n; of a wheel below its share by as much less."""
-    stub = SimpleNamespace(begun=np.array([[4e-3, 2e-3, 0.02, 3e-4]]), foreseen=np.array([[6e-3, 3e-3, 0.03, 4.5e-4]]),
-                           misjudged=1e-6, share=share, rover=MODEL.rover)  # fmt: skip
-    Plain._judge(stub, 0)
-    assert stub.misjudged == 1e-6, "the same shares"
-    if at == 2:
-        stub.foreseen[0, 2] = 0.0
-    else:
-        stub.foreseen[0, at] += 0.03 * 0.1 * (0.045 if at == 3 else 1.0)
-    Plain._judge(stub, 0)
-    assert stub.misjudged == pytest.approx(1e-6 if at == 2 else 0.1 * min(1.0, 0.02 / share))
-
-
-def test_a_stop_that_a_joint_leaves_fast_does_not_pull():
-    """50 N m/rad over 20 mrad less 1.1 N m s/rad times 1 rad/s would be 0.1 N m."""
-    begun, rover = state(), MODEL.rover
-    place = rover.angles["bogie_l"]
-    dof = next(each.idx_v for each in list(rover.model.joints)[2:] if each.idx_q == place)
-    begun.q[place] = rover.model.upperPositionLimit[place] + 0.02
-    for rate, force in ((-1.1, 0.0), (-0.9, -0.1)):
-        begun.v[dof] = rate
-        found, slope = Plain(MODEL, begun, 1e-9, False)._springs()
-        assert found[dof] == pytest.approx(force, abs=1e-6)
-        assert (slope[dof] == 0.0) == (force == 0.0)
-
-
-def test_a_step_that_the_rover_survives_ends_no_drive(monkeypatch):
-    """The compiled loop stops to ask why: where nothing is wrong it goes on."""
-    buried = MODEL.replace(buried=1e-4)
-    assert simulate(buried, ConstantDuty(0.5), 0.2).attrs["stop"].startswith("buried")
-    monkeypatch.setattr("rover_pin.simulation.compiled_run.failure", lambda *given: None)
-    assert simulate(buried, ConstantDuty(0.5), 0.2).attrs["stop"] == "duration"
 
 
 def test_drive_from_a_state_has_no_placement_attribute():

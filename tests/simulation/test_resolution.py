@@ -20,7 +20,7 @@ from rover_pin.simulation.outcome.audit import balance_warning, doubts_of, load_
 from rover_pin.simulation.pace import ROUGH, Pace
 from rover_pin.simulation.replay import commands, replay
 from rover_pin.simulation.resolution import MOST, contact_frequency, firmness, parts, stiffness
-from rover_pin.simulation.simulate import Timing, simulate
+from rover_pin.simulation.simulate import simulate
 from rover_pin.simulation.start.place import Start, settled
 from rover_pin.simulation.trace.rows import finite, row_type
 from rover_pin.terrain import shapes
@@ -330,15 +330,6 @@ def test_rows_from_the_first_nonfinite_number_on_are_dropped():
     assert len(finite(rows)) == len(finite(rows[:0])) == 0
 
 
-def test_half_the_step_is_half_of_what_is_taken():
-    timing = Timing(0.005)
-    assert timing.refined(3).dt == pytest.approx(0.005 / 3)
-    assert timing.halved().refined(3).divided == 1, "what is taken is not divided again"
-    assert timing.halved().refined(3).dt == pytest.approx(0.005 / 6)
-    assert timing.halved().halved().refined(1).dt == pytest.approx(0.00125)
-    assert math.isclose(timing.halved().dt, 0.005)
-
-
 def test_drive_without_rows_or_with_lost_numbers_is_not_good():
     model = scenario("flat").model
     rows = rows_of(model, 60, np.s_[:0])
@@ -346,9 +337,3 @@ def test_drive_without_rows_or_with_lost_numbers_is_not_good():
     rows["impulse"][-1] = np.nan
     assert mean_load(model, rows) == math.inf
     assert "inf times" in load_warning(model, rows)
-
-
-def test_a_tenth_of_a_second_is_the_coarsest_step():
-    assert Timing(0.1, 0.1, 0.1).dt == 0.1
-    with pytest.raises(SimulationError, match=r"dt = 0\.101"):
-        Timing(0.101, 0.101, 0.101)

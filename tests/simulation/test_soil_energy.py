@@ -2,7 +2,6 @@
 
 import dataclasses
 import re
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,15 +9,7 @@ from scipy.integrate import cumulative_trapezoid
 
 from rover_pin.effects.motion_resistance import MotionResistance
 from rover_pin.scenarios.scenario import scenario
-from rover_pin.simulation.outcome import soil_energy
-from rover_pin.simulation.outcome.shear_store import ShearStore
-from rover_pin.simulation.outcome.soil_energy import (
-    SpuriousEnergy,
-    _of_traction,
-    carriers,
-    energy_warning,
-    spurious_energy,
-)
+from rover_pin.simulation.outcome.soil_energy import carriers, energy_warning, spurious_energy
 
 WHEELS = ("fl", "fr", "ml", "mr", "rl", "rr")
 STIFF = {"soil.k": 0.0025, "effect.MotionResistance.R": 0.03}
@@ -92,31 +83,6 @@ def test_what_pressed_a_wheel_in_comes_back_as_it_lifts(fall):
     assert spurious_energy(model, made).traction == 0.0
 
 
-@pytest.mark.parametrize(("fall", "told"), [(4.9, False), (5.1, True)])
-@pytest.mark.parametrize("largest", ["energy_motor", "weight"])
-def test_half_a_per_cent_of_the_greatest_energy_is_worth_telling(fall, told, largest):
-    """Of what any energy moved by, or of the weight times a wheel's radius: 1 kJ here."""
-    model, trace = driven("flat", duration=1.0)
-    channels = {name: 0.0 * values[:2] for name, values in trace.channels.items()}
-    channels |= {"t_s": np.array([0.05, 0.1]), "energy_soil": np.array([fall, 0.0])}
-    if largest == "weight":
-        channels["normal_fl"] = np.full(2, 1e3 / 0.045)
-    else:
-        channels[largest] = np.array([0.0, 1e3])
-    made = dataclasses.replace(trace, channels=channels, attrs={"wheel_radii_m": [0.045] * 6})
-    assert bool(energy_warning(model, made)) is told
-
-
-def test_two_rows_are_a_drive_and_one_is_none():
-    model, trace = driven("flat")
-    for name in WHEELS:
-        trace.channels[f"torque_{name}"] = 0.5 * trace[f"torque_{name}"]
-    two = dataclasses.replace(trace, channels={name: values[[0, -1]] for name, values in trace.channels.items()})
-    one = dataclasses.replace(trace, channels={name: values[:1] for name, values in trace.channels.items()})
-    assert "from nowhere" in energy_warning(model, two)
-    assert energy_warning(model, one) == ""
-
-
 @pytest.mark.parametrize(
     ("name", "settings"),
     [
@@ -184,32 +150,6 @@ def test_placed_rover_has_no_soil_energy_before_the_first_row(set_down, fall):
     channels |= {"sinkage_fl": h, "normal_fl": np.full(3, load), "energy_soil": held - held.max() - 0.1}
     made = dataclasses.replace(trace, channels=channels, attrs={"set_down": "at rest"} if set_down else {})
     assert spurious_energy(model, made).soil == pytest.approx(fall)
-
-
-@pytest.mark.parametrize(("meanwhile", "share"), [(4.0, ", 25 % of"), (1.1, ", 91 % of"), (0.9, "")])
-def test_spurious_energy_is_reported_as_a_share_of_motor_work(meanwhile, share):
-    trace = SimpleNamespace(attrs={"traction_form": "net"})
-    said = _of_traction(trace, SpuriousEnergy(1.0, 0.0, meanwhile), 0.5)
-    assert said.startswith("the net form's traction")
-    assert f" 1 J from nowhere{share}" in said
-    assert ("meanwhile" in said) == bool(share)
-    assert _of_traction(trace, SpuriousEnergy(1.0, 0.0, meanwhile), 1.1) == ""
-
-
-@pytest.mark.parametrize(
-    ("gave", "taken", "held", "unstored"),
-    [
-        ((0.0, 0.9), (0.2, -0.5), (0.3, 0.0), 0.6),
-        ((0.0, 0.1), (0.2, -0.5), (0.3, 0.0), 0.1),
-        ((0.0, 0.9), (0.2, -0.5), (0.4, 0.0), 0.5),
-        ((1.0, -0.02), (-1.0, 0.05), (1.0, 1.0), 0.0),
-    ],
-)
-def test_unstored_shear_energy_is_the_excess_over_the_store(gave, taken, held, unstored, monkeypatch):
-    """Row by row beyond what it gave back, and what it gave back beyond all that it had: no more than was given."""
-    store = ShearStore(np.array(taken), np.array(held))
-    monkeypatch.setattr(soil_energy, "shear_store", lambda *given: store)
-    assert soil_energy._unstored(None, None, np.array(gave)) == pytest.approx(unstored)
 
 
 @pytest.mark.parametrize("v", [1e-4, 1e-3, 0.04])

@@ -10,15 +10,9 @@ from rover_pin.base.errors import DataError, ParameterError
 from rover_pin.effects.point_mass import PointMass
 from rover_pin.effects.sensor_bias import SensorBias
 from rover_pin.effects.supply_sag import SupplySag
-from rover_pin.effects.tacho_scale import TachoScale
-from rover_pin.effects.torque_saturation import TorqueSaturation
-from rover_pin.estimation.noise import Noise, huber, noise_of, spread
 from rover_pin.experiments.drive_log import experiment as experiments
-from rover_pin.experiments.drive_log.candidates import candidate_of
 from rover_pin.experiments.drive_log.experiment import DriveExperiment, experiment_of
-from rover_pin.experiments.drive_log.features import LEAK, blocks, leaky, logged_run
-from rover_pin.experiments.drive_log.model import with_spread
-from rover_pin.experiments.drive_log.parameters import owner_name, parameter
+from rover_pin.experiments.drive_log.features import logged_run
 from rover_pin.rover.rover import load_rover
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.replay import Perturbation, commands, replay
@@ -108,18 +102,6 @@ def test_a_nudge_moves_the_rover_forward(model, driven, nudge):
     )
 
 
-def test_gaps_are_not_compared(driven):
-    log = as_logged(driven)
-    holed = dict(log.channels)
-    rate = np.array(holed["wheel_rate_fl"])
-    rate[60:65] = np.nan
-    run = logged_run(Trace(holed | {"wheel_rate_fl": rate}, attrs=dict(log.attrs)), load_rover("nexus6"))
-    seen = run.observed[run.channels.index("wheel_rate_fl")]
-    assert np.isnan(seen[6])
-    assert np.isfinite(seen[5])
-    assert np.isfinite(run.observed[run.channels.index("wheel_rate_fr"), 6])
-
-
 def test_a_heading_that_was_lost_is_not_the_last_that_was_known(driven):
     """It was held over the gap and compared, and the rover was drawn to it."""
     log, rover = as_logged(driven), load_rover("nexus6")
@@ -151,73 +133,6 @@ def test_a_missing_channel_is_named(driven):
         logged_run(Trace(less), load_rover("nexus6"))
 
 
-def test_blocks_are_means_and_leave_out_what_does_not_fill_one():
-    assert blocks(np.arange(25.0), 0.05) == pytest.approx([4.5, 14.5])
-
-
-def test_leaky_path_of_a_steady_speed_tends_to_speed_times_leak():
-    period = 0.05
-    assert leaky(np.full(2000, 0.05 * period), period)[-1] == pytest.approx(0.05 * LEAK, rel=0.02)
-
-
-def coloured(rng, runs, blocks_, sd, rho, mix):
-    """AR(1) blocks of two channels with a common mode."""
-    made = np.zeros((runs, len(sd), blocks_))
-    for run in range(runs):
-        state = mix @ rng.standard_normal(len(sd))
-        for block in range(blocks_):
-            state = rho * state + np.sqrt(1 - rho**2) * (mix @ rng.standard_normal(len(sd)))
-            made[run, :, block] = sd * state
-    return made
-
-
-def test_noise_is_learnt_and_taken_out():
-    rng = np.random.default_rng(0)
-    sd, rho, mix = np.array([2.0, 0.01]), np.array([0.7, 0.2]), np.linalg.cholesky(np.array([[1.0, 0.6], [0.6, 1.0]]))
-    residual = coloured(rng, 12, 200, sd, rho, mix)
-    noise = noise_of(residual, np.isfinite(residual), np.full(2, 1e-9))
-    assert noise.sd == pytest.approx(sd, rel=0.1)
-    assert noise.rho == pytest.approx(rho, abs=0.06)
-    rows = noise.white(residual)
-    assert rows.size == residual.size
-    assert np.std(rows) == pytest.approx(1.0, abs=0.06)
-    table = np.full(residual.shape, np.nan)
-    table[noise.good] = rows
-    pairs = table.transpose(1, 0, 2).reshape(2, -1)
-    assert abs(np.corrcoef(pairs)[0, 1]) < 0.2  # SHRINK leaves a fifth of it
-    assert abs(np.corrcoef(pairs[0, 1:], pairs[0, :-1])[0, 1]) < 0.05
-
-
-def test_whitening_is_linear_and_blind_to_what_is_not_compared():
-    rng = np.random.default_rng(1)
-    good = rng.random((3, 4, 20)) > 0.2
-    noise = Noise(np.full(4, 2.0), np.full(4, 0.5), np.eye(4), good)
-    one, other = rng.standard_normal((2, 3, 4, 20))
-    assert noise.white(one + 2 * other) == pytest.approx(noise.white(one) + 2 * noise.white(other))
-    assert noise.white(np.where(good, one, 99.0)) == pytest.approx(noise.white(one))
-
-
-def test_the_spread_and_the_loss_are_not_bent_by_strays():
-    rng = np.random.default_rng(2)
-    values = rng.standard_normal(2000)
-    values[:40] = 100.0
-    assert spread(values) == pytest.approx(1.0, abs=0.08)
-    assert huber(np.array([3.0])) == pytest.approx(9.0)
-    assert huber(np.array([40.0])) == pytest.approx(2 * 4 * 40 - 16)
-
-
-def test_numbers_are_set_by_name(model):
-    spread_ = with_spread(model)
-    changed = ANY.with_values(
-        spread_, {"soil.phi": 0.5, "motor.gear": 250.0, "WeakMotor[3].g": 0.1, "TachoScale[ml].e": 0.02}
-    )
-    assert changed.soils[0].phi == 0.5
-    assert changed.motor.gear == 250.0
-    assert ANY.value(changed, "WeakMotor[3].g") == 0.1
-    assert ANY.value(changed, "WeakMotor[2].g") == 0.0
-    assert owner_name(TachoScale(wheel="ml")) == "TachoScale[ml]"
-
-
 @pytest.mark.parametrize(
     ("name", "said"),
     [("sol.phi", "no 'sol' to fit"), ("soil.fi", "'soil' has no number 'fi'"), ("Sag.R", "no 'Sag' to fit")],
@@ -225,23 +140,6 @@ def test_numbers_are_set_by_name(model):
 def test_an_unknown_number_is_refused(model, name, said):
     with pytest.raises(ParameterError, match=said):
         ANY.value(model, name)
-
-
-@pytest.mark.parametrize(("name", "log"), [("soil.phi", False), ("soil.k", True), ("motor.resistance", True)])
-def test_a_number_and_its_coordinate_go_back_and_forth(model, name, log):
-    one = parameter(model, name, 0.1, log)
-    assert one.value(0.0) == pytest.approx(ANY.value(model, name))
-    assert one.u(one.value(1.3)) == pytest.approx(1.3)
-    assert one.slope(0.7) == pytest.approx((one.value(0.7 + 1e-6) - one.value(0.7 - 1e-6)) / 2e-6, rel=1e-6)
-
-
-def test_a_size_runs_from_neutral_to_the_default(model):
-    size = candidate_of(SupplySag()).size("SupplySag.R_b")
-    assert (size.value(0.0), size.value(1.0), size.prior) == (0.0, 2.0, False)
-    assert size.bounds == (0.0, 10.0)
-    far = candidate_of(TorqueSaturation()).size("TorqueSaturation.i_max")
-    assert far.log
-    assert far.value(0.0) == pytest.approx(0.03)
 
 
 def test_a_log_without_noise_reads_as_the_sensors_do(driven):

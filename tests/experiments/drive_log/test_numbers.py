@@ -195,12 +195,6 @@ def test_an_effect_is_tried_at_all_wheels_at_once_and_at_each():
     assert [one.x_from + 0.25 * one.length for one in patches] == pytest.approx([-0.1, 0.05])
 
 
-@pytest.mark.parametrize(("reach", "count"), [(0.0, 2), (0.0999, 2), (0.1001, 3), (8.799, 60)])
-def test_places_start_ten_cm_before_and_end_ten_cm_after(reach, count):
-    found = _places(experiment(np.array([2.0, np.nan, 2.0 + reach])), 0.0)
-    assert found == pytest.approx(1.9 + 0.15 * np.arange(count))
-
-
 def test_on_a_long_way_only_what_two_runs_have_passed_is_tried():
     """From 9 m on 60 places do not reach; a run that passes twice is one run."""
     once, again = np.r_[np.arange(0.0, 9.0, 0.01), np.arange(9.0, 0.0, -0.01)], np.array([5.0, 5.1, np.nan, 5.4])

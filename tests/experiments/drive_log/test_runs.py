@@ -6,19 +6,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from rover_pin.contact import Soil
-from rover_pin.effects.sensor_bias import SensorBias
-from rover_pin.effects.tacho_scale import TachoScale
-from rover_pin.experiments.drive_log import experiment as experiments
 from rover_pin.experiments.drive_log.experiment import DriveExperiment, logged
 from rover_pin.experiments.drive_log.features import blocks, comparable_rows, driven, logged_run, logged_runs
-from rover_pin.experiments.drive_log.free_runs import free_runs
 from rover_pin.rover.rover import load_rover
-from rover_pin.simulation.model.model import Model
-from rover_pin.simulation.model.motor import Motor
-from rover_pin.simulation.replay import Perturbation, Replay
 from rover_pin.simulation.trace.trace import Trace
-from rover_pin.terrain.shapes import flat
 
 CART, WHEELS = load_rover("cart"), ("fl", "fr", "bl", "br")
 T = 0.05 * np.arange(120)
@@ -134,26 +125,7 @@ def test_held_wheels_reverse_between_one_row_and_the_next():
     assert len(steady) == 100
 
 
-@pytest.mark.parametrize(("fast", "slow", "stands"), [(3.0, 0.21, False), (3.0, 0.19, True), (1.0, 0.15, False)])
-def test_held_rover_stands_below_a_tenth_of_top_and_0_2_rad_s(fast, slow, stands):
-    rate = np.where((T > 3.0) & (T < 3.5), slow, fast)
-    assert (len(times_compared([rate, rate], held=True)) < 100) == stands
-
-
-@pytest.mark.parametrize(("period", "distance"), [(0.05, 0.05 * 5.0), (0.25, 0.05 * 29.0), (3.0, 0.05 * 357.0)])
-def test_distance_is_measured_between_seconds_or_between_rows(period, distance):
-    t = period * np.arange(120)
-    wiggle = 0.004 * (-1.0) ** np.arange(120) * (period < 0.5)  # alike a second later
-    place = np.column_stack([0.05 * t, wiggle, 0.0 * t])
-    run = SimpleNamespace(name="a", commands=SimpleNamespace(t=t, period=period, place=place))
-    replays = lambda model: [Replay({"body_x": 0.05 * t, "body_y": wiggle})]  # noqa: E731
-    (found,) = free_runs(SimpleNamespace(runs=(run,), free=SimpleNamespace(replays=replays)), "one", "other")
-    assert found.distance == pytest.approx(distance)
-
-
 # --- many runs -------------------------------------------------------------------------------------------------------
-
-MODEL = Model(CART, flat(), (Soil(),), Motor())
 
 
 def experiment(*logs):
@@ -186,58 +158,6 @@ def test_units_of_what_is_made_of_channels_are_theirs():
     assert units == {
         "path": "m", "drift": "m", "heading": "rad", "speed": "m/s", "wheel_rate_fl": "rad/s", "current_fl_A": "A",
     }  # fmt: skip
-
-
-@pytest.fixture
-def replayed(monkeypatch):
-    """Stand in for the replay: what was asked for, and channels that hold the model's gear and sign."""
-    asked = []
-
-    def stub(model, commands, nudge, rest):
-        asked.append((model, rest, nudge))
-        gear = float(model.motor.gear)
-        rates = {f"wheel_rate_{wheel}": np.full(len(commands.t), gear) for wheel in WHEELS}
-        wild = {"body_pitch": np.full(len(commands.t), np.nan), "body_z": 0.0 * commands.t}
-        wild |= {"battery_V": np.where(commands.t > 2.99, np.inf, -np.inf)}
-        return Replay(rates | wild)
-
-    monkeypatch.setattr(experiments, "_replayed", stub)
-    return asked
-
-
-def test_replays_are_nudged_one_by_one_or_not_at_all(replayed):
-    two = experiment(trace(), trace())
-    one, other = Perturbation(force=np.ones(3)), Perturbation(grip=np.ones(3))
-    assert len(two.replays(MODEL, [one, other])) == 2
-    assert [nudge for _, _, nudge in replayed] == [one, other]
-    replayed.clear()
-    assert len(two.replays(MODEL)) == 2
-    assert [rest for _, rest, _ in replayed] == ["rest 0", "rest 1"]
-    assert all(nudge.torque is nudge.force is nudge.grip is None for _, _, nudge in replayed)
-
-
-def test_a_prediction_that_is_no_number_is_far_off_on_its_side(replayed):
-    one = experiment(trace())
-    (found,) = one.predict([MODEL])
-    row = {name: found[0, at] for at, name in enumerate(one.channels)}
-    assert np.all(row["body_pitch"] == 1e3)
-    assert np.all(row["battery_V"][:6] == -1e3)
-    assert np.all(row["battery_V"][6:] == 1e3)
-
-
-def test_models_differing_only_in_readings_are_replayed_together(replayed):
-    """Held to their rates, wheels drive otherwise with a tachogenerator's gain, not with a potentiometer's zero."""
-    biased = MODEL.having(SensorBias(channel="rocker_l", bias=0.1))
-    gained, faster = MODEL.having(TachoScale(e=0.1, wheel="fl")), MODEL.replace(motor=Motor().replace(gear=90.0))
-    for held, drives in ((False, 2), (True, 3)):
-        replayed.clear()
-        one = experiment(trace(held=held))
-        found = one.predict([MODEL, biased, gained, faster, MODEL])
-        assert len(replayed) == drives
-        if not held:
-            rate = [each[0, one.channels.index("wheel_rate_fl"), 3] for each in found]
-            gear = float(Motor().gear)
-            assert rate == pytest.approx([gear, gear, 1.1 * gear, 90.0, gear])
 
 
 def test_a_free_experiment_is_drawn_to_no_place():
