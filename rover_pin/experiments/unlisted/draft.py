@@ -15,32 +15,11 @@ from rover_pin.experiments.unlisted.actions import FORCE, GRIP, LEAN, READING, T
 from rover_pin.experiments.unlisted.regressors import Hats, Polynomial, Wave
 from rover_pin.experiments.unlisted.term import Term, sine
 
-CLOCK, TURNED = ("time", "1.0", False), ("angle", "drive.omega", True)
-SINCE = {"time": "x[0]", "moment": "x[0]"}
+SINCE = dict.fromkeys(("time", "moment"), "x[0]")
 ANGLES = dict.fromkeys(("wheel angle", "wheel angle since the start", "twice the wheel angle"), "x[0]")
-SEEN = {
-    "motor": {
-        "nothing": "0.0",
-        "rate": "drive.omega",
-        "duty": "drive.delta",
-        "current": "drive.current",
-        **SINCE,
-        **ANGLES,
-    },
-    "contact": {"nothing": "0.0", "slip": "contact.S", "rate": "contact.rim / contact.wheel.r", **SINCE}
-    | dict.fromkeys(("place", "local place", "periodic place"), "contact.x"),
-    "body": {"nothing": "0.0", "pitch": "body.pitch", "roll": "body.roll", "heading": "ca.cos(body.yaw)"}
-    | dict.fromkeys(("place", "local place", "periodic place"), "body.x"),
-    "sensor": {
-        "nothing": "0.0 * t",
-        "own": "{own}",
-        "time": "t - t[0]",
-        "moment": "t - t[0]",
-        "place": 'channels["body_x"]',
-    }
-    | dict.fromkeys(ANGLES, "np.cumsum({own}) * (t[1] - t[0])"),
-}
-"""What each kind of effect sees of the arguments of terms."""
+PLACES = ("place", "local place", "periodic place")
+STATES = dict.fromkeys(SINCE, ("time", "1.0", False)) | dict.fromkeys(ANGLES, ("angle", "drive.omega", True))
+"""What is a state of the effect: its name, its rate, and whether it turns with the wheel."""
 
 HEAD = '''"""Draft of an effect from what a fitted model left; look at it before you use it.
 
@@ -52,7 +31,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-{arrays}
+import {arrays}
 
 {imports}
 from rover_pin.base.quantity import quantity
@@ -70,61 +49,79 @@ class {name}({base}):
     size: float = quantity(1.0, "", "1 is as estimated from the log", -20.0, 20.0, "s")
     neutral: ClassVar[dict[str, float]] = {{"size": 0.0}}
 '''
-ARRAYS = dict.fromkeys(("MotorEffect", "Effect", "BodyEffect"), "import casadi as ca") | {
-    "SensorEffect": "import numpy as np"
-}
-IMPORTS = {
-    "MotorEffect": "from rover_pin.effects.effect import MotorEffect, State",
-    "Effect": "from rover_pin.contact import Load\nfrom rover_pin.effects.effect import Effect, State",
-    "BodyEffect": "from rover_pin.effects.effect import BodyEffect, Push",
-    "SensorEffect": "from rover_pin.effects.effect import SensorEffect",
-}
-STATES = """    states: ClassVar[tuple[State, ...]] = (State("{0}", odd={2}),)
-"""
-RATE = """
-    def rate(self, {sees}, x):
-        return ({rate},)
-"""
-TORQUES = """
-    def torque(self, drive, torque, x):
-        value = {value}
-        return {here}
-"""
-DUTIES = """
-    def amend(self, drive, x):
-        value = {value}
-        return drive._replace(delta=drive.delta + {here})
-"""
+
+
+class Base(NamedTuple):
+    """A kind of effect: its class, what a file of it imports, what its rate is given, and what it sees of arguments."""
+
+    name: str
+    arrays: str
+    imports: str
+    given: str
+    sees: dict[str, str]
+
+
+EFFECT = "from rover_pin.effects.effect import "
+MOTOR = Base(
+    "MotorEffect", "casadi as ca", EFFECT + "MotorEffect, State", "drive, torque",
+    {"nothing": "0.0", "rate": "drive.omega", "duty": "drive.delta", "current": "drive.current", **SINCE, **ANGLES},
+)  # fmt: skip
+CONTACT = Base(
+    "Effect", "casadi as ca", f"from rover_pin.contact import Load\n{EFFECT}Effect, State", "contact, load",
+    {"nothing": "0.0", "slip": "contact.S", "rate": "contact.rim / contact.wheel.r", **SINCE}
+    | dict.fromkeys(PLACES, "contact.x"),
+)  # fmt: skip
+BODY = Base(
+    "BodyEffect", "casadi as ca", EFFECT + "BodyEffect, Push", "",
+    {"nothing": "0.0", "pitch": "body.pitch", "roll": "body.roll", "heading": "ca.cos(body.yaw)"}
+    | dict.fromkeys(PLACES, "body.x"),
+)  # fmt: skip
+SENSOR = Base(
+    "SensorEffect", "numpy as np", EFFECT + "SensorEffect", "",
+    {"nothing": "0.0 * t", "its own value": "{reading}", "time": "t - t[0]", "moment": "t - t[0]",
+     "place": 'channels["body_x"]'} | dict.fromkeys(ANGLES, "np.cumsum({reading}) * (t[1] - t[0])"),
+)  # fmt: skip
 PUSHES = """
     def push(self, body):
-        value = {value}
+        value = {{value}}
         speed = ca.sqrt(body.v_x * body.v_x + body.v_y * body.v_y + 1e-5)
-        return {push}
+        return Push({})
 """
 LOADS = """
     def load(self, contact, load, x):
-        value = {value}
-        return {load}
+        value = {{value}}
+        return Load({})
 """
-GRIPS = """
+ACTS = (
+    (TORQUE, MOTOR, """
+    def torque(self, drive, torque, x):
+        value = {value}
+        return {size}
+"""),
+    (VOLTAGE, MOTOR, """
+    def amend(self, drive, x):
+        value = {value}
+        return drive._replace(delta=drive.delta + {size})
+"""),
+    (TORQUE, CONTACT, LOADS.format("torque=-{size}")),
+    (FORCE, BODY, PUSHES.format("f_x=-{size} * body.v_x / speed, f_y=-{size} * body.v_y / speed")),
+    (LEAN, BODY, PUSHES.format("f_x={size}")),
+    (FORCE, CONTACT, LOADS.format(
+        "f_t=-{size} / {wheels} * contact.v_x / ca.sqrt(contact.v_x * contact.v_x + 1e-5)"
+    )),
+    (GRIP, CONTACT, """
     def amend(self, contact, x):
         value = {value}
-        phi = ca.atan(ca.fmax(0.0, 1.0 + self.size * value) * ca.tan(contact.soil.phi))
+        phi = ca.atan(ca.fmax(0.0, 1.0 + {size}) * ca.tan(contact.soil.phi))
         return contact._replace(soil=contact.soil.replace(phi=phi))
-"""
-READS = """
+"""),
+    (READING, SENSOR, """
     def read(self, t, channels):
         value = {value}
-        return {{"{channel}": channels["{channel}"] + self.size * value}}
-"""
-SHARE = "Load(f_t=-self.size * value / {wheels} * contact.v_x / ca.sqrt(contact.v_x * contact.v_x + 1e-5))"
-
-
-class _Kind(NamedTuple):
-    sees: str
-    base: str
-    body: str
-    argument: str
+        return {{"{where}": {reading} + {size}}}
+"""),
+)  # fmt: skip
+"""What is acted on, by which kind of effect, with which method; the first that sees the argument drafts it."""
 
 
 def draft(term: Term, name: str, wheels: Sequence[str]) -> str:
@@ -138,28 +135,32 @@ def draft(term: Term, name: str, wheels: Sequence[str]) -> str:
     ParameterError
         The term is a function of something that no such effect sees; it has to be written by hand.
     """
-    kind, name = _kind(term, wheels), class_name(name)
-    if kind is None:
+    way = _base_and_method(term)
+    if way is None:
         raise ParameterError(
             f"{term.acts} that depends on '{term.argument.name}' cannot be drafted: "
             "no kind of effect that acts so sees it; write one by hand from the term's curve."
         )
-    argument = term.argument.name
-    state = TURNED if argument in ANGLES else CLOCK if argument in SINCE else None
-    value = _value(term, kind.argument)
-    sentence = textwrap.fill(f"It {term.description}.", 110)
-    text = HEAD.format(said=sentence, name=name, base=kind.base, arrays=ARRAYS[kind.base], imports=IMPORTS[kind.base])
-    if state and kind.sees:
-        text += STATES.format(*state)
-        rate = RATE.format(sees=kind.sees, rate=state[1])
-    else:
-        rate = ""
-    return text + kind.body.replace("{value}", value) + rate
+    base, method = way
+    where, reading = term.act.where, f'channels["{term.act.where}"]'
+    size = "self.size * value"
+    if where and base is MOTOR:
+        size = f"ca.if_else(ca.fabs(drive.wheel - {tuple(wheels).index(where)}) < 0.5, {size}, 0.0)"
+    text = HEAD.format(
+        said=textwrap.fill(f"It {term.description}.", 110), name=class_name(name), base=base.name, arrays=base.arrays,
+        imports=base.imports,
+    )  # fmt: skip
+    state, rate = STATES.get(term.argument.name, ()) if base.given else (), ""
+    if state:
+        text += f'    states: ClassVar[tuple[State, ...]] = (State("{state[0]}", odd={state[2]}),)\n'
+        rate = f"\n    def rate(self, {base.given}, x):\n        return ({state[1]},)\n"
+    value = _value(term, base.sees[term.argument.name].format(reading=reading))
+    return text + method.format(value=value, size=size, wheels=len(wheels), where=where, reading=reading) + rate
 
 
-def can_draft(term: Term, wheels: Sequence[str]) -> bool:
+def can_draft(term: Term) -> bool:
     """Return whether some kind of effect acts as the term does and sees what it depends on."""
-    return _kind(term, wheels) is not None
+    return _base_and_method(term) is not None
 
 
 def class_name(name: str) -> str:
@@ -168,50 +169,12 @@ def class_name(name: str) -> str:
     return words if words[:1].isalpha() else f"Remainder{words}"
 
 
-def _kind(term: Term, wheels: Sequence[str]) -> _Kind | None:
+def _base_and_method(term: Term) -> tuple[Base, str] | None:
     """Return which effect can act and see as the term does, and the method that does it; None if there is none."""
-    acts, argument, where = term.act.kind, term.argument.name, term.act.where
-    if acts in (TORQUE, VOLTAGE) and argument in SEEN["motor"]:
-        number = tuple(wheels).index(where) if where else 0
-        expression = (
-            f"ca.if_else(ca.fabs(drive.wheel - {number}) < 0.5, self.size * value, 0.0)"
-            if where
-            else "self.size * value"
-        )
-        body = (TORQUES if acts == TORQUE else DUTIES).replace("{here}", expression)
-        return _Kind("drive, torque", "MotorEffect", body, SEEN["motor"][argument])
-    if acts == TORQUE and not where and argument in SEEN["contact"]:
-        return _Kind(
-            "contact, load",
-            "Effect",
-            LOADS.replace("{load}", "Load(torque=-self.size * value)"),
-            SEEN["contact"][argument],
-        )
-    if acts in (FORCE, LEAN) and argument in SEEN["body"]:
-        against = "Push(f_x=-self.size * value * body.v_x / speed, f_y=-self.size * value * body.v_y / speed)"
-        return _Kind(
-            "",
-            "BodyEffect",
-            PUSHES.replace("{push}", against if acts == FORCE else "Push(f_x=self.size * value)"),
-            SEEN["body"][argument],
-        )
-    if acts == FORCE and argument in SEEN["contact"]:
-        return _Kind(
-            "contact, load",
-            "Effect",
-            LOADS.replace("{load}", SHARE.format(wheels=len(wheels))),
-            SEEN["contact"][argument],
-        )
-    if acts == GRIP and argument in SEEN["contact"]:
-        return _Kind("contact, load", "Effect", GRIPS, SEEN["contact"][argument])
-    if acts == READING and argument.replace("its own value", "own") in SEEN["sensor"]:
-        reading = f'channels["{where}"]'
-        return _Kind(
-            "",
-            "SensorEffect",
-            READS.format(value="{value}", channel=where),
-            SEEN["sensor"][argument.replace("its own value", "own")].format(own=reading),
-        )
+    for kind, base, method in ACTS:
+        somewhere = not term.act.where or base in (MOTOR, SENSOR)
+        if kind == term.act.kind and term.argument.name in base.sees and somewhere:
+            return base, method
     return None
 
 

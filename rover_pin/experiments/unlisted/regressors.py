@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rover_pin.experiments.unlisted.actions import FORCE, GRIP, LEAN, READING, TORQUE, VOLTAGE, Act, Part, Scene
+from rover_pin.experiments.unlisted.actions import READING, TORQUE, VOLTAGE, Act, Part, Scene
 
 HAT, INSTANT = 0.1, 1.0
 """Distance of the nodes of a function of place [m] and of time [s]."""
@@ -89,29 +89,16 @@ class Argument(NamedTuple):
 
 def arguments(scene: Scene, act: Act) -> tuple[Argument, ...]:
     """Return what a change of this act may depend on, with ranges as the runs have them."""
-    both = {
-        TORQUE: _of_wheel,
-        VOLTAGE: _of_wheel,
-        FORCE: _of_ground,
-        LEAN: _of_ground,
-        GRIP: _of_ground,
-        READING: _of_reading,
-    }
-    return tuple(both[act.kind](scene, act))
-
-
-def _of_wheel(scene: Scene, act: Act) -> list[Argument]:
-    return [*_common(scene, act), *_angles(len(act.parts) == 1), *_waves(len(act.parts) > 1)]
-
-
-def _of_ground(scene: Scene, act: Act) -> list[Argument]:
-    return [*_common(scene, act), *_waves(True)]
+    if act.kind == READING:
+        return tuple(_of_reading(scene, act))
+    of_one_wheel = act.kind in (TORQUE, VOLTAGE) and len(act.parts) == 1
+    return (*_common(scene, act), *(ANGLES if of_one_wheel else WAVES))
 
 
 def _of_reading(scene: Scene, act: Act) -> list[Argument]:
     (part,) = act.parts
-    angles = _angles(True)[:1] if len(part.wheels) == 1 else []
-    reading = Argument("its own value", act.unit, partial(_own, channel=act.where), Polynomial(0.0, 1.0, 1))
+    angles = ANGLES[:1] if len(part.wheels) == 1 else ()
+    reading = Argument("its own value", act.unit, partial(_channel, channel=act.where), Polynomial(0.0, 1.0, 1))
     return [reading, *angles, *_smooth(scene, act, ("duty", "time", "place")), _instants(scene)]
 
 
@@ -128,32 +115,6 @@ def _heading(scene: Scene, run: int, part: Part) -> np.ndarray:
     return np.asarray(np.cos(scene.experiment.runs[run].heading))
 
 
-def _rate(scene: Scene, run: int, part: Part) -> np.ndarray:
-    """Return the replay's rate: the noise of a measured one would explain itself. The same for the current."""
-    return np.mean([scene.replayed(run, f"wheel_rate_{wheel}") for wheel in part.wheels], axis=0)
-
-
-def _duty(scene: Scene, run: int, part: Part) -> np.ndarray:
-    at = [scene.wheels.index(wheel) for wheel in part.wheels]
-    return np.asarray(scene.experiment.runs[run].commands.duty[:, at].mean(axis=1))
-
-
-def _slip(scene: Scene, run: int, part: Part) -> np.ndarray:
-    return np.mean([scene.replayed(run, f"slip_{wheel}") for wheel in part.wheels], axis=0)
-
-
-def _current(scene: Scene, run: int, part: Part) -> np.ndarray:
-    return np.mean([scene.replayed(run, f"current_{wheel}_A") for wheel in part.wheels], axis=0)
-
-
-def _pitch(scene: Scene, run: int, part: Part) -> np.ndarray:
-    return scene.logged(run, "body_pitch")
-
-
-def _roll(scene: Scene, run: int, part: Part) -> np.ndarray:
-    return scene.logged(run, "body_roll")
-
-
 def _time(scene: Scene, run: int, part: Part) -> np.ndarray:
     t = scene.experiment.runs[run].commands.t
     return np.asarray(t - t[0])
@@ -163,17 +124,31 @@ def _place(scene: Scene, run: int, part: Part) -> np.ndarray:
     return scene.place(run, part)
 
 
-def _own(scene: Scene, run: int, part: Part, channel: str) -> np.ndarray:
+def _duty(scene: Scene, run: int, part: Part) -> np.ndarray:
+    at = [scene.wheels.index(wheel) for wheel in part.wheels]
+    return np.asarray(scene.experiment.runs[run].commands.duty[:, at].mean(axis=1))
+
+
+def _replayed(channel: str) -> Signal:
+    """Return a mean over a part's wheels as replayed: the noise of a measured one would explain itself."""
+    return lambda scene, run, part: np.mean([scene.replayed(run, channel.format(w)) for w in part.wheels], axis=0)
+
+
+def _channel(scene: Scene, run: int, part: Part, channel: str) -> np.ndarray:
     return scene.replayed(run, channel)
 
 
+def _logged(channel: str) -> Signal:
+    return lambda scene, run, part: scene.logged(run, channel)
+
+
 SMOOTH: dict[str, tuple[str, Signal]] = {
-    "rate": ("rad/s", _rate),
+    "rate": ("rad/s", _replayed("wheel_rate_{}")),
     "duty": ("", _duty),
-    "slip": ("", _slip),
-    "current": ("A", _current),
-    "pitch": ("rad", _pitch),
-    "roll": ("rad", _roll),
+    "slip": ("", _replayed("slip_{}")),
+    "current": ("A", _replayed("current_{}_A")),
+    "pitch": ("rad", _logged("body_pitch")),
+    "roll": ("rad", _logged("body_roll")),
     "time": ("s", _time),
     "place": ("m", _place),
 }
@@ -206,16 +181,13 @@ def _angle(scene: Scene, run: int, part: Part) -> np.ndarray:
     return np.concatenate([[0.0], np.cumsum((rate[1:] + rate[:-1]) / 2 * period)])
 
 
-def _angles(single: bool) -> list[Argument]:
-    if not single:
-        return []
-    turn = Argument("wheel angle", "rad", _angle, Wave(2 * math.pi), per_run=True)
-    common_turn = turn._replace(name="wheel angle since the start", per_run=False)
-    return [turn, common_turn, turn._replace(name="twice the wheel angle", basis=Wave(math.pi))]
-
-
-def _waves(enabled: bool) -> list[Argument]:
-    return [Argument("periodic place", "m", _place, Wave(length)) for length in WAVELENGTHS] if enabled else []
+TURN = Argument("wheel angle", "rad", _angle, Wave(2 * math.pi), per_run=True)
+ANGLES = (
+    TURN,
+    TURN._replace(name="wheel angle since the start", per_run=False),
+    TURN._replace(name="twice the wheel angle", basis=Wave(math.pi)),
+)
+WAVES = tuple(Argument("periodic place", "m", _place, Wave(length)) for length in WAVELENGTHS)
 
 
 def _places(scene: Scene, act: Act) -> Argument:

@@ -116,7 +116,7 @@ def draft_effect(residual: DriveResidual, name: str) -> str:
     ParameterError
         No term can be drafted.
     """
-    able = (term for term in residual.terms if can_draft(term, residual.wheels))
+    able = (term for term in residual.terms if can_draft(term))
     return draft(next(able, residual.best), name, residual.wheels)
 
 

@@ -16,7 +16,7 @@ from rover_pin.simulation.model.effect_files import effects_of_text
 
 def drafted(fit: Fit, residual: DriveResidual, name: str, progress: Progress) -> Draft | None:
     """Return the draft of what a fit leaves, tried on it; None where no effect can imitate any term."""
-    if not any(can_draft(term, residual.wheels) for term in residual.terms):
+    if not any(can_draft(term) for term in residual.terms):
         return None
     progress("trying the draft of what is left")
     text = draft_effect(residual, name)
