@@ -92,7 +92,7 @@ def sentence(reading: Reading, beliefs: Beliefs, share: float, misfit: float) ->
         Answer.LIKE: f"something like {retained} is missing (probability {probability:.2f}): it {takes}, but its law "
         f"leaves more than noise with probability {unexplained:.2f}.",
         Answer.SET: f"{_families(beliefs)}the data leave {listed}; the first {takes}.{besides}",
-        Answer.NONE_NEEDED: f"nothing is missing with probability {none:.2f}; {_left_by_the_base(beliefs)}.",
+        Answer.NONE_NEEDED: f"nothing is missing with probability {none:.2f}; {_misfit_of_base(beliefs)}.",
         Answer.NONE_FITS: f"no cause of the list is missing with probability {none:.2f}, but the base model leaves "
         f"more than noise (reduced chi-square {misfit:.3g}): something acts that is not on the list.",
         Answer.INADEQUATE: "the base model meets the data only with numbers far from what is declared of them"
@@ -102,7 +102,7 @@ def sentence(reading: Reading, beliefs: Beliefs, share: float, misfit: float) ->
     return words + _besides(reading, beliefs)
 
 
-def _left_by_the_base(beliefs: Beliefs) -> str:
+def _misfit_of_base(beliefs: Beliefs) -> str:
     acts = beliefs.has_discrepancy(())
     if acts <= SURE:
         return "the base model leaves noise"

@@ -252,7 +252,7 @@ class Search:
     def leave(self, functions: Iterable[Columns]) -> None:
         """Weigh, of all that was fitted, that something that is on no list is left besides.
 
-        Where that is much, a set that is far behind without it may lead: others stand in for what its law leaves.
+        Where that is much, a set that is far behind without it may lead: others take what its law leaves.
         """
         plain = [rows[0] for rows in self.fitted.values()]
         evidence = with_functions([(row.expansion, row.posterior) for row in plain], functions)

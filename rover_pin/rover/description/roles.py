@@ -114,6 +114,6 @@ def _place_faults(layout: Layout, model: pin.Model) -> Iterator[str]:
             "points down write base_rpy = [3.14159265, 0, 0] in the TOML, where its x points back [0, 0, 3.14159265]."
         )
     middles = [(where[axle.wheels[0]][0] + where[axle.wheels[1]][0]) / 2.0 for axle in layout.axles]
-    for ahead, behind, x_ahead, x_behind in zip(layout.axles, layout.axles[1:], middles, middles[1:], strict=False):
-        if x_ahead <= x_behind:
-            yield f"axle '{ahead.name}' is not ahead (+x) of '{behind.name}'; list axles from front to rear."
+    for front, rear, x_front, x_rear in zip(layout.axles, layout.axles[1:], middles, middles[1:], strict=False):
+        if x_front <= x_rear:
+            yield f"axle '{front.name}' is not ahead (+x) of '{rear.name}'; list axles from front to rear."
