@@ -11,18 +11,13 @@ from rover_pin.effects.effect import Drive, called
 from rover_pin.effects.gear_friction import GearFriction
 from rover_pin.effects.motion_resistance import MotionResistance
 from rover_pin.effects.normal_damping import NormalDamping
-from rover_pin.effects.peak_stress import PeakStress
 from rover_pin.effects.post_peak import PostPeak
-from rover_pin.effects.sensor_bias import SensorBias
 from rover_pin.effects.side_shear import LEAST_SHARE, SideShear
 from rover_pin.effects.slip import SIDEWAYS_SHARE, AlgebraicSlip, RelaxedSlip, sliding_speed
 from rover_pin.effects.soil_traction import NODES, SoilTraction
-from rover_pin.effects.tacho_scale import TachoScale
-from rover_pin.effects.tracking_delay import TrackingDelay
 from rover_pin.effects.velocity_filter import VelocityFilter
 from rover_pin.simulation.model.effect_files import package_effects
 from rover_pin.soil.angles import FixedAngles, SinkageAngles
-from rover_pin.soil.peak_stress import peak_stress_forces
 from rover_pin.soil.traction import GrossTraction, NetTraction, TorqueTraction, wheel_forces
 
 BEFORE = Load(f_t=1.3, f_y=0.4, f_n=8.0, torque=0.09)
@@ -221,37 +216,7 @@ def test_a_contact_knows_the_sense_of_its_travel(patch):
 # --- PeakStress ------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("a_0", "a_1", "share"), [(0.0, -1.0, 0.02), (1.0, 1.0, 0.98), (0.4, 0.15, None)])
-def test_the_peak_stays_within_the_arc_by_a_fiftieth_of_it(patch, a_0, a_1, share):
-    contact = patch(S=0.6, h=0.008)
-    wheel, soil = contact.wheel, contact.soil
-    theta_1 = math.acos(1 - 0.008 / wheel.r)
-    theta_2 = -soil.exit_ratio * theta_1
-    peak = (a_0 + 0.6 * a_1) * theta_1 if share is None else theta_2 + share * (theta_1 - theta_2)
-    flat = wheel_forces(0.6, theta_1, theta_2, wheel, soil, NODES)
-    peaked = peak_stress_forces(0.6, (theta_1, peak, theta_2), wheel, soil, NODES)
-    effect = PeakStress(share=1.0, a_0=a_0, a_1=a_1, form=TorqueTraction(), angles=SinkageAngles())
-    before = Load(f_t=flat.torque / wheel.r, f_n=flat.f_n, torque=flat.torque)
-    left = before.plus(effect.load(contact, before, ()))
-    assert list(left) == pytest.approx([peaked.torque / wheel.r, 0.0, peaked.f_n, peaked.torque, 0.0], rel=1e-9)
-
-
 # --- sensors ---------------------------------------------------------------------------------------------------------
-
-
-def test_sensors_read_what_their_laws_say():
-    t = np.arange(0.0, 1.0, 0.1)
-    ramp = 2.0 + 3.0 * t
-    channels = {"t_s": t, "wheel_rate_fl": ramp, "wheel_rate_ml": -ramp, "body_x": ramp, "body_pitch": 0.1 * ramp}
-    assert TachoScale(e=0.03).read(t, channels) == {
-        "wheel_rate_fl": pytest.approx(1.03 * ramp), "wheel_rate_ml": pytest.approx(-1.03 * ramp),
-    }  # fmt: skip
-    assert TachoScale(e=-0.03, wheel="ml").read(t, channels) == {"wheel_rate_ml": pytest.approx(-0.97 * ramp)}
-    assert SensorBias(bias=0.02).read(t, channels) == {"body_pitch": pytest.approx(0.1 * ramp + 0.02)}
-    assert SensorBias(bias=0.02, channel="rocker_l").read(t, channels) == {}
-    late = TrackingDelay(d=0.25).read(t, channels)
-    assert set(late) == {"body_x", "body_pitch"}
-    assert late["body_x"] == pytest.approx(np.maximum(ramp - 0.75, 2.0))
 
 
 def test_filtered_velocity_is_exact_for_linear_pieces():

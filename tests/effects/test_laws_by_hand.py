@@ -4,25 +4,15 @@ import math
 
 import numpy as np
 import pytest
-from scipy.integrate import quad
 
-from rover_pin.base.quantity import quantities
 from rover_pin.contact import Load, Soil, Wheel
 from rover_pin.effects.combined_shear import CombinedShear
 from rover_pin.effects.differential_compliance import DifferentialCompliance
-from rover_pin.effects.digging_memory import DiggingMemory
-from rover_pin.effects.effect import Ballast, Body, BodyEffect, Drive, Push, SensorEffect
-from rover_pin.effects.flank_pressure import FlankPressure
-from rover_pin.effects.grousers import Grousers
-from rover_pin.effects.lug_excavation import LugExcavation
+from rover_pin.effects.effect import Body, BodyEffect
 from rover_pin.effects.ploughing import Ploughing
-from rover_pin.effects.slip_sinkage import HIGHEST_EXPONENT, LOWEST_EXPONENT
-from rover_pin.effects.slip_softening import SlipSoftening
 from rover_pin.effects.soil_traction import NODES, SoilTraction
 from rover_pin.effects.tacho_scale import TachoScale
 from rover_pin.effects.tether_drag import TetherDrag
-from rover_pin.effects.weak_motor import WeakMotor
-from rover_pin.effects.winding_heating import WindingHeating
 from rover_pin.simulation.model.effect_files import package_effects
 from rover_pin.soil.angles import FixedAngles, SinkageAngles
 from rover_pin.soil.combined import combined_forces
@@ -52,59 +42,6 @@ def test_combined_shear_replaces_a_share_of_the_straight_forces(patch, form, ang
     assert list(found) == pytest.approx(expected, rel=1e-9)
 
 
-@pytest.mark.parametrize("effect", [DiggingMemory(c_d=0.1), LugExcavation(h_l=0.002, filled=0.8)])
-def test_rim_digs_by_contact_depth_up_to_a_tenth_of_a_millimetre(patch, effect):
-    rates = [float(effect.rate(patch(h=h, rim=0.08, v_x=0.03), Load(), (0.0,))[0]) for h in (0.5e-4, 1e-4, 1e-3)]
-    assert rates[0] == pytest.approx(rates[2] / 2)
-    assert rates[1] == rates[2] > 0.0
-
-
-@pytest.mark.parametrize("v", [0.005, -0.02])
-@pytest.mark.parametrize("cut", [0.0, 0.003])
-def test_trench_is_cut_by_lug_pockets_and_fades_with_travel(patch, v, cut):
-    """L dD/dt = E h_l max(r omega - v, 0) (1 - 2 D / r) - D |v|, and the lift f_n max(-dD/dt, 0) is paid at any v."""
-    effect = LugExcavation(h_l=0.002, filled=0.8, length=0.05)
-    contact = patch(rim=0.01, v_x=v)
-    expected = (0.8 * 0.002 * max(0.01 - v, 0.0) * (1 - 2 * cut / 0.045) - cut * abs(v)) / 0.05
-    assert float(effect.rate(contact, Load(), (cut,))[0]) == pytest.approx(expected)
-    paid = -float(effect.load(contact, Load(f_n=9.0), (cut,)).f_t) * v
-    assert paid == pytest.approx(9.0 * max(-expected, 0.0), rel=1e-3)
-
-
-def test_lift_stays_finite_at_vanishing_travel_speed(patch):
-    """-dD/dt over v, halved at 0.1 mm/s and nothing at rest."""
-    for v, share in ((1e-4, 0.5), (0.0, 0.0)):
-        lift = float(LugExcavation(length=0.05).load(patch(rim=0.0, v_x=v), Load(f_n=9.0), (0.003,)).f_t)
-        assert lift == pytest.approx(-share * 9.0 * 0.003 / 0.05)
-
-
-def test_lugs_add_the_shear_between_rim_and_their_own_radius(patch):
-    """f_t gains (q - 1) of the shear torque / r, torque q^2 - 1 of itself."""
-    wheel, q = Wheel(r=0.06), 1 + 0.4 * 0.005 / 0.06
-    before = Load(f_t=1.3, f_y=0.4, f_n=8.0, torque=0.09)
-    found = Grousers(h_s=0.005, lambda_s=0.4).load(patch(wheel=wheel), before, ())
-    assert list(found) == pytest.approx([(q - 1) * 0.09 / 0.06, 0.0, 0.0, (q * q - 1) * 0.09, 0.0])
-
-
-@pytest.mark.parametrize("S", [0.3, -0.4])
-@pytest.mark.parametrize("S_y", [0.02, -0.1])
-def test_the_pressure_on_a_disc_builds_up_with_its_way_sideways(patch, S, S_y):
-    """1 - exp(-|j_y| / k_f), j_y = 2 r sin theta_1 v_y / v, of the pressure by quadrature, less exp(-l S)."""
-    wheel, soil = Wheel(r=0.06, b=0.04), Soil(c=300.0, exit_ratio=0.3)
-    effect = FlankPressure(share=1.5, k_f=0.02, gamma=14000.0, phi_f=0.0)
-    found = float(effect.load(patch(S=S, S_y=S_y, h=0.015, wheel=wheel, soil=soil), Load(f_n=9.0), ()).f_y)
-    theta_1 = math.acos(1 - 0.015 / 0.06)
-    way = 2 * 0.06 * math.sin(theta_1) * abs(S_y) / math.hypot(1 - max(S, 0.0), 0.02)
-
-    def pressure(at):  # a wall without friction: 2 c h + gamma h^2
-        h = 0.06 * (math.cos(at) - math.cos(theta_1))
-        return 2 * (300.0 * h + 14000.0 * h * h / 2) * 0.06 * math.cos(at)
-
-    kept = math.exp(-1.3 * max(S, 0.0))
-    expected = 1.5 * kept * (1 - math.exp(-way / 0.02)) * quad(pressure, -theta_1, theta_1)[0]
-    assert found == pytest.approx(-math.copysign(expected, S_y), rel=4e-3), "the corner at S = 0 is rounded"
-
-
 # --- ploughing and softening -----------------------------------------------------------------------------------------
 
 
@@ -121,38 +58,6 @@ def test_ploughing_pushes_by_its_heap_and_lifts_as_the_skid_ends(patch, v, x, S)
     assert tuple(found[1:]) == (0.0, 0.0, 0.0, 0.0)
 
 
-@pytest.mark.parametrize(("x", "e_b"), [(0.3, 0.4), (0.3, 2.0), (3.0, 2.0), (-0.2, 0.4)])
-def test_ploughing_wheel_loses_its_rear_arc_up_to_nine_tenths(patch, x, e_b):
-    soil = Soil(exit_ratio=0.2, theta_1=0.7, theta_2=-0.1)
-    found = Ploughing(a_b=0.8, e_b=e_b).amend(patch(S=-0.4, soil=soil), (x,)).soil
-    lost = e_b * max(1 - math.exp(-0.8 * x), 0.0)
-    assert float(found.exit_ratio) == pytest.approx(max(0.2 - lost, -0.9))
-    assert float(found.theta_2) == pytest.approx(min(-0.1 + lost * 0.7, 0.9 * 0.7))
-    assert float(found.k_1) == pytest.approx(soil.k_1 * math.exp(-0.8 * x))
-
-
-@pytest.mark.parametrize("v", [0.005, -0.02])
-def test_loosened_sand_lifts_at_any_speed_by_its_sense(patch, v):
-    contact = patch(S=0.2, v_x=v, rim=0.0, soil=Soil(n=0.8))
-    found = SlipSoftening(a=1.4, length=0.05, v_0=0.005).load(contact, Load(f_n=9.0), (0.9,))
-    lift = 9.0 * 0.006 * 1.4 * (0.9 - 0.36) / (1.3 * 0.05)
-    assert float(found.f_t) == pytest.approx(-lift * v / math.hypot(v, 0.005))
-
-
-@pytest.mark.parametrize(("x", "S", "z"), [(0.2, 0.5, 0.75), (0.9, 0.5, 0.75)])
-def test_rim_turning_on_the_spot_loosens_a_fiftieth_of_its_way(patch, x, S, z):
-    for effect, state in ((SlipSoftening(length=0.05), z), (Ploughing(length=0.05), 0.0)):
-        rate = float(effect.rate(patch(S=S, v_x=0.0, rim=-0.08), Load(), (x,))[0])
-        assert rate == pytest.approx(0.02 * 0.08 * max(state - x, 0.0) / 0.05)
-
-
-@pytest.mark.parametrize(("S", "ahead"), [(-0.4, -math.log(0.6)), (-1.0, -math.log(0.2)), (0.3, 0.0)])
-@pytest.mark.parametrize("x", [0.0, 0.2])
-def test_skid_memory_follows_travel_or_a_twentieth_of_rolling(patch, S, ahead, x):
-    rate = float(Ploughing(length=0.05).rate(patch(S=S, v_x=-0.03, rim=0.0), Load(), (x,))[0])
-    assert rate == pytest.approx((ahead - x) * 0.03 / 0.05)
-
-
 @pytest.mark.parametrize("v", [0.005, 0.05, -0.02])
 def test_a_ploughed_rut_is_paid_for_where_the_form_leaves_it_out(patch, v):
     """Bekker's b int p dz at h in what is left of the sand, less that of the shallower rut in whole sand."""
@@ -162,12 +67,6 @@ def test_a_ploughed_rut_is_paid_for_where_the_form_leaves_it_out(patch, v):
     shallow = 0.004 * rest ** (1 / 1.5)  # W as h^(n + 1/2) at a small sinkage
     work = [soil.k_1 * share * (h * (1 - soil.exit_ratio**2)) ** 2 / 2 for share, h in ((rest, 0.004), (1.0, shallow))]
     assert float(found.f_t) == pytest.approx(-(work[0] - work[1]) * v / math.hypot(v, 0.001), rel=0.02)
-
-
-def test_a_warm_winding_resists_as_copper_does(drive):
-    """3.93 per mille a kelvin, IEC 60028: 2 W through 25 K/W are 50 K."""
-    found = WindingHeating(R_th=25.0).amend(drive(resistance=24.0), (2.0,))
-    assert float(found.resistance) == pytest.approx(24.0 * (1 + 0.00393 * 50.0))
 
 
 # --- the differential ------------------------------------------------------------------------------------------------
@@ -215,32 +114,10 @@ def test_what_a_sensor_misreads_can_be_undone():
         }
 
 
-@pytest.mark.parametrize("kind", [kind for kind in package_effects() if issubclass(kind, SensorEffect)])
-def test_a_sensor_at_its_neutral_values_reads_what_is(kind):
-    t = np.arange(0.0, 1.0, 0.1)
-    channels = {name: np.sin(7 * t) for name in ("wheel_rate_fl", "body_x", "body_vx", "body_pitch")}
-    for name, values in kind().replace(**kind.neutral).read(t, channels).items():
-        assert values == pytest.approx(channels[name], abs=1e-15)
-
-
-def test_a_weak_motor_is_the_first_unless_it_is_named():
-    assert WeakMotor().wheel == 0
-
-
 @pytest.mark.parametrize("kind", [kind for kind in package_effects() if issubclass(kind, BodyEffect)])
 def test_only_what_is_bent_holds_energy(kind):
     body = Body(*[0.1] * 12, (0.2, -0.1), (0.3, 0.0), (0.3, 0.0), twist=0.2, names=("rocker_l", "rocker_r"))
     assert (float(kind().stored(body)) > 0.0) == (kind.__name__ in ("DifferentialCompliance", "SpringDamper"))
-
-
-@pytest.mark.parametrize("made", [Ballast, Body, Drive, Push, Load])
-def test_what_is_not_said_is_nothing(made):
-    assert set(made._field_defaults.values()) <= {0.0, ()}
-
-
-def test_exponents_end_where_those_of_a_soil_do():
-    about = quantities(Soil)["n"]
-    assert (about.low, about.high) == (LOWEST_EXPONENT, HIGHEST_EXPONENT)
 
 
 def test_only_slips_turn_their_sign_with_the_travel():

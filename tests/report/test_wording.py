@@ -170,16 +170,6 @@ def nothing():
     return verdict
 
 
-def test_where_nothing_was_added_nothing_changed(nothing):
-    assert all(score.worded.outcome in (Outcome.NONE, Outcome.AT_FLOOR) for score in nothing.scores)
-    text = nothing.summary()
-    held = [line for line in text.splitlines() if "held-out" in line]
-    assert len(held) == 3
-    assert "8 folds: no effect" in held[2]
-    assert not any("->" in line or "%" in line or "worse" in line or "better" in line for line in held)
-    assert nothing.model_description == "the fitted base model, to which nothing was added"
-
-
 def test_folds_that_chose_an_effect_are_not_reported_as_none(nothing):
     folds = dict(zip("abcd", ["PeakStress"] * 3 + [""], strict=True))
     told = dataclasses.replace(nothing, answer=Answer.NONE_FITS, chosen=folds)

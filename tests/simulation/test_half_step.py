@@ -6,7 +6,7 @@ import pytest
 from rover_pin.control.constant import ConstantDuty
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.outcome import audit
-from rover_pin.simulation.outcome.half_step import MOVED, MOVED_SHARE, Halved, halved, repeating, step_warnings
+from rover_pin.simulation.outcome.half_step import repeating, step_warnings
 from rover_pin.simulation.simulate import Timing, simulate
 from rover_pin.simulation.trace.rows import row_type
 from rover_pin.tuning.drives import drive_full
@@ -20,31 +20,6 @@ def rows_at(x, model=None):
     rows = np.zeros(len(x), dtype=row_type(model or scenario("flat").model))
     rows["t"], rows["q"][:, 0] = 0.05 * (1 + np.arange(len(x))), x
     return rows
-
-
-def test_greatest_distance_is_over_the_rows_of_both_drives():
-    half = halved(rows_at([0.0, 0.3, 0.1]), "duration", rows_at([0.0, 0.295]), "duration")
-    assert half == Halved(pytest.approx(0.005), pytest.approx(0.5), "")
-    assert halved(rows_at([0.0]), "duration", rows_at([]), "diverged at 0.00 s: ...").distance == 0.0
-
-
-@pytest.mark.parametrize("way", [0.0, 2.0])
-def test_half_step_change_within_limits_needs_no_warning(way):
-    least = MOVED + MOVED_SHARE * way
-    assert least == pytest.approx(0.001 + 0.005 * way)
-    assert step_warnings([DOUBT], Halved(0.999 * least, way, "")) == []
-    first, second = step_warnings([DOUBT], Halved(1.001 * least, way, ""))
-    assert first == f"{DOUBT}."
-    assert f" {1e3 * least:.2g} mm" in second
-    assert step_warnings([], Halved(1.001 * least, way, "")) == [second]
-
-
-def test_other_stop_reason_is_reported_but_another_time_is_not():
-    near = rows_at([0.0, 0.1])
-    same = halved(near, "buried: wheel fl at 0.65 s", near, "buried: wheel fr at 0.60 s")
-    assert same.warning == ""
-    other = halved(near, "duration", near, "buried: wheel fl at 0.65 s")
-    assert "0.65" in other.warning
 
 
 def test_a_doubt_that_cannot_be_measured_stays_a_doubt():

@@ -24,7 +24,6 @@ from rover_pin.experiments.drive_log.ground import field as ground
 from rover_pin.experiments.drive_log.ground import run_variability
 from rover_pin.experiments.drive_log.ground.shared_bend import shared_bend
 from rover_pin.experiments.drive_log.parameters import parameter
-from rover_pin.experiments.drive_log.resume import Memory
 from rover_pin.loop.drive_written import on_its_ground
 from rover_pin.rover.rover import load_rover
 from rover_pin.simulation.model.model import Model, base_effects
@@ -103,13 +102,6 @@ def test_a_rover_that_stands_has_one_place(two, model):
     np.testing.assert_array_equal(ground.shares_of(stands, model.rover), np.ones((1, len(run.commands.t))))
 
 
-def test_a_long_way_has_no_more_places_than_the_most(two, model):
-    run = two.runs[0]
-    place = run.commands.place * [50.0, 1.0, 1.0]
-    far = dataclasses.replace(run, commands=dataclasses.replace(run.commands, place=place))
-    assert len(ground.shares_of(far, model.rover)) == ground.MOST
-
-
 def test_runs_in_which_nothing_moves_tell_nothing(two, model, monkeypatch):
     """A rover that cannot be set down has replays without a place; they are no reason to stop."""
     monkeypatch.setattr(
@@ -119,14 +111,6 @@ def test_runs_in_which_nothing_moves_tell_nothing(two, model, monkeypatch):
     )
     monkeypatch.setattr(type(two), "predict", lambda self, models: np.zeros((1, *two.observed.shape)))
     assert not ground.ground_columns(two, model)["moved"].any()
-
-
-def test_what_was_worked_out_once_is_kept(two, model, field, tmp_path):
-    kept = dataclasses.replace(two, memory=Memory(tmp_path, "key"))
-    first = kept.random_field(model)
-    np.testing.assert_array_equal(first.moved, field.moved)
-    assert len(list((tmp_path / ".resume").glob("*.npz"))) == 1
-    np.testing.assert_array_equal(dataclasses.replace(kept).random_field(model).moved, first.moved)
 
 
 def test_grip_of_a_run_acts_like_a_change_of_the_friction_angle(two, model, field):
@@ -260,14 +244,6 @@ def test_ground_as_declared_is_not_doubted(model):
     assert told.worst is None
     assert told.sentence == ""
     assert told.rms < 1e-3
-
-
-def test_nothing_is_told_where_no_field_was_learnt(two, model):
-    good = np.isfinite(two.observed)
-    count = len(two.channels)
-    noise = Noise(np.full(count, SD), np.zeros(count), np.eye(count), good)
-    plain = fit(Task(two, noise), model, [parameter(model, "soil.phi", math.radians(2.0))])
-    assert run_variability.ground_variability(plain) is None
 
 
 @pytest.mark.parametrize(

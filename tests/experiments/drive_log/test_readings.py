@@ -73,11 +73,6 @@ def test_jumps_turns_over_pi_and_rows_far_apart_do_not_stray():
     assert not pose_outliers(Trace({"t_s": np.arange(3.0), "body_x": np.zeros(3)})).any()
 
 
-def test_a_run_without_outliers_is_the_same_run():
-    (log,) = log_of(GOOD[0]).runs
-    assert without_pose_outliers(log) is log
-
-
 def test_outliers_are_reported_with_times_and_not_as_jumps():
     said = [str(each) for each in findings(with_poses_off(300))]
     (line,) = [each for each in said if "outlier" in each]
@@ -133,16 +128,6 @@ def test_where_rows_are_missing_it_is_anywhere_among_them():
     assert (one.begin, one.end, one.missed) == (pytest.approx(4.75), pytest.approx(5.25), True)
     elsewhere = (EVEN < 6.8) | (EVEN > 7.2)
     assert ambiguous_steps(duties(EVEN[elsewhere], STEPPED[elsewhere])) == []
-
-
-def test_a_duty_that_changes_all_the_time_steps_nowhere():
-    busy = 0.5 + 0.03 * np.random.default_rng(1).standard_normal(len(EVEN))
-    assert ambiguous_steps(duties(uneven(), busy)) == []
-
-
-def test_held_rates_have_no_steps():
-    assert ambiguous_steps(Trace({"t_s": uneven(), "wheel_rate_fl": STEPPED})) == []
-    assert ambiguous_steps(Trace(duties(uneven(), STEPPED).channels, attrs={"input": "rates"})) == []
 
 
 def test_rows_that_such_a_step_may_reach_are_not_told():
@@ -221,10 +206,6 @@ def test_a_place_that_wanders_evenly_is_a_way_that_is_forgotten():
     t = np.arange(0.25, 4.0, 0.5)
     speed = PLACE.size / 3.95
     assert made["moved"][1, 0, 0] == pytest.approx(speed * LEAK * (1 - np.exp(-t / LEAK)), abs=0.015 * PLACE.size)
-
-
-def test_long_runs_have_times_further_apart():
-    assert len(tracker_columns([wandering(("body_z",), seconds=600.0)], ("body_z",), 1200)["moved"]) == 12
 
 
 def test_the_trackers_sds_are_told_beside_the_grounds():

@@ -41,11 +41,6 @@ def test_what_was_asked_for_longest_ago_goes_first():
     assert asked == [[0, 1], [0], [2]]
 
 
-def test_predictions_beyond_the_room_are_still_computed():
-    found = Recent(room=64).of(["a", "b", "c"], making([]))
-    assert [one[0] for one in found] == [0.0, 1.0, 2.0]
-
-
 def test_what_is_kept_cannot_be_written_to():
     (one,) = Recent().of(["a"], making([]))
     with pytest.raises(ValueError, match="read-only"):
