@@ -1,4 +1,4 @@
-"""Ordinary mistakes, in Python and on the command line, from an empty folder: each is one sentence that names it."""
+"""Ordinary mistakes in Python, from an empty folder: each is one sentence that names it."""
 
 import dataclasses
 import math
@@ -120,37 +120,6 @@ def test_a_mistake_in_python_is_named_in_a_sentence(flat, run, named, call):
     assert len(str(refusal.value)) < 700
 
 
-LINES = {
-    "frobnicate": "no command 'frobnicate'",
-    "drive": "Missing argument",
-    "drive flatt": "'flatt'",
-    "drive flat --set soil.k=10m": "soil.k = 10 m",
-    "drive flat --set soil.k=0,01": "'0,01'",
-    "drive flat --set control.delta=55": "control.delta = 55",
-    "drive flat --gravity 1.62kg": "gravity = '1.62kg'",
-    "drive flat --set rover=3": "rover = 3",
-    "drive flat --duration 3": "--set duration=",
-    "bounds --slope-deg 5m": "--slope-deg: unit 'm'",
-    "bounds --slope-deg steep": "--slope-deg = 'steep'",
-    "bounds --slip 20": "slip_limit = 20",
-    "curve --k 10kg": "--k: unit 'kg'",
-    "curve --n=one": "--n = 'one'",
-    "identify cmu-smooth-wheel --prior phi=30deg": "--prior phi=30deg",
-    "identify cmu-smooth-wheel --prior phi=30deg:2": "--prior phi=30deg:2",
-    "identify cmu-smooth-wheel --prior phi=30:2": "soil.phi = 30 rad",
-    "init gone.csv --r 45 --b 50": "Wheel.r = 45 m",
-    "list soil": "'soil'",
-    "list soils dry": "'dry'",
-}
-
-
-@pytest.mark.parametrize(("line", "named"), LINES.items(), ids=list(LINES))
-def test_a_mistake_on_the_command_line_is_named_in_a_sentence(run, line, named):
-    code, out, err = run(*line.split())
-    assert (code, out, len(err.strip().splitlines())) == (2, "", 1), err
-    assert named in err
-
-
 def test_a_soil_a_motor_and_a_start_in_memory_are_driven(run):
     sand, motor = Soil(k=0.01, c=300.0), Motor(supply=8.4)
     made = scenario("flat", soil=sand, motor=motor, start=Start(x=0.3), duration=0.2)
@@ -199,10 +168,3 @@ def test_units_are_read_alike_by_options_settings_and_python(run):
     )
     assert by_degrees[0] == 0
     assert by_degrees[1] == by_radians[1]
-
-
-def test_list_alone_lists_what_there_is(run):
-    code, out, _ = run("list")
-    assert code == 0
-    for name in ("ditch", "table-1", "nexus6", "SlipSinkage", "soil.k", "cmu-smooth-wheel"):
-        assert name in out

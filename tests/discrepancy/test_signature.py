@@ -60,26 +60,11 @@ def test_refit_starts_at_the_estimate_within_three_sizes(u, value, monkeypatch):
     assert FARTHEST == 3.0
 
 
-@pytest.mark.parametrize("u", [0.4, -2.0])
-def test_a_size_tried_at_a_share_starts_as_the_whole(u):
-    whole, part = started(RATE, {SIZE: 0.05}, u), started(RATE, {SIZE: SMALL * 0.05}, SMALL * u, SMALL)
-    assert part == {SIZE: pytest.approx(SMALL * whole[SIZE])}
-
-
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
 def test_a_refit_starts_within_the_bounds(sign):
     size = 0.9 * (BOUNDS.high if sign > 0 else -BOUNDS.low) or 0.5
     found = started(RATE, {SIZE: sign * size}, 1.5)[SIZE]
     assert found == (BOUNDS.high if sign > 0 else BOUNDS.low)
-
-
-@pytest.mark.parametrize(("neutral", "far_off"), [(49.5, False), (51.0, True), (54.0, True)])
-def test_size_is_logarithmic_if_neutral_is_fifty_times_as_large(neutral, far_off, monkeypatch):
-    monkeypatch.setitem(TorqueSaturation.neutral, "i_max", neutral)
-    one = limit(1.0)
-    assert one.size(LIMIT).log is far_off
-    expected = 1.0 if far_off else (neutral + 1.0) / 2.0
-    assert started(one, {LIMIT: 1.0}, 0.25) == {LIMIT: pytest.approx(expected)}
 
 
 def test_every_size_of_an_effect_starts_by_the_same_share():

@@ -3,7 +3,6 @@
 import math
 
 import numpy as np
-import pinocchio as pin
 import pytest
 from scipy.optimize import brentq
 
@@ -91,12 +90,6 @@ def test_parallel_links_follow_the_angles_that_are_given():
     assert q[joint.q_follower] == pytest.approx(joint.ratio * 0.2)
     foot, _ = footing(links, q)
     assert driven_loads(links, q, np.zeros(6)) @ foot.normal[:, 2] == pytest.approx(links.mass * 9.81, rel=3e-3)
-
-
-def test_four_wheels_on_a_rigid_body_share_what_balances():
-    cart = load_rover("cart")
-    loads = driven_loads(cart, pin.neutral(cart.model), np.zeros(4))
-    assert loads == pytest.approx(wheel_loads(cart, 0.0), rel=1e-9)
 
 
 def rigid(wheels, skew=0.0, lift=0.0, inward=0.0):

@@ -3,9 +3,11 @@
 import pinocchio as pin
 import pytest
 
+from rover_pin.rover.rover import load_rover
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.compiled.kernel import Kernel
 from rover_pin.simulation.compiled.rover_numbers import armed
+from rover_pin.simulation.compiled.suspension import joint_strength
 from rover_pin.simulation.start.place import Start, hovering
 
 MOMENT = 1e-7
@@ -48,3 +50,10 @@ def test_servo_has_20_nm_per_rad_and_a_fifth_per_rad_per_s(angle, rate, wanted):
     joint = next(each for each in list(MODEL.rover.model.joints)[2:] if each.idx_v == wheel.steer_dof)
     state.q[joint.idx_q], state.v[joint.idx_v] = 0.1 + angle, rate
     assert torque_of(joint.idx_v, state, target=0.1) == pytest.approx(wanted, rel=1e-4)
+
+
+@pytest.mark.parametrize("name", ["nexus6", "cart"])
+def test_gains_scale_with_mass_and_wheel_from_5_8_kg_on_45_mm(name):
+    rover = load_rover(name)
+    wanted = rover.mass * float(rover.wheels[0].wheel.r) / (5.8 * 0.045)
+    assert joint_strength(rover) == pytest.approx(wanted, rel=1e-5)

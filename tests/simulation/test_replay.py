@@ -13,7 +13,6 @@ from rover_pin.simulation.native.shared import RECORD
 from rover_pin.simulation.replay import Perturbation, averaged, commands, filled, replay, shared, shares
 from rover_pin.simulation.replay import _channels as channels_of
 from rover_pin.simulation.replay import _fields as fields
-from rover_pin.simulation.replay import _with_last as with_last
 from rover_pin.simulation.start.place import Start, shared_rest
 from rover_pin.simulation.trace.rows import row_type
 from rover_pin.simulation.trace.trace import Trace
@@ -217,9 +216,3 @@ def test_a_replay_that_ends_early_keeps_the_row_before_its_end():
     assert np.all(z[last:] == z[last])
     assert z[last] > 0.05
     assert len(z) == len(run.t)
-
-
-@pytest.mark.parametrize(("good", "rows"), [(4, [1, 2, 3, 4]), (3, [1, 2, 3, 3]), (1, [1, 1, 1, 1]), (0, [9, 9, 9, 9])])
-def test_early_end_keeps_the_last_good_row_or_the_current_state(good, rows):
-    loop = SimpleNamespace(rows=np.array([1.0, 2.0, 3.0, 4.0]), now=lambda: 9.0)
-    assert with_last(loop, good).tolist() == rows

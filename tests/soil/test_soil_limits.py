@@ -13,7 +13,7 @@ from rover_pin.contact import Soil, Wheel
 from rover_pin.parameters import SOILS
 from rover_pin.soil.certified import certified_forces
 from rover_pin.soil.sinkage import LOAD_FLOOR, entry_angle
-from rover_pin.soil.torque_at_limits import contact_share, saturation_torque, torque_at_slip
+from rover_pin.soil.torque_at_limits import saturation_torque, torque_at_slip
 from rover_pin.soil.traction import wheel_forces
 
 WHEEL, SOIL = Wheel(), Soil()
@@ -79,15 +79,6 @@ def test_lifted_wheel_has_no_torque_with_a_smooth_transition(torque):
     assert values[0] == (0.0, 0.0)
     assert values[1] == (0.0, 0.0)
     assert 0 < values[2][0] < values[3][0] < values[4][0]
-
-
-def test_contact_share_rises_with_the_cube_of_the_load():
-    """0 in the air, 2^-1.5 at the floor, 1 - 1.5 (floor / load)^2 for a loaded wheel."""
-    assert contact_share(-1.0) == 0.0
-    assert contact_share(1e-3 * LOAD_FLOOR) == pytest.approx(1e-9, rel=1e-5)
-    assert contact_share(LOAD_FLOOR) == pytest.approx(2**-1.5)
-    assert contact_share(2 * LOAD_FLOOR) == pytest.approx(0.8**1.5)
-    assert 1 - contact_share(1e3 * LOAD_FLOOR) == pytest.approx(1.5e-6, rel=1e-4)
 
 
 def test_saturation_torque_is_nearly_the_load_times_the_friction():

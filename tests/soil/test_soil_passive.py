@@ -4,14 +4,11 @@ import math
 
 import numpy as np
 import pytest
-from scipy.integrate import quad
 
-from rover_pin.base.errors import ParameterError
 from rover_pin.contact import Soil, Wheel
 from rover_pin.soil.curves import traction_curves
 from rover_pin.soil.passive import passive
-from rover_pin.soil.quadrature import entry_graded
-from rover_pin.soil.sinkage import entry_angle, power_law_guess
+from rover_pin.soil.sinkage import entry_angle
 from rover_pin.soil.traction import load_traction_factor
 
 ROOT_3 = math.sqrt(3.0)
@@ -37,22 +34,6 @@ def test_the_part_of_cohesion_is_rankines(phi_deg):
     assert passive(math.radians(phi_deg)).per_width(0.02, 300.0, 0.0) == pytest.approx(300.0 * 0.02 * rankine)
 
 
-@pytest.mark.parametrize("n", [0.4, 0.8, 1.0, 1.6, 2.5])
-@pytest.mark.parametrize("ratio", [0.0, 0.15, 0.3])
-def test_entry_angle_guess_is_within_4_percent_if_shallow(n, ratio):
-    """W by adaptive quadrature of Eqs (4) and (6), sigma alone."""
-    wheel, theta_1 = Wheel(r=0.07, b=0.04), 0.1
-    soil = Soil(k_1=4e4, k_2=3e5, n=n, exit_ratio=ratio)
-    scale = wheel.r * wheel.b * (4e4 + 3e5 * wheel.b) * (wheel.r / wheel.b) ** n
-    arc, _ = quad(lambda x: (math.cos(x) - math.cos(theta_1)) ** n * math.cos(x), -ratio * theta_1, theta_1)
-    guess = math.exp(power_law_guess(math.log(scale * arc), wheel, soil))
-    assert guess == pytest.approx(theta_1, rel=0.04)
-
-
-def test_entry_angle_guess_is_at_most_ninety_degrees():
-    assert math.exp(power_law_guess(math.log(1e9), Wheel(), Soil())) == pytest.approx(math.pi / 2, rel=1e-15)
-
-
 def test_curves_cover_every_k_all_slips_and_a_given_exponent():
     soil = Soil(n=1.2)
     found = traction_curves(soil, [0.004, 0.03])
@@ -70,10 +51,3 @@ def test_a_lifted_wheel_stands_as_under_the_least_load():
     lifted, least = (entry_angle(load, 0.0, Wheel(), Soil(n=1.0)) for load in (0.0, 1e-6))
     assert lifted == pytest.approx(least * 2 ** (-1.0 / 6.0), rel=1e-6)
     assert entry_angle(1e-6, 0.0, Wheel(), Soil()) < 0.01 * entry_angle(10.0, 0.0, Wheel(), Soil())
-
-
-def test_two_nodes_are_the_least_of_a_rule():
-    assert len(entry_graded(2).psi) == len(entry_graded(2).weights) == 2
-    for nodes in (1, 0, 2.0, True):
-        with pytest.raises(ParameterError, match=r"number.*2"):
-            entry_graded(nodes)

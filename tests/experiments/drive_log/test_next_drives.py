@@ -199,16 +199,6 @@ def test_what_holds_at_every_duty_needs_currents(model):
     assert found.channel.startswith("current_")
 
 
-def test_every_run_of_the_menu_is_said_once_and_within_the_duty(model):
-    runs = candidate_runs(model.rover, 0.6, Start(), (2,))
-    assert len({run.label for run in runs}) == len(runs) >= 12
-    assert all(np.abs(run.duty).max() <= 1.0 for run in runs)
-    alone = next(run for run in runs if "wheel ml" in run.label)
-    others = np.delete(alone.duty, 2, axis=1)
-    assert np.ptp(others) == 0.0
-    assert np.all(alone.duty[:, 2] != others[:, 0])
-
-
 def test_ballast_is_common_and_rests_at_the_centre_of_mass(model):
     run = next(run for run in candidate_runs(model.rover, 0.6, Start()) if run.ballast)
     mass = sum(inertia.mass for inertia in model.rover.model.inertias)
