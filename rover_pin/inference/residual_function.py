@@ -39,7 +39,7 @@ class FunctionEvidence(NamedTuple):
     covariance: np.ndarray
     rows: np.ndarray
     "the likeliest function (n,) less what the numbers take of it, in SDs of the noise: what a model without it leaves"
-    remainder: np.ndarray
+    missed: np.ndarray
     "what is left with it (n,)"
     scale: float
     "of the noise with it"
@@ -70,7 +70,7 @@ def _reweighed(expansion: Expansion, laplace: Laplace, columns: Columns, amplitu
     slopes = expansion.columns[:, : len(best.u)]
     rows = (columns.times(best.size) - slopes @ (best.u - laplace.mean)) / best.scale
     gain = best.log_evidence - without.log_evidence
-    return FunctionEvidence(gain, best.u, best.covariance, rows, best.remainder, best.scale)
+    return FunctionEvidence(gain, best.u, best.covariance, rows, best.missed, best.scale)
 
 
 class _Mode(NamedTuple):
@@ -78,31 +78,29 @@ class _Mode(NamedTuple):
     u: np.ndarray
     covariance: np.ndarray
     size: np.ndarray
-    remainder: np.ndarray
+    missed: np.ndarray
     scale: float
 
 
 def _mode(expansion: Expansion, laplace: Laplace, columns: Columns, amplitude: float) -> _Mode:
     count, many, settled = len(laplace.mean), columns.width, expansion.settled
     slopes, start, scale = expansion.columns[:, :count], expansion.u[:count], laplace.scale
-    remainder, curvature = settled, np.eye(count + many)
+    missed, curvature = settled, np.eye(count + many)
     for _ in range(TURNS):
-        weights = huber_weights(remainder) / scale**2
+        weights = huber_weights(missed) / scale**2
         weighted = weights[:, None] * slopes
         across = columns.across(weighted)
         curvature = np.block([[slopes.T @ weighted, -across], [-across.T, columns.normal(weights)]])
         curvature += np.diag(np.concatenate([np.ones(count), np.full(many, amplitude**-2.0)]))
         right = np.concatenate([-weighted.T @ settled - start, columns.across(weights * settled)])
         solved = np.linalg.solve(curvature, right)
-        remainder = settled + slopes @ solved[:count] - columns.times(solved[count:])
-        by_scale = expansion.of_scales(huber(remainder), len(remainder))
+        missed = settled + slopes @ solved[:count] - columns.times(solved[count:])
+        by_scale = expansion.of_scales(huber(missed), len(missed))
         scale = float(expansion.scales[int(np.argmax(by_scale))])
     u, size = start + solved[:count], solved[count:]
     penalty = float(u @ u) + float(size @ size) / amplitude**2 + float(np.linalg.slogdet(curvature)[1])
     covariance = np.linalg.inv(curvature)[:count, :count]
-    return _Mode(
-        float(by_scale.max()) - 0.5 * penalty - many * math.log(amplitude), u, covariance, size, remainder, scale
-    )
+    return _Mode(float(by_scale.max()) - 0.5 * penalty - many * math.log(amplitude), u, covariance, size, missed, scale)
 
 
 def with_functions(fits: Sequence[tuple[Expansion, Laplace]], functions: Iterable[Columns]) -> list[FunctionEvidence]:

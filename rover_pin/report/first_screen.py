@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any, ClassVar
-
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.report.headline import headline
 from rover_pin.report.reasons import MAX_REASONS, next_run, opposing_reasons, supporting_reasons
@@ -13,36 +9,24 @@ from rover_pin.report.section import Picture, Section
 from rover_pin.report.words import Labels, capital, human, kinds_of
 
 
-@dataclass(frozen=True, eq=False)
-class FirstScreen(Section):
-    """The first screen of any verdict; `picture` shows what was measured, before and after."""
+def first_screen(verdict: Verdict, labels: Labels, picture: Picture | None = None, file: str = "first") -> Section:
+    """Return the first screen of any verdict; of more reasons than fit it says how many stand further below.
 
-    verdict: Verdict
-    labels: Labels
-    picture: Picture | None = None
-    file: str = "first"
-    "name of the picture's file"
-    title: ClassVar[str] = "Verdict"
-    template: ClassVar[str] = "first_screen.html"
-
-    def content(self) -> Mapping[str, Any]:
-        """Return sentence and reasons; of more reasons than fit, how many stand further below."""
-        why, but = supporting_reasons(self.verdict, self.labels), opposing_reasons(self.verdict, self.labels)
-        return {
-            "file": self.file,
-            "sentence": headline(self.verdict, self.labels),
-            "answer": capital(self.verdict.answer.value),
-            "said": capital(human(self.verdict.sentence, kinds_of(self.verdict))),
-            "added": bool(self.verdict.named),
-            "believe": why[:MAX_REASONS],
-            "doubt": but[:MAX_REASONS],
-            "more": max(len(but) - MAX_REASONS, 0),
-            "next": next_run(self.verdict),
-        }
-
-    def pictures(self) -> Mapping[str, Picture]:
-        """Return the one picture."""
-        return {self.file: self.picture} if self.picture is not None else {}
+    `picture` shows what was measured, before and after; `file` is the name of its file.
+    """
+    why, but = supporting_reasons(verdict, labels), opposing_reasons(verdict, labels)
+    content = {
+        "file": file,
+        "sentence": headline(verdict, labels),
+        "answer": capital(verdict.answer.value),
+        "said": capital(human(verdict.sentence, kinds_of(verdict))),
+        "added": bool(verdict.named),
+        "believe": why[:MAX_REASONS],
+        "doubt": but[:MAX_REASONS],
+        "more": max(len(but) - MAX_REASONS, 0),
+        "next": next_run(verdict),
+    }
+    return Section("Verdict", "first_screen.html", content, {file: picture} if picture is not None else {})
 
 
 def first_lines(verdict: Verdict, labels: Labels) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -11,7 +11,7 @@ import jinja2
 from markupsafe import Markup, escape
 
 from rover_pin.base.files.columns import replace_file
-from rover_pin.report.section import Picture, Section
+from rover_pin.report.section import Picture, Section, Sections
 from rover_pin.report.svg import png, svg
 
 PAGE = "page.html"
@@ -27,20 +27,19 @@ class Head(NamedTuple):
     title: str
 
 
-def write_page(head: Head, sections: Sequence[Section], out: Path) -> list[Path]:
+def write_page(head: Head, sections: Sections, out: Path) -> list[Path]:
     """Write report.html and NAME.png of every picture, and return their paths, the page's first."""
     rendered_sections: list[tuple[Section, Markup]] = []
     files: list[Path] = []
-    for section in reversed(sections):  # what another process makes for the first ones is waited for last
-        content = section.content()
-        if content is None:
+    for entry in reversed(sections):  # what another process makes for the first ones is waited for last
+        section = entry if entry is None or isinstance(entry, Section) else entry()
+        if section is None:
             continue
-        pictures = section.pictures()
-        inline = {name: _inline(name, picture) for name, picture in pictures.items()}
-        rendered_sections.insert(0, (section, rendered(section.template, {**content, "pictures": inline})))
+        inline = {name: _inline(name, picture) for name, picture in section.pictures.items()}
+        rendered_sections.insert(0, (section, rendered(section.template, {**section.content, "pictures": inline})))
         files[:0] = [
             replace_file(out / file, image)
-            for name, picture in pictures.items()
+            for name, picture in section.pictures.items()
             for file, image in _files(name, picture)
         ]
     return [replace_file(out / "report.html", rendered(PAGE, {"head": head, "sections": rendered_sections})), *files]

@@ -1,10 +1,9 @@
-"""What a page is made of: sections, each a class with a title, a template and what it shows, or nothing at all."""
+"""What a page is made of: sections, each with a title, a template and what it shows, or None."""
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from collections.abc import Mapping
-from typing import Any, ClassVar, NamedTuple
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
 
 from matplotlib.figure import Figure
 
@@ -18,25 +17,23 @@ class Picture(NamedTuple):
     caption: str = ""
 
 
-class Section(ABC):
-    """One section of a report; abstract or final. A section without content is not in the page, nor in its contents."""
+class Section(NamedTuple):
+    """One section of a page: what its template shows, and its pictures by name; each becomes NAME.png too."""
 
-    title: ClassVar[str]
-    template: ClassVar[str]
+    title: str
+    template: str
     "name of its file in this room"
+    content: Mapping[str, Any]
+    pictures: Mapping[str, Picture] = {}
 
     @property
     def html_id(self) -> str:
         """Where the contents point."""
         return "".join(letter if letter.isalnum() else "-" for letter in self.title.lower()).strip("-")
 
-    @abstractmethod
-    def content(self) -> Mapping[str, Any] | None:
-        """Return what the template shows, or None where there is nothing to say."""
 
-    def pictures(self) -> Mapping[str, Picture]:
-        """Return the section's pictures by name; each becomes NAME.png too."""
-        return {}
+Sections = Sequence[Section | Callable[[], Section | None] | None]
+"""What a page is made of, in its order. None is left out; what is made by another process is called for last."""
 
 
 class Row(NamedTuple):

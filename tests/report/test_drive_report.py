@@ -19,15 +19,15 @@ from rover_pin.report.drive import ghost
 from rover_pin.report.drive.cautions import cautions
 from rover_pin.report.drive.full_duty import at_full_duty
 from rover_pin.report.drive.ghost import Ghosts
-from rover_pin.report.drive.report import FreeRuns, labels_of, sides_of, write_report
-from rover_pin.report.drive.residual import LeftOver
+from rover_pin.report.drive.report import free_runs_section, labels_of, sides_of, write_report
+from rover_pin.report.drive.residual import residual_section
 from rover_pin.report.drive.runs import Sides, strayed, telling_channels, worst_runs
 from rover_pin.report.practical import channel_changes
-from rover_pin.report.sections.held_out import HeldOut
-from rover_pin.report.sections.numbers import Numbers, number_table
-from rover_pin.report.sections.physics import Physics
-from rover_pin.report.sections.sensitivity import Untold, sensitivities
-from rover_pin.report.sections.which_cause import WhichCause
+from rover_pin.report.sections.held_out import held_out_section
+from rover_pin.report.sections.numbers import number_table, numbers_section
+from rover_pin.report.sections.physics import physics_section
+from rover_pin.report.sections.sensitivity import sensitivities, sensitivity_section
+from rover_pin.report.sections.which_cause import which_cause_section
 
 SECTIONS = [
     "Driven freely", "Seen in 3D", "Error on data that were not fitted", "Where the error lives",
@@ -85,7 +85,7 @@ def test_names_are_text_whatever_they_hold(made, verdict, tmp_path):
     free = tuple(each._replace(run=odd) for each in extra.free)
     one = dataclasses.replace(verdict, name="<b>small</b>", extra=DriveExtra(free, extra.residual))
     log = dataclasses.replace(made[0], metadata=dataclasses.replace(made[0].metadata, name="<b>small</b>"))
-    content = FreeRuns(one).content()
+    content = free_runs_section(one).content
     assert content["table"].rows[0].cells[0] == odd
     no_scene = dataclasses.replace(one, extra=DriveExtra((), extra.residual))
     page = page_of((log,), no_scene, tmp_path)
@@ -95,7 +95,7 @@ def test_names_are_text_whatever_they_hold(made, verdict, tmp_path):
 
 def test_the_scene_is_of_the_run_that_strays_furthest(made, verdict):
     pytest.importorskip("viser")
-    content = Ghosts.of(verdict, made[0], sides_of(verdict)).content()
+    content = Ghosts.of(verdict, made[0], sides_of(verdict)).section().content
     worst = max(extra_of(verdict).free, key=lambda one: one.before)
     assert content["run"] == worst.run
     assert "orange: base model" in content["page"]
@@ -112,8 +112,8 @@ def test_without_viser_the_page_says_what_the_scene_takes(made, verdict, monkeyp
 
 def test_profiles_are_drawn_where_there_are_any(verdict):
     shape = Profile("SupplySag.R_b", "ohm", (1.8, 2.0, 2.2), (4.0, 0.0, 4.0))
-    assert "profiles" in Numbers(dataclasses.replace(verdict, profiles=(shape,))).pictures()
-    assert not Numbers(verdict).pictures()
+    assert "profiles" in numbers_section(dataclasses.replace(verdict, profiles=(shape,))).pictures
+    assert not numbers_section(verdict).pictures
 
 
 def test_a_remainder_that_is_noise_has_no_curves(verdict):
@@ -121,9 +121,9 @@ def test_a_remainder_that_is_noise_has_no_curves(verdict):
     terms = tuple(dataclasses.replace(each, gain=13.0) for each in extra.residual.terms)
     quiet = dataclasses.replace(extra.residual, terms=terms)
     one = dataclasses.replace(verdict, extra=extra._replace(residual=quiet))
-    assert not LeftOver(one).pictures()
-    assert "term describes" in LeftOver(one).content()["left"]
-    assert LeftOver(dataclasses.replace(verdict, extra=DriveExtra(extra.free))).content() is None
+    assert not residual_section(one).pictures
+    assert "term describes" in residual_section(one).content["left"]
+    assert residual_section(dataclasses.replace(verdict, extra=DriveExtra(extra.free))) is None
 
 
 def test_every_run_left_out_has_its_line(made, verdict):
@@ -137,7 +137,7 @@ def test_every_run_left_out_has_its_line(made, verdict):
     assert now < was
     for one in verdict.runs:
         assert one.low <= one.after / one.before - 1 <= one.high
-    parts = HeldOut(verdict, labels_of(verdict)).content()["parts"]
+    parts = held_out_section(verdict, labels_of(verdict)).content["parts"]
     assert [row.cells[0] for row in parts.rows] == [one.run for one in verdict.runs]
 
 
@@ -180,7 +180,7 @@ def test_sizes_that_would_show(verdict):
     sd = beside.moments("WeakMotor[4].g")[1]
     assert 3 * SIZE_SD * sd == pytest.approx(told["WeakMotor"][0].share)
     assert told["WeakMotor"][0].size == f"g = {3 * SIZE_SD * sd * 0.02:.4g}"
-    rows = Untold(verdict, labels_of(verdict)).content()
+    rows = sensitivity_section(verdict, labels_of(verdict)).content
     assert rows["detectable"].rows[1].cells[0] == "weak motor (wheel rl) (WeakMotor[4])"
     assert not rows["undetectable"].rows
 
@@ -196,7 +196,7 @@ def test_large_sizes_and_open_ones_are_not_told(verdict, sd, why, size):
     (friction,) = (one for one in verdict.beliefs.hypotheses if one.names == ("SupplySag", "GearFriction"))
     vague = SimpleNamespace(**{name: getattr(friction, name) for name in OF_A_HYPOTHESIS}, moments=lambda _: (0, sd))
     one = dataclasses.replace(verdict, beliefs=Beliefs((vague,), 4, ("Dropped",)))
-    rows = Untold(one, labels_of(one)).content()["undetectable"].rows
+    rows = sensitivity_section(one, labels_of(one)).content["undetectable"].rows
     assert rows[0].cells == ("dry gear friction (GearFriction)", why, size)
     assert rows[1].cells == ("Dropped", "with it, however small, no fit ended", "none")
 
@@ -205,7 +205,7 @@ OF_A_HYPOTHESIS = ("names", "causes", "parameters", "experiment", "model", "is_f
 
 
 def test_what_was_estimated_is_told_from_what_was_fitted(verdict):
-    content = WhichCause(verdict, labels_of(verdict)).content()
+    content = which_cause_section(verdict, labels_of(verdict)).content
     sizes = {row.cells[0]: row.cells[2] for row in content["causes"].rows}
     assert sizes["supply sag (SupplySag)"].startswith("R_b = 2")
     assert sizes["weak motor (wheel rl) (WeakMotor[4])"].split("; ")[-1].startswith("g = ")
@@ -227,7 +227,7 @@ def test_contribution_of_an_effect_is_the_prediction_without_it(made, verdict):
     duty = [trace for trace in made[0].runs][run]
     drawn = np.nansum(after.predicted[run][currents], axis=0).max() * max(float(duty["duty_fl"].max()), 0.0)
     assert first.without - first.with_it == pytest.approx(2.0 * drawn, rel=0.1)
-    said = Physics(verdict, labels_of(verdict)).content()["effects"][0]["does"][0]
+    said = physics_section(verdict, labels_of(verdict)).content["effects"][0]["does"][0]
     assert "bus voltage" in said
 
 

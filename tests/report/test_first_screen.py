@@ -8,7 +8,7 @@ import pytest
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.held_out import ChannelScore, RunScore
 from rover_pin.report.drive.report import labels_of
-from rover_pin.report.first_screen import FirstScreen, first_lines
+from rover_pin.report.first_screen import first_lines, first_screen
 from rover_pin.report.headline import headline
 from rover_pin.report.reasons import next_run, opposing_reasons, supporting_reasons
 from rover_pin.report.words import Labels, brief, cause, human, pair
@@ -161,7 +161,7 @@ def test_a_terminal_gets_the_same_first_screen(verdict):
     manner = labels_of(verdict)
     text = first_lines(verdict, manner)
     assert text.splitlines()[0] == headline(verdict, manner)
-    content = FirstScreen(verdict, manner).content()
+    content = first_screen(verdict, manner).content
     for line in (*content["believe"], *content["doubt"], *content["next"]):
         assert f"  - {line}" in text
 

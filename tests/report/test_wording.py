@@ -23,7 +23,7 @@ from rover_pin.loop.rig import on_rig
 from rover_pin.report.figures import heldout_panels
 from rover_pin.report.rig.cautions import of_parameters
 from rover_pin.report.rig.report import write_report
-from rover_pin.report.sections.held_out import HeldOut, channel_table
+from rover_pin.report.sections.held_out import channel_table, held_out_section
 from rover_pin.report.words import Labels
 from tests.experiments.wheel_rig import linear_rig as rig
 
@@ -205,7 +205,7 @@ def test_rows_of_a_drive_report_word_changes_alike():
     assert (row.cells[-1], row.look) == ("worse", "away")
     runs = (RunScore("run-0", 40, 2.0, 1.0, -0.6, -0.4), RunScore("run-1", 4, 2.0, 1.0, -0.5, -0.5))
     verdict = Verdict("drive-log", Answer.NAMED, "x", "", None, named=("ExitAngle",), scores=(score, lost), runs=runs)
-    parts = HeldOut(verdict, MANNER).content()["parts"]
+    parts = held_out_section(verdict, MANNER).content["parts"]
     assert [row.cells[-1] for row in parts.rows] == ["-50%, 95 % [-60%, -40%]", "-50%, no interval"]
 
 

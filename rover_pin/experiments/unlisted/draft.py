@@ -57,7 +57,7 @@ class Base(NamedTuple):
     name: str
     arrays: str
     imports: str
-    given: str
+    rate_arguments: str
     sees: dict[str, str]
 
 
@@ -150,10 +150,10 @@ def draft(term: Term, name: str, wheels: Sequence[str]) -> str:
         said=textwrap.fill(f"It {term.description}.", 110), name=class_name(name), base=base.name, arrays=base.arrays,
         imports=base.imports,
     )  # fmt: skip
-    state, rate = STATES.get(term.argument.name, ()) if base.given else (), ""
+    state, rate = STATES.get(term.argument.name, ()) if base.rate_arguments else (), ""
     if state:
         text += f'    states: ClassVar[tuple[State, ...]] = (State("{state[0]}", odd={state[2]}),)\n'
-        rate = f"\n    def rate(self, {base.given}, x):\n        return ({state[1]},)\n"
+        rate = f"\n    def rate(self, {base.rate_arguments}, x):\n        return ({state[1]},)\n"
     value = _value(term, base.sees[term.argument.name].format(reading=reading))
     return text + method.format(value=value, size=size, wheels=len(wheels), where=where, reading=reading) + rate
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
-from typing import Any, ClassVar, Self
+from typing import Self
 
 import numpy as np
 
@@ -24,7 +24,7 @@ from rover_pin.view.subject import Subject, mesh_folder
 
 
 @dataclass(frozen=True, eq=False)
-class Ghosts(Section):
+class Ghosts:
     """The run on which the base model diverges furthest, as a scene within the page; without viser, how to get it."""
 
     run: str
@@ -33,8 +33,6 @@ class Ghosts(Section):
     "whether there is a model after"
     pages: Iterator[str] | None
     "the scene as a page, which another process may be making; None without viser"
-    title: ClassVar[str] = "Seen in 3D"
-    template: ClassVar[str] = "drive/ghost.html"
 
     @classmethod
     def of(cls, verdict: Verdict, log: DriveLog, sides: Sides | None) -> Self:
@@ -45,15 +43,15 @@ class Ghosts(Section):
         run = max(free, key=lambda free_run: free_run.before).run
         return cls(run, sides.added, _begun(log, sides, run) if find_spec("viser") else None)
 
-    def content(self) -> Mapping[str, Any] | None:
+    def section(self) -> Section | None:
         """Return the scene as a page, empty without viser; None where nothing was driven."""
         if not self.run:
             return None
-        fields = {"run": self.run, "added": self.added}
         try:
-            return {**fields, "page": "" if self.pages is None else next(self.pages)}
+            page = "" if self.pages is None else next(self.pages)
         except RoverPinError:  # a run without the places that a scene needs
             return None
+        return Section("Seen in 3D", "drive/ghost.html", {"run": self.run, "added": self.added, "page": page})
 
 
 def _begun(log: DriveLog, sides: Sides, run: str) -> Iterator[str]:

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, ClassVar
 
 import numpy as np
 
@@ -17,7 +14,7 @@ from rover_pin.experiments.drive_log.parameters import with_wheels
 from rover_pin.logs.drive_log import DriveLog
 from rover_pin.report.drive.full_duty import at_full_duty
 from rover_pin.report.drive.ghost import Ghosts
-from rover_pin.report.drive.residual import LeftOver
+from rover_pin.report.drive.residual import residual_section
 from rover_pin.report.drive.runs import (
     Sides,
     free_panels,
@@ -27,16 +24,16 @@ from rover_pin.report.drive.runs import (
     words_of,
     worst_runs,
 )
-from rover_pin.report.first_screen import FirstScreen
+from rover_pin.report.first_screen import first_screen
 from rover_pin.report.headline import WORTH, headline
 from rover_pin.report.page import Head, write_page
 from rover_pin.report.section import AWAY, Picture, Row, Section, Table, before_and_after
-from rover_pin.report.sections.closing import DataCheck, Repeat, Warnings
-from rover_pin.report.sections.held_out import HeldOut
-from rover_pin.report.sections.numbers import Numbers
-from rover_pin.report.sections.physics import Physics
-from rover_pin.report.sections.sensitivity import Untold
-from rover_pin.report.sections.which_cause import WhichCause
+from rover_pin.report.sections.closing import data_check_section, repeat_section, warnings_section
+from rover_pin.report.sections.held_out import held_out_section
+from rover_pin.report.sections.numbers import numbers_section
+from rover_pin.report.sections.physics import physics_section
+from rover_pin.report.sections.sensitivity import sensitivity_section
+from rover_pin.report.sections.which_cause import which_cause_section
 from rover_pin.report.words import Labels, brief, listing, pair
 
 SHOWN = 2
@@ -59,21 +56,22 @@ def labels_of(verdict: Verdict) -> Labels:
 def write_report(verdict: Verdict, log: DriveLog, out: Path) -> list[Path]:
     """Write report.html and its figures, and return their paths."""
     labels, sides = labels_of(verdict), sides_of(verdict)
+    ghosts = Ghosts.of(verdict, log, sides)
     seconds = sum(float(trace.t[-1] - trace.t[0]) for trace in log.runs if len(trace.t))
     sections = [
-        FirstScreen(verdict, labels, _picture(sides), "worst_run"),
-        FreeRuns(verdict),
-        Ghosts.of(verdict, log, sides),
-        HeldOut(verdict, labels),
-        WhereItIsWrong(verdict),
-        Physics(verdict, labels, lambda effect: at_full_duty(verdict.model, effect)),
-        WhichCause(verdict, labels),
-        Numbers(verdict),
-        LeftOver(verdict),
-        Untold(verdict, labels),
-        Warnings(verdict, labels),
-        DataCheck(verdict, log.metadata.source),
-        Repeat(verdict, labels),
+        first_screen(verdict, labels, _picture(sides), "worst_run"),
+        free_runs_section(verdict),
+        ghosts.section,
+        held_out_section(verdict, labels),
+        where_wrong_section(sides),
+        physics_section(verdict, labels, lambda effect: at_full_duty(verdict.model, effect)),
+        which_cause_section(verdict, labels),
+        numbers_section(verdict),
+        residual_section(verdict),
+        sensitivity_section(verdict, labels),
+        warnings_section(verdict, labels),
+        data_check_section(verdict, log.metadata.source),
+        repeat_section(verdict, labels),
     ]
     head = Head(log.metadata.name, f"{len(log.runs)} runs, {seconds:.0f} s", headline(verdict, labels))
     return write_page(head, sections, out)
@@ -114,40 +112,29 @@ def _describe_free_runs(free: tuple[FreeRun, ...]) -> list[str]:
     return [f"left to drive by the logged commands alone it stays closer: {after} off the measured place, not {before}"]
 
 
-@dataclass(frozen=True, eq=False)
-class FreeRuns(Section):
-    """How far simulations diverge that are given the logged commands and nothing else."""
+def free_runs_section(verdict: Verdict) -> Section | None:
+    """Return how far simulations diverge that are given the logged commands alone; None where nothing was driven."""
+    free, sides, added = extra_of(verdict).free, sides_of(verdict), bool(verdict.named)
+    if not free:
+        return None
+    rows = [
+        _free_row(free_run.run, f"{free_run.distance:.2f} m", free_run.before, free_run.after, added)
+        for free_run in free
+    ]
+    if len(free) > 1:
+        rows.append(_free_row("all runs together", "", *_together(free), added))
+    table = Table(("run", "driven", *before_and_after(added)), tuple(rows), "RMS distance from the logged place")
+    pictures = {} if sides is None else {"free": _free_picture(sides, free)}
+    return Section("Driven freely", "drive/free_runs.html", {"table": table}, pictures)
 
-    verdict: Verdict
-    title: ClassVar[str] = "Driven freely"
-    template: ClassVar[str] = "drive/free_runs.html"
 
-    def content(self) -> Mapping[str, Any] | None:
-        """Return the distances; None where nothing was driven."""
-        free = extra_of(self.verdict).free
-        if not free:
-            return None
-        added = bool(self.verdict.named)
-        rows = [
-            _free_row(free_run.run, f"{free_run.distance:.2f} m", free_run.before, free_run.after, added)
-            for free_run in free
-        ]
-        if len(free) > 1:
-            rows.append(_free_row("all runs together", "", *_together(free), added))
-        heads = ("run", "driven", *before_and_after(added))
-        return {"table": Table(heads, tuple(rows), "RMS distance from the logged place")}
-
-    def pictures(self) -> Mapping[str, Picture]:
-        """Return the distance over time."""
-        sides = sides_of(self.verdict)
-        if sides is None:
-            return {}
-        models = [sides.before.model, *([sides.after.model] if sides.added else [])]
-        before, after = (brief(distance, "m") for distance in _together(extra_of(self.verdict).free))
-        alt = f"Distance of free simulations from the logged place over time: {before} RMS" + (
-            f" before and {after} after." if sides.added else "."
-        )
-        return {"free": Picture(free_panels(sides.experiment, models), alt)}
+def _free_picture(sides: Sides, free: tuple[FreeRun, ...]) -> Picture:
+    """Return the distance over time."""
+    models = [sides.before.model, *([sides.after.model] if sides.added else [])]
+    before, after = (brief(distance, "m") for distance in _together(free))
+    times = f"{before} RMS" + (f" before and {after} after." if sides.added else ".")
+    alt = f"Distance of free simulations from the logged place over time: {times}"
+    return Picture(free_panels(sides.experiment, models), alt)
 
 
 def _free_row(run: str, driven: str, before: float, after: float, added: bool) -> Row:
@@ -159,27 +146,14 @@ def _mm(distance: float) -> str:
     return f"{1e3 * distance:.1f} mm" if np.isfinite(distance) else "did not drive"
 
 
-@dataclass(frozen=True, eq=False)
-class WhereItIsWrong(Section):
-    """Measured and modelled channels, and what is left of them, along the runs that are missed most."""
-
-    verdict: Verdict
-    title: ClassVar[str] = "Where the error lives"
-    template: ClassVar[str] = "drive/where_it_is_wrong.html"
-
-    def content(self) -> Mapping[str, Any] | None:
-        """Return whether anything was added; None where nothing was fitted."""
-        return None if sides_of(self.verdict) is None else {"added": bool(self.verdict.named)}
-
-    def pictures(self) -> Mapping[str, Picture]:
-        """Return residuals and channels against time."""
-        sides = sides_of(self.verdict)
-        assert sides is not None
-        names = listing(words_of(sides.experiment.channels[row]) for row in telling_channels(sides))
-        after = " and after" * sides.added
-        return {
-            "residuals": Picture(
-                residual_panels(sides), f"Measured minus model of {names} against time, before{after}."
-            ),
-            "measured": Picture(measured_panels(sides), f"Measured and modelled {names} against time, before{after}."),
-        }
+def where_wrong_section(sides: Sides | None) -> Section | None:
+    """Return measured and modelled channels, and what is left of them, along the runs that are missed most."""
+    if sides is None:
+        return None
+    names = listing(words_of(sides.experiment.channels[row]) for row in telling_channels(sides))
+    after = " and after" * sides.added
+    pictures = {
+        "residuals": Picture(residual_panels(sides), f"Measured minus model of {names} against time, before{after}."),
+        "measured": Picture(measured_panels(sides), f"Measured and modelled {names} against time, before{after}."),
+    }
+    return Section("Where the error lives", "drive/where_it_is_wrong.html", {"added": sides.added}, pictures)

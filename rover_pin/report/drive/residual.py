@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any, ClassVar
-
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.experiments.drive_log.extra import extra_of
 from rover_pin.experiments.unlisted.residual import DriveResidual
@@ -20,39 +16,31 @@ MAX_RESIDUAL_CHANNELS = 12
 """Channels whose residual is listed."""
 
 
-@dataclass(frozen=True, eq=False)
-class LeftOver(Section):
-    """What is left: the terms that describe it best, and the channels with what they go with."""
+def residual_section(verdict: Verdict) -> Section | None:
+    """Return what is left: the terms that describe it best, and the channels with what they go with."""
+    residual = extra_of(verdict).residual
+    if residual is None:
+        return None
+    terms = tuple(Row((f"it {term.description}", *_gains(term))) for term in residual.terms[:TERMS])
+    heads = ("what is left", "gain in chi2", "chance", "on runs left out", "net gain")
+    content = {
+        "left": residual.description,
+        "terms": Table(heads, terms) if not residual.is_noise else None,
+        "channels": channel_table(residual),
+        "draft": verdict.draft,
+    }
+    pictures = {} if residual.is_noise or not residual.terms else {"terms": _picture(residual)}
+    return Section("What is left", "drive/residual.html", content, pictures)
 
-    verdict: Verdict
-    title: ClassVar[str] = "What is left"
-    template: ClassVar[str] = "drive/residual.html"
 
-    def content(self) -> Mapping[str, Any] | None:
-        """Return sentences and tables; None where nothing was fitted."""
-        residual = extra_of(self.verdict).residual
-        if residual is None:
-            return None
-        terms = tuple(Row((f"it {term.description}", *_gains(term))) for term in residual.terms[:TERMS])
-        heads = ("what is left", "gain in chi2", "chance", "on runs left out", "net gain")
-        return {
-            "left": residual.description,
-            "terms": Table(heads, terms) if not residual.is_noise else None,
-            "channels": channel_table(residual),
-            "draft": self.verdict.draft,
-        }
-
-    def pictures(self) -> Mapping[str, Picture]:
-        """Return the estimated functions, where more than noise is left."""
-        residual = extra_of(self.verdict).residual
-        if residual is None or residual.is_noise or not residual.terms:
-            return {}
-        alt = f"Estimated functions of the terms that describe what is left best: it {residual.best.description}."
-        caption = (
-            "What acts, times a function of what it depends on, as estimated from measured - model; shaded: one SD. "
-            "Net gain: what it takes beyond chance, no more than on runs on which it was not fitted."
-        )
-        return {"terms": Picture(term_panels(residual.terms[:TERMS]), alt, caption)}
+def _picture(residual: DriveResidual) -> Picture:
+    """Return the estimated functions."""
+    alt = f"Estimated functions of the terms that describe what is left best: it {residual.best.description}."
+    caption = (
+        "What acts, times a function of what it depends on, as estimated from measured - model; shaded: one SD. "
+        "Net gain: what it takes beyond chance, no more than on runs on which it was not fitted."
+    )
+    return Picture(term_panels(residual.terms[:TERMS]), alt, caption)
 
 
 def _gains(term: Term) -> tuple[str, ...]:

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar
 
 import numpy as np
 
@@ -26,7 +23,7 @@ def write_report(verdict: Verdict, joint: JointRig, out: Path) -> list[Path]:
     """Write report.html and its figures, and return their paths."""
     count = int(np.isfinite(joint.observed).any(axis=1).sum())
     kicker = f"{len(joint.sets)} sets in one sand: {count} runs at {len(joint.folds)} levels of slip"
-    sections = sections_of(verdict, LABELS, _picture(verdict, joint), SetBySet(verdict))
+    sections = sections_of(verdict, LABELS, _picture(verdict, joint), set_by_set_section(verdict))
     return write_page(Head(joint.name, kicker, headline(verdict, LABELS)), sections, out)
 
 
@@ -43,32 +40,16 @@ def _picture(verdict: Verdict, joint: JointRig) -> Picture | None:
     )
 
 
-@dataclass(frozen=True, eq=False)
-class SetBySet(Section):
-    """The held-out errors of each set, and of a curve through that set alone."""
-
-    verdict: Verdict
-    title: ClassVar[str] = "Set by set"
-    template: ClassVar[str] = "joint/set_by_set.html"
-
-    def content(self) -> Mapping[str, Any] | None:
-        """Return the table; None where nothing was fitted."""
-        if not isinstance(self.verdict.extra, JointExtra):
-            return None
-        added = bool(self.verdict.named)
-        rows = []
-        for set_error in self.verdict.extra.sets:
-            errors = [
-                format_value(error, set_error.unit)
-                for error in ((set_error.before, set_error.after) if added else (set_error.before,))
-            ]
-            curve = f"{format_value(set_error.curve_error, set_error.unit)} ({set_error.curve})"
-            cells = (
-                f"{set_error.set}: {set_error.channel}",
-                *errors,
-                format_value(set_error.noise, set_error.unit),
-                curve,
-            )
-            rows.append(Row(cells, AWAY * (set_error.curve_error < set_error.after)))
-        heads = ("set and channel, not fitted", *before_and_after(added), "noise", "a curve of that set alone")
-        return {"table": Table(heads, tuple(rows), "Held-out errors of each set")}
+def set_by_set_section(verdict: Verdict) -> Section | None:
+    """Return the held-out errors of each set, and of a curve through that set alone; None where nothing was fitted."""
+    if not isinstance(verdict.extra, JointExtra):
+        return None
+    added, rows = bool(verdict.named), []
+    for row in verdict.extra.sets:
+        values = (row.before, row.after, row.noise) if added else (row.before, row.noise)
+        errors = [format_value(value, row.unit) for value in values]
+        curve = f"{format_value(row.curve_error, row.unit)} ({row.curve})"
+        rows.append(Row((f"{row.set}: {row.channel}", *errors, curve), AWAY * (row.curve_error < row.after)))
+    heads = ("set and channel, not fitted", *before_and_after(added), "noise", "a curve of that set alone")
+    table = Table(heads, tuple(rows), "Held-out errors of each set")
+    return Section("Set by set", "joint/set_by_set.html", {"table": table})

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar
 
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.effects.names import display_name
@@ -13,18 +10,18 @@ from rover_pin.estimation.wording import Against, format_value
 from rover_pin.experiments.wheel_rig.data import RigSet
 from rover_pin.experiments.wheel_rig.diagnostics import RigExtra
 from rover_pin.experiments.wheel_rig.residual_tests import SIGNIFICANCE_LEVEL, ResidualTest
-from rover_pin.report.first_screen import FirstScreen
+from rover_pin.report.first_screen import first_screen
 from rover_pin.report.headline import headline
 from rover_pin.report.page import Head, write_page
 from rover_pin.report.rig.figures import channel_panels, load_caption, looks, residual_panels
 from rover_pin.report.rig.levels import meanings
 from rover_pin.report.section import AWAY, Picture, Row, Section, Table, before_and_after
-from rover_pin.report.sections.closing import DataCheck, Repeat, Warnings
-from rover_pin.report.sections.held_out import HeldOut
-from rover_pin.report.sections.numbers import Numbers
-from rover_pin.report.sections.physics import Physics
-from rover_pin.report.sections.sensitivity import Untold
-from rover_pin.report.sections.which_cause import WhichCause
+from rover_pin.report.sections.closing import data_check_section, repeat_section, warnings_section
+from rover_pin.report.sections.held_out import held_out_section
+from rover_pin.report.sections.numbers import numbers_section
+from rover_pin.report.sections.physics import physics_section
+from rover_pin.report.sections.sensitivity import sensitivity_section
+from rover_pin.report.sections.which_cause import which_cause_section
 from rover_pin.report.words import Labels, kinds_of, listing
 
 UNSEEN = Labels("on slips it never saw", "levels of slip")
@@ -41,17 +38,17 @@ def write_report(verdict: Verdict, data: RigSet, out: Path) -> list[Path]:
     labels = labels_of(data)
     kicker = f"{data.rig.slip.size} runs at {len(data.level_names)} levels of slip"
     sections = [
-        FirstScreen(verdict, labels, _picture(verdict, data), "channels"),
-        HeldOut(verdict, labels),
-        WhereItLives(verdict, data),
-        Physics(verdict, labels),
-        WhichCause(verdict, labels),
-        Numbers(verdict),
-        Elsewhere(verdict),
-        Untold(verdict, labels),
-        Warnings(verdict, labels),
-        DataCheck(verdict, data.source),
-        Repeat(verdict, labels),
+        first_screen(verdict, labels, _picture(verdict, data), "channels"),
+        held_out_section(verdict, labels),
+        where_wrong_section(verdict, data),
+        physics_section(verdict, labels),
+        which_cause_section(verdict, labels),
+        numbers_section(verdict),
+        elsewhere_section(verdict),
+        sensitivity_section(verdict, labels),
+        warnings_section(verdict, labels),
+        data_check_section(verdict, data.source),
+        repeat_section(verdict, labels),
     ]
     return write_page(Head(data.rig.name, kicker, headline(verdict, labels)), sections, out)
 
@@ -76,44 +73,22 @@ def _picture(verdict: Verdict, data: RigSet) -> Picture:
     return Picture(channel_panels(data, curves), f"{alt}. {listing(errors) if after else ''}".strip(), caption)
 
 
-@dataclass(frozen=True, eq=False)
-class WhereItLives(Section):
-    """What each model leaves at each level, and what that goes with."""
-
-    verdict: Verdict
-    data: RigSet
-    title: ClassVar[str] = "Where the error lives"
-    template: ClassVar[str] = "rig/where_it_lives.html"
-
-    @property
-    def sides(self) -> RigExtra:
-        """What the two models leave."""
-        assert isinstance(self.verdict.extra, RigExtra)
-        return self.verdict.extra
-
-    def content(self) -> Mapping[str, Any] | None:
-        """Return what is left in words, and the tests of residuals; None where nothing was fitted."""
-        if not isinstance(self.verdict.extra, RigExtra):
-            return None
-        added = bool(self.verdict.named)
-        lines = [f"Before, {residual.sentence}." for residual in self.sides.before.residuals]
-        lines += [f"After, {residual.sentence}." for residual in self.sides.after.residuals] if added else []
-        return {
-            "lines": lines,
-            "draft": self.verdict.draft,
-            "tests": test_table(self.sides, added),
-            "limit": SIGNIFICANCE_LEVEL,
-        }
-
-    def pictures(self) -> Mapping[str, Picture]:
-        """Return the mean residual of each level."""
-        added = bool(self.verdict.named)
-        panels = residual_panels(self.data, self.sides.before, self.sides.after if added else None)
-        errors = [
-            f"{was.name} {was.rms:.1f} times its noise" + (f" before and {now.rms:.1f} after" if added else "")
-            for was, now in zip(self.sides.before.residuals, self.sides.after.residuals, strict=True)
-        ]
-        return {"residuals": Picture(panels, f"Measured minus model at each level of slip; left is {listing(errors)}.")}
+def where_wrong_section(verdict: Verdict, data: RigSet) -> Section | None:
+    """Return what each model leaves at each level, and what that goes with; None where nothing was fitted."""
+    sides, added = verdict.extra, bool(verdict.named)
+    if not isinstance(sides, RigExtra):
+        return None
+    lines = [f"Before, {residual.sentence}." for residual in sides.before.residuals]
+    lines += [f"After, {residual.sentence}." for residual in sides.after.residuals] if added else []
+    tests = test_table(sides, added)
+    content = {"lines": lines, "draft": verdict.draft, "tests": tests, "limit": SIGNIFICANCE_LEVEL}
+    panels = residual_panels(data, sides.before, sides.after if added else None)
+    errors = [
+        f"{was.name} {was.rms:.1f} times its noise" + (f" before and {now.rms:.1f} after" if added else "")
+        for was, now in zip(sides.before.residuals, sides.after.residuals, strict=True)
+    ]
+    picture = Picture(panels, f"Measured minus model at each level of slip; left is {listing(errors)}.")
+    return Section("Where the error lives", "rig/where_it_lives.html", content, {"residuals": picture})
 
 
 def test_table(sides: RigExtra, added: bool) -> Table:
@@ -130,23 +105,16 @@ def _test(test: ResidualTest) -> str:
     return f"{test.correlation:+.2f} (p = {test.p:.2g})" + (" *" if test.is_significant else "")
 
 
-@dataclass(frozen=True, eq=False)
-class Elsewhere(Section):
-    """Fitted constants against other measurements of them."""
-
-    verdict: Verdict
-    title: ClassVar[str] = "Against other measurements"
-    template: ClassVar[str] = "rig/elsewhere.html"
-
-    def content(self) -> Mapping[str, Any] | None:
-        """Return every constant that is known from elsewhere; None where none is."""
-        extra = self.verdict.extra
-        if not isinstance(extra, RigExtra) or not extra.before.flags:
-            return None
-        sides = [("before", extra.before), *([("after", extra.after)] if self.verdict.named else [])]
-        rows = [
-            Row((when, flag.sentence), AWAY if flag.says is Against.AWAY else "")
-            for when, side in sides
-            for flag in side.flags
-        ]
-        return {"table": Table(("model", "constant, its 95 % interval, and what is known of it"), tuple(rows))}
+def elsewhere_section(verdict: Verdict) -> Section | None:
+    """Return fitted constants against other measurements of them; None where none is known from elsewhere."""
+    extra = verdict.extra
+    if not isinstance(extra, RigExtra) or not extra.before.flags:
+        return None
+    sides = [("before", extra.before), *([("after", extra.after)] if verdict.named else [])]
+    rows = [
+        Row((when, flag.sentence), AWAY if flag.says is Against.AWAY else "")
+        for when, side in sides
+        for flag in side.flags
+    ]
+    table = Table(("model", "constant, its 95 % interval, and what is known of it"), tuple(rows))
+    return Section("Against other measurements", "rig/elsewhere.html", {"table": table})

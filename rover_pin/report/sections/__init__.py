@@ -1,1 +1,1 @@
-"""Sections that the report of any data has: each a class, see `report.section`."""
+"""Sections that the report of any data has: each a function, see `report.section`."""

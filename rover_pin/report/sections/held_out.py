@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, ClassVar
+from collections.abc import Sequence
+from typing import Any
 
 from rover_pin.discrepancy.held_out import LOSES, ChannelScore
 from rover_pin.discrepancy.verdict import Verdict
@@ -18,60 +17,51 @@ from rover_pin.report.words import Labels
 CAPTION = "What a user would otherwise take, on the same data left out; marked where it is better than the model"
 
 
-@dataclass(frozen=True, eq=False)
-class HeldOut(Section):
-    """Held-out errors before and after, with what may be claimed of each."""
+def held_out_section(verdict: Verdict, labels: Labels) -> Section | None:
+    """Return held-out errors before and after, with what may be claimed of each; None where nothing could be fitted."""
+    scores, added = verdict.scores, bool(verdict.named)
+    if not scores:
+        return None
+    content = {
+        "folds": labels.folds,
+        "added": added,
+        "resampled": scores[0].worded.of,
+        "channels": channel_table(scores, added, labels),
+        "parts": parts_table(verdict, labels),
+        "baselines": baseline_table(verdict, labels),
+        "worse": got_worse((labels.channel(score.name), score.worded) for score in scores) if added else "",
+    }
+    pictures = {"heldout": _picture(scores, added, labels)} if len(scores) > MAX_NAMED_CHANNELS else {}
+    return Section("Error on data that were not fitted", "sections/held_out.html", content, pictures)
 
-    verdict: Verdict
-    labels: Labels
-    title: ClassVar[str] = "Error on data that were not fitted"
-    template: ClassVar[str] = "sections/held_out.html"
 
-    def content(self) -> Mapping[str, Any] | None:
-        """Return the tables; None where nothing could be fitted."""
-        scores, added = self.verdict.scores, bool(self.verdict.named)
-        if not scores:
-            return None
-        return {
-            "folds": self.labels.folds,
-            "added": added,
-            "resampled": scores[0].worded.of,
-            "channels": channel_table(scores, added, self.labels),
-            "parts": self._parts(scores, added),
-            "baselines": baseline_table(self.verdict, self.labels),
-            "worse": got_worse((self.labels.channel(score.name), score.worded) for score in scores) if added else "",
-        }
+def _picture(scores: Sequence[ChannelScore], added: bool, labels: Labels) -> Picture:
+    """Return the errors of many channels at a glance."""
+    better, worse = (len(by_outcome(scores, outcome)) for outcome in (Outcome.BETTER, Outcome.WORSE))
+    summary = f"{better} of {len(scores)} channels are predicted better and {worse} worse"
+    alt = f"Held-out error of each channel over its noise; {summary if added else 'nothing was added'}."
+    return Picture(heldout_panels(scores, added, labels), alt)
 
-    def pictures(self) -> Mapping[str, Picture]:
-        """Return the errors of many channels at a glance."""
-        scores = self.verdict.scores
-        if len(scores) <= MAX_NAMED_CHANNELS:
-            return {}
-        better, worse = (by_outcome(scores, outcome) for outcome in (Outcome.BETTER, Outcome.WORSE))
-        summary = f"{len(better)} of {len(scores)} channels are predicted better and {len(worse)} worse" * bool(
-            self.verdict.named
-        )
-        alt = f"Held-out error of each channel over its noise; {summary or 'nothing was added'}."
-        return {"heldout": Picture(heldout_panels(scores, bool(self.verdict.named), self.labels), alt)}
 
-    def _parts(self, scores: Sequence[ChannelScore], added: bool) -> Table:
-        """Return the errors by what was left out: of every channel where there are few, else of all together."""
-        if len(scores) > MAX_NAMED_CHANNELS or not all(score.levels for score in scores):
-            return self._together(added)
-        fold, channel = self.labels.fold, self.labels.channel
-        heads = ("left out", *(channel(score.name) + ", before to after" * added for score in scores))
-        pairs = zip(*([_level(level, score, added) for level in score.levels] for score in scores), strict=True)
-        names = [level.level for level in scores[0].levels]
-        return Table(heads, tuple(Row((fold(name), *cells)) for name, cells in zip(names, pairs, strict=True)))
+def parts_table(verdict: Verdict, labels: Labels) -> Table:
+    """Return the errors by what was left out: of every channel where there are few, else of all together."""
+    scores, added = verdict.scores, bool(verdict.named)
+    if len(scores) > MAX_NAMED_CHANNELS or not all(score.levels for score in scores):
+        return _together(verdict, labels)
+    heads = ("left out", *(labels.channel(score.name) + ", before to after" * added for score in scores))
+    pairs = zip(*([_level(level, score, added) for level in score.levels] for score in scores), strict=True)
+    names = [level.level for level in scores[0].levels]
+    return Table(heads, tuple(Row((labels.fold(name), *cells)) for name, cells in zip(names, pairs, strict=True)))
 
-    def _together(self, added: bool) -> Table:
-        rows = []
-        for run_score in self.verdict.runs:
-            cells = (self.labels.fold(run_score.run), f"{run_score.blocks}", figure(run_score.before, ".2f"))
-            after = (figure(run_score.after, ".2f"), run_score.worded.text) if added else ()
-            rows.append(Row((*cells, *after), AWAY * (added and run_score.low > 0)))
-        heads = ("left out", "blocks", *(("before", "after", "change, 95 %") if added else ("misfit",)))
-        return Table(heads, tuple(rows), "All channels together: chi2 for each number measured; 1 is the noise.")
+
+def _together(verdict: Verdict, labels: Labels) -> Table:
+    added, rows = bool(verdict.named), []
+    for run_score in verdict.runs:
+        cells = (labels.fold(run_score.run), f"{run_score.blocks}", figure(run_score.before, ".2f"))
+        after = (figure(run_score.after, ".2f"), run_score.worded.text) if added else ()
+        rows.append(Row((*cells, *after), AWAY * (added and run_score.low > 0)))
+    heads = ("left out", "blocks", *(("before", "after", "change, 95 %") if added else ("misfit",)))
+    return Table(heads, tuple(rows), "All channels together: chi2 for each number measured; 1 is the noise.")
 
 
 def baseline_table(verdict: Verdict, labels: Labels) -> Table | None:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any, ClassVar
 
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.estimation import wording
@@ -16,32 +14,22 @@ from rover_pin.report.profiles import profiles_figure
 from rover_pin.report.section import AWAY, CHOSEN, Picture, Row, Section, Table
 
 
-@dataclass(frozen=True, eq=False)
-class Numbers(Section):
-    """The fitted numbers; those that sit away from what was known beforehand stand first."""
+def numbers_section(verdict: Verdict) -> Section | None:
+    """Return the fitted numbers; those that sit away from what was known beforehand stand first."""
+    if verdict.after is None or not verdict.after.numbers:
+        return None
+    pictures = {"profiles": _picture(verdict)} if verdict.profiles else {}
+    return Section("Fitted numbers", "sections/numbers.html", {"numbers": number_table(verdict)}, pictures)
 
-    verdict: Verdict
-    title: ClassVar[str] = "Fitted numbers"
-    template: ClassVar[str] = "sections/numbers.html"
 
-    def content(self) -> Mapping[str, Any] | None:
-        """Return the table, and what speaks to it from elsewhere."""
-        if self.verdict.after is None or not self.verdict.after.numbers:
-            return None
-        return {"numbers": number_table(self.verdict)}
-
-    def pictures(self) -> Mapping[str, Picture]:
-        """Return the profiles."""
-        profiles = self.verdict.profiles
-        if not profiles or self.verdict.after is None:
-            return {}
-        ends = {number.name: (number.low, number.high) for number in self.verdict.after.numbers}
-        panels = profiles_figure(profiles, [ends[profile.name] for profile in profiles])
-        alt = f"Rise of chi2 along {', '.join(profile.name for profile in profiles)}, all others refitted."
-        caption = (
-            "Rise of chi2 along each number, all others refitted; dashed: the 95 % limit, shaded: the 95 % interval."
-        )
-        return {"profiles": Picture(panels, alt, caption)}
+def _picture(verdict: Verdict) -> Picture:
+    """Return the profiles."""
+    assert verdict.after is not None
+    ends = {number.name: (number.low, number.high) for number in verdict.after.numbers}
+    panels = profiles_figure(verdict.profiles, [ends[profile.name] for profile in verdict.profiles])
+    alt = f"Rise of chi2 along {', '.join(profile.name for profile in verdict.profiles)}, all others refitted."
+    caption = "Rise of chi2 along each number, all others refitted; dashed: the 95 % limit, shaded: the 95 % interval."
+    return Picture(panels, alt, caption)
 
 
 def number_table(verdict: Verdict) -> Table:

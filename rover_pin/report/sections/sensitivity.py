@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
-from typing import Any, ClassVar, NamedTuple
+from collections.abc import Iterator
+from typing import NamedTuple
 
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.estimation.parameter import Parameter
@@ -36,32 +35,23 @@ class Sensitivity(NamedTuple):
     "why the data cannot tell it; empty where they can"
 
 
-@dataclass(frozen=True, eq=False)
-class Untold(Section):
-    """What could not be told, and from what size the rest would show."""
-
-    verdict: Verdict
-    labels: Labels
-    title: ClassVar[str] = "What could not be told"
-    template: ClassVar[str] = "sections/sensitivity.html"
-
-    def content(self) -> Mapping[str, Any] | None:
-        """Return the two tables; None where nothing was weighed besides what was added."""
-        results = sensitivities(self.verdict.beliefs, self.verdict.named) if self.verdict.beliefs else {}
-        if not results:
-            return None
-        kinds = kinds_of(self.verdict)
-        undetectable, detectable = [], []
-        for best, places in results.values():
-            name = full(best.name, kinds, self.labels) + (f", best of {places} places" if places > 1 else "")
-            if best.why:
-                undetectable.append(Row((name, best.why, best.size)))
-            else:
-                detectable.append(Row((name, best.size, two_digits(best.share))))
-        return {
-            "undetectable": Table(("candidate", "why not", "would show from about"), tuple(undetectable)),
-            "detectable": Table(("candidate", "would show from about", "of its usual size"), tuple(detectable)),
-        }
+def sensitivity_section(verdict: Verdict, labels: Labels) -> Section | None:
+    """Return what could not be told and from what size the rest would show; None where nothing else was weighed."""
+    results = sensitivities(verdict.beliefs, verdict.named) if verdict.beliefs else {}
+    if not results:
+        return None
+    kinds, undetectable, detectable = kinds_of(verdict), [], []
+    for best, places in results.values():
+        name = full(best.name, kinds, labels) + (f", best of {places} places" if places > 1 else "")
+        if best.why:
+            undetectable.append(Row((name, best.why, best.size)))
+        else:
+            detectable.append(Row((name, best.size, two_digits(best.share))))
+    content = {
+        "undetectable": Table(("candidate", "why not", "would show from about"), tuple(undetectable)),
+        "detectable": Table(("candidate", "would show from about", "of its usual size"), tuple(detectable)),
+    }
+    return Section("What could not be told", "sections/sensitivity.html", content)
 
 
 def sensitivities(beliefs: Beliefs, named: tuple[str, ...]) -> dict[str, tuple[Sensitivity, int]]:
@@ -86,9 +76,11 @@ def _of(beliefs: Beliefs, name: str) -> Iterator[Sensitivity]:
     rows = zip(beliefs.scores, beliefs.hypotheses, strict=True)
     _, hypothesis = max((row for row in rows if name in row[1].names), key=lambda row: row[0])
     cause = next(cause for cause in hypothesis.causes if cause.name == name)
-    linear = [each for each in cause.parameters if each.name in cause.amplitudes and not is_threshold(each)]
+    linear = [number for number in cause.parameters if number.name in cause.amplitudes and not is_threshold(number)]
     if linear:
-        sd, parameter = min(((hypothesis.moments(each.name)[1], each) for each in linear), key=lambda pair: pair[0])
+        sd, parameter = min(
+            ((hypothesis.moments(number.name)[1], number) for number in linear), key=lambda pair: pair[0]
+        )
         yield _sensitivity(hypothesis, cause, parameter, sd)
 
 

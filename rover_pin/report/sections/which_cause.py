@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any, ClassVar
-
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -26,87 +22,69 @@ ESTIMATED = "estimated, not fitted"
 """What is said of a set that was weighed by a linear estimate alone."""
 
 
-@dataclass(frozen=True, eq=False)
-class WhichCause(Section):
-    """The probabilities of causes and of sets."""
+def which_cause_section(verdict: Verdict, labels: Labels) -> Section | None:
+    """Return the probabilities of causes and of sets; None where nothing was weighed."""
+    beliefs = verdict.beliefs
+    if beliefs is None:
+        return None
+    rows = [Row((name, f"{probability:.3f}")) for name, probability in beliefs.families.items()]
+    content = {
+        "families": Table(("family", "probability that one of it acts"), tuple(rows), "Families of causes"),
+        "count": beliefs.choice,
+        "estimated": not all(hypothesis.is_fitted for hypothesis in beliefs.hypotheses),
+        "causes": _causes(beliefs, verdict, labels),
+        "sets": _sets(beliefs, verdict, labels),
+        "anew": _anew(verdict, labels),
+    }
+    return Section("Which cause", "sections/which_cause.html", content, {"causes": _picture(beliefs, verdict, labels)})
 
-    verdict: Verdict
-    labels: Labels
-    title: ClassVar[str] = "Which cause"
-    template: ClassVar[str] = "sections/which_cause.html"
 
-    def content(self) -> Mapping[str, Any] | None:
-        """Return the tables; None where nothing was weighed."""
-        beliefs = self.verdict.beliefs
-        if beliefs is None:
-            return None
-        return {
-            "families": self._families(beliefs),
-            "count": beliefs.choice,
-            "estimated": not all(hypothesis.is_fitted for hypothesis in beliefs.hypotheses),
-            "causes": self._causes(beliefs),
-            "sets": self._sets(beliefs),
-            "anew": self._anew(),
-        }
+def _picture(beliefs: Beliefs, verdict: Verdict, labels: Labels) -> Picture:
+    """Return the probabilities of the leading causes."""
+    kinds = kinds_of(verdict)
+    probabilities = list(beliefs.included.items())[:MAX_CAUSES]
+    figure = Figure(figsize=(6.2, 0.26 * len(probabilities) + 1.0), layout="constrained")
+    axis = figure.subplots()
+    colours = [AFTER if name in verdict.named else GREY for name, _ in probabilities]
+    axis.barh(range(len(probabilities)), [probability for _, probability in probabilities], color=colours, height=0.7)
+    names = [as_text(display_name(labels.placed(name), kinds)) for name, _ in probabilities]
+    axis.set_yticks(range(len(probabilities)), names, fontsize=8.5)
+    axis.invert_yaxis()
+    axis.set_xlim(0.0, 1.0)
+    axis.set_xlabel("probability that it acts")
+    axis.grid(alpha=0.25, axis="x")
+    leading = [f"{full(name, kinds, labels)} {probability:.2f}" for name, probability in probabilities[:3]]
+    return Picture((figure,), f"Probability that a cause acts: {listing(leading)}.")
 
-    def pictures(self) -> Mapping[str, Picture]:
-        """Return the probabilities of the leading causes."""
-        assert self.verdict.beliefs is not None
-        kinds = kinds_of(self.verdict)
-        probabilities = list(self.verdict.beliefs.included.items())[:MAX_CAUSES]
-        figure = Figure(figsize=(6.2, 0.26 * len(probabilities) + 1.0), layout="constrained")
-        axis = figure.subplots()
-        colours = [AFTER if name in self.verdict.named else GREY for name, _ in probabilities]
-        axis.barh(
-            range(len(probabilities)), [probability for _, probability in probabilities], color=colours, height=0.7
-        )
-        names = [as_text(display_name(self.labels.placed(name), kinds)) for name, _ in probabilities]
-        axis.set_yticks(range(len(probabilities)), names, fontsize=8.5)
-        axis.invert_yaxis()
-        axis.set_xlim(0.0, 1.0)
-        axis.set_xlabel("probability that it acts")
-        axis.grid(alpha=0.25, axis="x")
-        leading = [f"{full(name, kinds, self.labels)} {probability:.2f}" for name, probability in probabilities[:3]]
-        return {"causes": Picture((figure,), f"Probability that a cause acts: {listing(leading)}.")}
 
-    def _families(self, beliefs: Beliefs) -> Table:
-        rows = [Row((name, f"{probability:.3f}")) for name, probability in beliefs.families.items()]
-        return Table(("family", "probability that one of it acts"), tuple(rows), "Families of causes")
+def _causes(beliefs: Beliefs, verdict: Verdict, labels: Labels) -> Table:
+    kinds, rows = kinds_of(verdict), []
+    for name, probability in list(beliefs.included.items())[:MAX_CAUSES]:
+        cells = full(name, kinds, labels), f"{probability:.3f}", _size(beliefs, name)
+        rows.append(Row(cells, CHOSEN * (name in verdict.named)))
+    return Table(("cause", "probability", "its size, if it acts"), tuple(rows), "Causes")
 
-    def _causes(self, beliefs: Beliefs) -> Table:
-        kinds = kinds_of(self.verdict)
-        rows = []
-        for name, probability in list(beliefs.included.items())[:MAX_CAUSES]:
-            cells = full(name, kinds, self.labels), f"{probability:.3f}", _size(beliefs, name)
-            rows.append(Row(cells, CHOSEN * (name in self.verdict.named)))
-        return Table(("cause", "probability", "its size, if it acts"), tuple(rows), "Causes")
 
-    def _sets(self, beliefs: Beliefs) -> Table:
-        kinds = kinds_of(self.verdict)
-        rows = [
-            Row(
-                (
-                    listing(full(name, kinds, self.labels) for name in sorted(names)) or "nothing",
-                    f"{probability:.3f}",
-                    f"{beliefs.leaves_more(names):.2f}" if beliefs.best(tuple(names)).is_fitted else ESTIMATED,
-                ),
-                CHOSEN * (names == frozenset(self.verdict.named)),
-            )
-            for names, probability in list(beliefs.sets.items())[:MAX_SETS]
-            if probability > LEAST
-        ]
-        return Table(("all that is missing", "probability", "leaves more than noise"), tuple(rows), "Sets")
+def _sets(beliefs: Beliefs, verdict: Verdict, labels: Labels) -> Table:
+    kinds, rows = kinds_of(verdict), []
+    for names, probability in list(beliefs.sets.items())[:MAX_SETS]:
+        if probability > LEAST:
+            causes = listing(full(name, kinds, labels) for name in sorted(names)) or "nothing"
+            is_fitted = beliefs.best(tuple(names)).is_fitted
+            cells = causes, f"{probability:.3f}", f"{beliefs.leaves_more(names):.2f}" if is_fitted else ESTIMATED
+            rows.append(Row(cells, CHOSEN * (names == frozenset(verdict.named))))
+    return Table(("all that is missing", "probability", "leaves more than noise"), tuple(rows), "Sets")
 
-    def _anew(self) -> str:
-        again = capital(human(f"{self.verdict.chosen_again}.", kinds_of(self.verdict)))
-        units = {score.name: score.unit for score in self.verdict.scores}
-        if len(units) > MAX_NAMED_CHANNELS:
-            return again
-        errors = [
-            f"{self.labels.channel(name)} {format_value(error, units[name])}"
-            for name, error in self.verdict.errors_anew.items()
-        ]
-        return f"{again} All hypotheses together miss {self.labels.folds} left out by {listing(errors)}."
+
+def _anew(verdict: Verdict, labels: Labels) -> str:
+    again = capital(human(f"{verdict.chosen_again}.", kinds_of(verdict)))
+    units = {score.name: score.unit for score in verdict.scores}
+    if len(units) > MAX_NAMED_CHANNELS:
+        return again
+    errors = [
+        f"{labels.channel(name)} {format_value(error, units[name])}" for name, error in verdict.errors_anew.items()
+    ]
+    return f"{again} All hypotheses together miss {labels.folds} left out by {listing(errors)}."
 
 
 def _size(beliefs: Beliefs, name: str) -> str:

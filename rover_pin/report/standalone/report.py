@@ -14,16 +14,16 @@ from rover_pin.effects.names import display_name
 from rover_pin.estimation.experiment import Experiment
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.wording import in_words
-from rover_pin.report.first_screen import FirstScreen
+from rover_pin.report.first_screen import first_screen
 from rover_pin.report.headline import headline
 from rover_pin.report.page import Head, write_page
-from rover_pin.report.section import Picture, Section
-from rover_pin.report.sections.closing import DataCheck, Repeat, Warnings
-from rover_pin.report.sections.held_out import HeldOut
-from rover_pin.report.sections.numbers import Numbers
-from rover_pin.report.sections.physics import Physics
-from rover_pin.report.sections.sensitivity import Untold
-from rover_pin.report.sections.which_cause import WhichCause
+from rover_pin.report.section import Picture, Section, Sections
+from rover_pin.report.sections.closing import data_check_section, repeat_section, warnings_section
+from rover_pin.report.sections.held_out import held_out_section
+from rover_pin.report.sections.numbers import numbers_section
+from rover_pin.report.sections.physics import physics_section
+from rover_pin.report.sections.sensitivity import sensitivity_section
+from rover_pin.report.sections.which_cause import which_cause_section
 from rover_pin.report.svg import AFTER, BEFORE
 from rover_pin.report.words import Labels, as_text, key, kinds_of, listing
 
@@ -38,19 +38,19 @@ def write_report(verdict: Verdict, standalone: Standalone, out: Path) -> list[Pa
     return write_page(Head(standalone.name, kicker, headline(verdict, LABELS)), sections, out)
 
 
-def sections_of(verdict: Verdict, labels: Labels, picture: Picture | None, *extra_sections: Section) -> list[Section]:
+def sections_of(verdict: Verdict, labels: Labels, picture: Picture | None, *extra_sections: Section | None) -> Sections:
     """Return the sections of a verdict on channels sample by sample, with its own after the first screen."""
     return [
-        FirstScreen(verdict, labels, picture, "points"),
+        first_screen(verdict, labels, picture, "points"),
         *extra_sections,
-        HeldOut(verdict, labels),
-        Physics(verdict, labels),
-        WhichCause(verdict, labels),
-        Numbers(verdict),
-        Untold(verdict, labels),
-        Warnings(verdict, labels),
-        DataCheck(verdict),
-        Repeat(verdict, labels, model_file=False),
+        held_out_section(verdict, labels),
+        physics_section(verdict, labels),
+        which_cause_section(verdict, labels),
+        numbers_section(verdict),
+        sensitivity_section(verdict, labels),
+        warnings_section(verdict, labels),
+        data_check_section(verdict),
+        repeat_section(verdict, labels, model_file=False),
     ]
 
 

@@ -24,10 +24,10 @@ def current_findings(run: Driven) -> Remarks:
     yield from _off_by(OFF, run, "check their scale, and supply, resistance, k_t and gear of [motor]")
 
 
-def _off_by(most: float, run: Driven, todo: str) -> Remarks:
+def _off_by(limit: float, run: Driven, todo: str) -> Remarks:
     motor = run.declared.whole_motor
     times = None if motor is None or run.rate_driven else _times(run, motor)
-    if times is not None and not 1.0 / most <= times <= most:
+    if times is not None and not 1.0 / limit <= times <= limit:
         drawn = "what [motor] draws at these duties and rates, (duty V - K rate) / R"
         yield f"the currents are {times:.2g} times {drawn}", todo
 

@@ -105,9 +105,9 @@ def start_findings(run: Driven) -> Remarks:
     yield from _off_by(NEAR, NEARLY, run, "the first seconds suffer: mend start, or leave it out")
 
 
-def _off_by(far: float, turned: float, run: Driven, todo: str) -> Remarks:
+def _off_by(distance: float, angle: float, run: Driven, todo: str) -> Remarks:
     off, turn = _off_start(run)
-    if off > far or turn > turned:
+    if off > distance or turn > angle:
         yield f"the declared start is {1e3 * off:.3g} mm and {degrees(turn)} off from the first tracked pose", todo
 
 
@@ -142,7 +142,9 @@ def ground_findings(run: Driven) -> Remarks:
     box = run.declared.terrain.extent
     for axis, low, high in (("x", box.x_low, box.x_high), ("y", box.y_low, box.y_high)):
         values = run.finite(f"body_{axis}")
-        beyond = float(np.max(np.maximum(low - values, values - high), initial=0.0))
-        if beyond > 0.0:
-            what = f"body_{axis} goes {beyond:.3g} m beyond the declared ground, which spans {low:.4g} to {high:.4g} m"
+        overshoot = float(np.max(np.maximum(low - values, values - high), initial=0.0))
+        if overshoot > 0.0:
+            what = (
+                f"body_{axis} goes {overshoot:.3g} m beyond the declared ground, which spans {low:.4g} to {high:.4g} m"
+            )
             yield what, "what lies there is guessed: extend the terrain's file"

@@ -159,13 +159,13 @@ def too_poor(log: DriveLog) -> str:
 
 def driven(log: DriveLog) -> list[Driven]:
     """Return the runs as the checks look at them, with the wheels' radius as declared, else the rover's."""
-    rover, about = log.load_rover(), log.metadata
-    declared_wheel = {name: entry for name, entry in about.wheel.items() if name == "r"}
+    rover, metadata = log.load_rover(), log.metadata
+    declared_wheel = {name: entry for name, entry in metadata.wheel.items() if name == "r"}
     wheel = record_from(Wheel, declared_wheel, f"{log.file}: [wheel]") if declared_wheel else rover.wheel
     declared = Declared(
         _motor(log, {"supply", "resistance"}),
         _motor(log, {"supply", "resistance", "k_t", "gear"}),
-        log.terrain() if about.terrain and not is_of_run(about.terrain) else None,
+        log.terrain() if metadata.terrain and not is_of_run(metadata.terrain) else None,
         base_of(rover).length,
         rover.differential is not None,
     )

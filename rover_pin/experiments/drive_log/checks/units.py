@@ -85,6 +85,6 @@ def _thousandths(run: Driven) -> Remarks:
     limits = {"battery_V": (MOST_VOLTS, "V"), "current_": (min(MOST_AMPERES, STALLS * stall), "A")}
     for name in run.trace.channels:
         limit, unit = next((limits[start] for start in limits if name.startswith(start)), (math.inf, ""))
-        sizes = np.abs(run.finite(name))
-        if np.any(sizes > limit) and (middle := float(np.median(sizes[sizes > 0.0]))) > limit:
+        magnitudes = np.abs(run.finite(name))
+        if np.any(magnitudes > limit) and (middle := float(np.median(magnitudes[magnitudes > 0.0]))) > limit:
             yield f"{name} is {middle:.3g} {unit} in the middle", f"if it is in m{unit} divide it by 1000"
