@@ -133,3 +133,10 @@ def test_the_table_is_as_wide_as_its_short_cells(run):
     rows = [line for line in out.splitlines() if line.startswith(("terrain", "soil.k "))]
     assert len({line.index(source) for line in rows for source in ("paper", "assumed") if source in line[:100]}) == 1
     assert "  0.05, 0.1 m  " in out
+
+
+def test_list_alone_lists_what_there_is(run):
+    code, out, _ = run("list")
+    assert code == 0
+    for name in ("ditch", "table-1", "nexus6", "SlipSinkage", "soil.k", "cmu-smooth-wheel"):
+        assert name in out
