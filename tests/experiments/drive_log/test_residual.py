@@ -14,6 +14,7 @@ from rover_pin.discrepancy.option import singles
 from rover_pin.discrepancy.signature import signatures
 from rover_pin.effects.effect import Body, Drive
 from rover_pin.effects.soil_traction import SoilTraction
+from rover_pin.effects.tether_drag import TetherDrag
 from rover_pin.estimation.fit import Task, fit
 from rover_pin.estimation.noise import first_noise
 from rover_pin.estimation.random_effects.learnt_noise import with_noise
@@ -21,6 +22,7 @@ from rover_pin.experiments.drive_log.candidates import candidates
 from rover_pin.experiments.drive_log.experiment import experiment_of
 from rover_pin.experiments.drive_log.features import logged_run
 from rover_pin.experiments.drive_log.model import nuisances, with_spread
+from rover_pin.experiments.drive_log.parameters import parameter
 from rover_pin.experiments.unlisted import trial
 from rover_pin.experiments.unlisted.actions import FORCE, GRIP, LEAN, READING, TORQUE, VOLTAGE, Act, wheels_ahead
 from rover_pin.experiments.unlisted.draft import draft
@@ -208,6 +210,27 @@ def drives(hidden, count=3, duration=15.0):
     return model, logs
 
 
+def fitted(model, logs, numbers):
+    """The model fitted to the logs in the noise that it leaves."""
+    experiment = experiment_of([logged_run(log, model.rover) for log in logs], model)
+    least = np.full(len(experiment.channels), 1e-6)
+    first = first_noise(experiment.observed - experiment.predict([model])[0], least)
+    base = fit(Task(experiment, first), model, numbers)
+    return with_noise(base, base.residual, least)
+
+
+@pytest.mark.parametrize("pull", [0.0, 4.0])
+def test_a_pull_that_is_hidden_is_described_and_none_is_not(pull):
+    """Two short runs one against the other: only a force against the motion slows down both."""
+    model, logs = drives([TetherDrag(f_0=pull, f_1=0.0)], 2, 8.0)
+    residual = describe(fitted(model, logs, (parameter(model, "soil.phi", 0.003),)))
+    assert residual.is_noise is (pull == 0.0)
+    if pull:
+        assert (residual.best.act.kind, residual.best.argument.name) == (FORCE, "nothing")
+        (curve,) = {float(value) for value in residual.best.curve.value}
+        assert abs(curve - pull) < 3.0 * residual.best.curve.sd[0] + 0.25 * pull
+
+
 @pytest.mark.nightly
 def test_unlisted_eccentric_wheel_is_described_and_drafted(tmp_path):
     file = tmp_path / "eccentric.py"
@@ -217,10 +240,8 @@ def test_unlisted_eccentric_wheel_is_described_and_drafted(tmp_path):
     model = with_spread(model)
     free = nuisances(DriveLog(Path("test"), LogMetadata("test"), ()), model)
     free = tuple(one for one in free if one.name.split(".")[0] in ("soil", "motor", "MotionResistance"))
-    experiment = experiment_of([logged_run(log, model.rover) for log in logs], model)
-    least = np.full(len(experiment.channels), 1e-6)
-    base = fit(Task(experiment, first_noise(experiment.observed - experiment.predict([model])[0], least)), model, free)
-    base = with_noise(base, base.residual, least)
+    base = fitted(model, logs, free)
+    experiment = base.task.experiment
     remainder = describe(base)
     assert not remainder.is_noise
     assert "a torque on wheel mr that depends on the angle of the wheel" in remainder.description
