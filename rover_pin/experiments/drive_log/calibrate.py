@@ -11,9 +11,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from rover_pin.base.jobs.cluster import Workers
-from rover_pin.discrepancy.calibration import calibrated
 from rover_pin.effects.raw_current import RawCurrent
-from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.experiments.drive_log.experiment import DriveExperiment, experiment_of
 from rover_pin.experiments.drive_log.ground.stance import runs_on_estimated_ground
@@ -41,15 +39,6 @@ def experiment_on(
     progress("setting the rover down at every start")
     experiment = experiment_of(runs_on_estimated_ground(log, model, jobs), model, jobs, memory, log.noise_sd)
     return experiment, model, (*nuisances(log, model), *raw_current_numbers(log, model))
-
-
-def calibrated_on(
-    log: DriveLog, model: Model, jobs: Workers = 1, progress: Callable[[str], None] = _quiet, memory: Memory = Memory()
-) -> Fit:
-    """Return the model fitted to a log."""
-    experiment, model, numbers = experiment_on(log, model, jobs, progress, memory)
-    progress("calibrating the base model")
-    return calibrated(experiment, model, numbers)
 
 
 def with_raw_currents(log: DriveLog, model: Model) -> Model:

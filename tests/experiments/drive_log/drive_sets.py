@@ -6,8 +6,11 @@ import math
 import numpy as np
 
 from rover_pin.base.quantity import declared
+from rover_pin.discrepancy.calibration import calibrated
 from rover_pin.effects.soil_traction import SoilTraction
+from rover_pin.experiments.drive_log.calibrate import experiment_on
 from rover_pin.experiments.drive_log.model import DRIVEN_SAND
+from rover_pin.experiments.drive_log.resume import Memory
 from rover_pin.logs.drive_log import LogMetadata, write_drive_log
 from rover_pin.rover.rover import load_rover
 from rover_pin.simulation.model.defaults import usual_angles, usual_slip
@@ -60,3 +63,8 @@ def write(folder, hidden=(), runs=4, duration=10.0, seed=0, rover="nexus6", **tr
     wheels = tuple(wheel.name for wheel in model.rover.wheels)
     about = LogMetadata("small", rover=rover, wheels=wheels, terrain=terrain, soil=known, motor=declared(model.motor))
     return write_drive_log(folder, traces, about)
+
+
+def calibrated_on(log, model, memory=Memory()):
+    """The model fitted to a log."""
+    return calibrated(*experiment_on(log, model, memory=memory))

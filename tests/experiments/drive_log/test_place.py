@@ -9,7 +9,6 @@ from rover_pin.discrepancy.search import Search
 from rover_pin.discrepancy.signature import signatures
 from rover_pin.effects.hard_patch import HardPatch
 from rover_pin.effects.supply_sag import SupplySag
-from rover_pin.experiments.drive_log.calibrate import calibrated_on
 from rover_pin.experiments.drive_log.candidates import candidates
 from rover_pin.experiments.drive_log.model import base_model, with_spread
 from rover_pin.logs.drive_log import read_drive_log
@@ -20,7 +19,7 @@ from tests.experiments.drive_log import drive_sets
 def test_the_edges_of_a_patch_are_found(tmp_path):
     hidden = HardPatch(g=1.5, g_k=1.0, dphi=math.radians(4), x_from=0.12, length=0.2)
     log = read_drive_log(drive_sets.write(tmp_path, [hidden]))
-    base = calibrated_on(log, with_spread(base_model(log)), 1, lambda said: None)
+    base = drive_sets.calibrated_on(log, with_spread(base_model(log)))
     known = candidates(base.model, base.task.experiment, base.parameters, None)
     (patch,) = options(base, signatures(base, [one for one in known if one.kind == "HardPatch"]))
     found = Search(base)._placed(base, patch)

@@ -13,7 +13,7 @@ from rover_pin.effects.effect import MotorEffect
 from rover_pin.effects.gravity_tilt import GravityTilt
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.effects.tacho_scale import TachoScale
-from rover_pin.experiments.drive_log.calibrate import calibrated_on, raw_current_numbers, with_raw_currents
+from rover_pin.experiments.drive_log.calibrate import raw_current_numbers, with_raw_currents
 from rover_pin.experiments.drive_log.candidate_runs import candidate_runs
 from rover_pin.experiments.drive_log.candidates import candidates
 from rover_pin.experiments.drive_log.checks.log import check, faults
@@ -225,7 +225,7 @@ def counted(folder, amperes):
 def test_currents_of_unknown_scale_are_compared_by_shape(tmp_path, amperes):
     log = counted(write(tmp_path, runs=2, duration=12.0), amperes)
     model = with_spread(base_model(log), motors=False)
-    fit = calibrated_on(log, model, 1, lambda said: None)
+    fit = drive_sets.calibrated_on(log, model)
     experiment, channel = fit.task.experiment, "current_{}_A" if amperes else "raw_current_{}"
     assert {channel.format(wheel) for wheel in SCALES} <= set(experiment.channels)
     found = {one.name: one.value(u) for one, u in zip(fit.parameters, fit.u, strict=True)}

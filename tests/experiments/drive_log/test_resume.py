@@ -10,7 +10,6 @@ import pytest
 from rover_pin.base.code_digest import key_of_code
 from rover_pin.discrepancy.signature import signatures
 from rover_pin.effects.weak_motor import WeakMotor
-from rover_pin.experiments.drive_log.calibrate import calibrated_on
 from rover_pin.experiments.drive_log.candidates import candidates
 from rover_pin.experiments.drive_log.experiment import DriveExperiment
 from rover_pin.experiments.drive_log.model import base_model, with_spread
@@ -18,10 +17,6 @@ from rover_pin.experiments.drive_log.resume import FOLDER, Memory, digest
 from rover_pin.logs.drive_log import read_drive_log
 from rover_pin.rover.rover import load_rover
 from tests.experiments.drive_log import drive_sets
-
-
-def nothing(said):
-    pass
 
 
 def arrays():
@@ -137,7 +132,7 @@ def test_calibration_and_signatures_are_resumed_without_a_replay(tmp_path, monke
     start = with_spread(base_model(log))
 
     def through(memory):
-        base = calibrated_on(log, start, 1, nothing, memory)
+        base = drive_sets.calibrated_on(log, start, memory)
         tried = candidates(base.model, base.task.experiment, base.parameters, None)[:6]
         return base, signatures(base, tried)
 
