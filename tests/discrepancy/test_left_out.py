@@ -7,7 +7,6 @@ import numpy as np
 from rover_pin.base.errors import OptimisationError
 from rover_pin.discrepancy import cross_validation
 from rover_pin.discrepancy.cross_validation import FAR, fall_of, held_out_residual
-from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.parameter import Parameter
 
 RUNS = 3
@@ -61,12 +60,3 @@ def test_folds_that_only_one_model_predicts_are_not_compared():
     assert fall_of(without, found) == 11.0
     assert fall_of(without + lost, found) == fall_of(without + lost, found + lost) == 5.0
     assert np.isnan(fall_of(without, found + lost))
-
-
-def test_what_stands_for_no_prediction_in_a_fit_is_no_error():
-    """A drive that breaks off is far off while numbers are fitted, and NaN in what is told."""
-    task = SimpleNamespace(experiment=SimpleNamespace(stand_in=1e3, observed=np.array([[[1.0, 2.0, 3.0]]])))
-    predicted = np.array([[[1.5, 1e3, -1e3]]])
-    fitted = Fit(task, None, (), np.zeros(0), predicted, {})
-    np.testing.assert_equal(fitted.missed, [[[-0.5, np.nan, np.nan]]])
-    assert np.isfinite(fitted.residual).all()

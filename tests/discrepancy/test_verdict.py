@@ -34,21 +34,6 @@ def lines_of(made):
     return [line.strip() for line in made.summary().splitlines()]
 
 
-@pytest.mark.parametrize(
-    ("chosen", "words"),
-    [
-        (("A", "A", "B"), "A chosen in 2 of 3 folds"),
-        (("A", "A + B", "A + C", "B"), "A chosen in 1 of 4 folds, and with another in 2"),
-        (("B", "", "C"), "A chosen in 0 of 3 folds"),
-    ],
-)
-def test_folds_that_choose_the_same_and_more_are_counted(chosen, words):
-    folds = dict(enumerate(chosen))
-    assert verdict(named=("A",), chosen=folds).chosen_again == words
-    assert words in lines_of(verdict(named=("A",), chosen=folds))
-    assert not any("chosen" in line for line in lines_of(verdict(named=("A",))))
-
-
 def test_set_lists_the_errors_of_each_indistinguishable_rival():
     made = verdict(
         named=("A",), scores=(score("pull"),), others={"B": {"pull": 3.0, "sinkage": 2.0}, "C + D": {"pull": 4.0}}
@@ -73,15 +58,6 @@ def test_a_fold_that_is_lost_is_told_in_place_of_an_error():
         assert ("with B instead: held-out RMSE pull not predicted" in text) is lost
         assert ("of all hypotheses together: pull not predicted" in text) is lost
         assert ("pull 1000 N" in text) is not lost
-
-
-def test_errors_with_each_folds_choice_cover_scored_channels():
-    more = {"named": ("A",), "chosen": {"a": "A"}, "scores": (score("pull"),)}
-    line = "A chosen in 1 of 1 folds"
-    assert line in lines_of(verdict(**more))
-    assert line in lines_of(verdict(**more, errors_anew={"sinkage": 2.0}))
-    told = f"{line}; held-out RMSE of all hypotheses together: pull 3 N"
-    assert told in lines_of(verdict(**more, errors_anew={"pull": 3.0, "sinkage": 2.0}))
 
 
 @pytest.mark.parametrize(("channels", "told"), [(FEW - 1, FEW - 1), (FEW, FEW), (FEW + 1, 2), (FEW + 3, 2)])

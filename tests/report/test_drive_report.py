@@ -11,7 +11,6 @@ from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.cross_validation import losses_of
 from rover_pin.discrepancy.held_out import together
 from rover_pin.effects.point_mass import PointMass
-from rover_pin.estimation.profile import Profile
 from rover_pin.experiments.drive_log.extra import DriveExtra, extra_of
 from rover_pin.inference.beliefs import Beliefs
 from rover_pin.inference.cause import SIZE_SD
@@ -21,10 +20,10 @@ from rover_pin.report.drive.full_duty import at_full_duty
 from rover_pin.report.drive.ghost import Ghosts
 from rover_pin.report.drive.report import free_runs_section, labels_of, sides_of, write_report
 from rover_pin.report.drive.residual import residual_section
-from rover_pin.report.drive.runs import Sides, strayed, telling_channels, worst_runs
+from rover_pin.report.drive.runs import strayed, worst_runs
 from rover_pin.report.practical import channel_changes
 from rover_pin.report.sections.held_out import held_out_section
-from rover_pin.report.sections.numbers import number_table, numbers_section
+from rover_pin.report.sections.numbers import number_table
 from rover_pin.report.sections.physics import physics_section
 from rover_pin.report.sections.sensitivity import sensitivities, sensitivity_section
 from rover_pin.report.sections.which_cause import which_cause_section
@@ -108,12 +107,6 @@ def test_without_viser_the_page_says_what_the_scene_takes(made, verdict, monkeyp
     text = page_of(made, verdict, tmp_path)
     assert "pip install 'rover-pin[view]'" in text
     assert "<iframe" not in text
-
-
-def test_profiles_are_drawn_where_there_are_any(verdict):
-    shape = Profile("SupplySag.R_b", "ohm", (1.8, 2.0, 2.2), (4.0, 0.0, 4.0))
-    assert "profiles" in numbers_section(dataclasses.replace(verdict, profiles=(shape,))).pictures
-    assert not numbers_section(verdict).pictures
 
 
 def test_a_remainder_that_is_noise_has_no_curves(verdict):
@@ -248,14 +241,6 @@ def test_the_run_that_is_missed_most_comes_first(made):
         off = before.predicted.copy()
         off[run] += 50 * before.task.noise.sd[:, None]
         assert worst_runs(dataclasses.replace(before, predicted=off))[0] == run
-
-
-def test_the_channels_that_changed_most_are_of_different_kinds(made):
-    _, before, after = made
-    names = [before.task.experiment.channels[row] for row in telling_channels(Sides(before, after))]
-    assert "battery_V" in names
-    assert sum(name.startswith("wheel_rate_") for name in names) <= 2
-    assert len(names) == 5
 
 
 def test_free_runs_are_as_far_off_as_the_table_says(made, verdict):

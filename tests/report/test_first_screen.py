@@ -11,7 +11,7 @@ from rover_pin.report.drive.report import labels_of
 from rover_pin.report.first_screen import first_lines, first_screen
 from rover_pin.report.headline import headline
 from rover_pin.report.reasons import next_run, opposing_reasons, supporting_reasons
-from rover_pin.report.words import Labels, brief, cause, human, pair
+from rover_pin.report.words import Labels, brief, cause, pair
 from rover_pin.simulation.model.effect_files import package_effects
 
 RIG = Labels("on slips it never saw", "levels of slip")
@@ -51,14 +51,6 @@ def test_without_a_better_channel_nothing_is_claimed(rig):
         "No channel is predicted better on slips it never saw beyond its scatter, though it looks as if sand gives way "
         "as the wheel slips (slip-sinkage)."
     )
-
-
-def test_like_answer_is_worded_as_if_the_effect_were_the_cause(rig):
-    like = dataclasses.replace(rig, answer=Answer.LIKE)
-    better = headline(dataclasses.replace(like, scores=(SINKAGE,)), RIG)
-    assert "wheel slips (slip-sinkage); something" in better
-    none = headline(dataclasses.replace(like, scores=(PULL,)), RIG)
-    assert "wheel slips (slip-sinkage); some" in none
 
 
 @pytest.mark.parametrize("answer", Answer)
@@ -144,11 +136,6 @@ def test_a_veto_is_not_said_again_as_a_caution(answered):
     assert [line for line in said if "bound" in line] == ["R_b lies at its bound.", "C lies at its bound: another."]
 
 
-def test_free_runs_speak_for_a_drive(verdict):
-    manner = labels_of(verdict)
-    assert any("logged commands" in line.lower() for line in supporting_reasons(verdict, manner))
-
-
 def test_free_runs_that_stay_no_closer_are_no_reason_to_believe(verdict):
     extra = verdict.extra
     for after in (1.002, 0.995, 2.0, float("nan")):
@@ -190,11 +177,6 @@ def test_causes_have_their_place_and_numbers_their_own_clause():
     assert cause("HardPatch@1.2", kinds).endswith("(patch of other soil, at x = 1.2 m)")
     assert cause("WeakMotor[2]", kinds).endswith("(weak motor, 2)")
     assert cause("soil.k", kinds) == "soil.k is not what was declared"
-
-
-def test_class_names_in_prose_become_titles_except_parameters():
-    said = human("SlipSinkage gains; SlipSinkage.n_1 = 1", package_effects())
-    assert said == "slip-sinkage gains; SlipSinkage.n_1 = 1"
 
 
 def test_a_cause_that_may_act_all_the_same_is_a_reason_to_doubt(answered, verdict):

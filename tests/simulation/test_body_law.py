@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from rover_pin.base.errors import ParameterError
 from rover_pin.effects.effect import Body, BodyEffect, Push
 from rover_pin.simulation.compiled.body_law import Joints, body_law, elastic_energy
 
@@ -127,12 +126,6 @@ def test_what_moves_within_the_step_is_taken_to_its_end(seen, half):
     np.testing.assert_allclose(slope, by_speed + half * drift, rtol=1e-6, atol=1e-6)
 
 
-def test_energy_is_the_sum_of_what_the_effects_hold(seen):
-    held = elastic_energy(EFFECTS, JOINTS)(np.r_[seen.place, seen.turn.as_quat()], seen.angles)
-    still = Seen(seen.place, seen.turn, 0.0 * seen.speed, seen.angles, 0.0 * seen.rates).body(0.0 * seen.rates)
-    assert float(held) == pytest.approx(sum(effect.stored(still) for effect in EFFECTS))
-
-
 def test_a_rover_without_joints_feels_the_base_alone(seen):
     none = Joints(0, None)
     assert float(elastic_energy((Lift(),), none)(np.r_[seen.place, seen.turn.as_quat()], [])) == -7.0 * seen.place[2]
@@ -150,17 +143,3 @@ def test_an_attitude_on_edge_is_no_nan(way):
     on_edge = np.r_[np.zeros(3), np.array([0.0, way, 0.0, 1.0]) * np.sqrt(0.5) * (1.0 + 1e-9), np.zeros(3)]
     held = elastic_energy((Everything(),), JOINTS)(on_edge[:7], [0.0, 2.0, 0.0])
     assert float(held) == pytest.approx(way * np.pi)
-
-
-def test_as_many_torques_as_joints_or_none():
-    with pytest.raises(ParameterError, match=r"3.*suspension.*4"):
-        body_law((Three(),), Joints(4, None, ("a", "b", "c", "d")))
-
-
-@dataclass(frozen=True)
-class Three(BodyEffect):
-    """Pushes on three joints."""
-
-    def push(self, body):
-        """Return it."""
-        return Push(joints=(1.0, 2.0, 3.0))

@@ -62,19 +62,6 @@ def test_stuck_begins_after_the_last_radius_with_some_travel():
     assert "S =" not in drive_outcome(trace(travel=0.0, slip_a=-0.2, slip_b=0.9)).sentence
 
 
-def test_motors_stall_since_they_turned_last():
-    """Two seconds, a tenth of the drive, are looked at at once: they turn until 10 s."""
-    later = T - 10.0
-    motor = np.where(LATE, 10.0 + 0.01 * later, T)
-    found = drive_outcome(trace(rate=np.where(LATE, 0.0, 1.0), travel=np.where(LATE, 0.0, 0.05), energy_motor=motor))
-    assert found.kind == "stalled"
-    assert found.since == pytest.approx(10.0)
-    assert numbers(found.sentence)[0] == "10.0 s"
-    motor = np.where(LATE, 10.0 + 0.03 * later, T)
-    crept = told(rate=np.where(LATE, 0.02, 1.0), travel=np.where(LATE, 0.0, 0.05), energy_motor=motor)[1]
-    assert numbers(crept)[:3] == ["10.0 s", "2 mm/s", "3 %"]
-
-
 def test_pause_keeps_the_previous_direction_or_forwards():
     pause = np.where((T > 5.0) & (T < 7.0), 0.0, -0.5)
     kind, said = told(duty=pause, rate=-1.0, travel=-0.06)
