@@ -5,8 +5,6 @@ from pathlib import Path
 import pytest
 
 from rover_pin.base.errors import DataError
-from rover_pin.discrepancy.answer import score_line
-from rover_pin.discrepancy.held_out import ChannelScore, LevelError
 from rover_pin.experiments.drive_log.model import DRIVEN_SAND
 from rover_pin.experiments.wheel_rig.checks import findings
 from rover_pin.experiments.wheel_rig.data import read_rig_set
@@ -82,17 +80,6 @@ def test_a_folder_that_is_none_is_said_to_be_none(tmp_path):
             DataError, match=r"there is no such folder; .*\(rig\.toml\) or of a drive log \(drive\.toml"
         ):
             close_the_loop(path)
-
-
-def test_score_refers_to_folds_on_a_rig_and_runs_on_a_log():
-    """On a rig whole folds, its levels, are held out and resampled, on a drive log runs are."""
-    drive = ChannelScore("body_x", "m", 1e-3, 5e-3, 4e-3, -0.2, -0.4, 0.1)
-    rig = drive._replace(levels=(LevelError("S = 0.1", 5e-3, 4e-3),), of="folds")
-    assert drive.claim == "better, not beyond what the runs scatter: no claim"
-    assert rig.claim == "better, not beyond what the folds scatter: no claim"
-    assert score_line(drive).endswith("better, not beyond what the runs scatter: no claim")
-    lost = drive._replace(before=1e-3, after=2e-3, change=1.0)
-    assert lost.claim == "worse, not beyond what the runs scatter: no claim"
 
 
 def test_a_model_of_another_rover_is_refused():
