@@ -17,7 +17,6 @@ from rover_pin.inference.cause import SIZE_SD
 from rover_pin.report.drive import ghost
 from rover_pin.report.drive.cautions import cautions
 from rover_pin.report.drive.full_duty import at_full_duty
-from rover_pin.report.drive.ghost import Ghosts
 from rover_pin.report.drive.report import free_runs_section, labels_of, sides_of, write_report
 from rover_pin.report.drive.residual import residual_section
 from rover_pin.report.drive.runs import strayed, worst_runs
@@ -94,7 +93,7 @@ def test_names_are_text_whatever_they_hold(made, verdict, tmp_path):
 
 def test_the_scene_is_of_the_run_that_strays_furthest(made, verdict):
     pytest.importorskip("viser")
-    content = Ghosts.of(verdict, made[0], sides_of(verdict)).section().content
+    content = ghost.ghosts(verdict, made[0], sides_of(verdict))().content
     worst = max(extra_of(verdict).free, key=lambda one: one.before)
     assert content["run"] == worst.run
     assert "orange: base model" in content["page"]

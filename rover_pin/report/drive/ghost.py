@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from functools import partial
 from importlib.util import find_spec
-from typing import Self
 
 import numpy as np
 
@@ -23,35 +23,25 @@ from rover_pin.view.page import page_of
 from rover_pin.view.subject import Subject, mesh_folder
 
 
-@dataclass(frozen=True, eq=False)
-class Ghosts:
-    """The run on which the base model diverges furthest, as a scene within the page; without viser, how to get it."""
+def ghosts(verdict: Verdict, log: DriveLog, sides: Sides | None) -> Callable[[], Section | None]:
+    """Begin the scene of the run on which the base model diverges furthest; return what makes a section of it.
 
-    run: str
-    "its name, empty where nothing was driven"
-    added: bool
-    "whether there is a model after"
-    pages: Iterator[str] | None
-    "the scene as a page, which another process may be making; None without viser"
+    Where the loop has other processes, one of them makes the scene meanwhile. None where nothing was driven.
+    """
+    free = [free_run for free_run in extra_of(verdict).free if np.isfinite(free_run.before)]
+    if sides is None or not free:
+        return lambda: None
+    run = max(free, key=lambda free_run: free_run.before).run
+    return partial(_section, run, sides.added, _begun(log, sides, run) if find_spec("viser") else None)
 
-    @classmethod
-    def of(cls, verdict: Verdict, log: DriveLog, sides: Sides | None) -> Self:
-        """Return the section, its scene begun: where the loop has other processes, one of them makes it."""
-        free = [free_run for free_run in extra_of(verdict).free if np.isfinite(free_run.before)]
-        if sides is None or not free:
-            return cls("", False, None)
-        run = max(free, key=lambda free_run: free_run.before).run
-        return cls(run, sides.added, _begun(log, sides, run) if find_spec("viser") else None)
 
-    def section(self) -> Section | None:
-        """Return the scene as a page, empty without viser; None where nothing was driven."""
-        if not self.run:
-            return None
-        try:
-            page = "" if self.pages is None else next(self.pages)
-        except RoverPinError:  # a run without the places that a scene needs
-            return None
-        return Section("Seen in 3D", "drive/ghost.html", {"run": self.run, "added": self.added, "page": page})
+def _section(run: str, added: bool, pages: Iterator[str] | None) -> Section | None:
+    """Return the scene as a page within the page; without viser, how to get it."""
+    try:
+        page = "" if pages is None else next(pages)
+    except RoverPinError:  # a run without the places that a scene needs
+        return None
+    return Section("Seen in 3D", "drive/ghost.html", {"run": run, "added": added, "page": page})
 
 
 def _begun(log: DriveLog, sides: Sides, run: str) -> Iterator[str]:

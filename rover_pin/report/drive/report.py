@@ -13,7 +13,7 @@ from rover_pin.experiments.drive_log.free_runs import FreeRun
 from rover_pin.experiments.drive_log.parameters import with_wheels
 from rover_pin.logs.drive_log import DriveLog
 from rover_pin.report.drive.full_duty import at_full_duty
-from rover_pin.report.drive.ghost import Ghosts
+from rover_pin.report.drive.ghost import ghosts
 from rover_pin.report.drive.residual import residual_section
 from rover_pin.report.drive.runs import (
     Sides,
@@ -56,12 +56,12 @@ def labels_of(verdict: Verdict) -> Labels:
 def write_report(verdict: Verdict, log: DriveLog, out: Path) -> list[Path]:
     """Write report.html and its figures, and return their paths."""
     labels, sides = labels_of(verdict), sides_of(verdict)
-    ghosts = Ghosts.of(verdict, log, sides)
+    scene = ghosts(verdict, log, sides)
     seconds = sum(float(trace.t[-1] - trace.t[0]) for trace in log.runs if len(trace.t))
     sections = [
         first_screen(verdict, labels, _picture(sides), "worst_run"),
         free_runs_section(verdict),
-        ghosts.section,
+        scene,
         held_out_section(verdict, labels),
         where_wrong_section(sides),
         physics_section(verdict, labels, lambda effect: at_full_duty(verdict.model, effect)),
