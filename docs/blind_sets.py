@@ -129,7 +129,7 @@ SAID = 0.0, 0.1, 0.5, 0.9, 1.0
 
 
 def reliability(sets: pd.DataFrame) -> str:
-    """Return how often what was said to act with a probability acted, as a table and a picture (SVG).
+    """Return how often causes of a stated probability acted, as a table and a picture (SVG).
 
     Of sets that hide effects of the list, or nothing: every cause that was given 0.01 or more, and the true ones.
     """
@@ -139,7 +139,7 @@ def reliability(sets: pd.DataFrame) -> str:
         for row in own.itertuples()
         for name, _, chance in (entry.rpartition(" ") for entry in row.inclusion.split("; ") if entry)
     ]
-    rows, places = ["| said | causes | mean said | acted |", "| --- | --- | --- | --- |"], []
+    rows, places = ["| stated | causes | mean stated | acted |", "| --- | --- | --- | --- |"], []
     for low, high in pairwise(SAID):
         inside = [row for row in said if low <= row[0] < high or row[0] == high == SAID[-1]]
         mean, acted = (sum(row[at] for row in inside) / max(len(inside), 1) for at in (0, 1))
@@ -150,7 +150,7 @@ def reliability(sets: pd.DataFrame) -> str:
 
 
 def diagram(places: list[tuple[float, float, float, float]]) -> str:
-    """Return a reliability diagram: mean said, share that acted and its 95 % interval, beside the diagonal."""
+    """Return a reliability diagram: mean stated probability, share that acted and its 95 % interval, with the diagonal."""
     size, margin = 200, 40
     x, y = (lambda said: margin + size * said), (lambda acted: 10 + size * (1.0 - acted))
     marks = [
@@ -160,10 +160,10 @@ def diagram(places: list[tuple[float, float, float, float]]) -> str:
     ]
     return (
         f'<svg viewBox="0 0 {size + margin + 20} {size + margin + 10}" width="320" role="img" fill="none" '
-        'font-size="11" aria-label="Share that acted over the probability that was said">'
+        'font-size="11" aria-label="Share that acted over the stated probability">'
         f'<rect x="{margin}" y="10" width="{size}" height="{size}" stroke="currentColor"/>'
         f'<path d="M{x(0)} {y(0)}L{x(1)} {y(1)}" stroke="currentColor" stroke-dasharray="4"/>{"".join(marks)}'
-        f'<text x="{x(0.5)}" y="{y(0) + 25}" fill="currentColor" text-anchor="middle">probability said</text>'
+        f'<text x="{x(0.5)}" y="{y(0) + 25}" fill="currentColor" text-anchor="middle">stated probability</text>'
         f'<text x="12" y="{y(0.5)}" fill="currentColor" text-anchor="middle" transform="rotate(-90 12 {y(0.5)})">'
         "share that acted</text>"
         f'<g fill="currentColor" text-anchor="middle"><text x="{x(0)}" y="{y(0) + 12}">0</text>'

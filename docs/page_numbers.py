@@ -1,6 +1,7 @@
 """Numbers of the pages: `{{ ... }}` in a page is a field of `studies/results`, put in when the site is built.
 
-A field that no result has fails the build. `dec(x, n)` rounds to n decimals, `sig(x, n)` to n digits.
+A field that no result has fails the build. `dec(x, n)` rounds to n decimals, `sig(x, n)` to n digits; `interval` writes a value
+with its 95 % interval.
 """
 
 from __future__ import annotations
@@ -31,13 +32,19 @@ def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
 def fill_in(text: str) -> str:
     """Return a page's text with its numbers."""
     environment = jinja2.Environment(undefined=jinja2.StrictUndefined, autoescape=False, trim_blocks=True)
-    environment.globals |= {"dec": lambda value, n: f"{value:.{n}f}", "sig": significant, "deg": math.degrees}
+    environment.globals |= {"dec": lambda value, n: f"{value:.{n}f}", "sig": significant, "interval": interval, "degrees": math.degrees(1.0)}
     return environment.from_string(text, globals=fields()).render()
 
 
 def significant(value: float, digits: int) -> str:
     """Return a number to so many significant digits, without an exponent."""
     return f"{value:.{max(0, digits - 1 - math.floor(math.log10(abs(value))))}f}" if value else "0"
+
+
+def interval(result: Mapping[str, float], digits: int, scale: float = 1.0) -> str:
+    """Return a fitted number with its interval, both times a scale."""
+    value, low, high = (f"{scale * result[end]:.{digits}f}" for end in ("value", "low", "high"))
+    return f"{value} [{low}, {high}]"
 
 
 @cache

@@ -284,7 +284,7 @@ def draw_map(table: pd.DataFrame) -> Figure:
 def panel(axes: Axes, part: pd.DataFrame, title: str) -> None:
     """Draw one sand: walls from left to right, controls from top to bottom."""
     walls, controls = sorted(part.wall_deg.unique()), list(dict.fromkeys(part.control))
-    colours = {"out": "#a8d5a2", "stuck": "#e8b4ae", "open": "#d8d8d8"}
+    colours = {"out": "#9ecae1", "stuck": "#fdd0a2", "open": "#d8d8d8"}
     for each in part.itertuples():
         at = walls.index(each.wall_deg), controls.index(each.control)
         axes.add_patch(Rectangle((at[0] - 0.48, at[1] - 0.48), 0.96, 0.96, color=colours[each.verdict], lw=0))
