@@ -150,7 +150,7 @@ def reliability(sets: pd.DataFrame) -> str:
 
 
 def diagram(places: list[tuple[float, float, float, float]]) -> str:
-    """Return a reliability diagram: mean stated probability, share that acted and its 95 % interval, with the diagonal."""
+    """Return a reliability diagram: share that acted, with its 95 % interval, over the mean stated probability."""
     size, margin = 200, 40
     x, y = (lambda said: margin + size * said), (lambda acted: 10 + size * (1.0 - acted))
     marks = [

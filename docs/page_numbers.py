@@ -1,7 +1,7 @@
 """Numbers of the pages: `{{ ... }}` in a page is a field of `studies/results`, put in when the site is built.
 
-A field that no result has fails the build. `dec(x, n)` rounds to n decimals, `sig(x, n)` to n digits; `interval` writes a value
-with its 95 % interval.
+A field that no result has fails the build. `dec(x, n)` rounds to n decimals, `sig(x, n)` to n digits.
+`interval(x, n)` writes a value with its 95 % interval.
 """
 
 from __future__ import annotations
@@ -32,7 +32,12 @@ def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
 def fill_in(text: str) -> str:
     """Return a page's text with its numbers."""
     environment = jinja2.Environment(undefined=jinja2.StrictUndefined, autoescape=False, trim_blocks=True)
-    environment.globals |= {"dec": lambda value, n: f"{value:.{n}f}", "sig": significant, "interval": interval, "degrees": math.degrees(1.0)}
+    environment.globals |= {
+        "dec": lambda value, n: f"{value:.{n}f}",
+        "sig": significant,
+        "interval": interval,
+        "degrees": math.degrees(1.0),
+    }
     return environment.from_string(text, globals=fields()).render()
 
 

@@ -68,7 +68,10 @@ def shares() -> Figure:
     aims = {what: aim for what, (aim, _) in SHARES.items() if aim}
     figure = Figure(figsize=(9.0, 0.42 * len(aims) + 1.0), layout="constrained")
     axes = figure.subplots()
-    tables = {"wheel rigs": kept("blind_rig", keep_default_na=False), "logs": kept("blind_drives", keep_default_na=False)}
+    tables = {
+        "wheel rigs": kept("blind_rig", keep_default_na=False),
+        "logs": kept("blind_drives", keep_default_na=False),
+    }
     for (label, sets), colour, shift in zip(tables.items(), (BLUE, ORANGE), (0.15, -0.15), strict=True):
         for row, what in enumerate(reversed(aims)):
             count, whole = SHARES[what][1](sets)

@@ -26,9 +26,11 @@ CLAIMS = [
     f"f_0 = {{{{ dec({TETHER}.f_0, 1) }}}} N [{{{{ dec({TETHER}.f_0_low, 1) }}}} N,",
     "to {{ sig(speed.drive_speed['off [mm]'], 1) }} mm of a sixteenth",
     "ditch in {{ sig(speed.drive_speed['ditch [s]'], 2) }} s",
-    "[of {{ control.drives }} drives](docs/results.md#controllers-compared) "
-    "{{ control.rows['S_d = 0.2, true slip'].passed }} against {{ control.rows['constant duty'].passed }} at constant duty, "
-    "of which {{ control.rows['constant duty'].buried }} were buried",
+    "[of {{ control.drives }} drives](docs/results.md#controllers-compared)",
+    *(
+        f"{name} passes {{{{ control.rows['{key}'].passed }}}} and buries {{{{ control.rows['{key}'].buried }}}}"
+        for name, key in (("it", "S_d = 0.2, true slip"), ("constant duty", "constant duty"))
+    ),
     "wheel rigs, {{ blind.rigs.sets }} sets | drive logs, {{ blind.logs.sets }} sets",
     *(
         "| " + " | ".join(f"{{{{ ' of '.join(blind.{part}.counts.{what}) }}}}" for part in ("rigs", "logs")) + " |"
