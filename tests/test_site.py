@@ -1,0 +1,77 @@
+"""The site in a browser, on a phone and on a desk: nothing is wider than the screen, and every equation is typeset."""
+
+import json
+import re
+import shutil
+import subprocess
+import sys
+from html import unescape
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+WIDTHS = {"phone": 375, "desk": 1280}
+LOOK = """<!doctype html><pre id="seen"></pre><script>
+const wait = (ms) => new Promise((done) => setTimeout(done, ms));
+async function look(page, width) {
+  const frame = document.createElement("iframe");
+  Object.assign(frame, {src: page, width, height: 800});
+  document.body.append(frame);
+  await new Promise((done) => { frame.onload = done; });
+  await wait(300);
+  const root = frame.contentDocument, count = (what) => root.querySelectorAll(what).length;
+  const loaded = frame.contentWindow.performance.getEntriesByType("resource").map((each) => each.name);
+  const seen = {
+    page, width, wide: root.documentElement.scrollWidth - root.documentElement.clientWidth,
+    equations: count(".arithmatex"), typeset: count(".arithmatex .katex"), wrong: count(".katex-error"),
+    broken: [...root.images].filter((each) => each.complete && !each.naturalWidth).map((each) => each.src),
+    foreign: loaded.filter((each) => each.startsWith("http")), search: count(".md-search__input"),
+  };
+  frame.remove();
+  return seen;
+}
+(async () => {
+  const seen = [];
+  for (const width of WIDTHS) for (const page of PAGES) seen.push(await look(page, width));
+  document.getElementById("seen").textContent = JSON.stringify(seen);
+})();
+</script>"""
+
+
+@pytest.fixture(scope="module")
+def seen(tmp_path_factory):
+    """What a browser sees of each page at each width."""
+    if BROWSER is None:
+        pytest.skip("needs Chromium")
+    site = tmp_path_factory.mktemp("site")
+    build = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", str(site)]
+    subprocess.run(build, cwd=ROOT, check=True)
+    pages = sorted(str(path.relative_to(site)) for path in site.rglob("*.html") if path.name != "404.html")
+    script = LOOK.replace("WIDTHS", json.dumps(list(WIDTHS.values()))).replace("PAGES", json.dumps(pages))
+    (site / "look.html").write_text(script, encoding="utf-8")
+    options = ["--headless", "--no-sandbox", "--disable-gpu", "--allow-file-access-from-files", "--dump-dom"]
+    address = (site / "look.html").as_uri()
+    looked = subprocess.run(
+        [BROWSER, *options, "--virtual-time-budget=900000", address], capture_output=True, text=True, check=True
+    )
+    (found,) = re.findall(r'<pre id="seen">(.*?)</pre>', looked.stdout, re.DOTALL)
+    return json.loads(unescape(found))
+
+
+@pytest.mark.nightly
+def test_no_page_is_wider_than_its_screen(seen):
+    assert {each["width"] for each in seen} == set(WIDTHS.values())
+    assert not [(each["page"], each["width"], each["wide"]) for each in seen if each["wide"] > 0]
+
+
+@pytest.mark.nightly
+def test_every_equation_is_typeset_without_a_network(seen):
+    assert sum(each["equations"] for each in seen if each["page"] == "paper.html") > 2 * 9
+    assert not [each for each in seen if each["typeset"] != each["equations"] or each["wrong"] or each["foreign"]]
+
+
+@pytest.mark.nightly
+def test_pictures_and_search_are_on_every_page(seen):
+    assert not [each for each in seen if each["broken"] or not each["search"]]
