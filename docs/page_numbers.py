@@ -1,7 +1,7 @@
 """Numbers of the pages: `{{ ... }}` in a page is a field of `studies/results`, put in when the site is built.
 
 A field that no result has fails the build. `dec(x, n)` rounds to n decimals, `sig(x, n)` to n digits.
-`interval(x, n)` writes a value with its 95 % interval.
+`interval(x, n)` writes a value with its 95 % interval, `printed` one that a command prints.
 """
 
 from __future__ import annotations
@@ -36,6 +36,7 @@ def fill_in(text: str) -> str:
         "dec": lambda value, n: f"{value:.{n}f}",
         "sig": significant,
         "interval": interval,
+        "printed": printed_interval,
         "degrees": math.degrees(1.0),
     }
     return environment.from_string(text, globals=fields()).render()
@@ -50,6 +51,12 @@ def interval(result: Mapping[str, float], digits: int, scale: float = 1.0) -> st
     """Return a fitted number with its interval, both times a scale."""
     value, low, high = (f"{scale * result[end]:.{digits}f}" for end in ("value", "low", "high"))
     return f"{value} [{low}, {high}]"
+
+
+def printed_interval(numbers: Mapping[str, float], name: str, digits: int) -> str:
+    """Return a number that a command prints, with the ends of its interval."""
+    ends = zip(("value", "low", "high"), (name, f"{name}_low", f"{name}_high"), strict=True)
+    return interval({end: numbers[key] for end, key in ends}, digits)
 
 
 @cache
@@ -125,6 +132,8 @@ def fig10() -> dict[str, Any]:
         "passed": int((rising.bare == "out").sum()),
         "falling_rescued": len(out),
         "falling_stuck": int((falling.bare == "stuck").sum()),
+        "falling_lost": int(((falling.bare == "out") & (falling.verdict == "stuck")).sum()),
+        "falling_passed": int((falling.bare == "out").sum()),
         "other_slip": int((out.S_d != 0.2).sum()),
         "windows": walls,
     }

@@ -149,7 +149,7 @@ LONGEST_SENTENCE, SHARE_OF_LONG = 30, 0.05
 
 
 def sentences(text):
-    """Yield the sentences of a page's running text; what stands in code, equations, tables and fields counts as a word."""
+    """Yield the sentences of a page's running text; code, equations and fields in a line count as a word."""
     text = re.sub(r"```.*?```|\$\$.*?\$\$|\{%.*?%\}", "\n\n", text, flags=re.DOTALL)
     text = re.sub(r"\{\{.*?\}\}|\$[^$\n]+\$|`[^`]+`", "it", text, flags=re.DOTALL)
     for block in re.split(r"\n\s*\n|\n(?=\s*(?:[*-]|\d+\.) )|\n(?=[|#!:])", text):
