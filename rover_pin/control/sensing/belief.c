@@ -168,7 +168,7 @@ static void weigh(Belief *b, lanes_law law, const real *of, const real *shared, 
 static void look_back(Belief *b) {
   const integer n = b->n, row = b->k / b->stride;
   if (b->k % b->stride) return;
-  real *now = b->past + (row % PAST) * (n + 2), changed[MAX_WHEELS], bend = 0.0;
+  real *now = b->past + (row % PAST) * (n + 2), changed[MAX_WHEELS], bend = 0.0, change = 0.0;
   memcpy(now, b->under + HEIGHT * n, n * sizeof(real));
   now[n] = b->bend;
   now[n + 1] = b->rolled;
@@ -176,17 +176,15 @@ static void look_back(Belief *b) {
   for (integer back = 1; back <= PAST - 1 && back <= row; ++back) {
     const real *then = b->past + ((row - back) % PAST) * (n + 2);
     bend += then[n];
-    if (back != STILL && back != PAST - 1) continue;
-    const real mean = (bend + b->bend) / (back + 1);
     for (integer i = 0; i < n; ++i) changed[i] = now[i] - then[i];
-    const real change = apart(changed, n), rolled = b->rolled - then[n + 1];
-    if (back == STILL) {
-      for (integer i = 0; i < b->N; ++i) b->odds[i] = b->way[i] - b->way_then[((row - back) % PAST) * b->N + i];
-      const real shared[2] = {change, mean};
-      weigh(b, still_law, b->odds, shared, 2.0 / STILL);
-    } else {
+    change = fmax(change, apart(changed, n));
+    if (back != STILL && back != PAST - 1) continue;
+    const real mean = (bend + b->bend) / (back + 1), rolled = b->rolled - then[n + 1];
+    for (integer i = 0; i < b->N; ++i) b->odds[i] = b->way[i] - b->way_then[((row - back) % PAST) * b->N + i];
+    const real shared[2] = {change, mean};
+    weigh(b, still_law, b->odds, shared, 2.0 / STILL);
+    if (back == PAST - 1)
       b->no_progress = mean > BENT && rolled > b->least_roll && change < fmax(0.3 * rolled * mean, b->settled);
-    }
   }
 }
 
@@ -260,7 +258,7 @@ void rover_pin_sense(Belief *b, const real *sample, integer backwards, real late
   move(b, backwards != 0);
   turn_wheels(b);
   if (b->folds) {
-    const real shared[2] = {apart(b->under + RISE * b->n, b->n), b->bend};
+    const real shared[3] = {apart(b->under + RISE * b->n, b->n), b->bend, fmin(b->wall, 1.0)};
     weigh(b, fold_law, b->travel, shared, b->period / b->fold_correlated);
   }
   look_back(b);

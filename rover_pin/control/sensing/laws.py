@@ -36,6 +36,8 @@ class ReadingTrust(Record):
     wall_stalls: Scalar = quantity(1.0, "1/s", "assumed: the same at a wall, besides", 0.0, 10.0)
     frees: Scalar = quantity(0.2, "1/s", "assumed: chance that one that is stalled comes free", 0.0, 10.0)
     quiet: Scalar = quantity(0.2, "", "assumed: chance that a rover moves on bent ground and does not fold", 0.0, 1.0)
+    climbing: Scalar = quantity(0.1, "", "assumed: chance that wheels climb what no wheel stood on yet", 0.0, 1.0)
+    lift: Scalar = quantity(0.33, "", "two of six wheels up a slope of 45 deg: their rise over the way", 0.0, 10.0)
     settling: Scalar = quantity(0.0012, "m/s", "assumed: rise of a wheel of a rover that stands", 1e-5, 0.1)
     still: Scalar = quantity(0.0007, "m", "assumed: change of posture in 2 s of a rover that stands", 1e-5, 0.1)
 
@@ -69,11 +71,16 @@ def torque_law(trust: ReadingTrust) -> ca.Function:
 
 def fold_law(trust: ReadingTrust) -> ca.Function:
     """Return the function u, (rise, bend) -> log density of wheels that rise so fast against each other."""
-    u, read = ca.SX.sym("u"), ca.SX.sym("read", 2)
-    moving = ca.sqrt(trust.settling**2 + (u * read[1]) ** 2)
-    density = (1.0 - trust.quiet) * ca.exp(-read[0] / moving) / moving
-    standing = trust.quiet * ca.exp(-read[0] / trust.settling) / trust.settling
-    return ca.Function("fold_law", [u, read], [ca.log(density + standing)])
+    u, read = ca.SX.sym("u"), ca.SX.sym("read", 3)
+    rise, bend, wall = ca.vertsplit(read)
+
+    def density(slope: Scalar) -> Scalar:
+        size = ca.sqrt(trust.settling**2 + (u * slope) ** 2)
+        return ca.exp(-rise / size) / size
+
+    climbing = trust.climbing + (1.0 - trust.climbing) * wall
+    even = trust.quiet * density(0.0) + (1.0 - trust.quiet) * density(bend)
+    return ca.Function("fold_law", [u, read], [ca.log((1.0 - climbing) * even + climbing * density(bend + trust.lift))])
 
 
 def still_law(trust: ReadingTrust) -> ca.Function:

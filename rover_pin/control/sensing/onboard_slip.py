@@ -110,7 +110,8 @@ class OnboardSlip:
             torque_factors(model, SLIPS),
             HoleLaw(r=float(rover.wheel.r)),
             trust or ReadingTrust(),
-            odometry=odometry,
+            model.slip if isinstance(model.slip, RelaxedSlip) else RelaxedSlip(),
+            odometry,
         )
 
     def reset(self) -> None:

@@ -41,18 +41,33 @@ def test_a_torque_s_density_is_one_but_for_strays(share):
     assert float(law(0.3, [1.5, share])) == pytest.approx(0.05, rel=1e-6), "a wall may read anything"
 
 
-def test_a_posture_that_stays_speaks_against_travel():
+def fold_and_still(wall=0.0):
+    """Both laws as functions of (speed or way, (rise or change, bend))."""
     fold, still = fold_law(ReadingTrust()), still_law(ReadingTrust())
+    return (lambda u, read: fold(u, [*read, wall])), still
+
+
+def test_a_wheel_at_a_wall_climbs_or_the_rover_stands():
+    away, at_wall = (fold_and_still(wall)[0] for wall in (0.0, 1.0))
+    for law in (away, at_wall):
+        assert float(law(0.025, [0.009, 0.05])) > float(law(0.0, [0.009, 0.05])) + 2.0, "what rises so is no noise"
+    odds = [float(law(0.0, [0.001, 0.1])) - float(law(0.025, [0.001, 0.1])) for law in (away, at_wall)]
+    assert odds[1] > odds[0] > 0.0, "at a wall, to rise by nothing is to stand"
+
+
+def test_a_posture_that_stays_speaks_against_travel():
+    fold, still = fold_and_still()
     for law, quiet, much in ((fold, 0.0, 0.01), (still, 2e-4, 0.008)):
         moves, stands = 0.05 if law is fold else 0.1, 0.0
         assert float(law(stands, [quiet, 0.2])) > float(law(moves, [quiet, 0.2]))
         assert float(law(stands, [much, 0.2])) < float(law(moves, [much, 0.2]))
-        assert float(law(stands, [quiet, 0.0])) == pytest.approx(float(law(moves, [quiet, 0.0]))), "smooth: no word"
+        word = float(law(stands, [quiet, 0.0])) - float(law(moves, [quiet, 0.0]))
+        assert 0.0 <= word + 1e-9 <= 0.11, "smooth: no word, but that nothing is climbed"
 
 
 @pytest.mark.parametrize("bend", [0.0, 0.05, 0.3])
 def test_densities_of_what_is_read_are_one(bend):
-    fold, still = fold_law(ReadingTrust()), still_law(ReadingTrust())
+    fold, still = fold_and_still(0.3)
     assert quad(lambda rise: np.exp(float(fold(0.05, [rise, bend]))), 0.0, 1.0, points=[0.01])[0] == pytest.approx(1.0)
     total = quad(lambda change: np.exp(float(still(0.08, [change, bend]))), 0.0, 0.5, points=[0.001, 0.02])[0]
     assert total == pytest.approx(1.0, abs=1e-6)
