@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from rover_pin.contact import Contact, Soil, Wheel
+from rover_pin.contact import Contact, Load
 from rover_pin.simulation.compiled.laws import amended, loaded
 from rover_pin.simulation.model.cruise import CRUISE_SPEED
 from rover_pin.simulation.model.model import Model
@@ -14,6 +14,8 @@ from rover_pin.soil.sinkage import entry_angle, sinkage
 
 NOWHERE = -1e3
 """x [m] at which no effect of a stretch of ground acts."""
+LOCKED_UP = 0.95
+"""Slip up to which a wheel counts as travelling."""
 MIDDLE = 1
 """Wheels that have passed before, where an effect asks."""
 
@@ -25,16 +27,30 @@ def torque_factors(model: Model, slips: Sequence[float] | np.ndarray) -> np.ndar
     relaxed slip where it has settled. The faster of rim and travel runs at 0.05 m/s. Source: section 4.1, T / r over
     the load. Differs from the paper: nothing without effects; those of a stretch of ground are left out.
     """
-    wheel, soil, rover = model.rover.wheel, model.soils[0], model.built
-    load = rover.mass * rover.gravity / len(rover.wheels)
-    h = float(sinkage(entry_angle(load, 0.0, wheel, soil), wheel))
-    return np.array([_factor(model, float(S), h, wheel, soil) for S in slips])
+    return np.array([float(load.torque / (model.rover.wheel.r * load.f_n)) for load in _loads(model, slips)])
 
 
-def _factor(model: Model, S: float, h: float, wheel: Wheel, soil: Soil) -> float:
-    rim, v = (CRUISE_SPEED, CRUISE_SPEED * (1.0 - S)) if S >= 0.0 else (CRUISE_SPEED * (1.0 + S), CRUISE_SPEED)
-    at = Contact(0.0, 0.0, h, v, 0.0, 0.0, rim, NOWHERE, MIDDLE, wheel, soil)
+def pull_factors(model: Model, slips: Sequence[float] | np.ndarray) -> np.ndarray:
+    """Return f_t / f_n [-] of the same wheel, resistances included; at S above `LOCKED_UP` as at it.
+
+    A wheel that does not travel meets no motion resistance, which would hold one there that does not come free.
+    """
+    return np.array([float(load.f_t / load.f_n) for load in _loads(model, np.minimum(slips, LOCKED_UP))])
+
+
+def standing_sinkage(model: Model) -> float:
+    """Return h [m] of that wheel at S = 0."""
+    wheel, rover = model.rover.wheel, model.built
+    return float(
+        sinkage(entry_angle(rover.mass * rover.gravity / len(rover.wheels), 0.0, wheel, model.soils[0]), wheel)
+    )
+
+
+def _loads(model: Model, slips: Sequence[float] | np.ndarray) -> Iterator[Load]:
+    wheel, soil, h = model.rover.wheel, model.soils[0], standing_sinkage(model)
     effects = model.contact_effects
-    states = [tuple(S if state.name == "S" else 0.0 for state in effect.states) for effect in effects]
-    load, _ = loaded(effects, amended(effects, at, states), states)
-    return float(load.torque / (wheel.r * load.f_n))
+    for S in np.asarray(slips, dtype=float).tolist():
+        rim, v = (CRUISE_SPEED, CRUISE_SPEED * (1.0 - S)) if S >= 0.0 else (CRUISE_SPEED * (1.0 + S), CRUISE_SPEED)
+        at = Contact(0.0, 0.0, h, v, 0.0, 0.0, rim, NOWHERE, MIDDLE, wheel, soil)
+        states = [tuple(S if state.name == "S" else 0.0 for state in effect.states) for effect in effects]
+        yield loaded(effects, amended(effects, at, states), states)[0]

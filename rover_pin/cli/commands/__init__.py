@@ -21,6 +21,7 @@ from rover_pin.cli.commands import (
     new_effect,
     new_rover,
     view,
+    watch,
 )
 
 
@@ -29,6 +30,7 @@ def add_to(app: typer.Typer) -> None:
     app.command()(curve.curve)
     app.command("list")(listing.list_)
     app.command()(view.view)
+    app.command()(watch.watch)
     app.command()(export.export)
     app.command("export-c")(export.export_c)
     app.command("close-loop")(close_loop.close_loop)

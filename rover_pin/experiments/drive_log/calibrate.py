@@ -15,7 +15,7 @@ from rover_pin.effects.raw_current import RawCurrent
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.experiments.drive_log.experiment import DriveExperiment, experiment_of
 from rover_pin.experiments.drive_log.ground.stance import runs_on_estimated_ground
-from rover_pin.experiments.drive_log.model import nuisances
+from rover_pin.experiments.drive_log.model import has_current_scale, nuisances
 from rover_pin.experiments.drive_log.parameters import parameter
 from rover_pin.experiments.drive_log.resume import Memory
 from rover_pin.logs.drive_log import DriveLog
@@ -69,12 +69,10 @@ def raw_current_numbers(log: DriveLog, model: Model) -> Iterator[Parameter]:
 
 def _unscaled_currents(log: DriveLog) -> Iterator[tuple[str, str, np.ndarray]]:
     """Yield wheel, channel and all values of the currents whose scale is unknown."""
-    has_torque_constant = {"k_t", "gear"} <= log.metadata.motor.keys()
+    is_scaled = has_current_scale(log)
     for wheel in log.metadata.wheels:
         names = (f"raw_current_{wheel}", f"current_{wheel}_A")
-        for name, unknown in zip(
-            names, (True, not has_torque_constant and any(run.rate_driven for run in log.runs)), strict=True
-        ):
+        for name, unknown in zip(names, (True, not is_scaled), strict=True):
             values = np.concatenate([run[name] for run in log.runs if name in run] or [np.zeros(0)])
             if unknown and np.isfinite(values).any():
                 yield wheel, name, values

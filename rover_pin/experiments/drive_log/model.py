@@ -91,6 +91,11 @@ def is_rate_driven(log: DriveLog) -> bool:
     return any(run.rate_driven for run in log.runs)
 
 
+def has_current_scale(log: DriveLog) -> bool:
+    """Return whether logged amperes tell torques: a torque constant is declared, or duties show the motor's."""
+    return {"k_t", "gear"} <= log.metadata.motor.keys() or not is_rate_driven(log)
+
+
 def with_spread(model: Model, motors: bool = True) -> Model:
     """Return the model with a gain for each motor and each tachogenerator, all exact, unless it has them."""
     for number, wheel in enumerate(model.rover.wheels):

@@ -1,0 +1,1 @@
+"""The monitor: whether a rover will be stuck or buried within seconds, and why. Start at `monitor`."""
