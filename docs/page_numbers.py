@@ -79,6 +79,7 @@ def fields() -> Mapping[str, Any]:
         "measured_loops": kept("measured_wheels", keep_default_na=False).to_dict("records"),
         "slip": sensed_slip(),
         "control": controllers(),
+        "monitor": {row["level"]: row for row in kept("monitor").to_dict("records")},
         "speed": speed(),
         "traction": traction(),
         "tuned": tuned(),

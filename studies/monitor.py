@@ -1,0 +1,266 @@
+"""The monitor on fresh drives: burials warned in time, false alarms, and how often it is right.
+
+Question
+    Does the monitor warn of every burial two seconds before, with five false alarms an hour or less, and is P(stuck
+    within 4 s) as often right as it says?
+Method
+    Drives of 40 s as `slip_sensing` draws them (inclines that dig, ditches, slopes that steepen, hills, rocks; soil,
+    digging and the rover drawn), at constant duty 0.55, with the sensors' noise, from seeds on which nothing was
+    chosen. The monitor was made on the seeds 291001 and 291002. A rover is stuck while the way over which
+    its rims turn by r takes its wheels less than a tenth of that (`DriveOutcome`), buried where a wheel sinks by half
+    its radius. An alarm is the smoothed P(stuck) above a level, until it is below half of it. It is false where
+    the rover is neither stuck nor buried at any time within 4 s (8 s) of its begin. A burial is warned by the first
+    alarm that is not false from 4 s before the rover was last stuck. Brier score, reliability and AUC are of P at every
+    fourth sample against whether the rover is stuck (buried) at any time within 4 s.
+Result
+    RESULTS
+What the paper says
+    Nothing of a monitor; its rover is "stuck" at S = 1.
+What differs
+    All of it is beyond the paper.
+Run: python studies/monitor.py [--quick] [--out DIR]
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+from slip_sensing import Case, built, drawn, said
+
+from rover_pin import plot
+from rover_pin.control.constant import ConstantDuty
+from rover_pin.control.monitor.ahead import HORIZON
+from rover_pin.control.monitor.monitor import ALARM, Monitor
+from rover_pin.simulation.command import Command, Reading
+from rover_pin.simulation.outcome.outcome import GRIP
+from rover_pin.simulation.sensors import Sensed, Sensors
+from rover_pin.simulation.simulate import simulate
+from rover_pin.simulation.trace.trace import Trace
+from rover_pin.tuning.evaluations import Evaluations
+
+SEEDS = (291_201, 291_202, 291_203)
+"""Of the drives and of their noise: nothing was chosen on them."""
+ROUNDS, DURATION = 10, 40.0
+LEVELS = (0.4, 0.5, 0.6, 0.7, ALARM, 0.8, 0.9)
+LEAD = 2.0
+"""How long before its burial a rover is to be warned [s]."""
+EVERY = 4
+"""Samples from one that is counted to the next."""
+EDGES = (0.0, 0.02, 0.1, 0.2, 0.4, 0.6, 0.8, 0.95, 1.01)
+
+
+class Drive(NamedTuple):
+    """A drive beside the monitor: what it said over time, and what came."""
+
+    kind: str
+    seed: int
+    end: float
+    buried: bool
+    stuck: np.ndarray
+    "begin and end of each time in which the rover is stuck (n, 2) [s]"
+    said: np.ndarray
+    "t, P(stuck), P(buried), smoothed P(stuck) (samples, 4)"
+
+    def comes(self, t: float, horizon: float) -> bool:
+        """Return whether the rover is stuck or buried at any time within a horizon."""
+        stuck = np.any((self.stuck[:, 0] <= t + horizon) & (self.stuck[:, 1] >= t))
+        return bool(stuck or self.buries(t, horizon))
+
+    def buries(self, t: float, horizon: float) -> bool:
+        """Return whether a wheel is buried within a horizon."""
+        return self.buried and self.end - t <= horizon
+
+    def alarms(self, level: float) -> list[float]:
+        """Return when alarms are raised at a level."""
+        begins, raised = [], False
+        for t, p in self.said[:, [0, 3]].tolist():
+            if not raised and p > level:
+                begins.append(t)
+            raised = p > (0.5 * level if raised else level)
+        return begins
+
+
+def main() -> None:
+    """Draw, drive, score, write and print."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--quick", action="store_true", help="three short drives: shows that it runs")
+    parser.add_argument("--out", type=Path, default=Path("out/monitor"))
+    parser.add_argument("--workers", type=int, default=0, help="processes; 0 for all cores")
+    options = parser.parse_args()
+    options.out.mkdir(parents=True, exist_ok=True)
+    cases = [(case, seed + at) for seed in SEEDS for at, case in enumerate(drawn(ROUNDS, DURATION, seed))]
+    if options.quick:
+        cases = [(case, at) for at, case in enumerate(drawn(1, 12.0, SEEDS[0])[2:5])]
+    evaluations = Evaluations(options.out, options.workers or None, said)
+    drives = [
+        unpacked(case, seed, row)
+        for (case, seed), row in zip(cases, evaluations.run("drives", watched, cases), strict=True)
+    ]
+    table = pd.DataFrame([at_level(drives, level) for level in LEVELS])
+    bins = pd.concat([reliability(drives, event) for event in ("stuck", "buried")])
+    plot.write_csv(table, options.out / "monitor.csv")
+    plot.write_csv(bins, options.out / "reliability.csv")
+    figure(table, bins, options.out)
+    print(report(drives, table, bins))
+    print(f"written: {options.out}/monitor.csv, reliability.csv, monitor.png")
+
+
+class Beside:
+    """Constant duty, with a monitor beside it."""
+
+    def __init__(self, monitor: Monitor):
+        self.monitor, self.inner = monitor, ConstantDuty()
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin again."""
+        self.monitor.reset()
+        self.rows: list[tuple[float, ...]] = []
+
+    def __call__(self, reading: Reading) -> Command:
+        """Return the duty."""
+        forecast = self.monitor.step(reading)
+        self.rows.append((reading.t, forecast.p_stuck, forecast.p_buried, self.monitor.smoothed))
+        return self.inner(reading)
+
+
+def watched(case: Case, seed: int) -> list[float]:
+    """Return end, whether buried, how often stuck, when, and what the monitor said."""
+    scene = built(case)
+    beside = Beside(Monitor.of(scene.model))
+    trace = simulate(
+        scene.model, Sensed(beside, Sensors(), seed), scene.duration, scene.start, scene.timing, settle_doubts=False
+    )
+    spans = stuck_spans(trace, float(scene.model.rover.wheel.r))
+    buried = str(trace.attrs["stop"]).startswith("buried")
+    return [
+        float(trace.t[-1]),
+        float(buried),
+        float(len(spans)),
+        *spans.ravel().tolist(),
+        *np.ravel(beside.rows).tolist(),
+    ]
+
+
+def unpacked(case: Case, seed: int, row: list[float]) -> Drive:
+    """Return what `watched` has packed."""
+    end, buried, count = row[:3]
+    spans, rows = np.split(np.array(row[3:]), [2 * int(count)])
+    return Drive(case.kind, seed, end, bool(buried), spans.reshape(-1, 2), rows.reshape(-1, 4))
+
+
+def stuck_spans(trace: Trace, r: float) -> np.ndarray:
+    """Return begins and ends of the times in which a rover is stuck (n, 2) [s]."""
+    dt = np.diff(trace.t, prepend=trace.t[:1])
+    turned = np.cumsum(np.mean(np.abs(r * trace.stack("wheel_rate")), axis=1) * dt)
+    travelled = np.cumsum(np.mean(trace.stack("travel"), axis=1) * dt)
+    begin = np.flatnonzero(turned <= turned[-1] - r)
+    end = np.searchsorted(turned, turned[begin] + r)
+    stands = travelled[end] - travelled[begin] < GRIP * (turned[end] - turned[begin])
+    stuck = np.zeros(len(trace.t) + 2, dtype=int)
+    for first, last in zip(begin[stands], end[stands], strict=True):
+        stuck[first + 1 : last + 2] = 1
+    edges = np.diff(stuck)
+    return np.column_stack([trace.t[np.flatnonzero(edges == 1)], trace.t[np.flatnonzero(edges == -1) - 1]])
+
+
+def at_level(drives: list[Drive], level: float) -> dict[str, Any]:
+    """Return the counts of alarms at a level."""
+    hours, leads, caught, stuck, false = sum(drive.end for drive in drives) / 3600.0, [], 0, 0, [0, 0]
+    for drive in drives:
+        begins = drive.alarms(level)
+        true = [t for t in begins if drive.comes(t, HORIZON)]
+        false[0] += len(begins) - len(true)
+        false[1] += sum(not drive.comes(t, 2.0 * HORIZON) for t in begins)
+        stuck += len(drive.stuck)
+        caught += sum(any(begin - HORIZON <= t <= end for t in true) for begin, end in drive.stuck)
+        if drive.buried:
+            since = drive.stuck[-1, 0] if len(drive.stuck) else drive.end
+            leads.append(drive.end - min((t for t in true if t >= since - HORIZON), default=drive.end))
+    quantiles = np.quantile(leads, [0.0, 0.1, 0.5]) if leads else np.full(3, np.nan)
+    return {
+        "level": level, "drives": len(drives), "hours": hours, "burials": len(leads),
+        "warned": sum(lead >= LEAD for lead in leads), "lead_least_s": quantiles[0], "lead_10_s": quantiles[1],
+        "lead_median_s": quantiles[2], "stuck": stuck, "caught": caught, "false_per_hour": false[0] / hours,
+        "false_8s_per_hour": false[1] / hours,
+    }  # fmt: skip
+
+
+def outcomes(drives: list[Drive], event: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return P, whether it came, and whether the rover was not yet stuck, at every fourth sample."""
+    rows = []
+    for drive in drives:
+        for t, p_stuck, p_buried, _ in drive.said[::EVERY].tolist():
+            came = drive.comes(t, HORIZON) if event == "stuck" else drive.buries(t, HORIZON)
+            rows.append((p_stuck if event == "stuck" else p_buried, came, not drive.comes(t, 0.0)))
+    p, came, before = np.array(rows).T
+    return p, came > 0.0, before > 0.0
+
+
+def reliability(drives: list[Drive], event: str) -> pd.DataFrame:
+    """Return how often it came by what P said."""
+    p, came, _ = outcomes(drives, event)
+    bins = np.digitize(p, EDGES) - 1
+    rows = [(event, p[bins == i].mean(), came[bins == i].mean(), int(np.sum(bins == i))) for i in np.unique(bins)]
+    return pd.DataFrame(rows, columns=["event", "said", "came", "samples"])
+
+
+def auc(p: np.ndarray, came: np.ndarray) -> float:
+    """Return the probability that P is greater where it came than where it did not, halves of equal ones."""
+    ranks, many = pd.Series(p).rank().to_numpy(), int(came.sum())
+    pairs = many * (len(p) - many)
+    return float((ranks[came].sum() - many * (many + 1) / 2) / pairs) if pairs else float("nan")
+
+
+def report(drives: list[Drive], table: pd.DataFrame, bins: pd.DataFrame) -> str:
+    """Return the tables as text."""
+    hours, burials, stuck = table.loc[0, ["hours", "burials", "stuck"]]
+    lines = [f"{len(drives)} drives, {hours:.2f} h, {burials:.0f} burials, {stuck:.0f} times stuck"]
+    for event in ("stuck", "buried"):
+        p, came, before = outcomes(drives, event)
+        briers = [f"{np.mean((p - came)[rows] ** 2):.4f}" for rows in (slice(None), before)]
+        lines.append(
+            f"{event} within {HORIZON:g} s: Brier {briers[0]} (share {came.mean():.3f}), before being stuck {briers[1]}, "
+            f"AUC {auc(p, came):.3f}, before {auc(p[before], came[before]):.3f}"
+        )
+    lines.append(
+        "said / came: " + ", ".join(f"{r.event} {r.said:.2f} / {r.came:.2f} ({r.samples})" for r in bins.itertuples())
+    )
+    for row in table.itertuples():
+        lines.append(
+            f"level {row.level:.2f}: {row.warned} of {row.burials} burials warned {LEAD:g} s before, lead least "
+            f"{row.lead_least_s:.1f}, 10 % {row.lead_10_s:.1f}, median {row.lead_median_s:.1f} s; "
+            f"{row.caught} of {row.stuck} stuck; "
+            f"false an hour {row.false_per_hour:.1f} (4 s), {row.false_8s_per_hour:.1f} (8 s)"
+        )
+    late = [
+        f"{drive.kind} {drive.seed}" for drive in drives if drive.buried and at_level([drive], ALARM)["warned"] == 0
+    ]
+    return "\n".join([*lines, f"not warned {LEAD:g} s before at {ALARM:g}: {', '.join(late) or 'none'}"])
+
+
+def figure(table: pd.DataFrame, bins: pd.DataFrame, out: Path) -> None:
+    """Draw false alarms against burials warned, and reliability."""
+    sheet, (left, right) = plot.new_figure(1, 2, size=(9.5, 4.2))
+    for column, label, colour in (
+        ("false_per_hour", "within 4 s", plot.COLOURS[0]),
+        ("false_8s_per_hour", "within 8 s", plot.COLOURS[1]),
+    ):
+        left.plot(table[column], 100.0 * table.warned / table.burials.clip(lower=1), "o-", color=colour, label=label)
+    left.set(xlabel="false alarms an hour", ylabel="burials warned 2 s before [%]")
+    for (event, rows), colour in zip(bins.groupby("event", sort=False), plot.COLOURS, strict=False):
+        right.plot(rows.said, rows.came, "o-", color=colour, label=event)
+    right.plot([0, 1], [0, 1], color="0.6", lw=0.8)
+    right.set(xlabel="P said", ylabel="share that came")
+    for axis in (left, right):
+        axis.legend(fontsize=8)
+        axis.grid(alpha=0.3)
+    plot.save(sheet, out / "monitor.png")
+
+
+if __name__ == "__main__":
+    main()
