@@ -11,7 +11,7 @@ Method
     constant duty, of wheels that turn.
 Result
     S_hat - S: Eq (9) bias -0.32, SD 0.43 (a wheel that spins under load turns slower, and reads as gripping); on board
-    +0.004, 0.07: RMS 0.01 to 0.02 on inclines, slopes and hills, 0.07 with the cart, 0.09 in ditches, 0.15 on rocks,
+    +0.006, 0.07: RMS 0.01 to 0.02 on inclines, slopes and hills, 0.03 with the cart, 0.08 in ditches, 0.15 on rocks,
     where the ground bends within a wheelbase and the slope under each wheel is not known; wrong soil +0.13, 0.14: it
     must be known.
 What the paper says

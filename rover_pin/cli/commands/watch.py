@@ -47,9 +47,9 @@ def watch(
         figure = plot.save(
             forecast_figure(forecasts, f"{drive_log.metadata.name}: {trace.attrs['file']}"), out / "watch.png"
         )
-    found = [
+    lines = [
         f"{begin:.2f} to {end:.2f} s: {cause}, P(stuck) up to {p_stuck:.2f}, P(buried) up to {p_buried:.2f}"
         for begin, end, p_stuck, p_buried, cause in alarms(forecasts)
     ]
     result = {"run": trace.attrs["file"], "watched_s": float(readings.t[-1] - readings.t[0])}
-    report({**result, "alarms": found, "assumed": list(readings.assumed), "files": [str(table), str(figure)]}, as_json)
+    report({**result, "alarms": lines, "assumed": list(readings.assumed), "files": [str(table), str(figure)]}, as_json)

@@ -18,7 +18,7 @@ PRIOR = np.array([0.5, 0.125, 0.125, 0.125, 0.125])
 """Their probabilities beforehand (assumed: half of all ground does not dig)."""
 BALANCE_SD = 0.03
 """Error of the balance of forces over the weight (assumed: strength of the soil, level)."""
-CORRELATED, REMEMBERED = 0.5, 25.0
+CORRELATED, MEMORY = 0.5, 25.0
 """Balances nearer than this err alike; times longer ago than this count no more [s] (both assumed)."""
 STRAY = 0.05
 """Likelihood, over its peak, that any balance keeps: an obstacle may push at any time."""
@@ -44,7 +44,7 @@ class Contacts(NamedTuple):
 
 @lru_cache(maxsize=16)
 def deepening(count: int) -> ca.Function:
-    """Return the function c_d, v, rim, r, D -> dD/dt of `DiggingMemory`, so many of each."""
+    """Return the function c_d, v, rim, r, D -> dD/dt of `DiggingMemory`, columns of `count` rows."""
     c_d, v, rim, r, D = (ca.MX.sym(name, count) for name in ("c_d", "v", "rim", "r", "D"))
     at = Contact(0.0, 0.0, TOUCH, v, 0.0, 0.0, rim, 0.0, 0, Wheel(r=r), Soil())
     return ca.Function("deepening", [c_d, v, rim, r, D], [DiggingMemory(c_d=c_d).rate(at, Load(), (D,))[0]])
@@ -77,4 +77,4 @@ class Digging:
             slips = np.repeat(at.slip[:, None], len(RATES), axis=1)
             net = self.pull.less_resistance(slips, self.holes, at.shares, at.slope)
             density = np.exp(-0.5 * net**2 / (BALANCE_SD**2 + unknown**2)) + STRAY
-            self.evidence = (1.0 - period / REMEMBERED) * self.evidence + np.log(density) * period / CORRELATED
+            self.evidence = (1.0 - period / MEMORY) * self.evidence + np.log(density) * period / CORRELATED

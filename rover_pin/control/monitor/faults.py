@@ -40,8 +40,8 @@ class Faults:
     def step(self, reading: Reading) -> None:
         """Take a sample in."""
         duty, rate, current = np.asarray(reading.duty), np.asarray(reading.wheel_rate), np.asarray(reading.current)
-        felt = np.concatenate([rate, current, reading.suspension, reading.attitude[:2]])
-        self.readable = bool(np.isfinite(felt).all())
+        sensed = np.concatenate([rate, current, reading.suspension, reading.attitude[:2]])
+        self.readable = bool(np.isfinite(sensed).all())
         if not self.readable:
             self.sensor = 1.0
             return

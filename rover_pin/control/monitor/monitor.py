@@ -27,7 +27,7 @@ STEEPENING = 0.01
 """SD of the rate at which the ground ahead takes more or less force, over the weight [1/s]: chosen on the drives of
 `studies/monitor.py` for the seed 291001, so that P is as often right as it says."""
 ALARM, SMOOTHED = 0.75, 0.3
-"""P(stuck), smoothed over so many seconds, from which an alarm is raised: that of less than five false ones an hour for
+"""P(stuck), smoothed over these seconds, from which an alarm is raised: that of less than five false ones an hour for
 the seeds 291001 and 291002. Below half of it an alarm ends."""
 WORTH = 0.2
 """P(stuck) from which a cause is looked for, and P of the cause from which it is named, over that."""

@@ -119,7 +119,7 @@ def test_left_and_right_are_alike():
     assert np.allclose(ahead(0.1, 0.004), ahead(0.1, 0.004, swapped=True))
 
 
-def test_the_pull_of_a_wheel_grows_with_slip_and_lacks_the_resistance():
+def test_a_wheel_s_pull_grows_with_slip_and_lacks_resistance():
     factors = pull_factors(scenario("flat", soil="table-1").model, SLIPS)
     assert np.all(np.diff(factors[100:]) >= -1e-9)
     assert factors[100] < 0.0
