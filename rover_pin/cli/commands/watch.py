@@ -20,7 +20,7 @@ def watch(
     out: Out = Path("out/watch"),
     as_json: AsJson = False,
 ) -> None:
-    """Say when a recorded drive was about to be stuck or buried, and why; watch.csv has every sample."""
+    """Say when a logged drive was about to be stuck. Also when buried, and why; watch.csv has every sample."""
     import pandas as pd
 
     from rover_pin import plot
