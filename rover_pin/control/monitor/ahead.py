@@ -59,7 +59,7 @@ class AheadLaw(NamedTuple):
         pulls = ca.MX.sym("pulls", 2 * len(SLIPS))
         u, way, t, s, D = ca.vertsplit(x, [0, 1, 2, 3, 3 + n, 3 + 2 * n])
         c_d, excess, steepening, stalled = ca.vertsplit(draw)
-        rim, slope, level, load, usual = ca.vertsplit(ground, [0, n, 2 * n, 3 * n, 4 * n, 4 * n + 1])
+        rim, slope, level, load, pace = ca.vertsplit(ground, [0, n, 2 * n, 3 * n, 4 * n, 4 * n + 1])
         level, share = ca.fmax(level, LEAST_LEVEL), load / ca.fmax(ca.sum1(load), TOUCH)
         digging, r = DiggingMemory(c_d=c_d), ca.MX(ca.DM(self.radii))
         slip_rate = self._rate(rim, u / level, s)
@@ -71,7 +71,7 @@ class AheadLaw(NamedTuple):
         stiffness = ca.dot(share, G_s * implicit / (self.relaxed.length * level))
         gain = STEP * self.gravity
         change = gain * net / (1.0 + gain * ca.fmax(stiffness, 0.0))
-        u_next = (1.0 - stalled) * ca.fmin(ca.fmax(u + change, 0.0), FASTEST * usual)
+        u_next = (1.0 - stalled) * ca.fmin(ca.fmax(u + change, 0.0), FASTEST * pace)
         s_next = s + implicit * (slip_rate - (u_next - u) / (self.relaxed.length * level))
         at = Contact(s_next, 0.0, TOUCH, u_next / level, 0.0, 0.0, rim, 0.0, 0, Wheel(r=r), Soil())
         D_next = ca.fmax(D + STEP * digging.rate(at, Load(), (D,))[0], 0.0)

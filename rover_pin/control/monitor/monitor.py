@@ -126,11 +126,11 @@ class Monitor:
         return Contacts(belief.keep["rim"].copy(), slope, level, np.maximum(load, 0.0), travel, belief.told[:, 0])
 
     def _ahead(self, at: Contacts) -> tuple[float, float, tuple[float, ...]]:
-        usual = float(np.median(at.rim))
-        if usual < CREEP or not at.load.any():
-            return self.estimate.p_stands if usual < -CREEP else 0.0, 0.0, (0.0, 0.0, 0.0)
-        state, draws = self._drawn(at, usual)
-        ground = np.concatenate([at.rim, at.slope, at.level, at.load, [usual]])
+        pace = float(np.median(at.rim))
+        if pace < CREEP or not at.load.any():
+            return self.estimate.p_stands if pace < -CREEP else 0.0, 0.0, (0.0, 0.0, 0.0)
+        state, draws = self._drawn(at, pace)
+        ground = np.concatenate([at.rim, at.slope, at.level, at.load, [pace]])
 
         def stuck(**without: float) -> tuple[np.ndarray, Ways]:
             ways = go_on(self.law, self.table, *_without(state, draws, **without), ground)
@@ -145,7 +145,7 @@ class Monitor:
         firm = min(firm, free)
         return p_stuck, p_buried, (firm, free - firm, p_stuck - free)
 
-    def _drawn(self, at: Contacts, usual: float) -> tuple[np.ndarray, np.ndarray]:
+    def _drawn(self, at: Contacts, pace: float) -> tuple[np.ndarray, np.ndarray]:
         """Return states and draws for `AheadLaw`, a column each: particles and rates of digging by their weights."""
         belief, n = self.estimate.belief, len(self.law.radii)
         levels = (np.arange(DRAWS) + self.random.random()) / DRAWS
@@ -158,7 +158,7 @@ class Monitor:
         )
         slips, holes = belief.keep["slip"].reshape(n, -1)[:, particle], self.digging.holes[:, rate]
         stalled = (belief.keep["stalled"][particle] > 0.0) | bool(belief.struct.no_progress)
-        u = np.clip(belief.keep["travel"][particle], 0.0, usual)
+        u = np.clip(belief.keep["travel"][particle], 0.0, pace)
         excess = self.pull.less_resistance(slips, holes, at.shares, at.slope)
         steepening = STEEPENING * self.random.standard_normal(DRAWS)
         still = np.zeros((2, DRAWS))
