@@ -65,7 +65,7 @@ def main() -> None:
     options.out.mkdir(parents=True, exist_ok=True)
     rounds, duration, seeds = (1, 3.0, 2) if options.quick else (3, DURATION, SEEDS)
     training, fresh = (cases(rounds, duration, TRAINED_ON), cases(10, duration, JUDGED_ON))
-    effort = Effort(population=10, generations=4, starts=0, keep=4)
+    effort = Effort(population=10, generations=5, starts=0, keep=4)
     if options.quick:
         training, fresh, effort = training[2:4], fresh[2:4], Effort(population=5, generations=0, starts=0, keep=1)
     study = TuningStudy(
