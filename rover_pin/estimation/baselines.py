@@ -30,20 +30,44 @@ def gaussian_process(inputs: np.ndarray, values: np.ndarray, at: np.ndarray) -> 
     """Return a Gaussian process with a squared-exponential kernel, lengths, height and noise by marginal likelihood."""
     middle, scale = values.mean(), values.std()
     y = (values - middle) / scale
+    best = _likeliest(inputs, y)
+    K = _kernel(inputs, inputs, best) + np.exp(2 * best[1]) * np.eye(len(y))
+    return middle + scale * _kernel(at, inputs, best) @ np.linalg.solve(K, y)
 
-    def kernel(x: np.ndarray, z: np.ndarray, log: np.ndarray) -> np.ndarray:
-        distance = ((x[:, None] - z[None]) / np.exp(log[2:])) ** 2
-        return np.exp(2 * log[0] - distance.sum(axis=2) / 2)
+
+def missed_by_process(inputs: np.ndarray, values: np.ndarray, fold: np.ndarray) -> np.ndarray:
+    """Return by how much a Gaussian process of all others misses each fold; its lengths are those of all points.
+
+    r_f = (K^-1)_ff^-1 (K^-1 y)_f, y less the mean of the others. Source: Rasmussen and Williams, Gaussian Processes for
+    Machine Learning (2006), 5.4.2.
+    """
+    scale = values.std()
+    best = _likeliest(inputs, (values - values.mean()) / scale)
+    inverse = np.linalg.inv(_kernel(inputs, inputs, best) + np.exp(2 * best[1]) * np.eye(len(values)))
+    missed = np.empty(len(values))
+    for at in np.unique(fold):
+        out = fold == at
+        y = values - values[~out].mean()
+        missed[out] = np.linalg.solve(inverse[np.ix_(out, out)], inverse[out] @ y)
+    return missed
+
+
+def _kernel(x: np.ndarray, z: np.ndarray, log: np.ndarray) -> np.ndarray:
+    distance = ((x[:, None] - z[None]) / np.exp(log[2:])) ** 2
+    return np.asarray(np.exp(2 * log[0] - distance.sum(axis=2) / 2))
+
+
+def _likeliest(inputs: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Return logarithms of height, noise and lengths of the greatest marginal likelihood."""
 
     def cost(log: np.ndarray) -> float:
-        K = kernel(inputs, inputs, log) + np.exp(2 * log[1]) * np.eye(len(y))
+        K = _kernel(inputs, inputs, log) + np.exp(2 * log[1]) * np.eye(len(y))
         return float(y @ np.linalg.solve(K, y) + np.linalg.slogdet(K)[1])
 
     bounds = [(-2.0, 3.0), (-4.0, 1.0), *[(-2.5, 2.0)] * inputs.shape[1]]
     starts = [np.array([0.0, -2.0, *[length] * inputs.shape[1]]) for length in (-1.0, 0.0)]
-    best = min((minimize(cost, start, bounds=bounds) for start in starts), key=lambda solution: solution.fun).x
-    K = kernel(inputs, inputs, best) + np.exp(2 * best[1]) * np.eye(len(y))
-    return middle + scale * kernel(at, inputs, best) @ np.linalg.solve(K, y)
+    solutions = (minimize(cost, start, bounds=bounds) for start in starts)
+    return np.asarray(min(solutions, key=lambda solution: solution.fun).x)
 
 
 Predict = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]

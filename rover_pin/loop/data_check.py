@@ -58,6 +58,20 @@ def check_data(folder: str | Path, trust: Trust = Trust()) -> DataCheck:
     return DataCheck("wheel-rig", _holds(data), tuple(findings(data)), too_poor(data, len(uncertain)))
 
 
+def rig_set_in(folder: str | Path, trust: Trust = Trust()) -> RigSet:
+    """Return the wheel-rig set of a folder or sample; refuses what has no runs of a wheel at levels.
+
+    Raises
+    ------
+    DataError
+        Data that cannot be used, or of another kind.
+    """
+    data = read_data(folder, trust)
+    if not isinstance(data, RigSet):
+        raise DataError(f"{folder}: similarity is of a wheel rig's runs; give a folder with {RIG_FILE}.")
+    return data
+
+
 Measured = RigSet | JointRig | Standalone
 """Data to whose base model numbers can be fitted."""
 

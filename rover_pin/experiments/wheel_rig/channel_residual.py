@@ -10,11 +10,12 @@ import numpy as np
 from rover_pin.base.public import brief
 from rover_pin.estimation.noise import null_gain
 from rover_pin.experiments.wheel_rig.data import RigSet
+from rover_pin.experiments.wheel_rig.similarity import slip_of_travel
 from rover_pin.measurements.channel import RigChannel
 from rover_pin.measurements.wheel_rig import SAME_LOAD
 
 DEGREES = 3
-"""Highest power of the slip in a description."""
+"""Highest power of the slip in a description: of the whole travel, as channels over load collapse on r omega / V."""
 
 LOAD_DEGREES = 2
 """Highest power of the load: a cell's offset need not grow in proportion to it."""
@@ -49,13 +50,17 @@ class RigChannelResidual(NamedTuple):
     "correlation with load; NaN where loads are alike"
     levels: tuple[Level, ...]
     powers: tuple[float, ...]
-    "coefficients of 1, S, S^2, S^3 [unit]"
+    "coefficients of 1, S', S'^2, S'^3 [unit], S' the slip of the whole travel; of a side force times sin beta"
     of_load: tuple[float, ...]
     "coefficients of w, w^2 with w = load / mean load - 1 [unit]"
     explained: float
     "share of the residual's sum of squares that the polynomial takes"
     is_curved: bool
     "whether that is more than chance, in units of what it leaves"
+    variable: str = "S"
+    "S', where runs are askew, and not the slip along the heading"
+    factor: str = ""
+    "what the polynomial is multiplied by"
 
     @property
     def is_noise(self) -> bool:
@@ -76,13 +81,13 @@ class RigChannelResidual(NamedTuple):
             f"{scale * last.mean:+.3g} {unit} at S = {round(last.slip, 2) + 0.0:g}"
         )
         terms = [
-            f"{scale * c:+.3g}{'' if i == 0 else ' S' if i == 1 else f' S^{i}'}" for i, c in enumerate(self.powers)
+            f"{scale * c:+.3g}" + (f" {self.variable}" + f"^{i}" * (i > 1)) * (i > 0) for i, c in enumerate(self.powers)
         ]
         terms += [
             f"{scale * c:+.3g} (W / mean W - 1){'' if i == 1 else f'^{i}'}" for i, c in enumerate(self.of_load, start=1)
         ]
         return (
-            f"{self.name}: {self.rms:.1f} times the noise; {trend}; smooth fit {' '.join(terms)} {unit}, "
+            f"{self.name}: {self.rms:.1f} times the noise; {trend}; smooth fit {' '.join(terms)} {unit}{self.factor}, "
             f"which takes {self.explained:.0%} of it"
         )
 
@@ -96,7 +101,7 @@ def channel_residuals(data: RigSet, residual: np.ndarray) -> tuple[RigChannelRes
 def _describe(data: RigSet, channel: RigChannel, residual: np.ndarray) -> RigChannelResidual:
     is_measured, all_loads = channel.has_value, np.asarray(data.rig.load)
     slip, load, sd, residual = (
-        np.asarray(data.rig.slip)[is_measured],
+        slip_of_travel(data)[is_measured],
         all_loads[is_measured],
         channel.sd[is_measured],
         residual[is_measured],
@@ -104,21 +109,25 @@ def _describe(data: RigSet, channel: RigChannel, residual: np.ndarray) -> RigCha
     missing = residual * sd
     varies = all_loads.max() >= SAME_LOAD * all_loads.min()
     share = load / all_loads.mean() - 1
-    powers, of_load = _smooth(slip, share, residual, sd, varies)
+    angle = np.asarray(data.rig.slip_angle)[is_measured]
+    weight = (np.sin(angle) if channel.is_sideways else 1.0) / sd
+    powers, of_load = _smooth(slip, share, residual, weight, varies)
     smooth = np.polynomial.polynomial.polyval(slip, powers) + np.polynomial.polynomial.polyval(share, (0.0, *of_load))
     total = float(residual @ residual)
-    unexplained = (missing - smooth) / sd
+    unexplained = residual - smooth * weight
     return RigChannelResidual(
         channel.name,
         channel.unit,
         float(np.sqrt(np.mean(residual**2))),
-        _correlation(slip, missing),
+        _correlation(np.asarray(data.rig.slip)[is_measured], missing),
         _correlation(load, missing) if varies else float("nan"),
         tuple(_level(data, channel, missing, number) for number in np.unique(data.level[is_measured]).tolist()),
         powers,
         of_load,
         1 - float(unexplained @ unexplained) / max(total, 1e-300),
         _exceeds_noise(total, float(unexplained @ unexplained), residual.size, len(powers) + len(of_load)),
+        "S'" if data.rig.askew.any() else "S",
+        " sin beta" * channel.is_sideways,
     )
 
 
@@ -129,7 +138,7 @@ def _exceeds_noise(before: float, after: float, count: int, columns: int) -> boo
 
 
 def _smooth(
-    slip: np.ndarray, load: np.ndarray, scaled: np.ndarray, sd: np.ndarray, varies: bool
+    slip: np.ndarray, load: np.ndarray, scaled: np.ndarray, weight: np.ndarray, varies: bool
 ) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Return the polynomials in slip and, where loads vary, in load, of the lowest BIC."""
     best: tuple[float, tuple[float, ...], tuple[float, ...]] = (np.inf, (0.0,), ())
@@ -137,7 +146,7 @@ def _smooth(
     of_load = min(LOAD_DEGREES, _different(load, 1) - 1) if varies else 0
     for degree, terms in itertools.product(range(most + 1), range(of_load + 1)):
         columns = [slip**power for power in range(degree + 1)] + [load**power for power in range(1, terms + 1)]
-        design = np.column_stack(columns) / sd[:, None]
+        design = np.column_stack(columns) * weight[:, None]
         coefficients, *_ = np.linalg.lstsq(design, scaled, rcond=None)
         unexplained = scaled - design @ coefficients
         size = max(1.0, float(unexplained @ unexplained) / max(scaled.size - coefficients.size, 1))

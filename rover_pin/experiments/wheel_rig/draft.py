@@ -1,4 +1,4 @@
-"""What a model leaves of a rig set, drafted as an effect file: polynomials of the slip and of the load."""
+"""What a model leaves of a rig set, drafted as an effect file: polynomials of slip over the whole travel, and load."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from rover_pin.estimation.fit import Fit
 from rover_pin.experiments.wheel_rig.channel_residual import RigChannelResidual, channel_residuals
 from rover_pin.experiments.wheel_rig.data import RigSet
 from rover_pin.experiments.wheel_rig.experiment import RigExperiment
-from rover_pin.measurements.channel import DrawbarPull, Sinkage, Torque
+from rover_pin.measurements.channel import DrawbarPull, SideForce, Sinkage, Torque
 from rover_pin.simulation.model.effect_files import effects_of_text
 
-FACTORS = {DrawbarPull.name: "pull", Torque.name: "torque", Sinkage.name: "depth"}
-"""What a draft can add; a side force depends on the slip angle more than on S."""
+FACTORS = {DrawbarPull.name: "pull", Torque.name: "torque", Sinkage.name: "depth", SideForce.name: "side"}
+"""What a draft can add."""
 
 DRAFT = '''"""What the model leaves of {name}, as measured: a draft for a person to replace by a cause."""
 
@@ -27,15 +27,17 @@ from typing import ClassVar
 
 import casadi as ca
 
-from rover_pin.contact import Contact, Load, Scalar
+from rover_pin.contact import Contact, Load, Scalar, right_angle
 from rover_pin.effects.effect import Effect
 from rover_pin.base.quantity import quantity
+from rover_pin.soil.slip import slip_ratio
 
 
 @dataclass(frozen=True)
 class MeasuredRemainder(Effect):
-    """f_t += f_n p(S), torque += r f_n t(S), h <- h - r d(S): polynomials of the slip and of the load.
+    """f_t += f_n p(S), torque += r f_n t(S), f_y += f_n s(S) sin beta, h <- h - r d(S): S the slip of the whole travel.
 
+    p, t, s and d are polynomials, the first three of the load as well.
     Source: the residual of a closed loop on {name}; it describes and does not explain.
     """
 
@@ -46,13 +48,21 @@ class MeasuredRemainder(Effect):
 
     def amend(self, contact: Contact, x: tuple[Scalar, ...]) -> Contact:
         """Return the contact as deep as it would be without the residual."""
-        S = contact.S
+        S, _ = of_travel(contact)
         return contact._replace(h=ca.fmax(contact.h - contact.wheel.r * ({depth}), 0.0))
 
     def load(self, contact: Contact, load: Load, x: tuple[Scalar, ...]) -> Load:
         """Return what was measured beyond the load so far."""
-        S = contact.S
-        return Load(f_t=load.f_n * ({pull}), torque=contact.wheel.r * load.f_n * ({torque}))
+        S, sine = of_travel(contact)
+        torque = contact.wheel.r * load.f_n * ({torque})
+        return Load(f_t=load.f_n * ({pull}), f_y=load.f_n * sine * ({side}), torque=torque)
+
+
+def of_travel(contact: Contact) -> tuple[Scalar, Scalar]:
+    """Return (r omega - V) / max(r omega, V), V the speed over the ground, and the sine of the slip angle."""
+    rim, along = 1.0 + ca.fmin(contact.S, 0.0), 1.0 - ca.fmax(contact.S, 0.0)
+    travel = right_angle(along, contact.S_y)
+    return slip_ratio(rim, travel), -contact.S_y / ca.fmax(travel, 1e-9)
 '''
 
 
@@ -79,7 +89,7 @@ def can_draft(residual: RigChannelResidual) -> bool:
 def draft_effect(data: RigSet, residuals: Sequence[RigChannelResidual]) -> str:
     """Return an effect file that adds the described residuals, per load and per radius, for `effects=`."""
     load, r = float(np.mean(data.rig.load)), float(data.rig.wheel.r)
-    unit = {"pull": load, "torque": load * r, "depth": r}
+    unit = {"pull": load, "torque": load * r, "depth": r, "side": load}
     amplitudes: dict[str, float] = {}
     sums = dict.fromkeys(unit, "0.0")
     for residual in filter(can_draft, residuals):
