@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -26,3 +27,17 @@ def read_folded(path: Path, by: str, names: tuple[str, ...]) -> tuple[tuple[str,
         part = rows[:, owner == at]
         padded_table[at, :, : part.shape[1]] = part
     return tuple(map(str, folds)), padded_table
+
+
+def stacked(parts: Sequence[tuple[np.ndarray, Sequence[int]]], channels: int, empty: float) -> np.ndarray:
+    """Return tables (..., folds, rows, samples) as one of this many channels, `empty` where a part has none.
+
+    Each comes with the channels of its rows.
+    """
+    samples = max(table.shape[-1] for table, _ in parts)
+    padded_tables = []
+    for table, rows in parts:
+        padded_table = np.full((*table.shape[:-2], channels, samples), empty)
+        padded_table[..., rows, : table.shape[-1]] = table
+        padded_tables.append(padded_table)
+    return np.concatenate(padded_tables, axis=-3)

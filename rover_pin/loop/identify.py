@@ -42,6 +42,7 @@ REMEDIES = {
     "n": "sinkage under two loads or more tells it",
     "theta_1": "a sinkage measurement tells it, by Eq (5)",
     "theta_2": "stress sensors in the rim, or drawbar pull and torque near slip 0, tell it",
+    "pressing_scale": "sinkage at slips about 0 under a known load, beside the pressing, tells it",
     "exit_ratio": "drawbar pull, torque and sinkage at three loads tell it",
 }
 """Which measurement would tell a constant."""

@@ -105,7 +105,7 @@ def _errors(joint: JointRig, verdict: Verdict) -> list[SetError]:
     """Return the held-out errors of every channel of every set, and of the best curve through that set alone."""
     rows = []
     for name, data in joint.sets.items():
-        experiment, folds = RigExperiment(data), joint.of_set(name)
+        experiment, folds = RigExperiment(data.rolled), joint.of_set(name)
         channels = [(channel_name, experiment.unit(channel_name)) for channel_name in experiment.channels]
         best = _best(curves(experiment.observed, experiment.inputs, channels))
         for (channel, unit), noise in zip(channels, experiment.sd, strict=True):

@@ -109,7 +109,8 @@ def on_rig(
         describe_declared(data.rig, tried, model.effects),
     )
     progress("errors of what a user would otherwise take")
-    channels = [(name, experiment.unit(name)) for name in experiment.channels]
+    rolled = RigExperiment(data.rolled)
+    channels = [(name, rolled.unit(name)) for name in rolled.channels]
     verdict = dataclasses.replace(
         verdict,
         extra=extra,
@@ -117,7 +118,7 @@ def on_rig(
         findings=tuple(findings(data)),
         profiles=profiles(verdict.after.fit, tuple(number.name for number in verdict.after.numbers)),
     )
-    return against_rivals(verdict, curves(experiment.observed, experiment.inputs, channels))
+    return against_rivals(verdict, curves(rolled.observed, rolled.inputs, channels))
 
 
 def _fit_diagnostics(data: RigSet, side: Side, seed: int) -> FitDiagnostics:

@@ -1,4 +1,4 @@
-"""The same wheel pressed in without turning: an independent measurement of the pressure-sinkage constants."""
+"""The same wheel pressed in without turning: trials, and where a fit to them and to the runs starts."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from rover_pin.soil.traction import wheel_forces
 SHALLOWEST = 0.004
 """Sinkages above this [m] count: before, the contact settles and the zero of the depth is uncertain."""
 
-SAMPLES = 40
+SAMPLES = 12
 """Points of a trial that are used, evenly in depth: neighbours are not independent."""
 
 DEEPEST, STRONGEST = 10.0, 1e7
@@ -42,19 +42,6 @@ class Trial(NamedTuple):
     name: str
     sinkage: np.ndarray
     force: np.ndarray
-
-
-class Pressed(NamedTuple):
-    """What the trials say at an exponent n: modulus K_eff = (k_1 + k_2 b) / b^n of each [Pa/m^n]."""
-
-    n: float
-    moduli: np.ndarray
-    trials: tuple[str, ...]
-
-    @property
-    def mean(self) -> float:
-        """Mean K_eff of the trials [Pa/m^n]."""
-        return float(np.mean(self.moduli))
 
 
 def read_trials(path: Path, surface: str) -> tuple[Trial, ...]:
@@ -101,10 +88,9 @@ def _trial(name: str, rows: pd.DataFrame, where: str) -> Trial:
     return Trial(name, even, np.interp(even, depth[order], force[order]))
 
 
-def press(trials: tuple[Trial, ...], wheel: Wheel, n: float) -> Pressed:
-    """Return K_eff of each trial by least squares: no shear, the arc reaches as far behind as in front."""
-    moduli = [_modulus(trial, _unit_force(trial, wheel, n)) for trial in trials]
-    return Pressed(n, np.array(moduli), tuple(trial.name for trial in trials))
+def stiffness(trials: tuple[Trial, ...], wheel: Wheel, n: float) -> float:
+    """Return the mean K_eff = (k_1 + k_2 b) / b^n of the trials [Pa/m^n], each by least squares."""
+    return float(np.mean([_modulus(trial, _unit_force(trial, wheel, n)) for trial in trials]))
 
 
 def exponent(trials: tuple[Trial, ...], wheel: Wheel) -> float:
@@ -124,7 +110,7 @@ def _modulus(trial: Trial, unit: np.ndarray) -> float:
 
 
 def _unit_force(trial: Trial, wheel: Wheel, n: float) -> np.ndarray:
-    """Return the force at K_eff = 1 Pa/m^n, at the depths of a trial."""
+    """Return the force at K_eff = 1 Pa/m^n, at the depths of a trial: no shear, the arc as far behind as ahead."""
     soil = Soil(c=0.0, phi=0.0, n=n, k_1=float(wheel.b) ** n, k_2=0.0)
     arcs = [SinkageAngles().angles(float(h), wheel, soil)[0] for h in trial.sinkage]
     return np.array([float(wheel_forces(0.0, arc, -arc, wheel, soil).f_n) for arc in arcs])

@@ -21,7 +21,7 @@ from rover_pin.contact import Soil, Wheel
 from rover_pin.measurements.channel import RIG_CHANNELS, RigChannel, Sinkage
 from rover_pin.measurements.checks import column, depths, positive, same_length, slips
 from rover_pin.measurements.known import stated_ranges
-from rover_pin.measurements.pressed import Trial, declared_trials, exponent, press
+from rover_pin.measurements.pressed import Trial, declared_trials, exponent, stiffness
 from rover_pin.measurements.rig_errors import RigErrors, dimension_sds, stated_errors
 from rover_pin.measurements.rig_file import (
     ANGLE,
@@ -149,7 +149,7 @@ class WheelRig:
         soil = soil.replace(**constants)
         if self.trials:
             n = self._pressed_n
-            return soil.replace(n=n, k_1=press(self.trials, self.wheel, n).mean * self.wheel.b**n, k_2=0.0)
+            return soil.replace(n=n, k_1=stiffness(self.trials, self.wheel, n) * self.wheel.b**n, k_2=0.0)
         if not BEKKER_UNITS.keys() <= self.declared.keys():
             return soil
         k_1, k_2 = bekker(self.declared["k_c"], self.declared["k_phi"], soil.n, self.wheel.b)

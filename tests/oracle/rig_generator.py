@@ -138,6 +138,14 @@ class Rig:
         f_t = patch * np.sum(tau * np.cos(theta) - sigma * np.sin(theta) + (q - 1) * tau)
         return f_n, f_t, q * q * patch * self.r * np.sum(tau)
 
+    def press(self, h):
+        """Force of the wheel that is pressed in to h without turning: no shear, as much arc behind as ahead."""
+        theta_1 = np.arccos(1 - h / self.r)
+        theta = theta_1 * (2 * (np.arange(NODES) + 0.5) / NODES - 1)
+        n = self.soil["n"] + self.sizes.get("load_exponent", 0.0) * h / self.b
+        sigma = self.soil["K"] * (self.r * (np.cos(theta) - np.cos(theta_1)) / self.b) ** n
+        return self.r * self.b * 2 * theta_1 / NODES * np.sum(sigma * np.cos(theta))
+
     def run(self, W, S, v=0.02, day=0, stiffer=1.0):
         """Drawbar pull, torque and sinkage at a load and slip, travelling at v, in sand so many times as stiff."""
         if stiffer != 1.0:

@@ -15,6 +15,7 @@ from rover_pin.effects.effect import Effect
 from rover_pin.estimation.experiment import Experiment, Sensitivities
 from rover_pin.estimation.noise import Noise, declared_noise
 from rover_pin.estimation.parameter import Parameter
+from rover_pin.experiments.folded import stacked
 from rover_pin.experiments.joint_rig.model import OWN, JointModel, Part
 from rover_pin.experiments.joint_rig.one_sand import of_one_sand
 from rover_pin.experiments.wheel_rig.candidates import added, needs_speeds
@@ -30,6 +31,7 @@ from rover_pin.experiments.wheel_rig.presets import (
     known_trench,
     preset_candidate,
 )
+from rover_pin.experiments.wheel_rig.pressings import PRESSED
 from rover_pin.measurements.finding import Finding
 from rover_pin.measurements.wheel_rig import SAME_LOAD, WheelRig
 
@@ -64,36 +66,31 @@ class JointRig(Experiment):
     @property
     def channels(self) -> tuple[str, ...]:
         """Names of the channels."""
-        return tuple(kind.name for kind in self.kinds)
+        pressed = any(data.trials for data in self.sets.values())
+        return (*(kind.name for kind in self.kinds), *((PRESSED,) if pressed else ()))
 
     def unit(self, channel: str) -> str:
         """Return the unit of a channel."""
-        return str(next(kind.unit for kind in self.kinds if kind.name == channel))
+        return next((kind.unit for kind in self.kinds if kind.name == channel), "")
 
     @property
     def folds(self) -> tuple[str, ...]:
-        """`set: level` of every level of every set."""
-        return tuple(f"{name}: {level}" for name, data in self.sets.items() for level in data.level_names)
+        """`set: fold` of every level and pressing of every set."""
+        return tuple(f"{name}: {fold}" for name, experiment in self._each.items() for fold in experiment.folds)
 
     def of_set(self, name: str) -> np.ndarray:
         """Return which folds are of a set (folds,)."""
-        return np.array([set_name == name for set_name, data in self.sets.items() for _ in data.level_names])
+        return np.array([set_name == name for set_name, of in self._each.items() for _ in of.folds])
 
     def _whole(self, tables: Mapping[str, np.ndarray], empty: float) -> np.ndarray:
         """Return tables (..., levels, own channels, own samples) of every set as one, `empty` where a set has none."""
-        samples = max(table.shape[-1] for table in tables.values())
-        wide = []
-        for name, table in tables.items():
-            rows = [self.channels.index(channel) for channel in self._each[name].channels]
-            padded_table = np.full((*table.shape[:-2], len(self.channels), samples), empty)
-            padded_table[..., rows, : table.shape[-1]] = table
-            wide.append(padded_table)
-        return np.concatenate(wide, axis=-3)
+        rows = {name: [self.channels.index(channel) for channel in self._each[name].channels] for name in tables}
+        return stacked([(table, rows[name]) for name, table in tables.items()], len(self.channels), empty)
 
     @property
     def campaigns(self) -> np.ndarray:
         """Which set each fold is of."""
-        return np.array([at for at, data in enumerate(self.sets.values()) for _ in data.level_names])
+        return np.array([at for at, experiment in enumerate(self._each.values()) for _ in experiment.folds])
 
     @property
     def varied(self) -> np.ndarray:
@@ -106,12 +103,11 @@ class JointRig(Experiment):
         return np.moveaxis(np.concatenate(padded), 1, 2)
 
     def reading_errors(self, model: JointModel) -> tuple[Parameter, ...]:
-        """Return the tares and zeros of every set that its rig.toml does not state."""
+        """Return the offsets and scales of every set that its rig.toml does not state."""
         return tuple(
             dataclasses.replace(parameter, name=f"{name}.{parameter.name}")
             for name, experiment in self._each.items()
             for parameter in experiment.reading_errors(model.of(name))
-            if not parameter.log and not parameter.name.endswith("_scale")
         )
 
     @cached_property

@@ -21,7 +21,7 @@ from rover_pin.contact import Soil
 from rover_pin.measurements.channel import RIG_CHANNELS, SideForce
 from rover_pin.measurements.checks import column
 from rover_pin.measurements.finding import Finding
-from rover_pin.measurements.pressed import ASSUMED_UNCERTAINTY, Trial, press
+from rover_pin.measurements.pressed import ASSUMED_UNCERTAINTY, Trial
 from rover_pin.measurements.rig_file import (
     ANGLE,
     BEKKER_UNITS,
@@ -114,6 +114,11 @@ class RigSet:
         """The same wheel pressed in without turning."""
         return self.rig.trials
 
+    @property
+    def rolled(self) -> RigSet:
+        """The set without its pressings."""
+        return replace(self, rig=replace(self.rig, trials=()))
+
     def independent(self, n: float) -> tuple[Independent, ...]:
         """Return what other measurements say of the soil, at the exponent n, and of the wheel's lugs.
 
@@ -131,10 +136,6 @@ class RigSet:
         if lugs > 0.0:
             names = ("LugExcavation.h_l", "Grousers.h_s")
             constants += [Independent(name, "m", lugs, lugs, "lug_height of [wheel]") for name in names]
-        if self.trials:
-            moduli = press(self.trials, self.rig.wheel, n).moduli
-            source = f"the same wheel pressed in without turning, {len(moduli)} trials"
-            constants.append(Independent("K_eff", "Pa/m^n", float(moduli.min()), float(moduli.max()), source))
         if "angle_of_repose" in self.rig.beside:
             least, most = self.rig.beside["angle_of_repose"], quantities(Soil)["phi"].high
             source = "angle_of_repose: dry sand stands no steeper than its own friction; a smooth rim may slide on it"

@@ -15,28 +15,55 @@ from rover_pin.contact import Soil
 from rover_pin.estimation.experiment import Experiment, Sensitivities
 from rover_pin.estimation.noise import Noise, declared_noise
 from rover_pin.estimation.parameter import Parameter, declared_in
+from rover_pin.experiments.folded import stacked
 from rover_pin.experiments.soil_priors import DECADES, LEAST, MAX_EXIT_RATIO, WIDE
 from rover_pin.experiments.wheel_rig.data import RigSet
 from rover_pin.experiments.wheel_rig.model import ASKEW, PAPER, RigModel, RigPredictor, conditions, predictor, uncarried
 from rover_pin.experiments.wheel_rig.presets import known_heights, known_trench
-from rover_pin.measurements.channel import RIG_CHANNELS, DrawbarPull, RigChannel, SideForce, Sinkage, Torque
+from rover_pin.experiments.wheel_rig.pressings import (
+    PRESSED,
+    PRESSING,
+    PRESSING_SD,
+    log_force_sds,
+    log_forces,
+    places,
+    pressed_in,
+)
+from rover_pin.measurements.channel import (
+    RIG_CHANNELS,
+    DrawbarPull,
+    RigChannel,
+    SideForce,
+    Sinkage,
+    Torque,
+    VerticalMoment,
+)
 from rover_pin.measurements.wheel_rig import SAME_LOAD
 
 ROWS: tuple[type[RigChannel], ...] = RIG_CHANNELS
 """The channels in the order in which a rig model predicts them."""
 MIXED = 0.5
 """Share of runs after one of their own level from which drift cannot be distinguished from what levels share."""
-TARES = {DrawbarPull: "pull_tare", Torque: "torque_tare", Sinkage: "sinkage_zero", SideForce: "side_tare"}
-"""The offset of each channel that a rig may have."""
-TARE, SCALE = 0.1, 0.02
-"""SD of an offset that nobody states, as a share of the channel's largest value; of a scale (assumed), twice what is
-usual."""
+TARE, SCALE = 0.1, 0.05
+"""SD of an offset that nobody states, as a share of the channel's largest value, and of a scale: cells are sure to 1 %,
+a torque by a motor's current to 10 % (assumed)."""
+OFFSET_AND_SCALE = {
+    DrawbarPull: ("pull_tare", "force_scale"),
+    Torque: ("torque_tare", "torque_scale"),
+    Sinkage: ("sinkage_zero", "sinkage_scale"),
+    SideForce: ("side_tare", "side_scale"),
+    VerticalMoment: ("moment_tare", "moment_scale"),
+}
+"""The offset and the scale of each channel that a rig may have."""
 
 
 @brief
 @dataclass(frozen=True, eq=False)
 class RigExperiment(Experiment):
-    """The runs of a rig set as arrays (levels, channels, runs of a level); noise as stated with each value."""
+    """The runs of a rig set as arrays (levels, channels, runs of a level); noise as stated with each value.
+
+    Pressings are folds behind the levels, in a channel of their own.
+    """
 
     data: RigSet
     is_exact = True
@@ -50,17 +77,18 @@ class RigExperiment(Experiment):
     @property
     def channels(self) -> tuple[str, ...]:
         """Names of the measured channels."""
-        return tuple(channel.name for channel in self.data.rig.channels)
+        names = tuple(channel.name for channel in self.data.rig.channels)
+        return (*names, PRESSED) if self.data.trials else names
 
     @property
     def folds(self) -> tuple[str, ...]:
-        """Names of the levels."""
-        return self.data.level_names
+        """Names of the levels, and of pressings."""
+        return (*self.data.level_names, *(f"pressed in: {trial.name}" for trial in self.data.trials))
 
     @cached_property
     def _place(self) -> np.ndarray:
         """Which run of its level each run is."""
-        run_counts = np.zeros(len(self.folds), dtype=int)
+        run_counts = np.zeros(len(self.data.level_names), dtype=int)
         place = np.zeros(self.data.level.size, dtype=int)
         for at, level in enumerate(self.data.level):
             place[at], run_counts[level] = run_counts[level], run_counts[level] + 1
@@ -69,13 +97,22 @@ class RigExperiment(Experiment):
     def table(self, rows: np.ndarray) -> np.ndarray:
         """Return rows (..., channels, runs) as (..., levels, channels, runs of a level), NaN behind a level's end."""
         rows = np.asarray(rows)
-        padded_table = np.full((*rows.shape[:-2], len(self.folds), rows.shape[-2], int(self._place.max()) + 1), np.nan)
+        levels, longest = len(self.data.level_names), int(self._place.max()) + 1
+        padded_table = np.full((*rows.shape[:-2], levels, rows.shape[-2], longest), np.nan)
         padded_table[..., self.data.level, :, self._place] = np.moveaxis(rows, -1, 0)
         return padded_table
 
+    def _whole(self, rows: np.ndarray, pressed: np.ndarray) -> np.ndarray:
+        """Return the table of rows (..., channels, runs), and below it that of the pressings (..., trials, 1, samples).
+
+        NaN is where one of them has nothing.
+        """
+        runs, count = self.table(rows), len(self.data.rig.channels)
+        return stacked([(runs, range(count)), (pressed, [count])], count + 1, np.nan) if self.data.trials else runs
+
     def rows(self, table: np.ndarray) -> np.ndarray:
-        """Return a table (levels, channels, runs of a level) as rows (channels, runs) in the order of the set."""
-        return np.asarray(table[self.data.level, :, self._place]).T
+        """Return a table (folds, channels, samples) as rows (channels of runs, runs) in the order of the set."""
+        return np.asarray(table[self.data.level, : len(self.data.rig.channels), self._place]).T
 
     def in_sds(self, residual: np.ndarray) -> np.ndarray:
         """Return a residual (levels, channels, runs of a level) as rows (channels, runs), each in its stated SD."""
@@ -84,11 +121,13 @@ class RigExperiment(Experiment):
     @cached_property
     def observed(self) -> np.ndarray:
         """What was measured; NaN behind a level's end."""
-        return self.table(np.array([channel.measured for channel in self.data.rig.channels]))
+        measured = np.array([channel.measured for channel in self.data.rig.channels])
+        return self._whole(measured, log_forces(self.data.trials))
 
     def noise(self) -> Noise:
         """Return white noise of the stated SDs."""
-        sd = self.table(np.array([channel.sd for channel in self.data.rig.channels]))
+        sds = np.array([channel.sd for channel in self.data.rig.channels])
+        sd = self._whole(sds, log_force_sds(self.data.trials))
         return declared_noise(np.where(np.isfinite(sd), sd, 1.0), self.observed)
 
     @property
@@ -110,13 +149,18 @@ class RigExperiment(Experiment):
         rig = self.data.rig
         rows = [rig.slip, rig.slip_angle, np.log(rig.load)]
         rows += [] if self.data.speeds is None else [np.log(np.abs(self.data.speeds).max(axis=1))]
-        return np.moveaxis(self.table(np.array(rows)), 1, 2)
+        table = self.table(np.array(rows))
+        if self.data.trials:
+            parts = [(part, range(len(rows))) for part in (table, places(self.data.trials, np.array(rows)))]
+            table = stacked(parts, len(rows), np.nan)
+        return np.moveaxis(table, 1, 2)
 
     def reading_errors(self, model: RigModel) -> tuple[Parameter, ...]:
-        """Return a tare or zero of each channel that rig.toml does not state, and scales of load and force."""
-        largest = {type(channel): float(np.max(np.abs(channel.measured))) for channel in self.data.rig.channels}
-        sds = {f"rig.{TARES[kind]}": TARE * size for kind, size in largest.items() if kind in TARES}
-        sds |= dict.fromkeys(("rig.load_scale", "rig.force_scale"), SCALE)
+        """Return what rig.toml does not state: a tare or zero and a scale of each channel, and one of the load."""
+        sds = {"rig.load_scale": SCALE}
+        for channel in self.data.rig.channels:
+            offset, scale = OFFSET_AND_SCALE[type(channel)]
+            sds |= {f"rig.{offset}": TARE * float(np.nanmax(np.abs(channel.measured))), f"rig.{scale}": SCALE}
         stated_errors = self.data.rig.error_sd
         return tuple(self.parameter(model, name, sd) for name, sd in sds.items() if name not in stated_errors)
 
@@ -141,7 +185,9 @@ class RigExperiment(Experiment):
         measured = [ROWS.index(type(channel)) for channel in self.data.rig.channels]
         slopes = np.array([parameter.slope(x) for parameter, x in zip(parameters, u, strict=True)])
         derivatives = np.moveaxis(jacobian[measured] * slopes, -1, 0)
-        return Sensitivities(self.table(values[measured]), self.table(derivatives))
+        pressed, by_pressed = pressed_in(model, free, vector, self.data.trials)
+        by_pressed *= slopes.reshape(-1, 1, 1, 1)
+        return Sensitivities(self._whole(values[measured], pressed), self._whole(derivatives, by_pressed))
 
     def unpredicted(self, model: RigModel) -> str:
         """Return which run no sinkage carries with this model; empty where all are carried."""
@@ -169,15 +215,15 @@ class RigExperiment(Experiment):
 
     def unit(self, channel: str) -> str:
         """Return the unit of a channel."""
-        return next(rig_channel.unit for rig_channel in self.data.rig.channels if rig_channel.name == channel)
+        return next((rig_channel.unit for rig_channel in self.data.rig.channels if rig_channel.name == channel), "")
 
     def uncertain(self, model: RigModel) -> tuple[Parameter, ...]:
         """Return which soil constants are uncertain, and what is assumed of those that these channels tell in part.
 
-        k and phi where a force was measured, k_1 where the sinkage was, with no prior; the exit ratio with SD 0.1;
-        where loads differ n with SD 0.3 and c with 300 Pa or its own size. What rig.toml states with an SD has that
-        prior around the stated value, and is uncertain whatever was measured. Lugs of declared height, where the model
-        has them dig, fill their pockets to 1 +- 0.3.
+        k and phi where a force was measured, k_1 where the sinkage was, with no prior; the exit ratio with SD 0.1; n
+        with SD 0.3 where loads differ, or the wheel was pressed in; c with 300 Pa or its own size where loads differ.
+        What rig.toml states with an SD has that prior around the stated value, and is uncertain whatever was measured.
+        Lugs of declared height, where the model has them dig, fill their pockets to 1 +- 0.3.
         """
         declared_parameters = {parameter.name: parameter for parameter in self._stated(model)}
         soil_parameters = [declared_parameters.pop(parameter.name, parameter) for parameter in self._of_the_soil(model)]
@@ -212,12 +258,12 @@ class RigExperiment(Experiment):
             parameters += [self._loose(model, "soil.k_1", DECADES if k_1 > 0 else abs(k_1) or 1e5, log=k_1 > 0)]
         exit_ratio = self.parameter(model, "soil.exit_ratio", 0.1, declared=self._declared("exit_ratio"))
         parameters += [dataclasses.replace(exit_ratio, low=0.0, high=MAX_EXIT_RATIO)]
-        if np.max(load) >= SAME_LOAD * np.min(load):
-            sd = max(300.0, self.value(model, "soil.c"))
-            parameters += [
-                self.parameter(model, f"soil.{name}", size, declared=self._declared(name))
-                for name, size in (("n", 0.3), ("c", sd))
-            ]
+        varied = np.max(load) >= SAME_LOAD * np.min(load)
+        sds = {"n": 0.3} if varied or self.data.trials else {}
+        sds |= {"c": max(300.0, self.value(model, "soil.c"))} if varied else {}
+        parameters += [
+            self.parameter(model, f"soil.{name}", sd, declared=self._declared(name)) for name, sd in sds.items()
+        ]
         return tuple(parameters)
 
     def _declared(self, name: str) -> str:
@@ -225,7 +271,9 @@ class RigExperiment(Experiment):
         return declared_in("soil", name, self.data.rig.declared, self.data.rig.doubts)
 
     def _of_the_rig(self, model: RigModel) -> Iterator[Parameter]:
-        """Yield what rig.toml states with an SD: errors of the rig, and sizes of the wheel within their range."""
+        """Yield what rig.toml states with an SD, of rig and wheel, and how much stiffer sand is where pressed in."""
+        if self.data.trials and PRESSING not in self.data.rig.error_sd:
+            yield self.parameter(model, PRESSING, PRESSING_SD, log=True)
         for name, sd in self.data.rig.error_sd.items():
             parameter = self.parameter(model, name, sd, declared="declared in rig.toml")
             low, high = self.data.rig.wheel_range.get(own_name(name), (parameter.low, parameter.high))

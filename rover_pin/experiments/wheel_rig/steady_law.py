@@ -13,7 +13,9 @@ from rover_pin.contact import Contact, Load, Soil, Wheel
 from rover_pin.effects.effect import Effect
 from rover_pin.measurements.prediction import FIELDS
 from rover_pin.measurements.rig_errors import RigErrors
+from rover_pin.soil.angles import SinkageAngles
 from rover_pin.soil.sinkage import power_law_guess
+from rover_pin.soil.traction import wheel_forces
 
 LAWS = 512
 """Structures whose functions are kept: some sets' worth, as a study of many sets asks for the same ones."""
@@ -111,10 +113,7 @@ def _chained(effects: tuple[Effect, ...], condition: ca.SX, p: ca.SX, z: ca.SX) 
     h = floor + y with y the sinkage into the ground that effects leave, as lugs do a trench: above its floor nothing
     carries, and f_n tells no way down. f_n of y is nearly a power, whatever the states are.
     """
-    values = iter(ca.vertsplit(p))
-    wheel = Wheel().replace(**{name: next(values) for name in quantities(Wheel)})
-    soil = Soil().replace(**{name: next(values) for name in quantities(Soil)})
-    valued_effects = [effect.replace(**{name: next(values) for name in quantities(effect)}) for effect in effects]
+    wheel, soil, valued_effects = _valued(effects, p)
     states = iter(ca.vertsplit(z)[1:])
     x = [tuple(next(states) for _ in effect.states) for effect in effects]
     load, S, v_x, rim, v_y = ca.vertsplit(condition)
@@ -133,6 +132,33 @@ def _chained(effects: tuple[Effect, ...], condition: ca.SX, p: ca.SX, z: ca.SX) 
     ]
     shallow = 2 * wheel.r * ca.sin(ca.exp(power_law_guess(ca.log(load), wheel, soil)) / 2) ** 2
     return push, h, ca.vertcat(ca.log(push.f_n / load), *rates), ca.log(shallow)
+
+
+def _valued(effects: tuple[Effect, ...], p: ca.SX) -> tuple[Wheel, Soil, list[Effect]]:
+    """Return wheel, soil and effects with their parts of the vector of all parameters."""
+    values = iter(ca.vertsplit(p))
+    wheel = Wheel().replace(**{name: next(values) for name in quantities(Wheel)})
+    soil = Soil().replace(**{name: next(values) for name in quantities(Soil)})
+    return wheel, soil, [effect.replace(**{name: next(values) for name in quantities(effect)}) for effect in effects]
+
+
+@lru_cache(maxsize=LAWS)
+def pressed_law(effects: tuple[Effect, ...], free: tuple[str, ...], points: int) -> ca.Function:
+    """Return (sinkages, parameters) -> columns of ln f_n of a wheel that is pressed in, and its slopes by `free`.
+
+    Nothing turns or slides: no shear, the arc reaches as far behind as ahead, effects amend the soil as at rest.
+    """
+    names = parameter_names(effects)
+    h, p = ca.SX.sym("h"), ca.SX.sym("p", len(names))
+    wheel, soil, valued_effects = _valued(effects, p)
+    contact = Contact(0.0, 0.0, h, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, wheel, soil)
+    contact = _amended(valued_effects, contact, [(0.0,) * len(effect.states) for effect in effects])
+    arc, _ = SinkageAngles().angles(contact.h, wheel, contact.soil)
+    force = wheel_forces(0.0, arc, -arc, wheel, contact.soil.replace(c=0.0, phi=0.0)).f_n
+    value = ca.log(p[names.index("rig.pressing_scale")] * force)
+    wanted = ca.vertcat(*(p[names.index(name)] for name in free)) if free else ca.SX(0, 1)
+    column = ca.densify(ca.vertcat(value, ca.jacobian(value, wanted).T))
+    return ca.Function("pressed", [h, p], [column]).map("every", "serial", points, [1], [])
 
 
 def _at_rest(z: ca.SX, balance: ca.SX, p: ca.SX) -> list[ca.SX]:

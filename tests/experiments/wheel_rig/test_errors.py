@@ -1,5 +1,7 @@
 """What a rig adds to its readings: stated in rig.toml, taken off, or a nuisance with its prior in every fit."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -7,9 +9,10 @@ from rover_pin.base.errors import DataError
 from rover_pin.contact import Soil, Wheel
 from rover_pin.discrepancy.calibration import calibrated
 from rover_pin.experiments.wheel_rig.data import read_rig_set
-from rover_pin.experiments.wheel_rig.experiment import RigExperiment
+from rover_pin.experiments.wheel_rig.experiment import RigExperiment, as_declared
 from rover_pin.experiments.wheel_rig.model import ASKEW, RigModel
 from rover_pin.experiments.wheel_rig.model_file import read_model, write_model
+from rover_pin.loop.close import close_the_loop
 from rover_pin.measurements.rig_errors import RigErrors
 from rover_pin.measurements.wheel_rig import read_wheel_rig
 from tests.oracle import rig_generator as hidden
@@ -55,6 +58,43 @@ def test_a_tare_and_a_zero_are_found_beside_the_soil(folder, tmp_path):
     assert with_errors.value("soil.phi") == pytest.approx(hidden.Rig("none").soil["phi"], abs=0.02)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(("factor", "seed"), [(1.12, 0), (1.15, 1), (0.88, 2)])
+def test_a_hidden_scale_of_torque_is_told_as_such(tmp_path, factor, seed):
+    """Nobody states it; the effects of soil that could stand for it are less probable."""
+    rig = hidden.Rig("none")
+    table = hidden.rig_set(rig, seed=seed)
+    table["torque_Nm"] = factor * table["torque_Nm"]
+    verdict = close_the_loop(hidden.write(tmp_path / "set", rig, table))
+    included = verdict.beliefs.included
+    assert verdict.indistinguishable[0] == "rig.torque_scale"
+    assert max(included, key=included.get) == "rig.torque_scale"
+    assert verdict.effects == ()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("factor", [1.1, 1.2])
+def test_a_scale_of_sinkage_that_the_soil_could_pay_is_doubted(tmp_path, factor):
+    """Its probability says so, and no effect of the soil is sure."""
+    rig = hidden.Rig("none")
+    table = hidden.rig_set(rig)
+    table["sinkage_m"] = factor * table["sinkage_m"]
+    verdict = close_the_loop(hidden.write(tmp_path / "set", rig, table))
+    included = verdict.beliefs.included
+    assert max(included, key=included.get) == "rig.sinkage_scale"
+    assert included["rig.sinkage_scale"] < 0.95
+
+
+def test_a_missing_cell_hides_no_error_of_its_channel(folder):
+    data = read_rig_set(folder)
+    cells = [type(each)(np.where(np.arange(each.measured.size) == 3, np.nan, each.measured), each.sd)
+             for each in data.rig.channels]  # fmt: skip
+    gapped = RigExperiment(dataclasses.replace(data, rig=dataclasses.replace(data.rig, channels=tuple(cells))))
+    scales = [error.scale for error in gapped.reading_errors(as_declared(data))]
+    assert len(scales) == 7
+    assert np.isfinite(scales).all()
+
+
 def test_a_radius_that_is_not_sure_is_fitted_within_its_range(tmp_path):
     """Told over the lugs, 3 mm too much: it moves towards the true one, and not beyond what is allowed."""
     rig = hidden.Rig("none")
@@ -72,13 +112,14 @@ def test_a_radius_that_is_not_sure_is_fitted_within_its_range(tmp_path):
 def test_readings_are_those_of_the_true_load_scaled_and_shifted():
     soil = Soil(k=0.01)
     errors = RigErrors(0.1, 0.2, 0.3, 0.001, 0.02, 1.1, force_scale=0.9, moment_tare=0.004, moment_arm=0.02)
+    errors = errors.replace(torque_scale=1.05, sinkage_scale=0.97, side_scale=1.2, moment_scale=0.8)
     true = RigModel(Wheel(), soil, ASKEW).predict([11.0, 11.0], [0.1, 0.4], slip_angle=0.3)
     read = RigModel(Wheel(), soil, ASKEW, errors).predict([10.0, 10.0], [0.1, 0.4], slip_angle=0.3)
     assert read.drawbar_pull == pytest.approx(0.9 * true.drawbar_pull + 0.2 + 0.02 * 11.0)
-    assert read.torque == pytest.approx(true.torque + 0.1)
-    assert read.sinkage == pytest.approx(true.sinkage + 0.001)
-    assert read.side_force == pytest.approx(0.9 * true.side_force + 0.3)
-    assert read.moment == pytest.approx(true.moment + 0.004 - 0.02 * true.side_force)
+    assert read.torque == pytest.approx(1.05 * true.torque + 0.1)
+    assert read.sinkage == pytest.approx(0.97 * true.sinkage + 0.001)
+    assert read.side_force == pytest.approx(0.9 * 1.2 * true.side_force + 0.3)
+    assert read.moment == pytest.approx(0.8 * (true.moment - 0.02 * true.side_force) + 0.004)
     assert true.moment.min() > 0.0
 
 

@@ -39,7 +39,7 @@ def over_lugs(folder, said="true"):
 
 
 def fitted(lugged, lambda_s):
-    """chi2, and the mean error of the pull at S = 0 [N], of the smooth wheel and of the lugged one."""
+    """chi2 with pressings, and the mean error of the pull at S = 0 [N], of the smooth wheel and of the lugged one."""
     joint = joined([read_rig_set(SMOOTH), read_rig_set(lugged)])
     effects = (*PAPER, *LAWS, Grousers(h_s=0.005, lambda_s=lambda_s))
     model = dataclasses.replace(joint.base_model(), effects=effects)
@@ -47,7 +47,7 @@ def fitted(lugged, lambda_s):
     free = tuple(each for each in (*known, *present_amplitudes(model, known)) if not each.name.endswith("h_s"))
     fit = calibrated(joint, model, free)
     left, pull = (joint.observed - joint.predict([fit.model])[0]), list(joint.channels).index("drawbar pull")
-    return float(fit.chi2), [float(np.mean(left[joint.of_set(name)][0, pull])) for name in joint.sets]
+    return float(fit.chi2), [float(np.nanmean(left[joint.of_set(name)][0, pull])) for name in joint.sets]
 
 
 def at_no_slip(folder):
@@ -67,12 +67,12 @@ def test_law_holds_for_both_wheels_at_no_slip_with_outer_r(tmp_path):
     without, _ = fitted(LUGGED, 0.0)
     chi2, errors = fitted(over_lugs(tmp_path), 0.5)
     assert np.abs(errors) == pytest.approx(0.0, abs=0.2)
-    assert (without, chi2) == pytest.approx((115.0, 106.9), abs=0.5)
+    assert (without, chi2) == pytest.approx((123.0, 115.3), abs=0.5)
 
 
 def test_law_with_rim_r_predicts_a_lug_pull_unlike_measured():
     chi2, (smooth, lugged) = fitted(LUGGED, 0.5)
-    assert chi2 == pytest.approx(141.5, abs=0.5)
+    assert chi2 == pytest.approx(149.7, abs=0.5)
     assert lugged == pytest.approx(-0.94, abs=0.05)
     assert smooth == pytest.approx(0.44, abs=0.05)
 
@@ -82,7 +82,7 @@ def test_half_way_up_the_lugs_is_the_best_of_their_height(tmp_path):
     """0 at the rim, 1 at the tips; a parabola through these has its least at 0.48."""
     folder = over_lugs(tmp_path)
     chi2 = [fitted(folder, each)[0] for each in (0.0, 0.5, 1.0)]
-    assert chi2 == pytest.approx([123.0, 106.9, 129.2], abs=0.5)
+    assert chi2 == pytest.approx([131.3, 115.3, 137.5], abs=0.5)
 
 
 def test_a_wheel_that_does_not_say_is_told_of(tmp_path):

@@ -1,0 +1,120 @@
+"""A wheel pressed in is data of the same fit, by the same soil; what its sand has otherwise bends nothing."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from rover_pin.contact import Soil, Wheel
+from rover_pin.discrepancy.answer import Answer
+from rover_pin.experiments.joint_rig.sets import joined
+from rover_pin.experiments.wheel_rig.candidates import added, rig_kinds
+from rover_pin.experiments.wheel_rig.data import read_rig_set
+from rover_pin.experiments.wheel_rig.experiment import RigExperiment, as_declared
+from rover_pin.experiments.wheel_rig.model import PAPER, RigModel
+from rover_pin.experiments.wheel_rig.pressings import PRESSED, pressed_in
+from rover_pin.loop.close import close_the_loop
+from rover_pin.loop.identify import identify
+from rover_pin.measurements.pressed import Trial
+from tests.oracle import rig_generator as hidden
+
+DEPTHS = np.linspace(0.001, 0.03, 60)
+
+
+def pressed_set(folder, rig, stiffer=1.0, loads=(25.0,), undeclared=("n",)):
+    """A set and three pressings of its wheel, whose sand is so many times as stiff, 3 % by chance besides."""
+    path = hidden.write(folder, rig, hidden.rig_set(rig, loads=loads))
+    random, rows = np.random.default_rng(7), ["trial,indenter,sinkage_m,force_N"]
+    for trial in range(3):
+        bed = stiffer * np.exp(0.03 * random.normal())
+        rows += [f"{trial},wheel,{h:.6g},{bed * np.exp(0.02 * random.normal()) * rig.press(h):.6g}" for h in DEPTHS]
+    (path / "penetration.csv").write_text("\n".join(rows) + "\n")
+    lines = (path / "rig.toml").read_text().replace('"points.csv" }', '"points.csv", penetration = "penetration.csv" }')
+    kept = [line for line in lines.splitlines() if not line.startswith(tuple(f"{name} =" for name in undeclared))]
+    (path / "rig.toml").write_text("\n".join(kept) + "\n")
+    return path
+
+
+def forces(rig, effects=(), scale=1.0):
+    soil = Soil(k_1=rig.soil["K"], k_2=0.0, n=rig.soil["n"], c=rig.soil["c"], phi=rig.soil["phi"])
+    model = RigModel(as_wheel(rig), soil, (*PAPER, *effects))
+    model = dataclasses.replace(model, errors=model.errors.replace(pressing_scale=scale))
+    trials = (Trial("only", DEPTHS[5:], np.ones(len(DEPTHS) - 5)),)
+    return np.exp(pressed_in(model, (), model.vector(), trials)[0].ravel())
+
+
+def as_wheel(rig):
+    return Wheel(r=rig.r, b=rig.b)
+
+
+def test_it_predicts_what_plain_sums_press():
+    """Midpoint sums, no shared code; an exponent that changes with depth changes the pressing too."""
+    rig = hidden.Rig("none")
+    assert forces(rig, scale=1.3) == pytest.approx([1.3 * rig.press(h) for h in DEPTHS[5:]], rel=1e-3)
+    deep = hidden.Rig("load_exponent", 0.5)
+    (kind,) = [kind for kind in rig_kinds() if kind.__name__ == "LoadExponent"]
+    assert forces(deep, (kind(n_h=0.5),)) == pytest.approx([deep.press(h) for h in DEPTHS[5:]], rel=1e-3)
+
+
+@pytest.mark.parametrize("kind", rig_kinds(), ids=lambda kind: kind.__name__)
+def test_every_effect_is_defined_where_nothing_turns(kind):
+    rig = hidden.Rig("none")
+    model = RigModel(as_wheel(rig), Soil()).having(added(kind, RigModel(as_wheel(rig), Soil())))
+    trials = (Trial("only", DEPTHS[5:], np.ones(len(DEPTHS) - 5)),)
+    values, slopes = pressed_in(model, model.names, model.vector(), trials)
+    assert np.isfinite(values).all()
+    assert np.isfinite(slopes).all()
+
+
+def test_slopes_are_those_of_differences(tmp_path):
+    experiment = RigExperiment(read_rig_set(pressed_set(tmp_path / "set", hidden.Rig("none"))))
+    model = as_declared(experiment.data)
+    numbers = experiment.uncertain(model)
+    assert {"soil.n", "rig.pressing_scale"} < {number.name for number in numbers}
+    u, step = np.zeros(len(numbers)), 1e-5
+    slopes = experiment.sensitivities(model, numbers, u).slopes
+    assert experiment.channels[-1] == PRESSED
+    assert np.isfinite(experiment.observed[-3:, -1]).all()
+    for at in range(len(numbers)):
+        up, down = (
+            experiment.sensitivities(model, numbers, u + sign * step * np.eye(len(u))[at]) for sign in (1.0, -1.0)
+        )
+        assert slopes[at] == pytest.approx(
+            (up.predicted - down.predicted) / (2 * step), rel=2e-4, abs=1e-7, nan_ok=True
+        )
+
+
+def test_pressings_tell_the_exponent_that_one_load_does_not(tmp_path):
+    rig = hidden.Rig("none", n=1.3)
+    result = identify(pressed_set(tmp_path / "set", rig))
+    assert result["n"].is_found
+    assert result["n"].number.low < 1.3 < result["n"].number.high
+    assert result["n"].number.high - result["n"].number.low < 0.25
+    bare = hidden.write(tmp_path / "bare", rig, hidden.rig_set(rig, loads=(25.0,)))
+    assert "soil.n" in identify(bare).held
+
+
+@pytest.mark.parametrize("stiffer", [0.7, 1.0, 1.5])
+def test_sand_stiffer_when_pressed_is_said_and_not_bent(tmp_path, stiffer):
+    """The soil under the rolling wheel stays what it is, and nothing is missing."""
+    rig = hidden.Rig("none")
+    verdict = close_the_loop(pressed_set(tmp_path / "set", rig, stiffer, loads=(15.0, 40.0)))
+    numbers = {number.name: number for number in verdict.before.numbers}
+    assert verdict.answer is Answer.NONE_NEEDED
+    for name, true in (("rig.pressing_scale", stiffer), ("soil.k_1", rig.soil["K"]), ("soil.n", rig.soil["n"])):
+        assert numbers[name].low < true < numbers[name].high, numbers[name].text
+
+
+def test_a_pressed_set_stands_beside_one_that_is_not(tmp_path):
+    rig = hidden.Rig("none")
+    pressed = read_rig_set(pressed_set(tmp_path / "set", rig))
+    other = read_rig_set(hidden.write(tmp_path / "other", rig, hidden.rig_set(rig, loads=(40.0,), seed=4)))
+    other = dataclasses.replace(other, rig=dataclasses.replace(other.rig, name="other"))
+    joint = joined([pressed, other])
+    assert joint.channels[-1] == PRESSED
+    assert len(joint.folds) == len(joint.campaigns) == 2 * len(hidden.SLIPS) + 3
+    names = [number.name for number in joint.uncertain(joint.base_model())]
+    assert names.count("soil.n") == 1
+    assert [name for name in names if name.endswith("pressing_scale")] == [f"{pressed.rig.name}.rig.pressing_scale"]
+    predicted = joint.predict([joint.base_model()])[0]
+    assert np.isfinite(predicted[np.isfinite(joint.observed)]).all()
