@@ -38,8 +38,7 @@ COMMANDS: dict[str, tuple[tuple[str, ...], Patterns]] = {
         "exponent softening": rf"SlipSinkage \({NUMBER}\) or SlipSoftening \({NUMBER}\)",
         "softened": rf"with SlipSoftening instead: held-out RMSE drawbar pull {WORD} N, sinkage {NUMBER} mm",
         "anew": rf"of all hypotheses together: drawbar pull {WORD} N, sinkage {NUMBER} mm",
-        "K_eff_before": rf"before: K_eff = {NUMBER} kPa",
-        "K_eff_after known_low known_high": rf"after: K_eff = {NUMBER} kPa.*? with {NUMBER} kPa/m\^n to {NUMBER} kPa",
+        "pressing pressing_low pressing_high": rf"rig.pressing_scale = {INTERVAL}",
     }),
     "tether": (("rover-pin demo drive-log --hidden TetherDrag.f_0=2", "rover-pin close-loop demo-drive-log"), {
         "f_0 f_0_low f_0_high": rf"TetherDrag.f_0 = {INTERVAL}",
@@ -56,8 +55,7 @@ COMMANDS: dict[str, tuple[tuple[str, ...], Patterns]] = {
         "phi phi_low phi_high exit_share":
             rf"soil.phi = {INTERVAL}: its variance depends on the assumed soil.exit_ratio \({NUMBER}%\)",
         "pull": rf"drawbar pull: RMSE {NUMBER} N over 15 points",
-        "K_eff known_low known_high":
-            rf"K_eff = {NUMBER} kPa/m\^n [^\]]*\] sits away from {NUMBER} kPa/m\^n to {NUMBER} kPa",
+        "pressing pressing_low pressing_high": rf"rig.pressing_scale = {INTERVAL}",
     }),
     "identify_both": (("rover-pin identify cmu-smooth-wheel cmu-smooth-wheel-skid",), {
         "pull": rf"drawbar pull: RMSE {NUMBER} N over 24",

@@ -65,7 +65,7 @@ from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.wording import Outcome
 from rover_pin.experiments.wheel_rig.data import RigSet, read_rig_set
 from rover_pin.loop.close import close_the_loop
-from rover_pin.measurements.pressed import press
+from rover_pin.measurements.pressed import stiffness
 
 DATA = Path(__file__).parent / "data"
 AUTHORS_N = 1.46
@@ -238,7 +238,7 @@ def cases(quick: bool) -> dict[str, RigSet]:
 
 
 def with_authors_exponent(data: RigSet) -> Soil:
-    K_eff = press(data.trials, data.rig.wheel, AUTHORS_N).mean
+    K_eff = stiffness(data.trials, data.rig.wheel, AUTHORS_N)
     return data.soil().replace(n=AUTHORS_N, k_1=K_eff * data.rig.wheel.b**AUTHORS_N)
 
 

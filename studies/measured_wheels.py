@@ -79,7 +79,8 @@ def shown(probabilities: dict[str, float]) -> dict[str, float]:
 
 
 def errors(by_channel: dict[str, float]) -> str:
-    return "; ".join(f"{name} {error / UNITS[name][1]:.3g} {UNITS[name][0]}" for name, error in by_channel.items())
+    shown_errors = {name: error for name, error in by_channel.items() if name in UNITS}
+    return "; ".join(f"{name} {error / UNITS[name][1]:.3g} {UNITS[name][0]}" for name, error in shown_errors.items())
 
 
 def drawn(rows: list[dict[str, str]], file: Path) -> None:

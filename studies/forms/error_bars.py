@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from forms.curves import BASELINES
-from forms.one_soil import FROM
+from forms.one_soil import APART, FROM
 
 BARS = {
     "base": ("#c9d6db", "base: the first law of each set's table"),
@@ -36,7 +36,7 @@ def by_set(frame: pd.DataFrame) -> dict[str, tuple[str, dict[str, float]]]:
     for key, rows in frame.groupby("set", sort=False):
         name, errors = str(key), rows.set_index("law")["in_sds"]
         law = last_law(errors)
-        if name.startswith(FROM):
+        if name.startswith((FROM, APART)):
             continue
         if name.startswith(ONE_SAND):
             found[name.removeprefix(ONE_SAND)][1]["one soil"] = float(errors[law])

@@ -21,6 +21,8 @@ from rover_pin.experiments.wheel_rig.data import RigSet
 from rover_pin.experiments.wheel_rig.model import ASKEW
 from rover_pin.experiments.wheel_rig.presets import FULL_BY
 
+APART = "pressings apart: "
+"""What stands before a set's name where pressings are no data of the fit."""
 FROM = "from the others: "
 """What stands before a set's name where it is predicted from the other sets."""
 GRIP = "LugGrip.h_l"
@@ -50,12 +52,15 @@ def one_sand(sets: Mapping[str, RigSet], laws: Mapping[str, tuple[Effect, ...]])
     words = {data.rig.name: name for name, data in sets.items()}
     for law, effects in laws.items():
         fit = fitted(joint, effects)
-        left = np.where(np.isfinite(joint.observed), held_out_residual(fit), np.nan)
+        left = np.where(np.isfinite(joint.observed), held_out_residual(fit), np.nan)[:, : len(joint.kinds)]
         for name in joint.sets:
             mine = joint.of_set(name)
-            errors = np.moveaxis(left[mine], 1, 0).reshape(len(joint.channels), -1)
-            sds = np.moveaxis(joint.noise().sd[mine], 1, 0).reshape(len(joint.channels), -1)
-            yield cells(f"one sand: {words[name]}", law, dict(zip(joint.channels, errors, strict=True)), sds, said(fit))
+            errors, sds = (
+                np.moveaxis(table[mine], 1, 0).reshape(len(joint.kinds), -1)
+                for table in (left, joint.noise().sd[:, : len(joint.kinds)])
+            )
+            by_channel = {kind.name: row for kind, row in zip(joint.kinds, errors, strict=True)}
+            yield cells(f"one sand: {words[name]}", law, by_channel, sds, said(fit))
 
 
 def from_the_others(sets: Mapping[str, RigSet], effects: tuple[Effect, ...]) -> Iterator[Cells]:
@@ -77,6 +82,21 @@ def from_the_others(sets: Mapping[str, RigSet], effects: tuple[Effect, ...]) -> 
         for curve, predict in BASELINES.items():
             errors = {channel.name: carried(others, data, channel.name, predict) for channel in data.rig.channels}
             yield cells(FROM + name, curve, errors, sds)
+
+
+def pressings_apart(sets: Mapping[str, RigSet], effects: tuple[Effect, ...], law: str) -> Iterator[Cells]:
+    """Yield the errors of one soil where pressings only start the fit, and n is held where they have it."""
+    held = {name: apart(data) if data.trials else data for name, data in sets.items()}
+    for name, of, *rest in (*one_sand(held, {law: effects}), *from_the_others(held, effects)):
+        if of in (law, "the law"):
+            yield APART + name, of, *rest
+
+
+def apart(data: RigSet) -> RigSet:
+    """Return a set without its pressings, n and k_1 declared as they have them."""
+    soil = data.soil()
+    declared = {**data.rig.declared, "n": float(soil.n), "k_1": float(soil.k_1), "k_2": 0.0}
+    return dataclasses.replace(data, rig=dataclasses.replace(data.rig, trials=(), declared=declared))
 
 
 def cells(name: str, law: str, errors: Mapping[str, np.ndarray], sds: np.ndarray, words: str = "") -> Cells:
