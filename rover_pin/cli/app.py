@@ -15,21 +15,10 @@ from rover_pin.base.jobs.safe_environment import leave_folder_out
 from rover_pin.base.trust import Trust
 from rover_pin.cli import commands
 from rover_pin.cli.commands.bands import bands, refuse_of_one_model
-from rover_pin.cli.commands.completing import scenario_names
-from rover_pin.cli.commands.options import (
-    Add,
-    AsJson,
-    Effects,
-    Gravity,
-    ModelFile,
-    Out,
-    Scheduler,
-    Set,
-    SoilName,
-    Trusted,
-)
-from rover_pin.cli.commands.speaking import Speaking, program
 from rover_pin.cli.commands.view import SEEN, open_page, requested_files, write_requested
+from rover_pin.cli.completing import scenario_names
+from rover_pin.cli.options import Add, AsJson, Effects, Gravity, ModelFile, Out, Scheduler, Set, SoilName, Trusted
+from rover_pin.cli.speaking import Speaking, program
 from rover_pin.cli.terminal import assignments, drive_settings, json_text, priors, progress, report, stages, stoppable
 
 log = logging.getLogger("rover_pin.cli.app")  # its name also where it is run by python -m
@@ -265,7 +254,7 @@ def tune(
     out: Out = Path("out/tune"),
     as_json: AsJson = False,
 ) -> None:
-    """Tune the slip control over an ensemble of drives, as it senses them. Killed, it resumes where it stopped."""
+    """Tune the slip control over an ensemble of drives. Noise of sensors can be in the loop; killed, it resumes."""
     from rover_pin.simulation.model.toml_file import models_of
     from rover_pin.tuning.drives import cautions
     from rover_pin.tuning.study_file import read_tuning

@@ -163,10 +163,9 @@ def improve(
         loop = out / "loop"
         close_the_loop(data, None, effects, loop, progress, jobs=workers, trust=trust)
     if not is_folder(loop / POSTERIOR):
-        verdict = json.loads((loop / "verdict.json").read_text())
         raise DataError(
-            f"{loop}: the answer is '{verdict.get('answer')}': {verdict.get('sentence')} There is no {POSTERIOR} to "
-            "tune over: measure more, or tune on a model of your own."
+            f"{loop}: this loop left no {POSTERIOR} to tune over; its report says why. Measure more, or tune on a model "
+            "of your own: rover-pin tune --model FILE."
         )
     allowed = Trust.of(effects, trust)
     models = models_of(loop / POSTERIOR)

@@ -9,7 +9,7 @@ import pytest
 
 import rover_pin
 from rover_pin.cli.app import app
-from rover_pin.cli.commands.speaking import speak
+from rover_pin.cli.speaking import speak
 
 RIG = Path(__file__).parents[2] / "studies" / "data" / "cmu-smooth-wheel"
 

@@ -99,8 +99,8 @@ def test_training_takes_models_in_turn_and_judging_takes_all(tmp_path):
 
 
 def test_results_without_a_posterior_are_refused_in_a_sentence(tmp_path):
-    (tmp_path / "verdict.json").write_text('{"answer": "cannot tell", "sentence": "two runs are too few."}')
-    with pytest.raises(DataError, match=r"cannot tell.*two runs are too few.*posterior"):
+    (tmp_path / "verdict.json").write_text('{"answer": "cannot tell"}')
+    with pytest.raises(DataError, match=r"no posterior.*report.*tune --model"):
         improve(tmp_path, tmp_path / "out")
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
-from rover_pin.cli.commands.subject import read_subject
+from rover_pin.cli.subject import read_subject
 from rover_pin.logs.saved import save_trace
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.view.animation import COLOURS, MOST_PICTURES, PICTURES_PER_SECOND, write_animation

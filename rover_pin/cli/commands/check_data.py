@@ -8,7 +8,7 @@ import typer
 
 from rover_pin.base.files.results_folder import alone_in
 from rover_pin.base.trust import Trust
-from rover_pin.cli.commands.options import AsJson, Out, Trusted
+from rover_pin.cli.options import AsJson, Out, Trusted
 from rover_pin.cli.terminal import report, stoppable
 
 log = logging.getLogger(__name__)

@@ -6,8 +6,8 @@ from typing import Annotated
 
 import typer
 
-from rover_pin.cli.commands.options import FAILED, AsJson, Effects, FailOn, Out, Scheduler, Trusted
 from rover_pin.cli.commands.view import open_page
+from rover_pin.cli.options import FAILED, AsJson, Effects, FailOn, Out, Scheduler, Trusted
 from rover_pin.cli.terminal import stoppable
 
 log = logging.getLogger(__name__)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rover_pin.base.trust import Trust
-from rover_pin.cli.commands.options import AsJson, Trusted
+from rover_pin.cli.options import AsJson, Trusted
 from rover_pin.cli.terminal import json_text
 
 if TYPE_CHECKING:

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from rover_pin.base.files.results_folder import alone_in
-from rover_pin.cli.commands.options import AsJson, Out, SoilName
+from rover_pin.cli.options import AsJson, Out, SoilName
 from rover_pin.cli.terminal import report, stoppable
 
 

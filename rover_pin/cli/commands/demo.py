@@ -8,7 +8,7 @@ import typer
 from rover_pin.base.errors import ParameterError, closest
 from rover_pin.base.files.paths import is_file
 from rover_pin.base.files.results_folder import alone_in
-from rover_pin.cli.commands.options import AsJson
+from rover_pin.cli.options import AsJson
 from rover_pin.cli.terminal import progress, report
 from rover_pin.demo import SETS
 

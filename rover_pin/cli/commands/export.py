@@ -10,8 +10,8 @@ import typer
 from rover_pin.base.errors import MissingExtraError
 from rover_pin.base.files.results_folder import alone_in, say_what_is_replaced
 from rover_pin.base.trust import Trust
-from rover_pin.cli.commands.completing import scenario_names
-from rover_pin.cli.commands.options import Add, AsJson, Gravity, ModelFile, Set, SoilName, Trusted
+from rover_pin.cli.completing import scenario_names
+from rover_pin.cli.options import Add, AsJson, Gravity, ModelFile, Set, SoilName, Trusted
 from rover_pin.cli.terminal import drive_settings, report
 
 
@@ -36,7 +36,7 @@ def export(
     if to in (Kind.MCAP, Kind.RERUN) and find_spec(to.value) is None:
         name = {Kind.MCAP: "MCAP needs the package mcap", Kind.RERUN: "Rerun needs the package rerun-sdk"}[to]
         raise MissingExtraError(f"Exporting to {name}: pip install 'rover-pin[{to.value}]'.")
-    from rover_pin.cli.commands.subject import read_subject
+    from rover_pin.cli.subject import read_subject
     from rover_pin.view import export as writing
 
     subject = read_subject(path, run, Trust(everything=trust))

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 import typer
 
 from rover_pin.base.errors import DataError, ParameterError
-from rover_pin.cli.commands.options import AsJson
+from rover_pin.cli.options import AsJson
 from rover_pin.cli.terminal import report
 
 

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from rover_pin.cli.commands.options import AsJson, Effects, Out, Trusted
+from rover_pin.cli.options import AsJson, Effects, Out, Trusted
 from rover_pin.cli.terminal import report, stages, stoppable
 
 log = logging.getLogger(__name__)
@@ -25,7 +25,7 @@ def improve(
     out: Out = Path("out/improve"),
     as_json: AsJson = False,
 ) -> None:
-    """From a log to better control: close the loop, tune over what it leaves open, and predict the gain.
+    """Tune the control on data, and predict what it gains. It closes the loop, and tunes over what that leaves open.
 
     Written are the model and its posterior (loop), the gains that `drive --set control.gains=` takes (control), and
     improve.json. Where no gain is certain, it is said.

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from rover_pin.base.errors import ParameterError
-from rover_pin.cli.commands.options import AsJson
+from rover_pin.cli.options import AsJson
 from rover_pin.cli.terminal import assignments, report
 
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from rover_pin.base.errors import ParameterError, closest
-from rover_pin.cli.commands.completing import listed_names, settings_to_set
+from rover_pin.cli.completing import listed_names, settings_to_set
 from rover_pin.cli.terminal import assignments, fact, json_text, numbers_table, report
 
 if TYPE_CHECKING:

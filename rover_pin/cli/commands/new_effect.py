@@ -10,7 +10,7 @@ import typer
 
 from rover_pin.base.errors import ParameterError
 from rover_pin.base.files.paths import exists
-from rover_pin.cli.commands.options import AsJson
+from rover_pin.cli.options import AsJson
 from rover_pin.cli.terminal import report
 
 

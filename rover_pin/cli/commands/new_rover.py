@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from rover_pin.cli.commands.options import AsJson
+from rover_pin.cli.options import AsJson
 from rover_pin.cli.terminal import report
 
 

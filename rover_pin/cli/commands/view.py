@@ -12,7 +12,7 @@ from rover_pin.base.files.paths import is_file
 from rover_pin.base.files.results_folder import alone_in
 from rover_pin.base.jobs.safe_environment import program
 from rover_pin.base.trust import Trust
-from rover_pin.cli.commands.options import AsJson, Out, Trusted
+from rover_pin.cli.options import AsJson, Out, Trusted
 from rover_pin.cli.terminal import report, stoppable
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ def view(
     as_json: AsJson = False,
 ) -> None:
     """Show a drive in 3D: one page that needs no network. It has ground, slip, forces, tracks and a time slider."""
-    from rover_pin.cli.commands.subject import read_subject
+    from rover_pin.cli.subject import read_subject
 
     subject = read_subject(path, run, Trust(everything=trust))
     ghost = None if compare is None else read_subject(compare, run, Trust(everything=trust))

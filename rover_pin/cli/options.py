@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from rover_pin.cli.commands.completing import effects_to_add, settings_to_set, soil_names
+from rover_pin.cli.completing import effects_to_add, settings_to_set, soil_names
 
 Out = Annotated[Path, typer.Option("--out", help="Folder for the results.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object for machines instead of the table.")]

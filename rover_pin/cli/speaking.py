@@ -90,7 +90,7 @@ def _setting_meant(error: Any) -> str:
     name = getattr(error, "option_name", "").lstrip("-").replace("-", "_")
     if not name or not error.ctx or not any("--set" in parameter.opts for parameter in error.ctx.command.params):
         return ""
-    from rover_pin.cli.commands.completing import settings_to_set
+    from rover_pin.cli.completing import settings_to_set
 
     return name if any(completion == f"{name}=" for completion, _ in settings_to_set(error.ctx, name)) else ""
 
