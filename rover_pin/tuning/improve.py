@@ -164,8 +164,8 @@ def improve(
         close_the_loop(data, None, effects, loop, progress, jobs=workers, trust=trust)
     if not is_folder(loop / POSTERIOR):
         raise DataError(
-            f"{loop}: this loop left no {POSTERIOR} to tune over; its report says why. Measure more, or tune on your own "
-            "model: rover-pin tune --model FILE."
+            f"{loop}: this loop left no {POSTERIOR} to tune over; its report says why. Measure more, or tune on a "
+            "model yourself: rover-pin tune --model FILE."
         )
     allowed = Trust.of(effects, trust)
     models = models_of(loop / POSTERIOR)
