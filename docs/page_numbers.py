@@ -82,6 +82,7 @@ def fields() -> Mapping[str, Any]:
         "monitor": {row["level"]: row for row in kept("monitor").to_dict("records")},
         "speed": speed(),
         "traction": traction(),
+        "as_driven": kept("tune_as_driven").to_dict("records"),
         "tuned": tuned(),
         "wheels": measured_wheels(),
     }

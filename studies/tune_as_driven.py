@@ -11,7 +11,7 @@ Method
     and rocks). A drive is better or worse where its mean cost differs by more than WORTH and by two standard errors
     over the seeds.
 Result
-    studies/results/tune_as_driven.csv: a row a drive and control.
+    studies/results/tune_as_driven.csv: a row a ground and control; tuned_as_driven.toml: the numbers found.
 What the paper says
     S_d = 0.1; no gains; the slip is measured from outside.
 What differs
@@ -80,11 +80,11 @@ def main() -> None:
         "by the hole, tuned as driven": ("onboard", result.law),
     }
     table = judged(fresh, laws, seeds, Evaluations(options.out, options.workers or None, said))
-    plot.write_csv(table, options.out / "tune_as_driven.csv")
+    plot.write_csv(table, options.out / "judged.csv")
+    plot.write_csv(short := summary(table), options.out / "tune_as_driven.csv")
     save_gains(result.gains, options.out / "tuned_as_driven.toml", "Of studies/tune_as_driven.py.", result.hole)
-    for line in report(table):
-        print(line)
-    print(f"written: {options.out}/tune_as_driven.csv, tuned_as_driven.toml, frontier.png")
+    print(short.round(3).to_string(index=False))
+    print(f"written: {options.out}/tune_as_driven.csv, judged.csv, tuned_as_driven.toml, frontier.png")
 
 
 def cases(rounds: int, duration: float, seed: int) -> tuple[DriveCase, ...]:
@@ -106,31 +106,25 @@ def judged(
     return pd.DataFrame(rows, columns=["control", "drive", "ground", "seed", "cost", "stuck", "buried"])
 
 
-def report(table: pd.DataFrame) -> list[str]:
-    """Return the table of grounds as lines: passed and buried by control, and where tuning is better or worse."""
-    lines = []
-    *others, tuned = dict.fromkeys(table["control"])
-    for ground, rows in [*table.groupby("ground", sort=False), ("all", table)]:
-        lines.append(f"{ground}: through [%] / buried [%] / mean cost")
-        lines += [f"    {name}: {shares(drives)}" for name, drives in rows.groupby("control", sort=False)]
-        lines += [f"    against {name}: {difference(rows, name, tuned)}" for name in others]
-    return lines
+def summary(table: pd.DataFrame) -> pd.DataFrame:
+    """Return by ground and control what becomes of drives, and on how many of them the last control does otherwise."""
+    *_, tuned = dict.fromkeys(table["control"])
+    rows = []
+    for ground, part in [*table.groupby("ground", sort=False), ("all", table)]:
+        costs = part.pivot_table(index="drive", columns=["control", "seed"], values="cost")
+        for name, drives in part.groupby("control", sort=False):
+            through, buried = 100.0 * (1.0 - drives["stuck"].mean()), 100.0 * drives["buried"].mean()
+            counts = differences(costs[tuned].to_numpy() - costs[name].to_numpy())
+            rows.append((ground, name, len(costs), through, buried, drives["cost"].mean(), *counts))
+    columns = ["ground", "control", "drives", "through", "buried", "cost", "tuned_better", "tuned_worse"]
+    return pd.DataFrame(rows, columns=columns)
 
 
-def shares(drives: pd.DataFrame) -> str:
-    """Return what becomes of drives."""
-    through, buried = 100.0 * (1.0 - drives["stuck"].mean()), 100.0 * drives["buried"].mean()
-    return f"{through:.0f} / {buried:.1f} / {drives['cost'].mean():.3f}"
-
-
-def difference(table: pd.DataFrame, name: str, tuned: str) -> str:
-    """Return in words on how many drives the tuned law costs less and more than another."""
-    by_drive = table.pivot_table(index="drive", columns=["control", "seed"], values="cost")
-    change = by_drive[tuned].to_numpy() - by_drive[name].to_numpy()
-    mean = change.mean(axis=1)
-    noise = 2.0 * change.std(axis=1, ddof=1) / np.sqrt(change.shape[1])
-    better, worse = (np.sum(sign * mean > np.maximum(noise, WORTH)) for sign in (-1.0, 1.0))
-    return f"better on {better}, worse on {worse} of {len(mean)} drives; cost {mean.mean():+.3f}"
+def differences(change: np.ndarray) -> tuple[int, int]:
+    """Return on how many drives (drives, seeds) a cost falls, and on how many it rises, beyond WORTH and noise."""
+    mean, noise = change.mean(axis=1), 2.0 * change.std(axis=1, ddof=1) / np.sqrt(change.shape[1])
+    beyond = np.maximum(noise, WORTH)
+    return int(np.sum(mean < -beyond)), int(np.sum(mean > beyond))
 
 
 if __name__ == "__main__":

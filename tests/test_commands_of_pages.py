@@ -39,6 +39,8 @@ NEEDS = {
     "rover-pin check-data mine": (INIT,),
     "rover-pin close-loop mine": (INIT,),
     "rover-pin export out/drive/log --to mcap": (DITCH,),
+    "rover-pin drive ditch --model out/close_loop/posterior": ("rover-pin close-loop cmu-smooth-wheel",),
+    "rover-pin improve out/close_loop --study studies/tune_onboard.toml": ("rover-pin close-loop cmu-smooth-wheel",),
     "rover-pin drive ditch --model out/close_loop/model.toml": ("rover-pin close-loop cmu-smooth-wheel",),
     "rover-pin close-loop demo-drive-log": ("rover-pin demo drive-log --hidden TetherDrag.f_0=2",),
     "rover-pin compare out/drive/log other/log": OTHER,
@@ -52,6 +54,7 @@ BY_HAND = {
     "python studies/next_run.py": "some 200 loops, an hour of CPU",
     "python studies/fig10_ditch.py": "1,200 drives, ten minutes; pages are made of its table",
     "python studies/tune_gains.py": "two tunings, a minute of CPU; its table as well",
+    "python studies/tune_as_driven.py": "3,000 drives, twenty minutes of CPU; pages are made of its table",
     "python studies/digging.py": "570 drives, four minutes of CPU; pages are made of its table",
     "rover-pin close-loop steepening-slope --out out/loop": "five minutes; its verdict is kept, "
     "pages are made of it and `test_fig8_log` finds it again",
