@@ -71,8 +71,11 @@ def test_tuned_gains_leave_the_fewest_rovers_stuck(fields):
     table = kept("tune_gains")
     stuck = table[table.set == "held out"].pivot(index="control", columns="ensemble", values="stuck_share")
     assert stuck.min().eq(stuck.loc["tuned, true"]).all()
-    cost = {name: row["ditch"] for name, row in fields["tuned"]["cost"].items()}
-    assert cost["tuned, true"] < cost["constant duty"] < min(cost["torque check"], cost["before, true"])
+    for ensemble in ("slopes", "ditch"):
+        cost = {name: row[ensemble] for name, row in fields["tuned"]["cost"].items()}
+        assert cost["tuned, true"] < cost["before, true"] < cost["torque check"] < cost["constant duty"]
+    buried = table[table.set == "held out"].pivot(index="control", columns="ensemble", values="buried_share")
+    assert (buried.loc["tuned, true"] == 0.0).all()
 
 
 def test_the_loop_on_the_drive_log_names_digging(fields):
