@@ -7,8 +7,9 @@ Method
     `tune_gains` on studies/tune_slopes.toml (digging slopes) and studies/tune_ditch.toml (digging ditches and slopes, a
     bump), the true slip fed back: differential evolution on the reduced model where its slip is that of the full rover,
     else on this; adjoint L-BFGS from starts where that is so on every drive; judged by the full rover. The cost has
-    sinkage beside progress, slip and energy, weighted as the files say; gains that bury fewer wheels come first. Beside it: constant duty, the
-    torque check at S = 0.5 alone, and Eq (9) with the same gains. Then the landscape over k_p and k_i on the slopes.
+    sinkage beside progress, slip and energy, weighted as the files say; gains that bury fewer wheels come first. Beside
+    it: constant duty, the torque check at S = 0.5 alone, and Eq (9) with the same gains. Then the landscape over k_p
+    and k_i on the slopes.
 Result
     Mean cost on drives that were not tuned on, slopes / ditches and slopes: constant duty 2.825 / 3.826 (83 and 88 %
     stuck, 50 and 75 % buried), torque check alone 1.327 / 2.178, hand-set gains with the true slip 0.853 / 1.597, tuned
