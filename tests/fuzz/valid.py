@@ -321,7 +321,7 @@ def _sweep(folder: Path) -> None:
 
 def _tuning(folder: Path) -> None:
     study = read_tuning(folder / "study.toml")
-    study.gains([0.5] * len(study.free))
+    study.law([0.5] * len(study.free))
     for case in (*study.training, *study.held_out):
         scenario(case.scenario, **dict(case.settings))
 

@@ -195,11 +195,16 @@ class RigExperiment(Experiment):
         return uncarried(values, self.data.rig.loads, np.asarray(self.data.rig.slip))
 
     def turns(self) -> np.ndarray | None:
-        """Return the rows' order as that of measurement; None where most runs follow one of their own level."""
+        """Return the rows' order as that of measurement; None where most runs follow one of their own level.
+
+        A pressing has no turn among the runs, and stands at the first.
+        """
         order = np.arange(self.data.level.size)
         if np.mean(np.diff(self.data.level) == 0) > MIXED:
             return None
-        return np.nan_to_num(self.table(order[None].astype(float))[:, 0]).astype(int)
+        pressed = np.zeros(log_forces(self.data.trials).shape) if self.data.trials else np.zeros((0, 1, 0))
+        table = stacked([(self.table(order[None].astype(float)), [0]), (pressed, [0])], 1, 0.0)
+        return np.nan_to_num(table[:, 0]).astype(int)
 
     def predict(self, models: Sequence[RigModel]) -> np.ndarray:
         """Return the channels of each model (models, levels, channels, runs of a level)."""
