@@ -11,7 +11,11 @@ Method
     and rocks). A drive is better or worse where its mean cost differs by more than WORTH and by two standard errors
     over the seeds.
 Result
-    studies/results/tune_as_driven.csv: a row a ground and control; tuned_as_driven.toml: the numbers found.
+    studies/results/tune_as_driven.csv: a row a ground and control; tuned_as_driven.toml: the numbers found. On the 100
+    fresh drives 64 % get through and 1.3 % bury a wheel with the tuned numbers, against 55 and 2.0 % with S_d = 0.2 and
+    gains set by hand, 47 and 0.7 % with those found with the true slip, 52 and 37 % at constant duty. Of 100 drives the
+    tuned law costs less than the hand-set one on 37 and more on 4; on most nothing changes, as on rough ground. What it
+    gains is on sand that digs; ditches stay as they are.
 What the paper says
     S_d = 0.1; no gains; the slip is measured from outside.
 What differs

@@ -78,6 +78,15 @@ def test_tuned_gains_leave_the_fewest_rovers_stuck(fields):
     assert (buried.loc["tuned, true"] == 0.0).all()
 
 
+def test_tuned_as_driven_more_rovers_get_through_on_sand(fields):
+    rows = {(row["ground"], row["control"]): row for row in fields["as_driven"]}
+    tuned, *others = [rows[ground, name] for ground, name in reversed(rows) if ground == "sand"]
+    assert tuned["control"] == "by the hole, tuned as driven"
+    assert tuned["through"] > max(row["through"] for row in others)
+    assert 0.0 < tuned["buried"] < 1.0
+    assert max(row["tuned_better"] + row["tuned_worse"] for key, row in rows.items() if key[0] == "rough") < 10
+
+
 def test_the_loop_on_the_drive_log_names_digging(fields):
     assert fields["log_loop"]["answer"] == "an effect is missing"
     assert fields["log_loop"]["named"] == ["DiggingMemory"]
