@@ -66,7 +66,7 @@ TRAINING, HELD_OUT, BOUND = 50.0, 100.0, 60.0
 """Durations [s]: a rover that crawls at a wall gets its time."""
 GOAL = {"ditch": 0.95, "incline": 1.5}
 """Where the base must come [m]: 0.25 m behind the ditch, 1 m up the incline."""
-COST = Cost(sinkage=0.0, buried=0.0)
+COST = Cost(sinkage=0.0)
 """Nothing digs here."""
 BOUNDS = {
     "heading": (math.radians(10), math.radians(60)),

@@ -79,6 +79,7 @@ def main() -> None:
     table = pd.DataFrame(rows)
     options.out.mkdir(parents=True, exist_ok=True)
     plot.write_csv(table, options.out / "blind_improve.csv")
+    (options.out / "blind_improve.md").write_text(f"{report(table)}\n", encoding="utf-8")
     print(report(table))
 
 

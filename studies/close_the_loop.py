@@ -262,7 +262,7 @@ def rows(label: str, verdict: Verdict) -> list[dict[str, object]]:
             "fitted_after_in_sd": now.rms,
             "said": score.claim,
         }
-        for score, was, now in zip(verdict.scores, left.before.residuals, left.after.residuals, strict=True)
+        for score, was, now in zip(verdict.scores, left.before.residuals, left.after.residuals, strict=False)  # presses have none
     ]
 
 
