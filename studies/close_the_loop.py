@@ -139,7 +139,7 @@ def transient_runs(path: Path) -> dict[str, pd.DataFrame]:
 def held_out_steady(data: RigSet, fit: Fit) -> dict[str, float]:
     """Return the steady sinkage of each level [m], by the model fitted to the others."""
     found = {}
-    for number, (name, model) in enumerate(zip(data.level_names, fold_models(fit), strict=True)):
+    for number, (name, model) in enumerate(zip(data.level_names, fold_models(fit), strict=False)):
         own = data.level == number
         found[name] = float(model.predict(data.rig.load[own].mean(), data.rig.slip[own].mean()).sinkage[0])
     return found
@@ -262,7 +262,8 @@ def rows(label: str, verdict: Verdict) -> list[dict[str, object]]:
             "fitted_after_in_sd": now.rms,
             "said": score.claim,
         }
-        for score, was, now in zip(verdict.scores, left.before.residuals, left.after.residuals, strict=False)  # presses have none
+        # pressings are scored behind the channels of runs, and have no residuals of theirs
+        for score, was, now in zip(verdict.scores, left.before.residuals, left.after.residuals, strict=False)
     ]
 
 
