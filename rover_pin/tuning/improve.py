@@ -65,6 +65,11 @@ class Predicted(NamedTuple):
         half = float(stdtrit(n - 1, 0.5 + COVERED / 2) * np.std(values, ddof=1) * math.sqrt(1.0 + 1.0 / n))
         return cls(mean, mean - half, mean + half)
 
+    @property
+    def opposite(self) -> Predicted:
+        """The number with the other sign."""
+        return Predicted(0.0 - self.mean, 0.0 - self.high, 0.0 - self.low)
+
     def words(self, unit: str = "", digits: int = 2) -> str:
         """Return it as text."""
         return f"{self.mean:.{digits}f} [{self.low:.{digits}f}, {self.high:.{digits}f}]{unit}"
@@ -94,8 +99,9 @@ class Improvement:
         saved, through, buried = (self.gain[name] for name in ("cost saved", "through", "buried"))
         drives = len(self.tuning.study.held_out_runs)
         what = (
-            f"the cost of a drive falls by {saved.words()}, {100 * through.mean:+.0f} % of drives get through and "
-            f"{100 * buried.mean:+.0f} % bury a wheel, against {self.now} on {drives} drives that were not tuned on"
+            f"the cost of a drive changes by {saved.opposite.words()}, {100 * through.mean:+.0f} % of drives get "
+            f"through and {100 * buried.mean:+.0f} % bury a wheel, against {self.now} on {drives} drives that were not "
+            "tuned on"
         )
         if saved.high < 0.0:
             return f"no gain, keep {self.now}: {what}"

@@ -87,6 +87,7 @@ def test_no_gain_is_claimed_where_the_interval_holds_none(now, tuned, start):
     tuning = result_of(now, tuned)
     result = Improvement(tuning, {}, "constant duty", predicted_gain(tuning))
     assert result.sentence.startswith(start)
+    assert f"changes by {0.0 - result.gain['cost saved'].mean:.2f} [" in result.sentence
     assert result.summary()["gain is certain"] == result.is_certain == (start == "gain: ")
 
 
