@@ -195,15 +195,11 @@ class RigExperiment(Experiment):
         return uncarried(values, self.data.rig.loads, np.asarray(self.data.rig.slip))
 
     def turns(self) -> np.ndarray | None:
-        """Return the rows' order as that of measurement; None where most runs follow one of their own level.
-
-        A pressing has no turn among the runs, and stands at the first.
-        """
+        """Return the rows' order as that of measurement, 0 of a pressing; None where runs follow others of a level."""
         order = np.arange(self.data.level.size)
         if np.mean(np.diff(self.data.level) == 0) > MIXED:
             return None
-        pressed = np.zeros(log_forces(self.data.trials).shape) if self.data.trials else np.zeros((0, 1, 0))
-        table = stacked([(self.table(order[None].astype(float)), [0]), (pressed, [0])], 1, 0.0)
+        table = self._whole(order[None].astype(float), log_forces(self.data.trials))
         return np.nan_to_num(table[:, 0]).astype(int)
 
     def predict(self, models: Sequence[RigModel]) -> np.ndarray:
