@@ -25,7 +25,7 @@ KEPT = {"python studies/close_the_loop.py", "rover-pin close-loop demo-drive-log
 PAGES = {path.name: path.read_text(encoding="utf-8") for path in FILES}
 COMMAND = re.compile(r"`((?:rover-pin |python studies/)[^`]*|studies/[\w./]+\.py)`")
 GROUP = typer.main.get_group(app)
-TO_FILL_IN = re.compile(r"\b(?:COMMAND|DATA|DATASET|EXPERIMENT|FILE|FOLDER|NAME|OUT|ROOM|SCENARIO)\b")
+TO_FILL_IN = re.compile(r"\b(?:COMMAND|DATA|DATASET|EXPERIMENT|FILE|FOLDER|LOG|NAME|OUT|ROOM|SCENARIO)\b")
 """What a reader puts a word of his own for; `test_docs` holds the options."""
 DITCH = "rover-pin drive ditch --set duration=30 --open"
 NEW = "rover-pin new-rover my_rover.urdf"
