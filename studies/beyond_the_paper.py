@@ -48,7 +48,7 @@ from scipy.optimize import differential_evolution
 from rover_pin import plot
 from rover_pin.control.constant import ConstantDuty
 from rover_pin.control.onboard import Tacking, TackingControl
-from rover_pin.control.slip_control import Gains, SlipControl
+from rover_pin.control.slip_control import Gains
 from rover_pin.effects.motion_resistance import MotionResistance
 from rover_pin.effects.post_peak import PostPeak
 from rover_pin.effects.soil_traction import SoilTraction
@@ -56,11 +56,12 @@ from rover_pin.simulation.command import Command, Reading
 from rover_pin.simulation.simulate import simulate
 from rover_pin.simulation.trace.trace import Trace
 from rover_pin.soil.traction import load_traction_factor
+from rover_pin.tuning.control import Control
 from rover_pin.tuning.drive_score import Cost, Score, score_trace
-from rover_pin.tuning.drives import built, estimate_of, limit_of
+from rover_pin.tuning.drives import built, controller_of
 from rover_pin.tuning.ensemble import random_drives
 from rover_pin.tuning.evaluations import Evaluations
-from rover_pin.tuning.study import DriveCase
+from rover_pin.tuning.study import DriveCase, SlipLaw
 
 TRAINING, HELD_OUT, BOUND = 50.0, 100.0, 60.0
 """Durations [s]: a rover that crawls at a wall gets its time."""
@@ -126,7 +127,7 @@ def controller(case: DriveCase, name: str, law: Tacking) -> Any:
     if name.startswith("tacking"):
         return TackingControl(built(case).model.rover, law.replace(delta_climb=1.0) if "full" in name else law)
     gains = TUNED if "tuned" in name else Gains()
-    return SlipControl(gains, estimate_of(case, "true" if "true" in name else "eq9"), limit_of(case))
+    return controller_of(case, Control.of("true" if "true" in name else "eq9", SlipLaw(gains)))
 
 
 def judged(case: DriveCase, name: str, law: Tacking) -> list[float]:

@@ -15,7 +15,7 @@ from rover_pin.base.files.table import measured_points
 from rover_pin.base.files.toml_file import table_in, text_in
 from rover_pin.base.public import brief
 from rover_pin.base.trust import Trust
-from rover_pin.contact import Soil, Wheel
+from rover_pin.contact import Scalar, Soil, Wheel
 from rover_pin.measurements.checks import column
 from rover_pin.soil.angles import SinkageAngles
 from rover_pin.soil.traction import wheel_forces
@@ -110,7 +110,12 @@ def _modulus(trial: Trial, unit: np.ndarray) -> float:
 
 
 def _unit_force(trial: Trial, wheel: Wheel, n: float) -> np.ndarray:
-    """Return the force at K_eff = 1 Pa/m^n, at the depths of a trial: no shear, the arc as far behind as ahead."""
-    soil = Soil(c=0.0, phi=0.0, n=n, k_1=float(wheel.b) ** n, k_2=0.0)
-    arcs = [SinkageAngles().angles(float(h), wheel, soil)[0] for h in trial.sinkage]
-    return np.array([float(wheel_forces(0.0, arc, -arc, wheel, soil).f_n) for arc in arcs])
+    """Return the force at K_eff = 1 Pa/m^n, at the depths of a trial."""
+    soil = Soil(n=n, k_1=float(wheel.b) ** n, k_2=0.0)
+    return np.array([float(pressing_force(float(h), wheel, soil)) for h in trial.sinkage])
+
+
+def pressing_force(h: Scalar, wheel: Wheel, soil: Soil) -> Scalar:
+    """Return f_n [N] of a wheel pressed in by h without turning: no shear, the arc as far behind as ahead."""
+    arc, _ = SinkageAngles().angles(h, wheel, soil)
+    return wheel_forces(0.0, arc, -arc, wheel, soil.replace(c=0.0, phi=0.0)).f_n

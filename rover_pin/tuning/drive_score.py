@@ -59,8 +59,12 @@ class Cost(Record):
 
     def choice(self, scores: np.ndarray) -> np.ndarray:
         """Return what gains are chosen by, from scores (..., drives, parts): one burial outweighs any other cost."""
-        parts = Score(*np.moveaxis(scores, -1, 0))
-        return self.over(self.total(parts)) + float(self.highest) * np.sum(parts.buried, axis=-1)
+        buried = np.asarray(scores)[..., Score._fields.index("buried")]
+        return self.mean(scores) + float(self.highest) * np.sum(buried, axis=-1)
+
+    def mean(self, scores: np.ndarray) -> np.ndarray:
+        """Return the ensemble's cost from scores (..., drives, parts)."""
+        return self.over(self.total(Score(*np.moveaxis(np.asarray(scores), -1, 0))))
 
 
 class Score(NamedTuple):

@@ -13,8 +13,8 @@ import casadi as ca
 import numpy as np
 
 from rover_pin.base.errors import OptimisationError, ParameterError
-from rover_pin.control.slip_estimate import TableEstimate, TrueSlip, flat_table
-from rover_pin.control.torque_check import TorqueLimit
+from rover_pin.control.slip_control import SlipControl
+from rover_pin.control.slip_estimate import TableEstimate, TrueSlip
 from rover_pin.effects.post_peak import PostPeak
 from rover_pin.scenarios.scenario import Scenario, scenario
 from rover_pin.simulation.command import Controller
@@ -25,7 +25,7 @@ from rover_pin.tuning.model import refuse_other_model
 from rover_pin.tuning.reduced_model.drive import GAIN_NAMES, Outcome, Reduced
 from rover_pin.tuning.reduced_model.effects import omitted_effects
 from rover_pin.tuning.reduced_model.loop import Loop
-from rover_pin.tuning.study import DriveCase
+from rover_pin.tuning.study import DriveCase, SlipLaw
 
 FAILED = Score(progress=0.0, slip=1.0, energy=1.0, stuck=1.0, sinkage=1.0, buried=1.0)
 """The score of a drive that the integrator gives up: worse than any that stands still."""
@@ -70,19 +70,6 @@ def cautions(cases: Sequence[DriveCase]) -> tuple[str, ...]:
     return tuple((not_modelled if lost else []) + (only_logged if sensed else []))
 
 
-def estimate_of(case: DriveCase, name: str) -> TrueSlip | TableEstimate:
-    """Return the slip estimate of this name; Eq (9)'s table is that of the case's model on the flat."""
-    if name == "true":
-        return TrueSlip()
-    return TableEstimate(flat_table(built(case).model), float(built(case).model.rover.wheel.r))
-
-
-@lru_cache(maxsize=64)
-def limit_of(case: DriveCase) -> TorqueLimit:
-    """Return the torque limit of the case's rover on its ground."""
-    return TorqueLimit.saturation(built(case).model)
-
-
 def controller_of(case: DriveCase, control: Control) -> Controller:
     """Return the controller for the full rover."""
     return control.controller(built(case).model)
@@ -103,7 +90,10 @@ def full_score(case: DriveCase, control: Control) -> list[float]:
 def reduced_of(case: DriveCase, estimate: str, smoothing: float) -> Reduced:
     """Return the reduced model of a case."""
     scene = built(case)
-    loop = Loop(estimate_of(case, estimate), limit_of(case), smoothing)
+    control = controller_of(case, Control.of(estimate, SlipLaw()))
+    assert isinstance(control, SlipControl)
+    assert isinstance(control.estimate, (TrueSlip, TableEstimate))
+    loop = Loop(control.estimate, control.limit, smoothing)
     return Reduced(scene.model, loop, scene.duration, scene.start.x, TAIL)
 
 

@@ -239,7 +239,7 @@ def write_result(result: TuningResult, out: Path) -> TuningResult:
     """Write gains.toml, drives.csv, candidates.csv and figures into `out`; return the result with their paths."""
     import pandas as pd
 
-    study = result.study
+    study, table = result.study, result.table()
     on = f" on {', '.join(study.model_files)}" if study.model_files else ""
     comment = f"Found by rover_pin for '{study.name}'{on} with {study.estimate} slip.\n" + "\n".join(result.verdicts())
     numbers = tuple(dict.fromkeys((*result.gains.values(), *study.free)))
@@ -250,9 +250,9 @@ def write_result(result: TuningResult, out: Path) -> TuningResult:
     names = ["stage", *numbers, "reduced_cost", "full_cost"]
     files = (
         save_gains(result.gains, out / "gains.toml", comment, result.hole),
-        write_csv(result.table(), out / "drives.csv"),
+        write_csv(table, out / "drives.csv"),
         write_csv(pd.DataFrame(rows, columns=names), out / "candidates.csv"),
-        save(tuning_figure(result.table(), _title(result)), out / "drives.png"),
-        save(frontier_figure(result.table(), result.trials, study.estimate), out / "frontier.png"),
+        save(tuning_figure(table, _title(result)), out / "drives.png"),
+        save(frontier_figure(table, result.trials, study.estimate), out / "frontier.png"),
     )
     return dataclasses.replace(result, files=files)

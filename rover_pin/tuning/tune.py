@@ -105,8 +105,8 @@ def _tuned(study: TuningStudy, evaluations: Evaluations) -> TuningResult:
         raise OptimisationError(
             f"Tuning '{study.name}': every training drive ends stuck whatever the gains "
             f"({len(candidates)} sets driven by the full rover); constant duty {study.before.delta_0:g} costs "
-            f"{_mean_cost(study, constant):.3f} with {_stuck(constant)} of {len(constant)} stuck: choose gentler "
-            "drives, or do without this control.",
+            f"{study.cost.mean(np.array(constant)):.3f} with {_stuck(constant)} of {len(constant)} stuck: choose "
+            "gentler drives, or do without this control.",
             status=constant,
         )
     best = min(candidates, key=lambda candidate: float(study.cost.choice(np.array(candidate.scores))))
@@ -203,8 +203,7 @@ def polishes(
 def reduced_costs(study: TuningStudy, evaluations: Evaluations, laws: Sequence[SlipLaw]) -> np.ndarray:
     """Return the ensemble's cost of each law on the reduced model, unsmoothed but for stuck and buried."""
     everywhere = [Checked(case, 0.0, 0.0, 0.0) for case in study.training]
-    scores = search_scores(study, evaluations, laws, everywhere)
-    return study.cost.over(np.array([_costs(study, drives) for drives in scores]))
+    return study.cost.mean(search_scores(study, evaluations, laws, everywhere))
 
 
 def polish(study: TuningStudy, evaluations: Evaluations, start: np.ndarray) -> Point:
@@ -251,9 +250,10 @@ def evaluate_points(study: TuningStudy, evaluations: Evaluations, points: Sequen
     jobs = [job_of(study, law, run) for law in laws for run in study.training_runs]
     flat_scores = evaluations.run("verdict of the full rover", full_score, jobs)
     scores = np.reshape(flat_scores, (len(laws), -1, len(Score._fields)))
+    rows = zip(sets, reduced, study.cost.mean(scores), scores.tolist(), strict=True)
     return tuple(
-        Candidate(stage, law, float(cost), _mean_cost(study, drives), tuple(Score(*score) for score in drives))
-        for (stage, law), cost, drives in zip(sets, reduced, scores.tolist(), strict=True)
+        Candidate(stage, law, float(reduced_cost), float(cost), tuple(Score(*score) for score in drives))
+        for (stage, law), reduced_cost, cost, drives in rows
     )
 
 
@@ -285,14 +285,6 @@ def _report(study: TuningStudy, evaluations: Evaluations, law: SlipLaw) -> list[
 def _constant(study: TuningStudy, evaluations: Evaluations) -> tuple[Score, ...]:
     jobs = [(case, Control.of(CONSTANT, study.law_before)) for case in study.training]
     return tuple(Score(*score) for score in evaluations.run("constant duty", full_score, jobs))
-
-
-def _costs(study: TuningStudy, scores: Any) -> list[float]:
-    return [Score(*score).cost(study.cost) for score in scores]
-
-
-def _mean_cost(study: TuningStudy, scores: Any) -> float:
-    return float(study.cost.over(np.array(_costs(study, scores))))
 
 
 def _stuck(scores: Sequence[Score]) -> int:

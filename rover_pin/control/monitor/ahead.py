@@ -9,9 +9,10 @@ import casadi as ca
 import numpy as np
 
 from rover_pin.contact import Contact, Load, Soil, Wheel
+from rover_pin.control.hole_law import HoleLaw
 from rover_pin.control.sensing.laws import LEAST_LEVEL
 from rover_pin.control.sensing.onboard_slip import SLIPS
-from rover_pin.effects.digging_memory import TOUCH, DiggingMemory
+from rover_pin.effects.digging_memory import TOUCH
 from rover_pin.effects.slip import RelaxedSlip
 from rover_pin.simulation.compiled.laws import generated_source
 from rover_pin.simulation.compiled.toolchain import shared_library
@@ -50,7 +51,7 @@ class AheadLaw(NamedTuple):
         rims' usual speed. pulls: G = f_t / f_n over `SLIPS`, and its slope. With w_i the share of the load:
 
             du/dt = g (sum w_i (G(s_i) - D_i / L - tan a_i) - excess exp(-way / r) - steepening t),  0 <= u
-            s by `RelaxedSlip`, D by `DiggingMemory`
+            s by `RelaxedSlip`, D by `HoleLaw.deepening`
 
         linearly implicit in u and s. A resistance that only an obstacle explains is passed within a radius.
         """
@@ -61,7 +62,7 @@ class AheadLaw(NamedTuple):
         c_d, excess, steepening, stalled = ca.vertsplit(draw)
         rim, slope, level, load, pace = ca.vertsplit(ground, [0, n, 2 * n, 3 * n, 4 * n, 4 * n + 1])
         level, share = ca.fmax(level, LEAST_LEVEL), load / ca.fmax(ca.sum1(load), TOUCH)
-        digging, r = DiggingMemory(c_d=c_d), ca.MX(ca.DM(self.radii))
+        digging = HoleLaw(c_d=c_d, r=ca.MX(ca.DM(self.radii)))
         slip_rate = self._rate(rim, u / level, s)
         table = ca.interpolant("pull", "linear", [SLIPS.tolist()], 2, {"lookup_mode": ["exact"]})
         G, G_s = ca.horzsplit(ca.horzcat(*(table(s[i], pulls) for i in range(n))).T)
@@ -73,8 +74,7 @@ class AheadLaw(NamedTuple):
         change = gain * net / (1.0 + gain * ca.fmax(stiffness, 0.0))
         u_next = (1.0 - stalled) * ca.fmin(ca.fmax(u + change, 0.0), FASTEST * pace)
         s_next = s + implicit * (slip_rate - (u_next - u) / (self.relaxed.length * level))
-        at = Contact(s_next, 0.0, TOUCH, u_next / level, 0.0, 0.0, rim, 0.0, 0, Wheel(r=r), Soil())
-        D_next = ca.fmax(D + STEP * digging.rate(at, Load(), (D,))[0], 0.0)
+        D_next = ca.fmax(D + STEP * digging.deepening(u_next / level, rim, D), 0.0)
         s_next = ca.fmin(ca.fmax(s_next, -1.0), 1.0)
         following = ca.vertcat(u_next, way + STEP * u_next, t + STEP, s_next, D_next)
         return ca.Function("ahead_step", [x, draw, ground, pulls], [following])
@@ -99,7 +99,7 @@ class Pull(NamedTuple):
     ) -> np.ndarray:
         """Return pull less what slope and holes take, over the weight [-]: (wheels, any) -> (any,)."""
         pulls = np.interp(slips, SLIPS, self.factors)
-        return np.asarray(shares @ (pulls - holes / float(DiggingMemory().length) - slopes[:, None]))
+        return np.asarray(shares @ (pulls - holes / float(HoleLaw().length) - slopes[:, None]))
 
 
 def go_on(law: AheadLaw, table: np.ndarray, state: np.ndarray, draws: np.ndarray, ground: np.ndarray) -> Ways:

@@ -8,9 +8,8 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from rover_pin.contact import Contact, Load, Soil, Wheel
+from rover_pin.control.hole_law import HoleLaw
 from rover_pin.control.monitor.ahead import Pull
-from rover_pin.effects.digging_memory import TOUCH, DiggingMemory
 
 RATES = np.array([0.0, 0.05, 0.1, 0.15, 0.2])
 """c_d of each hypothesis: none, and up to four times what `DiggingMemory` assumes."""
@@ -44,10 +43,9 @@ class Contacts(NamedTuple):
 
 @lru_cache(maxsize=16)
 def deepening(count: int) -> ca.Function:
-    """Return the function c_d, v, rim, r, D -> dD/dt of `DiggingMemory`, columns of `count` rows."""
+    """Return the function c_d, v, rim, r, D -> dD/dt of `HoleLaw`, columns of `count` rows."""
     c_d, v, rim, r, D = (ca.MX.sym(name, count) for name in ("c_d", "v", "rim", "r", "D"))
-    at = Contact(0.0, 0.0, TOUCH, v, 0.0, 0.0, rim, 0.0, 0, Wheel(r=r), Soil())
-    return ca.Function("deepening", [c_d, v, rim, r, D], [DiggingMemory(c_d=c_d).rate(at, Load(), (D,))[0]])
+    return ca.Function("deepening", [c_d, v, rim, r, D], [HoleLaw(c_d=c_d, r=r).deepening(v, rim, D)])
 
 
 class Digging:

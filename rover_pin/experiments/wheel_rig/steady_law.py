@@ -12,10 +12,9 @@ from rover_pin.base.quantity import quantities
 from rover_pin.contact import Contact, Load, Soil, Wheel
 from rover_pin.effects.effect import Effect
 from rover_pin.measurements.prediction import FIELDS
+from rover_pin.measurements.pressed import pressing_force
 from rover_pin.measurements.rig_errors import RigErrors
-from rover_pin.soil.angles import SinkageAngles
 from rover_pin.soil.sinkage import power_law_guess
-from rover_pin.soil.traction import wheel_forces
 
 LAWS = 512
 """Structures whose functions are kept: some sets' worth, as a study of many sets asks for the same ones."""
@@ -146,16 +145,14 @@ def _valued(effects: tuple[Effect, ...], p: ca.SX) -> tuple[Wheel, Soil, list[Ef
 def pressed_law(effects: tuple[Effect, ...], free: tuple[str, ...], points: int) -> ca.Function:
     """Return (sinkages, parameters) -> columns of ln f_n of a wheel that is pressed in, and its slopes by `free`.
 
-    Nothing turns or slides: no shear, the arc reaches as far behind as ahead, effects amend the soil as at rest.
+    Nothing turns or slides (`pressing_force`); effects amend the soil as at rest.
     """
     names = parameter_names(effects)
     h, p = ca.SX.sym("h"), ca.SX.sym("p", len(names))
     wheel, soil, valued_effects = _valued(effects, p)
     contact = Contact(0.0, 0.0, h, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, wheel, soil)
     contact = _amended(valued_effects, contact, [(0.0,) * len(effect.states) for effect in effects])
-    arc, _ = SinkageAngles().angles(contact.h, wheel, contact.soil)
-    force = wheel_forces(0.0, arc, -arc, wheel, contact.soil.replace(c=0.0, phi=0.0)).f_n
-    value = ca.log(p[names.index("rig.pressing_scale")] * force)
+    value = ca.log(p[names.index("rig.pressing_scale")] * pressing_force(contact.h, wheel, contact.soil))
     wanted = ca.vertcat(*(p[names.index(name)] for name in free)) if free else ca.SX(0, 1)
     column = ca.densify(ca.vertcat(value, ca.jacobian(value, wanted).T))
     return ca.Function("pressed", [h, p], [column]).map("every", "serial", points, [1], [])
