@@ -16,7 +16,7 @@ LOOKS = {
     "before": ("^", COLOURS[3]),
     "tuned": ("o", COLOURS[0]),
 }
-"""Mark and colour of a control, by how its name begins; hollow with Eq 9."""
+"""Mark and colour of a control, by how its name begins; hollow where the slip is estimated."""
 
 
 def tuning_figure(table: Any, title: str) -> Figure:
@@ -97,11 +97,11 @@ def _panel(axes: Axes, rows: Any, drives: list[str]) -> None:
     for control in dict.fromkeys(rows["control"]):
         group = rows[rows["control"] == control]
         marker, colour = next(look for start, look in LOOKS.items() if control.startswith(start))
-        fed = control.endswith("eq9")
+        is_estimated = ", " in control and not control.endswith("true")
         name = f"{control} slip" if ", " in control else control
         axes.plot(
             group["cost"], [places[drive] for drive in group["drive"]], ls="", label=name, marker=marker, ms=7,
-            mec=colour, mfc="none" if fed else colour, mew=1.5, zorder=2,
+            mec=colour, mfc="none" if is_estimated else colour, mew=1.5, zorder=2,
         )  # fmt: skip
     axes.set_yticks(list(places.values()), list(places), fontsize=8)
     axes.set_ylim(-len(drives) + 0.4, 0.6)

@@ -48,7 +48,7 @@ class Collapse(NamedTuple):
     def sentence(self) -> str:
         """One sentence for a reader."""
         if not self.groups:
-            return f"{self.channel} collapses on no group: none predicts levels left out better than the others' mean"
+            return f"{self.channel} collapses on no group: none is surely better than the mean on levels left out"
         left = f"the scatter left is {self.scatter:.2g}, the noise {self.noise:.2g}"
         return f"{self.channel} collapses on {self.named}: {self.share:.1%} of its variance on levels left out; {left}"
 
