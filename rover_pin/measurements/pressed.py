@@ -15,10 +15,9 @@ from rover_pin.base.files.table import measured_points
 from rover_pin.base.files.toml_file import table_in, text_in
 from rover_pin.base.public import brief
 from rover_pin.base.trust import Trust
-from rover_pin.contact import Scalar, Soil, Wheel
+from rover_pin.contact import Soil, Wheel
 from rover_pin.measurements.checks import column
-from rover_pin.soil.angles import SinkageAngles
-from rover_pin.soil.traction import wheel_forces
+from rover_pin.soil.traction import pressing_force
 
 SHALLOWEST = 0.004
 """Sinkages above this [m] count: before, the contact settles and the zero of the depth is uncertain."""
@@ -113,9 +112,3 @@ def _unit_force(trial: Trial, wheel: Wheel, n: float) -> np.ndarray:
     """Return the force at K_eff = 1 Pa/m^n, at the depths of a trial."""
     soil = Soil(n=n, k_1=float(wheel.b) ** n, k_2=0.0)
     return np.array([float(pressing_force(float(h), wheel, soil)) for h in trial.sinkage])
-
-
-def pressing_force(h: Scalar, wheel: Wheel, soil: Soil) -> Scalar:
-    """Return f_n [N] of a wheel pressed in by h without turning: no shear, the arc as far behind as ahead."""
-    arc, _ = SinkageAngles().angles(h, wheel, soil)
-    return wheel_forces(0.0, arc, -arc, wheel, soil.replace(c=0.0, phi=0.0)).f_n

@@ -9,7 +9,7 @@ import casadi as ca
 
 from rover_pin.base.public import public
 from rover_pin.contact import Scalar, Soil, Wheel
-from rover_pin.soil.angles import Angles, FixedAngles
+from rover_pin.soil.angles import Angles, FixedAngles, SinkageAngles
 from rover_pin.soil.arc import Arc, Mobilised, integrate, shear_law, strength, stress_scale
 from rover_pin.soil.compaction import compaction
 from rover_pin.soil.quadrature import FAST, Graded, entry_graded
@@ -96,6 +96,12 @@ def assemble(arc: Arc, theta_1: Scalar, length: Scalar, wheel: Wheel, soil: Soil
         thrust=thrust,
         compaction=resistance,
     )
+
+
+def pressing_force(h: Scalar, wheel: Wheel, soil: Soil) -> Scalar:
+    """Return f_n [N] of a wheel pressed in by h without turning: no shear, the arc as far behind as ahead."""
+    arc, _ = SinkageAngles().angles(h, wheel, soil)
+    return wheel_forces(0.0, arc, -arc, wheel, soil.replace(c=0.0, phi=0.0)).f_n
 
 
 def paid_for(pull: Scalar, shear: Scalar, S: Scalar) -> Scalar:

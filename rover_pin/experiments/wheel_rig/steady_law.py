@@ -12,8 +12,8 @@ from rover_pin.base.quantity import quantities
 from rover_pin.contact import Contact, Load, Soil, Wheel
 from rover_pin.effects.effect import Effect
 from rover_pin.measurements.prediction import FIELDS
-from rover_pin.measurements.pressed import pressing_force
 from rover_pin.measurements.rig_errors import RigErrors
+from rover_pin.soil.traction import pressing_force
 from rover_pin.soil.sinkage import power_law_guess
 
 LAWS = 512
