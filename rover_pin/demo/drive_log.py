@@ -28,6 +28,7 @@ from rover_pin.simulation.model.defaults import (
     usual_angles,
     usual_slip,
 )
+from rover_pin.simulation.model.effect_files import AnyEffect
 from rover_pin.simulation.model.effect_words import effect_of
 from rover_pin.simulation.model.model import Model, base_effects
 from rover_pin.simulation.sensors import Sensors, measured
@@ -59,16 +60,8 @@ def write(folder: Path, hidden: str, seed: int, rover: str = "nexus6", progress:
     DataError, UrdfError, SimulationError
         It cannot be written there, the rover cannot be read, or does not drive.
     """
-    random, model = np.random.default_rng(seed), _declared(rover)
-    word = chosen(hidden, DRIVEN, random)
-    effect = effect_of(word, model) if word else None
-    declared_soil = model.soils[0]
-    soil = declared_soil.replace(
-        phi=declared_soil.phi + random.normal(0.0, PHI_SD / 2),
-        k=declared_soil.k * math.exp(random.normal(0.0, K_SD / 2)),
-    )
-    true = _apart(model.replace(soils=(soil,)), random)
-    true = true if effect is None else true.having(effect)
+    random, model = np.random.default_rng(seed), declared_model(rover)
+    true, effect = hidden_model(model, hidden, random)
     size, seconds = scale(model.rover), SECONDS * pace(model.rover, model.motor)
     traces, plans = {}, [_plan(random, seconds, len(model.rover.wheels)) for _ in range(RUNS - 2)]
     for run, plan in enumerate([*plans, *plans[:2]]):
@@ -78,21 +71,32 @@ def write(folder: Path, hidden: str, seed: int, rover: str = "nexus6", progress:
         traces[f"run-{run + 1}"] = dataclasses.replace(log, attrs={"start": dataclasses.asdict(start)})
         if progress is not None:
             progress(run + 1.0)
-    truth = keep_truth(folder, effect, soil, {"seed": seed})
+    truth = keep_truth(folder, effect, true.soils[0], {"seed": seed})
     metadata = LogMetadata(
         folder.name,
         "made up by rover-pin demo; not measured",
         named_from(folder, rover),
         wheels=tuple(wheel.name for wheel in model.rover.wheels),
         terrain=write_terrain(folder, model.terrain),
-        soil=_known(declared_soil),
+        soil=_known(model.soils[0]),
         motor=declared(model.motor),
     )
     write_drive_log(folder, traces, metadata)
     return Made((folder / "drive.toml", *(folder / f"{name}.csv" for name in traces)), truth)
 
 
-def _declared(rover: str) -> Model:
+def hidden_model(model: Model, hidden: str, random: np.random.Generator) -> tuple[Model, AnyEffect | None]:
+    """Return the model that drives in place of the declared one, and the effect that it hides."""
+    word, soil = chosen(hidden, DRIVEN, random), model.soils[0]
+    effect = effect_of(word, model) if word else None
+    soil = soil.replace(
+        phi=soil.phi + random.normal(0.0, PHI_SD / 2), k=soil.k * math.exp(random.normal(0.0, K_SD / 2))
+    )
+    true = _apart(model.replace(soils=(soil,)), random)
+    return (true if effect is None else true.having(effect)), effect
+
+
+def declared_model(rover: str) -> Model:
     """Return the model as the log declares it: waves, then a slope of 5 deg, sized by the rover's wheels."""
     built = load_rover(rover)
     size = scale(built)
