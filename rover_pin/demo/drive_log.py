@@ -17,6 +17,7 @@ from rover_pin.effects.tacho_scale import TachoScale
 from rover_pin.effects.weak_motor import WeakMotor
 from rover_pin.logs.drive_log import LogMetadata, write_drive_log
 from rover_pin.parameters import TABLE_1
+from rover_pin.parameters.hard import HARD_GROUND
 from rover_pin.rover.rover import load_rover
 from rover_pin.simulation.command import Controller
 from rover_pin.simulation.model.defaults import (
@@ -92,7 +93,7 @@ def hidden_model(model: Model, hidden: str, random: np.random.Generator) -> tupl
     soil = soil.replace(
         phi=soil.phi + random.normal(0.0, PHI_SD / 2), k=soil.k * math.exp(random.normal(0.0, K_SD / 2))
     )
-    true = _apart(model.replace(soils=(soil,)), random)
+    true = _apart(model.replace(soils=(soil, *model.soils[1:])), random)
     return (true if effect is None else true.having(effect)), effect
 
 
@@ -106,7 +107,7 @@ def declared_model(rover: str) -> Model:
     z += np.where(x > 0.2 * size, (x - 0.2 * size) * math.tan(math.radians(5)), 0.0)
     effects = base_effects(soil, built, SoilTraction(TorqueTraction(), usual_angles(built)))
     ground = Lanes((Profile(x, z),), ())
-    return Model(built, ground, (soil,), own_motor(built).value, usual_slip(built), effects, body_effects=built.springs)
+    return Model(built, ground, (soil, HARD_GROUND), own_motor(built).value, usual_slip(built), effects, body_effects=built.springs)
 
 
 def _apart(model: Model, random: np.random.Generator) -> Model:
