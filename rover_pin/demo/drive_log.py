@@ -107,7 +107,15 @@ def declared_model(rover: str) -> Model:
     z += np.where(x > 0.2 * size, (x - 0.2 * size) * math.tan(math.radians(5)), 0.0)
     effects = base_effects(soil, built, SoilTraction(TorqueTraction(), usual_angles(built)))
     ground = Lanes((Profile(x, z),), ())
-    return Model(built, ground, (soil, HARD_GROUND), own_motor(built).value, usual_slip(built), effects, body_effects=built.springs)
+    return Model(
+        built,
+        ground,
+        (soil, HARD_GROUND),
+        own_motor(built).value,
+        usual_slip(built),
+        effects,
+        body_effects=built.springs,
+    )
 
 
 def _apart(model: Model, random: np.random.Generator) -> Model:

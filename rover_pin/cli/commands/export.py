@@ -1,4 +1,4 @@
-"""`rover-pin export` and `export-c`: a drive for other tools, a slip control as one C file."""
+"""`rover-pin export`, `export-c`, `export-fmu`: a drive for other tools, a slip control as C, a rover as an FMU."""
 
 from enum import StrEnum
 from importlib.util import find_spec
@@ -73,3 +73,33 @@ def export_c(
         written = write_embedded(taken, out)
     build = "cc -std=c11 -O2 -ffp-contract=off rover_control.c test_vectors.c -lm -o test_vectors"
     report({"control": control, "rover": taken.rover.name, "build": build, "files": list(map(str, written))}, as_json)
+
+
+def export_fmu(
+    scenario: Annotated[str, typer.Argument(autocompletion=scenario_names, help="The rover and its ground: ditch ...")],
+    control: Annotated[
+        str, typer.Option(help="Of the second unit: eq9, onboard, camera, or true: slip is given.")
+    ] = "",
+    gravity: Gravity = "",
+    soil: SoilName = "",
+    model: ModelFile = None,
+    add: Add = [],  # noqa: B006
+    set_: Set = [],  # noqa: B006
+    out: Annotated[Path, typer.Option("--out", help="Folder for the files.")] = Path("out/fmu"),
+    as_json: AsJson = False,
+) -> None:
+    """Write a rover, and a slip control, as FMI 3.0 units."""
+    from rover_pin.control.embedded.source import embedded
+    from rover_pin.control.fmi.controller import controller_unit
+    from rover_pin.control.fmi.plant import plant
+    from rover_pin.control.fmi.unit import write_unit
+    from rover_pin.scenarios.scenario import scenario as ready
+
+    chosen = ready(scenario, **drive_settings(control, gravity, soil, model, add, set_))
+    units = [plant(chosen.model, chosen.start, chosen.timing)]
+    units += [controller_unit(embedded(chosen.controller, chosen.model.rover))] if control else []
+    say_what_is_replaced(out, tuple(f"{unit.name}.fmu" for unit in units))
+    with alone_in(out):
+        paths = [str(write_unit(unit, out / f"{unit.name}.fmu")) for unit in units]
+    variables = {unit.name: unit.by_causality for unit in units}
+    report({"rover": chosen.model.rover.name, "step [s]": units[0].period, **variables, "files": paths}, as_json)

@@ -15,6 +15,9 @@ from rover_pin.control.slip_estimate import TableEstimate, TrueSlip
 from rover_pin.control.torque_check import CUSTOM_LIMIT, NoLimit, TorqueLimit, native_limit
 from rover_pin.soil.slip import LOCKED
 
+TABLES = {"radius": "RADIUS", "factors": "FACTORS"}
+"""Fields of the belief that point at a table."""
+
 
 def numbers(name: str, values: Iterable[float]) -> str:
     """Return a C table of numbers, to the last bit."""
@@ -56,11 +59,10 @@ def on_board(estimate: OnboardSlip, radius: float) -> str:
     """Return C of the on-board estimate; a wheel's travel is by Eq (1) from its slip, its rim's radius `radius` [m]."""
     wheels, links = len(estimate.rover.wheels), len(estimate.places)
     belief = estimate.belief.numbers
-    tables = {"radius": "RADIUS", "factors": "FACTORS"}
     settings = {"n": wheels, "N": PARTICLES, "n_posture": 2 + links, "lag": int(estimate.belief.struct.lag)}
-    settings |= {name: value for name, value in belief.items() if name not in tables}
+    settings |= {name: value for name, value in belief.items() if name not in TABLES}
     lines = [f"  b->{name} = {value!r};" for name, value in settings.items()]
-    lines += [f"  b->{name} = {table};" for name, table in tables.items()]
+    lines += [f"  b->{name} = {table};" for name, table in TABLES.items()]
     return f"""{numbers("RADIUS", belief["radius"])}
 {numbers("FACTORS", belief["factors"])}
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import ctypes
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 from rover_pin.base.quantity import quantities
 from rover_pin.simulation.compiled import laws
@@ -39,9 +39,18 @@ LANE_COUNT_SOURCE = "int law_lanes(void) { return LANES; }\n"
 "Lets the step check that it passes as many lanes."
 
 
+class LawsSource(NamedTuple):
+    """C of a structure's laws, the functions' names in the order of the struct Drive, and what they want."""
+
+    text: str
+    names: tuple[str, ...]
+    held: int
+    work: tuple[int, int]
+
+
 @lru_cache(maxsize=64)
-def compiled_laws(structure: Any) -> CompiledLaws:
-    """Return the laws of this structure, compiled; the numbers stay parameters, so a sweep compiles once."""
+def laws_source(structure: Any) -> LawsSource:
+    """Return the generated laws of this structure; the numbers stay parameters."""
     before, during = split_law(laws.contact_law(structure.contact), len(laws.GEOMETRY))
     motor = laws.motor_law(structure.motor, structure.motor_effects)
     scalar = [before]
@@ -49,12 +58,19 @@ def compiled_laws(structure: Any) -> CompiledLaws:
         assert structure.joints is not None
         scalar.append(body_law(structure.body_effects, structure.joints))
     together = lanes.header() + lanes.c_source(during) + lanes.c_source(motor, shared=[2]) + LANE_COUNT_SOURCE
-    handle = shared_library(laws.generated_source(*scalar) + together, "laws")
-    names = ["contact_law_before", "contact_law_during", "motor_law", *(f.name() for f in scalar[1:])]
-    at = [ctypes.cast(getattr(handle, name), ctypes.c_void_p).value or 0 for name in names]
+    names = ("contact_law_before", "contact_law_during", "motor_law", *(f.name() for f in scalar[1:]))
     work = max(f.sz_iw() for f in scalar), max(f.sz_w() for f in scalar)
-    body = at[3] if scalar[1:] else 0
-    return CompiledLaws(handle, at[0], at[1], at[2], body, before.numel_out(0), int(handle.law_lanes()), work)
+    return LawsSource(laws.generated_source(*scalar) + together, names, before.numel_out(0), work)
+
+
+@lru_cache(maxsize=64)
+def compiled_laws(structure: Any) -> CompiledLaws:
+    """Return the laws of this structure, compiled; a sweep compiles once."""
+    source = laws_source(structure)
+    handle = shared_library(source.text, "laws")
+    at = [ctypes.cast(getattr(handle, name), ctypes.c_void_p).value or 0 for name in source.names]
+    body = at[3] if source.names[3:] else 0
+    return CompiledLaws(handle, at[0], at[1], at[2], body, source.held, int(handle.law_lanes()), source.work)
 
 
 @dataclass(frozen=True)

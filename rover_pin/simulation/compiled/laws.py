@@ -159,9 +159,9 @@ def motor_law(motor: Motor, effects: Sequence[MotorEffect]) -> ca.Function:
     return law("motor_law", [ca.vertcat(delta, omega, wheel, bus), x, parameters], out)
 
 
-def generated_source(*functions: ca.Function) -> str:
-    """Return C source of the functions."""
-    code = ca.CodeGenerator("laws.c", {"with_header": False})
+def generated_source(*functions: ca.Function, name: str = "laws") -> str:
+    """Return C source of the functions, with helpers named after `name`."""
+    code = ca.CodeGenerator(f"{name}.c", {"with_header": False})
     for function in functions:
         code.add(function)
     return str(code.dump())

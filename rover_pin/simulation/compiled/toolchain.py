@@ -11,6 +11,7 @@ import os
 import platform
 import subprocess
 import sys
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from rover_pin.base.errors import MissingExtraError
@@ -47,17 +48,30 @@ def shared_library(source: str, name: str) -> ctypes.CDLL:
     CacheError
         There is no private folder that can hold the library.
     """
+    command = found_compiler()
+    words = [source, *command, *FLAGS, *fast_flags(command), sys.platform, os.uname().machine, *platform.libc_ver()]
+    stem = f"{name}-{hashlib.sha256(SEPARATOR.join(words).encode()).hexdigest()[:20]}"
+    folders = private_folders()
+    cached = next(filter(None, (cached_library(folder, stem) for folder in folders)), None)
+    return cached or built(
+        folders, stem, lambda place: _compiled(command, {"source.c": source}, place, fast_flags(command))
+    )
+
+
+def portable_library(sources: Mapping[str, str], place: Path) -> Path:
+    """Return the file of a library of these C files, for any processor of this machine's kind; errors as above."""
+    return _compiled(found_compiler(), sources, place)
+
+
+def found_compiler() -> list[str]:
+    """Return the command of `compiler`; refuse where there is none."""
     command = compiler()
     if command is None:
         raise MissingExtraError(
             "No C compiler found, and the fast simulator is compiled on first use: install gcc or clang, or "
             "the package `ziglang` (`pip install rover-pin[compiler]`)."
         )
-    words = [source, *command, *FLAGS, *fast_flags(command), sys.platform, os.uname().machine, *platform.libc_ver()]
-    stem = f"{name}-{hashlib.sha256(SEPARATOR.join(words).encode()).hexdigest()[:20]}"
-    folders = private_folders()
-    cached = next(filter(None, (cached_library(folder, stem) for folder in folders)), None)
-    return cached or built(folders, stem, lambda place: _compiled(command, source, place))
+    return command
 
 
 def fast_flags(command: list[str]) -> list[str]:
@@ -67,12 +81,13 @@ def fast_flags(command: list[str]) -> list[str]:
     return [f"-march={level()}", "-DLIBMVEC"]
 
 
-def _compiled(command: list[str], source: str, place: Path) -> Path:
-    log.debug("compiling %d lines of C with %s", source.count("\n"), " ".join(command))
-    file, library = place / "source.c", place / "made.so"
-    file.write_text(source)
-    fast = fast_flags(command)
-    tried = [[*FLAGS, *fast, "-o", str(library), str(file), "-lmvec"], [*FLAGS, "-o", str(library), str(file)]]
+def _compiled(command: list[str], sources: Mapping[str, str], place: Path, fast: Sequence[str] = ()) -> Path:
+    log.debug("compiling %d characters of C with %s", sum(map(len, sources.values())), " ".join(command))
+    library = place / "made.so"
+    for name, source in sources.items():
+        (place / name).write_text(source, encoding="utf-8")
+    files = [str(place / name) for name in sources if name.endswith(".c")]
+    tried = [[*FLAGS, *fast, "-o", str(library), *files, "-lmvec"], [*FLAGS, "-o", str(library), *files]]
     for arguments in tried if fast else tried[1:]:
         run = subprocess.run(
             [*command, *arguments, "-lm"], capture_output=True, text=True, check=False,
@@ -83,8 +98,7 @@ def _compiled(command: list[str], source: str, place: Path) -> Path:
     if run.returncode and FULL in run.stderr:
         raise OSError(errno.ENOSPC, FULL)
     if run.returncode:
-        raise MissingExtraError(
-            f"The C compiler {' '.join(command)} failed: {run.stderr.strip().splitlines()[-1:]}; "
-            "set CC to one that works."
-        )
+        lines = run.stderr.strip().splitlines()
+        why = [line for line in lines if "error" in line][:1] or lines[-1:]
+        raise MissingExtraError(f"The C compiler {' '.join(command)} failed: {why}; set CC to one that works.")
     return library

@@ -6,6 +6,7 @@ import ctypes
 from dataclasses import dataclass, field
 from functools import lru_cache
 
+import casadi as ca
 import numpy as np
 import pinocchio as pin
 
@@ -79,7 +80,18 @@ def compiled_body(keyed_model: KeyedModel) -> CompiledBody:
     return CompiledBody(handle, address, precomputed, rows, columns, ends, (during.sz_iw(), during.sz_w()))
 
 
+def body_source(model: pin.Model) -> tuple[str, str]:
+    """Return the C of a model's rigid body, and its function's name."""
+    during = _split(tree_of(model).joints, model.nq, model.nv)[1]
+    return generated_source(during, name="body"), during.name()
+
+
 @lru_cache(maxsize=64)
-def _compiled(joints: tuple[Joint, ...], nq: int, nv: int):  # type: ignore[no-untyped-def]
-    before, during = split_law(rigid_body(joints, nq, nv), nq + nv + 3)
+def _split(joints: tuple[Joint, ...], nq: int, nv: int) -> tuple[ca.Function, ca.Function]:
+    return split_law(rigid_body(joints, nq, nv), nq + nv + 3)
+
+
+@lru_cache(maxsize=64)
+def _compiled(joints: tuple[Joint, ...], nq: int, nv: int) -> tuple[ctypes.CDLL, ca.Function, ca.Function]:
+    before, during = _split(joints, nq, nv)
     return shared_library(generated_source(during), "rigid_body"), before, during

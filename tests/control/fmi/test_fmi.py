@@ -1,0 +1,257 @@
+"""FMI 3.0 units as another tool meets them: fmpy validates, instantiates and steps them, alone and in a loop."""
+
+import shutil
+import subprocess
+import zipfile
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from rover_pin import scenario
+from rover_pin.cli.app import app
+from rover_pin.control.design.stepped import SteppedDrive
+from rover_pin.control.embedded.source import embedded
+from rover_pin.control.embedded.vectors import vectors
+from rover_pin.control.fmi.controller import controller_unit
+from rover_pin.control.fmi.plant import plant
+from rover_pin.control.fmi.unit import write_unit
+from rover_pin.simulation.command import Command
+from rover_pin.simulation.compiled.toolchain import compiler
+
+fmpy = pytest.importorskip("fmpy")
+validation = pytest.importorskip("fmpy.validation")
+PERIOD = 0.05
+
+
+class Opened:
+    """An FMU that was loaded: values by name."""
+
+    def __init__(self, path):
+        self.path = path
+        self.description = fmpy.read_model_description(str(path))
+        self.folder = fmpy.extract(str(path))
+        self.of = {variable.name: variable for variable in self.description.modelVariables}
+        self.unit = self.another()
+        self.k = 0
+
+    def another(self):
+        unit = fmpy.instantiate_fmu(self.folder, self.description, "CoSimulation")
+        unit.enterInitializationMode()
+        unit.exitInitializationMode()
+        return unit
+
+    def __getitem__(self, name):
+        variable = self.of[name]
+        count = int(variable.dimensions[0].start) if variable.dimensions else 1
+        return np.array(self.unit.getFloat64([variable.valueReference], count))
+
+    def __setitem__(self, name, values):
+        self.unit.setFloat64([self.of[name].valueReference], np.atleast_1d(values).tolist())
+
+    def step(self, periods=1):
+        result = self.unit.doStep(self.k * PERIOD, periods * PERIOD)
+        self.k += periods
+        return result
+
+
+@pytest.fixture(scope="module")
+def opened(tmp_path_factory):
+    """Return a function that writes and opens the plant of a scene, or the controller of a control there."""
+    folders = []
+
+    def write(scene, control="", **settings):
+        chosen = scenario(scene, **({"control": control} if control else {}), **settings)
+        made = controller_unit(embedded(chosen.controller, chosen.model.rover)) if control else None
+        made = made or plant(chosen.model, chosen.start, chosen.timing)
+        unit = Opened(write_unit(made, tmp_path_factory.mktemp("fmu") / f"{made.name}.fmu"))
+        folders.append(unit.folder)
+        return unit
+
+    yield write
+    for folder in folders:
+        shutil.rmtree(folder)
+
+
+def wandering(k, wheels=6):
+    return 0.4 + 0.4 * np.sin(0.1 * k + np.arange(wheels))
+
+
+@pytest.mark.parametrize(("scene", "steer"), [("ditch", 0.0), ("rocks", 0.0), ("turn", 0.2)])
+def test_plant_moves_as_the_drive(opened, scene, steer):
+    chosen = scenario(scene)
+    own, twin = opened(scene), SteppedDrive(chosen.model, 6.0, chosen.start, chosen.timing)
+    if steer:
+        own["steer"] = np.full(len(own["steer"]), steer)
+    for k in range(100):
+        own["duty"] = wandering(k)
+        own.step()
+        read = twin.step(Command(wandering(k), steer))
+        for name in ("wheel_rate", "current", "suspension"):
+            np.testing.assert_allclose(own[name], getattr(read, name), rtol=1e-9, atol=1e-11, err_msg=name)
+        for name in ("slip", "sinkage", "normal", "travel", "position", "velocity"):
+            np.testing.assert_allclose(own[name], getattr(read.truth, name), rtol=1e-9, atol=1e-11, err_msg=name)
+        np.testing.assert_allclose([*own["roll"], *own["pitch"], *own["yaw"]], read.attitude, atol=1e-11)
+    assert np.linalg.norm(own["position"][:2]) > 0.05
+    if steer:
+        assert own["position"][1] > 0.01
+
+
+@pytest.mark.parametrize("control", ["eq9", "onboard", "camera", "true"])
+def test_controller_answers_as_the_package(opened, control):
+    chosen = scenario("ditch", control=control)
+    own, taken = opened("ditch", control), embedded(chosen.controller, chosen.model.rover)
+    links = max(taken.links, 1)
+    names = {"duty_applied": 6, "wheel_rate": 6, "current": 6, "suspension": taken.links, "roll": 1, "pitch": 1}
+    names |= {"seen_speed": 1, "slip": 6, "travel": 6}
+    for row in vectors(taken, 100):
+        given, answer = np.split(np.array(row[1:]), [sum(names.values())])
+        for name, values in zip(names, np.split(given, np.cumsum(list(names.values()))[:-1]), strict=True):
+            own[name] = values if len(values) else np.zeros(links)
+        own.step()
+        said = np.concatenate([own[name] for name in ("duty", "slip_estimate", "hole", "stands", "stopped")])
+        np.testing.assert_allclose(said, answer, rtol=1e-9, atol=1e-10)
+
+
+def test_both_units_in_a_loop_drive_as_the_package(opened):
+    plant_unit, control = opened("ditch"), opened("ditch", "onboard")
+    trace = scenario("ditch", control="onboard", duration=8.0).drive(settle_doubts=False)
+    for _ in range(160):
+        control["duty_applied"] = plant_unit["duty"]
+        for name in ("wheel_rate", "current", "suspension", "roll", "pitch"):
+            control[name] = plant_unit[name]
+        control.step()
+        plant_unit["duty"] = control["duty"]
+        plant_unit.step()
+    assert plant_unit["position"][0] == pytest.approx(trace["body_x"][-1], abs=2e-4)
+    assert plant_unit["position"][0] > 0.3
+
+
+@pytest.mark.parametrize(("scene", "control"), [("ditch", ""), ("slope", ""), ("ditch", "onboard"), ("flat", "eq9")])
+def test_units_keep_to_the_standard(opened, scene, control):
+    own = opened(scene, control)
+    assert validation.validate_fmu(str(own.path)) == []
+    assert own.description.fmiVersion == "3.0"
+    assert float(own.description.coSimulation.fixedInternalStepSize) == PERIOD
+
+
+def test_a_state_is_restored_here_and_in_another_instance(opened):
+    own = opened("ditch")
+    own["duty"] = np.full(6, 0.5)
+    own.step(20)
+    unit, state = own.unit, own.unit.getFMUState()
+    raw = unit.serializeFMUState(state)
+    own.step(20)
+    end = own["position"].copy()
+    unit.setFMUState(state)
+    assert own["position"][0] < end[0]
+    own.step(20)
+    np.testing.assert_array_equal(own["position"], end)
+    own.unit = own.another()
+    own.unit.setFMUState(own.unit.deserializeFMUState(raw))
+    own.step(20)
+    np.testing.assert_array_equal(own["position"], end)
+    unit.setFMUState(state)
+    assert own["position"][0] == end[0], "instances share nothing"
+    unit.freeFMUState(state)
+
+
+def test_soil_may_change_on_the_way_and_reset_begins_anew(opened):
+    firm, weak = opened("incline"), opened("incline")
+    for own in (firm, weak):
+        own["duty"] = np.full(6, 0.6)
+        own.step(20)
+    weak["soil.k"] = 5.0 * weak["soil.k"]
+    for own in (firm, weak):
+        own.step(60)
+    assert weak["slip"].mean() > firm["slip"].mean() + 0.02
+    weak.unit.reset()
+    assert weak["position"][0] == 0.0
+    assert weak["soil.k"] == pytest.approx(firm["soil.k"])
+
+
+@pytest.mark.parametrize(
+    ("name", "values"), [("duty", [1.5] * 6), ("duty", [np.nan] * 6), ("duty", [0.5] * 5), ("slip", [0.0] * 6),
+                         ("soil.k", [-1.0])]
+)  # fmt: skip
+def test_what_is_not_allowed_is_refused(opened, name, values):
+    own = opened("flat")
+    before = own["duty"]
+    with pytest.raises(Exception, match="fmi3SetFloat64"):
+        own[name] = values
+    np.testing.assert_array_equal(own["duty"], before)
+
+
+@pytest.mark.parametrize("step", [0.0, 0.02, 0.07])
+def test_a_step_of_no_whole_periods_is_refused(opened, step):
+    with pytest.raises(Exception, match="fmi3DoStep"):
+        opened("flat").unit.doStep(0.0, step)
+
+
+def test_a_buried_rover_ends_its_simulation(opened):
+    own = opened("incline", **{"buried": 0.05, "terrain.angle_deg": 20.0})
+    own["duty"] = np.ones(6)
+    _, terminate, early, last = own.step(400)
+    assert terminate
+    assert early
+    assert 0.0 < last < 20.0
+    with pytest.raises(Exception, match="fmi3DoStep"):
+        own.step()
+
+
+def test_command_writes_both_and_says_what_they_take(tmp_path):
+    done = CliRunner().invoke(app, ["export-fmu", "flat", "--control", "eq9", "--out", str(tmp_path), "--json"])
+    assert done.exit_code == 0, done.output
+    assert "wheel_rate" in done.output
+    for name in ("rover_plant", "rover_controller"):
+        assert validation.validate_fmu(str(tmp_path / f"{name}.fmu")) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("control", ["", "onboard"])
+def test_sources_in_the_unit_are_sound(control, tmp_path):
+    """They build as the build description says, without warnings of what they do themselves, under sanitizers."""
+    chosen = scenario("ditch", **({"control": control} if control else {}))
+    made = controller_unit(embedded(chosen.controller, chosen.model.rover)) if control else plant(chosen.model)
+    with zipfile.ZipFile(write_unit(made, tmp_path / "unit.fmu")) as archive:
+        archive.extractall(tmp_path)
+    (tmp_path / "sources" / "main.c").write_text(MAIN.replace("TOKEN", f'"{made.token}"'))
+    names = [path.name for path in (tmp_path / "sources").glob("*.c")]
+    flags = ["-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-Wno-psabi"]
+    built = subprocess.run(
+        [*compiler(), *flags, *names, "-lm", "-o", "run"], cwd=tmp_path / "sources", capture_output=True, text=True
+    )
+    assert built.returncode == 0, built.stderr
+    ran = subprocess.run([tmp_path / "sources" / "run"], capture_output=True, text=True)
+    assert ran.returncode == 0, ran.stderr
+    assert "OK 200" in ran.stdout
+
+
+MAIN = """
+#include <stdbool.h>
+#include <stdio.h>
+#include <stdint.h>
+#include <stddef.h>
+void *fmi3InstantiateCoSimulation(const char *, const char *, const char *, bool, bool, bool, bool, const uint32_t *,
+                                  size_t, void *, void *, void *);
+int fmi3DoStep(void *, double, double, bool, bool *, bool *, bool *, double *);
+int fmi3SetFloat64(void *, const uint32_t *, size_t, const double *, size_t);
+int fmi3GetFMUState(void *, void **);
+int fmi3SetFMUState(void *, void *);
+int fmi3FreeFMUState(void *, void **);
+void fmi3FreeInstance(void *);
+int main(void) {
+  bool a, b, c;
+  double last, duty[6] = {.5, .5, .5, .5, .5, .5};
+  const uint32_t first = 1;
+  void *state = 0, *unit = fmi3InstantiateCoSimulation("", TOKEN, "", 0, 0, 0, 0, 0, 0, 0, 0, 0);
+  int good = 0;
+  if (!unit || fmi3SetFloat64(unit, &first, 1, duty, 6)) return 1;
+  for (int k = 0; k < 200; ++k) good += !fmi3DoStep(unit, .05 * k, .05, 1, &a, &b, &c, &last);
+  if (fmi3GetFMUState(unit, &state) || fmi3SetFMUState(unit, state)) return 1;
+  fmi3FreeFMUState(unit, &state);
+  fmi3FreeInstance(unit);
+  printf("OK %d", good);
+  return 0;
+}
+"""
