@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from rover_pin.control.monitor.monitor import ALARM, CAUSES, Forecast
+from rover_pin.control.monitor.monitor import CAUSES, Forecast
+from rover_pin.control.monitor.source import ALARM
 from rover_pin.plot.sheet import new_figure
 from rover_pin.simulation.trace.draw import COLOURS
 

@@ -67,7 +67,7 @@ def export_c(
     from rover_pin.scenarios.scenario import scenario as ready
 
     chosen = ready(scenario, **drive_settings(control, gravity, soil, model, add, set_))
-    taken = embedded(chosen.controller, chosen.model.rover)
+    taken = embedded(chosen.controller, chosen.model)
     say_what_is_replaced(out, ("rover_control.c",))
     with alone_in(out):
         written = write_embedded(taken, out)
@@ -97,7 +97,7 @@ def export_fmu(
 
     chosen = ready(scenario, **drive_settings(control, gravity, soil, model, add, set_))
     units = [plant(chosen.model, chosen.start, chosen.timing)]
-    units += [controller_unit(embedded(chosen.controller, chosen.model.rover))] if control else []
+    units += [controller_unit(embedded(chosen.controller, chosen.model))] if control else []
     say_what_is_replaced(out, tuple(f"{unit.name}.fmu" for unit in units))
     with alone_in(out):
         paths = [str(write_unit(unit, out / f"{unit.name}.fmu")) for unit in units]

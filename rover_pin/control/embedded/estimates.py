@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
 from rover_pin.base.errors import ParameterError
-from rover_pin.control.sensing.belief import FIELDS, LEAST, LENGTHS, PARTICLES, UNDER, row_lengths
+from rover_pin.control.sensing.belief import FIELDS, PARTICLES, row_lengths
 from rover_pin.control.sensing.onboard_slip import BACKWARDS, OnboardSlip
 from rover_pin.control.sensing.stop import StopStuck
 from rover_pin.control.slip_control import LEAST_RATIO, SlipControl
@@ -100,31 +102,32 @@ static void estimate(RoverControl *c, const RoverReading *in, RoverCommand *out,
 """
 
 
-def belief_struct(estimate: OnboardSlip, work: tuple[int, int]) -> str:
+def belief_struct(estimate: OnboardSlip) -> str:
     """Return the C declaration of the estimator's memory: arrays of fixed length, nothing is allocated."""
-    wheels = len(estimate.rover.wheels)
+    wheels, ground = len(estimate.rover.wheels), estimate.expressions[0]
     lengths = row_lengths(wheels, len(estimate.places), int(estimate.belief.struct.lag))
-    lengths |= {"told": 4 * wheels, "work_w": max(work[1], 1), "parent": PARTICLES, "work_i": work[0] + 1}
+    lengths |= {"told": 4 * wheels, "work_w": max(ground.sz_w(), 1), "parent": PARTICLES, "work_i": ground.sz_iw() + 1}
+    return struct_of_fixed_size("RoverBelief", FIELDS, lengths)
+
+
+def struct_of_fixed_size(name: str, fields: Sequence[Any], lengths: Mapping[str, int]) -> str:
+    """Return the C declaration of a struct whose arrays lie within it; those without a length are constant tables."""
     lines = ["typedef struct {"]
-    for _, groups, form in FIELDS:
-        for name in (name for names in groups for name in names.split()):
+    for _, groups, form in fields:
+        plain = form.replace("double", "rover_real").replace("integer", "int")
+        for field in (field for names in groups for field in names.split()):
             if "*" not in form:
-                lines.append(f"  {_plain(form).format(name)};")
-            elif name in lengths:
-                lines.append(f"  {_plain(form).split()[0]} {name}[{lengths[name]}];")
+                lines.append(f"  {plain.format(field)};")
+            elif field in lengths:
+                lines.append(f"  {plain.split()[0]} {field}[{lengths[field]}];")
             else:
-                lines.append(f"  const rover_real *{name};")
-    return "\n".join([*lines, "} RoverBelief;"])
+                lines.append(f"  const rover_real *{field};")
+    return "\n".join([*lines, f"}} {name};"])
 
 
-def _plain(form: str) -> str:
-    return form.replace("double", "rover_real").replace("integer", "int")
-
-
-def belief_names() -> str:
-    """Return the C definitions that `belief.c` is written with."""
-    lines = [f"#define {name} {value!r}" for name, value in (LENGTHS | LEAST).items()]
-    return "\n".join([*lines, f"enum {{ {', '.join(UNDER)} }};", "typedef RoverBelief Belief;"])
+def kept_inside(text: str) -> str:
+    """Return C of the package with its functions static."""
+    return re.sub(r"^(void|int|integer) rover_pin_", r"static \1 rover_pin_", text, flags=re.MULTILINE)
 
 
 def of_limit(limit: TorqueLimit | NoLimit) -> str:

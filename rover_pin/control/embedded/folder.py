@@ -8,10 +8,12 @@ from pathlib import Path
 from rover_pin.base.files.columns import replace_file
 from rover_pin.control.embedded.source import Embedded
 from rover_pin.control.embedded.vectors import vectors
+from rover_pin.control.monitor.monitor import CAUSES
 
 COUNT, LIMIT, LIMIT_ON_BOARD = 400, 1e-12, 1e-11
 """Samples of the vectors, 20 s; by how much the C may differ from them in double precision, and the on-board estimate,
 whose exponentials are not the same library's."""
+AHEAD = ("p_stuck", "p_buried", "alarm", "cause")
 CMAKE = """cmake_minimum_required(VERSION 3.13)
 project(rover_control C)
 set(CMAKE_C_STANDARD 11)
@@ -51,5 +53,6 @@ def _table(taken: Embedded, count: int) -> str:
     before, external, out = ([f"{group}_{name}" for group in row for name in names] for row in groups)
     links = [f"suspension_{at}" for at in range(taken.links)]
     heads = ["anew", *before, *links, "roll", "pitch", "seen_speed", *external, *out, "stands", "stopped"]
+    heads += [*AHEAD, *(f"p_{cause.replace(' ', '_')}" for cause in CAUSES)] if taken.monitor else []
     rows = (",".join(map(repr, row)) for row in vectors(taken, count))
     return "\n".join([",".join(heads), *rows, ""])

@@ -12,7 +12,11 @@ import casadi as ca
 
 from rover_pin import version
 from rover_pin.base.errors import ParameterError
-from rover_pin.control.embedded.estimates import belief_names, belief_struct, numbers, of_estimate, of_limit, of_stop
+from rover_pin.control.embedded.estimates import belief_struct, kept_inside, numbers, of_estimate, of_limit, of_stop
+from rover_pin.control.embedded.monitor import monitor_header, monitor_text
+from rover_pin.control.monitor import source as monitor_source
+from rover_pin.control.monitor.monitor import Monitor
+from rover_pin.control.sensing.belief import constants
 from rover_pin.control.sensing.onboard_slip import OnboardSlip
 from rover_pin.control.sensing.stop import StopStuck
 from rover_pin.control.slip_control import SlipControl
@@ -20,6 +24,7 @@ from rover_pin.control.slip_estimate import TableEstimate
 from rover_pin.control.torque_check import TorqueLimit
 from rover_pin.rover.rover import Rover
 from rover_pin.simulation.command import Controller
+from rover_pin.simulation.model.model import Model
 
 READING = """typedef struct {{ /* what is read at a sample; wheels in the order {names} */
   rover_real duty[ROVER_WHEELS]; /* now applied [-] */
@@ -42,11 +47,12 @@ TABLES = {"table": ("between", "signed_speed", "slip_by_table"), "limit": ("betw
 
 @dataclass(frozen=True)
 class Embedded:
-    """A slip control to take away, of a rover."""
+    """A slip control to take away, of a rover; an on-board one with the monitor that reads the same belief."""
 
     control: SlipControl
     rover: Rover
     stop: StopStuck | None = None
+    monitor: Monitor | None = None
 
     @property
     def controller(self) -> SlipControl | StopStuck:
@@ -66,7 +72,8 @@ class Embedded:
     @cached_property
     def expressions(self) -> list[ca.Function]:
         """The CasADi functions that it computes."""
-        return [self.control.expression, *(self.on_board.expressions if self.on_board else ())]
+        of_monitor = monitor_source.expressions(self.monitor.law) if self.monitor else ()
+        return [self.control.expression, *(self.on_board.expressions if self.on_board else ()), *of_monitor]
 
     @cached_property
     def header(self) -> str:
@@ -82,8 +89,7 @@ class Embedded:
             odometry="" if on_board and on_board.odometry else UNUSED,
             slip=UNUSED if on_board or isinstance(self.control.estimate, TableEstimate) else "",
         )
-        work = (self.expressions[1].sz_iw(), self.expressions[1].sz_w()) if on_board else (0, 0)
-        belief = [belief_struct(on_board, work)] if on_board else []
+        belief = [belief_struct(on_board)] if on_board else []
         memory = ["typedef struct { /* what is remembered; its fields are private */"]
         memory += ["  rover_real integral[ROVER_WHEELS], depth[ROVER_WHEELS], late_share;", "  int stopped;"]
         memory += [*(["  RoverBelief belief;"] if on_board else []), "} RoverControl;"]
@@ -100,6 +106,7 @@ class Embedded:
             *memory,
             "void rover_control_reset(RoverControl *control); /* before the first step */",
             "void rover_control_step(RoverControl *control, const RoverReading *reading, RoverCommand *command);",
+            *(monitor_header(self.monitor) if self.monitor else ()),
             "#endif",
         ]
         return "\n".join([*lines, ""])
@@ -123,18 +130,20 @@ class Embedded:
         ]
         if on_board:
             lines += [
-                belief_names(),
+                constants(),
+                "typedef RoverBelief Belief;",
                 "#define LANES 1",
                 "typedef void (*lanes_law)(const real *, const real *, real *);",
             ]
-            lines += [_one_lane(law.name()) for law in self.expressions[2:]]
+            lines += [_one_lane(law.name()) for law in on_board.expressions[1:]]
             lines += [_belief()]
         lines += [of_estimate(control), of_limit(control.limit), of_stop(self.stop)]
-        return "\n".join([*lines, _file("rover_pin.control.embedded", "controller.c")])
+        lines += [_file("rover_pin.control.embedded", "controller.c")]
+        return "\n".join([*lines, *(monitor_text(self.monitor) if self.monitor else ())])
 
 
-def embedded(controller: Controller, rover: Rover) -> Embedded:
-    """Return a controller as it can be taken away.
+def embedded(controller: Controller, model: Model) -> Embedded:
+    """Return a controller of a model's rover as it can be taken away.
 
     Raises
     ------
@@ -148,7 +157,8 @@ def embedded(controller: Controller, rover: Rover) -> Embedded:
             "Only a slip control can be taken away: choose control = eq9, onboard, camera or true (the slip is then "
             "given with each reading)."
         )
-    return Embedded(control, rover, stop)
+    on_board = control.estimate if isinstance(control.estimate, OnboardSlip) else None
+    return Embedded(control, model.rover, stop, Monitor.of(model, on_board) if on_board else None)
 
 
 def _file(package: str, name: str) -> str:
@@ -163,8 +173,7 @@ def _tables(needed: Sequence[str]) -> str:
 
 
 def _belief() -> str:
-    text = _file("rover_pin.control.sensing", "belief.c")
-    return re.sub(r"^void rover_pin_", "static void rover_pin_", text, flags=re.MULTILINE)
+    return kept_inside(_file("rover_pin.control.sensing", "belief.c"))
 
 
 def _functions(expressions: Sequence[ca.Function]) -> str:

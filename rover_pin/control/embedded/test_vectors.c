@@ -33,6 +33,9 @@ static double farthest(FILE *file, const rover_real *own, int count) {
 
 int main(int argc, char **argv) {
   static RoverControl control;
+#ifdef ROVER_MONITOR
+  static RoverMonitor monitor;
+#endif
   RoverReading in;
   RoverCommand out;
   FILE *file = argc > 1 ? fopen(argv[1], "r") : NULL;
@@ -43,7 +46,12 @@ int main(int argc, char **argv) {
   if (!file) return 2;
   if (fscanf(file, "%*[^\n]") == EOF) return 2;
   while (row(file, &anew, 1)) {
-    if (anew > 0.5) rover_control_reset(&control);
+    if (anew > 0.5) {
+      rover_control_reset(&control);
+#ifdef ROVER_MONITOR
+      rover_monitor_reset(&monitor);
+#endif
+    }
     if (!row(file, in.duty, ROVER_WHEELS) || !row(file, in.wheel_rate, ROVER_WHEELS) || !row(file, in.current, ROVER_WHEELS) ||
         !row(file, in.suspension, ROVER_LINKS) || !row(file, &in.roll, 1) || !row(file, &in.pitch, 1) ||
         !row(file, &in.seen_speed, 1) || !row(file, in.slip, ROVER_WHEELS) || !row(file, in.travel, ROVER_WHEELS))
@@ -54,6 +62,13 @@ int main(int argc, char **argv) {
     worst = fmax(worst, farthest(file, out.slip, ROVER_WHEELS));
     worst = fmax(worst, farthest(file, out.hole, ROVER_WHEELS));
     worst = fmax(worst, farthest(file, more, 2));
+#ifdef ROVER_MONITOR
+    RoverForecast ahead;
+    rover_monitor_step(&monitor, &control, &in, &ahead);
+    const rover_real said[4] = {ahead.p_stuck, ahead.p_buried, (rover_real)ahead.alarm, (rover_real)ahead.cause};
+    worst = fmax(worst, farthest(file, said, 4));
+    worst = fmax(worst, farthest(file, ahead.causes, 5));
+#endif
     ++rows;
   }
   fclose(file);

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rover_pin.control.embedded.source import Embedded
+from rover_pin.control.monitor.monitor import CANNOT_TELL, CAUSES
 from rover_pin.control.sensing.stop import StopStuck
 from rover_pin.simulation.command import Command, Reading, Truth
 
@@ -38,7 +39,8 @@ class _Seen(NamedTuple):
 def vectors(taken: Embedded, count: int, seed: int = 0) -> Iterator[list[float]]:
     """Yield rows: 1 where the control begins anew, else 0; what is read, in the order of the C struct; what it answers.
 
-    That is the duty, slip and hole of each wheel, the probability of standing, and 1 where it has stopped.
+    That is the duty, slip and hole of each wheel, the probability of standing, and 1 where it has stopped; with a
+    monitor P(stuck), P(buried), 1 for an alarm, the cause's number, and P of each cause.
     """
     twin, wheels = _twin(taken), len(taken.rover.wheels)
     widths = {"duty": wheels, "rate": wheels, "current": wheels, "link": taken.links, "tilt": 2, "travel": wheels}
@@ -48,6 +50,8 @@ def vectors(taken: Embedded, count: int, seed: int = 0) -> Iterator[list[float]]
     for at in range(count):
         if at % ANEW == 0:
             twin.controller.reset()
+            if twin.monitor:
+                twin.monitor.reset()
         for name, width in widths.items():
             state[name] = MEMORY * state[name] + math.sqrt(1 - MEMORY**2) * random.standard_normal(width)
         read = {name: SPREADS[name][0] + SPREADS[name][1] * values for name, values in state.items()}
@@ -71,7 +75,12 @@ def _outputs(twin: Embedded, read: dict[str, np.ndarray], late_speed: float) -> 
     slip = on_board.belief.told[:, 0] if on_board else twin.control.estimate.slip(reading)
     rows = [np.broadcast_to(row, blank.shape).tolist() for row in (command.duty, slip, twin.control.depth)]
     stopped = twin.stop.stopped if twin.stop else False
-    return [*rows[0], *rows[1], *rows[2], on_board.p_stands if on_board else 0.0, float(stopped)]
+    answers = [*rows[0], *rows[1], *rows[2], on_board.p_stands if on_board else 0.0, float(stopped)]
+    if twin.monitor is None:
+        return answers
+    ahead = twin.monitor.after(reading)
+    cause = (*CAUSES, CANNOT_TELL).index(ahead.cause) if ahead.cause else -1
+    return [*answers, ahead.p_stuck, ahead.p_buried, float(ahead.alarm), float(cause), *ahead.causes]
 
 
 def _twin(taken: Embedded) -> Embedded:
@@ -83,4 +92,5 @@ def _twin(taken: Embedded) -> Embedded:
     estimate = dataclasses.replace(on_board, odometry=odometry)
     control = dataclasses.replace(control, estimate=estimate)
     stop = StopStuck(control, estimate, taken.stop.stop) if taken.stop else None
-    return dataclasses.replace(taken, control=control, stop=stop)
+    monitor = taken.monitor and taken.monitor.reading_from(estimate)
+    return dataclasses.replace(taken, control=control, stop=stop, monitor=monitor)

@@ -5,14 +5,21 @@ from __future__ import annotations
 import math
 
 from rover_pin.control.embedded.estimates import TABLES
+from rover_pin.control.embedded.monitor import NUMBERED
+from rover_pin.control.embedded.monitor import TABLES as OF_MONITOR
 from rover_pin.control.embedded.source import Embedded
 from rover_pin.control.fmi.unit import MAIN, FunctionalUnit, Variable
+from rover_pin.control.monitor.ahead import HORIZON
+from rover_pin.control.monitor.monitor import CAUSES
 
 UNIT = """#include "rover_control.h"
 #include <string.h>
 
 typedef struct {{
   RoverControl control;
+#ifdef ROVER_MONITOR
+  RoverMonitor monitor;
+#endif
   double values[{all}];
 }} Unit;
 
@@ -20,9 +27,18 @@ static void unit_bind(Unit *u) {{ /* to the tables of this process */
   static RoverControl fresh;
   rover_control_reset(&fresh);
   (void)u;
+#ifdef ROVER_MONITOR
+  static RoverMonitor fresh_monitor;
+  rover_monitor_reset(&fresh_monitor);
+#endif
 {tables}}}
 
-static void unit_begin(Unit *u) {{ rover_control_reset(&u->control); }}
+static void unit_begin(Unit *u) {{
+  rover_control_reset(&u->control);
+#ifdef ROVER_MONITOR
+  rover_monitor_reset(&u->monitor);
+#endif
+}}
 
 static const char *unit_step(Unit *u) {{
   RoverReading in;
@@ -30,8 +46,16 @@ static const char *unit_step(Unit *u) {{
   _Static_assert(sizeof in == {inputs} * sizeof(double), "a reading is its numbers, one after another");
   memcpy(&in, u->values, sizeof in);
   rover_control_step(&u->control, &in, &out);
-  memcpy(u->values + {inputs}, &out, {outputs} * sizeof(double));
-  u->values[{inputs} + {outputs}] = out.stopped;
+  double *answer = u->values + {inputs};
+  memcpy(answer, &out, {outputs} * sizeof(double));
+  answer[{outputs}] = out.stopped;
+#ifdef ROVER_MONITOR
+  RoverForecast ahead;
+  rover_monitor_step(&u->monitor, &u->control, &in, &ahead);
+  const double forecast[4] = {{ahead.p_stuck, ahead.p_buried, ahead.alarm, ahead.cause}};
+  memcpy(answer + {outputs} + 1, forecast, sizeof forecast);
+  memcpy(answer + {outputs} + 5, ahead.causes, sizeof ahead.causes);
+#endif
   return 0;
 }}
 """
@@ -55,20 +79,29 @@ def controller_unit(taken: Embedded) -> FunctionalUnit:
         Variable("slip", "", "input", each, "slip ratios, for a control that does not estimate them"),
         Variable("travel", "m/s", "input", each, "speeds over the ground, likewise"),
     )
-    outputs = (
+    answers = (
         Variable("duty", "", "output", each, "duties to apply until the next step"),
         Variable("slip_estimate", "", "output", each, "slip ratios as the control takes them"),
         Variable("hole", "m", "output", each, "estimated depth of each wheel's hole"),
         Variable("stands", "", "output", (0.0,), "probability that the rover stands while its wheels turn"),
         Variable("stopped", "", "output", (0.0,), "1 where it is stuck, and all duties stay 0"),
     )
-    inputs_count, outputs_count = (sum(len(variable.start) for variable in group) for group in (inputs, outputs))
-    bound = TABLES if taken.on_board else ()
+    forecast = (
+        Variable("p_stuck", "", "output", (0.0,), f"probability that the rover stands {HORIZON:g} s later"),
+        Variable("p_buried", "", "output", (0.0,), "probability that a wheel is buried by then"),
+        Variable("alarm", "", "output", (0.0,), "1 while the monitor's alarm is raised"),
+        Variable("cause", "", "output", (0.0,), f"{NUMBERED}; -1 none"),
+        Variable("p_causes", "", "output", (0.0,) * len(CAUSES), f"probability of each: {', '.join(CAUSES)}"),
+    )
+    outputs = (*answers, *(forecast if taken.monitor else ()))
+    inputs_count, answers_count = (sum(len(variable.start) for variable in group) for group in (inputs, answers))
+    bound = [("control.belief", "fresh.belief", name) for name in TABLES if taken.on_board]
+    bound += [("monitor", "fresh_monitor", name) for name in OF_MONITOR if taken.monitor]
     text = UNIT.format(
-        all=inputs_count + outputs_count,
+        all=sum(len(variable.start) for variable in (*inputs, *outputs)),
         inputs=inputs_count,
-        outputs=outputs_count - 1,
-        tables="".join(f"  u->control.belief.{name} = fresh.belief.{name};\n" for name in bound),
+        outputs=answers_count - 1,
+        tables="".join(f"  u->{part}.{name} = {fresh}.{name};\n" for part, fresh, name in bound),
     )
     sources = {"rover_control.h": taken.header, "rover_control.c": taken.source, MAIN: text}
     return FunctionalUnit(

@@ -156,7 +156,8 @@ class _Image:
             self.pointers.append(f"  {target} = {SIZED_IN_C[name]};")
         elif name == "moving":
             addresses = np.asarray(self.loop.keep[name]).tolist()
-            self.pointers += [f"  p->moving[{at}] = {self._place(address)};" for at, address in enumerate(addresses)]
+            places = [place if (place := self._place(address)) != NOWHERE else "p->values" for address in addresses]
+            self.pointers += [f"  p->moving[{at}] = {place};" for at, place in enumerate(places)]
             self.pointers.append(f"  {target} = p->moving;")
         elif (place := self._place(value)) != NOWHERE:
             self.pointers.append(f"  {target} = {place};")

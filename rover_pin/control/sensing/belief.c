@@ -43,7 +43,7 @@ static real apart(const real *values, integer n) {
 void rover_pin_forget(Belief *b) {
   b->random = 88172645463325252ULL;
   b->count = b->k = b->backwards = b->folds = b->no_progress = 0;
-  b->wall = b->rolled = b->bend = b->reference = b->stuck = b->speed = 0.0;
+  b->wall = b->rolled = b->bend = b->reference = b->stuck = b->speed = b->pace = 0.0;
   memset(b->slip, 0, b->n * b->N * sizeof(real));
   memset(b->hole, 0, b->n * b->N * sizeof(real));
   for (integer i = 0; i < b->N; ++i) {
@@ -97,7 +97,8 @@ static void look(Belief *b) {
 
 /* Modes and travel a period later; a rover that turns back may do anything. */
 static void move(Belief *b, int backwards) {
-  const real dt = b->period, usual = fmax(fabs(median(b->rim, b->n)), b->floor);
+  b->pace = median(b->rim, b->n);
+  const real dt = b->period, usual = fmax(fabs(b->pace), b->floor);
   const real falls = (b->stalls + b->wall_stalls * fmin(b->wall, 1.0)) * dt;
   b->reference = backwards ? -usual : usual;
   fill_normal(b, b->chance);
@@ -120,7 +121,7 @@ static void move(Belief *b, int backwards) {
     b->way[i] += b->travel[i] * dt;
   }
   b->backwards = backwards;
-  b->rolled += fmax(median(b->rim, b->n), 0.0) * dt;
+  b->rolled += fmax(b->pace, 0.0) * dt;
 }
 
 static real expected(const Belief *b, real S) { /* F at a slip: linear in the table over [-1, 1] */

@@ -38,7 +38,7 @@ FIELDS: list[tuple[Any, dict[str, str], str]] = [
         {
             "period torque_per_current most_factor floor wall_gain least_roll settled odometry_sd": "",
             "strength correlated fold_correlated wall_share wander surprise stalls wall_stalls frees": "of `laws.py`",
-            "wall bend reference rolled stuck speed": "",
+            "wall bend reference rolled stuck speed pace": "pace: median of the rims' speeds",
         },
         "double {}",
     ),
@@ -125,10 +125,15 @@ class Belief:
         self._library.rover_pin_sense(self._address, self.sample.ctypes.data, backwards, late)
 
 
+def constants() -> str:
+    """Return the C definitions that `belief.c` is written with."""
+    lines = [f"#define {name} {value!r}" for name, value in (LENGTHS | LEAST).items()]
+    return "\n".join([*lines, f"enum {{ {', '.join(UNDER)} }};"])
+
+
 def _source(ground: ca.Function, laws: Sequence[ca.Function]) -> str:
     lines = [lanes.header(), generated_source(ground), "typedef int64_t integer;", "typedef double real;"]
     lines += ["typedef void (*lanes_law)(const double *, const double *, double *);"]
-    lines += [f"#define {name} {value!r}" for name, value in (LENGTHS | LEAST).items()]
-    lines += [f"enum {{ {', '.join(UNDER)} }};", "typedef struct {", *members(FIELDS), "} Belief;"]
+    lines += [constants(), "typedef struct {", *members(FIELDS), "} Belief;"]
     lines += [lanes.c_source(law, shared=(1,)) for law in laws]
     return "\n".join([*lines, files("rover_pin.control.sensing").joinpath("belief.c").read_text(encoding="utf-8")])

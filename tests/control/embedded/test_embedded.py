@@ -31,7 +31,7 @@ CONTROLS = {
 
 def taken(**settings):
     chosen = scenario("ditch", **settings)
-    return embedded(chosen.controller, chosen.model.rover)
+    return embedded(chosen.controller, chosen.model)
 
 
 def built(folder, flags=STRICT):
@@ -82,14 +82,18 @@ def test_vectors_notice_a_number_that_is_otherwise(tmp_path):
 
 
 def test_vectors_try_all_that_a_control_decides():
-    """Duties within and at their limits, stops and their ends, estimates that are sure and that are not."""
+    """Duties within and at their limits, stops and their ends, sure and unsure estimates and forecasts."""
     rows = np.array(list(vectors(taken(control="onboard"), 2000)))
-    stands, stopped = rows[:, -2], rows[:, -1]
-    duty = rows[:, -2 - 18 : -2 - 12]
+    duty, stands, stopped, ahead = rows[:, -29:-23], rows[:, -11], rows[:, -10], rows[:, -9:]
     assert 0.05 < stopped.mean() < 0.95
     assert stands.min() < 0.1 < 0.9 < stands.max()
     assert np.unique(np.round(duty, 6)).size > 100
     assert rows[:, 0].sum() == 20
+    p_stuck, p_buried, alarm, cause = ahead.T[:4]
+    assert np.unique(p_stuck).size > 10
+    assert np.unique(p_buried).size > 10
+    assert 0.0 < alarm.mean() < 1.0
+    assert set(cause) >= {-1.0, 0.0, 1.0, 2.0, 3.0}
 
 
 @pytest.mark.skipif(shutil.which("cmake") is None, reason="cmake is not installed")
@@ -104,7 +108,7 @@ def test_functions_are_casadi_s_by_their_names(tmp_path):
     own = taken(control="onboard")
     write_embedded(own, tmp_path, 1)
     names = {function.name() for function in own.expressions}
-    assert names == {"pi_law", "ground", "wheel_law", "torque_law", "fold_law", "still_law"}
+    assert names == {"pi_law", "ground", "wheel_law", "torque_law", "fold_law", "still_law", "ahead_step", "deepening"}
     for function in own.expressions:
         read = ca.Function.deserialize((tmp_path / "functions" / f"{function.name()}.casadi").read_text())
         given = [np.linspace(0.1, 0.9, read.numel_in(at)) for at in range(read.n_in())]

@@ -5,10 +5,9 @@ import pytest
 
 from rover_pin import scenario
 from rover_pin.control.constant import ConstantDuty
-from rover_pin.control.monitor.ahead import DRAWS, HORIZON, AheadLaw, Pull, go_on
-from rover_pin.control.monitor.digging import RATES
-from rover_pin.control.monitor.faults import WINDOW, Faults
-from rover_pin.control.monitor.monitor import CAUSES, WORTH, Monitor
+from rover_pin.control.monitor.ahead import HORIZON, STEPS, AheadLaw
+from rover_pin.control.monitor.monitor import CAUSES, Monitor
+from rover_pin.control.monitor.source import RATES, WINDOW, WORTH
 from rover_pin.control.sensing.onboard_slip import SLIPS
 from rover_pin.control.torque_factor import pull_factors
 from rover_pin.simulation.command import Reading
@@ -67,7 +66,7 @@ def test_a_burial_is_warned_of_two_seconds_before_and_is_digging():
 def test_forces_tell_whether_the_ground_digs(c_d):
     """A rover that gets on tells it: the hole's rim takes force that nothing else explains."""
     watch, _ = beside("incline", 12.0, **{**digging_incline(c_d), "terrain.angle_deg": 5.0, "soil.k": 0.015})
-    assert watch.monitor.digging.weights @ RATES == pytest.approx(c_d, abs=0.05)
+    assert watch.monitor.digging @ RATES == pytest.approx(c_d, abs=0.05)
 
 
 def test_a_slope_beyond_its_grip_is_grip_lost():
@@ -91,28 +90,30 @@ def test_it_starts_again():
 
 
 def ahead(slope=0.0, hole=0.0, excess=0.0, slip=0.2, swapped=False):
+    """Return the share of the rims' speed at the horizon, and the deepest hole over r."""
     model = scenario("flat", soil="table-1", **{"soil.k": 0.02}).model
     law = AheadLaw(tuple(model.rover.radii.tolist()), model.slip, 9.81)
-    n, pull = len(law.radii), Pull(pull_factors(model, SLIPS))
-    state = np.vstack(
-        [np.full(DRAWS, 0.03), np.zeros((2, DRAWS)), np.full((n, DRAWS), slip), np.full((n, DRAWS), hole)]
-    )
-    draws = np.repeat([[0.1], [excess], [0.0], [0.0]], DRAWS, axis=1)
+    n, factors, step = len(law.radii), pull_factors(model, SLIPS), law.step()
+    slopes = np.gradient(factors, SLIPS)
     load = np.array([8.0, 9.0, 10.0, 11.0, 12.0, 13.0])
     load = load.reshape(3, 2)[:, ::-1].ravel() if swapped else load
     ground = np.concatenate([np.full(n, 0.04), np.full(n, slope), np.full(n, 1.0 / np.hypot(1.0, slope)), load, [0.04]])
-    return go_on(law, pull.table, state, draws, ground)
+    state = np.concatenate([[0.03, 0.0, 0.0], np.full(n, slip), np.full(n, hole)])
+    for _ in range(STEPS):
+        pulls = np.concatenate([np.interp(state[3 : 3 + n], SLIPS, table) for table in (factors, slopes)])
+        state = np.asarray(step(state, [0.1, excess, 0.0, 0.0], ground, pulls)).ravel()
+    return state[0] / 0.04, np.max(state[3 + n :] / np.array(law.radii))
 
 
 def test_a_steeper_slope_a_hole_and_an_obstacle_slow_a_rover():
-    shares = [ahead(slope).share[0] for slope in (0.0, 0.1, 0.2, 0.3, 0.5)]
+    shares = [ahead(slope)[0] for slope in (0.0, 0.1, 0.2, 0.3, 0.5)]
     assert np.all(np.diff(shares) <= 0.0)
     assert shares[0] > 0.8
     assert shares[-1] == 0.0
-    assert ahead(hole=0.012, slope=0.1).share[0] < ahead(slope=0.1).share[0]
-    deep, fresh = ahead(slope=0.5, hole=0.006).depth[0], ahead(slope=0.5).depth[0]
+    assert ahead(hole=0.012, slope=0.1)[0] < ahead(slope=0.1)[0]
+    deep, fresh = ahead(slope=0.5, hole=0.006)[1], ahead(slope=0.5)[1]
     assert 0.5 > deep > fresh > 0.006 / 0.045, "what spins where it stands digs, less and less"
-    assert ahead(excess=0.6).share[0] == 0.0, "what stands against all grip is not passed"
+    assert ahead(excess=0.6)[0] == 0.0, "what stands against all grip is not passed"
 
 
 def test_left_and_right_are_alike():
@@ -144,10 +145,11 @@ def motor_readings(broken="", seed=0):
     ("broken", "motor", "sensor"), [("", 0.0, 0.0), ("dead", 1.0, 0.0), ("frozen", 0.0, 1.0), ("lost", 0.0, 1.0)]
 )
 def test_motors_and_sensors_at_fault(broken, motor, sensor):
-    faults = Faults(Motor())
+    monitor = Monitor.of(scenario("flat", soil="table-1").model)
     for reading in motor_readings(broken):
-        faults.step(reading)
-    assert (faults.motor, faults.sensor) == pytest.approx((motor, sensor), abs=0.05)
+        forecast = monitor.step(reading)
+    assert forecast.causes[3:] == pytest.approx((motor, sensor), abs=0.05)
+    assert forecast.cause == ("motor" if motor else "sensor" if sensor else forecast.cause)
 
 
 def test_a_reading_that_is_lost_is_a_sensor_s_and_passes():

@@ -1,0 +1,130 @@
+"""The monitor in C: its numbers with their reasons, its struct, and its source."""
+
+from __future__ import annotations
+
+import ctypes
+import math
+from functools import lru_cache
+from importlib.resources import files
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from rover_pin.control.hole_law import HoleLaw
+from rover_pin.control.monitor.ahead import STEPS, AheadLaw, deepening
+from rover_pin.control.sensing import belief
+from rover_pin.control.sensing.laws import LEAST_LEVEL
+from rover_pin.control.sensing.onboard_slip import CREEP
+from rover_pin.effects.digging_memory import TOUCH
+from rover_pin.simulation.compiled.laws import generated_source
+from rover_pin.simulation.compiled.toolchain import shared_library
+from rover_pin.simulation.native.shared import members, struct_fields
+from rover_pin.simulation.outcome.outcome import GRIP
+
+RATES = np.array([0.0, 0.05, 0.1, 0.15, 0.2])
+"""c_d of each hypothesis of how fast the ground digs: none, and up to four times what `DiggingMemory` assumes."""
+PRIOR = np.array([0.5, 0.125, 0.125, 0.125, 0.125])
+"""Their probabilities beforehand (assumed: half of all ground does not dig)."""
+DRAWS = 60
+"""Ways to go on that are followed at once."""
+ALARM, SMOOTHED = 0.75, 0.3
+"""P(stuck), smoothed over these seconds, from which an alarm is raised: that of less than five false ones an hour for
+the seeds 291001 and 291002. Below half of it an alarm ends."""
+WORTH, NAMED = 0.2, 0.5
+"""P(stuck) from which a cause is looked for, and P of the cause from which it is named, over that."""
+WINDOW = 20
+"""Samples that motors and sensors are judged by."""
+NUMBERS = {
+    "EVERY": 2,  # samples from one look ahead to the next
+    "UNSETTLED": 10,  # samples in which the belief has not felt anything yet
+    "STEEPENING": 0.01,  # SD of the rate at which the ground ahead takes force [weight/s]: P is as often right as it
+    # says on the drives of `studies/monitor.py` for the seed 291001
+    "BALANCE_SD": 0.03,  # error of the balance of forces over the weight (assumed: strength of the soil, level)
+    "STRAY": 0.05,  # likelihood, over its peak, that any balance keeps: an obstacle may push at any time
+    "CORRELATED": 0.5,  # balances nearer than this err alike [s] (assumed)
+    "MEMORY": 25.0,  # times longer ago than this count no more [s] (assumed)
+    "RARE": 1e-3,  # probability beforehand that a motor, or a sensor of a wheel, is at fault (assumed)
+    "MOTOR_SD": 0.05,  # error of the motor's law over its largest term (assumed: gears, windings)
+    "MOTOR_NOISE": 0.02,  # and over the stall current (assumed: noise)
+    "TURNS": 0.05,  # duty above which a motor's sensors must scatter
+    "FAULT_ROWS": WINDOW,
+    "DRAWS": DRAWS,
+    "STEPS": STEPS,
+    "ALARM": ALARM,
+    "SMOOTHED": SMOOTHED,
+    "WORTH": WORTH,
+    "NAMED": NAMED,
+    "GRIP": GRIP,
+    "CREEP": CREEP,
+    "LEAST_LEVEL": LEAST_LEVEL,
+    "LEAST_TOUCH": TOUCH,
+    "HOLE_LENGTH": float(HoleLaw().length),
+    "N_RATES": len(RATES),
+    "FULL_TURN": 2.0 * math.pi,
+    "SQRT_TURN": math.sqrt(2.0 * math.pi),
+}
+FIELDS: list[tuple[Any, dict[str, str], str]] = [
+    (ctypes.c_uint64, {"random": ""}, "unsigned long long {}"),
+    (ctypes.c_int64, {"n count samples alarm": "count: readings that are kept"}, "integer {}"),
+    (
+        ctypes.c_double,
+        {
+            "period no_load_rate stall_current sinkage buried": "sinkage of a wheel that stands; over r: buried",
+            "smoothed p_stuck p_buried motor sensor": "",
+        },
+        "double {}",
+    ),
+    (
+        ctypes.c_void_p,
+        {
+            "radius pulls pull_slopes": "of each wheel; f_t / f_n over slips of -1 to 1, and its slopes",
+            "causes past": "of `CAUSES`, the first three; duty, rate, current of the readings that are kept",
+            "holes evidence": "of each wheel and rate of digging",
+            "ways draws ground": "as `AheadLaw.step` takes them; ways: where each draw begins",
+        },
+        "double *{}",
+    ),
+]
+
+
+class MonitorStruct(ctypes.Structure):
+    """The struct Monitor."""
+
+    _fields_ = struct_fields(FIELDS)
+
+
+def lengths(wheels: int) -> dict[str, int]:
+    """Return the lengths of the arrays that a monitor works with."""
+    lengths = {"causes": 3, "past": 3 * wheels * WINDOW, "holes": len(RATES) * wheels, "evidence": len(RATES)}
+    return lengths | {"ways": DRAWS * (3 + 2 * wheels), "draws": 4 * DRAWS, "ground": 4 * wheels + 1}
+
+
+def expressions(law: AheadLaw) -> list[ca.Function]:
+    """Return the laws that the monitor's C calls."""
+    return [law.step(), deepening()]
+
+
+def c_source() -> str:
+    """Return `monitor.c` with its numbers; `real`, `integer`, the structs and the laws stand before it."""
+    lines = [f"#define {name} {value!r}" for name, value in NUMBERS.items()]
+    for name, values in (("RATES", RATES), ("PRIOR", PRIOR)):
+        lines.append(f"static const real {name}[N_RATES] = {{{', '.join(map(repr, values.tolist()))}}};")
+    return "\n".join([*lines, files("rover_pin.control.monitor").joinpath("monitor.c").read_text(encoding="utf-8")])
+
+
+@lru_cache(maxsize=16)
+def library(law: AheadLaw) -> ctypes.CDLL:
+    """Return `monitor.c` with a rover's laws, compiled."""
+    lines = ["#include <stdint.h>", generated_source(*expressions(law))]
+    lines += ["typedef int64_t integer;", "typedef double real;", belief.constants()]
+    lines += ["typedef struct {", *members(belief.FIELDS), "} Belief;"]
+    lines += ["typedef struct {", *members(FIELDS), "} Monitor;", c_source()]
+    handle = shared_library("\n".join(lines), "monitor")
+    pointer, number, integer = ctypes.c_void_p, ctypes.c_double, ctypes.c_int64
+    handle.rover_pin_monitor_reset.argtypes, handle.rover_pin_monitor_reset.restype = [pointer], None
+    handle.rover_pin_monitor_check.argtypes = [pointer] * 5 + [integer]
+    handle.rover_pin_monitor_foresee.argtypes, handle.rover_pin_monitor_foresee.restype = [pointer] * 2, None
+    handle.rover_pin_monitor_ahead.argtypes = [pointer, integer, number, number, pointer]
+    handle.rover_pin_monitor_cause.argtypes, handle.rover_pin_monitor_cause.restype = [pointer], integer
+    return handle
