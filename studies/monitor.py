@@ -132,7 +132,7 @@ class Beside:
     def __call__(self, reading: Reading) -> Command:
         """Return the duty."""
         forecast = self.monitor.step(reading)
-        self.rows.append((reading.t, forecast.p_stuck, forecast.p_buried, self.monitor.smoothed))
+        self.rows.append((reading.t, forecast.p_stuck, forecast.p_buried, self.monitor.struct.smoothed))
         return self.inner(reading)
 
 

@@ -1,4 +1,4 @@
-"""A slip control's files to take away: C source, header, vectors, a test of both, a build file, CasADi's functions."""
+"""A slip control's files to take away: C, vectors and their test, build files, CasADi's functions, a ROS 2 package."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from importlib.resources import files
 from pathlib import Path
 
 from rover_pin.base.files.columns import replace_file
+from rover_pin.control.embedded.ros2 import ros2_files
 from rover_pin.control.embedded.source import Embedded
 from rover_pin.control.embedded.vectors import vectors
 from rover_pin.control.monitor.monitor import CAUSES
@@ -41,6 +42,7 @@ def write_embedded(taken: Embedded, folder: str | Path, count: int = COUNT) -> l
     }
     texts["test_vectors.c"] = files("rover_pin.control.embedded").joinpath("test_vectors.c").read_text(encoding="utf-8")
     texts["vectors.csv"] = _table(taken, count)
+    texts |= {f"ros2/{name}": text for name, text in ros2_files(taken).items()}
     paths = [replace_file(place / name, text) for name, text in texts.items()]
     for function in taken.expressions:
         paths.append(replace_file(place / "functions" / f"{function.name()}.casadi", function.serialize()))

@@ -69,6 +69,11 @@ class Embedded:
         """How many suspension angles are read."""
         return len(self.on_board.places) if self.on_board else 0
 
+    @property
+    def reads_sensors_alone(self) -> bool:
+        """Whether it estimates the slip itself."""
+        return self.on_board is not None or isinstance(self.control.estimate, TableEstimate)
+
     @cached_property
     def expressions(self) -> list[ca.Function]:
         """The CasADi functions that it computes."""
@@ -97,7 +102,7 @@ class Embedded:
             f"/* Slip control of {self.rover.name}, by rover-pin {version.__version__}: C11 with libm.",
             f"   Call rover_control_step every {self.control.period:g} s. -DROVER_REAL=float for single precision. */",
             "#ifndef ROVER_CONTROL_H\n#define ROVER_CONTROL_H\n#ifndef ROVER_REAL\n#define ROVER_REAL double\n#endif",
-            "typedef ROVER_REAL rover_real;",
+            'typedef ROVER_REAL rover_real;\n#ifdef __cplusplus\nextern "C" {\n#endif',
             f"#define ROVER_WHEELS {len(self.rover.wheels)}\n#define ROVER_LINKS {self.links}",
             f"#define ROVER_PERIOD {self.control.period!r}",
             *belief,
@@ -107,6 +112,7 @@ class Embedded:
             "void rover_control_reset(RoverControl *control); /* before the first step */",
             "void rover_control_step(RoverControl *control, const RoverReading *reading, RoverCommand *command);",
             *(monitor_header(self.monitor) if self.monitor else ()),
+            "#ifdef __cplusplus\n}\n#endif",
             "#endif",
         ]
         return "\n".join([*lines, ""])

@@ -2,10 +2,12 @@
 
 import shutil
 import subprocess
+from pathlib import Path
 
 import casadi as ca
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
 
 from rover_pin import scenario
@@ -14,6 +16,7 @@ from rover_pin.cli.app import app
 from rover_pin.control.embedded.folder import write_embedded
 from rover_pin.control.embedded.source import embedded
 from rover_pin.control.embedded.vectors import vectors
+from rover_pin.simulation.command import Reading, Truth
 from rover_pin.simulation.compiled.toolchain import compiler
 
 STRICT = ("-std=c11", "-Wall", "-Werror", "-O2", "-ffp-contract=off")
@@ -146,3 +149,40 @@ def test_an_estimate_that_begins_anew_has_forgotten_all():
         told.append((estimate.belief.told.copy(), estimate.p_stands, estimate.speed))
     np.testing.assert_array_equal(told[0][0], told[2][0])
     assert told[0][1:] == told[2][1:]
+
+
+@pytest.mark.skipif(shutil.which("g++") is None, reason="g++ is not installed")
+@pytest.mark.parametrize("control", ["eq9", "onboard"])
+def test_ros2_controller_gives_the_package_s_duties(control, tmp_path):
+    """Against a stand-in of ros2_control: the real one is on no package registry."""
+    chosen = scenario("ditch", control=control)
+    own = embedded(chosen.controller, chosen.model)
+    write_embedded(own, tmp_path, 1)
+    stand_in = Path(__file__).parent / "ros2_stand_in"
+    subprocess.run([*compiler(), "-c", *STRICT[:3], "rover_control.c"], cwd=tmp_path, check=True)
+    words = ["g++", "-std=c++17", "-Wall", "-Wextra", "-Werror", "-O1", f"-I{tmp_path}", f"-I{tmp_path / 'ros2'}"]
+    words += [f"-I{stand_in}", str(stand_in / "main.cpp"), "rover_control.o", "-o", "run"]
+    made = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert made.returncode == 0, made.stderr
+    duty, rows, expected = np.zeros(6), [], []
+    random = np.random.default_rng(2)
+    for k in range(60):
+        rate, current = 0.8 + 0.1 * random.standard_normal((2, 6))
+        links, (roll, pitch) = 0.1 * random.standard_normal(own.links), 0.1 * random.standard_normal(2)
+        orientation = Rotation.from_euler("xyz", [roll, pitch, 0.3]).as_quat()
+        rows.append([*rate, *current, *links, *orientation])
+        nothing = Truth(*np.full((4, 6), np.nan), *np.full((2, 3), np.nan))
+        reading = Reading(0.05 * k, duty, rate, current, links, (roll, pitch, 0.3), nothing)
+        duty = np.asarray(chosen.controller(reading).duty)
+        expected.append(duty)
+    text = "\n".join(" ".join(map(repr, map(float, row))) for row in rows)
+    done = subprocess.run([tmp_path / "run"], input=text, capture_output=True, text=True, check=True)
+    names, *lines = done.stdout.strip().splitlines()
+    assert names.split()[:2] == ["wheel_fl/velocity", "wheel_fr/velocity"]
+    assert names.split()[-6:] == [f"wheel_{wheel}/duty" for wheel in ("fl", "fr", "ml", "mr", "rl", "rr")]
+    np.testing.assert_allclose([[float(word) for word in line.split()] for line in lines], expected, rtol=0, atol=1e-9)
+
+
+def test_a_control_that_is_given_the_slip_has_no_ros2_package(tmp_path):
+    write_embedded(taken(control="true"), tmp_path, 1)
+    assert not (tmp_path / "ros2").exists()

@@ -1,0 +1,3 @@
+#pragma once
+#define PLUGINLIB_EXPORT_CLASS(OWN, BASE) \
+  BASE *made() { return new OWN; }

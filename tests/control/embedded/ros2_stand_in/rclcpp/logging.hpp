@@ -1,0 +1,3 @@
+#pragma once
+#include <cstdio>
+#define RCLCPP_WARN(logger, ...) ((void)(logger), std::fprintf(stderr, __VA_ARGS__))
