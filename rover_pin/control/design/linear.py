@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
+from scipy.linalg import expm
 
 from rover_pin.base.errors import SimulationError
 from rover_pin.control.constant import ConstantDuty
@@ -45,6 +46,21 @@ class LinearModel:
     def response(self, omega: float) -> np.ndarray:
         """Return C (i omega - A)^-1 B + D [outputs, inputs] at an angular frequency [rad/s]."""
         return np.asarray(self.C @ np.linalg.solve(1j * omega * np.eye(len(self.A)) - self.A, self.B) + self.D)
+
+    def step_response(self, t: np.ndarray) -> np.ndarray:
+        """Return what the outputs have become [times, outputs] after all duties rose by 1 at t = 0; t is evenly spaced.
+
+        By the matrix exponential of x and u together over the time between two of t [s]; linear, so for any rise.
+        """
+        states, inputs = self.B.shape
+        both = np.zeros((states + inputs, states + inputs))
+        both[:states] = np.hstack([self.A, self.B])
+        over_time, at = expm(both * (t[1] - t[0])), np.repeat([0.0, 1.0], [states, inputs])
+        rows = []
+        for _ in t:
+            rows.append(self.C @ at[:states] + self.D @ at[states:])
+            at = over_time @ at
+        return np.array(rows)
 
 
 def trimmed(model: Model, duty: float, duration: float = 10.0, start: Start = Start()) -> DriveState:

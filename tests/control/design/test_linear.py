@@ -3,10 +3,12 @@
 import numpy as np
 import pytest
 from scipy.linalg import expm
+from scipy.signal import lsim
 
 from rover_pin.base.errors import SimulationError
 from rover_pin.control.constant import ConstantDuty
 from rover_pin.control.design.linear import linearised, trimmed
+from rover_pin.plot.response import response_figure
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.simulate import simulate
 
@@ -63,3 +65,15 @@ def test_its_gain_at_rest_is_that_of_two_trim_points(flat):
 def test_a_rover_that_still_speeds_up_is_refused():
     with pytest.raises(SimulationError, match="no trim point"):
         trimmed(scenario("flat").model, DUTY, 0.1)
+
+
+def test_its_step_response_is_that_of_another_integrator(flat):
+    linear, t = flat[2], np.linspace(0.0, 1.0, 201)
+    _, rows, _ = lsim((linear.A, linear.B, linear.C, linear.D), np.ones((len(t), linear.B.shape[1])), t)
+    np.testing.assert_allclose(linear.step_response(t), rows, rtol=1e-6, atol=1e-9)
+    speed = linear.outputs.index("speed")
+    assert linear.step_response(np.linspace(0.0, 10.0, 101))[-1, speed] == pytest.approx(
+        linear.response(1e-4)[speed].sum().real, rel=1e-3
+    )
+    figure = response_figure(linear, outputs=("speed", "slip_fl"))
+    assert [len(axes.lines) for axes in figure.axes] == [2, 2, 2]

@@ -1,0 +1,30 @@
+"""How a rover answers to its duties near a trim point: in time, and over frequency."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from rover_pin.control.design.linear import LinearModel
+from rover_pin.plot.sheet import new_figure
+
+RISE = 0.1
+"""Of all duties, in the step."""
+
+
+def response_figure(linear: LinearModel, seconds: float = 1.0, outputs: tuple[str, ...] = ("speed",)) -> Figure:
+    """Return outputs after a rise of all duties by RISE, and gain and phase of outputs over the duties' frequency."""
+    figure, panels = new_figure(1, 3, (10.0, 3.4))
+    t, hertz = np.linspace(0.0, seconds, 401), np.logspace(-2, 2, 200)
+    after = RISE * linear.step_response(t)
+    over = np.array([linear.response(2.0 * np.pi * f).sum(axis=1) for f in hertz])
+    for name in outputs:
+        at = linear.outputs.index(name)
+        panels[0].plot(t, after[:, at], label=name)
+        panels[1].loglog(hertz, np.abs(over[:, at]))
+        panels[2].semilogx(hertz, np.degrees(np.unwrap(np.angle(over[:, at]))))
+    panels[0].set(xlabel="t [s]", ylabel="change [SI]", title=f"all duties rise by {RISE:g}")
+    panels[1].set(xlabel="frequency [Hz]", ylabel="gain [SI for a duty of 1]")
+    panels[2].set(xlabel="frequency [Hz]", ylabel="phase [deg]")
+    figure.legend(loc="outside lower center", ncols=len(outputs))
+    return figure
