@@ -14,6 +14,7 @@ from rover_pin.effects.effect import Effect
 from rover_pin.soil.angles import SinkageAngles
 from rover_pin.soil.passive import passive
 from rover_pin.soil.slip import drift, spinning
+from rover_pin.soil.stress import mobilised_both_ways
 
 CENTRE = 0.43
 """Height of the pressure's centre over the wheel's lowest point, of the depth: 1 - 2/3 of 6/7, a shallow segment's."""
@@ -61,7 +62,7 @@ class FlankPressure(Effect):
         r, soil, h = contact.wheel.r, contact.soil, contact.h + contact.trench
         theta_1, _ = SinkageAngles().angles(h, contact.wheel, soil)
         j_y = drift(contact.S, contact.S_y) * 2.0 * r * ca.sin(theta_1)
-        built = ca.if_else(j_y < 0.0, ca.expm1(j_y / self.k_f), -ca.expm1(-j_y / self.k_f))
+        built = mobilised_both_ways(j_y / self.k_f)
         share = self.share * ca.exp(-self.lost * spinning(contact.S, contact.S_y))
         most = share * self._passive(theta_1, r, soil.c)
         size = most * (ca.sqrt(built * built + ROUNDED**2) - ROUNDED)

@@ -11,6 +11,7 @@ from rover_pin.base.quantity import quantity
 from rover_pin.contact import Contact, Load, Scalar
 from rover_pin.effects.effect import Effect
 from rover_pin.soil.angles import SinkageAngles
+from rover_pin.soil.stress import mobilised_both_ways
 
 LEAST_SHARE = 0.05
 """Share of the strength that is left for f_y however large f_t is: keeps the root smooth."""
@@ -40,7 +41,7 @@ class SideShear(Effect):
         length = wheel.r * (theta_1 - theta_2)
         j_y = contact.S_y * length / 2.0
         strength = soil.c * wheel.b * length + load.f_n * ca.tan(soil.phi)
-        grip = ca.if_else(j_y < 0.0, ca.expm1(j_y / soil.k), -ca.expm1(-j_y / soil.k))
+        grip = mobilised_both_ways(j_y / soil.k)
         reserve = ca.fmax(strength * strength - load.f_t * load.f_t, (LEAST_SHARE * strength) ** 2 + 1e-24)
         f_y = -self.scale * ca.sqrt(reserve) * grip
         return Load(f_y=f_y, moment_z=f_y * wheel.r * ca.sin((theta_1 + theta_2) / 2.0))

@@ -51,6 +51,11 @@ def mobilised(j_over_k: Scalar) -> Scalar:
     return ca.sign(j_over_k) * -ca.expm1(-ca.fabs(j_over_k))
 
 
+def mobilised_both_ways(j_over_k: Scalar) -> Scalar:
+    """Return `mobilised` of a displacement that may turn: its slope at j = 0 is 1 too, and nothing overflows."""
+    return ca.expm1(ca.fmin(j_over_k, 0.0)) - ca.expm1(-ca.fmax(j_over_k, 0.0))
+
+
 def shear_stress(theta: Scalar, theta_1: Scalar, S: Scalar, wheel: Wheel, soil: Soil) -> Scalar:
     """Return tau [Pa] at theta [rad], positive where the soil drives the rover forwards, Eq (2)."""
     sigma = normal_stress(theta, theta_1, wheel, soil)
