@@ -177,12 +177,15 @@ class SlipControl:
 
     def native(self, wheels: int) -> Commands | None:
         """Return the same for the compiled loop, which keeps the memories; None with your own estimate or limit."""
-        limit, true = native_limit(self.limit), type(self.estimate) is TrueSlip
-        if limit is CUSTOM_LIMIT or not (true or type(self.estimate) is TableEstimate):
+        limit, known = native_limit(self.limit), type(self.estimate) in (TrueSlip, TableEstimate)
+        onboard = self.estimate.native_law(self.hole) if hasattr(self.estimate, "native_law") else None
+        if limit is CUSTOM_LIMIT or not (known or onboard):
             return None
         self.integral, self.depth = (np.full(wheels, each, dtype=float) for each in (self.integral, self.depth))
         gains = [float(value) for value in self.gains.values().values()]
         table = self.estimate.native() if isinstance(self.estimate, TableEstimate) else None
         return Commands(
-            slip=SlipLaw(_one(self.hole), gains, self.integral, self.depth, self.period, table), limit=limit
+            slip=SlipLaw(_one(self.hole), gains, self.integral, self.depth, self.period, table),
+            limit=limit,
+            onboard=onboard,
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Generator
 from typing import cast
 
@@ -29,10 +30,10 @@ def questions(drive: Drive, duration: float, progress: Progress | None = None) -
     per_control, per_sample = round(timing.control / timing.dt), round(timing.sample / timing.dt)
     assert isinstance(drive.stepper, Kernel)
     native = commands_of(drive.controller, len(drive.model.rover.wheels), len(drive.stepper.servo_wheels))
-    loop_fields = {} if native is None else native.fields(drive.stepper)
-    loop = Loop(
-        drive.stepper, timing.dt, round(duration / timing.dt), per_sample, per_control=per_control, **loop_fields
-    )
+    steps, first = round(duration / timing.dt), drive.checkpoint.steps if drive.checkpoint else 0
+    samples = math.ceil((first + steps) / per_control) - math.ceil(first / per_control)
+    loop_fields = {} if native is None else native.fields(drive.stepper, samples)
+    loop = Loop(drive.stepper, timing.dt, steps, per_sample, per_control=per_control, **loop_fields)
     if native is None:
         loop.ask()
     if drive.checkpoint:

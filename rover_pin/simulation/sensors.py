@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -11,6 +12,7 @@ from rover_pin.base.quantity import Record, quantity
 from rover_pin.contact import Scalar
 from rover_pin.effects.effect import SensorEffect
 from rover_pin.simulation.command import Command, Controller, Reading
+from rover_pin.simulation.native.control import Commands, Noise, commands_of
 from rover_pin.simulation.trace.trace import Trace
 
 TRUTH = ("slip_", "sinkage_", "normal_", "tangential_", "lateral_", "torque_", "travel_", "energy_", "differential_")
@@ -79,6 +81,15 @@ class Sensed:
                 attitude=(roll, pitch, yaw),
             )
         )
+
+    def native(self, wheels: int) -> Commands | None:
+        """Return the same for the compiled loop; None where the controller must be asked."""
+        commands = commands_of(self.controller, wheels)
+        if commands is None or commands.noise is not None:
+            return None
+        kinds = [self.sensors.kind(name) for name in ("body_roll", "wheel_rate_", "current_", "rocker_")]
+        sds, steps = np.array(kinds, dtype=float).T.copy()
+        return dataclasses.replace(commands, noise=Noise(sds, steps, self.random))
 
     def _read(self, kind: str, values: np.ndarray) -> np.ndarray:
         sd, step = self.sensors.kind(kind)

@@ -12,10 +12,9 @@ from rover_pin.base.errors import ParameterError
 from rover_pin.control.sensing.belief import FIELDS, PARTICLES, row_lengths
 from rover_pin.control.sensing.onboard_slip import BACKWARDS, OnboardSlip
 from rover_pin.control.sensing.stop import StopStuck
-from rover_pin.control.slip_control import LEAST_RATIO, SlipControl
+from rover_pin.control.slip_control import SlipControl
 from rover_pin.control.slip_estimate import TableEstimate, TrueSlip
 from rover_pin.control.torque_check import CUSTOM_LIMIT, NoLimit, TorqueLimit, native_limit
-from rover_pin.soil.slip import LOCKED
 
 TABLES = {"radius": "RADIUS", "factors": "FACTORS"}
 """Fields of the belief that point at a table."""
@@ -72,11 +71,6 @@ static void begin(RoverControl *c) {{
   Belief *b = &c->belief;
 {chr(10).join(lines)}
   rover_pin_forget(b);
-}}
-
-static real slip_travel(real slip, real rim) {{ /* travel of a wheel of this slip, Eq (1) */
-  const real S = fmax(slip, {LEAST_RATIO - 1.0!r});
-  return rim * ((1.0 - fmax(S, 0.0)) / fmax(1.0 + fmin(S, 0.0), {LOCKED!r}));
 }}
 
 static void estimate(RoverControl *c, const RoverReading *in, RoverCommand *out, real *travel) {{

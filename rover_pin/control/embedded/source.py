@@ -42,7 +42,8 @@ COMMAND = """typedef struct {
   rover_real stands; /* probability that the rover stands while its wheels turn; 0 where that is not estimated */
   int stopped; /* whether it is stuck, and all duties are 0 from now on */
 } RoverCommand;"""
-TABLES = {"table": ("between", "signed_speed", "slip_by_table"), "limit": ("between", "duty_for")}
+TABLES = {"table": ("between", "signed_speed", "slip_by_table"), "board": ("slip_travel",),
+          "limit": ("between", "duty_for")}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -122,6 +123,7 @@ class Embedded:
         """The C source."""
         on_board, control = self.on_board, self.control
         needed = [*(TABLES["table"] if isinstance(control.estimate, TableEstimate) else ())]
+        needed += TABLES["board"] if on_board else ()
         needed += TABLES["limit"] if isinstance(control.limit, TorqueLimit) else ()
         lines = ['#include "rover_control.h"', "#include <math.h>", "#include <string.h>"]
         lines += [

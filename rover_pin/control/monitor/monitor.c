@@ -81,7 +81,8 @@ static real balance(const Monitor *m, const Belief *b, const real *slips, intege
   return sum / fmax(load, 1e-9);
 }
 
-/* Dig on by each rate, and weigh the rates by the balance of forces; uneven ground adds to what is not known of it. */
+/* Dig on by each rate, and weigh the rates by the balance of forces; uneven ground adds to what is not known of it. Its
+   error changes with the way: a rover that stands, as an obstacle may hold it too, learns nothing new. */
 static void dig(Monitor *m, const Belief *b) {
   const real unknown = BALANCE_SD * BALANCE_SD + b->bend * b->bend + b->wall * b->wall;
   for (integer w = 0; w < m->n; ++w) {
@@ -95,10 +96,11 @@ static void dig(Monitor *m, const Belief *b) {
     }
   }
   if (m->samples < UNSETTLED) return;
+  const real moving = fmin(fmax(b->speed / fmax(b->pace, CREEP), 0.0), 1.0), time = moving * m->period;
   for (integer r = 0; r < N_RATES; ++r) {
     const real net = balance(m, b, b->told, 4, m->holes + r, N_RATES);
     const real density = exp(-0.5 * net * net / unknown) + STRAY;
-    m->evidence[r] = (1.0 - m->period / MEMORY) * m->evidence[r] + log(density) * m->period / CORRELATED;
+    m->evidence[r] = (1.0 - time / MEMORY) * m->evidence[r] + log(density) * time / CORRELATED;
   }
 }
 

@@ -116,6 +116,16 @@ class Belief:
         self._address = ctypes.addressof(self.struct)
         self.forget()
 
+    @property
+    def addresses(self) -> tuple[int, int]:
+        """Those of the function that takes a sample in, and of the struct."""
+        return ctypes.cast(self._library.rover_pin_sense, ctypes.c_void_p).value or 0, self._address
+
+    @property
+    def p_stands(self) -> int:
+        """The address of the probability that the rover stands."""
+        return self._address + BeliefStruct.stuck.offset
+
     def forget(self) -> None:
         """Begin anew."""
         self._library.rover_pin_forget(self._address)

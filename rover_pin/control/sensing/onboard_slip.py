@@ -22,6 +22,7 @@ from rover_pin.simulation.command import Reading
 from rover_pin.simulation.failure import suspension_of
 from rover_pin.simulation.model.model import Model
 from rover_pin.simulation.native.compiled_body import KeyedModel
+from rover_pin.simulation.native.control import OnboardLaw
 from rover_pin.simulation.timing import CONTROL_PERIOD
 
 SLIPS = np.linspace(-1.0, 1.0, LENGTHS["N_FACTORS"])
@@ -128,6 +129,13 @@ class OnboardSlip:
         late = self.odometry.speed(reading) if self.odometry else math.nan
         self.belief.sense(bool(max(reading.duty) < BACKWARDS), late)
         return self.belief.told[:, 0].copy()
+
+    def native_law(self, hole: HoleLaw | None) -> OnboardLaw | None:
+        """Return the same for the compiled loop; None with `odometry`, and for a class of another name."""
+        if self.odometry or type(self) is not OnboardSlip:
+            return None
+        belief, radius = self.belief, float(hole.r) if hole else 0.0
+        return OnboardLaw(*belief.addresses, belief.sample, belief.told, belief.p_stands, BACKWARDS, radius)
 
     @property
     def expressions(self) -> list[ca.Function]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -10,6 +11,7 @@ from rover_pin.base.quantity import Record, quantity
 from rover_pin.contact import Scalar
 from rover_pin.control.sensing.onboard_slip import OnboardSlip
 from rover_pin.simulation.command import Command, Controller, Reading
+from rover_pin.simulation.native.control import Commands, StopLaw, commands_of
 
 
 @dataclass(frozen=True)
@@ -39,7 +41,8 @@ class StopStuck:
 
     def reset(self) -> None:
         """Drive again."""
-        self.late_share, self.stopped = 0.0, False
+        self.memory = np.zeros(2)
+        "late share of samples that say that it stands; above 0: it has stopped"
         if hasattr(self.controller, "reset"):
             self.controller.reset()
 
@@ -48,7 +51,25 @@ class StopStuck:
         command = self.controller(reading)
         estimate, stop = self.estimate, self.stop
         stands = estimate.p_stands > stop.p_stands
-        self.late_share += estimate.period / float(stop.time) * (float(stands) - self.late_share)
+        self.memory[0] += self._gain * (float(stands) - self.memory[0])
         deepest = float(np.max(estimate.hole / estimate.rover.radii))
-        self.stopped = self.stopped or (self.late_share > stop.share and deepest > stop.depth)
+        if self.memory[0] > stop.share and deepest > stop.depth:
+            self.memory[1] = 1.0
         return Command(0.0) if self.stopped else command
+
+    @property
+    def stopped(self) -> bool:
+        """Whether it has stopped for good."""
+        return bool(self.memory[1] > 0.0)
+
+    @property
+    def _gain(self) -> float:
+        return self.estimate.period / float(self.stop.time)
+
+    def native(self, wheels: int) -> Commands | None:
+        """Return the same for the compiled loop, which keeps the memory; None where the controller must be asked."""
+        commands, stop = commands_of(self.controller, wheels), self.stop
+        if commands is None or commands.onboard is None:
+            return None
+        law = StopLaw(float(stop.p_stands), self._gain, float(stop.share), float(stop.depth), self.memory)
+        return dataclasses.replace(commands, stop=law)

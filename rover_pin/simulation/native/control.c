@@ -1,5 +1,40 @@
 /* The built-in controllers, sampled in the loop: twins of control/'s classes, which say what they do and why. */
 
+/* What the sensors read at this sample, with their noise and steps if they have any: attitude, then rate and current of
+   the wheels, then angles of the suspension. */
+static void read_sensors(const Drive *d, Loop *l) {
+  const integer n = d->n_wheels, sizes[4] = {3, n, n, l->n_folding};
+  const double *noise = l->noise ? l->noise + l->noise_row++ * (3 + 2 * n + l->n_folding) : 0;
+  double *read = l->read;
+  find_attitude(d->q, read);
+  for (integer w = 0; w < n; ++w) {
+    read[3 + w] = d->v[d->wheel_dof[w]];
+    read[3 + n + w] = d->record[w * N_RECORD + RECORD_CURRENT];
+  }
+  for (integer i = 0; i < l->n_folding; ++i) read[3 + 2 * n + i] = d->q[l->folding_q[i]];
+  if (!noise) return;
+  for (int kind = 0; kind < 4; ++kind)
+    for (integer i = 0; i < sizes[kind]; ++i, ++read) {
+      const double step = l->noise_steps[kind];
+      *read += l->noise_sds[kind] * *noise++;
+      if (step > 0.0) *read = step * rint(*read / step);
+    }
+}
+
+/* The on-board estimate takes the sample in: posture, rates, currents. */
+static void estimate_slip(const Drive *d, const Loop *l) {
+  const integer n = d->n_wheels, links = l->n_folding;
+  double most = d->duty[0];
+  for (integer w = 1; w < n; ++w) most = larger(most, d->duty[w]);
+  memcpy(l->sample, l->read, 2 * sizeof(double));
+  memcpy(l->sample + 2, l->read + 3 + 2 * n, links * sizeof(double));
+  memcpy(l->sample + 2 + links, l->read + 3, 2 * n * sizeof(double));
+  l->sense(l->belief, l->sample, most < l->backwards, NAN);
+}
+
+/* The deepest that a wheel's hole may be, by the estimate. */
+static double hole_depth(const Loop *l, integer wheel) { return l->slips_and_holes[4 * wheel + 2] + l->slips_and_holes[4 * wheel + 3]; }
+
 /* v_hat of Eq (9) from the duty now applied. */
 static double speed_by_table(const Loop *l, double duty) {
   return signed_speed(duty, l->table_duty, l->table_speed, l->n_table);
@@ -15,8 +50,15 @@ static double most_duty(const Loop *l, integer wheel, double pitch, double rate,
 /* One sample of the slip control: its duty; its integral and hole go on. */
 static double slip_control(const Drive *d, Loop *l, integer wheel, double pitch, double rate) {
   const double *truth = d->record + wheel * N_RECORD;
-  const double travel = l->table_duty ? speed_by_table(l, d->duty[wheel]) : truth[RECORD_TRAVEL];
-  const double slip = l->table_duty ? slip_by_table(l->table_radius, rate, travel) : truth[RECORD_SLIP];
+  double travel = truth[RECORD_TRAVEL], slip = truth[RECORD_SLIP];
+  if (l->sense) {
+    slip = l->slips_and_holes[4 * wheel];
+    travel = slip_travel(slip, l->rim_radius * rate);
+    l->depth[wheel] = hole_depth(l, wheel);
+  } else if (l->table_duty) {
+    travel = speed_by_table(l, d->duty[wheel]);
+    slip = slip_by_table(l->table_radius, rate, travel);
+  }
   const double most = most_duty(l, wheel, pitch, rate, 1.0);
   const double seen[6] = {slip, l->integral[wheel], most, rate, travel, l->depth[wheel]};
   const double *arguments[2] = {seen, l->gains};
@@ -47,7 +89,7 @@ static void turn_about(Drive *d, const Loop *l, double radius, double fastest) {
 static void tack(Drive *d, const Loop *l, const double *attitude) {
   const double t = l->begin + l->k * l->dt;
   double *side = l->tack_memory, *until = l->tack_memory + 1, folded = 0.0;
-  for (integer i = 0; i < l->n_folding; ++i) folded = larger(folded, fabs(d->q[l->folding_q[i]]));
+  for (integer i = 0; i < l->n_folding; ++i) folded = larger(folded, fabs(l->read[3 + 2 * d->n_wheels + i]));
   if (folded > l->tack_alert) {
     *until = t + l->tack_calm;
   } else if (0.0 < *until && *until < t) {
@@ -66,16 +108,26 @@ static void tack(Drive *d, const Loop *l, const double *attitude) {
   for (integer i = 0; i < d->n_servos; ++i) d->servo_target[i] = 0.0;
 }
 
+/* Stop for good where the estimate says that the rover stands and digs. */
+static void stop_stuck(Drive *d, const Loop *l) {
+  double *late_share = l->stop_memory, *stopped = l->stop_memory + 1, deepest = 0.0;
+  *late_share += l->stop_gain * ((*l->p_stands > l->stop_p) - *late_share);
+  for (integer w = 0; w < d->n_wheels; ++w) deepest = larger(deepest, hole_depth(l, w) / d->radius[w]);
+  if (*late_share > l->stop_share && deepest > l->stop_depth) *stopped = 1.0;
+  if (*stopped > 0.0) memset(d->duty, 0, d->n_wheels * sizeof(double));
+}
+
 static void command(Drive *d, Loop *l) {
-  double attitude[3];
-  find_attitude(d->q, attitude);
+  read_sensors(d, l);
+  if (l->sense) estimate_slip(d, l);
   for (integer i = 0; i < d->n_servos; ++i) d->servo_target[i] = l->steer_fixed[i];
-  if (l->tack_memory) tack(d, l, attitude);
+  if (l->tack_memory) tack(d, l, l->read);
   for (integer w = 0; w < d->n_wheels; ++w) {
-    const double rate = d->v[d->wheel_dof[w]], pitch = attitude[1];
+    const double rate = l->read[3 + w], pitch = l->read[1];
     double duty = l->tack_memory ? d->duty[w] : l->duty_fixed[w];
     if (l->slip_law) duty = slip_control(d, l, w, pitch, rate);
     else duty = fmin(fmax(duty, -most_duty(l, w, pitch, rate, -1.0)), most_duty(l, w, pitch, rate, 1.0));
     d->duty[w] = fmin(1.0, fmax(-1.0, duty));
   }
+  if (l->stop_memory) stop_stuck(d, l);
 }

@@ -14,6 +14,7 @@ import numpy as np
 from rover_pin.simulation.compiled.kernel import Kernel
 from rover_pin.simulation.compiled.laws import generated_source
 from rover_pin.simulation.compiled.toolchain import shared_library
+from rover_pin.simulation.failure import suspension_of
 
 
 class SlipTable(NamedTuple):
@@ -48,6 +49,41 @@ class SlipLaw(NamedTuple):
     "None: the true slip"
 
 
+class OnboardLaw(NamedTuple):
+    """An estimate of the slips by what the rover feels, in C: `sense` of `belief`, which keep them alive."""
+
+    sense: int
+    "the address of the function (belief, sample, whether it drives backwards, late speed)"
+    belief: int
+    sample: np.ndarray
+    "roll and pitch, suspension, rates, currents"
+    slips_and_holes: np.ndarray
+    "slip, its SD, hole, its SD of each wheel"
+    p_stands: int
+    "the address of the probability that the rover stands"
+    backwards: float
+    rim_radius: float
+    "that of the hole law [m]; 0 where there is none"
+
+
+class StopLaw(NamedTuple):
+    """When a control with an `OnboardLaw` stops for good; `memory` is read and written: late share, stopped."""
+
+    p: float
+    gain: float
+    share: float
+    depth: float
+    memory: np.ndarray
+
+
+class Noise(NamedTuple):
+    """What sensors add: SDs and steps of attitude, rates, currents and angles, and the generator of their noise."""
+
+    sds: np.ndarray
+    steps: np.ndarray
+    random: np.random.Generator
+
+
 class TackLaw(NamedTuple):
     """The tacking control's numbers by their names in the struct Loop; `memory` is read and written: side, until."""
 
@@ -59,27 +95,35 @@ class TackLaw(NamedTuple):
 
 @dataclass(frozen=True)
 class Commands:
-    """Fixed duties and steering, a slip law's duties, or those of tacking, under a torque limit."""
+    """Fixed duties and steering, a slip law's duties, or those of tacking, under a torque limit, by noisy sensors."""
 
     duty: Any = 0.0
     steer: Any = 0.0
     slip: SlipLaw | None = None
     limit: TorqueTable | None = None
     tack: TackLaw | None = None
+    onboard: OnboardLaw | None = None
+    stop: StopLaw | None = None
+    noise: Noise | None = None
 
-    def fields(self, kernel: Kernel) -> dict[str, Any]:
-        """Return the fields of the struct Loop that say so."""
+    def fields(self, kernel: Kernel, samples: int) -> dict[str, Any]:
+        """Return the fields of the struct Loop that say so, for this number of samples."""
         wheels, servos = len(kernel.duty), len(kernel.servo_wheels)
+        reads = 3 + 2 * wheels + len(suspension_of(kernel.model).places)
         steer = np.asarray(self.steer if servos else 0.0, dtype=float)
         fixed: dict[str, Any] = {
             "duty_fixed": np.broadcast_to(np.asarray(self.duty, dtype=float), wheels).copy(),
             "steer_fixed": np.broadcast_to(steer, max(1, servos)).copy(),
+            "read": np.zeros(reads),
         }
         return {
             **fixed,
             **_slip_fields(self.slip, kernel),
             **_limit_fields(self.limit),
             **_tack_fields(self.tack, kernel),
+            **(self.onboard._asdict() if self.onboard else {}),
+            **({f"stop_{name}": value for name, value in self.stop._asdict().items()} if self.stop else {}),
+            **_noise_fields(self.noise, samples, reads),
         }
 
 
@@ -143,6 +187,13 @@ def _tack_fields(tack: TackLaw | None, kernel: Kernel) -> dict[str, Any]:
     wheels = np.array(kernel.servo_wheels, dtype=np.int64)
     fields = {"tack_places": tack.places, "tack_memory": tack.memory, "servo_wheel": wheels}
     return {**fields, **{f"tack_{name}": value for name, value in tack.numbers.items()}}
+
+
+def _noise_fields(noise: Noise | None, samples: int, reads: int) -> dict[str, Any]:
+    if noise is None:
+        return {}
+    rows = noise.random.standard_normal((samples, reads))
+    return {"noise": rows, "noise_sds": noise.sds, "noise_steps": noise.steps}
 
 
 @lru_cache(maxsize=4)

@@ -97,7 +97,7 @@ LOOP_FIELDS: list[tuple[Any, dict[str, str], str]] = [
             "before before_size": "where the step before is saved, and its size; 0: it cannot be taken again",
             "n_moving moving_size": "",
             "row_size n_folding": "",
-            "n_table n_pitches": "of a built-in controller",
+            "n_table n_pitches noise_row": "of a built-in controller",
         },
         "integer {}",
     ),
@@ -108,6 +108,8 @@ LOOP_FIELDS: list[tuple[Any, dict[str, str], str]] = [
             "fastest upright buried folded": "where a drive ends: failure.py",
             "share mass": "of a row's way to the logged place; of the rover",
             "control_period table_radius stall_torque no_load_rate": "of a built-in controller",
+            "backwards rim_radius": "of the on-board estimate: duty below which it drives backwards",
+            "stop_p stop_gain stop_share stop_depth": "of a control that stops for good",
             "tack_heading tack_bend tack_gain tack_alert tack_calm tack_delta tack_climb tack_straight": "",
         },
         "double {}",
@@ -122,6 +124,8 @@ LOOP_FIELDS: list[tuple[Any, dict[str, str], str]] = [
             "saved": "two steps' beginnings: all that moves",
             "duty_fixed steer_fixed": "of a built-in controller; 0: none is given",
             "gains integral depth table_duty table_speed limit_pitch limit_torque": "",
+            "read noise noise_sds noise_steps": "what sensors say; standard normals, a row a sample; 0: no noise",
+            "sample slips_and_holes p_stands stop_memory": "of the on-board estimate; late share, and whether it has stopped",
             "tack_places tack_memory": "x, y of each wheel from the turning line; side, and end of uneven ground",
         },
         "double *{}",
@@ -133,6 +137,8 @@ LOOP_FIELDS: list[tuple[Any, dict[str, str], str]] = [
         "integer *{}",
     ),
     (ctypes.c_void_p, {"slip_law": "of one wheel"}, "casadi_function {}"),
+    (ctypes.c_void_p, {"sense": "of the on-board estimate"}, "sense_function {}"),
+    (ctypes.c_void_p, {"belief": "its memory"}, "void *{}"),
 ]
 
 

@@ -1,6 +1,8 @@
 /* What a slip control looks up: twins of control/slip_estimate.py and control/torque_check.py, which say what and why. */
 
 #define SLOWEST_RIM 1e-3 /* as of control/slip_estimate.py */
+#define LEAST_RATIO 0.05 /* as of control/slip_control.py */
+#define LOCKED 1e-14 /* as of soil/slip.py */
 
 /* Linear between the points (x, y), the end values beyond. */
 static real between(real at, const real *x, const real *y, integer n) {
@@ -21,6 +23,12 @@ static real signed_speed(real duty, const real *duties, const real *speeds, inte
 static real slip_by_table(real r, real rate, real speed) {
   const real rim = r * rate, sense = rim < 0.0 ? -1.0 : 1.0;
   return fmin(1.0, fmax(-1.0, 1.0 - sense * speed / fmax(fabs(rim), SLOWEST_RIM)));
+}
+
+/* Travel of a wheel of this slip, Eq (1), its rim at the speed `rim`. */
+static real slip_travel(real slip, real rim) {
+  const real S = fmax(slip, LEAST_RATIO - 1.0);
+  return rim * ((1.0 - fmax(S, 0.0)) / fmax(1.0 + fmin(S, 0.0), LOCKED));
 }
 
 /* The duty at which a motor has a torque, `back` of it taken up by its rate. */

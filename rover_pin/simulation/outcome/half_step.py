@@ -66,7 +66,7 @@ def repeating(controller: Controller, rows: np.ndarray, timing: Timing) -> Contr
     write down what it is asked, the commands it gave, if they lie in the rows.
     """
     if hasattr(controller, "native"):
-        with contextlib.suppress(TypeError):  # an estimate of your own that cannot be copied
+        with contextlib.suppress(TypeError, ValueError):  # an estimate that cannot be copied
             again = copy.deepcopy(controller)
             if hasattr(again, "reset"):
                 again.reset()

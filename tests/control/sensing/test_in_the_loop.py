@@ -1,0 +1,78 @@
+"""Sensors, estimate and stop within the compiled loop: to the bit what the same controller does when it is asked."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from rover_pin import scenario
+from rover_pin.control.onboard import TackingControl
+from rover_pin.control.sensing.onboard_slip import OnboardSlip
+from rover_pin.simulation.native.control import commands_of
+from rover_pin.simulation.sensors import Sensed, Sensors
+from rover_pin.simulation.simulate import simulate
+
+CONTROLS = {
+    "hole law": {"control": "onboard"},
+    "constant S_d": {"control": "onboard", "control.aim": "constant"},
+    "limited, never stopped": {"control": "onboard", "control.stop": "never", "control.limit": "at-slip"},
+    "true slip": {"control": "true", "control.aim": "hole"},
+    "Eq 9": {"control": "eq9", "control.limit": "saturation"},
+    "constant duty": {},
+}
+TACKS = "tacking"
+DIGS = {"soil": "table-1", "soil.k": 0.03, "terrain.angle_deg": 9.0, "add": "DiggingMemory.c_d=0.15"}
+
+
+def controller_of(name, noisy, scene="ditch", **settings):
+    chosen = scenario(scene, **CONTROLS.get(name, {}), **settings)
+    if name == TACKS:
+        chosen = dataclasses.replace(chosen, controller=TackingControl(chosen.model.rover))
+    return chosen, Sensed(chosen.controller, Sensors(), 3) if noisy else chosen.controller
+
+
+def alike(one, other):
+    assert one.attrs["stop"] == other.attrs["stop"]
+    for channel in one.channels:
+        assert one[channel].tobytes() == other[channel].tobytes(), channel
+
+
+@pytest.mark.parametrize("noisy", [True, False])
+@pytest.mark.parametrize("name", [*CONTROLS, TACKS])
+def test_a_control_in_the_loop_is_the_one_that_is_asked(name, noisy):
+    chosen, control = controller_of(name, noisy)
+    wheels = len(chosen.model.rover.wheels)
+    assert commands_of(control, wheels) is not None
+    own = simulate(chosen.model, control, 8.0, chosen.start, settle_doubts=False)
+    _, asked = controller_of(name, noisy)
+    alike(own, simulate(chosen.model, lambda reading: asked(reading), 8.0, chosen.start, settle_doubts=False))
+
+
+def test_it_stops_for_good_in_the_loop_too():
+    chosen, control = controller_of("hole law", True, "incline", **DIGS)
+    trace = simulate(chosen.model, control, 25.0, chosen.start, settle_doubts=False)
+    assert control.controller.stopped
+    assert trace["duty_fl"][-1] == 0.0
+    _, asked = controller_of("hole law", True, "incline", **DIGS)
+    alike(trace, simulate(chosen.model, lambda reading: asked(reading), 25.0, chosen.start, settle_doubts=False))
+    assert asked.controller.stopped
+
+
+def test_a_drive_in_two_parts_senses_as_one():
+    chosen, control = controller_of("hole law", True)
+    whole = simulate(chosen.model, control, 4.0, chosen.start, settle_doubts=False)
+    first = simulate(chosen.model, control, 1.6, chosen.start, settle_doubts=False)
+    second = simulate(chosen.model, control, 2.4, first.end, settle_doubts=False)
+    np.testing.assert_array_equal(np.r_[first["body_x"], second["body_x"]], whole["body_x"])
+
+
+def test_what_must_be_asked_is_asked():
+    class Own(OnboardSlip):
+        """An estimate of a user's own."""
+
+    chosen, control = controller_of("hole law", False)
+    assert commands_of(Sensed(Sensed(control, Sensors(), 1), Sensors(), 2), 6) is None, "noise upon noise"
+    camera = scenario("ditch", control="camera").controller
+    assert commands_of(camera, 6) is None
+    control.controller.estimate = Own.of(chosen.model)
+    assert commands_of(control, 6) is None
