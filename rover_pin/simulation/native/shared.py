@@ -125,7 +125,7 @@ LOOP_FIELDS: list[tuple[Any, dict[str, str], str]] = [
             "duty_fixed steer_fixed": "of a built-in controller; 0: none is given",
             "gains integral depth table_duty table_speed limit_pitch limit_torque": "",
             "read noise noise_sds noise_steps": "what sensors say; standard normals, a row a sample; 0: no noise",
-            "sample slips_and_holes p_stands stop_memory": "of the on-board estimate; late share, and whether it has stopped",
+            "sample slips_and_holes p_stands stop_memory": "of the on-board estimate; late share, has stopped",
             "tack_places tack_memory": "x, y of each wheel from the turning line; side, and end of uneven ground",
         },
         "double *{}",
