@@ -55,30 +55,22 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
+from forms.authors import AUTHORS, authors_errors
 from forms.curves import BASELINES, carried_over, left_out
 from forms.error_bars import draw_error_bars, last_law
 from forms.joined import joined
-from forms.one_soil import APART, FROM, from_the_others, one_sand, pressings_apart
-from forms.sinkage import DingMetres, Exponential, Lyasko, Squared
+from forms.laws import GRIP, LAW, LAWS, LUGS, ONE_SAND, RATE, RIM, SOFT, Laws
+from forms.one_soil import APART, FROM, ONE, THE_LAW, from_the_others, one_sand, pressings_apart
 
 from rover_pin.discrepancy.calibration import calibrated
 from rover_pin.discrepancy.cross_validation import held_out_residual
 from rover_pin.effects.effect import Effect
-from rover_pin.effects.flank_pressure import FlankPressure
-from rover_pin.effects.interface_friction import InterfaceFriction
-from rover_pin.effects.lug_excavation import LugExcavation
-from rover_pin.effects.lug_grip import LugGrip
-from rover_pin.effects.ploughing import Ploughing
-from rover_pin.effects.rate_dependence import RateDependence
-from rover_pin.effects.skid_sinkage import SkidSinkage
-from rover_pin.effects.slip_sinkage import SlipSinkage
-from rover_pin.effects.slip_softening import SlipSoftening
 from rover_pin.estimation.fit import Fit
 from rover_pin.experiments.wheel_rig.candidates import numbers_of
 from rover_pin.experiments.wheel_rig.data import RigSet, read_rig_set
@@ -87,82 +79,22 @@ from rover_pin.experiments.wheel_rig.model import ASKEW, PAPER, RigModel
 from rover_pin.plot import save, write_csv
 
 DATA = Path(__file__).parent / "data"
-LUG_HEIGHT, REPOSE, DENSITY = 0.005, np.radians(29.0), 1330.0 * 9.81
-"""Of studies/data/cmu-grousered-wheel/rig.toml: [m], [rad], [N/m^3]."""
+REPOSE = np.radians(29.0)
+"""Of studies/data/cmu-grousered-wheel/rig.toml [rad]."""
 REACH = {
     "smooth": (0.41, 1.3, None), "lugged": (0.6, 2.5, None), "braked": (2.0, 2.0, None),
     "both signs": (1.5, 2.5, None), "slip angles": (0.6, 1.3, 0.5), "braked askew": (0.9, 1.5, 0.8),
     "lugs askew": (0.7, 1.4, 0.6), "braked lugs": (0.8, 1.5, None), "lugged from smooth": (1.2, 4.0, None),
 }  # fmt: skip
+"""Errors to reach: drawbar pull [N], sinkage [mm], side force [N]; DP/W = 0.05 is 1.2 N under the lugged wheel."""
 EACH = (1.2, 2.5, 1.5)
 """To reach in the median set that is predicted from the others; twice that in every one."""
-"""Errors to reach: drawbar pull [N], sinkage [mm], side force [N]; DP/W = 0.05 is 1.2 N under the lugged wheel."""
 
-SOFT, RATE, LUGS = SlipSoftening(), RateDependence(v_0=0.05), LugExcavation(h_l=LUG_HEIGHT)
-GRIP = LugGrip(h_l=LUG_HEIGHT)
-PLOUGH, FLANK, RIM = Ploughing(gamma=DENSITY), FlankPressure(gamma=DENSITY), InterfaceFriction()
-DRIVING: dict[str, tuple[Effect, ...]] = {
-    "base": (),
-    "Ding 2010, (h/b)^n": (SlipSinkage(),),
-    "Ding 2010, h in m": (DingMetres(),),
-    "Lyasko 2010, power free": (Lyasko(),),
-    "exponential": (Exponential(),),
-    "softening": (SOFT,),
-    "softening + rate": (SOFT, RATE),
-}
-BRAKING: dict[str, tuple[Effect, ...]] = {
-    "base": (),
-    "exponent (h/b)^n": (SkidSinkage(),),
-    "Ding 2010, h in m": (DingMetres(),),
-    "exponential": (Exponential(),),
-    "squared": (Squared(),),
-    "ploughing": (PLOUGH,),
-}
-BOTH: dict[str, tuple[Effect, ...]] = {
-    "base": (),
-    "exponents (h/b)^n": (SlipSinkage(), SkidSinkage()),
-    "softening + squared": (SOFT, Squared()),
-    "softening + ploughing": (SOFT, PLOUGH),
-}
-LUGGED: dict[str, tuple[Effect, ...]] = {
-    "base": (),
-    "Ding 2010, h in m": (DingMetres(),),
-    "exponential": (Exponential(),),
-    "softening": (SOFT,),
-    "softening + trench": (SOFT, LUGS),
-    "softening + trench + rate": (SOFT, LUGS, RATE),
-}
-ANGLES: dict[str, tuple[Effect, ...]] = {
-    "combined shear": (),
-    "+ softening": (SOFT,),
-    "+ flank": (FLANK,),
-    "+ softening + flank": (SOFT, FLANK),
-    "+ softening + flank + rate": (SOFT, FLANK, RATE),
-}
-BRAKED_ASKEW: dict[str, tuple[Effect, ...]] = {
-    "combined shear": (),
-    "+ softening + flank": (SOFT, FLANK),
-    "+ softening + flank + ploughing": (SOFT, FLANK, PLOUGH),
-}
-LUGS_ASKEW: dict[str, tuple[Effect, ...]] = {
-    "combined shear": (),
-    "+ softening + flank + trench": (SOFT, FLANK, LUGS),
-    "+ softening + flank + trench + grip": (SOFT, FLANK, LUGS, GRIP),
-}
-ASKEW_SETS = {
-    "braked askew": "smooth-wheel-angles-braked", "lugs askew": "grousered-wheel-angles",
+FOLDERS = {
+    "smooth": "smooth-wheel", "braked": "smooth-wheel-skid", "slip angles": "smooth-wheel-angles",
+    "lugged": "grousered-wheel", "braked askew": "smooth-wheel-angles-braked", "lugs askew": "grousered-wheel-angles",
     "braked lugs": "grousered-wheel-skid",
 }  # fmt: skip
-OTHERS = {"braked askew": BRAKED_ASKEW, "lugs askew": LUGS_ASKEW, "braked lugs": BRAKING}
-LAW = "+ grip of lugs"
-"""The law of `ONE_SAND` by which each set is predicted from the others."""
-ONE_SAND: dict[str, tuple[Effect, ...]] = {
-    "base": (),
-    "softening, ploughing, flank, trench": (SOFT, PLOUGH, FLANK, LUGS),
-    "+ smooth rims": (SOFT, PLOUGH, FLANK, LUGS, RIM),
-    "+ grip of lugs": (SOFT, PLOUGH, FLANK, LUGS, GRIP),
-    "+ grip of lugs + rate": (SOFT, PLOUGH, FLANK, LUGS, GRIP, RATE),
-}
 
 
 class Row(NamedTuple):
@@ -196,15 +128,42 @@ def shown(frame: pd.DataFrame) -> str:
     """Return the table for a reader, with what was to be reached under each set."""
     lines = ["Held-out RMSE by level: drawbar pull [N], sinkage [mm], side force [N], all channels in their noise"]
     for name, rows in frame.groupby("set", sort=False):
-        reach = EACH if FROM in str(name) else REACH[str(name).removeprefix(APART).removeprefix("one sand: ")]
+        reach = EACH if FROM in str(name) else REACH[str(name).removeprefix(APART).removeprefix(ONE)]
         lines.append(f"\n{name}; reach {reach}")
         for row in rows.itertuples():
             side = "" if np.isnan(row.side_force_N) else f"{row.side_force_N:7.2f}"
             errors = f"{row.drawbar_pull_N:6.2f} {row.sinkage_mm:6.2f}{side:8} {row.in_sds:5.1f} SD"
             lines.append(f"  {row.law:36} {errors} {row.sizes}")
     if set(REACH) <= set(frame["set"]):
+        lines += ["", *side_by_side(frame)]
         lines.append(f"\nahead of both curves over all channels, each in its noise: {', '.join(ahead(frame))}")
     return "\n".join(lines)
+
+
+def side_by_side(frame: pd.DataFrame) -> list[str]:
+    """Return the errors of each set as one line: by its own law, by one soil, from the others, and by rivals."""
+    errors = frame.set_index(["set", "law"])[["drawbar_pull_N", "sinkage_mm", "side_force_N"]]
+    table = pd.DataFrame(
+        {
+            "own law": cell(errors.loc[name, last_law(errors.loc[name])]),
+            "one soil": cell(errors.loc[ONE + name, LAW]),
+            "from the others": cell(errors.loc[FROM + name, THE_LAW]),
+            **{rival: cell(errors.loc[name, rival]) for rival in ("Gaussian process", AUTHORS)},
+            "reach": cell(REACH[name]),
+        }
+        for name in FOLDERS
+    )
+    alone = errors.loc[[(FROM + name, THE_LAW) for name in FOLDERS]]
+    return [
+        table.set_index(pd.Index(FOLDERS)).to_string(),
+        f"from the others, median: {cell(alone.median())}; reach {cell(EACH)}",
+        f"from the others, worst: {cell(alone.max())}; reach {cell(2 * each for each in EACH)}",
+    ]
+
+
+def cell(errors: Iterable[float | None]) -> str:
+    """Return errors with slashes, those that there are."""
+    return " / ".join(f"{error:.2f}" for error in errors if error is not None and not math.isnan(error))
 
 
 def ahead(frame: pd.DataFrame) -> list[str]:
@@ -218,36 +177,26 @@ def ahead(frame: pd.DataFrame) -> list[str]:
 
 def table(quick: bool = False) -> list[Row]:
     """Return the errors of all laws and baselines on all sets."""
-    smooth, braked = read_rig_set(DATA / "cmu-smooth-wheel"), read_rig_set(DATA / "cmu-smooth-wheel-skid")
+    sets = {name: read_rig_set(DATA / f"cmu-{folder}") for name, folder in FOLDERS.items()}
+    smooth, braked = sets["smooth"], sets["braked"]
     n = float(smooth.soil().n)
     if quick:
-        return list(compared("smooth", smooth, {name: DRIVING[name] for name in ("base", "softening")}, n))
-    lugged, angles = (read_rig_set(DATA / f"cmu-{name}") for name in ("grousered-wheel", "smooth-wheel-angles"))
-    both = joined(smooth, braked.rows(np.asarray(braked.rig.slip) < -0.1))
-    sets = {"smooth": (smooth, DRIVING), "lugged": (lugged, LUGGED), "braked": (braked, BRAKING)}
-    rows: list[Row] = []
-    others = {name: read_rig_set(DATA / f"cmu-{folder}") for name, folder in ASKEW_SETS.items()}
-    sets |= {"both signs": (both, BOTH), "slip angles": (angles, ANGLES)}
-    sets |= {name: (data, OTHERS[name]) for name, data in others.items()}
-    for name, (data, laws) in sets.items():
-        rows += compared(name, data, laws, n)
-    every = {"smooth": smooth, "braked": braked, "slip angles": angles, "lugged": lugged, **others}
-    soil = [Row(*cells) for cells in (*one_sand(every, ONE_SAND), *from_the_others(every, ONE_SAND[LAW]))]
-    return [
-        *rows,
-        *from_smooth(smooth, lugged, n),
-        *soil,
-        *(Row(*cells) for cells in pressings_apart(every, ONE_SAND[LAW], LAW)),
-    ]
+        return compared("smooth", smooth, {name: LAWS["smooth"][name] for name in ("base", "softening")}, n)
+    both = {"both signs": joined(smooth, braked.rows(np.asarray(braked.rig.slip) < -0.1))}
+    rows = [row for name, laws in LAWS.items() for row in compared(name, (sets | both)[name], laws, n)]
+    law = ONE_SAND[LAW]
+    soil = (*one_sand(sets, ONE_SAND), *from_the_others(sets, law), *pressings_apart(sets, law, LAW))
+    return [*rows, *from_smooth(smooth, sets["lugged"], n), *(Row(*cells) for cells in soil)]
 
 
-def compared(name: str, data: RigSet, laws: dict[str, tuple[Effect, ...]], n: float) -> Sequence[Row]:
+def compared(name: str, data: RigSet, laws: Laws, n: float) -> list[Row]:
     """Return one row a law and a baseline."""
     experiment, rows = RigExperiment(data), []
     for law, effects in laws.items():
         fit = fitted(data, effects, n)
         rows.append(row(name, law, data, experiment.rows(held_out_residual(fit)), sizes(fit)))
-    return rows + [row(name, law, data, left_out(data, predict)) for law, predict in BASELINES.items()]
+    curves = [row(name, law, data, left_out(data, predict)) for law, predict in BASELINES.items()]
+    return [*rows, *curves, row(name, AUTHORS, data, authors_errors(data))]
 
 
 def fitted(data: RigSet, effects: tuple[Effect, ...], n: float) -> Fit:

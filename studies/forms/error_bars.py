@@ -9,8 +9,9 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 
+from forms.authors import AUTHORS
 from forms.curves import BASELINES
-from forms.one_soil import APART, FROM
+from forms.one_soil import APART, FROM, ONE
 
 BARS = {
     "base": ("#c9d6db", "base: the first law of each set's table"),
@@ -18,16 +19,15 @@ BARS = {
     "one soil": ("#7fb3c4", "laws of all sets with one soil under all wheels"),
     "quadratic": ("#d9a441", "quadratic"),
     "Gaussian process": ("#8f8f8f", "Gaussian process"),
+    AUTHORS: ("#b5533c", "the authors' model, fitted to these runs"),
 }
 """Bars of a set from above: colour and words."""
-ONE_SAND = "one sand: "
-"""What stands before a set's name where all sets are fitted with one soil."""
 HEIGHT = 0.17
 
 
 def last_law(errors: pd.Series) -> str:
-    """Return the last law of a set's errors (by law) that is no curve through its points."""
-    return str([each for each in errors.index if each not in BASELINES][-1])
+    """Return the last law of a set's errors (by law) that is neither a curve through its points nor the authors'."""
+    return str([each for each in errors.index if each not in (*BASELINES, AUTHORS)][-1])
 
 
 def by_set(frame: pd.DataFrame) -> dict[str, tuple[str, dict[str, float]]]:
@@ -38,11 +38,11 @@ def by_set(frame: pd.DataFrame) -> dict[str, tuple[str, dict[str, float]]]:
         law = last_law(errors)
         if name.startswith((FROM, APART)):
             continue
-        if name.startswith(ONE_SAND):
-            found[name.removeprefix(ONE_SAND)][1]["one soil"] = float(errors[law])
+        if name.startswith(ONE):
+            found[name.removeprefix(ONE)][1]["one soil"] = float(errors[law])
         else:
             own = {"base": float(errors.iloc[0]), "law": float(errors[law])}
-            found[name] = law, own | {each: float(errors[each]) for each in ("quadratic", "Gaussian process")}
+            found[name] = law, own | {each: float(errors[each]) for each in BARS if each in errors}
     return found
 
 

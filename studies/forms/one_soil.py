@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from forms.curves import BASELINES, Predict
+from rover_pin.contact import Soil
 from rover_pin.discrepancy.calibration import calibrated
 from rover_pin.discrepancy.cross_validation import held_out_residual
 from rover_pin.effects.effect import Effect
@@ -25,6 +26,10 @@ APART = "pressings apart: "
 """What stands before a set's name where pressings are no data of the fit."""
 FROM = "from the others: "
 """What stands before a set's name where it is predicted from the other sets."""
+ONE = "one sand: "
+"""What stands before a set's name where all sets are fitted with one soil."""
+THE_LAW = "the law"
+"""The law by which a set is predicted from the others."""
 GRIP = "LugGrip.h_l"
 SAME = 5e-3
 """Runs of two sets whose slips, loads and pulls differ by less are one run."""
@@ -60,7 +65,7 @@ def one_sand(sets: Mapping[str, RigSet], laws: Mapping[str, tuple[Effect, ...]])
                 for table in (left, joint.noise().sd[:, : len(joint.kinds)])
             )
             by_channel = {kind.name: row for kind, row in zip(joint.kinds, errors, strict=True)}
-            yield cells(f"one sand: {words[name]}", law, by_channel, sds, said(fit))
+            yield cells(ONE + words[name], law, by_channel, sds, said(fit))
 
 
 def from_the_others(sets: Mapping[str, RigSet], effects: tuple[Effect, ...]) -> Iterator[Cells]:
@@ -78,24 +83,24 @@ def from_the_others(sets: Mapping[str, RigSet], effects: tuple[Effect, ...]) -> 
         values = {"drawbar pull": found.drawbar_pull, "sinkage": found.sinkage, "side force": found.side_force}
         sds = np.array([channel.sd for channel in data.rig.channels])
         errors = {channel.name: values[channel.name] - channel.measured for channel in data.rig.channels}
-        yield cells(FROM + name, "the law", errors, sds, said(fit))
+        yield cells(FROM + name, THE_LAW, errors, sds, said(fit))
         for curve, predict in BASELINES.items():
             errors = {channel.name: carried(others, data, channel.name, predict) for channel in data.rig.channels}
             yield cells(FROM + name, curve, errors, sds)
 
 
 def pressings_apart(sets: Mapping[str, RigSet], effects: tuple[Effect, ...], law: str) -> Iterator[Cells]:
-    """Yield the errors of one soil where pressings only start the fit, and n is held where they have it."""
-    held = {name: apart(data) if data.trials else data for name, data in sets.items()}
+    """Yield the errors of one soil where pressings only start the fit, and n is held where the first set's have it."""
+    sand = next(data.soil() for data in sets.values() if data.trials)
+    held = {name: apart(data, sand) if data.trials else data for name, data in sets.items()}
     for name, of, *rest in (*one_sand(held, {law: effects}), *from_the_others(held, effects)):
-        if of in (law, "the law"):
+        if of in (law, THE_LAW):
             yield APART + name, of, *rest
 
 
-def apart(data: RigSet) -> RigSet:
-    """Return a set without its pressings, n and k_1 declared as they have them."""
-    soil = data.soil()
-    declared = {**data.rig.declared, "n": float(soil.n), "k_1": float(soil.k_1), "k_2": 0.0}
+def apart(data: RigSet, sand: Soil) -> RigSet:
+    """Return a set without its pressings, n and k_1 declared as this sand has them."""
+    declared = {**data.rig.declared, "n": float(sand.n), "k_1": float(sand.k_1), "k_2": 0.0}
     return dataclasses.replace(data, rig=dataclasses.replace(data.rig, trials=(), declared=declared))
 
 
