@@ -99,7 +99,10 @@ def assemble(arc: Arc, theta_1: Scalar, length: Scalar, wheel: Wheel, soil: Soil
 
 
 def pressing_force(h: Scalar, wheel: Wheel, soil: Soil) -> Scalar:
-    """Return f_n [N] of a wheel pressed in by h without turning: no shear, the arc as far behind as ahead."""
+    """Return f_n [N] of a wheel pressed in by h without turning: no shear, the arc as far behind as ahead.
+
+    Lugs press with full pockets: r is over their tips and h from where they touch (measured; derived here, new).
+    """
     arc, _ = SinkageAngles().angles(h, wheel, soil)
     return wheel_forces(0.0, arc, -arc, wheel, soil.replace(c=0.0, phi=0.0)).f_n
 

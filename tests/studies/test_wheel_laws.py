@@ -67,6 +67,14 @@ def test_one_soil_predicts_each_set_from_the_others(study):
         assert found[name].max() < 2 * most
 
 
+def test_pressings_bend_no_set(study):
+    """In the kept table: one soil for all misses no set by 2 % more or less than without them."""
+    rows = pd.read_csv(ROOT / "studies" / "results" / "wheel_laws.csv").set_index(["set", "law"])["in_sds"]
+    for name in study.FOLDERS:
+        apart, used = (rows[before + study.ONE + name, study.LAW] for before in (study.APART, ""))
+        assert apart == pytest.approx(used, rel=0.02)
+
+
 @pytest.mark.slow
 def test_a_braked_wheel_askew_is_predicted_from_the_others(study):
     """No run of it is fitted: 1.6 N, 1.6 mm and 1.9 N, where a Gaussian process is 6 N and 7 mm off."""

@@ -330,6 +330,9 @@ def test_slips_too_alike_or_too_few_values_are_too_poor(tmp_path):
 
 def test_pressing_files_of_several_wheels_need_the_surface(tmp_path):
     path = shutil.copytree(DATA / "cmu-smooth-wheel", tmp_path / "set")
+    lugged = (DATA / "cmu-grousered-wheel" / "penetration.csv").read_text().partition("\n")[2]
+    (path / "penetration.csv").write_text((path / "penetration.csv").read_text() + lugged)
+    assert len(read_rig_set(path).trials) == 3
     text = (path / "rig.toml").read_text()
     (path / "rig.toml").write_text(text.replace('surface = "smooth"', 'surface = "rubber"'))
     with pytest.raises(DataError, match=r"several wheels were pressed in \(wheel_.*surface"):

@@ -25,6 +25,7 @@ from rover_pin.experiments.wheel_rig.data import read_rig_set
 from rover_pin.experiments.wheel_rig.model import PAPER
 
 DATA = Path(__file__).parents[3] / "studies" / "data"
+PAGE = (DATA.parents[1] / "docs" / "data-wheel-rig.md").read_text(encoding="utf-8")
 SMOOTH, LUGGED = DATA / "cmu-smooth-wheel", DATA / "cmu-grousered-wheel"
 LAWS = (SlipSoftening(), LugExcavation(h_l=0.005), InterfaceFriction(), RateDependence(v_0=0.05))
 
@@ -67,14 +68,16 @@ def test_law_holds_for_both_wheels_at_no_slip_with_outer_r(tmp_path):
     without, _ = fitted(LUGGED, 0.0)
     chi2, errors = fitted(over_lugs(tmp_path), 0.5)
     assert np.abs(errors) == pytest.approx(0.0, abs=0.2)
-    assert (without, chi2) == pytest.approx((123.0, 115.3), abs=0.5)
+    assert (without, chi2) == pytest.approx((183.1, 175.7), abs=0.5)
+    assert f"| over the lugs (good) | 0.1 N | {chi2:.0f}, without the effect {without:.0f} |" in PAGE
 
 
 def test_law_with_rim_r_predicts_a_lug_pull_unlike_measured():
     chi2, (smooth, lugged) = fitted(LUGGED, 0.5)
-    assert chi2 == pytest.approx(149.7, abs=0.5)
-    assert lugged == pytest.approx(-0.94, abs=0.05)
-    assert smooth == pytest.approx(0.44, abs=0.05)
+    assert chi2 == pytest.approx(209.2, abs=0.5)
+    assert lugged == pytest.approx(-0.95, abs=0.05)
+    assert smooth == pytest.approx(0.42, abs=0.05)
+    assert f"| the rim's (bad) | {-lugged:.1f} N | {chi2:.0f} |" in PAGE
 
 
 @pytest.mark.nightly
@@ -82,7 +85,7 @@ def test_half_way_up_the_lugs_is_the_best_of_their_height(tmp_path):
     """0 at the rim, 1 at the tips; a parabola through these has its least at 0.48."""
     folder = over_lugs(tmp_path)
     chi2 = [fitted(folder, each)[0] for each in (0.0, 0.5, 1.0)]
-    assert chi2 == pytest.approx([131.3, 115.3, 137.5], abs=0.5)
+    assert chi2 == pytest.approx([191.7, 175.7, 197.5], abs=0.5)
 
 
 def test_a_wheel_that_does_not_say_is_told_of(tmp_path):

@@ -1,6 +1,7 @@
 """A wheel pressed in is data of the same fit, by the same soil; what its sand has otherwise bends nothing."""
 
 import dataclasses
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,8 +17,10 @@ from rover_pin.experiments.wheel_rig.pressings import PRESSED, pressed_in
 from rover_pin.loop.close import close_the_loop
 from rover_pin.loop.identify import identify
 from rover_pin.measurements.pressed import Trial
+from rover_pin.soil.traction import pressing_force
 from tests.oracle import rig_generator as hidden
 
+DATA = Path(__file__).parents[3] / "studies" / "data"
 DEPTHS = np.linspace(0.001, 0.03, 60)
 
 
@@ -54,6 +57,26 @@ def test_it_predicts_what_plain_sums_press():
     deep = hidden.Rig("load_exponent", 0.5)
     (kind,) = [kind for kind in rig_kinds() if kind.__name__ == "LoadExponent"]
     assert forces(deep, (kind(n_h=0.5),)) == pytest.approx([deep.press(h) for h in DEPTHS[5:]], rel=1e-3)
+
+
+def test_lugs_press_with_full_pockets():
+    """Measured wheels: the smooth one's sand carries the lugged one from its lugs' tips down, within its own scatter.
+
+    The mean of tips and bare rim by their shares (Jia, Smith and Peng, Robotica 30 (2012) 491) is half as strong.
+    """
+    smooth, lugged = (read_rig_set(DATA / f"cmu-{name}-wheel") for name in ("smooth", "grousered"))
+    wheel, soil = smooth.rig.wheel, smooth.soil()
+    off, of_mean = [], []
+    for trial in lugged.trials:
+        tips = np.array([float(pressing_force(h, wheel, soil)) for h in trial.sinkage])
+        inner = wheel.replace(r=wheel.r - 0.005)
+        rim = np.array([float(pressing_force(max(h - 0.005, 1e-5), inner, soil)) for h in trial.sinkage])
+        off.append(np.log(trial.force / tips).mean())
+        of_mean.append(np.log(trial.force / (0.1 * tips + 0.9 * rim)).mean())
+    assert len(off) == 4
+    assert np.abs(off).max() < 0.3
+    assert np.mean(off) == pytest.approx(0.0, abs=0.15)
+    assert np.min(of_mean) > 0.4
 
 
 @pytest.mark.parametrize("kind", rig_kinds(), ids=lambda kind: kind.__name__)
