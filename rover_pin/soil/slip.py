@@ -96,7 +96,8 @@ def drift(S: Scalar, S_y: Scalar) -> Scalar:
 def spinning(S: Scalar, S_y: Scalar) -> Scalar:
     """Return max(1 - V / r omega, 0), V the greater of v and |v_y|: S driving, and 0 where a wheel is pushed aside."""
     along, aside = 1 - ca.fmax(S, 0.0), S_y * S_y
-    return positive_part(1 - (along**8 + aside**4) ** 0.125)
+    # below rolling V / r omega goes on to grow, so that the rounding has no corner at S = 0
+    return positive_part(1 - (along**8 + aside**4) ** 0.125 * (1 - ca.fmin(S, 0.0)))
 
 
 def positive_part(S: Scalar) -> Scalar:
