@@ -58,7 +58,9 @@ def integrate(
 ) -> Arc:
     """Return the integrals over s = theta_1 - theta from `start` to `end` [rad].
 
-    Nothing cancels at small angles: cos theta - cos theta_1 = 2 sin(theta_1 - s/2) sin(s/2), and likewise for the sine.
+    sigma = (k_1 + k_2 b) (h / b)^n, h = r (cos theta - cos theta_1), Eqs (4) and (5), which the paper prints at
+    theta = 0 only; tau = (c + sigma tan phi) times the law, Eq (3). Nothing cancels at small angles:
+    cos theta - cos theta_1 = 2 sin(theta_1 - s/2) sin(s/2), and likewise for the sine.
 
     Parameters
     ----------

@@ -63,7 +63,7 @@ def wheel_forces(
         `nodes` is not a whole number of 2 or more.
 
     Source: Eqs (2)-(7); the torque is the moment of tau about the axle, which the paper uses without printing.
-    Differs from the paper: braking (S < 0) uses v / (r omega) = 1 / (1 + S) and a signed shear; see `stress`.
+    Differs from the paper: braking (S < 0) uses v / (r omega) = 1 / (1 + S) and a signed shear, `mobilised`.
 
     Examples
     --------
