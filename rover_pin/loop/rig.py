@@ -4,20 +4,17 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from rover_pin.base.files.results_folder import OF_A_LOOP, say_what_is_replaced
 from rover_pin.base.trust import Trust
 from rover_pin.contact import Soil
 from rover_pin.discrepancy.answer import Answer
-from rover_pin.discrepancy.candidate import Candidate
 from rover_pin.discrepancy.conclude import concluded
 from rover_pin.discrepancy.question import Progress, Question
 from rover_pin.discrepancy.rivals import against_rivals
 from rover_pin.discrepancy.verdict import Side, Verdict
 from rover_pin.estimation.baselines import curves
-from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.numbers import profiles
 from rover_pin.experiments.wheel_rig.candidates import candidates, numbers_of, rig_kinds
 from rover_pin.experiments.wheel_rig.channel_residual import channel_residuals
@@ -77,14 +74,13 @@ def question_of(experiment: RigExperiment, model: RigModel, effects: str | Path 
     """Return what is asked of a rig set: which effect its model lacks, soil constants and own sizes free."""
     data, kinds = experiment.data, rig_kinds(effects)
     numbers = numbers_of(experiment, model)
-    lacks: Callable[[Fit], Sequence[Candidate]] = lambda base: candidates(data, base.model, kinds)  # noqa: E731
     return Question(
         "wheel-rig",
         data.rig.name,
         experiment,
         model,
         numbers,
-        lacks,
+        lambda base: candidates(base.model, [(data, base.model)], data.rig, kinds),
         lambda base: drafted(experiment, base),
         offers=lambda leading: (next_runs(data),),
     )
@@ -102,7 +98,7 @@ def on_rig(
     verdict = concluded(question, progress, seed)
     assert verdict.before is not None
     assert verdict.after is not None
-    tried = [candidate.effect for candidate in candidates(data, model, rig_kinds(effects))]
+    tried = [candidate.effect for candidate in question.candidates(verdict.before.fit)]
     extra = RigExtra(
         _fit_diagnostics(data, verdict.before, seed),
         _fit_diagnostics(data, verdict.after, seed),

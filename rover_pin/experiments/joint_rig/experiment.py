@@ -18,19 +18,12 @@ from rover_pin.estimation.parameter import Parameter
 from rover_pin.experiments.folded import stacked
 from rover_pin.experiments.joint_rig.model import OWN, JointModel, Part
 from rover_pin.experiments.joint_rig.one_sand import of_one_sand
-from rover_pin.experiments.wheel_rig.candidates import added, needs_speeds
+from rover_pin.experiments.wheel_rig.candidates import candidates
 from rover_pin.experiments.wheel_rig.checks import FEWEST_LEVELS
 from rover_pin.experiments.wheel_rig.data import RigSet, as_rig_set
 from rover_pin.experiments.wheel_rig.experiment import ROWS, RigExperiment
 from rover_pin.experiments.wheel_rig.model import ASKEW, PAPER, RigModel
-from rover_pin.experiments.wheel_rig.presets import (
-    LUGS,
-    TRENCH,
-    is_of_other_wheel,
-    known_heights,
-    known_trench,
-    preset_candidate,
-)
+from rover_pin.experiments.wheel_rig.presets import LUGS, TRENCH, known_heights, known_trench
 from rover_pin.experiments.wheel_rig.pressings import PRESSED
 from rover_pin.measurements.finding import Finding
 from rover_pin.measurements.wheel_rig import SAME_LOAD, WheelRig
@@ -179,23 +172,10 @@ class JointRig(Experiment):
         if max(widths) >= OTHER_WIDTH * min(widths):
             yield self.parameter(model, "soil.k_2", self.value(model, "soil.k_1") / min(widths))
 
-    def candidates(self, model: JointModel, kinds: Sequence[type]) -> tuple[Candidate, ...]:
+    def candidates(self, model: JointModel, kinds: Sequence[type[Effect]]) -> tuple[Candidate, ...]:
         """Return what a rig can show and every set, where it needs speeds, has them for; geometry as declared."""
-        present = {name for effect in model.effects for name in (type(effect).__name__, *effect.holds)}
-        mine = [kind for kind in kinds if issubclass(kind, Effect) and kind.neutral and not kind.places]
-        able = [kind for kind in mine if not kind.before_slip and kind.__name__ not in present]
-        effects = [added(kind, model.of(next(iter(self.sets)))) for kind in able]
-        sand = self.declared
-        visible_effects = [
-            tried_effect
-            for tried_effect in effects
-            if not is_of_other_wheel(tried_effect, sand) and self._shows(tried_effect, model)
-        ]
-        return tuple(preset_candidate(effect, sand) for effect in visible_effects)
-
-    def _shows(self, effect: Effect, model: JointModel) -> bool:
-        silent = [(name, data) for name, data in self.sets.items() if data.speeds is None]
-        return not any(needs_speeds(data, model.of(name), effect) for name, data in silent)
+        own = [(data, model.of(name)) for name, data in self.sets.items()]
+        return candidates(model, own, self.declared, kinds)
 
     @property
     def declared(self) -> WheelRig:

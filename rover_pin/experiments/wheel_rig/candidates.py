@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from rover_pin.experiments.wheel_rig.data import RigSet
 from rover_pin.experiments.wheel_rig.experiment import ROWS, RigExperiment
 from rover_pin.experiments.wheel_rig.model import ASKEW, NOMINAL, RigModel, conditions, predictor
 from rover_pin.experiments.wheel_rig.presets import is_of_other_wheel, preset_candidate
+from rover_pin.measurements.wheel_rig import WheelRig
 from rover_pin.simulation.model.effect_files import AnyEffect, package_effects, reading_traction, user_effects
 
 OF_SPEED = 0.05
@@ -61,17 +63,21 @@ def _of_folder(path: Path) -> list[type[Effect]]:
     return kinds
 
 
-def candidates(data: RigSet, model: RigModel, kinds: Sequence[type[Effect]]) -> tuple[Candidate, ...]:
-    """Return what the model may lack of these kinds: what it does not have, and these data can show.
+def candidates(
+    model: Any, sets: Sequence[tuple[RigSet, RigModel]], declared: WheelRig, kinds: Sequence[type[Effect]]
+) -> tuple[Candidate, ...]:
+    """Return what the model may lack of these kinds: what it does not have, and these sets show, each by its own model.
 
-    An effect of speed is left out where the set has no speeds: what was assumed of them would decide; one of lugs
-    where the wheel is said to have none.
+    An effect of speed is left out where a set has no speeds: what was assumed of them would decide; one of lugs where
+    the wheel that is `declared` has none.
     """
     present = {name for effect in model.effects for name in (type(effect).__name__, *effect.holds)}
-    effects = [added(kind, model) for kind in kinds if kind.__name__ not in present]
-    visible_effects = [effect for effect in effects if data.speeds is not None or not needs_speeds(data, model, effect)]
+    silent = [(data, own) for data, own in sets if data.speeds is None]
+    effects = [added(kind, sets[0][1]) for kind in kinds if kind.__name__ not in present]
     return tuple(
-        preset_candidate(effect, data.rig) for effect in visible_effects if not is_of_other_wheel(effect, data.rig)
+        preset_candidate(effect, declared)
+        for effect in effects
+        if not is_of_other_wheel(effect, declared) and not any(needs_speeds(*one, effect) for one in silent)
     )
 
 

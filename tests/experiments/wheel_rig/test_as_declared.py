@@ -202,7 +202,7 @@ def declared(text, wheel="", soil=""):
 def test_what_is_declared_presets_the_effects_that_have_it(plain, tmp_path):
     data = read_rig_set(changed(plain, tmp_path / "lugs", lambda text: declared(text, LUGS, SAND)))
     model = RigModel(data.rig.wheel, data.soil())
-    tried = {one.kind: one for one in candidates(data, model, rig_kinds())}
+    tried = {one.kind: one for one in candidates(model, [(data, model)], data.rig, rig_kinds())}
     way = 2 * math.pi * (data.rig.wheel.r + 0.0025)
     lugs = tried["LugExcavation"]
     assert lugs.effect.values() == pytest.approx({**LugExcavation().values(), "h_l": 0.005, "filled": 1 - 0.072 / way})
@@ -236,8 +236,9 @@ def test_a_wheel_that_is_said_to_be_smooth_has_no_lugs(plain, tmp_path):
 
     data = read_rig_set(changed(plain, tmp_path / "smooth", smooth))
     model = RigModel(data.rig.wheel, data.soil())
-    kinds = {one.kind for one in candidates(data, model, rig_kinds())}
-    every = {one.kind for one in candidates(read_rig_set(plain), model, rig_kinds())}
+    kinds = {one.kind for one in candidates(model, [(data, model)], data.rig, rig_kinds())}
+    undeclared = read_rig_set(plain)
+    every = {one.kind for one in candidates(model, [(undeclared, model)], undeclared.rig, rig_kinds())}
     assert every - kinds == {"LugExcavation", "LugGrip", "Grousers"}
 
 
