@@ -12,12 +12,12 @@ Method
     the radius driven, the direction of travel against the body's axis, the greatest side force over load and motor work
     per metre.
 Result
-    A rover that steers hardly notices: the turn has a radius of 0.939 m with the old law, 0.933 with the new. Crabbing,
-    its dragged middle wheels' side force falls from 0.40 of their load to 0.33 (thrust and side force share one
-    strength), at the same direction, 16.8 deg of 20 asked, and 3 % less speed. Across the slope it drifts down by 2.99
+    A rover that steers hardly notices: the turn has a radius of 0.939 m with the old law, 0.934 with the new. Crabbing,
+    its dragged middle wheels' side force falls from 0.40 of their load to 0.34 (thrust and side force share one
+    strength), at the same direction, 16.8 deg of 20 asked, and 4 % less speed. Across the slope it drifts down by 2.97
     deg, before by 3.95: the old law took what its mid-contact shear gave at a small slip angle, less than the arc does.
-    A cart that skids on the spot (k = 20 mm) turns by 0.63 deg/s, before by 0.65, by 0.89 with the shear alone: the
-    flank is what slows it. Where slip and drift soften the sand it sinks by 28 mm and is stuck, at 0.02 deg/s; with
+    A cart that skids on the spot (k = 20 mm) turns by 0.47 deg/s, before by 0.65, by 0.89 with the shear alone: the
+    flank is what slows it. Where slip and drift soften the sand it sinks by 25 mm and is stuck, at 0.06 deg/s; with
     drift loosening less, as it was taken to before, it lurched sideways.
     With the flank that measured wheels ask for, turning and crabbing on sand stay easy as long as wheels stand 9 mm
     deep, and no longer. Half the step moves each of these drives by less than 1e-3 mm and 1e-4 deg.

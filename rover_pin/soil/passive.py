@@ -19,7 +19,9 @@ class Passive(NamedTuple):
     D_1: Scalar
     "cot X + tan(X + phi), X = 45 deg - phi / 2 [-]"
     D_2: Scalar
-    "cot X + cot^2 X tan phi [-]"
+    "cot X + cot^2 X tan phi [-]: the wedge that slides, and a heap on all of it"
+    cot_X: Scalar
+    "length of the wedge over its depth [-]"
 
     def per_width(self, h: Scalar, c: Scalar, gamma: Scalar) -> Scalar:
         """Return the force per width of wall [N/m] at the depth h [m], cohesion c [Pa], weight gamma [N/m^3]."""
@@ -33,4 +35,4 @@ def passive(phi: Scalar) -> Passive:
     """
     tilt = math.pi / 4 - phi / 2
     cot = 1.0 / ca.tan(tilt)
-    return Passive(cot + ca.tan(tilt + phi), cot + cot * cot * ca.tan(phi))
+    return Passive(cot + ca.tan(tilt + phi), cot + cot * cot * ca.tan(phi), cot)

@@ -50,6 +50,7 @@ class AskewWheel:
     def beside(self, entry, h, speeds, u):
         """Forces on strips of the buried disc, and where they act: passive pressure of walls of their depth.
 
+        Each strip's wedge carries what stands on it of the heap at the disc: half the rut's sand, and what is swept.
         The pressure builds up with the way aside over the chord, and falls as the rim spins; the sand rubs along the
         disc, 0.43 h above its lowest point.
         """
@@ -58,11 +59,13 @@ class AskewWheel:
         wide = self.r * np.cos(theta) * 2 * entry / NODES
         depth = self.r * (np.cos(theta) - np.cos(entry))
         X = np.pi / 4 - FRICTION / 2
-        D_1, D_2 = 1 / np.tan(X) + np.tan(X + FRICTION), 1 / np.tan(X) + np.tan(FRICTION) / np.tan(X) ** 2
-        wall = D_1 * (self.c * depth + D_2 * 15700 * depth**2 / 2)
+        swept = (depth * wide).sum() * abs(aside) / np.hypot(v, aside)
+        heap, long = np.sqrt(2 * np.tan(FRICTION) * (swept + self.b * h / 2)), depth / np.tan(X)
+        area = long * (depth / 2 + heap - long * np.tan(FRICTION) / 2)
+        wall = (1 / np.tan(X) + np.tan(X + FRICTION)) * (self.c * depth + 15700 * area)
         top = max(rim, u)
         built = -np.expm1(-2 * self.r * np.sin(entry) * abs(aside) / np.hypot(min(u / top, 1.0), 0.02) / top / self.k_f)
-        spun = 1 - ((min(u, top) / top) ** 8 + (aside / top) ** 8) ** 0.125
+        spun = 1 - ((min(u, top) / top) ** 8 + (aside / top) ** 8) ** 0.125 * (1 - min(rim / u - 1, 0.0))
         spun = max(spun, 0.0) if abs(spun) > 0.01 else (spun + 0.01) ** 2 / 0.04
         most = self.flank * np.exp(-1.3 * spun) * wall * wide
         push = np.sign(aside) * built * most

@@ -22,7 +22,7 @@ def test_frictionless_soil_bears_two_cohesions_and_its_weight():
 def test_thirty_degrees_have_whole_roots_of_three():
     """X = 30 deg: cot X = tan(X + phi) = sqrt 3, so D_1 = 2 sqrt 3 and D_2 = sqrt 3 + 3 / sqrt 3."""
     found = passive(math.radians(30.0))
-    assert found == pytest.approx((2 * ROOT_3, 2 * ROOT_3))
+    assert found == pytest.approx((2 * ROOT_3, 2 * ROOT_3, ROOT_3))
     assert found.per_width(0.01, 200.0, 15e3) == pytest.approx(2 * ROOT_3 * (200.0 * 0.01 + ROOT_3 * 15e3 * 1e-4))
 
 

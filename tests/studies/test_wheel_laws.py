@@ -68,11 +68,11 @@ def test_one_soil_predicts_each_set_from_the_others(study):
 
 
 def test_pressings_bend_no_set(study):
-    """In the kept table: one soil for all misses no set by 2 % more or less than without them."""
+    """In the kept table: one soil for all misses no set by 3 % more or less than without them."""
     rows = pd.read_csv(ROOT / "studies" / "results" / "wheel_laws.csv").set_index(["set", "law"])["in_sds"]
     for name in study.FOLDERS:
         apart, used = (rows[before + study.ONE + name, study.LAW] for before in (study.APART, ""))
-        assert apart == pytest.approx(used, rel=0.02)
+        assert apart == pytest.approx(used, rel=0.03)
 
 
 @pytest.mark.slow
