@@ -33,7 +33,7 @@ Result
     that slides (m) instead of the grip leaves braked lugs at 4.4 N: braked, lugs do not matter.
     From the others: 0.65 to 2.04 N, 0.87 to 1.91 mm, 0.79 to 1.26 N sideways: in the median set and in every one what
     was to be reached. The Gaussian process is ahead in pull where a set has its like among the others (smooth, lugged,
-    both braked ones), and 2 to 8 mm, 2 to 6 N off where it has not.
+    both braked ones), and up to 8 mm and 8 N off where it has not.
     Pressings: the smooth wheel's sand bears the lugged one, from its lugs' tips down and with full pockets, within 23 %
     in each of four trials; in the fit they change no set's error by more than 3 %.
     Not reached: the side force of all three sets askew, by 0.08, 0.62 and 0.09 N; braked askew and braked lugs in

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.experiments.joint_rig.experiment import JointRig
 from rover_pin.experiments.joint_rig.model import JointModel
-from rover_pin.experiments.joint_rig.sets import joined
+from rover_pin.experiments.joint_rig.sets import joined, seen_before
 from rover_pin.experiments.wheel_rig.candidates import present_amplitudes
 from rover_pin.experiments.wheel_rig.data import RigSet
 from rover_pin.experiments.wheel_rig.model import ASKEW
@@ -31,8 +31,6 @@ ONE = "one sand: "
 THE_LAW = "the law"
 """The law by which a set is predicted from the others."""
 GRIP = "LugGrip.h_l"
-SAME = 5e-3
-"""Runs of two sets whose slips, loads and pulls differ by less are one run."""
 Cells = tuple[str, str, float, float, float, float, str]
 """Set, law, errors of pull [N], sinkage [mm] and side force [N], of all in their noise, and what was fitted."""
 
@@ -74,8 +72,8 @@ def from_the_others(sets: Mapping[str, RigSet], effects: tuple[Effect, ...]) -> 
     Runs that stand in the set as well are taken out of the others. Curves know slip, slip angle and lugs.
     """
     for name, data in sets.items():
-        others = [rest for other in sets.values() if other is not data and (rest := without(other, data)) is not None]
-        joint = joined(distinct(others))
+        others = unseen((other for other in sets.values() if other is not data), [data])
+        joint = joined(others)
         fit = fitted(joint, effects)
         whole = joined([data, *joint.sets.values()]).base_model()
         model = dataclasses.replace(whole, soil=fit.model.soil, effects=fit.model.effects).of(data.rig.name)
@@ -118,26 +116,13 @@ def said(fit: Fit) -> str:
     return ", ".join(f"{one.name} = {fit.value(one.name):.3g}" for one in fit.parameters)
 
 
-def distinct(sets: Sequence[RigSet]) -> list[RigSet]:
-    """Return the sets with each run once: none that holds no other run than those before it."""
+def unseen(sets: Iterable[RigSet], besides: Sequence[RigSet] = ()) -> list[RigSet]:
+    """Return the sets with each run once, and none that stands in `besides`: no set that holds no other run."""
     kept: list[RigSet] = []
     for data in sets:
-        rest: RigSet | None = data
-        for before in kept:
-            rest = None if rest is None else without(rest, before)
-        kept += [] if rest is None else [rest]
+        new = ~seen_before(data, (*besides, *kept))
+        kept += [data.rows(new)] if new.any() else []
     return kept
-
-
-def without(data: RigSet, other: RigSet) -> RigSet | None:
-    """Return the runs of a set that do not stand in another one; None where all do."""
-    mine, theirs = (np.column_stack([one.rig.slip, one.rig.load, pull(one)]) for one in (data, other))
-    new = ~(np.abs(mine[:, None] - theirs[None]) < SAME).all(axis=2).any(axis=1)
-    return data.rows(new) if new.any() else None
-
-
-def pull(data: RigSet) -> np.ndarray:
-    return next(channel.measured for channel in data.rig.channels if channel.name == "drawbar pull")
 
 
 def carried(others: Sequence[RigSet], data: RigSet, channel: str, predict: Predict) -> np.ndarray:

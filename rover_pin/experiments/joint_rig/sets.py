@@ -41,7 +41,7 @@ def joined(sets: Sequence[RigSet]) -> JointRig:
         name = data.rig.name
         if name in named:
             raise DataError(f"{name}: two sets have this name; give each its own in its rig.toml.")
-        new = ~_seen_before(data, named.values())
+        new = ~seen_before(data, named.values())
         if not new.any():
             raise DataError(f"{name}: every run of it is in another set too; leave it out.")
         if not new.all():
@@ -66,7 +66,7 @@ def read_joint(folders: Sequence[str | Path], trust: Trust = Trust()) -> JointRi
     return joined([read_rig_set(folder, trust) for folder in folders])
 
 
-def _seen_before(data: RigSet, others: Iterable[RigSet]) -> np.ndarray:
+def seen_before(data: RigSet, others: Iterable[RigSet]) -> np.ndarray:
     """Return which runs stand in another set already: slip, angle, load and channels are the same."""
     duplicate = np.zeros(data.rig.slip.size, dtype=bool)
     for other_set in others:
