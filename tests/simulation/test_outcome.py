@@ -133,7 +133,7 @@ def test_a_measured_trace_without_the_truth_says_nothing(traces):
 
 
 @pytest.mark.parametrize(
-    ("slope", "kind"), [(1.0, "drives on"), (3.0, "drives on"), (10.0, "slides aside"), (25.0, "slides aside")]
+    ("slope", "kind"), [(1.0, "drives on"), (5.0, "drives on"), (15.0, "slides aside"), (25.0, "slides aside")]
 )
 def test_what_slides_aside_does_not_just_drive_on(slope, kind):
     """Across a slope of the paper's sand: the speeds are those of the body along and across its heading."""

@@ -77,12 +77,12 @@ def test_pressings_bend_no_set(study):
 
 @pytest.mark.slow
 def test_a_braked_wheel_askew_is_predicted_from_the_others(study):
-    """No run of it is fitted: 1.6 N, 1.6 mm and 1.9 N, where a Gaussian process is 6 N and 7 mm off."""
+    """No run of it is fitted: 1.7 N, 1.6 mm and 1.3 N, where a Gaussian process is 8 N and 5 mm off."""
     sets = read(study)
     chosen = {"braked askew": sets.pop("braked askew"), **sets}
     del chosen["smooth"]
     law, *_, process = itertools.islice(study.from_the_others(chosen, study.ONE_SAND[study.LAW]), 4)
-    assert law[2:5] == pytest.approx((1.6, 1.6, 1.9), rel=0.15)
+    assert law[2:5] == pytest.approx((1.7, 1.6, 1.3), rel=0.15)
     assert process[3] > 4.0
     assert process[4] > 3.0
 

@@ -174,8 +174,8 @@ class JointRig(Experiment):
 
     def candidates(self, model: JointModel, kinds: Sequence[type[Effect]]) -> tuple[Candidate, ...]:
         """Return what a rig can show and every set, where it needs speeds, has them for; geometry as declared."""
-        own = [(data, model.of(name)) for name, data in self.sets.items()]
-        return candidates(model, own, self.declared, kinds)
+        pairs = [(data, model.of(name)) for name, data in self.sets.items()]
+        return candidates(model, pairs, self.declared, kinds)
 
     @property
     def declared(self) -> WheelRig:

@@ -72,12 +72,12 @@ def candidates(
     the wheel that is `declared` has none.
     """
     present = {name for effect in model.effects for name in (type(effect).__name__, *effect.holds)}
-    silent = [(data, own) for data, own in sets if data.speeds is None]
+    silent = [(data, set_model) for data, set_model in sets if data.speeds is None]
     effects = [added(kind, sets[0][1]) for kind in kinds if kind.__name__ not in present]
     return tuple(
         preset_candidate(effect, declared)
         for effect in effects
-        if not is_of_other_wheel(effect, declared) and not any(needs_speeds(*one, effect) for one in silent)
+        if not is_of_other_wheel(effect, declared) and not any(needs_speeds(*pair, effect) for pair in silent)
     )
 
 
