@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
-from rover_pin.estimation.wording import format_value, in_words
+from rover_pin.estimation.wording import format_value, in_words, interval
 
 SAME = 1e-9
 """Relative difference of two numbers from which they count as different."""
@@ -26,12 +26,9 @@ class Value(NamedTuple):
         """The number as a reader wants it, its interval behind it."""
         if not math.isfinite(self.value):
             return "not known"
-        ends = (
-            f" [{format_value(self.low, self.unit)}, {format_value(self.high, self.unit)}]"
-            if self.low < self.high
-            else ""
-        )
-        return format_value(self.value, self.unit) + ends
+        if self.low < self.high:
+            return interval(self.value, self.low, self.high, self.unit)
+        return format_value(self.value, self.unit)
 
 
 class Side(NamedTuple):

@@ -60,5 +60,5 @@ def score_line(score: ChannelScore) -> str:
     change, noise = score.worded, f"noise {format_value(score.floor, score.unit)}"
     if change.none:
         return f"held-out {score.name}: RMSE {format_value(score.before, score.unit)}, {noise}"
-    errors = f"RMSE {format_value(score.before, score.unit)} -> {format_value(score.after, score.unit)}"
+    errors = f"RMSE {format_value(score.before, score.unit)} -> {format_value(score.after, score.unit, score.before)}"
     return f"held-out {score.name}: {errors} ({change.text}, {noise}): {score.claim}"

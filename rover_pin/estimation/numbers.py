@@ -81,13 +81,8 @@ def assumed_lines(numbers: Sequence[Number]) -> list[str]:
 
 
 def is_adequate(fitted: Fit, surprise: float = SURPRISE) -> bool:
-    """Return whether what is left is as large as it may be by the stated noise."""
-    return p_value(fitted) >= surprise
-
-
-def p_value(fitted: Fit) -> float:
-    """Return the probability that the stated noise leaves as much as a fit does, or more."""
-    return float(chi2_law.sf(huber(fitted.rows), fitted.freedom))
+    """Return whether the stated noise leaves as much as a fit does, or more, with at least this probability."""
+    return float(chi2_law.sf(huber(fitted.rows), fitted.freedom)) >= surprise
 
 
 def implausible(fitted: Fit) -> tuple[str, ...]:

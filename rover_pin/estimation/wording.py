@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable
 from enum import Enum
 from typing import NamedTuple
@@ -19,16 +20,24 @@ NO_SPREAD = 1e-9
 NOT_PREDICTED = "not predicted"
 
 READERS_UNITS = {"rad": (180 / math.pi, "deg"), "m": (1e3, "mm"), "Pa": (1e-3, "kPa"), "Pa/m^n": (1e-3, "kPa/m^n")}
+PREFIXED = re.compile(r"(A|N|V|W|s|m|rad|ohm)\b(?!\^)")
+"""How units begin that a prefix may stand before; each with its least size, factor and letter."""
+PREFIXES = ((1e4, 1e-3, "k"), (1e-2, 1.0, ""), (1e-5, 1e3, "m"), (0.0, 1e6, "\N{MICRO SIGN}"))
 
 
-def in_words(unit: str) -> tuple[float, str]:
-    """Return the factor to, and the name of, the unit in which a reader wants an SI value."""
-    return READERS_UNITS.get(unit, (1.0, unit))
+def in_words(unit: str, size: float = 1.0) -> tuple[float, str]:
+    """Return the factor to, and the name of, the unit in which a reader wants an SI value of this size."""
+    if unit in READERS_UNITS or not PREFIXED.match(unit) or not (size and math.isfinite(size)):
+        return READERS_UNITS.get(unit, (1.0, unit))
+    return next((factor, f"{letter}{unit}") for least, factor, letter in PREFIXES if abs(size) >= least)
 
 
-def format_value(value: float, unit: str) -> str:
-    """Return a number as a reader wants it: degrees, millimetres, kilopascals; NaN is what is not predicted."""
-    factor, name = in_words(unit)
+def format_value(value: float, unit: str, like: float = math.nan) -> str:
+    """Return a number as a reader wants it: degrees, millimetres, milliamperes; NaN is what is not predicted.
+
+    Its unit is that of a number `like` it, where one is given.
+    """
+    factor, name = in_words(unit, value if math.isnan(like) else like)
     return figure(factor * value, ".4g", f" {name}".rstrip())
 
 
@@ -53,7 +62,9 @@ def interval(value: float, low: float, high: float, unit: str) -> str:
     """Return a value with its 95 % interval, or that the data give none."""
     if not high - low > NO_SPREAD * abs(value):
         return f"{format_value(value, unit)} (no interval)"
-    return f"{format_value(value, unit)} [{format_value(low, unit)}, {format_value(high, unit)}]"
+    factor, name = in_words(unit, value)
+    ends = f"[{figure(factor * low, '.4g')}, {figure(factor * high, '.4g')}]"
+    return f"{figure(factor * value, '.4g', f' {name}'.rstrip())} {ends}"
 
 
 class Against(Enum):

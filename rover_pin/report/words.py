@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.effects.names import display_name, meaning_of, title_of
+from rover_pin.estimation.numbers import Number
 from rover_pin.estimation.wording import in_words
 from rover_pin.inference.beliefs import Hypothesis
 from rover_pin.inference.cause import Cause
@@ -42,20 +43,29 @@ class Labels(NamedTuple):
     "what else of these data is to be known first, a sentence"
 
 
-def brief(value: float, unit: str, digits: int = 2) -> str:
-    """Return a number with few digits, in a reader's unit and never as a power of ten."""
-    factor, name = in_words(unit)
-    if not math.isfinite(value):
-        return "unknown"
-    size = factor * value
+def brief(value: float, unit: str, digits: int = 2, like: float = math.nan) -> str:
+    """Return a number with few digits, in a reader's unit of a number `like` it, and never as a power of ten."""
+    factor, name = in_words(unit, value if math.isnan(like) else like)
+    return f"{_digits(factor * value, digits)} {name}".rstrip() if math.isfinite(value) else "unknown"
+
+
+def _digits(size: float, digits: int) -> str:
     places = max(digits - 1 - math.floor(math.log10(abs(size))), 0) if size else 0
-    return f"{float(f'{size:.{digits}g}'):.{places}f} {name}".rstrip()
+    return f"{float(f'{size:.{digits}g}'):.{places}f}"
+
+
+def with_interval(number: Number) -> str:
+    """Return a fitted number with few digits, its 95 % interval behind it where the data give one."""
+    factor, _ = in_words(number.unit, number.value)
+    if not (number.closed and math.isfinite(number.low + number.high)):
+        return f"{brief(number.value, number.unit)} (no interval)"
+    return f"{brief(number.value, number.unit)} [{_digits(factor * number.low, 2)}, {_digits(factor * number.high, 2)}]"
 
 
 def pair(before: float, after: float, unit: str) -> tuple[str, str]:
     """Return two numbers in as few digits as tell them apart."""
     for digits in (2, 3, 4):
-        texts = brief(before, unit, digits), brief(after, unit, digits)
+        texts = brief(before, unit, digits, before), brief(after, unit, digits, before)
         if texts[0] != texts[1]:
             break
     return texts
