@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from rover_pin.discrepancy.verdict import Verdict
-from rover_pin.report.headline import headline
+from rover_pin.report.headline import headline, improvement
 from rover_pin.report.reasons import MAX_REASONS, next_run, opposing_reasons, supporting_reasons
 from rover_pin.report.section import Picture, Section
 from rover_pin.report.words import Labels, capital, human, kinds_of
@@ -18,6 +18,7 @@ def first_screen(verdict: Verdict, labels: Labels, picture: Picture | None = Non
     content = {
         "file": file,
         "sentence": headline(verdict, labels),
+        "improvement": improvement(verdict, labels),
         "answer": capital(verdict.answer.value),
         "said": capital(human(verdict.sentence, kinds_of(verdict))),
         "added": bool(verdict.named),
@@ -36,7 +37,7 @@ def first_lines(verdict: Verdict, labels: Labels) -> str:
         "doubt it because": opposing_reasons(verdict, labels)[:MAX_REASONS],
         "next": next_run(verdict),
     }
-    lines = [headline(verdict, labels)]
+    lines = [line for line in (headline(verdict, labels), improvement(verdict, labels)) if line]
     for head, reasons in parts.items():
         lines += [f"{head}:", *(f"  - {line}" for line in reasons)] if reasons else []
     return "\n".join(lines)

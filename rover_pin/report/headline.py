@@ -1,28 +1,36 @@
-"""The verdict in one sentence that a reader can repeat and act on: what was wrong by how much, is now, and why."""
+"""The verdict in a sentence that a reader can repeat: what is missing, how much, how sure; then what it improves."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.held_out import ChannelScore
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.estimation.wording import Outcome
-from rover_pin.report.words import Labels, brief, capital, cause, human, kinds_of, listing, pair
+from rover_pin.report.words import Labels, brief, capital, cause, human, kinds_of, listing, pair, with_interval
 
 WORTH = 0.01
 """Relative change of an error below which it is not worth a word."""
 MAX_NAMED_CHANNELS = 4
 """Channels up to which each is named; of more, the two that changed most."""
-NOTHING = "of chance, nothing being missing"
+NOTHING = "nothing is missing"
 """Why a model without causes may be right all the same."""
 
 
 def headline(verdict: Verdict, labels: Labels) -> str:
-    """Return the verdict in one sentence with numbers and units, and what else of these data is to be known first."""
-    sentence = capital(human(SENTENCES[verdict.answer](verdict, labels), kinds_of(verdict)))
-    return f"{sentence} {labels.besides}" if labels.besides else sentence
+    """Return the verdict in one sentence: what is missing, its size with unit and interval, how probable that is."""
+    return capital(human(SENTENCES[verdict.answer](verdict, labels), kinds_of(verdict)))
+
+
+def improvement(verdict: Verdict, labels: Labels) -> str:
+    """Return what is predicted better by how much, of what nothing may be claimed, and what else is to be known."""
+    said = ""
+    if verdict.named:
+        said = _changed(verdict, labels)
+    elif verdict.answer is Answer.NONE_NEEDED and verdict.scores:
+        said = f"at worst {_off(verdict, labels)} {labels.unseen}."
+    return " ".join(filter(None, (capital(said), labels.besides)))
 
 
 def by_outcome(scores: Sequence[ChannelScore], *outcomes: Outcome) -> list[ChannelScore]:
@@ -39,11 +47,10 @@ def worst(scores: Sequence[ChannelScore]) -> list[ChannelScore]:
     return sorted(scores, key=lambda score: (not score.worded.lost, -score.times(score.before)))
 
 
-def _changed(verdict: Verdict, labels: Labels, link: str, why: str) -> str:
-    """Return what is better, why (`link` is "because" or "as if"), and of what nothing may be claimed."""
+def _changed(verdict: Verdict, labels: Labels) -> str:
     better, worse = (by_outcome(verdict.scores, outcome) for outcome in (Outcome.BETTER, Outcome.WORSE))
     if not better:
-        return f"no channel is predicted better {labels.unseen} beyond its scatter, though it looks as if {why}"
+        return f"no channel is predicted better {labels.unseen} beyond its scatter."
     few_channels = len(verdict.scores) <= MAX_NAMED_CHANNELS
     (score, (was, now)), *more = _pairs(better if few_channels else better[:2])
     sentence = f"{_name(score, labels)} was wrong by {was} and is now wrong by {now}"
@@ -58,7 +65,7 @@ def _changed(verdict: Verdict, labels: Labels, link: str, why: str) -> str:
         remarks.append(f"of {len(verdict.scores)} channels {len(better)} are better and {len(worse)} worse")
     elif unclaimed:
         remarks.append(f"{listing(unclaimed)}: no claim")
-    return "; ".join([f"{sentence} {labels.unseen}, {link} {why}", *remarks])
+    return "; ".join([f"{sentence} {labels.unseen}", *remarks]) + "."
 
 
 def _name(score: ChannelScore, labels: Labels) -> str:
@@ -69,25 +76,51 @@ def _pairs(scores: Sequence[ChannelScore]) -> list[tuple[ChannelScore, tuple[str
     return [(score, pair(score.before, score.after, score.unit)) for score in scores]
 
 
-def _causes(verdict: Verdict, names: Sequence[str], labels: Labels) -> list[str]:
-    kinds = kinds_of(verdict)
-    return [cause(name, kinds, labels.placed) for name in names]
+def _causes(verdict: Verdict, names: Sequence[str], labels: Labels) -> str:
+    """Return what acts, each with its size where it was added."""
+    clauses = []
+    for name in names:
+        sizes = listing(_sizes(verdict, name)) if name in verdict.named else ""
+        clauses.append(cause(name, kinds_of(verdict), labels.placed) + (f": {sizes}" if sizes else ""))
+    return "; and ".join(clauses) if len(clauses) > 1 else "".join(clauses)
+
+
+def _sizes(verdict: Verdict, name: str) -> list[str]:
+    """Return the fitted numbers of a cause, without a name where it is one that its unit explains."""
+    owner = name.partition("@")[0]
+    numbers = [
+        number
+        for number in (verdict.after.numbers if verdict.after else ())
+        if number.name == name or number.name.startswith(f"{owner}.")
+    ]
+    if len(numbers) == 1 and (numbers[0].unit or numbers[0].name == name):
+        return [with_interval(numbers[0])]
+    return [f"{number.name.rpartition('.')[2]} = {with_interval(number)}" for number in numbers]
+
+
+def _sure(verdict: Verdict, names: Sequence[str]) -> str:
+    """Return with what probability these act, whatever else does; of none of them, that nothing does."""
+    if verdict.beliefs is None:
+        return ""
+    wanted = set(names)
+    sure = verdict.beliefs.probability(lambda hypothesis: wanted <= set(hypothesis.names))
+    return f", with probability {sure if names else verdict.beliefs.sets.get(frozenset(), 0.0):.2f}"
 
 
 def _named(verdict: Verdict, labels: Labels) -> str:
-    return _changed(verdict, labels, "because", listing(_causes(verdict, verdict.named, labels))) + "."
+    return f"{_causes(verdict, verdict.named, labels)}{_sure(verdict, verdict.named)}."
 
 
 def _set(verdict: Verdict, labels: Labels) -> str:
-    sets = [names.split(" + ") for names in (verdict.indistinguishable or verdict.named)[:3]]
-    whys = [NOTHING if names == ["nothing"] else listing(_causes(verdict, names, labels)) for names in sets]
-    return _changed(verdict, labels, "because", f"either {listing(whys, 'or')}, which these data cannot tell") + "."
+    sets = [names.split(" + ") if names != "nothing" else [] for names in verdict.indistinguishable[:3]]
+    whys = [
+        (_causes(verdict, names, labels) or NOTHING) + _sure(verdict, names) for names in sets or [list(verdict.named)]
+    ]
+    return f"either {'; or '.join(whys)}: these data cannot tell."
 
 
 def _like(verdict: Verdict, labels: Labels) -> str:
-    return _changed(verdict, labels, "as if", listing(_causes(verdict, verdict.named, labels))) + (
-        "; something like it is missing, but the name does not stand alone."
-    )
+    return f"it looks as if {_causes(verdict, verdict.named, labels)}; but the name does not stand alone."
 
 
 def _off(verdict: Verdict, labels: Labels) -> str:
@@ -100,9 +133,7 @@ def _off(verdict: Verdict, labels: Labels) -> str:
 
 
 def _none_needed(verdict: Verdict, labels: Labels) -> str:
-    off = f": at worst {_off(verdict, labels)} {labels.unseen}" if verdict.scores else ""
-    none = verdict.beliefs.sets.get(frozenset(), 0.0) if verdict.beliefs is not None else math.nan
-    return f"nothing needs to be added{off}; none of the {verdict.tried} candidates acts, with probability {none:.2f}."
+    return f"nothing needs to be added: none of the {verdict.tried} candidates acts{_sure(verdict, ())}."
 
 
 def _unexplained(verdict: Verdict, labels: Labels) -> str:

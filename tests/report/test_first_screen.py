@@ -9,7 +9,7 @@ from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.held_out import ChannelScore, RunScore
 from rover_pin.report.drive.report import labels_of
 from rover_pin.report.first_screen import first_lines, first_screen
-from rover_pin.report.headline import headline
+from rover_pin.report.headline import headline, improvement
 from rover_pin.report.reasons import next_run, opposing_reasons, supporting_reasons
 from rover_pin.report.words import Labels, brief, cause, pair
 from rover_pin.simulation.model.effect_files import package_effects
@@ -33,24 +33,41 @@ def rig(verdict):
 
 
 def test_rig_sentence_states_error_reduction_and_reason(rig):
-    assert headline(rig, RIG) == (
-        "Sinkage was wrong by 5.5 mm and is now wrong by 1.3 mm on slips it never saw, because sand gives way as the "
-        "wheel slips (slip-sinkage); drawbar pull: no claim."
+    assert improvement(rig, RIG) == (
+        "Sinkage was wrong by 5.5 mm and is now wrong by 1.3 mm on slips it never saw; drawbar pull: no claim."
     )
+    assert headline(rig, RIG).startswith("Sand gives way as the wheel slips (slip-sinkage), with probability ")
+
+
+def test_the_headline_states_cause_size_and_confidence(verdict):
+    """Numbers with unit and interval are those of the fit; the probability is that of the beliefs."""
+    said = headline(verdict, labels_of(verdict))
+    assert said.startswith("The bus voltage drops with the current that all motors draw (supply sag): R_b = ")
+    for number in (one for one in verdict.after.numbers if one.name.startswith("SupplySag.")):
+        found = re.search(rf"{number.name.partition('.')[2]} = ([\d.]+) \w+ \[([\d.]+), ([\d.]+)\]", said)
+        told = tuple(map(float, found.groups()))
+        assert told == pytest.approx((number.value, number.low, number.high), rel=0.06)
+    assert said.endswith(f"with probability {verdict.beliefs.inclusion('SupplySag'):.2f}.")
+
+
+def test_one_size_with_a_unit_needs_no_name(verdict):
+    sizes = tuple(one for one in verdict.after.numbers if one.name != "SupplySag.tau")
+    one = dataclasses.replace(verdict, after=verdict.after._replace(numbers=sizes))
+    assert re.search(r"\(supply sag\): [\d.]+ ohm \[", headline(one, RIG))
+    open_end = tuple(each._replace(closed=False) for each in sizes)
+    one = dataclasses.replace(verdict, after=verdict.after._replace(numbers=open_end))
+    assert "ohm (no interval), with" in headline(one, RIG)
 
 
 def test_what_got_worse_stands_in_the_sentence(rig):
     worse = score("drawbar pull", "N", 0.5, 0.6, 0.1, 0.3, floor=0.1)
-    said = headline(dataclasses.replace(rig, scores=(worse, SINKAGE)), RIG)
+    said = improvement(dataclasses.replace(rig, scores=(worse, SINKAGE)), RIG)
     assert "0.50 N to 0.60 N." in said
 
 
 def test_without_a_better_channel_nothing_is_claimed(rig):
-    said = headline(dataclasses.replace(rig, scores=(PULL,)), RIG)
-    assert said == (
-        "No channel is predicted better on slips it never saw beyond its scatter, though it looks as if sand gives way "
-        "as the wheel slips (slip-sinkage)."
-    )
+    said = improvement(dataclasses.replace(rig, scores=(PULL,)), RIG)
+    assert said == "No channel is predicted better on slips it never saw beyond its scatter."
 
 
 @pytest.mark.parametrize("answer", Answer)
@@ -73,7 +90,7 @@ def test_every_answer_has_its_sentence_reasons_and_next_step(answered, answer):
 
 def test_answers_that_add_nothing_say_so_and_claim_no_cause(answered):
     for answer in (Answer.NONE_NEEDED, Answer.NONE_FITS, Answer.INADEQUATE, Answer.CANNOT_TELL):
-        assert "because" not in headline(answered(answer), labels_of(answered(answer)))
+        assert "is now" not in improvement(answered(answer), labels_of(answered(answer)))
     assert "fitted numbers" in headline(answered(Answer.NONE_FITS), RIG)
     far = dataclasses.replace(
         answered(Answer.INADEQUATE), sentence="numbers are far off: motor.gear = 30.", experiments=()
@@ -83,6 +100,8 @@ def test_answers_that_add_nothing_say_so_and_claim_no_cause(answered):
     none = headline(answered(Answer.NONE_NEEDED), RIG)
     assert "nothing needs" in none.lower()
     assert none.endswith("none of the 4 candidates acts, with probability 1.00.")
+    assert "times its noise" in improvement(answered(Answer.NONE_NEEDED), RIG)
+    assert "at worst" not in improvement(answered(Answer.NONE_FITS), RIG).lower()
 
 
 @pytest.mark.parametrize(("times", "doubted"), [(1.4, False), (5.6, True)])
@@ -98,8 +117,8 @@ def test_channel_far_above_its_noise_opposes_no_effect_needed(answered, times, d
 def test_what_cannot_be_told_apart_is_said_as_either_or(answered):
     one = answered(Answer.SET)
     said = headline(one, RIG)
-    assert "because either" in said
-    assert re.search(r"\(stress peak[^)]*\) and .* \(weak motor, 4\), which these data cannot tell", said)
+    assert said.startswith("Either ")
+    assert re.search(r"; or .*\(stress peak[^)]*\); and .* \(weak motor, 4\), with .*: these data cannot tell", said)
     assert any("distinguished" in line.lower() for line in opposing_reasons(one, RIG))
 
 
@@ -147,7 +166,7 @@ def test_free_runs_that_stay_no_closer_are_no_reason_to_believe(verdict):
 def test_a_terminal_gets_the_same_first_screen(verdict):
     manner = labels_of(verdict)
     text = first_lines(verdict, manner)
-    assert text.splitlines()[0] == headline(verdict, manner)
+    assert text.splitlines()[:2] == [headline(verdict, manner), improvement(verdict, manner)]
     content = first_screen(verdict, manner).content
     for line in (*content["believe"], *content["doubt"], *content["next"]):
         assert f"  - {line}" in text
