@@ -11,6 +11,7 @@ from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.cross_validation import losses_of
 from rover_pin.discrepancy.held_out import together
 from rover_pin.effects.point_mass import PointMass
+from rover_pin.estimation.noise import huber_weights
 from rover_pin.experiments.drive_log.extra import DriveExtra, extra_of
 from rover_pin.inference.beliefs import Beliefs
 from rover_pin.inference.cause import SIZE_SD
@@ -19,10 +20,11 @@ from rover_pin.report.drive.cautions import cautions
 from rover_pin.report.drive.full_duty import at_full_duty
 from rover_pin.report.drive.report import free_runs_section, labels_of, sides_of, write_report
 from rover_pin.report.drive.residual import residual_section
-from rover_pin.report.drive.runs import strayed, worst_runs
+from rover_pin.report.drive.runs import Sides, worst_runs
+from rover_pin.report.drive.shown import effect_picture, shown
 from rover_pin.report.practical import channel_changes
 from rover_pin.report.sections.held_out import held_out_section
-from rover_pin.report.sections.numbers import number_table
+from rover_pin.report.sections.numbers import most_correlated, number_table
 from rover_pin.report.sections.physics import physics_section
 from rover_pin.report.sections.sensitivity import sensitivities, sensitivity_section
 from rover_pin.report.sections.which_cause import which_cause_section
@@ -141,7 +143,10 @@ def test_numbers_that_drifted_or_lie_at_a_bound_stand_first(verdict):
     one = dataclasses.replace(verdict, after=verdict.after._replace(numbers=moved))
     rows = number_table(one).rows
     assert [row.cells[0] for row in rows] == ["soil.phi", "SupplySag.R_b", "SupplySag.tau", "WeakMotor[0].g"]
-    assert rows[0].cells[3:] == ("30 deg \u00b1 2 deg, declared in [soil]", "+4.00", "+4.0 SD from what was declared")
+    declared, drift, _, note = rows[0].cells[3:]
+    assert (declared, drift, note) == (
+        "30 deg \u00b1 2 deg, declared in [soil]", "+4.00", "+4.0 SD from what was declared"
+    )  # fmt: skip
     assert rows[1].cells[1] == "not in the model"
     assert "bound" in rows[1].cells[-1]
     said = cautions(one, extra_of(one).free)
@@ -242,9 +247,46 @@ def test_the_run_that_is_missed_most_comes_first(made):
         assert worst_runs(dataclasses.replace(before, predicted=off))[0] == run
 
 
-def test_free_runs_are_as_far_off_as_the_table_says(made, verdict):
-    """But for the tracker's noise, which half-second means leave out."""
-    _, before, _ = made
-    for one, off in zip(extra_of(verdict).free, strayed(before.task.experiment, before.model), strict=True):
-        rms = float(np.sqrt(np.nanmean(off**2)))
-        assert 0.5 * one.before < rms < one.before
+def test_numbers_name_the_one_they_go_with_most(verdict):
+    """The correlation is that of (J^T W J + priors)^-1, here of a finite sum over its rows."""
+    fitted = verdict.after.fit
+    told = most_correlated(fitted)
+    names = [one.name for one in fitted.parameters]
+    weighted = fitted.columns * np.sqrt(huber_weights(fitted.rows))[:, None]
+    normal = weighted.T @ weighted + np.diag([float(one.prior) for one in fitted.parameters])
+    covariance = np.linalg.solve(normal, np.eye(len(names)))
+    for row, name in enumerate(names):
+        other, correlation = told[name].rsplit(" ", 1)
+        at = names.index(other)
+        expected = covariance[row, at] / np.sqrt(covariance[row, row] * covariance[at, at])
+        assert float(correlation) == pytest.approx(expected, abs=0.006)
+        others = [covariance[row, i] ** 2 / covariance[i, i] for i in range(len(names)) if i != row]
+        assert max(others) == pytest.approx(covariance[row, at] ** 2 / covariance[at, at])
+    cells = {row.cells[0]: row.cells[-2] for row in number_table(verdict).rows}
+    assert cells == told
+
+
+def test_the_first_picture_is_where_what_was_added_shows(made, verdict):
+    """A sagging supply shows in the bus voltage; its drawn means are those of the residual, and fall to nothing."""
+    sides = sides_of(verdict)
+    one = shown(sides)
+    assert one.channel == "battery_V"
+    row = sides.experiment.channels.index("battery_V")
+    left = [np.where(fit.task.noise.good[:, row], fit.missed[:, row], np.nan) for fit in sides]
+    assert one.compared == np.isfinite(left).all(axis=0).sum()
+    assert one.left.mean(axis=1) == pytest.approx([np.nanmean(side) for side in left], abs=0.05 * np.nanstd(left[0]))
+    assert np.all(np.abs(one.left[0]) > np.abs(one.left[1]))
+    (figure,) = effect_picture(sides).panels
+    drawn = [bars[0].get_ydata() for bars in figure.axes[0].containers]
+    factor = drawn[0][0] / one.left[0, 0]
+    assert np.array(drawn) == pytest.approx(factor * one.left)
+    bare = shown(Sides(made[1], made[1]))
+    assert bare.gain == pytest.approx(float(np.sum((bare.left[0] / bare.sd[0]) ** 2)))
+
+
+def test_too_little_to_average_is_not_drawn(made):
+    fitted, noise = made[1], made[1].task.noise
+    first = np.argmax(noise.good.all(axis=(0, 1)))
+    few = dataclasses.replace(noise, good=noise.good & (np.arange(noise.good.shape[2]) <= first))
+    sparse = dataclasses.replace(fitted, task=dataclasses.replace(fitted.task, noise=few))
+    assert effect_picture(Sides(sparse, sparse)) is None

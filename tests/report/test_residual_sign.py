@@ -12,7 +12,7 @@ from rover_pin.experiments.unlisted.residual import DriveResidual, channel_resid
 from rover_pin.experiments.wheel_rig.draft import draft_effect
 from rover_pin.loop.rig import on_rig
 from rover_pin.report.drive.residual import channel_table
-from rover_pin.report.drive.runs import Sides, residual_panels, scale_of, worst_runs
+from rover_pin.report.drive.runs import Sides, residual_panels, worst_runs
 from rover_pin.report.rig.figures import residual_panels as rig_residual_panels
 from rover_pin.report.rig.report import test_table as table_of_tests
 from rover_pin.simulation.model.effect_files import user_effects
@@ -118,7 +118,7 @@ def test_the_figure_of_a_drive_has_the_sign(faster):
     fitted, duty = faster
     run, figure = worst_runs(fitted)[0], residual_panels(Sides(fitted, fitted))[0]
     axis = next(one for one in figure.axes if one.get_ylabel().startswith("current"))
-    drawn = axis.lines[-1].get_ydata() / scale_of("current_fl_A")[0]
+    drawn = axis.lines[-1].get_ydata()
     assert np.corrcoef(drawn, duty[run])[0, 1] > 0.99
     name = fitted.task.experiment.runs[run].name
     assert figure.legends[0].get_title().get_text() == f"{name}: measured - model"

@@ -2,6 +2,7 @@
 
 import dataclasses
 import importlib.util
+import math
 from pathlib import Path
 
 import numpy as np
@@ -14,13 +15,24 @@ from rover_pin.discrepancy.held_out import ChannelScore, RunScore
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.estimation.fit import covariance
 from rover_pin.estimation.parameter import Parameter
-from rover_pin.estimation.wording import Against, Change, Outcome, against, got_worse, interval, share, spread
+from rover_pin.estimation.wording import (
+    Against,
+    Change,
+    Outcome,
+    against,
+    format_value,
+    got_worse,
+    in_words,
+    interval,
+    share,
+    spread,
+)
 from rover_pin.experiments.drive_log.extra import free_lines
 from rover_pin.experiments.drive_log.free_runs import FreeRun
 from rover_pin.experiments.wheel_rig.data import Independent, read_rig_set
 from rover_pin.experiments.wheel_rig.known_elsewhere import Flag
 from rover_pin.loop.rig import on_rig
-from rover_pin.report.figures import heldout_panels
+from rover_pin.report.figures import heldout_panel
 from rover_pin.report.rig.cautions import of_parameters
 from rover_pin.report.rig.report import write_report
 from rover_pin.report.sections.held_out import channel_table, held_out_section
@@ -105,10 +117,35 @@ def test_small_shares_keep_a_digit_and_none_has_no_sign():
 
 def test_an_interval_without_width_is_none():
     assert interval(0.5, 0.5, 0.5, "N m") == "0.5 N m (no interval)"
-    assert interval(0.5, 0.4, 0.6, "N m") == "0.5 N m [0.4 N m, 0.6 N m]"
-    assert interval(np.radians(30), np.radians(29), np.radians(31), "rad") == "30 deg [29 deg, 31 deg]"
+    assert interval(0.5, 0.4, 0.6, "N m") == "0.5 N m [0.4, 0.6]"
+    assert interval(np.radians(30), np.radians(29), np.radians(31), "rad") == "30 deg [29, 31]"
+    assert interval(6.705e-4, 5e-4, 2e-3, "A") == "0.6705 mA [0.5, 2]"
     assert interval(0.0, 0.0, 0.0, "") == "0 (no interval)"
     assert interval(1.0, np.nan, np.nan, "") == "1 (no interval)"
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "said"),
+    [
+        (6.705e-4, "A", "0.6705 mA"),
+        (-3e-6, "V", "-3 \N{MICRO SIGN}V"),
+        (49700.0, "N/m^3", "49.7 kN/m^3"),
+        (0.0, "N", "0 N"),
+        (2e-4, "m", "0.2 mm"),
+        (2e-4, "", "0.0002"),
+        (2e-4, "m^2", "0.0002 m^2"),
+        (math.nan, "A", "not predicted"),
+    ],
+)
+def test_units_scale_with_the_number(value, unit, said):
+    """No number of a unit that takes a prefix has zeros or powers of ten before its digits."""
+    assert format_value(value, unit) == said
+    factor, _ = in_words(unit, value)
+    assert said == "not predicted" or float(said.split()[0]) == pytest.approx(factor * value)
+
+
+def test_two_numbers_share_a_unit():
+    assert format_value(0.012, "A", 9e-3) == "12 mA"
 
 
 def test_an_sd_of_nothing_is_not_printed_as_certainty():
@@ -135,7 +172,7 @@ def test_an_interval_that_covers_everything_says_nothing(ends, covered, says):
     assert against(ends, (38.0, 38.0), covered) is says
     flag = Flag("phi", "rad", tuple(np.radians((20.0, *ends))), KNOWN, says)
     assert flag.agrees == (says is Against.AGREES)
-    assert f"deg] {says.value} 38 deg (stated)" in flag.sentence
+    assert f"] {says.value} 38 deg (stated)" in flag.sentence
     cautioned = {Against.AWAY: "sits away from", Against.NOTHING: "is not identified"}
     (said, *rest) = of_parameters((), [flag]) or [""]
     assert rest == []
@@ -232,7 +269,7 @@ def scores():
 
 
 def test_held_out_figure_draws_no_unclaimed_change():
-    left = heldout_panels(scores(), True, MANNER)[0].axes[0]
+    left = heldout_panel(scores(), True, MANNER).axes[0]
     drawn = [line for line in left.collections if isinstance(line, LineCollection)]
     assert len(drawn[0].get_segments()) == 2
     hollow = next(line for line in left.lines if "no change to claim" in line.get_label())

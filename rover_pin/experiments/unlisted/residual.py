@@ -123,11 +123,11 @@ def draft_effect(residual: DriveResidual, name: str) -> str:
 def channel_residuals(scene: Scene) -> tuple[DriveChannelResidual, ...]:
     """Return what each channel leaves."""
     rows = table_of(scene.fit)
-    signals = _signals(scene)
-    return tuple(_channel(scene, name, rows[:, at], signals) for at, name in enumerate(scene.experiment.channels))
+    table = signals(scene)
+    return tuple(_channel(scene, name, rows[:, at], table) for at, name in enumerate(scene.experiment.channels))
 
 
-def _signals(scene: Scene) -> dict[str, np.ndarray]:
+def signals(scene: Scene) -> dict[str, np.ndarray]:
     """Return the block means (runs, blocks) of what a residual may go with."""
     signal_by_name: dict[str, Callable[[int], np.ndarray]] = {
         "duty": lambda run: scene.experiment.runs[run].commands.duty.mean(axis=1),
@@ -136,12 +136,12 @@ def _signals(scene: Scene) -> dict[str, np.ndarray]:
         "place": lambda run: filled(scene.experiment.runs[run].commands.place[:, 0]),
         "time": lambda run: scene.experiment.runs[run].commands.t,
     }
-    signals = {name: np.full((len(scene.experiment.runs), scene.experiment.length), np.nan) for name in signal_by_name}
+    means = {name: np.full((len(scene.experiment.runs), scene.experiment.length), np.nan) for name in signal_by_name}
     for name, of in signal_by_name.items():
         for run, logged_run in enumerate(scene.experiment.runs):
             block = blocks(of(run), logged_run.commands.period)
-            signals[name][run, : len(block)] = block
-    return signals
+            means[name][run, : len(block)] = block
+    return means
 
 
 def _channel(scene: Scene, name: str, rows: np.ndarray, signals: dict[str, np.ndarray]) -> DriveChannelResidual:

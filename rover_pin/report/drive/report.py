@@ -15,15 +15,8 @@ from rover_pin.logs.drive_log import DriveLog
 from rover_pin.report.drive.full_duty import at_full_duty
 from rover_pin.report.drive.ghost import ghosts
 from rover_pin.report.drive.residual import residual_section
-from rover_pin.report.drive.runs import (
-    Sides,
-    free_panels,
-    measured_panels,
-    residual_panels,
-    telling_channels,
-    words_of,
-    worst_runs,
-)
+from rover_pin.report.drive.runs import Sides, residual_panels, telling_channels, words_of
+from rover_pin.report.drive.shown import effect_picture
 from rover_pin.report.first_screen import first_screen
 from rover_pin.report.headline import WORTH, headline
 from rover_pin.report.page import Head, write_page
@@ -34,10 +27,7 @@ from rover_pin.report.sections.numbers import numbers_section
 from rover_pin.report.sections.physics import physics_section
 from rover_pin.report.sections.sensitivity import sensitivity_section
 from rover_pin.report.sections.which_cause import which_cause_section
-from rover_pin.report.words import Labels, brief, listing, pair
-
-SHOWN = 2
-"""Channels in the picture of the first screen."""
+from rover_pin.report.words import Labels, listing, pair
 
 
 def labels_of(verdict: Verdict) -> Labels:
@@ -59,7 +49,7 @@ def write_report(verdict: Verdict, log: DriveLog, out: Path) -> list[Path]:
     scene = ghosts(verdict, log, sides)
     seconds = sum(float(trace.t[-1] - trace.t[0]) for trace in log.runs if len(trace.t))
     sections = [
-        first_screen(verdict, labels, _picture(sides), "worst_run"),
+        first_screen(verdict, labels, effect_picture(sides) if sides else None, "effect"),
         free_runs_section(verdict),
         scene,
         held_out_section(verdict, labels),
@@ -84,18 +74,6 @@ def sides_of(verdict: Verdict) -> Sides | None:
     return Sides(verdict.before.fit, verdict.after.fit if verdict.named else verdict.before.fit)
 
 
-def _picture(sides: Sides | None) -> Picture | None:
-    """Return the channels that changed most on the run that the base model misses most."""
-    if sides is None:
-        return None
-    run, channels = worst_runs(sides.before)[0], telling_channels(sides)[:SHOWN]
-    names = listing(words_of(sides.experiment.channels[row]) for row in channels)
-    alt = f"{names} of run {sides.experiment.runs[run].name}, measured and modelled before" + " and after" * sides.added
-    panels = tuple(figure for row in channels for figure in measured_panels(sides, [row], [run]))
-    caption = "The run that the base model misses most, in half-second means; shaded is not compared."
-    return Picture(panels, f"{alt}.", caption)
-
-
 def _together(free: tuple[FreeRun, ...]) -> tuple[float, float]:
     """Return the RMS distance of all free runs from the logged place, before and after [m]."""
     rows = np.array([(free_run.before, free_run.after) for free_run in free])
@@ -114,7 +92,7 @@ def _describe_free_runs(free: tuple[FreeRun, ...]) -> list[str]:
 
 def free_runs_section(verdict: Verdict) -> Section | None:
     """Return how far simulations diverge that are given the logged commands alone; None where nothing was driven."""
-    free, sides, added = extra_of(verdict).free, sides_of(verdict), bool(verdict.named)
+    free, added = extra_of(verdict).free, bool(verdict.named)
     if not free:
         return None
     rows = [
@@ -124,17 +102,7 @@ def free_runs_section(verdict: Verdict) -> Section | None:
     if len(free) > 1:
         rows.append(_free_row("all runs together", "", *_together(free), added))
     table = Table(("run", "driven", *before_and_after(added)), tuple(rows), "RMS distance from the logged place")
-    pictures = {} if sides is None else {"free": _free_picture(sides, free)}
-    return Section("Driven freely", "drive/free_runs.html", {"table": table}, pictures)
-
-
-def _free_picture(sides: Sides, free: tuple[FreeRun, ...]) -> Picture:
-    """Return the distance over time."""
-    models = [sides.before.model, *([sides.after.model] if sides.added else [])]
-    before, after = (brief(distance, "m") for distance in _together(free))
-    times = f"{before} RMS" + (f" before and {after} after." if sides.added else ".")
-    alt = f"Distance of free simulations from the logged place over time: {times}"
-    return Picture(free_panels(sides.experiment, models), alt)
+    return Section("Driven freely", "drive/free_runs.html", {"table": table})
 
 
 def _free_row(run: str, driven: str, before: float, after: float, added: bool) -> Row:
@@ -152,8 +120,6 @@ def where_wrong_section(sides: Sides | None) -> Section | None:
         return None
     names = listing(words_of(sides.experiment.channels[row]) for row in telling_channels(sides))
     after = " and after" * sides.added
-    pictures = {
-        "residuals": Picture(residual_panels(sides), f"Measured minus model of {names} against time, before{after}."),
-        "measured": Picture(measured_panels(sides), f"Measured and modelled {names} against time, before{after}."),
-    }
+    alt = f"Measured minus model of {names} against time, before{after}."
+    pictures = {"residuals": Picture(residual_panels(sides), alt)}
     return Section("Where the error lives", "drive/where_it_is_wrong.html", {"added": sides.added}, pictures)

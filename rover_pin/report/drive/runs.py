@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -13,13 +12,11 @@ from rover_pin.discrepancy.cross_validation import run_of_rows
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.noise import huber
 from rover_pin.estimation.wording import in_words
-from rover_pin.experiments.drive_log.experiment import MADE, DriveExperiment, logged
-from rover_pin.experiments.drive_log.features import BLOCK, DRIFT, HEADING, LEAK, PATH, SPEED, blocks
+from rover_pin.experiments.drive_log.experiment import DriveExperiment, logged
+from rover_pin.experiments.drive_log.features import BLOCK, DRIFT, HEADING, LEAK, PATH, SPEED
 from rover_pin.report.svg import AFTER, BEFORE, GREY, NOISE
 from rover_pin.report.words import as_text
-from rover_pin.simulation.model.model import Model
-from rover_pin.simulation.replay import Commands
-from rover_pin.simulation.trace.channels import unit_of, wheel_of
+from rover_pin.simulation.trace.channels import wheel_of
 
 CHANNELS, OF_A_KIND, RUNS = 5, 2, 2
 """Channels that are drawn, and of one kind; runs that are drawn."""
@@ -57,11 +54,6 @@ class Sides(NamedTuple):
 def words_of(channel: str) -> str:
     """Return a channel's name for a reader: wheel_rate_fl is 'wheel rate fl'."""
     return WORDS.get(channel, channel.removesuffix("_A").replace("_", " "))
-
-
-def scale_of(channel: str) -> tuple[float, str]:
-    """Return the factor to, and the name of, the unit in which a reader wants a channel."""
-    return in_words(MADE.get(channel) or unit_of(channel))
 
 
 def worst_runs(fit: Fit) -> list[int]:
@@ -103,55 +95,25 @@ def residual_panels(sides: Sides) -> tuple[Figure, ...]:
 
 
 def _residuals(sides: Sides, run: int) -> Figure:
-    figure, rows = _column(sides, run, telling_channels(sides))
-    for axis, row, factor in rows:
-        noise = factor * float(sides.before.task.noise.floor[row])
-        axis.axhspan(-noise, noise, color=NOISE, alpha=0.6, lw=0, label="±1 SD of the noise")
-        axis.axhline(0, color="k", lw=0.7)
-        for fit, look in _looks(sides):
-            _line(axis, sides.experiment, run, factor * fit.missed[run, row], look)
-    return _finished(figure, f"{sides.experiment.runs[run].name}: measured - model")
-
-
-def measured_panels(sides: Sides, channels: Sequence[int] = (), runs: Sequence[int] = ()) -> tuple[Figure, ...]:
-    """Return channels as measured and as modelled, before and after; the telling ones of the worst runs if not said."""
-    rows = list(channels) or telling_channels(sides)
-    return tuple(_measured(sides, run, rows) for run in runs or worst_runs(sides.before))
-
-
-def _measured(sides: Sides, run: int, channels: Sequence[int]) -> Figure:
-    figure, rows = _column(sides, run, channels)
-    for axis, row, factor in rows:
-        black = {"color": "k", "marker": "o", "ms": 2.2, "ls": "", "label": "measured"}
-        _line(axis, sides.experiment, run, factor * sides.experiment.observed[run, row], black)
-        for fit, look in _looks(sides):
-            lost = np.abs(fit.predicted[run, row]) == sides.experiment.stand_in
-            _line(axis, sides.experiment, run, factor * np.where(lost, np.nan, fit.predicted[run, row]), look)
-    return _finished(figure, sides.experiment.runs[run].name)
-
-
-def _looks(sides: Sides) -> list[tuple[Fit, dict[str, Any]]]:
-    before: dict[str, Any] = {"color": BEFORE, "ls": "--", "lw": 1.3, "label": "base model"}
-    after: dict[str, Any] = {"color": AFTER, "ls": "-", "lw": 1.3, "label": "with what was added"}
-    return [(sides.before, before), *([(sides.after, after)] if sides.added else [])]
-
-
-Panel = tuple[Axes, int, float]
-
-
-def _column(sides: Sides, run: int, channels: Sequence[int]) -> tuple[Figure, list[Panel]]:
-    """Return a figure of channels of a run, one above the other, what is not compared shaded."""
+    """Return the channels of a run, one above the other, what is not compared shaded."""
+    channels, experiment = telling_channels(sides), sides.experiment
     figure = Figure(figsize=(4.9, 1.5 * len(channels) + 1.1), layout="constrained")
     axes = figure.subplots(len(channels), 1, sharex=True, squeeze=False)[:, 0]
-    panels = []
     for axis, row in zip(axes, channels, strict=True):
-        name = sides.experiment.channels[row]
-        factor, unit = scale_of(name)
-        axis.set_ylabel(f"{as_text(words_of(name))}\n[{unit or '-'}]", fontsize=8.5)
-        _shaded(axis, sides.experiment, run, row)
-        panels.append((axis, row, factor))
+        noise = float(sides.before.task.noise.floor[row])
+        factor, unit = in_words(experiment.unit(experiment.channels[row]), noise)
+        axis.set_ylabel(f"{as_text(words_of(experiment.channels[row]))}\n[{unit or '-'}]", fontsize=8.5)
+        _shaded(axis, experiment, run, row)
+        axis.axhspan(-factor * noise, factor * noise, color=NOISE, alpha=0.6, lw=0, label="±1 SD of the noise")
+        axis.axhline(0, color="k", lw=0.7)
+        for fit, (colour, style, label) in zip(sides, LOOKS[: 1 + sides.added], strict=False):
+            times, left = experiment.runs[run].times, factor * fit.missed[run, row]
+            axis.plot(times, left[: len(times)], color=colour, ls=style, lw=1.3, label=label)
     axes[-1].set_xlabel("time [s]")
-    return figure, panels
+    handles = {label: handle for axis in axes for handle, label in zip(*axis.get_legend_handles_labels(), strict=True)}
+    figure.legend(list(handles.values()), list(handles), loc="outside upper center", ncols=2, frameon=False,
+                  title=as_text(f"{experiment.runs[run].name}: measured - model"), fontsize=8.5)  # fmt: skip
+    return figure
 
 
 def _shaded(axis: Axes, experiment: DriveExperiment, run: int, row: int) -> None:
@@ -165,54 +127,3 @@ def _shaded(axis: Axes, experiment: DriveExperiment, run: int, row: int) -> None
     axis.set_xlim(times[0] - BLOCK / 2, times[-1] + BLOCK / 2)
     axis.tick_params(labelsize=8)
     axis.grid(alpha=0.25)
-
-
-def _line(axis: Axes, experiment: DriveExperiment, run: int, values: np.ndarray, look: dict[str, Any]) -> None:
-    times = experiment.runs[run].times
-    axis.plot(times, values[: len(times)], **look)
-
-
-def _finished(figure: Figure, title: str) -> Figure:
-    handles = {
-        label: handle for axis in figure.axes for handle, label in zip(*axis.get_legend_handles_labels(), strict=True)
-    }
-    figure.legend(list(handles.values()), list(handles), loc="outside upper center", ncols=2, frameon=False,
-                  title=as_text(title), fontsize=8.5)  # fmt: skip
-    return figure
-
-
-def strayed(experiment: DriveExperiment, model: Model) -> list[np.ndarray]:
-    """Return the distance of each run's free simulation from the logged place [m], by means over half a second."""
-    replays = experiment.free.replays(model)
-    return [_off(run.commands, replay.channels) for run, replay in zip(experiment.runs, replays, strict=True)]
-
-
-def _off(run: Commands, channels: dict[str, np.ndarray]) -> np.ndarray:
-    if "body_x" not in channels:
-        return blocks(np.full(len(run.t), np.nan), run.period)
-    x, y = (blocks(channels[f"body_{axis}"] - run.place[:, at], run.period) for at, axis in enumerate("xy"))
-    return np.asarray(np.hypot(x, y))
-
-
-def free_panels(experiment: DriveExperiment, models: Sequence[Model]) -> tuple[Figure, ...]:
-    """Return how far free simulations diverge from the log over time, a panel a run: the base model, and that after."""
-    ways = [strayed(experiment, model) for model in models]
-    highest = max(
-        (1e3 * float(np.nanmax(way)) for distances in ways for way in distances if np.isfinite(way).any()), default=1.0
-    )
-    return tuple(
-        _strayed_panel(run.name, run.times, [distances[at] for distances in ways], 1.05 * highest)
-        for at, run in enumerate(experiment.runs)
-    )
-
-
-def _strayed_panel(name: str, times: np.ndarray, ways: Sequence[np.ndarray], highest: float) -> Figure:
-    figure = Figure(figsize=(3.2, 2.4), layout="constrained")
-    axis = figure.subplots()
-    for off, (colour, style, label) in zip(ways, LOOKS, strict=False):
-        axis.plot(times, 1e3 * off, color=colour, ls=style, lw=1.4, label=label)
-    axis.set(xlabel="time [s]", ylabel="distance from the\nlogged place [mm]", ylim=(0, highest))
-    axis.set_title(as_text(name), fontsize=10)
-    axis.legend(fontsize=7, frameon=False)
-    axis.grid(alpha=0.25)
-    return figure

@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from rover_pin.estimation.wording import in_words
 from rover_pin.experiments.wheel_rig.data import RigSet
 from rover_pin.experiments.wheel_rig.diagnostics import FitDiagnostics
 from rover_pin.experiments.wheel_rig.experiment import ROWS
@@ -44,7 +45,7 @@ def channel_panels(data: RigSet, drawn_models: Sequence[Look]) -> tuple[Figure, 
 
 def _panel(data: RigSet, channel: RigChannel, drawn_models: Sequence[Look]) -> Figure:
     figure = Figure(figsize=PANEL, layout="constrained")
-    axis, (scale, unit) = figure.subplots(), scale_of(channel)
+    axis, (scale, unit) = figure.subplots(), in_words(channel.unit)
     measured, sd = scale * channel.measured, scale * channel.sd
     axis.errorbar(data.rig.slip, measured, sd, fmt="ko", ms=4, capsize=2, label="measured, ±1 SD")
     for look in drawn_models:
@@ -59,11 +60,6 @@ def _panel(data: RigSet, channel: RigChannel, drawn_models: Sequence[Look]) -> F
     axis.grid(alpha=0.25)
     figure.legend(*axis.get_legend_handles_labels(), loc="outside upper center", ncols=2, frameon=False, fontsize=8.5)
     return figure
-
-
-def scale_of(channel: RigChannel) -> tuple[float, str]:
-    """Return the factor to, and the name of, the unit in which a channel is drawn."""
-    return (1e3, "mm") if channel.unit == "m" else (1.0, channel.unit)
 
 
 Curve = tuple[np.ndarray, np.ndarray, str]
@@ -130,17 +126,20 @@ def load_caption(data: RigSet) -> str:
 
 def residual_panels(data: RigSet, before: FitDiagnostics, after: FitDiagnostics | None) -> tuple[Figure, ...]:
     """Return one panel a channel: the mean of measured - model at each level, with its noise, before and after."""
-    return tuple(_residual_panel(row, channel, before, after) for row, channel in enumerate(data.rig.channels))
+    line = "" if _set_apart(data) or np.ptp(data.rig.slip_angle) > 0 else "-"  # no line through loads
+    return tuple(_residual_panel(row, channel, before, after, line) for row, channel in enumerate(data.rig.channels))
 
 
-def _residual_panel(row: int, channel: RigChannel, before: FitDiagnostics, after: FitDiagnostics | None) -> Figure:
+def _residual_panel(
+    row: int, channel: RigChannel, before: FitDiagnostics, after: FitDiagnostics | None, line: str
+) -> Figure:
     figure = Figure(figsize=(PANEL[0], 3.1), layout="constrained")
-    axis, (scale, unit) = figure.subplots(), scale_of(channel)
+    axis, (scale, unit) = figure.subplots(), in_words(channel.unit)
     noise = scale * float(np.sqrt(np.mean(channel.sd**2)))
     axis.axhspan(-noise, noise, color=GREY, alpha=0.2, lw=0, label="±1 SD of one run")
-    _levels(axis, before, row, scale, (BEFORE, "o", "before"))
+    _levels(axis, before, row, scale, (BEFORE, "o", "before", line))
     if after is not None:
-        _levels(axis, after, row, scale, (AFTER, "s", "after"))
+        _levels(axis, after, row, scale, (AFTER, "s", "after", line))
     axis.axhline(0, color="k", lw=0.8)
     axis.set(xlabel="slip ratio S [-]", ylabel=f"{channel.name}:\nmeasured - model [{unit}]")
     axis.grid(alpha=0.25)
@@ -148,12 +147,12 @@ def _residual_panel(row: int, channel: RigChannel, before: FitDiagnostics, after
     return figure
 
 
-def _levels(axis: Axes, side: FitDiagnostics, row: int, scale: float, style: tuple[str, str, str]) -> None:
+def _levels(axis: Axes, side: FitDiagnostics, row: int, scale: float, style: tuple[str, str, str, str]) -> None:
     levels = sorted(side.residuals[row].levels, key=lambda level: level.slip)
-    colour, marker, label = style
+    colour, marker, label, line = style
     axis.errorbar(
         [level.slip for level in levels],
         [scale * level.mean for level in levels],
         [scale * level.noise for level in levels],
-        color=colour, marker=marker, ms=5, lw=1.2, capsize=2, label=label,
+        color=colour, marker=marker, ls=line, ms=5, lw=1.2, capsize=2, label=label,
     )  # fmt: skip

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from rover_pin.discrepancy.held_out import ChannelScore
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.effects.names import display_name
 from rover_pin.estimation.wording import Against, format_value
@@ -13,7 +14,7 @@ from rover_pin.experiments.wheel_rig.residual_tests import SIGNIFICANCE_LEVEL, R
 from rover_pin.report.first_screen import first_screen
 from rover_pin.report.headline import headline
 from rover_pin.report.page import Head, write_page
-from rover_pin.report.rig.figures import channel_panels, load_caption, looks, residual_panels
+from rover_pin.report.rig.figures import Look, channel_panels, load_caption, looks, residual_panels
 from rover_pin.report.rig.levels import meanings
 from rover_pin.report.section import AWAY, Picture, Row, Section, Table, before_and_after
 from rover_pin.report.sections.closing import data_check_section, repeat_section, warnings_section
@@ -22,7 +23,7 @@ from rover_pin.report.sections.numbers import numbers_section
 from rover_pin.report.sections.physics import physics_section
 from rover_pin.report.sections.sensitivity import sensitivity_section
 from rover_pin.report.sections.which_cause import which_cause_section
-from rover_pin.report.words import Labels, kinds_of, listing
+from rover_pin.report.words import Labels, capital, kinds_of, listing
 
 UNSEEN = Labels("on slips it never saw", "levels of slip")
 
@@ -38,7 +39,7 @@ def write_report(verdict: Verdict, data: RigSet, out: Path) -> list[Path]:
     labels = labels_of(data)
     kicker = f"{data.rig.slip.size} runs at {len(data.level_names)} levels of slip"
     sections = [
-        first_screen(verdict, labels, _picture(verdict, data), "channels"),
+        first_screen(verdict, labels, _picture(verdict, data), "effect"),
         held_out_section(verdict, labels),
         where_wrong_section(verdict, data),
         physics_section(verdict, labels),
@@ -57,20 +58,33 @@ def _added(verdict: Verdict) -> str:
     return listing(display_name(name, kinds_of(verdict)) for name in verdict.named)
 
 
+def _looks(verdict: Verdict) -> list[Look]:
+    if verdict.before is None:
+        return []
+    return looks(verdict.before.model, verdict.model if verdict.named else None, _added(verdict))
+
+
 def _picture(verdict: Verdict, data: RigSet) -> Picture:
-    before = verdict.before.model if verdict.before else verdict.model
-    after = verdict.model if verdict.named else None
-    curves = looks(before, after, _added(verdict)) if verdict.before else []
-    alt = f"Measured {listing(channel.name for channel in data.rig.channels)} against slip" + (
-        ", with the base model" if curves else ""
-    ) + (f" and the model with {_added(verdict)}" if after else "")  # fmt: skip
-    errors = [
-        f"{score.name} is missed by {format_value(score.before, score.unit)} before and "
-        f"{format_value(score.after, score.unit)} after"
-        for score in verdict.scores
-    ]
-    caption = load_caption(data) if curves else ""
-    return Picture(channel_panels(data, curves), f"{alt}. {listing(errors) if after else ''}".strip(), caption)
+    """Return the channel where what was added shows most, and what is left of it; all channels of nothing fitted."""
+    curves, channels = _looks(verdict), channel_panels(data, _looks(verdict))
+    if not curves or not isinstance(verdict.extra, RigExtra):
+        return Picture(channels, f"Measured {listing(channel.name for channel in data.rig.channels)} against slip.")
+    names = [channel.name for channel in data.rig.channels]
+    score = max((score for score in verdict.scores if score.name in names), key=_shown)
+    row = names.index(score.name)
+    left = residual_panels(data, verdict.extra.before, verdict.extra.after if verdict.named else None)
+    alt = f"{score.name} against slip, measured, with the base model" + f" and with {_added(verdict)}" * bool(
+        verdict.named
+    )
+    before, after = (format_value(error, score.unit) for error in (score.before, score.after))
+    missed = f"missed by {before} before and {after} after" if verdict.named else f"missed by {before}"
+    return Picture((channels[row], left[row]), f"{capital(alt)}: {missed}.", load_caption(data))
+
+
+def _shown(score: ChannelScore) -> float:
+    """Return by how much the held-out chi2 of a channel falls; how large it is where nothing was added."""
+    before, after = score.times(score.before) ** 2, score.times(score.after) ** 2
+    return before - after if before != after else before
 
 
 def where_wrong_section(verdict: Verdict, data: RigSet) -> Section | None:
@@ -87,8 +101,11 @@ def where_wrong_section(verdict: Verdict, data: RigSet) -> Section | None:
         f"{was.name} {was.rms:.1f} times its noise" + (f" before and {now.rms:.1f} after" if added else "")
         for was, now in zip(sides.before.residuals, sides.after.residuals, strict=True)
     ]
-    picture = Picture(panels, f"Measured minus model at each level of slip; left is {listing(errors)}.")
-    return Section("Where the error lives", "rig/where_it_lives.html", content, {"residuals": picture})
+    pictures = {
+        "channels": Picture(channel_panels(data, _looks(verdict)), "Channels against slip.", load_caption(data)),
+        "residuals": Picture(panels, f"Measured minus model at each level of slip; left is {listing(errors)}."),
+    }
+    return Section("Where the error lives", "rig/where_it_lives.html", content, pictures)
 
 
 def test_table(sides: RigExtra, added: bool) -> Table:

@@ -9,7 +9,7 @@ from typing import Any
 from rover_pin.discrepancy.held_out import LOSES, ChannelScore
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.estimation.wording import Outcome, figure, format_value, got_worse
-from rover_pin.report.figures import heldout_panels
+from rover_pin.report.figures import heldout_panel
 from rover_pin.report.headline import MAX_NAMED_CHANNELS, by_outcome, worst
 from rover_pin.report.section import AWAY, Picture, Row, Section, Table
 from rover_pin.report.words import Labels
@@ -40,7 +40,7 @@ def _picture(scores: Sequence[ChannelScore], added: bool, labels: Labels) -> Pic
     better, worse = (len(by_outcome(scores, outcome)) for outcome in (Outcome.BETTER, Outcome.WORSE))
     summary = f"{better} of {len(scores)} channels are predicted better and {worse} worse"
     alt = f"Held-out error of each channel over its noise; {summary if added else 'nothing was added'}."
-    return Picture(heldout_panels(scores, added, labels), alt)
+    return Picture((heldout_panel(scores, added, labels),), alt)
 
 
 def parts_table(verdict: Verdict, labels: Labels) -> Table:

@@ -5,8 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
+import numpy as np
+
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.estimation import wording
+from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.numbers import DRIFTED, Number
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.estimation.wording import format_value
@@ -40,12 +43,29 @@ def number_table(verdict: Verdict) -> Table:
     parameters = {
         parameter.name: parameter for parameter in (*verdict.after.fit.parameters, *verdict.before.fit.parameters)
     }
-    heads = ("number", *(("before", "after") if added else ("fitted",)), "beforehand", "SD from it", "note")
+    heads = (
+        "number", *(("before", "after") if added else ("fitted",)), "beforehand", "SD from it", "goes most with", "note"
+    )  # fmt: skip
+    partners = most_correlated(verdict.after.fit)
     ranked = sorted(
         verdict.after.numbers,
         key=lambda number: (not abs(number.drift) > DRIFTED, number.name in before, -_far(number)),
     )
-    return Table(heads, tuple(_row(number, before, parameters[number.name], added) for number in ranked))
+    rows = (_row(number, before, parameters[number.name], added) for number in ranked)
+    return Table(
+        heads,
+        tuple(row._replace(cells=(*row.cells[:-1], partners.get(row.cells[0], ""), row.cells[-1])) for row in rows),
+    )
+
+
+def most_correlated(fitted: Fit) -> dict[str, str]:
+    """Return, for each number of a fit, the other one with which it is correlated most, and by how much."""
+    names, covariance = [parameter.name for parameter in fitted.parameters], fitted.covariance
+    sd = np.sqrt(np.diag(covariance))
+    correlations = covariance / np.outer(sd, sd) - np.eye(len(names))
+    partners = np.argmax(np.abs(correlations), axis=1)
+    pairs = zip(names, partners, strict=True) if len(names) > 1 else ()
+    return {name: f"{names[at]} {correlations[names.index(name), at]:+.2f}" for name, at in pairs}
 
 
 def _row(number: Number, before: Mapping[str, Number], parameter: Parameter, added: bool) -> Row:
