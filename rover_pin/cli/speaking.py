@@ -16,6 +16,16 @@ MISTYPED: type[Exception] = typer.BadParameter.__mro__[1]
 LEVELS = {"quiet": logging.WARNING, "": logging.INFO, "verbose": logging.DEBUG}
 
 
+GROUPS = {
+    "Drive a rover": "drive view watch sweep export",
+    "Learn from measurements": "check-data close-loop identify compare improve import-log init demo",
+    "Control": "bounds curve tune export-c",
+    "Add your own": "new-rover check-urdf new-effect",
+    "Look up": "list",
+}
+"""Commands as the program's help has them, by what people do."""
+
+
 class Lines(logging.Formatter):
     """One line a record: a plain one as it is, a warning as the program's, one of `-v` with its module and time."""
 
@@ -50,6 +60,14 @@ class Speaking(TyperGroup):
             option.expose_value = False
         for command in self.commands.values():
             command.params = [*command.params, *shared]
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Write the commands in their groups, as wide in each."""
+        width = max(map(len, self.commands))
+        for title, names in GROUPS.items():
+            said = {name: self.commands[name].get_short_help_str(formatter.width) for name in names.split()}
+            with formatter.section(title):
+                formatter.write_dl([(f"{name:{width}}", help_line) for name, help_line in said.items()])
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """Return the command that the first word names.

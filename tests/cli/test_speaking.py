@@ -6,10 +6,11 @@ import sys
 from pathlib import Path
 
 import pytest
+import typer.main
 
 import rover_pin
 from rover_pin.cli.app import app
-from rover_pin.cli.speaking import speak
+from rover_pin.cli.speaking import GROUPS, speak
 
 RIG = Path(__file__).parents[2] / "studies" / "data" / "cmu-smooth-wheel"
 
@@ -46,7 +47,11 @@ def test_a_refused_run_does_not_say_that_it_replaces_anything(run):
 def test_no_commands_description_is_cut(run):
     out = run("--help")[1]
     assert "close-loop  Find" in out
-    assert "..." not in out.partition("Commands:")[2]
+    assert "..." not in out.partition("--help")[2]
+
+
+def test_every_command_is_in_one_group_of_the_help():
+    assert sorted(" ".join(GROUPS.values()).split()) == sorted(typer.main.get_group(app).commands)
 
 
 def test_a_verbose_command_says_what_it_does(run):
