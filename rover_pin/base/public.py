@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import functools
 import inspect
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
+from html import escape
 from numbers import Integral, Real
 from os import PathLike
 from pathlib import Path
@@ -134,22 +135,37 @@ def words(hint: Any) -> str:
 
 
 def brief(kind: type[Any]) -> Any:
-    """Return a dataclass or NamedTuple whose repr is a line of letters that one reads, whatever it holds.
+    """Return a dataclass or NamedTuple whose repr is a line that one reads, whatever it holds; a notebook's a table.
 
     Long parts go by their kind and number. It is for people: no digest may be made of it.
     """
     type.__setattr__(kind, "__repr__", _brief)
+    if not hasattr(kind, "_repr_html_"):
+        type.__setattr__(kind, "_repr_html_", _brief_html)
     return kind
+
+
+def html_table(caption: str, rows: Mapping[str, str]) -> str:
+    """Return names and what belongs to them as a table of a notebook; whatever they hold is shown as text."""
+    cells = (f"<tr><th scope='row'>{escape(name)}</th><td>{escape(text)}</td></tr>" for name, text in rows.items())
+    return f"<table><caption>{escape(caption)}</caption>{''.join(cells)}</table>"
 
 
 LONGEST, PART = 240, 48
 """Letters of a brief repr, and of each part in it."""
 
 
+def _shown_names(thing: Any) -> Sequence[str]:
+    return [field.name for field in fields(thing) if field.repr] if is_dataclass(thing) else thing._fields
+
+
+def _brief_html(self: Any) -> str:
+    return html_table(type(self).__name__, {name: _part(getattr(self, name)) for name in _shown_names(self)})
+
+
 def _brief(self: Any) -> str:
-    names = [field.name for field in fields(self) if field.repr] if is_dataclass(self) else self._fields
     text = ""
-    for name in names:
+    for name in _shown_names(self):
         more = f"{', ' if text else ''}{name}={_part(getattr(self, name))}"
         if len(text) + len(more) > LONGEST:
             text += ", ..."

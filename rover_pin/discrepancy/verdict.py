@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from html import escape
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
@@ -135,9 +136,6 @@ the other folds weigh them"
         taken = ", ".join(f"{name} {times:.2f}" for name, times in self.beliefs.noise_taken(self.named).items())
         return f"taken for noise: {taken} times {usual_noise(self.beliefs)}"
 
-    def _instead(self, errors: dict[str, float]) -> str:
-        return f"held-out RMSE {self._errors_text(errors)}"
-
     def _errors_text(self, errors: dict[str, float]) -> str:
         units = {score.name: score.unit for score in self.scores}
         return ", ".join(
@@ -157,7 +155,8 @@ the other folds weigh them"
             lines += [f"  reduced chi-square: {self.before.misfit:.3g} -> {self.after.misfit:.3g}; 1 is the noise"]
         lines += [f"  {score_line(score)}" for score in self.scores if is_claimable(score) or len(self.scores) <= FEW]
         lines += [f"  {self._noise_taken}"] if self.beliefs is not None else []
-        lines += [f"  with {name} instead: {self._instead(errors)}" for name, errors in self.others.items()]
+        others = {name: self._errors_text(errors) for name, errors in self.others.items()}
+        lines += [f"  with {name} instead: held-out RMSE {text}" for name, text in others.items()]
         lines += [f"  {self.chosen_again}{self._missed_anew}"] if self.chosen else []
         lines += [f"  {got_worse((score.name, score.worded) for score in self.scores)}"] if self.named else []
         lines += [f"  {line}" for line in (self.extra.lines(bool(self.named)) if self.extra else [])]
@@ -169,6 +168,9 @@ the other folds weigh them"
         lines += [f"  next: {experiment.sentence}" for experiment in self.experiments]
         lines += [f"  written: {file}" for file in self.files]
         return "\n".join(lines)
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{escape(self.summary())}</pre>"
 
     def _worth_a_line(self) -> list[Number]:
         """Return the numbers of a small model, or of a large one those that were added or sit away."""

@@ -1,6 +1,7 @@
 """What one sees who types the name of an object: a line or two, whatever it holds."""
 
 import dataclasses
+import html
 from pathlib import Path
 
 import pytest
@@ -56,3 +57,11 @@ def test_what_it_is_can_be_seen(seen):
     assert shown["Scenario"].startswith("Scenario(name='ditch', model=<Model>, controller=")
     assert shown["Trace"] == "<Trace: 20 rows of 87 channels, 0.05 to 1 s, stop: duration>"
     assert shown["Rover"].startswith("Rover(name='nexus6', ")
+
+
+def test_notebooks_get_a_table_or_the_summary(seen):
+    things = {kind.__name__: thing for kind, thing in seen.items()}
+    assert "<th scope='row'>gravity</th><td>9.81</td>" in things["Model"]._repr_html_()
+    verdict = things["Verdict"]
+    assert verdict._repr_html_() == f"<pre>{html.escape(verdict.summary())}</pre>"
+    assert all(hasattr(things[name], "_repr_html_") for name in ("Scenario", "Trace", "Rover", "Identification"))

@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from html import escape
 from typing import Any
 
 import numpy as np
 
 from rover_pin.base.errors import DataError, MissingExtraError, ParameterError, closest
+from rover_pin.base.public import html_table
 from rover_pin.simulation.checkpoint import DriveEnd
 from rover_pin.simulation.trace.channels import RATES, unit_of, wheels_in
 
@@ -206,11 +206,8 @@ class Trace(Mapping[str, np.ndarray]):
 
     def _repr_html_(self) -> str:
         """Return the summary as a table, for notebooks."""
-        rows = (
-            f"<tr><th scope='row'>{escape(name)}</th><td>{escape(_shown(value))}</td></tr>"
-            for name, value in self.summary().items()
-        )
-        return f"<table><caption>{len(self.t)} rows of {len(self.channels)} channels</caption>{''.join(rows)}</table>"
+        rows = {name: _shown(value) for name, value in self.summary().items()}
+        return html_table(f"{len(self.t)} rows of {len(self.channels)} channels", rows)
 
     def to_xarray(self) -> Any:
         """Return the channels as an xarray Dataset over time, each with its unit.
@@ -223,7 +220,7 @@ class Trace(Mapping[str, np.ndarray]):
         try:
             import xarray
         except ImportError as error:
-            raise MissingExtraError("Trace.to_xarray needs xarray: pip install xarray.") from error
+            raise MissingExtraError("Trace.to_xarray needs xarray: pip install 'rover-pin[xarray]'.") from error
         data = {name: ("t_s", values, {"units": self.units[name]}) for name, values in self.channels.items()}
         t = data.pop("t_s")
         return xarray.Dataset(data, coords={"t_s": t}, attrs=dict(self.attrs))
