@@ -246,7 +246,7 @@ def test_fitted_lugs_are_held_against_their_height(plain, tmp_path):
     data = read_rig_set(changed(plain, tmp_path / "lugs", lambda text: declared(text, LUGS)))
     number = Number("LugExcavation.h_l", "m", 0.0127, 0.010, 0.016, 0.0)
     (flag,) = flags(data, data.soil(), 0.06, (number,))
-    assert flag.sentence == "LugExcavation.h_l = 12.7 mm [10 mm, 16 mm] sits away from 5 mm (lug_height of [wheel])"
+    assert flag.sentence == "LugExcavation.h_l = 12.7 mm [10, 16] sits away from 5 mm (lug_height of [wheel])"
 
 
 @pytest.mark.parametrize(("high", "says"), [(28.9, "sits away from"), (29.1, "agrees with")])
