@@ -65,9 +65,9 @@ class Speaking(TyperGroup):
         """Write the commands in their groups, as wide in each."""
         width = max(map(len, self.commands))
         for title, names in GROUPS.items():
-            said = {name: self.commands[name].get_short_help_str(formatter.width) for name in names.split()}
+            help_lines = {name: self.commands[name].get_short_help_str(formatter.width) for name in names.split()}
             with formatter.section(title):
-                formatter.write_dl([(f"{name:{width}}", help_line) for name, help_line in said.items()])
+                formatter.write_dl([(f"{name:{width}}", help_line) for name, help_line in help_lines.items()])
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """Return the command that the first word names.

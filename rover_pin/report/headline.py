@@ -25,12 +25,12 @@ def headline(verdict: Verdict, labels: Labels) -> str:
 
 def improvement(verdict: Verdict, labels: Labels) -> str:
     """Return what is predicted better by how much, of what nothing may be claimed, and what else is to be known."""
-    said = ""
+    sentence = ""
     if verdict.named:
-        said = _changed(verdict, labels)
+        sentence = _changed(verdict, labels)
     elif verdict.answer is Answer.NONE_NEEDED and verdict.scores:
-        said = f"at worst {_off(verdict, labels)} {labels.unseen}."
-    return " ".join(filter(None, (capital(said), labels.besides)))
+        sentence = f"at worst {_off(verdict, labels)} {labels.unseen}."
+    return " ".join(filter(None, (capital(sentence), labels.besides)))
 
 
 def by_outcome(scores: Sequence[ChannelScore], *outcomes: Outcome) -> list[ChannelScore]:
@@ -80,12 +80,12 @@ def _causes(verdict: Verdict, names: Sequence[str], labels: Labels) -> str:
     """Return what acts, each with its size where it was added."""
     clauses = []
     for name in names:
-        sizes = listing(_sizes(verdict, name)) if name in verdict.named else ""
-        clauses.append(cause(name, kinds_of(verdict), labels.placed) + (f": {sizes}" if sizes else ""))
+        amplitudes = listing(_amplitudes(verdict, name)) if name in verdict.named else ""
+        clauses.append(cause(name, kinds_of(verdict), labels.placed) + (f": {amplitudes}" if amplitudes else ""))
     return "; and ".join(clauses) if len(clauses) > 1 else "".join(clauses)
 
 
-def _sizes(verdict: Verdict, name: str) -> list[str]:
+def _amplitudes(verdict: Verdict, name: str) -> list[str]:
     """Return the fitted numbers of a cause, without a name where it is one that its unit explains."""
     owner = name.partition("@")[0]
     numbers = [

@@ -47,44 +47,43 @@ def shown(sides: Sides) -> Shown | None:
     chosen = [
         _along(sides, row, name, table[name]) for row in range(len(sides.experiment.channels)) for name in SIGNALS
     ]
-    return max(filter(None, chosen), key=lambda one: one.gain, default=None)
+    return max(filter(None, chosen), key=lambda section: section.gain, default=None)
 
 
 def _along(sides: Sides, row: int, name: str, signal: np.ndarray) -> Shown | None:
     left = np.array([np.where(fit.task.noise.good[:, row], fit.missed[:, row], np.nan) for fit in sides])
-    told = np.isfinite(left).all(axis=0) & np.isfinite(signal)
-    count = min(PARTS, int(told.sum()) // LEAST)
-    if count < 2 or np.ptp(signal[told]) == 0.0:
+    compared = np.isfinite(left).all(axis=0) & np.isfinite(signal)
+    count = min(PARTS, int(compared.sum()) // LEAST)
+    if count < 2 or np.ptp(signal[compared]) == 0.0:
         return None
-    parts = np.array_split(np.argsort(signal[told], kind="stable"), count)
-    values = [left[:, told][:, part] for part in parts]
+    parts = np.array_split(np.argsort(signal[compared], kind="stable"), count)
+    values = [left[:, compared][:, part] for part in parts]
     means, sds = (np.array([of(value, axis=1) for value in values]).T for of in (np.mean, np.std))
     sds = np.maximum(sds, np.finfo(float).tiny) / np.sqrt([len(part) for part in parts])
-    along = np.array([signal[told][part].mean() for part in parts])
-    return Shown(sides.experiment.channels[row], name, along, means, sds, int(told.sum()))
+    along = np.array([signal[compared][part].mean() for part in parts])
+    return Shown(sides.experiment.channels[row], name, along, means, sds, int(compared.sum()))
 
 
 def effect_picture(sides: Sides) -> Picture | None:
     """Return the means of that channel's residual with their SDs: the base model, and that with what was added."""
-    one = shown(sides)
-    if one is None:
+    section = shown(sides)
+    if section is None:
         return None
-    factor, unit = in_words(sides.experiment.unit(one.channel), float(np.abs(one.left).max()))
+    channel, signal = words_of(section.channel), SIGNALS[section.signal]
+    factor, unit = in_words(sides.experiment.unit(section.channel), float(np.abs(section.left).max()))
     figure = Figure(figsize=(7.2, 3.0), layout="constrained")
     axis = figure.subplots()
-    along = np.degrees(one.along) if one.signal == "pitch" else one.along
-    for left, sd, (colour, style, label) in zip(one.left, one.sd, LOOKS[: 1 + sides.added], strict=False):
+    along = np.degrees(section.along) if section.signal == "pitch" else section.along
+    for left, sd, (colour, style, label) in zip(section.left, section.sd, LOOKS[: 1 + sides.added], strict=False):
         axis.errorbar(along, factor * left, factor * sd, color=colour, ls=style, marker="o", ms=4, lw=1.3, capsize=2,
                       label=label)  # fmt: skip
     axis.axhline(0, color="k", lw=0.9, label="as measured")
-    axis.set(xlabel=SIGNALS[one.signal], ylabel=f"{as_text(words_of(one.channel))}:\nmeasured - model [{unit or '-'}]")
+    axis.set(xlabel=signal, ylabel=f"{as_text(channel)}:\nmeasured - model [{unit or '-'}]")
     axis.grid(alpha=0.25)
     figure.legend(loc="outside upper center", ncols=3, frameon=False, fontsize=8.5)
-    runs = len(sides.experiment.runs)
-    caption = (
-        f"Where {'it shows most' if sides.added else 'most is left'}: {words_of(one.channel)}, "
-        f"means with their SDs; {one.compared} half seconds of {runs} runs in {len(along)} parts."
-    )
-    sizes = [f"{factor * float(np.sqrt(np.mean(left**2))):.2g} {unit}" for left in one.left]
-    alt = f"Measured minus model of {words_of(one.channel)} against {SIGNALS[one.signal]}, RMS of the means: {sizes[0]}"
-    return Picture((figure,), alt + (f" before, {sizes[1]} after." if sides.added else "."), caption)
+    where = "it shows most" if sides.added else "most is left"
+    blocks = f"{section.compared} half seconds of {len(sides.experiment.runs)} runs in {len(along)} parts"
+    errors = [f"{factor * float(np.sqrt(np.mean(left**2))):.2g} {unit}" for left in section.left]
+    alt = f"Measured minus model of {channel} against {signal}, RMS of the means: {errors[0]}"
+    alt += f" before, {errors[1]} after." if sides.added else "."
+    return Picture((figure,), alt, f"Where {where}: {channel}, means with their SDs; {blocks}.")
