@@ -81,11 +81,3 @@ def draw_above(axes: Axes, rover: Rover, pose: Pose, colour: Any) -> None:
     axes.add_patch(Polygon(pose.centres[around(rover), :2], fc="none", ec=colour, lw=0.8))
     for wheel, centre, axle in zip(rover.wheels, pose.centres, pose.axles, strict=True):
         axes.add_patch(Polygon(footprint(wheel, centre, axle), fc="none", ec=colour, lw=1.2))
-
-
-def draw_heights(axes: Axes, terrain: Terrain, box: tuple[float, float, float, float]) -> None:
-    """Colour the ground by its height, where it is not level."""
-    x, y = np.linspace(*box[:2], 400), np.linspace(*box[2:], 300)
-    z = terrain.height(*np.meshgrid(x, y))
-    if np.ptp(z) > 1e-6:
-        axes.pcolormesh(x, y, z, cmap="YlOrBr", alpha=0.5, shading="nearest", rasterized=True)

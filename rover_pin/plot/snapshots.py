@@ -11,15 +11,17 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from rover_pin.plot.sheet import MARGINS, in_lines, sheet
-from rover_pin.plot.side import Pose, draw_above, draw_ground, draw_heights, draw_rover, poses
+from rover_pin.plot.side import Pose, draw_above, draw_ground, draw_rover, poses
 from rover_pin.rover.rover import Rover
 from rover_pin.simulation.model.model import Model
 from rover_pin.simulation.trace.poses import Turned, of_side, on_the_ground
 from rover_pin.simulation.trace.trace import Trace
+from rover_pin.view.heights import draw_heights
 
 FURTHEST_APART = 0.5
 """Way [m] between two snapshots of a rover, about."""
-WIDTH = 10.0
+WIDTH, BAR = 10.0, 0.8
+"""Of the figure, and of what stands at its right where heights have colours [in]."""
 PAPER = {"facecolor": "white", "alpha": 0.7, "edgecolor": "none", "pad": 1.0}
 A_LABEL = (0.6, 0.2)
 """Width and height [in] that a label takes, at most about."""
@@ -46,7 +48,8 @@ def snapshots(trace: Trace, model: Model, count: int = 6) -> Figure:
     figure, axes = sheet(
         len(views), (WIDTH, sum(heights) + 1.0 + 0.5 * (len(views) - 1)), squeeze=False, height_ratios=heights
     )
-    figure.subplots_adjust(hspace=0.25)
+    right = BAR if isinstance(views[-1], _Above) else MARGINS[1]
+    figure.subplots_adjust(hspace=0.25, right=1.0 - right / WIDTH)
     for view, panel in zip(views, axes[:, 0], strict=True):
         view.draw(panel)
     axes[0, 0].set_title(in_lines(title_of(trace)), fontsize=8)

@@ -23,6 +23,7 @@ from rover_pin.simulation.trace.draw import wheel_lines
 from rover_pin.simulation.trace.poses import Turned, around, footprint, of_side
 from rover_pin.view.colours import slip_colour
 from rover_pin.view.film import Film
+from rover_pin.view.heights import draw_heights
 
 PICTURES_PER_SECOND, MOST_PICTURES = 10, 100
 """Of the moving picture; a longer drive is shown faster than it was, which its title says."""
@@ -57,13 +58,14 @@ def write_animation(file: Path, film: Film, name: str, ghost: Film | None = None
         figure.axes[0].set_title(f"{name}   t = {film.t[frame]:.1f} s{speed}", fontsize=10)
 
     show(0)
-    figure.draw_without_rendering()
+    for _ in range(2):  # the second time with ticks that fit
+        figure.draw_without_rendering()
     figure.set_layout_engine("none")  # the same for all pictures, and laid out once
     moving = FuncAnimation(figure, show, frames=[int(frame) for frame in frames], init_func=lambda: None)
     writer = (FFMpegWriter if file.suffix == ".mp4" else PillowWriter)(fps=PICTURES_PER_SECOND)
     with tempfile.TemporaryDirectory() as place:
         rendered = Path(place) / f"made{file.suffix}"
-        moving.save(rendered, writer=writer, dpi=75)
+        moving.save(rendered, writer=writer, dpi=100)
         return replace_file(file, rendered.read_bytes() if file.suffix == ".mp4" else _small(rendered))
 
 
@@ -87,9 +89,9 @@ def _figure(film: Film, ghost: Film | None) -> tuple[Figure, list[Draw]]:
     if turned.from_above:
         views.append((_above, _share(film, 1)))
     if film.slip is not None:
-        views.append((_slip, 0.22))
+        views.append((_slip, 0.3))
     heights = [min(max(height, 0.16), 0.6) for _, height in views]
-    figure = Figure(figsize=(8.0, 8.0 * sum(heights) + 0.9), layout="constrained")
+    figure = Figure(figsize=(6.0, 6.0 * sum(heights) + 0.9), layout="constrained")
     axes = figure.subplots(len(views), 1, height_ratios=heights, squeeze=False)[:, 0]
     return figure, [view(panel, film, ghost) for (view, _), panel in zip(views, axes, strict=True)]
 
@@ -150,10 +152,7 @@ def _as_ghost(film: Film, ghost: Film, draw: Draw) -> Draw:
 def _above(axes: Axes, film: Film, ghost: Film | None) -> Draw:
     """Draw the drive from above: the ground by its height, the tracks so far, the wheels as they are turned."""
     box = film.box
-    x, y = np.linspace(box.x_low, box.x_high, 300), np.linspace(box.y_low, box.y_high, 200)
-    z = film.terrain.height(*np.meshgrid(x, y))
-    if np.ptp(z) > 1e-6:
-        axes.pcolormesh(x, y, z, cmap="YlOrBr", alpha=0.5, shading="nearest", rasterized=True)
+    draw_heights(axes, film.terrain, (box.x_low, box.x_high, box.y_low, box.y_high))
     axes.set(aspect="equal", xlabel="x [m]", ylabel="y [m]", xlim=(box.x_low, box.x_high), ylim=(box.y_low, box.y_high))
     rovers = [_rover_above(axes, film, None)]
     if ghost is not None:
@@ -191,7 +190,7 @@ def _slip(axes: Axes, film: Film, ghost: Film | None) -> Draw:
     handles, labels = axes.get_legend_handles_labels()
     if ghost is not None:
         handles, labels = [*handles, Line2D([], [], color=GHOST, lw=1)], [*labels, "outlines: the ghost"]
-    axes.legend(handles, labels, fontsize=7, ncols=7, loc="lower left", bbox_to_anchor=(0.0, 1.0), frameon=False)
+    axes.legend(handles, labels, fontsize=8.5, ncols=7, loc="lower left", bbox_to_anchor=(0.0, 1.0), frameon=False)
     axes.set(xlabel="t [s]", ylabel="slip S [-]", xlim=(film.t[0], film.t[-1]))
     axes.grid(alpha=0.3)
     _key(axes)
@@ -211,7 +210,7 @@ def _key(axes: Axes) -> None:
     strip = axes.inset_axes((1.005, 0.0, 0.02, 1.0))
     strip.imshow(colours, extent=(0.0, 1.0, low, high), origin="lower", aspect="auto")
     strip.set(xticks=[], yticks=[], ylim=(low, high))
-    strip.set_ylabel("wheels' colour", fontsize=7)
+    strip.set_ylabel("wheels' colour", fontsize=8.5)
     strip.yaxis.set_label_position("right")
 
 
