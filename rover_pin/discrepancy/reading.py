@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from rover_pin.discrepancy.answer import Answer
@@ -82,7 +83,8 @@ def sentence(reading: Reading, beliefs: Beliefs, share: float, misfit: float) ->
     probability = beliefs.probability(lambda hypothesis: set(reading.retained) <= set(hypothesis.names))
     takes = f"takes {share:.0%} of what the base model misses beyond the noise where it was not fitted"
     listed = " or ".join(
-        f"{' + '.join(names) or 'nothing'} ({probability:.2f})" for names, probability in _shares(reading, beliefs)
+        f"{' + '.join(names) or 'nothing'} ({probability:.2f})"
+        for names, probability in shares(reading.sets[:MAX_SETS], beliefs)
     )
     none, unexplained = beliefs.sets.get(frozenset(), 0.0), beliefs.leaves_more(reading.retained)
     more = beliefs.probability(lambda hypothesis: hypothesis.leaves_more)
@@ -121,10 +123,10 @@ def usual_noise(beliefs: Beliefs) -> str:
     return "its declared noise" if beliefs.best(()).experiment.noise() is not None else "what its samples scatter"
 
 
-def _shares(reading: Reading, beliefs: Beliefs) -> list[tuple[tuple[str, ...], float]]:
-    """Return the sets that are listed with the probability of each, of all that contain it and none before it."""
-    shares, remaining = [], beliefs.sets
-    for names in reading.sets[:MAX_SETS]:
+def shares(sets: Sequence[tuple[str, ...]], beliefs: Beliefs) -> list[tuple[tuple[str, ...], float]]:
+    """Return sets with the probability of each, of all that contain it and none before it."""
+    listed, remaining = [], beliefs.sets
+    for names in sets:
         containing = {
             candidate_set: probability
             for candidate_set, probability in remaining.items()
@@ -135,8 +137,8 @@ def _shares(reading: Reading, beliefs: Beliefs) -> list[tuple[tuple[str, ...], f
             for candidate_set, probability in remaining.items()
             if candidate_set not in containing
         }
-        shares.append((names, sum(containing.values())))
-    return shares
+        listed.append((names, sum(containing.values())))
+    return listed
 
 
 def _families(beliefs: Beliefs) -> str:

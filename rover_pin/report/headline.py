@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.held_out import ChannelScore
+from rover_pin.discrepancy.reading import shares
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.estimation.wording import Outcome
 from rover_pin.report.words import Labels, brief, capital, cause, human, kinds_of, listing, pair, with_interval
@@ -98,25 +100,22 @@ def _amplitudes(verdict: Verdict, name: str) -> list[str]:
     return [f"{number.name.rpartition('.')[2]} = {with_interval(number)}" for number in numbers]
 
 
-def _sure(verdict: Verdict, names: Sequence[str]) -> str:
-    """Return with what probability these act, whatever else does; of none of them, that nothing does."""
-    if verdict.beliefs is None:
-        return ""
-    wanted = set(names)
-    sure = verdict.beliefs.probability(lambda hypothesis: wanted <= set(hypothesis.names))
-    return f", with probability {sure if names else verdict.beliefs.sets.get(frozenset(), 0.0):.2f}"
-
-
 def _named(verdict: Verdict, labels: Labels) -> str:
-    return f"{_causes(verdict, verdict.named, labels)}{_sure(verdict, verdict.named)}."
+    return _choice(verdict, labels, [verdict.named]) + "."
 
 
 def _set(verdict: Verdict, labels: Labels) -> str:
-    sets = [names.split(" + ") if names != "nothing" else [] for names in verdict.indistinguishable[:3]]
-    whys = [
-        (_causes(verdict, names, labels) or NOTHING) + _sure(verdict, names) for names in sets or [list(verdict.named)]
-    ]
-    return f"either {'; or '.join(whys)}: these data cannot tell."
+    sets = [tuple(names.split(" + ")) if names != "nothing" else () for names in verdict.indistinguishable[:3]]
+    return f"either {_choice(verdict, labels, sets or [verdict.named])}: these data cannot tell."
+
+
+def _choice(verdict: Verdict, labels: Labels, sets: Sequence[tuple[str, ...]]) -> str:
+    """Return sets of causes with the probability of each, of all that contain it and none before it."""
+    rows = shares(sets, verdict.beliefs) if verdict.beliefs else [(names, math.nan) for names in sets]
+    return "; or ".join(
+        (_causes(verdict, names, labels) or NOTHING) + (f", with probability {p:.2f}" if math.isfinite(p) else "")
+        for names, p in rows
+    )
 
 
 def _like(verdict: Verdict, labels: Labels) -> str:
@@ -133,7 +132,8 @@ def _off(verdict: Verdict, labels: Labels) -> str:
 
 
 def _none_needed(verdict: Verdict, labels: Labels) -> str:
-    return f"nothing needs to be added: none of the {verdict.tried} candidates acts{_sure(verdict, ())}."
+    none = verdict.beliefs.sets.get(frozenset(), 0.0) if verdict.beliefs is not None else math.nan
+    return f"nothing needs to be added: none of the {verdict.tried} candidates acts, with probability {none:.2f}."
 
 
 def _unexplained(verdict: Verdict, labels: Labels) -> str:

@@ -14,4 +14,6 @@ def draw_heights(axes: Axes, terrain: Terrain, box: tuple[float, float, float, f
     z = terrain.height(*np.meshgrid(x, y))
     if np.ptp(z) > 1e-6:
         ground = axes.pcolormesh(x, y, z, cmap="YlOrBr", alpha=0.5, shading="nearest", rasterized=True)
-        axes.get_figure(root=True).colorbar(ground, cax=axes.inset_axes((1.01, 0.0, 0.02, 1.0)), label="height [m]")
+        bar = axes.inset_axes((1.01, 0.0, 0.02, 1.0))
+        bar.set_title("z [m]", fontsize=9)
+        axes.get_figure(root=True).colorbar(ground, cax=bar)
