@@ -31,13 +31,14 @@ EXAMPLE = re.compile(r"^(?:\| [^|]*\| `)?(rover-pin [^`\n]+?)(?: --open)?(?:`.*)
 
 
 def main() -> None:
-    """Run every command and write the table."""
+    """Run every command, or those that begin with the words that are given, and write the table."""
     os.environ["BROWSER"] = "true"  # opens nothing
     sys.path.insert(0, str(ROOT))
     from tests.test_commands_of_pages import NEEDS
 
-    commands = dict.fromkeys(line for page in PAGES for line in EXAMPLE.findall(page.read_text(encoding="utf-8")))
-    rows, done = [], set()
+    shown = dict.fromkeys(line for page in PAGES for line in EXAMPLE.findall(page.read_text(encoding="utf-8")))
+    commands = [command for command in shown if command.startswith(" ".join(["rover-pin", *sys.argv[1:]]))]
+    kept = pd.read_csv(KEPT, index_col="command").to_dict("index") if KEPT.is_file() else {}
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         copyfile(ROOT / "studies" / "data" / "cmu-smooth-wheel" / "points.csv", folder / "mine.csv")
@@ -45,19 +46,22 @@ def main() -> None:
         for link in ("studies", "urdf"):
             (folder / link).symlink_to(ROOT / link)
         run("rover-pin drive ditch --gravity moon --control eq9", folder)  # compiles
+        for needed in dict.fromkeys(needed for command in commands for needed in NEEDS.get(command, ())):
+            run(needed, folder)
         for command in commands:
-            for needed in NEEDS.get(command, ()):
-                if needed not in done:
-                    run(needed, folder)
-                    done.add(needed)
-            before, clock = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
-            run(command, folder)
-            after = resource.getrusage(resource.RUSAGE_CHILDREN)
-            done.add(command)
-            cpu = sum(getattr(after, part) - getattr(before, part) for part in ("ru_utime", "ru_stime"))
-            rows.append((command, round(time.perf_counter() - clock, 1), round(cpu, 1), os.cpu_count()))
-            print(*rows[-1], flush=True)
-    pd.DataFrame(rows, columns=["command", "clock_s", "cpu_s", "cores"]).to_csv(KEPT, index=False)
+            kept[command] = timed(command, folder)
+            print(command, kept[command], flush=True)
+    rows = {command: kept[command] for command in shown if command in kept}
+    pd.DataFrame.from_dict(rows, orient="index").rename_axis("command").to_csv(KEPT)
+
+
+def timed(command: str, folder: Path) -> dict[str, float]:
+    """Return seconds on the clock and of CPU, its workers' too, and the number of cores."""
+    before, clock = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
+    run(command, folder)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    cpu = sum(getattr(after, part) - getattr(before, part) for part in ("ru_utime", "ru_stime"))
+    return {"clock_s": round(time.perf_counter() - clock, 1), "cpu_s": round(cpu, 1), "cores": os.cpu_count() or 1}
 
 
 if __name__ == "__main__":

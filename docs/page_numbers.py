@@ -81,6 +81,7 @@ def fields() -> Mapping[str, Any]:
         "control": controllers(),
         "monitor": {row["level"]: row for row in kept("monitor").to_dict("records")},
         "speed": speed(),
+        "took": took(),
         "traction": traction(),
         "as_driven": kept("tune_as_driven").to_dict("records"),
         "tuned": tuned(),
@@ -97,6 +98,12 @@ def speed() -> dict[str, dict[str, float]]:
     """Return what each benchmark measured."""
     table = kept("speed")
     return {str(name): dict(zip(rows.name, rows.value, strict=True)) for name, rows in table.groupby("benchmark")}
+
+
+def took() -> dict[str, str]:
+    """Return the CPU seconds of commands by their first two words: "close-loop cmu-smooth-wheel"."""
+    seconds = kept("times").set_index("command").cpu_s
+    return {" ".join(line.split()[1:3]): significant(cpu, 2 if cpu >= 1 else 1) for line, cpu in seconds.items()}
 
 
 def digging() -> dict[str, Any]:

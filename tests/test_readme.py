@@ -23,7 +23,9 @@ SMOOTH, TETHER = "commands.smooth_wheel", "commands.tether"
 CLAIMS = [
     f"was wrong by {{{{ dec({SMOOTH}.before, 1) }}}} mm and is now wrong by {{{{ dec({SMOOTH}.after, 1) }}}} mm",
     "drives on at {{ commands.ditch.speed }} m/s",
-    f"f_0 = {{{{ dec({TETHER}.f_0, 1) }}}} N [{{{{ dec({TETHER}.f_0_low, 1) }}}} N,",
+    f"f_0 = {{{{ dec({TETHER}.f_0, 1) }}}} N [{{{{ dec({TETHER}.f_0_low, 1) }}}}, {{{{ dec({TETHER}.f_0_high, 1) }}}}]",
+    "in {{ took['close-loop demo-drive-log'] }} s of CPU",
+    "after {{ took['close-loop cmu-smooth-wheel'] }} s of CPU",
     "to {{ sig(speed.drive_speed['off [mm]'], 1) }} mm of a sixteenth",
     "ditch in {{ sig(speed.drive_speed['ditch [s]'], 2) }} s",
     "[of {{ control.drives }} drives](docs/results.md#controllers-compared)",
