@@ -75,6 +75,7 @@ def fields() -> Mapping[str, Any]:
         "digging": digging(),
         "ditches": ditches(),
         "fig10": fig10(),
+        "gallery": kept("gallery").to_dict("records"),
         "log_loop": log_loop(),
         "measured_loops": kept("measured_wheels", keep_default_na=False).to_dict("records"),
         "slip": sensed_slip(),

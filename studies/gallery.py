@@ -14,7 +14,7 @@ What the paper says
 What differs
     Sizes of bump, ditch and rocks are not in the paper: they are assumed, and so is where the rover ends.
 
-Run: python studies/gallery.py [--quick] [--out DIR]; pictures of the page: --out docs, which also writes gallery.csv
+Run: python studies/gallery.py [--quick] [--out DIR]; pictures of the page: --out docs, and gallery.csv to studies/results
 """
 
 from __future__ import annotations
@@ -55,12 +55,12 @@ def main() -> None:
     for each in dict.fromkeys(words):
         made = drive_of(each, **more)
         trace = made.drive()
-        rows.append((f"rover-pin drive {each}", trace.attrs["happened"], float(trace.t[-1]), trace.attrs["stop"]))
+        rows.append((f"rover-pin drive {each}", trace.attrs["happened"], float(trace.t[-1])))
         for file in [file for file, given in PICTURES.items() if given == each]:
             save(snapshots(trace, made.model), options.out / file)
-    table = pd.DataFrame(rows, columns=["command", "what happens", "time [s]", "stop"])
-    write_csv(table, options.out / "gallery.csv")
-    print(table.drop(columns="stop").to_string(index=False))
+    table = pd.DataFrame(rows, columns=["command", "happened", "time [s]"])
+    write_csv(table.loc[~table.command.str.contains("--set"), ["command", "happened"]], options.out / "gallery.csv")
+    print(table.to_string(index=False))
 
 
 def drive_of(words: str, **more: float) -> Scenario:
