@@ -14,7 +14,7 @@ What the paper says
 What differs
     Sizes of bump, ditch and rocks are not in the paper: they are assumed, and so is where the rover ends.
 
-Run: python studies/gallery.py [--quick] [--out DIR]; pictures of the page: --out docs, and gallery.csv to studies/results
+Run: python studies/gallery.py [--quick] [--out DIR]; the page has its pictures and studies/results its gallery.csv
 """
 
 from __future__ import annotations

@@ -14,6 +14,7 @@ from rover_pin.rover.description.layout import KEYS
 from rover_pin.rover.description.rover_toml import read_forms, read_motor, read_soil, read_springs
 from rover_pin.rover.rover import load_rover
 from rover_pin.scenarios.scenes import SCENES
+from rover_pin.version import __version__
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -122,6 +123,20 @@ def test_the_files_that_the_texts_name_are_there():
 def test_the_page_of_commands_shows_every_command():
     names = {command.name or command.callback.__name__ for command in app.registered_commands}
     assert names == set(re.findall(r"^\| `([\w-]+)` \| `rover-pin \1 ", page("command-line.md"), re.MULTILINE))
+
+
+def test_the_conda_recipe_needs_what_the_package_needs():
+    recipe = (ROOT / "conda" / "recipe.yaml").read_text(encoding="utf-8")
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    called = {"pin": "pinocchio", "matplotlib": "matplotlib-base"}
+    needed = {f"python {project['requires-python']}", "c-compiler"}
+    for line in project["dependencies"]:
+        name, sign, version = line.partition(">=")
+        needed.add(f"{called.get(name, name)} {sign}{version}")
+    run = recipe.partition("  run:\n")[2].partition("tests:")[0]
+    assert set(re.findall(r"^    - (.+)$", run, re.MULTILINE)) == needed
+    assert f'version: "{__version__}"' in recipe
+    assert "rover-pin = " + project["scripts"]["rover-pin"] in recipe
 
 
 def test_it_counts_the_scenarios():
