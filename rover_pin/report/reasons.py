@@ -71,13 +71,6 @@ def _added(verdict: Verdict, labels: Labels) -> Iterator[str]:
             f"scatter, {len(worse)} worse: {change}"
         )
     yield from _chosen(verdict, labels, True)
-    if verdict.beliefs is not None:
-        probabilities = [
-            f"{name} {probability:.2f}"
-            for name, probability in verdict.beliefs.included.items()
-            if name in verdict.named
-        ]
-        yield f"probability by the evidence, {verdict.tried} causes weighed: {listing(probabilities)}"
     if verdict.share > 0:
         yield f"it takes {verdict.share:.0%} of what the base model misses beyond the noise {labels.unseen}"
     before, after = two_digits(verdict.before.misfit), two_digits(verdict.after.misfit)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 import io
+import re
 import socket
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, redirect_stdout
@@ -51,6 +52,7 @@ def page_of(subject: Subject, others: Sequence[tuple[Subject, str]] = ()) -> str
             stage.show(frame)
             recorder.insert_sleep(float(wait))
         page = recorder.as_html()
+    page = re.sub("<title>.*?</title>", lambda _: f"<title>{html.escape(subject.name)}</title>", page, count=1)
     end = page.rindex("</body>")
     legend = f'<div id="rover-pin-legend" style="{STYLE}">{legend_of(subject, others, film)}</div>'
     return str(page[:end] + legend + page[end:])

@@ -23,6 +23,7 @@ def test_a_drive_is_written_as_a_page_and_a_moving_picture(run):
     assert "out/drive/view.html" in out
     page = Path("out/drive/view.html").read_text()
     assert "__VISER_EMBED_DATA__" in page
+    assert re.findall("<title>(.*?)</title>", page)[0].startswith("ditch")
     legend = page[page.rindex('<div id="rover-pin-legend"') :]
     assert "ditch" in legend
     assert "drives on" in legend

@@ -1,4 +1,4 @@
-"""The fitted numbers, before and after, with what was known of them beforehand, and how fast chi2 rises along them."""
+"""The fitted numbers, before and after, with what was known of them beforehand, and which go together."""
 
 from __future__ import annotations
 
@@ -13,26 +13,14 @@ from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.numbers import DRIFTED, Number
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.estimation.wording import format_value
-from rover_pin.report.profiles import profiles_figure
-from rover_pin.report.section import AWAY, CHOSEN, Picture, Row, Section, Table
+from rover_pin.report.section import AWAY, CHOSEN, Row, Section, Table
 
 
 def numbers_section(verdict: Verdict) -> Section | None:
     """Return the fitted numbers; those that sit away from what was known beforehand stand first."""
     if verdict.after is None or not verdict.after.numbers:
         return None
-    pictures = {"profiles": _picture(verdict)} if verdict.profiles else {}
-    return Section("Fitted numbers", "sections/numbers.html", {"numbers": number_table(verdict)}, pictures)
-
-
-def _picture(verdict: Verdict) -> Picture:
-    """Return the profiles."""
-    assert verdict.after is not None
-    ends = {number.name: (number.low, number.high) for number in verdict.after.numbers}
-    panels = profiles_figure(verdict.profiles, [ends[profile.name] for profile in verdict.profiles])
-    alt = f"Rise of chi2 along {', '.join(profile.name for profile in verdict.profiles)}, all others refitted."
-    caption = "Rise of chi2 along each number, all others refitted; dashed: the 95 % limit, shaded: the 95 % interval."
-    return Picture(panels, alt, caption)
+    return Section("Fitted numbers", "sections/numbers.html", {"numbers": number_table(verdict)})
 
 
 def number_table(verdict: Verdict) -> Table:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -87,22 +86,11 @@ def panel(standalone: Experiment, row: int, sides: list[Side], along: Along | No
     words, values = along or ("point", np.cumsum(recorded).reshape(recorded.shape) - 1)
     axis.plot(values[recorded], factor * standalone.observed[:, row][recorded], "ko", ms=4, label="measured")
     for fitted, colour, marker, label in sides:
-        axis.plot(
-            values[recorded],
-            factor * fitted.predicted[:, row][recorded],
-            marker,
-            color=colour,
-            ms=8,
-            mew=1.6,
-            label=label,
-        )
-    for begin in () if along else _begins(recorded):
+        modelled = factor * fitted.predicted[:, row][recorded]
+        axis.plot(values[recorded], modelled, marker, color=colour, ms=8, mew=1.6, label=label)
+    for begin in () if along else np.cumsum(recorded.sum(axis=1))[:-1]:
         axis.axvline(begin - 0.5, color="#b0b0b0", lw=0.7)
     axis.set(xlabel=words, ylabel=f"{as_text(standalone.channels[row])} [{unit or '-'}]")
     axis.grid(alpha=0.25, axis="y")
     figure.legend(*axis.get_legend_handles_labels(), loc="outside upper center", ncols=2, frameon=False, fontsize=8.5)
     return figure
-
-
-def _begins(recorded: np.ndarray) -> Iterator[int]:
-    yield from np.cumsum(recorded.sum(axis=1))[:-1]
