@@ -29,10 +29,15 @@ CLAIMS = [
     "after {{ took['close-loop cmu-smooth-wheel'] }} s of CPU",
     "to {{ sig(speed.drive_speed['off [mm]'], 1) }} mm of a sixteenth",
     "ditch in {{ sig(speed.drive_speed['ditch [s]'], 2) }} s",
-    "[of {{ control.drives }} drives](docs/results.md#controllers-compared)",
+    "Of [{{ control.drives }} drives](docs/results.md#controllers-compared), constant duty passes "
+    "{{ control.rows['constant duty'].passed }} and buries **{{ control.rows['constant duty'].buried }}**",
     *(
-        f"{name} passes {{{{ control.rows['{key}'].passed }}}} and buries {{{{ control.rows['{key}'].buried }}}}"
-        for name, key in (("it", "S_d = 0.2, true slip"), ("constant duty", "constant duty"))
+        f"| {name} | {bold}{{{{ control.rows['{name}'].passed }}}}{bold} | {{{{ control.rows['{name}'].buried }}}} |"
+        for name, bold in (
+            ("S_d = 0.2, true slip", "**"),
+            ("by the hole, true slip", ""),
+            ("by the hole, on board", ""),
+        )
     ),
     "wheel rigs, {{ blind.rigs.sets }} sets | drive logs, {{ blind.logs.sets }} sets",
     *(
