@@ -17,6 +17,7 @@ void rover_pin_monitor_reset(Monitor *m) {
   memset(m->causes, 0, 3 * sizeof(real));
   memset(m->holes, 0, m->n * N_RATES * sizeof(real));
   memset(m->evidence, 0, N_RATES * sizeof(real));
+  memset(m->by_way, 0, N_RATES * sizeof(real));
 }
 
 /* Whether a reading can be read; P that a motor or a sensor is at fault, from the last samples. */
@@ -81,8 +82,13 @@ static real balance(const Monitor *m, const Belief *b, const real *slips, intege
   return sum / fmax(load, 1e-9);
 }
 
-/* Dig on by each rate, and weigh the rates by the balance of forces; uneven ground adds to what is not known of it. Its
-   error changes with the way: a rover that stands, as an obstacle may hold it too, learns nothing new. */
+static void learn(real *evidence, real density, real time) {
+  *evidence = (1.0 - time / MEMORY) * *evidence + log(density) * time / CORRELATED;
+}
+
+/* Dig on by each rate, and weigh the rates by the balance of forces; uneven ground adds to what is not known of it. With
+   time, what slows the rover is told, be it a hole or an obstacle; only with way does the error become another one, and
+   tell a hole from an obstacle. */
 static void dig(Monitor *m, const Belief *b) {
   const real unknown = BALANCE_SD * BALANCE_SD + b->bend * b->bend + b->wall * b->wall;
   for (integer w = 0; w < m->n; ++w) {
@@ -96,11 +102,12 @@ static void dig(Monitor *m, const Belief *b) {
     }
   }
   if (m->samples < UNSETTLED) return;
-  const real moving = fmin(fmax(b->speed / fmax(b->pace, CREEP), 0.0), 1.0), time = moving * m->period;
+  const real moving = fmin(fmax(b->speed / fmax(b->pace, CREEP), 0.0), 1.0);
   for (integer r = 0; r < N_RATES; ++r) {
     const real net = balance(m, b, b->told, 4, m->holes + r, N_RATES);
     const real density = exp(-0.5 * net * net / unknown) + STRAY;
-    m->evidence[r] = (1.0 - time / MEMORY) * m->evidence[r] + log(density) * time / CORRELATED;
+    learn(m->evidence + r, density, m->period);
+    learn(m->by_way + r, density, moving * m->period);
   }
 }
 
@@ -113,13 +120,32 @@ static integer chosen(const real *weights, integer count, real level) {
   return count - 1;
 }
 
+/* Weights of the rates of digging, by their evidence. */
+static void weigh_rates(const real *evidence, real *weights) {
+  real most = evidence[0], sum = 0.0;
+  for (integer r = 1; r < N_RATES; ++r) most = fmax(most, evidence[r]);
+  for (integer r = 0; r < N_RATES; ++r) sum += weights[r] = PRIOR[r] * exp(evidence[r] - most);
+  for (integer r = 0; r < N_RATES; ++r) weights[r] /= sum;
+}
+
+/* P(buried): each rate's share of draws, by what the way tells of it; a rate without draws is as the others that dig. */
+static real weighed(const Monitor *m, const integer *draws, const integer *buried) {
+  real weights[N_RATES], p = 0.0;
+  integer all = 0, those = 0;
+  weigh_rates(m->by_way, weights);
+  for (integer r = 1; r < N_RATES; ++r) all += draws[r], those += buried[r];
+  if (draws[0]) p = weights[0] * buried[0] / draws[0];
+  for (integer r = 1; r < N_RATES; ++r)
+    if (all) p += weights[r] * (draws[r] ? (real)buried[r] / draws[r] : (real)those / all);
+  return p;
+}
+
 /* States and draws, a row each: particles and rates of digging by their weights. */
 static void draw_ways(Monitor *m, const Belief *b) {
   const integer n = m->n, size = 3 + 2 * n;
   integer order[DRAWS];
-  real weights[N_RATES], most = m->evidence[0];
-  for (integer r = 1; r < N_RATES; ++r) most = fmax(most, m->evidence[r]);
-  for (integer r = 0; r < N_RATES; ++r) weights[r] = PRIOR[r] * exp(m->evidence[r] - most);
+  real weights[N_RATES];
+  weigh_rates(m->evidence, weights);
   const real offset = next_chance(m);
   for (integer k = 0; k < DRAWS; ++k) order[k] = k;
   for (integer k = DRAWS - 1; k > 0; --k) {
@@ -137,6 +163,7 @@ static void draw_ways(Monitor *m, const Belief *b) {
       x[3 + w] = b->slip[w * b->N + particle];
       x[3 + n + w] = m->holes[w * N_RATES + rate];
     }
+    m->rate[k] = rate;
     draw[0] = RATES[rate];
     draw[1] = balance(m, b, x + 3, 1, x + 3 + n, 1);
     draw[2] = STEEPENING * sqrt(-2.0 * log(1.0 - next_chance(m))) * cos(FULL_TURN * next_chance(m));
@@ -169,7 +196,7 @@ int rover_pin_monitor_ahead(Monitor *m, integer k, real wall, real hole, real *d
 static void look_ahead(Monitor *m, const Belief *b) {
   const integer n = m->n;
   real load = 0.0, least = m->radius[0];
-  integer stuck = 0, buried = 0, free = 0, firm = 0;
+  integer stuck = 0, free = 0, firm = 0, of_rate[N_RATES] = {0}, buried[N_RATES] = {0};
   for (integer w = 0; w < n; ++w) load += fmax(b->under[LOAD * n + w], 0.0), least = fmin(least, m->radius[w]);
   memset(m->causes, 0, 3 * sizeof(real));
   m->p_buried = 0.0;
@@ -184,14 +211,15 @@ static void look_ahead(Monitor *m, const Belief *b) {
     real depth, other;
     const int stands = rover_pin_monitor_ahead(m, k, 1.0, 1.0, &depth);
     stuck += stands;
-    buried += m->sinkage / least + depth > m->buried;
+    ++of_rate[m->rate[k]];
+    buried[m->rate[k]] += m->sinkage / least + depth > m->buried;
     if (stands) {
       free += rover_pin_monitor_ahead(m, k, 0.0, 1.0, &other);
       firm += rover_pin_monitor_ahead(m, k, 0.0, 0.0, &other);
     }
   }
   m->p_stuck = (real)stuck / DRAWS;
-  m->p_buried = (real)buried / DRAWS;
+  m->p_buried = weighed(m, of_rate, buried);
   if (m->p_stuck < WORTH) return;
   firm = firm < free ? firm : free;
   m->causes[0] = (real)firm / DRAWS;

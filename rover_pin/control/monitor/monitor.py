@@ -81,7 +81,7 @@ class Monitor:
         fill(
             self.struct,
             self.keep,
-            {name: np.zeros(size) for name, size in lengths(n).items()}
+            {name: np.zeros(size, dtype=np.int64 if name == "rate" else float) for name, size in lengths(n).items()}
             | {"radius": np.array(law.radii), "pulls": pulls, "pull_slopes": np.gradient(pulls, SLIPS)}
             | {"n": n, "period": estimate.period, "sinkage": sinkage, "buried": buried, **rates}
             | {"stall_current": float(motor.supply / motor.resistance)},
@@ -121,8 +121,8 @@ class Monitor:
 
     @property
     def digging(self) -> np.ndarray:
-        """Probability of each of `RATES`."""
-        evidence = self.keep["evidence"]
+        """Probability of each of `RATES`, by what the way tells."""
+        evidence = self.keep["by_way"]
         weights = PRIOR * np.exp(evidence - evidence.max())
         return np.asarray(weights / weights.sum())
 

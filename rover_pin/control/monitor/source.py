@@ -80,11 +80,12 @@ FIELDS: list[tuple[Any, dict[str, str], str]] = [
         {
             "radius pulls pull_slopes": "of each wheel; f_t / f_n over slips of -1 to 1, and its slopes",
             "causes past": "of `CAUSES`, the first three; duty, rate, current of the readings that are kept",
-            "holes evidence": "of each wheel and rate of digging",
+            "holes evidence by_way": "of each wheel and rate of digging; what time, and what way, tells of the rates",
             "ways draws ground": "as `AheadLaw.step` takes them; ways: where each draw begins",
         },
         "double *{}",
     ),
+    (ctypes.c_void_p, {"rate": "of digging, of each draw"}, "integer *{}"),
 ]
 
 
@@ -97,6 +98,7 @@ class MonitorStruct(ctypes.Structure):
 def lengths(wheels: int) -> dict[str, int]:
     """Return the lengths of the arrays that a monitor works with."""
     lengths = {"causes": 3, "past": 3 * wheels * WINDOW, "holes": len(RATES) * wheels, "evidence": len(RATES)}
+    lengths |= {"by_way": len(RATES), "rate": DRAWS}
     return lengths | {"ways": DRAWS * (3 + 2 * wheels), "draws": 4 * DRAWS, "ground": 4 * wheels + 1}
 
 
