@@ -51,7 +51,7 @@ def loop_of(commands):
     """A loop of one sample and one step in which nothing moves, far above the ground."""
     state = hovering(MODEL, Start())
     kernel = Kernel(MODEL, state, AT_ONCE, symmetric=False)
-    return Loop(kernel, AT_ONCE, 1, 1, per_control=1, **commands.fields(kernel))
+    return Loop(kernel, AT_ONCE, 1, 1, per_control=1, **commands.fields(kernel, 1))
 
 
 def scramble(loop, rng):

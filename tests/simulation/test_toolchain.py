@@ -215,7 +215,7 @@ def test_libraries_of_another_processor_are_not_taken(cache, monkeypatch):
     for level in ("", "x86-64-v3", "x86-64-v4", ""):
         monkeypatch.setattr(toolchain, "level", lambda level=level: level)
         monkeypatch.setattr(toolchain, "has_vector_math", lambda: True)
-        monkeypatch.setattr(toolchain, "_compiled", lambda command, source, place: _built(place))
+        monkeypatch.setattr(toolchain, "_compiled", lambda command, sources, place, fast: _built(place))
         monkeypatch.setattr(toolchain, "compiler", lambda: ["gcc"])
         toolchain.shared_library(SOURCE, "twice")
         made.append({file.name.rsplit("-", 1)[0] for file in cache.iterdir()})

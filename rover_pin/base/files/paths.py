@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from importlib.resources import files
 from pathlib import Path
 
 
@@ -30,3 +31,8 @@ def is_folder(path: Path) -> bool:
 def named_from(folder: Path, name: str | Path) -> str:
     """Return how a file in this folder names what a user gave: a file by the way to it, anything else as it is."""
     return os.path.relpath(Path(name).resolve(), folder.resolve()) if is_file(Path(name)) else str(name)
+
+
+def text_of_package(folder: str, name: str) -> str:
+    """Return a text file that comes with the package, by its folder as a module's name."""
+    return files(folder).joinpath(name).read_text(encoding="utf-8")

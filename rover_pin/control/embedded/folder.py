@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from importlib.resources import files
 from pathlib import Path
 
 from rover_pin.base.files.columns import replace_file
+from rover_pin.base.files.paths import text_of_package
 from rover_pin.control.embedded.ros2 import ros2_files
 from rover_pin.control.embedded.source import Embedded
 from rover_pin.control.embedded.vectors import vectors
@@ -40,7 +40,7 @@ def write_embedded(taken: Embedded, folder: str | Path, count: int = COUNT) -> l
         "rover_control.c": taken.source,
         "CMakeLists.txt": CMAKE.replace("LIMIT", f"{limit:g}"),
     }
-    texts["test_vectors.c"] = files("rover_pin.control.embedded").joinpath("test_vectors.c").read_text(encoding="utf-8")
+    texts["test_vectors.c"] = text_of_package("rover_pin.control.embedded", "test_vectors.c")
     texts["vectors.csv"] = _table(taken, count)
     texts |= {f"ros2/{name}": text for name, text in ros2_files(taken).items()}
     paths = [replace_file(place / name, text) for name, text in texts.items()]

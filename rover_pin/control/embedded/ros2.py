@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from importlib.resources import files
-
+from rover_pin.base.files.paths import text_of_package
 from rover_pin.control.embedded.source import Embedded
 
 PACKAGE = """<?xml version="1.0"?>
@@ -54,7 +53,7 @@ def ros2_files(taken: Embedded) -> dict[str, str]:
         "WHEELS": [model.names[wheel.joint] for wheel in taken.rover.wheels],
         "LINKS": [name_at[place] for place in places],
     }
-    source = files("rover_pin.control.embedded").joinpath("ros2_controller.cpp").read_text(encoding="utf-8")
+    source = text_of_package("rover_pin.control.embedded", "ros2_controller.cpp")
     for key, words in texts.items():
         source = source.replace(f"@{key}@", ", ".join(f'"{word}"' for word in words))
     return {

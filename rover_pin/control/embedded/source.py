@@ -6,12 +6,12 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from importlib.resources import files
 
 import casadi as ca
 
 from rover_pin import version
 from rover_pin.base.errors import ParameterError
+from rover_pin.base.files.paths import text_of_package
 from rover_pin.control.embedded.estimates import belief_struct, kept_inside, numbers, of_estimate, of_limit, of_stop
 from rover_pin.control.embedded.monitor import monitor_header, monitor_text
 from rover_pin.control.monitor import source as monitor_source
@@ -146,7 +146,7 @@ class Embedded:
             lines += [_one_lane(law.name()) for law in on_board.expressions[1:]]
             lines += [_belief()]
         lines += [of_estimate(control), of_limit(control.limit), of_stop(self.stop)]
-        lines += [_file("rover_pin.control.embedded", "controller.c")]
+        lines += [text_of_package("rover_pin.control.embedded", "controller.c")]
         return "\n".join([*lines, *(monitor_text(self.monitor) if self.monitor else ())])
 
 
@@ -169,19 +169,15 @@ def embedded(controller: Controller, model: Model) -> Embedded:
     return Embedded(control, model.rover, stop, Monitor.of(model, on_board) if on_board else None)
 
 
-def _file(package: str, name: str) -> str:
-    return files(package).joinpath(name).read_text(encoding="utf-8")
-
-
 def _tables(needed: Sequence[str]) -> str:
     """Return the functions of `tables.c` that are needed: an unused one is a warning."""
-    parts = _file("rover_pin.simulation.native", "tables.c").split("\n\n")
+    parts = text_of_package("rover_pin.simulation.native", "tables.c").split("\n\n")
     used = [part for part in parts if any(re.search(rf"static real {name}\(", part) for name in needed)]
     return "\n\n".join([*(part for part in parts if part.startswith("#define") and needed), *used])
 
 
 def _belief() -> str:
-    return kept_inside(_file("rover_pin.control.sensing", "belief.c"))
+    return kept_inside(text_of_package("rover_pin.control.sensing", "belief.c"))
 
 
 def _functions(expressions: Sequence[ca.Function]) -> str:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from importlib.resources import files
 from typing import Any
 
 import numpy as np
 
+from rover_pin.base.files.paths import text_of_package
 from rover_pin.base.quantity import quantities
 from rover_pin.contact import Soil
 from rover_pin.control.fmi.unit import MAIN, FunctionalUnit, Variable, c_number, c_table
@@ -69,7 +69,7 @@ def plant(model: Model, start: Start = Start(), timing: Timing = Timing()) -> Fu
     functions = dict(zip(LAWS, (body_name, *laws.names), strict=False))
     lines = [source(), *_places_in_values(variables), c_table("int", "ROW_PLACES", places)]
     lines += [f"#define N_OUT {len(places)}", _Image(kernel, loop, functions).source]
-    lines += [files("rover_pin.control.fmi").joinpath("plant.c").read_text(encoding="utf-8")]
+    lines += [text_of_package("rover_pin.control.fmi", "plant.c")]
     return FunctionalUnit(
         "rover_plant",
         f"{model.rover.name} on its ground, by rover-pin",

@@ -12,7 +12,6 @@ import zipfile
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from importlib.resources import files
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
@@ -20,6 +19,7 @@ import numpy as np
 
 from rover_pin import version
 from rover_pin.base.files.columns import replace_file
+from rover_pin.base.files.paths import text_of_package
 from rover_pin.simulation.compiled.toolchain import portable_library
 
 SYSTEMS = {"linux": ("linux", ".so"), "darwin": ("darwin", ".dylib"), "win32": ("windows", ".dll")}
@@ -87,7 +87,7 @@ class FunctionalUnit:
             for begin, variable in zip(begins, self.variables, strict=False)
         )
         start = ", ".join(c_number(float(value)) for variable in self.variables for value in variable.start)
-        fmi = files("rover_pin.control.fmi").joinpath("fmi3.c").read_text(encoding="utf-8")
+        fmi = text_of_package("rover_pin.control.fmi", "fmi3.c")
         head = f"""
 #include <math.h>
 #define PERIOD {self.period!r}

@@ -5,12 +5,12 @@ from __future__ import annotations
 import ctypes
 import math
 from functools import lru_cache
-from importlib.resources import files
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
+from rover_pin.base.files.paths import text_of_package
 from rover_pin.control.hole_law import HoleLaw
 from rover_pin.control.monitor.ahead import STEPS, AheadLaw, deepening
 from rover_pin.control.sensing import belief
@@ -112,7 +112,7 @@ def c_source() -> str:
     lines = [f"#define {name} {value!r}" for name, value in NUMBERS.items()]
     for name, values in (("RATES", RATES), ("PRIOR", PRIOR)):
         lines.append(f"static const real {name}[N_RATES] = {{{', '.join(map(repr, values.tolist()))}}};")
-    return "\n".join([*lines, files("rover_pin.control.monitor").joinpath("monitor.c").read_text(encoding="utf-8")])
+    return "\n".join([*lines, text_of_package("rover_pin.control.monitor", "monitor.c")])
 
 
 @lru_cache(maxsize=16)

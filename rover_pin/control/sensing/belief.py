@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Sequence
-from importlib.resources import files
 from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
 
+from rover_pin.base.files.paths import text_of_package
 from rover_pin.simulation.compiled.laws import generated_source
 from rover_pin.simulation.compiled.toolchain import shared_library
 from rover_pin.simulation.native import lanes
@@ -146,4 +146,4 @@ def _source(ground: ca.Function, laws: Sequence[ca.Function]) -> str:
     lines += ["typedef void (*lanes_law)(const double *, const double *, double *);"]
     lines += [constants(), "typedef struct {", *members(FIELDS), "} Belief;"]
     lines += [lanes.c_source(law, shared=(1,)) for law in laws]
-    return "\n".join([*lines, files("rover_pin.control.sensing").joinpath("belief.c").read_text(encoding="utf-8")])
+    return "\n".join([*lines, text_of_package("rover_pin.control.sensing", "belief.c")])

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from importlib.resources import files
-
+from rover_pin.base.files.paths import text_of_package
 from rover_pin.simulation.native.shared import header
 
 FILES = (
@@ -21,5 +20,4 @@ def source() -> str:
 
 def _text(name: str) -> str:
     """Return what a file declares: a C file itself, of shared.py what it writes."""
-    folder = files("rover_pin.simulation.native")
-    return header() if name == "shared.py" else folder.joinpath(name).read_text(encoding="utf-8")
+    return header() if name == "shared.py" else text_of_package("rover_pin.simulation.native", name)

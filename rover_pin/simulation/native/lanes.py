@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from importlib.resources import files
 from typing import NamedTuple
 
 import casadi as ca
 
 from rover_pin.base.errors import ParameterError
+from rover_pin.base.files.paths import text_of_package
 
 OPERATIONS = {getattr(ca, name): name for name in dir(ca) if name.startswith("OP_")}
 ONE = {
@@ -53,7 +53,7 @@ class _Value(NamedTuple):
 
 def header() -> str:
     """Return the C source that lanes need."""
-    return files("rover_pin.simulation.native").joinpath("lanes.h").read_text(encoding="utf-8")
+    return text_of_package("rover_pin.simulation.native", "lanes.h")
 
 
 def c_source(function: ca.Function, shared: Sequence[int] = ()) -> str:
