@@ -52,8 +52,9 @@ class Monitor:
 
     Faults, from the last samples: a motor that is well has i R = delta V - K omega, and a fault leaves anything up to
     the stall current in it; a reading that is not finite, or has not changed by its last bit while its motor is driven,
-    is no reading. How fast the ground digs: hypotheses of c_d, each with its own holes, weighed by the forces along the
-    way: pull less slope and holes is nothing, to within what uneven ground adds.
+    is no reading. How fast the ground digs: hypotheses of c_d, each with its own holes, weighed by the forces, as pull
+    less slope and holes is nothing, to within what uneven ground adds. What each second tells of them serves P(stuck),
+    what the way alone tells P(buried): where the rover stands, an obstacle may hold it as well as a hole.
 
     Parameters
     ----------
@@ -77,15 +78,13 @@ class Monitor:
         self.estimate, self.law, self._settings = estimate, law, (law, pulls, sinkage, buried, motor)
         self._library, self.struct = library(law), MonitorStruct()
         self.keep: dict[str, Any] = {}
-        n, rates = len(law.radii), {"no_load_rate": float(motor.no_load_rate)}
-        fill(
-            self.struct,
-            self.keep,
-            {name: np.zeros(size, dtype=np.int64 if name == "rate" else float) for name, size in lengths(n).items()}
-            | {"radius": np.array(law.radii), "pulls": pulls, "pull_slopes": np.gradient(pulls, SLIPS)}
-            | {"n": n, "period": estimate.period, "sinkage": sinkage, "buried": buried, **rates}
-            | {"stall_current": float(motor.supply / motor.resistance)},
-        )
+        n = len(law.radii)
+        room = {name: np.zeros(size, dtype=np.int64 if name == "rate" else float) for name, size in lengths(n).items()}
+        tables = {"radius": np.array(law.radii), "pulls": pulls, "pull_slopes": np.gradient(pulls, SLIPS)}
+        numbers = {"n": n, "period": estimate.period, "sinkage": sinkage, "buried": buried}
+        numbers["no_load_rate"] = float(motor.no_load_rate)
+        numbers["stall_current"] = float(motor.supply / motor.resistance)
+        fill(self.struct, self.keep, room | tables | numbers)
         self._address = ctypes.addressof(self.struct)
         self.reset()
 
@@ -127,7 +126,8 @@ class Monitor:
         return np.asarray(weights / weights.sum())
 
     def _check(self, reading: Reading) -> bool:
-        rows = [np.ascontiguousarray(row, dtype=float) for row in (reading.duty, reading.wheel_rate, reading.current)]
+        of_wheels = (reading.duty, reading.wheel_rate, reading.current)
+        rows = [np.array(np.broadcast_to(row, len(self.law.radii)), dtype=float) for row in of_wheels]
         posture = np.array([*reading.attitude[:2], *reading.suspension])
         addresses = [row.ctypes.data for row in (*rows, posture)]
         return bool(self._library.rover_pin_monitor_check(self._address, *addresses, len(posture)))
