@@ -86,6 +86,7 @@ def fields() -> Mapping[str, Any]:
         "traction": traction(),
         "as_driven": kept("tune_as_driven").to_dict("records"),
         "tuned": tuned(),
+        "improved": improved(),
         "wheels": measured_wheels(),
     }
 
@@ -93,6 +94,13 @@ def fields() -> Mapping[str, Any]:
 def kept(name: str, **options: Any) -> pd.DataFrame:
     """Return a kept table."""
     return pd.read_csv(RESULTS / f"{name}.csv", **options)
+
+
+def improved() -> dict[str, int]:
+    """Return the counts of the blind test of `improve`."""
+    table = kept("blind_improve")
+    counted = {name: int(table[name].sum()) for name in ("inside", "keeps", "harms", "is_certain")}
+    return {"sets": len(table), **counted, "true_gains": int((table["is_certain"] & (table["true"] > 0.0)).sum())}
 
 
 def speed() -> dict[str, dict[str, float]]:

@@ -7,10 +7,13 @@ Method
     Drive logs by `rover-pin demo drive-log`: sand off by what bench tests err, an effect of six or none hidden, motors
     and tachogenerators not quite alike, sensors' noise, a tracker that wanders. `improve` closes the loop and tunes on
     the usual grounds (with less effort than it usually makes, EFFORT). Then the held-out grounds are driven on the true
-    model with noise of another seed: the true gain is the cost saved against constant duty. Harm: a true gain below
-    -WORTH. No number was set on these seeds.
+    model with noise of another seed: the true gain is the cost saved against constant duty. Where the whole interval
+    lies below 0, `improve` says to keep constant duty. Harm: a true gain below -WORTH where it does not. No number was
+    set on these seeds.
 Result
-    studies/results/blind_improve.csv.
+    38 of the 40 sets (the time was up): the true gain lies inside the interval of 90 % in 35; constant duty is kept in
+    25; no gain is certain, as this sand is firm. Of the other 13, 7 lose more than WORTH: the answer there is "no
+    certain gain", and 2 % of harm, which was to be reached, is missed by who takes the gains all the same.
 What the paper says
     Nothing of the kind.
 What differs
@@ -80,9 +83,8 @@ def main() -> None:
     rows: list[Row] = []
     for row in finished:
         rows.append(row)
-        table = pd.DataFrame(rows)
+        table = judged(pd.DataFrame(rows))
         plot.write_csv(table, options.out / "blind_improve.csv")
-    (options.out / "blind_improve.md").write_text(f"{report(table)}\n", encoding="utf-8")
     print(report(table))
 
 
@@ -122,14 +124,20 @@ def true_gain(study: TuningStudy, law: SlipLaw) -> float:
     return float(np.mean(saved))
 
 
+def judged(table: pd.DataFrame) -> pd.DataFrame:
+    """Return the rows with whether the interval holds, whether constant duty is kept, and whether there is harm."""
+    inside, keeps = table["true"].between(table["low"], table["high"]), table["high"] < 0.0
+    return table.assign(inside=inside, keeps=keeps, harms=~keeps & (table["true"] < -WORTH))
+
+
 def report(table: pd.DataFrame) -> str:
     """Return how often the interval holds, and how often there is harm."""
-    inside = int(((table["low"] <= table["true"]) & (table["true"] <= table["high"])).sum())
-    harm, certain = int((table["true"] < -WORTH).sum()), table["is_certain"]
+    certain, gains = table["is_certain"], table["true"] > 0.0
     return (
-        f"{len(table)} sets: the true gain lies inside the interval of 90 % in {inside}; harm in {harm}; a gain was "
-        f"certain in {certain.sum()}, of which true in {int((table['true'] > 0)[certain].sum())}; mean of predicted "
-        f"and true gain {table['predicted'].mean():.3f}, {table['true'].mean():.3f}"
+        f"{len(table)} sets: the true gain lies inside the interval of 90 % in {table['inside'].sum()}; constant duty "
+        f"is kept in {table['keeps'].sum()}; harm in {table['harms'].sum()}; a gain was certain in {certain.sum()}, "
+        f"of which true in {(certain & gains).sum()}; mean of predicted and true gain {table['predicted'].mean():.3f}, "
+        f"{table['true'].mean():.3f}"
     )
 
 
