@@ -195,6 +195,12 @@ def _place(state: DriveState) -> tuple[float, float]:
     return float(state.q[0]), float(state.q[1])
 
 
+def set_out(model: Model, controller: Controller, duration: float, start: Start, timing: Timing) -> Drive:
+    """Return a drive over the compiled step that has been set down at rest at `start`, and goes on step by step."""
+    job = DriveJob(Kernel, run_compiled, model, controller, duration, timing, False, None, False)
+    return begun(job, set_down(model, start, job.symmetric).state)
+
+
 def begun(job: DriveJob, state: DriveState) -> Drive:
     """Return a drive that begins in this state, with the step that its ground asks for."""
     model = job.model.begun(*_place(state))

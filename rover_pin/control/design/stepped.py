@@ -6,12 +6,11 @@ from typing import Any
 
 from rover_pin.base.errors import SimulationError
 from rover_pin.simulation.command import Command, Reading
-from rover_pin.simulation.compiled.kernel import Kernel
-from rover_pin.simulation.compiled_run import questions, run_compiled
+from rover_pin.simulation.compiled_run import questions
 from rover_pin.simulation.driving import Ran, obey
 from rover_pin.simulation.model.model import Model
-from rover_pin.simulation.simulate import DriveJob, begun
-from rover_pin.simulation.start.place import Start, set_down
+from rover_pin.simulation.simulate import set_out
+from rover_pin.simulation.start.place import Start
 from rover_pin.simulation.timing import Timing
 from rover_pin.simulation.trace.record import trace_of
 from rover_pin.simulation.trace.rows import finite
@@ -43,10 +42,9 @@ class SteppedDrive:
     """
 
     def __init__(self, model: Model, duration: float, start: Start = Start(), timing: Timing = Timing()):
-        job = DriveJob(Kernel, run_compiled, model, self._command, duration, timing, False, None, False)
         self.stop, self.command = "", Command(0.0)
         "why the drive ended, as the trace says it; empty while it goes on"
-        self._drive = begun(job, set_down(model, start, False).state)
+        self._drive = set_out(model, self._command, duration, start, timing)
         self._asking = questions(self._drive, duration)
         self._ran: Ran | None = None
         self.reading = next(self._asking)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -15,22 +15,17 @@ from rover_pin.control.sensing.stop import StopStuck
 from rover_pin.control.slip_control import SlipControl
 from rover_pin.control.slip_estimate import TableEstimate, TrueSlip
 from rover_pin.control.torque_check import CUSTOM_LIMIT, NoLimit, TorqueLimit, native_limit
+from rover_pin.simulation.native.shared import c_table
 
 TABLES = {"radius": "RADIUS", "factors": "FACTORS"}
 """Fields of the belief that point at a table."""
 
 
-def numbers(name: str, values: Iterable[float]) -> str:
-    """Return a C table of numbers, to the last bit."""
-    row = [repr(float(value)) for value in np.ravel(np.asarray(values))]
-    return f"static const real {name}[{len(row)}] = {{{', '.join(row)}}};"
-
-
 def of_table(estimate: TableEstimate) -> str:
     """Return C of Eq (9): slip and travel from the duty now applied and the wheel's rate."""
     duty, speed = estimate.table.duty, estimate.table.speed
-    return f"""{numbers("TABLE_DUTY", duty)}
-{numbers("TABLE_SPEED", speed)}
+    return f"""{c_table("real", "TABLE_DUTY", duty)}
+{c_table("real", "TABLE_SPEED", speed)}
 
 static void estimate(RoverControl *c, const RoverReading *in, RoverCommand *out, real *travel) {{
   int i;
@@ -64,8 +59,8 @@ def on_board(estimate: OnboardSlip, radius: float) -> str:
     settings |= {name: value for name, value in belief.items() if name not in TABLES}
     lines = [f"  b->{name} = {value!r};" for name, value in settings.items()]
     lines += [f"  b->{name} = {table};" for name, table in TABLES.items()]
-    return f"""{numbers("RADIUS", belief["radius"])}
-{numbers("FACTORS", belief["factors"])}
+    return f"""{c_table("real", "RADIUS", belief["radius"])}
+{c_table("real", "FACTORS", belief["factors"])}
 
 static void begin(RoverControl *c) {{
   Belief *b = &c->belief;
@@ -136,8 +131,8 @@ def of_limit(limit: TorqueLimit | NoLimit) -> str:
         body = "  (void)in, (void)wheel;\n  return 1.0;"
         return f"static real highest(const RoverReading *in, int wheel) {{\n{body}\n}}\n"
     many = len(table.pitches)
-    return f"""{numbers("PITCHES", table.pitches)}
-{numbers("TORQUES", np.array(table.torques).T)}
+    return f"""{c_table("real", "PITCHES", table.pitches)}
+{c_table("real", "TORQUES", np.array(table.torques).T)}
 
 static real highest(const RoverReading *in, int wheel) {{ /* T_lim at this pitch, a row a wheel */
   const real torque = between(in->pitch, PITCHES, TORQUES + wheel * {many}, {many});
@@ -151,13 +146,15 @@ def of_stop(control: StopStuck | None) -> str:
     if control is None:
         return "static void stop(RoverControl *c, RoverCommand *out) {\n  (void)c;\n  out->stopped = 0;\n}\n"
     law, estimate = control.stop, control.estimate
-    return f"""static void stop(RoverControl *c, RoverCommand *out) {{
+    numbers = (estimate.period / float(law.time), float(law.share), float(law.depth))
+    return f"""{c_table("real", "STOP", numbers)}
+
+static void stop(RoverControl *c, RoverCommand *out) {{
   real deepest = 0.0;
   int i;
-  c->late_share += {estimate.period / float(law.time)!r} * ((out->stands > {float(law.p_stands)!r}) - c->late_share);
   for (i = 0; i < ROVER_WHEELS; ++i)
     deepest = fmax(deepest, (c->belief.told[4 * i + 2] + c->belief.told[4 * i + 3]) / RADIUS[i]);
-  if (c->late_share > {float(law.share)!r} && deepest > {float(law.depth)!r}) c->stopped = 1;
+  if (stops(&c->late_share, out->stands > {float(law.p_stands)!r}, deepest, STOP)) c->stopped = 1;
   if (c->stopped) memset(out->duty, 0, sizeof out->duty);
   out->stopped = c->stopped;
 }}

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from rover_pin.control.embedded.estimates import kept_inside, numbers, struct_of_fixed_size
+from rover_pin.control.embedded.estimates import kept_inside, struct_of_fixed_size
 from rover_pin.control.monitor.monitor import CANNOT_TELL, CAUSES, Monitor
 from rover_pin.control.monitor.source import FIELDS, c_source, lengths
+from rover_pin.simulation.native.shared import c_table
 
 TABLES = {"radius": "RADIUS", "pulls": "PULLS", "pull_slopes": "PULL_SLOPES"}
 SETTINGS = ("n", "period", "no_load_rate", "stall_current", "sinkage", "buried")
@@ -56,8 +57,8 @@ def monitor_text(monitor: Monitor) -> list[str]:
     settings += [f"  m->{name} = {table};" for name, table in TABLES.items()]
     return [
         "typedef RoverMonitor Monitor;",
-        numbers("PULLS", monitor.keep["pulls"]),
-        numbers("PULL_SLOPES", monitor.keep["pull_slopes"]),
+        c_table("real", "PULLS", monitor.keep["pulls"]),
+        c_table("real", "PULL_SLOPES", monitor.keep["pull_slopes"]),
         kept_inside(c_source()),
         STEP.format(settings="\n".join(settings), links=len(monitor.estimate.places)),
     ]

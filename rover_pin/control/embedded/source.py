@@ -12,11 +12,11 @@ import casadi as ca
 from rover_pin import version
 from rover_pin.base.errors import ParameterError
 from rover_pin.base.files.paths import text_of_package
-from rover_pin.control.embedded.estimates import belief_struct, kept_inside, numbers, of_estimate, of_limit, of_stop
+from rover_pin.control.embedded.estimates import belief_struct, kept_inside, of_estimate, of_limit, of_stop
 from rover_pin.control.embedded.monitor import monitor_header, monitor_text
 from rover_pin.control.monitor import source as monitor_source
 from rover_pin.control.monitor.monitor import Monitor
-from rover_pin.control.sensing.belief import constants
+from rover_pin.control.sensing import belief
 from rover_pin.control.sensing.onboard_slip import OnboardSlip
 from rover_pin.control.sensing.stop import StopStuck
 from rover_pin.control.slip_control import SlipControl
@@ -25,6 +25,7 @@ from rover_pin.control.torque_check import TorqueLimit
 from rover_pin.rover.rover import Rover
 from rover_pin.simulation.command import Controller
 from rover_pin.simulation.model.model import Model
+from rover_pin.simulation.native.shared import c_table
 
 READING = """typedef struct {{ /* what is read at a sample; wheels in the order {names} */
   rover_real duty[ROVER_WHEELS]; /* now applied [-] */
@@ -43,7 +44,7 @@ COMMAND = """typedef struct {
   int stopped; /* whether it is stuck, and all duties are 0 from now on */
 } RoverCommand;"""
 TABLES = {"table": ("between", "signed_speed", "slip_by_table"), "board": ("slip_travel",),
-          "limit": ("between", "duty_for")}  # fmt: skip
+          "limit": ("between", "duty_for"), "stop": ("stops",)}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -124,6 +125,7 @@ class Embedded:
         on_board, control = self.on_board, self.control
         needed = [*(TABLES["table"] if isinstance(control.estimate, TableEstimate) else ())]
         needed += TABLES["board"] if on_board else ()
+        needed += TABLES["stop"] if self.stop else ()
         needed += TABLES["limit"] if isinstance(control.limit, TorqueLimit) else ()
         lines = ['#include "rover_control.h"', "#include <math.h>", "#include <string.h>"]
         lines += [
@@ -134,11 +136,11 @@ class Embedded:
         lines += [
             _tables(needed),
             _functions(self.expressions),
-            numbers("GAINS", [float(value) for value in control.gains.values().values()]),
+            c_table("real", "GAINS", list(map(float, control.gains.values().values()))),
         ]
         if on_board:
             lines += [
-                constants(),
+                belief.constants(),
                 "typedef RoverBelief Belief;",
                 "#define LANES 1",
                 "typedef void (*lanes_law)(const real *, const real *, real *);",
@@ -172,12 +174,12 @@ def embedded(controller: Controller, model: Model) -> Embedded:
 def _tables(needed: Sequence[str]) -> str:
     """Return the functions of `tables.c` that are needed: an unused one is a warning."""
     parts = text_of_package("rover_pin.simulation.native", "tables.c").split("\n\n")
-    used = [part for part in parts if any(re.search(rf"static real {name}\(", part) for name in needed)]
+    used = [part for part in parts if any(re.search(rf"static \w+ {name}\(", part) for name in needed)]
     return "\n\n".join([*(part for part in parts if part.startswith("#define") and needed), *used])
 
 
 def _belief() -> str:
-    return kept_inside(text_of_package("rover_pin.control.sensing", "belief.c"))
+    return kept_inside(belief.c_source())
 
 
 def _functions(expressions: Sequence[ca.Function]) -> str:

@@ -10,18 +10,17 @@ import numpy as np
 from rover_pin.base.files.paths import text_of_package
 from rover_pin.base.quantity import quantities
 from rover_pin.contact import Soil
-from rover_pin.control.fmi.unit import MAIN, FunctionalUnit, Variable, c_number, c_table
+from rover_pin.control.fmi.unit import MAIN, FunctionalUnit, Variable
 from rover_pin.simulation.compiled.generated_laws import laws_source, structure_of
 from rover_pin.simulation.compiled.kernel import Kernel
-from rover_pin.simulation.compiled_run import run_compiled
 from rover_pin.simulation.failure import suspension_of
 from rover_pin.simulation.model.model import Model
 from rover_pin.simulation.native import source
 from rover_pin.simulation.native.compiled_body import body_source
 from rover_pin.simulation.native.loop import Loop
-from rover_pin.simulation.native.shared import FIELDS, LOOP_FIELDS, RECORD
-from rover_pin.simulation.simulate import DriveJob, begun
-from rover_pin.simulation.start.place import Start, set_down
+from rover_pin.simulation.native.shared import FIELDS, LOOP_FIELDS, RECORD, c_number, c_table
+from rover_pin.simulation.simulate import set_out
+from rover_pin.simulation.start.place import Start
 from rover_pin.simulation.timing import Timing
 from rover_pin.simulation.trace.rows import row_type
 
@@ -58,8 +57,7 @@ def plant(model: Model, start: Start = Start(), timing: Timing = Timing()) -> Fu
     SimulationError
         The rover cannot be set down there.
     """
-    job = DriveJob(Kernel, run_compiled, model, lambda reading: 0.0, timing.control, timing, False, None, False)
-    drive = begun(job, set_down(model, start, False).state)
+    drive = set_out(model, lambda reading: 0.0, timing.control, start, timing)
     kernel, period = drive.stepper, round(drive.timing.control / drive.timing.dt)
     assert isinstance(kernel, Kernel)
     loop = Loop(kernel, drive.timing.dt, period, period, per_control=period)

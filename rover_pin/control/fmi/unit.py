@@ -9,7 +9,7 @@ import platform
 import sys
 import tempfile
 import zipfile
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -20,25 +20,14 @@ import numpy as np
 from rover_pin import version
 from rover_pin.base.files.columns import replace_file
 from rover_pin.base.files.paths import text_of_package
+from rover_pin.base.units import BASE, readings
 from rover_pin.simulation.compiled.toolchain import portable_library
+from rover_pin.simulation.native.shared import c_number
 
 SYSTEMS = {"linux": ("linux", ".so"), "darwin": ("darwin", ".dylib"), "win32": ("windows", ".dll")}
 MACHINES = {"amd64": "x86_64", "arm64": "aarch64"}
 MAIN = "unit.c"
 """The C file that has the unit's variable functions."""
-BASE_UNITS = {
-    "m": {"m": 1},
-    "s": {"s": 1},
-    "m/s": {"m": 1, "s": -1},
-    "rad": {"rad": 1},
-    "rad/s": {"rad": 1, "s": -1},
-    "A": {"A": 1},
-    "N": {"kg": 1, "m": 1, "s": -2},
-    "N m": {"kg": 1, "m": 2, "s": -2},
-    "Pa": {"kg": 1, "m": -1, "s": -2},
-    "Pa/m": {"kg": 1, "m": -2, "s": -2},
-}
-"""Powers of the SI base units."""
 
 
 @dataclass(frozen=True)
@@ -186,7 +175,7 @@ def _described(variable: Variable, reference: int) -> ET.Element:
         variability="tunable" if variable.causality == "parameter" else "continuous",
         description=variable.description,
     )
-    if variable.unit in BASE_UNITS:
+    if variable.unit:
         entry.set("unit", variable.unit)
     for name, bound in (("min", variable.low), ("max", variable.high)):
         if abs(bound) < sys.float_info.max:
@@ -202,8 +191,9 @@ def _described(variable: Variable, reference: int) -> ET.Element:
 
 def _units(names: set[str]) -> ET.Element:
     root = ET.Element("UnitDefinitions")
-    for name in sorted(names & set(BASE_UNITS)):
-        powers = {key: str(power) for key, power in BASE_UNITS[name].items()}
+    for name in sorted(names - {""}):
+        reading = next(reading for reading in readings(name) if reading.size == 1)
+        powers = {base: str(power) for base, power in zip(BASE, reading.powers, strict=True) if power}
         ET.SubElement(ET.SubElement(root, "Unit", name=name), "BaseUnit", powers)
     return root
 
@@ -211,16 +201,3 @@ def _units(names: set[str]) -> ET.Element:
 def _text(root: ET.Element) -> str:
     ET.indent(root)
     return f'<?xml version="1.0" encoding="UTF-8"?>\n{ET.tostring(root, encoding="unicode")}\n'
-
-
-def c_number(value: float) -> str:
-    """Return a number in C, to the last bit."""
-    if isinstance(value, float) and not math.isfinite(value):
-        return "NAN" if math.isnan(value) else "INFINITY" if value > 0 else "-INFINITY"
-    return repr(value)
-
-
-def c_table(kind: str, name: str, values: Iterable[float]) -> str:
-    """Return the C of a constant table."""
-    row = [c_number(value) for value in values]
-    return f"static const {kind} {name}[{max(len(row), 1)}] = {{{', '.join(row) or '0'}}};"

@@ -3,13 +3,6 @@
 #include <math.h>
 #include <string.h>
 
-static real next_chance(Monitor *m) { /* in [0, 1): the generator of belief.c, with a memory of its own */
-  unsigned long long x = m->random;
-  x ^= x >> 12; x ^= x << 25; x ^= x >> 27;
-  m->random = x;
-  return (real)((double)((x * 2685821657736338717ULL) >> 11) * 0x1p-53);
-}
-
 void rover_pin_monitor_reset(Monitor *m) {
   m->random = 1181783497276652981ULL;
   m->count = m->samples = m->alarm = 0;
@@ -63,12 +56,6 @@ int rover_pin_monitor_check(Monitor *m, const real *duty, const real *rate, cons
   m->sensor = frozen;
   m->motor = frozen ? 0.0 : doubt;
   return 1;
-}
-
-static real at_slip(const real *table, real s) { /* linear over slips of -1 to 1 */
-  const real at = (fmin(fmax(s, -1.0), 1.0) + 1.0) * 0.5 * (N_FACTORS - 1);
-  const integer k = at >= N_FACTORS - 1 ? N_FACTORS - 2 : (integer)at;
-  return table[k] + (at - k) * (table[k + 1] - table[k]);
 }
 
 /* Pull less what slope and holes take, over the weight; slips and holes are `apart` from wheel to wheel. */
@@ -128,11 +115,14 @@ static void weigh_rates(const real *evidence, real *weights) {
   for (integer r = 0; r < N_RATES; ++r) weights[r] /= sum;
 }
 
+/* Probability of each rate of digging, by what the way tells. */
+void rover_pin_monitor_rates(const Monitor *m, real *weights) { weigh_rates(m->by_way, weights); }
+
 /* P(buried): each rate's share of draws, by what the way tells of it; a rate without draws is as the others that dig. */
 static real weighed(const Monitor *m, const integer *draws, const integer *buried) {
   real weights[N_RATES], p = 0.0;
   integer all = 0, those = 0;
-  weigh_rates(m->by_way, weights);
+  rover_pin_monitor_rates(m, weights);
   for (integer r = 1; r < N_RATES; ++r) all += draws[r], those += buried[r];
   if (draws[0]) p = weights[0] * buried[0] / draws[0];
   for (integer r = 1; r < N_RATES; ++r)
@@ -146,10 +136,10 @@ static void draw_ways(Monitor *m, const Belief *b) {
   integer order[DRAWS];
   real weights[N_RATES];
   weigh_rates(m->evidence, weights);
-  const real offset = next_chance(m);
+  const real offset = next_chance(&m->random);
   for (integer k = 0; k < DRAWS; ++k) order[k] = k;
   for (integer k = DRAWS - 1; k > 0; --k) {
-    const integer other = (integer)(next_chance(m) * (k + 1)), kept = order[k];
+    const integer other = (integer)(next_chance(&m->random) * (k + 1)), kept = order[k];
     order[k] = order[other];
     order[other] = kept;
   }
@@ -166,7 +156,7 @@ static void draw_ways(Monitor *m, const Belief *b) {
     m->rate[k] = rate;
     draw[0] = RATES[rate];
     draw[1] = balance(m, b, x + 3, 1, x + 3 + n, 1);
-    draw[2] = STEEPENING * sqrt(-2.0 * log(1.0 - next_chance(m))) * cos(FULL_TURN * next_chance(m));
+    draw[2] = STEEPENING * sqrt(-2.0 * log(1.0 - next_chance(&m->random))) * cos(FULL_TURN * next_chance(&m->random));
     draw[3] = b->stalled[particle] > 0.0 || b->no_progress;
   }
 }

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rover_pin.control.monitor.ahead import AheadLaw
-from rover_pin.control.monitor.source import PRIOR, MonitorStruct, lengths, library
+from rover_pin.control.monitor.source import RATES, MonitorStruct, lengths, library
 from rover_pin.control.sensing.onboard_slip import SLIPS, OnboardSlip
 from rover_pin.control.torque_factor import pull_factors, standing_sinkage
 from rover_pin.effects.slip import RelaxedSlip
@@ -121,9 +121,9 @@ class Monitor:
     @property
     def digging(self) -> np.ndarray:
         """Probability of each of `RATES`, by what the way tells."""
-        evidence = self.keep["by_way"]
-        weights = PRIOR * np.exp(evidence - evidence.max())
-        return np.asarray(weights / weights.sum())
+        weights = np.zeros(len(RATES))
+        self._library.rover_pin_monitor_rates(self._address, weights.ctypes.data)
+        return weights
 
     def _check(self, reading: Reading) -> bool:
         of_wheels = (reading.duty, reading.wheel_rate, reading.current)

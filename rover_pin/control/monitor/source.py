@@ -19,7 +19,7 @@ from rover_pin.control.sensing.onboard_slip import CREEP
 from rover_pin.effects.digging_memory import TOUCH
 from rover_pin.simulation.compiled.laws import generated_source
 from rover_pin.simulation.compiled.toolchain import shared_library
-from rover_pin.simulation.native.shared import members, struct_fields
+from rover_pin.simulation.native.shared import c_table, members, struct_fields
 from rover_pin.simulation.outcome.outcome import GRIP
 
 RATES = np.array([0.0, 0.05, 0.1, 0.15, 0.2])
@@ -108,10 +108,9 @@ def expressions(law: AheadLaw) -> list[ca.Function]:
 
 
 def c_source() -> str:
-    """Return `monitor.c` with its numbers; `real`, `integer`, the structs and the laws stand before it."""
+    """Return `monitor.c` with its numbers; `real`, `integer`, structs, laws and `draws.c` stand before it."""
     lines = [f"#define {name} {value!r}" for name, value in NUMBERS.items()]
-    for name, values in (("RATES", RATES), ("PRIOR", PRIOR)):
-        lines.append(f"static const real {name}[N_RATES] = {{{', '.join(map(repr, values.tolist()))}}};")
+    lines += [c_table("real", "RATES", RATES), c_table("real", "PRIOR", PRIOR)]
     return "\n".join([*lines, text_of_package("rover_pin.control.monitor", "monitor.c")])
 
 
@@ -121,12 +120,14 @@ def library(law: AheadLaw) -> ctypes.CDLL:
     lines = ["#include <stdint.h>", generated_source(*expressions(law))]
     lines += ["typedef int64_t integer;", "typedef double real;", belief.constants()]
     lines += ["typedef struct {", *members(belief.FIELDS), "} Belief;"]
-    lines += ["typedef struct {", *members(FIELDS), "} Monitor;", c_source()]
+    lines += ["typedef struct {", *members(FIELDS), "} Monitor;"]
+    lines += [text_of_package("rover_pin.control.sensing", "draws.c"), c_source()]
     handle = shared_library("\n".join(lines), "monitor")
     pointer, number, integer = ctypes.c_void_p, ctypes.c_double, ctypes.c_int64
     handle.rover_pin_monitor_reset.argtypes, handle.rover_pin_monitor_reset.restype = [pointer], None
     handle.rover_pin_monitor_check.argtypes = [pointer] * 5 + [integer]
     handle.rover_pin_monitor_foresee.argtypes, handle.rover_pin_monitor_foresee.restype = [pointer] * 2, None
+    handle.rover_pin_monitor_rates.argtypes, handle.rover_pin_monitor_rates.restype = [pointer] * 2, None
     handle.rover_pin_monitor_ahead.argtypes = [pointer, integer, number, number, pointer]
     handle.rover_pin_monitor_cause.argtypes, handle.rover_pin_monitor_cause.restype = [pointer], integer
     return handle

@@ -4,18 +4,11 @@
 
 #define HALF_TURN 3.14159265358979323846
 
-static double uniform(Belief *b) { /* xorshift64*: Vigna (2016), An experimental exploration of Marsaglia's generators */
-  unsigned long long x = b->random;
-  x ^= x >> 12; x ^= x << 25; x ^= x >> 27;
-  b->random = x;
-  return (double)((x * 2685821657736338717ULL) >> 11) * 0x1p-53;
-}
-
-static real evenly(Belief *b, real low, real high) { return low + (high - low) * uniform(b); }
+static real evenly(Belief *b, real low, real high) { return low + (high - low) * next_chance(&b->random); }
 
 static void fill_normal(Belief *b, real *out) { /* Box and Muller's pairs */
   for (integer i = 0; i < b->N; i += 2) {
-    const real far = sqrt(-2.0 * log(1.0 - uniform(b))), turn = 2.0 * HALF_TURN * uniform(b);
+    const real far = sqrt(-2.0 * log(1.0 - next_chance(&b->random))), turn = 2.0 * HALF_TURN * next_chance(&b->random);
     out[i] = far * cos(turn);
     out[i + 1] = far * sin(turn);
   }
@@ -48,7 +41,7 @@ void rover_pin_forget(Belief *b) {
   memset(b->hole, 0, b->n * b->N * sizeof(real));
   for (integer i = 0; i < b->N; ++i) {
     b->share[i] = evenly(b, 0.0, 1.1);
-    b->stalled[i] = uniform(b) < 0.1;
+    b->stalled[i] = next_chance(&b->random) < 0.1;
     b->log_weight[i] = b->way[i] = 0.0;
   }
 }
@@ -107,14 +100,14 @@ static void move(Belief *b, int backwards) {
     int stalled = b->stalled[i] > 0.0;
     if (backwards != b->backwards) {
       share = evenly(b, 0.3, 1.0);
-      stalled = uniform(b) < 0.1;
+      stalled = next_chance(&b->random) < 0.1;
     }
-    const real drawn = uniform(b);
+    const real drawn = next_chance(&b->random);
     const int frees = stalled && drawn < b->frees * dt;
     stalled = (stalled && !frees) || (!stalled && drawn < falls);
     share += b->wander * sqrt(dt) * b->chance[i];
     if (frees) share = evenly(b, 0.0, 0.6);
-    if (!stalled && uniform(b) < b->surprise * dt) share = evenly(b, -0.2, 1.2);
+    if (!stalled && next_chance(&b->random) < b->surprise * dt) share = evenly(b, -0.2, 1.2);
     b->share[i] = stalled ? 0.03 * b->chance[i] : fmin(fmax(share, -0.4), 1.4);
     b->stalled[i] = stalled;
     b->travel[i] = b->reference * b->share[i];
@@ -122,12 +115,6 @@ static void move(Belief *b, int backwards) {
   }
   b->backwards = backwards;
   b->rolled += fmax(b->pace, 0.0) * dt;
-}
-
-static real expected(const Belief *b, real S) { /* F at a slip: linear in the table over [-1, 1] */
-  const real at = (fmin(fmax(S, -1.0), 1.0) + 1.0) * 0.5 * (N_FACTORS - 1);
-  const integer k = at >= N_FACTORS - 1 ? N_FACTORS - 2 : (integer)at;
-  return b->factors[k] + (at - k) * (b->factors[k + 1] - b->factors[k]);
 }
 
 /* Slips and holes a period later, and what the torques say of them. */
@@ -148,7 +135,7 @@ static void turn_wheels(Belief *b) {
       memcpy(slip, result, sizeof F);
       memcpy(hole, result + LANES, sizeof F);
       if (!b->tells[w]) continue;
-      for (int lane = 0; lane < LANES; ++lane) F[lane] = expected(b, slip[lane]);
+      for (int lane = 0; lane < LANES; ++lane) F[lane] = at_slip(b->factors, slip[lane]);
       torque_law(F, read, result);
       for (int lane = 0; lane < LANES; ++lane) b->odds[i + lane] *= result[lane];
     }
@@ -225,7 +212,7 @@ static void pick(Belief *b, real *row) {
 
 /* Particles anew, in proportion to their weights, with even spacing. */
 static void resample(Belief *b) {
-  const real first = uniform(b);
+  const real first = next_chance(&b->random);
   real sum = b->weight[0];
   integer k = 0;
   for (integer i = 0; i < b->N; ++i) {

@@ -135,6 +135,11 @@ class Belief:
         self._library.rover_pin_sense(self._address, self.sample.ctypes.data, backwards, late)
 
 
+def c_source() -> str:
+    """Return `belief.c` with what it shares with the monitor."""
+    return "\n".join(text_of_package("rover_pin.control.sensing", name) for name in ("draws.c", "belief.c"))
+
+
 def constants() -> str:
     """Return the C definitions that `belief.c` is written with."""
     lines = [f"#define {name} {value!r}" for name, value in (LENGTHS | LEAST).items()]
@@ -146,4 +151,4 @@ def _source(ground: ca.Function, laws: Sequence[ca.Function]) -> str:
     lines += ["typedef void (*lanes_law)(const double *, const double *, double *);"]
     lines += [constants(), "typedef struct {", *members(FIELDS), "} Belief;"]
     lines += [lanes.c_source(law, shared=(1,)) for law in laws]
-    return "\n".join([*lines, text_of_package("rover_pin.control.sensing", "belief.c")])
+    return "\n".join([*lines, c_source()])

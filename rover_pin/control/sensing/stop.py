@@ -71,5 +71,5 @@ class StopStuck:
         commands, stop = commands_of(self.controller, wheels), self.stop
         if commands is None or commands.onboard is None:
             return None
-        law = StopLaw(float(stop.p_stands), self._gain, float(stop.share), float(stop.depth), self.memory)
-        return dataclasses.replace(commands, stop=law)
+        law = np.array([self._gain, float(stop.share), float(stop.depth)])
+        return dataclasses.replace(commands, stop=StopLaw(float(stop.p_stands), law, self.memory))

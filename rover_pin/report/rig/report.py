@@ -66,7 +66,8 @@ def _looks(verdict: Verdict) -> list[Look]:
 
 def _picture(verdict: Verdict, data: RigSet) -> Picture:
     """Return the channel where what was added shows most, and what is left of it; all channels of nothing fitted."""
-    curves, channels = _looks(verdict), channel_panels(data, _looks(verdict))
+    curves = _looks(verdict)
+    channels = channel_panels(data, curves)
     if not curves or not isinstance(verdict.extra, RigExtra):
         return Picture(channels, f"Measured {listing(channel.name for channel in data.rig.channels)} against slip.")
     names = [channel.name for channel in data.rig.channels]

@@ -39,11 +39,8 @@ def number_table(verdict: Verdict) -> Table:
         verdict.after.numbers,
         key=lambda number: (not abs(number.drift) > DRIFTED, number.name in before, -_far(number)),
     )
-    rows = (_row(number, before, parameters[number.name], added) for number in ranked)
-    return Table(
-        heads,
-        tuple(row._replace(cells=(*row.cells[:-1], partners.get(row.cells[0], ""), row.cells[-1])) for row in rows),
-    )
+    rows = (_row(row, before, parameters[row.name], partners.get(row.name, ""), added) for row in ranked)
+    return Table(heads, tuple(rows))
 
 
 def most_correlated(fitted: Fit) -> dict[str, str]:
@@ -51,12 +48,12 @@ def most_correlated(fitted: Fit) -> dict[str, str]:
     names, covariance = [parameter.name for parameter in fitted.parameters], fitted.covariance
     sd = np.sqrt(np.diag(covariance))
     correlations = covariance / np.outer(sd, sd) - np.eye(len(names))
-    partners = np.argmax(np.abs(correlations), axis=1)
-    pairs = zip(names, partners, strict=True) if len(names) > 1 else ()
-    return {name: f"{names[at]} {correlations[names.index(name), at]:+.2f}" for name, at in pairs}
+    rows = zip(names, correlations, strict=True) if len(names) > 1 else ()
+    most = {name: (row, int(np.argmax(np.abs(row)))) for name, row in rows}
+    return {name: f"{names[at]} {row[at]:+.2f}" for name, (row, at) in most.items()}
 
 
-def _row(number: Number, before: Mapping[str, Number], parameter: Parameter, added: bool) -> Row:
+def _row(number: Number, before: Mapping[str, Number], parameter: Parameter, partner: str, added: bool) -> Row:
     was = before.get(number.name)
     sides = ((interval(was) if was else "not in the model",) if added else ()) + (interval(number),)
     notes = [number.away] if abs(number.drift) > DRIFTED else []
@@ -65,7 +62,7 @@ def _row(number: Number, before: Mapping[str, Number], parameter: Parameter, add
         notes.append(f"released: before, {was.away}")
     drift = f"{number.drift:+.2f}" if math.isfinite(number.drift) else ""
     look = AWAY if notes else CHOSEN if was is None else ""
-    return Row((number.name, *sides, beforehand(parameter, number), drift, "; ".join(notes)), look)
+    return Row((number.name, *sides, beforehand(parameter, number), drift, partner, "; ".join(notes)), look)
 
 
 def _far(number: Number) -> float:

@@ -110,10 +110,9 @@ static void tack(Drive *d, const Loop *l, const double *attitude) {
 
 /* Stop for good where the estimate says that the rover stands and digs. */
 static void stop_stuck(Drive *d, const Loop *l) {
-  double *late_share = l->stop_memory, *stopped = l->stop_memory + 1, deepest = 0.0;
-  *late_share += l->stop_gain * ((*l->p_stands > l->stop_p) - *late_share);
+  double *stopped = l->stop_memory + 1, deepest = 0.0;
   for (integer w = 0; w < d->n_wheels; ++w) deepest = larger(deepest, hole_depth(l, w) / d->radius[w]);
-  if (*late_share > l->stop_share && deepest > l->stop_depth) *stopped = 1.0;
+  if (stops(l->stop_memory, *l->p_stands > l->stop_p, deepest, l->stop_law)) *stopped = 1.0;
   if (*stopped > 0.0) memset(d->duty, 0, d->n_wheels * sizeof(double));
 }
 

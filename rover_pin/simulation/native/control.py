@@ -67,13 +67,14 @@ class OnboardLaw(NamedTuple):
 
 
 class StopLaw(NamedTuple):
-    """When a control with an `OnboardLaw` stops for good; `memory` is read and written: late share, stopped."""
+    """When a control with an `OnboardLaw` stops for good, as `stops` in tables.c; `memory` is read and written."""
 
     p: float
-    gain: float
-    share: float
-    depth: float
+    "from which a rover counts as standing"
+    law: np.ndarray
+    "weight of a sample, share of late samples, depth of the deepest hole over r"
     memory: np.ndarray
+    "late share, and above 0: it has stopped"
 
 
 class Noise(NamedTuple):

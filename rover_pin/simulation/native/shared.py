@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -109,7 +110,7 @@ LOOP_FIELDS: list[tuple[Any, dict[str, str], str]] = [
             "share mass": "of a row's way to the logged place; of the rover",
             "control_period table_radius stall_torque no_load_rate": "of a built-in controller",
             "backwards rim_radius": "of the on-board estimate: duty below which it drives backwards",
-            "stop_p stop_gain stop_share stop_depth": "of a control that stops for good",
+            "stop_p": "P from which a rover counts as standing, for a control that stops for good",
             "tack_heading tack_bend tack_gain tack_alert tack_calm tack_delta tack_climb tack_straight": "",
         },
         "double {}",
@@ -125,7 +126,8 @@ LOOP_FIELDS: list[tuple[Any, dict[str, str], str]] = [
             "duty_fixed steer_fixed": "of a built-in controller; 0: none is given",
             "gains integral depth table_duty table_speed limit_pitch limit_torque": "",
             "read noise noise_sds noise_steps": "what sensors say; standard normals, a row a sample; 0: no noise",
-            "sample slips_and_holes p_stands stop_memory": "of the on-board estimate; late share, has stopped",
+            "sample slips_and_holes p_stands": "of the on-board estimate",
+            "stop_law stop_memory": "of `stops`; late share, has stopped",
             "tack_places tack_memory": "x, y of each wheel from the turning line; side, and end of uneven ground",
         },
         "double *{}",
@@ -211,6 +213,19 @@ def _names(record: type[Record]) -> Sequence[str]:
 def _places(table: str, names: Sequence[str]) -> str:
     entries = ", ".join(f"{table}_{name.upper()}" for name in names)
     return f"enum {{ {entries}, N_{table} }};"
+
+
+def c_number(value: float) -> str:
+    """Return a number in C, to the last bit."""
+    if not math.isfinite(value):
+        return "NAN" if math.isnan(value) else "INFINITY" if value > 0 else "-INFINITY"
+    return repr(value)
+
+
+def c_table(kind: str, name: str, values: Any) -> str:
+    """Return the C of a constant table of numbers."""
+    row = [c_number(value) for value in np.ravel(np.asarray(values)).tolist()]
+    return f"static const {kind} {name}[{max(len(row), 1)}] = {{{', '.join(row) or '0'}}};"
 
 
 def members(fields: list[tuple[Any, dict[str, str], str]]) -> list[str]:

@@ -31,6 +31,13 @@ static real slip_travel(real slip, real rim) {
   return rim * ((1.0 - fmax(S, 0.0)) / fmax(1.0 + fmin(S, 0.0), LOCKED));
 }
 
+/* Whether a rover that stands and digs stops for good: of late samples a share says that it stands. law: the weight of
+   a sample, the share, the depth of the deepest hole over the radius. */
+static int stops(real *late_share, int stands, real deepest, const real *law) {
+  *late_share += law[0] * (stands - *late_share);
+  return *late_share > law[1] && deepest > law[2];
+}
+
 /* The duty at which a motor has a torque, `back` of it taken up by its rate. */
 static real duty_for(real torque, real stall_torque, real back) {
   return fmin(1.0, fmax(0.0, torque / stall_torque + back));
