@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 
 from rover_pin.control.constant import ConstantDuty
+from rover_pin.control.torque_check import TorqueLimit, TorqueLimited
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.outcome import audit
 from rover_pin.simulation.outcome.half_step import repeating, step_warnings
+from rover_pin.simulation.sensors import Sensed, Sensors
 from rover_pin.simulation.simulate import Timing, simulate
 from rover_pin.simulation.trace.rows import row_type
 from rover_pin.tuning.drives import drive_full
@@ -49,6 +51,20 @@ def test_commands_are_repeated_where_the_rows_hold_them(control, same):
         once_more = simulate(drive.model, again, 1.0, timing=timing)
         assert once_more["body_x"].tobytes() == trace["body_x"].tobytes()
     assert len(asked) == calls, "a controller of one's own is not asked twice"
+
+
+@pytest.mark.parametrize("within", ["sensors", "limit"])
+def test_what_holds_ones_own_controller_does_not_ask_it_again(within):
+    model, asked = scenario("flat").model, []
+    own = lambda reading: asked.append(reading.t) or 0.3  # noqa: E731
+    held = Sensed(own, Sensors(), 1) if within == "sensors" else TorqueLimited(own, TorqueLimit.at_slip(model))
+    trace = simulate(model, held, 0.5)
+    rows = rows_at(trace["body_x"], model)
+    rows["t"], rows["duty"] = trace.t, trace.stack("duty")
+    calls = len(asked)
+    once_more = simulate(model, repeating(held, rows, Timing()), 0.5, settle_doubts=False)
+    assert once_more["body_x"].tobytes() == trace["body_x"].tobytes()
+    assert len(asked) == calls
 
 
 def test_a_false_doubt_is_not_told(monkeypatch):

@@ -62,10 +62,10 @@ def _kind(stop: str) -> str:
 def repeating(controller: Controller, rows: np.ndarray, timing: Timing) -> Controller | None:
     """Return what drives once more as a controller did; None where the rows do not hold all of its commands.
 
-    A controller of the package itself, from its start, as `native` tells; of one of your own, which may remember or
-    write down what it is asked, the commands it gave, if they lie in the rows.
+    A controller of the package itself, from its start, as `native` of the innermost tells; of one of your own, which
+    may remember or write down what it is asked, the commands it gave, if they lie in the rows.
     """
-    if hasattr(controller, "native"):
+    if hasattr(innermost(controller), "native"):
         with contextlib.suppress(TypeError, ValueError):  # an estimate that cannot be copied
             again = copy.deepcopy(controller)
             if hasattr(again, "reset"):
@@ -73,6 +73,13 @@ def repeating(controller: Controller, rows: np.ndarray, timing: Timing) -> Contr
             return again
     ratio = timing.control / timing.sample
     return commanded(rows, timing.sample) if len(rows) and abs(ratio - round(ratio)) < 1e-6 else None
+
+
+def innermost(controller: Controller) -> Controller:
+    """Return the controller within those that only limit it, stop it, or read sensors for it."""
+    while hasattr(controller, "controller"):
+        controller = controller.controller
+    return controller
 
 
 def commanded(rows: np.ndarray, sample: float) -> Controller:
