@@ -85,6 +85,7 @@ def main() -> None:
         rows.append(row)
         table = judged(pd.DataFrame(rows))
         plot.write_csv(table, options.out / "blind_improve.csv")
+    figure(table, options.out)
     print(report(table))
 
 
@@ -128,6 +129,21 @@ def judged(table: pd.DataFrame) -> pd.DataFrame:
     """Return the rows with whether the interval holds, whether constant duty is kept, and whether there is harm."""
     inside, keeps = table["true"].between(table["low"], table["high"]), table["high"] < 0.0
     return table.assign(inside=inside, keeps=keeps, harms=~keeps & (table["true"] < -WORTH))
+
+
+def figure(table: pd.DataFrame, out: Path) -> None:
+    """Draw the true gains over the predicted ones with their intervals."""
+    sheet, axes = plot.new_figure(1, size=(6.0, 5.0))
+    for is_certain, rows in table.groupby("is_certain"):
+        low, high = rows.predicted - rows.low, rows.high - rows.predicted
+        label, colour = ("certain", plot.COLOURS[1]) if is_certain else ("not certain", plot.COLOURS[0])
+        axes.errorbar(rows.predicted, rows.true, xerr=(low, high), fmt="o", ms=4, lw=0.8, color=colour, label=label)
+    ends = [table.true.min(), table.true.max()]
+    axes.plot(ends, ends, color="0.6", lw=0.8)
+    axes.set(xlabel="predicted gain, its 90 % interval [cost]", ylabel=f"true gain of {len(table)} logs [cost]")
+    axes.legend(fontsize=8)
+    axes.grid(alpha=0.3)
+    plot.save(sheet, out / "blind_improve.png")
 
 
 def report(table: pd.DataFrame) -> str:

@@ -51,6 +51,7 @@ BY_HAND = {
     "python studies/blind_rig.py": "307 loops, 40 minutes of CPU; pages are made of its sets",
     "python studies/blind_test.py --under any --skip 26": "74 loops, two hours of CPU; pages are made of its sets",
     "python studies/blind_pendulum.py": "30 loops, six minutes of CPU; `tests/loop/test_pendulum.py` reads its sets",
+    "python studies/blind_improve.py": "40 loops and tunings, 70 minutes of CPU; pages are made of its sets",
     "python studies/next_run.py": "some 200 loops, an hour of CPU",
     "python studies/fig10_ditch.py": "1,200 drives, ten minutes; pages are made of its table",
     "python studies/tune_gains.py": "two tunings, a minute of CPU; its table as well",
