@@ -99,8 +99,9 @@ def kept(name: str, **options: Any) -> pd.DataFrame:
 def improved() -> dict[str, int]:
     """Return the counts of the blind test of `improve`."""
     table = kept("blind_improve")
-    counted = {name: int(table[name].sum()) for name in ("inside", "keeps", "harms", "is_certain")}
-    return {"sets": len(table), **counted, "true_gains": int((table["is_certain"] & (table["true"] > 0.0)).sum())}
+    taken = table[~table["keeps"]]
+    counts = {"sets": len(table), "inside": int(table["inside"].sum()), "keeps": int(table["keeps"].sum())}
+    return counts | {"true_gains": int((taken["true"] > 0.0).sum()), "harms": int(taken["harms"].sum())}
 
 
 def speed() -> dict[str, dict[str, float]]:

@@ -7,9 +7,9 @@ Method
     Drive logs by `rover-pin demo drive-log`: sand off by what bench tests err, an effect of six or none hidden, motors
     and tachogenerators not quite alike, sensors' noise, a tracker that wanders. `improve` closes the loop and tunes on
     the usual grounds (with less effort than it usually makes, EFFORT). Then the held-out grounds are driven on the true
-    model with noise of another seed: the true gain is the cost saved against constant duty. Where the whole interval
-    lies below 0, `improve` says to keep constant duty. Harm: a true gain below -WORTH where it does not. No number was
-    set on these seeds.
+    model with noise of another seed: the true gain is the cost saved against constant duty. Where no gain above WORTH
+    is expected, `improve` says to keep constant duty. Harm: a true gain below -WORTH where it does not. That rule was
+    thought of after 38 sets of seeds 88101 to 88138; these are of others.
 Result
     38 of the 40 sets (the time was up): the true gain lies inside the interval of 90 % in 35; constant duty is kept in
     25; no gain is certain, as this sand is firm. Of the other 13, 7 lose more than WORTH: the answer there is "no
@@ -45,7 +45,7 @@ from rover_pin.tuning.improve import STUDY, improve
 from rover_pin.tuning.report import WORTH
 from rover_pin.tuning.study import Effort, SlipLaw, TuningStudy
 
-SEED, ROVER = 88_101, "nexus6"
+SEED, ROVER = 88_201, "nexus6"
 EFFORT = Effort(population=5, generations=3, starts=0, keep=2)
 QUICK = Effort(population=5, generations=0, starts=0, keep=1)
 NOISE_SEED = 7_000
@@ -62,6 +62,8 @@ class Row(NamedTuple):
     high: float
     true: float
     is_certain: bool
+    keeps: bool
+    "whether the advice is constant duty"
 
 
 def main() -> None:
@@ -108,7 +110,9 @@ def improved(seed: int, study: TuningStudy) -> Row:
         model, _ = hidden_model(declared_model(ROVER), ANY, np.random.default_rng(seed))
         file = write_model(model, Path(folder) / "truth.toml")
         true = true_gain(study.on_model(file), result.tuning.law)
-        row = Row(seed, str(truth["hidden"]), *result.gain["cost saved"], true, result.is_certain)
+        row = Row(
+            seed, str(truth["hidden"]), *result.gain["cost saved"], true, result.is_certain, not result.is_worth_it
+        )
     print(*row, flush=True)
     return row
 
@@ -126,17 +130,17 @@ def true_gain(study: TuningStudy, law: SlipLaw) -> float:
 
 
 def judged(table: pd.DataFrame) -> pd.DataFrame:
-    """Return the rows with whether the interval holds, whether constant duty is kept, and whether there is harm."""
-    inside, keeps = table["true"].between(table["low"], table["high"]), table["high"] < 0.0
-    return table.assign(inside=inside, keeps=keeps, harms=~keeps & (table["true"] < -WORTH))
+    """Return the rows with whether the interval holds, and whether there is harm."""
+    inside = table["true"].between(table["low"], table["high"])
+    return table.assign(inside=inside, harms=~table["keeps"] & (table["true"] < -WORTH))
 
 
 def figure(table: pd.DataFrame, out: Path) -> None:
     """Draw the true gains over the predicted ones with their intervals."""
     sheet, axes = plot.new_figure(1, size=(6.0, 5.0))
-    for is_certain, rows in table.groupby("is_certain"):
+    for keeps, rows in table.groupby("keeps"):
         low, high = rows.predicted - rows.low, rows.high - rows.predicted
-        label, colour = ("certain", plot.COLOURS[1]) if is_certain else ("not certain", plot.COLOURS[0])
+        label, colour = ("constant duty kept", plot.COLOURS[0]) if keeps else ("tuned control taken", plot.COLOURS[1])
         axes.errorbar(rows.predicted, rows.true, xerr=(low, high), fmt="o", ms=4, lw=0.8, color=colour, label=label)
     ends = [table.true.min(), table.true.max()]
     axes.plot(ends, ends, color="0.6", lw=0.8)
@@ -148,12 +152,12 @@ def figure(table: pd.DataFrame, out: Path) -> None:
 
 def report(table: pd.DataFrame) -> str:
     """Return how often the interval holds, and how often there is harm."""
-    certain, gains = table["is_certain"], table["true"] > 0.0
+    taken = table[~table["keeps"]]
     return (
         f"{len(table)} sets: the true gain lies inside the interval of 90 % in {table['inside'].sum()}; constant duty "
-        f"is kept in {table['keeps'].sum()}; harm in {table['harms'].sum()}; a gain was certain in {certain.sum()}, "
-        f"of which true in {(certain & gains).sum()}; mean of predicted and true gain {table['predicted'].mean():.3f}, "
-        f"{table['true'].mean():.3f}"
+        f"is kept in {table['keeps'].sum()}, the tuned control taken in {len(taken)}: a true gain in "
+        f"{(taken['true'] > 0.0).sum()}, harm in {taken['harms'].sum()}; mean of predicted and true gain where it is "
+        f"taken {taken['predicted'].mean():.3f}, {taken['true'].mean():.3f}"
     )
 
 

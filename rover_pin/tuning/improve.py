@@ -27,7 +27,7 @@ from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.model.toml_file import models_of
 from rover_pin.tuning.ensemble import HELD_OUT_ON, TRAINED_ON, usual_drives
 from rover_pin.tuning.evaluations import Progress as Stages
-from rover_pin.tuning.report import TuningResult
+from rover_pin.tuning.report import WORTH, TuningResult
 from rover_pin.tuning.study import Effort, TuningStudy
 from rover_pin.tuning.tune import tune_gains
 
@@ -94,8 +94,13 @@ class Improvement:
         return self.gain["cost saved"].low > 0.0
 
     @property
+    def is_worth_it(self) -> bool:
+        """Whether the cost saved, expected over the models, counts."""
+        return self.gain["cost saved"].mean > WORTH
+
+    @property
     def sentence(self) -> str:
-        """The predicted gain in a sentence, or that none is to be expected."""
+        """The predicted gain in a sentence, or that none is expected: then the control of now is to be kept."""
         saved, through, buried = (self.gain[name] for name in ("cost saved", "through", "buried"))
         drives = len(self.tuning.study.held_out_runs)
         what = (
@@ -103,9 +108,9 @@ class Improvement:
             f"through and {100 * buried.mean:+.0f} % bury a wheel, against {self.now} on {drives} drives that were not "
             "tuned on"
         )
-        if saved.high < 0.0:
-            return f"no gain, keep {self.now}: {what}"
-        return f"gain: {what}" if self.is_certain else f"no certain gain: {what}; the interval holds none at all"
+        if not self.is_worth_it:
+            return f"keep {self.now}, no gain is expected: {what}"
+        return f"gain: {what}" if self.is_certain else f"a gain is expected, not certain: {what}"
 
     def summary(self) -> dict[str, Any]:
         """Return plain values, for a table or JSON."""
@@ -113,6 +118,7 @@ class Improvement:
         return {
             "gain": self.sentence,
             "gain is certain": self.is_certain,
+            "advice": "the tuned control" if self.is_worth_it else self.now,
             **{name: predicted.words() for name, predicted in (self.bounds | self.gain).items()},
             "control": self.tuning.study.estimate,
             **{name: _plain(record) for name, record in records.items() if record},
@@ -156,7 +162,8 @@ def improve(
     -------
     Improvement
         The gain is of a control by on-board sensors against constant duty, on drives that were not tuned on, with an
-        interval over the models that the data leave open. Where that holds nothing, it says so.
+        interval over the models that the data leave open. Where no gain above WORTH is expected over these, it says to
+        keep constant duty; what was tuned stays in `control` nevertheless.
 
     Raises
     ------

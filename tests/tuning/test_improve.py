@@ -78,9 +78,9 @@ def test_gain_is_averaged_over_drives_and_scattered_over_models():
     ("now", "tuned", "start"),
     [
         ((1, 1, 1, 1), (0, 0, 0, 0), "gain: "),
-        ((0, 0, 0, 0), (0, 0, 0, 0), "no certain gain: "),
-        ((1, 1, 0, 0), (0, 0, 0, 0), "no certain gain: "),
-        ((0, 0, 0, 0), (1, 1, 1, 1), "no gain, keep constant duty: "),
+        ((0, 0, 0, 0), (0, 0, 0, 0), "keep constant duty, no gain is expected: "),
+        ((1, 1, 0, 0), (0, 0, 0, 0), "a gain is expected, not certain: "),
+        ((0, 0, 0, 0), (1, 1, 1, 1), "keep constant duty, no gain is expected: "),
     ],
 )
 def test_no_gain_is_claimed_where_the_interval_holds_none(now, tuned, start):
@@ -89,6 +89,7 @@ def test_no_gain_is_claimed_where_the_interval_holds_none(now, tuned, start):
     assert result.sentence.startswith(start)
     assert f"changes by {0.0 - result.gain['cost saved'].mean:.2f} [" in result.sentence
     assert result.summary()["gain is certain"] == result.is_certain == (start == "gain: ")
+    assert (result.summary()["advice"] == "constant duty") == start.startswith("keep")
 
 
 def test_training_takes_models_in_turn_and_judging_takes_all(tmp_path):
