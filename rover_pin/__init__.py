@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from rover_pin.scenarios.scenario import scenario
     from rover_pin.simulation.model.model import Model
     from rover_pin.simulation.model.motor import Motor
-    from rover_pin.simulation.simulate import convergence, plain_simulate, simulate
+    from rover_pin.simulation.simulate import plain_simulate, simulate
     from rover_pin.simulation.trace.trace import Trace
     from rover_pin.soil.traction import load_traction_factor, wheel_forces
 
@@ -40,7 +40,6 @@ __all__ = [
     "Wheel",
     "__version__",
     "close_the_loop",
-    "convergence",
     "load_rover",
     "load_traction_factor",
     "plain_simulate",
@@ -60,7 +59,7 @@ _HOMES = {
     "loop.close": ("close_the_loop",),
     "simulation.model.model": ("Model",),
     "simulation.model.motor": ("Motor",),
-    "simulation.simulate": ("convergence", "plain_simulate", "simulate"),
+    "simulation.simulate": ("plain_simulate", "simulate"),
     "simulation.trace.trace": ("Trace",),
     "parameters": ("SOILS",),
     "scenarios.scenario": ("scenario",),

@@ -143,7 +143,7 @@ def watched(case: Case, seed: int) -> list[float]:
     scene = built(case)
     beside = Beside(Monitor.of(scene.model))
     trace = simulate(
-        scene.model, Sensed(beside, Sensors(), seed), scene.duration, scene.start, scene.timing, settle_doubts=False
+        scene.model, Sensed(beside, Sensors(), seed), scene.duration, scene.start, scene.timing, measure_error=False
     )
     spans = stuck_spans(trace, float(scene.model.rover.wheel.r))
     buried = str(trace.attrs["stop"]).startswith("buried")

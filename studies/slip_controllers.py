@@ -134,7 +134,7 @@ def driven(case: Case, name: str, seed: int) -> list[float]:
     scene, control = built(case), (CONTROLS | ALSO)[name]
     law = control.of(scene.model, seed)
     law = Sensed(law, Sensors(), seed) if control.noisy else law
-    return outcome(case, simulate(scene.model, law, scene.duration, scene.start, scene.timing, settle_doubts=False))
+    return outcome(case, simulate(scene.model, law, scene.duration, scene.start, scene.timing, measure_error=False))
 
 
 def line(drives: pd.DataFrame) -> str:

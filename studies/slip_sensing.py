@@ -197,7 +197,7 @@ def built(case: Case) -> Scenario:
 
 def run(scene: Scenario, controller: Any, seed: int) -> Trace:
     sensed = Sensed(controller, Sensors(), seed)
-    return simulate(scene.model, sensed, scene.duration, scene.start, scene.timing, settle_doubts=False)
+    return simulate(scene.model, sensed, scene.duration, scene.start, scene.timing, measure_error=False)
 
 
 def watched(case: Case, seed: int) -> list[float]:

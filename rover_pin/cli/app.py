@@ -1,6 +1,5 @@
 """rover-pin: drive a planetary rover on loose soil, and study what its wheels do."""
 
-import dataclasses
 import logging
 import sys
 from pathlib import Path
@@ -63,9 +62,6 @@ def drive(
     model: ModelFile = None,
     add: Add = [],  # noqa: B006 - typer wants a list
     set_: Set = [],  # noqa: B006
-    check: Annotated[
-        bool, typer.Option("--check", help="Drive again at half the step and say how far x differs.")
-    ] = False,
     view: Annotated[bool, typer.Option("--view", help="Write view.html, the drive in 3D.")] = False,
     gif: Annotated[bool, typer.Option("--gif", help="Write drive.gif, a moving picture.")] = False,
     mp4: Annotated[bool, typer.Option("--mp4", help="Write drive.mp4; needs ffmpeg.")] = False,
@@ -83,25 +79,23 @@ def drive(
     settings["trust"] = Trust.of([file for file in (effects, own) if file], trust)
     views = requested_files(view or open_, gif, mp4)
     if model is not None and model.is_dir():
-        refuse_of_one_model(check, views, model)
+        refuse_of_one_model(views, model)
         with stoppable(out, ("bands.csv", "bands.png")), alone_in(out):
             report(bands(scenario, model, settings, out), as_json)
         return
     chosen = ready(scenario, **settings)
     untouched = [name for name in SEEN if name not in views]
     with stoppable(out, ("log/drive.toml", "snapshots.png", "history.png", *views), untouched), alone_in(out):
-        _driven(chosen, check, views, out, as_json)
+        _driven(chosen, views, out, as_json)
     if open_:
         open_page(out)
 
 
-def _driven(chosen: Any, check: bool, views: list[str], out: Path, as_json: bool) -> None:
+def _driven(chosen: Any, views: list[str], out: Path, as_json: bool) -> None:
     with progress(f"driving {chosen.name}", chosen.duration, silent=as_json) as advance:
         trace = chosen.drive(advance)
     log.debug("driven: %d rows of the trace", len(trace["t_s"]))
     result: dict[str, Any] = {"scenario": chosen.name, **trace.summary()}
-    if check:
-        result["x_change_at_half_step_mm"] = 1e3 * half_step_change(chosen, trace)
     if len(trace["t_s"]):
         from rover_pin import plot
 
@@ -111,15 +105,6 @@ def _driven(chosen: Any, check: bool, views: list[str], out: Path, as_json: bool
     report(result, as_json)
     if str(trace.attrs["stop"]).startswith("diverged"):
         raise typer.Exit(1)
-
-
-def half_step_change(chosen: Any, trace: Any) -> float:
-    """Return the largest distance [m] of the base's x from that of a drive at half the step."""
-    import numpy as np
-
-    finer = dataclasses.replace(chosen, timing=chosen.timing.halved()).drive(settle_doubts=False)
-    rows = min(len(trace["body_x"]), len(finer["body_x"]))
-    return float(np.max(np.abs(trace["body_x"][:rows] - finer["body_x"][:rows])))
 
 
 @app.command("check-urdf")

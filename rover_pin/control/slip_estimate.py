@@ -119,7 +119,7 @@ def calibrated_table(model: Model, duties: Sequence[float] = DUTIES) -> SpeedTab
 
 
 def _steady_speed(model: Model, duty: float) -> float:
-    trace = simulate(model, ConstantDuty(duty), STEADY, settle_doubts=False)
+    trace = simulate(model, ConstantDuty(duty), STEADY, measure_error=False)
     if trace.t[-1] < STEADY - 0.5:
         return math.nan
     return float(np.mean(trace["body_vx"][trace.t > STEADY - 1.0]))

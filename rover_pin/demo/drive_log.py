@@ -67,7 +67,7 @@ def write(folder: Path, hidden: str, seed: int, rover: str = "nexus6", progress:
     traces, plans = {}, [_plan(random, seconds, len(model.rover.wheels)) for _ in range(RUNS - 2)]
     for run, plan in enumerate([*plans, *plans[:2]]):
         start = Start(-0.6 * size, 0.0, 0.0) if run % 2 == 0 else Start(0.7 * size, 0.0, math.pi)
-        driven = simulate(true, plan, seconds, start, settle_doubts=False)
+        driven = simulate(true, plan, seconds, start, measure_error=False)
         log = _drifting(measured(driven, Sensors(), int(random.integers(2**31)), true.sensor_effects), random)
         traces[f"run-{run + 1}"] = dataclasses.replace(log, attrs={"start": dataclasses.asdict(start)})
         if progress is not None:

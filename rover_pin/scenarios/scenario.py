@@ -74,8 +74,8 @@ class Scenario:
     "what was assumed for the rover, where neither its TOML nor a setting says it"
 
     @public
-    def drive(self, progress: Progress | None = None, *, settle_doubts: bool = True) -> Trace:
-        """Return the trace of the drive; `settle_doubts` as of `simulate`."""
+    def drive(self, progress: Progress | None = None, *, measure_error: bool = True) -> Trace:
+        """Return the trace of the drive; `measure_error` as of `simulate`."""
         trace = simulate(
             self.model,
             self.controller,
@@ -84,7 +84,7 @@ class Scenario:
             self.timing,
             symmetric=self.symmetric,
             progress=progress,
-            settle_doubts=settle_doubts,
+            measure_error=measure_error,
         )
         attributes = {
             "scenario": self.name,

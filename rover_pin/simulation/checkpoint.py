@@ -21,8 +21,6 @@ class Checkpoint(NamedTuple):
     steps: int
     size: int
     "of its steps, in parts of dt (`pace.FINEST`)"
-    missed: float = 0.0
-    "what they misjudged [s]"
 
 
 @brief

@@ -56,20 +56,17 @@ class Pace:
 
     def __init__(self, stepper: Steps, dt: float):
         self.stepper, self.dt, self.unit, self.size = stepper, dt, dt / FINEST, FINEST
-        self.missed = 0.0
-        "what was misjudged and kept, times its step, summed [s]; times gravity it is a change of speed"
         self.before: Begun | None = None
         "where the last step began, if it can be taken again"
 
     def go_on(self, checkpoint: Checkpoint) -> None:
         """Go on with the steps that a drive ended with."""
-        self.missed = checkpoint.missed
         if checkpoint.size != self.size:
             self._change(checkpoint.size)
 
     def checkpoint(self, begun: Checkpoint, steps: int) -> Checkpoint:
         """Return how far the drive is that began there, after `steps` steps."""
-        return Checkpoint(begun.begin, steps, self.size, self.missed)
+        return Checkpoint(begun.begin, steps, self.size)
 
     def advance(self, commanded: bool = True) -> int:
         """Advance by dt; return the first status that is not 0. `commanded`: the motors have a new command since."""
@@ -99,9 +96,7 @@ class Pace:
         self._change(max(1, long.size // 4))
 
     def _keep(self, off: float, remaining: int) -> None:
-        """Count what the step before misjudged, and choose the size of those that follow."""
-        if off > ROUGH:
-            self.missed += off * (self.before.size if self.before else self.size) * self.unit
+        """Choose the size of the steps that follow by what the one before misjudged."""
         if off > ROUGH:
             self._change(max(1, self.size // 4))
         elif off < CALM and self.size < FINEST and remaining % (2 * self.size) == 0:

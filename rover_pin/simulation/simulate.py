@@ -18,15 +18,14 @@ from rover_pin.simulation.compiled_run import run_compiled
 from rover_pin.simulation.driving import Drive, Progress, Ran, Stepper
 from rover_pin.simulation.model.implausible import implausible
 from rover_pin.simulation.model.model import Model
-from rover_pin.simulation.outcome.audit import balance_warning, doubts_of, load_warning, pivot_warning
-from rover_pin.simulation.outcome.half_step import Halved, halved, repeating, step_warnings
+from rover_pin.simulation.outcome.audit import balance_warning, load_warning, pivot_warning
+from rover_pin.simulation.outcome.half_step import Halved, halved, repeating
 from rover_pin.simulation.outcome.outcome import drive_outcome
 from rover_pin.simulation.outcome.soil_energy import energy_warning
 from rover_pin.simulation.plain.run import run_plain
 from rover_pin.simulation.plain.step import Plain
 from rover_pin.simulation.resolution import STANDING, firmness, parts
-from rover_pin.simulation.start.place import RESTS, SetDown, Start, hovering, set_down
-from rover_pin.simulation.start.stability import thrown_by_a_push
+from rover_pin.simulation.start.place import SetDown, Start, hovering, set_down
 from rover_pin.simulation.state import DriveState
 from rover_pin.simulation.timing import Timing
 from rover_pin.simulation.trace.record import trace_of
@@ -45,7 +44,7 @@ class DriveJob(NamedTuple):
     timing: Timing
     symmetric: bool
     progress: Progress | None
-    settle_doubts: bool
+    measure_error: bool
 
 
 @public
@@ -58,7 +57,7 @@ def simulate(
     *,
     symmetric: bool = False,
     progress: Progress | None = None,
-    settle_doubts: bool = True,
+    measure_error: bool = True,
 ) -> Trace:
     """Drive `model` under `controller` for `duration` [s] and return the trace.
 
@@ -79,15 +78,18 @@ def simulate(
         Hold the mirror symmetry about the x-z plane, so that round-off cannot break it in long stuck runs.
     progress : callable, optional
         Called with the time driven so far [s].
-    settle_doubts : bool
-        Drive once more at half the step, so that the warnings can say what the step makes of the drive: it takes three
-        times as long. Where nobody reads them, False saves that time; the drive itself is the same.
+    measure_error : bool
+        Drive once more at half the step, which tells the error of the step: it takes three times as long. Where nobody
+        reads that, False saves the time; the drive itself is the same.
 
     Returns
     -------
     Trace
         `attrs["stop"]` says why it ended: "duration", or "capsized", "buried", "folded" or "diverged" with the time
-        and the part. What was driven until then is kept.
+        and the part. What was driven until then is kept. `attrs["step_error_m"]` is twice the greatest distance in x
+        and y from the drive at half the step, the error where it is in proportion to the step;
+        `attrs["step_error_load"]` the same of the wheels' mean loads, as a share of them. Neither is there where it was
+        not measured: a part that goes on, a controller of one's own whose commands lie between the rows.
 
     Raises
     ------
@@ -103,7 +105,7 @@ def simulate(
     >>> bool(0.0 < slow["body_x"][-1] < fast["body_x"][-1]), slow.units["body_x"]
     (True, 'm')
     """
-    job = DriveJob(Kernel, run_compiled, model, controller, duration, timing, symmetric, progress, settle_doubts)
+    job = DriveJob(Kernel, run_compiled, model, controller, duration, timing, symmetric, progress, measure_error)
     return _simulate(job, start)
 
 
@@ -117,13 +119,13 @@ def plain_simulate(
     *,
     symmetric: bool = False,
     progress: Progress | None = None,
-    settle_doubts: bool = True,
+    measure_error: bool = True,
 ) -> Trace:
     """Do as `simulate` with the plain NumPy step, far slower; from a `DriveState` it needs no compiler.
 
     Parameters
     ----------
-    model, controller, duration, start, timing, symmetric, progress, settle_doubts
+    model, controller, duration, start, timing, symmetric, progress, measure_error
         As those of `simulate`.
 
     Returns
@@ -144,7 +146,7 @@ def plain_simulate(
     >>> bool(abs(plain["body_x"][-1] - compiled["body_x"][-1]) < 1e-9)
     True
     """
-    job = DriveJob(Plain, run_plain, model, controller, duration, timing, symmetric, progress, settle_doubts)
+    job = DriveJob(Plain, run_plain, model, controller, duration, timing, symmetric, progress, measure_error)
     return _simulate(job, start)
 
 
@@ -163,23 +165,15 @@ def _simulate(job: DriveJob, start: Start | DriveState | DriveEnd) -> Trace:
     if hasattr(job.controller, "reset"):
         job.controller.reset()
     attrs = {"set_down": begin.standing} if begin.standing else {}
-    again = _Again(job, begin.state.copy(), begin.standing) if job.settle_doubts else None
+    again = _Again(job, begin.state.copy()) if job.measure_error else None
     return _traced(job, begun(job, begin.state), _place(begin.state), attrs, again)
 
 
 class _Again(NamedTuple):
-    """Drives once more from where a drive began, to find or settle what speaks against it."""
+    """Drives once more from where a drive began, to measure the error of its step."""
 
     job: DriveJob
     state: DriveState
-    standing: str
-
-    def pushed(self) -> list[str]:
-        """Return the doubt of a start at rest that a push throws off, if it does."""
-        if self.standing != RESTS:
-            return []
-        reason = thrown_by_a_push(begun(self.job, self.state.copy()))
-        return [reason] if reason else []
 
     def halved(self, rows: np.ndarray, stop: str) -> Halved | None:
         """Return what half the step makes of the drive with these rows, if its commands are known."""
@@ -228,15 +222,13 @@ def _traced(
     rows, symmetric = finite(run.rows), job.symmetric
     attrs |= {"dt_s": drive.timing.dt, "control_period_s": job.timing.control, "symmetric": symmetric}
     attrs["stop"] = run.stop
+    half = again.halved(rows, run.stop) if again and len(rows) else None
+    attrs |= half.errors if half else {}
     trace = trace_of(job.model, rows, attrs)
     certain = [load_warning(drive.model, rows), balance_warning(trace)]
-    doubts, energy = doubts_of(drive.model, rows, run.checkpoint.missed), energy_warning(job.model, trace)
-    doubts += again.pushed() if again and len(rows) else []
-    half = again.halved(rows, run.stop) if again and len(rows) else None
     oddities = [f"{text}." for text in implausible(job.model)]
-    trace = annotate_trace(
-        trace, [*certain, *oddities, *step_warnings(doubts, half), pivot_warning(stepper.pivoted), energy]
-    )
+    moved, energy = half.warning if half else "", energy_warning(job.model, trace)
+    trace = annotate_trace(trace, [*certain, *oddities, moved, pivot_warning(stepper.pivoted), energy])
     if run.stop != "duration":
         return trace
     stepper_state = StepperState(tuple(stepper.saved()), stepper.duty.copy(), stepper.servo_target.copy())
@@ -250,40 +242,3 @@ def annotate_trace(trace: Trace, warnings: list[str]) -> Trace:
     attrs: dict[str, Any] = {"happened": came_to.sentence} if came_to else {}
     attrs["warnings"] = [warning for warning in warnings if warning]
     return dataclasses.replace(trace, attrs={**trace.attrs, **attrs})
-
-
-@public
-def convergence(model: Model, controller: Controller, duration: float, **options: Any) -> tuple[Trace, float]:
-    """Return a drive at the asked step, and how far [m] it is from that at half the step.
-
-    Parameters
-    ----------
-    model, controller, duration
-        As those of `simulate`.
-    **options
-        Its other arguments.
-
-    Returns
-    -------
-    Trace
-        The drive at the asked step.
-    float
-        The largest distance of its base x from that of the finer one [m].
-
-    Raises
-    ------
-    SimulationError
-        As `simulate`.
-
-    Examples
-    --------
-    >>> from rover_pin import ConstantDuty, scenario
-    >>> trace, moved = convergence(scenario("flat").model, ConstantDuty(), 1.0)
-    >>> moved < 1e-4
-    True
-    """
-    timing = options.pop("timing", Timing())
-    trace = simulate(model, controller, duration, timing=timing, **options)
-    finer = simulate(model, controller, duration, timing=timing.halved(), **options | {"settle_doubts": False})
-    rows = min(len(trace["body_x"]), len(finer["body_x"]))
-    return trace, float(np.max(np.abs(trace["body_x"][:rows] - finer["body_x"][:rows])))

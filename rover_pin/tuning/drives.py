@@ -77,7 +77,7 @@ def controller_of(case: DriveCase, control: Control) -> Controller:
 
 def drive_full(case: DriveCase, controller: Controller) -> Trace:
     """Return the trace of the full rover under a controller; its doubts are not settled, since no score reads them."""
-    return dataclasses.replace(built(case), controller=controller).drive(settle_doubts=False)
+    return dataclasses.replace(built(case), controller=controller).drive(measure_error=False)
 
 
 def full_score(case: DriveCase, control: Control) -> list[float]:

@@ -82,7 +82,7 @@ def least(call: Callable[[], Any], repeats: int) -> float:
 
 def whole_drive(case: Scenario, repeats: int) -> float:
     """Print and return the time of the drive: settling, stepping, control, sampling, the trace."""
-    seconds = least(lambda: case.drive(settle_doubts=False), repeats)
+    seconds = least(lambda: case.drive(measure_error=False), repeats)
     settling = least(lambda: settled(case.model, case.start, case.symmetric), repeats)
     print(
         f"20 s of the ditch at dt = {1e3 * case.timing.dt:g} ms: {seconds:.3f} s, {DURATION / seconds:.0f} x real time"

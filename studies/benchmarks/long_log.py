@@ -61,7 +61,7 @@ def recorded(path: Path, seconds: float) -> None:
     z = 0.05 * np.sin(2 * np.pi * x / 3.1) + 0.3 * np.sin(2 * np.pi * x / 17.0)
     effects = base_effects(soil, rover, SoilTraction(TorqueTraction(), usual_angles(rover)))
     model = Model(rover, Lanes((Profile(x, z),)), (soil,), own_motor(rover).value, usual_slip(rover), effects)
-    driven = simulate(model, plan(random, seconds), seconds, timing=Timing(sample=0.1), settle_doubts=False)
+    driven = simulate(model, plan(random, seconds), seconds, timing=Timing(sample=0.1), measure_error=False)
     log = measured(driven, Sensors(), 1)
     told = ("t_s", "body_x", "body_y", "body_z", "body_roll", "body_pitch", "body_yaw")
     table = {name: log[name] for name in (*told, *(f"wheel_rate_{wheel.name}" for wheel in rover.wheels))}

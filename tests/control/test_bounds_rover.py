@@ -167,7 +167,7 @@ def test_the_slope_that_the_command_says_is_what_drives_climb(settings, capsys):
     def share(slope):
         """The share of what the wheels turn that the rover travels at the end."""
         steep = {"terrain.angle_deg": slope, "terrain.start": -9.0, "control.delta": 1.0}
-        trace = scenario("incline", duration=15.0, **settings, **steep).drive(settle_doubts=False)
+        trace = scenario("incline", duration=15.0, **settings, **steep).drive(measure_error=False)
         return 1.0 - np.mean(trace.stack("slip")[-1])
 
     assert share(climbable - 0.7) > 0.01

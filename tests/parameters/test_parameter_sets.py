@@ -85,7 +85,7 @@ def test_small_rover_on_slope_sand_slips_as_measured_wheels_do():
 
     def slip(slope, soil):
         steep = {"terrain.angle_deg": slope, "terrain.start": -9.0}
-        trace = scenario("incline", soil=soil, duration=15.0, **steep).drive(settle_doubts=False)
+        trace = scenario("incline", soil=soil, duration=15.0, **steep).drive(measure_error=False)
         return np.average(trace.stack("slip")[-1], weights=trace.stack("normal")[-1])
 
     wheels = (

@@ -62,7 +62,7 @@ def test_on_slope_sand_rovers_slip_as_measured_wheels_do(rover):
     steep = {"terrain.angle_deg": 10.0, "terrain.start": -20.0, "control.delta": 0.7}
 
     def slip(**soil):
-        trace = scenario("incline", rover=rover, duration=15.0, **steep, **soil).drive(settle_doubts=False)
+        trace = scenario("incline", rover=rover, duration=15.0, **steep, **soil).drive(measure_error=False)
         return np.average(trace.stack("slip")[-1], weights=trace.stack("normal")[-1])
 
     assert slip() == pytest.approx(0.22, abs=0.02)

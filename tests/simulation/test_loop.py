@@ -25,7 +25,7 @@ def loop_of(steps=6, per_sample=2, **more):
 def test_a_drive_that_goes_on_asks_where_it_ended(steps):
     loop = loop_of(per_sample=1, per_control=1)
     loop.ask()
-    loop.go_on(Checkpoint(1.0, steps, FINEST, 0.0))
+    loop.go_on(Checkpoint(1.0, steps, FINEST))
     assert loop.run(6) is Outcome.ASKS
     assert (loop.checkpoint.steps, loop.state.t) == (steps, pytest.approx(1.0 + 0.005 * steps))
 

@@ -149,7 +149,7 @@ def test_what_slides_aside_does_not_just_drive_on(slope, kind):
 
 @pytest.mark.parametrize("name", ["step", "ditch", "crab", "turn"])
 def test_what_climbs_or_is_steered_does_not_slide_aside(name):
-    assert "aside" not in scenario(name, soil="table-1", duration=18.0).drive(settle_doubts=False).attrs["happened"]
+    assert "aside" not in scenario(name, soil="table-1", duration=18.0).drive(measure_error=False).attrs["happened"]
 
 
 def test_motors_that_are_hardly_driven_do_not_drive_on():

@@ -79,7 +79,7 @@ def test_it_asks_at_its_period_and_notes_every_sample():
     assert [t for t, _ in asked] == pytest.approx(3.0 + 0.02 * np.arange(10))
     assert [current for _, current in asked] == list(range(0, 40, 4)), "as the step before left it"
     assert ran.stop == "duration"
-    assert ran.checkpoint == Checkpoint(3.0, 40, FINEST, 0.0)
+    assert ran.checkpoint == Checkpoint(3.0, 40, FINEST)
     rows, steps = ran.rows, np.array([10.0, 20.0, 30.0, 40.0])
     assert rows["t"] == pytest.approx(3.0 + 0.005 * steps)
     assert rows["q"][:, 0] == pytest.approx(1e-3 * steps)
@@ -98,11 +98,11 @@ def test_it_goes_on_in_the_beat_of_the_drive_that_ended():
     asked, begun = [], state()
     begun.t = 3.09
     stepper = Counting(begun)
-    on = Checkpoint(3.0, 18, FINEST // 4, 0.25)
+    on = Checkpoint(3.0, 18, FINEST // 4)
     ran = run_plain(drive(stepper, lambda reading: asked.append(reading.t) or 0.5, on), 0.1, None)
     assert asked == pytest.approx([3.1, 3.12, 3.14, 3.16, 3.18])
     assert ran.rows["t"] == pytest.approx([3.1, 3.15])
-    assert ran.checkpoint == Checkpoint(3.0, 38, FINEST, 0.25)
+    assert ran.checkpoint == Checkpoint(3.0, 38, FINEST)
     assert stepper.lengths[0] == pytest.approx(0.005 / 4)
 
 

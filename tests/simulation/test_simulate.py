@@ -19,7 +19,7 @@ from rover_pin.simulation.command import Command
 from rover_pin.simulation.compiled.kernel import Kernel
 from rover_pin.simulation.native.loop import Outcome
 from rover_pin.simulation.plain.law import direction
-from rover_pin.simulation.simulate import Timing, convergence, plain_simulate, simulate
+from rover_pin.simulation.simulate import Timing, plain_simulate, simulate
 from rover_pin.simulation.start.place import Start, settled
 from rover_pin.terrain import shapes
 
@@ -202,12 +202,6 @@ def test_the_plain_reference_agrees_over_a_whole_drive():
     plain = plain_simulate(drive.model, drive.controller, 20.0, state, symmetric=True)
     assert np.abs(fast["body_x"] - plain["body_x"]).max() < 1e-5
     assert np.abs(fast["body_z"] - plain["body_z"]).max() < 1e-5
-
-
-def test_convergence_says_how_far_half_the_step_ends():
-    trace, change = convergence(made("flat"), ConstantDuty(0.55), 2.0)
-    assert trace.attrs["dt_s"] == 0.005
-    assert 0.0 < change < 1e-4
 
 
 def test_a_drop_settles_with_damping():

@@ -83,7 +83,7 @@ def test_the_tuned_drive_is_that_of_the_scenario_without_noise():
     trace = drive_full(SLOPE, Control.of("true", LAW).controller(built(SLOPE).model))
     words = {"control": "true", "control.aim": "hole", **dict(SLOPE.settings)}
     assert trace["body_x"] == pytest.approx(
-        scenario("incline", **words).drive(settle_doubts=False)["body_x"], abs=1e-12
+        scenario("incline", **words).drive(measure_error=False)["body_x"], abs=1e-12
     )
 
 

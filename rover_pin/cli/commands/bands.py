@@ -27,9 +27,7 @@ def bands(name: str, folder: Path, settings: dict[str, Any], out: Path) -> dict[
     return {"scenario": name, **drives.summary(), "files": list(map(str, paths))}
 
 
-def refuse_of_one_model(check: bool, views: list[str], folder: Path) -> None:
+def refuse_of_one_model(views: list[str], folder: Path) -> None:
     """Refuse what is of one drive."""
-    refused = ["--check"] * check + ["a view"] * bool(views)
-    if refused:
-        words = " and ".join(refused)
-        raise ParameterError(f"{words}: {folder} is a folder of models; name one of its files for that.")
+    if views:
+        raise ParameterError(f"a view: {folder} is a folder of models; name one of its files for that.")

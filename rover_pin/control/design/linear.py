@@ -71,7 +71,7 @@ def trimmed(model: Model, duty: float, duration: float = 10.0, start: Start = St
     SimulationError
         The drive ends before, or is not steady then.
     """
-    trace = simulate(model, ConstantDuty(duty), duration, start, settle_doubts=False)
+    trace = simulate(model, ConstantDuty(duty), duration, start, measure_error=False)
     if trace.end is None:
         raise SimulationError(f"There is no trim point: the drive ends ({trace.attrs['stop']}); take gentler ground.")
     state = trace.end.state

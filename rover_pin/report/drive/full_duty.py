@@ -33,7 +33,7 @@ def at_full_duty(model: Model, effect: Any) -> str:
     bare = level.having(effect.replace(**effect.neutral))
     try:
         traces = [
-            simulate(variant, ConstantDuty(1.0), SECONDS, settle_doubts=False)
+            simulate(variant, ConstantDuty(1.0), SECONDS, measure_error=False)
             for variant in (bare, level.having(effect))
         ]
     except RoverPinError:  # a drive that cannot be driven says nothing of the effect

@@ -92,14 +92,14 @@ class Loop:
     def go_on(self, checkpoint: Checkpoint) -> None:
         """Count on from where a drive ended; the kernel's arrays are already as they were there."""
         self.set(begin=checkpoint.begin, k=checkpoint.steps, steps=checkpoint.steps + self.struct.steps)
-        self.set(size=checkpoint.size, missed=checkpoint.missed)
+        self.set(size=checkpoint.size)
         self.kernel.set_step(checkpoint.size * (self.struct.dt / FINEST))
 
     @property
     def checkpoint(self) -> Checkpoint:
         """How far the drive is."""
         struct = self.struct
-        return Checkpoint(struct.begin, struct.k, struct.size, struct.missed)
+        return Checkpoint(struct.begin, struct.k, struct.size)
 
     def run(self, until: int) -> Outcome:
         """Go on to the row `until`, or the end, a failure, or a question; the state's time follows."""

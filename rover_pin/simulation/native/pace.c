@@ -25,10 +25,9 @@ static void take_again(Drive *d, Loop *l, integer slot, integer size) {
   change_size(d, l, size / 4 > 1 ? size / 4 : 1);
 }
 
-/* Count what the step before misjudged, and choose the size of those that follow. */
+/* Choose the size of the steps that follow by what the one before misjudged. */
 static void keep(Drive *d, Loop *l, integer left) {
   if (d->misjudged > ROUGH) {
-    l->missed += d->misjudged * (l->before_size ? l->before_size : l->size) * (l->dt / FINEST);
     change_size(d, l, l->size / 4 > 1 ? l->size / 4 : 1);
   } else if (d->misjudged < CALM && l->size < FINEST && left % (2 * l->size) == 0) {
     change_size(d, l, 2 * l->size);

@@ -105,7 +105,7 @@ LOOP_FIELDS: list[tuple[Any, dict[str, str], str]] = [
     (
         ctypes.c_double,
         {
-            "dt begin missed": "",
+            "dt begin": "",
             "fastest upright buried folded": "where a drive ends: failure.py",
             "share mass": "of a row's way to the logged place; of the rover",
             "control_period table_radius stall_torque no_load_rate": "of a built-in controller",

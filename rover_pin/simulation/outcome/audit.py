@@ -7,7 +7,6 @@ import math
 import numpy as np
 
 from rover_pin.simulation.model.model import Model
-from rover_pin.simulation.native.shared import RECORD
 from rover_pin.simulation.trace.trace import Trace
 
 LOAD_BAND = (0.99, 1.01)
@@ -15,19 +14,9 @@ LOAD_BAND = (0.99, 1.01)
 137 in drives that did not."""
 SHORTEST = 0.5
 """Time [s] below which a drive is too short for its mean load to say anything."""
-MOST_MISSED, MOST_MISSED_A_SECOND = 0.005, 1e-3
-"""Change of speed [m/s] that all misjudged forces of a drive would make together, in all and in a second of it, beyond
-which it is doubted; those of ready-made drives on k = 1 mm and more make less than 0.0031 in 20 s."""
 MOST_UNBALANCED, AT_REST = 0.01, 1e-6
 """Error of the energy's balance beyond which a drive is not believed; and energy over weight times a wheel's radius
 that is none."""
-MOST_AIRBORNE = 1.0 / 3.0
-"""Share of a drive that its wheels are off the ground, on average, beyond which it hops."""
-
-BRAKED, MOST_BRAKED = -0.1, 0.1
-"""Slip beyond which a wheel counts as braked, and the share of a drive beyond which that is a doubt: the pull bends
-where it is no more than its torque pays for. Of 747 random drives 5 that half the step moves had no other sign; of the
-ready-made ones the bump is braked most, 9 % of the time."""
 
 
 def load_warning(model: Model, rows: np.ndarray) -> str:
@@ -53,39 +42,8 @@ def balance_warning(trace: Trace) -> str:
     return f"its energy does not balance, by {off:.2g} of the greatest: the step is too coarse; give a smaller dt."
 
 
-def doubts_of(model: Model, rows: np.ndarray, misjudged: float) -> list[str]:
-    """Return what makes it doubtful whether half the step goes the same way. `misjudged` is `Ran.missed`."""
-    reasons = []
-    missed = misjudged * model.gravity
-    if missed > min(MOST_MISSED, MOST_MISSED_A_SECOND * _duration(rows)):
-        reasons.append(f"wheels' forces turned faster than the steps, which misjudged them by {missed:.2g} m/s in sum")
-    hopping = airborne(rows)
-    if hopping > MOST_AIRBORNE:
-        reasons.append(f"the wheels were off the ground {hopping:.0%} of the time")
-    braked_share = braked(rows)
-    if braked_share > MOST_BRAKED:
-        reasons.append(f"the wheels were braked beyond S = {BRAKED} {braked_share:.0%} of the time")
-    return reasons
-
-
 def _duration(rows: np.ndarray) -> float:
     return float(rows["t"][-1] - rows["t"][0]) if len(rows) else 0.0
-
-
-def airborne(rows: np.ndarray) -> float:
-    """Return the share of the drive that the wheels are off the ground, on average; 0 for one of less than SHORTEST."""
-    if _duration(rows) < SHORTEST:
-        return 0.0
-    return float(np.mean(rows["record"][:, :, RECORD.index("normal")] == 0.0))
-
-
-def braked(rows: np.ndarray) -> float:
-    """Return the share of the drive that its wheels are on the ground and braked beyond BRAKED, on average."""
-    if not len(rows):
-        return 0.0
-    record = rows["record"]
-    pressed = record[:, :, RECORD.index("normal")] > 0.0
-    return float(np.mean(pressed & (record[:, :, RECORD.index("slip")] < BRAKED)))
 
 
 def pivot_warning(steps: int) -> str:

@@ -9,10 +9,14 @@ from typing import NamedTuple
 import numpy as np
 
 from rover_pin.simulation.command import Command, Controller, Reading
+from rover_pin.simulation.native.shared import RECORD
 from rover_pin.simulation.timing import Timing
 
+NORMAL = RECORD.index("normal")
 MOVED, MOVED_SHARE = 1e-3, 0.005
-"""Change of place at half the step that a drive need not report: in metres, and as a share of its way."""
+"""Change of place at half the step that a drive need not warn of: in metres, and as a share of its way."""
+FIRST_ORDER = 2.0
+"""Error over the change at half the step: 2 where errors are in proportion to the step, less where they fall faster."""
 
 
 class Halved(NamedTuple):
@@ -22,8 +26,15 @@ class Halved(NamedTuple):
     "greatest distance between the two in x and y [m]"
     way: float
     "of the drive itself [m]"
+    load: float
+    "greatest change of the mean of a wheel's load, over the mean of all [-]"
     stop: str
     "why the drive at half the step stopped, where that is for another reason; else nothing"
+
+    @property
+    def errors(self) -> dict[str, float]:
+        """The drive's own errors, by Richardson's extrapolation."""
+        return {"step_error_m": FIRST_ORDER * self.distance, "step_error_load": FIRST_ORDER * self.load}
 
     @property
     def warning(self) -> str:
@@ -37,22 +48,15 @@ class Halved(NamedTuple):
         )
 
 
-def step_warnings(doubts: list[str], half: Halved | None) -> list[str]:
-    """Return what a drive says of its doubts: what half the step made of it, nothing where that is nothing."""
-    if half is None:
-        return [
-            f"{reason}: where the rover got to may depend on the step; compare with half of it." for reason in doubts
-        ]
-    return [*(f"{reason}." for reason in doubts), half.warning] if half.warning else []
-
-
 def halved(rows: np.ndarray, stop: str, finer: np.ndarray, finer_stop: str) -> Halved:
     """Return what half the step made of a drive, from the rows (`row_type`) of both and why they stopped."""
     n, places = min(len(rows), len(finer)), rows["q"][:, :2]
     off = np.linalg.norm(places[:n] - finer["q"][:n, :2], axis=1)
+    loads, finer_loads = (drive["record"][:n, :, NORMAL].sum(axis=0) for drive in (rows, finer))
+    load = np.max(np.abs(finer_loads - loads), initial=0.0) / max(float(np.mean(loads)), np.finfo(float).tiny)
     new_stop = finer_stop if _kind(finer_stop) != _kind(stop) else ""
     way = np.linalg.norm(np.diff(places, axis=0), axis=1)
-    return Halved(float(np.max(off, initial=0.0)), float(way.sum()), new_stop)
+    return Halved(float(np.max(off, initial=0.0)), float(way.sum()), float(load), new_stop)
 
 
 def _kind(stop: str) -> str:

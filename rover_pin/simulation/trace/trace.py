@@ -167,6 +167,8 @@ class Trace(Mapping[str, np.ndarray]):
             short["mean_slip"], short["max_slip"] = _over(np.mean, slip), _over(np.max, slip)
         if {"energy_motor", "energy_kinetic", "energy_potential"} <= self.channels.keys():
             short["energy_motor_J"], short["energy_error"] = float(self["energy_motor"][-1]), self.energy_error()
+        if "step_error_m" in self.attrs:
+            short["step_error_mm"] = 1e3 * float(self.attrs["step_error_m"])
         attrs = {name: self.attrs[name] for name in SUMMARY_ATTRS if self.attrs.get(name, []) != []}
         return {**attrs, **{name: value for name, value in short.items() if math.isfinite(value)}}
 

@@ -46,7 +46,7 @@ def test_a_small_step_of_duty_does_what_the_drive_does(flat):
         x = step @ x
         speeds.append(float(linear.C[0] @ x[:n]))
     before, after = (
-        simulate(model, ConstantDuty(duty), 3.0, state.copy(), settle_doubts=False)["body_vx"]
+        simulate(model, ConstantDuty(duty), 3.0, state.copy(), measure_error=False)["body_vx"]
         for duty in (DUTY, DUTY + MORE)
     )
     change = after - before

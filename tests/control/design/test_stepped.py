@@ -20,7 +20,7 @@ def test_it_is_the_drive_of_the_same_law():
     while not drive.stop:
         times.append(drive.reading.t)
         drive.step(law(drive.reading))
-    wanted = simulate(made.model, law, 6.0, made.start, made.timing, settle_doubts=False)
+    wanted = simulate(made.model, law, 6.0, made.start, made.timing, measure_error=False)
     assert np.diff(times) == pytest.approx(np.full(len(times) - 1, 0.05))
     assert drive.trace()["body_x"].tobytes() == wanted["body_x"].tobytes()
     assert set(np.round(drive.trace()["duty_fl"], 2)) == {0.3, 0.55}

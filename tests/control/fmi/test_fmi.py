@@ -115,7 +115,7 @@ def test_controller_answers_as_the_package(opened, control):
 
 def test_both_units_in_a_loop_drive_as_the_package(opened):
     plant_unit, control = opened("ditch"), opened("ditch", "onboard")
-    trace = scenario("ditch", control="onboard", duration=8.0).drive(settle_doubts=False)
+    trace = scenario("ditch", control="onboard", duration=8.0).drive(measure_error=False)
     for _ in range(160):
         control["duty_applied"] = plant_unit["duty"]
         for name in ("wheel_rate", "current", "suspension", "roll", "pitch"):

@@ -43,26 +43,26 @@ def test_a_control_in_the_loop_is_the_one_that_is_asked(name, noisy):
     chosen, control = controller_of(name, noisy)
     wheels = len(chosen.model.rover.wheels)
     assert commands_of(control, wheels) is not None
-    own = simulate(chosen.model, control, 8.0, chosen.start, settle_doubts=False)
+    own = simulate(chosen.model, control, 8.0, chosen.start, measure_error=False)
     _, asked = controller_of(name, noisy)
-    alike(own, simulate(chosen.model, lambda reading: asked(reading), 8.0, chosen.start, settle_doubts=False))
+    alike(own, simulate(chosen.model, lambda reading: asked(reading), 8.0, chosen.start, measure_error=False))
 
 
 def test_it_stops_for_good_in_the_loop_too():
     chosen, control = controller_of("hole law", True, "incline", **DIGS)
-    trace = simulate(chosen.model, control, 25.0, chosen.start, settle_doubts=False)
+    trace = simulate(chosen.model, control, 25.0, chosen.start, measure_error=False)
     assert control.controller.stopped
     assert trace["duty_fl"][-1] == 0.0
     _, asked = controller_of("hole law", True, "incline", **DIGS)
-    alike(trace, simulate(chosen.model, lambda reading: asked(reading), 25.0, chosen.start, settle_doubts=False))
+    alike(trace, simulate(chosen.model, lambda reading: asked(reading), 25.0, chosen.start, measure_error=False))
     assert asked.controller.stopped
 
 
 def test_a_drive_in_two_parts_senses_as_one():
     chosen, control = controller_of("hole law", True)
-    whole = simulate(chosen.model, control, 4.0, chosen.start, settle_doubts=False)
-    first = simulate(chosen.model, control, 1.6, chosen.start, settle_doubts=False)
-    second = simulate(chosen.model, control, 2.4, first.end, settle_doubts=False)
+    whole = simulate(chosen.model, control, 4.0, chosen.start, measure_error=False)
+    first = simulate(chosen.model, control, 1.6, chosen.start, measure_error=False)
+    second = simulate(chosen.model, control, 2.4, first.end, measure_error=False)
     np.testing.assert_array_equal(np.r_[first["body_x"], second["body_x"]], whole["body_x"])
 
 

@@ -147,7 +147,7 @@ def over(folder, profile, start, seconds=8.0):
     effects = base_effects(soil, cart, SoilTraction(TorqueTraction(), usual_angles(cart)))
     model = Model(cart, Lanes((profile,)), (soil,), own_motor(cart).value, usual_slip(cart), effects)
     timing = Timing(sample=0.1)
-    driven = simulate(model, lambda reading: 0.6, seconds, start, timing=timing, settle_doubts=False)
+    driven = simulate(model, lambda reading: 0.6, seconds, start, timing=timing, measure_error=False)
     wheels = tuple(wheel.name for wheel in cart.wheels)
     keep = [name for name in driven if name == "t_s" or name.startswith(("body_", "wheel_rate_"))]
     seen = Trace({name: driven[name] for name in keep if not name.startswith("body_v")}, {}, {})
