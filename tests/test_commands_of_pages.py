@@ -22,6 +22,8 @@ keeper = importlib.util.module_from_spec(spec)
 spec.loader.exec_module(keeper)
 KEPT = {"python studies/close_the_loop.py", "rover-pin close-loop demo-drive-log"}
 """Minutes, and run every night with their numbers compared."""
+LONG = {"python studies/measured_wheels.py", "python studies/wheel_laws.py"}
+"""Minutes, and run every night; `tests/studies` runs them with --quick."""
 PAGES = {path.name: path.read_text(encoding="utf-8") for path in FILES}
 COMMAND = re.compile(r"`((?:rover-pin |python studies/)[^`]*|studies/[\w./]+\.py)`")
 GROUP = typer.main.get_group(app)
@@ -155,8 +157,14 @@ def test_what_is_run_by_hand_is_a_command_of_the_pages():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("command", [each for each in commands() if each not in BY_HAND and each not in KEPT])
+@pytest.mark.parametrize("command", [each for each in commands() if each not in {*BY_HAND, *KEPT, *LONG}])
 def test_a_command_of_the_pages_runs(command, folder):
+    run(command, folder)
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("command", sorted(LONG))
+def test_a_long_command_of_the_pages_runs(command, folder):
     run(command, folder)
 
 

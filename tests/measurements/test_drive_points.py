@@ -270,7 +270,7 @@ def test_the_line_through_noise_knows_its_doubt():
     assert np.mean([fit.sd for fit in held]) > 1.5 * np.mean([fit.sd for fit in fits])
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_intervals_of_sensor_logs_hold_nine_of_ten_truths(tmp_path):
     """Six soils climbed by the independent simulator, sixteen draws of sensors, gains and declared constants each."""
     truths = [

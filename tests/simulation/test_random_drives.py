@@ -1,4 +1,4 @@
-"""What must hold of any drive: 1,000 of them at random (slow), and the first 20 in every run."""
+"""What must hold of any drive: 1,000 of them at random (nightly), 200 (slow), and the first 18 in every run."""
 
 import dataclasses
 import math
@@ -14,7 +14,7 @@ from rover_pin.simulation.state import roll_pitch_yaw
 from rover_pin.terrain.terrain import Lanes
 from tests.simulation import random_drives
 
-DRIVES, FEW = 1000, 18
+DRIVES, SOME, FEW = 1000, 200, 18
 REPEATED = 20
 """Every which drive is repeated; every one is driven at half the step."""
 STEP_ERROR = (1e-3, 0.005)
@@ -173,5 +173,10 @@ def test_a_rest_that_a_push_throws_off_is_told():
 
 
 @pytest.mark.slow
+def test_two_hundred_random_drives_are_sound():
+    assert_sound(range(SOME))
+
+
+@pytest.mark.nightly
 def test_a_thousand_random_drives_are_sound():
-    assert_sound(range(DRIVES))
+    assert_sound(range(SOME, DRIVES))

@@ -14,6 +14,8 @@ SHARED = {ROOT / "studies" / "benchmarks" / f"{name}.py" for name in ("former", 
 BENCHMARKS = sorted(set(ROOT.glob("studies/benchmarks/*.py")) - SHARED)
 SHORT = {"fig3", "fig6", "fig8_slope"}
 """A few seconds each: part of the default suite. The others together take minutes."""
+LONG = {"blind_improve", "blind_rig", "blind_test", "close_loop_speed", "long_log"}
+"""A minute or more each: nightly."""
 FORMER = {"mutation": "HEAD", "process_cost": "f624ee7", "replay_speed": "f624ee7"}
 """The commit whose files a benchmark takes from the history, which a packed checkout lacks."""
 SECTIONS = ("Question", "Method", "Result", "What the paper says", "What differs")
@@ -34,7 +36,11 @@ def has_commit(commit):
 
 
 def marked(files):
-    return [pytest.param(file, id=file.stem, marks=[] if file.stem in SHORT else [pytest.mark.slow]) for file in files]
+    return [pytest.param(file, id=file.stem, marks=mark(file.stem)) for file in files]
+
+
+def mark(name):
+    return pytest.mark.nightly if name in LONG else () if name in SHORT else pytest.mark.slow
 
 
 @pytest.mark.parametrize("file", marked(STUDIES))
