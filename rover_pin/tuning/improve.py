@@ -189,9 +189,11 @@ def improve(
     return improvement
 
 
-def torque_bounds(models: tuple[Path, ...], trust: Trust) -> dict[str, Predicted]:
-    """Return the least torque bound and the slope climbed at SLIP_LIMIT on the flat, over the models."""
-    rows = [bounds_of_model(scenario("flat", model=str(file), trust=trust).model, SLIP_LIMIT) for file in models]
+def torque_bounds(
+    models: tuple[Path, ...], trust: Trust, slip: float = SLIP_LIMIT, slope: float = 0.0
+) -> dict[str, Predicted]:
+    """Return the least torque bound on a slope [rad], and the slope climbed at a slip, over the models."""
+    rows = [bounds_of_model(scenario("flat", model=str(file), trust=trust).model, slip, slope) for file in models]
     return {
         "torque bound [N m]": Predicted.of([float(np.min(bounds.limit)) for bounds, _ in rows]),
         "climbable at the slip limit [deg]": Predicted.of([plain["climbable_at_slip_limit_deg"] for _, plain in rows]),

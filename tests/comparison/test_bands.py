@@ -2,6 +2,7 @@
 
 import csv
 import json
+import re
 
 import numpy as np
 import pytest
@@ -46,6 +47,13 @@ def test_the_command_drives_a_folder_of_models(models, run):
     rows = list(csv.DictReader((models.parent / "out" / "bands.csv").read_text().splitlines()))
     assert {row["model"] for row in rows} == {"1", "2", "3"}
     assert (models.parent / "out" / "bands.png").stat().st_size > 10_000
+
+
+def test_bounds_of_a_folder_have_an_interval(models, run):
+    code, output, _ = run("bounds", "--model", models, "--json")
+    assert code == 0
+    least, low, high = map(float, re.findall(r"[-\d.]+", json.loads(output)["torque bound [N m]"]))
+    assert low <= least <= high
 
 
 def test_what_is_of_one_drive_is_refused(models, run):
