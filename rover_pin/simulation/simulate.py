@@ -19,9 +19,9 @@ from rover_pin.simulation.driving import Drive, Progress, Ran, Stepper
 from rover_pin.simulation.model.implausible import implausible
 from rover_pin.simulation.model.model import Model
 from rover_pin.simulation.outcome.audit import balance_warning, load_warning, pivot_warning
-from rover_pin.simulation.outcome.half_step import Halved, halved, repeating
 from rover_pin.simulation.outcome.outcome import drive_outcome
 from rover_pin.simulation.outcome.soil_energy import energy_warning
+from rover_pin.simulation.outcome.step_error import StepChange, repeating, step_change
 from rover_pin.simulation.plain.run import run_plain
 from rover_pin.simulation.plain.step import Plain
 from rover_pin.simulation.resolution import STANDING, firmness, parts
@@ -79,15 +79,15 @@ def simulate(
     progress : callable, optional
         Called with the time driven so far [s].
     measure_error : bool
-        Drive once more at half the step, which tells the error of the step: it takes three times as long. Where nobody
-        reads that, False saves the time; the drive itself is the same.
+        Drive once more at twice the step, or at half of it, which tells the error of the step: it takes half as long
+        again, or twice. Where nobody reads that, False saves the time; the drive itself is the same.
 
     Returns
     -------
     Trace
         `attrs["stop"]` says why it ended: "duration", or "capsized", "buried", "folded" or "diverged" with the time
         and the part. What was driven until then is kept. `attrs["step_error_m"]` is twice the greatest distance in x
-        and y from the drive at half the step, the error where it is in proportion to the step;
+        and y from the drive at twice the step, or at half of it where the ground asks for fine steps or that warns;
         `attrs["step_error_load"]` the same of the wheels' mean loads, as a share of them. Neither is there where it was
         not measured: a part that goes on, a controller of one's own whose commands lie between the rows.
 
@@ -175,14 +175,27 @@ class _Again(NamedTuple):
     job: DriveJob
     state: DriveState
 
-    def halved(self, rows: np.ndarray, stop: str) -> Halved | None:
-        """Return what half the step makes of the drive with these rows, if its commands are known."""
-        controller = repeating(self.job.controller, rows, self.job.timing)
-        if controller is None:
-            return None
-        halved_job = self.job._replace(controller=controller, timing=self.job.timing.halved())
-        halved_run = halved_job.run(begun(halved_job, self.state.copy()), halved_job.duration, None)
-        return halved(rows, stop, finite(halved_run.rows), halved_run.stop)
+    def step_change(self, rows: np.ndarray, stop: str, dt: float) -> StepChange | None:
+        """Return what another step than `dt` makes of the drive with these rows, if its commands are known.
+
+        That is twice the step where the ground bears it, and half of it wherever that would be warned of.
+        """
+        for timing in filter(None, (self.job.timing.doubled(), self.job.timing.halved())):
+            controller = repeating(self.job.controller, rows, self.job.timing)
+            if controller is None:
+                return None
+            job = self.job._replace(controller=controller, timing=timing)
+            try:
+                repeated = begun(job, self.state.copy())
+            except SimulationError:  # too stiff a ground for twice the step
+                continue
+            if math.isclose(repeated.timing.dt, dt):
+                continue  # the ground asks for this step anyway
+            run = job.run(repeated, job.duration, None)
+            change = step_change(rows, stop, finite(run.rows), run.stop)
+            if not change.warning:
+                break
+        return change
 
 
 def _place(state: DriveState) -> tuple[float, float]:
@@ -222,12 +235,12 @@ def _traced(
     rows, symmetric = finite(run.rows), job.symmetric
     attrs |= {"dt_s": drive.timing.dt, "control_period_s": job.timing.control, "symmetric": symmetric}
     attrs["stop"] = run.stop
-    half = again.halved(rows, run.stop) if again and len(rows) else None
-    attrs |= half.errors if half else {}
+    change = again.step_change(rows, run.stop, drive.timing.dt) if again and len(rows) else None
+    attrs |= change.errors if change else {}
     trace = trace_of(job.model, rows, attrs)
     certain = [load_warning(drive.model, rows), balance_warning(trace)]
     oddities = [f"{text}." for text in implausible(job.model)]
-    moved, energy = half.warning if half else "", energy_warning(job.model, trace)
+    moved, energy = change.warning if change else "", energy_warning(job.model, trace)
     trace = annotate_trace(trace, [*certain, *oddities, moved, pivot_warning(stepper.pivoted), energy])
     if run.stop != "duration":
         return trace

@@ -46,6 +46,15 @@ class Timing:
         """Return the same with half the step, also where the ground asks for a finer one than `dt`."""
         return dataclasses.replace(self, divided=2 * self.divided)
 
+    def doubled(self) -> Timing | None:
+        """Return the same with twice the step; None where controls and rows are no whole multiples of that."""
+        if self.divided % 2 == 0:
+            return dataclasses.replace(self, divided=self.divided // 2)
+        try:
+            return dataclasses.replace(self, dt=2.0 * self.dt)
+        except SimulationError:
+            return None
+
     def refined(self, parts: int) -> Timing:
         """Return the same with the step that is taken: `dt` in as many parts, and divided."""
         return dataclasses.replace(self, dt=self.dt / (parts * self.divided), divided=1)

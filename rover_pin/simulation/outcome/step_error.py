@@ -1,4 +1,4 @@
-"""What the step makes of a drive: once more at half of it, under its controller or the commands that it gave."""
+"""What the step makes of a drive: once more at another one, under its controller or the commands that it gave."""
 
 from __future__ import annotations
 
@@ -16,11 +16,12 @@ NORMAL = RECORD.index("normal")
 MOVED, MOVED_SHARE = 1e-3, 0.005
 """Change of place at half the step that a drive need not warn of: in metres, and as a share of its way."""
 FIRST_ORDER = 2.0
-"""Error over the change at half the step: 2 where errors are in proportion to the step, less where they fall faster."""
+"""Error over the change at half the step: 2 where errors are in proportion to the step, less where they fall faster. Of
+the change at twice the step it is half of that."""
 
 
-class Halved(NamedTuple):
-    """What half the step makes of a drive."""
+class StepChange(NamedTuple):
+    """What half or twice the step makes of a drive."""
 
     distance: float
     "greatest distance between the two in x and y [m]"
@@ -29,16 +30,16 @@ class Halved(NamedTuple):
     load: float
     "greatest change of the mean of a wheel's load, over the mean of all [-]"
     stop: str
-    "why the drive at half the step stopped, where that is for another reason; else nothing"
+    "why the drive at the other step stopped, where that is for another reason; else nothing"
 
     @property
     def errors(self) -> dict[str, float]:
-        """The drive's own errors, by Richardson's extrapolation."""
+        """The drive's own errors, by Richardson's extrapolation, or more."""
         return {"step_error_m": FIRST_ORDER * self.distance, "step_error_load": FIRST_ORDER * self.load}
 
     @property
     def warning(self) -> str:
-        """The sentence that the drive owes, or nothing."""
+        """The sentence that the drive owes if this is of half the step, or nothing."""
         if self.distance <= MOVED + MOVED_SHARE * self.way and not self.stop:
             return ""
         stop_text = f" and ends it: {self.stop}" if self.stop else ""
@@ -48,15 +49,15 @@ class Halved(NamedTuple):
         )
 
 
-def halved(rows: np.ndarray, stop: str, finer: np.ndarray, finer_stop: str) -> Halved:
-    """Return what half the step made of a drive, from the rows (`row_type`) of both and why they stopped."""
-    n, places = min(len(rows), len(finer)), rows["q"][:, :2]
-    off = np.linalg.norm(places[:n] - finer["q"][:n, :2], axis=1)
-    loads, finer_loads = (drive["record"][:n, :, NORMAL].sum(axis=0) for drive in (rows, finer))
-    load = np.max(np.abs(finer_loads - loads), initial=0.0) / max(float(np.mean(loads)), np.finfo(float).tiny)
-    new_stop = finer_stop if _kind(finer_stop) != _kind(stop) else ""
+def step_change(rows: np.ndarray, stop: str, at_other: np.ndarray, stop_at_other: str) -> StepChange:
+    """Return what another step made of a drive, from the rows (`row_type`) of both and why they stopped."""
+    n, places = min(len(rows), len(at_other)), rows["q"][:, :2]
+    off = np.linalg.norm(places[:n] - at_other["q"][:n, :2], axis=1)
+    loads, loads_at_other = (drive["record"][:n, :, NORMAL].sum(axis=0) for drive in (rows, at_other))
+    load = np.max(np.abs(loads_at_other - loads), initial=0.0) / max(float(np.mean(loads)), np.finfo(float).tiny)
+    new_stop = stop_at_other if _kind(stop_at_other) != _kind(stop) else ""
     way = np.linalg.norm(np.diff(places, axis=0), axis=1)
-    return Halved(float(np.max(off, initial=0.0)), float(way.sum()), float(load), new_stop)
+    return StepChange(float(np.max(off, initial=0.0)), float(way.sum()), float(load), new_stop)
 
 
 def _kind(stop: str) -> str:

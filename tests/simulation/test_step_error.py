@@ -1,4 +1,4 @@
-"""Every drive is driven again at half the step, which measures the error of its step."""
+"""Every drive is driven again at twice or half the step, which measures the error of its step."""
 
 import dataclasses
 
@@ -9,9 +9,11 @@ from rover_pin.control.constant import ConstantDuty
 from rover_pin.control.torque_check import TorqueLimit, TorqueLimited
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.native.shared import RECORD
-from rover_pin.simulation.outcome.half_step import halved, repeating
+from rover_pin.simulation.outcome.step_error import repeating, step_change
+from rover_pin.simulation.resolution import parts
 from rover_pin.simulation.sensors import Sensed, Sensors
 from rover_pin.simulation.simulate import Timing, simulate
+from rover_pin.simulation.start.place import settled
 from rover_pin.simulation.trace.rows import row_type
 from rover_pin.tuning.drives import drive_full
 from rover_pin.tuning.study import DriveCase
@@ -31,10 +33,18 @@ def test_errors_are_twice_what_half_the_step_changes():
     for each in (rows, finer):
         each["record"][:, :, normal] = 10.0
     finer["q"][-1, 1], finer["record"][:, 2, normal] = 2e-3, 10.3
-    half = halved(rows, "duration", finer, "duration")
+    half = step_change(rows, "duration", finer, "duration")
     assert half.errors == pytest.approx({"step_error_m": 4e-3, "step_error_load": 0.06})
     assert half.warning == "", "2 mm of 1 m"
-    assert "buried" in halved(rows, "duration", finer[:9], "buried: wheel FL").warning
+    assert "buried" in step_change(rows, "duration", finer[:9], "buried: wheel FL").warning
+
+
+def test_ground_too_stiff_for_twice_the_step_halves_it():
+    """It asks for 153 parts of 25 ms, and 200 are the most."""
+    drive = scenario("flat", duration=0.05, **{"soil.k_1": 1e9, "soil.n": 0.6})
+    coarse = dataclasses.replace(drive, timing=Timing(dt=0.025))
+    assert 100 < parts(drive.model, settled(drive.model, drive.start), 0.025) < 200
+    assert coarse.drive().attrs["step_error_m"] < 1e-6
 
 
 @pytest.mark.slow
@@ -118,7 +128,7 @@ def test_where_nobody_reads_the_error_nothing_is_driven_twice(monkeypatch):
     def refuse(*given):
         raise AssertionError("driven again")
 
-    monkeypatch.setattr("rover_pin.simulation.simulate.halved", refuse)
+    monkeypatch.setattr("rover_pin.simulation.simulate.step_change", refuse)
     once = made.drive(measure_error=False)
     assert all(once[name].tobytes() == settled[name].tobytes() for name in settled.channels)
     assert "step_error_m" not in once.attrs
