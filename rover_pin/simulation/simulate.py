@@ -87,9 +87,9 @@ def simulate(
     Trace
         `attrs["stop"]` says why it ended: "duration", or "capsized", "buried", "folded" or "diverged" with the time
         and the part. What was driven until then is kept. `attrs["step_error_m"]` is twice the greatest distance in x
-        and y from the drive at twice the step, or at half of it where the ground asks for fine steps or that warns;
-        `attrs["step_error_load"]` the same of the wheels' mean loads, as a share of them. Neither is there where it was
-        not measured: a part that goes on, a controller of one's own whose commands lie between the rows.
+        and y from the drive at twice the step, or four times that at half of it where the ground asks for fine steps or
+        the former is large; `attrs["step_error_load"]` the same of the wheels' mean loads, as a share of them. Neither
+        is there where it was not measured: a part that goes on, a controller of one's own between the rows.
 
     Raises
     ------
@@ -192,7 +192,7 @@ class _Again(NamedTuple):
             if math.isclose(repeated.timing.dt, dt):
                 continue  # the ground asks for this step anyway
             run = job.run(repeated, job.duration, None)
-            change = step_change(rows, stop, finite(run.rows), run.stop)
+            change = step_change(rows, stop, finite(run.rows), run.stop, repeated.timing.dt / dt)
             if not change.warning:
                 break
         return change

@@ -26,17 +26,19 @@ def rows_at(x, model=None):
     return rows
 
 
-def test_errors_are_twice_what_half_the_step_changes():
+def test_errors_are_twice_those_of_first_order():
     """Rows by hand: 2 mm aside at the end, and a load that is 3 % more on one wheel."""
     rows, finer = rows_at(np.linspace(0.0, 1.0, 20)), rows_at(np.linspace(0.0, 1.0, 20))
     normal = RECORD.index("normal")
     for each in (rows, finer):
         each["record"][:, :, normal] = 10.0
     finer["q"][-1, 1], finer["record"][:, 2, normal] = 2e-3, 10.3
-    half = step_change(rows, "duration", finer, "duration")
-    assert half.errors == pytest.approx({"step_error_m": 4e-3, "step_error_load": 0.06})
+    half = step_change(rows, "duration", finer, "duration", 0.5)
+    assert half.errors == pytest.approx({"step_error_m": 8e-3, "step_error_load": 0.12})
+    double = step_change(rows, "duration", finer, "duration", 2.0)
+    assert double.errors == pytest.approx({"step_error_m": 4e-3, "step_error_load": 0.06})
     assert half.warning == "", "2 mm of 1 m"
-    assert "buried" in step_change(rows, "duration", finer[:9], "buried: wheel FL").warning
+    assert "buried" in step_change(rows, "duration", finer[:9], "buried: wheel FL", 0.5).warning
 
 
 def test_ground_too_stiff_for_twice_the_step_halves_it():
