@@ -45,11 +45,7 @@ def shot(page, out, width, height, profile, *words):
     return Path(out)
 
 
-def framed(page, width, height):
-    """Return a page that shows another as wide as a phone, and writes how far that one reaches and what it loads."""
-    script = """
-    const frame = document.getElementById('f'), said = document.createElement('pre');
-    said.id = 'said'; document.body.append(said);
+LOOKED = """
     frame.onload = () => {
       const inside = frame.contentDocument, root = inside.documentElement;
       const wide = [...inside.querySelectorAll('body *')].filter(
@@ -59,11 +55,44 @@ def framed(page, width, height):
         reach: root.scrollWidth, room: root.clientWidth, wide: wide.map(each => each.tagName + ' ' + each.className),
         loaded: frame.contentWindow.performance.getEntriesByType('resource').map(each => each.name)});
     };
-    """
+"""
+
+
+def framed(page, width, height, script=LOOKED):
+    """Return a page that shows another as wide as a phone, and writes how far that one reaches and what it loads."""
+    head = "const frame = document.getElementById('f'), said = document.createElement('pre');"
+    head += "said.id = 'said'; document.body.append(said);"
     return (
         f"<!doctype html><title>frame</title><body style='margin:0'><iframe id=f style='border:0' width={width} "
-        f"height={height} src='{Path(page).as_uri()}'></iframe><script>{script}</script>"
+        f"height={height} src='{Path(page).as_uri()}'></iframe><script>{head}{script}</script>"
     )
+
+
+ZOOMED = """
+    const number = (said) => Number(said.replace('\u2212', '-')), centre = (node) => {
+      const box = node.getBoundingClientRect();
+      return {x: box.left + box.width / 2, y: box.top + box.height / 2};
+    };
+    const read = (svg, name) => {
+      const ticks = [...svg.querySelectorAll(`[id*="-${name}tick_"]`)].filter((tick) => tick.style.display !== 'none');
+      const [a, b] = [ticks[0], ticks[ticks.length - 1]].map((tick) => {
+        const text = tick.querySelector('text'), walk = document.createTreeWalker(tick, NodeFilter.SHOW_COMMENT);
+        const said = text ? text.textContent : walk.nextNode().data.trim();
+        return {value: number(said), at: centre(tick.querySelector('use[x]'))[name]};
+      });
+      const points = svg.querySelectorAll('[clip-path] use[x]:not([id*="tick"] use)');
+      const value = (at) => a.value + (at - a.at) * (b.value - a.value) / (b.at - a.at);
+      return {span: Math.abs(b.value - a.value), points: [...points].map((point) => value(centre(point)[name]))};
+    };
+    frame.onload = () => {
+      const svg = frame.contentDocument.querySelector('svg.figure'), at = centre(svg);
+      const before = [read(svg, 'x'), read(svg, 'y')];
+      svg.dispatchEvent(new frame.contentWindow.WheelEvent('wheel', {
+        deltaY: -500, ctrlKey: true, clientX: at.x, clientY: at.y, cancelable: true}));
+      said.textContent = JSON.stringify({before, after: [read(svg, 'x'), read(svg, 'y')]});
+    };
+"""
+"""Turns the wheel over the first plot, and reads its points off its axes before and after."""
 
 
 @pytest.fixture(scope="module")
@@ -95,6 +124,17 @@ def test_it_does_not_scroll_sideways(page, tmp_path, width):
     assert said["reach"] <= width
     if width == 1200:
         assert said["first"] <= 900  # what a laptop's window shows at once
+
+
+def test_a_plot_zooms_and_its_axes_stay_right(page, tmp_path):
+    frame = tmp_path / "frame.html"
+    frame.write_text(framed(page, 1200, 2000, ZOOMED))
+    out, _ = ran("--allow-file-access-from-files", "--dump-dom", frame.as_uri(), profile=tmp_path / "profile")
+    said = json.loads(html.unescape(re.search(r'<pre id="said">(.*?)</pre>', out, re.DOTALL)[1]))
+    for before, after in zip(said["before"], said["after"], strict=True):
+        assert after["span"] < 0.7 * before["span"]  # ticks chosen anew
+        assert len(before["points"]) > 5
+        assert after["points"] == pytest.approx(before["points"], abs=0.01 * before["span"])
 
 
 def test_pictures_for_looking_are_not_empty(page, tmp_path, tmp_path_factory):
