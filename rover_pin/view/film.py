@@ -80,7 +80,7 @@ class Film:
     @cached_property
     def slip(self) -> np.ndarray | None:
         """Slip of the wheels (F, W), where it was recorded."""
-        return self._of_wheels("slip")
+        return self.of_wheels("slip")
 
     @cached_property
     def forces(self) -> np.ndarray | None:
@@ -90,7 +90,7 @@ class Film:
         centre, the wheel's heading along that ground, and to its left. On an edge, where a wheel stands on several
         facets, the direction is that of one of them.
         """
-        parts = [self._of_wheels(name) for name in ("normal", "tangential", "lateral")]
+        parts = [self.of_wheels(name) for name in ("normal", "tangential", "lateral")]
         if any(part is None for part in parts):
             return None
         up = self.terrain.normal(self.centres[..., 0], self.centres[..., 1])
@@ -99,7 +99,8 @@ class Film:
         normal, tangential, lateral = (np.nan_to_num(part)[..., None] for part in parts if part is not None)
         return np.asarray(normal * up + tangential * ahead + lateral * np.cross(up, ahead))
 
-    def _of_wheels(self, channel: str) -> np.ndarray | None:
+    def of_wheels(self, channel: str) -> np.ndarray | None:
+        """Return a channel of the wheels (F, W), or None where it was not recorded of all."""
         names = [f"{channel}_{wheel.name}" for wheel in self.rover.wheels]
         if not all(name in self.trace for name in names):
             return None

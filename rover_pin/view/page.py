@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from rover_pin.base.files.columns import replace_file
-from rover_pin.view.colours import css_gradient
 from rover_pin.view.film import Film
+from rover_pin.view.panel import panel_of
 from rover_pin.view.shapes import shapes_of
 from rover_pin.view.stage import BLUE, ORANGE, Ghost, Stage
 from rover_pin.view.subject import Subject
@@ -54,8 +54,7 @@ def page_of(subject: Subject, others: Sequence[tuple[Subject, str]] = ()) -> str
         page = recorder.as_html()
     page = re.sub("<title>.*?</title>", lambda _: f"<title>{html.escape(subject.name)}</title>", page, count=1)
     end = page.rindex("</body>")
-    legend = f'<div id="rover-pin-legend" style="{STYLE}">{legend_of(subject, others, film)}</div>'
-    return str(page[:end] + legend + page[end:])
+    return str(page[:end] + panel_of(subject, others, film) + page[end:])
 
 
 def ghosts_of(film: Film, others: Sequence[tuple[Subject, str]]) -> list[Ghost]:
@@ -87,36 +86,7 @@ def _free_port(host: str) -> int:
 
 
 def look_from(viser: Any, film: Film) -> None:
-    """Look at the drive from its right side, from above."""
-    low, high = film.centres.min(axis=(0, 1)), film.centres.max(axis=(0, 1))
-    middle, reach = 0.5 * (low + high), float(np.linalg.norm(high - low))
-    viser.initial_camera.position = tuple(middle + np.array([-0.1, -0.6, 0.38]) * max(reach, 0.6))
-    viser.initial_camera.look_at = tuple(middle)
-
-
-def legend_of(subject: Subject, others: Sequence[tuple[Subject, str]], film: Film) -> str:
-    """Return in HTML what is seen, what happened, what the colours and arrows mean."""
-    lines = [f"<b>{html.escape(subject.name)}</b>"]
-    outcome = subject.trace.attrs.get("happened") or subject.trace.attrs.get("stop")
-    lines += [html.escape(str(outcome))] if outcome else []
-    for ghost, word in others:
-        lines.append(
-            html.escape(f"ghost, in {word}: {ghost.name}, {ghost.trace.attrs.get('happened', '')}".rstrip(", "))
-        )
-    lines += [_bar()] if film.slip is not None else ["slip was not recorded: wheels have their own colours"]
-    lines += ["green arrows: the soil's force on each wheel"] if film.forces is not None else []
-    missing = [name for name in ("body_z", "body_pitch", "body_roll") if name not in subject.trace]
-    lines += [f"{', '.join(missing)} not recorded: set on the ground"] if missing else []
-    return "".join(f"<div>{line}</div>" for line in lines)
-
-
-STYLE = (
-    "position:fixed;left:12px;bottom:56px;z-index:1000;max-width:min(26em,60vw);padding:8px 12px;border-radius:6px;"
-    "background:rgba(255,255,255,.88);color:#222;font:13px/1.45 system-ui,sans-serif;pointer-events:none"
-)
-
-
-def _bar() -> str:
-    bar = f'<span style="display:block;height:8px;border-radius:4px;background:{css_gradient()}"></span>'
-    ends = '<span style="display:flex;justify-content:space-between"><i>-1</i><i>0</i><i>1</i></span>'
-    return f"slip S of the wheels: brakes, rolls, spins{bar}{ends}"
+    """Look at the rover, which the scene keeps in its middle, from its right side, from above."""
+    reach = float(np.linalg.norm(np.ptp(film.centres[0], axis=0)))
+    viser.initial_camera.position = (-0.25 * reach, -1.6 * reach, 1.0 * reach)
+    viser.initial_camera.look_at = (0.0, 0.0, 0.0)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import time
 
 from rover_pin.view.film import Film
-from rover_pin.view.page import ghosts_of, legend_of, look_from, server
+from rover_pin.view.page import ghosts_of, look_from, server
+from rover_pin.view.panel import legend_of
 from rover_pin.view.shapes import shapes_of
 from rover_pin.view.stage import Stage
 from rover_pin.view.subject import Subject

@@ -17,6 +17,8 @@ SOILS = ((201, 176, 130), (128, 124, 122), (176, 140, 110), (150, 160, 140))
 BLUE, ORANGE = (70, 110, 190), (205, 100, 40)
 """Colours of ghosts."""
 FORCE = (20, 120, 80)
+WORLD = "/world"
+"""The frame of all that is seen: it moves so that the rover stays in the middle."""
 PIECES = 60
 """Pieces in which a track is laid behind its wheel."""
 
@@ -35,21 +37,25 @@ class Stage:
         self.scene, self.film, self.ghosts = scene, film, tuple(ghosts)
         self.shown: dict[str, tuple[int, int, int]] = {}
         scene.set_up_direction("+z")
+        self.world = scene.add_frame(WORLD, show_axes=False)
         self._ground(film)
-        self.frames = {name: scene.add_frame(f"/rover/{name}", show_axes=False) for name in film.links}
-        self.rims = self._rover("/rover", shapes, None)
-        self.ghost_frames = [self._ghost(f"/ghost{number}", shapes, ghost) for number, ghost in enumerate(self.ghosts)]
+        self.frames = {name: scene.add_frame(f"{WORLD}/rover/{name}", show_axes=False) for name in film.links}
+        self.rims = self._rover(f"{WORLD}/rover", shapes, None)
+        self.ghost_frames = [
+            self._ghost(f"{WORLD}/ghost{number}", shapes, ghost) for number, ghost in enumerate(self.ghosts)
+        ]
         self.tracks = self._tracks(film)
         self.arrows = (
             None
             if film.forces is None
             else scene.add_arrows(
-                "/forces", self._arrows(0), FORCE, shaft_radius=0.003, head_radius=0.008, head_length=0.016
+                f"{WORLD}/forces", self._arrows(0), FORCE, shaft_radius=0.003, head_radius=0.008, head_length=0.016
             )
         )
 
     def show(self, frame: int) -> None:
         """Set everything to a frame."""
+        self.world.position = -self.film.centres[frame].mean(axis=0)
         _place(self.frames, self.film, frame)
         for ghost, frames in zip(self.ghosts, self.ghost_frames, strict=True):
             _place(frames, ghost.film, ghost.film.frame_at(float(self.film.t[frame])))
@@ -64,7 +70,7 @@ class Stage:
         for patch in patches(film.terrain, film.box):
             colour = SOILS[min(patch.soil, len(SOILS) - 1)]
             self.scene.add_mesh_simple(
-                f"/ground/{patch.soil}",
+                f"{WORLD}/ground/{patch.soil}",
                 _drawn(patch.vertices),
                 patch.faces.astype(np.uint32),
                 color=colour,
@@ -72,7 +78,7 @@ class Stage:
                 side="double",
             )
         self.scene.add_line_segments(
-            "/ground/lines", _drawn(ruled(film.terrain, film.box)), (120, 100, 70), thickness=0.0015
+            f"{WORLD}/ground/lines", _drawn(ruled(film.terrain, film.box)), (120, 100, 70), thickness=0.0015
         )
 
     def _ghost(self, root: str, shapes: list[Shape], ghost: Ghost) -> dict[str, Any]:
@@ -111,7 +117,7 @@ class Stage:
         segments = _drawn(np.stack([points[:-1], points[1:]], axis=1))
         r, g, b = slip_colour(slip)
         colour = in_bytes((0.8 * r, 0.8 * g, 0.8 * b))
-        line = self.scene.add_line_segments(f"/tracks/{name}", segments, colour, thickness=0.006, visible=False)
+        line = self.scene.add_line_segments(f"{WORLD}/tracks/{name}", segments, colour, thickness=0.006, visible=False)
         return frame + len(points) - 1, line
 
     def _lay(self, frame: int) -> None:

@@ -24,9 +24,9 @@ def test_a_drive_is_written_as_a_page_and_a_moving_picture(run):
     page = Path("out/drive/view.html").read_text()
     assert "__VISER_EMBED_DATA__" in page
     assert re.findall("<title>(.*?)</title>", page)[0].startswith("ditch")
-    legend = page[page.rindex('<div id="rover-pin-legend"') :]
-    assert "ditch" in legend
-    assert "drives on" in legend
+    panel = page[page.rindex('<aside id="rover-pin-panel"') :]
+    assert "ditch" in panel
+    assert "drives on" in panel
     outside = re.findall(r'(?:src|href)="(https?://[^"]+)"', page)
     assert not outside
     with Image.open("out/drive/drive.gif") as picture:
