@@ -1,9 +1,10 @@
-"""Keep how long the commands take that README and the page of the command line show.
+"""Keep how long the commands take that README shows and the page of the command line is made of.
 
 Question
-    How long does each main command take?
+    How long does each command take?
 Method
-    Each runs as printed in one folder, what it needs before it; the second time where the first compiles.
+    Each of the kept table and of README runs as printed in one folder, what it needs before it; the second time where
+    the first compiles.
 Result
     `studies/results/times.csv`: seconds on the clock and of CPU, and how many cores there were.
 What the paper says
@@ -25,9 +26,9 @@ import pandas as pd
 from keep_numbers import ROOT, run
 
 KEPT = ROOT / "studies" / "results" / "times.csv"
-PAGES = (ROOT / "README.md", ROOT / "docs" / "command-line.md")
-EXAMPLE = re.compile(r"^(?:\| [^|]*\| `)?(rover-pin [^`\n]+?)(?: --open)?(?:`.*)?$", re.MULTILINE)
-"""A command of a block or of a table's row, without what opens a browser."""
+README = ROOT / "README.md"
+EXAMPLE = re.compile(r"^(rover-pin [^`\n]+?)(?: --open)?$", re.MULTILINE)
+"""A command of a block, without what opens a browser."""
 
 
 def main() -> None:
@@ -36,9 +37,9 @@ def main() -> None:
     sys.path.insert(0, str(ROOT))
     from tests.test_commands_of_pages import NEEDS
 
-    shown = dict.fromkeys(line for page in PAGES for line in EXAMPLE.findall(page.read_text(encoding="utf-8")))
+    kept = pd.read_csv(KEPT, index_col="command").to_dict("index")
+    shown = dict.fromkeys([*EXAMPLE.findall(README.read_text(encoding="utf-8")), *kept])
     commands = [command for command in shown if command.startswith(" ".join(["rover-pin", *sys.argv[1:]]))]
-    kept = pd.read_csv(KEPT, index_col="command").to_dict("index") if KEPT.is_file() else {}
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         copyfile(ROOT / "studies" / "data" / "cmu-smooth-wheel" / "points.csv", folder / "mine.csv")

@@ -1,12 +1,15 @@
 """Pages of the site that are made, not written: the catalogue, the rooms, commands, public names, and notebooks.
 
-A line `<!-- file: PATH -->` in a page becomes that file, and `<!-- rooms -->` what the rooms of the package say.
+A line `<!-- file: PATH -->` in a page becomes that file, `<!-- rooms -->` what the rooms of the package say,
+`<!-- contradictions -->` the strict expected failures of `tests/paper`, `<!-- commands -->` each command's example,
+`<!-- gallery -->` the pictures of scenarios.
 """
 
 from __future__ import annotations
 
 import ast
 import re
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -40,9 +43,11 @@ def on_files(files: Files, config: Any) -> Files:
 
 
 def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
-    """Put files, and the rooms, where a page asks for them."""
+    """Put files, and what is made, where a page asks for them."""
     markdown = re.sub(r"<!-- file: (.+?) -->", lambda found: (ROOT / found[1]).read_text(encoding="utf-8"), markdown)
-    return markdown.replace("<!-- rooms -->", _rooms()) if "<!-- rooms -->" in markdown else markdown
+    for name, made in MADE.items():
+        markdown = markdown.replace(f"<!-- {name} -->", made()) if f"<!-- {name} -->" in markdown else markdown
+    return markdown
 
 
 def on_page_content(html: str, **_: Any) -> str:
@@ -154,3 +159,63 @@ def _commands() -> str:
         said = command.get_help(type(context)(command, info_name=f"rover-pin {name}", parent=None))
         parts.append(f"\n## {name}\n\n```{{ .text .columns }}\n{said}\n```\n")
     return "".join(parts)
+
+
+def contradictions() -> Iterator[tuple[str, str, str, str]]:
+    """Yield strict expected failures of `tests/paper`: the file's subject, the test's name, its case, the result."""
+    for file in sorted((ROOT / "tests" / "paper").glob("test_*.py")):
+        subject = file.stem.removeprefix("test_").replace("_", " ")
+        for test in ast.parse(file.read_text(encoding="utf-8")).body:
+            if not isinstance(test, ast.FunctionDef):
+                continue
+            said = test.name.removeprefix("test_").replace("_", " ")
+            for call in (node for mark in test.decorator_list for node in ast.walk(mark) if isinstance(node, ast.Call)):
+                name = getattr(call.func, "attr", getattr(call.func, "id", ""))
+                if name == "xfail":
+                    (reason,) = (each.value for each in call.keywords if each.arg == "reason")
+                    yield subject, said, "", ast.literal_eval(reason)
+                elif name in ("differs", "contradicts"):
+                    yield subject, said, *(ast.literal_eval(each) for each in call.args)
+
+
+def _contradictions() -> str:
+    rows = ["| Part | The paper says | Form | Measured |", "| --- | --- | --- | --- |"]
+    return "\n".join([*rows, *(f"| {' | '.join(map(_plain, row))} |" for row in contradictions())])
+
+
+def _examples() -> str:
+    """Return the first sentence of each command's help, an example below it, and the CPU seconds that this took."""
+    import typer.main
+    from page_numbers import kept, significant
+
+    group, rows = typer.main.get_group(app), ["| What it does | CPU s |", "| --- | --- |"]
+    for line, seconds in kept("times").set_index("command").cpu_s.items():
+        said = _plain(re.split(r"\.(?:\s|$)", group.commands[line.split()[1]].help or "")[0])
+        rows.append(f"| {said}<br>`{line}` | {significant(seconds, 2 if seconds >= 1 else 1)} |")
+    return "\n".join(rows)
+
+
+def _gallery() -> str:
+    """Return the pictures of the gallery, each with its command, what is in it and what becomes of the rover."""
+    import sys
+
+    sys.path.insert(0, str(ROOT / "studies"))
+    from gallery import PICTURES
+    from page_numbers import kept
+
+    happened = kept("gallery").set_index("command").happened
+    summaries = {each.name: _plain(each.summary) for each in catalogue.scenarios()}
+    parts = []
+    for picture, words in PICTURES.items():
+        name, command = words.split()[0], f"rover-pin drive {words}"
+        said = f"{summaries[name]}: {happened[command]}"
+        parts.append(f"## {name.replace('-', ' ')}\n\n`{command}`\n\n![{said}]({picture})\n\n{said}.\n")
+    return "\n".join(parts)
+
+
+MADE: dict[str, Callable[[], str]] = {
+    "rooms": _rooms,
+    "contradictions": _contradictions,
+    "commands": _examples,
+    "gallery": _gallery,
+}

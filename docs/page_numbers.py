@@ -1,15 +1,18 @@
 """Numbers of the pages: `{{ ... }}` in a page is a field of `studies/results`, put in when the site is built.
 
 A field that no result has fails the build. `dec(x, n)` rounds to n decimals, `sig(x, n)` to n digits.
-`interval(x, n)` writes a value with its 95 % interval, `printed` one that a command prints.
+`interval(x, n)` writes a value with its 95 % interval, `printed` one that a command prints, and `tables`
+has the tables of `page_tables.py`.
 """
 
 from __future__ import annotations
 
+import importlib
 import json
 import math
+import sys
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -17,8 +20,22 @@ from typing import Any
 import jinja2
 import pandas as pd
 from blind_sets import by_circumstance, counts, misses, reliability, shares
+from page_tables import tables
 
-RESULTS = Path(__file__).parents[1] / "studies" / "results"
+STUDIES = Path(__file__).parents[1] / "studies"
+RESULTS = STUDIES / "results"
+MEASURED = {
+    "smooth": "softening + rate",
+    "lugged": "softening + trench + rate",
+    "braked": "ploughing",
+    "both signs": "softening + ploughing",
+    "slip angles": "+ softening + flank",
+    "braked askew": "+ softening + flank + ploughing",
+    "lugs askew": "+ softening + flank + trench + grip",
+    "braked lugs": "ploughing",
+}
+"""The law of each measured set that is shown."""
+CURVES = ("quadratic", "Gaussian process")
 FURTHER = 0.01
 """How much further [m] a rover is said to come."""
 
@@ -64,7 +81,7 @@ def fields() -> Mapping[str, Any]:
     """Return every field, by the result that has it."""
     blind = {"rigs": kept("blind_rig", keep_default_na=False), "logs": kept("blind_drives", keep_default_na=False)}
     blind["both"] = pd.concat(blind.values())
-    return {
+    of: dict[str, Any] = {
         "blind": {
             name: {"sets": len(sets), "shares": shares(sets), "counts": counts(sets), "misses": misses(sets)}
             for name, sets in blind.items()
@@ -78,22 +95,32 @@ def fields() -> Mapping[str, Any]:
         "gallery": kept("gallery").to_dict("records"),
         "log_loop": log_loop(),
         "measured_loops": kept("measured_wheels", keep_default_na=False).to_dict("records"),
+        "pendulum": pendulum(),
         "slip": sensed_slip(),
         "control": controllers(),
         "monitor": {row["level"]: row for row in kept("monitor").to_dict("records")},
+        "brier": brier(),
         "speed": speed(),
         "took": took(),
         "traction": traction(),
-        "as_driven": kept("tune_as_driven").to_dict("records"),
+        "as_driven": as_driven(),
         "tuned": tuned(),
         "improved": improved(),
         "wheels": measured_wheels(),
     }
+    return of | {"tables": tables(of)}
 
 
 def kept(name: str, **options: Any) -> pd.DataFrame:
     """Return a kept table."""
     return pd.read_csv(RESULTS / f"{name}.csv", **options)
+
+
+def as_driven() -> list[dict[str, Any]]:
+    """Return what is kept of each control that was tuned, or not, as it is driven, by the ground."""
+    rows = kept("tune_as_driven").to_dict("records")
+    controls = dict.fromkeys(row["control"] for row in rows)
+    return [{"name": name, **{row["ground"]: row for row in rows if row["control"] == name}} for name in controls]
 
 
 def improved() -> dict[str, int]:
@@ -102,6 +129,30 @@ def improved() -> dict[str, int]:
     taken = table[~table["keeps"]]
     counts = {"sets": len(table), "inside": int(table["inside"].sum()), "keeps": int(table["keeps"].sum())}
     return counts | {"true_gains": int((taken["true"] > 0.0).sum()), "harms": int(taken["harms"].sum())}
+
+
+def brier() -> list[dict[str, Any]]:
+    """Return the Brier score of the monitor's forecasts, and that of their mean share."""
+    row = kept("monitor").iloc[0]
+    shares = {event: row[f"share_{event}"] for event in ("stuck", "buried")}
+    return [
+        {"name": event, "score": row[f"brier_{event}"], "base": share * (1 - share)} for event, share in shares.items()
+    ]
+
+
+def pendulum() -> list[dict[str, Any]]:
+    """Return the counts of the blind test of the pendulum."""
+    table = kept("blind_pendulum", keep_default_na=False)
+    hides = table.hidden != "none"
+    laws, nulls = table[hides & table.detectable], table[~hides]
+    right = laws.named == laws.hidden
+    counts = {
+        "a detectable law, named alone": right & (laws.answer == "named"),
+        "a detectable law, in a stated set": right & (laws.answer == "set"),
+        "nothing hidden, something named": nulls.named != "",
+        "intervals that hold the truth": laws["interval holds"].astype(str) == "True",
+    }
+    return [{"what": what, "count": int(rows.sum()), "whole": len(rows)} for what, rows in counts.items()]
 
 
 def speed() -> dict[str, dict[str, float]]:
@@ -185,11 +236,14 @@ def tuned() -> dict[str, Any]:
 
 
 def log_loop() -> dict[str, Any]:
-    """Return what the loop on the drive log found, held-out errors, and how far free runs go from the log [m]."""
+    """Return what the loop on the drive log found, held-out errors, and how far free runs go from the log [mm]."""
     verdict = json.loads((RESULTS / "steepening-slope" / "verdict.json").read_text(encoding="utf-8"))
     runs = verdict["extra"]["free_runs"]
     free = {side: math.sqrt(sum(run[side] ** 2 for run in runs) / len(runs)) for side in ("before", "after")}
-    return verdict | {"errors": {row["name"]: row for row in verdict["held_out"]}, "free": free}
+    held_out = {row["name"]: row for row in verdict["held_out"]}
+    rows = {"held-out path": held_out["path"], "held-out elevation": held_out["body_z"], "free runs": free}
+    errors = [{"name": name, **{side: 1e3 * row[side] for side in free}} for name, row in rows.items()]
+    return verdict | {"errors": errors}
 
 
 def sensed_slip() -> dict[str, Any]:
@@ -210,15 +264,30 @@ def controllers() -> dict[str, Any]:
     return {"drives": int(drives.size().max()), "rows": rows}
 
 
-def measured_wheels() -> dict[str, dict[str, str]]:
-    """Return held-out errors of the laws on measured wheels as cells: pull [N] / sinkage [mm] (/ side force [N])."""
-    cells: dict[str, dict[str, str]] = {}
+def measured_wheels() -> dict[str, Any]:
+    """Return tables of held-out errors on measured wheels, in cells of pull [N] / sinkage [mm] (/ side force [N])."""
+    cells: dict[tuple[str, str], str] = {}
     for row in kept("wheel_laws").to_dict("records"):
-        errors = [row["drawbar_pull_N"], row["sinkage_mm"], row["side_force_N"]]
-        said = " / ".join(f"{error:.2f}" for error in errors if not pd.isna(error))
-        cells.setdefault(row["set"], {})[row["law"]] = said
-        cells[row["set"]][f"{row['law']}: SDs"] = f"{row['in_sds']:.2f}"
-    return cells
+        cells[row["set"], row["law"]] = _cell([row["drawbar_pull_N"], row["sinkage_mm"], row["side_force_N"]])
+    sys.path.insert(0, str(STUDIES))
+    study = importlib.import_module("wheel_laws")
+    tables: dict[str, Any] = {"own": [], "from the others": []}
+    for name, law in {**MEASURED, "lugged from smooth": "lugs, sand on sand by the rim's m"}.items():
+        curves = {curve: cells[name, curve] for curve in CURVES}
+        others = {key: cells.get(at, "-") for key, at in (
+            ("authors", (name, study.AUTHORS)), ("one", (study.ONE + name, study.LAW))
+        )}  # fmt: skip
+        reach = _cell(study.REACH[name])
+        tables["own"].append({"set": name, "law": law, "held": cells[name, law], **curves, **others, "reach": reach})
+        alone = study.FROM + name
+        if (alone, study.THE_LAW) in cells:
+            curves = {curve: cells[alone, curve] for curve in CURVES}
+            tables["from the others"].append({"set": name, "held": cells[alone, study.THE_LAW], **curves})
+    return {**tables, "apart": cells[study.APART + study.ONE + "smooth", study.LAW]}
+
+
+def _cell(errors: Sequence[float | None]) -> str:
+    return " / ".join(f"{error:.2f}" for error in errors if error is not None and not math.isnan(error))
 
 
 def traction() -> dict[str, dict[str, Any]]:

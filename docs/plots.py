@@ -9,30 +9,17 @@ import importlib
 import io
 import sys
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 from blind_sets import SHARES
 from matplotlib.figure import Figure
 from mkdocs.structure.files import File, Files
-from page_numbers import kept
+from page_numbers import MEASURED, STUDIES, kept
+from page_tables import CONTROLS
 from scipy.stats import binomtest
 
-STUDIES = Path(__file__).parents[1] / "studies"
 BLUE, ORANGE, GREY = "#0072b2", "#d55e00", "#bbbbbb"
 """Colours that a colour-blind reader tells from each other (Okabe and Ito)."""
-CONTROLS = ("constant duty", "S_d = 0.2, true slip", "by the hole, true slip", "by the hole, on board")
-MEASURED = {
-    "smooth": "softening + rate",
-    "lugged": "softening + trench + rate",
-    "braked": "ploughing",
-    "both signs": "softening + ploughing",
-    "slip angles": "+ softening + flank",
-    "braked askew": "+ softening + flank + ploughing",
-    "lugs askew": "+ softening + flank + trench + grip",
-    "braked lugs": "ploughing",
-}
-"""The law of each measured set that `validation.md` shows."""
 
 
 def on_files(files: Files, config: Any) -> Files:

@@ -78,8 +78,8 @@ def test_tuned_gains_leave_the_fewest_rovers_stuck(fields):
     assert (buried.loc["tuned, true"] == 0.0).all()
 
 
-def test_tuned_as_driven_more_rovers_get_through_on_sand(fields):
-    rows = {(row["ground"], row["control"]): row for row in fields["as_driven"]}
+def test_tuned_as_driven_more_rovers_get_through_on_sand():
+    rows = {(row["ground"], row["control"]): row for row in kept("tune_as_driven").to_dict("records")}
     best, tuned, *others = [rows[ground, name] for ground, name in reversed(rows) if ground == "sand"]
     assert tuned["control"] == "by the hole, tuned as driven"
     assert best["through"] > tuned["through"]

@@ -40,7 +40,7 @@ class Reading:
     suspension: np.ndarray
     "angles of the suspension joints, in the order of the rover's joints [rad]"
     attitude: tuple[float, float, float]
-    "roll, pitch, yaw of the base [rad]"
+    "roll, pitch (nose down positive), yaw of the base [rad]"
     truth: Truth
 
     def replace(self, **changes: Any) -> Reading:

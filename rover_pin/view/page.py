@@ -88,5 +88,5 @@ def _free_port(host: str) -> int:
 def look_from(viser: Any, film: Film) -> None:
     """Look at the rover, which the scene keeps in its middle, from its right side, from above."""
     reach = float(np.linalg.norm(np.ptp(film.centres[0], axis=0)))
-    viser.initial_camera.position = (-0.25 * reach, -1.6 * reach, 1.0 * reach)
+    viser.initial_camera.position = (-0.2 * reach, -1.35 * reach, 0.85 * reach)
     viser.initial_camera.look_at = (0.0, 0.0, 0.0)

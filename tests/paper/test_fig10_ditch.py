@@ -122,7 +122,7 @@ def test_ditch_story_holds_with_strength_loss_past_the_peak():
 
 
 @pytest.mark.xfail(strict=True, reason="stuck: under load the wheel turns slower, and Eq 9 reads that as grip")
-def test_the_story_comes_out_with_the_estimate_of_eq_9():
+def test_where_strength_is_lost_it_goes_out_by_eq_9():
     assert outcome(case(0.5, duration=30.0, control="eq9", **TUNED, **LOSING)) == "out"
 
 
@@ -150,11 +150,11 @@ def test_ditch_story_holds_on_digging_sand_with_the_papers_slip():
 
 
 @pytest.mark.xfail(strict=True, reason="walls of 46 deg, not 45: stuck, but not buried; it stands at a small slip")
-def test_ditch_story_holds_where_holes_hold_slow_wheels():
+def test_where_wheels_dig_it_leaves_walls_of_46_degrees():
     """It came out while the rim of a hole faded below 5 mm/s of travel."""
     assert outcome(case(0.5, control="true", **{**TUNED, **DIGGING, "terrain.wall_angle_deg": 46.0})) == "out"
 
 
 @pytest.mark.xfail(strict=True, reason="buried: Eq 9 reads the wheel that spins as one that grips")
-def test_ditch_story_holds_on_digging_sand_with_eq_9():
+def test_where_wheels_dig_it_goes_out_by_eq_9():
     assert outcome(case(0.5, control="eq9", **TUNED, **DIGGING)) == "out"

@@ -38,7 +38,7 @@ def test_the_functionality_is_almost_the_same(both, name, apart):
 
 
 @pytest.mark.xfail(strict=True, reason="middle wheel's load: r = -0.01 over the bump, 0.16 over the ditch")
-def test_the_loads_are_almost_the_same_too(both):
+def test_loads_by_hinges_are_those_of_parallel_links(both):
     """They are not: without a pivot above the axles, what the wheels pull no longer tips the bogie."""
     plain, links = (over_place(trace, "normal_ml") for trace in both)
     assert np.corrcoef(plain, links)[0, 1] > 0.5

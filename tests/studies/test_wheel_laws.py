@@ -109,16 +109,6 @@ def test_the_bars_are_the_tables_errors_in_one_unit(study):
     plt.close(figure)
 
 
-def test_the_page_compares_with_what_was_to_be_reached(study):
-    page = (ROOT / "docs" / "validation.md").read_text()
-    for name, (pull, sinkage, _) in study.REACH.items():
-        (line,) = (each for each in page.splitlines() if each.startswith(f"| {name} |"))
-        asked = line.strip("| ").split("|")[-1].split("/")
-        assert (asked[0].strip() == "-") == (pull is None)
-        assert float(asked[1]) == sinkage
-        assert pull is None or float(asked[0]) == pull
-
-
 @pytest.mark.nightly
 def test_side_force_and_both_signs_of_slip_are_reached(study):
     made = study.table()

