@@ -10,20 +10,20 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from functools import lru_cache
 
+import casadi as ca
 import numpy as np
 
-from rover_pin.base.errors import ParameterError
-from rover_pin.base.quantity import Record, quantity
+from rover_pin.base.quantity import Record, quantities, quantity
 from rover_pin.contact import Scalar
-from rover_pin.control.steering import Turn, turning_places
+from rover_pin.control.motion.kinematics import BodyMotion, rolling, steers, turning_places
+from rover_pin.control.motion.law_control import LawControl
+from rover_pin.control.steering import Turn
+from rover_pin.control.torque_check import NoLimit, TorqueLimit
 from rover_pin.rover.rover import Rover
-from rover_pin.simulation.command import Command, Reading
-from rover_pin.simulation.native.control import Commands, TackLaw
-from rover_pin.simulation.timing import CONTROL_PERIOD
+from rover_pin.simulation.compiled.suspension import suspension_places
 
-STRAIGHT = 1e-3
-"""Curvature [1/m] below which the wheels are not steered."""
 FRESH = (1.0, -1.0)
 """What the control remembers at the start: the left side, and no uneven ground."""
 
@@ -46,58 +46,60 @@ class Tacking(Record):
     delta_climb: Scalar = quantity(0.55, "", "the duty without control", 0.0, 1.0)
 
 
+@lru_cache(maxsize=16)
+def _law(steering: tuple[bool, ...], links: int) -> ca.Function:
+    """Return the law of a rover whose wheels steer or not; its numbers are `Tacking`'s, then places of the wheels."""
+    n = len(steering)
+    t, read, memory = ca.SX.sym("t"), ca.SX.sym("read", 3 + 2 * n + links), ca.SX.sym("memory", 2)
+    values, places = ca.SX.sym("values", len(quantities(Tacking))), ca.SX.sym("places", 2 * n)
+    law = Tacking(**dict(zip(quantities(Tacking), ca.vertsplit(values), strict=True)))
+    folded = ca.mmax(ca.fabs(read[3 + 2 * n :])) > law.alert if links else ca.SX(0.0)
+    over = ca.logic_and(memory[1] > 0.0, memory[1] < t)
+    side = ca.if_else(ca.logic_and(over, ca.logic_not(folded)), -memory[0], memory[0])
+    until = ca.if_else(folded, t + law.calm, ca.if_else(over, FRESH[1], memory[1]))
+    uneven = t <= until
+    target_yaw = ca.if_else(uneven, side * law.heading, 0.0)
+    bend = ca.fmin(ca.fmax(law.gain * (target_yaw - read[2]), -1.0 / law.radius), 1.0 / law.radius)
+    delta = ca.if_else(ca.logic_or(uneven, -read[1] > law.alert), law.delta_climb, law.delta)
+    pairs = [(places[2 * at], places[2 * at + 1]) for at in range(n)]
+    speeds, angles = rolling(pairs, steering, BodyMotion(1.0, bend))
+    fastest = ca.mmax(ca.fabs(ca.vertcat(*speeds)))
+    out = [delta / fastest * ca.vertcat(*speeds), ca.vertcat(*angles), ca.vertcat(side, until)]
+    inputs = [t, read, ca.SX(0, 1), memory, ca.vertcat(values, places)]
+    return ca.Function("tacking", inputs, out)
+
+
 @dataclass
-class TackingControl:
+class TackingControl(LawControl):
     """The controller: reads yaw, pitch and suspension angles only, commands the duty and the steering.
 
     Every obstacle is taken on the other side than the one before, so that the rover keeps its course on the whole.
     Source: none. Differs from the paper: it knows no slip, and it steers.
+
+    Raises
+    ------
+    ParameterError
+        Its tightest turn wants a wheel to steer beyond 75 deg.
     """
 
     rover: Rover
-    law: Tacking = field(default_factory=Tacking)
-    period: float = CONTROL_PERIOD
+    tacking: Tacking = field(default_factory=Tacking)
+    limit: TorqueLimit | NoLimit = field(default_factory=NoLimit)
     memory: np.ndarray = field(default_factory=lambda: np.array(FRESH))
     "on which side the next obstacle is taken, and until when the ground is uneven [s]"
+    fresh = np.array(FRESH)
 
-    def reset(self) -> None:
-        """Forget the past."""
-        self.memory[:] = FRESH
+    def __post_init__(self) -> None:
+        widest = float(np.max(np.abs(turning_places(self.rover)[:, 1])))
+        for radius in {float(self.tacking.radius), max(float(self.tacking.radius), widest)}:
+            Turn.of(self.rover, radius), Turn.of(self.rover, -radius)
 
-    def __call__(self, reading: Reading) -> Command:
-        """Return the duty and steering of each wheel."""
-        law, (side, uneven_until) = self.law, self.memory.tolist()
-        if np.max(np.abs(reading.suspension), initial=0.0) > law.alert:
-            uneven_until = reading.t + law.calm
-        elif 0.0 < uneven_until < reading.t:
-            side, uneven_until = -side, -1.0
-        self.memory[:] = side, uneven_until
-        uneven = reading.t <= uneven_until
-        target_yaw = side * law.heading if uneven else 0.0
-        bend = min(max(law.gain * (target_yaw - reading.attitude[2]), -1.0 / law.radius), 1.0 / law.radius)
-        nose_up = -reading.attitude[1]
-        delta = law.delta_climb if uneven or nose_up > law.alert else law.delta
-        if abs(bend) < STRAIGHT:
-            return Command(delta)
-        turn = Turn.of(self.rover, 1.0 / bend, delta)
-        return Command(np.array(turn.duty), np.array(turn.steer))
+    @property
+    def law(self) -> ca.Function:
+        """Its law as one function."""
+        return _law(steers(self.rover), len(suspension_places(self.rover)))
 
-    def native(self, wheels: int) -> Commands | None:
-        """Return the same for the compiled loop, which keeps `memory`; None where a wheel may have to steer too far."""
-        law, places = self.law, turning_places(self.rover)
-        if not self._turns_freely(float(np.max(np.abs(places[:, 1])))):
-            return None
-        named = {"heading": law.heading, "bend": 1.0 / law.radius, "gain": law.gain, "alert": law.alert}
-        named |= {"calm": law.calm, "delta": law.delta, "climb": law.delta_climb, "straight": STRAIGHT}
-        steered = sum(wheel.steer_dof is not None for wheel in self.rover.wheels)
-        tack = TackLaw({name: float(value) for name, value in named.items()}, places, self.memory)
-        return Commands(np.zeros(len(places)), np.zeros(steered), tack=tack)
-
-    def _turns_freely(self, furthest: float) -> bool:
-        """Return whether every turn that may be asked for can be steered; beyond the wheels the tightest asks most."""
-        try:
-            for radius in (self.law.radius, -self.law.radius):
-                Turn.of(self.rover, float(radius), 1.0)
-        except ParameterError:
-            return False
-        return float(self.law.radius) > furthest
+    @property
+    def numbers(self) -> np.ndarray:
+        """The numbers of `Tacking`, and x, y of each wheel from the line on which turning centres lie."""
+        return np.concatenate([list(self.tacking.values().values()), turning_places(self.rover).ravel()])

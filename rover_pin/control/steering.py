@@ -10,8 +10,8 @@ import numpy as np
 
 from rover_pin.base.arguments import checked, spec
 from rover_pin.base.errors import ParameterError
+from rover_pin.control.motion.kinematics import BodyMotion, rolling, steers, turning_places
 from rover_pin.rover.rover import Rover
-from rover_pin.rover.wheel_base import wheel_places
 from rover_pin.simulation.command import Command, Reading
 from rover_pin.simulation.native.control import Commands
 
@@ -41,10 +41,8 @@ class Turn(Steady):
     The centre lies `radius` to the left of the base (right where negative; 0 turns on the spot), level with the mean of
     the wheels that do not steer. A wheel at (x, y) steers by atan2(x, radius - y) and runs at a duty in proportion to
     its distance from the centre (Ackermann geometry); inner wheels of a turn on the spot run backwards.
-    A rover without steering turns by its sides' speeds: all wheels of a side at a duty in proportion to radius - y, y
-    the side's mean. Its wheels are dragged sideways (`SideShear` says against what), so that it turns by less, about a
-    centre further away than asked: f_y takes what f_t leaves of the strength, whatever way the wheel slides, which is
-    more than a wheel that spins in its own rut gives; on stiff sand with motors sized by weight it hardly turns.
+    Where none steers, all wheels of a side have a duty in proportion to radius - y, y the side's mean: they scrub, and
+    the difference of duties goes into what they lose by that. `HeldSpeeds.turning` holds their speeds instead.
     """
 
     @classmethod
@@ -62,12 +60,9 @@ class Turn(Steady):
         ParameterError
             The rover would have to steer beyond 75 deg for this radius.
         """
-        speeds, angles = [], {}
-        for wheel, (x, y) in zip(rover.wheels, turning_places(rover).tolist(), strict=True):
-            sense = 1.0 if radius - y >= 0.0 else -1.0
-            speeds.append(sense * math.hypot(x, radius - y))
-            if wheel.steer_dof is not None:
-                angles[wheel.name] = math.atan2(sense * x, sense * (radius - y))
+        speeds, rolled = rolling(turning_places(rover).tolist(), steers(rover), BodyMotion(radius, 1.0))
+        names = [wheel.name for wheel in rover.wheels if wheel.steer_dof is not None]
+        angles = dict(zip(names, rolled, strict=True))
         worst = max(angles, key=lambda name: abs(angles[name]), default="")
         if worst and abs(angles[worst]) > MOST_STEER:
             raise ParameterError(
@@ -79,20 +74,5 @@ class Turn(Steady):
 
 def _duties(speeds: list[float], radius: float, delta: float) -> tuple[float, ...]:
     """Return duties in proportion to speeds, that of the fastest wheel `delta`; left of the centre all reversed."""
-    scale = math.copysign(delta, radius) / max(abs(speed) for speed in speeds)
+    scale = math.copysign(1.0, radius) * delta / max(abs(speed) for speed in speeds)
     return tuple(scale * speed for speed in speeds)
-
-
-def turning_places(rover: Rover) -> np.ndarray:
-    """Return x of each wheel ahead of the line on which turning centres lie, and y, (wheels, 2) [m].
-
-    The line is level with the mean of the wheels that do not steer, or of all. Where none steers, x is 0 and y the mean
-    of the wheel's side: a turn by the sides' speeds.
-    """
-    places = wheel_places(rover)
-    if all(wheel.steer_dof is None for wheel in rover.wheels):
-        lateral = {side: np.mean([places[w.name][1] for w in rover.wheels if w.side == side]) for side in "lr"}
-        return np.array([(0.0, lateral[wheel.side]) for wheel in rover.wheels])
-    fixed = [places[wheel.name][0] for wheel in rover.wheels if wheel.steer_dof is None]
-    level = float(np.mean(fixed or [place[0] for place in places.values()]))
-    return np.array([(places[wheel.name][0] - level, places[wheel.name][1]) for wheel in rover.wheels])

@@ -128,7 +128,9 @@ class TorqueLimited:
     def native(self, wheels: int) -> Commands | None:
         """Return the same for the compiled loop, where the controller commands fixed duties."""
         inner, limit = commands_of(self.controller, wheels), native_limit(self.limit)
-        if inner is None or inner.slip is not None or inner.limit is not None or limit is CUSTOM_LIMIT:
+        if inner is None or inner.slip or inner.limit or limit is CUSTOM_LIMIT:
+            return None
+        if inner.law and inner.law.looks_at_limits:
             return None
         return dataclasses.replace(inner, limit=limit)
 

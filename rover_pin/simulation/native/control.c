@@ -69,43 +69,16 @@ static double slip_control(const Drive *d, Loop *l, integer wheel, double pitch,
   return out[0];
 }
 
-/* Duties and steering of a turn about a point so far to the left. */
-static void turn_about(Drive *d, const Loop *l, double radius, double fastest) {
-  double most = 0.0;
-  for (integer w = 0; w < d->n_wheels; ++w) {
-    const double way = radius - l->tack_places[2 * w + 1], speed = hypot(l->tack_places[2 * w], way);
-    d->duty[w] = way >= 0.0 ? speed : -speed;
-    most = larger(most, speed);
-  }
-  const double scale = copysign(fastest, radius) / most;
-  for (integer w = 0; w < d->n_wheels; ++w) d->duty[w] *= scale;
-  for (integer i = 0; i < d->n_servos; ++i) {
-    const double *place = l->tack_places + 2 * l->servo_wheel[i], way = radius - place[1], sense = way >= 0.0 ? 1.0 : -1.0;
-    d->servo_target[i] = atan2(sense * place[0], sense * way);
-  }
-}
-
-/* Duties and steering of the tacking control, which goes on in tack_memory. */
-static void tack(Drive *d, const Loop *l, const double *attitude) {
-  const double t = l->begin + l->k * l->dt;
-  double *side = l->tack_memory, *until = l->tack_memory + 1, folded = 0.0;
-  for (integer i = 0; i < l->n_folding; ++i) folded = larger(folded, fabs(l->read[3 + 2 * d->n_wheels + i]));
-  if (folded > l->tack_alert) {
-    *until = t + l->tack_calm;
-  } else if (0.0 < *until && *until < t) {
-    *side = -*side;
-    *until = -1.0;
-  }
-  const int uneven = t <= *until;
-  const double asked = uneven ? *side * l->tack_heading : 0.0;
-  const double bend = smaller(larger(l->tack_gain * (asked - attitude[2]), -l->tack_bend), l->tack_bend);
-  const double delta = uneven || -attitude[1] > l->tack_alert ? l->tack_climb : l->tack_delta;
-  if (fabs(bend) >= l->tack_straight) {
-    turn_about(d, l, 1.0 / bend, delta);
-    return;
-  }
-  for (integer w = 0; w < d->n_wheels; ++w) d->duty[w] = delta;
-  for (integer i = 0; i < d->n_servos; ++i) d->servo_target[i] = 0.0;
+/* One sample of a law of the whole rover: duties and steering; its memory goes on. */
+static void obey_law(Drive *d, const Loop *l) {
+  const double place[3] = {l->begin + l->k * l->dt, d->q[0], d->q[1]};
+  for (integer w = 0; w < d->n_wheels; ++w)
+    for (int sense = 0; sense < 2; ++sense)
+      l->law_limits[sense * d->n_wheels + w] = (2 * sense - 1) * most_duty(l, w, l->read[1], l->read[3 + w], 2 * sense - 1);
+  const double *arguments[5] = {place, l->read, l->law_limits, l->law_memory, l->law_numbers};
+  double *results[3] = {d->duty, d->servo_target, l->law_next};
+  l->drive_law(arguments, results, d->work_i, l->law_w, 0);
+  memcpy(l->law_memory, l->law_next, l->n_memory * sizeof(double));
 }
 
 /* Stop for good where the estimate says that the rover stands and digs. */
@@ -120,10 +93,10 @@ static void command(Drive *d, Loop *l) {
   read_sensors(d, l);
   if (l->sense) estimate_slip(d, l);
   for (integer i = 0; i < d->n_servos; ++i) d->servo_target[i] = l->steer_fixed[i];
-  if (l->tack_memory) tack(d, l, l->read);
+  if (l->drive_law) obey_law(d, l);
   for (integer w = 0; w < d->n_wheels; ++w) {
     const double rate = l->read[3 + w], pitch = l->read[1];
-    double duty = l->tack_memory ? d->duty[w] : l->duty_fixed[w];
+    double duty = l->drive_law ? d->duty[w] : l->duty_fixed[w];
     if (l->slip_law) duty = slip_control(d, l, w, pitch, rate);
     else duty = fmin(fmax(duty, -most_duty(l, w, pitch, rate, -1.0)), most_duty(l, w, pitch, rate, 1.0));
     d->duty[w] = fmin(1.0, fmax(-1.0, duty));

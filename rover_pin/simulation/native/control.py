@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, NamedTuple, Protocol
@@ -85,24 +85,31 @@ class Noise(NamedTuple):
     random: np.random.Generator
 
 
-class TackLaw(NamedTuple):
-    """The tacking control's numbers by their names in the struct Loop; `memory` is read and written: side, until."""
+class DriveLaw(NamedTuple):
+    """A law of the whole rover: (t, x, y), (what is read), (limits), memory, numbers -> duties, steering, memory.
 
-    numbers: Mapping[str, float]
-    places: np.ndarray
-    "x ahead of the line that turning centres lie on, and y, one row a wheel [m]"
+    The memory is read and written.
+    """
+
+    law: ca.Function
+    numbers: np.ndarray
     memory: np.ndarray
+
+    @property
+    def looks_at_limits(self) -> bool:
+        """Whether it reckons with the lowest and highest duties that a torque limit allows."""
+        return bool(self.law.size1_in(2))
 
 
 @dataclass(frozen=True)
 class Commands:
-    """Fixed duties and steering, a slip law's duties, or those of tacking, under a torque limit, by noisy sensors."""
+    """Fixed duties and steering, a slip law's duties, or a law's of both, under a torque limit, by noisy sensors."""
 
     duty: Any = 0.0
     steer: Any = 0.0
     slip: SlipLaw | None = None
     limit: TorqueTable | None = None
-    tack: TackLaw | None = None
+    law: DriveLaw | None = None
     onboard: OnboardLaw | None = None
     stop: StopLaw | None = None
     noise: Noise | None = None
@@ -121,7 +128,7 @@ class Commands:
             **fixed,
             **_slip_fields(self.slip, kernel),
             **_limit_fields(self.limit),
-            **_tack_fields(self.tack, kernel),
+            **_law_fields(self.law, kernel),
             **(self.onboard._asdict() if self.onboard else {}),
             **({f"stop_{name}": value for name, value in self.stop._asdict().items()} if self.stop else {}),
             **_noise_fields(self.noise, samples, reads),
@@ -182,12 +189,14 @@ def _limit_fields(limit: TorqueTable | None) -> dict[str, Any]:
     }
 
 
-def _tack_fields(tack: TackLaw | None, kernel: Kernel) -> dict[str, Any]:
-    if tack is None:
+def _law_fields(drive: DriveLaw | None, kernel: Kernel) -> dict[str, Any]:
+    if drive is None:
         return {}
-    wheels = np.array(kernel.servo_wheels, dtype=np.int64)
-    fields = {"tack_places": tack.places, "tack_memory": tack.memory, "servo_wheel": wheels}
-    return {**fields, **{f"tack_{name}": value for name, value in tack.numbers.items()}}
+    kernel.keep["drive_law"], address = _compiled(drive.law)
+    room = {"law_next": len(drive.memory), "law_limits": 2 * len(kernel.duty), "law_w": drive.law.sz_w()}
+    fields = {name: np.zeros(max(1, count)) for name, count in room.items()}
+    fields |= {"law_numbers": drive.numbers, "law_memory": drive.memory}
+    return {**fields, "drive_law": address, "n_memory": len(drive.memory)}
 
 
 def _noise_fields(noise: Noise | None, samples: int, reads: int) -> dict[str, Any]:
