@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from rover_pin.base.errors import DataError, ParameterError
 from rover_pin.base.public import SHORT
+from rover_pin.base.quantity import parse_quantity
 from rover_pin.base.settings import Settings
 from rover_pin.base.trust import Trust
 from rover_pin.contact import Soil
@@ -18,8 +19,9 @@ from rover_pin.experiments.wheel_rig.model_file import read_model as read_rig_mo
 from rover_pin.parameters import SOILS
 from rover_pin.parameters.hard import HARD_GROUND
 from rover_pin.rover.rover import Rover, load_rover
+from rover_pin.simulation.model.cruise import CRUISE_SLIP
 from rover_pin.simulation.model.defaults import Chosen, driven_soil, own_motor, usual_angles, usual_slip
-from rover_pin.simulation.model.model import Model, base_effects
+from rover_pin.simulation.model.model import Model, base_effects, cruising
 from rover_pin.simulation.model.motors import MOTORS, motor_named
 from rover_pin.simulation.model.toml_file import is_rig_model, read_model
 from rover_pin.soil.angles import ANGLES
@@ -114,3 +116,24 @@ def _slip(request: Settings, rover: Rover) -> AlgebraicSlip | RelaxedSlip:
         "slip", "relaxed", {"relaxed": usual_slip(rover), "algebraic": AlgebraicSlip()}, "algebraic: Eq 1 at once"
     )
     return chosen
+
+
+def as_it_cruises(model: Model, request: Settings, resists: bool) -> tuple[Model, tuple[str, ...]]:
+    """Return the model with the resistance of its soil, wheels and load as driven, unless R is declared; what it is."""
+    slip = request.take(
+        "cruise_slip", None, source="slip on the flat [-], which gives R where it is not declared: 0.05"
+    )
+    declared_R = "effect.MotionResistance.R" in request.values
+    if slip is not None and declared_R:
+        raise ParameterError("cruise_slip and effect.MotionResistance.R both set R: give one of them.")
+    if slip is None and (
+        resists or declared_R or not any(isinstance(effect, MotionResistance) for effect in model.effects)
+    ):
+        return model, ()
+    if slip is not None:
+        return cruising(model, parse_quantity(slip, "", "cruise_slip")), ()
+    model = cruising(model)
+    R = float(model.effect(MotionResistance).R)
+    return model, (
+        f"motion resistance: R = {R:.2g} of the load, with which level ground is driven at S = {CRUISE_SLIP}",
+    )

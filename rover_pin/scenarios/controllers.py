@@ -14,6 +14,8 @@ from rover_pin.control.crab import Crab
 from rover_pin.control.design.controller_file import controller_of_file
 from rover_pin.control.gains_file import load_gains, load_hole
 from rover_pin.control.hole_law import HoleLaw
+from rover_pin.control.motion.kinematics import steers
+from rover_pin.control.motion.servo import HeldSpeeds, Servo, cruise_speed
 from rover_pin.control.sensing.odometry import Camera, VisualOdometry
 from rover_pin.control.sensing.onboard_slip import OnboardSlip
 from rover_pin.control.sensing.stop import Stop, StopStuck
@@ -22,12 +24,15 @@ from rover_pin.control.slip_control import HOLE_GAINS, Gains, SlipControl
 from rover_pin.control.slip_estimate import SlipEstimate, TableEstimate, TrueSlip, flat_table
 from rover_pin.control.steering import Turn
 from rover_pin.control.torque_check import LOST_SLIP, NoLimit, TorqueLimit, TorqueLimited
+from rover_pin.rover.wheel_base import base_of
+from rover_pin.scenarios.side_force_choice import TURNS
 from rover_pin.simulation.command import Controller
+from rover_pin.simulation.model.cruise import CRUISE_DUTY
 from rover_pin.simulation.model.defaults import scale
 from rover_pin.simulation.model.model import Model
 from rover_pin.simulation.timing import CONTROL_PERIOD
 
-CONTROLS = ("none", "limit", "eq9", "onboard", "camera", "tracked", "true", "turn", "point-turn", "crab")
+CONTROLS = ("none", "limit", "eq9", "onboard", "camera", "tracked", "true", *TURNS)
 RADIUS = 1.0
 """Radius [m] of a turn of Nexus 6; that of another rover is larger as its wheels are."""
 SLIP_LIMIT = spec("", "assumed: the slip whose torque is the limit", 0.0, 1.0)
@@ -52,10 +57,9 @@ def controller_from(request: Settings, model: Model, trust: Trust) -> Controller
         limit = _limit(request, model, "none" if kind == "none" else "at-slip")
         return constant if isinstance(limit, NoLimit) else TorqueLimited(constant, limit)
     if kind in ("turn", "point-turn"):
-        defaults = {"radius": 0.0 if kind == "point-turn" else scale(model.rover) * RADIUS}
-        return Turn.of(
-            model.rover, **{**defaults, **request.arguments("control", Turn.of, defaults, ("radius", "delta"))}
-        )
+        return _turn(request, model, 0.0 if kind == "point-turn" else scale(model.rover) * RADIUS)
+    if kind in ("cmd-vel", "rates"):
+        return _held_speeds(request, model, kind)
     if kind == "crab":
         return Crab.of(model.rover, **request.arguments("control", Crab.of, {}, ("angle", "delta")))
     estimate = _estimate(kind, model, request)
@@ -64,6 +68,44 @@ def controller_from(request: Settings, model: Model, trust: Trust) -> Controller
     slip_control = _slip_control(request, model, estimate, "hole")
     stop = request.choice("control.stop", "stuck", STOPS, "beyond the paper: a rover that is stuck digs on")
     return StopStuck(slip_control, estimate, Stop(**request.record("control.stop", Stop))) if stop else slip_control
+
+
+def drives_straight(request: Settings) -> bool:
+    """Return whether the control is one of those that tell no left from right; one of your own may."""
+    kind = request.known["control"].value
+    return isinstance(kind, str) and kind in CONTROLS and kind not in TURNS
+
+
+def _turn(request: Settings, model: Model, radius: float) -> Turn | HeldSpeeds:
+    """Return a turn by duties and steering; where no wheel steers, by the sides' speeds, which servos hold."""
+    defaults = {"radius": radius, "delta": CRUISE_DUTY}
+    chosen = {**defaults, **request.arguments("control", Turn.of, defaults, ("radius", "delta"))}
+    if any(steers(model.rover)):
+        return Turn.of(model.rover, **chosen)
+    track = request.arguments("control", HeldSpeeds.of, {"track": base_of(model.rover).track}, ("track",))
+    return HeldSpeeds.turning(model.rover, model.motor, **chosen, **track)
+
+
+def turning_note(request: Settings, controller: Controller) -> tuple[str, ...]:
+    """Return what is to be said of a turn by the sides' speeds."""
+    if request.known["control"].value not in ("turn", "point-turn") or not isinstance(controller, HeldSpeeds):
+        return ()
+    return (f"turn: no wheel steers, so servos hold the speeds of its sides, {controller.track:.3g} m apart",)
+
+
+def _held_speeds(request: Settings, model: Model, kind: str) -> HeldSpeeds:
+    """Return a body speed and yaw rate, or rates of all wheels, held by servos."""
+    rover, motor = model.rover, model.motor
+    servo, limit = Servo(**request.record("control.servo", Servo)), _limit(request, model, "none")
+    if kind == "rates":
+        rates = {"rates": (CRUISE_DUTY * float(motor.no_load_rate),) * len(rover.wheels)}
+        rates |= request.arguments("control", HeldSpeeds.at, rates, ("rates",))
+        return HeldSpeeds.at(rover, motor, rates["rates"], servo, limit)
+    steered = any(steers(rover))
+    defaults = {"speed": cruise_speed(rover, motor), "track": base_of(rover).track}
+    names = ("speed", "yaw_rate", "crab" if steered else "track")
+    chosen = {**defaults, **request.arguments("control", HeldSpeeds.of, defaults, names)}
+    return HeldSpeeds.of(rover, motor, **chosen, servo=servo, limit=limit)
 
 
 def _slip_control(request: Settings, model: Model, estimate: SlipEstimate, usual_aim: str) -> SlipControl:

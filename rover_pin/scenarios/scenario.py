@@ -14,7 +14,7 @@ from rover_pin.base.errors import ParameterError, closest
 from rover_pin.base.files.paths import is_file, named_from
 from rover_pin.base.files.toml_file import read_toml
 from rover_pin.base.public import brief, public
-from rover_pin.base.quantity import declared, parse_quantity, quantities
+from rover_pin.base.quantity import declared, quantities
 from rover_pin.base.settings import Setting, Settings
 from rover_pin.base.trust import Trust
 from rover_pin.contact import Soil
@@ -25,16 +25,15 @@ from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.logs.drive_log import LogMetadata, write_drive_log
 from rover_pin.parameters import name_of
 from rover_pin.parameters.gravity import GRAVITIES, gravity_named
-from rover_pin.scenarios.composed_model import Made, composed
-from rover_pin.scenarios.controllers import controller_from
+from rover_pin.scenarios.composed_model import Made, as_it_cruises, composed
+from rover_pin.scenarios.controllers import controller_from, drives_straight, turning_note
 from rover_pin.scenarios.scaled_terrain import scaled
 from rover_pin.scenarios.scenes import SCENES, Scene
 from rover_pin.scenarios.side_force_choice import on_its_side
 from rover_pin.simulation.command import Controller
-from rover_pin.simulation.model.cruise import CRUISE_SLIP
 from rover_pin.simulation.model.defaults import pace, scale, usual_angles
 from rover_pin.simulation.model.effect_words import having, words_of
-from rover_pin.simulation.model.model import Model, cruising
+from rover_pin.simulation.model.model import Model
 from rover_pin.simulation.model.motor import Motor
 from rover_pin.simulation.simulate import Progress, Timing, simulate
 from rover_pin.simulation.start.place import Start
@@ -207,12 +206,13 @@ def _made(name: str, settings: Mapping[str, Any]) -> tuple[Scenario, Settings]:
     model, assumed, _ = _model(scene, request, trust)
     assumed = tuple(line for line in assumed if line.partition(":")[0] not in record_names)
     controller = controller_from(request, model, trust)
+    assumed = (*assumed, *turning_note(request, controller))
     start = Start(**request.arguments("start", Start))
     dt = request.number("dt", Timing().dt if isinstance(model.slip, RelaxedSlip) else ALGEBRAIC_DT, STEP)
     duration = request.number("duration", scene.duration * pace(model.rover, model.motor), DURATION)
     request.finish()
     symmetric = scene.symmetric and model.terrain.mirror_symmetric and start == Start(x=start.x)
-    symmetric = symmetric and "model" not in settings and mirrored(model)
+    symmetric = symmetric and "model" not in settings and mirrored(model) and drives_straight(request)
     final_settings = {name: words_of(value) if name == "add" else value for name, value in settings.items()}
     final_settings = {
         name: value for name, value in final_settings.items() if name != "trust" and value is not controller
@@ -266,29 +266,14 @@ def _model(scene: Scene, request: Settings, trust: Trust) -> Made:
     friction = request.number("gear_friction", 0.0, FRICTION)
     if friction:
         model = model.having(GearFriction(tau_c=friction))
-    model = _cruising(model, request, resists)
+    model, resistance = as_it_cruises(model, request, resists)
     model = having(
         model, request.take("add", (), source="effects to add, as DiggingMemory.c_d=0.1: rover-pin list effects"), trust
     )
     for effect in model.all_effects:
         changes = request.record(f"effect.{type(effect).__name__}", effect)
         model = model.having(effect.replace(**changes)) if changes else model
-    return Made(model, assumed, resists)
-
-
-def _cruising(model: Model, request: Settings, resists: bool) -> Model:
-    """Return the model with the resistance of its soil, wheels and load as driven, unless R is declared."""
-    slip = request.take(
-        "cruise_slip", None, source="slip on the flat [-], which gives R where it is not declared: 0.05"
-    )
-    declared_R = "effect.MotionResistance.R" in request.values
-    if slip is not None and declared_R:
-        raise ParameterError("cruise_slip and effect.MotionResistance.R both set R: give one of them.")
-    if slip is None and (
-        resists or declared_R or not any(isinstance(effect, MotionResistance) for effect in model.effects)
-    ):
-        return model
-    return cruising(model, CRUISE_SLIP if slip is None else parse_quantity(slip, "", "cruise_slip"))
+    return Made(model, (*assumed, *resistance), resists)
 
 
 def _trust(request: Settings) -> Trust:

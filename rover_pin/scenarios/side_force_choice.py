@@ -16,8 +16,8 @@ SIDES = ("combined", "shear")
 SOURCE = (
     "combined: studies/wheel_laws.py, the usual one where wheels go sideways; shear: SideShear; neither is the paper's"
 )
-TURNS = ("turn", "point-turn", "crab")
-"""Controllers that steer."""
+TURNS = ("turn", "point-turn", "crab", "cmd-vel", "rates")
+"""Controllers that steer, or drive the sides at speeds of their own."""
 SIDE_FORCE_NOTE = (
     "side force: thrust and side force share the soil's strength (CombinedShear), and the soil beside a sunk wheel "
     "resists as beside measured wheels (FlankPressure); side = shear has SideShear instead"

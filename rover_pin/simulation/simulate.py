@@ -21,7 +21,7 @@ from rover_pin.simulation.model.model import Model
 from rover_pin.simulation.outcome.audit import balance_warning, load_warning, pivot_warning
 from rover_pin.simulation.outcome.outcome import drive_outcome
 from rover_pin.simulation.outcome.soil_energy import energy_warning
-from rover_pin.simulation.outcome.step_error import StepChange, repeating, step_change
+from rover_pin.simulation.outcome.step_error import StepChange, innermost, repeating, step_change
 from rover_pin.simulation.plain.run import run_plain
 from rover_pin.simulation.plain.step import Plain
 from rover_pin.simulation.resolution import STANDING, firmness, parts
@@ -241,7 +241,9 @@ def _traced(
     certain = [load_warning(drive.model, rows), balance_warning(trace)]
     oddities = [f"{text}." for text in implausible(job.model)]
     moved, energy = change.warning if change else "", energy_warning(job.model, trace)
-    trace = annotate_trace(trace, [*certain, *oddities, moved, pivot_warning(stepper.pivoted), energy])
+    aims = innermost(job.controller)
+    shortfall = aims.shortfall(trace) if hasattr(aims, "shortfall") else ""
+    trace = annotate_trace(trace, [shortfall, *certain, *oddities, moved, pivot_warning(stepper.pivoted), energy])
     if run.stop != "duration":
         return trace
     stepper_state = StepperState(tuple(stepper.saved()), stepper.duty.copy(), stepper.servo_target.copy())

@@ -213,7 +213,7 @@ REFUSED = [
     ("drive ditch --soil tabel-1", "did you mean 'table-1'"),
     ("drive ditch --gravity erth", "did you mean 'earth'"),
     ("drive ditch --gravity -3", r"gravity = -3 m/s^2 is not allowed"),
-    ("drive ditch --control pid", "is not known: known are camera, crab, eq9, limit, none"),
+    ("drive ditch --control pid", "is not known: known are camera, cmd-vel, crab, eq9"),
     ("drive ditch --set soil.kk=1", "did you mean 'soil.k'"),
     ("drive ditch --set soil.k", "write it as NAME=VALUE"),
     ("drive ditch --set soil.k=-1", "soil.k = -1 m is not allowed: it must lie in [1e-05, 0.5] m"),

@@ -11,7 +11,7 @@ import pytest
 
 from rover_pin.base.errors import ParameterError
 from rover_pin.control.slip_estimate import flat_table
-from rover_pin.parameters import SOILS
+from rover_pin.parameters import SLOPE_SAND, SOILS
 from rover_pin.rover.rover import load_rover
 from rover_pin.rover.statics import wheel_loads
 from rover_pin.scenarios.scaled_terrain import scaled
@@ -37,7 +37,8 @@ def test_nexus_6_has_its_own_numbers():
     assert driven_soil(NEXUS6) == (SOILS["slope-sand"], ())
     assert scenario("ditch").model.soils[0] == SOILS["slope-sand"]
     assert scenario("ditch", soil="table-1").model.soils[0] == SOILS["table-1"]
-    assert scenario("ditch").assumed == ()
+    assert [line.split(":")[0] for line in scenario("ditch").assumed] == ["motion resistance"]
+    assert scenario("ditch", **{"effect.MotionResistance.R": 0.03}).assumed == ()
     assert scale(NEXUS6) == 1.0
 
 
@@ -69,12 +70,14 @@ def test_on_slope_sand_rovers_slip_as_measured_wheels_do(rover):
     assert slip(soil="table-1") > 0.55
 
 
-def test_the_sized_motor_holds_on_its_slope(rover_file):
+def test_the_sized_motor_turns_on_the_spot(rover_file):
+    """Axles at 0.5, -0.05 and -0.55 m, sides 0.8 m apart: thrusts turn it against what is dragged sideways."""
     rover = load_rover(rover_file)
     motor, (told,) = own_motor(rover)
-    pull = 6 * 0.55 * float(motor.stall_torque) / 0.15
-    assert pull == pytest.approx(rover.mass * 9.81 * math.sin(math.radians(25.0)))
-    assert f"{rover.mass:.3g} kg on 25 deg at duty 0.55" in told
+    load = rover.mass * 9.81 / 6
+    moment = 2 * math.tan(float(SLOPE_SAND.phi)) * load * (0.5333 + 0.0167 + 0.5167)
+    assert 6 * 0.55 * float(motor.stall_torque) / 0.15 * 0.4 == pytest.approx(moment, rel=1e-3)
+    assert f"turns {rover.mass:.3g} kg on the spot" in told
     speeds = [0.15 * float(motor.no_load_rate) / math.sqrt(0.15), 0.05 / 0.55 / math.sqrt(0.045)]
     assert speeds[0] == pytest.approx(speeds[1])
 
@@ -94,7 +97,7 @@ def test_a_data_sheet_is_taken_at_the_wheel(tmp_path):
     assert float(motor.no_load_rate) == pytest.approx(6000 * math.pi / 30 / 100)
     assert float(motor.armature) == pytest.approx(1e-2)
     assert (float(soil.k), float(soil.phi)) == (0.02, float(SOILS["hit-lss1"].phi))
-    assert drive.assumed == ()
+    assert [line.split(":")[0] for line in drive.assumed] == ["motion resistance"]
 
 
 def test_a_named_soil_is_that_of_the_rovers_own_width(tmp_path):

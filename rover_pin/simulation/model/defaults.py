@@ -8,6 +8,8 @@ from __future__ import annotations
 import math
 from typing import Generic, NamedTuple, TypeVar
 
+import numpy as np
+
 from rover_pin.base.errors import ParameterError
 from rover_pin.base.quantity import record_from
 from rover_pin.contact import Soil, Wheel
@@ -17,6 +19,7 @@ from rover_pin.parameters.bekker import at_width
 from rover_pin.parameters.gravity import EARTH
 from rover_pin.rover.description.motor_sheet import MotorSheet
 from rover_pin.rover.rover import Rover
+from rover_pin.rover.wheel_base import base_of, wheel_places
 from rover_pin.simulation.model.cruise import CRUISE_DUTY, CRUISE_SPEED
 from rover_pin.simulation.model.motor import Motor
 from rover_pin.simulation.model.motors import motor_named
@@ -80,7 +83,7 @@ def usual_slip(rover: Rover) -> RelaxedSlip:
 def own_motor(rover: Rover) -> Chosen[Motor]:
     """Return the motor of the rover's TOML: named, of its data sheet, or sized by its weight where it states none.
 
-    Sized: T_stall = m g r sin(25 deg) / (0.55 n), omega_0 = FROUDE sqrt(g / r).
+    Sized: T_stall = m g r max(sin(25 deg), `scrub_share`) / (0.55 n), omega_0 = FROUDE sqrt(g / r).
 
     Raises
     ------
@@ -92,18 +95,37 @@ def own_motor(rover: Rover) -> Chosen[Motor]:
     if rover.motor is not None:
         return Chosen(_of_sheet(rover.motor))
     n, r = len(rover.wheels), float(rover.radii.max())
-    stall, rate = rover.mass * EARTH * r * math.sin(HOLDS) / CRUISE_DUTY / n, FROUDE * math.sqrt(EARTH / r)
+    scrub = scrub_share(rover)
+    share, rate = max(math.sin(HOLDS), scrub), FROUDE * math.sqrt(EARTH / r)
+    stall = rover.mass * EARTH * r * share / CRUISE_DUTY / n
     constant = SUPPLY / rate
     inertia = ROTOR * rover.mass / n * r**2
     motor = Motor(SUPPLY, constant * SUPPLY / stall, constant / GEAR, GEAR, inertia / GEAR**2)
+    holds = (
+        f"holds {rover.mass:.3g} kg on {math.degrees(HOLDS):.0f} deg"
+        if share > scrub
+        else (f"turns {rover.mass:.3g} kg on the spot by the sides' speeds, its wheels dragged sideways,")
+    )
     return Chosen(
         motor,
         (
             f"motor: none in the TOML's [motor], so one of {stall:.3g} N m stalled and {rate:.3g} rad/s without load "
-            f"a wheel, which holds {rover.mass:.3g} kg on {math.degrees(HOLDS):.0f} deg at duty {CRUISE_DUTY:g} and "
-            f"drives {FROUDE:.2g} sqrt(g r) at full duty",
+            f"a wheel, which {holds} at duty {CRUISE_DUTY:g} and drives {FROUDE:.2g} sqrt(g r) at full duty",
         ),
     )
+
+
+def scrub_share(rover: Rover) -> float:
+    """Return the thrust, over their load, that wheels need to turn a rover on the spot by its sides' speeds; else 0.
+
+    Wheels dragged sideways resist by tan phi of their load, x from the middle of the axles; the thrusts turn it by half
+    the track B: tan phi sum |x| / (n B / 2). Source: moments about the middle, equal loads, as for tracks (Wong, Theory
+    of Ground Vehicles, skid-steering); phi of slope-sand, whatever the soil.
+    """
+    if any(wheel.steer_dof is not None for wheel in rover.wheels):
+        return 0.0
+    x = np.array([place[0] for place in wheel_places(rover).values()])
+    return float(math.tan(float(SLOPE_SAND.phi)) * np.mean(np.abs(x - np.mean(x))) / (0.5 * base_of(rover).track))
 
 
 def _of_sheet(sheet: MotorSheet) -> Motor:

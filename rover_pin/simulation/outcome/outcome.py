@@ -21,6 +21,8 @@ SHORT = 0.1
 """Share of a wheel's radius that counts as standing still."""
 LEAST_CROSSINGS = 4
 """Changes of a wheel's sense in the later half of a drive from which it swings."""
+NO_DUTY = 1e-9
+"""Duty that is none: round-off of a servo that rests."""
 ON_THE_SPOT = 0.2
 """The body's way over that of its wheels, below which a rover that turns does so on the spot; and its way aside over
 that of its wheels, from which it is reported."""
@@ -83,7 +85,7 @@ def _ways(trace: Trace) -> _Ways:
     sense = _held_sense(duty)
     rims, travel = sense * r * trace.stack("wheel_rate"), sense * trace.stack("travel")
     turned, travelled = (np.cumsum(np.mean(speed * dt, axis=1)) for speed in (np.abs(rims), travel))
-    return _Ways(trace.t, turned, travelled, np.any(duty != 0.0, axis=1), float(np.mean(r)))
+    return _Ways(trace.t, turned, travelled, np.any(np.abs(duty) > NO_DUTY, axis=1), float(np.mean(r)))
 
 
 def _held_sense(duty: np.ndarray) -> np.ndarray:

@@ -1,0 +1,187 @@
+"""Speeds that servos hold: kinematics of a rigid body, symmetry, limits, rest, and skid-steering on hard ground."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+from rover_pin import scenario
+from rover_pin.base.errors import ParameterError
+from rover_pin.control.motion.kinematics import BodyMotion, rolling
+from rover_pin.control.motion.servo import HeldSpeeds
+from rover_pin.rover.rover import load_rover
+from rover_pin.rover.wheel_base import base_of
+from rover_pin.simulation.command import Reading
+from rover_pin.simulation.native.control import commands_of
+from rover_pin.simulation.simulate import plain_simulate, simulate
+from tests.rover.farm import TWO_AXLES, cart, write
+
+HARD = {"patch.x_from": -100.0, "patch.x_to": 100.0}
+UPHILL = {"terrain.start": -5.0}
+ROVERS = ("cart", "nexus6")
+
+
+def driven_yaw_rate(trace):
+    late = trace.t > 0.5 * trace.t[-1]
+    return float(np.polyfit(trace.t[late], np.unwrap(trace["body_yaw"][late]), 1)[0])
+
+
+def command(rover, duration=6.0, **motion):
+    settings = {f"control.{name}": value for name, value in motion.items()}
+    return scenario("flat", rover=rover, control="cmd-vel", duration=duration, **settings)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_wheels_that_steer_go_where_a_rigid_body_carries_them(seed):
+    """v = V + Omega x r of each wheel's place: along its heading, nothing across; what does not steer rolls along x."""
+    rng = np.random.default_rng(seed)
+    places, steering = rng.uniform(-1.0, 1.0, (5, 2)), (True, False, True, True, False)
+    motion = BodyMotion(*rng.uniform(-1.0, 1.0, 3))
+    speeds, angles = rolling(places.tolist(), steering, motion)
+    assert np.max(np.abs(angles)) <= math.pi / 2
+    left = iter(angles)
+    for (x, y), steered, speed in zip(places, steering, speeds, strict=True):
+        velocity = np.array([motion.speed, motion.aside, 0.0]) + np.cross([0.0, 0.0, motion.yaw_rate], [x, y, 0.0])
+        angle = next(left) if steered else 0.0
+        assert speed == pytest.approx(velocity @ [math.cos(angle), math.sin(angle), 0.0])
+        if steered:
+            assert velocity @ [-math.sin(angle), math.cos(angle), 0.0] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_an_effective_track_widens_the_sides_difference_alone():
+    rover, motor = load_rover("cart"), scenario("flat", rover="cart").model.motor
+    narrow, wide = (HeldSpeeds.of(rover, motor, 0.05, 0.1, track=track) for track in (0.0, 1.04))
+    assert base_of(rover).track == pytest.approx(0.52)
+    assert np.mean(wide.rates) == pytest.approx(np.mean(narrow.rates))
+    assert np.ptp(wide.rates) == pytest.approx(2.0 * np.ptp(narrow.rates))
+    assert 0.11 * np.ptp(narrow.rates) == pytest.approx(0.1 * 0.52)
+
+
+@pytest.mark.parametrize("rover", ROVERS)
+def test_compiled_asked_and_plain_steps_hold_the_same_speeds(rover):
+    made = command(rover, yaw_rate=0.05)
+    assert commands_of(made.controller, len(made.model.rover.wheels)) is not None
+    compiled, asked, plain = (
+        drive(made.model, control, 0.5, settle_doubts=False)
+        for drive, control in (
+            (simulate, made.controller),
+            (simulate, lambda reading: made.controller(reading)),
+            (plain_simulate, made.controller),
+        )
+        if made.controller.reset() is None
+    )
+    for channel in compiled.channels:
+        assert compiled[channel].tobytes() == asked[channel].tobytes(), channel
+        assert compiled[channel] == pytest.approx(plain[channel], abs=1e-8, rel=1e-6, nan_ok=True), channel
+
+
+@pytest.mark.parametrize("rover", ROVERS)
+def test_a_turn_to_the_right_mirrors_one_to_the_left(rover):
+    left, right = (command(rover, yaw_rate=rate).drive() for rate in (0.04, -0.04))
+    for name, sense in (("body_x", 1.0), ("body_y", -1.0), ("body_yaw", -1.0)):
+        assert right[name] == pytest.approx(sense * left[name], abs=1e-8)
+    assert left["body_yaw"][-1] > 0.01
+    assert abs(left.energy_error()) < 1e-6
+
+
+@pytest.mark.parametrize("scene", [("flat", {}), ("incline", UPHILL)])
+@pytest.mark.parametrize("rover", ROVERS)
+def test_zero_commanded_rests(rover, scene):
+    name, terrain = scene
+    trace = scenario(name, rover=rover, control="cmd-vel", duration=6.0, **terrain, **{"control.speed": 0.0}).drive()
+    assert np.ptp(trace["body_x"]) < 0.02 * min(trace.attrs["wheel_radii_m"])
+    assert np.abs(trace.stack("wheel_rate")[-1]).max() < 1e-4
+
+
+@pytest.mark.parametrize("scene", [("flat", {}), ("incline", UPHILL)])
+def test_rates_are_held_up_a_slope_too(scene):
+    """Constant duties droop by the load; the integral takes it."""
+    name, terrain = scene
+    made = scenario(
+        name, rover="cart", control="rates", duration=6.0, **terrain, **{"control.rates": "0.3,0.4,0.5,0.6"}
+    )
+    trace = made.drive()
+    assert trace.stack("wheel_rate")[-1] == pytest.approx([0.3, 0.4, 0.5, 0.6], rel=0.01)
+    assert np.ptp(trace.stack("duty")[-1] - trace.stack("wheel_rate")[-1] / made.controller.omega_0) > 0.1
+
+
+def reading(rates, duty=0.0):
+    n = len(rates)
+    return Reading(0.0, np.full(n, duty), np.array(rates), np.zeros(n), np.zeros(0), (0.0, 0.0, 0.0), None)
+
+
+def test_the_servo_settles_in_samples_on_a_motor_without_lag():
+    """The rate a sample later is omega_0 (delta - load), the motors' own line of torque and speed."""
+    control = HeldSpeeds((0.6,), (), 2.0)
+    rates, load = [0.0], 0.3
+    for _ in range(12):
+        rates.append(2.0 * (float(control(reading(rates[-1:])).duty[0]) - load))
+    assert rates[-1] == pytest.approx(0.6, rel=0.01)
+    assert max(rates) < 1.1 * 0.6
+
+
+def test_the_integral_does_not_wind_up_at_the_supply():
+    control = HeldSpeeds((1.0,), (), 2.0)
+    held = [float(control(reading([0.0])).duty[0]) for _ in range(400)]
+    assert max(held) == held[-1] == 1.0
+    assert float(control(reading([1.05])).duty[0]) < 0.95
+
+
+def test_torque_limits_and_the_servos_own_hold_the_duty():
+    made = scenario(
+        "incline", rover="cart", control="cmd-vel", duration=3.0, **UPHILL, **{"control.servo.delta_max": 0.5}
+    )
+    assert made.drive().stack("duty").max() == 0.5
+    limit = {"control.limit": "at-slip", "control.slip_limit": 0.05}
+    free, held = (
+        scenario("incline", rover="cart", control="cmd-vel", duration=3.0, **UPHILL, **settings).drive()
+        for settings in ({}, limit)
+    )
+    assert held.stack("duty").max() < free.stack("duty").max() - 0.01
+
+
+def test_a_steered_rover_follows():
+    assert driven_yaw_rate(command("nexus6", duration=12.0, yaw_rate=0.035).drive()) == pytest.approx(0.035, rel=0.1)
+
+
+def test_scrub_is_that_of_isotropic_friction_or_more():
+    """Four wheels of equal load and friction turn on the spot at 1 / (1 + (L / B)^2) of what they roll.
+
+    Moments: s B = Omega L^2 / 2 with s the slide along and Omega L / 2 across. Resistance and shear take more.
+    """
+    made = scenario("point-turn", rover="cart", duration=10.0, **HARD, **{"effect.MotionResistance.R": 0.02,
+                    "form": "gross", "control.delta": 0.3})  # fmt: skip
+    length, track = base_of(made.model.rover)
+    share = driven_yaw_rate(made.drive()) / made.controller.motion.yaw_rate
+    most = 1.0 / (1.0 + (length / track) ** 2)
+    assert 0.7 * most < share < most
+
+
+@pytest.mark.parametrize("radius", [3.7, -3.7])
+def test_a_heavy_side_does_not_turn_it_the_other_way(radius, tmp_path):
+    """With duties held, the heavier side's droop turned such a rover against its command."""
+    heavy_right = cart()
+    heavy_right.centre = "0.05 -0.05 0.2"
+    made = scenario("turn", rover=write(tmp_path, heavy_right, TWO_AXLES), duration=20.0, **{"control.radius": radius})
+    assert driven_yaw_rate(made.drive()) / made.controller.motion.yaw_rate > 0.2
+
+
+def test_what_cannot_be_held_is_refused():
+    made = scenario("flat", rover="cart")
+    with pytest.raises(ParameterError, match="rad/s"):
+        command("cart", speed=3.0)
+    with pytest.raises(ParameterError, match="cannot crab"):
+        HeldSpeeds.of(made.model.rover, made.model.motor, 0.05, crab=0.2)
+    with pytest.raises(ParameterError, match="at most 75"):
+        command("nexus6", speed=0.01, yaw_rate=0.06)
+
+
+def test_a_rover_that_does_not_follow_says_so(run):
+    code, out, _ = run("drive", "point-turn", "--set", "rover=cart", "--set", "duration=4", "--json")
+    told = json.loads(out)
+    assert code == 0
+    assert any("commanded" in line and "control.track" in line for line in told["warnings"])
+    code, out, _ = run("drive", "flat", "--control", "cmd-vel", "--set", "control.yaw_rate=2deg/s", "--json")
+    assert code == 0
+    assert "warnings" not in json.loads(out)
