@@ -7,6 +7,7 @@ from typing import Any
 from rover_pin.base.arguments import spec
 from rover_pin.base.errors import ParameterError
 from rover_pin.base.public import SHORT, fits, words
+from rover_pin.base.quantity import parse_quantity
 from rover_pin.base.settings import Settings
 from rover_pin.base.trust import Trust
 from rover_pin.control.constant import ConstantDuty
@@ -14,7 +15,8 @@ from rover_pin.control.crab import Crab
 from rover_pin.control.design.controller_file import controller_of_file
 from rover_pin.control.gains_file import load_gains, load_hole
 from rover_pin.control.hole_law import HoleLaw
-from rover_pin.control.motion.kinematics import steers
+from rover_pin.control.motion.kinematics import effective_track, steers
+from rover_pin.control.motion.route import RouteControl, read_route
 from rover_pin.control.motion.servo import HeldSpeeds, Servo, cruise_speed
 from rover_pin.control.sensing.odometry import Camera, VisualOdometry
 from rover_pin.control.sensing.onboard_slip import OnboardSlip
@@ -35,6 +37,8 @@ from rover_pin.simulation.timing import CONTROL_PERIOD
 CONTROLS = ("none", "limit", "eq9", "onboard", "camera", "tracked", "true", *TURNS)
 RADIUS = 1.0
 """Radius [m] of a turn of Nexus 6; that of another rover is larger as its wheels are."""
+ROUTE = ((1.0, 0.0), (2.0, 0.6), (3.0, 0.6))
+"""Way-points x, y [m] of Nexus 6 where none are given."""
 SLIP_LIMIT = spec("", "assumed: the slip whose torque is the limit", 0.0, 1.0)
 AIMS = ("constant", "hole")
 STOPS = {"stuck": True, "never": False}
@@ -60,6 +64,8 @@ def controller_from(request: Settings, model: Model, trust: Trust) -> Controller
         return _turn(request, model, 0.0 if kind == "point-turn" else scale(model.rover) * RADIUS)
     if kind in ("cmd-vel", "rates"):
         return _held_speeds(request, model, kind)
+    if kind == "route":
+        return _route(request, model)
     if kind == "crab":
         return Crab.of(model.rover, **request.arguments("control", Crab.of, {}, ("angle", "delta")))
     estimate = _estimate(kind, model, request)
@@ -82,15 +88,18 @@ def _turn(request: Settings, model: Model, radius: float) -> Turn | HeldSpeeds:
     chosen = {**defaults, **request.arguments("control", Turn.of, defaults, ("radius", "delta"))}
     if any(steers(model.rover)):
         return Turn.of(model.rover, **chosen)
-    track = request.arguments("control", HeldSpeeds.of, {"track": base_of(model.rover).track}, ("track",))
+    track = request.arguments("control", HeldSpeeds.of, {"track": effective_track(model.rover)}, ("track",))
     return HeldSpeeds.turning(model.rover, model.motor, **chosen, **track)
 
 
-def turning_note(request: Settings, controller: Controller) -> tuple[str, ...]:
+def turning_note(request: Settings, model: Model, controller: Controller) -> tuple[str, ...]:
     """Return what is to be said of a turn by the sides' speeds."""
     if request.known["control"].value not in ("turn", "point-turn") or not isinstance(controller, HeldSpeeds):
         return ()
-    return (f"turn: no wheel steers, so servos hold the speeds of its sides, {controller.track:.3g} m apart",)
+    return (
+        f"turn: no wheel steers, so servos hold the speeds of its sides, for a track of {controller.track:.3g} m "
+        f"({base_of(model.rover).track:.3g} between the wheels; the rest makes up for scrub)",
+    )
 
 
 def _held_speeds(request: Settings, model: Model, kind: str) -> HeldSpeeds:
@@ -102,10 +111,26 @@ def _held_speeds(request: Settings, model: Model, kind: str) -> HeldSpeeds:
         rates |= request.arguments("control", HeldSpeeds.at, rates, ("rates",))
         return HeldSpeeds.at(rover, motor, rates["rates"], servo, limit)
     steered = any(steers(rover))
-    defaults = {"speed": cruise_speed(rover, motor), "track": base_of(rover).track}
+    defaults = {"speed": cruise_speed(rover, motor), "track": 0.0 if steered else effective_track(rover)}
     names = ("speed", "yaw_rate", "crab" if steered else "track")
     chosen = {**defaults, **request.arguments("control", HeldSpeeds.of, defaults, names)}
     return HeldSpeeds.of(rover, motor, **chosen, servo=servo, limit=limit)
+
+
+def _route(request: Settings, model: Model) -> RouteControl:
+    """Return what drives a route from where the rover starts; usual way-points are further apart for larger wheels."""
+    size, rover, motor = scale(model.rover), model.rover, model.motor
+    default_route = " ".join(f"{size * x:.3g},{size * y:.3g}" for x, y in ROUTE)
+    words = str(
+        request.take("control.route", default_route, source="way-points x,y x,y ... [m], or a file of x_m, y_m")
+    )
+    start = tuple(parse_quantity(request.values.get(f"start.{axis}", 0.0), "m", f"start.{axis}") for axis in "xy")
+    defaults = {"speed": cruise_speed(rover, motor), "lookahead": 2.0 * base_of(rover).length}
+    if not any(steers(rover)):
+        defaults["track"] = effective_track(rover)
+    chosen = {**defaults, **request.arguments("control", RouteControl.of, defaults, defaults)}
+    servo, limit = Servo(**request.record("control.servo", Servo)), _limit(request, model, "none")
+    return RouteControl.of(rover, motor, read_route(words, (start[0], start[1])), **chosen, servo=servo, limit=limit)
 
 
 def _slip_control(request: Settings, model: Model, estimate: SlipEstimate, usual_aim: str) -> SlipControl:

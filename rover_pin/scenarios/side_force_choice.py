@@ -16,7 +16,7 @@ SIDES = ("combined", "shear")
 SOURCE = (
     "combined: studies/wheel_laws.py, the usual one where wheels go sideways; shear: SideShear; neither is the paper's"
 )
-TURNS = ("turn", "point-turn", "crab", "cmd-vel", "rates")
+TURNS = ("turn", "point-turn", "crab", "cmd-vel", "rates", "route")
 """Controllers that steer, or drive the sides at speeds of their own."""
 SIDE_FORCE_NOTE = (
     "side force: thrust and side force share the soil's strength (CombinedShear), and the soil beside a sunk wheel "

@@ -10,7 +10,7 @@ import numpy as np
 
 from rover_pin.contact import Scalar
 from rover_pin.rover.rover import Rover
-from rover_pin.rover.wheel_base import wheel_places
+from rover_pin.rover.wheel_base import base_of, wheel_places
 
 
 class BodyMotion(NamedTuple):
@@ -52,6 +52,29 @@ def turning_places(rover: Rover, track: float = 0.0) -> np.ndarray:
     fixed = [places[wheel.name][0] for wheel in rover.wheels if wheel.steer_dof is None]
     level = float(np.mean(fixed or [place[0] for place in places.values()]))
     return np.array([(places[wheel.name][0] - level, places[wheel.name][1]) for wheel in rover.wheels])
+
+
+def effective_track(rover: Rover) -> float:
+    """Return the track B' [m] of wheels that do not slip and turn as fast as those of a rover without steering do.
+
+    Wheels at x from the middle of the axles slide sideways by Omega x and along by Omega s, the sides against each
+    other. Equal loads and one friction against the slide, whatever its direction, leave no moment where
+
+        sum (s B / 2 - x^2) / |(s, x)| = 0,  B' = B + 2 s;  with two axles L apart B' = B (1 + (L / B)^2).
+
+    Source: quasi-static balance, as for skid-steered vehicles on firm ground. Resistance and a slow build-up of shear
+    take more.
+    """
+    from scipy.optimize import brentq  # a steered rover has no use for it
+
+    length = np.array([place[0] for place in wheel_places(rover).values()])
+    x, track = length - np.mean(length), base_of(rover).track
+
+    def moment(s: float) -> float:
+        return float(np.sum((0.5 * s * track - x**2) / np.maximum(np.hypot(s, x), 1e-12)))
+
+    most = 2.0 * float(np.max(x**2)) / track
+    return track + (2.0 * float(brentq(moment, 0.0, most)) if most > 0.0 else 0.0)
 
 
 def rolling(places: Sequence[Any], steering: Sequence[bool], motion: BodyMotion) -> Rolling:

@@ -14,7 +14,7 @@ from rover_pin.base.arguments import checked, spec
 from rover_pin.base.errors import ParameterError
 from rover_pin.base.quantity import Record, quantities, quantity
 from rover_pin.contact import Scalar
-from rover_pin.control.motion.kinematics import BodyMotion, rolling, steers, turning_places
+from rover_pin.control.motion.kinematics import BodyMotion, effective_track, rolling, steers, turning_places
 from rover_pin.control.motion.law_control import LawControl
 from rover_pin.control.steering import MOST_STEER
 from rover_pin.control.torque_check import NoLimit, TorqueLimit
@@ -107,7 +107,7 @@ class HeldSpeeds(LawControl):
     motion : BodyMotion, optional
         What the rates are for: a drive that does not follow says so.
     track : float
-        Between the sides as the rates were made [m]; 0 where wheels steer.
+        Between the sides as the rates were made, effective [m]; 0 where wheels steer.
 
     Source: a PI servo with conditional integration, as in textbooks; kinematics as in `rolling`.
 
@@ -159,14 +159,14 @@ class HeldSpeeds(LawControl):
         speed: Annotated[float, spec("m/s", "forwards", -FASTEST, FASTEST)] = 0.0,
         yaw_rate: Annotated[float, spec("rad/s", "to the left", -FASTEST, FASTEST)] = 0.0,
         crab: Annotated[float, spec("rad", "of the way to the left of the heading", -MOST_STEER, MOST_STEER)] = 0.0,
-        track: Annotated[float, spec("m", "0: that of the wheels; a wider one makes up for scrub", 0.0, 1e3)] = 0.0,
+        track: Annotated[float, spec("m", "0: `effective_track`; of no slip that of the wheels", 0.0, 1e3)] = 0.0,
         servo: Servo = Servo(),
         limit: TorqueLimit | NoLimit = NoLimit(),
     ) -> Self:
         """Return what holds a body speed and yaw rate: Ackermann's geometry, or the sides' speeds where none steers.
 
-        Without steering v = speed -+ yaw_rate track / 2, left and right: what wheels do that do not slip. They are
-        dragged sideways, so that the rover turns by less: an effective track, wider than that of the wheels, makes up.
+        Without steering v = speed -+ yaw_rate track / 2, left and right. Wheels are dragged sideways, so that the rover
+        turns by less than they roll: an effective track, wider than that between the wheels, makes up for it.
 
         Raises
         ------
@@ -176,7 +176,7 @@ class HeldSpeeds(LawControl):
         steering = steers(rover)
         if crab and not any(steering):
             raise ParameterError(f"{rover.name} cannot crab: none of its wheels steers; leave control.crab out.")
-        places = turning_places(rover, track)
+        places = turning_places(rover, 0.0 if any(steering) else track or effective_track(rover))
         motion = BodyMotion(speed * math.cos(crab), yaw_rate, speed * math.sin(crab))
         speeds, angles = rolling(places.tolist(), steering, motion)
         if max(map(abs, angles), default=0.0) > MOST_STEER:
@@ -191,6 +191,7 @@ class HeldSpeeds(LawControl):
     @classmethod
     def turning(cls, rover: Rover, motor: Motor, radius: float, delta: float, track: float = 0.0) -> Self:
         """Return a turn by the sides' speeds, the fastest side at the share `delta` of its speed without load."""
+        track = track or effective_track(rover)
         places = turning_places(rover, track)
         fastest = delta * float(motor.no_load_rate) * float(np.min(rover.radii))
         yaw_rate = math.copysign(1.0, radius) * fastest / float(np.max(np.abs(radius - places[:, 1])))
