@@ -222,7 +222,7 @@ class HeldSpeeds(LawControl):
             return ""
         full = float(np.mean(np.any(np.abs(trace.stack("duty")[late]) >= float(self.servo.delta_max), axis=1)))
         why = f", some motor at its greatest duty {full:.0%} of the time" if full else ""
-        wider = self.track * self.motion.yaw_rate / driven if driven else -1.0
+        wider = 0.0 if full or not driven else self.track * self.motion.yaw_rate / driven
         remedy = f"; control.track = {wider:.2g}m, not {self.track:.2g}, would make up for scrub" if wider > 0.0 else ""
         return (
             f"the rover does not follow: it turns at {math.degrees(driven):.2g} deg/s where "
