@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 
 import numpy as np
 import pinocchio as pin
@@ -13,11 +14,15 @@ from rover_pin.rover.forward_dynamics import constraint_rows, wheel_jacobians
 from rover_pin.rover.rover import Rover
 
 STEEPEST = math.radians(80.0)
+TOUCHING = 1e-6
+"""Height [m] of a wheel's lowest point above the ground that is none."""
 UNBALANCED = 1e-6
 """Largest share of the weight's moments that may stay unbalanced before a rover counts as unable to stand."""
 
 
-def wheel_loads(rover: Rover, slope: float, side_slope: float = 0.0, gravity: float = 9.81) -> np.ndarray:
+def wheel_loads(
+    rover: Rover, slope: float, side_slope: float = 0.0, gravity: float = 9.81, hanging: Collection[str] = ()
+) -> np.ndarray:
     """Return the normal load of each wheel [n] (N) of the rover at rest on a plane, at zero joint angles.
 
     Balance of forces and moments on the base and of moments on every free pivot, the differential's torque lambda
@@ -38,6 +43,8 @@ def wheel_loads(rover: Rover, slope: float, side_slope: float = 0.0, gravity: fl
         Inclination to the side [rad], left side up.
     gravity : float
         m/s^2.
+    hanging : collection of str
+        Wheels that carry nothing, as `hanging_wheels` says.
 
     Raises
     ------
@@ -57,7 +64,7 @@ def wheel_loads(rover: Rover, slope: float, side_slope: float = 0.0, gravity: fl
     q = pin.neutral(rover.model)
     rotation = pin.utils.rotate("y", -slope) @ pin.utils.rotate("x", side_slope)
     q[3:7] = pin.Quaternion(rotation).coeffs()
-    lifts = _vertical_pushes(rover, q, rotation[:, 2])
+    lifts = _vertical_pushes(rover, q, rotation[:, 2]) * [wheel.name not in hanging for wheel in rover.wheels]
     weight = pin.computeGeneralizedGravity(rover.model, rover.model.createData(), q)
     free = _free_dofs(rover)
     supports = np.column_stack([lifts, constraint_rows(rover).T])[free]
@@ -75,6 +82,28 @@ def wheel_loads(rover: Rover, slope: float, side_slope: float = 0.0, gravity: fl
             "give it a differential or a fixed joint there."
         )
     return np.array(solution[: len(rover.wheels)] * (rotation[:, 2] @ rover.up))
+
+
+def hanging_wheels(rover: Rover) -> dict[str, float]:
+    """Return how far [m] above level ground the wheels hang that do not touch it, zero angles given way from.
+
+    The rover sinks until what lies lowest carries it: min w . delta with gap + J delta >= 0 for every wheel's lowest
+    point and G delta = 0, a linear programme for small motions of base and suspension; springs are left out.
+    """
+    from scipy.optimize import linprog  # it brings sparse matrices, which a drive has no use for
+
+    q, up = pin.neutral(rover.model), np.array([0.0, 0.0, 1.0])
+    data = rover.model.createData()
+    pin.forwardKinematics(rover.model, data, q)
+    low = np.array([data.oMi[wheel.joint].translation[2] - float(wheel.wheel.r) for wheel in rover.wheels])
+    gaps, free = low - low.min(), [place for place in _free_dofs(rover) if place not in (0, 1, 5)]
+    weight = pin.computeGeneralizedGravity(rover.model, data, q)[free]
+    lifts = _vertical_pushes(rover, q, up).T[:, free]
+    rows = constraint_rows(rover)[:, free]
+    bounds = [(-1.0, 1.0)] * len(free)
+    motion = linprog(weight / np.max(np.abs(weight)), -lifts, gaps, rows, np.zeros(len(rows)), bounds)
+    heights = gaps + lifts @ motion.x if motion.success else np.zeros(len(gaps))
+    return {wheel.name: float(gap) for wheel, gap in zip(rover.wheels, heights, strict=True) if gap > TOUCHING}
 
 
 def _springs(rover: Rover) -> tuple[np.ndarray, np.ndarray]:

@@ -16,7 +16,7 @@ from rover_pin.effects.motion_resistance import MotionResistance
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.parameters.gravity import EARTH
 from rover_pin.rover.rover import Rover
-from rover_pin.rover.statics import wheel_loads
+from rover_pin.rover.statics import hanging_wheels, wheel_loads
 from rover_pin.simulation.model.cruise import CRUISE_DUTY
 from rover_pin.simulation.model.defaults import driven_soil, own_motor, usual_angles
 from rover_pin.simulation.model.model import BURIED, base_effects
@@ -59,9 +59,13 @@ def road_check(rover: Rover) -> RoadCheck:
 
 
 def _stance(rover: Rover, soil: Soil) -> str:
-    loads = wheel_loads(rover, 0.0)
-    depths = []
-    for load, mount in zip(loads, rover.wheels, strict=True):
+    gaps, loads, depths = hanging_wheels(rover), wheel_loads(rover, 0.0), []
+    if gaps:
+        sinks = sinkage(entry_angle(float(loads.max()), 0.0, rover.wheels[0].wheel, soil), rover.wheels[0].wheel)
+        gaps = {name: gap for name, gap in gaps.items() if gap > float(sinks)}
+        loads = wheel_loads(rover, 0.0, hanging=gaps)
+    loaded = [(load, mount) for load, mount in zip(loads, rover.wheels, strict=True) if mount.name not in gaps]
+    for load, mount in loaded:
         depth = float(sinkage(entry_angle(float(load), 0.0, mount.wheel, soil), mount.wheel))
         if depth > BURIED * float(mount.wheel.r):
             raise ParameterError(
@@ -69,10 +73,19 @@ def _stance(rover: Rover, soil: Soil) -> str:
                 "name a firmer soil, in the TOML's [soil], or take wider wheels."
             )
         depths.append(depth)
+    least, shallow, deep = min(load for load, _ in loaded), 1e3 * min(depths), 1e3 * max(depths)
     return (
-        f"yes: {loads.min():.3g} to {loads.max():.3g} N a wheel, {1e3 * min(depths):.2g} to {1e3 * max(depths):.2g} mm "
-        "deep on the flat"
+        f"yes: {least:.3g} to {loads.max():.3g} N a wheel, {shallow:.2g} to {deep:.2g} mm deep on the flat"
+        f"{_carrying_nothing(gaps)}"
     )
+
+
+def _carrying_nothing(gaps: dict[str, float]) -> str:
+    """Return what is to be said of wheels that hang above the ground."""
+    if not gaps:
+        return ""
+    carry = "carries" if len(gaps) == 1 else "carry"
+    return f"; {', '.join(gaps)} {carry} nothing, {1e3 * min(gaps.values()):.2g} mm or more above it"
 
 
 def _resistance(rover: Rover, soil: Soil) -> float:

@@ -8,6 +8,7 @@ from rover_pin.base.errors import UrdfError
 from rover_pin.rover.description.tree import UrdfTree
 from rover_pin.rover.proposal.guessed_axles import axles_of, candidates_of, upright
 from rover_pin.rover.proposal.parts import FRAMES, GuessedAxle, Proposal
+from rover_pin.rover.proposal.passive import passive_wheels
 from rover_pin.rover.proposal.suspension import add_suspension
 from rover_pin.rover.proposal.topology import Topology
 
@@ -18,11 +19,13 @@ def propose(tree: UrdfTree, folder: Path) -> Proposal:
     Raises
     ------
     UrdfError
-        Fewer than two pairs of wheels are found.
+        Fewer than two pairs of wheels are found, or some that no motor turns.
     """
     view = Topology(tree)
     best: list[tuple[int, tuple[float, float, float], list[GuessedAxle]]] = []
     candidates = candidates_of(view, folder)
+    for refusal in passive_wheels(view, {joint.name: size.r for joint, size in candidates}):
+        raise UrdfError(f"{tree.file}: {refusal}; take them off, or a rover whose wheels are all driven.")
     for rpy in FRAMES:
         axles = axles_of(view, candidates, rpy)
         if len(axles) >= 2 and upright(view, axles, rpy):
