@@ -1,5 +1,6 @@
 """`rover-pin export`, `export-c`, `export-fmu`: a drive for other tools, a slip control as C, a rover as an FMU."""
 
+import functools
 from enum import StrEnum
 from importlib.util import find_spec
 from pathlib import Path
@@ -51,7 +52,7 @@ def export_c(
         str, typer.Argument(autocompletion=scenario_names, help="The rover and soil to control: ditch, flat ...")
     ],
     control: Annotated[
-        str, typer.Option(help="eq9 (the paper's), onboard, camera, or true: slip is given.")
+        str, typer.Option(help="eq9 (the paper's), onboard, camera, true (slip is given), or cmd-vel.")
     ] = "onboard",
     gravity: Gravity = "",
     soil: SoilName = "",
@@ -61,18 +62,24 @@ def export_c(
     out: Annotated[Path, typer.Option("--out", help="Folder for the files.")] = Path("out/control"),
     as_json: AsJson = False,
 ) -> None:
-    """Write a slip control as C, with test vectors."""
+    """Write a slip control, or cmd-vel, as C, with test vectors."""
     from rover_pin.control.embedded.folder import write_embedded
+    from rover_pin.control.embedded.motion import embedded_motion
     from rover_pin.control.embedded.source import embedded
+    from rover_pin.control.motion.servo import HeldSpeeds
     from rover_pin.scenarios.scenario import scenario as ready
 
     chosen = ready(scenario, **drive_settings(control, gravity, soil, model, add, set_))
-    taken = embedded(chosen.controller, chosen.model)
+    controller, rover = chosen.controller, chosen.model.rover
+    if isinstance(controller, HeldSpeeds):
+        write = embedded_motion(controller, rover).write
+    else:
+        write = functools.partial(write_embedded, embedded(controller, chosen.model))
     say_what_is_replaced(out, ("rover_control.c",))
     with alone_in(out):
-        written = write_embedded(taken, out)
+        written = write(out)
     build = "cc -std=c11 -O2 -ffp-contract=off rover_control.c test_vectors.c -lm -o test_vectors"
-    report({"control": control, "rover": taken.rover.name, "build": build, "files": list(map(str, written))}, as_json)
+    report({"control": control, "rover": rover.name, "build": build, "files": list(map(str, written))}, as_json)
 
 
 def export_fmu(

@@ -135,7 +135,7 @@ class Embedded:
         ]
         lines += [
             _tables(needed),
-            _functions(self.expressions),
+            casadi_functions(self.expressions),
             c_table("real", "GAINS", list(map(float, control.gains.values().values()))),
         ]
         if on_board:
@@ -165,7 +165,7 @@ def embedded(controller: Controller, model: Model) -> Embedded:
     if not isinstance(control, SlipControl):
         raise ParameterError(
             "Only a slip control can be taken away: choose control = eq9, onboard, camera or true (the slip is then "
-            "given with each reading)."
+            "given with each reading); cmd-vel with export-c."
         )
     on_board = control.estimate if isinstance(control.estimate, OnboardSlip) else None
     return Embedded(control, model.rover, stop, Monitor.of(model, on_board) if on_board else None)
@@ -182,7 +182,7 @@ def _belief() -> str:
     return kept_inside(belief.c_source())
 
 
-def _functions(expressions: Sequence[ca.Function]) -> str:
+def casadi_functions(expressions: Sequence[ca.Function]) -> str:
     """Return CasADi's C of the functions, static and by their names, with its own helpers and nothing else."""
     generator = ca.CodeGenerator("laws.c", {"with_header": False, "with_export": False})
     for function in expressions:

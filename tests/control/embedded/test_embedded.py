@@ -14,6 +14,7 @@ from rover_pin import scenario
 from rover_pin.base.errors import ParameterError
 from rover_pin.cli.app import app
 from rover_pin.control.embedded.folder import write_embedded
+from rover_pin.control.embedded.motion import embedded_motion
 from rover_pin.control.embedded.source import embedded
 from rover_pin.control.embedded.vectors import vectors
 from rover_pin.simulation.command import Reading, Truth
@@ -186,3 +187,29 @@ def test_ros2_controller_gives_the_package_s_duties(control, tmp_path):
 def test_a_control_that_is_given_the_slip_has_no_ros2_package(tmp_path):
     write_embedded(taken(control="true"), tmp_path, 1)
     assert not (tmp_path / "ros2").exists()
+
+
+def motion_of(rover, **settings):
+    chosen = scenario("flat", rover=rover, control="cmd-vel", **settings)
+    return embedded_motion(chosen.controller, chosen.model.rover)
+
+
+@pytest.mark.parametrize("rover", ["nexus6", "cart"])
+def test_held_speeds_in_c_are_those_of_the_class(rover, tmp_path):
+    """Steered and by the sides' speeds, within the supply and at it, anew every 100 samples."""
+    motion_of(rover).write(tmp_path)
+    done = stepped(built(tmp_path))
+    assert done.returncode == 0, done.stdout
+    assert done.stdout.startswith("400 samples")
+    table = np.genfromtxt(tmp_path / "vectors.csv", delimiter=",", names=True)
+    duties = np.array([table[name] for name in table.dtype.names if name.startswith("duty_")])
+    assert 0.05 < np.mean(np.abs(duties) == 1.0) < 0.9
+
+
+def test_the_command_takes_held_speeds_away(run, tmp_path):
+    code, _, _ = run("export-c", "flat", "--control", "cmd-vel", "--set", "rover=cart", "--out", "taken")
+    assert code == 0
+    assert stepped(built(tmp_path / "taken")).returncode == 0
+    for control in ("rates", "route"):
+        code, _, err = run("export-c", "flat", "--control", control, "--out", "taken")
+        assert (code, "cmd-vel" in err) == (2, True)

@@ -1,0 +1,151 @@
+"""Held speeds to take away: C from a commanded body motion to duties and steering, equal to the package's own."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+
+from rover_pin import version
+from rover_pin.base.errors import ParameterError
+from rover_pin.base.files.columns import replace_file
+from rover_pin.base.files.paths import text_of_package
+from rover_pin.control.embedded.folder import CMAKE, COUNT, LIMIT
+from rover_pin.control.embedded.source import casadi_functions
+from rover_pin.control.motion.kinematics import BodyMotion, rolling, steers, turning_places
+from rover_pin.control.motion.servo import HeldSpeeds, servo_duties
+from rover_pin.control.torque_check import NoLimit
+from rover_pin.rover.rover import Rover
+from rover_pin.simulation.command import Reading, Truth
+
+HEADER = """/* Held speeds of {name}, by rover-pin {version}: C11 with libm.
+   Call rover_control_step every {period:g} s. -DROVER_REAL=float for single precision. */
+#ifndef ROVER_CONTROL_H
+#define ROVER_CONTROL_H
+#ifndef ROVER_REAL
+#define ROVER_REAL double
+#endif
+typedef ROVER_REAL rover_real;
+#ifdef __cplusplus
+extern "C" {{
+#endif
+#define ROVER_WHEELS {wheels}
+#define ROVER_STEERED {steered}
+#define ROVER_PERIOD {period!r}
+typedef struct {{ /* wheels in the order {names} */
+  rover_real motion[3]; /* commanded: forwards [m/s], yaw rate to the left [rad/s], sideways to the left [m/s] */
+  rover_real wheel_rate[ROVER_WHEELS]; /* of the wheels' joints [rad/s] */
+}} RoverReading;
+typedef struct {{
+  rover_real duty[ROVER_WHEELS]; /* to apply until the next sample [-] */
+  rover_real steer[ROVER_STEERED + 1]; /* angles of the wheels that steer [rad]; the last is not used */
+}} RoverCommand;
+typedef struct {{
+  rover_real integral[ROVER_WHEELS];
+}} RoverControl;
+void rover_control_reset(RoverControl *control); /* before the first step */
+void rover_control_step(RoverControl *control, const RoverReading *reading, RoverCommand *command);
+#ifdef __cplusplus
+}}
+#endif
+#endif
+"""
+SOURCE = """#include "rover_control.h"
+#include <math.h>
+#include <string.h>
+typedef rover_real real;
+#define casadi_real real
+#define casadi_int int
+"""
+MEMORY, ANEW = 0.9, 100
+"""Correlation of a reading with the one before; samples after which the control begins anew."""
+SPREADS = np.array([0.4, 0.5, 0.1])
+"""SD of speed, of yaw rate times a metre, and of speed aside, over that of the rims at full duty."""
+NOTHING = Truth(*(np.zeros(0) for _ in Truth._fields))
+"""What such a control does not look at."""
+
+
+@dataclass(frozen=True)
+class EmbeddedMotion:
+    """Held speeds of a rover to take away; the motion is commanded at every sample."""
+
+    control: HeldSpeeds
+    rover: Rover
+
+    @cached_property
+    def law(self) -> ca.Function:
+        """(motion, wheel rates, integrals) -> duties, steering angles, integrals, as one function."""
+        control, n = self.control, len(self.rover.wheels)
+        motion, rates_now = ca.SX.sym("motion", 3), ca.SX.sym("rates", n)
+        limits, integrals = ca.vertcat(-ca.SX.ones(n), ca.SX.ones(n)), ca.SX.sym("integrals", n)
+        places = turning_places(self.rover, control.track)
+        speeds, angles = rolling(places.tolist(), steers(self.rover), BodyMotion(*ca.vertsplit(motion)))
+        rates = ca.vertcat(*speeds) / self.rover.radii
+        duties, after = servo_duties(
+            control.servo, rates, rates_now, integrals, limits, control.omega_0, control.period
+        )
+        return ca.Function("cmd_vel", [motion, rates_now, integrals], [duties, ca.vertcat(*angles), after])
+
+    @property
+    def header(self) -> str:
+        """The C header."""
+        wheels, steered = self.rover.wheels, len(self.control.angles)
+        names = ", ".join(wheel.name for wheel in wheels)
+        facts = {"name": self.rover.name, "version": version.__version__, "period": self.control.period}
+        return HEADER.format(**facts, wheels=len(wheels), steered=steered, names=names)
+
+    @property
+    def source(self) -> str:
+        """The C source."""
+        own = text_of_package("rover_pin.control.embedded", "motion.c")
+        return "\n".join([SOURCE, casadi_functions([self.law]), own])
+
+    def vectors(self, count: int, seed: int = 0) -> Iterator[list[float]]:
+        """Yield rows: 1 where the control begins anew, else 0; motion, wheel rates; the class's duties and angles."""
+        random, twin, n = np.random.default_rng(seed), dataclasses.replace(self.control), len(self.rover.wheels)
+        places, steering = turning_places(self.rover, twin.track).tolist(), steers(self.rover)
+        full, state, blank = twin.omega_0 * float(self.rover.radii.min()), random.standard_normal(3 + n), np.zeros(n)
+        for at in range(count):
+            if at % ANEW == 0:
+                twin.reset()
+            state = MEMORY * state + math.sqrt(1.0 - MEMORY**2) * random.standard_normal(3 + n)
+            motion, rates = full * SPREADS * state[:3], 0.5 * twin.omega_0 * state[3:]
+            speeds, angles = rolling(places, steering, BodyMotion(*motion.tolist()))
+            twin.rates, twin.angles = tuple((np.array(speeds) / self.rover.radii).tolist()), tuple(angles)
+            command = twin(Reading(0.0, blank, rates, blank, np.zeros(0), (0.0, 0.0, 0.0), NOTHING))
+            yield [float(at % ANEW == 0), *motion.tolist(), *rates.tolist(), *np.ravel(command.duty).tolist(), *angles]
+
+    def write(self, folder: str | Path, count: int = COUNT) -> list[Path]:
+        """Write C, test vectors and their program, CMake and the function into a folder, and return the files."""
+        place, wheels = Path(folder), [wheel.name for wheel in self.rover.wheels]
+        steered = [name for name, on in zip(wheels, steers(self.rover), strict=True) if on]
+        heads = ["anew", "speed", "yaw_rate", "aside", *(f"wheel_rate_{name}" for name in wheels)]
+        heads += [*(f"duty_{name}" for name in wheels), *(f"steer_{name}" for name in steered)]
+        rows = (",".join(map(repr, row)) for row in self.vectors(count))
+        texts = {"rover_control.h": self.header, "rover_control.c": self.source}
+        texts |= {"CMakeLists.txt": CMAKE.replace("LIMIT", f"{LIMIT:g}"), "cmd_vel.casadi": self.law.serialize()}
+        texts["test_vectors.c"] = text_of_package("rover_pin.control.embedded", "motion_vectors.c")
+        texts["vectors.csv"] = "\n".join([",".join(heads), *rows, ""])
+        place.mkdir(parents=True, exist_ok=True)
+        return [replace_file(place / name, text) for name, text in texts.items()]
+
+
+def embedded_motion(control: HeldSpeeds, rover: Rover) -> EmbeddedMotion:
+    """Return held speeds as they can be taken away.
+
+    Raises
+    ------
+    ParameterError
+        Rates of wheels, which are for no motion of the body, or a torque limit.
+    """
+    if control.motion is None or not isinstance(control.limit, NoLimit):
+        raise ParameterError(
+            "Speeds of the body alone can be taken away: choose control = cmd-vel, control.limit = none."
+        )
+    return EmbeddedMotion(control, rover)
