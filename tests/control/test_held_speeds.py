@@ -2,6 +2,8 @@
 
 import json
 import math
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,7 +17,7 @@ from rover_pin.rover.wheel_base import base_of, wheel_places
 from rover_pin.simulation.command import Reading
 from rover_pin.simulation.native.control import commands_of
 from rover_pin.simulation.simulate import plain_simulate, simulate
-from tests.rover.farm import ROCKERS, THREE_AXLES, TWO_AXLES, cart, rocker_bogie, write
+from tests.rover.farm import ROCKERS, THREE_AXLES, TWO_AXLES, Farm, cart, rocker_bogie, write
 
 HARD = {"patch.x_from": -100.0, "patch.x_to": 100.0}
 UPHILL = {"terrain.start": -5.0}
@@ -165,13 +167,25 @@ def test_hard_ground_turns_it_little_less_than_commanded():
     assert 0.75 < driven_yaw_rate(made.drive()) / made.controller.motion.yaw_rate < 1.0
 
 
-@pytest.mark.parametrize("radius", [3.7, -3.7])
+@pytest.mark.parametrize("radius", [3.67, -3.67])
 def test_a_heavy_side_does_not_turn_it_the_other_way(radius, tmp_path):
-    """With duties held, the heavier side's droop turned such a rover against its command."""
-    heavy_right = cart()
-    heavy_right.centre = "0.05 -0.05 0.2"
-    made = scenario("turn", rover=write(tmp_path, heavy_right, TWO_AXLES), duration=20.0, **{"control.radius": radius})
-    assert driven_yaw_rate(made.drive()) / made.controller.motion.yaw_rate > 0.3
+    """A Husky's size and masses. With duties held, the droop of its heavier side turned it against its command."""
+    husky = Farm(mass=46.0, centre="-0.05 -0.03 0.1")
+    for name, x, y in (("fl", 0.256, 0.285), ("fr", 0.256, -0.285), ("rl", -0.256, 0.285), ("rr", -0.256, -0.285)):
+        husky.wheel(name, "body", f"{x} {y} 0", r=0.165, b=0.114)
+    table = {**TWO_AXLES, "wheel": {"r": 0.165, "b": 0.114}}
+    made = scenario("turn", rover=write(tmp_path, husky, table), duration=20.0, **{"control.radius": radius})
+    assert 0.6 < driven_yaw_rate(made.drive()) / made.controller.motion.yaw_rate < 1.1
+
+
+@pytest.mark.parametrize("scene", ["turn", "point-turn"])
+def test_the_page_has_the_yaw_rates_driven(scene):
+    page = (Path(__file__).parents[2] / "docs" / "own-rover.md").read_text()
+    numbers = re.search(rf"rover-pin drive {scene}` \| (\S+) deg/s \| (\S+) deg/s \| (\S+) deg/s", page).groups()
+    soft, hard = (scenario(scene, rover="cart", **ground) for ground in ({}, HARD))
+    driven = [driven_yaw_rate(made.drive(settle_doubts=False)) for made in (soft, hard)]
+    rates = np.degrees([soft.controller.motion.yaw_rate, *driven])
+    assert rates == pytest.approx(list(map(float, numbers)), abs=0.006)
 
 
 def test_what_cannot_be_held_is_refused():
