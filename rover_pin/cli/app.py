@@ -54,7 +54,7 @@ def drive(
         str,
         typer.Option(
             help="none, limit (torque alone), eq9 (the paper's), onboard, camera, tracked, true, turn, point-turn, "
-            "crab; or your own .py file."
+            "crab, cmd-vel (speed and yaw rate), rates, route; or your own .py file."
         ),
     ] = "",
     gravity: Gravity = "",

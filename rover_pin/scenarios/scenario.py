@@ -161,7 +161,8 @@ def scenario(name: str, /, **settings: Any) -> Scenario:
         file, instead of rover, soil, form, angles and slip; or a wheel rig's, instead of soil, form and angles),
         `trust` (a `Trust`: which files that the model or the rover names may run, or lie elsewhere),
         `buried` (sinkage over wheel radius that ends a drive: 0.5), `control` (none, limit, eq9, onboard, camera,
-        tracked, true, turn, point-turn, crab; or any `Controller`: a function of the `Reading` that returns a duty;
+        tracked, true, turn, point-turn, crab, cmd-vel, rates, route; or any `Controller`: a function of the `Reading`
+        that returns a duty;
         true is the slip itself, tracked that of a tracker with noise and delay), `control.FIELD`,
         `control.aim` (S_d constant, or by each wheel's hole), `control.stop` (stuck, never: with onboard and camera),
         `control.gains` (a file of tuned gains), `control.limit` (none, saturation, at-slip: the torque check;
