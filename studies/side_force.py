@@ -44,7 +44,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from rover_pin.control.crab import Crab
+from rover_pin.control.steering import Crab
 from rover_pin.parameters import TABLE_1
 from rover_pin.plot import COLOURS, save, write_csv
 from rover_pin.rover.rover import load_rover

@@ -1,4 +1,4 @@
-"""Turns: every wheel square to the line to one turning centre, at its path's speed, or by sides' speeds."""
+"""Turns, every wheel square to the line to one turning centre at its path's speed, and crabbing, all at one angle."""
 
 from __future__ import annotations
 
@@ -76,3 +76,34 @@ def _duties(speeds: list[float], radius: float, delta: float) -> tuple[float, ..
     """Return duties in proportion to speeds, that of the fastest wheel `delta`; left of the centre all reversed."""
     scale = math.copysign(1.0, radius) * delta / max(abs(speed) for speed in speeds)
     return tuple(scale * speed for speed in speeds)
+
+
+@dataclass(frozen=True)
+class Crab(Steady):
+    """Constant duties and one steering angle, so that the rover goes sideways without turning.
+
+    Wheels that do not steer are dragged along, and take of the angle: Nexus 6, whose middle wheels do not, goes at 17
+    deg where 20 are asked.
+    """
+
+    @classmethod
+    @checked("control")
+    def of(
+        cls,
+        rover: Rover,
+        angle: Annotated[float, spec("rad", "assumed; to the left", -MOST_STEER, MOST_STEER)] = math.radians(20.0),
+        delta: Annotated[float, spec("", "paper, section 5", -1.0, 1.0)] = 0.55,
+    ) -> Self:
+        """Return the crab of this rover.
+
+        Raises
+        ------
+        ParameterError
+            No wheel of the rover steers.
+        """
+        steering = steers(rover)
+        if not any(steering):
+            raise ParameterError(
+                f"{rover.name} cannot crab: none of its wheels steers; take control = turn, or a rover that steers."
+            )
+        return cls((delta,) * len(steering), (angle,) * sum(steering))

@@ -11,7 +11,6 @@ from rover_pin.base.quantity import parse_quantity
 from rover_pin.base.settings import Settings
 from rover_pin.base.trust import Trust
 from rover_pin.control.constant import ConstantDuty
-from rover_pin.control.crab import Crab
 from rover_pin.control.design.controller_file import controller_of_file
 from rover_pin.control.gains_file import load_gains, load_hole
 from rover_pin.control.hole_law import HoleLaw
@@ -24,7 +23,7 @@ from rover_pin.control.sensing.stop import Stop, StopStuck
 from rover_pin.control.sensing.tracker import TrackedSlip, Tracker
 from rover_pin.control.slip_control import HOLE_GAINS, Gains, SlipControl
 from rover_pin.control.slip_estimate import SlipEstimate, TableEstimate, TrueSlip, flat_table
-from rover_pin.control.steering import Turn
+from rover_pin.control.steering import Crab, Turn
 from rover_pin.control.torque_check import LOST_SLIP, NoLimit, TorqueLimit, TorqueLimited
 from rover_pin.rover.wheel_base import base_of
 from rover_pin.scenarios.side_force_choice import TURNS
