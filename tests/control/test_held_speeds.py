@@ -158,6 +158,18 @@ def test_a_steered_rover_follows():
     assert driven_yaw_rate(command("nexus6", duration=12.0, yaw_rate=0.035).drive()) == pytest.approx(0.035, rel=0.1)
 
 
+@pytest.mark.parametrize(("length", "track", "makers"), [(0.512, 0.5708, 1.875), (0.262, 0.37559, 1.5)])
+def test_the_effective_track_is_near_the_makers(length, track, makers, tmp_path):
+    """`wheel_separation_multiplier` of husky_control and jackal_control, and the sizes of their descriptions."""
+    farm = Farm()
+    for name, x, y in (("fl", 1, 1), ("fr", 1, -1), ("rl", -1, 1), ("rr", -1, -1)):
+        farm.wheel(name, "body", f"{0.5 * length * x} {0.5 * track * y} 0", r=0.1)
+    rover = load_rover(write(tmp_path, farm, {**TWO_AXLES, "wheel": {"r": 0.1, "b": 0.05}}))
+    assert effective_track(rover) / track == pytest.approx(makers, rel=0.04)
+    page = (Path(__file__).parents[2] / "docs" / "own-rover.md").read_text()
+    assert f"{effective_track(rover) / track:.2f} B" in page
+
+
 def test_hard_ground_turns_it_little_less_than_commanded():
     """Four wheels of equal load and friction: the effective track B (1 + (L / B)^2); shear builds up, R takes some."""
     easy = {"effect.MotionResistance.R": 0.02, "form": "gross", "control.delta": 0.3}
