@@ -76,7 +76,7 @@ def test_compiled_asked_and_plain_steps_hold_the_same_speeds(rover):
     made = command(rover, yaw_rate=0.05)
     assert commands_of(made.controller, len(made.model.rover.wheels)) is not None
     compiled, asked, plain = (
-        drive(made.model, control, 0.5, settle_doubts=False)
+        drive(made.model, control, 0.5, measure_error=False)
         for drive, control in (
             (simulate, made.controller),
             (simulate, lambda reading: made.controller(reading)),
@@ -195,7 +195,7 @@ def test_the_page_has_the_yaw_rates_driven(scene):
     page = (Path(__file__).parents[2] / "docs" / "own-rover.md").read_text()
     numbers = re.search(rf"rover-pin drive {scene}` \| (\S+) deg/s \| (\S+) deg/s \| (\S+) deg/s", page).groups()
     soft, hard = (scenario(scene, rover="cart", **ground) for ground in ({}, HARD))
-    driven = [driven_yaw_rate(made.drive(settle_doubts=False)) for made in (soft, hard)]
+    driven = [driven_yaw_rate(made.drive(measure_error=False)) for made in (soft, hard)]
     rates = np.degrees([soft.controller.motion.yaw_rate, *driven])
     assert rates == pytest.approx(list(map(float, numbers)), abs=0.006)
 

@@ -17,7 +17,7 @@ from rover_pin.simulation.simulate import simulate
 
 def drive(rover, route, **more):
     made = scenario("flat", rover=rover, control="route", **{"control.route": route, **more})
-    return made, made.drive(settle_doubts=False)
+    return made, made.drive(measure_error=False)
 
 
 def off_line(trace, points):
@@ -39,10 +39,10 @@ def test_it_comes_to_the_end_near_the_line(rover, route):
 
 def test_it_is_the_same_asked_as_compiled():
     made = scenario("flat", rover="cart", control="route", **{"control.route": "1,0.5 1,1"})
-    compiled = simulate(made.model, made.controller, 8.0, settle_doubts=False)
+    compiled = simulate(made.model, made.controller, 8.0, measure_error=False)
     remembered = made.controller.memory.copy()
     made.controller.reset()
-    asked = simulate(made.model, lambda reading: made.controller(reading), 8.0, settle_doubts=False)
+    asked = simulate(made.model, lambda reading: made.controller(reading), 8.0, measure_error=False)
     for channel in compiled.channels:
         assert compiled[channel].tobytes() == asked[channel].tobytes(), channel
     assert np.array_equal(remembered, made.controller.memory)
