@@ -17,6 +17,8 @@ from rover_pin.rover.description.inertia import inertia_notes
 from rover_pin.rover.description.layout import Layout, read_layout
 from rover_pin.rover.description.readers import free_tree
 from rover_pin.rover.description.tree import UrdfTree, read_tree
+from rover_pin.rover.proposal.passive import passive_wheels
+from rover_pin.rover.proposal.topology import Topology
 from rover_pin.rover.rover import assemble
 from rover_pin.rover.statics import wheel_loads
 from rover_pin.rover.symmetry import is_symmetric, mirror
@@ -87,7 +89,10 @@ def _standing_faults(layout: Layout) -> Iterator[str]:
 
 
 def _notes(tree: UrdfTree, layout: Layout | None) -> Iterator[str]:
-    yield from () if layout is None else layout.changes
+    if layout is not None:
+        yield from layout.changes
+        radii = {joint: float(axle.wheel.r) for axle in layout.axles for joint in axle.wheels}
+        yield from (f"{text}; they are driven as if motors did." for text in passive_wheels(Topology(tree), radii))
     yield from inertia_notes(tree)
     for joint in tree.joints:
         if joint.lossy:

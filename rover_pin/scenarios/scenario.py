@@ -18,6 +18,7 @@ from rover_pin.base.quantity import declared, quantities
 from rover_pin.base.settings import Setting, Settings
 from rover_pin.base.trust import Trust
 from rover_pin.contact import Soil
+from rover_pin.control.motion.route import RouteControl
 from rover_pin.effects.gear_friction import GearFriction
 from rover_pin.effects.motion_resistance import MotionResistance
 from rover_pin.effects.slip import RelaxedSlip
@@ -210,7 +211,8 @@ def _made(name: str, settings: Mapping[str, Any]) -> tuple[Scenario, Settings]:
     assumed = (*assumed, *turning_note(request, model, controller))
     start = Start(**request.arguments("start", Start))
     dt = request.number("dt", Timing().dt if isinstance(model.slip, RelaxedSlip) else ALGEBRAIC_DT, STEP)
-    default_duration = getattr(controller, "duration", scene.duration * pace(model.rover, model.motor))
+    scene_duration = scene.duration * pace(model.rover, model.motor)
+    default_duration = controller.duration if isinstance(controller, RouteControl) else scene_duration
     duration = request.number("duration", default_duration, DURATION)
     request.finish()
     symmetric = scene.symmetric and model.terrain.mirror_symmetric and start == Start(x=start.x)

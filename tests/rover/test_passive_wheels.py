@@ -63,6 +63,16 @@ def test_wheels_that_are_steered_are_no_castors(farm, tmp_path):
     assert proposed(farm, tmp_path).axles[-1].steering == ("steer_l", "steer_r")
 
 
+def test_castors_in_a_toml_by_hand_are_noted(run, tmp_path):
+    """Their swivel has got stops half a turn to either side by then."""
+    table = {"wheels": {"front": ["drive_l", "drive_r"], "rear": ["aux_wheel_l", "aux_wheel_r"]}, "wheel": SIZE}
+    table["steering"] = {"rear": ["aux_l", "aux_r"]}
+    code, out, _ = run("check-urdf", write(tmp_path, with_swivels("aux", 0.06), table), "--json")
+    notes = json.loads(out)["notes"]
+    assert code == 0
+    assert any("aux_wheel_l, aux_wheel_r are the wheels of castors" in note for note in notes)
+
+
 def raised(height):
     """Six wheels on a rigid body, those in the middle higher."""
     farm = cart()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 
@@ -51,9 +52,15 @@ def _trails(view: Topology, joint: Joint, radii: Mapping[str, float]) -> bool:
     for up in view.ancestors(joint.name):
         swivel, way = view.axis(up, LEVEL), centre - view.centre(up, LEVEL)
         alone, square = view.below(up.name, list(radii)) == [joint.name], abs(float(swivel @ axle)) <= UPRIGHT
-        if up.kind == "continuous" and alone and square:
+        if _swivels(up) and alone and square:
             return abs(float(way @ np.cross(swivel, axle))) > TRAIL * radii[joint.name]
     return False
+
+
+def _swivels(joint: Joint) -> bool:
+    """Return whether a joint turns all the way round, also where stops half a turn to either side were given to it."""
+    low, high = joint.limits
+    return joint.kind == "continuous" or (joint.kind == "revolute" and high - low >= 2.0 * math.pi - 1e-6)
 
 
 def _rides_on_a_wheel(view: Topology, joint: Joint) -> bool:
