@@ -16,7 +16,7 @@ already have a name of a drive log need no line.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -25,12 +25,12 @@ from rover_pin.base.errors import DataError, ParameterError, closest
 from rover_pin.base.files.columns import Columns
 from rover_pin.base.formula import evaluate
 from rover_pin.base.quantity import to_si
-from rover_pin.simulation.trace.channels import unit_of
+from rover_pin.simulation.trace.channels import is_column, unit_of
 
 KEYS = ("column", "formula", "unit", "scale", "offset")
 
 
-def mapped(table: Columns, entries: Mapping[str, Any], where: str) -> Columns:
+def mapped(table: Columns, entries: Mapping[str, Any], where: str, wheels: Sequence[str]) -> Columns:
     """Return the columns of a drive log that a table holds: those with a log's name, and those that are mapped.
 
     Raises
@@ -38,7 +38,7 @@ def mapped(table: Columns, entries: Mapping[str, Any], where: str) -> Columns:
     DataError
         An entry that is neither a column nor a formula, an unknown column, key or unit.
     """
-    direct = {name: values for name, values in table.values.items() if unit_of(name)}
+    direct = {name: values for name, values in table.values.items() if is_column(name, wheels)}
     derived: dict[str, np.ndarray] = {}
     for name, entry in entries.items():
         place = f"{where}: [columns] {name}, {table.path.name}"

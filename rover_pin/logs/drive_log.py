@@ -278,7 +278,7 @@ def _run(file: Path, metadata: LogMetadata, at: int, entry: dict[str, Any], trus
 def _table(file: Path, metadata: LogMetadata, run: Path, trust: Trust) -> Columns:
     if not is_bag(run):
         table = read_columns(run)
-        return mapped(table, metadata.columns, str(file)) if metadata.columns else table
+        return mapped(table, metadata.columns, str(file), metadata.wheels) if metadata.columns else table
     for part in run.iterdir() if is_folder(run) else [run]:
         trust.within(file.parent, str(part.relative_to(file.parent)), str(file))
     return read_bag(run, metadata.columns, metadata.bag, str(file))

@@ -4,7 +4,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from rover_pin.base.errors import DataError
 from rover_pin.logs.importing.raw import read_raw
 
 pytest.importorskip("rosbags")
@@ -32,7 +31,10 @@ def bag(folder, shift=0):
         told = [made.add_connection(*each, typestore=ROS) for each in
                 (("/joints", "sensor_msgs/msg/JointState"), ("/level", "std_msgs/msg/Float64"))]  # fmt: skip
         for at in range(BEGIN, BEGIN + 100 * STEP, STEP):
-            messages = [joints(at, at + shift), ROS.types["std_msgs/msg/Float64"](data=(at - BEGIN) * 1e-9)]
+            messages = [
+                joints(at, at + (shift(at) if callable(shift) else shift)),
+                ROS.types["std_msgs/msg/Float64"](data=(at - BEGIN) * 1e-9),
+            ]
             for one, message in zip(told, messages, strict=True):
                 if one.topic == "/level" or (at - BEGIN) // STEP not in MISSING:
                     made.write(one, at, ROS.serialize_cdr(message, one.msgtype))
@@ -58,9 +60,15 @@ def test_before_and_behind_its_messages_a_topic_is_empty(tmp_path):
     assert t[np.isfinite(table["/level.data"].to_numpy())][-1] == pytest.approx(4.95, abs=0.051)
 
 
-def test_clocks_that_disagree_by_years_are_refused(tmp_path):
-    with pytest.raises(DataError, match=r"\d+.*5000000"):
-        read_raw(bag(tmp_path, shift=1_000_000_000 - BEGIN))
+@pytest.mark.parametrize("shift", [-BEGIN, 1_000_000_000 - BEGIN, lambda at: BEGIN - at])
+def test_stamps_that_are_no_times_give_way_to_those_of_receipt(shift, tmp_path):
+    """A clock since boot, one that was never set, and one that stands still."""
+    read = read_raw(bag(tmp_path, shift))
+    assert any("times of receipt are taken: /joints" in note for note in read.notes)
+    t, rate = (read.table[name].to_numpy() for name in ("t_s", "/joints.velocity[fr]"))
+    known = np.isfinite(rate)
+    assert rate[known] == pytest.approx(2.0 - t[known], abs=1e-6)
+    assert t[-1] == pytest.approx(99 * 0.05)
 
 
 def test_the_index_of_a_parquet_table_is_a_column(tmp_path):

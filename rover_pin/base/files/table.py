@@ -185,7 +185,7 @@ def _with_unit(name: str, unit: str) -> str:
 
 def _column(name: str, column: tuple[str, ...], decimal: str) -> tuple[str, np.ndarray]:
     """Return a column's name and its numbers; the unit that all its cells tell moves into the name."""
-    for kind in (np.int64, float):
+    for kind in () if "_" in "".join(column) else (np.int64, float):  # Python reads 2024_04_23 as a number
         with contextlib.suppress(ValueError, OverflowError):
             return name, np.array(column, dtype=kind)
     full = [cell for cell in column if cell.lower() not in MISSING]
@@ -196,7 +196,7 @@ def _column(name: str, column: tuple[str, ...], decimal: str) -> tuple[str, np.n
         numbers = iter(match[1] for match in split if match)
         column, name = tuple("" if cell.lower() in MISSING else next(numbers) for cell in column), named
     try:
-        plain = ["nan" if cell.lower() in MISSING else cell.replace(decimal, ".") for cell in column]
+        plain = ["nan" if cell.lower() in MISSING else cell.replace(decimal, ".").replace("_", " ") for cell in column]
         return name, np.array(plain, dtype=float)
     except ValueError:
         return name, np.array(["" if cell.lower() in MISSING else cell for cell in column], dtype=object)

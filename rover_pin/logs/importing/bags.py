@@ -21,7 +21,9 @@ FINEST, COARSEST = 0.02, 0.2
 """Bounds of the clock's period [s], between which it is that of the topic in the middle."""
 CLOCK = "t_s"
 
-Series = dict[str, tuple[list[int], list[float]]]
+APART = 3600 * 10**9
+"""Stamps that are off the times of receipt by more [ns] are of another clock."""
+Series = dict[str, tuple[np.ndarray, np.ndarray]]
 """Field -> times [ns] and values."""
 
 
@@ -36,17 +38,21 @@ def bag_table(path: Path) -> tuple[pd.DataFrame, tuple[str, ...]]:
         The extra `ros` is not installed.
     """
     with opened(path) as bag:
-        series, skipped = _read(bag)
-    series = {name: samples for name, samples in series.items() if len(samples[0]) >= FEWEST}
+        series, skipped, stale = _read(bag)
     if not series:
         raise DataError(f"{path}: no topic of the bag has numbers in {FEWEST} messages or more.")
     table, period = _on_one_clock(path, series)
-    omissions = (f"topics of unknown type are left out: {', '.join(skipped)}",) if skipped else ()
+    omissions = [f"topics of unknown type are left out: {', '.join(skipped)}"] if skipped else []
+    if stale:
+        omissions.append(
+            f"stamps stand still or are of another clock, so times of receipt are taken: {', '.join(stale)}"
+        )
     return table, (f"{len(series)} fields of the bag, interpolated every {period:g} s", *omissions)
 
 
-def _read(bag: Any) -> tuple[Series, list[str]]:
-    series: Series = {}
+def _read(bag: Any) -> tuple[Series, list[str], list[str]]:
+    """Return the fields, the topics that cannot be read, and those whose stamps are no times."""
+    samples_of: dict[str, list[tuple[int, int, float]]] = {}
     skipped: set[str] = set()
     for connection, received, raw in bag.messages():
         if connection.topic in skipped:
@@ -56,18 +62,20 @@ def _read(bag: Any) -> tuple[Series, list[str]]:
         except Exception:
             skipped.add(connection.topic)
             continue
-        at = _time(message, received)
+        stamp = getattr(getattr(message, "header", None), "stamp", None)
+        at = received if stamp is None else nanoseconds(stamp)
         for field, value in _leaves(message, ""):
-            times, values = series.setdefault(f"{connection.topic}{field}", ([], []))
-            if not times or at > times[-1]:
-                times.append(at)
-                values.append(value)
-    return series, sorted(skipped)
-
-
-def _time(message: Any, received: int) -> int:
-    stamp = getattr(getattr(message, "header", None), "stamp", None)
-    return (nanoseconds(stamp) if stamp is not None else 0) or received
+            samples_of.setdefault(f"{connection.topic}{field}", []).append((at, received, value))
+    series: Series = {}
+    stale: dict[str, None] = {}
+    for field, samples in ((field, samples) for field, samples in samples_of.items() if len(samples) >= FEWEST):
+        stamps, receipts = (np.array([sample[at] for sample in samples]) for at in (0, 1))
+        if np.mean(np.diff(stamps) > 0) < 0.5 or abs(np.median(stamps - receipts)) > APART:
+            stale[field.split(".")[0]] = None
+            stamps = receipts
+        ahead = np.concatenate([[True], stamps[1:] > np.maximum.accumulate(stamps)[:-1]])
+        series[field] = (stamps[ahead], np.array([sample[2] for sample in samples])[ahead])
+    return series, sorted(skipped), list(stale)
 
 
 def _leaves(value: Any, path: str) -> Iterator[tuple[str, float]]:
@@ -102,9 +110,7 @@ def _on_one_clock(path: Path, series: Series) -> tuple[pd.DataFrame, float]:
             "of different clocks, convert the bag with one."
         )
     t = period * np.arange(rows)
-    columns = {
-        name: _within(t, (np.array(times) - begin) * 1e-9, np.array(values)) for name, (times, values) in series.items()
-    }
+    columns = {name: _within(t, (times - begin) * 1e-9, values) for name, (times, values) in series.items()}
     return pd.DataFrame({CLOCK: t, **columns}), period
 
 

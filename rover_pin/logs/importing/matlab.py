@@ -95,22 +95,31 @@ def _inflated(part: memoryview, allowance: Allowance) -> memoryview:
 
 
 def _matrix(body: memoryview, order: str, allowance: Allowance) -> tuple[str, Any]:
-    """Return the name of a matrix, and its numbers, or the fields of a single record; else None."""
+    """Return the name of a matrix, and its numbers, or the fields of records; else None."""
     parts = _elements(body, order)
     (_, flags), (_, shape), (_, name), (kind, first) = itertools.islice(itertools.chain(parts, 4 * [(0, body[:0])]), 4)
     if not name and not len(flags):
         return "", None
     (flag,), dimensions = struct.unpack_from(f"{order}I", flags), struct.unpack(f"{order}{len(shape) // 4}i", shape)
     value: Any = None
-    if flag & 0xFF == RECORD and math.prod(dimensions) == 1:
+    if flag & 0xFF == RECORD and math.prod(dimensions) > 0:
         (length,), (_, names) = struct.unpack(f"{order}i", first), next(parts, (0, body[:0]))
         keys = [bytes(names[at : at + length]).split(b"\0")[0].decode() for at in range(0, len(names), length)]
-        value = {key: _matrix(field, order, allowance)[1] for key, (_, field) in zip(keys, parts, strict=False)}
+        fields = [_matrix(field, order, allowance)[1] for _, field in parts] if keys else []
+        value = {key: _joined(fields[at :: len(keys)]) for at, key in enumerate(keys)}
     elif flag & 0xFF in NUMBERS and not flag & COMPLEX and kind in KINDS:
         numbers = np.frombuffer(first, f"{order}{KINDS[kind]}")
         allowance.take(NUMBER * numbers.size)
         value = numbers.reshape(dimensions, order="F").squeeze()
     return bytes(name).decode("latin-1"), value
+
+
+def _joined(values: list[Any]) -> Any:
+    """Return a field of one record as it is, of several, one a row, as a vector of its numbers."""
+    if len(values) == 1:
+        return values[0]
+    numbers = [value for value in values if isinstance(value, np.ndarray) and value.size == 1]
+    return np.array([float(value.reshape(())) for value in numbers]) if len(numbers) == len(values) else None
 
 
 def _elements(body: memoryview, order: str) -> Iterator[tuple[int, memoryview]]:

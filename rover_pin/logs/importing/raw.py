@@ -23,6 +23,10 @@ DATED = re.compile(
     r"(?: ?Z| ?UTC)?$"
 )
 """A time of day, perhaps after a date that begins with day or month."""
+YEAR_FIRST = re.compile(
+    r"(\d{4})[_:/.-](\d\d?)[_:/.-](\d\d?)[_ T:-]+(\d\d?)[_:.-](\d\d?)[_:.-](\d\d?)(?:[_.,:](\d{1,9}))?(?: ?Z| ?UTC)?$"
+)
+"""A date and a time of day with any marks between the numbers."""
 LARGEST = math.sqrt(sys.float_info.max)
 """What is larger has no square, and is no reading."""
 NO_DAY = pd.Timestamp("2000-01-01")
@@ -101,8 +105,9 @@ def _as_numbers(column: pd.Series) -> pd.Series | None:
         return column
     if pd.api.types.is_datetime64_any_dtype(column):
         return column.dt.as_unit("ns").astype("int64")
+    dated = column.astype(str).str.strip().str.fullmatch(YEAR_FIRST).mean() > 0.99
     numbers = pd.to_numeric(column, errors="coerce")
-    if numbers.notna().sum() > 0.5 * column.notna().sum():
+    if numbers.notna().sum() > 0.5 * column.notna().sum() and not dated:  # pandas reads 2024_04_23 as 20240423
         return numbers
     try:
         dates = pd.to_datetime(_as_iso(column.astype(str)), errors="coerce", utc=True, format="ISO8601")
@@ -116,6 +121,13 @@ def _as_iso(column: pd.Series) -> pd.Series:
 
     Which of day and month comes first only matters where a drive passes midnight; a time of day does so once at most.
     """
+    parts = column.str.strip().str.extract(YEAR_FIRST)
+    if parts[5].notna().mean() > 0.99:
+        milliseconds = parts[6].str.len().nunique() > 1 and (parts[6].str.len() <= 3).all()
+        fraction = parts[6].str.zfill(3) if milliseconds else parts[6]
+        day, time = (parts[list(at)].apply(lambda digits: digits.str.zfill(2)) for at in ((1, 2), (3, 4, 5)))
+        iso = parts[0] + "-" + day[1] + "-" + day[2] + "T" + time[3] + ":" + time[4] + ":" + time[5]
+        return iso + "." + fraction.fillna("0")
     parts = column.str.strip().str.extract(DATED)
     if not parts["time"].notna().mean() > 0.99:
         return column
