@@ -11,7 +11,7 @@ Method
     mirrored; heading to 0.1 rad (0.4 where none is recorded); rates, currents and duties to 5 % and of the right wheel;
     heights and tilts with their signs. Asked: a refusal. Wrong: anything else, whatever the log marks as guessed.
 
-Run: python studies/foreign_logs.py [--seeds 1 2] [--count 40] [--out DIR]
+Run: python studies/foreign_logs.py [--seeds 1 2 21 22] [--count 40] [--out DIR]
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ class Outcome(NamedTuple):
 def main() -> None:
     """Try the layouts of some seeds, print what came of them, and keep it beside that of other importers."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--seeds", type=int, nargs="+", default=[1, 2])
+    parser.add_argument("--seeds", type=int, nargs="+", default=[1, 2, 21, 22])
     parser.add_argument("--count", type=int, default=40)
     parser.add_argument("--importer", default="joint", help="what to call it in the table")
     parser.add_argument("--out", type=Path, help="folder of foreign_logs.csv")

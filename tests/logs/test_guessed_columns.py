@@ -45,8 +45,8 @@ def test_of_parts_alike_the_one_on_a_slope_is_kept(at):
     noisy = lambda middle: middle + 1e-3 * random.standard_normal(len(t))  # noqa: E731
     pitch = np.where((t >= 20.0 * at) & (t < 20.0 * at + 20.0), 0.2, 0.0)
     drive = Drive(t, noisy(1.0), noisy(0.09), noisy(0.1), pitch, noisy(0.0))
-    parts = [Part(200 * k, 200 * k + 200) for k in range(10)]
-    assert parts[at] in chosen(drive, parts, 2)
+    parts = [(drive, Part(200 * k, 200 * k + 200)) for k in range(10)]
+    assert at in chosen(parts, 2)
 
 
 def test_a_matrix_may_lie_on_its_side(tmp_path):

@@ -1,24 +1,29 @@
-"""The clock of a recording: which column it is and in what unit, as seconds from the begin."""
+"""The clock of a recording: which column it may be and in what unit, as seconds from the begin."""
 
 from __future__ import annotations
 
+import math
 import re
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 
 from rover_pin.base.errors import DataError
-from rover_pin.logs.importing.words import TIME, Word, word
+from rover_pin.base.formula import evaluate, quoted
+from rover_pin.logs.importing.recording import Entry, Recording, words_of
+from rover_pin.logs.importing.words import TIME, Word
 
-EPOCHS = ((1e17, "ns"), (1e14, "us"), (1e11, "ms"))
-"""Numbers beyond these, counted from 1970, are in these units: 1e11 s are 3,000 years."""
-UNNAMED = 8
-"""Rank of a column whose name tells no clock."""
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
-SLOWEST, FASTEST = 2.0, 1e-4
-"""Rows of a drive lie between these apart [s], or the clock is in another unit."""
+UNTOLD = {"s": 0.6, "ms": 0.25, "us": 0.1, "ns": 0.05}
+"""How often a clock without a unit is in these."""
+STEP, STEPS = math.log(0.05), 1.5
+"""Logarithm of the usual time between rows [s], and its spread: 2 ms to 1 s."""
+SINCE_1970 = (9e8, 2.2e9)
+"""What clocks show [s] that count from 1970."""
 PARTS = {"nanosec": 1e-9, "nanosecs": 1e-9, "nsec": 1e-9, "nsecs": 1e-9, "usec": 1e-6, "microsec": 1e-6}
 """What follows whole seconds in a separate column, in s."""
 REST = re.compile(rf"(.*?)({'|'.join(PARTS)})")
@@ -27,50 +32,56 @@ BACK = 0.01
 
 
 class Clock(NamedTuple):
-    """Seconds from the begin, the rows that they are of, the column they come from, and what was done."""
+    """A column that may be the clock, in a unit; without one it counts rows, of unknown period."""
 
-    t: np.ndarray
-    table: pd.DataFrame
     column: str
-    description: str
-    sure: bool
+    unit: str
+    weight: float
+    "logarithm of its prior"
+    formula: str = ""
+
+    def recording(self, table: pd.DataFrame, helpers: Mapping[str, Entry] = MappingProxyType({})) -> Recording:
+        """Return the rows that run ahead, on this clock."""
+        t = _seconds(table, self)
+        ahead = _ahead(t)
+        return Recording(t[ahead] - t[ahead][0], table[ahead].reset_index(drop=True), helpers)
+
+    def description(self, table: pd.DataFrame) -> str:
+        """Return which column in what unit, and how many rows do not run ahead."""
+        dropped = len(table) - int(np.sum(_ahead(_seconds(table, self))))
+        more = f"; {dropped} rows that repeat a time or run back are left out" if dropped else ""
+        return (self.formula or f"'{self.column}' in {self.unit}") + more
 
 
-def find_clock(table: pd.DataFrame, path: Path) -> Clock:
-    """Return the clock of a table, rows sorted out that repeat a time.
+def _seconds(table: pd.DataFrame, clock: Clock) -> np.ndarray:
+    if clock.formula:
+        columns = {str(name): table[name].to_numpy(dtype=float) for name in table}
+        return evaluate(clock.formula, columns, "the column t_s")
+    raw = table[clock.column]
+    return np.asarray((raw - raw.iloc[0]).to_numpy(dtype=float) * SECONDS.get(clock.unit, 1.0))
+
+
+def clocks(table: pd.DataFrame, declared: str, path: Path) -> list[Clock]:
+    """Return the columns that may be the clock, each in every unit that it may have.
 
     Raises
     ------
     DataError
-        No column increases as a clock does, or too many rows run back.
+        No column increases as a clock does.
     """
-    table = _whole_stamps(table)
-    names = [word(str(name)) for name in table.columns]
-    clock_word = next(
-        (
-            candidate
-            for candidate in sorted(names, key=_rank)
-            if _is_clock(table[candidate.name], _rank(candidate) < UNNAMED)
-        ),
-        None,
-    )
-    if clock_word is None:
+    if declared:
+        return [Clock("t_s", "s", 0.0, quoted(declared) if declared in table else declared)]
+    named = [word for word in words_of(table) if _runs(table[word.name], word)]
+    best = min(map(_rank, named), default=0)
+    candidates = [clock for word in named if _rank(word) <= max(best, 2) for clock in _in_units(table[word.name], word)]
+    if not candidates:
         raise DataError(
             f"{path}: no column is a clock, one that increases from row to row: name it t_s (or time, stamp), in s."
         )
-    raw = table[clock_word.name]
-    unit, sure = _unit(raw, clock_word)
-    begin = raw.iloc[0]
-    t = (raw - begin).to_numpy(dtype=float) * SECONDS[unit]
-    ahead = _ahead(t)
-    dropped = int(np.sum(~ahead))
-    description = f"'{clock_word.name}' in {unit}" + (
-        f"; {dropped} rows that repeat a time or run back are left out" if dropped else ""
-    )
-    return Clock(t[ahead], table[ahead].reset_index(drop=True), clock_word.name, description, sure)
+    return candidates
 
 
-def _whole_stamps(table: pd.DataFrame) -> pd.DataFrame:
+def whole_stamps(table: pd.DataFrame) -> pd.DataFrame:
     """Return a table whose stamps in two columns, whole seconds and the rest as ROS has them, are one column in s."""
     for fraction in map(str, table.columns):
         match = REST.fullmatch(fraction)
@@ -95,12 +106,10 @@ def _rank(word: Word) -> int:
         return 0
     if word.has(TIME) and word.unit in SECONDS:
         return 1
-    if word.tokens and word.tokens[0] in TIME and len(word.tokens) < 3:
-        return 2
-    return 3 if word.has(TIME) else UNNAMED
+    return 2 if word.has(TIME) else 3
 
 
-def _is_clock(values: pd.Series, named: bool) -> bool:
+def _runs(values: pd.Series, word: Word) -> bool:
     """Whether a column runs on as a clock does: nearly always, and evenly where its name does not tell.
 
     Of a sawtooth, as the nanoseconds of a stamp are alone, hardly a row is later than all before.
@@ -110,18 +119,20 @@ def _is_clock(values: pd.Series, named: bool) -> bool:
     if not steps.size or np.mean(_ahead(t)[np.isfinite(t)]) < 1.0 - BACK - 0.2 * (steps.size > 50):
         return False
     middle = float(np.median(steps))
-    return named or bool(np.mean(np.abs(steps - middle) < 0.2 * middle) > 0.9)
+    return _rank(word) < 3 or bool(np.mean(np.abs(steps - middle) < 0.2 * middle) > 0.9)
 
 
-def _unit(values: pd.Series, word: Word) -> tuple[str, bool]:
-    if word.unit in SECONDS:
-        return word.unit, True
-    size = float(np.nanmedian(np.abs(values.to_numpy(dtype=float))))
-    for limit, unit in EPOCHS:
-        if size > limit:
-            return unit, True
-    step = float(np.median(np.diff(values.to_numpy(dtype=float))))
-    for unit in SECONDS:
-        if FASTEST <= step * SECONDS[unit] <= SLOWEST:
-            return unit, unit == "s"
-    return "s", False
+def _in_units(values: pd.Series, word: Word) -> Iterator[Clock]:
+    """Yield a clock in every unit; whole numbers one apart are a counter unless their name tells a unit."""
+    if word.unit in SECONDS or word.name == "t_s":
+        yield Clock(word.name, word.unit or "s", 0.0)
+        return
+    t = values.to_numpy(dtype=float)
+    step, size = float(np.nanmedian(np.diff(t))), float(np.nanmedian(np.abs(t)))
+    if step == 1.0 and np.all(t == np.round(t)):
+        yield Clock(word.name, "", 0.0)
+        if _rank(word) == 3:
+            return
+    for unit, share in UNTOLD.items():
+        prior = 0.0 if SINCE_1970[0] < size * SECONDS[unit] < SINCE_1970[1] else math.log(share)
+        yield Clock(word.name, unit, prior - 0.5 * ((math.log(step * SECONDS[unit]) - STEP) / STEPS) ** 2)

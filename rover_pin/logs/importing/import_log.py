@@ -1,12 +1,13 @@
-"""Recordings of others made into one drive log: read, understood, cut into runs, written; nothing is asked."""
+"""Recordings of others made into one drive log: read, understood together, cut into runs, written."""
 
 from __future__ import annotations
 
 import logging
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,12 +17,10 @@ from rover_pin.base.files.paths import exists, is_file, named_from
 from rover_pin.base.files.samples import data_path
 from rover_pin.base.jobs.time_left import telling
 from rover_pin.logs.drive_log import FILE
-from rover_pin.logs.importing.clock import find_clock
-from rover_pin.logs.importing.guess_columns import Understood, drive_of, lines, understood
-from rover_pin.logs.importing.guess_record import Guess, Recording, recording
 from rover_pin.logs.importing.raw import read_raw
-from rover_pin.logs.importing.splitting import Part, chosen, parts
-from rover_pin.logs.importing.written import Run, Sheet, toml_of
+from rover_pin.logs.importing.splitting import Drive, Part, chosen, drive_of, parts
+from rover_pin.logs.importing.understood import Source, Understood, understood
+from rover_pin.logs.importing.written import Run, Sheet, lines, toml_of
 from rover_pin.rover.rover import Rover, load_rover
 from rover_pin.simulation.trace.channels import WHOLE, is_column
 
@@ -79,11 +78,11 @@ def import_log(
             f"{folder}: is already there; give another folder with --out, nothing of yours is written over."
         )
     loaded_rover = load_rover(str(rover))
-    declared = [Guess(name, {"formula": text}, "as given", True) for name, text in (columns or {}).items()]
+    declared = {name: {"formula": text} for name, text in (columns or {}).items()}
     _refuse_unread(declared, loaded_rover)
-    pending = (_read(path, loaded_rover, declared, most) for path in paths)
-    readings = list(telling(pending, len(paths), "recordings read"))
-    return _written(folder, paths, rover, loaded_rover, readings)
+    sources = list(telling((_read(path) for path in paths), len(paths), "recordings read"))
+    mapping = understood(sources, loaded_rover, declared)
+    return _written(folder, sources, rover, loaded_rover, mapping, most)
 
 
 def _beside(first: Path) -> Path:
@@ -91,11 +90,11 @@ def _beside(first: Path) -> Path:
     return (first if exists(first) else Path(first.name)).with_suffix("")
 
 
-def _refuse_unread(declared: Sequence[Guess], rover: Rover) -> None:
+def _refuse_unread(declared: Mapping[str, Mapping[str, str]], rover: Rover) -> None:
     """Refuse a column that is none of a drive log of this rover, and that no other declared column uses."""
     wheels = [mount.name for mount in rover.wheels]
-    used = {word for guess in declared for word in re.findall(r"\w+", str(guess.entry["formula"]))}
-    for name in (guess.target for guess in declared):
+    used = {word for entry in declared.values() for word in re.findall(r"\w+", entry["formula"])}
+    for name in declared:
         if not is_column(name, wheels) and name not in used:
             kinds = ("wheel_rate_{}", "duty_{}", "current_{}_A", "raw_current_{}")
             there = (*WHOLE, *rover.angles, *(kind.format(wheel) for kind in kinds for wheel in wheels))
@@ -105,95 +104,74 @@ def _refuse_unread(declared: Sequence[Guess], rover: Rover) -> None:
             )
 
 
-@dataclass(frozen=True)
-class _Reading:
-    path: Path
-    recording: Recording
-    mapping: Understood
-    parts: list[Part]
-    notes: tuple[str, ...]
-
-
-def _read(path: Path, rover: Rover, declared: Sequence[Guess], most: int) -> _Reading:
+def _read(path: Path) -> Source:
     size = path.stat().st_size if is_file(path) else 0
     if size > LARGE:
         log.info("reading %s: %.0f MB", path.name, size / 1e6)
     raw = read_raw(path)
-    clock = find_clock(raw.table, path)
-    log_recording = recording(clock.t, clock.table, clock.column, rover)
-    exact = [Guess(guess.target, _entry(guess, log_recording), guess.why, True) for guess in declared]
-    mapping = understood(log_recording, exact, str(path))
-    drive = drive_of(log_recording, mapping)
-    spans = parts(drive)
-    if not spans:
-        raise DataError(f"{path}: the wheels never turn for 8 s on end: nothing was driven that could be compared.")
-    picks = chosen(drive, spans, most)
-    notes = [f"{path.name}: clock {clock.description}", *(f"{path.name}: {note}" for note in raw.notes)]
-    if len(picks) < len(spans):
-        times = sum(float(log_recording.t[part.last - 1] - log_recording.t[part.first]) for part in picks)
-        notes.append(
-            f"{path.name}: {len(picks)} of {len(spans)} parts are kept, those that tell most of slip, slope, turns and "
-            f"rates: {times:.0f} s of {log_recording.t[-1]:.0f} s; --most gives more"
+    return Source(path, raw.table, tuple(f"{path.name}: {note}" for note in raw.notes))
+
+
+class _Piece(NamedTuple):
+    path: Path
+    drive: Drive
+    part: Part
+
+
+def _pieces(mapping: Understood, rover: Rover, most: int) -> tuple[list[_Piece], list[str]]:
+    """Return the parts that are kept of all files, `most` at most, and what is said of them."""
+    drives = {path: drive_of(file.t, mapping.values[path], rover) for path, file in mapping.recordings.items()}
+    pieces = [_Piece(path, drive, part) for path, drive in drives.items() for part in parts(drive)]
+    empty = [path.name for path in drives if path not in {piece.path for piece in pieces}]
+    if not pieces:
+        raise DataError(
+            f"{next(iter(drives))}: the wheels never turn for 8 s on end: nothing was driven that could be compared."
         )
-    if mapping.unused:
-        notes.append(f"{path.name}: not used: {', '.join(mapping.unused[:30])}")
-    return _Reading(path, log_recording, mapping, picks, tuple(notes))
-
-
-def _entry(guess: Guess, recording: Recording) -> dict[str, str]:
-    text = str(guess.entry["formula"])
-    return {"column": text} if text in recording.table else {"formula": text}
+    notes = [f"{name}: left out: the wheels never turn for 8 s on end" for name in empty]
+    indices = chosen([(piece.drive, piece.part) for piece in pieces], most)
+    picks = [pieces[at] for at in indices]
+    if len(picks) < len(pieces):
+        times = sum(float(piece.drive.t[piece.part.last - 1] - piece.drive.t[piece.part.first]) for piece in picks)
+        total = sum(float(drive.t[-1]) for drive in drives.values())
+        notes.append(
+            f"{len(picks)} of {len(pieces)} parts are kept, those that tell most of slip, slope, turns and rates: "
+            f"{times:.0f} s of {total:.0f} s; --most gives more"
+        )
+    return picks, notes
 
 
 def _written(
-    folder: Path, paths: Sequence[Path], rover: str | Path, loaded_rover: Rover, readings: Sequence[_Reading]
+    folder: Path, sources: Sequence[Source], rover: str | Path, loaded_rover: Rover, mapping: Understood, most: int
 ) -> Imported:
-    _refuse_unlike(readings)
-    runs = [run for reading in readings for run in _runs(reading, several=len(readings) > 1)]
-    first = readings[0].mapping
-    notes = tuple(dict.fromkeys(note for reading in readings for note in reading.notes))
-    lacks = first.lacks
+    pieces, remarks = _pieces(mapping, loaded_rover, most)
+    runs = list(_runs(pieces, mapping))
+    unused = f"{sources[0].path.name}: not used: {', '.join(mapping.unused[:30])}" if mapping.unused else ""
+    of_files = (note for source in sources for note in source.notes)
+    notes = tuple(dict.fromkeys(filter(None, (*of_files, *mapping.notes, *remarks, unused))))
     sheet = Sheet(
         folder.name,
-        f"imported from {', '.join(path.name for path in paths)}",
+        f"imported from {', '.join(source.path.name for source in sources)}",
         named_from(folder, rover),
         [mount.name for mount in loaded_rover.wheels],
-        first.guesses,
+        mapping.guesses,
         runs,
-        [*notes, *(f"Lacks {lack}." for lack in lacks)],
-        any(name in first.values for name in ("body_pitch", "body_z")),
+        [*notes, *(f"Lacks {lack}." for lack in mapping.lacks)],
+        any(guess.target in ("body_pitch", "body_z") for guess in mapping.guesses),
     )
     csv_files = (replace_file(folder / f"{run.name}.csv", columns_text(dict(run.columns))) for run in runs)
     files = list(telling(csv_files, len(runs), "runs written"))
     files.append(replace_file(folder / FILE, toml_of(sheet)))
-    return Imported(
-        tuple(files), tuple(lines(first)), tuple(f"{run.name}: {run.purpose}" for run in runs), lacks, notes
-    )
+    purposes = tuple(f"{run.name}: {run.purpose}" for run in runs)
+    return Imported(tuple(files), tuple(lines(mapping.guesses)), purposes, mapping.lacks, notes)
 
 
-def _refuse_unlike(readings: Sequence[_Reading]) -> None:
-    first = readings[0]
-    for later in readings[1:]:
-        if later.mapping.entries != first.mapping.entries:
-            at = next(
-                name
-                for name in {**first.mapping.entries, **later.mapping.entries}
-                if first.mapping.entries.get(name) != later.mapping.entries.get(name)
-            )
-            raise DataError(
-                f"{later.path.name}: {at} is not made of the same columns as in {first.path.name}: import them one by "
-                "one, or say --column for both."
-            )
-
-
-def _runs(reading: _Reading, several: bool) -> list[Run]:
-    stem = re.sub(r"\W+", "-", reading.path.stem).strip("-") or "run"
-    runs = []
-    for at, part in enumerate(reading.parts, 1):
-        t = reading.recording.t[part.first : part.last]
-        table = reading.recording.table.iloc[part.first : part.last]
-        columns = {str(name): table[name].to_numpy(dtype=float) for name in table if name != "t_s"}
-        name = f"{stem}-{at:02d}" if several or len(reading.parts) > 1 else stem
-        purpose = f"{t[-1] - t[0]:.0f} s from {t[0]:.1f} s of {reading.path.name}"
-        runs.append(Run(name, purpose, {"t_s": np.asarray(t - t[0]), **columns}))
-    return runs
+def _runs(pieces: Sequence[_Piece], mapping: Understood) -> Iterator[Run]:
+    for path, recording in mapping.recordings.items():
+        mine = [piece.part for piece in pieces if piece.path == path]
+        stem = re.sub(r"\W+", "-", path.stem).strip("-") or "run"
+        for at, part in enumerate(mine, 1):
+            t, table = recording.t[part.first : part.last], recording.table.iloc[part.first : part.last]
+            columns = {str(name): table[name].to_numpy(dtype=float) for name in table if name != "t_s"}
+            name = f"{stem}-{at:02d}" if len(mapping.recordings) > 1 or len(mine) > 1 else stem
+            purpose = f"{t[-1] - t[0]:.0f} s from {t[0]:.1f} s of {path.name}"
+            yield Run(name, purpose, {"t_s": np.asarray(t - t[0]), **columns})

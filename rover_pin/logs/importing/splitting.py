@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
+
+from rover_pin.base.formula import change
+from rover_pin.rover.rover import Rover
 
 STANDS = 3.0
 """A stop of at least so long [s] parts two runs; what stands is left out."""
@@ -46,6 +49,23 @@ class Part(NamedTuple):
     last: int
 
 
+def drive_of(t: np.ndarray, values: Mapping[str, np.ndarray], rover: Rover) -> Drive:
+    """Return what a file shows of the drive."""
+    rates = np.array([values[f"wheel_rate_{mount.name}"] for mount in rover.wheels])
+    rim = np.nanmean(rates * rover.radii[:, None], axis=0)
+    pitch = values.get("body_pitch", np.zeros(len(t)))
+    turn = np.gradient(values["body_yaw"], t)
+    return Drive(t, np.nanmean(np.abs(rates), axis=0), _along(t, values), rim, pitch, turn)
+
+
+def _along(t: np.ndarray, values: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Return the speed along the heading [m/s], over the second around each row."""
+    x, y, yaw = (values[f"body_{name}"] for name in ("x", "y", "yaw"))
+    finite = np.isfinite(x + y)
+    dx, dy, lasts = (change(series, t, finite) for series in (x, y, t))
+    return np.asarray((np.cos(yaw) * dx + np.sin(yaw) * dy) / np.maximum(lasts, 1e-6))
+
+
 def parts(drive: Drive) -> list[Part]:
     """Return the parts of a recording that drive, none longer than LONGEST nor shorter than SHORTEST."""
     stretches = [part for part in _driven(drive) if _lasts(drive, part) >= SHORTEST]
@@ -82,24 +102,29 @@ def _cut(drive: Drive, part: Part, longest: float) -> Iterator[Part]:
     yield from (Part(a, b) for a, b in zip(ends[:-1], ends[1:], strict=True))
 
 
-def chosen(drive: Drive, candidates: list[Part], most: int) -> list[Part]:
-    """Return at most `most` parts, the most informative, in their order.
+def chosen(candidates: list[tuple[Drive, Part]], most: int) -> list[int]:
+    """Return which parts to keep, at most `most`, the most informative, in their order.
 
     Parts are taken one by one, each time the one that adds most to log det(sum of F^T F), F being the blocks' 1, slip,
     slip^2, sin pitch, turn, and rate, each over its own spread (D-optimal, greedy).
     """
     if len(candidates) <= most:
-        return candidates
-    rows = _regressors(drive)
-    block = np.floor((drive.t - drive.t[0]) / BLOCK).astype(int)
-    grams = [_gram(rows[np.unique(block[part.first : part.last])]) for part in candidates]
+        return list(range(len(candidates)))
+    drives = {id(drive): drive for drive, _ in candidates}
+    signals = {key: _signals(drive) for key, drive in drives.items()}
+    rows = _scaled(np.concatenate(list(signals.values())))
+    ends = np.cumsum([0, *(len(blocks) for blocks in signals.values())])
+    own_rows = {key: rows[a:b] for key, a, b in zip(signals, ends[:-1], ends[1:], strict=True)}
+    grams = [
+        _gram(own_rows[id(drive)][np.unique(_blocks(drive)[part.first : part.last])]) for drive, part in candidates
+    ]
     have, remaining, taken = 1e-3 * np.eye(rows.shape[1]), list(range(len(candidates))), []
     for _ in range(most):
         best = max(remaining, key=lambda at: float(np.linalg.slogdet(have + grams[at])[1]))
         have = have + grams[best]
         remaining.remove(best)
         taken.append(best)
-    return [candidates[at] for at in sorted(taken)]
+    return sorted(taken)
 
 
 def _gram(rows: np.ndarray) -> np.ndarray:
@@ -107,9 +132,13 @@ def _gram(rows: np.ndarray) -> np.ndarray:
     return np.asarray(complete.T @ complete)
 
 
-def _regressors(drive: Drive) -> np.ndarray:
-    """Return the regressors of all blocks (blocks, 6), centred and over their spread, the first 1."""
-    at = np.floor((drive.t - drive.t[0]) / BLOCK).astype(int)
+def _blocks(drive: Drive) -> np.ndarray:
+    return np.floor((drive.t - drive.t[0]) / BLOCK).astype(int)
+
+
+def _signals(drive: Drive) -> np.ndarray:
+    """Return slip, slip^2, sin pitch, turn and rate of all blocks (blocks, 5)."""
+    at = _blocks(drive)
 
     def mean(values: np.ndarray) -> np.ndarray:
         finite = np.isfinite(values)
@@ -118,12 +147,11 @@ def _regressors(drive: Drive) -> np.ndarray:
 
     rim, speed = mean(drive.rim), mean(drive.speed)
     slip = np.clip((rim - speed) / np.where(np.abs(rim) > 1e-3, rim, np.nan), -1.0, 1.0)
-    signals = [
-        slip,
-        slip**2,
-        np.nan_to_num(np.sin(mean(drive.pitch))),
-        np.nan_to_num(mean(drive.turn)),
-        mean(drive.rate),
-    ]
-    scaled = [(signal - np.nanmean(signal)) / max(float(np.nanstd(signal)), 1e-9) for signal in signals]
-    return np.column_stack([np.ones(len(rim)), *scaled])
+    pitch, turn = np.nan_to_num(np.sin(mean(drive.pitch))), np.nan_to_num(mean(drive.turn))
+    return np.column_stack([slip, slip**2, pitch, turn, mean(drive.rate)])
+
+
+def _scaled(signals: np.ndarray) -> np.ndarray:
+    """Return regressors (blocks, 6): a 1, and signals centred and over their spread."""
+    spread = np.maximum(np.nanstd(signals, axis=0), 1e-9)
+    return np.column_stack([np.ones(len(signals)), (signals - np.nanmean(signals, axis=0)) / spread])

@@ -1,227 +1,147 @@
-"""What the wheels did: rates of each, of each side, or of speed and turn; currents, duties, steering, joints."""
+"""What the wheels may have done: families of columns that are called alike but for the wheel."""
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Collection, Iterator, Mapping
-from functools import partial
-
-import numpy as np
+from collections.abc import Iterator, Mapping, Sequence
 
 from rover_pin.base.formula import quoted
 from rover_pin.base.units import UNITS
-from rover_pin.logs.importing.attitude import BOTH_WAYS, angle_unit, share_back
-from rover_pin.logs.importing.guess_record import Guess, Recording, column
-from rover_pin.logs.importing.words import (
-    AHEAD,
-    COMMAND,
-    CURRENT,
-    DUTY,
-    ODOMETRY,
-    RATE,
-    STEER,
-    TURN,
-    WHEEL,
-    Word,
-    corner,
-)
-from rover_pin.rover.parts import WheelMount
+from rover_pin.logs.importing import words as called
+from rover_pin.logs.importing.recording import Choice, Entry, column
+from rover_pin.logs.importing.words import Word, corner
 from rover_pin.rover.rover import Rover
 from rover_pin.rover.wheel_base import wheel_places
 
-RATES = ("rad/s", "rpm", "deg/s", "rev/s")
-SPEEDS = ("m/s", "cm/s", "mm/s", "km/h")
-UNTOLD = (*RATES, "m/s", "mm/s")
-"""Units that rates of wheels have without saying so."""
-USUAL = 1.1
-"""Rim speed over travel speed that is usual."""
-NEAR = math.log(2.5)
-"""How far the best unit's ratio may be from that, as a logarithm."""
+Family = dict[str, Word]
+"""Column of each wheel."""
+RATES = {"rad/s": 0.45, "rpm": 0.25, "deg/s": 0.05, "rev/s": 0.02}
+SPEEDS = {"m/s": 0.12, "mm/s": 0.03}
+"""How often rates of wheels without a unit are in these; the rest is behind a gear, or in units of their own."""
+STATED, UNKNOWN = 0.97, 0.2
+"""How often a stated unit is that of the wheel itself, and one that is not stated is unknown."""
+SIGNS = {(1, 1): 0.9, (1, -1): 0.05, (-1, 1): 0.03, (-1, -1): 0.02}
+"""How often left and right wheels count forward (1) or are mounted the other way."""
 
 
-def wheel_guesses(recording: Recording, speed: np.ndarray | None) -> Iterator[Guess]:
-    """Yield rates, currents, duties and steering, as far as recorded; `speed` [m/s] is along the heading."""
-    yield from _rates(recording, speed)
-    yield from (_current(mount, word) for mount, word in matched(recording, CURRENT).items())
-    for mount, word in matched(recording, DUTY).items():
-        scale = {"scale": 0.01} if _reach(recording, word) > 1.5 else {}
-        percent = "; taken as percent" if scale else ""
-        yield Guess(f"duty_{mount}", column(word, "", **scale), f"its name{percent}", word.name == f"duty_{mount}")
-    steered = {mount.name for mount in recording.rover.wheels if mount.steer_dof is not None}
-    for mount, word in matched(recording, STEER).items():
-        if mount in steered:
-            unit, sure = angle_unit(recording, word)
-            yield Guess(f"steer_{mount}", column(word, unit), "its name; left is positive", sure)
+def families(words: Sequence[Word], rover: Rover) -> Iterator[tuple[frozenset[str], str, list[tuple[Family, float]]]]:
+    """Yield words and unit that columns share, and which wheel each may be of, with how likely that is.
 
-
-def _current(mount: str, word: Word) -> Guess:
-    """Return a current in amperes where its name says so, else as counts of unknown scale and zero."""
-    name = f"current_{mount}_A"
-    if word.unit in ("A", "mA") or word.name == name:
-        return Guess(name, column(word), "its name", word.name == name)
-    why = "its name; it has no unit, so it is taken as counts of unknown scale and zero"
-    return Guess(f"raw_current_{mount}", column(word._replace(unit="")), why, word.name == f"raw_current_{mount}")
-
-
-def _reach(recording: Recording, word: Word) -> float:
-    return float(np.nanmax(np.abs(recording.table[word.name].to_numpy(dtype=float)), initial=0.0))
-
-
-def matched(recording: Recording, words: set[str], units: Collection[str] = ()) -> dict[str, Word]:
-    """Return the column of each wheel whose name has one of these words, or one of these units: that needs no language.
-
-    Whose it is tells the name of the wheel's joint, or its corner.
+    Wheels are known by the joint's name, by the wheel's, by a corner, by a side, or by numbers in some order.
     """
-    best: dict[str, tuple[float, Word]] = {}
-    for word in recording.words:
-        if not (word.has(words) or word.unit in units):
-            continue
-        score = 0.5 + 0.5 * word.has(words) - 0.5 * word.has(COMMAND) + 0.5 * word.has(WHEEL)
-        for mount in _owners(word, recording.rover):
-            if score > best.get(mount, (0.0, word))[0]:
-                best[mount] = (score, word)
-    return {mount: word for mount, (_, word) in best.items()}
+    groups: dict[tuple[frozenset[str], str], dict[tuple[str, ...] | str, Word]] = {}
+    for word in words:
+        wheels, other_words = _owners(word, rover)
+        if wheels:
+            groups.setdefault((frozenset(other_words), word.unit), {}).setdefault(wheels, word)
+    for (stem, unit), group in groups.items():
+        mapped = {name: word for wheels, word in group.items() if not isinstance(wheels, str) for name in wheels}
+        numbers = {int(number): word for number, word in group.items() if isinstance(number, str)}
+        if len(mapped) == len(rover.wheels):
+            yield stem, unit, [(mapped, 1.0)]
+        elif len(numbers) == len(rover.wheels):
+            ordered = [numbers[at] for at in sorted(numbers)]
+            yield stem, unit, [(dict(zip(order, ordered, strict=True)), share) for order, share in _orders(rover)]
 
 
-def _owners(word: Word, rover: Rover) -> list[str]:
-    """Return the wheels that a column is of: by the joint's name, by its corner, or all of a side."""
-    by_joint = [mount.name for mount in rover.wheels if rover.model.names[mount.joint] in word.name]
-    if by_joint:
-        return by_joint
-    exact = [mount.name for mount in rover.wheels if word.tokens[-len(tokens(mount.name)) :] == tokens(mount.name)]
-    if exact:
-        return exact
-    axle, side = corner(word.tokens)
+def _owners(word: Word, rover: Rover) -> tuple[tuple[str, ...] | str, tuple[str, ...]]:
+    """Return the wheels that a column is of, or its number, and the other words of its name."""
+    present = [(mount.name, rover.model.names[mount.joint]) for mount in rover.wheels]
+    for wheel, name in (*present, *((wheel, wheel) for wheel, _ in present)):
+        tokens = called.word(name).tokens
+        for at in range(len(word.tokens) - len(tokens) + 1):
+            if word.tokens[at : at + len(tokens)] == tokens:
+                return (wheel,), word.tokens[:at] + word.tokens[at + len(tokens) :]
+    axle, side, other_words = corner(word.tokens)
     mounts = [mount for mount in rover.wheels if side in ("", mount.side)]
-    if axle.isdigit():
-        return _numbered(mounts, rover, int(axle), side)
-    if not axle:
-        return [mount.name for mount in mounts] if side else []
-    return [mount.name for mount in mounts if side and mount.axle in _axles(rover, axle)]
-
-
-def tokens(name: str) -> tuple[str, ...]:
-    """Return a wheel's name as the tokens of a column's name."""
-    return tuple(name.lower().split("_"))
-
-
-def _numbered(mounts: list[WheelMount], rover: Rover, number: int, side: str) -> list[str]:
-    """Return wheel `number`, counted from 1: along its side where known, else left before right, front first."""
-    if side:
-        return [mount.name for mount in mounts if mount.axle == number - 1]
-    return [rover.wheels[number - 1].name] if 1 <= number <= len(rover.wheels) else []
-
-
-def _axles(rover: Rover, place: str) -> list[int]:
+    if axle.isdigit() and not side:
+        return axle, other_words
     last = max(mount.axle for mount in rover.wheels)
-    return {"front": [0], "rear": [last]}.get(place, list(range(1, last)))
+    axles = {"front": [0], "rear": [last], "mid": list(range(1, last)), "": list(range(last + 1))}
+    on = axles.get(axle) or ([int(axle) - 1] if axle.isdigit() else [])
+    return tuple(mount.name for mount in mounts if side and mount.axle in on), other_words
 
 
-def _rates(recording: Recording, speed: np.ndarray | None) -> Iterator[Guess]:
-    by_wheel = {mount: word for mount, word in matched(recording, RATE | {"drehzahl"}, RATES).items() if _is_rate(word)}
-    if len(by_wheel) < len(recording.rover.wheels):
-        yield from _of_twist(recording)
-        return
-    unit, sure = _rate_unit(recording, by_wheel, speed)
-    radii = {mount.name: float(mount.wheel.r) for mount in recording.rover.wheels}
-    for mount, word in by_wheel.items():
-        values = recording.table[word.name].to_numpy(dtype=float)
-        turned = _against(values, speed)
-        why = "its name" + (f"; taken as {unit} by the speed of the rover" if not word.unit else "")
-        why += "; turned round, as it runs against the travel" if turned else ""
-        exact = word.name == f"wheel_rate_{mount}" and not turned
-        yield Guess(
-            f"wheel_rate_{mount}", _entry(word, unit, radii[mount], turned), why, exact or (sure and not turned)
-        )
+def _orders(rover: Rover) -> Iterator[tuple[list[str], float]]:
+    """Yield the orders in which wheels are numbered, and how often: by axles, by sides, around, by quadrants."""
+    left, right = ([mount.name for mount in rover.wheels if mount.side == side] for side in "lr")
+    yield [name for pair in zip(left, right, strict=False) for name in pair], 0.6
+    yield left + right, 0.17
+    yield left[:1] + right + left[:0:-1], 0.13
+    yield right[:1] + left + right[:0:-1], 0.1
 
 
-def _is_rate(word: Word) -> bool:
-    unit_fits = not word.unit or word.unit in (*RATES, *SPEEDS)
-    return unit_fits and not word.has({"imu", "gyro", "angular", "gps", "body", "odom", "linear", "twist"})
-
-
-def _entry(word: Word, unit: str, radius: float, turned: bool) -> dict[str, object]:
-    sign = "-" if turned else ""
-    if unit in SPEEDS:
-        factor = UNITS[unit][1]
-        scale = "" if factor == 1.0 else f"{factor:.6g} * "
-        return {"formula": f"{sign}{scale}{quoted(word.name)} / {radius:.6g}"}
-    return column(word, unit, **({"scale": -1.0} if turned else {}))
-
-
-def _against(values: np.ndarray, speed: np.ndarray | None) -> bool:
-    if speed is None:
-        return False
-    finite = np.isfinite(values + speed)
-    back = share_back(values)
-    if np.mean(speed[finite] < 0.0) < BOTH_WAYS and BOTH_WAYS < back < 1.0 - BOTH_WAYS:
-        return False  # the heading is but the course, and tells no sense
-    size = math.sqrt(float(np.sum(values[finite] ** 2)) * float(np.sum(speed[finite] ** 2)))
-    return size > 0.0 and float(np.sum(values[finite] * speed[finite])) / size < -0.5
-
-
-def _rate_unit(recording: Recording, by_wheel: Mapping[str, Word], speed: np.ndarray | None) -> tuple[str, bool]:
-    """Return the unit of the rates: by a name, else that under which rims run about as fast as the rover."""
-    stated_unit = next((word.unit for word in by_wheel.values() if word.unit), "")
-    if stated_unit:
-        return stated_unit, True
-    if all(word.name == f"wheel_rate_{mount}" for mount, word in by_wheel.items()):
-        return "rad/s", True
-    rates = np.nanmean([np.abs(recording.table[word.name].to_numpy(dtype=float)) for word in by_wheel.values()], axis=0)
-    if speed is None:
-        return "rad/s", False
-    use = np.isfinite(rates + speed) & (rates > 0.1 * np.nanmax(rates))
-    if not use.any() or not np.median(np.abs(speed[use])) > 0.0:
-        return "rad/s", False
-    radius = float(np.mean(recording.rover.radii))
-    times = {unit: UNITS[unit][1] * (1.0 if unit in SPEEDS else radius) for unit in UNTOLD}
-    seen_ratio = float(np.median(rates[use]) / np.median(np.abs(speed[use])))
-    off = {unit: abs(math.log(max(seen_ratio * times[unit], 1e-12) / USUAL)) for unit in times}
-    best = min(off, key=lambda unit: off[unit])
-    return (best, False) if off[best] < NEAR else ("rad/s", False)
-
-
-def _of_twist(recording: Recording) -> Iterator[Guess]:
-    """Yield side rates of a speed and a turn that are commanded or reported: v +- omega b / 2."""
-    ahead = recording.best(lambda word: _twist_score(word, AHEAD) if word.tokens[-1:] != ("z",) else 0.0)
-    turn = recording.best(
-        lambda word: _twist_score(word, TURN) or 0.9 * (word.has({"angular"}) and word.tokens[-1] == "z")
-    )
-    if ahead is None or turn is None:
-        return
-    places = wheel_places(recording.rover)
-    for mount in recording.rover.wheels:
-        half = abs(float(places[mount.name][1]))
-        sign = "-" if mount.side == "l" else "+"
-        radius = float(mount.wheel.r)
-        formula = f"({quoted(ahead.name)} {sign} {half:.6g} * {quoted(turn.name)}) / {radius:.6g}"
-        why = "the wheels' own rates are not recorded; v -+ omega b / 2 of a speed and a turn, as a driver has it"
-        yield Guess(f"wheel_rate_{mount.name}", {"formula": formula}, why)
-
-
-def _twist_score(word: Word, words: set[str]) -> float:
-    matches = word.has(ODOMETRY | COMMAND | {"twist"}) and word.has(words)
-    return float(matches) * (1.0 + 0.2 * word.has(ODOMETRY) + 0.1 * (word.tokens[-1] == "x"))
-
-
-def joint_guesses(recording: Recording) -> Iterator[Guess]:
-    """Yield the angles of the suspension, known by their names in the rover's TOML or by their joints in the URDF."""
-    model = recording.rover.model
-    at = {model.joints[joint].idx_q: model.names[joint] for joint in range(2, model.njoints)}
-    for name, place in recording.rover.angles.items():
-        if name.startswith("steer_"):
+def wheel_choices(words: Sequence[Word], rover: Rover, declared: Mapping[str, Entry]) -> list[list[Choice]]:
+    """Return what the wheels' rates may be: measured ones, by side, by speed and turn, and what was commanded."""
+    names = [f"wheel_rate_{mount.name}" for mount in rover.wheels]
+    declared_rates = {name: declared[name] for name in names if name in declared}
+    if len(declared_rates) == len(names):
+        return [[Choice(declared_rates, 0.0, "as given", True)]]
+    measured: list[Choice] = []
+    sides: list[Choice] = []
+    commanded: list[Choice] = []
+    for stem, unit, maps in families(words, rover):
+        count = bool(stem & called.COUNT) and not stem & (called.RATE - {"v", "w"}) and unit in ("", "rad", "deg")
+        rate = count or stem & called.RATE or unit in (*RATES, *SPEEDS)
+        if not rate or stem & (called.NO_WHEEL | called.CURRENT | called.DUTY | called.STEER - {"corner"}):
             continue
-        name_tokens = tokens(name)
-        word = recording.best(partial(_joint_score, name_tokens=name_tokens, joint=at.get(place, "")))
-        if word is not None:
-            unit, sure = angle_unit(recording, word)
-            yield Guess(name, column(word, unit), "its name", sure or word.name == name)
+        of_sides = len({word.name for word in maps[0][0].values()}) < len(names)
+        into = commanded if stem & called.COMMAND else sides if of_sides else measured
+        for family, share in maps:
+            into += _rates(family, unit, math.log(share), count, rover)
+    present = {name: {"column": name} for name in names if name in {word.name for word in words}}
+    if declared_rates and not measured + sides and len({**present, **declared_rates}) == len(names):
+        measured = [Choice(present, 0.0, "as given", True)]
+    tiers = [measured, sides, list(_of_twist(words, rover)), commanded]
+    return [[choice._replace(entries={**choice.entries, **declared_rates}) for choice in tier] for tier in tiers]
 
 
-def _joint_score(word: Word, name_tokens: tuple[str, ...], joint: str) -> float:
-    rate = word.has(RATE - {"v", "rad"}) or word.has({"effort", "torque", "current"})
-    if rate:
-        return 0.0
-    if joint and joint in word.name:
-        return 2.0
-    return float(word.tokens[-len(name_tokens) :] == name_tokens)
+def _rates(family: Family, unit: str, weight: float, count: bool, rover: Rover) -> Iterator[Choice]:
+    """Yield a family's rates in every unit and sense, and behind a gear of unknown ratio."""
+    exact = all(word.name == f"wheel_rate_{wheel}" for wheel, word in family.items())
+    unit_shares = {unit: STATED} if unit else {"rad/s": STATED} if exact else RATES | SPEEDS
+    if count:
+        unit_shares = {unit or "rad": STATED if unit else 0.3}
+    units = [(name, math.log(share), False) for name, share in unit_shares.items()]
+    units.append((next(iter(unit_shares)), math.log(1.0 - STATED if unit or exact else UNKNOWN), True))
+    for (name, often, free), ((left, right), mounted) in itertools.product(units, SIGNS.items()):
+        entries, turned = {}, (left, right) != (1, 1)
+        for mount in rover.wheels:
+            sense = left if mount.side == "l" else right
+            entries[f"wheel_rate_{mount.name}"] = _entry(family[mount.name], name, float(mount.wheel.r), sense, count)
+        why = "its name" + ("" if unit or exact else f"; taken as {name} by the speed of the rover")
+        why += "; turned round, as it runs against the travel" if turned else ""
+        log_prior = weight + often + math.log(mounted)
+        yield Choice(entries, log_prior, why, (bool(unit) or exact) and not turned, free=free)
+
+
+def _entry(word: Word, unit: str, radius: float, sense: int, count: bool) -> Entry:
+    sign = "-" if sense < 0 else ""
+    if count:
+        inner = f"radians({quoted(word.name)})" if unit == "deg" else quoted(word.name)
+        return {"formula": f"{sign}rate({inner}, t_s)"}
+    if unit not in RATES:
+        factor = UNITS[unit][1]
+        return {"formula": f"{sign}{'' if factor == 1.0 else f'{factor:.6g} * '}{quoted(word.name)} / {radius:.6g}"}
+    exact = word.name.startswith("wheel_rate_") and not word.unit
+    return column(word, "" if exact and unit == "rad/s" else unit, **({"scale": -1.0} if sense < 0 else {}))
+
+
+def _of_twist(words: Sequence[Word], rover: Rover) -> Iterator[Choice]:
+    """Yield side rates of a speed and a turn that are commanded or reported: v -+ omega b / 2."""
+    moves = [word for word in words if word.has(called.ODOMETRY | called.COMMAND | {"twist"})]
+    ahead = [word for word in moves if word.has(called.AHEAD) and word.tokens[-1] not in ("y", "z")]
+    turns = [word for word in moves if word.has(called.TURN) or (word.has({"angular"}) and word.tokens[-1] == "z")]
+    places = wheel_places(rover)
+    for v, omega in itertools.product(ahead, turns):
+        paired = all(v.has(names) == omega.has(names) for names in (called.COMMAND, called.ODOMETRY))
+        if not paired or v.unit not in ("", "m/s") or omega.unit not in ("", "rad/s"):
+            continue
+        entries = {}
+        for mount in rover.wheels:
+            half, sign = abs(float(places[mount.name][1])), "-" if mount.side == "l" else "+"
+            formula = f"({quoted(v.name)} {sign} {half:.6g} * {quoted(omega.name)}) / {float(mount.wheel.r):.6g}"
+            entries[f"wheel_rate_{mount.name}"] = {"formula": formula}
+        why = "the wheels' own rates are not recorded; v -+ omega b / 2 of a speed and a turn, as a driver has it"
+        yield Choice(entries, 0.0 if v.has(called.ODOMETRY) else -1.0, why)

@@ -16,15 +16,19 @@ UNITS = {
     "u/min": "rpm",
     "umin": "rpm", "1/min": "rpm", "tr/min": "rpm", "rev/s": "rev/s", "rps": "rev/s", "u/s": "rev/s", "m/s": "m/s",
     "mps": "m/s", "cm/s": "cm/s", "mm/s": "mm/s", "mmps": "mm/s", "km/h": "km/h", "kmh": "km/h", "kph": "km/h",
+    "%": "%", "pct": "%", "percent": "%", "prozent": "%", "in": "in",
     "a": "A", "amp": "A", "amps": "A", "ma": "mA", "v": "V", "volt": "V", "volts": "V", "mv": "mV",
 }  # fmt: skip
 """Units as they are written, in small letters without blanks."""
 
-FRONT = {"f", "front", "forward", "fwd", "v", "vorn", "vorne", "vorder", "avant", "av", "delante", "delantera"}
-REAR = {"rear", "back", "b", "aft", "h", "hinten", "hinter", "arriere", "ar", "trasera", "atras"}
-MIDDLE = {"m", "mid", "middle", "mitte", "mittel", "center", "centre", "c", "milieu"}
-LEFT = {"l", "left", "lh", "port", "links", "linke", "linkes", "gauche", "izquierda", "izq"}
-RIGHT = {"r", "right", "rh", "starboard", "stbd", "rechts", "rechte", "rechtes", "droite", "derecha"}
+FRONT = {"f", "front", "forward", "fwd", "vorn", "vorne", "vorder", "avant", "av", "del", "delante", "delantera",
+         "ant", "anteriore"}  # fmt: skip
+REAR = {"rear", "back", "b", "aft", "hinten", "hinter", "arriere", "ar", "tras", "trasera", "atras", "post",
+        "posteriore"}  # fmt: skip
+MIDDLE = {"mid", "middle", "mitte", "mittel", "center", "centre", "milieu", "medio", "centrale"}
+LEFT = {"l", "left", "lh", "port", "links", "linke", "linkes", "gauche", "izquierda", "izq", "sx", "sinistra"}
+RIGHT = {"r", "right", "rh", "starboard", "stbd", "rechts", "rechte", "rechtes", "droite", "derecha", "der", "dx",
+         "destra"}  # fmt: skip
 CORNERS = {
     "fl": ("front", "l"), "fr": ("front", "r"), "lf": ("front", "l"), "rf": ("front", "r"), "rl": ("rear", "l"),
     "rr": ("rear", "r"), "lr": ("rear", "l"), "bl": ("rear", "l"), "br": ("rear", "r"), "lb": ("rear", "l"),
@@ -35,52 +39,44 @@ CORNERS = {
 """Two letters of a corner; v and h are German, vorne and hinten, av and ar French."""
 
 RATE = {"rate", "speed", "vel", "velocity", "omega", "rpm", "drehzahl", "raddrehzahl", "geschwindigkeit", "vitesse",
-        "winkelgeschwindigkeit", "angvel", "angspeed", "w", "rot", "rotation", "spin", "velocidad", "v",
+        "winkelgeschwindigkeit", "angvel", "angspeed", "w", "rot", "rotation", "spin", "velocidad", "velocita", "v",
         "qd"}  # fmt: skip
-WHEEL = {
-    "wheel",
-    "wheels",
-    "rad",
-    "roue",
-    "rueda",
-    "motor",
-    "mot",
-    "drive",
-    "joint",
-    "axle",
-    "side",
-    "seite",
-    "antrieb",
-}
-CURRENT = {"current", "currents", "strom", "motorstrom", "courant", "corriente", "amps", "i"}
+COUNT = {"enc", "encoder", "tick", "ticks", "count", "counts", "impulse", "codeur", "position", "pulses"}
+"""Words of what a wheel has turned since some begin."""
+CURRENT = {"current", "currents", "strom", "motorstrom", "courant", "corriente", "corrente", "amps", "i"}
 DUTY = {"duty", "pwm", "dutycycle", "tastgrad", "tastverhaeltnis"}
 STEER = {"steer", "steering", "lenk", "lenkung", "lenkwinkel", "braquage", "direction", "corner"}
+NO_WHEEL = {"temp", "temperature", "temperatur", "voltage", "spannung", "torque", "effort", "force", "kraft", "power",
+            "imu", "gyro", "angular", "gps", "body", "odom", "linear", "twist", "acc", "accel", "q", "quat", "slip",
+            "quaternion", "orientation", "battery", "cov", "covariance", "std", "err", "error", "mag"}  # fmt: skip
+"""Words of columns that are neither rates nor counts of wheels."""
 COMMAND = {"cmd", "command", "commanded", "soll", "setpoint", "desired", "des", "target", "ref", "reference", "goal",
            "request", "requested", "consigne"}  # fmt: skip
 ODOMETRY = {"odom", "odometry", "odo", "odometrie", "wheelodom"}
 MEASURED = {"gt", "truth", "tracker", "mocap", "vicon", "optitrack", "qualisys", "leica", "station", "gps",
-            "gnss", "rtk",
-            "camera", "slam", "vo", "vio", "utm", "reference"}  # fmt: skip
-"""Words of a pose that was measured from outside, which comes before one without, and that before odometry."""
-TIME = {"t", "time", "zeit", "zeitstempel", "timestamp", "stamp", "temps", "tiempo", "epoch", "clock", "elapsed", "sec"}
-X = {"x", "easting", "east", "ost", "rechtswert", "px", "xpos", "posx"}
-Y = {"y", "northing", "north", "nord", "hochwert", "py", "ypos", "posy"}
-Z = {"z", "height", "hoehe", "altitude", "alt", "elevation", "hauteur", "pz", "zpos", "posz", "up"}
+            "gnss", "rtk", "vrpn", "camera", "slam", "vo", "vio", "utm"}  # fmt: skip
+"""Words of a pose that was measured from outside."""
+TIME = {"t", "time", "zeit", "zeitstempel", "timestamp", "stamp", "temps", "horodatage", "tiempo", "marca", "tempo",
+        "epoch", "clock", "elapsed", "sec", "rosbagtimestamp"}  # fmt: skip
+X = {"x", "easting", "east", "ost", "rechtswert", "px", "xpos", "posx", "e", "este", "est"}
+Y = {"y", "northing", "north", "nord", "hochwert", "py", "ypos", "posy", "n", "norte"}
+UP = {"height", "hoehe", "altitude", "alt", "elevation", "hauteur", "up", "altura", "altitud", "quota"}
+Z = UP | {"z", "pz", "zpos", "posz"}
+AXES = {"x", "y", "z", "px", "py", "pz", "xpos", "ypos", "zpos", "posx", "posy", "posz"}
+"""Words of axes that leave open which way they point."""
 NO_PLACE = {"vel", "velocity", "speed", "acc", "accel", "acceleration", "beschleunigung", "gyro", "gyr", "imu", "ang",
             "angular", "mag", "magnetic", "magnetometer", "q", "quat", "quaternion", "orientation", "force", "kraft",
-            "torque", "cov", "covariance", "std", "sigma", "error", "err", "linear", "twist",
-            "geschwindigkeit", "wheel",
-            "rate", "sd", "rpy", "euler"}  # fmt: skip
-ROLL = {"roll", "rollwinkel", "wanken", "wankwinkel", "roulis", "phi", "alabeo", "rollen"}
-PITCH = {"pitch", "nick", "nicken", "nickwinkel", "tangage", "cabeceo", "tilt"}
+            "torque", "cov", "covariance", "std", "sigma", "error", "err", "linear", "twist", "a",
+            "geschwindigkeit", "wheel", "rate", "sd", "rpy", "euler", "vitesse", "velocidad", "velocita"}  # fmt: skip
+ROLL = {"roll", "rollwinkel", "wanken", "wankwinkel", "roulis", "phi", "alabeo", "rollen", "rollio"}
+PITCH = {"pitch", "nick", "nicken", "nickwinkel", "tangage", "cabeceo", "tilt", "beccheggio"}
 YAW = {"yaw", "heading", "hdg", "gier", "gieren", "gierwinkel", "kurs", "azimuth", "azimut", "psi", "theta", "course",
-       "cog", "bearing", "lacet", "rumbo", "cap", "orientation"}  # fmt: skip
+       "cog", "bearing", "lacet", "rumbo", "cap", "orientation", "guinada", "imbardata"}  # fmt: skip
 COMPASS = {"heading", "hdg", "kurs", "azimuth", "azimut", "course", "cog", "bearing", "rumbo", "cap"}
 """Words of angles that are often counted clockwise from north."""
-COURSE = {"course", "cog", "track"}
 NO_ANGLE = {"rate", "gyro", "vel", "velocity", "speed", "dot", "omega", "angular", "std", "cov", "cmd", "error", "acc"}
-LATITUDE = {"lat", "latitude", "breite", "breitengrad", "latitud"}
-LONGITUDE = {"lon", "lng", "long", "longitude", "laenge", "laengengrad", "longitud"}
+LATITUDE = {"lat", "latitude", "breite", "breitengrad", "latitud", "latitudine"}
+LONGITUDE = {"lon", "lng", "long", "longitude", "laenge", "laengengrad", "longitud", "longitudine"}
 TURN = {"yawrate", "gierrate", "omega", "wz", "turn", "drehrate"}
 AHEAD = {"v", "vx", "speed", "velocity", "geschwindigkeit", "vitesse", "linear"}
 BATTERY = {"battery", "batterie", "akku", "vbat", "ubat", "bus", "supply"}
@@ -110,6 +106,8 @@ def word(name: str) -> Word:
     unit = _unit(bracket[1]) if bracket else ""
     stem = name[: bracket.start()] if bracket and unit else name
     tokens = _tokens(stem)
+    if not unit and len(tokens) > 2 and "/".join(tokens[-2:]) in UNITS:
+        unit, tokens = UNITS["/".join(tokens[-2:])], tokens[:-2]
     if not unit and len(tokens) > 1 and tokens[-1] in UNITS and _ends_in_unit(tokens):
         unit, tokens = UNITS[tokens[-1]], tokens[:-1]
     if not unit and "rpm" in tokens:
@@ -118,6 +116,7 @@ def word(name: str) -> Word:
 
 
 def _tokens(text: str) -> list[str]:
+    text = re.sub(r"m([AV])$", lambda unit: unit[0].lower(), text)
     spaced = re.sub(r"(?<=[a-zäöüß0-9])(?=[A-ZÄÖÜ])", " ", text)
     plain = unicodedata.normalize("NFKD", spaced.lower().translate(SMALL))
     plain = "".join(letter for letter in plain if not unicodedata.combining(letter))
@@ -137,15 +136,29 @@ def _ends_in_unit(tokens: list[str]) -> bool:
     return len(tokens[-1]) > 1 or bool(ONE_LETTER.get(tokens[-1], set()) & set(tokens[:-1]))
 
 
-def corner(tokens: tuple[str, ...]) -> tuple[str, str]:
-    """Return where a column's wheel is: ('front' | 'mid' | 'rear' | a number | '', 'l' | 'r' | '')."""
+def corner(tokens: tuple[str, ...]) -> tuple[str, str, tuple[str, ...]]:
+    """Return where a wheel is, ('front' | 'mid' | 'rear' | a number | '', 'l' | 'r' | ''), and the other words.
+
+    The last number is the wheel's; `r` is right, or rear where a side stands beside it.
+    """
     for token in reversed(tokens):
         if token in CORNERS:
-            return CORNERS[token]
-    token_set = set(tokens)
-    side = "l" if token_set & LEFT else "r" if token_set & (RIGHT - {"r"}) else ""
-    axle = "front" if token_set & FRONT else "rear" if token_set & REAR else "mid" if token_set & MIDDLE else ""
-    if "r" in token_set:
+            return *CORNERS[token], _without(tokens, {token})
+    both = set(tokens)
+    sides = {"l": both & LEFT, "r": both & (RIGHT - {"r"})}
+    axles = {"front": both & FRONT, "rear": both & REAR, "mid": both & MIDDLE}
+    side = next((name for name, words in sides.items() if words), "")
+    axle = next((name for name, words in axles.items() if words), "")
+    if "r" in both:
         side, axle = (side or "r", axle) if axle or not side else (side, "rear")
-    number = next((token for token in reversed(tokens) if token.isdigit() and len(token) < 3), "")
-    return axle or number, side
+    if not side:
+        axle = ""
+    used = set().union(*sides.values(), *(axles.values() if axle else ()), {"r"} if side else set())
+    numbers = [token for token in tokens if token.isdigit() and len(token) < 3]
+    if not axle and numbers:
+        return numbers[-1], side, _without(tokens, used | {numbers[-1]})
+    return axle, side, _without(tokens, used)
+
+
+def _without(tokens: tuple[str, ...], used: set[str]) -> tuple[str, ...]:
+    return tuple(token for token in tokens if token not in used)

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rover_pin.logs.importing.guess_record import Guess
+from rover_pin.logs.importing.recording import Guess
 
 
 class Run(NamedTuple):
@@ -72,7 +72,9 @@ def _columns(guesses: Sequence[Guess]) -> Iterator[str]:
     for guess in guesses:
         if guess.entry == {"column": guess.target}:
             continue
-        yield f"{_key(guess.target)} = {_inline(guess.entry)}" + ("" if guess.sure else f"  # GUESSED: {guess.why}")
+        yield f"{_key(guess.target)} = {_inline(guess.entry)}" + (
+            "" if guess.sure else f"  # GUESSED (P = {guess.share:.2f}): {guess.why}"
+        )
 
 
 def _runs(runs: Sequence[Run]) -> Iterator[str]:
@@ -92,3 +94,14 @@ def _key(name: str) -> str:
 
 def _text(value: Any) -> str:
     return json.dumps(value, ensure_ascii=False)
+
+
+def lines(guesses: Sequence[Guess]) -> Iterator[str]:
+    """Yield one line a guess, for a reader."""
+    for guess in guesses:
+        source = guess.entry.get("column") or guess.entry.get("formula")
+        unit = f" [{guess.entry['unit']}]" if "unit" in guess.entry else ""
+        scale = {1.0: "", -1.0: "-"}.get(factor := guess.entry.get("scale", 1.0), f"{factor:.6g} * ")
+        yield f"{guess.target} = {scale}{source}{unit}" + (
+            "" if guess.sure else f"  GUESSED (P = {guess.share:.2f}): {guess.why}"
+        )

@@ -1,0 +1,209 @@
+"""A recording is read as its columns agree on one motion, or asked about: layouts of others, and each trap alone."""
+
+import importlib.util
+import math
+import sys
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from rover_pin.base.errors import DataError
+from rover_pin.logs.drive_log import read_drive_log
+from rover_pin.logs.importing.import_log import import_log
+from rover_pin.logs.importing.raw import read_raw
+from rover_pin.logs.importing.words import corner, word
+from tests.logs import recordings
+
+ROOT = Path(__file__).parents[2]
+WHEELS = ("fl", "fr", "bl", "br")
+
+
+@pytest.fixture(scope="module")
+def foreign():
+    """The study's module; its generator shares nothing with the importer."""
+    pytest.importorskip("rosbags")
+    sys.path.insert(0, str(ROOT / "studies"))
+    try:
+        spec = importlib.util.spec_from_file_location("foreign_logs", ROOT / "studies" / "foreign_logs.py")
+        module = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(module)
+        yield module
+    finally:
+        sys.path.remove(str(ROOT / "studies"))
+
+
+@pytest.mark.slow
+def test_no_layout_of_others_is_silently_wrong(foreign):
+    """Twelve layouts of a seed that the study does not report."""
+    rows = pd.DataFrame([foreign.tried(31, number) for number in range(12)])
+    assert not list(rows[rows["answer"] == "wrong"]["why"])
+    assert np.mean(rows["answer"] == "right") >= 0.5
+
+
+def test_the_page_of_logs_tells_the_kept_table():
+    table = pd.read_csv(ROOT / "studies" / "results" / "foreign_logs.csv")
+    page = (ROOT / "docs" / "logs.md").read_text(encoding="utf-8")
+    for (seed, importer), rows in table.groupby(["seed", "importer"]):
+        count = rows["answer"].value_counts()
+        cells = " | ".join(str(count.get(answer, 0)) for answer in ("right", "asked", "wrong"))
+        assert f"| {seed} | {importer} | {cells} |" in page
+    assert (table.groupby(["seed", "importer"]).size() == 40).all()
+    assert not (table[table["importer"] == "joint"]["answer"] == "wrong").any()
+
+
+def table_of(seen, **columns):
+    plain = {"time [s]": seen["t_s"], "x [m]": seen["body_x"], "y [m]": seen["body_y"], "yaw [rad]": seen["body_yaw"]}
+    rates = {f"wheel_{name}_speed [rad/s]": seen[f"wheel_rate_{name}"] for name in WHEELS}
+    return pd.DataFrame(plain | rates | columns)
+
+
+def imported(table, folder, **options):
+    table.to_csv(folder / "own.csv", index=False)
+    made = import_log([folder / "own.csv"], "cart", folder / "log", **options)
+    return made, read_drive_log(folder / "log")
+
+
+def test_counter_of_frames_is_no_clock(tmp_path):
+    """At 10 Hz it would stretch time tenfold, and rates in rad/s then pass for rpm."""
+    table = table_of(recordings.truth()).drop(columns="time [s]")
+    table.insert(0, "frame", np.arange(len(table)))
+    with pytest.raises(DataError, match=r"'frame' counts rows.*--column t_s='frame / RATE'"):
+        imported(table, tmp_path)
+    _, log = imported(table, tmp_path, columns={"t_s": "frame / 10"})
+    assert np.diff(log.runs[0].t) == pytest.approx(0.1)
+
+
+def test_accelerometer_is_no_place_beside_latitude(tmp_path):
+    seen = recordings.truth()
+    table = table_of(seen, **{"e.a_X": -9.81 * seen["body_pitch"], "e.a_Y": 0.1 * seen["body_roll"]})
+    lat = 48.1 + seen["body_y"] / 111_200.4
+    table = table.drop(columns=["x [m]", "y [m]"]).assign(latitude=lat, longitude=11.5 + seen["body_x"] / 74_514.4)
+    made, _ = imported(table, tmp_path)
+    assert any(line.startswith("body_x = east(latitude, longitude)") for line in made.columns)
+
+
+def test_wheel_is_found_between_words_only(tmp_path):
+    """`rr` stands in current, and is the rear right wheel of the second rover's joints."""
+    assert corner(word("current_fl").tokens)[:2] == ("front", "l")
+    table = table_of(recordings.truth())
+    random = np.random.default_rng(2)
+    for name in WHEELS:
+        table[f"e.current_{name}"] = random.normal(3.0, 1.0, len(table))
+    made, _ = imported(table, tmp_path)
+    sources = [line.split(" = ")[1].split("  ")[0] for line in made.columns if line.startswith("raw_current")]
+    assert sources == [f"e.current_{name}" for name in WHEELS]
+
+
+def test_rates_of_the_motors_are_asked_about_with_the_gear(tmp_path):
+    table = table_of(recordings.truth())
+    for name in list(table):
+        table[name] = table[name] * (30.0 if name.startswith("wheel_") else 1.0)
+    with pytest.raises(DataError, match=r"no rate of the wheel.*--column wheel_rate_fl=.* / GEAR"):
+        imported(table, tmp_path)
+
+
+def test_rims_beyond_what_a_rover_can_are_refused(tmp_path):
+    """Said by the user or not: 900 m/s at the rim, and 100 times the speed over ground."""
+    table = table_of(recordings.truth()).rename(columns=lambda name: name.replace(" [rad/s]", ""))
+    columns = {f"wheel_rate_{name}": f"100 * wheel_{name}_speed" for name in WHEELS}
+    with pytest.raises(DataError, match=r"do not agree|--column"):
+        imported(table, tmp_path, columns=columns)
+
+
+def test_places_that_do_not_move_with_the_wheels_are_asked_about(tmp_path):
+    table = table_of(recordings.truth())
+    other = recordings.truth(seed=8)
+    table["x [m]"], table["y [m]"] = other["body_y"][::-1] * 3.0, np.random.default_rng(1).normal(0, 1, len(table))
+    with pytest.raises(DataError, match=r"--column"):
+        imported(table, tmp_path)
+
+
+def test_north_east_down_is_seen_by_the_wheels(tmp_path):
+    """In a mirror heading and track agree; that the right wheels run faster to the left tells it."""
+    seen = recordings.truth()
+    table = table_of(seen, **{"z [m]": -seen["body_z"]})
+    table["y [m]"], table["yaw [rad]"] = -table["y [m]"], -table["yaw [rad]"]
+    _, log = imported(table, tmp_path)
+    run = log.runs[0]
+    turned = np.corrcoef(np.gradient(run["body_yaw"]), run["wheel_rate_fr"] - run["wheel_rate_fl"])[0, 1]
+    assert turned > 0.5
+    assert np.polyfit(seen["body_z"][: len(run.t) + 40], -table["z [m]"][: len(run.t) + 40], 1)[0] == pytest.approx(1.0)
+    assert np.ptp(run["body_z"]) > 0.0
+
+
+@pytest.mark.parametrize("first", ["real", "imaginary"])
+def test_quaternion_of_either_order(first, tmp_path):
+    seen = recordings.truth()
+    x, y, z, w = recordings.quaternion(seen)
+    order = (w, x, y, z) if first == "real" else (x, y, z, w)
+    table = table_of(seen).drop(columns="yaw [rad]").assign(**{f"q{at}": each for at, each in enumerate(order)})
+    _, log = imported(table, tmp_path)
+    begin = round(10 * float(log.runs[0].attrs["purpose"].split(" from ")[1].split()[0]))
+    off = log.runs[0]["body_yaw"] - seen["body_yaw"][begin : begin + len(log.runs[0].t)]
+    assert np.abs(np.angle(np.exp(1j * off))).max() < 0.1
+
+
+def test_bad_file_among_several_is_left_out_and_named(tmp_path):
+    """A straight leg tells no convention alone, and one file stands still: the recording tells both."""
+    seen = recordings.truth(seconds=120.0)
+    table = table_of(seen)
+    for number, rows in enumerate(np.array_split(np.arange(len(table)), 3)):
+        part = table.iloc[rows]
+        if number == 1:
+            part = part.assign(**{name: part[name].iloc[0] for name in part if not name.startswith("time")})
+        part.to_csv(tmp_path / f"leg{number}.csv", index=False)
+    made = import_log([tmp_path / f"leg{at}.csv" for at in range(3)], "cart", tmp_path / "log")
+    assert any(note.startswith("leg1.csv: left out") for note in made.notes)
+    assert {line.split("-")[0] for line in made.runs} == {"leg0", "leg2"}
+
+
+@pytest.mark.parametrize("marks", ["____ _".replace(" ", ""), "::: ", "-- T"])
+def test_date_with_any_marks_is_the_clock(marks, tmp_path):
+    stamps = pd.Timestamp("2024-04-23 13:29:22.226") + pd.to_timedelta(np.arange(5) * 0.25, unit="s")
+    form = {"_____": "%Y_%m_%d_%H_%M_%S_", "::: ": "%Y:%m:%d %H:%M:%S.", "-- T": "%Y-%m-%dT%H:%M:%S."}[marks]
+    texts = [stamp.strftime(form) + f"{stamp.microsecond // 1000:03d}" for stamp in stamps]
+    pd.DataFrame({"timestamp": texts, "x": np.arange(5.0)}).to_csv(tmp_path / "a.csv", index=False)
+    assert np.diff(read_raw(tmp_path / "a.csv").table["timestamp"]) == pytest.approx(0.25e9)
+
+
+def test_records_one_a_row_are_a_table(tmp_path):
+    from scipy.io import savemat
+
+    rows = np.empty((30, 1), dtype=[("t", object), ("x", object), ("mode", object)])
+    for at in range(30):
+        rows[at, 0] = (0.1 * at, 2.0 * at, "auto")
+    savemat(tmp_path / "a.mat", {"log": rows})
+    table = read_raw(tmp_path / "a.mat").table
+    assert table["log.x"].to_numpy() == pytest.approx(2.0 * np.arange(30.0))
+    assert sorted(table) == ["log.t", "log.x"]
+
+
+def test_track_scale_and_late_clock_are_measured_with_intervals(tmp_path):
+    """A track 1.5 times that of the wheels, and wheels that were recorded 0.4 s late."""
+    seen = recordings.truth(seconds=150.0)
+    table = table_of(seen)
+    rates = [table[f"wheel_{name}_speed [rad/s]"].to_numpy() for name in WHEELS]
+    turn = np.gradient(seen["body_yaw"], seen["t_s"])
+    smooth = np.convolve(turn, np.ones(9) / 9.0, "same")
+    for name, rate, side in zip(WHEELS, rates, (-1, 1, -1, 1), strict=True):
+        wider = rate + side * 0.5 * recordings.HALF * smooth / recordings.R
+        table[f"wheel_{name}_speed [rad/s]"] = np.interp(seen["t_s"] - 0.4, seen["t_s"], wider)
+    made, _ = imported(table, tmp_path)
+    (track,) = [note for note in made.notes if note.startswith("effective track")]
+    best, low, high = (float(each) for each in track.split(" m,")[0].removeprefix("effective track ").replace("[", "")
+                       .replace("]", "").replace(",", "").split())  # fmt: skip
+    assert low < 1.5 * 2.0 * recordings.HALF < high
+    assert high - low < 0.4 * best
+    (late,) = [note for note in made.notes if "times are" in note]
+    assert float(late.split("times are ")[1].split(" s")[0]) == pytest.approx(0.4, abs=0.08)
+    assert any(note.startswith("rims run 1.") for note in made.notes)
+
+
+def test_angles_without_a_unit_are_known_by_the_climb(tmp_path):
+    seen = recordings.truth()
+    table = table_of(seen, **{"z [m]": seen["body_z"], "pitch": -seen["body_pitch"] * 180.0 / math.pi})
+    made, log = imported(table, tmp_path)
+    assert np.abs(log.runs[0]["body_pitch"]).max() < 0.2
+    assert any(line.startswith("body_pitch = -pitch [deg]") for line in made.columns)
