@@ -106,6 +106,7 @@ def fields() -> Mapping[str, Any]:
         "as_driven": as_driven(),
         "tuned": tuned(),
         "improved": improved(),
+        "foreign": foreign_logs(),
         "wheels": measured_wheels(),
     }
     return of | {"tables": tables(of)}
@@ -121,6 +122,13 @@ def as_driven() -> list[dict[str, Any]]:
     rows = kept("tune_as_driven").to_dict("records")
     controls = dict.fromkeys(row["control"] for row in rows)
     return [{"name": name, **{row["ground"]: row for row in rows if row["control"] == name}} for name in controls]
+
+
+def foreign_logs() -> list[dict[str, Any]]:
+    """Return how many foreign layouts each importer read right, asked about, or read wrong, by seed."""
+    counts = kept("foreign_logs").groupby(["importer", "seed", "answer"]).size().unstack(fill_value=0)
+    counts = counts.reindex(columns=["right", "asked", "wrong"], fill_value=0).reset_index()
+    return [{str(name): value for name, value in row.items()} for row in counts.to_dict("records")]
 
 
 def improved() -> dict[str, int]:

@@ -96,6 +96,11 @@ def tables(of: Mapping[str, Any]) -> dict[str, str]:
              "Rough": "{rough[through]:.0f} / {rough[buried]:.1f} %", "Mean cost": "{all[cost]:.3f}",
              "Better / worse than by hand on": "{all[better]} / {all[worse]}"},
         ),
+        "foreign": table(
+            of["foreign"],
+            {"Importer": "{importer}", "Seed": "{seed}", "Right": "{right}", "Asked": "{asked}",
+             "Silently wrong": "{wrong}"},
+        ),
         "improved": table(rows_of(of["improved"], IMPROVED), {"Of the logs": "{name}", "Count": "{value}"}),
         "ditches": table(
             rows_of(of["ditches"]["passed"], ("tacking", "constant 0.55", "paper, Eq 9", "paper, Eq 9, tuned")),

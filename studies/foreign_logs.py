@@ -10,8 +10,15 @@ Method
     Right: every channel of the written log is the truth: the clock to 2 %; the place up to a turn and a shift, never
     mirrored; heading to 0.1 rad (0.4 where none is recorded); rates, currents and duties to 5 % and of the right wheel;
     heights and tilts with their signs. Asked: a refusal. Wrong: anything else, whatever the log marks as guessed.
+Result
+    studies/results/foreign_logs.csv. The importer that guessed each part alone read 33 of 160 layouts right and 53
+    wrong. The joint one reads none wrong, and a fifth is asked; seeds 51 to 53 were tried when it was finished.
+What the paper says
+    Nothing of the kind: it logged with its own test bed.
+What differs
+    Layouts are made up; recordings of others may hold what none of them has.
 
-Run: python studies/foreign_logs.py [--seeds 1 2 21 22] [--count 40] [--out DIR]
+Run: python studies/foreign_logs.py [--quick] [--seeds 1 2 21 22 51 52 53] [--count 40] [--out DIR]
 """
 
 from __future__ import annotations
@@ -32,6 +39,7 @@ from foreign.drive import Drive, drive
 from foreign.files import bag, written
 from foreign.layouts import Layout, layout
 
+from rover_pin import plot
 from rover_pin.base.errors import RoverPinError
 from rover_pin.logs.drive_log import read_drive_log
 from rover_pin.logs.importing.import_log import import_log
@@ -52,24 +60,41 @@ class Outcome(NamedTuple):
 def main() -> None:
     """Try the layouts of some seeds, print what came of them, and keep it beside that of other importers."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--seeds", type=int, nargs="+", default=[1, 2, 21, 22])
+    parser.add_argument("--quick", action="store_true", help="two layouts: shows that it runs")
+    parser.add_argument("--seeds", type=int, nargs="+", default=[1, 2, 21, 22, 51, 52, 53])
     parser.add_argument("--count", type=int, default=40)
     parser.add_argument("--importer", default="joint", help="what to call it in the table")
-    parser.add_argument("--out", type=Path, help="folder of foreign_logs.csv")
+    parser.add_argument("--out", type=Path, default=Path("out/foreign_logs"), help="folder of foreign_logs.csv")
     options = parser.parse_args()
+    seeds, count = ([1], 2) if options.quick else (options.seeds, options.count)
     rows = []
-    for seed in options.seeds:
-        some = [{"importer": options.importer, **tried(seed, number)} for number in range(options.count)]
+    for seed in seeds:
+        some = [{"importer": options.importer, **tried(seed, number)} for number in range(count)]
         for row in some:
             if row["answer"] != "right":
                 print(f"{row['layout']:3d} {row['answer']:6s} {row['why'][:150]}")
-        print(f"seed {seed}:", dict(Counter(row["answer"] for row in some)))
+        print(f"seed {seed}:", dict(Counter(row["answer"] for row in some)), flush=True)
         rows += some
-    if options.out:
-        path = options.out / "foreign_logs.csv"
-        kept = pd.read_csv(path, keep_default_na=False) if path.exists() else pd.DataFrame(columns=list(rows[0]))
-        kept = kept[kept["importer"] != options.importer]
-        pd.concat([kept, pd.DataFrame(rows)]).to_csv(path, index=False)
+    options.out.mkdir(parents=True, exist_ok=True)
+    path = options.out / "foreign_logs.csv"
+    kept = pd.read_csv(path, keep_default_na=False) if path.exists() else pd.DataFrame(columns=list(rows[0]))
+    table = pd.concat([kept[kept["importer"] != options.importer], pd.DataFrame(rows)])
+    plot.write_csv(table, path)
+    figure(table, options.out)
+
+
+def figure(table: pd.DataFrame, out: Path) -> None:
+    """Draw how many layouts each importer reads right, asks about, and reads wrong."""
+    counts = table.groupby(["importer", "answer"]).size().unstack(fill_value=0)
+    sheet, axes = plot.new_figure(1, size=(7.0, 1.2 + 0.6 * len(counts)))
+    start = np.zeros(len(counts))
+    for answer, colour in zip(("right", "asked", "wrong"), plot.COLOURS, strict=False):
+        size = counts.get(answer, 0) + 0 * start
+        axes.barh(counts.index, size, left=start, color=colour, label=answer)
+        start = start + size
+    axes.set(xlabel=f"layouts (of {int(start.max())})")
+    axes.legend(fontsize=8, ncols=3, loc="upper center", bbox_to_anchor=(0.5, 1.25))
+    plot.save(sheet, out / "foreign_logs.png")
 
 
 def tried(seed: int, number: int) -> dict[str, Any]:
