@@ -180,19 +180,21 @@ class _Again(NamedTuple):
 
         That is twice the step where the ground bears it, and half of it wherever that would be warned of.
         """
-        for timing in filter(None, (self.job.timing.doubled(), self.job.timing.halved())):
+        for timing, ratio in ((self.job.timing.doubled(), 2.0), (self.job.timing.halved(), 0.5)):
             controller = repeating(self.job.controller, rows, self.job.timing)
             if controller is None:
                 return None
+            if timing is None:
+                continue
             job = self.job._replace(controller=controller, timing=timing)
             try:
                 repeated = begun(job, self.state.copy())
             except SimulationError:  # too stiff a ground for twice the step
                 continue
-            if math.isclose(repeated.timing.dt, dt):
-                continue  # the ground asks for this step anyway
+            if not math.isclose(repeated.timing.dt, ratio * dt):
+                continue  # the ground asks for finer steps
             run = job.run(repeated, job.duration, None)
-            change = step_change(rows, stop, finite(run.rows), run.stop, repeated.timing.dt / dt)
+            change = step_change(rows, stop, finite(run.rows), run.stop, ratio)
             if not change.warning:
                 break
         return change
@@ -240,10 +242,12 @@ def _traced(
     trace = trace_of(job.model, rows, attrs)
     certain = [load_warning(drive.model, rows), balance_warning(trace)]
     oddities = [f"{text}." for text in implausible(job.model)]
-    moved, energy = change.warning if change else "", energy_warning(job.model, trace)
+    step_warning, energy = change.warning if change else "", energy_warning(job.model, trace)
     aims = innermost(job.controller)
     shortfall = aims.shortfall(trace) if hasattr(aims, "shortfall") else ""
-    trace = annotate_trace(trace, [shortfall, *certain, *oddities, moved, pivot_warning(stepper.pivoted), energy])
+    trace = annotate_trace(
+        trace, [shortfall, *certain, *oddities, step_warning, pivot_warning(stepper.pivoted), energy]
+    )
     if run.stop != "duration":
         return trace
     stepper_state = StepperState(tuple(stepper.saved()), stepper.duty.copy(), stepper.servo_target.copy())

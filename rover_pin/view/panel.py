@@ -5,24 +5,23 @@ from __future__ import annotations
 import html
 import json
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from rover_pin.base.files.paths import text_of_package
 from rover_pin.view.colours import css_gradient
 from rover_pin.view.events import events_of
 from rover_pin.view.film import Film
 from rover_pin.view.subject import Subject
 
-HERE = Path(__file__).parent
 PLOTS = {"slip": ("slip S [-]", 1.0), "sinkage": ("sinkage [mm]", 1e3), "normal": ("load on the wheel [N]", 1.0)}
 """Channels of the wheels that are drawn, with their labels and scales."""
 
 
 def panel_of(subject: Subject, others: Sequence[tuple[Subject, str]], film: Film) -> str:
     """Return the panel in HTML, with its style, data and script."""
-    css, script = ((HERE / name).read_text(encoding="utf-8") for name in ("panel.css", "panel.js"))
+    css, script = (text_of_package("rover_pin.view", name) for name in ("panel.css", "panel.js"))
     data = json.dumps(plotted(film), separators=(",", ":")).replace("<", "\\u003c")
     return (
         f'<style>{css}</style><aside id="rover-pin-panel"><span class="now"></span>{legend_of(subject, others, film)}'

@@ -42,13 +42,14 @@ def test_no_layout_of_others_is_silently_wrong(foreign):
     assert np.mean(rows["answer"] == "right") >= 0.5
 
 
-def test_the_page_of_logs_tells_the_kept_table():
+@pytest.mark.slow
+def test_a_way_that_would_rise_like_a_wall_is_no_height(foreign):
+    """An almost straight way with y up was read as one that climbs 72 deg, whose slope explained its slip."""
+    assert foreign.tried(51, 29)["answer"] != "wrong"
+
+
+def test_kept_layouts_are_of_forty_a_seed_and_none_is_wrong():
     table = pd.read_csv(ROOT / "studies" / "results" / "foreign_logs.csv")
-    page = (ROOT / "docs" / "logs.md").read_text(encoding="utf-8")
-    for (seed, importer), rows in table.groupby(["seed", "importer"]):
-        count = rows["answer"].value_counts()
-        cells = " | ".join(str(count.get(answer, 0)) for answer in ("right", "asked", "wrong"))
-        assert f"| {seed} | {importer} | {cells} |" in page
     assert (table.groupby(["seed", "importer"]).size() == 40).all()
     assert not (table[table["importer"] == "joint"]["answer"] == "wrong").any()
 

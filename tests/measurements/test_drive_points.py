@@ -126,7 +126,7 @@ def test_loads_that_statics_leave_open_mislead_nobody(tmp_path):
 
 def test_unmeasured_modulus_is_uncertain_together_with_the_rest(tmp_path):
     """Held at twice the truth, k_1 halves k and takes 7 deg off phi, and the fit is good; left open, it says so."""
-    truth = cart_log(tmp_path)
+    truth = cart_log(tmp_path, **{"motor.resistance": 26.9})
     held = identify(tmp_path, fixed={"k_1": 2.0 * float(truth.k_1)})
     assert held["phi"].number.value < truth.phi - math.radians(4.0)
     found = identify(tmp_path)

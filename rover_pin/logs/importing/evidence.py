@@ -31,15 +31,32 @@ def relation(dot: Any, y: Any, x: Any, n: Any, prior: tuple[float, float] | None
 
     `prior` is the logarithm of the b that physics and units expect, and its spread; of `free` ones any b will do.
     """
-    rho = np.clip(dot / np.maximum(y * x, 1e-300), -0.9999, 0.9999)
-    n = np.maximum(n, 1.0)
+    rho, n = _correlation(dot, y, x), np.maximum(n, 1.0)
     error = np.sqrt((1.0 - rho**2) / n)
-    factor = -0.5 * n * np.log(1.0 - rho**2) - 0.5 * np.log(n) + math.log(2.0) + log_ndtr(rho / error)
+    factor = -0.5 * n * np.log(1.0 - rho**2) - 0.5 * np.log(n) + sense(dot, y, x, n)
     if prior is not None:
         positive = np.maximum(rho, 1e-3)
         log_scale = np.log(np.maximum(positive * y / np.maximum(x, 1e-300), 1e-300))
         factor += np.where(free | (rho <= 0.0), 0.0, _expected(log_scale, error / positive, *prior))
     return np.asarray(np.where((x > 0.0) & (y > 0.0), factor, 0.0))
+
+
+def sense(dot: Any, y: Any, x: Any, n: Any) -> np.ndarray:
+    """Return the log Bayes factor of a b above 0 against one of either sign, related they be."""
+    rho = _correlation(dot, y, x)
+    factor = math.log(2.0) + log_ndtr(rho * np.sqrt(np.maximum(n, 1.0) / (1.0 - rho**2)))
+    return np.asarray(np.where((x > 0.0) & (y > 0.0), factor, 0.0))
+
+
+def scaled(y: Any, x: Any, n: Any, prior: tuple[float, float], free: Any = False) -> np.ndarray:
+    """Return the log Bayes factor of the ratio of two sizes that are related, by what physics and units expect."""
+    log_scale = np.log(np.maximum(y, 1e-300) / np.maximum(x, 1e-300))
+    expected = _expected(np.asarray(log_scale), 1.0 / np.sqrt(np.maximum(n, 1.0)), *prior)
+    return np.where(free | (np.minimum(x, y) <= 0.0), 0.0, expected)
+
+
+def _correlation(dot: Any, y: Any, x: Any) -> np.ndarray:
+    return np.asarray(np.clip(dot / np.maximum(y * x, 1e-300), -0.9999, 0.9999))
 
 
 def _expected(log_scale: np.ndarray, error: np.ndarray, middle: float, sd: float) -> np.ndarray:

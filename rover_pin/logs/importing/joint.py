@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rover_pin.logs.importing.evidence import independent, relation, shares
+from rover_pin.logs.importing.evidence import independent, relation, scaled, sense, shares
 from rover_pin.logs.importing.places import COURSE
 from rover_pin.logs.importing.recording import Choice, Recording
 from rover_pin.rover.rover import Rover
@@ -22,6 +22,8 @@ from rover_pin.rover.wheel_base import wheel_places
 
 FASTEST = 5.0
 """No rover of this kind drives or turns its rims faster [m/s]."""
+STEEPEST = 1.0
+"""No ground is steeper than this over all of a drive, root mean square: what rises so is no height."""
 PACE = (math.log(0.15), 1.5)
 """Logarithm of the usual speed of a rover [m/s], and its spread."""
 GROUND = (math.log(0.9), 0.15)
@@ -106,8 +108,8 @@ def signals(recording: Recording, options: Options, rover: Rover) -> Signals:
     left, right = (speeds[:, lateral > 0.0].mean(axis=1), speeds[:, lateral < 0.0].mean(axis=1))
     width = float(np.mean(lateral[lateral > 0.0]) - np.mean(lateral[lateral < 0.0]))
     fastest = np.percentile(np.abs(speeds), 99, axis=2).max(axis=1)
-    moved = velocity, np.array(climbs), np.array(pointing), np.array(turning)
-    return Signals(*moved, speeds.mean(axis=1), (right - left) / width, rates, fastest, dt)
+    motion = velocity, np.array(climbs), np.array(pointing), np.array(turning)
+    return Signals(*motion, speeds.mean(axis=1), (right - left) / width, rates, fastest, dt)
 
 
 def log_likelihood(blocks: Signals, options: Options) -> np.ndarray:
@@ -119,15 +121,14 @@ def log_likelihood(blocks: Signals, options: Options) -> np.ndarray:
     turning = np.where(by_course[:, None], -np.inf, _turning(np.nan_to_num(blocks.turns), blocks, free))
     for p, velocity in enumerate(blocks.places):
         length = float(np.linalg.norm(velocity))
-        if np.percentile(np.abs(velocity), 99) > FASTEST:
+        if np.percentile(np.abs(velocity), 99) > FASTEST or np.linalg.norm(blocks.climbs[p]) > STEEPEST * length:
             result[p] = -np.inf
         if length == 0.0 or np.isinf(result[p, 0, 0]):
             continue
         n = np.array([independent(velocity, rim) for rim in blocks.rims])
         dot = np.real(np.conj(np.nan_to_num(blocks.headings)) * velocity) @ blocks.rims.T
-        dot[by_course] = np.abs(velocity) @ np.abs(blocks.rims).T
-        dimensions = np.where(by_course, 1.0, 2.0)[:, None]
-        result[p] = relation(dot, length, size, dimensions * n, GROUND, free)
+        result[p] = relation(dot, length, size, 2.0 * n, GROUND, free)
+        result[p][by_course] = _paces(np.abs(velocity), np.abs(blocks.rims), n, free)
         result[p] += _slips(velocity, blocks.climbs[p], blocks.rims)
         course = _course_turns(velocity, blocks.dt)
         result[p] += np.maximum(turning, _turning(np.array([course]), blocks, free))
@@ -135,8 +136,21 @@ def log_likelihood(blocks: Signals, options: Options) -> np.ndarray:
     return result
 
 
+def _paces(speed: np.ndarray, rims: np.ndarray, n: np.ndarray, free: np.ndarray) -> np.ndarray:
+    """Return how much likelier than chance the speed changes with the rims', where no heading tells their sense.
+
+    Neither is below 0, so that they would be alike about zero by chance: what counts is how they vary, and their ratio.
+    """
+    ours, theirs = speed - speed.mean(), rims - rims.mean(axis=1, keepdims=True)
+    varying = relation(theirs @ ours, np.linalg.norm(ours), np.linalg.norm(theirs, axis=1), n, None)
+    return varying + scaled(np.linalg.norm(speed), np.linalg.norm(rims, axis=1), n, GROUND, free)
+
+
 def _slips(velocity: np.ndarray, climb: np.ndarray, rims: np.ndarray) -> np.ndarray:
-    """Return how much likelier than chance it is that wheels (w,) slip more uphill: log |v / c| against the slope."""
+    """Return how much likelier than either sense it is that wheels (w,) slip more uphill: log |v / c| by the slope.
+
+    That they go together at all is no evidence: what is no height makes up for the way that it lacks.
+    """
     size = np.abs(velocity)
     moves = (size > 0.3 * np.max(size)) & np.all(rims != 0.0, axis=0)
     if moves.sum() < ROWS:
@@ -144,7 +158,7 @@ def _slips(velocity: np.ndarray, climb: np.ndarray, rims: np.ndarray) -> np.ndar
     slope, ratio = (climb / np.maximum(size, 1e-12))[moves], np.log(np.abs(rims[:, moves]) / size[moves])
     slope, ratio = slope - slope.mean(), ratio - ratio.mean(axis=1, keepdims=True)
     n = np.array([independent(slope, row) for row in ratio])
-    return relation(ratio @ slope, np.linalg.norm(ratio, axis=1), np.linalg.norm(slope), n, None)
+    return sense(ratio @ slope, np.linalg.norm(ratio, axis=1), np.linalg.norm(slope), n)
 
 
 def _turning(turns: np.ndarray, blocks: Signals, free: np.ndarray) -> np.ndarray:
