@@ -44,6 +44,10 @@ class Clock(NamedTuple):
         """Return the rows that run ahead, on this clock."""
         t = _seconds(table, self)
         ahead = _ahead(t)
+        if not ahead.any():
+            raise DataError(
+                f"no row of '{self.column}' holds a time: name the column that does by --column t_s='COLUMN'."
+            )
         return Recording(t[ahead] - t[ahead][0], table[ahead].reset_index(drop=True), helpers)
 
     def description(self, table: pd.DataFrame) -> str:

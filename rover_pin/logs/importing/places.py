@@ -128,8 +128,9 @@ def quaternions(words: Sequence[Word]) -> Iterator[tuple[tuple[str, ...], float,
     """Yield the columns x, y, z, w of a quaternion, how likely they are in that order, and what that order is."""
     by_stem: dict[tuple[str, ...], dict[str, str]] = {}
     for word in words:
-        last = word.tokens[-1].removeprefix("q") if word.tokens else ""
-        named = word.has({"q", "quat", "quaternion", "orientation", "rot", "rotation"}) or word.tokens[-1][0] == "q"
+        token = word.tokens[-1] if word.tokens else ""
+        last = token.removeprefix("q")
+        named = word.has({"q", "quat", "quaternion", "orientation", "rot", "rotation"}) or token.startswith("q")
         if named and (last in "xyzw" or last in "01234") and last:
             by_stem.setdefault(word.tokens[:-1], {})[last] = word.name
     for names in sorted(by_stem.values(), key=len, reverse=True):

@@ -56,10 +56,11 @@ def step_change(rows: np.ndarray, stop: str, at_other: np.ndarray, stop_at_other
     n, places = min(len(rows), len(at_other)), rows["q"][:, :2]
     off = np.linalg.norm(places[:n] - at_other["q"][:n, :2], axis=1)
     loads, loads_at_other = (drive["record"][:n, :, NORMAL].sum(axis=0) for drive in (rows, at_other))
-    load = np.max(np.abs(loads_at_other - loads), initial=0.0) / max(float(np.mean(loads)), np.finfo(float).tiny)
+    change, mean = float(np.max(np.abs(loads_at_other - loads), initial=0.0)), float(np.mean(loads))
+    load = change / mean if mean > np.finfo(float).eps * change else 0.0  # a rover that never stands has no loads
     new_stop = stop_at_other if _kind(stop_at_other) != _kind(stop) else ""
     way = np.linalg.norm(np.diff(places, axis=0), axis=1)
-    return StepChange(float(np.max(off, initial=0.0)), float(way.sum()), float(load), new_stop, ratio)
+    return StepChange(float(np.max(off, initial=0.0)), float(way.sum()), load, new_stop, ratio)
 
 
 def _kind(stop: str) -> str:
