@@ -85,7 +85,7 @@ def _radii(trace: Trace) -> np.ndarray | None:
         r = np.asarray(trace.attrs.get("wheel_radii_m"), dtype=float)
     except (TypeError, ValueError):
         return None
-    return r if r.shape == (len(trace.wheels),) else None
+    return r if r.shape == (len(trace.wheels),) and bool(np.all(r > 0.0)) else None
 
 
 def _ways(trace: Trace) -> _Ways:
