@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 
 import numpy as np
@@ -69,3 +70,10 @@ def mean_load(model: Model, rows: np.ndarray) -> float:
     force = float(rover.up @ (last["impulse"] - first["impulse"])) - rover.mass * (climb[1] - climb[0])
     load = force / (last["t"] - first["t"]) / (rover.mass * model.gravity)
     return load if math.isfinite(load) else math.inf
+
+
+def radii_of(trace: Trace) -> np.ndarray:
+    """Return the wheels' radii [m]; NaN where a file has none, or no such numbers."""
+    with contextlib.suppress(KeyError, TypeError, ValueError):
+        return np.broadcast_to(np.asarray(trace.attrs["wheel_radii_m"], dtype=float), (len(trace.wheels),))
+    return np.full(len(trace.wheels), math.nan)

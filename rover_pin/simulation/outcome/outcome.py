@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rover_pin.simulation.outcome.audit import radii_of
 from rover_pin.simulation.trace.trace import Trace
 
 GRIP = 0.1
@@ -67,7 +68,7 @@ def drive_outcome(trace: Trace) -> DriveOutcome | None:
         return None
     if str(trace.attrs.get("stop", "duration")) != "duration":
         return DriveOutcome("ended", float(trace.t[-1]), f"{trace.attrs['stop']}, {_place(trace, -1)}")
-    if len(trace.t) < 2 or not trace.wheels or _radii(trace) is None:
+    if len(trace.t) < 2 or not trace.wheels or not np.all(radii_of(trace) > 0.0):
         return None
     ways = _ways(trace)
     if not np.any(ways.driven):
@@ -79,18 +80,8 @@ def drive_outcome(trace: Trace) -> DriveOutcome | None:
     return _driving(trace, ways)
 
 
-def _radii(trace: Trace) -> np.ndarray | None:
-    """Return the wheels' radii [m]; None where a file has none, or no such numbers."""
-    try:
-        r = np.asarray(trace.attrs.get("wheel_radii_m"), dtype=float)
-    except (TypeError, ValueError):
-        return None
-    return r if r.shape == (len(trace.wheels),) and bool(np.all(r > 0.0)) else None
-
-
 def _ways(trace: Trace) -> _Ways:
-    r = _radii(trace)
-    assert r is not None
+    r = radii_of(trace)
     duty, dt = trace.stack("duty"), np.diff(trace.t, prepend=trace.t[:1])[:, None]
     sense = _held_sense(duty)
     rims, travel = sense * r * trace.stack("wheel_rate"), sense * trace.stack("travel")
