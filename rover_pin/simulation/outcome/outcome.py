@@ -1,7 +1,6 @@
 """What a drive came to, in one sentence: it drives on or turns, is stuck, stalled, slid back, or held, since when.
 
-Lengths are in units of the wheel's radius r and of the rims' way, times in those of the drive's duration, so
-that the same words fit any rover. What a wheel does is counted in the sense in which its motor is driven.
+Lengths are in r and the rims' way, times in the drive's duration, for any rover; wheels in the sense they are driven.
 """
 
 from __future__ import annotations
