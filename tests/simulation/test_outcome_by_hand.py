@@ -90,3 +90,13 @@ def test_ended_drive_reports_its_place_and_a_single_row_nothing():
 def test_a_short_drive_is_judged_by_two_rows_at_least(count):
     assert told(count=count, rate=0.0, travel=0.0, gave=0.0)[0] == "stalled"
     assert numbers(told(count=count, rate=1.0, travel=0.06)[1])[0] == "0.06 m/s"
+
+
+def test_rims_that_turn_beyond_rounding_are_stuck():
+    """A file's rates of 1e17 rad/s: a radius more is lost in what the rims have turned."""
+    assert drive_outcome(trace(rate=1e17, gave=1.0)).kind == "stuck"
+
+
+@pytest.mark.parametrize("radii", [None, "0.1", {"a": 0.1}, [0.1], [0.1, 0.0], [0.1, float("nan")]])
+def test_a_trace_without_radii_comes_to_nothing(radii):
+    assert drive_outcome(trace(attrs={"wheel_radii_m": radii})) is None

@@ -75,5 +75,5 @@ def mean_load(model: Model, rows: np.ndarray) -> float:
 def radii_of(trace: Trace) -> np.ndarray:
     """Return the wheels' radii [m]; NaN where a file has none, or no such numbers."""
     with contextlib.suppress(KeyError, TypeError, ValueError):
-        return np.broadcast_to(np.asarray(trace.attrs["wheel_radii_m"], dtype=float), (len(trace.wheels),))
+        return np.asarray(trace.attrs["wheel_radii_m"], dtype=float).reshape(len(trace.wheels), 1)[:, 0]
     return np.full(len(trace.wheels), math.nan)

@@ -269,9 +269,10 @@ def _rate_on_the_spot(trace: Trace, ways: _Ways, window: int) -> float:
 
 def _grip(ways: _Ways) -> np.ndarray:
     """Return, for each row from which the rims still turn by r, what the wheels travel over that way."""
-    begin = np.flatnonzero(ways.turned <= ways.turned[-1] - ways.r)
-    end = np.searchsorted(ways.turned, ways.turned[begin] + ways.r)
-    return (ways.travelled[end] - ways.travelled[begin]) / (ways.turned[end] - ways.turned[begin])
+    turned, r = ways.turned, ways.r  # r is lost in the rounding of rims that turned by 1e15 m
+    begin = np.flatnonzero((turned <= turned[-1] - r) & (turned < turned[-1]))
+    end = np.maximum(np.searchsorted(turned, turned[begin] + r), np.searchsorted(turned, turned[begin], side="right"))
+    return (ways.travelled[end] - ways.travelled[begin]) / (turned[end] - turned[begin])
 
 
 def _last_stretch(so: np.ndarray) -> int:
@@ -286,8 +287,7 @@ def _since(ways: _Ways, row: int) -> str:
 
 def _place(trace: Trace, row: int) -> str:
     x, y = (round(float(trace[name][row]), 2) + 0.0 for name in ("body_x", "body_y"))
-    beside = f", y = {y:.2f} m" if y else ""
-    return f"at x = {x:.2f} m{beside}"
+    return f"at x = {x:.2f} m" + (f", y = {y:.2f} m" if y else "")
 
 
 def _turned(trace: Trace) -> str:
