@@ -176,19 +176,19 @@ def bounds(
     from rover_pin.base.quantity import parse_quantity
     from rover_pin.control.rover_bounds import bounds_of_model, bounds_table
     from rover_pin.scenarios.scenario import scenario
-    from rover_pin.simulation.model.toml_file import models_of
 
     slope, slip_limit = parse_quantity(slope_deg, "rad", "--slope-deg", "deg"), parse_quantity(slip, "", "--slip")
     allowed = Trust.of(effects, trust)
+    options = {"rover": rover, "soil": soil, "form": form, "gravity": gravity}
+    settings: dict[str, Any] = {**{name: value for name, value in options.items() if value}, "trust": allowed}
     if model is not None and model.is_dir():
+        from rover_pin.simulation.model.toml_file import models_of
         from rover_pin.tuning.improve import torque_bounds
 
-        over = torque_bounds(models_of(model), allowed, slip_limit, slope)
+        over = torque_bounds(models_of(model), settings, slip_limit, slope)
         report({name: value.words() for name, value in over.items()}, as_json)
         return
-    options = {"rover": rover, "soil": soil, "form": form, "gravity": gravity, "model": model and str(model)}
-    settings = {name: value for name, value in options.items() if value}
-    loaded_model = scenario("flat", **settings, trust=allowed).model
+    loaded_model = scenario("flat", **settings, **({"model": str(model)} if model else {})).model
     wheel_bounds, result = bounds_of_model(loaded_model, slip_limit, slope)
     if as_json:
         report(result, as_json)

@@ -181,11 +181,11 @@ class _Again(NamedTuple):
         That is twice the step where the ground bears it, and half of it wherever that would be warned of.
         """
         for timing, ratio in ((self.job.timing.doubled(), 2.0), (self.job.timing.halved(), 0.5)):
+            if timing is None:
+                continue
             controller = repeating(self.job.controller, rows, self.job.timing)
             if controller is None:
                 return None
-            if timing is None:
-                continue
             job = self.job._replace(controller=controller, timing=timing)
             try:
                 repeated = begun(job, self.state.copy())

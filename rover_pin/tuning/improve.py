@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -184,16 +185,18 @@ def improve(
     models = models_of(loop / POSTERIOR)
     tuning_study = (study or STUDY).on_model(*models).trusting(allowed)
     tuning = tune_gains(tuning_study, out / "control", stages, workers or None)
-    improvement = Improvement(tuning, torque_bounds(models, allowed), "constant duty", predicted_gain(tuning))
+    improvement = Improvement(
+        tuning, torque_bounds(models, {"trust": allowed}), "constant duty", predicted_gain(tuning)
+    )
     replace_file(out / "improve.json", json.dumps(improvement.summary(), indent=1) + "\n")
     return improvement
 
 
 def torque_bounds(
-    models: tuple[Path, ...], trust: Trust, slip: float = SLIP_LIMIT, slope: float = 0.0
+    models: tuple[Path, ...], settings: Mapping[str, Any], slip: float = SLIP_LIMIT, slope: float = 0.0
 ) -> dict[str, Predicted]:
-    """Return the least torque bound on a slope [rad], and the slope climbed at a slip, over the models."""
-    rows = [bounds_of_model(scenario("flat", model=str(file), trust=trust).model, slip, slope) for file in models]
+    """Return the least torque bound on a slope [rad], and the slope climbed at a slip, over the models so set."""
+    rows = [bounds_of_model(scenario("flat", model=str(file), **settings).model, slip, slope) for file in models]
     return {
         "torque bound [N m]": Predicted.of([float(np.min(bounds.limit)) for bounds, _ in rows]),
         "climbable at the slip limit [deg]": Predicted.of([plain["climbable_at_slip_limit_deg"] for _, plain in rows]),

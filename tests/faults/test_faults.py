@@ -9,34 +9,11 @@ from pathlib import Path
 
 import pytest
 
+from tests.cli.test_refused_by_the_machine import STUDY
 from tests.faults.failing import CHILD, ROOM, WRITE
+from tests.tuning.test_improve import SMALL
 
 ROOT = Path(__file__).parents[2]
-SWEEP = """
-name = "small"
-scenario = "flat"
-duration = 0.5
-plan = { kind = "grid", points = 2 }
-[parameters]
-soil.k = { low = 1e-3, high = 1e-2 }
-"""
-TUNING = """
-name = "small"
-estimate = "onboard"
-[free]
-S_d = [0.2, 0.8]
-[before.hole]
-[effort]
-population = 5
-generations = 0
-keep = 1
-[[training]]
-scenario = "incline"
-duration = 1
-[[held_out]]
-scenario = "flat"
-duration = 1
-"""
 WRITES = (
     "drive flat --set duration=1 --view",
     "new-rover my_rover.urdf",
@@ -71,8 +48,8 @@ def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("faults")
     shutil.copyfile(ROOT / "studies" / "data" / "cmu-smooth-wheel" / "points.csv", folder / "mine.csv")
     shutil.copyfile(ROOT / "urdf" / "cart.urdf", folder / "my_rover.urdf")
-    (folder / "small.toml").write_text(SWEEP)
-    (folder / "tuning.toml").write_text(TUNING)
+    (folder / "small.toml").write_text(STUDY)
+    (folder / "tuning.toml").write_text(SMALL)
     for line in ("drive flat --set duration=1 -q", f"{WRITES[2].removesuffix(' --out other')} -q"):
         subprocess.run([sys.executable, "-m", "rover_pin", *line.split()], cwd=folder, check=True, capture_output=True)
     return folder

@@ -18,7 +18,7 @@ from rover_pin.logs.importing.evidence import independent, relation, scaled, sen
 from rover_pin.logs.importing.places import COURSE
 from rover_pin.logs.importing.recording import Choice, Recording
 from rover_pin.rover.rover import Rover
-from rover_pin.rover.wheel_base import wheel_places
+from rover_pin.rover.wheel_base import base_of
 
 FASTEST = 5.0
 """No rover of this kind drives or turns its rims faster [m/s]."""
@@ -103,13 +103,12 @@ def signals(recording: Recording, options: Options, rover: Rover) -> Signals:
         turning.append(change(yaw))
     names = [f"wheel_rate_{mount.name}" for mount in rover.wheels]
     rates = np.array([[mean(of(choice, name)) for name in names] for choice in options.wheels])
-    lateral = np.array([float(wheel_places(rover)[mount.name][1]) for mount in rover.wheels])
+    sides = np.array([mount.side for mount in rover.wheels])
     speeds = rates * rover.radii[:, None]
-    left, right = (speeds[:, lateral > 0.0].mean(axis=1), speeds[:, lateral < 0.0].mean(axis=1))
-    width = float(np.mean(lateral[lateral > 0.0]) - np.mean(lateral[lateral < 0.0]))
+    left, right = (speeds[:, sides == side].mean(axis=1) for side in "lr")
     fastest = np.percentile(np.abs(speeds), 99, axis=2).max(axis=1)
     motion = velocity, np.array(climbs), np.array(pointing), np.array(turning)
-    return Signals(*motion, speeds.mean(axis=1), (right - left) / width, rates, fastest, dt)
+    return Signals(*motion, speeds.mean(axis=1), (right - left) / base_of(rover).track, rates, fastest, dt)
 
 
 def log_likelihood(blocks: Signals, options: Options) -> np.ndarray:

@@ -10,10 +10,10 @@ from rover_pin.base.formula import change
 from rover_pin.logs.importing.evidence import independent
 from rover_pin.logs.importing.recording import Recording
 from rover_pin.rover.rover import Rover
-from rover_pin.rover.wheel_base import wheel_places
+from rover_pin.rover.wheel_base import base_of
 
-LATEST, STEP = 2.0, 0.02
-"""Offsets of the wheels' clock that are tried [s], and the step between them."""
+OFFSETS = np.arange(-2.0, 2.01, 0.02)
+"""Offsets of the wheels' clock that are tried [s]."""
 DROP = 0.5 * 1.96**2
 """Fall of the log likelihood at the ends of an interval of 95 %."""
 
@@ -26,14 +26,13 @@ def measured(
     The factors are slopes through zero of signals over a second; the errors are those of least squares with as many
     samples as are independent. The offset is the one at which the way of the rims fits that of the place best.
     """
-    lateral = {mount.name: float(wheel_places(rover)[mount.name][1]) for mount in rover.wheels}
-    width = float(np.mean([y for y in lateral.values() if y > 0]) - np.mean([y for y in lateral.values() if y < 0]))
+    sides, width = {mount.name: mount.side for mount in rover.wheels}, base_of(rover).track
     rims, grounds, spins, turns, misfits = [], [], [], [], []
     for recording, channels in zip(recordings, values, strict=True):
         t, good = recording.t, np.isfinite(channels["body_x"] + channels["body_y"] + channels["body_yaw"])
         speeds = {mount.name: mount.wheel.r * channels[f"wheel_rate_{mount.name}"] for mount in rover.wheels}
         rim = np.nan_to_num(np.nanmean(list(speeds.values()), axis=0))
-        right, left = (np.nanmean([v for n, v in speeds.items() if lateral[n] * s < 0], axis=0) for s in (1, -1))
+        right, left = (np.nanmean([v for n, v in speeds.items() if sides[n] == side], axis=0) for side in "rl")
         at = t[0] + np.arange(1.0, t[-1] - t[0] - 1.0)
         if good.sum() < 20 or len(at) < 10:
             continue
@@ -58,10 +57,9 @@ def measured(
             low, best, high = (scale / series for series in reversed(fit))
             yield text.format(f"{best:.3g} [{low:.3g}, {high:.3g}]")
     loss = np.sum(misfits, axis=0)
-    offsets = np.arange(-LATEST, LATEST + STEP / 2, STEP)
-    inside = offsets[loss - loss.min() < DROP]
+    inside = OFFSETS[loss - loss.min() < DROP]
     if inside[0] > 0.0 or inside[-1] < 0.0:
-        best, low, high = offsets[np.argmin(loss)], inside[0], inside[-1]
+        best, low, high = OFFSETS[np.argmin(loss)], inside[0], inside[-1]
         yield f"the wheels' times are {best:+.2f} s [{low:+.2f}, {high:+.2f}] behind the place's: shift one of them"
 
 
@@ -78,7 +76,7 @@ def _slope(x: np.ndarray, y: np.ndarray) -> tuple[float, float, float] | None:
 def _misfit(t: np.ndarray, way: Sequence[np.ndarray], at: np.ndarray, ground: np.ndarray) -> np.ndarray:
     """Return the negative log likelihood of each offset, least squares over the scale of the way."""
     result = []
-    for offset in np.arange(-LATEST, LATEST + STEP / 2, STEP):
+    for offset in OFFSETS:
         ends = [np.interp(at + offset + half, t, way[0]) + 1j * np.interp(at + offset + half, t, way[1])
                 for half in (-0.5, 0.5)]  # fmt: skip
         rolled = ends[1] - ends[0]
