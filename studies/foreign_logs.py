@@ -178,7 +178,8 @@ def faults(seen: Drive, made: Layout, spans: list[tuple[Any, float]]) -> Any:
     if angle > (0.4 if made.habits.get("heading") == "none" else 0.1):
         yield f"heading ({angle:.2g} rad)"
     channels = set(spans[0][0].channels)
-    for name in ("body_z", "body_pitch", "body_roll"):
+    inertial = [f"{kind}_{axis}" for kind in ("gyro", "accelerometer") for axis in "xyz"]
+    for name in ("body_z", "body_pitch", "body_roll", *(name for name in inertial if name in made.truth)):
         if name in channels and unlike(own(name), true(name), shifted=name == "body_z"):
             yield name
     for kind in ("wheel_rate_{}", "current_{}_A", "duty_{}"):

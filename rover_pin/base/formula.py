@@ -97,6 +97,13 @@ def rate(value: Array, t: Array) -> Array:
     return np.asarray(np.gradient(value, t)) if len(t) > 1 else np.zeros(len(t))
 
 
+def integral(value: Array, t: Array) -> Array:
+    """Return the integral of value dt from the first row by trapezoids, a gyroscope's heading as an example."""
+    finite = np.isfinite(value)
+    gapless = np.interp(t, t[finite], value[finite]) if finite.any() else np.full(len(t), np.nan)
+    return np.concatenate([[0.0], np.cumsum(0.5 * (gapless[1:] + gapless[:-1]) * np.diff(t))])[: len(t)]
+
+
 def _first(values: Array) -> float:
     finite = np.asarray(values)[np.isfinite(values)]
     return float(finite[0]) if finite.size else float("nan")
@@ -107,7 +114,7 @@ FUNCTIONS: dict[str, tuple[Callable[..., Any], int]] = {
     "atan": (np.arctan, 1), "atan2": (np.arctan2, 2), "sqrt": (np.sqrt, 1), "abs": (np.abs, 1), "hypot": (np.hypot, 2),
     "sign": (np.sign, 1), "radians": (np.radians, 1), "degrees": (np.degrees, 1), "unwrapped": (unwrapped, 1),
     "roll": (roll, 4), "pitch": (pitch, 4), "yaw": (yaw, 4), "north": (north, 2), "east": (east, 2),
-    "course": (course, 3), "heading": (heading, 4), "rate": (rate, 2),
+    "course": (course, 3), "heading": (heading, 4), "rate": (rate, 2), "integral": (integral, 2),
 }  # fmt: skip
 """What a formula may call, and with how many numbers."""
 CONSTANTS = {"pi": np.pi}

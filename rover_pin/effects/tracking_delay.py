@@ -27,5 +27,12 @@ class TrackingDelay(SensorEffect):
 
     def read(self, t: np.ndarray, channels: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Return the late channels."""
-        late = np.asarray(t) - self.d
-        return {name: np.interp(late, t, values) for name, values in channels.items() if name.startswith("body_")}
+        return _at(np.asarray(t) - self.d, t, channels)
+
+    def undone(self, t: np.ndarray, channels: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """Return the channels as they were before the delay; after the last sample, the last."""
+        return _at(np.asarray(t) + self.d, t, channels)
+
+
+def _at(times: np.ndarray, t: np.ndarray, channels: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    return {name: np.interp(times, t, values) for name, values in channels.items() if name.startswith("body_")}

@@ -17,6 +17,8 @@ NOISE = {
     "body_attitude": "rad",
     "body_velocity": "m/s",
     "battery": "V",
+    "gyro": "rad/s",
+    "accelerometer": "m/s^2",
     SAMPLE_PERIOD: "s",
 }
 """Keys of `[noise]` and their units; an angle is one of steering, rockers and bogies."""
@@ -33,6 +35,8 @@ STARTS = {
     "body_pitch": "body_attitude",
     "body_yaw": "body_attitude",
     "battery_V": "battery",
+    "gyro_": "gyro",
+    "accelerometer_": "accelerometer",
 }
 """How the names of channels begin, and their kinds; the longer beginning stands."""
 

@@ -6,7 +6,7 @@
     name = "slope"
     source = "our test field, 2026"
     rover = "nexus6"                      # or a TOML beside its URDF
-    gravity = 9.81                        # m/s^2, or { value = ..., unit = "..." }
+    gravity = 9.81                        # m/s^2
     wheels = ["fl", "fr", "ml", "mr", "rl", "rr"]
     input = "rates"                       # hold the wheels to their measured rates; else duties, where logged
     angles = "sinkage"                    # or "fixed", Table 1's, as is usual for the paper's wheels
@@ -16,6 +16,8 @@
     phi = { value = 30.0, unit = "deg" }
     [resistance]                          # R of `MotionResistance`; else that of a flat cruised at S = 0.05
     R = { value = 0.028, unit = "" }
+    [tracker]                             # error of its scale e, as of visual odometry, and its delay d
+    e = { value = 0.0, sd = 0.02 }
     [noise]                               # one SD of a sample for each kind of channel, see log_noise
     wheel_rate = { value = 0.02, unit = "rad/s" }
     [[run]]
@@ -23,7 +25,6 @@
     start = { x = 0.0, y = 0.0, yaw = 0.0 }
     purpose = "climb until it stops"
     terrain = { slope = { value = 12, unit = "deg" } }   # of this run, see run_terrain
-    units = { wheel_rate_fl = "rpm" }     # of columns that are not in the unit that their name tells
 
 `column_map` says how columns of other names, units and forms are read, `bag_columns` the same of ROS bags.
 """
@@ -51,7 +52,7 @@ from rover_pin.logs.ros_bag import is_bag, read_bag
 from rover_pin.logs.run_terrain import is_of_run, run_terrain
 from rover_pin.parameters.gravity import EARTH, gravity_from
 from rover_pin.rover.rover import Rover, load_named
-from rover_pin.simulation.trace.channels import DUTIES, RATES, WHEELS, unit_of
+from rover_pin.simulation.trace.channels import DUTIES, ODOMETRY, RATES, WHEELS, unit_of
 from rover_pin.simulation.trace.files import run_from
 from rover_pin.simulation.trace.trace import Trace
 from rover_pin.soil.angles import ANGLES
@@ -76,6 +77,8 @@ class LogMetadata:
     wheels: tuple[str, ...] = WHEELS
     input: str = ""
     "duties or rates; empty: duties where they are logged"
+    place: str = ""
+    "odometry where the pose was computed of the wheels; empty: it was measured"
     angles: str = ""
     "fixed or sinkage, how the contact arc is found; empty: fixed for the paper's wheels"
     licence: str = ""
@@ -86,6 +89,7 @@ class LogMetadata:
     wheel: Mapping[str, Any] = field(default_factory=dict)
     motor: Mapping[str, Any] = field(default_factory=dict)
     resistance: Mapping[str, Any] = field(default_factory=dict)
+    tracker: Mapping[str, Any] = field(default_factory=dict)
     noise: Mapping[str, Any] = field(default_factory=dict)
     columns: Mapping[str, Any] = field(default_factory=dict)
     bag: Mapping[str, Any] = field(default_factory=dict)
@@ -97,9 +101,9 @@ class LogMetadata:
         return cls(name, trace.attrs.get("made_by", ""), rover, gravity, trace.wheels or WHEELS)
 
 
-TABLES = ("terrain", "soil", "wheel", "motor", "resistance", "noise", "columns", "bag")
-TEXTS = ("name", "source", "rover", "licence", "method", "input", "angles")
-WORDS = {"input": ("", DUTIES, RATES), "angles": ("", *ANGLES)}
+TABLES = ("terrain", "soil", "wheel", "motor", "resistance", "tracker", "noise", "columns", "bag")
+TEXTS = ("name", "source", "rover", "licence", "method", "input", "place", "angles")
+WORDS = {"input": ("", DUTIES, RATES), "place": ("", ODOMETRY), "angles": ("", *ANGLES)}
 
 
 @brief
@@ -241,9 +245,8 @@ def _checked_metadata(file: Path, table: dict[str, Any]) -> LogMetadata:
     wheels = table.get("wheels", list(WHEELS))
     if not isinstance(wheels, list) or not all(isinstance(wheel, str) for wheel in wheels):
         raise DataError(f"{file}: wheels = {wheels!r} must be a list of names, as ['fl', 'fr'].")
-    return LogMetadata(
-        **{**table, "wheels": tuple(wheels), "gravity": gravity_from(table.get("gravity", EARTH), str(file))}
-    )
+    gravity = gravity_from(table.get("gravity", EARTH), str(file))
+    return LogMetadata(**{**table, "wheels": tuple(wheels), "gravity": gravity})
 
 
 def _refuse_twice(file: Path, names: list[Any]) -> None:
@@ -268,7 +271,7 @@ def _run(file: Path, metadata: LogMetadata, at: int, entry: dict[str, Any], trus
         )
     attrs = {"file": name, "rover": metadata.rover, "gravity_mps2": metadata.gravity, "wheels": list(metadata.wheels)}
     attrs |= {"start": _start(file, at, entry["start"])} if "start" in entry else {}
-    attrs |= {"input": metadata.input} if metadata.input else {}
+    attrs |= {key: getattr(metadata, key) for key in ("input", "place") if getattr(metadata, key)}
     attrs |= {"terrain": entry["terrain"]} if "terrain" in entry else {}
     attrs |= {"purpose": str(entry["purpose"])} if "purpose" in entry else {}
     trace = run_from(_table(file, metadata, path, trust), metadata.wheels, units=entry.get("units", {}))

@@ -50,6 +50,8 @@ IN_POINTS = ("gear", "k_t")
 
 def points_of_log(log: DriveLog, sampling: Sampling = SAMPLING) -> TractionPoints:
     """Return the traction points of a drive log with the motor that it must declare."""
+    if log.metadata.place:
+        raise DataError(f"{log.folder}: the pose is the wheels' odometry, which tells no slip: give a measured one.")
     if not log.metadata.motor:
         raise DataError(
             f"{log.folder}: drive.toml declares no [motor], and the torque is evaluated from its characteristics: "

@@ -15,12 +15,14 @@ import numpy as np
 from rover_pin.base.errors import DataError
 from rover_pin.simulation.compiled.kernel import Kernel
 from rover_pin.simulation.failure import failure, suspension_of
+from rover_pin.simulation.logged_inputs import PLACE, rates_of, shared, undone
 from rover_pin.simulation.model.model import Model
 from rover_pin.simulation.native.loop import Loop, Outcome
 from rover_pin.simulation.native.shared import RECORD
 from rover_pin.simulation.resolution import parts
 from rover_pin.simulation.start.place import Start, settled, taken_over
 from rover_pin.simulation.state import DriveState
+from rover_pin.simulation.trace.inertial import GRAVITY, has_inertial
 from rover_pin.simulation.trace.trace import Trace
 from rover_pin.terrain.terrain import Terrain
 
@@ -53,6 +55,8 @@ class Commands:
     rate: np.ndarray | None = None
     terrain: Terrain | None = None
     "the ground of this run alone, instead of the model's"
+    inertial: bool = False
+    "whether an inertial unit was logged"
 
     def on(self, model: Model) -> Model:
         """Return a model on the ground of this run."""
@@ -117,7 +121,8 @@ def commands(log: Trace, wheels: tuple[str, ...], steered: tuple[str, ...]) -> C
     start = Start(**declared) if declared else _begun(log, begun, period)
     heading = np.where(np.isfinite(yaw), course, np.nan)
     place = np.column_stack([averaged(t, column, rows, period) for column in (x, y, heading)])
-    return Commands(rows, duty, np.column_stack(steer) if steer else np.zeros((len(rows), 0)), place, start, rate)
+    steers = np.column_stack(steer) if steer else np.zeros((len(rows), 0))
+    return Commands(rows, duty, steers, place, start, rate, inertial=has_inertial(log.channels))
 
 
 def _begun(log: Trace, first: np.ndarray, period: float) -> Start:
@@ -191,7 +196,6 @@ def replay(
     per_row = round(run.period / dt)
     loop = Loop(kernel, dt, per_row * len(run.t), per_row, **_fields(model, run, perturbation))
     if run.rate is not None:
-        loop.set(rate_rows=true_rates(model, run))
         kernel.hold(loop.keep["rate_rows"][0].copy())
     outcome = loop.run(len(run.t))
     while outcome is Outcome.FAILS:
@@ -225,33 +229,12 @@ def _fields(model: Model, run: Commands, perturbation: Perturbation) -> dict[str
         "grip_rows": perturbation.grip,
     }
     fields = {name: np.array(values, dtype=float) for name, values in rows.items() if values is not None}
-    place = np.array(run.place, dtype=float)
+    channels = undone(model, run)
+    place = np.column_stack([channels[name] for name in PLACE])
+    if run.rate is not None:
+        fields["rate_rows"] = rates_of(model, channels)
     fields["gave"] = np.zeros(run.steer.shape[1])
     return {**fields, "place_rows": place, "share": run.period / HOLD, "check_every": CHECKED}
-
-
-def true_rates(model: Model, run: Commands) -> np.ndarray:
-    """Return the rates (T, wheels) [rad/s] at which the wheels turned where the model's sensors read the logged."""
-    names = [f"wheel_rate_{wheel.name}" for wheel in model.rover.wheels]
-    rates = dict(zip(names, np.asarray(run.rate).T, strict=True))
-    for sensor in reversed(model.sensor_effects):
-        rates |= sensor.undone(run.t, rates)
-    return shared(model, np.column_stack([rates[name] for name in names]))
-
-
-def shared(model: Model, values: np.ndarray) -> np.ndarray:
-    """Return values (T, wheels), of wheels that are tied together their mean: they have one rate and one motor.
-
-    Held each to its own, noise of a second tachogenerator would be torques without bound that turn nothing.
-    """
-    column = {wheel.dof: at for at, wheel in enumerate(model.rover.wheels)}
-    ties = [tie for tie in model.rover.couplings if tie.follower in column and tie.leader in column]
-    means = values.copy()
-    for leader in {tie.leader for tie in ties}:
-        ratios = {column[leader]: 1.0} | {column[tie.follower]: tie.ratio for tie in ties if tie.leader == leader}
-        group, ratio = list(ratios), np.array(list(ratios.values()))
-        means[:, group] = ratio * (values[:, group] / ratio).mean(axis=1, keepdims=True)
-    return means
 
 
 def _with_last(loop: Loop, good: int) -> np.ndarray:
@@ -279,4 +262,7 @@ def _channels(model: Model, run: Commands, rows: np.ndarray) -> dict[str, np.nda
     channels |= {"body_yaw": np.unwrap(attitude[:, 2]) - offset[:, 2]}
     channels |= {f"body_v{axis}": rows["velocity"][:, i] for i, axis in enumerate("xyz")}
     channels["battery_V"] = record[:, 0, RECORD.index("supply")]
+    if run.inertial:
+        gravity = model.built.model.gravity.linear
+        channels |= {name: np.full(len(q), along) for name, along in zip(GRAVITY, gravity, strict=True)}
     return {name: np.ascontiguousarray(values) for name, values in channels.items()}

@@ -89,6 +89,10 @@ def bag(seen: Drive, folder: Path, random: np.random.Generator) -> tuple[Path, L
     truth = {f"wheel_rate_{corner}": seen.rates[at] for at, corner in enumerate(("fl", "fr", "bl", "br"))}
     truth |= {name: getattr(seen, name.removeprefix("body_")) for name in ("body_x", "body_y", "body_z", "body_yaw",
                                                                           "body_pitch", "body_roll")}  # fmt: skip
+    if pose == "receiver and IMU":
+        still = 0.0 * seen.t
+        truth |= {"gyro_x": still, "gyro_y": still, "gyro_z": seen.turn, "accelerometer_x": -9.81 * seen.pitch,
+                  "accelerometer_y": 9.81 * seen.roll, "accelerometer_z": still + 9.81}  # fmt: skip
     with Writer(folder / "drive", version=8) as made:
         told: dict[str, Any] = {}
         for row, t in enumerate(seen.t):

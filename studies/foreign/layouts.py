@@ -249,7 +249,7 @@ def _beside(own: _Writer) -> None:
             own.pick("a_{}", "acc_{}", "imu.accel.{}", "lin_acc_{}").format(axis): values
             for axis, values in zip("XYZ", (9.81 * -seen.pitch, 9.81 * seen.roll, 9.81 + 0.0 * seen.t), strict=True)
         },
-        "gyro": lambda: {f"gyro_{axis}": noise(0.01) + (seen.turn if axis == "z" else 0.0) for axis in "xyz"},
+        "gyro": lambda: {f"gyro_{axis}": noise(0.005) + (seen.turn if axis == "z" else 0.0) for axis in "xyz"},
         "odometry": lambda: {"odom_x": 1.15 * (seen.x - seen.x[0]), "odom_y": 1.15 * (seen.y - seen.y[0])},
         "battery": lambda: {
             "battery_voltage": 24.0 + noise(0.05),
@@ -266,3 +266,6 @@ def _beside(own: _Writer) -> None:
     for name in chosen:
         for column, values in several[name]().items():
             own.put(column, values)
+            if name in ("accelerometer", "gyro"):
+                still = name == "gyro" and column[-1] != "z"
+                own.truth[f"{name}_{column[-1].lower()}"] = 0.0 * seen.t if still else values

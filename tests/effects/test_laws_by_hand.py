@@ -13,6 +13,8 @@ from rover_pin.effects.ploughing import Ploughing
 from rover_pin.effects.soil_traction import NODES, SoilTraction
 from rover_pin.effects.tacho_scale import TachoScale
 from rover_pin.effects.tether_drag import TetherDrag
+from rover_pin.effects.tracker_scale import TrackerScale
+from rover_pin.effects.tracking_delay import TrackingDelay
 from rover_pin.simulation.model.effect_files import package_effects
 from rover_pin.soil.angles import FixedAngles, SinkageAngles
 from rover_pin.soil.combined import combined_forces
@@ -106,8 +108,11 @@ def test_a_tether_begins_where_the_drive_begins():
 
 def test_what_a_sensor_misreads_can_be_undone():
     t = np.arange(0.0, 1.0, 0.1)
-    channels = {"wheel_rate_fl": 1.0 + t, "wheel_rate_ml": 2.0 - t, "body_x": t}
-    for sensor in (TachoScale(e=0.3), TachoScale(e=-0.2, wheel="ml")):
+    channels = {"wheel_rate_fl": 1.0 + t, "wheel_rate_ml": 2.0 - t, "body_x": 3.0 + t, "body_yaw": t, "body_vx": t**2}
+    late = {"body_x": 3.0 + t}
+    back = TrackingDelay(d=0.2).undone(t, TrackingDelay(d=0.2).read(t, late))["body_x"]
+    assert list(back[:-2]) == pytest.approx(late["body_x"][:-2])
+    for sensor in (TachoScale(e=0.3), TachoScale(e=-0.2, wheel="ml"), TrackerScale(e=0.05)):
         read = channels | sensor.read(t, channels)
         assert {name: list(values) for name, values in sensor.undone(t, read).items()} == {
             name: pytest.approx(channels[name]) for name in sensor.read(t, channels)

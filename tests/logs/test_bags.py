@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from rover_pin.logs.importing.raw import read_raw
+from rover_pin.logs.importing.files.raw import read_raw
 
 pytest.importorskip("rosbags")
 from rosbags.rosbag2 import Writer

@@ -11,8 +11,8 @@ import pytest
 
 from rover_pin.base.errors import DataError
 from rover_pin.logs.drive_log import read_drive_log
+from rover_pin.logs.importing.files.raw import read_raw
 from rover_pin.logs.importing.import_log import import_log
-from rover_pin.logs.importing.raw import read_raw
 from rover_pin.logs.importing.words import corner, word
 from tests.logs import recordings
 
@@ -208,3 +208,35 @@ def test_angles_without_a_unit_are_known_by_the_climb(tmp_path):
     made, log = imported(table, tmp_path)
     assert np.abs(log.runs[0]["body_pitch"]).max() < 0.2
     assert any(line.startswith("body_pitch = -pitch [deg]") for line in made.columns)
+
+
+@pytest.mark.parametrize("frame", [1.0, -1.0])
+@pytest.mark.parametrize(
+    ("gyro", "accelerometer", "per_rate", "per_force"),
+    [
+        ("gyro_{}", "acc_{}", 180.0 / math.pi, 1.0 / 9.80665),
+        ("imu.angular_velocity.{}", "imu.linear_acceleration.{}", 1.0, 1.0),
+        ("Gyro{} [deg/s]", "Acc{} [m/s^2]", 180.0 / math.pi, 1.0),
+    ],
+)
+def test_an_inertial_unit_is_read_in_its_units_and_axes(tmp_path, gyro, accelerometer, per_rate, per_force, frame):
+    """Axes ahead, left and up, or ahead, right and down."""
+    seen, random = recordings.truth(), np.random.default_rng(2)
+    turn = np.gradient(seen["body_yaw"], seen["t_s"])
+    rates = {"x": 0.0 * turn, "y": 0.0 * turn, "z": turn}
+    forces = {"x": -9.81 * np.sin(seen["body_pitch"]), "y": 0.0 * turn, "z": 9.81 * np.cos(seen["body_pitch"])}
+    made, truth = {}, {}
+    for name, kind, values, per, sd in (
+        (gyro, "gyro", rates, per_rate, 0.01),
+        (accelerometer, "accelerometer", forces, per_force, 0.1),
+    ):
+        for axis, sign in zip("xyz", (1.0, frame, frame), strict=True):
+            truth[f"{kind}_{axis}"] = values[axis] + sd * random.standard_normal(len(turn))
+            made[name.format(axis)] = sign * per * truth[f"{kind}_{axis}"]
+    path = tmp_path / "imu.csv"
+    table_of(seen, **made).to_csv(path, index=False)
+    import_log([path], "cart", tmp_path / "log")
+    for run in read_drive_log(tmp_path / "log").runs:
+        begin = int(np.argmin(np.abs(seen["body_x"] - run["body_x"][0])))
+        for name, values in truth.items():
+            assert run[name] == pytest.approx(values[begin : begin + len(run.t)], rel=1e-6, abs=1e-9), name

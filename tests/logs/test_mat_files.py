@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 from rover_pin.base.errors import DataError
 from rover_pin.base.files import bounded
 from rover_pin.cli.app import app
-from rover_pin.logs.importing.matlab import mat_table
+from rover_pin.logs.importing.files.matlab import mat_table
 
 CELL, RECORD, INT8, DOUBLE = 1, 2, 9, 6
 

@@ -26,7 +26,7 @@ from rover_pin.simulation.model.defaults import NEXUS6_MASS, has_papers_wheel, s
 from rover_pin.simulation.model.effect_files import AnyEffect, package_effects, reading_traction, user_effects
 from rover_pin.simulation.model.model import Model
 
-BIASED = ("body_roll", "body_pitch", "rocker_", "bogie_", "current_")
+BIASED = ("body_roll", "body_pitch", "rocker_", "bogie_", "current_", "gyro_", "accelerometer_")
 """Channels whose zero may be wrong; those of rates are the tachogenerators' gains."""
 MOST_PLACES = 60
 """Places at which a patch is tried, of those where more than one run has been."""

@@ -16,6 +16,8 @@ from rover_pin.base.jobs.time_left import telling
 from rover_pin.discrepancy.candidate import Candidate
 from rover_pin.effects.effect import SensorEffect
 from rover_pin.effects.tacho_scale import TachoScale
+from rover_pin.effects.tracker_scale import TrackerScale
+from rover_pin.effects.tracking_delay import TrackingDelay
 from rover_pin.estimation.experiment import Arrays, Experiment
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.random_effects.random_field import RandomField
@@ -243,14 +245,14 @@ def _replayed(
 
 
 def _drives(model: Model, rate_driven: bool) -> tuple[int, ...]:
-    """Return what a replay depends on: all parts of a model but its sensors, by identity; held, those of the rates."""
+    """Return what a replay depends on: a model but its sensors, by identity, with those that misread its inputs."""
     parts = [
         getattr(model, model_field.name)
         for model_field in dataclasses.fields(model)
         if model_field.name != "sensor_effects"
     ]
-    rates = [sensor for sensor in model.sensor_effects if isinstance(sensor, TachoScale)] if rate_driven else []
-    return tuple(map(id, (*parts, *rates)))
+    undone = (TrackerScale, TrackingDelay, TachoScale) if rate_driven else (TrackerScale, TrackingDelay)
+    return tuple(map(id, (*parts, *(sensor for sensor in model.sensor_effects if isinstance(sensor, undone)))))
 
 
 def _features(models: Sequence[Model], run: LoggedRun, rest_state: DriveState | None) -> list[np.ndarray]:

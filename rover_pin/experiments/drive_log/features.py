@@ -18,7 +18,8 @@ from rover_pin.experiments.drive_log.readings.outliers import without_pose_outli
 from rover_pin.logs.drive_log import DriveLog
 from rover_pin.rover.rover import Rover
 from rover_pin.simulation.replay import Commands, averaged, commands, filled
-from rover_pin.simulation.trace.channels import is_current
+from rover_pin.simulation.trace.channels import ODOMETRY, is_current
+from rover_pin.simulation.trace.inertial import GRAVITY, inertial
 from rover_pin.simulation.trace.trace import Trace
 from rover_pin.terrain.terrain import Terrain
 
@@ -71,6 +72,8 @@ class LoggedRun:
     def features(self, channels: Mapping[str, np.ndarray], sensors: Sequence[SensorEffect] = ()) -> np.ndarray:
         """Return the features (channels, blocks) of replayed channels, as the sensors would report them."""
         read = dict(channels)
+        if self.commands.inertial and GRAVITY[0] in channels:
+            read |= inertial(channels, self.commands.period)
         for sensor in sensors:
             read |= sensor.read(self.commands.t, read)
         rows = dict(self._rows(read))
@@ -117,6 +120,7 @@ def logged_run(log: Trace, rover: Rover, terrain: Terrain | None = None) -> Logg
     derived_features = driven(gapless_rows, heading, run.period, summed_rows)
     gaps = {PATH: ("body_x", "body_y"), DRIFT: ("body_x", "body_y"), HEADING: ("body_yaw",), SPEED: ("body_vx",)}
     inputs = (*RAW, *turned, "battery_V") if run.rate_driven else RAW
+    inputs = (*inputs, *OF_PLACE) if log.attrs.get("place") == ODOMETRY else inputs
     features = [name for name in (*derived_features, *rows) if name not in inputs]
     use = blocks(compared, run.period) > WHOLE
     observed = []
@@ -132,13 +136,16 @@ def logged_run(log: Trace, rover: Rover, terrain: Terrain | None = None) -> Logg
 
 WHOLE = 0.999
 """Share of a block's rows that must be compared for the block to be."""
+OF_PLACE = (PATH, DRIFT, HEADING, SPEED, "body_z")
+"""What wheels' odometry does not tell; tilts, and what an inertial unit reads, are of sensors of their own."""
 RAW = ("body_x", "body_y", "body_yaw", "body_vx", "body_vy", "body_vz")
 """Channels that are compared through the features made of them."""
 
 
 def comparable(name: str) -> bool:
     """Return whether a channel of a log says something that a model predicts."""
-    return name.startswith(("wheel_rate_", "rocker_", "bogie_", "body_")) or is_current(name) or name == "battery_V"
+    kinds = ("wheel_rate_", "rocker_", "bogie_", "body_", "gyro_", "accelerometer_", "battery_V")
+    return name.startswith(kinds) or is_current(name)
 
 
 def driven(

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rover_pin.experiments.drive_log.experiment import DriveExperiment
+from rover_pin.experiments.drive_log.features import PATH
 from rover_pin.simulation.model.model import Model
 from rover_pin.simulation.replay import Commands
 
@@ -24,7 +25,9 @@ class FreeRun(NamedTuple):
 
 
 def free_runs(experiment: DriveExperiment, before: Model, after: Model) -> tuple[FreeRun, ...]:
-    """Return how far the free simulations of all runs diverge from the log, before and after."""
+    """Return how far the free simulations of all runs diverge from the log, before and after; of odometry nothing."""
+    if PATH not in experiment.channels:
+        return ()
     strayed = [
         [
             _strayed(run.commands, replay.channels)

@@ -9,15 +9,19 @@ from functools import partial
 from typing import Any
 
 from rover_pin.base.errors import DataError
-from rover_pin.base.quantity import declared_sds, record_from
+from rover_pin.base.quantity import Record, declared_sds, quantities, record_from
 from rover_pin.contact import Soil
+from rover_pin.effects.effect import SensorEffect
 from rover_pin.effects.motion_resistance import MotionResistance
+from rover_pin.effects.sensor_bias import SensorBias
 from rover_pin.effects.side_shear import SideShear
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.effects.tacho_scale import TachoScale
+from rover_pin.effects.tracker_scale import TrackerScale
+from rover_pin.effects.tracking_delay import TrackingDelay
 from rover_pin.effects.weak_motor import WeakMotor
 from rover_pin.estimation.parameter import FD, Parameter, declared_in
-from rover_pin.experiments.drive_log.parameters import owners, parameter
+from rover_pin.experiments.drive_log.parameters import owner_name, owners, parameter
 from rover_pin.experiments.soil_priors import SD
 from rover_pin.logs.drive_log import DriveLog
 from rover_pin.parameters.hard import HARD_GROUND
@@ -26,6 +30,8 @@ from rover_pin.rover.rover import Rover
 from rover_pin.simulation.model.defaults import has_papers_wheel, own_motor, own_soil, usual_angles, usual_slip
 from rover_pin.simulation.model.model import Model, base_effects
 from rover_pin.simulation.model.motor import Motor
+from rover_pin.simulation.trace.channels import ODOMETRY
+from rover_pin.simulation.trace.inertial import ACCELEROMETER, GYRO
 from rover_pin.soil.angles import FixedAngles
 from rover_pin.soil.traction import TorqueTraction
 
@@ -42,6 +48,12 @@ LEVEL_SD = math.tan(math.radians(1.0))
 SIDE_SD = 0.5
 """Relative SD of the side force (assumed: the law gives half of that of a measured wheel). It is free where nothing
 steers: such a rover turns, and holds its heading, by scrub alone."""
+TRACKER_SD = {"e": 0.02, "d": 0.05}
+"""SDs of a tracker's scale error and its delay [s] that are declared without one (assumed)."""
+SLIPS = 0.2
+"""SD of the scale error of wheels' odometry that declares none (assumed: wheels on loose sand slip so)."""
+ZERO_SD = {"gyro": 0.01, "accelerometer": 0.2}
+"""SDs of an inertial unit's zero [rad/s], [m/s^2] (assumed: small ones, warm, 0.6 deg/s and 20 mg)."""
 RESISTANCE_SD, RESISTANCES, FADES = 0.25, 0.15, 1.0
 """Relative SD of a motion resistance that is declared without one; SDs of an R and a q that nobody declares (assumed:
 wheels on loose sand roll at 0 to 0.3 of their load; q may be all that is allowed of it)."""
@@ -55,7 +67,7 @@ def base_model(log: DriveLog) -> Model:
     Raises
     ------
     DataError
-        A terrain, soil or motor that cannot be read.
+        A terrain, soil, motor or tracker that cannot be read.
     """
     rover = log.load_rover()
     soil = record_from(Soil, {**usual_soil(rover).values(), **log.metadata.soil}, f"{log.file}: [soil]")
@@ -73,7 +85,33 @@ def base_model(log: DriveLog) -> Model:
         raise DataError(f"{log.file}: [terrain] has ground {most}: a log knows 0, the [soil], and 1, hard ground.")
     grounds, springs = (soil, HARD_GROUND), rover.springs
     slip, gravity = usual_slip(rover), log.metadata.gravity
-    return Model(rover, terrain, grounds, motor, slip, effects, gravity=gravity, body_effects=springs)
+    model = Model(rover, terrain, grounds, motor, slip, effects, gravity=gravity, body_effects=springs)
+    return model.replace(sensor_effects=(*declared_tracker(log), *_inertial_zeros(log)))
+
+
+def declared_tracker(log: DriveLog) -> tuple[SensorEffect, ...]:
+    """Return the errors of the tracker that `[tracker]` declares: of its scale, e, and its delay, d.
+
+    Wheels' odometry has a scale error in any case: the slip.
+    """
+    where = f"{log.file}: [tracker]"
+    for key in log.metadata.tracker:
+        if key not in (*TrackerScale.neutral, *TrackingDelay.neutral):
+            raise DataError(f"{where} has no key '{key}': give e, the error of its scale, and d, its delay in s.")
+    parts = {kind: _own(kind, log.metadata.tracker) for kind in (TrackerScale, TrackingDelay)}
+    if log.metadata.place == ODOMETRY and not parts[TrackerScale]:
+        parts[TrackerScale] = dict(TrackerScale.neutral)
+    return tuple(record_from(kind, table, where) for kind, table in parts.items() if table)
+
+
+def _inertial_zeros(log: DriveLog) -> tuple[SensorBias, ...]:
+    """Return a zero error, none yet, of each axis of an inertial unit."""
+    names = [name for name in (*GYRO, *ACCELEROMETER) if all(name in run for run in log.runs)]
+    return tuple(SensorBias(bias=0.0, channel=name) for name in names)
+
+
+def _own(kind: type[Record], table: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: entry for name, entry in table.items() if name in quantities(kind)}
 
 
 def usual_soil(rover: Rover) -> Soil:
@@ -123,6 +161,14 @@ def nuisances(log: DriveLog, model: Model) -> tuple[Parameter, ...]:
         size = abs(float(getattr(model.soils[0], name))) if is_log else 1.0
         numbers.append(parameter_of("soil", name, declared * size, undeclared * size, is_log))
     numbers += _of_motors(log, model) if not is_rate_driven(log) else _of_scrub(model)
+    numbers += [
+        _known(log, model, owner_name(error), name, TRACKER_SD[name], SLIPS)
+        for error in declared_tracker(log)
+        for name in error.neutral
+    ]
+    zeros = ((zero, ZERO_SD[zero.channel.rpartition("_")[0]]) for zero in _inertial_zeros(log))
+    units_source = "small inertial units, warm"
+    numbers += [parameter(model, f"{owner_name(zero)}.bias", sd, source=units_source) for zero, sd in zeros]
     gains = (f"TachoScale[{wheel.name}].e" for wheel in model.rover.wheels)
     tacho_source = "tachogenerators of a kind differ so"
     return (
@@ -166,7 +212,10 @@ def _of_motors(log: DriveLog, model: Model) -> list[Parameter]:
     return [*constants, *(parameter(model, g, MOTOR_TO_MOTOR, source=of_a_kind) for g in gains)]
 
 
-TABLES = {"soil": "soil", "motor": "motor", "MotionResistance": "resistance"}
+TABLES = {
+    "soil": "soil", "motor": "motor", "MotionResistance": "resistance", "TrackerScale": "tracker",
+    "TrackingDelay": "tracker",
+}  # fmt: skip
 """Table of drive.toml that declares the numbers of a record."""
 
 

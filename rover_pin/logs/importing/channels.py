@@ -7,10 +7,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from scipy.special import ndtri
+from scipy.stats import rankdata
 
 from rover_pin.base.formula import change, quoted
 from rover_pin.logs.importing import words as called
 from rover_pin.logs.importing.evidence import NONE_FITS, SURE, independent, relation, shares
+from rover_pin.logs.importing.inertial import inertial_units
 from rover_pin.logs.importing.places import quaternions
 from rover_pin.logs.importing.recording import Choice, Entry, Guess, Recording, column, formula_of
 from rover_pin.logs.importing.wheels import families
@@ -67,6 +70,9 @@ def channels(
     for wheel, options in _of_wheels(words, rover, called.STEER, order).items():
         if wheel in steered:
             take(list(_angles(f"steer_{wheel}", options[0][0], recordings, "its name; left is positive")))
+    for readings in inertial_units(words, recordings, values):
+        for way in zip(*(guesses for guesses, _ in readings), strict=True):
+            take([(guess, log) for guess, (_, log) in zip(way, readings, strict=True)], NONE_FITS)
     for name, joint in _joints(words, rover):
         take(list(_angles(name, joint, recordings, "its name")))
     return guesses, questions
@@ -139,9 +145,13 @@ def _climbs(guess: Guess, recordings: Sequence[Recording], values: Values, rover
         slips, uphill = 1.0 - (ahead / np.where(rim == 0.0, np.nan, rim))[at], (climb * np.sign(rim))[at]
         keep = moves & np.isfinite(slips + uphill)
         if keep.sum() > 10:
-            slips, uphill = np.clip(slips[keep], -1.0, 1.0), uphill[keep]
-            total += _relation(uphill - uphill.mean(), slips - slips.mean(), None)
+            total += _relation(_normal_scores(uphill[keep]), _normal_scores(slips[keep]), None)
     return total
+
+
+def _normal_scores(x: np.ndarray) -> np.ndarray:
+    """Return the quantiles of the normal law by rank: no single start or bump tells which way a slope goes."""
+    return np.asarray(ndtri(rankdata(x) / (len(x) + 1.0)))
 
 
 def _relation(x: np.ndarray, y: np.ndarray, prior: tuple[float, float] | None) -> float:

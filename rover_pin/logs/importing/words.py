@@ -16,6 +16,7 @@ UNITS = {
     "u/min": "rpm",
     "umin": "rpm", "1/min": "rpm", "tr/min": "rpm", "rev/s": "rev/s", "rps": "rev/s", "u/s": "rev/s", "m/s": "m/s",
     "mps": "m/s", "cm/s": "cm/s", "mm/s": "mm/s", "mmps": "mm/s", "km/h": "km/h", "kmh": "km/h", "kph": "km/h",
+    "m/s^2": "m/s^2", "m/s2": "m/s^2", "m/s²": "m/s^2", "mps2": "m/s^2", "g": "g",
     "%": "%", "pct": "%", "percent": "%", "prozent": "%", "in": "in",
     "a": "A", "amp": "A", "amps": "A", "ma": "mA", "v": "V", "volt": "V", "volts": "V", "mv": "mV",
 }  # fmt: skip
@@ -80,7 +81,8 @@ LONGITUDE = {"lon", "lng", "long", "longitude", "laenge", "laengengrad", "longit
 TURN = {"yawrate", "gierrate", "omega", "wz", "turn", "drehrate"}
 AHEAD = {"v", "vx", "speed", "velocity", "geschwindigkeit", "vitesse", "linear"}
 BATTERY = {"battery", "batterie", "akku", "vbat", "ubat", "bus", "supply"}
-ONE_LETTER = {"m": X | Y | Z | {"pos", "position"}, "s": TIME, "v": BATTERY | {"voltage", "spannung"}, "a": CURRENT}
+ONE_LETTER = {"m": X | Y | Z | {"pos", "position"}, "s": TIME, "v": BATTERY | {"voltage", "spannung"}, "a": CURRENT,
+              "g": {"acc", "accel", "accelerometer"}}  # fmt: skip
 """Units of one letter, and the words after which they are one."""
 SMALL = str.maketrans(
     {"ä": "ae", "ö": "oe", "ü": "ue", "ß": "ss", "°": " deg ", "µ": "u", "ω": " omega ", "θ": " theta "}

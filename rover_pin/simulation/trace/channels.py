@@ -25,6 +25,8 @@ PER_WHEEL = {
 scale and zero. From slip to travel they are truth only."""
 DUTIES, RATES = "duties", "rates"
 """What may be the input of a replay: duties that drive the motors, or the wheel rates that were measured."""
+ODOMETRY = "odometry"
+"""What a pose may be that was not measured but computed of the wheels."""
 TELLING = ("duty", "wheel_rate", "steer", "slip")
 """Channels from whose names the wheels are read; others may be of something else, as a torque_sensor."""
 
@@ -34,6 +36,8 @@ WHOLE = {
     **{f"body_{angle}": "rad" for angle in ("roll", "pitch", "yaw")},
     **{f"body_v{axis}": "m/s" for axis in "xyz"},
     "battery_V": "V",
+    **{f"gyro_{axis}": "rad/s" for axis in "xyz"},
+    **{f"accelerometer_{axis}": "m/s^2" for axis in "xyz"},
     "differential_torque": "N m",
 }
 """Channels of the rover; joint angles and energies are recognised by the start of their names."""

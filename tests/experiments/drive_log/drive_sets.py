@@ -26,10 +26,10 @@ from rover_pin.terrain.terrain import Lanes
 from rover_pin.terrain.toml_table import write_terrain
 
 
-def base(name="nexus6"):
-    """The declared model: waves of 20 mm, then a slope of 5 deg; the cart's motors are of its own weight."""
+def base(name="nexus6", waves=0.012):
+    """The declared model: waves of 12 mm, then a slope of 5 deg; the cart's motors are of its own weight."""
     x = np.arange(-1.5, 1.51, 0.06)
-    z = 0.012 * np.sin(2 * np.pi * x / 0.8) + np.where(x > 0.2, (x - 0.2) * math.tan(math.radians(5)), 0.0)
+    z = waves * np.sin(2 * np.pi * x / 0.8) + np.where(x > 0.2, (x - 0.2) * math.tan(math.radians(5)), 0.0)
     rover = load_rover(name)
     motor = nexus6_motor() if name == "nexus6" else Motor(resistance=3.0)
     effects = base_effects(DRIVEN_SAND, rover, SoilTraction(TorqueTraction(), usual_angles(rover)))
@@ -45,9 +45,9 @@ def plan(random, duration, wheels=6):
     return lambda reading: next(duty for start, duty in reversed(holds) if start <= reading.t + 1e-9)
 
 
-def write(folder, hidden=(), runs=4, duration=10.0, seed=0, rover="nexus6", **truth):
-    """Write a log whose soil is off by what its declared SD allows; return the folder."""
-    random, model = np.random.default_rng(seed), base(rover)
+def write(folder, hidden=(), runs=4, duration=10.0, seed=0, rover="nexus6", extra=None, waves=0.012, **truth):
+    """Write a log whose soil is off by what its declared SD allows, with `extra(drive)` channels; return the folder."""
+    random, model = np.random.default_rng(seed), base(rover, waves)
     soil = DRIVEN_SAND.replace(phi=DRIVEN_SAND.phi + math.radians(1.0), k=1.15 * DRIVEN_SAND.k, **truth)
     true = model.replace(soils=(soil,))
     for effect in hidden:
@@ -57,7 +57,8 @@ def write(folder, hidden=(), runs=4, duration=10.0, seed=0, rover="nexus6", **tr
         start = Start(-0.5, 0.0, 0.0) if run % 2 == 0 else Start(0.6, 0.0, math.pi)
         driven = simulate(true, plan(random, duration, len(model.rover.wheels)), duration, start)
         log = measured(driven, Sensors(), 100 * seed + run, true.sensor_effects)
-        traces[f"run-{run}"] = dataclasses.replace(log, attrs={"start": dataclasses.asdict(start)})
+        channels = {**log.channels, **(extra(driven) if extra else {})}
+        traces[f"run-{run}"] = dataclasses.replace(log, channels=channels, attrs={"start": dataclasses.asdict(start)})
     terrain = write_terrain(folder, model.terrain)
     known = {name: declared(DRIVEN_SAND)[name] for name in ("phi", "k", "k_1")}
     wheels = tuple(wheel.name for wheel in model.rover.wheels)

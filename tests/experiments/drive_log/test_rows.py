@@ -11,7 +11,15 @@ from rover_pin.effects.hard_patch import HardPatch
 from rover_pin.effects.supply_sag import SupplySag
 from rover_pin.effects.wheel_scale import WheelScale
 from rover_pin.experiments.drive_log.candidates import _places, candidate_of, shows
-from rover_pin.experiments.drive_log.features import LoggedRun, comparable, comparable_rows, driven, leaky, levelled
+from rover_pin.experiments.drive_log.features import (
+    PATH,
+    LoggedRun,
+    comparable,
+    comparable_rows,
+    driven,
+    leaky,
+    levelled,
+)
 from rover_pin.experiments.drive_log.free_runs import free_runs
 from rover_pin.experiments.drive_log.places import neighbours
 
@@ -96,7 +104,14 @@ def test_a_block_is_compared_where_all_its_rows_are():
     counted = np.ones(120, dtype=bool)
     counted[27] = False
     run = LoggedRun(
-        "", SimpleNamespace(t=T, period=0.1), ("body_z", "none"), np.zeros((2, 24)), 0 * T, {}, counted, counted
+        "",
+        SimpleNamespace(t=T, period=0.1, inertial=False),
+        ("body_z", "none"),
+        np.zeros((2, 24)),
+        0 * T,
+        {},
+        counted,
+        counted,
     )
     assert np.flatnonzero(~run.usable).tolist() == [5]
     height = np.where(counted, T, 1e3)
@@ -160,7 +175,7 @@ def test_a_free_run_strays_by_the_rms_of_its_distance():
         x, y = off[model]
         return [SimpleNamespace(channels={"body_x": 0.05 * T + x, "body_y": 0.02 * T + y})]
 
-    experiment = SimpleNamespace(runs=(run,), free=SimpleNamespace(replays=replays))
+    experiment = SimpleNamespace(runs=(run,), channels=(PATH,), free=SimpleNamespace(replays=replays))
     (found,) = free_runs(experiment, "before", "after")
     assert (found.run, found.before, found.after) == ("run-1", pytest.approx(0.5), pytest.approx(0.1))
     assert found.distance == pytest.approx(math.hypot(0.05, 0.02) * 11.0)

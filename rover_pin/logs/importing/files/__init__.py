@@ -1,0 +1,3 @@
+"""Files of recordings as tables: text, Parquet, MATLAB, ROS bags."""
+
+from __future__ import annotations
