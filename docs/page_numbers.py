@@ -125,9 +125,12 @@ def as_driven() -> list[dict[str, Any]]:
 
 
 def foreign_logs() -> list[dict[str, Any]]:
-    """Return how many foreign layouts each importer read right, asked about, or read wrong, by seed."""
-    counts = kept("foreign_logs").groupby(["importer", "seed", "answer"]).size().unstack(fill_value=0)
+    """Return how many foreign layouts each importer read right, asked about, or read wrong."""
+    kept_layouts = kept("foreign_logs")
+    counts = kept_layouts.groupby(["importer", "answer"]).size().unstack(fill_value=0)
     counts = counts.reindex(columns=["right", "asked", "wrong"], fill_value=0).reset_index()
+    seeds = kept_layouts.groupby("importer")["seed"].unique()
+    counts["seeds"] = [", ".join(map(str, seeds[importer])) for importer in counts["importer"]]
     return [{str(name): value for name, value in row.items()} for row in counts.to_dict("records")]
 
 

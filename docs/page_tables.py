@@ -98,7 +98,7 @@ def tables(of: Mapping[str, Any]) -> dict[str, str]:
         ),
         "foreign": table(
             of["foreign"],
-            {"Importer": "{importer}", "Seed": "{seed}", "Right": "{right}", "Asked": "{asked}",
+            {"Importer": "{importer}", "Seeds": "{seeds}", "Right": "{right}", "Asked": "{asked}",
              "Silently wrong": "{wrong}"},
         ),
         "improved": table(rows_of(of["improved"], IMPROVED), {"Of the logs": "{name}", "Count": "{value}"}),
