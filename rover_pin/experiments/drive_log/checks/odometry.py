@@ -62,7 +62,7 @@ def odometry_faults(run: Driven) -> Remarks:
 def odometry_findings(run: Driven) -> Remarks:
     """Yield a pose that may be the wheels' with another radius, or that of wheels that slip evenly all along."""
     if run.trace.attrs.get("place") == ODOMETRY:
-        todo = "slip is not known, and what depends on it is as assumed; a place that slip shifts on uneven ground misleads"
+        todo = "slip is not known, and what depends on it is as assumed; where it shifts the place bumps mislead"
         yield "the pose is the wheels' odometry", todo
         return
     close = [comparison for comparison in _followed(run) if comparison.equal and abs(comparison.slip) < MAX_EVEN_SLIP]
