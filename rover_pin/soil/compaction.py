@@ -28,8 +28,8 @@ def sinking_resistance(h: Scalar, wheel: Wheel, soil: Soil, firm: Soil) -> Scala
     """Return by how much compaction at h [m] in `soil` exceeds that in `firm` soil under the same load [N], 0 at least.
 
     The wheel would stand less deep in firm soil: theta_0 = theta_1 (p_soil / p_firm)^(1 / (2 n + 1)), twice over, with
-    p the pressure's share of Eq (6) and n of the firm soil, as p grows with theta by about that power. Exactly 0 where
-    the soils are equal.
+    p the pressure's share of Eq (6) and n of the firm soil, as p grows with theta by about that power; to its axle at
+    most. Exactly 0 where the soils are equal.
 
     Source: Bekker's work of compaction per length of rut, with the pressure of Eq (4); the load is balanced without
     the shear's share of Eq (6), which is much the same in both.
@@ -39,7 +39,7 @@ def sinking_resistance(h: Scalar, wheel: Wheel, soil: Soil, firm: Soil) -> Scala
     carried, shrunk = _pressed(theta_1, length, wheel, soil), 1.0
     for _ in range(STEPS):
         ratio = carried / _pressed(theta_1 * shrunk, length * shrunk, wheel, firm)
-        shrunk = shrunk * ratio ** (1 / (2 * firm.n + 1))
+        shrunk = ca.fmin(shrunk * ratio ** (1 / (2 * firm.n + 1)), ca.pi / 2 / theta_1)
     before = compaction(theta_1 * shrunk, length * shrunk, wheel, firm)
     return ca.fmax(compaction(theta_1, length, wheel, soil) - before, 0.0)
 

@@ -19,6 +19,9 @@ ROUNDED = 0.01
 SLOWED = 0.02
 """Travel over the faster of rim and travel below which `drift` fades: a wheel that spins in place goes nowhere."""
 
+STANDING = 1e-64
+"""The eighth power of the least V / r omega of `spinning`, where a slope would be none times infinity."""
+
 STILL = 1e-300
 """Least denominator of Eq (1): a wheel at rest has slip 0, not 0 / 0."""
 
@@ -97,7 +100,7 @@ def spinning(S: Scalar, S_y: Scalar) -> Scalar:
     """Return max(1 - V / r omega, 0), V the greater of v and |v_y|: S driving, and 0 where a wheel is pushed aside."""
     along, aside = 1 - ca.fmax(S, 0.0), S_y * S_y
     # below rolling V / r omega goes on to grow, so that the rounding has no corner at S = 0
-    return positive_part(1 - (along**8 + aside**4) ** 0.125 * (1 - ca.fmin(S, 0.0)))
+    return positive_part(1 - (along**8 + aside**4 + STANDING) ** 0.125 * (1 - ca.fmin(S, 0.0)))
 
 
 def positive_part(S: Scalar) -> Scalar:
