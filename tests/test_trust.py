@@ -292,6 +292,7 @@ OF_ITS_OWN = {
     "view/shapes.py": "yourdfpy.URDF.load",
     "base/files/parquet.py": "pyarrow.parquet.ParquetFile",
     "sweep/store.py": "pq.ParquetFile temporary.open",
+    "terrain/raster.py": "Image.open memory.open",
     # what the package has written or made itself, or what comes with it
     "simulation/compiled/library_cache.py": "ctypes.CDLL compiled.read_bytes file.read_bytes",
     "base/code_digest.py": "file.read_bytes",

@@ -64,8 +64,11 @@ def scenarios() -> list[Entry]:
 
 def _of_scene(name: str, scene: Scene) -> tuple[Setting, ...]:
     if "path" in scene.terrain_settings:
-        path_quantity = arguments_of(scene.terrain)["path"].quantity
-        return (Setting("terrain.path", scene.terrain_settings["path"], source=path_quantity.source),)
+        arguments = arguments_of(scene.terrain).items()
+        return tuple(
+            Setting.of(f"terrain.{name}", scene.terrain_settings.get(name, 0.0), argument.quantity)
+            for name, argument in arguments
+        )
     all_settings = settings_of(name)
     scene_settings = (
         setting._replace(source="of this scenario") for setting in all_settings if setting.name in scene.settings

@@ -258,7 +258,7 @@ def _model(scene: Scene, request: Settings, trust: Trust) -> Made:
     model, assumed, resists = composed(request, trust)
     size = scale(model.rover)
     terrain = _terrain(scene, request, size)
-    if size != 1.0 and terrain != shapes.flat():
+    if size != 1.0 and terrain != shapes.flat() and "path" not in scene.terrain_settings:
         assumed = (*assumed, f"terrain: lengths that are not set are those for Nexus 6's wheels times {size:.3g}")
     model, side = on_its_side(model.replace(terrain=terrain), request, scene.askew, of_file)
     assumed = (*assumed, *side)

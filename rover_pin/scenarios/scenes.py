@@ -65,7 +65,9 @@ SCENES: dict[str, Scene] = {
         summary="Sideways at 20 deg on level ground, the wheels that steer all at one angle",
     ),
     "polyline": Scene(from_polyline, 30.0, {"path": "terrain.csv"}, summary="Your own ground: x_m, z_m of a CSV file"),
-    "grid": Scene(from_grid, 30.0, {"path": "terrain.npz"}, summary="Your own ground: a height grid in .npz or CSV"),
+    "grid": Scene(
+        from_grid, 30.0, {"path": "terrain.npz"}, summary="Your own ground: heights in .npz, CSV, GeoTIFF, .npy or .png"
+    ),
     "park": Scene(
         shapes.incline,
         10.0,

@@ -8,11 +8,12 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from rover_pin.base.arguments import spec
+from rover_pin.base.arguments import checked, spec
 from rover_pin.base.errors import DataError, ParameterError
 from rover_pin.base.files.bounded import arrays
 from rover_pin.base.files.columns import Columns, columns_text, read_columns, replace_file
 from rover_pin.terrain.profile import Profile
+from rover_pin.terrain.raster import SUFFIXES, raster_grid
 from rover_pin.terrain.terrain import HeightGrid, Lanes
 
 LARGEST = 1000.0
@@ -50,9 +51,15 @@ def to_polyline(path: str | Path, profile: Profile) -> Path:
     return replace_file(path, columns_text({"x_m": profile.x, "z_m": profile.z, "ground": ground}))
 
 
-def from_grid(path: Annotated[str | Path, spec("", "your own file: a height grid in .npz or CSV")]) -> HeightGrid:
+@checked("terrain")
+def from_grid(
+    path: Annotated[str | Path, spec("", "your own file: heights in .npz, CSV, GeoTIFF, .npy or a grey .png")],
+    cell: Annotated[float, spec("m", "0: as the file says; .npy and .png do not", 0.0, LARGEST)] = 0.0,
+    relief: Annotated[float, spec("m", "0: as the file says; of a .png white above black", 0.0, LARGEST)] = 0.0,
+) -> HeightGrid:
     """Return the terrain of a height grid.
 
+    `.tif`, `.npy`, `.png`: see `raster`; `cell` is the width of a pixel, `relief` the height of white above black.
     `.npz`: arrays x0, y0, dx, dy [m], z (nx, ny) [m] and, optionally, ground (nx-1, ny-1).
     Otherwise CSV (or Parquet) with columns x_m, y_m, z_m and, optionally, ground: one row a point of a full, evenly
     spaced grid, in any order; ground is the soil index of the cell that has the point as its corner of lowest x and y.
@@ -61,9 +68,13 @@ def from_grid(path: Annotated[str | Path, spec("", "your own file: a height grid
     ------
     DataError
         A missing column or array, a number that is missing or not finite, points that make no full even grid, values
-        that look like millimetres, or what `HeightGrid` refuses.
+        that look like millimetres, or what `raster_grid` or `HeightGrid` refuses.
+    MissingExtraError
+        A GeoTIFF where rasterio is not installed.
     """
     try:
+        if Path(path).suffix.lower() in SUFFIXES or cell or relief:
+            return raster_grid(Path(path), cell, relief)
         return _npz_grid(Path(path)) if Path(path).suffix == ".npz" else _column_grid(read_columns(path))
     except ParameterError as error:
         raise DataError(f"{path}: {error}") from error

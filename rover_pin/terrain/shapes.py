@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from numbers import Real
 from typing import Annotated, Any
 
 import numpy as np
 
-from rover_pin.base.arguments import checked, spec
+from rover_pin.base.arguments import arguments_of, checked, spec
 from rover_pin.base.errors import ParameterError
+from rover_pin.base.quantity import check
 from rover_pin.terrain.checks import STEEPEST
 from rover_pin.terrain.terrain import HeightGrid, Lanes, Profile, Terrain
 
@@ -171,8 +171,9 @@ def rocks(
         Rocks that may not fit into the length.
     """
     smallest, largest = diameters
-    _within("smallest diameter", smallest, 1e-3, 100.0)
-    _within("largest diameter", largest, smallest, 100.0)
+    bounds = arguments_of(rocks)["diameters"].quantity
+    check("terrain", "smallest diameter", smallest, bounds)
+    check("terrain", "largest diameter", largest, bounds._replace(low=smallest))
     count = int(count)
     if count * largest > length * (1.0 + 1e-12):  # their sum may be off in its last digits
         raise ParameterError(
@@ -288,12 +289,3 @@ def _grid(height: Callable[[np.ndarray, np.ndarray], np.ndarray], spacing: float
     nx, ny = round(20.0 / spacing) + 1, round(8.0 / spacing) + 1
     x, y = np.meshgrid(-2.0 + spacing * np.arange(nx), spacing * (np.arange(ny) - (ny - 1) / 2), indexing="ij")
     return HeightGrid(-2.0, -4.0, spacing, spacing, height(x, y))
-
-
-def _within(name: str, value: float, low: float, high: float) -> None:
-    if not isinstance(value, Real):
-        raise ParameterError(f"The terrain's {name} = {value!r} is not a number: give one in [{low:g}, {high:g}] (SI).")
-    if not low <= value <= high:
-        raise ParameterError(
-            f"The terrain's {name} = {value:g} is not allowed: it must lie in [{low:g}, {high:g}] (SI)."
-        )

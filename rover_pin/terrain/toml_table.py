@@ -3,7 +3,7 @@
 [terrain]
 polyline = "ground.csv"                   # x_m, z_m[, ground], extruded sideways
 # or: polylines = ["right.csv", "left.csv"] and borders = [0.0], the y [m] between them
-# or: grid = "ground.npz"
+# or: grid = "ground.npz", a .tif, or a .npy or .png with cell = 0.1 and, of a .png, relief = 2.0 [m]
 patch = [{ x_from = 1.0, x_to = 2.0, ground = 1 }]
 """
 
@@ -23,7 +23,8 @@ from rover_pin.terrain.shapes import with_ground
 from rover_pin.terrain.terrain import HeightGrid, Lanes, Terrain
 
 KINDS = ("polyline", "polylines", "grid")
-KEYS = (*KINDS, "borders", "patch")
+SCALES = ("cell", "relief")
+KEYS = (*KINDS, *SCALES, "borders", "patch")
 PATCH_KEYS = ("x_from", "x_to", "ground")
 
 
@@ -69,7 +70,8 @@ def write_terrain(folder: str | Path, terrain: Terrain) -> dict[str, Any]:
 
 def _bare(kind: str, table: Mapping[str, Any], file: Path, trust: Trust) -> Terrain:
     if kind == "grid":
-        return from_grid(_beside(file, table["grid"], trust))
+        scales = {name: table[name] for name in SCALES if name in table}
+        return from_grid(_beside(file, table["grid"], trust), **scales)
     if kind == "polyline":
         return from_polyline(_beside(file, table["polyline"], trust))
     lanes = [from_polyline(_beside(file, name, trust)).profiles[0] for name in table["polylines"]]

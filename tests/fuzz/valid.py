@@ -13,6 +13,7 @@ from unittest.mock import patch
 
 import numpy as np
 import pandas as pd
+from PIL import Image
 
 from rover_pin.base.errors import DataError
 from rover_pin.base.files.bounded import text
@@ -239,6 +240,8 @@ def cases(scratch: Path) -> list[Case]:
         Case("polyline", ground, lambda at: from_polyline(at / "ground.csv")),
         Case("grid in npz", {"grid.npz": _grid()}, lambda at: from_grid(at / "grid.npz")),
         Case("grid in csv", {"grid.csv": _grid_csv()}, lambda at: from_grid(at / "grid.csv"), share=0.5),
+        Case("grid in npy", {"dem.npy": _raster("npy")}, lambda at: from_grid(at / "dem.npy", cell=0.1), share=0.5),
+        Case("grid in png", {"dem.png": _raster("png")}, lambda at: from_grid(at / "dem.png", 0.1, 1.0), share=0.5),
         Case("model", {**ground, "model.toml": MODEL.encode()}, lambda at: read_model(at / "model.toml"), share=1.5),
         Case("rig model", {"model.toml": RIG_MODEL.encode()}, lambda at: read_rig_model(at / "model.toml")),
         Case("gains", {"gains.toml": GAINS.encode()}, lambda at: load_gains(at / "gains.toml"), share=0.5),
@@ -388,6 +391,15 @@ def _run_parquet(scratch: Path) -> bytes:
 def _grid() -> bytes:
     made, z = io.BytesIO(), 0.02 * np.random.default_rng(0).standard_normal((5, 4))
     np.savez(made, x0=0.0, y0=-1.0, dx=0.5, dy=0.5, z=z, ground=np.zeros((4, 3), dtype=int))
+    return made.getvalue()
+
+
+def _raster(kind: str) -> bytes:
+    made, z = io.BytesIO(), np.arange(20, dtype=np.uint16).reshape(5, 4)
+    if kind == "npy":
+        np.save(made, 0.01 * z)
+    else:
+        Image.fromarray(1000 * z).save(made, format="png")
     return made.getvalue()
 
 
