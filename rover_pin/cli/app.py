@@ -1,6 +1,7 @@
 """rover-pin: drive a planetary rover on loose soil, and study what its wheels do."""
 
 import logging
+import math
 import sys
 from pathlib import Path
 from typing import Annotated, Any
@@ -98,7 +99,13 @@ def _driven(chosen: Any, views: list[str], out: Path, as_json: bool) -> None:
     result: dict[str, Any] = {"scenario": chosen.name, **trace.summary()}
     if len(trace["t_s"]):
         from rover_pin import plot
+        from rover_pin.rover.wheel_base import base_of
+        from rover_pin.terrain.roughness import slope_and_roughness
 
+        model, every = chosen.model, max(len(trace.t) // 1000, 1)
+        place = trace["body_x"][::every], trace["body_y"][::every]
+        slope, roughness = slope_and_roughness(model.terrain, *place, base_of(model.rover).length)
+        result |= {"max_ground_slope_deg": math.degrees(slope.max()), "max_ground_roughness_mm": 1e3 * roughness.max()}
         chosen.write_log(trace, out / "log")
         figures = plot.drive_figures(trace, chosen.model, out)
         result["files"] = list(map(str, [out / "log", *figures, *write_requested(chosen, trace, views, out)]))

@@ -17,7 +17,7 @@ LEVELS = {"quiet": logging.WARNING, "": logging.INFO, "verbose": logging.DEBUG}
 
 
 GROUPS = {
-    "Drive a rover": "drive view watch sweep export",
+    "Drive a rover": "drive map view watch sweep export",
     "Learn from measurements": "check-data close-loop identify compare improve import-log init demo",
     "Control": "bounds curve tune export-c export-fmu",
     "Add your own": "new-rover check-urdf new-effect",

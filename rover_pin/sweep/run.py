@@ -50,6 +50,7 @@ def sweep(
     workers: int | None = None,
     scheduler: str | None = None,
     case_function: CaseFunction = drive_case,
+    picture: bool = True,
 ) -> Results:
     """Run the study's cases and return their results; what is finished is in `folder` and is not run again.
 
@@ -65,6 +66,8 @@ def sweep(
         Address of a Dask scheduler, whose workers then do the work. Start them with `--nthreads 1`.
     case_function : callable, optional
         `(study, case) -> outcomes` to run instead of the scenario; it takes chance from `case.seed` only.
+    picture : bool
+        Whether to draw `summary.png`.
 
     Returns
     -------
@@ -94,7 +97,8 @@ def sweep(
         try:
             _run(store, pending, partial(run_case, study, case_function), workers, scheduler)
             results = Results(study.name, store.finish(), store.folder, len(before))
-            _draw(study, results)
+            if picture:
+                _draw(study, results)
         except OSError as error:
             raise DataError(
                 f"{place}: the results cannot be written ({error.strerror or error}). What is finished is kept there: "

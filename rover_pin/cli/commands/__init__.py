@@ -18,6 +18,7 @@ from rover_pin.cli.commands import (
     improve,
     init,
     listing,
+    map_ground,
     new_effect,
     new_rover,
     view,
@@ -27,6 +28,7 @@ from rover_pin.cli.commands import (
 
 def add_to(app: typer.Typer) -> None:
     """Add the commands of this room."""
+    app.command("map")(map_ground.map_ground)
     app.command()(curve.curve)
     app.command("list")(listing.list_)
     app.command()(view.view)

@@ -24,8 +24,7 @@ LEAST_CROSSINGS = 4
 NO_DUTY = 1e-9
 """Duty that is none: round-off of a servo that rests."""
 ON_THE_SPOT = 0.2
-"""The body's way over that of its wheels, below which a rover that turns does so on the spot; and its way aside over
-that of its wheels, from which it is reported."""
+"""Body's way over its wheels', below which it turns on the spot; its way aside over theirs, from which it is said."""
 
 
 class DriveOutcome(NamedTuple):
@@ -37,7 +36,7 @@ class DriveOutcome(NamedTuple):
     sentence: str
 
 
-class _Ways(NamedTuple):
+class Ways(NamedTuple):
     """Rows (T,) of a drive: time [s], mean ways of rims and wheels in the driven sense [m], if driven; mean r [m]."""
 
     t: np.ndarray
@@ -69,7 +68,7 @@ def drive_outcome(trace: Trace) -> DriveOutcome | None:
         return DriveOutcome("ended", float(trace.t[-1]), f"{trace.attrs['stop']}, {_place(trace, -1)}")
     if len(trace.t) < 2 or not trace.wheels or not np.all(radii_of(trace) > 0.0):
         return None
-    ways = _ways(trace)
+    ways = ways_of(trace)
     if not np.any(ways.driven):
         return _parked(trace, ways)
     for judge in (_slid_back, _stopped, _rocking, _stalled, _barely_moved, _sliding, _stuck):
@@ -79,13 +78,14 @@ def drive_outcome(trace: Trace) -> DriveOutcome | None:
     return _driving(trace, ways)
 
 
-def _ways(trace: Trace) -> _Ways:
+def ways_of(trace: Trace) -> Ways:
+    """Return how far rims and wheels have come at each row."""
     r = radii_of(trace)
     duty, dt = trace.stack("duty"), np.diff(trace.t, prepend=trace.t[:1])[:, None]
     sense = _held_sense(duty)
     rims, travel = sense * r * trace.stack("wheel_rate"), sense * trace.stack("travel")
     turned, travelled = (np.cumsum(np.mean(speed * dt, axis=1)) for speed in (np.abs(rims), travel))
-    return _Ways(trace.t, turned, travelled, np.any(np.abs(duty) > NO_DUTY, axis=1), float(np.mean(r)))
+    return Ways(trace.t, turned, travelled, np.any(np.abs(duty) > NO_DUTY, axis=1), float(np.mean(r)))
 
 
 def _held_sense(duty: np.ndarray) -> np.ndarray:
@@ -100,7 +100,7 @@ def _furthest(trace: Trace) -> float:
     return float(np.max(np.hypot(*(trace[name] - trace[name][0] for name in ("body_x", "body_y")))))
 
 
-def _parked(trace: Trace, ways: _Ways) -> DriveOutcome:
+def _parked(trace: Trace, ways: Ways) -> DriveOutcome:
     distance = _furthest(trace)
     _, swing = _swing(trace, ways)
     swing = swing and f"; {swing}"
@@ -112,7 +112,7 @@ def _parked(trace: Trace, ways: _Ways) -> DriveOutcome:
     )
 
 
-def _swing(trace: Trace, ways: _Ways) -> tuple[float, str]:
+def _swing(trace: Trace, ways: Ways) -> tuple[float, str]:
     """Return at what rate [Hz] wheels swing in the later half of a drive, and in words if little of it takes them on.
 
     A soil whose traction at no slip exceeds the resistance, F(0) > R, drives wheels that stand: no rest is stable.
@@ -130,7 +130,7 @@ def _swing(trace: Trace, ways: _Ways) -> tuple[float, str]:
     return rate, f"its wheels swing to and fro at {rate:.1f} Hz{why}"
 
 
-def _rocking(trace: Trace, ways: _Ways) -> DriveOutcome | None:
+def _rocking(trace: Trace, ways: Ways) -> DriveOutcome | None:
     _, swinging = _swing(trace, ways)
     if not swinging:
         return None
@@ -139,7 +139,7 @@ def _rocking(trace: Trace, ways: _Ways) -> DriveOutcome | None:
     return DriveOutcome("rocking", math.nan, text)
 
 
-def _slid_back(trace: Trace, ways: _Ways) -> DriveOutcome | None:
+def _slid_back(trace: Trace, ways: Ways) -> DriveOutcome | None:
     most = int(np.argmax(ways.travelled))
     back = float(ways.travelled[most] - ways.travelled[-1])
     if back < ways.r:
@@ -148,7 +148,7 @@ def _slid_back(trace: Trace, ways: _Ways) -> DriveOutcome | None:
     return DriveOutcome("slid back", float(ways.t[most]), f"slid back by {_length(back)} {when}, {_place(trace, -1)}")
 
 
-def _stopped(trace: Trace, ways: _Ways) -> DriveOutcome | None:
+def _stopped(trace: Trace, ways: Ways) -> DriveOutcome | None:
     if ways.driven[-1]:
         return None
     off = int(np.flatnonzero(ways.driven)[-1]) + 1
@@ -160,7 +160,7 @@ def _stopped(trace: Trace, ways: _Ways) -> DriveOutcome | None:
     )
 
 
-def _stalled(trace: Trace, ways: _Ways) -> DriveOutcome | None:
+def _stalled(trace: Trace, ways: Ways) -> DriveOutcome | None:
     """Over the last tenth of the drive and as long before as it was so."""
     window = max(2, len(ways.t) // 10)
     gave, took = (trace[name][window:] - trace[name][:-window] for name in ("energy_motor", "energy_electric"))
@@ -173,7 +173,7 @@ def _stalled(trace: Trace, ways: _Ways) -> DriveOutcome | None:
     return DriveOutcome("stalled", float(ways.t[first]), text)
 
 
-def _not_turning(trace: Trace, ways: _Ways, first: int) -> str:
+def _not_turning(trace: Trace, ways: Ways, first: int) -> str:
     """Return how far from turning the wheels are since this row: not at all, or at so much of what is asked."""
     since, duty = _since(ways, first), float(np.mean(np.abs(trace.stack("duty")[-1])))
     crept = float(ways.turned[-1] - ways.turned[first])
@@ -187,7 +187,7 @@ def _not_turning(trace: Trace, ways: _Ways, first: int) -> str:
     )
 
 
-def _barely_moved(trace: Trace, ways: _Ways) -> DriveOutcome | None:
+def _barely_moved(trace: Trace, ways: Ways) -> DriveOutcome | None:
     distance = _furthest(trace)
     if max(distance, ways.turned[-1]) >= SHORT * ways.r:
         return None
@@ -197,7 +197,7 @@ def _barely_moved(trace: Trace, ways: _Ways) -> DriveOutcome | None:
     )
 
 
-def _aside(trace: Trace, ways: _Ways) -> tuple[float, float, float]:
+def _aside(trace: Trace, ways: Ways) -> tuple[float, float, float]:
     """Return the last twentieth of a drive [s], and what wheels travel and the body goes aside of that in it [m].
 
     Where wheels swing it is the body's mean way in 1 s over the later half: a twentieth takes the swing for the pace.
@@ -220,7 +220,7 @@ def _aside(trace: Trace, ways: _Ways) -> tuple[float, float, float]:
     return float(ways.t[-1] - ways.t[row]), travel, min(across, math.sqrt(max(x**2 + y**2 - travel**2, 0.0)))
 
 
-def _sliding(trace: Trace, ways: _Ways) -> DriveOutcome | None:
+def _sliding(trace: Trace, ways: Ways) -> DriveOutcome | None:
     time, travel, aside = _aside(trace, ways)
     if aside <= max(abs(travel), SHORT * ways.r):
         return None
@@ -228,7 +228,7 @@ def _sliding(trace: Trace, ways: _Ways) -> DriveOutcome | None:
     return DriveOutcome("sliding", math.nan, text + _turned(trace))
 
 
-def _stuck(trace: Trace, ways: _Ways) -> DriveOutcome | None:
+def _stuck(trace: Trace, ways: Ways) -> DriveOutcome | None:
     ratio = _grip(ways)
     if not ratio.size or ratio[-1] >= GRIP:
         return None
@@ -238,7 +238,7 @@ def _stuck(trace: Trace, ways: _Ways) -> DriveOutcome | None:
     return DriveOutcome("stuck", float(ways.t[first]), f"stuck {_place(trace, -1)} {_since(ways, first)}{tell}")
 
 
-def _driving(trace: Trace, ways: _Ways) -> DriveOutcome:
+def _driving(trace: Trace, ways: Ways) -> DriveOutcome:
     ratio = _grip(ways)
     last = float(ratio[-1]) if ratio.size else 1.0
     window = max(1, len(ways.t) // 20)
@@ -255,7 +255,7 @@ def _driving(trace: Trace, ways: _Ways) -> DriveOutcome:
     return DriveOutcome(kind, math.nan, f"{word} at {travel / time:.2g} m/s{across}, {place}")
 
 
-def _rate_on_the_spot(trace: Trace, ways: _Ways, window: int) -> float:
+def _rate_on_the_spot(trace: Trace, ways: Ways, window: int) -> float:
     """Return the yaw rate [deg/s] over the last `window` rows of a rover that turns on the spot, else 0."""
     if "body_yaw" not in trace or not _turned(trace):
         return 0.0
@@ -267,7 +267,7 @@ def _rate_on_the_spot(trace: Trace, ways: _Ways, window: int) -> float:
     return turn / float(ways.t[-1] - ways.t[-1 - window])
 
 
-def _grip(ways: _Ways) -> np.ndarray:
+def _grip(ways: Ways) -> np.ndarray:
     """Return, for each row from which the rims still turn by r, what the wheels travel over that way."""
     turned, r = ways.turned, ways.r  # r is lost in the rounding of rims that turned by 1e15 m
     begin = np.flatnonzero((turned <= turned[-1] - r) & (turned < turned[-1]))
@@ -281,7 +281,7 @@ def _last_stretch(so: np.ndarray) -> int:
     return int(otherwise[-1]) + 1 if otherwise.size else 0
 
 
-def _since(ways: _Ways, row: int) -> str:
+def _since(ways: Ways, row: int) -> str:
     return "from the start" if row <= len(ways.t) // 50 else f"since {ways.t[row]:.1f} s"
 
 
