@@ -20,6 +20,8 @@ LABELS = {
     "p_stuck": "P(stuck)",
 }
 """Columns of a map that are drawn."""
+SHARES = ("slip", "stuck", "p_stuck")
+"""Columns whose colours go from 0 to 1; slip is beyond where a rover slides back."""
 NOWHERE = "#9c9c9c"
 
 
@@ -37,7 +39,7 @@ def map_figure(
         values = np.ma.masked_invalid(bands[name].T)
         norm = "log" if name.startswith("energy") and np.ma.min(values) > 0.0 else "linear"
         image = panel.imshow(values, cmap="cividis", norm=norm, origin="lower", extent=(left, right, low, high))
-        if name.endswith("stuck"):
+        if name in SHARES:
             image.set_clim(0.0, 1.0)
         panel.set(title=label, facecolor=NOWHERE)
         figure.colorbar(image, cax=panel.inset_axes((1.02, 0.0, 0.03, 1.0)))

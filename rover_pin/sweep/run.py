@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import dataclass
@@ -11,10 +12,12 @@ from pathlib import Path
 from typing import Any
 
 from rover_pin.base.errors import DataError, RoverPinError
+from rover_pin.base.files.bounded import content
+from rover_pin.base.files.paths import is_file
 from rover_pin.base.files.results_folder import alone_in
 from rover_pin.base.jobs.cluster import refuse_both
 from rover_pin.base.jobs.workers import ending_workers
-from rover_pin.sweep.axis import LogRange
+from rover_pin.sweep.axis import LogRange, Values
 from rover_pin.sweep.case import CaseFunction, Row, check_names, drive_case, run_case
 from rover_pin.sweep.progress import progress
 from rover_pin.sweep.spread import on_cluster, on_cores
@@ -153,7 +156,16 @@ def _run(
 def fingerprint(study: Study, case_function: CaseFunction) -> dict[str, Any]:
     """Return what must be the same for results to belong together."""
     module, name = (getattr(case_function, part, "?") for part in ("__module__", "__qualname__"))
-    return {"rover_pin": _version(), "case_function": f"{module}.{name}", **study.describe()}
+    files = _files(study)
+    made = {"rover_pin": _version(), "case_function": f"{module}.{name}", **study.describe()}
+    return {**made, "files": files} if files else made
+
+
+def _files(study: Study) -> dict[str, str]:
+    """Return a digest of each file that the study names, as a model or a ground: once changed, it is another study."""
+    lists = [axis.values for axis in study.parameters.values() if isinstance(axis, Values)]
+    words = {word for values in (study.settings.values(), *lists) for word in values if isinstance(word, str)}
+    return {word: hashlib.sha256(content(word)).hexdigest()[:16] for word in sorted(words) if is_file(Path(word))}
 
 
 def _version() -> str:

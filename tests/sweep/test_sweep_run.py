@@ -138,6 +138,19 @@ def test_a_description_that_is_none_is_refused(tmp_path, study):
         collect(tmp_path)
 
 
+def test_a_file_that_was_changed_makes_another_study(tmp_path):
+    model = tmp_path / "model.toml"
+    for settings, parameters in (({"model": str(model)}, {}), ({}, {"model": Values([str(model)])})):
+        study = dataclasses.replace(STUDY, settings=settings, parameters={**STUDY.parameters, **parameters})
+        model.write_text("k = 0.01")
+        out = tmp_path / f"out-{len(settings)}"
+        sweep(study, out, workers=1, case_function=stub())
+        assert sweep(study, out, workers=1, case_function=stub()).taken_over == 16
+        model.write_text("k = 0.02")
+        with pytest.raises(DataError, match=r"another study \(files was .*model.toml"):
+            sweep(study, out, workers=1, case_function=stub())
+
+
 def test_results_of_something_else_are_refused(tmp_path):
     sweep(STUDY, tmp_path, workers=1, case_function=lambda study, case: {})
     pd.DataFrame({"a": [1.0]}).to_parquet(tmp_path / RESULTS)
