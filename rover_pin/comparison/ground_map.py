@@ -153,8 +153,8 @@ def places_on(
         raise ParameterError(
             f"spacing = {spacing:g} m with {headings} headings is not allowed: give metres above 0, and 1 to 360."
         )
-    usual = math.sqrt(math.prod(high - low for low, high in sides) / USUAL_PLACES)
-    spacing = spacing or max(base_of(rover).length, usual)
+    widest = math.sqrt(math.prod(high - low for low, high in sides) / USUAL_PLACES)
+    spacing = spacing or max(base_of(rover).length, widest)
     x, y = (
         np.round(0.5 * (low + high) + spacing * (np.arange(count) - 0.5 * (count - 1)), 6)
         for low, high in sides

@@ -19,7 +19,7 @@ from rover_pin.simulation.driving import Drive, Progress, Ran, Stepper
 from rover_pin.simulation.model.implausible import implausible
 from rover_pin.simulation.model.model import Model
 from rover_pin.simulation.outcome.audit import balance_warning, load_warning, pivot_warning
-from rover_pin.simulation.outcome.outcome import drive_outcome
+from rover_pin.simulation.outcome.outcome import HELD, drive_outcome
 from rover_pin.simulation.outcome.soil_energy import energy_warning
 from rover_pin.simulation.outcome.step_error import StepChange, innermost, repeating, step_change
 from rover_pin.simulation.plain.run import run_plain
@@ -239,11 +239,12 @@ def _traced(
     attrs["stop"] = run.stop
     change = again.step_change(rows, run.stop, drive.timing.dt) if again and len(rows) else None
     attrs |= change.errors if change else {}
-    trace = trace_of(job.model, rows, attrs)
+    aims = innermost(job.controller)
+    since = getattr(aims, "stands_since", math.inf)
+    trace = trace_of(job.model, rows, attrs | ({HELD: since} if since < math.inf else {}))
     certain = [load_warning(drive.model, rows), balance_warning(trace)]
     oddities = [f"{text}." for text in implausible(job.model)]
     step_warning, energy = change.warning if change else "", energy_warning(job.model, trace)
-    aims = innermost(job.controller)
     shortfall = aims.shortfall(trace) if hasattr(aims, "shortfall") else ""
     trace = annotate_trace(
         trace, [shortfall, *certain, *oddities, step_warning, pivot_warning(stepper.pivoted), energy]

@@ -157,8 +157,8 @@ def fingerprint(study: Study, case_function: CaseFunction) -> dict[str, Any]:
     """Return what must be the same for results to belong together."""
     module, name = (getattr(case_function, part, "?") for part in ("__module__", "__qualname__"))
     files = _files(study)
-    made = {"rover_pin": _version(), "case_function": f"{module}.{name}", **study.describe()}
-    return {**made, "files": files} if files else made
+    description = {"rover_pin": _version(), "case_function": f"{module}.{name}", **study.describe()}
+    return {**description, "files": files} if files else description
 
 
 def _files(study: Study) -> dict[str, str]:

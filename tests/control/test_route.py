@@ -32,9 +32,21 @@ def test_it_comes_to_the_end_near_the_line(rover, route):
     made, trace = drive(rover, route)
     end = np.array([trace["body_x"][-1], trace["body_y"][-1]])
     assert trace.attrs["warnings"] == []
-    assert trace.attrs["happened"].startswith("not driven since")
+    assert trace.attrs["happened"].startswith("held still since")
     assert math.dist(end, made.controller.points[-1]) < 2.0 * made.controller.reach
     assert np.max(off_line(trace, made.controller.points)) < 0.2 * made.controller.lookahead
+
+
+@pytest.mark.parametrize("slope", [12.0, -12.0])
+def test_it_is_held_at_the_end_on_a_slope(slope):
+    """Motors without duty would let it creep down by 150 to 300 mm."""
+    words = {"control.route": "1.5,0", "terrain.angle_deg": slope, "terrain.start": -2.0}
+    trace = scenario("incline", rover="cart", control="route", **words).drive(measure_error=False)
+    since = trace.attrs["stands_since"]
+    assert 20.0 < since < 0.6 * trace.t[-1]
+    after = trace["body_x"][trace.t > since + 5.0]
+    assert np.ptp(after) < 1e-3
+    assert trace.attrs["happened"].startswith("held still since")
 
 
 def test_it_is_the_same_asked_as_compiled():

@@ -58,23 +58,24 @@ def _point_at(points: ca.SX, starts: ca.SX, way: Scalar) -> tuple[Scalar, Scalar
 
 @lru_cache(maxsize=16)
 def _law(steering: tuple[bool, ...], count: int) -> ca.Function:
-    """Return the law of a rover whose wheels steer or not, along `count` points; it remembers its way and integrals."""
+    """Return the law of a rover whose wheels steer or not, along `count` points, with way, arrival, integrals."""
     n = len(steering)
     place, read, limits = ca.SX.sym("place", 3), ca.SX.sym("read", 3 + n), ca.SX.sym("limits", 2 * n)
-    memory, (servo, symbols) = ca.SX.sym("memory", 1 + n), servo_symbols()
+    memory, (servo, symbols) = ca.SX.sym("memory", 2 + n), servo_symbols()
     chosen, wheels, radii = ca.SX.sym("chosen", len(NUMBERS)), ca.SX.sym("wheels", 2, n), ca.SX.sym("radii", n)
     points, starts = ca.SX.sym("points", count, 2), ca.SX.sym("starts", count)
     omega_0, period, speed, lookahead, reach, bend = ca.vertsplit(chosen)
     way = _nearest(points, starts, place[1], place[2], memory[0], lookahead)
     left = starts[count - 1] - way
     motion = _pursuit(_point_at(points, starts, way + lookahead), place, read[2], bend)
-    pace = speed * ca.fmin(left / lookahead, 1.0)
+    pace = ca.if_else(left > reach, speed * ca.fmin(left / lookahead, 1.0), 0.0)
     speeds, angles = rolling([ca.vertsplit(wheels[:, at]) for at in range(n)], steering, motion)
     rates = ca.vertcat(*speeds) / radii
     rates = rates * ca.fmin(pace, omega_0 * servo.delta_max / ca.mmax(ca.fabs(rates)))
-    duties, integrals = servo_duties(servo, rates, read[3:], memory[1:], limits, omega_0, period)
+    duties, integrals = servo_duties(servo, rates, read[3:], memory[2:], limits, omega_0, period)
     numbers = ca.vertcat(symbols, chosen, ca.vec(wheels), radii, ca.vec(points), starts)
-    out = [ca.if_else(left > reach, duties, 0.0), ca.vertcat(*angles), ca.vertcat(way, integrals)]
+    arrival = ca.if_else(left > reach, place[0], memory[1])
+    out = [duties, ca.vertcat(*angles), ca.vertcat(way, arrival, integrals)]
     return ca.Function("route", [place, read, limits, memory, numbers], out)
 
 
@@ -92,8 +93,8 @@ def _pursuit(target: tuple[Scalar, Scalar], place: ca.SX, yaw: Scalar, bend: Sca
 class RouteControl(LawControl):
     """Drives a route: pure pursuit of the point `lookahead` further on, by the base's true x, y and its yaw.
 
-    It slows down over the last `lookahead`; within `reach` of the end its motors are off. Curvature is held to what
-    wheels can steer, or to the sides' track where none does. It does not know obstacles.
+    It slows down over the last `lookahead`; within `reach` of the end servos hold its wheels still. Curvature is held
+    to what wheels can steer, or to the sides' track where none does. It does not know obstacles.
 
     Parameters
     ----------
@@ -181,14 +182,18 @@ class RouteControl(LawControl):
     @property
     def fresh(self) -> np.ndarray:
         """At the beginning, without integrals."""
-        return np.zeros(1 + len(self.rover.wheels))
+        return np.zeros(2 + len(self.rover.wheels))
+
+    @property
+    def stands_since(self) -> float:
+        """When it came to the end [s], where its wheels are held; infinite until then."""
+        return float(self.memory[1]) if self.starts[-1] - self.memory[0] <= self.reach else math.inf
 
     def shortfall(self, trace: Trace) -> str:
         """Return what to say of a drive that did not come to the end of its route."""
         left = float(self.starts[-1] - self.memory[0])
-        if left <= self.reach:
-            return ""
-        return f"the route is not finished: {left:.2g} m of its {self.starts[-1]:.3g} m are left."
+        text = f"the route is not finished: {left:.2g} m of its {self.starts[-1]:.3g} m are left."
+        return text if left > self.reach else ""
 
 
 def read_route(text: str, start: tuple[float, float]) -> np.ndarray:

@@ -21,8 +21,8 @@ SHORT = 0.1
 """Share of a wheel's radius that counts as standing still."""
 LEAST_CROSSINGS = 4
 """Changes of a wheel's sense in the later half of a drive from which it swings."""
-NO_DUTY = 1e-9
-"""Duty that is none: round-off of a servo that rests."""
+NO_DUTY, HELD = 1e-9, "stands_since"
+"""Duty that is none, round-off of a servo that rests; and of a trace since when [s] servos hold the wheels still."""
 ON_THE_SPOT = 0.2
 """Body's way over its wheels', below which it turns on the spot; its way aside over theirs, from which it is said."""
 
@@ -57,7 +57,7 @@ def drive_outcome(trace: Trace) -> DriveOutcome | None:
     - sliding: the body goes further aside than its wheels travel, over the last twentieth of the drive;
     - stuck: over every last radius that the rims turn, the wheels travel less than a tenth of it;
     - held, slid: never driven, and moved by less than r / 10, or by more; held also where driven, by less than r / 10;
-    - stopped: no longer driven at the end;
+    - stopped: no longer driven at the end, or held still by a control that has come to its end;
     - creeping, driving: the rest, the wheels travelling less than half of what they turn, or more; on the spot where
       the body's way is less than a fifth of the wheels'.
     """
@@ -85,7 +85,8 @@ def ways_of(trace: Trace) -> Ways:
     sense = _held_sense(duty)
     rims, travel = sense * r * trace.stack("wheel_rate"), sense * trace.stack("travel")
     turned, travelled = (np.cumsum(np.mean(speed * dt, axis=1)) for speed in (np.abs(rims), travel))
-    return Ways(trace.t, turned, travelled, np.any(np.abs(duty) > NO_DUTY, axis=1), float(np.mean(r)))
+    driven = np.any(np.abs(duty) > NO_DUTY, axis=1) & (trace.t <= float(trace.attrs.get(HELD, math.inf)))
+    return Ways(trace.t, turned, travelled, driven, float(np.mean(r)))
 
 
 def _held_sense(duty: np.ndarray) -> np.ndarray:
@@ -152,12 +153,9 @@ def _stopped(trace: Trace, ways: Ways) -> DriveOutcome | None:
     if ways.driven[-1]:
         return None
     off = int(np.flatnonzero(ways.driven)[-1]) + 1
-    on = float(ways.travelled[-1] - ways.travelled[off])
-    return DriveOutcome(
-        "stopped",
-        float(ways.t[off]),
-        f"not driven since {ways.t[off]:.1f} s, it moved on by {_length(on)}, {_place(trace, -1)}",
-    )
+    on, how = float(ways.travelled[-1] - ways.travelled[off]), "held still" if HELD in trace.attrs else "not driven"
+    text = f"{how} since {ways.t[off]:.1f} s, it moved on by {_length(on)}, {_place(trace, -1)}"
+    return DriveOutcome("stopped", float(ways.t[off]), text)
 
 
 def _stalled(trace: Trace, ways: Ways) -> DriveOutcome | None:
