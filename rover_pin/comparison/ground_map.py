@@ -62,8 +62,8 @@ def ground_map(
     A drive begins at rest, as soil and load have it, under the scenario's control, and lasts until rims at their speed
     without load would have come the rover's length, the last wheels to where the first stood; or as long as the
     setting `duration`. Slip is 1 less the wheels' way over what their rims turn, as of `drive_outcome`; energy is
-    electric, per metre that the wheels travel; stuck is who does not get on in the end (`bands.FAILED`), or cannot be
-    set down there.
+    electric, per metre that the wheels travel; stuck is who does not get on in the end (`bands.FAILED`), whose wheels
+    come no way on, or who cannot be set down there.
 
     Parameters
     ----------
@@ -177,7 +177,7 @@ def drive_from(study: Study, case: Case) -> dict[str, Any]:
     return {
         "slip": 1.0 - travelled / turned if turned > 0.0 else None,
         "energy_J_per_m": energy / travelled if travelled > 0.0 else None,
-        "stuck": outcome.kind in FAILED if outcome else None,
+        "stuck": travelled <= 0.0 or outcome.kind in FAILED if outcome else None,
         "happened": outcome.sentence if outcome else None,
     }
 
