@@ -68,7 +68,8 @@ def ground_map(
     Parameters
     ----------
     name, settings
-        As of `scenario`; plain numbers and words.
+        As of `scenario`; plain numbers and words. The side force is `combined` where nothing else is said: across a
+        slope wheels go sideways.
     models : sequence of path
         Files of equally probable models; none: that of the settings.
     out : path
@@ -93,6 +94,7 @@ def ground_map(
     ParameterError
         What `scenario`, `places_on` and `sweep` refuse.
     """
+    settings = settings if models else {"side": "combined", **settings}
     axes = {"model": Values([str(file) for file in models])} if models else {}
     first = scenario(name, **settings, **{axis: values.values[0] for axis, values in axes.items()}, trust=trust)
     length, terrain = base_of(first.model.rover).length, first.model.terrain
