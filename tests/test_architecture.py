@@ -21,7 +21,7 @@ BUDGETS = {"base": 2830, "parameters": 400, "soil": 1220, "effects": 2375, "terr
            "simulation": 7426, "logs": 3738, "control": 5180, "estimation": 1987, "inference": 2065,
            "measurements": 2050, "discrepancy": 2040, "experiments": 8950, "scenarios": 1058,
            "view": 1245, "report": 2511, "loop": 1445, "demo": 400, "plot": 975, "sweep": 1250, "tuning": 2430,
-           "comparison": 875, "cli": 1810}  # fmt: skip
+           "comparison": 877, "cli": 1810}  # fmt: skip
 """Lines that a room may have. One that is full is made simpler, or its budget is argued for in the same change."""
 NO_ROVER = ("estimation", "inference", "discrepancy")
 """Rooms that know nothing of rovers, soils or files: what they work on is an abstract experiment."""
