@@ -38,6 +38,8 @@ from rover_pin.simulation.trace.channels import unit_of
 
 MADE = {"path": "m", "drift": "m", "heading": "rad", "speed": "m/s"}
 """Units of the features that are made of several channels."""
+AHEAD = 0.005
+"""How much further ahead runs are held to learn what a wandering place moves [m]: some SDs of a tracker's noise."""
 LOST = 1e3
 """What a prediction that is not a number counts as while a fit descends [channel's unit]: far, but finite."""
 
@@ -162,10 +164,21 @@ class DriveExperiment(Experiment):
     def random_field(self, model: Model) -> RandomField:
         """Return how the ground of each run may differ from the declared, and how its tracker may wander."""
         ground = self.cached_arrays(("random field", model), lambda: ground_columns(self, model))
-        tracker = tracker_columns(self.runs, self.channels, self.length)
+        tracker = tracker_columns(self.runs, self.channels, self.length, self._ahead(model))
         tracker["kind"] = tracker["kind"] + len(KINDS)
         both = {name: np.concatenate([ground[name], tracker[name]]) for name in ground}
         return RandomField((*KINDS, *TRACKER), **both)
+
+    def _ahead(self, model: Model) -> np.ndarray:
+        """Return d features / d place (runs, channels, blocks) [1/m] for runs that are held further ahead."""
+
+        def moved() -> dict[str, np.ndarray]:
+            runs = tuple(_further(run, AHEAD) for run in self.runs)
+            further = dataclasses.replace(self, runs=runs).predict([model])[0]
+            return {"slope": (further - self.predict([model])[0]) / AHEAD}
+
+        change = self.cached_arrays(("held further ahead", model), moved)["slope"]
+        return np.where(np.abs(change) < LOST, change, 0.0)
 
     def cached_arrays(self, request: tuple[Any, ...], make: Callable[[], Arrays]) -> Arrays:
         """Return what was made of these runs before, or make and keep it."""
@@ -225,6 +238,11 @@ def logged(fit: Fit) -> DriveExperiment:
 def _free(run: LoggedRun) -> LoggedRun:
     nowhere = np.full_like(run.commands.place, np.nan)
     return dataclasses.replace(run, commands=dataclasses.replace(run.commands, place=nowhere))
+
+
+def _further(run: LoggedRun, ahead: float) -> LoggedRun:
+    step = ahead * np.column_stack([np.cos(run.heading), np.sin(run.heading), 0.0 * run.heading])
+    return dataclasses.replace(run, commands=dataclasses.replace(run.commands, place=run.commands.place + step))
 
 
 def _rest(model: Model, run: Commands) -> DriveState | None:

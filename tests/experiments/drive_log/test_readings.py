@@ -179,7 +179,7 @@ NAMES = ("path", "drift", "heading", "body_z", "body_roll", "body_pitch", "wheel
 
 
 def test_each_pose_number_wanders_alone_and_no_other_channel():
-    made = tracker_columns([wandering(NAMES)] * 2, NAMES, 40)
+    made = tracker_columns([wandering(NAMES)] * 2, NAMES, 40, np.zeros((2, len(NAMES), 40)))
     moved = made["moved"].any(axis=3)
     assert moved.sum(axis=(1, 2)).tolist() == [1] * len(moved), "one run, one feature"
     rows = np.argwhere(moved)
@@ -192,7 +192,7 @@ def test_each_pose_number_wanders_alone_and_no_other_channel():
 
 def test_the_sum_of_all_times_is_a_zero_that_is_off():
     """Roll and pitch then read it, a height is levelled, and a way or a turn does not see it."""
-    made = tracker_columns([wandering(NAMES)], NAMES, 40)
+    made = tracker_columns([wandering(NAMES)], NAMES, 40, np.zeros((1, len(NAMES), 40)))
     whole = {name: made["moved"][:, 0, row].sum(axis=0) for row, name in enumerate(NAMES)}
     assert whole["body_pitch"] == pytest.approx(TILT.size * np.ones(40))
     assert whole["body_z"] == pytest.approx(np.zeros(40), abs=1e-12)
@@ -201,7 +201,7 @@ def test_the_sum_of_all_times_is_a_zero_that_is_off():
 
 def test_a_place_that_wanders_evenly_is_a_way_that_is_forgotten():
     """x = v t through a leak of LEAK seconds: v LEAK (1 - exp(-t / LEAK)), with the first of the times at its end."""
-    made = tracker_columns([wandering(("path",), seconds=4.0)], ("path",), 8)
+    made = tracker_columns([wandering(("path",), seconds=4.0)], ("path",), 8, np.zeros((1, 1, 8)))
     assert len(made["moved"]) == 2
     t = np.arange(0.25, 4.0, 0.5)
     speed = PLACE.size / 3.95

@@ -1,7 +1,8 @@
 """How a tracker may wander while it tracks: each number of the pose of each run, evenly from time to time.
 
 A tracker's zero drifts by some noise's worth over seconds, longer than blocks hang together and less than a run lasts,
-so that all runs together seem to tell a bias, a tilt or a spring. Its SDs are learnt as those of the ground are.
+so that all runs together seem to tell a bias, a tilt or a spring. A place that is off ahead also lays bumps where they
+are not: a replay is held to it. Its SDs are learnt as those of the ground are.
 """
 
 from __future__ import annotations
@@ -25,32 +26,41 @@ MOST = 12
 """Times of one run at most; in a longer one they are further apart."""
 
 
-def tracker_columns(runs: Sequence[LoggedRun], channels: Sequence[str], length: int) -> dict[str, np.ndarray]:
+def tracker_columns(
+    runs: Sequence[LoggedRun], channels: Sequence[str], length: int, ahead: np.ndarray
+) -> dict[str, np.ndarray]:
     """Return how each run's features move where its tracker is off at one time, less and less to the times beside.
 
-    `kind`, `fold` and `moved` are those of a `RandomField` of the kinds TRACKER.
+    `ahead` says of each run how its predicted features (channels, length) change for each metre that it is held too far
+    ahead. `kind`, `fold` and `moved` are those of a `RandomField` of the kinds TRACKER.
     """
-    columns = [
-        (TRACKER.index(OF[name]), at, row, response)
-        for at, run in enumerate(runs)
-        for row, name in enumerate(channels)
-        if name in OF
-        for response in _tracker_responses(run, name)
-    ]
-    table = np.zeros((len(columns), len(runs), len(channels), length))
-    for features, (_, at, row, response) in zip(table, columns, strict=True):
-        features[at, row, : len(response)] = response
-    kind, fold = (np.array([column[at] for column in columns], dtype=int) for at in (0, 1))
-    return {"kind": kind, "fold": fold, "moved": table}
+    places, columns = [], []
+    for at, run in enumerate(runs):
+        for row, name in enumerate(channels):
+            for share in _shares(run) if name in OF else ():
+                features = np.zeros((len(runs), len(channels), length))
+                response = _response(run, name, OF[name].size * share)
+                features[at, row, : len(response)] = response
+                if name == PATH:
+                    means = blocks(OF[name].size * share, run.commands.period)
+                    features[at, :, : len(means)] -= ahead[at][:, : len(means)] * means
+                places.append((TRACKER.index(OF[name]), at))
+                columns.append(features)
+    kind, fold = np.array(places, dtype=int).reshape(-1, 2).T
+    return {"kind": kind, "fold": fold, "moved": np.array(columns).reshape(-1, len(runs), len(channels), length)}
 
 
-def _tracker_responses(run: LoggedRun, name: str) -> np.ndarray:
-    """Return the blocks of a feature (times, blocks) by which the tracker moves it."""
-    t, period = run.commands.t, run.commands.period
+def _shares(run: LoggedRun) -> np.ndarray:
+    """Return how much each time between which the tracker wanders evenly counts at each row (times, T)."""
+    t = run.commands.t
     count = min(max(round((t[-1] - t[0]) / SPACING), 1), MOST - 1) + 1
     knots = np.linspace(t[0], t[-1], count)
-    shares = OF[name].size * np.maximum(0.0, 1.0 - np.abs(t - knots[:, None]) / (knots[1] - knots[0]))
+    return np.asarray(np.maximum(0.0, 1.0 - np.abs(t - knots[:, None]) / (knots[1] - knots[0])))
+
+
+def _response(run: LoggedRun, name: str, off: np.ndarray) -> np.ndarray:
+    """Return the blocks of a feature (blocks,) by which a tracker that is off by this at each row (T,) moves it."""
+    period = run.commands.period
     if name in (PATH, DRIFT, HEADING):
-        steps = run.summed_rows * np.diff(shares, axis=1, prepend=shares[:, :1])
-        return blocks(np.array([leaky(step, period) for step in steps]), period)
-    return np.array([levelled(name, block, run.usable) for block in blocks(shares, period)])
+        return blocks(leaky(run.summed_rows * np.diff(off, prepend=off[:1]), period), period)
+    return levelled(name, blocks(off, period), run.usable)
