@@ -50,8 +50,8 @@ from rover_pin.discrepancy.question import Question
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.estimation.noise import huber_losses
 from rover_pin.estimation.numbers import is_adequate
+from rover_pin.experiments.rig_sets.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.data import read_rig_set
-from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.model import RigModel
 from rover_pin.loop.close import close_the_loop
 from rover_pin.loop.rig import question_of
@@ -253,7 +253,7 @@ def oracle_of(folder: Path, hidden: Hidden) -> tuple[RigModel | None, float]:
 
 def asked(folder: Path) -> Question:
     data = read_rig_set(folder)
-    return question_of(RigExperiment(data), RigModel(data.rig.wheel, data.soil()))
+    return question_of(RigExperiment((data,)), RigModel(data.rig.wheel, data.soil()))
 
 
 def exceeds_noise(folder: Path) -> bool:

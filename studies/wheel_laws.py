@@ -74,10 +74,11 @@ from rover_pin.discrepancy.calibration import calibrated
 from rover_pin.discrepancy.cross_validation import held_out_residual
 from rover_pin.effects.effect import Effect
 from rover_pin.estimation.fit import Fit
-from rover_pin.experiments.wheel_rig.candidates import numbers_of
+from rover_pin.experiments.rig_sets.candidates import numbers_of
+from rover_pin.experiments.rig_sets.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.data import RigSet, read_rig_set
-from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.model import ASKEW, PAPER, RigModel
+from rover_pin.experiments.wheel_rig.runs import RigRuns
 from rover_pin.plot import save, write_csv
 
 DATA = Path(__file__).parent / "data"
@@ -193,10 +194,10 @@ def table(quick: bool = False) -> list[Row]:
 
 def compared(name: str, data: RigSet, laws: Laws, n: float) -> list[Row]:
     """Return one row a law and a baseline."""
-    experiment, rows = RigExperiment(data), []
+    rows = []
     for law, effects in laws.items():
         fit = fitted(data, effects, n)
-        rows.append(row(name, law, data, experiment.rows(held_out_residual(fit)), sizes(fit)))
+        rows.append(row(name, law, data, RigRuns(data).rows(held_out_residual(fit)), sizes(fit)))
     curves = [row(name, law, data, left_out(data, predict)) for law, predict in BASELINES.items()]
     return [*rows, *curves, row(name, AUTHORS, data, authors_errors(data))]
 
@@ -206,7 +207,7 @@ def fitted(data: RigSet, effects: tuple[Effect, ...], n: float) -> Fit:
     soil = data.soil()
     soil = soil.replace(c=0.0, n=n, k_1=soil.k_1 if data.trials else 1e5)
     model = RigModel(data.rig.wheel, soil, (*(ASKEW if data.rig.askew.any() else PAPER), *effects))
-    experiment = RigExperiment(data)
+    experiment = RigExperiment((data,))
     return calibrated(experiment, model, numbers_of(experiment, model))
 
 

@@ -19,12 +19,12 @@ from rover_pin.contact import Soil
 from rover_pin.discrepancy.question import Progress
 from rover_pin.discrepancy.standalone import Standalone
 from rover_pin.discrepancy.verdict import Verdict
-from rover_pin.experiments.joint_rig.sets import read_joint
+from rover_pin.experiments.rig_sets.experiment import RigExperiment
+from rover_pin.experiments.rig_sets.sets import read_joint
 from rover_pin.experiments.wheel_rig.data import RIG_FILE, RigSet, read_rig_set
 from rover_pin.experiments.wheel_rig.model import RigModel
 from rover_pin.logs.drive_log import FILE, DriveLog, read_drive_log
 from rover_pin.loop.drive import close_drive_loop
-from rover_pin.loop.joint import close_joint_loop
 from rover_pin.loop.own_effects import refuse_unfit_effects
 from rover_pin.loop.provenance import LoopRequest
 from rover_pin.loop.rig import close_rig_loop, rig_set_of
@@ -133,7 +133,9 @@ def close_the_loop(
     assert not isinstance(data, DriveLog)
     with alone_in(out):
         rigs = rig_set_of(data, allowed)
-        return close_rig_loop(rigs, _start(rigs, request), request, progress)
+        rig, start = RigExperiment((rigs,)), _start(rigs, request)
+        start = start if isinstance(start, RigModel) else rig.base_model(start)
+        return close_rig_loop(rig, start, request, progress)
 
 
 def _jointly(request: LoopRequest, progress: Progress) -> Verdict:
@@ -142,7 +144,8 @@ def _jointly(request: LoopRequest, progress: Progress) -> Verdict:
         if value is not None:
             raise DataError(f"{value}: a joint fit of several rig sets does not take {what}; leave it out.")
     with alone_in(request.out):
-        return close_joint_loop(read_joint(request.data, Trust(everything=request.trust)), request, progress)
+        joint = read_joint(request.data, Trust(everything=request.trust))
+        return close_rig_loop(joint, joint.base_model(), request, progress)
 
 
 def _start(data: RigSet | DriveLog, request: LoopRequest) -> Any:

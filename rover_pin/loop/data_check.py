@@ -13,18 +13,16 @@ from rover_pin.discrepancy.standalone import Standalone
 from rover_pin.experiments.drive_log.checks.log import check as check_log
 from rover_pin.experiments.drive_log.checks.log import data_findings
 from rover_pin.experiments.drive_log.checks.log import refuse_unfit as refuse_log
-from rover_pin.experiments.joint_rig.experiment import JointRig
-from rover_pin.experiments.joint_rig.sets import read_joint
+from rover_pin.experiments.rig_sets.checks import findings_of, refuse_unfit, too_poor
+from rover_pin.experiments.rig_sets.experiment import RigExperiment
+from rover_pin.experiments.rig_sets.sets import read_joint
 from rover_pin.experiments.traction_factors import TractionFactors
-from rover_pin.experiments.wheel_rig.checks import findings, refuse_unfit, too_poor
 from rover_pin.experiments.wheel_rig.data import RIG_FILE, RigSet, read_rig_set
-from rover_pin.experiments.wheel_rig.experiment import RigExperiment, as_declared
 from rover_pin.logs.drive_log import FILE as LOG_FILE
 from rover_pin.logs.drive_log import DriveLog, read_drive_log
 from rover_pin.loop.close import read_data
 from rover_pin.loop.derived_points import factors_of
 from rover_pin.measurements.finding import Finding
-from rover_pin.measurements.rig_physics import refuse_impossible
 
 
 class DataCheck(NamedTuple):
@@ -53,9 +51,10 @@ def check_data(folder: str | Path, trust: Trust = Trust()) -> DataCheck:
         seconds = sum(float(run.t[-1] - run.t[0]) for run in data.runs)
         holds = f"{len(data.runs)} runs, {seconds:.0f} s, rover {data.metadata.rover}"
         return DataCheck("drive-log", holds, log_check.findings, log_check.too_poor)
-    refuse_unfit(data)
-    uncertain = RigExperiment(data).uncertain(as_declared(data))
-    return DataCheck("wheel-rig", _holds(data), tuple(findings(data)), too_poor(data, len(uncertain)))
+    experiment = RigExperiment((data,))
+    refuse_unfit(experiment)
+    uncertain = experiment.uncertain(experiment.base_model())
+    return DataCheck("wheel-rig", _holds(data), tuple(findings_of(experiment)), too_poor(experiment, len(uncertain)))
 
 
 def rig_set_in(folder: str | Path, trust: Trust = Trust()) -> RigSet:
@@ -72,7 +71,7 @@ def rig_set_in(folder: str | Path, trust: Trust = Trust()) -> RigSet:
     return data
 
 
-Measured = RigSet | JointRig | Standalone
+Measured = RigSet | RigExperiment | Standalone
 """Data to whose base model numbers can be fitted."""
 
 
@@ -99,14 +98,13 @@ def measured_in(path: str | Path | tuple[str | Path, ...], trust: Trust = Trust(
     """
     if isinstance(path, tuple):
         joint = read_joint([data_path(folder) for folder in path], trust)
-        for data in joint.sets.values():
-            refuse_impossible(data.rig)
+        refuse_unfit(joint)
         return Checked(joint, joint.twice)
     path = data_path(path)
     if is_file(path / RIG_FILE):
-        data = read_rig_set(path, trust)
-        refuse_unfit(data)
-        return Checked(data, tuple(findings(data)))
+        experiment = RigExperiment((read_rig_set(path, trust),))
+        refuse_unfit(experiment)
+        return Checked(experiment, tuple(findings_of(experiment)))
     if is_file(path / LOG_FILE):
         drive = read_drive_log(path, trust)
         refuse_log(drive)

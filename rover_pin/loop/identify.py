@@ -21,12 +21,10 @@ from rover_pin.estimation.identification import ChannelFit, Estimate, Identifica
 from rover_pin.estimation.numbers import Number
 from rover_pin.estimation.parameter import Parameter, Prior
 from rover_pin.estimation.variance_shares import variance_shares
-from rover_pin.experiments.joint_rig.experiment import JointRig
-from rover_pin.experiments.wheel_rig.data import as_rig_set
-from rover_pin.experiments.wheel_rig.experiment import RigExperiment, as_declared
+from rover_pin.experiments.rig_sets.experiment import RigExperiment
+from rover_pin.experiments.wheel_rig.data import RigSet, as_rig_set
 from rover_pin.experiments.wheel_rig.known_elsewhere import Flag, flags
 from rover_pin.loop.data_check import Measured, measured_in
-from rover_pin.loop.joint import question_of as question_of_sets
 from rover_pin.loop.rig import question_of as question_of_rig
 
 BY_HAND = "--prior"
@@ -89,7 +87,8 @@ def identify(
     Source: section 4.1, "a theoretical curve that makes a best fit". Differs from the paper: it prints no uncertainty.
     """
     measured = measured_in(data, Trust(everything=trust)).data if isinstance(data, (str, Path, tuple)) else data
-    question = _with_numbers(_question_of(measured), priors, fixed)
+    experiment = RigExperiment((measured,)) if isinstance(measured, RigSet) else measured
+    question = _with_numbers(_question_of(experiment), priors, fixed)
     if question.experiment.is_exact:
         beliefs = explorer_of(question, progress).beliefs()
     else:
@@ -105,19 +104,17 @@ def identify(
         side.misfit,
         tuple(_channel_fits(side)),
         _held(question, side.model),
-        _elsewhere(measured, side),
+        _elsewhere(side),
         covariance / np.outer(size, size),
     )
 
 
-def _question_of(data: Measured) -> Question:
+def _question_of(experiment: RigExperiment | Standalone) -> Question:
     """Return the base model's question: its numbers are asked for, and nothing is missing."""
-    if isinstance(data, Standalone):
-        question = question_of_bench(data, ())
-    elif isinstance(data, JointRig):
-        question = question_of_sets(data, ())
+    if isinstance(experiment, RigExperiment):
+        question = question_of_rig(experiment, experiment.base_model(), ())
     else:
-        question = question_of_rig(RigExperiment(data), as_declared(data))
+        question = question_of_bench(experiment, ())
     return dataclasses.replace(question, candidates=lambda base: ())
 
 
@@ -188,9 +185,10 @@ def _held(question: Question, model: Any) -> dict[str, float]:
     return {name: question.experiment.value(model, name) for name in names if name not in free}
 
 
-def _elsewhere(data: Measured, side: Side) -> tuple[Flag, ...]:
+def _elsewhere(side: Side) -> tuple[Flag, ...]:
     """Return the fitted constants of a rig against what was measured of them apart from the runs."""
-    if isinstance(data, Standalone):
+    experiment = side.fit.task.experiment
+    if not isinstance(experiment, RigExperiment):
         return ()
-    rig = as_rig_set(data.declared) if isinstance(data, JointRig) else data
-    return flags(rig, side.model.soil, float(rig.rig.wheel.b), side.numbers)
+    rig = experiment.declared
+    return flags(as_rig_set(rig), side.model.soil, float(rig.wheel.b), side.numbers)

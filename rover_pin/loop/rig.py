@@ -1,64 +1,65 @@
-"""The loop on wheel rigs: checked, calibrated, searched, judged on levels left out, and written down."""
+"""The loop on wheel rigs, one set or several in one sand: checked, searched, held out level by level, written down."""
 
 from __future__ import annotations
 
 import dataclasses
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 from rover_pin.base.files.results_folder import OF_A_LOOP, say_what_is_replaced
 from rover_pin.base.trust import Trust
-from rover_pin.contact import Soil
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.conclude import concluded
 from rover_pin.discrepancy.question import Progress, Question
 from rover_pin.discrepancy.rivals import against_rivals
-from rover_pin.discrepancy.verdict import Side, Verdict
+from rover_pin.discrepancy.verdict import Verdict
+from rover_pin.effects.effect import Effect
 from rover_pin.estimation.baselines import curves
 from rover_pin.estimation.numbers import profiles
-from rover_pin.experiments.wheel_rig.candidates import candidates, numbers_of, rig_kinds
-from rover_pin.experiments.wheel_rig.channel_residual import channel_residuals
-from rover_pin.experiments.wheel_rig.checks import findings, refuse_unfit, too_poor
+from rover_pin.experiments.rig_sets.candidates import candidates, numbers_of, rig_kinds
+from rover_pin.experiments.rig_sets.checks import findings_of, refuse_unfit, too_poor
+from rover_pin.experiments.rig_sets.diagnostics import JointExtra, set_errors
+from rover_pin.experiments.rig_sets.draft import drafted
+from rover_pin.experiments.rig_sets.experiment import RigExperiment
+from rover_pin.experiments.rig_sets.model import JointModel
+from rover_pin.experiments.rig_sets.next_runs import next_runs
 from rover_pin.experiments.wheel_rig.data import RigSet, as_rig_set, read_rig_set
-from rover_pin.experiments.wheel_rig.diagnostics import FitDiagnostics, RigExtra
-from rover_pin.experiments.wheel_rig.draft import drafted
-from rover_pin.experiments.wheel_rig.experiment import RigExperiment, as_declared
+from rover_pin.experiments.wheel_rig.diagnostics import RigExtra, diagnose
 from rover_pin.experiments.wheel_rig.known_elsewhere import flags
 from rover_pin.experiments.wheel_rig.model import RigModel
 from rover_pin.experiments.wheel_rig.model_file import write_model
-from rover_pin.experiments.wheel_rig.next_runs import next_runs
 from rover_pin.experiments.wheel_rig.presets import describe_declared
-from rover_pin.experiments.wheel_rig.residual_tests import residual_tests
+from rover_pin.experiments.wheel_rig.runs import RigRuns
 from rover_pin.loop.provenance import LoopRequest, provenance
 from rover_pin.loop.verdict_file import draft_written, posterior_written, written_last
 from rover_pin.measurements.wheel_rig import WheelRig
-from rover_pin.report.rig.cautions import cautions
+from rover_pin.report.joint.report import write_report as write_joint_report
+from rover_pin.report.rig.cautions import cautions, of_parameters
 from rover_pin.report.rig.report import write_report
 
 
 def close_rig_loop(
-    data: RigSet, model: RigModel | Soil | None, request: LoopRequest, progress: Progress = lambda message: None
+    experiment: RigExperiment,
+    model: RigModel | JointModel,
+    request: LoopRequest,
+    progress: Progress = lambda message: None,
 ) -> Verdict:
-    """Return what a model of a wheel-rig set lacks, with the error before and after; see `close_the_loop`.
-
-    `model` is where it starts, read; None takes what the data declare.
+    """Return what a model of wheel-rig sets lacks, with the error before and after; see `close_the_loop`.
 
     Raises
     ------
     DataError
-        Data that cannot be read or cannot answer: one sentence each.
+        Data that cannot answer: one sentence each.
     OptimisationError
         The base model cannot be fitted at all.
     """
     begun = time.monotonic()
-    refuse_unfit(data)
-    start = model if isinstance(model, RigModel) else as_declared(data, model)
+    refuse_unfit(experiment)
     say_what_is_replaced(request.out, OF_A_LOOP)
-    verdict = on_rig(RigExperiment(data), start, request.effects, progress, request.seed)
+    verdict = on_rig(experiment, model, rig_kinds(request.effects), progress, request.seed)
     verdict.provenance.update(provenance(request, time.monotonic() - begun))
-    if request.out is None:
-        return verdict
-    return _written(verdict, data, request, progress)
+    return verdict if request.out is None else _written(verdict, experiment, request, progress)
 
 
 def rig_set_of(data: str | Path | WheelRig | RigSet, trust: Trust = Trust()) -> RigSet:
@@ -70,67 +71,84 @@ def rig_set_of(data: str | Path | WheelRig | RigSet, trust: Trust = Trust()) -> 
     return read_rig_set(data, trust)
 
 
-def question_of(experiment: RigExperiment, model: RigModel, effects: str | Path | None = None) -> Question:
-    """Return what is asked of a rig set: which effect its model lacks, soil constants and own sizes free."""
-    data, kinds = experiment.data, rig_kinds(effects)
-    numbers = numbers_of(experiment, model)
+def question_of(
+    experiment: RigExperiment, model: RigModel | JointModel, kinds: Sequence[type[Effect]] | None = None
+) -> Question:
+    """Return what is asked of rig sets: which effect their model lacks, soil constants and own sizes free."""
+    tried = rig_kinds() if kinds is None else kinds
     return Question(
         "wheel-rig",
-        data.rig.name,
+        experiment.name,
         experiment,
         model,
-        numbers,
-        lambda base: candidates(base.model, [(data, base.model)], data.rig, kinds),
+        numbers_of(experiment, model),
+        lambda base: candidates(experiment, base.model, tried),
         lambda base: drafted(experiment, base),
-        offers=lambda leading: (next_runs(data),),
+        offers=lambda leading: (next_runs(experiment.sets),),
     )
 
 
 def on_rig(
-    experiment: RigExperiment, model: RigModel, effects: str | Path | None, progress: Progress, seed: int
+    experiment: RigExperiment,
+    model: RigModel | JointModel,
+    kinds: Sequence[type[Effect]] | None,
+    progress: Progress,
+    seed: int = 0,
 ) -> Verdict:
-    """Return the verdict on a set that was read and checked."""
-    data, question = experiment.data, question_of(experiment, model, effects)
-    poor = too_poor(data, len(question.numbers))
-    if poor:
-        data_findings = tuple(findings(data))
-        return Verdict("wheel-rig", Answer.CANNOT_TELL, data.rig.name, poor, model, findings=data_findings)
-    verdict = concluded(question, progress, seed)
+    """Return the verdict on sets that were read and checked."""
+    question, data_findings = question_of(experiment, model, kinds), tuple(findings_of(experiment))
+    if poor := too_poor(experiment, len(question.numbers)):
+        return Verdict("wheel-rig", Answer.CANNOT_TELL, experiment.name, poor, model, findings=data_findings)
+    verdict = dataclasses.replace(concluded(question, progress, seed), findings=data_findings)
+    assert verdict.before is not None
+    tried = [candidate.effect for candidate in question.candidates(verdict.before.fit)]
+    declared = describe_declared(experiment.declared, tried, model.effects)
+    if len(experiment.sets) > 1:
+        return _of_sets(verdict, experiment, declared)
+    progress("errors of what a user would otherwise take")
+    return _of_one_set(verdict, experiment, declared, seed)
+
+
+def _of_one_set(verdict: Verdict, experiment: RigExperiment, declared: tuple[str, ...], seed: int) -> Verdict:
+    """Return the verdict on one set with what its models leave, beside curves through its points."""
+    (data,) = experiment.sets
     assert verdict.before is not None
     assert verdict.after is not None
-    tried = [candidate.effect for candidate in question.candidates(verdict.before.fit)]
-    extra = RigExtra(
-        _fit_diagnostics(data, verdict.before, seed),
-        _fit_diagnostics(data, verdict.after, seed),
-        describe_declared(data.rig, tried, model.effects),
+    before, after = (
+        diagnose(data, side.model, side.numbers, experiment.in_sds(side.fit.residual), seed)
+        for side in (verdict.before, verdict.after)
     )
-    progress("errors of what a user would otherwise take")
-    rolled = RigExperiment(data.rolled)
-    channels = [(name, rolled.unit(name)) for name in rolled.channels]
+    rolled = RigRuns(data.rolled)
+    channels = [(name, experiment.unit(name)) for name in rolled.channels]
     verdict = dataclasses.replace(
         verdict,
-        extra=extra,
-        cautions=cautions(verdict, extra.after),
-        findings=tuple(findings(data)),
+        extra=RigExtra(before, after, declared),
+        cautions=cautions(verdict, after),
         profiles=profiles(verdict.after.fit, tuple(number.name for number in verdict.after.numbers)),
     )
     return against_rivals(verdict, curves(rolled.observed, rolled.inputs, channels))
 
 
-def _fit_diagnostics(data: RigSet, side: Side, seed: int) -> FitDiagnostics:
-    """Return what a model leaves of a set, and how its constants agree with other measurements."""
-    experiment, soil = side.fit.task.experiment, side.model.soil
-    assert isinstance(experiment, RigExperiment)
-    scaled = experiment.in_sds(side.fit.residual)
-    reference_flags = flags(data, soil, float(side.model.wheel.b), side.numbers)
-    return FitDiagnostics(reference_flags, channel_residuals(data, scaled), residual_tests(data, scaled, seed))
+def _of_sets(verdict: Verdict, experiment: RigExperiment, declared: tuple[str, ...]) -> Verdict:
+    """Return the verdict on several sets with the errors of each, beside curves through that set alone."""
+    errors, rig = set_errors(experiment, verdict), experiment.declared
+    fitted = verdict.after.numbers if verdict.after else ()
+    against = of_parameters((), flags(as_rig_set(rig), verdict.model.soil, float(rig.wheel.b), fitted))
+    losses = [error.loss for error in errors if error.is_lost]
+    return dataclasses.replace(
+        verdict, extra=JointExtra(errors, declared), cautions=(*against, *verdict.cautions, *losses)
+    )
 
 
-def _written(verdict: Verdict, data: RigSet, request: LoopRequest, progress: Progress) -> Verdict:
+def _written(verdict: Verdict, experiment: RigExperiment, request: LoopRequest, progress: Progress) -> Verdict:
     """Write the files and return the verdict with their paths."""
     progress("writing the report")
     out = Path(str(request.out))
+    if len(experiment.sets) > 1:
+        models = ((f"model-{name}.toml", verdict.model.of(name)) for name in experiment.runs)
+        files = [write_model(model, out / file, verdict.sentence) for file, model in models]
+        return written_last(verdict, (*files, *write_joint_report(verdict, experiment, out)), out)
     files = [write_model(verdict.model, out / "model.toml", verdict.sentence)]
     files += posterior_written(verdict, write_model, out, request.seed)
     verdict, draft = draft_written(verdict, request, out)
-    return written_last(verdict, (*files, *draft, *write_report(verdict, data, out)), out)
+    return written_last(verdict, (*files, *draft, *write_report(verdict, experiment.sets[0], out)), out)

@@ -15,8 +15,9 @@ from scipy.optimize import least_squares
 
 from rover_pin.estimation.exact import ExactProblem
 from rover_pin.estimation.task import Task
+from rover_pin.experiments.rig_sets.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.data import RigSet, read_rig_set
-from rover_pin.experiments.wheel_rig.experiment import RigExperiment, as_declared
+from rover_pin.experiments.wheel_rig.declared import as_declared
 from rover_pin.loop.identify import identify
 
 DATA = Path(__file__).parents[1] / "data"
@@ -35,7 +36,7 @@ def main() -> None:
 
 
 def report(name: str, data: RigSet, repeats: int) -> None:
-    experiment, model = RigExperiment(data), as_declared(data)
+    experiment, model = RigExperiment((data,)), as_declared(data)
     numbers = experiment.uncertain(model)
     problem = ExactProblem(Task(experiment, experiment.noise()), model, numbers)
     start = np.array([number.u(experiment.value(model, number.name)) for number in numbers])

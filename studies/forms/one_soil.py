@@ -14,10 +14,10 @@ from rover_pin.discrepancy.cross_validation import held_out_residual
 from rover_pin.effects.effect import Effect
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.parameter import Parameter
-from rover_pin.experiments.joint_rig.experiment import JointRig
-from rover_pin.experiments.joint_rig.model import JointModel
-from rover_pin.experiments.joint_rig.sets import joined, seen_before
-from rover_pin.experiments.wheel_rig.candidates import present_amplitudes
+from rover_pin.experiments.rig_sets.candidates import present_amplitudes
+from rover_pin.experiments.rig_sets.experiment import RigExperiment
+from rover_pin.experiments.rig_sets.model import JointModel
+from rover_pin.experiments.rig_sets.sets import joined, seen_before
 from rover_pin.experiments.wheel_rig.data import RigSet
 from rover_pin.experiments.wheel_rig.model import ASKEW
 from rover_pin.experiments.wheel_rig.presets import FULL_BY
@@ -35,15 +35,15 @@ Cells = tuple[str, str, float, float, float, float, str]
 """Set, law, errors of pull [N], sinkage [mm] and side force [N], of all in their noise, and what was fitted."""
 
 
-def fitted(joint: JointRig, effects: tuple[Effect, ...]) -> Fit:
+def fitted(joint: RigExperiment, effects: tuple[Effect, ...]) -> Fit:
     """Return one soil and the sizes of these effects fitted to all sets; the lugs' height is declared, to 30 %."""
     model = dataclasses.replace(joint.base_model(), effects=(*ASKEW, *effects))
     known = joint.uncertain(model)
-    sizes = [declared(joint, model, size) for size in present_amplitudes(model, known)]
+    sizes = [declared(joint, model, size) for size in present_amplitudes(model.effects, known)]
     return calibrated(joint, model, (*known, *sizes))
 
 
-def declared(joint: JointRig, model: JointModel, size: Parameter) -> Parameter:
+def declared(joint: RigExperiment, model: JointModel, size: Parameter) -> Parameter:
     """Return a size, the grip's height of lugs around what it is in the model."""
     height = joint.value(model, size.name)
     return dataclasses.replace(size, origin=height, scale=FULL_BY * height, prior=True) if size.name == GRIP else size
@@ -56,7 +56,7 @@ def one_sand(sets: Mapping[str, RigSet], laws: Mapping[str, tuple[Effect, ...]])
     for law, effects in laws.items():
         fit = fitted(joint, effects)
         left = np.where(np.isfinite(joint.observed), held_out_residual(fit), np.nan)[:, : len(joint.kinds)]
-        for name in joint.sets:
+        for name in joint.runs:
             mine = joint.of_set(name)
             errors, sds = (
                 np.moveaxis(table[mine], 1, 0).reshape(len(joint.kinds), -1)
@@ -75,7 +75,7 @@ def from_the_others(sets: Mapping[str, RigSet], effects: tuple[Effect, ...]) -> 
         others = unseen((other for other in sets.values() if other is not data), [data])
         joint = joined(others)
         fit = fitted(joint, effects)
-        whole = joined([data, *joint.sets.values()]).base_model()
+        whole = joined([data, *joint.sets]).base_model()
         model = dataclasses.replace(whole, soil=fit.model.soil, effects=fit.model.effects).of(data.rig.name)
         found = model.predict(data.rig.load, data.rig.slip, data.speeds, data.rig.slip_angle)
         values = {"drawbar pull": found.drawbar_pull, "sinkage": found.sinkage, "side force": found.side_force}

@@ -12,8 +12,8 @@ from rover_pin.estimation import descent
 from rover_pin.estimation.descent import descend
 from rover_pin.estimation.exact import ExactProblem, scattered
 from rover_pin.estimation.task import Task
+from rover_pin.experiments.rig_sets.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.data import read_rig_set
-from rover_pin.experiments.wheel_rig.experiment import RigExperiment, as_declared
 
 DATA = Path(__file__).parents[2] / "studies" / "data"
 
@@ -100,8 +100,8 @@ def of_ours(problem, start):
 
 @pytest.mark.parametrize("name", ["cmu-smooth-wheel", "ding-2011-smooth"])
 def test_it_ends_as_low_as_scipy_in_no_more_evaluations(name):
-    experiment = RigExperiment(read_rig_set(DATA / name))
-    model = as_declared(experiment.data)
+    experiment = RigExperiment((read_rig_set(DATA / name),))
+    model = experiment.base_model()
     numbers = experiment.uncertain(model)
     problem = ExactProblem(Task(experiment, experiment.noise()), model, numbers)
     centre = np.array([number.u(experiment.value(model, number.name)) for number in numbers])

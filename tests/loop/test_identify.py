@@ -11,7 +11,7 @@ from rover_pin.base.errors import DataError, ParameterError
 from rover_pin.contact import Soil, Wheel
 from rover_pin.estimation.parameter import Prior
 from rover_pin.estimation.variance_shares import variance_shares
-from rover_pin.experiments.joint_rig.sets import joined
+from rover_pin.experiments.rig_sets.sets import joined
 from rover_pin.experiments.wheel_rig.data import as_rig_set, read_rig_set
 from rover_pin.loop.close import close_the_loop
 from rover_pin.loop.data_check import check_data, measured_in
@@ -89,7 +89,7 @@ def test_intervals_of_two_wheels_hold_the_truth_and_are_narrower():
     held, width = [], {"narrow": [], "both": []}
     for seed in range(10):
         sets = joined([rig("narrow", seed), rig("wide", seed)])
-        fits = {"narrow": identify(sets.sets["narrow"]), "both": identify(sets)}
+        fits = {"narrow": identify(sets.sets[0]), "both": identify(sets)}
         rows = [fits["both"][name].number for name in TRUTH]
         held += [row.low <= TRUTH[name] <= row.high for name, row in zip(TRUTH, rows, strict=True)]
         for name, fit in fits.items():

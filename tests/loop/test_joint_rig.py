@@ -13,16 +13,15 @@ from rover_pin.discrepancy.calibration import calibrated
 from rover_pin.effects.bulldozing import Bulldozing
 from rover_pin.effects.lug_excavation import LugExcavation
 from rover_pin.effects.slip_softening import SlipSoftening
-from rover_pin.experiments.joint_rig.experiment import JointRig
-from rover_pin.experiments.joint_rig.sets import joined, read_joint
-from rover_pin.experiments.wheel_rig.candidates import rig_kinds
+from rover_pin.experiments.rig_sets.candidates import candidates, rig_kinds
+from rover_pin.experiments.rig_sets.experiment import RigExperiment
+from rover_pin.experiments.rig_sets.sets import joined, read_joint
 from rover_pin.experiments.wheel_rig.data import read_rig_set
-from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.model import RigModel
 from rover_pin.experiments.wheel_rig.model_file import read_model
 from rover_pin.loop.close import close_the_loop
-from rover_pin.loop.joint import on_sets
 from rover_pin.loop.provenance import LoopRequest
+from rover_pin.loop.rig import on_rig
 from tests.oracle import rig_generator as hidden
 
 SLIPS = (0.0, 0.15, 0.3, 0.5, 0.75)
@@ -80,7 +79,7 @@ def test_a_set_cut_in_two_is_fitted_as_the_whole(sets):
         dataclasses.replace(part, rig=dataclasses.replace(part.rig, name=name))
         for name, part in (("low", whole.rows(low)), ("high", whole.rows(~low)))
     ]
-    experiment = RigExperiment(whole)
+    experiment = RigExperiment((whole,))
     model = RigModel(whole.rig.wheel, whole.soil(), errors=whole.rig.errors)
     alone = calibrated(experiment, model, experiment.uncertain(model))
     together = fitted(joined(parts))
@@ -98,11 +97,11 @@ def test_slopes_are_prediction_differences_for_any_lug_height(sets, tmp_path):
     ]
     joint = read_joint(folders)
     base = joint.base_model()
-    lugs = next(one for one in joint.candidates(base, rig_kinds()) if one.kind == "LugExcavation")
+    lugs = next(one for one in candidates(joint, base, rig_kinds()) if one.kind == "LugExcavation")
     assert lugs.effect.h_l == 0.006
     model = lugs.on(base)
     heights = {
-        name: [one.h_l for one in model.of(name).effects if isinstance(one, LugExcavation)] for name in joint.sets
+        name: [one.h_l for one in model.of(name).effects if isinstance(one, LugExcavation)] for name in joint.runs
     }
     assert heights == {"small": [0.006], "large": [0.006], "low": [0.003], "high": [0.006], "smooth": []}
     numbers = (*joint.uncertain(base), *lugs.cause.parameters)
@@ -129,13 +128,13 @@ def test_lugs_dig_from_the_start_where_every_set_declares_them(sets, tmp_path):
     joint = read_joint([low, high, smooth])
     base = joint.base_model()
     heights = {
-        name: [one.h_l for one in base.of(name).effects if isinstance(one, LugExcavation)] for name in joint.sets
+        name: [one.h_l for one in base.of(name).effects if isinstance(one, LugExcavation)] for name in joint.runs
     }
     assert heights == {"low": [0.003], "high": [0.006], "smooth": []}
     numbers = joint.uncertain(base)
     (at,) = [at for at, one in enumerate(numbers) if "h_l" in one.name]
     assert (numbers[at].name, numbers[at].origin, numbers[at].scale) == ("LugExcavation.h_l", 0.006, 0.3 * 0.006)
-    assert "LugExcavation" not in {one.kind for one in joint.candidates(base, rig_kinds())}
+    assert "LugExcavation" not in {one.kind for one in candidates(joint, base, rig_kinds())}
     u = np.full(len(numbers), 0.1)
     slopes = joint.sensitivities(base, numbers, u).slopes[at]
     step = 1e-5 * np.eye(len(u))[at]
@@ -173,8 +172,8 @@ def test_what_is_no_joint_fit_is_refused(sets, tmp_path):
 
 def test_too_few_levels_in_all_sets_cannot_tell(sets):
     parts = [read_rig_set(each) for each in sets]
-    joint = JointRig({one.rig.name: one.rows(one.level == 0) for one in parts})
-    verdict = on_sets(joint, (), lambda said: None)
+    joint = RigExperiment(tuple(one.rows(one.level == 0) for one in parts))
+    verdict = on_rig(joint, joint.base_model(), (), lambda said: None)
     assert verdict.answer.value == "cannot tell"
     assert verdict.sentence == "2 levels in all sets: measure at 3 or more, or give more sets."
 
@@ -191,15 +190,16 @@ def softened(tmp_path_factory):
     folder = tmp_path_factory.mktemp("softened")
     sizes = (("small", 0.0625, 0.06, (25.0,)), ("large", 0.125, 0.06, (60.0,)))
     sets = [written(folder, name, "slip_softening", r, b, 3, "", 0.0, loads) for name, r, b, loads in sizes]
-    return read_joint(sets), on_sets(read_joint(sets), (SlipSoftening, Bulldozing), lambda said: None)
+    joint = read_joint(sets)
+    return joint, on_rig(joint, joint.base_model(), (SlipSoftening, Bulldozing), lambda said: None)
 
 
 def test_common_missing_effect_is_named_with_errors_of_each_set(softened):
     joint, verdict = softened
     assert verdict.named == ("SlipSoftening",)
     rows = {(one.set, one.channel): one for one in verdict.extra.sets}
-    assert set(rows) == {(name, channel) for name in joint.sets for channel in joint.channels}
-    for name in joint.sets:
+    assert set(rows) == {(name, channel) for name in joint.runs for channel in joint.channels}
+    for name in joint.runs:
         one = rows[name, "sinkage"]
         assert one.after < 0.5 * one.before
         levels = [each.after for each in next(s for s in verdict.scores if s.name == "sinkage").levels]

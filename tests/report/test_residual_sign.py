@@ -8,8 +8,8 @@ import pytest
 from rover_pin.contact import Contact, Soil, Wheel
 from rover_pin.discrepancy.cross_validation import held_out_residual
 from rover_pin.estimation.experiment import residual
+from rover_pin.experiments.rig_sets.draft import draft_effect
 from rover_pin.experiments.unlisted.residual import DriveResidual, channel_residuals
-from rover_pin.experiments.wheel_rig.draft import draft_effect
 from rover_pin.loop.rig import on_rig
 from rover_pin.report.drive.residual import channel_table
 from rover_pin.report.drive.runs import Sides, residual_panels, worst_runs
@@ -40,9 +40,9 @@ def deeper():
 
 def test_the_fit_and_the_levels_left_out_have_the_sign(deeper):
     made, verdict = deeper
-    data, fit = made.data, verdict.before.fit
+    data, fit = made.sets[0], verdict.before.fit
     for table in (fit.residual, held_out_residual(fit)):
-        rows = made.rows(table) / np.array(rig.SD)[:, None]
+        rows = made.runs["linear"].rows(table) / np.array(rig.SD)[:, None]
         assert rows[1, data.level == 0].mean() == pytest.approx(-4, abs=0.3)
         assert rows[1, data.level == rig.LEVELS - 1].mean() == pytest.approx(4, abs=0.3)
 
@@ -65,7 +65,7 @@ def test_the_words_of_what_is_left_have_the_sign(deeper):
 
 def test_the_figure_of_what_is_left_has_the_sign(deeper):
     made, verdict = deeper
-    (axis,) = rig_residual_panels(made.data, verdict.extra.before, None)[1].axes
+    (axis,) = rig_residual_panels(made.sets[0], verdict.extra.before, None)[1].axes
     assert "measured - model" in axis.get_ylabel()
     drawn = axis.containers[0].lines[0].get_ydata()
     assert drawn[0] == pytest.approx(-4, abs=0.3)
@@ -75,7 +75,7 @@ def test_the_figure_of_what_is_left_has_the_sign(deeper):
 def test_the_draft_of_what_is_left_takes_it_away(deeper, tmp_path):
     """Its depth is that of the contact less what is missing: h + (measured - model) is what the rig shows."""
     made, verdict = deeper
-    (tmp_path / "draft.py").write_text(draft_effect(made.data, verdict.extra.before.residuals))
+    (tmp_path / "draft.py").write_text(draft_effect(made.sets[0], verdict.extra.before.residuals))
     (kind,) = user_effects(tmp_path / "draft.py")
     contact = Contact(0.7, 0.0, 0.01, 0.05, 0.0, 0.0, 0.06, 0.0, 0.0, Wheel(), Soil())
     assert float(kind().amend(contact, ()).h) == pytest.approx(0.01 - 4e-3, abs=3e-4)

@@ -184,8 +184,8 @@ def test_undetermined_constant_agrees_with_nothing():
     random = np.random.default_rng(0)
     laws = {"soil.phi": rig.law_of("soil.phi", np.full(2 * rig.RUNS, 1e-4))}
     made = rig.made(random.normal(size=2 * rig.RUNS), laws, ("soil.phi",))
-    data = dataclasses.replace(made.data, rig=dataclasses.replace(made.data.rig, declared={"phi": 0.6}))
-    verdict = on_rig(dataclasses.replace(made, data=data), rig.MODEL, None, lambda said: None, 0)
+    data = dataclasses.replace(made.sets[0], rig=dataclasses.replace(made.sets[0].rig, declared={"phi": 0.6}))
+    verdict = on_rig(dataclasses.replace(made, sets=(data,)), rig.MODEL, None, lambda said: None, 0)
     (flag,) = verdict.extra.before.flags
     assert flag.says is Against.NOTHING
     assert "nothing of 34.38 deg" in verdict.summary()

@@ -6,8 +6,9 @@ import numpy as np
 
 from rover_pin.base.errors import DataError
 from rover_pin.experiments.wheel_rig.data import RigSet
-from rover_pin.experiments.wheel_rig.experiment import ROWS, RigExperiment, as_declared
-from rover_pin.measurements.channel import RigChannel
+from rover_pin.experiments.wheel_rig.declared import as_declared
+from rover_pin.experiments.wheel_rig.runs import RigRuns
+from rover_pin.measurements.channel import RIG_CHANNELS, RigChannel
 from rover_pin.measurements.finding import Finding
 from rover_pin.measurements.rig_physics import refuse_impossible, suspicions
 from rover_pin.measurements.wheel_rig import SAME_LOAD, STRAIGHT
@@ -85,11 +86,11 @@ def findings(data: RigSet) -> list[Finding]:
     """Return what a reader should know of the set before any result."""
     rig = data.rig
     set_findings = [*data.misspelt, *suspicions(rig)]
-    if lost := RigExperiment(data).unpredicted(as_declared(data)):
+    if lost := RigRuns(data).unpredicted(as_declared(data)):
         todo = "if that load is right, declare a firmer soil.k_1: a fit starts at the next one that carries all runs"
         set_findings.append(Finding(f"{lost} with the soil as declared", data.place("load_N"), todo))
     present = [type(channel) for channel in rig.channels]
-    missing = [kind for kind in ROWS if kind not in present and not kind.is_sideways]
+    missing = [kind for kind in RIG_CHANNELS if kind not in present and not kind.is_sideways]
     for kind in missing:
         set_findings.append(
             Finding(f"{kind.name} was not measured", data.place(kind.column), "effects that it alone shows stay hidden")

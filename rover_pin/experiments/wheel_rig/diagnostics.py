@@ -4,10 +4,15 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from rover_pin.base.public import brief
-from rover_pin.experiments.wheel_rig.channel_residual import RigChannelResidual
-from rover_pin.experiments.wheel_rig.known_elsewhere import Flag
-from rover_pin.experiments.wheel_rig.residual_tests import ResidualTest
+from rover_pin.estimation.numbers import Number
+from rover_pin.experiments.wheel_rig.channel_residual import RigChannelResidual, channel_residuals
+from rover_pin.experiments.wheel_rig.data import RigSet
+from rover_pin.experiments.wheel_rig.known_elsewhere import Flag, flags
+from rover_pin.experiments.wheel_rig.model import RigModel
+from rover_pin.experiments.wheel_rig.residual_tests import ResidualTest, residual_tests
 
 
 @brief
@@ -29,6 +34,14 @@ class FitDiagnostics(NamedTuple):
                 for residual in self.residuals
             ],
         }
+
+
+def diagnose(
+    data: RigSet, model: RigModel, numbers: tuple[Number, ...], residual: np.ndarray, seed: int
+) -> FitDiagnostics:
+    """Return what a model leaves of a set (channels, runs) [SD], and its constants against other measurements."""
+    reference_flags = flags(data, model.soil, float(model.wheel.b), numbers)
+    return FitDiagnostics(reference_flags, channel_residuals(data, residual), residual_tests(data, residual, seed))
 
 
 @brief

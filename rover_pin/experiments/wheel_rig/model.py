@@ -93,6 +93,14 @@ class RigModel:
         effects = tuple(record if type(effect).__name__ == owner else effect for effect in self.effects)
         return dataclasses.replace(self, effects=effects)
 
+    def of(self, name: str) -> RigModel:
+        """Return the model of a set, the only one there is."""
+        return self
+
+    def lug_share(self, name: str) -> float:
+        """Return the height of a set's lugs over that of the highest."""
+        return 1.0
+
     @cached_property
     def structure(self) -> tuple[Effect, ...]:
         """The effects with default numbers: what the compiled law depends on."""

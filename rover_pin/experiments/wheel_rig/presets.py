@@ -12,8 +12,7 @@ from rover_pin.contact import Wheel
 from rover_pin.discrepancy.candidate import Candidate, plain_candidate
 from rover_pin.effects.effect import Effect
 from rover_pin.effects.lug_excavation import LugExcavation
-from rover_pin.estimation.experiment import Experiment
-from rover_pin.estimation.parameter import Parameter
+from rover_pin.estimation.parameter import Parameter, parameter_of
 from rover_pin.estimation.wording import format_value
 from rover_pin.measurements.wheel_rig import WheelRig
 from rover_pin.parameters.gravity import EARTH
@@ -73,15 +72,16 @@ def known_trench(rig: WheelRig) -> tuple[LugExcavation, ...]:
     )
 
 
-def known_heights(rig: WheelRig, experiment: Experiment, model: Any) -> Iterator[Parameter]:
+def known_heights(rig: WheelRig, records: Mapping[str, Any]) -> Iterator[Parameter]:
     """Yield the free height of a model's lugs, if it has lugs dig, with the declared one as its prior.
 
     Pockets may be emptier, or heaped: a trench shows h_l E only, so the doubt of E, `FULL_BY`, is that of h_l.
     """
-    if TRENCH.partition(".")[0] in experiment.records(model) and known_trench(rig):
+    owner = TRENCH.partition(".")[0]
+    if owner in records and known_trench(rig):
         height = presets(rig)["h_l"].value
-        free = experiment.parameter(model, TRENCH, 1.0, declared="declared with the lugs, its SD assumed")
-        yield dataclasses.replace(free, origin=height, scale=FULL_BY * height, prior=True)
+        free = parameter_of(TRENCH, records[owner], 1.0, declared="declared with the lugs, its SD assumed")
+        yield dataclasses.replace(free, origin=height, scale=FULL_BY * height)
 
 
 def preset_candidate(effect: Effect, rig: WheelRig) -> Candidate:

@@ -8,8 +8,8 @@ import numpy as np
 
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.estimation.wording import format_value
-from rover_pin.experiments.joint_rig.diagnostics import JointExtra
-from rover_pin.experiments.joint_rig.experiment import JointRig
+from rover_pin.experiments.rig_sets.diagnostics import JointExtra
+from rover_pin.experiments.rig_sets.experiment import RigExperiment
 from rover_pin.report.headline import headline
 from rover_pin.report.page import Head, write_page
 from rover_pin.report.section import AWAY, Picture, Row, Section, Table, before_and_after
@@ -19,7 +19,7 @@ from rover_pin.report.words import Labels, listing
 LABELS = Labels("on slips it never saw", "levels of slip")
 
 
-def write_report(verdict: Verdict, joint: JointRig, out: Path) -> list[Path]:
+def write_report(verdict: Verdict, joint: RigExperiment, out: Path) -> list[Path]:
     """Write report.html and its figures, and return their paths."""
     count = int(np.isfinite(joint.observed).any(axis=1).sum())
     kicker = f"{len(joint.sets)} sets in one sand: {count} runs at {len(joint.folds)} levels of slip"
@@ -27,7 +27,7 @@ def write_report(verdict: Verdict, joint: JointRig, out: Path) -> list[Path]:
     return write_page(Head(joint.name, kicker, headline(verdict, LABELS)), sections, out)
 
 
-def _picture(verdict: Verdict, joint: JointRig) -> Picture | None:
+def _picture(verdict: Verdict, joint: RigExperiment) -> Picture | None:
     if verdict.before is None or verdict.after is None:
         return None
     errors = listing(
@@ -36,7 +36,7 @@ def _picture(verdict: Verdict, joint: JointRig) -> Picture | None:
     )
     alt = f"Measured and modelled {listing(joint.channels)}, point by point; error where not fitted: {errors}."
     return Picture(
-        panels_of(verdict, joint), alt, f"Each run once, {', then '.join(joint.sets)}; a level begins at each line."
+        panels_of(verdict, joint), alt, f"Each run once, {', then '.join(joint.runs)}; a level begins at each line."
     )
 
 
@@ -49,7 +49,7 @@ def set_by_set_section(verdict: Verdict) -> Section | None:
         values = (row.before, row.after, row.noise) if added else (row.before, row.noise)
         errors = [format_value(value, row.unit) for value in values]
         curve = f"{format_value(row.curve_error, row.unit)} ({row.curve})"
-        rows.append(Row((f"{row.set}: {row.channel}", *errors, curve), AWAY * (row.curve_error < row.after)))
+        rows.append(Row((f"{row.set}: {row.channel}", *errors, curve), AWAY * row.is_lost))
     heads = ("set and channel, not fitted", *before_and_after(added), "noise", "a curve of that set alone")
     table = Table(heads, tuple(rows), "Held-out errors of each set")
     return Section("Set by set", "joint/set_by_set.html", {"table": table})

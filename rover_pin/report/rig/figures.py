@@ -12,9 +12,8 @@ from matplotlib.figure import Figure
 from rover_pin.estimation.wording import in_words
 from rover_pin.experiments.wheel_rig.data import RigSet
 from rover_pin.experiments.wheel_rig.diagnostics import FitDiagnostics
-from rover_pin.experiments.wheel_rig.experiment import ROWS
 from rover_pin.experiments.wheel_rig.model import RigModel, conditions, predictor
-from rover_pin.measurements.channel import RigChannel
+from rover_pin.measurements.channel import RIG_CHANNELS, RigChannel
 from rover_pin.measurements.wheel_rig import SAME_LOAD
 from rover_pin.report.svg import AFTER, BEFORE, GREY
 from rover_pin.report.words import key
@@ -76,7 +75,7 @@ def _curves(model: RigModel, data: RigSet, channel: RigChannel) -> Iterator[Curv
             under = _along(subset, slip, np.asarray(subset.rig.load)) if load is None else np.full(slip.size, load)
             runs = conditions(under, slip, _speeds(subset, slip), np.mean(subset.rig.slip_angle))
             values = predictor(model, (), runs)(model.vector()).values
-            yield slip, values[ROWS.index(type(channel))], ", ".join(filter(None, (of, load_label)))
+            yield slip, values[RIG_CHANNELS.index(type(channel))], ", ".join(filter(None, (of, load_label)))
 
 
 def _loads(data: RigSet) -> list[tuple[float | None, str]]:

@@ -11,8 +11,8 @@ from rover_pin.contact import Soil, Wheel
 from rover_pin.discrepancy.candidate import plain_candidate
 from rover_pin.estimation.experiment import Sensitivities
 from rover_pin.estimation.parameter import Parameter
+from rover_pin.experiments.rig_sets.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.data import as_rig_set
-from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.model import RigModel
 from rover_pin.measurements.channel import DrawbarPull, Sinkage
 from rover_pin.measurements.wheel_rig import WheelRig
@@ -53,11 +53,9 @@ class LinearRig(RigExperiment):
             if name.rpartition(".")[0] in model.records:
                 rows += law.slope * law.parameter.u(values.get(name, self.value(model, name)))
         known = [(self.laws.get(one.name), one.slope(x), one.value(x)) for one, x in zip(parameters, u, strict=True)]
-        none = np.zeros(2 * RUNS)
+        none, table = np.zeros(2 * RUNS), self.runs["linear"].table
         slopes = np.array([none if law is None else law.slope * s / law.per_u(x) for law, s, x in known])
-        return Sensitivities(
-            self.table(in_units(rows, (0.0, DEPTH))), self.table(in_units(slopes.reshape(-1, 2 * RUNS)))
-        )
+        return Sensitivities(table(in_units(rows, (0.0, DEPTH))), table(in_units(slopes.reshape(-1, 2 * RUNS))))
 
 
 def in_units(rows, at=(0.0, 0.0)):
@@ -68,7 +66,7 @@ def in_units(rows, at=(0.0, 0.0)):
 
 def law_of(name, slope):
     """Return the law of an uncertain number of the model, zero at the value that it has there."""
-    (one,) = [one for one in RigExperiment(rig_set(np.zeros(2 * RUNS))).uncertain(MODEL) if one.name == name]
+    (one,) = [one for one in RigExperiment((rig_set(np.zeros(2 * RUNS)),)).uncertain(MODEL) if one.name == name]
     return Law(one, slope)
 
 
@@ -93,7 +91,7 @@ def rig_set(rows):
 
 def made(rows, laws, free=FREE):
     """The experiment that shows rows [2 RUNS] in SDs, with these laws."""
-    return LinearRig(rig_set(rows), laws, free)
+    return LinearRig((rig_set(rows),), laws=laws, free=free)
 
 
 @dataclass(frozen=True)

@@ -14,10 +14,10 @@ from rover_pin.effects.digging_memory import DiggingMemory
 from rover_pin.effects.exit_angle import ExitAngle
 from rover_pin.effects.lug_excavation import LugExcavation
 from rover_pin.estimation.numbers import Number
-from rover_pin.experiments.wheel_rig.candidates import candidates, numbers_of, rig_kinds
+from rover_pin.experiments.rig_sets.candidates import candidates, numbers_of, rig_kinds
+from rover_pin.experiments.rig_sets.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.checks import findings, refuse_unfit
 from rover_pin.experiments.wheel_rig.data import as_rig_set, read_rig_set
-from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.known_elsewhere import flags
 from rover_pin.experiments.wheel_rig.model import RigModel
 from rover_pin.experiments.wheel_rig.presets import describe_declared, known_trench, preset_candidate
@@ -43,7 +43,7 @@ def changed(plain, folder, toml=lambda text: text, points=lambda table: table):
 
 
 def fitted(data):
-    experiment = RigExperiment(data)
+    experiment = RigExperiment((data,))
     model = RigModel(data.rig.wheel, data.soil().replace(c=0.0), errors=data.rig.errors)
     return calibrated(experiment, model, experiment.uncertain(model))
 
@@ -200,7 +200,7 @@ def declared(text, wheel="", soil=""):
 def test_what_is_declared_presets_the_effects_that_have_it(plain, tmp_path):
     data = read_rig_set(changed(plain, tmp_path / "lugs", lambda text: declared(text, LUGS, SAND)))
     model = RigModel(data.rig.wheel, data.soil())
-    tried = {one.kind: one for one in candidates(model, [(data, model)], data.rig, rig_kinds())}
+    tried = {one.kind: one for one in candidates(RigExperiment((data,)), model, rig_kinds())}
     way = 2 * math.pi * (data.rig.wheel.r + 0.0025)
     lugs = tried["LugExcavation"]
     assert lugs.effect.values() == pytest.approx({**LugExcavation().values(), "h_l": 0.005, "filled": 1 - 0.072 / way})
@@ -234,9 +234,9 @@ def test_a_wheel_that_is_said_to_be_smooth_has_no_lugs(plain, tmp_path):
 
     data = read_rig_set(changed(plain, tmp_path / "smooth", smooth))
     model = RigModel(data.rig.wheel, data.soil())
-    kinds = {one.kind for one in candidates(model, [(data, model)], data.rig, rig_kinds())}
+    kinds = {one.kind for one in candidates(RigExperiment((data,)), model, rig_kinds())}
     undeclared = read_rig_set(plain)
-    every = {one.kind for one in candidates(model, [(undeclared, model)], undeclared.rig, rig_kinds())}
+    every = {one.kind for one in candidates(RigExperiment((undeclared,)), model, rig_kinds())}
     assert every - kinds == {"LugExcavation", "LugGrip", "Grousers"}
 
 
@@ -290,7 +290,7 @@ def test_wheel_with_declared_lugs_has_a_trench_from_the_start(tmp_path):
 
 def test_user_model_needs_no_trench_and_keeps_lug_height(plain, tmp_path):
     data = read_rig_set(changed(plain, tmp_path / "lugs", lambda text: declared(text, LUGS)))
-    experiment, bare = RigExperiment(data), RigModel(data.rig.wheel, data.soil())
+    experiment, bare = RigExperiment((data,)), RigModel(data.rig.wheel, data.soil())
     without = [one.name for one in numbers_of(experiment, bare)]
     assert "LugExcavation.h_l" not in without
     model = bare.having(*known_trench(data.rig)).having(ExitAngle())

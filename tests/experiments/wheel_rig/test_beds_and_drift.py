@@ -5,8 +5,8 @@ import pytest
 
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.conclude import explorer_of
+from rover_pin.experiments.rig_sets.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.data import read_rig_set
-from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.model import RigModel
 from rover_pin.inference.error_model import Discrepancy
 from rover_pin.loop.close import close_the_loop
@@ -40,7 +40,7 @@ def written(folder, seed, noise, mixed=True, stiffer=None, **soil):
 def explored(folder):
     """The data's own fit of the base model, and what else was made of it."""
     data = read_rig_set(folder)
-    question = question_of(RigExperiment(data), RigModel(data.rig.wheel, data.soil()))
+    question = question_of(RigExperiment((data,)), RigModel(data.rig.wheel, data.soil()))
     explorer = explorer_of(question, lambda said: None)
     (plain, *_) = explorer.fitted[frozenset()]
     assert plain.errors.discrepancy is Discrepancy.NONE
@@ -71,13 +71,14 @@ def test_noise_that_drifts_is_told_by_the_order_of_the_rows(tmp_path):
     assert (scales(white, "d") < 0.4).all()
     experiment = explorer.fitter.experiment
     turns = experiment.turns()
-    rows = experiment.rows(np.repeat(turns[:, None], 3, axis=1))[0]
+    (runs,) = experiment.runs.values()
+    rows = runs.rows(np.repeat(turns[:, None], 3, axis=1))[0]
     np.testing.assert_array_equal(rows, np.arange(54))
 
 
 def test_of_levels_one_after_the_other_no_drift_is_looked_for(tmp_path):
     data = read_rig_set(written(tmp_path, 1, "white", mixed=False))
-    assert RigExperiment(data).turns() is None
+    assert RigExperiment((data,)).turns() is None
 
 
 def test_values_that_stray_have_their_variance_raised(tmp_path):

@@ -8,8 +8,9 @@ import pytest
 from rover_pin.base.errors import DataError
 from rover_pin.contact import Soil, Wheel
 from rover_pin.discrepancy.calibration import calibrated
+from rover_pin.experiments.rig_sets.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.data import read_rig_set
-from rover_pin.experiments.wheel_rig.experiment import RigExperiment, as_declared
+from rover_pin.experiments.wheel_rig.declared import as_declared
 from rover_pin.experiments.wheel_rig.model import ASKEW, RigModel
 from rover_pin.experiments.wheel_rig.model_file import read_model, write_model
 from rover_pin.loop.close import close_the_loop
@@ -37,7 +38,7 @@ def folder(tmp_path_factory):
 
 def fitted(folder):
     data = read_rig_set(folder)
-    experiment, soil = RigExperiment(data), data.soil()
+    experiment, soil = RigExperiment((data,)), data.soil()
     model = RigModel(data.rig.wheel, soil.replace(c=0.0), errors=data.rig.errors)
     return calibrated(experiment, model, experiment.uncertain(model))
 
@@ -89,7 +90,7 @@ def test_a_missing_cell_hides_no_error_of_its_channel(folder):
     data = read_rig_set(folder)
     cells = [type(each)(np.where(np.arange(each.measured.size) == 3, np.nan, each.measured), each.sd)
              for each in data.rig.channels]  # fmt: skip
-    gapped = RigExperiment(dataclasses.replace(data, rig=dataclasses.replace(data.rig, channels=tuple(cells))))
+    gapped = RigExperiment((dataclasses.replace(data, rig=dataclasses.replace(data.rig, channels=tuple(cells))),))
     scales = [error.scale for error in gapped.reading_errors(as_declared(data))]
     assert len(scales) == 7
     assert np.isfinite(scales).all()

@@ -15,7 +15,7 @@ from rover_pin.discrepancy import draft as draft_module
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.effects.effect import Effect
 from rover_pin.effects.slip_sinkage import SlipSinkage
-from rover_pin.experiments.wheel_rig.candidates import added, effect_kinds, rig_kinds
+from rover_pin.experiments.rig_sets.candidates import added, effect_kinds, rig_kinds
 from rover_pin.experiments.wheel_rig.checks import findings
 from rover_pin.experiments.wheel_rig.data import read_rig_set
 from rover_pin.experiments.wheel_rig.model import RigModel, conditions, predictor

@@ -13,8 +13,8 @@ from rover_pin.base.errors import DataError
 from rover_pin.contact import Soil, Wheel
 from rover_pin.discrepancy.calibration import calibrated
 from rover_pin.effects.lug_excavation import LugExcavation
+from rover_pin.experiments.rig_sets.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.data import read_rig_set
-from rover_pin.experiments.wheel_rig.experiment import RigExperiment, as_declared
 from rover_pin.experiments.wheel_rig.model import PAPER, RigModel
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(96)
@@ -196,8 +196,8 @@ SOFT = "[soil]\nk_1 = { value = 2, unit = 'kPa' }"
 
 
 def base_fit():
-    experiment = RigExperiment(read_rig_set("mine"))
-    model = as_declared(experiment.data)
+    experiment = RigExperiment((read_rig_set("mine"),))
+    model = experiment.base_model()
     return calibrated(experiment, model, experiment.uncertain(model))
 
 

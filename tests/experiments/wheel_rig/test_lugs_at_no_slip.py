@@ -18,8 +18,8 @@ from rover_pin.effects.interface_friction import InterfaceFriction
 from rover_pin.effects.lug_excavation import LugExcavation
 from rover_pin.effects.rate_dependence import RateDependence
 from rover_pin.effects.slip_softening import SlipSoftening
-from rover_pin.experiments.joint_rig.sets import joined
-from rover_pin.experiments.wheel_rig.candidates import present_amplitudes
+from rover_pin.experiments.rig_sets.candidates import present_amplitudes
+from rover_pin.experiments.rig_sets.sets import joined
 from rover_pin.experiments.wheel_rig.checks import findings
 from rover_pin.experiments.wheel_rig.data import read_rig_set
 from rover_pin.experiments.wheel_rig.model import PAPER
@@ -45,10 +45,10 @@ def fitted(lugged, lambda_s):
     effects = (*PAPER, *LAWS, Grousers(h_s=0.005, lambda_s=lambda_s))
     model = dataclasses.replace(joint.base_model(), effects=effects)
     known = joint.uncertain(model)
-    free = tuple(each for each in (*known, *present_amplitudes(model, known)) if not each.name.endswith("h_s"))
+    free = tuple(each for each in (*known, *present_amplitudes(model.effects, known)) if not each.name.endswith("h_s"))
     fit = calibrated(joint, model, free)
     left, pull = (joint.observed - joint.predict([fit.model])[0]), list(joint.channels).index("drawbar pull")
-    return float(fit.chi2), [float(np.nanmean(left[joint.of_set(name)][0, pull])) for name in joint.sets]
+    return float(fit.chi2), [float(np.nanmean(left[joint.of_set(name)][0, pull])) for name in joint.runs]
 
 
 def at_no_slip(folder):

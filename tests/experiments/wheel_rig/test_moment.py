@@ -17,9 +17,9 @@ from rover_pin.effects.flank_pressure import FlankPressure
 from rover_pin.effects.post_peak import PostPeak
 from rover_pin.effects.rate_dependence import RateDependence
 from rover_pin.effects.side_shear import SideShear
+from rover_pin.experiments.rig_sets.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.checks import findings, repeats
 from rover_pin.experiments.wheel_rig.data import read_rig_set
-from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.model import ASKEW, PAPER, RigModel
 from rover_pin.loop.close import close_the_loop
 from rover_pin.measurements.foreign_rig import read_foreign
@@ -79,7 +79,7 @@ def written(folder, table=CLEAN, leave=(), toml=""):
 def fitted(folder):
     """Name -> (value, SD) of all that is uncertain of a set."""
     data = read_rig_set(folder)
-    experiment = RigExperiment(data)
+    experiment = RigExperiment((data,))
     model = RigModel(data.rig.wheel, data.soil(), ASKEW, data.rig.errors)
     fit = calibrated(experiment, model, experiment.uncertain(model))
     sd = np.sqrt(np.diag(np.linalg.inv(fit.columns.T @ fit.columns)))

@@ -8,10 +8,10 @@ import pytest
 
 from rover_pin.contact import Soil, Wheel
 from rover_pin.discrepancy.answer import Answer
-from rover_pin.experiments.joint_rig.sets import joined
-from rover_pin.experiments.wheel_rig.candidates import added, rig_kinds
+from rover_pin.experiments.rig_sets.candidates import added, rig_kinds
+from rover_pin.experiments.rig_sets.experiment import RigExperiment
+from rover_pin.experiments.rig_sets.sets import joined
 from rover_pin.experiments.wheel_rig.data import read_rig_set
-from rover_pin.experiments.wheel_rig.experiment import RigExperiment, as_declared
 from rover_pin.experiments.wheel_rig.model import PAPER, RigModel
 from rover_pin.experiments.wheel_rig.pressings import PRESSED, pressed_in
 from rover_pin.loop.close import close_the_loop
@@ -90,8 +90,8 @@ def test_every_effect_is_defined_where_nothing_turns(kind):
 
 
 def test_slopes_are_those_of_differences(tmp_path):
-    experiment = RigExperiment(read_rig_set(pressed_set(tmp_path / "set", hidden.Rig("none"))))
-    model = as_declared(experiment.data)
+    experiment = RigExperiment((read_rig_set(pressed_set(tmp_path / "set", hidden.Rig("none"))),))
+    model = experiment.base_model()
     numbers = experiment.uncertain(model)
     assert {"soil.n", "rig.pressing_scale"} < {number.name for number in numbers}
     u, step = np.zeros(len(numbers)), 1e-5

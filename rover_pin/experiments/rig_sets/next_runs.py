@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+from collections.abc import Sequence
 
 import numpy as np
 
+from rover_pin.experiments.rig_sets.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.data import RigSet
-from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.inference.next_measurement import Offer
 from rover_pin.soil.slip import speed_ratio
 
@@ -17,9 +18,9 @@ LOADS = (0.5, 1.0, 2.0)
 """Loads as multiples of the mean load."""
 
 
-def next_runs(data: RigSet) -> Offer:
-    """Return what the rig could measure next."""
-    experiment = RigExperiment(runs_ahead(data))
+def next_runs(sets: Sequence[RigSet]) -> Offer:
+    """Return what could be measured next with any of the sets."""
+    experiment = RigExperiment(tuple(map(runs_ahead, sets)))
     return Offer(experiment, experiment.noise())
 
 

@@ -10,10 +10,10 @@ import numpy as np
 from rover_pin.base.errors import DataError, ParameterError
 from rover_pin.base.files.paths import is_file
 from rover_pin.base.trust import Trust
-from rover_pin.experiments.joint_rig.experiment import JointRig
-from rover_pin.experiments.joint_rig.one_sand import of_one_sand
+from rover_pin.experiments.rig_sets.experiment import RigExperiment
+from rover_pin.experiments.rig_sets.one_sand import of_one_sand
 from rover_pin.experiments.wheel_rig.data import RIG_FILE, RigSet, read_rig_set
-from rover_pin.experiments.wheel_rig.experiment import ROWS
+from rover_pin.measurements.channel import RIG_CHANNELS
 from rover_pin.measurements.finding import Finding
 
 SAME_RUN = 0.02
@@ -22,7 +22,7 @@ GIVEN = 0.05
 """The same of slip, slip angle [rad] and the load's share: one where they differ by less than 0.001."""
 
 
-def joined(sets: Sequence[RigSet]) -> JointRig:
+def joined(sets: Sequence[RigSet]) -> RigExperiment:
     """Return several sets as one experiment, runs that are in two of them used once.
 
     Raises
@@ -49,10 +49,10 @@ def joined(sets: Sequence[RigSet]) -> JointRig:
             findings.append(Finding(what, name, "they are used once"))
         named[name] = data if new.all() else data.rows(new)
     of_one_sand([data.rig for data in named.values()])
-    return JointRig(named, tuple(findings))
+    return RigExperiment(tuple(named.values()), tuple(findings))
 
 
-def read_joint(folders: Sequence[str | Path], trust: Trust = Trust()) -> JointRig:
+def read_joint(folders: Sequence[str | Path], trust: Trust = Trust()) -> RigExperiment:
     """Return the sets of several folders as one experiment.
 
     Raises
@@ -78,17 +78,8 @@ def seen_before(data: RigSet, others: Iterable[RigSet]) -> np.ndarray:
 
 def _fingerprint(data: RigSet, other_set: RigSet) -> np.ndarray:
     """Return slip, angle, ln load and the channels of both sets over their SDs (runs, numbers)."""
-    rig, both = (
-        data.rig,
-        {type(channel) for channel in data.rig.channels} & {type(channel) for channel in other_set.rig.channels},
-    )
-    sd = {kind: _mean_sd(data, kind) + _mean_sd(other_set, kind) for kind in both}
+    rig = data.rig
+    mine, theirs = ({type(channel): channel for channel in of.channels} for of in (rig, other_set.rig))
     inputs = np.array([rig.slip, rig.slip_angle, np.log(rig.load)]) / GIVEN
-    ordered = sorted(
-        (channel for channel in rig.channels if type(channel) in both), key=lambda channel: ROWS.index(type(channel))
-    )
-    return np.vstack([inputs, *(channel.measured / sd[type(channel)] for channel in ordered)]).T
-
-
-def _mean_sd(data: RigSet, kind: type) -> float:
-    return float(next(channel.sd.mean() for channel in data.rig.channels if type(channel) is kind))
+    both = (kind for kind in RIG_CHANNELS if kind in mine and kind in theirs)
+    return np.vstack([inputs, *(mine[of].measured / (mine[of].sd.mean() + theirs[of].sd.mean()) for of in both)]).T

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -12,11 +11,12 @@ from rover_pin.base.errors import DataError
 from rover_pin.discrepancy.candidate import Candidate, plain_candidate
 from rover_pin.effects.effect import Effect
 from rover_pin.estimation.parameter import Parameter
+from rover_pin.experiments.rig_sets.experiment import RigExperiment
+from rover_pin.experiments.rig_sets.model import JointModel
 from rover_pin.experiments.wheel_rig.data import RigSet
-from rover_pin.experiments.wheel_rig.experiment import ROWS, RigExperiment
 from rover_pin.experiments.wheel_rig.model import ASKEW, NOMINAL, RigModel, conditions, predictor
 from rover_pin.experiments.wheel_rig.presets import is_of_other_wheel, preset_candidate
-from rover_pin.measurements.wheel_rig import WheelRig
+from rover_pin.measurements.channel import RIG_CHANNELS
 from rover_pin.simulation.model.effect_files import AnyEffect, package_effects, reading_traction, user_effects
 
 OF_SPEED = 0.05
@@ -64,16 +64,18 @@ def _of_folder(path: Path) -> list[type[Effect]]:
 
 
 def candidates(
-    model: Any, sets: Sequence[tuple[RigSet, RigModel]], declared: WheelRig, kinds: Sequence[type[Effect]]
+    experiment: RigExperiment, model: RigModel | JointModel, kinds: Sequence[type[Effect]]
 ) -> tuple[Candidate, ...]:
-    """Return what the model may lack of these kinds: what it does not have, and these sets show, each by its own model.
+    """Return what the model may lack of these kinds: what it does not have, and every set shows by its own model.
 
     An effect of speed is left out where a set has no speeds: what was assumed of them would decide; one of lugs where
-    the wheel that is `declared` has none.
+    the wheel that is declared has none. Geometry is as declared.
     """
+    declared = experiment.declared
     present = {name for effect in model.effects for name in (type(effect).__name__, *effect.holds)}
-    silent = [(data, set_model) for data, set_model in sets if data.speeds is None]
-    effects = [added(kind, sets[0][1]) for kind in kinds if kind.__name__ not in present]
+    pairs = [(data, model.of(data.rig.name)) for data in experiment.sets]
+    silent = [(data, set_model) for data, set_model in pairs if data.speeds is None]
+    effects = [added(kind, pairs[0][1]) for kind in kinds if kind.__name__ not in present]
     return tuple(
         preset_candidate(effect, declared)
         for effect in effects
@@ -97,7 +99,7 @@ def needs_speeds(data: RigSet, model: RigModel, effect: Effect) -> bool:
 def _moved(data: RigSet, model: RigModel, effect: Effect, speeds: np.ndarray | None) -> np.ndarray:
     """Return what the effect at its default size moves [SD]; 0 where it carries no load."""
     runs = conditions(data.rig.load, data.rig.slip, speeds, data.rig.slip_angle)
-    rows = [ROWS.index(type(channel)) for channel in data.rig.channels]
+    rows = [RIG_CHANNELS.index(type(channel)) for channel in data.rig.channels]
     sd = np.array([channel.sd for channel in data.rig.channels])
     with_it, without = (
         predictor(variant, (), runs)(variant.vector()).values[rows] for variant in (model.having(effect), model)
@@ -105,9 +107,9 @@ def _moved(data: RigSet, model: RigModel, effect: Effect, speeds: np.ndarray | N
     return np.nan_to_num((with_it - without) / sd)
 
 
-def present_amplitudes(model: RigModel, known_parameters: Sequence[Parameter] = ()) -> tuple[Parameter, ...]:
-    """Return the sizes of the effects that a model already has, but for what it starts from, and for the known ones."""
-    present_candidates = [plain_candidate(effect) for effect in model.effects if effect not in ASKEW]
+def present_amplitudes(effects: Sequence[Effect], known_parameters: Sequence[Parameter] = ()) -> tuple[Parameter, ...]:
+    """Return the sizes of a model's effects, but for what it starts from, and for the known ones."""
+    present_candidates = [plain_candidate(effect) for effect in effects if effect not in ASKEW]
     known_names = {parameter.name for parameter in known_parameters}
     return tuple(
         candidate.size(name)
@@ -117,7 +119,7 @@ def present_amplitudes(model: RigModel, known_parameters: Sequence[Parameter] = 
     )
 
 
-def numbers_of(experiment: RigExperiment, model: RigModel) -> tuple[Parameter, ...]:
-    """Return the free numbers of a model: what is uncertain of the set, and the sizes of the effects it has."""
+def numbers_of(experiment: RigExperiment, model: RigModel | JointModel) -> tuple[Parameter, ...]:
+    """Return the free numbers of a model: what is uncertain of the sets, and the sizes of the effects it has."""
     uncertain_numbers = experiment.uncertain(model)
-    return (*uncertain_numbers, *present_amplitudes(model, uncertain_numbers))
+    return (*uncertain_numbers, *present_amplitudes(model.effects, uncertain_numbers))

@@ -9,9 +9,9 @@ import numpy as np
 from rover_pin.discrepancy.candidate import plain_candidate
 from rover_pin.discrepancy.draft import Drafted
 from rover_pin.estimation.fit import Fit
+from rover_pin.experiments.rig_sets.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.channel_residual import RigChannelResidual, channel_residuals
 from rover_pin.experiments.wheel_rig.data import RigSet
-from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.measurements.channel import DrawbarPull, SideForce, Sinkage, Torque
 from rover_pin.simulation.model.effect_files import effects_of_text
 
@@ -71,8 +71,10 @@ BOUND = 5.0
 
 
 def drafted(experiment: RigExperiment, fit: Fit) -> Drafted | None:
-    """Return what a fit leaves as a drafted effect; None where no smooth curve takes more of it than chance."""
-    data = experiment.data
+    """Return what a fit leaves as a drafted effect; None where no smooth curve beats chance, or of several sets."""
+    if len(experiment.sets) > 1:
+        return None
+    (data,) = experiment.sets
     residuals = channel_residuals(data, experiment.in_sds(fit.residual))
     if not any(map(can_draft, residuals)):
         return None

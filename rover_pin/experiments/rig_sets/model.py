@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from rover_pin.contact import Soil, Wheel
 from rover_pin.effects.effect import Effect
@@ -42,6 +43,23 @@ class JointModel:
     def having(self, effect: Effect) -> JointModel:
         """Return the model with one more effect."""
         return dataclasses.replace(self, effects=(*self.effects, effect))
+
+    @property
+    def records(self) -> dict[str, Any]:
+        """Soil and effects, and `set.wheel` and `set.rig` of each set, by name."""
+        of_sets = {f"{name}.{kind}": getattr(part, field) for name, part in self.parts.items() for kind, field in OWN}
+        return {"soil": self.soil, **{type(effect).__name__: effect for effect in self.effects}, **of_sets}
+
+    def with_record(self, owner: str, record: Any) -> JointModel:
+        """Return the model with another record of this name."""
+        if owner == "soil":
+            return dataclasses.replace(self, soil=record)
+        name, _, kind = owner.rpartition(".")
+        if name in self.parts:
+            part = dataclasses.replace(self.parts[name], **{dict(OWN)[kind]: record})
+            return dataclasses.replace(self, parts={**self.parts, name: part})
+        effects = tuple(record if type(effect).__name__ == owner else effect for effect in self.effects)
+        return dataclasses.replace(self, effects=effects)
 
     def of(self, name: str) -> RigModel:
         """Return the model of one set."""

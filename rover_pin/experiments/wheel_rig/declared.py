@@ -1,0 +1,120 @@
+"""What a rig set declares of its model: the model itself, and which of its numbers are uncertain by how much."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rover_pin.base.quantity import quantities
+from rover_pin.contact import Soil
+from rover_pin.estimation.parameter import Parameter, declared_in, parameter_of
+from rover_pin.experiments.soil_priors import DECADES, LEAST, MAX_EXIT_RATIO, WIDE
+from rover_pin.experiments.wheel_rig.data import RigSet
+from rover_pin.experiments.wheel_rig.model import ASKEW, PAPER, RigModel
+from rover_pin.experiments.wheel_rig.presets import known_trench
+from rover_pin.experiments.wheel_rig.pressings import PRESSING, PRESSING_SD
+from rover_pin.measurements.channel import DrawbarPull, SideForce, Sinkage, Torque, VerticalMoment
+from rover_pin.measurements.wheel_rig import SAME_LOAD
+
+TARE, SCALE = 0.1, 0.05
+"""SD of an offset that nobody states, as a share of the channel's largest value, and of a scale: cells are sure to 1 %,
+a torque by a motor's current to 10 % (assumed)."""
+OFFSET_AND_SCALE = {
+    DrawbarPull: ("pull_tare", "force_scale"),
+    Torque: ("torque_tare", "torque_scale"),
+    Sinkage: ("sinkage_zero", "sinkage_scale"),
+    SideForce: ("side_tare", "side_scale"),
+    VerticalMoment: ("moment_tare", "moment_scale"),
+}
+"""The offset and the scale of each channel that a rig may have."""
+
+
+def as_declared(data: RigSet, soil: Soil | None = None) -> RigModel:
+    """Return the model that a set declares, its lugs digging; in another soil where one is given."""
+    effects = (*(ASKEW if data.rig.askew.any() else PAPER), *known_trench(data.rig))
+    return RigModel(data.rig.wheel, data.soil() if soil is None else soil, effects, data.rig.errors)
+
+
+def own_name(name: str) -> str:
+    """Return a parameter's name as a rig model's vector has it: soil and wheel are not said."""
+    return name.removeprefix("soil.").removeprefix("wheel.")
+
+
+@dataclass(frozen=True, eq=False)
+class SetNumbers:
+    """The uncertain numbers of a set's model: of the sand, of wheel and rig, and the errors that nobody declares."""
+
+    data: RigSet
+    model: RigModel
+
+    def of_sand(self) -> list[Parameter]:
+        """Return which soil constants are uncertain, and what is assumed of those that these channels tell in part.
+
+        k and phi where a force was measured, k_1 where the sinkage was, with no prior; the exit ratio with SD 0.1; n
+        with SD 0.3 where loads differ, or the wheel was pressed in; c with 300 Pa or its own size where loads differ.
+        What [soil] states with an SD has that prior around the stated value, and is uncertain whatever was measured.
+        """
+        stated = {parameter.name: parameter for parameter in self._stated()}
+        assumed = [stated.pop(parameter.name, parameter) for parameter in self._assumed()]
+        return [*assumed, *stated.values()]
+
+    def of_rig(self) -> Iterator[Parameter]:
+        """Yield what rig.toml states with an SD, of rig and wheel, and how much stiffer sand is where pressed in."""
+        rig = self.data.rig
+        if self.data.trials and PRESSING not in rig.error_sd:
+            yield self._parameter(PRESSING, PRESSING_SD, log=True)
+        for name, sd in rig.error_sd.items():
+            parameter = self._parameter(name, sd, declared="declared in rig.toml")
+            low, high = rig.wheel_range.get(own_name(name), (parameter.low, parameter.high))
+            yield replace(parameter, low=low, high=high)
+
+    def reading_errors(self) -> list[Parameter]:
+        """Return what rig.toml does not state: a tare or zero and a scale of each channel, and one of the load."""
+        sds = {"rig.load_scale": SCALE}
+        for channel in self.data.rig.channels:
+            offset, scale = OFFSET_AND_SCALE[type(channel)]
+            sds |= {f"rig.{offset}": TARE * float(np.nanmax(np.abs(channel.measured))), f"rig.{scale}": SCALE}
+        return [self._parameter(name, sd) for name, sd in sds.items() if name not in self.data.rig.error_sd]
+
+    def _stated(self) -> Iterator[Parameter]:
+        """Yield the soil constants that [soil] states with an SD, around what it states."""
+        declared = self.data.soil()
+        for name, sd in self.data.rig.doubts.items():
+            value, log = float(getattr(declared, name)), name in ("k", "k_1")
+            relative = log and value > 0
+            parameter = self._of_soil(name, sd / value if relative else sd, relative)
+            high = MAX_EXIT_RATIO if name == "exit_ratio" else parameter.high
+            yield replace(parameter, origin=value, high=high)
+
+    def _assumed(self) -> Iterator[Parameter]:
+        """Yield the uncertain soil constants, as if nothing were stated of them."""
+        kinds, load, soil = {type(channel) for channel in self.data.rig.channels}, self.data.rig.load, self.model.soil
+        if kinds & {DrawbarPull, Torque}:
+            spec = quantities(soil)["phi"]
+            yield self._loose("soil.k", DECADES, log=True)
+            yield self._loose("soil.phi", WIDE * (spec.high - spec.low))
+        if Sinkage in kinds:
+            k_1 = float(soil.k_1)
+            yield self._loose("soil.k_1", DECADES if k_1 > 0 else abs(k_1) or 1e5, log=k_1 > 0)
+        yield replace(self._of_soil("exit_ratio", 0.1), low=0.0, high=MAX_EXIT_RATIO)
+        varied = np.max(load) >= SAME_LOAD * np.min(load)
+        if varied or self.data.trials:
+            yield self._of_soil("n", 0.3)
+        if varied:
+            yield self._of_soil("c", max(300.0, float(soil.c)))
+
+    def _of_soil(self, name: str, sd: float, log: bool = False) -> Parameter:
+        """Return a soil constant with this SD, and where it is declared."""
+        rig = self.data.rig
+        return self._parameter(f"soil.{name}", sd, log, declared_in("soil", name, rig.declared, rig.doubts))
+
+    def _loose(self, name: str, scale: float, log: bool = False) -> Parameter:
+        """Return a number without a prior; `scale` is how far apart its starts are."""
+        parameter = self._parameter(name, scale, log)
+        low = max(parameter.low, LEAST * parameter.origin) if log else parameter.low
+        return replace(parameter, prior=False, low=low)
+
+    def _parameter(self, name: str, sd: float, log: bool = False, declared: str = "") -> Parameter:
+        return parameter_of(name, self.model.records[name.rpartition(".")[0]], sd, log, declared)
