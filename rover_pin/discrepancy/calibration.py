@@ -14,13 +14,12 @@ from rover_pin.estimation.fit import Fit, again, best_of, fit
 from rover_pin.estimation.gauss_newton import at, slopes_at
 from rover_pin.estimation.noise import first_noise
 from rover_pin.estimation.parameter import Parameter
+from rover_pin.estimation.profile import CLEAR
 from rover_pin.estimation.random_effects.learnt_noise import with_noise
 from rover_pin.estimation.task import Task
 
 STARTS, WIDER = 6, (1.0, 2.0, 4.0)
 """Starts of the base model's fit where it is exact, and how many times as far they lie where none of them ends."""
-BENT = 3.0
-"""SDs from what was known of a number from which it is bent: chance takes one of twenty so far in 5 % of logs."""
 
 
 def calibrated(experiment: Experiment, model: Any, numbers: Sequence[Parameter], seed: int = 0) -> Fit:
@@ -53,7 +52,7 @@ def calibrated(experiment: Experiment, model: Any, numbers: Sequence[Parameter],
 
 def is_bent(fitted: Fit) -> bool:
     """Return whether a number had to leave what was known beforehand, as where the model lacks something that acts."""
-    return any(parameter.prior and abs(u) > BENT for parameter, u in zip(fitted.parameters, fitted.u, strict=True))
+    return any(parameter.prior and abs(u) > CLEAR for parameter, u in zip(fitted.parameters, fitted.u, strict=True))
 
 
 def as_declared(fitted: Fit) -> Fit:

@@ -8,12 +8,12 @@ from typing import NamedTuple
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.candidate import DECLARED
 from rover_pin.inference.beliefs import Beliefs
+from rover_pin.inference.next_measurement import SURE
 
-SURE, MOST = 0.95, 0.5
-"""Probability from which something is said without a doubt, and that of what is more likely than not."""
+MOST = 0.5
+"""Probability of what is more likely than not."""
 BEYOND = 3.0
 """Times a channel's declared noise from which what is left is no noise, whatever shares it."""
-
 
 MAX_SETS = 4
 """Sets that a sentence lists."""

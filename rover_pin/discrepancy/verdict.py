@@ -14,8 +14,8 @@ from rover_pin.discrepancy.held_out import ChannelScore, RunScore
 from rover_pin.discrepancy.reading import usual_noise
 from rover_pin.estimation.baselines import Baseline
 from rover_pin.estimation.fit import Fit
-from rover_pin.estimation.numbers import DRIFTED, Number, assumed_lines
-from rover_pin.estimation.profile import Profile
+from rover_pin.estimation.numbers import Number, assumed_lines
+from rover_pin.estimation.profile import CLEAR, Profile
 from rover_pin.estimation.wording import Outcome, format_value, got_worse
 from rover_pin.inference.beliefs import Beliefs
 from rover_pin.inference.next_measurement import NextMeasurement
@@ -145,7 +145,7 @@ the other folds weigh them"
     @property
     def drifted(self) -> tuple[Number, ...]:
         """Numbers that sit away from what was declared or assumed of them."""
-        return tuple(number for number in (self.after.numbers if self.after else ()) if abs(number.drift) > DRIFTED)
+        return tuple(number for number in (self.after.numbers if self.after else ()) if abs(number.drift) > CLEAR)
 
     def summary(self) -> str:
         """Return the verdict in a page of text; angles in degrees."""

@@ -13,12 +13,10 @@ from rover_pin.base.errors import OptimisationError
 from rover_pin.estimation import wording
 from rover_pin.estimation.fit import Fit, fit
 from rover_pin.estimation.noise import huber
-from rover_pin.estimation.profile import NORMAL_95, Profile
+from rover_pin.estimation.profile import CLEAR, NORMAL_95, Profile
 
 SURPRISE = 1e-3
 """A chi2 less probable than this by the stated noise means that more is left than the noise."""
-DRIFTED = 3.0
-"""Prior SDs from which a number is said to sit away from what was known of it beforehand."""
 AWAY = 5.0
 """Prior SDs beyond which a number has left what is declared of it."""
 SHARES = (-1.5, -1.0, -0.5, 0.5, 1.0, 1.5)
@@ -59,7 +57,7 @@ class Number(NamedTuple):
         """One line for a reader."""
         line = f"{self.name} = {wording.interval(self.value, self.low, self.high, self.unit)}"
         line += f", {self.note}" if self.note else ""
-        return line if not abs(self.drift) > DRIFTED else f"{line}, {self.away}"
+        return line if not abs(self.drift) > CLEAR else f"{line}, {self.away}"
 
     @property
     def away(self) -> str:

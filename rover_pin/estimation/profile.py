@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+CLEAR = 3.0
+"""SDs from which something is clear of chance, which goes so far once in 370 times."""
 NORMAL_95 = 1.959964
 """Half a 95 % interval of a normal law, in SDs; its square is by how much chi2 rises at the interval's ends."""
 

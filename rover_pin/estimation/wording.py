@@ -8,6 +8,8 @@ from collections.abc import Iterable
 from enum import Enum
 from typing import NamedTuple
 
+NOISE_LIKE = 1.5
+"""Times its noise below which what a channel leaves is called noise."""
 AT_FLOOR = 1.25
 """An error within this of the noise floor has nothing left to gain."""
 SAME = 5e-5
@@ -16,9 +18,7 @@ NEARLY = 0.8
 """Share of what is allowed of a number from which its interval says nothing of it."""
 NO_SPREAD = 1e-9
 """Data do not identify an SD, or an interval's width, below this share of the number, or of one unit of a size."""
-
 NOT_PREDICTED = "not predicted"
-
 READERS_UNITS = {"rad": (180 / math.pi, "deg"), "m": (1e3, "mm"), "Pa": (1e-3, "kPa"), "Pa/m^n": (1e-3, "kPa/m^n")}
 PREFIXED = re.compile(r"(A|N|V|W|s|m|rad|ohm)\b(?!\^)")
 """How units begin that a prefix may stand before; each with its least size, factor and letter."""

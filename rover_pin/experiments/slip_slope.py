@@ -33,6 +33,7 @@ from rover_pin.effects.motion_resistance import MotionResistance
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.estimation.parameter import Parameter, declared_in
 from rover_pin.experiments.folded import read_folded
+from rover_pin.experiments.soil_priors import SD
 from rover_pin.experiments.wheel_rig.model import RigModel, conditions, predictor
 from rover_pin.parameters.gravity import EARTH, gravity_from
 from rover_pin.rover.rover import Rover, load_named
@@ -49,8 +50,8 @@ SLIPS = np.concatenate([np.linspace(-0.5, 0.0, 11)[:-1], np.linspace(0.0, 0.98, 
 """Slips at which the pull is worked out; between them it is interpolated."""
 STUCK = 1.0
 """Slip of a rover on a slope that no slip climbs."""
-SD = {"phi": math.radians(4.0), "k": 0.7, "k_1": 0.7, "R": 0.15}
-"""SDs of what is not declared with one, relative but phi's and R's (assumed: nobody dug there)."""
+R_SD = 0.15
+"""SD of the motion resistance (assumed)."""
 FEWEST = 4
 
 
@@ -106,16 +107,16 @@ class SlipSlope(Standalone):
             self.parameter(model, f"soil.{name}", self._sd(name, unit), name != "phi", self._declared(name))
             for name, unit in (("phi", "rad"), ("k", "m"), ("k_1", "Pa"))
         )
-        return (*soil, self.parameter(model, "MotionResistance.R", SD["R"]))
+        return (*soil, self.parameter(model, "MotionResistance.R", R_SD))
 
     def _declared(self, name: str) -> str:
         return declared_in("soil", name, self.declared, declared_sds(self.declared, Soil, "[soil]"))
 
     def _sd(self, name: str, unit: str) -> float:
-        """Return the SD of a soil constant, relative but phi's: as declared, else assumed."""
+        """Return the SD of a soil constant, relative but phi's: as declared, else as of one that nobody declares."""
         sd = declared_sd(self.declared.get(name), unit, f"[soil]: the sd of '{name}'")
         if sd is None:
-            return SD[name]
+            return SD[name].undeclared
         return sd if name == "phi" else sd / abs(float(getattr(self.soil, name)))
 
     @property

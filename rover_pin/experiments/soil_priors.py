@@ -17,8 +17,8 @@ WIDE = 0.25
 """How far apart starts of phi are, as a share of its range, where nothing is known of it."""
 MAX_EXIT_RATIO = 0.99
 """Greatest exit ratio of a fit: at 1 the stress ends on a second singularity, where derivatives jump."""
-LEAST = 1e-6
-"""A logarithm stops at this share of where it starts."""
+SOFT = 1e5
+"""Size of a modulus of which not even that is known [Pa]."""
 
 
 class AssumedSd(NamedTuple):
@@ -64,8 +64,12 @@ def known_constant(
 
 
 def unknown_constant(owner: str, record: Record, name: str) -> Parameter:
-    """Return a constant of which nothing is known: of a positive one its logarithm, else within its range."""
-    is_log, spec = SD[name].is_log, quantities(record)[name]
-    scale = DECADES if is_log else WIDE * (spec.high - spec.low)
-    constant = replace(parameter_of(f"{owner}.{name}", record, scale, is_log), prior=False)
-    return replace(constant, low=max(constant.low, LEAST * constant.origin)) if is_log else constant
+    """Return a constant of which nothing is known: of a modulus its logarithm, or its size if not positive; else all.
+
+    `scale` is how far apart starts are.
+    """
+    value, spec = float(getattr(record, name)), quantities(record)[name]
+    is_modulus = SD[name].is_log
+    size = abs(value) or SOFT if is_modulus else WIDE * (spec.high - spec.low)
+    is_log = is_modulus and value > 0
+    return replace(parameter_of(f"{owner}.{name}", record, DECADES if is_log else size, is_log), prior=False)

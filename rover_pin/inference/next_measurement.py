@@ -25,8 +25,8 @@ from rover_pin.estimation.noise import Noise
 from rover_pin.estimation.task import Task
 from rover_pin.inference.beliefs import Beliefs, Hypothesis
 
-COVERED, MIN_SETS, MAX_SETS = 0.95, 2, 8
-"""Probability of the sets that are to be distinguished, and how many of them at least and at most."""
+SURE, MIN_SETS, MAX_SETS = 0.95, 2, 8
+"""Probability from which there is no doubt; how many of the sets that hold it are distinguished, least and most."""
 CLOSER = 4
 """Offers, of those that would tell most if all numbers were known, of which what is uncertain is worked out."""
 HALF, LEAST = 0.5, 0.01
@@ -102,14 +102,14 @@ class Expected(NamedTuple):
 
 
 def open_sets(beliefs: Beliefs) -> list[tuple[float, Hypothesis]]:
-    """Return the most probable sets that were fitted, as many as hold COVERED of what is probable, with their shares.
+    """Return the most probable sets that were fitted, as many as hold SURE of what is probable, with their shares.
 
     Their shares sum to 1.
     """
     rows = ((share, beliefs.best(tuple(names))) for names, share in beliefs.sets.items())
     fitted = list(islice(((share, best) for share, best in rows if best.is_fitted), MAX_SETS))
     before = np.cumsum([0.0, *(share for share, _ in fitted)])
-    leading = [row for at, row in enumerate(fitted) if at < MIN_SETS or before[at] < COVERED]
+    leading = [row for at, row in enumerate(fitted) if at < MIN_SETS or before[at] < SURE]
     total = sum(share for share, _ in leading)
     return [(share / total, hypothesis) for share, hypothesis in leading]
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import NamedTuple
 
-MAX_LISTED_PLACES = 4
-"""Places that one line lists; of more, the first and how many more."""
+MAX_LISTED = 4
+"""Places, or channels, that one line lists; of more, the first and how many more."""
 
 
 class Finding(NamedTuple):
@@ -25,9 +25,10 @@ def gathered(findings: Iterable[Finding]) -> tuple[Finding, ...]:
     places: dict[tuple[str, str], list[str]] = {}
     for finding in findings:
         places.setdefault((finding.what, finding.todo), []).append(finding.where)
-    return tuple(Finding(what, _listed(where), todo) for (what, todo), where in places.items())
+    return tuple(Finding(what, listed(where), todo) for (what, todo), where in places.items())
 
 
-def _listed(places: list[str]) -> str:
-    more = len(places) - MAX_LISTED_PLACES
-    return ", ".join(places[:MAX_LISTED_PLACES]) + (f" and {more} more" if more > 0 else "")
+def listed(names: list[str]) -> str:
+    """Return the first of some names, and how many more there are."""
+    more = len(names) - MAX_LISTED
+    return ", ".join(names[:MAX_LISTED]) + (f" and {more} more" if more > 0 else "")

@@ -12,6 +12,7 @@ import numpy as np
 from scipy.stats import spearmanr
 
 from rover_pin.base.errors import DataError
+from rover_pin.estimation.profile import CLEAR
 from rover_pin.measurements.channel import DrawbarPull, RigChannel, SideForce, Sinkage, Torque, VerticalMoment
 from rover_pin.measurements.finding import Finding
 from rover_pin.measurements.wheel_rig import WheelRig
@@ -31,8 +32,6 @@ GIVES_BACK = 1.5
 """Work given out over work put in that is impossible beyond doubt; any excess beyond the noise is named."""
 FINEST = 1e-12
 """Noise over the greatest value of a channel below which it is no measurement's."""
-SURE = 3.0
-"""SDs of one run beyond which a sign is sure."""
 LEAST_PULL = 0.02
 """Pull over load that is named where no run from little slip to much reaches it."""
 SOFTEST, NARROWEST, STIFFEST = 1e5, 1e4, 1e9
@@ -101,7 +100,7 @@ def _signs(rig: WheelRig) -> Iterator[Finding]:
     ):
         for channel in (candidate for candidate in rig.channels if isinstance(candidate, kind)):
             use = use & channel.has_value
-            if use.any() and np.median(sign * channel.measured[use]) < -SURE * np.median(channel.sd[use]):
+            if use.any() and np.median(sign * channel.measured[use]) < -CLEAR * np.median(channel.sd[use]):
                 word = "negative" if sign > 0.0 else "positive"
                 what = f"{channel.column} is {word}{when} ({np.median(channel.measured[use]):.3g} in the median)"
                 yield Finding(what, rig.name, f"multiply it by -1: positive is {positive}")
@@ -167,7 +166,7 @@ def _pulls(rig: WheelRig) -> Iterator[Finding]:
         return
     if torque is not None:
         put_in, out, sd = work(rig, torque, pull)
-        gains = (rig.slip > DRIVING) & (out - put_in > SURE * sd)
+        gains = (rig.slip > DRIVING) & (out - put_in > CLEAR * sd)
         if gains.any():
             what = f"{int(gains.sum())} of {gains.size} runs give out more work than their torque puts in"
             yield Finding(what, rig.name, "a torque sensor's zero, or the wheel's r, is off")
@@ -186,7 +185,7 @@ def _falling_pull(rig: WheelRig, pull: RigChannel) -> Iterator[Finding]:
     order = use[np.argsort(rig.slip[use])]
     low, high = (float(np.median(pull.measured[part])) for part in (order[: use.size // 3], order[-(use.size // 3) :]))
     falls = spearmanr(rig.slip[order], pull.measured[order]).statistic < FALLING
-    if falls and high < -SURE * float(np.median(pull.sd[use])):
+    if falls and high < -CLEAR * float(np.median(pull.sd[use])):
         what = f"drawbar_pull_N falls with slip, from {low:.3g} to {high:.3g} N"
         yield Finding(what, rig.name, "it looks upside down: positive is forwards, and slip helps before it digs")
 
@@ -196,7 +195,7 @@ def _ground(rig: WheelRig) -> Iterator[Finding]:
     sunk = _channel(rig, Sinkage)
     if sunk is None:
         return
-    use = sunk.measured > np.maximum(SURE * sunk.sd, 0.0)
+    use = sunk.measured > np.maximum(CLEAR * sunk.sd, 0.0)
     if not use.any():
         return
     r, b, h = float(rig.wheel.r), float(rig.wheel.b), sunk.measured[use]
@@ -214,12 +213,12 @@ def _arm(rig: WheelRig) -> Iterator[Finding]:
     moment, side = _channel(rig, VerticalMoment), _channel(rig, SideForce)
     if moment is None or side is None:
         return
-    use = moment.has_value & side.has_value & rig.askew & (np.abs(side.measured) > SURE * side.sd)
+    use = moment.has_value & side.has_value & rig.askew & (np.abs(side.measured) > CLEAR * side.sd)
     if not use.any():
         return
     force = side.measured[use]
     arm, sd = (float(np.median(ratio)) for ratio in (moment.measured[use] / force, moment.sd[use] / np.abs(force)))
-    if abs(arm) > float(rig.wheel.r) + SURE * sd:
+    if abs(arm) > float(rig.wheel.r) + CLEAR * sd:
         where = "ahead of" if arm > 0.0 else "behind"
         what = f"by {VerticalMoment.column} the side force acts {abs(arm):.3g} m {where} the axle, beyond the rim"
         yield Finding(what, rig.name, "take it about the wheel's centre, or state moment_arm in [rig]; check its unit")

@@ -35,6 +35,8 @@ from rover_pin.measurements.rig_file import (
 )
 from rover_pin.parameters.bekker import bekker
 
+SAME_SLIP = 0.15
+"""Slips that span less tell nothing that depends on slip."""
 SAME_LOAD = 1.5
 """Loads within this ratio count as one: they move the share of c in the strength too little."""
 

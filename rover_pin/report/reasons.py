@@ -6,19 +6,17 @@ from collections.abc import Iterable, Iterator
 
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.verdict import Verdict
-from rover_pin.estimation.wording import Outcome, share
+from rover_pin.estimation.wording import NOISE_LIKE, Outcome, share
+from rover_pin.inference.next_measurement import SURE
 from rover_pin.report.headline import by_outcome, worst
 from rover_pin.report.words import Labels, capital, human, kinds_of, listing, two_digits
 
 MAX_REASONS = 4
 """Reasons on the first screen; all of them stand further below."""
-LOUD = 1.5
-"""Times its noise from which a channel that is left over is a reason to doubt."""
 MORE = 1.25
 """Times what it was from which a left-out fold's chi2 is a reason to doubt."""
-MAY_ACT = 0.05
+MAY_ACT = 1.0 - SURE
 """Probability from which a cause that was not added is a reason to doubt."""
-
 
 WRITE_IT = (
     "look at what is left, write it as an effect of your own (rover-pin new-effect), and close the loop again with "
@@ -107,7 +105,7 @@ def _doubts(verdict: Verdict, labels: Labels) -> Iterator[str]:
             f"{labels.fold(worst_run.run)} is predicted worse with it by the others (chi2 for each number "
             f"{two_digits(worst_run.before)} -> {two_digits(worst_run.after)}): what it tells they do not"
         )
-    loud = [score for score in worst(verdict.scores) if score.after > LOUD * score.floor]
+    loud = [score for score in worst(verdict.scores) if score.after > NOISE_LIKE * score.floor]
     if loud and (verdict.named or verdict.answer is Answer.NONE_NEEDED):
         score, still = loud[0], "still " if verdict.named else ""
         times = two_digits(score.times(score.after))

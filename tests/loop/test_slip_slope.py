@@ -9,7 +9,7 @@ import pytest
 
 from rover_pin.base.errors import DataError
 from rover_pin.discrepancy.answer import Answer
-from rover_pin.experiments import slip_slope
+from rover_pin.experiments import slip_slope, soil_priors
 from rover_pin.experiments.slip_slope import SlipSlope
 from rover_pin.loop.close import close_the_loop
 from rover_pin.report.standalone.report import panel
@@ -111,9 +111,9 @@ def test_the_page_says_what_is_read(tmp_path):
     assert slip_slope.FEWEST == 4
     assert "Four slopes or more, in two runs or more" in said
     numbers = re.search(r"within (\d+) deg \(phi\), (\d+) % \(k,\s+k_1\) or (\d+) % of the\s+load \(R\)", said).groups()
-    sd = slip_slope.SD
-    assert sd["k"] == sd["k_1"]
-    assert [int(each) for each in numbers] == [round(math.degrees(sd["phi"])), 100 * sd["k"], 100 * sd["R"]]
+    phi, k, k_1 = (soil_priors.SD[name].undeclared for name in ("phi", "k", "k_1"))
+    assert k == k_1
+    assert [int(each) for each in numbers] == [round(math.degrees(phi)), 100 * k, 100 * slip_slope.R_SD]
 
 
 @pytest.mark.parametrize(

@@ -17,6 +17,7 @@ from rover_pin.estimation.parameter import Parameter
 from rover_pin.experiments.folded import stacked
 from rover_pin.experiments.rig_sets.model import OWN, JointModel, Part
 from rover_pin.experiments.rig_sets.one_sand import of_one_sand
+from rover_pin.experiments.soil_priors import SD
 from rover_pin.experiments.wheel_rig.data import RigSet, as_rig_set
 from rover_pin.experiments.wheel_rig.declared import SetNumbers, as_declared
 from rover_pin.experiments.wheel_rig.model import ASKEW, PAPER, RigModel
@@ -186,10 +187,10 @@ class RigExperiment(Experiment):
         loads = np.concatenate([data.rig.load for data in self.sets])
         widths = [float(data.rig.wheel.b) for data in self.sets]
         if loads.max() >= SAME_LOAD * loads.min():
-            yield self.parameter(model, "soil.n", 0.3)
-            yield self.parameter(model, "soil.c", max(300.0, self.value(model, "soil.c")))
+            yield self.parameter(model, "soil.n", SD["n"].undeclared)
+            yield self.parameter(model, "soil.c", max(SD["c"].undeclared, float(model.soil.c)))
         if max(widths) >= OTHER_WIDTH * min(widths):
-            yield self.parameter(model, "soil.k_2", self.value(model, "soil.k_1") / min(widths))
+            yield self.parameter(model, "soil.k_2", float(model.soil.k_1) / min(widths))
 
     def sensitivities(
         self, model: RigModel | JointModel, parameters: Sequence[Parameter], u: np.ndarray

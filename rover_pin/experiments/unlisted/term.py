@@ -8,12 +8,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rover_pin.estimation.profile import CLEAR
 from rover_pin.estimation.wording import spread
 from rover_pin.experiments.unlisted.actions import GRIP, READING, VOLTAGE, Act
 from rover_pin.experiments.unlisted.regressors import Argument, Hats, Polynomial, Wave
 
-CLEAR = 3.0
-"""SDs from which a value of a piecewise linear function is pointed at."""
 UNTOLD = 0.01
 """SD over the greatest below which a value of such a function is not identified at all: no row depends on it."""
 GRIP_VARIABILITY = 0.03

@@ -9,6 +9,7 @@ import numpy as np
 
 from rover_pin.base.public import brief
 from rover_pin.estimation.noise import null_gain
+from rover_pin.estimation.wording import NOISE_LIKE
 from rover_pin.experiments.wheel_rig.data import RigSet
 from rover_pin.experiments.wheel_rig.similarity import slip_of_travel
 from rover_pin.measurements.channel import RigChannel
@@ -21,8 +22,6 @@ LOAD_DEGREES = 2
 """Highest power of the load: a cell's offset need not grow in proportion to it."""
 FORMS = (LOAD_DEGREES + 1) * (DEGREES + 1)
 """Polynomials among which one is chosen."""
-NOISE_LIKE = 1.5
-"""RMS in SDs below which a channel's residual is called noise."""
 
 
 class Level(NamedTuple):

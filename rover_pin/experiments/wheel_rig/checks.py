@@ -11,13 +11,10 @@ from rover_pin.experiments.wheel_rig.runs import RigRuns
 from rover_pin.measurements.channel import RIG_CHANNELS, RigChannel
 from rover_pin.measurements.finding import Finding
 from rover_pin.measurements.rig_physics import refuse_impossible, suspicions
-from rover_pin.measurements.wheel_rig import SAME_LOAD, STRAIGHT
+from rover_pin.measurements.wheel_rig import SAME_LOAD, SAME_SLIP, STRAIGHT
 
 FEWEST_LEVELS = 3
 """Levels with which an effect that depends on slip can be held out and distinguished from a constant."""
-
-LEAST_RANGE = 0.15
-"""Slips that span less than this tell no dependence on slip."""
 
 SAME_WEIGHT = 1.1
 """Runs of a level whose loads, in order, step by less than this are repeats: assumed, a hung weight varies by 5 %."""
@@ -72,7 +69,7 @@ def too_poor(data: RigSet, nuisances: int) -> str:
             f"{len(data.level_names)} levels of slip: with one held out nothing that depends on slip is left to fit; "
             f"measure at {FEWEST_LEVELS} or more."
         )
-    if np.ptp(data.rig.slip) < LEAST_RANGE:
+    if np.ptp(data.rig.slip) < SAME_SLIP:
         return f"slips span {np.ptp(data.rig.slip):.2f} only; measure from about 0 to 0.6 or more."
     if values < nuisances + FEWEST_LEVELS:
         return (

@@ -7,10 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rover_pin.base.quantity import quantities
 from rover_pin.contact import Soil
 from rover_pin.estimation.parameter import Parameter, declared_in, parameter_of
-from rover_pin.experiments.soil_priors import DECADES, LEAST, MAX_EXIT_RATIO, WIDE
+from rover_pin.experiments.soil_priors import MAX_EXIT_RATIO, SD, known_constant, unknown_constant
 from rover_pin.experiments.wheel_rig.data import RigSet
 from rover_pin.experiments.wheel_rig.model import ASKEW, PAPER, RigModel
 from rover_pin.experiments.wheel_rig.presets import known_trench
@@ -52,13 +51,15 @@ class SetNumbers:
     def of_sand(self) -> list[Parameter]:
         """Return which soil constants are uncertain, and what is assumed of those that these channels tell in part.
 
-        k and phi where a force was measured, k_1 where the sinkage was, with no prior; the exit ratio with SD 0.1; n
-        with SD 0.3 where loads differ, or the wheel was pressed in; c with 300 Pa or its own size where loads differ.
-        What [soil] states with an SD has that prior around the stated value, and is uncertain whatever was measured.
+        k and phi where a force was measured, k_1 where the sinkage was, with no prior; the exit ratio; n where loads
+        differ, or the wheel was pressed in; c where loads differ, with 300 Pa or its own size. What [soil] states with
+        an SD has that prior around the stated value, and is uncertain whatever was measured.
         """
-        stated = {parameter.name: parameter for parameter in self._stated()}
-        assumed = [stated.pop(parameter.name, parameter) for parameter in self._assumed()]
-        return [*assumed, *stated.values()]
+        rig, soil = self.data.rig, self.data.soil()
+        constants = (known_constant("soil", soil, name, rig.declared, rig.doubts) for name in rig.doubts)
+        declared = {parameter.name: parameter for parameter in constants}
+        assumed = [declared.pop(parameter.name, parameter) for parameter in self._assumed()]
+        return [*assumed, *declared.values()]
 
     def of_rig(self) -> Iterator[Parameter]:
         """Yield what rig.toml states with an SD, of rig and wheel, and how much stiffer sand is where pressed in."""
@@ -78,43 +79,26 @@ class SetNumbers:
             sds |= {f"rig.{offset}": TARE * float(np.nanmax(np.abs(channel.measured))), f"rig.{scale}": SCALE}
         return [self._parameter(name, sd) for name, sd in sds.items() if name not in self.data.rig.error_sd]
 
-    def _stated(self) -> Iterator[Parameter]:
-        """Yield the soil constants that [soil] states with an SD, around what it states."""
-        declared = self.data.soil()
-        for name, sd in self.data.rig.doubts.items():
-            value, log = float(getattr(declared, name)), name in ("k", "k_1")
-            relative = log and value > 0
-            parameter = self._of_soil(name, sd / value if relative else sd, relative)
-            high = MAX_EXIT_RATIO if name == "exit_ratio" else parameter.high
-            yield replace(parameter, origin=value, high=high)
-
     def _assumed(self) -> Iterator[Parameter]:
         """Yield the uncertain soil constants, as if nothing were stated of them."""
         kinds, load, soil = {type(channel) for channel in self.data.rig.channels}, self.data.rig.load, self.model.soil
         if kinds & {DrawbarPull, Torque}:
-            spec = quantities(soil)["phi"]
-            yield self._loose("soil.k", DECADES, log=True)
-            yield self._loose("soil.phi", WIDE * (spec.high - spec.low))
+            yield unknown_constant("soil", soil, "k")
+            yield unknown_constant("soil", soil, "phi")
         if Sinkage in kinds:
-            k_1 = float(soil.k_1)
-            yield self._loose("soil.k_1", DECADES if k_1 > 0 else abs(k_1) or 1e5, log=k_1 > 0)
-        yield replace(self._of_soil("exit_ratio", 0.1), low=0.0, high=MAX_EXIT_RATIO)
+            yield unknown_constant("soil", soil, "k_1")
+        yield replace(self._of_soil("exit_ratio"), low=0.0, high=MAX_EXIT_RATIO)
         varied = np.max(load) >= SAME_LOAD * np.min(load)
         if varied or self.data.trials:
-            yield self._of_soil("n", 0.3)
+            yield self._of_soil("n")
         if varied:
-            yield self._of_soil("c", max(300.0, float(soil.c)))
+            yield self._of_soil("c", float(soil.c))
 
-    def _of_soil(self, name: str, sd: float, log: bool = False) -> Parameter:
-        """Return a soil constant with this SD, and where it is declared."""
+    def _of_soil(self, name: str, least_sd: float = 0.0) -> Parameter:
+        """Return a soil constant with the SD of one that nobody declares, and where it is declared."""
         rig = self.data.rig
-        return self._parameter(f"soil.{name}", sd, log, declared_in("soil", name, rig.declared, rig.doubts))
-
-    def _loose(self, name: str, scale: float, log: bool = False) -> Parameter:
-        """Return a number without a prior; `scale` is how far apart its starts are."""
-        parameter = self._parameter(name, scale, log)
-        low = max(parameter.low, LEAST * parameter.origin) if log else parameter.low
-        return replace(parameter, prior=False, low=low)
+        declared = declared_in("soil", name, rig.declared, rig.doubts)
+        return self._parameter(f"soil.{name}", max(SD[name].undeclared, least_sd), declared=declared)
 
     def _parameter(self, name: str, sd: float, log: bool = False, declared: str = "") -> Parameter:
         return parameter_of(name, self.model.records[name.rpartition(".")[0]], sd, log, declared)

@@ -86,8 +86,8 @@ class RigRuns:
     def sds(self) -> np.ndarray:
         """The stated SD of each value; 1 behind a level's end."""
         sds = np.array([channel.sd for channel in self.data.rig.channels])
-        whole = self._whole(sds, log_force_sds(self.data.trials))
-        return np.where(np.isfinite(whole), whole, 1.0)
+        padded = self._whole(sds, log_force_sds(self.data.trials))
+        return np.where(np.isfinite(padded), padded, 1.0)
 
     @property
     def rms_sd(self) -> np.ndarray:

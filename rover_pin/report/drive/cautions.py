@@ -8,13 +8,10 @@ import numpy as np
 
 from rover_pin.discrepancy.held_out import together
 from rover_pin.discrepancy.verdict import Verdict
+from rover_pin.estimation.fit import FEW
 from rover_pin.experiments.drive_log.free_runs import FreeRun
+from rover_pin.experiments.unlisted.residual import NOISE_LIKE
 from rover_pin.simulation.model.implausible import implausible
-
-FEW_RUNS = 4
-"""Runs below which those left out say little."""
-MISSED = 1.3
-"""Misfit on runs left out from which more than the noise is left."""
 
 
 def cautions(verdict: Verdict, free: tuple[FreeRun, ...]) -> tuple[str, ...]:
@@ -31,9 +28,9 @@ def _cautions(verdict: Verdict, free: tuple[FreeRun, ...]) -> Iterator[str]:
     if verdict.after:
         yield from implausible(verdict.after.fit.model)
     misfit = together(verdict.runs)[1]
-    if misfit > MISSED:
+    if misfit > NOISE_LIKE:
         yield f"runs left out are missed by {misfit:.1f} times the noise: more than noise is left"
-    if len(verdict.runs) < FEW_RUNS:
+    if len(verdict.runs) < FEW:
         yield f"{len(verdict.runs)} runs are few: what holds on one left out may not hold on the next"
     yield from _free(free, bool(verdict.named))
 

@@ -10,8 +10,9 @@ import numpy as np
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.estimation import wording
 from rover_pin.estimation.fit import Fit
-from rover_pin.estimation.numbers import DRIFTED, Number
+from rover_pin.estimation.numbers import Number
 from rover_pin.estimation.parameter import Parameter
+from rover_pin.estimation.profile import CLEAR
 from rover_pin.estimation.wording import format_value
 from rover_pin.report.section import AWAY, CHOSEN, Row, Section, Table
 
@@ -36,8 +37,7 @@ def number_table(verdict: Verdict) -> Table:
     )  # fmt: skip
     partners = most_correlated(verdict.after.fit)
     ranked = sorted(
-        verdict.after.numbers,
-        key=lambda number: (not abs(number.drift) > DRIFTED, number.name in before, -_far(number)),
+        verdict.after.numbers, key=lambda number: (not abs(number.drift) > CLEAR, number.name in before, -_far(number))
     )
     rows = (_row(row, before, parameters[row.name], partners.get(row.name, ""), added) for row in ranked)
     return Table(heads, tuple(rows))
@@ -56,7 +56,7 @@ def most_correlated(fitted: Fit) -> dict[str, str]:
 def _row(number: Number, before: Mapping[str, Number], parameter: Parameter, partner: str, added: bool) -> Row:
     was = before.get(number.name)
     sides = ((interval(was) if was else "not in the model",) if added else ()) + (interval(number),)
-    notes = [number.away] if abs(number.drift) > DRIFTED else []
+    notes = [number.away] if abs(number.drift) > CLEAR else []
     notes += [number.note] if number.note else []
     if was is not None and math.isfinite(was.drift) and not math.isfinite(number.drift):
         notes.append(f"released: before, {was.away}")

@@ -9,14 +9,13 @@ from typing import NamedTuple
 
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.estimation.parameter import Parameter
+from rover_pin.estimation.profile import CLEAR
 from rover_pin.estimation.wording import format_value
 from rover_pin.inference.beliefs import Beliefs, Hypothesis
 from rover_pin.inference.cause import SIZE_SD, Cause
 from rover_pin.report.section import Row, Section, Table
 from rover_pin.report.words import Labels, full, kinds_of, model_with, two_digits
 
-SHOWS = 3.0
-"""SDs of its size from which a cause shows."""
 OPEN = 0.9
 """SD of a size over that beforehand from which the data say nothing of it."""
 NOTHING = "the data say nothing of its size"
@@ -85,11 +84,11 @@ def _of(beliefs: Beliefs, name: str) -> Iterator[Sensitivity]:
 
 
 def _sensitivity(hypothesis: Hypothesis, cause: Cause, parameter: Parameter, sd: float) -> Sensitivity:
-    share = SHOWS * sd * (SIZE_SD if cause.owner else 1.0)  # an error of the measuring has its prior SD as usual size
+    share = CLEAR * sd * (SIZE_SD if cause.owner else 1.0)  # an error of the measuring has its prior SD as usual size
     if sd > OPEN:
         return Sensitivity(cause.name, share, "none", NOTHING)
     unit = unit_of(hypothesis, cause, parameter)
-    step, short = SHOWS * sd * parameter.scale, parameter.name.rpartition(".")[2]
+    step, short = CLEAR * sd * parameter.scale, parameter.name.rpartition(".")[2]
     from_none = f"{short} = {format_value(step, unit)}"
     size = f"{short} off {format_value(parameter.origin, unit)} by {format_value(abs(step), unit)}"
     why = f"would show from {two_digits(share)} times its usual size only" if share > 1 else ""

@@ -8,9 +8,9 @@ import numpy as np
 
 from rover_pin.base.errors import closest
 from rover_pin.experiments.drive_log.checks.driven import Driven, Remarks
-from rover_pin.experiments.drive_log.readings.ambiguous_timing import ambiguous_steps
+from rover_pin.experiments.drive_log.readings.ambiguous_timing import MISSED, ambiguous_steps
 from rover_pin.logs.drive_log import DriveLog
-from rover_pin.measurements.finding import Finding
+from rover_pin.measurements.finding import Finding, listed
 from rover_pin.simulation.trace.channels import WHOLE, is_column
 from rover_pin.simulation.trace.trace import Trace
 
@@ -25,12 +25,6 @@ ABSURD = 1e12
 
 NOTABLE_SHARE, NOTABLE_RUN = 0.01, 5
 """Gaps are named from this share of a run, or from this many samples in a row."""
-
-MOST_NAMES = 4
-"""Channels with the same gap that one line lists."""
-
-UNEVEN = 1.5
-"""A time between samples of this many usual ones is a gap in the clock."""
 
 OPTIONAL = {
     "body_z": ("effects that only the sinkage shows stay hidden", ("body_z",)),
@@ -137,15 +131,13 @@ def ambiguous_step_findings(run: Driven) -> Remarks:
 
 
 def _missing(names: list[str]) -> str:
-    more = len(names) - MOST_NAMES
-    listed = ", ".join(names[:MOST_NAMES]) + (f" and {more} more" if more > 0 else "")
-    return f"{listed} {'is' if len(names) == 1 else 'are'}"
+    return f"{listed(names)} {'is' if len(names) == 1 else 'are'}"
 
 
 def clock_findings(run: Driven) -> Remarks:
     """Yield samples that come late."""
     steps, t = np.diff(run.trace.t), run.trace.t
-    late = np.flatnonzero(steps > UNEVEN * run.period)
+    late = np.flatnonzero(steps > MISSED * run.period)
     if late.size:
         worst = int(late[np.argmax(steps[late])])
         what = (

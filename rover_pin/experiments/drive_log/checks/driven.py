@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rover_pin.experiments.drive_log.features import SLOW, SLOW_SHARE
 from rover_pin.simulation.model.motor import Motor
 from rover_pin.simulation.trace.trace import Trace
 from rover_pin.terrain.terrain import Terrain
@@ -22,9 +23,6 @@ BLOCK = 1.0
 
 LEAST_SAMPLES = 5
 """Samples that a block has at least; blocks of a slower log are longer."""
-
-STILL, STILL_SHARE = 0.2, 0.1
-"""Wheel rate [rad/s] below which a wheel counts as standing; of slow wheels, as a share of their fastest."""
 
 ROLLING = 0.3
 """Mean rim speed over mean size of rim speed, below which a rover turns rather than drives."""
@@ -126,7 +124,7 @@ class Driven:
     @property
     def still(self) -> float:
         """Wheel rate [rad/s] below which a wheel counts as standing."""
-        return min(STILL, STILL_SHARE * self.fastest) if self.rate_driven else STILL
+        return min(SLOW, SLOW_SHARE * self.fastest) if self.rate_driven else SLOW
 
     @cached_property
     def rate(self) -> np.ndarray:

@@ -11,6 +11,7 @@ import numpy as np
 
 from rover_pin.experiments.drive_log.checks.driven import Driven, degrees, spread
 from rover_pin.measurements.finding import Finding
+from rover_pin.measurements.wheel_rig import SAME_SLIP
 
 SAME_DUTY = 0.02
 """Duties that differ by less are one level."""
@@ -20,9 +21,6 @@ FEWEST_DUTIES = 3
 
 LOW_DUTY = 0.15
 """A drive's lowest duty that still tells where motion begins."""
-
-LEAST_SLIP = 0.15
-"""Slips that span less tell nothing that depends on slip."""
 
 LEAST_SLOPE = np.radians(5.0)
 """Pitches that span less shift no load to speak of between the axles."""
@@ -62,7 +60,7 @@ def too_poor(runs: Sequence[Driven]) -> str:
     driven = sum(run.moving_time for run in runs)
     if driven < LEAST_TIME:
         return f"the wheels turn for {driven:.3g} s in all; drive for {LEAST_TIME:.0f} s at least, best 6 runs of 40 s."
-    if len(levels(runs)) < 2 and pitch_range(runs) < np.radians(2.0) and slip_range(runs) < 0.5 * LEAST_SLIP:
+    if len(levels(runs)) < 2 and pitch_range(runs) < np.radians(2.0) and slip_range(runs) < 0.5 * SAME_SLIP:
         return (
             "one duty, no slope and no change of slip: every effect looks like a change of soil or motor; vary the "
             "duty in 0.4 to 0.85 every 2.5 to 5 s, and drive slopes of up to 8 deg both ways."
@@ -137,7 +135,7 @@ def _rates(runs: Sequence[Driven]) -> Iterator[tuple[str, str]]:
 
 def _slips(runs: Sequence[Driven]) -> Iterator[tuple[str, str]]:
     span = slip_range(runs)
-    if span < LEAST_SLIP:
+    if span < SAME_SLIP:
         yield (
             f"slips span {span:.2f} only, so what depends on slip cannot be distinguished from the soil's constants",
             "add a run up a slope that grows until the wheels slip by 0.3 or more",
