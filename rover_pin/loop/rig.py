@@ -34,7 +34,6 @@ from rover_pin.experiments.wheel_rig.runs import RigRuns
 from rover_pin.loop.provenance import LoopRequest, provenance
 from rover_pin.loop.verdict_file import draft_written, posterior_written, written_last
 from rover_pin.measurements.wheel_rig import WheelRig
-from rover_pin.report.joint.report import write_report as write_joint_report
 from rover_pin.report.rig.cautions import cautions, of_parameters
 from rover_pin.report.rig.report import write_report
 
@@ -145,10 +144,10 @@ def _written(verdict: Verdict, experiment: RigExperiment, request: LoopRequest, 
     progress("writing the report")
     out = Path(str(request.out))
     if len(experiment.sets) > 1:
-        models = ((f"model-{name}.toml", verdict.model.of(name)) for name in experiment.runs)
-        files = [write_model(model, out / file, verdict.sentence) for file, model in models]
-        return written_last(verdict, (*files, *write_joint_report(verdict, experiment, out)), out)
-    files = [write_model(verdict.model, out / "model.toml", verdict.sentence)]
-    files += posterior_written(verdict, write_model, out, request.seed)
+        models = {f"model-{name}.toml": verdict.model.of(name) for name in experiment.runs}
+        files = [write_model(model, out / file, verdict.sentence) for file, model in models.items()]
+    else:
+        files = [write_model(verdict.model, out / "model.toml", verdict.sentence)]
+        files += posterior_written(verdict, write_model, out, request.seed)
     verdict, draft = draft_written(verdict, request, out)
-    return written_last(verdict, (*files, *draft, *write_report(verdict, experiment.sets[0], out)), out)
+    return written_last(verdict, (*files, *draft, *write_report(verdict, experiment, out)), out)

@@ -29,6 +29,7 @@ from rover_pin.estimation.wording import (
 )
 from rover_pin.experiments.drive_log.extra import free_lines
 from rover_pin.experiments.drive_log.free_runs import FreeRun
+from rover_pin.experiments.rig_sets.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.data import Independent, read_rig_set
 from rover_pin.experiments.wheel_rig.known_elsewhere import Flag
 from rover_pin.loop.rig import on_rig
@@ -252,7 +253,7 @@ def test_rows_of_a_drive_report_word_changes_alike():
 def test_a_rigs_page_says_what_is_in_its_model_file(nothing, tmp_path):
     told = {"command": "rover-pin close-loop x", "seconds": 1.0, "seed": 0, "versions": {"numpy": "2"}}
     verdict = dataclasses.replace(nothing, provenance=told)
-    page = write_report(verdict, rig.rig_set(np.zeros(2 * rig.RUNS)), tmp_path)[0].read_text()
+    page = write_report(verdict, RigExperiment((rig.rig_set(np.zeros(2 * rig.RUNS)),)), tmp_path)[0].read_text()
     assert "fitted base" in " ".join(page.split())
     assert "+0%" not in page
     assert ">worse<" not in page

@@ -1,13 +1,17 @@
-"""A wheel-rig set's verdict as a page: the sections that any verdict has, and where its error lives against slip."""
+"""A verdict on wheel rigs as a page: the sections that any has, where its error lives, and errors set by set."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
 from rover_pin.discrepancy.held_out import ChannelScore
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.effects.names import display_name
 from rover_pin.estimation.wording import Against, format_value
+from rover_pin.experiments.rig_sets.diagnostics import JointExtra
+from rover_pin.experiments.rig_sets.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.data import RigSet
 from rover_pin.experiments.wheel_rig.diagnostics import RigExtra
 from rover_pin.experiments.wheel_rig.residual_tests import SIGNIFICANCE_LEVEL, ResidualTest
@@ -23,6 +27,7 @@ from rover_pin.report.sections.numbers import numbers_section
 from rover_pin.report.sections.physics import physics_section
 from rover_pin.report.sections.sensitivity import sensitivity_section
 from rover_pin.report.sections.which_cause import which_cause_section
+from rover_pin.report.standalone.report import panels_of, sections_of
 from rover_pin.report.words import Labels, capital, kinds_of, listing
 
 UNSEEN = Labels("on slips it never saw", "levels of slip")
@@ -34,8 +39,14 @@ def labels_of(data: RigSet) -> Labels:
     return UNSEEN._replace(fold=lambda name: descriptions.get(name, name))
 
 
-def write_report(verdict: Verdict, data: RigSet, out: Path) -> list[Path]:
+def write_report(verdict: Verdict, experiment: RigExperiment, out: Path) -> list[Path]:
     """Write report.html and its figures, and return their paths."""
+    if len(experiment.sets) > 1:
+        count = int(np.isfinite(experiment.observed).any(axis=1).sum())
+        kicker = f"{len(experiment.sets)} sets in one sand: {count} runs at {len(experiment.folds)} levels of slip"
+        sections = sections_of(verdict, UNSEEN, _point_by_point(verdict, experiment), set_by_set_section(verdict))
+        return write_page(Head(experiment.name, kicker, headline(verdict, UNSEEN)), sections, out)
+    (data,) = experiment.sets
     labels = labels_of(data)
     kicker = f"{data.rig.slip.size} runs at {len(data.level_names)} levels of slip"
     sections = [
@@ -136,3 +147,31 @@ def elsewhere_section(verdict: Verdict) -> Section | None:
     ]
     table = Table(("model", "constant, its 95 % interval, and what is known of it"), tuple(rows))
     return Section("Against other measurements", "rig/elsewhere.html", {"table": table})
+
+
+def _point_by_point(verdict: Verdict, joint: RigExperiment) -> Picture | None:
+    if verdict.before is None or verdict.after is None:
+        return None
+    errors = listing(
+        f"{score.name} {format_value(score.before, score.unit)} to {format_value(score.after, score.unit)}"
+        for score in verdict.scores
+    )
+    alt = f"Measured and modelled {listing(joint.channels)}, point by point; error where not fitted: {errors}."
+    return Picture(
+        panels_of(verdict, joint), alt, f"Each run once, {', then '.join(joint.runs)}; a level begins at each line."
+    )
+
+
+def set_by_set_section(verdict: Verdict) -> Section | None:
+    """Return the held-out errors of each set, and of a curve through that set alone; None where nothing was fitted."""
+    if not isinstance(verdict.extra, JointExtra):
+        return None
+    added, rows = bool(verdict.named), []
+    for row in verdict.extra.sets:
+        values = (row.before, row.after, row.noise) if added else (row.before, row.noise)
+        errors = [format_value(value, row.unit) for value in values]
+        curve = f"{format_value(row.curve_error, row.unit)} ({row.curve})"
+        rows.append(Row((f"{row.set}: {row.channel}", *errors, curve), AWAY * row.is_lost))
+    heads = ("set and channel, not fitted", *before_and_after(added), "noise", "a curve of that set alone")
+    table = Table(heads, tuple(rows), "Held-out errors of each set")
+    return Section("Set by set", "rig/set_by_set.html", {"table": table})

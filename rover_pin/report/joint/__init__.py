@@ -1,1 +1,0 @@
-"""The report of a joint fit of several rig sets: start at `report.write_report`."""
