@@ -1,4 +1,4 @@
-"""Measured channels with their noise, and what a wheel's forces predict of each."""
+"""Measured channels with their noise."""
 
 from __future__ import annotations
 
@@ -7,10 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from rover_pin.contact import Scalar, Wheel
 from rover_pin.measurements.checks import column, positive, same_length
-from rover_pin.soil.sinkage import sinkage
-from rover_pin.soil.traction import WheelForces
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,29 +40,21 @@ class Channel:
         return np.isfinite(self.measured)
 
 
-@dataclass(frozen=True, eq=False)
 class TractionFactor(Channel):
     """The load-traction factor [-]."""
 
     name: ClassVar[str] = "traction factor"
 
 
-@dataclass(frozen=True, eq=False)
 class RigChannel(Channel):
-    """A channel of a wheel rig, computed from the wheel forces at the entry angle that carries the load."""
+    """A channel of a wheel rig."""
 
     column: ClassVar[str] = ""
     may_miss: ClassVar[bool] = True
     is_sideways: ClassVar[bool] = False
     "whether it is looked at only where a run has a slip angle"
 
-    @staticmethod
-    def predicted(forces: WheelForces, theta_1: Scalar, wheel: Wheel) -> Scalar:
-        """Return the model's value of this channel."""
-        raise NotImplementedError
 
-
-@dataclass(frozen=True, eq=False)
 class DrawbarPull(RigChannel):
     """f_t of Eq (7) [N]."""
 
@@ -73,13 +62,7 @@ class DrawbarPull(RigChannel):
     unit: ClassVar[str] = "N"
     column: ClassVar[str] = "drawbar_pull_N"
 
-    @staticmethod
-    def predicted(forces: WheelForces, theta_1: Scalar, wheel: Wheel) -> Scalar:
-        """Return f_t [N]."""
-        return forces.f_t
 
-
-@dataclass(frozen=True, eq=False)
 class Torque(RigChannel):
     """The wheel's torque [N m]."""
 
@@ -87,13 +70,7 @@ class Torque(RigChannel):
     unit: ClassVar[str] = "N m"
     column: ClassVar[str] = "torque_Nm"
 
-    @staticmethod
-    def predicted(forces: WheelForces, theta_1: Scalar, wheel: Wheel) -> Scalar:
-        """Return the torque [N m]."""
-        return forces.torque
 
-
-@dataclass(frozen=True, eq=False)
 class Sinkage(RigChannel):
     """h of Eq (5) [m]."""
 
@@ -101,35 +78,17 @@ class Sinkage(RigChannel):
     unit: ClassVar[str] = "m"
     column: ClassVar[str] = "sinkage_m"
 
-    @staticmethod
-    def predicted(forces: WheelForces, theta_1: Scalar, wheel: Wheel) -> Scalar:
-        """Return h [m]."""
-        return sinkage(theta_1, wheel)
 
-
-@dataclass(frozen=True, eq=False)
-class SidewaysChannel(RigChannel):
-    """What a wheel at a slip angle shows besides; Eqs (2)-(7) run straight, a `RigModel` does not."""
-
-    is_sideways: ClassVar[bool] = True
-
-    @staticmethod
-    def predicted(forces: WheelForces, theta_1: Scalar, wheel: Wheel) -> Scalar:
-        """Return 0."""
-        return 0.0
-
-
-@dataclass(frozen=True, eq=False)
-class SideForce(SidewaysChannel):
+class SideForce(RigChannel):
     """The force along the axle of a wheel that travels at a slip angle, positive where the soil resists [N]."""
 
     name: ClassVar[str] = "side force"
     unit: ClassVar[str] = "N"
     column: ClassVar[str] = "lateral_N"
+    is_sideways: ClassVar[bool] = True
 
 
-@dataclass(frozen=True, eq=False)
-class VerticalMoment(SidewaysChannel):
+class VerticalMoment(RigChannel):
     """What the soil turns a wheel at a slip angle with, about the vertical through its centre [N m].
 
     Positive where it turns the wheel to its left. At a positive slip angle, where the wheel goes to its right, that is
@@ -139,6 +98,7 @@ class VerticalMoment(SidewaysChannel):
     name: ClassVar[str] = "moment about the vertical"
     unit: ClassVar[str] = "N m"
     column: ClassVar[str] = "moment_z_Nm"
+    is_sideways: ClassVar[bool] = True
 
 
 RIG_CHANNELS: tuple[type[RigChannel], ...] = (DrawbarPull, Torque, Sinkage, SideForce, VerticalMoment)

@@ -116,14 +116,6 @@ class RigModel:
         records = (self.wheel, self.soil, *self.effects, self.errors)
         return np.array([float(value) for record in records for value in record.values().values()])
 
-    def at(self, vector: np.ndarray) -> RigModel:
-        """Return the model with these values of all parameters."""
-        values = iter(np.asarray(vector, dtype=float).tolist())
-        wheel = self.wheel.replace(**{name: next(values) for name in quantities(Wheel)})
-        soil = self.soil.replace(**{name: next(values) for name in quantities(Soil)})
-        effects = [effect.replace(**{name: next(values) for name in quantities(effect)}) for effect in self.effects]
-        return RigModel(wheel, soil, tuple(effects), RigErrors(*values))
-
     def predict(self, load: Any, slip: Any, speeds: Any = None, slip_angle: Any = 0.0) -> Steady:
         """Return the channels as the rig reads them: loads [N], slips [-], speeds of travel and rim [runs, 2] [m/s].
 
