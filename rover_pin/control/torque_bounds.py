@@ -105,24 +105,6 @@ def torque_bounds(
     return Bounds(float(outputs[0]), float(outputs[1]))
 
 
-def bound_gradient(
-    load: float, soil: Soil, wheel: Wheel, slip_limit: float = SLIP_LIMIT, angles: FixedAngles | SinkageAngles = BY_LOAD
-) -> dict[str, Bounds]:
-    """Return the derivatives of both bounds by the load, the slip limit and every quantity of wheel and soil.
-
-    Parameters and errors are those of `torque_bounds`; keys are `INPUTS`, units N m per unit of the key's quantity.
-    """
-    torque_bounds(load, soil, wheel, slip_limit, angles)
-    rows = np.array(_gradient_law(angles)(_column(load, slip_limit, wheel, soil)))
-    return {name: Bounds(float(rows[0, i]), float(rows[1, i])) for i, name in enumerate(INPUTS)}
-
-
-@lru_cache(maxsize=8)
-def _gradient_law(angles: FixedAngles | SinkageAngles) -> ca.Function:
-    x = ca.SX.sym("x", len(INPUTS))
-    return ca.Function("bound_gradient", [x], [ca.densify(ca.jacobian(bound_law(angles)(x)[:2], x))])
-
-
 class TorqueBounds:
     """The bounds of n wheels on one soil, prepared for a control loop: `bounds(loads)` -> `WheelBounds`.
 

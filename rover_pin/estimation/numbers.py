@@ -78,9 +78,9 @@ def assumed_lines(numbers: Sequence[Number]) -> list[str]:
     return [f"{source or 'assumed'}: {', '.join(names)}" for source, names in by_source.items()]
 
 
-def is_adequate(fitted: Fit, surprise: float = SURPRISE) -> bool:
-    """Return whether the stated noise leaves as much as a fit does, or more, with at least this probability."""
-    return float(chi2_law.sf(huber(fitted.rows), fitted.freedom)) >= surprise
+def is_adequate(fitted: Fit) -> bool:
+    """Return whether the stated noise leaves as much as a fit does, or more, with at least SURPRISE as probability."""
+    return float(chi2_law.sf(huber(fitted.rows), fitted.freedom)) >= SURPRISE
 
 
 def implausible(fitted: Fit) -> tuple[str, ...]:

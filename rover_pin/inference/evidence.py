@@ -76,7 +76,7 @@ def _expected_curvature(parts: _Parts, count: int) -> np.ndarray:
     return information
 
 
-def learnt_scales(errors: ErrorModel, linear: Linear, start: np.ndarray, iterations: int = 40) -> np.ndarray:
+def learnt_scales(errors: ErrorModel, linear: Linear, start: np.ndarray) -> np.ndarray:
     """Return the logarithms of the scales at which their posterior density is greatest."""
     low, high = errors.median - REACH * errors.sd, errors.median + REACH * errors.sd
     solution = minimize(
@@ -85,7 +85,7 @@ def learnt_scales(errors: ErrorModel, linear: Linear, start: np.ndarray, iterati
         jac=True,
         method="L-BFGS-B",
         bounds=list(zip(low, high, strict=True)),
-        options={"maxiter": iterations, "ftol": ENOUGH},
+        options={"maxiter": 40, "ftol": ENOUGH},
     )
     return np.asarray(solution.x)
 

@@ -127,9 +127,7 @@ def errors(values: Any, count: int, name: str, where: str) -> np.ndarray:
     return sd
 
 
-def read_traction_points(
-    path: str | Path, wheel: Wheel = NEXUS6_WHEEL, form: TractionForm = FORM, angles: Angles = ANGLES
-) -> TractionPoints:
+def read_traction_points(path: str | Path) -> TractionPoints:
     """Return the points of a CSV file: columns `slip, traction_factor, sd`; `slip_sd`; `count` where `sd` is scatter.
 
     Raises
@@ -146,6 +144,6 @@ def read_traction_points(
         sd = sd / np.sqrt(count)
     slip_sd = table.get("slip_sd", 0.0)
     try:
-        return TractionPoints(table["slip"], table["traction_factor"], sd, wheel, form, angles, slip_sd)
+        return TractionPoints(table["slip"], table["traction_factor"], sd, slip_sd=slip_sd)
     except DataError as error:
         raise DataError(f"{path.name}: {error}") from error
