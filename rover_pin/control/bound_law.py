@@ -18,7 +18,6 @@ from rover_pin.soil.angles import FixedAngles, SinkageAngles
 from rover_pin.soil.arc import Mobilised, full_shear, integrate, strength, stress_scale
 from rover_pin.soil.quadrature import entry_graded
 from rover_pin.soil.sinkage import DEEPEST, LOAD_FLOOR, power_law_guess
-from rover_pin.soil.torque_at_limits import contact_share
 from rover_pin.soil.traction import forces
 
 INPUTS = ("load", "slip_limit", *quantities(Wheel), *quantities(Soil))
@@ -118,3 +117,9 @@ def _point(law: Mobilised, nodes: int, wheel: Wheel, soil: Soil, x: ca.SX) -> ca
     patch = wheel.r * wheel.b * stress_scale(wheel, soil)
     force, torque = ca.log(patch * (arc.sigma_cos + arc.tau_sin)), patch * wheel.r * arc.tau
     return ca.Function("point", [y, x], [force, torque, ca.jacobian(force, y), ca.jacobian(torque, y)])
+
+
+def contact_share(load: Scalar) -> Scalar:
+    """Return 0 for a lifted wheel, 1 - 1.5 (floor / load)^2 for a loaded one, C2 between."""
+    pressed = ca.fmax(load / LOAD_FLOOR, 0.0)
+    return (pressed / ca.sqrt(1 + pressed**2)) ** 3

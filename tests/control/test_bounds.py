@@ -15,7 +15,7 @@ from rover_pin.control.bound_law import INPUTS
 from rover_pin.control.torque_bounds import TorqueBounds, torque_bounds
 from rover_pin.parameters import SOILS
 from rover_pin.soil.angles import FixedAngles
-from rover_pin.soil.torque_at_limits import saturation_torque, torque_at_slip
+from tests.control.arc_torque import saturation_torque, torque_at_slip
 from tests.oracle import terramechanics as oracle
 
 WHEEL = Wheel()

@@ -14,8 +14,8 @@ from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.compiled.toolchain import compiler
 from rover_pin.simulation.model.motor import Motor
 from rover_pin.simulation.simulate import Timing, simulate
-from rover_pin.soil.torque_at_limits import torque_at_slip
 from rover_pin.soil.traction import FORMS
+from tests.control.arc_torque import torque_at_slip
 
 pytestmark = [pytest.mark.slow, pytest.mark.skipif(compiler() is None, reason="the simulator needs a C compiler")]
 

@@ -23,8 +23,8 @@ from rover_pin.rover.wheel_base import wheel_places
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.command import Command, Reading, Truth
 from rover_pin.simulation.simulate import simulate
-from rover_pin.soil.torque_at_limits import saturation_torque
 from rover_pin.soil.traction import TorqueTraction, load_traction_factor
+from tests.control.arc_torque import saturation_torque
 
 
 def reading(duty=0.55, rate=1.0, slip=0.0, pitch=0.0, t=0.0):
