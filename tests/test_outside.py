@@ -30,6 +30,7 @@ from rover_pin.simulation.trace.files import write_parquet
 from rover_pin.simulation.trace.trace import Trace
 from rover_pin.terrain import files
 from rover_pin.view.shapes import shapes_of
+from rover_pin.view.subject import mesh_folder
 
 RIG = Path(__file__).parents[1] / "studies" / "data" / "cmu-smooth-wheel"
 SECRET = "root:x:0:0:secret"
@@ -385,6 +386,7 @@ def test_no_mesh_unpacks_to_more_than_it_is(name, content, tmp_path, monkeypatch
     assert name in caplog.text
 
 
+@pytest.mark.parametrize("marked", [True, False])
 @pytest.mark.parametrize(
     ("name", "read"),
     [
@@ -397,7 +399,8 @@ def test_no_mesh_unpacks_to_more_than_it_is(name, content, tmp_path, monkeypatch
         ("link.obj", False),
     ],
 )
-def test_a_mesh_lies_in_the_package_of_its_urdf(name, read, tmp_path, monkeypatch):
+def test_a_mesh_lies_in_the_package_of_its_urdf(name, read, marked, tmp_path, monkeypatch):
+    """The package is the folder of package.xml, or else the parent of `urdf`; the TOML may lie elsewhere in it."""
     import trimesh
 
     wheel = trimesh.creation.cylinder(
@@ -406,11 +409,16 @@ def test_a_mesh_lies_in_the_package_of_its_urdf(name, read, tmp_path, monkeypatc
     for folder in ("outside", "pkg/meshes"):
         (tmp_path / folder).mkdir(parents=True)
         wheel.export(tmp_path / folder / "wheel.obj")
-    (tmp_path / "pkg" / "package.xml").touch()
+    if marked:
+        (tmp_path / "pkg" / "package.xml").touch()
     file = meshed(tmp_path / "pkg" / "urdf", name.replace("ABSOLUTE", str(tmp_path / "outside" / "wheel.obj")))
     (file.parent / "link.obj").symlink_to(tmp_path / "outside" / "wheel.obj")
     monkeypatch.chdir(tmp_path)
     assert CliRunner().invoke(app, ["new-rover", str(file), "--out", "new/own.toml"]).exit_code == 0
     assert ("r = 0.3 " in (tmp_path / "new" / "own.toml").read_text()) is read
-    drawn = [each for each in shapes_of(load_rover(file.parent / "own.toml"), file.parent) if each.wheel]
+    toml = tmp_path / "pkg" / "own.toml"
+    toml.write_text((file.parent / "own.toml").read_text().replace('"cart.urdf"', '"urdf/cart.urdf"'))
+    drawn = [each for each in shapes_of(load_rover(toml), mesh_folder(str(toml))) if each.wheel]
     assert np.ptp(drawn[0].vertices[:, 0]) == pytest.approx(0.6 if read else 0.22, rel=0.01)
+    missing = [note for note in check_urdf(toml).notes if "1 of 1 meshes are not in 'pkg'" in note]
+    assert len(missing) == (not read)

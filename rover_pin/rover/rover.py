@@ -162,11 +162,10 @@ class Rover:
 
     def mount(self, name: str) -> WheelMount:
         """Return the wheel of this name."""
-        for mount in self.wheels:
-            if mount.name == name:
-                return mount
-        names = [mount.name for mount in self.wheels]
-        raise ParameterError(f"Rover '{self.name}' has no wheel '{name}': {closest(name, names)}")
+        mounts = {mount.name: mount for mount in self.wheels}
+        if name not in mounts:
+            raise ParameterError(f"Rover '{self.name}' has no wheel '{name}': {closest(name, mounts)}")
+        return mounts[name]
 
 
 @public

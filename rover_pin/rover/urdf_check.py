@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import re
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,13 +11,13 @@ import numpy as np
 import pinocchio as pin
 
 from rover_pin.base.errors import ParameterError, UrdfError
-from rover_pin.base.files.bounded import text as bounded_text
 from rover_pin.base.trust import Trust
 from rover_pin.rover.description.faults import across, faults_of
 from rover_pin.rover.description.inertia import inertia_notes
-from rover_pin.rover.description.layout import Layout, read_layout
+from rover_pin.rover.description.layout import Layout, read_layout, urdf_folder
+from rover_pin.rover.description.meshes import mesh_file, package_of
 from rover_pin.rover.description.readers import free_tree
-from rover_pin.rover.description.tree import UrdfTree, read_tree
+from rover_pin.rover.description.tree import UrdfTree, read_tree, urdf_text
 from rover_pin.rover.proposal.passive import passive_wheels
 from rover_pin.rover.proposal.topology import Topology
 from rover_pin.rover.rover import assemble
@@ -54,7 +55,7 @@ def check_urdf(path: str | Path, trust: Trust = Trust()) -> UrdfReport:
     path = Path(path)
     try:
         layout = None if path.suffix == ".urdf" else read_layout(path, trust)
-        text = _text(path) if layout is None else layout.text
+        text = urdf_text(path) if layout is None else layout.text
         tree = read_tree(text, path.name if layout is None else layout.file)
     except UrdfError as error:
         return UrdfReport(path.name, (str(error),), (), ())
@@ -62,14 +63,25 @@ def check_urdf(path: str | Path, trust: Trust = Trust()) -> UrdfReport:
     loads = layout is not None and not problems
     if layout is not None and loads:
         problems = list(_standing_faults(layout))
-    faults = tuple(f"{tree.file}: {fault}" for fault in problems)
+    faults = tuple(f"{tree.file}: {fault}" for fault in _folded(problems))
     if faults:
         return UrdfReport(path.name, faults, (), (), loads)
     model = free_tree(text)
-    notes = [*_notes(tree, layout), *(() if layout is None else _stance_notes(layout, model))]
-    return UrdfReport(
-        path.name, (), tuple(f"{tree.file}: {note}" for note in notes), tuple(_facts(tree, model, layout)), loads
-    )
+    notes = [*_notes(tree, layout), *_mesh_notes(tree, path.parent if layout is None else urdf_folder(path))]
+    notes += [] if layout is None else _stance_notes(layout, model)
+    prefixed = tuple(f"{tree.file}: {note}" for note in _folded(notes))
+    return UrdfReport(path.name, (), prefixed, tuple(_facts(tree, model, layout)), loads)
+
+
+def _folded(sentences: Iterable[str]) -> Iterator[str]:
+    """Yield sentences; those that differ by the one name in them and numbers alone are one, with the others' names."""
+    groups: dict[str, list[str]] = {}
+    for sentence in sentences:
+        named = re.findall(r"'[^']*'", sentence)
+        groups.setdefault(re.sub(r"'[^']*'|\d\S*", "", sentence) if len(named) == 1 else sentence, []).append(sentence)
+    for first, *others in groups.values():
+        names = [match.group() for other in others if (match := re.search(r"'[^']*'", other))]
+        yield first + (f" Likewise {', '.join(dict.fromkeys(names))}." if names else "")
 
 
 def _standing_faults(layout: Layout) -> Iterator[str]:
@@ -97,15 +109,18 @@ def _notes(tree: UrdfTree, layout: Layout | None) -> Iterator[str]:
     for joint in tree.joints:
         if joint.lossy:
             yield f"joint '{joint.name}' has <dynamics>, which is not used; friction is an effect of the model."
-    meshes = [mesh for link in tree.links for mesh in link.meshes]
-    if meshes:
-        yield f"{len(meshes)} meshes ('{meshes[0]}', ...) are only drawn; they may be missing."
-    order = [joint.name for joint in tree.joints]
-    for joint in tree.joints:
-        if joint.mimic is not None and joint.mimic.joint in order[order.index(joint.name) :]:
-            yield f"joint '{joint.name}' mimics one that comes later in the file; some tools want that one first."
     if layout is None:
         yield "without a TOML only the URDF itself was checked; write one to say which joints are wheels."
+
+
+def _mesh_notes(tree: UrdfTree, folder: Path) -> Iterator[str]:
+    meshes = dict.fromkeys(mesh for link in tree.links for mesh in link.meshes)
+    missing = [mesh for mesh in meshes if mesh_file(mesh, folder) is None]
+    if missing:
+        yield (
+            f"{len(missing)} of {len(meshes)} meshes are not in '{package_of(folder).name}', outside of which none is "
+            f"read, and so not drawn: {', '.join(missing)}."
+        )
 
 
 def _stance_notes(layout: Layout, model: pin.Model) -> Iterator[str]:
@@ -129,10 +144,3 @@ def _facts(tree: UrdfTree, model: pin.Model, layout: Layout | None) -> Iterator[
     yield "differential: " + (" and ".join(layout.differential) if layout.differential else "none")
     for name, mimic in tree.followers(layout.differential):
         yield f"{name} = {mimic.multiplier:g} {mimic.joint}"
-
-
-def _text(path: Path) -> str:
-    try:
-        return bounded_text(path)
-    except (OSError, UnicodeDecodeError) as error:
-        raise UrdfError(f"{path.name}: cannot be read ({error}).") from error

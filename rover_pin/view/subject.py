@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from rover_pin.logs.drive_log import DriveLog
-from rover_pin.rover.description.layout import rover_folder
+from rover_pin.rover.description.layout import rover_folder, urdf_folder
 from rover_pin.rover.rover import Rover
 from rover_pin.simulation.trace.trace import Trace
 from rover_pin.terrain.terrain import Terrain
@@ -37,6 +37,6 @@ def subject_of_log(log: DriveLog, run: str = "") -> Subject:
 
 
 def mesh_folder(rover: str) -> Path | None:
-    """Return the folder in which a rover's meshes lie: that of its TOML."""
+    """Return the folder from which a rover's meshes are named: that of its URDF."""
     path = Path(rover)
-    return path.parent if path.suffix else rover_folder()
+    return urdf_folder(path) if path.suffix else rover_folder()

@@ -26,6 +26,7 @@ from rover_pin.scenarios.scenario import scenario
 URDF = Path(__file__).parents[2] / "urdf"
 TEXT = (URDF / "nexus6.urdf").read_text()
 ROCKER_LIMIT = re.search(r"<limit .*?/>", TEXT).group()
+MESH = '<mesh filename="package://x/y.stl"/>'
 STAND = '<link name="foot"/><joint name="stand" type="fixed"><parent link="foot"/><child link="base_link"/></joint>'
 
 
@@ -104,7 +105,7 @@ def test_a_urdf_alone_needs_a_wheel(tmp_path):
 
 
 def test_what_cannot_be_read_is_the_reports_one_fault(tmp_path):
-    assert "none.urdf: cannot" in check_urdf(tmp_path / "none.urdf").faults[0]
+    assert "none.urdf: the file cannot be read" in check_urdf(tmp_path / "none.urdf").faults[0]
     assert "rover file" in check_urdf(tmp_path / "none.toml").faults[0]
 
 
@@ -117,7 +118,7 @@ def test_further_faults_are_counted(own):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        (TEXT.replace('<sphere radius="0.012"/>', '<mesh filename="package://x/y.stl"/>'), "4 meshes"),
+        (TEXT.replace('<sphere radius="0.012"/>', MESH), "1 of 1 meshes are not in '.*not drawn: package://x/y.stl"),
         (
             TEXT.replace(ROCKER_LIMIT, ROCKER_LIMIT + '<dynamics damping="0.1"/>', 1),
             "'rocker_l' has <dynamics>, .* not used",
@@ -135,14 +136,27 @@ def test_notes_do_not_keep_a_rover_from_loading(own, text, words):
     assert load_rover(path).mass == pytest.approx(5.8)
 
 
-def test_a_mimic_ahead_of_its_joint_is_noted(own):
-    first, second = (re.search(rf'<mimic joint="{name}"[^>]*/>', TEXT) for name in ("rocker_l", "rocker_r"))
-    assert second is None
-    text = TEXT.replace(first.group(), "")
+def test_a_speck_drawn_for_every_link_refuses_no_inertia(own):
+    """A box of 1 mm marks a place; how large an inertia may be is then known from the rover alone."""
+    assert check_urdf(own(re.sub("<(?:box|cylinder|sphere) [^>]*/>", '<box size="1e-3 1e-3 1e-3"/>', TEXT))).ok
+
+
+def test_a_joint_may_mimic_one_that_comes_later(own):
+    text = TEXT.replace(re.search(r'<mimic joint="rocker_l"[^>]*/>', TEXT).group(), "")
     text = swapped_in(text, "rocker_l", '<mimic joint="rocker_r" multiplier="-1" offset="0"/></joint>')
-    report = check_urdf(own(text))
-    assert report.ok
-    assert any("comes later" in note for note in report.notes)
+    assert text != TEXT
+    assert check_urdf(own(text)).ok
+
+
+def test_what_is_alike_is_said_once_with_all_names(own):
+    lossy = TEXT.replace("</joint>", '<dynamics damping="0.1"/></joint>')
+    (note,) = check_urdf(own(lossy)).notes
+    names = re.findall(r"'(\w+)'", note)
+    assert names == re.findall(r'<joint name="(\w+)"', TEXT)
+    heavy = re.sub('(<inertia ixx=)"[^"]*"', r'\1"9"', TEXT)
+    (fault,) = check_urdf(own(heavy)).faults
+    assert set(re.findall(r"'(\w+)'", fault)) == set(re.findall(r'<link name="(\w+)"', TEXT))
+    assert fault.count("principal moments") == 1
 
 
 def swapped_in(text: str, joint: str, ending: str) -> str:

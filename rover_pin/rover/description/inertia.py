@@ -16,7 +16,7 @@ DENSITIES = (0.1, 5000.0)
 GYRATION_IN_SHAPE = (0.05, 1.5)
 """Radius of gyration over the reach of the link's shapes."""
 GYRATION_IN_ROVER = (0.003, 1.0)
-"""The same over the distance across all joints, for a link without primitive shapes."""
+"""The same over the distance across all joints: the least without primitive shapes; the most, as some draw a speck."""
 
 SMALL = 0.1
 """Share of a rigid body's mass up to which a part's own inertia matters little."""
@@ -122,12 +122,12 @@ def unit_faults(tree: UrdfTree, across: float) -> Iterator[str]:
 
 def _gyration_faults(link: Link, body: Body, across: float) -> Iterator[str]:
     gyration = math.sqrt(float(np.trace(body.inertia)) / (2.0 * body.mass))
-    shape = link.reach > 0.0
-    (low, high), reach = (GYRATION_IN_SHAPE, link.reach) if shape else (GYRATION_IN_ROVER, across)
-    if not low * reach <= gyration <= high * reach:
-        size = f"its shapes reach {reach:.3g} m" if shape else f"the rover is {reach:.3g} m across"
-        factor = "large" if gyration > reach else "small"
+    (low, high), (least, most) = GYRATION_IN_SHAPE, GYRATION_IN_ROVER
+    smallest = low * link.reach if link.reach else least * across
+    if not smallest <= gyration <= max(high * link.reach, most * across):
+        size = f"its shapes reach {link.reach:.3g} m, " if link.reach else ""
+        factor = "small" if gyration < smallest else "large"
         yield (
             f"link '{link.name}' has an inertia far too {factor} for its mass: radius of gyration {gyration:.3g} m, "
-            f"and {size}; kg m^2 are meant (1 kg mm^2 = 1e-6, 1 g cm^2 = 1e-7)."
+            f"and {size}the rover is {across:.3g} m across; kg m^2 are meant (1 kg mm^2 = 1e-6, 1 g cm^2 = 1e-7)."
         )

@@ -19,6 +19,7 @@ from rover_pin.effects.spring_damper import SpringDamper
 from rover_pin.rover.description.as_driven import as_driven
 from rover_pin.rover.description.motor_sheet import MotorSheet
 from rover_pin.rover.description.rover_toml import part_of, read_forms, read_motor, read_soil, read_springs
+from rover_pin.rover.description.tree import urdf_text
 
 KEYS = (
     *("name", "urdf", "base", "base_rpy", "cut", "tied_sides", "wheels", "wheel", "steering", "suspension"),
@@ -131,7 +132,9 @@ def read_layout(path: Path, trust: Trust = Trust()) -> Layout:
     forms = read_forms(table, where, axles, suspension, differential)
     named = {*forms.wheels, *forms.steering, *(joint for joints in suspension.values() for joint in joints)}
     urdf = _urdf(path, table["urdf"], trust)
-    driven = as_driven(_urdf_text(urdf, where), urdf.name, forms)
+    if not is_file(urdf):
+        raise UrdfError(f"{where}: there is no file '{urdf.name}' beside it; mend 'urdf'.")
+    driven = as_driven(urdf_text(urdf), urdf.name, forms)
     layout = Layout(
         name=str(table["name"]),
         file=urdf.name,
@@ -153,6 +156,11 @@ def read_layout(path: Path, trust: Trust = Trust()) -> Layout:
             "_r, a joint of [coupled] by its own: rename the pair, or name the joint in [suspension]."
         )
     return layout
+
+
+def urdf_folder(path: Path) -> Path:
+    """Return the folder of the URDF that a rover's TOML names."""
+    return path.parent.joinpath(str(_table(path).get("urdf", ""))).parent
 
 
 def layout_texts(path: Path, trust: Trust = Trust()) -> tuple[str, ...]:
@@ -178,17 +186,6 @@ def _urdf(path: Path, name: Any, trust: Trust) -> Path:
         return trust.within(path.parent, name, f"{path.name}: urdf")
     except DataError as error:
         raise UrdfError(str(error)) from error
-
-
-def _urdf_text(urdf: Path, where: str) -> str:
-    if not is_file(urdf):
-        raise UrdfError(f"{where}: there is no file '{urdf.name}' beside it; mend 'urdf'.")
-    try:
-        return text(urdf)
-    except UnicodeDecodeError as error:
-        raise UrdfError(f"{urdf.name}: not a text file in UTF-8 ({error}).") from error
-    except OSError as error:
-        raise UrdfError(f"{urdf.name}: the file cannot be read: {error.strerror}.") from error
 
 
 def _wheel(table: Mapping[str, Any], axle: str, where: str) -> Wheel:

@@ -57,21 +57,24 @@ KINDS: dict[str, Callable[[bytes], bool]] = {
 """Whether the content of a file is what its suffix says."""
 
 
+def package_of(folder: Path) -> Path:
+    """Return the folder outside which no mesh of a URDF in `folder` is read: its ROS package, or `urdf`'s parent."""
+    real = folder.resolve()
+    beside = real.parent if real.name == "urdf" else real
+    return next((directory for directory in (real, *real.parents) if is_file(directory / PACKAGE)), beside)
+
+
 def mesh_file(name: str, folder: Path) -> Path | None:
     """Return the file of a mesh that a URDF in `folder` names, by its path or, of a package, by the end of it, or None.
 
-    It lies in that folder or, where that is part of a ROS package, anywhere in the package; links are followed.
+    It lies in `package_of(folder)`; links are followed.
     """
-    package = next(
-        (directory for directory in (folder.resolve(), *folder.resolve().parents) if is_file(directory / PACKAGE)),
-        folder,
-    )
+    package = package_of(folder)
     parts = Path(name.split("://", 1)[-1]).parts
     for start in range(len(parts)):
         for base in (folder, package):
             file = base.joinpath(*parts[start:])
-            inside = (folder.resolve(), package.resolve())
-            if is_file(file) and any(file.resolve().is_relative_to(directory) for directory in inside):
+            if is_file(file) and file.resolve().is_relative_to(package):
                 return file
     return None
 

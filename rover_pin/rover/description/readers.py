@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import logging
 import os
 from collections.abc import Iterator, Mapping
 from importlib.util import find_spec
@@ -56,6 +57,7 @@ def _readers() -> list[str]:
 def _compared(tree: UrdfTree, text: str, model: pin.Model) -> Iterator[str]:
     import yourdfpy  # half a second, and only a URDF not seen before wants it
 
+    logging.getLogger("yourdfpy").setLevel(logging.ERROR)  # it warns of each mimic that follows a fixed joint
     try:
         reference = yourdfpy.URDF.load(io.BytesIO(text.encode()), load_meshes=False)
     except Exception as error:

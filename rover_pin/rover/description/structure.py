@@ -75,12 +75,5 @@ def _shape_faults(tree: UrdfTree) -> Iterator[str]:
         yield f"links {names} are no joint's children; all but the base must be, so join them to it or leave them out."
     elif not roots:
         yield "every link is another's child, in a ring; one link, the base, must be no joint's child."
-    elif lost := sorted({link.name for link in tree.links} - _reached(tree, roots[0])):
+    elif lost := sorted({link.name for link in tree.links} - set(tree.placements)):
         yield f"link '{lost[0]}' cannot be reached from the base '{roots[0]}'; join it to it or leave it out."
-
-
-def _reached(tree: UrdfTree, root: str) -> set[str]:
-    reached = [root]
-    for name in reached:
-        reached += [joint.child for joint in tree.joints if joint.parent == name and joint.child not in reached]
-    return set(reached)

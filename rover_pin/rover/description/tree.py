@@ -6,11 +6,13 @@ import math
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from rover_pin.base.errors import UrdfError
+from rover_pin.base.files import bounded
 
 
 class Body(NamedTuple):
@@ -120,6 +122,15 @@ class UrdfTree:
         for name in group:
             group += [joint.child for joint in self.joints if joint.parent == name and not joint.moves]
         return group
+
+
+def urdf_text(path: Path) -> str:
+    """Return the text of a URDF's file; an UrdfError where it is not there, too large, or not in UTF-8."""
+    try:
+        return bounded.text(path)
+    except (OSError, UnicodeDecodeError) as error:
+        why = getattr(error, "strerror", None) or f"it is no text in UTF-8 ({error})"
+        raise UrdfError(f"{path.name}: the file cannot be read: {why}.") from error
 
 
 def read_tree(text: str, file: str) -> UrdfTree:

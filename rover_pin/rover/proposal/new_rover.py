@@ -6,12 +6,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from rover_pin.base.errors import MissingExtraError, UrdfError
-from rover_pin.base.files.bounded import text
 from rover_pin.base.files.columns import replace_file
 from rover_pin.base.files.paths import is_file
 from rover_pin.base.trust import Trust
 from rover_pin.rover.description.structure import missing_links
-from rover_pin.rover.description.tree import read_tree
+from rover_pin.rover.description.tree import read_tree, urdf_text
 from rover_pin.rover.proposal.parts import Proposal
 from rover_pin.rover.proposal.picture import write_picture
 from rover_pin.rover.proposal.propose import propose
@@ -76,10 +75,7 @@ def new_rover(urdf: str | Path, out: str | Path | None = None, trust: Trust = Tr
 
 def _content(source: Path, trust: Trust) -> str:
     if source.suffix != ".xacro":
-        try:
-            return text(source)
-        except (OSError, UnicodeDecodeError) as error:
-            raise UrdfError(f"{source.name}: cannot be read as text ({error}).") from error
+        return urdf_text(source)
     if not trust.everything:
         raise UrdfError(f"{source.name}: a .xacro can run code and read other files: look at it, then say --trust.")
     try:
