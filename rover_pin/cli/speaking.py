@@ -19,7 +19,7 @@ LEVELS = {"quiet": logging.WARNING, "": logging.INFO, "verbose": logging.DEBUG}
 GROUPS = {
     "Drive a rover": "drive map view watch sweep export",
     "Learn from measurements": "check-data close-loop identify compare improve import-log init demo",
-    "Control": "bounds curve tune export-c export-fmu",
+    "Control": "bounds curve tune export-c export-fmu export-mjcf",
     "Add your own": "new-rover check-urdf new-effect",
     "Look up": "list",
 }

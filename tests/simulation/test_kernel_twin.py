@@ -21,6 +21,7 @@ def assert_alike(plain, kernel):
     assert other.motor == pytest.approx(state.motor, abs=1e-9)
     assert plain.record == pytest.approx(kernel.record, rel=1e-8, abs=1e-8)
     assert plain.loads == pytest.approx(kernel.loads, rel=1e-8, abs=1e-8)
+    assert plain.mean_loads == pytest.approx(kernel.mean_loads, rel=1e-8, abs=1e-8)
     assert plain.energy == pytest.approx(kernel.energy, rel=1e-9, abs=1e-10)
     assert plain.impulse == pytest.approx(kernel.impulse, rel=1e-9, abs=1e-10)
     assert plain.misjudged == pytest.approx(kernel.misjudged, rel=1e-6, abs=1e-9)

@@ -36,6 +36,7 @@ def add_to(app: typer.Typer) -> None:
     app.command()(export.export)
     app.command("export-c")(export.export_c)
     app.command("export-fmu")(export.export_fmu)
+    app.command("export-mjcf")(export.export_mjcf)
     app.command("close-loop")(close_loop.close_loop)
     app.command()(improve.improve)
     app.command()(compare.compare)

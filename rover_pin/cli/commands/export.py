@@ -1,4 +1,4 @@
-"""`rover-pin export`, `export-c`, `export-fmu`: a drive for other tools, a slip control as C, a rover as an FMU."""
+"""`rover-pin export`, `export-c`, `export-fmu`, `export-mjcf`: a drive, a control, a rover for other tools."""
 
 import functools
 from enum import StrEnum
@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from rover_pin.base.errors import MissingExtraError
+from rover_pin.base.files.columns import replace_file
 from rover_pin.base.files.results_folder import alone_in, say_what_is_replaced
 from rover_pin.base.trust import Trust
 from rover_pin.cli.completing import scenario_names
@@ -110,3 +111,29 @@ def export_fmu(
         paths = [str(write_unit(unit, out / f"{unit.name}.fmu")) for unit in units]
     variables = {unit.name: unit.by_causality for unit in units}
     report({"rover": chosen.model.rover.name, "step [s]": units[0].period, **variables, "files": paths}, as_json)
+
+
+def export_mjcf(
+    scenario: Annotated[str, typer.Argument(autocompletion=scenario_names, help="The rover and its ground: ditch ...")],
+    gravity: Gravity = "",
+    soil: SoilName = "",
+    model: ModelFile = None,
+    add: Add = [],  # noqa: B006
+    set_: Set = [],  # noqa: B006
+    out: Annotated[Path, typer.Option("--out", help="Folder for the files.")] = Path("out/mjcf"),
+    as_json: AsJson = False,
+) -> None:
+    """Write a rover for MuJoCo, and how to drive it on its soil."""
+    from rover_pin.control.mujoco.mjcf import drive_text, mjcf
+    from rover_pin.scenarios.scenario import scenario as ready
+
+    chosen = ready(scenario, **drive_settings("", gravity, soil, model, add, set_))
+    settings = {name: str(value) if isinstance(value, Path) else value for name, value in chosen.settings.items()}
+    texts = {
+        out / "rover.xml": mjcf(chosen.model, chosen.start, chosen.timing.dt),
+        out / "drive.py": drive_text(scenario, settings, len(chosen.model.rover.wheels)),
+    }
+    say_what_is_replaced(out, tuple(file.name for file in texts))
+    with alone_in(out):
+        files = [str(replace_file(file, content)) for file, content in texts.items()]
+    report({"rover": chosen.model.rover.name, "files": files, "next": f"python {files[1]}"}, as_json)

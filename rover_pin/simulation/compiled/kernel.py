@@ -43,7 +43,8 @@ class Kernel:
         self.keep: dict[str, Any] = {}
         self.struct = DriveStruct.from_buffer_copy(self.fixed.struct)
         self.record = np.zeros((len(rover.wheels), len(RECORD)))
-        self.loads, self.foreseen = np.zeros((len(rover.wheels), 6)), np.zeros((len(rover.wheels), 4))
+        self.loads, self.mean_loads = np.zeros((len(rover.wheels), 6)), np.zeros((len(rover.wheels), 6))
+        self.foreseen = np.zeros((len(rover.wheels), 4))
         self.energy, self.impulse, self.differential = np.zeros(len(ENERGY)), np.zeros(3), np.zeros(1)
         self._set(dt=dt, direction_speed=direction_speed, symmetric=int(symmetric), accounts=1)
         self._bind_rover(rover)
@@ -129,6 +130,7 @@ class Kernel:
             energy=self.energy,
             differential=self.differential,
             loads=self.loads,
+            mean_loads=self.mean_loads,
             impulse=self.impulse,
         )
 

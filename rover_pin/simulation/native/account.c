@@ -18,7 +18,7 @@ static void account(const Drive *d, const Step *s) {
   }
   for (integer w = 0; w < d->n_wheels; ++w) {
     const double *record = d->record + w * N_RECORD;
-    soil -= soil_power(d, s->wheels + w, s->loads + w);
+    soil -= soil_power(d, w, s->wheels + w, s->loads + w);
     for (int c = 0; c < 3; ++c) d->impulse[c] += d->dt * d->loads[6 * w + c];
     d->energy[ENERGY_ELECTRIC] += d->dt * record[RECORD_CURRENT] * record[RECORD_SUPPLY] * d->duty[w];
   }

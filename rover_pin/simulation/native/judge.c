@@ -28,16 +28,15 @@ static void end_wheel(const Drive *d, integer index, const Wheel *wheel, WheelLo
     d->contact_states[index * nx + i] += sum->gain[i] + implicit_share(d) * by_moved(sum->gain_slope[i], sum->moved);
 }
 
-/* Power of the soil on a wheel half-way through the step. */
-static double soil_power(const Drive *d, const Wheel *wheel, const WheelLoad *sum) {
+/* Power of the soil on a wheel half-way through the step, and what it pushes there. */
+static double soil_power(const Drive *d, integer index, const Wheel *wheel, const WheelLoad *sum) {
   _Alignas(64) double du[MAX_COLS];
-  double power = 0.0;
+  double power = 0.0, *mean = d->mean_loads + 6 * index;
   take_columns(wheel, d->du, du);
+  for (int i = 0; i < 6; ++i) mean[i] = sum->wrench[i] + 0.5 * by_moved(sum->slope[i], sum->moved);
   for (int c = 0; c < 3; ++c) {
-    const double along_c = wheel->velocity[c] + 0.5 * sum->moved[c];
-    const double about_c = wheel->rate[c] + 0.5 * along(wheel->ang[c], du, wheel->rows);
-    power += (sum->wrench[c] + 0.5 * by_moved(sum->slope[c], sum->moved)) * along_c;
-    power += (sum->wrench[3 + c] + 0.5 * by_moved(sum->slope[3 + c], sum->moved)) * about_c;
+    power += mean[c] * (wheel->velocity[c] + 0.5 * sum->moved[c]);
+    power += mean[3 + c] * (wheel->rate[c] + 0.5 * along(wheel->ang[c], du, wheel->rows));
   }
   return power;
 }

@@ -55,7 +55,8 @@ ARRAYS = {
     "bin_x0 bin_per_metre": "where a lane's first bin begins, bins per metre",
     "facets patches": "room for those of one wheel",
     "foreseen": "4 a wheel: its load as the last step expected it",
-    "record energy loads": "n_wheels x N_RECORD; N_ENERGY; n_wheels x 6",
+    "record energy loads": "n_wheels x N_RECORD; N_ENERGY; n_wheels x 6: force and moment at a wheel's centre",
+    "mean_loads": "the same half-way through the step, as the account has them; loads: as it began",
     "impulse differential": "of the soil's forces; the differential's torque",
     "work_w": "",
 }

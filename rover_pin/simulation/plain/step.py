@@ -46,6 +46,7 @@ class Plain:
         self.rim_inertia = rim_inertia(self.pin_model, self.rover)
         n = len(self.rover.wheels)
         self.record, self.loads, self.energy = np.zeros((n, len(RECORD))), np.zeros((n, 6)), np.zeros(len(ENERGY))
+        self.mean_loads, self.load_slopes = np.zeros((n, 6)), np.zeros((n, 6, self.pin_model.nv))
         self.impulse, self.differential = np.zeros(3), np.zeros(1)
         self.share = model.wheel_share
         self.foreseen, self.misjudged, self.pivoted = np.zeros((n, 4)), 0.0, 0
@@ -90,7 +91,7 @@ class Plain:
         pin.computeJointJacobians(self.pin_model, self.data, state.q)
         self.soil_Q, self.soil_D = np.zeros(nv), np.zeros((nv, nv))
         self.bus = float(self.duty @ self.record[:, 10])
-        self.record[:], self.loads[:], self.misjudged = 0.0, 0.0, 0.0
+        self.record[:], self.loads[:], self.load_slopes[:], self.misjudged = 0.0, 0.0, 0.0, 0.0
         self.begun, self.end, self.end_slope = np.zeros((n, 4)), np.zeros((n, 4)), np.zeros((n, 4, nv))
         updates = [self._wheel(index) for index in range(n)]
         motor_Q, motor_D, motor_steps = self._motors()
@@ -100,6 +101,7 @@ class Plain:
             self.soil_Q + motor_Q + spring_Q + push_Q, self.soil_D + np.diag(motor_D + 2.0 * spring_D) + 2.0 * push_D
         )
         self.foreseen[:] = self.end + self.end_slope @ du
+        self.mean_loads[:] = self.loads + 0.5 * self.load_slopes @ du
         if self.held_rate is not None:
             self.record[:, 9] = (motor_Q + 0.5 * motor_D * du)[[wheel.dof for wheel in self.rover.wheels]]
         self._account(du, motor_Q + 0.5 * motor_D * du, spring_Q + spring_D * du, push_Q + push_D @ du)
@@ -191,7 +193,9 @@ class Plain:
         self.record[index, :2] += weight * law.slip
         lateral = scaled.f_y + patch.side * side[1] * load[2]
         self.record[index, 3:8] += [scaled.f_n, scaled.f_t, lateral, scaled.torque, weight * float(velocity @ t)]
-        self.loads[index] += np.concatenate([forces.T @ load, moments.T @ load])
+        wrench = np.concatenate([forces.T, moments.T])
+        self.loads[index] += wrench @ load
+        self.load_slopes[index] += wrench @ by_speed @ see
         return weight, step, step_by_speed @ see
 
     def _judge(self, index: int) -> None:

@@ -1,0 +1,1 @@
+"""A rover in MuJoCo: its bodies and motors as MJCF (`mjcf`), and the soil under its wheels (`soil_forces`)."""
