@@ -12,7 +12,7 @@ from scipy.stats import rankdata
 
 from rover_pin.base.formula import change, quoted
 from rover_pin.logs.importing import words as called
-from rover_pin.logs.importing.evidence import NONE_FITS, SURE, independent, relation, shares
+from rover_pin.logs.importing.evidence import NONE_FITS, SURE, independent, mean_known, relation, shares
 from rover_pin.logs.importing.inertial import inertial_units
 from rover_pin.logs.importing.places import quaternions
 from rover_pin.logs.importing.recording import Choice, Entry, Guess, Recording, column, formula_of
@@ -131,7 +131,7 @@ def _climbs(guess: Guess, recordings: Sequence[Recording], values: Values, rover
     for recording, logged in zip(recordings, values, strict=True):
         t = recording.t
         climb = -np.sin(recording.values(guess.entry, guess.target, logged))
-        rim = np.nanmean([mount.wheel.r * logged[f"wheel_rate_{mount.name}"] for mount in rover.wheels], axis=0)
+        rim = mean_known([mount.wheel.r * logged[f"wheel_rate_{mount.name}"] for mount in rover.wheels])
         good = np.isfinite(logged["body_x"] + logged["body_y"])
         if good.sum() < 20 or not np.any(np.isfinite(climb)):
             continue

@@ -84,3 +84,8 @@ def shares(logs: np.ndarray, none_fits: float = NONE_FITS) -> np.ndarray:
     top = max(float(np.max(logs, initial=-np.inf)), none_fits, -1e6)
     weights = np.exp(logs - top)
     return np.asarray(weights / max(weights.sum() + math.exp(none_fits - top), 1e-300))
+
+
+def mean_known(rows: Any) -> np.ndarray:
+    """Return the mean over rows, (rows, samples), of what is known of each sample; NaN where nothing is."""
+    return np.asarray(np.ma.masked_invalid(rows).mean(axis=0).filled(np.nan))

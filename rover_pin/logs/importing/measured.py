@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from rover_pin.base.formula import change
-from rover_pin.logs.importing.evidence import independent
+from rover_pin.logs.importing.evidence import independent, mean_known
 from rover_pin.logs.importing.recording import Recording
 from rover_pin.rover.rover import Rover
 from rover_pin.rover.wheel_base import base_of
@@ -31,8 +31,8 @@ def measured(
     for recording, channels in zip(recordings, values, strict=True):
         t, good = recording.t, np.isfinite(channels["body_x"] + channels["body_y"] + channels["body_yaw"])
         speeds = {mount.name: mount.wheel.r * channels[f"wheel_rate_{mount.name}"] for mount in rover.wheels}
-        rim = np.nan_to_num(np.nanmean(list(speeds.values()), axis=0))
-        right, left = (np.nanmean([v for n, v in speeds.items() if sides[n] == side], axis=0) for side in "rl")
+        rim = np.nan_to_num(mean_known(list(speeds.values())))
+        right, left = (mean_known([v for n, v in speeds.items() if sides[n] == side]) for side in "rl")
         at = t[0] + np.arange(1.0, t[-1] - t[0] - 1.0)
         if good.sum() < 20 or len(at) < 10:
             continue

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rover_pin.base.formula import change
+from rover_pin.logs.importing.evidence import mean_known
 from rover_pin.rover.rover import Rover
 
 STANDS = 3.0
@@ -52,10 +53,10 @@ class Part(NamedTuple):
 def drive_of(t: np.ndarray, values: Mapping[str, np.ndarray], rover: Rover) -> Drive:
     """Return what a file shows of the drive."""
     rates = np.array([values[f"wheel_rate_{mount.name}"] for mount in rover.wheels])
-    rim = np.nanmean(rates * rover.radii[:, None], axis=0)
+    rim = mean_known(rates * rover.radii[:, None])
     pitch = values.get("body_pitch", np.zeros(len(t)))
     turn = np.gradient(values["body_yaw"], t)
-    return Drive(t, np.nanmean(np.abs(rates), axis=0), _along(t, values), rim, pitch, turn)
+    return Drive(t, mean_known(np.abs(rates)), _along(t, values), rim, pitch, turn)
 
 
 def _along(t: np.ndarray, values: Mapping[str, np.ndarray]) -> np.ndarray:

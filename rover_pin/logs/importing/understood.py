@@ -13,7 +13,7 @@ from rover_pin.base.errors import DataError
 from rover_pin.base.formula import names_in, quoted
 from rover_pin.logs.importing.channels import channels
 from rover_pin.logs.importing.clock import Clock, clocks, whole_stamps
-from rover_pin.logs.importing.evidence import SURE
+from rover_pin.logs.importing.evidence import SURE, mean_known
 from rover_pin.logs.importing.joint import PARTS, SAME, Chosen, Options, Signals, chosen, log_likelihood, signals
 from rover_pin.logs.importing.measured import measured
 from rover_pin.logs.importing.places import COURSE, headings, places
@@ -238,7 +238,7 @@ def _guesses(
             guess = Guess(name, entry, choice.why, choice.sure, picked.share[part])
             if entry.get("formula") == COURSE:
                 rates = reading[3].entries
-                series = [np.nanmean([recording.values(item, name) for name, item in rates.items()], axis=0)
+                series = [mean_known([recording.values(item, name) for name, item in rates.items()])
                           for recording in recordings.values()]  # fmt: skip
                 if BOTH_WAYS < share_back(np.concatenate(series)) < 1.0 - BOTH_WAYS:
                     text = f"heading(body_x, body_y, t_s, {' + '.join(rates)})"
