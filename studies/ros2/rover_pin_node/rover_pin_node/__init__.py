@@ -1,0 +1,1 @@
+"""A rover on loose soil as a ROS 2 node. Start at `node`."""

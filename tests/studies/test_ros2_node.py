@@ -1,0 +1,301 @@
+"""The ROS 2 node against a loopback of rclpy: messages are those of the definitions, and go through CDR."""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib
+import re
+import sys
+import types
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from rover_pin.cli.app import app
+from rover_pin.control.motion.servo import HeldSpeeds
+from rover_pin.logs.drive_log import read_drive_log
+from rover_pin.scenarios.scenario import scenario
+from rover_pin.simulation.simulate import simulate
+
+pytest.importorskip("rosbags")
+from rosbags.interfaces import Nodetype
+from rosbags.rosbag2 import Writer
+from rosbags.typesys import Stores, get_typestore
+
+ROS = get_typestore(Stores.ROS2_JAZZY)
+PACKAGE = Path(__file__).parents[2] / "studies" / "ros2" / "rover_pin_node"
+PERIOD = 50_000_000
+ZEROS = {"string": "", "bool": False, "float64": 0.0, "float32": 0.0}
+MESSAGES = {
+    "geometry_msgs": ("Twist",),
+    "nav_msgs": ("Odometry",),
+    "sensor_msgs": ("JointState",),
+    "std_msgs": ("Float64MultiArray", "MultiArrayDimension"),
+}
+
+
+class Message:
+    """A message as rclpy has it: fields with defaults, no others, of the types of its definition."""
+
+    kind = ""
+
+    def __init__(self, **values):
+        for name, form in ROS.get_msgdef(self.kind).fields:
+            object.__setattr__(self, name, blank(form))
+        for name, value in values.items():
+            setattr(self, name, value)
+
+    def __setattr__(self, name, value):
+        forms = dict(ROS.get_msgdef(self.kind).fields)
+        fits(value, forms[name], f"{self.kind}.{name}")
+        object.__setattr__(self, name, value)
+
+
+def message_class(kind):
+    return type(kind.rpartition("/")[2], (Message,), {"kind": kind})
+
+
+def blank(form):
+    node, told = form
+    if node == Nodetype.NAME:
+        return message_class(told)()
+    if node == Nodetype.ARRAY:
+        return [blank(told[0]) for _ in range(told[1])]
+    return [] if node == Nodetype.SEQUENCE else ZEROS.get(told[0], 0)
+
+
+def fits(value, form, where):
+    node, told = form
+    if node == Nodetype.NAME:
+        assert value.kind == told, where
+    elif node == Nodetype.BASE:
+        assert type(value) is type(blank(form)), f"{where} = {value!r}"
+    else:
+        assert isinstance(value, list), where
+        for one in value:
+            fits(one, told[0], where)
+
+
+def stored(value):
+    """Return a message as rosbags has it."""
+    if isinstance(value, Message):
+        for name, form in ROS.get_msgdef(value.kind).fields:
+            fits(getattr(value, name), form, name)
+        names = [name for name, _ in ROS.get_msgdef(value.kind).fields]
+        return ROS.types[value.kind](**{name: stored(getattr(value, name)) for name in names})
+    if isinstance(value, list):
+        return np.array(value) if value and type(value[0]) is float else [stored(one) for one in value] or np.zeros(0)
+    return value
+
+
+class Loopback:
+    """A graph of one process, whose clock a test turns: what is published comes back out of its bytes."""
+
+    def __init__(self, parameters):
+        self.parameters, self.now, self.sent, self.readers, self.said = parameters, 10**18, [], {}, []
+        self.timers = []
+
+    def publish(self, topic, message):
+        raw = ROS.serialize_cdr(stored(message), message.kind)
+        self.sent.append((topic, self.now, message.kind, raw))
+        for read in self.readers.get(topic, ()):
+            read(message)
+
+    def run(self, seconds):
+        for _ in range(round(seconds / 0.05)):
+            self.now += PERIOD
+            for timer in self.timers:
+                if not timer.cancelled:
+                    timer.call()
+
+    def last(self, topic):
+        kind, raw = next((kind, raw) for name, _, kind, raw in reversed(self.sent) if name == topic)
+        return ROS.deserialize_cdr(raw, kind)
+
+
+class Time(SimpleNamespace):
+    """Nanoseconds, which differ by a duration."""
+
+    def __sub__(self, other):
+        return SimpleNamespace(nanoseconds=self.nanoseconds - other.nanoseconds)
+
+    def to_msg(self):
+        return message_class("builtin_interfaces/msg/Time")(
+            sec=self.nanoseconds // 10**9, nanosec=self.nanoseconds % 10**9
+        )
+
+
+class Timer(SimpleNamespace):
+    """A timer that may be cancelled."""
+
+    def cancel(self):
+        self.cancelled = True
+
+
+def node_class(graph):
+    """Return rclpy's Node on a loopback: what of it the node uses."""
+
+    class Node:
+        def __init__(self, name):
+            self.name = name
+
+        def declare_parameter(self, name, default):
+            return SimpleNamespace(value=graph.parameters.get(name, default))
+
+        def create_publisher(self, kind, topic, depth):
+            return SimpleNamespace(publish=lambda message: graph.publish(topic, message))
+
+        def create_subscription(self, kind, topic, callback, depth):
+            graph.readers.setdefault(topic, []).append(callback)
+
+        def create_timer(self, period, callback):
+            assert period == pytest.approx(1e-9 * PERIOD)
+            graph.timers.append(Timer(call=callback, cancelled=False))
+            return graph.timers[-1]
+
+        def get_clock(self):
+            return SimpleNamespace(now=lambda: Time(nanoseconds=graph.now))
+
+        def get_logger(self):
+            return SimpleNamespace(warning=graph.said.append, error=graph.said.append)
+
+    return Node
+
+
+@pytest.fixture
+def start(monkeypatch):
+    """Start the node with parameters; return the graph it is on."""
+
+    def started(**parameters):
+        graph = Loopback(parameters)
+        modules = {"rclpy": {}, "rclpy.node": {"Node": node_class(graph)}}
+        for package, names in MESSAGES.items():
+            modules[package] = {}
+            modules[f"{package}.msg"] = {name: message_class(f"{package}/msg/{name}") for name in names}
+        for name, members in modules.items():
+            module = types.ModuleType(name)
+            module.__dict__.update(members)
+            monkeypatch.setitem(sys.modules, name, module)
+        monkeypatch.syspath_prepend(str(PACKAGE))
+        for name in ("rover_pin_node", "rover_pin_node.node"):
+            monkeypatch.delitem(sys.modules, name, raising=False)
+        graph.node = importlib.import_module("rover_pin_node.node").RoverNode()
+        return graph
+
+    return started
+
+
+def command(graph, x=0.0, yaw_rate=0.0, y=0.0):
+    twist = message_class("geometry_msgs/msg/Twist")()
+    twist.linear.x, twist.linear.y, twist.angular.z = x, y, yaw_rate
+    graph.publish("cmd_vel", twist)
+
+
+def drive(graph, seconds, **commanded):
+    """Command anew every 0.2 s, as a joystick does."""
+    for _ in range(round(seconds / 0.2)):
+        command(graph, **commanded)
+        graph.run(0.2)
+
+
+def test_the_node_drives_as_the_same_control_in_one_drive(start):
+    graph = start(scenario="hills")
+    drive(graph, 2.0, x=0.02, yaw_rate=0.05)
+    model = scenario("hills").model
+    trace = simulate(model, HeldSpeeds.of(model.rover, model.motor, 0.02, 0.05), 2.0, measure_error=False)
+    odom, joints = graph.last("odom"), graph.last("joint_states")
+    position = odom.pose.pose.position
+    assert [position.x, position.y, position.z] == [trace[f"body_{axis}"][-1] for axis in "xyz"]
+    assert graph.last("wheel_slip").data == pytest.approx(trace.stack("slip")[-1], abs=0.0)
+    assert graph.last("wheel_slip").layout.dim[0].label.split() == list(trace.wheels)
+    rates = dict(zip(joints.name, joints.velocity, strict=True))
+    assert [rates[f"wheel_{name}"] for name in trace.wheels] == pytest.approx(trace.stack("wheel_rate")[-1].tolist())
+    assert dict(zip(joints.name, joints.position, strict=True))["rocker_l"] == pytest.approx(trace["rocker_l"][-1])
+
+
+def test_what_is_sent_holds_together(start):
+    """Pose, twist and joints tell one motion, and the joints are the URDF's."""
+    graph = start(rover="cart")
+    drive(graph, 6.0, x=0.03, yaw_rate=0.05)
+    poses = [ROS.deserialize_cdr(raw, kind) for topic, _, kind, raw in graph.sent if topic == "odom"]
+    yaw = np.unwrap([2.0 * np.arctan2(one.pose.pose.orientation.z, one.pose.pose.orientation.w) for one in poses])
+    x, y = ([getattr(one.pose.pose.position, axis) for one in poses] for axis in "xy")
+    middle = len(poses) // 2
+    late = slice(middle, middle + 20)
+    assert np.gradient(yaw, 0.05)[late] == pytest.approx([one.twist.twist.angular.z for one in poses[late]], rel=0.02)
+    along = np.cos(yaw) * np.gradient(x, 0.05) + np.sin(yaw) * np.gradient(y, 0.05)
+    assert along[late] == pytest.approx([one.twist.twist.linear.x for one in poses[late]], rel=0.05)
+    assert yaw[-1] > 0.05
+    states = [ROS.deserialize_cdr(raw, kind) for topic, _, kind, raw in graph.sent if topic == "joint_states"]
+    angles, rates = (np.array([getattr(one, name) for one in states]) for name in ("position", "velocity"))
+    assert np.gradient(angles, 0.05, axis=0)[late] == pytest.approx(rates[late], abs=0.01)
+    text = scenario("flat", rover="cart").model.rover.urdf
+    urdf = re.findall(r'<joint name="(\w+)" type="(?:continuous|revolute)"', text)
+    assert set(states[0].name) <= set(urdf)
+    assert states[0].header.stamp.sec == 10**9
+
+
+def test_without_commands_the_rover_stands(start):
+    graph = start()
+    drive(graph, 1.0, x=0.03)
+    moving = graph.last("odom").twist.twist.linear.x
+    graph.run(2.0)
+    assert abs(graph.last("odom").twist.twist.linear.x) < 0.02 * moving
+
+
+def test_what_motors_cannot_reach_is_said_and_not_obeyed(start):
+    graph = start()
+    drive(graph, 0.4, x=0.02)
+    command(graph, x=5.0)
+    graph.run(0.2)
+    (said,) = graph.said
+    assert "cmd_vel is not obeyed: a wheel would have to turn at" in said
+    assert graph.last("odom").twist.twist.linear.x > 0.01
+
+
+def test_a_drive_that_is_over_is_said_and_the_node_is_silent(start):
+    graph = start()
+    graph.node.model = dataclasses.replace(graph.node.model, buried=0.05)
+    graph.run(1.0)
+    (said,) = graph.said
+    assert said.startswith("the drive is over: buried")
+    assert not graph.sent
+
+
+def bag(graph, folder):
+    with Writer(folder, version=9) as made:
+        connections = {}
+        for topic, at, kind, raw in graph.sent:
+            if topic not in connections:
+                connections[topic] = made.add_connection(f"/{topic}", kind, typestore=ROS)
+            made.write(connections[topic], at, raw)
+    return folder
+
+
+def test_a_recorded_bag_is_imported(start, tmp_path):
+    """Its columns are told from their names and each other, and are what the drive had."""
+    graph = start(rover="cart")
+    drive(graph, 8.0, x=0.03)
+    drive(graph, 4.0, x=0.05)
+    log = tmp_path / "log"
+    words = ["import-log", str(bag(graph, tmp_path / "bag")), "--rover", "cart", "--out", str(log)]
+    assert CliRunner().invoke(app, words).exit_code == 0
+    (run,) = read_drive_log(log).runs
+    model = scenario("flat", rover="cart").model
+    trace = simulate(model, HeldSpeeds.of(model.rover, model.motor, 0.03), 8.0, measure_error=False)
+    late = slice(20, 140)
+    for name in ("body_x", "body_z", "body_yaw", *(f"wheel_rate_{wheel}" for wheel in trace.wheels)):
+        told = np.interp(trace.t[late], run.t, run[name])
+        assert told == pytest.approx(trace[name][late], abs=1e-2 * np.ptp(trace[name]) + 1e-9), name
+
+
+def test_the_packages_files_name_what_the_node_needs():
+    manifest, setup = ((PACKAGE / name).read_text(encoding="utf-8") for name in ("package.xml", "setup.py"))
+    code = (PACKAGE / "rover_pin_node" / "node.py").read_text(encoding="utf-8")
+    needed = {"rclpy", *re.findall(r"^from (\w+_msgs)\.msg", code, re.MULTILINE)}
+    assert set(re.findall("<exec_depend>(.*)</exec_depend>", manifest)) == needed == {"rclpy", *MESSAGES}
+    assert re.findall("<name>(.*)</name>", manifest) == re.findall('NAME = "(.*)"', setup)
+    assert (PACKAGE / "resource" / "rover_pin_node").exists()
