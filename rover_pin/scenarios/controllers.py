@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from rover_pin.base.arguments import spec
@@ -25,6 +26,7 @@ from rover_pin.control.slip_control import HOLE_GAINS, Gains, SlipControl
 from rover_pin.control.slip_estimate import SlipEstimate, TableEstimate, TrueSlip, flat_table
 from rover_pin.control.steering import Crab, Turn
 from rover_pin.control.torque_check import LOST_SLIP, NoLimit, TorqueLimit, TorqueLimited
+from rover_pin.effects.motion_resistance import MotionResistance
 from rover_pin.rover.wheel_base import base_of
 from rover_pin.scenarios.side_force_choice import TURNS
 from rover_pin.simulation.command import Controller
@@ -87,8 +89,17 @@ def _turn(request: Settings, model: Model, radius: float) -> Turn | HeldSpeeds:
     chosen = {**defaults, **request.arguments("control", Turn.of, defaults, ("radius", "delta"))}
     if any(steers(model.rover)):
         return Turn.of(model.rover, **chosen)
-    track = request.arguments("control", HeldSpeeds.of, {"track": effective_track(model.rover)}, ("track",))
-    return HeldSpeeds.turning(model.rover, model.motor, **chosen, **track)
+    sides = {"track": _track(request, model)}
+    sides |= request.arguments("control", HeldSpeeds.of, sides, ("track",))
+    return HeldSpeeds.turning(model.rover, model.motor, **chosen, **sides)
+
+
+def _track(request: Settings, model: Model) -> float:
+    """Return the effective track [m] of a rover without steering on its soil, which holds tan phi of the load."""
+    if "control.track" in request.values:
+        return 0.0
+    R = sum(float(effect.R) for effect in model.effects if isinstance(effect, MotionResistance))
+    return effective_track(model.rover, R / math.tan(float(model.soils[0].phi)))
 
 
 def turning_note(request: Settings, model: Model, controller: Controller) -> tuple[str, ...]:
@@ -97,7 +108,7 @@ def turning_note(request: Settings, model: Model, controller: Controller) -> tup
         return ()
     return (
         f"turn: no wheel steers, so servos hold the speeds of its sides, for a track of {controller.track:.3g} m "
-        f"({base_of(model.rover).track:.3g} between the wheels; the rest makes up for scrub)",
+        f"({base_of(model.rover).track:.3g} between the wheels; the rest makes up for scrub and resistance)",
     )
 
 
@@ -110,7 +121,7 @@ def _held_speeds(request: Settings, model: Model, kind: str) -> HeldSpeeds:
         rates |= request.arguments("control", HeldSpeeds.at, rates, ("rates",))
         return HeldSpeeds.at(rover, motor, rates["rates"], servo, limit)
     steered = any(steers(rover))
-    defaults = {"speed": cruise_speed(rover, motor), "track": 0.0 if steered else effective_track(rover)}
+    defaults = {"speed": cruise_speed(rover, motor), "track": 0.0 if steered else _track(request, model)}
     names = ("speed", "yaw_rate", "crab" if steered else "track")
     chosen = {**defaults, **request.arguments("control", HeldSpeeds.of, defaults, names)}
     return HeldSpeeds.of(rover, motor, **chosen, servo=servo, limit=limit)
@@ -126,7 +137,7 @@ def _route(request: Settings, model: Model) -> RouteControl:
     start = tuple(parse_quantity(request.values.get(f"start.{axis}", 0.0), "m", f"start.{axis}") for axis in "xy")
     defaults = {"speed": cruise_speed(rover, motor), "lookahead": 2.0 * base_of(rover).length}
     if not any(steers(rover)):
-        defaults["track"] = effective_track(rover)
+        defaults["track"] = _track(request, model)
     chosen = {**defaults, **request.arguments("control", RouteControl.of, defaults, defaults)}
     servo, limit = Servo(**request.record("control.servo", Servo)), _limit(request, model, "none")
     return RouteControl.of(rover, motor, read_route(words, (start[0], start[1])), **chosen, servo=servo, limit=limit)

@@ -245,10 +245,9 @@ def _traced(
     certain = [load_warning(drive.model, rows), balance_warning(trace)]
     oddities = [f"{text}." for text in implausible(job.model)]
     step_warning, energy = change.warning if change else "", energy_warning(job.model, trace)
-    shortfall = aims.shortfall(trace) if hasattr(aims, "shortfall") else ""
-    trace = annotate_trace(
-        trace, [shortfall, *certain, *oddities, step_warning, pivot_warning(stepper.pivoted), energy]
-    )
+    shortfall, turned = (getattr(aims, name, lambda trace: "")(trace) for name in ("shortfall", "turned"))
+    warnings = [shortfall, *certain, *oddities, step_warning, pivot_warning(stepper.pivoted), energy]
+    trace = annotate_trace(trace, warnings, turned)
     if run.stop != "duration":
         return trace
     stepper_state = StepperState(tuple(stepper.saved()), stepper.duty.copy(), stepper.servo_target.copy())
@@ -256,9 +255,10 @@ def _traced(
     return dataclasses.replace(trace, end=end)
 
 
-def annotate_trace(trace: Trace, warnings: list[str]) -> Trace:
+def annotate_trace(trace: Trace, warnings: list[str], turned: str = "") -> Trace:
     """Return the trace with what it came to, and with all reasons not to believe it; empty ones are none."""
     came_to = drive_outcome(trace)
     attrs: dict[str, Any] = {"happened": came_to.sentence} if came_to else {}
+    attrs |= {"turned": turned} if turned else {}
     attrs["warnings"] = [warning for warning in warnings if warning]
     return dataclasses.replace(trace, attrs={**trace.attrs, **attrs})

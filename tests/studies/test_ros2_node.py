@@ -15,10 +15,8 @@ import pytest
 from typer.testing import CliRunner
 
 from rover_pin.cli.app import app
-from rover_pin.control.motion.servo import HeldSpeeds
 from rover_pin.logs.drive_log import read_drive_log
 from rover_pin.scenarios.scenario import scenario
-from rover_pin.simulation.simulate import simulate
 
 pytest.importorskip("rosbags")
 from rosbags.interfaces import Nodetype
@@ -204,8 +202,8 @@ def drive(graph, seconds, **commanded):
 def test_the_node_drives_as_the_same_control_in_one_drive(start):
     graph = start(scenario="hills")
     drive(graph, 2.0, x=0.02, yaw_rate=0.05)
-    model = scenario("hills").model
-    trace = simulate(model, HeldSpeeds.of(model.rover, model.motor, 0.02, 0.05), 2.0, measure_error=False)
+    chosen = scenario("hills", control="cmd-vel", duration=2.0, **{"control.speed": 0.02, "control.yaw_rate": 0.05})
+    trace = chosen.drive(measure_error=False)
     odom, joints = graph.last("odom"), graph.last("joint_states")
     position = odom.pose.pose.position
     assert [position.x, position.y, position.z] == [trace[f"body_{axis}"][-1] for axis in "xyz"]
@@ -284,8 +282,8 @@ def test_a_recorded_bag_is_imported(start, tmp_path):
     words = ["import-log", str(bag(graph, tmp_path / "bag")), "--rover", "cart", "--out", str(log)]
     assert CliRunner().invoke(app, words).exit_code == 0
     (run,) = read_drive_log(log).runs
-    model = scenario("flat", rover="cart").model
-    trace = simulate(model, HeldSpeeds.of(model.rover, model.motor, 0.03), 8.0, measure_error=False)
+    straight = {"rover": "cart", "control": "cmd-vel", "control.speed": 0.03}
+    trace = scenario("flat", duration=8.0, **straight).drive(measure_error=False)
     late = slice(20, 140)
     for name in ("body_x", "body_z", "body_yaw", *(f"wheel_rate_{wheel}" for wheel in trace.wheels)):
         told = np.interp(trace.t[late], run.t, run[name])

@@ -212,22 +212,35 @@ class HeldSpeeds(LawControl):
         """No integrals."""
         return np.zeros(len(self.rates))
 
-    def shortfall(self, trace: Trace) -> str:
-        """Return what to say of a drive whose yaw rate, over its later half, is less than half of what is commanded."""
+    def yaw_rate(self, trace: Trace) -> float:
+        """Return the yaw rate of a drive over its later half [rad/s], NaN where none is commanded."""
         if self.motion is None or not self.motion.yaw_rate or len(trace.t) < 4:
+            return math.nan
+        late = _late(trace)
+        return float(np.polyfit(trace.t[late], np.unwrap(trace["body_yaw"][late]), 1)[0])
+
+    def turned(self, trace: Trace) -> str:
+        """Return how fast a drive turned of what is commanded, and what would make up for the rest; or nothing."""
+        driven = self.yaw_rate(trace)
+        if math.isnan(driven) or self.motion is None:
             return ""
-        late = trace.t >= 0.5 * (trace.t[0] + trace.t[-1])
-        driven = float(np.polyfit(trace.t[late], np.unwrap(trace["body_yaw"][late]), 1)[0])
-        if driven / self.motion.yaw_rate >= LEAST_TURN:
-            return ""
-        full = float(np.mean(np.any(np.abs(trace.stack("duty")[late]) >= float(self.servo.delta_max), axis=1)))
+        full = float(np.mean(np.any(np.abs(trace.stack("duty")[_late(trace)]) >= float(self.servo.delta_max), axis=1)))
         why = f", some motor at its greatest duty {full:.0%} of the time" if full else ""
-        wider = 0.0 if full or not driven else self.track * self.motion.yaw_rate / driven
+        wider = 0.0 if full or not driven else self.track * float(self.motion.yaw_rate) / driven
         remedy = f"; control.track = {wider:.2g}m, not {self.track:.2g}, would make up for scrub" if wider > 0.0 else ""
-        return (
-            f"the rover does not follow: it turns at {math.degrees(driven):.2g} deg/s where "
-            f"{math.degrees(self.motion.yaw_rate):.2g} deg/s are commanded{why}{remedy}."
-        )
+        commanded = math.degrees(self.motion.yaw_rate)
+        return f"at {math.degrees(driven):.2g} deg/s where {commanded:.2g} deg/s are commanded{why}{remedy}"
+
+    def shortfall(self, trace: Trace) -> str:
+        """Return what to say of a drive whose yaw rate is less than half of what is commanded."""
+        driven = self.yaw_rate(trace)
+        if math.isnan(driven) or self.motion is None or driven / self.motion.yaw_rate >= LEAST_TURN:
+            return ""
+        return f"the rover does not follow: it turns {self.turned(trace)}."
+
+
+def _late(trace: Trace) -> np.ndarray:
+    return np.asarray(trace.t >= 0.5 * (trace.t[0] + trace.t[-1]))
 
 
 def cruise_speed(rover: Rover, motor: Motor) -> float:

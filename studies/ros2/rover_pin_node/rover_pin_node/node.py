@@ -32,9 +32,10 @@ class RoverNode(Node):
         settings = {name: self.declare_parameter(name, default).value
                  for name, default in (("scenario", "flat"), ("rover", "nexus6"), ("soil", ""))}  # fmt: skip
         self.timeout = self.declare_parameter("cmd_vel_timeout", 0.5).value
-        chosen = scenario(settings.pop("scenario"), **{name: value for name, value in settings.items() if value})
+        name, given = settings.pop("scenario"), {name: value for name, value in settings.items() if value}
+        chosen = scenario(name, control="cmd-vel", **{"control.speed": 0.0, **given})
         self.model, self.timing, self.place = chosen.model, chosen.timing, chosen.start
-        self.control = HeldSpeeds.of(self.model.rover, self.model.motor)
+        self.control = chosen.controller
         self.heard, self.turned = self.get_clock().now(), np.zeros(self.model.rover.model.njoints)
         self.joints = self.create_publisher(JointState, "joint_states", DEPTH)
         self.odom = self.create_publisher(Odometry, "odom", DEPTH)
@@ -55,7 +56,9 @@ class RoverNode(Node):
     def hold(self, speed, yaw_rate, crab=0.0):
         """Change what is held; the servos' integrals go on."""
         before = self.control
-        self.control = HeldSpeeds.of(self.model.rover, self.model.motor, speed, yaw_rate, crab, before.track)
+        self.control = HeldSpeeds.of(
+            self.model.rover, self.model.motor, speed, yaw_rate, crab, before.track, before.servo, before.limit
+        )
         self.control.memory[:] = before.memory
 
     def go_on(self):
