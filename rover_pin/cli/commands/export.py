@@ -86,7 +86,7 @@ def export_c(
 def export_fmu(
     scenario: Annotated[str, typer.Argument(autocompletion=scenario_names, help="The rover and its ground: ditch ...")],
     control: Annotated[
-        str, typer.Option(help="Of the second unit: eq9, onboard, camera, or true: slip is given.")
+        str, typer.Option(help="Of the second unit: eq9, onboard, camera, true (slip is given), or cmd-vel.")
     ] = "",
     gravity: Gravity = "",
     soil: SoilName = "",
@@ -97,15 +97,14 @@ def export_fmu(
     as_json: AsJson = False,
 ) -> None:
     """Write a rover, and a slip control, as FMI 3.0 units."""
-    from rover_pin.control.embedded.source import embedded
-    from rover_pin.control.fmi.controller import controller_unit
+    from rover_pin.control.fmi.controller import unit_of
     from rover_pin.control.fmi.plant import plant
     from rover_pin.control.fmi.unit import write_unit
     from rover_pin.scenarios.scenario import scenario as ready
 
     chosen = ready(scenario, **drive_settings(control, gravity, soil, model, add, set_))
     units = [plant(chosen.model, chosen.start, chosen.timing)]
-    units += [controller_unit(embedded(chosen.controller, chosen.model))] if control else []
+    units += [unit_of(chosen.controller, chosen.model)] if control else []
     say_what_is_replaced(out, tuple(f"{unit.name}.fmu" for unit in units))
     with alone_in(out):
         paths = [str(write_unit(unit, out / f"{unit.name}.fmu")) for unit in units]

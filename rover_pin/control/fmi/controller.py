@@ -1,4 +1,4 @@
-"""A slip control as a functional mock-up unit: its C, which is also taken away alone, and the unit's around it."""
+"""A slip control, or held speeds, as a functional mock-up unit: the C of export-c, and the unit's around it."""
 
 from __future__ import annotations
 
@@ -7,10 +7,14 @@ import math
 from rover_pin.control.embedded.estimates import TABLES
 from rover_pin.control.embedded.monitor import NUMBERED
 from rover_pin.control.embedded.monitor import TABLES as OF_MONITOR
-from rover_pin.control.embedded.source import Embedded
+from rover_pin.control.embedded.motion import EmbeddedMotion, embedded_motion
+from rover_pin.control.embedded.source import Embedded, embedded
 from rover_pin.control.fmi.unit import MAIN, FunctionalUnit, Variable
 from rover_pin.control.monitor.ahead import HORIZON
 from rover_pin.control.monitor.monitor import CAUSES
+from rover_pin.control.motion.servo import HeldSpeeds
+from rover_pin.simulation.command import Controller
+from rover_pin.simulation.model.model import Model
 
 UNIT = """#include "rover_control.h"
 #include <string.h>
@@ -59,6 +63,53 @@ static const char *unit_step(Unit *u) {{
   return 0;
 }}
 """
+
+OF_MOTION = """#include "rover_control.h"
+#include <string.h>
+
+typedef struct {{ RoverControl control; double values[{all}]; }} Unit;
+static void unit_bind(Unit *u) {{ (void)u; }}
+static void unit_begin(Unit *u) {{ rover_control_reset(&u->control); }}
+static const char *unit_step(Unit *u) {{
+  RoverReading in;
+  RoverCommand out;
+  memcpy(&in, u->values, sizeof in);
+  rover_control_step(&u->control, &in, &out);
+  memcpy(u->values + {inputs}, &out, {outputs} * sizeof(double));
+  return 0;
+}}
+"""
+
+
+def unit_of(control: Controller, model: Model) -> FunctionalUnit:
+    """Return the unit of a model's slip control, or of its held speeds."""
+    if isinstance(control, HeldSpeeds):
+        return motion_unit(embedded_motion(control, model.rover))
+    return controller_unit(embedded(control, model))
+
+
+def motion_unit(taken: EmbeddedMotion) -> FunctionalUnit:
+    """Return the unit of held speeds: a step reads the commanded motion and the wheels' rates."""
+    wheels, steered = len(taken.rover.wheels), len(taken.control.angles)
+    order = f"; wheels: {', '.join(wheel.name for wheel in taken.rover.wheels)}"
+    variables = [
+        Variable("speed", "m/s", "input", (0.0,), "of the body, forwards"),
+        Variable("yaw_rate", "rad/s", "input", (0.0,), "to the left"),
+        Variable("aside", "m/s", "input", (0.0,), "to the left, where the wheels steer"),
+        Variable("wheel_rate", "rad/s", "input", (0.0,) * wheels, f"rates of the wheels' joints{order}"),
+        Variable("duty", "", "output", (0.0,) * wheels, "duties to apply until the next step"),
+    ]
+    if steered:
+        variables.append(Variable("steer", "rad", "output", (0.0,) * steered, "angles of the wheels that steer"))
+    inputs, outputs = 3 + wheels, wheels + steered
+    text = OF_MOTION.format(all=inputs + outputs, inputs=inputs, outputs=outputs)
+    return FunctionalUnit(
+        "rover_controller",
+        f"held speeds of {taken.rover.name}, by rover-pin",
+        taken.control.period,
+        tuple(variables),
+        {"rover_control.h": taken.header, "rover_control.c": taken.source, MAIN: text},
+    )
 
 
 def controller_unit(taken: Embedded) -> FunctionalUnit:

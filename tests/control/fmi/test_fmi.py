@@ -13,7 +13,7 @@ from rover_pin.cli.app import app
 from rover_pin.control.design.stepped import SteppedDrive
 from rover_pin.control.embedded.source import embedded
 from rover_pin.control.embedded.vectors import vectors
-from rover_pin.control.fmi.controller import controller_unit
+from rover_pin.control.fmi.controller import unit_of
 from rover_pin.control.fmi.plant import plant
 from rover_pin.control.fmi.unit import write_unit
 from rover_pin.simulation.command import Command
@@ -62,8 +62,7 @@ def opened(tmp_path_factory):
 
     def write(scene, control="", **settings):
         chosen = scenario(scene, **({"control": control} if control else {}), **settings)
-        made = controller_unit(embedded(chosen.controller, chosen.model)) if control else None
-        made = made or plant(chosen.model, chosen.start, chosen.timing)
+        made = unit_of(chosen.controller, chosen.model) if control else plant(chosen.model, chosen.start, chosen.timing)
         unit = Opened(write_unit(made, tmp_path_factory.mktemp("fmu") / f"{made.name}.fmu"))
         folders.append(unit.folder)
         return unit
@@ -125,6 +124,23 @@ def test_both_units_in_a_loop_drive_as_the_package(opened):
         plant_unit.step()
     assert plant_unit["position"][0] == pytest.approx(trace["body_x"][-1], abs=2e-4)
     assert plant_unit["position"][0] > 0.3
+
+
+def test_a_commanded_motion_drives_as_the_package(opened):
+    commanded = {"control.speed": 0.03, "control.yaw_rate": 0.05}
+    plant_unit, control = opened("hills", side="shear"), opened("hills", "cmd-vel")
+    chosen = scenario("hills", control="cmd-vel", side="shear", duration=4.0, **commanded)
+    control["speed"], control["yaw_rate"] = commanded.values()
+    for _ in range(80):
+        control["wheel_rate"] = plant_unit["wheel_rate"]
+        control.step()
+        plant_unit["duty"], plant_unit["steer"] = control["duty"], control["steer"]
+        plant_unit.step()
+    trace = chosen.drive(measure_error=False)
+    for at, name in enumerate(("body_x", "body_y", "body_z")):
+        assert plant_unit["position"][at] == pytest.approx(trace[name][-1], abs=1e-9)
+    assert plant_unit["yaw"][0] == pytest.approx(trace["body_yaw"][-1], abs=1e-9)
+    assert abs(trace["body_yaw"][-1]) > 0.05
 
 
 @pytest.mark.parametrize(("scene", "control"), [("ditch", ""), ("slope", ""), ("ditch", "onboard"), ("flat", "eq9")])
@@ -208,15 +224,16 @@ def test_command_writes_both_and_says_what_they_take(tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("control", ["", "onboard"])
+@pytest.mark.parametrize("control", ["", "onboard", "cmd-vel"])
 def test_sources_in_the_unit_are_sound(control, tmp_path):
     """What the archive has builds as its build description says, and runs under sanitizers."""
     chosen = scenario("ditch", **({"control": control} if control else {}))
-    made = controller_unit(embedded(chosen.controller, chosen.model)) if control else plant(chosen.model)
+    made = unit_of(chosen.controller, chosen.model) if control else plant(chosen.model)
     with zipfile.ZipFile(write_unit(made, tmp_path / "unit.fmu")) as archive:
         archive.extractall(tmp_path)
     listed = re.findall(r'SourceFile name="([^"]+)"', (tmp_path / "sources" / "buildDescription.xml").read_text())
     assert set(listed) == {path.name for path in (tmp_path / "sources").glob("*.c")}
     assert all((tmp_path / "sources" / name).read_text() == text for name, text in made.c_files.items())
     (tmp_path / "alone").mkdir()
-    assert ran_sanely(made, tmp_path / "alone", [0.5] * 6) == PERIODS
+    given = [0.03] if control == "cmd-vel" else [0.5] * 6
+    assert ran_sanely(made, tmp_path / "alone", given) == PERIODS
