@@ -80,7 +80,7 @@ def _folded(sentences: Iterable[str]) -> Iterator[str]:
         named = re.findall(r"'[^']*'", sentence)
         groups.setdefault(re.sub(r"'[^']*'|\d\S*", "", sentence) if len(named) == 1 else sentence, []).append(sentence)
     for first, *others in groups.values():
-        names = [match.group() for other in others if (match := re.search(r"'[^']*'", other))]
+        names = [match.group() for sentence in others if (match := re.search(r"'[^']*'", sentence))]
         yield first + (f" Likewise {', '.join(dict.fromkeys(names))}." if names else "")
 
 

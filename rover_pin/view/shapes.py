@@ -45,28 +45,27 @@ def shapes_of(rover: Rover, folder: Path | None = None) -> list[Shape]:
     robot = yourdfpy.URDF.load(io.BytesIO(rover.urdf.encode()), load_meshes=False, build_scene_graph=False).robot
     palette = {material.name: material.color for material in robot.materials}
     rims = {_link_of(rover, mount): mount for mount in rover.wheels}
-    shapes: list[Shape] = []
+    shapes, missing = list[Shape](), set[str]()
     for link in robot.links:
         link_shapes: list[Shape] = []
         for visual in link.visuals:
             full = 3 * sum(len(shape.faces) for shape in (*shapes, *link_shapes)) > MOST_CORNERS
-            link_shapes += _shape(link.name, visual, palette, None if full else folder)
+            link_shapes += _shape(link.name, visual, palette, None if full else folder, missing)
         if link.name in rims:
             link_shapes = list(_wheel(link.name, rims[link.name], link_shapes, rover))
         shapes += link_shapes or list(_rods(rover, link.name))
     return shapes
 
 
-def _shape(link: str, visual: Any, palette: dict[str, Any], folder: Path | None) -> Iterator[Shape]:
-    mesh = _mesh(visual.geometry, folder)
-    if mesh is None:
+def _shape(link: str, visual: Any, palette: dict[str, Any], folder: Path | None, missing: set[str]) -> Iterator[Shape]:
+    if (mesh := _mesh(visual.geometry, folder, missing)) is None:
         return
     mesh.apply_transform(np.eye(4) if visual.origin is None else visual.origin)
     yield Shape(link, np.asarray(mesh.vertices), np.asarray(mesh.faces), _colour(visual.material, palette))
 
 
-def _mesh(geometry: Any, folder: Path | None) -> Any:
-    """Return a shape of the URDF as triangles, or None for a mesh that is not to be had."""
+def _mesh(geometry: Any, folder: Path | None, missing: set[str]) -> Any:
+    """Return a shape of the URDF as triangles, or None for a mesh that is not to be had, which is said once."""
     if geometry.box is not None:
         return trimesh.creation.box(extents=geometry.box.size)
     if geometry.sphere is not None:
@@ -75,7 +74,9 @@ def _mesh(geometry: Any, folder: Path | None) -> Any:
         return trimesh.creation.cylinder(radius=geometry.cylinder.radius, height=geometry.cylinder.length, sections=32)
     file = None if folder is None else mesh_file(geometry.mesh.filename, folder)
     if file is None:
-        log.warning("the mesh %s is not in the rover's folder or package, or one too many", geometry.mesh.filename)
+        if geometry.mesh.filename not in missing:
+            log.warning("the mesh %s is not in the rover's package, or one too many", geometry.mesh.filename)
+        missing.add(geometry.mesh.filename)
         return None
     try:
         scale = 1.0 if geometry.mesh.scale is None else geometry.mesh.scale
