@@ -160,6 +160,12 @@ def test_a_mesh_gives_the_size_where_it_can_be_read(tmp_path):
     text = re.sub("<geometry>.*?</geometry>", mesh, made.cart().urdf)
     found = proposed(tmp_path / "pkg" / "urdf", text)
     assert found["wheel"] == {"r": 0.15, "b": 0.08}
+    for r, size in ((0.001, found["wheel"]), (0.04, found["wheel"]), (0.14, {"r": 0.14, "b": 0.05})):
+        shape = f'<geometry><cylinder radius="{r}" length="0.05"/></geometry></collision>'
+        drawn = re.sub(r"(<collision><origin[^>]*>).*?</collision>", rf"\g<0>\1{shape}", text)
+        (tmp_path / "pkg" / f"r{r}").mkdir()
+        assert drawn.count(shape) > 3
+        assert proposed(tmp_path / "pkg" / f"r{r}", drawn)["wheel"] == size
     (tmp_path / "pkg" / "meshes" / "tyre.stl").unlink()
     named = re.sub('name="([fr][lr])"', r'name="wheel_\1"', text)
     poor = proposed(tmp_path / "pkg", named)

@@ -17,7 +17,7 @@ from rover_pin.rover.description.tree import Joint, Link, Shape, UrdfTree
 log = logging.getLogger(__name__)
 
 ROUND = 0.2
-"""Largest difference of a round shape's two diameters, over the larger: treads have corners."""
+"""Largest difference of a round shape's two diameters, or of two shapes of a rim, over the larger: treads have lugs."""
 
 
 class WheelSize(NamedTuple):
@@ -29,7 +29,7 @@ class WheelSize(NamedTuple):
 
 
 def wheel_size(tree: UrdfTree, joint: Joint, folder: Path) -> WheelSize | None:
-    """Return the size of what turns about a joint, if it is round about its axis; the surest source first."""
+    """Return the size of what turns about a joint, if round about its axis: of its largest shapes, a cylinder's."""
     links = {link.name: link for link in tree.links}
     group = [links[name] for name in tree.rigid_group(joint.child) if name in links]
     places = tree.placements
@@ -39,7 +39,8 @@ def wheel_size(tree: UrdfTree, joint: Joint, folder: Path) -> WheelSize | None:
         placement = at @ places.get(link.name, np.eye(4))
         candidates += _drawn(link, placement, joint.axis, folder)
     if candidates:
-        return max(candidates, key=lambda size: ("inertia" not in size.source, "cylinder" in size.source, size.r))
+        rim = (1.0 - ROUND) * max(size.r for size in candidates)
+        return max(candidates, key=lambda size: (size.r >= rim, "cylinder" in size.source, size.r))
     return _of_inertia(links[joint.child], joint.axis)
 
 
