@@ -174,8 +174,8 @@ class DriveExperiment(Experiment):
 
         def moved() -> dict[str, np.ndarray]:
             runs = tuple(_further(run, AHEAD) for run in self.runs)
-            further = dataclasses.replace(self, runs=runs).predict([model])[0]
-            return {"slope": (further - self.predict([model])[0]) / AHEAD}
+            displaced = dataclasses.replace(self, runs=runs).predict([model])[0]
+            return {"slope": (displaced - self.predict([model])[0]) / AHEAD}
 
         change = self.cached_arrays(("held further ahead", model), moved)["slope"]
         return np.where(np.abs(change) < LOST, change, 0.0)

@@ -256,8 +256,8 @@ def _gripped(scene: Scene, axle: int) -> Part:
 
 def _may_misread(name: str) -> bool:
     """Return whether an error of this channel's own sensor is looked for."""
-    own = ("wheel_rate_", "current_", "rocker_", "bogie_", "body_roll", "body_pitch", "battery_", "gyro_", "accel")
-    return name.startswith(own)
+    kinds = ("wheel_rate_", "current_", "rocker_", "bogie_", "body_roll", "body_pitch", "battery_", "gyro_", "accel")
+    return name.startswith(kinds)
 
 
 def _reading(scene: Scene, name: str) -> Act:

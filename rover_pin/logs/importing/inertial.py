@@ -39,11 +39,11 @@ def inertial_units(
         axes = _axes(words, names)
         if "z" not in axes:
             continue
-        stated = axes["z"].unit if axes["z"].unit in units else ""
+        unit_of_name = axes["z"].unit if axes["z"].unit in units else ""
         readings: list[Reading] = []
-        for unit in (stated,) if stated else units:
+        for unit in (unit_of_name,) if unit_of_name else units:
             for frame, signs in FRAMES.items():
-                why = f"its name; {frame}" + ("" if stated else f", in {unit}")
+                why = f"its name; {frame}" + ("" if unit_of_name else f", in {unit}")
                 z = [units[unit] * signs[2] * item.columns[axes["z"].name] for item in recordings]
                 log = _turns(z, recordings, values) if kind == "gyro" else _weighs(z)
                 guesses = [
