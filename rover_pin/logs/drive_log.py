@@ -16,7 +16,7 @@
     phi = { value = 30.0, unit = "deg" }
     [resistance]                          # R of `MotionResistance`; else that of a flat cruised at S = 0.05
     R = { value = 0.028, unit = "" }
-    [tracker]                             # error of its scale e, as of visual odometry, and its delay d
+    [tracker]                             # error of its scale e and its delay d, as of visual odometry; the point x, y
     e = { value = 0.0, sd = 0.02 }
     [noise]                               # one SD of a sample for each kind of channel, see log_noise
     wheel_rate = { value = 0.02, unit = "rad/s" }

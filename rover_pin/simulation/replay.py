@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from rover_pin.base.errors import DataError
+from rover_pin.effects.tracked_point import DRAWN
 from rover_pin.simulation.compiled.kernel import Kernel
 from rover_pin.simulation.failure import failure, suspension_of
 from rover_pin.simulation.logged_inputs import PLACE, rates_of, shared, undone
@@ -259,7 +260,7 @@ def _channels(model: Model, run: Commands, rows: np.ndarray) -> dict[str, np.nda
     channels |= {name: q[:, index] for name, index in rover.angles.items()}
     channels |= {"body_x": q[:, 0] - offset[:, 0], "body_y": q[:, 1] - offset[:, 1], "body_z": q[:, 2]}
     channels |= {"body_roll": attitude[:, 0], "body_pitch": attitude[:, 1]}
-    channels |= {"body_yaw": np.unwrap(attitude[:, 2]) - offset[:, 2]}
+    channels |= {"body_yaw": np.unwrap(attitude[:, 2]) - offset[:, 2], DRAWN: offset[:, 2]}
     channels |= {f"body_v{axis}": rows["velocity"][:, i] for i, axis in enumerate("xyz")}
     channels["battery_V"] = record[:, 0, RECORD.index("supply")]
     if run.inertial:

@@ -6,6 +6,7 @@ import pytest
 from rover_pin.base.quantity import quantities
 from rover_pin.effects.sensor_bias import SensorBias
 from rover_pin.effects.tacho_scale import TachoScale
+from rover_pin.effects.tracked_point import TrackedPoint
 from rover_pin.effects.tracking_delay import TrackingDelay
 from rover_pin.effects.velocity_filter import VelocityFilter
 from rover_pin.logs.drive_log import read_drive_log
@@ -65,6 +66,24 @@ def test_effects_do_as_they_say(trace):
     assert np.array_equal(late["wheel_rate_fl"], trace["wheel_rate_fl"])
     shifted = measured(trace, EXACT, 0, [SensorBias(bias=0.02, channel="body_pitch")])
     assert shifted["body_pitch"] == pytest.approx(trace["body_pitch"] + 0.02)
+
+
+def test_a_tracked_point_moves_with_the_body_it_is_on():
+    """Rigid-body kinematics by a rotation matrix; where a replay was drawn to another heading, by where it points."""
+    t = np.arange(0.0, 10.0, 0.01)
+    yaw = 0.3 + 0.2 * np.sin(t)
+    body = {"body_x": t, "body_y": t**2, "body_vx": 1.0 + 0.0 * t, "body_vy": 2.0 * t}
+    for pointing, channels in ((yaw, {"body_yaw": yaw}), (yaw + 0.5, {"body_yaw": yaw, "drawn_yaw": 0.5 + 0.0 * t})):
+        rotation = np.array([[np.cos(pointing), -np.sin(pointing)], [np.sin(pointing), np.cos(pointing)]])
+        arm = np.einsum("ijk,j->ik", rotation, [0.4, -0.1])
+        omega = 0.2 * np.cos(t)
+        read = TrackedPoint(x=0.4, y=-0.1).read(t, {**body, **channels})
+        for at, axis in enumerate("xy"):
+            assert read[f"body_{axis}"] - body[f"body_{axis}"] == pytest.approx(arm[at])
+        inside = slice(1, -1)
+        assert (read["body_vx"] - 1.0)[inside] == pytest.approx((-omega * arm[1])[inside], abs=1e-5)
+        assert (read["body_vy"] - 2.0 * t)[inside] == pytest.approx((omega * arm[0])[inside], abs=1e-5)
+    assert set(TrackedPoint().read(t, {"body_x": t, "body_yaw": yaw})) == {"body_x"}
 
 
 def test_tachos_of_several_wheels_are_read_each_by_its_own_scale(trace):

@@ -6,12 +6,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 from scipy.signal import lfilter
 
+from rover_pin.base.formula import evaluate, names_in
 from rover_pin.effects.effect import SensorEffect
+from rover_pin.effects.tracked_point import DRAWN
 from rover_pin.experiments.drive_log.readings.ambiguous_timing import ambiguous_steps, unaffected_rows
 from rover_pin.experiments.drive_log.readings.lane_borders import lanes_under, on_borders
 from rover_pin.experiments.drive_log.readings.outliers import without_pose_outliers
@@ -63,6 +66,8 @@ class LoggedRun:
     "which of them are compared (T,)"
     on_border: float = 0.0
     "how long a wheel stood on the border of two lanes, which is not compared [s]"
+    course: str = ""
+    "formula of a heading that was made of the place: a replay's is made so too, and no drift across it is known"
 
     @cached_property
     def usable(self) -> np.ndarray:
@@ -85,8 +90,12 @@ class LoggedRun:
         return dict(self._rows({name: filled(row) for name, row in self.measured.items()}))
 
     def _rows(self, channels: Mapping[str, np.ndarray]) -> list[tuple[str, np.ndarray]]:
+        t = self.commands.t
+        if self.course:
+            columns = {**self.measured, **channels, **_own_way(channels), "t_s": t}
+            channels = {**channels, "body_yaw": evaluate(self.course, columns, f"{self.name}: body_yaw")}
         derived_features = driven(channels, self.heading, self.commands.period, self.summed_rows)
-        still = np.zeros(len(self.commands.t))
+        still = np.zeros(len(t))
         return [(name, derived_features.get(name, channels.get(name, still))) for name in self.channels]
 
     @property
@@ -95,7 +104,7 @@ class LoggedRun:
         return blocks(self.commands.t, self.commands.period)
 
 
-def logged_run(log: Trace, rover: Rover, terrain: Terrain | None = None) -> LoggedRun:
+def logged_run(log: Trace, rover: Rover, terrain: Terrain | None = None, course: str = "") -> LoggedRun:
     """Return a run of a log ready for comparison, without outlying poses and duty steps at unknown times.
 
     Nor is compared what was driven where a wheel stood on the border of two lanes of the terrain.
@@ -121,6 +130,7 @@ def logged_run(log: Trace, rover: Rover, terrain: Terrain | None = None) -> Logg
     gaps = {PATH: ("body_x", "body_y"), DRIFT: ("body_x", "body_y"), HEADING: ("body_yaw",), SPEED: ("body_vx",)}
     inputs = (*RAW, *turned, "battery_V") if run.rate_driven else RAW
     inputs = (*inputs, *OF_PLACE) if log.attrs.get("place") == ODOMETRY else inputs
+    inputs = (*inputs, *([DRIFT] if course else []))
     features = [name for name in (*derived_features, *rows) if name not in inputs]
     use = blocks(compared, run.period) > WHOLE
     observed = []
@@ -131,7 +141,7 @@ def logged_run(log: Trace, rover: Rover, terrain: Terrain | None = None) -> Logg
         observed.append(levelled(name, np.where(use, block, np.nan), use))
     name = Path(str(log.attrs.get("file", "run"))).stem
     known = tuple(features), np.array(observed), heading, rows, summed_rows, compared
-    return LoggedRun(name, run, *known, run.period * float(on_border.sum()))
+    return LoggedRun(name, run, *known, run.period * float(on_border.sum()), course)
 
 
 WHOLE = 0.999
@@ -140,6 +150,13 @@ OF_PLACE = (PATH, DRIFT, HEADING, SPEED, "body_z")
 """What wheels' odometry does not tell; tilts, and what an inertial unit reads, are of sensors of their own."""
 RAW = ("body_x", "body_y", "body_yaw", "body_vx", "body_vy", "body_vz")
 """Channels that are compared through the features made of them."""
+
+
+def _own_way(channels: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Return the place where a replay's own turn would have led it, which was drawn to the logged heading."""
+    steps = np.diff(channels["body_x"], prepend=0.0) + 1j * np.diff(channels["body_y"], prepend=0.0)
+    place = np.cumsum(steps * np.exp(-1j * channels.get(DRAWN, np.zeros(len(steps)))))
+    return {"body_x": place.real, "body_y": place.imag}
 
 
 def comparable(name: str) -> bool:
@@ -203,10 +220,18 @@ def comparable_rows(run: Commands, rates: Sequence[np.ndarray]) -> np.ndarray:
     return np.asarray((t - t[0] >= BEGIN) & (t - np.maximum.accumulate(since) > AFTER_TURN))
 
 
+def course_of(columns: Mapping[str, Any]) -> str:
+    """Return the formula of a log's heading where [columns] make it of the place; else nothing."""
+    entry = columns.get("body_yaw", "")
+    formula = entry.get("formula", "") if isinstance(entry, Mapping) else ""
+    return formula if formula and {"body_x", "body_y"} <= set(names_in(formula, "body_yaw")) else ""
+
+
 def logged_runs(log: DriveLog, rover: Rover) -> tuple[LoggedRun, ...]:
     """Return all runs of a log."""
     shared = log.terrain()
-    runs = [(trace, logged_run(trace, rover, lanes_under(log, trace, shared))) for trace in log.runs]
+    course = course_of(log.metadata.columns)
+    runs = [(trace, logged_run(trace, rover, lanes_under(log, trace, shared), course)) for trace in log.runs]
     return tuple(_on_its_ground(log, trace, run) for trace, run in runs)
 
 

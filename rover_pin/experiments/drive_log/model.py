@@ -17,6 +17,7 @@ from rover_pin.effects.sensor_bias import SensorBias
 from rover_pin.effects.side_shear import SideShear
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.effects.tacho_scale import TachoScale
+from rover_pin.effects.tracked_point import TrackedPoint
 from rover_pin.effects.tracker_scale import TrackerScale
 from rover_pin.effects.tracking_delay import TrackingDelay
 from rover_pin.effects.weak_motor import WeakMotor
@@ -48,8 +49,8 @@ LEVEL_SD = math.tan(math.radians(1.0))
 SIDE_SD = 0.5
 """Relative SD of the side force (assumed: the law gives half of that of a measured wheel). It is free where nothing
 steers: such a rover turns, and holds its heading, by scrub alone."""
-TRACKER_SD = {"e": 0.02, "d": 0.05}
-"""SDs of a tracker's scale error and its delay [s] that are declared without one (assumed)."""
+TRACKER_SD = {"e": 0.02, "d": 0.05, "x": 0.0, "y": 0.0}
+"""SDs of a tracker's scale error and its delay [s] that are declared without one (assumed); its place is exact then."""
 SLIPS = 0.2
 """SD of the scale error of wheels' odometry that declares none (assumed: wheels on loose sand slip so)."""
 ZERO_SD = {"gyro": 0.01, "accelerometer": 0.2}
@@ -90,15 +91,16 @@ def base_model(log: DriveLog) -> Model:
 
 
 def declared_tracker(log: DriveLog) -> tuple[SensorEffect, ...]:
-    """Return the errors of the tracker that `[tracker]` declares: of its scale, e, and its delay, d.
+    """Return what `[tracker]` declares: errors of its scale, e, and its delay, d, and the point on the rover, x and y.
 
     Wheels' odometry has a scale error in any case: the slip.
     """
     where = f"{log.file}: [tracker]"
     for key in log.metadata.tracker:
-        if key not in (*TrackerScale.neutral, *TrackingDelay.neutral):
-            raise DataError(f"{where} has no key '{key}': give e, the error of its scale, and d, its delay in s.")
-    parts = {kind: _own(kind, log.metadata.tracker) for kind in (TrackerScale, TrackingDelay)}
+        if key not in TRACKER_SD:
+            given = "give e, the error of its scale, d, its delay in s, or x and y, the point that it tracks"
+            raise DataError(f"{where} has no key '{key}': {given}.")
+    parts = {kind: _own(kind, log.metadata.tracker) for kind in (TrackedPoint, TrackerScale, TrackingDelay)}
     if log.metadata.place == ODOMETRY and not parts[TrackerScale]:
         parts[TrackerScale] = dict(TrackerScale.neutral)
     return tuple(record_from(kind, table, where) for kind, table in parts.items() if table)
@@ -161,11 +163,12 @@ def nuisances(log: DriveLog, model: Model) -> tuple[Parameter, ...]:
         size = abs(float(getattr(model.soils[0], name))) if is_log else 1.0
         numbers.append(parameter_of("soil", name, declared * size, undeclared * size, is_log))
     numbers += _of_motors(log, model) if not is_rate_driven(log) else _of_scrub(model)
-    numbers += [
-        _known(log, model, owner_name(error), name, TRACKER_SD[name], SLIPS)
+    trackers = [
+        _known(log, model, owner_name(error), name, TRACKER_SD[name], SLIPS if error.neutral else 0.0)
         for error in declared_tracker(log)
-        for name in error.neutral
+        for name in quantities(error)
     ]
+    numbers += [number for number in trackers if number.scale > 0.0]
     zeros = ((zero, ZERO_SD[zero.channel.rpartition("_")[0]]) for zero in _inertial_zeros(log))
     units_source = "small inertial units, warm"
     numbers += [parameter(model, f"{owner_name(zero)}.bias", sd, source=units_source) for zero, sd in zeros]
@@ -214,7 +217,7 @@ def _of_motors(log: DriveLog, model: Model) -> list[Parameter]:
 
 TABLES = {
     "soil": "soil", "motor": "motor", "MotionResistance": "resistance", "TrackerScale": "tracker",
-    "TrackingDelay": "tracker",
+    "TrackingDelay": "tracker", "TrackedPoint": "tracker",
 }  # fmt: skip
 """Table of drive.toml that declares the numbers of a record."""
 

@@ -6,8 +6,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from rover_pin.base.formula import evaluate
 from rover_pin.experiments.drive_log.experiment import DriveExperiment, logged
-from rover_pin.experiments.drive_log.features import blocks, comparable_rows, driven, logged_run, logged_runs
+from rover_pin.experiments.drive_log.features import blocks, comparable_rows, course_of, driven, logged_run, logged_runs
 from rover_pin.rover.rover import load_rover
 from rover_pin.simulation.trace.trace import Trace
 
@@ -84,7 +85,11 @@ def test_blocks_are_means_of_readings_and_height_has_no_zero():
 @pytest.mark.parametrize("estimated", [True, False])
 def test_channels_that_told_the_ground_are_not_compared_again(estimated):
     log = SimpleNamespace(
-        runs=(trace(rocker_l=0.0 * T),), is_estimated=lambda one: estimated, terrain_of=id, terrain=lambda: None
+        runs=(trace(rocker_l=0.0 * T),),
+        is_estimated=lambda one: estimated,
+        terrain_of=id,
+        terrain=lambda: None,
+        metadata=SimpleNamespace(columns={}),
     )
     (run,) = logged_runs(log, CART)
     assert {"body_pitch", "body_z"}.isdisjoint(run.channels) == estimated
@@ -165,3 +170,44 @@ def test_a_free_experiment_is_drawn_to_no_place():
     assert np.isfinite(one.runs[0].commands.place).all()
     assert np.isnan(one.free.runs[0].commands.place).all()
     assert logged(SimpleNamespace(task=SimpleNamespace(experiment=one))) is one
+
+
+# --- a heading that was made of the place ----------------------------------------------------------------------------
+
+COURSE = "course(body_x, body_y, t_s)"
+
+
+def turning(t, arm=0.0):
+    """Place and heading of a point `arm` ahead of a cart that turns at 0.2 rad/s and goes 60 mm/s."""
+    yaw = 0.2 * t
+    place = -0.3j * (np.exp(1j * yaw) - 1.0) + arm * np.exp(1j * yaw)
+    return {"body_x": place.real, "body_y": place.imag, "body_yaw": yaw}
+
+
+@pytest.mark.parametrize("arm", [0.0, 0.2])
+def test_a_course_is_held_against_the_course_of_a_replay(arm):
+    """Of a point ahead of the centre of turning the course runs ahead of the heading, of both alike."""
+    pose = turning(T, arm)
+    run = logged_run(trace(**{**pose, "body_yaw": evaluate(COURSE, {"t_s": T, **pose}, "")}), CART, course=COURSE)
+    assert "drift" not in run.channels
+    use = np.isfinite(run.observed[run.channels.index("heading")])
+    replayed = run.features(pose)
+    for name in ("heading", "path"):
+        at = run.channels.index(name)
+        assert replayed[at][use] == pytest.approx(run.observed[at][use], abs=1e-3)
+
+
+def test_the_course_of_a_replay_is_that_of_its_own_turn():
+    """What drew it to the logged heading is taken out again: it turns at 0.2 rad/s, was drawn at 0.1 rad/s."""
+    run = logged_run(trace(**turning(T)), CART, course=COURSE)
+    drawn = {"body_yaw": 0.2 * T, "drawn_yaw": 0.1 * T}
+    place = np.cumsum(0.06 * 0.05 * np.exp(0.3j * T))
+    heading = run.channels.index("heading")
+    own = run.features({"body_x": place.real, "body_y": place.imag, **drawn})[heading]
+    assert own == pytest.approx(run.features(turning(T))[heading], abs=2e-3)
+
+
+def test_columns_tell_whether_the_heading_is_the_course():
+    assert course_of({"body_yaw": {"formula": COURSE}}) == COURSE
+    for other in ({}, {"body_yaw": {"column": "yaw"}}, {"body_yaw": "yaw"}, {"body_yaw": {"formula": "radians(yaw)"}}):
+        assert course_of(other) == ""

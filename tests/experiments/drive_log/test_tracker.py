@@ -5,9 +5,10 @@ import re
 import pytest
 
 from rover_pin.base.errors import DataError
+from rover_pin.effects.tracked_point import TrackedPoint
 from rover_pin.effects.tracker_scale import TrackerScale
 from rover_pin.effects.tracking_delay import TrackingDelay
-from rover_pin.experiments.drive_log.model import base_model, with_spread
+from rover_pin.experiments.drive_log.model import base_model, nuisances, with_spread
 from rover_pin.logs.drive_log import read_drive_log
 from rover_pin.loop.close import close_the_loop
 from tests.experiments.drive_log import drive_sets
@@ -39,8 +40,18 @@ def test_scale_and_delay_are_found_within_what_is_declared(folder):
         assert sd < 0.3 * prior
 
 
+def test_a_tracked_point_is_as_uncertain_as_the_log_declares(folder):
+    log = declaring(folder, "x = { value = 20.0, unit = 'cm', sd = 5.0 }\ny = 0.1\n")
+    model = base_model(log)
+    (point,) = [effect for effect in model.sensor_effects if isinstance(effect, TrackedPoint)]
+    assert (point.x, point.y) == (pytest.approx(0.2), 0.1)
+    (number,) = [each for each in nuisances(log, with_spread(model)) if each.name.startswith("TrackedPoint")]
+    assert (number.name, number.origin, number.scale) == ("TrackedPoint.x", pytest.approx(0.2), pytest.approx(0.05))
+    assert (number.declared, number.source) == (True, "declared in [tracker]")
+
+
 def test_a_key_that_no_tracker_has_is_refused(folder):
-    with pytest.raises(DataError, match=r"\[tracker\] has no key 'latency': give e, .* and d, its delay in s"):
+    with pytest.raises(DataError, match=r"\[tracker\] has no key 'latency': give e, .* d, its delay in s, or x and y"):
         base_model(declaring(folder, "latency = 0.1"))
 
 
