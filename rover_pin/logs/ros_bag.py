@@ -17,14 +17,10 @@ from rover_pin.base.errors import DataError, MissingExtraError, RoverPinError, c
 from rover_pin.base.files.columns import Columns
 from rover_pin.base.files.paths import exists, is_folder
 from rover_pin.logs.bag_columns import ANGLES, PART, Source, angle_of, parts, period_from, si, sources_from
+from rover_pin.logs.one_clock import MOST_ROWS, interpolated
 from rover_pin.logs.unpacking import bounded_unpacking, refuse_anchors
 
 SUFFIXES = (".bag", ".db3", ".mcap")
-MISSED = 5.0
-"""Between messages that are this many usual intervals apart nothing is interpolated."""
-
-MOST_ROWS = 5_000_000
-"""Rows that a bag is resampled to at most: more than an hour at 1 kHz."""
 
 
 def is_bag(path: Path) -> bool:
@@ -107,15 +103,6 @@ def opened(path: Path) -> Iterator[Any]:
 def _held(t: np.ndarray, at: np.ndarray, values: np.ndarray) -> np.ndarray:
     before = np.searchsorted(at, t + 1e-9, side="right") - 1
     return np.where(before >= 0, values[np.maximum(before, 0)], np.nan)
-
-
-def interpolated(t: np.ndarray, at: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Return the values of messages at these times, NaN where they fail to come; beyond the ends the last ones."""
-    resampled = np.interp(t, at, values)
-    after = np.clip(np.searchsorted(at, t), 1, len(at) - 1)
-    gaps = (at[after] - at[after - 1]) > MISSED * np.median(np.diff(at))
-    inside = (t > at[after - 1]) & (t < at[after])
-    return np.where(gaps & inside, np.nan, resampled)
 
 
 class _Messages:

@@ -15,7 +15,7 @@ from rover_pin.control.constant import ConstantDuty
 from rover_pin.control.design.controller_file import controller_of_file
 from rover_pin.control.gains_file import load_gains, load_hole
 from rover_pin.control.hole_law import HoleLaw
-from rover_pin.control.motion.kinematics import effective_track, steers
+from rover_pin.control.motion.kinematics import steers
 from rover_pin.control.motion.route import RouteControl, read_route
 from rover_pin.control.motion.servo import HeldSpeeds, Servo, cruise_speed
 from rover_pin.control.sensing.odometry import Camera, VisualOdometry
@@ -27,7 +27,7 @@ from rover_pin.control.slip_estimate import SlipEstimate, TableEstimate, TrueSli
 from rover_pin.control.steering import Crab, Turn
 from rover_pin.control.torque_check import LOST_SLIP, NoLimit, TorqueLimit, TorqueLimited
 from rover_pin.effects.motion_resistance import MotionResistance
-from rover_pin.rover.wheel_base import base_of
+from rover_pin.rover.wheel_base import base_of, effective_track
 from rover_pin.scenarios.side_force_choice import TURNS
 from rover_pin.simulation.command import Controller
 from rover_pin.simulation.model.cruise import CRUISE_DUTY

@@ -10,10 +10,10 @@ import pytest
 
 from rover_pin import scenario
 from rover_pin.base.errors import ParameterError
-from rover_pin.control.motion.kinematics import BodyMotion, effective_track, rolling
+from rover_pin.control.motion.kinematics import BodyMotion, rolling
 from rover_pin.control.motion.servo import HeldSpeeds
 from rover_pin.rover.rover import load_rover
-from rover_pin.rover.wheel_base import base_of, wheel_places
+from rover_pin.rover.wheel_base import base_of, effective_track, wheel_places
 from rover_pin.simulation.command import Reading
 from rover_pin.simulation.native.control import commands_of
 from rover_pin.simulation.simulate import plain_simulate, simulate

@@ -149,6 +149,22 @@ def twist(seen, folder):
     return path
 
 
+def records(seen, folder):
+    """Lines of two kinds, each under its own name and with its own cells; the angles jump at half a turn."""
+    stamps = pd.to_datetime(EPOCH + np.round(1e9 * seen["t_s"]).astype("int64")).strftime("%Y:%m:%d %H:%M:%S.%f")
+    wrapped = (seen["body_yaw"] / DEG + 180.0) % 360.0 - 180.0
+    pose = {"x": seen["body_x"], "y": seen["body_y"], "z": seen["body_z"], "yaw [deg]": wrapped}
+    pose |= {f"{angle} [rad]": seen[f"body_{angle}"] for angle in ("roll", "pitch")}
+    wheels = {f"speed_{wheel}": seen[f"wheel_rate_{wheel}"] for wheel in ("fl", "fr", "bl", "br")}
+    lines = []
+    for at, stamp in enumerate(stamps):
+        for kind, cells in (("$POSE", pose), ("$DRIVE", wheels)):
+            lines.append(";".join([kind, stamp, *(f"{name};{values[at]!r}" for name, values in cells.items())]))
+    path = folder / "records.txt"
+    path.write_text("\n".join(lines).replace("np.float64(", "").replace(")", "") + "\n$POSE;2023")
+    return path
+
+
 JOINTS = {"fl": "hub_lf", "fr": "hub_rf", "bl": "hub_lb", "br": "hub_rb"}
 """The cart's wheels by the names of their joints."""
 
@@ -228,5 +244,5 @@ def mcap(seen, folder):
     return path
 
 
-HABITS = {each.__name__: each for each in (plain, german, nanoseconds, geographic, parquet, matlab, twist)}
+HABITS = {each.__name__: each for each in (plain, german, nanoseconds, geographic, parquet, matlab, twist, records)}
 BAGS = {each.__name__: each for each in (ros1, ros2, mcap)}

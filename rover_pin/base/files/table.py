@@ -118,7 +118,7 @@ def _parquet(path: Path) -> Table:
 
 
 def _text(path: Path, raw: bytes) -> Table:
-    text, encoding = _decoded(raw)
+    text, encoding = decoded(raw)
     lines = text.splitlines()
     try:
         layout = layout_of(lines)
@@ -143,7 +143,8 @@ def _text(path: Path, raw: bytes) -> Table:
     return Table(path, columns, tuple(f"line {at + 1}" for at, _ in complete), notes, tuple(faults))
 
 
-def _decoded(raw: bytes) -> tuple[str, str]:
+def decoded(raw: bytes) -> tuple[str, str]:
+    """Return a file's text, and its encoding."""
     for mark, encoding in ENCODINGS:
         if raw.startswith(mark):
             return raw.decode(encoding, errors="replace"), encoding

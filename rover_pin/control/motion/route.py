@@ -14,12 +14,13 @@ from rover_pin.base.arguments import checked, spec
 from rover_pin.base.errors import DataError, ParameterError
 from rover_pin.base.files.columns import read_columns
 from rover_pin.contact import Scalar
-from rover_pin.control.motion.kinematics import BodyMotion, effective_track, rolling, steers, turning_places
+from rover_pin.control.motion.kinematics import BodyMotion, rolling, steers, turning_places
 from rover_pin.control.motion.law_control import LawControl
 from rover_pin.control.motion.servo import FASTEST, Servo, servo_duties, servo_symbols
 from rover_pin.control.steering import MOST_STEER
 from rover_pin.control.torque_check import NoLimit, TorqueLimit
 from rover_pin.rover.rover import Rover
+from rover_pin.rover.wheel_base import effective_track
 from rover_pin.simulation.model.motor import Motor
 from rover_pin.simulation.timing import CONTROL_PERIOD
 from rover_pin.simulation.trace.trace import Trace

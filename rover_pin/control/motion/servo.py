@@ -14,11 +14,12 @@ from rover_pin.base.arguments import checked, spec
 from rover_pin.base.errors import ParameterError
 from rover_pin.base.quantity import Record, quantities, quantity
 from rover_pin.contact import Scalar
-from rover_pin.control.motion.kinematics import BodyMotion, effective_track, rolling, steers, turning_places
+from rover_pin.control.motion.kinematics import BodyMotion, rolling, steers, turning_places
 from rover_pin.control.motion.law_control import LawControl
 from rover_pin.control.steering import MOST_STEER
 from rover_pin.control.torque_check import NoLimit, TorqueLimit
 from rover_pin.rover.rover import Rover
+from rover_pin.rover.wheel_base import effective_track
 from rover_pin.simulation.model.cruise import CRUISE_DUTY
 from rover_pin.simulation.model.motor import Motor
 from rover_pin.simulation.timing import CONTROL_PERIOD

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import logging
+import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -22,6 +24,7 @@ from rover_pin.logs.importing.splitting import Drive, Part, chosen, drive_of, pa
 from rover_pin.logs.importing.understood import Source, Understood, understood
 from rover_pin.logs.importing.written import Run, Sheet, lines, toml_of
 from rover_pin.rover.rover import Rover, load_rover
+from rover_pin.rover.wheel_base import base_of
 from rover_pin.simulation.trace.channels import WHOLE, is_column
 
 log = logging.getLogger(__name__)
@@ -144,7 +147,7 @@ def _written(
     folder: Path, sources: Sequence[Source], rover: str | Path, loaded_rover: Rover, mapping: Understood, most: int
 ) -> Imported:
     pieces, remarks = _pieces(mapping, loaded_rover, most)
-    runs = list(_runs(pieces, mapping))
+    runs, base = list(_runs(pieces, mapping)), base_of(loaded_rover)
     unused = f"{sources[0].path.name}: not used: {', '.join(mapping.unused[:30])}" if mapping.unused else ""
     of_files = (note for source in sources for note in source.notes)
     notes = tuple(dict.fromkeys(filter(None, (*of_files, *mapping.notes, *remarks, unused))))
@@ -157,6 +160,7 @@ def _written(
         runs,
         [*notes, *(f"Lacks {lack}." for lack in mapping.lacks)],
         any(guess.target in ("body_pitch", "body_z") for guess in mapping.guesses),
+        (base.length / math.sqrt(12.0), base.track / math.sqrt(12.0)),
     )
     csv_files = (replace_file(folder / f"{run.name}.csv", columns_text(dict(run.columns))) for run in runs)
     files = list(telling(csv_files, len(runs), "runs written"))
@@ -166,9 +170,12 @@ def _written(
 
 
 def _runs(pieces: Sequence[_Piece], mapping: Understood) -> Iterator[Run]:
+    taken: set[str] = set()
     for path, recording in mapping.recordings.items():
         mine = [piece.part for piece in pieces if piece.path == path]
-        stem = re.sub(r"\W+", "-", path.stem).strip("-") or "run"
+        plain = re.sub(r"\W+", "-", path.stem).strip("-") or "run"
+        stem = next(name for at in itertools.count(1) if (name := plain if at == 1 else f"{plain}-{at}") not in taken)
+        taken.add(stem)
         for at, part in enumerate(mine, 1):
             t, table = recording.t[part.first : part.last], recording.table.iloc[part.first : part.last]
             columns = {str(name): table[name].to_numpy(dtype=float) for name in table if name != "t_s"}

@@ -10,7 +10,7 @@ from rover_pin.base.formula import change
 from rover_pin.logs.importing.evidence import independent, mean_known
 from rover_pin.logs.importing.recording import Recording
 from rover_pin.rover.rover import Rover
-from rover_pin.rover.wheel_base import base_of
+from rover_pin.rover.wheel_base import base_of, effective_track
 
 OFFSETS = np.arange(-2.0, 2.01, 0.02)
 """Offsets of the wheels' clock that are tried [s]."""
@@ -55,12 +55,22 @@ def measured(
     for x, y, scale, text in says:
         if (fit := _slope(np.concatenate(x), np.concatenate(y))) is not None:
             low, best, high = (scale / series for series in reversed(fit))
-            yield text.format(f"{best:.3g} [{low:.3g}, {high:.3g}]")
+            yield text.format(f"{best:.3g} [{low:.3g}, {high:.3g}]") + (_skids(rover, high) if x is spins else "")
     loss = np.sum(misfits, axis=0)
     inside = OFFSETS[loss - loss.min() < DROP]
     if inside[0] > 0.0 or inside[-1] < 0.0:
         best, low, high = OFFSETS[np.argmin(loss)], inside[0], inside[-1]
         yield f"the wheels' times are {best:+.2f} s [{low:+.2f}, {high:+.2f}] behind the place's: shift one of them"
+
+
+def _skids(rover: Rover, high: float) -> str:
+    """Return what is wrong with a track of wheels that skid where not even the upper end is what scrub asks for."""
+    if any(wheel.steer_dof is not None for wheel in rover.wheels) or high >= (need := effective_track(rover)):
+        return ""
+    return (
+        f"; wheels that skid need some {need:.3g} m: rates that were computed of the rover's own turn say nothing of "
+        f"scrub, so compute them with +- {need / 2.0:.3g} m"
+    )
 
 
 def _slope(x: np.ndarray, y: np.ndarray) -> tuple[float, float, float] | None:

@@ -11,6 +11,7 @@ import pandas as pd
 
 from rover_pin.base.errors import DataError
 from rover_pin.base.formula import names_in, quoted
+from rover_pin.base.quantity import to_si
 from rover_pin.logs.importing.channels import channels
 from rover_pin.logs.importing.clock import Clock, clocks, whole_stamps
 from rover_pin.logs.importing.evidence import SURE, mean_known
@@ -21,6 +22,7 @@ from rover_pin.logs.importing.recording import Choice, Entry, Guess, Recording, 
 from rover_pin.logs.importing.wheels import wheel_choices
 from rover_pin.rover.rover import Rover
 from rover_pin.simulation.trace.channels import is_column
+from rover_pin.terrain.files import LARGEST
 
 LACKS = {
     "duty_": "no duties: the wheels are held to their measured rates, and what motors and gears do does not show",
@@ -87,6 +89,7 @@ def understood(sources: Sequence[Source], rover: Rover, declared: Mapping[str, E
         words, list(recordings.values()), list(values.values()), rover, declared_here, choice
     )
     guesses |= {guess.target: guess for guess in more_guesses}
+    guesses |= {guess.target: guess for guess in _from_an_origin(guesses, recordings)}
     values = {path: _values(recording, guesses.values()) for path, recording in recordings.items()}
     used = {name for guess in guesses.values() for name in _sources(guess)}
     some = next(iter(values.values()))
@@ -245,6 +248,17 @@ def _guesses(
                     why = "no heading is recorded, so the course stands for it, turned round where wheels run backwards"
                     guess = guess._replace(entry={"formula": text}, why=why)
             yield guess
+
+
+def _from_an_origin(guesses: Mapping[str, Guess], recordings: Mapping[Path, Recording]) -> Iterator[Guess]:
+    """Yield places on a map's grid as they lie from the first one, to 10 m: no ground is declared so far off."""
+    values = _values(next(iter(recordings.values())), guesses.values())
+    for name in ("body_x", "body_y"):
+        entry, place = guesses[name].entry, values[name][np.isfinite(values[name])][0]
+        if abs(place) > LARGEST:
+            unit = to_si(1.0, entry["unit"], "m", name) if entry.get("unit") else 1.0
+            offset = entry.get("offset", 0.0) - round(float(place), -1) / unit
+            yield guesses[name]._replace(entry={**entry, "offset": offset})
 
 
 def share_back(rates: np.ndarray) -> float:

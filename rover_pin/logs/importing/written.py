@@ -31,11 +31,13 @@ class Sheet(NamedTuple):
     notes: Sequence[str]
     estimated: bool
     "whether pitch or height tell the ground"
+    base_sd: tuple[float, float]
+    "of a point that lies anywhere on the base [m]: along and across"
 
 
 def toml_of(sheet: Sheet) -> str:
     """Return the text of drive.toml."""
-    parts = (_head(sheet), _terrain(sheet), _further(), _columns(sheet.guesses), _runs(sheet.runs))
+    parts = (_head(sheet), _terrain(sheet), _tracker(sheet), _further(), _columns(sheet.guesses), _runs(sheet.runs))
     return "\n".join(line for part in parts for line in part) + "\n"
 
 
@@ -59,6 +61,12 @@ def _terrain(sheet: Sheet) -> Iterator[str]:
         yield 'slope = { value = 0.0, unit = "deg" }  # ASSUMED flat: neither pitch nor height is recorded'
     yield '# or: slope = { value = 12, unit = "deg" }, uphill along the heading at the start of a run,'
     yield '# in its [[run]]: terrain = { slope = { value = 5, unit = "deg" } }; or polyline = "ground.csv"'
+
+
+def _tracker(sheet: Sheet) -> Iterator[str]:
+    yield "\n[tracker]  # ASSUMED anywhere over the wheels' base: the point of which body_x and body_y are the place"
+    for name, sd in zip("xy", sheet.base_sd, strict=True):
+        yield f'{name} = {{ value = 0.0, unit = "m", sd = {sd:.3g} }}'
 
 
 def _further() -> Iterator[str]:
@@ -101,7 +109,8 @@ def lines(guesses: Sequence[Guess]) -> Iterator[str]:
     for guess in guesses:
         source = guess.entry.get("column") or guess.entry.get("formula")
         unit = f" [{guess.entry['unit']}]" if "unit" in guess.entry else ""
+        offset = f" {guess.entry['offset']:+.6g}" if "offset" in guess.entry else ""
         scale = {1.0: "", -1.0: "-"}.get(factor := guess.entry.get("scale", 1.0), f"{factor:.6g} * ")
-        yield f"{guess.target} = {scale}{source}{unit}" + (
+        yield f"{guess.target} = {scale}{source}{offset}{unit}" + (
             "" if guess.sure else f"  GUESSED (P = {guess.share:.2f}): {guess.why}"
         )

@@ -11,20 +11,13 @@ import numpy as np
 import pandas as pd
 
 from rover_pin.base.errors import DataError
-from rover_pin.logs.ros_bag import MOST_ROWS, field_names, interpolated, nanoseconds, opened
+from rover_pin.logs.one_clock import FEWEST, Series, on_one_clock
+from rover_pin.logs.ros_bag import field_names, nanoseconds, opened
 
 LONGEST_ARRAY = 16
 """Arrays with more entries, as images, scans and covariances, are left out."""
-FEWEST = 5
-"""Messages that a topic needs."""
-FINEST, COARSEST = 0.02, 0.2
-"""Bounds of the clock's period [s], between which it is that of the topic in the middle."""
-CLOCK = "t_s"
-
 APART = 3600 * 10**9
 """Stamps that are off the times of receipt by more [ns] are of another clock."""
-Series = dict[str, tuple[np.ndarray, np.ndarray]]
-"""Field -> times [ns] and values."""
 
 
 def bag_table(path: Path) -> tuple[pd.DataFrame, tuple[str, ...]]:
@@ -41,7 +34,7 @@ def bag_table(path: Path) -> tuple[pd.DataFrame, tuple[str, ...]]:
         series, skipped, stale = _read(bag)
     if not series:
         raise DataError(f"{path}: no topic of the bag has numbers in {FEWEST} messages or more.")
-    table, period = _on_one_clock(path, series)
+    table, period = on_one_clock(path, series)
     omissions = [f"topics of unknown type are left out: {', '.join(skipped)}"] if skipped else []
     if stale:
         omissions.append(
@@ -73,8 +66,7 @@ def _read(bag: Any) -> tuple[Series, list[str], list[str]]:
         if np.mean(np.diff(stamps) > 0) < 0.5 or abs(np.median(stamps - receipts)) > APART:
             stale[field.split(".")[0]] = None
             stamps = receipts
-        ahead = np.concatenate([[True], stamps[1:] > np.maximum.accumulate(stamps)[:-1]])
-        series[field] = (stamps[ahead], np.array([sample[2] for sample in samples])[ahead])
+        series[field] = (stamps, np.array([sample[2] for sample in samples]))
     return series, sorted(skipped), list(stale)
 
 
@@ -96,23 +88,3 @@ def _member(value: Any, path: str, names: Any) -> Iterator[tuple[str, float]]:
         labels = list(names) if isinstance(names, list) and len(names) == len(value) else range(len(value))
         for label, element in zip(labels, value, strict=True):
             yield from _leaves(element, f"{path}[{label}]")
-
-
-def _on_one_clock(path: Path, series: Series) -> tuple[pd.DataFrame, float]:
-    steps = [1e-9 * float(np.median(np.diff(times))) for times, _ in series.values()]
-    period = round(float(np.clip(np.median(steps), FINEST, COARSEST)), 3)
-    begin, end = min(times[0] for times, _ in series.values()), max(times[-1] for times, _ in series.values())
-    lasts = 1e-9 * (end - begin)
-    rows = int(lasts / period) + 1
-    if rows > MOST_ROWS:
-        raise DataError(
-            f"{path}: its topics span {lasts:.3g} s, {rows} rows, and {MOST_ROWS} are the most: where stamps are "
-            "of different clocks, convert the bag with one."
-        )
-    t = period * np.arange(rows)
-    columns = {name: _within(t, (times - begin) * 1e-9, values) for name, (times, values) in series.items()}
-    return pd.DataFrame({CLOCK: t, **columns}), period
-
-
-def _within(t: np.ndarray, times: np.ndarray, values: np.ndarray) -> np.ndarray:
-    return np.where((t < times[0]) | (t > times[-1]), np.nan, interpolated(t, times, values))

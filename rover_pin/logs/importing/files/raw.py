@@ -16,6 +16,7 @@ from rover_pin.base.files.paths import exists, is_file, is_folder
 from rover_pin.base.files.table import read_table
 from rover_pin.logs.importing.files.bags import bag_table
 from rover_pin.logs.importing.files.matlab import mat_table
+from rover_pin.logs.records import delimiter_of_records, record_table
 from rover_pin.logs.ros_bag import is_bag
 
 DATED = re.compile(
@@ -79,6 +80,8 @@ def _table(path: Path) -> tuple[pd.DataFrame, tuple[str, ...]]:
         return bag_table(path)
     if path.suffix == ".mat":
         return mat_table(path), ()
+    if path.suffix not in (".parquet", ".pq") and (mark := delimiter_of_records(path)):
+        return record_table(path, mark, _numbers)
     table = read_table(path)
     more = f" (and {len(table.faults) - 1} more)" if len(table.faults) > 1 else ""
     omissions = (f"left out: {table.faults[0].rstrip('.')}{more}",) if table.faults else ()

@@ -1,0 +1,114 @@
+"""Texts whose every line is of one of several records: read by their names and times, or refused by what is wrong."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from rover_pin.base.errors import DataError
+from rover_pin.logs.importing.files.raw import read_raw
+from rover_pin.logs.importing.import_log import import_log
+from rover_pin.logs.one_clock import interpolated
+from rover_pin.logs.records import delimiter_of_records
+from tests.logs import recordings
+
+BEGIN = pd.Timestamp("2022-06-01 13:42:57.5")
+
+
+def text(
+    rows=40, delimiter=";", stamp=lambda at: (BEGIN + pd.Timedelta(0.1 * at, "s")).strftime("%Y:%m:%d %H:%M:%S.%f")
+):
+    """A receiver at 10 Hz, a gyro at 20 Hz in lines of their own, some of them late."""
+    lines = [delimiter.join(["GPS", stamp(at), str(1.0 * at), str(-2.0 * at)]) for at in range(rows)]
+    rates = [
+        delimiter.join(["IMU", stamp(at / 2), "Rate", "0.0", str(3.0 * at), "Level", "9.8"]) for at in range(2 * rows)
+    ]
+    return "\n".join([*lines[:20], *rates, *lines[20:]]) + "\n"
+
+
+@pytest.mark.parametrize("delimiter", [";", ",", "\t"])
+def test_cells_are_called_after_the_word_before_them(delimiter, tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text(text(delimiter=delimiter))
+    raw = read_raw(path)
+    t = raw.table["t_s"].to_numpy()
+    assert set(raw.table) == {"t_s", "GPS_1", "GPS_2", "IMU_Rate_1", "IMU_Rate_2", "IMU_Level"}
+    assert raw.table["IMU_Rate_2"].to_numpy() == pytest.approx(60.0 * t, abs=1e-6)
+    inside = t <= 3.9
+    assert raw.table["GPS_2"].to_numpy()[inside] == pytest.approx(-20.0 * t[inside], abs=1e-6)
+    assert "40 of GPS, 80 of IMU" in raw.notes[0]
+
+
+def test_a_torn_line_and_a_single_one_are_left_out_and_counted(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text(text() + "STATUS;2022:06:01 13:42:57.5;on\nGPS;2022:06:01 13:4")
+    raw = read_raw(path)
+    assert "2 lines that are of no record are left out" in raw.notes
+    assert not [name for name in raw.table if name.startswith("STATUS")]
+
+
+def test_records_without_dates_are_refused_with_what_is_there(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text(text(stamp=lambda at: f"{1e3 * at:.0f}"))
+    with pytest.raises(
+        DataError, match=r"records \(GPS, IMU\).*what follows 'GPS' is no date \('0'\).*a table a record"
+    ):
+        read_raw(path)
+
+
+@pytest.mark.parametrize(
+    "other",
+    ["mode,t,x\nauto,0.1,2\nmanual,0.2,3\n", "auto,0.1,2\nmanual,0.2,3\n", "t,x\n0.1,2\n0.2,3\n", "", 'a,"1\nb,"2,3\n'],
+)
+def test_a_table_is_no_text_of_records(other, tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text(other)
+    assert delimiter_of_records(path) == ""
+
+
+def test_an_angle_that_jumps_by_a_turn_is_not_drawn_through():
+    at = np.arange(8.0)
+    angle = np.array([150.0, 160.0, 170.0, 180.0, -170.0, -160.0, -150.0, -140.0])
+    read = interpolated(np.arange(0.0, 7.01, 0.25), at, angle)
+    turned = np.angle(np.exp(1j * np.radians(read - np.interp(np.arange(0.0, 7.01, 0.25), at, angle % 360.0))))
+    assert np.max(np.abs(turned)) <= np.radians(5.0) + 1e-9
+    assert read[:12] == pytest.approx(np.arange(150.0, 178.0, 2.5))
+
+
+@pytest.fixture(scope="module")
+def seen():
+    return recordings.truth()
+
+
+def test_places_on_a_maps_grid_are_told_from_an_origin(seen, tmp_path):
+    grid = {**seen, "body_x": seen["body_x"] + 174_043.2, "body_y": seen["body_y"] - 5_444_352.0}
+    made = import_log([recordings.plain(grid, tmp_path)], "cart", tmp_path / "log")
+    assert {"body_x = x [m] -174040 [m]", "body_y = y [m] +5.44435e+06 [m]"} <= set(made.columns)
+    from rover_pin.experiments.drive_log.checks.log import faults
+    from rover_pin.logs.drive_log import read_drive_log
+
+    log = read_drive_log(tmp_path / "log")
+    assert faults(log) == ()
+    assert np.abs(log.runs[0]["body_x"] - seen["body_x"][: len(log.runs[0].t)] - 3.2).max() < 0.02
+
+
+def test_recordings_of_one_name_stay_apart(seen, tmp_path):
+    days = []
+    for day in "ab":
+        (tmp_path / day).mkdir()
+        days.append(recordings.plain(seen, tmp_path / day))
+    made = import_log(days, "cart", tmp_path / "log")
+    names = [line.split(":")[0] for line in made.runs]
+    assert len(names) == len(set(names)) == len(list((tmp_path / "log").glob("*.csv")))
+
+
+@pytest.mark.parametrize(("share", "said"), [(1.0, True), (3.4, False)])
+def test_rates_computed_from_a_turn_say_nothing_of_scrub(share, said, seen, tmp_path):
+    """The cart's four wheels skid: their sides must run apart by more than a turn without scrub takes."""
+    scrubbed = dict(seen)
+    for side in "lr":
+        for axle in "fb":
+            mean = np.mean([seen[f"wheel_rate_{axle}{each}"] for each in "lr"], axis=0)
+            scrubbed[f"wheel_rate_{axle}{side}"] = mean + share * (seen[f"wheel_rate_{axle}{side}"] - mean)
+    made = import_log([recordings.plain(scrubbed, tmp_path)], "cart", tmp_path / "log")
+    (track,) = [note for note in made.notes if note.startswith("effective track")]
+    assert ("computed of the rover's own turn" in track) is said
