@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -13,6 +13,7 @@ from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.held_out import LOSES, ChannelScore, losses
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.estimation.baselines import Baseline
+from rover_pin.estimation.wording import format_value
 
 FEWEST = 2
 """Folds from which they scatter at all."""
@@ -40,20 +41,34 @@ def error_ratio(scores: Sequence[ChannelScore], curve: Sequence[Baseline]) -> tu
     return math.exp(folds.mean()), math.exp(folds.mean() + reach)
 
 
+def _words(baseline: Baseline) -> str:
+    return f"a {baseline.curve} of {baseline.given}"
+
+
+def _errors(scores: Sequence[ChannelScore], baselines: Sequence[Baseline]) -> Iterator[tuple[str, str]]:
+    """Yield each curve and, in words, its held-out error against the model's in a channel."""
+    of_model = {score.name: score.after for score in scores}
+    for row in (baseline for baseline in baselines if baseline.channel in of_model):
+        error, reference = format_value(row.error, row.unit), format_value(of_model[row.channel], row.unit)
+        yield _words(row), f"{row.channel} {error} against {reference}"
+
+
 def against_rivals(verdict: Verdict, baselines: Sequence[Baseline]) -> Verdict:
-    """Return a verdict beside its rivals: one that predicts better, beyond what folds scatter, is said first."""
-    kinds = dict.fromkeys((baseline.curve, baseline.given) for baseline in baselines)
+    """Return a verdict beside its rivals: one that predicts better, beyond what folds scatter, is said first.
+
+    Channels that no curve predicts do not count.
+    """
+    scores = [score for score in verdict.scores if score.name in {baseline.channel for baseline in baselines}]
     ratios = {
-        f"a {curve} of {given}": error_ratio(verdict.scores, [row for row in baselines if row.curve == curve])
-        for curve, given in kinds
+        words: error_ratio(scores, [row for row in baselines if _words(row) == words])
+        for words in dict.fromkeys(map(_words, baselines))
     }
     better = {words: ratio for words, (ratio, high) in ratios.items() if ratio < LOSES and high < 1.0}
-    beside = replace(
-        verdict, baselines=tuple(baselines), cautions=(*verdict.cautions, *losses(verdict.scores, baselines))
-    )
+    beside = replace(verdict, baselines=tuple(baselines), cautions=(*verdict.cautions, *losses(scores, baselines)))
     if not better:
         return beside
     words = min(better, key=lambda name: better[name])
-    first = f"{words} predicts what was left out with {better[words]:.2f} times this model's errors"
+    errors_text = ", ".join(errors for curve, errors in _errors(scores, baselines) if curve == words)
+    first = f"{words} predicts what was left out with {better[words]:.2f} times this model's errors ({errors_text})"
     answer = verdict.answer if verdict.answer is Answer.NONE_FITS else Answer.INADEQUATE
     return replace(beside, answer=answer, rival=first, sentence=f"{first[0].upper()}{first[1:]}. {verdict.sentence}")

@@ -14,8 +14,10 @@ from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.conclude import search_of, verdict_of, with_draft, with_next
 from rover_pin.discrepancy.held_out import losses
 from rover_pin.discrepancy.question import Progress, Question
+from rover_pin.discrepancy.rivals import against_rivals
 from rover_pin.discrepancy.search import Search
 from rover_pin.discrepancy.verdict import Verdict
+from rover_pin.estimation.baselines import Baseline
 from rover_pin.estimation.numbers import profiles
 from rover_pin.experiments.drive_log.calibrate import experiment_on
 from rover_pin.experiments.drive_log.candidates import candidates
@@ -140,15 +142,26 @@ def verdict_on(log: DriveLog, question: Question, search: Search, seed: int, pro
     odometry = kinematic(experiment, search.base.model.rover)
     verdict = with_draft(verdict, lambda fitted: drafted(fitted, residual, log.metadata.name, progress), seed)
     sentences = (verdict.sentence, _how(verdict, residual), ground.sentence if ground else "")
-    return dataclasses.replace(
+    verdict = dataclasses.replace(
         verdict,
-        baselines=odometry,
         sentence=with_wheel_names(" ".join(filter(None, sentences)), wheels),
         findings=findings(log),
         profiles=profiles(after, amplitude_names) if amplitude_names and verdict.named else (),
-        cautions=(*verdict.cautions, *cautions(verdict, free), *losses(verdict.scores, odometry)),
+        cautions=(*verdict.cautions, *cautions(verdict, free)),
         extra=DriveExtra(free, residual, ground),
     )
+    return beside_odometry(verdict, odometry, experiment.rate_driven)
+
+
+def beside_odometry(verdict: Verdict, odometry: Sequence[Baseline], rate_driven: bool) -> Verdict:
+    """Return a verdict beside odometry: a rival where both are given the wheels' rates, a caution where one is not.
+
+    A model that is given duties has to predict the rates first.
+    """
+    if rate_driven:
+        return against_rivals(verdict, odometry)
+    lost = losses(verdict.scores, odometry)
+    return dataclasses.replace(verdict, baselines=tuple(odometry), cautions=(*verdict.cautions, *lost))
 
 
 def _how(verdict: Verdict, residual: DriveResidual) -> str:

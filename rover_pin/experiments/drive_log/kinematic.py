@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from rover_pin.estimation.baselines import Baseline
+from rover_pin.estimation.experiment import LEAST
 from rover_pin.experiments.drive_log.experiment import DriveExperiment
 from rover_pin.experiments.drive_log.features import DRIFT, HEADING, PATH, SPEED, LoggedRun
 from rover_pin.rover.rover import Rover
@@ -14,45 +17,72 @@ from rover_pin.simulation.replay import filled
 CURVE, GIVEN = "kinematic model with fitted slip", "the measured wheel rates"
 
 
+POINT_STEP = 1e-3
+"""Offset of the tracked point [m] for its derivative."""
+
+
 def kinematic(experiment: DriveExperiment, rover: Rover) -> tuple[Baseline, ...]:
     """Return the held-out errors of odometry, v = (1 - s) mean(r omega) and psi' = g (right - left) r omega.
 
-    One slip s and one g for all runs but the one that is predicted, fitted to each channel by least squares; the rover
-    goes where it heads. Unlike the model, which is given the duties, it is given the measured wheel rates; where one
-    was not measured there is no odometry.
+    The tracked point lies at x, y from the centre of turning. One s, g, x and y for all runs but the one that is
+    predicted, by least squares in units of the noise; the rover goes where it heads. Unlike the model, which is given
+    the duties, it is given the measured wheel rates; where one was not measured there is no odometry.
     """
     rates = [f"wheel_rate_{wheel.name}" for wheel in rover.wheels]
     if any(rate not in run.measured for run in experiment.runs for rate in rates):
         return ()
     names = [name for name in (PATH, DRIFT, HEADING, SPEED) if name in experiment.channels]
-    driven, baselines = [_odometry(run, rover) for run in experiment.runs], []
-    for name in names:
-        at = experiment.channels.index(name)
-        rows = [features[run.channels.index(name)] for run, features in zip(experiment.runs, driven, strict=True)]
-        observed = [experiment.observed[number, at, : row.size] for number, row in enumerate(rows)]
-        errors = [_missed(rows, observed, fold) for fold in range(len(rows))]
-        error = float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))
-        baselines.append(Baseline(name, experiment.unit(name), CURVE, error, GIVEN))
-    return tuple(baselines)
+    at = [experiment.channels.index(name) for name in names]
+    floor = np.fmax(experiment.floor()[at], LEAST)[:, None]
+    tables = [_regressors(run, rover, names) / floor for run in experiment.runs]
+    observed = [experiment.observed[number, at, : run.observed.shape[1]] / floor for number, run in
+                enumerate(experiment.runs)]  # fmt: skip
+    missed = [floor * _missed(tables, observed, fold) for fold in range(len(tables))]
+    errors = np.array([np.sqrt(np.nanmean(rows**2, axis=1)) for rows in missed])
+    whole = np.sqrt(np.nanmean(np.concatenate(missed, axis=1) ** 2, axis=1))
+    return tuple(
+        Baseline(name, experiment.unit(name), CURVE, float(error), GIVEN, tuple(map(float, by_fold)))
+        for name, error, by_fold in zip(names, whole, errors.T, strict=True)
+    )
 
 
-def _odometry(run: LoggedRun, rover: Rover) -> np.ndarray:
-    """Return the features (channels, blocks) of a rover whose wheels do not slip, its heading that of g = 1."""
+def _regressors(run: LoggedRun, rover: Rover, names: Sequence[str]) -> np.ndarray:
+    """Return features (4, channels, blocks): the way and the turn of wheels that do not slip, and what x and y add."""
+    at = [run.channels.index(name) for name in names]
+    there, *beside = (_odometry(run, rover, point)[at] for point in (0j, POINT_STEP, 1j * POINT_STEP))
+    turns = np.array([[name == HEADING] for name in names])
+    return np.array([there * ~turns, there * turns, *((rows - there) / POINT_STEP for rows in beside)])
+
+
+def _odometry(run: LoggedRun, rover: Rover, point: complex) -> np.ndarray:
+    """Return the features (channels, blocks) of a point of a rover whose wheels do not slip, its heading that of g = 1.
+
+    It goes where the log heads; where that is the course, its own heading is the course of where its wheels turn it.
+    """
     rims = np.array([wheel.wheel.r * filled(run.measured[f"wheel_rate_{wheel.name}"]) for wheel in rover.wheels])
     places = wheel_places(rover)
     left = np.array([places[wheel.name][1] > 0.0 for wheel in rover.wheels])
     speed, turn = rims.mean(axis=0), rims[~left].mean(axis=0) - rims[left].mean(axis=0)
-    forward = np.array([np.cos(run.heading), np.sin(run.heading)])
-    x, y = np.cumsum(forward * speed, axis=1) * run.commands.period
-    pose = {"body_x": x, "body_y": y, "body_yaw": np.cumsum(turn) * run.commands.period}
-    return run.features({**pose, "body_vx": forward[0] * speed, "body_vy": forward[1] * speed})
+    yaw = np.cumsum(turn) * run.commands.period
+
+    def features(heading: np.ndarray) -> np.ndarray:
+        forward = np.exp(1j * heading)
+        place = np.cumsum(speed * forward) * run.commands.period + point * forward
+        velocity = speed * forward + np.gradient(point * forward, run.commands.period)
+        pose = {"body_x": place.real, "body_y": place.imag, "body_vx": velocity.real, "body_vy": velocity.imag}
+        return run.features({**pose, "body_yaw": yaw})
+
+    result = features(run.heading)
+    if run.course and HEADING in run.channels:
+        heading = run.channels.index(HEADING)
+        result[heading] = features(yaw)[heading]
+    return result
 
 
-def _missed(rows: list[np.ndarray], observed: list[np.ndarray], fold: int) -> np.ndarray:
-    """Return what one run misses by the factor that is fitted to the others."""
-    others = [number for number in range(len(rows)) if number != fold]
-    odometry, measured = (np.concatenate([table[number] for number in others]) for table in (rows, observed))
+def _missed(tables: list[np.ndarray], observed: list[np.ndarray], fold: int) -> np.ndarray:
+    """Return what one run misses (channels, blocks) by the factors that are fitted to the others."""
+    others = [number for number in range(len(tables)) if number != fold]
+    regressors, measured = (np.concatenate([rows[at] for at in others], axis=-1) for rows in (tables, observed))
     good = np.isfinite(measured)
-    factor = float(odometry[good] @ measured[good]) / max(float(odometry[good] @ odometry[good]), 1e-300)
-    missed = observed[fold] - factor * rows[fold]
-    return missed[np.isfinite(missed)]
+    factors = np.linalg.lstsq(regressors[:, good].T, measured[good])[0]
+    return np.asarray(observed[fold] - np.tensordot(factors, tables[fold], axes=1))

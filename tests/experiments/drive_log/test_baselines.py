@@ -1,17 +1,28 @@
 """Odometry with a fitted slip, on the log of a rover that is exactly that."""
 
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
+import pytest
 
-from rover_pin.discrepancy.held_out import ChannelScore, losses
+from rover_pin.base.formula import evaluate
+from rover_pin.discrepancy.answer import Answer
+from rover_pin.discrepancy.held_out import ChannelScore, LevelError, losses
+from rover_pin.discrepancy.verdict import Verdict
+from rover_pin.estimation.baselines import Baseline
 from rover_pin.experiments.drive_log.experiment import DriveExperiment
 from rover_pin.experiments.drive_log.features import logged_run
-from rover_pin.experiments.drive_log.kinematic import kinematic
+from rover_pin.experiments.drive_log.kinematic import CURVE, GIVEN, kinematic
+from rover_pin.loop.drive import beside_odometry
+from rover_pin.report.headline import headline
+from rover_pin.report.labels import labels_of
 from rover_pin.rover.rover import load_rover
+from rover_pin.simulation.trace.trace import Trace
 from tests.experiments.drive_log import drive_channels
 
-ROVER = load_rover("nexus6")
+ROVER, CART = load_rover("nexus6"), load_rover("cart")
+COURSE = "course(body_x, body_y, t_s)"
 
 
 def logged(run):
@@ -37,6 +48,55 @@ def test_uniform_slip_is_met_and_differing_slip_is_missed():
     assert alike["drift"].error < 1e-12
     slower = errors(one, farther(other, 0.8))
     assert slower["path"].error > 0.15 * driven
+
+
+def skidding(side, course):
+    """A cart of 0.5 m/s turns at 0.4 rad/s to one side, its rims 2.5 times as far apart; a point 0.2 m behind it."""
+    t, dt = np.arange(0.0, 30.0, 0.05), 0.05
+    turn = 0.4 * side * ((t > 10.0) & (t < 18.0))
+    yaw = np.cumsum(turn) * dt
+    place = np.cumsum(0.5 * 0.9 * np.exp(1j * yaw)) * dt - 0.2 * np.exp(1j * yaw)
+    channels = {"t_s": t, "body_x": place.real, "body_y": place.imag, "body_yaw": yaw}
+    if course:
+        channels["body_yaw"] = evaluate(COURSE, channels, "")
+    for wheel in CART.wheels:
+        channels[f"wheel_rate_{wheel.name}"] = (0.5 + 2.5 * 0.26 * turn * (-1 if wheel.side == "l" else 1)) / 0.11
+    return logged_run(Trace(channels, {}, {"input": "rates"}), CART, course=COURSE if course else "")
+
+
+@pytest.mark.parametrize("course", [False, True])
+def test_slip_track_and_point_are_fitted_to_the_other_runs(course):
+    runs = tuple(skidding(side, course) for side in (1, -1, 1))
+    found = {one.channel: one for one in kinematic(DriveExperiment(runs, (None,) * 3), CART)}
+    assert set(found) == {"path", "heading", *([] if course else ["drift"])}
+    for name, one in found.items():
+        driven = np.sqrt(np.nanmean(np.concatenate([run.observed[run.channels.index(name)] for run in runs]) ** 2))
+        assert one.error < 0.03 * driven, name
+        assert len(one.by_fold) == 3
+        assert one.error == pytest.approx(np.sqrt(np.mean(np.square(one.by_fold))), rel=0.1)
+
+
+def verdict():
+    levels = tuple(LevelError(f"run-{at}", 0.02, 0.02) for at in range(4))
+    score = ChannelScore("path", "m", 1e-4, 0.02, 0.02, 0.0, -0.1, 0.1, levels)
+    return Verdict(
+        "drive-log", Answer.NONE_NEEDED, "a log", "No effect is needed.", SimpleNamespace(rover=CART), scores=(score,)
+    )
+
+
+@pytest.mark.parametrize(
+    ("rate_driven", "times", "first"), [(True, 0.4, True), (True, 1.2, False), (False, 0.4, False)]
+)
+def test_odometry_that_is_better_by_the_same_rates_is_said_first(rate_driven, times, first):
+    """With both errors; a model that is given duties has to predict the rates first, and is cautioned only."""
+    row = Baseline("path", "m", CURVE, times * 0.02, GIVEN, (times * 0.02,) * 4)
+    beside = beside_odometry(verdict(), [row], rate_driven)
+    assert (beside.answer is Answer.INADEQUATE) is first
+    assert (beside.as_dict()["rival"] != "") is first
+    assert beside.as_dict()["baselines"][0]["error"] == pytest.approx(times * 0.02)
+    for said in (beside.summary().split("No effect")[0], headline(beside, labels_of(beside))):
+        assert ("8 mm against 20 mm" in said) is first
+    assert any("8 mm against 20 mm" in each for each in beside.cautions) is (times < 1.0)
 
 
 def test_a_model_that_loses_to_odometry_is_said_to_lose():
