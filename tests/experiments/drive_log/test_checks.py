@@ -112,6 +112,15 @@ def test_a_yaw_in_degrees_is_told_from_the_course():
     assert "body_yaw looks like degrees" in str(faults(log_of(run | {"body_yaw": np.degrees(run["body_yaw"])}))[0])
 
 
+@pytest.mark.parametrize(("off", "todo"), [(2.5, "its zero is theirs"), (math.pi, "add pi to body_yaw")])
+def test_a_heading_that_is_off_is_not_said_of_the_wheels(off, todo):
+    """A yaw from where an IMU was switched on: all wheels run against the travel, and none is at fault."""
+    run = {name: values for name, values in GOOD[0].items() if not name.startswith("duty_")}
+    said = [str(fault) for fault in faults(log_of(run | {"body_yaw": run["body_yaw"] + off}))]
+    assert any("off its heading, body_yaw" in each and todo in each for each in said)
+    assert not any("against the travel" in each for each in said)
+
+
 def test_the_same_fault_in_every_run_is_one_sentence():
     log = log_of(*({**run, "wheel_rate_fl": -run["wheel_rate_fl"]} for run in GOOD))
     (fault,) = faults(log)

@@ -42,11 +42,14 @@ UNLEVEL = 0.02
 
 
 def wheel_sign_faults(run: Driven) -> Remarks:
-    """Yield duties, wheel rates and currents that run against each other."""
-    drawn = _drawn(run)
+    """Yield duties, wheel rates and currents that run against each other, and rates against the travel.
+
+    A heading that is off makes all wheels run against the travel: that is said of the heading alone.
+    """
+    drawn, astray = _drawn(run), any(heading_faults(run))
     for i, wheel in enumerate(run.wheels):
         current = f"current_{wheel}_A"
-        if run.rate_driven and _correlation(run.rate[:, i], run.speed) < OPPOSITE:
+        if run.rate_driven and not astray and _correlation(run.rate[:, i], run.speed) < OPPOSITE:
             what = f"wheel_rate_{wheel} runs against the travel"
             yield what, f"multiply wheel_rate_{wheel} by -1: positive is forward"
         if _correlation(run.duty[:, i], run.rate[:, i]) < OPPOSITE:
@@ -96,7 +99,10 @@ def heading_faults(run: Driven) -> Remarks:
     if _in_degrees(run, course, use):
         yield "body_yaw looks like degrees", "give radians: multiply it by pi / 180"
     elif abs(mean) > ALIGNED and off > ASTRAY:
-        todo = "check the axes of body_x and body_y, which axis body_yaw is taken from, and that it is in radians"
+        todo = (
+            "check the axes of body_x and body_y, which axis body_yaw is taken from, that it is in radians, and that "
+            "its zero is theirs: else leave it out, and import-log takes the course"
+        )
         if abs(off - math.pi) < 0.3:
             todo = "add pi to body_yaw, or turn the signs of duties and wheel rates"
         yield f"the rover travels {degrees(off)} off its heading, body_yaw", todo
