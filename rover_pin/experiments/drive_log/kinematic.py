@@ -31,19 +31,59 @@ def kinematic(experiment: DriveExperiment, rover: Rover) -> tuple[Baseline, ...]
     rates = [f"wheel_rate_{wheel.name}" for wheel in rover.wheels]
     if any(rate not in run.measured for run in experiment.runs for rate in rates):
         return ()
-    names = [name for name in (PATH, DRIFT, HEADING, SPEED) if name in experiment.channels]
-    at = [experiment.channels.index(name) for name in names]
-    floor = np.fmax(experiment.floor()[at], LEAST)[:, None]
-    tables = [_regressors(run, rover, names) / floor for run in experiment.runs]
-    observed = [experiment.observed[number, at, : run.observed.shape[1]] / floor for number, run in
-                enumerate(experiment.runs)]  # fmt: skip
-    missed = [floor * _missed(tables, observed, fold) for fold in range(len(tables))]
+    channels = _channels(experiment)
+    floor = _floor(experiment, channels)
+    tables, observed = _tables(experiment, rover, channels, floor)
+    missed = []
+    for fold, table in enumerate(tables):
+        others = [number for number in range(len(tables)) if number != fold]
+        factors = _fitted([tables[at] for at in others], [observed[at] for at in others])
+        missed.append(floor * (observed[fold] - np.tensordot(factors, table, axes=1)))
     errors = np.array([np.sqrt(np.nanmean(rows**2, axis=1)) for rows in missed])
     whole = np.sqrt(np.nanmean(np.concatenate(missed, axis=1) ** 2, axis=1))
     return tuple(
         Baseline(name, experiment.unit(name), CURVE, float(error), GIVEN, tuple(map(float, by_fold)))
-        for name, error, by_fold in zip(names, whole, errors.T, strict=True)
+        for name, error, by_fold in zip(channels, whole, errors.T, strict=True)
     )
+
+
+def missed_afterwards(experiment: DriveExperiment, later: DriveExperiment, rover: Rover) -> dict[str, np.ndarray]:
+    """Return what odometry that is fitted to all runs of an experiment misses of later ones, by channel."""
+    channels = _channels(experiment)
+    floor = _floor(experiment, channels)
+    factors = _fitted(*_tables(experiment, rover, channels, floor))
+    both = zip(*_tables(later, rover, channels, floor), strict=True)
+    missed = [floor * (measured - np.tensordot(factors, table, axes=1)) for table, measured in both]
+    return dict(zip(channels, np.concatenate(missed, axis=1), strict=True))
+
+
+def _channels(experiment: DriveExperiment) -> list[str]:
+    return [name for name in (PATH, DRIFT, HEADING, SPEED) if name in experiment.channels]
+
+
+def _floor(experiment: DriveExperiment, channels: Sequence[str]) -> np.ndarray:
+    at = [experiment.channels.index(name) for name in channels]
+    return np.fmax(experiment.floor()[at], LEAST)[:, None]
+
+
+Tables = list[np.ndarray]
+
+
+def _tables(
+    experiment: DriveExperiment, rover: Rover, channels: Sequence[str], floor: np.ndarray
+) -> tuple[Tables, Tables]:
+    """Return the regressors (4, channels, blocks) and what was measured (channels, blocks) of each run, over noise."""
+    at = [experiment.channels.index(name) for name in channels]
+    regressors = [_regressors(run, rover, channels) / floor for run in experiment.runs]
+    cut = [run.observed.shape[1] for run in experiment.runs]
+    return regressors, [experiment.observed[number, at, :end] / floor for number, end in enumerate(cut)]
+
+
+def _fitted(tables: Tables, observed: Tables) -> np.ndarray:
+    """Return the factors of the regressors by least squares."""
+    regressors, measured = np.concatenate(tables, axis=-1), np.concatenate(observed, axis=-1)
+    good = np.isfinite(measured)
+    return np.asarray(np.linalg.lstsq(regressors[:, good].T, measured[good])[0])
 
 
 def _regressors(run: LoggedRun, rover: Rover, names: Sequence[str]) -> np.ndarray:
@@ -77,12 +117,3 @@ def _odometry(run: LoggedRun, rover: Rover, point: complex) -> np.ndarray:
         heading = run.channels.index(HEADING)
         result[heading] = features(yaw)[heading]
     return result
-
-
-def _missed(tables: list[np.ndarray], observed: list[np.ndarray], fold: int) -> np.ndarray:
-    """Return what one run misses (channels, blocks) by the factors that are fitted to the others."""
-    others = [number for number in range(len(tables)) if number != fold]
-    regressors, measured = (np.concatenate([rows[at] for at in others], axis=-1) for rows in (tables, observed))
-    good = np.isfinite(measured)
-    factors = np.linalg.lstsq(regressors[:, good].T, measured[good])[0]
-    return np.asarray(observed[fold] - np.tensordot(factors, tables[fold], axes=1))
