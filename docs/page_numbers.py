@@ -107,6 +107,7 @@ def fields() -> Mapping[str, Any]:
         "tuned": tuned(),
         "improved": improved(),
         "foreign": foreign_logs(),
+        "rtk": rtk_log(),
         "wheels": measured_wheels(),
     }
     return of | {"tables": tables(of)}
@@ -132,6 +133,29 @@ def foreign_logs() -> list[dict[str, Any]]:
     seeds = kept_layouts.groupby("importer")["seed"].unique()
     counts["seeds"] = [", ".join(map(str, seeds[importer])) for importer in counts["importer"]]
     return [{str(name): value for name, value in row.items()} for row in counts.to_dict("records")]
+
+
+RTK_MODELS = {"odometry": "Odometry", "base": "Base model", "loop": "What the loop keeps"}
+
+
+def rtk_log() -> dict[str, Any]:
+    """Return the errors on runs left out, and on later ones, of a skid-steered rover's recordings."""
+    table = kept("rtk_log", keep_default_na=False)
+    rows = []
+    for runs, errors in table.groupby("runs", sort=False):
+        cells = {row["channel"]: row for row in errors.to_dict("records")}
+        both = {name: shown(cells["path"][name], cells["heading"][name]) for name in (*RTK_MODELS, "noise")}
+        rows.append({"runs": runs, **both})
+    later = table[table["answer"] == ""]
+    ahead = later[later["loop"] < later["odometry"]].groupby("channel").size()
+    first = table.iloc[0]
+    return {"rows": rows, "later": later["runs"].nunique(), "path": ahead.get("path", 0),
+            "heading": ahead.get("heading", 0), "answer": first["answer"], "named": first["named"]}  # fmt: skip
+
+
+def shown(path: float, heading: float) -> str:
+    """Return a length in mm and an angle in degrees."""
+    return f"{1e3 * path:.1f} mm, {math.degrees(heading):.2f} deg"
 
 
 def improved() -> dict[str, int]:

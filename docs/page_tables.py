@@ -101,6 +101,11 @@ def tables(of: Mapping[str, Any]) -> dict[str, str]:
             {"Importer": "{importer}", "Seeds": "{seeds}", "Right": "{right}", "Asked": "{asked}",
              "Silently wrong": "{wrong}"},
         ),
+        "rtk": table(
+            of["rtk"]["rows"],
+            {"Runs: RMS of path and heading": "{runs}", "Odometry": "{odometry}", "Base model": "{base}",
+             "What the loop keeps": "{loop}", "Noise": "{noise}"},
+        ),
         "improved": table(rows_of(of["improved"], IMPROVED), {"Of the logs": "{name}", "Count": "{value}"}),
         "ditches": table(
             rows_of(of["ditches"]["passed"], ("tacking", "constant 0.55", "paper, Eq 9", "paper, Eq 9, tuned")),

@@ -123,3 +123,15 @@ def test_what_slip_control_costs_is_its_constant_aim(fields):
     assert rows["S_d = 0.2, true slip"]["passed"] < onboard["passed"] < constant["passed"] < by_hole["passed"]
     assert onboard["buried"] <= 0.01 * fields["control"]["drives"] < constant["buried"]
     assert by_hole["way"] > constant["way"]
+
+
+def test_a_skid_steered_rover_is_predicted_as_its_study_says():
+    """Of parts left out and of later runs: what the loop keeps against odometry, and the base model behind both."""
+    table = kept("rtk_log")
+    ahead = table["loop"] < table["odometry"]
+    left_out, turning = table["answer"].notna(), table["runs"].str.startswith("B")
+    assert ahead[left_out].all()
+    assert (table["base"] > table["odometry"])[left_out | turning].all()
+    assert ahead[table["channel"] == "heading"].all()
+    assert not ahead[turning & (table["channel"] == "path")].any()
+    assert (table[["odometry", "base", "loop"]].max(axis=1) < table["noise"])[~left_out & ~turning].all()

@@ -22,6 +22,8 @@ from rover_pin.base.files.table_layout import LOOKED, MISSING, cells
 from rover_pin.logs.one_clock import FEWEST, Series, on_one_clock
 
 DELIMITERS = ";\t|,"
+HEAD = 1 << 16
+"""Bytes from which records are recognised."""
 WORD = re.compile(r"\$?[^\W\d][\w ./-]*(?:\[[^\]]*\])?")
 """A name, perhaps with its unit."""
 
@@ -29,8 +31,7 @@ WORD = re.compile(r"\$?[^\W\d][\w ./-]*(?:\[[^\]]*\])?")
 def delimiter_of_records(path: Path) -> str:
     """Return what parts the cells of a text of records; empty where a file is none."""
     try:
-        with path.open("rb") as file:
-            head = decoded(file.read(1 << 16))[0].splitlines()[:LOOKED]
+        head = decoded(content(path, MOST_TABLE)[:HEAD])[0].splitlines()[:LOOKED]
     except OSError:
         return ""
     return next((mark for mark in DELIMITERS if _are_records(head, mark)), "")
