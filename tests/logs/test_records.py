@@ -6,9 +6,9 @@ import pytest
 
 from rover_pin.base.errors import DataError
 from rover_pin.logs.importing.files.raw import read_raw
+from rover_pin.logs.importing.files.records import delimiter_of_records
 from rover_pin.logs.importing.import_log import import_log
 from rover_pin.logs.one_clock import interpolated
-from rover_pin.logs.records import delimiter_of_records
 from tests.logs import recordings
 
 BEGIN = pd.Timestamp("2022-06-01 13:42:57.5")

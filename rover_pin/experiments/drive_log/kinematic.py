@@ -40,10 +40,10 @@ def kinematic(experiment: DriveExperiment, rover: Rover) -> tuple[Baseline, ...]
         factors = _fitted([tables[at] for at in others], [observed[at] for at in others])
         missed.append(floor * (observed[fold] - np.tensordot(factors, table, axes=1)))
     errors = np.array([np.sqrt(np.nanmean(rows**2, axis=1)) for rows in missed])
-    whole = np.sqrt(np.nanmean(np.concatenate(missed, axis=1) ** 2, axis=1))
+    rms = np.sqrt(np.nanmean(np.concatenate(missed, axis=1) ** 2, axis=1))
     return tuple(
         Baseline(name, experiment.unit(name), CURVE, float(error), GIVEN, tuple(map(float, by_fold)))
-        for name, error, by_fold in zip(channels, whole, errors.T, strict=True)
+        for name, error, by_fold in zip(channels, rms, errors.T, strict=True)
     )
 
 

@@ -98,8 +98,8 @@ def declared_tracker(log: DriveLog) -> tuple[SensorEffect, ...]:
     where = f"{log.file}: [tracker]"
     for key in log.metadata.tracker:
         if key not in TRACKER_SD:
-            given = "give e, the error of its scale, d, its delay in s, or x and y, the point that it tracks"
-            raise DataError(f"{where} has no key '{key}': {given}.")
+            allowed = "give e, the error of its scale, d, its delay in s, or x and y, the point that it tracks"
+            raise DataError(f"{where} has no key '{key}': {allowed}.")
     parts = {kind: _own(kind, log.metadata.tracker) for kind in (TrackedPoint, TrackerScale, TrackingDelay)}
     if log.metadata.place == ODOMETRY and not parts[TrackerScale]:
         parts[TrackerScale] = dict(TrackerScale.neutral)

@@ -100,9 +100,9 @@ def _names(kind: str, table: pd.DataFrame) -> list[str]:
         is_word = _is_word(word) and bool((table[at] == word).all())
         stem = f"{kind}_{word}" if is_word else stem
         stems.append(f"{stem} word" if is_word else stem)
-    several, seen = Counter(stems), Counter[str]()
+    several, count_of = Counter(stems), Counter[str]()
     names = ["t"]
     for stem in stems:
-        seen[stem] += 1
-        names.append(f"{stem}_{seen[stem]}" if several[stem] > 1 else stem)
+        count_of[stem] += 1
+        names.append(f"{stem}_{count_of[stem]}" if several[stem] > 1 else stem)
     return names
