@@ -164,9 +164,10 @@ def nuisances(log: DriveLog, model: Model) -> tuple[Parameter, ...]:
         numbers.append(parameter_of("soil", name, declared * size, undeclared * size, is_log))
     numbers += _of_motors(log, model) if not is_rate_driven(log) else _of_scrub(model)
     trackers = [
-        _known(log, model, owner_name(error), name, TRACKER_SD[name], SLIPS if error.neutral else 0.0)
+        _known(log, model, owner_name(error), name, TRACKER_SD[name], SLIPS)
         for error in declared_tracker(log)
         for name in quantities(error)
+        if error.neutral or name in log.metadata.tracker
     ]
     numbers += [number for number in trackers if number.scale > 0.0]
     zeros = ((zero, ZERO_SD[zero.channel.rpartition("_")[0]]) for zero in _inertial_zeros(log))
