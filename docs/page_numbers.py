@@ -108,6 +108,7 @@ def fields() -> Mapping[str, Any]:
         "improved": improved(),
         "foreign": foreign_logs(),
         "rtk": rtk_log(),
+        "turns": turns(),
         "wheels": measured_wheels(),
     }
     return of | {"tables": tables(of)}
@@ -133,6 +134,20 @@ def foreign_logs() -> list[dict[str, Any]]:
     seeds = kept_layouts.groupby("importer")["seed"].unique()
     counts["seeds"] = [", ".join(map(str, seeds[importer])) for importer in counts["importer"]]
     return [{str(name): value for name, value in row.items()} for row in counts.to_dict("records")]
+
+
+def turns() -> list[dict[str, Any]]:
+    """Return the yaw rate driven over that commanded of public rovers, and their effective track over B."""
+    table = kept("public_turns")
+    table["share"] = table["driven_deg_s"] / table["commanded_deg_s"]
+    shares = table.pivot(index=["rover", "track_over_B", "makers"], columns=["turn", "ground"], values="share")
+    return [
+        {
+            "rover": rover, "ours": f"{ours:.2f}", "makers": f"{makers:.2f}",
+            **{turn: f"{row[turn, 'sand']:.2f}, {row[turn, 'hard']:.2f}" for turn in table["turn"].unique()},
+        }
+        for (rover, ours, makers), row in shares.iterrows()
+    ]  # fmt: skip
 
 
 RTK_MODELS = {"odometry": "Odometry", "base": "Base model", "loop": "What the loop keeps"}

@@ -106,6 +106,11 @@ def tables(of: Mapping[str, Any]) -> dict[str, str]:
             {"Runs: RMS of path and heading": "{runs}", "Odometry": "{odometry}", "Base model": "{base}",
              "What the loop keeps": "{loop}", "Noise": "{noise}"},
         ),
+        "turns": table(
+            of["turns"],
+            {"Rover": "{rover}", "Effective track / B": "{ours}", "Maker's": "{makers}", "Left at 2 m": "{turn left}",
+             "Right at 2 m": "{turn right}", "On the spot": "{on the spot}"},
+        ),
         "improved": table(rows_of(of["improved"], IMPROVED), {"Of the logs": "{name}", "Count": "{value}"}),
         "ditches": table(
             rows_of(of["ditches"]["passed"], ("tacking", "constant 0.55", "paper, Eq 9", "paper, Eq 9, tuned")),
