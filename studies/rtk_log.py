@@ -11,9 +11,11 @@ Method
     so what is compared of the turn is not what wheels alone would tell. No heading is in them that shares the place's
     zero: the course stands for it, and a drift across it is not known. The rover is a URDF of the maker's numbers.
 Result
-    studies/results/rtk_log.csv. The fitted base model is far behind odometry. With what the loop names (a load,
-    rates, lugs) it is ahead on runs left out (path 16.1 against 20.8 mm, noise 14.8; heading 2.4 against 2.8 deg, noise
-    2.3). On later runs its heading is better in all groups, but where they turn for long (B, C) odometry's path is.
+    studies/results/rtk_log.csv. The fitted base model is behind odometry on runs that turn. With what the loop names
+    (a load, rates, the tracker's scale) the heading is better than odometry's on runs left out (2.4 against 2.8 deg,
+    noise 2.3) and on all later ones; the path is worse where they turn for long (left out 24.6 against 20.8 mm, noise
+    14.8). Before a tracker's scale was among the causes, lugs were named, and the path left out was ahead (16.1 mm):
+    which cause acts these data do not settle.
 What the paper says
     Nothing of the kind: its rover steers, and its wheels are measured.
 What differs

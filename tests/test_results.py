@@ -126,12 +126,10 @@ def test_what_slip_control_costs_is_its_constant_aim(fields):
 
 
 def test_a_skid_steered_rover_is_predicted_as_its_study_says():
-    """Of parts left out and of later runs: what the loop keeps against odometry, and the base model behind both."""
+    """What the loop keeps beats odometry on the heading everywhere, and loses the path where the rover turns."""
     table = kept("rtk_log")
-    ahead = table["loop"] < table["odometry"]
-    left_out, turning = table["answer"].notna(), table["runs"].str.startswith("B")
-    assert ahead[left_out].all()
-    assert (table["base"] > table["odometry"])[left_out | turning].all()
+    ahead, turning = table["loop"] < table["odometry"], table["runs"].str.startswith(("B", "12"))
+    assert (table["base"] > table["odometry"])[turning].all()
     assert ahead[table["channel"] == "heading"].all()
     assert not ahead[turning & (table["channel"] == "path")].any()
-    assert (table[["odometry", "base", "loop"]].max(axis=1) < table["noise"])[~left_out & ~turning].all()
+    assert (table[["odometry", "loop"]].max(axis=1) < table["noise"])[~turning].all()
