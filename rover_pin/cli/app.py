@@ -105,7 +105,8 @@ def _driven(chosen: Any, views: list[str], out: Path, as_json: bool) -> None:
         model, every = chosen.model, max(len(trace.t) // 1000, 1)
         place = trace["body_x"][::every], trace["body_y"][::every]
         slope, roughness = slope_and_roughness(model.terrain, *place, base_of(model.rover).length)
-        result |= {"max_ground_slope_deg": math.degrees(slope.max()), "max_ground_roughness_mm": 1e3 * roughness.max()}
+        ground = {"max_ground_slope_deg": math.degrees(slope.max()), "max_ground_roughness_mm": 1e3 * roughness.max()}
+        result |= ground if any(ground.values()) else {}
         chosen.write_log(trace, out / "log")
         figures = plot.drive_figures(trace, chosen.model, out)
         result["files"] = list(map(str, [out / "log", *figures, *write_requested(chosen, trace, views, out)]))
