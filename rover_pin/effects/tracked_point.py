@@ -32,7 +32,14 @@ class TrackedPoint(SensorEffect):
 
     def read(self, t: np.ndarray, channels: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Return the place and the speed of the point."""
-        arm = (self.x + 1j * self.y) * np.exp(1j * (channels["body_yaw"] + channels.get(DRAWN, 0.0)))
+        return self._moved(t, channels, 1.0)
+
+    def undone(self, t: np.ndarray, channels: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """Return the place and the speed of the base's origin."""
+        return self._moved(t, channels, -1.0)
+
+    def _moved(self, t: np.ndarray, channels: Mapping[str, np.ndarray], sense: float) -> dict[str, np.ndarray]:
+        arm = sense * (self.x + 1j * self.y) * np.exp(1j * (channels["body_yaw"] + channels.get(DRAWN, 0.0)))
         rate = np.gradient(arm, t)
         added = {"body_x": arm.real, "body_y": arm.imag, "body_vx": rate.real, "body_vy": rate.imag}
         return {name: channels[name] + more for name, more in added.items() if name in channels}

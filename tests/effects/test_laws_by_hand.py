@@ -13,6 +13,7 @@ from rover_pin.effects.ploughing import Ploughing
 from rover_pin.effects.soil_traction import NODES, SoilTraction
 from rover_pin.effects.tacho_scale import TachoScale
 from rover_pin.effects.tether_drag import TetherDrag
+from rover_pin.effects.tracked_point import TrackedPoint
 from rover_pin.effects.tracker_scale import TrackerScale
 from rover_pin.effects.tracking_delay import TrackingDelay
 from rover_pin.simulation.model.effect_files import package_effects
@@ -112,7 +113,12 @@ def test_what_a_sensor_misreads_can_be_undone():
     late = {"body_x": 3.0 + t}
     back = TrackingDelay(d=0.2).undone(t, TrackingDelay(d=0.2).read(t, late))["body_x"]
     assert list(back[:-2]) == pytest.approx(late["body_x"][:-2])
-    for sensor in (TachoScale(e=0.3), TachoScale(e=-0.2, wheel="ml"), TrackerScale(e=0.05)):
+    for sensor in (
+        TachoScale(e=0.3),
+        TachoScale(e=-0.2, wheel="ml"),
+        TrackerScale(e=0.05),
+        TrackedPoint(x=-0.2, y=0.1),
+    ):
         read = channels | sensor.read(t, channels)
         assert {name: list(values) for name, values in sensor.undone(t, read).items()} == {
             name: pytest.approx(channels[name]) for name in sensor.read(t, channels)

@@ -16,6 +16,7 @@ from rover_pin.base.jobs.time_left import telling
 from rover_pin.discrepancy.candidate import Candidate
 from rover_pin.effects.effect import SensorEffect
 from rover_pin.effects.tacho_scale import TachoScale
+from rover_pin.effects.tracked_point import TrackedPoint
 from rover_pin.effects.tracker_scale import TrackerScale
 from rover_pin.effects.tracking_delay import TrackingDelay
 from rover_pin.estimation.experiment import Arrays, Experiment
@@ -38,6 +39,8 @@ from rover_pin.simulation.trace.channels import unit_of
 
 MADE = {"path": "m", "drift": "m", "heading": "rad", "speed": "m/s"}
 """Units of the features that are made of several channels."""
+TRACKER_ERRORS = (TrackedPoint, TrackerScale, TrackingDelay)
+"""Sensors that misread the place that replays are held to."""
 AHEAD = 0.005
 """How much further ahead runs are held to learn what a wandering place moves [m]: some SDs of a tracker's noise."""
 LOST = 1e3
@@ -269,7 +272,7 @@ def _drives(model: Model, rate_driven: bool) -> tuple[int, ...]:
         for model_field in dataclasses.fields(model)
         if model_field.name != "sensor_effects"
     ]
-    undone = (TrackerScale, TrackingDelay, TachoScale) if rate_driven else (TrackerScale, TrackingDelay)
+    undone = (*TRACKER_ERRORS, TachoScale) if rate_driven else TRACKER_ERRORS
     return tuple(map(id, (*parts, *(sensor for sensor in model.sensor_effects if isinstance(sensor, undone)))))
 
 
