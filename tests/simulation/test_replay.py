@@ -132,7 +132,7 @@ def test_tied_wheels_have_the_mean_of_their_rates_by_gear():
 
 def test_perturbation_adds_to_the_duty_and_place_follows_in_1_s():
     run = commands(log(), ("a",), ())
-    model = SimpleNamespace(motor=SimpleNamespace(stall_torque=2.0))
+    model = SimpleNamespace(motor=SimpleNamespace(stall_torque=2.0), sensor_effects=())
     found = fields(model, run, Perturbation(torque=np.full((40, 1), 0.5), force=np.full(40, 3.0)))
     assert found["duty_rows"] == pytest.approx(run.duty + 0.25)
     assert found["force_rows"].tolist() == [3.0] * 40
@@ -148,7 +148,7 @@ def test_channels_are_the_model_motion_without_the_drawing_force(held):
     for name in ("q", "v", "record", "attitude", "moved", "velocity"):
         rows[name] = rng.normal(size=rows[name].shape)
     rows["attitude"][:, 2] = [3.0, 3.1, -3.1, -3.0, -2.9]
-    found = channels_of(model, SimpleNamespace(t=np.arange(n), rate_driven=held), rows)
+    found = channels_of(model, SimpleNamespace(t=np.arange(n), rate_driven=held, inertial=False), rows)
     for at, axis in enumerate("xy"):
         assert found[f"body_{axis}"] + rows["moved"][:, at] == pytest.approx(rows["q"][:, at])
     assert np.array_equal(found["body_z"], rows["q"][:, 2])
