@@ -26,12 +26,12 @@ def kinematic(experiment: DriveExperiment, rover: Rover) -> tuple[Baseline, ...]
 
     The tracked point lies at x, y from the centre of turning. One s, g, x and y for all runs but the one that is
     predicted, by least squares in units of the noise; the rover goes where it heads. Unlike the model, which is given
-    the duties, it is given the measured wheel rates; where one was not measured there is no odometry.
+    the duties, it is given the measured wheel rates; where one was not measured, or no place, there is no odometry.
     """
     rates = [f"wheel_rate_{wheel.name}" for wheel in rover.wheels]
-    if any(rate not in run.measured for run in experiment.runs for rate in rates):
-        return ()
     channels = _channels(experiment)
+    if not channels or any(rate not in run.measured for run in experiment.runs for rate in rates):
+        return ()
     floor = _floor(experiment, channels)
     tables, observed = _tables(experiment, rover, channels, floor)
     missed = []
