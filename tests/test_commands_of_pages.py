@@ -23,7 +23,7 @@ keeper = importlib.util.module_from_spec(spec)
 spec.loader.exec_module(keeper)
 KEPT = {"python studies/close_the_loop.py", "rover-pin close-loop demo-drive-log"}
 """Minutes, and run every night with their numbers compared."""
-LONG = {"python studies/measured_wheels.py", "python studies/wheel_laws.py"}
+LONG = {"python studies/measured_wheels.py", "python studies/wheel_laws.py", "python studies/foreign_logs.py"}
 """Minutes, and run every night; `tests/studies` runs them with --quick."""
 PAGES = {path.name: path.read_text(encoding="utf-8") for path in FILES}
 COMMAND = re.compile(r"`((?:rover-pin |python studies/)[^`]*|studies/[\w./]+\.py)`")
