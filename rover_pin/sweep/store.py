@@ -6,6 +6,7 @@ import json
 import os
 from collections.abc import Callable, Iterable
 from pathlib import Path
+from textwrap import shorten
 from typing import Any
 
 from rover_pin.base.errors import DataError
@@ -14,6 +15,8 @@ from rover_pin.base.files.results_folder import LOCK
 from rover_pin.sweep.case import LEADING, Row
 
 STUDY_FILE, PARTS, RESULTS, CSV = "study.json", "parts", "results.parquet", "results.csv"
+MOST_LETTERS = 60
+"""Letters of a value of another study that are printed."""
 MOST_PARTS = 256
 """This many small files are merged into one, lest a folder of many cases become slow to list."""
 
@@ -113,14 +116,26 @@ def known_study(folder: Path) -> dict[str, Any]:
 
 
 def _refuse_change(folder: Path, old: dict[str, Any], new: dict[str, Any]) -> None:
-    changed = [name for name in dict.fromkeys((*old, *new)) if old.get(name) != new.get(name)]
-    if list(old["parameters"]) != list(new["parameters"]) and "parameters" not in changed:
+    before, now = _by_name(old), _by_name(new)
+    changed = [name for name in dict.fromkeys((*before, *now)) if before.get(name) != now.get(name)]
+    orders = [list(study["parameters"]) for study in (old, new)]
+    if orders[0] != orders[1] and set(orders[0]) == set(orders[1]):
+        before["parameters"], now["parameters"] = orders
         changed.append("parameters")  # their order decides which case is the first
     if changed:
-        changes = "; ".join(
-            f"{name} was {json.dumps(old.get(name))}, is {json.dumps(new.get(name))}" for name in changed
-        )
+        changes = "; ".join(f"{name} was {_brief(before, name)}, is {_brief(now, name)}" for name in changed)
         raise DataError(f"{folder}: the folder holds another study ({changes}); name a new folder or undo the change.")
+
+
+def _by_name(study: dict[str, Any]) -> dict[str, Any]:
+    """Return what a study is, entries of its tables by names of their own."""
+    tables = {name: value for name, value in study.items() if isinstance(value, dict)}
+    entries = {f"{name}: {key}": value for name, table in tables.items() for key, value in table.items()}
+    return {name: value for name, value in study.items() if name not in tables} | entries
+
+
+def _brief(entries: dict[str, Any], name: str) -> str:
+    return shorten(json.dumps(entries[name]), MOST_LETTERS, placeholder=" ...") if name in entries else "none"
 
 
 def _rows(folder: Path) -> list[Row]:

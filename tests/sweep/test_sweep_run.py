@@ -147,7 +147,7 @@ def test_a_file_that_was_changed_makes_another_study(tmp_path):
         sweep(study, out, workers=1, case_function=stub())
         assert sweep(study, out, workers=1, case_function=stub()).taken_over == 16
         model.write_text("k = 0.02")
-        with pytest.raises(DataError, match=r"another study \(files was .*model.toml"):
+        with pytest.raises(DataError, match=r"another study \(files: .*model.toml was"):
             sweep(study, out, workers=1, case_function=stub())
 
 
