@@ -192,7 +192,8 @@ def _of_model(name: str, settings: str, trust: Trust) -> Scenario:
 
 def _worst(drives: pd.DataFrame, models: int) -> pd.DataFrame:
     """Return the largest numbers over the headings by place, quantiles over the models; no way on costs infinitely."""
-    done = drives[drives["error"].isna()].astype({"stuck": float}).fillna({"energy_J_per_m": math.inf})
+    numeric = dict.fromkeys(("slip", "energy_J_per_m", "stuck"), float)
+    done = drives[drives["error"].isna()].astype(numeric).fillna({"energy_J_per_m": math.inf})
     headings = done.groupby(list(PLACE))
     quantiles = {"": 0.5, "_95": HIGH} if models > 1 else {"": 0.5}
     numbers = {
