@@ -15,10 +15,6 @@ from rover_pin.base.jobs.cluster import Workers, results
 from rover_pin.base.jobs.time_left import telling
 from rover_pin.discrepancy.candidate import Candidate
 from rover_pin.effects.effect import SensorEffect
-from rover_pin.effects.tacho_scale import TachoScale
-from rover_pin.effects.tracked_point import TrackedPoint
-from rover_pin.effects.tracker_scale import TrackerScale
-from rover_pin.effects.tracking_delay import TrackingDelay
 from rover_pin.estimation.experiment import Arrays, Experiment
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.random_effects.random_field import RandomField
@@ -31,6 +27,7 @@ from rover_pin.experiments.drive_log.readings.stated import declared_block_sd
 from rover_pin.experiments.drive_log.readings.tracker import TRACKER, tracker_columns
 from rover_pin.experiments.drive_log.recent_predictions import Recent
 from rover_pin.experiments.drive_log.resume import Memory, digest
+from rover_pin.simulation.logged_inputs import PLACE
 from rover_pin.simulation.model.model import Model
 from rover_pin.simulation.replay import Commands, Perturbation, Replay, replay
 from rover_pin.simulation.start.place import shared_rest
@@ -39,10 +36,10 @@ from rover_pin.simulation.trace.channels import unit_of
 
 MADE = {"path": "m", "drift": "m", "heading": "rad", "speed": "m/s"}
 """Units of the features that are made of several channels."""
-TRACKER_ERRORS = (TrackedPoint, TrackerScale, TrackingDelay)
-"""Sensors that misread the place that replays are held to."""
 AHEAD = 0.005
 """How much further ahead runs are held to learn what a wandering place moves [m]: some SDs of a tracker's noise."""
+TWO_ROWS = np.array([0.0, 1.0])
+"""What sensors are asked about to learn whether they misread the inputs of replays."""
 LOST = 1e3
 """What a prediction that is not a number counts as while a fit descends [channel's unit]: far, but finite."""
 
@@ -272,8 +269,9 @@ def _drives(model: Model, rate_driven: bool) -> tuple[int, ...]:
         for model_field in dataclasses.fields(model)
         if model_field.name != "sensor_effects"
     ]
-    undone = (*TRACKER_ERRORS, TachoScale) if rate_driven else TRACKER_ERRORS
-    return tuple(map(id, (*parts, *(sensor for sensor in model.sensor_effects if isinstance(sensor, undone)))))
+    rates = [f"wheel_rate_{wheel.name}" for wheel in model.rover.wheels] if rate_driven else []
+    inputs = dict.fromkeys((*PLACE, *rates), TWO_ROWS)
+    return tuple(map(id, (*parts, *(sensor for sensor in model.sensor_effects if sensor.undone(TWO_ROWS, inputs)))))
 
 
 def _features(models: Sequence[Model], run: LoggedRun, rest_state: DriveState | None) -> list[np.ndarray]:
