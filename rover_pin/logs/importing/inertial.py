@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
-from rover_pin.base.formula import change
+from rover_pin.base.formula import change, integral
 from rover_pin.logs.importing.evidence import independent, relation, scaled
 from rover_pin.logs.importing.recording import Entry, Guess, Recording, column
 from rover_pin.logs.importing.words import COMMAND, ODOMETRY, Word
@@ -86,8 +86,7 @@ def _turns(
         good = np.isfinite(rate)
         if good.sum() < 2 or len(at) < 10:
             continue
-        turned = np.concatenate([[0.0], np.cumsum(np.diff(t) * 0.5 * (rate[1:] + rate[:-1]))])
-        x, y = change(np.nan_to_num(turned), t, good)[at], change(yaw, t, np.isfinite(logged["body_yaw"]))[at]
+        x, y = change(integral(rate, t), t, good)[at], change(yaw, t, np.isfinite(logged["body_yaw"]))[at]
         total += float(relation(x @ y, np.linalg.norm(y), np.linalg.norm(x), independent(x, y), AS_HEADING))
     return total
 
@@ -95,5 +94,6 @@ def _turns(
 def _weighs(z: Sequence[np.ndarray]) -> float:
     """Return the log Bayes factor of a force by its mean against gravity."""
     force = np.concatenate(list(z))
-    mean = float(np.nanmean(force))
+    known = force[np.isfinite(force)]
+    mean = float(known.mean()) if known.size else 0.0
     return float(scaled(mean, STANDARD_GRAVITY, len(force), AT_REST)) if mean > 0.0 else -math.inf
