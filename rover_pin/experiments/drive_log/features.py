@@ -128,10 +128,9 @@ def logged_run(log: Trace, rover: Rover, terrain: Terrain | None = None, course:
     compared = summed_rows & unaffected_rows(steps, run)
     derived_features = driven(gapless_rows, heading, run.period, summed_rows)
     gaps = {PATH: ("body_x", "body_y"), DRIFT: ("body_x", "body_y"), HEADING: ("body_yaw",), SPEED: ("body_vx",)}
-    inputs = (*RAW, *turned, "battery_V") if run.rate_driven else RAW
-    inputs = (*inputs, *OF_PLACE) if log.attrs.get("place") == ODOMETRY else inputs
-    inputs = (*inputs, *([DRIFT] if course else []))
-    features = [name for name in (*derived_features, *rows) if name not in inputs]
+    hidden = {*RAW, *((*turned, "battery_V") if run.rate_driven else ()), *((DRIFT,) if course else ())}
+    hidden |= set(OF_PLACE) if log.attrs.get("place") == ODOMETRY else set()
+    features = [name for name in (*derived_features, *rows) if name not in hidden]
     use = blocks(compared, run.period) > WHOLE
     observed = []
     for name in features:

@@ -46,7 +46,7 @@ def wheel_sign_faults(run: Driven) -> Remarks:
 
     A heading that is off makes all wheels run against the travel: that is said of the heading alone.
     """
-    drawn, astray = _drawn(run), any(heading_faults(run))
+    drawn, astray = _drawn(run), run.rate_driven and any(heading_faults(run))
     for i, wheel in enumerate(run.wheels):
         current = f"current_{wheel}_A"
         if run.rate_driven and not astray and _correlation(run.rate[:, i], run.speed) < OPPOSITE:
