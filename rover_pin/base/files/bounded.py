@@ -24,8 +24,8 @@ MOST_UNPACKED = 1024 * MIB
 """Bytes of arrays or of a Parquet table, in the file and in memory."""
 
 
-def content(path: str | Path, most: int = MOST_UNPACKED) -> bytes:
-    """Return the bytes of a regular file.
+def content(path: str | Path, most: int = MOST_UNPACKED, head: int | None = None) -> bytes:
+    """Return the bytes of a regular file, or its first `head` ones.
 
     Raises
     ------
@@ -42,7 +42,7 @@ def content(path: str | Path, most: int = MOST_UNPACKED) -> bytes:
             raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
         if not stat.S_ISREG(status.st_mode):
             raise OSError(errno.EINVAL, "it is a device or a pipe, not a file")
-        raw = file.read(most + 1) if status.st_size <= most else b""
+        raw = file.read(most + 1 if head is None else head) if status.st_size <= most else b""
     if max(status.st_size, len(raw)) > most:
         raise too_large(most)
     return raw

@@ -31,7 +31,7 @@ WORD = re.compile(r"\$?[^\W\d][\w ./-]*(?:\[[^\]]*\])?")
 def delimiter_of_records(path: Path) -> str:
     """Return what parts the cells of a text of records; empty where a file is none."""
     try:
-        head = decoded(content(path, MOST_TABLE)[:HEAD])[0].splitlines()[:LOOKED]
+        head = decoded(content(path, MOST_TABLE, HEAD))[0].splitlines()[:LOOKED]
     except OSError:
         return ""
     return next((mark for mark in DELIMITERS if _are_records(head, mark)), "")
