@@ -6,7 +6,7 @@
     name = "slope"
     source = "our test field, 2026"
     rover = "nexus6"                      # or a TOML beside its URDF
-    gravity = 9.81                        # m/s^2
+    gravity = 9.81                        # m/s^2, or { value = ..., unit = "..." }
     wheels = ["fl", "fr", "ml", "mr", "rl", "rr"]
     input = "rates"                       # hold the wheels to their measured rates; else duties, where logged
     angles = "sinkage"                    # or "fixed", Table 1's, as is usual for the paper's wheels
@@ -25,6 +25,7 @@
     start = { x = 0.0, y = 0.0, yaw = 0.0 }
     purpose = "climb until it stops"
     terrain = { slope = { value = 12, unit = "deg" } }   # of this run, see run_terrain
+    units = { wheel_rate_fl = "rpm" }     # of columns that are not in the unit that their name tells
 
 `column_map` says how columns of other names, units and forms are read, `bag_columns` the same of ROS bags.
 """
@@ -61,8 +62,7 @@ from rover_pin.terrain.terrain import Terrain
 from rover_pin.terrain.toml_table import terrain_from
 
 FILE, KIND = "drive.toml", "drive-log"
-RUN_KEYS = ("file", "start", "purpose", "units", "attrs", "terrain")
-START_KEYS = ("x", "y", "yaw")
+RUN_KEYS, START_KEYS = ("file", "start", "purpose", "units", "attrs", "terrain"), ("x", "y", "yaw")
 
 
 @brief
