@@ -21,7 +21,7 @@ BUDGETS = {"base": 2830, "parameters": 400, "soil": 1139, "effects": 2417, "terr
            "simulation": 7433, "logs": 3921, "control": 5571, "estimation": 1987, "inference": 2065,
            "measurements": 1993, "discrepancy": 2054, "experiments": 9055, "scenarios": 1069,
            "view": 1245, "report": 2485, "loop": 1330, "demo": 400, "plot": 975, "sweep": 1250, "tuning": 2430,
-           "comparison": 878, "cli": 1838}  # fmt: skip
+           "comparison": 878, "cli": 1841}  # fmt: skip
 """Lines that a room may have. One that is full is made simpler, or its budget is argued for in the same change."""
 NO_ROVER = ("estimation", "inference", "discrepancy")
 """Rooms that know nothing of rovers, soils or files: what they work on is an abstract experiment."""

@@ -16,6 +16,9 @@ from rover_pin.cli.completing import scenario_names
 from rover_pin.cli.options import Add, AsJson, Gravity, ModelFile, Set, SoilName, Trusted
 from rover_pin.cli.terminal import drive_settings, report
 
+Scene = Annotated[str, typer.Argument(autocompletion=scenario_names, help="The rover and its ground: ditch ...")]
+Folder = Annotated[Path, typer.Option("--out", help="Folder for the files.")]
+
 
 class Kind(StrEnum):
     """What a drive is exported to."""
@@ -60,7 +63,7 @@ def export_c(
     model: ModelFile = None,
     add: Add = [],  # noqa: B006 - typer wants a list
     set_: Set = [],  # noqa: B006
-    out: Annotated[Path, typer.Option("--out", help="Folder for the files.")] = Path("out/control"),
+    out: Folder = Path("out/control"),
     as_json: AsJson = False,
 ) -> None:
     """Write a slip control, or cmd-vel, as C, with test vectors."""
@@ -84,7 +87,7 @@ def export_c(
 
 
 def export_fmu(
-    scenario: Annotated[str, typer.Argument(autocompletion=scenario_names, help="The rover and its ground: ditch ...")],
+    scenario: Scene,
     control: Annotated[
         str, typer.Option(help="Of the second unit: eq9, onboard, camera, true (slip is given), or cmd-vel.")
     ] = "",
@@ -93,7 +96,7 @@ def export_fmu(
     model: ModelFile = None,
     add: Add = [],  # noqa: B006
     set_: Set = [],  # noqa: B006
-    out: Annotated[Path, typer.Option("--out", help="Folder for the files.")] = Path("out/fmu"),
+    out: Folder = Path("out/fmu"),
     as_json: AsJson = False,
 ) -> None:
     """Write a rover, and a slip control, as FMI 3.0 units."""
@@ -113,13 +116,13 @@ def export_fmu(
 
 
 def export_mjcf(
-    scenario: Annotated[str, typer.Argument(autocompletion=scenario_names, help="The rover and its ground: ditch ...")],
+    scenario: Scene,
     gravity: Gravity = "",
     soil: SoilName = "",
     model: ModelFile = None,
     add: Add = [],  # noqa: B006
     set_: Set = [],  # noqa: B006
-    out: Annotated[Path, typer.Option("--out", help="Folder for the files.")] = Path("out/mjcf"),
+    out: Folder = Path("out/mjcf"),
     as_json: AsJson = False,
 ) -> None:
     """Write a rover for MuJoCo, and how to drive it on its soil."""
