@@ -159,7 +159,7 @@ def beside_odometry(verdict: Verdict, odometry: Sequence[Baseline], rate_driven:
     A model that is given duties has to predict the rates first.
     """
     if rate_driven:
-        return against_rivals(verdict, odometry)
+        return against_rivals(verdict, odometry, to_beat=True)
     lost = losses(verdict.scores, odometry)
     return dataclasses.replace(verdict, baselines=tuple(odometry), cautions=(*verdict.cautions, *lost))
 

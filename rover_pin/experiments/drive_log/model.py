@@ -40,6 +40,9 @@ DRIVEN_SAND = Soil().replace(k=0.005)
 """What stands for constants that a log does not declare: Table 1, with the k at which its rover can drive at all."""
 MOTOR_TO_MOTOR, TACHO_TO_TACHO = 0.02, 0.015
 """SD of one motor's torque and of one tachogenerator's gain against the others' (assumed: small series motors)."""
+ROLLING = 0.03
+"""SD of the share by which all wheels of a rate-driven log roll on another radius than r (assumed: a tyre's is a third
+of its deflection less, a lugged wheel's lies between rim and tips). Straight on it acts as slip does."""
 MOTOR_SD = {"gear": 0.04, "resistance": 0.04}
 """Relative SD of a motor constant that is declared without one (assumed: data sheets)."""
 ORDER = 1.0
@@ -137,13 +140,13 @@ def has_current_scale(log: DriveLog) -> bool:
 
 
 def with_spread(model: Model, motors: bool = True) -> Model:
-    """Return the model with a gain for each motor and each tachogenerator, all exact, unless it has them."""
-    for number, wheel in enumerate(model.rover.wheels):
-        gains: list[WeakMotor | TachoScale] = [WeakMotor(g=0.0, wheel=number)] if motors else []
-        for gain in (*gains, TachoScale(e=0.0, wheel=wheel.name)):
-            present = [effect for effect in model.all_effects if isinstance(effect, (WeakMotor, TachoScale))]
-            is_present = any(type(effect) is type(gain) and effect.wheel == gain.wheel for effect in present)
-            model = model if is_present else model.having(gain)
+    """Return the model with a gain for each motor or for all wheels' radius, and each tachogenerator, unless it has."""
+    wheels = model.rover.wheels
+    gains = [WeakMotor(g=0.0, wheel=number) for number, _ in enumerate(wheels)] if motors else [TachoScale(e=0.0)]
+    for gain in (*gains, *(TachoScale(e=0.0, wheel=wheel.name) for wheel in wheels)):
+        present = [effect for effect in model.all_effects if isinstance(effect, (WeakMotor, TachoScale))]
+        is_present = any(type(effect) is type(gain) and effect.wheel == gain.wheel for effect in present)
+        model = model if is_present else model.having(gain)
     return model
 
 
@@ -162,7 +165,7 @@ def nuisances(log: DriveLog, model: Model) -> tuple[Parameter, ...]:
         declared, undeclared, is_log = SD[name]
         size = abs(float(getattr(model.soils[0], name))) if is_log else 1.0
         numbers.append(parameter_of("soil", name, declared * size, undeclared * size, is_log))
-    numbers += _of_motors(log, model) if not is_rate_driven(log) else _of_scrub(model)
+    numbers += _of_motors(log, model) if not is_rate_driven(log) else _of_rolling(model)
     trackers = [
         _known(log, model, owner_name(error), name, TRACKER_SD[name], SLIPS)
         for error in declared_tracker(log)
@@ -196,11 +199,12 @@ def _of_resistance(log: DriveLog, model: Model) -> list[Parameter]:
     return [number for number in (R, _known(log, model, "MotionResistance", "q", 0.0, FADES)) if number.scale > 0.0]
 
 
-def _of_scrub(model: Model) -> list[Parameter]:
-    """Return the scale of the side force of a rover that does not steer."""
+def _of_rolling(model: Model) -> list[Parameter]:
+    """Return what rates of wheels leave open: the radius they roll on, and the side force where nothing steers."""
     scrubs = all(wheel.steer_dof is None for wheel in model.rover.wheels)
     has = any(isinstance(effect, SideShear) and effect.scale for effect in model.effects)
-    return [parameter(model, "SideShear.scale", SIDE_SD, log=True)] if scrubs and has else []
+    rolling = parameter(model, "TachoScale.e", ROLLING, source="a tyre rolls on less than its radius, a lug on more")
+    return [rolling, *([parameter(model, "SideShear.scale", SIDE_SD, log=True)] if scrubs and has else [])]
 
 
 def _of_motors(log: DriveLog, model: Model) -> list[Parameter]:
