@@ -172,12 +172,15 @@ def _rms(residual: np.ndarray, good: np.ndarray, axes: int | tuple[int, int] = 2
 
 
 def losses(scores: Sequence[ChannelScore], baselines: Sequence[Baseline]) -> tuple[str, ...]:
-    """Return where a baseline predicts what was not fitted better than the model does, one sentence a channel."""
+    """Return where a baseline predicts what was not fitted better than the model does, one sentence a channel.
+
+    An error below the noise counts as the noise: nothing predicts better than that.
+    """
     sentences = []
     for score in scores:
         channel_baselines = [baseline for baseline in baselines if baseline.channel == score.name]
         best = min(channel_baselines, key=lambda baseline: baseline.error, default=None)
-        if best is not None and best.error < LOSES * score.after:
+        if best is not None and max(best.error, score.floor) < LOSES * score.after:
             errors = f"{format_value(best.error, score.unit)} against {format_value(score.after, score.unit)}"
             sentences.append(f"held out, {score.name} is predicted better by a {best.curve} of {best.given} ({errors})")
     return tuple(sentences)

@@ -14,7 +14,6 @@ from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.conclude import search_of, verdict_of, with_draft, with_next
 from rover_pin.discrepancy.held_out import losses
 from rover_pin.discrepancy.question import Progress, Question
-from rover_pin.discrepancy.rivals import against_rivals
 from rover_pin.discrepancy.search import Search
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.estimation.baselines import Baseline
@@ -154,14 +153,18 @@ def verdict_on(log: DriveLog, question: Question, search: Search, seed: int, pro
 
 
 def beside_odometry(verdict: Verdict, odometry: Sequence[Baseline], rate_driven: bool) -> Verdict:
-    """Return a verdict beside odometry: a rival where both are given the wheels' rates, a caution where one is not.
+    """Return a verdict beside odometry: where that predicts any channel better by the same rates, this is said first.
 
-    A model that is given duties has to predict the rates first.
+    A model that is given duties has to predict the rates first: it is cautioned only.
     """
-    if rate_driven:
-        return against_rivals(verdict, odometry, to_beat=True)
     lost = losses(verdict.scores, odometry)
-    return dataclasses.replace(verdict, baselines=tuple(odometry), cautions=(*verdict.cautions, *lost))
+    beside = dataclasses.replace(verdict, baselines=tuple(odometry), cautions=(*verdict.cautions, *lost))
+    if not (lost and rate_driven):
+        return beside
+    first = "; ".join(lost)
+    answer = verdict.answer if verdict.answer is Answer.NONE_FITS else Answer.INADEQUATE
+    sentence = f"{first[0].upper()}{first[1:]}. {verdict.sentence}"
+    return dataclasses.replace(beside, answer=answer, rival=first, sentence=sentence)
 
 
 def _how(verdict: Verdict, residual: DriveResidual) -> str:

@@ -70,21 +70,3 @@ def test_what_is_on_no_list_stays_the_answer():
     beside = against_rivals(verdict, curve({"pull": [1.0] * 3, "sinkage": [4.0] * 3}))
     assert beside.answer is Answer.NONE_FITS
     assert beside.rival.startswith("a quadratic of what was set")
-
-
-@pytest.mark.parametrize(
-    ("after", "first"), [([2.0, 2.0, 2.0], False), ([2.2, 1.9, 2.1], True), ([1.9, 1.9, 1.8], False)]
-)
-def test_what_is_to_beat_is_said_first_where_only_the_base_loses(after, first):
-    """Twice as good as the base (4 against 2), a rival is to be beaten by what is kept: a tie of folds is not enough."""
-    verdict = Verdict("drive-log", Answer.NAMED, "a log", "An effect acts.", None, scores=(_of(4.0, after),))
-    odometry = curve({"path": [2.0, 2.0, 2.0]}, "kinematic model")
-    assert (against_rivals(verdict, odometry, to_beat=True).answer is Answer.INADEQUATE) is first
-    assert against_rivals(verdict, odometry).answer is Answer.NAMED
-    even = Verdict("drive-log", Answer.NAMED, "a log", "An effect acts.", None, scores=(_of(2.2, after),))
-    far = curve({"path": [2.0, 2.3, 2.1]}, "kinematic model")
-    assert against_rivals(even, far, to_beat=True).answer is Answer.NAMED
-
-
-def _of(before, after):
-    return score("path", after)._replace(levels=tuple(LevelError(str(at), before, e) for at, e in enumerate(after)))

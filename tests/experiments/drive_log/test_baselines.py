@@ -88,19 +88,24 @@ def test_later_runs_are_predicted_by_what_was_fitted_before(course):
 
 def verdict():
     levels = tuple(LevelError(f"run-{at}", 0.02, 0.02) for at in range(4))
-    score = ChannelScore("path", "m", 1e-4, 0.02, 0.02, 0.0, -0.1, 0.1, levels)
-    return Verdict(
-        "drive-log", Answer.NONE_NEEDED, "a log", "No effect is needed.", SimpleNamespace(rover=CART), scores=(score,)
+    path, heading = (
+        ChannelScore(name, unit, 1e-4, 0.02, 0.02, 0.0, -0.1, 0.1, levels)
+        for name, unit in (("path", "m"), ("heading", "rad"))
     )
+    return Verdict(
+        "drive-log", Answer.NONE_NEEDED, "a log", "No effect is needed.", SimpleNamespace(rover=CART),
+        scores=(path, heading),
+    )  # fmt: skip
 
 
 @pytest.mark.parametrize(
     ("rate_driven", "times", "first"), [(True, 0.4, True), (True, 1.2, False), (False, 0.4, False)]
 )
 def test_odometry_that_is_better_by_the_same_rates_is_said_first(rate_driven, times, first):
-    """With both errors; a model that is given duties has to predict the rates first, and is cautioned only."""
+    """With both errors, whatever it is worse at; a model that is given duties has to predict the rates, too."""
     row = Baseline("path", "m", CURVE, times * 0.02, GIVEN, (times * 0.02,) * 4)
-    beside = beside_odometry(verdict(), [row], rate_driven)
+    worse = Baseline("heading", "rad", CURVE, 0.06, GIVEN, (0.06,) * 4)
+    beside = beside_odometry(verdict(), [row, worse], rate_driven)
     assert (beside.answer is Answer.INADEQUATE) is first
     assert (beside.as_dict()["rival"] != "") is first
     assert beside.as_dict()["baselines"][0]["error"] == pytest.approx(times * 0.02)
