@@ -35,7 +35,7 @@ def test_what_was_not_measured_is_left_out():
 
 
 @pytest.mark.parametrize(("after", "floor", "said"), [(0.3, 0.0, True), (0.2, 0.0, False), (0.3, 2.0, False)])
-def test_a_model_that_loses_to_a_curve_beyond_the_noise_is_said_to_lose(after, floor, said):
+def test_a_model_that_loses_to_a_curve_is_said_to_lose(after, floor, said):
     rows = curves(np.sin(4 * SLIP)[:, None], SLIP[:, :, None], [("pull", "N")])
     least = min(one.error for one in rows)
     score = ChannelScore("pull", "N", floor, 1.0, least / (1 - after + 0.2), 0.0, 0.0, 0.0)
