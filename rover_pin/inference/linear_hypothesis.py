@@ -14,7 +14,7 @@ from rover_pin.base.public import brief
 from rover_pin.estimation.experiment import Experiment
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.noise import huber_losses
-from rover_pin.estimation.parameter import Parameter
+from rover_pin.estimation.parameter import Parameter, bounds_of
 from rover_pin.inference.cause import Cause
 from rover_pin.inference.error_model import Discrepancy
 from rover_pin.inference.expansion import Expansion, Laplace
@@ -97,7 +97,7 @@ class LinearHypothesis:
         return dict(zip(self.experiment.channels, times.tolist(), strict=True))
 
     def left_out(self) -> LeftOut:
-        """Return every fold as the others predict it; an estimate says how probable it is alone."""
+        """Return every fold as the others predict it, in the bounds; an estimate says how probable it is alone."""
         others = [self.expansion.posterior(self.extra, fold) for fold in range(len(self.experiment.folds))]
         log_evidence = self.expansion.posterior(self.extra).log_evidence
         plain = np.array([log_evidence - posterior.log_evidence for posterior in others])
@@ -105,7 +105,8 @@ class LinearHypothesis:
         if not self.is_fitted:
             return LeftOut(density, np.full(np.shape(self.experiment.observed), np.nan))
         slopes = np.array([self.fit.slopes[parameter.name] for parameter in self.fit.parameters])
-        steps = np.array([posterior.mean - self.fit.u for posterior in others])
+        low, high = bounds_of(self.fit.parameters).T
+        steps = np.array([np.clip(posterior.mean, low, high) - self.fit.u for posterior in others])
         missed = self.fit.residual - np.einsum("fp,pfcs->fcs", steps, slopes)
         return LeftOut(density, np.where(self.fit.task.noise.good, missed, np.nan))
 

@@ -202,6 +202,21 @@ def test_folds_left_out_have_their_conditional_densities(extra):
             assert found.missed[fold].ravel() == pytest.approx(miss, abs=1e-8)
 
 
+def test_numbers_stay_in_their_bounds_where_a_fold_is_left_out():
+    made = expansion(None)
+    (u,), (number,) = made.fit.u, made.fit.parameters
+    held = replace(number, low=number.value(u) - 1e-4 * number.scale, high=number.value(u) + 1e-4 * number.scale)
+    free_fit, held_fit = (
+        hypothesis(Expansion(replace(made.fit, parameters=(each,)), made.columns[:, 1:]), ()).left_out().missed
+        - made.fit.residual
+        for each in (number, held)
+    )
+    slopes = np.abs(made.fit.slopes[number.name])
+    assert np.abs(free_fit).max() > 1e-3 * slopes.max()
+    assert np.abs(held_fit) == pytest.approx(1e-4 * slopes)
+    assert np.sign(held_fit).tolist() == np.sign(free_fit).tolist()
+
+
 def test_what_is_not_compared_is_not_missed():
     made = expansion(None)
     good = made.fit.task.noise.good.copy()
