@@ -70,5 +70,10 @@ def against_rivals(verdict: Verdict, baselines: Sequence[Baseline]) -> Verdict:
     words = min(better, key=lambda name: better[name])
     errors_text = ", ".join(errors for curve, errors in _errors(scores, baselines) if curve == words)
     first = f"{words} predicts what was left out with {better[words]:.2f} times this model's errors ({errors_text})"
+    return with_rival(beside, first)
+
+
+def with_rival(verdict: Verdict, first: str) -> Verdict:
+    """Return a verdict that says first which rival predicts better: the base model does not describe the data."""
     answer = verdict.answer if verdict.answer is Answer.NONE_FITS else Answer.INADEQUATE
-    return replace(beside, answer=answer, rival=first, sentence=f"{first[0].upper()}{first[1:]}. {verdict.sentence}")
+    return replace(verdict, answer=answer, rival=first, sentence=f"{first[0].upper()}{first[1:]}. {verdict.sentence}")

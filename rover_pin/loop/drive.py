@@ -14,6 +14,7 @@ from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.conclude import search_of, verdict_of, with_draft, with_next
 from rover_pin.discrepancy.held_out import losses
 from rover_pin.discrepancy.question import Progress, Question
+from rover_pin.discrepancy.rivals import with_rival
 from rover_pin.discrepancy.search import Search
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.estimation.baselines import Baseline
@@ -159,12 +160,7 @@ def beside_odometry(verdict: Verdict, odometry: Sequence[Baseline], rate_driven:
     """
     lost = losses(verdict.scores, odometry)
     beside = dataclasses.replace(verdict, baselines=tuple(odometry), cautions=(*verdict.cautions, *lost))
-    if not (lost and rate_driven):
-        return beside
-    first = "; ".join(lost)
-    answer = verdict.answer if verdict.answer is Answer.NONE_FITS else Answer.INADEQUATE
-    sentence = f"{first[0].upper()}{first[1:]}. {verdict.sentence}"
-    return dataclasses.replace(beside, answer=answer, rival=first, sentence=sentence)
+    return with_rival(beside, "; ".join(lost)) if lost and rate_driven else beside
 
 
 def _how(verdict: Verdict, residual: DriveResidual) -> str:
