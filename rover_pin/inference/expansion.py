@@ -75,23 +75,22 @@ class Expansion:
 
     @cached_property
     def sums(self) -> Sums:
-        """The sums over each fold."""
-        rows, weighted = self.fit.rows, self.columns * self.weights[:, None]
+        """The sums over each fold, slopes at the settled rows: a fold left out takes no promise that is not there."""
+        weighted = self.columns * self.weights[:, None]
         members = [np.flatnonzero(self.fold == at) for at in range(len(self.fit.task.experiment.folds))]
-        losses = huber_losses(rows)
+        losses = huber_losses(self.fit.rows)
         return Sums(
             np.array([losses[at].sum() for at in members]),
-            np.array([weighted[at].T @ rows[at] for at in members]),
+            np.array([weighted[at].T @ self.settled[at] for at in members]),
             np.array([weighted[at].T @ self.columns[at] for at in members]),
             np.array([len(at) for at in members]),
         )
 
     @cached_property
     def whole(self) -> Sums:
-        """The sums over all folds, one; at an optimum without what a step of the fit's own numbers still promises."""
+        """The sums over all folds, one; at an optimum the fit's own numbers pull nowhere."""
         whole = Sums(*(part.sum(axis=0, keepdims=True) for part in self.sums))
         if self.is_optimum:
-            whole.slope[0] = (self.weights[:, None] * self.columns).T @ self.settled
             whole.slope[0, : self.own] = -self.fit.u
         return whole
 
@@ -108,9 +107,10 @@ class Expansion:
     @cached_property
     def _own_step(self) -> tuple[np.ndarray, float]:
         """The step of the fit's own numbers, H^-1 g, and the nats g'H^-1 g / 2 that it promises."""
-        own = slice(self.own)
-        gradient = self.sums.slope.sum(axis=0)[own] + self.fit.u
-        step = np.linalg.solve(self.sums.curvature.sum(axis=0)[own, own] + np.eye(self.own), gradient)
+        own = self.columns[:, : self.own]
+        weighted = own * self.weights[:, None]
+        gradient = weighted.T @ self.fit.rows + self.fit.u
+        step = np.linalg.solve(weighted.T @ own + np.eye(self.own), gradient)
         return step, 0.5 * float(gradient @ step)
 
     @property

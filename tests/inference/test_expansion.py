@@ -202,6 +202,18 @@ def test_folds_left_out_have_their_conditional_densities(extra):
             assert found.missed[fold].ravel() == pytest.approx(miss, abs=1e-8)
 
 
+@pytest.mark.parametrize("extra", SETS)
+def test_a_fit_that_ends_beside_its_optimum_loses_no_fold_more(extra):
+    """What its slopes promise is not there, with a fold or without: steps are those from the optimum itself."""
+    made = expansion(None)
+    off = replace(made.fit, u=made.fit.u + 0.2, predicted=made.fit.predicted + 0.2 * made.fit.slopes[toys.NUMBER.name])
+    beside = Expansion(off, made.columns[:, 1:])
+    assert np.ptp(beside.weights) == np.ptp(made.weights) == 0.0
+    for fold in range(toys.SHAPE[0]):
+        steps = [each.posterior(extra, fold).mean - each.posterior(extra).mean for each in (made, beside)]
+        assert steps[1] == pytest.approx(steps[0], abs=1e-8)
+
+
 def test_numbers_stay_in_their_bounds_where_a_fold_is_left_out():
     made = expansion(None)
     (u,), (number,) = made.fit.u, made.fit.parameters
