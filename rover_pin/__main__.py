@@ -1,7 +1,5 @@
 """The program `rover-pin`."""
 
-from __future__ import annotations
-
 import atexit
 import gc
 

@@ -4,8 +4,6 @@
 def bump(height: Annotated[float, spec("m", "assumed", -100.0, 100.0)] = 0.04) -> Lanes: ...
 """
 
-from __future__ import annotations
-
 import functools
 import inspect
 import math

@@ -1,7 +1,5 @@
 """What tells this code from any other, so that results of other code are not gone on from."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Iterable
 from functools import lru_cache

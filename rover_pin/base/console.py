@@ -1,7 +1,5 @@
 """The terminal as rich draws it, taking every text as it is: names may hold brackets, colons or slashes."""
 
-from __future__ import annotations
-
 from typing import Any
 
 

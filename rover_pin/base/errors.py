@@ -3,8 +3,6 @@
 A message says what is wrong (name, value with unit), where it comes from, what is allowed, and what to do.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterable
 from typing import Any
 

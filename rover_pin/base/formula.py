@@ -3,8 +3,6 @@
 The text is parsed into a tree of which only these kinds of nodes are walked, so that no formula runs code.
 """
 
-from __future__ import annotations
-
 import ast
 import operator
 from collections.abc import Callable, Iterator, Mapping

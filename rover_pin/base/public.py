@@ -3,8 +3,6 @@
 Annotations are the one place where that is said; `Annotated[Any, Kind(...)]` is for what Python has no class for.
 """
 
-from __future__ import annotations
-
 import functools
 import inspect
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence

@@ -1,7 +1,5 @@
 """A physical quantity as a field with unit, bounds and source, and the record made of such fields."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 import re

@@ -4,8 +4,6 @@ Who takes a setting says its default and unit. So a value may have a unit (`soil
 taken is the list of all settings that there are.
 """
 
-from __future__ import annotations
-
 import inspect
 import math
 from collections.abc import Callable, Collection, Iterable, Mapping

@@ -1,7 +1,5 @@
 """What a model or a data set of someone else may do: by itself neither run code nor name files outside its folder."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

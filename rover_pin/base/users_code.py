@@ -1,7 +1,5 @@
 """The border between this program and the code of a user's file: an error there is reported by file and line."""
 
-from __future__ import annotations
-
 import functools
 import inspect
 import traceback

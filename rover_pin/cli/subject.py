@@ -1,7 +1,5 @@
 """What `view` and `export` are given: a trace's file, or the folder of a drive log."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from rover_pin.base.errors import DataError

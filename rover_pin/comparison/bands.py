@@ -1,7 +1,5 @@
 """One drive on several equally probable models: what the data that they come from leave open about it."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path

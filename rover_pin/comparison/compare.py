@@ -1,7 +1,5 @@
 """Two of a kind compared; what their paths hold says which kind it is."""
 
-from __future__ import annotations
-
 from enum import StrEnum
 from pathlib import Path
 

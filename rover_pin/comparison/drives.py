@@ -1,7 +1,5 @@
 """Two drives, simulated or measured, over the time that both last."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple

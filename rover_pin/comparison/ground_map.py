@@ -1,7 +1,5 @@
 """Ground as a rover finds it: a short drive of the whole model at each place and heading, on one model or several."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import math

@@ -1,7 +1,5 @@
 """Two models of rovers, or of wheels on a rig, number by number."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any

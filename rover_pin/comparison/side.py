@@ -1,7 +1,5 @@
 """What is compared: one side's words and numbers, and the table of two sides."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple

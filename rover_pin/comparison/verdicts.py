@@ -1,7 +1,5 @@
 """Two verdicts of the loop, as their verdict.json has them."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Mapping

@@ -5,8 +5,6 @@ point uses all of them, and the torque is carried on from there to the load by i
 third of the work of equal steps, and lets six wheels and their derivatives fit a control loop.
 """
 
-from __future__ import annotations
-
 from functools import lru_cache
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """What pull a wheel has when its torque is at the bound, in each reading of the load-traction factor."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import NamedTuple
 

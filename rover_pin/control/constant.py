@@ -1,7 +1,5 @@
 """The paper's drive without control: one duty for all wheels, all the time."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from rover_pin.base.quantity import Record, quantity

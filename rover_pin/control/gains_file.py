@@ -1,7 +1,5 @@
 """Gains of the slip control, and with a hole law its numbers, as a file."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Beyond the paper: a desired slip that falls with the depth of the hole that a wheel has dug."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import casadi as ca

@@ -6,8 +6,6 @@ at a time while five push, and the wall is less steep along its way. Nothing out
 uneven ground folds the bogies, a smooth slope does not.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 from functools import lru_cache

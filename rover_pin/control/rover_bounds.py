@@ -1,7 +1,5 @@
 """The torque bounds of a whole rover on a slope: each wheel's own load, load transfer included."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """The slip control of section 5 (Fig 9): PI on the duty of each wheel, limited by the soil's greatest shear."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """The slip as the controller knows it: Eq (9) from a table of duty and speed, or the truth of an external tracker."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field

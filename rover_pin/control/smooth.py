@@ -1,7 +1,5 @@
 """Greater and lesser of two, exact or rounded: for derivatives that shall not jump."""
 
-from __future__ import annotations
-
 import casadi as ca
 
 from rover_pin.contact import Scalar

@@ -1,7 +1,5 @@
 """Turns, every wheel square to the line to one turning centre at its path's speed, and crabbing, all at one angle."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Annotated, Self

@@ -1,7 +1,5 @@
 """Traction-limited torque bounds: the torque at which the soil yields, and that at which a wheel slips too much."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from functools import lru_cache

@@ -1,7 +1,5 @@
 """The torque check of Fig 9: the duty at which a motor would ask more of the soil than its bound."""
 
-from __future__ import annotations
-
 import dataclasses
 from dataclasses import dataclass
 from typing import Self

@@ -1,7 +1,5 @@
 """What a wheel's torque says of its slip: the whole contact law of a model, effects and all, settled at each slip."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A drive log, made up: six runs over waves and a slope, both ways, at duties that vary, read by sensors."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What a made-up data set hides: an effect by its word, or one that chance chooses, and where the truth is kept."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A wheel on a rig, made up: three repeats on eight slips at two loads, with a rig's noise."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

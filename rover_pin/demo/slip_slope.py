@@ -1,7 +1,5 @@
 """Slip against slope of a rover, made up: three days on seven slopes, as publications print it."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Fits with causes that are added to what was fitted, or with a part of them."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """What may be said of a model, and how a verdict is put into plain values and lines."""
 
-from __future__ import annotations
-
 import math
 from enum import Enum
 from typing import Any

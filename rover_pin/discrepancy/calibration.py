@@ -1,7 +1,5 @@
 """The base model fitted: from several starts, and from what is declared where a missing effect bent the numbers."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """One thing that a model may lack: an effect of any kind, or numbers of the model that its priors may hold wrongly."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any

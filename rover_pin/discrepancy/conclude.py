@@ -1,7 +1,5 @@
 """The loop by evidence: hypotheses explored, their answer read, and the model that is kept judged where not fitted."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import replace

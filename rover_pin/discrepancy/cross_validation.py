@@ -1,7 +1,5 @@
 """Every fold of an experiment as the others predict it: to first order, and by whole refits."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Iterator
 from typing import Any

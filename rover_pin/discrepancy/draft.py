@@ -1,7 +1,5 @@
 """What is on no list, drafted as an effect: it is weighed like a candidate, and says what it makes of the data."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple

@@ -1,7 +1,5 @@
 """Errors on data that were not fitted: every fold predicted from the others."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple

@@ -1,7 +1,5 @@
 """A candidate as it may be added to a fit: at the place and of the size at which it promises most."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace

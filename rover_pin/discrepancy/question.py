@@ -1,7 +1,5 @@
 """What the loop is asked: which of the candidates a model lacks, its uncertain numbers free."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """The words for what the data make of all hypotheses: one graded answer, and the set of causes that the model keeps."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

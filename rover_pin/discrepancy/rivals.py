@@ -1,7 +1,5 @@
 """Curves as rivals of the whole: where one predicts what was left out better, the model does not describe the data."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace

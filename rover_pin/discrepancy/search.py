@@ -6,8 +6,6 @@ until no set that was not fitted is worth it. A cause that may be anywhere along
 and shares that among its places.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace

@@ -1,7 +1,5 @@
 """How each candidate moves what a fitted model predicts: one prediction each, where slopes would cost as much."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any

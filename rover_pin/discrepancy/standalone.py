@@ -1,7 +1,5 @@
 """A test bench: an experiment that brings along all that the loop needs, so that one file is enough."""
 
-from __future__ import annotations
-
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace

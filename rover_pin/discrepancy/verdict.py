@@ -1,7 +1,5 @@
 """What the loop says of measurements of any kind: a graded answer, the evidence for it, and what speaks against it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from html import escape
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A ground that is not as it was declared: it bends along x."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

@@ -1,7 +1,5 @@
 """The soil that a sunk wheel pushes ahead."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

@@ -1,7 +1,5 @@
 """The shear of a wheel that also moves along its axle: one stress against one slip, that of the whole travel."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import ClassVar
 

@@ -1,7 +1,5 @@
 """A driver that swallows the first part of the duty."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

@@ -1,7 +1,5 @@
 """A differential that gives way: a shaft that twists, gears with play."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

@@ -1,7 +1,5 @@
 """A hole that a slipping wheel digs, and that it keeps until it has rolled out."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

@@ -4,8 +4,6 @@ There are four kinds, by where they act: at a wheel's contact, in a motor, on th
 `neutral` values, at which it vanishes, and its `places`: the quantities that say where it is, not how large.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, NamedTuple, Self

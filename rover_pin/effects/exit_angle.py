@@ -1,7 +1,5 @@
 """Soil carried round by a slipping rim: the contact reaches further behind the axle."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

@@ -1,7 +1,5 @@
 """The soil beside a sunk wheel: earth pressure on the buried part of its disc when it is pushed sideways."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import ClassVar

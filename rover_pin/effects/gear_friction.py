@@ -1,7 +1,5 @@
 """Dry friction of the gear, as a bristle that winds up: it holds a parked wheel without creeping."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

@@ -1,7 +1,5 @@
 """A table that is not level."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

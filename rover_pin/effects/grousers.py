@@ -1,7 +1,5 @@
 """Lugs on the rim: the soil shears at a radius greater than that of the wheel."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

@@ -1,7 +1,5 @@
 """A stretch of the ground that is firmer, or looser, than the rest."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import ClassVar

@@ -1,7 +1,5 @@
 """A smooth rim slides on the sand before the sand shears in itself."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

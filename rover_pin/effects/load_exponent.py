@@ -1,7 +1,5 @@
 """Sand that is not one power law: the sinkage exponent changes with depth, and so the stiffness with load."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

@@ -1,7 +1,5 @@
 """Lugs dig: their pockets carry sand back, and the wheel runs in the trench that they cut."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

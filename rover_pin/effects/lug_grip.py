@@ -1,7 +1,5 @@
 """Lugs that bite the more the wheel slips: sand held between them shears on sand, where a smooth rim slides."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import ClassVar

@@ -1,7 +1,5 @@
 """A resistance that opposes motion, for traction forms that leave compaction out."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any, ClassVar
 

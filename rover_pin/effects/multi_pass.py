@@ -1,7 +1,5 @@
 """The wheels that follow run in soil that those before have pressed."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

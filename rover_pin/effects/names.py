@@ -1,7 +1,5 @@
 """Effects as a reader calls them: a human name and what it means, in one line."""
 
-from __future__ import annotations
-
 import inspect
 import re
 from collections.abc import Iterable

@@ -1,7 +1,5 @@
 """Soil that is pushed in gives back less: damping of the normal stress with the approach speed."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

@@ -1,7 +1,5 @@
 """The normal stress peaks in front of the axle, the further the more the wheel slips."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import ClassVar
 

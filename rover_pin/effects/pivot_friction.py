@@ -1,7 +1,5 @@
 """Friction in the pivots of the suspension."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

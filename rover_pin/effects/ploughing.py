@@ -1,7 +1,5 @@
 """A braked wheel ploughs: part of the sand that it meets is pushed ahead instead of carrying it."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import ClassVar

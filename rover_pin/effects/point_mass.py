@@ -1,7 +1,5 @@
 """A rover whose mass is not where its URDF has it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

@@ -1,7 +1,5 @@
 """Sand that has failed bears less shear: the strength that is left past the peak."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

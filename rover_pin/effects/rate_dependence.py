@@ -1,7 +1,5 @@
 """Shear that depends on how fast the rim slides, not only on how far."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import ClassVar

@@ -1,7 +1,5 @@
 """Motor currents as a logger counts them: scale and zero unknown."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar

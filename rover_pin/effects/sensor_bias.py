@@ -1,7 +1,5 @@
 """A channel that reads a constant too much."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar

@@ -1,7 +1,5 @@
 """The side force of a wheel that is pushed or steered across its plane."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

@@ -1,7 +1,5 @@
 """A braking wheel ploughs in: it sinks deeper the more it skids."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

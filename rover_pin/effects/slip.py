@@ -1,7 +1,5 @@
 """The slip of a wheel: Eq (1) as it stands, and a relaxed form that can stand still."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

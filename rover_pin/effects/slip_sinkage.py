@@ -1,7 +1,5 @@
 """A driving wheel digs: the pressure of the sand rises later, and the wheel sinks deeper, the more it slips."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

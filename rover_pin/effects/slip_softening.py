@@ -1,7 +1,5 @@
 """A wheel that slips or goes sideways loosens the sand under it: the stiffness falls, by one amount at most."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

@@ -1,7 +1,5 @@
 """The paper's traction: Eqs (4) and (6) give the normal force, F(S) times it the tangential force."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import ClassVar
 

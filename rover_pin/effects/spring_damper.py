@@ -1,7 +1,5 @@
 """Springs and dampers in the suspension."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

@@ -1,7 +1,5 @@
 """A supply that gives way under load: every wheel feels what any wheel draws."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

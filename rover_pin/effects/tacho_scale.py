@@ -1,7 +1,5 @@
 """Tachogenerators that read too fast or too slow."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar

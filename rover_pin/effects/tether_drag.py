@@ -1,7 +1,5 @@
 """A cable that the rover drags behind it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar, Self
 

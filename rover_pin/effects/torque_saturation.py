@@ -1,7 +1,5 @@
 """A driver that limits the current, and so the torque."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

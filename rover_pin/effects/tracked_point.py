@@ -1,7 +1,5 @@
 """Where on the rover its place is measured: an antenna, a prism or a marker is seldom over the base's origin."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar

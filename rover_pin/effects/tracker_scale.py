@@ -1,7 +1,5 @@
 """A tracker, camera or visual odometry whose metre is not a metre."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar

@@ -1,7 +1,5 @@
 """An external tracker whose picture of the body is late."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar

@@ -1,7 +1,5 @@
 """A tracked velocity that is smoothed before it is logged."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar

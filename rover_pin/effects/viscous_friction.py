@@ -1,7 +1,5 @@
 """Friction of bearings and grease that grows with speed."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

@@ -1,7 +1,5 @@
 """One motor that gives less than the others."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

@@ -1,7 +1,5 @@
 """Wheels that are larger, or smaller, than they are said to be."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

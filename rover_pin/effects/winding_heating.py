@@ -1,7 +1,5 @@
 """A winding that warms up, resists more and gives less torque."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

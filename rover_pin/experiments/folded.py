@@ -1,7 +1,5 @@
 """A table of points as folds: arrays (folds, columns, samples), the folds named by one of its columns."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

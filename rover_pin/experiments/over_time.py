@@ -5,8 +5,6 @@ time, what is set, what is measured, and the SD of each of that. What is set hol
 every state at 0, and is a fold. Numbers of parts and laws have names of their own.
 """
 
-from __future__ import annotations
-
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, make_dataclass, replace

@@ -12,8 +12,6 @@ DATA is a folder with slope.toml and points.csv. slope.toml as in::
 points.csv has the columns run, slope_deg, slip and slip_sd; a run's points are left out together.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field

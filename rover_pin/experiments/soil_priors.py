@@ -1,7 +1,5 @@
 """What is known beforehand of a constant of wheel or soil: as declared, as assumed, or nothing."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Traction factors by slip as an experiment: points as of Fig 6, of a CSV file or worked out from a drive log."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, make_dataclass
 from functools import cached_property, lru_cache

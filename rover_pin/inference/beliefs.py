@@ -1,7 +1,5 @@
 """What the data make of all hypotheses: their probabilities, those of each cause, and of a discrepancy left."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Hashable, Iterable, Sequence, Set
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """What may be missing from a model, or wrong with the measuring, as a hypothesis has it: numbers with priors."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any

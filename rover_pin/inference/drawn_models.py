@@ -1,7 +1,5 @@
 """Models drawn from what is believed: what the data leave open, as models that can be driven."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Which hypotheses are worth fitting: all causes alone, pairs of those that lead, triples of the best pairs."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress

@@ -1,7 +1,5 @@
 """A set of causes fitted to data: its most probable numbers, and its evidence with each kind of discrepancy."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from contextlib import suppress

@@ -1,7 +1,5 @@
 """Every fold as the others say it by a hypothesis, its model linear about the whole fit."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

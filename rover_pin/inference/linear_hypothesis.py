@@ -1,7 +1,5 @@
 """A set of causes by a model that is linear about a fit: of all of them, or of some, with the sizes of the others."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace

@@ -8,8 +8,6 @@ That is between 0, where all expect the same, and what is open, -sum_i w_i ln w_
 Source: Lindley, Ann. Math. Stat. 27 (1956) 986; Kolchinsky and Tracey, Entropy 19 (2017) 361, their lower bound.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import islice

@@ -7,8 +7,6 @@ leaves them; with the likeliest function they are taken anew (`_reweighed`), for
 Source: Rasmussen and Williams, Gaussian Processes for Machine Learning (2006), section 2.7.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple

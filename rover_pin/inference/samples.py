@@ -1,7 +1,5 @@
 """The compared samples of an experiment in one row, with all that says how their errors hang together."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from functools import cached_property
 

@@ -6,8 +6,6 @@ then multiplied by the mean, over the posterior, of the one density over the oth
 Source: Johnson and Rossell, J. Roy. Stat. Soc. B 72 (2010) 143, for priors that vanish at none.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from functools import cache

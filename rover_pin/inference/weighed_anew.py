@@ -1,7 +1,5 @@
 """Hypotheses weighed without each fold, and what they then predict of it together."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.special import softmax
 

@@ -18,8 +18,6 @@ time, without it the time of its receipt. Duties keep their value until the next
 `hold = true`; all else is interpolated, and left empty where messages fail to come.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Mapping

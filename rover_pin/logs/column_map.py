@@ -14,8 +14,6 @@ In `drive.toml`, which column comes of which columns of the file::
 already have a name of a drive log need no line.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What a drive log declares of its sensors: the SD of a sample for each kind of channel, and the time between two."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Series that were recorded each on its own times, as topics of a bag, on one clock of even steps."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

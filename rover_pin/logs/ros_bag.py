@@ -3,8 +3,6 @@
 `bag_columns` says how a drive log tells which column comes from where.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """A trace on disk: one Parquet file, or the folder of a drive log."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from rover_pin.base.errors import DataError

@@ -1,7 +1,5 @@
 """The loop: measured data against a model, the effect that it lacks, the model with it, before and after."""
 
-from __future__ import annotations
-
 import dataclasses
 import os
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Measured data checked by themselves, before any fit: refused, warned of, or found fit for the loop."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """A drive log as traction factors by slip, and what moves the points that were worked out of it: motor and lag."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

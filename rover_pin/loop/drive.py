@@ -1,7 +1,5 @@
 """The loop on drive logs: checked, calibrated, searched, judged on runs left out, and written down."""
 
-from __future__ import annotations
-
 import dataclasses
 import time
 from collections.abc import Sequence

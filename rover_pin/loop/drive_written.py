@@ -1,7 +1,5 @@
 """A drive verdict on disk: the model, the report, a draft of what is unknown, and verdict.json."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

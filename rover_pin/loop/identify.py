@@ -1,7 +1,5 @@
 """What data say of a model's numbers: the loop's own fit with nothing missing, and what each number depends on."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Mapping, Sequence
 from pathlib import Path

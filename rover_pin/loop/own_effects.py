@@ -1,7 +1,5 @@
 """A user's effect files, looked at before any work: a mistake in one is reported at once, not after the fits."""
 
-from __future__ import annotations
-
 import inspect
 from pathlib import Path
 

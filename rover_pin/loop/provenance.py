@@ -1,7 +1,5 @@
 """What a verdict rests on: versions, seed, time, and the command that repeats it."""
 
-from __future__ import annotations
-
 import platform
 import shlex
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The loop on wheel rigs, one set or several in one sand: checked, searched, held out level by level, written down."""
 
-from __future__ import annotations
-
 import dataclasses
 import time
 from collections.abc import Sequence

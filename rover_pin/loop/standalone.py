@@ -1,7 +1,5 @@
 """The loop on a test bench: an experiment in one file of the package or of a user's, found by its path or name."""
 
-from __future__ import annotations
-
 import inspect
 import time
 from importlib.resources import files

@@ -1,7 +1,5 @@
 """The model that a loop starts from, out of any model file: a wheel's goes to a drive log, a rover's back to a rig."""
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 import logging

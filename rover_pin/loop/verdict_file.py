@@ -1,7 +1,5 @@
 """A verdict on disk for machines: verdict.json, which lists every file that was written with it."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 from collections.abc import Callable, Sequence

@@ -1,7 +1,5 @@
 """Measured channels with their noise."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 

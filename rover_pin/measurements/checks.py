@@ -3,8 +3,6 @@
 Rows are counted from 1, without the header.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Traction factors from a drive log, as section 4 of the paper takes them: motor torque over static load, by slip."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """What a data check says: one line with what is wrong, where, and what to do."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """A wheel-rig set out of a table of one's own: its columns known by their names and units, written in SI."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What is known of a number apart from the points that are fitted: the range that is stated, the SD that is assumed."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -1,7 +1,5 @@
 """A law of measurable channels compiled with CasADi for all points at once, with its exact Jacobian."""
 
-from __future__ import annotations
-
 from collections.abc import Hashable
 from functools import lru_cache
 from typing import Any, Protocol

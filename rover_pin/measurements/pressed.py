@@ -1,7 +1,5 @@
 """The same wheel pressed in without turning: trials, and where a fit to them and to the runs starts."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple

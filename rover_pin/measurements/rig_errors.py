@@ -1,7 +1,5 @@
 """What a rig itself adds to its readings: tares, zeros, cross-talk, scales; none unless `rig.toml` states them."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any

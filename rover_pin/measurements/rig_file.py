@@ -1,7 +1,5 @@
 """The files of a rig set: keys and numbers of `rig.toml`, columns of the points; what nothing reads is refused."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping
 from pathlib import Path

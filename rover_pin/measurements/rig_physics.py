@@ -4,8 +4,6 @@ Over a metre of the faster of both the rim goes `rim` and the wheel `travel` met
 motor puts in and f_t travel what the wheel gives out, and a soil gives no work.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A logged run in steady windows: slip, and torque over load, of every wheel, each mean with its standard deviation."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

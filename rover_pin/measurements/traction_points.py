@@ -1,7 +1,5 @@
 """Points of the load-traction factor against the slip ratio, as in Fig 6: means with their standard deviation."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path

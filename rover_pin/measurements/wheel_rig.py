@@ -1,7 +1,5 @@
 """Wheel-rig sets: what a single wheel pulled, asked for and sank at given slips and loads, and their folders."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property

@@ -1,7 +1,5 @@
 """Published numbers with their sources, and `SOILS`: the parameter sets by name."""
 
-from __future__ import annotations
-
 from rover_pin.base.errors import ParameterError, closest
 from rover_pin.contact import Soil
 from rover_pin.parameters.simulants import FJS_1, HIT_LSS1, LUNAR_NOMINAL, MARSSIM_SAND

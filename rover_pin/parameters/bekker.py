@@ -1,7 +1,5 @@
 """Bekker's pressure-sinkage constants as the k_1, k_2 of Eq (4)."""
 
-from __future__ import annotations
-
 import math
 import re
 

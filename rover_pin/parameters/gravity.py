@@ -1,7 +1,5 @@
 """Surface gravity of the places a rover drives on [m/s^2]."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from rover_pin.base.errors import DataError, ParameterError, closest

@@ -4,8 +4,6 @@ None of these was read in its first publication: each was checked in public code
 The angles and the exit ratio are Table 1's, assumed.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

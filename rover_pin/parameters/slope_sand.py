@@ -1,7 +1,5 @@
 """Sand on which Nexus 6 slips on slopes about as measured wheels do."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

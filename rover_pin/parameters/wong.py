@@ -1,7 +1,5 @@
 """Dry sand of the Land Locomotion Laboratory, the first row of Wong's table of soils."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

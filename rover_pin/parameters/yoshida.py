@@ -1,7 +1,5 @@
 """The paper's own numbers: Table 1 and section 2, and the sand of the literature that section 4.1 quotes."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Figures: a drive's snapshots and histories, traction curves. Files are written whole or not at all."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from rover_pin.plot.history import history

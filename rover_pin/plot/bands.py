@@ -1,7 +1,5 @@
 """A drive on several equally probable models: what they agree on, and how far apart they are."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

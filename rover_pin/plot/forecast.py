@@ -1,7 +1,5 @@
 """What the monitor says over a recorded drive."""
 
-from __future__ import annotations
-
 import numpy as np
 from matplotlib.figure import Figure
 

@@ -1,7 +1,5 @@
 """Ground from above: its heights, how it lies, and what becomes of a rover there."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What changes during a drive, against time: a panel for each kind of channel that does change."""
 
-from __future__ import annotations
-
 import textwrap
 from collections.abc import Callable, Mapping
 from typing import NamedTuple

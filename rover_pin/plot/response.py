@@ -1,7 +1,5 @@
 """How a rover answers to its duties near a trim point: in time, and over frequency."""
 
-from __future__ import annotations
-
 import numpy as np
 from matplotlib.figure import Figure
 

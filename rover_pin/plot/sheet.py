@@ -1,7 +1,5 @@
 """Figures without a window, and files that are written whole or not at all."""
 
-from __future__ import annotations
-
 import io
 import textwrap
 from collections.abc import Sequence

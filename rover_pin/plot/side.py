@@ -1,7 +1,5 @@
 """A rover and its ground from the side and from above."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 

@@ -1,7 +1,5 @@
 """A rig set's channels as dimensionless numbers, over the groups on which they collapse."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

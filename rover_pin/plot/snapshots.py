@@ -1,7 +1,5 @@
 """A drive at a few instants: from the side, and from above where it turns."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """A batch study at a glance: its outcomes over each parameter, and over the first two at once."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 

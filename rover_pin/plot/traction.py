@@ -1,7 +1,5 @@
 """The load-traction factor against slip."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from rover_pin.plot.sheet import save, sheet, write_csv

@@ -1,7 +1,5 @@
 """What tuned gains are worth at a glance: the cost of every drive under each control, training and held out."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The picture of the errors of many channels, which the report of any data has."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What a busy person reads: one sentence, one picture, why to believe it, why to doubt it, what to drive next."""
 
-from __future__ import annotations
-
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.report.headline import headline, improvement
 from rover_pin.report.reasons import MAX_REASONS, next_run, opposing_reasons, supporting_reasons

@@ -1,7 +1,5 @@
 """The verdict in a sentence that a reader can repeat: what is missing, how much, how sure; then what it improves."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 

@@ -1,7 +1,5 @@
 """How the verdict on each kind of data speaks, for those who have the verdict alone."""
 
-from __future__ import annotations
-
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.report.drive.report import labels_of as of_drive
 from rover_pin.report.rig.report import UNSEEN as RIG

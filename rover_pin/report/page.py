@@ -1,7 +1,5 @@
 """A report as one HTML page that needs nothing else, with its figures as PNG files beside it."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path

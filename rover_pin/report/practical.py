@@ -1,7 +1,5 @@
 """How much an effect does: what the model predicts of the data with it, and with it alone set to nothing."""
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Why to believe a verdict, why to doubt it, and what to drive or measure next: one sentence each."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 
 from rover_pin.discrepancy.answer import Answer

@@ -1,7 +1,5 @@
 """What a page is made of: sections, each with a title, a template and what it shows, or None."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 

@@ -1,7 +1,5 @@
 """Figures as SVG within a page: its own colours follow the page's, in the light and in the dark."""
 
-from __future__ import annotations
-
 import io
 import re
 

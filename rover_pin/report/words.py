@@ -1,7 +1,5 @@
 """How a report speaks: human names for classes, short numbers, and what one kind of data calls its parts."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Callable, Iterable

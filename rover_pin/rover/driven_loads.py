@@ -1,7 +1,5 @@
 """How a slowly driven rover on uneven ground shares its weight: statics with measured angles and driving torques."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple

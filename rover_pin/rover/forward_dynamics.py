@@ -13,8 +13,6 @@ Accelerations are Pinocchio's: the base's is spatial and in body axes. The class
 is R (a[:3] + omega x v[:3]).
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The parts of a rover that are known by their places in Pinocchio's vectors: wheels, the differential, couplings."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """How far the bodies of a rover reach, by their masses and inertias alone."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import numpy as np

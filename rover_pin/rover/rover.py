@@ -1,7 +1,5 @@
 """The rigid rover: Pinocchio's tree, the wheels by name, the differential, and the mirror symmetry."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Iterator, Mapping

@@ -1,7 +1,5 @@
 """How a rover at rest on a plane shares its weight between its wheels."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Collection
 

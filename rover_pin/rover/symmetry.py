@@ -1,7 +1,5 @@
 """The mirror symmetry of a rover about the x-z plane of its base."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Whether a URDF makes a rover: every fault is one sentence that says what to mend."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Where the wheels stand under the rover, all joints at zero."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What there is to choose from: scenarios, soils, rovers, effects, settings; found by looking, never listed by hand."""
 
-from __future__ import annotations
-
 import inspect
 import math
 import sys

@@ -1,7 +1,5 @@
 """The model of a ready-made drive from its settings: a rover on a soil, or what a model file says."""
 
-from __future__ import annotations
-
 import functools
 from pathlib import Path
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """Ready-made controllers by the words that settings have for them."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Whether a rover stands on its soil and whether its motors move it: statics and torques against the soil's bounds."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

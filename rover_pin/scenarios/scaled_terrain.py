@@ -1,7 +1,5 @@
 """Terrains made for Nexus 6's wheels, for another rover's: what is a length grows with its wheels."""
 
-from __future__ import annotations
-
 import inspect
 from collections.abc import Callable, Mapping
 from typing import Any

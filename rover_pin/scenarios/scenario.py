@@ -1,7 +1,5 @@
 """Ready-made drives by name, with every number in them open to change: what the command line and sweeps run."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Mapping, Sequence

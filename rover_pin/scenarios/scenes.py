@@ -1,7 +1,5 @@
 """The ready-made scenes by name: a terrain with its usual settings, and how long it is driven."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field

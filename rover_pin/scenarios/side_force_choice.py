@@ -3,8 +3,6 @@
 A wheel-rig set with slip angles starts from the same law (`experiments.wheel_rig.model.ASKEW`), its flank found there.
 """
 
-from __future__ import annotations
-
 from rover_pin.base.settings import Settings
 from rover_pin.effects.combined_shear import CombinedShear
 from rover_pin.effects.flank_pressure import FlankPressure

@@ -1,7 +1,5 @@
 """Where the contact arc begins and ends: the paper's fixed angles, or angles that follow the sinkage."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Protocol
 

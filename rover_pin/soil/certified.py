@@ -1,7 +1,5 @@
 """Wheel forces to 1e-10 over a stated box, Eq (4)'s and Wong and Reece's: the arc is cut where the shear needs it."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import casadi as ca

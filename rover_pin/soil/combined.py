@@ -1,7 +1,5 @@
 """Shear along and across the wheel at once: the stress points against the displacement of each point of the rim."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import casadi as ca

@@ -1,7 +1,5 @@
 """What it costs to press a rut: the compaction resistance, and how it grows where a wheel is made to sink deeper."""
 
-from __future__ import annotations
-
 import casadi as ca
 
 from rover_pin.contact import Scalar, Soil, Wheel

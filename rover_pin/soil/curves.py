@@ -1,7 +1,5 @@
 """Families of F(S): the data behind Figs 3 and 6."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Passive earth pressure: what soil bears before a wall that pushes it out of its way."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

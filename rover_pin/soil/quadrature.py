@@ -5,8 +5,6 @@ slope vanishes at the singular end makes the integrand smooth there for every n,
 the exponent may be a symbol.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import lru_cache
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """Sinkage from the entry angle, Eq (5), and the entry angle that carries a load, Eq (6) solved for theta_1."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from functools import lru_cache

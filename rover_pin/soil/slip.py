@@ -1,7 +1,5 @@
 """The slip ratio of a wheel, Eq (1), and the speed ratio that the shear displacement needs of it."""
 
-from __future__ import annotations
-
 import casadi as ca
 
 from rover_pin.contact import Scalar

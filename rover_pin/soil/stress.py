@@ -1,7 +1,5 @@
 """Parts of Eqs (2) and (4) at one angle of the contact arc; `arc.integrate` puts them together."""
 
-from __future__ import annotations
-
 import casadi as ca
 
 from rover_pin.contact import Scalar, Soil, Wheel

@@ -1,7 +1,5 @@
 """Forces on a wheel, Eqs (6) and (7), its torque, and the load-traction factor F(S) in its three readings."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar, NamedTuple, Protocol
 

@@ -1,7 +1,5 @@
 """What one parameter of a study goes through: a range, a logarithmic range or a list of values."""
 
-from __future__ import annotations
-
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence

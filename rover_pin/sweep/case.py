@@ -1,7 +1,5 @@
 """One case, run: what is driven, and the row that comes of it."""
 
-from __future__ import annotations
-
 import inspect
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any

@@ -1,7 +1,5 @@
 """Which points of the parameters' space a study visits."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from abc import ABC, abstractmethod

@@ -1,7 +1,5 @@
 """How far a sweep is: a bar with the time left on a terminal, now and then a line elsewhere."""
 
-from __future__ import annotations
-
 import logging
 import sys
 import time

@@ -1,7 +1,5 @@
 """A study from a TOML file."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Iterable, Mapping

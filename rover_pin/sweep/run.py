@@ -1,7 +1,5 @@
 """A batch study, run: its unfinished cases on cores or on a cluster, their rows into a folder."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Callable, Sequence
 from contextlib import closing

@@ -1,7 +1,5 @@
 """Cases on all cores (joblib) or on a cluster (Dask); what distributes the work is theirs, not ours."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Callable, Generator, Sequence
 from contextlib import suppress

@@ -1,7 +1,5 @@
 """The folder of a sweep: rows appended atomically to Parquet, so that a killed study goes on where it stopped."""
 
-from __future__ import annotations
-
 import json
 import os
 from collections.abc import Callable, Iterable

@@ -1,7 +1,5 @@
 """A study: which scenario is driven, what is varied, how often; and its cases, each with its own seed."""
 
-from __future__ import annotations
-
 import dataclasses
 import hashlib
 import json

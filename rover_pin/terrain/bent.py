@@ -1,7 +1,5 @@
 """A terrain raised along x: what lies on it is lifted, nothing is turned."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

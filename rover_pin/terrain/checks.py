@@ -1,7 +1,5 @@
 """What every description of ground is checked for, and how its arrays are kept."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import Any

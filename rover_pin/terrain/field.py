@@ -1,7 +1,5 @@
 """The paper's test field: rocks, a sharp ditch and a smooth slope, one behind the other."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Sequence

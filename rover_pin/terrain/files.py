@@ -1,7 +1,5 @@
 """Terrains in files: a polyline along x, or a height grid."""
 
-from __future__ import annotations
-
 import io
 from pathlib import Path
 from typing import Annotated, Any

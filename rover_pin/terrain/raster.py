@@ -3,8 +3,6 @@
 The ground's x = y = 0 is the middle of the raster, z = 0 its lowest pixel; heights hold at the pixels' middles.
 """
 
-from __future__ import annotations
-
 import io
 import warnings
 from collections.abc import Iterator, Mapping

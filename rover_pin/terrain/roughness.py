@@ -1,7 +1,5 @@
 """How steep and how rough ground is over the size of a rover."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from rover_pin.terrain.terrain import Terrain

@@ -8,8 +8,6 @@ it sideways by what moving across would store in the soil, -dU/dy with U = f_n h
 wheel in where f_n grows as h^(n + 1/2). So its forces are continuous in y, and a wheel is not lifted for nothing.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from itertools import pairwise

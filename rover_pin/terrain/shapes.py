@@ -4,8 +4,6 @@ Every shape starts on level ground at z = 0 at its `at` or `start` [m along x]. 
 docstring says "assumed". Curves are sampled by straight pieces, whose corners lie on the curve.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import Annotated, Any

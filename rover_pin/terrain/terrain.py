@@ -4,8 +4,6 @@ Two kinds: `Lanes`, polylines along x extruded sideways, which keep sharp lips a
 bilinear between points, which has side slopes. Soil index 0 is the model's default soil, 1 and up its further soils.
 """
 
-from __future__ import annotations
-
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field

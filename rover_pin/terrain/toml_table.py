@@ -7,8 +7,6 @@ polyline = "ground.csv"                   # x_m, z_m[, ground], extruded sideway
 patch = [{ x_from = 1.0, x_to = 2.0, ground = 1 }]
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The single evaluations of a tuning, as functions of plain arguments: what workers run and the store remembers."""
 
-from __future__ import annotations
-
 import contextlib
 import dataclasses
 import io

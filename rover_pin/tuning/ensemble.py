@@ -1,7 +1,5 @@
 """Ensembles of drives, usual ones and such as are drawn at random, to tune on one and judge on another."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Mapping, Sequence

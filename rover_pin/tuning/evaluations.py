@@ -1,7 +1,5 @@
 """Evaluations on all cores, remembered: what is finished is in a file and is not run again."""
 
-from __future__ import annotations
-
 import hashlib
 import inspect
 import json

@@ -1,7 +1,5 @@
 """Drives on a model of a file, remembered by what the file says: what was found for one is never another's."""
 
-from __future__ import annotations
-
 import dataclasses
 import hashlib
 from collections.abc import Sequence

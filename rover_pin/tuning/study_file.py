@@ -1,7 +1,5 @@
 """A tuning study as a TOML file."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Mapping
 from pathlib import Path

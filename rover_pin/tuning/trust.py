@@ -1,7 +1,5 @@
 """Where the reduced model drives the same drive as the full rover, and so where its costs and derivatives count."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

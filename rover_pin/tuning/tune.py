@@ -8,8 +8,6 @@ the result says so. What they find is driven by the full rover, together with th
 score alone decides, fewest burials first.
 """
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Sequence

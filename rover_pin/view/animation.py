@@ -3,8 +3,6 @@
 Another drive is drawn through it in blue outlines, as the ghost of the page in 3D.
 """
 
-from __future__ import annotations
-
 import io
 import tempfile
 from collections.abc import Callable

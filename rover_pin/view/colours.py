@@ -3,8 +3,6 @@
 They differ in lightness too, so that they are distinct without colours.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 STOPS: tuple[tuple[float, tuple[float, float, float]], ...] = (

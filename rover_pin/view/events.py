@@ -1,7 +1,5 @@
 """What happened when: since when a drive is stuck, where it ended, and wheels that leave the ground and touch down."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

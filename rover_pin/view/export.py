@@ -1,7 +1,5 @@
 """A drive for other tools: CSV and Parquet for tables, MCAP for Foxglove, a recording for Rerun."""
 
-from __future__ import annotations
-
 import io
 import json
 import math

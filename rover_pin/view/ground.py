@@ -1,7 +1,5 @@
 """The true ground as triangles: lanes with their lips and walls, grids with their cells, a colour for each soil."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The ground from above, by colours of its height."""
 
-from __future__ import annotations
-
 import numpy as np
 from matplotlib.axes import Axes
 

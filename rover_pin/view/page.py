@@ -1,7 +1,5 @@
 """One HTML page with a drive in 3D, which needs nothing but a browser: no network, no server."""
 
-from __future__ import annotations
-
 import html
 import io
 import re

@@ -1,7 +1,5 @@
 """What stands beside the scene of a page: what is seen, plots over time with a cursor, and the events."""
 
-from __future__ import annotations
-
 import html
 import json
 from collections.abc import Sequence

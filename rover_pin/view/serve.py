@@ -1,7 +1,5 @@
 """The same scene, served on this machine: with buttons to play it, at any speed, and to step through it."""
 
-from __future__ import annotations
-
 import time
 
 from rover_pin.view.film import Film

@@ -1,7 +1,5 @@
 """The rover's own shapes, link by link: boxes, cylinders, spheres and meshes of its URDF, as triangles."""
 
-from __future__ import annotations
-
 import io
 import logging
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """The scene: ground, rover, ghosts, arrows and tracks as viser's nodes, set to any frame."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 

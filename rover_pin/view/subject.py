@@ -1,7 +1,5 @@
 """What is to be seen: a trace with the rover that drove it and the ground."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

@@ -3,8 +3,6 @@
 What is refused is an `OSError` whose `strerror` says why, so that a reader tells it in its own sentence as any other.
 """
 
-from __future__ import annotations
-
 import errno
 import io
 import os

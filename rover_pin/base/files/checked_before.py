@@ -1,7 +1,5 @@
 """What was found sound before and need not be checked again: digests, in a file of a private folder."""
 
-from __future__ import annotations
-
 import contextlib
 import hashlib
 from collections.abc import Iterable

@@ -1,7 +1,5 @@
 """Tables of numbers in files, with the place of whatever is wrong; and files that are written whole or not at all."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 from pathlib import Path

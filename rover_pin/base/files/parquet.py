@@ -1,7 +1,5 @@
 """Parquet files: read only where what they unpack to, a cell of text too, is bounded."""
 
-from __future__ import annotations
-
 import errno
 from pathlib import Path
 from typing import Any

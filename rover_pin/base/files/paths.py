@@ -1,7 +1,5 @@
 """Whether there is a file of a name that a user gave, and how another file names it."""
 
-from __future__ import annotations
-
 import os
 from importlib.resources import files
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The folders in which the package keeps what it made or found for a later run: nobody else can write there."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import tempfile

@@ -1,7 +1,5 @@
 """A folder of results: one process at a time writes there, and it is said what a further run replaces."""
 
-from __future__ import annotations
-
 import fcntl
 import logging
 import os

@@ -1,7 +1,5 @@
 """Measured samples that come with the package, found by name from any folder."""
 
-from __future__ import annotations
-
 from importlib.resources import files
 from pathlib import Path
 

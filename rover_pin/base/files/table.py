@@ -4,8 +4,6 @@ Text may have any delimiter, a decimal comma, a byte-order mark, lines before it
 `80 N`, and marks for what is missing.
 """
 
-from __future__ import annotations
-
 import contextlib
 import csv
 from collections.abc import Sequence

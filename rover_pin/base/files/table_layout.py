@@ -1,7 +1,5 @@
 """How a text file holds a table: which delimiter and decimal mark, where its header is, whether units follow it."""
 
-from __future__ import annotations
-
 import csv
 import re
 from collections import Counter

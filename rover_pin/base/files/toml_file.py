@@ -1,7 +1,5 @@
 """TOML files: read with the line of a mistake, and written from plain values."""
 
-from __future__ import annotations
-
 import json
 import re
 import tomllib

@@ -1,7 +1,5 @@
 """Work on this machine's cores (joblib) or on a Dask cluster; what distributes it is theirs, not ours."""
 
-from __future__ import annotations
-
 import os
 import socket
 from collections.abc import Callable, Generator, Iterator, Sequence

@@ -4,8 +4,6 @@ Python puts the working directory first on the path of `python -m` and `python -
 trackers start; a shell does so for an empty entry of PATH, and matplotlib reads ./matplotlibrc.
 """
 
-from __future__ import annotations
-
 import importlib
 import os
 import resource

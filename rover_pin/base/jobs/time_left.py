@@ -1,7 +1,5 @@
 """Time left of long work, now and then a line: what is done, of how much, about how long it still takes."""
 
-from __future__ import annotations
-
 import logging
 import time
 from collections.abc import Callable, Iterable, Iterator

@@ -1,7 +1,5 @@
 """Worker processes end with the program that started them, however it is asked to end."""
 
-from __future__ import annotations
-
 import os
 import signal
 import sys

@@ -3,8 +3,6 @@
 Their files postpone no annotations: typer would evaluate every one of those strings, several times, at every start.
 """
 
-from __future__ import annotations
-
 import typer
 
 from rover_pin.cli.commands import (

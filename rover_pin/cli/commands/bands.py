@@ -1,7 +1,5 @@
 """A drive on all models of a folder, as a loop leaves them in `posterior`: bands in place of lines."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """A controller from a user's file: `controller(model)` there returns what is asked at every sample."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

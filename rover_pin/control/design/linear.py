@@ -1,7 +1,5 @@
 """The linear model of a rover under way, at a trim point: dx/dt = A x + B u, y = C x + D u, as control theory asks."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """A drive that waits for its command at every sample: for another simulator, a learner, or hardware in the loop."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from rover_pin.base.errors import SimulationError

@@ -1,7 +1,5 @@
 """The parts of the C file that depend on what is taken away: estimates of the slip, the torque limit, the stop."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping, Sequence
 from typing import Any

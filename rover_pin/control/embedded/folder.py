@@ -1,7 +1,5 @@
 """A slip control's files to take away: C, vectors and their test, build files, CasADi's functions, a ROS 2 package."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from rover_pin.base.files.columns import replace_file

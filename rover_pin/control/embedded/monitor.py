@@ -1,7 +1,5 @@
 """The monitor's part of the C file: it reads the belief of the slip control, after each of its steps."""
 
-from __future__ import annotations
-
 from rover_pin.control.embedded.estimates import kept_inside, struct_of_fixed_size
 from rover_pin.control.monitor.monitor import CANNOT_TELL, CAUSES, Monitor
 from rover_pin.control.monitor.source import FIELDS, c_source, lengths

@@ -1,7 +1,5 @@
 """Held speeds to take away: C from a commanded body motion to duties and steering, equal to the package's own."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Iterator

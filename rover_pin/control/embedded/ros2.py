@@ -1,7 +1,5 @@
 """A ROS 2 package around the C of a slip control: a controller for ros2_control, with what colcon needs."""
 
-from __future__ import annotations
-
 from rover_pin.base.files.paths import text_of_package
 from rover_pin.control.embedded.source import Embedded
 

@@ -1,7 +1,5 @@
 """The C of a slip control: header and source, from the same expressions as the package's own loop."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Test vectors of a slip control that was taken away: readings that wander, and what the package answers to them."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """A slip control, or held speeds, as a functional mock-up unit: the C of export-c, and the unit's around it."""
 
-from __future__ import annotations
-
 import math
 
 from rover_pin.control.embedded.estimates import TABLES

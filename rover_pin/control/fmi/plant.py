@@ -1,7 +1,5 @@
 """A rover on its ground as a functional mock-up unit: the compiled drive, its numbers written out as C."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from typing import Any
 

@@ -1,7 +1,5 @@
 """A functional mock-up unit of FMI 3.0, for co-simulation: its variables, its description, and the file."""
 
-from __future__ import annotations
-
 import hashlib
 import io
 import math

@@ -1,7 +1,5 @@
 """How a rover goes on from what the on-board belief says: forces along the way, slips and holes, a step."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import casadi as ca

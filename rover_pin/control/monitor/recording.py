@@ -1,7 +1,5 @@
 """A recorded drive put before the monitor, sample by sample."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterator
 from itertools import groupby

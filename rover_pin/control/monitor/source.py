@@ -1,7 +1,5 @@
 """The monitor in C: its numbers with their reasons, its struct, and its source."""
 
-from __future__ import annotations
-
 import ctypes
 import math
 from functools import lru_cache

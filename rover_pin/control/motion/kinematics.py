@@ -1,7 +1,5 @@
 """How fast wheels roll, and where they point, for a motion of the body: floats or expressions."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 

@@ -1,7 +1,5 @@
 """A control whose law is one function of what is read: asked here, and compiled into the step."""
 
-from __future__ import annotations
-
 from typing import Protocol
 
 import casadi as ca

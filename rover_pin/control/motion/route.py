@@ -1,7 +1,5 @@
 """A route of way-points, driven by pure pursuit: the curvature to a point ahead, held by the wheels' servos."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import lru_cache

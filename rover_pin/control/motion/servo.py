@@ -1,7 +1,5 @@
 """Speeds that are held: a PI servo on the rate of each wheel, and motions of the body by the rover's own kinematics."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 from functools import lru_cache

@@ -1,7 +1,5 @@
 """A rover as MJCF: bodies, motors, servos, differential and couplings, set down where it starts; no soil."""
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Mapping
 from typing import Any

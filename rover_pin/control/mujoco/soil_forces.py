@@ -1,7 +1,5 @@
 """The soil under a rover's wheels as a passive force of MuJoCo."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any
 

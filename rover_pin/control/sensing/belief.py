@@ -1,7 +1,5 @@
 """The belief in C: its source, its struct, and the arrays that it works with."""
 
-from __future__ import annotations
-
 import ctypes
 from collections.abc import Sequence
 from typing import Any, NamedTuple

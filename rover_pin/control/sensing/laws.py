@@ -1,7 +1,5 @@
 """The belief's laws, a lane a particle: how slip and hole move on, and how likely what is read is."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import casadi as ca

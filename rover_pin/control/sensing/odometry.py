@@ -1,7 +1,5 @@
 """The speed of the base as a camera would tell it: scaled, noisy, late, and sometimes not at all."""
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from dataclasses import dataclass

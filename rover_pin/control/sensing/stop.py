@@ -1,7 +1,5 @@
 """Stop for good where the rover stands and its wheels dig: what turns there only buries it."""
 
-from __future__ import annotations
-
 import dataclasses
 from dataclasses import dataclass, field
 

@@ -1,7 +1,5 @@
 """The slip as an external tracker would give it: from a travel speed that is noisy and late."""
 
-from __future__ import annotations
-
 from collections import deque
 from dataclasses import dataclass
 

@@ -4,8 +4,6 @@ Currents of which only the shape is known, counts of a converter or amperes of m
 and a zero that are fitted with the rest.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 
 import numpy as np

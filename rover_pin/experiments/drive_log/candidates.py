@@ -1,7 +1,5 @@
 """What a drive model may lack: every known effect at every wheel, channel or place, and priors that may be wrong."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Iterable, Sequence

@@ -1,7 +1,5 @@
 """What only a drive log has to say besides: free simulations, its ground, how an unlisted effect would act."""
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A logged run as the loop compares it: half-second means of what a sensor says, measured and replayed alike."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property

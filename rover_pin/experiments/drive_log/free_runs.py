@@ -1,7 +1,5 @@
 """Runs driven freely from their start, without being drawn to the log: how far they diverge."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What a user would otherwise take for a drive: wheel odometry with a slip that is fitted to the other runs."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The model that a drive log starts from, and which of its numbers are uncertain, by how much."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import replace

@@ -3,8 +3,6 @@
 The most probable model drives each freely; all others are held to its way, as replays of a log are.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 
 import numpy as np

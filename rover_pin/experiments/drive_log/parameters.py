@@ -1,7 +1,5 @@
 """Numbers of a drive model by name, free to be fitted: soil, motor, effects, one coordinate u each."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from dataclasses import replace

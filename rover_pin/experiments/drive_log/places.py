@@ -1,7 +1,5 @@
 """Where on the way an effect begins and ends: the places next to those at which it was tried."""
 
-from __future__ import annotations
-
 import dataclasses
 from typing import Any
 

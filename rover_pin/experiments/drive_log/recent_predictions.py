@@ -1,7 +1,5 @@
 """Predictions of a moment ago: fits ask again at their start, in the middle of slopes, after a step back."""
 
-from __future__ import annotations
-
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
 

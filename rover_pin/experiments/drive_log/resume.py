@@ -1,7 +1,5 @@
 """Long work taken up where it stopped: arrays that took long, kept in a folder under a digest of all they depend on."""
 
-from __future__ import annotations
-
 import dataclasses
 import hashlib
 import io

@@ -1,7 +1,5 @@
 """Which effects may be missing: every effect file of the package and of a user's folder, found by looking."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Whether rig sets can answer at all, alone or together: refusals, and findings that a reader should know of."""
 
-from __future__ import annotations
-
 from rover_pin.experiments.rig_sets.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig import checks
 from rover_pin.measurements.finding import Finding

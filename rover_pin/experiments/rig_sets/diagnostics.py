@@ -1,7 +1,5 @@
 """What one model of several sets leaves of each of them."""
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What a model leaves of a rig set, drafted as an effect file: polynomials of slip over the whole travel, and load."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

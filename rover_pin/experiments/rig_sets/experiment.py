@@ -1,7 +1,5 @@
 """Wheel-rig sets in one sand as one experiment: levels of each set are its folds, its noise is its own."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property

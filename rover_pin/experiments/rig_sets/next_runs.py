@@ -1,7 +1,5 @@
 """The runs that a wheel rig could make next: from braked to nearly spinning, of half to twice the mean load."""
 
-from __future__ import annotations
-
 import dataclasses
 import itertools
 from collections.abc import Sequence

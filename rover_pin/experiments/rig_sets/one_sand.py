@@ -1,7 +1,5 @@
 """Several rig sets in one sand: what any of them declares of it holds for all, and what each has for itself."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Several rig sets read as one experiment: each by its name, and a run that is in two of them used once."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What an unknown effect may act on: how a unit of torque, voltage, force or grip moves a replay's channels."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field

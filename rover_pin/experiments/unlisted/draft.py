@@ -1,7 +1,5 @@
 """A draft of the effect that a term describes: a Python file for `--effects`, to be tried, refitted, edited."""
 
-from __future__ import annotations
-
 import math
 import re
 import textwrap

@@ -1,7 +1,5 @@
 """What an unknown effect may depend on: functions of measured signals, as few columns that multiply a perturbation."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from functools import partial

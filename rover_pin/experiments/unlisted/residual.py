@@ -1,7 +1,5 @@
 """What a fitted drive model leaves: how large, where, and as what an effect that nobody has listed would act."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """A term: what acts times what it depends on, fitted; its gain, its curve, and one sentence about it."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 from typing import NamedTuple

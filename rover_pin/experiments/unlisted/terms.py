@@ -1,7 +1,5 @@
 """Which unknown fits: terms, what acts times what it depends on, ranked by the chi2 that they take."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """The draft of what a drive model leaves, as an effect that can be tried."""
 
-from __future__ import annotations
-
 from rover_pin.discrepancy.draft import Draft, draft_of
 from rover_pin.discrepancy.question import Progress
 from rover_pin.discrepancy.search import Search

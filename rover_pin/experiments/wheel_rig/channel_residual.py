@@ -1,7 +1,5 @@
 """What a model leaves: where it lives, and a smooth description from which a person can write an effect."""
 
-from __future__ import annotations
-
 import itertools
 from typing import NamedTuple
 

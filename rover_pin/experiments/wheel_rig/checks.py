@@ -1,7 +1,5 @@
 """Whether a rig set can answer at all: refusals, and findings that a reader should know of."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from rover_pin.base.errors import DataError

@@ -1,7 +1,5 @@
 """What a rig set declares of its model: the model itself, and which of its numbers are uncertain by how much."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 

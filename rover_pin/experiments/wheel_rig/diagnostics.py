@@ -1,7 +1,5 @@
 """What a model leaves of a rig set: constants against other measurements, channel residuals, and what they go with."""
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np

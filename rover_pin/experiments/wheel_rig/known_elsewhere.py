@@ -1,7 +1,5 @@
 """Fitted constants against what other measurements say of them: an effect that a fit has absorbed shows here."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 from rover_pin.contact import Soil

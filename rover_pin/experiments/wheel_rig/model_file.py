@@ -1,7 +1,5 @@
 """A rig model as a TOML file: written with units, read back to the same numbers."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What `rig.toml` declares of lugs and sand, as the effects of the contact have it."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Iterator, Mapping, Sequence

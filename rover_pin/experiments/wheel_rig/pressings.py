@@ -1,7 +1,5 @@
 """A wheel pressed in without turning, as rows of the same fit: the logarithm of the force at each sinkage."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import casadi as ca

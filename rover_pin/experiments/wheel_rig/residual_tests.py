@@ -1,7 +1,5 @@
 """Whether residuals hang together with what was set or when it was measured: correlations with permutation p-values."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """The runs of a wheel-rig set as arrays: levels of slip are its folds, its channels have exact sensitivities."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property

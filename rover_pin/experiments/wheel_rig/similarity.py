@@ -1,7 +1,5 @@
 """On which dimensionless groups the channels of a rig set collapse, each level predicted from the others."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Callable, Iterator

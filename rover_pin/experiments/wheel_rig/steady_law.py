@@ -1,7 +1,5 @@
 """Steady runs of a wheel on a rig as compiled functions: what carries the load, and what is then read and follows."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import lru_cache
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """What else was recorded, once the motion is known: tilts, currents, duties, steering and joints."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any

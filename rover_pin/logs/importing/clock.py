@@ -1,7 +1,5 @@
 """The clock of a recording: which column it may be and in what unit, as seconds from the begin."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Iterator, Mapping

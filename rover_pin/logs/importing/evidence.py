@@ -8,8 +8,6 @@ the autocorrelations a of neighbours (Bartlett 1946). Logarithms of such factors
 confidence is the share of all readings that agree on it.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

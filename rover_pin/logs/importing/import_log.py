@@ -1,7 +1,5 @@
 """Recordings of others made into one drive log: read, understood together, cut into runs, written."""
 
-from __future__ import annotations
-
 import itertools
 import logging
 import math

@@ -1,7 +1,5 @@
 """An inertial unit among the columns: which axes it has, which way they point, and its units."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping, Sequence
 

@@ -6,8 +6,6 @@ v exp(i psi), and psi' with the difference of the rims, must be related by posit
 Uphill v / |c| grows, which tells the sense of the height's axis.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """What the log shows of the rover itself: the ground under its rims, its effective track, clocks that are apart."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np

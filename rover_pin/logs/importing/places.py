@@ -1,7 +1,5 @@
 """Where the rover may have been and headed: every pair of columns, frame, unit and way of counting an angle."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence

@@ -1,7 +1,5 @@
 """One file of a recording on one clock, and what a choice among its readings is."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from functools import cached_property
 from types import MappingProxyType

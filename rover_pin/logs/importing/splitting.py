@@ -1,7 +1,5 @@
 """A long recording as runs: cut where it stands or has gaps, and into parts; of many the most telling ones."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """A recording understood: its files on one clock, and the reading on which everything in them agrees, or a question."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple

@@ -1,7 +1,5 @@
 """What the wheels may have done: families of columns that are called alike but for the wheel."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence

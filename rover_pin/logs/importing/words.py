@@ -1,7 +1,5 @@
 """What columns are called: words of English, German, French and Spanish for quantities, places, sides and units."""
 
-from __future__ import annotations
-
 import re
 import unicodedata
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """What an imported drive log says: its drive.toml, every guess marked."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple

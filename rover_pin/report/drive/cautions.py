@@ -1,7 +1,5 @@
 """What a reader of a drive verdict should be wary of: one sentence each."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

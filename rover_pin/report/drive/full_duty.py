@@ -1,7 +1,5 @@
 """How much an effect does to a rover that drives on level ground with all motors at full duty, with and without it."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The worst run in 3D: what was measured, and the free simulations before and after as its ghosts."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial

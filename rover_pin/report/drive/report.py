@@ -1,7 +1,5 @@
 """A drive log's verdict as a page: the sections that any verdict has, its runs along time, and free runs."""
 
-from __future__ import annotations
-
 from functools import partial
 from pathlib import Path
 

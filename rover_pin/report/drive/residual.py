@@ -1,7 +1,5 @@
 """What a drive model leaves: how it acts, and what the residuals go with."""
 
-from __future__ import annotations
-
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.experiments.drive_log.extra import extra_of
 from rover_pin.experiments.unlisted.residual import DriveResidual

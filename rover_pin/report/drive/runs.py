@@ -1,7 +1,5 @@
 """Pictures of a drive report along time: what was measured and modelled, what is left of it, and free runs."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

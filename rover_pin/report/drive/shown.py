@@ -1,7 +1,5 @@
 """The picture of the first screen: what one channel leaves, along what it goes with, where the added effect shows."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Pictures of what a drive model leaves: the functions that describe it best."""
 
-from __future__ import annotations
-
 import textwrap
 from collections.abc import Sequence
 

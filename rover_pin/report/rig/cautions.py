@@ -1,7 +1,5 @@
 """What a reader of a verdict should be wary of, one sentence each."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from rover_pin.discrepancy.verdict import Verdict

@@ -1,7 +1,5 @@
 """The pictures of a rig's report: channels against slip, measured, before and after, and what each model leaves."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """What a rig's levels mean: the slip that was set, and angle and load where these differ."""
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 

@@ -1,7 +1,5 @@
 """A verdict on wheel rigs as a page: the sections that any has, where its error lives, and errors set by set."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What stands at the end of every report: warnings, the data check, and how to repeat it."""
 
-from __future__ import annotations
-
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.report.reasons import opposing_reasons
 from rover_pin.report.section import Section

@@ -1,7 +1,5 @@
 """Errors on what was not fitted: by channel, and by what was left out."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Any

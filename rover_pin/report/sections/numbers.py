@@ -1,7 +1,5 @@
 """The fitted numbers, before and after, with what was known of them beforehand, and which go together."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 

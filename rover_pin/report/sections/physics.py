@@ -1,7 +1,5 @@
 """What was added: its meaning, how much it does, its equation, and its numbers with their sources."""
 
-from __future__ import annotations
-
 import inspect
 from collections.abc import Callable
 from typing import Any

@@ -1,7 +1,5 @@
 """What the data could not tell, and from what size they would have: so that 'nothing found' has a number."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """How probable each cause is, what size it would have, and which sets the data leave."""
 
-from __future__ import annotations
-
 import numpy as np
 from matplotlib.figure import Figure
 

@@ -1,7 +1,5 @@
 """A test bench's verdict as a page: the sections that any verdict has, and its channels sample by sample."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -4,8 +4,6 @@ Everything after this, Pinocchio, viewers and drives alike, reads the text that 
 stays as it is, byte for byte; else each change is one sentence.
 """
 
-from __future__ import annotations
-
 import math
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping

@@ -1,7 +1,5 @@
 """What keeps a URDF from being loaded as a rover: faults stage by stage, each one sentence that says what to mend."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

@@ -3,8 +3,6 @@
 A differential is one such relation among others: gear, bar or brace, what moves with it follows its left rocker.
 """
 
-from __future__ import annotations
-
 import math
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping

@@ -1,7 +1,5 @@
 """Faults in masses, inertias and units: numbers that no rover of that size can have."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 

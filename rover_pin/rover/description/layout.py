@@ -1,7 +1,5 @@
 """Which joint of a URDF plays which part of a rover: the small TOML beside it."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from importlib.resources import files

@@ -3,8 +3,6 @@
 Archives (.zip, .3mf, .zae, .gz) unpack to any size, scenes (.gltf, .glb) name other files, and neither is read.
 """
 
-from __future__ import annotations
-
 import io
 import re
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """The motor of a wheel as its data sheet has it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from rover_pin.base.quantity import Record, quantity

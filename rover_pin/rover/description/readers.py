@@ -1,7 +1,5 @@
 """Two libraries read the URDF and must place its links alike."""
 
-from __future__ import annotations
-
 import io
 import logging
 import os

@@ -1,7 +1,5 @@
 """Faults in what the TOML says of the URDF: joints that are not there, of the wrong kind, axis or side."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterator
 

@@ -1,7 +1,5 @@
 """The tables of a rover's TOML that say in which form joints are taken, and what rover-wide numbers are."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from typing import Any

@@ -1,7 +1,5 @@
 """Faults in how a URDF joins its links: what keeps it from being one tree of turning joints."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterator
 

@@ -1,7 +1,5 @@
 """The links and joints that a URDF states, as plain records: what can be judged before any library reads it."""
 
-from __future__ import annotations
-
 import math
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """A rover's wheels and axles, guessed from axes, places and shapes."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Names beside points of a drawing, none over another."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """From a URDF to a rover: read it (xacro too), propose its TOML, write both and a picture, and check the result."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What `new-rover` proposes of a URDF's joints, as plain records."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 

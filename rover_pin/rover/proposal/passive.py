@@ -1,7 +1,5 @@
 """Wheels that no motor turns: castors, rollers and a track's wheels, which are recognised and refused."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence

@@ -1,7 +1,5 @@
 """Side and plan view of a rover with the names of its parts: to see whether roles were guessed right."""
 
-from __future__ import annotations
-
 import io
 from collections.abc import Iterable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Which joint of a URDF plays which part: what `new-rover` proposes."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from rover_pin.base.errors import UrdfError

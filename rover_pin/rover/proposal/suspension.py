@@ -1,7 +1,5 @@
 """The pivots between a rover's body and its wheels, by topology: rockers, bogies, what couples them, what is held."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """The proposed TOML as text: every guess has a comment that says so, and why."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Iterator

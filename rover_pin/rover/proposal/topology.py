@@ -1,7 +1,5 @@
 """Which link carries which in a URDF, and where, in axes x forward, y left, z up."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """How large a wheel is, from what its link draws: cylinders, spheres, meshes, or its inertia where nothing is drawn."""
 
-from __future__ import annotations
-
 import logging
 import math
 from collections.abc import Iterator

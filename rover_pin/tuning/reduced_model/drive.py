@@ -15,8 +15,6 @@ patches of a lip, ground other than the first soil, and the mirrored view of a w
 amends a motor by the supply's current of now sees the current without it.
 """
 
-from __future__ import annotations
-
 import contextlib
 import io
 from collections.abc import Sequence

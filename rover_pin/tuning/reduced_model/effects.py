@@ -1,7 +1,5 @@
 """What a model's effects come to on the reduced rover: at an axle's contacts, in its motors, on the body."""
 
-from __future__ import annotations
-
 import itertools
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """How the axles share the weight, and how their pulls shift it from one to another."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

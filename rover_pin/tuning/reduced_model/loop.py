@@ -1,7 +1,5 @@
 """The slip control of Fig 9 in continuous time, as CasADi expressions: what `SlipControl` does between its samples."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import casadi as ca

@@ -1,7 +1,5 @@
 """The path of a wheel's centre over a terrain, as a few straight pieces that CasADi can differentiate."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import casadi as ca

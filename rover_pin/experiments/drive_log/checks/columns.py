@@ -1,7 +1,5 @@
 """Which channels a drive log has, which it lacks, and where they have gaps."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

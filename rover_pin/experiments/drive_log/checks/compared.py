@@ -1,7 +1,5 @@
 """What of a log the loop does not compare: runs in which the rover stands or turns, wheels on a border of lanes."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 from rover_pin.experiments.drive_log.features import BLOCK, logged_run

@@ -1,7 +1,5 @@
 """Motor currents against the declared motor: their scale."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from rover_pin.experiments.drive_log.checks.driven import Driven, Remarks

@@ -1,7 +1,5 @@
 """What a drive log declares against what its runs show: soil and motor left out, the start, the ground's ends."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping
 from typing import Any

@@ -1,7 +1,5 @@
 """A logged run in short blocks: the means and speeds that the checks of a drive log look at, and what is declared."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass

@@ -3,8 +3,6 @@
 Which effects look alike without what is measured in trials: a lumped six-wheel rover, 15 effects hidden in turn.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np

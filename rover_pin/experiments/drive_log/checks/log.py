@@ -3,8 +3,6 @@
 `read_drive_log` has refused before: clocks that run back, text for numbers, duties in percent, undeclared wheels.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
 

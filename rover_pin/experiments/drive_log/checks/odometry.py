@@ -1,7 +1,5 @@
 """A pose that was computed from the wheels: it moves as they turn, and tells nothing of slip."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from itertools import groupby
 from typing import NamedTuple

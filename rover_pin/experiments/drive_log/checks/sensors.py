@@ -1,7 +1,5 @@
 """Sensors of a drive log that are stuck, clipped, or show what cannot be."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from rover_pin.experiments.drive_log.checks.columns import longest_run

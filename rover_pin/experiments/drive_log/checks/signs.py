@@ -1,7 +1,5 @@
 """Signs of a drive log: duty against wheel, wheel against travel, heading against course, pitch against climb."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 

@@ -1,7 +1,5 @@
 """Speeds of a drive log against each other: velocity and height against place, wheel rate against duty."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Units of a drive log, read from the numbers: what turns and what moves must agree up to slip."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The ground as it may differ from the declared: grip and slope along the way of each run, drawn anew by raking."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Sequence
 from typing import Protocol

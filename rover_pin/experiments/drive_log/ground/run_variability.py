@@ -1,7 +1,5 @@
 """What the drives of a log say of their ground: how much grip and slope differ, and where it is not as declared."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from typing import Any, NamedTuple

@@ -1,7 +1,5 @@
 """The bend that all runs of a log share, as an effect: what their slopes have in common along x."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

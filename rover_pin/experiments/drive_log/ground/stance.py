@@ -5,8 +5,6 @@ sink deeper: a cart of 20 kg stands .3 to .5 deg nose up. Taken for ground, that
 direction of travel, and a wheel's scale or a tachogenerator's was named for it.
 """
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

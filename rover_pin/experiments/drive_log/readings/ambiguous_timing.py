@@ -5,8 +5,6 @@ were not written, tell only that the duty changed between them: half a row's dou
 percent that a wheel's rate changes, several times the noise of its tachogenerator where it starts or stops.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Where a wheel stands on the border of two lanes of other heights: what carries it there, no log declares."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from rover_pin.logs.drive_log import DriveLog

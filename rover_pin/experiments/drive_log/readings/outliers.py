@@ -5,8 +5,6 @@ of what is compared, all six numbers of the pose, and the check of the log says 
 which the check tells and nothing mends.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from rover_pin.simulation.trace.trace import Trace

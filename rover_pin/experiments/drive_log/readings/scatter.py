@@ -1,7 +1,5 @@
 """What a log's samples scatter about a line within each block: the floor that no model of the motion can beat."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What a log declares of its sensors, as the SD of a half-second mean."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np

@@ -5,8 +5,6 @@ so that all runs together seem to tell a bias, a tilt or a spring. A place that 
 are not: a replay is held to it. Its SDs are learnt as those of the ground are.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,3 +1,1 @@
 """Files of recordings as tables: text, Parquet, MATLAB, ROS bags."""
-
-from __future__ import annotations

@@ -1,7 +1,5 @@
 """All numbers in a ROS bag as one table: every topic's fields, on one clock."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Iterator
 from pathlib import Path

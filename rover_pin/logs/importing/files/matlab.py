@@ -4,8 +4,6 @@ Read here: scipy takes a damaged file's word for its sizes, and the program ends
 Source: MATLAB, MAT-File Format (MathWorks, 2019), chapters 1 (version 7) and 4.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 import struct

@@ -1,7 +1,5 @@
 """A recording as its files have it: columns of numbers by their own names, one clock in seconds."""
 
-from __future__ import annotations
-
 import math
 import re
 import sys

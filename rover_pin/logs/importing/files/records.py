@@ -4,8 +4,6 @@ A line is a name, a time and cells; lines of a name have the same cells, those o
 the same word in all lines of a name is called after the cells behind it.
 """
 
-from __future__ import annotations
-
 import csv
 import re
 from collections import Counter
