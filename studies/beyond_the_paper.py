@@ -5,7 +5,7 @@ Question
     there a controller on wheel rates, currents, suspension angles and attitude alone that gets out of more ditches and
     up more slopes than both constant duty and the paper's law, on soils that lose strength past the peak as well?
 Method
-    Tacking (`control.onboard`): where the bogies fold, turn by an angle and cross one wheel at a time. Its angle,
+    Tacking (`tacking.py`): where the bogies fold, turn by an angle and cross one wheel at a time. Its angle,
     radius and alert are tuned by differential evolution on the full rover over a training ensemble, at the duty 0.55 of
     the paper; then 36 held-out drives of 100 s, drawn from another seed: ditches with walls of 30 to 65 deg, inclines
     of 6 to 18 deg, k from 3 to 32 mm, half of them with 5 to 40 % strength lost past the peak. A ditch is passed when
@@ -44,10 +44,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from scipy.optimize import differential_evolution
+from tacking import Tacking, TackingControl
 
 from rover_pin import plot
 from rover_pin.control.constant import ConstantDuty
-from rover_pin.control.onboard import Tacking, TackingControl
 from rover_pin.control.slip_control import Gains
 from rover_pin.effects.motion_resistance import MotionResistance
 from rover_pin.effects.post_peak import PostPeak

@@ -51,10 +51,10 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
+from tacking import TackingControl
 
 from rover_pin import plot
 from rover_pin.base.errors import ParameterError
-from rover_pin.control.onboard import TackingControl
 from rover_pin.scenarios.scenario import Scenario, scenario
 from rover_pin.simulation.trace.trace import Trace
 from rover_pin.tuning.evaluations import Evaluations

@@ -42,7 +42,7 @@ def peak_stress_forces(
     angles : tuple of Scalar
         theta_1, theta_m, theta_2 [rad], falling; see `PeakAngle.at`.
     nodes : int
-        Quadrature nodes of each of the two stretches; they share the stress. `certified_peak_forces` keeps 1e-10.
+        Quadrature nodes of each of the two stretches; they share the stress.
 
     Raises
     ------

@@ -17,13 +17,10 @@ FAST = 16
 """Nodes of one panel for simulation.
 
 Table 1's angles: driving 2e-10 for k = 50 mm, 3e-9 for 5 mm, 3e-7 for 1 mm; braking, where j changes sign inside the
-arc, 7e-7 of f_n for 50 mm, 2e-5 for 5 mm and 4e-4 for 1 mm. Over the whole box of `certified_forces`: driving 5e-5;
+arc, 7e-7 of f_n for 50 mm, 2e-5 for 5 mm and 4e-4 for 1 mm. Over the box of the tests' certified forces: driving 5e-5;
 braking 8e-3 of f_n in 99 of 100 cases, up to 0.06 of it in corners (0.035 at k = 1 mm, theta_1 = 69 deg, S = -0.23),
 more than all of a torque whose parts cancel there.
 """
-
-CERTIFIED = 48
-"""Nodes of each stretch of `certified_forces`: 1e-10 over its stated box."""
 
 
 class Graded(NamedTuple):
@@ -36,22 +33,17 @@ class Graded(NamedTuple):
 @lru_cache(maxsize=64)
 def entry_graded(nodes: int) -> Graded:
     """Rule for a singular start: psi = 5 u^4 - 4 u^5, d psi = 20 u^3 (1 - u) du."""
-    return _graded(nodes, lambda u: u**4 * (5 - 4 * u), lambda u: 20 * u**3 * (1 - u))
-
-
-@lru_cache(maxsize=64)
-def both_graded(nodes: int) -> Graded:
-    """Rule for two singular ends: d psi = 140 u^3 (1 - u)^3 du."""
-    return _graded(nodes, lambda u: u**4 * (35 + u * (-84 + u * (70 - 20 * u))), lambda u: 140 * (u * (1 - u)) ** 3)
+    return graded(nodes, lambda u: u**4 * (5 - 4 * u), lambda u: 20 * u**3 * (1 - u))
 
 
 @lru_cache(maxsize=64)
 def cubic_graded(nodes: int) -> Graded:
     """Rule for a singular start and an ordinary end: psi = u^3, d psi = 3 u^2 du."""
-    return _graded(nodes, lambda u: u**3, lambda u: 3 * u**2)
+    return graded(nodes, lambda u: u**3, lambda u: 3 * u**2)
 
 
-def _graded(nodes: int, psi: Callable[[np.ndarray], np.ndarray], slope: Callable[[np.ndarray], np.ndarray]) -> Graded:
+def graded(nodes: int, psi: Callable[[np.ndarray], np.ndarray], slope: Callable[[np.ndarray], np.ndarray]) -> Graded:
+    """Return the rule of a map psi on [0, 1], given with its derivative."""
     if not isinstance(nodes, int) or isinstance(nodes, bool) or nodes < 2:
         raise ParameterError(f"nodes = {nodes!r} is not allowed: the arc needs a whole number of 2 nodes or more.")
     x, w = np.polynomial.legendre.leggauss(nodes)

@@ -48,7 +48,7 @@ def wheel_forces(
         Its constants; its own angles are not looked at.
     nodes : int
         Quadrature nodes. 16 is made for simulation: 3e-7 driving and 4e-4 of f_n braking at Table 1's angles, down to
-        k = 1 mm (`quadrature.FAST` tells of other angles); `certified_forces` keeps 1e-10 everywhere in its box.
+        k = 1 mm (`quadrature.FAST` tells of other angles).
 
     Returns
     -------

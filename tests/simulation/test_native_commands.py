@@ -8,7 +8,6 @@ import pytest
 
 from rover_pin.control.constant import ConstantDuty
 from rover_pin.control.hole_law import HoleLaw
-from rover_pin.control.onboard import Tacking, TackingControl
 from rover_pin.control.slip_control import Gains, SlipControl
 from rover_pin.control.slip_estimate import SpeedTable, TableEstimate, TrueSlip
 from rover_pin.control.torque_check import PITCHES, NoLimit, TorqueLimit, TorqueLimited
@@ -19,6 +18,7 @@ from rover_pin.simulation.native.control import Commands
 from rover_pin.simulation.native.loop import Loop
 from rover_pin.simulation.native.shared import RECORD
 from rover_pin.simulation.start.place import Start, hovering
+from studies.tacking import Tacking, TackingControl
 
 MODEL, AT_ONCE = scenario("flat").model, 1e-12
 TABLE = SpeedTable((0.0, 0.2, 0.5, 0.7, 1.0), (0.0, 0.02, 0.05, 0.08, 0.11))

@@ -12,7 +12,6 @@ import pytest
 from rover_pin.base.errors import ParameterError
 from rover_pin.control import steering, torque_check
 from rover_pin.control.constant import ConstantDuty
-from rover_pin.control.onboard import Tacking, TackingControl
 from rover_pin.control.slip_control import Gains, SlipControl
 from rover_pin.control.slip_estimate import TrueSlip
 from rover_pin.control.torque_check import NoLimit, TorqueLimit, TorqueLimited
@@ -23,6 +22,7 @@ from rover_pin.simulation.native.control import commands_of
 from rover_pin.simulation.native.loop import QUESTIONS
 from rover_pin.simulation.simulate import plain_simulate, simulate
 from rover_pin.simulation.start.place import Start
+from studies.tacking import Tacking, TackingControl
 
 CASES = {
     "none": ("ditch", {}),

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from rover_pin.base.errors import ParameterError
 from rover_pin.contact import Soil, Wheel
 from rover_pin.parameters import SOILS
-from rover_pin.soil.certified import certified_forces
 from rover_pin.soil.sinkage import entry_angle
 from rover_pin.soil.traction import wheel_forces
+from tests.soil.certified import certified_forces
 
 WHEEL, SOIL = Wheel(), Soil()
 

@@ -3,8 +3,8 @@
 import pytest
 
 from rover_pin.contact import Soil, Wheel
-from rover_pin.soil.certified import certified_forces, certified_peak_forces
 from rover_pin.soil.peak_stress import peak_stress_forces
+from tests.soil.certified import certified_forces, certified_peak_forces
 
 
 @pytest.mark.parametrize(("S", "theta_1", "k", "n"), [(-0.95, 0.99, 0.0018, 0.5), (-0.92, 0.85, 0.002, 0.86)])

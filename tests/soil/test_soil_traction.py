@@ -13,9 +13,8 @@ from rover_pin.base.errors import ParameterError
 from rover_pin.contact import Soil, Wheel
 from rover_pin.soil.angles import FixedAngles, SinkageAngles
 from rover_pin.soil.arc import full_shear
-from rover_pin.soil.certified import certified_forces, certified_peak_forces
 from rover_pin.soil.peak_stress import PeakAngle, peak_stress_forces
-from rover_pin.soil.quadrature import both_graded, cubic_graded, entry_graded
+from rover_pin.soil.quadrature import cubic_graded, entry_graded
 from rover_pin.soil.traction import (
     FORMS,
     NetTraction,
@@ -26,6 +25,7 @@ from rover_pin.soil.traction import (
     wheel_forces,
 )
 from tests.oracle import terramechanics as oracle
+from tests.soil.certified import both_graded, certified_forces, certified_peak_forces
 
 WHEEL, SOIL = Wheel(), Soil()
 DEG = math.pi / 180

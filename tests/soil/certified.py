@@ -1,5 +1,6 @@
 """Wheel forces to 1e-10 over a stated box, Eq (4)'s and Wong and Reece's: the arc is cut where the shear needs it."""
 
+from functools import lru_cache
 from itertools import pairwise
 
 import casadi as ca
@@ -8,15 +9,24 @@ from rover_pin.base.quantity import is_symbolic
 from rover_pin.contact import Scalar, Soil, Wheel
 from rover_pin.soil.arc import LEAST_DEPTH, integrate, shear_law, strength
 from rover_pin.soil.peak_stress import PeakSums, terms
-from rover_pin.soil.quadrature import CERTIFIED, both_graded
+from rover_pin.soil.quadrature import Graded, graded
 from rover_pin.soil.slip import speed_ratio
 from rover_pin.soil.traction import WheelForces, assemble
+
+CERTIFIED = 48
+"""Nodes of each stretch of `certified_forces`: 1e-10 over its stated box."""
 
 LAYER = 20.0
 """Shear displacements k after which the strength is in full use."""
 
 NEWTON_STEPS = 12
 """Steps towards a sign change; the approach is monotone, and quadratic but where two of them meet."""
+
+
+@lru_cache(maxsize=64)
+def both_graded(nodes: int) -> Graded:
+    """Rule for two singular ends: d psi = 140 u^3 (1 - u)^3 du."""
+    return graded(nodes, lambda u: u**4 * (35 + u * (-84 + u * (70 - 20 * u))), lambda u: 140 * (u * (1 - u)) ** 3)
 
 
 def certified_forces(
