@@ -43,6 +43,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from drawn_drives import random_drives
 from scipy.optimize import differential_evolution
 from tacking import Tacking, TackingControl
 
@@ -59,7 +60,6 @@ from rover_pin.soil.traction import load_traction_factor
 from rover_pin.tuning.control import Control
 from rover_pin.tuning.drive_score import Cost, Score, score_trace
 from rover_pin.tuning.drives import built, controller_of
-from rover_pin.tuning.ensemble import random_drives
 from rover_pin.tuning.evaluations import Evaluations
 from rover_pin.tuning.study import DriveCase, SlipLaw
 

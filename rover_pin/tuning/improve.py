@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -26,11 +26,38 @@ from rover_pin.loop.close import close_the_loop
 from rover_pin.loop.verdict_file import POSTERIOR
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.model.toml_file import models_of
-from rover_pin.tuning.ensemble import HELD_OUT_ON, TRAINED_ON, usual_drives
 from rover_pin.tuning.evaluations import Progress as Stages
 from rover_pin.tuning.report import WORTH, TuningResult
-from rover_pin.tuning.study import Effort, TuningStudy
+from rover_pin.tuning.study import DriveCase, Effort, TuningStudy
 from rover_pin.tuning.tune import tune_gains
+
+Grounds = Mapping[str, Sequence[Mapping[str, Any]]]
+
+TRAINED_ON: Grounds = {
+    "incline": [{"terrain.angle_deg": 4.0}, {"terrain.angle_deg": 8.0}, {"terrain.angle_deg": 12.0}],
+    "slope": [{}],
+    "ditch": [{"terrain.wall_angle_deg": 35.0}, {"terrain.wall_angle_deg": 45.0}],
+    "hills": [{}],
+    "rocks": [{}],
+}
+HELD_OUT_ON: Grounds = {
+    "incline": [{"terrain.angle_deg": 6.0}, {"terrain.angle_deg": 10.0}],
+    "slope": [{"terrain.start": 0.25}],
+    "ditch": [{"terrain.wall_angle_deg": 40.0}],
+    "hills": [{"terrain.seed": 2}],
+    "rocks": [{"terrain.seed": 2}],
+}
+"""Grounds by scenario with their settings, for who names none: what the scenarios of one heading are."""
+
+
+def usual_drives(grounds: Grounds) -> tuple[DriveCase, ...]:
+    """Return a drive of the usual duration on each ground."""
+    return tuple(
+        DriveCase(" ".join([scene, *(f"{value:g}" for value in ground.values())]), scene, tuple(ground.items()))
+        for scene, settings in grounds.items()
+        for ground in settings
+    )
+
 
 SLIP_LIMIT = 0.2
 """Slip at which the torque bounds are said, as of `rover-pin bounds`."""

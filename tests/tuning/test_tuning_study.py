@@ -9,9 +9,9 @@ from rover_pin.control.gains_file import load_gains, save_gains
 from rover_pin.control.slip_control import Gains
 from rover_pin.effects.digging_memory import DiggingMemory
 from rover_pin.tuning.drives import built
-from rover_pin.tuning.ensemble import random_drives
 from rover_pin.tuning.study import DriveCase, Effort, TuningStudy, placed
 from rover_pin.tuning.study_file import read_tuning
+from studies.drawn_drives import random_drives
 
 EXAMPLE = Path(__file__).parents[2] / "studies" / "tune_ditch.toml"
 ONE = (DriveCase("flat", "flat"),)

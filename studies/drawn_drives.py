@@ -1,9 +1,7 @@
-"""Ensembles of drives, usual ones and such as are drawn at random, to tune on one and judge on another."""
+"""Drives that are drawn at random, to tune on some and judge on others: ditches and inclines of sand."""
 
 import dataclasses
 import math
-from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
@@ -20,34 +18,6 @@ LOSSES = (0.05, 0.4)
 """Range of the strength lost past the peak; half of the drives lose none."""
 DIGS = (0.02, 0.1)
 """Range of c_d, the share of what a rim throws that deepens its hole, drawn on a logarithmic scale."""
-
-
-Grounds = Mapping[str, Sequence[Mapping[str, Any]]]
-
-TRAINED_ON: Grounds = {
-    "incline": [{"terrain.angle_deg": 4.0}, {"terrain.angle_deg": 8.0}, {"terrain.angle_deg": 12.0}],
-    "slope": [{}],
-    "ditch": [{"terrain.wall_angle_deg": 35.0}, {"terrain.wall_angle_deg": 45.0}],
-    "hills": [{}],
-    "rocks": [{}],
-}
-HELD_OUT_ON: Grounds = {
-    "incline": [{"terrain.angle_deg": 6.0}, {"terrain.angle_deg": 10.0}],
-    "slope": [{"terrain.start": 0.25}],
-    "ditch": [{"terrain.wall_angle_deg": 40.0}],
-    "hills": [{"terrain.seed": 2}],
-    "rocks": [{"terrain.seed": 2}],
-}
-"""Grounds by scenario with their settings, for who names none: what the scenarios of one heading are."""
-
-
-def usual_drives(grounds: Grounds) -> tuple[DriveCase, ...]:
-    """Return a drive of the usual duration on each ground."""
-    return tuple(
-        DriveCase(" ".join([scene, *(f"{value:g}" for value in ground.values())]), scene, tuple(ground.items()))
-        for scene, settings in grounds.items()
-        for ground in settings
-    )
 
 
 def random_drives(
