@@ -39,9 +39,8 @@ from slip_sensing import Case, built, drawn, said
 
 from rover_pin import plot
 from rover_pin.control.constant import ConstantDuty
-from rover_pin.control.monitor.ahead import HORIZON
 from rover_pin.control.monitor.monitor import Monitor
-from rover_pin.control.monitor.source import ALARM
+from rover_pin.control.monitor.source import ALARM, HORIZON
 from rover_pin.simulation.command import Command, Reading
 from rover_pin.simulation.outcome.outcome import GRIP
 from rover_pin.simulation.sensors import Sensed, Sensors

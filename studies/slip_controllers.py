@@ -39,10 +39,9 @@ from slip_sensing import Case, built, drawn, mistaken, outcome, said
 from rover_pin import plot
 from rover_pin.control.constant import ConstantDuty
 from rover_pin.control.hole_law import HoleLaw
-from rover_pin.control.sensing.odometry import Camera, VisualOdometry
+from rover_pin.control.sensing.odometry import Camera, TrackedSlip, Tracker, VisualOdometry
 from rover_pin.control.sensing.onboard_slip import OnboardSlip
 from rover_pin.control.sensing.stop import StopStuck
-from rover_pin.control.sensing.tracker import TrackedSlip, Tracker
 from rover_pin.control.slip_control import HOLE_GAINS, Gains, SlipControl
 from rover_pin.control.slip_estimate import SlipEstimate, TrueSlip
 from rover_pin.control.torque_check import TorqueLimit

@@ -19,8 +19,7 @@ from rover_pin.contact import Soil, Wheel
 from rover_pin.experiments.wheel_rig.model import RigModel
 from rover_pin.experiments.wheel_rig.model_file import read_model as read_rig_model
 from rover_pin.experiments.wheel_rig.model_file import write_model as write_rig_model
-from rover_pin.loop.close import read_data
-from rover_pin.loop.start import start_on
+from rover_pin.loop.close import read_data, start_on
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.model.effect_files import run_file, user_effects
 from rover_pin.simulation.model.toml_file import read_model, write_model

@@ -12,12 +12,22 @@ from rover_pin.base.quantity import Record, quantities, quantity
 from rover_pin.contact import Scalar
 from rover_pin.control.hole_law import HoleLaw
 from rover_pin.control.slip_estimate import SlipEstimate, TableEstimate, TrueSlip
-from rover_pin.control.smooth import greater, lesser
 from rover_pin.control.torque_check import CUSTOM_LIMIT, NoLimit, TorqueLimit, native_limit
 from rover_pin.simulation.command import Command, Reading
 from rover_pin.simulation.native.control import Commands, SlipLaw
 from rover_pin.simulation.timing import CONTROL_PERIOD
 from rover_pin.soil.slip import speed_ratio
+
+
+def greater(a: Scalar, b: Scalar, eps: float) -> Scalar:
+    """Return (a + b + sqrt((a - b)^2 + eps^2)) / 2, at most eps / 2 above the greater; exactly that for eps = 0."""
+    return ca.fmax(a, b) if eps == 0.0 else 0.5 * (a + b + ca.sqrt((a - b) ** 2 + eps**2))
+
+
+def lesser(a: Scalar, b: Scalar, eps: float) -> Scalar:
+    """Return the rounded lesser of the two."""
+    return -greater(-a, -b, eps)
+
 
 FADE = 0.005
 """Excess of the asked duty over the given one [-] on which the integral comes to rest; at once, it would chatter."""

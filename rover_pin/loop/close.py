@@ -1,6 +1,8 @@
 """The loop: measured data against a model, the effect that it lacks, the model with it, before and after."""
 
 import dataclasses
+import functools
+import logging
 import os
 from pathlib import Path
 from typing import Any
@@ -9,6 +11,7 @@ from rover_pin.base.errors import DataError, ParameterError
 from rover_pin.base.files.paths import is_file, is_folder
 from rover_pin.base.files.results_folder import alone_in
 from rover_pin.base.files.samples import closest_samples, data_path
+from rover_pin.base.files.toml_file import read_toml
 from rover_pin.base.jobs.cluster import refuse_both, workers_of
 from rover_pin.base.jobs.workers import ending_workers
 from rover_pin.base.public import public
@@ -17,20 +20,27 @@ from rover_pin.contact import Soil
 from rover_pin.discrepancy.question import Progress
 from rover_pin.discrepancy.standalone import Standalone
 from rover_pin.discrepancy.verdict import Verdict
+from rover_pin.effects.effect import Effect
+from rover_pin.effects.normal_damping import NormalDamping
+from rover_pin.effects.side_shear import SideShear
+from rover_pin.effects.soil_traction import SoilTraction
+from rover_pin.experiments.drive_log.model import base_model
 from rover_pin.experiments.rig_sets.experiment import RigExperiment
 from rover_pin.experiments.rig_sets.sets import read_joint
 from rover_pin.experiments.wheel_rig.data import RIG_FILE, RigSet, read_rig_set
 from rover_pin.experiments.wheel_rig.model import RigModel
+from rover_pin.experiments.wheel_rig.model_file import read_model as read_rig_model
 from rover_pin.logs.drive_log import FILE, DriveLog, read_drive_log
 from rover_pin.loop.drive import close_drive_loop
 from rover_pin.loop.own_effects import refuse_unfit_effects
 from rover_pin.loop.provenance import LoopRequest
 from rover_pin.loop.rig import close_rig_loop, rig_set_of
 from rover_pin.loop.standalone import close_standalone, own_kind, read_standalone
-from rover_pin.loop.start import start_on
 from rover_pin.measurements.wheel_rig import WheelRig
 from rover_pin.rover.rover import Rover
-from rover_pin.simulation.model.model import Model
+from rover_pin.simulation.model.model import Model, base_effects
+from rover_pin.simulation.model.toml_file import KIND, RIG_KIND, read_model
+from rover_pin.terrain.shapes import flat
 
 
 @public
@@ -186,3 +196,50 @@ def read_data(data: str | Path, trust: Trust = Trust()) -> RigSet | DriveLog:
     """Return the data in a folder, or a sample's; files that they name lie there, unless `trust` allows more."""
     data = data_path(data)
     return _drive_log(data, trust) or read_rig_set(data, trust)
+
+
+STEADY = (NormalDamping, SideShear)
+"""What of a drive does nothing at a steady wheel that runs straight."""
+
+log = logging.getLogger(__name__)
+
+
+def start_on(data: RigSet | DriveLog, file: str | Path, trust: Trust = Trust()) -> RigModel | Model:
+    """Return the model of a file as a loop on these data can start from it.
+
+    On a drive log a wheel's model gives the soil, the traction law and the effects of the contact; rover, motors and
+    ground are the log's. On a rig a rover's model gives the same three; the wheel is the rig's, and what acts elsewhere
+    is left out, with a word.
+
+    Raises
+    ------
+    DataError, ParameterError
+        What is no model file, or cannot be read; a wheel's model without one SoilTraction.
+    """
+    kind = read_toml(Path(file)).get("kind")
+    if isinstance(data, DriveLog):
+        of_rig = kind == RIG_KIND
+        return _driven(data, read_rig_model(file, trust), file) if of_rig else read_model(file, data.terrain(), trust)
+    if kind == KIND:
+        return _on_rig(data, read_model(file, flat(), trust), file)
+    return read_rig_model(file, trust)
+
+
+def _driven(drive: DriveLog, wheel: RigModel, file: str | Path) -> Model:
+    tractions = [effect for effect in wheel.effects if isinstance(effect, SoilTraction)]
+    if len(tractions) != 1:
+        raise DataError(f"{file}: a wheel's model that a rover is to drive on must have one [[effect]] SoilTraction.")
+    log_model = base_model(drive)
+    effects = base_effects(wheel.soil, log_model.rover, tractions[0], log_model.gravity)
+    model = dataclasses.replace(log_model, soils=(wheel.soil, *log_model.soils[1:]), effects=effects)
+    return functools.reduce(Model.having, wheel.effects, model)
+
+
+def _on_rig(data: RigSet, model: Model, file: str | Path) -> RigModel:
+    acting = [effect for effect in model.all_effects if effect != model.slip and not isinstance(effect, STEADY)]
+    contact = [effect for effect in acting if isinstance(effect, Effect)]
+    wheel_effects = tuple(effect for effect in contact if not effect.before_slip and not effect.places)
+    omitted = dict.fromkeys(type(effect).__name__ for effect in acting if effect not in wheel_effects)
+    if omitted:
+        log.warning("%s: %s cannot act at a wheel on a rig: left out.", file, ", ".join(omitted))
+    return RigModel(data.rig.wheel, model.soils[0], wheel_effects)

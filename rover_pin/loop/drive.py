@@ -1,6 +1,7 @@
 """The loop on drive logs: checked, calibrated, searched, judged on runs left out, and written down."""
 
 import dataclasses
+import os
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -21,8 +22,7 @@ from rover_pin.experiments.drive_log.calibrate import experiment_on
 from rover_pin.experiments.drive_log.candidates import candidates
 from rover_pin.experiments.drive_log.checks.log import findings, refuse_unfit, too_poor
 from rover_pin.experiments.drive_log.experiment import logged
-from rover_pin.experiments.drive_log.extra import DriveExtra
-from rover_pin.experiments.drive_log.free_runs import free_runs
+from rover_pin.experiments.drive_log.free_runs import DriveExtra, extra_of, free_runs
 from rover_pin.experiments.drive_log.ground.run_variability import ground_variability
 from rover_pin.experiments.drive_log.kinematic import kinematic
 from rover_pin.experiments.drive_log.model import base_model, is_rate_driven, with_spread
@@ -30,15 +30,16 @@ from rover_pin.experiments.drive_log.next_drives import next_drives
 from rover_pin.experiments.drive_log.parameters import with_wheels
 from rover_pin.experiments.drive_log.resume import Memory
 from rover_pin.experiments.unlisted.actions import Scene
-from rover_pin.experiments.unlisted.residual import DriveResidual, describe
+from rover_pin.experiments.unlisted.residual import DriveResidual, describe, drafted
 from rover_pin.experiments.unlisted.terms import functions
-from rover_pin.experiments.unlisted.trial import drafted
 from rover_pin.logs.drive_log import DriveLog
-from rover_pin.loop.drive_written import write_results
 from rover_pin.loop.provenance import LoopRequest, provenance
+from rover_pin.loop.verdict_file import draft_written, posterior_written, written_last
 from rover_pin.report.drive.cautions import cautions
+from rover_pin.report.drive.report import write_report
 from rover_pin.simulation.model.effect_files import file_of, user_effects
 from rover_pin.simulation.model.model import Model
+from rover_pin.simulation.model.toml_file import write_model
 
 
 def close_drive_loop(
@@ -169,3 +170,24 @@ def _how(verdict: Verdict, residual: DriveResidual) -> str:
 def with_wheel_names(sentence: str, wheels: Sequence[str]) -> str:
     """Return a sentence with the wheel's name behind that of a candidate which has the wheel's number only."""
     return with_wheels(sentence, wheels, "{name}[{number}] (wheel {wheel})")
+
+
+def write_results(verdict: Verdict, log: DriveLog, request: LoopRequest, out: Path) -> Verdict:
+    """Write model.toml, posterior, report.html with its figures and verdict.json; return the verdict with the paths."""
+
+    def write(model: Model, file: Path, note: str) -> Path:
+        named = Path(log.rover)
+        rover = "" if named.suffix == "" else os.path.relpath(named.resolve(), file.parent.resolve())
+        return write_model(model, file, note, rover)
+
+    files = [write(on_its_ground(verdict), out / "model.toml", verdict.sentence)]
+    files += posterior_written(verdict, write, out, request.seed)
+    verdict, draft = draft_written(verdict, request, out)
+    return written_last(verdict, (*files, *draft, *write_report(verdict, log, out)), out)
+
+
+def on_its_ground(verdict: Verdict) -> Model:
+    """Return a verdict's model, on the ground that its drives tell where they share most of what is not as declared."""
+    ground, model = extra_of(verdict).ground, verdict.model
+    assert isinstance(model, Model)
+    return model if ground is None or ground.bend is None else model.having(ground.bend)

@@ -8,7 +8,7 @@ from typing import Any
 
 from rover_pin.base.files.columns import replace_file
 from rover_pin.discrepancy.verdict import Verdict
-from rover_pin.inference.drawn_models import drawn_models
+from rover_pin.inference.weighed_anew import drawn_models
 from rover_pin.loop.provenance import LoopRequest
 
 DRAFT = Path("draft_effect") / "measured_remainder.py"

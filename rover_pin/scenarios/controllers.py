@@ -16,10 +16,9 @@ from rover_pin.control.hole_law import HoleLaw
 from rover_pin.control.motion.kinematics import steers
 from rover_pin.control.motion.route import RouteControl, read_route
 from rover_pin.control.motion.servo import HeldSpeeds, Servo, cruise_speed
-from rover_pin.control.sensing.odometry import Camera, VisualOdometry
+from rover_pin.control.sensing.odometry import Camera, TrackedSlip, Tracker, VisualOdometry
 from rover_pin.control.sensing.onboard_slip import OnboardSlip
 from rover_pin.control.sensing.stop import Stop, StopStuck
-from rover_pin.control.sensing.tracker import TrackedSlip, Tracker
 from rover_pin.control.slip_control import HOLE_GAINS, Gains, SlipControl
 from rover_pin.control.slip_estimate import SlipEstimate, TableEstimate, TrueSlip, flat_table
 from rover_pin.control.steering import Crab, Turn

@@ -4,6 +4,7 @@ import html
 import io
 import re
 import socket
+import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
@@ -13,7 +14,7 @@ import numpy as np
 
 from rover_pin.base.files.columns import replace_file
 from rover_pin.view.film import Film
-from rover_pin.view.panel import panel_of
+from rover_pin.view.panel import legend_of, panel_of
 from rover_pin.view.shapes import shapes_of
 from rover_pin.view.stage import BLUE, ORANGE, Ghost, Stage
 from rover_pin.view.subject import Subject
@@ -88,3 +89,28 @@ def look_from(viser: Any, film: Film) -> None:
     reach = float(np.linalg.norm(np.ptp(film.centres[0], axis=0)))
     viser.initial_camera.position = (-0.2 * reach, -1.35 * reach, 0.85 * reach)
     viser.initial_camera.look_at = (0.0, 0.0, 0.0)
+
+
+STYLE = "padding:8px 12px;font:13px/1.45 system-ui,sans-serif"
+
+
+def serve(subject: Subject, ghost: Subject | None, port: int, seconds: float = float("inf")) -> None:
+    """Serve a drive, and another one as its ghost, at a port of this machine, until interrupted or for `seconds`."""
+    film = Film.of(subject.trace, subject.rover, subject.terrain)
+    others = () if ghost is None else ((ghost, "blue"),)
+    ghosts = ghosts_of(film, others)
+    with server(port=port) as viser:
+        look_from(viser, film)
+        stage = Stage(viser.scene, film, shapes_of(subject.rover, subject.meshes), ghosts)
+        viser.gui.add_html(f'<div style="{STYLE}">{legend_of(subject, others, film)}</div>')
+        play = viser.gui.add_checkbox("play", True)
+        speed = viser.gui.add_slider("speed", 0.1, 10.0, 0.1, 1.0)
+        at = viser.gui.add_slider("t [s]", float(film.t[0]), float(film.t[-1]), 0.01, float(film.t[0]))
+        at.on_update(lambda _: stage.show(film.frame_at(float(at.value))))
+        stage.show(0)
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            time.sleep(0.05)
+            if play.value:
+                later = at.value + 0.05 * speed.value
+                at.value = later if later < film.t[-1] else float(film.t[0])

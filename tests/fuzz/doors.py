@@ -113,7 +113,7 @@ STOPS = (
     "rover_pin.loop.close.close_rig_loop",
     "rover_pin.loop.close.close_drive_loop",
     "rover_pin.tuning.tune.tune_gains",
-    "rover_pin.view.serve.serve",
+    "rover_pin.view.page.serve",
     "webbrowser.open",
 )
 """What comes after every file is read, and is not run."""

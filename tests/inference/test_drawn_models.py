@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rover_pin.estimation.parameter import Parameter
-from rover_pin.inference.drawn_models import drawn_models
+from rover_pin.inference.weighed_anew import drawn_models
 
 
 class Row:

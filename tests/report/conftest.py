@@ -23,9 +23,8 @@ from rover_pin.estimation.noise import first_noise, noise_of
 from rover_pin.estimation.task import Task
 from rover_pin.experiments.drive_log.candidates import candidate_of
 from rover_pin.experiments.drive_log.experiment import experiment_of
-from rover_pin.experiments.drive_log.extra import DriveExtra
 from rover_pin.experiments.drive_log.features import logged_run
-from rover_pin.experiments.drive_log.free_runs import free_runs
+from rover_pin.experiments.drive_log.free_runs import DriveExtra, free_runs
 from rover_pin.experiments.drive_log.model import DRIVEN_SAND
 from rover_pin.experiments.drive_log.parameters import parameter
 from rover_pin.experiments.unlisted.actions import FORCE, Act

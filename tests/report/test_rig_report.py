@@ -11,7 +11,7 @@ from rover_pin.experiments.wheel_rig.model import RigModel
 from rover_pin.experiments.wheel_rig.residual_tests import residual_tests
 from rover_pin.parameters import SOILS
 from rover_pin.report.rig.figures import channel_panels, load_caption, looks
-from rover_pin.report.rig.levels import meanings
+from rover_pin.report.rig.report import meanings
 from rover_pin.simulation.model.effect_files import effects_of_text
 
 RIG = """

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from rover_pin.rover.proposal.names import Name, place_names
 from rover_pin.rover.proposal.new_rover import new_rover
-from rover_pin.rover.proposal.picture import picture
+from rover_pin.rover.proposal.picture import Name, picture, place_names
 from rover_pin.rover.rover import load_rover
 from tests.rover import farm as made
 

@@ -21,7 +21,7 @@ import pytest
 import rover_pin
 from rover_pin.base.errors import DataError, MissingExtraError, ParameterError, SimulationError
 from rover_pin.sweep import Grid, Range, Sobol, Study, Values, collect, sweep
-from rover_pin.sweep import progress as progress_module
+from rover_pin.sweep import run as run_module
 from rover_pin.sweep import store as store_module
 from rover_pin.sweep.store import PARTS, RESULTS
 
@@ -324,7 +324,7 @@ def test_a_terminal_shows_a_bar_with_failures_and_the_time_left(tmp_path, monkey
 
 
 def test_elsewhere_lines_tell_the_time_left(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(progress_module, "SECONDS_BETWEEN_LINES", 0.0)
+    monkeypatch.setattr(run_module, "SECONDS_BETWEEN_LINES", 0.0)
     sweep(STUDY, tmp_path / "out", workers=1, case_function=stub())
     lines = capsys.readouterr().err.splitlines()
     assert lines[0] == "trial: 0 of 16 cases, 0 failed"

@@ -10,9 +10,8 @@ import pytest
 
 from rover_pin.base.errors import OptimisationError
 from rover_pin.control.constant import ConstantDuty
-from rover_pin.control.slip_control import Gains, SlipControl
+from rover_pin.control.slip_control import Gains, SlipControl, greater, lesser
 from rover_pin.control.slip_estimate import SpeedTable, TableEstimate, TrueSlip
-from rover_pin.control.smooth import greater, lesser
 from rover_pin.control.torque_check import NoLimit, TorqueLimit
 from rover_pin.effects.digging_memory import DiggingMemory
 from rover_pin.effects.gear_friction import GearFriction

@@ -11,10 +11,9 @@ import numpy as np
 import pytest
 
 from rover_pin.scenarios.scenario import scenario
-from rover_pin.view.events import events_of
 from rover_pin.view.film import Film
 from rover_pin.view.page import write_page
-from rover_pin.view.panel import plotted
+from rover_pin.view.panel import events_of, plotted
 from rover_pin.view.subject import Subject
 
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)

@@ -102,7 +102,7 @@ def write_seen(subject: "Subject", ghost: "Subject | None", file: Path) -> Path:
 
 
 def _serve(subject: "Subject", ghost: "Subject | None", port: int) -> None:
-    from rover_pin.view.serve import serve
+    from rover_pin.view.page import serve
 
     print(f"http://127.0.0.1:{port}", flush=True)
     with stoppable():

@@ -8,8 +8,8 @@ from rover_pin.control.embedded.monitor import TABLES as OF_MONITOR
 from rover_pin.control.embedded.motion import EmbeddedMotion, embedded_motion
 from rover_pin.control.embedded.source import Embedded, embedded
 from rover_pin.control.fmi.unit import MAIN, FunctionalUnit, Variable
-from rover_pin.control.monitor.ahead import HORIZON
 from rover_pin.control.monitor.monitor import CAUSES
+from rover_pin.control.monitor.source import HORIZON
 from rover_pin.control.motion.servo import HeldSpeeds
 from rover_pin.simulation.command import Controller
 from rover_pin.simulation.model.model import Model

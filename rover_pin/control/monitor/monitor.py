@@ -7,8 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rover_pin.control.monitor.ahead import AheadLaw
-from rover_pin.control.monitor.source import RATES, MonitorStruct, lengths, library
+from rover_pin.control.monitor.source import RATES, AheadLaw, MonitorStruct, lengths, library
 from rover_pin.control.sensing.onboard_slip import SLIPS, OnboardSlip
 from rover_pin.control.torque_factor import pull_factors, standing_sinkage
 from rover_pin.effects.slip import RelaxedSlip

@@ -22,11 +22,9 @@ from rover_pin.experiments.drive_log.features import LoggedRun
 from rover_pin.experiments.drive_log.ground.field import KINDS, ground_columns
 from rover_pin.experiments.drive_log.parameters import owners, with_record
 from rover_pin.experiments.drive_log.places import neighbours
-from rover_pin.experiments.drive_log.readings.scatter import scatter
-from rover_pin.experiments.drive_log.readings.stated import declared_block_sd
+from rover_pin.experiments.drive_log.readings.scatter import declared_block_sd, scatter
 from rover_pin.experiments.drive_log.readings.tracker import TRACKER, tracker_columns
-from rover_pin.experiments.drive_log.recent_predictions import Recent
-from rover_pin.experiments.drive_log.resume import Memory, digest
+from rover_pin.experiments.drive_log.resume import Memory, Recent, digest
 from rover_pin.simulation.logged_inputs import PLACE
 from rover_pin.simulation.model.model import Model
 from rover_pin.simulation.replay import Commands, Perturbation, Replay, replay

@@ -1,11 +1,14 @@
-"""Runs driven freely from their start, without being drawn to the log: how far they diverge."""
+"""Runs driven freely from their start, not drawn to the log: how far they diverge; what a drive verdict has besides."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.experiments.drive_log.experiment import DriveExperiment
 from rover_pin.experiments.drive_log.features import PATH
+from rover_pin.experiments.drive_log.ground.run_variability import GroundVariability
+from rover_pin.experiments.unlisted.residual import DriveResidual
 from rover_pin.simulation.model.model import Model
 from rover_pin.simulation.replay import Commands
 
@@ -49,3 +52,41 @@ def _strayed(run: Commands, channels: dict[str, np.ndarray]) -> float:
 def _distance(run: Commands) -> float:
     steps = run.place[:: max(1, round(1.0 / run.period)), :2]
     return float(np.nansum(np.hypot(*np.diff(steps, axis=0).T)))
+
+
+class DriveExtra(NamedTuple):
+    """Runs driven freely, what the last model leaves, and what the drives say of their ground."""
+
+    free: tuple[FreeRun, ...] = ()
+    residual: DriveResidual | None = None
+    ground: GroundVariability | None = None
+
+    def lines(self, added: bool) -> list[str]:
+        """Return lines for a reader."""
+        lines = [f"free run: {line}" for line in free_lines(self.free)]
+        lines += self.ground.lines if self.ground else []
+        return [*lines, f"left: {self.residual.description}"] if self.residual else lines
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return plain values."""
+        return {
+            "free_runs": [run._asdict() for run in self.free],
+            "remainder": self.residual.description if self.residual else "",
+            "ground": self.ground.as_dict() if self.ground else None,
+        }
+
+
+def extra_of(verdict: Verdict) -> DriveExtra:
+    """Return what a drive log's verdict has besides; nothing where the log did not suffice."""
+    return verdict.extra if isinstance(verdict.extra, DriveExtra) else DriveExtra()
+
+
+def free_lines(free: tuple[FreeRun, ...]) -> list[str]:
+    """Return one line: how far free simulations diverge from the log."""
+    if not free:
+        return []
+    was, now = (
+        float(np.sqrt(np.nanmean([row**2 for row in rows]))) for rows in zip(*[run[2:] for run in free], strict=True)
+    )
+    after = "" if was == now else f" -> {1e3 * now:.1f} mm"
+    return [f"RMS distance from the logged place {1e3 * was:.1f} mm{after} over {len(free)} runs"]

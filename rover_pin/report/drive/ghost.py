@@ -11,7 +11,7 @@ from rover_pin.base.errors import RoverPinError
 from rover_pin.base.jobs.cluster import results
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.experiments.drive_log.experiment import DriveExperiment
-from rover_pin.experiments.drive_log.extra import extra_of
+from rover_pin.experiments.drive_log.free_runs import extra_of
 from rover_pin.logs.drive_log import DriveLog
 from rover_pin.report.drive.runs import Sides
 from rover_pin.report.section import Section

@@ -1,5 +1,7 @@
 """A verdict on wheel rigs as a page: the sections that any has, where its error lives, and errors set by set."""
 
+import math
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -13,11 +15,11 @@ from rover_pin.experiments.rig_sets.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.data import RigSet
 from rover_pin.experiments.wheel_rig.diagnostics import RigExtra
 from rover_pin.experiments.wheel_rig.residual_tests import SIGNIFICANCE_LEVEL, ResidualTest
+from rover_pin.measurements.wheel_rig import SAME_LOAD
 from rover_pin.report.first_screen import first_screen
 from rover_pin.report.headline import headline
 from rover_pin.report.page import Head, write_page
 from rover_pin.report.rig.figures import Look, channel_panels, load_caption, looks, residual_panels
-from rover_pin.report.rig.levels import meanings
 from rover_pin.report.section import AWAY, Picture, Row, Section, Table, before_and_after
 from rover_pin.report.sections.closing import data_check_section, repeat_section, warnings_section
 from rover_pin.report.sections.held_out import held_out_section
@@ -173,3 +175,32 @@ def set_by_set_section(verdict: Verdict) -> Section | None:
     heads = ("set and channel, not fitted", *before_and_after(added), "noise", "a curve of that set alone")
     table = Table(heads, tuple(rows), "Held-out errors of each set")
     return Section("Set by set", "rig/set_by_set.html", {"table": table})
+
+
+LEVEL = 0.005
+"""Half of the last digit of a slip as it is said: what lies within is one level."""
+
+
+def meanings(data: RigSet) -> dict[str, str]:
+    """Return the meaning of every level by its name: 'S = 0.5', with slip angle and load where they differ."""
+    rig = data.rig
+    angled = bool(np.ptp(rig.slip_angle) > 1e-3)
+    loaded = _several_loads(data)
+    descriptions = {}
+    for number, name in enumerate(data.level_names):
+        at = data.level == number
+        parts = [f"S = {_slip(float(np.mean(rig.slip[at])))}"]
+        parts += [f"{math.degrees(float(np.mean(rig.slip_angle[at]))):.3g} deg"] if angled else []
+        parts += [f"{float(np.mean(rig.load[at])):.3g} N"] if loaded else []
+        descriptions[name] = ", ".join(parts)
+    twice = {words for words, times in Counter(descriptions.values()).items() if times > 1}
+    return {name: f"{words} ({name})" if words in twice else words for name, words in descriptions.items()}
+
+
+def _slip(slip: float) -> str:
+    return f"{0.0 if abs(slip) < LEVEL else slip:.2g}"
+
+
+def _several_loads(data: RigSet) -> bool:
+    load = np.asarray(data.rig.load)
+    return bool(load.max() >= SAME_LOAD * load.min())

@@ -6,9 +6,8 @@ import casadi as ca
 import numpy as np
 
 from rover_pin.contact import Scalar
-from rover_pin.control.slip_control import Gains, pi_law
+from rover_pin.control.slip_control import Gains, greater, lesser, pi_law
 from rover_pin.control.slip_estimate import SLOWEST_RIM, TableEstimate, TrueSlip
-from rover_pin.control.smooth import greater, lesser
 from rover_pin.control.torque_check import PITCHES, NoLimit, TorqueLimit
 from rover_pin.simulation.timing import CONTROL_PERIOD
 from rover_pin.tuning.reduced_model.wheel_path import piecewise

@@ -5,9 +5,8 @@ import pytest
 
 from rover_pin import scenario
 from rover_pin.control.constant import ConstantDuty
-from rover_pin.control.monitor.ahead import HORIZON, STEPS, AheadLaw
 from rover_pin.control.monitor.monitor import CAUSES, Monitor
-from rover_pin.control.monitor.source import RATES, WINDOW, WORTH
+from rover_pin.control.monitor.source import HORIZON, RATES, STEPS, WINDOW, WORTH, AheadLaw
 from rover_pin.control.sensing.onboard_slip import SLIPS
 from rover_pin.control.torque_factor import pull_factors
 from rover_pin.simulation.command import Reading

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from rover_pin.base.errors import ParameterError
-from rover_pin.control.sensing.odometry import Camera, VisualOdometry
-from rover_pin.control.sensing.tracker import TrackedSlip, Tracker
+from rover_pin.control.sensing.odometry import Camera, TrackedSlip, Tracker, VisualOdometry
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.command import Reading, Truth
 

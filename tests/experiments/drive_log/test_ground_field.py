@@ -18,13 +18,13 @@ from rover_pin.estimation.noise import Noise
 from rover_pin.estimation.random_effects.learnt_noise import with_random_effects
 from rover_pin.estimation.random_effects.random_field import LearntSd
 from rover_pin.experiments.drive_log.experiment import experiment_of
-from rover_pin.experiments.drive_log.extra import DriveExtra
 from rover_pin.experiments.drive_log.features import logged_run
+from rover_pin.experiments.drive_log.free_runs import DriveExtra
 from rover_pin.experiments.drive_log.ground import field as ground
 from rover_pin.experiments.drive_log.ground import run_variability
-from rover_pin.experiments.drive_log.ground.shared_bend import shared_bend
+from rover_pin.experiments.drive_log.ground.run_variability import shared_bend
 from rover_pin.experiments.drive_log.parameters import parameter
-from rover_pin.loop.drive_written import on_its_ground
+from rover_pin.loop.drive import on_its_ground
 from rover_pin.rover.rover import load_rover
 from rover_pin.simulation.model.model import Model, base_effects
 from rover_pin.simulation.model.motors import nexus6_motor

@@ -14,8 +14,7 @@ from rover_pin.discrepancy.answer import Answer
 from rover_pin.effects.supply_sag import SupplySag
 from rover_pin.experiments.wheel_rig.model import RigModel
 from rover_pin.logs.drive_log import read_drive_log
-from rover_pin.loop.close import close_the_loop, read_data
-from rover_pin.loop.start import start_on
+from rover_pin.loop.close import close_the_loop, read_data, start_on
 from rover_pin.rover.description.layout import rover_folder
 from rover_pin.simulation.model.toml_file import read_model
 from rover_pin.simulation.simulate import simulate

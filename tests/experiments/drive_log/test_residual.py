@@ -23,7 +23,6 @@ from rover_pin.experiments.drive_log.experiment import experiment_of
 from rover_pin.experiments.drive_log.features import logged_run
 from rover_pin.experiments.drive_log.model import nuisances, with_spread
 from rover_pin.experiments.drive_log.parameters import parameter
-from rover_pin.experiments.unlisted import trial
 from rover_pin.experiments.unlisted.actions import FORCE, GRIP, LEAN, READING, TORQUE, VOLTAGE, Act, wheels_ahead
 from rover_pin.experiments.unlisted.draft import draft
 from rover_pin.experiments.unlisted.regressors import Argument, Hats, Polynomial, Wave
@@ -258,7 +257,7 @@ def test_unlisted_eccentric_wheel_is_described_and_drafted(tmp_path):
         (gains[own],) = singles(base, signatures(base, listed)) - plain
     assert gains[drafted] > 0.9 * gains[file] > 50.0
     assert {channel.name for channel in remainder.channels} == set(experiment.channels)
-    tried = trial.drafted(base, remainder, "eccentric wheel again", lambda said: None)
+    tried = drafted(base, remainder, "eccentric wheel again", lambda said: None)
     assert tried.accepted
     assert tried.log_odds > 0.9 * gains[file]
     whole = scored_draft(tried, base, 0)

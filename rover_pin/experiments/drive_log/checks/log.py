@@ -19,8 +19,6 @@ from rover_pin.experiments.drive_log.checks.columns import (
     column_findings,
     gap_findings,
 )
-from rover_pin.experiments.drive_log.checks.compared import compared_findings
-from rover_pin.experiments.drive_log.checks.currents import current_faults, current_findings
 from rover_pin.experiments.drive_log.checks.declared import (
     declared_findings,
     far_faults,
@@ -32,6 +30,8 @@ from rover_pin.experiments.drive_log.checks.declared import (
 from rover_pin.experiments.drive_log.checks.driven import Declared, Driven, Remarks
 from rover_pin.experiments.drive_log.checks.odometry import odometry_faults, odometry_findings
 from rover_pin.experiments.drive_log.checks.sensors import (
+    current_faults,
+    current_findings,
     frozen_faults,
     jump_findings,
     range_findings,
@@ -46,6 +46,8 @@ from rover_pin.experiments.drive_log.checks.signs import (
 )
 from rover_pin.experiments.drive_log.checks.speeds import height_faults, racing_faults, velocity_faults
 from rover_pin.experiments.drive_log.checks.units import unit_faults
+from rover_pin.experiments.drive_log.features import BLOCK, logged_run
+from rover_pin.experiments.drive_log.readings.lane_borders import lanes_under
 from rover_pin.logs.drive_log import DriveLog
 from rover_pin.logs.run_terrain import is_of_run
 from rover_pin.measurements.finding import Finding, gathered
@@ -174,3 +176,27 @@ def _motor(log: DriveLog, needed: set[str]) -> Motor | None:
     """Return the motor of a log that declares what is needed of it, or None, without what is no part of a `Motor`."""
     table = {name: entry for name, entry in log.metadata.motor.items() if name in quantities(Motor)}
     return record_from(Motor, table, f"{log.file}: [motor]") if needed <= table.keys() else None
+
+
+def compared_findings(log: DriveLog) -> Iterator[Finding]:
+    """Yield each run without a half-second mean that is compared: left out like any other, it tells nothing.
+
+    Yield also how long a wheel stood on the border of two lanes, where that was long enough to be missed.
+    """
+    rover, shared = log.load_rover(), log.terrain()
+    for trace in log.runs:
+        run = logged_run(trace, rover, lanes_under(log, trace, shared))
+        if run.on_border > BLOCK:
+            yield Finding(
+                f"for {run.on_border:.1f} s a wheel stands on the border of lanes of other heights: what carries it "
+                "there is not declared, and not compared",
+                str(trace.attrs["file"]),
+                "drive in the middle of the lanes, or declare the ground as a grid",
+            )
+        if not run.usable.any():
+            yield Finding(
+                "the rover stands or turns on the spot, so nothing of this run is compared, and leaving it out tests "
+                "nothing",
+                str(trace.attrs["file"]),
+                "drop it from drive.toml, or drive ahead or back for 5 s or more in it",
+            )

@@ -1,11 +1,13 @@
-"""What a log's samples scatter about a line within each block: the floor that no model of the motion can beat."""
+"""The noise of a half-second mean: what samples scatter about a line within each block, and what a log declares."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from rover_pin.estimation.noise import MOST_MEMORY
-from rover_pin.experiments.drive_log.features import BLOCK, LoggedRun
+from rover_pin.experiments.drive_log.features import BLOCK, DRIFT, HEADING, PATH, SPEED, LoggedRun
+from rover_pin.logs.declared_noise import SAMPLE_PERIOD, kind_of
+from rover_pin.simulation.replay import PERIOD
 
 FEWEST = 5
 """Samples of a block from which their scatter about a line is estimated."""
@@ -49,3 +51,16 @@ def _differences(part: np.ndarray) -> tuple[float, float]:
     at = np.arange(len(part)) - (len(part) - 1) / 2
     residual = part - part.mean() - at * (at @ part) / (at @ at)
     return float(np.mean(np.diff(residual) ** 2) / 2), float(np.mean((residual[2:] - residual[:-2]) ** 2) / 2)
+
+
+OF_FEATURES = {PATH: "body_position", DRIFT: "body_position", HEADING: "body_attitude", SPEED: "body_velocity"}
+
+
+def declared_block_sd(declared: Mapping[str, float], channels: Sequence[str]) -> np.ndarray:
+    """Return the SD of a feature's half-second mean (channels,) by declared SDs of samples, NaN where none is.
+
+    Of n samples without memory the mean has sd / sqrt(n); what a way forgets of its beginning is left out.
+    """
+    samples = max(BLOCK / declared.get(SAMPLE_PERIOD, PERIOD), 1.0)
+    kinds = [OF_FEATURES.get(name) or kind_of(name) for name in channels]
+    return np.array([declared.get(kind, np.nan) for kind in kinds]) / np.sqrt(samples)
