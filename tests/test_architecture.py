@@ -17,11 +17,11 @@ ROOMS = ("version", "base", "contact", "parameters", "soil", "effects", "terrain
          "scenarios", "view", "report", "loop", "demo", "plot", "sweep", "tuning", "comparison", "cli",
          "__main__")  # fmt: skip
 """From the bottom up: a room imports itself and what is below it."""
-BUDGETS = {"base": 2780, "parameters": 343, "soil": 971, "effects": 2321, "terrain": 1536, "rover": 3838,
-           "simulation": 7433, "logs": 3871, "control": 5324, "estimation": 1987, "inference": 2035,
-           "measurements": 1965, "discrepancy": 2022, "experiments": 8863, "scenarios": 1052,
-           "view": 1206, "report": 2388, "loop": 1276, "demo": 366, "plot": 949, "sweep": 1213, "tuning": 2334,
-           "comparison": 864, "cli": 1833}  # fmt: skip
+BUDGETS = {"base": 2690, "parameters": 337, "soil": 971, "effects": 2321, "terrain": 1508, "rover": 3793,
+           "simulation": 7433, "logs": 3817, "control": 5258, "estimation": 1987, "inference": 2029,
+           "measurements": 1912, "discrepancy": 2013, "experiments": 8821, "scenarios": 1043,
+           "view": 1191, "report": 2388, "loop": 1255, "demo": 352, "plot": 949, "sweep": 1199, "tuning": 2313,
+           "comparison": 846, "cli": 1821}  # fmt: skip
 """Lines that a room may have. One that is full is made simpler, or its budget is argued for in the same change."""
 NO_ROVER = ("estimation", "inference", "discrepancy")
 """Rooms that know nothing of rovers, soils or files: what they work on is an abstract experiment."""

@@ -40,10 +40,8 @@ def arguments_of(function: Callable[..., Any]) -> dict[str, Argument]:
 def checked(owner: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
     """Return the decorator by which a function refuses numbers out of the bounds that its annotations state.
 
-    Raises
-    ------
-    ParameterError
-        By the function: what is no number, is out of bounds, or is not whole where the annotation is of `int`.
+    Raises ParameterError: by the function: what is no number, is out of bounds, or is not whole where the annotation is
+    of `int`.
     """
 
     def decorated(function: Callable[P, R]) -> Callable[P, R]:

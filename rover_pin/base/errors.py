@@ -95,10 +95,7 @@ def closest(name: Any, names: Iterable[Any]) -> str:
 def one_of(name: str, word: Any, choices: Collection[str]) -> str:
     """Return a setting's word, which must be one of the known.
 
-    Raises
-    ------
-    ParameterError
-        It is not, with the close ones.
+    Raises ParameterError: it is not, with the close ones.
     """
     if not isinstance(word, str) or word not in choices:
         raise ParameterError(f"{name} = {word!r} is not known: {closest(word, choices)}")

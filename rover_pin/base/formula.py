@@ -127,10 +127,7 @@ COLUMN = "col"
 def evaluate(text: str, columns: Mapping[str, Array], where: str) -> Array:
     """Return what a formula makes of columns, one number a row.
 
-    Raises
-    ------
-    DataError
-        It is no formula, names an unknown column or function, or holds anything but arithmetic.
+    Raises DataError: it is no formula, names an unknown column or function, or holds anything but arithmetic.
     """
     tree, length = _parsed(text, where), len(next(iter(columns.values())))
     with np.errstate(all="ignore"):

@@ -32,10 +32,8 @@ class Kind(NamedTuple):
 def public(thing: Thing) -> Thing:
     """Return a function, or a dataclass, that refuses arguments which do not fit its signature and annotations.
 
-    Raises
-    ------
-    ParameterError
-        By the thing: an argument that is missing, unknown, too many, or of another kind than its annotation says.
+    Raises ParameterError: by the thing: an argument that is missing, unknown, too many, or of another kind than its
+    annotation says.
     """
     if not isinstance(thing, type):
         return _guarded(thing, thing)

@@ -54,10 +54,7 @@ def is_number(value: object) -> bool:
 class Record:
     """Frozen fields from `quantity(...)`, checked on creation; a field may also hold a CasADi expression.
 
-    Raises
-    ------
-    ParameterError
-        A number that is not finite or lies outside its bounds, or a name that it does not have.
+    Raises ParameterError: a number that is not finite or lies outside its bounds, or a name that it does not have.
     """
 
     def __new__(cls, *values: Any, **fields: Any) -> Self:
@@ -130,10 +127,7 @@ def as_float(value: Any) -> float:
 def to_si(value: Any, unit: Any, expected: str, where: str) -> float:
     """Return `value` in the SI unit `expected`; `unit` must be of the same kind.
 
-    Raises
-    ------
-    ParameterError
-        What is not a number, an unknown unit, or one of another kind, with `where` it stands.
+    Raises ParameterError: what is not a number, an unknown unit, or one of another kind, with `where` it stands.
     """
     if isinstance(value, bool) or not isinstance(value, (int, float, np.number)):
         raise ParameterError(f"{where}: {value!r} is not a number; give one in {expected or 'no unit'}.")
@@ -154,10 +148,7 @@ def parse_quantity(value: Any, expected: str, where: str, bare: str | None = Non
 
     A number that names no unit is in `bare`, or in `expected` where that is None.
 
-    Raises
-    ------
-    ParameterError
-        What is not a number, or has a unit of another kind, with `where` it stands.
+    Raises ParameterError: what is not a number, or has a unit of another kind, with `where` it stands.
     """
     default_unit = expected if bare is None else bare
     if not isinstance(value, str):
@@ -198,12 +189,8 @@ def refuse_strange(entry: Mapping[str, Any], where: str) -> None:
 def declared_sd(entry: Any, unit: str, where: str) -> float | None:
     """Return the SD that a quantity's entry states, in the SI unit; None where it states none.
 
-    Raises
-    ------
-    DataError
-        It is no positive number.
-    ParameterError
-        An unknown unit, or one of another kind.
+    Raises DataError: it is no positive number.
+    Raises ParameterError: an unknown unit, or one of another kind.
     """
     if not isinstance(entry, Mapping) or "sd" not in entry:
         return None
@@ -223,10 +210,7 @@ def declared_sds(table: Mapping[str, Any], record: type[Record], where: str) -> 
 def record_from(record: type[Record], table: Mapping[str, Any], where: str) -> Any:
     """Return `record(**fields)` from a table of numbers (SI) or `{ value, unit }` entries, as read from TOML.
 
-    Raises
-    ------
-    ParameterError
-        Not a table, an unknown field, unit or value, with `where` it stands.
+    Raises ParameterError: not a table, an unknown field, unit or value, with `where` it stands.
     """
     if not isinstance(table, Mapping):
         raise ParameterError(f"{where}: {table!r} is not a table; write one line a quantity, as name = 1.0.")
@@ -251,10 +235,7 @@ def record_from(record: type[Record], table: Mapping[str, Any], where: str) -> A
 def declared(record: Record) -> dict[str, Any]:
     """Return a record as a table that `record_from` reads: { value, unit } by name.
 
-    Raises
-    ------
-    ParameterError
-        A field that holds an expression.
+    Raises ParameterError: a field that holds an expression.
     """
     return {name: _entry(record, name, spec.unit) for name, spec in quantities(record).items()}
 

@@ -37,10 +37,7 @@ class Trust:
     def refuse_code(self, file: Path, where: str) -> None:
         """Refuse to run a file, or the files of a folder, that the user has not named.
 
-        Raises
-        ------
-        DataError
-            It is not among `effects`; the sentence says how to allow it.
+        Raises DataError: it is not among `effects`; the sentence says how to allow it.
         """
         real = _real(file, where)
         if self.everything or any(_covers(effect_path.resolve(), real) for effect_path in self.effects):
@@ -53,10 +50,8 @@ class Trust:
     def within(self, folder: Path, name: object, where: str) -> Path:
         """Return the path of a file that something in `folder` names.
 
-        Raises
-        ------
-        DataError
-            It is no file's name, or lies outside the folder, by '..', as an absolute path or through a link.
+        Raises DataError: it is no file's name, or lies outside the folder, by '..', as an absolute path or through a
+        link.
         """
         if not isinstance(name, str) or not name or "\0" in name:
             raise DataError(f"{where}: {name!r} is not the name of a file; give one in {folder}.")
@@ -73,10 +68,7 @@ class Trust:
 
         Inside are the folder of that file and the working directory, from which such paths are seen.
 
-        Raises
-        ------
-        DataError
-            One names a file or folder elsewhere, by '..', as an absolute path or through a link.
+        Raises DataError: one names a file or folder elsewhere, by '..', as an absolute path or through a link.
         """
         pending = [] if self.everything else [("", table)]
         inside = (file.resolve().parent, Path.cwd())

@@ -72,10 +72,7 @@ class Speaking(TyperGroup):
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """Return the command that the first word names.
 
-        Raises
-        ------
-        ParameterError
-            It names none.
+        Raises ParameterError: it names none.
         """
         if args[0] not in self.commands and not args[0].startswith("-"):
             raise ParameterError(f"There is no command '{args[0]}'; {closest(args[0], self.commands)}")
@@ -84,10 +81,7 @@ class Speaking(TyperGroup):
     def invoke(self, ctx: Any) -> Any:
         """Run the command.
 
-        Raises
-        ------
-        ParameterError
-            A word that it cannot take, in one sentence.
+        Raises ParameterError: a word that it cannot take, in one sentence.
         """
         try:
             return super().invoke(ctx)

@@ -19,10 +19,7 @@ def read_subject(path: Path, run: str = "", trust: Trust = Trust()) -> Subject:
 
     The file of a trace alone names the scenario that made it, whose rover and ground are taken.
 
-    Raises
-    ------
-    DataError
-        It is neither, the log has no such run, or the trace tells no scenario.
+    Raises DataError: it is neither, the log has no such run, or the trace tells no scenario.
     """
     path = data_path(path)
     if is_file(path / FILE):

@@ -66,10 +66,7 @@ def drive_on_models(
 ) -> Bands:
     """Return a ready-made drive on the model of each file; `settings` as of `scenario`, without `model`.
 
-    Raises
-    ------
-    ParameterError, DataError
-        As of `scenario`.
+    Raises ParameterError, DataError: as of `scenario`.
     """
     jobs = [(name, str(file), settings) for file in files]
     scenario(name, **{**settings, "model": str(files[0])})  # what is refused is refused before any drive

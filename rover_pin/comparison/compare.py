@@ -56,10 +56,7 @@ def compare(first: str | Path, second: str | Path, run: str = "", trust: Trust =
 def kind_of(path: Path) -> Kind:
     """Return what lies at a path.
 
-    Raises
-    ------
-    DataError
-        Nothing, or something else.
+    Raises DataError: nothing, or something else.
     """
     if is_file(path / verdicts.FILE) or (path.suffix == ".json" and is_file(path)):
         return Kind.VERDICT

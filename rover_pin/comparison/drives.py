@@ -69,10 +69,7 @@ class Channel(NamedTuple):
 def read_drive(path: Path, run: str, trust: Trust) -> tuple[str, Trace]:
     """Return a drive and what it is called: a trace's file, or a run of a drive log, its first unless one is named.
 
-    Raises
-    ------
-    DataError
-        It cannot be read, or the log has no such run.
+    Raises DataError: it cannot be read, or the log has no such run.
     """
     if not is_file(path / FILE):
         return str(path), load_trace(path)
@@ -85,10 +82,7 @@ def read_drive(path: Path, run: str, trust: Trust) -> tuple[str, Trace]:
 def compare_drives(first: tuple[str, Trace], second: tuple[str, Trace]) -> Comparison:
     """Return the two side by side: where each ends, and how far every channel is off over the common time.
 
-    Raises
-    ------
-    DataError
-        They share no time, or no channel.
+    Raises DataError: they share no time, or no channel.
     """
     first_side, second_side = (Side(label, _words(trace), _numbers(trace)) for label, trace in (first, second))
     t = _common_time(first, second)

@@ -128,10 +128,7 @@ def places_on(
     They keep a drive's reach from the border of a height grid; ground without end along y is driven at y = 0. Spacing 0
     is the rover's length, or more where that were over USUAL_PLACES.
 
-    Raises
-    ------
-    ParameterError
-        Numbers out of bounds, or ground too small for a drive.
+    Raises ParameterError: numbers out of bounds, or ground too small for a drive.
     """
     rover, extent = first.model.rover, first.model.terrain.extent
     reach = cruise_speed(rover, first.model.motor) * first.duration + float(

@@ -20,10 +20,7 @@ ADDED = "added"
 def read_verdict(path: Path) -> Side:
     """Return a verdict's answer, held-out errors and fitted numbers.
 
-    Raises
-    ------
-    DataError
-        Not a verdict, or one that cannot be read.
+    Raises DataError: not a verdict, or one that cannot be read.
     """
     try:
         table = json.loads(bounded.text(path))

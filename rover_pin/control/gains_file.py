@@ -24,12 +24,8 @@ def save_gains(gains: Gains, path: str | Path, comment: str = "", hole: HoleLaw 
 def load_gains(path: str | Path) -> Gains:
     """Return the gains of a TOML file; those that it does not name keep their defaults.
 
-    Raises
-    ------
-    DataError
-        A file that is missing or not TOML.
-    ParameterError
-        An unknown gain, with the close ones, or a value out of its bounds.
+    Raises DataError: a file that is missing or not TOML.
+    Raises ParameterError: an unknown gain, with the close ones, or a value out of its bounds.
     """
     table = read_toml(path)
     return record_from(Gains, {name: value for name, value in table.items() if name != HOLE}, str(path))
@@ -38,10 +34,7 @@ def load_gains(path: str | Path) -> Gains:
 def load_hole(path: str | Path, r: float) -> HoleLaw | None:
     """Return the hole law of a file of gains for wheels of radius r [m]; None where S_d is constant.
 
-    Raises
-    ------
-    DataError, ParameterError
-        As `load_gains`.
+    Raises DataError, ParameterError: as `load_gains`.
     """
     table = read_toml(path)
     if HOLE not in table:

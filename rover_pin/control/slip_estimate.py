@@ -100,10 +100,7 @@ def calibrated_table(model: Model, duties: Sequence[float] = DUTIES) -> SpeedTab
 
     The table starts at duty 0 and standstill.
 
-    Raises
-    ------
-    ParameterError
-        The model does not run faster at a higher duty: Eq (9) has no table for it.
+    Raises ParameterError: the model does not run faster at a higher duty: Eq (9) has no table for it.
     """
     speeds = [0.0, *(_steady_speed(model, duty) for duty in duties)]
     if not np.all(np.diff(speeds) > 0.0):
@@ -128,10 +125,7 @@ def flat_table(model: Model) -> SpeedTable:
 
     Measured once for models that are alike.
 
-    Raises
-    ------
-    ParameterError
-        As `calibrated_table`.
+    Raises ParameterError: as `calibrated_table`.
 
     Source: section 5, "we estimate the value of v_w from delta using an empirical function table".
     """

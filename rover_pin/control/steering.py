@@ -53,10 +53,7 @@ class Turn(Steady):
     ) -> Self:
         """Return the turn of this rover; `delta` is the duty of the fastest wheel.
 
-        Raises
-        ------
-        ParameterError
-            The rover would have to steer beyond 75 deg for this radius.
+        Raises ParameterError: the rover would have to steer beyond 75 deg for this radius.
         """
         speeds, rolled = rolling(turning_places(rover).tolist(), steers(rover), BodyMotion(radius, 1.0))
         names = [wheel.name for wheel in rover.wheels if wheel.steer_dof is not None]
@@ -94,10 +91,7 @@ class Crab(Steady):
     ) -> Self:
         """Return the crab of this rover.
 
-        Raises
-        ------
-        ParameterError
-            No wheel of the rover steers.
+        Raises ParameterError: no wheel of the rover steers.
         """
         steering = steers(rover)
         if not any(steering):

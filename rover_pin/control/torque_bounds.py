@@ -150,10 +150,8 @@ class TorqueBounds:
     def __call__(self, loads: ArrayLike) -> WheelBounds:
         """Return the bounds at the loads [n] N, all 0 or more.
 
-        Raises
-        ------
-        ParameterError
-            A negative or not finite load, another number of loads, or a load that the soil cannot carry; it says where.
+        Raises ParameterError: a negative or not finite load, another number of loads, or a load that the soil cannot
+        carry; it says where.
         """
         try:
             self._loads[:] = loads

@@ -78,10 +78,7 @@ class TorqueLimit:
     def at_slip(cls, model: Model, slip_limit: float = LOST_SLIP) -> Self:
         """Return the limit at a slip, T_lim.
 
-        Raises
-        ------
-        ParameterError
-            A slip limit outside (0, 1].
+        Raises ParameterError: a slip limit outside (0, 1].
         """
         return cls(model.motor, tuple(tuple(bounds.limit) for bounds in _bounds(model, slip_limit)))
 

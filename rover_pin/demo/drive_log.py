@@ -52,12 +52,9 @@ MOTORS_APART, TACHOS_APART = 0.01, 0.005
 def write(folder: Path, hidden: str, seed: int, rover: str = "nexus6", progress: Progress | None = None) -> Made:
     """Write drive.toml, its ground and a CSV a run; return them and what was hidden.
 
-    Raises
-    ------
-    ParameterError
-        Something to hide that is unknown, or that this rover cannot have.
-    DataError, UrdfError, SimulationError
-        It cannot be written there, the rover cannot be read, or does not drive.
+    Raises ParameterError: something to hide that is unknown, or that this rover cannot have.
+    Raises DataError, UrdfError, SimulationError: it cannot be written there, the rover cannot be read, or does not
+    drive.
     """
     random, model = np.random.default_rng(seed), declared_model(rover)
     true, effect = hidden_model(model, hidden, random)

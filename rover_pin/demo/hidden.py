@@ -48,10 +48,7 @@ def chosen(word: str, among: tuple[str, ...], random: np.random.Generator) -> st
 def contact_effect(word: str) -> Effect | None:
     """Return the effect of a word that acts at a steady wheel's contact.
 
-    Raises
-    ------
-    ParameterError
-        An unknown effect or number, or one that acts elsewhere: in motors, on the body, on sensors.
+    Raises ParameterError: an unknown effect or number, or one that acts elsewhere: in motors, on the body, on sensors.
     """
     if not word:
         return None

@@ -25,12 +25,8 @@ NOISE = {"drawbar_pull_N": 0.3, "torque_Nm": 0.03, "sinkage_m": 0.0006}
 def write(folder: Path, hidden: str, seed: int) -> Made:
     """Write rig.toml and points.csv; return them and what was hidden.
 
-    Raises
-    ------
-    ParameterError
-        Something to hide that is unknown, or shows at no steady wheel.
-    DataError
-        It cannot be written there.
+    Raises ParameterError: something to hide that is unknown, or shows at no steady wheel.
+    Raises DataError: it cannot be written there.
     """
     random = np.random.default_rng(seed)
     effect = contact_effect(chosen(hidden, CONTACT, random))

@@ -27,12 +27,8 @@ PHI_SD, K_SD = math.radians(2.0), 0.25
 def write(folder: Path, hidden: str, seed: int, rover: str = "nexus6") -> Made:
     """Write slope.toml and points.csv; return them and what was hidden. Slopes end where the rover slips too much.
 
-    Raises
-    ------
-    ParameterError
-        Something to hide that is unknown, or shows at no steady wheel.
-    DataError, UrdfError
-        It cannot be written there, or the rover cannot be read.
+    Raises ParameterError: something to hide that is unknown, or shows at no steady wheel.
+    Raises DataError, UrdfError: it cannot be written there, or the rover cannot be read.
     """
     random, built = np.random.default_rng(seed), load_rover(rover)
     effect = contact_effect(chosen(hidden, CONTACT, random))

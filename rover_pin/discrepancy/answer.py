@@ -29,10 +29,7 @@ class Answer(Enum):
 def answers_named(words: str) -> tuple[Answer, ...]:
     """Return the answers that stand in a list separated by commas, by their words.
 
-    Raises
-    ------
-    ParameterError
-        A word that is no answer.
+    Raises ParameterError: a word that is no answer.
     """
     answers_by_word = {answer.word: answer for answer in Answer}
     answer_words = [word.strip() for word in words.split(",") if word.strip()]

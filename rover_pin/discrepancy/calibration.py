@@ -23,10 +23,7 @@ STARTS, WIDER = 6, (1.0, 2.0, 4.0)
 def calibrated(experiment: Experiment, model: Any, numbers: Sequence[Parameter], seed: int = 0) -> Fit:
     """Return the model with its uncertain numbers fitted, the noise as declared, or taken as large as what is left.
 
-    Raises
-    ------
-    OptimisationError
-        An exact experiment, and none of several starts ends.
+    Raises OptimisationError: an exact experiment, and none of several starts ends.
     """
     declared = experiment.noise()
     if declared is not None and experiment.is_exact:

@@ -42,10 +42,7 @@ MAX_OTHERS = 3
 def concluded(question: Question, progress: Progress, seed: int = 0) -> Verdict:
     """Return what a model lacks, as a graded answer.
 
-    Raises
-    ------
-    OptimisationError
-        The base model cannot be fitted at all.
+    Raises OptimisationError: the base model cannot be fitted at all.
     """
     progress("calibrating the base model")
     if not question.experiment.is_exact:

@@ -12,10 +12,7 @@ from rover_pin.measurements.checks import column
 def read_folded(path: Path, by: str, names: tuple[str, ...]) -> tuple[tuple[str, ...], np.ndarray]:
     """Return the names of a table's folds, and these columns (folds, columns, samples), NaN behind a fold's end.
 
-    Raises
-    ------
-    DataError
-        No such file or column, or a value that is no finite number: one sentence.
+    Raises DataError: no such file or column, or a value that is no finite number: one sentence.
     """
     table = measured_points(path, (by, *names), (by,))
     rows = np.array([column(table[name], name, str(path)) for name in names])

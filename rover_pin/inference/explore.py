@@ -88,10 +88,7 @@ class Explorer:
     def base(self) -> None:
         """Fit the base model, and raise the variance of outliers.
 
-        Raises
-        ------
-        OptimisationError
-            No start leads to a fit.
+        Raises OptimisationError: no start leads to a fit.
         """
         start = self._declared()
         random = np.random.default_rng(0)

@@ -146,10 +146,7 @@ class Fitter:
     def flat(self, causes: Sequence[Cause], starts: Sequence[np.ndarray]) -> tuple[np.ndarray, float]:
         """Return the most probable u with independent errors as large as noise and a usual discrepancy, and its loss.
 
-        Raises
-        ------
-        OptimisationError
-            No descent from any of the starts ends.
+        Raises OptimisationError: no descent from any of the starts ends.
         """
         samples = self.samples
         spread = np.empty(len(samples.value))

@@ -42,12 +42,8 @@ STARTS = {
 def noise_from(table: Mapping[str, Any], where: str) -> dict[str, float]:
     """Return the SDs of a table `[noise]` in SI by kind, and the time between samples, where it is declared.
 
-    Raises
-    ------
-    DataError
-        A key that is none of NOISE, or what is not a number above 0.
-    ParameterError
-        A unit of another kind, or an entry with a strange key.
+    Raises DataError: a key that is none of NOISE, or what is not a number above 0.
+    Raises ParameterError: a unit of another kind, or an entry with a strange key.
     """
     noise = {}
     for key, entry in table.items():

@@ -171,11 +171,8 @@ class DriveLog:
 def read_drive_log(folder: str | Path, trust: Trust = Trust()) -> DriveLog:
     """Return the drive log in a folder; its runs and its terrain lie there, unless `trust` allows more.
 
-    Raises
-    ------
-    DataError
-        No `drive.toml`, one that is not TOML or not a drive log, an unknown or missing key, a run file that is missing
-        or lies elsewhere, or that `read_run` refuses.
+    Raises DataError: no `drive.toml`, one that is not TOML or not a drive log, an unknown or missing key, a run file
+    that is missing or lies elsewhere, or that `read_run` refuses.
     """
     folder = Path(folder)
     file = folder / FILE
@@ -198,10 +195,7 @@ def read_drive_log(folder: str | Path, trust: Trust = Trust()) -> DriveLog:
 def write_drive_log(folder: str | Path, traces: Mapping[str, Trace], metadata: LogMetadata) -> Path:
     """Write traces, each to `NAME.csv` with every digit, then `drive.toml`; return the folder.
 
-    Raises
-    ------
-    DataError
-        No trace, one without rows, a name that is no file name, or a value that TOML cannot hold.
+    Raises DataError: no trace, one without rows, a name that is no file name, or a value that TOML cannot hold.
     """
     folder = Path(folder)
     for name, trace in traces.items():

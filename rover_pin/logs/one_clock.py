@@ -23,10 +23,7 @@ Series = dict[str, tuple[np.ndarray, np.ndarray]]
 def on_one_clock(path: Path, series: Series) -> tuple[pd.DataFrame, float]:
     """Return series as columns beside `t_s`, and the period [s]; a message no later than those before is left out.
 
-    Raises
-    ------
-    DataError
-        They span too many rows.
+    Raises DataError: they span too many rows.
     """
     series = {name: _ahead(times, values) for name, (times, values) in series.items()}
     steps = [1e-9 * float(np.median(np.diff(times))) for times, _ in series.values()]

@@ -70,12 +70,8 @@ def read_bag(path: Path, columns: Mapping[str, Any], bag: Mapping[str, Any], whe
 def opened(path: Path) -> Iterator[Any]:
     """Give the reader of a bag; whatever it raises is reported in one sentence.
 
-    Raises
-    ------
-    DataError
-        It is no bag, or is damaged.
-    MissingExtraError
-        The extra `ros` is not installed.
+    Raises DataError: it is no bag, or is damaged.
+    Raises MissingExtraError: the extra `ros` is not installed.
     """
     for part in path.iterdir() if is_folder(path) else [path]:
         if not exists(part):

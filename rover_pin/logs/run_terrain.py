@@ -46,10 +46,7 @@ def is_of_run(table: Mapping[str, Any]) -> bool:
 def run_terrain(table: Mapping[str, Any], run: Trace, rover: Rover, where: str) -> Terrain:
     """Return the ground of a run.
 
-    Raises
-    ------
-    DataError
-        An unknown key, both a slope and an estimate, a slope that is none, or beyond 45 deg.
+    Raises DataError: an unknown key, both a slope and an estimate, a slope that is none, or beyond 45 deg.
     """
     for key in table:
         if key not in KEYS:

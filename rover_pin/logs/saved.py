@@ -13,10 +13,7 @@ def save_trace(trace: Trace, path: str | Path) -> Path:
 
     Numbers come back exactly. Every file is written whole or not at all; `drive.toml` comes last.
 
-    Raises
-    ------
-    DataError
-        It cannot be written there, or an attribute is not a plain value.
+    Raises DataError: it cannot be written there, or an attribute is not a plain value.
     """
     path = Path(path)
     if path.suffix == ".parquet":
@@ -29,10 +26,7 @@ def save_trace(trace: Trace, path: str | Path) -> Path:
 def load_trace(path: str | Path) -> Trace:
     """Return the trace that `save_trace` wrote: a Parquet file, or the only run of a drive log's folder.
 
-    Raises
-    ------
-    DataError
-        The file or folder is not that, or the log has several runs.
+    Raises DataError: the file or folder is not that, or the log has several runs.
     """
     path = Path(path)
     if path.suffix == ".parquet":

@@ -105,10 +105,7 @@ def _replaced(table: dict[str, Any], entries: dict[str, Any]) -> Iterator[None]:
 def refuse_anchors(bag: Path) -> None:
     """Refuse a bag folder whose metadata is no file of text, or names parts of itself.
 
-    Raises
-    ------
-    DataError
-        It does, is too long, or cannot be read.
+    Raises DataError: it does, is too long, or cannot be read.
     """
     file = bag / METADATA
     if not is_folder(bag) or not is_file(file):

@@ -211,10 +211,8 @@ def start_on(data: RigSet | DriveLog, file: str | Path, trust: Trust = Trust()) 
     ground are the log's. On a rig a rover's model gives the same three; the wheel is the rig's, and what acts elsewhere
     is left out, with a word.
 
-    Raises
-    ------
-    DataError, ParameterError
-        What is no model file, or cannot be read; a wheel's model without one SoilTraction.
+    Raises DataError, ParameterError: what is no model file, or cannot be read; a wheel's model without one
+    SoilTraction.
     """
     kind = read_toml(Path(file)).get("kind")
     if isinstance(data, DriveLog):

@@ -39,10 +39,7 @@ OF_MOTOR = ("supply", "resistance", "k_t", "gear")
 def factors_of(log: DriveLog) -> TractionFactors:
     """Return the traction factors of a drive log that declares its [motor], as section 4 of the paper takes them.
 
-    Raises
-    ------
-    DataError
-        What `points_of_log` refuses.
+    Raises DataError: what `points_of_log` refuses.
     """
     points = points_of_log(log)
     motor = record_from(Motor, log.metadata.motor, f"{log.file}: [motor]")
@@ -106,10 +103,7 @@ class DataCheck(NamedTuple):
 def check_data(folder: str | Path, trust: Trust = Trust()) -> DataCheck:
     """Return what the loop would say of these data before it fits anything.
 
-    Raises
-    ------
-    DataError
-        Data that cannot be used, in one sentence: what, where, what to do.
+    Raises DataError: data that cannot be used, in one sentence: what, where, what to do.
     """
     data = read_data(folder, trust)
     if isinstance(data, DriveLog):
@@ -126,10 +120,7 @@ def check_data(folder: str | Path, trust: Trust = Trust()) -> DataCheck:
 def rig_set_in(folder: str | Path, trust: Trust = Trust()) -> RigSet:
     """Return the wheel-rig set of a folder or sample; refuses what has no runs of a wheel at levels.
 
-    Raises
-    ------
-    DataError
-        Data that cannot be used, or of another kind.
+    Raises DataError: data that cannot be used, or of another kind.
     """
     data = read_data(folder, trust)
     if not isinstance(data, RigSet):

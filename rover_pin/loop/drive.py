@@ -53,10 +53,7 @@ def close_drive_loop(
 
     `model` is where it starts, read; None takes what the log declares.
 
-    Raises
-    ------
-    DataError
-        A log that cannot be used: one sentence each.
+    Raises DataError: a log that cannot be used: one sentence each.
     """
     begun = time.monotonic()
     progress("checking the log")

@@ -20,10 +20,7 @@ from rover_pin.terrain.shapes import flat
 def refuse_unfit_effects(path: str | Path) -> None:
     """Refuse an effect that cannot be added and taken away: without neutral values, or with formulas that do not run.
 
-    Raises
-    ------
-    DataError
-        A file that cannot be run, or an effect in it that cannot be used; the sentence names both.
+    Raises DataError: a file that cannot be run, or an effect in it that cannot be used; the sentence names both.
     """
     kinds, rover = user_effects(path), load_rover("nexus6")
     effects = base_effects(Soil(), rover, SoilTraction())

@@ -44,12 +44,8 @@ def close_rig_loop(
 ) -> Verdict:
     """Return what a model of wheel-rig sets lacks, with the error before and after; see `close_the_loop`.
 
-    Raises
-    ------
-    DataError
-        Data that cannot answer: one sentence each.
-    OptimisationError
-        The base model cannot be fitted at all.
+    Raises DataError: data that cannot answer: one sentence each.
+    Raises OptimisationError: the base model cannot be fitted at all.
     """
     begun = time.monotonic()
     refuse_unfit(experiment)

@@ -69,10 +69,7 @@ def drive_points(
     each class has an error in both axes, which `TractionPoints` weighs. All wheels are gathered. `lag` is that of the
     slip behind its speeds, the rover's usual one where it is not given.
 
-    Raises
-    ------
-    DataError
-        A missing channel, slips that scatter by more than a class, or no class with enough windows.
+    Raises DataError: a missing channel, slips that scatter by more than a class, or no class with enough windows.
 
     Source: section 4, "the traction force is evaluated from the angular velocity of the wheel using the characteristics
     of the corresponding motor. The normal load on each tire is evaluated ... considering static balance"; grouping by

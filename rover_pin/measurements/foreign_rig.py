@@ -60,10 +60,7 @@ class Read(NamedTuple):
     def refuse_without_noise(self, file: Path, noise_names: Iterable[str]) -> None:
         """Refuse a channel whose scatter nobody states: without it no fit can be judged.
 
-        Raises
-        ------
-        DataError
-            A channel without a column of its SD and without a stated one.
+        Raises DataError: a channel without a column of its SD and without a stated one.
         """
         for kind in RIG_CHANNELS:
             name, _, unit = kind.column.rpartition("_")
@@ -79,10 +76,8 @@ def read_foreign(file: Path) -> Read:
 
     A unit is in brackets or at the end of a name: `Sinkage [mm]`, `sinkage_mm`, `Slip (%)`; without one it is SI.
 
-    Raises
-    ------
-    DataError
-        The file cannot be read, has two columns for one, a unit of another kind, or neither slip nor load.
+    Raises DataError: the file cannot be read, has two columns for one, a unit of another kind, or neither slip nor
+    load.
     """
     table = measured_points(file)
     columns: dict[str, Any] = {}
@@ -153,10 +148,7 @@ def write_rig_set(
 ) -> list[Path]:
     """Write points.csv and rig.toml of a set, with the noise of each channel (number, unit); return their paths.
 
-    Raises
-    ------
-    DataError
-        There is a rig.toml already, or it cannot be written.
+    Raises DataError: there is a rig.toml already, or it cannot be written.
     """
     toml = folder / "rig.toml"
     if is_file(toml):

@@ -17,12 +17,8 @@ SIZE_SD = 0.01
 def stated_ranges(table: Mapping[str, Any], where: str) -> dict[str, tuple[float, float]]:
     """Return name -> (low, high), in SI, of each size of the wheel or constant of the soil that states both.
 
-    Raises
-    ------
-    ParameterError
-        An unknown unit, or no number.
-    DataError
-        A range that does not hold its value.
+    Raises ParameterError: an unknown unit, or no number.
+    Raises DataError: a range that does not hold its value.
     """
     ranges = {}
     for name, quantity in (quantities(Wheel) | quantities(Soil)).items():

@@ -44,10 +44,7 @@ class Trial(NamedTuple):
 def read_trials(path: Path, surface: str) -> tuple[Trial, ...]:
     """Return the trials that pressed the wheel in: rows whose `indenter` is wheel_<surface>, or the only wheel.
 
-    Raises
-    ------
-    DataError
-        A missing column, a number that is not finite, or several wheels of which none has this surface.
+    Raises DataError: a missing column, a number that is not finite, or several wheels of which none has this surface.
     """
     table = measured_points(path, ("indenter", "trial", "sinkage_m", "force_N"), ("indenter", "trial"))
     kinds = [kind for kind in dict.fromkeys(map(str, table["indenter"])) if kind.startswith("wheel")]

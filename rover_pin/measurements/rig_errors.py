@@ -51,12 +51,8 @@ class RigErrors(Record):
 def stated_errors(table: Mapping[str, Any], where: str) -> tuple[RigErrors, dict[str, float]]:
     """Return the errors of a table [rig], and `rig.name` -> SD of each that states one, in SI.
 
-    Raises
-    ------
-    ParameterError
-        An unknown name, unit or value.
-    DataError
-        An SD that is no positive number.
+    Raises ParameterError: an unknown name, unit or value.
+    Raises DataError: an SD that is no positive number.
     """
     entries = {name: entry for name, entry in table.items() if name != "note"}
     errors = record_from(RigErrors, entries, where)
@@ -66,11 +62,7 @@ def stated_errors(table: Mapping[str, Any], where: str) -> tuple[RigErrors, dict
 def dimension_sds(table: Mapping[str, Any], where: str) -> dict[str, float]:
     """Return `wheel.name` -> SD [m] of each size of a table [wheel] that states one.
 
-    Raises
-    ------
-    ParameterError
-        An unknown unit.
-    DataError
-        An SD that is no positive number.
+    Raises ParameterError: an unknown unit.
+    Raises DataError: an SD that is no positive number.
     """
     return {f"wheel.{name}": sd for name, sd in declared_sds(table, Wheel, where).items()}

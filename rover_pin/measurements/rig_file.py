@@ -72,10 +72,7 @@ MEANT = {
 def refuse_unknown_keys(document: Mapping[str, Any], where: str) -> None:
     """Refuse a key of `rig.toml`, or of one of its tables, that nothing reads.
 
-    Raises
-    ------
-    DataError
-        An unknown key, with the one that may be meant, or what must be a table and is none.
+    Raises DataError: an unknown key, with the one that may be meant, or what must be a table and is none.
     """
     _refuse(document, (*TEXTS, *TABLES), where, "a rig set")
     for name, keys in TABLES.items():
@@ -94,12 +91,8 @@ def _refuse(table: Mapping[str, Any], allowed: Iterable[str], where: str, owner:
 def number_si(entry: Any, expected: str, where: str) -> float:
     """Return a number, or a `{ value, unit }` entry, in the SI unit `expected`.
 
-    Raises
-    ------
-    DataError
-        There is no number.
-    ParameterError
-        An unknown key, or a unit of another kind.
+    Raises DataError: there is no number.
+    Raises ParameterError: an unknown key, or a unit of another kind.
     """
     if isinstance(entry, Mapping):
         refuse_strange(entry, where)
@@ -125,10 +118,7 @@ def declared_constants(table: Mapping[str, Any], where: str) -> dict[str, float]
 def declared_beside(document: Mapping[str, Any], where: str) -> dict[str, float]:
     """Return what `BESIDE` has of [wheel] and [soil], by name, in SI.
 
-    Raises
-    ------
-    DataError
-        No number, or one out of its range.
+    Raises DataError: no number, or one out of its range.
     """
     values = {}
     for name, of in BESIDE.items():
@@ -147,10 +137,8 @@ def declared_beside(document: Mapping[str, Any], where: str) -> dict[str, float]
 def rim_of(document: Mapping[str, Any], where: str) -> tuple[dict[str, Any], float]:
     """Return the sizes of [wheel], r that of the rim, and the rim's radius over the stated one.
 
-    Raises
-    ------
-    DataError
-        A size that is missing; `r_over_lugs` that is neither true nor false, without lugs, or with lugs as high as r.
+    Raises DataError: a size that is missing; `r_over_lugs` that is neither true nor false, without lugs, or with lugs
+    as high as r.
     """
     wheel_table = table_in(document, "wheel", where)
     for name in quantities(Wheel):

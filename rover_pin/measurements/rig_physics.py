@@ -44,10 +44,7 @@ SLENDER = (0.05, 5.0)
 def refuse_impossible(rig: WheelRig) -> None:
     """Refuse numbers that no wheel on any soil gives.
 
-    Raises
-    ------
-    DataError
-        The first impossibility, and what may have caused it.
+    Raises DataError: the first impossibility, and what may have caused it.
     """
     for finding in _impossible(rig):
         raise DataError(f"{finding}")

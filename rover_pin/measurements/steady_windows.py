@@ -69,10 +69,7 @@ def steady_windows(trace: Trace, rover: Rover, motor: Motor, length: float, stea
     balances attitude, link angles and torques (`driven_loads`). S is Eq (1) of the rim and of the wheel centre's own
     speed along the ground, by least squares from tracked position, attitude and link angles.
 
-    Raises
-    ------
-    DataError
-        A channel that is needed and was not recorded.
+    Raises DataError: a channel that is needed and was not recorded.
     """
     run = _Run(trace, rover, motor)
     windows = []

@@ -95,10 +95,7 @@ class TractionPoints:
         The SD of a mean is the SD of the scatter, pooled over all slips, over the root of the number of repeats: the
         SD of a handful of repeats is itself too uncertain to weigh a fit.
 
-        Raises
-        ------
-        DataError
-            No slip ratio was repeated, so the scatter is unknown.
+        Raises DataError: no slip ratio was repeated, so the scatter is unknown.
         """
         slip, factor = column(slip, "slip", "scatter"), column(factor, "factor", "scatter")
         same_length("scatter", slip=slip, factor=factor)
@@ -128,10 +125,7 @@ def errors(values: Any, count: int, name: str, where: str) -> np.ndarray:
 def read_traction_points(path: str | Path) -> TractionPoints:
     """Return the points of a CSV file: columns `slip, traction_factor, sd`; `slip_sd`; `count` where `sd` is scatter.
 
-    Raises
-    ------
-    DataError
-        A missing file or column, or values out of range.
+    Raises DataError: a missing file or column, or values out of range.
     """
     path = Path(path)
     table: pd.DataFrame = measured_points(path, ("slip", "traction_factor", "sd"))

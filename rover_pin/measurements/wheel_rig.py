@@ -167,11 +167,8 @@ def read_wheel_rig(folder: str | Path, trust: Trust = Trust()) -> WheelRig:
     The noise of a channel is `[noise]` of `rig.toml` (`<channel>` in a unit, or `<channel>_over_load`), else the column
     `<channel>_sd_<unit>`.
 
-    Raises
-    ------
-    DataError
-        A missing file, column or noise; an unknown unit; values that are not finite, out of range, or look like percent
-        or millimetres.
+    Raises DataError: a missing file, column or noise; an unknown unit; values that are not finite, out of range, or
+    look like percent or millimetres.
     """
     folder = Path(folder)
     document = read_toml(folder / "rig.toml")

@@ -44,9 +44,6 @@ def name_of(soil: Soil) -> str:
 def soil_named(name: str) -> Soil:
     """Return the parameter set of this name.
 
-    Raises
-    ------
-    ParameterError
-        An unknown name; the message lists the close ones.
+    Raises ParameterError: an unknown name; the message lists the close ones.
     """
     return SOILS[name]

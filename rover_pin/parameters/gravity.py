@@ -31,10 +31,7 @@ def gravity_named(word: str | float) -> float:
 def gravity_from(entry: Any, where: str) -> float:
     """Return a gravity [m/s^2] as a file gives it: a number, or { value, unit }.
 
-    Raises
-    ------
-    DataError
-        It is neither, or not within (0, 100) m/s^2.
+    Raises DataError: it is neither, or not within (0, 100) m/s^2.
     """
     value, unit = value_and_unit(entry, "m/s^2")
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0.0 < value < 100.0:

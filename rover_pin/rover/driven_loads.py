@@ -42,10 +42,7 @@ def configuration(rover: Rover, attitude: tuple[float, float, float], angles: Ma
 
     Joints that follow others are where these put them.
 
-    Raises
-    ------
-    ParameterError
-        An angle that the rover has not.
+    Raises ParameterError: an angle that the rover has not.
     """
     q = pin.neutral(rover.model)
     roll, pitch, yaw = attitude

@@ -57,10 +57,7 @@ class Rover:
     def wheel(self) -> Wheel:
         """The size of the wheels.
 
-        Raises
-        ------
-        ParameterError
-            Its axles have wheels of different sizes.
+        Raises ParameterError: its axles have wheels of different sizes.
         """
         dimensions = dict.fromkeys((float(mount.wheel.r), float(mount.wheel.b)) for mount in self.wheels)
         if len(dimensions) > 1:
@@ -215,10 +212,7 @@ def load_named(rover: str, file: Path, trust: Trust = Trust()) -> Rover:
 
     Sets share rovers, so the TOML may lie elsewhere; a refusal of such a one says nothing of its content.
 
-    Raises
-    ------
-    UrdfError
-        It does not make a rover.
+    Raises UrdfError: it does not make a rover.
     """
     beside = file.parent / rover
     path = beside if is_file(beside) else Path(rover)

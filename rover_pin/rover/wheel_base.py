@@ -53,10 +53,7 @@ def effective_track(rover: Rover, resistance: float = 0.0) -> float:
 
     Source: quasi-static balance, as for skid-steered vehicles on firm ground. A slow build-up of shear takes more.
 
-    Raises
-    ------
-    ParameterError
-        R is mu or more: such a rover does not turn.
+    Raises ParameterError: r is mu or more: such a rover does not turn.
     """
     from scipy.optimize import brentq  # a steered rover has no use for it
 

@@ -129,10 +129,7 @@ def _sample(name: str) -> Entry:
 def settings(scenario: str = "ditch", **overrides: Any) -> list[Setting]:
     """Return everything that can be set of a scenario, as driven with what is given, with its default.
 
-    Raises
-    ------
-    ParameterError
-        An unknown scenario or setting.
+    Raises ParameterError: an unknown scenario or setting.
     """
     return sorted(settings_of(scenario, **overrides), key=lambda setting: (setting.name.count("."), setting.name))
 

@@ -42,10 +42,7 @@ class Made(NamedTuple):
 def composed(request: Settings, trust: Trust) -> Made:
     """Return the model, on flat ground, of the settings `rover`, `soil`, `form`, `angles`, `slip`, `motor` or `model`.
 
-    Raises
-    ------
-    RoverPinError
-        A setting or a file that is not understood.
+    Raises RoverPinError: a setting or a file that is not understood.
     """
     file = request.take("model", None, source="a model file, as close-loop writes it")
     if file is None:

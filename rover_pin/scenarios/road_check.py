@@ -39,10 +39,7 @@ def road_check(rover: Rover) -> RoadCheck:
     It stands where static loads are carried before any wheel is buried (BURIED r deep at S = 0). It moves where the
     motors at duty 0.55, held still, exceed the torque R W r that the flat takes. Torque form, the wheel's usual arc.
 
-    Raises
-    ------
-    ParameterError
-        A soil or motor that its TOML names and that is not known.
+    Raises ParameterError: a soil or motor that its TOML names and that is not known.
     """
     (soil, of_soil), (motor, of_motor) = driven_soil(rover), own_motor(rover)
     assumed = (*of_soil, *of_motor)

@@ -28,10 +28,7 @@ class Axis(ABC):
 class Range(Axis):
     """Numbers from `low` to `high`, spread evenly.
 
-    Raises
-    ------
-    ParameterError
-        An end that is not a finite number, or `low` not below `high`.
+    Raises ParameterError: an end that is not a finite number, or `low` not below `high`.
     """
 
     low: float
@@ -76,10 +73,7 @@ class LogRange(Range):
 class Values(Axis):
     """Numbers, texts or truth values, one after the other.
 
-    Raises
-    ------
-    ParameterError
-        No value, one twice, values of several kinds, or of another kind than these.
+    Raises ParameterError: no value, one twice, values of several kinds, or of another kind than these.
     """
 
     values: Sequence[Any]

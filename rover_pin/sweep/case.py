@@ -55,10 +55,8 @@ def check_names(study: Study, cases: Sequence[Case]) -> None:
 def run_case(study: Study, case_function: CaseFunction, case: Case) -> Row:
     """Return the case's row; whatever goes wrong in it becomes the row's `error`. Wall time is no part of a row.
 
-    Raises
-    ------
-    MissingExtraError, CacheError
-        The machine, not the case, lacks something: a C compiler, an optional package, a folder for compiled code.
+    Raises MissingExtraError, CacheError: the machine, not the case, lacks something: a C compiler, an optional package,
+    a folder for compiled code.
     """
     try:
         outcomes = _checked(study, case_function(study, case))

@@ -40,12 +40,9 @@ def read_study(path: str | Path, trust: Trust = Trust()) -> Study:
         soil.c = [0.0, 100.0]
         soil.phi = { values = [30, 37], unit = "deg" }
 
-    Raises
-    ------
-    DataError
-        A file that is missing or not TOML, or names another outside its folder that `trust` does not allow.
-    ParameterError
-        An unknown name, with the close ones; an empty range; anything that Study refuses.
+    Raises DataError: a file that is missing or not TOML, or names another outside its folder that `trust` does not
+    allow.
+    Raises ParameterError: an unknown name, with the close ones; an empty range; anything that Study refuses.
     """
     table = read_toml(path)
     trust.refuse_elsewhere(table, Path(path))

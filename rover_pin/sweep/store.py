@@ -90,10 +90,7 @@ def collect(folder: str | Path) -> Any:
 
     Columns: `case`, `repeat`, `seed`, `key`, the parameters, the outcomes, and `error` (missing where none).
 
-    Raises
-    ------
-    DataError
-        `folder` holds no sweep, or a file of it cannot be read.
+    Raises DataError: `folder` holds no sweep, or a file of it cannot be read.
     """
     folder = Path(folder)
     study = known_study(folder)

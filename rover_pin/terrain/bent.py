@@ -21,10 +21,7 @@ def bent(terrain: Terrain, x: Sequence[float], rise: Sequence[float]) -> Terrain
     Beyond both ends it is raised as there. A polyline gets these points besides its own; a grid gets as many more
     lines across x as it takes to follow them, and its heights stay bilinear in between.
 
-    Raises
-    ------
-    ParameterError
-        A grid so much larger than the bend that it would need more than MOST lines.
+    Raises ParameterError: a grid so much larger than the bend that it would need more than MOST lines.
     """
     places, lift = np.asarray(x, dtype=float), np.asarray(rise, dtype=float)
     if isinstance(terrain, Lanes):

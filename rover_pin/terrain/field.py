@@ -43,10 +43,7 @@ def paper_field(
     centimeters are scattered over the sand." Their order and distances are assumed, and what each part assumes; its
     rocks also lie on its slopes perhaps, here they do not.
 
-    Raises
-    ------
-    ParameterError
-        A part that cannot be made as asked.
+    Raises ParameterError: a part that cannot be made as asked.
     """
     between = size * BETWEEN
     ditch_at = size * 0.5 + rocks_length + between

@@ -25,11 +25,8 @@ def from_polyline(path: Annotated[str | Path, spec("", "your own file: CSV or Pa
 
     x_m increases; ground is the soil index of the piece from this point to the next (that of the last row is not used).
 
-    Raises
-    ------
-    DataError
-        A missing column, a number that is missing or not finite, x_m not increasing, values that look like
-        millimetres, or ground that `Profile` refuses.
+    Raises DataError: a missing column, a number that is missing or not finite, x_m not increasing, values that look
+    like millimetres, or ground that `Profile` refuses.
     """
     table = read_columns(path)
     table.need("x_m", "z_m")
@@ -62,13 +59,9 @@ def from_grid(
     Otherwise CSV (or Parquet) with columns x_m, y_m, z_m and, optionally, ground: one row a point of a full, evenly
     spaced grid, in any order; ground is the soil index of the cell that has the point as its corner of lowest x and y.
 
-    Raises
-    ------
-    DataError
-        A missing column or array, a number that is missing or not finite, points that make no full even grid, values
-        that look like millimetres, or what `raster_grid` or `HeightGrid` refuses.
-    MissingExtraError
-        A GeoTIFF where rasterio is not installed.
+    Raises DataError: a missing column or array, a number that is missing or not finite, points that make no full even
+    grid, values that look like millimetres, or what `raster_grid` or `HeightGrid` refuses.
+    Raises MissingExtraError: a GeoTIFF where rasterio is not installed.
     """
     try:
         if Path(path).suffix.lower() in SUFFIXES or cell or relief:

@@ -30,12 +30,9 @@ Heights = tuple[Any, float, float]
 def raster_grid(path: Path, cell: float = 0.0, relief: float = 0.0) -> HeightGrid:
     """Return the ground of a raster; `cell` [m] and `relief`, white above black [m], where the file does not say them.
 
-    Raises
-    ------
-    DataError
-        What is no such raster, in degrees or feet, turned, or without a height somewhere; a size that is missing.
-    MissingExtraError
-        A GeoTIFF where rasterio is not installed.
+    Raises DataError: what is no such raster, in degrees or feet, turned, or without a height somewhere; a size that is
+    missing.
+    Raises MissingExtraError: a GeoTIFF where rasterio is not installed.
     """
     suffix = path.suffix.lower()
     for name, number, meaning in (("cell", cell, "width of a pixel"), ("relief", relief, "height of white over black")):

@@ -115,10 +115,7 @@ def ditch(depth: Depth = 0.05, width: Width = 0.2, wall_angle: WallAngle = 30.0 
     Assumed: the width is that at the top; the paper does not state the wall angle [rad], which decides whether the
     rover gets out; 30 deg is Table 1's phi, the steepest at which its sand stands by itself.
 
-    Raises
-    ------
-    ParameterError
-        Walls so gentle that they meet above the depth.
+    Raises ParameterError: walls so gentle that they meet above the depth.
     """
     wall = depth / math.tan(wall_angle)
     floor = width - 2.0 * wall
@@ -163,10 +160,7 @@ def rocks(
     Source: paper, section 4: "several rocks with the diameter of 5-10 centimeters are scattered over the sand".
     Assumed: their number, that half of each is buried, and that they are harder than the sand (section 4.2).
 
-    Raises
-    ------
-    ParameterError
-        Rocks that may not fit into the length.
+    Raises ParameterError: rocks that may not fit into the length.
     """
     smallest, largest = diameters
     bounds = arguments_of(rocks)["diameters"].quantity
@@ -226,10 +220,7 @@ def with_ground(terrain: Terrain, x_from: End, x_to: End, index: int) -> Terrain
 
     In a height grid these are the cells whose middle lies in between.
 
-    Raises
-    ------
-    ParameterError
-        A stretch that is empty or holds no cell.
+    Raises ParameterError: a stretch that is empty or holds no cell.
     """
     if not x_from < x_to:
         raise ParameterError(f"Soil {index} from x = {x_from:g} m to {x_to:g} m is an empty stretch: swap its ends.")

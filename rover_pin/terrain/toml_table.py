@@ -29,10 +29,7 @@ PATCH_KEYS = ("x_from", "x_to", "ground")
 def terrain_from(table: Mapping[str, Any], file: Path, trust: Trust = Trust()) -> Terrain:
     """Return the terrain that a log's or model's `file` declares, its own files beside that unless `trust` allows more.
 
-    Raises
-    ------
-    DataError
-        None or more than one kind of terrain, an unknown key, or what its files' readers refuse.
+    Raises DataError: none or more than one kind of terrain, an unknown key, or what its files' readers refuse.
     """
     for key in table:
         if key not in KEYS:

@@ -35,13 +35,9 @@ SMOOTHING = 0.005
 def built(case: DriveCase) -> Scenario:
     """Return the case's scenario, without control.
 
-    Raises
-    ------
-    ParameterError
-        An unknown scenario or setting, one that a model file rules out, or settings of the control, which the tuning
-        sets itself.
-    DataError
-        A model file that cannot be read, or is no longer the one that was sealed.
+    Raises ParameterError: an unknown scenario or setting, one that a model file rules out, or settings of the control,
+    which the tuning sets itself.
+    Raises DataError: a model file that cannot be read, or is no longer the one that was sealed.
     """
     refuse_other_model(case)
     try:

@@ -14,10 +14,7 @@ from rover_pin.tuning.study import DriveCase, TuningStudy
 def sealed(study: TuningStudy) -> TuningStudy:
     """Return the study with each drive's model file, if it has one, sealed as it is now.
 
-    Raises
-    ------
-    DataError, UrdfError
-        A model file, or one that it names, that cannot be read.
+    Raises DataError, UrdfError: a model file, or one that it names, that cannot be read.
     """
     seals = {file: digest(file) for file in study.model_files}
     return dataclasses.replace(study, training=_with(seals, study.training), held_out=_with(seals, study.held_out))
@@ -26,10 +23,7 @@ def sealed(study: TuningStudy) -> TuningStudy:
 def refuse_other_model(case: DriveCase) -> None:
     """Refuse a model file that is no longer what it was when the study was sealed.
 
-    Raises
-    ------
-    DataError
-        It was changed in the meantime.
+    Raises DataError: it was changed in the meantime.
     """
     if case.seal and case.seal != digest(case.model_file):
         raise DataError(f"{case.model_file}: the model was changed while it is tuned for: start the tuning again.")

@@ -99,10 +99,8 @@ class TuningStudy:
     With a `hole` law S_d falls with each wheel's hole, and its numbers may be free too, as `hole.deep`. An estimate of
     SENSED is driven with the noise, steps and delays of its sensors, each drive with other `noise_seeds` seeds.
 
-    Raises
-    ------
-    ParameterError
-        No training scenario, nothing free, an unknown gain or estimate, bounds that leave nothing between them.
+    Raises ParameterError: no training scenario, nothing free, an unknown gain or estimate, bounds that leave nothing
+    between them.
     """
 
     name: str
@@ -193,10 +191,7 @@ class TuningStudy:
         What a drive's own settings may still change is what `scenario` lets them change beside `model`; the resistance
         is the model's, so that a `cruise_slip` of theirs is left out.
 
-        Raises
-        ------
-        ParameterError
-            A drive that names a model file itself.
+        Raises ParameterError: a drive that names a model file itself.
         """
         for case in (*self.training, *self.held_out):
             if case.model_file:

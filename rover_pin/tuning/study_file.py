@@ -43,12 +43,9 @@ def read_tuning(path: str | Path, trust: Trust = Trust()) -> TuningStudy:
         [[held_out]]
         scenario = "incline"
 
-    Raises
-    ------
-    DataError
-        A file that is missing or not TOML, or names another outside its folder that `trust` does not allow.
-    ParameterError
-        An unknown key or name, with the close ones; anything that TuningStudy refuses.
+    Raises DataError: a file that is missing or not TOML, or names another outside its folder that `trust` does not
+    allow.
+    Raises ParameterError: an unknown key or name, with the close ones; anything that TuningStudy refuses.
     """
     table = read_toml(path)
     trust.refuse_elsewhere(table, Path(path))

@@ -36,10 +36,7 @@ Draw = Callable[[int], None]
 def write_animation(file: Path, film: Film, name: str, ghost: Film | None = None) -> Path:
     """Write a film as `.gif`, or as `.mp4` by ffmpeg; return its path.
 
-    Raises
-    ------
-    DataError
-        The ghost is of another rover.
+    Raises DataError: the ghost is of another rover.
     """
     if ghost is not None:
         film.refuse_other(ghost)

@@ -51,10 +51,7 @@ class Film:
     def of(cls, trace: Trace, rover: Rover, terrain: Terrain) -> Film:
         """Return the film of a trace: at most 20 frames a second, and 600 in all.
 
-        Raises
-        ------
-        DataError
-            A trace of fewer than two rows, or without the body's x and y.
+        Raises DataError: a trace of fewer than two rows, or without the body's x and y.
         """
         if len(trace.t) < 2:
             raise DataError("The trace has fewer than two rows, so there is nothing to see: look at its `stop`.")
@@ -143,10 +140,7 @@ class Film:
     def refuse_other(self, ghost: Film) -> None:
         """Refuse a ghost of another rover, which could not be drawn with this one's shapes.
 
-        Raises
-        ------
-        DataError
-            Its links are others.
+        Raises DataError: its links are others.
         """
         if set(ghost.links) != set(self.links):
             raise DataError(

@@ -25,10 +25,7 @@ COLOURS = {"blue": BLUE, "orange": ORANGE}
 def write_page(file: Path, subject: Subject, ghost: Subject | None = None) -> Path:
     """Write a drive, and another one as its ghost, to an HTML page; return its path.
 
-    Raises
-    ------
-    DataError
-        A trace in which there is nothing to see, or the file cannot be written.
+    Raises DataError: a trace in which there is nothing to see, or the file cannot be written.
     """
     return replace_file(file, page_of(subject, () if ghost is None else ((ghost, "blue"),)))
 
@@ -36,10 +33,7 @@ def write_page(file: Path, subject: Subject, ghost: Subject | None = None) -> Pa
 def page_of(subject: Subject, others: Sequence[tuple[Subject, str]] = ()) -> str:
     """Return a drive, and others as its ghosts, each with the word for its colour, as an HTML page.
 
-    Raises
-    ------
-    DataError
-        A trace in which there is nothing to see, or a ghost of another rover.
+    Raises DataError: a trace in which there is nothing to see, or a ghost of another rover.
     """
     film = Film.of(subject.trace, subject.rover, subject.terrain)
     ghosts = ghosts_of(film, others)

@@ -25,10 +25,7 @@ MOST_UNPACKED = 1024 * MIB
 def content(path: str | Path, most: int = MOST_UNPACKED, head: int | None = None) -> bytes:
     """Return the bytes of a regular file, or its first `head` ones.
 
-    Raises
-    ------
-    OSError
-        It cannot be read, is a folder, a device or a pipe, or holds more than `most` bytes.
+    Raises OSError: it cannot be read, is a folder, a device or a pipe, or holds more than `most` bytes.
     """
     try:
         opened = os.open(path, os.O_RDONLY | os.O_NONBLOCK)  # a pipe without a writer would keep us waiting
@@ -54,12 +51,8 @@ def text(path: str | Path, most: int = MOST_TEXT, encoding: str = "utf-8") -> st
 def arrays(path: str | Path, most: int = MOST_UNPACKED) -> dict[str, np.ndarray]:
     """Return the arrays of an `.npz`; one of objects would be unpickled, and is not read.
 
-    Raises
-    ------
-    OSError
-        As of `content`, or its arrays hold more than `most` bytes.
-    ValueError
-        It is no `.npz` of plain arrays, or damaged.
+    Raises OSError: as of `content`, or its arrays hold more than `most` bytes.
+    Raises ValueError: it is no `.npz` of plain arrays, or damaged.
     """
     packed = content(path, most)
     try:

@@ -51,11 +51,8 @@ class Columns(NamedTuple):
 def read_columns(path: str | Path) -> Columns:
     """Return the columns of a table of numbers, in text of any layout or Parquet.
 
-    Raises
-    ------
-    DataError
-        What `read_table` refuses, a row of another length, a name that stands there twice, or text where a number
-        belongs.
+    Raises DataError: what `read_table` refuses, a row of another length, a name that stands there twice, or text where
+    a number belongs.
     """
     table = read_table(Path(path))
     table.refuse_faults()
@@ -71,10 +68,7 @@ def columns_text(values: dict[str, np.ndarray]) -> str:
 def replace_file(path: str | Path, content: bytes | str) -> Path:
     """Write a whole file or none of it, making its folder; a reader never sees half.
 
-    Raises
-    ------
-    DataError
-        It cannot be written there.
+    Raises DataError: it cannot be written there.
     """
     path = Path(path)
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")

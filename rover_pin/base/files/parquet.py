@@ -16,10 +16,7 @@ NUMBER = 8
 def parquet_table(path: Path) -> Any:
     """Return a Parquet file as a pyarrow Table whose names differ.
 
-    Raises
-    ------
-    DataError
-        The file is missing, unpacks to more than `parquet` allows, or pyarrow cannot read it.
+    Raises DataError: the file is missing, unpacks to more than `parquet` allows, or pyarrow cannot read it.
     """
     try:
         table = unpacked(content(path))
@@ -40,12 +37,9 @@ def unpacked(packed: bytes, most: int = MOST_UNPACKED) -> Any:
     Its metadata say how much it holds; texts stay in their dictionary, where repeats take no room, until their longest
     is known.
 
-    Raises
-    ------
-    OSError
-        It would unpack to more than `most` bytes, has a cell of more than MOST_CELL characters, or lists in a column.
-    pyarrow.ArrowException
-        It is no Parquet.
+    Raises OSError: it would unpack to more than `most` bytes, has a cell of more than MOST_CELL characters, or lists in
+    a column.
+    Raises pyarrow.ArrowException: it is no Parquet.
     """
     import pyarrow
     import pyarrow.parquet

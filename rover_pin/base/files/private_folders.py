@@ -19,10 +19,7 @@ def private_folders() -> list[Path]:
     system's folder for temporary files. A folder that belongs to another user than root, or to which others can write,
     is not among them: its libraries would run as ours.
 
-    Raises
-    ------
-    CacheError
-        There is none.
+    Raises CacheError: there is none.
     """
     configured = os.environ.get(VARIABLE)
     folders, troubles = [Path(configured)] if configured else _usual(), {}

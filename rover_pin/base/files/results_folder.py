@@ -23,10 +23,7 @@ def alone_in(folder: str | Path | None) -> Iterator[None]:
 
     None is no folder: nothing is written, nothing held.
 
-    Raises
-    ------
-    DataError
-        Another process, or another thread of this one, holds it; or it cannot be made or locked.
+    Raises DataError: another process, or another thread of this one, holds it; or it cannot be made or locked.
     """
     if folder is None:
         yield

@@ -65,10 +65,7 @@ class Table(NamedTuple):
 def measured_points(path: Path, required: Sequence[str] = (), texts: Sequence[str] = ()) -> pd.DataFrame:
     """Return a table of measured points with at least one row and the `required` columns; of those, `texts` hold names.
 
-    Raises
-    ------
-    DataError
-        What `read_table` refuses, a missing column, or text where a number belongs.
+    Raises DataError: what `read_table` refuses, a missing column, or text where a number belongs.
     """
     table = read_table(path)
     table.refuse_faults()
@@ -85,10 +82,7 @@ def measured_points(path: Path, required: Sequence[str] = (), texts: Sequence[st
 def read_table(path: Path) -> Table:
     """Return the table of a Parquet file or of a text file of any layout.
 
-    Raises
-    ------
-    DataError
-        The file is missing, a spreadsheet, cannot be read, or has no rows.
+    Raises DataError: the file is missing, a spreadsheet, cannot be read, or has no rows.
     """
     try:
         raw = content(path, MOST_TABLE) if path.suffix not in (".parquet", ".pq") else b""

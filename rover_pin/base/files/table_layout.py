@@ -86,10 +86,7 @@ def _scored(sample: list[str], line_numbers: list[int], delimiter: str, decimal:
 def cells(line: str, delimiter: str) -> list[str]:
     """Return the cells of a line, quotes, blanks and comment marks around them taken off.
 
-    Raises
-    ------
-    csv.Error
-        A cell longer than the reader of quotes takes.
+    Raises csv.Error: a cell longer than the reader of quotes takes.
     """
     line = line.lstrip("#% ").lstrip("/ ") if line.lstrip().startswith(COMMENTS) else line
     if delimiter == " ":

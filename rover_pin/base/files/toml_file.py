@@ -16,10 +16,7 @@ from rover_pin.base.files.bounded import text
 def read_toml(path: str | Path) -> dict[str, Any]:
     """Return the table of a TOML file.
 
-    Raises
-    ------
-    DataError
-        The file is missing, or not TOML: with the line.
+    Raises DataError: the file is missing, or not TOML: with the line.
     """
     try:
         return tomllib.loads(text(path))
@@ -59,10 +56,7 @@ def text_in(table: Mapping[str, Any], key: str, where: object, default: str = ""
 def toml_text(table: Mapping[str, Any]) -> str:
     """Return the table as TOML: plain values first, then `[tables]` and `[[lists of tables]]`; None is left out.
 
-    Raises
-    ------
-    DataError
-        A value that TOML cannot hold.
+    Raises DataError: a value that TOML cannot hold.
     """
     plain, sections = [], []
     for name, value in table.items():

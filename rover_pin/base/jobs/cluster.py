@@ -30,10 +30,7 @@ def refuse_both(workers: int | None, scheduler: str | None) -> None:
 def workers_of(count: int, scheduler: str | None) -> Iterator[Workers]:
     """Yield that many processes, or the cluster of the Dask scheduler at an address.
 
-    Raises
-    ------
-    ParameterError, MissingExtraError
-        As of `client_of`.
+    Raises ParameterError, MissingExtraError: as of `client_of`.
     """
     if scheduler is None:
         yield count
@@ -50,10 +47,7 @@ def results(
     What a dead worker of a cluster was at is run again by another. Jobs that are `short` are handed to processes
     several at a time: what they share is sent once.
 
-    Raises
-    ------
-    SimulationError
-        The scheduler went away, or a job cannot be run there.
+    Raises SimulationError: the scheduler went away, or a job cannot be run there.
     """
     if workers == 1:
         return (function(*job) for job in jobs)
@@ -74,10 +68,7 @@ def on_processes(
 
     A process has one thread and a share of the machine's memory, and takes no code from the working directory.
 
-    Raises
-    ------
-    SimulationError
-        A process died, or needs more memory than its share.
+    Raises SimulationError: a process died, or needs more memory than its share.
     """
     from joblib import Parallel, delayed, effective_n_jobs, parallel_config
     from joblib.externals.loky.process_executor import BrokenProcessPool
@@ -125,12 +116,8 @@ def _on_cluster(function: Callable[..., Any], jobs: Sequence[tuple[Any, ...]], c
 def client_of(address: str) -> Iterator[Any]:
     """Yield the client of the Dask scheduler at an address, with a worker at least.
 
-    Raises
-    ------
-    MissingExtraError
-        Dask is not installed.
-    ParameterError
-        No scheduler answers there, or it has no workers.
+    Raises MissingExtraError: dask is not installed.
+    Raises ParameterError: no scheduler answers there, or it has no workers.
     """
     try:
         from distributed import Client

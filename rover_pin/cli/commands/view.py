@@ -63,10 +63,7 @@ def open_page(out: Path, name: str = PAGE) -> None:
 def requested_files(view: bool, gif: bool, mp4: bool) -> list[str]:
     """Return the names of the files that are asked for; what they need is looked for before any work.
 
-    Raises
-    ------
-    MissingExtraError
-        viser or ffmpeg is not there.
+    Raises MissingExtraError: viser or ffmpeg is not there.
     """
     if view and find_spec("viser") is None:
         raise MissingExtraError("The view in 3D needs viser: pip install 'rover-pin[view]'.")

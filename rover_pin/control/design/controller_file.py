@@ -43,10 +43,8 @@ class FileController:
 def controller_of_file(file: str | Path, model: Model, trust: Trust = Trust()) -> FileController:
     """Return the controller of a .py file for a model; `trust` must allow its code to run.
 
-    Raises
-    ------
-    DataError
-        The file is missing, is not trusted, cannot be run, or has no function `controller` that returns one.
+    Raises DataError: the file is missing, is not trusted, cannot be run, or has no function `controller` that returns
+    one.
     """
     path = Path(file)
     if not is_file(path):

@@ -64,10 +64,7 @@ class LinearModel:
 def trimmed(model: Model, duty: float, duration: float = 10.0, start: Start = Start()) -> DriveState:
     """Return the state in which a rover drives steadily, after so long [s] at a constant duty.
 
-    Raises
-    ------
-    SimulationError
-        The drive ends before, or is not steady then.
+    Raises SimulationError: the drive ends before, or is not steady then.
     """
     trace = simulate(model, ConstantDuty(duty), duration, start, measure_error=False)
     if trace.end is None:

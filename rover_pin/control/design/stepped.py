@@ -51,10 +51,7 @@ class SteppedDrive:
     def step(self, command: Command | Any) -> Reading:
         """Command a `Command`, a duty, or one a wheel, for a control period; return what is read then.
 
-        Raises
-        ------
-        SimulationError
-            The drive has ended, or the command is none.
+        Raises SimulationError: the drive has ended, or the command is none.
         """
         if self.stop:
             raise SimulationError(f"The drive has ended ({self.stop}): begin another one.")
@@ -70,10 +67,7 @@ class SteppedDrive:
     def trace(self) -> Trace:
         """Return the trace of a drive that has ended.
 
-        Raises
-        ------
-        SimulationError
-            It goes on.
+        Raises SimulationError: it goes on.
         """
         if self._ran is None:
             raise SimulationError("The drive goes on: its trace is there when `stop` says why it ended.")

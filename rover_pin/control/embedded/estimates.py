@@ -162,10 +162,7 @@ static void stop(RoverControl *c, RoverCommand *out) {{
 def of_estimate(control: SlipControl) -> str:
     """Return C of a slip control's estimate.
 
-    Raises
-    ------
-    ParameterError
-        An estimate of another class: it stays where it is, and its slip is given with each reading.
+    Raises ParameterError: an estimate of another class: it stays where it is, and its slip is given with each reading.
     """
     estimate = control.estimate
     if type(estimate) is TableEstimate:

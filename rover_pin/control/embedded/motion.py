@@ -137,10 +137,7 @@ class EmbeddedMotion:
 def embedded_motion(control: HeldSpeeds, rover: Rover) -> EmbeddedMotion:
     """Return held speeds as they can be taken away.
 
-    Raises
-    ------
-    ParameterError
-        Rates of wheels, which are for no motion of the body, or a torque limit.
+    Raises ParameterError: rates of wheels, which are for no motion of the body, or a torque limit.
     """
     if control.motion is None or not isinstance(control.limit, NoLimit):
         raise ParameterError(

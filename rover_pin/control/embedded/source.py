@@ -153,10 +153,7 @@ class Embedded:
 def embedded(controller: Controller, model: Model) -> Embedded:
     """Return a controller of a model's rover as it can be taken away.
 
-    Raises
-    ------
-    ParameterError
-        A controller that is no slip control, or one with parts of its user's own.
+    Raises ParameterError: a controller that is no slip control, or one with parts of its user's own.
     """
     stop = controller if isinstance(controller, StopStuck) else None
     control = stop.controller if stop else controller

@@ -50,10 +50,7 @@ def plant(model: Model, start: Start = Start(), timing: Timing = Timing()) -> Fu
     constants are parameters that may change at any time. The numbers are those of `simulate`, to the rounding of
     another compiler's elementary functions.
 
-    Raises
-    ------
-    SimulationError
-        The rover cannot be set down there.
+    Raises SimulationError: the rover cannot be set down there.
     """
     drive = set_out(model, lambda reading: 0.0, timing.control, start, timing)
     kernel, period = drive.stepper, round(drive.timing.control / drive.timing.dt)

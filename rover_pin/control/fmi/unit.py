@@ -143,12 +143,8 @@ static const double START[] = {{{start}}};
 def write_unit(unit: FunctionalUnit, path: str | Path) -> Path:
     """Write an FMU: description, C sources, and the library for this system; return its path.
 
-    Raises
-    ------
-    MissingExtraError
-        There is no C compiler.
-    DataError
-        The file cannot be written.
+    Raises MissingExtraError: there is no C compiler.
+    Raises DataError: the file cannot be written.
     """
     system, suffix = SYSTEMS[sys.platform]
     machine = platform.machine().lower()

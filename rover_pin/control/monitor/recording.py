@@ -51,10 +51,7 @@ def recorded(trace: Trace, model: Model, period: float, has_scale: bool = True) 
     that were not logged are 0, so that walls do not show. Where the currents' scale is unknown (`has_scale`) it is that
     at which the rover, on the whole, pulls what slope and resistance ask of it.
 
-    Raises
-    ------
-    DataError
-        A channel that is needed was not recorded, or holds no number.
+    Raises DataError: a channel that is needed was not recorded, or holds no number.
     """
     wheels, raw = [mount.name for mount in model.rover.wheels], not _has(trace, model, "current_{}_A")
     currents = [f"raw_current_{wheel}" if raw else f"current_{wheel}_A" for wheel in wheels]

@@ -198,10 +198,7 @@ class RouteControl(LawControl):
 def read_route(text: str, start: tuple[float, float]) -> np.ndarray:
     """Return way-points (m, 2) [m] from the start on: `x,y x,y ...`, or a CSV or Parquet file with x_m and y_m.
 
-    Raises
-    ------
-    DataError, ParameterError
-        A file without these columns, or words that are no pairs of numbers.
+    Raises DataError, ParameterError: a file without these columns, or words that are no pairs of numbers.
     """
     if "," in text:
         try:

@@ -167,10 +167,8 @@ class HeldSpeeds(LawControl):
         Without steering v = speed -+ yaw_rate track / 2, left and right. Wheels are dragged sideways, so that the rover
         turns by less than they roll: an effective track, wider than that between the wheels, makes up for it.
 
-        Raises
-        ------
-        ParameterError
-            More than the motors' speed without load, a wheel that steers beyond 75 deg, or a crab where none steers.
+        Raises ParameterError: more than the motors' speed without load, a wheel that steers beyond 75 deg, or a crab
+        where none steers.
         """
         steering = steers(rover)
         if crab and not any(steering):

@@ -51,12 +51,8 @@ def mjcf(model: Model, start: Start = Start(), timestep: float = DT) -> str:
     (`duty_fl` ...), torque = stall_torque (duty - rate / no_load_rate), then the targets of the steering (`steer_fl`
     ...) [rad]. The ground is drawn, and touches nothing: what carries the rover is `SoilForces`.
 
-    Raises
-    ------
-    ParameterError
-        Effects in the motors or on the body, which MuJoCo would not have.
-    SimulationError
-        The rover cannot be set down there.
+    Raises ParameterError: effects in the motors or on the body, which MuJoCo would not have.
+    Raises SimulationError: the rover cannot be set down there.
     """
     refuse_others(model)
     rover, state = model.built, settled(model, start)
@@ -85,10 +81,7 @@ def drive_text(name: str, settings: Mapping[str, Any], wheels: int) -> str:
 def refuse_others(model: Model) -> None:
     """Refuse a model with effects that neither the MJCF nor the soil has.
 
-    Raises
-    ------
-    ParameterError
-        It has such effects.
+    Raises ParameterError: it has such effects.
     """
     pushing = [e for e in model.body_effects if type(e).push is not BodyEffect.push or e.frees_differential]
     names = [type(effect).__name__ for effect in (*model.motor_effects, *pushing)]

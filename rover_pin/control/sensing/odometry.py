@@ -1,4 +1,4 @@
-"""What cameras tell, noisy, late, at times nothing: the speed of the base from on board, the slip by a tracker beside."""
+"""What cameras tell, noisy, late or nothing: the speed of the base from on board, the slip by a tracker beside."""
 
 import math
 from collections import deque

@@ -66,10 +66,7 @@ def base_model(log: DriveLog) -> Model:
 
     Where no resistance is declared, R is that with which the declared soil's flat is cruised at S = 0.05.
 
-    Raises
-    ------
-    DataError
-        A terrain, soil, motor or tracker that cannot be read.
+    Raises DataError: a terrain, soil, motor or tracker that cannot be read.
     """
     rover = log.load_rover()
     soil = record_from(Soil, {**usual_soil(rover).values(), **log.metadata.soil}, f"{log.file}: [soil]")

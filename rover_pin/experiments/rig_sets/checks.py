@@ -9,10 +9,7 @@ from rover_pin.measurements.rig_physics import refuse_impossible
 def refuse_unfit(experiment: RigExperiment) -> None:
     """Refuse sets that cannot answer whatever the model; of several only what no wheel on any soil gives.
 
-    Raises
-    ------
-    DataError
-        What the `refuse_unfit` of one set, or `refuse_impossible`, refuses.
+    Raises DataError: what the `refuse_unfit` of one set, or `refuse_impossible`, refuses.
     """
     for data in experiment.sets:
         if len(experiment.sets) > 1:

@@ -26,10 +26,7 @@ def of_one_sand(rigs: Sequence[WheelRig]) -> WheelRig:
     It is the first whose wheel was pressed in, else the one that declares most: k_c and k_phi become k_1 and k_2 at its
     width. A range or an SD that is stated twice of one value is its own, else the first.
 
-    Raises
-    ------
-    DataError
-        Two sets of one name, or that declare different values of one constant.
+    Raises DataError: two sets of one name, or that declare different values of one constant.
     """
     names = [rig.name for rig in rigs]
     for name in (set_name for set_name in names if names.count(set_name) > 1):

@@ -23,13 +23,9 @@ GIVEN = 0.05
 def joined(sets: Sequence[RigSet]) -> RigExperiment:
     """Return several sets as one experiment, runs that are in two of them used once.
 
-    Raises
-    ------
-    ParameterError
-        Fewer than two sets.
-    DataError
-        Two of one name, one of which every run is in another, or two that declare different values of one constant
-        of the sand.
+    Raises ParameterError: fewer than two sets.
+    Raises DataError: two of one name, one of which every run is in another, or two that declare different values of one
+    constant of the sand.
     """
     if len(sets) < 2:
         raise ParameterError("A joint fit is of two sets or more; of one, give it alone.")
@@ -53,10 +49,7 @@ def joined(sets: Sequence[RigSet]) -> RigExperiment:
 def read_joint(folders: Sequence[str | Path], trust: Trust = Trust()) -> RigExperiment:
     """Return the sets of several folders as one experiment.
 
-    Raises
-    ------
-    ParameterError, DataError
-        Data that are no rig set, and what `read_rig_set` and `joined` refuse.
+    Raises ParameterError, DataError: data that are no rig set, and what `read_rig_set` and `joined` refuse.
     """
     for folder in folders:
         if not is_file(Path(folder) / RIG_FILE):

@@ -128,10 +128,7 @@ def draft(term: Term, name: str, wheels: Sequence[str]) -> str:
     Its `size` is 1 as estimated and 0 without. Where every run has its own numbers, those of the first run (the phase)
     or the mean of all runs stand.
 
-    Raises
-    ------
-    ParameterError
-        The term is a function of something that no such effect sees; it has to be written by hand.
+    Raises ParameterError: the term is a function of something that no such effect sees; it has to be written by hand.
     """
     way = _base_and_method(term)
     if way is None:

@@ -116,10 +116,7 @@ def describe(fit: Fit, progress: Callable[[str], None] = lambda line: None) -> D
 def draft_effect(residual: DriveResidual, name: str) -> str:
     """Return the text of an effect file with the effect `name`: the best term that an effect can imitate.
 
-    Raises
-    ------
-    ParameterError
-        No term can be drafted.
+    Raises ParameterError: no term can be drafted.
     """
     able = (term for term in residual.terms if can_draft(term))
     return draft(next(able, residual.best), name, residual.wheels)

@@ -24,10 +24,7 @@ OUTLYING = 5.0
 def refuse_unfit(data: RigSet) -> None:
     """Refuse a set that cannot answer whatever the model.
 
-    Raises
-    ------
-    DataError
-        One level, constant slip, a channel that never moves, or what `refuse_impossible` refuses.
+    Raises DataError: one level, constant slip, a channel that never moves, or what `refuse_impossible` refuses.
     """
     rig, where = data.rig, data.rig.name
     span = float(np.ptp(rig.slip))

@@ -146,10 +146,8 @@ class RigSet:
 def read_rig_set(folder: str | Path, trust: Trust = Trust()) -> RigSet:
     """Return the set of a folder with `rig.toml`, with levels, speeds and pressing trials where it has them.
 
-    Raises
-    ------
-    DataError
-        What `read_wheel_rig` refuses; speeds that contradict the slip; a pressing file that cannot be read.
+    Raises DataError: what `read_wheel_rig` refuses; speeds that contradict the slip; a pressing file that cannot be
+    read.
     """
     folder = Path(folder)
     rig, rig_table = read_wheel_rig(folder, trust), read_toml(folder / RIG_FILE)

@@ -122,10 +122,7 @@ class RigModel:
         `slip_angle` [rad] is that between heading and travel, to 90 deg (there with speeds). f_n of the chained effects
         is balanced with the load by Newton's method on ln h; without `speeds` the faster of the two is 0.05 m/s.
 
-        Raises
-        ------
-        DataError
-            A run whose load no sinkage down to the axle carries.
+        Raises DataError: a run whose load no sinkage down to the axle carries.
         """
         load, slip = np.broadcast_arrays(np.atleast_1d(np.asarray(load, float)), np.asarray(slip, float))
         values = predictor(self, (), conditions(load, slip, speeds, slip_angle))(self.vector()).values

@@ -32,12 +32,9 @@ def write_model(model: RigModel, path: str | Path, note: str = "") -> Path:
 def read_model(path: str | Path, trust: Trust = Trust()) -> RigModel:
     """Return the model of a file; the code of a user's effect runs only if `trust` allows it.
 
-    Raises
-    ------
-    DataError
-        Not a model file, an effect that is not known, or the file of one that is not trusted or cannot be run.
-    ParameterError
-        An unknown field, unit or value.
+    Raises DataError: not a model file, an effect that is not known, or the file of one that is not trusted or cannot be
+    run.
+    Raises ParameterError: an unknown field, unit or value.
     """
     path = Path(path)
     table = read_toml(path)

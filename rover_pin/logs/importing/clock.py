@@ -66,10 +66,7 @@ def _seconds(table: pd.DataFrame, clock: Clock) -> np.ndarray:
 def clocks(table: pd.DataFrame, declared: str, path: Path) -> list[Clock]:
     """Return the columns that may be the clock, each in every unit that it may have.
 
-    Raises
-    ------
-    DataError
-        No column increases as a clock does.
+    Raises DataError: no column increases as a clock does.
     """
     if declared:
         return [Clock("t_s", "s", 0.0, quoted(declared) if declared in table else declared)]

@@ -59,10 +59,8 @@ class Understood(NamedTuple):
 def understood(sources: Sequence[Source], rover: Rover, declared: Mapping[str, Entry]) -> Understood:
     """Return what the columns of a recording are; what the user has `declared` comes before any guess.
 
-    Raises
-    ------
-    DataError
-        No clock, place, heading or rates of all wheels can be found, or what is found can be read in several ways.
+    Raises DataError: no clock, place, heading or rates of all wheels can be found, or what is found can be read in
+    several ways.
     """
     tables = {item.path: whole_stamps(item.table) for item in sources}
     first = sources[0].path

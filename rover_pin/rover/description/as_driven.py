@@ -55,10 +55,7 @@ class Driven(NamedTuple):
 def as_driven(text: str, file: str, forms: Forms) -> Driven:
     """Return the URDF's text with its joints in the forms that drives know.
 
-    Raises
-    ------
-    UrdfError
-        Text that is no URDF, or a form that a joint cannot take.
+    Raises UrdfError: text that is no URDF, or a form that a joint cannot take.
     """
     robot = _Robot(ET.fromstring(text) if read_tree(text, file) else ET.Element("robot"), file)
     changes = [

@@ -17,10 +17,7 @@ from rover_pin.rover.description.tree import UrdfTree, read_tree
 def refuse_faults(layout: Layout) -> None:
     """Raise the first fault of a layout's URDF.
 
-    Raises
-    ------
-    UrdfError
-        The first fault; further ones are counted.
+    Raises UrdfError: the first fault; further ones are counted.
     """
     tree = read_tree(layout.text, layout.file)
     faults = faults_of(tree, layout.text, layout)

@@ -26,10 +26,7 @@ def follow_one_leader(
 
     The differential's left rocker leads what hangs together with it, any other group its joint that follows none.
 
-    Raises
-    ------
-    UrdfError
-        Joints that follow each other in a ring, or that must turn by two ratios at once.
+    Raises UrdfError: joints that follow each other in a ring, or that must turn by two ratios at once.
     """
     mimics = list(_mimics(joints))
     relations = [Relation(*mimic[:3]) for mimic in mimics if set(mimic[:2]) != set(differential or ())]

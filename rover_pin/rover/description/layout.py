@@ -92,10 +92,7 @@ class Layout:
 def shipped(name: str) -> Path:
     """Return the TOML of a rover that comes with the package.
 
-    Raises
-    ------
-    UrdfError
-        There is none of this name.
+    Raises UrdfError: there is none of this name.
     """
     rovers = {file.stem: file for file in rover_folder().glob("*.toml")}
     if name not in rovers:
@@ -115,10 +112,7 @@ def rover_folder() -> Path:
 def read_layout(path: Path, trust: Trust = Trust()) -> Layout:
     """Return the layout in a TOML, with the text of its URDF, which lies in its folder unless `trust` allows more.
 
-    Raises
-    ------
-    UrdfError
-        A missing file, one elsewhere, a key that is missing, unknown or of the wrong form.
+    Raises UrdfError: a missing file, one elsewhere, a key that is missing, unknown or of the wrong form.
     """
     where = path.name
     if path.suffix == ".urdf":

@@ -80,10 +80,7 @@ def mesh_file(name: str, folder: Path) -> Path | None:
 def read_mesh(file: Path, scale: Any) -> tuple[np.ndarray, np.ndarray]:
     """Return corners [m], one a row, and triangles of a mesh file.
 
-    Raises
-    ------
-    DataError
-        It is of no kind that is read, damaged, or too large.
+    Raises DataError: it is of no kind that is read, damaged, or too large.
     """
     import trimesh
 

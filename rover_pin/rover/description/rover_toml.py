@@ -28,10 +28,7 @@ def read_forms(
 ) -> Forms:
     """Return the forms of the joints of a rover's TOML.
 
-    Raises
-    ------
-    UrdfError
-        A table or number of the wrong form.
+    Raises UrdfError: a table or number of the wrong form.
     """
     tied = table.get("tied_sides", False)
     if not isinstance(tied, bool):
@@ -59,10 +56,7 @@ def read_forms(
 def read_springs(table: Mapping[str, Any], where: str) -> tuple[SpringDamper, ...]:
     """Return the springs and dampers of [springs], each of the suspension's joint or pair that it is named by.
 
-    Raises
-    ------
-    UrdfError
-        Something that is no spring, or of no joint.
+    Raises UrdfError: something that is no spring, or of no joint.
     """
     suspension = part_of(table, "suspension", where)
     names = [*suspension, *(f"{name}_{side}" for name in suspension for side in "lr")]
@@ -84,10 +78,7 @@ def read_soil(table: Mapping[str, Any], where: str) -> Mapping[str, Any]:
 def read_motor(table: Mapping[str, Any], where: str) -> MotorSheet | str | None:
     """Return the motor of [motor], or the name in motor = "speed-like", or None where the TOML has none.
 
-    Raises
-    ------
-    UrdfError
-        A number that no motor has, or one of the two that every data sheet has is missing.
+    Raises UrdfError: a number that no motor has, or one of the two that every data sheet has is missing.
     """
     if "motor" not in table:
         return None

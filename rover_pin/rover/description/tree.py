@@ -134,10 +134,7 @@ def urdf_text(path: Path) -> str:
 def read_tree(text: str, file: str) -> UrdfTree:
     """Return the links and joints of a URDF's text.
 
-    Raises
-    ------
-    UrdfError
-        Not XML, not a robot, or an element whose name or number cannot be read.
+    Raises UrdfError: not XML, not a robot, or an element whose name or number cannot be read.
     """
     if "<!DOCTYPE" in text or "<!ENTITY" in text:
         raise UrdfError(f"{file}: has a <!DOCTYPE> or <!ENTITY>, which can name other files; take it out.")

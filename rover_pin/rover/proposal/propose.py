@@ -19,10 +19,7 @@ from rover_pin.rover.proposal.wheel_shape import WheelSize, wheel_size
 def propose(tree: UrdfTree, folder: Path) -> Proposal:
     """Return the roles of a URDF's joints; `folder` is where its meshes are looked for.
 
-    Raises
-    ------
-    UrdfError
-        Fewer than two pairs of wheels are found, or some that no motor turns.
+    Raises UrdfError: fewer than two pairs of wheels are found, or some that no motor turns.
     """
     view = Topology(tree)
     best: list[tuple[int, tuple[float, float, float], list[GuessedAxle]]] = []

@@ -242,10 +242,7 @@ class Reduced:
     def drive(self, gains: Gains, times: np.ndarray) -> dict[str, np.ndarray]:
         """Return x [m], v [m/s] (T,), slip [-], wheel rate [rad/s], sinkage [m] (T, axles) at increasing `times` [s].
 
-        Raises
-        ------
-        OptimisationError
-            The integrator gives up.
+        Raises OptimisationError: the integrator gives up.
         """
         state, p, rate, _, outputs = self.ode
         options = {**TOLERANCES, "show_eval_warnings": False, "disable_internal_warnings": True}

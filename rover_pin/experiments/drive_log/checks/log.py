@@ -66,10 +66,7 @@ class DriveFindings(NamedTuple):
 def check(log: DriveLog) -> DriveFindings:
     """Return everything that a reader should know of the log before any result.
 
-    Raises
-    ------
-    DataError
-        What `refuse_unfit` refuses.
+    Raises DataError: what `refuse_unfit` refuses.
     """
     refuse_unfit(log)
     return DriveFindings(findings(log), too_poor(log))
@@ -78,11 +75,8 @@ def check(log: DriveLog) -> DriveFindings:
 def refuse_unfit(log: DriveLog) -> None:
     """Refuse a log that would mislead whatever the model.
 
-    Raises
-    ------
-    DataError
-        A needed channel that is missing, mostly empty or stuck; an infinite number; a wrong unit; a wrong sign. The
-        first of `faults`.
+    Raises DataError: a needed channel that is missing, mostly empty or stuck; an infinite number; a wrong unit; a wrong
+    sign. The first of `faults`.
     """
     log_faults = faults(log)
     if log_faults:

@@ -21,12 +21,8 @@ APART = 3600 * 10**9
 def bag_table(path: Path) -> tuple[pd.DataFrame, tuple[str, ...]]:
     """Return every number of a bag as columns `/topic.field`, interpolated on even steps of `t_s`, and what was done.
 
-    Raises
-    ------
-    DataError
-        It is no bag, or no topic in it has numbers.
-    MissingExtraError
-        The extra `ros` is not installed.
+    Raises DataError: it is no bag, or no topic in it has numbers.
+    Raises MissingExtraError: the extra `ros` is not installed.
     """
     with opened(path) as bag:
         series, skipped, stale = _read(bag)

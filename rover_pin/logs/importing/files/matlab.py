@@ -36,10 +36,7 @@ Variables = dict[str, Any]
 def mat_table(path: Path) -> pd.DataFrame:
     """Return the vectors of the commonest length in a .mat file, matrices by their columns.
 
-    Raises
-    ------
-    DataError
-        It cannot be read, is of version 7.3 (HDF5), or holds no vectors.
+    Raises DataError: it cannot be read, is of version 7.3 (HDF5), or holds no vectors.
     """
     try:
         file = content(path)

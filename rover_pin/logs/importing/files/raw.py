@@ -43,12 +43,8 @@ class Raw(NamedTuple):
 def read_raw(path: Path) -> Raw:
     """Return a recording of any kind that is known by its suffix, text where it is not.
 
-    Raises
-    ------
-    DataError
-        The file is missing or cannot be read, or has fewer than two columns of numbers.
-    MissingExtraError
-        A bag without the extra that reads it.
+    Raises DataError: the file is missing or cannot be read, or has fewer than two columns of numbers.
+    Raises MissingExtraError: a bag without the extra that reads it.
     """
     if not exists(path):
         raise DataError(f"{path}: there is no such file: give recordings as CSV, Parquet, .mat, .bag, .db3 or .mcap.")

@@ -59,10 +59,7 @@ def record_table(path: Path, delimiter: str, numbers_of: Numbers) -> tuple[pd.Da
 
     `numbers_of` tells which columns of a table are numbers, dates as nanoseconds.
 
-    Raises
-    ------
-    DataError
-        It cannot be read, or its records have no dates.
+    Raises DataError: it cannot be read, or its records have no dates.
     """
     try:
         lines = decoded(content(path, MOST_TABLE))[0].splitlines()
