@@ -4,6 +4,7 @@ Which effects look alike without what is measured in trials: a lumped six-wheel 
 """
 
 from collections.abc import Callable, Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,14 +15,8 @@ from rover_pin.measurements.wheel_rig import SAME_SLIP
 SAME_DUTY = 0.02
 """Duties that differ by less are one level."""
 
-FEWEST_DUTIES = 3
-"""Levels of duty with which a friction can be distinguished from a gain."""
-
 LOW_DUTY = 0.15
 """A drive's lowest duty that still tells where motion begins."""
-
-LEAST_SLOPE = np.radians(5.0)
-"""Pitches that span less shift no load to speak of between the axles."""
 
 APART = np.radians(120.0)
 """Directions of travel this far apart count as opposite."""
@@ -38,17 +33,13 @@ SHARE = 0.1
 LEAST_RUNS, LEAST_TIME = 2, 20.0
 """Runs, and driven time [s] in all, below which a log is too poor."""
 
-HELD_OUT = 3
-"""Runs from which some can be held out and others still compared."""
-
 
 def excitation_findings(runs: Sequence[Driven], where: str) -> Iterator[Finding]:
     """Yield, for each missing excitation, the effects that cannot be distinguished without it and the run to add."""
     rate_driven = any(run.rate_driven for run in runs)
-    checks = (_rates, _slips, _slopes, _headings, _runs) if rate_driven else CHECKS
-    for check in checks:
-        for what, todo in check(runs):
-            yield Finding(what, where, todo)
+    lacks = [*_lacks(RATE_DRIVEN, runs)] if rate_driven else [*_lacks(DUTY_DRIVEN, runs), *_electric(runs)]
+    for what, todo in (*lacks, *_lacks(OF_RUNS, runs)):
+        yield Finding(what, where, todo)
 
 
 def too_poor(runs: Sequence[Driven]) -> str:
@@ -102,76 +93,22 @@ def _inclination(run: Driven) -> np.ndarray:
     return np.arctan2(run.slope(run.trace["body_z"]), np.maximum(np.abs(run.velocity), 1e-3))
 
 
-def _duties(runs: Sequence[Driven]) -> Iterator[tuple[str, str]]:
+def _reaches_low_duty(runs: Sequence[Driven]) -> bool:
     duties = np.abs(levels(runs))
-    if duties.size < FEWEST_DUTIES:
-        yield (
-            f"the duty has {duties.size} level{'s' * (duties.size != 1)}, so friction of the gear, rolling resistance, "
-            "supply and strength of the motors look alike",
-            "add a run with duties of 0.4 to 0.85, each held for 2.5 to 5 s",
-        )
     driving = duties[duties > 0.5 * SAME_DUTY]
-    if not driving.size or driving.min() > LOW_DUTY:
-        yield (
-            "no low duty, so friction of the gear and a dead band of the driver look alike",
-            "add a staircase of duty down to 0.06, or lift the wheels and record one",
-        )
+    return bool(driving.size and driving.min() <= LOW_DUTY)
 
 
-def _rates(runs: Sequence[Driven]) -> Iterator[tuple[str, str]]:
-    yield (
-        "no duty is recorded, so the wheels are held to their measured rates: what acts in the motors and gears "
-        "(friction, weak motors, sag, heating, a dead band) does not show",
-        "record duty_WHEEL, or current_WHEEL_A, if that matters",
-    )
-    if not any("body_pitch" in run.trace or "body_z" in run.trace for run in runs):
-        yield (
-            "neither pitch nor height is recorded, so slip cannot be distinguished from an unknown slope",
-            "record body_pitch or body_z, or declare the terrain",
-        )
-
-
-def _slips(runs: Sequence[Driven]) -> Iterator[tuple[str, str]]:
-    span = slip_range(runs)
-    if span < SAME_SLIP:
-        yield (
-            f"slips span {span:.2f} only, so what depends on slip cannot be distinguished from the soil's constants",
-            "add a run up a slope that grows until the wheels slip by 0.3 or more",
-        )
-
-
-def _slopes(runs: Sequence[Driven]) -> Iterator[tuple[str, str]]:
-    span = pitch_range(runs)
-    if span < LEAST_SLOPE:
-        yield (
-            f"slopes span {degrees(span)} only, so multi-pass, a shifted centre of mass and effects of the load look "
-            "alike",
-            "add runs up and down a slope of about 8 deg, or repeat one with 1 kg more",
-        )
-
-
-def _headings(runs: Sequence[Driven]) -> Iterator[tuple[str, str]]:
+def _opposite_share(runs: Sequence[Driven]) -> float:
+    """Return the share of the steady travel that is far off the mean direction."""
     velocities = [run.velocity[run.steady & (np.abs(run.velocity) > 0.1 * np.abs(run.rim))] for run in runs]
     ways = np.concatenate(velocities) if velocities else np.zeros(0, dtype=complex)
-    turned = np.abs(np.angle(ways * np.conj(ways.mean()))) if ways.size else np.zeros(0)
-    if np.mean(turned > 0.5 * APART) < 0.5 * SHARE if turned.size else True:
-        yield (
-            "all runs go one way, so a wrong slope, the drag of a tether and rolling resistance look alike",
-            "repeat a run in the opposite direction",
-        )
+    return float(np.mean(np.abs(np.angle(ways * np.conj(ways.mean()))) > 0.5 * APART)) if ways.size else 0.0
 
 
-def _stops(runs: Sequence[Driven]) -> Iterator[tuple[str, str]]:
-    if not any(_pauses(run) for run in runs):
-        yield (
-            "no stop between two drives, so heating of the windings, sag of the supply and digging look alike",
-            "add a run that drives, pauses for a minute and drives on",
-        )
-    if not any(np.nanmin(np.sign(run.duty), initial=1) < 0 < np.nanmax(np.sign(run.duty), initial=-1) for run in runs):
-        yield (
-            "no reversal, so multi-pass, tachometer scales and the wheel's radius look alike",
-            "add a run that drives back in its own ruts",
-        )
+def _reverses(run: Driven) -> bool:
+    signs = np.sign(run.duty)
+    return bool(np.nanmin(signs, initial=1) < 0 < np.nanmax(signs, initial=-1))
 
 
 def _pauses(run: Driven) -> bool:
@@ -179,13 +116,10 @@ def _pauses(run: Driven) -> bool:
     return bool(np.any(np.diff(moving) - 1 >= PAUSE / run.length)) if moving.size else False
 
 
-def _wheels(runs: Sequence[Driven]) -> Iterator[tuple[str, str]]:
+def _unlike_share(runs: Sequence[Driven]) -> float:
+    """Return the share of the steady time in which the wheels get different duties."""
     gaps = np.concatenate([np.ptp(run.duty[run.steady], axis=1) for run in runs])
-    if not gaps.size or np.mean(gaps > UNLIKE) < SHARE:
-        yield (
-            "all wheels get one duty, so one weak motor, a tachometer's scale and uneven loads look alike",
-            "add a run in which the wheels' duties differ by up to 0.1",
-        )
+    return float(np.mean(gaps > UNLIKE)) if gaps.size else 0.0
 
 
 def _electric(runs: Sequence[Driven]) -> Iterator[tuple[str, str]]:
@@ -212,20 +146,6 @@ def _lacking(runs: Sequence[Driven], wanted: Callable[[Driven], list[str]], all_
     return f"{names} of {files} {'is' if len(missing) == 1 else 'are'}"
 
 
-def _runs(runs: Sequence[Driven]) -> Iterator[tuple[str, str]]:
-    if len(runs) < HELD_OUT:
-        many = f"{len(runs)} run{'s' * (len(runs) != 1)}"
-        yield f"{many}: results of so few held-out runs mean little", "add runs, best 6 and 3 to hold out"
-    if not any(_replicates(a, b) for i, a in enumerate(runs) for b in runs[:i]):
-        yield (
-            "no run is repeated, so what scatters and what the model cannot describe look alike",
-            "repeat a run with the same commands on freshly raked soil",
-        )
-
-
-CHECKS = (_duties, _slips, _slopes, _headings, _stops, _wheels, _electric, _runs)
-
-
 def _replicates(a: Driven, b: Driven) -> bool:
     """Whether two runs have the same duties and start in the same direction."""
     rows = min(len(a.duty), len(b.duty))
@@ -234,3 +154,66 @@ def _replicates(a: Driven, b: Driven) -> bool:
     duty_gap = np.abs(a.duty[:rows] - b.duty[:rows])
     turned = abs(float(np.angle(a.heading[0] * np.conj(b.heading[0]))))
     return bool(np.mean(duty_gap[np.isfinite(duty_gap)] < SAME_DUTY) > 1.0 - SHARE) and turned < 0.5
+
+
+class Lack(NamedTuple):
+    """What runs may lack: a statistic that is below its least value, what then looks alike, and the run to add."""
+
+    statistic: Callable[[Sequence[Driven]], float]
+    least: float
+    what: str
+    "with the statistic as {value}, in {degrees}, and {s} behind what is more than one"
+    todo: str
+
+
+OF_MOTION = (
+    Lack(slip_range, SAME_SLIP,
+         "slips span {value:.2f} only, so what depends on slip cannot be distinguished from the soil's constants",
+         "add a run up a slope that grows until the wheels slip by 0.3 or more"),
+    Lack(pitch_range, np.radians(5.0),
+         "slopes span {degrees} only, so multi-pass, a shifted centre of mass and effects of the load look alike",
+         "add runs up and down a slope of about 8 deg, or repeat one with 1 kg more"),
+    Lack(_opposite_share, 0.5 * SHARE,
+         "all runs go one way, so a wrong slope, the drag of a tether and rolling resistance look alike",
+         "repeat a run in the opposite direction"),
+)  # fmt: skip
+DUTY_DRIVEN = (
+    Lack(lambda runs: levels(runs).size, 3,
+         "the duty has {value} level{s}, so friction of the gear, rolling resistance, supply and strength of the "
+         "motors look alike", "add a run with duties of 0.4 to 0.85, each held for 2.5 to 5 s"),
+    Lack(_reaches_low_duty, 1, "no low duty, so friction of the gear and a dead band of the driver look alike",
+         "add a staircase of duty down to 0.06, or lift the wheels and record one"),
+    *OF_MOTION,
+    Lack(lambda runs: any(map(_pauses, runs)), 1,
+         "no stop between two drives, so heating of the windings, sag of the supply and digging look alike",
+         "add a run that drives, pauses for a minute and drives on"),
+    Lack(lambda runs: any(map(_reverses, runs)), 1,
+         "no reversal, so multi-pass, tachometer scales and the wheel's radius look alike",
+         "add a run that drives back in its own ruts"),
+    Lack(_unlike_share, SHARE,
+         "all wheels get one duty, so one weak motor, a tachometer's scale and uneven loads look alike",
+         "add a run in which the wheels' duties differ by up to 0.1"),
+)  # fmt: skip
+RATE_DRIVEN = (
+    Lack(lambda runs: 0, 1,
+         "no duty is recorded, so the wheels are held to their measured rates: what acts in the motors and gears "
+         "(friction, weak motors, sag, heating, a dead band) does not show",
+         "record duty_WHEEL, or current_WHEEL_A, if that matters"),
+    Lack(lambda runs: any("body_pitch" in run.trace or "body_z" in run.trace for run in runs), 1,
+         "neither pitch nor height is recorded, so slip cannot be distinguished from an unknown slope",
+         "record body_pitch or body_z, or declare the terrain"),
+    *OF_MOTION,
+)  # fmt: skip
+OF_RUNS = (
+    Lack(len, 3, "{value} run{s}: results of so few held-out runs mean little", "add runs, best 6 and 3 to hold out"),
+    Lack(lambda runs: any(_replicates(a, b) for i, a in enumerate(runs) for b in runs[:i]), 1,
+         "no run is repeated, so what scatters and what the model cannot describe look alike",
+         "repeat a run with the same commands on freshly raked soil"),
+)  # fmt: skip
+
+
+def _lacks(table: Sequence[Lack], runs: Sequence[Driven]) -> Iterator[tuple[str, str]]:
+    for lack in table:
+        value = lack.statistic(runs)
+        if value < lack.least:
+            yield lack.what.format(value=value, degrees=degrees(value), s="s" * (value != 1)), lack.todo
