@@ -36,9 +36,8 @@ from scipy.stats import qmc
 from slip_sensing import drawn, said
 
 from rover_pin import plot
-from rover_pin.control.gains_file import save_gains
 from rover_pin.control.hole_law import HoleLaw
-from rover_pin.control.slip_control import HOLE_GAINS, Gains
+from rover_pin.control.slip_control import HOLE_GAINS, Gains, save_gains
 from rover_pin.tuning.control import CONSTANT, Control
 from rover_pin.tuning.drive_score import Cost, Score
 from rover_pin.tuning.drives import full_score

@@ -11,7 +11,7 @@ from rover_pin.effects.names import title_of
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.experiments.drive_log.parameters import owner_name
 from rover_pin.experiments.wheel_rig.model import RigModel
-from rover_pin.experiments.wheel_rig.model_file import read_model as read_rig_model
+from rover_pin.experiments.wheel_rig.model import read_model as read_rig_model
 from rover_pin.simulation.model.model import Model
 from rover_pin.simulation.model.toml_file import is_rig_model, read_model
 from rover_pin.terrain.shapes import flat

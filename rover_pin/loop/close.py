@@ -29,7 +29,7 @@ from rover_pin.experiments.rig_sets.experiment import RigExperiment
 from rover_pin.experiments.rig_sets.sets import read_joint
 from rover_pin.experiments.wheel_rig.data import RIG_FILE, RigSet, read_rig_set
 from rover_pin.experiments.wheel_rig.model import RigModel
-from rover_pin.experiments.wheel_rig.model_file import read_model as read_rig_model
+from rover_pin.experiments.wheel_rig.model import read_model as read_rig_model
 from rover_pin.logs.drive_log import FILE, DriveLog, read_drive_log
 from rover_pin.loop.drive import close_drive_loop
 from rover_pin.loop.own_effects import refuse_unfit_effects

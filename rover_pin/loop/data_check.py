@@ -26,8 +26,8 @@ from rover_pin.experiments.wheel_rig.data import RIG_FILE, RigSet, read_rig_set
 from rover_pin.logs.drive_log import FILE as LOG_FILE
 from rover_pin.logs.drive_log import DriveLog, read_drive_log
 from rover_pin.loop.close import read_data
+from rover_pin.measurements.checks import Finding
 from rover_pin.measurements.drive_points import IN_POINTS, SAMPLING, drive_points, points_of_log
-from rover_pin.measurements.finding import Finding
 from rover_pin.measurements.known import DECLARED_SD
 from rover_pin.measurements.traction_points import TractionPoints
 from rover_pin.simulation.model.defaults import usual_slip

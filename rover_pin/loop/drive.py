@@ -35,8 +35,7 @@ from rover_pin.experiments.unlisted.terms import functions
 from rover_pin.logs.drive_log import DriveLog
 from rover_pin.loop.provenance import LoopRequest, provenance
 from rover_pin.loop.verdict_file import draft_written, posterior_written, written_last
-from rover_pin.report.drive.cautions import cautions
-from rover_pin.report.drive.report import write_report
+from rover_pin.report.drive.report import cautions, write_report
 from rover_pin.simulation.model.effect_files import file_of, user_effects
 from rover_pin.simulation.model.model import Model
 from rover_pin.simulation.model.toml_file import write_model

@@ -21,7 +21,7 @@ from rover_pin.estimation.parameter import Parameter, Prior
 from rover_pin.estimation.variance_shares import variance_shares
 from rover_pin.experiments.rig_sets.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.data import RigSet, as_rig_set
-from rover_pin.experiments.wheel_rig.known_elsewhere import Flag, flags
+from rover_pin.experiments.wheel_rig.diagnostics import Flag, flags
 from rover_pin.loop.data_check import Measured, measured_in
 from rover_pin.loop.rig import question_of as question_of_rig
 

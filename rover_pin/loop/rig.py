@@ -23,17 +23,14 @@ from rover_pin.experiments.rig_sets.experiment import RigExperiment
 from rover_pin.experiments.rig_sets.model import JointModel
 from rover_pin.experiments.rig_sets.next_runs import next_runs
 from rover_pin.experiments.wheel_rig.data import RigSet, as_rig_set, read_rig_set
-from rover_pin.experiments.wheel_rig.diagnostics import RigExtra, diagnose
-from rover_pin.experiments.wheel_rig.known_elsewhere import flags
-from rover_pin.experiments.wheel_rig.model import RigModel
-from rover_pin.experiments.wheel_rig.model_file import write_model
+from rover_pin.experiments.wheel_rig.diagnostics import RigExtra, diagnose, flags
+from rover_pin.experiments.wheel_rig.model import RigModel, write_model
 from rover_pin.experiments.wheel_rig.presets import describe_declared
 from rover_pin.experiments.wheel_rig.runs import RigRuns
 from rover_pin.loop.provenance import LoopRequest, provenance
 from rover_pin.loop.verdict_file import draft_written, posterior_written, written_last
 from rover_pin.measurements.wheel_rig import WheelRig
-from rover_pin.report.rig.cautions import cautions, of_parameters
-from rover_pin.report.rig.report import write_report
+from rover_pin.report.rig.report import cautions, of_parameters, write_report
 
 
 def close_rig_loop(

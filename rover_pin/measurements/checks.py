@@ -1,9 +1,10 @@
-"""Checks of measured columns: each refuses with one sentence that names the place, the row and what to do.
+"""Checks of measured columns, and what a check of data says: what, where, what to do.
 
-Rows are counted from 1, without the header.
+Each refuses with one sentence; rows are counted from 1, without the header.
 """
 
-from typing import Any
+from collections.abc import Iterable
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -81,3 +82,32 @@ def _refuse_where(bad: np.ndarray, values: np.ndarray, what: str, is_wrong: str,
     if bad.any():
         row = int(np.argmax(bad))
         raise DataError(f"{what} {is_wrong} in row {row + 1} ({values[row]:g}); {todo}.")
+
+
+MAX_LISTED = 4
+"""Places, or channels, that one line lists; of more, the first and how many more."""
+
+
+class Finding(NamedTuple):
+    """One line of the data check."""
+
+    what: str
+    where: str
+    todo: str
+
+    def __str__(self) -> str:
+        return f"{self.where}: {self.what}; {self.todo}."
+
+
+def gathered(findings: Iterable[Finding]) -> tuple[Finding, ...]:
+    """Return the findings with those that differ only in their place made one."""
+    places: dict[tuple[str, str], list[str]] = {}
+    for finding in findings:
+        places.setdefault((finding.what, finding.todo), []).append(finding.where)
+    return tuple(Finding(what, listed(where), todo) for (what, todo), where in places.items())
+
+
+def listed(names: list[str]) -> str:
+    """Return the first of some names, and how many more there are."""
+    more = len(names) - MAX_LISTED
+    return ", ".join(names[:MAX_LISTED]) + (f" and {more} more" if more > 0 else "")

@@ -12,7 +12,7 @@ from scipy.stats import spearmanr
 from rover_pin.base.errors import DataError
 from rover_pin.estimation.profile import CLEAR
 from rover_pin.measurements.channel import DrawbarPull, RigChannel, SideForce, Sinkage, Torque, VerticalMoment
-from rover_pin.measurements.finding import Finding
+from rover_pin.measurements.checks import Finding
 from rover_pin.measurements.wheel_rig import WheelRig
 
 LOADS = (1e-4, 1e7)

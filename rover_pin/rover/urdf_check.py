@@ -16,8 +16,8 @@ from rover_pin.rover.description.layout import Layout, read_layout, urdf_folder
 from rover_pin.rover.description.meshes import mesh_file, package_of
 from rover_pin.rover.description.readers import free_tree
 from rover_pin.rover.description.tree import UrdfTree, read_tree, urdf_text
+from rover_pin.rover.proposal.parts import Topology
 from rover_pin.rover.proposal.passive import passive_wheels
-from rover_pin.rover.proposal.topology import Topology
 from rover_pin.rover.rover import assemble
 from rover_pin.rover.statics import wheel_loads
 from rover_pin.rover.symmetry import is_symmetric, mirror

@@ -13,7 +13,7 @@ from rover_pin.contact import Soil
 from rover_pin.effects.motion_resistance import MotionResistance
 from rover_pin.effects.slip import AlgebraicSlip, RelaxedSlip
 from rover_pin.effects.soil_traction import SoilTraction
-from rover_pin.experiments.wheel_rig.model_file import read_model as read_rig_model
+from rover_pin.experiments.wheel_rig.model import read_model as read_rig_model
 from rover_pin.parameters import SOILS
 from rover_pin.parameters.hard import HARD_GROUND
 from rover_pin.rover.rover import Rover, load_rover

@@ -11,7 +11,6 @@ from rover_pin.base.settings import Settings
 from rover_pin.base.trust import Trust
 from rover_pin.control.constant import ConstantDuty
 from rover_pin.control.design.controller_file import controller_of_file
-from rover_pin.control.gains_file import load_gains, load_hole
 from rover_pin.control.hole_law import HoleLaw
 from rover_pin.control.motion.kinematics import steers
 from rover_pin.control.motion.route import RouteControl, read_route
@@ -19,7 +18,7 @@ from rover_pin.control.motion.servo import HeldSpeeds, Servo, cruise_speed
 from rover_pin.control.sensing.odometry import Camera, TrackedSlip, Tracker, VisualOdometry
 from rover_pin.control.sensing.onboard_slip import OnboardSlip
 from rover_pin.control.sensing.stop import Stop, StopStuck
-from rover_pin.control.slip_control import HOLE_GAINS, Gains, SlipControl
+from rover_pin.control.slip_control import HOLE_GAINS, Gains, SlipControl, load_gains, load_hole
 from rover_pin.control.slip_estimate import SlipEstimate, TableEstimate, TrueSlip, flat_table
 from rover_pin.control.steering import Crab, Turn
 from rover_pin.control.torque_check import LOST_SLIP, NoLimit, TorqueLimit, TorqueLimited

@@ -26,8 +26,7 @@ from rover_pin.parameters import name_of
 from rover_pin.parameters.gravity import GRAVITIES, gravity_named
 from rover_pin.scenarios.composed_model import Made, as_it_cruises, composed
 from rover_pin.scenarios.controllers import controller_from, drives_straight, turning_note
-from rover_pin.scenarios.scaled_terrain import scaled
-from rover_pin.scenarios.scenes import SCENES, Scene
+from rover_pin.scenarios.scenes import SCENES, Scene, scaled
 from rover_pin.scenarios.side_force_choice import on_its_side
 from rover_pin.simulation.command import Controller
 from rover_pin.simulation.model.defaults import pace, scale, usual_angles

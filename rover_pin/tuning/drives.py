@@ -2,28 +2,31 @@
 
 import contextlib
 import dataclasses
+import hashlib
 import io
 import math
 from collections.abc import Sequence
 from functools import lru_cache
+from pathlib import Path
 
 import casadi as ca
 import numpy as np
 
-from rover_pin.base.errors import OptimisationError, ParameterError
+from rover_pin.base.errors import DataError, OptimisationError, ParameterError
+from rover_pin.base.files.bounded import content
 from rover_pin.control.slip_control import SlipControl
 from rover_pin.control.slip_estimate import TableEstimate, TrueSlip
 from rover_pin.effects.post_peak import PostPeak
 from rover_pin.scenarios.scenario import Scenario, scenario
 from rover_pin.simulation.command import Controller
+from rover_pin.simulation.model.toml_file import model_files
 from rover_pin.simulation.trace.trace import Trace
 from rover_pin.tuning.control import CONSTANT, Control
 from rover_pin.tuning.drive_score import TAIL, Cost, Score, score_outcome, score_trace
-from rover_pin.tuning.model import refuse_other_model
 from rover_pin.tuning.reduced_model.drive import GAIN_NAMES, Outcome, Reduced
 from rover_pin.tuning.reduced_model.effects import omitted_effects
 from rover_pin.tuning.reduced_model.loop import Loop
-from rover_pin.tuning.study import DriveCase, SlipLaw
+from rover_pin.tuning.study import DriveCase, SlipLaw, TuningStudy
 
 FAILED = Score(progress=0.0, slip=1.0, energy=1.0, stuck=1.0, sinkage=1.0, buried=1.0)
 """The score of a drive that the integrator gives up: worse than any that stands still."""
@@ -157,3 +160,37 @@ def reduced_errors(case: DriveCase, control: Control) -> list[float]:
     slip = np.sqrt(np.mean((reduced["slip"][:, axle] - trace.stack("slip")) ** 2))
     speed = np.sqrt(np.mean((reduced["v"] - trace["body_vx"]) ** 2))
     return [float(slip), float(speed), abs(float(reduced["x"][-1] - trace["body_x"][-1]))]
+
+
+def sealed(study: TuningStudy) -> TuningStudy:
+    """Return the study with each drive's model file, if it has one, sealed as it is now.
+
+    Raises DataError, UrdfError: a model file, or one that it names, that cannot be read.
+    """
+    seals = {file: digest(file) for file in study.model_files}
+    return dataclasses.replace(study, training=_with(seals, study.training), held_out=_with(seals, study.held_out))
+
+
+def refuse_other_model(case: DriveCase) -> None:
+    """Refuse a model file that is no longer what it was when the study was sealed.
+
+    Raises DataError: it was changed in the meantime.
+    """
+    if case.seal and case.seal != digest(case.model_file):
+        raise DataError(f"{case.model_file}: the model was changed while it is tuned for: start the tuning again.")
+
+
+def digest(file: str | Path) -> str:
+    """Return a digest of a model file and of all files that it names."""
+    hasher = hashlib.sha1()
+    for part in model_files(file):
+        try:
+            raw = content(part)
+        except OSError as error:
+            raise DataError(f"{file}: {part} cannot be read: {error.strerror}.") from error
+        hasher.update(b"%d " % len(raw) + raw)
+    return hasher.hexdigest()
+
+
+def _with(seals: dict[str, str], cases: Sequence[DriveCase]) -> tuple[DriveCase, ...]:
+    return tuple(dataclasses.replace(case, seal=seals.get(case.model_file, "")) for case in cases)

@@ -11,9 +11,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rover_pin.control.gains_file import save_gains
 from rover_pin.control.hole_law import HoleLaw
-from rover_pin.control.slip_control import Gains
+from rover_pin.control.slip_control import Gains, save_gains
 from rover_pin.plot import save, write_csv
 from rover_pin.plot.tuning import frontier_figure, tuning_figure
 from rover_pin.tuning.drive_score import Cost, Score

@@ -24,9 +24,8 @@ from rover_pin.base.jobs.cluster import refuse_both, workers_of
 from rover_pin.base.jobs.workers import ending_workers
 from rover_pin.tuning.control import CHECKED, CONSTANT, Control
 from rover_pin.tuning.drive_score import Score
-from rover_pin.tuning.drives import built, cautions, full_score, reduced_gradient, reduced_score
+from rover_pin.tuning.drives import built, cautions, full_score, reduced_gradient, reduced_score, sealed
 from rover_pin.tuning.evaluations import Evaluations, Progress
-from rover_pin.tuning.model import sealed
 from rover_pin.tuning.reduced_model.drive import GAIN_NAMES
 from rover_pin.tuning.report import Candidate, Drives, Trial, TuningResult, write_result
 from rover_pin.tuning.study import LOGARITHMIC, Run, SlipLaw, TuningStudy

@@ -5,8 +5,8 @@ import pandas as pd
 import pytest
 
 from rover_pin.base.errors import DataError
+from rover_pin.logs.importing.files.bags import delimiter_of_records
 from rover_pin.logs.importing.files.raw import read_raw
-from rover_pin.logs.importing.files.records import delimiter_of_records
 from rover_pin.logs.importing.import_log import import_log
 from rover_pin.logs.one_clock import interpolated
 from tests.logs import recordings

@@ -17,8 +17,7 @@ from rover_pin.experiments.rig_sets.candidates import candidates, rig_kinds
 from rover_pin.experiments.rig_sets.experiment import RigExperiment
 from rover_pin.experiments.rig_sets.sets import joined, read_joint
 from rover_pin.experiments.wheel_rig.data import read_rig_set
-from rover_pin.experiments.wheel_rig.model import RigModel
-from rover_pin.experiments.wheel_rig.model_file import read_model
+from rover_pin.experiments.wheel_rig.model import RigModel, read_model
 from rover_pin.loop.close import close_the_loop
 from rover_pin.loop.provenance import LoopRequest
 from rover_pin.loop.rig import on_rig

@@ -14,7 +14,7 @@ from rover_pin.effects.slip_sinkage import SlipSinkage
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.effects.weak_motor import WeakMotor
 from rover_pin.experiments.wheel_rig.model import PAPER, RigModel
-from rover_pin.experiments.wheel_rig.model_file import write_model as write_rig_model
+from rover_pin.experiments.wheel_rig.model import write_model as write_rig_model
 from rover_pin.logs.drive_log import read_drive_log
 from rover_pin.loop.close import read_data, start_on
 from rover_pin.scenarios.scenario import scenario

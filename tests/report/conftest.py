@@ -33,7 +33,7 @@ from rover_pin.experiments.unlisted.residual import DriveChannelResidual, DriveR
 from rover_pin.experiments.unlisted.term import Term
 from rover_pin.inference.beliefs import Beliefs
 from rover_pin.logs.drive_log import DriveLog, LogMetadata
-from rover_pin.measurements.finding import Finding
+from rover_pin.measurements.checks import Finding
 from rover_pin.rover.rover import load_rover
 from rover_pin.simulation.model.model import Model, base_effects
 from rover_pin.simulation.model.motors import nexus6_motor

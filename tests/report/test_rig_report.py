@@ -7,8 +7,8 @@ from rover_pin.contact import Contact, Load, Wheel
 from rover_pin.experiments.rig_sets.draft import draft_effect
 from rover_pin.experiments.wheel_rig.channel_residual import channel_residuals
 from rover_pin.experiments.wheel_rig.data import read_rig_set
+from rover_pin.experiments.wheel_rig.diagnostics import residual_tests
 from rover_pin.experiments.wheel_rig.model import RigModel
-from rover_pin.experiments.wheel_rig.residual_tests import residual_tests
 from rover_pin.parameters import SOILS
 from rover_pin.report.rig.figures import channel_panels, load_caption, looks
 from rover_pin.report.rig.report import meanings

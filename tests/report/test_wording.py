@@ -30,10 +30,9 @@ from rover_pin.estimation.wording import (
 from rover_pin.experiments.drive_log.free_runs import FreeRun, free_lines
 from rover_pin.experiments.rig_sets.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.data import Independent, read_rig_set
-from rover_pin.experiments.wheel_rig.known_elsewhere import Flag
+from rover_pin.experiments.wheel_rig.diagnostics import Flag
 from rover_pin.loop.rig import on_rig
-from rover_pin.report.rig.cautions import of_parameters
-from rover_pin.report.rig.report import write_report
+from rover_pin.report.rig.report import of_parameters, write_report
 from rover_pin.report.sections.held_out import channel_table, held_out_section, heldout_panel
 from rover_pin.report.words import Labels
 from tests.experiments.wheel_rig import linear_rig as rig

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from rover_pin.base.errors import ParameterError, UrdfError
-from rover_pin.base.files import checked_before
+from rover_pin.base.files import private_folders
 from rover_pin.base.trust import Trust
 from rover_pin.rover import urdf_check
 from rover_pin.rover.description import readers
@@ -220,14 +220,14 @@ def test_slow_reader_reads_a_sound_urdf_once_and_a_faulty_always(own, monkeypatc
 
 
 def test_what_is_remembered_is_bounded_and_may_be_lost(tmp_path, monkeypatch):
-    for number in range(checked_before.MOST + 5):
-        checked_before.remember("kind", str(number))
-    known = [checked_before.is_cached("kind", str(number)) for number in range(checked_before.MOST + 5)]
-    assert known == [False] * 5 + [True] * checked_before.MOST
+    for number in range(private_folders.MOST + 5):
+        private_folders.remember("kind", str(number))
+    known = [private_folders.is_cached("kind", str(number)) for number in range(private_folders.MOST + 5)]
+    assert known == [False] * 5 + [True] * private_folders.MOST
     (tmp_path / "file").write_text("")
     monkeypatch.setenv("ROVER_PIN_CACHE", str(tmp_path / "file"))
-    checked_before.remember("kind", "7")
-    assert not checked_before.is_cached("kind", "7")
+    private_folders.remember("kind", "7")
+    assert not private_folders.is_cached("kind", "7")
 
 
 def test_copies_of_the_example_load_from_anywhere(tmp_path):

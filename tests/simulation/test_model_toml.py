@@ -17,7 +17,7 @@ from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.effects.tacho_scale import TachoScale
 from rover_pin.effects.weak_motor import WeakMotor
 from rover_pin.experiments.wheel_rig.model import PAPER, RigModel
-from rover_pin.experiments.wheel_rig.model_file import write_model as write_rig_model
+from rover_pin.experiments.wheel_rig.model import write_model as write_rig_model
 from rover_pin.rover.rover import load_rover
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.model.effect_files import package_effects, user_effects

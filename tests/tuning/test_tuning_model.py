@@ -18,9 +18,8 @@ from rover_pin.effects.tacho_scale import TachoScale
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.model.toml_file import write_model
 from rover_pin.tuning.control import Control
-from rover_pin.tuning.drives import built, cautions, controller_of, full_score, reduced_score
+from rover_pin.tuning.drives import built, cautions, controller_of, full_score, reduced_score, sealed
 from rover_pin.tuning.evaluations import Evaluations
-from rover_pin.tuning.model import sealed
 from rover_pin.tuning.study import DriveCase, Effort, SlipLaw, TuningStudy
 from rover_pin.tuning.study_file import read_tuning
 from rover_pin.tuning.tune import tune_gains

@@ -5,8 +5,7 @@ from pathlib import Path
 import pytest
 
 from rover_pin.base.errors import DataError, ParameterError
-from rover_pin.control.gains_file import load_gains, save_gains
-from rover_pin.control.slip_control import Gains
+from rover_pin.control.slip_control import Gains, load_gains, save_gains
 from rover_pin.effects.digging_memory import DiggingMemory
 from rover_pin.tuning.drives import built
 from rover_pin.tuning.study import DriveCase, Effort, TuningStudy, placed

@@ -1,11 +1,15 @@
-"""The folders in which the package keeps what it made or found for a later run: nobody else can write there."""
+"""The folders in which the package keeps what it made, or found sound, for a later run: nobody else can write there."""
 
 import contextlib
+import hashlib
 import os
 import tempfile
+from collections.abc import Iterable
 from pathlib import Path
 
-from rover_pin.base.errors import CacheError
+from rover_pin.base.errors import CacheError, DataError
+from rover_pin.base.files import bounded
+from rover_pin.base.files.columns import replace_file
 
 VARIABLE = "ROVER_PIN_CACHE"
 OTHERS_WRITE = 0o022
@@ -51,3 +55,35 @@ def _trouble(folder: Path) -> str:
     if status.st_uid not in (os.geteuid(), 0):
         return f"it belongs to another user ({status.st_uid})"
     return "other users can write to it" if status.st_mode & OTHERS_WRITE else ""
+
+
+MOST = 200
+"""Digests that are kept, the latest; what falls out is checked anew."""
+
+
+def digest_of(parts: Iterable[str]) -> str:
+    """Return the digest of all that a finding depends on."""
+    return hashlib.sha256("\0".join(parts).encode()).hexdigest()
+
+
+def is_cached(kind: str, digest: str) -> bool:
+    """Return whether this was found sound by this user on this machine; False where nothing can be kept."""
+    return digest in _digests(kind)
+
+
+def remember(kind: str, digest: str) -> None:
+    """Keep that this was found sound; where no private folder takes it, it is checked again next time."""
+    digests = [*(old_digest for old_digest in _digests(kind) if old_digest != digest), digest][-MOST:]
+    with contextlib.suppress(CacheError, DataError):
+        replace_file(_file(kind), "\n".join(digests))
+
+
+def _digests(kind: str) -> list[str]:
+    try:
+        return bounded.text(_file(kind)).split()
+    except (CacheError, DataError, OSError, UnicodeDecodeError):
+        return []
+
+
+def _file(kind: str) -> Path:
+    return private_folders()[0] / f"{kind}.sound"

@@ -2,7 +2,7 @@
 
 from rover_pin.experiments.rig_sets.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig import checks
-from rover_pin.measurements.finding import Finding
+from rover_pin.measurements.checks import Finding
 from rover_pin.measurements.rig_physics import refuse_impossible
 
 

@@ -13,8 +13,7 @@ from rover_pin.estimation.experiment import Experiment, Sensitivities
 from rover_pin.estimation.noise import Noise, declared_noise
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.experiments.folded import stacked
-from rover_pin.experiments.rig_sets.model import OWN, JointModel, Part
-from rover_pin.experiments.rig_sets.one_sand import of_one_sand
+from rover_pin.experiments.rig_sets.model import OWN, JointModel, Part, of_one_sand
 from rover_pin.experiments.soil_priors import SD
 from rover_pin.experiments.wheel_rig.data import RigSet, as_rig_set
 from rover_pin.experiments.wheel_rig.declared import SetNumbers, as_declared
@@ -23,7 +22,7 @@ from rover_pin.experiments.wheel_rig.presets import LUGS, known_heights, known_t
 from rover_pin.experiments.wheel_rig.pressings import PRESSED
 from rover_pin.experiments.wheel_rig.runs import RigRuns
 from rover_pin.measurements.channel import RIG_CHANNELS, RigChannel
-from rover_pin.measurements.finding import Finding
+from rover_pin.measurements.checks import Finding
 from rover_pin.measurements.wheel_rig import SAME_LOAD, WheelRig
 
 OTHER_WIDTH = 1.05

@@ -9,10 +9,10 @@ from rover_pin.base.errors import DataError, ParameterError
 from rover_pin.base.files.paths import is_file
 from rover_pin.base.trust import Trust
 from rover_pin.experiments.rig_sets.experiment import RigExperiment
-from rover_pin.experiments.rig_sets.one_sand import of_one_sand
+from rover_pin.experiments.rig_sets.model import of_one_sand
 from rover_pin.experiments.wheel_rig.data import RIG_FILE, RigSet, read_rig_set
 from rover_pin.measurements.channel import RIG_CHANNELS
-from rover_pin.measurements.finding import Finding
+from rover_pin.measurements.checks import Finding
 
 SAME_RUN = 0.02
 """Runs of two sets whose loads and channels differ by less than this share of their SDs are one run."""

@@ -7,7 +7,7 @@ from rover_pin.experiments.wheel_rig.data import RigSet
 from rover_pin.experiments.wheel_rig.declared import as_declared
 from rover_pin.experiments.wheel_rig.runs import RigRuns
 from rover_pin.measurements.channel import RIG_CHANNELS, RigChannel
-from rover_pin.measurements.finding import Finding
+from rover_pin.measurements.checks import Finding
 from rover_pin.measurements.rig_physics import refuse_impossible, suspicions
 from rover_pin.measurements.wheel_rig import SAME_LOAD, SAME_SLIP, STRAIGHT
 

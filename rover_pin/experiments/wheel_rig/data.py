@@ -19,8 +19,7 @@ from rover_pin.base.quantity import quantities
 from rover_pin.base.trust import Trust
 from rover_pin.contact import Soil
 from rover_pin.measurements.channel import RIG_CHANNELS, SideForce
-from rover_pin.measurements.checks import column
-from rover_pin.measurements.finding import Finding
+from rover_pin.measurements.checks import Finding, column
 from rover_pin.measurements.pressed import ASSUMED_UNCERTAINTY, Trial
 from rover_pin.measurements.rig_file import (
     ANGLE,

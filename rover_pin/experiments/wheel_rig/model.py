@@ -6,14 +6,18 @@ import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
 
 from rover_pin.base.errors import DataError, ParameterError
+from rover_pin.base.files.columns import replace_file
+from rover_pin.base.files.toml_file import read_toml, tables_in, toml_text
 from rover_pin.base.public import brief
-from rover_pin.base.quantity import quantities
+from rover_pin.base.quantity import declared, quantities, record_from
+from rover_pin.base.trust import Trust
 from rover_pin.contact import Soil, Wheel
 from rover_pin.effects.combined_shear import CombinedShear
 from rover_pin.effects.effect import Effect
@@ -21,6 +25,8 @@ from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.experiments.wheel_rig.steady_law import VALUES, Law, parameter_names, steady_law
 from rover_pin.measurements.prediction import FIELDS
 from rover_pin.measurements.rig_errors import RigErrors
+from rover_pin.simulation.model.effect_files import effect_entry, effect_from
+from rover_pin.simulation.model.toml_file import RIG_KIND
 from rover_pin.soil.angles import SHALLOW, SinkageAngles
 from rover_pin.soil.traction import NetTraction
 
@@ -216,3 +222,43 @@ def _skeleton(effect: Effect) -> Effect:
     """Return the effect with default numbers: what its compiled law depends on."""
     fields = {field.name: field.default for field in dataclasses.fields(effect)}
     return effect.replace(**{name: fields[name] for name in quantities(effect)})
+
+
+def write_model(model: RigModel, path: str | Path, note: str = "") -> Path:
+    """Write the model; an effect from outside the package keeps the path of its file."""
+    table = {
+        "kind": RIG_KIND,
+        "note": note,
+        "wheel": declared(model.wheel),
+        "soil": declared(model.soil),
+        **({"rig": declared(model.errors)} if model.errors != RigErrors() else {}),
+        "effect": [effect_entry(effect) for effect in model.effects],
+    }
+    return replace_file(path, toml_text(table))
+
+
+def read_model(path: str | Path, trust: Trust = Trust()) -> RigModel:
+    """Return the model of a file; the code of a user's effect runs only if `trust` allows it.
+
+    Raises DataError: not a model file, an effect that is not known, or the file of one that is not trusted or cannot be
+    run.
+    Raises ParameterError: an unknown field, unit or value.
+    """
+    path = Path(path)
+    table = read_toml(path)
+    effects = tables_in(table, "effect", path)
+    if table.get("kind") != RIG_KIND:
+        raise DataError(f"{path}: kind = {table.get('kind')!r} is not a rig model; write kind = '{RIG_KIND}'.")
+    return RigModel(
+        record_from(Wheel, table.get("wheel", {}), f"{path} [wheel]"),
+        record_from(Soil, table.get("soil", {}), f"{path} [soil]"),
+        tuple(_effect(entry, path, trust) for entry in effects),
+        record_from(RigErrors, table.get("rig", {}), f"{path} [rig]"),
+    )
+
+
+def _effect(entry: dict[str, Any], path: Path, trust: Trust) -> Effect:
+    effect = effect_from(entry, f"{path} [[effect]]", path.parent, trust)
+    if not isinstance(effect, Effect):
+        raise DataError(f"{path}: {entry['name']} does not act at the wheel's contact: a rig has no place for it.")
+    return effect

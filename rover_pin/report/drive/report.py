@@ -9,10 +9,13 @@ import numpy as np
 
 from rover_pin.base.errors import RoverPinError
 from rover_pin.control.constant import ConstantDuty
+from rover_pin.discrepancy.held_out import together
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.effects.effect import SensorEffect
+from rover_pin.estimation.fit import FEW
 from rover_pin.experiments.drive_log.free_runs import FreeRun, extra_of
 from rover_pin.experiments.drive_log.parameters import with_wheels
+from rover_pin.experiments.unlisted.residual import NOISE_LIKE
 from rover_pin.logs.drive_log import DriveLog
 from rover_pin.report.drive.ghost import ghosts
 from rover_pin.report.drive.residual import residual_section
@@ -28,6 +31,7 @@ from rover_pin.report.sections.physics import physics_section
 from rover_pin.report.sections.sensitivity import sensitivity_section
 from rover_pin.report.sections.which_cause import which_cause_section
 from rover_pin.report.words import Labels, listing, pair
+from rover_pin.simulation.model.implausible import implausible
 from rover_pin.simulation.model.model import Model
 from rover_pin.simulation.simulate import simulate
 from rover_pin.simulation.trace.trace import Trace
@@ -171,3 +175,33 @@ def _changes(before: dict[str, tuple[float, str]], after: dict[str, tuple[float,
             first, second = pair(was, now, unit)
             share = f" ({now / was - 1:+.0%})" if unit and was else ""
             yield f"{words} goes from {first} to {second}{share}"
+
+
+def cautions(verdict: Verdict, free: tuple[FreeRun, ...]) -> tuple[str, ...]:
+    """Return what a reader should be wary of, given how far free runs diverge."""
+    return tuple(_cautions(verdict, free)) if verdict.after is not None else ()
+
+
+def _cautions(verdict: Verdict, free: tuple[FreeRun, ...]) -> Iterator[str]:
+    for number in verdict.drifted:
+        yield f"{number.name} sits {number.away}: it may have absorbed an effect"
+    for number in verdict.after.numbers if verdict.after else ():
+        if number.at_bound:
+            yield f"{number.name} lies at its bound: the form of the model is strained"
+    if verdict.after:
+        yield from implausible(verdict.after.fit.model)
+    misfit = together(verdict.runs)[1]
+    if misfit > NOISE_LIKE:
+        yield f"runs left out are missed by {misfit:.1f} times the noise: more than noise is left"
+    if len(verdict.runs) < FEW:
+        yield f"{len(verdict.runs)} runs are few: what holds on one left out may not hold on the next"
+    yield from _free(free, bool(verdict.named))
+
+
+def _free(free: tuple[FreeRun, ...], added: bool) -> Iterator[str]:
+    lost = [free_run.run for free_run in free if not np.isfinite(free_run.after)]
+    if lost:
+        yield f"driven freely, the model does not come to the end of {', '.join(lost)}"
+    farther_runs = [free_run.run for free_run in free if added and free_run.after > free_run.before]
+    if farther_runs:
+        yield f"driven freely, the model diverges further than the base model in {', '.join(farther_runs)}"

@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from rover_pin.base.files import bounded
-from rover_pin.base.files.checked_before import digest_of, is_cached, remember
+from rover_pin.base.files.private_folders import digest_of, is_cached, remember
 from rover_pin.rover.description.tree import UrdfTree
 
 CONFIGURATIONS = 5

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from rover_pin.rover.description.tree import Joint
-from rover_pin.rover.proposal.topology import Topology
+from rover_pin.rover.proposal.parts import Topology
 
 TRAIL = 0.25
 """Way of a wheel's centre behind an axis that swivels, over its radius, from which it is a castor's."""

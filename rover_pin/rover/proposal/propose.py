@@ -9,10 +9,9 @@ import numpy as np
 from rover_pin.base.errors import UrdfError
 from rover_pin.rover.description.as_driven import ALONG
 from rover_pin.rover.description.tree import Joint, UrdfTree
-from rover_pin.rover.proposal.parts import FRAMES, GuessedAxle, GuessedWheel, Proposal
+from rover_pin.rover.proposal.parts import FRAMES, GuessedAxle, GuessedWheel, Proposal, Topology, rotation
 from rover_pin.rover.proposal.passive import passive_wheels
 from rover_pin.rover.proposal.suspension import add_suspension
-from rover_pin.rover.proposal.topology import Topology, rotation
 from rover_pin.rover.proposal.wheel_shape import WheelSize, wheel_size
 
 

@@ -8,8 +8,7 @@ import numpy as np
 
 from rover_pin.rover.description.as_driven import ALONG
 from rover_pin.rover.description.tree import Joint
-from rover_pin.rover.proposal.parts import Proposal
-from rover_pin.rover.proposal.topology import Topology
+from rover_pin.rover.proposal.parts import Proposal, Topology
 
 NEAR = 0.5
 """Largest offset along x and z between two pivots that are a pair, in wheel radii."""

@@ -18,7 +18,7 @@ from rover_pin.experiments.rig_sets.candidates import candidates, numbers_of, ri
 from rover_pin.experiments.rig_sets.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.checks import findings, refuse_unfit
 from rover_pin.experiments.wheel_rig.data import as_rig_set, read_rig_set
-from rover_pin.experiments.wheel_rig.known_elsewhere import flags
+from rover_pin.experiments.wheel_rig.diagnostics import flags
 from rover_pin.experiments.wheel_rig.model import RigModel
 from rover_pin.experiments.wheel_rig.presets import describe_declared, known_trench, preset_candidate
 from rover_pin.loop.close import close_the_loop

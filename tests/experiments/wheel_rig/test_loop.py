@@ -18,8 +18,7 @@ from rover_pin.effects.slip_sinkage import SlipSinkage
 from rover_pin.experiments.rig_sets.candidates import added, effect_kinds, rig_kinds
 from rover_pin.experiments.wheel_rig.checks import findings
 from rover_pin.experiments.wheel_rig.data import read_rig_set
-from rover_pin.experiments.wheel_rig.model import RigModel, conditions, predictor
-from rover_pin.experiments.wheel_rig.model_file import read_model, write_model
+from rover_pin.experiments.wheel_rig.model import RigModel, conditions, predictor, read_model, write_model
 from rover_pin.loop.close import close_the_loop
 from rover_pin.measurements.channel import DrawbarPull, Sinkage, Torque
 from rover_pin.measurements.wheel_rig import WheelRig, read_wheel_rig

@@ -15,7 +15,7 @@ from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.held_out import ChannelScore
 from rover_pin.estimation.wording import got_worse
 from rover_pin.experiments.wheel_rig.data import as_rig_set
-from rover_pin.experiments.wheel_rig.residual_tests import (
+from rover_pin.experiments.wheel_rig.diagnostics import (
     NEIGHBOURS,
     NEXT_RUN,
     ORDER,
@@ -26,7 +26,7 @@ from rover_pin.experiments.wheel_rig.residual_tests import (
 from rover_pin.loop.close import close_the_loop
 from rover_pin.measurements.channel import DrawbarPull, Sinkage
 from rover_pin.measurements.wheel_rig import WheelRig
-from rover_pin.report.rig.cautions import of_residuals
+from rover_pin.report.rig.report import of_residuals
 from rover_pin.report.words import human
 from rover_pin.simulation.model.effect_files import package_effects
 

@@ -13,7 +13,7 @@ from rover_pin.experiments.drive_log.model import is_rate_driven, usual_motor, u
 from rover_pin.experiments.drive_log.readings.outliers import scattered
 from rover_pin.logs.declared_noise import NOISE, kind_of
 from rover_pin.logs.drive_log import FILE, DriveLog
-from rover_pin.measurements.finding import Finding
+from rover_pin.measurements.checks import Finding
 from rover_pin.terrain.files import LARGEST
 
 SOIL = ("phi", "k", "k_1")

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rover_pin.experiments.drive_log.checks.driven import Driven, degrees, spread
-from rover_pin.measurements.finding import Finding
+from rover_pin.measurements.checks import Finding
 from rover_pin.measurements.wheel_rig import SAME_SLIP
 
 SAME_DUTY = 0.02

@@ -50,7 +50,7 @@ from rover_pin.experiments.drive_log.features import BLOCK, logged_run
 from rover_pin.experiments.drive_log.readings.lane_borders import lanes_under
 from rover_pin.logs.drive_log import DriveLog
 from rover_pin.logs.run_terrain import is_of_run
-from rover_pin.measurements.finding import Finding, gathered
+from rover_pin.measurements.checks import Finding, gathered
 from rover_pin.rover.wheel_base import base_of
 from rover_pin.simulation.model.motor import Motor
 

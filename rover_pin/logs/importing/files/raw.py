@@ -12,9 +12,8 @@ import pandas as pd
 from rover_pin.base.errors import DataError
 from rover_pin.base.files.paths import exists, is_file, is_folder
 from rover_pin.base.files.table import read_table
-from rover_pin.logs.importing.files.bags import bag_table
+from rover_pin.logs.importing.files.bags import bag_table, delimiter_of_records, record_table
 from rover_pin.logs.importing.files.matlab import mat_table
-from rover_pin.logs.importing.files.records import delimiter_of_records, record_table
 from rover_pin.logs.ros_bag import is_bag
 
 DATED = re.compile(
