@@ -1,7 +1,5 @@
 """Curves through measured points: what a user would otherwise take, to be printed beside a physical model."""
 
-from __future__ import annotations
-
 import math
 import warnings
 from collections.abc import Callable, Sequence

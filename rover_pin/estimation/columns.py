@@ -1,7 +1,5 @@
 """Whitened columns of a function that rows may have in common, or each fold for itself."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -4,8 +4,6 @@ Against `scipy.optimize.least_squares`, its oracle, it ends as low from the same
 model and without its overhead near a minimum (tests/estimation/test_descent.py).
 """
 
-from __future__ import annotations
-
 from typing import Protocol
 
 import numpy as np
@@ -53,10 +51,8 @@ def descend(problem: LeastSquares, u: np.ndarray, gain: float = GAIN) -> tuple[n
 
     It ends where a full step would lower chi2 by less than `gain`, or three steps in a row did.
 
-    Raises
-    ------
-    OptimisationError
-        The model has no value at the start, or the descent did not end; `status` is the number of steps.
+    Raises OptimisationError: the model has no value at the start, or the descent did not end; `status` is the number of
+    steps.
     """
     low, high = problem.space.low, problem.space.high
     residual, jacobian = problem.evaluate(u)

@@ -1,7 +1,5 @@
 """The least-squares problem of an experiment with exact sensitivities, as descents and profiles ask for it."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 

@@ -1,7 +1,5 @@
 """Fitting a model to an experiment: Gauss-Newton with Jacobian reuse, what is declared of each number as its prior."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -161,10 +159,7 @@ def fit(
     the experiment has kept is not made again. Where the experiment is exact, `descend` ends at a minimum, and what is
     known of slopes is not needed.
 
-    Raises
-    ------
-    OptimisationError
-        A descent with exact slopes does not end.
+    Raises OptimisationError: a descent with exact slopes does not end.
     """
     if task.experiment.is_exact:
         return _exactly(task, model, parameters, np.zeros(len(parameters)) if start is None else start)

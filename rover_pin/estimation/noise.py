@@ -1,7 +1,5 @@
 """What is noise in a drive log: size, memory and common mode of the residual blocks, and rows whitened by them."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple

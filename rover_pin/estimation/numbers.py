@@ -1,7 +1,5 @@
 """The fitted numbers of a model with their 95 % intervals, and the shape of chi2 along those of what was added."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple

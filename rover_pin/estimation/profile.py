@@ -1,7 +1,5 @@
 """Profile likelihood: how far chi2 rises where one number moves and the others do their best to keep the fit."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 CLEAR = 3.0

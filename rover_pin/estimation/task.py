@@ -1,7 +1,5 @@
 """What stays while models are compared: the experiment and its noise, and the robust chi2 that both define."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """What an estimate depends on: how much of its variance what was known beforehand of each number leaves in it."""
 
-from __future__ import annotations
-
 import numpy as np
 
 

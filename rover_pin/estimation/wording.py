@@ -1,7 +1,5 @@
 """How numbers, intervals and changes are put into words: once, for every summary, table, caution and figure."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Iterable

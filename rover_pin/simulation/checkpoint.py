@@ -1,7 +1,5 @@
 """Where a drive ended, with all that its next step depends on: to go on from there as if it had not stopped."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -56,10 +54,7 @@ class DriveEnd:
     def refuse_other(self, timing: Timing, symmetric: bool, new_state: DriveState) -> None:
         """Refuse to go on in another way, or with a model whose states, as in `new_state`, are not those of this drive.
 
-        Raises
-        ------
-        SimulationError
-            They differ, or the drive stopped between two samples of its controller or two rows.
+        Raises SimulationError: they differ, or the drive stopped between two samples of its controller or two rows.
         """
         if (timing, symmetric) != (self.timing, self.symmetric):
             raise SimulationError(

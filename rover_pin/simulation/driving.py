@@ -1,7 +1,5 @@
 """A drive in progress: its stepper, what its controller reads, and what it is commanded."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import Any, NamedTuple, Protocol, TypeGuard

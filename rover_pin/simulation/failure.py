@@ -1,7 +1,5 @@
 """Why a drive cannot go on: capsized, buried, folded or diverged."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

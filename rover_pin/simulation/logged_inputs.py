@@ -1,7 +1,5 @@
 """What a logged run really did, where the sensors that logged it misread: its place, and the rates of its wheels."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Protocol
 

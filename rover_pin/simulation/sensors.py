@@ -1,7 +1,5 @@
 """What sensors and a tracker make of a drive: noise, steps, and the effects on sensors; the truth is dropped."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass

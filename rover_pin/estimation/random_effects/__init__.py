@@ -1,3 +1,1 @@
 """What measurements share by chance beyond their noise: folds that differ, noise that drifts; how each is learnt."""
-
-from __future__ import annotations

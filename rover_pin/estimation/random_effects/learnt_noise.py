@@ -1,7 +1,5 @@
 """The noise of an experiment that declares none: what neither numbers, nor candidates, nor random effects explain."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Sequence
 

@@ -8,8 +8,6 @@ Source: Patterson and Thompson, Biometrika 58 (1971) 545; Kennedy and O'Hagan, J
 Brynjarsdottir and O'Hagan, Inverse Problems 30 (2014) 114007 (without a prior of what is left, numbers absorb it).
 """
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """A model's effects on its body as one CasADi function: generalised force on base and suspension, and its slope."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 

@@ -1,7 +1,5 @@
 """A law in two parts: what its constants decide, worked out once, and what is left for every call."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import casadi as ca

@@ -1,7 +1,5 @@
 """A model's generated laws, compiled once for each structure of effects."""
 
-from __future__ import annotations
-
 import ctypes
 from dataclasses import dataclass
 from functools import lru_cache

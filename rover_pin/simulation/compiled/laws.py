@@ -1,7 +1,5 @@
 """A model's effects as two CasADi functions: what a contact patch pushes, and what a motor gives."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from typing import Any, TypeVar
@@ -78,10 +76,7 @@ def _each(effect: Any, rates: tuple[Scalar, ...], x: tuple[Scalar, ...]) -> tupl
 def law(name: str, inputs: Sequence[ca.SX], out: ca.SX) -> ca.Function:
     """Return the function of formulas that effects have written.
 
-    Raises
-    ------
-    ParameterError
-        They hold a symbol of their own, or a number that is not finite.
+    Raises ParameterError: they hold a symbol of their own, or a number that is not finite.
     """
     free_symbols = {symbol.name() for symbol in ca.symvar(out)} - {
         symbol.name() for symbol in ca.symvar(ca.vertcat(*inputs))

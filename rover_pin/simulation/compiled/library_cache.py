@@ -1,7 +1,5 @@
 """The compiled libraries that are kept: a library is loaded only as it was made, from a private folder."""
 
-from __future__ import annotations
-
 import contextlib
 import ctypes
 import hashlib
@@ -30,10 +28,7 @@ def built(folders: Sequence[Path], stem: str, make: Callable[[Path], Path]) -> c
 
     Its name has the digest of its content, so one step puts both in place, whoever else builds it meanwhile.
 
-    Raises
-    ------
-    CacheError
-        No folder takes it, or it cannot be loaded.
+    Raises CacheError: no folder takes it, or it cannot be loaded.
     """
     troubles = []
     for folder in folders:

@@ -1,7 +1,5 @@
 """What this processor and its C library can do for compiled code."""
 
-from __future__ import annotations
-
 import platform
 from functools import lru_cache
 from pathlib import Path

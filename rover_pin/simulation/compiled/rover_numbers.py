@@ -1,7 +1,5 @@
 """What a rover decides of the compiled step, whatever it drives on: worked out once for all drives of it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any

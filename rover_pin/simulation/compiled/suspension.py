@@ -1,7 +1,5 @@
 """The joints of a rover's suspension: neither base, wheel nor steering."""
 
-from __future__ import annotations
-
 from rover_pin.rover.rover import Rover
 from rover_pin.simulation.compiled.body_law import Joints
 

@@ -1,7 +1,5 @@
 """A terrain as the compiled step reads it: straight runs of a polyline as one piece, and bins to find a place in it."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 from typing import Any, NamedTuple
 

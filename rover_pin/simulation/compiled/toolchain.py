@@ -1,7 +1,5 @@
 """Compile generated C once and keep the result."""
 
-from __future__ import annotations
-
 import ctypes
 import errno
 import hashlib
@@ -41,12 +39,8 @@ def compiler() -> list[str] | None:
 def shared_library(source: str, name: str) -> ctypes.CDLL:
     """Return the library compiled from C `source`, from `private_folders` where the same was compiled before.
 
-    Raises
-    ------
-    MissingExtraError
-        There is no C compiler, or it fails; the message says how to get one.
-    CacheError
-        There is no private folder that can hold the library.
+    Raises MissingExtraError: there is no C compiler, or it fails; the message says how to get one.
+    Raises CacheError: there is no private folder that can hold the library.
     """
     command = found_compiler()
     words = [source, *command, *FLAGS, *fast_flags(command), sys.platform, os.uname().machine, *platform.libc_ver()]

@@ -1,7 +1,5 @@
 """Rover and ground as a model drives them: under its gravity, with what effects make it carry, lean and bend."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import lru_cache
 

@@ -1,7 +1,5 @@
 """The slip at which a rover cruises level ground, and the motion resistance that goes with it: one default for all."""
 
-from __future__ import annotations
-
 from rover_pin.contact import Soil, Wheel
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.parameters.gravity import EARTH

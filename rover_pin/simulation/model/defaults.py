@@ -3,8 +3,6 @@
 The numbers of Nexus 6 are its own: another rover takes over none of them but as a ratio that is stated here.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Generic, NamedTuple, TypeVar
 
@@ -85,10 +83,7 @@ def own_motor(rover: Rover) -> Chosen[Motor]:
 
     Sized: T_stall = m g r max(sin(25 deg), `scrub_share`) / (0.55 n), omega_0 = FROUDE sqrt(g / r).
 
-    Raises
-    ------
-    ParameterError
-        An unknown name.
+    Raises ParameterError: an unknown name.
     """
     if isinstance(rover.motor, str):
         return Chosen(motor_named(rover.motor))
@@ -150,10 +145,7 @@ def own_soil(rover: Rover, name: str = "", default: Soil = TABLE_1) -> Chosen[So
     Named soils are converted to the width of the rover's wheels. Table 1's own k_1 is assumed so that Nexus 6 sinks to
     theta_1 = 35 deg; the same is done for any other rover: Eq (6) at theta_1, S = 0, carries its share of the weight.
 
-    Raises
-    ------
-    ParameterError
-        An unknown name, field, unit or value.
+    Raises ParameterError: an unknown name, field, unit or value.
     """
     constants = {key: value for key, value in rover.soil.items() if key != "name"}
     if name or rover.soil:

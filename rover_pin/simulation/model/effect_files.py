@@ -1,7 +1,5 @@
 """Effects in files: found by their class's name in the package or in a user's file, written to TOML and read back."""
 
-from __future__ import annotations
-
 import dataclasses
 import hashlib
 import importlib
@@ -48,10 +46,7 @@ def package_effects() -> tuple[type[AnyEffect], ...]:
 def user_effects(path: str | Path) -> tuple[type[AnyEffect], ...]:
     """Return the effects that a user's file defines, or all files of a folder.
 
-    Raises
-    ------
-    DataError
-        The path is missing, holds no effect, or a file cannot be run.
+    Raises DataError: the path is missing, holds no effect, or a file cannot be run.
     """
     path = Path(path)
     files = sorted(path.glob("*.py")) if is_folder(path) else [path]
@@ -98,10 +93,7 @@ def defined_in(module: ModuleType) -> tuple[type[AnyEffect], ...]:
 def run_file(file: Path) -> ModuleType:
     """Return the module that a user's Python file makes, from its text alone: no compiled copy beside it is read.
 
-    Raises
-    ------
-    DataError
-        It is missing or cannot be run.
+    Raises DataError: it is missing or cannot be run.
     """
     if not is_file(file):
         raise DataError(f"{file}: there is no such effect file; give a .py file or a folder of them.")
@@ -158,10 +150,7 @@ def effect_entry(effect: AnyEffect) -> dict[str, Any]:
 def file_of(kind: type[AnyEffect]) -> Path:
     """Return the file with an effect's code.
 
-    Raises
-    ------
-    DataError
-        It has none, as one that was written at a prompt.
+    Raises DataError: it has none, as one that was written at a prompt.
     """
     try:
         return Path(inspect.getfile(kind))
@@ -184,12 +173,8 @@ def _word(choice: Any) -> Any:
 def effect_from(entry: Mapping[str, Any], where: str, folder: Path, trust: Trust = Trust()) -> AnyEffect:
     """Return the effect of a TOML table; a `file` of its code may be relative to `folder`, and `trust` must allow it.
 
-    Raises
-    ------
-    DataError
-        An effect or choice that is not known, or a file of code that is not trusted or cannot be run.
-    ParameterError
-        An unknown field, unit or value, or one out of bounds.
+    Raises DataError: an effect or choice that is not known, or a file of code that is not trusted or cannot be run.
+    Raises ParameterError: an unknown field, unit or value, or one out of bounds.
     """
     kinds, file = {kind.__name__: kind for kind in package_effects()}, entry.get("file")
     if file is not None:

@@ -1,7 +1,5 @@
 """Effects in a word, as a command line names them: `DiggingMemory.c_d=0.1,length=0.05`, `WeakMotor.wheel=ml,g=0.3`."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Iterable, Mapping
 from typing import Any
@@ -33,10 +31,8 @@ def having(model: Model, effects: AnyEffect | str | Iterable[AnyEffect | str], t
     class's defaults; an effect that reads the traction law reads the model's. A wheel goes by name or number, an angle
     with `_deg` behind its name is in degrees.
 
-    Raises
-    ------
-    ParameterError
-        A word or value that cannot be read, an unknown effect or field, with the close ones, a value out of bounds.
+    Raises ParameterError: a word or value that cannot be read, an unknown effect or field, with the close ones, a value
+    out of bounds.
     """
     entries = _listed(effects)
     kinds = kinds_for([entry for entry in entries if isinstance(entry, str)], trust)

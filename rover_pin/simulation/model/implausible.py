@@ -1,7 +1,5 @@
 """Sizes of effects that no rover of this geometry has: they are driven and fitted, and said."""
 
-from __future__ import annotations
-
 from rover_pin.rover.reach import reach_of
 from rover_pin.simulation.model.model import Model
 

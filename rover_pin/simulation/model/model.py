@@ -1,7 +1,5 @@
 """The model: a rover on a terrain of soils, its motors, and everything that pushes on it."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -251,11 +249,8 @@ def base_effects(soil: Soil, rover: Rover, traction: SoilTraction, gravity: floa
 def cruising(model: Model, S: float = CRUISE_SLIP) -> Model:
     """Return the model with the motion resistance at which it drives its flat ground at slip S [-]: R = F(S).
 
-    Raises
-    ------
-    ParameterError
-        A slip at which the soil gives no pull or more than its load, or the net form, whose compaction resistance is
-        part of F.
+    Raises ParameterError: a slip at which the soil gives no pull or more than its load, or the net form, whose
+    compaction resistance is part of F.
     """
     traction = model.effect(SoilTraction)
     if traction.form.name == "net":

@@ -1,7 +1,5 @@
 """The PWM-driven DC motor of a wheel, with its gear and rotor."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Self
 

@@ -15,8 +15,6 @@ instead of spun: so the default is the speed-like one, against the words of sect
 soil that resists more at more slip slows the rim of any motor with back-EMF, and S_hat falls as S rises.
 """
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 from rover_pin.base.errors import one_of
@@ -35,10 +33,7 @@ MOTORS = {"speed-like": 1.0, "torque-like": 0.25}
 def nexus6_motor(stall_torque: float = MOTORS["speed-like"]) -> Motor:
     """Return the motor of this stall torque [N m] whose duty 0.55 drives Nexus 6 at 0.05 m/s, Table 1, Earth.
 
-    Raises
-    ------
-    ParameterError
-        A stall torque with which duty 0.55 does not carry the rover over the flat.
+    Raises ParameterError: a stall torque with which duty 0.55 does not carry the rover over the flat.
     """
     rover = load_rover("nexus6")
     r = float(rover.wheels[0].wheel.r)
@@ -52,9 +47,6 @@ def nexus6_motor(stall_torque: float = MOTORS["speed-like"]) -> Motor:
 def motor_named(word: str) -> Motor:
     """Return the motor of this name.
 
-    Raises
-    ------
-    ParameterError
-        An unknown name, with the close ones.
+    Raises ParameterError: an unknown name, with the close ones.
     """
     return nexus6_motor(MOTORS[one_of("motor", word, MOTORS)])

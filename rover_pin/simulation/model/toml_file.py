@@ -18,8 +18,6 @@ wheel = 2
 g = 0.1
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 
@@ -88,10 +86,7 @@ def _effects(model: Model) -> tuple[AnyEffect, ...]:
 def models_of(path: str | Path) -> tuple[Path, ...]:
     """Return a model file, or all those of a folder, as the loop's `posterior`.
 
-    Raises
-    ------
-    DataError
-        A folder without a .toml file.
+    Raises DataError: a folder without a .toml file.
     """
     path = Path(path)
     if not path.is_dir():
@@ -107,14 +102,10 @@ def read_model(path: str | Path, terrain: Terrain | None = None, trust: Trust = 
 
     The code of a user's effect runs, and a terrain's file lies outside the model's folder, only as `trust` allows.
 
-    Raises
-    ------
-    DataError
-        Not a model file, an unknown key or effect, no terrain, or a file that is not trusted or cannot be read or run.
-    ParameterError
-        An unknown field, unit or value, or one out of bounds.
-    UrdfError
-        A rover that cannot be read.
+    Raises DataError: not a model file, an unknown key or effect, no terrain, or a file that is not trusted or cannot be
+    read or run.
+    Raises ParameterError: an unknown field, unit or value, or one out of bounds.
+    Raises UrdfError: a rover that cannot be read.
     """
     path = Path(path)
     table = _checked(path, read_toml(path))
@@ -151,10 +142,7 @@ def _buried(table: dict[str, Any], path: Path) -> float:
 def model_files(path: str | Path) -> tuple[Path, ...]:
     """Return every file that makes a model: its own, a rover's beside it, and those of a user's effects.
 
-    Raises
-    ------
-    DataError, UrdfError
-        Not a model file, or a rover's that cannot be read.
+    Raises DataError, UrdfError: not a model file, or a rover's that cannot be read.
     """
     path = Path(path)
     table = read_toml(path)

@@ -1,7 +1,5 @@
 """The step in C, one idea a file: read as one source, in this order; `step.c` has the whole in view."""
 
-from __future__ import annotations
-
 from rover_pin.base.files.paths import text_of_package
 from rover_pin.simulation.native.shared import header
 

@@ -1,7 +1,5 @@
 """A built-in controller as the compiled loop takes it: numbers, so that Python is not asked at every sample."""
 
-from __future__ import annotations
-
 import ctypes
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """In which order the step's equations are solved, so that a tree's zeros stay zeros."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 
 import pinocchio as pin

@@ -1,7 +1,5 @@
 """A CasADi function as C over SIMD lanes: every operation once, for all patches or wheels together."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

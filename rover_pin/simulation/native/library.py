@@ -1,7 +1,5 @@
 """The compiled step as a library."""
 
-from __future__ import annotations
-
 import ctypes
 from functools import lru_cache
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """What a finished drive must say about itself: that it is not to be believed, and why."""
 
-from __future__ import annotations
-
 import contextlib
 import math
 

@@ -3,8 +3,6 @@
 Lengths are in r and the rims' way, times in the drive's duration, for any rover; wheels in the sense they are driven.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

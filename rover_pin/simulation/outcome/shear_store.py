@@ -1,7 +1,5 @@
 """What sheared soil holds as a spring does while slip lags behind the speeds: it gives back what was put in."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 from typing import NamedTuple
 

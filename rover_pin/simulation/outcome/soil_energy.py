@@ -1,7 +1,5 @@
 """What a soil gives that it has not: traction laws that create energy, found in the energy balance of a drive."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

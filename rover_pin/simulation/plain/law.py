@@ -1,7 +1,5 @@
 """The contact law at one patch in plain NumPy, in the direction of travel."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

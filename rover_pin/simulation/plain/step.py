@@ -13,8 +13,6 @@ those of the soil that change with q (a spring of some 2 kN/m a wheel) are expli
 the default.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Where a drive begins: a rover set down on its terrain, at rest."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from dataclasses import dataclass
@@ -79,10 +77,7 @@ def set_down(model: Model, start: Start, symmetric: bool = False) -> SetDown:
     that cannot hold, the rover starts as in the first: unsheared, and slides. Friction in its pivots is left out: it is
     set down where it would come to rest without; effects' own states start unused.
 
-    Raises
-    ------
-    SimulationError
-        The rover does not come to rest there even when it is held.
+    Raises SimulationError: the rover does not come to rest there even when it is held.
     """
     model = dataclasses.replace(model, body_effects=tuple(map(_at_rest, model.body_effects)))
     state = hovering(model, start)

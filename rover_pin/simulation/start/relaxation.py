@@ -1,7 +1,5 @@
 """A rover brought to rest in place: Newton's method on the balance of forces, kept in hand by inertia."""
 
-from __future__ import annotations
-
 import ctypes
 from enum import IntEnum
 from typing import Any

@@ -1,7 +1,5 @@
 """Names and units of what is recorded of a drive: the columns of a drive log, and the truth that only a model knows."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from functools import lru_cache
 

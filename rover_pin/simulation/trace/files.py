@@ -1,7 +1,5 @@
 """One run in a file: read from CSV or Parquet with its checks, written to Parquet with its attributes."""
 
-from __future__ import annotations
-
 import io
 import json
 from collections.abc import Mapping, Sequence
@@ -24,10 +22,7 @@ METADATA = b"rover_pin"
 def read_run(path: str | Path, wheels: Sequence[str] = (), attrs: Mapping[str, Any] | None = None) -> Trace:
     """Return the run in a CSV or Parquet file; `attrs` are added to those that the file holds.
 
-    Raises
-    ------
-    DataError
-        A file that cannot be read, or what `run_from` refuses.
+    Raises DataError: a file that cannot be read, or what `run_from` refuses.
     """
     return run_from(read_columns(path), wheels, attrs)
 
@@ -40,12 +35,9 @@ def run_from(
 ) -> Trace:
     """Return the run of a table in SI; `units` are those of its columns where their names tell others.
 
-    Raises
-    ------
-    DataError
-        No `t_s`, text where a number belongs, a time that is missing or does not increase, a duty outside [-1, 1], a
-        unit that is of another kind than the channel, or channels of a wheel that is not among `wheels`, where any are
-        given.
+    Raises DataError: no `t_s`, text where a number belongs, a time that is missing or does not increase, a duty outside
+    [-1, 1], a unit that is of another kind than the channel, or channels of a wheel that is not among `wheels`, where
+    any are given.
     """
     table.need("t_s")
     table.refuse_gaps("t_s")

@@ -1,7 +1,5 @@
 """What an inertial unit at the body's origin reads, of poses and speeds: turn rates and specific force."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 
 import numpy as np

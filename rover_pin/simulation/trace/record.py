@@ -1,7 +1,5 @@
 """From the rows of a drive to its trace: channels named as in a drive log, and the truth beside them."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

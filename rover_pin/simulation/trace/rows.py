@@ -1,7 +1,5 @@
 """The rows of a drive: one record an instant, as the compiled loop writes it."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What a drive leaves: named channels over time, with units, that can judge themselves."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -122,10 +120,7 @@ class Trace(Mapping[str, np.ndarray]):
     def need(self, *names: str) -> tuple[np.ndarray, ...]:
         """Return these channels; one error names all that are missing.
 
-        Raises
-        ------
-        DataError
-            A channel that was not recorded.
+        Raises DataError: a channel that was not recorded.
         """
         missing = [name for name in names if name not in self.channels]
         if missing:
@@ -214,10 +209,7 @@ class Trace(Mapping[str, np.ndarray]):
     def to_xarray(self) -> Any:
         """Return the channels as an xarray Dataset over time, each with its unit.
 
-        Raises
-        ------
-        MissingExtraError
-            xarray is not installed.
+        Raises MissingExtraError: xarray is not installed.
         """
         try:
             import xarray
