@@ -20,16 +20,9 @@ from rover_pin.logs.drive_log import DriveLog
 from rover_pin.report.drive.ghost import ghosts
 from rover_pin.report.drive.residual import residual_section
 from rover_pin.report.drive.runs import Sides, effect_picture, residual_panels, telling_channels, words_of
-from rover_pin.report.first_screen import first_screen
-from rover_pin.report.headline import WORTH, headline
-from rover_pin.report.page import Head, write_page
+from rover_pin.report.headline import WORTH
 from rover_pin.report.section import AWAY, Picture, Row, Section, Table, before_and_after
-from rover_pin.report.sections.closing import data_check_section, repeat_section, warnings_section
-from rover_pin.report.sections.held_out import held_out_section
-from rover_pin.report.sections.numbers import numbers_section
-from rover_pin.report.sections.physics import physics_section
-from rover_pin.report.sections.sensitivity import sensitivity_section
-from rover_pin.report.sections.which_cause import which_cause_section
+from rover_pin.report.verdict_page import write_verdict
 from rover_pin.report.words import Labels, listing, pair
 from rover_pin.simulation.model.implausible import implausible
 from rover_pin.simulation.model.model import Model
@@ -56,23 +49,19 @@ def write_report(verdict: Verdict, log: DriveLog, out: Path) -> list[Path]:
     labels, sides = labels_of(verdict), sides_of(verdict)
     scene = ghosts(verdict, log, sides)
     seconds = sum(float(trace.t[-1] - trace.t[0]) for trace in log.runs if len(trace.t))
-    sections = [
-        first_screen(verdict, labels, effect_picture(sides) if sides else None, "effect"),
-        free_runs_section(verdict),
-        scene,
-        held_out_section(verdict, labels),
+    return write_verdict(
+        verdict,
+        labels,
+        out,
+        log.metadata.name,
+        f"{len(log.runs)} runs, {seconds:.0f} s",
+        ("effect", effect_picture(sides) if sides else None),
+        (free_runs_section(verdict), scene),
         where_wrong_section(sides),
-        physics_section(verdict, labels, lambda effect: at_full_duty(verdict.model, effect)),
-        which_cause_section(verdict, labels),
-        numbers_section(verdict),
         residual_section(verdict),
-        sensitivity_section(verdict, labels),
-        warnings_section(verdict, labels),
-        data_check_section(verdict, log.metadata.source),
-        repeat_section(verdict, labels),
-    ]
-    head = Head(log.metadata.name, f"{len(log.runs)} runs, {seconds:.0f} s", headline(verdict, labels))
-    return write_page(head, sections, out)
+        lambda effect: at_full_duty(verdict.model, effect),
+        log.metadata.source,
+    )
 
 
 def sides_of(verdict: Verdict) -> Sides | None:

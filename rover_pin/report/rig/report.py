@@ -18,18 +18,10 @@ from rover_pin.experiments.wheel_rig.channel_residual import RigChannelResidual
 from rover_pin.experiments.wheel_rig.data import RigSet
 from rover_pin.experiments.wheel_rig.diagnostics import SIGNIFICANCE_LEVEL, FitDiagnostics, Flag, ResidualTest, RigExtra
 from rover_pin.measurements.wheel_rig import SAME_LOAD
-from rover_pin.report.first_screen import first_screen
-from rover_pin.report.headline import headline
-from rover_pin.report.page import Head, write_page
 from rover_pin.report.rig.figures import Look, channel_panels, load_caption, looks, residual_panels
 from rover_pin.report.section import AWAY, Picture, Row, Section, Table, before_and_after
-from rover_pin.report.sections.closing import data_check_section, repeat_section, warnings_section
-from rover_pin.report.sections.held_out import held_out_section
-from rover_pin.report.sections.numbers import numbers_section
-from rover_pin.report.sections.physics import physics_section
-from rover_pin.report.sections.sensitivity import sensitivity_section
-from rover_pin.report.sections.which_cause import which_cause_section
-from rover_pin.report.standalone.report import panels_of, sections_of
+from rover_pin.report.standalone.report import panels_of
+from rover_pin.report.verdict_page import write_verdict
 from rover_pin.report.words import Labels, capital, kinds_of, listing
 
 UNSEEN = Labels("on slips it never saw", "levels of slip")
@@ -46,25 +38,22 @@ def write_report(verdict: Verdict, experiment: RigExperiment, out: Path) -> list
     if len(experiment.sets) > 1:
         count = int(np.isfinite(experiment.observed).any(axis=1).sum())
         kicker = f"{len(experiment.sets)} sets in one sand: {count} runs at {len(experiment.folds)} levels of slip"
-        sections = sections_of(verdict, UNSEEN, _point_by_point(verdict, experiment), set_by_set_section(verdict))
-        return write_page(Head(experiment.name, kicker, headline(verdict, UNSEEN)), sections, out)
+        own = (set_by_set_section(verdict),)
+        picture = ("points", _point_by_point(verdict, experiment))
+        return write_verdict(verdict, UNSEEN, out, experiment.name, kicker, picture, own, model_file=False)
     (data,) = experiment.sets
-    labels = labels_of(data)
     kicker = f"{data.rig.slip.size} runs at {len(data.level_names)} levels of slip"
-    sections = [
-        first_screen(verdict, labels, _picture(verdict, data), "effect"),
-        held_out_section(verdict, labels),
-        where_wrong_section(verdict, data),
-        physics_section(verdict, labels),
-        which_cause_section(verdict, labels),
-        numbers_section(verdict),
-        elsewhere_section(verdict),
-        sensitivity_section(verdict, labels),
-        warnings_section(verdict, labels),
-        data_check_section(verdict, data.source),
-        repeat_section(verdict, labels),
-    ]
-    return write_page(Head(data.rig.name, kicker, headline(verdict, labels)), sections, out)
+    return write_verdict(
+        verdict,
+        labels_of(data),
+        out,
+        data.rig.name,
+        kicker,
+        ("effect", _picture(verdict, data)),
+        where_wrong=where_wrong_section(verdict, data),
+        beside_numbers=elsewhere_section(verdict),
+        source=data.source,
+    )
 
 
 def _added(verdict: Verdict) -> str:

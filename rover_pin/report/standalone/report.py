@@ -11,17 +11,9 @@ from rover_pin.effects.names import display_name
 from rover_pin.estimation.experiment import Experiment
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.wording import in_words
-from rover_pin.report.first_screen import first_screen
-from rover_pin.report.headline import headline
-from rover_pin.report.page import Head, write_page
-from rover_pin.report.section import Picture, Section, Sections
-from rover_pin.report.sections.closing import data_check_section, repeat_section, warnings_section
-from rover_pin.report.sections.held_out import held_out_section
-from rover_pin.report.sections.numbers import numbers_section
-from rover_pin.report.sections.physics import physics_section
-from rover_pin.report.sections.sensitivity import sensitivity_section
-from rover_pin.report.sections.which_cause import which_cause_section
+from rover_pin.report.section import Picture
 from rover_pin.report.svg import AFTER, BEFORE
+from rover_pin.report.verdict_page import write_verdict
 from rover_pin.report.words import Labels, as_text, key, kinds_of, listing
 
 LABELS = Labels("where it was not fitted", "folds")
@@ -31,24 +23,8 @@ def write_report(verdict: Verdict, standalone: Standalone, out: Path) -> list[Pa
     """Write report.html and its figures, and return their paths."""
     count = int(np.isfinite(standalone.observed).any(axis=1).sum())
     kicker = f"{count} points in {len(standalone.folds)} folds; {listing(standalone.channels)}"
-    sections = sections_of(verdict, LABELS, _picture(verdict, standalone))
-    return write_page(Head(standalone.name, kicker, headline(verdict, LABELS)), sections, out)
-
-
-def sections_of(verdict: Verdict, labels: Labels, picture: Picture | None, *extra_sections: Section | None) -> Sections:
-    """Return the sections of a verdict on channels sample by sample, with its own after the first screen."""
-    return [
-        first_screen(verdict, labels, picture, "points"),
-        *extra_sections,
-        held_out_section(verdict, labels),
-        physics_section(verdict, labels),
-        which_cause_section(verdict, labels),
-        numbers_section(verdict),
-        sensitivity_section(verdict, labels),
-        warnings_section(verdict, labels),
-        data_check_section(verdict),
-        repeat_section(verdict, labels, model_file=False),
-    ]
+    picture = ("points", _picture(verdict, standalone))
+    return write_verdict(verdict, LABELS, out, standalone.name, kicker, picture, model_file=False)
 
 
 def _picture(verdict: Verdict, standalone: Standalone) -> Picture | None:
