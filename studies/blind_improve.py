@@ -38,9 +38,8 @@ from rover_pin import plot
 from rover_pin.demo.drive_log import declared_model, hidden_model, write
 from rover_pin.demo.hidden import ANY
 from rover_pin.simulation.model.toml_file import write_model
-from rover_pin.tuning.control import CONSTANT, Control
 from rover_pin.tuning.drive_score import Cost, Score
-from rover_pin.tuning.drives import full_score
+from rover_pin.tuning.drives import CONSTANT, Control, full_score
 from rover_pin.tuning.improve import STUDY, improve
 from rover_pin.tuning.report import WORTH
 from rover_pin.tuning.study import Effort, SlipLaw, TuningStudy

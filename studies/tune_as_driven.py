@@ -38,9 +38,8 @@ from slip_sensing import drawn, said
 from rover_pin import plot
 from rover_pin.control.hole_law import HoleLaw
 from rover_pin.control.slip_control import HOLE_GAINS, Gains, save_gains
-from rover_pin.tuning.control import CONSTANT, Control
 from rover_pin.tuning.drive_score import Cost, Score
-from rover_pin.tuning.drives import full_score
+from rover_pin.tuning.drives import CONSTANT, Control, full_score
 from rover_pin.tuning.evaluations import Evaluations
 from rover_pin.tuning.report import WORTH
 from rover_pin.tuning.study import DriveCase, Effort, SlipLaw, TuningStudy

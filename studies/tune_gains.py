@@ -39,8 +39,7 @@ import numpy as np
 import pandas as pd
 
 from rover_pin import plot
-from rover_pin.tuning.control import CHECKED, CONSTANT, Control
-from rover_pin.tuning.drives import controller_of, drive_full
+from rover_pin.tuning.drives import CHECKED, CONSTANT, Control, controller_of, drive_full
 from rover_pin.tuning.evaluations import Evaluations
 from rover_pin.tuning.report import TuningResult
 from rover_pin.tuning.study import IDEAL, DriveCase, Effort, SlipLaw, TuningStudy

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from rover_pin.plot.sheet import new_figure
 from rover_pin.terrain.terrain import Terrain
-from rover_pin.view.heights import draw_heights
+from rover_pin.view.colours import draw_heights
 
 LABELS = {
     "slope_deg": "slope [deg]",

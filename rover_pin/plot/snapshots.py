@@ -14,7 +14,7 @@ from rover_pin.rover.rover import Rover
 from rover_pin.simulation.model.model import Model
 from rover_pin.simulation.trace.poses import Turned, of_side, on_the_ground
 from rover_pin.simulation.trace.trace import Trace
-from rover_pin.view.heights import draw_heights
+from rover_pin.view.colours import draw_heights
 
 FURTHEST_APART = 0.5
 """Way [m] between two snapshots of a rover, about."""

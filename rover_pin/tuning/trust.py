@@ -3,8 +3,7 @@
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from rover_pin.tuning.control import Control
-from rover_pin.tuning.drives import reduced_errors
+from rover_pin.tuning.drives import Control, reduced_errors
 from rover_pin.tuning.evaluations import Evaluations
 from rover_pin.tuning.study import DriveCase, SlipLaw, TuningStudy
 

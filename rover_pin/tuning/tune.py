@@ -22,9 +22,18 @@ from rover_pin.base.errors import OptimisationError
 from rover_pin.base.files.results_folder import alone_in
 from rover_pin.base.jobs.cluster import refuse_both, workers_of
 from rover_pin.base.jobs.workers import ending_workers
-from rover_pin.tuning.control import CHECKED, CONSTANT, Control
 from rover_pin.tuning.drive_score import Score
-from rover_pin.tuning.drives import built, cautions, full_score, reduced_gradient, reduced_score, sealed
+from rover_pin.tuning.drives import (
+    CHECKED,
+    CONSTANT,
+    Control,
+    built,
+    cautions,
+    full_score,
+    reduced_gradient,
+    reduced_score,
+    sealed,
+)
 from rover_pin.tuning.evaluations import Evaluations, Progress
 from rover_pin.tuning.reduced_model.drive import GAIN_NAMES
 from rover_pin.tuning.report import Candidate, Drives, Trial, TuningResult, write_result

@@ -19,9 +19,8 @@ from PIL import Image, ImageSequence
 from rover_pin.base.files.columns import replace_file
 from rover_pin.simulation.trace.draw import wheel_lines
 from rover_pin.simulation.trace.poses import Turned, around, footprint, of_side
-from rover_pin.view.colours import slip_colour
+from rover_pin.view.colours import draw_heights, slip_colour
 from rover_pin.view.film import Film
-from rover_pin.view.heights import draw_heights
 
 PICTURES_PER_SECOND, MOST_PICTURES = 10, 100
 """Of the moving picture; a longer drive is shown faster than it was, which its title says."""

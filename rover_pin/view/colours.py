@@ -1,9 +1,12 @@
-"""The colours of slip: blue where a wheel brakes, pale where it rolls, through orange to dark red where it only spins.
+"""Heights as shades, and the colours of slip: blue where a wheel brakes, pale where it rolls, to dark red where it spins.
 
 They differ in lightness too, so that they are distinct without colours.
 """
 
 import numpy as np
+from matplotlib.axes import Axes
+
+from rover_pin.terrain.terrain import Terrain
 
 STOPS: tuple[tuple[float, tuple[float, float, float]], ...] = (
     (-1.0, (0.13, 0.30, 0.62)),
@@ -37,3 +40,14 @@ def css_gradient() -> str:
     """Return the colours from slip -1 to 1 as a CSS gradient."""
     stops = (f"rgb{in_bytes(colour)} {50.0 * (at + 1.0):g}%" for at, colour in STOPS)
     return f"linear-gradient(to right, {', '.join(stops)})"
+
+
+def draw_heights(axes: Axes, terrain: Terrain, box: tuple[float, float, float, float]) -> None:
+    """Colour the ground by its height, where it is not level, and draw what the colours mean beside it."""
+    x, y = np.linspace(*box[:2], 400), np.linspace(*box[2:], 300)
+    z = terrain.height(*np.meshgrid(x, y))
+    if np.ptp(z) > 1e-6:
+        ground = axes.pcolormesh(x, y, z, cmap="YlOrBr", alpha=0.5, shading="nearest", rasterized=True)
+        bar = axes.inset_axes((1.01, 0.0, 0.02, 1.0))
+        bar.set_title("z [m]", fontsize=9)
+        axes.get_figure(root=True).colorbar(ground, cax=bar)

@@ -8,9 +8,9 @@ import pytest
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.held_out import ChannelScore, RunScore
 from rover_pin.report.drive.report import labels_of
-from rover_pin.report.first_screen import first_lines, first_screen
 from rover_pin.report.headline import headline, improvement
 from rover_pin.report.reasons import next_run, opposing_reasons, supporting_reasons
+from rover_pin.report.verdict_page import first_lines, first_screen
 from rover_pin.report.words import Labels, brief, cause, pair
 from rover_pin.simulation.model.effect_files import package_effects
 

@@ -11,7 +11,7 @@ from rover_pin.simulation.compiled import kernel as module
 from rover_pin.simulation.compiled.kernel import Kernel
 from rover_pin.simulation.compiled.suspension import suspension_dofs
 from rover_pin.simulation.compiled.toolchain import shared_library
-from rover_pin.simulation.native.elimination import elimination
+from rover_pin.simulation.native.compiled_body import elimination
 from rover_pin.simulation.native.shared import RECORD
 from rover_pin.simulation.outcome.audit import pivot_warning
 from rover_pin.simulation.start.place import settled

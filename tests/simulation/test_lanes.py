@@ -8,7 +8,7 @@ import pytest
 
 from rover_pin.base.errors import ParameterError
 from rover_pin.scenarios.scenario import scenario
-from rover_pin.simulation.compiled import processor, toolchain
+from rover_pin.simulation.compiled import toolchain
 from rover_pin.simulation.compiled.constant_part import split_law
 from rover_pin.simulation.compiled.laws import GEOMETRY, contact_law, numbers
 from rover_pin.simulation.native import lanes
@@ -103,18 +103,18 @@ def test_an_operation_that_lanes_do_not_know():
 def cpuinfo(tmp_path, monkeypatch, text, machine="x86_64"):
     file = tmp_path / "cpuinfo"
     file.write_text(text)
-    monkeypatch.setattr(processor, "CPUINFO", file)
-    monkeypatch.setattr(processor.platform, "machine", lambda: machine)
-    return processor.level.__wrapped__()
+    monkeypatch.setattr(toolchain, "CPUINFO", file)
+    monkeypatch.setattr(toolchain.platform, "machine", lambda: machine)
+    return toolchain.level.__wrapped__()
 
 
-V3 = processor.X86_LEVELS["x86-64-v3"]
+V3 = toolchain.X86_LEVELS["x86-64-v3"]
 
 
 @pytest.mark.parametrize(
     ("flags", "machine", "expected"),
     [
-        (processor.X86_LEVELS["x86-64-v4"], "x86_64", "x86-64-v4"),
+        (toolchain.X86_LEVELS["x86-64-v4"], "x86_64", "x86-64-v4"),
         (V3, "x86_64", "x86-64-v3"),
         (V3.replace("fma", ""), "x86_64", ""),
         (V3, "aarch64", ""),
@@ -125,9 +125,9 @@ def test_levels(tmp_path, monkeypatch, flags, machine, expected):
 
 
 def test_no_cpuinfo(tmp_path, monkeypatch):
-    monkeypatch.setattr(processor, "CPUINFO", tmp_path / "none")
-    monkeypatch.setattr(processor.platform, "machine", lambda: "x86_64")
-    assert processor.level.__wrapped__() == ""
+    monkeypatch.setattr(toolchain, "CPUINFO", tmp_path / "none")
+    monkeypatch.setattr(toolchain.platform, "machine", lambda: "x86_64")
+    assert toolchain.level.__wrapped__() == ""
 
 
 @pytest.mark.parametrize(
@@ -140,6 +140,6 @@ def test_no_cpuinfo(tmp_path, monkeypatch):
     ],
 )
 def test_vector_math(monkeypatch, library, machine, expected):
-    monkeypatch.setattr(processor.platform, "libc_ver", lambda: library)
-    monkeypatch.setattr(processor.platform, "machine", lambda: machine)
-    assert processor.has_vector_math() is expected
+    monkeypatch.setattr(toolchain.platform, "libc_ver", lambda: library)
+    monkeypatch.setattr(toolchain.platform, "machine", lambda: machine)
+    assert toolchain.has_vector_math() is expected

@@ -18,7 +18,7 @@ from rover_pin.simulation.model.model import Model, base_effects
 from rover_pin.simulation.model.motor import Motor
 from rover_pin.simulation.plain.step import Plain
 from rover_pin.simulation.simulate import simulate
-from rover_pin.simulation.start import relaxation
+from rover_pin.simulation.start import place
 from rover_pin.simulation.start.place import RESTS, SLIDES, Start, hovering, set_down, settled
 from rover_pin.simulation.state import roll_pitch_yaw
 from rover_pin.soil.traction import FORMS
@@ -169,4 +169,4 @@ def test_rover_starts_at_the_origin_along_x_by_default():
 def test_slip_columns_follow_the_states_of_preceding_effects(before, columns):
     slip, other = SimpleNamespace(states=("S", "S_y")), SimpleNamespace(states=("x",) * before)
     model = SimpleNamespace(contact_effects=(other, slip, other), slip=slip)
-    assert relaxation.slip_columns(model) == columns
+    assert place.slip_columns(model) == columns

@@ -22,7 +22,7 @@ np.savez(sys.argv[2], **case.drive().channels)
 @pytest.mark.slow
 def test_a_drive_without_vector_math_is_the_same(tmp_path):
     """What 100 steps make of other rounding stays below 1e-11 of what a channel reaches."""
-    from rover_pin.simulation.compiled.processor import has_vector_math, level
+    from rover_pin.simulation.compiled.toolchain import has_vector_math, level
 
     vectors = bool(level() and has_vector_math())
     code = DRIVE.replace("VECTORS", str(vectors))

@@ -15,8 +15,7 @@ from rover_pin.effects.point_mass import PointMass
 from rover_pin.effects.slip import SIDEWAYS_SHARE
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.compiled.kernel import Kernel
-from rover_pin.simulation.start.place import Start, hovering, settled
-from rover_pin.simulation.start.relaxation import LOCKED, Rest, _fields, relaxed
+from rover_pin.simulation.start.place import LOCKED, Rest, Start, _fields, hovering, relaxed, settled
 from rover_pin.terrain.terrain import HeightGrid
 from tests.simulation import plain_relaxation as plain
 

@@ -9,8 +9,7 @@ from scipy.optimize import brentq
 
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.outcome import soil_energy
-from rover_pin.simulation.outcome.shear_store import ShearStore, shear_store
-from rover_pin.simulation.outcome.soil_energy import spurious_energy
+from rover_pin.simulation.outcome.soil_energy import ShearStore, shear_store, spurious_energy
 from rover_pin.soil.traction import wheel_forces
 
 

@@ -10,9 +10,8 @@ from rover_pin.base.errors import DataError, OptimisationError, ParameterError
 from rover_pin.control.slip_control import Gains
 from rover_pin.simulation.trace.trace import Trace
 from rover_pin.tuning import evaluations
-from rover_pin.tuning.control import Control
 from rover_pin.tuning.drive_score import Cost, Score, score_trace
-from rover_pin.tuning.drives import FAILED, built, full_score, reduced_gradient, reduced_score
+from rover_pin.tuning.drives import FAILED, Control, built, full_score, reduced_gradient, reduced_score
 from rover_pin.tuning.evaluations import FILE, Evaluations, key_of
 from rover_pin.tuning.report import Drives, digest
 from rover_pin.tuning.study import DriveCase, Effort, SlipLaw, TuningStudy

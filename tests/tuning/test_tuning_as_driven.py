@@ -12,8 +12,7 @@ from rover_pin.base.errors import ParameterError
 from rover_pin.control.hole_law import HoleLaw
 from rover_pin.control.slip_control import HOLE_GAINS, Gains, load_gains, load_hole, save_gains
 from rover_pin.scenarios.scenario import scenario
-from rover_pin.tuning.control import Control
-from rover_pin.tuning.drives import built, drive_full, full_score
+from rover_pin.tuning.drives import Control, built, drive_full, full_score
 from rover_pin.tuning.study import DriveCase, SlipLaw, TuningStudy
 from rover_pin.tuning.study_file import read_tuning
 

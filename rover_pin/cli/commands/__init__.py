@@ -1,4 +1,4 @@
-"""Commands that `cli` adds to its own: one file each; what a command needs is imported when it runs.
+"""Commands that `cli` adds to its own: one file each, or two of a kind; what a command needs is imported when it runs.
 
 Their files postpone no annotations: typer would evaluate every one of those strings, several times, at every start.
 """
@@ -18,7 +18,6 @@ from rover_pin.cli.commands import (
     listing,
     map_ground,
     new_effect,
-    new_rover,
     view,
     watch,
 )
@@ -43,4 +42,4 @@ def add_to(app: typer.Typer) -> None:
     app.command()(demo.demo)
     app.command("import-log")(import_log.import_log)
     app.command("new-effect")(new_effect.new_effect)
-    app.command("new-rover")(new_rover.new_rover)
+    app.command("new-rover")(new_effect.new_rover)

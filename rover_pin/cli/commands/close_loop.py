@@ -39,8 +39,8 @@ def close_loop(
 
     from rover_pin.discrepancy.answer import answers_named
     from rover_pin.loop.close import close_the_loop
-    from rover_pin.report.first_screen import first_lines
     from rover_pin.report.labels import labels_of
+    from rover_pin.report.verdict_page import first_lines
 
     failing = answers_named(fail_on)
     say = (lambda message: None) if as_json else log.info

@@ -1,4 +1,4 @@
-"""`rover-pin new-effect`: the file of an effect of one's own, which runs as it stands, and the test of its contract."""
+"""`rover-pin new-effect`, `new-rover`: files to begin with, an effect and its test, or the TOML of a rover."""
 
 import re
 from enum import StrEnum
@@ -47,3 +47,36 @@ def new_effect(
     ]
     then = [f"pytest {paths[1]}", f"rover-pin close-loop DATA --effects {paths[0]}"]
     report({"files": paths, "next": then}, as_json)
+
+
+def new_rover(
+    urdf: Annotated[Path, typer.Argument(help="A rover's .urdf, or a .xacro.")],
+    out: Annotated[Path | None, typer.Option("--out", help="The TOML to write; beside the URDF.")] = None,
+    trust: Annotated[bool, typer.Option("--trust", help="Let a .xacro run the code that it holds.")] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Propose which joint of a URDF plays which part. Writes its TOML, every guess marked, and a picture with names."""
+    from rover_pin.base.trust import Trust
+    from rover_pin.rover.proposal.new_rover import new_rover as propose
+
+    result = propose(urdf, out, Trust(everything=trust))
+    proposal = result.proposal
+    wheels = {axle.name: " ".join(wheel.joint for wheel in axle.wheels) for axle in proposal.axles}
+    steering = {axle.name: " ".join(axle.steering) for axle in proposal.axles if axle.steering}
+    size = proposal.axles[0].wheels[0].size
+    facts = {
+        "wheels": wheels,
+        "wheel": f"r = {size.r:.3g} m, b = {size.b:.3g} m, from {size.source}",
+        "steering": steering or "none: it turns by its sides' speeds",
+        "suspension": {name: " ".join(joints) for name, joints in proposal.suspension.items()} or "none",
+        "differential": proposal.differential or "none",
+        "coupled": {joint: f"{ratio:+g} {leader}" for joint, (leader, ratio) in proposal.coupled.items()} or "none",
+        "held": ", ".join(proposal.held_joints) or "none",
+        "faults": list(result.report.faults),
+        "files": [str(file) for file in result.files],
+    }
+    toml = next(file for file in result.files if file.suffix == ".toml")
+    facts["next"] = f"look at what is marked GUESSED, then: rover-pin check-urdf {toml}"
+    report(facts, as_json)
+    if not result.report.ok:
+        raise typer.Exit(1)

@@ -14,7 +14,7 @@ from rover_pin.experiments.drive_log.experiment import DriveExperiment
 from rover_pin.experiments.drive_log.free_runs import extra_of
 from rover_pin.logs.drive_log import DriveLog
 from rover_pin.report.drive.runs import Sides
-from rover_pin.report.section import Section
+from rover_pin.report.page import Section
 from rover_pin.simulation.model.model import Model
 from rover_pin.simulation.trace.trace import Trace
 from rover_pin.view.page import page_of

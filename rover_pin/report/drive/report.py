@@ -21,7 +21,7 @@ from rover_pin.report.drive.ghost import ghosts
 from rover_pin.report.drive.residual import residual_section
 from rover_pin.report.drive.runs import Sides, effect_picture, residual_panels, telling_channels, words_of
 from rover_pin.report.headline import WORTH
-from rover_pin.report.section import AWAY, Picture, Row, Section, Table, before_and_after
+from rover_pin.report.page import AWAY, Picture, Row, Section, Table, before_and_after
 from rover_pin.report.verdict_page import write_verdict
 from rover_pin.report.words import Labels, listing, pair
 from rover_pin.simulation.model.implausible import implausible

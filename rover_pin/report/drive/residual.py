@@ -14,7 +14,7 @@ from rover_pin.experiments.unlisted.actions import GRIP, READING, VOLTAGE
 from rover_pin.experiments.unlisted.residual import DriveResidual
 from rover_pin.experiments.unlisted.term import Term
 from rover_pin.report.drive.runs import words_of
-from rover_pin.report.section import AWAY, Picture, Row, Section, Table
+from rover_pin.report.page import AWAY, Picture, Row, Section, Table
 from rover_pin.report.svg import AFTER
 from rover_pin.report.words import as_text
 

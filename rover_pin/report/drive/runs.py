@@ -14,7 +14,7 @@ from rover_pin.experiments.drive_log.experiment import DriveExperiment, logged
 from rover_pin.experiments.drive_log.features import BLOCK, DRIFT, HEADING, LEAK, PATH, SPEED
 from rover_pin.experiments.unlisted.actions import Scene
 from rover_pin.experiments.unlisted.residual import signals
-from rover_pin.report.section import Picture
+from rover_pin.report.page import Picture
 from rover_pin.report.svg import AFTER, BEFORE, GREY, NOISE
 from rover_pin.report.words import as_text
 from rover_pin.simulation.trace.channels import wheel_of

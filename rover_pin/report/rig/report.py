@@ -18,8 +18,8 @@ from rover_pin.experiments.wheel_rig.channel_residual import RigChannelResidual
 from rover_pin.experiments.wheel_rig.data import RigSet
 from rover_pin.experiments.wheel_rig.diagnostics import SIGNIFICANCE_LEVEL, FitDiagnostics, Flag, ResidualTest, RigExtra
 from rover_pin.measurements.wheel_rig import SAME_LOAD
+from rover_pin.report.page import AWAY, Picture, Row, Section, Table, before_and_after
 from rover_pin.report.rig.figures import Look, channel_panels, load_caption, looks, residual_panels
-from rover_pin.report.section import AWAY, Picture, Row, Section, Table, before_and_after
 from rover_pin.report.standalone.report import panels_of
 from rover_pin.report.verdict_page import write_verdict
 from rover_pin.report.words import Labels, capital, kinds_of, listing

@@ -1,8 +1,8 @@
 """What stands at the end of every report: warnings, the data check, and how to repeat it."""
 
 from rover_pin.discrepancy.verdict import Verdict
+from rover_pin.report.page import Section
 from rover_pin.report.reasons import opposing_reasons
-from rover_pin.report.section import Section
 from rover_pin.report.words import Labels, full, kinds_of, listing
 
 LISTED = "sections/listed.html"

@@ -12,7 +12,7 @@ from rover_pin.discrepancy.held_out import LOSES, ChannelScore
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.estimation.wording import Outcome, figure, format_value, got_worse
 from rover_pin.report.headline import MAX_NAMED_CHANNELS, by_outcome, worst
-from rover_pin.report.section import AWAY, Picture, Row, Section, Table
+from rover_pin.report.page import AWAY, Picture, Row, Section, Table
 from rover_pin.report.svg import AFTER, BEFORE, GREY
 from rover_pin.report.words import Labels, as_text
 

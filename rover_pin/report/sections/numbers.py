@@ -12,7 +12,7 @@ from rover_pin.estimation.numbers import Number
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.estimation.profile import CLEAR
 from rover_pin.estimation.wording import format_value
-from rover_pin.report.section import AWAY, CHOSEN, Row, Section, Table
+from rover_pin.report.page import AWAY, CHOSEN, Row, Section, Table
 
 
 def numbers_section(verdict: Verdict) -> Section | None:

@@ -12,7 +12,7 @@ from rover_pin.effects.names import meaning_of, title_of
 from rover_pin.estimation.experiment import Experiment
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.wording import format_value
-from rover_pin.report.section import Row, Section, Table
+from rover_pin.report.page import Row, Section, Table
 from rover_pin.report.sections.numbers import interval
 from rover_pin.report.words import Labels, brief, capital
 

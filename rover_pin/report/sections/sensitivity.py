@@ -11,7 +11,7 @@ from rover_pin.estimation.profile import CLEAR
 from rover_pin.estimation.wording import format_value
 from rover_pin.inference.beliefs import Beliefs, Hypothesis
 from rover_pin.inference.cause import SIZE_SD, Cause
-from rover_pin.report.section import Row, Section, Table
+from rover_pin.report.page import Row, Section, Table
 from rover_pin.report.words import Labels, full, kinds_of, model_with, two_digits
 
 OPEN = 0.9

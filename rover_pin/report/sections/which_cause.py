@@ -9,7 +9,7 @@ from rover_pin.estimation.profile import NORMAL_95
 from rover_pin.estimation.wording import format_value, interval
 from rover_pin.inference.beliefs import LEAST, Beliefs
 from rover_pin.report.headline import MAX_NAMED_CHANNELS
-from rover_pin.report.section import CHOSEN, Picture, Row, Section, Table
+from rover_pin.report.page import CHOSEN, Picture, Row, Section, Table
 from rover_pin.report.sections.sensitivity import is_threshold, unit_of
 from rover_pin.report.svg import AFTER, GREY
 from rover_pin.report.words import Labels, as_text, capital, full, human, kinds_of, listing

@@ -11,7 +11,7 @@ from rover_pin.effects.names import display_name
 from rover_pin.estimation.experiment import Experiment
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.wording import in_words
-from rover_pin.report.section import Picture
+from rover_pin.report.page import Picture
 from rover_pin.report.svg import AFTER, BEFORE
 from rover_pin.report.verdict_page import write_verdict
 from rover_pin.report.words import Labels, as_text, key, kinds_of, listing

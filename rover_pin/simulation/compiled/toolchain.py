@@ -1,5 +1,6 @@
-"""Compile generated C once and keep the result."""
+"""Compile generated C once for this processor, and keep the result in a folder that is cleared of what is old."""
 
+import contextlib
 import ctypes
 import errno
 import hashlib
@@ -9,14 +10,14 @@ import os
 import platform
 import subprocess
 import sys
-from collections.abc import Mapping, Sequence
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from functools import lru_cache
 from pathlib import Path
 
-from rover_pin.base.errors import MissingExtraError
-from rover_pin.base.files.private_folders import private_folders
+from rover_pin.base.errors import CacheError, MissingExtraError
+from rover_pin.base.files.private_folders import HINT, private_folders
 from rover_pin.base.jobs.safe_environment import bound_memory, program, safe_environment
-from rover_pin.simulation.compiled.library_cache import built, cached_library
-from rover_pin.simulation.compiled.processor import has_vector_math, level
 
 log = logging.getLogger(__name__)
 FLAGS = ("-O3", "-fPIC", "-shared", "-fno-math-errno", "-ffp-contract=off")
@@ -96,3 +97,73 @@ def _compiled(command: list[str], sources: Mapping[str, str], place: Path, fast:
         why = [line for line in lines if "error" in line][:1] or lines[-1:]
         raise MissingExtraError(f"The C compiler {' '.join(command)} failed: {why}; set CC to one that works.")
     return library
+
+
+X86_LEVELS = {
+    "x86-64-v4": "avx512f avx512bw avx512cd avx512dq avx512vl avx2 bmi1 bmi2 fma f16c abm movbe",
+    "x86-64-v3": "avx2 bmi1 bmi2 fma f16c abm movbe",
+}
+"""Feature levels of the x86-64 psABI, the highest first, and what each needs of /proc/cpuinfo's flags."""
+CPUINFO = Path("/proc/cpuinfo")
+VECTOR_MATH = (2, 35)
+"""The glibc whose libmvec has every function that laws use, on x86-64."""
+
+
+@lru_cache(maxsize=1)
+def level() -> str:
+    """Return the highest feature level that this processor has, or nothing where only the plain one is known."""
+    if platform.machine() not in ("x86_64", "AMD64"):
+        return ""
+    try:
+        lines = CPUINFO.read_text(encoding="utf-8", errors="replace").splitlines()
+    except OSError:
+        return ""
+    flags = next((set(line.split(":", 1)[1].split()) for line in lines if line.startswith("flags")), set())
+    return next((name for name, needs in X86_LEVELS.items() if flags.issuperset(needs.split())), "")
+
+
+def has_vector_math() -> bool:
+    """Return whether the C library has the elementary functions for vectors (libmvec)."""
+    name, version = platform.libc_ver()
+    if name != "glibc" or platform.machine() not in ("x86_64", "AMD64"):
+        return False
+    return tuple(int(part) for part in version.split(".")[:2]) >= VECTOR_MATH
+
+
+def cached_library(folder: Path, stem: str) -> ctypes.CDLL | None:
+    """Return the library of this stem, or None; one that is not as it was made, or does not load, is removed."""
+    for file in sorted(folder.glob(f"{stem}-*.so")):
+        with contextlib.suppress(OSError):
+            if file == _named(folder, stem, file.read_bytes()):
+                return ctypes.CDLL(str(file))
+        with contextlib.suppress(OSError):
+            file.unlink()
+    return None
+
+
+def built(folders: Sequence[Path], stem: str, make: Callable[[Path], Path]) -> ctypes.CDLL:
+    """Return the library whose file `make(folder)` writes, kept in the first folder that takes it.
+
+    Its name has the digest of its content, so one step puts both in place, whoever else builds it meanwhile.
+
+    Raises CacheError: no folder takes it, or it cannot be loaded.
+    """
+    troubles = []
+    for folder in folders:
+        try:
+            return ctypes.CDLL(str(_placed(folder, stem, make)))
+        except OSError as error:
+            troubles.append(f"{folder}: {error.strerror or error}")
+    raise CacheError(f"Compiled code cannot be kept or loaded ({'; '.join(troubles)}): {HINT}.")
+
+
+def _placed(folder: Path, stem: str, make: Callable[[Path], Path]) -> Path:
+    with tempfile.TemporaryDirectory(dir=folder) as place:
+        compiled = make(Path(place))
+        file = _named(folder, stem, compiled.read_bytes())
+        os.replace(compiled, file)
+    return file
+
+
+def _named(folder: Path, stem: str, content: bytes) -> Path:
+    return folder / f"{stem}-{hashlib.sha256(content).hexdigest()[:32]}.so"
