@@ -19,9 +19,9 @@ ROOMS = ("version", "base", "contact", "parameters", "soil", "effects", "terrain
 """From the bottom up: a room imports itself and what is below it."""
 BUDGETS = {"base": 2684, "parameters": 337, "soil": 971, "effects": 2321, "terrain": 1508, "rover": 3786,
            "simulation": 7433, "logs": 3803, "control": 5252, "estimation": 1987, "inference": 2029,
-           "measurements": 1910, "discrepancy": 2013, "experiments": 8771, "scenarios": 1036,
-           "view": 1187, "report": 2364, "loop": 1250, "demo": 352, "plot": 949, "sweep": 1199, "tuning": 2303,
-           "comparison": 846, "cli": 1811}  # fmt: skip
+           "measurements": 1915, "discrepancy": 2020, "experiments": 8760, "scenarios": 1036,
+           "view": 1187, "report": 2350, "loop": 1250, "demo": 352, "plot": 949, "sweep": 1199, "tuning": 2304,
+           "comparison": 844, "cli": 1811}  # fmt: skip
 """Lines that a room may have. One that is full is made simpler, or its budget is argued for in the same change."""
 NO_ROVER = ("estimation", "inference", "discrepancy")
 """Rooms that know nothing of rovers, soils or files: what they work on is an abstract experiment."""

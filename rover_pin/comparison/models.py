@@ -9,15 +9,13 @@ from rover_pin.base.trust import Trust
 from rover_pin.comparison.side import ABSENT, Comparison, Row, Side, Value, differences, number_rows, word_rows
 from rover_pin.effects.names import title_of
 from rover_pin.effects.soil_traction import SoilTraction
+from rover_pin.estimation.wording import MAX_LISTED
 from rover_pin.experiments.drive_log.parameters import owner_name
 from rover_pin.experiments.wheel_rig.model import RigModel
 from rover_pin.experiments.wheel_rig.model import read_model as read_rig_model
 from rover_pin.simulation.model.model import Model
 from rover_pin.simulation.model.toml_file import is_rig_model, read_model
 from rover_pin.terrain.shapes import flat
-
-MAX_NAMED_NUMBERS = 3
-"""Numbers that the sentence names."""
 
 
 def read_side(path: Path, trust: Trust) -> Side:
@@ -77,6 +75,6 @@ def _numbers(rows: tuple[Row, ...]) -> str:
     shared = sum(ABSENT not in (row.first, row.second) and not row.name.startswith("effect ") for row in rows)
     if not both:
         return f"None of the {shared} numbers that both have differs."
-    named = "; ".join(f"{row.name} {row.first} -> {row.second}" for row in both[:MAX_NAMED_NUMBERS])
-    more = f" and {len(both) - MAX_NAMED_NUMBERS} more" if len(both) > MAX_NAMED_NUMBERS else ""
+    named = "; ".join(f"{row.name} {row.first} -> {row.second}" for row in both[:MAX_LISTED])
+    more = f" and {len(both) - MAX_LISTED} more" if len(both) > MAX_LISTED else ""
     return f"Of {shared} numbers that both have {len(both)} differ: {named}{more}."

@@ -24,6 +24,7 @@ from rover_pin.estimation.parameter import Parameter
 from rover_pin.estimation.profile import NORMAL_95
 from rover_pin.estimation.random_effects.learnt_noise import with_learnt_noise
 from rover_pin.estimation.task import Task
+from rover_pin.estimation.wording import MAX_LISTED
 from rover_pin.inference.beliefs import Beliefs, Hypothesis
 from rover_pin.inference.cause import reading_error
 from rover_pin.inference.explore import Explorer
@@ -35,8 +36,6 @@ from rover_pin.inference.weighed_anew import chosen_without, errors_without
 LOOSE = 2.0
 """How many times as far as its starts a number may lie that nobody declares: k and k_1 within a factor of 25, phi
 within half its range."""
-MAX_OTHERS = 3
-"""Sets beside the first whose held-out errors are listed."""
 
 
 def concluded(question: Question, progress: Progress, seed: int = 0) -> Verdict:
@@ -211,5 +210,5 @@ def _strained(after: Side, reading: Reading) -> tuple[str, ...]:
 
 def _others(beliefs: Beliefs, reading: Reading) -> dict[str, dict[str, float]]:
     """Return the held-out errors by channel of the sets beside the first."""
-    others = {names: beliefs.best(names) for names in reading.sets[1 : 1 + MAX_OTHERS] if names}
+    others = {names: beliefs.best(names) for names in reading.sets[1 : 1 + MAX_LISTED] if names}
     return {" + ".join(names): fold_errors(rival.fit) for names, rival in others.items() if rival.is_fitted}

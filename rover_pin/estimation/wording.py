@@ -16,6 +16,8 @@ NEARLY = 0.8
 """Share of what is allowed of a number from which its interval says nothing of it."""
 NO_SPREAD = 1e-9
 """Data do not identify an SD, or an interval's width, below this share of the number, or of one unit of a size."""
+MAX_LISTED = 3
+"""Things of a kind that a sentence, or the table beside it, lists; of more, the first."""
 NOT_PREDICTED = "not predicted"
 READERS_UNITS = {"rad": (180 / math.pi, "deg"), "m": (1e3, "mm"), "Pa": (1e-3, "kPa"), "Pa/m^n": (1e-3, "kPa/m^n")}
 PREFIXED = re.compile(r"(A|N|V|W|s|m|rad|ohm)\b(?!\^)")

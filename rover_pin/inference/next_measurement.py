@@ -21,6 +21,7 @@ from rover_pin.estimation.experiment import Experiment
 from rover_pin.estimation.gauss_newton import slopes_at
 from rover_pin.estimation.noise import Noise
 from rover_pin.estimation.task import Task
+from rover_pin.estimation.wording import MAX_LISTED
 from rover_pin.inference.beliefs import Beliefs, Hypothesis
 
 SURE, MIN_SETS, MAX_SETS = 0.95, 2, 8
@@ -30,8 +31,6 @@ CLOSER = 4
 HALF, LEAST = 0.5, 0.01
 """Share of what all channels would tell from which those that are measured do; of what is open, from which a run is
 worth a word."""
-MAX_LISTED = 3
-"""Sets that a sentence lists."""
 
 
 @brief

@@ -113,6 +113,11 @@ class WheelRig:
         object.__setattr__(self, "slip_angle", column(angle, ANGLE, self.name))
 
     @property
+    def loads_vary(self) -> bool:
+        """Whether the loads differ enough to tell what depends on them."""
+        return bool(np.max(self.load) >= SAME_LOAD * np.min(self.load))
+
+    @property
     def askew(self) -> np.ndarray:
         """Which runs have a slip angle [points]."""
         return np.abs(np.asarray(self.slip_angle)) > STRAIGHT

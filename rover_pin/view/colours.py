@@ -1,4 +1,4 @@
-"""Heights as shades, and the colours of slip: blue where a wheel brakes, pale where it rolls, to dark red where it spins.
+"""Heights as shades, and colours of slip: blue where a wheel brakes, pale where it rolls, to dark red where it spins.
 
 They differ in lightness too, so that they are distinct without colours.
 """

@@ -11,7 +11,6 @@ from rover_pin.estimation.wording import NOISE_LIKE
 from rover_pin.experiments.wheel_rig.data import RigSet
 from rover_pin.experiments.wheel_rig.similarity import slip_of_travel
 from rover_pin.measurements.channel import RigChannel
-from rover_pin.measurements.wheel_rig import SAME_LOAD
 
 DEGREES = 3
 """Highest power of the slip in a description: of the whole travel, as channels over load collapse on r omega / V."""
@@ -104,7 +103,7 @@ def _describe(data: RigSet, channel: RigChannel, residual: np.ndarray) -> RigCha
         residual[is_measured],
     )
     missing = residual * sd
-    varies = all_loads.max() >= SAME_LOAD * all_loads.min()
+    varies = data.rig.loads_vary
     share = load / all_loads.mean() - 1
     angle = np.asarray(data.rig.slip_angle)[is_measured]
     weight = (np.sin(angle) if channel.is_sideways else 1.0) / sd

@@ -9,7 +9,7 @@ from rover_pin.experiments.wheel_rig.runs import RigRuns
 from rover_pin.measurements.channel import RIG_CHANNELS, RigChannel
 from rover_pin.measurements.checks import Finding
 from rover_pin.measurements.rig_physics import refuse_impossible, suspicions
-from rover_pin.measurements.wheel_rig import SAME_LOAD, SAME_SLIP, STRAIGHT
+from rover_pin.measurements.wheel_rig import SAME_SLIP, STRAIGHT
 
 FEWEST_LEVELS = 3
 """Levels with which an effect that depends on slip can be held out and distinguished from a constant."""
@@ -87,7 +87,7 @@ def findings(data: RigSet) -> list[Finding]:
         set_findings.append(
             Finding(f"{kind.name} was not measured", data.place(kind.column), "effects that it alone shows stay hidden")
         )
-    if np.max(rig.load) < SAME_LOAD * np.min(rig.load):
+    if not rig.loads_vary:
         what = f"all loads are alike ({np.min(rig.load):.3g} to {np.max(rig.load):.3g} N)"
         set_findings.append(
             Finding(

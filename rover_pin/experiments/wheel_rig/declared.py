@@ -13,7 +13,6 @@ from rover_pin.experiments.wheel_rig.model import ASKEW, PAPER, RigModel
 from rover_pin.experiments.wheel_rig.presets import known_trench
 from rover_pin.experiments.wheel_rig.pressings import PRESSING, PRESSING_SD
 from rover_pin.measurements.channel import DrawbarPull, SideForce, Sinkage, Torque, VerticalMoment
-from rover_pin.measurements.wheel_rig import SAME_LOAD
 
 TARE, SCALE = 0.1, 0.05
 """SD of an offset that nobody states, as a share of the channel's largest value, and of a scale: cells are sure to 1 %,
@@ -79,17 +78,17 @@ class SetNumbers:
 
     def _assumed(self) -> Iterator[Parameter]:
         """Yield the uncertain soil constants, as if nothing were stated of them."""
-        kinds, load, soil = {type(channel) for channel in self.data.rig.channels}, self.data.rig.load, self.model.soil
+        rig, soil = self.data.rig, self.model.soil
+        kinds = {type(channel) for channel in rig.channels}
         if kinds & {DrawbarPull, Torque}:
             yield unknown_constant("soil", soil, "k")
             yield unknown_constant("soil", soil, "phi")
         if Sinkage in kinds:
             yield unknown_constant("soil", soil, "k_1")
         yield replace(self._of_soil("exit_ratio"), low=0.0, high=MAX_EXIT_RATIO)
-        varied = np.max(load) >= SAME_LOAD * np.min(load)
-        if varied or self.data.trials:
+        if rig.loads_vary or self.data.trials:
             yield self._of_soil("n")
-        if varied:
+        if rig.loads_vary:
             yield self._of_soil("c", float(soil.c))
 
     def _of_soil(self, name: str, least_sd: float = 0.0) -> Parameter:

@@ -13,7 +13,6 @@ from rover_pin.estimation.wording import Against, against, format_value, interva
 from rover_pin.experiments.wheel_rig.channel_residual import RigChannelResidual, channel_residuals
 from rover_pin.experiments.wheel_rig.data import Independent, RigSet
 from rover_pin.experiments.wheel_rig.model import RigModel
-from rover_pin.measurements.wheel_rig import SAME_LOAD
 
 DRAWS = 1999
 """Permutations of a test: the least p-value is 1 / 2000."""
@@ -45,23 +44,21 @@ def residual_tests(data: RigSet, residual: np.ndarray, seed: int) -> tuple[Resid
     of the rows; and of each residual with that of the run next to it in slip, and with that of the next run: whiteness.
     The p-values are two-sided, by permuting the residuals.
     """
-    load = np.asarray(data.rig.load)
-    varies = bool(load.max() >= SAME_LOAD * load.min())
     return tuple(
         ResidualTest(channel.name, name, *_tested(row[channel.has_value], statistic, seed))
         for channel, row in zip(data.rig.channels, residual, strict=True)
-        for name, statistic in _statistics(data, channel.has_value, varies).items()
+        for name, statistic in _statistics(data, channel.has_value).items()
     )
 
 
 Statistic = Callable[..., np.ndarray]
 
 
-def _statistics(data: RigSet, is_measured: np.ndarray, varies: bool) -> dict[str, Statistic]:
+def _statistics(data: RigSet, is_measured: np.ndarray) -> dict[str, Statistic]:
     """Return what the residuals of these runs are tested with."""
     slip, load = np.asarray(data.rig.slip)[is_measured], np.asarray(data.rig.load)[is_measured]
     against = {"slip": slip, SLIP_SQUARED: _curvature(slip), ORDER: np.arange(slip.size, dtype=float)}
-    if varies:
+    if data.rig.loads_vary:
         against["load"] = load
     statistics = {name: _with(values) for name, values in against.items()}
     order = {NEIGHBOURS: np.argsort(slip, kind="stable"), NEXT_RUN: np.arange(slip.size)}

@@ -15,7 +15,6 @@ from rover_pin.experiments.wheel_rig.declared import own_name
 from rover_pin.experiments.wheel_rig.model import RigModel, RigPredictor, conditions, predictor, uncarried
 from rover_pin.experiments.wheel_rig.pressings import PRESSED, log_force_sds, log_forces, places, pressed_in
 from rover_pin.measurements.channel import RIG_CHANNELS
-from rover_pin.measurements.wheel_rig import SAME_LOAD
 
 MIXED = 0.5
 """Share of runs after one of their own level from which drift cannot be distinguished from what levels share."""
@@ -97,7 +96,7 @@ class RigRuns:
         """What was set (levels, runs of a level, inputs): slip, and slip angle and load where they differ."""
         rig = self.data.rig
         rows = [rig.slip, *([rig.slip_angle] if rig.askew.any() else [])]
-        rows += [rig.load] if np.max(rig.load) >= SAME_LOAD * np.min(rig.load) else []
+        rows += [rig.load] if rig.loads_vary else []
         return np.moveaxis(self.table(np.array(rows)), 1, 2)
 
     @property

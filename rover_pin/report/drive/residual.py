@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from rover_pin.discrepancy.verdict import Verdict
-from rover_pin.estimation.wording import in_words
+from rover_pin.estimation.wording import MAX_LISTED, in_words
 from rover_pin.experiments.drive_log.free_runs import extra_of
 from rover_pin.experiments.unlisted.actions import GRIP, READING, VOLTAGE
 from rover_pin.experiments.unlisted.residual import DriveResidual
@@ -18,8 +18,6 @@ from rover_pin.report.page import AWAY, Picture, Row, Section, Table
 from rover_pin.report.svg import AFTER
 from rover_pin.report.words import as_text
 
-TERMS = 3
-"""Terms whose curves are drawn."""
 MAX_RESIDUAL_CHANNELS = 12
 """Channels whose residual is listed."""
 
@@ -29,7 +27,7 @@ def residual_section(verdict: Verdict) -> Section | None:
     residual = extra_of(verdict).residual
     if residual is None:
         return None
-    terms = tuple(Row((f"it {term.description}", *_gains(term))) for term in residual.terms[:TERMS])
+    terms = tuple(Row((f"it {term.description}", *_gains(term))) for term in residual.terms[:MAX_LISTED])
     heads = ("what is left", "gain in chi2", "chance", "on runs left out", "net gain")
     content = {
         "left": residual.description,
@@ -48,7 +46,7 @@ def _picture(residual: DriveResidual) -> Picture:
         "What acts, times a function of what it depends on, as estimated from measured - model; shaded: one SD. "
         "Net gain: what it takes beyond chance, no more than on runs on which it was not fitted."
     )
-    return Picture(term_panels(residual.terms[:TERMS]), alt, caption)
+    return Picture(term_panels(residual.terms[:MAX_LISTED]), alt, caption)
 
 
 def _gains(term: Term) -> tuple[str, ...]:

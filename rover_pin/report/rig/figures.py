@@ -79,7 +79,7 @@ def _curves(model: RigModel, data: RigSet, channel: RigChannel) -> Iterator[Curv
 def _loads(data: RigSet) -> list[tuple[float | None, str]]:
     """Return the loads of curves: three where several were set, else that of the points at each slip."""
     load = np.asarray(data.rig.load)
-    if load.max() < SAME_LOAD * load.min() or not _set_apart(data):
+    if not data.rig.loads_vary or not _set_apart(data):
         return [(None, "")]
     return [
         (float(drawn_load), f"{drawn_load:.3g} N")

@@ -17,7 +17,6 @@ from rover_pin.experiments.rig_sets.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.channel_residual import RigChannelResidual
 from rover_pin.experiments.wheel_rig.data import RigSet
 from rover_pin.experiments.wheel_rig.diagnostics import SIGNIFICANCE_LEVEL, FitDiagnostics, Flag, ResidualTest, RigExtra
-from rover_pin.measurements.wheel_rig import SAME_LOAD
 from rover_pin.report.page import AWAY, Picture, Row, Section, Table, before_and_after
 from rover_pin.report.rig.figures import Look, channel_panels, load_caption, looks, residual_panels
 from rover_pin.report.standalone.report import panels_of
@@ -176,7 +175,7 @@ def meanings(data: RigSet) -> dict[str, str]:
     """Return the meaning of every level by its name: 'S = 0.5', with slip angle and load where they differ."""
     rig = data.rig
     angled = bool(np.ptp(rig.slip_angle) > 1e-3)
-    loaded = _several_loads(data)
+    loaded = data.rig.loads_vary
     descriptions = {}
     for number, name in enumerate(data.level_names):
         at = data.level == number
@@ -190,11 +189,6 @@ def meanings(data: RigSet) -> dict[str, str]:
 
 def _slip(slip: float) -> str:
     return f"{0.0 if abs(slip) < LEVEL else slip:.2g}"
-
-
-def _several_loads(data: RigSet) -> bool:
-    load = np.asarray(data.rig.load)
-    return bool(load.max() >= SAME_LOAD * load.min())
 
 
 STABLE = 0.8

@@ -11,7 +11,7 @@ from rover_pin.discrepancy.verdict import Side, Verdict
 from rover_pin.effects.names import meaning_of, title_of
 from rover_pin.estimation.experiment import Experiment
 from rover_pin.estimation.fit import Fit
-from rover_pin.estimation.wording import format_value
+from rover_pin.estimation.wording import MAX_LISTED, format_value
 from rover_pin.report.page import Row, Section, Table
 from rover_pin.report.sections.numbers import interval
 from rover_pin.report.words import Labels, brief, capital
@@ -68,8 +68,6 @@ def _numbers(effect: Any, owner: str, side: Side) -> Table:
 
 SMALL = 1.0
 """SDs of its noise below which what an effect does to a channel is not worth a word."""
-MAX_DESCRIBED_CHANNELS = 3
-"""Channels that are said."""
 
 
 class Size(NamedTuple):
@@ -117,9 +115,5 @@ def channel_changes(fitted: Fit, owner: str) -> list[Size]:
 
 def practical(fitted: Fit, owner: str, labels: Labels) -> str:
     """Return in one sentence what an effect does to the channels where it does most; empty where to none."""
-    clauses = [
-        size.describe(labels)
-        for size in channel_changes(fitted, owner)[:MAX_DESCRIBED_CHANNELS]
-        if size.in_noise >= SMALL
-    ]
+    clauses = [size.describe(labels) for size in channel_changes(fitted, owner)[:MAX_LISTED] if size.in_noise >= SMALL]
     return f"With it {'; '.join(clauses)}." if clauses else ""

@@ -19,8 +19,8 @@ Remarks = Iterator[tuple[str, str]]
 BLOCK = 1.0
 """Length of a block [s]: a tracker's 1.5 mm at 25 Hz then gives the speed within 1 mm/s."""
 
-LEAST_SAMPLES = 5
-"""Samples that a block has at least; blocks of a slower log are longer."""
+AT_LEAST = 5
+"""Samples of a block, and blocks, that a judgement needs; blocks of a slower log are longer."""
 
 ROLLING = 0.3
 """Mean rim speed over mean size of rim speed, below which a rover turns rather than drives."""
@@ -66,7 +66,7 @@ class Driven:
     @cached_property
     def length(self) -> float:
         """Length of a block [s]."""
-        return max(BLOCK, LEAST_SAMPLES * self.period)
+        return max(BLOCK, AT_LEAST * self.period)
 
     @cached_property
     def block(self) -> np.ndarray:

@@ -3,8 +3,7 @@
 import numpy as np
 
 from rover_pin.experiments.drive_log.checks.columns import longest_run
-from rover_pin.experiments.drive_log.checks.driven import Driven, Remarks, degrees
-from rover_pin.experiments.drive_log.checks.units import AT_LEAST
+from rover_pin.experiments.drive_log.checks.driven import AT_LEAST, Driven, Remarks, degrees
 from rover_pin.experiments.drive_log.readings.outliers import pose_outliers, without_poses
 from rover_pin.simulation.model.motor import Motor
 from rover_pin.simulation.trace.channels import unit_of

@@ -5,8 +5,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from rover_pin.experiments.drive_log.checks.driven import Driven, Remarks, degrees
-from rover_pin.experiments.drive_log.checks.units import AT_LEAST
+from rover_pin.experiments.drive_log.checks.driven import AT_LEAST, Driven, Remarks, degrees
 
 OPPOSITE = -0.5
 """Correlation about zero from which two channels run against each other."""

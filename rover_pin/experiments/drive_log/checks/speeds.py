@@ -4,8 +4,7 @@ import math
 
 import numpy as np
 
-from rover_pin.experiments.drive_log.checks.driven import Driven, Remarks
-from rover_pin.experiments.drive_log.checks.units import AT_LEAST
+from rover_pin.experiments.drive_log.checks.driven import AT_LEAST, Driven, Remarks
 
 TIMES = 2.0
 """A velocity this many times that of the tracked place, or its inverse, is in another unit."""

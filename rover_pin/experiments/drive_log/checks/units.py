@@ -4,13 +4,10 @@ import math
 
 import numpy as np
 
-from rover_pin.experiments.drive_log.checks.driven import Driven, Remarks
+from rover_pin.experiments.drive_log.checks.driven import AT_LEAST, Driven, Remarks
 
 SLOWEST_SAMPLING = 1.0
 """Samples further apart [s] tell nothing of a drive, and milliseconds taken for seconds are."""
-
-AT_LEAST = 5
-"""Blocks that a judgement needs."""
 
 FACTORS = {
     60.0 / (2.0 * math.pi): ("the wheel rates look like rpm", "give rad/s: multiply them by 2 pi / 60"),

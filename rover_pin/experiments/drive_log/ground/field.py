@@ -23,7 +23,7 @@ KINDS = (GRIP, SLOPE, GRIP_OF_RUN, SLOPE_OF_RUN)
 SPACING = 0.12
 """Distance of the places between which grip and slope change evenly [m], for the paper's wheels: about their size."""
 MOST = 12
-"""Places of one run at most; on a longer way they are further apart."""
+"""Places, or times, of one run at most; in a longer one they are further apart."""
 
 
 class Driven(Protocol):

@@ -5,12 +5,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from rover_pin.estimation.noise import MOST_MEMORY
+from rover_pin.experiments.drive_log.checks.driven import AT_LEAST
 from rover_pin.experiments.drive_log.features import BLOCK, DRIFT, HEADING, PATH, SPEED, LoggedRun
 from rover_pin.logs.declared_noise import SAMPLE_PERIOD, kind_of
 from rover_pin.simulation.replay import PERIOD
-
-FEWEST = 5
-"""Samples of a block from which their scatter about a line is estimated."""
 
 
 def scatter(runs: Sequence[LoggedRun], channels: Sequence[str]) -> np.ndarray:
@@ -34,7 +32,7 @@ def _floor(rows: Sequence[tuple[LoggedRun, np.ndarray]]) -> float:
     length = 0
     for run, row in rows:
         length = max(1, round(BLOCK / run.commands.period))
-        if length < FEWEST:
+        if length < AT_LEAST:
             return float("nan")
         count = len(row) // length
         parts = row[: count * length].reshape(count, length)[run.usable[:count]]

@@ -11,6 +11,7 @@ import numpy as np
 
 from rover_pin.estimation.random_effects.random_field import Kind
 from rover_pin.experiments.drive_log.features import DRIFT, HEADING, PATH, LoggedRun, blocks, leaky, levelled
+from rover_pin.experiments.drive_log.ground.field import MOST
 
 PLACE = Kind("wander of the tracked place", 0.002, "m")
 HEIGHT = Kind("wander of the tracked height", 0.002, "m")
@@ -20,8 +21,6 @@ TRACKER = (PLACE, HEIGHT, COURSE, TILT)
 OF = {PATH: PLACE, DRIFT: PLACE, HEADING: COURSE, "body_z": HEIGHT, "body_roll": TILT, "body_pitch": TILT}
 SPACING = 4.0
 """Time between which a tracker wanders evenly [s] (assumed: drifts of seconds, as of light and temperature)."""
-MOST = 12
-"""Times of one run at most; in a longer one they are further apart."""
 
 
 def tracker_columns(
