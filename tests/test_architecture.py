@@ -17,8 +17,8 @@ ROOMS = ("version", "base", "contact", "parameters", "soil", "effects", "terrain
          "scenarios", "view", "report", "loop", "demo", "plot", "sweep", "tuning", "comparison", "cli",
          "__main__")  # fmt: skip
 """From the bottom up: a room imports itself and what is below it."""
-BUDGETS = {"base": 2684, "parameters": 337, "soil": 971, "effects": 2321, "terrain": 1508, "rover": 3786,
-           "simulation": 7433, "logs": 3803, "control": 5252, "estimation": 1987, "inference": 2029,
+BUDGETS = {"base": 2684, "parameters": 337, "soil": 983, "effects": 2321, "terrain": 1508, "rover": 3786,
+           "simulation": 7433, "logs": 3803, "control": 5253, "estimation": 1987, "inference": 2029,
            "measurements": 1915, "discrepancy": 2020, "experiments": 8760, "scenarios": 1036,
            "view": 1187, "report": 2350, "loop": 1250, "demo": 352, "plot": 949, "sweep": 1199, "tuning": 2304,
            "comparison": 844, "cli": 1811}  # fmt: skip

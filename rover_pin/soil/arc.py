@@ -2,21 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import casadi as ca
 
-from rover_pin.contact import Scalar, Soil, Wheel
+from rover_pin.contact import Scalar
 from rover_pin.soil.quadrature import Graded
-from rover_pin.soil.stress import mobilised, modulus
-
-Mobilised = Callable[[Scalar, Scalar], Scalar]
-"""The share of the shear strength in use, of s = theta_1 - theta and sin theta_1 - sin theta."""
-
-
-LEAST_DEPTH = 1e-300
-"""Of sinkage over radius, below which the stress is level."""
+from rover_pin.soil.stress import Mobilised, relative_stress
 
 
 class Arc(NamedTuple):
@@ -32,27 +24,6 @@ class Arc(NamedTuple):
         return Arc(*(mine + theirs for mine, theirs in zip(self, arc, strict=True)))
 
 
-def shear_law(ratio: Scalar, wheel: Wheel, soil: Soil) -> Mobilised:
-    """Return the share of the strength in use at v / (r omega) = ratio, Eq (2)."""
-    stiffness = wheel.r / soil.k
-    return lambda s, rise: mobilised(stiffness * (s - ratio * rise))
-
-
-def full_shear(s: Scalar, rise: Scalar) -> Scalar:
-    """Return 1: all of the strength is in use, the limit k -> 0 of Eq (2) at any driving slip."""
-    return 1.0
-
-
-def stress_scale(wheel: Wheel, soil: Soil) -> Scalar:
-    """Return (k_1 + k_2 b) (r / b)^n [Pa]: sigma = this times (cos theta - cos theta_1)^n."""
-    return modulus(wheel, soil) * (wheel.r / wheel.b) ** soil.n
-
-
-def strength(wheel: Wheel, soil: Soil) -> tuple[Scalar, Scalar, Scalar]:
-    """Return c per unit of `stress_scale`, tan phi and n, as `integrate` takes them."""
-    return soil.c / stress_scale(wheel, soil), ca.tan(soil.phi), soil.n
-
-
 def integrate(
     theta_1: Scalar, start: Scalar, end: Scalar, law: Mobilised, strength: tuple[Scalar, Scalar, Scalar], rule: Graded
 ) -> Arc:
@@ -65,9 +36,9 @@ def integrate(
     Parameters
     ----------
     law : Mobilised
-        `shear_law(...)` or `full_shear`.
+        `stress.shear_law(...)` or `stress.full_shear`.
     strength : tuple
-        From `strength(wheel, soil)`; the integrals are returned per unit of `stress_scale`.
+        From `stress.strength(wheel, soil)`; the integrals are returned per unit of `stress_scale`.
     """
     cohesion, friction, n = strength
     cos_1, sin_1 = ca.cos(theta_1), ca.sin(theta_1)
@@ -78,8 +49,7 @@ def integrate(
         chord = 2 * ca.sin(half)
         depth, rise = ca.sin(theta_1 - half) * chord, ca.cos(theta_1 - half) * chord
         cos, sin = cos_1 + depth, sin_1 - rise
-        # the derivative needs no second power, and a stretch of no length at an end of the arc must not take log(0)
-        sigma = ca.exp(n * ca.log(ca.fmax(depth, LEAST_DEPTH)))
+        sigma = relative_stress(depth, n)
         tau = weight * (cohesion + friction * sigma) * law(2 * half, rise)
         total = total.plus(Arc(weight * sigma * cos, tau, tau * cos, tau * sin))
     return Arc(*(2 * half_length * part for part in total))

@@ -4,8 +4,9 @@ import casadi as ca
 
 from rover_pin.contact import Scalar, Soil, Wheel
 from rover_pin.soil.angles import SinkageAngles
-from rover_pin.soil.arc import integrate, stress_scale
+from rover_pin.soil.arc import integrate
 from rover_pin.soil.quadrature import entry_graded
+from rover_pin.soil.stress import stress_scale
 
 PRESSURE_NODES = 8
 """Nodes for the pressure's share of Eq (6), of which only a ratio is taken: 2.1e-4 of it for n = 0.4 to 2."""

@@ -9,9 +9,9 @@ import casadi as ca
 
 from rover_pin.base.quantity import Record, quantity
 from rover_pin.contact import Scalar, Soil, Wheel
-from rover_pin.soil.arc import Mobilised, shear_law, strength, stress_scale
 from rover_pin.soil.quadrature import FAST, cubic_graded
 from rover_pin.soil.slip import speed_ratio
+from rover_pin.soil.stress import Mobilised, shear_law, strength, stress_scale
 from rover_pin.soil.traction import WheelForces
 
 

@@ -9,10 +9,10 @@ import casadi as ca
 
 from rover_pin.base.errors import ParameterError
 from rover_pin.contact import Scalar, Soil, Wheel
-from rover_pin.soil.arc import Mobilised, full_shear, integrate, shear_law, strength, stress_scale
+from rover_pin.soil.arc import integrate
 from rover_pin.soil.quadrature import FAST, entry_graded
 from rover_pin.soil.slip import speed_ratio
-from rover_pin.soil.stress import modulus
+from rover_pin.soil.stress import Mobilised, full_shear, modulus, shear_law, strength, stress_scale
 
 STEPS = 3
 """Newton steps of `entry_angle`."""

@@ -8,11 +8,12 @@ import casadi as ca
 from rover_pin.base.public import public
 from rover_pin.contact import Scalar, Soil, Wheel
 from rover_pin.soil.angles import Angles, FixedAngles, SinkageAngles
-from rover_pin.soil.arc import Arc, Mobilised, integrate, shear_law, strength, stress_scale
+from rover_pin.soil.arc import Arc, integrate
 from rover_pin.soil.compaction import compaction
 from rover_pin.soil.quadrature import FAST, Graded, entry_graded
 from rover_pin.soil.sinkage import sinkage
 from rover_pin.soil.slip import speed_ratio
+from rover_pin.soil.stress import Mobilised, shear_law, strength, stress_scale
 
 
 class WheelForces(NamedTuple):

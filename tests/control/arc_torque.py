@@ -1,8 +1,8 @@
 """The torques of Eqs (2)-(6) at the entry angle that carries a load: a plainer route to a wheel's bounds."""
 
-from rover_pin.soil.arc import full_shear
 from rover_pin.soil.quadrature import FAST, entry_graded
 from rover_pin.soil.sinkage import entry_angle, sheared
+from rover_pin.soil.stress import full_shear
 from rover_pin.soil.traction import forces, wheel_forces
 
 

@@ -7,10 +7,11 @@ import casadi as ca
 
 from rover_pin.base.quantity import is_symbolic
 from rover_pin.contact import Scalar, Soil, Wheel
-from rover_pin.soil.arc import LEAST_DEPTH, integrate, shear_law, strength
+from rover_pin.soil.arc import integrate
 from rover_pin.soil.peak_stress import PeakSums, terms
 from rover_pin.soil.quadrature import Graded, graded
 from rover_pin.soil.slip import speed_ratio
+from rover_pin.soil.stress import LEAST_DEPTH, shear_law, strength
 from rover_pin.soil.traction import WheelForces, assemble
 
 CERTIFIED = 48

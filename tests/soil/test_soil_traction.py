@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from rover_pin.base.errors import ParameterError
 from rover_pin.contact import Soil, Wheel
 from rover_pin.soil.angles import FixedAngles, SinkageAngles
-from rover_pin.soil.arc import full_shear
 from rover_pin.soil.peak_stress import PeakAngle, peak_stress_forces
 from rover_pin.soil.quadrature import cubic_graded, entry_graded
+from rover_pin.soil.stress import full_shear
 from rover_pin.soil.traction import (
     FORMS,
     NetTraction,
