@@ -1,11 +1,9 @@
 """Effects as causes: sizes about none, shapes as published or within their doubt; numbers that nobody declares."""
 
-import math
 from dataclasses import replace
 
 import pytest
 
-from rover_pin.base.quantity import quantities
 from rover_pin.discrepancy.candidate import plain_candidate
 from rover_pin.discrepancy.conclude import LOOSE, proper
 from rover_pin.effects.grousers import Grousers
@@ -35,20 +33,6 @@ def test_a_size_is_neutral_at_none_and_two_defaults_at_one_sd():
                 neutral = effect.neutral[parameter.name.rpartition(".")[2]]
                 assert parameter.value(0.0) == neutral
                 assert parameter.value(1.0) == pytest.approx(neutral + SIZE_SD * (default - neutral))
-
-
-def test_a_published_shape_keeps_its_prior():
-    _, shape = plain_candidate(PostPeak()).cause.parameters
-    assert (shape.name, shape.prior, shape.scale) == ("PostPeak.S_w", True, 0.5)
-    assert shape.value(0.0) == PostPeak().S_w
-
-
-def test_every_doubt_is_of_a_positive_number_within_its_bounds():
-    about = quantities(RateDependence)["v_0"]
-    assert about.log_sd == pytest.approx(math.log(10.0))
-    assert about.low == pytest.approx(0.01 * math.exp(-2 * about.log_sd))
-    assert about.high == pytest.approx(0.01 * math.exp(2 * about.log_sd))
-    assert [one.log_sd for one in quantities(PostPeak).values()] == [0.0, 0.0]
 
 
 def test_a_number_that_nobody_declares_gets_a_wide_prior():

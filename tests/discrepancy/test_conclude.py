@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from rover_pin.discrepancy.answer import Answer
-from rover_pin.discrepancy.conclude import concluded, search_of
+from rover_pin.discrepancy.conclude import concluded
 from rover_pin.estimation.numbers import AWAY
-from rover_pin.inference.beliefs import LEAST
 from tests.inference import linear_search as toys
 
 NAMES = "pqrs"
@@ -76,12 +75,3 @@ def test_what_is_on_no_list_is_something_that_acts():
     assert found.answer is Answer.NONE_FITS
     assert found.beliefs.leaves_more(()) > 0.99
     assert "something acts that is not on the list" in found.sentence
-
-
-def test_functions_are_those_that_the_question_has():
-    experiment = toys.made(NAMES, {})
-    asked = []
-    question = replace(toys.question(experiment, NAMES), functions=lambda base: asked.append(base) or [])
-    search = search_of(question, quiet)
-    assert asked == [search.base]
-    assert search.beliefs().leaves_more(()) <= LEAST or len(search.fitted[frozenset()]) == 2

@@ -60,40 +60,9 @@ def test_probabilities_decide(text, answer, retained):
     assert (reading.answer, "".join(reading.retained)) == (answer, retained)
 
 
-def test_what_only_adds_to_a_set_is_not_listed_beside_it():
-    reading = read(beliefs("A .5 AB .1 B .3 BC .06 - .04"))
-    assert reading.sets == (("A",), ("B",))
-    text = sentence(reading, beliefs("A .5 AB .1 B .3 BC .06 - .04"), 0.8, 1.0)
-    assert "A (0.60)" in text
-    assert "B (0.36)" in text
-
-
 @pytest.mark.parametrize("text", ["A .99 - .01", "A .6 B .39 - .01", "A .9 - .1"])
 def test_what_is_beyond_the_noise_is_told_after_any_answer(text):
     """No channel that is left with more than thrice its noise is passed over, whatever was named."""
     loud, quiet = (beliefs(text, noise=(1.0, times)) for times in (4.5, 2.9))
     assert "sinkage is left with 4.5 times" in sentence(read(loud), loud, 0.8, 1.0)
     assert "times" not in sentence(read(quiet), quiet, 0.8, 1.0)
-
-
-def test_a_base_that_does_not_hold_has_its_chi_square_told():
-    left = beliefs("- .2 -~ .6 A .2")
-    assert "7.25" in sentence(read(left), left, 0.0, 7.25)
-
-
-def test_families_are_told_where_members_are_not():
-    many = beliefs("A .5 B .49 - .01")
-    for one in many.hypotheses[:2]:
-        for cause in one.causes:
-            cause.family = "digging"
-    assert "digging (0.99)" in sentence(read(many), many, 0.8, 1.0)
-
-
-@pytest.mark.parametrize(("shares", "says"), [("- .03 -~ .87 A .1", "something"), ("- .3 -~ .6 A .1", "leaves noise")])
-def test_what_is_smaller_than_the_noise_is_said_where_it_is_sure(shares, says):
-    small = beliefs(shares)
-    for one in small.hypotheses:
-        one.leaves_more = False
-    reading = read(small)
-    assert reading.answer is Answer.NONE_NEEDED
-    assert says in sentence(reading, small, 0.0, 1.0)

@@ -11,12 +11,11 @@ from scipy.special import logsumexp
 from rover_pin.base.errors import OptimisationError
 from rover_pin.discrepancy import added
 from rover_pin.discrepancy import search as module
-from rover_pin.discrepancy.calibration import as_declared, is_bent
+from rover_pin.discrepancy.calibration import is_bent
 from rover_pin.discrepancy.option import options, singles
-from rover_pin.discrepancy.search import FROM_DECLARED, MAX_FITS, Search
+from rover_pin.discrepancy.search import Search
 from rover_pin.discrepancy.signature import signatures
 from rover_pin.estimation.columns import Columns
-from rover_pin.estimation.fit import fit
 from rover_pin.inference.beliefs import ALLOWED, COUNTS
 from rover_pin.inference.error_model import PRIORS, Discrepancy
 from rover_pin.inference.weighed_anew import chosen_without
@@ -48,19 +47,6 @@ def test_what_is_hidden_is_found(case):
         assert 2.0 * mean == pytest.approx(size, abs=8.0 * sd)
 
 
-@pytest.mark.parametrize("case", HIDDEN)
-def test_every_set_is_weighed_once_and_what_is_probable_fitted(case):
-    search = found(case)
-    beliefs = search.beliefs()
-    sets = [frozenset(hypothesis.names) for hypothesis in beliefs.hypotheses]
-    assert len(set(sets)) == len(sets)
-    assert {frozenset(), *map(frozenset, NAMES)} <= set(sets) or case != "none", "what is far behind is not followed"
-    assert len(search.fitted) <= MAX_FITS + 1
-    for hypothesis, weight in zip(beliefs.hypotheses, beliefs.weights, strict=True):
-        assert hypothesis.is_fitted or weight < 0.1
-    assert search.best_score() == pytest.approx(max(beliefs.scores))
-
-
 def test_estimates_of_sets_are_their_fits():
     """Rows within 4 SDs: the model is linear and the loss quadratic, so that one fit says all."""
     experiment = toys.made("pqrt", {"q": 0.5, "t": -0.5}, seed=2)
@@ -85,13 +71,6 @@ def test_two_that_do_the_same_share_the_probability(size):
     beliefs = toys.searched(experiment, "pqrs").beliefs()
     assert beliefs.inclusion("q") == pytest.approx(beliefs.inclusion("r"), abs=0.02)
     assert beliefs.sets[frozenset()] < 0.01
-
-
-def test_what_the_data_do_not_speak_for_is_not_fitted():
-    search = found("none")
-    base = search.fitted[frozenset()][0].log_evidence
-    assert len(search.estimates) > len(NAMES)
-    assert all(search.estimates[names].log_evidence > base for names in search.fitted if names)
 
 
 # --- places ----------------------------------------------------------------------------------------------------------
@@ -250,26 +229,6 @@ def test_absorbed_effect_is_found_from_the_declared_numbers(monkeypatch):
     assert abs(best.fit.u[0]) < 1.0
     monkeypatch.setattr(module, "is_bent", lambda fitted: False)
     assert toys.searched(stuck(1.0), "pqr").beliefs().inclusion("p") < 0.5, "from the base there is no way down"
-
-
-def test_restart_resets_numbers_with_priors_and_keeps_sizes():
-    base = toys.fitted(stuck(1.0))
-    model = toys.Model().having(toys.Effect("p"))
-    whole = fit(base.task, model, (*base.parameters, toys.candidate("p").size("p.a")), np.array([-1.0, 0.4]))
-    start = as_declared(whole)
-    assert start.u.tolist() == [0.0, whole.u[1]]
-    assert start.value("base.b") == base.parameters[0].origin
-    np.testing.assert_array_equal(start.predicted, base.task.experiment.predict([start.model])[0])
-
-
-def test_few_are_fitted_from_the_declared_numbers(monkeypatch):
-    asked = []
-    monkeypatch.setattr(module, "fitted_with", lambda estimate, options, reuse: asked.append(estimate))
-    toys.searched(stuck(1.0), "pqr")
-    assert not is_bent(toys.fitted(stuck(0.0)))
-    declared = [one for one in asked if one.fit.u[0] == 0.0]
-    assert len(declared) == min(FROM_DECLARED, 3)
-    assert declared[0].names == ("p",)
 
 
 # --- what is left ----------------------------------------------------------------------------------------------------

@@ -159,8 +159,8 @@ def calibration(answered, seeds, names):
 
 
 def assert_as_often_as_said(answered, names):
-    """Of 200 problems; six bins: 99.7 % by probability."""
-    far = calibration(answered, range(200), names)
+    """Of 70 problems; six bins: 99.7 % by probability."""
+    far = calibration(answered, range(70), names)
     assert np.abs(far).max() < 3.0
     assert np.sum(np.square(far)) < 20.0
 

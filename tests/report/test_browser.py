@@ -8,7 +8,6 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from PIL import Image
 
 from rover_pin.report.drive.report import write_report
 
@@ -37,12 +36,6 @@ def ran(*words, profile):
     )  # fmt: skip
     assert done.returncode == 0, done.stderr[-2000:]
     return done.stdout, done.stderr
-
-
-def shot(page, out, width, height, profile, *words):
-    """Write a picture of a page as wide as this; a phone's is narrower than a window of Chromium may be."""
-    ran(f"--screenshot={out}", f"--window-size={width},{height}", *words, Path(page).as_uri(), profile=profile)
-    return Path(out)
 
 
 LOOKED = """
@@ -135,21 +128,3 @@ def test_a_plot_zooms_and_its_axes_stay_right(page, tmp_path):
         assert after["span"] < 0.7 * before["span"]  # ticks chosen anew
         assert len(before["points"]) > 5
         assert after["points"] == pytest.approx(before["points"], abs=0.01 * before["span"])
-
-
-def test_pictures_for_looking_are_not_empty(page, tmp_path, tmp_path_factory):
-    """They lie in the folder that pytest names with --basetemp: in the light, the dark and narrow."""
-    folder = tmp_path_factory.mktemp("looks")
-    for width in (1200, 768, 500):
-        for words in ((), ("--force-dark-mode", "--blink-settings=preferredColorScheme=0")):
-            name = folder / f"{width}{'-dark' if words else ''}.png"
-            shot(page, name, width, 2400, tmp_path / "profile", *words)
-            with Image.open(name) as picture:
-                assert picture.width == width
-                assert len(picture.convert("RGB").getcolors(1 << 24)) > 50
-
-
-def test_it_prints_on_paper(page, tmp_path):
-    out = tmp_path / "report.pdf"
-    ran(f"--print-to-pdf={out}", "--no-pdf-header-footer", page.as_uri(), profile=tmp_path / "profile")
-    assert out.read_bytes().startswith(b"%PDF")

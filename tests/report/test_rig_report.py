@@ -43,11 +43,6 @@ def test_levels_are_said_by_what_they_mean(tmp_path):
     }  # fmt: skip
 
 
-def test_levels_that_differ_in_load_alone_say_it(tmp_path):
-    said = meanings(written(tmp_path, (20, 40, 20, 40), slips=(0.1, 0.1, 0.3, 0.3)))
-    assert sorted(said.values()) == ["S = 0.1, 20 N", "S = 0.1, 40 N", "S = 0.3, 20 N", "S = 0.3, 40 N"]
-
-
 def test_levels_at_slip_angles_say_them(tmp_path):
     assert set(meanings(written(tmp_path, (20, 20, 20, 20), extra=",0.1")).values()) == {
         "S = -0.7", "S = 0", "S = 0.3", "S = 0.6",
@@ -67,21 +62,6 @@ def test_the_model_is_drawn_under_the_load_of_each_point(tmp_path):
     assert drawn == pytest.approx(1e3 * model.predict(14.0, -0.7).sinkage[0], rel=1e-6)
     assert drawn != pytest.approx(1e3 * model.predict(19.25, -0.7).sinkage[0], rel=0.05)
     assert load_caption(data) == "The models are drawn under the load that each level had: 14 to 21 N."
-
-
-def test_loads_that_were_set_at_one_slip_are_labelled_curves(tmp_path):
-    data = written(tmp_path, (20, 40, 20, 40), slips=(0.1, 0.1, 0.3, 0.3))
-    soil = SOILS["dry-sand"]
-    panel = channel_panels(data, looks(RigModel(Wheel(), soil), None, ""))[0]
-    assert {text.get_text() for text in panel.axes[0].texts} == {"20 N", "40 N"}
-    assert "two loads" in load_caption(data)
-
-
-def test_the_caption_counts_the_loads_that_are_drawn(tmp_path):
-    three = written(tmp_path, (20, 30, 40, 20), slips=(0.1, 0.1, 0.1, 0.3))
-    assert "three loads" in load_caption(three)
-    four = written(tmp_path, (20, 30, 40, 50), slips=(0.1, 0.1, 0.1, 0.1))
-    assert "were set" in load_caption(four)
 
 
 def test_the_sign_of_the_table_is_that_of_the_picture(tmp_path):
@@ -117,9 +97,3 @@ def test_offset_quadratic_in_the_load_is_described_and_drafted(tmp_path):
         added = kind().load(contact, Load(f_n=load), ())
         assert float(added.f_t) == pytest.approx(load / 30 * (2 * share + 12 * share**2))
         assert float(added.torque) == 0.0
-
-
-def test_of_loads_that_hardly_differ_no_curve_is_drawn(tmp_path):
-    data = written(tmp_path, (20.0, 20.1, 20.2, 20.0))
-    rows = np.array([np.array(data.rig.load) - 20.0, np.zeros(4)])
-    assert channel_residuals(data, rows)[0].of_load == ()

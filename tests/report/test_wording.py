@@ -11,8 +11,7 @@ import pytest
 from matplotlib.collections import LineCollection
 
 from rover_pin.discrepancy.answer import Answer
-from rover_pin.discrepancy.held_out import ChannelScore, RunScore
-from rover_pin.discrepancy.verdict import Verdict
+from rover_pin.discrepancy.held_out import ChannelScore
 from rover_pin.estimation.fit import covariance
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.estimation.wording import (
@@ -87,29 +86,6 @@ def test_a_change_is_worded_by_its_interval_and_its_floor(made, outcome, text):
     assert made.text == text
 
 
-def test_what_is_said_of_a_change():
-    assert change(3.0, 1.5, -0.6, 0.1).claim == "better, not beyond what the levels scatter: no claim"
-    assert change(3.0, 3.3, -0.6, 0.1, of="runs").claim == "worse, not beyond what the runs scatter: no claim"
-    assert change(3.0, 1.5, -0.5, -0.5).claim == "better, but too few levels to resample: no claim"
-    assert change(1.2, 1.2, 0.0, 0.0).claim == "at its noise floor before (1.20 x): no gain to claim"
-    assert change(3.0, 1.5, -0.6, -0.4).claim == "better"
-    assert change(3.0, 3.0, 0.0, 0.0).claim == "unchanged"
-
-
-def test_worsening_beyond_scatter_is_listed_apart_from_within_it():
-    lost, perhaps = change(1.0, 1.5, 0.3, 0.7), change(2.0, 2.1, -0.1, 0.2)
-    gained, same = change(2.0, 1.0, -0.6, -0.4), change(2.0, 2.0, 0.0, 0.0)
-    said = got_worse([("torque", lost), ("pull", perhaps), ("sinkage", gained), ("current", same)])
-    assert said == "Got worse: torque by 50%. Higher within it: pull by 5%."
-    assert got_worse([("pull", same)]) == "No channel got worse beyond its scatter."
-
-
-def test_small_shares_keep_a_digit_and_none_has_no_sign():
-    for value, said in ((0.0, "0%"), (1e-9, "0%"), (-0.004, "-0.4%"), (0.0095, "+1%"), (0.12, "+12%"), (-0.5, "-50%")):
-        assert share(value) == said
-    assert share(np.nan) == "unknown"
-
-
 # --- intervals -------------------------------------------------------------------------------------------------------
 
 
@@ -140,16 +116,6 @@ def test_units_scale_with_the_number(value, unit, said):
     assert format_value(value, unit) == said
     factor, _ = in_words(unit, value)
     assert said == "not predicted" or float(said.split()[0]) == pytest.approx(factor * value)
-
-
-def test_two_numbers_share_a_unit():
-    assert format_value(0.012, "A", 9e-3) == "12 mA"
-
-
-def test_an_sd_of_nothing_is_not_printed_as_certainty():
-    assert spread(0.2) == " +- 0.2"
-    assert spread(0.0) == spread(4.5e-27) == " (SD not identified)"
-    assert spread(1e-7, 1e-6) == " +- 1e-07"
 
 
 KNOWN = Independent("phi", "rad", np.radians(38), np.radians(38), "stated")
@@ -205,18 +171,6 @@ def nothing():
     return verdict
 
 
-def test_folds_that_chose_an_effect_are_not_reported_as_none(nothing):
-    folds = dict(zip("abcd", ["PeakStress"] * 3 + [""], strict=True))
-    told = dataclasses.replace(nothing, answer=Answer.NONE_FITS, chosen=folds)
-    assert told.chosen_again == "chosen in 4 folds: PeakStress in 3, no effect in 1"
-
-
-def test_free_runs_of_one_model_are_one_number():
-    same = (FreeRun("run-0", 1.0, 0.01, 0.01), FreeRun("run-1", 1.0, 0.01, 0.01))
-    assert free_lines(same) == ["RMS distance from the logged place 10.0 mm over 2 runs"]
-    assert "-> 5.0 mm" in free_lines((FreeRun("run-0", 1.0, 0.01, 0.005),))[0]
-
-
 # --- drives ----------------------------------------------------------------------------------------------------------
 
 
@@ -229,19 +183,6 @@ def test_undetermined_number_has_its_bounds_as_interval():
     sd = np.sqrt(np.diag(covariance(columns, np.zeros(60), free)))
     assert sd[0] == pytest.approx(1 / np.linalg.norm(columns[:, 0]), rel=1e-6)
     assert sd[1] > 1e3
-
-
-def test_rows_of_a_drive_report_word_changes_alike():
-    score = ChannelScore("body_x", "m", 1e-3, 5e-3, 5e-3, 0.0, 0.0, 0.0)
-    (row,) = channel_table([score], True, MANNER).rows
-    assert (row.cells[3], row.cells[-1]) == ("unchanged", "unchanged")
-    lost = ChannelScore("body_x", "m", 1e-3, 5e-3, 6e-3, 0.2, 0.1, 0.3)
-    (row,) = channel_table([lost], True, MANNER).rows
-    assert (row.cells[-1], row.look) == ("worse", "away")
-    runs = (RunScore("run-0", 40, 2.0, 1.0, -0.6, -0.4), RunScore("run-1", 4, 2.0, 1.0, -0.5, -0.5))
-    verdict = Verdict("drive-log", Answer.NAMED, "x", "", None, named=("ExitAngle",), scores=(score, lost), runs=runs)
-    parts = held_out_section(verdict, MANNER).content["parts"]
-    assert [row.cells[-1] for row in parts.rows] == ["-50%, 95 % [-60%, -40%]", "-50%, no interval"]
 
 
 # --- pages and pictures ----------------------------------------------------------------------------------------------
