@@ -21,9 +21,6 @@ def started(candidate, amplitudes, u, share=1.0):
     return Signature(candidate, amplitudes, np.zeros(1), share).started(u)
 
 
-# --- sizes that are tried --------------------------------------------------------------------------------------------
-
-
 # --- where a refit starts --------------------------------------------------------------------------------------------
 
 

@@ -10,7 +10,6 @@ from rover_pin.base.errors import ParameterError
 from rover_pin.control.constant import ConstantDuty
 from rover_pin.effects.gravity_tilt import GravityTilt
 from rover_pin.effects.point_mass import PointMass
-from rover_pin.rover.reach import reach_of
 from rover_pin.rover.rover import load_rover
 from rover_pin.rover.statics import wheel_loads
 from rover_pin.scenarios.scenario import scenario
@@ -75,16 +74,6 @@ def test_a_tilt_is_a_slope():
     assert risen[1] == pytest.approx(5.8 * 9.81 * along[1] * math.sin(angle), rel=2e-2)
 
 
-def test_a_tilt_turns_its_sign_with_the_heading():
-    tilted = FLAT.having(GravityTilt(rise_x=0.05))
-    up, down, level = (
-        simulate(model, ConstantDuty(0.55), 6.0, Start(yaw=yaw))
-        for model, yaw in ((tilted, 0.0), (tilted, math.pi), (FLAT, 0.0))
-    )
-    slips = [trace.stack("slip")[-1].mean() for trace in (up, level, down)]
-    assert slips[0] > slips[1] > slips[2]
-
-
 def test_a_side_tilt_loads_the_lower_wheels_as_statics_says():
     tilted = FLAT.having(GravityTilt(rise_x=0.0, rise_y=0.1))
     trace = simulate(tilted, ConstantDuty(0.0), 0.5, settled(tilted, Start()))
@@ -93,13 +82,6 @@ def test_a_side_tilt_loads_the_lower_wheels_as_statics_says():
     assert loads[1] > loads[0]
     right = trace.stack("normal")[-1][1::2].sum()
     assert right == pytest.approx(loads[1::2].sum(), rel=0.03)
-
-
-def test_another_gravity_keeps_the_tilt():
-    moon = NEXUS6.rising(0.1, -0.2).under(1.62)
-    assert moon.gravity == pytest.approx(1.62)
-    assert moon.up == pytest.approx([math.sin(0.1), math.sin(-0.2), moon.up[2]])
-    assert NEXUS6.under(3.7).model.gravity.linear.tolist() == [0.0, 0.0, -3.7]
 
 
 @pytest.mark.parametrize(
@@ -114,14 +96,6 @@ def test_another_gravity_keeps_the_tilt():
 def test_what_is_refused_is_said(call, words):
     with pytest.raises(ParameterError, match=words):
         call()
-
-
-def test_bodies_reach_as_far_as_their_boxes_and_wheels():
-    """Nexus 6's base is a box of 280 x 200 x 90 mm, 25 mm above its origin; its wheels are the lowest and outermost."""
-    low, high = reach_of(NEXUS6)
-    assert high[2] == pytest.approx(0.025 + 0.045, abs=1e-6)
-    assert low[1] == pytest.approx(-(0.16 + 0.025), abs=1e-6)
-    assert low[2] == pytest.approx(-(0.085 + math.sqrt(3.0) / 2.0 * 0.045), abs=1e-4)
 
 
 @pytest.mark.parametrize(("size", "axis"), [("shift_z=124mm", "z = 2"), ("shift_x=-0.15", "x = -"), ("m=1.5", "")])

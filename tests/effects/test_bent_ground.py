@@ -66,19 +66,6 @@ def test_grid_gets_no_more_lines_than_the_closest_bend_needs(dx, lines):
     assert made.height(4.2, 0.0) == pytest.approx(0.03)
 
 
-def test_bend_is_level_beyond_its_last_point():
-    made = bent(shapes.flat(), [3.0, 4.0], [0.0, 0.05])
-    assert [made.height(x, 0.0) for x in (-2.0, 3.0, 4.0, 4.5, 9.0)] == pytest.approx([0.0, 0.0, 0.05, 0.05, 0.05])
-
-
-def test_points_that_all_but_coincide_are_one():
-    """A knot a rounding error beside a point of the ground would be a piece of any slope."""
-    own = Profile(np.nextafter(KNOTS, 1.0), np.zeros(7))
-    made = bent(Lanes((own,)), *BEND.bend()).profiles[0]
-    assert np.diff(made.x).min() > 1e-3
-    assert np.abs(np.diff(made.z) / np.diff(made.x)).max() < math.tan(0.05) + 1e-9
-
-
 def test_a_drive_over_it_is_one_over_the_same_ground_declared():
     x = np.linspace(-0.2, 1.0, 601)
     same = FLAT.replace(terrain=Lanes((Profile(x, [rise(float(one)) for one in x]),)))
@@ -99,15 +86,6 @@ def test_without_slopes_the_ground_is_the_declared_one(tmp_path):
     again = read_model(write_model(model, tmp_path / "model.toml"), FLAT.terrain)
     assert again.terrain == FLAT.terrain
     assert again.ground == model.ground
-
-
-def test_a_dense_grid_is_not_compared_where_nothing_bends(monkeypatch):
-    """All of its heights were hashed several times a drive, whatever its effects."""
-    grid = HeightGrid(-1.0, -1.0, 1.0, 1.0, np.zeros((3, 3)))
-    monkeypatch.setattr(HeightGrid, "__hash__", lambda self: pytest.fail("hashed"))
-    model = FLAT.replace(terrain=grid)
-    assert model.ground is grid
-    assert model.having(BEND.replace(**BentGround.neutral)).ground is grid
 
 
 def test_a_grid_far_larger_than_the_bend_is_refused():

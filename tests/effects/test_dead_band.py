@@ -10,8 +10,3 @@ from rover_pin.effects.dead_band import DeadBand
 )
 def test_what_reaches_the_motor(drive, delta, reaching):
     assert float(DeadBand(delta_0=0.08).amend(drive(delta=delta), ()).delta) == pytest.approx(reaching, abs=1e-15)
-
-
-def test_only_the_duty_changes(drive):
-    amended = DeadBand().amend(drive(), ())
-    assert amended._replace(delta=0.5) == drive()

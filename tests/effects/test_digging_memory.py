@@ -33,20 +33,6 @@ def test_at_constant_slip_the_hole_levels_off(patch, deepest):
     assert rate == pytest.approx(0.0, abs=1e-12)
 
 
-def test_travel_leaves_the_hole_over_its_length(patch):
-    left = float(DiggingMemory(length=0.04, v_0=1e-6).rate(patch(rim=0.05, v_x=0.05), Load(), (0.004,))[0])
-    assert left == pytest.approx(-0.004 * 0.05 / 0.04)
-
-
-def test_a_pause_keeps_the_hole_and_a_braking_wheel_digs_none(patch):
-    assert float(DiggingMemory().rate(patch(rim=0.0, v_x=0.0), Load(), (0.005,))[0]) == 0.0
-    assert float(DiggingMemory().rate(patch(rim=0.02, v_x=0.05), Load(), (0.0,))[0]) == 0.0
-
-
-def test_a_wheel_in_the_air_digs_nothing(patch):
-    assert float(DiggingMemory().rate(patch(h=0.0, rim=0.05, v_x=0.0), Load(), (0.0,))[0]) == 0.0
-
-
 def test_the_hole_lowers_the_ground_and_holds_the_wheel_back(patch):
     effect, x = DiggingMemory(), (0.0045,)
     assert float(effect.amend(patch(h=0.006), x).h) == pytest.approx(0.0015)

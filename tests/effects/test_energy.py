@@ -88,15 +88,6 @@ def test_the_soil_takes_energy_and_gives_none(kind, form):
     assert carried > 30
 
 
-def test_without_the_bound_the_torque_form_would_give(patch):
-    """At a slip just below 0 the arc of Eq (2) is still sheared forwards: T > 0 at v > r omega."""
-    contact = patch(S=-0.02, v_x=0.05, rim=0.049)
-    load = SoilTraction(FORMS["torque"]).load(contact, Load(), ())
-    assert load.torque > 0.0
-    assert load.torque / 0.045 * (0.049 - 0.05) < 0.0, "T / r as a pull would give this power"
-    assert load.f_t * 0.05 == pytest.approx(load.torque / 0.045 * 0.049)
-
-
 @pytest.mark.parametrize("v_0", [0.02, 0.005, 0.0005])
 def test_resistance_holds_a_turning_wheel_but_for_a_small_creep(patch, v_0):
     """The slope that asks for 60 % of R is held at u x / sqrt(1 - x^2) = 0.75 u, and u < v_0^2 / rim."""

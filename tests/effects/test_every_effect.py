@@ -14,7 +14,6 @@ from rover_pin.contact import Contact, Load, Soil, Wheel
 from rover_pin.effects.effect import Body, BodyEffect, Drive, Effect, MotorEffect, SensorEffect
 from rover_pin.effects.slip import RelaxedSlip
 from rover_pin.effects.soil_traction import SoilTraction
-from rover_pin.simulation.compiled.body_law import Joints, body_law
 from rover_pin.simulation.compiled.constant_part import split_law
 from rover_pin.simulation.compiled.laws import GEOMETRY, contact_law, numbers
 
@@ -198,25 +197,6 @@ def test_body_effect_vanishes_at_neutral_and_stays_finite(kind):
         assert pushed(neutral, body) == pytest.approx([0.0] * 11, abs=1e-15)
         changes = {name: rng.choice([about.low, about.high]) for name, about in quantities(kind).items()}
         assert np.all(np.isfinite(pushed(kind(**changes), body)))
-
-
-@pytest.mark.parametrize("kind", BODY_EFFECTS, ids=lambda kind: kind.__name__)
-def test_the_law_of_the_body_is_the_push_in_the_base_s_own_axes(kind):
-    """Against the effect on floats: as it stands with no time step, and as far as it has moved with one."""
-    import pinocchio as pin
-
-    rng = np.random.default_rng(6)
-    law, joints = body_law([kind()], Joints(4, (0, 2), JOINTS)), [0, 2]
-    for body in bodies(rng, 10):
-        rotation = pin.rpy.rpyToMatrix(*body[3:6])
-        push = np.array(pushed(kind(), body))
-        expected = np.concatenate([rotation.T @ push[:3], rotation.T @ push[3:6], push[6:10]])
-        expected[[6 + joint for joint in joints]] += push[10]
-        own = [*(rotation.T @ body[6:9]), *(rotation.T @ body[9:12])]
-        seen = [*body[:3], *pin.Quaternion(rotation).coeffs(), *own, *body.angles, *body.rates]
-        out = np.array(law([*seen, 0.0], np.zeros(0), numbers([kind()]))).ravel()
-        assert out[:10] == pytest.approx(expected, rel=1e-10, abs=1e-12)
-        assert out[110] == pytest.approx(push[10], rel=1e-10, abs=1e-12)
 
 
 @pytest.mark.parametrize("kind", BODY_EFFECTS, ids=lambda kind: kind.__name__)

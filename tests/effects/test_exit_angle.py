@@ -15,18 +15,6 @@ def test_ratio_and_angle_move_alike(patch):
     assert float(-soil.theta_2 / soil.theta_1) == pytest.approx(float(soil.exit_ratio))
 
 
-def test_the_contact_ends_under_the_axle_at_the_least(patch):
-    soil = ExitAngle(e_1=0.5).amend(patch(S=-0.9), ()).soil
-    assert float(soil.exit_ratio) == 0.0
-    assert float(soil.theta_2) == 0.0
-
-
-def test_the_contact_ends_at_most_as_far_behind_as_it_began(patch):
-    soil = ExitAngle(e_1=1.0).amend(patch(S=1.0), ()).soil
-    assert float(soil.exit_ratio) == 1.0
-    assert float(soil.theta_2) == -float(soil.theta_1)
-
-
 def test_a_longer_arc_bears_more_and_asks_more_torque(patch):
     short, long = (SoilTraction().load(ExitAngle(e_1=e).amend(patch(S=0.6), ()), None, ()) for e in (0.0, 0.5))
     assert float(long.f_n) > float(short.f_n)

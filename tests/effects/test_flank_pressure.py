@@ -55,12 +55,6 @@ def test_it_opposes_the_sideways_motion_and_builds_up_with_it(patch):
     assert some == pytest.approx(full * 0.05 / 0.05 * chord, rel=0.1)
 
 
-def test_the_wall_beside_a_trench_stands_from_its_bottom(patch):
-    """10 mm of a trench and 10 mm into its bottom push back as a wheel that is sunk by 20 mm."""
-    in_trench = beside(patch, 0.3, h=0.01, trench=0.01)
-    assert float(FlankPressure().load(in_trench, Load(), ()).f_y) == pytest.approx(side_force(patch, 0.3), rel=1e-12)
-
-
 @pytest.mark.parametrize("rim", [0.0, 0.01, 0.5])
 def test_sand_rubs_along_the_disc(patch, rim):
     """tan phi of the side force, less 5 % of the full one, against v - q r omega; the torque has the same arm q r."""
@@ -74,9 +68,3 @@ def test_sand_rubs_along_the_disc(patch, rim):
     expected = math.tan(math.radians(20.0)) * rubs * slides / math.hypot(slides, 0.04)
     assert float(load.f_t) == pytest.approx(expected, rel=1e-3)
     assert float(load.torque) == pytest.approx(float(load.f_t) * q * 0.0625)
-
-
-def test_a_deeper_wheel_is_held_the_more(patch):
-    """Wedges of the segment go as h^1.5; the heap on them as h^0.5 by the rut's sand, and h^0.75 by what is swept."""
-    shallow, deep = side_force(patch, 10.0, 0.005), side_force(patch, 10.0, 0.02)
-    assert 4**2 < deep / shallow < 4**2.25

@@ -22,12 +22,6 @@ def test_inside_and_outside(patch):
     assert float(effect.share(1.01) - effect.share(0.99)) == pytest.approx(math.tanh(2.0), rel=1e-6)
 
 
-def test_the_angle_of_friction_stays_one(patch):
-    steep = patch(x=0.6, soil=patch().soil.replace(phi=math.radians(59.0)))
-    assert float(HardPatch(dphi=0.5).amend(steep, ()).soil.phi) == pytest.approx(math.radians(60.0))
-    assert float(HardPatch(dphi=-0.5).amend(patch(x=0.6, soil=patch().soil.replace(phi=0.1)), ()).soil.phi) == 0.0
-
-
 @pytest.mark.parametrize(("sign", "effect"), [(-1, HardPatch(0.5, 1.0, 0.05)), (1, HardPatch(-0.2, -0.4, -0.05))])
 def test_a_drive_slips_otherwise_inside_only(sign, effect):
     """Less on firm ground, more on loose ground, of a wheel that is inside while the rover climbs through."""

@@ -6,17 +6,16 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from rover_pin.contact import Contact, Load, Soil, Wheel
-from rover_pin.effects.effect import Drive, called
+from rover_pin.contact import Load, Soil, Wheel
+from rover_pin.effects.effect import Drive
 from rover_pin.effects.gear_friction import GearFriction
 from rover_pin.effects.motion_resistance import MotionResistance
 from rover_pin.effects.normal_damping import NormalDamping
 from rover_pin.effects.post_peak import PostPeak
-from rover_pin.effects.side_shear import LEAST_SHARE, SideShear
+from rover_pin.effects.side_shear import SideShear
 from rover_pin.effects.slip import SIDEWAYS_SHARE, AlgebraicSlip, RelaxedSlip, sliding_speed
 from rover_pin.effects.soil_traction import NODES, SoilTraction
 from rover_pin.effects.velocity_filter import VelocityFilter
-from rover_pin.simulation.model.effect_files import package_effects
 from rover_pin.soil.angles import FixedAngles, SinkageAngles
 from rover_pin.soil.traction import GrossTraction, NetTraction, TorqueTraction, wheel_forces
 
@@ -87,13 +86,6 @@ def test_side_force_is_the_remaining_strength_by_janosis_law(patch, S_y, f_t):
     assert (push.f_t, push.f_n, push.torque) == (0.0, 0.0, 0.0)
 
 
-def test_wheel_at_full_pull_keeps_a_twentieth_for_side_force(patch):
-    soil = Soil(c=0.0, phi=math.radians(30), k=1e-5)
-    push = SideShear(scale=1.0).load(patch(S_y=1.0, soil=soil), Load(f_t=50.0, f_n=9.0), ())
-    assert push.f_y == pytest.approx(-LEAST_SHARE * 9.0 * math.tan(math.radians(30)), rel=1e-6)
-    assert LEAST_SHARE == 0.05
-
-
 def test_a_wheel_in_the_air_has_no_side_force_and_finite_slopes(patch):
     f_n, S_y = ca.SX.sym("f_n"), ca.SX.sym("S_y")
     contact = patch(S_y=S_y, soil=Soil(c=0.0))
@@ -147,22 +139,6 @@ def test_relaxed_slip_settles_at_eq_1_over_its_length(patch, rim, v_x):
         assert amended.S_y == pytest.approx(x[1] + 0.1 * fastest * off / 0.03)
 
 
-def test_relaxed_slip_stays_within_one_and_is_constant_at_rest(patch):
-    slip = RelaxedSlip(length=0.03, damping=0.5)
-    assert slip.amend(patch(rim=0.5, v_x=0.0), (0.0, 0.0)).S == 1.0
-    assert slip.amend(patch(rim=-0.5, v_x=0.0), (0.0, 0.0)).S == -1.0
-    assert slip.rate(patch(rim=0.0, v_x=0.0, v_y=0.0), Load(), (0.3, -0.2)) == (0.0, 0.0)
-
-
-def test_relaxed_slip_turns_round_with_the_sense_of_travel(patch):
-    """Seen from the other end the rim and the travel run back, and so do both slips: its states are odd."""
-    slip, x = RelaxedSlip(), (0.3, -0.2)
-    ahead = slip.rate(patch(rim=0.05, v_x=0.03, v_y=0.01), Load(), x)
-    back = slip.rate(patch(rim=-0.05, v_x=-0.03, v_y=-0.01), Load(), tuple(-each for each in x))
-    assert back == pytest.approx([-each for each in ahead])
-    assert [state.odd for state in slip.states] == [True, True]
-
-
 # --- GearFriction ----------------------------------------------------------------------------------------------------
 
 
@@ -198,24 +174,6 @@ def test_paper_traction_is_a_share_of_the_load_by_sinkage(patch, form, angles):
     assert push.f_y == 0.0
 
 
-@pytest.mark.parametrize("form", [NetTraction(), TorqueTraction(), GrossTraction()], ids=lambda form: form.name)
-@pytest.mark.parametrize("angles", [FixedAngles(), SinkageAngles()], ids=lambda angles: type(angles).__name__)
-def test_only_the_net_form_with_sinkage_angles_feels_deep_ruts(patch, form, angles):
-    feels = form.name == "net" and isinstance(angles, SinkageAngles)
-    assert SoilTraction(form, angles).amend(patch(), ()).uncompacted == (0.0 if feels else 1.0)
-
-
-def test_a_contact_knows_the_sense_of_its_travel(patch):
-    standing: Contact = patch(v_x=-0.03, rim=0.0)
-    assert standing.sense(0.04) == pytest.approx(-0.6)
-    turning: Contact = patch(v_x=-0.03, rim=-0.03)
-    assert turning.sense(0.04) == pytest.approx(-0.03 / math.hypot(0.03, 0.04 * 4 / 5)), "u = v_0^2 / 50 mm/s"
-    assert turning.sense(0.04, 0.0) == pytest.approx(-0.6)
-
-
-# --- PeakStress ------------------------------------------------------------------------------------------------------
-
-
 # --- sensors ---------------------------------------------------------------------------------------------------------
 
 
@@ -227,17 +185,3 @@ def test_filtered_velocity_is_exact_for_linear_pieces():
     assert set(read) == {"body_vx"}
     assert read["body_vx"] == pytest.approx(v - 2.0 * 0.3 * (1 - np.exp(-t / 0.3)))
     assert VelocityFilter(tau=0.0).read(t, {"body_vx": v}) == {}
-
-
-def test_only_pivots_friction_and_springs_act_in_pivots():
-    """The others need no pivot, so a rover without a suspension may have them."""
-    acting = {kind.__name__ for kind in package_effects() if getattr(kind, "in_pivots", False)}
-    assert acting == {"PivotFriction", "SpringDamper"}
-
-
-def test_a_word_calls_a_joint_a_pair_or_all():
-    names = ("rocker_l", "bogie_l", "rocker_r", "bogie_r")
-    assert called("", names) == names
-    assert called("bogie_l", names) == ("bogie_l",)
-    assert called("bogie", names) == ("bogie_l", "bogie_r")
-    assert called("bog", names) == ()

@@ -10,12 +10,6 @@ def test_exponent_follows_the_depth(patch):
     assert float(LoadExponent(n_h=0.5).amend(patch(h=0.01), ()).soil.n) == pytest.approx(1.0 + 0.5 * 0.01 / 0.05)
 
 
-def test_exponent_stays_within_its_bounds(patch):
-    assert float(LoadExponent(n_h=2.0).amend(patch(h=0.09), ()).soil.n) == 3.0
-    soil = patch().soil.replace(n=0.1)
-    assert float(LoadExponent(n_h=-1.0).amend(patch(h=0.01, soil=soil), ()).soil.n) == 0.05
-
-
 @pytest.mark.parametrize(("n_h", "softer"), [(1.0, True), (-0.5, False)])
 def test_deeper_soil_is_softer_for_a_positive_slope(patch, n_h, softer):
     def force(h, effect):

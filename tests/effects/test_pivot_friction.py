@@ -63,12 +63,3 @@ def test_it_takes_energy_over_a_bump_and_lags_the_bogie():
     assert np.all(np.diff(rubbing["energy_body"]) >= -1e-12)
     assert rubbing["energy_body"][-1] > 1e-3
     assert np.abs(rubbing["bogie_r"]).max() < np.abs(free["bogie_r"]).max()
-
-
-def test_rover_is_placed_at_its_frictionless_rest():
-    model = scenario("one-sided-bump").model
-    place = Start(x=0.65)
-    from rover_pin.simulation.start.place import settled
-
-    free, rubbing = (settled(each, place) for each in (model, model.having(PivotFriction(tau_c=5.0))))
-    assert np.array_equal(free.q, rubbing.q)

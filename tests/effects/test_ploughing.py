@@ -31,14 +31,3 @@ def test_the_state_is_the_skid_and_comes_over_a_length_of_travel(patch):
     assert rate(S=-0.4, v_x=0.05, rim=0.0) == pytest.approx(SKID * 0.05 / 0.066)
     assert rate(S=0.7) == 0.0
     assert math.isfinite(rate(S=-1.0))
-
-
-def test_the_contact_never_vanishes(patch):
-    assert float(Ploughing(e_b=2.0, a_b=4.0).amend(patch(S=-1.0), (3.0,)).soil.exit_ratio) == pytest.approx(-0.9)
-
-
-def test_a_wheel_above_the_ground_has_no_wall_before_it(patch):
-    """The wall's force goes by h^2, and would push a lifted wheel as one sunk as deep."""
-    f_t = lambda h: float(Ploughing(a_b=1.0).load(patch(S=-0.4, h=h), Load(), (SKID,)).f_t)  # noqa: E731
-    assert f_t(-0.02) == pytest.approx(f_t(0.0), abs=1e-9)
-    assert f_t(0.02) < f_t(0.0) - 0.1

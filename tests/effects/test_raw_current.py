@@ -13,7 +13,3 @@ def test_counts_are_the_current_times_a_scale_and_a_zero():
     found = effect.read(TIMES, {"current_rr_A": CURRENT, "current_fl_A": 7.0 * CURRENT})
     assert list(found) == ["adc_4"]
     assert found["adc_4"] == pytest.approx([512.0, 612.0, 112.0])
-
-
-def test_counts_are_absent_where_the_motor_current_is_not_logged():
-    assert RawCurrent(motor="rr").read(TIMES, {"current_fl_A": CURRENT}) == {}

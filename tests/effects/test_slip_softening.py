@@ -6,7 +6,7 @@ import pytest
 
 from rover_pin.contact import Load
 from rover_pin.effects.slip_sinkage import rut_cost
-from rover_pin.effects.slip_softening import SlipSoftening, loosen, loosening, share_of
+from rover_pin.effects.slip_softening import SlipSoftening
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.soil.angles import SinkageAngles
 from rover_pin.soil.sinkage import entry_angle, sinkage
@@ -39,14 +39,6 @@ def test_slip_and_drift_loosen_as_the_sides_of_a_right_angle(patch):
         assert settled(patch, S=0.5, S_y=-0.5 * d)[1] == settled(patch, S=0.5, S_y=0.5 * d)[1]
 
 
-def test_sand_that_is_loose_is_loosened_the_less(patch):
-    """Two causes that lose 0.6 and 0.8 of ln stiffness lose 1 together, whichever comes first; each has its share."""
-    for first, second in ((0.6, 0.8), (0.8, 0.6)):
-        loose = loosen(loosen(patch(), first), second)
-        assert float(loose.soil.k_1) == pytest.approx(patch().soil.k_1 * math.exp(-1.0))
-        assert share_of(loose, first) + share_of(loose, second) == pytest.approx(1.0)
-
-
 def test_it_takes_a_contact_length_of_travel(patch):
     """1 - exp(-x / L) of the way at any speed; a wheel that stands digs on by its rim, and is not lifted again."""
     for v in (0.01, 0.08):
@@ -54,14 +46,6 @@ def test_it_takes_a_contact_length_of_travel(patch):
         assert rate == pytest.approx((0.75 - 0.25) * v / 0.066)
     assert float(EFFECT.rate(patch(S=1.0, v_x=0.0, rim=0.05), Load(), (0.25,))[0]) > 0.0
     assert float(EFFECT.rate(patch(S=0.0, v_x=0.0, rim=0.05), Load(), (0.25,))[0]) == 0.0
-
-
-def test_the_corner_at_no_slip_is_rounded(patch):
-    """z and its slope are continuous: S from -0.01 to 0.01 is a parabola, and beyond it is max(S, 0)."""
-    z = lambda S: float(loosening(patch(S=S)))  # noqa: E731
-    assert (z(-0.01), z(0.0), z(0.02)) == pytest.approx((0.0, 0.0025 * 1.9975, 0.02 * 1.98))
-    for corner in (-0.01, 0.01):
-        assert (z(corner + 1e-6) - z(corner)) == pytest.approx(z(corner) - z(corner - 1e-6), rel=1e-3, abs=1e-9)
 
 
 def test_the_way_up_costs_what_it_lifts(patch):

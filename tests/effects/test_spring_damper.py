@@ -14,7 +14,6 @@ from rover_pin.rover.rover import load_rover
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.compiled.kernel import Kernel
 from rover_pin.simulation.compiled.suspension import suspension_dofs
-from rover_pin.simulation.model.toml_file import read_model, write_model
 from rover_pin.simulation.plain.step import Plain
 from rover_pin.simulation.simulate import simulate
 from rover_pin.simulation.start.place import Start, hovering, settled
@@ -118,25 +117,6 @@ def test_energy_is_held_and_given_back_and_never_made(over_a_hard_bump):
     assert "energy_elastic" not in over_a_hard_bump["none"]
 
 
-def test_a_stiff_spring_holds_the_bogie(over_a_hard_bump):
-    assert np.abs(over_a_hard_bump["none"]["bogie_l"]).max() > 0.3
-    assert np.abs(over_a_hard_bump["stiff"]["bogie_l"]).max() < 0.03
-
-
-def test_model_keeps_one_spring_per_joint_also_in_a_file(tmp_path):
-    model = FLAT.having(SpringDamper(joint="bogie")).having(SpringDamper(k_s=3.0, joint="rocker"))
-    model = model.having(SpringDamper(k_s=2.0, joint="bogie"))
-    assert [(each.joint, each.k_s) for each in model.body_effects] == [("bogie", 2.0), ("rocker", 3.0)]
-    assert read_model(write_model(model, tmp_path / "model.toml"), model.terrain).body_effects == model.body_effects
-
-
 def test_a_joint_that_is_not_there_is_refused():
     with pytest.raises(ParameterError, match=r"'boggie': .*bogie"):
         FLAT.having(SpringDamper(joint="boggie"))
-
-
-def test_it_can_be_added_by_a_word():
-    added = scenario(
-        "flat", add="SpringDamper.joint=bogie,k_s=2 SpringDamper.joint=rocker,q_0_deg=3"
-    ).model.body_effects
-    assert added == (SpringDamper(k_s=2.0, joint="bogie"), SpringDamper(q_0=math.radians(3.0), joint="rocker"))

@@ -50,10 +50,6 @@ def test_a_prediction_moves_and_scales_with_its_values(values, shift, scale):
     assert moved == pytest.approx(tuple(shift + scale * number for number in plain), abs=1e-6)
 
 
-def test_one_model_predicts_no_interval():
-    assert Predicted.of([0.3])[1:] == (-np.inf, np.inf)
-
-
 def result_of(now, tuned, files=("a", "a", "b", "b")):
     """Drives that pass (0) or get stuck (1) by constant duty and tuned, each on the model of a file."""
     cases = tuple(DriveCase(f"{at}", "flat", (("model", file),)) for at, file in enumerate(files))
@@ -106,13 +102,6 @@ def test_results_without_a_posterior_are_refused_in_a_sentence(tmp_path):
         improve(tmp_path, tmp_path / "out")
 
 
-def test_a_folder_that_is_no_data_is_refused_by_the_command(run, tmp_path):
-    code, _, message = run("improve", tmp_path / "nowhere")
-    assert code == 2
-    assert "nowhere" in message
-    assert message.count("\n") == 1
-
-
 @pytest.mark.slow
 def test_a_rig_set_becomes_gains_that_drive(run, tmp_path):
     """The command as printed: the loop, its posterior, gains and what they are expected to gain."""
@@ -129,9 +118,3 @@ def test_a_rig_set_becomes_gains_that_drive(run, tmp_path):
     again, output, _ = run("improve", "out/improve/loop", "--study", "small.toml", "--workers", "1", "--json")
     assert again == 0
     assert json.loads(output)["cost saved"] == summary["cost saved"]
-
-
-def test_usual_grounds_are_not_those_that_judge():
-    assert not {(case.scenario, case.settings) for case in STUDY.training} & {
-        (case.scenario, case.settings) for case in STUDY.held_out
-    }

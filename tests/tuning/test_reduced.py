@@ -1,14 +1,10 @@
 """The reduced model against the full rover, statics, and finite differences."""
 
-import math
-from pathlib import Path
-
 import casadi as ca
 import numpy as np
 import pinocchio as pin
 import pytest
 
-from rover_pin.base.errors import OptimisationError
 from rover_pin.control.constant import ConstantDuty
 from rover_pin.control.slip_control import Gains, SlipControl, greater, lesser
 from rover_pin.control.slip_estimate import SpeedTable, TableEstimate, TrueSlip
@@ -23,13 +19,10 @@ from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.model.defaults import own_soil
 from rover_pin.simulation.simulate import simulate
 from rover_pin.soil.sinkage import entry_angle, sinkage
-from rover_pin.terrain import shapes
 from rover_pin.tuning.reduced_model.drive import GAIN_NAMES, Outcome, Reduced, as_column
 from rover_pin.tuning.reduced_model.load_transfer import axle_loads
 from rover_pin.tuning.reduced_model.loop import Loop
-from rover_pin.tuning.reduced_model.wheel_path import SLOPE_ERROR, piecewise, simplified, wheel_path
 
-CART = Path(__file__).parents[2] / "urdf" / "cart.toml"
 HELD = Gains(k_p=0.0, k_i=0.0)
 OPEN = Loop(TrueSlip(), NoLimit())
 
@@ -48,28 +41,6 @@ def test_push_moves_load_backwards_by_the_centre_of_mass_height():
     bottom = data.oMi[rover.wheels[0].joint].translation[2] - rover.wheel.r
     assert loads.shift.sum(axis=0) == pytest.approx(np.zeros(3), abs=1e-9)
     assert loads.place @ loads.shift == pytest.approx(np.full(3, bottom - centre))
-
-
-def test_path_over_level_ground_and_walls():
-    path = wheel_path(shapes.ditch(wall_angle=math.radians(40)), 0.037, 0.16, -0.5, 2.0)
-    assert float(path.height_at(0.0)) == pytest.approx(0.037, abs=1e-3)
-    assert float(path.slope_at(0.2)) == pytest.approx(0.0, abs=SLOPE_ERROR)
-    steepest = max(float(path.slope_at(x)) for x in np.linspace(0.5, 0.8, 301))
-    assert steepest == pytest.approx(math.tan(math.radians(40)), abs=2 * SLOPE_ERROR)
-
-
-def test_pieces_keep_to_the_curve():
-    values = np.sin(np.linspace(0.0, 6.0, 500))
-    kept = simplified(values, 0.01)
-    assert len(kept) < 40
-    assert np.interp(np.arange(500), kept, values[kept]) == pytest.approx(values, abs=0.0101)
-
-
-@pytest.mark.parametrize("eps", [0.0, 0.005])
-def test_rounded_greater_and_lesser(eps):
-    for a, b in ((0.1, 0.7), (0.3, 0.3), (-2.0, 1.0)):
-        assert max(a, b) <= float(greater(a, b, eps)) <= max(a, b) + eps / 2 + 1e-15
-        assert min(a, b) - eps / 2 - 1e-15 <= float(lesser(a, b, eps)) <= min(a, b)
 
 
 @pytest.mark.parametrize(
@@ -111,17 +82,6 @@ def test_reduced_drive_under_control_is_near_the_full_one():
     trace = simulate(model, SlipControl(gains, estimate, limit), 12.0, symmetric=True)
     own = Reduced(model, Loop(estimate, limit), 12.0).drive(gains, trace.t)
     assert own["x"][-1] == pytest.approx(trace["body_x"][-1], rel=0.03)
-
-
-def test_a_rover_of_two_axles():
-    """Four wheels and no differential: the same reduction, level and uphill."""
-    settings = {"rover": str(CART), "soil.k": 0.01, "terrain.angle_deg": 4, "terrain.start": 0.3, "soil.k_1": 5e5}
-    settings |= {"motor.resistance": 2.0}
-    scene = scenario("incline", soil="table-1", **settings)
-    trace = simulate(scene.model, ConstantDuty(), 8.0, symmetric=True)
-    own = Reduced(scene.model, OPEN, 8.0).drive(HELD, trace.t)
-    assert own["slip"].shape == (len(trace.t), 2)
-    assert own["x"][-1] == pytest.approx(trace["body_x"][-1], rel=0.05)
 
 
 @pytest.mark.parametrize(("k", "degrees", "c_d"), [(0.05, 5, 0.1), (0.025, 9, 0.1)])
@@ -191,20 +151,3 @@ def test_a_stuck_drive_stays_finite():
     out = np.array(Reduced(scene.model, OPEN, 20.0).outcome()(as_column(HELD))).ravel()
     assert np.all(np.isfinite(out))
     assert abs(out[0]) < 1.0
-
-
-def test_failed_integration_is_reported_in_the_error_only(monkeypatch, capsys):
-    monkeypatch.setattr("rover_pin.tuning.reduced_model.drive.TOLERANCES", {"max_num_steps": 3})
-    scene = scenario("flat", soil="table-1")
-    with pytest.raises(OptimisationError, match=r"reduced.*cannot"):
-        Reduced(scene.model, OPEN, 5.0).drive(HELD, np.array([1.0, 5.0]))
-    assert capsys.readouterr() == ("", "")
-
-
-def test_path_is_the_mean_of_both_tracks_linear_between_knots():
-    """Across a slope the left track is as much higher as the right one is lower: the middle stays at 0, plus r."""
-    path = wheel_path(shapes.cross_slope(math.radians(10.0)), 0.05, 0.16, 0.5, 2.0)
-    assert float(path.height_at(1.5)) == pytest.approx(0.05, abs=2e-3)
-    knots, values = np.array([0.0, 1.0, 3.0]), np.array([3.0, 5.0, 4.0])
-    for x in (-1.0, 0.0, 0.5, 1.0, 2.5, 9.0):
-        assert float(piecewise(x, knots, values)) == pytest.approx(np.interp(x, knots, values))

@@ -1,7 +1,6 @@
 """The tuning as a whole, small: deterministic, resumable, never worse than before, honest about what it finds."""
 
 import dataclasses
-import math
 
 import numpy as np
 import pytest
@@ -13,10 +12,9 @@ from rover_pin.tuning import evaluations
 from rover_pin.tuning.drive_score import Cost, Score, score_trace
 from rover_pin.tuning.drives import FAILED, Control, built, full_score, reduced_gradient, reduced_score
 from rover_pin.tuning.evaluations import FILE, Evaluations, key_of
-from rover_pin.tuning.report import Drives, digest
 from rover_pin.tuning.study import DriveCase, Effort, SlipLaw, TuningStudy
 from rover_pin.tuning.trust import SLIP_ERROR, checked_over, refusal
-from rover_pin.tuning.tune import Point, place_of, slope_of, spread, tune_gains
+from rover_pin.tuning.tune import tune_gains
 
 SAND = (("duration", 5.0), ("soil.k", 0.01), ("terrain.angle_deg", 8.0), ("terrain.start", 0.0), ("soil.phi_deg", 30.0))
 INCLINE = DriveCase("incline", "incline", SAND, 0.2)
@@ -58,14 +56,6 @@ def test_a_killed_tuning_goes_on(tuned, tmp_path):
     assert again.gains == tuned[0].gains
 
 
-def test_progress_is_told_by_stage(tuned):
-    stages = tuned[2]
-    assert {"search on the reduced model", "polish by gradients", "verdict of the full rover"} <= {
-        each[0] for each in stages
-    }
-    assert all(done <= total for _, done, total in stages)
-
-
 def test_report_holds_both_estimates_before_after_and_the_check(tuned):
     summary = tuned[0].summary()
     for where in ("training", "held out"):
@@ -77,34 +67,6 @@ def test_report_holds_both_estimates_before_after_and_the_check(tuned):
     names = "gains.toml drives.csv candidates.csv drives.png frontier.png".split()
     assert [file.name for file in tuned[0].files] == names
     assert all(file.exists() for file in tuned[0].files)
-
-
-def test_control_that_makes_things_worse_is_called_so(tuned):
-    bad = Score(0.0, 1.0, 0.1, 1.0, 0.4, 0.0)
-    drives = tuple(
-        each._replace(training=(bad,) * 2) if each.control.startswith("tuned") else each for each in tuned[0].drives
-    )
-    told = dataclasses.replace(tuned[0], drives=drives).verdicts()
-    assert "WORSE" in told[1]
-
-
-@pytest.mark.parametrize("share", [0, 1, 2])
-def test_the_verdict_counts_in_percent_who_is_stuck(tuned, share):
-    """Of two drives: constant duty is stuck on one, the tuned gains on none, one or both, and better all the same."""
-    scores = {"constant duty": (0.1, (1.0, 0.0)), "tuned, true": (0.9, (1.0,) * share + (0.0,) * (2 - share))}
-    drives = [
-        each._replace(training=tuple(Score(at, 0.1, 0.1, one, 0.0, 0.0) for one in stuck))
-        for each in tuned[0].drives
-        for at, stuck in [scores.get(each.control, scores["constant duty"])]
-    ]
-    told = dataclasses.replace(tuned[0], drives=tuple(drives)).verdicts()
-    (line,) = [each for each in told if each.startswith("training, true slip")]
-    assert f", stuck {50 * share} % against 50 %" in line
-
-
-def test_the_check_of_the_reduced_model_is_told_in_millimetres(tuned):
-    made = dataclasses.replace(tuned[0], check=(("flat", 0.01, 0.002, -0.003),)).summary()
-    assert made["reduced model on flat"] == {"slip RMSE": 0.01, "speed RMSE [mm/s]": 2.0, "end x [mm]": -3.0}
 
 
 def test_all_stuck_is_one_sentence_with_the_constant_duty_score():
@@ -126,15 +88,6 @@ def test_unknown_scenario_and_control_settings_are_refused():
         built(DriveCase("own", "flat", (("control.k_p", 1.0),)))
 
 
-def test_the_slope_of_the_scales_is_their_difference_quotient():
-    place, step = np.array([0.3, 0.6]), 1e-6
-    for j in range(2):
-        shift = step * np.eye(2)[j]
-        ahead, back = (np.array(Control.of("true", STUDY.law(place + sign * shift)).gains) for sign in (1.0, -1.0))
-        assert slope_of(STUDY, place)[:, j] == pytest.approx((ahead - back) / (2 * step), rel=1e-6, abs=1e-9)
-    assert place_of(STUDY, STUDY.law(place)) == pytest.approx(place)
-
-
 def test_the_gradient_of_a_case_is_that_of_its_smooth_cost():
     gains = Gains(k_p=0.5, S_d=0.2)
     found = reduced_gradient(INCLINE, Control.of("true", SlipLaw(gains)), Cost())
@@ -143,11 +96,6 @@ def test_the_gradient_of_a_case_is_that_of_its_smooth_cost():
         for d in (0.002, -0.002)
     )
     assert found[1] == pytest.approx((ahead - back) / 0.004, rel=0.05, abs=1e-2)
-
-
-def test_points_that_are_near_each_other_count_once():
-    points = [Point(np.array([u]), u, "search") for u in (0.0, 0.05, 0.3, 0.32, 0.9)]
-    assert [float(each.place[0]) for each in spread(points, 3)] == [0.0, 0.3, 0.9]
 
 
 def test_failed_integration_costs_the_penalty_and_prints_nothing(monkeypatch, capsys):
@@ -169,14 +117,6 @@ def test_early_end_is_stuck_and_a_drive_without_rows_is_worst():
     assert score_trace(trace, scene.model, 4.0).stuck == 0.0
     assert score_trace(trace, scene.model, 8.0).stuck == 1.0
     assert score_trace(Trace({"t_s": np.zeros(0)}), scene.model, 4.0) == Score(0.0, 1.0, 0.0, 1.0, 0.5, 0.0)
-
-
-def test_worst_and_mean_share_the_ensembles_cost():
-    assert float(Cost(worst=0.25).over(np.array([1.0, 3.0]))) == pytest.approx(0.75 * 2.0 + 0.25 * 3.0)
-    scores = [Score(1.0 - i / 20, 0.0, 0.0, 0.0, 0.0, 0.0) for i in range(20)]
-    found = digest(scores, Cost())
-    assert found.worst == pytest.approx(0.95)
-    assert found.tail == pytest.approx(0.925)
 
 
 def test_evaluations_on_two_processes_are_those_of_one(tmp_path):
@@ -236,14 +176,6 @@ def test_digging_drive_is_buried_in_both_models_at_a_cost():
     assert deeper > 0.05
 
 
-def test_a_cost_is_the_weighted_sum_of_its_parts():
-    score = Score(progress=0.25, slip=0.5, energy=0.2, stuck=1.0, sinkage=0.3, buried=1.0)
-    unburied = 0.75 + 0.3 * 0.5 + 0.1 * 0.2 + 1.0 + 0.5 * 0.3
-    assert score.cost(Cost()) == pytest.approx(unburied + 1.0 + 0.3 + 0.1 + 0.5 + 1.0)
-    assert score._replace(buried=0.0).cost(Cost()) == pytest.approx(unburied)
-    assert score._replace(buried=0.0).cost(Cost(sinkage=0.0)) == pytest.approx(unburied - 0.15)
-
-
 def test_fewest_burials_are_chosen_whatever_else_it_costs():
     """Property: of any two sets of drives that with fewer burials is chosen; without any the cost decides."""
     random = np.random.default_rng(4)
@@ -295,41 +227,3 @@ def test_full_rover_is_searched_if_the_reduced_model_is_wrong():
     assert "start 1 of 1" in result.search_notes[1]
     assert {each.stage for each in result.candidates} <= {"before", "search"}
     assert set(result.search_notes) <= set(result.summary()["verdict"])
-
-
-def test_an_integrator_that_gives_up_is_no_model_to_trust(monkeypatch):
-    from rover_pin.tuning import drives
-    from rover_pin.tuning.reduced_model import drive as reduced
-
-    monkeypatch.setattr(reduced, "TOLERANCES", {"max_num_steps": 2})
-    lost = dataclasses.replace(FLAT, name="lost")
-    assert drives.reduced_errors(lost, Control.of("true", SlipLaw(Gains()))) == [math.inf] * 3
-
-
-def test_where_control_helps_is_counted_drive_by_drive(tuned):
-    """Three drives by hand: one that all help, one that only the tuned gains help, one that they harm."""
-    good, fair, bad = (Score(progress, 0.0, 0.0, 0.0, 0.0, 0.0) for progress in (0.9, 0.5, 0.1))
-    table = {
-        "constant duty": (bad, fair, good),
-        "torque check": (good, fair, good),
-        "before, true": (fair, fair, good),
-        "tuned, true": (good, good, fair),
-        "before, eq9": (bad, fair, good),
-        "tuned, eq9": (bad, fair, good),
-    }
-    drives = tuple(Drives(name, scores, scores[:1]) for name, scores in table.items())
-    told = dataclasses.replace(tuned[0], drives=drives).where()
-    assert told[0] == (
-        "training: of 3 drives, better than at constant duty: the torque check alone 1, the gains before 1, the tuned "
-        "gains 2; worse: 0, 0, 1; tuning adds to the gains before on 2; nothing helps on 1"
-    )
-    assert told[1].startswith("held out: of 1 drives")
-
-
-def test_a_drive_shorter_than_its_tail_has_both_scores():
-    """Its end speed is taken as if it had stood still before: the reduced drive is no failure."""
-    short = dataclasses.replace(FLAT, settings=(("duration", 2.0),))
-    control = Control.of("true", SlipLaw())
-    reduced, full = (Score(*score(short, control)) for score in (reduced_score, full_score))
-    assert reduced.progress == pytest.approx(full.progress, abs=0.03)
-    assert reduced.stuck == pytest.approx(0.0, abs=0.01)

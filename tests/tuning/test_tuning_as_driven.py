@@ -1,7 +1,6 @@
 """Tuning with the estimator, its noise and the hole law in the loop; through the command line, as printed."""
 
 import csv
-import dataclasses
 import json
 import tomllib
 
@@ -61,14 +60,6 @@ def test_a_study_of_the_hole_law_is_read_and_placed(tmp_path):
     assert not study.has_reduced_model
 
 
-def test_drives_have_noise_of_their_own_and_held_out_another(tmp_path):
-    study = dataclasses.replace(read_tuning(file_of(tmp_path)), noise_seeds=3)
-    seeds = [run.seed for run in (*study.training_runs, *study.held_out_runs)]
-    assert len(set(seeds)) == 6
-    ideal = dataclasses.replace(study, estimate="true")
-    assert [run.seed for run in ideal.training_runs] == [0]
-
-
 def test_a_sensed_drive_depends_on_its_seed_and_repeats():
     one, other = (full_score(SLOPE, Control.of("onboard", LAW, seed)) for seed in (1, 2))
     assert one != other
@@ -114,11 +105,6 @@ def test_what_is_wrong_in_a_study_is_one_sentence(tmp_path, old, new, message):
     assert old in STUDY
     with pytest.raises(ParameterError, match=message):
         read_tuning(file_of(tmp_path, STUDY.replace(old, new)))
-
-
-def test_a_hole_law_needs_no_free_number_of_its_own():
-    study = TuningStudy("s", (DriveCase("flat", "flat"),), hole=HoleLaw())
-    assert study.law([0.5, 0.5]).hole == HoleLaw()
 
 
 @pytest.mark.slow

@@ -1,7 +1,6 @@
 """Tuning on a model of a file: its effects reach every evaluation, and what was found for one is not another's."""
 
 import dataclasses
-import math
 from pathlib import Path
 
 import pytest
@@ -11,16 +10,13 @@ from rover_pin.control.slip_control import Gains
 from rover_pin.effects.motion_resistance import MotionResistance
 from rover_pin.effects.multi_pass import MultiPass
 from rover_pin.effects.pivot_friction import PivotFriction
-from rover_pin.effects.post_peak import PostPeak
 from rover_pin.effects.slip_sinkage import SlipSinkage
 from rover_pin.effects.supply_sag import SupplySag
-from rover_pin.effects.tacho_scale import TachoScale
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.model.toml_file import write_model
 from rover_pin.tuning.drives import Control, built, cautions, controller_of, full_score, reduced_score, sealed
 from rover_pin.tuning.evaluations import Evaluations
 from rover_pin.tuning.study import DriveCase, Effort, SlipLaw, TuningStudy
-from rover_pin.tuning.study_file import read_tuning
 from rover_pin.tuning.tune import tune_gains
 
 ROOT = Path(__file__).parents[2]
@@ -67,19 +63,6 @@ def test_a_model_file_is_worth_the_settings_that_made_it(tmp_path):
     assert reduced_score(case, CONTROL) == pytest.approx(reduced_score(plain, CONTROL), rel=1e-9)
     assert full_score(case, CONTROL) == pytest.approx(full_score(plain, CONTROL), rel=1e-6)
     assert controller_of(case, CONTROL).limit == controller_of(plain, CONTROL).limit
-
-
-def test_every_drive_has_the_model_training_and_held_out(tmp_path):
-    study = STUDY.on_model(written(tmp_path / "model.toml", SupplySag(R_b=3.0)))
-    for case in (*study.training, *study.held_out):
-        assert built(case).model.effect(SupplySag).R_b == 3.0
-
-
-def test_post_peak_loss_is_the_drives_and_its_width_the_models(tmp_path):
-    path = written(tmp_path / "model.toml", PostPeak(fraction=0.1, S_w=0.7))
-    case = dataclasses.replace(on(path), post_peak=0.25)
-    assert built(case).model.effect(PostPeak) == PostPeak(fraction=0.25, S_w=0.7)
-    assert built(on(path)).model.effect(PostPeak).fraction == 0.1
 
 
 def test_eq_9_reads_the_rims_of_the_models_own_wheels(tmp_path):
@@ -159,22 +142,6 @@ def test_the_seal_covers_a_rover_and_an_effect_of_the_users_own(tmp_path):
         file.write_bytes(file.read_bytes() + b"\n")
         seals.append(on(path).seal)
     assert len(set(seals)) == 5
-
-
-def test_what_the_search_or_every_drive_leaves_out_is_said(tmp_path):
-    study = STUDY.on_model(written(tmp_path / "model.toml", PivotFriction(), TachoScale()))
-    first, second = cautions(study.training)
-    assert first == "the search's reduced model leaves out PivotFriction; the full rover, which decides, has it."
-    assert second == "TachoScale changes what a log says, not what the control reads: no drive here has it."
-    assert cautions(STUDY.training) == ()
-
-
-def test_the_shipped_example_can_be_driven_with_a_model(tmp_path):
-    study = read_tuning(ROOT / "studies" / "tune_ditch.toml").on_model(written(tmp_path / "model.toml"))
-    sand = built(study.held_out[-1]).model.soils[0]
-    assert sand.phi == pytest.approx(math.radians(28.0))
-    dry = scenario("flat", soil="dry-sand").model.soils[0]
-    assert {name: float(value) for name, value in sand.values().items()} == pytest.approx(dict(dry.values()), rel=1e-5)
 
 
 @pytest.mark.slow
