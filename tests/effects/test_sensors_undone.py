@@ -8,7 +8,6 @@ from rover_pin.effects.tracked_point import TrackedPoint
 from rover_pin.effects.tracker_scale import TrackerScale
 from rover_pin.effects.tracking_delay import TrackingDelay
 
-
 # --- what hangs on the kind alone ------------------------------------------------------------------------------------
 
 

@@ -25,9 +25,3 @@ def test_x_is_within_the_stated_distance_of_finer_steps(name):
     off = {share: float(np.max(np.abs(x_at(case, share * DT) - finer))) for share in (2, 1)}
     assert off[1] <= ACCURACY
     assert off[2] <= ACCURACY, "the benchmark states the speed at twice the step too"
-
-
-def test_the_ditches_are_what_they_are_called():
-    """One is left behind with the wall climbed, in the other the rover stands before it."""
-    assert x_at(DITCHES["stopped by the wall"], DT)[-1] < 0.5
-    assert x_at(DITCHES["gets out"], DT)[-1] > 0.7

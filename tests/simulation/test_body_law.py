@@ -126,17 +126,6 @@ def test_what_moves_within_the_step_is_taken_to_its_end(seen, half):
     np.testing.assert_allclose(slope, by_speed + half * drift, rtol=1e-6, atol=1e-6)
 
 
-def test_a_rover_without_joints_feels_the_base_alone(seen):
-    none = Joints(0, None)
-    assert float(elastic_energy((Lift(),), none)(np.r_[seen.place, seen.turn.as_quat()], [])) == -7.0 * seen.place[2]
-    body = np.r_[seen.vector(0.1)[:13], 0.1]
-    out = np.array(body_law((Lift(),), none)(body, [], [])).ravel()
-    up = 7.0 + seen.turn.apply(seen.speed[:3])[0]
-    np.testing.assert_allclose(out[:6], np.r_[seen.turn.inv().apply([0.0, 0.0, up]), 0.0, 0.0, 0.0], atol=1e-9)
-    assert len(out) == 6 + 36 + 1 + 6
-    assert not np.array(body_law((), none)(body, [], [])).any()
-
-
 @pytest.mark.parametrize("way", [1.0, -1.0])
 def test_an_attitude_on_edge_is_no_nan(way):
     """Round-off beyond sin(pitch) = 1; a quaternion whose square is a little more than 1."""

@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 
 from rover_pin.base.errors import SimulationError
-from rover_pin.control.constant import ConstantDuty
 from rover_pin.effects.digging_memory import DiggingMemory
 from rover_pin.effects.winding_heating import WindingHeating
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.checkpoint import DriveEnd
-from rover_pin.simulation.simulate import plain_simulate, simulate
+from rover_pin.simulation.simulate import simulate
 from rover_pin.simulation.timing import Timing
 
 
@@ -44,24 +43,6 @@ def test_a_drive_in_three_parts_is_the_drive_in_one(control):
     for channel in whole.channels:
         joined = np.concatenate([part[channel] for part in parts])
         assert np.array_equal(joined, whole[channel], equal_nan=True), channel
-
-
-def test_the_plain_step_goes_on_likewise():
-    case, model = case_of("flat")
-    start = simulate(model, case.controller, 0.5, case.start).end
-    whole = plain_simulate(model, case.controller, 0.2, start)
-    first = plain_simulate(model, case.controller, 0.1, start)
-    second = plain_simulate(model, case.controller, 0.1, first.end)
-    assert np.array_equal(np.append(first["body_x"], second["body_x"]), whole["body_x"])
-    assert whole["body_x"] == pytest.approx(simulate(model, case.controller, 0.2, start)["body_x"], abs=1e-9)
-
-
-def test_one_end_can_be_gone_on_from_twice():
-    case, model = case_of("flat")
-    end = simulate(model, ConstantDuty(), 1.0, case.start).end
-    slow, fast = (simulate(model, ConstantDuty(duty), 1.0, end)["body_x"][-1] for duty in (0.3, 0.8))
-    assert slow < fast
-    assert simulate(model, ConstantDuty(0.3), 1.0, end)["body_x"][-1] == slow
 
 
 def test_what_cannot_go_on_is_told():

@@ -6,16 +6,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from rover_pin.effects.tacho_scale import TachoScale
-from rover_pin.effects.weak_motor import WeakMotor
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation import replay as replays
 from rover_pin.simulation.compiled.kernel import Kernel
 from rover_pin.simulation.compiled_run import run_compiled
 from rover_pin.simulation.driving import Drive
 from rover_pin.simulation.failure import failure, suspension_of
-from rover_pin.simulation.logged_inputs import rates_of, undone
-from rover_pin.simulation.pace import FINEST, Pace
+from rover_pin.simulation.pace import Pace
 from rover_pin.simulation.plain.run import run_plain
 from rover_pin.simulation.plain.step import Plain
 from rover_pin.simulation.start.place import settled, shared_rest, taken_over
@@ -72,11 +69,6 @@ def test_both_loops_drive_alike(name, monkeypatch):
         assert ours.rows[column] == pytest.approx(theirs.rows[column], rel=1e-10, abs=1e-12), column
     assert state.q == pytest.approx(plain_state.q, rel=1e-12, abs=1e-12)
     assert state.t == plain_state.t
-
-
-def test_the_cases_meet_what_they_are_for():
-    (buried, *_), _ = both(*CASES["buried"])
-    assert buried.stop.startswith("buried: wheel ")
 
 
 def plain_replay(model, run, nudge, rest, step=Kernel):
@@ -195,25 +187,6 @@ def test_held_rates_reproduce_the_drive_made_by_the_motors():
     assert by_rate["body_pitch"] == pytest.approx(by_duty["body_pitch"], abs=1e-4)
 
 
-def test_a_replay_held_to_rates_knows_no_motor():
-    case, run = logged("ditch", 3.0)
-    run = held(run, case.drive(), case.model)
-    weak = case.model.having(WeakMotor(g=0.5)).replace(motor=case.model.motor.replace(resistance=100.0))
-    for channel in ("body_x", "body_pitch", "slip_fl"):
-        assert replays.replay(weak, run).channels[channel] == pytest.approx(
-            replays.replay(case.model, run).channels[channel], abs=1e-12
-        )
-
-
-def test_fast_reading_tacho_slows_the_wheels_of_a_held_replay():
-    case, run = logged("flat", 4.0)
-    run = held(run, case.drive(), case.model)
-    fast = case.model.having(TachoScale(e=0.1))
-    assert rates_of(fast, undone(fast, run)) == pytest.approx(run.rate / 1.1, rel=1e-12)
-    ours, theirs = (replays.replay(model, run).channels["body_x"] for model in (fast, case.model))
-    assert np.ptp(ours) == pytest.approx(np.ptp(theirs) / 1.1, rel=0.02)
-
-
 def test_what_holds_the_wheels_enters_the_balance_of_energy():
     """Kinetic and potential energy change by what the holding torques do, less what the soil takes."""
     case, run = logged("ditch", 4.0)
@@ -244,17 +217,3 @@ def test_last_good_row_fills_the_rest_after_an_early_end():
     sunk = np.max([whole.channels[f"sinkage_{wheel.name}"] for wheel in buried.rover.wheels], axis=0)
     looked = np.flatnonzero(sunk > 0.21 * 0.045)
     assert last == looked[looked % 10 == 0][0] - 1, "of every tenth row, which are looked at, it failed the next"
-
-
-def test_first_row_of_an_immediately_failing_replay_is_the_start():
-    case, run = logged("ditch")
-    rest = shared_rest(case.model, run.start)
-    rest.q[3:7] = 1.0, 0.0, 0.0, 0.0
-    ended = replays.replay(case.model, run, rest_state=rest)
-    assert ended.stop.startswith("capsized") or ended.stop == "diverged"
-    assert np.all(ended.channels["body_roll"] == ended.channels["body_roll"][0])
-
-
-def test_the_finest_part_of_a_step_is_a_power_of_two():
-    """dt / FINEST times FINEST is dt to the bit, so that a drive in parts keeps its times."""
-    assert math.log2(FINEST) == int(math.log2(FINEST))

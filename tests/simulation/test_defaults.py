@@ -32,29 +32,11 @@ def rover_file(tmp_path):
     return made.write(tmp_path, made.rocker_bogie(), {**made.THREE_AXLES, **made.ROCKERS})
 
 
-def test_nexus_6_has_its_own_numbers():
-    assert own_motor(NEXUS6) == (motor_named("speed-like"), ())
-    assert driven_soil(NEXUS6) == (SOILS["slope-sand"], ())
-    assert scenario("ditch").model.soils[0] == SOILS["slope-sand"]
-    assert scenario("ditch", soil="table-1").model.soils[0] == SOILS["table-1"]
-    assert [line.split(":")[0] for line in scenario("ditch").assumed] == ["motion resistance"]
-    assert scenario("ditch", **{"effect.MotionResistance.R": 0.03}).assumed == ()
-    assert scale(NEXUS6) == 1.0
-
-
 def test_the_rule_for_the_soil_gives_nexus_6_its_own():
     """Table 1's k_1 was assumed by that rule; 3e-3 is the round 5.8 kg, 9.81 and the angle of the load."""
     soil, told = own_soil(dataclasses.replace(NEXUS6, soil={}))
     assert float(soil.k_1) == pytest.approx(float(SOILS["table-1"].k_1), rel=1e-4)
     assert re.search("table-1 of k = 50 mm.*k_1 = 5.42e\\+04 Pa", told[0])
-
-
-def test_a_rover_rests_on_its_own_soil_as_nexus_6_on_table_1(rover_file):
-    model = scenario("flat", rover=str(rover_file)).model
-    state = settled(model, Start())
-    radius, lowest = 0.15, float(state.q[2]) + 0.3 - 0.3
-    sunk = (radius - lowest) / radius
-    assert sunk == pytest.approx(1.0 - math.cos(math.radians(35.0)), rel=0.1)
 
 
 @pytest.mark.parametrize("rover", ["nexus6", "nexus6_links", "cart"])
@@ -98,14 +80,6 @@ def test_a_data_sheet_is_taken_at_the_wheel(tmp_path):
     assert float(motor.armature) == pytest.approx(1e-2)
     assert (float(soil.k), float(soil.phi)) == (0.02, float(SOILS["hit-lss1"].phi))
     assert [line.split(":")[0] for line in drive.assumed] == ["motion resistance"]
-
-
-def test_a_named_soil_is_that_of_the_rovers_own_width(tmp_path):
-    """Bekker's k_phi of HIT-LSS1 in Eq (4) for a wheel 100 mm wide, not for Nexus 6's 50 mm."""
-    rover = load_rover(made.write(tmp_path, made.cart(), made.TWO_AXLES))
-    soil = own_soil(rover, "hit-lss1").value
-    assert float(soil.k_2) == pytest.approx(2407.4e3 * 0.1**0.1)
-    assert own_soil(NEXUS6, "hit-lss1").value == SOILS["hit-lss1"]
 
 
 def test_a_heavy_rover_cruises_where_it_is_said_to(rover_file):
@@ -181,29 +155,6 @@ def test_terrains_grow_with_the_wheels_but_for_what_is_asked():
     for large, small in zip(whole.profiles, half.profiles, strict=True):
         assert large.x[1:-1] == pytest.approx(2.0 * small.x[1:-1])
         assert large.z[1:-1] == pytest.approx(2.0 * small.z[1:-1])
-
-
-@pytest.mark.parametrize(
-    "name", [name for name in SCENES if name not in ("polyline", "grid", "turn", "point-turn", "crab")]
-)
-def test_every_ready_made_terrain_can_be_scaled(rover_file, name):
-    assert scenario(name, rover=str(rover_file)).model.terrain is not None
-
-
-def test_shear_displacement_of_default_sand_grows_with_wheels(rover_file):
-    """F(0.05), and with it the resistance, goes by k / r: with k for small wheels large ones hardly move."""
-    drive = scenario("turn", rover=str(rover_file))
-    assert float(drive.model.soils[0].k) == pytest.approx(0.008 * 0.15 / 0.045)
-    assert any("slope-sand of k = 26.7 mm" in line for line in drive.assumed)
-    asked = scenario("turn", rover=str(rover_file), **{"soil.k": 0.004})
-    assert float(asked.model.soils[0].k) == 0.004
-    assert float(scenario("turn").model.soils[0].k) == 0.008
-
-
-def test_a_length_that_is_asked_for_is_meant(rover_file):
-    asked = scenario("step", rover=str(rover_file), **{"terrain.height": 0.05})
-    assert asked.model.terrain.height(50.0, 0.0) == pytest.approx(0.05)
-    assert scenario("step", rover=str(rover_file)).model.terrain.height(50.0, 0.0) == pytest.approx(0.05 / 0.3)
 
 
 def sprung(k_s: float) -> dict:

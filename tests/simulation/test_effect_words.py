@@ -11,10 +11,7 @@ from rover_pin.base.quantity import quantities
 from rover_pin.base.trust import Trust
 from rover_pin.cli.app import app
 from rover_pin.effects.digging_memory import DiggingMemory
-from rover_pin.effects.gravity_tilt import GravityTilt
-from rover_pin.effects.motion_resistance import MotionResistance
 from rover_pin.effects.post_peak import PostPeak
-from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.effects.tacho_scale import TachoScale
 from rover_pin.effects.weak_motor import WeakMotor
 from rover_pin.scenarios.scenario import scenario
@@ -22,28 +19,6 @@ from rover_pin.simulation.model.effect_files import package_effects, reading_tra
 from rover_pin.simulation.model.effect_words import effect_of, having, word_of
 
 MODEL = scenario("flat", form="gross").model
-
-
-def test_a_word_is_the_effect_that_it_names():
-    assert effect_of("PostPeak", MODEL) == PostPeak()
-    assert effect_of("DiggingMemory.c_d=0.1,length=0.05", MODEL) == DiggingMemory(c_d=0.1, length=0.05)
-    assert effect_of("GravityTilt.rise_x_deg=2", MODEL).rise_x == pytest.approx(math.radians(2.0))
-
-
-def test_a_word_changes_the_effect_that_is_there():
-    """R alone is named: v_0 stays as it was in the model, not as in the class."""
-    model = MODEL.having(MotionResistance(R=0.1, v_0=0.02))
-    assert having(model, "MotionResistance.R=0.2").effect(MotionResistance) == MotionResistance(R=0.2, v_0=0.02)
-    assert effect_of("SoilTraction.form=net", MODEL) == SoilTraction(
-        form=effect_of("SoilTraction.form=net", MODEL).form
-    )
-    assert effect_of("SoilTraction.form=net", MODEL).form.name == "net"
-
-
-def test_an_effect_in_two_words_is_one_effect():
-    model = having(MODEL, ["DiggingMemory.c_d=0.1", "DiggingMemory.length=0.05"])
-    assert model.effect(DiggingMemory) == DiggingMemory(c_d=0.1, length=0.05)
-    assert len(model.effects) == len(MODEL.effects) + 1
 
 
 def test_effect_of_one_wheel_accepts_the_wheel_name_or_number():
@@ -88,11 +63,6 @@ def test_a_word_that_cannot_be_read_is_said(word, says):
         having(MODEL, word)
 
 
-def test_what_is_no_effect_is_said():
-    with pytest.raises(ParameterError, match=r"3.0.*effect"):
-        scenario("flat", add=3.0)
-
-
 def test_a_scenario_takes_effects_and_words_and_tells_them():
     drive = scenario("incline", duration=1.0, add=[DiggingMemory(c_d=0.1), "PostPeak.fraction=0.2"])
     assert drive.model.effect(PostPeak).fraction == 0.2
@@ -100,12 +70,6 @@ def test_a_scenario_takes_effects_and_words_and_tells_them():
     again = scenario("incline", **trace.attrs["settings"])
     assert again.model.effects == drive.model.effects
     assert {"DiggingMemory", "PostPeak"} <= {name.split("(")[0] for name in trace.attrs["effects"]}
-
-
-def test_asymmetric_effect_prevents_the_mirrored_drive():
-    assert scenario("incline", add=DiggingMemory()).symmetric
-    assert not scenario("incline", add="WeakMotor.g=0.1").symmetric
-    assert not scenario("incline", add=GravityTilt(rise_y=0.1)).symmetric
 
 
 OWN = """

@@ -90,15 +90,6 @@ def beside(case, change):
     return kernels
 
 
-def test_more_patches_than_are_pooled_are_taken_in_turns(changed):
-    """With room for four, the six wheels of a drive along a washboard take two or three."""
-    case = scenario("washboard")
-    plain, other = beside(case, lambda: changed("#define MAX_SPOTS 64", "#define MAX_SPOTS 4"))
-    assert plain.record[:, RECORD.index("patches")].sum() > 4
-    assert np.array_equal(other.state.q, plain.state.q)
-    assert np.array_equal(other.record, plain.record)
-
-
 @pytest.mark.parametrize("least", [2.0, 0.9])
 def test_a_small_pivot_is_solved_with_exchanged_rows_and_told(changed, least):
     """A step that takes every pivot for too small gives the same drive, and counts; so if it is half done by then."""

@@ -17,7 +17,6 @@ from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.command import Command
 from rover_pin.simulation.simulate import Timing, simulate
 from rover_pin.simulation.start.place import Start, settled
-from rover_pin.terrain.terrain import HeightGrid
 
 HERE = Path(__file__).parents[1] / "oracle" / "independent"
 URDF = Path(__file__).parents[2] / "urdf" / "nexus6.urdf"
@@ -117,23 +116,6 @@ def test_statics_find_the_same_rest():
     hinges = np.delete(np.arange(len(mine.angles)), other.wheel_angle)
     assert mine.angles[hinges] == pytest.approx(theirs.angles[hinges], abs=1e-5)
     assert mine.along == pytest.approx(theirs.along, abs=1e-5)
-
-
-def test_a_rover_set_down_on_a_gentle_slope_is_at_rest():
-    """Statics hold it with the wheels braked, at s = 0.23; then only the rolling against the motors is left."""
-    model = scenario("incline", **{"terrain.start": -3.0, "terrain.angle_deg": 3.0}).model
-    trace = simulate(model, lambda reading: 0.0, 0.05, timing=FINE)
-    assert abs(trace["body_vx"][0]) < 2e-3
-
-
-def test_a_plane_is_a_plane_in_a_grid_too():
-    lanes = scenario("incline", **SLOPE).model
-    x = np.arange(-2.0, 2.01, 0.5)
-    grid = HeightGrid(-2.0, -2.0, 0.5, 0.5, np.tile(lanes.terrain.height(x, 0.0)[:, None], (1, len(x))))
-    one, other = (
-        simulate(model, lambda reading: 0.6, 4.0, Start(yaw=1.2)) for model in (lanes, lanes.replace(terrain=grid))
-    )
-    assert other["body_x"] == pytest.approx(one["body_x"], abs=1e-4)
 
 
 @pytest.mark.parametrize(

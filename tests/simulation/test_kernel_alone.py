@@ -6,21 +6,12 @@ import numpy as np
 import pytest
 
 from rover_pin.effects.supply_sag import SupplySag
-from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.compiled.kernel import Kernel
 from rover_pin.simulation.plain.step import Plain
 from rover_pin.simulation.start.place import Start, settled
 from tests.simulation import kernel_cases as cases
 
 ROVER, CASES = cases.ROVER, cases.CASES
-
-
-def test_a_rover_without_a_differential_has_no_torque_in_it():
-    made = scenario("flat", rover="cart").model
-    kernel = Kernel(made, settled(made, Start()), 0.005, symmetric=False)
-    kernel.duty[:] = 0.5
-    assert [kernel.step() for _ in range(20)] == [0] * 20
-    assert kernel.differential.tolist() == [0.0]
 
 
 @pytest.mark.parametrize("kind", [Kernel, Plain])
@@ -39,18 +30,6 @@ def test_steps_that_are_taken_back_leave_nothing_behind(kind):
         assert [stepper.step() for _ in range(4)] == [0] * 4
         ends.append([stepper.misjudged, *(each.tobytes() for each in stepper.saved())])
     assert ends[0] == ends[1]
-
-
-def test_the_mirror_symmetric_mode_is_symmetric():
-    made, start = CASES["ditch"]
-    state = settled(made, start, symmetric=True)
-    kernel = Kernel(made, state, 0.005, symmetric=True)
-    kernel.duty[:] = 0.8
-    for _ in range(2000):
-        kernel.step()
-    perm, sign = ROVER.mirror
-    assert np.array_equal(state.v, sign * state.v[perm])
-    assert state.q[1] == 0.0
 
 
 def test_changed_soils_act_as_if_present_from_the_start():

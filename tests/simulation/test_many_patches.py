@@ -91,37 +91,3 @@ def test_patches_under_many_wheels_are_those_of_the_plain_step(name):
             assert mine == pytest.approx(theirs, rel=1e-8, abs=1e-8)
             met += len(mine)
     assert met > 150
-
-
-@pytest.mark.parametrize("across", [2e-4, 0.00105, 0.002])
-@pytest.mark.parametrize("side", [1.0, -1.0])
-def test_wheel_along_level_lines_matches_the_plain_step(across, side):
-    """Its axle lies all but in the direction in which a lane has its shape."""
-    rng = np.random.default_rng(6)
-    terrain = ground("two lanes", rng)
-    kernel = kernel_on(terrain)
-    for _ in range(10):
-        x, y = rng.uniform(-0.2, 0.3), rng.uniform(-0.05, 0.05)
-        axle = np.array([math.sqrt(1.0 - across**2), side * across, 0.0])
-        frame = wheel_frame(np.array([x, y, terrain.height(x, y) + R - 0.01]), axle)
-        (depth, mine), (reference, theirs) = compiled(kernel, frame), plain(terrain, frame)
-        assert depth == pytest.approx(reference, abs=1e-10)
-        assert mine.shape == theirs.shape
-        assert mine == pytest.approx(theirs, rel=1e-8, abs=1e-8)
-
-
-def test_a_part_that_just_begins_bears_nothing():
-    """Ahead of a convex corner the second plane takes over from nothing: no share jumps, however near it begins."""
-    kernel = kernel_on(Lanes((Profile(np.array([-1.0, 0.0, 1.0]), np.array([0.0, 0.0, -0.4])),)))
-
-    def at(x):
-        return compiled(kernel, wheel_frame(np.array([x, 0.0, R - 0.01]), np.array([0.0, 1.0, 0.0])), 0.0)
-
-    low, high = -R, 0.0
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        low, high = (low, middle) if len(at(middle)[1]) > 1 else (middle, high)
-    for off in [*np.linspace(-1e-9, 1e-9, 101), *np.linspace(-3e-12, 3e-12, 301)]:
-        depth, rows = at(low + off)
-        assert depth == pytest.approx(0.01, rel=1e-6)
-        assert np.sum(rows[:, 1]) == pytest.approx(1.0, abs=1e-6)

@@ -11,7 +11,7 @@ from rover_pin.base.trust import Trust
 from rover_pin.contact import Soil, Wheel
 from rover_pin.effects.normal_damping import NormalDamping
 from rover_pin.effects.side_shear import SideShear
-from rover_pin.effects.slip import AlgebraicSlip, RelaxedSlip
+from rover_pin.effects.slip import AlgebraicSlip
 from rover_pin.effects.slip_sinkage import SlipSinkage
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.effects.tacho_scale import TachoScale
@@ -21,7 +21,7 @@ from rover_pin.experiments.wheel_rig.model import write_model as write_rig_model
 from rover_pin.rover.rover import load_rover
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.model.effect_files import package_effects, user_effects
-from rover_pin.simulation.model.toml_file import model_files, read_model, write_model
+from rover_pin.simulation.model.toml_file import read_model, write_model
 from rover_pin.simulation.simulate import simulate
 from rover_pin.soil.angles import SinkageAngles
 from rover_pin.soil.traction import GrossTraction
@@ -70,21 +70,6 @@ def test_a_whole_model_comes_back_in_order(tmp_path):
     assert 'note = "from \\"slope\\""' in path.read_text()
     alike(read_model(write_model(again, tmp_path / "again.toml"), FLAT), model)
     assert path.read_text().replace('from \\"slope\\"', "") == (tmp_path / "again.toml").read_text()
-
-
-@pytest.mark.parametrize("terrain", [shapes.ditch(), shapes.rocks(2), shapes.hills(1)], ids=["lane", "lanes", "grid"])
-def test_the_terrain_may_stand_beside_it(tmp_path, terrain):
-    path = write_model(BASE.replace(terrain=terrain), tmp_path / "model.toml", with_terrain=True)
-    assert read_model(path).terrain == terrain
-    assert read_model(path, FLAT).terrain is FLAT
-
-
-def test_what_a_file_leaves_out_is_the_default(tmp_path):
-    path = tmp_path / "model.toml"
-    path.write_text('kind = "drive-model"\n[[soil]]\nphi = { value = 20.0, unit = "deg" }\n')
-    found = read_model(path, FLAT)
-    assert (found.slip, found.effects, found.gravity, found.rover.name) == (RelaxedSlip(), (), 9.81, "nexus6")
-    assert found.soils == (Soil(phi=np.radians(20.0)),)
 
 
 OWN_EFFECT = """
@@ -225,13 +210,6 @@ def test_a_rover_drives_on_a_wheels_model(tmp_path):
     bare = write_rig_model(RigModel(RIG.wheel, RIG.soil, ()), tmp_path / "bare.toml")
     with pytest.raises(DataError, match=r"bare.toml:.*\[\[effect\]\] SoilTraction"):
         scenario("flat", model=str(bare))
-
-
-def test_a_wheels_model_is_made_of_its_file_and_its_effects(tmp_path):
-    path = write_rig_model(RIG, tmp_path / "rig.toml")
-    assert model_files(path) == (path,)
-    path.write_text(path.read_text() + "[[effect]]\nname = 'Own'\nfile = 'own.py'\n")
-    assert model_files(path) == (path, tmp_path / "own.py")
 
 
 def test_burial_cut_is_kept_and_refused_if_not_a_radius_share(tmp_path):

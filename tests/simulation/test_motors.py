@@ -6,11 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rover_pin.base.errors import ParameterError
-from rover_pin.control.slip_estimate import calibrated_table
 from rover_pin.scenarios.scenario import scenario
-from rover_pin.simulation.model.motors import MOTORS, motor_named, nexus6_motor
-from rover_pin.simulation.model.toml_file import write_model
+from rover_pin.simulation.model.motors import MOTORS, motor_named
 
 STUDY = Path(__file__).parents[2] / "studies" / "motors.py"
 
@@ -57,17 +54,6 @@ def test_what_eq_9_reads_is_what_a_drive_shows(study, name):
     assert 1e3 * rim == pytest.approx(np.interp(S, rows["S"], rows["rim_mmps"]), rel=0.03)
 
 
-def test_the_studys_docstring_has_its_numbers(study):
-    rows = study.readings().set_index(["motor", "k_mm", "S"])
-    rims = [rows.loc[(name, 50.0, S), "rim_mmps"] for name, S in (("speed-like", 0.05), ("speed-like", 1.0))]
-    assert rims == pytest.approx([52.6, 46.2], abs=0.05)
-    assert rows.loc[("torque-like", 50.0, 1.0), "rim_mmps"] == pytest.approx(25.0, abs=0.05)
-    hats = [rows.loc[(name, 50.0, 1.0), "S_hat"] for name in MOTORS]
-    assert hats == pytest.approx([-0.08, -1.0], abs=0.005)
-    assert rows.loc[("speed-like", 10.0, 1.0), "S_hat"] == pytest.approx(-0.42, abs=0.006)
-    assert np.isnan(rows.loc[("torque-like", 10.0, 0.6), "S_hat"])
-
-
 def test_no_motor_lets_eq_9_see_a_slip_that_the_soil_resists(study):
     """S_hat falls as S rises, for every stall torque that carries the flat."""
     for _, table in study.readings().groupby(["motor", "k_mm"]):
@@ -77,25 +63,3 @@ def test_no_motor_lets_eq_9_see_a_slip_that_the_soil_resists(study):
 @pytest.mark.parametrize(("name", "at"), [("speed-like", 55.7), ("torque-like", 67.5)])
 def test_when_12_degrees_are_reached(study, name, at):
     assert study.slope(name, 1.0)["Fig 8: 11.5 deg reached at [s]"] == pytest.approx(at, abs=0.5)
-
-
-def test_a_speed_table_is_of_its_motor():
-    tables = [calibrated_table(scenario("flat", soil="table-1", motor=name).model, (0.3, 0.55)) for name in MOTORS]
-    assert tables[0].speed[2] == pytest.approx(tables[1].speed[2], rel=0.01)
-    assert tables[0].speed[1] != pytest.approx(tables[1].speed[1], rel=0.01)
-
-
-def test_the_motor_is_a_setting():
-    assert scenario("flat", soil="table-1").model.motor == motor_named("speed-like") == nexus6_motor()
-    assert scenario("flat", soil="table-1", motor="torque-like", **{"motor.supply": 9.0}).model.motor.supply == 9.0
-    with pytest.raises(ParameterError, match=r"motor = 'torque'.*'torque-like'"):
-        scenario("flat", soil="table-1", motor="torque")
-    with pytest.raises(ParameterError, match=r"0.55.*0.02 N"):
-        nexus6_motor(0.02)
-
-
-def test_a_model_file_has_its_own_motor(tmp_path):
-    path = write_model(scenario("flat", soil="table-1", motor="torque-like").model, tmp_path / "model.toml")
-    assert float(scenario("flat", model=str(path)).model.motor.stall_torque) == pytest.approx(0.25)
-    with pytest.raises(ParameterError, match=r"model.*motor"):
-        scenario("flat", model=str(path), motor="speed-like")

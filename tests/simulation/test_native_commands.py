@@ -14,7 +14,6 @@ from rover_pin.control.torque_check import PITCHES, NoLimit, TorqueLimit, Torque
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.compiled.kernel import Kernel
 from rover_pin.simulation.instant import Instant, Places
-from rover_pin.simulation.native.control import Commands
 from rover_pin.simulation.native.loop import Loop
 from rover_pin.simulation.native.shared import RECORD
 from rover_pin.simulation.start.place import Start, hovering
@@ -89,17 +88,3 @@ def test_one_compiled_controller_sample_is_that_of_its_class(name):
                 assert getattr(own, kept) == pytest.approx(getattr(rest, kept), rel=1e-13, abs=1e-13)
         told.append(loop.kernel.duty.copy())
     assert len(np.unique(np.round(told, 9))) > 2
-
-
-def test_no_duty_is_commanded_beyond_1():
-    loop = loop_of(Commands(np.array([1.5, -1.5, 1.05, -1.05, 0.99, -0.99]), np.array([0.1, -0.2, 0.3, -0.4])))
-    loop.run(1)
-    assert loop.kernel.duty.tolist() == [1.0, -1.0, 1.0, -1.0, 0.99, -0.99]
-    assert loop.kernel.servo_target.tolist() == [0.1, -0.2, 0.3, -0.4]
-
-
-def test_energies_that_are_not_asked_for_are_told_as_none():
-    loop = loop_of(Commands(0.0))
-    assert loop.now()["mechanical"][1] > 0.0
-    loop.kernel.struct.accounts = 0
-    assert loop.now()["mechanical"].tolist() == [0.0, 0.0]

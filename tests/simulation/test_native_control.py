@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from rover_pin.base.errors import ParameterError
-from rover_pin.control import steering, torque_check
+from rover_pin.control import steering
 from rover_pin.control.constant import ConstantDuty
 from rover_pin.control.slip_control import Gains, SlipControl
 from rover_pin.control.slip_estimate import TrueSlip
@@ -57,21 +57,6 @@ def test_a_built_in_controller_drives_as_its_class_does(name):
     for channel in drives[0].channels:
         assert np.array_equal(drives[0][channel], drives[1][channel], equal_nan=True), channel
     assert np.array_equal(*kept)
-
-
-def test_torque_limit_holds_end_values_beyond_its_pitches(monkeypatch):
-    """Five pitches that a bump goes beyond at either end."""
-    monkeypatch.setattr(torque_check, "PITCHES", np.radians([-0.3, -0.1, 0.0, 0.02, 0.04]))
-    case = scenario("bump", soil="table-1", control="limit", duration=8.0)
-    assert commands_of(case.controller, 6) is not None
-    ours, theirs = (
-        simulate(case.model, each, 8.0, case.start, case.timing) for each in (case.controller, asked(case.controller))
-    )
-    pitch = np.degrees(ours["body_pitch"])
-    assert pitch.min() < -0.4
-    assert pitch.max() > 0.05
-    for channel in ours.channels:
-        assert np.array_equal(ours[channel], theirs[channel], equal_nan=True), channel
 
 
 class Careful(ConstantDuty):
@@ -130,18 +115,6 @@ def test_tacking_in_the_loop_is_that_of_its_class(rover, limited):
     assert np.array_equal(*kept)
     assert drives[0].attrs["stop"] == drives[1].attrs["stop"] == "duration"
     assert len(np.unique(drives[0].stack("duty"))) > 10
-
-
-def test_turn_duties_and_angles_in_the_loop_match_the_class():
-    """One control sample: to 1e-12."""
-    case = scenario("flat", soil="table-1")
-    for yaw in (-0.3, -1e-4, 0.0, 1e-5, 0.02, 0.4):
-        ends = []
-        for wrap in (lambda control: control, asked):
-            control = TackingControl(case.model.rover, Tacking(radius=0.9))
-            trace = simulate(case.model, wrap(control), 0.05, Start(0.0, 0.0, yaw))
-            ends.append(np.concatenate([trace.end.stepper_state.duty, trace.end.stepper_state.servo]))
-        assert ends[0] == pytest.approx(ends[1], rel=0.0, abs=1e-12)
 
 
 def test_tacking_that_steers_too_far_is_refused(monkeypatch):

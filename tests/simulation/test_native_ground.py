@@ -14,8 +14,6 @@ from hypothesis import strategies as st
 from rover_pin.parameters import SOILS
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.compiled.kernel import Kernel, library
-from rover_pin.simulation.compiled.terrain_numbers import line_of
-from rover_pin.simulation.simulate import simulate
 from rover_pin.simulation.start.place import Start, hovering
 from rover_pin.terrain.profile import Profile
 from rover_pin.terrain.section import patches, wheel_frame
@@ -133,16 +131,6 @@ def test_a_grid_ends_in_c_where_it_ends_in_the_plain_step(border):
         assert agree(terrain, wheel_frame(np.array([x, y, terrain.height(x, y) + R - 0.01]), axle)) > 0
 
 
-def test_straight_points_are_one_piece_and_a_curve_is_not():
-    x = np.arange(-400, 801) / 200.0
-    assert Profile(x, 0.1 * np.abs(x)).straightened().x.tolist() == [-2.0, 0.0, 4.0]
-    two_soils = Profile(x, np.zeros(len(x)), (np.arange(len(x) - 1) > 499).astype(int))
-    assert len(two_soils.straightened().x) == 3
-    gentle = Profile(x, 1e-10 * x**2)  # each corner turns by less than round-off, all of them by 1e-9
-    assert np.max(np.abs(gentle.straightened().height(x) - gentle.height(x))) < 1e-14
-    assert len(gentle.straightened().x) > 900
-
-
 @pytest.mark.parametrize("spacing", ["even", "crowded"])
 def test_a_place_is_found_in_thousands_of_points(spacing):
     rng = np.random.default_rng(2)
@@ -153,14 +141,3 @@ def test_a_place_is_found_in_thousands_of_points(spacing):
     for at in (-1.0, -0.5, 0.0, 0.195, 0.205, 0.3, 1.5, 2.5):
         frame = wheel_frame(np.array([at, 0.0, terrain.height(at, 0.0) + R - 0.008]), np.array([0.0, 1.0, 0.0]))
         assert agree(terrain, frame) >= (1 if abs(at - 0.5) >= 1.0 else 9)
-
-
-def test_drive_on_straight_ground_ignores_its_point_count():
-    """Any number of points on the same lines: the same drive to round-off."""
-    case = scenario("ditch", duration=9.0)
-    profile = case.model.terrain.profiles[0]
-    x = np.union1d(np.linspace(-2.0, 4.0, 1000), profile.x)
-    dense = dataclasses.replace(case.model, terrain=Lanes((Profile(x, profile.height(x)),)))
-    traces = [simulate(each, case.controller, 9.0, case.start, symmetric=True) for each in (case.model, dense)]
-    assert traces[0]["body_x"] == pytest.approx(traces[1]["body_x"], abs=1e-10)
-    assert len(line_of(dense.terrain.profiles[0]).x) <= len(profile.x) + 4

@@ -2,14 +2,12 @@
 
 import dataclasses
 import math
-from types import SimpleNamespace
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
 from rover_pin.base.errors import SimulationError
-from rover_pin.contact import Soil, Wheel
+from rover_pin.contact import Soil
 from rover_pin.effects.slip import AlgebraicSlip
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.rover.rover import load_rover
@@ -23,22 +21,6 @@ from rover_pin.simulation.start.place import RESTS, SLIDES, Start, hovering, set
 from rover_pin.simulation.state import roll_pitch_yaw
 from rover_pin.soil.traction import FORMS
 from rover_pin.terrain import shapes
-
-PLACE = Start(x=-0.3, y=0.2, yaw=1.0)
-
-
-def scaled(rover, size):
-    """The rover `size` times as large, of the same density: masses as size^3, inertias as size^5."""
-    model = rover.model.copy()
-    for joint in range(1, model.njoints):
-        body, placement = model.inertias[joint], model.jointPlacements[joint]
-        model.inertias[joint] = pin.Inertia(body.mass * size**3, body.lever * size, body.inertia * size**5)
-        model.jointPlacements[joint] = pin.SE3(placement.rotation, placement.translation * size)
-    wheels = (
-        dataclasses.replace(mount, wheel=Wheel(r=mount.wheel.r * size, b=mount.wheel.b * size))
-        for mount in rover.wheels
-    )
-    return dataclasses.replace(rover, model=model, wheels=tuple(wheels))
 
 
 def model_on(terrain, soil, form="torque", rover=None, **more):
@@ -89,17 +71,6 @@ def test_the_issue_s_stiff_sand_starts_where_asked_and_stays():
     assert np.abs(trace["body_yaw"] - math.pi / 2).max() < math.radians(0.2)
     assert trace.attrs["set_down"] == RESTS
     assert trace.attrs["warnings"] == []
-
-
-@pytest.mark.parametrize("size", [0.3, 1.0, 5.0, 8.0])
-@pytest.mark.parametrize("gravity", [0.1, 1.62, 9.81])
-def test_rest_is_judged_by_the_rover_s_own_scale(size, gravity):
-    """From 160 g to 3 t; the ground's modulus grows with the size, so that all sink by the same share of the wheel."""
-    soil = Soil(k=0.01, k_1=54207.3 * size)
-    model = model_on(shapes.incline(math.radians(5.0), -10.0), soil, rover=scaled(load_rover(), size), gravity=gravity)
-    down = set_down(model, PLACE)
-    assert down.standing == RESTS
-    assert_placed(down.state, PLACE)
 
 
 @pytest.mark.parametrize("k_1", [2e4, 1e6, 1e8, 1e9])

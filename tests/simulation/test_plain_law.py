@@ -9,16 +9,14 @@ from rover_pin.base.errors import ParameterError
 from rover_pin.contact import Soil
 from rover_pin.effects.digging_memory import DiggingMemory
 from rover_pin.effects.multi_pass import MultiPass
-from rover_pin.effects.slip import AlgebraicSlip, RelaxedSlip
-from rover_pin.effects.slip_softening import SlipSoftening
+from rover_pin.effects.slip import RelaxedSlip
 from rover_pin.effects.soil_traction import SoilTraction
-from rover_pin.effects.viscous_friction import ViscousFriction
 from rover_pin.rover.rover import load_rover
 from rover_pin.simulation.compiled.kernel import DIRECTION_SPEED
-from rover_pin.simulation.compiled.laws import as_numbers, contact_law, motor_law, number_of_states, numbers, symbolic
+from rover_pin.simulation.compiled.laws import number_of_states, numbers
 from rover_pin.simulation.model.model import Model, base_effects
 from rover_pin.simulation.model.motor import Motor
-from rover_pin.simulation.plain.law import TRAVEL_SIGNS, PlainLaw, direction
+from rover_pin.simulation.plain.law import TRAVEL_SIGNS, PlainLaw
 from rover_pin.terrain import shapes
 
 ROVER, SOIL = load_rover(), Soil(k=0.004)
@@ -82,67 +80,8 @@ def test_a_wheel_that_goes_the_other_way_is_its_mirror_image(law, v, rim):
         np.testing.assert_allclose(getattr(other, name), wanted, rtol=1e-9, atol=1e-9, err_msg=name)
 
 
-def test_law_at_rest_is_the_mean_of_both_travel_directions(law):
-    """Weighed by the cubic that rises from 0 to 1 and leaves both ends level, 3 s^2 - 2 s^3."""
-    x = states(law)
-    for share in (0.0, 0.5, 1.0, 1.5, -0.5, -1.1):
-        here = contact(share * DIRECTION_SPEED, share * DIRECTION_SPEED)
-        back = here * np.r_[1.0, -1.0, -1.0, 1.0, -1.0, 1.0, 0.0, np.ones(len(here) - 7)]
-        back[6] = 2.0
-        s = min(1.0, max(0.0, 0.5 + 0.5 * direction(here[1], here[4])[0]))
-        weight = 3.0 * s**2 - 2.0 * s**3
-        assert weight == pytest.approx(np.interp(share, [-1.0, -0.5, 0.0, 0.5, 1.0], [0.0, 5 / 32, 0.5, 27 / 32, 1.0]),
-                                       abs=0.03)  # fmt: skip
-        own = law._split(law.law(here, x, law.parameters))
-        other = law._split(law.law(back, law.odd * x, law.parameters))
-        value = law(here, x)
-        np.testing.assert_allclose(value.load, weight * own.load + (1 - weight) * TRAVEL_SIGNS * other.load, atol=1e-9)
-        np.testing.assert_allclose(value.rate, weight * own.rate + (1 - weight) * law.odd * other.rate, atol=1e-9)
-        np.testing.assert_allclose(value.slip, weight * own.slip - (1 - weight) * other.slip, atol=1e-9)
-
-
-@pytest.mark.parametrize("v", [1e-3, -2e-3, 4e-3])
-def test_direction_of_a_rolling_wheel_is_speed_over_5_mm_per_s(v):
-    """Nearly; at rest its travel and its rim have half of that each, and 50 um/s of either alone little."""
-    assert direction(v, v)[0] == pytest.approx(v / 0.005, rel=0.04)
-    assert direction(20.0 * v, 20.0 * v)[0] == pytest.approx(20.0 * v / 0.005, rel=2e-3)
-    assert direction(0.0, 0.0) == (0.0, pytest.approx(100.0), pytest.approx(100.0))
-    assert direction(5e-5, 0.0)[0] == pytest.approx(0.01 * (1.0 + 0.5**0.5) / 2.0)
-    assert direction(0.0, 100.0 * v)[0] == pytest.approx(100.0 * v / (2.0**0.5 * 0.005), rel=1e-3)
-
-
-def test_records_without_quantities_have_a_column_of_none():
-    made, column = symbolic([])
-    assert made == []
-    assert (type(column).__name__, column.shape) == ("SX", (0, 1))
-    assert numbers([]).size == 0
-
-
 def test_a_wheel_has_eight_states_at_most():
     states = [SimpleNamespace(states=(SimpleNamespace(name=f"s_{at}"),)) for at in range(9)]
     assert number_of_states(states[:8]) == 8
     with pytest.raises(ParameterError, match=r"9.*\(s_0, .*, s_8\);.*8"):
         number_of_states(states)
-
-
-@pytest.mark.parametrize("states", [(), ("loosened",), ("S", "S_y", "loosened")])
-def test_contact_law_has_all_slopes_by_speeds_and_states(states):
-    """Four loads, four speeds, two slips; every rate has a slope by every speed and every state, also of one alone."""
-    effects = [RelaxedSlip() if "S" in states else AlgebraicSlip(), SoilTraction()]
-    law = contact_law([*effects, *([SlipSoftening()] if "loosened" in states else [])])
-    n = len(states)
-    assert law.numel_in(1) == n
-    assert law.numel_out(0) == 4 + 16 + n + 4 * n + 4 * n + n * n + 2
-
-
-def test_a_motor_s_torque_and_what_its_effects_add_are_one_sum():
-    """At 12 rad/s friction of 0.02 N m s takes 0.24 N m of what the motor gives, and 0.02 of its slope."""
-    motor, given = Motor(), np.array([0.8, 12.0, 0.0, 0.0])
-    friction = ViscousFriction(b_v=0.02)
-    bare, with_friction = (
-        as_numbers(motor_law(motor, effects))(given, np.zeros(0), numbers([motor, *effects]))
-        for effects in ((), (friction,))
-    )
-    assert abs(bare[0]) > 0.3
-    assert with_friction[:2] - bare[:2] == pytest.approx([-0.24, -0.02])
-    assert with_friction[2:] == pytest.approx(bare[2:])

@@ -5,18 +5,16 @@ import math
 import numpy as np
 import pytest
 
-from rover_pin.control.constant import ConstantDuty
 from rover_pin.rover.forward_dynamics import constraint_rows
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.checkpoint import Checkpoint
 from rover_pin.simulation.command import Command
 from rover_pin.simulation.compiled.kernel import Kernel
-from rover_pin.simulation.driving import Drive, obey
+from rover_pin.simulation.driving import Drive
 from rover_pin.simulation.native.shared import ENERGY, RECORD
 from rover_pin.simulation.pace import FINEST
 from rover_pin.simulation.plain.run import run_plain
 from rover_pin.simulation.plain.step import Plain
-from rover_pin.simulation.simulate import simulate
 from rover_pin.simulation.start.place import Start, hovering, settled
 from rover_pin.simulation.timing import Timing
 
@@ -93,39 +91,11 @@ def test_it_asks_at_its_period_and_notes_every_sample():
     assert not rows["attitude"].any()
 
 
-def test_it_goes_on_in_the_beat_of_the_drive_that_ended():
-    """After 18 steps that began at 3 s, in sixteenths: the next question before the 20th, the next row after it."""
-    asked, begun = [], state()
-    begun.t = 3.09
-    stepper = Counting(begun)
-    on = Checkpoint(3.0, 18, FINEST // 4)
-    ran = run_plain(drive(stepper, lambda reading: asked.append(reading.t) or 0.5, on), 0.1, None)
-    assert asked == pytest.approx([3.1, 3.12, 3.14, 3.16, 3.18])
-    assert ran.rows["t"] == pytest.approx([3.1, 3.15])
-    assert ran.checkpoint == Checkpoint(3.0, 38, FINEST)
-    assert stepper.lengths[0] == pytest.approx(0.005 / 4)
-
-
 def test_a_step_without_numbers_ends_it_before_its_row():
     ran = run_plain(drive(Counting(state(), bad=17)), 1.0, None)
     assert ran.stop == "diverged at 0.09 s: a velocity is not finite"
     assert ran.rows["t"] == pytest.approx([0.05])
     assert (ran.checkpoint.steps, ran.checkpoint.size) == (17, 1)
-
-
-def test_commands_reach_the_motors():
-    stepper = Counting(state())
-    given = iter(
-        [1.0, -1.0, np.array([0.25]), np.linspace(-1.0, 1.0, 6), Command(0.5, np.array([0.1, 0.2, -0.1, 0.0]))]
-    )
-    one = drive(stepper, lambda reading: next(given))
-    for duty in (np.ones(6), -np.ones(6), np.full(6, 0.25), np.linspace(-1.0, 1.0, 6), np.full(6, 0.5)):
-        obey(one, None)
-        np.testing.assert_allclose(stepper.duty, duty)
-    assert stepper.servo_target.tolist() == [0.1, 0.2, -0.1, 0.0]
-    stepper.servo_wheels = []
-    obey(drive(stepper, lambda reading: Command(0.2, 0.3)), None)
-    assert stepper.servo_target.tolist() == [0.1, 0.2, -0.1, 0.0], "no wheel steers"
 
 
 def test_wheels_are_held_by_the_same_inertia_in_both_steps():
@@ -155,9 +125,3 @@ def test_plain_step_returns_a_forced_differential_to_its_tie():
     assert np.abs(G @ begun.v).max() == pytest.approx(0.3)
     assert Plain(MODEL, begun, 0.005, False).step() == 0
     assert np.abs(G @ begun.v).max() < 1e-9
-
-
-def test_drive_from_a_state_has_no_placement_attribute():
-    begun = settled(MODEL, Start())
-    assert "set_down" not in simulate(MODEL, ConstantDuty(0.5), 0.05, begun).attrs
-    assert simulate(MODEL, ConstantDuty(0.5), 0.05).attrs["set_down"] == "at rest"

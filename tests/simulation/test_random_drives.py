@@ -172,11 +172,6 @@ def test_a_rest_that_a_push_throws_off_is_told():
         assert math.hypot(left["body_x"][-1] - chosen.start.x, left["body_y"][-1] - chosen.start.y) > 0.02
 
 
-@pytest.mark.slow
-def test_two_hundred_random_drives_are_sound():
-    assert_sound(range(SOME))
-
-
 @pytest.mark.nightly
 def test_a_thousand_random_drives_are_sound():
     assert_sound(range(SOME, DRIVES))

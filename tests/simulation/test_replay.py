@@ -10,13 +10,11 @@ import pytest
 from rover_pin.base.errors import DataError
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.native.shared import RECORD
-from rover_pin.simulation.replay import Perturbation, averaged, commands, filled, replay, shared, shares
 from rover_pin.simulation.replay import _channels as channels_of
-from rover_pin.simulation.replay import _fields as fields
+from rover_pin.simulation.replay import commands, replay
 from rover_pin.simulation.start.place import Start, shared_rest
 from rover_pin.simulation.trace.rows import row_type
 from rover_pin.simulation.trace.trace import Trace
-from rover_pin.terrain.shapes import flat
 
 NAN = math.nan
 
@@ -28,36 +26,12 @@ def log(period=0.05, count=40, attrs=None, **channels):
     return Trace({**usual, "duty_a": np.arange(count) / 100.0, **channels}, attrs=attrs or {})
 
 
-def test_rows_are_the_logs_own_at_its_period():
-    run = commands(log(), ("a",), ())
-    assert run.t == pytest.approx(2.0 + 0.05 * np.arange(40))
-    assert run.duty[:, 0] == pytest.approx(np.arange(40) / 100.0)
-    assert run.place == pytest.approx(np.column_stack([0.005 * np.arange(40), np.full(40, 0.5), np.full(40, 0.3)]))
-    assert run.period == pytest.approx(0.05)
-    assert run.steer.shape == (40, 0)
-    assert not run.rate_driven
-    assert (run.start.x, run.start.y, run.start.yaw) == pytest.approx((0.01, 0.5, 0.3)), "the mean of five rows"
-
-
 def test_fast_rows_are_averaged_to_50_ms_with_their_last_command():
     """Of rows at 0, 10, ... ms those around 50 ms are 30 to 70 ms; the command is the one that came last, by 30 ms."""
     run = commands(log(period=0.01, count=101), ("a",), ())
     assert run.t == pytest.approx(2.0 + 0.05 * np.arange(21))
     assert run.place[1:-1, 0] == pytest.approx(0.005 * np.arange(1, 20))
     assert run.duty[:3, 0] == pytest.approx([0.0, 0.03, 0.08])
-
-
-def test_slow_rows_keep_their_period_in_whole_steps():
-    """0.104 s are 10 steps of 10 ms: what a row of the replay falls between is of the log's nearest row."""
-    run = commands(log(period=0.104, count=30), ("a",), ())
-    assert run.period == pytest.approx(0.1)
-    assert run.t[-1] <= 2.0 + 29 * 0.104 < run.t[-1] + 0.1
-
-
-def test_two_rows_are_the_least():
-    assert len(commands(log(count=2), ("a",), ()).t) == 2
-    with pytest.raises(DataError, match=r"^day.csv:.*least\.$"):
-        commands(log(count=1, attrs={"file": "day.csv"}), ("a",), ())
 
 
 def test_command_gaps_hold_the_last_and_heading_is_unwrapped():
@@ -96,49 +70,6 @@ def test_a_declared_start_is_taken_and_an_unknown_one_is_refused():
     with pytest.raises(DataError, match=r"0\.25.*declared"):
         commands(log(body_x=x), ("a",), ())
     assert commands(log(body_x=x, attrs=told), ("a",), ()).start.x == 1.0
-
-
-def test_a_run_s_own_ground_takes_the_place_of_the_models():
-    run, model, ground = commands(log(), ("a",), ()), scenario("flat").model, flat()
-    assert run.on(model) is model
-    assert dataclasses.replace(run, terrain=ground).on(model).terrain is ground
-
-
-def test_means_of_rows_leave_gaps_and_what_lies_beyond_out():
-    t = np.array([0.0, 0.02, 0.05, 0.06, 0.1, 0.2, 0.26])
-    values = np.array([1.0, 3.0, 5.0, NAN, NAN, 7.0, 9.0])
-    found = averaged(t, values, 0.05 * np.arange(5), 0.05)
-    assert found == pytest.approx([2.0, 5.0, NAN, NAN, 7.0], nan_ok=True)
-
-
-def test_what_was_never_measured_is_zero():
-    assert filled(np.full(3, NAN)).tolist() == [0.0, 0.0, 0.0]
-    assert filled(np.array([NAN, 1.0, NAN, 3.0, NAN])).tolist() == [1.0, 1.0, 2.0, 3.0, 3.0]
-    assert shares(np.zeros((2, 2))).tolist() == [[0.0, 0.0], [0.0, 0.0]]
-    assert shares(np.array([[1.0, -4.0], [2.0, 0.0]])).tolist() == [[0.25, -1.0], [0.5, 0.0]]
-
-
-def test_tied_wheels_have_the_mean_of_their_rates_by_gear():
-    """Two ties of wheels a b and c d, e alone; a joint that is no wheel ties nothing."""
-    wheels = [SimpleNamespace(dof=dof) for dof in (6, 7, 8, 9, 10)]
-    ties = [(7, 6, -2.0), (9, 8, 0.5), (10, 30, 3.0), (31, 10, 3.0)]
-    couplings = [SimpleNamespace(follower=a, leader=b, ratio=ratio) for a, b, ratio in ties]
-    model = SimpleNamespace(rover=SimpleNamespace(wheels=wheels, couplings=couplings))
-    values = np.array([[1.0, -4.0, 3.0, 2.0, 5.0], [2.0, -4.0, 1.0, 0.5, 6.0]])
-    wanted = [[1.5, -3.0, 3.5, 1.75, 5.0], [2.0, -4.0, 1.0, 0.5, 6.0]]
-    assert shared(model, values).tolist() == wanted
-    assert values[0, 0] == 1.0, "the log itself is left alone"
-
-
-def test_perturbation_adds_to_the_duty_and_place_follows_in_1_s():
-    run = commands(log(), ("a",), ())
-    model = SimpleNamespace(motor=SimpleNamespace(stall_torque=2.0), sensor_effects=())
-    found = fields(model, run, Perturbation(torque=np.full((40, 1), 0.5), force=np.full(40, 3.0)))
-    assert found["duty_rows"] == pytest.approx(run.duty + 0.25)
-    assert found["force_rows"].tolist() == [3.0] * 40
-    assert "grip_rows" not in found
-    assert found["share"] == pytest.approx(0.05), "a row of 50 ms, with a time constant of 1 s"
-    assert fields(model, run, Perturbation())["duty_rows"] == pytest.approx(run.duty)
 
 
 @pytest.mark.parametrize("held", [False, True])
@@ -192,15 +123,6 @@ def flat_run(seconds=1.5, **more):
     """Of the cart, on which nothing steers."""
     drive = scenario("flat", duration=seconds, rover="cart")
     return drive.model, commands(drive.drive(), tuple(wheel.name for wheel in drive.model.rover.wheels), ())
-
-
-def test_completed_replay_has_no_stop_and_independent_sides():
-    model, run = flat_run()
-    turning = dataclasses.replace(run, duty=run.duty * np.array([1.0, 0.2] * (run.duty.shape[1] // 2)))
-    found = replay(model, turning)
-    assert found.stop == ""
-    rates = [np.mean(found.channels[f"wheel_rate_{wheel.name}"]) for wheel in model.rover.wheels]
-    assert rates[0] > 2.0 * rates[1] > 0.0
 
 
 def test_a_replay_that_ends_early_keeps_the_row_before_its_end():

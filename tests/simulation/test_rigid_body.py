@@ -1,7 +1,5 @@
 """The generated rigid body against Pinocchio's own algorithms, on every rover and on random trees."""
 
-import dataclasses
-
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -142,17 +140,3 @@ def test_the_compiled_body_is_what_pinocchio_says(name):
     inertia = kernel.keep["rigid"][: len(made.rows)]
     same(inertia, (np.triu(pin.crba(model, data, q)) - rotors)[made.rows, made.columns])
     same(kernel.keep["nle"][: model.nv], pin.nonLinearEffects(model, data, q, v))
-
-
-def test_a_wheel_of_revolution_costs_no_sine():
-    """Nexus 6's wheels leave eight angles to work out; a wheel that is not round would be turned."""
-    model = load_rover("nexus6").model
-    joints = tree_of(model).joints
-    assert sum(joint.revolves for joint in joints) == 6
-    unround = model.copy()
-    wheel = unround.njoints - 1
-    unround.inertias[wheel] = unround.inertias[wheel] + pin.Inertia(0.1, np.array([0.05, 0.0, 0.0]), np.eye(3) * 1e-4)
-    changed = tree_of(unround).joints
-    assert sum(joint.revolves for joint in changed) == 5
-    assert dataclasses.replace(changed[-1], revolves=True, numbers=joints[-1].numbers) == joints[-1]
-    compare(unround, *random_state(unround, np.random.default_rng(3)))

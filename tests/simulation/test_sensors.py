@@ -41,22 +41,6 @@ def test_the_noise_is_as_large_as_declared(trace):
     assert log["rocker_l"] / 0.005 == pytest.approx(np.round(log["rocker_l"] / 0.005))
 
 
-def test_a_seed_makes_one_log(trace):
-    assert np.array_equal(measured(trace, Sensors(), 3)["body_x"], measured(trace, Sensors(), 3)["body_x"])
-    assert not np.array_equal(measured(trace, Sensors(), 3)["body_x"], measured(trace, Sensors(), 4)["body_x"])
-
-
-def test_exact_sensors_change_nothing(trace):
-    log = measured(trace, EXACT, 0)
-    assert all(np.array_equal(log[name], trace[name]) for name in log.channels)
-
-
-@pytest.mark.parametrize("effect", [TachoScale(), TrackingDelay(), VelocityFilter(), SensorBias()])
-def test_neutral_values_change_nothing(trace, effect):
-    log = measured(trace, EXACT, 0, [effect.replace(**effect.neutral)])
-    assert all(np.array_equal(log[name], trace[name]) for name in log.channels)
-
-
 def test_effects_do_as_they_say(trace):
     scaled = measured(trace, EXACT, 0, [TachoScale(e=0.03, wheel="ml")])
     assert scaled["wheel_rate_ml"] == pytest.approx(1.03 * trace["wheel_rate_ml"])
@@ -84,13 +68,6 @@ def test_a_tracked_point_moves_with_the_body_it_is_on():
         assert (read["body_vx"] - 1.0)[inside] == pytest.approx((-omega * arm[1])[inside], abs=1e-5)
         assert (read["body_vy"] - 2.0 * t)[inside] == pytest.approx((omega * arm[0])[inside], abs=1e-5)
     assert set(TrackedPoint().read(t, {"body_x": t, "body_yaw": yaw})) == {"body_x"}
-
-
-def test_tachos_of_several_wheels_are_read_each_by_its_own_scale(trace):
-    scaled = measured(trace, EXACT, 0, [TachoScale(e=0.03, wheel="ml"), TachoScale(e=-0.1, wheel="rr")])
-    assert scaled["wheel_rate_ml"] == pytest.approx(1.03 * trace["wheel_rate_ml"])
-    assert scaled["wheel_rate_rr"] == pytest.approx(0.9 * trace["wheel_rate_rr"])
-    assert np.array_equal(scaled["wheel_rate_fl"], trace["wheel_rate_fl"])
 
 
 def test_the_filter_follows_a_ramp_late_by_its_time_constant():

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-import math
-
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -12,7 +9,6 @@ import pytest
 from rover_pin.base.errors import SimulationError
 from rover_pin.effects.pivot_friction import PivotFriction
 from rover_pin.effects.point_mass import PointMass
-from rover_pin.effects.slip import SIDEWAYS_SHARE
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.compiled.kernel import Kernel
 from rover_pin.simulation.start.place import LOCKED, Rest, Start, _fields, hovering, relaxed, settled
@@ -66,15 +62,6 @@ def test_a_rover_that_cannot_stand_is_refused_by_both():
         settled(heavy, Start())
 
 
-def test_heights_that_overflow_are_no_crash():
-    """A place is looked up in a grid although the rover was thrown away by a step: it is taken again, shorter."""
-    model = scenario("flat", soil="table-1").model
-    z = np.zeros((40, 40))
-    z[::2] = 1e-3
-    grid = dataclasses.replace(model, terrain=HeightGrid(-1.0, -1.0, 0.05, 0.05, z))
-    assert np.isfinite(settled(grid, Start()).q).all()
-
-
 @pytest.mark.parametrize("case", ["flat", "ditch, aslant", "across a slope", "cart", "rocks"])
 def test_a_rover_is_set_down_from_where_its_lowest_wheel_touches(case):
     """Its centre a radius above the ground under it, whatever the slope, and none of the others below that."""
@@ -89,30 +76,6 @@ def test_a_rover_is_set_down_from_where_its_lowest_wheel_touches(case):
     assert min(gaps) == pytest.approx(0.0, abs=1e-12)
     assert state.q[:2].tolist() == [start.x, start.y]
     assert not state.v.any()
-
-
-@pytest.mark.parametrize("name", ["nexus6", "cart"])
-def test_speeds_and_slides_are_counted_in_wheels(name):
-    """A turn moves the furthest wheel by its distance; what holds slides by at most ten k of the stiffest shear."""
-    model = scenario("bump", rover=name, **{"soil.k": 0.02}).model
-    model = model.replace(soils=(*model.soils[:-1], model.soils[-1].replace(k=0.007)))
-    state, rover = hovering(model, Start()), model.rover
-    data = rover.model.createData()
-    pin.forwardKinematics(rover.model, data, pin.neutral(rover.model))
-    far = max(math.hypot(*data.oMi[mount.joint].translation) for mount in rover.wheels)
-    kernel = Kernel(model, state, 1.0, False)
-    usual = np.array(kernel.armature)
-    fields = _fields(model, state, kernel)
-    held = np.isin(np.arange(rover.model.nv), [0, 1, 5, *(mount.dof for mount in rover.wheels)])
-    expected = np.where(np.arange(rover.model.nv) < 3, 1.0, far)
-    np.testing.assert_allclose(fields["lengths"], np.where(held, 0.0, expected))
-    np.testing.assert_allclose(fields["free_lengths"], [1.0, 1.0, far])
-    np.testing.assert_array_equal(fields["free_rotors"], usual[[0, 1, 5]])
-    np.testing.assert_array_equal(kernel.armature, np.where(held, LOCKED, usual))
-    radius = float(rover.wheels[0].wheel.r)
-    assert fields["radius"] == radius
-    assert fields["most_slid"] == pytest.approx(10.0 * 0.007 / radius)
-    assert fields["most_shear"].tolist() == [1.0, 1.0 / SIDEWAYS_SHARE]
 
 
 def test_pivot_friction_is_ignored_while_a_rover_is_placed():

@@ -5,7 +5,6 @@ import dataclasses
 import numpy as np
 import pytest
 from scipy.integrate import quad
-from scipy.optimize import brentq
 
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.outcome import soil_energy
@@ -45,14 +44,6 @@ def test_what_was_stored_comes_back_at_a_steady_load(flat, top):
     assert store.overdrawn == 0.0
 
 
-def test_the_store_is_empty_where_no_shear_acts(flat):
-    model, trace = flat
-    free = brentq(lambda S: M(model, S), -0.3, 0.0)
-    held = shear_store(model, sheared(trace, np.linspace(-1.0, 1.0, 401), 20.0)).stored
-    assert held.min() == pytest.approx(0.0, abs=1e-3 * held.max())
-    assert np.linspace(-1.0, 1.0, 401)[np.argmin(held)] == pytest.approx(free, abs=0.02)
-
-
 def test_a_load_that_grows_on_sheared_soil_overdraws_the_store(flat):
     """Sheared under 10 N and let go under 30 N it gives three times what it took: twice that is from nowhere."""
     model, trace = flat
@@ -71,19 +62,6 @@ def test_the_state_lags_behind_the_slip_by_its_damping(flat):
     held = shear_store(damped, made).stored
     there = shear_store(model, sheared(trace, [0.2] * 2, 20.0)).stored[0]
     assert held[half] == pytest.approx(there, rel=2e-3)
-
-
-def test_slip_that_follows_at_once_stores_nothing(flat):
-    _, trace = flat
-    store = shear_store(scenario("flat", soil="table-1", slip="algebraic").model, trace)
-    assert not store.taken.any()
-    assert not store.stored.any()
-    assert store.overdrawn == 0.0
-
-
-def test_a_wheel_in_the_air_stores_nothing(flat):
-    model, trace = flat
-    assert not shear_store(model, sheared(trace, np.linspace(0.0, 0.9, 20), 0.0)).stored.any()
 
 
 @pytest.mark.parametrize(("name", "settings"), [("ditch", {"soil.k": 0.01}), ("bump", {}), ("washboard", {})])

@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from rover_pin.simulation.state import DriveState, base_rotation, roll_pitch_yaw
+from rover_pin.simulation.state import base_rotation, roll_pitch_yaw
 
 
 def configured(rotation, scale=1.0):
@@ -25,12 +25,3 @@ def test_angles_turn_about_z_then_y_then_x(seed):
 def test_rover_on_its_nose_has_a_pitch_despite_a_sine_beyond_1(side):
     rotation = pin.rpy.rpyToMatrix(0.0, side * math.pi / 2, 0.0)
     assert roll_pitch_yaw(configured(rotation, 1.0 + 1e-12))[1] == pytest.approx(side * math.pi / 2)
-
-
-def test_a_copy_is_changed_alone():
-    state = DriveState(1.5, *(np.full(size, 1.0) for size in (7, 6, (2, 3), (2, 1))))
-    other = state.copy()
-    for name in ("q", "v", "contact", "motor"):
-        getattr(other, name)[...] = 2.0
-        assert np.all(getattr(state, name) == 1.0)
-    assert other.t == 1.5

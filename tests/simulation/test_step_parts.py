@@ -1,7 +1,6 @@
 """Parts of the compiled step by themselves: solvers, slopes and energies, each against something that knows no C."""
 
 import ctypes
-import math
 
 import mpmath as mp
 import numpy as np
@@ -64,46 +63,6 @@ def parts():
     return made
 
 
-@pytest.mark.parametrize("n", [1, 2, 3, 7, 20])
-def test_rows_are_exchanged_where_a_pivot_lacks(parts, n):
-    """Dense, with nothing on the diagonal (but of a lone number), so that every row must be another's."""
-    rng = np.random.default_rng(n)
-    for _ in range(20):
-        A, b = rng.normal(size=(n, n)), rng.normal(size=n)
-        if n > 1:
-            np.fill_diagonal(A, 0.0)
-        if abs(np.linalg.det(A)) < 1e-3:
-            continue
-        x = b.copy()
-        assert parts.probe_pivoted(n, at(A), at(x)) == 0
-        assert np.linalg.solve(A, b) == pytest.approx(x, rel=1e-8, abs=1e-10)
-
-
-def test_rows_are_exchanged_for_the_greatest_pivot(parts):
-    """With the tiny one first, elimination loses all digits."""
-    A, b = np.array([[1e-20, 1.0], [1.0, 1.0]]), np.array([1.0, 2.0])
-    assert parts.probe_pivoted(2, at(A), at(b)) == 0
-    assert b == pytest.approx([1.0, 1.0], rel=1e-15)
-
-
-@pytest.mark.parametrize("lost", [0, 1, 2])
-def test_equations_without_an_answer_are_refused(parts, lost):
-    A = np.array([[2.0, 1.0, 0.5], [1.0, 3.0, 0.25], [0.5, 0.25, 4.0]])
-    A[lost] = A[:, lost] = 0.0
-    assert parts.probe_pivoted(3, at(A), at(np.ones(3))) == 2
-
-
-@pytest.mark.parametrize(("n", "m", "stride"), [(1, 1, 1), (2, 5, 5), (3, 2, 2), (5, 3, 4), (8, 5, 5)])
-def test_the_states_implicit_step_is_a_linear_solve(parts, n, m, stride):
-    """(I - half A) X = B with every state bearing every other; what stands beside B is left alone."""
-    rng = np.random.default_rng(n)
-    A, B = rng.normal(size=(n, n)), rng.normal(size=(n, stride))
-    X = B.copy()
-    parts.probe_states(0.3, n, at(A), at(X), m, stride)
-    assert X[:, :m] == pytest.approx(np.linalg.solve(np.eye(n) - 0.3 * A, B[:, :m]), rel=1e-9, abs=1e-11)
-    assert np.array_equal(X[:, m:], B[:, m:])
-
-
 ANGLES = [0.0, 1e-9, 1e-4, 0.03, 0.09, 0.0999999, 0.1000001, 0.2, 1.5, 3.0]
 
 
@@ -139,17 +98,6 @@ def test_the_base_moves_along_a_screw_to_the_last_digit(parts, angle):
         assert pin.Quaternion(q[3:]).matrix() == pytest.approx(wanted.rotation, abs=2e-15)
 
 
-@pytest.mark.parametrize("angle", [*ANGLES, *(-angle for angle in ANGLES)])
-def test_a_wheel_and_a_heading_turn_to_the_last_digit(parts, angle):
-    found = np.zeros(2)
-    parts.probe_turn(angle, at(found))
-    assert found == pytest.approx([math.sin(angle), math.cos(angle)], rel=2.3e-16, abs=0.0)
-    q = np.concatenate([np.zeros(3), pin.Quaternion(pin.exp3(np.array([0.3, -0.2, 0.9]))).coeffs()])
-    wanted = pin.exp3(np.array([0.0, 0.0, angle])) @ pin.Quaternion(q[3:]).matrix()
-    parts.probe_heading(at(q), angle)
-    assert pin.Quaternion(q[3:]).matrix() == pytest.approx(wanted, abs=1e-15)
-
-
 @pytest.mark.parametrize("n", [0.5, 0.9, 1.0, 1.7])
 @pytest.mark.parametrize("h", [1e-4, 0.01, 0.045])
 def test_integrals_of_the_depth_over_an_arc(parts, n, h):
@@ -165,19 +113,6 @@ def test_integrals_of_the_depth_over_an_arc(parts, n, h):
                     lambda t, w=weight: max(mp.cos(t) - mp.cos(theta), mp.mpf(0)) ** mp.mpf(n) * w(t), [end, theta]
                 )
                 assert got == pytest.approx(float(wanted), rel=2e-6)
-
-
-@pytest.mark.parametrize("name", ["nexus6", "cart"])
-def test_energies_are_those_of_mass_matrix_and_centre_of_mass(name):
-    model = scenario("incline", rover=name, **{"terrain.angle_deg": 7.0}).model
-    state = settled(model, Start())
-    kernel, rng = Kernel(model, state, 0.005, symmetric=False), np.random.default_rng(3)
-    state.v[:] = rng.normal(size=len(state.v))
-    armoured = armed(model.built, float(model.motor.armature))
-    M = pin.crba(armoured, armoured.createData(), state.q)
-    kinetic = 0.5 * state.v @ (np.triu(M) + np.triu(M, 1).T) @ state.v
-    height = pin.centerOfMass(armoured, armoured.createData(), state.q) @ model.built.up
-    assert kernel.energies() == pytest.approx((kinetic, model.built.mass * model.gravity * height), rel=1e-10)
 
 
 @pytest.mark.parametrize("kind", [Kernel, Plain])

@@ -2,7 +2,6 @@
 
 import dataclasses
 
-import numpy as np
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
@@ -11,8 +10,7 @@ from rover_pin.base.errors import ParameterError
 from rover_pin.control.constant import ConstantDuty
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.compiled.rover_numbers import armed, rim_inertia
-from rover_pin.simulation.model.motor import RINGS, Motor, unringing
-from rover_pin.simulation.model.motors import MOTORS, motor_named
+from rover_pin.simulation.model.motor import Motor, unringing
 from rover_pin.simulation.simulate import simulate
 from rover_pin.simulation.timing import DT, Timing
 
@@ -50,21 +48,6 @@ def test_no_motor_holds_more_than_its_duty_gives_or_turns_back(delta, omega):
     motor = Motor()
     with pytest.raises(ParameterError, match=r"torque.*positive"):
         motor.calibrated(delta, omega, 0.25 * float(motor.stall_torque))
-
-
-def test_a_slope_that_drives_or_vanishes_is_left_alone():
-    assert unringing(5.0, 0.005, 1e-4) == 5.0
-    assert unringing(0.0, 0.005, 1e-4) == 0.0
-
-
-@pytest.mark.parametrize("name", MOTORS)
-def test_shipped_motors_keep_the_midpoint_rule_by_default(name):
-    model = dataclasses.replace(scenario("flat").model, motor=motor_named(name))
-    inertia = rim_inertia(armed(model.built, float(model.motor.armature)), model.built)
-    motor = model.motor
-    slope = -(float(motor.constant) ** 2) / float(motor.resistance)
-    assert np.all(DT * -slope / inertia < RINGS)
-    assert [unringing(slope, DT, each) for each in inertia] == [slope] * len(inertia)
 
 
 def test_the_inertia_of_a_rim_is_that_of_wheel_and_rotor():

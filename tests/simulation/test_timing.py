@@ -6,11 +6,6 @@ from rover_pin.base.errors import SimulationError
 from rover_pin.simulation.timing import Timing
 
 
-def test_drive_controls_and_samples_at_20_hz_by_default():
-    usual = Timing()
-    assert (usual.dt, usual.control, usual.sample, usual.divided) == (0.005, 0.05, 0.05, 1)
-
-
 @pytest.mark.parametrize("name", ["control", "sample"])
 @pytest.mark.parametrize("period", [0.0, 0.0025, 0.0075, 0.0125, -0.005])
 def test_a_period_is_a_whole_number_of_steps_and_one_at_least(name, period):
@@ -25,12 +20,3 @@ def test_a_step_lies_between_a_microsecond_and_a_tenth(allowed, refused):
     assert Timing(dt=allowed, control=1.0, sample=1.0).dt == allowed
     with pytest.raises(SimulationError, match=r"it.*\[1e-06, 0.1\]"):
         Timing(dt=refused, control=1.0, sample=1.0)
-
-
-def test_half_of_a_third_is_a_sixth():
-    third = Timing(dt=0.006, control=0.06, sample=0.06)
-    half = third.halved()
-    assert (half.dt, half.divided, half.control) == (0.006, 2, 0.06)
-    assert half.refined(3).dt == pytest.approx(0.001)
-    assert (half.refined(3).divided, half.refined(3).sample) == (1, 0.06)
-    assert half.halved().divided == 4

@@ -136,30 +136,6 @@ def test_an_unfit_usual_folder_gives_way_to_a_private_one(usual, trouble):
     assert not home.is_dir() or not list(home.iterdir())
 
 
-def test_a_user_without_a_home_gets_a_private_folder(usual, monkeypatch):
-    def homeless():
-        raise RuntimeError("Could not determine home directory.")
-
-    monkeypatch.delenv("XDG_CACHE_HOME")
-    monkeypatch.setattr(private_folders.Path, "home", homeless)
-    assert twice(toolchain.shared_library(SOURCE, "twice")) == 42.0
-    assert only(usual[1]).suffix == ".so"
-
-
-def test_no_folder_at_all_is_one_sentence(usual):
-    for folder in usual:
-        folder.write_text("")
-    with pytest.raises(CacheError, match=r"\(.*rover_pin:.*\):.*ROVER_"):
-        toolchain.shared_library(SOURCE, "twice")
-
-
-def test_a_named_folder_that_cannot_be_made_is_one_sentence(tmp_path, monkeypatch):
-    (tmp_path / "file").write_text("")
-    monkeypatch.setenv("ROVER_PIN_CACHE", str(tmp_path / "file" / "below"))
-    with pytest.raises(CacheError, match=r"below:.*directory\):.*ROVER_PIN_CACHE"):
-        toolchain.shared_library(SOURCE, "twice")
-
-
 def full(tmp_path, monkeypatch):
     """A compiler that says what gcc's assembler says on a full disk."""
     script = tmp_path / "cc"
@@ -207,33 +183,3 @@ def test_a_failing_compiler_is_said(cache):
     with pytest.raises(MissingExtraError, match=r"CC.*works"):
         toolchain.shared_library("this is not C\n", "broken")
     assert not list(cache.iterdir())
-
-
-def test_libraries_of_another_processor_are_not_taken(cache, monkeypatch):
-    """A folder that two machines share: what one compiles for its vectors, the other does not load."""
-    made = []
-    for level in ("", "x86-64-v3", "x86-64-v4", ""):
-        monkeypatch.setattr(toolchain, "level", lambda level=level: level)
-        monkeypatch.setattr(toolchain, "has_vector_math", lambda: True)
-        monkeypatch.setattr(toolchain, "_compiled", lambda command, sources, place, fast: _built(place))
-        monkeypatch.setattr(toolchain, "compiler", lambda: ["gcc"])
-        toolchain.shared_library(SOURCE, "twice")
-        made.append({file.name.rsplit("-", 1)[0] for file in cache.iterdir()})
-    assert [len(each) for each in made] == [1, 2, 3, 3]
-
-
-def _built(place):
-    """Return the plain library: this processor may not have the other's vectors."""
-    file = place / "source.c"
-    file.write_text(SOURCE)
-    subprocess.run(["cc", "-shared", "-fPIC", "-o", str(place / "made.so"), str(file)], check=True)
-    return place / "made.so"
-
-
-def test_compiler_without_this_processor_builds_generic_code(cache, monkeypatch):
-    monkeypatch.setattr(toolchain, "fast_flags", lambda command: ["-march=not-a-processor"])
-    assert twice(toolchain.shared_library(SOURCE, "twice")) == 42.0
-
-
-def test_the_package_ziglang_builds_for_any_processor():
-    assert toolchain.fast_flags([sys.executable, "-m", "ziglang", "cc", toolchain.PLAIN_CPU]) == []
