@@ -2,6 +2,7 @@
 
 import math
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pinocchio as pin
@@ -10,11 +11,15 @@ import pytest
 from rover_pin.rover.rover import load_rover
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.compiled.kernel import Kernel
+from rover_pin.simulation.failure import failure, suspension_of
+from rover_pin.simulation.model.model import BURIED
 from rover_pin.simulation.native.loop import Loop, Outcome
 from rover_pin.simulation.native.shared import RECORD
 from rover_pin.simulation.start.place import Start, hovering
 
 ROVER = load_rover("nexus6")
+MODEL = SimpleNamespace(rover=ROVER, buried=BURIED)
+SUSPENSION = suspension_of(MODEL)
 
 
 AT_ONCE = 1e-12
@@ -29,6 +34,29 @@ def compiled(q, v, height=50.0):
     state.q[2] = height
     loop = Loop(Kernel(model, state, AT_ONCE, symmetric=False), AT_ONCE, 1, 1)
     return loop.run(1), loop.rows[0]
+
+
+def asked(roll=0.0, pitch=0.0, yaw=0.0, speed=0.0, depth=0.0, joint=0.0, way=1):
+    """Why a rover fails that stands so, rolls so, is so fast [m/s] backwards, whose third wheel has sunk so far [r]."""
+    q, v = pin.neutral(ROVER.model), np.zeros(ROVER.model.nv)
+    q[3:7] = pin.Quaternion(pin.rpy.rpyToMatrix(*np.radians([roll, pitch, yaw]))).coeffs()
+    v[way] = -speed
+    place = SUSPENSION.places[1]
+    q[place] = (SUSPENSION.limits[1][1] + joint) if joint >= 0 else (SUSPENSION.limits[0][1] + joint)
+    record = np.zeros((6, len(RECORD)))
+    record[2, RECORD.index("sinkage")] = depth * float(ROVER.wheels[2].wheel.r)
+    reason = failure(MODEL, SimpleNamespace(q=q, v=v), record, SUSPENSION)
+    if depth == 0.0 and math.isfinite(speed):
+        assert compiled(q, v)[0] is (Outcome.FAILS if reason else Outcome.DONE)
+    return reason
+
+
+@pytest.mark.parametrize("axis", ["roll", "pitch"])
+@pytest.mark.parametrize("side", [1, -1])
+def test_it_has_capsized_beyond_60_deg(axis, side):
+    assert asked(**{axis: 59.5 * side}) is None
+    assert asked(**{axis: 60.5 * side}).startswith("capsized: ")
+    assert f"{axis} {60.5 * side:.0f} deg" in asked(**{axis: 60.5 * side})
 
 
 @pytest.mark.parametrize("depth", [0.49, 0.51])
@@ -63,3 +91,12 @@ def test_a_joint_may_go_10_deg_past_its_stop():
     for side in (1, -1):
         assert asked(joint=side * math.radians(9.5)) is None
         assert re.match("folded: .*11 deg", asked(joint=side * math.radians(10.6)))
+
+
+@pytest.mark.parametrize("way", [0, 1, 2])
+def test_a_rover_faster_than_10_m_s_has_diverged(way):
+    assert asked(speed=9.9, way=way) is None
+    assert asked(speed=-9.9, way=way) is None
+    assert asked(speed=-10.1, way=way).startswith("diverged")
+    assert asked(speed=10.1, way=way).startswith("diverged")
+    assert asked(speed=math.nan).startswith("diverged")
