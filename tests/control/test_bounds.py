@@ -20,7 +20,6 @@ from tests.oracle import terramechanics as oracle
 
 WHEEL = Wheel()
 SAND = SOILS["literature-sand"].replace(k=0.005)
-LOADS = (0.5, 4.0, 9.48, 25.0)
 
 
 class FullShear(oracle.Wheel):
@@ -87,29 +86,6 @@ def test_the_limit_is_the_greatest_torque_below_the_slip_limit():
     assert np.all(torques < torque_bounds(9.48, SAND, WHEEL, 0.3).saturation)
 
 
-@pytest.mark.parametrize("load", LOADS)
-def test_with_a_short_shear_displacement_any_slip_saturates(load):
-    found = [torque_bounds(load, SAND.replace(k=k), WHEEL, 1.0) for k in (1e-3, 1e-4, 1e-5)]
-    gaps = [1.0 - each.limit / each.saturation for each in found]
-    assert 0.0 < gaps[2] < gaps[1] < gaps[0]
-    assert gaps[2] < 1e-5
-    # what is missing is a layer of depth k / r at the entry, where sigma starts as its n-th power
-    assert gaps[1] / gaps[2] == pytest.approx(10.0 ** (SAND.n + 1.0), rel=0.05)
-
-
-@pytest.mark.parametrize("load", LOADS)
-def test_limit_goes_as_one_over_k_for_long_shear_displacement(load):
-    found = [torque_bounds(load, SAND.replace(k=k), WHEEL, 0.2).limit for k in (0.25, 0.5)]
-    assert found[0] / found[1] == pytest.approx(2.0, rel=0.02)
-
-
-def test_saturation_nears_friction_times_load_without_cohesion():
-    """A light wheel hardly sinks: T_sat / (r W) tends to tan phi / 1 as theta_1 tends to 0."""
-    ratios = [torque_bounds(W, SAND, WHEEL).saturation / (WHEEL.r * W * math.tan(SAND.phi)) for W in (1.0, 1e-2, 1e-4)]
-    assert ratios[0] < ratios[1] < ratios[2] < 1.0
-    assert ratios[2] == pytest.approx(1.0, abs=2e-2)
-
-
 @pytest.mark.parametrize("angles", [None, FixedAngles()])
 def test_a_lifted_wheel_has_no_torque_and_no_slope(angles):
     more = () if angles is None else (angles,)
@@ -124,14 +100,6 @@ def test_a_lifted_wheel_has_no_torque_and_no_slope(angles):
         assert np.all(np.isfinite(slope))
         assert np.all(value > 0.0) if load > 1e-9 else np.all(value >= 0.0)
         assert load > 0.0 or np.all(value == 0.0)
-
-
-def test_bounds_grow_smoothly_with_the_load_down_to_nothing():
-    loads = np.logspace(-9, 1.4, 300)
-    found = np.array([torque_bounds(float(W), SAND, WHEEL) for W in loads])
-    assert np.all(np.diff(found, axis=0) > 0.0)
-    bend = np.diff(np.log(found), 2, axis=0)
-    assert np.max(np.abs(bend[loads[1:-1] > 1e-4])) < 0.01
 
 
 soils = st.builds(
@@ -176,20 +144,6 @@ def test_gradients_are_central_differences(soil, load, S):
     assert gradient["theta_1"] == gradient["theta_2"] == (0.0, 0.0)
 
 
-def test_bounds_are_symbolic_in_every_parameter():
-    names = ca.SX.sym("x", len(INPUTS))
-    load, S, r, b, *rest = ca.vertsplit(names)
-    soil = Soil(**dict(zip(SAND.values(), rest, strict=True)))
-    found = torque_bounds(load, soil, Wheel(r, b), S)
-    value = ca.Function("bounds", [names], [ca.vertcat(*found)])(
-        [9.48, 0.2, *WHEEL.values().values(), *SAND.values().values()]
-    )
-    assert np.array(value).ravel() == pytest.approx(torque_bounds(9.48, SAND, WHEEL, 0.2), rel=1e-12)
-    assert ca.Function("mx", [m := ca.MX.sym("W")], [torque_bounds(m, SAND, WHEEL).limit])(9.48) == pytest.approx(
-        torque_bounds(9.48, SAND, WHEEL).limit, rel=1e-12
-    )
-
-
 def test_fixed_angles_give_torque_in_proportion_to_the_load():
     one, two = (torque_bounds(W, SAND, WHEEL, 0.2, FixedAngles()) for W in (3.0, 6.0))
     assert two == pytest.approx((2.0 * one.saturation, 2.0 * one.limit), rel=1e-12)
@@ -212,26 +166,6 @@ def test_the_prepared_bounds_are_those_of_each_wheel(angles):
         slope = bound_gradient(float(load), SAND, wheel, 0.3, *more)["load"]
         assert (found.saturation[i], found.limit[i]) == pytest.approx(one, rel=1e-12, abs=1e-300)
         assert (found.d_saturation[i], found.d_limit[i]) == pytest.approx(slope, rel=1e-8, abs=1e-300)
-
-
-def test_prepared_bounds_work_uncompiled_and_keep_their_results(monkeypatch):
-    import rover_pin.control.torque_bounds as module
-    from rover_pin.base.errors import MissingExtraError
-
-    def none(source, name):
-        raise MissingExtraError("no compiler")
-
-    compiled = TorqueBounds([WHEEL] * 3, SAND)
-    module._compiled.cache_clear()
-    monkeypatch.setattr(module, "shared_library", none)
-    slow = TorqueBounds([WHEEL] * 3, SAND)
-    module._compiled.cache_clear()
-    assert not slow.compiled
-    first = slow([1.0, 2.0, 3.0])
-    kept = first.limit.copy()
-    slow([4.0, 5.0, 6.0])
-    assert np.array_equal(first.limit, kept)
-    assert np.array(first) == pytest.approx(np.array(compiled([1.0, 2.0, 3.0])), rel=1e-12)
 
 
 @pytest.mark.parametrize("slip_limit", [0.0, -0.1, 1.0001, math.nan])

@@ -104,24 +104,6 @@ def test_compiled_asked_and_plain_steps_hold_the_same_speeds(rover):
         assert compiled[channel] == pytest.approx(plain[channel], abs=1e-8, rel=1e-6, nan_ok=True), channel
 
 
-@pytest.mark.parametrize("rover", ROVERS)
-def test_a_turn_to_the_right_mirrors_one_to_the_left(rover):
-    left, right = (command(rover, yaw_rate=rate).drive() for rate in (0.04, -0.04))
-    for name, sense in (("body_x", 1.0), ("body_y", -1.0), ("body_yaw", -1.0)):
-        assert right[name] == pytest.approx(sense * left[name], abs=1e-8)
-    assert left["body_yaw"][-1] > 0.01
-    assert abs(left.energy_error()) < 1e-6
-
-
-@pytest.mark.parametrize("scene", [("flat", {}), ("incline", UPHILL)])
-@pytest.mark.parametrize("rover", ROVERS)
-def test_zero_commanded_rests(rover, scene):
-    name, terrain = scene
-    trace = scenario(name, rover=rover, control="cmd-vel", duration=6.0, **terrain, **{"control.speed": 0.0}).drive()
-    assert np.ptp(trace["body_x"]) < 0.02 * min(trace.attrs["wheel_radii_m"])
-    assert np.abs(trace.stack("wheel_rate")[-1]).max() < 1e-4
-
-
 @pytest.mark.parametrize("scene", [("flat", {}), ("incline", UPHILL)])
 def test_rates_are_held_up_a_slope_too(scene):
     """Constant duties droop by the load; the integral takes it."""
@@ -169,10 +151,6 @@ def test_torque_limits_and_the_servos_own_hold_the_duty():
     assert held.stack("duty").max() < free.stack("duty").max() - 0.01
 
 
-def test_a_steered_rover_follows():
-    assert driven_yaw_rate(command("nexus6", duration=12.0, yaw_rate=0.035).drive()) == pytest.approx(0.035, rel=0.1)
-
-
 @pytest.mark.parametrize(("length", "track", "makers"), [(0.512, 0.5708, 1.875), (0.262, 0.37559, 1.5)])
 def test_the_effective_track_is_near_the_makers(length, track, makers, tmp_path):
     """`wheel_separation_multiplier` of husky_control and jackal_control, and the sizes of their descriptions."""
@@ -194,17 +172,6 @@ def test_hard_ground_turns_it_little_less_than_commanded():
     assert made.controller.track == pytest.approx(balanced)
     assert 1.0 < made.controller.track / (track * (1.0 + (length / track) ** 2)) < 1.02
     assert 0.75 < driven_yaw_rate(made.drive()) / made.controller.motion.yaw_rate < 1.0
-
-
-@pytest.mark.parametrize("radius", [3.67, -3.67])
-def test_a_heavy_side_does_not_turn_it_the_other_way(radius, tmp_path):
-    """A Husky's size and masses. With duties held, the droop of its heavier side turned it against its command."""
-    husky = Farm(mass=46.0, centre="-0.05 -0.03 0.1")
-    for name, x, y in (("fl", 0.256, 0.285), ("fr", 0.256, -0.285), ("rl", -0.256, 0.285), ("rr", -0.256, -0.285)):
-        husky.wheel(name, "body", f"{x} {y} 0", r=0.165, b=0.114)
-    table = {**TWO_AXLES, "wheel": {"r": 0.165, "b": 0.114}}
-    made = scenario("turn", rover=write(tmp_path, husky, table), duration=20.0, **{"control.radius": radius})
-    assert 0.6 < driven_yaw_rate(made.drive()) / made.controller.motion.yaw_rate < 1.15
 
 
 @pytest.mark.parametrize("scene", ["turn", "point-turn"])

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from rover_pin.base.errors import ParameterError
 from rover_pin.control.hole_law import HoleLaw
 from rover_pin.control.slip_control import HOLE_GAINS, SlipControl
 from rover_pin.control.slip_estimate import TrueSlip
@@ -21,15 +20,6 @@ def reading(slip, rate):
 def test_the_desired_slip_falls_with_the_hole(depth, wanted):
     assert float(HoleLaw().desired(0.6, depth * 1e-3)) == pytest.approx(wanted)
     assert float(HoleLaw(r=0.09).desired(0.6, 2.0 * depth * 1e-3)) == pytest.approx(wanted), "by the radius"
-
-
-def test_a_hole_by_hand():
-    """Rim 60 mm/s, S = 0.5: 30 mm/s are thrown; 0.15 x 30 (1 - 9 / 22.5) less 9 x 30 / 40 is 2.7 - 6.75 mm/s."""
-    law = HoleLaw()
-    assert float(law.deepening(0.03, 0.06, 0.009)) == pytest.approx(-4.05e-3, abs=2e-6)
-    assert float(law.deepening(0.0, 0.06, 0.009)) == pytest.approx(5.4e-3)
-    assert float(law.deepening(0.06, 0.03, 0.004)) == pytest.approx(-0.004 * 0.06 / 0.04, rel=1e-3)
-    assert float(law.deepening(-0.024, -0.03, 0.004)) < 0.0, "backwards a wheel leaves its hole as well"
 
 
 def test_every_wheel_has_its_own_hole():
@@ -71,11 +61,3 @@ def test_it_drives_through_the_compiled_loop_and_digs_less():
     assert held.attrs["stop"] == "duration"
     assert held["body_x"][-1] > constant["body_x"][-1]
     assert made.controller.depth.max() > 0.1 * made.model.rover.wheel.r
-
-
-def test_its_numbers_are_settings():
-    settings = {"control": "true", "control.aim": "hole", "control.hole.c_d": 0.1, "control.S_d": 0.5}
-    law = scenario("flat", **settings).controller
-    assert (law.hole.c_d, law.gains.S_d, law.gains.k_p) == (0.1, 0.5, 1.65)
-    with pytest.raises(ParameterError, match=r"control\.hole\.c_d"):
-        scenario("flat", **{"control": "true", "control.hole.c_d": 0.1})

@@ -1,8 +1,6 @@
 """Routes: to the end and near the line, the same compiled and asked, mirrored, in the order of the way-points."""
 
-import json
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -61,13 +59,6 @@ def test_it_is_the_same_asked_as_compiled():
     assert remembered[0] > 0.3
 
 
-def test_a_mirrored_route_is_driven_in_the_mirror():
-    (_, left), (_, right) = (drive("nexus6", f"0.6,{side} 1,{side}", duration=20.0) for side in (0.3, -0.3))
-    assert right["body_y"] == pytest.approx(-left["body_y"], abs=1e-8)
-    assert right["body_x"] == pytest.approx(left["body_x"], abs=1e-8)
-    assert left["body_y"][-1] > 0.1
-
-
 def rolled(control, rover, place, yaw, steps):
     """Where a rover without mass or slip goes that follows the rims of its sides, sample after sample; (steps, 2)."""
     r, track = float(rover.radii[0]), control.track
@@ -88,13 +79,6 @@ def control_of(points, **more):
     model = scenario("flat", rover="cart").model
     settings = {"speed": 0.07, "lookahead": 1.0, "track": base_of(model.rover).track, **more}
     return RouteControl.of(model.rover, model.motor, np.array(points, dtype=float), **settings), model.rover
-
-
-def test_an_offset_from_a_straight_line_goes():
-    control, rover = control_of([(0, 0), (20, 0)])
-    places = rolled(control, rover, (0.0, 0.4), 0.3, 1600)
-    assert abs(places[-1, 1]) < 0.01
-    assert np.min(places[:, 1]) > -0.1
 
 
 def test_a_route_that_crosses_itself_is_driven_in_order():
@@ -119,11 +103,3 @@ def test_files_and_words_are_read(tmp_path):
 def test_what_is_no_route_is_refused(text, named):
     with pytest.raises(RoverPinError, match=named):
         scenario("flat", rover="cart", control="route", **{"control.route": text})
-
-
-def test_a_route_that_is_not_finished_says_so(run):
-    Path("way.csv").write_text("x_m,y_m\n1,0\n2,0.5\n")
-    words = ("drive", "hills", "--control", "route", "--set", "control.route=way.csv", "--set", "duration=3", "--json")
-    code, out, _ = run(*words)
-    assert code == 0
-    assert any("m of its 2.12 m are left" in line for line in json.loads(out)["warnings"])

@@ -52,22 +52,6 @@ def test_without_side_force_it_turns_more():
     assert free[0] / free[1] > 1.1 * dragged[0] / dragged[1]
 
 
-def test_half_the_step_turns_it_as_far():
-    """A wheel askew has no corner in its law that a step could miss."""
-    coarse, fine = (scenario("point-turn", rover="cart", duration=4.0, dt=dt).drive() for dt in (0.002, 0.001))
-    assert np.degrees(coarse["body_yaw"][-1]) == pytest.approx(np.degrees(fine["body_yaw"][-1]), abs=1e-3)
-    assert coarse["body_y"][-1] == pytest.approx(fine["body_y"][-1], abs=1e-6)
-
-
-def test_a_turn_to_the_right_mirrors_one_to_the_left():
-    left, right = (
-        scenario("turn", rover="cart", duration=10.0, **{"control.radius": radius}).drive() for radius in (0.1, -0.1)
-    )
-    assert right["body_yaw"] == pytest.approx(-left["body_yaw"], abs=1e-9)
-    assert right["body_y"] == pytest.approx(-left["body_y"], abs=1e-9)
-    assert left["body_yaw"][-1] > 0.01
-
-
 def test_motors_too_weak_for_scrub_are_said():
     """Scrubbing round takes thrust against brake on the sides; half the sized torque does not turn it on the spot."""
     sized = scenario("point-turn", rover="cart", duration=5.0)
@@ -75,7 +59,3 @@ def test_motors_too_weak_for_scrub_are_said():
     assert np.abs(sized.drive().stack("duty")[-1]).max() < 1.0
     warnings = scenario("point-turn", rover="cart", duration=5.0, **weak).drive().attrs["warnings"]
     assert any("does not follow" in line and "greatest duty" in line for line in warnings)
-
-
-def test_a_steered_rover_still_steers():
-    assert len(Turn.of(load_rover("nexus6"), 1.0).steer) == 4

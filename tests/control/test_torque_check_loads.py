@@ -61,16 +61,6 @@ def test_loads_at_the_pitch_err_as_stated_with_the_same_outcome(name):
     assert other["body_x"][-1] == pytest.approx(by_pitch["body_x"][-1], abs=0.12)
 
 
-@pytest.mark.parametrize(
-    ("name", "k", "at_shear", "at_slip"), [("slope", 0.05, 0.2, 61), ("ditch", 0.01, 1.8, 19), ("rocks", 0.05, 5, 65)]
-)
-def test_how_often_either_check_acts(name, k, at_shear, at_slip):
-    """Per cent of wheels and rows below the asked duty: at the soil's greatest shear only while wheels speed up."""
-    for limit, share in (("saturation", at_shear), ("at-slip", at_slip)):
-        trace = scenario(name, soil="table-1", control="limit", **{"control.limit": limit, "soil.k": k}).drive()
-        assert 100.0 * np.mean(trace.stack("duty") < 0.55 - 1e-9) == pytest.approx(share, rel=0.1, abs=0.1)
-
-
 def test_beyond_forty_degrees_the_limit_is_that_of_forty():
     limit = TorqueLimit.at_slip(scenario("flat").model)
     for sign in (1.0, -1.0):

@@ -6,19 +6,12 @@ import pytest
 from rover_pin.control.torque_factor import torque_factors
 from rover_pin.effects.post_peak import PostPeak
 from rover_pin.scenarios.scenario import scenario
-from rover_pin.soil.traction import TorqueTraction, load_traction_factor
 
 SLIPS = np.linspace(-1.0, 1.0, 9)
 
 
 def factors(**settings):
     return torque_factors(scenario("flat", **settings).model, SLIPS)
-
-
-def test_without_effects_it_is_the_paper_s_factor():
-    model = scenario("flat", **{"soil.k": 0.005}).model
-    plain = [float(load_traction_factor(S, model.soils[0], model.rover.wheel, TorqueTraction())) for S in SLIPS]
-    assert torque_factors(model, SLIPS) == pytest.approx(plain, abs=1e-5)
 
 
 def test_a_loss_past_the_peak_is_taken_off():

@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 import pytest
-from scipy.optimize import brentq
 
 from rover_pin.base.errors import ParameterError
 from rover_pin.rover.driven_loads import configuration, determinate_groups, driven_loads, footing
@@ -22,27 +21,6 @@ def test_wheels_pulling_in_load_proportion_match_plane_statics(slope):
     plane = wheel_loads(NEXUS6, slope)
     q = configuration(NEXUS6, (0.0, -slope, 0.4), {})
     assert driven_loads(NEXUS6, q, R * plane * math.tan(slope)) == pytest.approx(plane, rel=1e-6)
-
-
-def test_common_resistance_changes_loads_only_through_the_pivots():
-    """Twice the torque on the flat is a resistance of the same share: only its moments on the pivots count."""
-    q = configuration(NEXUS6, (0.0, 0.0, 0.0), {})
-    flat = driven_loads(NEXUS6, q, np.zeros(6))
-    assert flat == pytest.approx(wheel_loads(NEXUS6, 0.0), rel=1e-9)
-    pulled = driven_loads(NEXUS6, q, 0.1 * R * flat)
-    assert pulled.sum() == pytest.approx(flat.sum(), rel=1e-9)
-    assert np.all(pulled[:2] < flat[:2])
-    assert np.all(pulled[4:] > flat[4:])
-
-
-def test_loads_carry_the_weight_on_a_side_slope():
-    q = configuration(NEXUS6, (0.15, 0.1, 0.0), {})
-    loads = driven_loads(NEXUS6, q, np.full(6, 0.03))
-    foot, _ = footing(NEXUS6, q)
-    along = (0.03 / R * foot.forward).sum(axis=0)
-    assert loads.sum() == pytest.approx(NEXUS6.mass * 9.81 * foot.normal[0, 2], rel=1e-5)
-    assert foot.normal[0] @ along == pytest.approx(0.0, abs=1e-12)
-    assert foot.slope == pytest.approx(np.arcsin(foot.forward[:, 2]))
 
 
 @pytest.mark.parametrize(
@@ -138,51 +116,3 @@ def test_a_rigid_chassis_leaves_loads_open(tmp_path, wheels, groups):
     rover = rigid_rover(tmp_path, wheels)
     for attitude in ((0.0, 0.0, 0.0), (0.1, -0.2, 0.4)):
         assert determinate_groups(rover, *footing(rover, configuration(rover, attitude, {}))) == groups
-
-
-@pytest.mark.parametrize(("share", "told"), [(0.095, True), (0.105, False)])
-def test_axle_sum_is_determinate_if_open_modes_barely_move_it(tmp_path, share, told):
-    """Front wheels at x + s and x - s: loads (1, -1 - e, e / 2 + g, e / 2 - g) balance where e = 2 s / (2 x - s)."""
-
-    def moved(skew):
-        e = 2 * skew / (0.6 - skew)
-        g = (2 + e) / 2
-        return e / math.sqrt(1 + (1 + e) ** 2 + (e / 2 + g) ** 2 + (e / 2 - g) ** 2)
-
-    rover = rigid_rover(tmp_path, (("front", 0.3), ("back", -0.3)), skew=brentq(lambda s: moved(s) - share, 0.0, 0.2))
-    found = determinate_groups(rover, *footing(rover, configuration(rover, (0.0, 0.0, 0.0), {})))
-    assert found == ([(0, 1), (2, 3)] if told else [(0, 1, 2, 3)])
-
-
-def test_determinate_load_beside_an_indeterminate_gives_no_axle(tmp_path):
-    """The front right wheel stands amid the line from front left to back right: (1, -2, 0, 1) balances."""
-    rover = rigid_rover(tmp_path, (("front", 0.3), ("back", -0.3)), skew=0.2, inward=0.299)
-    found = determinate_groups(rover, *footing(rover, configuration(rover, (0.0, 0.0, 0.0), {})))
-    assert found == [(0, 1, 2, 3)]
-
-
-@pytest.mark.parametrize("lift", [0.0, 0.02, 0.05])
-def test_the_balance_along_the_ground_tells_no_load(tmp_path, lift):
-    """Three rigid axles on a crest: normals that lean along x tell their loads only if nothing else resists there."""
-    rover = rigid_rover(tmp_path, (("front", 0.3), ("middle", 0.1), ("back", -0.3)), lift=lift)
-    found = determinate_groups(rover, *footing(rover, configuration(rover, (0.0, 0.0, 0.0), {})))
-    assert found == [(0, 1, 2, 3, 4, 5)]
-
-
-@pytest.mark.parametrize("name", ["nexus6", "nexus6_links"])
-def test_a_suspension_tells_every_wheel_s_load(name):
-    rover = load_rover(name)
-    posture = configuration(rover, (0.05, -0.1, 0.3), dict.fromkeys(rover.angles, 0.0))
-    assert determinate_groups(rover, *footing(rover, posture)) == [(i,) for i in range(6)]
-
-
-@pytest.mark.parametrize("gravity", [1e-4, 90.0])
-def test_loads_grow_as_the_weight_does(gravity):
-    """Torques in proportion: no load [N] is a measure of its own. On bent ground a wheel is lifted, and none counts."""
-    rover = load_rover("nexus6")
-    q = configuration(rover, (0.1, 0.35, 0.2), {"bogie_l": 0.6, "bogie_r": -0.3, "rocker_l": 0.3, "rocker_r": -0.3})
-    torque = np.array([0.3, -0.2, 0.2, 0.1, 0.4, 0.3])
-    loads = driven_loads(rover, q, torque)
-    assert loads.min() < 0.0
-    scaled = driven_loads(rover.under(gravity), q, torque * gravity / 9.81)
-    assert scaled == pytest.approx(loads * gravity / 9.81, rel=1e-9)

@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from rover_pin.base.errors import ParameterError, UrdfError
+from rover_pin.base.errors import UrdfError
 from rover_pin.rover.description.layout import shipped
 from rover_pin.rover.forward_dynamics import constraint_rows, forward_dynamics, forward_dynamics_aba, mass_matrix
 from rover_pin.rover.rover import load_rover
@@ -88,14 +88,6 @@ def test_axes_of_either_sign_drive_as_the_plain_rover_does(tmp_path):
     )
     for channel in ("body_x", "rocker_r", "wheel_rate_ml", "body_yaw"):
         assert own[channel] == pytest.approx(plain[channel], abs=1e-9)
-
-
-def test_stops_turn_round_with_the_axis(tmp_path):
-    limit = '<limit lower="-0.1" upper="0.5" effort="9" velocity="9"/>'
-    farm = rocker_bogie(axis="0 -1 0", limit=limit)
-    rover = load_rover(write(tmp_path, farm, {**THREE_AXLES, **ROCKERS}))
-    place = rover.angles["rocker_r"]
-    assert (rover.model.lowerPositionLimit[place], rover.model.upperPositionLimit[place]) == (-0.5, 0.1)
 
 
 def test_an_endless_pivot_gets_stops_and_a_stopped_wheel_none(tmp_path):
@@ -248,15 +240,6 @@ def test_a_rover_with_any_trait_is_sound_and_drives(tmp_path, trait):
     assert abs(trace.energy_error()) < 1e-3
 
 
-def test_springs_of_the_toml_keep_the_bogies_straighter(tmp_path):
-    turned = {}
-    for k_s in (None, 400.0):
-        springs = {} if k_s is None else {"springs": {"bogie": {"k_s": k_s, "d": 5.0}}}
-        path = write(tmp_path, rocker_bogie(), {**THREE_AXLES, **ROCKERS, **springs})
-        turned[k_s] = np.max(np.abs(scenario("flat", rover=str(path), duration=2.0).drive()["bogie_l"]))
-    assert turned[400.0] < 0.7 * turned[None]
-
-
 @pytest.mark.parametrize("held", [False, True])
 def test_a_log_of_tied_wheels_is_replayed_by_duties_and_by_rates(tmp_path, held):
     """Two tachogenerators on one belt never agree; held each to its own, their wheels would be torn apart."""
@@ -277,14 +260,6 @@ def test_a_log_of_tied_wheels_is_replayed_by_duties_and_by_rates(tmp_path, held)
         drawn = np.interp(run.t, true.t, true[f"current_{rear}_A"])[late]
         assert np.mean(driven[f"current_{rear}_A"][late]) == pytest.approx(np.mean(drawn), rel=0.1)
         assert np.max(np.abs(driven[f"current_{rear}_A"][late] - drawn)) < np.mean(drawn)
-
-
-def test_wheels_of_different_size_stand_and_load_by_their_places(tmp_path):
-    rover = load_rover(write(tmp_path, *sizes_apart()))
-    assert list(rover.radii) == [0.2, 0.2, 0.1, 0.1]
-    assert wheel_loads(rover, 0.0) == pytest.approx(rover.mass * 9.81 / 4)
-    with pytest.raises(ParameterError, match=r"200.*100.*100.*100"):
-        _ = rover.wheel
 
 
 DUMMY = '<link name="imu"><inertial><mass value="1e-3"/>{}</inertial></link>'.format(

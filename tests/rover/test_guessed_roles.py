@@ -35,14 +35,6 @@ def test_wheels_half_a_radius_apart_or_of_two_sizes_are_none(roles, back, r):
         roles(farm.urdf)
 
 
-@pytest.mark.parametrize("axis", ["0 0.3 0", "0 -7 0", "0.03 0.3 0"])
-def test_an_axis_may_be_of_any_length_and_a_little_askew(roles, axis):
-    assert len(roles(made.cart().urdf.replace('axis xyz="0 1 0"', f'axis xyz="{axis}"')).axles) == 2
-    askew = made.cart().urdf.replace('axis xyz="0 1 0"', 'axis xyz="6 3 0"')
-    with pytest.raises(UrdfError, match=r"axles.*wheels"):
-        roles(askew)
-
-
 @pytest.mark.parametrize(("roll", "base"), [(0.0, 0.0), (math.pi, math.pi)])
 def test_of_what_weighs_nothing_the_joints_tell_which_side_is_up(roles, roll, base):
     """A mast stands on a body without masses, whose base link is turned over or not."""
@@ -81,29 +73,3 @@ def test_an_axle_of_another_width_alone_gets_a_table_of_its_own(tmp_path, b, own
     (tmp_path / "own.urdf").write_text(farm.urdf)
     new_rover(tmp_path / "own.urdf")
     assert ("[wheel.rear]" in (tmp_path / "own.toml").read_text()) is own
-
-
-def test_undrawn_wheel_is_sized_as_a_cylinder_of_its_inertia(roles):
-    """I = m r^2 / 2 about the axis, m (3 r^2 + b^2) / 12 across it."""
-    m, r, b = 1.7, 0.12, 0.09
-    farm, across = Farm(), m * (3 * r**2 + b**2) / 12
-    body = f'<inertial><mass value="{m}"/><inertia ixx="{across}" ixy="0" ixz="0" iyy="{m * r**2 / 2}" iyz="0" '
-    for name, x, y in (("fl", 0.4, 0.3), ("fr", 0.4, -0.3), ("rl", -0.4, 0.3), ("rr", -0.4, -0.3)):
-        farm.link(
-            f"wheel_{name}", "body", "continuous", f"{x} {y} 0", mass=0, shape=f'{body}izz="{across}"/></inertial>'
-        )
-    for wheel in roles(farm.urdf).wheels:
-        assert wheel.size[:2] == pytest.approx((r, b))
-
-
-@pytest.mark.parametrize(
-    ("rpy", "off", "round_"), [("1.5708 0 0", 0.25, True), ("1.5708 0 0", 1.0, False), ("0 0 0", 0.0, False)]
-)
-def test_what_is_drawn_is_round_about_the_axis_or_no_wheel(roles, rpy, off, round_):
-    """A cylinder of r = 0.15 and b = 0.1, off the axis by a share of r, along it or upright."""
-    text = made.cart(drawn=rpy).urdf.replace(f'<origin rpy="{rpy}"/>', f'<origin xyz="{off * 0.15} 0 0" rpy="{rpy}"/>')
-    if round_:
-        assert len(roles(text).axles) == 2
-    else:
-        with pytest.raises(UrdfError, match="0 joints"):
-            roles(text)

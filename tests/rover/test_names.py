@@ -2,7 +2,6 @@
 
 import itertools
 
-import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
@@ -44,14 +43,6 @@ def drawn(points):
     return axes
 
 
-def test_one_name_is_right_above_its_point():
-    axes = drawn({"alone": (0.5, 0.5)})
-    (box,), (x, y) = boxes(axes).values(), axes.transData.transform((0.5, 0.5))
-    assert 0.0 < box[0] - x < 10.0
-    assert 0.0 < box[1] - y < 10.0
-    assert not axes.lines
-
-
 @pytest.mark.parametrize("at", [(0.5, 0.5), (0.01, 0.99), (0.99, 0.02)])
 def test_names_of_points_at_one_place_stand_apart_and_lead_to_it(at):
     points = {f"joint number {i}": at for i in range(9)}
@@ -66,19 +57,6 @@ def test_names_of_points_at_one_place_stand_apart_and_lead_to_it(at):
             box for box in boxes(axes).values() if (end >= box[:2] - 1e-6).all() and (end <= box[2:] + 1e-6).all()
         ]
         assert len(touched) == 1
-
-
-def test_names_of_a_crowd_stand_apart():
-    random = np.random.default_rng(2)
-    points = {f"part_{i}": tuple(random.uniform(0.3, 0.7, 2)) for i in range(25)}
-    assert_readable(drawn(points), points)
-
-
-def test_a_name_without_a_place_is_written_all_the_same():
-    long = (
-        "a name that is longer than the drawing is wide, whatever the letters that it is written with may be, so that"
-    )
-    assert boxes(drawn({long: (0.5, 0.5)})).keys() == {long}
 
 
 def small(folder):

@@ -121,15 +121,6 @@ def test_two_halves_of_a_rocker_are_coupled(tmp_path):
     assert found["differential"] == {"pair": "rocker"}
 
 
-def test_what_the_urdf_couples_stays_coupled(tmp_path):
-    farm = made.rocker_bogie().link(
-        "bar", "body", "revolute", "0 0 0.5", "0 0 1", mass=3.0, inner='<mimic joint="rocker_r" multiplier="0.5"/>'
-    )
-    assert proposed(tmp_path, farm.urdf)["suspension"]["bar"] == "bar"
-    (bar,) = load_rover(tmp_path / "own.toml").couplings
-    assert bar.ratio == -0.5
-
-
 @pytest.mark.parametrize(
     ("rpy", "turned"),
     [

@@ -2,8 +2,6 @@
 
 import dataclasses
 import re
-import shutil
-from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -13,7 +11,6 @@ from rover_pin.base.errors import UrdfError
 from rover_pin.control.constant import ConstantDuty
 from rover_pin.rover.forward_dynamics import constraint_rows, forward_dynamics, forward_dynamics_aba
 from rover_pin.rover.rover import load_rover
-from rover_pin.rover.statics import wheel_loads
 from rover_pin.rover.urdf_check import check_urdf
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.compiled.kernel import Kernel
@@ -35,32 +32,6 @@ def posture(rover, seed):
         for each in rover.couplings:
             vector[each.follower] = each.ratio * vector[each.leader]
     return pin.integrate(rover.model, pin.neutral(rover.model), step), v, rng
-
-
-def test_followers_are_indexed_by_their_speeds_and_angles(tmp_path):
-    for name in ("nexus6_links.toml", "nexus6_links.urdf"):
-        shutil.copy(Path(__file__).parents[2] / "urdf" / name, tmp_path / name)
-    rover = load_rover(tmp_path / "nexus6_links.toml")
-    joints = {name: rover.model.joints[rover.model.getJointId(name)] for name in rover.model.names}
-    followers = [f"{part}_{side}" for side in "lr" for part in ("lower", "upright_m", "upright_r")]
-    followers = [name.replace("_m_", "_m").replace("_r_", "_r") for name in followers]
-    found = {(each.follower, each.q_follower, each.leader, each.q_leader) for each in rover.couplings}
-    leaders = [joints[f"bogie_{name[-1]}"] for name in followers]
-    wanted = zip(followers, leaders, strict=True)
-    assert found == {(joints[name].idx_v, joints[name].idx_q, each.idx_v, each.idx_q) for name, each in wanted}
-    assert {each.ratio for each in rover.couplings} == {1.0, -1.0}
-
-
-def test_wheels_that_are_tied_follow_in_their_rates_alone(tmp_path):
-    """How far a wheel has turned is no angle: nothing brings it back."""
-    folder = Path(__file__).parents[2] / "urdf"
-    text = (folder / "cart.urdf").read_text()
-    at = text.index("</joint>", text.index('<joint name="hub_lb"'))
-    (tmp_path / "cart.urdf").write_text(f'{text[:at]}<mimic joint="hub_lf" multiplier="1"/>{text[at:]}')
-    shutil.copy(folder / "cart.toml", tmp_path / "cart.toml")
-    rover = load_rover(tmp_path / "cart.toml")
-    (tied,) = rover.couplings
-    assert (tied.q_follower, tied.q_leader, tied.ratio) == (None, None, 1.0)
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -170,11 +141,6 @@ def test_a_drive_with_parallel_links_keeps_its_energy():
     assert np.abs(trace["bogie_l"]).max() > 0.15
     assert trace["upright_m_l"] == pytest.approx(-trace["bogie_l"], abs=1e-12)
     assert trace.energy_error() < 1e-5
-
-
-def test_on_the_flat_it_carries_what_the_plain_bogie_carries():
-    """The same masses and pivots above the same wheels: loads within 2 %."""
-    assert wheel_loads(LINKS, 0.0) == pytest.approx(wheel_loads(load_rover("nexus6"), 0.0), rel=0.02)
 
 
 @pytest.mark.parametrize(

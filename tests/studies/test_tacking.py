@@ -27,12 +27,6 @@ def control():
     return made
 
 
-def test_even_ground_is_driven_straight(control):
-    command = control(reading(0.0, 0.0))
-    assert set(command.duty) == {0.5}
-    assert set(command.steer) == {0.0}
-
-
 def test_folded_bogies_turn_it_to_one_side_and_then_to_the_other(control):
     first = control(reading(1.0, math.radians(8)))
     assert np.max(first.duty) == pytest.approx(0.8)
@@ -40,23 +34,6 @@ def test_folded_bogies_turn_it_to_one_side_and_then_to_the_other(control):
     assert control(reading(2.9, 0.0)).steer[0] > 0.0
     assert set(control(reading(3.1, 0.0)).duty) == {0.5}
     assert control(reading(5.0, math.radians(8))).steer[0] < 0.0
-
-
-def test_slope_is_climbed_straight_with_the_climbing_duty(control):
-    for t, pitch, duty in ((0.0, -10.0, 0.8), (1.0, 10.0, 0.5)):
-        command = control(reading(t, 0.0, pitch=math.radians(pitch)))
-        assert (set(command.duty), set(command.steer)) == ({duty}, {0.0})
-
-
-def test_it_straightens_once_the_heading_is_reached(control):
-    assert set(control(reading(1.0, 0.2, yaw=LAW.heading)).steer) == {0.0}
-
-
-def test_a_reset_forgets_the_side(control):
-    control(reading(1.0, 0.2))
-    control(reading(4.0, 0.0))
-    control.reset()
-    assert control(reading(0.0, 0.2)).steer[0] > 0.0
 
 
 def test_it_leaves_a_ditch_in_which_constant_duty_stays():

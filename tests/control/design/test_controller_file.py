@@ -65,17 +65,6 @@ def test_a_mistake_is_a_sentence(tmp_path, text, said):
         scenario("flat", control=str(file), trust=Trust.of(file))
 
 
-def test_an_error_while_it_drives_names_the_line(tmp_path):
-    file = written(tmp_path, "def controller(model):\n    return lambda reading: 0.01 / (0.5 - min(reading.t, 0.5))\n")
-    with pytest.raises(DataError, match=r"careful\.py, line 2: .*ZeroDivisionError"):
-        scenario("flat", control=str(file), trust=Trust.of(file), duration=1.0).drive()
-
-
-def test_a_missing_file_is_said(tmp_path):
-    with pytest.raises(DataError, match="no such file"):
-        scenario("flat", control=str(tmp_path / "none.py"))
-
-
 def test_the_command_takes_the_file_that_it_names(tmp_path):
     command = [
         "drive",
@@ -92,3 +81,9 @@ def test_the_command_takes_the_file_that_it_names(tmp_path):
     (tmp_path / "study.toml").write_text("")
     ran = CliRunner().invoke(app, ["drive", "flat", "--set", f"control={tmp_path / 'careful.py'}"])
     assert isinstance(ran.exception, DataError)
+
+
+def test_an_error_while_it_drives_names_the_line(tmp_path):
+    file = written(tmp_path, "def controller(model):\n    return lambda reading: 0.01 / (0.5 - min(reading.t, 0.5))\n")
+    with pytest.raises(DataError, match=r"careful\.py, line 2: .*ZeroDivisionError"):
+        scenario("flat", control=str(file), trust=Trust.of(file), duration=1.0).drive()

@@ -4,14 +4,12 @@ import shutil
 import subprocess
 from pathlib import Path
 
-import casadi as ca
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
 
 from rover_pin import scenario
-from rover_pin.base.errors import ParameterError
 from rover_pin.cli.app import app
 from rover_pin.control.embedded.folder import write_embedded
 from rover_pin.control.embedded.motion import embedded_motion
@@ -69,14 +67,6 @@ def test_ten_thousand_samples_under_sanitizers(settings, tmp_path):
     assert done.stdout.startswith("10000 samples")
 
 
-@pytest.mark.parametrize("name", ["eq9", "slip given"])
-def test_single_precision_is_near(name, tmp_path):
-    write_embedded(taken(**CONTROLS[name]), tmp_path)
-    program = built(tmp_path, (*STRICT, "-DROVER_REAL=float"))
-    assert stepped(program, "1e-2").returncode == 0
-    assert stepped(program).returncode == 1
-
-
 def test_vectors_notice_a_number_that_is_otherwise(tmp_path):
     write_embedded(taken(control="eq9"), tmp_path)
     source = (tmp_path / "rover_control.c").read_text()
@@ -108,28 +98,11 @@ def test_cmake_builds_and_tests_it(tmp_path):
         assert done.returncode == 0, done.stdout + done.stderr
 
 
-def test_functions_are_casadi_s_by_their_names(tmp_path):
-    own = taken(control="onboard")
-    write_embedded(own, tmp_path, 1)
-    names = {function.name() for function in own.expressions}
-    assert names == {"pi_law", "ground", "wheel_law", "torque_law", "fold_law", "still_law", "ahead_step", "deepening"}
-    for function in own.expressions:
-        read = ca.Function.deserialize((tmp_path / "functions" / f"{function.name()}.casadi").read_text())
-        given = [np.linspace(0.1, 0.9, read.numel_in(at)) for at in range(read.n_in())]
-        np.testing.assert_array_equal(read(*given), function(*given))
-
-
 def test_command_writes_and_says_how_to_build(tmp_path):
     done = CliRunner().invoke(app, ["export-c", "ditch", "--control", "eq9", "--out", str(tmp_path)])
     assert done.exit_code == 0, done.output
     assert "cc -std=c11" in done.output
     assert stepped(built(tmp_path)).returncode == 0
-
-
-@pytest.mark.parametrize("control", ["none", "limit", "crab", "tracked"])
-def test_what_is_no_slip_control_of_the_package_is_refused(control):
-    with pytest.raises(ParameterError, match="taken away"):
-        taken(control=control).source  # noqa: B018
 
 
 def test_an_estimate_that_begins_anew_has_forgotten_all():

@@ -24,15 +24,6 @@ def test_a_particle_s_slip_settles_at_eq_1():
     assert pytest.approx(0.15 * 0.02 / (0.03 / 0.04 + 0.15 * 0.02 / 0.0225), rel=0.02) == D, "thrown in, climbed out"
 
 
-def test_a_stalled_particle_digs_and_one_that_rolls_climbs_out():
-    assert wheel(0.0, 1.0, 0.005)[1] > 0.005
-    assert wheel(0.05, 0.0, 0.005)[1] < 0.005
-    assert wheel(0.05, 0.0, 1e-9)[1] >= 0.0
-    assert wheel(0.05, 0.0, 0.0, ahead=-0.02)[0] > 0.0, "a centre that falls back travels less"
-    assert wheel(0.04, 0.0, 0.0, level=0.8)[0] == pytest.approx(0.0, abs=1e-12), "up a slope the way is longer"
-    assert wheel(1.0, -3.0, 0.0)[0] == pytest.approx(-0.95), "however fast, the slip goes no further than to Eq (1)"
-
-
 @pytest.mark.parametrize("share", [0.0025, 0.04])
 def test_a_torque_s_density_is_one_but_for_strays(share):
     law = torque_law(ReadingTrust())
@@ -53,16 +44,6 @@ def test_a_wheel_at_a_wall_climbs_or_the_rover_stands():
         assert float(law(0.025, [0.009, 0.05])) > float(law(0.0, [0.009, 0.05])) + 2.0, "what rises so is no noise"
     odds = [float(law(0.0, [0.001, 0.1])) - float(law(0.025, [0.001, 0.1])) for law in (away, at_wall)]
     assert odds[1] > odds[0] > 0.0, "at a wall, to rise by nothing is to stand"
-
-
-def test_a_posture_that_stays_speaks_against_travel():
-    fold, still = fold_and_still()
-    for law, quiet, much in ((fold, 0.0, 0.01), (still, 2e-4, 0.008)):
-        moves, stands = 0.05 if law is fold else 0.1, 0.0
-        assert float(law(stands, [quiet, 0.2])) > float(law(moves, [quiet, 0.2]))
-        assert float(law(stands, [much, 0.2])) < float(law(moves, [much, 0.2]))
-        word = float(law(stands, [quiet, 0.0])) - float(law(moves, [quiet, 0.0]))
-        assert 0.0 <= word + 1e-9 <= 0.11, "smooth: no word, but that nothing is climbed"
 
 
 @pytest.mark.parametrize("bend", [0.0, 0.05, 0.3])

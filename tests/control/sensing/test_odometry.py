@@ -35,14 +35,6 @@ def test_odometry_is_late_scaled_noisy_and_lost_as_declared():
     assert np.array_equal(again, told[:50], equal_nan=True)
 
 
-def test_a_tracker_without_errors_tells_eq_1():
-    tracked = TrackedSlip(RADII, Tracker(sd=0.0, delay=0.0), PERIOD, 1)
-    assert tracked.slip(reading(0.027)) == pytest.approx(np.full(6, 0.5))
-    assert tracked.slip(reading(0.108)) == pytest.approx(np.full(6, -0.5))
-    assert tracked.slip(reading(-0.027, rate=-1.2)) == pytest.approx(np.full(6, 0.5))
-    assert tracked.slip(reading(0.0, rate=0.0)) == pytest.approx(np.zeros(6))
-
-
 def test_a_tracker_is_late_and_errs_alike_for_all_wheels():
     tracked = TrackedSlip(RADII, Tracker(sd=0.0, delay=0.1), PERIOD, 1)
     told = [tracked.slip(reading(speed))[0] for speed in (0.054, 0.027, 0.0, 0.0)]
@@ -60,10 +52,3 @@ def test_tracker_and_camera_are_settings_of_a_scenario():
     assert seeing.estimate.odometry.camera.scale == 1.05
     with pytest.raises(ParameterError, match=r"control\.camera\.scale"):
         scenario("flat", control="onboard", **{"control.camera.scale": 1.05})
-
-
-def test_a_drive_by_the_tracked_slip_repeats():
-    made = scenario("ditch", control="tracked", duration=3.0, **{"control.aim": "hole"})
-    first, second = made.drive(), made.drive()
-    assert first["body_x"].tobytes() == second["body_x"].tobytes()
-    assert np.max(made.controller.depth) > 0.0
