@@ -1,14 +1,12 @@
 """Every command: what it prints and writes, and one clear sentence with a non-zero exit for what it refuses."""
 
 import json
-import re
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
-from rover_pin.cli.terminal import progress
 from rover_pin.logs.saved import load_trace
 
 ROOT = Path(__file__).parents[2]
@@ -55,39 +53,6 @@ def test_drive_writes_a_log_and_figures(run):
     assert Path("here/snapshots.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_drive_adds_effects(run):
-    words = (
-        "--add",
-        "DiggingMemory.c_d=0.1",
-        "--add",
-        "DiggingMemory.length=0.05",
-        "--add",
-        "WeakMotor.wheel=ml,g=0.5",
-    )
-    assert said(run, "drive", "flat", *words, "--set", "duration=1", "--out", "here")["stop"] == "duration"
-    attrs = load_trace("here/log").attrs
-    assert [name for name in attrs["effects"] if name.startswith(("Digging", "Weak"))] == ["DiggingMemory", "WeakMotor"]
-    assert attrs["settings"]["add"] == list(words[1::2])
-    code, _, err = run("drive", "flat", "--add", "DigingMemory")
-    assert code == 2
-    assert "you mean 'DiggingMemory'?" in err
-
-
-def test_drive_is_held_by_the_torque_check_alone(run):
-    words = ("--control", "limit", "--set", "control.slip_limit=0.3", "--set", "duration=1", "--out", "here")
-    assert said(run, "drive", "flat", *words)["stop"] == "duration"
-    assert load_trace("here/log").attrs["control"] == "TorqueLimited"
-
-
-def test_drive_prints_a_short_table(run):
-    code, out, _ = run("drive", "flat", "--set", "duration=1")
-    assert code == 0
-    assert "scenario" in out
-    assert "end x" in out
-    assert len(out.splitlines()) <= 20
-    assert Path("out/drive/log/drive.toml").is_file()
-
-
 def test_drive_takes_control_gravity_soil_and_settings(run):
     told = said(
         run, "drive", "flat", "--control", "true", "--gravity", "moon", "--soil", "fjs-1", "--set", "duration=1"
@@ -125,10 +90,6 @@ def test_check_urdf_tells_facts_of_a_good_file(run):
     assert told["next"] == f"rover-pin drive flat --set rover={ROOT / 'urdf' / 'nexus6.toml'}"
 
 
-def test_check_urdf_says_of_a_good_file_that_there_is_no_fault(run):
-    assert re.search(r"^faults +none$", run("check-urdf", ROOT / "urdf" / "nexus6.toml")[1], re.MULTILINE)
-
-
 def test_check_urdf_fails_on_a_broken_file(run):
     text = (ROOT / "urdf" / "cart.urdf").read_text()
     Path("cart.urdf").write_text(text.replace('<mass value="', '<mass value="-'))
@@ -136,12 +97,6 @@ def test_check_urdf_fails_on_a_broken_file(run):
     code, out, _ = run("check-urdf", "cart.toml", "--json")
     assert (code, "next" in json.loads(out)) == (1, False)
     assert any("mass" in fault for fault in strict(out)["faults"])
-
-
-@pytest.mark.parametrize("name", ["none.toml", "none.urdf", "."])
-def test_check_urdf_refuses_a_file_that_is_not_there(run, name):
-    code, _, err = run("check-urdf", name)
-    assert (code, "rover" in err and "nexus6" in err) == (2, True)
 
 
 def test_sweep_writes_a_table(run):
@@ -345,45 +300,15 @@ def test_the_installed_command_runs_without_a_traceback(tmp_path):
     assert "scenario 'dicth'" in done.stderr
 
 
-def test_help_names_every_command(run):
-    code, out, _ = run("--help")
-    assert code == 0
-    for command in ("drive", "curve", "check-urdf", "sweep", "bounds", "identify", "tune"):
-        assert command in out
-
-
-@pytest.mark.parametrize("name", ["o[/red]x", "[b]y", "a:smile:b"])
-def test_brackets_in_a_name_are_shown_as_they_are(run, name):
-    """rich would read `[red]` as a colour, refuse `[/red]`, and draw `:smile:`."""
-    code, out, _ = run("curve", "--out", name)
-    assert code == 0
-    assert f"{name}/" in out
-    code, _, err = run("drive", "flat", "--soil", name)
-    assert (code, name in err) == (2, True)
-
-
-def test_what_a_urdf_check_says_keeps_its_brackets(run):
-    text = (ROOT / "urdf" / "nexus6.toml").read_text()
-    Path("own.toml").write_text(text.replace('bogie = ["bogie_l", "bogie_r"]\n', ""))
-    Path("nexus6.urdf").write_text((ROOT / "urdf" / "nexus6.urdf").read_text())
-    code, out, _ = run("check-urdf", "own.toml")
-    assert code == 1
-    assert "[suspension], or in [held]" in " ".join(out.split())
-
-
-def test_help_keeps_the_units(run):
-    code, out, _ = run("bounds", "--help")
-    assert (code, "inclination [deg]" in out) == (0, True)
-
-
-def test_a_progress_bar_shows_brackets(monkeypatch, capsys):
-    monkeypatch.setenv("FORCE_COLOR", "1")
-    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
-    with progress("driving [/red]x", 1.0, silent=False) as advance:
-        advance(1.0)
-    assert "driving [/red]x" in capsys.readouterr().err
-
-
 def test_nothing_prints_through_rich_but_the_plain_console():
     users = [path.name for path in (ROOT / "rover_pin").rglob("*.py") if "import Console" in path.read_text()]
     assert users == ["console.py"]
+
+
+def test_drive_prints_a_short_table(run):
+    code, out, _ = run("drive", "flat", "--set", "duration=1")
+    assert code == 0
+    assert "scenario" in out
+    assert "end x" in out
+    assert len(out.splitlines()) <= 20
+    assert Path("out/drive/log/drive.toml").is_file()

@@ -9,8 +9,6 @@ import typer
 from typer._completion_classes import BashComplete
 
 from rover_pin.cli.app import app
-from rover_pin.parameters.slope_sand import DING
-from rover_pin.scenarios.catalogue import settings
 
 CODE = "from rover_pin.cli.app import app; app(prog_name='rover-pin')"
 
@@ -56,15 +54,6 @@ def asked(variables):
 )
 def test_a_shell_completes(words, found):
     assert sorted(completed(words)) == found
-
-
-def test_every_setting_of_a_scenario_is_offered():
-    assert set(completed("drive ditch --set ")) == {f"{each.name}=" for each in settings("ditch")}
-
-
-def test_each_setting_is_offered_with_default_unit_and_source():
-    assert completed("drive ditch --set soil.k")["soil.k="] == f"0.008 m: {DING}"
-    assert completed("drive ditch --set soil")["soil="]
 
 
 def test_bash_and_zsh_are_answered():

@@ -55,14 +55,6 @@ def test_errors_are_one_sentence(run, words, said):
     assert err.count("\n") == 1
 
 
-def test_a_column_that_others_are_made_of_needs_no_name_of_a_log(run):
-    recordings.plain(recordings.truth(), Path())
-    made = ("--column", "shifted=col('x [m]') + 1", "--column", "body_x=shifted - 1")
-    code, out, _ = run("import-log", "plain.csv", "--rover", "cart", *made)
-    assert code == 0
-    assert "body_x = shifted - 1" in out
-
-
 def test_a_file_of_a_sample_is_imported_by_its_name(run):
     code, out, err = run("import-log", "steepening-slope/climb-1.csv")
     assert (code, err) == (0, "")

@@ -67,14 +67,6 @@ def test_side_force_is_kept_with_its_noise_at_a_slip_angle(run):
     assert rig.slip_angle == pytest.approx(np.radians([5.0, 6.5, 8.0, 10.0]))
 
 
-def test_a_side_force_without_a_slip_angle_says_what_to_add(run):
-    Path("mine.csv").write_text(ASKEW.replace("b\n", "6\n").replace("slip_angle_deg", "sinkage_mm"))
-    code, out, _ = run("init", "mine.csv", *WHEEL, *NOISE)
-    assert code == 0
-    assert "slip_angle_rad above 0.01 only; add" in out
-    assert "lateral_N" not in Path("mine/points.csv").read_text()
-
-
 def test_a_good_rig_set_is_told_what_it_holds_and_lacks(run):
     code, out, _ = run("check-data", DATA / "cmu-smooth-wheel", "--json")
     told = json.loads(out)
@@ -82,12 +74,6 @@ def test_a_good_rig_set_is_told_what_it_holds_and_lacks(run):
     assert told["holds"].startswith("15 runs at 5 levels")
     assert "used" in told["verdict"]
     assert any("measured" in finding for finding in told["findings"])
-
-
-def test_a_drive_log_is_checked_likewise(run):
-    told = json.loads(run("check-data", DATA / "steepening-slope", "--json")[1])
-    assert told["kind"] == "drive-log"
-    assert told["holds"].startswith("6 runs, ")
 
 
 @pytest.mark.parametrize(
@@ -136,10 +122,3 @@ def test_a_poor_set_is_told_so_and_a_wrong_one_refused(run):
     code, _, err = run("check-data", "poor")
     assert code == 2
     assert err.count("\n") == 1
-
-
-def test_identify_says_which_path_is_not_there(run, tmp_path):
-    code, _, err = run("identify", "nothere")
-    assert code == 2
-    assert "rig.toml" in err
-    assert "no such" not in run("identify", tmp_path)[2]

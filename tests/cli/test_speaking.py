@@ -1,17 +1,14 @@
 """How much is said on the way: nothing but warnings with -q, more with -v; the version; what a shell completes."""
 
 import logging
-import re
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
-import typer.main
 
 import rover_pin
-from rover_pin.cli.app import app
-from rover_pin.cli.speaking import GROUPS, speak
+from rover_pin.cli.speaking import speak
 
 RIG = Path(__file__).parents[2] / "studies" / "data" / "cmu-smooth-wheel"
 
@@ -22,10 +19,6 @@ def as_it_was():
     log = logging.getLogger("rover_pin")
     log.handlers = [each for each in log.handlers if isinstance(each, logging.NullHandler)]
     log.setLevel(logging.NOTSET)
-
-
-def test_the_version(run):
-    assert run("--version")[:2] == (0, f"rover-pin {rover_pin.__version__}\n")
 
 
 @pytest.mark.parametrize("words", [("-q", "drive", "flat"), ("drive", "flat", "-q")])
@@ -43,20 +36,6 @@ def test_a_refused_run_does_not_say_that_it_replaces_anything(run):
     assert code == 2
     assert "replaces" not in err
     assert "report.html." in run("close-loop", RIG, "--out", "out")[2]
-
-
-def test_no_commands_description_is_cut(run):
-    out = run("--help")[1]
-    assert re.search("close-loop +Find", out)
-    assert "..." not in out.partition("--help")[2]
-
-
-def test_every_command_is_in_one_group_of_the_help():
-    assert sorted(" ".join(GROUPS.values()).split()) == sorted(typer.main.get_group(app).commands)
-
-
-def test_a_verbose_command_says_what_it_does(run):
-    assert "driven: 10 rows" in run("drive", "flat", "-v", "--set", "duration=0.5")[2]
 
 
 def test_warnings_are_said_even_where_it_is_quiet(capsys):
@@ -78,9 +57,9 @@ def test_paths_are_never_shortened(run, monkeypatch):
     assert f"{folder}/snapshots.png" in out.split()
 
 
-def test_a_start_evaluates_no_annotations():
-    """Those of commands as strings made every start an eighth longer."""
-    functions = [each.callback for each in app.registered_commands] + [app.registered_callback.callback]
-    late = {function.__name__ for function in functions if str in map(type, function.__annotations__.values())}
-    assert len(functions) > 15
-    assert late == set()
+def test_the_version(run):
+    assert run("--version")[:2] == (0, f"rover-pin {rover_pin.__version__}\n")
+
+
+def test_a_verbose_command_says_what_it_does(run):
+    assert "driven: 10 rows" in run("drive", "flat", "-v", "--set", "duration=0.5")[2]

@@ -8,18 +8,17 @@ import pytest
 from scipy.optimize import lsq_linear
 from scipy.stats import chi2 as chi2_law
 
-from rover_pin.base.errors import ParameterError
 from rover_pin.base.quantity import Record, quantity
 from rover_pin.estimation import baselines
-from rover_pin.estimation.exact import ExactProblem, scattered
+from rover_pin.estimation.exact import ExactProblem
 from rover_pin.estimation.experiment import Experiment, Sensitivities
-from rover_pin.estimation.fit import STRETCH, best_of, fit
+from rover_pin.estimation.fit import STRETCH, fit
 from rover_pin.estimation.gauss_newton import _steps
 from rover_pin.estimation.noise import Noise, declared_noise, huber, noise_of
-from rover_pin.estimation.numbers import implausible, is_adequate, profiles
-from rover_pin.estimation.parameter import Parameter, Prior
+from rover_pin.estimation.numbers import is_adequate, profiles
+from rover_pin.estimation.parameter import Parameter
 from rover_pin.estimation.task import Task
-from rover_pin.estimation.wording import Change, Outcome, format_value
+from rover_pin.estimation.wording import Change, Outcome
 
 FOLDS, SAMPLES = 3, 20
 X = np.random.default_rng(7).normal(size=(2, FOLDS, 1, SAMPLES))
@@ -142,22 +141,6 @@ def test_step_stays_within_bounds_like_bounded_least_squares(seed):
     assert after == pytest.approx(float(np.sum((stacked @ best - right) ** 2)), rel=0.02), "held where they leave"
 
 
-def test_a_start_beyond_a_bound_begins_on_it():
-    task = made()
-    bounded = (number("a", low=-0.5, high=0.5), number("b", prior=False, fd=-0.3))
-    for start in ([4.0, -9.0], [-4.0, 0.0]):
-        found = fit(task, Plane(), bounded, np.array(start))
-        assert found.u[0] == pytest.approx(0.5)
-        A, y = matrix(task, bounded)
-        assert found.u[1] == pytest.approx(float(A[:, 1] @ (y - 0.5 * A[:, 0]) / (A[:, 1] @ A[:, 1])), abs=1e-6)
-
-
-def test_without_a_free_number_a_fit_is_the_model_itself():
-    found = fit(made(), Plane(1.0, 2.0), ())
-    assert found.predicted == pytest.approx(X[0] + 2.0 * X[1])
-    assert found.u.shape == (0,)
-
-
 def test_slopes_that_are_wrong_are_computed_again():
     """Given ones serve first; where their step does not help, own ones end at least squares."""
     task = made()
@@ -167,32 +150,6 @@ def test_slopes_that_are_wrong_are_computed_again():
     assert fit(task, Plane(), BOTH, slopes=wrong, stale=True).u == pytest.approx(true.u, abs=1e-6)
     kept = fit(task, Plane(), BOTH, slopes=wrong, reuse=True)
     assert kept.u == pytest.approx(np.zeros(2)), "with reuse given slopes stay as they are"
-
-
-def test_prior_is_written_in_the_unit_or_in_percent():
-    assert number("a", 0.25, origin=2.0).beforehand == "2 +- 0.25"
-    assert Parameter("k", 2.0, 0.25, 1e-3, 9.0, log=True).beforehand == "2 +- 25.0%"
-    assert Parameter("k", 2.0, math.log(10.0), 1e-3, 90.0, log=True).beforehand == "2 over or times 10"
-    assert number("a", prior=False).beforehand == ""
-
-
-@pytest.mark.parametrize(
-    ("value", "unit", "words"),
-    [(0.0125, "m", "12.5 mm"), (2500.0, "Pa", "2.5 kPa"), (2500.0, "Pa/m^n", "2.5 kPa/m^n"),
-     (math.pi, "rad", "180 deg"), (3.0, "N", "3 N"), (0.5, "", "0.5")],
-)  # fmt: skip
-def test_a_reader_gets_a_readers_unit(value, unit, words):
-    assert format_value(value, unit) == words
-
-
-def test_of_several_starts_the_lowest_fit_is_taken():
-    task = made(exact=True, bent=True, a=2.0)
-    free = (number("a", prior=False, low=-9.0, high=9.0), number("b", prior=False))
-    left = replace(free[0], high=-0.1)
-    both = best_of(task, Plane(), (replace(free[0], low=-1.0), free[1]), [np.array([-0.5, 0.0]), np.array([0.5, 0.0])])
-    assert both.value("plane.a") == pytest.approx(2.0, abs=0.1)
-    assert best_of(task, Plane(), (left, free[1]), [np.array([-0.5, 0.0])]).value("plane.a") < -1.8
-    assert best_of(task, Plane(), free, []) is None
 
 
 STRAYS = np.array([0.0, 3.9, -3.9, 4.1, -4.1, 12.0, -40.0])
@@ -213,17 +170,6 @@ def test_exact_rows_square_to_robust_chi2_and_match_its_slopes():
     assert problem.sensitivities(u) is problem.sensitivities(u.copy()), "asked once"
 
 
-def test_starts_are_scattered_about_the_centre():
-    centre = np.array([10.0, -20.0])
-    first, *others = scattered(BOTH, centre, 40, 1)
-    assert first is centre
-    spread = np.array(others) - centre
-    assert len(others) == 39
-    assert np.abs(spread).max() <= 1.0
-    assert spread.std(axis=0) == pytest.approx(np.full(2, 1.0 / math.sqrt(3.0)), rel=0.2)
-    assert np.abs(spread.mean(axis=0)).max() < 0.3
-
-
 def test_noise_of_every_value_whitens_by_it():
     """SDs of each block: no memory, no common mode; what is not compared counts in nothing."""
     sd = np.array([[[2.0, 4.0, 8.0], [1.0, 0.5, 0.25]]])
@@ -233,14 +179,6 @@ def test_noise_of_every_value_whitens_by_it():
     assert noise.white(residual) == pytest.approx([0.5, 0.25])
     assert noise.floor == pytest.approx([math.sqrt((4.0 + 64.0) / 2), 0.0])
     assert noise.count == 2
-
-
-def test_what_a_channel_lacks_says_nothing_of_the_others():
-    """L^-1 n with n = 0 where a block is not compared."""
-    mixing = np.array([[1.0, 0.0], [-0.75, 1.25]])
-    good = np.array([[[True, False], [True, True]]])
-    rows = Noise(np.ones(2), np.zeros(2), mixing, good).white(np.array([[[1.0, 7.0], [2.0, 3.0]]]))
-    assert rows == pytest.approx([1.0, -0.75 + 2.5, 3.75])
 
 
 def test_runs_are_laid_end_to_end_for_what_channels_share():
@@ -254,39 +192,6 @@ def test_runs_are_laid_end_to_end_for_what_channels_share():
     one = noise_of(joined, good, np.zeros(2))
     for name in ("sd", "rho", "mixing"):
         assert getattr(two, name) == pytest.approx(getattr(one, name), rel=1e-9), name
-
-
-def test_blocks_that_never_follow_one_another_have_no_memory():
-    good = np.zeros((1, 1, 20), dtype=bool)
-    good[0, 0, ::2] = True
-    found = noise_of(np.random.default_rng(2).normal(size=(1, 1, 20)), good, np.zeros(1))
-    assert found.rho.tolist() == [0.0]
-    assert found.sd[0] > 0.3
-
-
-def test_channels_that_are_silent_have_no_memory():
-    found = noise_of(np.zeros((1, 2, 9)), np.ones((1, 2, 9), dtype=bool), np.full(2, 0.1))
-    assert found.sd.tolist() == [0.1, 0.1]
-    assert found.rho.tolist() == [0.0, 0.0]
-
-
-@pytest.mark.parametrize(("a", "names"), [(4.9, ()), (5.1, ("plane.a +5.1 SD",)), (-5.1, ("plane.a -5.1 SD",))])
-def test_beyond_five_of_its_sds_a_number_is_implausible(a, names):
-    task = made(a=a, noise=0.0, sd=1e-3, b=0.0)
-    assert implausible(fit(task, Plane(), (number("a"),))) == names
-    assert implausible(fit(task, Plane(), (number("a", prior=False),))) == ()
-    assert implausible(fit(task, Plane(), (number("a", declared=False),))) == ()
-
-
-@pytest.mark.parametrize(("share", "adequate"), [(0.98, True), (1.02, False)])
-def test_residual_is_inadequate_at_a_p_value_of_0_001(share, adequate):
-    task = made(exact=True, noise=0.3)
-    free = (number("a"), number("b", prior=False))
-    plain = fit(task, Plane(), free)
-    wanted = math.sqrt(huber(plain.rows) / chi2_law.isf(1e-3, 59) / share)
-    found = fit(replace(task, noise=replace(task.noise, sd=task.noise.sd * wanted)), Plane(), free)
-    assert huber(found.rows) == pytest.approx(share * chi2_law.isf(1e-3, 59), rel=2e-3)
-    assert is_adequate(found) is adequate
 
 
 class Constant(Experiment):
@@ -311,20 +216,6 @@ def test_stretches_of_several_runs_are_clusters_of_their_own():
     found = fit(Task(bed, declared_noise(np.array([1.0]), bed.observed)), Plane(), (number("a", prior=False),))
     assert found.u == pytest.approx([0.0], abs=1e-9)
     assert found.spread**2 == pytest.approx([10 / 9 * 640 / 80**2], rel=1e-6)
-
-
-def test_a_channel_that_is_nowhere_compared_has_its_least_noise():
-    good = np.ones((1, 2, 9), dtype=bool)
-    good[:, 1] = False
-    found = noise_of(np.random.default_rng(3).normal(size=(1, 2, 9)), good, np.array([0.0, 0.3]))
-    assert found.sd[1] == 0.3
-    assert found.rho[1] == 0.0
-
-
-def test_number_moves_linearly_in_its_sds_by_default():
-    bed = Line(np.zeros((FOLDS, 1, SAMPLES)))
-    assert bed.parameter(Plane(a=2.0), "plane.a", 0.5).value(1.0) == pytest.approx(2.5)
-    assert bed.parameter(Plane(a=2.0), "plane.a", 0.5, log=True).value(1.0) == pytest.approx(2.0 * math.exp(0.5))
 
 
 @pytest.mark.parametrize("misfit", [0.5, 1.5])
@@ -395,7 +286,12 @@ def test_contradictory_correlations_are_made_positive_definite():
     assert whitened @ sound @ whitened.T == pytest.approx(np.eye(3), abs=0.02)
 
 
-@pytest.mark.parametrize("given", [(math.nan, 1.0), (math.inf, 1.0), (0.0, math.inf), (0.0, 0.0), (0.0, -1.0)])
-def test_a_prior_that_says_nothing_is_refused(given):
-    with pytest.raises(ParameterError, match="needs a finite mean and a positive sd"):
-        Prior(*given)
+@pytest.mark.parametrize(("share", "adequate"), [(0.98, True), (1.02, False)])
+def test_residual_is_inadequate_at_a_p_value_of_0_001(share, adequate):
+    task = made(exact=True, noise=0.3)
+    free = (number("a"), number("b", prior=False))
+    plain = fit(task, Plane(), free)
+    wanted = math.sqrt(huber(plain.rows) / chi2_law.isf(1e-3, 59) / share)
+    found = fit(replace(task, noise=replace(task.noise, sd=task.noise.sd * wanted)), Plane(), free)
+    assert huber(found.rows) == pytest.approx(share * chi2_law.isf(1e-3, 59), rel=2e-3)
+    assert is_adequate(found) is adequate

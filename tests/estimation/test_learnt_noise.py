@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from rover_pin.estimation.parameter import Parameter
-from rover_pin.estimation.random_effects import learnt_noise as module
-from rover_pin.estimation.random_effects.learnt_noise import saturated, with_learnt_noise, with_random_effects
+from rover_pin.estimation.random_effects.learnt_noise import saturated, with_learnt_noise
 from tests.inference import linear_search as toys
 
 RHO, SD, COMMON = np.array([0.6, 0.0, 0.3]), np.array([0.2, 1.0, 3.0]), 0.7
@@ -118,27 +117,3 @@ def test_what_nothing_explains_is_what_least_squares_leave(far, chance):
         before = spread[*at, run, channel, block - 1] if block else 0.0
         assert absorbed.variance[at] == pytest.approx(spread[*at, *at])
         assert absorbed.lagged[at] == pytest.approx(before, abs=1e-12)
-
-
-def test_columns_alike_to_round_off_are_told_together():
-    random = np.random.default_rng(4)
-    base, shift = based(random), random.normal(size=(3, 2, 7))
-    one, two = (saturated(base, shifts)[0] for shifts in ([1e6 * shift], [1e6 * shift, (1e6 + 1e-9) * shift]))
-    np.testing.assert_allclose(one, two, atol=1e-3)
-
-
-def test_sds_are_learnt_from_weighted_rows_beside_candidates(monkeypatch):
-    random, seen = np.random.default_rng(7), []
-    base, shift = based(random, far=6.0), random.normal(size=(3, 2, 7))
-    field = SimpleNamespace(moved=random.normal(size=(2, 3, 2, 7)))
-    monkeypatch.setattr(module, "learnt_sds", lambda *given: seen.extend(given) or ())
-    monkeypatch.setattr(module, "random_effects_filter", lambda *given: None)
-    monkeypatch.setattr(module.dataclasses, "replace", lambda record, **values: record)
-    with_random_effects(base, [shift], field)
-    rows, free, columns, given = seen
-    W = np.diag(weights_of(base.rows)) ** 0.5
-    X = np.array([base.slopes["a"], base.slopes["b"], shift]).reshape(3, -1).T
-    assert given is field
-    np.testing.assert_allclose(rows, W @ base.rows)
-    np.testing.assert_allclose(free, W @ X)
-    np.testing.assert_allclose(columns, W @ field.moved.reshape(2, -1).T)

@@ -61,17 +61,6 @@ def test_random_effects_are_removed_by_the_inverse_root(field, noise):
     np.testing.assert_allclose(found, noise.white(residual) @ root, atol=1e-9)
 
 
-def test_a_fold_that_fewer_columns_move_has_fewer_taken_out(field, noise):
-    moved = field.moved * (np.arange(len(field.kind)) > 1)[:, None, None, None]
-    columns, sds = noise.white(moved).T, (0.1, 0.03)
-    found = dataclasses.replace(
-        noise, random_effects=random_effects_filter(field, columns, noise.good, learnt_as(*sds))
-    )
-    residual = np.random.default_rng(15).normal(size=(FOLDS, CHANNELS, SAMPLES))
-    root = np.linalg.inv(np.real(sqrtm(dense(columns, field, sds))))
-    np.testing.assert_allclose(found.white(residual), noise.white(residual) @ root, atol=1e-9)
-
-
 def test_rows_without_one_fold_are_those_of_the_other_folds(field, noise):
     chance = random_effects_filter(field, noise.white(field.moved).T, noise.good, learnt_as(0.1, 0.03))
     whole = dataclasses.replace(noise, random_effects=chance)
@@ -81,14 +70,6 @@ def test_rows_without_one_fold_are_those_of_the_other_folds(field, noise):
     owner = np.nonzero(noise.good)[0]
     found = dataclasses.replace(whole, good=good).white(residual)
     np.testing.assert_allclose(found, whole.white(residual)[owner != 1], atol=1e-12)
-
-
-def test_where_nothing_differs_nothing_is_taken_out(field, noise):
-    chance = random_effects_filter(field, noise.white(field.moved).T, noise.good, learnt_as(0.0, 0.0))
-    residual = np.random.default_rng(7).normal(size=(FOLDS, CHANNELS, SAMPLES))
-    np.testing.assert_array_equal(
-        dataclasses.replace(noise, random_effects=chance).white(residual), noise.white(residual)
-    )
 
 
 def restricted(rows, free, covariance):
@@ -142,19 +123,6 @@ def test_the_expected_draws_are_those_of_the_joint_normal_law(field, noise):
     np.testing.assert_allclose(expected(field, learnt_as(*sds), columns, rows), wanted, rtol=1e-9, atol=1e-12)
 
 
-def test_of_what_no_column_tells_nothing_is_learnt(field, noise):
-    """Neither where a kind moves nothing nor where it has no column at all."""
-    random = np.random.default_rng(12)
-    columns = noise.white(field.moved).T
-    free, rows = random.normal(size=(len(columns), 2)), 3 * random.normal(size=len(columns))
-    silent = columns * (field.kind == 0)
-    alone = dataclasses.replace(field, kind=np.zeros_like(field.kind))
-    for found in (learnt_sds(rows, free, silent, field), learnt_sds(rows, free, columns, alone)):
-        assert found[1].sd == 0.0
-        assert found[1].gain == 0.0
-    assert [one.sd for one in learnt_sds(rows, free, 0.0 * columns, field)] == [0.0, 0.0]
-
-
 def test_two_kinds_that_say_the_same_share_what_one_would_have(field, noise):
     """Their variances add up: none is dropped for the other's sake, and the other not for its."""
     columns = noise.white(field.moved).T
@@ -187,11 +155,3 @@ def test_of_one_column_the_sd_and_its_gain_are_in_closed_form(length, rows_along
     found, square = one_column(length, rows_along), rows_along**2
     assert found.sd == pytest.approx(0.05 * np.sqrt(square - 1) / length, rel=1e-3)
     assert found.gain == pytest.approx(square - 1 - np.log(square), rel=1e-5)
-
-
-def test_what_free_columns_take_does_not_depend_on_their_units(field, noise):
-    random, columns = np.random.default_rng(14), noise.white(field.moved).T
-    free = random.normal(size=(len(columns), 3))
-    rows = columns @ random.normal(size=columns.shape[1]) + random.normal(size=len(columns))
-    told = [[one.sd for one in learnt_sds(rows, free * unit, columns, field)] for unit in (1.0, [1e-6, 1.0, 1e4])]
-    assert told[0] == pytest.approx(told[1], rel=5e-3), "as near as the search comes"

@@ -1,13 +1,12 @@
 """The pieces of a fit against linear algebra written plainly: coordinates, shares of a column, trust-region steps."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from rover_pin.estimation.baselines import gaussian_process, quadratic
-from rover_pin.estimation.descent import _bounded, _damped, _promised, _step
+from rover_pin.estimation.baselines import gaussian_process
+from rover_pin.estimation.descent import _bounded, _damped, _step
 from rover_pin.estimation.parameter import Parameter
 
 # --- coordinates -----------------------------------------------------------------------------------------------------
@@ -25,14 +24,6 @@ def test_a_parameter_comes_back_and_keeps_to_its_bounds(log, scale):
     assert low < 0.0 < high
     assert sorted([one.value(low), one.value(high)]) == pytest.approx([1.5, 3.0])
     assert one.slope(0.5) == pytest.approx((one.value(0.5 + 1e-6) - one.value(0.5 - 1e-6)) / 2e-6, rel=1e-6)
-
-
-def test_logarithm_that_may_reach_zero_stops_just_above_it():
-    never_0 = Parameter("x", 2.0, 0.4, 0.0, 3.0, log=True)
-    low = never_0.value(never_0.bounds[0])
-    assert 0 < low <= 1e-5
-    assert all(map(math.isfinite, replace(never_0, origin=low).bounds))
-    assert Parameter("x", 2.0, 0.4, 0.0, math.inf, log=True).value(1e6) < math.inf
 
 
 # --- steps of the descent --------------------------------------------------------------------------------------------
@@ -67,11 +58,6 @@ def test_a_damped_step_does_not_depend_on_the_rows_unit(unit):
         assert newton is (radius > 1.0)
 
 
-def test_what_a_step_promises_is_the_fall_of_the_linear_chi2():
-    step = np.array([0.3, -0.7])
-    assert _promised(R, J, step) == pytest.approx(R @ R - (R + J @ step) @ (R + J @ step))
-
-
 @pytest.mark.parametrize(
     ("step", "ends"),
     [([0.3, -0.2], [0.3, -0.2]), ([2.0, -0.5], [1.0, -0.25]), ([-1.0, -4.0], [-0.5, -2.0]), ([0.0, 5.0], [0.0, 2.0])],
@@ -104,10 +90,3 @@ def test_gaussian_process_smooths_noise_and_ends_at_the_mean():
     noisy = wave + 0.003 * np.random.default_rng(0).normal(size=40)
     assert np.std(gaussian_process(x, noisy, x) - wave) < 0.0015
     assert gaussian_process(x, noisy, np.array([[900.0]])) == pytest.approx([noisy.mean()])
-
-
-def test_a_quadratic_is_least_squares_in_all_products():
-    rng = np.random.default_rng(1)
-    x, y = rng.uniform(-1, 1, (30, 2)), rng.normal(size=30)
-    terms = np.column_stack([np.ones(30), x, x[:, 0] ** 2, x[:, 0] * x[:, 1], x[:, 1] ** 2])
-    assert terms.T @ (quadratic(x, y, x) - y) == pytest.approx(np.zeros(6), abs=1e-10)

@@ -134,25 +134,6 @@ def test_a_function_left_is_that_of_the_dense_law(shared, extra):
     assert 1.3 * found.rows == pytest.approx(acts - taken, abs=1e-7), "numbers without it take a part"
 
 
-def test_of_several_functions_at_most_one_is_left():
-    made = expansion(None)
-    plain, two = made.posterior(), [function(made, True, seed)[0] for seed in (5, 6)]
-    alone = [with_functions([(made, plain)], [one])[0].gain for one in two]
-    (both,) = with_functions([(made, plain)], two)
-    assert both.gain == pytest.approx(math.log(np.exp(alone).mean()))
-    assert with_functions([(made, plain)], []) == []
-
-
-@pytest.mark.parametrize("size", [0.0, 1e-6])
-def test_a_function_of_no_effect_gains_nothing(size):
-    made = expansion(None)
-    columns, _ = function(made, True)
-    (found,) = with_functions([(made, made.posterior())], [columns._replace(values=size * columns.values)])
-    assert found.gain == pytest.approx(0.0, abs=1e-6)
-    (noise,) = with_functions([(made, made.posterior())], [columns])
-    assert noise.gain < 0.0
-
-
 def test_smooth_functions_have_the_covariance_of_their_kernel():
     base = expansion().fit
     *channels, every = smooth_functions(base)
@@ -265,17 +246,3 @@ def test_what_is_left_besides_changes_numbers_and_evidence():
     assert more.moments("p.a")[0] == left.mean[made.own] != found.moments("p.a")[0]
     assert more.moments("p.a")[1] == pytest.approx(math.sqrt(left.covariance[1, 1]))
     assert more.discrepancy is Discrepancy.SMOOTH
-
-
-def test_a_fit_at_its_end_promises_nothing():
-    """Half a chi2 of the linear model: what Newton's step from there gains."""
-    made = expansion(None)
-    at_end = fit(made.fit.task, made.fit.model, made.fit.parameters, made.fit.u, made.fit.slopes, stale=True)
-    ended = Expansion(at_end, made.others)
-    assert ended.promised == pytest.approx(0.0, abs=1e-4)
-    off = np.eye(made.own)[0] * 0.3
-    predicted = at_end.predicted + sum(at_end.slopes[p.name] * d for p, d in zip(at_end.parameters, off, strict=True))
-    beside = Expansion(replace(at_end, u=at_end.u + off, predicted=predicted), made.others)
-    gained = 0.5 * (beside.fit.chi2 - at_end.chi2)
-    assert beside.promised == pytest.approx(gained, rel=0.05)
-    assert gained > 1.0

@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from rover_pin.inference.explore import OUTLIER, SHOWN
+from rover_pin.inference.explore import OUTLIER
 from tests.inference import linear_causes as toys
 
 NAMES = tuple("pqrstu")
@@ -59,24 +59,3 @@ def test_only_a_stray_is_taken_for_one(case, stray):
     assert abs(stray) / np.sqrt(table[3, 0, 1]) < 2.0 * OUTLIER, "it is near reach then"
     table[3, 0, 1] = 1.0
     assert (table == 1.0).all()
-
-
-def test_a_cause_that_shows_nothing_is_left_out():
-    toy = toy_with(HIDDEN["single"])
-    for name, share in (("p", 0.0), ("q", 0.9 * SHOWN), ("s", 1.1 * SHOWN)):
-        column = toy.columns[name] / toy.sd
-        toy.columns[name] = toy.columns[name] * share / np.linalg.norm(column)
-    explorer = toys.explorer(toy, tuple("pqrs"))
-    beliefs = explorer.explore()
-    assert [cause.name for cause in explorer.causes] == ["r", "s"]
-    assert beliefs.choice == 2
-    assert set(beliefs.included) == {"r", "s"}
-
-
-def test_all_singles_and_pairs_of_the_leading_are_fitted():
-    explorer, beliefs = explored("pair", 0.0)
-    sets = set(beliefs.sets)
-    assert {frozenset(), *(frozenset(name) for name in NAMES)} <= sets
-    assert {frozenset({lead, other}) for lead in "qt" for other in NAMES if lead != other} <= sets
-    assert {frozenset({"q", "t", other}) for other in NAMES} <= sets
-    assert set(explorer.fitted) == sets

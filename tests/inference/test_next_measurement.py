@@ -11,7 +11,7 @@ from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
 from rover_pin.estimation.noise import declared_noise
-from rover_pin.inference.next_measurement import Offer, information, next_measurement, open_sets
+from rover_pin.inference.next_measurement import Offer, information, next_measurement
 from tests.inference import linear_toy as toys
 
 
@@ -122,56 +122,9 @@ def test_a_difference_that_a_number_may_take_tells_nothing():
     assert told(laws, slope, sd=1e-3).what == "a"
 
 
-def test_sets_that_leave_larger_errors_are_told_apart_less():
-    laws = [table([0, 0]), table([3, 0])]
-    assert told(laws, errors=(1.0, 3.0)).nats < told(laws).nats
-
-
-@pytest.mark.parametrize("lost", [np.nan, 1e3])
-def test_what_some_set_does_not_predict_is_not_proposed(lost):
-    assert told([table([0, 0], [0, 0]), table([lost, 0], [2, 0])]).what == "b"
-    assert told([table([0, 0]), table([lost, 0])]) is None
-
-
-def test_nothing_is_proposed_where_all_expect_the_same():
-    assert told([table([1, 2], [3, 4])] * 2) is None
-    assert told([table([1, 2])]) is None
-
-
 def test_a_channel_that_tells_twice_as_much_is_asked_for():
     laws = [table([0, 0], [0, 0]), table([0.5, 5], [1, 1])]
     found = told(laws, further=("torque",))
     assert (found.what, found.channel) == ("a, with torque too", "torque")
     near = told([table([0, 0], [0, 0]), table([4, 1], [1, 1])], further=("torque",))
     assert (near.what, near.channel) == ("a", "pull")
-
-
-def test_many_sets_are_listed_shortly():
-    laws = [table([4.0 * at, 0]) for at in range(5)]
-    assert told(laws).sentence.startswith("to tell nothing from law 1 or law 2 or others: a; ")
-
-
-def beliefs(*shares, fitted=None):
-    sets = {frozenset({f"law {at}"}): share for at, share in enumerate(shares)}
-    is_fitted = fitted or [True] * len(shares)
-    rows = {names: SimpleNamespace(is_fitted=own) for names, own in zip(sets, is_fitted, strict=True)}
-    return SimpleNamespace(sets=sets, best=lambda names: rows[frozenset(names)])
-
-
-@pytest.mark.parametrize(
-    ("shares", "expected"),
-    [
-        ((0.9, 0.06, 0.04), (0.9375, 0.0625)),
-        ((0.99, 0.006, 0.004), (0.99 / 0.996, 0.006 / 0.996)),
-        ((0.4, 0.3, 0.2, 0.1), (0.4, 0.3, 0.2, 0.1)),
-        ([0.1] * 10, [0.125] * 8),
-    ],
-)
-def test_the_sets_told_apart_hold_most_of_what_is_probable(shares, expected):
-    assert [share for share, _ in open_sets(beliefs(*shares))] == pytest.approx(list(expected))
-
-
-def test_a_set_that_was_not_fitted_is_not_told_apart():
-    assert [share for share, _ in open_sets(beliefs(0.5, 0.3, 0.2, fitted=[True, False, True]))] == pytest.approx(
-        [0.5 / 0.7, 0.2 / 0.7]
-    )

@@ -6,7 +6,7 @@ from scipy.integrate import quad
 from scipy.stats import norm
 
 from rover_pin.inference.cause import SIZE_SD
-from rover_pin.inference.size_prior import MEDIAN, log_density, log_dependence, log_inside_share, log_size_share
+from rover_pin.inference.size_prior import MEDIAN, log_density, log_dependence, log_size_share
 
 ANYWHERE = (-1e3, 1e3)
 
@@ -38,12 +38,6 @@ def test_share_is_the_mean_of_the_ratio_of_densities(mean, sd, bounds):
     assert np.exp(log_size_share(mean, sd, bounds)) == pytest.approx(whole, rel=0.02, abs=2e-12)
 
 
-def test_share_of_the_prior_itself_is_one():
-    assert np.exp(log_size_share(0.0, 1.0, ANYWHERE)) == pytest.approx(1.0, abs=0.01)
-    assert np.exp(log_inside_share(0.0, 1.0, ANYWHERE)) == 1.0
-    assert np.exp(log_inside_share(2.0, 0.5, (-1e3, 2.0))) == pytest.approx(0.5)
-
-
 @pytest.mark.parametrize("together", [0.5, 2.0])
 @pytest.mark.parametrize("correlation", [-0.97, -0.6, 0.0, 0.6])
 @pytest.mark.parametrize("low", [-1e3, 0.0])
@@ -60,9 +54,3 @@ def test_sizes_known_by_their_sum_are_weighed_together(together, correlation, lo
     bounds = np.array([(low, 1e3)] * 2)
     alone = sum(log_size_share(*row) for row in zip(mean, sds, bounds, strict=True))
     assert alone + log_dependence(mean, covariance, bounds) == pytest.approx(np.log(whole), abs=0.05)
-
-
-def test_sizes_that_are_independent_are_weighed_alone():
-    mean, bounds = np.array([0.5, -1.0, 0.1]), np.array([ANYWHERE] * 3)
-    assert log_dependence(mean, np.diag([0.1, 0.2, 0.3]), bounds) == pytest.approx(0.0, abs=0.02)
-    assert log_dependence(mean[:1], np.eye(1), bounds[:1]) == 0.0

@@ -1,7 +1,6 @@
 """Every number of a ROS bag in one table: on one clock, gaps left empty, clocks that disagree refused."""
 
 import numpy as np
-import pandas as pd
 import pytest
 
 from rover_pin.logs.importing.files.raw import read_raw
@@ -52,14 +51,6 @@ def test_every_number_is_on_one_clock_and_a_gap_stays_empty(tmp_path):
     assert rate[~gap] == pytest.approx(2.0 - t[~gap], abs=1e-6)
 
 
-def test_before_and_behind_its_messages_a_topic_is_empty(tmp_path):
-    table = read_raw(bag(tmp_path, shift=1_000_000_000)).table
-    known = np.isfinite(table["/joints.velocity[fl]"].to_numpy())
-    t = table["t_s"].to_numpy()
-    assert t[known][0] == pytest.approx(1.0, abs=0.051)
-    assert t[np.isfinite(table["/level.data"].to_numpy())][-1] == pytest.approx(4.95, abs=0.051)
-
-
 @pytest.mark.parametrize("shift", [-BEGIN, 1_000_000_000 - BEGIN, lambda at: BEGIN - at])
 def test_stamps_that_are_no_times_give_way_to_those_of_receipt(shift, tmp_path):
     """A clock since boot, one that was never set, and one that stands still."""
@@ -69,9 +60,3 @@ def test_stamps_that_are_no_times_give_way_to_those_of_receipt(shift, tmp_path):
     known = np.isfinite(rate)
     assert rate[known] == pytest.approx(2.0 - t[known], abs=1e-6)
     assert t[-1] == pytest.approx(99 * 0.05)
-
-
-def test_the_index_of_a_parquet_table_is_a_column(tmp_path):
-    seconds = pd.Index([0.0, 0.1, 0.2], name="time")
-    pd.DataFrame({"x": [1.0, 2.0, 3.0]}, index=seconds).to_parquet(tmp_path / "log.parquet")
-    assert read_raw(tmp_path / "log.parquet").table["time"].tolist() == [0.0, 0.1, 0.2]

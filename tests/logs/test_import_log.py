@@ -13,7 +13,6 @@ from rover_pin.base.jobs import time_left
 from rover_pin.experiments.drive_log.checks.log import check, faults
 from rover_pin.logs.drive_log import read_drive_log
 from rover_pin.logs.importing.import_log import import_log
-from rover_pin.rover.rover import load_rover
 from tests.logs import recordings
 
 TOLERANCES = {"body_x": 2e-3, "body_y": 2e-3, "body_z": 1e-6, "body_pitch": 1e-6, "body_roll": 1e-6, "body_yaw": 1e-6}
@@ -92,18 +91,6 @@ def test_what_is_guessed_is_marked_in_the_toml_once(habit, seen, tmp_path):
         assert ("GUESSED" in line) == ("GUESSED" in own)
 
 
-def test_a_stop_and_a_gap_part_runs_and_what_stands_is_left_out(seen, tmp_path):
-    table = pd.read_csv(recordings.plain(seen, tmp_path))
-    cut = table[(table["time [s]"] < 50.0) | (table["time [s]"] > 55.0)]
-    cut.to_csv(tmp_path / "cut.csv", index=False)
-    _, log = imported(tmp_path / "cut.csv", tmp_path)
-    for run in log.runs:
-        assert np.max(np.diff(run.t)) < 1.0
-        rates = np.mean([np.abs(run[f"wheel_rate_{wheel}"]) for wheel in ("fl", "fr", "bl", "br")], axis=0)
-        assert np.mean(rates < 0.1) < 0.2
-    assert sum(float(run.t[-1]) for run in log.runs) < 62.0
-
-
 def test_most_informative_parts_of_a_long_recording_are_kept(tmp_path):
     long = recordings.truth(seconds=900.0)
     made, log = imported(recordings.plain(long, tmp_path), tmp_path, most=4)
@@ -124,22 +111,6 @@ def test_long_recordings_tell_how_far_they_are(tmp_path, monkeypatch, caplog):
     assert said[0] == "reading plain.csv: 0 MB"
     for what in ("runs written", "runs read", "runs looked at for faults", "runs checked"):
         assert any(line.startswith(f"{what}: 1 of {len(log.runs)}, about ") for line in said), what
-
-
-def test_a_user_may_say_what_a_column_is(seen, tmp_path):
-    table = pd.read_csv(recordings.plain(seen, tmp_path)).rename(columns={"yaw [rad]": "blau"})
-    table["blau"] += 0.001
-    table.to_csv(tmp_path / "own.csv", index=False)
-    made, log = imported(tmp_path / "own.csv", tmp_path, columns={"body_yaw": "blau - 0.001"})
-    assert "body_yaw = blau - 0.001" in made.columns
-    assert log.runs[0]["body_yaw"][:5] == pytest.approx(seen["body_yaw"][:5], abs=0.2)
-
-
-def test_column_is_matched_by_its_name_not_by_single_letters(seen, tmp_path):
-    table = pd.read_csv(recordings.plain(seen, tmp_path))
-    table.assign(w=1.0, e=2.0).to_csv(tmp_path / "more.csv", index=False)
-    made, _ = imported(tmp_path / "more.csv", tmp_path)
-    assert "more.csv: not used: w, e" in made.notes
 
 
 def test_odometry_alone_is_taken_marked_and_then_refused(seen, tmp_path):
@@ -231,19 +202,6 @@ def test_nothing_is_written_over(seen, tmp_path):
     imported(path, tmp_path)
     with pytest.raises(DataError, match=r"already.*another"):
         imported(path, tmp_path)
-
-
-def test_the_rover_of_a_log_is_found_from_its_folder(seen, tmp_path):
-    import shutil
-
-    from rover_pin.rover.description.layout import rover_folder
-
-    for name in ("cart.toml", "cart.urdf"):
-        shutil.copy(rover_folder() / name, tmp_path / name)
-    import_log([recordings.plain(seen, tmp_path)], tmp_path / "cart.toml", tmp_path / "log")
-    log = read_drive_log(tmp_path / "log")
-    assert log.metadata.rover == "../cart.toml"
-    assert log.load_rover().mass == load_rover("cart").mass
 
 
 CLOCKS = {

@@ -8,7 +8,6 @@ from rover_pin.base.errors import DataError
 from rover_pin.logs.importing.files.bags import delimiter_of_records
 from rover_pin.logs.importing.files.raw import read_raw
 from rover_pin.logs.importing.import_log import import_log
-from rover_pin.logs.one_clock import interpolated
 from tests.logs import recordings
 
 BEGIN = pd.Timestamp("2022-06-01 13:42:57.5")
@@ -38,14 +37,6 @@ def test_cells_are_called_after_the_word_before_them(delimiter, tmp_path):
     assert "40 of GPS, 80 of IMU" in raw.notes[0]
 
 
-def test_a_torn_line_and_a_single_one_are_left_out_and_counted(tmp_path):
-    path = tmp_path / "log.csv"
-    path.write_text(text() + "STATUS;2022:06:01 13:42:57.5;on\nGPS;2022:06:01 13:4")
-    raw = read_raw(path)
-    assert "2 lines that are of no record are left out" in raw.notes
-    assert not [name for name in raw.table if name.startswith("STATUS")]
-
-
 def test_records_without_dates_are_refused_with_what_is_there(tmp_path):
     path = tmp_path / "log.csv"
     path.write_text(text(stamp=lambda at: f"{1e3 * at:.0f}"))
@@ -53,25 +44,6 @@ def test_records_without_dates_are_refused_with_what_is_there(tmp_path):
         DataError, match=r"records \(GPS, IMU\).*what follows 'GPS' is no date \('0'\).*a table a record"
     ):
         read_raw(path)
-
-
-@pytest.mark.parametrize(
-    "other",
-    ["mode,t,x\nauto,0.1,2\nmanual,0.2,3\n", "auto,0.1,2\nmanual,0.2,3\n", "t,x\n0.1,2\n0.2,3\n", "", 'a,"1\nb,"2,3\n'],
-)
-def test_a_table_is_no_text_of_records(other, tmp_path):
-    path = tmp_path / "log.csv"
-    path.write_text(other)
-    assert delimiter_of_records(path) == ""
-
-
-def test_an_angle_that_jumps_by_a_turn_is_not_drawn_through():
-    at = np.arange(8.0)
-    angle = np.array([150.0, 160.0, 170.0, 180.0, -170.0, -160.0, -150.0, -140.0])
-    read = interpolated(np.arange(0.0, 7.01, 0.25), at, angle)
-    turned = np.angle(np.exp(1j * np.radians(read - np.interp(np.arange(0.0, 7.01, 0.25), at, angle % 360.0))))
-    assert np.max(np.abs(turned)) <= np.radians(5.0) + 1e-9
-    assert read[:12] == pytest.approx(np.arange(150.0, 178.0, 2.5))
 
 
 @pytest.fixture(scope="module")
@@ -89,16 +61,6 @@ def test_places_on_a_maps_grid_are_told_from_an_origin(seen, tmp_path):
     log = read_drive_log(tmp_path / "log")
     assert faults(log) == ()
     assert np.abs(log.runs[0]["body_x"] - seen["body_x"][: len(log.runs[0].t)] - 3.2).max() < 0.02
-
-
-def test_recordings_of_one_name_stay_apart(seen, tmp_path):
-    days = []
-    for day in "ab":
-        (tmp_path / day).mkdir()
-        days.append(recordings.plain(seen, tmp_path / day))
-    made = import_log(days, "cart", tmp_path / "log")
-    names = [line.split(":")[0] for line in made.runs]
-    assert len(names) == len(set(names)) == len(list((tmp_path / "log").glob("*.csv")))
 
 
 @pytest.mark.parametrize(("share", "said"), [(1.0, True), (3.4, False)])

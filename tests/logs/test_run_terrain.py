@@ -2,8 +2,6 @@
 
 import dataclasses
 import math
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -11,12 +9,10 @@ import pytest
 from rover_pin.base.errors import DataError
 from rover_pin.experiments.drive_log.features import logged_runs
 from rover_pin.experiments.drive_log.model import LEVEL_SD, base_model, nuisances, with_spread
-from rover_pin.logs import run_terrain as run_terrain_file
 from rover_pin.logs.drive_log import LogMetadata, read_drive_log, write_drive_log
 from rover_pin.logs.run_terrain import estimated, level_on, run_terrain
 from rover_pin.rover.rover import load_rover
 from rover_pin.simulation.trace.trace import Trace
-from rover_pin.terrain.files import to_grid
 
 CART = load_rover("cart")
 DEG = math.pi / 180.0
@@ -79,43 +75,6 @@ def test_the_ground_is_estimated_from_the_pitch(yaw, curve):
     assert found == pytest.approx(-drive["body_pitch"][20:-20], abs=1.0 * DEG)
 
 
-WAVE = 2 * math.pi / 3.1
-
-
-def wavy(x):
-    """Heights of a wave of 3.1 m across the way, and their slopes."""
-    return 0.05 * np.sin(WAVE * x), 0.05 * WAVE * np.cos(WAVE * x)
-
-
-def over_the_wave(seconds=40.0):
-    """What the cart's level is where it stands on the wave with all wheels, its axles 0.28 m before and behind."""
-
-    def pitch(x, y, heading):
-        return -np.arctan((wavy(x + 0.28)[0] - wavy(x - 0.28)[0]) / 0.56)
-
-    return run(0.0, pitch, seconds=seconds)
-
-
-def test_the_ground_under_each_wheel_is_that_which_carries_it():
-    """The pull goes by the slope at the wheels, not along the way: half a degree was a tenth of the way on 12 deg."""
-    drive = over_the_wave()
-    ground, x = estimated(drive, CART), drive["body_x"][40:-40]
-    for ahead in (0.28, -0.28):
-        for beside in (0.26, -0.26):
-            slope = ground.gradient(x + ahead, np.full(len(x), beside))[0]
-            off = np.arctan(slope) - np.arctan(wavy(x + ahead)[1])
-            assert float(np.sqrt(np.mean(off**2))) < 0.35 * DEG
-
-
-@pytest.mark.parametrize("cells", [3.5, 14.0])
-def test_grid_resolution_does_not_change_the_ground_stiffness(cells, monkeypatch):
-    """With more cells the bends over a base had counted by their square, and the wave was flattened."""
-    drive = over_the_wave(10.0)
-    usual = slope_of(estimated(drive, CART), drive)
-    monkeypatch.setattr(run_terrain_file, "CELLS", cells)
-    assert slope_of(estimated(drive, CART), drive) == pytest.approx(usual, abs=0.1 * DEG)
-
-
 def test_a_frame_before_the_wheels_is_not_where_they_stand():
     """A level is that of the ground under the wheels, wherever a URDF puts the frame of the base."""
     shifted = CART.model.copy()
@@ -130,30 +89,6 @@ def test_a_frame_before_the_wheels_is_not_where_they_stand():
     assert np.arctan(rise / 0.56) == pytest.approx(-drive["body_pitch"][80:-40], abs=0.5 * DEG)
     level = level_on(ground, behind, np.array([[2.0, 0.0, 0.0]]))["body_pitch"][0]
     assert level == pytest.approx(-math.atan(0.15 * math.sin(4.0)), abs=0.5 * DEG)
-
-
-def test_noise_of_the_pitch_does_not_become_ground():
-    random = np.random.default_rng(0)
-    drive = run(0.4, lambda x, y, heading: -5 * DEG + random.normal(0.0, 0.5 * DEG, len(x)))
-    assert slope_of(estimated(drive, CART), drive) == pytest.approx(5 * DEG, abs=0.5 * DEG)
-
-
-def test_the_roll_tells_the_slope_across():
-    """Roll is positive about the way ahead: the left side is up."""
-    drive = run(0.7, roll=4 * DEG)
-    ground = estimated(drive, CART)
-    x, y = drive["body_x"][200:210], drive["body_y"][200:210]
-    left = np.array([-math.sin(0.7), math.cos(0.7)])
-    rise = ground.height(x + 0.26 * left[0], y + 0.26 * left[1]) - ground.height(x - 0.26 * left[0], y - 0.26 * left[1])
-    assert np.arctan(rise / 0.52) == pytest.approx(4 * DEG, abs=0.3 * DEG)
-
-
-def test_height_replaces_a_missing_pitch_whatever_its_zero():
-    bare = run(0.0, body_z=lambda x, y: 7.0 + 0.1 * x)
-    drive = Trace({name: bare[name] for name in bare if name not in ("body_pitch", "body_roll")}, {}, {})
-    ground = estimated(drive, CART)
-    assert slope_of(ground, drive) == pytest.approx(math.atan(0.1), abs=0.5 * DEG)
-    assert np.max(np.abs(ground.z)) < 1.0
 
 
 def test_where_nothing_tells_the_ground_is_flat():
@@ -187,15 +122,6 @@ def test_each_run_may_have_a_ground_of_its_own(tmp_path):
     assert not read.is_estimated(read.runs[0])
 
 
-def test_estimated_ground_is_not_compared_with_its_own_sources(tmp_path):
-    read = log(tmp_path / "log", {})
-    assert all(read.is_estimated(each) for each in read.runs)
-    runs = logged_runs(read, CART)
-    assert {"path", "heading"} <= set(runs[0].channels)
-    assert not {"body_pitch", "body_roll", "body_z"} & set(runs[0].channels)
-    assert runs[0].observed.shape[0] == len(runs[0].channels)
-
-
 def test_the_zero_of_the_level_widens_the_resistance(tmp_path):
     narrow, wide = log(tmp_path / "a", {"slope": 0.1}), log(tmp_path / "b", {"estimated": True})
     sd = {}
@@ -204,18 +130,3 @@ def test_the_zero_of_the_level_widens_the_resistance(tmp_path):
         (own,) = (one for one in nuisances(each, model) if one.name == "MotionResistance.R")
         sd[name] = own.scale
     assert sd["wide"] == pytest.approx(math.hypot(sd["narrow"], LEVEL_SD))
-
-
-def test_a_grid_for_all_runs_stays_the_logs(tmp_path):
-    drive = run()
-    made = estimated(drive, CART)
-    to_grid(tmp_path / "ground.npz", made)
-    read = log(tmp_path, {"grid": "ground.npz"})
-    assert read.terrain_of(read.runs[0]) is None
-    assert read.terrain().z.shape == made.z.shape
-
-
-def test_a_drive_loads_no_sparse_matrices():
-    code = "import sys, rover_pin.scenarios.scenario; print('scipy.sparse' in sys.modules)"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "False"

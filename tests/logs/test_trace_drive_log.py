@@ -8,10 +8,10 @@ import pytest
 from rover_pin.base.errors import DataError, ParameterError
 from rover_pin.base.files.toml_file import read_toml, toml_text
 from rover_pin.logs.drive_log import LogMetadata, read_drive_log, write_drive_log
-from rover_pin.logs.saved import load_trace, save_trace
+from rover_pin.logs.saved import load_trace
 from rover_pin.simulation.trace.trace import Trace
 from rover_pin.terrain import shapes
-from rover_pin.terrain.toml_table import terrain_from, write_terrain
+from rover_pin.terrain.toml_table import write_terrain
 
 HEAD = 'kind = "drive-log"\nname = "field"\n'
 RUN = '[[run]]\nfile = "climb.csv"\n'
@@ -70,12 +70,6 @@ def test_a_measured_log(log):
     assert found.rover == "nexus6"
 
 
-def test_a_rover_beside_the_log(log):
-    folder = log(HEAD + 'rover = "mine.toml"\n' + RUN)
-    (folder / "mine.toml").write_text("")
-    assert read_drive_log(folder).rover == str(folder / "mine.toml")
-
-
 @pytest.mark.parametrize("terrain", [shapes.ditch(), shapes.rocks(2), shapes.hills(1)], ids=["lane", "lanes", "grid"])
 def test_a_simulated_log_there_and_back(tmp_path, terrain):
     t = np.arange(20) / 7.0
@@ -96,14 +90,6 @@ def test_a_simulated_log_there_and_back(tmp_path, terrain):
             assert np.array_equal(trace[name], again[name])
     with pytest.raises(DataError, match="has 2 runs"):
         load_trace(tmp_path)
-
-
-def test_runs_in_parquet(log):
-    folder = log(HEAD + '[[run]]\nfile = "climb.parquet"\n')
-    save_trace(Trace({"t_s": [0.0, 1.0], "duty_fl": [0.1, 0.2]}, {}, {"stop": "x"}), folder / "climb.parquet")
-    (run,) = read_drive_log(folder).runs
-    assert run["duty_fl"].tolist() == [0.1, 0.2]
-    assert (run.attrs["stop"], run.attrs["file"]) == ("x", "climb.parquet")
 
 
 @pytest.mark.parametrize(
@@ -187,11 +173,6 @@ def test_mistakes_in_the_terrain(log, table, says):
     (folder / "g.csv").write_text("x_m,z_m\n0,0\n1,0\n")
     with pytest.raises(DataError, match=re.escape(says)):
         read_drive_log(folder).terrain()
-
-
-def test_a_terrain_s_file_beside_a_folder_that_is_gone_is_named(tmp_path):
-    with pytest.raises(DataError, match=r"names.*'g\.csv'"):
-        terrain_from({"polyline": "g.csv"}, tmp_path / "gone" / "drive.toml")
 
 
 def test_other_refusals(tmp_path, log):

@@ -76,12 +76,6 @@ def test_what_was_found_is_in_the_verdicts_model(verdict_of):
     assert verdict.experiments == ()
 
 
-def test_noise_needs_no_effect(verdict_of):
-    verdict = verdict_of(0.0, alike=False)
-    assert (verdict.answer, verdict.named, verdict.effects, verdict.profiles) == (Answer.NONE_NEEDED, (), (), ())
-    assert verdict.before == verdict.after
-
-
 def test_a_run_that_tells_the_first_from_its_rivals_is_proposed(verdict_of):
     verdict = verdict_of(1.5, alike=True)
     assert verdict.answer is Answer.SET

@@ -9,8 +9,7 @@ from rover_pin.experiments.drive_log.model import DRIVEN_SAND
 from rover_pin.experiments.wheel_rig.checks import findings
 from rover_pin.experiments.wheel_rig.data import read_rig_set
 from rover_pin.logs.drive_log import DriveLog, LogMetadata
-from rover_pin.loop.close import close_the_loop, read_data
-from rover_pin.loop.drive import with_wheel_names
+from rover_pin.loop.close import close_the_loop
 from rover_pin.rover.rover import load_rover
 from rover_pin.simulation.model.model import Model
 from rover_pin.simulation.model.motors import nexus6_motor
@@ -48,12 +47,6 @@ def test_misspelt_column_is_named_with_the_intended_one(tmp_path, name):
     ]
 
 
-def test_speeds_levels_and_torque_are_known_as_well(tmp_path):
-    rows = [f"{row},1,1,1" for row in ROWS]
-    said = unread(tmp_path, "slip,load_N,drawbar_pull_N,sinkage_m,rim_sped_mps,levl,torqe_Nm", rows)
-    assert [line.split("'")[3] for line in said] == ["rim_speed_mps", "level", "torque_Nm"]
-
-
 def test_columns_of_ones_own_are_no_misspelling(tmp_path):
     """Nor is one that looks like a column that is there already, or the SD of a channel."""
     rows = [",".join([row, *("0" if name == "slip_angle_rad" else "1" for name in EXTRA)]) for row in ROWS]
@@ -61,45 +54,8 @@ def test_columns_of_ones_own_are_no_misspelling(tmp_path):
     assert unread(tmp_path, "slip,load_N,drawbar_pull_N,load_cell_N") == []
 
 
-def test_the_warning_goes_with_the_runs_that_are_chosen(tmp_path):
-    data = read_rig_set(written(tmp_path, "slip,load_N,drawbar_pull_N,sinkge_m"))
-    assert data.rows([True, False]).misspelt == data.misspelt != ()
-
-
-def test_a_folder_with_neither_file_names_both(tmp_path):
-    message = r"there is neither rig\.toml nor drive\.toml in it; give that of a wheel-rig set \(rig\.toml\) or of a dr"
-    for ask in (close_the_loop, read_data):
-        with pytest.raises(DataError, match=message):
-            ask(tmp_path)
-
-
-def test_a_folder_that_is_none_is_said_to_be_none(tmp_path):
-    written(tmp_path, "slip,load_N,drawbar_pull_N,sinkage_m")
-    for path in (tmp_path / "nowhere", tmp_path / "rig.toml"):
-        with pytest.raises(
-            DataError, match=r"there is no such folder; .*\(rig\.toml\) or of a drive log \(drive\.toml"
-        ):
-            close_the_loop(path)
-
-
 def test_a_model_of_another_rover_is_refused():
     """Before anything is fitted, with both rovers' wheels named."""
     cart = Model(load_rover("cart"), flat(), (DRIVEN_SAND,), nexus6_motor())
     with pytest.raises(DataError, match=r"the model's rover has the wheels .*, the log's fl, fr, ml, mr, rl, rr; give"):
         close_the_loop(DriveLog(Path("nowhere"), LogMetadata("small"), ()), model=cart)
-
-
-def test_a_wheel_that_has_a_number_only_is_said_by_its_name():
-    assert with_wheel_names("WeakMotor[2]", ["fl", "fr", "ml"]) == "WeakMotor[2] (wheel ml)"
-    assert with_wheel_names("TachoScale[ml]", ["fl", "fr", "ml"]) == "TachoScale[ml]"
-    assert with_wheel_names("SupplySag", ["fl", "fr", "ml"]) == "SupplySag"
-
-
-def test_a_column_that_lacks_is_told_which_one_to_rename(tmp_path):
-    with pytest.raises(DataError, match=r"no column 'slip': did you mean 'slpi'\? then call it 'slip' there\. Known: "):
-        read_rig_set(written(tmp_path, "slpi,load_N,drawbar_pull_N,sinkage_m"))
-
-
-def test_column_of_errors_is_not_suggested_for_a_missing_column(tmp_path):
-    with pytest.raises(DataError, match=r"no column 'load_N': known are drawbar_pull_N, sinkage_m, slip\.$"):
-        read_rig_set(written(tmp_path, "slip,load_sd_N,drawbar_pull_N,sinkage_m"))

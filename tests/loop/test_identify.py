@@ -7,19 +7,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rover_pin.base.errors import DataError, ParameterError
-from rover_pin.contact import Soil, Wheel
+from rover_pin.base.errors import ParameterError
+from rover_pin.contact import Wheel
 from rover_pin.estimation.parameter import Prior
-from rover_pin.estimation.variance_shares import variance_shares
 from rover_pin.experiments.rig_sets.sets import joined
-from rover_pin.experiments.wheel_rig.data import as_rig_set, read_rig_set
+from rover_pin.experiments.wheel_rig.data import as_rig_set
 from rover_pin.loop.close import close_the_loop
-from rover_pin.loop.data_check import check_data, measured_in
 from rover_pin.loop.identify import identify
 from rover_pin.measurements.channel import DrawbarPull, Sinkage, Torque
 from rover_pin.measurements.wheel_rig import WheelRig
 from rover_pin.scenarios.scenario import scenario
-from rover_pin.simulation.sensors import Sensors, measured
 from tests.oracle import rig_generator as hidden
 
 DATA = Path(__file__).parents[2] / "studies" / "data"
@@ -51,21 +48,6 @@ def rig(name, seed=0, times=1.0):
 
 
 # --- where a number's variance comes from ----------------------------------------------------------------------------
-
-
-def test_shares_of_a_variance_are_what_each_prior_scatters():
-    """Of a linear model whose priors' means and data are drawn: the variance of the estimate that each leaves."""
-    draw = np.random.default_rng(3)
-    J = draw.normal(size=(4, 3)) * [2.0, 0.3, 1.0]
-    C = np.linalg.inv(J.T @ J + np.eye(3))
-    shares = variance_shares(C)
-    repeats = 20_000
-    for prior in range(3):
-        means = np.zeros((repeats, 3))
-        means[:, prior] = draw.normal(size=repeats)
-        assert (means @ C).var(axis=0) / np.diag(C) == pytest.approx(shares[:, prior], rel=0.05, abs=1e-4)
-    of_data = (draw.normal(size=(repeats, 4)) @ J @ C).var(axis=0) / np.diag(C)
-    assert of_data == pytest.approx(1.0 - shares.sum(axis=1), rel=0.05)
 
 
 def test_a_number_depends_on_its_assumption_until_it_is_stated():
@@ -120,14 +102,6 @@ def test_numbers_are_those_of_the_loop_before_anything_is_added():
 # --- what is stated --------------------------------------------------------------------------------------------------
 
 
-def test_a_number_that_is_set_is_held_and_listed():
-    found = identify(SMOOTH, fixed={"soil.exit_ratio": 0.2, "n": 1.2})
-    assert found.held["soil.exit_ratio"] == 0.2
-    assert (found.model.soil.exit_ratio, found.model.soil.n) == (0.2, 1.2)
-    assert "soil.exit_ratio" not in {estimate.number.name for estimate in found.estimates}
-    assert {"wheel.r", "wheel.b", "soil.c", "soil.n"} <= found.held.keys()
-
-
 @pytest.mark.parametrize("sd", [1e-4, 0.002])
 def test_an_uncertain_size_is_fitted_within_what_is_stated(sd):
     found = identify(SMOOTH, {"wheel.r": Prior(0.061, sd)})
@@ -150,11 +124,6 @@ def test_what_cannot_be_stated_is_refused(given, said):
         identify(SMOOTH, **given)
 
 
-def test_an_unknown_name_of_a_result_lists_those_that_were_free():
-    with pytest.raises(ParameterError, match=r"'theta_1' was not free: soil.k"):
-        identify(SMOOTH)["theta_1"]
-
-
 # --- data ------------------------------------------------------------------------------------------------------------
 
 
@@ -168,35 +137,9 @@ def test_wheels_askew_and_errors_of_the_rig_are_fitted(tmp_path):
     assert identify(tmp_path)["sinkage_zero"].number.declared
 
 
-def test_a_path_that_is_no_data_is_refused(tmp_path):
-    with pytest.raises(DataError, match=r"there is no such file or folder.*rig.toml.*drive.toml"):
-        identify(tmp_path / "nothing")
-    with pytest.raises(DataError, match=r"give a folder with rig.toml"):
-        identify(tmp_path)
-
-
 @pytest.fixture(scope="module")
 def drive():
     return scenario("slope", soil="table-1", **{"soil.k": 0.01, "effect.MotionResistance.R": 0.12})
-
-
-@pytest.mark.parametrize(
-    "change",
-    [
-        lambda trace: {f"wheel_rate_{each}": -trace[f"wheel_rate_{each}"] for each in trace.wheels},
-        lambda trace: {"body_pitch": -trace["body_pitch"]},
-    ],
-    ids=["rates backwards", "pitch upside down"],
-)
-def test_log_refused_by_close_loop_is_refused_in_the_same_words(drive, tmp_path, change):
-    trace = measured(drive.drive(), Sensors(), seed=0)
-    changed = type(trace)({**trace.channels, **change(trace)}, trace.attrs)
-    drive.write_log(changed, tmp_path)
-    with pytest.raises(DataError) as by_loop:
-        check_data(tmp_path)
-    with pytest.raises(DataError) as here:
-        measured_in(tmp_path)
-    assert str(here.value) == str(by_loop.value)
 
 
 def test_the_log_of_the_climb_says_which_soil_it_was():
@@ -218,10 +161,3 @@ def test_the_command_prints_the_same_as_text_and_as_json(run):
     assert f"{math.degrees(values['parameters']['soil.phi']['value']):.4g} deg" in text
     shares = values["parameters"]["soil.phi"]
     assert sum(shares["prior_shares"].values()) + shares["data_share"] == pytest.approx(1.0)
-
-
-def test_a_shipped_wheel_in_another_soil_is_what_is_declared():
-    held = identify(DATA / "ding-2011-smooth").held
-    declared = read_rig_set(DATA / "ding-2011-smooth").soil()
-    assert held["soil.n"] == declared.n == 1.1
-    assert Soil().n != 1.1

@@ -2,7 +2,6 @@
 
 import dataclasses
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,7 +18,6 @@ from rover_pin.experiments.rig_sets.sets import joined, read_joint
 from rover_pin.experiments.wheel_rig.data import read_rig_set
 from rover_pin.experiments.wheel_rig.model import RigModel, read_model
 from rover_pin.loop.close import close_the_loop
-from rover_pin.loop.provenance import LoopRequest
 from rover_pin.loop.rig import on_rig
 from tests.oracle import rig_generator as hidden
 
@@ -144,19 +142,6 @@ def test_lugs_dig_from_the_start_where_every_set_declares_them(sets, tmp_path):
     assert "LugExcavation" not in {type(one).__name__ for one in untold.effects}
 
 
-def test_a_run_that_stands_in_two_sets_is_used_once(sets, tmp_path):
-    small = read_rig_set(sets[0])
-    other = dataclasses.replace(small, rig=dataclasses.replace(small.rig, name="again"))
-    more = written(tmp_path, "more", seed=7)
-    rows = (more / "points.csv").read_text().splitlines() + (sets[0] / "points.csv").read_text().splitlines()[1:4]
-    (more / "points.csv").write_text("\n".join(rows) + "\n")
-    joint = read_joint((sets[0], more))
-    assert [str(one) for one in joint.twice] == ["more: 3 of 13 runs are in another set too; they are used once."]
-    assert int(np.isfinite(joint.observed[:, 0]).sum()) == 20
-    with pytest.raises(DataError, match="again: every run of it is in another set too; leave it out"):
-        joined([small, other])
-
-
 def test_what_is_no_joint_fit_is_refused(sets, tmp_path):
     with pytest.raises(ParameterError, match="of two sets or more"):
         joined([read_rig_set(sets[0])])
@@ -167,20 +152,6 @@ def test_what_is_no_joint_fit_is_refused(sets, tmp_path):
         close_the_loop((sets[0], tmp_path / "nowhere"))
     with pytest.raises(DataError, match="a joint fit of several rig sets does not take a model; leave it out"):
         close_the_loop(sets, model="model.toml")
-
-
-def test_too_few_levels_in_all_sets_cannot_tell(sets):
-    parts = [read_rig_set(each) for each in sets]
-    joint = RigExperiment(tuple(one.rows(one.level == 0) for one in parts))
-    verdict = on_rig(joint, joint.base_model(), (), lambda said: None)
-    assert verdict.answer.value == "cannot tell"
-    assert verdict.sentence == "2 levels in all sets: measure at 3 or more, or give more sets."
-
-
-def test_the_command_that_repeats_it_has_all_folders():
-    asked = LoopRequest((Path("a"), Path("b c")), out="out")
-    assert asked.command == "rover-pin close-loop a 'b c' --out out"
-    assert LoopRequest(("a", "b"), seed=2).command == "close_the_loop(['a', 'b'], ..., seed=2)"
 
 
 @pytest.fixture(scope="module")
@@ -226,3 +197,16 @@ def test_loop_on_two_sets_writes_a_report_and_a_model_of_each(sets, tmp_path):
     kept = json.loads((tmp_path / "verdict.json").read_text())
     assert [one["set"] for one in kept["extra"]["sets"]] == ["small"] * 3 + ["large"] * 3
     assert kept["command"].startswith("rover-pin close-loop ")
+
+
+def test_a_run_that_stands_in_two_sets_is_used_once(sets, tmp_path):
+    small = read_rig_set(sets[0])
+    other = dataclasses.replace(small, rig=dataclasses.replace(small.rig, name="again"))
+    more = written(tmp_path, "more", seed=7)
+    rows = (more / "points.csv").read_text().splitlines() + (sets[0] / "points.csv").read_text().splitlines()[1:4]
+    (more / "points.csv").write_text("\n".join(rows) + "\n")
+    joint = read_joint((sets[0], more))
+    assert [str(one) for one in joint.twice] == ["more: 3 of 13 runs are in another set too; they are used once."]
+    assert int(np.isfinite(joint.observed[:, 0]).sum()) == 20
+    with pytest.raises(DataError, match="again: every run of it is in another set too; leave it out"):
+        joined([small, other])

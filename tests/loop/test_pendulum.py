@@ -11,7 +11,7 @@ import pytest
 import rover_pin.experiments.pendulum as shipped
 from rover_pin.base.errors import DataError, ParameterError
 from rover_pin.discrepancy.answer import Answer
-from rover_pin.experiments.pendulum import WIDTH, Pendulum
+from rover_pin.experiments.pendulum import Pendulum
 from rover_pin.loop.close import close_the_loop
 from tests.oracle import pendulum_generator as hidden
 
@@ -51,10 +51,6 @@ def bench(tmp_path_factory):
     return Pendulum.read(folder)
 
 
-def test_it_stays_an_example_of_at_most_80_lines():
-    assert len(FILE.read_text(encoding="utf-8").splitlines()) <= 80
-
-
 @pytest.mark.parametrize("law", hidden.LAWS)
 def test_it_predicts_what_the_plain_generator_measures(tmp_path, law):
     """To 0.7 SD of each channel: the smooth sign and the teeth without damping cost that."""
@@ -91,20 +87,6 @@ SIZES_AT = {
 }
 
 
-def test_friction_has_its_sign_beyond_the_width_only(bench):
-    n = numbers_of(bench, Coulomb={"T_c": 0.2})
-    w = np.array([-5.0, 0.0, 5.0]) * WIDTH
-    rest = np.zeros(3)
-    dw = bench.motion(n, np.array([rest, rest, rest, w]), rest)[0][3]
-    assert dw * n.inertia == pytest.approx([0.2, 0.0, -0.2], abs=1e-4)
-
-
-def test_many_models_at_once_are_each_as_alone(bench):
-    models = [model_with(bench, **{name: numbers}) for name, numbers in SIZES.items()]
-    alone = [bench.predict([model])[0] for model in models]
-    np.testing.assert_allclose(bench.predict(models), alone, rtol=1e-12, atol=1e-13)
-
-
 def test_the_command_names_the_hidden_law(run, tmp_path):
     true = hidden.write(tmp_path / "data", "Viscous", seed=1, length=0.8)["b"]
     code, _, err = run("close-loop", str(tmp_path / "data"), "--experiment", "pendulum", "--out", str(tmp_path / "out"))
@@ -113,13 +95,6 @@ def test_the_command_names_the_hidden_law(run, tmp_path):
     assert kept["effects"] == ["Viscous"]
     assert kept["after"]["Viscous.b"]["low"] < true < kept["after"]["Viscous.b"]["high"]
     assert (tmp_path / "out" / "report.html").is_file()
-
-
-def test_a_copy_by_its_path_finds_nothing_in_nothing(tmp_path):
-    mine = tmp_path / "mine.py"
-    mine.write_text(FILE.read_text(encoding="utf-8").replace("class Pendulum", "class Mine"))
-    hidden.write(tmp_path / "data", seed=1, length=0.8)
-    assert close_the_loop(tmp_path / "data", experiment=mine).answer is Answer.NONE_NEEDED
 
 
 def test_data_that_it_cannot_read_get_one_sentence(tmp_path):
@@ -133,14 +108,6 @@ def test_data_that_it_cannot_read_get_one_sentence(tmp_path):
     (tmp_path / "runs.csv").write_text(runs.replace("run 0,0.040", "run 0,0.010"))
     with pytest.raises(DataError, match="time_s does not grow"):
         Pendulum.read(tmp_path)
-
-
-def test_steps_too_long_for_a_gear_lose_the_prediction_only(bench):
-    """So a fit steps away from them."""
-    stiff = bench.with_values(bench.base_model(), {"motor.rotor_inertia": 1e-10})
-    predicted = bench.predict([stiff])
-    assert np.isfinite(predicted).all()
-    assert np.abs(predicted).max() == bench.stand_in
 
 
 def test_blind_pendulums_are_named_and_nulls_are_not():

@@ -13,7 +13,7 @@ from rover_pin.discrepancy.draft import Draft
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.loop import close
 from rover_pin.loop.close import close_the_loop
-from rover_pin.loop.provenance import LoopRequest, provenance
+from rover_pin.loop.provenance import LoopRequest
 from rover_pin.loop.verdict_file import draft_written
 
 ASKED = LoopRequest("a folder/of --out data", "its model.toml", Path("mine.py"), "my out", "bed.py", trust=True)
@@ -55,23 +55,6 @@ def test_command_that_tries_a_draft_starts_from_the_same_model(tmp_path, monkeyp
     assert (seen["data"], seen["model"], seen["trust"]) == (asked.data, asked.model, True)
     assert Path(seen["effects"]) == file
     assert file.read_text() == "code = 1\n"
-
-
-def test_effects_of_ones_own_leave_no_room_for_the_draft(tmp_path):
-    assert dataclasses.replace(ASKED, experiment=None).again_with(tmp_path / "draft.py") == ""
-
-
-@pytest.mark.parametrize(
-    ("asked", "said"),
-    [
-        (LoopRequest(object()), "close_the_loop(...) on data in memory"),
-        (LoopRequest("folder", model=object()), "close_the_loop(...) on a model in memory"),
-        (LoopRequest("folder", seed=3), "close_the_loop('folder', ..., seed=3)"),
-    ],
-)
-def test_no_command_is_given_where_none_would_repeat_the_loop(asked, said, tmp_path):
-    assert provenance(asked, 1.0)["command"] == said
-    assert asked.again_with(tmp_path / "draft.py") == ""
 
 
 def test_a_models_file_is_the_start_in_python_too(tmp_path):

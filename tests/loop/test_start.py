@@ -19,7 +19,6 @@ from rover_pin.logs.drive_log import read_drive_log
 from rover_pin.loop.close import read_data, start_on
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.model.toml_file import write_model
-from rover_pin.tuning.study import DriveCase, TuningStudy
 
 DATA = Path(__file__).parents[2] / "studies" / "data"
 LOG, RIG = DATA / "steepening-slope", DATA / "cmu-smooth-wheel"
@@ -38,16 +37,6 @@ def test_a_wheels_model_starts_the_loop_of_a_log(wheels):
     assert model.effect(SoilTraction) == PAPER[0]
     assert [one.name for one in model.rover.wheels] == [one.name for one in log.load_rover().wheels]
     assert model.rover.wheel == log.load_rover().wheel
-
-
-def test_a_wheels_model_drives_is_bounded_and_tuned_for(wheels, run):
-    driven = scenario("flat", model=str(wheels), duration=1.0)
-    assert driven.model.effect(SlipSinkage).n_1 == 0.7
-    code, out, _ = run("bounds", "--model", wheels, "--json")
-    assert code == 0
-    assert '"climbable_deg"' in out
-    study = TuningStudy("one", (DriveCase("flat", "flat", (("duration", 1.0),)),), ()).on_model(wheels)
-    assert ("model", str(wheels)) in study.training[0].settings
 
 
 def test_a_rovers_model_goes_to_a_rig_without_what_a_rig_has_not(tmp_path, caplog):
@@ -71,9 +60,3 @@ def test_what_stands_in_no_file_of_a_model_is_refused(tmp_path):
         start_on(read_data(RIG), tmp_path / "odd.toml")
     with pytest.raises(DataError, match="kind = 'odd'"):
         start_on(read_data(LOG), tmp_path / "odd.toml")
-
-
-def test_an_added_effect_has_the_number_of_its_word(run, tmp_path):
-    code, _, _ = run("drive", "flat", "--add", "SlipSinkage.n_1=1.4", "--set", "duration=1", "--json", "-q")
-    assert code == 0
-    assert scenario("flat", soil="table-1", add="SlipSinkage.n_1=1.4").model.effect(SlipSinkage).n_1 == 1.4
