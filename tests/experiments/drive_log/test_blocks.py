@@ -8,15 +8,12 @@ import pytest
 
 from rover_pin.base.errors import DataError, ParameterError
 from rover_pin.effects.point_mass import PointMass
-from rover_pin.effects.sensor_bias import SensorBias
 from rover_pin.effects.supply_sag import SupplySag
-from rover_pin.experiments.drive_log import experiment as experiments
 from rover_pin.experiments.drive_log.experiment import DriveExperiment, experiment_of
 from rover_pin.experiments.drive_log.features import logged_run
 from rover_pin.rover.rover import load_rover
 from rover_pin.scenarios.scenario import scenario
-from rover_pin.simulation.replay import Perturbation, commands, replay
-from rover_pin.simulation.sensors import Sensors, measured
+from rover_pin.simulation.replay import commands, replay
 from rover_pin.simulation.simulate import Timing, simulate
 from rover_pin.simulation.start.place import Start
 from rover_pin.simulation.trace.trace import Trace
@@ -80,28 +77,6 @@ def test_a_body_that_cannot_be_is_turned_down_not_crashed_on(model, driven):
     assert far > 10 * near
 
 
-def test_models_that_differ_only_in_sensors_are_replayed_once(model, driven, monkeypatch):
-    experiment, replayed = experiment_of([logged_run(as_logged(driven), model.rover)], model), []
-    monkeypatch.setattr(experiments, "replay", lambda one, *rest: replayed.append(one) or replay(one, *rest))
-    biased, weak = model.having(SensorBias(channel="body_pitch", bias=0.01)), model.having(SupplySag())
-    plain, shifted, other = experiment.predict([model, biased, weak])
-    assert len(replayed) == 2
-    pitch, usable = experiment.channels.index("body_pitch"), np.isfinite(experiment.observed[0, 0])
-    np.testing.assert_allclose((shifted - plain)[0, pitch, usable], 0.01, atol=1e-9)
-    assert not np.allclose(other, plain)
-
-
-@pytest.mark.parametrize("nudge", ["torque", "force", "grip"])
-def test_a_nudge_moves_the_rover_forward(model, driven, nudge):
-    run = commands(as_logged(driven), WHEELS, STEERED)
-    rows = len(run.t)
-    given = {"torque": np.full((rows, 6), 0.01), "force": np.ones(rows), "grip": np.full(rows, 0.05)}[nudge]
-    assert (
-        replay(model, run, Perturbation(**{nudge: given})).channels["body_x"][-1]
-        > replay(model, run).channels["body_x"][-1]
-    )
-
-
 def test_a_heading_that_was_lost_is_not_the_last_that_was_known(driven):
     """It was held over the gap and compared, and the rover was drawn to it."""
     log, rover = as_logged(driven), load_rover("nexus6")
@@ -118,14 +93,6 @@ def test_a_heading_that_was_lost_is_not_the_last_that_was_known(driven):
     assert np.isfinite(whole.observed[row, blind]).all()
 
 
-def test_features_of_the_log_equal_those_of_its_own_channels(driven):
-    run = logged_run(as_logged(driven), load_rover("nexus6"))
-    again = run.features({name: np.asarray(row) for name, row in run.measured.items()})
-    good = np.isfinite(run.observed)
-    assert good.any()
-    assert again[good] == pytest.approx(run.observed[good], abs=1e-9)
-
-
 def test_a_missing_channel_is_named(driven):
     log = as_logged(driven)
     less = {name: row for name, row in log.channels.items() if name != "duty_ml"}
@@ -140,14 +107,3 @@ def test_a_missing_channel_is_named(driven):
 def test_an_unknown_number_is_refused(model, name, said):
     with pytest.raises(ParameterError, match=said):
         ANY.value(model, name)
-
-
-def test_a_log_without_noise_reads_as_the_sensors_do(driven):
-    """What `measured` adds has the declared size once the blocks are averaged."""
-    sensors = Sensors()
-    log = measured(driven, sensors, 3)
-    clean = logged_run(as_logged(driven), load_rover("nexus6"))
-    noisy = logged_run(as_logged(log), load_rover("nexus6"))
-    row = clean.channels.index("wheel_rate_rl")
-    off = noisy.observed[row] - clean.observed[row]
-    assert np.nanstd(off) == pytest.approx(sensors.rate_sd / math.sqrt(10), rel=0.7)

@@ -8,14 +8,8 @@ import numpy as np
 import pytest
 
 from rover_pin.base.errors import DataError
-from rover_pin.experiments.drive_log.checks.driven import Driven
-from rover_pin.experiments.drive_log.checks.excitation import levels
-from rover_pin.experiments.drive_log.checks.log import check, driven, faults, findings, refuse_unfit, too_poor
-from rover_pin.logs.drive_log import read_drive_log, write_drive_log
-from rover_pin.rover.rover import load_rover
-from rover_pin.rover.wheel_base import wheel_places
+from rover_pin.experiments.drive_log.checks.log import check, faults, findings, refuse_unfit, too_poor
 from rover_pin.simulation.replay import commands
-from rover_pin.simulation.trace.trace import Trace
 from tests.experiments.drive_log import drive_channels as channels
 
 GOOD, R, changed, drive, gap = channels.GOOD, channels.R, channels.changed, channels.drive, channels.gap
@@ -107,57 +101,7 @@ def test_what_cannot_be_used_is_refused_in_one_sentence(log, says):
     assert str(refused.value).count("\n") == 0
 
 
-def test_a_yaw_in_degrees_is_told_from_the_course():
-    run = drive(3, yaw=math.radians(20.0))
-    assert "body_yaw looks like degrees" in str(faults(log_of(run | {"body_yaw": np.degrees(run["body_yaw"])}))[0])
-
-
-@pytest.mark.parametrize(("off", "todo"), [(2.5, "its zero is theirs"), (math.pi, "add pi to body_yaw")])
-def test_a_heading_that_is_off_is_not_said_of_the_wheels(off, todo):
-    """A yaw from where an IMU was switched on: all wheels run against the travel, and none is at fault."""
-    run = {name: values for name, values in GOOD[0].items() if not name.startswith("duty_")}
-    said = [str(fault) for fault in faults(log_of(run | {"body_yaw": run["body_yaw"] + off}))]
-    assert any("off its heading, body_yaw" in each and todo in each for each in said)
-    assert not any("against the travel" in each for each in said)
-
-
-def test_the_same_fault_in_every_run_is_one_sentence():
-    log = log_of(*({**run, "wheel_rate_fl": -run["wheel_rate_fl"]} for run in GOOD))
-    (fault,) = faults(log)
-    assert fault.where == "run-1.csv, run-2.csv, run-3.csv"
-    two = changed(wheel_rate_fl=-GOOD[0]["wheel_rate_fl"], duty_rr=-GOOD[0]["duty_rr"])
-    with pytest.raises(DataError, match=r"\(1 more such faults\.\)"):
-        check(two)
-
-
-LENGTH = float(np.ptp([place[0] for place in wheel_places(load_rover("nexus6")).values()]))
 """From the rear to the front axle of the good log's rover [m]."""
-
-
-def over_waves(wavelength, folder):
-    """A run over waves of 12 mm whose body lies on its outer axles, and the log that declares these waves."""
-    x = np.arange(-10.0, 10.0, 0.02)
-    ground = lambda x: 0.012 * np.sin(2.0 * math.pi * x / wavelength)  # noqa: E731
-    rows = [f"{a:.4f},{b:.6f}" for a, b in zip(x, ground(x), strict=True)]
-    (folder / "ground.csv").write_text("\n".join(["x_m,z_m", *rows]))
-    front, rear = (ground(GOOD[0]["body_x"] + side * LENGTH) for side in (0.5, -0.5))
-    run = {**GOOD[0], "body_z": 0.5 * (front + rear), "body_pitch": -np.arctan((front - rear) / LENGTH)}
-    return run, dataclasses.replace(log_of(run, terrain={"polyline": "ground.csv"}), folder=folder)
-
-
-def test_declared_terrain_gives_the_pitch_sign_without_height(tmp_path):
-    run, log = over_waves(3.0 * LENGTH, tmp_path)
-    del run["body_z"]
-    assert faults(dataclasses.replace(log, runs=log_of(run).runs)) == ()
-    run["body_pitch"] = -run["body_pitch"]
-    found = faults(dataclasses.replace(log, runs=log_of(run).runs))
-    assert "body_pitch rises where the rover climbs" in str(found[0])
-
-
-def test_rover_longer_than_half_a_wave_may_pitch_down_rising(tmp_path):
-    run, log = over_waves(1.4 * LENGTH, tmp_path)
-    assert "body_pitch rises where the rover climbs" in str(faults(log_of(run))[0])
-    assert faults(log) == ()
 
 
 @pytest.mark.parametrize(
@@ -264,41 +208,3 @@ def test_a_simulated_log_passes(name):
     assert not any(
         word in each for each in told for word in ("jumps", "stays", "late", "against", "missing", "outruns")
     )
-
-
-def test_a_log_on_disk_is_checked(tmp_path):
-    traces = {f"run-{i}": Trace(run) for i, run in enumerate(GOOD)}
-    about = dataclasses.replace(log_of().metadata, wheel={"r": {"value": 45.0, "unit": "mm"}})
-    folder = write_drive_log(tmp_path / "log", traces, about)
-    assert check(read_drive_log(folder)) == ((), "")
-
-
-def test_blocks_of_a_run():
-    t = np.arange(0.0, 3.0, 0.1)
-    run = Driven(Trace({"t_s": t, "body_x": 0.2 * t, "body_y": np.where(t < 1.5, np.nan, 1.0 - 0.1 * t)}), R)
-    assert run.slope(run.trace["body_x"]) == pytest.approx([0.2, 0.2, 0.2])
-    assert run.slope(run.trace["body_y"])[2] == pytest.approx(-0.1)
-    assert run.mean(run.trace["body_y"])[:2] == pytest.approx([np.nan, 0.83], nan_ok=True)
-
-
-def test_duties_without_gaps_between_them_are_many_levels():
-    """A log whose wheels are held at duties all over the range does not have a single one."""
-    many, one = (levels(driven(log_of(run))) for run in (drive(0), drive(0, constant=0.6)))
-    assert len(many) > 10
-    assert np.diff(many).min() > 0.02
-    assert len(one) == 1
-
-
-def test_heading_has_length_1_also_while_turning_within_a_block():
-    t = np.arange(0.0, 6.0, 0.05)
-    run = Driven(Trace({"t_s": t, "body_x": t, "body_y": t, "body_yaw": 2.0 * t}), R)
-    assert len(run.heading) > 3
-    assert np.abs(run.heading) == pytest.approx(np.ones(len(run.heading)))
-
-
-def test_a_wheel_whose_rate_is_lost_does_not_turn():
-    t = np.arange(0.0, 6.0, 0.05)
-    rate = np.where(t < 3.0, 1.0, np.nan)
-    run = Driven(Trace({"t_s": t, "body_x": t, "wheel_rate_fl": rate, "wheel_rate_fr": 0.0 * t}), R)
-    assert run.moving[0]
-    assert not run.moving[-1]

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from rover_pin.base.errors import DataError
-from rover_pin.experiments.drive_log.checks.log import check, faults, findings, refuse_unfit
+from rover_pin.experiments.drive_log.checks.log import findings, refuse_unfit
 from rover_pin.experiments.drive_log.model import base_model, nuisances
 from rover_pin.logs.drive_log import LogMetadata, read_drive_log, write_drive_log
 from tests.experiments.drive_log import drive_channels as channels
@@ -48,11 +48,6 @@ def test_what_contradicts_itself_is_refused(log, says):
     assert says in str(refused.value)
 
 
-def test_true_velocities_and_a_true_start_are_no_fault():
-    assert faults(changed(body_vx=VX, body_vy=VY)) == ()
-    assert check(starting_at(X[0], Y[0])).findings == ()
-
-
 @pytest.mark.parametrize(
     ("log", "says"),
     [
@@ -76,24 +71,6 @@ def test_a_drive_beyond_the_declared_ground_is_told(tmp_path):
     log = dataclasses.replace(log_of(*GOOD, terrain={"polyline": "ground.csv"}), folder=tmp_path)
     said = [str(found) for found in findings(log)]
     assert any("m beyond the declared ground, which spans -10 to 0.5 m; what lies there is guessed" in s for s in said)
-
-
-def test_a_gap_in_all_channels_is_one_line():
-    lost = {name: channels.gap(values, 100, 200) for name, values in GOOD[0].items() if name != "t_s"}
-    said = [str(found) for found in findings(changed(**lost)) if "missing" in str(found)]
-    assert len(said) == 1
-    assert "duty_fl, wheel_rate_fl, current_fl_A, duty_fr and" in said[0]
-    assert "more are missing for 4 s from t = 4 s on (row 101)" in said[0]
-    assert said[0].endswith("passed over; the last duty before is taken to hold.")
-
-
-def test_a_rover_without_rockers_is_not_asked_for_their_angles():
-    runs = []
-    for run in GOOD:
-        kept = {name: row for name, row in run.items() if not any(part in name for part in ("rocker", "_rl", "_rr"))}
-        runs.append({name.replace("_ml", "_bl").replace("_mr", "_br"): row for name, row in kept.items()})
-    told = [str(found) for found in findings(log_of(*runs, rover="cart", wheels=("fl", "fr", "bl", "br")))]
-    assert not any("rocker" in each for each in told)
 
 
 @pytest.mark.parametrize("sd", ["2 deg", -1.0, 0.0, float("nan"), True])
@@ -148,11 +125,3 @@ def test_a_file_of_another_program_is_refused(content, says, tmp_path):
     with pytest.raises(DataError) as refused:
         read_drive_log(tmp_path)
     assert says in str(refused.value)
-
-
-def test_missing_terrain_file_is_named_with_the_nearest_match(tmp_path):
-    (tmp_path / "ground.csv").write_text("x_m,z_m\n-10,0\n10,0\n")
-    log = dataclasses.replace(log_of(*GOOD, terrain={"polyline": "grund.csv"}), folder=tmp_path)
-    with pytest.raises(DataError) as refused:
-        log.terrain()
-    assert "[terrain] names the file 'grund.csv', which is not there: did you mean 'ground.csv'?" in str(refused.value)

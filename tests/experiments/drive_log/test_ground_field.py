@@ -16,7 +16,6 @@ from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.estimation.fit import Task, fit
 from rover_pin.estimation.noise import Noise
 from rover_pin.estimation.random_effects.learnt_noise import with_random_effects
-from rover_pin.estimation.random_effects.random_field import LearntSd
 from rover_pin.experiments.drive_log.experiment import experiment_of
 from rover_pin.experiments.drive_log.features import logged_run
 from rover_pin.experiments.drive_log.free_runs import DriveExtra
@@ -28,7 +27,7 @@ from rover_pin.loop.drive import on_its_ground
 from rover_pin.rover.rover import load_rover
 from rover_pin.simulation.model.model import Model, base_effects
 from rover_pin.simulation.model.motors import nexus6_motor
-from rover_pin.simulation.replay import PERIOD, Commands, Replay, replay
+from rover_pin.simulation.replay import PERIOD, Commands, replay
 from rover_pin.simulation.start.place import Start
 from rover_pin.simulation.trace.trace import Trace
 from rover_pin.soil.angles import FixedAngles
@@ -93,24 +92,6 @@ def test_places_share_the_way_evenly(two, model):
         assert len(shares) > 3
         np.testing.assert_allclose(shares.sum(axis=0), 1.0)
         assert np.all(shares.max(axis=1) > 0.9)
-
-
-def test_a_rover_that_stands_has_one_place(two, model):
-    run = two.runs[0]
-    still = np.tile([0.3, 0.0, 0.0], (len(run.commands.t), 1))
-    stands = dataclasses.replace(run, commands=dataclasses.replace(run.commands, place=still))
-    np.testing.assert_array_equal(ground.shares_of(stands, model.rover), np.ones((1, len(run.commands.t))))
-
-
-def test_runs_in_which_nothing_moves_tell_nothing(two, model, monkeypatch):
-    """A rover that cannot be set down has replays without a place; they are no reason to stop."""
-    monkeypatch.setattr(
-        type(two),
-        "perturbed_replays",
-        lambda self, model, asked: [Replay({"t_s": two.runs[0].commands.t})] * len(asked),
-    )
-    monkeypatch.setattr(type(two), "predict", lambda self, models: np.zeros((1, *two.observed.shape)))
-    assert not ground.ground_columns(two, model)["moved"].any()
 
 
 def test_grip_of_a_run_acts_like_a_change_of_the_friction_angle(two, model, field):
@@ -244,22 +225,6 @@ def test_ground_as_declared_is_not_doubted(model):
     assert told.worst is None
     assert told.sentence == ""
     assert told.rms < 1e-3
-
-
-@pytest.mark.parametrize(
-    ("gain", "rms", "doubted"), [(-0.1, 2.0, False), (0.1, 2.0, True), (100.0, 0.99, False), (0.1, 1.01, True)]
-)
-def test_slopes_are_questioned_beyond_noise_and_survey_accuracy(two, model, monkeypatch, gain, rms, doubted):
-    found = taught(two, model)
-    learnt = tuple(
-        LearntSd(kind, 0.01, run_variability.SURE + gain if kind == ground.SLOPE else 0.0) for kind in ground.KINDS
-    )
-    noise = found.task.noise
-    told = dataclasses.replace(noise, random_effects=dataclasses.replace(noise.random_effects, learnt=learnt))
-    one = dataclasses.replace(found, task=dataclasses.replace(found.task, noise=told))
-    of_whole = found.task.noise.random_effects.field.kind == ground.KINDS.index(ground.SLOPE_OF_RUN)
-    monkeypatch.setattr(run_variability, "expected", lambda *asked: np.where(of_whole, rms * math.radians(0.1), 0.0))
-    assert (run_variability.ground_variability(one).worst is not None) is doubted
 
 
 def _without(experiment, *names):

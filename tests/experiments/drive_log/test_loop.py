@@ -137,17 +137,3 @@ def test_a_model_of_the_other_kind_is_refused(tmp_path):
         close_the_loop(log, RigModel(Wheel(), Soil()))
     with pytest.raises(DataError, match="a wheel-rig set starts from a wheel's model"):
         close_the_loop(RIG, drive_sets.base())
-
-
-def test_a_drive_model_is_read_on_the_logs_ground(tmp_path):
-    folder = drive_sets.write(tmp_path / "log", runs=1, duration=1.0)
-    verdict = close_the_loop(folder, out=tmp_path / "out")
-    model = start_on(read_data(folder), tmp_path / "out" / "model.toml")
-    assert model.terrain == read_drive_log(folder).terrain()
-    assert model.soils == verdict.model.soils
-
-
-def test_a_folder_without_either_file_is_refused(tmp_path):
-    shutil.copy(RIG / "points.csv", tmp_path)
-    with pytest.raises(DataError, match=r"rig\.toml"):
-        close_the_loop(tmp_path)

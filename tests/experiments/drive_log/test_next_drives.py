@@ -17,13 +17,12 @@ from rover_pin.effects.tacho_scale import TachoScale
 from rover_pin.effects.tether_drag import TetherDrag
 from rover_pin.effects.weak_motor import WeakMotor
 from rover_pin.estimation.fit import Task, fit
-from rover_pin.estimation.noise import Noise, first_noise, noise_of
+from rover_pin.estimation.noise import first_noise, noise_of
 from rover_pin.experiments.drive_log import next_drives as next_drives_file
-from rover_pin.experiments.drive_log.candidate_runs import candidate_runs
 from rover_pin.experiments.drive_log.candidates import candidate_of
 from rover_pin.experiments.drive_log.experiment import experiment_of
 from rover_pin.experiments.drive_log.features import logged_run
-from rover_pin.experiments.drive_log.next_drives import _choice, _offered, next_drives, noise_with
+from rover_pin.experiments.drive_log.next_drives import _choice, _offered, next_drives
 from rover_pin.experiments.drive_log.parameters import parameter
 from rover_pin.inference.next_measurement import _expected, _uncertain, next_measurement
 from rover_pin.rover.rover import load_rover
@@ -31,7 +30,7 @@ from rover_pin.simulation.model.model import Model, base_effects
 from rover_pin.simulation.model.motors import nexus6_motor
 from rover_pin.simulation.replay import PERIOD, Commands, Replay, replay
 from rover_pin.simulation.sensors import Sensors, measured
-from rover_pin.simulation.start.place import Start, settled
+from rover_pin.simulation.start.place import Start
 from rover_pin.simulation.trace.trace import Trace
 from rover_pin.soil.angles import FixedAngles
 from rover_pin.soil.traction import TorqueTraction
@@ -151,40 +150,12 @@ def test_the_proposed_drive_tells_who_is_right(tilted, truth):
     assert logs[truth] > logs[1 - truth] + 3.0
 
 
-def test_an_offer_is_the_first_s_way_with_all_that_may_be_read(tilted):
-    run = run_called(tilted, "flat towards -x")
-    offer = _offered(run, tilted[0])
-    (ahead,) = offer.experiment.runs
-    free = replay(run.on(tilted[0].model), run.commands(tilted[0].model.rover), rest_state=offer.experiment.rests[0])
-    np.testing.assert_array_equal(ahead.commands.place[:, 0], free.channels["body_x"])
-    assert offer.unmeasured == tuple(f"current_{wheel.name}_A" for wheel in tilted[0].model.rover.wheels)
-    assert offer.experiment.channels == (*tilted[0].task.experiment.channels, *offer.unmeasured)
-    assert not offer.noise.good[..., 0].any(), "the first second"
-
-
 def test_a_run_that_cannot_be_driven_is_not_offered(tilted, monkeypatch):
     def stopped(*given, **named):
         return Replay({}, "the rover tips")
 
     monkeypatch.setattr(next_drives_file, "replay", stopped)
     assert _offered(run_called(tilted, "flat towards -x"), tilted[0]) is None
-
-
-@pytest.mark.parametrize(("rates", "worse"), [((0.03, 0.05, 0.02), 3.0), ((0.004, 0.002), 1.0), ((), 1.0)])
-def test_unlogged_current_has_noise_scaled_as_the_wheel_rates(rates, worse):
-    """A sample of a rate has 0.01 rad/s and of a current 2 mA; `worse` is the median rate's ratio, 1 at least."""
-    names = ("path", *(f"wheel_rate_{at}" for at in range(len(rates))), "current_b_A")
-    count = len(names)
-    mixing, rho = np.random.default_rng(1).normal(size=(count, count)), np.linspace(0.1, 0.3, count)
-    good = np.ones((1, count + 2, 5), dtype=bool)
-    log = Noise(np.array([7.0, *rates, 0.5]), rho, mixing, good[:, :count])
-    found = noise_with(log, names, ("current_a_A", "current_c_A"), good)
-    np.testing.assert_allclose(found.sd, [*log.sd, 0.002 * worse, 0.002 * worse])
-    np.testing.assert_array_equal(found.rho, [*rho, 0.0, 0.0])
-    np.testing.assert_array_equal(
-        found.mixing, np.block([[mixing, np.zeros((count, 2))], [np.zeros((2, count)), np.eye(2)]])
-    )
-    assert found.count == 5 * (count + 2)
 
 
 def test_what_holds_at_every_duty_needs_currents(model):
@@ -199,28 +170,11 @@ def test_what_holds_at_every_duty_needs_currents(model):
     assert found.channel.startswith("current_")
 
 
-def test_ballast_is_common_and_rests_at_the_centre_of_mass(model):
-    run = next(run for run in candidate_runs(model.rover, 0.6, Start()) if run.ballast)
-    mass = sum(inertia.mass for inertia in model.rover.model.inertias)
-    assert run.ballast == pytest.approx(0.2 * mass, abs=0.06)
-    bare, heavy = (settled(each, Start()) for each in (model, run.on(model)))
-    assert bare.q[2] > heavy.q[2]
-
-
 def test_an_effect_at_a_place_is_sought_on_the_logged_ground(tilted):
     patched = dataclasses.replace(tilted[1], model=tilted[1].model.having(HardPatch(x_from=0.3)))
     runs = _choice(sets_of((tilted[0], patched)))
     assert runs
     assert all(run.terrain is None for run in runs)
-
-
-@pytest.mark.parametrize(("names", "tried"), [(("A", "B"), ["fl"]), ((WEAK, "TachoScale[rr]"), ["ml", "rr"])])
-def test_one_wheel_alone_is_tried_where_a_cause_is_of_that_wheel(tilted, names, tried):
-    """Every wheel has a gain that is uncertain; what is to be distinguished says which of them are tried."""
-    runs = _choice(sets_of(tilted, names))
-    assert [
-        wheel for wheel in ("fl", "fr", "ml", "mr", "rl", "rr") if any(f"wheel {wheel}" in run.label for run in runs)
-    ] == tried
 
 
 @pytest.mark.slow

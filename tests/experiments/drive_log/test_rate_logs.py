@@ -26,7 +26,7 @@ from rover_pin.rover.rover import load_rover
 from rover_pin.simulation.model.defaults import own_motor, own_soil, usual_angles, usual_slip
 from rover_pin.simulation.model.model import Model, base_effects
 from rover_pin.simulation.model.motors import nexus6_motor
-from rover_pin.simulation.replay import Commands, replay, shares
+from rover_pin.simulation.replay import replay
 from rover_pin.simulation.simulate import simulate
 from rover_pin.simulation.start.place import Start
 from rover_pin.simulation.timing import Timing
@@ -82,14 +82,6 @@ def test_the_side_force_is_uncertain_where_nothing_steers(tmp_path, rover, free)
     log = only(folder, lambda name: not name.startswith(DROPPED))
     own = [one for one in nuisances(log, with_spread(base_model(log), motors=False)) if "SideShear" in one.name]
     assert [one.scale for one in own] == ([0.5] if free else [])
-
-
-def test_tacho_gain_moves_the_replay_and_other_sensors_do_not(log):
-    model = with_spread(base_model(log), motors=False)
-    experiment = experiment_of(logged_runs(log, model.rover), model)
-    at = experiment.channels.index("path")
-    plain, fast = experiment.predict([model, model.having(TachoScale(e=0.05, wheel="fl"))])[:, 0, at]
-    assert np.nanmax(np.abs(plain - fast)) > 2e-4
 
 
 def test_duties_are_ignored_if_the_log_declares_rates_as_input(tmp_path):
@@ -184,22 +176,6 @@ def test_a_wave_under_a_cart_is_not_flattened(tmp_path):
     assert math.sqrt(float(np.nanmean(path**2))) < 1e-3
 
 
-def test_a_ground_that_is_declared_is_nobody_s_level(log):
-    model = base_model(log)
-    assert [one.commands.terrain for one in runs_on_estimated_ground(log, model)] == [None, None]
-
-
-def test_wheels_that_reverse_between_rows_are_not_compared():
-    """At 10 Hz none is seen standing: what the reversal shoved was taken for what the model missed for 6 s."""
-    t = np.arange(0.0, 8.0, 0.1)
-    rate = np.where(t < 4.0, 1.0, -1.0)[:, None] * np.ones(4)
-    run = Commands(t, shares(rate), np.zeros((len(t), 0)), np.zeros((len(t), 3)), Start(), rate)
-    counted = comparable_rows(run, rate.T)
-    assert not counted[(t > 3.95) & (t < 5.45)].any()
-    assert counted[(t > 1.05) & (t < 3.95)].all()
-    assert counted[t > 5.65].all()
-
-
 SCALES = {"fl": 700.0, "fr": -750.0, "ml": 800.0, "mr": -850.0, "rl": 900.0, "rr": -950.0}
 """Counts per ampere; the motors of the right side are mounted the other way round."""
 
@@ -236,16 +212,6 @@ def test_currents_of_unknown_scale_are_compared_by_shape(tmp_path, amperes):
     at = [experiment.channels.index(channel.format(wheel)) for wheel in SCALES]
     left, whole = (np.nanstd(each[:, at], axis=(0, 2)) for each in (fit.residual, experiment.observed))
     assert np.all(left < 0.2 * whole)
-
-
-def test_a_scale_that_nobody_knew_is_nothing_that_a_model_lacks(tmp_path):
-    log = counted(write(tmp_path, runs=1, duration=4.0), amperes=False)
-    model = with_raw_currents(log, with_spread(base_model(log), motors=False))
-    free = (*nuisances(log, model), *raw_current_numbers(log, model))
-    experiment = experiment_of(logged_runs(log, model.rover), model)
-    names = [one.name for one in candidates(model, experiment, free, None)]
-    assert "TachoScale[fl]" in names
-    assert not [name for name in names if "current" in name.lower()]
 
 
 @pytest.mark.nightly

@@ -6,11 +6,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from rover_pin.estimation.random_effects.random_field import LearntSd
 from rover_pin.experiments.drive_log.checks.log import findings
 from rover_pin.experiments.drive_log.features import LEAK, LoggedRun, logged_run
-from rover_pin.experiments.drive_log.ground.run_variability import GroundVariability
-from rover_pin.experiments.drive_log.readings.ambiguous_timing import RESPONSE_TIME, ambiguous_steps, unaffected_rows
+from rover_pin.experiments.drive_log.readings.ambiguous_timing import ambiguous_steps
 from rover_pin.experiments.drive_log.readings.outliers import LEAST, pose_outliers, without_pose_outliers
 from rover_pin.experiments.drive_log.readings.tracker import COURSE, HEIGHT, PLACE, TILT, TRACKER, tracker_columns
 from rover_pin.rover.rover import load_rover
@@ -28,13 +26,6 @@ def with_poses_off(*rows, size=0.05):
 
 
 # --- outlying poses -------------------------------------------------------------------------------------------------
-
-
-def test_noise_alone_never_strays():
-    """Nine runs of a minute, six numbers each, of white noise about a way with turns and stops."""
-    for seed in range(9):
-        (log,) = log_of(channels.drive(seed)).runs
-        assert not pose_outliers(log).any()
 
 
 def test_coarse_tracker_noise_is_no_outlier_a_distant_pose_is():
@@ -55,12 +46,6 @@ def test_pose_with_one_wrong_number_is_an_outlier_as_a_whole(name):
     left = without_pose_outliers(log)
     assert all(np.flatnonzero(np.isnan(left[each])).tolist() == [300] for each in LEAST)
     assert np.array_equal(left["wheel_rate_fl"], log["wheel_rate_fl"])
-
-
-def test_a_pose_that_stray_ones_hide_is_found_in_a_second_look():
-    x = X.copy()
-    x[300], x[301] = x[300] + 0.1, x[301] + 0.05
-    assert np.flatnonzero(pose_outliers(changed(body_x=x).runs[0])).tolist() == [300, 301]
 
 
 def test_jumps_turns_over_pi_and_rows_far_apart_do_not_stray():
@@ -88,16 +73,6 @@ def test_outliers_are_reported_with_times_and_not_as_jumps():
     )
 
 
-def test_outlier_pose_is_not_compared_and_changes_nothing_else():
-    rover = load_rover("nexus6")
-    clean, off = (logged_run(log.runs[0], rover) for log in (log_of(*GOOD), with_poses_off(300)))
-    path = clean.channels.index("path")
-    lost = np.isfinite(clean.observed[path]) & ~np.isfinite(off.observed[path])
-    assert lost.sum() <= 1
-    both = np.isfinite(off.observed) & np.isfinite(clean.observed)
-    assert np.abs(off.observed - clean.observed)[both].max() < 5e-3, "a step of 50 mm would show"
-
-
 # --- steps of the duty ------------------------------------------------------------------------------------------------
 
 EVEN = np.arange(0.0, 10.0, 0.05)
@@ -112,10 +87,6 @@ def uneven(seed=0):
     return EVEN + np.random.default_rng(seed).uniform(-0.015, 0.015, len(EVEN))
 
 
-def test_in_even_rows_a_step_is_where_it_is_told():
-    assert ambiguous_steps(duties(EVEN, STEPPED)) == []
-
-
 def test_between_uneven_rows_it_is_somewhere():
     t = uneven()
     (one,) = ambiguous_steps(duties(t, STEPPED))
@@ -128,15 +99,6 @@ def test_where_rows_are_missing_it_is_anywhere_among_them():
     assert (one.begin, one.end, one.missed) == (pytest.approx(4.75), pytest.approx(5.25), True)
     elsewhere = (EVEN < 6.8) | (EVEN > 7.2)
     assert ambiguous_steps(duties(EVEN[elsewhere], STEPPED[elsewhere])) == []
-
-
-def test_rows_that_such_a_step_may_reach_are_not_told():
-    steps = ambiguous_steps(duties(uneven(), STEPPED))
-    run = SimpleNamespace(t=EVEN, period=0.05)
-    away = EVEN[~unaffected_rows(steps, run)]
-    assert away[0] == pytest.approx(4.95, abs=0.051)
-    assert away[-1] == pytest.approx(steps[0].end + RESPONSE_TIME + 0.05, abs=0.051)
-    assert unaffected_rows([], run).all()
 
 
 def late(run, at=None):
@@ -156,13 +118,6 @@ def test_blocks_at_ambiguous_steps_are_excluded_and_reported():
     assert np.mean(rows.summed_rows[:shared] != even.summed_rows[:shared]) < 0.01, "what is driven there counts"
     said = [str(each) for each in findings(log)]
     assert any(f"so the instants of {count} steps of the duty are unknown, to 0.0" in each for each in said), said
-
-
-def test_driving_during_missing_rows_with_a_step_does_not_count():
-    run = logged_run(log_of(late(GOOD[0], at=6.0)).runs[0], load_rover("nexus6"))
-    inside = (run.commands.t > 5.7) & (run.commands.t < 6.3)
-    assert not run.summed_rows[inside].any()
-    assert run.summed_rows[(run.commands.t > 4.8) & (run.commands.t < 5.4)].all()
 
 
 # --- a tracker that wanders -------------------------------------------------------------------------------------------
@@ -206,10 +161,3 @@ def test_a_place_that_wanders_evenly_is_a_way_that_is_forgotten():
     t = np.arange(0.25, 4.0, 0.5)
     speed = PLACE.size / 3.95
     assert made["moved"][1, 0, 0] == pytest.approx(speed * LEAK * (1 - np.exp(-t / LEAK)), abs=0.015 * PLACE.size)
-
-
-def test_the_trackers_sds_are_told_beside_the_grounds():
-    learnt = (LearntSd(TILT, 0.002, 30.0), LearntSd(HEIGHT, 0.0, 0.0))
-    assert GroundVariability(learnt, 0.0, None).lines == [
-        "tracker, learnt (SD): wander of the tracked roll and pitch 0.1146 deg"
-    ]

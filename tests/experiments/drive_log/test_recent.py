@@ -1,7 +1,6 @@
 """Predictions of a moment ago are not made again, and are the same."""
 
 import numpy as np
-import pytest
 
 from rover_pin.effects.point_mass import PointMass
 from rover_pin.experiments.drive_log import experiment as experiments
@@ -12,39 +11,6 @@ from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.simulate import simulate
 from rover_pin.simulation.start.place import Start
 from rover_pin.simulation.trace.trace import Trace
-
-
-def making(asked):
-    def make(places):
-        asked.append(places)
-        return [np.full(8, float(at)) for at in places]
-
-    return make
-
-
-def test_only_unknown_predictions_are_computed_and_each_key_once():
-    asked: list[list[int]] = []
-    recent = Recent()
-    recent.of(["a", "b"], making(asked))
-    found = recent.of(["c", "b", "c", "a"], making(asked))
-    assert asked == [[0, 1], [0]]
-    assert [one[0] for one in found] == [0.0, 1.0, 0.0, 0.0]
-
-
-def test_what_was_asked_for_longest_ago_goes_first():
-    asked: list[list[int]] = []
-    recent = Recent(room=2 * 64)
-    recent.of(["a", "b"], making(asked))
-    recent.of(["a"], making(asked))
-    recent.of(["c"], making(asked))  # room for two of 64 bytes: b goes, a was asked for later
-    recent.of(["a", "c", "b"], making(asked))
-    assert asked == [[0, 1], [0], [2]]
-
-
-def test_what_is_kept_cannot_be_written_to():
-    (one,) = Recent().of(["a"], making([]))
-    with pytest.raises(ValueError, match="read-only"):
-        one[0] = 1.0
 
 
 def test_model_is_replayed_once_and_another_model_or_ground_anew(monkeypatch):

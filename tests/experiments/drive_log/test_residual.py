@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rover_pin.base.errors import ParameterError
 from rover_pin.contact import Contact, Soil, Wheel
 from rover_pin.discrepancy.draft import scored as scored_draft
 from rover_pin.discrepancy.option import singles
@@ -27,7 +26,7 @@ from rover_pin.experiments.unlisted.actions import FORCE, GRIP, LEAN, READING, T
 from rover_pin.experiments.unlisted.draft import draft
 from rover_pin.experiments.unlisted.regressors import Argument, Hats, Polynomial, Wave
 from rover_pin.experiments.unlisted.residual import DriveResidual, describe, draft_effect
-from rover_pin.experiments.unlisted.term import Curve, Term, stretches
+from rover_pin.experiments.unlisted.term import Term
 from rover_pin.inference.expansion import Expansion
 from rover_pin.logs.drive_log import DriveLog, LogMetadata
 from rover_pin.rover.rover import load_rover
@@ -98,20 +97,6 @@ def body(x=0.0, v_x=0.05):
     return Body(x, 0.0, 0.1, 0.0, 0.1, 0.0, v_x, *[0.0] * 5, (), (), ())
 
 
-def test_hats_waves_and_polynomials_are_exact_on_their_grids():
-    assert np.allclose(
-        Hats((0.0, 1.0, 3.0)).of(np.array([0.0, 0.5, 2.0, 9.0])), [[1, 0.5, 0, 0], [0, 0.5, 0.5, 0], [0, 0, 0.5, 1]]
-    )
-    assert np.allclose(Wave(0.4).of(np.array([0.1])), [[1], [0]])
-    assert np.allclose(Polynomial(1.0, 2.0, 2).of(np.array([3.0, 0.0])), [[1, 1], [1, -0.5], [1, 0.25]])
-
-
-def test_front_wheels_are_ahead_of_the_rear_ones():
-    ahead = wheels_ahead(load_rover("nexus6"))
-    assert ahead["fl"] > ahead["ml"] > ahead["rl"]
-    assert ahead["fl"] == pytest.approx(ahead["fr"])
-
-
 def test_a_motor_draft_gives_the_curve_at_its_wheel_alone(tmp_path):
     one = term(TORQUE, "mr", argument("duty", Polynomial(0.6, 0.2, 2)), [0.01, -0.02, 0.03])
     effect, curve = made(one, tmp_path), one.curve
@@ -172,12 +157,6 @@ def test_a_reading_draft_is_a_sensor(tmp_path):
     t, current = np.linspace(0, 1, 5), np.linspace(0.1, 0.3, 5)
     read = made(one, tmp_path).read(t, {"current_fl_A": current})["current_fl_A"]
     assert np.allclose(read, 1.05 * current + 0.01)
-
-
-def test_what_no_effect_sees_is_refused():
-    one = term(TORQUE, "fl", argument("pitch", Polynomial(0.0, 0.1, 2), "rad"), [0.0, 0.1, 0.0])
-    with pytest.raises(ParameterError, match="depends on 'pitch' cannot be drafted: no kind of effect"):
-        draft(one, "x", WHEELS)
 
 
 def test_residual_drafts_the_best_term_an_effect_can_imitate():
@@ -263,11 +242,3 @@ def test_unlisted_eccentric_wheel_is_described_and_drafted(tmp_path):
     whole = scored_draft(tried, base, 0)
     assert max(one.before / one.after for one in whole.scores) > 1.2
     assert len(whole.lines()) == 1 + len(experiment.channels)
-
-
-def test_a_value_that_no_row_tells_is_no_stretch():
-    """What acts before the first compared row has neither value nor doubt: it said "-10.5 +- 0.002 N at t = 0"."""
-    at, sd = np.arange(6.0), np.array([0.002, 3.0, 3.0, 3.0, 3.0, 3.0])
-    assert stretches(Curve(at, np.array([0.0, 10.0, 11.0, 10.0, 9.0, 10.0]), sd), None) == []
-    (found,) = stretches(Curve(at, np.array([0.0, 10.0, 11.0, 40.0, 9.0, 10.0]), sd), None)
-    assert (found.low, found.high) == (2.5, 3.5)

@@ -1,6 +1,5 @@
 """What a loop on drive logs keeps for a killed run: plain arrays, the same bytes, and no code."""
 
-import dataclasses
 import io
 import pickle
 
@@ -9,13 +8,11 @@ import pytest
 
 from rover_pin.base.code_digest import key_of_code
 from rover_pin.discrepancy.signature import signatures
-from rover_pin.effects.weak_motor import WeakMotor
 from rover_pin.experiments.drive_log.candidates import candidates
 from rover_pin.experiments.drive_log.experiment import DriveExperiment
 from rover_pin.experiments.drive_log.model import base_model, with_spread
 from rover_pin.experiments.drive_log.resume import FOLDER, Memory, digest
 from rover_pin.logs.drive_log import read_drive_log
-from rover_pin.rover.rover import load_rover
 from tests.experiments.drive_log import drive_sets
 
 
@@ -36,15 +33,6 @@ def same(one, other):
     )
 
 
-def test_arrays_come_back_to_the_bit(tmp_path):
-    memory = Memory(tmp_path, "key")
-    assert same(memory.cached_arrays(("step", 1.5), arrays), arrays())
-    assert same(memory.cached_arrays(("step", 1.5), refused), arrays())
-    assert memory.status == f"1 finished steps are kept in {tmp_path}/{FOLDER}"
-    memory.done()
-    assert not list(tmp_path.iterdir())
-
-
 def test_who_stops_the_work_is_told_what_is_kept(tmp_path):
     memory = Memory(tmp_path, "key")
     for notes in ([], [f"1 finished steps are kept in {tmp_path}/{FOLDER}: the same command goes on there"]):
@@ -52,18 +40,6 @@ def test_who_stops_the_work_is_told_what_is_kept(tmp_path):
             raise KeyboardInterrupt
         assert getattr(stop.value, "__notes__", []) == notes
         memory.cached_arrays((1,), arrays)
-
-
-def test_without_a_folder_nothing_is_kept():
-    assert same(Memory().cached_arrays((1,), arrays), arrays())
-    assert Memory().status == ""
-    Memory().done()
-
-
-def test_another_key_or_question_is_another_answer(tmp_path):
-    Memory(tmp_path, "key").cached_arrays((1.0,), arrays)
-    for memory, asked in ((Memory(tmp_path, "other"), (1.0,)), (Memory(tmp_path, "key"), (np.nextafter(1.0, 2.0),))):
-        assert memory.cached_arrays(asked, lambda: {"new": np.ones(1)}).keys() == {"new"}
 
 
 @pytest.mark.parametrize("damage", [lambda c: c[:40], lambda c: b"", lambda c: c[:90] + b"\xff" + c[91:]])
@@ -99,24 +75,6 @@ def test_nothing_in_the_folder_is_unpickled(tmp_path):
     assert same(memory.cached_arrays((1,), arrays), arrays())
     memory.done()
     assert not (tmp_path / "harmed").exists()
-
-
-def test_a_digest_tells_contents_apart_and_equal_ones_not():
-    model, other = drive_sets.base(), drive_sets.base()
-    assert digest(model) == digest(other.replace(rover=load_rover("nexus6")))
-    soil = model.soils[0]
-    rover = dataclasses.replace(model.rover, model=model.rover.under(1.62).model)
-    changed = [
-        model.replace(soils=(soil.replace(k=np.nextafter(soil.k, 1.0)),)),
-        model.having(WeakMotor(wheel=1)),
-        model.having(WeakMotor(wheel=2)),
-        model.replace(rover=rover),
-        model.replace(gravity=1.62),
-    ]
-    assert len({digest(model), *map(digest, changed)}) == 1 + len(changed)
-    assert digest((1, 2), 3) != digest(1, (2, 3))
-    assert digest(np.zeros(2)) != digest(np.zeros((1, 2))) != digest(np.zeros(2, dtype=np.float32))
-    assert digest("1") != digest(1) != digest(1.0)
 
 
 def test_the_key_knows_the_code_of_a_users_effects(tmp_path):

@@ -6,20 +6,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from rover_pin.effects.gravity_tilt import GravityTilt
 from rover_pin.effects.hard_patch import HardPatch
 from rover_pin.effects.supply_sag import SupplySag
-from rover_pin.effects.wheel_scale import WheelScale
-from rover_pin.experiments.drive_log.candidates import _places, candidate_of, shows
-from rover_pin.experiments.drive_log.features import (
-    PATH,
-    LoggedRun,
-    comparable,
-    comparable_rows,
-    driven,
-    leaky,
-    levelled,
-)
+from rover_pin.experiments.drive_log.candidates import candidate_of
+from rover_pin.experiments.drive_log.features import PATH, LoggedRun, comparable_rows, driven
 from rover_pin.experiments.drive_log.free_runs import free_runs
 from rover_pin.experiments.drive_log.places import neighbours
 
@@ -33,12 +23,6 @@ def compared(rates, duty=0.5, held=False, t=T):
     return t[comparable_rows(run, rows)]
 
 
-def test_the_first_second_is_not_compared():
-    assert compared([1.0, 1.0])[0] == pytest.approx(1.0)
-    assert compared([1.0, 1.0], t=5.0 + T)[0] == pytest.approx(6.0)
-    assert compared([1.0, 1.0])[-1] == T[-1]
-
-
 @pytest.mark.parametrize(("rate", "duty"), [(0.19, 0.5), (-0.19, -0.5), (-1.0, 0.5), (1.0, -0.5)])
 def test_standing_or_reversing_rover_is_compared_after_1_5_s(rate, duty):
     """Below 0.2 rad/s in the mean of its wheels, or against its duty; from 4 to 5 s."""
@@ -49,11 +33,6 @@ def test_standing_or_reversing_rover_is_compared_after_1_5_s(rate, duty):
     assert found[np.argmax(gap)] == pytest.approx(3.9)
     assert found[np.argmax(gap) + 1] == pytest.approx(6.6)
     assert np.sum(gap > 0.15) == 1
-
-
-@pytest.mark.parametrize(("rates", "count"), [((0.21, 0.21), True), ((0.1, 0.31), True), ((0.1, 0.29), False)])
-def test_standing_is_told_by_the_mean_of_the_wheels(rates, count):
-    assert bool(len(compared(rates))) == count
 
 
 @pytest.mark.parametrize(("usual", "slow", "stands"), [(1.0, 0.09, True), (1.0, 0.11, False), (5.0, 0.21, False)])
@@ -84,22 +63,6 @@ def test_path_and_drift_follow_the_heading_and_fade_in_2_s():
     assert set(driven({"body_yaw": T}, heading, 0.1, np.ones(len(T)))) == {"heading"}
 
 
-def test_what_is_driven_uncompared_is_in_no_sum():
-    counted = (T < 5.0) | (T > 8.0)
-    jump = np.where(T > 6.0, 9.0, 0.0)
-    made = driven({"body_x": jump, "body_y": jump, "body_yaw": jump}, 0.0 * T, 0.1, counted)
-    assert all(np.all(row == 0.0) for row in made.values())
-    assert leaky(np.eye(1, 3)[0], 2.0) == pytest.approx([1.0, math.exp(-1.0), math.exp(-2.0)])
-
-
-def test_only_a_height_is_levelled_by_what_is_compared():
-    block, use = np.array([1.0, 2.0, 4.0, np.nan]), np.array([False, True, True, True])
-    assert levelled("body_z", block, use)[:3] == pytest.approx([-2.0, -1.0, 1.0])
-    assert levelled("body_pitch", block, use) is block
-    assert levelled("body_z", block, np.zeros(4, dtype=bool)) is block
-    assert levelled("body_z", block, np.array([False, False, False, True])) is block
-
-
 def test_a_block_is_compared_where_all_its_rows_are():
     counted = np.ones(120, dtype=bool)
     counted[27] = False
@@ -121,11 +84,6 @@ def test_a_block_is_compared_where_all_its_rows_are():
     assert run.times[:2] == pytest.approx([0.2, 0.7])
 
 
-def test_what_a_model_predicts_is_compared():
-    told = ["wheel_rate_fl", "current_fl_A", "rocker_l", "bogie_r", "body_x", "battery_V"]
-    assert [name for name in (*told, "duty_fl", "battery_A", "steer_fl", "t_s") if comparable(name)] == told
-
-
 # --- places ----------------------------------------------------------------------------------------------------------
 
 
@@ -141,25 +99,6 @@ def test_patch_edges_move_both_ways_unless_too_little_remains():
     assert len(neighbours(patch(length=0.149), 0.1)) == 2
     assert len(neighbours(patch(length=0.151), 0.1)) == 4
     assert neighbours(candidate_of(SupplySag()), 0.1) == []
-
-
-def test_patch_may_begin_along_the_path_every_15_cm():
-    place = np.array([[0.5, 0.0], [np.nan, 0.0], [1.9, 0.0]])
-    runs = [SimpleNamespace(commands=SimpleNamespace(place=each)) for each in (place, place - 0.1)]
-    found = _places(SimpleNamespace(runs=runs), 0.4)
-    assert found[0] == pytest.approx(0.4 - 0.1 - 0.1), "a quarter of its length before the first"
-    assert np.diff(found) == pytest.approx(np.full(len(found) - 1, 0.15))
-    assert found[-1] + 0.1 < 1.9 + 0.1 <= found[-1] + 0.1 + 0.15
-
-
-@pytest.mark.parametrize("held", [True, False])
-@pytest.mark.parametrize("ground", [None, "its own"])
-def test_held_wheels_hide_motors_and_own_ground_hides_tilt(held, ground):
-    runs = [SimpleNamespace(commands=SimpleNamespace(terrain=each)) for each in (None, ground)]
-    experiment = SimpleNamespace(rate_driven=held, runs=runs)
-    assert shows(SupplySag(), experiment) == (not held)
-    assert shows(GravityTilt(), experiment) == (ground is None)
-    assert shows(WheelScale(), experiment)
 
 
 # --- free runs -------------------------------------------------------------------------------------------------------

@@ -1,14 +1,13 @@
 """What is compared of a logged run, and the experiment of many, on hand-made logs: no rover drives."""
 
 import math
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from rover_pin.base.formula import evaluate
-from rover_pin.experiments.drive_log.experiment import DriveExperiment, logged
-from rover_pin.experiments.drive_log.features import blocks, comparable_rows, course_of, driven, logged_run, logged_runs
+from rover_pin.experiments.drive_log.experiment import DriveExperiment
+from rover_pin.experiments.drive_log.features import blocks, logged_run
 from rover_pin.rover.rover import load_rover
 from rover_pin.simulation.trace.trace import Trace
 
@@ -82,54 +81,6 @@ def test_blocks_are_means_of_readings_and_height_has_no_zero():
     np.testing.assert_allclose(height[2:], middle[2:] - middle[2:].mean())
 
 
-@pytest.mark.parametrize("estimated", [True, False])
-def test_channels_that_told_the_ground_are_not_compared_again(estimated):
-    log = SimpleNamespace(
-        runs=(trace(rocker_l=0.0 * T),),
-        is_estimated=lambda one: estimated,
-        terrain_of=id,
-        terrain=lambda: None,
-        metadata=SimpleNamespace(columns={}),
-    )
-    (run,) = logged_runs(log, CART)
-    assert {"body_pitch", "body_z"}.isdisjoint(run.channels) == estimated
-    assert {"path", "rocker_l", "wheel_rate_fl"} <= set(run.channels)
-    assert len(run.observed) == len(run.channels)
-    assert run.observed[run.channels.index("wheel_rate_fl")][2:] == pytest.approx(np.ones(COUNT - 2))
-    assert run.commands.terrain == id(log.runs[0])
-
-
-def test_a_place_of_which_only_one_axis_is_known_makes_no_way():
-    for one in ("body_x", "body_y", "body_vx", "body_vy"):
-        assert driven({one: T}, 0.0 * T, 0.05, np.ones(len(T))) == {}
-
-
-def times_compared(rates, duty=0.5, held=False):
-    rows = [np.broadcast_to(each, T.shape).astype(float) for each in rates]
-    run = SimpleNamespace(t=T, duty=np.broadcast_to(np.c_[duty, duty], (len(T), 2)), rate_driven=held)
-    return T[comparable_rows(run, rows)]
-
-
-def test_a_rover_that_coasts_without_a_duty_is_compared():
-    assert times_compared([1.0, 1.0], duty=0.0)[0] == pytest.approx(1.0)
-    assert len(times_compared([1.0, 1.0], duty=0.0)) == 100
-
-
-def test_held_wheels_reverse_between_one_row_and_the_next():
-    """Not from the last row of a run to its first; and by the sum over the wheels, so that one of two is a turn."""
-    back = np.where(T < 4.025, 1.0, -1.0)
-    found = times_compared([back, back], held=True)
-    assert found[0] == pytest.approx(1.0)
-    assert not ((found > 4.04) & (found < 5.54)).any()
-    assert (found > 5.56).sum() == (T > 5.56).sum()
-    on_the_spot = times_compared([back, 1.0], held=True)
-    assert len(on_the_spot) == 100, "half of the wheels goes on"
-    faster = [np.where(T < 4.025, 1.0, -0.5), np.where(T < 4.025, 0.5, 0.6)]
-    assert len(times_compared(faster, held=True)) < 100, "the rates of all as one vector turn by more than 90 deg"
-    steady = times_compared([0.3 + 0.01 * np.sin(9.0 * T), -0.3], held=True)
-    assert len(steady) == 100
-
-
 # --- many runs -------------------------------------------------------------------------------------------------------
 
 
@@ -150,26 +101,6 @@ def test_what_all_runs_have_is_compared_over_the_longest():
     assert np.isfinite(both.observed[0, :, 2:]).all()
     assert both.alone("b").rests == ("rest 1",)
     assert both.is_timed, "blocks of a run hang together"
-
-
-def test_wheels_are_held_where_they_are_in_any_run():
-    assert experiment(trace(held=True), trace()).rate_driven
-    assert not experiment(trace(), trace()).rate_driven
-
-
-def test_units_of_what_is_made_of_channels_are_theirs():
-    one = experiment(trace())
-    units = {name: one.unit(name) for name in ("path", "drift", "heading", "speed", "wheel_rate_fl", "current_fl_A")}
-    assert units == {
-        "path": "m", "drift": "m", "heading": "rad", "speed": "m/s", "wheel_rate_fl": "rad/s", "current_fl_A": "A",
-    }  # fmt: skip
-
-
-def test_a_free_experiment_is_drawn_to_no_place():
-    one = experiment(trace())
-    assert np.isfinite(one.runs[0].commands.place).all()
-    assert np.isnan(one.free.runs[0].commands.place).all()
-    assert logged(SimpleNamespace(task=SimpleNamespace(experiment=one))) is one
 
 
 # --- a heading that was made of the place ----------------------------------------------------------------------------
@@ -195,19 +126,3 @@ def test_a_course_is_held_against_the_course_of_a_replay(arm):
     for name in ("heading", "path"):
         at = run.channels.index(name)
         assert replayed[at][use] == pytest.approx(run.observed[at][use], abs=1e-3)
-
-
-def test_the_course_of_a_replay_is_that_of_its_own_turn():
-    """What drew it to the logged heading is taken out again: it turns at 0.2 rad/s, was drawn at 0.1 rad/s."""
-    run = logged_run(trace(**turning(T)), CART, course=COURSE)
-    drawn = {"body_yaw": 0.2 * T, "drawn_yaw": 0.1 * T}
-    place = np.cumsum(0.06 * 0.05 * np.exp(0.3j * T))
-    heading = run.channels.index("heading")
-    own = run.features({"body_x": place.real, "body_y": place.imag, **drawn})[heading]
-    assert own == pytest.approx(run.features(turning(T))[heading], abs=2e-3)
-
-
-def test_columns_tell_whether_the_heading_is_the_course():
-    assert course_of({"body_yaw": {"formula": COURSE}}) == COURSE
-    for other in ({}, {"body_yaw": {"column": "yaw"}}, {"body_yaw": "yaw"}, {"body_yaw": {"formula": "radians(yaw)"}}):
-        assert course_of(other) == ""

@@ -11,7 +11,6 @@ from rover_pin.experiments.drive_log.experiment import DriveExperiment
 from rover_pin.experiments.drive_log.features import logged_run
 from rover_pin.experiments.drive_log.readings.scatter import declared_block_sd
 from rover_pin.logs.declared_noise import kind_of
-from rover_pin.logs.drive_log import read_drive_log
 from rover_pin.rover.rover import load_rover
 from tests.experiments.drive_log import drive_channels as channels
 
@@ -46,23 +45,6 @@ def test_declared_noise_is_read_in_its_unit_for_every_kind():
 def test_what_noise_cannot_be_is_refused(noise, error, says):
     with pytest.raises(error, match=says):
         _ = declaring(**noise).noise_sd
-
-
-def test_a_log_with_an_unknown_kind_of_noise_is_not_read(tmp_path):
-    (tmp_path / "drive.toml").write_text(
-        "kind = 'drive-log'\nname = 'a'\n[noise]\nbody_pose = 0.1\n[[run]]\nfile = 'a.csv'\n"
-    )
-    with pytest.raises(DataError, match=r"there is no key 'body_pose' in \[noise\]: "):
-        read_drive_log(tmp_path)
-
-
-def test_mean_of_ten_samples_has_the_noise_over_the_root_of_ten():
-    names = ("path", "heading", "speed", "wheel_rate_fl", "current_fl_A")
-    sds = {"wheel_rate": 0.1, "body_position": 2.0, "body_attitude": 3.0, "body_velocity": 4.0, "sample_period": 0.05}
-    assert declared_block_sd(sds, names) == pytest.approx(
-        np.array([2.0, 3.0, 4.0, 0.1, np.nan]) / math.sqrt(10), nan_ok=True
-    )
-    assert declared_block_sd({**sds, "sample_period": 1.0}, names)[:2] == pytest.approx([2.0, 3.0])
 
 
 def test_floor_is_the_declared_noise_if_it_exceeds_the_scatter():

@@ -7,23 +7,19 @@ import pandas as pd
 import pytest
 
 from rover_pin.base.errors import DataError
-from rover_pin.contact import Soil, Wheel
 from rover_pin.discrepancy.calibration import calibrated
-from rover_pin.effects.bulldozing import Bulldozing
-from rover_pin.effects.digging_memory import DiggingMemory
 from rover_pin.effects.exit_angle import ExitAngle
 from rover_pin.effects.lug_excavation import LugExcavation
 from rover_pin.estimation.numbers import Number
-from rover_pin.experiments.rig_sets.candidates import candidates, numbers_of, rig_kinds
+from rover_pin.experiments.rig_sets.candidates import candidates, rig_kinds
 from rover_pin.experiments.rig_sets.experiment import RigExperiment
-from rover_pin.experiments.wheel_rig.checks import findings, refuse_unfit
 from rover_pin.experiments.wheel_rig.data import as_rig_set, read_rig_set
 from rover_pin.experiments.wheel_rig.diagnostics import flags
 from rover_pin.experiments.wheel_rig.model import RigModel
-from rover_pin.experiments.wheel_rig.presets import describe_declared, known_trench, preset_candidate
+from rover_pin.experiments.wheel_rig.presets import describe_declared
 from rover_pin.loop.close import close_the_loop
 from rover_pin.loop.identify import identify
-from rover_pin.measurements.channel import DrawbarPull, Sinkage, Torque
+from rover_pin.measurements.channel import DrawbarPull
 from rover_pin.measurements.wheel_rig import WheelRig, read_wheel_rig
 from tests.oracle import rig_generator as hidden
 
@@ -79,17 +75,6 @@ def test_missing_cell_has_no_weight_and_its_row_keeps_others(plain, tmp_path):
     assert own.u == pytest.approx(other.u, abs=1e-4)
 
 
-def test_missing_cells_are_counted_and_told(plain, tmp_path):
-    data = read_rig_set(changed(plain, tmp_path / "holes", points=with_holes))
-    refuse_unfit(data)
-    said = [str(one) for one in findings(data)]
-    count, level = data.rig.slip.size, int((data.level == 0).sum())
-    missing = {"torque_Nm": ("torque", 2), "drawbar_pull_N": ("drawbar pull", 1), "sinkage_m": ("sinkage", level)}
-    for column, (channel, runs) in missing.items():
-        told = f"{runs} of {count} runs have no {channel}; their other channels are used."
-        assert f"holes/points.csv: {column}: {told}" in said
-
-
 def test_the_loop_goes_through_a_set_with_missing_cells(plain, tmp_path):
     folder = changed(plain, tmp_path / "holes", points=with_holes)
     verdict = close_the_loop(folder, out=tmp_path / "out")
@@ -100,19 +85,6 @@ def test_the_loop_goes_through_a_set_with_missing_cells(plain, tmp_path):
     page = (tmp_path / "out" / "report.html").read_text()
     assert "runs have no sinkage" in page
     assert ">nan" not in page
-
-
-def test_rows_without_a_value_of_a_channel_leave_it_out():
-    rig = WheelRig(Wheel(), [0.1, 0.2, 0.3], 9.5, (DrawbarPull([1, 2, 3], 0.1), Torque([np.nan, np.nan, 0.3], 0.01)))
-    assert [type(one) for one in rig.rows(slice(0, 2)).channels] == [DrawbarPull]
-    assert [one.measured.tolist() for one in rig.rows(slice(2, 3)).channels] == [[3.0], [0.3]]
-
-
-def test_the_sd_of_a_missing_cell_may_be_missing_too():
-    channel = Sinkage([0.01, np.nan, 0.03], [0.001, np.nan, 0.003])
-    assert channel.sd.tolist() == pytest.approx([0.001, 0.002, 0.003])
-    with pytest.raises(DataError, match="sd is missing or not finite in row 3"):
-        Sinkage([0.01, np.nan, 0.03], [0.001, 0.001, np.nan])
 
 
 # --- a slope in place of the pull ------------------------------------------------------------------------------------
@@ -221,13 +193,6 @@ def test_what_is_declared_presets_the_effects_that_have_it(plain, tmp_path):
     )
 
 
-def test_nothing_declared_leaves_effects_as_published(plain):
-    rig = read_wheel_rig(plain)
-    assert preset_candidate(Bulldozing(), rig).effect == Bulldozing()
-    assert "Bulldozing.gamma" in preset_candidate(Bulldozing(), rig).shapes
-    assert describe_declared(rig, [Bulldozing()]) == ()
-
-
 def test_a_wheel_that_is_said_to_be_smooth_has_no_lugs(plain, tmp_path):
     def smooth(text):
         return declared(text, 'surface = "smooth"\n')
@@ -238,13 +203,6 @@ def test_a_wheel_that_is_said_to_be_smooth_has_no_lugs(plain, tmp_path):
     undeclared = read_rig_set(plain)
     every = {one.kind for one in candidates(RigExperiment((undeclared,)), model, rig_kinds())}
     assert every - kinds == {"LugExcavation", "LugGrip", "Grousers"}
-
-
-def test_fitted_lugs_are_held_against_their_height(plain, tmp_path):
-    data = read_rig_set(changed(plain, tmp_path / "lugs", lambda text: declared(text, LUGS)))
-    number = Number("LugExcavation.h_l", "m", 0.0127, 0.010, 0.016, 0.0)
-    (flag,) = flags(data, data.soil(), 0.06, (number,))
-    assert flag.sentence == "LugExcavation.h_l = 12.7 mm [10, 16] sits away from 5 mm (lug_height of [wheel])"
 
 
 @pytest.mark.parametrize(("high", "says"), [(28.9, "sits away from"), (29.1, "agrees with")])
@@ -286,19 +244,6 @@ def test_wheel_with_declared_lugs_has_a_trench_from_the_start(tmp_path):
     )
     before = {type(one).__name__ for one in verdict.before.model.effects}
     assert before == {"SoilTraction", "LugExcavation"}
-
-
-def test_user_model_needs_no_trench_and_keeps_lug_height(plain, tmp_path):
-    data = read_rig_set(changed(plain, tmp_path / "lugs", lambda text: declared(text, LUGS)))
-    experiment, bare = RigExperiment((data,)), RigModel(data.rig.wheel, data.soil())
-    without = [one.name for one in numbers_of(experiment, bare)]
-    assert "LugExcavation.h_l" not in without
-    model = bare.having(*known_trench(data.rig)).having(ExitAngle())
-    found = {one.name: one for one in numbers_of(experiment, model)}
-    assert found.keys() == {*without, "LugExcavation.h_l", "ExitAngle.e_1"}
-    height = found["LugExcavation.h_l"]
-    assert (height.prior, height.origin, height.scale) == (True, 0.005, pytest.approx(0.0015))
-    assert not found["ExitAngle.e_1"].prior
 
 
 def test_a_radius_over_the_lugs_is_read_as_the_rims(plain, tmp_path):
@@ -362,14 +307,3 @@ def test_a_soil_constant_with_an_sd_is_a_prior_of_the_loops_fits(plain, tmp_path
         assert [one.name for one in found.parameters].count("soil.phi") == 1
     assert ends[1e-5] == pytest.approx(value, abs=1e-4)
     assert abs(ends[10.0] - free) < math.radians(1.5)
-
-
-# --- slow carriages --------------------------------------------------------------------------------------------------
-
-
-def test_a_slow_wheels_hole_hardly_depends_on_its_speed():
-    """From 1 mm/s on: what fades where wheels rest has not faded there."""
-    model = RigModel(Wheel(0.0625, 0.06), Soil(k=0.008)).having(DiggingMemory())
-    travel = 1e-3 * np.array([1.0, 5.0, 10.0, 50.0])
-    sinkage = [model.predict(25.0, 0.5, np.array([[v, 2.0 * v]])).sinkage[0] for v in travel]
-    assert 1e3 * np.array(sinkage) == pytest.approx(15.2, abs=0.15)

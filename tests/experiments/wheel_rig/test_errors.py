@@ -1,7 +1,5 @@
 """What a rig adds to its readings: stated in rig.toml, taken off, or a nuisance with its prior in every fit."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 
@@ -85,16 +83,6 @@ def test_a_scale_of_sinkage_that_the_soil_could_pay_is_doubted(tmp_path, factor)
     assert included["rig.sinkage_scale"] < 0.95
 
 
-def test_a_missing_cell_hides_no_error_of_its_channel(folder):
-    data = read_rig_set(folder)
-    cells = [type(each)(np.where(np.arange(each.measured.size) == 3, np.nan, each.measured), each.sd)
-             for each in data.rig.channels]  # fmt: skip
-    gapped = RigExperiment((dataclasses.replace(data, rig=dataclasses.replace(data.rig, channels=tuple(cells))),))
-    scales = [error.scale for error in gapped.reading_errors(as_declared(data))]
-    assert len(scales) == 7
-    assert np.isfinite(scales).all()
-
-
 def test_a_radius_that_is_not_sure_is_fitted_within_its_range(tmp_path):
     """Told over the lugs, 3 mm too much: it moves towards the true one, and not beyond what is allowed."""
     rig = hidden.Rig("none")
@@ -121,18 +109,6 @@ def test_readings_are_those_of_the_true_load_scaled_and_shifted():
     assert read.side_force == pytest.approx(0.9 * 1.2 * true.side_force + 0.3)
     assert read.moment == pytest.approx(0.8 * (true.moment - 0.02 * true.side_force) + 0.004)
     assert true.moment.min() > 0.0
-
-
-def test_a_rig_without_errors_reads_what_is(folder):
-    rig = read_wheel_rig(folder)
-    assert (rig.errors, dict(rig.error_sd)) == (RigErrors(), {})
-    assert not [one.name for one in fitted(folder).parameters if one.name.startswith("rig.")]
-
-
-def test_a_model_file_keeps_the_errors(tmp_path):
-    for errors in (RigErrors(), RigErrors(torque_tare=0.2, load_scale=1.02)):
-        model = RigModel(Wheel(), Soil(), errors=errors)
-        assert read_model(write_model(model, tmp_path / "model.toml")) == model
 
 
 @pytest.mark.parametrize(

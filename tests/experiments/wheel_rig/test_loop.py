@@ -8,12 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rover_pin.base.errors import DataError, ParameterError
-from rover_pin.base.trust import Trust
+from rover_pin.base.errors import DataError
 from rover_pin.contact import Soil, Wheel
 from rover_pin.discrepancy import draft as draft_module
 from rover_pin.discrepancy.answer import Answer
-from rover_pin.effects.effect import Effect
 from rover_pin.effects.slip_sinkage import SlipSinkage
 from rover_pin.experiments.rig_sets.candidates import added, effect_kinds, rig_kinds
 from rover_pin.experiments.wheel_rig.checks import findings
@@ -72,11 +70,6 @@ def test_it_predicts_what_the_plain_generator_measures(effect):
     np.testing.assert_allclose(found.sinkage, rows[:, 2], rtol=1e-4)
 
 
-def test_a_rig_sets_the_slip_and_has_no_places():
-    left_out = {kind.__name__ for kind in effect_kinds()} - {kind.__name__ for kind in rig_kinds()}
-    assert left_out == {"WheelScale", "HardPatch"}
-
-
 @pytest.mark.parametrize("kind", rig_kinds(), ids=lambda kind: kind.__name__)
 def test_every_effect_works_on_a_rig_with_an_exact_jacobian(kind):
     base = RigModel(Wheel(0.0625, 0.06), Soil(c=200.0, phi=0.5, k=0.008, k_1=9e4, n=1.1))
@@ -94,16 +87,6 @@ def test_every_effect_works_on_a_rig_with_an_exact_jacobian(kind):
         slope = (predict(at + step).values - predict(at - step).values) / (2 * step[index])
         scale = np.abs(values) / (abs(at[index]) or 1.0)
         np.testing.assert_allclose(jacobian[:, :, column], slope, atol=1e-4 * scale.max(), rtol=1e-3, err_msg=name)
-
-
-def test_a_load_that_nothing_carries_is_refused():
-    with pytest.raises(DataError, match="no sinkage down to the axle carries load = 100000 N"):
-        RigModel(Wheel(), Soil(k_1=100.0)).predict(1e5, 0.2)
-
-
-def test_an_effect_stands_in_a_model_once():
-    with pytest.raises(ParameterError, match="the model has the effect SlipSinkage twice"):
-        RigModel(Wheel(), Soil()).having(SlipSinkage()).having(SlipSinkage())
 
 
 def test_a_model_file_gives_the_same_numbers_back(tmp_path):
@@ -221,35 +204,6 @@ def test_noise_that_is_larger_than_declared_is_no_unknown_effect(tmp_path):
     assert (shares > 1.0).all()
     assert shares.mean() == pytest.approx(1.4, rel=0.2), "the prior of the scale draws it to what is declared"
     assert verdict.before.misfit > 1.5, "chi2 is told in the declared noise"
-
-
-def test_a_users_effect_is_a_file_in_a_folder(tmp_path):
-    source = Path(__file__).parents[3] / "rover_pin" / "effects" / "slip_sinkage.py"
-    (tmp_path / "own").mkdir()
-    text = source.read_text().replace("class SlipSinkage", "class OwnDigging")
-    (tmp_path / "own" / "digging.py").write_text(text)
-    kinds = effect_kinds(tmp_path / "own")
-    assert [kind.__name__ for kind in kinds if kind.__module__.startswith("rover_pin_user")] == ["OwnDigging"]
-    assert all(issubclass(kind, Effect) for kind in kinds)
-    base = RigModel(Wheel(), Soil())
-    model = base.having(added(kinds[-1], base))
-    back = read_model(write_model(model, tmp_path / "model.toml"), Trust.of(tmp_path / "own"))
-    np.testing.assert_allclose(back.predict(10.0, [0.1, 0.7]), model.predict(10.0, [0.1, 0.7]))
-
-
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        (None, "there is no such effect file"),
-        ("x = 1\n", "no effect stands there"),
-        ("import nothing_of_this_name\n", "the code there ends with ModuleNotFoundError"),
-    ],
-)
-def test_an_effect_file_that_is_none_is_refused(tmp_path, text, said):
-    if text is not None:
-        (tmp_path / "own.py").write_text(text)
-    with pytest.raises(DataError, match=said):
-        effect_kinds(tmp_path / "own.py")
 
 
 # --- data that cannot answer -----------------------------------------------------------------------------------------

@@ -12,8 +12,6 @@ from scipy.stats import kstest
 
 from rover_pin.contact import Wheel
 from rover_pin.discrepancy.answer import Answer
-from rover_pin.discrepancy.held_out import ChannelScore
-from rover_pin.estimation.wording import got_worse
 from rover_pin.experiments.wheel_rig.data import as_rig_set
 from rover_pin.experiments.wheel_rig.diagnostics import (
     NEIGHBOURS,
@@ -99,23 +97,7 @@ def test_p_values_of_noise_are_uniform():
     assert kstest(p, "uniform").pvalue > 0.01
 
 
-def test_a_residual_that_is_nothing_hangs_together_with_nothing():
-    assert {test.p for test in residual_tests(plain_set((10.0,)), np.zeros((2, RUNS)), 0)} == {1.0}
-
-
 # --- cautions --------------------------------------------------------------------------------------------------------
-
-
-def test_what_got_worse_is_named():
-    better = ChannelScore("sinkage", "m", 1e-3, 5e-3, 2e-3, -0.6, -0.8, -0.3)
-    lost = ChannelScore("torque", "N m", 0.01, 0.02, 0.03, 0.5, 0.2, 0.9)
-    assert got_worse([("sinkage", better.worded)]) == "No channel got worse beyond its scatter."
-    assert got_worse([(one.name, one.worded) for one in (better, lost)]) == "Got worse: torque by 50%."
-
-
-def test_a_correlation_beyond_chance_is_a_caution():
-    said = of_residuals((), [ResidualTest("sinkage", "load", 0.8, 0.001), ResidualTest("torque", "load", 0.3, 0.2)])
-    assert said == ["the residual of sinkage hangs together with load (r = +0.80, p = 0.001 < 0.01)"]
 
 
 @pytest.mark.nightly
@@ -180,18 +162,6 @@ def test_wilson_s_interval_is_where_the_score_test_rejects(count, of):
             assert z == pytest.approx(1.959964)
 
 
-def test_shares_count_detectable_cases_only():
-    cases = [case("SINGLE", "A", Answer.NAMED, "A")] * 3
-    cases += [case("SINGLE", "A", Answer.NAMED, "B"), case("SINGLE", "A", Answer.NONE_NEEDED, detectable=False)]
-    cases += [case("NULL", "", Answer.NONE_NEEDED, detectable=False)]
-    rows = {row.what: (row.count, row.of) for row in score.shares(cases)}
-    assert rows["one effect: detectable"] == (4, 5)
-    assert rows["detectable: named, or in the stated set"] == (3, 4)
-    assert rows["detectable: wrong name"] == (1, 4)
-    assert rows["nothing hidden: something named (false alarm)"] == (0, 1)
-    assert score.confusion(cases).loc["A", "B"] == 1
-
-
 def test_a_case_that_is_kept_is_made_once_and_read_as_it_was(tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(STUDIES)
     kept, told = (importlib.import_module(name) for name in ("kept.case", "blind_score"))
@@ -201,10 +171,3 @@ def test_a_case_that_is_kept_is_made_once_and_read_as_it_was(tmp_path, monkeypat
     )
     assert str(kept.kept(tmp_path / "cases" / "7.json", lambda: whole)) == str(whole)
     assert str(kept.kept(tmp_path / "cases" / "7.json", lambda: pytest.fail("made again"))) == str(whole)
-
-
-def test_blind_seeds_of_calibration_and_report_do_not_meet():
-    blind = loaded("blind_rig")
-    seeds = [{hidden.seed for hidden in blind.plan(first)} for first in (blind.CALIBRATION, blind.REPORTED)]
-    assert not seeds[0] & seeds[1]
-    assert not {seed + 500_000 for seed in seeds[1]} & (seeds[0] | seeds[1])

@@ -1,7 +1,6 @@
 """The moment about the vertical of a wheel at a slip angle: against a sum of r x F, in fits, as read and as checked."""
 
 import dataclasses
-import math
 import re
 from pathlib import Path
 
@@ -11,20 +10,17 @@ from typer.testing import CliRunner
 
 from rover_pin.base.errors import DataError
 from rover_pin.cli.app import app
-from rover_pin.contact import Contact, Load, Soil, Wheel
+from rover_pin.contact import Soil, Wheel
 from rover_pin.discrepancy.calibration import calibrated
 from rover_pin.effects.flank_pressure import FlankPressure
 from rover_pin.effects.post_peak import PostPeak
 from rover_pin.effects.rate_dependence import RateDependence
-from rover_pin.effects.side_shear import SideShear
 from rover_pin.experiments.rig_sets.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.checks import findings, repeats
 from rover_pin.experiments.wheel_rig.data import read_rig_set
-from rover_pin.experiments.wheel_rig.model import ASKEW, PAPER, RigModel
+from rover_pin.experiments.wheel_rig.model import ASKEW, RigModel
 from rover_pin.loop.close import close_the_loop
-from rover_pin.measurements.foreign_rig import read_foreign
 from rover_pin.measurements.rig_physics import refuse_impossible, suspicions
-from rover_pin.soil.angles import SinkageAngles
 from tests.oracle import askew_wheel as oracle
 
 WHEEL = Wheel(0.0625, 0.06)
@@ -105,11 +101,6 @@ def test_all_channels_are_those_of_forces_summed_as_vectors(S, flank):
         assert expected[4] == pytest.approx(alone, rel=1e-6)
 
 
-def test_straight_wheel_or_one_without_side_force_has_no_moment():
-    assert RigModel(WHEEL, SOIL, ASKEW).predict(25.0, 0.3).moment == pytest.approx(0.0, abs=1e-12)
-    assert RigModel(WHEEL, SOIL, PAPER).predict(25.0, 0.3, slip_angle=0.4).moment == 0.0
-
-
 def test_the_page_says_how_far_ahead_the_side_force_acts():
     page = " ".join((Path(__file__).parents[3] / "docs" / "data-wheel-rig.md").read_text().split())
     said = re.search(r"(\d+) to (\d+) mm ahead of the axle for a (\d+) mm wheel (\d+) mm deep", page)
@@ -128,13 +119,6 @@ def test_what_scales_the_side_force_scales_its_moment():
         )
         assert scaled.moment / plain.moment == pytest.approx(scaled.side_force / plain.side_force)
         assert abs(scaled.moment / plain.moment - 1.0) > 0.1
-
-
-def test_side_shear_acts_in_the_middle_of_the_contact():
-    contact = Contact(0.2, 0.3, 0.01, 0.04, 0.01, 0.0, 0.05, 0.0, 0.0, WHEEL, SOIL)
-    load = SideShear().load(contact, Load(f_t=2.0, f_n=25.0, torque=0.2), ())
-    theta_1, theta_2 = SinkageAngles().angles(0.01, WHEEL, SOIL)
-    assert load.moment_z / load.f_y == pytest.approx(0.0625 * math.sin((theta_1 + theta_2) / 2.0))
 
 
 # --- in fits ---------------------------------------------------------------------------------------------------------
@@ -196,22 +180,6 @@ def test_it_is_read_where_a_wheel_runs_askew_with_its_noise(tmp_path):
     points.write_text(points.read_text().replace("moment_z_Nm", "moment_z_Nmm"))
     with pytest.raises(DataError, match="column 'moment_z_Nmm' is not read: did you mean 'moment_z_Nm'"):
         read_rig_set(bare)
-
-
-def test_a_table_of_ones_own_may_call_it_mz(tmp_path):
-    path = tmp_path / "mine.csv"
-    path.write_text(
-        "slip,load [N],fy [N],Mz [mN m],slip angle [deg],side force sd [N],mz sd [mN m]\n0,25,4,30,15,1,2\n"
-    )
-    made = read_foreign(path)
-    assert made.table["moment_z_Nm"].tolist() == pytest.approx([0.03])
-    assert made.table["moment_z_sd_Nm"].tolist() == pytest.approx([0.002])
-    made.refuse_without_noise(path, ())
-    path.write_text("slip,load [N],dp [N],Mz [N m]\n0,25,4,1\n")
-    made = read_foreign(path)
-    assert "moment_z_Nm" not in made.table
-    assert any("moment_z_Nm is not used: a moment about the vertical is looked at in runs with slip_angle" in one
-               for one in made.notes)  # fmt: skip
 
 
 # --- as checked ------------------------------------------------------------------------------------------------------

@@ -4,35 +4,12 @@ import numpy as np
 import pytest
 
 from rover_pin.discrepancy.answer import Answer
-from rover_pin.experiments.rig_sets.next_runs import next_runs
 from rover_pin.experiments.rig_sets.sets import read_joint
-from rover_pin.experiments.wheel_rig.data import read_rig_set
 from rover_pin.loop.close import close_the_loop
 from rover_pin.loop.rig import question_of
 from tests.loop.test_first_steps import written
 
 PLAIN = "slip,load_N,drawbar_pull_N,sinkage_m"
-
-
-def test_offered_runs_keep_the_rig_s_travel_and_eq_1(tmp_path):
-    rows = ("0.1,25,1.0,0.01,0.018,0.02", "0.4,25,2.0,0.02,0.018,0.03")
-    data = read_rig_set(written(tmp_path, f"{PLAIN},travel_speed_mps,rim_speed_mps", rows))
-    ahead = next_runs((data,)).experiment.sets[0]
-    travel, rim = ahead.speeds.T
-    assert set(ahead.rig.load) == {12.5, 25.0, 50.0}
-    assert travel == pytest.approx(0.018)
-    assert ahead.rig.slip == pytest.approx((rim - travel) / np.maximum(rim, travel))
-    assert set(ahead.rig.slip) >= {-0.3, 0.0, 0.9}
-
-
-def test_offered_runs_have_the_rig_s_channels_and_slip_angles(tmp_path):
-    rows = ("0.1,25,1.0,0.01,0", "0.4,25,2.0,0.02,0.26")
-    offer = next_runs((read_rig_set(written(tmp_path, f"{PLAIN},slip_angle_rad", rows)),))
-    assert offer.experiment.channels == ("drawbar pull", "sinkage")
-    assert offer.noise.floor == pytest.approx([0.3, 0.6e-3])
-    assert set(offer.experiment.sets[0].rig.slip_angle) == {0.0, 0.26}
-    assert "one run at S = 0.4 under 25 N, 15 deg askew" in offer.experiment.folds
-    assert len(offer.experiment.folds) == 2 * 33
 
 
 @pytest.mark.slow

@@ -13,7 +13,6 @@ from rover_pin.contact import Soil, Wheel
 from rover_pin.experiments.wheel_rig.checks import findings, refuse_unfit
 from rover_pin.experiments.wheel_rig.data import read_rig_set
 from rover_pin.experiments.wheel_rig.model import ASKEW, RigModel
-from rover_pin.loop.data_check import measured_in
 from rover_pin.measurements.channel import DrawbarPull, Sinkage, Torque
 from rover_pin.measurements.rig_physics import refuse_impossible, suspicions
 from rover_pin.measurements.wheel_rig import WheelRig
@@ -83,14 +82,6 @@ def test_what_is_hardly_meant_is_named(name, change, said):
     told = [str(each) for each in findings(wrong)]
     assert any(said in each for each in told), told
     assert all(said not in str(each) for each in findings(data))
-
-
-def test_a_braked_wheel_does_not_pull_forwards():
-    pull = DrawbarPull(np.array([-1.5, -3.0, -6.0]), 0.3)
-    rig = WheelRig(Wheel(), np.array([-0.1, -0.3, -0.6]), 10.0, (pull,))
-    refuse_impossible(rig)
-    with pytest.raises(DataError, match=r"positive at slips below -0.1, where the wheel brakes \(4.5 in the median\)"):
-        refuse_impossible(changed(rig, DrawbarPull, -1.0))
 
 
 def test_a_wheel_gives_out_no_more_than_its_torque_puts_in():
@@ -168,15 +159,6 @@ def test_wheels_of_any_size_on_any_soil_raise_no_alarm(name):
             assert suspicions(rig.rows(part)) == []
 
 
-def test_identify_refuses_the_same(tmp_path):
-    copied = Path(shutil.copytree(DATA / DING, tmp_path / "set"))
-    text = (copied / "rig.toml").read_text()
-    assert "0.15735" in text
-    (copied / "rig.toml").write_text(text.replace("0.15735", "1.5735"))
-    with pytest.raises(DataError, match="times the work that its torque puts in"):
-        measured_in(copied)
-
-
 # --- keys ------------------------------------------------------------------------------------------------------------
 
 
@@ -210,30 +192,6 @@ def test_a_channel_without_its_unit_is_refused(tmp_path, name):
     (copied / "points.csv").write_text(points.replace(f",{column},", f",{name},", 1))
     with pytest.raises(DataError, match=f"column '{name}' is not read: .*{column}.* Convert it to SI"):
         read_rig_set(copied)
-
-
-def test_slip_angles_are_part_of_the_slip_and_named(tmp_path):
-    """At 45 deg a rim as fast as the travel slips by 1 - cos 45 deg."""
-    (tmp_path / "rig.toml").write_text(
-        (DATA / CMU / "rig.toml").read_text().replace('penetration = "penetration.csv", ', "")
-    )
-    head = "slip,rim_speed_mps,travel_speed_mps,slip_angle_rad,load_N,drawbar_pull_N,sinkage_m\n"
-    rows = "0.1,0.01,0.009,0,25,1,0.015\n0.2928932,0.01,0.01,0.7853982,25,-3,0.025\n"
-    (tmp_path / "points.csv").write_text(head + rows)
-    data = read_rig_set(tmp_path)
-    assert data.speeds == pytest.approx(np.array([[0.009, 0.01], [0.01 * np.cos(np.pi / 4), 0.01]]))
-    assert "1 of 2 runs have a slip angle, of 45 deg at most" in str(data.misspelt[0])
-
-
-def test_the_side_force_is_a_channel_where_the_wheel_runs_askew():
-    data = read_rig_set(DATA / "cmu-smooth-wheel-angles")
-    pull, sunk, side = data.rig.channels
-    assert (pull.name, sunk.name, side.name) == ("drawbar pull", "sinkage", "side force")
-    assert side.measured[data.rig.askew].min() > 0.0
-    assert not data.misspelt
-    assert [each.name for each in read_rig_set(DATA / CMU).rig.channels] == ["drawbar pull", "sinkage"]
-    kept = data.rows(data.rig.askew)
-    assert kept.rig.slip_angle == pytest.approx(data.rig.slip_angle[data.rig.askew])
 
 
 def test_a_slip_angle_pushes_the_wheel_to_its_left():
