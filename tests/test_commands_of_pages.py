@@ -1,14 +1,17 @@
 """Every command that README and pages print runs as printed; what it prints is kept in `studies/results`."""
 
+import atexit
 import importlib.util
 import os
 import re
 import shlex
 import subprocess
 import sys
+import tempfile
 import tomllib
+from functools import cache
 from pathlib import Path
-from shutil import copyfile
+from shutil import copyfile, copytree, rmtree
 
 import pandas as pd
 import pytest
@@ -23,8 +26,6 @@ keeper = importlib.util.module_from_spec(spec)
 spec.loader.exec_module(keeper)
 KEPT = {"python studies/close_the_loop.py", "rover-pin close-loop demo-drive-log"}
 """Minutes, and run every night with their numbers compared."""
-LONG = {"python studies/measured_wheels.py", "python studies/wheel_laws.py", "python studies/foreign_logs.py"}
-"""Minutes, and run every night; `tests/studies` runs them with --quick."""
 PAGES = {path.name: path.read_text(encoding="utf-8") for path in FILES}
 COMMAND = re.compile(r"`((?:rover-pin |python studies/)[^`]*|studies/[\w./]+\.py)`")
 GROUP = typer.main.get_group(app)
@@ -120,18 +121,24 @@ def commands():
     return [line for line in found if line not in ELSEWHERE]
 
 
-@pytest.fixture
-def folder(tmp_path):
-    """A folder of results, of this test alone, with what a reader is said to have."""
-    copyfile(ROOT / "studies" / "data" / "cmu-smooth-wheel" / "points.csv", tmp_path / "mine.csv")
-    copyfile(ROOT / "urdf" / "cart.urdf", tmp_path / "my_rover.urdf")
-    return tmp_path
+@cache
+def prepared(needs):
+    """A folder with what a reader is said to have, and what these commands left there."""
+    folder = Path(tempfile.mkdtemp(prefix="pages-"))
+    atexit.register(rmtree, folder, ignore_errors=True)
+    copyfile(ROOT / "studies" / "data" / "cmu-smooth-wheel" / "points.csv", folder / "mine.csv")
+    copyfile(ROOT / "urdf" / "cart.urdf", folder / "my_rover.urdf")
+    for command in needs:
+        run(command, folder)
+    return folder
+
+
+def run_after_its_needs(command, folder):
+    copytree(prepared(NEEDS.get(command, ())), folder, dirs_exist_ok=True)
+    run(command, folder)
 
 
 def run(command, folder):
-    """Run a command, after those that it needs."""
-    for other in NEEDS.get(command, ()):
-        run(other, folder)
     for name in ("studies", "urdf"):  # of a checkout only what is named
         if f"{name}/" in command and not (folder / name).exists():
             (folder / name).symlink_to(ROOT / name)
@@ -158,16 +165,21 @@ def test_what_is_run_by_hand_is_a_command_of_the_pages():
     assert set(BY_HAND) | set(NEEDS) <= set(commands())
 
 
+RUN = [each for each in commands() if each not in {*BY_HAND, *KEPT}]
+STUDIES = [each for each in RUN if each.startswith("python ")]
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("command", [each for each in commands() if each not in {*BY_HAND, *KEPT, *LONG}])
-def test_a_command_of_the_pages_runs(command, folder):
-    run(command, folder)
+@pytest.mark.parametrize("command", [each for each in RUN if each not in STUDIES])
+def test_a_command_of_the_pages_runs(command, tmp_path):
+    run_after_its_needs(command, tmp_path)
 
 
 @pytest.mark.nightly
-@pytest.mark.parametrize("command", sorted(LONG))
-def test_a_long_command_of_the_pages_runs(command, folder):
-    run(command, folder)
+@pytest.mark.parametrize("command", STUDIES)
+def test_a_study_of_the_pages_runs(command, tmp_path):
+    """In full; CI runs each with --quick in `tests/studies`."""
+    run_after_its_needs(command, tmp_path)
 
 
 @pytest.mark.nightly

@@ -83,28 +83,33 @@ QUICK = [
     ("drive", "flat", "--set", "duration=0.2", "--gif", "--out", "driven"),
 ]
 SLOW = [
+    ("close-loop", "rig", "--workers", "2"),
+    ("view", "log", "--gif", "--open"),
+    ("tune", "tuning.toml", "--workers", "2"),
+]
+NIGHTLY = [
     ("list", "scenarios"),
     ("curve",),
     ("bounds",),
     ("check-data", "rig"),
     ("identify", "rig"),
-    ("close-loop", "rig", "--workers", "2"),
-    ("demo", "drive-log", "--out", "log"),
     ("check-data", "log"),
     ("close-loop", "log", "--workers", "2", "--open"),
     ("compare", "log", "log"),
-    ("view", "log", "--gif", "--open"),
     ("export", "log"),
     ("import-log", "log/run-1.csv", "--out", "imported"),
     ("init", "rig/points.csv", "--r", "100mm", "--b", "50mm", "--out", "made"),
     ("check-urdf", "own.toml"),
     ("new-rover", "cart.urdf", "--out", "new/proposed.toml"),
     ("new-effect", "StickySoil", "--out", "effect"),
-    ("tune", "tuning.toml", "--workers", "2"),
 ]
 
 
-@pytest.mark.parametrize("words", [*QUICK, *(pytest.param(each, marks=pytest.mark.slow) for each in SLOW)])
+def marked(lines, mark):
+    return [pytest.param(words, marks=mark) for words in lines]
+
+
+@pytest.mark.parametrize("words", [*QUICK, *marked(SLOW, pytest.mark.slow), *marked(NIGHTLY, pytest.mark.nightly)])
 def test_nothing_of_the_folder_runs(folder, words):
     needs_log = any(word.partition("/")[0] == "log" for word in words)
     if needs_log and not (folder / "log").exists():  # another worker may have made it in its own folder

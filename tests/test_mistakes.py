@@ -1,6 +1,5 @@
 """Ordinary mistakes in Python, from an empty folder: each is one sentence that names it."""
 
-import dataclasses
 import math
 
 import numpy as np
@@ -128,14 +127,6 @@ def test_a_soil_a_motor_and_a_start_in_memory_are_driven(run):
     again = scenario("flat", **trace.attrs["settings"])
     assert (again.model.soils, again.model.motor, again.start) == (made.model.soils, motor, made.start)
     assert scenario("flat", soil=sand, **{"soil.k": "20mm"}).model.soils[0] == sand.replace(k=0.02)
-
-
-def test_soil_object_is_driven_and_not_listed_as_assumed():
-    sand = dataclasses.replace(SOILS["dry-sand"])
-    assert any(line.startswith("soil:") for line in scenario("flat", rover="cart").assumed)
-    made = scenario("flat", rover="cart", soil=sand)
-    assert not any(line.startswith("soil:") for line in made.assumed)
-    assert made.model.soils[0].values() == sand.values()
 
 
 def test_a_function_is_a_controller(run):

@@ -19,13 +19,6 @@ ROOT = Path(__file__).parents[1]
 DATA = ROOT / "studies" / "data"
 
 
-def test_samples_are_the_measured_sets(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    assert sample_names() == sorted(folder.name for folder in DATA.iterdir())
-    assert [entry.name for entry in samples()] == sample_names()
-    assert all(entry.facts["source"] for entry in samples())
-
-
 @pytest.mark.parametrize("name", sorted(folder.name for folder in DATA.iterdir()))
 def test_each_sample_is_checked_by_name_elsewhere(name, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
@@ -71,3 +64,10 @@ def test_the_wheel_alone_has_samples_and_rovers(tmp_path):
         printed = subprocess.run(command, cwd=stranger, env=environment, text=True, capture_output=True)
         assert printed.returncode == 0, printed.stderr
         assert str(ROOT) not in printed.stdout
+
+
+def test_samples_are_the_measured_sets(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert sample_names() == sorted(folder.name for folder in DATA.iterdir())
+    assert [entry.name for entry in samples()] == sample_names()
+    assert all(entry.facts["source"] for entry in samples())

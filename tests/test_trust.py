@@ -25,7 +25,6 @@ from rover_pin.simulation.model.effect_files import run_file, user_effects
 from rover_pin.simulation.model.toml_file import read_model, write_model
 from rover_pin.sweep import read_study, sweep
 from rover_pin.tuning.drives import built
-from rover_pin.tuning.study import DriveCase, TuningStudy
 from rover_pin.tuning.study_file import read_tuning
 
 ROOT = Path(__file__).parents[1]
@@ -180,23 +179,6 @@ def test_a_study_cannot_trust_itself(model, key):
     with pytest.raises(ParameterError, match=r"yours.*give"):
         built(read_tuning(written(model, TUNING + "trust = true\n")).training[0])
     assert not ran(model)
-
-
-def test_trust_is_no_part_of_what_a_study_is():
-    study = read_study(ROOT / "studies" / "sweep_ditch.toml")
-    trusting = dataclasses.replace(study, trust=Trust(everything=True))
-    assert study.describe() == trusting.describe()
-    assert [case.key for case in study.cases()][:3] == [case.key for case in trusting.cases()][:3]
-    tuning = TuningStudy("t", (DriveCase("flat", "flat"),))
-    assert tuning.trusting(Trust(everything=True)) == tuning  # no drive names a model
-
-
-def test_no_word_of_a_drive_names_a_file(tmp_path):
-    (tmp_path / "code.py").write_text(EFFECT.replace("NAME", "WeakMotor"))
-    for word in (f"WeakMotor.file={tmp_path / 'code.py'}", f"WeakMotor.wheel=1,file={tmp_path / 'code.py'}"):
-        with pytest.raises(ParameterError, match="field 'file'"):
-            scenario("flat", add=word)
-    assert not (tmp_path / "ran").exists()
 
 
 def test_no_compiled_copy_runs_in_place_of_the_text(tmp_path):

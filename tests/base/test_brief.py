@@ -12,19 +12,20 @@ from rover_pin.loop.close import read_data
 from rover_pin.loop.identify import identify
 from rover_pin.sweep import read_study
 from rover_pin.tuning.study_file import read_tuning
+from tests.oracle import brake_generator
 
 STUDIES = Path(__file__).parents[2] / "studies"
 MOST = 400
 
 
 @pytest.fixture(scope="module")
-def seen():
+def seen(tmp_path_factory):
     """One object of every class of this package that comes to a user, or is a part of one that does."""
     drive = scenario("ditch", control="eq9", duration=1.0)
     rig, log = read_data("cmu-smooth-wheel"), read_data("steepening-slope")
     roots = [drive, rig, log, torque_bounds(9.5, Soil(), Wheel())]
     roots += [read_study(STUDIES / "sweep_ditch.toml"), read_tuning(next(STUDIES.glob("tune*.toml")))]
-    roots += [close_the_loop("cmu-smooth-wheel")]
+    roots += [close_the_loop(brake_generator.write(tmp_path_factory.mktemp("brake")), experiment="motor_brake")]
     roots += [identify("cmu-smooth-wheel"), drive.drive()]
     found, known = {}, set()
     while roots:

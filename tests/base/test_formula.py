@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rover_pin.base.errors import DataError
-from rover_pin.base.formula import FUNCTIONS, evaluate, names_in, quoted
+from rover_pin.base.formula import evaluate, names_in, quoted
 
 A, B = np.array([1.0, 2.0, 3.0]), np.array([0.5, -1.0, 4.0])
 COLUMNS = {"a": A, "b": B, "Position X [mm]": 10 * A, "lat": np.array([48.0, 48.0001, 48.0001])}
@@ -73,14 +73,6 @@ def test_angles_of_a_quaternion_are_those_of_the_rotation(roll, pitch, yaw):
         assert evaluate(f"{name}(x, y, z, w)", columns, "here") == pytest.approx([angle], abs=1e-12)
 
 
-@pytest.mark.parametrize("name", ["roll", "pitch", "yaw"])
-def test_a_lost_quaternion_has_no_angle(name):
-    columns = {each: np.array([0.0, value]) for each, value in zip("xyzw", (0.1, 0.2, 0.3, 0.9), strict=True)}
-    lost, known = evaluate(f"{name}(x, y, z, w)", columns, "here")
-    assert math.isnan(lost)
-    assert math.isfinite(known)
-
-
 def test_places_on_earth_become_metres():
     """A degree of latitude at 48 deg is 111.2 km, one of longitude 74.6 km (WGS 84's series, to 0.1 %)."""
     lat, lon = np.array([48.0, 48.001, 48.0]), np.array([11.0, 11.0, 11.001])
@@ -101,16 +93,3 @@ def test_heading_from_course_stays_when_the_rover_reverses():
     far = np.cumsum(0.1 * v)
     columns = {"x": far * math.cos(2.9), "y": far * math.sin(2.9), "t": t, "v": v}
     assert evaluate("heading(x, y, t, v)", columns, "here") == pytest.approx(2.9, abs=1e-9)
-
-
-def test_every_function_takes_gaps_and_keeps_the_length():
-    gaps = np.array([1.0, math.nan, 0.5, 0.2, math.nan])
-    for name, (_, count) in FUNCTIONS.items():
-        columns = {letter: gaps + at for at, letter in enumerate("abcd")} | {"t": np.arange(5.0)}
-        letters = {"course": "abt", "heading": "abtc"}.get(name) or ("at" if name == "rate" else "abcd"[:count])
-        assert evaluate(f"{name}({', '.join(letters)})", columns, "here").shape == (5,)
-
-
-def test_a_name_that_is_no_word_is_shown_how_to_be_quoted():
-    with pytest.raises(DataError, match=r'col\("any.*\[rpm\]"\) / 9\.55\.$'):
-        evaluate("`Drehzahl VL [U/min]` / 9.55", COLUMNS, "the column wheel_rate_fl")

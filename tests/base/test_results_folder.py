@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from rover_pin.base.errors import DataError
-from rover_pin.base.files.results_folder import LOCK, alone_in, replacing
+from rover_pin.base.files.results_folder import LOCK, alone_in
 from rover_pin.loop.close import close_the_loop
 from rover_pin.sweep import Grid, Study, Values, sweep
 from rover_pin.tuning.study import DriveCase, TuningStudy
@@ -62,38 +62,9 @@ def test_a_killed_holder_lets_go(holder, tmp_path):
     assert not list((tmp_path / "out").iterdir())
 
 
-def test_nobody_is_told_twice_in_one_process(tmp_path):
-    with alone_in(tmp_path), pytest.raises(DataError, match=f"process {os.getpid()} "), alone_in(tmp_path):
-        pass
-
-
-def test_a_lock_that_its_holder_removed_meanwhile_holds_nothing(tmp_path):
-    """Between opening the file and locking it, the one who held it may have removed it."""
-    with alone_in(tmp_path):
-        (tmp_path / LOCK).unlink()
-        with alone_in(tmp_path):
-            assert (tmp_path / LOCK).exists()
-    assert not list(tmp_path.iterdir())
-
-
-def test_a_folder_that_was_made_for_nothing_is_not_left(tmp_path):
-    with pytest.raises(ZeroDivisionError), alone_in(tmp_path / "new"):
-        raise ZeroDivisionError
-    assert not (tmp_path / "new").exists()
-
-
 def test_a_lock_is_no_link_that_leads_elsewhere(tmp_path):
     (tmp_path / "other").write_text("mine")
     (tmp_path / LOCK).symlink_to(tmp_path / "other")
     with pytest.raises(DataError, match=r"folder.*results"), alone_in(tmp_path):
         pass
     assert (tmp_path / "other").read_text() == "mine"
-
-
-def test_what_is_replaced_is_said(tmp_path):
-    assert replacing(tmp_path, ("report.html",)) == ""
-    (tmp_path / "report.html").write_text("")
-    assert "own: report.html." in replacing(tmp_path, ("report.html", "other"))
-    (tmp_path / "view.html").touch()
-    said = replacing(tmp_path, ("report.html",), ("view.html", "drive.gif"))
-    assert "report.html." in said

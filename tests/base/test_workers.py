@@ -11,7 +11,6 @@ from pathlib import Path
 import pytest
 
 import rover_pin
-from rover_pin.base.jobs.workers import Terminated, ending_workers
 from rover_pin.cli.app import app
 from rover_pin.sweep import collect
 
@@ -92,29 +91,6 @@ def test_workers_of_a_killed_sweep_end_by_themselves(tmp_path):
     assert until(lambda: not any(map(alive, workers)), 20.0)
 
 
-def test_a_handler_of_the_programs_own_stays():
-    def own(number, frame):
-        raise AssertionError
-
-    before = signal.signal(signal.SIGTERM, own)
-    try:
-        with ending_workers():
-            assert signal.getsignal(signal.SIGTERM) is own
-    finally:
-        signal.signal(signal.SIGTERM, before)
-
-
-def test_the_handler_is_gone_after_the_block():
-    def asked_to_end():
-        os.kill(os.getpid(), signal.SIGTERM)
-        time.sleep(5.0)
-
-    with pytest.raises(Terminated) as stop, ending_workers():
-        asked_to_end()
-    assert stop.value.code == 143
-    assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
-
-
 @pytest.fixture
 def run(tmp_path, monkeypatch):
     from typer.testing import CliRunner
@@ -131,16 +107,3 @@ def test_a_second_run_says_what_it_replaces(run, tmp_path):
     for json_too in (run("drive", "flat", "--set", "duration=0.1", "--json") for _ in range(2)):
         assert json.loads(json_too.stdout)["scenario"] == "flat"
     assert "log/drive.toml, snapshots.png, history.png." in json_too.stderr
-
-
-def test_a_command_without_anything_to_keep_says_so(run, monkeypatch):
-    from rover_pin.scenarios import scenario
-
-    def stopped(self, *_):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(scenario.Scenario, "drive", stopped)
-    told = run("drive", "flat")
-    assert told.exit_code == 130
-    assert told.stderr == "rover-pin: stopped: nothing is kept.\n"
-    assert not Path("out/drive").exists()

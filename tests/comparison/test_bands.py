@@ -4,7 +4,6 @@ import csv
 import json
 import re
 
-import numpy as np
 import pytest
 
 from rover_pin.comparison.bands import drive_on_models
@@ -31,14 +30,6 @@ def test_rows_are_those_of_a_drive_on_each_model(models):
     assert drives.stuck == (False, False)
 
 
-def test_a_drive_that_ends_early_stays_as_it_was(models):
-    drives = drive_on_models("incline", sorted(models.glob("*.toml")), {"duration": 8.0}, workers=1)
-    assert drives.buried == (False, False, True)
-    assert drives.stuck[2]
-    assert np.ptp(drives.x[2, -20:]) == 0.0
-    assert drives.summary()["buried"] == "1 of 3"
-
-
 def test_the_command_drives_a_folder_of_models(models, run):
     words = ("drive", "flat", "--model", models, "--set", "duration=2", "--json", "--out", "out")
     code, output, _ = run(*words)
@@ -61,10 +52,3 @@ def test_what_is_of_one_drive_is_refused(models, run):
     assert code == 2
     assert "a view" in message
     assert "name one of its files" in message
-
-
-def test_a_folder_without_models_is_refused(tmp_path, run):
-    (tmp_path / "empty").mkdir()
-    code, _, message = run("drive", "flat", "--model", "empty")
-    assert code == 2
-    assert "no model file" in message

@@ -48,16 +48,6 @@ def test_a_map_of_a_plane_is_that_of_drives_up_a_slope(mapped):
     assert "no probability" in said["stuck"]
 
 
-def test_a_map_on_which_nothing_gets_on_says_so(mapped):
-    said, places, _ = mapped(
-        *("incline", "--soil", "table-1", "--set", "terrain.angle_deg=35", "--headings", "1"),
-        *("--box", "1,2,0,0", "--spacing", "0.5"),
-    )
-    assert (places["stuck"] == 1.0).all()
-    assert np.isinf(places["energy_J_per_m"]).all()
-    assert said["stuck"].startswith("above 0 at 3 of 3 places")
-
-
 def test_a_symmetric_ground_has_a_symmetric_map(mapped, tmp_path):
     ground(tmp_path / "ridge.npz", lambda x, y: 0.2 * np.exp(-(y**2) - 0.2 * x**2))
     _, places, _ = mapped("grid", "--set", "terrain.path=ridge.npz", "--headings", "4", "--spacing", "0.8")

@@ -65,9 +65,7 @@ def test_bounds_agree_with_a_search_by_the_oracle(name, load, S):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("n", [0.3, 1.6])
-@pytest.mark.parametrize("k", [0.001, 0.1])
-@pytest.mark.parametrize("load", [0.3, 30.0])
+@pytest.mark.parametrize(("n", "k", "load"), [(0.3, 0.001, 30.0), (0.3, 0.1, 0.3), (1.6, 0.001, 0.3), (1.6, 0.1, 30.0)])
 def test_bounds_agree_with_the_oracle_in_the_corners_of_the_box(n, k, load):
     soil = SAND.replace(n=n, k=k, c=300.0, exit_ratio=0.5)
     found = torque_bounds(load, soil, WHEEL, 0.3)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from rover_pin.demo import drive_log, rig, slip_slope
-from rover_pin.demo.hidden import CONTACT, DRIVEN, chosen, truth_file
+from rover_pin.demo.hidden import truth_file
 from rover_pin.experiments.slip_slope import SlipSlope
 from rover_pin.logs.drive_log import read_drive_log
 from rover_pin.measurements.wheel_rig import read_wheel_rig
@@ -74,13 +74,6 @@ def test_motors_and_tracker_of_a_synthetic_drive_are_imperfect(tmp_path):
     assert 1e-4 < abs(ratio - 1.0) < 0.04
 
 
-def test_chance_hides_what_its_seed_says():
-    among = {chosen("any", CONTACT, np.random.default_rng(seed)) for seed in range(30)}
-    assert among == {"", *CONTACT}
-    assert chosen("nothing", DRIVEN, np.random.default_rng(0)) == ""
-    assert chosen("PointMass", DRIVEN, np.random.default_rng(0)) == "PointMass"
-
-
 @pytest.mark.parametrize(
     ("words", "said"),
     [
@@ -96,23 +89,6 @@ def test_impossible_demos_are_refused_in_one_sentence(run, tmp_path, words, said
     assert (code, err.count("\n")) == (2, 1)
     assert said in err
     assert not list(tmp_path.iterdir())
-
-
-def test_a_set_of_another_kind_is_not_written_over(run):
-    assert run("demo", "rig", "--out", "made")[0] == 0
-    code, _, err = run("demo", "slip-slope", "--out", "made")
-    assert code == 2
-    assert "(rig.toml)" in err
-
-
-def test_what_is_replaced_is_said_by_who_replaces_it(run):
-    assert run("demo", "rig", "--out", "made")[2] == ""
-    code, _, err = run("demo", "rig", "--hidden", "SupplySag", "--out", "made")
-    assert (code, err.count("\n")) == (2, 1)
-    assert "replaces" not in err
-    code, _, err = run("demo", "rig", "--out", "made")
-    assert code == 0
-    assert "own: rig.toml" in err
 
 
 @pytest.mark.slow

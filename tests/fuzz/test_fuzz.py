@@ -56,7 +56,8 @@ def test_a_sample_of_inputs(tmp_path):
     assert sum(tally.counts.values()) > 130
 
 
-@pytest.mark.parametrize("seed", [pytest.param(0, marks=pytest.mark.slow), pytest.param(2, marks=pytest.mark.nightly)])
+@pytest.mark.nightly
+@pytest.mark.parametrize("seed", [0, 2])
 def test_ten_thousand_inputs(tmp_path, seed, capsys):
     """Both seeds together are ten thousand; every reader must have seen good and bad ones."""
     tally = run.fuzz(5010, seed=seed, scratch=tmp_path)

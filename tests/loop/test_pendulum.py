@@ -121,7 +121,7 @@ def test_blind_pendulums_are_named_and_nulls_are_not():
     assert len(missed) == 2
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_blind_sets_are_named_or_in_the_set_and_nulls_not(tmp_path):
     """A minute and a half; `studies/blind_pendulum.py` has twenty laws and ten nulls on other seeds."""
     for seed, law in enumerate([*hidden.LAWS, "none", "none"], 10):

@@ -77,9 +77,10 @@ def test_a_slope_that_no_slip_climbs_is_stuck(tmp_path):
     ],
 )
 def test_what_is_no_such_table_is_refused_in_one_sentence(tmp_path, text, points, said):
-    made = folder(tmp_path, text, repeats=1)
-    if points:
-        (made / "points.csv").write_text(points)
+    (tmp_path / "rover.urdf").write_text(generator.field_log.skid()[0])
+    new_rover(tmp_path / "rover.urdf")
+    (tmp_path / "slope.toml").write_text(text)
+    (tmp_path / "points.csv").write_text(points or "run,slope_deg,slip,slip_sd\na,5,0.2,0.1\n")
     with pytest.raises(DataError, match=said) as error:
-        SlipSlope.read(made)
+        SlipSlope.read(tmp_path)
     assert "\n" not in str(error.value)

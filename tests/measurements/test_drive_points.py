@@ -15,19 +15,16 @@ import numpy as np
 import pytest
 
 from rover_pin.base.errors import DataError
-from rover_pin.base.quantity import record_from
 from rover_pin.contact import Soil, Wheel
 from rover_pin.effects.slip import RelaxedSlip
-from rover_pin.logs.drive_log import read_drive_log, write_drive_log
+from rover_pin.logs.drive_log import read_drive_log
 from rover_pin.loop.identify import identify
 from rover_pin.measurements import drive_points as module
-from rover_pin.measurements.drive_points import Sampling, classed, drive_points, instrumented, points_of_log
-from rover_pin.measurements.steady_windows import Window, line, pooled
-from rover_pin.rover.description.layout import rover_folder
+from rover_pin.measurements.drive_points import Sampling, drive_points, instrumented, points_of_log
+from rover_pin.measurements.steady_windows import line
 from rover_pin.rover.rover import load_rover
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.model.defaults import own_soil
-from rover_pin.simulation.model.motor import Motor
 from rover_pin.simulation.sensors import Sensors, measured
 from rover_pin.soil.angles import FixedAngles, SinkageAngles
 from rover_pin.soil.sinkage import entry_angle
@@ -148,40 +145,6 @@ def test_a_modulus_that_was_sized_is_not_said_to_be_declared(tmp_path):
     assert f"{own_soil(scenario('flat', rover='cart').model.rover).value.k_1:.3g}" in k_1.prior
 
 
-def test_angles_and_rovers_of_ones_own_are_written_into_a_log(tmp_path):
-    """Without the angles k and phi of such a log were both found wrong; without the way no command could read it."""
-    drive = scenario("flat", soil="table-1", angles="sinkage", duration=1.0)
-    drive.write_log(drive.drive(), tmp_path / "log")
-    assert read_drive_log(tmp_path / "log").metadata.angles == "sinkage"
-    for end in ("toml", "urdf"):
-        (tmp_path / f"cart.{end}").write_text((rover_folder() / f"cart.{end}").read_text())
-    own = scenario("flat", rover=str(tmp_path / "cart.toml"), duration=1.0)
-    own.write_log(own.drive(), tmp_path / "own")
-    read = read_drive_log(tmp_path / "own")
-    assert (read.metadata.rover, read.metadata.angles) == ("../cart.toml", "")
-    assert read.load_rover().name == "cart"
-
-
-def test_wheels_told_together_weigh_by_their_loads():
-    """Two wheels on one straight F(S) = S, loads 10 and 30 N that are guessed 20 and 20: F is their torques' alone."""
-    guessed = [Window(0, 1.0, 0.10, 0.01, 0.10 * 10 / 20, 0.02, 0.0, 0.05, 20.0)]
-    guessed += [Window(1, 1.0, 0.12, 0.01, 0.12 * 30 / 20, 0.02, 0.0, 0.06, 20.0)]
-    window = pooled(guessed)
-    assert (window.wheel, window.start, window.load) == (0, 1.0, 20.0)
-    assert window.factor == pytest.approx((0.10 * 10 + 0.12 * 30) / 40)
-    assert window.slip == pytest.approx(0.11)
-    assert (window.slip_sd, window.factor_sd) == pytest.approx((0.01 / math.sqrt(2), 0.02 / math.sqrt(2)))
-    assert pooled(guessed[:1]) == guessed[0]
-
-
-def test_points_follow_the_torque_factor(log):
-    points = read_drive_points(log)
-    assert points.form == TorqueTraction()
-    assert points.factor == pytest.approx([true_factor(S) for S in points.slip], rel=0.05)
-    for each in (points.sd, points.slip_sd, points.shared, points.slip_shared):
-        assert np.all(each > 0.0)
-
-
 def test_exact_sensors_give_the_slip_that_the_soil_feels(drive, trace, tmp_path):
     """What is left are the classes' widths and the ground that bends within a wheelbase."""
     drive.write_log(trace, tmp_path)
@@ -225,39 +188,6 @@ def test_a_log_without_its_motor_is_refused(log, tmp_path):
         (tmp_path / name).write_bytes((log / name).read_bytes())
     with pytest.raises(DataError, match=r"declares no \[motor\]"):
         read_drive_points(tmp_path)
-
-
-def test_a_log_too_short_is_refused(log):
-    with pytest.raises(DataError, match=r"1000.*windows.*2"):
-        read_drive_points(log, dataclasses.replace(Sampling(), least=1000))
-
-
-def test_a_missing_channel_is_named(log, tmp_path):
-    drive = read_drive_log(log)
-    trace = drive.runs[0]
-    kept = {name: values for name, values in trace.channels.items() if name != "bogie_l"}
-    write_drive_log(tmp_path, {"run": dataclasses.replace(trace, channels=kept)}, drive.metadata)
-    with pytest.raises(DataError, match="bogie_l"):
-        read_drive_points(tmp_path)
-
-
-def test_a_declared_doubt_of_the_motor_widens_what_is_shared(log):
-    read = read_drive_log(log)
-    motor = record_from(Motor, read.metadata.motor, "motor")
-    gear = {**read.metadata.motor, "gear": {"value": 268.0, "unit": "", "sd": 26.8}}
-    unsure = dataclasses.replace(read, metadata=dataclasses.replace(read.metadata, motor=gear))
-    sure, wide = drive_points(read, motor), drive_points(unsure, motor)
-    assert wide.shared == pytest.approx(np.hypot(sure.shared, 0.1 * sure.factor), rel=1e-6)
-
-
-def test_windows_are_classed_by_what_stands_beside_them():
-    """Grouped by its own noisy slip, a window comes out of its class as the noise left it."""
-    window = Window(0, 0.0, 0.31, 0.01, 0.2, 0.01, 0.0, 0.05, 10.0)
-    assert classed([(0.12, window)] * 3, Sampling()) == [[window] * 3]
-    assert classed([(0.12, window)] * 2, Sampling()) == []
-    heavy = window._replace(load=14.0)
-    assert classed([(0.12, window), (0.12, heavy)] * 3, Sampling()) == [[window, heavy] * 3]
-    assert classed([(0.12, window), (0.12, heavy)] * 3, Sampling(), 0.25) == [[window] * 3, [heavy] * 3]
 
 
 def test_the_line_through_noise_knows_its_doubt():

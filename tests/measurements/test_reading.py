@@ -9,10 +9,9 @@ import pytest
 
 from rover_pin.base.errors import DataError
 from rover_pin.contact import Soil, Wheel
-from rover_pin.measurements.channel import DrawbarPull, Sinkage, Torque
+from rover_pin.measurements.channel import DrawbarPull, Sinkage
 from rover_pin.measurements.traction_points import TractionPoints, read_traction_points
-from rover_pin.measurements.wheel_rig import WheelRig, read_wheel_rig
-from rover_pin.parameters.bekker import bekker
+from rover_pin.measurements.wheel_rig import read_wheel_rig
 
 DATA = Path(__file__).parents[2] / "studies" / "data"
 RIG = """
@@ -47,27 +46,11 @@ def test_shipped_smooth_wheel_is_read_as_its_files_say():
     assert rig.levels.tolist() == table["level"].tolist()
 
 
-def test_shipped_ding_wheel_declares_its_soil_by_bekker():
-    rig = read_wheel_rig(DATA / "ding-2011-lugged")
-    assert [type(channel) for channel in rig.channels] == [DrawbarPull, Torque, Sinkage]
-    soil = rig.declared_soil(Soil())
-    assert (soil.k_1, soil.k_2) == bekker(15.6e3, 2407.4e3, 1.1, 0.165)
-    assert soil.phi == pytest.approx(math.radians(31.9))
-    assert (soil.n, soil.c, soil.k) == (1.1, 250.0, 0.011)
-
-
 def test_units_of_the_toml_are_converted(tmp_path):
     rig = read_wheel_rig(folder(tmp_path))
     assert rig.wheel.r == pytest.approx(0.0625)
     assert rig.channels[1].sd[0] == pytest.approx(0.0006)
     assert rig.declared_soil(Soil()) == Soil()
-
-
-def test_noise_may_come_from_a_column(tmp_path):
-    rig_toml = RIG.replace('drawbar_pull = { value = 0.3, unit = "N" }\n', "")
-    points = "slip,load_N,drawbar_pull_N,drawbar_pull_sd_N\n0.1,25,1.0,0.2\n0.3,25,2.0,0.4\n"
-    rig = read_wheel_rig(folder(tmp_path, rig_toml, points))
-    assert rig.channels[0].sd.tolist() == [0.2, 0.4]
 
 
 @pytest.mark.parametrize(
@@ -113,27 +96,6 @@ def test_flaws_of_the_toml(tmp_path, old, new, said):
     assert old in RIG
     with pytest.raises(DataError, match=said):
         read_wheel_rig(folder(tmp_path, rig=RIG.replace(old, new)))
-
-
-def test_missing_files_are_named(tmp_path):
-    with pytest.raises(DataError, match=r"rig.toml:.*cannot"):
-        read_wheel_rig(tmp_path)
-    (tmp_path / "rig.toml").write_text(RIG)
-    with pytest.raises(DataError, match=r"points.csv:.*cannot"):
-        read_wheel_rig(tmp_path)
-
-
-def test_rows_and_channels_are_chosen_together():
-    rig = WheelRig(Wheel(), [0.1, 0.2, 0.3], 9.5, (DrawbarPull([1, 2, 3], 0.1), Sinkage([0.01, 0.02, 0.03], 0.001)))
-    part = rig.rows(rig.slip > 0.15).only(Sinkage)
-    assert part.slip.tolist() == [0.2, 0.3]
-    assert part.load.tolist() == [9.5, 9.5]
-    assert [channel.measured.tolist() for channel in part.channels] == [[0.02, 0.03]]
-
-
-def test_columns_of_different_lengths_are_refused():
-    with pytest.raises(DataError, match=r"different lengths \(slip 2, load 2, drawbar_pull_N 3\)"):
-        WheelRig(Wheel(), [0.1, 0.2], 9.5, (DrawbarPull([1, 2, 3], 0.1),))
 
 
 def test_traction_points_are_read_and_scatter_falls_with_count(tmp_path):

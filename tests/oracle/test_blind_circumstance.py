@@ -23,19 +23,6 @@ campaign, circumstance, hidden, sealed, vehicle = (
 WHEELS = ("fl", "fr", "ml", "mr", "rl", "rr")
 
 
-def test_circumstances_have_their_shares_and_change_nothing_else():
-    plain, any_ = sealed.plan(1, 200), sealed.plan(1, 200, under="any")
-    assert [{**one, "under": "plain"} for one in any_] == plain
-    counts = {name: [one["under"] for one in any_].count(name) / 200 for name in circumstance.NAMES}
-    assert counts == pytest.approx({name: 0.4 if name == "plain" else 0.1 for name in counts}, abs=0.08)
-    assert set(counts) == {"plain", "drift", "coarse", "moon", "patchy", "heavy", "cart"}
-    assert sealed.plan(1, 3, under="moon") == [{**one, "under": "moon"} for one in sealed.plan(1, 3)]
-    still, moon = (campaign.data_set(1, 5, "none", [], under) for under in ("plain", "moon"))
-    assert np.array_equal(still["heights"], moon["heights"])
-    assert (still["gravity"], moon["gravity"]) == (9.81, 1.62)
-    assert all(run.numbers["gravity"] == 1.62 for _, _, run in moon["runs"])
-
-
 def rows_of_a_run(rate):
     t = 0.05 * np.arange(1, 401)
     names = ("body_x", "body_y", "body_z", "body_roll", "body_pitch", "body_yaw", "body_vx", "rocker_l", "steer_fl")
@@ -86,39 +73,6 @@ def test_a_log_declares_its_gravity_and_its_encoders(tmp_path):
     assert declared["wheel_rate"]["value"] == circumstance.noise("coarse")["wheel_rate"]
     told = sealed.opened(tmp_path / "sets", tmp_path / "answers.json")["sets"]
     assert [one["under"] for one in told] == ["moon", "coarse"]
-
-
-def test_no_cart_hides_what_a_cart_has_not():
-    """Neither pivots nor a differential, no middle wheels, no channel of a suspension; wheels count its own way."""
-    cart = [one for one in sealed.plan(1, 400, under="cart") if one["under"] == "cart"]
-    told = [(each["effect"], each["numbers"]) for one in cart for each in one["hidden"]]
-    names = {name for name, _ in told}
-    assert not names & {"PivotFriction", "DifferentialCompliance"}
-    assert names >= {*hidden.LISTED, *hidden.SENSOR} - {"PivotFriction", "DifferentialCompliance"}
-    assert not {numbers.get("channel") for _, numbers in told} & {"rocker_l", "bogie_l", "bogie_r"}
-    assert {numbers["wheel"] for name, numbers in told if name == "WeakMotor"} <= {0, 1, 4, 5}
-    rear = campaign.data_set(1, 3, "single", [{"effect": "WeakMotor", "numbers": {"g": 0.1, "wheel": 5}}], "cart")
-    assert rear["answer"]["hidden"][0]["numbers"] == {"g": 0.1, "wheel": 3}
-    assert len(rear["answer"]["motor_gain"]) == len(rear["answer"]["tacho_gain"]) == 4
-    pivots = [{"effect": "PivotFriction", "numbers": {"tau_c": 0.1, "b": 0.01}}]
-    assert not circumstance.fits("cart", pivots)
-    assert circumstance.fits("heavy", pivots)
-    assert {circumstance.drawn(1, index, pivots) for index in range(200)} == {*circumstance.NAMES} - {"cart"}
-
-
-def test_a_late_row_says_when_it_was_read():
-    """What is read is true at its time, a duty the one that was held then; other circumstances are on time."""
-    true = rows_of_a_run(1.1)
-    true |= {"duty_fl": np.repeat(np.arange(80) % 7 / 10, 5)}
-    read = circumstance.sampled("patchy", true, np.random.default_rng(1))
-    t, late = read["t_s"], read["t_s"] - true["t_s"]
-    assert np.all(np.diff(t) > 0.0)
-    assert np.std(late) == pytest.approx(circumstance.LATE, rel=0.1)
-    assert np.abs(late).max() <= circumstance.LATEST
-    assert read["body_x"] == pytest.approx(np.sin(0.3 * t), abs=1e-4)
-    hold = np.minimum(np.ceil(t / 0.05 - 1e-9).astype(int) - 1, 399)
-    assert np.array_equal(read["duty_fl"], true["duty_fl"][hold])
-    assert circumstance.sampled("drift", true, None) is true
 
 
 def test_patchy_log_has_unannounced_gaps_and_single_wrong_poses():

@@ -229,30 +229,6 @@ def test_what_a_log_declares_is_honest():
     assert np.all(np.abs(np.std(off, axis=0) - 0.9) < 0.2)
 
 
-def test_what_no_log_declares_is_drawn_without_the_package():
-    """R, how it fades and what gains differ by: neither the package's values nor within its priors' one SD, mostly."""
-    made = [campaign.nuisance(np.random.default_rng([4, index]), False) for index in range(150)]
-    R, v_0 = (np.array([one[0][name] for one in made]) for name in ("R", "v_0"))
-    k = np.array([one[0]["k"] for one in made])
-    assert abs(np.corrcoef(np.log(R), np.log(k))[0, 1]) < 0.2
-    assert np.mean(np.abs(np.log(R / RESISTANCE)) > 0.25) > 0.7
-    assert v_0.max() > 10 * v_0.min()
-    assert all(one[2].keys() == {"soil", "motor"} for one in made)
-    gains = np.array([one[1]["tacho_gain"] for one in made]) - 1.0
-    assert np.mean(np.abs(gains) > 0.015) > 0.2
-
-
-def test_relief_and_soil_vary_as_they_should():
-    random = np.random.default_rng(0)
-    rough = campaign.relief(random)
-    slope = np.diff(rough, axis=1) / 0.02
-    assert np.degrees(np.sqrt(np.mean(slope**2))) == pytest.approx(0.3, rel=1e-6)
-    unit = np.concatenate([campaign.smooth_noise(random, (2,), 0.08) for _ in range(60)])
-    assert np.std(unit) == pytest.approx(1.0, abs=0.06)
-    four = np.mean(unit[:, 4:] * unit[:, :-4])
-    assert four == pytest.approx(np.exp(-0.5), abs=0.08)
-
-
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
     """Three sets of half a second: an effect, a soft differential, a bent ground."""

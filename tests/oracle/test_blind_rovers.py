@@ -108,6 +108,7 @@ def test_at_rest_the_ground_carries_its_weight(name):
         assert total[3:6, 0] == pytest.approx([0.0, -built["ahead"] * weight, 0.0], abs=5e-4 * weight)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", OTHERS)
 def test_on_the_flat_its_motors_give_what_the_resistance_takes(name):
     """v = (1 - S) r omega, the torques of all wheels over r are R m g; near 0.05 m/s, S = 0.05."""
@@ -158,7 +159,13 @@ def test_it_drives_as_the_package_does(logs, name):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "effect"),
-    [("heavy", None), ("cart", None), ("cart", MultiPass), ("heavy", PivotFriction), ("heavy", GearFriction)],
+    [
+        ("cart", MultiPass),
+        ("heavy", PivotFriction),
+        pytest.param("heavy", None, marks=pytest.mark.nightly),
+        pytest.param("cart", None, marks=pytest.mark.nightly),
+        pytest.param("heavy", GearFriction, marks=pytest.mark.nightly),
+    ],
 )
 def test_it_drives_as_the_package_does_for_long(logs, name, effect):
     """Over the ramp with a reversal, where axles change their order, and over waves with steering.
@@ -191,11 +198,3 @@ def test_what_is_hidden_has_the_size_of_the_rover():
     for name in hidden.ALL:
         drawn = hidden.ALL[name](np.random.default_rng(1), 3.0)
         assert vehicle.NEXUS6.sized(name, drawn) == drawn
-
-
-def test_a_cart_that_turns_asks_no_duty_beyond_one():
-    steer = np.repeat(np.array([-2.0, 0.0, 2.0])[:, None], 4, axis=1)
-    duty, _ = vehicle.KNOWN["cart"].commands(np.full((3, 6), 0.95), steer)
-    assert np.abs(duty).max() == 1.0
-    assert sorted(duty[0]) == pytest.approx(sorted(duty[2]))
-    assert duty[1] == pytest.approx(0.95)

@@ -9,13 +9,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rover_pin.base.errors import ParameterError
 from rover_pin.base.quantity import quantities
-from rover_pin.contact import Soil, Wheel
-from rover_pin.parameters import NEXUS6_WHEEL, SOILS, TABLE_1, soil_named
-from rover_pin.parameters.bekker import at_width, bekker
+from rover_pin.contact import Soil
+from rover_pin.parameters import NEXUS6_WHEEL, SOILS, TABLE_1
+from rover_pin.parameters.bekker import bekker
 from rover_pin.scenarios.scenario import scenario
-from rover_pin.soil.stress import modulus
 
 DATA = Path(__file__).parents[2] / "studies" / "data"
 
@@ -40,24 +38,6 @@ def test_bekker_s_pressure_is_eq_4_s(k_c, k_phi, n, b, z):
     assert (k_1 + k_2 * b) * (z / b) ** n == pytest.approx((k_c / b + k_phi) * z**n, rel=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("name", "k_c", "k_phi", "n"),
-    [
-        ("dry-sand", 0.99e3, 1528.43e3, 1.1),
-        ("fjs-1", 1.37e3, 814e3, 1.0),
-        ("hit-lss1", 15.6e3, 2407.4e3, 1.1),
-        ("lunar-nominal", 1.4e3, 820e3, 1.0),
-        ("mars-sand", 13.6e3, 2259.1e3, 0.92),
-    ],
-)
-@pytest.mark.parametrize("b", [0.05, 0.2])
-def test_sets_give_the_published_pressure_at_any_width(name, k_c, k_phi, n, b):
-    soil = at_width(SOILS[name], b, NEXUS6_WHEEL.b)
-    pressure = modulus(Wheel(b=b), soil) * (0.01 / b) ** soil.n
-    assert soil.n == n
-    assert pressure == pytest.approx((k_c / b + k_phi) * 0.01**n, rel=1e-12)
-
-
 @pytest.mark.parametrize("name", SOILS)
 def test_every_number_has_a_source_and_is_its_class_default(name):
     soil = SOILS[name]
@@ -65,19 +45,6 @@ def test_every_number_has_a_source_and_is_its_class_default(name):
     assert soil == type(soil)()
     assert all(about.source for about in quantities(soil).values())
     assert list(quantities(soil)) == list(quantities(Soil))
-
-
-@pytest.mark.parametrize("name", SOILS)
-def test_each_set_has_the_bounds_of_every_soil(name):
-    """A k of 10 m is no sand's, whatever its name."""
-    bounds, own = quantities(Soil), quantities(type(SOILS[name]))
-    assert {field: each[2:4] for field, each in own.items()} == {field: each[2:4] for field, each in bounds.items()}
-
-
-def test_an_unknown_name_lists_the_close_ones():
-    with pytest.raises(ParameterError, match=r"'fjs1':.*'fjs-1'"):
-        soil_named("fjs1")
-    assert soil_named("table-1") is TABLE_1
 
 
 def test_small_rover_on_slope_sand_slips_as_measured_wheels_do():

@@ -34,11 +34,6 @@ def test_every_form_drives_and_is_named(form, angles, slip):
     assert trace.attrs["slip_law"].lower().startswith(slip)
 
 
-@pytest.mark.parametrize("soil", ["literature-sand", "dry-sand", "fjs-1", "mars-sand"])
-def test_the_other_soils_carry_the_rover(soil):
-    assert scenario("flat", duration=2.0, soil=soil).drive().attrs["stop"] == "duration"
-
-
 def test_a_rover_with_other_names_and_four_wheels_drives():
     trace = scenario("flat", duration=4.0, rover="cart").drive()
     assert len(trace.wheels) == 4
@@ -53,12 +48,6 @@ def test_a_terrain_from_a_file_with_a_hard_stretch(tmp_path):
     assert hard["sinkage_fl"][-1] < 0.3 * soft["sinkage_fl"][-1]
     with pytest.raises(DataError, match=r"nowhere.csv"):
         scenario("polyline", **{"terrain.path": "nowhere.csv"})
-
-
-def test_a_patch_reaches_to_where_its_end_is_not_given():
-    ahead, behind = (scenario("flat", **{f"patch.{end}": 1.0}).model.terrain for end in ("x_from", "x_to"))
-    assert [int(ahead.ground_at(x, 0.0)) for x in (-50.0, 0.5, 1.5, 50.0)] == [0, 0, 1, 1]
-    assert [int(behind.ground_at(x, 0.0)) for x in (-50.0, 0.5, 1.5, 50.0)] == [1, 1, 0, 0]
 
 
 def test_the_log_of_a_drive_declares_what_made_it(tmp_path):
@@ -102,24 +91,6 @@ def test_straight_drives_keep_the_logs_side_force_turns_do_not():
         scenario("turn", side="shaer")
 
 
-def test_model_file_keeps_its_own_side_force_unless_overridden(tmp_path):
-    write_model(scenario("turn", side="shear").model, tmp_path / "model.toml", "as before")
-    file = str(tmp_path / "model.toml")
-    assert side("cross-slope", model=file) == ({"SideShear"}, [])
-    assert side("cross-slope", model=file, side="combined")[0] == SIDEWAYS
-
-
-def test_shared_strength_holds_small_slip_angles_better():
-    """Drift 3.0 deg in place of 4.0 on 10 deg; straight drives are the same."""
-    drifts = [
-        -scenario("cross-slope", soil="table-1", duration=6.0, side=law).drive()["body_y"][-1]
-        for law in ("combined", "shear")
-    ]
-    assert 0 < drifts[0] < 0.8 * drifts[1]
-    ways = [scenario("flat", duration=2.0, side=law).drive()["body_x"][-1] for law in ("combined", "shear")]
-    assert ways[0] == pytest.approx(ways[1], rel=1e-6)
-
-
 def resistance(**settings):
     return float(scenario("flat", **settings).model.effect(MotionResistance).R)
 
@@ -152,27 +123,12 @@ def test_declared_resistance_stays_and_skidding_wheels_are_noted(tmp_path):
     assert not scenario("flat", duration=0.5, **{**settings, "effect.MotionResistance.R": 0.1}).drive().attrs["notes"]
 
 
-@pytest.mark.parametrize(("k", "form", "slip"), [(0.01, "torque", 0.05), (0.02, "gross", 0.1)])
-def test_the_flat_is_cruised_at_the_slip_that_is_asked_for(k, form, slip):
-    """The wheels' mean, weighted by their loads: each has the same duty, and so its own slip."""
-    trace = scenario("flat", form=form, cruise_slip=slip, duration=6.0, **{"soil.k": k}).drive()
-    mean = np.average(trace.stack("slip")[-1], weights=trace.stack("normal")[-1])
-    assert mean == pytest.approx(slip, abs=3e-3)
-    assert trace.summary()["motion_resistance_R"] == resistance(form=form, cruise_slip=slip, **{"soil.k": k})
-
-
 def test_log_declares_its_resistance_and_the_loop_starts_with_it(tmp_path):
     drive = scenario("flat", duration=1.0, **{"soil.k": 0.01})
     log = read_drive_log(drive.write_log(drive.drive(), tmp_path / "log"))
     assert base_model(log).effect(MotionResistance) == drive.model.effect(MotionResistance)
     undeclared = dataclasses.replace(log, metadata=dataclasses.replace(log.metadata, resistance={}))
     assert float(base_model(undeclared).effect(MotionResistance).R) == resistance(cruise_slip=0.05, **{"soil.k": 0.01})
-
-
-def test_the_net_form_has_no_resistance_beside_its_own():
-    trace = scenario("flat", form="net", duration=0.5).drive()
-    assert trace.summary()["motion_resistance_R"] == 0.0
-    assert trace.summary()["traction_form"] == "net"
 
 
 @pytest.mark.parametrize(
@@ -192,18 +148,6 @@ def test_the_net_form_has_no_resistance_beside_its_own():
 def test_wrong_settings_are_said(settings, words):
     with pytest.raises(ParameterError, match=words):
         scenario("ditch", **settings)
-
-
-def test_a_motor_that_cannot_be_calibrated_is_said():
-    from rover_pin.simulation.model.motor import Motor
-
-    with pytest.raises(ParameterError, match=r"cannot hold 0\.9 N m"):
-        Motor().calibrated(0.55, 1.0, 0.9)
-    made = Motor().calibrated(0.5, 1.2, 0.02)
-    assert made.stall_torque == pytest.approx(Motor().stall_torque)
-    assert made.armature == pytest.approx(Motor().armature)
-    omega = made.no_load_rate * (0.5 - 0.02 / made.stall_torque)
-    assert omega == pytest.approx(1.2)
 
 
 def test_crab_angle_falls_short_with_unsteered_middle_wheels():

@@ -1,4 +1,4 @@
-"""Setting down in one call of the compiled step, against the same method step by step in Python."""
+"""Setting down: from where a wheel touches, to rest or to a slide, or refused."""
 
 from __future__ import annotations
 
@@ -30,20 +30,6 @@ CASES = {
 }
 
 
-@pytest.mark.parametrize("name", CASES)
-def test_one_call_comes_to_the_rest_of_the_method_in_python(name):
-    shape, options, start = CASES[name]
-    model = scenario(shape, soil="table-1", **options).model
-    ends, how = [], []
-    for rest in (relaxed, plain.set_down):
-        state = hovering(model, start)
-        how.append(rest(model, state, start.yaw, False))
-        ends.append(state)
-    assert Rest(how[0]).name == how[1]
-    for part in ("q", "v", "contact", "motor"):
-        assert getattr(ends[0], part) == pytest.approx(getattr(ends[1], part), rel=0.0, abs=1e-11), part
-
-
 def test_every_way_to_stand_is_met():
     found = set()
     for shape, options, start in CASES.values():
@@ -52,12 +38,9 @@ def test_every_way_to_stand_is_met():
     assert found == {Rest.RESTS, Rest.SLIDES}
 
 
-def test_a_rover_that_cannot_stand_is_refused_by_both():
-    model = scenario("flat", soil="table-1").model
-    heavy = model.having(PointMass(m=20.0, shift_x=0.9))
-    state, other = hovering(heavy, Start()), hovering(heavy, Start())
-    assert relaxed(heavy, state, 0.0, False) is Rest.NEVER
-    assert plain.set_down(heavy, other, 0.0, False) == "NEVER"
+def test_a_rover_that_cannot_stand_is_refused():
+    heavy = scenario("flat", soil="table-1").model.having(PointMass(m=20.0, shift_x=0.9))
+    assert relaxed(heavy, hovering(heavy, Start()), 0.0, False) is Rest.NEVER
     with pytest.raises(SimulationError, match=r"does.*settle"):
         settled(heavy, Start())
 

@@ -1,4 +1,4 @@
-"""Parts of the compiled step by themselves: solvers, slopes and energies, each against something that knows no C."""
+"""Parts of the compiled step by themselves, each against something that knows no C."""
 
 import ctypes
 
@@ -15,24 +15,11 @@ from rover_pin.simulation.compiled.kernel import Kernel
 from rover_pin.simulation.compiled.rover_numbers import armed
 from rover_pin.simulation.plain.step import Plain
 from rover_pin.simulation.start.place import Start, settled
-from tests.simulation import plain_relaxation as relaxation
 
 SHARE = "static double implicit_share(const Drive *d) { return 0.5; }\n"
 NEEDED = "lanes.h types.h shared.py drive.h system.h arc.c states.c solve.c configuration.c".split()
 PROBES = """
-int probe_pivoted(integer n, const double *a, double *b) {
-  double A[MAX_DOF][MAX_DOF];
-  for (integer i = 0; i < n; ++i) for (integer j = 0; j < n; ++j) A[i][j] = a[n * i + j];
-  return eliminate_pivoted(n, A, b);
-}
-void probe_states(double half, integer n, const double *a, double *b, integer m, integer stride) {
-  double A[MAX_STATES][MAX_STATES];
-  for (integer i = 0; i < n; ++i) for (integer j = 0; j < n; ++j) A[i][j] = a[n * i + j];
-  implicit_states(half, n, A, b, m, stride);
-}
 void probe_base(double *q, const double *v, double dt) { advance_base(q, v, dt); }
-void probe_turn(double angle, double *out) { turn(angle, out, out + 1); }
-void probe_heading(double *q, double angle) { turn_base(q, angle); }
 void probe_arc(const double *ends, double h, double radius, double n, double *out) {
   const Arc arc = arc_of(h, radius);
   double found[N_ENDS][2];
@@ -53,13 +40,9 @@ def parts():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(toolchain, "FLAGS", ("-O0", *toolchain.FLAGS[1:]))
         made = toolchain.shared_library(text + PROBES, "parts")
-    pointer, integer = ctypes.POINTER(ctypes.c_double), ctypes.c_int64
-    made.probe_pivoted.argtypes = [integer, pointer, pointer]
+    pointer = ctypes.POINTER(ctypes.c_double)
     made.probe_base.argtypes = [pointer, pointer, ctypes.c_double]
-    made.probe_turn.argtypes = [ctypes.c_double, pointer]
-    made.probe_heading.argtypes = [pointer, ctypes.c_double]
     made.probe_arc.argtypes = [pointer, *[ctypes.c_double] * 3, pointer]
-    made.probe_states.argtypes = [ctypes.c_double, integer, pointer, pointer, integer, integer]
     return made
 
 
@@ -135,23 +118,3 @@ def test_wheels_held_to_a_rate_have_it_and_what_it_takes_is_told(kind):
     before = state.v[wheels].copy()
     assert stepper.step() == 0
     assert state.v[wheels] == pytest.approx(before, abs=1e-6), "held on"
-
-
-@pytest.mark.parametrize("name", ["flat", "cross-slope", "ditch"])
-def test_a_rover_in_hand_comes_to_rest_as_newton_does(name):
-    """A step far longer than any motion solves Q + K dq = 0: with the true stiffness what is left falls with the square
-    of what there was; with one that is a tenth off, a tenth is left."""
-    model = scenario(name).model
-    left = []
-    for lift in (2e-4, 1e-4, 5e-5):
-        state = settled(model, Start())
-        held = relaxation.Relaxation(model, state, 0.0, False)
-        held._lock(relaxation.SLIDE)
-        held._relax(relaxation.IN_HAND)
-        rest = state.q.copy()
-        state.q[2] -= lift
-        held._step(1e3, relaxation.IN_HAND)
-        left.append(float(np.abs(state.q - rest).max()) / lift)
-    assert left[0] < 0.05
-    assert left[1] / left[0] == pytest.approx(0.5, abs=0.15)
-    assert left[2] / left[1] == pytest.approx(0.5, abs=0.15)

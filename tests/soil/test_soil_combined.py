@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import quad
 
 from rover_pin.contact import Soil, Wheel
-from rover_pin.soil.combined import combined_forces, sideways_ratio
+from rover_pin.soil.combined import combined_forces
 from rover_pin.soil.traction import wheel_forces
 
 WHEEL, SOIL = Wheel(r=0.0625, b=0.06), Soil(k=0.008, phi=0.4, c=50.0, n=1.2, k_1=8e4)
@@ -53,15 +53,6 @@ def test_a_wheel_that_runs_straight_is_the_straight_one(S):
     assert tuple(found.along) == pytest.approx(tuple(wheel_forces(S, ENTRY, EXIT, WHEEL, SOIL)), rel=1e-9)
 
 
-def test_side_force_is_odd_and_takes_thrust_away():
-    left, right = (combined_forces(0.2, y, (ENTRY, EXIT), WHEEL, SOIL) for y in (0.3, -0.3))
-    assert left.f_y == pytest.approx(-right.f_y)
-    assert left.moment == pytest.approx(-right.moment)
-    assert left.f_y < 0.0
-    assert left.along.thrust == pytest.approx(right.along.thrust)
-    assert left.along.thrust < wheel_forces(0.2, ENTRY, EXIT, WHEEL, SOIL).thrust
-
-
 def test_the_resultant_keeps_to_the_strength():
     """int |tau| is at most int c + sigma tan phi; at large displacement it is that."""
     most = (
@@ -78,8 +69,3 @@ def test_the_resultant_keeps_to_the_strength():
             found = combined_forces(float(S), y, (ENTRY, EXIT), WHEEL, SOIL)
             assert math.hypot(found.along.torque / 0.0625, found.f_y) <= most * (1 + 1e-6)
     assert combined_forces(0.0, 1e3, (ENTRY, EXIT), WHEEL, SOIL).f_y == pytest.approx(-most, rel=1e-3)
-
-
-def test_side_displacement_of_a_braked_wheel_is_longer():
-    assert sideways_ratio(0.4, 0.3) == 0.3
-    assert sideways_ratio(-0.5, 0.3) == pytest.approx(0.6)

@@ -56,8 +56,3 @@ def test_a_deeper_rut_costs_more_under_the_same_load(n, rise, h):
     ours = float(sinking_resistance(h, WHEEL, Soil(n=n + rise), Soil(n=n)))
     assert expected > 0.0
     assert ours == pytest.approx(expected, abs=2.5e-3 * load)
-
-
-def test_same_soil_adds_no_resistance_and_a_stiffer_gives_none():
-    assert float(sinking_resistance(0.008, WHEEL, Soil(), Soil())) == 0.0
-    assert float(sinking_resistance(0.008, WHEEL, Soil(), Soil(n=1.2))) == 0.0

@@ -8,7 +8,6 @@ import pytest
 from rover_pin.contact import Soil, Wheel
 from rover_pin.soil.curves import traction_curves
 from rover_pin.soil.passive import passive
-from rover_pin.soil.sinkage import entry_angle
 from rover_pin.soil.traction import load_traction_factor
 
 ROOT_3 = math.sqrt(3.0)
@@ -44,10 +43,3 @@ def test_curves_cover_every_k_all_slips_and_a_given_exponent():
     assert own[37] == load_traction_factor(0.37, soil, Wheel())
     assert other[37] == load_traction_factor(0.37, soil.replace(n=0.7), Wheel())
     assert own[37] != other[37]
-
-
-def test_a_lifted_wheel_stands_as_under_the_least_load():
-    """It is solved for sqrt(W^2 + (1e-6 N)^2), and theta_1 goes as the load to the 1 / (2 n + 1)."""
-    lifted, least = (entry_angle(load, 0.0, Wheel(), Soil(n=1.0)) for load in (0.0, 1e-6))
-    assert lifted == pytest.approx(least * 2 ** (-1.0 / 6.0), rel=1e-6)
-    assert entry_angle(1e-6, 0.0, Wheel(), Soil()) < 0.01 * entry_angle(10.0, 0.0, Wheel(), Soil())

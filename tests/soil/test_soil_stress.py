@@ -2,14 +2,12 @@
 
 import math
 
-import casadi as ca
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from rover_pin.contact import Soil, Wheel
 from rover_pin.soil.angles import SinkageAngles
-from rover_pin.soil.peak_stress import PeakAngle
 from rover_pin.soil.sinkage import sinkage
 from rover_pin.soil.stress import mobilised
 from rover_pin.soil.traction import wheel_forces
@@ -38,18 +36,3 @@ def test_sinkage_angles_invert_eq_5(theta_1):
     soil = Soil()
     found = SinkageAngles().angles(sinkage(theta_1, WHEEL), WHEEL, soil)
     assert found == pytest.approx((theta_1, -soil.exit_ratio * theta_1), rel=1e-9)
-
-
-def test_sinkage_angles_are_finite_above_soil_and_past_the_axle():
-    assert 0 < SinkageAngles().angles(-0.01, WHEEL, Soil())[0] < 1e-5
-    assert SinkageAngles().angles(1.0, WHEEL, Soil())[0] == pytest.approx(math.pi / 2)
-    h = ca.SX.sym("h")
-    slope = ca.Function("f", [h], [ca.jacobian(SinkageAngles().angles(h, WHEEL, Soil())[0], h)])
-    assert all(math.isfinite(float(slope(value))) for value in (-0.01, 0.0, 0.01, 0.2))
-
-
-def test_stress_peak_moves_forwards_with_slip_per_entry_angle():
-    """theta_m = (a_0 + a_1 S) theta_1, Wong and Reece: 0.40 theta_1 at rest and 0.55 theta_1 at S = 1 by default."""
-    assert PeakAngle().at(0.0, 0.7) == pytest.approx(0.4 * 0.7)
-    assert PeakAngle().at(1.0, 0.7) == pytest.approx(0.55 * 0.7)
-    assert PeakAngle(a_0=0.3, a_1=-0.2).at(-0.5, 0.6) == pytest.approx(0.4 * 0.6)

@@ -81,7 +81,7 @@ def test_certified_forces_equal_a_30_digit_integral_to_1e_10(corner):
 @pytest.mark.slow
 def test_certified_forces_equal_a_30_digit_integral_over_the_box():
     rng = np.random.default_rng(7)
-    for _ in range(120):
+    for _ in range(50):
         at_corner = rng.random(7) < 0.3
         n = rng.choice([0.3, 1.6]) if at_corner[0] else rng.uniform(0.3, 1.6)
         theta_1 = DEG * (rng.choice([2, 70]) if at_corner[1] else rng.uniform(2, 70))
@@ -208,31 +208,6 @@ def test_small_k_gives_full_shear_and_large_k_goes_as_one_over_k():
     assert looser == pytest.approx(loose / 2.0, rel=0.05)
 
 
-def test_a_locked_wheel_shears_fully_against_the_travel():
-    sheared = forces(0.6, -0.1, full_shear, WHEEL, SOIL, entry_graded(48))
-    locked = certified_forces(-1.0, 0.6, -0.1, WHEEL, SOIL)
-    assert locked.torque == pytest.approx(-sheared.torque, rel=1e-12)
-    assert locked.thrust == pytest.approx(-sheared.thrust, rel=1e-12)
-
-
-def test_a_symmetric_arc_has_no_compaction_resistance():
-    found = wheel_forces(0.2, 0.5, -0.5, WHEEL, SOIL)
-    assert abs(found.compaction) < 1e-15
-    assert found.f_t == pytest.approx(found.thrust)
-
-
-def test_the_exit_angle_is_held_where_the_arc_ends():
-    assert wheel_forces(0.2, 0.3, -0.9, WHEEL, SOIL) == wheel_forces(0.2, 0.3, -0.3, WHEEL, SOIL)
-
-
-@given(st.floats(-0.99, 1.0), st.floats(-0.99, 1.0))
-@settings(max_examples=40, deadline=None)
-def test_torque_grows_with_slip(S_1, S_2):
-    low, high = sorted((S_1, S_2))
-    first, second = (certified_forces(S, 0.6, -0.1, WHEEL, SOIL, nodes=24).torque for S in (low, high))
-    assert first <= second + 1e-9
-
-
 def symbolic(function):
     """The five forces as a compiled function of S, theta_1, theta_2, r, b, c, phi, k, k_1, k_2, n."""
     x = [ca.SX.sym(name) for name in ("S", "theta_1", "theta_2", "r", "b", "c", "phi", "k", "k_1", "k_2", "n")]
@@ -279,18 +254,6 @@ def test_derivatives_equal_central_differences(point):
         difference = (np.array(at_numbers(wheel_forces, up)) - np.array(at_numbers(wheel_forces, down))) / (2 * step)
         size = scale / max(abs(value), 1e-2)
         assert jacobian[:, i] == pytest.approx(difference, rel=2e-6, abs=2e-7 * size), i
-
-
-@pytest.mark.parametrize("point", [*POINTS, [0.0, 0.6, -0.6, 0.045, 0.05, 0.0, 0.5, 0.05, 5e4, 0.0, 0.4]])
-def test_derivatives_are_finite(point):
-    assert np.isfinite(np.array(symbolic(wheel_forces)(point)[1])).all()
-
-
-def test_expression_is_small_enough_to_compile():
-    x = [ca.SX.sym(f"x_{i}") for i in range(11)]
-    soil = Soil(c=x[5], phi=x[6], k=x[7], k_1=x[8], k_2=x[9], n=x[10])
-    f = ca.Function("f", x, list(wheel_forces(*x[:3], Wheel(x[3], x[4]), soil)))
-    assert f.n_instructions() < 774
 
 
 @pytest.mark.parametrize("S", [0.0, 0.3, 1.0])
@@ -345,21 +308,6 @@ def test_peak_stress_is_the_papers_for_a_symmetric_arc():
     assert list(peaked) == pytest.approx(list(plain), rel=1e-9, abs=1e-9 * plain.f_n)
 
 
-def test_peak_stress_takes_symbols():
-    S = ca.SX.sym("S")
-    f = ca.Function("f", [S], list(peak_stress_forces(S, (0.6, PeakAngle().at(S, 0.6), -0.1), WHEEL, SOIL)))
-    found = peak_stress_forces(0.2, (0.6, PeakAngle().at(0.2, 0.6), -0.1), WHEEL, SOIL)
-    assert [float(part) for part in f(0.2)] == pytest.approx(list(found), rel=1e-12)
-
-
-def test_forms_are_what_their_names_say():
-    found = wheel_forces(0.3, 0.6, -0.1, WHEEL, SOIL)
-    assert FORMS["net"].factor(found, WHEEL, 0.3) == found.f_t / found.f_n
-    assert FORMS["torque"].factor(found, WHEEL, 0.3) == found.torque / (WHEEL.r * found.f_n)
-    assert FORMS["gross"].factor(found, WHEEL, 0.3) == found.thrust / found.f_n
-    assert [form.name for form in FORMS.values()] == list(FORMS)
-
-
 @pytest.mark.parametrize(
     ("S", "torque", "expected"),
     [
@@ -379,15 +327,6 @@ def test_no_form_pulls_more_than_its_torque_pays_for(S, torque, expected):
     wheel = Wheel(r=0.1)
     assert {name: form.factor(given_by, wheel, S) for name, form in FORMS.items()} == pytest.approx(expected)
     assert pull_of_shear(torque, wheel, S) == pytest.approx(2.0 * expected["torque"])
-
-
-def test_factor_uses_the_net_form_and_soil_angles_by_default():
-    found = wheel_forces(0.3, SOIL.theta_1, SOIL.theta_2, WHEEL, SOIL)
-    assert load_traction_factor(0.3, SOIL, WHEEL) == found.f_t / found.f_n
-    assert load_traction_factor(0.3, SOIL, WHEEL, NetTraction(), SinkageAngles()) == pytest.approx(
-        found.f_t / found.f_n, rel=1e-12
-    )
-    assert FixedAngles().angles(0.1, WHEEL, SOIL) == (SOIL.theta_1, SOIL.theta_2)
 
 
 @pytest.mark.parametrize("rule", [entry_graded, both_graded, cubic_graded])

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from rover_pin.soil.slip import against_travel, drift, positive_part, pushed_aside, spinning
+from rover_pin.soil.slip import against_travel, pushed_aside, spinning
 
 
 @pytest.mark.parametrize(("rim", "degrees"), [(0.03, 30.0), (0.05, 45.0), (0.2, 60.0), (0.0, 15.0), (0.05, 89.0)])
@@ -28,20 +28,9 @@ def test_a_share_of_it_lies_between_the_heading_and_the_travel():
     assert 0.8 / (1 + half) == pytest.approx((1.0 + 0.8 / (1 + whole)) / 2)
 
 
-def test_drift_is_the_way_aside_per_way_ahead():
-    assert float(drift(0.6, 0.2)) == pytest.approx(0.2 / math.hypot(0.4, 0.02))
-    assert float(drift(-0.5, -0.3)) == pytest.approx(-0.3 / math.hypot(1.0, 0.02))
-    assert float(drift(1.0, 0.0)) == 0.0
-
-
 def test_a_wheel_pushed_aside_does_not_spin():
     """1 - V / r omega of the greater of v and v_y: of a slip of 1 with v_y as fast as the rim nothing is left."""
     assert float(spinning(0.7, 0.1)) == pytest.approx(0.7, rel=1e-4)
     assert float(spinning(1.0, 0.4)) == pytest.approx(0.6, rel=1e-6)
     assert float(spinning(1.0, 3.0)) == 0.0
     assert float(spinning(-0.5, 0.3)) == 0.0
-
-
-@pytest.mark.parametrize(("S", "expected"), [(-0.5, 0.0), (-0.01, 0.0), (0.0, 0.0025), (0.005, 0.005625), (0.3, 0.3)])
-def test_the_corner_of_a_positive_part_is_a_parabola(S, expected):
-    assert float(positive_part(S)) == pytest.approx(expected, abs=1e-15)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import importlib
 import re
 import sys
@@ -252,15 +251,6 @@ def test_what_motors_cannot_reach_is_said_and_not_obeyed(start):
     (said,) = graph.said
     assert "cmd_vel is not obeyed: a wheel would have to turn at" in said
     assert graph.last("odom").twist.twist.linear.x > 0.01
-
-
-def test_a_drive_that_is_over_is_said_and_the_node_is_silent(start):
-    graph = start()
-    graph.node.model = dataclasses.replace(graph.node.model, buried=0.05)
-    graph.run(1.0)
-    (said,) = graph.said
-    assert said.startswith("the drive is over: buried")
-    assert not graph.sent
 
 
 def bag(graph, folder):

@@ -34,30 +34,6 @@ def test_side_force_carries_the_slopes_share_of_the_weight(across):
         assert row["side_over_load"] == pytest.approx(np.tan(np.radians(10.0)), rel=0.1)
 
 
-def test_a_crab_points_all_steered_wheels_one_way(study):
-    trace = study.driven("crab", (), 2.0)
-    steered = [trace[f"steer_{name}"][-1] for name in ("fl", "fr", "rl", "rr")]
-    assert steered == pytest.approx([np.radians(20.0)] * 4, abs=0.02)
-
-
-def test_drawn_drift_across_a_slope_is_downhill_to_the_left(study):
-    trace = study.driven("across", (), 4.0)
-    along, drift = study.seen("across", trace)
-    assert 0.1 < along[-1] < 0.3
-    assert 1e-3 * drift[-1] / along[-1] == pytest.approx(np.tan(np.radians(3.95)), rel=0.2)
-    assert "falls to the left" in " ".join(study.__doc__.split())
-
-
-def test_each_panel_is_titled_and_its_axes_have_units(study):
-    figure = study.draw(
-        {(way, name): study.driven(way, (), 1.0) for way in study.WAYS for name in list(study.LAWS)[:1]}
-    )
-    for axes in figure.axes:
-        assert axes.get_title()
-        assert "[" in axes.get_xlabel()
-        assert "[" in axes.get_ylabel()
-
-
 def test_a_skid_on_sand_that_softens_digs_in_and_turns_less(study):
     """Held side speeds turn the cart on; where slip and drift soften the sand it sinks to 48 mm and is slow."""
     firm, soft = (study.driven("skid", study.LAWS[name], 17.0) for name in list(study.LAWS)[-2:])

@@ -5,7 +5,6 @@ import importlib
 import itertools
 from pathlib import Path
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 import pytest
@@ -85,28 +84,6 @@ def test_a_braked_wheel_askew_is_predicted_from_the_others(study):
     assert law[2:5] == pytest.approx((1.7, 1.6, 1.3), rel=0.15)
     assert process[3] > 4.0
     assert process[4] > 3.0
-
-
-def test_the_bars_are_the_tables_errors_in_one_unit(study):
-    """One bar a law and set, as long as its error of all channels in their noise; a label says each."""
-    rows = pd.read_csv(ROOT / "studies" / "results" / "wheel_laws.csv")
-    figure = study.draw_error_bars(rows)
-    (axis,) = figure.axes
-    sds = rows.set_index(["set", "law"])["in_sds"]
-    of = lambda name, *laws: [sds[name, law] for law in laws]  # noqa: E731
-    expected = [
-        *of("braked", "base", "ploughing", "quadratic", "Gaussian process", study.AUTHORS),
-        *of("one sand: braked", "+ grip of lugs + rate"),
-        *of("both signs", "base", "softening + ploughing", "quadratic", "Gaussian process", study.AUTHORS),
-    ]
-    for name, own in (("braked", expected[:6]), ("both signs", expected[6:])):
-        at = list(study.REACH).index(name)
-        bars = [each for each in axis.patches if abs(each.get_y() + each.get_height() / 2 - at) < 0.5]
-        assert sorted(each.get_width() for each in bars) == pytest.approx(sorted(own))
-    assert len(axis.patches) == 5 * len(study.REACH) - 1 + 7
-    assert {each.get_text() for each in axis.texts} >= {f"{each:.1f}" for each in expected}
-    assert "SD" in axis.get_xlabel()
-    plt.close(figure)
 
 
 @pytest.mark.nightly

@@ -1,6 +1,5 @@
 """The same study on a Dask cluster of one scheduler and one worker on this machine."""
 
-import importlib
 import os
 import signal
 import socket
@@ -16,7 +15,7 @@ import pytest
 
 import rover_pin
 import rover_pin.base.jobs.cluster
-from rover_pin.base.errors import MissingExtraError, ParameterError, SimulationError
+from rover_pin.base.errors import MissingExtraError, SimulationError
 from rover_pin.sweep import Range, Sobol, Study, Values, collect, sweep
 from rover_pin.sweep.store import RESULTS
 
@@ -119,36 +118,6 @@ def test_a_case_that_kills_its_worker_is_a_row_with_its_reason(tmp_path, monkeyp
         table = sweep(STUDY, tmp_path / "out", scheduler=address, case_function=deadly).table
     assert table["error"][5].startswith("KilledWorker: ")
     assert table["x"].notna().sum() >= 14
-
-
-@pytest.mark.slow
-def test_workers_that_lack_the_function_are_told(tmp_path, monkeypatch):
-    (tmp_path / "only_here.py").write_text("def drive(study, case):\n    return {}\n")
-    monkeypatch.syspath_prepend(tmp_path)
-    only_here = importlib.import_module("only_here")
-    with cluster(tmp_path) as (address, _), pytest.raises(SimulationError, match=r"'only_here'\): install"):
-        sweep(STUDY, tmp_path / "out", scheduler=address, case_function=only_here.drive)
-
-
-@pytest.mark.slow
-def test_a_scheduler_without_workers_is_told(tmp_path, monkeypatch):
-    pytest.importorskip("distributed")
-    monkeypatch.setattr(rover_pin.base.jobs.cluster, "START_SECONDS", 4)
-    with scheduler() as (address, _), pytest.raises(ParameterError, match="`dask worker"):
-        sweep(STUDY, tmp_path / "out", scheduler=address, case_function=stub())
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "address",
-    [f"tcp://127.0.0.1:{free_port()}", "127.0.0.1", "nonsense://x", "tcp://127.0.0.1:no"],
-    ids=["nobody listens", "no port", "no such protocol", "port is no number"],
-)
-def test_unresponsive_scheduler_is_reported_before_dask_starts(tmp_path, monkeypatch, address):
-    distributed = pytest.importorskip("distributed")
-    monkeypatch.setattr(distributed, "Client", lambda *_, **__: pytest.fail("Dask was started"))
-    with pytest.raises(ParameterError, match="`dask scheduler`"):
-        sweep(STUDY, tmp_path / "out", scheduler=address, case_function=stub())
 
 
 def test_a_missing_dask_is_told_with_the_command(tmp_path, monkeypatch):

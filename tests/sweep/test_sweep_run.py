@@ -4,7 +4,6 @@ import csv
 import dataclasses
 import io
 import json
-import math
 import os
 import re
 import signal
@@ -180,17 +179,6 @@ def test_damaged_files_are_named(tmp_path):
         collect(tmp_path / "out")
 
 
-@pytest.mark.parametrize("workers", [0, -1, 1.5, True])
-def test_workers_are_a_positive_number(tmp_path, workers):
-    with pytest.raises(ParameterError, match=f"workers = {workers}"):
-        sweep(STUDY, tmp_path / "out", workers=workers, case_function=stub())
-
-
-def test_workers_and_scheduler_exclude_each_other(tmp_path):
-    with pytest.raises(ParameterError, match=r"workers.*scheduler"):
-        sweep(STUDY, tmp_path / "out", workers=1, scheduler="tcp://127.0.0.1:8786")
-
-
 def test_a_function_that_cannot_travel_is_told(tmp_path):
     with (tmp_path / "log").open("w") as log, pytest.raises(ParameterError, match=r"cannot.*processes"):
         sweep(STUDY, tmp_path / "out", workers=2, case_function=lambda study, case: {"x": log.write("")})
@@ -218,22 +206,6 @@ def test_what_the_machine_lacks_stops_the_sweep_and_is_no_result(tmp_path, worke
     with pytest.raises(MissingExtraError, match=r"No C compiler found"):
         sweep(STUDY, tmp_path / "out", workers=workers, case_function=lacking)
     assert collect(tmp_path / "out").empty
-
-
-def test_odd_outcomes_lose_nothing(tmp_path):
-    odd = [1, "stuck", None, np.float64(2.5), math.inf, True]
-    study = Study("odd", "stub", {"a": Values(range(6))}, Grid())
-    table = sweep(study, tmp_path / "out", workers=1, case_function=lambda _, case: {"x": odd[case.index]}).table
-    assert table["error"].isna().all()
-    assert [None if pd.isna(x) else x for x in table["x"]] == ["1.0", "stuck", None, "2.5", "inf", "True"]
-
-
-def test_workers_compute_with_one_thread(tmp_path):
-    def threads(study, case):
-        return {name: os.environ.get(name, "unset") for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")}
-
-    table = sweep(STUDY, tmp_path / "out", workers=2, case_function=threads).table
-    assert set(table["OMP_NUM_THREADS"]) == set(table["OPENBLAS_NUM_THREADS"]) == {"1"}
 
 
 @pytest.mark.slow
@@ -293,20 +265,6 @@ def test_a_killed_sweep_resumes_to_the_same_table(tmp_path):
         assert "killed: 32 of 32 cases" in told
     assert files(tmp_path / "killed") == files(tmp_path / "whole")
     assert json.loads((tmp_path / "whole" / "study.json").read_text())["plan"] == {"kind": "Sobol", "cases": 32}
-
-
-def test_importing_the_sweep_loads_nothing_heavy():
-    heavy = ("pandas", "pyarrow", "joblib", "scipy.stats", "rich", "distributed", "pinocchio")
-    code = f"import sys, rover_pin.sweep; print([name for name in {heavy!r} if name in sys.modules])"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "[]"
-
-
-def test_sobol_study_runs_with_repeats(tmp_path):
-    study = Study("repeated", "stub", {"a": Range(0.0, 1.0)}, Sobol(4), repeats=2)
-    table = sweep(study, tmp_path / "out", workers=1, case_function=lambda _, case: {"noise": case.seed / 2**53}).table
-    assert list(table["repeat"]) == [0, 1] * 4
-    assert table["noise"].nunique() == 8
 
 
 class Terminal(io.StringIO):

@@ -6,7 +6,7 @@ import math
 import pytest
 
 from rover_pin.base.errors import DataError, ParameterError
-from rover_pin.sweep import Grid, LatinHypercube, LogRange, Range, Sobol, Study, Values, read_study
+from rover_pin.sweep import Grid, LatinHypercube, LogRange, Range, Study, Values, read_study
 
 STUDY = Study("trial", "ditch", {"a": Values([1, 2]), "b": Range(0.0, 1.0)}, Grid(3))
 
@@ -45,28 +45,12 @@ def test_a_seed_comes_from_the_case_and_not_from_its_place():
     assert small.items() <= large.items()
 
 
-def test_another_root_seed_or_setting_gives_other_seeds():
-    for other in (changed(STUDY, seed=1), changed(STUDY, settings={"gravity": 1.62}), changed(STUDY, duration=5.0)):
-        assert not set(seeds(STUDY).values()) & set(seeds(other).values())
-
-
-def test_whole_numbers_and_floats_are_one_case():
-    floats = changed(STUDY, parameters={"a": Values([1.0, 2.0]), "b": Range(0, 1)})
-    assert [case.key for case in floats.cases()] == [case.key for case in STUDY.cases()]
-
-
 def test_a_point_drawn_twice_counts_as_a_repeat():
     study = changed(STUDY, parameters={"a": Values([1, 2])}, plan=LatinHypercube(6))
     assert sorted((case.values["a"], case.repeat) for case in study.cases()) == [
         (a, n) for a in (1, 2) for n in range(3)
     ]
     assert len({case.seed for case in study.cases()}) == 6
-
-
-def test_repeats_follow_one_another():
-    cases = changed(STUDY, repeats=3).cases()
-    assert [case.index for case in cases] == list(range(18))
-    assert [case.repeat for case in cases[:4]] == [0, 1, 2, 0]
 
 
 @pytest.fixture
@@ -90,14 +74,6 @@ def test_a_file_gives_the_study_in_si_units(written):
     assert study.parameters["soil.k"] == LogRange(1e-3, 1e-1)
     assert study.parameters["soil.phi"].values == pytest.approx((math.pi / 6, math.pi / 5))
     assert len(study.cases()) == 3 * 3 * 2 * 2
-
-
-@pytest.mark.parametrize(
-    ("entry", "plan"),
-    [('{ kind = "sobol", cases = 8 }', Sobol(8)), ('{ kind = "latin-hypercube", cases = 9 }', LatinHypercube(9))],
-)
-def test_a_file_names_its_plan(written, entry, plan):
-    assert read_study(written(TOML.replace('{ kind = "grid", points = 3 }', entry))).plan == plan
 
 
 @pytest.mark.parametrize(

@@ -25,12 +25,6 @@ def test_polyline_there_and_back(tmp_path):
     assert from_polyline(to_polyline(tmp_path / "new" / "bump.csv", terrain.profiles[0])) == terrain
 
 
-def test_polyline_with_comments_and_without_ground(write):
-    terrain = from_polyline(write("# surveyed\nz_m, x_m\n\n0.0,0\n0.1,1\n"))
-    assert terrain.height(0.5, 0.0) == pytest.approx(0.05)
-    assert terrain.ground_indices == {0}
-
-
 def test_polyline_from_parquet(tmp_path):
     pandas = pytest.importorskip("pandas")
     path = tmp_path / "ground.parquet"
@@ -41,19 +35,6 @@ def test_polyline_from_parquet(tmp_path):
 def test_grid_there_and_back(tmp_path):
     terrain = shapes.with_ground(shapes.hills(1), 1.0, 2.0, 1)
     assert from_grid(to_grid(tmp_path / "hills.npz", terrain)) == terrain
-
-
-def test_grid_from_rows_in_any_order(write):
-    rng = np.random.default_rng(0)
-    points = [(0.1 + i / 3, j * 0.25 - 1.0, rng.random(), i + j) for i in range(4) for j in range(3)]
-    rng.shuffle(points)
-    text = "x_m,y_m,z_m,ground\n" + "".join(f"{x:.5f},{y},{z!r},{int(g)}\n" for x, y, z, g in points)
-    terrain = from_grid(write(text))
-    assert terrain.z.shape == (4, 3)
-    assert terrain.extent == pytest.approx((0.1, 1.1, -1.0, -0.5))
-    for x, y, z, _ in points:
-        assert terrain.height(x, y) == pytest.approx(z, abs=1e-4)
-    assert terrain.ground.tolist() == [[0, 1], [1, 2], [2, 3]]
 
 
 @pytest.mark.parametrize(
@@ -101,11 +82,6 @@ def test_polyline_refusals(write, text, says):
 def test_grid_refusals(write, text, says):
     with pytest.raises(DataError, match=re.escape(says)):
         from_grid(write(text))
-
-
-def test_a_grid_of_another_ending_is_read_as_rows(write):
-    rows = "x_m,y_m,z_m\n0,0,0\n0,1,0\n1,0,0.5\n1,1,0\n"
-    assert from_grid(write(rows, "ground.txt")) == from_grid(write(rows))
 
 
 def test_coordinates_reach_a_kilometre(write):
@@ -159,16 +135,3 @@ def test_files_that_are_not_there_or_something_else(tmp_path, write):
     (tmp_path / "latin.csv").write_bytes(b"x_m,z_m\n0,\xe9\n")
     with pytest.raises(DataError, match=r"column 'z_m'.*'é'"):
         from_polyline(tmp_path / "latin.csv")
-
-
-def test_a_file_that_cannot_be_written(tmp_path, write):
-    blocked = write("", "file") / "inside.csv"
-    with pytest.raises(DataError, match=r"cannot.*written"):
-        to_polyline(blocked, shapes.flat().profiles[0])
-    assert [entry.name for entry in tmp_path.iterdir()] == ["file"]
-
-
-def test_a_grid_that_lacks_an_array_is_told_what_a_grid_has(tmp_path):
-    np.savez(tmp_path / "mine.npz", x=np.arange(3.0), y=np.arange(3.0), z=np.zeros((3, 3)))
-    with pytest.raises(DataError, match=r"'x0',.*x0, y0"):
-        from_grid(tmp_path / "mine.npz")

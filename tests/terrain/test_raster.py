@@ -1,12 +1,10 @@
 """Heights as pixels: three formats give one ground, where the file says it lies; what says too little is refused."""
 
-import sys
-
 import numpy as np
 import pytest
 from PIL import Image
 
-from rover_pin.base.errors import DataError, MissingExtraError
+from rover_pin.base.errors import DataError
 from rover_pin.terrain.files import from_grid
 from rover_pin.terrain.roughness import slope_and_roughness
 from rover_pin.terrain.shapes import cross_slope
@@ -48,26 +46,6 @@ def test_a_geotiff_is_the_ground_of_its_array(tmp_path, geotiff):
     assert terrain == from_grid(npy(tmp_path), cell=CELL)
     assert terrain == from_grid(geotiff(crs="+proj=eqc +R=1737400 +units=m"))  # of the Moon
     assert terrain.z.min() == 0.0
-
-
-def test_a_geotiff_lies_as_its_coordinates_say(geotiff):
-    rasterio = pytest.importorskip("rasterio")
-    file = geotiff()
-    terrain = from_grid(file)
-    with rasterio.open(file) as dataset:
-        east, north = (0.5 * (dataset.bounds[i] + dataset.bounds[i + 2]) for i in (0, 1))
-        for x, y in ((-3.2, 1.1), (5.0, -2.7), (0.1, 0.1)):
-            row, column = dataset.index(east + x, north + y)
-            at = dataset.xy(row, column)
-            assert terrain.height(at[0] - east, at[1] - north) == pytest.approx(HEIGHTS[row, column] - HEIGHTS.min())
-
-
-@pytest.mark.parametrize(("kind", "white"), [(np.uint8, 255), (np.uint16, 65535)])
-def test_a_picture_is_within_half_a_step_of_grey(tmp_path, kind, white):
-    relief = float(np.ptp(HEIGHTS))
-    pixels = np.round((HEIGHTS - HEIGHTS.min()) / relief * white).astype(kind)
-    terrain = from_grid(grey(tmp_path, pixels), cell=CELL, relief=relief)
-    assert np.abs(terrain.z - from_grid(npy(tmp_path), cell=CELL).z).max() <= 0.5001 * relief / white
 
 
 def test_scaled_numbers_are_heights(tmp_path, geotiff):
@@ -121,12 +99,6 @@ def test_files_that_are_refused(tmp_path, geotiff):
     ):
         with pytest.raises(DataError, match=says):
             from_grid(path, **given)
-
-
-def test_without_rasterio_it_says_what_to_install(tmp_path, monkeypatch):
-    monkeypatch.setitem(sys.modules, "rasterio", None)
-    with pytest.raises(MissingExtraError, match=r"rover-pin\[dem\]"):
-        from_grid(tmp_path / "dem.tif")
 
 
 def test_a_plane_has_its_slope_and_no_roughness():

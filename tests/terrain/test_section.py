@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from rover_pin.terrain.profile import Profile
 from rover_pin.terrain.section import _patches_of, lane_share, strips, wheel_frame
 from rover_pin.terrain.section import patches as patches_and_sinkage
-from rover_pin.terrain.shapes import ditch, flat, incline, one_sided_bump
+from rover_pin.terrain.shapes import ditch, flat, incline
 from rover_pin.terrain.terrain import HeightGrid, Lanes
 
 R, B = 0.045, 0.05
@@ -23,19 +23,6 @@ def patches(*given):
 
 def upright(x, z, yaw=0.0, y=0.0):
     return wheel_frame(np.array([x, y, z]), np.array([-math.sin(yaw), math.cos(yaw), 0.0]))
-
-
-@pytest.mark.parametrize("yaw", [0.0, 0.6, -2.1, 2.6])
-@pytest.mark.parametrize("lean", [0.0, 0.9, -0.4])
-def test_a_wheel_s_frame_is_upright_in_its_plane(yaw, lean):
-    """Of unit vectors at right angles to the axle `up` is the one that is highest; forward is level."""
-    axle = np.array([-math.sin(yaw) * math.cos(lean), math.cos(yaw) * math.cos(lean), math.sin(lean)])
-    frame = wheel_frame(np.zeros(3), axle)
-    assert np.array([frame.forward, axle, frame.up]) @ np.array([frame.forward, axle, frame.up]).T == pytest.approx(
-        np.eye(3), abs=1e-12
-    )
-    assert frame.up[2] == pytest.approx(math.cos(lean))
-    assert frame.forward == pytest.approx([math.cos(yaw), math.sin(yaw), 0.0], abs=1e-12)
 
 
 def resultant(found):
@@ -64,34 +51,6 @@ def brute_force(corners, centre, count=40001):
     return np.trapezoid(depth[:, None] * inward, theta, axis=0)
 
 
-def test_flat_ground_is_one_whole_patch():
-    (patch,) = patches(flat(), upright(0.3, R - 0.006), R, B, [1.0])
-    assert (patch.share, patch.tilt) == (1.0, 0.0)
-    assert patch.h == pytest.approx(0.006, abs=1e-15)
-
-
-@pytest.mark.parametrize("sunk", [0.97, 0.99, 1.5, 2.5])
-def test_wheel_in_level_ground_sinks_by_at_most_0_98_radius(sunk):
-    (patch,) = patches(flat(), upright(0.0, (1.0 - sunk) * R), R, B, [0.8])
-    assert (patch.share, patch.tilt, patch.turn) == (1.0, 0.0, 1.0)
-    assert patch.h == pytest.approx(min(sunk, 0.98) * R)
-    assert patch.depth == pytest.approx(min(sunk, 1.999) * R)
-
-
-@pytest.mark.parametrize("left", [1.0, -1.0])
-@pytest.mark.parametrize("off", [0.0, 0.5e-3, 1.05e-3, 0.1])
-def test_a_wheel_that_heads_across_a_slope_sees_it_level(left, off):
-    """Its axle points along x, up or down the slope, where its plane cuts no profile: at least by a thousandth."""
-    terrain = incline(math.radians(12.0), start=-5.0)
-    axle = np.array([left * math.sqrt(1.0 - off * off), off, 0.0])
-    frame = wheel_frame(np.array([0.3, 0.0, terrain.height(0.3, 0.0) + 0.9 * R]), axle)
-    (patch,) = patches(terrain, frame, R, B, [1.0])
-    slope = math.tan(math.radians(12.0)) * max(off, 1e-3)
-    assert abs(patch.facet.in_plane[0] / patch.facet.in_plane[1]) == pytest.approx(slope, rel=1e-4)
-    assert patch.h == pytest.approx(R - 0.9 * R * math.cos(math.atan(slope)), rel=1e-6)
-    assert patch.facet.normal == pytest.approx(terrain.normal(0.3, 0.0))
-
-
 @pytest.mark.parametrize("yaw", [0.0, 0.7, 1.5, 2.6, -1.0])
 def test_a_slope_is_one_whole_patch_at_any_heading(yaw):
     terrain = incline(math.radians(12.0), start=-5.0)
@@ -114,15 +73,6 @@ def test_parts_of_a_plane_add_up_to_the_plane(cut, h, n):
     assert max(patch.depth for patch in found) == pytest.approx(h)
 
 
-@settings(max_examples=60, deadline=None)
-@given(cut=st.floats(-0.02, 0.02), h=st.floats(1e-4, 0.02))
-def test_a_corner_that_is_no_corner_changes_nothing(cut, h):
-    split = Lanes((Profile(np.array([-1.0, cut, 1.0]), np.zeros(3)),))
-    found = patches(split, upright(0.0, R - h), R, B, [1.0])
-    whole = patches(flat(), upright(0.0, R - h), R, B, [1.0])
-    assert resultant(found) == pytest.approx(resultant(whole), rel=1e-9, abs=1e-12)
-
-
 @pytest.mark.parametrize("wall", [20.0, 45.0, 70.0])
 @pytest.mark.parametrize("x", [-0.03, -0.01, 0.0, 0.01, 0.02])
 def test_a_lip_is_the_arc_integral(wall, x):
@@ -131,15 +81,6 @@ def test_a_lip_is_the_arc_integral(wall, x):
     centre = np.array([x, R - 0.008])
     found = resultant(patches(terrain, upright(*centre), R, B, [1.0]))
     assert found[[0, 2]] == pytest.approx(brute_force(corners, centre), rel=2e-3, abs=2e-7)
-
-
-def test_floor_and_wall_are_two_patches():
-    corners = np.array([[-1.0, 0.0], [0.0, 0.0], [0.5, 0.5]])
-    terrain = Lanes((Profile(corners[:, 0], corners[:, 1]),))
-    centre = np.array([-0.017, R - 0.004])
-    found = patches(terrain, upright(*centre), R, B, [1.0])
-    assert len(found) == 2
-    assert resultant(found)[[0, 2]] == pytest.approx(brute_force(corners, centre), rel=2e-3, abs=2e-7)
 
 
 @pytest.mark.parametrize(("wall", "depth"), [(30.0, 0.002), (30.0, 0.02), (60.0, 0.008), (60.0, 0.02), (85.0, 0.012)])
@@ -151,7 +92,7 @@ def test_forces_are_continuous_along_a_ditch(wall, depth):
         path = [resultant(patches(terrain, upright(x, R - depth), R, B, [1.0])) for x in np.linspace(0.4, 0.8, count)]
         return np.abs(np.diff(path, axis=0)).max() / np.abs(path).max()
 
-    assert largest_jump(8001) < 0.6 * largest_jump(4001)
+    assert largest_jump(3201) < 0.6 * largest_jump(1601)
 
 
 @pytest.mark.parametrize(
@@ -178,28 +119,11 @@ def test_a_lip_at_the_wheel_s_reach_ends_the_ground_s_arc(gap, sunk, ahead, fall
     assert level.share == pytest.approx(weight[own].sum() / weight.sum(), rel=1e-3)
 
 
-@settings(max_examples=40, deadline=None)
-@given(x=st.floats(0.4, 0.8), z=st.floats(R - 0.05, R))
-def test_a_ditch_mirrored_end_to_end_gives_mirrored_forces(x, z):
-    terrain, middle = ditch(wall_angle=math.radians(50.0)), 0.6
-    there = resultant(patches(terrain, upright(x, z), R, B, [1.0]))
-    back = resultant(patches(terrain, upright(2 * middle - x, z), R, B, [1.0]))
-    assert back == pytest.approx(there * [-1.0, 1.0, 1.0], rel=1e-7, abs=1e-12)
-
-
 def test_a_level_height_grid_is_flat_ground():
     grid = HeightGrid(-1.0, -1.0, 0.1, 0.1, np.zeros((21, 21)))
     frame = upright(0.033, R - 0.007, 0.4)
     level = resultant(patches(flat(), frame, R, B, [1.0]))
     assert resultant(patches(grid, frame, R, B, [1.0])) == pytest.approx(level, rel=1e-9)
-
-
-@pytest.mark.parametrize("soils", [(0, 1), (1, 0)])
-def test_two_soils_of_one_plane_are_two_facets(soils):
-    ground = np.repeat([soils[:1] * 20, soils[1:] * 20], 10, axis=0)
-    grid = HeightGrid(-1.0, -1.0, 0.1, 0.1, np.zeros((21, 21)), ground)
-    (strip,) = strips(grid, upright(0.0, R - 0.007), R, B)
-    assert [facet.ground for facet in strip.facets] == list(soils)
 
 
 @pytest.mark.parametrize("kind", ["lane", "grid"])
@@ -223,13 +147,6 @@ def test_cut_corners_lie_on_the_ground_and_its_facets_along_it(yaw, lean, kind):
         assert facet.normal[2] > 0.0
 
 
-def test_two_slopes_of_a_grid_are_two_facets():
-    x, _ = np.meshgrid(np.linspace(-1.0, 1.0, 21), np.zeros(21), indexing="ij")
-    (strip,) = strips(HeightGrid(-1.0, -1.0, 0.1, 0.1, -0.2 * np.abs(x)), upright(0.0, R - 0.007), R, B)
-    slopes = np.array([-facet.normal[0] / facet.normal[2] for facet in strip.facets])
-    assert slopes == pytest.approx([0.2, -0.2], abs=1e-9)
-
-
 @pytest.mark.parametrize("yaw", [0.0, 0.4, 1.1, math.pi / 2, 2.5])
 @pytest.mark.parametrize("at", [-0.6, -0.45, -0.2, 0.1, 0.48, 0.6])
 def test_lane_share_is_the_integral_of_6s_1_minus_s(yaw, at):
@@ -241,10 +158,6 @@ def test_lane_share_is_the_integral_of_6s_1_minus_s(yaw, at):
     assert share == pytest.approx(np.trapezoid(6.0 * s * (1.0 - s), s), abs=1e-6)
     assert slope == pytest.approx(-6.0 * s[-1] * (1.0 - s[-1]) / width, abs=1e-9)
     assert lane_share(terrain, frame, R, B, 1) == pytest.approx((1.0 - share, -slope))
-
-
-def test_a_wheel_in_the_air_has_no_patch():
-    assert patches(ditch(), upright(0.3, R + 1e-9), R, B, [1.0]) == []
 
 
 LEVEL = Profile([-1.0, 1.0], [0.0, 0.0])
@@ -296,12 +209,6 @@ def test_an_edge_pushes_by_what_moving_across_it_stores(n):
     push = sum(patch.side * normal(patch.h) for patch in found)
     assert push < 0.0, "away from the raised lane"
     assert push == pytest.approx(-1.26 * (stored(0.016) - stored(0.006)) / B, rel=0.06)
-
-
-def test_a_wheel_beside_an_edge_does_not_know_of_it():
-    for y in (-0.0251, 0.0251):
-        (patch,) = patches(one_sided_bump(), upright(0.3, R - 0.006, y=y), R, B, [1.0])
-        assert (patch.share, patch.side) == (1.0, 0.0)
 
 
 @settings(max_examples=40, deadline=None)

@@ -5,7 +5,6 @@ import re
 from pathlib import Path
 
 import numpy as np
-import pinocchio as pin
 import pytest
 from matplotlib.figure import Figure
 from matplotlib.legend import Legend
@@ -14,11 +13,11 @@ from matplotlib.patches import Circle
 from rover_pin.base.errors import DataError
 from rover_pin.rover.rover import load_rover
 from rover_pin.scenarios.scenario import scenario
-from rover_pin.simulation.trace.poses import Turned, configuration, on_the_ground, wheel_angles
+from rover_pin.simulation.trace.poses import Turned, on_the_ground
 from rover_pin.simulation.trace.trace import Trace
 from rover_pin.view.animation import _figure, _slip, write_animation
 from rover_pin.view.colours import slip_colour
-from rover_pin.view.film import MOST_FRAMES, Film
+from rover_pin.view.film import Film
 from rover_pin.view.shapes import shapes_of
 
 
@@ -45,13 +44,6 @@ def test_wheels_stand_on_the_ground_sunk_by_their_sinkage(driven):
         assert over * up[2] == pytest.approx(float(wheel.wheel.r) - depth, abs=edge + 1e-3)
 
 
-def test_the_base_is_where_the_trace_says(driven):
-    trace = driven[1]
-    film = film_of(driven)
-    base = next(iter(film.links))
-    assert film.links[base][0][-1] == pytest.approx([trace[f"body_{axis}"][-1] for axis in "xyz"])
-
-
 def test_forces_carry_the_weight_and_push_along_the_travel(driven):
     made = driven[0]
     film = film_of(driven)
@@ -63,33 +55,6 @@ def test_forces_carry_the_weight_and_push_along_the_travel(driven):
     assert film.left[-1][:, 1].min() > 0.9
     # held on the slope, which rises to the left, by a side force to the left
     assert total[:2] == pytest.approx([total[0], 0.0], abs=0.12 * weight)
-
-
-def test_a_wheel_turns_as_its_rate_says(driven):
-    made, trace = driven
-    names = tuple(wheel.name for wheel in made.model.rover.wheels)
-    angles = wheel_angles(trace, names)
-    rate = trace[f"wheel_rate_{names[0]}"]
-    assert angles[-1, 0] == pytest.approx(np.sum(rate[1:] * np.diff(trace.t)))
-    mount = made.model.rover.wheels[0]
-    data, model = made.model.rover.model.createData(), made.model.rover.model
-    pin.forwardKinematics(model, data, configuration(made.model.rover, trace, -1, angles[-1]))
-    turned = data.oMi[mount.joint].rotation.copy()
-    pin.forwardKinematics(model, data, configuration(made.model.rover, trace, -1))
-    by = pin.log3(data.oMi[mount.joint].rotation.T @ turned)
-    assert abs(np.linalg.norm(by)) == pytest.approx(abs((angles[-1, 0] + np.pi) % (2 * np.pi) - np.pi), abs=1e-9)
-
-
-def test_frames_are_few_and_hold_both_ends():
-    made = scenario("flat", duration=40.0, rover="cart")
-    t = np.arange(0.0, 40.0, 0.02)
-    trace = Trace({"t_s": t, "body_x": 0.05 * t, "body_y": 0.0 * t})
-    film = Film.of(trace, made.model.rover, made.model.terrain)
-    assert film.t.size <= MOST_FRAMES
-    assert (film.t[0], film.t[-1]) == (t[0], t[-1])
-    assert film.slip is None
-    assert film.forces is None
-    assert [film.frame_at(each) for each in (-1.0, film.t[5], 99.0)] == [0, 5, film.t.size - 1]
 
 
 @pytest.mark.parametrize("name", ["nexus6", "cart"])
@@ -105,33 +70,6 @@ def test_what_was_not_recorded_is_taken_from_the_ground(name):
         trace["body_z"][-1], abs=0.2 * float(made.model.rover.wheel.r)
     )  # it sinks, unknown
     assert on_the_ground(trace, made.model.rover, made.model.terrain) is trace
-
-
-def test_a_trace_of_one_row_is_refused():
-    with pytest.raises(DataError, match=r"fewer.*nothing"):
-        Film.of(Trace({"t_s": [0.0]}), load_rover("cart"), scenario("flat").model.terrain)
-
-
-@pytest.mark.parametrize("name", ["nexus6", "cart", "nexus6_links"])
-def test_every_wheel_is_drawn_at_its_size_about_its_axle(name):
-    rover = load_rover(name)
-    shapes = shapes_of(rover)
-    assert {shape.wheel for shape in shapes} - {""} == {wheel.name for wheel in rover.wheels}
-    for shape in shapes:
-        if shape.wheel:
-            size = np.ptp(shape.vertices, axis=0)
-            wheel = rover.mount(shape.wheel).wheel
-            assert sorted(size)[1:] == pytest.approx([2.0 * float(wheel.r)] * 2, rel=0.02)
-
-
-def test_wheels_without_shapes_are_cylinders_and_bare_links_rods():
-    rover = load_rover("nexus6")
-    bare = "".join(part.split("</visual>")[-1] for part in rover.urdf.split("<visual>"))
-    shapes = shapes_of(dataclasses.replace(rover, urdf=bare))
-    rims = [shape for shape in shapes if shape.wheel]
-    assert len(rims) == 6
-    assert np.ptp(rims[0].vertices, axis=0) == pytest.approx([0.09, 0.05, 0.09], rel=0.01)
-    assert any(shape.link.startswith("rocker") or "rocker" in shape.link for shape in shapes)
 
 
 def test_a_mesh_is_read_from_the_rovers_folder_and_nowhere_else(tmp_path, caplog):

@@ -69,20 +69,6 @@ def test_a_log_is_seen_with_another_as_its_ghost(run):
     assert "blue: flat, drives" in Path("out/view/view.html").read_text()
 
 
-def test_a_saved_trace_finds_its_ground_by_its_scenario(tmp_path):
-    made = scenario("rocks", duration=0.5, **{"terrain.seed": 3})
-    save_trace(made.drive(), tmp_path / "seen.parquet")
-    subject = read_subject(tmp_path / "seen.parquet")
-    assert subject.terrain == made.model.terrain
-    assert subject.rover.name == "nexus6"
-
-
-def test_a_run_of_a_log_is_chosen_by_name():
-    folder = Path(__file__).parents[2] / "studies" / "data" / "steepening-slope"
-    assert read_subject(folder, "descent").name == "steepening-slope, descent"
-    assert read_subject(folder).name == "steepening-slope, climb-1"
-
-
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [(("view", "gone"), "drive log (drive.toml)"), (("view", "log", "--run", "none"), "run 'none'")],
@@ -94,14 +80,6 @@ def test_what_cannot_be_seen_is_refused_in_one_sentence(run, words, sentence):
     assert sentence in err
 
 
-def test_a_ghost_of_another_rover_is_refused(run):
-    for name, folder in (("cart", "one"), ("nexus6", "other")):
-        made = scenario("flat", duration=0.2, rover=name)
-        made.write_log(made.drive(), folder)
-    sentence = "Rover 'nexus6' cannot be the ghost of 'cart': compare drives of one rover."
-    assert sentence in run("view", "one", "--compare", "other")[2]
-
-
 def test_a_missing_viser_or_ffmpeg_is_said_before_the_drive(run, monkeypatch):
     monkeypatch.setattr(util, "find_spec", lambda name: None)
     monkeypatch.setattr("rover_pin.cli.commands.view.find_spec", lambda name: None)
@@ -109,3 +87,11 @@ def test_a_missing_viser_or_ffmpeg_is_said_before_the_drive(run, monkeypatch):
     monkeypatch.setattr("shutil.which", lambda name, path: None)
     assert "drive.mp4 needs ffmpeg" in run("drive", "flat", "--mp4")[2]
     assert not Path("out").exists()
+
+
+def test_a_saved_trace_finds_its_ground_by_its_scenario(tmp_path):
+    made = scenario("rocks", duration=0.5, **{"terrain.seed": 3})
+    save_trace(made.drive(), tmp_path / "seen.parquet")
+    subject = read_subject(tmp_path / "seen.parquet")
+    assert subject.terrain == made.model.terrain
+    assert subject.rover.name == "nexus6"

@@ -1,6 +1,5 @@
 """What stands beside the scene: channels as the trace has them, events when they happen, keys that step."""
 
-import dataclasses
 import json
 import re
 import shutil
@@ -40,25 +39,6 @@ def test_a_stuck_drive_says_since_when():
     (event,) = events_of(film)
     assert event.words == "stuck"
     assert f"since {event.t:.1f} s" in film.trace.attrs["happened"]
-
-
-def test_a_wheel_that_leaves_the_ground_touches_down_again():
-    film = filmed("flat", duration=0.5)
-    load = film.trace["normal_fl"].copy()
-    load[(film.trace.t >= 0.2) & (film.trace.t < 0.35)] = 0.0
-    trace = dataclasses.replace(film.trace, channels={**film.trace.channels, "normal_fl": load})
-    events = events_of(dataclasses.replace(film, trace=trace))
-    assert [(event.t, event.words) for event in events] == [
-        (pytest.approx(0.2, abs=0.051), "fl leaves the ground"),
-        (pytest.approx(0.35, abs=0.051), "fl touches down"),
-    ]
-
-
-def test_what_was_not_recorded_is_not_drawn():
-    film = filmed("flat", duration=0.3)
-    channels = {name: values for name, values in film.trace.channels.items() if not name.startswith("slip_")}
-    bare = dataclasses.replace(film, trace=dataclasses.replace(film.trace, channels=channels))
-    assert [plot["label"] for plot in plotted(bare)["plots"]] == ["sinkage [mm]", "load on the wheel [N]"]
 
 
 KEYS = """<pre id="said"></pre><iframe id="f" width=900 height=700 src="SRC"></iframe><script>

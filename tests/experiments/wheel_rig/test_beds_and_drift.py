@@ -91,7 +91,7 @@ def test_values_that_stray_have_their_variance_raised(tmp_path):
     assert white.fitter.inflation is None or (white.fitter.inflation > 1.0).sum() <= 2
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("seed", "noise", "soil"),
     [(60002, "raked", BEDS_LIKE_A_LAW), (1, "drifting", {}), (62010, "spiked", STRAYING_TWICE)],
