@@ -92,3 +92,14 @@ def test_fig_8_grip_is_lost_at_12_degrees(form):
 def test_table_1_s_cohesion_has_no_influence(c):
     """0.005 N/m^2 is a thousandth of a percent of the stress; any c below 5 Pa gives the same curve."""
     assert factor(0.3, FORMS["torque"], c=c) == pytest.approx(factor(0.3, FORMS["torque"]), abs=2e-4)
+
+
+@pytest.mark.parametrize(
+    "form", [contradicts("net", "F(1) = -0.043 for n = 0.5"), FORMS["torque"], FORMS["gross"]], ids=lambda f: f.name
+)
+def test_fig_6_traction_exists_even_at_s_1_for_any_missing_n(form):
+    assert all(factor(1.0, form, n=n) > 0 for n in (0.5, 1.0, 1.5, 2.0))
+
+
+def test_net_form_climbs_12_degrees_with_k_other_than_table_1():
+    assert factor(1.0, FORMS["net"], k=0.0145) == pytest.approx(TWELVE_DEGREES, rel=0.01)

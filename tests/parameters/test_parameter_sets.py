@@ -10,10 +10,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rover_pin.base.quantity import quantities
-from rover_pin.contact import Soil
+from rover_pin.contact import Soil, Wheel
 from rover_pin.parameters import NEXUS6_WHEEL, SOILS, TABLE_1
-from rover_pin.parameters.bekker import bekker
+from rover_pin.parameters.bekker import at_width, bekker
 from rover_pin.scenarios.scenario import scenario
+from rover_pin.soil.stress import modulus
 
 DATA = Path(__file__).parents[2] / "studies" / "data"
 
@@ -63,3 +64,21 @@ def test_small_rover_on_slope_sand_slips_as_measured_wheels_do():
     assert slip(smooth, "slope-sand") == pytest.approx(0.22, abs=0.015)
     assert slip(lugged, "slope-sand") < 0.35
     assert slip(10.0, "table-1") > 0.98
+
+
+@pytest.mark.parametrize(
+    ("name", "k_c", "k_phi", "n"),
+    [
+        ("dry-sand", 0.99e3, 1528.43e3, 1.1),
+        ("fjs-1", 1.37e3, 814e3, 1.0),
+        ("hit-lss1", 15.6e3, 2407.4e3, 1.1),
+        ("lunar-nominal", 1.4e3, 820e3, 1.0),
+        ("mars-sand", 13.6e3, 2259.1e3, 0.92),
+    ],
+)
+@pytest.mark.parametrize("b", [0.05, 0.2])
+def test_sets_give_the_published_pressure_at_any_width(name, k_c, k_phi, n, b):
+    soil = at_width(SOILS[name], b, NEXUS6_WHEEL.b)
+    pressure = modulus(Wheel(b=b), soil) * (0.01 / b) ** soil.n
+    assert soil.n == n
+    assert pressure == pytest.approx((k_c / b + k_phi) * 0.01**n, rel=1e-12)

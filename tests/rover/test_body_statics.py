@@ -64,3 +64,9 @@ def test_without_its_differential_the_rover_cannot_stand():
 def test_refusals(arguments, words):
     with pytest.raises(ParameterError, match=words):
         wheel_loads(NEXUS6, *arguments)
+
+
+def test_four_wheels_on_a_rigid_body_take_the_least_norm():
+    """Statically indeterminate: twisting the load pattern (+ - - +) balances too, and the answer has none of it."""
+    loads = wheel_loads(load_rover("cart"), 0.1, 0.15)
+    assert abs(loads @ [1.0, -1.0, -1.0, 1.0]) < 1e-9 * loads.sum()

@@ -164,3 +164,12 @@ def test_crab_angle_falls_short_with_unsteered_middle_wheels():
     assert right["body_y"][-1] < -0.02
     with pytest.raises(ParameterError, match="control ="):
         scenario("crab", rover="cart")
+
+
+@pytest.mark.parametrize(("k", "form", "slip"), [(0.01, "torque", 0.05), (0.02, "gross", 0.1)])
+def test_the_flat_is_cruised_at_the_slip_that_is_asked_for(k, form, slip):
+    """The wheels' mean, weighted by their loads: each has the same duty, and so its own slip."""
+    trace = scenario("flat", form=form, cruise_slip=slip, duration=6.0, **{"soil.k": k}).drive()
+    mean = np.average(trace.stack("slip")[-1], weights=trace.stack("normal")[-1])
+    assert mean == pytest.approx(slip, abs=3e-3)
+    assert trace.summary()["motion_resistance_R"] == resistance(form=form, cruise_slip=slip, **{"soil.k": k})

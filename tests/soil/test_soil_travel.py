@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from rover_pin.soil.slip import against_travel, pushed_aside, spinning
+from rover_pin.soil.slip import against_travel, drift, pushed_aside, spinning
 
 
 @pytest.mark.parametrize(("rim", "degrees"), [(0.03, 30.0), (0.05, 45.0), (0.2, 60.0), (0.0, 15.0), (0.05, 89.0)])
@@ -34,3 +34,9 @@ def test_a_wheel_pushed_aside_does_not_spin():
     assert float(spinning(1.0, 0.4)) == pytest.approx(0.6, rel=1e-6)
     assert float(spinning(1.0, 3.0)) == 0.0
     assert float(spinning(-0.5, 0.3)) == 0.0
+
+
+def test_drift_is_the_way_aside_per_way_ahead():
+    assert float(drift(0.6, 0.2)) == pytest.approx(0.2 / math.hypot(0.4, 0.02))
+    assert float(drift(-0.5, -0.3)) == pytest.approx(-0.3 / math.hypot(1.0, 0.02))
+    assert float(drift(1.0, 0.0)) == 0.0

@@ -152,3 +152,39 @@ def test_a_stretch_on_a_grid():
 def test_refusals(make, says):
     with pytest.raises(ParameterError, match=re.escape(says)):
         make()
+
+
+@pytest.mark.parametrize("height", [0.05, -0.05])
+def test_step(height):
+    terrain = shapes.step(height, 60 * DEG, 0.5, ground=1)
+    assert terrain.height(np.array([0.5, 2.0]), 0.0) == pytest.approx([0.0, height])
+    assert terrain.slope_at(0.5 + 1e-4, 0.0) == pytest.approx(math.copysign(60 * DEG, height))
+    assert terrain.ground_at(np.array([0.0, 0.51, 3.0]), 0.0).tolist() == [0, 1, 1]
+
+
+def test_washboard():
+    terrain = shapes.washboard(0.01, 0.3, 4, at=0.5)
+    assert terrain.height(0.5 + 0.3 * np.array([0.5, 1.0, 3.5, 9.0]), 0.0) == pytest.approx([0.02, 0.0, 0.02, 0.0])
+
+
+def test_bump_and_its_soil():
+    terrain = shapes.bump(0.04, 0.2, 0.5, ground=1)
+    assert terrain.height(np.array([0.5, 0.55, 0.6, 0.7]), 0.0) == pytest.approx([0.0, 0.02, 0.04, 0.0])
+    assert terrain.ground_at(np.array([0.49, 0.5, 0.69, 0.7]), 0.0).tolist() == [0, 1, 1, 0]
+    assert terrain.mirror_symmetric
+
+
+def test_flat_and_incline():
+    assert shapes.flat(2).ground_indices == {2}
+    slope = shapes.incline(20 * DEG, start=1.0)
+    assert slope.slope_at(np.array([0.0, 1.0, 50.0]), 0.3) == pytest.approx([0.0, 20 * DEG, 20 * DEG])
+    assert slope.height(3.0, -1.0) == pytest.approx(2.0 * math.tan(20 * DEG))
+
+
+def test_cross_slope_rises_to_the_left():
+    terrain = shapes.cross_slope(10 * DEG)
+    assert terrain.height(3.21, np.array([-0.5, 0.0, 0.5])) == pytest.approx(
+        np.tan(10 * DEG) * np.array([-0.5, 0.0, 0.5])
+    )
+    assert not terrain.mirror_symmetric
+    assert shapes.cross_slope(0.0).mirror_symmetric
