@@ -10,8 +10,6 @@ import pytest
 import rover_pin
 from rover_pin.cli.speaking import speak
 
-RIG = Path(__file__).parents[2] / "studies" / "data" / "cmu-smooth-wheel"
-
 
 @pytest.fixture(autouse=True)
 def as_it_was():

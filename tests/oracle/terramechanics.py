@@ -20,11 +20,6 @@ def slip(rim, v):
     return (rim - v) / rim if rim > v else (rim - v) / v
 
 
-def slip_estimate(rim, v_hat):
-    """Eq (9)."""
-    return (rim - v_hat) / rim
-
-
 def ratio(S):
     """v / (r omega); infinite for a locked wheel."""
     S = mp.mpf(S)
@@ -147,11 +142,6 @@ def peak_midpoint_forces(S, theta_1, theta_2, theta_m, r, b, c, phi, k, K, n, po
     f_n = r * b * step * np.sum(sigma * np.cos(theta) + tau * np.sin(theta))
     f_t = r * b * step * np.sum(tau * np.cos(theta) - sigma * np.sin(theta))
     return f_n, f_t, r * r * b * step * np.sum(tau)
-
-
-def equation_of_motion(H, C, forces, J, F_e):
-    """Eq (8) solved for the acceleration: H a + C = forces + J^T F_e."""
-    return np.linalg.solve(H, forces + J.T @ F_e - C)
 
 
 def full_shear_closed_form(theta_1, theta_2, phi, n):

@@ -16,8 +16,8 @@ if "blind" not in sys.modules:
     _spec = importlib.util.spec_from_file_location("blind", HERE / "__init__.py")
     sys.modules["blind"] = importlib.util.module_from_spec(_spec)
     _spec.loader.exec_module(sys.modules["blind"])
-campaign, circumstance, hidden, sealed, vehicle = (
-    importlib.import_module(f"blind.{name}") for name in ("campaign", "circumstance", "hidden", "sealed", "vehicle")
+circumstance, hidden, sealed = (
+    importlib.import_module(f"blind.{name}") for name in ("circumstance", "hidden", "sealed")
 )
 
 WHEELS = ("fl", "fr", "ml", "mr", "rl", "rr")

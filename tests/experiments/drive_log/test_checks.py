@@ -12,7 +12,7 @@ from rover_pin.experiments.drive_log.checks.log import check, faults, findings, 
 from rover_pin.simulation.replay import commands
 from tests.experiments.drive_log import drive_channels as channels
 
-GOOD, R, changed, drive, gap = channels.GOOD, channels.R, channels.changed, channels.drive, channels.gap
+GOOD, changed, drive, gap = channels.GOOD, channels.changed, channels.drive, channels.gap
 held, log_of, starting = channels.held, channels.log_of, channels.starting
 
 

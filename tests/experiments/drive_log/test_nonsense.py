@@ -11,7 +11,7 @@ from rover_pin.experiments.drive_log.checks.odometry import odometry_faults, odo
 from rover_pin.simulation.model.motor import Motor
 from tests.experiments.drive_log import drive_channels as channels
 
-GOOD, R, changed, drive, log_of = channels.GOOD, channels.R, channels.changed, channels.drive, channels.log_of
+GOOD, R, drive, log_of = channels.GOOD, channels.R, channels.drive, channels.log_of
 WHEELS = channels.WHEELS
 
 

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from rover_pin.contact import Soil, Wheel
-from rover_pin.discrepancy.candidate import plain_candidate
 from rover_pin.estimation.experiment import Sensitivities
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.experiments.rig_sets.experiment import RigExperiment
@@ -70,13 +69,6 @@ def law_of(name, slope):
     return Law(one, slope)
 
 
-def law_of_size(effect, slope):
-    """Return the law of an effect's only size, zero at its neutral value; u = 1 is the default size."""
-    candidate = plain_candidate(effect)
-    (name,) = candidate.amplitudes
-    return {name: Law(candidate.size(name), slope)}
-
-
 def slip():
     return np.repeat(np.linspace(0.0, 0.7, LEVELS), REPEATS)
 
@@ -92,29 +84,3 @@ def rig_set(rows):
 def made(rows, laws, free=FREE):
     """The experiment that shows rows [2 RUNS] in SDs, with these laws."""
     return LinearRig((rig_set(rows),), laws=laws, free=free)
-
-
-@dataclass(frozen=True)
-class Gaussian:
-    """rows = X u + noise of SD 1; u_j is standard normal where it is known beforehand, or anything."""
-
-    X: np.ndarray
-    y: np.ndarray
-    known: np.ndarray
-
-    def solved(self, keep=slice(None)):
-        """Return u of least squares on some rows, and chi2 with the priors."""
-        matrix = np.vstack([self.X[keep], np.eye(len(self.known))[self.known]])
-        right = np.concatenate([self.y[keep], np.zeros(self.known.sum())])
-        u = np.linalg.lstsq(matrix, right, rcond=None)[0]
-        rest = right - matrix @ u
-        return u, float(rest @ rest)
-
-    def covariance(self, misfit=1.0):
-        return np.linalg.inv(self.X.T @ self.X / misfit + np.diag(self.known.astype(float)))
-
-
-def gaussian(rows, laws, names):
-    """The closed form of a fit of `names` to rows [SD]."""
-    known = np.array([laws[name].parameter.prior for name in names])
-    return Gaussian(np.array([laws[name].slope for name in names]).T, rows, known)

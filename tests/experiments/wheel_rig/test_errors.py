@@ -57,7 +57,10 @@ def test_a_tare_and_a_zero_are_found_beside_the_soil(folder, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("factor", "seed"), [(1.12, 0), (1.15, 1), (0.88, 2)])
+@pytest.mark.parametrize(
+    ("factor", "seed"),
+    [(1.12, 0), *(pytest.param(*each, marks=pytest.mark.nightly) for each in [(1.15, 1), (0.88, 2)])],
+)
 def test_a_hidden_scale_of_torque_is_told_as_such(tmp_path, factor, seed):
     """Nobody states it; the effects of soil that could stand for it are less probable."""
     rig = hidden.Rig("none")
@@ -71,7 +74,7 @@ def test_a_hidden_scale_of_torque_is_told_as_such(tmp_path, factor, seed):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("factor", [1.1, 1.2])
+@pytest.mark.parametrize("factor", [1.1, pytest.param(1.2, marks=pytest.mark.nightly)])
 def test_a_scale_of_sinkage_that_the_soil_could_pay_is_doubted(tmp_path, factor):
     """Its probability says so, and no effect of the soil is sure."""
     rig = hidden.Rig("none")
