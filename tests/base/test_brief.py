@@ -25,7 +25,7 @@ def seen(tmp_path_factory):
     rig, log = read_data("cmu-smooth-wheel"), read_data("steepening-slope")
     roots = [drive, rig, log, torque_bounds(9.5, Soil(), Wheel())]
     roots += [read_study(STUDIES / "sweep_ditch.toml"), read_tuning(next(STUDIES.glob("tune*.toml")))]
-    roots += [close_the_loop(brake_generator.write(tmp_path_factory.mktemp("brake")), experiment="motor_brake")]
+    roots += [close_the_loop(brake_generator.write(tmp_path_factory.mktemp("brake"), 0), experiment="motor_brake")]
     roots += [identify("cmu-smooth-wheel"), drive.drive()]
     found, known = {}, set()
     while roots:
