@@ -15,16 +15,18 @@ import numpy as np
 import pytest
 
 from rover_pin.base.errors import DataError
+from rover_pin.base.quantity import record_from
 from rover_pin.contact import Soil, Wheel
 from rover_pin.effects.slip import RelaxedSlip
 from rover_pin.logs.drive_log import read_drive_log
 from rover_pin.loop.identify import identify
 from rover_pin.measurements import drive_points as module
 from rover_pin.measurements.drive_points import Sampling, drive_points, instrumented, points_of_log
-from rover_pin.measurements.steady_windows import line
+from rover_pin.measurements.steady_windows import Window, line, pooled
 from rover_pin.rover.rover import load_rover
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.model.defaults import own_soil
+from rover_pin.simulation.model.motor import Motor
 from rover_pin.simulation.sensors import Sensors, measured
 from rover_pin.soil.angles import FixedAngles, SinkageAngles
 from rover_pin.soil.sinkage import entry_angle
@@ -215,3 +217,24 @@ def test_intervals_of_sensor_logs_hold_nine_of_ten_truths(tmp_path):
             found = identify(folder)
             held += [holds(found[name].number, truth[name]) for name in ("k", "phi")]
     assert np.mean(held) >= 0.90
+
+
+def test_wheels_told_together_weigh_by_their_loads():
+    """Two wheels on one straight F(S) = S, loads 10 and 30 N that are guessed 20 and 20: F is their torques' alone."""
+    guessed = [Window(0, 1.0, 0.10, 0.01, 0.10 * 10 / 20, 0.02, 0.0, 0.05, 20.0)]
+    guessed += [Window(1, 1.0, 0.12, 0.01, 0.12 * 30 / 20, 0.02, 0.0, 0.06, 20.0)]
+    window = pooled(guessed)
+    assert (window.wheel, window.start, window.load) == (0, 1.0, 20.0)
+    assert window.factor == pytest.approx((0.10 * 10 + 0.12 * 30) / 40)
+    assert window.slip == pytest.approx(0.11)
+    assert (window.slip_sd, window.factor_sd) == pytest.approx((0.01 / math.sqrt(2), 0.02 / math.sqrt(2)))
+    assert pooled(guessed[:1]) == guessed[0]
+
+
+def test_a_declared_doubt_of_the_motor_widens_what_is_shared(log):
+    read = read_drive_log(log)
+    motor = record_from(Motor, read.metadata.motor, "motor")
+    gear = {**read.metadata.motor, "gear": {"value": 268.0, "unit": "", "sd": 26.8}}
+    unsure = dataclasses.replace(read, metadata=dataclasses.replace(read.metadata, motor=gear))
+    sure, wide = drive_points(read, motor), drive_points(unsure, motor)
+    assert wide.shared == pytest.approx(np.hypot(sure.shared, 0.1 * sure.factor), rel=1e-6)
