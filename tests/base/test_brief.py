@@ -4,28 +4,32 @@ import dataclasses
 import html
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from rover_pin import Soil, close_the_loop, scenario, torque_bounds
+from rover_pin import Soil, scenario, torque_bounds
 from rover_pin.contact import Wheel
 from rover_pin.loop.close import read_data
 from rover_pin.loop.identify import identify
+from rover_pin.loop.rig import on_rig
 from rover_pin.sweep import read_study
 from rover_pin.tuning.study_file import read_tuning
-from tests.oracle import brake_generator
+from tests.experiments.wheel_rig import linear_rig
 
 STUDIES = Path(__file__).parents[2] / "studies"
 MOST = 400
 
 
 @pytest.fixture(scope="module")
-def seen(tmp_path_factory):
+def seen():
     """One object of every class of this package that comes to a user, or is a part of one that does."""
     drive = scenario("ditch", control="eq9", duration=1.0)
     rig, log = read_data("cmu-smooth-wheel"), read_data("steepening-slope")
     roots = [drive, rig, log, torque_bounds(9.5, Soil(), Wheel())]
     roots += [read_study(STUDIES / "sweep_ditch.toml"), read_tuning(next(STUDIES.glob("tune*.toml")))]
-    roots += [close_the_loop(brake_generator.write(tmp_path_factory.mktemp("brake"), 0), experiment="motor_brake")]
+    rows, slope = np.random.default_rng(0).normal(size=(2, 2 * linear_rig.RUNS))
+    bed = linear_rig.made(rows, {"soil.phi": linear_rig.law_of("soil.phi", slope)})
+    roots += [on_rig(bed, linear_rig.MODEL, None, lambda said: None, 0)]
     roots += [identify("cmu-smooth-wheel"), drive.drive()]
     found, known = {}, set()
     while roots:
