@@ -9,8 +9,6 @@ import pytest
 from rover_pin.base.errors import DataError
 from rover_pin.comparison.compare import compare
 from rover_pin.effects.slip_sinkage import SlipSinkage
-from rover_pin.experiments.wheel_rig.model import RigModel
-from rover_pin.experiments.wheel_rig.model import write_model as write_rig_model
 from rover_pin.logs.saved import save_trace
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.model.toml_file import write_model

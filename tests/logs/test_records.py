@@ -5,7 +5,6 @@ import pandas as pd
 import pytest
 
 from rover_pin.base.errors import DataError
-from rover_pin.logs.importing.files.bags import delimiter_of_records
 from rover_pin.logs.importing.files.raw import read_raw
 from rover_pin.logs.importing.import_log import import_log
 from tests.logs import recordings

@@ -12,12 +12,10 @@ from rover_pin.discrepancy.held_out import together
 from rover_pin.effects.point_mass import PointMass
 from rover_pin.estimation.noise import huber_weights
 from rover_pin.experiments.drive_log.free_runs import DriveExtra, extra_of
-from rover_pin.inference.beliefs import Beliefs
 from rover_pin.inference.cause import SIZE_SD
 from rover_pin.report.drive import ghost
 from rover_pin.report.drive.report import at_full_duty, cautions, free_runs_section, labels_of, sides_of, write_report
-from rover_pin.report.drive.residual import residual_section
-from rover_pin.report.drive.runs import Sides, effect_picture, shown, worst_runs
+from rover_pin.report.drive.runs import Sides, effect_picture, shown
 from rover_pin.report.sections.held_out import held_out_section
 from rover_pin.report.sections.numbers import most_correlated, number_table
 from rover_pin.report.sections.physics import channel_changes, physics_section

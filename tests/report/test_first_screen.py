@@ -11,7 +11,7 @@ from rover_pin.report.drive.report import labels_of
 from rover_pin.report.headline import headline, improvement
 from rover_pin.report.reasons import next_run, opposing_reasons, supporting_reasons
 from rover_pin.report.verdict_page import first_lines, first_screen
-from rover_pin.report.words import Labels, brief, cause, pair
+from rover_pin.report.words import Labels, brief, pair
 from rover_pin.simulation.model.effect_files import package_effects
 
 RIG = Labels("on slips it never saw", "levels of slip")

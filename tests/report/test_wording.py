@@ -14,25 +14,13 @@ from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.held_out import ChannelScore
 from rover_pin.estimation.fit import covariance
 from rover_pin.estimation.parameter import Parameter
-from rover_pin.estimation.wording import (
-    Against,
-    Change,
-    Outcome,
-    against,
-    format_value,
-    got_worse,
-    in_words,
-    interval,
-    share,
-    spread,
-)
-from rover_pin.experiments.drive_log.free_runs import FreeRun, free_lines
+from rover_pin.estimation.wording import Against, Change, Outcome, against, format_value, in_words, interval
 from rover_pin.experiments.rig_sets.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.data import Independent, read_rig_set
 from rover_pin.experiments.wheel_rig.diagnostics import Flag
 from rover_pin.loop.rig import on_rig
 from rover_pin.report.rig.report import of_parameters, write_report
-from rover_pin.report.sections.held_out import channel_table, held_out_section, heldout_panel
+from rover_pin.report.sections.held_out import heldout_panel
 from rover_pin.report.words import Labels
 from tests.experiments.wheel_rig import linear_rig as rig
 

@@ -8,10 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from rover_pin.base.errors import ParameterError, UrdfError
-from rover_pin.base.files import private_folders
-from rover_pin.base.trust import Trust
-from rover_pin.rover import urdf_check
+from rover_pin.base.errors import ParameterError
 from rover_pin.rover.description import readers
 from rover_pin.rover.rover import load_rover
 from rover_pin.rover.statics import wheel_loads
@@ -112,36 +109,6 @@ def test_a_reader_that_fails_is_named(own, monkeypatch, reader, words):
 
         monkeypatch.setattr(pinocchio, "buildModelFromXML", fails)
     assert words in check_urdf(own(TEXT)).faults[0]
-
-
-def test_slow_reader_reads_a_sound_urdf_once_and_a_faulty_always(own, monkeypatch):
-    import yourdfpy
-
-    read, load = [], yourdfpy.URDF.load
-    monkeypatch.setattr(yourdfpy.URDF, "load", lambda *given, **how: read.append(given) or load(*given, **how))
-    assert [check_urdf(own(TEXT)).ok for _ in range(2)] == [True, True]
-    assert len(read) == 1
-    monkeypatch.setattr(yourdfpy.URDF, "load", lambda *_, **__: 1 / 0)
-    assert check_urdf(own(TEXT)).ok
-    other = TEXT.replace("</robot>", "<!-- another text --></robot>")
-    assert [check_urdf(own(other)).ok for _ in range(2)] == [False, False]
-
-
-def test_what_is_remembered_is_bounded_and_may_be_lost(tmp_path, monkeypatch):
-    for number in range(private_folders.MOST + 5):
-        private_folders.remember("kind", str(number))
-    known = [private_folders.is_cached("kind", str(number)) for number in range(private_folders.MOST + 5)]
-    assert known == [False] * 5 + [True] * private_folders.MOST
-    (tmp_path / "file").write_text("")
-    monkeypatch.setenv("ROVER_PIN_CACHE", str(tmp_path / "file"))
-    private_folders.remember("kind", "7")
-    assert not private_folders.is_cached("kind", "7")
-
-
-def test_copies_of_the_example_load_from_anywhere(tmp_path):
-    for name in ("nexus6.toml", "nexus6.urdf"):
-        shutil.copy(URDF / name, tmp_path / name)
-    assert load_rover(tmp_path / "nexus6.toml").model.nv == 20
 
 
 def test_a_rover_that_cannot_stand_is_told(own):

@@ -14,11 +14,9 @@ from rover_pin.control.slip_estimate import flat_table
 from rover_pin.parameters import SLOPE_SAND, SOILS
 from rover_pin.rover.rover import load_rover
 from rover_pin.rover.statics import wheel_loads
-from rover_pin.scenarios.scenario import SCENES, scenario
+from rover_pin.scenarios.scenario import scenario
 from rover_pin.scenarios.scenes import scaled
-from rover_pin.simulation.model.defaults import driven_soil, own_motor, own_soil, scale
-from rover_pin.simulation.model.motors import motor_named
-from rover_pin.simulation.start.place import Start, settled
+from rover_pin.simulation.model.defaults import own_motor, own_soil
 from rover_pin.terrain import shapes
 from rover_pin.terrain.field import paper_field
 from tests.rover import farm as made

@@ -12,7 +12,6 @@ from rover_pin.simulation.compiled.kernel import Kernel
 from rover_pin.simulation.compiled.suspension import suspension_dofs
 from rover_pin.simulation.compiled.toolchain import shared_library
 from rover_pin.simulation.native.compiled_body import elimination
-from rover_pin.simulation.native.shared import RECORD
 from rover_pin.simulation.outcome.audit import pivot_warning
 from rover_pin.simulation.start.place import settled
 

@@ -16,8 +16,7 @@ from rover_pin.simulation.model.model import Model, base_effects
 from rover_pin.simulation.model.motor import Motor
 from rover_pin.simulation.plain.step import Plain
 from rover_pin.simulation.simulate import simulate
-from rover_pin.simulation.start import place
-from rover_pin.simulation.start.place import RESTS, SLIDES, Start, hovering, set_down, settled
+from rover_pin.simulation.start.place import RESTS, SLIDES, Start, set_down, settled
 from rover_pin.simulation.state import roll_pitch_yaw
 from rover_pin.soil.traction import FORMS
 from rover_pin.terrain import shapes
@@ -118,26 +117,3 @@ def test_the_shear_is_that_of_the_slide_that_holds():
 def test_ground_that_cannot_carry_is_refused_in_one_sentence():
     with pytest.raises(SimulationError, match=r"settle.*x = 0.*y = 0"):
         settled(model_on(shapes.flat(), Soil(k_1=100.0)), Start())
-
-
-@pytest.mark.parametrize("yaw", [0.0, 1.0, 2.5, -2.0])
-def test_hovering_rover_is_square_to_the_ground_along_its_yaw(yaw):
-    """At the begin of time, without speed or shear; seen from above it heads along its yaw."""
-    model = model_on(shapes.incline(0.3, -5.0), Soil())
-    state = hovering(model, Start(x=0.2, y=-0.1, yaw=yaw))
-    ahead, left, up = pin.XYZQUATToSE3(state.q[:7]).rotation.T
-    assert math.remainder(math.atan2(ahead[1], ahead[0]) - yaw, 2 * math.pi) == pytest.approx(0.0, abs=1e-12)
-    assert up == pytest.approx([-math.sin(0.3), 0.0, math.cos(0.3)])
-    assert np.cross(up, ahead) == pytest.approx(left)
-    assert (state.t, state.v.any(), state.contact.any(), state.motor.any()) == (0.0, False, False, False)
-
-
-def test_rover_starts_at_the_origin_along_x_by_default():
-    assert (Start().x, Start().y, Start().yaw) == (0.0, 0.0, 0.0)
-
-
-@pytest.mark.parametrize(("before", "columns"), [(0, [0, 1]), (1, [1, 2]), (3, [3, 4])])
-def test_slip_columns_follow_the_states_of_preceding_effects(before, columns):
-    slip, other = SimpleNamespace(states=("S", "S_y")), SimpleNamespace(states=("x",) * before)
-    model = SimpleNamespace(contact_effects=(other, slip, other), slip=slip)
-    assert place.slip_columns(model) == columns

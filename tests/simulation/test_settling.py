@@ -10,10 +10,7 @@ from rover_pin.base.errors import SimulationError
 from rover_pin.effects.pivot_friction import PivotFriction
 from rover_pin.effects.point_mass import PointMass
 from rover_pin.scenarios.scenario import scenario
-from rover_pin.simulation.compiled.kernel import Kernel
-from rover_pin.simulation.start.place import LOCKED, Rest, Start, _fields, hovering, relaxed, settled
-from rover_pin.terrain.terrain import HeightGrid
-from tests.simulation import plain_relaxation as plain
+from rover_pin.simulation.start.place import Rest, Start, hovering, relaxed, settled
 
 CASES = {
     "flat": ("flat", {}, Start()),

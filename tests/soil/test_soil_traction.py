@@ -11,19 +11,10 @@ from hypothesis import strategies as st
 
 from rover_pin.base.errors import ParameterError
 from rover_pin.contact import Soil, Wheel
-from rover_pin.soil.angles import FixedAngles, SinkageAngles
 from rover_pin.soil.peak_stress import PeakAngle, peak_stress_forces
 from rover_pin.soil.quadrature import cubic_graded, entry_graded
 from rover_pin.soil.stress import full_shear
-from rover_pin.soil.traction import (
-    FORMS,
-    NetTraction,
-    WheelForces,
-    forces,
-    load_traction_factor,
-    pull_of_shear,
-    wheel_forces,
-)
+from rover_pin.soil.traction import FORMS, WheelForces, forces, pull_of_shear, wheel_forces
 from tests.oracle import terramechanics as oracle
 from tests.soil.certified import both_graded, certified_forces, certified_peak_forces
 

@@ -19,8 +19,7 @@ import pytest
 
 import rover_pin
 from rover_pin.base.errors import DataError, MissingExtraError, ParameterError, SimulationError
-from rover_pin.sweep import Grid, Range, Sobol, Study, Values, collect, sweep
-from rover_pin.sweep import run as run_module
+from rover_pin.sweep import Grid, Range, Study, Values, collect, sweep
 from rover_pin.sweep import store as store_module
 from rover_pin.sweep.store import PARTS, RESULTS
 
@@ -279,12 +278,3 @@ def test_a_terminal_shows_a_bar_with_failures_and_the_time_left(tmp_path, monkey
     assert "16/16" in shown
     assert "2 failed" in shown
     assert re.search(r"0:00:00\S* left", shown)
-
-
-def test_elsewhere_lines_tell_the_time_left(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(run_module, "SECONDS_BETWEEN_LINES", 0.0)
-    sweep(STUDY, tmp_path / "out", workers=1, case_function=stub())
-    lines = capsys.readouterr().err.splitlines()
-    assert lines[0] == "trial: 0 of 16 cases, 0 failed"
-    assert re.fullmatch(r"trial: 8 of 16 cases, 0 failed, about \d+ s left", lines[8])
-    assert lines[-1] == "trial: 16 of 16 cases, 2 failed"

@@ -6,7 +6,7 @@ import pinocchio as pin
 import pytest
 
 from rover_pin.control.constant import ConstantDuty
-from rover_pin.control.slip_control import Gains, SlipControl, greater, lesser
+from rover_pin.control.slip_control import Gains, SlipControl
 from rover_pin.control.slip_estimate import SpeedTable, TableEstimate, TrueSlip
 from rover_pin.control.torque_check import NoLimit, TorqueLimit
 from rover_pin.effects.digging_memory import DiggingMemory

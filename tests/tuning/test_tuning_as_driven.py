@@ -12,7 +12,7 @@ from rover_pin.control.hole_law import HoleLaw
 from rover_pin.control.slip_control import HOLE_GAINS, Gains, load_gains, load_hole, save_gains
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.tuning.drives import Control, built, drive_full, full_score
-from rover_pin.tuning.study import DriveCase, SlipLaw, TuningStudy
+from rover_pin.tuning.study import DriveCase, SlipLaw
 from rover_pin.tuning.study_file import read_tuning
 
 DIGS = (("soil", "table-1"), ("duration", 12.0), ("add", "DiggingMemory.c_d=0.1"), ("terrain.angle_deg", 8.0))

@@ -14,7 +14,7 @@ from rover_pin.effects.slip_sinkage import SlipSinkage
 from rover_pin.effects.supply_sag import SupplySag
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.model.toml_file import write_model
-from rover_pin.tuning.drives import Control, built, cautions, controller_of, full_score, reduced_score, sealed
+from rover_pin.tuning.drives import Control, built, controller_of, full_score, reduced_score, sealed
 from rover_pin.tuning.evaluations import Evaluations
 from rover_pin.tuning.study import DriveCase, Effort, SlipLaw, TuningStudy
 from rover_pin.tuning.tune import tune_gains

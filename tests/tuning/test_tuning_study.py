@@ -4,11 +4,11 @@ from pathlib import Path
 
 import pytest
 
-from rover_pin.base.errors import DataError, ParameterError
+from rover_pin.base.errors import ParameterError
 from rover_pin.control.slip_control import Gains, load_gains, save_gains
 from rover_pin.effects.digging_memory import DiggingMemory
 from rover_pin.tuning.drives import built
-from rover_pin.tuning.study import DriveCase, Effort, TuningStudy, placed
+from rover_pin.tuning.study import DriveCase, TuningStudy, placed
 from rover_pin.tuning.study_file import read_tuning
 from studies.drawn_drives import random_drives
 

@@ -12,13 +12,12 @@ from rover_pin.discrepancy.answer import Answer
 from rover_pin.effects.effect import MotorEffect
 from rover_pin.effects.gravity_tilt import GravityTilt
 from rover_pin.effects.soil_traction import SoilTraction
-from rover_pin.effects.tacho_scale import TachoScale
-from rover_pin.experiments.drive_log.calibrate import raw_current_numbers, runs_on_estimated_ground, with_raw_currents
+from rover_pin.experiments.drive_log.calibrate import runs_on_estimated_ground
 from rover_pin.experiments.drive_log.candidate_runs import candidate_runs
 from rover_pin.experiments.drive_log.candidates import candidates
 from rover_pin.experiments.drive_log.checks.log import check, faults
 from rover_pin.experiments.drive_log.experiment import experiment_of
-from rover_pin.experiments.drive_log.features import comparable_rows, logged_runs
+from rover_pin.experiments.drive_log.features import logged_runs
 from rover_pin.experiments.drive_log.model import base_model, is_rate_driven, nuisances, with_spread
 from rover_pin.logs.drive_log import LogMetadata, read_drive_log, write_drive_log
 from rover_pin.loop.close import close_the_loop

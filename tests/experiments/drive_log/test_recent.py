@@ -6,7 +6,6 @@ from rover_pin.effects.point_mass import PointMass
 from rover_pin.experiments.drive_log import experiment as experiments
 from rover_pin.experiments.drive_log.experiment import experiment_of
 from rover_pin.experiments.drive_log.features import logged_run
-from rover_pin.experiments.drive_log.resume import Recent
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.simulate import simulate
 from rover_pin.simulation.start.place import Start

@@ -9,7 +9,6 @@ from rover_pin.base.errors import DataError, ParameterError
 from rover_pin.experiments.drive_log.checks.log import findings
 from rover_pin.experiments.drive_log.experiment import DriveExperiment
 from rover_pin.experiments.drive_log.features import logged_run
-from rover_pin.experiments.drive_log.readings.scatter import declared_block_sd
 from rover_pin.logs.declared_noise import kind_of
 from rover_pin.rover.rover import load_rover
 from tests.experiments.drive_log import drive_channels as channels

@@ -8,8 +8,7 @@ from rover_pin.contact import Soil, Wheel
 from rover_pin.discrepancy.calibration import calibrated
 from rover_pin.experiments.rig_sets.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.data import read_rig_set
-from rover_pin.experiments.wheel_rig.declared import as_declared
-from rover_pin.experiments.wheel_rig.model import ASKEW, RigModel, read_model, write_model
+from rover_pin.experiments.wheel_rig.model import ASKEW, RigModel
 from rover_pin.loop.close import close_the_loop
 from rover_pin.measurements.rig_errors import RigErrors
 from rover_pin.measurements.wheel_rig import read_wheel_rig

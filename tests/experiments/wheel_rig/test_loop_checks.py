@@ -13,18 +13,10 @@ from scipy.stats import kstest
 from rover_pin.contact import Wheel
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.experiments.wheel_rig.data import as_rig_set
-from rover_pin.experiments.wheel_rig.diagnostics import (
-    NEIGHBOURS,
-    NEXT_RUN,
-    ORDER,
-    SLIP_SQUARED,
-    ResidualTest,
-    residual_tests,
-)
+from rover_pin.experiments.wheel_rig.diagnostics import NEIGHBOURS, NEXT_RUN, ORDER, SLIP_SQUARED, residual_tests
 from rover_pin.loop.close import close_the_loop
 from rover_pin.measurements.channel import DrawbarPull, Sinkage
 from rover_pin.measurements.wheel_rig import WheelRig
-from rover_pin.report.rig.report import of_residuals
 from rover_pin.report.words import human
 from rover_pin.simulation.model.effect_files import package_effects
 
