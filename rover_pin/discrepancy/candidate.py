@@ -101,11 +101,11 @@ class Candidate:
             default = float(type(self.effect).__dataclass_fields__[quantity].default)
         low, high = float(spec.low), float(spec.high)
         if abs(neutral) > FAR_FROM * abs(default):
-            return Parameter(name, default, 1.0, low, high, log=True, prior=False, fd=0.1)
+            return Parameter(name, default, 1.0, low, high, log=True, prior=False)
         scale = default - neutral or _reach(spec.unit)
         if self.released:
-            return replace(self.released, scale=1.0 if self.released.log else scale, fd=0.2)
-        return Parameter(name, neutral, scale, low, high, prior=False, fd=0.2)
+            return replace(self.released, scale=1.0 if self.released.log else scale)
+        return Parameter(name, neutral, scale, low, high, prior=False)
 
     def shape(self, name: str) -> Parameter:
         """Return the parameter of a shape, with a prior around its present value."""
@@ -113,7 +113,7 @@ class Candidate:
         spec, value = quantities(self.effect)[quantity], float(getattr(self.effect, quantity))
         low, high = float(spec.low), float(spec.high)
         if quantity.startswith("x_"):
-            return Parameter(name, value, SPACING, low, high, fd=0.1, source="sought along the way")
+            return Parameter(name, value, SPACING, low, high, source="sought along the way")
         if spec.low >= 0 and value > 0:
             return Parameter(name, value, SHAPE_SD, low, high, log=True, declared=True, source=PUBLISHED)
         scale = SHAPE_SHARE * (abs(value) or 1.0)

@@ -41,6 +41,8 @@ class Experiment(ABC):
     "why a prediction may be NaN, in words"
     is_timed: bool = False
     "whether samples of a fold follow one another in time, so that neighbours hang together"
+    difference: float = 0.3
+    "of u for a derivative by a difference: what its `predict_near` rounds, or jumps, must be small against that"
     is_exact: bool = False
     "whether it has `sensitivities`, at little more than a prediction's cost: fits then start from several points, end \
 at a minimum, and every fold is predicted by whole refits"
@@ -65,6 +67,10 @@ at a minimum, and every fold is predicted by whole refits"
 
         Where fits are exact that is NaN; else finite everywhere.
         """
+
+    def predict_near(self, models: Sequence[Any]) -> np.ndarray:
+        """Return what models predict of which all are near the first, for the differences between them."""
+        return self.predict(models)
 
     @abstractmethod
     def records(self, model: Any) -> Mapping[str, Any]:

@@ -44,19 +44,17 @@ def slopes_at(task: Task, model: Any, parameters: Sequence[Parameter], u: np.nda
         exact = task.experiment.sensitivities(model, parameters, u).slopes
         return dict(zip([parameter.name for parameter in parameters], exact, strict=True))
     model_at_u = at(task, model, parameters, u)
-    perturbed = {parameter.name: _perturbed_value(parameter, x) for parameter, x in zip(parameters, u, strict=True)}
-    shifted = [task.experiment.with_values(model_at_u, {name: value}) for name, (value, _) in perturbed.items()]
-    centre, *features = task.experiment.predict([model_at_u, *shifted])
+    step = task.experiment.difference
+    steps = [step if x + step <= parameter.bounds[1] else -step for parameter, x in zip(parameters, u, strict=True)]
+    shifted = [
+        task.experiment.with_values(model_at_u, {parameter.name: parameter.value(x + moved)})
+        for parameter, x, moved in zip(parameters, u, steps, strict=True)
+    ]
+    centre, *features = task.experiment.predict_near([model_at_u, *shifted])
     return {
-        name: (prediction - centre) / step
-        for (name, (_, step)), prediction in zip(perturbed.items(), features, strict=True)
+        parameter.name: (prediction - centre) / moved
+        for parameter, prediction, moved in zip(parameters, features, steps, strict=True)
     }
-
-
-def _perturbed_value(parameter: Parameter, u: float) -> tuple[float, float]:
-    """Return the value moved by the step of a difference, inside the bounds, and the step of u."""
-    step = parameter.fd if u + parameter.fd <= parameter.bounds[1] else -parameter.fd
-    return parameter.value(u + step), step
 
 
 def priors(parameters: Sequence[Parameter]) -> np.ndarray:

@@ -13,8 +13,6 @@ from rover_pin.base.quantity import Record, quantities
 
 MOST_EXPONENT = 700.0
 """Greatest exponent of which a float holds the exponential; beyond every bound."""
-FD = 0.3
-"""Step of u for a derivative, where nothing else is said."""
 LEAST = 1e-6
 """Share of its origin at which a number on a logarithm stops that may fall to 0."""
 
@@ -39,8 +37,7 @@ class Parameter:
     """One free number: x = origin + scale u, or x = origin exp(scale u) where `log`.
 
     With a prior u is standard normal: `origin` is what is known of it beforehand and `scale` its standard deviation,
-    `declared` with the data (a law's shape: as published) or assumed, as `source` says. `fd` is the step of u for a
-    derivative.
+    `declared` with the data (a law's shape: as published) or assumed, as `source` says.
     """
 
     name: str
@@ -50,7 +47,6 @@ class Parameter:
     high: float
     log: bool = False
     prior: bool = True
-    fd: float = FD
     declared: bool = False
     source: str = ""
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from rover_pin.simulation.logged_inputs import PLACE, rates_of, shared, undone
 from rover_pin.simulation.model.model import Model
 from rover_pin.simulation.native.loop import Loop, Outcome
 from rover_pin.simulation.native.shared import RECORD
+from rover_pin.simulation.pace import FINEST
 from rover_pin.simulation.resolution import parts
 from rover_pin.simulation.start.place import Start, settled, taken_over
 from rover_pin.simulation.state import DriveState
@@ -87,12 +88,22 @@ class Perturbation:
     grip: np.ndarray | None = None
 
 
+class StepsTaken(NamedTuple):
+    """The step [s] at which commands are looked at, and the lengths [s] of all that were taken, shorter where forces
+    ask for it."""
+
+    dt: float
+    lengths: np.ndarray
+
+
 @dataclass(frozen=True, eq=False)
 class Replay:
     """What the model did: channels as in a trace, on the rows of the commands; `stop` says why it ended early."""
 
     channels: dict[str, np.ndarray] = field(repr=False)
     stop: str = ""
+    taken: StepsTaken | None = field(default=None, repr=False)
+    "None: it did not begin"
 
 
 def commands(log: Trace, wheels: tuple[str, ...], steered: tuple[str, ...]) -> Commands:
@@ -171,10 +182,13 @@ def replay(
     perturbation: Perturbation = Perturbation(),
     rest_state: DriveState | None = None,
     finer: int = 1,
+    steps: StepsTaken | None = None,
 ) -> Replay:
     """Return what `model` does under the logged commands, from where it comes to rest, or from a `rest_state`.
 
-    Steps are `finer` times as short as they would be.
+    Steps are `finer` times as short as they would be, or those of another replay: what a number changes is
+    smooth then, where steps that each chooses for itself jump.
+    Source: Bock, Recent advances in parameter identification techniques for ODE (1983), internal differentiation.
 
     The rover is drawn to the logged x, y and heading with the time constant HOLD, so that it stays on the ground where
     the log was and errors do not add up. `body_x`, `body_y` and `body_yaw` are what the model itself has driven from
@@ -191,21 +205,25 @@ def replay(
     _check_widths(model, run)
     state = settled(model, run.start) if rest_state is None else taken_over(model, rest_state)
     model = model.begun(run.start.x, run.start.y)
-    dt = DT / parts(model, state, DT) / finer
+    dt = steps.dt if steps else DT / parts(model, state, DT) / finer
     kernel = Kernel(model, state, dt, symmetric=False)
     kernel.disable_energy_balance()
     per_row = round(run.period / dt)
-    loop = Loop(kernel, dt, per_row * len(run.t), per_row, **_fields(model, run, perturbation))
+    history = kernel.keep_history(per_row * len(run.t) * FINEST)
+    followed = {"followed": np.append(steps.lengths, 0.0)} if steps else {}
+    loop = Loop(kernel, dt, per_row * len(run.t), per_row, **_fields(model, run, perturbation), **followed)
     if run.rate is not None:
         kernel.hold(loop.keep["rate_rows"][0].copy())
     outcome = loop.run(len(run.t))
     while outcome is Outcome.FAILS:
         why = failure(model, state, kernel.record, suspension_of(model))
         if why:
-            return Replay(_channels(model, run, _with_last(loop, loop.row - 1)), why)
+            break
         outcome = loop.run(len(run.t))
-    stop = "" if outcome is Outcome.DONE else "diverged"
-    return Replay(_channels(model, run, _with_last(loop, loop.row)), stop)
+    else:
+        why = "" if outcome is Outcome.DONE else "diverged"
+    channels = _channels(model, run, _with_last(loop, loop.row - (outcome is Outcome.FAILS)))
+    return Replay(channels, why, StepsTaken(dt, history[1 : 1 + int(history[0])]))
 
 
 def _check_widths(model: Model, run: Commands) -> None:

@@ -56,8 +56,8 @@ class Line(Experiment):
         return Sensitivities(self.predict([here])[0], np.array(slopes))
 
 
-def number(name, sd=1.0, low=-100.0, high=100.0, prior=True, origin=0.0, fd=0.3, declared=True):
-    return Parameter(f"plane.{name}", origin, sd, low, high, prior=prior, fd=fd, declared=declared)
+def number(name, sd=1.0, low=-100.0, high=100.0, prior=True, origin=0.0, declared=True):
+    return Parameter(f"plane.{name}", origin, sd, low, high, prior=prior, declared=declared)
 
 
 BOTH = (number("a"), number("b", sd=2.0, prior=False))

@@ -26,7 +26,7 @@ class Valley(Record):
 class Rosenbrock(Experiment):
     """One fold of one channel with two samples: 0 and 3 were measured."""
 
-    channels, folds = ("row",), ("all",)
+    channels, folds, difference = ("row",), ("all",), 1e-5
     observed = np.array([[[0.0, 3.0]]])
 
     def predict(self, models):
@@ -44,7 +44,7 @@ def task():
     return Task(bed, declared_noise(np.array([0.3]), bed.observed))
 
 
-NUMBERS = tuple(Parameter(f"valley.{name}", 0.0, 1.0, -400.0, 400.0, prior=False, fd=1e-5) for name in "ab")
+NUMBERS = tuple(Parameter(f"valley.{name}", 0.0, 1.0, -400.0, 400.0, prior=False) for name in "ab")
 START = np.array([-3.0, 9.0])
 
 

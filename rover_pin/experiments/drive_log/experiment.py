@@ -27,7 +27,7 @@ from rover_pin.experiments.drive_log.readings.tracker import TRACKER, tracker_co
 from rover_pin.experiments.drive_log.resume import Memory, Recent, digest
 from rover_pin.simulation.logged_inputs import PLACE
 from rover_pin.simulation.model.model import Model
-from rover_pin.simulation.replay import Commands, Perturbation, Replay, replay
+from rover_pin.simulation.replay import Commands, Perturbation, Replay, StepsTaken, replay
 from rover_pin.simulation.start.place import shared_rest
 from rover_pin.simulation.state import DriveState
 from rover_pin.simulation.trace.channels import unit_of
@@ -55,6 +55,7 @@ class DriveExperiment(Experiment):
     "what the log declares of its sensors, in SI by kind"
     is_timed = True
     stand_in = LOST
+    difference = 1e-5
     no_value = "the rover does not settle there, or its drive breaks off"
 
     @cached_property
@@ -128,17 +129,21 @@ class DriveExperiment(Experiment):
         keys = [digest(self.identity, model) for model in models]
         return np.array(self.recent.of(keys, lambda missing: self._driven([models[at] for at in missing])))
 
-    def _driven(self, models: Sequence[Model]) -> list[np.ndarray]:
-        """Return the features of each model (runs, channels, blocks)."""
+    def predict_near(self, models: Sequence[Model]) -> np.ndarray:
+        """Return the features of each model (models, runs, channels, blocks), replayed by the steps of the first."""
+        return np.array(self._driven(models, [centre.taken for centre in self.replays(models[0])]))
+
+    def _driven(self, models: Sequence[Model], steps: Sequence[StepsTaken | None] = ()) -> list[np.ndarray]:
+        """Return the features of each model (runs, channels, blocks), by these steps, of each run."""
         groups: dict[tuple[int, ...], list[int]] = {}
         for at, model in enumerate(models):
             groups.setdefault(_drives(model, self.rate_driven), []).append(at)
-        pairs = list(zip(self.runs, self.rests, strict=True))
-        tasks = [([models[at] for at in group], *pair) for group in groups.values() for pair in pairs]
+        by_run = list(zip(self.runs, self.rests, steps or [None] * len(self.runs), strict=True))
+        tasks = [([models[at] for at in group], *parts) for group in groups.values() for parts in by_run]
         tables = iter(self._spread(_features, tasks))
         features: dict[int, list[np.ndarray]] = {at: [] for at in range(len(models))}
         for group in groups.values():
-            for _ in pairs:
+            for _ in by_run:
                 for at, table in zip(group, next(tables), strict=True):
                     features[at].append(table)
         return [self._padded(features[at]) for at in range(len(models))]
@@ -251,11 +256,16 @@ def _rest(model: Model, run: Commands) -> DriveState | None:
 
 
 def _replayed(
-    model: Model, run: Commands, perturbation: Perturbation, rest_state: DriveState | None, finer: int = 1
+    model: Model,
+    run: Commands,
+    perturbation: Perturbation,
+    rest_state: DriveState | None,
+    finer: int = 1,
+    steps: StepsTaken | None = None,
 ) -> Replay:
     """Return the replay; where the rover does not even settle or can have no such body, one in which nothing moves."""
     try:
-        return replay(model, run, perturbation, rest_state, finer)
+        return replay(model, run, perturbation, rest_state, finer, steps)
     except (ParameterError, SimulationError) as error:
         return Replay({"t_s": run.t}, str(error))
 
@@ -272,8 +282,10 @@ def _drives(model: Model, rate_driven: bool) -> tuple[int, ...]:
     return tuple(map(id, (*parts, *(sensor for sensor in model.sensor_effects if sensor.undone(TWO_ROWS, inputs)))))
 
 
-def _features(models: Sequence[Model], run: LoggedRun, rest_state: DriveState | None) -> list[np.ndarray]:
+def _features(
+    models: Sequence[Model], run: LoggedRun, rest_state: DriveState | None, steps: StepsTaken | None
+) -> list[np.ndarray]:
     """Return the features of models that drive alike: one replay, read by the sensors of each."""
-    channels = _replayed(models[0], run.commands, Perturbation(), rest_state).channels
+    channels = _replayed(models[0], run.commands, Perturbation(), rest_state, steps=steps).channels
     tables = [run.features(channels, model.sensor_effects) for model in models]
     return [np.nan_to_num(table, nan=LOST, posinf=LOST, neginf=-LOST) for table in tables]

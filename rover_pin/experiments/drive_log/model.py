@@ -19,7 +19,7 @@ from rover_pin.effects.tracked_point import TrackedPoint
 from rover_pin.effects.tracker_scale import TrackerScale
 from rover_pin.effects.tracking_delay import TrackingDelay
 from rover_pin.effects.weak_motor import WeakMotor
-from rover_pin.estimation.parameter import FD, Parameter, declared_in
+from rover_pin.estimation.parameter import Parameter, declared_in
 from rover_pin.experiments.drive_log.parameters import owner_name, owners, parameter
 from rover_pin.experiments.soil_priors import SD
 from rover_pin.logs.drive_log import DriveLog
@@ -227,19 +227,17 @@ def _known(
 ) -> Parameter:
     """Return a number with what is known of it: the SD that is declared, `sd` of a declared value, else `undeclared`.
 
-    SDs are those of the number in SI. However little is known, a difference steps as far as for a declared value.
+    SDs are those of the number in SI.
     """
     title, record = TABLES[owner], owners(model)[owner]
     table: Mapping[str, Any] = getattr(log.metadata, title)
     sd_by_name = declared_sds(table, type(record), f"{log.file}: [{title}]")
     declaration = declared_in(title, name, table, sd_by_name) or _by_the_rover(log, owner)
     size = sd_by_name.get(name, sd if declaration else undeclared)
-    step = min(FD * (sd or undeclared) / size, FD) if size > 0.0 else FD
     relative = abs(float(getattr(record, name))) if log_scale else 1.0
-    number = parameter(
+    return parameter(
         model, f"{owner}.{name}", size / relative, log_scale, declared=declaration, source=_assumed(log, owner)
     )
-    return replace(number, fd=step)
 
 
 def _by_the_rover(log: DriveLog, owner: str) -> str:

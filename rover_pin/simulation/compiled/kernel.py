@@ -78,6 +78,13 @@ class Kernel:
         """Turn the wheels at these rates [rad/s] from now on, whatever that takes; the array may change in place."""
         self._set(held_rate=rates, hold_inertia=HOLDING * self.model.built.mass * self.model.rover.radii**2)
 
+    def keep_history(self, most: int) -> np.ndarray:
+        """Return room for the number of steps from now on and for the length [s] of each, `most` of them at most."""
+        history = np.zeros(1 + most)
+        self._set(history=history)
+        self.moving.append(history[:1])
+        return history
+
     @property
     def misjudged(self) -> float:
         """By how much of its normal force some wheel's load was not what the step before took it to become."""

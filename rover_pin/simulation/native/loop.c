@@ -59,6 +59,17 @@ static void draw(Drive *d, Loop *l, const double *place) {
   l->moved[2] += turn;
 }
 
+/* Take the steps that another drive took over this one, whatever they misjudge here. */
+static int follow(Drive *d, Loop *l) {
+  for (; *l->followed && l->elapsed + 0.5 * *l->followed < (l->k + 1) * l->dt; ++l->followed) {
+    d->dt = *l->followed;
+    l->elapsed += d->dt;
+    const int status = rover_pin_step(d);
+    if (status) return status;
+  }
+  return OK;
+}
+
 /* Go on until the last step, the row `until`, a failure, or a question to a controller; say which. */
 int rover_pin_run(Drive *d, Loop *l, integer until) {
   while (l->k < l->steps && l->row < until) {
@@ -70,7 +81,8 @@ int rover_pin_run(Drive *d, Loop *l, integer until) {
     if (l->duty_fixed && l->k % l->per_control == 0) command(d, l);
     if (l->duty_rows && l->k % l->per_sample == 0) take_row(d, l, l->k / l->per_sample);
     if (l->rate_rows) hold(d, l);
-    int status = advance(d, l, l->k % l->per_control == 0 || l->k % l->per_sample == 0);
+    const int commanded = l->k % l->per_control == 0 || l->k % l->per_sample == 0;
+    const int status = l->followed ? follow(d, l) : advance(d, l, commanded);
     if (status) return status;
     if (++l->k % l->per_sample) continue;
     rover_pin_row(d, l, l->log + l->row * l->row_size);

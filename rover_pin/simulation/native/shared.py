@@ -58,6 +58,7 @@ ARRAYS = {
     "record energy loads": "n_wheels x N_RECORD; N_ENERGY; n_wheels x 6: force and moment at a wheel's centre",
     "mean_loads": "the same half-way through the step, as the account has them; loads: as it began",
     "impulse differential": "of the soil's forces; the differential's torque",
+    "history": "how many steps there were, then their lengths; 0: none are kept",
     "work_w": "",
 }
 """Arrays of double, with what is to be said of them."""
@@ -108,6 +109,7 @@ LOOP_FIELDS: list[tuple[Any, dict[str, str], str]] = [
         {
             "dt begin": "",
             "fastest upright buried folded": "where a drive ends: failure.py",
+            "elapsed": "of the steps that are followed",
             "share mass": "of a row's way to the logged place; of the rover",
             "control_period table_radius stall_torque no_load_rate": "of a built-in controller",
             "backwards rim_radius": "of the on-board estimate: duty below which it drives backwards",
@@ -120,6 +122,7 @@ LOOP_FIELDS: list[tuple[Any, dict[str, str], str]] = [
         {
             "log questions": "rows; those of the instants at which a controller is asked",
             "duty_rows rate_rows steer_rows force_rows grip_rows place_rows": "commands of a replay; 0 for none",
+            "followed": "lengths of the steps that are taken, until a 0; 0: it chooses them",
             "gave": "by how much each servo gave way, a row before",
             "moved down soils_at_rest folding_limits": "",
             "saved": "two steps' beginnings: all that moves",

@@ -73,5 +73,6 @@ int rover_pin_step(Drive *d) {
   if (status != OK) return status;
   if (d->symmetric) mirror_speeds(d);
   drift(d);
+  if (d->history) d->history[(integer)++*d->history] = d->dt;
   return OK;
 }

@@ -48,7 +48,6 @@ def test_a_tracked_point_is_as_uncertain_as_the_log_declares(folder):
     (number,) = [each for each in nuisances(log, with_spread(model)) if each.name.startswith("TrackedPoint")]
     assert (number.name, number.origin, number.scale) == ("TrackedPoint.x", pytest.approx(0.2), pytest.approx(0.05))
     assert (number.declared, number.source) == (True, "declared in [tracker]")
-    assert number.fd > 0.0
     assert "TrackedPoint.y" not in {each.name for each in nuisances(declaring(folder, "x = 0.2\n"), with_spread(model))}
 
 
