@@ -34,15 +34,17 @@ def main() -> None:
     except RoverPinError as error:
         print(f"rover-pin: {error}", file=sys.stderr)
         sys.exit(2)
+    except (MemoryError, ImportError) as error:
+        if isinstance(error, ImportError) and "failed to map segment" not in str(error):  # no room for a library
+            raise
+        print("rover-pin: this needs more memory than there is: half of the machine's, or ulimit -v.", file=sys.stderr)
+        sys.exit(2)
     except OSError as error:
         if error.errno is None:
             raise
         file = f"{error.filename}: " if error.filename else ""
         message = one_line(f"{file}{error.strerror}; make room there, or give another file or folder.")
         print(f"rover-pin: {message}", file=sys.stderr)
-        sys.exit(2)
-    except MemoryError:
-        print("rover-pin: this needs more than half of the memory of this machine.", file=sys.stderr)
         sys.exit(2)
 
 

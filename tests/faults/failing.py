@@ -6,7 +6,9 @@ that has imported the package; CACHE is the folder of what is compiled, emptied 
 """
 
 import errno
+import fcntl
 import hashlib
+import importlib
 import json
 import os
 import resource
@@ -19,13 +21,25 @@ from pathlib import Path
 
 from rover_pin.cli import app
 
-WRITE, CHILD, ROOM = "write", "child", "room"
+WRITE, CHILD, ROOM, MEMORY = "write", "child", "room", "memory"
 MADE = {"os.rename", "os.mkdir", "os.link", "os.symlink", "os.truncate", "tempfile.mkstemp", "tempfile.mkdtemp"}
 BORN = {"subprocess.Popen", "os.posix_spawn", "os.fork", "os.exec"}
 REFUSAL = {WRITE: errno.ENOSPC, CHILD: errno.EAGAIN}
-ROOMS = (0, 100, 3_000, 40_000)
+ROOMS = (1, 100, 3_000, 40_000)
 """Bytes to which files may grow."""
+MEMORIES = tuple(2**power for power in range(17, 30))
+"""Bytes by which memory may grow: from nothing to more than any of them takes."""
+LIBRARIES = (
+    "matplotlib.pyplot",
+    "pandas",
+    "rover_pin.scenarios.scenario",
+    "rover_pin.loop.close",
+    "rover_pin.sweep.run",
+)
+LOADED = ("drive",)
+"""What is imported before memory is refused, so that it is the command that finds none; and whose imports find none."""
 CRASHED = 99
+MOST_SAID = 2**20
 
 
 def writes(event, arguments):
@@ -49,7 +63,7 @@ class Refusing:
         if not self.armed or not (event in BORN if self.kind == CHILD else writes(event, arguments)):
             return
         self.count += 1
-        if self.count == self.at and self.kind != ROOM:
+        if self.count == self.at and self.kind in REFUSAL:
             raise OSError(REFUSAL[self.kind], os.strerror(REFUSAL[self.kind]))
 
 
@@ -61,9 +75,12 @@ def contents(folder):
 
 def main(kind, every, cache, _, *words):
     refusing, here = Refusing(kind), Path.cwd()
+    if kind == MEMORY and words[0] not in LOADED:
+        for name in LIBRARIES:
+            importlib.import_module(name)
     before = contents(here)
     total, after = one(refusing, words, here, cache, 0)
-    events = ROOMS if kind == ROOM else range(1, total + 1, int(every))
+    events = {ROOM: ROOMS, MEMORY: MEMORIES}.get(kind, range(1, total + 1, int(every)))
     for at in events:
         one(refusing, words, here, cache, at, before, after)
 
@@ -74,10 +91,10 @@ def one(refusing, words, here, cache, at, before=None, after=None):
         shutil.rmtree(cache, ignore_errors=True)
         Path(cache).mkdir()
     with tempfile.TemporaryDirectory() as place:
-        work, spoken = Path(place) / "work", Path(place) / "err"
+        work = Path(place) / "work"
         shutil.copytree(here, work)
-        code, count = forked(refusing, words, work, spoken, at)
-        now, err = contents(work), spoken.read_text()
+        code, count, err = forked(refusing, words, work, at)
+        now = contents(work)
     if before is None:
         print(json.dumps({"code": code, "events": count, "err": err}), flush=True)
         return count, now
@@ -89,31 +106,42 @@ def one(refusing, words, here, cache, at, before=None, after=None):
     return count, now
 
 
-def forked(refusing, words, work, spoken, at):
-    """Run the words in a child process; return its exit code and how many events there were."""
+def forked(refusing, words, work, at):
+    """Run the words in a child process; return its exit code, how many events there were, and what it said."""
     ours, theirs = os.pipe()
+    spoken, speaking = os.pipe()  # no limit of a file's size holds there
+    fcntl.fcntl(speaking, fcntl.F_SETPIPE_SZ, MOST_SAID)
     pid = os.fork()
     if pid:
         os.close(theirs)
-        with os.fdopen(ours) as pipe:
-            said = pipe.read()
-        os.waitpid(pid, 0)
-        return json.loads(said or "[-9, 0]")
+        os.close(speaking)
+        os.set_blocking(spoken, False)
+        with os.fdopen(ours) as pipe, os.fdopen(spoken, "rb") as said:
+            ended = json.loads(pipe.read() or "[-9, 0]")
+            os.waitpid(pid, 0)
+            return *ended, (said.read(MOST_SAID) or b"").decode()
     os.chdir(work)
-    files = [os.open(name, os.O_WRONLY | os.O_CREAT) for name in (os.devnull, spoken)]
-    for stream, file in zip((1, 2), files, strict=True):
-        os.dup2(file, stream)
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+    os.dup2(speaking, 2)
     code = refused(refusing, words, at)
-    resource.setrlimit(resource.RLIMIT_FSIZE, resource.getrlimit(resource.RLIMIT_FSIZE)[1:] * 2)
+    for limit in (resource.RLIMIT_FSIZE, resource.RLIMIT_AS):
+        resource.setrlimit(limit, resource.getrlimit(limit)[1:] * 2)
     os.write(theirs, json.dumps([code, refusing.count]).encode())
     os._exit(0)
 
 
+def taken():
+    """Bytes of memory that this process has mapped."""
+    return int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+
+
 def refused(refusing, words, at):
     sys.argv = ["rover-pin", *words]
-    if refusing.kind == ROOM and at in ROOMS:
+    if refusing.kind == ROOM and at:
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-        resource.setrlimit(resource.RLIMIT_FSIZE, (at or 1, resource.RLIM_INFINITY))
+        resource.setrlimit(resource.RLIMIT_FSIZE, (at, resource.RLIM_INFINITY))
+    if refusing.kind == MEMORY and at:
+        resource.setrlimit(resource.RLIMIT_AS, (taken() + at, resource.RLIM_INFINITY))
     refusing.at, refusing.armed = at, True
     try:
         app.main()
