@@ -47,13 +47,13 @@ def slopes_at(task: Task, model: Any, parameters: Sequence[Parameter], u: np.nda
     step = task.experiment.difference
     steps = [step if x + step <= parameter.bounds[1] else -step for parameter, x in zip(parameters, u, strict=True)]
     shifted = [
-        task.experiment.with_values(model_at_u, {parameter.name: parameter.value(x + moved)})
-        for parameter, x, moved in zip(parameters, u, steps, strict=True)
+        task.experiment.with_values(model_at_u, {parameter.name: parameter.value(x + change)})
+        for parameter, x, change in zip(parameters, u, steps, strict=True)
     ]
     centre, *features = task.experiment.predict_near([model_at_u, *shifted])
     return {
-        parameter.name: (prediction - centre) / moved
-        for parameter, prediction, moved in zip(parameters, features, steps, strict=True)
+        parameter.name: (prediction - centre) / change
+        for parameter, prediction, change in zip(parameters, features, steps, strict=True)
     }
 
 

@@ -102,7 +102,7 @@ class Replay:
 
     channels: dict[str, np.ndarray] = field(repr=False)
     stop: str = ""
-    taken: StepsTaken | None = field(default=None, repr=False)
+    pace: StepsTaken | None = field(default=None, repr=False)
     "None: it did not begin"
 
 
@@ -210,8 +210,8 @@ def replay(
     kernel.disable_energy_balance()
     per_row = round(run.period / dt)
     history = kernel.keep_history(per_row * len(run.t) * FINEST)
-    followed = {"followed": np.append(steps.lengths, 0.0)} if steps else {}
-    loop = Loop(kernel, dt, per_row * len(run.t), per_row, **_fields(model, run, perturbation), **followed)
+    lengths = {"followed": np.append(steps.lengths, 0.0)} if steps else {}
+    loop = Loop(kernel, dt, per_row * len(run.t), per_row, **_fields(model, run, perturbation), **lengths)
     if run.rate is not None:
         kernel.hold(loop.keep["rate_rows"][0].copy())
     outcome = loop.run(len(run.t))

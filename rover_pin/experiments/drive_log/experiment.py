@@ -131,7 +131,7 @@ class DriveExperiment(Experiment):
 
     def predict_near(self, models: Sequence[Model]) -> np.ndarray:
         """Return the features of each model (models, runs, channels, blocks), replayed by the steps of the first."""
-        return np.array(self._driven(models, [centre.taken for centre in self.replays(models[0])]))
+        return np.array(self._driven(models, [centre.pace for centre in self.replays(models[0])]))
 
     def _driven(self, models: Sequence[Model], steps: Sequence[StepsTaken | None] = ()) -> list[np.ndarray]:
         """Return the features of each model (runs, channels, blocks), by these steps, of each run."""
