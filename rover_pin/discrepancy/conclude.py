@@ -11,10 +11,10 @@ from rover_pin.base.errors import OptimisationError
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.calibration import calibrated
 from rover_pin.discrepancy.candidate import is_effect
+from rover_pin.discrepancy.decision import Decision, decide, sentence
 from rover_pin.discrepancy.draft import Draft, draft_of, scored
 from rover_pin.discrepancy.held_out import fold_errors, held_out, lost_folds, taken_share
 from rover_pin.discrepancy.question import Progress, Question
-from rover_pin.discrepancy.reading import Reading, read, sentence
 from rover_pin.discrepancy.search import Search
 from rover_pin.discrepancy.signature import signatures
 from rover_pin.discrepancy.verdict import Side, Verdict
@@ -133,41 +133,41 @@ def proper(parameter: Parameter) -> Parameter:
 
 def verdict_of(question: Question, beliefs: Beliefs, progress: Progress, seed: int = 0) -> Verdict:
     """Return the verdict that the beliefs give, with the errors on what was left out."""
-    reading = read(beliefs)
-    base, best = beliefs.best(reading.otherwise), beliefs.best(reading.retained)
+    decision = decide(beliefs)
+    base, best = beliefs.best(decision.otherwise), beliefs.best(decision.retained)
     progress("intervals, and errors on what was left out")
     before = side_of(beliefs, base)
-    after = side_of(beliefs, best) if reading.retained else before
+    after = side_of(beliefs, best) if decision.retained else before
     errors = held_out(before.fit, after.fit, question.experiment.noise() or before.fit.task.noise, seed)
-    share = taken_share(errors.channels) if reading.retained else 0.0
-    answer, far = reading.answer, implausible(before.fit)
+    share = taken_share(errors.channels) if decision.retained else 0.0
+    answer, far = decision.answer, implausible(before.fit)
     if answer is Answer.NONE_NEEDED and far:
         answer = Answer.INADEQUATE
-    otherwise = tuple(number.text for number in before.numbers if number.name in reading.otherwise) or far
+    otherwise = tuple(number.text for number in before.numbers if number.name in decision.otherwise) or far
     records = question.experiment.records(after.model)
     owners = [cause.owner for cause in best.causes if cause.owner]
-    names = tuple(" + ".join(names) or "nothing" for names in reading.sets)
+    names = tuple(" + ".join(names) or "nothing" for names in decision.sets)
     folds = question.experiment.folds
     return Verdict(
         question.kind,
         answer,
         question.name,
-        sentence(reading._replace(answer=answer, otherwise=otherwise), beliefs, share, before.misfit),
+        sentence(decision._replace(answer=answer, otherwise=otherwise), beliefs, share, before.misfit),
         after.model,
-        tuple(records[owner] for owner in owners if is_effect(records[owner])) if reading.retained else (),
-        reading.retained,
-        names if reading.retained else (),
+        tuple(records[owner] for owner in owners if is_effect(records[owner])) if decision.retained else (),
+        decision.retained,
+        names if decision.retained else (),
         share,
         before,
         after,
         errors.channels,
         errors.runs,
         {name: " + ".join(sorted(chosen)) for name, chosen in zip(folds, chosen_without(beliefs), strict=True)},
-        _strained(after, reading),
+        _strained(after, decision),
         lost_folds(errors.channels, question.experiment.no_value),
         beliefs=beliefs,
         errors_anew=dict(zip(question.experiment.channels, errors_without(beliefs), strict=True)),
-        others=_others(beliefs, reading) if reading.answer is Answer.SET else {},
+        others=_others(beliefs, decision) if decision.answer is Answer.SET else {},
     )
 
 
@@ -201,14 +201,14 @@ def _number(beliefs: Beliefs, hypothesis: Hypothesis, place: int, is_size: bool)
     return Number(parameter.name, unit, parameter.value(u), ends[0], ends[1], drift, closed, at_bound, *prior_facts)
 
 
-def _strained(after: Side, reading: Reading) -> tuple[str, ...]:
+def _strained(after: Side, decision: Decision) -> tuple[str, ...]:
     """Return which numbers of what was added lie at their bounds."""
-    prefixes = tuple(f"{name}." for name in reading.retained)
+    prefixes = tuple(f"{name}." for name in decision.retained)
     rows = [number for number in after.numbers if number.at_bound and number.name.startswith(prefixes)]
     return tuple(f"{number.name} lies at its bound" for number in rows) if prefixes else ()
 
 
-def _others(beliefs: Beliefs, reading: Reading) -> dict[str, dict[str, float]]:
+def _others(beliefs: Beliefs, decision: Decision) -> dict[str, dict[str, float]]:
     """Return the held-out errors by channel of the sets beside the first."""
-    others = {names: beliefs.best(names) for names in reading.sets[1 : 1 + MAX_LISTED] if names}
+    others = {names: beliefs.best(names) for names in decision.sets[1 : 1 + MAX_LISTED] if names}
     return {" + ".join(names): fold_errors(rival.fit) for names, rival in others.items() if rival.is_fitted}

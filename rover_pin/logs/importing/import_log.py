@@ -17,9 +17,9 @@ from rover_pin.base.files.paths import exists, is_file, named_from
 from rover_pin.base.files.samples import data_path
 from rover_pin.base.jobs.time_left import telling
 from rover_pin.logs.drive_log import FILE
+from rover_pin.logs.importing.column_matching import Source, Understood, understood
 from rover_pin.logs.importing.files.raw import read_raw
 from rover_pin.logs.importing.splitting import Drive, Part, chosen, drive_of, parts
-from rover_pin.logs.importing.understood import Source, Understood, understood
 from rover_pin.logs.importing.written import Run, Sheet, lines, toml_of
 from rover_pin.rover.rover import Rover, load_rover
 from rover_pin.rover.wheel_base import base_of

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rover_pin.discrepancy.answer import Answer
-from rover_pin.discrepancy.reading import read, sentence
+from rover_pin.discrepancy.decision import decide, sentence
 from rover_pin.inference.beliefs import Beliefs
 from rover_pin.inference.error_model import Discrepancy
 
@@ -56,13 +56,13 @@ def beliefs(text, noise=(1.0, 1.0)):
     ],
 )
 def test_probabilities_decide(text, answer, retained):
-    reading = read(beliefs(text))
-    assert (reading.answer, "".join(reading.retained)) == (answer, retained)
+    decision = decide(beliefs(text))
+    assert (decision.answer, "".join(decision.retained)) == (answer, retained)
 
 
 @pytest.mark.parametrize("text", ["A .99 - .01", "A .6 B .39 - .01", "A .9 - .1"])
 def test_what_is_beyond_the_noise_is_told_after_any_answer(text):
     """No channel that is left with more than thrice its noise is passed over, whatever was named."""
     loud, quiet = (beliefs(text, noise=(1.0, times)) for times in (4.5, 2.9))
-    assert "sinkage is left with 4.5 times" in sentence(read(loud), loud, 0.8, 1.0)
-    assert "times" not in sentence(read(quiet), quiet, 0.8, 1.0)
+    assert "sinkage is left with 4.5 times" in sentence(decide(loud), loud, 0.8, 1.0)
+    assert "times" not in sentence(decide(quiet), quiet, 0.8, 1.0)

@@ -10,11 +10,11 @@ import pandas as pd
 from rover_pin.base.errors import DataError
 from rover_pin.base.formula import names_in, quoted
 from rover_pin.base.quantity import to_si
-from rover_pin.logs.importing.channels import channels
 from rover_pin.logs.importing.clock import Clock, clocks, whole_stamps
 from rover_pin.logs.importing.evidence import SURE, mean_known
-from rover_pin.logs.importing.joint import PARTS, SAME, Chosen, Options, Signals, chosen, log_likelihood, signals
+from rover_pin.logs.importing.joint_choice import PARTS, SAME, Chosen, Options, Signals, chosen, log_likelihood, signals
 from rover_pin.logs.importing.measured import measured
+from rover_pin.logs.importing.other_channels import channels
 from rover_pin.logs.importing.places import COURSE, headings, places
 from rover_pin.logs.importing.recording import Choice, Entry, Guess, Recording, formula_of, words_of
 from rover_pin.logs.importing.wheels import wheel_choices

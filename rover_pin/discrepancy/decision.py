@@ -1,4 +1,7 @@
-"""The words for what the data make of all hypotheses: one graded answer, and the set of causes that the model keeps."""
+"""The answer of the loop, decided from the probabilities of all hypotheses, the causes that are kept, and its words.
+
+`conclude` says besides where numbers left what is declared of them, `rivals` where another model predicts better.
+"""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -17,7 +20,7 @@ MAX_SETS = 4
 """Sets that a sentence lists."""
 
 
-class Reading(NamedTuple):
+class Decision(NamedTuple):
     """An answer, the causes that the model keeps, and the sets that the data leave, most probable first."""
 
     answer: Answer
@@ -28,7 +31,7 @@ class Reading(NamedTuple):
     "the numbers that are not as declared, where nothing else is missing"
 
 
-def read(beliefs: Beliefs) -> Reading:
+def decide(beliefs: Beliefs) -> Decision:
     """Return the answer: the most probable set is named where nearly all that is probable contains it.
 
     Nothing is missing, or nothing of the list, where no cause is more likely than not; the data cannot tell where
@@ -40,17 +43,17 @@ def read(beliefs: Beliefs) -> Reading:
     otherwise = beliefs.probability(lambda hypothesis: {cause.family for cause in hypothesis.causes} == {DECLARED})
     if none + otherwise > MOST:
         if beliefs.families.get(DECLARED, 0.0) > SURE:
-            return Reading(Answer.INADEQUATE, otherwise=_leading(beliefs)[0])
+            return Decision(Answer.INADEQUATE, otherwise=_leading(beliefs)[0])
         leaves = beliefs.leaves_more(()) > MOST or _is_beyond(beliefs)
-        return Reading(Answer.NONE_FITS if leaves else Answer.NONE_NEEDED)
+        return Decision(Answer.NONE_FITS if leaves else Answer.NONE_NEEDED)
     sets = _leading(beliefs)
     if none + otherwise > 1.0 - SURE:
-        return Reading(Answer.CANNOT_TELL, (), sets)
+        return Decision(Answer.CANNOT_TELL, (), sets)
     retained = beliefs.best(sets[0]).names
     contained = beliefs.probability(lambda hypothesis: set(retained) <= set(hypothesis.names))
     if contained <= SURE:
-        return Reading(Answer.SET, retained, sets)
-    return Reading(Answer.LIKE if beliefs.leaves_more(retained) > MOST else Answer.NAMED, retained, sets[:1])
+        return Decision(Answer.SET, retained, sets)
+    return Decision(Answer.LIKE if beliefs.leaves_more(retained) > MOST else Answer.NAMED, retained, sets[:1])
 
 
 def _is_beyond(beliefs: Beliefs) -> bool:
@@ -75,16 +78,16 @@ def _leading(beliefs: Beliefs) -> tuple[tuple[str, ...], ...]:
     return tuple(leading)
 
 
-def sentence(reading: Reading, beliefs: Beliefs, share: float, misfit: float) -> str:
+def sentence(decision: Decision, beliefs: Beliefs, share: float, misfit: float) -> str:
     """Return the answer as a sentence; `misfit` is the base's reduced chi-square by the declared noise."""
-    retained = " and ".join(reading.retained)
-    probability = beliefs.probability(lambda hypothesis: set(reading.retained) <= set(hypothesis.names))
+    retained = " and ".join(decision.retained)
+    probability = beliefs.probability(lambda hypothesis: set(decision.retained) <= set(hypothesis.names))
     takes = f"takes {share:.0%} of what the base model misses beyond the noise where it was not fitted"
     listed = " or ".join(
         f"{' + '.join(names) or 'nothing'} ({probability:.2f})"
-        for names, probability in shares(reading.sets[:MAX_SETS], beliefs)
+        for names, probability in shares(decision.sets[:MAX_SETS], beliefs)
     )
-    none, unexplained = beliefs.sets.get(frozenset(), 0.0), beliefs.leaves_more(reading.retained)
+    none, unexplained = beliefs.sets.get(frozenset(), 0.0), beliefs.leaves_more(decision.retained)
     more = beliefs.probability(lambda hypothesis: hypothesis.leaves_more)
     besides = f" Whichever acts, more than noise is left with probability {more:.2f}." if more > MOST else ""
     words = {
@@ -96,10 +99,10 @@ def sentence(reading: Reading, beliefs: Beliefs, share: float, misfit: float) ->
         Answer.NONE_FITS: f"no cause of the list is missing with probability {none:.2f}, but the base model leaves "
         f"more than noise (reduced chi-square {misfit:.3g}): something acts that is not on the list.",
         Answer.INADEQUATE: "the base model meets the data only with numbers far from what is declared of them"
-        + (f": {', '.join(reading.otherwise)}." if reading.otherwise else "."),
+        + (f": {', '.join(decision.otherwise)}." if decision.otherwise else "."),
         Answer.CANNOT_TELL: f"the data cannot tell: {_families(beliefs)}{listed}.{besides}",
-    }[reading.answer]
-    return words + _besides(reading, beliefs)
+    }[decision.answer]
+    return words + _besides(decision, beliefs)
 
 
 def _misfit_of_base(beliefs: Beliefs) -> str:
@@ -109,9 +112,9 @@ def _misfit_of_base(beliefs: Beliefs) -> str:
     return f"something that is not on the list acts with probability {acts:.2f}, and is smaller than the noise"
 
 
-def _besides(reading: Reading, beliefs: Beliefs) -> str:
+def _besides(decision: Decision, beliefs: Beliefs) -> str:
     """Return the channels that are left with more than noise can be, whatever took it, in words; empty where none."""
-    taken, usual = beliefs.noise_taken(reading.retained).items(), usual_noise(beliefs)
+    taken, usual = beliefs.noise_taken(decision.retained).items(), usual_noise(beliefs)
     beyond = [f"{name} is left with {times:.1f} times {usual}" for name, times in taken if times > BEYOND]
     return f" Something acts besides: {', '.join(beyond)}." if beyond else ""
 
