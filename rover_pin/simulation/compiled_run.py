@@ -44,7 +44,7 @@ def questions(drive: Drive, duration: float, progress: Progress | None = None) -
         if outcome is Outcome.ASKS:
             yield loop.question()
         elif outcome is Outcome.FAILS:
-            reason = failure(drive.model, drive.state, drive.stepper.record, suspension)
+            reason = failure(drive.model, drive.state, loop.rows["record"][loop.row - 1], suspension)
             stop = f"{reason} at {drive.state.t:.2f} s" if reason else ""
         elif outcome is not Outcome.DONE:
             stop = diverged(outcome, drive.state.t)

@@ -14,11 +14,18 @@ FINEST = 64
 ROUGH, CALM = 0.05, 0.002
 """Misjudged share of a wheel's normal force above which steps are quartered, and below which they are doubled."""
 
+GLANCE = 1e-7
+"""Step [s] in which nothing moves: it only looks."""
+
 Saved = Sequence[np.ndarray]
 
 
 class Steps(Protocol):
     """A drive from one step to the next whose step can change, and be taken back."""
+
+    @property
+    def dt(self) -> float:
+        """Length of its steps [s]."""
 
     @property
     def misjudged(self) -> float:

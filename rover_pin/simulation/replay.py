@@ -216,7 +216,7 @@ def replay(
         kernel.hold(loop.keep["rate_rows"][0].copy())
     outcome = loop.run(len(run.t))
     while outcome is Outcome.FAILS:
-        why = failure(model, state, kernel.record, suspension_of(model))
+        why = failure(model, state, loop.rows["record"][loop.row - 1], suspension_of(model))
         if why:
             break
         outcome = loop.run(len(run.t))

@@ -22,9 +22,10 @@ from rover_pin.simulation.outcome.audit import balance_warning, load_warning, pi
 from rover_pin.simulation.outcome.outcome import HELD, drive_outcome
 from rover_pin.simulation.outcome.soil_energy import energy_warning
 from rover_pin.simulation.outcome.step_error import StepChange, innermost, repeating, step_change
+from rover_pin.simulation.pace import GLANCE
 from rover_pin.simulation.plain.run import run_plain
 from rover_pin.simulation.plain.step import Plain
-from rover_pin.simulation.resolution import STANDING, firmness, parts
+from rover_pin.simulation.resolution import firmness, parts
 from rover_pin.simulation.start.place import SetDown, Start, hovering, set_down
 from rover_pin.simulation.state import DriveState
 from rover_pin.simulation.timing import Timing
@@ -213,7 +214,7 @@ def set_out(model: Model, controller: Controller, duration: float, start: Start,
 def begun(job: DriveJob, state: DriveState) -> Drive:
     """Return a drive that begins in this state, with the step that its ground asks for."""
     model = job.model.begun(*_place(state))
-    stepper = job.stepper(model, state, STANDING, job.symmetric)
+    stepper = job.stepper(model, state, GLANCE, job.symmetric)
     fine = job.timing.refined(parts(model, state, job.timing.dt, firmness(stepper, model)))
     stepper.set_step(fine.dt)
     return Drive(model, state, stepper, job.controller, fine)

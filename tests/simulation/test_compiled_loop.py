@@ -13,7 +13,7 @@ from rover_pin.simulation.compiled_run import run_compiled
 from rover_pin.simulation.driving import Drive
 from rover_pin.simulation.failure import failure, suspension_of
 from rover_pin.simulation.pace import Pace
-from rover_pin.simulation.plain.run import run_plain
+from rover_pin.simulation.plain.run import observed, run_plain
 from rover_pin.simulation.plain.step import Plain
 from rover_pin.simulation.start.place import settled, shared_rest, taken_over
 from rover_pin.simulation.state import base_rotation, roll_pitch_yaw
@@ -107,7 +107,8 @@ def plain_replay(model, run, nudge, rest, step=Kernel):
             assert pace.advance(part == 0) == 0
         assert failure(model, state, kernel.record, suspension) is None
         rows[row]["q"], rows[row]["v"], rows[row]["moved"] = state.q, state.v, moved
-        rows[row]["record"], rows[row]["attitude"] = kernel.record, roll_pitch_yaw(state.q)
+        rows[row]["record"] = kernel.record if run.rate_driven else observed(kernel)[0]
+        rows[row]["attitude"] = roll_pitch_yaw(state.q)
         rows[row]["velocity"] = base_rotation(state.q) @ state.v[:3]
         draw(state.q, run.place[row], run.period / replays.HOLD, moved)
     return rows

@@ -31,16 +31,22 @@ class Counting:
         self.record, self.loads = np.zeros((n, len(RECORD))), np.zeros((n, 6))
         self.energy, self.impulse, self.differential = np.zeros(len(ENERGY)), np.zeros(3), np.zeros(1)
         self.duty, self.servo_target, self.servo_wheels = np.zeros(n), np.zeros(steered), list(range(steered))
-        self.misjudged, self.steps, self.lengths, self.pivoted = 0.0, 0, [], 0
+        self.misjudged, self.steps, self.lengths, self.pivoted, self.dt = 0.0, 0, [], 0, 0.005
 
     def set_step(self, dt):
+        self.dt = dt
         self.lengths.append(dt)
 
     def saved(self):
-        return []
+        kept = (self.state.q, self.record, self.energy, self.impulse, self.differential)
+        return [np.array(self.steps), *(each.copy() for each in kept)]
 
     def restore(self, saved):
-        pass
+        self.steps = int(saved[0])
+        for array, value in zip(
+            (self.state.q, self.record, self.energy, self.impulse, self.differential), saved[1:], strict=True
+        ):
+            array[...] = value
 
     def energies(self):
         return float(self.steps), -float(self.steps)
@@ -75,16 +81,17 @@ def test_it_asks_at_its_period_and_notes_every_sample():
     stepper = Counting(begun)
     ran = run_plain(drive(stepper, controller), 0.2, None)
     assert [t for t, _ in asked] == pytest.approx(3.0 + 0.02 * np.arange(10))
-    assert [current for _, current in asked] == list(range(0, 40, 4)), "as the step before left it"
+    assert [current for _, current in asked] == list(range(1, 41, 4)), "of that instant, by a look"
     assert ran.stop == "duration"
     assert ran.checkpoint == Checkpoint(3.0, 40, FINEST)
     rows, steps = ran.rows, np.array([10.0, 20.0, 30.0, 40.0])
     assert rows["t"] == pytest.approx(3.0 + 0.005 * steps)
     assert rows["q"][:, 0] == pytest.approx(1e-3 * steps)
-    assert rows["record"][:, 2, RECORD.index("current")].tolist() == steps.tolist()
+    assert rows["record"][:, 2, RECORD.index("current")].tolist() == (steps + 1.0).tolist()
     for name in ("energy", "impulse"):
         assert rows[name][:, 1].tolist() == steps.tolist()
-    assert rows["differential"].tolist() == rows["mechanical"][:, 0].tolist() == steps.tolist()
+    assert rows["mechanical"][:, 0].tolist() == steps.tolist()
+    assert rows["differential"].tolist() == (steps + 1.0).tolist()
     questions = np.array([3, 5, 8, 10])
     assert rows["duty"][:, 5] == pytest.approx(0.01 * questions)
     assert rows["servo"][:, 3] == pytest.approx(0.001 * questions)

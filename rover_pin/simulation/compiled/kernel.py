@@ -61,6 +61,11 @@ class Kernel:
         """Advance the state by dt; return 0, or 1 (not finite) or 2 (singular)."""
         return int(self._step(self._address))
 
+    @property
+    def dt(self) -> float:
+        """Length of its steps [s]."""
+        return float(self.struct.dt)
+
     def set_step(self, dt: float) -> None:
         """Let steps have this length [s] from now on."""
         self.struct.dt = dt

@@ -2,14 +2,15 @@
 
 /* What the sensors read at this sample, with their noise and steps if they have any: attitude, then rate and current of
    the wheels, then angles of the suspension. */
-static void read_sensors(const Drive *d, Loop *l) {
+static void read_sensors(Drive *d, Loop *l) {
+  observe(d, l);
   const integer n = d->n_wheels, sizes[4] = {3, n, n, l->n_folding};
   const double *noise = l->noise ? l->noise + l->noise_row++ * (3 + 2 * n + l->n_folding) : 0;
   double *read = l->read;
   find_attitude(d->q, read);
   for (integer w = 0; w < n; ++w) {
     read[3 + w] = d->v[d->wheel_dof[w]];
-    read[3 + n + w] = d->record[w * N_RECORD + RECORD_CURRENT];
+    read[3 + n + w] = l->now[w * N_RECORD + RECORD_CURRENT];
   }
   for (integer i = 0; i < l->n_folding; ++i) read[3 + 2 * n + i] = d->q[l->folding_q[i]];
   if (!noise) return;
@@ -49,7 +50,7 @@ static double most_duty(const Loop *l, integer wheel, double pitch, double rate,
 
 /* One sample of the slip control: its duty; its integral and hole go on. */
 static double slip_control(const Drive *d, Loop *l, integer wheel, double pitch, double rate) {
-  const double *truth = d->record + wheel * N_RECORD;
+  const double *truth = l->now + wheel * N_RECORD;
   double travel = truth[RECORD_TRAVEL], slip = truth[RECORD_SLIP];
   if (l->sense) {
     slip = l->slips_and_holes[4 * wheel];

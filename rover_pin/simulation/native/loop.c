@@ -83,6 +83,7 @@ int rover_pin_run(Drive *d, Loop *l, integer until) {
     if (l->rate_rows) hold(d, l);
     const int commanded = l->k % l->per_control == 0 || l->k % l->per_sample == 0;
     const int status = l->followed ? follow(d, l) : advance(d, l, commanded);
+    l->seen = 0;
     if (status) return status;
     if (++l->k % l->per_sample) continue;
     rover_pin_row(d, l, l->log + l->row * l->row_size);

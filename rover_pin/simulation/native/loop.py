@@ -69,6 +69,7 @@ class Loop:
             **_moving(kernel.moving),
             log=self.rows,
             moved=self.moved,
+            now=np.zeros(kernel.record.size + 1),
         )
         self.set(**fields)
 

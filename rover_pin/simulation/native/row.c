@@ -20,20 +20,42 @@ static void find_velocity(const double *q, const double *v, double *velocity) {
   for (int i = 0; i < 3; ++i) velocity[i] = v[i] + 2.0 * (q[6] * once[i] + twice[i]);
 }
 
-void rover_pin_row(const Drive *d, const Loop *l, double *row) {
+/* What a step records is of its begin. Let `now` be of this instant, by a step in which nothing moves; wheels that are
+   held to rates have no torque in one, and keep the last step's. */
+static void observe(Drive *d, Loop *l) {
+  const integer n = d->n_wheels * N_RECORD;
+  const double dt = d->dt;
+  if (l->seen) return;
+  if (!d->held_rate) {
+    save(l, 0);
+    d->dt = GLANCE;
+    rover_pin_step(d);
+  }
+  memcpy(l->now, d->record, n * sizeof(double));
+  l->now[n] = *d->differential;
+  if (!d->held_rate) {
+    restore(l, 0);
+    d->dt = dt;
+    l->before_size = 0; /* its place is taken */
+  }
+  l->seen = 1;
+}
+
+void rover_pin_row(Drive *d, Loop *l, double *row) {
   double mechanical[2] = {0.0, 0.0}, attitude[3], velocity[3];
+  observe(d, l);
   if (d->accounts) rover_pin_energies(d, mechanical);
   find_attitude(d->q, attitude);
   find_velocity(d->q, d->v, velocity);
   *row++ = l->begin + l->k * l->dt;
   row = put(row, d->q, d->nq);
   row = put(row, d->v, d->nv);
-  row = put(row, d->record, d->n_wheels * N_RECORD);
+  row = put(row, l->now, d->n_wheels * N_RECORD);
   row = put(row, d->duty, d->n_wheels);
   row = put(row, d->servo_target, d->n_servos);
   row = put(row, d->energy, N_ENERGY);
   row = put(row, d->impulse, 3);
-  row = put(row, d->differential, 1);
+  row = put(row, l->now + d->n_wheels * N_RECORD, 1);
   row = put(row, mechanical, 2);
   row = put(row, attitude, 3);
   row = put(row, velocity, 3);
@@ -46,7 +68,7 @@ static int fails(const Drive *d, const Loop *l) {
   for (int i = 0; i < 3; ++i) if (!(fabs(d->v[i]) < l->fastest)) return 1;
   if (1.0 - 2.0 * (x * x + y * y) < l->upright) return 1;
   for (integer w = 0; w < d->n_wheels; ++w)
-    if (d->record[w * N_RECORD + RECORD_SINKAGE] > l->buried * d->radius[w]) return 1;
+    if (l->now[w * N_RECORD + RECORD_SINKAGE] > l->buried * d->radius[w]) return 1;
   for (integer i = 0; i < l->n_folding; ++i) {
     const double angle = d->q[l->folding_q[i]];
     if (larger(angle - l->folding_limits[2 * i + 1], l->folding_limits[2 * i] - angle) > l->folded) return 1;

@@ -7,7 +7,6 @@ enum { RESTS, SLIDES, NEVER };
 #define NUDGE 1e-6     /* and a turn that no rest notices [rad] */
 #define MOST_STEPS 300
 #define FURTHEST 0.1   /* way of a wheel in a step over its radius: what was worked out at its begin hardly holds beyond */
-#define PROBE 1e-7     /* step [s] that only looks: its speeds over its length are the accelerations */
 #define SLOW 0.25      /* factors of the step's length after one that came no closer to rest, and after one that did */
 #define FAST 2.0
 #define LONGEST 100.0  /* longest step over the first, in which a wheel falls by FURTHEST: Newton's */
@@ -49,12 +48,12 @@ static double greatest_way(const Drive *d, const Settling *s) {
 /* The greatest acceleration of what is free to move, over gravity, with lengths for angles. */
 static double unbalanced(Drive *d, const Settling *s) {
   keep_state(d, s->looked);
-  d->dt = PROBE;
+  d->dt = GLANCE; /* its speeds over its length are the accelerations */
   d->settling = DRIVING;
   const int failed = rover_pin_step(d);
   const double speed = greatest_way(d, s);
   take_state(d, s->looked);
-  return failed ? INFINITY : speed / PROBE / s->gravity;
+  return failed ? INFINITY : speed / GLANCE / s->gravity;
 }
 
 /* Back to its x, y and heading, along the ground. */

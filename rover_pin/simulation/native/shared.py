@@ -13,7 +13,7 @@ from rover_pin.base.quantity import Record, quantities
 from rover_pin.contact import Soil, Wheel
 from rover_pin.simulation.compiled.laws import GEOMETRY, MAX_STATES
 from rover_pin.simulation.model.motor import RINGS
-from rover_pin.simulation.pace import CALM, FINEST, ROUGH
+from rover_pin.simulation.pace import CALM, FINEST, GLANCE, ROUGH
 
 MAX_DOF, MAX_COLS = 48, 24
 MOST = {"DOF": MAX_DOF, "COLS": MAX_COLS, "STATES": MAX_STATES, "MOTOR_OUT": 128, "SPOTS": 64}
@@ -75,7 +75,7 @@ INDICES = {
     "bin bin_start": "the last point at or behind each bin's begin, and where a lane's bins begin",
 }
 """Arrays of integer, likewise."""
-PACE = {"FINEST": FINEST, "ROUGH": ROUGH, "CALM": CALM, "RINGS": RINGS}
+PACE = {"FINEST": FINEST, "ROUGH": ROUGH, "CALM": CALM, "GLANCE": GLANCE, "RINGS": RINGS}
 FUNCTIONS = "contact_before body_law rigid_body".split()
 LANES_FUNCTIONS = "contact_law motor_law".split()
 
@@ -98,6 +98,7 @@ LOOP_FIELDS: list[tuple[Any, dict[str, str], str]] = [
             "asks asked obeyed": "whether a controller in Python is asked, how often, and the step of its last answer",
             "size": "of a step, in FINEST parts of dt",
             "before before_size": "where the step before is saved, and its size; 0: it cannot be taken again",
+            "seen": "whether `now` is of this instant",
             "n_moving moving_size": "",
             "row_size n_folding": "",
             "n_table n_pitches noise_row n_memory": "of a built-in controller",
@@ -124,6 +125,7 @@ LOOP_FIELDS: list[tuple[Any, dict[str, str], str]] = [
             "duty_rows rate_rows steer_rows force_rows grip_rows place_rows": "commands of a replay; 0 for none",
             "followed": "lengths of the steps that are taken, until a 0; 0: it chooses them",
             "gave": "by how much each servo gave way, a row before",
+            "now": "the wheels' record and the differential's torque, as `observe` saw them last",
             "moved down soils_at_rest folding_limits": "",
             "saved": "two steps' beginnings: all that moves",
             "duty_fixed steer_fixed": "of a built-in controller; 0: none is given",

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from rover_pin.simulation.checkpoint import Checkpoint
-from rover_pin.simulation.driving import OFTEN, Drive, Progress, Ran, diverged, obey
+from rover_pin.simulation.driving import OFTEN, Drive, Progress, Ran, Stepper, diverged, obey
 from rover_pin.simulation.failure import failure, suspension_of
 from rover_pin.simulation.instant import Instant, Places
-from rover_pin.simulation.pace import Pace
+from rover_pin.simulation.pace import GLANCE, Pace
 from rover_pin.simulation.state import base_rotation, roll_pitch_yaw
 from rover_pin.simulation.trace.rows import row_type
 
@@ -35,7 +35,7 @@ def run_plain(drive: Drive, duration: float, progress: Progress | None) -> Ran:
         if k % per_sample == per_sample - 1:
             _log(drive, rows[count])
             count += 1
-            reason = failure(drive.model, state, stepper.record, suspension)
+            reason = failure(drive.model, state, rows[count - 1]["record"], suspension)
             if reason:
                 return Ran(rows[:count], f"{reason} at {state.t:.2f} s", pace.checkpoint(begun, k + 1))
             if progress and count % OFTEN == 0:
@@ -46,8 +46,20 @@ def run_plain(drive: Drive, duration: float, progress: Progress | None) -> Ran:
 def _log(drive: Drive, row: np.void) -> None:
     """Write the present instant into a row."""
     state, stepper = drive.state, drive.stepper
+    row["record"], row["differential"] = observed(stepper)
     row["t"], row["q"], row["v"] = state.t, state.q, state.v
-    row["record"], row["duty"], row["servo"] = stepper.record, stepper.duty, stepper.servo_target[: len(row["servo"])]
-    row["energy"], row["impulse"], row["differential"] = stepper.energy, stepper.impulse, stepper.differential[0]
+    row["duty"], row["servo"] = stepper.duty, stepper.servo_target[: len(row["servo"])]
+    row["energy"], row["impulse"] = stepper.energy, stepper.impulse
     row["mechanical"], row["attitude"] = stepper.energies(), roll_pitch_yaw(state.q)
     row["velocity"] = base_rotation(state.q) @ state.v[:3]
+
+
+def observed(stepper: Stepper) -> tuple[np.ndarray, float]:
+    """Return the wheels' record and the differential's torque of this instant; a step's own are of its begin."""
+    before, dt = stepper.saved(), stepper.dt
+    stepper.set_step(GLANCE)
+    stepper.step()
+    seen = stepper.record.copy(), float(stepper.differential[0])
+    stepper.restore(before)
+    stepper.set_step(dt)
+    return seen
