@@ -57,11 +57,13 @@ class Pace:
     Every step takes the forces as straight lines over the speeds. Where a wheel's f_t, f_y or torque over its f_n then
     comes out by more than ROUGH from what the line said (a slip that swept across a stiff shear, small k, from one step
     to the next), that step is taken again in quarters, down to dt / FINEST, and so are those after it until less than
-    CALM is left: the error of a line falls with the square of the step. A step is not taken again across a command to
-    the motors or a row of the trace. One that ends in numbers that are not finite is taken again too.
+    CALM is left: the error of a line falls with the square of the step. A drive whose step is halved may misjudge
+    `rough` times as much: it then takes all of its parts at half their length. A step is not taken again across a
+    command to the motors or a row of the trace. One that ends in numbers that are not finite is taken again too.
     """
 
-    def __init__(self, stepper: Steps, dt: float):
+    def __init__(self, stepper: Steps, dt: float, rough: float = 1.0):
+        self.rough, self.calm = rough * ROUGH, rough * CALM
         self.stepper, self.dt, self.unit, self.size = stepper, dt, dt / FINEST, FINEST
         self.before: Begun | None = None
         "where the last step began, if it can be taken again"
@@ -84,7 +86,7 @@ class Pace:
             step_start = Begun(self.stepper.saved(), self.size)
             status = self.stepper.step()
             off = 0.0 if status else self.stepper.misjudged
-            long = step_start if status else self.before if off > ROUGH else None
+            long = step_start if status else self.before if off > self.rough else None
             if long and long.size > 1:
                 remaining += long.size if long is self.before else 0
                 self._take_again(long)
@@ -104,9 +106,9 @@ class Pace:
 
     def _keep(self, off: float, remaining: int) -> None:
         """Choose the size of the steps that follow by what the one before misjudged."""
-        if off > ROUGH:
+        if off > self.rough:
             self._change(max(1, self.size // 4))
-        elif off < CALM and self.size < FINEST and remaining % (2 * self.size) == 0:
+        elif off < self.calm and self.size < FINEST and remaining % (2 * self.size) == 0:
             self._change(2 * self.size)
 
     def _change(self, size: int) -> None:

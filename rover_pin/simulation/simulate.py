@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import math
 from collections.abc import Callable
@@ -28,7 +29,7 @@ from rover_pin.simulation.plain.step import Plain
 from rover_pin.simulation.resolution import firmness, parts
 from rover_pin.simulation.start.place import SetDown, Start, hovering, set_down
 from rover_pin.simulation.state import DriveState
-from rover_pin.simulation.timing import Timing
+from rover_pin.simulation.timing import FINER, Timing
 from rover_pin.simulation.trace.record import trace_of
 from rover_pin.simulation.trace.rows import finite
 from rover_pin.simulation.trace.trace import Trace
@@ -70,7 +71,7 @@ def simulate(
         Any callable from a `Reading` to a duty, an array of duties (one a wheel) or a `Command`; sampled, then held.
     start : Start, DriveState or Ended
         Where to set the rover down at rest; a state to begin in; or `trace.end` of a drive that lasted its duration,
-        to go on from there, equal to the bit to a drive in one.
+        to go on from there, equal to the bit to a drive in one at the same step.
     duration : float
         How long to drive [s], if nothing ends it before.
     timing : Timing
@@ -80,17 +81,18 @@ def simulate(
     progress : callable, optional
         Called with the time driven so far [s].
     measure_error : bool
-        Drive once more at twice the step, or at half of it, which tells the error of the step: it takes half as long
-        again, or twice. Where nobody reads that, False saves the time; the drive itself is the same.
+        Drive once more at twice the step, which tells the error of the step, and again at half of it, up to FINER times
+        as fine, until that is within `timing.tolerance`: most drives take half as long again. False: once, as it is.
 
     Returns
     -------
     Trace
         `attrs["stop"]` says why it ended: "duration", or "capsized", "buried", "folded" or "diverged" with the time
-        and the part. What was driven until then is kept. `attrs["step_error_m"]` is twice the greatest distance in x
-        and y from the drive at twice the step, or four times that at half of it where the ground asks for fine steps or
-        the former is large; `attrs["step_error_load"]` the same of the wheels' mean loads, as a share of them. Neither
-        is there where it was not measured: a part that goes on, a controller of one's own between the rows.
+        and the part. What was driven until then is kept. `attrs["step_error_m"]` is twice the greatest
+        distance in x and y from the drive at twice the step, or four times that at half of it where the ground asks for
+        fine steps; `attrs["step_error_load"]` the same of the wheels' mean loads, as a share of them. `attrs["dt_s"]`
+        is the step that kept the tolerance; a warning says where none did. Neither is there where it was not measured:
+        a part that goes on, a controller of one's own between the rows.
 
     Raises
     ------
@@ -163,42 +165,66 @@ def _simulate(job: DriveJob, start: Start | DriveState | DriveEnd) -> Trace:
         return _gone_on(job, start)
     parts(model, start if isinstance(start, DriveState) else hovering(model, start), timing.dt)
     begin = SetDown(start.copy(), "") if isinstance(start, DriveState) else set_down(model, start, symmetric)
+    attrs = {"set_down": begin.standing} if begin.standing else {}
+    driven = (_kept if job.measure_error else _from_start)(job, begin.state)
+    return _traced(job, driven, _place(begin.state), attrs)
+
+
+class Driven(NamedTuple):
+    """A drive as it was driven at one step."""
+
+    drive: Drive
+    run: Ran
+    rows: np.ndarray
+    "those before the first that is not finite"
+    change: StepChange | None = None
+    "what another step makes of it, where that was measured"
+
+
+def _driven(job: DriveJob, drive: Drive) -> Driven:
+    run = job.run(drive, job.duration, job.progress)
+    return Driven(drive, run, finite(run.rows))
+
+
+def _from_start(job: DriveJob, state: DriveState) -> Driven:
+    """Drive from here, the controller from its start."""
     if hasattr(job.controller, "reset"):
         job.controller.reset()
-    attrs = {"set_down": begin.standing} if begin.standing else {}
-    again = _Again(job, begin.state.copy()) if job.measure_error else None
-    return _traced(job, begun(job, begin.state), _place(begin.state), attrs, again)
+    return _driven(job, begun(job, state.copy()))
 
 
-class _Again(NamedTuple):
-    """Drives once more from where a drive began, to measure the error of its step."""
+def _kept(job: DriveJob, state: DriveState) -> Driven:
+    """Drive from here at the step, halved up to FINER parts, that keeps the tolerance.
 
-    job: DriveJob
-    state: DriveState
+    A controller of one's own is asked once, and its drive only measured.
+    """
+    driven = _from_start(job, state)
+    driven = driven._replace(change=_measured(job, state, driven))
+    tolerance, finer = job.timing.tolerance, job._replace(progress=None)
+    asked_again = hasattr(innermost(job.controller), "native")
+    while asked_again and driven.change and driven.change.excess(tolerance) > 1.0:
+        if finer.timing.divided >= FINER * job.timing.divided:
+            break
+        finer = finer._replace(timing=finer.timing.halved())
+        half = _from_start(finer, state)
+        change = step_change(half.rows, half.run.stop, driven.rows, driven.run.stop, 2.0)
+        lessens = change.excess(tolerance) < driven.change.excess(tolerance)
+        driven = half._replace(change=change._replace(lessens=lessens))
+    return driven
 
-    def step_change(self, rows: np.ndarray, stop: str, dt: float) -> StepChange | None:
-        """Return what another step than `dt` makes of the drive with these rows, if its commands are known.
 
-        That is twice the step where the ground bears it, and half of it wherever that would be warned of.
-        """
-        for timing, ratio in ((self.job.timing.doubled(), 2.0), (self.job.timing.halved(), 0.5)):
-            if timing is None:
-                continue
-            controller = repeating(self.job.controller, rows, self.job.timing)
-            if controller is None:
-                return None
-            job = self.job._replace(controller=controller, timing=timing)
-            try:
-                repeated = begun(job, self.state.copy())
-            except SimulationError:  # too stiff a ground for twice the step
-                continue
-            if not math.isclose(repeated.timing.dt, ratio * dt):
-                continue  # the ground asks for finer steps
-            run = job.run(repeated, job.duration, None)
-            change = step_change(rows, stop, finite(run.rows), run.stop, ratio)
-            if not change.warning:
-                break
-        return change
+def _measured(job: DriveJob, state: DriveState, driven: Driven) -> StepChange | None:
+    """Return what another step makes of a drive, if its commands are known: twice its own if the ground bears that."""
+    for timing, ratio in ((job.timing.doubled(), 2.0), (job.timing.halved(), 0.5)):
+        controller = repeating(job.controller, driven.rows, job.timing)
+        if controller is None or not len(driven.rows):
+            return None
+        with contextlib.suppress(SimulationError):  # too stiff a ground for twice the step
+            other = begun(job._replace(timing=timing or job.timing, controller=controller), state.copy())
+            if math.isclose(other.timing.dt, ratio * driven.drive.timing.dt):  # else the ground asks for finer steps
+                run = job.run(other, job.duration, None)
+                return step_change(driven.rows, driven.run.stop, finite(run.rows), run.stop, ratio)
+    return None
 
 
 def _place(state: DriveState) -> tuple[float, float]:
@@ -215,7 +241,7 @@ def begun(job: DriveJob, state: DriveState) -> Drive:
     """Return a drive that begins in this state, with the step that its ground asks for."""
     model = job.model.begun(*_place(state))
     stepper = job.stepper(model, state, GLANCE, job.symmetric)
-    fine = job.timing.refined(parts(model, state, job.timing.dt, firmness(stepper, model)))
+    fine = job.timing.refined(parts(model, state, job.timing.longest, firmness(stepper, model)))
     stepper.set_step(fine.dt)
     return Drive(model, state, stepper, job.controller, fine)
 
@@ -227,25 +253,22 @@ def _gone_on(job: DriveJob, end: DriveEnd) -> Trace:
     stepper = job.stepper(begun, state, end.fine.dt, job.symmetric)
     stepper.restore(end.stepper_state.moving)
     stepper.duty[:], stepper.servo_target[:] = end.stepper_state.duty, end.stepper_state.servo
-    return _traced(job, Drive(begun, state, stepper, job.controller, end.fine, end.checkpoint), end.place, {})
+    going = Drive(begun, state, stepper, job.controller, end.fine, end.checkpoint)
+    return _traced(job, _driven(job, going), end.place, {})
 
 
-def _traced(
-    job: DriveJob, drive: Drive, place: tuple[float, float], attrs: dict[str, Any], again: _Again | None = None
-) -> Trace:
-    """Run a drive and return its trace, with where it ended if it can go on."""
-    run, stepper = job.run(drive, job.duration, job.progress), drive.stepper
-    rows, symmetric = finite(run.rows), job.symmetric
+def _traced(job: DriveJob, driven: Driven, place: tuple[float, float], attrs: dict[str, Any]) -> Trace:
+    """Return the trace of a drive, with where it ended if it can go on."""
+    drive, run, rows, change = driven
+    stepper, symmetric = drive.stepper, job.symmetric
     attrs |= {"dt_s": drive.timing.dt, "control_period_s": job.timing.control, "symmetric": symmetric}
-    attrs["stop"] = run.stop
-    change = again.step_change(rows, run.stop, drive.timing.dt) if again and len(rows) else None
-    attrs |= change.errors if change else {}
+    attrs |= {"stop": run.stop, **(change.errors if change else {})}
     aims = innermost(job.controller)
     since = getattr(aims, "stands_since", math.inf)
     trace = trace_of(job.model, rows, attrs | ({HELD: since} if since < math.inf else {}))
     certain = [load_warning(drive.model, rows), balance_warning(trace)]
     oddities = [f"{text}." for text in implausible(job.model)]
-    step_warning, energy = change.warning if change else "", energy_warning(job.model, trace)
+    step_warning, energy = change.warning(job.timing.tolerance) if change else "", energy_warning(job.model, trace)
     shortfall, turned = (getattr(aims, name, lambda trace: "")(trace) for name in ("shortfall", "turned"))
     warnings = [shortfall, *certain, *oddities, step_warning, pivot_warning(stepper.pivoted), energy]
     trace = annotate_trace(trace, warnings, turned)

@@ -8,10 +8,12 @@ from dataclasses import dataclass
 from rover_pin.base.errors import SimulationError
 
 DT = 0.005
-"""Default step [s]: x of the 30-deg-wall ditch over 20 s is within ACCURACY of finer steps', measured 3 um where the
+"""Default step [s]: x of the 30-deg-wall ditch over 20 s is within TOLERANCE of finer steps', measured 3 um where the
 rover is stopped by the wall (k = 1 mm) and 2 um where it gets out (k = 10 mm), against a 32nd of the step."""
-ACCURACY = 1e-4
-"""Distance [m] in x that the default step is held to on that ditch."""
+TOLERANCE = 1e-4
+"""Error [m] of x and y that a drive keeps by itself, by smaller steps; of loads, see `step_error.LOADS`."""
+FINER = 8
+"""Parts of its step that a drive is driven in at most, to keep its tolerance."""
 FINEST = 1e-6
 """Least step [s]: ten seconds of driving then take minutes."""
 COARSEST = 0.1
@@ -29,12 +31,18 @@ class Timing:
     dt: float = DT
     control: float = CONTROL_PERIOD
     sample: float = SAMPLE
-    divided: int = 1
+    divided: float = 1
     "into how many parts every step is divided, besides those that the ground asks for (`resolution.parts`)"
+    rough: float = 1.0
+    "how many times `pace.ROUGH` a step may misjudge: the square of what `divided` makes of it, 1 at most"
+    tolerance: float = TOLERANCE
+    "error of x and y [m] above which a drive that measures it is driven again at half the step"
 
     def __post_init__(self) -> None:
         if not FINEST <= self.dt <= COARSEST:
             raise SimulationError(f"dt = {self.dt:g} s is not allowed: it must lie in [{FINEST:g}, {COARSEST:g}] s.")
+        if not self.tolerance > 0.0:
+            raise SimulationError(f"tolerance = {self.tolerance:g} m is not allowed: give a positive distance.")
         for name in ("control", "sample"):
             ratio = getattr(self, name) / self.dt
             if ratio < 0.999 or abs(ratio - round(ratio)) > 1e-6:
@@ -48,13 +56,18 @@ class Timing:
 
     def doubled(self) -> Timing | None:
         """Return the same with twice the step; None where controls and rows are no whole multiples of that."""
-        if self.divided % 2 == 0:
-            return dataclasses.replace(self, divided=self.divided // 2)
         try:
-            return dataclasses.replace(self, dt=2.0 * self.dt)
+            dataclasses.replace(self, dt=2.0 * self.dt / self.divided)
         except SimulationError:
             return None
+        return dataclasses.replace(self, divided=self.divided / 2)
+
+    @property
+    def longest(self) -> float:
+        """The step [s] that the ground may ask to be divided: `dt`, or more where that is multiplied."""
+        return max(self.dt, self.dt / self.divided)
 
     def refined(self, parts: int) -> Timing:
         """Return the same with the step that is taken: `dt` in as many parts, and divided."""
-        return dataclasses.replace(self, dt=self.dt / (parts * self.divided), divided=1)
+        step = self.longest / parts / max(1.0, self.divided)
+        return dataclasses.replace(self, dt=step, divided=1, rough=min(1.0, 1.0 / self.divided**2))

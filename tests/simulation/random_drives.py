@@ -63,8 +63,8 @@ class RandomDrive:
     controller: object
     start: Start
 
-    def drive(self, timing):
-        return simulate(self.model, self.controller, DURATION, self.start, timing)
+    def drive(self, timing, *, measure_error=True):
+        return simulate(self.model, self.controller, DURATION, self.start, timing, measure_error=measure_error)
 
 
 def log_uniform(rng, low, high):

@@ -29,7 +29,10 @@ void probe_script(const double *from, integer n) { memcpy(script, from, n * size
 int probe_told(double *to) { memcpy(to, steps, sizeof steps); return calls; }
 int probe_advance(Drive *d, Loop *l, int commanded) { return advance(d, l, commanded); }
 """
-SHARES = [0.0, 0.9 * CALM, CALM, 1.1 * CALM, 0.5 * ROUGH, ROUGH, 1.01 * ROUGH, 4.0 * ROUGH]
+ROUGH_BY = 0.25
+SHARES = [
+    ROUGH_BY * share for share in (0.0, 0.9 * CALM, CALM, 1.1 * CALM, 0.5 * ROUGH, ROUGH, 1.01 * ROUGH, 4.0 * ROUGH)
+]
 
 
 @pytest.fixture(scope="module")
@@ -79,7 +82,11 @@ class Ours:
         fill(self.drive, self.keep, {"q": self.q, "v": self.v, "dt": DT})
         moving = np.array([each.ctypes.data for each in (self.q, self.v)], dtype=np.int64)
         values = {"moving": moving, "moving_sizes": np.array(SIZES, dtype=np.int64), "n_moving": 2}
-        fill(self.loop, self.keep, {**values, "moving_size": sum(SIZES), "saved": self.saved, "size": FINEST, "dt": DT})
+        fill(
+            self.loop,
+            self.keep,
+            {**values, "moving_size": sum(SIZES), "saved": self.saved, "size": FINEST, "dt": DT, "rough": ROUGH_BY},
+        )
         at = np.ascontiguousarray(script)
         library.probe_script(ctypes.c_void_p(at.ctypes.data), ctypes.c_int64(at.size))
 
@@ -105,7 +112,7 @@ def test_the_compiled_pace_takes_the_steps_of_the_plain_one(compiled, seed):
     """Steps that fail, misjudge much or little, before and after commands: the same steps, from the same places."""
     script, commands = drawn(seed)
     theirs, ours = Scripted(script), Ours(compiled, script)
-    plain = Pace(theirs, DT)
+    plain = Pace(theirs, DT, ROUGH_BY)
     for commanded in commands:
         if theirs.calls > 300:
             break
@@ -126,7 +133,7 @@ def test_a_script_meets_what_a_pace_decides():
     for seed in range(SEEDS):
         script, commands = drawn(seed)
         steps = Scripted(script)
-        pace, status = Pace(steps, DT), 0
+        pace, status = Pace(steps, DT, ROUGH_BY), 0
         for commanded in commands:
             if status == 0 and steps.calls <= 300:
                 status = pace.advance(commanded)

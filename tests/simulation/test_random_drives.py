@@ -11,35 +11,33 @@ from rover_pin.base.errors import RoverPinError
 from rover_pin.simulation.simulate import Timing, simulate
 from rover_pin.simulation.start.place import RESTS, SLIDES, set_down
 from rover_pin.simulation.state import roll_pitch_yaw
+from rover_pin.simulation.timing import TOLERANCE
 from rover_pin.terrain.terrain import Lanes
 from tests.simulation import random_drives
 
 DRIVES, SOME, FEW = 1000, 200, 18
 REPEATED = 20
-"""Every which drive is repeated; every one is driven at half the step."""
-STEP_ERROR = (1e-3, 0.005)
-"""Change at half the step that a drive need not tell: so many metres, and this share of its way."""
-UNSAID, FALSE = "half the step moves it", "it tells of half the step for nothing"
-RARE = 0.005
-"""Share of drives that may tell falsely what half the step makes of them; none may leave it unsaid."""
-LOAD, BALANCE, HALF = "the soil carried", "its energy does not balance", "half the step moves the rover"
+"""Every which drive is repeated; every one is driven at a quarter of its step."""
+KEPT = 0.6
+"""Share of drives at the bounds of everything that keep their tolerance."""
+LOAD, BALANCE, STEP = "the soil carried", "its energy does not balance", "the step's error"
 
 
 def faults(seed):
-    """Return what is wrong with a drive, and whether it drove at all."""
+    """Return what is wrong with a drive, whether it drove at all, and whether within its tolerance."""
     try:
         chosen = random_drives.drive(seed)
         trace = chosen.drive(Timing())
     except RoverPinError as error:
-        return ([] if "\n" not in str(error) else ["a refusal of several lines"]), False
+        return ([] if "\n" not in str(error) else ["a refusal of several lines"]), False, False
     if not len(trace.t):
-        return ([] if str(trace.attrs["stop"]).startswith("diverged") else ["no rows and no reason"]), True
+        return ([] if str(trace.attrs["stop"]).startswith("diverged") else ["no rows and no reason"]), True, True
     found = [*of_start(chosen, trace), *of_trace(chosen, trace), *of_stop(chosen, trace)]
     if seed % REPEATED == 0 and any(
         chosen.drive(Timing())[name].tobytes() != values.tobytes() for name, values in trace.channels.items()
     ):
         found.append("another run gives other bytes")
-    return [*found, *of_half_step(chosen, trace)], True
+    return [*found, *of_tolerance(chosen, trace)], True, not says(trace, STEP)
 
 
 def says(trace, what):
@@ -73,7 +71,7 @@ def of_load(chosen, trace):
     Elsewhere normal forces have a part along the horizontal: a wheel in a corner is pressed by more than its weight.
     """
     level = isinstance(chosen.model.terrain, Lanes) and not any(each.z.any() for each in chosen.model.terrain.profiles)
-    if not level or trace.t[-1] < 1.0 or any(says(trace, what) for what in (LOAD, HALF, BALANCE)):
+    if not level or trace.t[-1] < 1.0 or any(says(trace, what) for what in (LOAD, STEP, BALANCE)):
         return []
     if abs(load_left(chosen, trace)) <= 0.1:
         return []
@@ -115,29 +113,26 @@ def overflowed(stop, last):
     return said is not None and last < float(said[1]) - 1e-6
 
 
-def of_half_step(chosen, trace):
-    """Whether a drive to its end says by itself what the other beside it shows; which says so of itself, too."""
-    half = chosen.drive(Timing().halved())
-    rows = min(len(trace.t), len(half.t))
-    if trace.attrs["stop"] != "duration" or not rows:
+def of_tolerance(chosen, trace):
+    """Whether a drive to its end that does not say otherwise is within its tolerance of a finer one."""
+    doubted = any(says(trace, what) for what in (STEP, LOAD, BALANCE))
+    if trace.attrs["stop"] != "duration" or doubted or "step_error_m" not in trace.attrs:
         return []
-    off = np.hypot(*(trace[name][:rows] - half[name][:rows] for name in ("body_x", "body_y"))).max()
-    way = np.hypot(np.diff(trace["body_x"]), np.diff(trace["body_y"])).sum()
-    moved = off >= STEP_ERROR[0] + STEP_ERROR[1] * way or half.attrs["stop"] != "duration"
-    if moved == says(trace, HALF):
+    base = chosen.drive(Timing(), measure_error=False).attrs["dt_s"]
+    divided = 4 * round(base / trace.attrs["dt_s"])
+    finer = chosen.drive(Timing(divided=divided), measure_error=False)
+    rows = min(len(trace.t), len(finer.t))
+    off = np.hypot(*(trace[name][:rows] - finer[name][:rows] for name in ("body_x", "body_y"))).max()
+    if off <= TOLERANCE and finer.attrs["stop"] == "duration":
         return []
-    return [f"{UNSAID} by {1e3 * off:.2g} mm" if moved else f"{FALSE}: {1e3 * off:.2g} mm"]
+    return [f"it is off by {1e3 * off:.2g} mm unsaid"]
 
 
 def assert_sound(seeds):
     results = {seed: faults(seed) for seed in seeds}
-    wrong = {seed: found for seed, (found, _) in results.items() if found}
-    unsaid, false = ({seed for seed, (last, *more) in wrong.items() if last.startswith(what) and not more}
-                     for what in (UNSAID, FALSE))  # fmt: skip
-    assert wrong.keys() == unsaid | false, wrong
-    assert not unsaid, wrong
-    assert len(false) <= max(1, RARE * len(seeds)), wrong
-    assert np.mean([drove for _, drove in results.values()]) > 0.5
+    assert not {seed: found for seed, (found, _, _) in results.items() if found}
+    assert np.mean([drove for _, drove, _ in results.values()]) > 0.5
+    assert np.mean([kept for _, drove, kept in results.values() if drove]) > KEPT
 
 
 def test_a_few_random_drives_are_sound():
@@ -147,7 +142,7 @@ def test_a_few_random_drives_are_sound():
 def test_a_start_that_the_soil_throws_off_is_told():
     """Seed 47 stands where the torque form is unstable at S = 0: at 1.7 ms it stays for 35 ms and leaves forwards, at
     .8 ms it leaves backwards at once. All that the soil gave is gone again a row later."""
-    assert faults(47) == ([], True)
+    assert faults(47)[:2] == ([], True)
     trace = random_drives.drive(47).drive(Timing())
     thrown = int(np.argmin(trace["energy_soil"]))
     assert trace["energy_soil"][thrown + 1] > 0.2 * trace["energy_soil"][thrown]
@@ -161,8 +156,7 @@ def test_a_rest_that_a_push_throws_off_is_told():
     leaves at any of them, by 20 mm within .15 s."""
     chosen = random_drives.drive(651)
     trace = chosen.drive(Timing())
-    assert faults(651) == ([], True)
-    assert says(trace, HALF)
+    assert faults(651)[:2] == ([], True)
     assert np.hypot(trace["body_x"] - chosen.start.x, trace["body_y"] - chosen.start.y).max() < 1e-5
     for divided in (1, 8):
         pushed = set_down(chosen.model, chosen.start).state

@@ -135,9 +135,11 @@ def test_too_stiff_ground_is_refused_in_one_sentence():
 
 
 def test_a_drive_whose_steps_miss_the_load_says_so(monkeypatch):
-    """As it was before the step was divided."""
+    """As it was before the step was divided; where its error is measured, a smaller step meets it."""
     monkeypatch.setattr("rover_pin.simulation.simulate.parts", lambda *_: 1)
-    trace = scenario("flat", duration=4.0, **{"soil.k_1": 3e7, "soil.k": 0.01}).drive()
+    drive = scenario("flat", duration=4.0, **{"soil.k_1": 3e7, "soil.k": 0.01})
+    assert drive.drive().attrs["warnings"] == []
+    trace = drive.drive(measure_error=False)
     assert any("rover's weight" in warning for warning in trace.attrs["warnings"])
     assert trace.summary()["warnings"] == trace.attrs["warnings"]
 

@@ -20,3 +20,9 @@ def test_a_step_lies_between_a_microsecond_and_a_tenth(allowed, refused):
     assert Timing(dt=allowed, control=1.0, sample=1.0).dt == allowed
     with pytest.raises(SimulationError, match=r"it.*\[1e-06, 0.1\]"):
         Timing(dt=refused, control=1.0, sample=1.0)
+
+
+@pytest.mark.parametrize("tolerance", [0.0, -1e-4, float("nan")])
+def test_a_tolerance_is_a_distance(tolerance):
+    with pytest.raises(SimulationError, match=r"tolerance.*positive distance"):
+        Timing(tolerance=tolerance)

@@ -48,6 +48,7 @@ class Loop:
         suspension = suspension_of(model)
         self.set(
             dt=dt,
+            rough=1.0,
             begin=state.t,
             steps=steps,
             per_control=steps,

@@ -27,9 +27,9 @@ static void take_again(Drive *d, Loop *l, integer slot, integer size) {
 
 /* Choose the size of the steps that follow by what the one before misjudged. */
 static void keep(Drive *d, Loop *l, integer left) {
-  if (d->misjudged > ROUGH) {
+  if (d->misjudged > l->rough * ROUGH) {
     change_size(d, l, l->size / 4 > 1 ? l->size / 4 : 1);
-  } else if (d->misjudged < CALM && l->size < FINEST && left % (2 * l->size) == 0) {
+  } else if (d->misjudged < l->rough * CALM && l->size < FINEST && left % (2 * l->size) == 0) {
     change_size(d, l, 2 * l->size);
   }
 }
@@ -44,7 +44,7 @@ static int advance(Drive *d, Loop *l, int commanded) {
     if (status && size == 1) return status;
     if (status) {
       take_again(d, l, here, size);
-    } else if (d->misjudged > ROUGH && l->before_size > 1) {
+    } else if (d->misjudged > l->rough * ROUGH && l->before_size > 1) {
       left += l->before_size;
       take_again(d, l, l->before, l->before_size);
     } else {

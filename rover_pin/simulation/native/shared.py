@@ -109,6 +109,7 @@ LOOP_FIELDS: list[tuple[Any, dict[str, str], str]] = [
         ctypes.c_double,
         {
             "dt begin": "",
+            "rough": "how many times ROUGH and CALM a step may misjudge",
             "fastest upright buried folded": "where a drive ends: failure.py",
             "elapsed": "of the steps that are followed",
             "share mass": "of a row's way to the logged place; of the rover",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import copy
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -13,25 +14,25 @@ from rover_pin.simulation.native.shared import RECORD
 from rover_pin.simulation.timing import Timing
 
 NORMAL = RECORD.index("normal")
-MOVED, MOVED_SHARE = 1e-3, 0.005
-"""Change of place at half the step that a drive need not warn of: in metres, and as a share of its way."""
 MARGIN = 2.0
 """What is said over the error of first order: errors of 37 random drives fell by less than the step in 6."""
+LOADS = 100.0
+"""Tolerance of the loads, as a share of them, over that of the place [1/m]: 1 % where that is 0.1 mm."""
 
 
 class StepChange(NamedTuple):
-    """What half or twice the step makes of a drive."""
+    """What another step makes of a drive."""
 
     distance: float
     "greatest distance between the two in x and y [m]"
-    way: float
-    "of the drive itself [m]"
     load: float
     "greatest change of the mean of a wheel's load, over the mean of all [-]"
     stop: str
     "why the drive at the other step stopped, where that is for another reason; else nothing"
     ratio: float
     "of the other step to the drive's own"
+    lessens: bool = True
+    "whether a smaller step lessened the error, the last time that it was tried"
 
     @property
     def errors(self) -> dict[str, float]:
@@ -39,15 +40,21 @@ class StepChange(NamedTuple):
         share = MARGIN / abs(self.ratio - 1.0)
         return {"step_error_m": share * self.distance, "step_error_load": share * self.load}
 
-    @property
-    def warning(self) -> str:
-        """The sentence that the drive owes if this is of half the step, or nothing."""
-        if self.distance <= MOVED + MOVED_SHARE * self.way and not self.stop:
+    def excess(self, tolerance: float) -> float:
+        """Return the errors over their tolerance [m] and LOADS times that, whichever is the greater."""
+        off, load = self.errors.values()
+        return math.inf if self.stop else max(off / tolerance, load / (LOADS * tolerance))
+
+    def warning(self, tolerance: float) -> str:
+        """Return the sentence that a drive owes which does not keep its tolerance [m], or nothing."""
+        if self.excess(tolerance) <= 1.0:
             return ""
-        stop_text = f" and ends it: {self.stop}" if self.stop else ""
+        off, load = self.errors.values()
+        stop_text = f" (another step ends it: {self.stop})" if self.stop else ""
+        advice = "give a smaller dt" if self.lessens else "half the step does not lessen it, so that none is sure"
         return (
-            f"half the step moves the rover by up to {1e3 * self.distance:.2g} mm{stop_text}: "
-            "where it got to depends on the step; give a smaller dt."
+            f"the step's error is over the tolerance: up to {1e3 * off:.2g} mm in x and y, {1e3 * tolerance:g} mm "
+            f"allowed, and {100 * load:.2g} % of the loads, {100 * LOADS * tolerance:g} % allowed{stop_text}: {advice}."
         )
 
 
@@ -59,8 +66,7 @@ def step_change(rows: np.ndarray, stop: str, at_other: np.ndarray, stop_at_other
     change, mean = float(np.max(np.abs(loads_at_other - loads), initial=0.0)), float(np.mean(loads))
     load = change / mean if mean > np.finfo(float).eps * change else 0.0  # a rover that never stands has no loads
     new_stop = stop_at_other if _kind(stop_at_other) != _kind(stop) else ""
-    way = np.linalg.norm(np.diff(places, axis=0), axis=1)
-    return StepChange(float(np.max(off, initial=0.0)), float(way.sum()), load, new_stop, ratio)
+    return StepChange(float(np.max(off, initial=0.0)), load, new_stop, ratio)
 
 
 def _kind(stop: str) -> str:

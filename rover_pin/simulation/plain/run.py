@@ -19,7 +19,7 @@ def run_plain(drive: Drive, duration: float, progress: Progress | None) -> Ran:
     steps = round(duration / timing.dt)
     per_control, per_sample = round(timing.control / timing.dt), round(timing.sample / timing.dt)
     suspension, places = suspension_of(drive.model), Places.of(drive.model)
-    pace = Pace(stepper, timing.dt)
+    pace = Pace(stepper, timing.dt, timing.rough)
     rows, count = np.zeros(steps // per_sample, dtype=row_type(drive.model)), 0
     begun = drive.checkpoint or Checkpoint(state.t, 0, pace.size)
     pace.go_on(begun)
