@@ -201,8 +201,8 @@ def _kept(job: DriveJob, state: DriveState) -> Driven:
     driven = _from_start(job, state)
     driven = driven._replace(change=_measured(job, state, driven))
     tolerance, finer = job.timing.tolerance, job._replace(progress=None)
-    asked_again = hasattr(innermost(job.controller), "native")
-    while asked_again and driven.change and driven.change.excess(tolerance) > 1.0:
+    repeatable = hasattr(innermost(job.controller), "native")
+    while repeatable and driven.change and driven.change.excess(tolerance) > 1.0:
         if finer.timing.divided >= FINER * job.timing.divided:
             break
         finer = finer._replace(timing=finer.timing.halved())
