@@ -206,10 +206,10 @@ def _kept(job: DriveJob, state: DriveState) -> Driven:
         if finer.timing.divided >= FINER * job.timing.divided:
             break
         finer = finer._replace(timing=finer.timing.halved())
-        half = _from_start(finer, state)
-        change = step_change(half.rows, half.run.stop, driven.rows, driven.run.stop, 2.0)
+        refined = _from_start(finer, state)
+        change = step_change(refined.rows, refined.run.stop, driven.rows, driven.run.stop, 2.0)
         lessens = change.excess(tolerance) < driven.change.excess(tolerance)
-        driven = half._replace(change=change._replace(lessens=lessens))
+        driven = refined._replace(change=change._replace(lessens=lessens))
     return driven
 
 
@@ -220,9 +220,9 @@ def _measured(job: DriveJob, state: DriveState, driven: Driven) -> StepChange | 
         if controller is None or not len(driven.rows):
             return None
         with contextlib.suppress(SimulationError):  # too stiff a ground for twice the step
-            other = begun(job._replace(timing=timing or job.timing, controller=controller), state.copy())
-            if math.isclose(other.timing.dt, ratio * driven.drive.timing.dt):  # else the ground asks for finer steps
-                run = job.run(other, job.duration, None)
+            repeated = begun(job._replace(timing=timing or job.timing, controller=controller), state.copy())
+            if math.isclose(repeated.timing.dt, ratio * driven.drive.timing.dt):  # else the ground asks for finer steps
+                run = job.run(repeated, job.duration, None)
                 return step_change(driven.rows, driven.run.stop, finite(run.rows), run.stop, ratio)
     return None
 
@@ -253,8 +253,8 @@ def _gone_on(job: DriveJob, end: DriveEnd) -> Trace:
     stepper = job.stepper(begun, state, end.fine.dt, job.symmetric)
     stepper.restore(end.stepper_state.moving)
     stepper.duty[:], stepper.servo_target[:] = end.stepper_state.duty, end.stepper_state.servo
-    going = Drive(begun, state, stepper, job.controller, end.fine, end.checkpoint)
-    return _traced(job, _driven(job, going), end.place, {})
+    drive = Drive(begun, state, stepper, job.controller, end.fine, end.checkpoint)
+    return _traced(job, _driven(job, drive), end.place, {})
 
 
 def _traced(job: DriveJob, driven: Driven, place: tuple[float, float], attrs: dict[str, Any]) -> Trace:

@@ -19,8 +19,7 @@ from rover_pin.simulation.simulate import Timing, simulate
 from rover_pin.simulation.start.place import settled
 from rover_pin.simulation.timing import FINER, TOLERANCE
 from rover_pin.simulation.trace.rows import row_type
-from rover_pin.tuning.drives import built, drive_full
-from rover_pin.tuning.ensemble import random_drives
+from rover_pin.tuning.drives import drive_full
 from rover_pin.tuning.study import DriveCase
 from tests.simulation import random_drives as random_bounds
 
@@ -207,8 +206,12 @@ def test_where_nobody_reads_the_error_nothing_is_driven_twice(monkeypatch):
 
 
 def usual_drives():
-    """Ditches and inclines of an ensemble, and each scene under a constant duty and under slip control: 20 s each."""
-    yield from (built(case) for case in random_drives(7, 15, 10, 20.0, 0.3))
+    """Ditches and inclines of drawn sands, and each scene under a constant duty and under slip control: 20 s each."""
+    rng = np.random.default_rng(7)
+    for name, angle, low, high in (("ditch", "wall_angle_deg", 30.0, 65.0), ("incline", "angle_deg", 6.0, 18.0)):
+        for _ in range(12):
+            sand = {"soil.k": float(10.0 ** rng.uniform(-2.5, -1.5)), "cruise_slip": 0.05}
+            yield scenario(name, duration=20.0, **sand, **{f"terrain.{angle}": float(rng.uniform(low, high))})
     for name in (
         "flat",
         "slope",

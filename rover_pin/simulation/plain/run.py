@@ -59,7 +59,7 @@ def observed(stepper: Stepper) -> tuple[np.ndarray, float]:
     before, dt = stepper.saved(), stepper.dt
     stepper.set_step(GLANCE)
     stepper.step()
-    seen = stepper.record.copy(), float(stepper.differential[0])
+    observation = stepper.record.copy(), float(stepper.differential[0])
     stepper.restore(before)
     stepper.set_step(dt)
-    return seen
+    return observation
