@@ -43,9 +43,9 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from drawn_drives import random_drives
 from scipy.optimize import differential_evolution
-from tacking import Tacking, TackingControl
+from shared.drawn_drives import random_drives
+from shared.tacking import Tacking, TackingControl
 
 from rover_pin import plot
 from rover_pin.control.constant import ConstantDuty

@@ -51,7 +51,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
-from tacking import TackingControl
+from shared.tacking import TackingControl
 
 from rover_pin import plot
 from rover_pin.base.errors import ParameterError

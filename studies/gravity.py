@@ -24,7 +24,7 @@ Result
     the step.
     Fast, the Moon is another world. Over the hard bump at 0.2 m/s the loads peak at 1.3, 1.6 and 2.8 times the static
     ones on Earth, Mars and Moon; at 0.5 m/s at 1.6, 2.6 and 4.6, and lunar wheels are in the air for 2 % of the way's
-    time; at 1 m/s at 2.7, 7.8 and 12.6, with wheels in the air for 0, 12 and 29 %, at most for 0.19 s on Mars and
+    time; at 1 m/s at 2.5, 7.3 and 12.3, with wheels in the air for 0, 12 and 29 %, at most for 0.19 s on Mars and
     0.48 s on the Moon. The washboard lifts wheels on the Moon at 1 m/s only (10 %). No wheel lifts at a Froude number
     below 0.08. The slow grip shows too: the Moon's rover gets its 1 m/s gear up to 0.68 m/s within 4 m. Shares in the
     air are the same within 0.002 at half the step, peaks within 4 % (10 % with another damping). A third or three

@@ -275,7 +275,7 @@ OF_ITS_OWN = {
     "sweep/store.py": "pq.ParquetFile temporary.open",
     "terrain/raster.py": "Image.open memory.open",
     # what the package has written or made itself, or what comes with it
-    "simulation/compiled/library_cache.py": "ctypes.CDLL compiled.read_bytes file.read_bytes",
+    "simulation/compiled/toolchain.py": "CPUINFO.read_text ctypes.CDLL compiled.read_bytes file.read_bytes",
     "base/code_digest.py": "file.read_bytes",
     "base/files/results_folder.py": "os.open file.read_bytes",
     "tuning/evaluations.py": "self.file.open",
@@ -285,7 +285,6 @@ OF_ITS_OWN = {
     "base/files/paths.py": ".read_text",
     "control/fmi/unit.py": ".read_bytes zipfile.ZipFile",
     "cli/commands/view.py": "webbrowser.open",
-    "simulation/compiled/processor.py": "CPUINFO.read_text",
     "base/jobs/safe_environment.py": "os.open",
 }
 """What opens a file without the bounds, and nothing else in the same file may."""

@@ -118,19 +118,14 @@ def test_it_drives_as_the_package_does_for_a_whole_run():
 FEW = ("Bulldozing", "SlipSinkage", "SupplySag")
 """Effects of the slow tests: one of the soil, one of the load, one of the motors; nightly all."""
 RIGID = sorted({*hidden.LISTED, *hidden.ALIASES} - {"DifferentialCompliance"})
-HALVED = ("SupplySag", "TorqueSaturation")
-"""Where the package's default step is too coarse for LIMITS: at 5, 2.5, 1.25 ms the voltage of a sagging supply is off
-by 3.4, 1.5, 0.8 mV, a wheel with a limited torque at a start by 5.3, 2.3, 1.3 mrad/s."""
 
 
 @cache
 def driven(names):
     """Effects with a rigid differential, over the ramp with a reversal and over waves with steering."""
-    ways, found = tracks()[1:3], {}
-    for part, timing in ((sorted({*names} - {*HALVED}), Timing()), (sorted({*names} & {*HALVED}), Timing(0.0025))):
-        pairs = both([(name, track) for name in part for track in ways], 6.0, timing)
-        found |= {name: pairs[len(ways) * i : len(ways) * (i + 1)] for i, name in enumerate(part)}
-    return found
+    ways = tracks()[1:3]
+    pairs = both([(name, track) for name in names for track in ways], 6.0)
+    return {name: pairs[len(ways) * i : len(ways) * (i + 1)] for i, name in enumerate(names)}
 
 
 def assert_the_same_law(names, name):

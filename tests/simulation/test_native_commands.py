@@ -17,7 +17,7 @@ from rover_pin.simulation.instant import Instant, Places
 from rover_pin.simulation.native.loop import Loop
 from rover_pin.simulation.native.shared import RECORD
 from rover_pin.simulation.start.place import Start, hovering
-from studies.tacking import Tacking, TackingControl
+from studies.shared.tacking import Tacking, TackingControl
 
 MODEL, AT_ONCE = scenario("flat").model, 1e-12
 TABLE = SpeedTable((0.0, 0.2, 0.5, 0.7, 1.0), (0.0, 0.02, 0.05, 0.08, 0.11))

@@ -10,7 +10,7 @@ from rover_pin.rover.rover import load_rover
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.command import Reading
 from rover_pin.simulation.simulate import simulate
-from studies.tacking import Tacking, TackingControl
+from studies.shared.tacking import Tacking, TackingControl
 
 LAW = Tacking(calm=2.0, delta=0.5, delta_climb=0.8)
 

@@ -10,7 +10,7 @@ from rover_pin.effects.digging_memory import DiggingMemory
 from rover_pin.tuning.drives import built
 from rover_pin.tuning.study import DriveCase, TuningStudy, placed
 from rover_pin.tuning.study_file import read_tuning
-from studies.drawn_drives import random_drives
+from studies.shared.drawn_drives import random_drives
 
 EXAMPLE = Path(__file__).parents[2] / "studies" / "tune_ditch.toml"
 ONE = (DriveCase("flat", "flat"),)

@@ -10,7 +10,7 @@ from rover_pin.control.sensing.onboard_slip import OnboardSlip
 from rover_pin.simulation.native.control import commands_of
 from rover_pin.simulation.sensors import Sensed, Sensors
 from rover_pin.simulation.simulate import simulate
-from studies.tacking import TackingControl
+from studies.shared.tacking import TackingControl
 
 CONTROLS = {
     "hole law": {"control": "onboard"},
