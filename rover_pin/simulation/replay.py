@@ -102,7 +102,7 @@ class Replay:
 
     channels: dict[str, np.ndarray] = field(repr=False)
     stop: str = ""
-    pace: StepsTaken | None = field(default=None, repr=False)
+    steps: StepsTaken | None = field(default=None, repr=False)
     "None: it did not begin"
 
 
@@ -223,7 +223,7 @@ def replay(
     else:
         why = "" if outcome is Outcome.DONE else "diverged"
     channels = _channels(model, run, _with_last(loop, loop.row - (outcome is Outcome.FAILS)))
-    return Replay(channels, why, StepsTaken(dt, history[1 : 1 + int(history[0])]))
+    return Replay(channels, why, StepsTaken(dt, history[1 : 1 + int(history[0])].copy()))
 
 
 def _check_widths(model: Model, run: Commands) -> None:

@@ -131,10 +131,19 @@ class DriveExperiment(Experiment):
 
     def predict_near(self, models: Sequence[Model]) -> np.ndarray:
         """Return the features of each model (models, runs, channels, blocks), replayed by the steps of the first."""
-        return np.array(self._driven(models, [centre.pace for centre in self.replays(models[0])]))
+        centre = self.replays(models[0])
+        drives = [_drives(model, self.rate_driven) for model in models]
+        elsewhere = [model for model, drive in zip(models, drives, strict=True) if drive != drives[0]]
+        others = iter(self._driven(elsewhere, [replay.steps for replay in centre]))
+        return np.array(
+            [
+                self.read(centre, model.sensor_effects) if drive == drives[0] else next(others)
+                for model, drive in zip(models, drives, strict=True)
+            ]
+        )
 
     def _driven(self, models: Sequence[Model], steps: Sequence[StepsTaken | None] = ()) -> list[np.ndarray]:
-        """Return the features of each model (runs, channels, blocks), by these steps, of each run."""
+        """Return the features of each model (runs, channels, blocks), its replay of each run by these steps."""
         groups: dict[tuple[int, ...], list[int]] = {}
         for at, model in enumerate(models):
             groups.setdefault(_drives(model, self.rate_driven), []).append(at)

@@ -84,8 +84,8 @@ class Kernel:
         self._set(held_rate=rates, hold_inertia=HOLDING * self.model.built.mass * self.model.rover.radii**2)
 
     def keep_history(self, most: int) -> np.ndarray:
-        """Return room for the number of steps from now on and for the length [s] of each, `most` of them at most."""
-        history = np.zeros(1 + most)
+        """Return room for the number of steps from now on and for the length [s] of each, `most` and a look at most."""
+        history = np.zeros(2 + most)
         self._set(history=history)
         self.moving.append(history[:1])
         return history

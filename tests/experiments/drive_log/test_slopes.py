@@ -26,10 +26,10 @@ def made(request):
 def test_a_replay_by_the_steps_of_its_own_is_the_same_to_the_bit(made):
     experiment, model, _ = made
     (free,) = experiment.replays(model)
-    again = replay(model, experiment.runs[0].commands, rest_state=experiment.rests[0], steps=free.pace)
-    assert len(set(free.pace.lengths)) > 1, "steps that never change test nothing"
+    again = replay(model, experiment.runs[0].commands, rest_state=experiment.rests[0], steps=free.steps)
+    assert len(set(free.steps.lengths)) > 1, "steps that never change test nothing"
     assert all((again.channels[name] == values).all() for name, values in free.channels.items())
-    assert (again.pace.lengths == free.pace.lengths).all()
+    assert (again.steps.lengths == free.steps.lengths).all()
 
 
 @pytest.mark.slow
