@@ -74,9 +74,14 @@ class Expansion:
         return huber_weights(self.fit.rows)
 
     @cached_property
+    def weighted(self) -> np.ndarray:
+        """Columns by the weight of their row, W A."""
+        return self.columns * self.weights[:, None]
+
+    @cached_property
     def sums(self) -> Sums:
         """The sums over each fold, slopes at the settled rows: a fold left out takes no promise that is not there."""
-        weighted = self.columns * self.weights[:, None]
+        weighted = self.weighted
         members = [np.flatnonzero(self.fold == at) for at in range(len(self.fit.task.experiment.folds))]
         losses = huber_losses(self.fit.rows)
         return Sums(
@@ -107,8 +112,7 @@ class Expansion:
     @cached_property
     def _own_step(self) -> tuple[np.ndarray, float]:
         """The step of the fit's own numbers, H^-1 g, and the nats g'H^-1 g / 2 that it promises."""
-        own = self.columns[:, : self.own]
-        weighted = own * self.weights[:, None]
+        own, weighted = self.columns[:, : self.own], self.weighted[:, : self.own]
         gradient = weighted.T @ self.fit.rows + self.fit.u
         step = np.linalg.solve(weighted.T @ own + np.eye(self.own), gradient)
         return step, 0.5 * float(gradient @ step)

@@ -88,11 +88,11 @@ def simulate(
     -------
     Trace
         `attrs["stop"]` says why it ended: "duration", or "capsized", "buried", "folded" or "diverged" with the time
-        and the part. What was driven until then is kept. `attrs["step_error_m"]` is twice the greatest
-        distance in x and y from the drive at twice the step, or four times that at half of it where the ground asks for
-        fine steps; `attrs["step_error_load"]` the same of the wheels' mean loads, as a share of them. `attrs["dt_s"]`
-        is the step that kept the tolerance; a warning says where none did. Neither is there where it was not measured:
-        a part that goes on, a controller of one's own between the rows.
+        and the part. What was driven until then is kept. `attrs["step_error_m"]` is twice the greatest distance in x
+        and y from the drive at twice the step, or four times that at half of it where the ground asks for fine steps;
+        `attrs["step_error_load"]` the same of the wheels' mean loads, as a share of them. `attrs["dt_s"]`
+        is the step that kept the tolerance; a warning says where none did. No error is there where it was not
+        measured: a part that goes on, a controller of one's own between the rows.
 
     Raises
     ------

@@ -138,10 +138,11 @@ def with_spread(model: Model, motors: bool = True) -> Model:
     """Return the model with a gain for each motor or for all wheels' radius, and each tachogenerator, unless it has."""
     wheels = model.rover.wheels
     gains = [WeakMotor(g=0.0, wheel=number) for number, _ in enumerate(wheels)] if motors else [TachoScale(e=0.0)]
+    present = {
+        (type(effect), effect.wheel) for effect in model.all_effects if isinstance(effect, WeakMotor | TachoScale)
+    }
     for gain in (*gains, *(TachoScale(e=0.0, wheel=wheel.name) for wheel in wheels)):
-        present = [effect for effect in model.all_effects if isinstance(effect, (WeakMotor, TachoScale))]
-        is_present = any(type(effect) is type(gain) and effect.wheel == gain.wheel for effect in present)
-        model = model if is_present else model.having(gain)
+        model = model if (type(gain), gain.wheel) in present else model.having(gain)
     return model
 
 
