@@ -98,7 +98,10 @@ class StepsTaken(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Replay:
-    """What the model did: channels as in a trace, on the rows of the commands; `stop` says why it ended early."""
+    """What the model did: channels as in a trace, on the rows of the commands; `stop` says why it ended early.
+
+    Slips, sinkages and forces, with which no log is compared, are those of the last step before the row.
+    """
 
     channels: dict[str, np.ndarray] = field(repr=False)
     stop: str = ""

@@ -20,24 +20,41 @@ static void find_velocity(const double *q, const double *v, double *velocity) {
   for (int i = 0; i < 3; ++i) velocity[i] = v[i] + 2.0 * (q[6] * once[i] + twice[i]);
 }
 
-/* What a step records is of its begin. Let `now` be of this instant, by a step in which nothing moves; wheels that are
-   held to rates have no torque in one, and keep the last step's. */
+/* Let `now` be of this instant, by a step in which nothing moves. */
+static void look(Drive *d, Loop *l) {
+  const double dt = d->dt;
+  save(l, 0);
+  d->dt = GLANCE;
+  rover_pin_step(d);
+  memcpy(l->now, d->record, d->n_wheels * N_RECORD * sizeof(double));
+  l->now[d->n_wheels * N_RECORD] = *d->differential;
+  restore(l, 0);
+  d->dt = dt;
+  l->before_size = 0; /* its place is taken */
+}
+
+/* Let the motors' part of `now` be of this instant. */
+static void look_at_motors(Drive *d, Loop *l) {
+  const double dt = d->dt;
+  d->dt = GLANCE;
+  add_motors(d, bus_current(d), d->step);
+  d->dt = dt;
+  for (integer i = 0; i < d->n_wheels * N_RECORD; ++i) {
+    const double before = l->now[i];
+    l->now[i] = d->record[i];
+    d->record[i] = before;
+  }
+}
+
+/* What a step records is of its begin. A replay compares nothing of the soil's loads, and keeps its last step's; wheels
+   that are held to rates have no torque in an instant. */
 static void observe(Drive *d, Loop *l) {
   const integer n = d->n_wheels * N_RECORD;
-  const double dt = d->dt;
   if (l->seen) return;
-  if (!d->held_rate) {
-    save(l, 0);
-    d->dt = GLANCE;
-    rover_pin_step(d);
-  }
   memcpy(l->now, d->record, n * sizeof(double));
   l->now[n] = *d->differential;
-  if (!d->held_rate) {
-    restore(l, 0);
-    d->dt = dt;
-    l->before_size = 0; /* its place is taken */
-  }
+  if (l->place_rows && !d->held_rate) look_at_motors(d, l);
+  if (!l->place_rows) look(d, l);
   l->seen = 1;
 }
 
