@@ -98,8 +98,8 @@ class SpuriousEnergy(NamedTuple):
     "what the motors gave while traction did [J]"
 
 
-def spurious_energy(model: Model, trace: Trace) -> SpuriousEnergy:
-    """Return what the soil gave from nowhere over the rows of a drive, two at least.
+def spurious_energy(model: Model, trace: Trace, least: float = 0.0) -> SpuriousEnergy:
+    """Return what the soil gave from nowhere over the rows of a drive, two at least; up to `least` [J] in all is 0.
 
     Sheared soil takes T omega - f_t v from a wheel, omega of the world and not of the link that carries it, without
     what `MotionResistance` takes of f_t: below 0 it drives the wheel and the rover at once. At a steady slip no law
@@ -119,14 +119,16 @@ def spurious_energy(model: Model, trace: Trace) -> SpuriousEnergy:
     start = [-float(np.max(pressed))] if "set_down" in trace.attrs else []
     lost = np.array([*start, *(trace["energy_soil"] - pressed)])
     fall = float(np.max(np.maximum.accumulate(lost) - lost))
-    return SpuriousEnergy(_unstored(model, trace, -taken), fall, float(power[taken < 0.0] @ dt[taken < 0.0]))
+    gave = np.maximum(-taken, 0.0)
+    unstored = _unstored(model, trace, gave) if np.sum(gave) > least else 0.0
+    return SpuriousEnergy(unstored, fall, float(power[taken < 0.0] @ dt[taken < 0.0]))
 
 
 def _unstored(model: Model, trace: Trace, gave: np.ndarray) -> float:
-    """Return what traction gave from row to row [J] that sheared soil had not stored before."""
+    """Return what of what traction gave from row to row [J] sheared soil had not stored before."""
     store = shear_store(model, trace)
     unstored = np.sum(np.maximum(gave + np.minimum(store.taken, 0.0), 0.0))
-    return float(min(np.sum(np.maximum(gave, 0.0)), unstored + store.overdrawn))
+    return float(min(np.sum(gave), unstored + store.overdrawn))
 
 
 def energy_warning(model: Model, trace: Trace) -> str:
@@ -137,7 +139,8 @@ def energy_warning(model: Model, trace: Trace) -> str:
     """
     if len(trace.t) < 2:
         return ""
-    extra, least = spurious_energy(model, trace), WORTH_TELLING * _scale(trace)
+    least = WORTH_TELLING * _scale(trace)
+    extra = spurious_energy(model, trace, least)
     return "; ".join(
         sentence for sentence in (_of_traction(trace, extra, least), _of_account(extra, least)) if sentence
     )

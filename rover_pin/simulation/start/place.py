@@ -113,11 +113,8 @@ def hovering(model: Model, start: Start) -> DriveState:
     q[:3] = start.x, start.y, 0.0
     data = rover.model.createData()
     pin.forwardKinematics(rover.model, data, q)
-    lift = []
-    for wheel in rover.wheels:
-        x, y, z = data.oMi[wheel.joint].translation
-        lift.append(float(terrain.height(x, y)) + float(wheel.wheel.r) - z)
-    q[2] = max(lift)
+    x, y, z = np.array([data.oMi[wheel.joint].translation for wheel in rover.wheels]).T
+    q[2] = np.max(terrain.height(x, y) + rover.radii - z)
     n = len(rover.wheels)
     contact = sum(len(effect.states) for effect in model.contact_effects)
     motor = sum(len(effect.states) for effect in model.motor_effects)

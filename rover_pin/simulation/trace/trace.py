@@ -53,11 +53,9 @@ class Trace(Mapping[str, np.ndarray]):
 
     def __post_init__(self) -> None:
         try:
-            channels = {name: np.array(values, dtype=float) for name, values in dict(self.channels).items()}
+            channels = {name: _unchanging(values) for name, values in dict(self.channels).items()}
         except (TypeError, ValueError) as error:
             raise DataError(f"Trace: channels are no dict of numbers by name: {error}.") from error
-        for values in channels.values():
-            values.flags.writeable = False
         object.__setattr__(self, "channels", channels)
         object.__setattr__(self, "units", {name: self.units.get(name, unit_of(name)) for name in channels})
         (t,) = self.need("t_s")
@@ -226,6 +224,15 @@ class Trace(Mapping[str, np.ndarray]):
         frame = pandas.DataFrame(self.channels)
         frame.attrs = {**self.attrs, "units": dict(self.units)}
         return frame
+
+
+def _unchanging(values: Any) -> np.ndarray:
+    """Return numbers that nobody can change: as they are where that is so already."""
+    if type(values) is np.ndarray and values.dtype == float and values.base is None and not values.flags.writeable:
+        return values
+    numbers = np.array(values, dtype=float)
+    numbers.flags.writeable = False
+    return numbers
 
 
 def _shown(value: Any) -> str:
