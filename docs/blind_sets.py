@@ -11,6 +11,7 @@ from scipy.stats import binomtest
 
 NAMED = ["named", "in the set"]
 WRONG = ["wrong name", "with one that is not there"]
+OPEN = "a set in which nothing is"
 ONE, OTHER, TWO, NO, NOTHING = (
     "one effect", "a listed effect by another law", "two effects", "an effect on no list", "nothing",
 )  # fmt: skip
@@ -66,11 +67,13 @@ SHARES: dict[str, tuple[str, Callable[[pd.DataFrame], Count]]] = {
     "two effects, both detectable: pair named, or in the set": (
         ">= 85 %", lambda sets: share(of_kind(sets, TWO, True), NAMED)),
     'nothing hidden: false alarm (a name, or "none of these")': (
-        "<= 2 %", lambda sets: share(of_kind(sets, NOTHING), ["wrong name", "none of these"])),
+        "<= 2 %", lambda sets: share(of_kind(sets, NOTHING), ["wrong name", OPEN, "none of these"])),
     "on no list, beyond the noise: abstained": (
-        ">= 95 %", lambda sets: (len(of_kind(sets, NO, True)) - share(of_kind(sets, NO, True), ["wrong name"])[0],
-                                 len(of_kind(sets, NO, True)))),
-    "on no list, within the noise: something named": ("", lambda sets: share(of_kind(sets, NO, False), ["wrong name"])),
+        ">= 95 %", lambda sets: share(of_kind(sets, NO, True), ["nothing named", "none of these"])),
+    "on no list, beyond the noise: nothing among what is named": (
+        "", lambda sets: share(of_kind(sets, NO, True), [OPEN])),
+    "on no list, within the noise: something named": (
+        "", lambda sets: share(of_kind(sets, NO, False), ["wrong name", OPEN])),
     "another law: detectable": ("", lambda sets: (len(of_kind(sets, OTHER, True)), len(of_kind(sets, OTHER)))),
     "another law, detectable: right class named, in the set, or like it": (
         ">= 90 %", lambda sets: share(of_kind(sets, OTHER, True), NAMED)),
@@ -118,7 +121,7 @@ def misses(sets: pd.DataFrame) -> str:
     """Return the table of sets that are neither right nor silent: the detectable ones, and every wrong name."""
     seen = (sets.detectable.astype(str) == "True") & sets.kind.isin([ONE, OTHER, TWO]) & ~sets.outcome.isin(NAMED)
     rows = ["| set | hidden | answer | of |", "| --- | --- | --- | --- |"]
-    for row in sets[seen | sets.outcome.isin(["wrong name", *WRONG])].itertuples():
+    for row in sets[seen | sets.outcome.isin([OPEN, *WRONG])].itertuples():
         label = row.label.replace("[]", "").replace("[", "(").replace("]", ")")
         rows.append(f"| {label} | {row.truth or row.kind} | {row.answer} | {row.alike or '-'} |")
     return "\n".join(rows)

@@ -54,6 +54,7 @@ class Outcome(Enum):
     EXTRA = "with one that is not there"
     PART = "one of two"
     WRONG = "wrong name"
+    OPEN = "a set in which nothing is"
     UNKNOWN = "none of these"
     SILENT = "nothing named"
 
@@ -110,7 +111,9 @@ class Case:
         if not self.told:
             return Outcome.UNKNOWN if self.answer is Answer.NONE_FITS else Outcome.SILENT
         truth, answers = set(self.truth), [set(one) for one in self.alike]
-        if self.kind in (Kind.NULL, Kind.OFF_LIST) or not any(truth & one for one in answers):
+        if self.kind in (Kind.NULL, Kind.OFF_LIST):
+            return Outcome.OPEN if set() in answers else Outcome.WRONG
+        if not any(truth & one for one in answers):
             return Outcome.WRONG
         if self.kind is Kind.OTHER_LAW:
             right = any(one <= truth for one in answers)
@@ -176,10 +179,11 @@ def shares(cases: Sequence[Case]) -> list[Row]:
         row("both detectable: pair named, or in the set", both, *right),
         row("both detectable: one of the two", both, Outcome.PART),
         row("two effects: a wrong name or a third", pairs, Outcome.WRONG, Outcome.EXTRA),
-        row("nothing hidden: something named (false alarm)", null, Outcome.WRONG, aim="<= 2 %"),
+        row("nothing hidden: something named (false alarm)", null, Outcome.WRONG, Outcome.OPEN, aim="<= 2 %"),
         row("nothing hidden: called unknown", null, Outcome.UNKNOWN),
         row("on no list, beyond the noise: abstained", off, Outcome.UNKNOWN, Outcome.SILENT, aim=">= 85 %"),
-        row("on no list, within the noise: something named", quiet, Outcome.WRONG),
+        row("on no list, beyond the noise: nothing among what is named", off, Outcome.OPEN),
+        row("on no list, within the noise: something named", quiet, Outcome.WRONG, Outcome.OPEN),
         Row("another law: detectable", len(other), len(other + faint)),
         row("another law, detectable: the right class named, in the set, or like it", other, *right, aim=">= 80 %"),
         row("another law, detectable: a wrong name", other, Outcome.WRONG, Outcome.EXTRA),

@@ -34,8 +34,9 @@ class Decision(NamedTuple):
 def decide(beliefs: Beliefs) -> Decision:
     """Return the answer: the most probable set is named where nearly all that is probable contains it.
 
-    Nothing is missing, or nothing of the list, where no cause is more likely than not; the data cannot tell where
-    neither that nor a cause can be excluded. Where only what is declared of a number is otherwise, the base model as
+    Nothing is missing, or nothing of the list, where that is more likely than not. A cause of which one family is more
+    likely than not is kept, alone or in a set, in which nothing may stand too; the data cannot tell where neither nothing
+    nor a family is. Where only what is declared of a number is otherwise, the base model as
     declared does not describe the data. A set whose laws more likely than not leave more than noise is like what
     is missing.
     """
@@ -47,9 +48,10 @@ def decide(beliefs: Beliefs) -> Decision:
         leaves = beliefs.leaves_more(()) > MOST or _is_beyond(beliefs)
         return Decision(Answer.NONE_FITS if leaves else Answer.NONE_NEEDED)
     sets = _leading(beliefs)
-    if none + otherwise > 1.0 - SURE:
+    if max((p for family, p in beliefs.families.items() if family != DECLARED), default=0.0) <= MOST:
         return Decision(Answer.CANNOT_TELL, (), sets)
-    retained = beliefs.best(sets[0]).names
+    sets = tuple(sorted(sets, key=lambda names: not names))
+    retained = sets[0]
     contained = beliefs.probability(lambda hypothesis: set(retained) <= set(hypothesis.names))
     if contained <= SURE:
         return Decision(Answer.SET, retained, sets)

@@ -136,8 +136,8 @@ class Beliefs:
 
     @property
     def families(self) -> dict[str, float]:
-        """The probability that any cause of a family acts, the largest first."""
-        return self.totals(lambda hypothesis: {cause.family for cause in hypothesis.causes if cause.family})
+        """The probability that any cause of a family acts, the largest first; a cause of none is one by itself."""
+        return self.totals(lambda hypothesis: {cause.family or cause.name for cause in hypothesis.causes})
 
     @property
     def sets(self) -> dict[frozenset[str], float]:

@@ -45,8 +45,10 @@ def beliefs(text, noise=(1.0, 1.0)):
         ("- .6 A .4", Answer.NONE_NEEDED, ""),
         ("- .4 -~ .2 A .4", Answer.NONE_NEEDED, ""),
         ("- .2 -~ .4 A .4", Answer.NONE_FITS, ""),
-        ("- .4 A .6", Answer.CANNOT_TELL, ""),
-        ("- .06 A .94", Answer.CANNOT_TELL, ""),
+        ("- .4 A .3 B .3", Answer.CANNOT_TELL, ""),
+        ("- .4 A .6", Answer.SET, "A"),
+        ("- .3 A .25 AB .25 AC .2", Answer.SET, "A"),
+        ("- .06 A .94", Answer.SET, "A"),
         ("- .02 A .98", Answer.NAMED, "A"),
         ("A .5 AB .3 AC .18 - .02", Answer.NAMED, "A"),
         ("A .2 A~ .3 A' .48 - .02", Answer.LIKE, "A"),
@@ -58,6 +60,12 @@ def beliefs(text, noise=(1.0, 1.0)):
 def test_probabilities_decide(text, answer, retained):
     decision = decide(beliefs(text))
     assert (decision.answer, "".join(decision.retained)) == (answer, retained)
+
+
+def test_nothing_stands_last_in_a_set_that_it_may_be():
+    made = beliefs("- .4 A .35 AB .25")
+    assert decide(made).sets == (("A",), ())
+    assert "the data leave A (0.60) or nothing (0.40); the first takes" in sentence(decide(made), made, 0.8, 1.0)
 
 
 @pytest.mark.parametrize("text", ["A .99 - .01", "A .6 B .39 - .01", "A .9 - .1"])
