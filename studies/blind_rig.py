@@ -41,7 +41,7 @@ import numpy as np
 from blind_score import Case, Kind, Size, publish
 from joblib import Parallel, delayed
 from kept.case import kept
-from kept.told import CLEAR, alike_of, inclusion_of
+from kept.told import CLEAR, acts_besides, alike_of, inclusion_of
 
 from rover_pin.base.code_digest import key_of_code
 from rover_pin.discrepancy.calibration import calibrated
@@ -207,6 +207,7 @@ def case_of(hidden: Hidden) -> Case:
         error_of(verdict.model, fresh, make.SD),
         math.nan if oracle is None else error_of(oracle, fresh, make.SD),
         inclusion_of(verdict, () if hidden.kind is Kind.OFF_LIST else hidden.truth),
+        acts_besides(verdict),
     )
 
 

@@ -40,7 +40,7 @@ from typing import Any, NamedTuple
 from blind_score import Case, Kind, Size, publish
 from joblib import Parallel, delayed
 from kept.case import kept
-from kept.told import CLEAR, alike_of, inclusion_of, plain
+from kept.told import CLEAR, acts_besides, alike_of, inclusion_of, plain
 
 from rover_pin.base.code_digest import key_of_code
 from rover_pin.discrepancy.conclude import search_of, verdict_of
@@ -126,6 +126,7 @@ def case_of(folder: Path, answers: Path) -> Case:
         *together(verdict.runs),
         true.loss,
         inclusion_of(verdict, names if listed else ()),
+        acts_besides(verdict),
     )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from rover_pin.discrepancy.decision import BEYOND, MOST
 from rover_pin.discrepancy.verdict import Verdict
 
 CLEAR = 3.0
@@ -20,6 +21,13 @@ def plain(name: str) -> str:
 def alike_of(verdict: Verdict) -> tuple[tuple[str, ...], ...]:
     """Return every set of causes that the data do not tell apart, where one is kept."""
     return tuple(tuple(map(plain, one.split(" + "))) for one in verdict.indistinguishable) if verdict.named else ()
+
+
+def acts_besides(verdict: Verdict) -> bool:
+    """Return whether the verdict says that more than noise is left, or a channel with more than noise can be."""
+    assert verdict.beliefs is not None
+    more = verdict.beliefs.probability(lambda hypothesis: hypothesis.leaves_more)
+    return more > MOST or max(verdict.beliefs.noise_taken(verdict.named).values()) > BEYOND
 
 
 def inclusion_of(verdict: Verdict, true: Sequence[str]) -> dict[str, float]:
