@@ -51,10 +51,10 @@ from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.estimation.noise import huber_losses
 from rover_pin.estimation.numbers import is_adequate
 from rover_pin.experiments.rig_sets.experiment import RigExperiment
-from rover_pin.experiments.wheel_rig.data import read_rig_set
 from rover_pin.experiments.wheel_rig.model import RigModel
 from rover_pin.loop.close import close_the_loop
 from rover_pin.loop.rig import question_of
+from rover_pin.measurements.rig_reading import read_rig_set
 
 GENERATOR = Path(__file__).parents[1] / "tests" / "oracle" / "rig_generator.py"
 
@@ -254,7 +254,7 @@ def oracle_of(folder: Path, hidden: Hidden) -> tuple[RigModel | None, float]:
 
 def asked(folder: Path) -> Question:
     data = read_rig_set(folder)
-    return question_of(RigExperiment((data,)), RigModel(data.rig.wheel, data.soil()))
+    return question_of(RigExperiment((data,)), RigModel(data.wheel, data.soil()))
 
 
 def exceeds_noise(folder: Path) -> bool:

@@ -58,9 +58,10 @@ from rover_pin.discrepancy.cross_validation import fold_models
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.wording import Outcome
-from rover_pin.experiments.wheel_rig.data import RigSet, read_rig_set
 from rover_pin.loop.close import close_the_loop
 from rover_pin.measurements.pressed import stiffness
+from rover_pin.measurements.rig_reading import read_rig_set
+from rover_pin.measurements.rig_set import RigSet
 
 DATA = Path(__file__).parent / "data"
 AUTHORS_N = 1.46
@@ -136,7 +137,7 @@ def held_out_steady(data: RigSet, fit: Fit) -> dict[str, float]:
     found = {}
     for number, (name, model) in enumerate(zip(data.level_names, fold_models(fit), strict=False)):
         own = data.level == number
-        found[name] = float(model.predict(data.rig.load[own].mean(), data.rig.slip[own].mean()).sinkage[0])
+        found[name] = float(model.predict(data.load[own].mean(), data.slip[own].mean()).sinkage[0])
     return found
 
 
@@ -180,7 +181,7 @@ def predicted(runs: dict[str, pd.DataFrame], steady: dict[str, float], label: st
 
 def slips_of(data: RigSet) -> dict[str, str]:
     """Return the mean slip of each level in words; the set numbers its levels by the rim's speed."""
-    slips = [round(float(data.rig.slip[data.level == number].mean()), 2) for number, _ in enumerate(data.level_names)]
+    slips = [round(float(data.slip[data.level == number].mean()), 2) for number, _ in enumerate(data.level_names)]
     return {name: f"S = {slip + 0.0:.2f}" for name, slip in zip(data.level_names, slips, strict=True)}
 
 
@@ -228,13 +229,13 @@ def cases(quick: bool) -> dict[str, RigSet]:
     others = {"cmu lugged wheel": "cmu-grousered-wheel", "cmu braked wheel": "cmu-smooth-wheel-skid"}
     cmu = {label: read_rig_set(DATA / name) for label, name in others.items()}
     driven = {name: read_rig_set(DATA / f"ding-2011-{name}") for name in ("smooth", "lugged")}
-    ding = {f"ding {name}": data.rows(np.asarray(data.rig.slip) > 0) for name, data in driven.items()}
+    ding = {f"ding {name}": data.rows(np.asarray(data.slip) > 0) for name, data in driven.items()}
     return {"cmu smooth wheel": smooth, "cmu smooth wheel, n = 1.46": smooth, **cmu, **ding}
 
 
 def with_authors_exponent(data: RigSet) -> Soil:
-    K_eff = stiffness(data.trials, data.rig.wheel, AUTHORS_N)
-    return data.soil().replace(n=AUTHORS_N, k_1=K_eff * data.rig.wheel.b**AUTHORS_N)
+    K_eff = stiffness(data.trials, data.wheel, AUTHORS_N)
+    return data.soil().replace(n=AUTHORS_N, k_1=K_eff * data.wheel.b**AUTHORS_N)
 
 
 def rows(label: str, verdict: Verdict) -> list[dict[str, object]]:

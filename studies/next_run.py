@@ -40,11 +40,11 @@ from rover_pin.discrepancy.standalone import question_of as bench_question
 from rover_pin.experiments.pendulum import Pendulum
 from rover_pin.experiments.rig_sets.experiment import RigExperiment
 from rover_pin.experiments.rig_sets.next_runs import next_runs
-from rover_pin.experiments.wheel_rig.data import read_rig_set
 from rover_pin.experiments.wheel_rig.model import RigModel
 from rover_pin.inference.beliefs import Beliefs
 from rover_pin.inference.next_measurement import Offer, next_measurement, open_sets
 from rover_pin.loop.rig import question_of
+from rover_pin.measurements.rig_reading import read_rig_set
 
 SURE, MOST = 0.95, 8
 RIG_SEED, BENCH_SEED = 52_000, 76_000
@@ -128,9 +128,9 @@ def rig(seed: int) -> tuple[str, Callable[[list[int]], Told]]:
     ahead = offer.experiment.sets[0]
 
     def after(chosen: list[int]) -> Told:
-        more = [(float(ahead.rig.load[at]), float(ahead.rig.slip[at]), float(ahead.speeds[at, 0])) for at in chosen]
+        more = [(float(ahead.load[at]), float(ahead.slip[at]), float(ahead.speeds[at, 0])) for at in chosen]
         data = rig_set(make, hidden, [*((25.0, slip, 0.02) for slip in FIRST), *more], seed)
-        question = question_of(RigExperiment((data,)), RigModel(data.rig.wheel, data.soil()))
+        question = question_of(RigExperiment((data,)), RigModel(data.wheel, data.soil()))
         return Told(explorer_of(question, quiet).explore(), offer)
 
     return name, after

@@ -76,9 +76,10 @@ from rover_pin.effects.effect import Effect
 from rover_pin.estimation.fit import Fit
 from rover_pin.experiments.rig_sets.candidates import numbers_of
 from rover_pin.experiments.rig_sets.experiment import RigExperiment
-from rover_pin.experiments.wheel_rig.data import RigSet, read_rig_set
 from rover_pin.experiments.wheel_rig.model import ASKEW, PAPER, RigModel
 from rover_pin.experiments.wheel_rig.runs import RigRuns
+from rover_pin.measurements.rig_reading import read_rig_set
+from rover_pin.measurements.rig_set import RigSet
 from rover_pin.plot import save, write_csv
 
 DATA = Path(__file__).parent / "data"
@@ -185,7 +186,7 @@ def table(quick: bool = False) -> list[Row]:
     n = float(smooth.soil().n)
     if quick:
         return compared("smooth", smooth, {name: LAWS["smooth"][name] for name in ("base", "softening")}, n)
-    both = {"both signs": joined(smooth, braked.rows(np.asarray(braked.rig.slip) < -0.1))}
+    both = {"both signs": joined(smooth, braked.rows(np.asarray(braked.slip) < -0.1))}
     rows = [row for name, laws in LAWS.items() for row in compared(name, (sets | both)[name], laws, n)]
     law = ONE_SAND[LAW]
     soil = (*one_sand(sets, ONE_SAND), *from_the_others(sets, law), *pressings_apart(sets, law, LAW))
@@ -206,7 +207,7 @@ def fitted(data: RigSet, effects: tuple[Effect, ...], n: float) -> Fit:
     """Return soil and sizes fitted to all levels."""
     soil = data.soil()
     soil = soil.replace(c=0.0, n=n, k_1=soil.k_1 if data.trials else 1e5)
-    model = RigModel(data.rig.wheel, soil, (*(ASKEW if data.rig.askew.any() else PAPER), *effects))
+    model = RigModel(data.wheel, soil, (*(ASKEW if data.askew.any() else PAPER), *effects))
     experiment = RigExperiment((data,))
     return calibrated(experiment, model, numbers_of(experiment, model))
 
@@ -218,7 +219,7 @@ def sizes(fit: Fit) -> str:
 
 def row(name: str, law: str, data: RigSet, error: np.ndarray, said: str = "") -> Row:
     """Return the RMSE of errors [channels, runs] as a row."""
-    channels = data.rig.channels
+    channels = data.channels
     rms = dict(zip((channel.column for channel in channels), np.sqrt(np.mean(error**2, axis=1)), strict=True))
     noise = float(np.sqrt(np.mean((error / np.array([channel.sd for channel in channels])) ** 2)))
     return Row(name, law, rms["drawbar_pull_N"], 1e3 * rms["sinkage_m"], rms.get("lateral_N", np.nan), noise, said)
@@ -239,9 +240,9 @@ def from_smooth(smooth: RigSet, lugged: RigSet, n: float) -> list[Row]:
         ("lugs and their grip", model.having(LUGS).having(GRIP)),
         ("lugs, sand on sand by the rim's m", sand.having(LUGS)),
     ):
-        found = one.predict(lugged.rig.load, lugged.rig.slip, lugged.speeds)
+        found = one.predict(lugged.load, lugged.slip, lugged.speeds)
         values = {"drawbar_pull_N": found.drawbar_pull, "sinkage_m": found.sinkage}
-        error = np.array([values[channel.column] - channel.measured for channel in lugged.rig.channels])
+        error = np.array([values[channel.column] - channel.measured for channel in lugged.channels])
         rows.append(row("lugged from smooth", law, lugged, error))
     curves = {law: carried_over(smooth, lugged, predict) for law, predict in BASELINES.items()}
     return rows + [row("lugged from smooth", law, lugged, error) for law, error in curves.items()]

@@ -206,7 +206,7 @@ def test_the_commands_take_trust(tmp_path, outside, monkeypatch):
     assert CliRunner().invoke(app, [*words, "--trust"]).exit_code == 0
     with pytest.raises(DataError, match="lies outside"):
         close_the_loop(folder)
-    assert read_data(folder, Trust(everything=True)).rig.slip.size
+    assert read_data(folder, Trust(everything=True)).slip.size
 
 
 def refused(words, folder, monkeypatch):

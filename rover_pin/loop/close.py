@@ -27,16 +27,17 @@ from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.experiments.drive_log.model import base_model
 from rover_pin.experiments.rig_sets.experiment import RigExperiment
 from rover_pin.experiments.rig_sets.sets import read_joint
-from rover_pin.experiments.wheel_rig.data import RIG_FILE, RigSet, read_rig_set
 from rover_pin.experiments.wheel_rig.model import RigModel
 from rover_pin.experiments.wheel_rig.model import read_model as read_rig_model
 from rover_pin.logs.drive_log import FILE, DriveLog, read_drive_log
 from rover_pin.loop.drive import close_drive_loop
 from rover_pin.loop.own_effects import refuse_unfit_effects
 from rover_pin.loop.provenance import LoopRequest
-from rover_pin.loop.rig import close_rig_loop, rig_set_of
+from rover_pin.loop.rig import close_rig_loop
 from rover_pin.loop.standalone import close_standalone, own_kind, read_standalone
-from rover_pin.measurements.wheel_rig import WheelRig
+from rover_pin.measurements.rig_file import RIG_FILE
+from rover_pin.measurements.rig_reading import read_rig_set
+from rover_pin.measurements.rig_set import RigSet
 from rover_pin.rover.rover import Rover
 from rover_pin.simulation.model.model import Model, base_effects
 from rover_pin.simulation.model.toml_file import KIND, RIG_KIND, read_model
@@ -45,7 +46,7 @@ from rover_pin.terrain.shapes import flat
 
 @public
 def close_the_loop(
-    data: str | Path | WheelRig | RigSet | DriveLog | Standalone | tuple[str | Path, ...],
+    data: str | Path | RigSet | DriveLog | Standalone | tuple[str | Path, ...],
     model: RigModel | Soil | Model | str | Path | None = None,
     effects: str | Path | None = None,
     out: str | Path | None = None,
@@ -60,7 +61,7 @@ def close_the_loop(
 
     Parameters
     ----------
-    data : path, WheelRig, RigSet, DriveLog, Standalone or tuple of paths
+    data : path, RigSet, DriveLog, Standalone or tuple of paths
         A folder with rig.toml or drive.toml, the name of a sample (`rover-pin list samples`), or the data in memory, as
         `read_data` gives them; several folders with rig.toml are a joint fit: one sand, each its own wheel.
     model : RigModel, Soil, Model, path or None
@@ -140,7 +141,7 @@ def close_the_loop(
         raise ParameterError("A wheel-rig set takes one core some seconds: leave scheduler out, it is for drive logs.")
     assert not isinstance(data, DriveLog)
     with alone_in(out):
-        rigs = rig_set_of(data, allowed)
+        rigs = data if isinstance(data, RigSet) else read_rig_set(data, allowed)
         rig, start = RigExperiment((rigs,)), _start(rigs, request)
         start = start if isinstance(start, RigModel) else rig.base_model(start)
         return close_rig_loop(rig, start, request, progress)
@@ -240,4 +241,4 @@ def _on_rig(data: RigSet, model: Model, file: str | Path) -> RigModel:
     omitted = dict.fromkeys(type(effect).__name__ for effect in acting if effect not in wheel_effects)
     if omitted:
         log.warning("%s: %s cannot act at a wheel on a rig: left out.", file, ", ".join(omitted))
-    return RigModel(data.rig.wheel, model.soils[0], wheel_effects)
+    return RigModel(data.wheel, model.soils[0], wheel_effects)

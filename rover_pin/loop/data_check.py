@@ -22,13 +22,15 @@ from rover_pin.experiments.rig_sets.checks import findings_of, refuse_unfit, too
 from rover_pin.experiments.rig_sets.experiment import RigExperiment
 from rover_pin.experiments.rig_sets.sets import read_joint
 from rover_pin.experiments.traction_factors import Shift, TractionFactors
-from rover_pin.experiments.wheel_rig.data import RIG_FILE, RigSet, read_rig_set
 from rover_pin.logs.drive_log import FILE as LOG_FILE
 from rover_pin.logs.drive_log import DriveLog, read_drive_log
 from rover_pin.loop.close import read_data
 from rover_pin.measurements.checks import Finding
 from rover_pin.measurements.drive_points import IN_POINTS, SAMPLING, drive_points, points_of_log
 from rover_pin.measurements.known import DECLARED_SD
+from rover_pin.measurements.rig_file import RIG_FILE
+from rover_pin.measurements.rig_reading import read_rig_set
+from rover_pin.measurements.rig_set import RigSet
 from rover_pin.measurements.traction_points import TractionPoints
 from rover_pin.simulation.model.defaults import usual_slip
 from rover_pin.simulation.model.motor import Motor
@@ -176,6 +178,6 @@ def measured_in(path: str | Path | tuple[str | Path, ...], trust: Trust = Trust(
 
 
 def _holds(data: RigSet) -> str:
-    slips = f"S from {data.rig.slip.min():.2g} to {data.rig.slip.max():.2g}"
-    channels = ", ".join(channel.column for channel in data.rig.channels)
-    return f"{data.rig.slip.size} runs at {len(data.level_names)} levels, {slips}; {channels}"
+    slips = f"S from {data.slip.min():.2g} to {data.slip.max():.2g}"
+    channels = ", ".join(channel.column for channel in data.channels)
+    return f"{data.slip.size} runs at {len(data.level_names)} levels, {slips}; {channels}"

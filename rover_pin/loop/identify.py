@@ -20,10 +20,10 @@ from rover_pin.estimation.numbers import Number
 from rover_pin.estimation.parameter import Parameter, Prior
 from rover_pin.estimation.variance_shares import variance_shares
 from rover_pin.experiments.rig_sets.experiment import RigExperiment
-from rover_pin.experiments.wheel_rig.data import RigSet, as_rig_set
 from rover_pin.experiments.wheel_rig.diagnostics import Flag, flags
 from rover_pin.loop.data_check import Measured, measured_in
 from rover_pin.loop.rig import question_of as question_of_rig
+from rover_pin.measurements.rig_set import RigSet
 
 BY_HAND = "--prior"
 """Source of what the user says of a number."""
@@ -189,4 +189,4 @@ def _elsewhere(side: Side) -> tuple[Flag, ...]:
     if not isinstance(experiment, RigExperiment):
         return ()
     rig = experiment.declared
-    return flags(as_rig_set(rig), side.model.soil, float(rig.wheel.b), side.numbers)
+    return flags(rig, side.model.soil, float(rig.wheel.b), side.numbers)

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from rover_pin.base.files.results_folder import OF_A_LOOP, say_what_is_replaced
-from rover_pin.base.trust import Trust
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.conclude import concluded
 from rover_pin.discrepancy.question import Progress, Question
@@ -22,14 +21,12 @@ from rover_pin.experiments.rig_sets.draft import drafted
 from rover_pin.experiments.rig_sets.experiment import RigExperiment
 from rover_pin.experiments.rig_sets.model import JointModel
 from rover_pin.experiments.rig_sets.next_runs import next_runs
-from rover_pin.experiments.wheel_rig.data import RigSet, as_rig_set, read_rig_set
 from rover_pin.experiments.wheel_rig.diagnostics import RigExtra, diagnose, flags
 from rover_pin.experiments.wheel_rig.model import RigModel, write_model
 from rover_pin.experiments.wheel_rig.presets import describe_declared
 from rover_pin.experiments.wheel_rig.runs import RigRuns
 from rover_pin.loop.provenance import LoopRequest, provenance
 from rover_pin.loop.verdict_file import draft_written, posterior_written, written_last
-from rover_pin.measurements.wheel_rig import WheelRig
 from rover_pin.report.rig.report import cautions, of_parameters, write_report
 
 
@@ -50,15 +47,6 @@ def close_rig_loop(
     verdict = on_rig(experiment, model, rig_kinds(request.effects), progress, request.seed)
     verdict.provenance.update(provenance(request, time.monotonic() - begun))
     return verdict if request.out is None else _written(verdict, experiment, request, progress)
-
-
-def rig_set_of(data: str | Path | WheelRig | RigSet, trust: Trust = Trust()) -> RigSet:
-    """Return the data of a wheel rig as the loop takes them, read where they are a folder's."""
-    if isinstance(data, RigSet):
-        return data
-    if isinstance(data, WheelRig):
-        return as_rig_set(data)
-    return read_rig_set(data, trust)
 
 
 def question_of(
@@ -123,7 +111,7 @@ def _of_sets(verdict: Verdict, experiment: RigExperiment, declared: tuple[str, .
     """Return the verdict on several sets with the errors of each, beside curves through that set alone."""
     errors, rig = set_errors(experiment, verdict), experiment.declared
     fitted = verdict.after.numbers if verdict.after else ()
-    against = of_parameters((), flags(as_rig_set(rig), verdict.model.soil, float(rig.wheel.b), fitted))
+    against = of_parameters((), flags(rig, verdict.model.soil, float(rig.wheel.b), fitted))
     losses = [error.loss for error in errors if error.is_lost]
     return dataclasses.replace(
         verdict, extra=JointExtra(errors, declared), cautions=(*against, *verdict.cautions, *losses)

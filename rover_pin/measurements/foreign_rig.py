@@ -17,7 +17,8 @@ from rover_pin.base.units import name_and_unit
 from rover_pin.contact import Wheel
 from rover_pin.measurements.channel import RIG_CHANNELS
 from rover_pin.measurements.checks import column
-from rover_pin.measurements.wheel_rig import ANGLE, STRAIGHT
+from rover_pin.measurements.rig_file import ANGLE
+from rover_pin.measurements.rig_set import STRAIGHT
 
 
 class RigColumn(NamedTuple):

@@ -19,6 +19,7 @@ from rover_pin.measurements.checks import column, slips
 from rover_pin.measurements.rig_errors import RigErrors
 from rover_pin.parameters.bekker import bekker_si
 
+RIG_FILE = "rig.toml"
 TEXTS = ("kind", "name", "source", "licence", "method", "missing", "note")
 BEKKER_UNITS = {"k_c": "N/m^(n+1)", "k_phi": "N/m^(n+2)"}
 CHANNELS = tuple(kind.column.rpartition("_")[0] for kind in RIG_CHANNELS)

@@ -13,7 +13,7 @@ from rover_pin.base.errors import DataError
 from rover_pin.estimation.profile import CLEAR
 from rover_pin.measurements.channel import DrawbarPull, RigChannel, SideForce, Sinkage, Torque, VerticalMoment
 from rover_pin.measurements.checks import Finding
-from rover_pin.measurements.wheel_rig import WheelRig
+from rover_pin.measurements.rig_set import RigSet
 
 LOADS = (1e-4, 1e7)
 """Loads [N] that a wheel may carry: from a gram-scale model's to a mining truck's."""
@@ -41,7 +41,7 @@ SLENDER = (0.05, 5.0)
 """Width over diameter of wheels: a bicycle's has 0.05, a road roller's 2."""
 
 
-def refuse_impossible(rig: WheelRig) -> None:
+def refuse_impossible(rig: RigSet) -> None:
     """Refuse numbers that no wheel on any soil gives.
 
     Raises DataError: the first impossibility, and what may have caused it.
@@ -50,13 +50,13 @@ def refuse_impossible(rig: WheelRig) -> None:
         raise DataError(f"{finding}")
 
 
-def suspicions(rig: WheelRig) -> list[Finding]:
+def suspicions(rig: RigSet) -> list[Finding]:
     """Return what is possible and hardly meant."""
     return [*_units(rig), *_pulls(rig), *_ground(rig), *_arm(rig)]
 
 
-def _impossible(rig: WheelRig) -> Iterator[Finding]:
-    load = rig.loads
+def _impossible(rig: RigSet) -> Iterator[Finding]:
+    load = rig.load
     if not (load.min() >= LOADS[0] and load.max() <= LOADS[1]):
         what = f"load_N goes from {load.min():g} to {load.max():g} N, no wheel's"
         yield Finding(what, rig.name, f"give newtons, from {LOADS[0]:g} to {LOADS[1]:g}")
@@ -70,7 +70,7 @@ def _impossible(rig: WheelRig) -> Iterator[Finding]:
     yield from _work(rig)
 
 
-def _too_much(rig: WheelRig, channel: RigChannel) -> Iterator[Finding]:
+def _too_much(rig: RigSet, channel: RigChannel) -> Iterator[Finding]:
     if isinstance(channel, Sinkage):
         return
     share = np.abs(_over_load(rig, channel))
@@ -85,7 +85,7 @@ def _too_much(rig: WheelRig, channel: RigChannel) -> Iterator[Finding]:
         yield Finding(what, rig.name, "mend or remove that row")
 
 
-def _signs(rig: WheelRig) -> Iterator[Finding]:
+def _signs(rig: RigSet) -> Iterator[Finding]:
     """Yield channels that are upside down: down, forwards and driving are positive."""
     every = np.ones(rig.slip.size, dtype=bool)
     for kind, use, sign, when, positive in (
@@ -101,7 +101,7 @@ def _signs(rig: WheelRig) -> Iterator[Finding]:
                 yield Finding(what, rig.name, f"multiply it by -1: positive is {positive}")
 
 
-def _work(rig: WheelRig) -> Iterator[Finding]:
+def _work(rig: RigSet) -> Iterator[Finding]:
     """Yield torques too small for the pull, or for any soil."""
     torque, pull = _channel(rig, Torque), _channel(rig, DrawbarPull)
     if torque is None:
@@ -120,7 +120,7 @@ def _work(rig: WheelRig) -> Iterator[Finding]:
         yield _little_torque(rig, share)
 
 
-def work(rig: WheelRig, torque: RigChannel, pull: RigChannel) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def work(rig: RigSet, torque: RigChannel, pull: RigChannel) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the work put in, given out, and the SD of their difference, over the way of rim or wheel [J/m]."""
     rim, travel = 1.0 + np.minimum(rig.slip, 0.0), 1.0 - np.maximum(rig.slip, 0.0)
     r = float(rig.wheel.r)
@@ -128,12 +128,12 @@ def work(rig: WheelRig, torque: RigChannel, pull: RigChannel) -> tuple[np.ndarra
     return torque.measured / r * rim, pull.measured * travel, sd
 
 
-def _little_torque(rig: WheelRig, share: float) -> Finding:
+def _little_torque(rig: RigSet, share: float) -> Finding:
     what = f"torque_Nm at slips above {SLIPPING:g} is {share:.2g} times load times radius, less than any soil gives"
     return Finding(what, rig.name, "check the units of torque_Nm and load_N, and the wheel's r")
 
 
-def _units(rig: WheelRig) -> Iterator[Finding]:
+def _units(rig: RigSet) -> Iterator[Finding]:
     wheel = rig.wheel
     slender = float(wheel.b) / (2.0 * float(wheel.r))
     if not SLENDER[0] <= slender <= SLENDER[1]:
@@ -155,7 +155,7 @@ def _units(rig: WheelRig) -> Iterator[Finding]:
             yield _little_torque(rig, share)
 
 
-def _pulls(rig: WheelRig) -> Iterator[Finding]:
+def _pulls(rig: RigSet) -> Iterator[Finding]:
     pull, torque = _channel(rig, DrawbarPull), _channel(rig, Torque)
     if pull is None:
         return
@@ -172,7 +172,7 @@ def _pulls(rig: WheelRig) -> Iterator[Finding]:
         yield Finding(what, rig.name, "soil gives a tenth and more: check the units of both")
 
 
-def _falling_pull(rig: WheelRig, pull: RigChannel) -> Iterator[Finding]:
+def _falling_pull(rig: RigSet, pull: RigChannel) -> Iterator[Finding]:
     """Yield a pull that falls with slip until it drags, as one with its sign turned does."""
     use = np.flatnonzero((rig.slip > -DRIVING) & pull.has_value)
     if use.size < MIN_TREND_RUNS or np.ptp(rig.slip[use]) < SLIPPING:
@@ -185,7 +185,7 @@ def _falling_pull(rig: WheelRig, pull: RigChannel) -> Iterator[Finding]:
         yield Finding(what, rig.name, "it looks upside down: positive is forwards, and slip helps before it digs")
 
 
-def _ground(rig: WheelRig) -> Iterator[Finding]:
+def _ground(rig: RigSet) -> Iterator[Finding]:
     """Yield a soil that is far too soft or stiff for the load: mean pressure under the arc over sinkage."""
     sunk = _channel(rig, Sinkage)
     if sunk is None:
@@ -195,7 +195,7 @@ def _ground(rig: WheelRig) -> Iterator[Finding]:
         return
     r, b, h = float(rig.wheel.r), float(rig.wheel.b), sunk.measured[use]
     chord = np.sqrt(2.0 * r * h)
-    stiffness = float(np.median(rig.loads[use] / (b * chord * h)))
+    stiffness = float(np.median(rig.load[use] / (b * chord * h)))
     soft = stiffness < SOFTEST and b * stiffness < NARROWEST
     if soft or stiffness > STIFFEST:
         word = "softer than loose sand" if soft else "stiffer than clay"
@@ -203,7 +203,7 @@ def _ground(rig: WheelRig) -> Iterator[Finding]:
         yield Finding(what, rig.name, "check load_N (newtons, not kg), sinkage_m, and r and b of [wheel]")
 
 
-def _arm(rig: WheelRig) -> Iterator[Finding]:
+def _arm(rig: RigSet) -> Iterator[Finding]:
     """Yield a moment about the vertical whose side force would stand beyond the wheel."""
     moment, side = _channel(rig, VerticalMoment), _channel(rig, SideForce)
     if moment is None or side is None:
@@ -219,15 +219,15 @@ def _arm(rig: WheelRig) -> Iterator[Finding]:
         yield Finding(what, rig.name, "take it about the wheel's centre, or state moment_arm in [rig]; check its unit")
 
 
-def _over_load(rig: WheelRig, channel: RigChannel) -> np.ndarray:
+def _over_load(rig: RigSet, channel: RigChannel) -> np.ndarray:
     """Return a force over the load, a torque or moment over load times radius (runs,)."""
     arm = float(rig.wheel.r) if channel.unit == "N m" else 1.0
-    return np.asarray(channel.measured / (rig.loads * arm))
+    return np.asarray(channel.measured / (rig.load * arm))
 
 
 def _of(channel: RigChannel) -> str:
     return "load times radius" if channel.unit == "N m" else "load"
 
 
-def _channel(rig: WheelRig, kind: type[RigChannel]) -> RigChannel | None:
+def _channel(rig: RigSet, kind: type[RigChannel]) -> RigChannel | None:
     return next((channel for channel in rig.channels if isinstance(channel, kind)), None)

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-from rover_pin.experiments.wheel_rig.data import RigSet
 from rover_pin.experiments.wheel_rig.similarity import ANGLE, LOAD, SLIP, TRAVEL, Collapse, as_number, groups, simplest
+from rover_pin.measurements.rig_set import RigSet
 from rover_pin.plot.sheet import new_figure, save, write_csv
 
 LABELS = {TRAVEL: "(r omega - V) / max(r omega, V)", ANGLE: "slip angle [rad]", LOAD: "ln W / (gamma b r^2)"}
@@ -26,7 +26,7 @@ def similarity_figure(data: RigSet, rows: Sequence[Collapse], out: Path) -> list
     ]
     csv = write_csv(pd.DataFrame(table).drop(columns="by_level"), out / "similarity.csv")
     figure, axes = new_figure(1, len(chosen), size=(4.4 * len(chosen), 3.9), squeeze=False)
-    for axis, channel, (name, best) in zip(axes[0], data.rig.channels, chosen.items(), strict=True):
+    for axis, channel, (name, best) in zip(axes[0], data.channels, chosen.items(), strict=True):
         alone = [row for row in rows if row.channel == name and len(row.groups) == 1]
         first = max(alone, key=lambda row: row.share).groups[0]
         drawn = {first, name, *((TRAVEL, SLIP) if first in (TRAVEL, SLIP) else ())}

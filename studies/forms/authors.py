@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rover_pin.experiments.wheel_rig.data import RigSet
+from rover_pin.measurements.rig_set import RigSet
 
 AUTHORS = "the authors' model"
 K_SINK, C, K, PHI, GAMMA = 8e6, 1e3, 0.021, np.radians(29.0), 1330.0 * 9.8
@@ -78,18 +78,18 @@ class Runs(NamedTuple):
 
 def authors_errors(data: RigSet) -> np.ndarray:
     """Return the errors [channels, runs] of the authors' model: sinkage carries each run's load."""
-    angle = np.abs(np.asarray(data.rig.slip_angle))[:, None]
-    surface = LUGGED if data.rig.beside.get("lug_height") else SMOOTH
+    angle = np.abs(np.asarray(data.slip_angle))[:, None]
+    surface = LUGGED if data.beside.get("lug_height") else SMOOTH
     shares = np.array([surface.shares[round(float(np.degrees(a)))] for a in angle[:, 0]])
     speeds = np.asarray(data.speeds)
     ahead, rim = speeds[:, :1], np.maximum(speeds[:, 1:], SLOWEST) * (R + surface.h_g) / R
-    runs = Runs(rim, ahead / np.cos(angle), ahead, ahead * np.tan(angle), data.rig.loads[:, None], shares, surface)
+    runs = Runs(rim, ahead / np.cos(angle), ahead, ahead * np.tan(angle), data.load[:, None], shares, surface)
     rolling = runs.at_no_slip()
     braked = rolling_angles(rolling, sinkage(rolling))
     h = sinkage(runs, braked)
     pull, side, _ = forces(runs, h, braked)
-    values = {"drawbar pull": pull, "sinkage": h[:, 0], "side force": side * np.sign(data.rig.slip_angle)}
-    return np.array([values[channel.name] - channel.measured for channel in data.rig.channels])
+    values = {"drawbar pull": pull, "sinkage": h[:, 0], "side force": side * np.sign(data.slip_angle)}
+    return np.array([values[channel.name] - channel.measured for channel in data.channels])
 
 
 def rolling_angles(runs: Runs, h: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

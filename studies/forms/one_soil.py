@@ -18,9 +18,9 @@ from rover_pin.experiments.rig_sets.candidates import present_amplitudes
 from rover_pin.experiments.rig_sets.experiment import RigExperiment
 from rover_pin.experiments.rig_sets.model import JointModel
 from rover_pin.experiments.rig_sets.sets import joined, seen_before
-from rover_pin.experiments.wheel_rig.data import RigSet
 from rover_pin.experiments.wheel_rig.model import ASKEW
 from rover_pin.experiments.wheel_rig.presets import FULL_BY
+from rover_pin.measurements.rig_set import RigSet
 
 APART = "pressings apart: "
 """What stands before a set's name where pressings are no data of the fit."""
@@ -52,7 +52,7 @@ def declared(joint: RigExperiment, model: JointModel, size: Parameter) -> Parame
 def one_sand(sets: Mapping[str, RigSet], laws: Mapping[str, tuple[Effect, ...]]) -> Iterator[Cells]:
     """Yield the errors of each set and law, each level predicted from all the others of all sets."""
     joint = joined(list(sets.values()))
-    words = {data.rig.name: name for name, data in sets.items()}
+    words = {data.name: name for name, data in sets.items()}
     for law, effects in laws.items():
         fit = fitted(joint, effects)
         left = np.where(np.isfinite(joint.observed), held_out_residual(fit), np.nan)[:, : len(joint.kinds)]
@@ -76,14 +76,14 @@ def from_the_others(sets: Mapping[str, RigSet], effects: tuple[Effect, ...]) -> 
         joint = joined(others)
         fit = fitted(joint, effects)
         whole = joined([data, *joint.sets]).base_model()
-        model = dataclasses.replace(whole, soil=fit.model.soil, effects=fit.model.effects).of(data.rig.name)
-        found = model.predict(data.rig.load, data.rig.slip, data.speeds, data.rig.slip_angle)
+        model = dataclasses.replace(whole, soil=fit.model.soil, effects=fit.model.effects).of(data.name)
+        found = model.predict(data.load, data.slip, data.speeds, data.slip_angle)
         values = {"drawbar pull": found.drawbar_pull, "sinkage": found.sinkage, "side force": found.side_force}
-        sds = np.array([channel.sd for channel in data.rig.channels])
-        errors = {channel.name: values[channel.name] - channel.measured for channel in data.rig.channels}
+        sds = np.array([channel.sd for channel in data.channels])
+        errors = {channel.name: values[channel.name] - channel.measured for channel in data.channels}
         yield cells(FROM + name, THE_LAW, errors, sds, said(fit))
         for curve, predict in BASELINES.items():
-            errors = {channel.name: carried(others, data, channel.name, predict) for channel in data.rig.channels}
+            errors = {channel.name: carried(others, data, channel.name, predict) for channel in data.channels}
             yield cells(FROM + name, curve, errors, sds)
 
 
@@ -98,8 +98,8 @@ def pressings_apart(sets: Mapping[str, RigSet], effects: tuple[Effect, ...], law
 
 def apart(data: RigSet, sand: Soil) -> RigSet:
     """Return a set without its pressings, n and k_1 declared as this sand has them."""
-    declared = {**data.rig.declared, "n": float(sand.n), "k_1": float(sand.k_1), "k_2": 0.0}
-    return dataclasses.replace(data, rig=dataclasses.replace(data.rig, trials=(), declared=declared))
+    declared = {**data.declared, "n": float(sand.n), "k_1": float(sand.k_1), "k_2": 0.0}
+    return dataclasses.replace(data, trials=(), declared=declared)
 
 
 def cells(name: str, law: str, errors: Mapping[str, np.ndarray], sds: np.ndarray, words: str = "") -> Cells:
@@ -127,14 +127,14 @@ def unseen(sets: Iterable[RigSet], besides: Sequence[RigSet] = ()) -> list[RigSe
 
 def carried(others: Sequence[RigSet], data: RigSet, channel: str, predict: Predict) -> np.ndarray:
     """Return the errors on a set of a curve through the others' points of a channel."""
-    seen = [(inputs(one), each.measured) for one in others for each in one.rig.channels if each.name == channel]
+    seen = [(inputs(one), each.measured) for one in others for each in one.channels if each.name == channel]
     points, values = (np.concatenate(part) for part in zip(*seen, strict=True))
     varied = np.ptp(points, axis=0) > 0
-    measured = next(each.measured for each in data.rig.channels if each.name == channel)
+    measured = next(each.measured for each in data.channels if each.name == channel)
     return predict(points[:, varied], values, inputs(data)[:, varied]) - measured
 
 
 def inputs(data: RigSet) -> np.ndarray:
     """Return slip, slip angle and the lugs' height in cm of each run."""
-    lugs = np.full(data.rig.slip.size, 100.0 * data.rig.beside.get("lug_height", 0.0))
-    return np.column_stack([data.rig.slip, np.asarray(data.rig.slip_angle), lugs])
+    lugs = np.full(data.slip.size, 100.0 * data.beside.get("lug_height", 0.0))
+    return np.column_stack([data.slip, np.asarray(data.slip_angle), lugs])

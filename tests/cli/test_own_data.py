@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rover_pin.experiments.wheel_rig.data import read_rig_set
+from rover_pin.measurements.rig_reading import read_rig_set
 
 DATA = Path(__file__).parents[2] / "studies" / "data"
 MINE = "Slip (%),Load [N],DP [N],sinkage_mm,operator\n0,50,1.0,5,a\n20,50,8.1,6.5,a\n40,50,10.5,8,b\n60,50,11,10,b\n"
@@ -21,7 +21,7 @@ def test_a_table_becomes_a_set_in_si(run):
     told = json.loads(out)
     assert code == 0
     assert "'operator'" in " ".join(told["columns"])
-    rig = read_rig_set("mine").rig
+    rig = read_rig_set("mine")
     assert rig.slip == pytest.approx([0.0, 0.2, 0.4, 0.6])
     assert (rig.wheel.r, rig.wheel.b) == (0.045, 0.05)
     pull, sinkage = rig.channels
@@ -61,7 +61,7 @@ def test_side_force_is_kept_with_its_noise_at_a_slip_angle(run):
     assert code == 2
     assert "column lateral_sd_N, or say --noise lateral=1N" in err
     assert run(*words, "--noise", "lateral=0.5N")[0] == 0
-    rig = read_rig_set("mine").rig
+    rig = read_rig_set("mine")
     side = rig.channels[-1]
     assert (side.column, side.measured.tolist(), np.max(side.sd)) == ("lateral_N", [8.0, 8.0, 6.0, 6.0], 0.5)
     assert rig.slip_angle == pytest.approx(np.radians([5.0, 6.5, 8.0, 10.0]))

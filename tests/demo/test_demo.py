@@ -10,7 +10,7 @@ from rover_pin.demo import drive_log, rig, slip_slope
 from rover_pin.demo.hidden import truth_file
 from rover_pin.experiments.slip_slope import SlipSlope
 from rover_pin.logs.drive_log import read_drive_log
-from rover_pin.measurements.wheel_rig import read_wheel_rig
+from rover_pin.measurements.rig_reading import read_rig_set
 
 
 def test_a_rig_tells_what_was_hidden_beside_it_alone(run, tmp_path):
@@ -30,7 +30,7 @@ def test_a_rig_scatters_as_it_says(tmp_path):
     """Repeats of a level differ by the stated noise, and deeper slip sinks deeper where that is hidden."""
     rig.write(tmp_path / "plain", "nothing", 1)
     rig.write(tmp_path / "deep", "SlipSinkage.n_1=0.7", 1)
-    plain, deep = (read_wheel_rig(tmp_path / name) for name in ("plain", "deep"))
+    plain, deep = (read_rig_set(tmp_path / name) for name in ("plain", "deep"))
     for channel in plain.channels:
         levels = [channel.measured[plain.levels == level] for level in np.unique(plain.levels)]
         assert all(len(each) == 3 for each in levels)

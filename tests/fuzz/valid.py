@@ -23,10 +23,10 @@ from rover_pin.control.slip_control import load_gains
 from rover_pin.experiments.drive_log.checks import log as drive_checks
 from rover_pin.experiments.drive_log.model import base_model, nuisances, with_spread
 from rover_pin.experiments.wheel_rig import checks as rig_checks
-from rover_pin.experiments.wheel_rig.data import read_rig_set
 from rover_pin.experiments.wheel_rig.model import read_model as read_rig_model
 from rover_pin.logs.drive_log import read_drive_log
 from rover_pin.measurements.drive_points import points_of_log
+from rover_pin.measurements.rig_reading import read_rig_set
 from rover_pin.measurements.traction_points import read_traction_points
 from rover_pin.rover.description.layout import rover_folder
 from rover_pin.rover.description.tree import read_tree

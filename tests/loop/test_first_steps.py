@@ -7,9 +7,9 @@ import pytest
 from rover_pin.base.errors import DataError
 from rover_pin.experiments.drive_log.model import DRIVEN_SAND
 from rover_pin.experiments.wheel_rig.checks import findings
-from rover_pin.experiments.wheel_rig.data import read_rig_set
 from rover_pin.logs.drive_log import DriveLog, LogMetadata
 from rover_pin.loop.close import close_the_loop
+from rover_pin.measurements.rig_reading import read_rig_set
 from rover_pin.rover.rover import load_rover
 from rover_pin.simulation.model.model import Model
 from rover_pin.simulation.model.motors import nexus6_motor

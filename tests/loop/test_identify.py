@@ -11,11 +11,10 @@ from rover_pin.base.errors import ParameterError
 from rover_pin.contact import Wheel
 from rover_pin.estimation.parameter import Prior
 from rover_pin.experiments.rig_sets.sets import joined
-from rover_pin.experiments.wheel_rig.data import as_rig_set
 from rover_pin.loop.close import close_the_loop
 from rover_pin.loop.identify import identify
 from rover_pin.measurements.channel import DrawbarPull, Sinkage, Torque
-from rover_pin.measurements.wheel_rig import WheelRig
+from rover_pin.measurements.rig_set import RigSet
 from rover_pin.scenarios.scenario import scenario
 from tests.oracle import rig_generator as hidden
 
@@ -44,7 +43,7 @@ def rig(name, seed=0, times=1.0):
     channels = tuple(kind(rows[:, 2 + i] + noise[:, i], hidden.SD[i]) for i, kind in enumerate(KINDS))
     declared = {"c": 200.0, "n": 1.1, "exit_ratio": 0.15}
     sds = {"c": 1.0, "exit_ratio": 1e-3}
-    return as_rig_set(WheelRig(Wheel(r, b), rows[:, 0], rows[:, 1], channels, name, declared=declared, doubts=sds))
+    return RigSet(Wheel(r, b), rows[:, 0], rows[:, 1], channels, name, declared=declared, doubts=sds)
 
 
 # --- where a number's variance comes from ----------------------------------------------------------------------------

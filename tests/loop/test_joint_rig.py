@@ -15,10 +15,10 @@ from rover_pin.effects.slip_softening import SlipSoftening
 from rover_pin.experiments.rig_sets.candidates import candidates, rig_kinds
 from rover_pin.experiments.rig_sets.experiment import RigExperiment
 from rover_pin.experiments.rig_sets.sets import joined, read_joint
-from rover_pin.experiments.wheel_rig.data import read_rig_set
 from rover_pin.experiments.wheel_rig.model import RigModel, read_model
 from rover_pin.loop.close import close_the_loop
 from rover_pin.loop.rig import on_rig
+from rover_pin.measurements.rig_reading import read_rig_set
 from tests.oracle import rig_generator as hidden
 
 SLIPS = (0.0, 0.15, 0.3, 0.5, 0.75)
@@ -73,11 +73,10 @@ def test_a_set_cut_in_two_is_fitted_as_the_whole(sets):
     whole = read_rig_set(sets[0])
     low = whole.level < 2
     parts = [
-        dataclasses.replace(part, rig=dataclasses.replace(part.rig, name=name))
-        for name, part in (("low", whole.rows(low)), ("high", whole.rows(~low)))
+        dataclasses.replace(part, name=name) for name, part in (("low", whole.rows(low)), ("high", whole.rows(~low)))
     ]
     experiment = RigExperiment((whole,))
-    model = RigModel(whole.rig.wheel, whole.soil(), errors=whole.rig.errors)
+    model = RigModel(whole.wheel, whole.soil(), errors=whole.errors)
     alone = calibrated(experiment, model, experiment.uncertain(model))
     together = fitted(joined(parts))
     assert [one.name for one in together.parameters] == [one.name for one in alone.parameters]
@@ -201,7 +200,7 @@ def test_loop_on_two_sets_writes_a_report_and_a_model_of_each(sets, tmp_path):
 
 def test_a_run_that_stands_in_two_sets_is_used_once(sets, tmp_path):
     small = read_rig_set(sets[0])
-    other = dataclasses.replace(small, rig=dataclasses.replace(small.rig, name="again"))
+    other = dataclasses.replace(small, name="again")
     more = written(tmp_path, "more", seed=7)
     rows = (more / "points.csv").read_text().splitlines() + (sets[0] / "points.csv").read_text().splitlines()[1:4]
     (more / "points.csv").write_text("\n".join(rows) + "\n")

@@ -3,9 +3,9 @@
 import pytest
 
 from rover_pin.base.errors import DataError
-from rover_pin.experiments.wheel_rig.data import RIG_FILE
 from rover_pin.loop.close import close_the_loop
 from rover_pin.loop.own_effects import refuse_unfit_effects
+from rover_pin.measurements.rig_file import RIG_FILE
 
 GOOD = '''
 from dataclasses import dataclass

@@ -8,8 +8,8 @@ import pandas as pd
 import pytest
 
 from rover_pin.base.errors import DataError
-from rover_pin.experiments.wheel_rig.data import read_rig_set
 from rover_pin.logs.drive_log import LogMetadata, read_drive_log, write_drive_log
+from rover_pin.measurements.rig_reading import read_rig_set
 from rover_pin.simulation.trace.files import write_parquet
 from rover_pin.simulation.trace.trace import Trace
 
@@ -31,9 +31,9 @@ def in_parquet(tmp_path):
 
 def test_a_rig_set_in_parquet_is_the_same(tmp_path):
     one, other = read_rig_set(DATA / "cmu-smooth-wheel"), read_rig_set(in_parquet(tmp_path))
-    assert np.array_equal(one.rig.slip, other.rig.slip)
-    assert np.array_equal(one.rig.load, other.rig.load)
-    for a, b in zip(one.rig.channels, other.rig.channels, strict=True):
+    assert np.array_equal(one.slip, other.slip)
+    assert np.array_equal(one.load, other.load)
+    for a, b in zip(one.channels, other.channels, strict=True):
         assert np.array_equal(a.measured, b.measured)
         assert np.array_equal(a.sd, b.sd)
     assert (one.level_names, one.runs, one.soil()) == (other.level_names, other.runs, other.soil())

@@ -10,8 +10,8 @@ import pytest
 from rover_pin.base.errors import DataError
 from rover_pin.contact import Soil, Wheel
 from rover_pin.measurements.channel import DrawbarPull, Sinkage
+from rover_pin.measurements.rig_reading import read_rig_set
 from rover_pin.measurements.traction_points import TractionPoints, read_traction_points
-from rover_pin.measurements.wheel_rig import read_wheel_rig
 
 DATA = Path(__file__).parents[2] / "studies" / "data"
 RIG = """
@@ -33,7 +33,7 @@ def folder(tmp_path, rig=RIG, points=POINTS):
 
 
 def test_shipped_smooth_wheel_is_read_as_its_files_say():
-    rig = read_wheel_rig(DATA / "cmu-smooth-wheel")
+    rig = read_rig_set(DATA / "cmu-smooth-wheel")
     table = pd.read_csv(DATA / "cmu-smooth-wheel" / "points.csv")
     pull, sunk = rig.channels
     assert (rig.name, rig.wheel, len(rig.slip)) == ("cmu-smooth-wheel", Wheel(0.0625, 0.06), 15)
@@ -43,14 +43,14 @@ def test_shipped_smooth_wheel_is_read_as_its_files_say():
     np.testing.assert_allclose(pull.sd, 0.0126 * table["load_N"])
     assert set(sunk.sd) == {0.0006}
     assert rig.wheel_range == {"r": (0.058, 0.0625), "b": (0.05, 0.06)}
-    assert rig.levels.tolist() == table["level"].tolist()
+    assert rig.levels.tolist() == table["level"].astype(str).tolist()
 
 
 def test_units_of_the_toml_are_converted(tmp_path):
-    rig = read_wheel_rig(folder(tmp_path))
+    rig = read_rig_set(folder(tmp_path))
     assert rig.wheel.r == pytest.approx(0.0625)
     assert rig.channels[1].sd[0] == pytest.approx(0.0006)
-    assert rig.declared_soil(Soil()) == Soil()
+    assert rig.soil() == Soil().replace(k_1=Soil().k_1 + Soil().k_2 * rig.wheel.b, k_2=0.0)
 
 
 @pytest.mark.parametrize(
@@ -76,7 +76,7 @@ def test_units_of_the_toml_are_converted(tmp_path):
 def test_flaws_of_the_points(tmp_path, old, new, said):
     assert old in POINTS
     with pytest.raises(DataError, match=said):
-        read_wheel_rig(folder(tmp_path, points=POINTS.replace(old, new)))
+        read_rig_set(folder(tmp_path, points=POINTS.replace(old, new)))
 
 
 @pytest.mark.parametrize(
@@ -95,7 +95,7 @@ def test_flaws_of_the_points(tmp_path, old, new, said):
 def test_flaws_of_the_toml(tmp_path, old, new, said):
     assert old in RIG
     with pytest.raises(DataError, match=said):
-        read_wheel_rig(folder(tmp_path, rig=RIG.replace(old, new)))
+        read_rig_set(folder(tmp_path, rig=RIG.replace(old, new)))
 
 
 def test_traction_points_are_read_and_scatter_falls_with_count(tmp_path):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rover_pin.base.errors import DataError, ParameterError
-from rover_pin.measurements.wheel_rig import read_wheel_rig
+from rover_pin.measurements.rig_reading import read_rig_set
 from rover_pin.parameters.bekker import bekker_si
 
 POUND, INCH = 0.45359237 * 9.80665, 0.0254
@@ -49,10 +49,10 @@ def test_a_set_in_published_units_is_that_in_si(tmp_path):
             "kind = 'wheel-rig'\n[wheel]\nr = { value = 6.195, unit = 'in' }\nb = { value = 16.5, unit = 'cm' }\n"
             f"[soil]\n{soil}\n[noise]\ndrawbar_pull = {{ value = 0.1, unit = 'lbf' }}\n"
         )
-        read.append(read_wheel_rig(tmp_path / name))
+        read.append(read_rig_set(tmp_path / name))
     assert read[0].declared == pytest.approx(read[1].declared)
     assert float(read[0].wheel.r) == pytest.approx(0.157353)
     assert np.allclose(read[0].channels[0].sd, 0.1 * POUND)
     (tmp_path / "si" / "rig.toml").write_text((tmp_path / "si" / "rig.toml").read_text().replace("n+2)'", "n+1)'"))
     with pytest.raises(DataError, match=r"k_phi:.*k_phi's"):
-        read_wheel_rig(tmp_path / "si")
+        read_rig_set(tmp_path / "si")

@@ -6,9 +6,9 @@ import pytest
 from rover_pin.contact import Contact, Load, Wheel
 from rover_pin.experiments.rig_sets.draft import draft_effect
 from rover_pin.experiments.wheel_rig.channel_residual import channel_residuals
-from rover_pin.experiments.wheel_rig.data import read_rig_set
 from rover_pin.experiments.wheel_rig.diagnostics import residual_tests
 from rover_pin.experiments.wheel_rig.model import RigModel
+from rover_pin.measurements.rig_reading import read_rig_set
 from rover_pin.parameters import SOILS
 from rover_pin.report.rig.figures import channel_panels, load_caption, looks
 from rover_pin.report.rig.report import meanings
@@ -67,7 +67,7 @@ def test_the_model_is_drawn_under_the_load_of_each_point(tmp_path):
 def test_the_sign_of_the_table_is_that_of_the_picture(tmp_path):
     """Both are of measured - model: what rises with slip in the picture has a positive correlation."""
     data = written(tmp_path, (20, 20, 20, 20))
-    left = np.array([4.0 * (data.rig.slip - data.rig.slip.mean()), -2.0 * data.rig.slip])
+    left = np.array([4.0 * (data.slip - data.slip.mean()), -2.0 * data.slip])
     tests = {(one.channel, one.against): one.correlation for one in residual_tests(data, left, 0)}
     said = channel_residuals(data, left)
     assert tests["drawbar pull", "slip"] > 0.99

@@ -16,9 +16,10 @@ from rover_pin.estimation.fit import covariance
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.estimation.wording import Against, Change, Outcome, against, format_value, in_words, interval
 from rover_pin.experiments.rig_sets.experiment import RigExperiment
-from rover_pin.experiments.wheel_rig.data import Independent, read_rig_set
 from rover_pin.experiments.wheel_rig.diagnostics import Flag
 from rover_pin.loop.rig import on_rig
+from rover_pin.measurements.rig_reading import read_rig_set
+from rover_pin.measurements.rig_set import Independent
 from rover_pin.report.rig.report import of_parameters, write_report
 from rover_pin.report.sections.held_out import heldout_panel
 from rover_pin.report.words import Labels
@@ -136,7 +137,7 @@ def test_undetermined_constant_agrees_with_nothing():
     random = np.random.default_rng(0)
     laws = {"soil.phi": rig.law_of("soil.phi", np.full(2 * rig.RUNS, 1e-4))}
     made = rig.made(random.normal(size=2 * rig.RUNS), laws, ("soil.phi",))
-    data = dataclasses.replace(made.sets[0], rig=dataclasses.replace(made.sets[0].rig, declared={"phi": 0.6}))
+    data = dataclasses.replace(made.sets[0], declared={"phi": 0.6})
     verdict = on_rig(dataclasses.replace(made, sets=(data,)), rig.MODEL, None, lambda said: None, 0)
     (flag,) = verdict.extra.before.flags
     assert flag.says is Against.NOTHING

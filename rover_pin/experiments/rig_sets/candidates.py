@@ -11,10 +11,10 @@ from rover_pin.effects.effect import Effect
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.experiments.rig_sets.experiment import RigExperiment
 from rover_pin.experiments.rig_sets.model import JointModel
-from rover_pin.experiments.wheel_rig.data import RigSet
 from rover_pin.experiments.wheel_rig.model import ASKEW, NOMINAL, RigModel, conditions, predictor
 from rover_pin.experiments.wheel_rig.presets import is_of_other_wheel, preset_candidate
 from rover_pin.measurements.channel import RIG_CHANNELS
+from rover_pin.measurements.rig_set import RigSet
 from rover_pin.simulation.model.effect_files import AnyEffect, package_effects, reading_traction, user_effects
 
 OF_SPEED = 0.05
@@ -71,7 +71,7 @@ def candidates(
     """
     declared = experiment.declared
     present = {name for effect in model.effects for name in (type(effect).__name__, *effect.holds)}
-    pairs = [(data, model.of(data.rig.name)) for data in experiment.sets]
+    pairs = [(data, model.of(data.name)) for data in experiment.sets]
     silent = [(data, set_model) for data, set_model in pairs if data.speeds is None]
     effects = [added(kind, pairs[0][1]) for kind in kinds if kind.__name__ not in present]
     return tuple(
@@ -88,7 +88,7 @@ def added(kind: type[Effect], model: RigModel) -> Effect:
 
 def needs_speeds(data: RigSet, model: RigModel, effect: Effect) -> bool:
     """Return whether what the effect moves changes with the speed at which the wheel is driven."""
-    slip = np.asarray(data.rig.slip)
+    slip = data.slip
     fast = 4 * NOMINAL * np.column_stack([1 - np.maximum(slip, 0), 1 + np.minimum(slip, 0)])
     slow_moved, fast_moved = (_moved(data, model, effect, speeds) for speeds in (None, fast))
     return bool(np.linalg.norm(fast_moved - slow_moved) > OF_SPEED * np.linalg.norm(slow_moved))
@@ -96,9 +96,9 @@ def needs_speeds(data: RigSet, model: RigModel, effect: Effect) -> bool:
 
 def _moved(data: RigSet, model: RigModel, effect: Effect, speeds: np.ndarray | None) -> np.ndarray:
     """Return what the effect at its default size moves [SD]; 0 where it carries no load."""
-    runs = conditions(data.rig.load, data.rig.slip, speeds, data.rig.slip_angle)
-    rows = [RIG_CHANNELS.index(type(channel)) for channel in data.rig.channels]
-    sd = np.array([channel.sd for channel in data.rig.channels])
+    runs = conditions(data.load, data.slip, speeds, data.slip_angle)
+    rows = [RIG_CHANNELS.index(type(channel)) for channel in data.channels]
+    sd = np.array([channel.sd for channel in data.channels])
     with_it, without = (
         predictor(variant, (), runs)(variant.vector()).values[rows] for variant in (model.having(effect), model)
     )

@@ -13,7 +13,7 @@ def refuse_unfit(experiment: RigExperiment) -> None:
     """
     for data in experiment.sets:
         if len(experiment.sets) > 1:
-            refuse_impossible(data.rig)
+            refuse_impossible(data)
         else:
             checks.refuse_unfit(data)
 
@@ -30,5 +30,5 @@ def findings_of(experiment: RigExperiment) -> list[Finding]:
     """Return what the check of each set found, of several with the set's name before its place."""
     if len(experiment.sets) == 1:
         return checks.findings(experiment.sets[0])
-    of_sets = [(data.rig.name, finding) for data in experiment.sets for finding in checks.findings(data)]
+    of_sets = [(data.name, finding) for data in experiment.sets for finding in checks.findings(data)]
     return [*experiment.twice, *(finding._replace(where=f"{name}, {finding.where}") for name, finding in of_sets)]

@@ -65,7 +65,7 @@ def set_errors(experiment: RigExperiment, verdict: Verdict) -> tuple[SetError, .
     """Return the held-out errors of every channel of every set, and of the best curve through that set alone."""
     rows = []
     for data in experiment.sets:
-        name, runs, folds = data.rig.name, RigRuns(data.rolled), experiment.of_set(data.rig.name)
+        name, runs, folds = data.name, RigRuns(data.rolled), experiment.of_set(data.name)
         channels = [(channel, experiment.unit(channel)) for channel in runs.channels]
         baselines = curves(runs.observed, runs.inputs, channels)
         for (channel, unit), noise in zip(channels, runs.rms_sd, strict=True):

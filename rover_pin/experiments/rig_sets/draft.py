@@ -9,8 +9,8 @@ from rover_pin.discrepancy.draft import Drafted
 from rover_pin.estimation.fit import Fit
 from rover_pin.experiments.rig_sets.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.channel_residual import RigChannelResidual, channel_residuals
-from rover_pin.experiments.wheel_rig.data import RigSet
 from rover_pin.measurements.channel import DrawbarPull, SideForce, Sinkage, Torque
+from rover_pin.measurements.rig_set import RigSet
 from rover_pin.simulation.model.effect_files import effects_of_text
 
 FACTORS = {DrawbarPull.name: "pull", Torque.name: "torque", Sinkage.name: "depth", SideForce.name: "side"}
@@ -88,7 +88,7 @@ def can_draft(residual: RigChannelResidual) -> bool:
 
 def draft_effect(data: RigSet, residuals: Sequence[RigChannelResidual]) -> str:
     """Return an effect file that adds the described residuals, per load and per radius, for `effects=`."""
-    load, r = float(np.mean(data.rig.load)), float(data.rig.wheel.r)
+    load, r = float(np.mean(data.load)), float(data.wheel.r)
     unit = {"pull": load, "torque": load * r, "depth": r, "side": load}
     amplitudes: dict[str, float] = {}
     sums = dict.fromkeys(unit, "0.0")
@@ -104,7 +104,7 @@ def draft_effect(data: RigSet, residuals: Sequence[RigChannelResidual]) -> str:
         sums[stem] = " + ".join(names.values())
     fields = "\n".join(_field(name, size) for name, size in amplitudes.items())
     neutral = ", ".join(f'"{name}": 0.0' for name in amplitudes)
-    return DRAFT.format(name=data.rig.name, fields=fields, neutral=neutral, **sums)
+    return DRAFT.format(name=data.name, fields=fields, neutral=neutral, **sums)
 
 
 def _field(name: str, size: float) -> str:

@@ -15,7 +15,6 @@ from rover_pin.estimation.parameter import Parameter
 from rover_pin.experiments.folded import stacked
 from rover_pin.experiments.rig_sets.model import OWN, JointModel, Part, of_one_sand
 from rover_pin.experiments.soil_priors import SD
-from rover_pin.experiments.wheel_rig.data import RigSet, as_rig_set
 from rover_pin.experiments.wheel_rig.declared import SetNumbers, as_declared
 from rover_pin.experiments.wheel_rig.model import ASKEW, PAPER, RigModel
 from rover_pin.experiments.wheel_rig.presets import LUGS, known_heights, known_trench
@@ -23,7 +22,7 @@ from rover_pin.experiments.wheel_rig.pressings import PRESSED
 from rover_pin.experiments.wheel_rig.runs import RigRuns
 from rover_pin.measurements.channel import RIG_CHANNELS, RigChannel
 from rover_pin.measurements.checks import Finding
-from rover_pin.measurements.wheel_rig import SAME_LOAD, WheelRig
+from rover_pin.measurements.rig_set import SAME_LOAD, RigSet
 
 OTHER_WIDTH = 1.05
 """Widths that differ by this tell k_1 and k_2 apart: from here k_2 is free."""
@@ -46,7 +45,7 @@ class RigExperiment(Experiment):
     @cached_property
     def runs(self) -> dict[str, RigRuns]:
         """The runs of each set, by its name."""
-        return {data.rig.name: RigRuns(data) for data in self.sets}
+        return {data.name: RigRuns(data) for data in self.sets}
 
     def _of(self, set_name: str, separator: str, name: str) -> str:
         """Return the name of what is a set's own, after the set where there are several."""
@@ -60,7 +59,7 @@ class RigExperiment(Experiment):
     @property
     def kinds(self) -> tuple[type[RigChannel], ...]:
         """The channels that any set has, in their order."""
-        present = {type(channel) for data in self.sets for channel in data.rig.channels}
+        present = {type(channel) for data in self.sets for channel in data.channels}
         return tuple(kind for kind in RIG_CHANNELS if kind in present)
 
     @property
@@ -128,16 +127,16 @@ class RigExperiment(Experiment):
         """
         if len(self.sets) == 1:
             return as_declared(self.sets[0], soil)
-        rigs = [data.rig for data in self.sets]
+        rigs = self.sets
         parts = {rig.name: Part(rig.wheel, rig.errors, rig.beside.get("lug_height")) for rig in rigs}
         trench = known_trench(self.declared) if all("lug_height" in rig.beside for rig in rigs) else ()
         start = ASKEW if any(rig.askew.any() for rig in rigs) else PAPER
-        return JointModel(soil or as_rig_set(of_one_sand(rigs)).soil(), (*start, *trench), parts)
+        return JointModel(soil or of_one_sand(rigs).soil(), (*start, *trench), parts)
 
     @property
-    def declared(self) -> WheelRig:
+    def declared(self) -> RigSet:
         """The wheel with the highest lugs, with all that any set declares of the sand."""
-        rigs = sorted((data.rig for data in self.sets), key=lambda rig: rig.beside.get("lug_height", 0.0))
+        rigs = sorted(self.sets, key=lambda rig: rig.beside.get("lug_height", 0.0))
         all_declare_lugs = all("lug_height" in rig.beside for rig in rigs)
         beside = {name: value for rig in rigs for name, value in rig.beside.items()}
         if not all_declare_lugs and beside.get("lug_height") == 0.0:
@@ -153,7 +152,7 @@ class RigExperiment(Experiment):
         return model.with_record(owner, record)
 
     def _numbers(self, model: RigModel | JointModel) -> dict[str, SetNumbers]:
-        return {data.rig.name: SetNumbers(data, model.of(data.rig.name)) for data in self.sets}
+        return {data.name: SetNumbers(data, model.of(data.name)) for data in self.sets}
 
     def uncertain(self, model: RigModel | JointModel) -> tuple[Parameter, ...]:
         """Return what is uncertain: of the sand once, as any set tells it, then of lugs, and of each wheel and rig.
@@ -181,8 +180,8 @@ class RigExperiment(Experiment):
 
     def _jointly_identified(self, model: RigModel | JointModel) -> Iterator[Parameter]:
         """Yield what the sets tell together, though none alone: n and c by their loads, k_2 by their widths."""
-        loads = np.concatenate([data.rig.load for data in self.sets])
-        widths = [float(data.rig.wheel.b) for data in self.sets]
+        loads = np.concatenate([data.load for data in self.sets])
+        widths = [float(data.wheel.b) for data in self.sets]
         if loads.max() >= SAME_LOAD * loads.min():
             yield self.parameter(model, "soil.n", SD["n"].undeclared)
             yield self.parameter(model, "soil.c", max(SD["c"].undeclared, float(model.soil.c)))

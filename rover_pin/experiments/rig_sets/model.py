@@ -17,7 +17,7 @@ from rover_pin.experiments.wheel_rig.model import RigModel
 from rover_pin.experiments.wheel_rig.presets import LUGS
 from rover_pin.measurements.rig_errors import RigErrors
 from rover_pin.measurements.rig_file import BEKKER_UNITS, BESIDE
-from rover_pin.measurements.wheel_rig import WheelRig
+from rover_pin.measurements.rig_set import RigSet
 
 OWN = (("wheel", "wheel"), ("rig", "errors"))
 """Records that each set has for itself, as parameters and as a `Part` name them."""
@@ -103,7 +103,7 @@ OF_SAND = (*quantities(Soil), *BEKKER_UNITS, *(name for name, of in BESIDE.items
 """Names of what a set declares of the sand."""
 
 
-def of_one_sand(rigs: Sequence[WheelRig]) -> WheelRig:
+def of_one_sand(rigs: Sequence[RigSet]) -> RigSet:
     """Return the set that stands for the sand of all: it declares whatever any of them does.
 
     It is the first whose wheel was pressed in, else the one that declares most: k_c and k_phi become k_1 and k_2 at its

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from rover_pin.experiments.rig_sets.experiment import RigExperiment
-from rover_pin.experiments.wheel_rig.data import RigSet
 from rover_pin.inference.next_measurement import Offer
+from rover_pin.measurements.rig_set import RigSet
 from rover_pin.soil.slip import speed_ratio
 
 SLIPS = (-0.3, 0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
@@ -24,17 +24,17 @@ def next_runs(sets: Sequence[RigSet]) -> Offer:
 
 def runs_ahead(data: RigSet) -> RigSet:
     """Return a set of runs not made yet: every slip and load, at each slip angle of a set, by its channels, all 0."""
-    rig, mean = data.rig, float(np.mean(data.rig.load))
-    angles = np.unique(np.round(rig.slip_angle, 2))
+    mean = float(np.mean(data.load))
+    angles = np.unique(np.round(data.slip_angle, 2))
     table = np.array(list(itertools.product(mean * np.array(LOADS), SLIPS, angles)))
     load, slip, angle = table.T
     labels = tuple(_words(*row) for row in table)
     blank = np.zeros(len(table))
-    channels = tuple(type(channel)(blank, np.sqrt(np.mean(channel.sd**2))) for channel in rig.channels)
-    ahead = dataclasses.replace(
-        rig, slip=slip, load=load, slip_angle=angle, channels=channels, levels=np.array(labels), trials=()
-    )
-    return RigSet(ahead, np.arange(len(labels)), labels, labels, _speeds(data, slip))
+    channels = tuple(type(channel)(blank, np.sqrt(np.mean(channel.sd**2))) for channel in data.channels)
+    return dataclasses.replace(
+        data, slip=slip, load=load, slip_angle=angle, channels=channels, levels=labels, trials=(), runs=labels,
+        speeds=_speeds(data, slip),
+    )  # fmt: skip
 
 
 def _words(load: float, slip: float, angle: float) -> str:

@@ -10,9 +10,11 @@ from rover_pin.base.files.paths import is_file
 from rover_pin.base.trust import Trust
 from rover_pin.experiments.rig_sets.experiment import RigExperiment
 from rover_pin.experiments.rig_sets.model import of_one_sand
-from rover_pin.experiments.wheel_rig.data import RIG_FILE, RigSet, read_rig_set
 from rover_pin.measurements.channel import RIG_CHANNELS
 from rover_pin.measurements.checks import Finding
+from rover_pin.measurements.rig_file import RIG_FILE
+from rover_pin.measurements.rig_reading import read_rig_set
+from rover_pin.measurements.rig_set import RigSet
 
 SAME_RUN = 0.02
 """Runs of two sets whose loads and channels differ by less than this share of their SDs are one run."""
@@ -32,7 +34,7 @@ def joined(sets: Sequence[RigSet]) -> RigExperiment:
     named: dict[str, RigSet] = {}
     findings = []
     for data in sets:
-        name = data.rig.name
+        name = data.name
         if name in named:
             raise DataError(f"{name}: two sets have this name; give each its own in its rig.toml.")
         new = ~seen_before(data, named.values())
@@ -42,7 +44,7 @@ def joined(sets: Sequence[RigSet]) -> RigExperiment:
             what = f"{int((~new).sum())} of {new.size} runs are in another set too"
             findings.append(Finding(what, name, "they are used once"))
         named[name] = data if new.all() else data.rows(new)
-    of_one_sand([data.rig for data in named.values()])
+    of_one_sand(tuple(named.values()))
     return RigExperiment(tuple(named.values()), tuple(findings))
 
 
@@ -59,7 +61,7 @@ def read_joint(folders: Sequence[str | Path], trust: Trust = Trust()) -> RigExpe
 
 def seen_before(data: RigSet, others: Iterable[RigSet]) -> np.ndarray:
     """Return which runs stand in another set already: slip, angle, load and channels are the same."""
-    duplicate = np.zeros(data.rig.slip.size, dtype=bool)
+    duplicate = np.zeros(data.slip.size, dtype=bool)
     for other_set in others:
         mine, theirs = _fingerprint(data, other_set), _fingerprint(other_set, data)
         is_close = np.abs(mine[:, None] - theirs[None]) < SAME_RUN
@@ -69,8 +71,7 @@ def seen_before(data: RigSet, others: Iterable[RigSet]) -> np.ndarray:
 
 def _fingerprint(data: RigSet, other_set: RigSet) -> np.ndarray:
     """Return slip, angle, ln load and the channels of both sets over their SDs (runs, numbers)."""
-    rig = data.rig
-    mine, theirs = ({type(channel): channel for channel in of.channels} for of in (rig, other_set.rig))
-    inputs = np.array([rig.slip, rig.slip_angle, np.log(rig.load)]) / GIVEN
+    mine, theirs = ({type(channel): channel for channel in of.channels} for of in (data, other_set))
+    inputs = np.array([data.slip, data.slip_angle, np.log(data.load)]) / GIVEN
     both = (kind for kind in RIG_CHANNELS if kind in mine and kind in theirs)
     return np.vstack([inputs, *(mine[of].measured / (mine[of].sd.mean() + theirs[of].sd.mean()) for of in both)]).T

@@ -8,9 +8,9 @@ import numpy as np
 from rover_pin.base.public import brief
 from rover_pin.estimation.noise import null_gain
 from rover_pin.estimation.wording import NOISE_LIKE
-from rover_pin.experiments.wheel_rig.data import RigSet
 from rover_pin.experiments.wheel_rig.similarity import slip_of_travel
 from rover_pin.measurements.channel import RigChannel
+from rover_pin.measurements.rig_set import RigSet
 
 DEGREES = 3
 """Highest power of the slip in a description: of the whole travel, as channels over load collapse on r omega / V."""
@@ -90,12 +90,12 @@ class RigChannelResidual(NamedTuple):
 
 def channel_residuals(data: RigSet, residual: np.ndarray) -> tuple[RigChannelResidual, ...]:
     """Return what every channel leaves, given residuals (channels, runs) in stated SDs."""
-    pairs = zip(data.rig.channels, residual, strict=True)
+    pairs = zip(data.channels, residual, strict=True)
     return tuple(_describe(data, channel, residual) for channel, residual in pairs)
 
 
 def _describe(data: RigSet, channel: RigChannel, residual: np.ndarray) -> RigChannelResidual:
-    is_measured, all_loads = channel.has_value, np.asarray(data.rig.load)
+    is_measured, all_loads = channel.has_value, data.load
     slip, load, sd, residual = (
         slip_of_travel(data)[is_measured],
         all_loads[is_measured],
@@ -103,9 +103,9 @@ def _describe(data: RigSet, channel: RigChannel, residual: np.ndarray) -> RigCha
         residual[is_measured],
     )
     missing = residual * sd
-    varies = data.rig.loads_vary
+    varies = data.loads_vary
     share = load / all_loads.mean() - 1
-    angle = np.asarray(data.rig.slip_angle)[is_measured]
+    angle = data.slip_angle[is_measured]
     weight = (np.sin(angle) if channel.is_sideways else 1.0) / sd
     powers, of_load = _smooth(slip, share, residual, weight, varies)
     smooth = np.polynomial.polynomial.polyval(slip, powers) + np.polynomial.polynomial.polyval(share, (0.0, *of_load))
@@ -115,14 +115,14 @@ def _describe(data: RigSet, channel: RigChannel, residual: np.ndarray) -> RigCha
         channel.name,
         channel.unit,
         float(np.sqrt(np.mean(residual**2))),
-        _correlation(np.asarray(data.rig.slip)[is_measured], missing),
+        _correlation(data.slip[is_measured], missing),
         _correlation(load, missing) if varies else float("nan"),
         tuple(_level(data, channel, missing, number) for number in np.unique(data.level[is_measured]).tolist()),
         powers,
         of_load,
         1 - float(unexplained @ unexplained) / max(total, 1e-300),
         _exceeds_noise(total, float(unexplained @ unexplained), residual.size, len(powers) + len(of_load)),
-        "S'" if data.rig.askew.any() else "S",
+        "S'" if data.askew.any() else "S",
         " sin beta" * channel.is_sideways,
     )
 
@@ -164,7 +164,7 @@ def _different(values: np.ndarray, decimals: int) -> int:
 def _level(data: RigSet, channel: RigChannel, missing: np.ndarray, number: int) -> Level:
     at = (data.level == number) & channel.has_value
     noise = float(np.sqrt(np.mean(channel.sd[at] ** 2) / at.sum()))
-    slip, load = np.asarray(data.rig.slip)[at], np.asarray(data.rig.load)[at]
+    slip, load = data.slip[at], data.load[at]
     mean = float(missing[at[channel.has_value]].mean())
     return Level(data.level_names[number], float(slip.mean()), float(load.mean()), mean, noise)
 

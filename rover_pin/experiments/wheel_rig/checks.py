@@ -3,13 +3,12 @@
 import numpy as np
 
 from rover_pin.base.errors import DataError
-from rover_pin.experiments.wheel_rig.data import RigSet
 from rover_pin.experiments.wheel_rig.declared import as_declared
 from rover_pin.experiments.wheel_rig.runs import RigRuns
 from rover_pin.measurements.channel import RIG_CHANNELS, RigChannel
 from rover_pin.measurements.checks import Finding
 from rover_pin.measurements.rig_physics import refuse_impossible, suspicions
-from rover_pin.measurements.wheel_rig import SAME_SLIP, STRAIGHT
+from rover_pin.measurements.rig_set import SAME_SLIP, STRAIGHT, RigSet
 
 FEWEST_LEVELS = 3
 """Levels with which an effect that depends on slip can be held out and distinguished from a constant."""
@@ -26,11 +25,11 @@ def refuse_unfit(data: RigSet) -> None:
 
     Raises DataError: one level, constant slip, a channel that never moves, or what `refuse_impossible` refuses.
     """
-    rig, where = data.rig, data.rig.name
-    span = float(np.ptp(rig.slip))
+    where = data.name
+    span = float(np.ptp(data.slip))
     if span < SAME:
         raise DataError(
-            f"{where}: slip is {rig.slip[0]:g} in every run, so no effect differs from a constant; add runs at other "
+            f"{where}: slip is {data.slip[0]:g} in every run, so no effect differs from a constant; add runs at other "
             "slips, best from 0 to 0.8."
         )
     if len(data.level_names) < 2:
@@ -38,9 +37,9 @@ def refuse_unfit(data: RigSet) -> None:
             f"{where}: all runs are one level ({data.level_names[0]}), so none can be held out; give the runs at "
             "different slips different levels, or leave the column out."
         )
-    for channel in rig.channels:
+    for channel in data.channels:
         _refuse_frozen(channel, where)
-    refuse_impossible(rig)
+    refuse_impossible(data)
 
 
 SAME = 1e-6
@@ -58,14 +57,14 @@ def _refuse_frozen(channel: RigChannel, where: str) -> None:
 
 def too_poor(data: RigSet, nuisances: int) -> str:
     """Return why the set cannot tell an effect from its nuisance parameters and what would, or an empty string."""
-    values = sum(int(channel.has_value.sum()) for channel in data.rig.channels)
+    values = sum(int(channel.has_value.sum()) for channel in data.channels)
     if len(data.level_names) < FEWEST_LEVELS:
         return (
             f"{len(data.level_names)} levels of slip: with one held out nothing that depends on slip is left to fit; "
             f"measure at {FEWEST_LEVELS} or more."
         )
-    if np.ptp(data.rig.slip) < SAME_SLIP:
-        return f"slips span {np.ptp(data.rig.slip):.2f} only; measure from about 0 to 0.6 or more."
+    if np.ptp(data.slip) < SAME_SLIP:
+        return f"slips span {np.ptp(data.slip):.2f} only; measure from about 0 to 0.6 or more."
     if values < nuisances + FEWEST_LEVELS:
         return (
             f"{values} measured values for {nuisances} uncertain soil constants leave too little to tell an effect "
@@ -76,19 +75,18 @@ def too_poor(data: RigSet, nuisances: int) -> str:
 
 def findings(data: RigSet) -> list[Finding]:
     """Return what a reader should know of the set before any result."""
-    rig = data.rig
-    set_findings = [*data.misspelt, *suspicions(rig)]
+    set_findings = [*data.unread, *suspicions(data)]
     if lost := RigRuns(data).unpredicted(as_declared(data)):
         todo = "if that load is right, declare a firmer soil.k_1: a fit starts at the next one that carries all runs"
         set_findings.append(Finding(f"{lost} with the soil as declared", data.place("load_N"), todo))
-    present = [type(channel) for channel in rig.channels]
+    present = [type(channel) for channel in data.channels]
     missing = [kind for kind in RIG_CHANNELS if kind not in present and not kind.is_sideways]
     for kind in missing:
         set_findings.append(
             Finding(f"{kind.name} was not measured", data.place(kind.column), "effects that it alone shows stay hidden")
         )
-    if not rig.loads_vary:
-        what = f"all loads are alike ({np.min(rig.load):.3g} to {np.max(rig.load):.3g} N)"
+    if not data.loads_vary:
+        what = f"all loads are alike ({np.min(data.load):.3g} to {np.max(data.load):.3g} N)"
         set_findings.append(
             Finding(
                 what, data.place("load_N"), "n, c and effects of the load are not identifiable; vary the load 1.5 times"
@@ -103,7 +101,7 @@ def findings(data: RigSet) -> list[Finding]:
     if data.speeds is None:
         todo = "effects of speed are left out; give rim or travel speed, as a column or in [speed]"
         set_findings.append(Finding("no speeds", data.place("rim_speed_mps"), todo))
-    for channel in rig.channels:
+    for channel in data.channels:
         set_findings += [*_missing_cells(data, channel), *_of_repeats(data, channel)]
     return set_findings
 
@@ -116,9 +114,9 @@ def _missing_cells(data: RigSet, channel: RigChannel) -> list[Finding]:
 
 def repeats(data: RigSet) -> np.ndarray:
     """Return which group of repeats each run is of: of a level and slip angle, loads by less than SAME_WEIGHT apart."""
-    askew = _apart(np.asarray(data.rig.slip_angle))
-    order = np.lexsort((data.rig.load, askew, data.level))
-    load, level, angle = data.rig.load[order], data.level[order], askew[order]
+    askew = _apart(data.slip_angle)
+    order = np.lexsort((data.load, askew, data.level))
+    load, level, angle = data.load[order], data.level[order], askew[order]
     is_new_group = (np.diff(level) != 0) | (np.diff(angle) != 0) | (load[1:] > SAME_WEIGHT * load[:-1])
     group = np.empty(order.size, dtype=int)
     group[order] = np.concatenate([[0], np.cumsum(is_new_group)])

@@ -8,11 +8,11 @@ import numpy as np
 from rover_pin.contact import Soil
 from rover_pin.estimation.parameter import Parameter, declared_in, parameter_of
 from rover_pin.experiments.soil_priors import MAX_EXIT_RATIO, SD, known_constant, unknown_constant
-from rover_pin.experiments.wheel_rig.data import RigSet
 from rover_pin.experiments.wheel_rig.model import ASKEW, PAPER, RigModel
 from rover_pin.experiments.wheel_rig.presets import known_trench
 from rover_pin.experiments.wheel_rig.pressings import PRESSING, PRESSING_SD
 from rover_pin.measurements.channel import DrawbarPull, SideForce, Sinkage, Torque, VerticalMoment
+from rover_pin.measurements.rig_set import RigSet
 
 TARE, SCALE = 0.1, 0.05
 """SD of an offset that nobody states, as a share of the channel's largest value, and of a scale: cells are sure to 1 %,
@@ -29,8 +29,8 @@ OFFSET_AND_SCALE = {
 
 def as_declared(data: RigSet, soil: Soil | None = None) -> RigModel:
     """Return the model that a set declares, its lugs digging; in another soil where one is given."""
-    effects = (*(ASKEW if data.rig.askew.any() else PAPER), *known_trench(data.rig))
-    return RigModel(data.rig.wheel, data.soil() if soil is None else soil, effects, data.rig.errors)
+    effects = (*(ASKEW if data.askew.any() else PAPER), *known_trench(data))
+    return RigModel(data.wheel, data.soil() if soil is None else soil, effects, data.errors)
 
 
 def own_name(name: str) -> str:
@@ -52,7 +52,7 @@ class SetNumbers:
         differ, or the wheel was pressed in; c where loads differ, with 300 Pa or its own size. What [soil] states with
         an SD has that prior around the stated value, and is uncertain whatever was measured.
         """
-        rig, soil = self.data.rig, self.data.soil()
+        rig, soil = self.data, self.data.soil()
         constants = (known_constant("soil", soil, name, rig.declared, rig.doubts) for name in rig.doubts)
         declared = {parameter.name: parameter for parameter in constants}
         assumed = [declared.pop(parameter.name, parameter) for parameter in self._assumed()]
@@ -60,7 +60,7 @@ class SetNumbers:
 
     def of_rig(self) -> Iterator[Parameter]:
         """Yield what rig.toml states with an SD, of rig and wheel, and how much stiffer sand is where pressed in."""
-        rig = self.data.rig
+        rig = self.data
         if self.data.trials and PRESSING not in rig.error_sd:
             yield self._parameter(PRESSING, PRESSING_SD, log=True)
         for name, sd in rig.error_sd.items():
@@ -71,14 +71,14 @@ class SetNumbers:
     def reading_errors(self) -> list[Parameter]:
         """Return what rig.toml does not state: a tare or zero and a scale of each channel, and one of the load."""
         sds = {"rig.load_scale": SCALE}
-        for channel in self.data.rig.channels:
+        for channel in self.data.channels:
             offset, scale = OFFSET_AND_SCALE[type(channel)]
             sds |= {f"rig.{offset}": TARE * float(np.nanmax(np.abs(channel.measured))), f"rig.{scale}": SCALE}
-        return [self._parameter(name, sd) for name, sd in sds.items() if name not in self.data.rig.error_sd]
+        return [self._parameter(name, sd) for name, sd in sds.items() if name not in self.data.error_sd]
 
     def _assumed(self) -> Iterator[Parameter]:
         """Yield the uncertain soil constants, as if nothing were stated of them."""
-        rig, soil = self.data.rig, self.model.soil
+        rig, soil = self.data, self.model.soil
         kinds = {type(channel) for channel in rig.channels}
         if kinds & {DrawbarPull, Torque}:
             yield unknown_constant("soil", soil, "k")
@@ -93,7 +93,7 @@ class SetNumbers:
 
     def _of_soil(self, name: str, least_sd: float = 0.0) -> Parameter:
         """Return a soil constant with the SD of one that nobody declares, and where it is declared."""
-        rig = self.data.rig
+        rig = self.data
         declared = declared_in("soil", name, rig.declared, rig.doubts)
         return self._parameter(f"soil.{name}", max(SD[name].undeclared, least_sd), declared=declared)
 

@@ -11,8 +11,8 @@ from rover_pin.contact import Soil
 from rover_pin.estimation.numbers import Number
 from rover_pin.estimation.wording import Against, against, format_value, interval
 from rover_pin.experiments.wheel_rig.channel_residual import RigChannelResidual, channel_residuals
-from rover_pin.experiments.wheel_rig.data import Independent, RigSet
 from rover_pin.experiments.wheel_rig.model import RigModel
+from rover_pin.measurements.rig_set import Independent, RigSet
 
 DRAWS = 1999
 """Permutations of a test: the least p-value is 1 / 2000."""
@@ -46,7 +46,7 @@ def residual_tests(data: RigSet, residual: np.ndarray, seed: int) -> tuple[Resid
     """
     return tuple(
         ResidualTest(channel.name, name, *_tested(row[channel.has_value], statistic, seed))
-        for channel, row in zip(data.rig.channels, residual, strict=True)
+        for channel, row in zip(data.channels, residual, strict=True)
         for name, statistic in _statistics(data, channel.has_value).items()
     )
 
@@ -56,9 +56,9 @@ Statistic = Callable[..., np.ndarray]
 
 def _statistics(data: RigSet, is_measured: np.ndarray) -> dict[str, Statistic]:
     """Return what the residuals of these runs are tested with."""
-    slip, load = np.asarray(data.rig.slip)[is_measured], np.asarray(data.rig.load)[is_measured]
+    slip, load = data.slip[is_measured], data.load[is_measured]
     against = {"slip": slip, SLIP_SQUARED: _curvature(slip), ORDER: np.arange(slip.size, dtype=float)}
-    if data.rig.loads_vary:
+    if data.loads_vary:
         against["load"] = load
     statistics = {name: _with(values) for name, values in against.items()}
     order = {NEIGHBOURS: np.argsort(slip, kind="stable"), NEXT_RUN: np.arange(slip.size)}

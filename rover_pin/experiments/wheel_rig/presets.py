@@ -12,7 +12,7 @@ from rover_pin.effects.effect import Effect
 from rover_pin.effects.lug_excavation import LugExcavation
 from rover_pin.estimation.parameter import Parameter, parameter_of
 from rover_pin.estimation.wording import format_value
-from rover_pin.measurements.wheel_rig import WheelRig
+from rover_pin.measurements.rig_set import RigSet
 from rover_pin.parameters.gravity import EARTH
 
 LUGS = ("h_l", "h_s")
@@ -33,7 +33,7 @@ class Preset(NamedTuple):
     source: str
 
 
-def presets(rig: WheelRig) -> dict[str, Preset]:
+def presets(rig: RigSet) -> dict[str, Preset]:
     """Return quantity -> what the set declares of it.
 
     gamma = rho g, g that of the Earth; phi_f, the sand's own friction, starts from the angle of repose; h_l and h_s are
@@ -60,7 +60,7 @@ def pockets(declared_values: Mapping[str, float], wheel: Wheel) -> float:
     return max(1.0 - declared_values["lug_count"] * declared_values["lug_width"] / way, 0.0)
 
 
-def known_trench(rig: WheelRig) -> tuple[LugExcavation, ...]:
+def known_trench(rig: RigSet) -> tuple[LugExcavation, ...]:
     """Return what lugs of declared height dig, which their geometry tells by conservation of volume; else nothing."""
     declared_presets = presets(rig)
     if "h_l" not in declared_presets:
@@ -70,7 +70,7 @@ def known_trench(rig: WheelRig) -> tuple[LugExcavation, ...]:
     )
 
 
-def known_heights(rig: WheelRig, records: Mapping[str, Any]) -> Iterator[Parameter]:
+def known_heights(rig: RigSet, records: Mapping[str, Any]) -> Iterator[Parameter]:
     """Yield the free height of a model's lugs, if it has lugs dig, with the declared one as its prior.
 
     Pockets may be emptier, or heaped: a trench shows h_l E only, so the doubt of E, `FULL_BY`, is that of h_l.
@@ -82,7 +82,7 @@ def known_heights(rig: WheelRig, records: Mapping[str, Any]) -> Iterator[Paramet
         yield dataclasses.replace(free, origin=height, scale=FULL_BY * height)
 
 
-def preset_candidate(effect: Effect, rig: WheelRig) -> Candidate:
+def preset_candidate(effect: Effect, rig: RigSet) -> Candidate:
     """Return an effect as a candidate, its numbers as declared: what is `HELD` is not free."""
     declared_presets = _of(effect, presets(rig))
     specs = quantities(effect)
@@ -95,12 +95,12 @@ def preset_candidate(effect: Effect, rig: WheelRig) -> Candidate:
     return dataclasses.replace(plain, shapes=tuple(name for name in plain.shapes if name not in fixed_names))
 
 
-def is_of_other_wheel(effect: Effect, rig: WheelRig) -> bool:
+def is_of_other_wheel(effect: Effect, rig: RigSet) -> bool:
     """Return whether an effect is of lugs, and the wheel is said to have none."""
     return rig.beside.get("lug_height") == 0.0 and any(name in LUGS for name in effect.neutral)
 
 
-def describe_declared(rig: WheelRig, effects: Sequence[Effect], present: Sequence[Effect] = ()) -> tuple[str, ...]:
+def describe_declared(rig: RigSet, effects: Sequence[Effect], present: Sequence[Effect] = ()) -> tuple[str, ...]:
     """Return what is declared and how effects take it, one sentence each; what none takes is not used.
 
     `effects` are those that were tried, `present` those that the model had from the start.
@@ -118,7 +118,7 @@ def describe_declared(rig: WheelRig, effects: Sequence[Effect], present: Sequenc
     return (*lines, *(f"{name} is declared, and not used: no effect that was tried has it" for name in unused))
 
 
-def _owners(rig: WheelRig, effects: Sequence[Effect]) -> dict[str, list[str]]:
+def _owners(rig: RigSet, effects: Sequence[Effect]) -> dict[str, list[str]]:
     """Return which numbers of effects each declared one presets, by the name of what declares it."""
     owners: dict[str, list[str]] = {}
     for effect in effects:

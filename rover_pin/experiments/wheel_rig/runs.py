@@ -10,11 +10,11 @@ import numpy as np
 from rover_pin.estimation.experiment import Sensitivities
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.experiments.folded import stacked
-from rover_pin.experiments.wheel_rig.data import RigSet
 from rover_pin.experiments.wheel_rig.declared import own_name
 from rover_pin.experiments.wheel_rig.model import RigModel, RigPredictor, conditions, predictor, uncarried
 from rover_pin.experiments.wheel_rig.pressings import PRESSED, log_force_sds, log_forces, places, pressed_in
 from rover_pin.measurements.channel import RIG_CHANNELS
+from rover_pin.measurements.rig_set import RigSet
 
 MIXED = 0.5
 """Share of runs after one of their own level from which drift cannot be distinguished from what levels share."""
@@ -32,7 +32,7 @@ class RigRuns:
     @property
     def channels(self) -> tuple[str, ...]:
         """Names of the measured channels."""
-        names = tuple(channel.name for channel in self.data.rig.channels)
+        names = tuple(channel.name for channel in self.data.channels)
         return (*names, PRESSED) if self.data.trials else names
 
     @property
@@ -62,39 +62,39 @@ class RigRuns:
 
         NaN is where one of them has nothing.
         """
-        runs, count = self.table(rows), len(self.data.rig.channels)
+        runs, count = self.table(rows), len(self.data.channels)
         return stacked([(runs, range(count)), (pressed, [count])], count + 1, np.nan) if self.data.trials else runs
 
     def rows(self, table: np.ndarray) -> np.ndarray:
         """Return a table (folds, channels, samples) as rows (channels of runs, runs) in the order of the set."""
-        return np.asarray(table[self.data.level, : len(self.data.rig.channels), self._place]).T
+        return np.asarray(table[self.data.level, : len(self.data.channels), self._place]).T
 
     def in_sds(self, residual: np.ndarray) -> np.ndarray:
         """Return a residual (levels, channels, runs of a level) as rows (channels, runs), each in its stated SD."""
-        return self.rows(residual) / np.array([channel.sd for channel in self.data.rig.channels])
+        return self.rows(residual) / np.array([channel.sd for channel in self.data.channels])
 
     @cached_property
     def observed(self) -> np.ndarray:
         """What was measured; NaN behind a level's end."""
-        measured = np.array([channel.measured for channel in self.data.rig.channels])
+        measured = np.array([channel.measured for channel in self.data.channels])
         return self._whole(measured, log_forces(self.data.trials))
 
     @cached_property
     def sds(self) -> np.ndarray:
         """The stated SD of each value; 1 behind a level's end."""
-        sds = np.array([channel.sd for channel in self.data.rig.channels])
+        sds = np.array([channel.sd for channel in self.data.channels])
         padded = self._whole(sds, log_force_sds(self.data.trials))
         return np.where(np.isfinite(padded), padded, 1.0)
 
     @property
     def rms_sd(self) -> np.ndarray:
         """RMS of the stated SDs of every channel (channels,)."""
-        return np.array([float(np.sqrt(np.mean(channel.sd**2))) for channel in self.data.rig.channels])
+        return np.array([float(np.sqrt(np.mean(channel.sd**2))) for channel in self.data.channels])
 
     @property
     def inputs(self) -> np.ndarray:
         """What was set (levels, runs of a level, inputs): slip, and slip angle and load where they differ."""
-        rig = self.data.rig
+        rig = self.data
         rows = [rig.slip, *([rig.slip_angle] if rig.askew.any() else [])]
         rows += [rig.load] if rig.loads_vary else []
         return np.moveaxis(self.table(np.array(rows)), 1, 2)
@@ -102,7 +102,7 @@ class RigRuns:
     @property
     def varied(self) -> np.ndarray:
         """What was set (levels, runs of a level, inputs): slip, slip angle, logarithms of load and travel speed."""
-        rig = self.data.rig
+        rig = self.data
         rows = [rig.slip, rig.slip_angle, np.log(rig.load)]
         rows += [] if self.data.speeds is None else [np.log(np.abs(self.data.speeds).max(axis=1))]
         table = self.table(np.array(rows))
@@ -113,7 +113,7 @@ class RigRuns:
 
     @cached_property
     def _conditions(self) -> np.ndarray:
-        rig = self.data.rig
+        rig = self.data
         return conditions(rig.load, rig.slip, self.data.speeds, rig.slip_angle)
 
     @cached_property
@@ -129,7 +129,7 @@ class RigRuns:
         if key not in self._predictors:
             self._predictors[key] = predictor(model, free, self._conditions)
         values, jacobian, _ = self._predictors[key](vector)
-        measured = [RIG_CHANNELS.index(type(channel)) for channel in self.data.rig.channels]
+        measured = [RIG_CHANNELS.index(type(channel)) for channel in self.data.channels]
         slopes = np.array([parameter.slope(x) for parameter, x in zip(parameters, u, strict=True)])
         derivatives = np.moveaxis(jacobian[measured] * slopes, -1, 0)
         pressed, by_pressed = pressed_in(model, free, vector, self.data.trials)
@@ -139,7 +139,7 @@ class RigRuns:
     def unpredicted(self, model: RigModel) -> str:
         """Return which run no sinkage carries with this model; empty where all are carried."""
         values = predictor(model, (), self._conditions)(model.vector()).values
-        return uncarried(values, self.data.rig.loads, np.asarray(self.data.rig.slip))
+        return uncarried(values, self.data.load, self.data.slip)
 
     def turns(self) -> np.ndarray | None:
         """Return the rows' order as that of measurement, 0 of a pressing; None where runs follow others of a level."""

@@ -9,10 +9,9 @@ import numpy as np
 
 from rover_pin.base.public import brief
 from rover_pin.estimation.baselines import missed_by_process
-from rover_pin.experiments.wheel_rig.data import RigSet
 from rover_pin.experiments.wheel_rig.model import conditions
 from rover_pin.measurements.channel import RigChannel, Sinkage, Torque, VerticalMoment
-from rover_pin.measurements.wheel_rig import SAME_LOAD
+from rover_pin.measurements.rig_set import SAME_LOAD, RigSet
 from rover_pin.parameters.gravity import EARTH
 
 TRAVEL, SLIP, ANGLE = "r omega / V", "slip S", "slip angle"
@@ -53,7 +52,7 @@ class Collapse(NamedTuple):
 
 def slip_of_travel(data: RigSet) -> np.ndarray:
     """Return (r omega - V) / max(r omega, V) [runs], a function of r omega / V from -1 to 1; straight it is S."""
-    _, _, along, rim, across = conditions(data.rig.load, data.rig.slip, data.speeds, data.rig.slip_angle).T
+    _, _, along, rim, across = conditions(data.load, data.slip, data.speeds, data.slip_angle).T
     V = np.hypot(along, across)
     return np.asarray((rim - V) / np.maximum(rim, V))
 
@@ -64,24 +63,24 @@ def groups(data: RigSet) -> dict[str, np.ndarray]:
     r omega / V as the slip of the whole travel, load and speed as logarithms; h / r is measured, the others are set.
     gamma is that of the declared density, else 1 N/m^3: only its logarithm's range counts.
     """
-    rig, wheel = data.rig, data.rig.wheel
+    wheel = data.wheel
     values = {TRAVEL: slip_of_travel(data)}
-    if rig.askew.any():
-        values |= {SLIP: np.asarray(rig.slip), ANGLE: np.asarray(rig.slip_angle)}
-    weight = data.rig.beside.get("bulk_density", 1.0 / EARTH) * EARTH * float(wheel.b) * float(wheel.r) ** 2
-    logarithms = {LOAD: np.log(rig.load / weight)}
+    if data.askew.any():
+        values |= {SLIP: data.slip, ANGLE: data.slip_angle}
+    weight = data.beside.get("bulk_density", 1.0 / EARTH) * EARTH * float(wheel.b) * float(wheel.r) ** 2
+    logarithms = {LOAD: np.log(data.load / weight)}
     if data.speeds is not None:
-        travel = data.speeds[:, 0] / np.maximum(np.cos(rig.slip_angle), 1e-6)
+        travel = data.speeds[:, 0] / np.maximum(np.cos(data.slip_angle), 1e-6)
         logarithms[SPEED] = np.log(np.maximum(travel, 1e-9) ** 2 / (EARTH * float(wheel.r)))
     least = {LOAD: math.log(SAME_LOAD), SPEED: 2.0 * math.log(SAME_LOAD)}
     values |= {name: row for name, row in logarithms.items() if np.ptp(row) >= least[name]}
-    sunk = [channel.measured for channel in rig.channels if isinstance(channel, Sinkage)]
+    sunk = [channel.measured for channel in data.channels if isinstance(channel, Sinkage)]
     return values | ({DEPTH: sunk[0] / float(wheel.r)} if sunk else {})
 
 
 def as_number(data: RigSet, channel: RigChannel) -> tuple[str, np.ndarray]:
     """Return a channel as a dimensionless number: its name, and what its values are divided by [runs]."""
-    r, load = float(data.rig.wheel.r), data.rig.loads
+    r, load = float(data.wheel.r), data.load
     if isinstance(channel, Sinkage):
         return DEPTH, np.full(load.size, r)
     if isinstance(channel, (Torque, VerticalMoment)):
@@ -92,7 +91,7 @@ def as_number(data: RigSet, channel: RigChannel) -> tuple[str, np.ndarray]:
 def collapses(data: RigSet, progress: Callable[[str], None] = lambda message: None) -> list[Collapse]:
     """Return how well each channel is a function of each set of groups, a Gaussian process of them."""
     by_name, rows = groups(data), []
-    for channel in data.rig.channels:
+    for channel in data.channels:
         name, unit = as_number(data, channel)
         candidates = [group for group in by_name if group != name]
         progress(f"{name} by {', '.join(candidates)}")

@@ -8,11 +8,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from rover_pin.estimation.wording import in_words
-from rover_pin.experiments.wheel_rig.data import RigSet
 from rover_pin.experiments.wheel_rig.diagnostics import FitDiagnostics
 from rover_pin.experiments.wheel_rig.model import RigModel, conditions, predictor
 from rover_pin.measurements.channel import RIG_CHANNELS, RigChannel
-from rover_pin.measurements.wheel_rig import SAME_LOAD
+from rover_pin.measurements.rig_set import SAME_LOAD, RigSet
 from rover_pin.report.svg import AFTER, BEFORE, GREY
 from rover_pin.report.words import key
 
@@ -37,14 +36,14 @@ def looks(before: RigModel, after: RigModel | None, added: str) -> list[Look]:
 
 def channel_panels(data: RigSet, drawn_models: Sequence[Look]) -> tuple[Figure, ...]:
     """Return one panel a channel: measured points with their noise, and the models under the load of each point."""
-    return tuple(_panel(data, channel, drawn_models) for channel in data.rig.channels)
+    return tuple(_panel(data, channel, drawn_models) for channel in data.channels)
 
 
 def _panel(data: RigSet, channel: RigChannel, drawn_models: Sequence[Look]) -> Figure:
     figure = Figure(figsize=PANEL, layout="constrained")
     axis, (scale, unit) = figure.subplots(), in_words(channel.unit)
     measured, sd = scale * channel.measured, scale * channel.sd
-    axis.errorbar(data.rig.slip, measured, sd, fmt="ko", ms=4, capsize=2, label="measured, ±1 SD")
+    axis.errorbar(data.slip, measured, sd, fmt="ko", ms=4, capsize=2, label="measured, ±1 SD")
     for look in drawn_models:
         for number, (slip, values, curve_label) in enumerate(_curves(look.model, data, channel)):
             axis.plot(slip, scale * values, look.line, color=look.colour, label=None if number else look.label)
@@ -64,22 +63,22 @@ Curve = tuple[np.ndarray, np.ndarray, str]
 
 def _curves(model: RigModel, data: RigSet, channel: RigChannel) -> Iterator[Curve]:
     """Yield the model against slip, what its channel is, and what the curve is of: an angle, a load, or nothing."""
-    angles = np.round(np.asarray(data.rig.slip_angle), 2)
+    angles = np.round(data.slip_angle, 2)
     for angle in np.unique(angles):
         subset = data.rows(angles == angle)
         of = f"{np.degrees(angle):.0f} deg" if np.ptp(angles) > 0 else ""
         for load, load_label in _loads(subset):
-            slip = np.linspace(min(0.0 if angle == 0.0 else 1.0, subset.rig.slip.min()), subset.rig.slip.max(), POINTS)
-            under = _along(subset, slip, np.asarray(subset.rig.load)) if load is None else np.full(slip.size, load)
-            runs = conditions(under, slip, _speeds(subset, slip), np.mean(subset.rig.slip_angle))
+            slip = np.linspace(min(0.0 if angle == 0.0 else 1.0, subset.slip.min()), subset.slip.max(), POINTS)
+            under = _along(subset, slip, subset.load) if load is None else np.full(slip.size, load)
+            runs = conditions(under, slip, _speeds(subset, slip), np.mean(subset.slip_angle))
             values = predictor(model, (), runs)(model.vector()).values
             yield slip, values[RIG_CHANNELS.index(type(channel))], ", ".join(filter(None, (of, load_label)))
 
 
 def _loads(data: RigSet) -> list[tuple[float | None, str]]:
     """Return the loads of curves: three where several were set, else that of the points at each slip."""
-    load = np.asarray(data.rig.load)
-    if not data.rig.loads_vary or not _set_apart(data):
+    load = data.load
+    if not data.loads_vary or not _set_apart(data):
         return [(None, "")]
     return [
         (float(drawn_load), f"{drawn_load:.3g} N")
@@ -89,7 +88,7 @@ def _loads(data: RigSet) -> list[tuple[float | None, str]]:
 
 def _set_apart(data: RigSet) -> bool:
     """Return whether loads differ at one slip: then they were set, and no curve through them has a meaning."""
-    slip, load = np.asarray(data.rig.slip), np.asarray(data.rig.load)
+    slip, load = data.slip, data.load
     same_slip = np.abs(slip[:, None] - slip) < 0.02
     return bool(np.any(same_slip & (load[:, None] >= SAME_LOAD * load)))
 
@@ -97,7 +96,7 @@ def _set_apart(data: RigSet) -> bool:
 def _along(data: RigSet, slip: np.ndarray, values: np.ndarray) -> np.ndarray:
     """Return the mean of a quantity at the levels, between them in a straight line."""
     levels = [data.level == number for number in range(len(data.level_names))]
-    at = np.array([np.mean(np.asarray(data.rig.slip)[at_level]) for at_level in levels])
+    at = np.array([np.mean(data.slip[at_level]) for at_level in levels])
     means = np.array([np.mean(values[at_level], axis=0) for at_level in levels])
     order = np.argsort(at)
     return np.asarray(np.interp(slip, at[order], means[order]))
@@ -111,7 +110,7 @@ def _speeds(data: RigSet, slip: np.ndarray) -> np.ndarray | None:
 
 def load_caption(data: RigSet) -> str:
     """Return under which load the models are drawn."""
-    load = np.asarray(data.rig.load)
+    load = data.load
     if (drawn := len(_loads(data))) > 1:
         count = {2: "two", 3: "three"}[drawn]
         which = f"the {count} loads" if np.unique(load).size == drawn else f"{count} of the loads"
@@ -123,8 +122,8 @@ def load_caption(data: RigSet) -> str:
 
 def residual_panels(data: RigSet, before: FitDiagnostics, after: FitDiagnostics | None) -> tuple[Figure, ...]:
     """Return one panel a channel: the mean of measured - model at each level, with its noise, before and after."""
-    line = "" if _set_apart(data) or np.ptp(data.rig.slip_angle) > 0 else "-"  # no line through loads
-    return tuple(_residual_panel(row, channel, before, after, line) for row, channel in enumerate(data.rig.channels))
+    line = "" if _set_apart(data) or np.ptp(data.slip_angle) > 0 else "-"  # no line through loads
+    return tuple(_residual_panel(row, channel, before, after, line) for row, channel in enumerate(data.channels))
 
 
 def _residual_panel(

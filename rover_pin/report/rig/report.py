@@ -15,8 +15,8 @@ from rover_pin.estimation.wording import Against, format_value
 from rover_pin.experiments.rig_sets.diagnostics import JointExtra
 from rover_pin.experiments.rig_sets.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.channel_residual import RigChannelResidual
-from rover_pin.experiments.wheel_rig.data import RigSet
 from rover_pin.experiments.wheel_rig.diagnostics import SIGNIFICANCE_LEVEL, FitDiagnostics, Flag, ResidualTest, RigExtra
+from rover_pin.measurements.rig_set import RigSet
 from rover_pin.report.page import AWAY, Picture, Row, Section, Table, before_and_after
 from rover_pin.report.rig.figures import Look, channel_panels, load_caption, looks, residual_panels
 from rover_pin.report.standalone.report import panels_of
@@ -41,12 +41,12 @@ def write_report(verdict: Verdict, experiment: RigExperiment, out: Path) -> list
         picture = ("points", _point_by_point(verdict, experiment))
         return write_verdict(verdict, UNSEEN, out, experiment.name, kicker, picture, own, model_file=False)
     (data,) = experiment.sets
-    kicker = f"{data.rig.slip.size} runs at {len(data.level_names)} levels of slip"
+    kicker = f"{data.slip.size} runs at {len(data.level_names)} levels of slip"
     return write_verdict(
         verdict,
         labels_of(data),
         out,
-        data.rig.name,
+        data.name,
         kicker,
         ("effect", _picture(verdict, data)),
         where_wrong=where_wrong_section(verdict, data),
@@ -70,8 +70,8 @@ def _picture(verdict: Verdict, data: RigSet) -> Picture:
     curves = _looks(verdict)
     channels = channel_panels(data, curves)
     if not curves or not isinstance(verdict.extra, RigExtra):
-        return Picture(channels, f"Measured {listing(channel.name for channel in data.rig.channels)} against slip.")
-    names = [channel.name for channel in data.rig.channels]
+        return Picture(channels, f"Measured {listing(channel.name for channel in data.channels)} against slip.")
+    names = [channel.name for channel in data.channels]
     score = max((score for score in verdict.scores if score.name in names), key=_shown)
     row = names.index(score.name)
     left = residual_panels(data, verdict.extra.before, verdict.extra.after if verdict.named else None)
@@ -173,15 +173,14 @@ LEVEL = 0.005
 
 def meanings(data: RigSet) -> dict[str, str]:
     """Return the meaning of every level by its name: 'S = 0.5', with slip angle and load where they differ."""
-    rig = data.rig
-    angled = bool(np.ptp(rig.slip_angle) > 1e-3)
-    loaded = data.rig.loads_vary
+    angled = bool(np.ptp(data.slip_angle) > 1e-3)
+    loaded = data.loads_vary
     descriptions = {}
     for number, name in enumerate(data.level_names):
         at = data.level == number
-        parts = [f"S = {_slip(float(np.mean(rig.slip[at])))}"]
-        parts += [f"{math.degrees(float(np.mean(rig.slip_angle[at]))):.3g} deg"] if angled else []
-        parts += [f"{float(np.mean(rig.load[at])):.3g} N"] if loaded else []
+        parts = [f"S = {_slip(float(np.mean(data.slip[at])))}"]
+        parts += [f"{math.degrees(float(np.mean(data.slip_angle[at]))):.3g} deg"] if angled else []
+        parts += [f"{float(np.mean(data.load[at])):.3g} N"] if loaded else []
         descriptions[name] = ", ".join(parts)
     twice = {words for words, times in Counter(descriptions.values()).items() if times > 1}
     return {name: f"{words} ({name})" if words in twice else words for name, words in descriptions.items()}

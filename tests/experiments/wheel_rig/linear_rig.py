@@ -11,10 +11,9 @@ from rover_pin.contact import Soil, Wheel
 from rover_pin.estimation.experiment import Sensitivities
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.experiments.rig_sets.experiment import RigExperiment
-from rover_pin.experiments.wheel_rig.data import as_rig_set
 from rover_pin.experiments.wheel_rig.model import RigModel
 from rover_pin.measurements.channel import DrawbarPull, Sinkage
-from rover_pin.measurements.wheel_rig import WheelRig
+from rover_pin.measurements.rig_set import RigSet
 
 LEVELS, REPEATS = 8, 3
 RUNS = LEVELS * REPEATS
@@ -77,8 +76,8 @@ def rig_set(rows):
     """The set that shows `rows` [2 RUNS] in SDs: drawbar pull about 0, then sinkage about DEPTH."""
     pull, depth = rows.reshape(2, RUNS)
     channels = (DrawbarPull(SD[0] * pull, np.full(RUNS, SD[0])), Sinkage(DEPTH + SD[1] * depth, np.full(RUNS, SD[1])))
-    rig = WheelRig(Wheel(), slip(), 15.0, channels, name="linear")
-    return as_rig_set(rig, speeds=np.column_stack([0.05 * (1 - slip()), np.full(RUNS, 0.05)]))
+    speeds = np.column_stack([0.05 * (1 - slip()), np.full(RUNS, 0.05)])
+    return RigSet(Wheel(), slip(), 15.0, channels, name="linear", speeds=speeds)
 
 
 def made(rows, laws, free=FREE):

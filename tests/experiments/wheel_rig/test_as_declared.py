@@ -13,14 +13,14 @@ from rover_pin.effects.lug_excavation import LugExcavation
 from rover_pin.estimation.numbers import Number
 from rover_pin.experiments.rig_sets.candidates import candidates, rig_kinds
 from rover_pin.experiments.rig_sets.experiment import RigExperiment
-from rover_pin.experiments.wheel_rig.data import as_rig_set, read_rig_set
 from rover_pin.experiments.wheel_rig.diagnostics import flags
 from rover_pin.experiments.wheel_rig.model import RigModel
 from rover_pin.experiments.wheel_rig.presets import describe_declared
 from rover_pin.loop.close import close_the_loop
 from rover_pin.loop.identify import identify
 from rover_pin.measurements.channel import DrawbarPull
-from rover_pin.measurements.wheel_rig import WheelRig, read_wheel_rig
+from rover_pin.measurements.rig_reading import read_rig_set
+from rover_pin.measurements.rig_set import RigSet
 from tests.oracle import rig_generator as hidden
 
 
@@ -40,7 +40,7 @@ def changed(plain, folder, toml=lambda text: text, points=lambda table: table):
 
 def fitted(data):
     experiment = RigExperiment((data,))
-    model = RigModel(data.rig.wheel, data.soil().replace(c=0.0), errors=data.rig.errors)
+    model = RigModel(data.wheel, data.soil().replace(c=0.0), errors=data.errors)
     return calibrated(experiment, model, experiment.uncertain(model))
 
 
@@ -60,18 +60,18 @@ def blind(rig, holes):
     full = [np.nan_to_num(channel.measured, nan=float(np.nanmean(channel.measured))) for channel in rig.channels]
     sds = [np.where(channel.has_value, channel.sd, 1e7 * channel.sd) for channel in holes.channels]
     pairs = zip(holes.channels, full, sds, strict=True)
-    return WheelRig(
+    return RigSet(
         rig.wheel, rig.slip, rig.load, tuple(type(one)(values, sd) for one, values, sd in pairs),
         declared=rig.declared, levels=rig.levels,
     )  # fmt: skip
 
 
 def test_missing_cell_has_no_weight_and_its_row_keeps_others(plain, tmp_path):
-    holes = read_wheel_rig(changed(plain, tmp_path / "holes", points=with_holes))
-    worthless = blind(read_wheel_rig(plain), holes)
-    channels = identify(as_rig_set(holes)).channels
+    holes = read_rig_set(changed(plain, tmp_path / "holes", points=with_holes))
+    worthless = blind(read_rig_set(plain), holes)
+    channels = identify(holes).channels
     assert [one.points for one in channels] == [int(channel.has_value.sum()) for channel in holes.channels]
-    own, other = fitted(as_rig_set(holes)), fitted(as_rig_set(worthless))
+    own, other = fitted(holes), fitted(worthless)
     assert own.u == pytest.approx(other.u, abs=1e-4)
 
 
@@ -98,12 +98,12 @@ def uphill(table):
 
 def test_a_slope_is_the_load_across_and_the_pull_along_it(plain, tmp_path):
     slope = 'slope = { value = 0.5, unit = "deg" }'
-    flat = read_rig_set(plain).rig
+    flat = read_rig_set(plain)
 
     def told_so(text):
         return "\n".join(slope if line.startswith("drawbar_pull") else line for line in text.splitlines())
 
-    rig = read_rig_set(changed(plain, tmp_path / "slope", told_so, uphill)).rig
+    rig = read_rig_set(changed(plain, tmp_path / "slope", told_so, uphill))
     assert rig.load == pytest.approx(flat.load)
     pull, own = (next(one for one in each.channels if isinstance(one, DrawbarPull)) for each in (flat, rig))
     assert own.measured == pytest.approx(pull.measured)
@@ -146,9 +146,9 @@ def test_a_speed_of_the_whole_set_is_declared_in_its_toml(plain, tmp_path):
         return text + '\n[speed]\ncarriage = { value = 20.0, unit = "mm/s" }\n'
 
     data = read_rig_set(changed(plain, tmp_path / "carriage", told_so, bare))
-    assert data.speeds[:, 0] == pytest.approx(np.full(data.rig.slip.size, 0.02))
+    assert data.speeds[:, 0] == pytest.approx(np.full(data.slip.size, 0.02))
     slip = (data.speeds[:, 1] - data.speeds[:, 0]) / np.maximum(*data.speeds.T)
-    assert slip == pytest.approx(data.rig.slip)
+    assert slip == pytest.approx(data.slip)
 
 
 def test_wheel_spinning_on_the_spot_does_not_give_its_rim_speed(plain, tmp_path):
@@ -171,9 +171,9 @@ def declared(text, wheel="", soil=""):
 
 def test_what_is_declared_presets_the_effects_that_have_it(plain, tmp_path):
     data = read_rig_set(changed(plain, tmp_path / "lugs", lambda text: declared(text, LUGS, SAND)))
-    model = RigModel(data.rig.wheel, data.soil())
+    model = RigModel(data.wheel, data.soil())
     tried = {one.kind: one for one in candidates(RigExperiment((data,)), model, rig_kinds())}
-    way = 2 * math.pi * (data.rig.wheel.r + 0.0025)
+    way = 2 * math.pi * (data.wheel.r + 0.0025)
     lugs = tried["LugExcavation"]
     assert lugs.effect.values() == pytest.approx({**LugExcavation().values(), "h_l": 0.005, "filled": 1 - 0.072 / way})
     assert {"LugExcavation.filled", "LugExcavation.length"} == set(lugs.shapes)
@@ -183,12 +183,12 @@ def test_what_is_declared_presets_the_effects_that_have_it(plain, tmp_path):
     assert "Bulldozing.gamma" not in heap.shapes, "a measured density is held"
     assert tried["FlankPressure"].effect.phi_f == pytest.approx(math.radians(29.0))
     assert "FlankPressure.phi_f" in tried["FlankPressure"].shapes, "an angle of repose is where a fit starts"
-    said = describe_declared(data.rig, [one.effect for one in tried.values()])
+    said = describe_declared(data, [one.effect for one in tried.values()])
     assert any(line.startswith("bulk_density holds Bulldozing.gamma") for line in said)
     assert any(line.startswith("lug_height is where a fit starts with") for line in said)
     assert said[-1] != "bulk_density is declared, and not used: no effect that was tried has it"
     assert (
-        describe_declared(data.rig, [ExitAngle()])[0]
+        describe_declared(data, [ExitAngle()])[0]
         == "lug_height is declared, and not used: no effect that was tried has it"
     )
 
@@ -198,7 +198,7 @@ def test_a_wheel_that_is_said_to_be_smooth_has_no_lugs(plain, tmp_path):
         return declared(text, 'surface = "smooth"\n')
 
     data = read_rig_set(changed(plain, tmp_path / "smooth", smooth))
-    model = RigModel(data.rig.wheel, data.soil())
+    model = RigModel(data.wheel, data.soil())
     kinds = {one.kind for one in candidates(RigExperiment((data,)), model, rig_kinds())}
     undeclared = read_rig_set(plain)
     every = {one.kind for one in candidates(RigExperiment((undeclared,)), model, rig_kinds())}
@@ -220,7 +220,7 @@ def test_a_fitted_stiffness_is_held_against_the_declared_one(plain, tmp_path, st
     """As its exponent goes with it: at another n the two have other units."""
     path = changed(plain, tmp_path / "known", lambda text: declared(text, soil=f"{stiffness}\n"))
     data = read_rig_set(path)
-    soil, b = data.soil(), float(data.rig.wheel.b)
+    soil, b = data.soil(), float(data.wheel.b)
     (flag,) = flags(data, soil, b, (Number("soil.k_1", "Pa", 2 * soil.k_1, 1.8 * soil.k_1, 2.2 * soil.k_1, math.nan),))
     assert (flag.name, flag.says.value) == ("K_eff", "sits away from")
     assert flag.independent.low == pytest.approx(float(soil.k_1) / b**soil.n)
@@ -249,7 +249,7 @@ def test_wheel_with_declared_lugs_has_a_trench_from_the_start(tmp_path):
 def test_a_radius_over_the_lugs_is_read_as_the_rims(plain, tmp_path):
     """The same runs told by the tips: omega and v are the same, r, slip and rim speed are those over the lugs."""
     rim, lug = read_rig_set(plain), 0.004
-    r = float(rim.rig.wheel.r)
+    r = float(rim.wheel.r)
 
     def by_tips(table):
         tip = table["rim_speed_mps"] * (r + lug) / r
@@ -261,10 +261,10 @@ def test_a_radius_over_the_lugs_is_read_as_the_rims(plain, tmp_path):
         return declared(text, f"lug_height = {lug}\nr_over_lugs = true\n")
 
     data = read_rig_set(changed(plain, tmp_path / "tips", toml, by_tips))
-    assert data.rig.wheel.r == pytest.approx(r)
+    assert data.wheel.r == pytest.approx(r)
     assert data.speeds == pytest.approx(rim.speeds)
     exact = (rim.speeds[:, 1] - rim.speeds[:, 0]) / np.maximum(*rim.speeds.T)
-    assert data.rig.slip == pytest.approx(exact)
+    assert data.slip == pytest.approx(exact)
 
 
 @pytest.mark.parametrize(
@@ -281,7 +281,7 @@ def test_a_radius_over_the_lugs_is_read_as_the_rims(plain, tmp_path):
 )
 def test_what_cannot_be_lugs_or_sand_is_refused(plain, tmp_path, wheel, soil, said):
     with pytest.raises(DataError, match=said):
-        read_wheel_rig(changed(plain, tmp_path / "bad", lambda text: declared(text, wheel, soil)))
+        read_rig_set(changed(plain, tmp_path / "bad", lambda text: declared(text, wheel, soil)))
 
 
 # --- SDs of the soil -------------------------------------------------------------------------------------------------

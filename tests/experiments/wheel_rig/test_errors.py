@@ -7,11 +7,10 @@ from rover_pin.base.errors import DataError
 from rover_pin.contact import Soil, Wheel
 from rover_pin.discrepancy.calibration import calibrated
 from rover_pin.experiments.rig_sets.experiment import RigExperiment
-from rover_pin.experiments.wheel_rig.data import read_rig_set
 from rover_pin.experiments.wheel_rig.model import ASKEW, RigModel
 from rover_pin.loop.close import close_the_loop
 from rover_pin.measurements.rig_errors import RigErrors
-from rover_pin.measurements.wheel_rig import read_wheel_rig
+from rover_pin.measurements.rig_reading import read_rig_set
 from tests.oracle import rig_generator as hidden
 
 SD = np.asarray(hidden.SD)
@@ -35,7 +34,7 @@ def folder(tmp_path_factory):
 def fitted(folder):
     data = read_rig_set(folder)
     experiment, soil = RigExperiment((data,)), data.soil()
-    model = RigModel(data.rig.wheel, soil.replace(c=0.0), errors=data.rig.errors)
+    model = RigModel(data.wheel, soil.replace(c=0.0), errors=data.errors)
     return calibrated(experiment, model, experiment.uncertain(model))
 
 
@@ -126,4 +125,4 @@ def test_what_cannot_be_an_error_of_a_rig_is_refused(folder, tmp_path, line, sai
     (tmp_path / "points.csv").write_text((folder / "points.csv").read_text())
     (tmp_path / "rig.toml").write_text((folder / "rig.toml").read_text() + f"\n[rig]\n{line}\n")
     with pytest.raises(DataError, match=said):
-        read_wheel_rig(tmp_path)
+        read_rig_set(tmp_path)

@@ -9,8 +9,8 @@ from rover_pin.effects.flank_pressure import FlankPressure
 from rover_pin.effects.ploughing import Ploughing
 from rover_pin.effects.slip_softening import SlipSoftening
 from rover_pin.experiments.rig_sets.experiment import RigExperiment
-from rover_pin.experiments.wheel_rig.data import read_rig_set
 from rover_pin.experiments.wheel_rig.declared import as_declared
+from rover_pin.measurements.rig_reading import read_rig_set
 
 POINTS = """slip,rim_speed_mps,travel_speed_mps,slip_angle_rad,load_N,drawbar_pull_N,lateral_N,sinkage_m
 -1,0,0.01,0,22,-30,0,0.04
@@ -43,7 +43,7 @@ def predicted(tmp_path):
     sand = model.soil.replace(k_1=1.3e5, n=1.5, phi=0.33, k=0.0063, c=0.0, exit_ratio=0.05)
     model = dataclasses.replace(model, soil=sand, effects=(*model.effects, *LAW))
     assert not RigExperiment((data,)).unpredicted(model)
-    return model.predict(data.rig.load, data.rig.slip, data.speeds, data.rig.slip_angle)
+    return model.predict(data.load, data.slip, data.speeds, data.slip_angle)
 
 
 def test_a_locked_wheel_is_dragged_as_one_braked_to_the_end(predicted):

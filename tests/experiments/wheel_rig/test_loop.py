@@ -1,5 +1,6 @@
 """The loop on wheel-rig sets: hidden effects named, null sets left alone, what is not on the list described."""
 
+import dataclasses
 import json
 import math
 import shutil
@@ -15,11 +16,11 @@ from rover_pin.discrepancy.answer import Answer
 from rover_pin.effects.slip_sinkage import SlipSinkage
 from rover_pin.experiments.rig_sets.candidates import added, effect_kinds, rig_kinds
 from rover_pin.experiments.wheel_rig.checks import findings
-from rover_pin.experiments.wheel_rig.data import read_rig_set
 from rover_pin.experiments.wheel_rig.model import RigModel, conditions, predictor, read_model, write_model
 from rover_pin.loop.close import close_the_loop
 from rover_pin.measurements.channel import DrawbarPull, Sinkage, Torque
-from rover_pin.measurements.wheel_rig import WheelRig, read_wheel_rig
+from rover_pin.measurements.rig_reading import read_rig_set
+from rover_pin.measurements.rig_set import RigSet
 from tests.oracle import rig_generator as hidden
 
 DATA = Path(__file__).parents[3] / "studies" / "data"
@@ -255,13 +256,17 @@ def test_data_that_cannot_be_used_get_one_sentence(tmp_path, change, said):
         close_the_loop(changed(tmp_path, change))
 
 
+def only(data, *kinds):
+    return dataclasses.replace(data, channels=tuple(each for each in data.channels if isinstance(each, kinds)))
+
+
 @pytest.mark.parametrize(
     ("keep", "kinds", "said"),
     [(slice(0, 4), (DrawbarPull, Torque, Sinkage), "2 levels of slip"), (slice(0, 6), (Sinkage,), "")],
 )
 def test_a_set_too_poor_says_so(tmp_path, keep, kinds, said):
     path = folder(tmp_path, "slip_sinkage", loads=(25.0,))
-    data = read_wheel_rig(path).only(*kinds).rows(keep)
+    data = only(read_rig_set(path), *kinds).rows(keep)
     verdict = close_the_loop(data)
     if said:
         assert verdict.answer is Answer.CANNOT_TELL
@@ -274,10 +279,10 @@ def test_a_set_too_poor_says_so(tmp_path, keep, kinds, said):
 
 
 def test_slips_too_alike_or_too_few_values_are_too_poor(tmp_path):
-    rig = read_wheel_rig(folder(tmp_path, "none", loads=(25.0,), repeats=1))
-    near = WheelRig(rig.wheel, 0.1 + 0.1 * rig.slip, rig.load, rig.channels, levels=rig.levels)
+    rig = read_rig_set(folder(tmp_path, "none", loads=(25.0,), repeats=1))
+    near = RigSet(rig.wheel, 0.1 + 0.1 * rig.slip, rig.load, rig.channels, levels=rig.levels)
     assert "slips span 0.08 only" in close_the_loop(near).sentence
-    few = rig.only(DrawbarPull).rows(slice(0, 3))
+    few = only(rig, DrawbarPull).rows(slice(0, 3))
     assert "3 measured values for 3 uncertain soil constants" in close_the_loop(few).sentence
 
 

@@ -12,11 +12,10 @@ from scipy.stats import kstest
 
 from rover_pin.contact import Wheel
 from rover_pin.discrepancy.answer import Answer
-from rover_pin.experiments.wheel_rig.data import as_rig_set
 from rover_pin.experiments.wheel_rig.diagnostics import NEIGHBOURS, NEXT_RUN, ORDER, SLIP_SQUARED, residual_tests
 from rover_pin.loop.close import close_the_loop
 from rover_pin.measurements.channel import DrawbarPull, Sinkage
-from rover_pin.measurements.wheel_rig import WheelRig
+from rover_pin.measurements.rig_set import RigSet
 from rover_pin.report.words import human
 from rover_pin.simulation.model.effect_files import package_effects
 
@@ -48,7 +47,7 @@ def plain_set(loads):
     load = rng.choice(loads, RUNS)
     sunk = Sinkage(np.linspace(0.01, 0.02, RUNS), np.full(RUNS, 1e-3))
     pull = DrawbarPull(np.linspace(-1, 1, RUNS), np.full(RUNS, 0.1))
-    return as_rig_set(WheelRig(Wheel(), slip, load, (pull, sunk)))
+    return RigSet(Wheel(), slip, load, (pull, sunk))
 
 
 def p_of(tests, channel, against):
@@ -58,11 +57,11 @@ def p_of(tests, channel, against):
 @pytest.mark.parametrize("against", ["slip", SLIP_SQUARED, "load", ORDER])
 def test_trend_of_a_residual_is_attributed_to_its_cause_alone(against):
     data = plain_set((10.0, 20.0))
-    slip = np.asarray(data.rig.slip)
+    slip = np.asarray(data.slip)
     cause = {
         "slip": slip,
         SLIP_SQUARED: (slip - slip.mean()) ** 2,
-        "load": np.asarray(data.rig.load),
+        "load": np.asarray(data.load),
         ORDER: np.arange(RUNS),
     }[against]
     noise = np.random.default_rng(1).normal(size=(2, RUNS))
@@ -77,7 +76,7 @@ def test_trend_of_a_residual_is_attributed_to_its_cause_alone(against):
 def test_whiteness_sees_what_lives_between_neighbours():
     data = plain_set((10.0,))
     slow = np.sin(np.arange(RUNS) / 3)
-    tests = residual_tests(data, np.vstack([slow, np.sin(9 * np.asarray(data.rig.slip))]), 0)
+    tests = residual_tests(data, np.vstack([slow, np.sin(9 * np.asarray(data.slip))]), 0)
     assert p_of(tests, "drawbar pull", NEXT_RUN) < 0.01 < p_of(tests, "drawbar pull", NEIGHBOURS)
     assert p_of(tests, "sinkage", NEIGHBOURS) < 0.01 < p_of(tests, "sinkage", NEXT_RUN)
     assert not any(test.against == "load" for test in tests)

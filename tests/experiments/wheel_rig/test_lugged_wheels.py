@@ -14,8 +14,8 @@ from rover_pin.contact import Soil, Wheel
 from rover_pin.discrepancy.calibration import calibrated
 from rover_pin.effects.lug_excavation import LugExcavation
 from rover_pin.experiments.rig_sets.experiment import RigExperiment
-from rover_pin.experiments.wheel_rig.data import read_rig_set
 from rover_pin.experiments.wheel_rig.model import PAPER, RigModel
+from rover_pin.measurements.rig_reading import read_rig_set
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(96)
 RIM = 0.05

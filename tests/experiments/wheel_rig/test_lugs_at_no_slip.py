@@ -21,8 +21,8 @@ from rover_pin.effects.slip_softening import SlipSoftening
 from rover_pin.experiments.rig_sets.candidates import present_amplitudes
 from rover_pin.experiments.rig_sets.sets import joined
 from rover_pin.experiments.wheel_rig.checks import findings
-from rover_pin.experiments.wheel_rig.data import read_rig_set
 from rover_pin.experiments.wheel_rig.model import PAPER
+from rover_pin.measurements.rig_reading import read_rig_set
 
 DATA = Path(__file__).parents[3] / "studies" / "data"
 PAGE = (DATA.parents[1] / "docs" / "data-wheel-rig.md").read_text(encoding="utf-8")

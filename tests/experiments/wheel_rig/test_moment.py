@@ -17,10 +17,10 @@ from rover_pin.effects.post_peak import PostPeak
 from rover_pin.effects.rate_dependence import RateDependence
 from rover_pin.experiments.rig_sets.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.checks import findings, repeats
-from rover_pin.experiments.wheel_rig.data import read_rig_set
 from rover_pin.experiments.wheel_rig.model import ASKEW, RigModel
 from rover_pin.loop.close import close_the_loop
 from rover_pin.measurements.rig_physics import refuse_impossible, suspicions
+from rover_pin.measurements.rig_reading import read_rig_set
 from tests.oracle import askew_wheel as oracle
 
 WHEEL = Wheel(0.0625, 0.06)
@@ -76,7 +76,7 @@ def fitted(folder):
     """Name -> (value, SD) of all that is uncertain of a set."""
     data = read_rig_set(folder)
     experiment = RigExperiment((data,))
-    model = RigModel(data.rig.wheel, data.soil(), ASKEW, data.rig.errors)
+    model = RigModel(data.wheel, data.soil(), ASKEW, data.errors)
     fit = calibrated(experiment, model, experiment.uncertain(model))
     sd = np.sqrt(np.diag(np.linalg.inv(fit.columns.T @ fit.columns)))
     rows = zip(fit.parameters, fit.u, sd, strict=True)
@@ -163,13 +163,13 @@ def test_the_loop_fits_holds_out_and_draws_it(tmp_path):
 
 
 def test_it_is_read_where_a_wheel_runs_askew_with_its_noise(tmp_path):
-    rig = read_rig_set(written(tmp_path / "set")).rig
+    rig = read_rig_set(written(tmp_path / "set"))
     moment = rig.channels[-1]
     assert (moment.column, moment.unit, moment.sd[0]) == ("moment_z_Nm", "N m", 0.004)
     assert moment.measured == pytest.approx(CLEAN[:, 7], rel=1e-8)
     straight = CLEAN.copy()
     straight[:, 1] = 0.0
-    assert [each.column for each in read_rig_set(written(tmp_path / "straight", straight)).rig.channels] == [
+    assert [each.column for each in read_rig_set(written(tmp_path / "straight", straight)).channels] == [
         "drawbar_pull_N", "torque_Nm", "sinkage_m",
     ]  # fmt: skip
     bare = written(tmp_path / "bare")
@@ -192,7 +192,7 @@ def with_moment(rig, measured, sd=None):
 
 
 def test_moment_outside_the_wheel_is_named_and_frozen_refused(tmp_path):
-    rig = read_rig_set(written(tmp_path / "set")).rig
+    rig = read_rig_set(written(tmp_path / "set"))
     assert not [each for each in suspicions(rig) if "moment_z" in str(each)]
     moment, side = CLEAN[:, 7], CLEAN[:, 6]
     for shift, word in ((0.15, "ahead of"), (-0.15, "behind")):

@@ -11,11 +11,11 @@ import pytest
 from rover_pin.base.errors import DataError, ParameterError
 from rover_pin.contact import Soil, Wheel
 from rover_pin.experiments.wheel_rig.checks import findings, refuse_unfit
-from rover_pin.experiments.wheel_rig.data import read_rig_set
 from rover_pin.experiments.wheel_rig.model import ASKEW, RigModel
 from rover_pin.measurements.channel import DrawbarPull, Sinkage, Torque
 from rover_pin.measurements.rig_physics import refuse_impossible, suspicions
-from rover_pin.measurements.wheel_rig import WheelRig
+from rover_pin.measurements.rig_reading import read_rig_set
+from rover_pin.measurements.rig_set import RigSet
 from rover_pin.parameters import SOILS
 from rover_pin.soil.sinkage import entry_angle, sinkage
 from rover_pin.soil.traction import wheel_forces
@@ -33,12 +33,12 @@ def changed(rig, kind=None, factor=1.0, load=1.0, r=1.0):
         for each in rig.channels
     )
     wheel = rig.wheel.replace(r=float(rig.wheel.r) * r)
-    return dataclasses.replace(rig, channels=channels, load=rig.loads * load, wheel=wheel)
+    return dataclasses.replace(rig, channels=channels, load=rig.load * load, wheel=wheel)
 
 
 @pytest.mark.parametrize("name", SETS)
 def test_real_wheels_raise_no_alarm(name):
-    rig = read_rig_set(DATA / name).rig
+    rig = read_rig_set(DATA / name)
     refuse_impossible(rig)
     assert suspicions(rig) == []
 
@@ -67,8 +67,8 @@ HARDLY_MEANT = [
 @pytest.mark.parametrize(("name", "change", "said"), IMPOSSIBLE)
 def test_what_no_soil_gives_is_refused(name, change, said):
     data = read_rig_set(DATA / name)
-    wrong = dataclasses.replace(data, rig=changed(data.rig, **change))
-    for refuse in (lambda: refuse_impossible(wrong.rig), lambda: refuse_unfit(wrong)):
+    wrong = changed(data, **change)
+    for refuse in (lambda: refuse_impossible(wrong), lambda: refuse_unfit(wrong)):
         with pytest.raises(DataError, match=said):
             refuse()
 
@@ -76,7 +76,7 @@ def test_what_no_soil_gives_is_refused(name, change, said):
 @pytest.mark.parametrize(("name", "change", "said"), HARDLY_MEANT)
 def test_what_is_hardly_meant_is_named(name, change, said):
     data = read_rig_set(DATA / name)
-    wrong = dataclasses.replace(data, rig=changed(data.rig, **change))
+    wrong = changed(data, **change)
     if "times the load in" not in said:
         refuse_unfit(wrong)
     told = [str(each) for each in findings(wrong)]
@@ -86,7 +86,7 @@ def test_what_is_hardly_meant_is_named(name, change, said):
 
 def test_a_wheel_gives_out_no_more_than_its_torque_puts_in():
     """At S = 0.5 a thrust of T / r = 10 N does 10 J over a metre of rim, and the wheel half a metre of pull."""
-    rig = WheelRig(
+    rig = RigSet(
         Wheel(r=0.1, b=0.1), np.full(4, 0.5), 30.0, (DrawbarPull(np.full(4, 19.0), 0.1), Torque(np.ones(4), 0.01))
     )
     assert suspicions(rig) == []
@@ -98,20 +98,20 @@ def test_a_wheel_gives_out_no_more_than_its_torque_puts_in():
 
 
 def test_single_rows_and_torques_that_cannot_be():
-    rig = read_rig_set(DATA / CMU).rig
+    rig = read_rig_set(DATA / CMU)
     pull = next(each for each in rig.channels if isinstance(each, DrawbarPull))
     spoilt = pull.measured.copy()
     spoilt[3] = 1e308
     others = tuple(each for each in rig.channels if each is not pull)
     with pytest.raises(DataError, match=r"drawbar_pull_N is .* times the load in row 4; mend or remove that row"):
         refuse_impossible(dataclasses.replace(rig, channels=(DrawbarPull(spoilt, pull.sd), *others)))
-    still = WheelRig(Wheel(), np.array([0.2, 0.4, 0.6]), 10.0, (Torque(np.full(3, 5e-4), 1e-5),))
+    still = RigSet(Wheel(), np.array([0.2, 0.4, 0.6]), 10.0, (Torque(np.full(3, 5e-4), 1e-5),))
     with pytest.raises(DataError, match=r"is 0.0011 times load times radius, less than any soil gives"):
         refuse_impossible(still)
 
 
 def test_a_noise_that_no_sensor_has_is_refused():
-    rig = read_rig_set(DATA / CMU).rig
+    rig = read_rig_set(DATA / CMU)
     sunk = next(each for each in rig.channels if isinstance(each, Sinkage))
     with pytest.raises(DataError, match=r"noise of sinkage_m is .* of what was measured, no sensor's; state the SD"):
         refuse_impossible(dataclasses.replace(rig, channels=(Sinkage(sunk.measured, 1e-320),)))
@@ -144,7 +144,7 @@ def of_model(soil, r, load):
     if not np.allclose(carried, load, rtol=0.02) or not 0.003 * r < sunk.max() < 0.7 * r:
         return None
     kinds = zip((DrawbarPull, Torque, Sinkage), (pull, torque, sunk), strict=True)
-    return WheelRig(wheel, SLIPS, load, tuple(kind(each, 0.02 * np.abs(each).max()) for kind, each in kinds))
+    return RigSet(wheel, SLIPS, load, tuple(kind(each, 0.02 * np.abs(each).max()) for kind, each in kinds))
 
 
 @pytest.mark.parametrize("name", SOILS)
@@ -214,7 +214,7 @@ def test_a_sign_is_wrong_beyond_three_sds_of_a_run(kind, slip, sense):
     rows = np.linspace(slip, slip + 0.05, 6)
     for sds, refused in ((2.0, False), (4.0, True)):
         measured = kind(np.full(6, -sense * sds * 1e-2), 1e-2)
-        rig = WheelRig(Wheel(), rows, np.full(6, 10.0), (measured,))
+        rig = RigSet(Wheel(), rows, np.full(6, 10.0), (measured,))
         try:
             refuse_impossible(rig)
             said = ""

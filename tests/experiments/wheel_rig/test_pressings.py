@@ -11,12 +11,12 @@ from rover_pin.discrepancy.answer import Answer
 from rover_pin.experiments.rig_sets.candidates import added, rig_kinds
 from rover_pin.experiments.rig_sets.experiment import RigExperiment
 from rover_pin.experiments.rig_sets.sets import joined
-from rover_pin.experiments.wheel_rig.data import read_rig_set
 from rover_pin.experiments.wheel_rig.model import PAPER, RigModel
 from rover_pin.experiments.wheel_rig.pressings import PRESSED, pressed_in
 from rover_pin.loop.close import close_the_loop
 from rover_pin.loop.identify import identify
 from rover_pin.measurements.pressed import Trial
+from rover_pin.measurements.rig_reading import read_rig_set
 from rover_pin.soil.traction import pressing_force
 from tests.oracle import rig_generator as hidden
 
@@ -65,7 +65,7 @@ def test_lugs_press_with_full_pockets():
     The mean of tips and bare rim by their shares (Jia, Smith and Peng, Robotica 30 (2012) 491) is half as strong.
     """
     smooth, lugged = (read_rig_set(DATA / f"cmu-{name}-wheel") for name in ("smooth", "grousered"))
-    wheel, soil = smooth.rig.wheel, smooth.soil()
+    wheel, soil = smooth.wheel, smooth.soil()
     off, of_mean = [], []
     for trial in lugged.trials:
         tips = np.array([float(pressing_force(h, wheel, soil)) for h in trial.sinkage])
@@ -132,12 +132,12 @@ def test_a_pressed_set_stands_beside_one_that_is_not(tmp_path):
     rig = hidden.Rig("none")
     pressed = read_rig_set(pressed_set(tmp_path / "set", rig))
     other = read_rig_set(hidden.write(tmp_path / "other", rig, hidden.rig_set(rig, loads=(40.0,), seed=4)))
-    other = dataclasses.replace(other, rig=dataclasses.replace(other.rig, name="other"))
+    other = dataclasses.replace(other, name="other")
     joint = joined([pressed, other])
     assert joint.channels[-1] == PRESSED
     assert len(joint.folds) == len(joint.campaigns) == 2 * len(hidden.SLIPS) + 3
     names = [number.name for number in joint.uncertain(joint.base_model())]
     assert names.count("soil.n") == 1
-    assert [name for name in names if name.endswith("pressing_scale")] == [f"{pressed.rig.name}.rig.pressing_scale"]
+    assert [name for name in names if name.endswith("pressing_scale")] == [f"{pressed.name}.rig.pressing_scale"]
     predicted = joint.predict([joint.base_model()])[0]
     assert np.isfinite(predicted[np.isfinite(joint.observed)]).all()

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rover_pin.experiments.wheel_rig.channel_residual import channel_residuals
-from rover_pin.experiments.wheel_rig.data import read_rig_set
+from rover_pin.measurements.rig_reading import read_rig_set
 
 SD = {"drawbar pull": 0.3, "sinkage": 0.6e-3}
 RIG = """

@@ -12,8 +12,8 @@ import pytest
 from rover_pin.contact import Contact, Load, Soil, Wheel
 from rover_pin.experiments.rig_sets.draft import draft_effect
 from rover_pin.experiments.wheel_rig.channel_residual import channel_residuals
-from rover_pin.experiments.wheel_rig.data import read_rig_set
 from rover_pin.experiments.wheel_rig.similarity import ANGLE, LOAD, SLIP, TRAVEL, collapses, simplest, slip_of_travel
+from rover_pin.measurements.rig_reading import read_rig_set
 from rover_pin.simulation.model.effect_files import effects_of_text
 
 RATIOS, ANGLES, LOADS = (0.3, 0.55, 0.8, 1.1, 1.6, 2.5), (0.0, 0.4, 0.8), (20.0, 45.0)
@@ -112,8 +112,8 @@ def test_a_draft_of_a_wheel_askew_is_of_the_whole_travel(tmp_path):
     """2 + 3 S' N more pull and (4 - 5 S') sin beta N more side force than a model has, S' over the travel."""
     flat = lambda ratio, beta, W: 0.3 + 0.01 * ratio + 0.02 * beta  # noqa: E731
     data = made(tmp_path, flat, flat, flat)
-    S, beta = slip_of_travel(data), np.asarray(data.rig.slip_angle)
-    pull, sunk, side = data.rig.channels
+    S, beta = slip_of_travel(data), np.asarray(data.slip_angle)
+    pull, sunk, side = data.channels
     missing = (2.0 + 3.0 * S, 0.0 * S, (4.0 - 5.0 * S) * np.sin(beta))
     left = channel_residuals(
         data, np.array([row / channel.sd for row, channel in zip(missing, (pull, sunk, side), strict=True)])
@@ -123,7 +123,7 @@ def test_a_draft_of_a_wheel_askew_is_of_the_whole_travel(tmp_path):
     assert "+2 +3 S' N, which takes 100% of it" in left[0].sentence
     assert "+4 -5 S' N sin beta, which takes 100% of it" in left[2].sentence
     (kind,) = effects_of_text(draft_effect(data, left))
-    W = float(np.mean(data.rig.load))
+    W = float(np.mean(data.load))
     for slip, angle in ((0.5, 0.4), (-0.3, 0.8), (0.2, 0.0)):
         rim, v = (1.0, 1 - slip) if slip > 0 else (1 + slip, 1.0)
         V = v / math.cos(angle)

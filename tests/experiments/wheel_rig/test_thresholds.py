@@ -7,9 +7,8 @@ import pytest
 
 from rover_pin.contact import Wheel
 from rover_pin.experiments.wheel_rig.checks import findings, repeat_sd, too_poor
-from rover_pin.experiments.wheel_rig.data import as_rig_set
 from rover_pin.measurements.channel import DrawbarPull, Sinkage, Torque
-from rover_pin.measurements.wheel_rig import WheelRig
+from rover_pin.measurements.rig_set import RigSet
 
 LEVELS, SD = 6, 0.1
 
@@ -18,7 +17,7 @@ def rig_of(pull, levels=LEVELS, slips=None, load=15.0, others=()):
     """Drawbar pulls of `repeats` runs at each level."""
     pull = np.asarray(pull, dtype=float)
     slip = np.repeat(np.linspace(0.0, 0.6, levels) if slips is None else slips, len(pull) // levels)
-    return as_rig_set(WheelRig(Wheel(r=0.05), slip, load, (DrawbarPull(pull, SD), *others)))
+    return RigSet(Wheel(r=0.05), slip, load, (DrawbarPull(pull, SD), *others))
 
 
 def scattered(times):
@@ -33,9 +32,9 @@ def said(data):
 @pytest.mark.parametrize("times", [0.5, 1.0, 3.0])
 def test_the_pooled_sd_of_repeats(times):
     data = rig_of(scattered(times))
-    assert repeat_sd(data, data.rig.channels[0]) == pytest.approx(times)
+    assert repeat_sd(data, data.channels[0]) == pytest.approx(times)
     alone = rig_of(np.linspace(0, 1, LEVELS))
-    assert np.isnan(repeat_sd(alone, alone.rig.channels[0]))
+    assert np.isnan(repeat_sd(alone, alone.channels[0]))
     assert "no level is repeated" in said(alone)
     assert "no level is repeated" not in said(data)
 

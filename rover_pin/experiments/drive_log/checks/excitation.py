@@ -10,7 +10,7 @@ import numpy as np
 
 from rover_pin.experiments.drive_log.checks.driven import Driven, degrees, spread
 from rover_pin.measurements.checks import Finding
-from rover_pin.measurements.wheel_rig import SAME_SLIP
+from rover_pin.measurements.rig_set import SAME_SLIP
 
 SAME_DUTY = 0.02
 """Duties that differ by less are one level."""
