@@ -4,7 +4,8 @@ Over a metre of the faster of both the rim goes `rim` and the wheel `travel` met
 motor puts in and f_t travel what the wheel gives out, and a soil gives no work.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
 
 import numpy as np
 from scipy.stats import spearmanr
@@ -41,193 +42,172 @@ SLENDER = (0.05, 5.0)
 """Width over diameter of wheels: a bicycle's has 0.05, a road roller's 2."""
 
 
-def refuse_impossible(rig: RigSet) -> None:
+class Check(NamedTuple):
+    """Whether a statistic of a set is beyond its limit, what is said then, and the remedy."""
+
+    is_beyond: bool | np.bool_
+    what: str
+    todo: str
+
+
+def refuse_impossible(data: RigSet) -> None:
     """Refuse numbers that no wheel on any soil gives.
 
     Raises DataError: the first impossibility, and what may have caused it.
     """
-    for finding in _impossible(rig):
-        raise DataError(f"{finding}")
+    for check in _impossible(data):
+        if check.is_beyond:
+            raise DataError(f"{Finding(check.what, data.name, check.todo)}")
 
 
-def suspicions(rig: RigSet) -> list[Finding]:
+def suspicions(data: RigSet) -> list[Finding]:
     """Return what is possible and hardly meant."""
-    return [*_units(rig), *_pulls(rig), *_ground(rig), *_arm(rig)]
+    checks = (*_of_sizes(data), *_of_pull(data), *_of_ground(data), *_of_arm(data))
+    return [Finding(check.what, data.name, check.todo) for check in checks if check.is_beyond]
 
 
-def _impossible(rig: RigSet) -> Iterator[Finding]:
-    load = rig.load
-    if not (load.min() >= LOADS[0] and load.max() <= LOADS[1]):
-        what = f"load_N goes from {load.min():g} to {load.max():g} N, no wheel's"
-        yield Finding(what, rig.name, f"give newtons, from {LOADS[0]:g} to {LOADS[1]:g}")
-    for channel in rig.channels:
-        yield from _too_much(rig, channel)
-        finest = float(np.min(channel.sd / np.nanmax(np.abs(channel.measured), initial=1e-300)))
-        if finest < FINEST:
-            what = f"the noise of {channel.column} is {finest:.2g} of what was measured, no sensor's"
-            yield Finding(what, rig.name, "state the SD of one run, from repeats")
-    yield from _signs(rig)
-    yield from _work(rig)
+def _impossible(data: RigSet) -> Iterator[Check]:
+    low, high = data.load.min(), data.load.max()
+    what = f"load_N goes from {low:g} to {high:g} N, no wheel's"
+    yield Check(not (low >= LOADS[0] and high <= LOADS[1]), what, f"give newtons, from {LOADS[0]:g} to {LOADS[1]:g}")
+    for channel in data.channels:
+        name, largest = channel.column, np.nanmax(np.abs(channel.measured), initial=1e-300)
+        if not isinstance(channel, Sinkage):
+            share, of = np.abs(_over_load(data, channel.measured, channel.unit)), _of(channel.unit)
+            usual, row = float(np.nanmedian(share)), int(np.nanargmax(share))
+            what = f"{name} is {usual:.3g} times the {of}, more than any soil gives"
+            yield Check(usual > MOST_FORCE, what, f"check the units of {name} and load_N")
+            what = f"{name} is {share[row]:.3g} times the {of} in row {row + 1}"
+            yield Check(share[row] > EVER, what, "mend or remove that row")
+        finest = float(np.min(channel.sd / largest))
+        what = f"the noise of {name} is {finest:.2g} of what was measured, no sensor's"
+        yield Check(finest < FINEST, what, "state the SD of one run, from repeats")
+    yield from _signs(data)
+    yield from _work(data)
 
 
-def _too_much(rig: RigSet, channel: RigChannel) -> Iterator[Finding]:
-    if isinstance(channel, Sinkage):
-        return
-    share = np.abs(_over_load(rig, channel))
-    of = _of(channel)
-    todo = f"check the units of {channel.column} and load_N"
-    if np.nanmedian(share) > MOST_FORCE:
-        yield Finding(f"{channel.column} is {np.nanmedian(share):.3g} times the {of}, more than any soil gives",
-                      rig.name, todo)  # fmt: skip
-    elif np.nanmax(share) > EVER:
-        row = int(np.nanargmax(share)) + 1
-        what = f"{channel.column} is {np.nanmax(share):.3g} times the {of} in row {row}"
-        yield Finding(what, rig.name, "mend or remove that row")
-
-
-def _signs(rig: RigSet) -> Iterator[Finding]:
-    """Yield channels that are upside down: down, forwards and driving are positive."""
-    every = np.ones(rig.slip.size, dtype=bool)
+def _signs(data: RigSet) -> Iterator[Check]:
+    """Yield whether channels are upside down: down, forwards and driving are positive."""
+    every = np.ones(data.slip.size, dtype=bool)
     for kind, use, sign, when, positive in (
         (Sinkage, every, 1.0, "", "down"),
-        (Torque, rig.slip > DRIVING, 1.0, f" at slips above {DRIVING:g}, where the wheel drives", "driving"),
-        (DrawbarPull, rig.slip < -DRIVING, -1.0, f" at slips below {-DRIVING:g}, where the wheel brakes", "forwards"),
+        (Torque, data.slip > DRIVING, 1.0, f" at slips above {DRIVING:g}, where the wheel drives", "driving"),
+        (DrawbarPull, data.slip < -DRIVING, -1.0, f" at slips below {-DRIVING:g}, where the wheel brakes", "forwards"),
     ):
-        for channel in (candidate for candidate in rig.channels if isinstance(candidate, kind)):
-            use = use & channel.has_value
-            if use.any() and np.median(sign * channel.measured[use]) < -CLEAR * np.median(channel.sd[use]):
-                word = "negative" if sign > 0.0 else "positive"
-                what = f"{channel.column} is {word}{when} ({np.median(channel.measured[use]):.3g} in the median)"
-                yield Finding(what, rig.name, f"multiply it by -1: positive is {positive}")
+        measured, sd = _read(data, kind)
+        usual, word = _some(np.median, measured[use]), "negative" if sign > 0.0 else "positive"
+        what = f"{kind.column} is {word}{when} ({usual:.3g} in the median)"
+        yield Check(
+            sign * usual < -CLEAR * _some(np.median, sd[use]), what, f"multiply it by -1: positive is {positive}"
+        )
 
 
-def _work(rig: RigSet) -> Iterator[Finding]:
-    """Yield torques too small for the pull, or for any soil."""
-    torque, pull = _channel(rig, Torque), _channel(rig, DrawbarPull)
-    if torque is None:
-        return
-    use = (rig.slip > SLIPPING) & torque.has_value
-    share = float(np.median(_over_load(rig, torque)[use])) if use.any() else np.inf
-    if pull is not None:
-        put_in, out, _ = work(rig, torque, pull)
-        drives = (rig.slip > DRIVING) & (out > 0.0) & torque.has_value
-        if drives.any() and np.median(out[drives]) > GIVES_BACK * np.median(put_in[drives]):
-            times = f"gives out {np.median(out[drives]) / np.median(put_in[drives]):.3g} times the work that its"
-            what = f"the driving wheel {times} torque puts in, in the median"
-            yield Finding(what, rig.name, "check the units of torque_Nm and drawbar_pull_N, and the wheel's r")
-            return
-    if share < NO_TORQUE:
-        yield _little_torque(rig, share)
+def _work(data: RigSet) -> Iterator[Check]:
+    """Yield whether torques are too small for the pull, or for any soil."""
+    put_in, out, _ = work(data)
+    drives = (data.slip > DRIVING) & (out > 0.0) & np.isfinite(put_in)
+    taken, given = _some(np.median, put_in[drives]), _some(np.median, out[drives])
+    times = given / taken if taken > 0.0 else np.inf
+    what = f"the driving wheel gives out {times:.3g} times the work that its torque puts in, in the median"
+    todo = "check the units of torque_Nm and drawbar_pull_N, and the wheel's r"
+    yield Check(given > GIVES_BACK * taken, what, todo)
+    yield _little_torque(data, NO_TORQUE)
 
 
-def work(rig: RigSet, torque: RigChannel, pull: RigChannel) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the work put in, given out, and the SD of their difference, over the way of rim or wheel [J/m]."""
-    rim, travel = 1.0 + np.minimum(rig.slip, 0.0), 1.0 - np.maximum(rig.slip, 0.0)
-    r = float(rig.wheel.r)
-    sd = np.hypot(torque.sd / r * rim, pull.sd * travel)
-    return torque.measured / r * rim, pull.measured * travel, sd
+def work(data: RigSet) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the work put in, given out, and the SD of their difference, over the way of rim or wheel [J/m].
+
+    NaN is where torque or pull was not measured.
+    """
+    (torque, torque_sd), (pull, pull_sd), r = _read(data, Torque), _read(data, DrawbarPull), float(data.wheel.r)
+    rim, travel = 1.0 + np.minimum(data.slip, 0.0), 1.0 - np.maximum(data.slip, 0.0)
+    return torque / r * rim, pull * travel, np.hypot(torque_sd / r * rim, pull_sd * travel)
 
 
-def _little_torque(rig: RigSet, share: float) -> Finding:
+def _little_torque(data: RigSet, limit: float) -> Check:
+    share = _some(np.median, _over_load(data, _read(data, Torque)[0], "N m")[data.slip > SLIPPING])
     what = f"torque_Nm at slips above {SLIPPING:g} is {share:.2g} times load times radius, less than any soil gives"
-    return Finding(what, rig.name, "check the units of torque_Nm and load_N, and the wheel's r")
+    return Check(share < limit, what, "check the units of torque_Nm and load_N, and the wheel's r")
 
 
-def _units(rig: RigSet) -> Iterator[Finding]:
-    wheel = rig.wheel
-    slender = float(wheel.b) / (2.0 * float(wheel.r))
-    if not SLENDER[0] <= slender <= SLENDER[1]:
-        what = f"the wheel is {slender:.2g} times as wide as high"
-        yield Finding(what, rig.name, "check r and b of [wheel], and their units")
-    for channel in (candidate for candidate in rig.channels if type(candidate) in MUCH_FORCE):
-        use = (rig.slip > DRIVING) & channel.has_value
-        if not use.any():
-            continue
-        share = float(np.median(_over_load(rig, channel)[use]))
-        if share > MUCH_FORCE[type(channel)]:
-            what = f"{channel.column} is {share:.3g} times the {_of(channel)} in the median, more than sand gives"
-            yield Finding(what, rig.name, "see whether load_N is in kg, or a sensor carries an offset")
-    torque = _channel(rig, Torque)
-    slipping = (rig.slip > SLIPPING) & torque.has_value if torque is not None else np.zeros(1, dtype=bool)
-    if torque is not None and slipping.any():
-        share = float(np.median(_over_load(rig, torque)[slipping]))
-        if share < LITTLE_TORQUE:
-            yield _little_torque(rig, share)
+def _of_sizes(data: RigSet) -> Iterator[Check]:
+    slender = float(data.wheel.b) / (2.0 * float(data.wheel.r))
+    what = f"the wheel is {slender:.2g} times as wide as high"
+    yield Check(not SLENDER[0] <= slender <= SLENDER[1], what, "check r and b of [wheel], and their units")
+    for kind, limit in MUCH_FORCE.items():
+        share = _some(np.median, _over_load(data, _read(data, kind)[0], kind.unit)[data.slip > DRIVING])
+        what = f"{kind.column} is {share:.3g} times the {_of(kind.unit)} in the median, more than sand gives"
+        yield Check(share > limit, what, "see whether load_N is in kg, or a sensor carries an offset")
+    yield _little_torque(data, LITTLE_TORQUE)
 
 
-def _pulls(rig: RigSet) -> Iterator[Finding]:
-    pull, torque = _channel(rig, DrawbarPull), _channel(rig, Torque)
-    if pull is None:
+def _of_pull(data: RigSet) -> Iterator[Check]:
+    put_in, out, sd = work(data)
+    gains = (data.slip > DRIVING) & (out - put_in > CLEAR * sd)
+    what = f"{int(gains.sum())} of {gains.size} runs give out more work than their torque puts in"
+    yield Check(gains.any(), what, "a torque sensor's zero, or the wheel's r, is off")
+    yield from _falling_pull(data)
+    most, span = _some(np.max, np.abs(_over_load(data, _read(data, DrawbarPull)[0], "N"))), np.ptp(data.slip)
+    what = f"drawbar_pull_N is never more than {most:.2g} of the load, at slips {span:.2g} apart"
+    yield Check(span > SLIPPING and most < LEAST_PULL, what, "soil gives a tenth and more: check the units of both")
+
+
+def _falling_pull(data: RigSet) -> Iterator[Check]:
+    """Yield whether the pull falls with slip until it drags, as one with its sign turned does."""
+    pull, sd = _read(data, DrawbarPull)
+    use = np.flatnonzero((data.slip > -DRIVING) & np.isfinite(pull))
+    if use.size < MIN_TREND_RUNS or np.ptp(data.slip[use]) < SLIPPING:
         return
-    if torque is not None:
-        put_in, out, sd = work(rig, torque, pull)
-        gains = (rig.slip > DRIVING) & (out - put_in > CLEAR * sd)
-        if gains.any():
-            what = f"{int(gains.sum())} of {gains.size} runs give out more work than their torque puts in"
-            yield Finding(what, rig.name, "a torque sensor's zero, or the wheel's r, is off")
-    yield from _falling_pull(rig, pull)
-    most = float(np.nanmax(np.abs(_over_load(rig, pull))))
-    if np.ptp(rig.slip) > SLIPPING and most < LEAST_PULL:
-        what = f"drawbar_pull_N is never more than {most:.2g} of the load, at slips {np.ptp(rig.slip):.2g} apart"
-        yield Finding(what, rig.name, "soil gives a tenth and more: check the units of both")
+    order = use[np.argsort(data.slip[use])]
+    low, high = (float(np.median(pull[part])) for part in (order[: use.size // 3], order[-(use.size // 3) :]))
+    falls = spearmanr(data.slip[order], pull[order]).statistic < FALLING
+    what = f"drawbar_pull_N falls with slip, from {low:.3g} to {high:.3g} N"
+    todo = "it looks upside down: positive is forwards, and slip helps before it digs"
+    yield Check(falls and high < -CLEAR * float(np.median(sd[use])), what, todo)
 
 
-def _falling_pull(rig: RigSet, pull: RigChannel) -> Iterator[Finding]:
-    """Yield a pull that falls with slip until it drags, as one with its sign turned does."""
-    use = np.flatnonzero((rig.slip > -DRIVING) & pull.has_value)
-    if use.size < MIN_TREND_RUNS or np.ptp(rig.slip[use]) < SLIPPING:
-        return
-    order = use[np.argsort(rig.slip[use])]
-    low, high = (float(np.median(pull.measured[part])) for part in (order[: use.size // 3], order[-(use.size // 3) :]))
-    falls = spearmanr(rig.slip[order], pull.measured[order]).statistic < FALLING
-    if falls and high < -CLEAR * float(np.median(pull.sd[use])):
-        what = f"drawbar_pull_N falls with slip, from {low:.3g} to {high:.3g} N"
-        yield Finding(what, rig.name, "it looks upside down: positive is forwards, and slip helps before it digs")
-
-
-def _ground(rig: RigSet) -> Iterator[Finding]:
-    """Yield a soil that is far too soft or stiff for the load: mean pressure under the arc over sinkage."""
-    sunk = _channel(rig, Sinkage)
-    if sunk is None:
-        return
-    use = sunk.measured > np.maximum(CLEAR * sunk.sd, 0.0)
-    if not use.any():
-        return
-    r, b, h = float(rig.wheel.r), float(rig.wheel.b), sunk.measured[use]
+def _of_ground(data: RigSet) -> Iterator[Check]:
+    """Yield whether a soil is far too soft or stiff for the load: mean pressure under the arc over sinkage."""
+    sunk, sd = _read(data, Sinkage)
+    use = sunk > np.maximum(CLEAR * sd, 0.0)
+    r, b, h = float(data.wheel.r), float(data.wheel.b), sunk[use]
     chord = np.sqrt(2.0 * r * h)
-    stiffness = float(np.median(rig.load[use] / (b * chord * h)))
+    stiffness = _some(np.median, data.load[use] / (b * chord * h))
     soft = stiffness < SOFTEST and b * stiffness < NARROWEST
-    if soft or stiffness > STIFFEST:
-        word = "softer than loose sand" if soft else "stiffer than clay"
-        what = f"pressure over sinkage is {stiffness:.2g} Pa/m, {word}"
-        yield Finding(what, rig.name, "check load_N (newtons, not kg), sinkage_m, and r and b of [wheel]")
+    what = f"pressure over sinkage is {stiffness:.2g} Pa/m, {'softer than loose sand' if soft else 'stiffer than clay'}"
+    todo = "check load_N (newtons, not kg), sinkage_m, and r and b of [wheel]"
+    yield Check(soft or stiffness > STIFFEST, what, todo)
 
 
-def _arm(rig: RigSet) -> Iterator[Finding]:
-    """Yield a moment about the vertical whose side force would stand beyond the wheel."""
-    moment, side = _channel(rig, VerticalMoment), _channel(rig, SideForce)
-    if moment is None or side is None:
-        return
-    use = moment.has_value & side.has_value & rig.askew & (np.abs(side.measured) > CLEAR * side.sd)
-    if not use.any():
-        return
-    force = side.measured[use]
-    arm, sd = (float(np.median(ratio)) for ratio in (moment.measured[use] / force, moment.sd[use] / np.abs(force)))
-    if abs(arm) > float(rig.wheel.r) + CLEAR * sd:
-        where = "ahead of" if arm > 0.0 else "behind"
-        what = f"by {VerticalMoment.column} the side force acts {abs(arm):.3g} m {where} the axle, beyond the rim"
-        yield Finding(what, rig.name, "take it about the wheel's centre, or state moment_arm in [rig]; check its unit")
+def _of_arm(data: RigSet) -> Iterator[Check]:
+    """Yield whether a moment about the vertical has its side force beyond the wheel."""
+    (moment, moment_sd), (side, side_sd) = _read(data, VerticalMoment), _read(data, SideForce)
+    use = np.isfinite(moment) & data.askew & (np.abs(side) > CLEAR * side_sd)
+    arm, sd = (_some(np.median, ratio) for ratio in (moment[use] / side[use], moment_sd[use] / np.abs(side[use])))
+    where = "ahead of" if arm > 0.0 else "behind"
+    what = f"by {VerticalMoment.column} the side force acts {abs(arm):.3g} m {where} the axle, beyond the rim"
+    todo = "take it about the wheel's centre, or state moment_arm in [rig]; check its unit"
+    yield Check(abs(arm) > float(data.wheel.r) + CLEAR * sd, what, todo)
 
 
-def _over_load(rig: RigSet, channel: RigChannel) -> np.ndarray:
+def _over_load(data: RigSet, values: np.ndarray, unit: str) -> np.ndarray:
     """Return a force over the load, a torque or moment over load times radius (runs,)."""
-    arm = float(rig.wheel.r) if channel.unit == "N m" else 1.0
-    return np.asarray(channel.measured / (rig.load * arm))
+    return np.asarray(values / (data.load * (float(data.wheel.r) if unit == "N m" else 1.0)))
 
 
-def _of(channel: RigChannel) -> str:
-    return "load times radius" if channel.unit == "N m" else "load"
+def _of(unit: str) -> str:
+    return "load times radius" if unit == "N m" else "load"
 
 
-def _channel(rig: RigSet, kind: type[RigChannel]) -> RigChannel | None:
-    return next((channel for channel in rig.channels if isinstance(channel, kind)), None)
+def _read(data: RigSet, kind: type[RigChannel]) -> tuple[np.ndarray, np.ndarray]:
+    """Return what a channel measured and its SDs (runs,), NaN where nothing was."""
+    for channel in data.channels:
+        if isinstance(channel, kind):
+            return channel.measured, np.where(channel.has_value, channel.sd, np.nan)
+    return (nothing := np.full(data.slip.size, np.nan)), nothing
+
+
+def _some(statistic: Callable[[np.ndarray], np.floating], values: np.ndarray) -> float:
+    """Return a statistic of the values that there are; NaN, beyond no limit, where there are none."""
+    measured = values[np.isfinite(values)]
+    return float(statistic(measured)) if measured.size else float("nan")
