@@ -1,6 +1,5 @@
 """`rover-pin export`, `export-c`, `export-fmu`, `export-mjcf`: a drive, a control, a rover for other tools."""
 
-import functools
 from enum import StrEnum
 from importlib.util import find_spec
 from pathlib import Path
@@ -67,23 +66,16 @@ def export_c(
     as_json: AsJson = False,
 ) -> None:
     """Write a slip control, or cmd-vel, as C, with test vectors."""
-    from rover_pin.control.embedded.folder import write_embedded
-    from rover_pin.control.embedded.motion import embedded_motion
-    from rover_pin.control.embedded.source import embedded
-    from rover_pin.control.motion.servo import HeldSpeeds
+    from rover_pin.control.embedded.folder import taken_away, write_control
     from rover_pin.scenarios.scenario import scenario as ready
 
     chosen = ready(scenario, **drive_settings(control, gravity, soil, model, add, set_))
-    controller, rover = chosen.controller, chosen.model.rover
-    if isinstance(controller, HeldSpeeds):
-        write = embedded_motion(controller, rover).write
-    else:
-        write = functools.partial(write_embedded, embedded(controller, chosen.model))
+    taken = taken_away(chosen.controller, chosen.model)
     say_what_is_replaced(out, ("rover_control.c",))
     with alone_in(out):
-        written = write(out)
+        written = write_control(taken, out)
     build = "cc -std=c11 -O2 -ffp-contract=off rover_control.c test_vectors.c -lm -o test_vectors"
-    report({"control": control, "rover": rover.name, "build": build, "files": list(map(str, written))}, as_json)
+    report({"control": control, "rover": taken.rover.name, "build": build, "files": list(map(str, written))}, as_json)
 
 
 def export_fmu(

@@ -1,12 +1,16 @@
-"""A slip control's files to take away: C, vectors and their test, build files, CasADi's functions, a ROS 2 package."""
+"""A control's files to take away: C, vectors and their test, build files, CasADi's functions, a ROS 2 package."""
 
 from pathlib import Path
 
 from rover_pin.base.files.columns import replace_file
 from rover_pin.base.files.paths import text_of_package
-from rover_pin.control.embedded.source import Embedded
+from rover_pin.control.embedded.motion import EmbeddedMotion, embedded_motion
+from rover_pin.control.embedded.source import Embedded, embedded
 from rover_pin.control.embedded.vectors import vectors
 from rover_pin.control.monitor.monitor import CAUSES
+from rover_pin.control.motion.servo import HeldSpeeds
+from rover_pin.simulation.command import Controller
+from rover_pin.simulation.model.model import Model
 
 COUNT, LIMIT, LIMIT_ON_BOARD = 400, 1e-12, 1e-11
 """Samples of the vectors, 20 s; by how much the C may differ from them in double precision, and the on-board estimate,
@@ -25,36 +29,47 @@ add_test(NAME vectors COMMAND test_vectors ${CMAKE_CURRENT_SOURCE_DIR}/vectors.c
 """
 
 
-def write_embedded(taken: Embedded, folder: str | Path, count: int = COUNT) -> list[Path]:
+def taken_away(controller: Controller, model: Model) -> Embedded | EmbeddedMotion:
+    """Return a controller of a model's rover as it can be taken away.
+
+    Raises ParameterError: as `embedded` and `embedded_motion`.
+    """
+    if isinstance(controller, HeldSpeeds):
+        return embedded_motion(controller, model.rover)
+    return embedded(controller, model)
+
+
+def write_control(taken: Embedded | EmbeddedMotion, folder: str | Path, count: int = COUNT) -> list[Path]:
     """Write what is taken away into a folder, and return its files.
 
     Build and test: `cc -std=c11 -Wall -Werror -O2 rover_control.c test_vectors.c -lm && ./a.out vectors.csv`, or CMake.
     """
-    place, limit = Path(folder), LIMIT_ON_BOARD if taken.on_board else LIMIT
-    (place / "functions").mkdir(parents=True, exist_ok=True)
+    place, limit, ros2 = Path(folder), LIMIT, dict[str, str]()
+    if isinstance(taken, EmbeddedMotion):
+        program, heads, rows = "motion_vectors.c", taken.heads, taken.vectors(count)
+    else:
+        program, heads, rows = "test_vectors.c", _heads(taken), vectors(taken, count)
+        limit, ros2 = LIMIT_ON_BOARD if taken.on_board else LIMIT, ros2_files(taken)
     texts = {
         "rover_control.h": taken.header,
         "rover_control.c": taken.source,
         "CMakeLists.txt": CMAKE.replace("LIMIT", f"{limit:g}"),
+        "test_vectors.c": text_of_package("rover_pin.control.embedded", program),
+        "vectors.csv": "\n".join([",".join(heads), *(",".join(map(repr, row)) for row in rows), ""]),
+        **{f"ros2/{name}": text for name, text in ros2.items()},
+        **{f"functions/{function.name()}.casadi": function.serialize() for function in taken.expressions},
     }
-    texts["test_vectors.c"] = text_of_package("rover_pin.control.embedded", "test_vectors.c")
-    texts["vectors.csv"] = _table(taken, count)
-    texts |= {f"ros2/{name}": text for name, text in ros2_files(taken).items()}
-    paths = [replace_file(place / name, text) for name, text in texts.items()]
-    for function in taken.expressions:
-        paths.append(replace_file(place / "functions" / f"{function.name()}.casadi", function.serialize()))
-    return paths
+    (place / "functions").mkdir(parents=True, exist_ok=True)
+    return [replace_file(place / name, text) for name, text in texts.items()]
 
 
-def _table(taken: Embedded, count: int) -> str:
+def _heads(taken: Embedded) -> list[str]:
     names = [wheel.name for wheel in taken.rover.wheels]
     groups = ("duty", "wheel_rate", "current"), ("slip_given", "travel"), ("duty_out", "slip", "hole")
     before, external, out = ([f"{group}_{name}" for group in row for name in names] for row in groups)
     links = [f"suspension_{at}" for at in range(taken.links)]
-    heads = ["anew", *before, *links, "roll", "pitch", "seen_speed", *external, *out, "stands", "stopped"]
-    heads += [*AHEAD, *(f"p_{cause.replace(' ', '_')}" for cause in CAUSES)] if taken.monitor else []
-    rows = (",".join(map(repr, row)) for row in vectors(taken, count))
-    return "\n".join([",".join(heads), *rows, ""])
+    ahead = [*AHEAD, *(f"p_{cause.replace(' ', '_')}" for cause in CAUSES)] if taken.monitor else []
+    return ["anew", *before, *links, "roll", "pitch", "seen_speed", *external, *out, "stands", "stopped", *ahead]
 
 
 PACKAGE = """<?xml version="1.0"?>

@@ -5,37 +5,20 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 
 import casadi as ca
 import numpy as np
 
-from rover_pin import version
 from rover_pin.base.errors import ParameterError
-from rover_pin.base.files.columns import replace_file
 from rover_pin.base.files.paths import text_of_package
-from rover_pin.control.embedded.folder import CMAKE, COUNT, LIMIT
-from rover_pin.control.embedded.source import casadi_functions
+from rover_pin.control.embedded.source import BEGIN, c_header, casadi_functions
 from rover_pin.control.motion.kinematics import BodyMotion, rolling, steers, turning_places
 from rover_pin.control.motion.servo import HeldSpeeds, servo_duties
 from rover_pin.control.torque_check import NoLimit
 from rover_pin.rover.rover import Rover
 from rover_pin.simulation.command import Reading, Truth
 
-HEADER = """/* Held speeds of {name}, by rover-pin {version}: C11 with libm.
-   Call rover_control_step every {period:g} s. -DROVER_REAL=float for single precision. */
-#ifndef ROVER_CONTROL_H
-#define ROVER_CONTROL_H
-#ifndef ROVER_REAL
-#define ROVER_REAL double
-#endif
-typedef ROVER_REAL rover_real;
-#ifdef __cplusplus
-extern "C" {{
-#endif
-#define ROVER_WHEELS {wheels}
-#define ROVER_STEERED {steered}
-#define ROVER_PERIOD {period!r}
+STRUCTS = """#define ROVER_STEERED {steered}
 typedef struct {{ /* wheels in the order {names} */
   rover_real motion[3]; /* commanded: forwards [m/s], yaw rate to the left [rad/s], sideways to the left [m/s] */
   rover_real wheel_rate[ROVER_WHEELS]; /* of the wheels' joints [rad/s] */
@@ -46,21 +29,7 @@ typedef struct {{
 }} RoverCommand;
 typedef struct {{
   rover_real integral[ROVER_WHEELS];
-}} RoverControl;
-void rover_control_reset(RoverControl *control); /* before the first step */
-void rover_control_step(RoverControl *control, const RoverReading *reading, RoverCommand *command);
-#ifdef __cplusplus
-}}
-#endif
-#endif
-"""
-SOURCE = """#include "rover_control.h"
-#include <math.h>
-#include <string.h>
-typedef rover_real real;
-#define casadi_real real
-#define casadi_int int
-"""
+}} RoverControl;"""
 MEMORY, ANEW = 0.9, 100
 """Correlation of a reading with the one before; samples after which the control begins anew."""
 SPREADS = np.array([0.4, 0.5, 0.1])
@@ -77,8 +46,8 @@ class EmbeddedMotion:
     rover: Rover
 
     @cached_property
-    def law(self) -> ca.Function:
-        """(motion, wheel rates, integrals) -> duties, steering angles, integrals, as one function."""
+    def expressions(self) -> list[ca.Function]:
+        """What it computes: (motion, wheel rates, integrals) -> duties, steering angles, integrals."""
         control, n = self.control, len(self.rover.wheels)
         motion, rates_now = ca.SX.sym("motion", 3), ca.SX.sym("rates", n)
         limits, integrals = ca.vertcat(-ca.SX.ones(n), ca.SX.ones(n)), ca.SX.sym("integrals", n)
@@ -88,21 +57,28 @@ class EmbeddedMotion:
         duties, after = servo_duties(
             control.servo, rates, rates_now, integrals, limits, control.omega_0, control.period
         )
-        return ca.Function("cmd_vel", [motion, rates_now, integrals], [duties, ca.vertcat(*angles), after])
+        return [ca.Function("cmd_vel", [motion, rates_now, integrals], [duties, ca.vertcat(*angles), after])]
 
     @property
     def header(self) -> str:
         """The C header."""
-        wheels, steered = self.rover.wheels, len(self.control.angles)
-        names = ", ".join(wheel.name for wheel in wheels)
-        facts = {"name": self.rover.name, "version": version.__version__, "period": self.control.period}
-        return HEADER.format(**facts, wheels=len(wheels), steered=steered, names=names)
+        names = ", ".join(wheel.name for wheel in self.rover.wheels)
+        structs = STRUCTS.format(steered=len(self.control.angles), names=names)
+        return c_header("Held speeds", self.rover, self.control.period, [structs])
 
     @property
     def source(self) -> str:
         """The C source."""
         own = text_of_package("rover_pin.control.embedded", "motion.c")
-        return "\n".join([SOURCE, casadi_functions([self.law]), own])
+        return "\n".join([BEGIN, casadi_functions(self.expressions), own])
+
+    @property
+    def heads(self) -> list[str]:
+        """The names of the vectors' columns."""
+        wheels = [wheel.name for wheel in self.rover.wheels]
+        steered = [name for name, on in zip(wheels, steers(self.rover), strict=True) if on]
+        before = ["anew", "speed", "yaw_rate", "aside", *(f"wheel_rate_{name}" for name in wheels)]
+        return [*before, *(f"duty_{name}" for name in wheels), *(f"steer_{name}" for name in steered)]
 
     def vectors(self, count: int, seed: int = 0) -> Iterator[list[float]]:
         """Yield rows: 1 where the control begins anew, else 0; motion, wheel rates; the class's duties and angles."""
@@ -118,20 +94,6 @@ class EmbeddedMotion:
             twin.rates, twin.angles = tuple((np.array(speeds) / self.rover.radii).tolist()), tuple(angles)
             command = twin(Reading(0.0, blank, rates, blank, np.zeros(0), (0.0, 0.0, 0.0), NOTHING))
             yield [float(at % ANEW == 0), *motion.tolist(), *rates.tolist(), *np.ravel(command.duty).tolist(), *angles]
-
-    def write(self, folder: str | Path, count: int = COUNT) -> list[Path]:
-        """Write C, test vectors and their program, CMake and the function into a folder, and return the files."""
-        place, wheels = Path(folder), [wheel.name for wheel in self.rover.wheels]
-        steered = [name for name, on in zip(wheels, steers(self.rover), strict=True) if on]
-        heads = ["anew", "speed", "yaw_rate", "aside", *(f"wheel_rate_{name}" for name in wheels)]
-        heads += [*(f"duty_{name}" for name in wheels), *(f"steer_{name}" for name in steered)]
-        rows = (",".join(map(repr, row)) for row in self.vectors(count))
-        texts = {"rover_control.h": self.header, "rover_control.c": self.source}
-        texts |= {"CMakeLists.txt": CMAKE.replace("LIMIT", f"{LIMIT:g}"), "cmd_vel.casadi": self.law.serialize()}
-        texts["test_vectors.c"] = text_of_package("rover_pin.control.embedded", "motion_vectors.c")
-        texts["vectors.csv"] = "\n".join([",".join(heads), *rows, ""])
-        place.mkdir(parents=True, exist_ok=True)
-        return [replace_file(place / name, text) for name, text in texts.items()]
 
 
 def embedded_motion(control: HeldSpeeds, rover: Rover) -> EmbeddedMotion:

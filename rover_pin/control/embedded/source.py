@@ -45,6 +45,42 @@ TABLES = {"table": ("between", "signed_speed", "slip_by_table"), "board": ("slip
           "limit": ("between", "duty_for"), "stop": ("stops",)}  # fmt: skip
 
 
+BEGIN = """#include "rover_control.h"
+#include <math.h>
+#include <string.h>
+typedef rover_real real;
+#define casadi_real real
+#define casadi_int int"""
+HEADER = """/* {what} of {name}, by rover-pin {version}: C11 with libm.
+   Call rover_control_step every {period:g} s. -DROVER_REAL=float for single precision. */
+#ifndef ROVER_CONTROL_H
+#define ROVER_CONTROL_H
+#ifndef ROVER_REAL
+#define ROVER_REAL double
+#endif
+typedef ROVER_REAL rover_real;
+#ifdef __cplusplus
+extern "C" {{
+#endif
+#define ROVER_WHEELS {wheels}
+#define ROVER_PERIOD {period!r}
+{structs}
+void rover_control_reset(RoverControl *control); /* before the first step */
+void rover_control_step(RoverControl *control, const RoverReading *reading, RoverCommand *command);
+{ahead}#ifdef __cplusplus
+}}
+#endif
+#endif
+"""
+
+
+def c_header(what: str, rover: Rover, period: float, structs: Sequence[str], ahead: Sequence[str] = ()) -> str:
+    """Return the C header of a control: its structs, and what else it declares."""
+    facts = {"name": rover.name, "version": version.__version__, "period": period, "wheels": len(rover.wheels)}
+    more = "".join(f"{line}\n" for line in ahead)
+    return HEADER.format(what=what, **facts, structs="\n".join(structs), ahead=more)
+
+
 @dataclass(frozen=True)
 class Embedded:
     """A slip control to take away, of a rover; an on-board one with the monitor that reads the same belief."""
@@ -98,24 +134,9 @@ class Embedded:
         memory = ["typedef struct { /* what is remembered; its fields are private */"]
         memory += ["  rover_real integral[ROVER_WHEELS], depth[ROVER_WHEELS], late_share;", "  int stopped;"]
         memory += [*(["  RoverBelief belief;"] if on_board else []), "} RoverControl;"]
-        lines = [
-            f"/* Slip control of {self.rover.name}, by rover-pin {version.__version__}: C11 with libm.",
-            f"   Call rover_control_step every {self.control.period:g} s. -DROVER_REAL=float for single precision. */",
-            "#ifndef ROVER_CONTROL_H\n#define ROVER_CONTROL_H\n#ifndef ROVER_REAL\n#define ROVER_REAL double\n#endif",
-            'typedef ROVER_REAL rover_real;\n#ifdef __cplusplus\nextern "C" {\n#endif',
-            f"#define ROVER_WHEELS {len(self.rover.wheels)}\n#define ROVER_LINKS {self.links}",
-            f"#define ROVER_PERIOD {self.control.period!r}",
-            *belief,
-            reading,
-            COMMAND,
-            *memory,
-            "void rover_control_reset(RoverControl *control); /* before the first step */",
-            "void rover_control_step(RoverControl *control, const RoverReading *reading, RoverCommand *command);",
-            *(monitor_header(self.monitor) if self.monitor else ()),
-            "#ifdef __cplusplus\n}\n#endif",
-            "#endif",
-        ]
-        return "\n".join([*lines, ""])
+        structs = [f"#define ROVER_LINKS {self.links}", *belief, reading, COMMAND, *memory]
+        ahead = monitor_header(self.monitor) if self.monitor else ()
+        return c_header("Slip control", self.rover, self.control.period, structs, ahead)
 
     @cached_property
     def source(self) -> str:
@@ -125,13 +146,9 @@ class Embedded:
         needed += TABLES["board"] if on_board else ()
         needed += TABLES["stop"] if self.stop else ()
         needed += TABLES["limit"] if isinstance(control.limit, TorqueLimit) else ()
-        lines = ['#include "rover_control.h"', "#include <math.h>", "#include <string.h>"]
-        lines += [
-            "typedef rover_real real;\ntypedef int integer;",
-            "#define casadi_real real",
-            "#define casadi_int int",
-        ]
-        lines += [
+        lines = [
+            BEGIN,
+            "typedef int integer;",
             _tables(needed),
             casadi_functions(self.expressions),
             c_table("real", "GAINS", list(map(float, control.gains.values().values()))),

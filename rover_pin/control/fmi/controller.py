@@ -3,14 +3,14 @@
 import math
 
 from rover_pin.control.embedded.estimates import TABLES
+from rover_pin.control.embedded.folder import taken_away
 from rover_pin.control.embedded.monitor import NUMBERED
 from rover_pin.control.embedded.monitor import TABLES as OF_MONITOR
-from rover_pin.control.embedded.motion import EmbeddedMotion, embedded_motion
-from rover_pin.control.embedded.source import Embedded, embedded
+from rover_pin.control.embedded.motion import EmbeddedMotion
+from rover_pin.control.embedded.source import Embedded
 from rover_pin.control.fmi.unit import MAIN, FunctionalUnit, Variable
 from rover_pin.control.monitor.monitor import CAUSES
 from rover_pin.control.monitor.source import HORIZON
-from rover_pin.control.motion.servo import HeldSpeeds
 from rover_pin.simulation.command import Controller
 from rover_pin.simulation.model.model import Model
 
@@ -50,8 +50,7 @@ static const char *unit_step(Unit *u) {{
   rover_control_step(&u->control, &in, &out);
   double *answer = u->values + {inputs};
   memcpy(answer, &out, {outputs} * sizeof(double));
-  answer[{outputs}] = out.stopped;
-#ifdef ROVER_MONITOR
+{stopped}#ifdef ROVER_MONITOR
   RoverForecast ahead;
   rover_monitor_step(&u->monitor, &u->control, &in, &ahead);
   const double forecast[4] = {{ahead.p_stuck, ahead.p_buried, ahead.alarm, ahead.cause}};
@@ -62,32 +61,34 @@ static const char *unit_step(Unit *u) {{
 }}
 """
 
-OF_MOTION = """#include "rover_control.h"
-#include <string.h>
-
-typedef struct {{ RoverControl control; double values[{all}]; }} Unit;
-static void unit_bind(Unit *u) {{ (void)u; }}
-static void unit_begin(Unit *u) {{ rover_control_reset(&u->control); }}
-static const char *unit_step(Unit *u) {{
-  RoverReading in;
-  RoverCommand out;
-  memcpy(&in, u->values, sizeof in);
-  rover_control_step(&u->control, &in, &out);
-  memcpy(u->values + {inputs}, &out, {outputs} * sizeof(double));
-  return 0;
-}}
-"""
-
 
 def unit_of(control: Controller, model: Model) -> FunctionalUnit:
-    """Return the unit of a model's slip control, or of its held speeds."""
-    if isinstance(control, HeldSpeeds):
-        return motion_unit(embedded_motion(control, model.rover))
-    return controller_unit(embedded(control, model))
+    """Return the unit of a model's slip control, or of its held speeds.
+
+    Stepped before the rover's variable unit, with its outputs of the last step, it is sampled as `simulate` samples it.
+    """
+    taken = taken_away(control, model)
+    if isinstance(taken, EmbeddedMotion):
+        (what, variables, counts), tables, stopped = ("held speeds", *_of_motion(taken)), "", ""
+    else:
+        what, (variables, counts) = "slip control", _of_slip(taken)
+        bound = [("control.belief", "fresh.belief", name) for name in TABLES if taken.on_board]
+        bound += [("monitor", "fresh_monitor", name) for name in OF_MONITOR if taken.monitor]
+        tables = "".join(f"  u->{part}.{name} = {fresh}.{name};\n" for part, fresh, name in bound)
+        stopped = f"  answer[{counts[1]}] = out.stopped;\n"
+    size = sum(len(variable.start) for variable in variables)
+    text = UNIT.format(all=size, inputs=counts[0], outputs=counts[1], tables=tables, stopped=stopped)
+    sources = {"rover_control.h": taken.header, "rover_control.c": taken.source, MAIN: text}
+    what = f"{what} of {taken.rover.name}, by rover-pin"
+    return FunctionalUnit("rover_controller", what, taken.control.period, variables, sources)
 
 
-def motion_unit(taken: EmbeddedMotion) -> FunctionalUnit:
-    """Return the unit of held speeds: a step reads the commanded motion and the wheels' rates."""
+Counted = tuple[tuple[Variable, ...], tuple[int, int]]
+"""Variables, and how many numbers are those of the C structs of reading and command."""
+
+
+def _of_motion(taken: EmbeddedMotion) -> Counted:
+    """Return the variables of held speeds: a step reads the commanded motion and the wheels' rates."""
     wheels, steered = len(taken.rover.wheels), len(taken.control.angles)
     order = f"; wheels: {', '.join(wheel.name for wheel in taken.rover.wheels)}"
     variables = [
@@ -99,22 +100,11 @@ def motion_unit(taken: EmbeddedMotion) -> FunctionalUnit:
     ]
     if steered:
         variables.append(Variable("steer", "rad", "output", (0.0,) * steered, "angles of the wheels that steer"))
-    inputs, outputs = 3 + wheels, wheels + steered
-    text = OF_MOTION.format(all=inputs + outputs, inputs=inputs, outputs=outputs)
-    return FunctionalUnit(
-        "rover_controller",
-        f"held speeds of {taken.rover.name}, by rover-pin",
-        taken.control.period,
-        tuple(variables),
-        {"rover_control.h": taken.header, "rover_control.c": taken.source, MAIN: text},
-    )
+    return tuple(variables), (3 + wheels, wheels + steered)
 
 
-def controller_unit(taken: Embedded) -> FunctionalUnit:
-    """Return the unit of a slip control: a step reads what the rover reads and gives the duties of the next period.
-
-    Stepped before the rover's variable unit, with its outputs of the last step, it is sampled as `simulate` samples it.
-    """
+def _of_slip(taken: Embedded) -> Counted:
+    """Return the variables of a slip control: a step reads what the rover reads and gives the next period's duties."""
     wheels, names = len(taken.rover.wheels), ", ".join(wheel.name for wheel in taken.rover.wheels)
     each, links = (0.0,) * wheels, max(taken.links, 1)
     inputs = (
@@ -142,21 +132,6 @@ def controller_unit(taken: Embedded) -> FunctionalUnit:
         Variable("cause", "", "output", (0.0,), f"{NUMBERED}; -1 none"),
         Variable("p_causes", "", "output", (0.0,) * len(CAUSES), f"probability of each: {', '.join(CAUSES)}"),
     )
-    outputs = (*answers, *(forecast if taken.monitor else ()))
+    variables = (*inputs, *answers, *(forecast if taken.monitor else ()))
     inputs_count, answers_count = (sum(len(variable.start) for variable in group) for group in (inputs, answers))
-    bound = [("control.belief", "fresh.belief", name) for name in TABLES if taken.on_board]
-    bound += [("monitor", "fresh_monitor", name) for name in OF_MONITOR if taken.monitor]
-    text = UNIT.format(
-        all=sum(len(variable.start) for variable in (*inputs, *outputs)),
-        inputs=inputs_count,
-        outputs=answers_count - 1,
-        tables="".join(f"  u->{part}.{name} = {fresh}.{name};\n" for part, fresh, name in bound),
-    )
-    sources = {"rover_control.h": taken.header, "rover_control.c": taken.source, MAIN: text}
-    return FunctionalUnit(
-        "rover_controller",
-        f"slip control of {taken.rover.name}, by rover-pin",
-        taken.control.period,
-        (*inputs, *outputs),
-        sources,
-    )
+    return variables, (inputs_count, answers_count - 1)

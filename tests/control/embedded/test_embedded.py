@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from rover_pin import scenario
 from rover_pin.cli.app import app
-from rover_pin.control.embedded.folder import write_embedded
+from rover_pin.control.embedded.folder import write_control
 from rover_pin.control.embedded.motion import embedded_motion
 from rover_pin.control.embedded.source import embedded
 from rover_pin.control.embedded.vectors import vectors
@@ -51,7 +51,7 @@ def stepped(program, limit="1e-12"):
 
 @pytest.mark.parametrize("settings", CONTROLS.values(), ids=CONTROLS)
 def test_c_answers_as_the_package(settings, tmp_path):
-    write_embedded(taken(**settings), tmp_path)
+    write_control(taken(**settings), tmp_path)
     done = stepped(built(tmp_path))
     assert done.returncode == 0, done.stdout
     assert done.stdout.startswith("400 samples")
@@ -61,14 +61,14 @@ def test_c_answers_as_the_package(settings, tmp_path):
 @pytest.mark.parametrize("settings", CONTROLS.values(), ids=CONTROLS)
 def test_ten_thousand_samples_under_sanitizers(settings, tmp_path):
     own = taken(**settings)
-    write_embedded(own, tmp_path, 10_000)
+    write_control(own, tmp_path, 10_000)
     done = stepped(built(tmp_path, SANE), "1e-11" if own.on_board else "1e-12")
     assert done.returncode == 0, (done.stdout, done.stderr)
     assert done.stdout.startswith("10000 samples")
 
 
 def test_vectors_notice_a_number_that_is_otherwise(tmp_path):
-    write_embedded(taken(control="eq9"), tmp_path)
+    write_control(taken(control="eq9"), tmp_path)
     source = (tmp_path / "rover_control.c").read_text()
     head, table = source.split("TABLE_SPEED[", 1)
     (tmp_path / "rover_control.c").write_text(head + "TABLE_SPEED[" + table.replace("0.0, 0.0", "0.0, 0.001", 1))
@@ -92,7 +92,7 @@ def test_vectors_try_all_that_a_control_decides():
 
 @pytest.mark.skipif(shutil.which("cmake") is None, reason="cmake is not installed")
 def test_cmake_builds_and_tests_it(tmp_path):
-    write_embedded(taken(control="eq9"), tmp_path)
+    write_control(taken(control="eq9"), tmp_path)
     for words in (["cmake", "-B", "build", "."], ["cmake", "--build", "build"], ["ctest", "--test-dir", "build"]):
         done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=False)
         assert done.returncode == 0, done.stdout + done.stderr
@@ -131,7 +131,7 @@ def test_ros2_controller_gives_the_package_s_duties(control, tmp_path):
     """Against a stand-in of ros2_control: the real one is on no package registry."""
     chosen = scenario("ditch", control=control)
     own = embedded(chosen.controller, chosen.model)
-    write_embedded(own, tmp_path, 1)
+    write_control(own, tmp_path, 1)
     stand_in = Path(__file__).parent / "ros2_stand_in"
     subprocess.run([*compiler(), "-c", *STRICT[:3], "rover_control.c"], cwd=tmp_path, check=True)
     words = ["g++", "-std=c++17", "-Wall", "-Wextra", "-Werror", "-O1", f"-I{tmp_path}", f"-I{tmp_path / 'ros2'}"]
@@ -158,7 +158,7 @@ def test_ros2_controller_gives_the_package_s_duties(control, tmp_path):
 
 
 def test_a_control_that_is_given_the_slip_has_no_ros2_package(tmp_path):
-    write_embedded(taken(control="true"), tmp_path, 1)
+    write_control(taken(control="true"), tmp_path, 1)
     assert not (tmp_path / "ros2").exists()
 
 
@@ -170,7 +170,7 @@ def motion_of(rover, **settings):
 @pytest.mark.parametrize("rover", ["nexus6", "cart"])
 def test_held_speeds_in_c_are_those_of_the_class(rover, tmp_path):
     """Steered and by the sides' speeds, within the supply and at it, anew every 100 samples."""
-    motion_of(rover).write(tmp_path)
+    write_control(motion_of(rover), tmp_path)
     done = stepped(built(tmp_path))
     assert done.returncode == 0, done.stdout
     assert done.stdout.startswith("400 samples")
