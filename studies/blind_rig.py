@@ -50,7 +50,7 @@ from rover_pin.discrepancy.question import Question
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.estimation.noise import huber_losses
 from rover_pin.estimation.numbers import is_adequate
-from rover_pin.experiments.rig_sets.experiment import RigExperiment
+from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.model import RigModel
 from rover_pin.loop.close import close_the_loop
 from rover_pin.loop.rig import question_of

@@ -38,9 +38,9 @@ from joblib import Parallel, delayed
 from rover_pin.discrepancy.conclude import explorer_of, search_of
 from rover_pin.discrepancy.standalone import question_of as bench_question
 from rover_pin.experiments.pendulum import Pendulum
-from rover_pin.experiments.rig_sets.experiment import RigExperiment
-from rover_pin.experiments.rig_sets.next_runs import next_runs
+from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.model import RigModel
+from rover_pin.experiments.wheel_rig.next_runs import next_runs
 from rover_pin.inference.beliefs import Beliefs
 from rover_pin.inference.next_measurement import Offer, next_measurement, open_sets
 from rover_pin.loop.rig import question_of

@@ -49,7 +49,7 @@ from rover_pin.contact import Contact, Load, Soil, Wheel
 from rover_pin.effects.effect import Effect
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.estimation.noise import null_gain
-from rover_pin.experiments.rig_sets.candidates import added, rig_kinds
+from rover_pin.experiments.wheel_rig.candidates import added, rig_kinds
 from rover_pin.experiments.wheel_rig.model import RigModel
 from rover_pin.plot import COLOURS, save, write_csv
 from rover_pin.soil.angles import FixedAngles

@@ -74,8 +74,8 @@ from rover_pin.discrepancy.calibration import calibrated
 from rover_pin.discrepancy.cross_validation import held_out_residual
 from rover_pin.effects.effect import Effect
 from rover_pin.estimation.fit import Fit
-from rover_pin.experiments.rig_sets.candidates import numbers_of
-from rover_pin.experiments.rig_sets.experiment import RigExperiment
+from rover_pin.experiments.wheel_rig.candidates import numbers_of
+from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.model import ASKEW, PAPER, RigModel
 from rover_pin.experiments.wheel_rig.runs import RigRuns
 from rover_pin.measurements.rig_reading import read_rig_set

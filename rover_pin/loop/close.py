@@ -25,10 +25,10 @@ from rover_pin.effects.normal_damping import NormalDamping
 from rover_pin.effects.side_shear import SideShear
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.experiments.drive_log.model import base_model
-from rover_pin.experiments.rig_sets.experiment import RigExperiment
-from rover_pin.experiments.rig_sets.sets import read_joint
+from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.model import RigModel
 from rover_pin.experiments.wheel_rig.model import read_model as read_rig_model
+from rover_pin.experiments.wheel_rig.sets import read_joint
 from rover_pin.logs.drive_log import FILE, DriveLog, read_drive_log
 from rover_pin.loop.drive import close_drive_loop
 from rover_pin.loop.own_effects import refuse_unfit_effects

@@ -18,10 +18,10 @@ from rover_pin.experiments.drive_log.checks.log import check as check_log
 from rover_pin.experiments.drive_log.checks.log import data_findings
 from rover_pin.experiments.drive_log.checks.log import refuse_unfit as refuse_log
 from rover_pin.experiments.drive_log.model import MOTOR_SD, usual_soil
-from rover_pin.experiments.rig_sets.checks import findings_of, refuse_unfit, too_poor
-from rover_pin.experiments.rig_sets.experiment import RigExperiment
-from rover_pin.experiments.rig_sets.sets import read_joint
 from rover_pin.experiments.traction_factors import Shift, TractionFactors
+from rover_pin.experiments.wheel_rig.checks import findings, refuse_unfit, too_poor
+from rover_pin.experiments.wheel_rig.experiment import RigExperiment
+from rover_pin.experiments.wheel_rig.sets import read_joint
 from rover_pin.logs.drive_log import FILE as LOG_FILE
 from rover_pin.logs.drive_log import DriveLog, read_drive_log
 from rover_pin.loop.close import read_data
@@ -116,7 +116,7 @@ def check_data(folder: str | Path, trust: Trust = Trust()) -> DataCheck:
     experiment = RigExperiment((data,))
     refuse_unfit(experiment)
     uncertain = experiment.uncertain(experiment.base_model())
-    return DataCheck("wheel-rig", _holds(data), tuple(findings_of(experiment)), too_poor(experiment, len(uncertain)))
+    return DataCheck("wheel-rig", _holds(data), tuple(findings(experiment)), too_poor(experiment, len(uncertain)))
 
 
 def rig_set_in(folder: str | Path, trust: Trust = Trust()) -> RigSet:
@@ -163,7 +163,7 @@ def measured_in(path: str | Path | tuple[str | Path, ...], trust: Trust = Trust(
     if is_file(path / RIG_FILE):
         experiment = RigExperiment((read_rig_set(path, trust),))
         refuse_unfit(experiment)
-        return Checked(experiment, tuple(findings_of(experiment)))
+        return Checked(experiment, tuple(findings(experiment)))
     if is_file(path / LOG_FILE):
         drive = read_drive_log(path, trust)
         refuse_log(drive)

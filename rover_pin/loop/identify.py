@@ -19,8 +19,8 @@ from rover_pin.estimation.identification import ChannelFit, Estimate, Identifica
 from rover_pin.estimation.numbers import Number
 from rover_pin.estimation.parameter import Parameter, Prior
 from rover_pin.estimation.variance_shares import variance_shares
-from rover_pin.experiments.rig_sets.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.diagnostics import Flag, flags
+from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.loop.data_check import Measured, measured_in
 from rover_pin.loop.rig import question_of as question_of_rig
 from rover_pin.measurements.rig_set import RigSet

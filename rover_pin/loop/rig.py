@@ -14,16 +14,15 @@ from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.effects.effect import Effect
 from rover_pin.estimation.baselines import curves
 from rover_pin.estimation.numbers import profiles
-from rover_pin.experiments.rig_sets.candidates import candidates, numbers_of, rig_kinds
-from rover_pin.experiments.rig_sets.checks import findings_of, refuse_unfit, too_poor
-from rover_pin.experiments.rig_sets.diagnostics import JointExtra, set_errors
-from rover_pin.experiments.rig_sets.draft import drafted
-from rover_pin.experiments.rig_sets.experiment import RigExperiment
-from rover_pin.experiments.rig_sets.model import JointModel
-from rover_pin.experiments.rig_sets.next_runs import next_runs
-from rover_pin.experiments.wheel_rig.diagnostics import RigExtra, diagnose, flags
+from rover_pin.experiments.wheel_rig.candidates import candidates, numbers_of, rig_kinds
+from rover_pin.experiments.wheel_rig.checks import findings, refuse_unfit, too_poor
+from rover_pin.experiments.wheel_rig.diagnostics import JointExtra, RigExtra, diagnose, flags, set_errors
+from rover_pin.experiments.wheel_rig.experiment import RigExperiment
+from rover_pin.experiments.wheel_rig.joint_model import JointModel
 from rover_pin.experiments.wheel_rig.model import RigModel, write_model
+from rover_pin.experiments.wheel_rig.next_runs import next_runs
 from rover_pin.experiments.wheel_rig.presets import describe_declared
+from rover_pin.experiments.wheel_rig.residual import drafted
 from rover_pin.experiments.wheel_rig.runs import RigRuns
 from rover_pin.loop.provenance import LoopRequest, provenance
 from rover_pin.loop.verdict_file import draft_written, posterior_written, written_last
@@ -74,7 +73,7 @@ def on_rig(
     seed: int = 0,
 ) -> Verdict:
     """Return the verdict on sets that were read and checked."""
-    question, data_findings = question_of(experiment, model, kinds), tuple(findings_of(experiment))
+    question, data_findings = question_of(experiment, model, kinds), tuple(findings(experiment))
     if poor := too_poor(experiment, len(question.numbers)):
         return Verdict("wheel-rig", Answer.CANNOT_TELL, experiment.name, poor, model, findings=data_findings)
     verdict = dataclasses.replace(concluded(question, progress, seed), findings=data_findings)

@@ -1,4 +1,4 @@
 """Measured points as evidence: wheel-rig runs, traction factors, steady windows of a drive, and their files.
 
-Start at `reading`.
+Start at `rig_reading` and `rig_set`.
 """

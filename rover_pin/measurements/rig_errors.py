@@ -16,7 +16,7 @@ class RigErrors(Record):
     forces, s_T T + T_0 with T_0 the tare and the friction of bearing and seals, s_h h + h_0, a zero that is off, or a
     radius measured over or under the lugs, and of the moment about the vertical s_M (M - x_0 f_y) + M_0, by a cell
     whose axis stands x_0 ahead of the wheel's centre. A wheel that is pressed in meets s_p times the force that the
-    law of rolling has (`experiments.wheel_rig.pressings`).
+    law of rolling has (`experiments.wheel_rig.runs`).
     Neutral is a rig without errors. What `rig.toml` states with an `sd` is a nuisance of every fit, with that prior;
     what it states without one is taken off as it is.
     Source: what rigs do; a constant 1.26 N m was 99 % of one measured set's torque residual.

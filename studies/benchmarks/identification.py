@@ -15,8 +15,8 @@ from scipy.optimize import least_squares
 
 from rover_pin.estimation.exact import ExactProblem
 from rover_pin.estimation.task import Task
-from rover_pin.experiments.rig_sets.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.declared import as_declared
+from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.loop.identify import identify
 from rover_pin.measurements.rig_reading import read_rig_set
 from rover_pin.measurements.rig_set import RigSet

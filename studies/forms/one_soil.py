@@ -14,12 +14,12 @@ from rover_pin.discrepancy.cross_validation import held_out_residual
 from rover_pin.effects.effect import Effect
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.parameter import Parameter
-from rover_pin.experiments.rig_sets.candidates import present_amplitudes
-from rover_pin.experiments.rig_sets.experiment import RigExperiment
-from rover_pin.experiments.rig_sets.model import JointModel
-from rover_pin.experiments.rig_sets.sets import joined, seen_before
+from rover_pin.experiments.wheel_rig.candidates import present_amplitudes
+from rover_pin.experiments.wheel_rig.experiment import RigExperiment
+from rover_pin.experiments.wheel_rig.joint_model import JointModel
 from rover_pin.experiments.wheel_rig.model import ASKEW
 from rover_pin.experiments.wheel_rig.presets import FULL_BY
+from rover_pin.experiments.wheel_rig.sets import joined, seen_before
 from rover_pin.measurements.rig_set import RigSet
 
 APART = "pressings apart: "

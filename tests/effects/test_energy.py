@@ -10,7 +10,7 @@ from rover_pin.contact import Contact, Load, Soil, Wheel
 from rover_pin.effects.motion_resistance import MotionResistance
 from rover_pin.effects.slip import AlgebraicSlip, RelaxedSlip
 from rover_pin.effects.soil_traction import SoilTraction
-from rover_pin.experiments.rig_sets.candidates import effect_kinds
+from rover_pin.experiments.wheel_rig.candidates import effect_kinds
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.compiled.laws import amended, loaded
 from rover_pin.simulation.model.effect_files import reading_traction

@@ -12,7 +12,7 @@ from rover_pin.estimation import descent
 from rover_pin.estimation.descent import descend
 from rover_pin.estimation.exact import ExactProblem, scattered
 from rover_pin.estimation.task import Task
-from rover_pin.experiments.rig_sets.experiment import RigExperiment
+from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.measurements.rig_reading import read_rig_set
 
 DATA = Path(__file__).parents[2] / "studies" / "data"

@@ -7,6 +7,7 @@ import pytest
 from rover_pin.base.errors import DataError
 from rover_pin.experiments.drive_log.model import DRIVEN_SAND
 from rover_pin.experiments.wheel_rig.checks import findings
+from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.logs.drive_log import DriveLog, LogMetadata
 from rover_pin.loop.close import close_the_loop
 from rover_pin.measurements.rig_reading import read_rig_set
@@ -36,7 +37,11 @@ def written(tmp_path, header, rows=ROWS):
 
 
 def unread(tmp_path, header, rows=ROWS):
-    return [str(each) for each in findings(read_rig_set(written(tmp_path, header, rows))) if "is not read" in each.what]
+    return [
+        str(each)
+        for each in findings(RigExperiment((read_rig_set(written(tmp_path, header, rows)),)))
+        if "is not read" in each.what
+    ]
 
 
 @pytest.mark.parametrize("name", ["sinkge_m", "Sinkage_m", "wheel_sinkage_m"])

@@ -12,10 +12,10 @@ from rover_pin.discrepancy.calibration import calibrated
 from rover_pin.effects.bulldozing import Bulldozing
 from rover_pin.effects.lug_excavation import LugExcavation
 from rover_pin.effects.slip_softening import SlipSoftening
-from rover_pin.experiments.rig_sets.candidates import candidates, rig_kinds
-from rover_pin.experiments.rig_sets.experiment import RigExperiment
-from rover_pin.experiments.rig_sets.sets import joined, read_joint
+from rover_pin.experiments.wheel_rig.candidates import candidates, rig_kinds
+from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.model import RigModel, read_model
+from rover_pin.experiments.wheel_rig.sets import joined, read_joint
 from rover_pin.loop.close import close_the_loop
 from rover_pin.loop.rig import on_rig
 from rover_pin.measurements.rig_reading import read_rig_set

@@ -8,8 +8,8 @@ import pytest
 from rover_pin.contact import Contact, Soil, Wheel
 from rover_pin.discrepancy.cross_validation import held_out_residual
 from rover_pin.estimation.experiment import residual
-from rover_pin.experiments.rig_sets.draft import draft_effect
 from rover_pin.experiments.unlisted.residual import DriveResidual, channel_residuals
+from rover_pin.experiments.wheel_rig.residual import draft_effect
 from rover_pin.loop.rig import on_rig
 from rover_pin.report.drive.residual import channel_table
 from rover_pin.report.drive.runs import Sides, residual_panels, worst_runs

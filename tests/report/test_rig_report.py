@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 
 from rover_pin.contact import Contact, Load, Wheel
-from rover_pin.experiments.rig_sets.draft import draft_effect
-from rover_pin.experiments.wheel_rig.channel_residual import channel_residuals
 from rover_pin.experiments.wheel_rig.diagnostics import residual_tests
 from rover_pin.experiments.wheel_rig.model import RigModel
+from rover_pin.experiments.wheel_rig.residual import channel_residuals, draft_effect
 from rover_pin.measurements.rig_reading import read_rig_set
 from rover_pin.parameters import SOILS
 from rover_pin.report.rig.figures import channel_panels, load_caption, looks

@@ -15,8 +15,8 @@ from rover_pin.discrepancy.held_out import ChannelScore
 from rover_pin.estimation.fit import covariance
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.estimation.wording import Against, Change, Outcome, against, format_value, in_words, interval
-from rover_pin.experiments.rig_sets.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.diagnostics import Flag
+from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.loop.rig import on_rig
 from rover_pin.measurements.rig_reading import read_rig_set
 from rover_pin.measurements.rig_set import Independent

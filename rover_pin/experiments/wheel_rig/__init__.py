@@ -1,4 +1,4 @@
-"""Runs of a wheel on a rig, as an experiment: data, model, checks, candidates, verdict.
+"""Runs of wheels on a rig, one set or several in one sand, as one experiment: model, checks, candidates, what is left.
 
-Start at `data` and `model`.
+Start at `experiment` and `model`; the data are `measurements.rig_set`.
 """

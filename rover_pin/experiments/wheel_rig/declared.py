@@ -10,7 +10,6 @@ from rover_pin.estimation.parameter import Parameter, declared_in, parameter_of
 from rover_pin.experiments.soil_priors import MAX_EXIT_RATIO, SD, known_constant, unknown_constant
 from rover_pin.experiments.wheel_rig.model import ASKEW, PAPER, RigModel
 from rover_pin.experiments.wheel_rig.presets import known_trench
-from rover_pin.experiments.wheel_rig.pressings import PRESSING, PRESSING_SD
 from rover_pin.measurements.channel import DrawbarPull, SideForce, Sinkage, Torque, VerticalMoment
 from rover_pin.measurements.rig_set import RigSet
 
@@ -25,6 +24,9 @@ OFFSET_AND_SCALE = {
     VerticalMoment: ("moment_tare", "moment_scale"),
 }
 """The offset and the scale of each channel that a rig may have."""
+PRESSING = "rig.pressing_scale"
+PRESSING_SD = 0.3
+"""SD of ln of how much stiffer sand is under a wheel that is pressed in than under one that rolls (assumed)."""
 
 
 def as_declared(data: RigSet, soil: Soil | None = None) -> RigModel:

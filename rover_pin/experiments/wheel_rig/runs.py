@@ -1,10 +1,11 @@
-"""The runs of a wheel-rig set as arrays: levels of slip are its folds, its channels have exact sensitivities."""
+"""The runs of a wheel-rig set as arrays: levels of slip and pressings are its folds, its channels have exact slopes."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
+import casadi as ca
 import numpy as np
 
 from rover_pin.estimation.experiment import Sensitivities
@@ -12,12 +13,17 @@ from rover_pin.estimation.parameter import Parameter
 from rover_pin.experiments.folded import stacked
 from rover_pin.experiments.wheel_rig.declared import own_name
 from rover_pin.experiments.wheel_rig.model import RigModel, RigPredictor, conditions, predictor, uncarried
-from rover_pin.experiments.wheel_rig.pressings import PRESSED, log_force_sds, log_forces, places, pressed_in
+from rover_pin.experiments.wheel_rig.steady_law import pressed_law
 from rover_pin.measurements.channel import RIG_CHANNELS
+from rover_pin.measurements.pressed import Trial
 from rover_pin.measurements.rig_set import RigSet
 
 MIXED = 0.5
 """Share of runs after one of their own level from which drift cannot be distinguished from what levels share."""
+PRESSED = "logarithm of pressing force"
+"""The channel; each trial is a fold of it, as sand is prepared anew and may be stiffer by chance."""
+GIVES_WAY, LEVEL = 0.05, 0.001
+"""SD of a force over it, as sand gives way in steps, and SD of the depth, as it is level [m] (assumed)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,3 +154,38 @@ class RigRuns:
             return None
         table = self._whole(order[None].astype(float), log_forces(self.data.trials))
         return np.nan_to_num(table[:, 0]).astype(int)
+
+
+def log_forces(trials: Sequence[Trial]) -> np.ndarray:
+    """Return ln of the forces (trials, 1, samples)."""
+    return np.log([[trial.force] for trial in trials])
+
+
+def log_force_sds(trials: Sequence[Trial]) -> np.ndarray:
+    """Return the SD of ln of each force (trials, 1, samples): its own, and the depth's by the trial's slope."""
+    slopes = np.array([[np.gradient(np.log(trial.force), trial.sinkage)] for trial in trials])
+    return np.hypot(GIVES_WAY, LEVEL * slopes)
+
+
+def places(trials: Sequence[Trial], inputs: np.ndarray) -> np.ndarray:
+    """Return where each sample stands (trials, inputs, samples): its depth over its range where slip is over its own.
+
+    `inputs` [inputs, runs] are those of runs, slip first: a press has none of the others.
+    """
+    depth = np.array([trial.sinkage for trial in trials])
+    share = (depth - depth.min()) / np.ptp(depth)
+    table = np.tile(inputs.min(axis=1)[:, None], (len(depth), 1, depth.shape[1]))
+    table[:, 0] += share * np.ptp(inputs[0])
+    return table
+
+
+def pressed_in(
+    model: RigModel, free: Sequence[str], vector: np.ndarray, trials: Sequence[Trial]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return ln of the forces (trials, 1, samples) at these values of all parameters, and slopes (free, ...)."""
+    if not trials:
+        return np.zeros((0, 1, 0)), np.zeros((len(free), 0, 1, 0))
+    depth = np.array([trial.sinkage for trial in trials])
+    law = pressed_law(model.structure, tuple(free), depth.size)
+    rows = law(ca.DM(depth.reshape(1, -1)), ca.DM(vector)).full().reshape(-1, len(trials), 1, depth.shape[1])
+    return rows[0], rows[1:]

@@ -12,10 +12,16 @@ from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.effects.names import display_name
 from rover_pin.estimation.numbers import Number
 from rover_pin.estimation.wording import Against, format_value
-from rover_pin.experiments.rig_sets.diagnostics import JointExtra
-from rover_pin.experiments.rig_sets.experiment import RigExperiment
-from rover_pin.experiments.wheel_rig.channel_residual import RigChannelResidual
-from rover_pin.experiments.wheel_rig.diagnostics import SIGNIFICANCE_LEVEL, FitDiagnostics, Flag, ResidualTest, RigExtra
+from rover_pin.experiments.wheel_rig.diagnostics import (
+    SIGNIFICANCE_LEVEL,
+    FitDiagnostics,
+    Flag,
+    JointExtra,
+    ResidualTest,
+    RigExtra,
+)
+from rover_pin.experiments.wheel_rig.experiment import RigExperiment
+from rover_pin.experiments.wheel_rig.residual import RigChannelResidual
 from rover_pin.measurements.rig_set import RigSet
 from rover_pin.report.page import AWAY, Picture, Row, Section, Table, before_and_after
 from rover_pin.report.rig.figures import Look, channel_panels, load_caption, looks, residual_panels

@@ -10,7 +10,7 @@ import numpy as np
 from rover_pin.contact import Soil, Wheel
 from rover_pin.estimation.experiment import Sensitivities
 from rover_pin.estimation.parameter import Parameter
-from rover_pin.experiments.rig_sets.experiment import RigExperiment
+from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.model import RigModel
 from rover_pin.measurements.channel import DrawbarPull, Sinkage
 from rover_pin.measurements.rig_set import RigSet

@@ -11,9 +11,9 @@ from rover_pin.discrepancy.calibration import calibrated
 from rover_pin.effects.exit_angle import ExitAngle
 from rover_pin.effects.lug_excavation import LugExcavation
 from rover_pin.estimation.numbers import Number
-from rover_pin.experiments.rig_sets.candidates import candidates, rig_kinds
-from rover_pin.experiments.rig_sets.experiment import RigExperiment
+from rover_pin.experiments.wheel_rig.candidates import candidates, rig_kinds
 from rover_pin.experiments.wheel_rig.diagnostics import flags
+from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.model import RigModel
 from rover_pin.experiments.wheel_rig.presets import describe_declared
 from rover_pin.loop.close import close_the_loop

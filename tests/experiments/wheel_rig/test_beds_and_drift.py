@@ -5,7 +5,7 @@ import pytest
 
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.conclude import explorer_of
-from rover_pin.experiments.rig_sets.experiment import RigExperiment
+from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.model import RigModel
 from rover_pin.inference.error_model import Discrepancy
 from rover_pin.loop.close import close_the_loop

@@ -7,8 +7,8 @@ from scipy.optimize import brentq
 from rover_pin.contact import Soil, Wheel
 from rover_pin.effects.digging_memory import TOUCH, DiggingMemory
 from rover_pin.effects.soil_traction import NODES
-from rover_pin.experiments.rig_sets.candidates import rig_kinds
 from rover_pin.experiments.wheel_rig import model as rig
+from rover_pin.experiments.wheel_rig.candidates import rig_kinds
 from rover_pin.experiments.wheel_rig.model import PAPER, RigModel, conditions, predictor
 from rover_pin.soil.traction import wheel_forces
 

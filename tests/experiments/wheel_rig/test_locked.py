@@ -8,8 +8,8 @@ import pytest
 from rover_pin.effects.flank_pressure import FlankPressure
 from rover_pin.effects.ploughing import Ploughing
 from rover_pin.effects.slip_softening import SlipSoftening
-from rover_pin.experiments.rig_sets.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.declared import as_declared
+from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.measurements.rig_reading import read_rig_set
 
 POINTS = """slip,rim_speed_mps,travel_speed_mps,slip_angle_rad,load_N,drawbar_pull_N,lateral_N,sinkage_m

@@ -14,8 +14,9 @@ from rover_pin.contact import Soil, Wheel
 from rover_pin.discrepancy import draft as draft_module
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.effects.slip_sinkage import SlipSinkage
-from rover_pin.experiments.rig_sets.candidates import added, effect_kinds, rig_kinds
+from rover_pin.experiments.wheel_rig.candidates import added, effect_kinds, rig_kinds
 from rover_pin.experiments.wheel_rig.checks import findings
+from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.model import RigModel, conditions, predictor, read_model, write_model
 from rover_pin.loop.close import close_the_loop
 from rover_pin.measurements.channel import DrawbarPull, Sinkage, Torque
@@ -305,7 +306,7 @@ def test_findings_name_stray_repeats_and_loads_alike(tmp_path):
     lines[2] = ",".join(cells)
     (path / "points.csv").write_text("\n".join(lines) + "\n")
     data = read_rig_set(path)
-    said = " ".join(map(str, findings(data)))
+    said = " ".join(map(str, findings(RigExperiment((data,)))))
     assert "run 2 lies" in said
     assert "vary the load 1.5 times" in said
 

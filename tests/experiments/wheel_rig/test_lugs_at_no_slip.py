@@ -18,10 +18,11 @@ from rover_pin.effects.interface_friction import InterfaceFriction
 from rover_pin.effects.lug_excavation import LugExcavation
 from rover_pin.effects.rate_dependence import RateDependence
 from rover_pin.effects.slip_softening import SlipSoftening
-from rover_pin.experiments.rig_sets.candidates import present_amplitudes
-from rover_pin.experiments.rig_sets.sets import joined
+from rover_pin.experiments.wheel_rig.candidates import present_amplitudes
 from rover_pin.experiments.wheel_rig.checks import findings
+from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.model import PAPER
+from rover_pin.experiments.wheel_rig.sets import joined
 from rover_pin.measurements.rig_reading import read_rig_set
 
 DATA = Path(__file__).parents[3] / "studies" / "data"
@@ -89,9 +90,9 @@ def test_half_way_up_the_lugs_is_the_best_of_their_height(tmp_path):
 
 
 def test_a_wheel_that_does_not_say_is_told_of(tmp_path):
-    said = [str(each) for each in findings(read_rig_set(LUGGED))]
+    said = [str(each) for each in findings(RigExperiment((read_rig_set(LUGGED),)))]
     assert any("lug_height without r_over_lugs; r, slip and rim speed are taken as the rim's" in each for each in said)
     for value in ("true", "false"):
-        said = findings(read_rig_set(over_lugs(tmp_path / value, value)))
+        said = findings(RigExperiment((read_rig_set(over_lugs(tmp_path / value, value)),)))
         assert not any("r_over_lugs" in str(each) for each in said)
-    assert not any("r_over_lugs" in str(each) for each in findings(read_rig_set(SMOOTH)))
+    assert not any("r_over_lugs" in str(each) for each in findings(RigExperiment((read_rig_set(SMOOTH),))))

@@ -15,8 +15,8 @@ from rover_pin.discrepancy.calibration import calibrated
 from rover_pin.effects.flank_pressure import FlankPressure
 from rover_pin.effects.post_peak import PostPeak
 from rover_pin.effects.rate_dependence import RateDependence
-from rover_pin.experiments.rig_sets.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.checks import findings, repeats
+from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.model import ASKEW, RigModel
 from rover_pin.loop.close import close_the_loop
 from rover_pin.measurements.rig_physics import refuse_impossible, suspicions
@@ -216,7 +216,11 @@ def test_runs_at_other_slip_angles_are_no_repeats(tmp_path):
     """They were: a set without a column `level` was told that its repeats scatter many times its noise."""
     data = read_rig_set(written(tmp_path / "set"))
     assert repeats(data).tolist() == list(range(12))
-    assert not [each for each in findings(data) if "repeats scatter" in str(each) or "from its repeats" in str(each)]
+    assert not [
+        each
+        for each in findings(RigExperiment((data,)))
+        if "repeats scatter" in str(each) or "from its repeats" in str(each)
+    ]
     again = CLEAN.copy()
     again[:, 1] += 0.001 * np.random.default_rng(1).normal(size=12)
     both = read_rig_set(written(tmp_path / "twice", np.vstack([CLEAN, again])))

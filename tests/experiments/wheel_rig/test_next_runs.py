@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rover_pin.discrepancy.answer import Answer
-from rover_pin.experiments.rig_sets.sets import read_joint
+from rover_pin.experiments.wheel_rig.sets import read_joint
 from rover_pin.loop.close import close_the_loop
 from rover_pin.loop.rig import question_of
 from tests.loop.test_first_steps import written

@@ -11,6 +11,7 @@ import pytest
 from rover_pin.base.errors import DataError, ParameterError
 from rover_pin.contact import Soil, Wheel
 from rover_pin.experiments.wheel_rig.checks import findings, refuse_unfit
+from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.model import ASKEW, RigModel
 from rover_pin.measurements.channel import DrawbarPull, Sinkage, Torque
 from rover_pin.measurements.rig_physics import refuse_impossible, suspicions
@@ -68,7 +69,7 @@ HARDLY_MEANT = [
 def test_what_no_soil_gives_is_refused(name, change, said):
     data = read_rig_set(DATA / name)
     wrong = changed(data, **change)
-    for refuse in (lambda: refuse_impossible(wrong), lambda: refuse_unfit(wrong)):
+    for refuse in (lambda: refuse_impossible(wrong), lambda: refuse_unfit(RigExperiment((wrong,)))):
         with pytest.raises(DataError, match=said):
             refuse()
 
@@ -78,10 +79,10 @@ def test_what_is_hardly_meant_is_named(name, change, said):
     data = read_rig_set(DATA / name)
     wrong = changed(data, **change)
     if "times the load in" not in said:
-        refuse_unfit(wrong)
-    told = [str(each) for each in findings(wrong)]
+        refuse_unfit(RigExperiment((wrong,)))
+    told = [str(each) for each in findings(RigExperiment((wrong,)))]
     assert any(said in each for each in told), told
-    assert all(said not in str(each) for each in findings(data))
+    assert all(said not in str(each) for each in findings(RigExperiment((data,))))
 
 
 def test_a_wheel_gives_out_no_more_than_its_torque_puts_in():

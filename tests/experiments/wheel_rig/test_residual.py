@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
-from rover_pin.experiments.wheel_rig.channel_residual import channel_residuals
+from rover_pin.experiments.wheel_rig.residual import channel_residuals
 from rover_pin.measurements.rig_reading import read_rig_set
 
 SD = {"drawbar pull": 0.3, "sinkage": 0.6e-3}

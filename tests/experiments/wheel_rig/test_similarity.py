@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from rover_pin.contact import Contact, Load, Soil, Wheel
-from rover_pin.experiments.rig_sets.draft import draft_effect
-from rover_pin.experiments.wheel_rig.channel_residual import channel_residuals
+from rover_pin.experiments.wheel_rig.residual import channel_residuals, draft_effect
 from rover_pin.experiments.wheel_rig.similarity import ANGLE, LOAD, SLIP, TRAVEL, collapses, simplest, slip_of_travel
 from rover_pin.measurements.rig_reading import read_rig_set
 from rover_pin.simulation.model.effect_files import effects_of_text

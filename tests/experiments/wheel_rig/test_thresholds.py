@@ -7,6 +7,7 @@ import pytest
 
 from rover_pin.contact import Wheel
 from rover_pin.experiments.wheel_rig.checks import findings, repeat_sd, too_poor
+from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.measurements.channel import DrawbarPull, Sinkage, Torque
 from rover_pin.measurements.rig_set import RigSet
 
@@ -26,7 +27,7 @@ def scattered(times):
 
 
 def said(data):
-    return " ".join(map(str, findings(data)))
+    return " ".join(map(str, findings(RigExperiment((data,)))))
 
 
 @pytest.mark.parametrize("times", [0.5, 1.0, 3.0])
@@ -48,11 +49,15 @@ def test_channels_that_were_not_measured_are_named():
     assert "no speeds" not in said(dataclasses.replace(both, speeds=np.ones((2 * LEVELS, 2))))
 
 
+def experiment_of(*arguments, **named):
+    return RigExperiment((rig_of(*arguments, **named),))
+
+
 def test_what_is_too_poor():
     enough = rig_of(scattered(0.5))
-    assert too_poor(enough, 9) == ""
-    assert "12 measured values for 10 uncertain soil constants" in too_poor(enough, 10)
-    assert too_poor(rig_of(scattered(0.5), slips=np.linspace(0.1, 0.26, LEVELS)), 2) == ""
-    assert "slips span 0.14 only" in too_poor(rig_of(scattered(0.5), slips=np.linspace(0.1, 0.24, LEVELS)), 2)
-    assert too_poor(rig_of(scattered(0.5), levels=3), 2) == ""
-    assert "2 levels of slip" in too_poor(rig_of(scattered(0.5), levels=2), 2)
+    assert too_poor(RigExperiment((enough,)), 9) == ""
+    assert "12 measured values for 10 uncertain soil constants" in too_poor(RigExperiment((enough,)), 10)
+    assert too_poor(experiment_of(scattered(0.5), slips=np.linspace(0.1, 0.26, LEVELS)), 2) == ""
+    assert "slips span 0.14 only" in too_poor(experiment_of(scattered(0.5), slips=np.linspace(0.1, 0.24, LEVELS)), 2)
+    assert too_poor(experiment_of(scattered(0.5), levels=3), 2) == ""
+    assert "2 levels of slip" in too_poor(experiment_of(scattered(0.5), levels=2), 2)

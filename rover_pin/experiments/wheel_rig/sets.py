@@ -8,8 +8,8 @@ import numpy as np
 from rover_pin.base.errors import DataError, ParameterError
 from rover_pin.base.files.paths import is_file
 from rover_pin.base.trust import Trust
-from rover_pin.experiments.rig_sets.experiment import RigExperiment
-from rover_pin.experiments.rig_sets.model import of_one_sand
+from rover_pin.experiments.wheel_rig.experiment import RigExperiment
+from rover_pin.experiments.wheel_rig.joint_model import of_one_sand
 from rover_pin.measurements.channel import RIG_CHANNELS
 from rover_pin.measurements.checks import Finding
 from rover_pin.measurements.rig_file import RIG_FILE

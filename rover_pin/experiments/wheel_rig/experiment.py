@@ -13,13 +13,12 @@ from rover_pin.estimation.experiment import Experiment, Sensitivities
 from rover_pin.estimation.noise import Noise, declared_noise
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.experiments.folded import stacked
-from rover_pin.experiments.rig_sets.model import OWN, JointModel, Part, of_one_sand
 from rover_pin.experiments.soil_priors import SD
 from rover_pin.experiments.wheel_rig.declared import SetNumbers, as_declared
+from rover_pin.experiments.wheel_rig.joint_model import OWN, JointModel, Part, of_one_sand
 from rover_pin.experiments.wheel_rig.model import ASKEW, PAPER, RigModel
 from rover_pin.experiments.wheel_rig.presets import LUGS, known_heights, known_trench
-from rover_pin.experiments.wheel_rig.pressings import PRESSED
-from rover_pin.experiments.wheel_rig.runs import RigRuns
+from rover_pin.experiments.wheel_rig.runs import PRESSED, RigRuns
 from rover_pin.measurements.channel import RIG_CHANNELS, RigChannel
 from rover_pin.measurements.checks import Finding
 from rover_pin.measurements.rig_set import SAME_LOAD, RigSet

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rover_pin.experiments.rig_sets.experiment import RigExperiment
+from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.inference.next_measurement import Offer
 from rover_pin.measurements.rig_set import RigSet
 from rover_pin.soil.slip import speed_ratio

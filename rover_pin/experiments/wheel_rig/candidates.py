@@ -9,8 +9,8 @@ from rover_pin.base.errors import DataError
 from rover_pin.discrepancy.candidate import Candidate, plain_candidate
 from rover_pin.effects.effect import Effect
 from rover_pin.estimation.parameter import Parameter
-from rover_pin.experiments.rig_sets.experiment import RigExperiment
-from rover_pin.experiments.rig_sets.model import JointModel
+from rover_pin.experiments.wheel_rig.experiment import RigExperiment
+from rover_pin.experiments.wheel_rig.joint_model import JointModel
 from rover_pin.experiments.wheel_rig.model import ASKEW, NOMINAL, RigModel, conditions, predictor
 from rover_pin.experiments.wheel_rig.presets import is_of_other_wheel, preset_candidate
 from rover_pin.measurements.channel import RIG_CHANNELS
