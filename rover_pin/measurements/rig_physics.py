@@ -62,7 +62,7 @@ def refuse_impossible(data: RigSet) -> None:
 
 def suspicions(data: RigSet) -> list[Finding]:
     """Return what is possible and hardly meant."""
-    checks = (*_of_sizes(data), *_of_pull(data), *_of_ground(data), *_of_arm(data))
+    checks = (*_of_units(data), *_of_pull(data), *_of_ground(data), *_of_arm(data))
     return [Finding(check.what, data.name, check.todo) for check in checks if check.is_beyond]
 
 
@@ -106,11 +106,11 @@ def _work(data: RigSet) -> Iterator[Check]:
     """Yield whether torques are too small for the pull, or for any soil."""
     put_in, out, _ = work(data)
     drives = (data.slip > DRIVING) & (out > 0.0) & np.isfinite(put_in)
-    taken, given = _some(np.median, put_in[drives]), _some(np.median, out[drives])
-    times = given / taken if taken > 0.0 else np.inf
+    work_in, work_out = _some(np.median, put_in[drives]), _some(np.median, out[drives])
+    times = work_out / work_in if work_in > 0.0 else np.inf
     what = f"the driving wheel gives out {times:.3g} times the work that its torque puts in, in the median"
     todo = "check the units of torque_Nm and drawbar_pull_N, and the wheel's r"
-    yield Check(given > GIVES_BACK * taken, what, todo)
+    yield Check(work_out > GIVES_BACK * work_in, what, todo)
     yield _little_torque(data, NO_TORQUE)
 
 
@@ -130,7 +130,7 @@ def _little_torque(data: RigSet, limit: float) -> Check:
     return Check(share < limit, what, "check the units of torque_Nm and load_N, and the wheel's r")
 
 
-def _of_sizes(data: RigSet) -> Iterator[Check]:
+def _of_units(data: RigSet) -> Iterator[Check]:
     slender = float(data.wheel.b) / (2.0 * float(data.wheel.r))
     what = f"the wheel is {slender:.2g} times as wide as high"
     yield Check(not SLENDER[0] <= slender <= SLENDER[1], what, "check r and b of [wheel], and their units")

@@ -9,13 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from rover_pin.base.errors import ParameterError
-from rover_pin.control import steering
 from rover_pin.control.constant import ConstantDuty
 from rover_pin.control.slip_control import Gains, SlipControl
 from rover_pin.control.slip_estimate import TrueSlip
 from rover_pin.control.torque_check import NoLimit, TorqueLimit, TorqueLimited
-from rover_pin.rover.rover import load_rover
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.command import Reading
 from rover_pin.simulation.native.control import commands_of
@@ -118,12 +115,6 @@ def test_tacking_in_the_loop_is_that_of_its_class(rover, limited):
     assert len(np.unique(drives[0].stack("duty"))) > 10
 
 
-def test_tacking_that_steers_too_far_is_refused(monkeypatch):
-    monkeypatch.setattr(steering, "MOST_STEER", math.radians(15.0))
-    with pytest.raises(ParameterError, match=r"15.*allowed"):
-        TackingControl(load_rover("nexus6"))
-
-
 def test_drive_readings_are_looked_up_when_they_are_accessed():
     """Also much later, when the drive has gone on; and it is what the plain step shows."""
     case, kept = scenario("ditch", soil="table-1"), []
@@ -157,10 +148,3 @@ def test_the_plain_step_shows_a_controller_the_same():
             assert told == pytest.approx(getattr(theirs.truth, name), rel=1e-9, abs=1e-11), name
     changed = seen[0][1].replace(current=np.ones(6))
     assert (changed.t, changed.current.tolist()) == (seen[0][1].t, [1.0] * 6)
-
-
-def test_a_limit_over_a_controlled_wheel_is_asked():
-    """Two laws one over the other: the loop takes one."""
-    case = scenario("flat", soil="table-1", control="true")
-    limited = TorqueLimited(case.controller, TorqueLimit.saturation(case.model))
-    assert commands_of(limited, 6) is None

@@ -1,6 +1,7 @@
 """Parts of the compiled step by themselves, each against something that knows no C."""
 
 import ctypes
+import math
 
 import mpmath as mp
 import numpy as np
@@ -8,6 +9,7 @@ import pinocchio as pin
 import pytest
 
 from rover_pin.effects.supply_sag import SupplySag
+from rover_pin.rover.forward_dynamics import constraint_rows
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation import native
 from rover_pin.simulation.compiled import toolchain
@@ -118,3 +120,22 @@ def test_wheels_held_to_a_rate_have_it_and_what_it_takes_is_told(kind):
     before = state.v[wheels].copy()
     assert stepper.step() == 0
     assert state.v[wheels] == pytest.approx(before, abs=1e-6), "held on"
+
+
+MODEL = scenario("flat").model
+
+
+def test_a_plain_step_whose_numbers_are_lost_says_so():
+    begun = settled(MODEL, Start())
+    begun.v[0] = math.nan
+    assert Plain(MODEL, begun, 0.005, False).step() == 1
+
+
+def test_plain_step_returns_a_forced_differential_to_its_tie():
+    """The compiled step, which eliminates the follower, keeps what it was given: drives begin tied."""
+    begun, rover = settled(MODEL, Start()), MODEL.built
+    begun.v[rover.differential.left] = 0.3
+    G = constraint_rows(rover)
+    assert np.abs(G @ begun.v).max() == pytest.approx(0.3)
+    assert Plain(MODEL, begun, 0.005, False).step() == 0
+    assert np.abs(G @ begun.v).max() < 1e-9

@@ -13,7 +13,6 @@ from hypothesis.extra import numpy as hnp
 
 from rover_pin.base.errors import DataError, ParameterError
 from rover_pin.logs.saved import load_trace, save_trace
-from rover_pin.simulation.trace.channels import unit_of
 from rover_pin.simulation.trace.trace import Trace
 
 T = np.linspace(0.1, 1.0, 10)
@@ -45,27 +44,6 @@ def test_a_trace_is_a_mapping_of_its_channels():
     assert {**trace}.keys() == trace.channels.keys()
     assert trace.get("slip_ml") is None
     assert trace.get("slip_fl") is trace["slip_fl"]
-
-
-@pytest.mark.parametrize(
-    ("name", "unit"),
-    [
-        ("wheel_rate_fl", "rad/s"),
-        ("rocker_l", "rad"),
-        ("steer_rr", "rad"),
-        ("body_z", "m"),
-        ("body_vz", "m/s"),
-        ("battery_V", "V"),
-        ("sinkage_ml", "m"),
-        ("lateral_ml", "N"),
-        ("torque_ml", "N m"),
-        ("differential_torque", "N m"),
-        ("energy_soil", "J"),
-        ("anything", ""),
-    ],
-)
-def test_units_of_the_known_names(name, unit):
-    assert unit_of(name) == unit
 
 
 def test_arrays_are_copies_and_read_only():

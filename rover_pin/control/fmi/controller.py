@@ -83,11 +83,11 @@ def unit_of(control: Controller, model: Model) -> FunctionalUnit:
     return FunctionalUnit("rover_controller", what, taken.control.period, variables, sources)
 
 
-Counted = tuple[tuple[Variable, ...], tuple[int, int]]
+UnitVariables = tuple[tuple[Variable, ...], tuple[int, int]]
 """Variables, and how many numbers are those of the C structs of reading and command."""
 
 
-def _of_motion(taken: EmbeddedMotion) -> Counted:
+def _of_motion(taken: EmbeddedMotion) -> UnitVariables:
     """Return the variables of held speeds: a step reads the commanded motion and the wheels' rates."""
     wheels, steered = len(taken.rover.wheels), len(taken.control.angles)
     order = f"; wheels: {', '.join(wheel.name for wheel in taken.rover.wheels)}"
@@ -103,7 +103,7 @@ def _of_motion(taken: EmbeddedMotion) -> Counted:
     return tuple(variables), (3 + wheels, wheels + steered)
 
 
-def _of_slip(taken: Embedded) -> Counted:
+def _of_slip(taken: Embedded) -> UnitVariables:
     """Return the variables of a slip control: a step reads what the rover reads and gives the next period's duties."""
     wheels, names = len(taken.rover.wheels), ", ".join(wheel.name for wheel in taken.rover.wheels)
     each, links = (0.0,) * wheels, max(taken.links, 1)

@@ -1,6 +1,5 @@
 """The loop on wheel-rig sets: hidden effects named, null sets left alone, what is not on the list described."""
 
-import dataclasses
 import json
 import math
 import shutil
@@ -15,13 +14,9 @@ from rover_pin.discrepancy import draft as draft_module
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.effects.slip_sinkage import SlipSinkage
 from rover_pin.experiments.wheel_rig.candidates import added, effect_kinds, rig_kinds
-from rover_pin.experiments.wheel_rig.checks import findings
-from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.model import RigModel, conditions, predictor, read_model, write_model
 from rover_pin.loop.close import close_the_loop
-from rover_pin.measurements.channel import DrawbarPull, Sinkage, Torque
 from rover_pin.measurements.rig_reading import read_rig_set
-from rover_pin.measurements.rig_set import RigSet
 from tests.oracle import rig_generator as hidden
 
 DATA = Path(__file__).parents[3] / "studies" / "data"
@@ -238,8 +233,6 @@ def with_nan(table):
         (with_nan, "load is missing or not finite in row 3"),
         (scaled("sinkage_m", 1e3), "if these are millimetres, divide them by 1000"),
         (scaled("slip", 100.0), "looks like percent"),
-        (scaled("drawbar_pull_N", 1e3), "more than any soil gives; check the units of drawbar_pull_N"),
-        (scaled("torque_Nm", 1e3), "times the load times radius, more than any soil gives"),
         (scaled("rim_speed_mps", 2.0), "its speeds give .* by Eq"),
         (
             lambda table: table.update(slip=0.2 + 0 * table["slip"], rim_speed_mps=0.025 + 0 * table["slip"]),
@@ -257,34 +250,11 @@ def test_data_that_cannot_be_used_get_one_sentence(tmp_path, change, said):
         close_the_loop(changed(tmp_path, change))
 
 
-def only(data, *kinds):
-    return dataclasses.replace(data, channels=tuple(each for each in data.channels if isinstance(each, kinds)))
-
-
-@pytest.mark.parametrize(
-    ("keep", "kinds", "said"),
-    [(slice(0, 4), (DrawbarPull, Torque, Sinkage), "2 levels of slip"), (slice(0, 6), (Sinkage,), "")],
-)
-def test_a_set_too_poor_says_so(tmp_path, keep, kinds, said):
-    path = folder(tmp_path, "slip_sinkage", loads=(25.0,))
-    data = only(read_rig_set(path), *kinds).rows(keep)
+def test_a_set_too_poor_says_so(tmp_path):
+    data = read_rig_set(folder(tmp_path, "slip_sinkage", loads=(25.0,))).rows(slice(0, 4))
     verdict = close_the_loop(data)
-    if said:
-        assert verdict.answer is Answer.CANNOT_TELL
-        assert said in verdict.sentence
-        assert "measure" in verdict.sentence
-        assert verdict.effects == ()
-        assert "cannot tell" in verdict.summary()
-    else:
-        assert verdict.answer in (Answer.CANNOT_TELL, Answer.NONE_NEEDED)
-
-
-def test_slips_too_alike_or_too_few_values_are_too_poor(tmp_path):
-    rig = read_rig_set(folder(tmp_path, "none", loads=(25.0,), repeats=1))
-    near = RigSet(rig.wheel, 0.1 + 0.1 * rig.slip, rig.load, rig.channels, levels=rig.levels)
-    assert "slips span 0.08 only" in close_the_loop(near).sentence
-    few = only(rig, DrawbarPull).rows(slice(0, 3))
-    assert "3 measured values for 3 uncertain soil constants" in close_the_loop(few).sentence
+    assert (verdict.answer, verdict.effects) == (Answer.CANNOT_TELL, ())
+    assert "2 levels of slip" in verdict.sentence
 
 
 def test_pressing_files_of_several_wheels_need_the_surface(tmp_path):
@@ -296,19 +266,6 @@ def test_pressing_files_of_several_wheels_need_the_surface(tmp_path):
     (path / "rig.toml").write_text(text.replace('surface = "smooth"', 'surface = "rubber"'))
     with pytest.raises(DataError, match=r"several wheels were pressed in \(wheel_.*surface"):
         read_rig_set(path)
-
-
-def test_findings_name_stray_repeats_and_loads_alike(tmp_path):
-    path = folder(tmp_path, "none", loads=(25.0,), repeats=4)
-    lines = (path / "points.csv").read_text().splitlines()
-    cells = lines[2].split(",")
-    cells[-1] = str(float(cells[-1]) + 0.006)
-    lines[2] = ",".join(cells)
-    (path / "points.csv").write_text("\n".join(lines) + "\n")
-    data = read_rig_set(path)
-    said = " ".join(map(str, findings(RigExperiment((data,)))))
-    assert "run 2 lies" in said
-    assert "vary the load 1.5 times" in said
 
 
 # --- measured data ---------------------------------------------------------------------------------------------------

@@ -218,15 +218,3 @@ def test_where_the_stiffness_is_not_fitted_the_run_is_named(run):
     code, _, err = run("close-loop", "mine")
     assert code == 2
     assert "no start of the fit of the base model converged: no sinkage down to the axle carries load = 60 N" in err
-
-
-@pytest.mark.nightly
-@pytest.mark.parametrize(("degrees", "is_below"), [(40.0, True), (29.0, False)])
-def test_friction_below_the_angle_of_repose_is_a_caution(run, degrees, is_below):
-    """Dry sand stands no steeper than its own friction, 31 deg here."""
-    declared = f"[soil]\nangle_of_repose = {{ value = {degrees}, unit = 'deg' }}"
-    write("mine", thrice(SLIPS[2:6]), wheel=declared)
-    told = json.loads(run("close-loop", "mine", "--json")[1])
-    (said,) = [flag["says"] for flag in told["extra"]["before"]["flags"] if flag["name"] == "phi"]
-    assert said == ("sits away from" if is_below else "agrees with")
-    assert any(one.startswith("phi = ") and "angle_of_repose" in one for one in told["cautions"]) is is_below
