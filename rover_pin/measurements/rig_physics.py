@@ -74,9 +74,9 @@ def _impossible(data: RigSet) -> Iterator[Check]:
         name, largest = channel.column, np.nanmax(np.abs(channel.measured), initial=1e-300)
         if not isinstance(channel, Sinkage):
             share, of = np.abs(_over_load(data, channel.measured, channel.unit)), _of(channel.unit)
-            usual, row = float(np.nanmedian(share)), int(np.nanargmax(share))
-            what = f"{name} is {usual:.3g} times the {of}, more than any soil gives"
-            yield Check(usual > MOST_FORCE, what, f"check the units of {name} and load_N")
+            median, row = float(np.nanmedian(share)), int(np.nanargmax(share))
+            what = f"{name} is {median:.3g} times the {of}, more than any soil gives"
+            yield Check(median > MOST_FORCE, what, f"check the units of {name} and load_N")
             what = f"{name} is {share[row]:.3g} times the {of} in row {row + 1}"
             yield Check(share[row] > EVER, what, "mend or remove that row")
         finest = float(np.min(channel.sd / largest))
@@ -95,10 +95,10 @@ def _signs(data: RigSet) -> Iterator[Check]:
         (DrawbarPull, data.slip < -DRIVING, -1.0, f" at slips below {-DRIVING:g}, where the wheel brakes", "forwards"),
     ):
         measured, sd = _read(data, kind)
-        usual, word = _some(np.median, measured[use]), "negative" if sign > 0.0 else "positive"
-        what = f"{kind.column} is {word}{when} ({usual:.3g} in the median)"
+        median, word = _some(np.median, measured[use]), "negative" if sign > 0.0 else "positive"
+        what = f"{kind.column} is {word}{when} ({median:.3g} in the median)"
         yield Check(
-            sign * usual < -CLEAR * _some(np.median, sd[use]), what, f"multiply it by -1: positive is {positive}"
+            sign * median < -CLEAR * _some(np.median, sd[use]), what, f"multiply it by -1: positive is {positive}"
         )
 
 

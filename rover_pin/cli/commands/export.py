@@ -73,9 +73,9 @@ def export_c(
     taken = taken_away(chosen.controller, chosen.model)
     say_what_is_replaced(out, ("rover_control.c",))
     with alone_in(out):
-        written = write_control(taken, out)
+        files = write_control(taken, out)
     build = "cc -std=c11 -O2 -ffp-contract=off rover_control.c test_vectors.c -lm -o test_vectors"
-    report({"control": control, "rover": taken.rover.name, "build": build, "files": list(map(str, written))}, as_json)
+    report({"control": control, "rover": taken.rover.name, "build": build, "files": list(map(str, files))}, as_json)
 
 
 def export_fmu(

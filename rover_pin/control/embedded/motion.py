@@ -69,8 +69,8 @@ class EmbeddedMotion:
     @property
     def source(self) -> str:
         """The C source."""
-        own = text_of_package("rover_pin.control.embedded", "motion.c")
-        return "\n".join([BEGIN, casadi_functions(self.expressions), own])
+        step = text_of_package("rover_pin.control.embedded", "motion.c")
+        return "\n".join([BEGIN, casadi_functions(self.expressions), step])
 
     @property
     def heads(self) -> list[str]:

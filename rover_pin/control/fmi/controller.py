@@ -106,22 +106,22 @@ def _of_motion(taken: EmbeddedMotion) -> UnitVariables:
 def _of_slip(taken: Embedded) -> UnitVariables:
     """Return the variables of a slip control: a step reads what the rover reads and gives the next period's duties."""
     wheels, names = len(taken.rover.wheels), ", ".join(wheel.name for wheel in taken.rover.wheels)
-    each, links = (0.0,) * wheels, max(taken.links, 1)
+    per_wheel, links = (0.0,) * wheels, max(taken.links, 1)
     inputs = (
-        Variable("duty_applied", "", "input", each, f"duties now applied; wheels: {names}", -1.0, 1.0),
-        Variable("wheel_rate", "rad/s", "input", each, "rates of the wheels' joints"),
-        Variable("current", "A", "input", each, "currents of the motors"),
+        Variable("duty_applied", "", "input", per_wheel, f"duties now applied; wheels: {names}", -1.0, 1.0),
+        Variable("wheel_rate", "rad/s", "input", per_wheel, "rates of the wheels' joints"),
+        Variable("current", "A", "input", per_wheel, "currents of the motors"),
         Variable("suspension", "rad", "input", (0.0,) * links, "angles of the suspension's joints"),
         Variable("roll", "rad", "input", (0.0,), "of the base"),
         Variable("pitch", "rad", "input", (0.0,), "of the base, nose down above 0"),
         Variable("seen_speed", "m/s", "input", (math.nan,), "by visual odometry; NaN: none", may_be_nan=True),
-        Variable("slip", "", "input", each, "slip ratios, for a control that does not estimate them"),
-        Variable("travel", "m/s", "input", each, "speeds over the ground, likewise"),
+        Variable("slip", "", "input", per_wheel, "slip ratios, for a control that does not estimate them"),
+        Variable("travel", "m/s", "input", per_wheel, "speeds over the ground, likewise"),
     )
     answers = (
-        Variable("duty", "", "output", each, "duties to apply until the next step"),
-        Variable("slip_estimate", "", "output", each, "slip ratios as the control takes them"),
-        Variable("hole", "m", "output", each, "estimated depth of each wheel's hole"),
+        Variable("duty", "", "output", per_wheel, "duties to apply until the next step"),
+        Variable("slip_estimate", "", "output", per_wheel, "slip ratios as the control takes them"),
+        Variable("hole", "m", "output", per_wheel, "estimated depth of each wheel's hole"),
         Variable("stands", "", "output", (0.0,), "probability that the rover stands while its wheels turn"),
         Variable("stopped", "", "output", (0.0,), "1 where it is stuck, and all duties stay 0"),
     )

@@ -65,15 +65,15 @@ def _law(steering: tuple[bool, ...], count: int) -> ca.Function:
     points, starts = ca.SX.sym("points", count, 2), ca.SX.sym("starts", count)
     omega_0, period, speed, lookahead, reach, bend = ca.vertsplit(chosen)
     way = _nearest(points, starts, place[1], place[2], memory[0], lookahead)
-    left = starts[count - 1] - way
+    remaining = starts[count - 1] - way
     motion = _pursuit(_point_at(points, starts, way + lookahead), place, read[2], bend)
-    pace = ca.if_else(left > reach, speed * ca.fmin(left / lookahead, 1.0), 0.0)
+    pace = ca.if_else(remaining > reach, speed * ca.fmin(remaining / lookahead, 1.0), 0.0)
     speeds, angles = rolling([ca.vertsplit(wheels[:, at]) for at in range(n)], steering, motion)
     rates = ca.vertcat(*speeds) / radii
     rates = rates * ca.fmin(pace, omega_0 * servo.delta_max / ca.mmax(ca.fabs(rates)))
     duties, integrals = servo_duties(servo, rates, read[3:], memory[2:], limits, omega_0, period)
     numbers = ca.vertcat(symbols, chosen, ca.vec(wheels), radii, ca.vec(points), starts)
-    arrival = ca.if_else(left > reach, place[0], memory[1])
+    arrival = ca.if_else(remaining > reach, place[0], memory[1])
     out = [duties, ca.vertcat(*angles), ca.vertcat(way, arrival, integrals)]
     return ca.Function("route", [place, read, limits, memory, numbers], out)
 
@@ -190,9 +190,9 @@ class RouteControl(LawControl):
 
     def shortfall(self, trace: Trace) -> str:
         """Return what to say of a drive that did not come to the end of its route."""
-        left = float(self.starts[-1] - self.memory[0])
-        text = f"the route is not finished: {left:.2g} m of its {self.starts[-1]:.3g} m are left."
-        return text if left > self.reach else ""
+        remaining = float(self.starts[-1] - self.memory[0])
+        text = f"the route is not finished: {remaining:.2g} m of its {self.starts[-1]:.3g} m are left."
+        return text if remaining > self.reach else ""
 
 
 def read_route(text: str, start: tuple[float, float]) -> np.ndarray:

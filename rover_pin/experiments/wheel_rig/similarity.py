@@ -46,8 +46,8 @@ class Collapse(NamedTuple):
         """One sentence for a reader."""
         if not self.groups:
             return f"{self.channel} collapses on no group: none is surely better than the mean on levels left out"
-        left = f"the scatter left is {self.scatter:.2g}, the noise {self.noise:.2g}"
-        return f"{self.channel} collapses on {self.named}: {self.share:.1%} of its variance on levels left out; {left}"
+        noise = f"the scatter left is {self.scatter:.2g}, the noise {self.noise:.2g}"
+        return f"{self.channel} collapses on {self.named}: {self.share:.1%} of its variance on levels left out; {noise}"
 
 
 def slip_of_travel(data: RigSet) -> np.ndarray:

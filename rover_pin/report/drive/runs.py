@@ -108,8 +108,8 @@ def _residuals(sides: Sides, run: int) -> Figure:
         axis.axhspan(-factor * noise, factor * noise, color=NOISE, alpha=0.6, lw=0, label="±1 SD of the noise")
         axis.axhline(0, color="k", lw=0.7)
         for fit, (colour, style, label) in zip(sides, LOOKS[: 1 + sides.added], strict=False):
-            times, left = experiment.runs[run].times, factor * fit.missed[run, row]
-            axis.plot(times, left[: len(times)], color=colour, ls=style, lw=1.3, label=label)
+            times, residual = experiment.runs[run].times, factor * fit.missed[run, row]
+            axis.plot(times, residual[: len(times)], color=colour, ls=style, lw=1.3, label=label)
     axes[-1].set_xlabel("time [s]")
     handles = {label: handle for axis in axes for handle, label in zip(*axis.get_legend_handles_labels(), strict=True)}
     figure.legend(list(handles.values()), list(handles), loc="outside upper center", ncols=2, frameon=False,
@@ -143,7 +143,7 @@ class Shown(NamedTuple):
     signal: str
     along: np.ndarray
     "mean of the signal (parts,)"
-    left: np.ndarray
+    residual: np.ndarray
     "mean of measured - model (2, parts), in the channel's unit"
     sd: np.ndarray
     "of that mean, by the scatter in its part (2, parts)"
@@ -153,7 +153,7 @@ class Shown(NamedTuple):
     @property
     def gain(self) -> float:
         """How far the sum of squares of the means, in their SDs, falls; how large it is where nothing was added."""
-        before, after = np.sum((self.left / self.sd[-1]) ** 2, axis=1)
+        before, after = np.sum((self.residual / self.sd[-1]) ** 2, axis=1)
         return float(before - after if before != after else before)
 
 
@@ -167,13 +167,13 @@ def shown(sides: Sides) -> Shown | None:
 
 
 def _along(sides: Sides, row: int, name: str, signal: np.ndarray) -> Shown | None:
-    left = np.array([np.where(fit.task.noise.good[:, row], fit.missed[:, row], np.nan) for fit in sides])
-    compared = np.isfinite(left).all(axis=0) & np.isfinite(signal)
+    residual = np.array([np.where(fit.task.noise.good[:, row], fit.missed[:, row], np.nan) for fit in sides])
+    compared = np.isfinite(residual).all(axis=0) & np.isfinite(signal)
     count = min(PARTS, int(compared.sum()) // LEAST)
     if count < 2 or np.ptp(signal[compared]) == 0.0:
         return None
     parts = np.array_split(np.argsort(signal[compared], kind="stable"), count)
-    values = [left[:, compared][:, part] for part in parts]
+    values = [residual[:, compared][:, part] for part in parts]
     means, sds = (np.array([of(value, axis=1) for value in values]).T for of in (np.mean, np.std))
     sds = np.maximum(sds, np.finfo(float).tiny) / np.sqrt([len(part) for part in parts])
     along = np.array([signal[compared][part].mean() for part in parts])
@@ -186,12 +186,13 @@ def effect_picture(sides: Sides) -> Picture | None:
     if section is None:
         return None
     channel, signal = words_of(section.channel), SIGNALS[section.signal]
-    factor, unit = in_words(sides.experiment.unit(section.channel), float(np.abs(section.left).max()))
+    factor, unit = in_words(sides.experiment.unit(section.channel), float(np.abs(section.residual).max()))
     figure = Figure(figsize=(7.2, 3.0), layout="constrained")
     axis = figure.subplots()
     along = np.degrees(section.along) if section.signal == "pitch" else section.along
-    for left, sd, (colour, style, label) in zip(section.left, section.sd, LOOKS[: 1 + sides.added], strict=False):
-        axis.errorbar(along, factor * left, factor * sd, color=colour, ls=style, marker="o", ms=4, lw=1.3, capsize=2,
+    looks = LOOKS[: 1 + sides.added]
+    for missed, sd, (colour, style, label) in zip(section.residual, section.sd, looks, strict=False):
+        axis.errorbar(along, factor * missed, factor * sd, color=colour, ls=style, marker="o", ms=4, lw=1.3, capsize=2,
                       label=label)  # fmt: skip
     axis.axhline(0, color="k", lw=0.9, label="as measured")
     axis.set(xlabel=signal, ylabel=f"{as_text(channel)}:\nmeasured - model [{unit or '-'}]")
@@ -199,7 +200,7 @@ def effect_picture(sides: Sides) -> Picture | None:
     figure.legend(loc="outside upper center", ncols=3, frameon=False, fontsize=8.5)
     where = "it shows most" if sides.added else "most is left"
     blocks = f"{section.compared} half seconds of {len(sides.experiment.runs)} runs in {len(along)} parts"
-    errors = [f"{factor * float(np.sqrt(np.mean(left**2))):.2g} {unit}" for left in section.left]
+    errors = [f"{factor * float(np.sqrt(np.mean(residual**2))):.2g} {unit}" for residual in section.residual]
     alt = f"Measured minus model of {channel} against {signal}, RMS of the means: {errors[0]}"
     alt += f" before, {errors[1]} after." if sides.added else "."
     return Picture((figure,), alt, f"Where {where}: {channel}, means with their SDs; {blocks}.")

@@ -80,13 +80,13 @@ def _picture(verdict: Verdict, data: RigSet) -> Picture:
     names = [channel.name for channel in data.channels]
     score = max((score for score in verdict.scores if score.name in names), key=_shown)
     row = names.index(score.name)
-    left = residual_panels(data, verdict.extra.before, verdict.extra.after if verdict.named else None)
+    residuals = residual_panels(data, verdict.extra.before, verdict.extra.after if verdict.named else None)
     alt = f"{score.name} against slip, measured, with the base model" + f" and with {_added(verdict)}" * bool(
         verdict.named
     )
     before, after = (format_value(error, score.unit) for error in (score.before, score.after))
     missed = f"missed by {before} before and {after} after" if verdict.named else f"missed by {before}"
-    return Picture((channels[row], left[row]), f"{capital(alt)}: {missed}.", load_caption(data))
+    return Picture((channels[row], residuals[row]), f"{capital(alt)}: {missed}.", load_caption(data))
 
 
 def _shown(score: ChannelScore) -> float:
