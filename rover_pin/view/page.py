@@ -4,7 +4,6 @@ import html
 import io
 import re
 import socket
-import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
@@ -14,12 +13,12 @@ import numpy as np
 
 from rover_pin.base.files.columns import replace_file
 from rover_pin.view.film import Film
-from rover_pin.view.panel import legend_of, panel_of
+from rover_pin.view.panel import panel_of
 from rover_pin.view.shapes import shapes_of
 from rover_pin.view.stage import BLUE, ORANGE, Ghost, Stage
 from rover_pin.view.subject import Subject
 
-COLOURS = {"blue": BLUE, "orange": ORANGE}
+COLOURS, HOST = {"blue": BLUE, "orange": ORANGE}, "127.0.0.1"
 
 
 def write_page(file: Path, subject: Subject, ghost: Subject | None = None) -> Path:
@@ -59,12 +58,12 @@ def ghosts_of(film: Film, others: Sequence[tuple[Subject, str]]) -> list[Ghost]:
 
 
 @contextmanager
-def server(host: str = "127.0.0.1", port: int = 0) -> Iterator[Any]:
-    """Serve a scene on this machine alone while the block runs; port 0 is any free one."""
+def server() -> Iterator[Any]:
+    """Serve a scene at a free port of this machine alone while the block runs."""
     import viser
 
     with redirect_stdout(io.StringIO()):  # it announces itself
-        viser_server = viser.ViserServer(host=host, port=port or _free_port(host), verbose=False)
+        viser_server = viser.ViserServer(host=HOST, port=_free_port(), verbose=False)
     try:
         yield viser_server
     finally:
@@ -72,9 +71,9 @@ def server(host: str = "127.0.0.1", port: int = 0) -> Iterator[Any]:
             viser_server.stop()
 
 
-def _free_port(host: str) -> int:
+def _free_port() -> int:
     with socket.socket() as probe:
-        probe.bind((host, 0))
+        probe.bind((HOST, 0))
         return int(probe.getsockname()[1])
 
 
@@ -83,28 +82,3 @@ def look_from(viser: Any, film: Film) -> None:
     reach = float(np.linalg.norm(np.ptp(film.centres[0], axis=0)))
     viser.initial_camera.position = (-0.2 * reach, -1.35 * reach, 0.85 * reach)
     viser.initial_camera.look_at = (0.0, 0.0, 0.0)
-
-
-STYLE = "padding:8px 12px;font:13px/1.45 system-ui,sans-serif"
-
-
-def serve(subject: Subject, ghost: Subject | None, port: int, seconds: float = float("inf")) -> None:
-    """Serve a drive, and another one as its ghost, at a port of this machine, until interrupted or for `seconds`."""
-    film = Film.of(subject.trace, subject.rover, subject.terrain)
-    others = () if ghost is None else ((ghost, "blue"),)
-    ghosts = ghosts_of(film, others)
-    with server(port=port) as viser:
-        look_from(viser, film)
-        stage = Stage(viser.scene, film, shapes_of(subject.rover, subject.meshes), ghosts)
-        viser.gui.add_html(f'<div style="{STYLE}">{legend_of(subject, others, film)}</div>')
-        play = viser.gui.add_checkbox("play", True)
-        speed = viser.gui.add_slider("speed", 0.1, 10.0, 0.1, 1.0)
-        at = viser.gui.add_slider("t [s]", float(film.t[0]), float(film.t[-1]), 0.01, float(film.t[0]))
-        at.on_update(lambda _: stage.show(film.frame_at(float(at.value))))
-        stage.show(0)
-        end = time.monotonic() + seconds
-        while time.monotonic() < end:
-            time.sleep(0.05)
-            if play.value:
-                later = at.value + 0.05 * speed.value
-                at.value = later if later < film.t[-1] else float(film.t[0])

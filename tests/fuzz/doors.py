@@ -113,7 +113,6 @@ STOPS = (
     "rover_pin.loop.close.close_rig_loop",
     "rover_pin.loop.close.close_drive_loop",
     "rover_pin.tuning.tune.tune_gains",
-    "rover_pin.view.page.serve",
     "webbrowser.open",
 )
 """What comes after every file is read, and is not run."""
@@ -153,7 +152,7 @@ def run_in(folder: Path, words: list[str]) -> None:
 def read_words(folder: Path) -> None:
     """Run the command line that a file of the folder holds."""
     words = (folder / "words.txt").read_text(encoding="utf-8").split("\t")
-    run_in(folder, [word for word in words if word != "--serve"])
+    run_in(folder, words)
 
 
 def files(

@@ -1,4 +1,4 @@
-"""`rover-pin view`: a drive in 3D, as one page or served, and as a moving picture."""
+"""`rover-pin view`: a drive in 3D, as one page, and as a moving picture."""
 
 import sys
 from importlib.util import find_spec
@@ -30,7 +30,6 @@ def view(
     gif: Annotated[bool, typer.Option("--gif", help="Write a moving picture too.")] = False,
     mp4: Annotated[bool, typer.Option("--mp4", help="Write a film too; needs ffmpeg.")] = False,
     open_: Annotated[bool, typer.Option("--open", help="Open the page in your browser.")] = False,
-    serve: Annotated[int, typer.Option(help="Serve it at this port of this machine instead, till Ctrl-C.")] = 0,
     trust: Trusted = False,
     out: Out = Path("out/view"),
     as_json: AsJson = False,
@@ -40,10 +39,6 @@ def view(
 
     subject = read_subject(path, run, Trust(everything=trust))
     ghost = None if compare is None else read_subject(compare, run, Trust(everything=trust))
-    if serve:
-        requested_files(True, False, False)
-        _serve(subject, ghost, serve)
-        return
     wanted = requested_files(True, gif, mp4)
     with stoppable(out, wanted, [name for name in SEEN if name not in wanted]), alone_in(out):
         files = [write_seen(subject, ghost, out / name) for name in wanted]
@@ -96,11 +91,3 @@ def write_seen(subject: "Subject", ghost: "Subject | None", file: Path) -> Path:
         Film.of(drive.trace, drive.rover, drive.terrain) for drive in (subject, ghost) if drive is not None
     )
     return write_animation(file, film, subject.name, *ghosts)
-
-
-def _serve(subject: "Subject", ghost: "Subject | None", port: int) -> None:
-    from rover_pin.view.page import serve
-
-    print(f"http://127.0.0.1:{port}", flush=True)
-    with stoppable():
-        serve(subject, ghost, port)
