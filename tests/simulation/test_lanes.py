@@ -122,24 +122,3 @@ V3 = toolchain.X86_LEVELS["x86-64-v3"]
 )
 def test_levels(tmp_path, monkeypatch, flags, machine, expected):
     assert cpuinfo(tmp_path, monkeypatch, f"processor : 0\nflags : fpu {flags}\n", machine) == expected
-
-
-def test_no_cpuinfo(tmp_path, monkeypatch):
-    monkeypatch.setattr(toolchain, "CPUINFO", tmp_path / "none")
-    monkeypatch.setattr(toolchain.platform, "machine", lambda: "x86_64")
-    assert toolchain.level.__wrapped__() == ""
-
-
-@pytest.mark.parametrize(
-    ("library", "machine", "expected"),
-    [
-        (("glibc", "2.36"), "x86_64", True),
-        (("glibc", "2.31"), "x86_64", False),
-        (("", ""), "x86_64", False),
-        (("glibc", "2.36"), "aarch64", False),
-    ],
-)
-def test_vector_math(monkeypatch, library, machine, expected):
-    monkeypatch.setattr(toolchain.platform, "libc_ver", lambda: library)
-    monkeypatch.setattr(toolchain.platform, "machine", lambda: machine)
-    assert toolchain.has_vector_math() is expected

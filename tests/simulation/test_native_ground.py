@@ -60,7 +60,7 @@ def plain_patches(terrain, frame):
 
 
 def felt(rows):
-    return rows[(rows[:, 0] > TOUCH) & (rows[:, 1] > TOUCH)]
+    return rows[(rows[:, 0] > TOUCH) & (np.abs(rows[:, 1]) > TOUCH)]
 
 
 def agree(terrain, frame):

@@ -1,19 +1,14 @@
 """What a log's rows are made into before they are driven again: rows of equal distance, commands, place and rates."""
 
-import dataclasses
 import math
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from rover_pin.base.errors import DataError
 from rover_pin.scenarios.scenario import scenario
-from rover_pin.simulation.native.shared import RECORD
-from rover_pin.simulation.replay import _channels as channels_of
 from rover_pin.simulation.replay import commands, replay
 from rover_pin.simulation.start.place import Start, shared_rest
-from rover_pin.simulation.trace.rows import row_type
 from rover_pin.simulation.trace.trace import Trace
 
 NAN = math.nan
@@ -72,35 +67,6 @@ def test_a_declared_start_is_taken_and_an_unknown_one_is_refused():
     assert commands(log(body_x=x, attrs=told), ("a",), ()).start.x == 1.0
 
 
-@pytest.mark.parametrize("held", [False, True])
-def test_channels_are_the_model_motion_without_the_drawing_force(held):
-    model, n = scenario("flat").model, 5
-    rng, rows = np.random.default_rng(4), np.zeros(n, dtype=row_type(model))
-    for name in ("q", "v", "record", "attitude", "moved", "velocity"):
-        rows[name] = rng.normal(size=rows[name].shape)
-    rows["attitude"][:, 2] = [3.0, 3.1, -3.1, -3.0, -2.9]
-    found = channels_of(model, SimpleNamespace(t=np.arange(n), rate_driven=held, inertial=False), rows)
-    for at, axis in enumerate("xy"):
-        assert found[f"body_{axis}"] + rows["moved"][:, at] == pytest.approx(rows["q"][:, at])
-    assert np.array_equal(found["body_z"], rows["q"][:, 2])
-    yaw = found["body_yaw"] + rows["moved"][:, 2]
-    assert yaw == pytest.approx([3.0, 3.1, 2 * math.pi - 3.1, 2 * math.pi - 3.0, 2 * math.pi - 2.9])
-    for at, name in enumerate(("roll", "pitch")):
-        assert np.array_equal(found[f"body_{name}"], rows["attitude"][:, at])
-    for at, axis in enumerate("xyz"):
-        assert np.array_equal(found[f"body_v{axis}"], rows["velocity"][:, at])
-    for at, wheel in enumerate(model.rover.wheels):
-        told = {name: rows["record"][:, at, RECORD.index(name)] for name in RECORD}
-        current = told["torque"] / float(model.motor.constant) if held else told["current"]
-        assert found[f"current_{wheel.name}_A"] == pytest.approx(current)
-        assert np.array_equal(found[f"wheel_rate_{wheel.name}"], rows["v"][:, wheel.dof])
-        for name in ("slip", "sinkage", "normal", "tangential"):
-            assert np.array_equal(found[f"{name}_{wheel.name}"], told[name])
-    assert np.array_equal(found["battery_V"], rows["record"][:, 0, RECORD.index("supply")])
-    for name, place in model.rover.angles.items():
-        assert np.array_equal(found[name], rows["q"][:, place])
-
-
 def test_a_replay_whose_numbers_are_lost_has_diverged():
     drive = scenario("flat", duration=0.5)
     wheels = tuple(wheel.name for wheel in drive.model.rover.wheels)
@@ -117,24 +83,3 @@ def test_commands_of_other_wheels_than_the_rovers_are_refused():
     for driven, steered, said in ((wheels, (), "6 driven, 0 steered"), (wheels[:4], wheels[:4], "4 driven, 4 steered")):
         with pytest.raises(DataError, match=rf"{said}.* 6 and 4"):
             replay(model, commands(drive.drive(), driven, steered))
-
-
-def flat_run(seconds=1.5, **more):
-    """Of the cart, on which nothing steers."""
-    drive = scenario("flat", duration=seconds, rover="cart")
-    return drive.model, commands(drive.drive(), tuple(wheel.name for wheel in drive.model.rover.wheels), ())
-
-
-def test_a_replay_that_ends_early_keeps_the_row_before_its_end():
-    """Dropped from 0.3 m, its wheels are buried deeper than 0.05 radii when the tenth row is looked at."""
-    model, run = flat_run()
-    rest = shared_rest(model, Start())
-    rest.q[2] += 0.3
-    found = replay(dataclasses.replace(model, buried=0.05), run, rest_state=rest)
-    assert "buried" in found.stop
-    z = found.channels["body_z"]
-    last = int(np.flatnonzero(np.diff(z))[-1]) + 1
-    assert last % 10 == 9
-    assert np.all(z[last:] == z[last])
-    assert z[last] > 0.05
-    assert len(z) == len(run.t)

@@ -13,7 +13,6 @@ from rover_pin.logs.drive_log import read_drive_log
 from rover_pin.logs.saved import save_trace
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.sensors import Sensors, measured
-from rover_pin.simulation.trace.trace import Trace
 
 EXACT = Sensors(**dict.fromkeys(quantities(Sensors), 0.0))
 
@@ -83,13 +82,3 @@ def test_a_simulated_log_is_read_like_a_measured_one(trace, tmp_path):
     log = measured(trace, Sensors(), 5)
     again = read_drive_log(save_trace(log, tmp_path / "log")).runs[0]
     assert all(np.array_equal(again[name], log[name]) for name in log.channels)
-
-
-@pytest.mark.parametrize("with_current", [True, False])
-def test_a_log_has_what_the_test_bed_s_sensors_see(with_current):
-    seen = {"t_s", "duty_a", "body_x", "wheel_rate_a", "current_a_A", "battery_V"}
-    truth = {"slip_a", "torque_a", "travel_a", "energy_motor", "differential_Nm"}
-    whole = Trace({name: np.arange(3.0) for name in seen | truth}, attrs={"wheels": ["a"]})
-    log = measured(whole, EXACT, 0, with_current=with_current)
-    assert set(log) == (seen if with_current else seen - {"current_a_A"})
-    assert set(measured(whole, EXACT, 0)) == seen, "unless told"

@@ -101,9 +101,6 @@ def test_what_cannot_be_used_is_refused_in_one_sentence(log, says):
     assert str(refused.value).count("\n") == 0
 
 
-"""From the rear to the front axle of the good log's rover [m]."""
-
-
 @pytest.mark.parametrize(
     ("log", "says"),
     [

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from rover_pin.contact import Soil
-from rover_pin.effects.raw_current import RawCurrent
 from rover_pin.effects.tacho_scale import TachoScale
 from rover_pin.effects.weak_motor import WeakMotor
 from rover_pin.experiments.drive_log.calibrate import raw_current_numbers, with_raw_currents
@@ -34,12 +33,6 @@ class Run(dict):
 
 def log_of(*runs, motor=()):
     return SimpleNamespace(metadata=SimpleNamespace(motor=dict.fromkeys(motor, 1.0), wheels=WHEELS), runs=runs)
-
-
-def currents(log, model=MODEL):
-    """What is called by what channel: motor, scale and zero at which it begins."""
-    added = [one for one in with_raw_currents(log, model).sensor_effects if isinstance(one, RawCurrent)]
-    return {one.channel: (one.motor, one.scale, one.offset) for one in added}
 
 
 # --- what a model may lack -------------------------------------------------------------------------------------------
