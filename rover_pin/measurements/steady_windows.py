@@ -7,8 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rover_pin.rover.driven_loads import configuration, determinate_groups, footing, loads_on, turning, wheel_mounts
+from rover_pin.rover.driven_loads import configuration, determinate_groups, footing, loads_on, turning
 from rover_pin.rover.rover import Rover
+from rover_pin.rover.wheel_base import wheel_mounts
 from rover_pin.simulation.model.motor import Motor
 from rover_pin.simulation.trace.trace import Trace
 from rover_pin.soil.slip import slip_ratio

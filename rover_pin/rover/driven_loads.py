@@ -10,6 +10,7 @@ import pinocchio as pin
 from rover_pin.base.errors import ParameterError, closest
 from rover_pin.rover.forward_dynamics import constraint_rows, wheel_jacobians
 from rover_pin.rover.rover import Rover
+from rover_pin.rover.wheel_base import wheel_mounts
 
 SLIDING = (0, 1, 5)
 """Base velocities along which the ground resists besides: their balance tells no load."""
@@ -56,14 +57,6 @@ def configuration(rover: Rover, attitude: tuple[float, float, float], angles: Ma
         if joint.q_follower is not None:
             q[joint.q_follower] = joint.ratio * q[joint.q_leader]
     return q
-
-
-def wheel_mounts(rover: Rover, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return rotations [n, 3, 3] of the wheels' frames, and their centres in the world [n, 3] (m)."""
-    data = rover.model.createData()
-    pin.forwardKinematics(rover.model, data, q)
-    placed = [data.oMi[wheel.joint] for wheel in rover.wheels]
-    return np.array([pose.rotation for pose in placed]), np.array([pose.translation for pose in placed])
 
 
 def turning(rotations: Sequence[np.ndarray], axles: np.ndarray) -> np.ndarray:
@@ -127,8 +120,7 @@ def driven_loads(rover: Rover, q: np.ndarray, torque: np.ndarray) -> np.ndarray:
 
 def loads_on(rover: Rover, q: np.ndarray, torque: np.ndarray, foot: Footing, jacobians: np.ndarray) -> np.ndarray:
     """Return `driven_loads` where the footing is known already; of loads that statics leave open, the least."""
-    r = np.array([float(mount.wheel.r) for mount in rover.wheels])
-    free = _free_places(rover)
+    r, free = rover.radii, rover.free_dofs
     weight = pin.computeGeneralizedGravity(rover.model, rover.model.createData(), q)
     pull = (torque / r)[:, None] * foot.forward
     applied_force = np.einsum("nij,ni->j", jacobians, np.hstack([pull, -torque[:, None] * foot.left]))
@@ -155,7 +147,7 @@ def determinate_groups(rover: Rover, foot: Footing, jacobians: np.ndarray) -> li
     A rigid chassis on four wheels shares its weight over the diagonals as the ground's warp has it, which no balance
     knows: (+, -, -, +) over its wheels changes neither the sum of an axle nor a moment.
     """
-    upright = [place for place in _free_places(rover) if place not in SLIDING]
+    upright = [place for place in rover.free_dofs if place not in SLIDING]
     lifts = np.einsum("nij,ni->jn", jacobians[:, :3], foot.normal)[upright]
     _, singular_values, directions = np.linalg.svd(np.column_stack([lifts, constraint_rows(rover).T[upright]]))
     open_ = directions[int(np.sum(singular_values > UNTOLD * singular_values[0])) :, : len(rover.wheels)].T
@@ -170,12 +162,6 @@ def determinate_groups(rover: Rover, foot: Footing, jacobians: np.ndarray) -> li
         else:
             others += wheels
     return [*groups, tuple(others)] if others else groups
-
-
-def _free_places(rover: Rover) -> list[int]:
-    """Return the degrees of freedom that no motor holds."""
-    motor_dofs = {mount.dof for mount in rover.wheels} | {mount.steer_dof for mount in rover.wheels}
-    return [place for place in range(rover.model.nv) if place not in motor_dofs]
 
 
 def _mean(axes: np.ndarray, load: np.ndarray) -> np.ndarray:

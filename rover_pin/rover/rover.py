@@ -74,6 +74,12 @@ class Rover:
         return np.array([float(mount.wheel.r) for mount in self.wheels])
 
     @property
+    def free_dofs(self) -> list[int]:
+        """The places in v of the base and of the suspension, which no motor holds."""
+        driven = {mount.dof for mount in self.wheels} | {mount.steer_dof for mount in self.wheels}
+        return [dof for dof in range(self.model.nv) if dof not in driven]
+
+    @property
     def gravity(self) -> float:
         """Gravity [m/s^2], downwards."""
         return float(self.up @ -self.model.gravity.linear)

@@ -10,6 +10,7 @@ from rover_pin.base.errors import ParameterError
 from rover_pin.effects.effect import called
 from rover_pin.rover.forward_dynamics import constraint_rows, wheel_jacobians
 from rover_pin.rover.rover import Rover
+from rover_pin.rover.wheel_base import wheel_mounts
 
 STEEPEST = math.radians(80.0)
 TOUCHING = 1e-6
@@ -64,7 +65,7 @@ def wheel_loads(
     q[3:7] = pin.Quaternion(rotation).coeffs()
     lifts = _vertical_pushes(rover, q, rotation[:, 2]) * [wheel.name not in hanging for wheel in rover.wheels]
     weight = pin.computeGeneralizedGravity(rover.model, rover.model.createData(), q)
-    free = _free_dofs(rover)
+    free = rover.free_dofs
     supports = np.column_stack([lifts, constraint_rows(rover).T])[free]
     springs, rest_angles = (values[free] for values in _springs(rover))
     unknown, rhs = supports, weight[free] - springs * rest_angles
@@ -91,11 +92,9 @@ def hanging_wheels(rover: Rover) -> dict[str, float]:
     from scipy.optimize import linprog  # it brings sparse matrices, which a drive has no use for
 
     q, up = pin.neutral(rover.model), np.array([0.0, 0.0, 1.0])
-    data = rover.model.createData()
-    pin.forwardKinematics(rover.model, data, q)
-    low = np.array([data.oMi[wheel.joint].translation[2] - float(wheel.wheel.r) for wheel in rover.wheels])
-    gaps, free = low - low.min(), [place for place in _free_dofs(rover) if place not in (0, 1, 5)]
-    weight = pin.computeGeneralizedGravity(rover.model, data, q)[free]
+    low = wheel_mounts(rover, q)[1][:, 2] - rover.radii
+    gaps, free = low - low.min(), [place for place in rover.free_dofs if place not in (0, 1, 5)]
+    weight = pin.computeGeneralizedGravity(rover.model, rover.model.createData(), q)[free]
     lifts = _vertical_pushes(rover, q, up).T[:, free]
     rows = constraint_rows(rover)[:, free]
     bounds = [(-1.0, 1.0)] * len(free)
@@ -125,11 +124,6 @@ def _vertical_pushes(rover: Rover, q: np.ndarray, normal: np.ndarray) -> np.ndar
             for J, wheel in zip(jacobians, rover.wheels, strict=True)
         ]
     )
-
-
-def _free_dofs(rover: Rover) -> list[int]:
-    motor_dofs = {wheel.dof for wheel in rover.wheels} | {wheel.steer_dof for wheel in rover.wheels}
-    return [place for place in range(rover.model.nv) if place not in motor_dofs]
 
 
 def _check(name: str, angle: float, low: float, high: float) -> None:

@@ -1,4 +1,4 @@
-"""Where the wheels stand under the rover, all joints at zero."""
+"""Where the wheels stand under the rover."""
 
 from typing import NamedTuple
 
@@ -18,11 +18,18 @@ class Base(NamedTuple):
     "between its sides' wheels in the middle [m]"
 
 
+def wheel_mounts(rover: Rover, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return rotations [n, 3, 3] of the wheels' frames, and their centres in the world [n, 3] (m)."""
+    data = rover.model.createData()
+    pin.forwardKinematics(rover.model, data, q)
+    placed = [data.oMi[wheel.joint] for wheel in rover.wheels]
+    return np.array([pose.rotation for pose in placed]), np.array([pose.translation for pose in placed])
+
+
 def wheel_places(rover: Rover) -> dict[str, np.ndarray]:
     """Return the place of each wheel's centre in the base frame, all joints at zero [m]."""
-    data = rover.model.createData()
-    pin.forwardKinematics(rover.model, data, pin.neutral(rover.model))
-    return {wheel.name: np.array(data.oMi[wheel.joint].translation) for wheel in rover.wheels}
+    _, centres = wheel_mounts(rover, pin.neutral(rover.model))
+    return {wheel.name: centre for wheel, centre in zip(rover.wheels, centres, strict=True)}
 
 
 def corners(rover: Rover) -> np.ndarray:

@@ -143,8 +143,7 @@ class _Body(NamedTuple):
     def _loads(self, forward: list[ca.SX], left: list[ca.SX], torque: ca.SX) -> ca.SX:
         """Return the loads of `driven_loads`."""
         rover, n = self.rover, len(self.rover.wheels)
-        motors = {mount.dof for mount in rover.wheels} | {mount.steer_dof for mount in rover.wheels}
-        free = [dof for dof in range(rover.model.nv) if dof not in motors]
+        free = rover.free_dofs
         normal = [ca.cross(along, axle) for along, axle in zip(forward, left, strict=True)]
         pull, weight, none = ca.SX(3, 1), self.weight, ca.SX(3, 1)
         lifts: list[list[ca.SX]] = [[], [], []]

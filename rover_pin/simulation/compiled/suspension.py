@@ -17,8 +17,7 @@ def joint_strength(rover: Rover) -> float:
 
 def suspension_dofs(rover: Rover) -> list[int]:
     """Return the suspension's joints' places in v, in its order."""
-    driven = {wheel.dof for wheel in rover.wheels} | {wheel.steer_dof for wheel in rover.wheels}
-    return [i for i in range(6, rover.model.nv) if i not in driven]
+    return rover.free_dofs[6:]
 
 
 def suspension_places(rover: Rover) -> list[int]:

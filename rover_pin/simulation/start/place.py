@@ -14,7 +14,7 @@ from rover_pin.base.arguments import spec
 from rover_pin.base.errors import SimulationError
 from rover_pin.effects.effect import BodyEffect
 from rover_pin.effects.slip import SIDEWAYS_SHARE
-from rover_pin.rover.wheel_base import wheel_places
+from rover_pin.rover.wheel_base import wheel_mounts, wheel_places
 from rover_pin.simulation.compiled.kernel import Kernel
 from rover_pin.simulation.model.model import Model
 from rover_pin.simulation.native.library import library
@@ -111,9 +111,7 @@ def hovering(model: Model, start: Start) -> DriveState:
     q = pin.neutral(rover.model)
     q[3:7] = pin.Quaternion(rotation).coeffs()
     q[:3] = start.x, start.y, 0.0
-    data = rover.model.createData()
-    pin.forwardKinematics(rover.model, data, q)
-    x, y, z = np.array([data.oMi[wheel.joint].translation for wheel in rover.wheels]).T
+    x, y, z = wheel_mounts(rover, q)[1].T
     q[2] = np.max(terrain.height(x, y) + rover.radii - z)
     n = len(rover.wheels)
     contact = sum(len(effect.states) for effect in model.contact_effects)

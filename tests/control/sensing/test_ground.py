@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from rover_pin.control.sensing.ground import UnderWheels, ground_law
-from rover_pin.rover.driven_loads import configuration, footing, loads_on, turning, wheel_mounts
+from rover_pin.rover.driven_loads import configuration, footing, loads_on, turning
+from rover_pin.rover.wheel_base import wheel_mounts
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.failure import suspension_of
 
