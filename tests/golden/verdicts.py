@@ -15,8 +15,6 @@ from rover_pin.loop.close import close_the_loop
 
 TESTS = Path(__file__).parents[1]
 FROZEN = Path(__file__).with_name("answers.json")
-WRONG = {"n": 1.0, "c": 0.0, "phi": 0.6, "k": 0.02}
-"""A nominal soil that is not the hidden one."""
 
 
 def _module(path):
@@ -35,7 +33,9 @@ def rig(effect, seed):
 
     def make(folder):
         hidden = generator.Rig(effect, generator.SIZES[effect])
-        return generator.write(folder, hidden, generator.rig_set(hidden, seed=seed), WRONG if seed % 2 else None)
+        return generator.write(
+            folder, hidden, generator.rig_set(hidden, seed=seed), generator.WRONG if seed % 2 else None
+        )
 
     return make
 

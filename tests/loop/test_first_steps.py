@@ -15,23 +15,15 @@ from rover_pin.rover.rover import load_rover
 from rover_pin.simulation.model.model import Model
 from rover_pin.simulation.model.motors import nexus6_motor
 from rover_pin.terrain.shapes import flat
+from tests.oracle.rig_generator import TWO_CHANNELS
 
-RIG = """
-kind = "wheel-rig"
-[wheel]
-r = { value = 62.5, unit = "mm" }
-b = { value = 60, unit = "mm" }
-[noise]
-drawbar_pull = { value = 0.3, unit = "N" }
-sinkage = { value = 0.6, unit = "mm" }
-"""
 ROWS = ("0.1,25,1.0,0.01", "0.3,25,2.0,0.02")
 EXTRA = ("time_s", "temperature_C", "repeat", "lateral_N", "slip_angle_rad", "load_sd_N", "drawbar_pull_sd_N")
 
 
 def written(tmp_path, header, rows=ROWS):
     tmp_path.mkdir(exist_ok=True)
-    (tmp_path / "rig.toml").write_text(RIG)
+    (tmp_path / "rig.toml").write_text(TWO_CHANNELS)
     (tmp_path / "points.csv").write_text("\n".join([header, *rows]) + "\n")
     return tmp_path
 

@@ -46,6 +46,34 @@ SIZES = {
 """Hidden effects at a clear size; from lyasko_sinkage on a cause of the list by another law, from slip_squared_drag on
 what is on nobody's list."""
 
+IS = {
+    "slip_sinkage": "SlipSinkage",
+    "exit_angle": "ExitAngle",
+    "peak_stress": "PeakStress",
+    "motion_resistance": "MotionResistance",
+    "post_peak": "PostPeak",
+    "rate_dependence": "RateDependence",
+    "digging": "DiggingMemory",
+    "bulldozing": "Bulldozing",
+    "grousers": "Grousers",
+    "interface_friction": "InterfaceFriction",
+    "load_exponent": "LoadExponent",
+    "skid_sinkage": "SkidSinkage",
+}
+"""Effects of the package by the hidden one that they are."""
+WRONG = {"n": 1.0, "c": 0.0, "phi": 0.6, "k": 0.02}
+"""A nominal soil that is not the hidden one."""
+TWO_CHANNELS = """
+kind = "wheel-rig"
+[wheel]
+r = { value = 62.5, unit = "mm" }
+b = { value = 60, unit = "mm" }
+[noise]
+drawbar_pull = { value = 0.3, unit = "N" }
+sinkage = { value = 0.6, unit = "mm" }
+"""
+"""A rig that measures neither torque nor speeds."""
+
 
 class Rig:
     """A wheel, a soil, and one effect of some size, or several: `Rig(sizes={"digging": 0.02, ...})`."""

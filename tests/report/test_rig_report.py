@@ -12,21 +12,13 @@ from rover_pin.parameters import SOILS
 from rover_pin.report.rig.figures import channel_panels, load_caption, looks
 from rover_pin.report.rig.report import meanings
 from rover_pin.simulation.model.effect_files import effects_of_text
+from tests.oracle.rig_generator import TWO_CHANNELS
 
-RIG = """
-kind = "wheel-rig"
-[wheel]
-r = { value = 62.5, unit = "mm" }
-b = { value = 60, unit = "mm" }
-[noise]
-drawbar_pull = { value = 0.3, unit = "N" }
-sinkage = { value = 0.6, unit = "mm" }
-"""
 SLIPS = (-0.7, 0.0, 0.3, 0.6)
 
 
 def written(folder, loads, slips=SLIPS, extra=""):
-    (folder / "rig.toml").write_text(RIG)
+    (folder / "rig.toml").write_text(TWO_CHANNELS)
     lines = [f"level,slip,load_N,drawbar_pull_N,sinkage_m{extra and ',slip_angle_rad'}"]
     lines += [
         f"lv{number},{slip},{load},1.0,0.01{extra}"

@@ -11,6 +11,9 @@ from rover_pin.simulation.timing import DT, TOLERANCE, Timing
 DITCHES = {
     "stopped by the wall": scenario("ditch", soil="table-1"),
     "gets out": scenario("ditch", soil="table-1", **{"soil.k": 0.010, "cruise_slip": 0.05}),
+    "without a lag of slip": scenario(
+        "ditch", soil="table-1", slip="algebraic", **{"soil.k": 0.010, "cruise_slip": 0.05}
+    ),
 }
 
 

@@ -118,17 +118,6 @@ def test_a_reversal_under_way_is_smooth():
     assert trace.energy_error() < 0.01
 
 
-@pytest.mark.parametrize("slip", ["relaxed", "algebraic"])
-def test_the_default_step_is_converged(slip):
-    """0.1 mm over 20 s of the 30-deg-wall ditch, against a step 16 times finer."""
-    drive = scenario("ditch", soil="table-1", slip=slip, **{"soil.k": 0.01, "cruise_slip": 0.05})
-    state = settled(drive.model, drive.start, symmetric=True)
-    coarse = simulate(drive.model, drive.controller, 20.0, state, drive.timing, symmetric=True)
-    fine_timing = Timing(drive.timing.dt / 16, drive.timing.control, drive.timing.sample)
-    fine = simulate(drive.model, drive.controller, 20.0, state, fine_timing, symmetric=True)
-    assert np.abs(coarse["body_x"] - fine["body_x"]).max() < 1e-4
-
-
 @pytest.mark.parametrize("name", ["one-sided-bump", "rocks"])
 def test_a_rover_may_drift_across_a_lanes_edge(name):
     """Both turn until a wheel meets the side of what it passes; an edge had no side, and that wheel was "buried"."""

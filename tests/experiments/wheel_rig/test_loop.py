@@ -20,23 +20,6 @@ from rover_pin.measurements.rig_reading import read_rig_set
 from tests.oracle import rig_generator as hidden
 
 DATA = Path(__file__).parents[3] / "studies" / "data"
-WRONG = {"n": 1.0, "c": 0.0, "phi": 0.6, "k": 0.02}
-"""A nominal soil that is not the hidden one."""
-
-IS = {
-    "slip_sinkage": "SlipSinkage",
-    "exit_angle": "ExitAngle",
-    "peak_stress": "PeakStress",
-    "motion_resistance": "MotionResistance",
-    "post_peak": "PostPeak",
-    "rate_dependence": "RateDependence",
-    "digging": "DiggingMemory",
-    "bulldozing": "Bulldozing",
-    "grousers": "Grousers",
-    "interface_friction": "InterfaceFriction",
-    "load_exponent": "LoadExponent",
-    "skid_sinkage": "SkidSinkage",
-}
 
 
 def folder(tmp_path, effect, seed=0, nominal=None, **columns):
@@ -48,7 +31,7 @@ def folder(tmp_path, effect, seed=0, nominal=None, **columns):
 # --- the rig model ---------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("effect", ["none", *IS])
+@pytest.mark.parametrize("effect", ["none", *hidden.IS])
 def test_it_predicts_what_the_plain_generator_measures(effect):
     """Another quadrature (midpoint, 2000 points) and another root finder (bisection), no shared code."""
     rig = hidden.Rig(effect)
@@ -56,7 +39,7 @@ def test_it_predicts_what_the_plain_generator_measures(effect):
     soil = Soil(s["c"], s["phi"], s["k"], s["K"], 0.0, s["n"], exit_ratio=s["exit_ratio"])
     model = RigModel(Wheel(rig.r, rig.b), soil)
     if effect != "none":
-        kind = next(kind for kind in effect_kinds() if kind.__name__ == IS[effect])
+        kind = next(kind for kind in effect_kinds() if kind.__name__ == hidden.IS[effect])
         one = added(kind, model)
         model = model.having(one.replace(**{next(iter(one.neutral)): rig.size}))
     slip = np.array([-0.2, 0.0, 0.2, 0.6])
@@ -108,7 +91,7 @@ def test_a_model_file_gives_the_same_numbers_back(tmp_path):
 
 def test_a_hidden_effect_is_named_with_its_size_and_reported(tmp_path):
     said = []
-    path = folder(tmp_path, "slip_sinkage", nominal=WRONG)
+    path = folder(tmp_path, "slip_sinkage", nominal=hidden.WRONG)
     verdict = close_the_loop(path, out=tmp_path / "out", progress=said.append)
     assert verdict.answer is Answer.NAMED
     assert [type(effect) for effect in verdict.effects] == [SlipSinkage]
@@ -148,7 +131,7 @@ def test_a_hidden_effect_is_named_with_its_size_and_reported(tmp_path):
 
 
 def test_a_null_set_needs_no_effect(tmp_path):
-    verdict = close_the_loop(folder(tmp_path, "none", seed=3, nominal=WRONG))
+    verdict = close_the_loop(folder(tmp_path, "none", seed=3, nominal=hidden.WRONG))
     assert verdict.answer is Answer.NONE_NEEDED
     assert verdict.effects == verdict.named == ()
     assert verdict.beliefs.sets[frozenset()] > 0.5

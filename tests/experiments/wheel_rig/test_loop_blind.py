@@ -6,22 +6,13 @@ from rover_pin.discrepancy.answer import Answer
 from rover_pin.loop.close import close_the_loop
 from tests.oracle import rig_generator as hidden
 
-WRONG = {"n": 1.0, "c": 0.0, "phi": 0.6, "k": 0.02}
-IS = {
-    "slip_sinkage": "SlipSinkage",
-    "exit_angle": "ExitAngle",
-    "peak_stress": "PeakStress",
-    "motion_resistance": "MotionResistance",
-    "post_peak": "PostPeak",
-    "rate_dependence": "RateDependence",
-    "digging": "DiggingMemory",
-}
+EFFECTS = ("slip_sinkage", "exit_angle", "peak_stress", "motion_resistance", "post_peak", "rate_dependence", "digging")
 SOILS = ({}, {"n": 0.9, "K": 6e4, "phi": 0.6, "k": 0.015}, {"n": 1.3, "K": 2e5, "phi": 0.45, "c": 50.0, "k": 0.004})
 
 
 def verdict_of(folder, effect, seed, severity=1.0):
     rig = hidden.Rig(effect, severity * hidden.SIZES[effect], **SOILS[seed % 3])
-    path = hidden.write(folder, rig, hidden.rig_set(rig, seed=seed), WRONG if seed % 2 else None)
+    path = hidden.write(folder, rig, hidden.rig_set(rig, seed=seed), hidden.WRONG if seed % 2 else None)
     return close_the_loop(path)
 
 
@@ -29,18 +20,18 @@ def verdict_of(folder, effect, seed, severity=1.0):
 def test_hidden_effects_are_named_or_within_the_stated_set(tmp_path):
     """A miss counts where the true effect has 3 nats of evidence more than the base."""
     wrong, missed, hidden_well = [], [], []
-    for effect, name in IS.items():
+    for effect in EFFECTS:
         for seed in range(4):
             verdict = verdict_of(tmp_path / f"{effect}{seed}", effect, seed, severity=(1.0, 0.5)[seed // 2])
             told = verdict.answer in (Answer.NAMED, Answer.SET, Answer.LIKE)
-            alone, base = (verdict.beliefs.best(names).log_evidence for names in ((name,), ()))
+            alone, base = (verdict.beliefs.best(names).log_evidence for names in ((hidden.IS[effect],), ()))
             detectable = alone - base > 3.0
             case = (effect, seed, verdict.answer.name, verdict.indistinguishable, round(verdict.before.misfit, 2))
-            if told and name not in " ".join(verdict.indistinguishable):
+            if told and hidden.IS[effect] not in " ".join(verdict.indistinguishable):
                 wrong.append(case)
             elif not told:
                 (missed if detectable else hidden_well).append(case)
-    print(f"of {4 * len(IS)}: wrong {wrong}, missed {missed}, too small to see {hidden_well}")
+    print(f"of {4 * len(EFFECTS)}: wrong {wrong}, missed {missed}, too small to see {hidden_well}")
     assert wrong == []
     assert missed == []
     assert len(hidden_well) <= 3

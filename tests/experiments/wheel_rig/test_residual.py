@@ -7,17 +7,9 @@ import pytest
 
 from rover_pin.experiments.wheel_rig.residual import channel_residuals
 from rover_pin.measurements.rig_reading import read_rig_set
+from tests.oracle.rig_generator import TWO_CHANNELS
 
 SD = {"drawbar pull": 0.3, "sinkage": 0.6e-3}
-RIG = """
-kind = "wheel-rig"
-[wheel]
-r = { value = 62.5, unit = "mm" }
-b = { value = 60, unit = "mm" }
-[noise]
-drawbar_pull = { value = 0.3, unit = "N" }
-sinkage = { value = 0.6, unit = "mm" }
-"""
 SLIPS = np.linspace(-0.2, 0.8, 11)
 
 
@@ -25,7 +17,7 @@ def of(folder, residual, loads=(20.0, 25.0, 30.0), repeats=1):
     """What is left where pull and sinkage leave residual(S, load / mean load - 1, run) [SD]."""
     runs = list(itertools.product(SLIPS, loads, range(repeats)))
     rows = [f"{slip:.3f},{load},{1.0 + slip},{0.01 + 0.01 * slip}" for slip, load, _ in runs]
-    (folder / "rig.toml").write_text(RIG)
+    (folder / "rig.toml").write_text(TWO_CHANNELS)
     (folder / "points.csv").write_text("\n".join(["slip,load_N,drawbar_pull_N,sinkage_m", *rows]) + "\n")
     slip, load, at = np.array(runs).T
     left = residual(slip, load / load.mean() - 1.0, at)
