@@ -49,9 +49,10 @@ class Dynamics:
             row[supporting_dofs(self.model, wheel.joint)] = 1.0
         self._rows = constraint_rows(rover)
         self._angle_rows = _angle_rows(rover)
+        self._no_force = [pin.Force.Zero() for _ in range(self.model.njoints)]
 
     def accelerate(self, q: np.ndarray, v: np.ndarray, torques: np.ndarray, wheel_forces: np.ndarray) -> Acceleration:
-        """Return the acceleration by the mass matrix, its Cholesky factors and a low-rank correction.
+        """Return the acceleration by the mass matrix, its Cholesky factors and a low-rank correction; the fast route.
 
         With a_0 = H^-1 (tau + J^T F_e - C) and y = H^-1 G^T: lambda = -(G y)^-1 (G a_0 + gamma), a = a_0 + y lambda.
         """
@@ -60,9 +61,21 @@ class Dynamics:
         bias = pin.nonLinearEffects(model, data, q, v)
         pin.cholesky.decompose(model, data)
         free = pin.cholesky.solve(model, data, torques + self.generalised(wheel_forces) - bias)
-        if not len(self._rows):
+        return self._held(free, [pin.cholesky.solve(model, data, row) for row in self._rows], q, v)
+
+    def accelerate_aba(
+        self, q: np.ndarray, v: np.ndarray, torques: np.ndarray, wheel_forces: np.ndarray
+    ) -> Acceleration:
+        """Return the same by the articulated-body algorithm, affine in tau: called with tau and tau + each row of G."""
+        model, data, pushes = self.model, self.data, self._joint_forces(q, wheel_forces)
+        free = pin.aba(model, data, q, v, torques, pushes).copy()
+        return self._held(free, [pin.aba(model, data, q, v, torques + row, pushes) - free for row in self._rows], q, v)
+
+    def _held(self, free: np.ndarray, answers: list[np.ndarray], q: np.ndarray, v: np.ndarray) -> Acceleration:
+        """Return the acceleration with every constraint held, given what a unit of each one's torque answers."""
+        if not answers:
             return Acceleration(free, 0.0)
-        y, rows = np.column_stack([pin.cholesky.solve(model, data, row) for row in self._rows]), self._rows
+        y, rows = np.column_stack(answers), self._rows
         gamma = 2.0 * STABILISATION * (rows @ v) + STABILISATION**2 * (self._angle_rows @ q)
         multipliers = np.linalg.solve(rows @ y, -(rows @ free + gamma))
         return Acceleration(free + y @ multipliers, 0.0 if self.rover.differential is None else float(multipliers[0]))
@@ -73,6 +86,15 @@ class Dynamics:
         at_origin = wheel_forces.copy()
         at_origin[:, 3:] += centres.take(NEXT, 1) * force.take(AFTER, 1) - centres.take(AFTER, 1) * force.take(NEXT, 1)
         return (at_origin @ self.data.J * self._moves).sum(0)
+
+    def _joint_forces(self, q: np.ndarray, wheel_forces: np.ndarray) -> list[pin.Force]:
+        """Return the wheels' wrenches in their own axes, as Pinocchio's algorithms take external forces."""
+        pin.forwardKinematics(self.model, self.data, q)
+        forces = list(self._no_force)
+        for wheel, wrench in zip(self.rover.wheels, wheel_forces, strict=True):
+            turn = self.data.oMi[wheel.joint].rotation.T
+            forces[wheel.joint] = pin.Force(turn @ wrench[:3], turn @ wrench[3:])
+        return forces
 
 
 def forward_dynamics(
@@ -98,6 +120,13 @@ def forward_dynamics(
     vanishes where the differential is held.
     """
     return Dynamics(rover).accelerate(*checked_state(rover, q, v), *_checked_forces(rover, torques, wheel_forces))
+
+
+def forward_dynamics_aba(
+    rover: Rover, q: np.ndarray, v: np.ndarray, torques: np.ndarray, wheel_forces: np.ndarray
+) -> Acceleration:
+    """Return the same as `forward_dynamics` by the articulated-body algorithm, its independent check."""
+    return Dynamics(rover).accelerate_aba(*checked_state(rover, q, v), *_checked_forces(rover, torques, wheel_forces))
 
 
 def mass_matrix(rover: Rover, q: np.ndarray) -> np.ndarray:

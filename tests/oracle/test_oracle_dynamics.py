@@ -59,12 +59,12 @@ def state_of(rover, states, i: int):
     return (q, v, torques, wrenches), back
 
 
-def worst(rover, states, reference, held: bool) -> float:
+def worst(rover, states, reference, route: str, held: bool) -> float:
     dynamics = Dynamics(rover if held else dataclasses.replace(rover, differential=None))
     off = []
     for i in range(len(states.position)):
         state, back = state_of(rover, states, i)
-        found = dynamics.accelerate(*state)
+        found = getattr(dynamics, route)(*state)
         expected = reference["constrained" if held else "free"][i]
         off.append(np.max(np.abs(back(found.a) - expected)) / np.max(np.abs(expected)))
         if held:
@@ -73,13 +73,14 @@ def worst(rover, states, reference, held: bool) -> float:
     return max(off)
 
 
+@pytest.mark.parametrize("route", ["accelerate", "accelerate_aba"])
 @pytest.mark.parametrize("held", [True, False])
 @pytest.mark.parametrize("engine", ["", "drake_"])
-def test_it_agrees_with_the_stored_engines(stored, held, engine):
+def test_both_routes_agree_with_the_stored_engines(stored, route, held, engine):
     states = engines.States(**{name: stored[name] for name in engines.States._fields})
     reference = {name: stored[engine + name] for name in ("free", "constrained", "torque")}
     assert len(states.position) == 100
-    assert worst(rover_of(str(stored["urdf"]), states), states, reference, held) < AGREE
+    assert worst(rover_of(str(stored["urdf"]), states), states, reference, route, held) < AGREE
 
 
 def test_the_engine_was_given_all_the_mass(stored):
@@ -92,7 +93,7 @@ def test_the_shipped_urdf_agrees_with_mujoco():
     states = engines.random_states(text, 20, seed=7)
     reference = engines.by_mujoco(text, states)
     rover = rover_of(text, states)
-    assert worst(rover, states, reference, held=True) < AGREE
+    assert worst(rover, states, reference, "accelerate", held=True) < AGREE
     dofs = [rover.model.joints[rover.model.getJointId(name)].idx_v for name in states.joints]
     state, _ = state_of(rover, states, 0)
     ours = mass_matrix(rover, state[0])[np.ix_(dofs, dofs)]
@@ -126,10 +127,11 @@ def test_shaken_trees_agree_with_mujoco(seed):
     text = shaken(engines.NEXUS6.read_text(), seed)
     states = engines.random_states(text, 10, seed)
     reference = engines.by_mujoco(text, states)
-    assert worst(rover_of(text, states), states, reference, held=True) < AGREE
+    for route in ("accelerate", "accelerate_aba"):
+        assert worst(rover_of(text, states), states, reference, route, held=True) < AGREE
 
 
 def test_a_wrong_differential_would_be_seen(stored):
     states = engines.States(**{name: stored[name] for name in engines.States._fields})
     rover = rover_of(str(stored["urdf"]), states)
-    assert worst(dataclasses.replace(rover, differential=None), states, stored, held=True) > 1e-6
+    assert worst(dataclasses.replace(rover, differential=None), states, stored, "accelerate", held=True) > 1e-6

@@ -1,4 +1,4 @@
-"""Equation (8): the mass matrix, the differential, momentum, and refusals."""
+"""Equation (8): two routes, the mass matrix, the differential, momentum, and refusals."""
 
 from __future__ import annotations
 
@@ -12,11 +12,20 @@ from rover_pin.rover.forward_dynamics import (
     bias,
     constraint_rows,
     forward_dynamics,
+    forward_dynamics_aba,
     mass_matrix,
     wheel_jacobians,
 )
 
 SEEDS = range(5)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_the_two_routes_agree(rover, random_state, seed):
+    state = random_state(rover, seed)
+    fast, slow = forward_dynamics(rover, *state), forward_dynamics_aba(rover, *state)
+    assert np.allclose(fast.a, slow.a, rtol=0.0, atol=1e-11 * np.max(np.abs(fast.a)))
+    assert fast.differential_torque == pytest.approx(slow.differential_torque, rel=1e-9, abs=1e-12)
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -33,9 +42,10 @@ def test_equation_8_balances(rover, random_state, seed):
 def test_the_differential_is_held_exactly_where_it_holds(nexus6, random_state, seed):
     state = random_state(nexus6, seed)
     left, right, q_left, q_right = nexus6.differential
-    found = forward_dynamics(nexus6, *state)
-    assert abs(found.a[left] + found.a[right]) < 1e-9
-    assert found.differential_torque != 0.0
+    for route in (forward_dynamics, forward_dynamics_aba):
+        found = route(nexus6, *state)
+        assert abs(found.a[left] + found.a[right]) < 1e-9
+        assert found.differential_torque != 0.0
     assert state.q[q_left] + state.q[q_right] == 0.0
 
 
@@ -106,11 +116,13 @@ def test_wheel_jacobians_are_derivatives(rover, random_state):
 def test_arrays_that_do_not_fit_are_refused(nexus6, random_state, place, value, words):
     state = list(random_state(nexus6, 0))
     state[place] = value
-    with pytest.raises(ParameterError, match=words):
-        forward_dynamics(nexus6, *state)
+    for route in (forward_dynamics, forward_dynamics_aba):
+        with pytest.raises(ParameterError, match=words):
+            route(nexus6, *state)
 
 
-def test_free_motion_keeps_its_energy(rover, random_state):
+@pytest.mark.parametrize("route", ["accelerate", "accelerate_aba"])
+def test_free_motion_keeps_its_energy(rover, random_state, route):
     """Heun's second order: the drift over a tenth of a second falls by four to eight as the step is halved."""
 
     def energy(q, v):
@@ -122,9 +134,9 @@ def test_free_motion_keeps_its_energy(rover, random_state):
         dynamics, zero, still = Dynamics(rover), np.zeros(rover.model.nv), np.zeros((len(rover.wheels), 6))
         first = energy(q, v)
         for _ in range(round(0.1 / dt)):
-            a = dynamics.accelerate(q, v, zero, still).a
+            a = getattr(dynamics, route)(q, v, zero, still).a
             ahead, then = pin.integrate(rover.model, q, dt * v), v + dt * a
-            later = dynamics.accelerate(ahead, then, zero, still).a
+            later = getattr(dynamics, route)(ahead, then, zero, still).a
             q, v = pin.integrate(rover.model, q, dt * v + 0.5 * dt * dt * a), v + 0.5 * dt * (a + later)
         return abs(energy(q, v) - first) / abs(first)
 

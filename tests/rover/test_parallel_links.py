@@ -9,7 +9,7 @@ import pytest
 
 from rover_pin.base.errors import UrdfError
 from rover_pin.control.constant import ConstantDuty
-from rover_pin.rover.forward_dynamics import constraint_rows, forward_dynamics
+from rover_pin.rover.forward_dynamics import constraint_rows, forward_dynamics, forward_dynamics_aba
 from rover_pin.rover.rover import load_rover
 from rover_pin.rover.urdf_check import check_urdf
 from rover_pin.scenarios.scenario import scenario
@@ -81,13 +81,16 @@ def test_it_accelerates_as_the_closed_loop_does(seed):
     """Points that stay together (more than are needed) against joints that follow."""
     q, v, rng = posture(LINKS, seed)
     torques = rng.normal(size=LINKS.model.nv)
-    found = forward_dynamics(LINKS, q, v, torques, np.zeros((6, 6)))
+    fast = forward_dynamics(LINKS, q, v, torques, np.zeros((6, 6)))
+    slow = forward_dynamics_aba(LINKS, q, v, torques, np.zeros((6, 6)))
+    assert fast.a == pytest.approx(slow.a, abs=1e-9 * np.abs(fast.a).max())
     loop = closed_loop_acceleration(LINKS, q, v, torques)
-    assert found.a == pytest.approx(loop, abs=1e-5 * np.abs(loop).max())
-    assert constraint_rows(LINKS) @ found.a == pytest.approx(0.0, abs=1e-8)
+    assert fast.a == pytest.approx(loop, abs=1e-5 * np.abs(loop).max())
+    assert constraint_rows(LINKS) @ fast.a == pytest.approx(0.0, abs=1e-8)
 
 
-def test_what_is_violated_comes_back_each_at_its_own_place():
+@pytest.mark.parametrize("route", [forward_dynamics, forward_dynamics_aba])
+def test_what_is_violated_comes_back_each_at_its_own_place(route):
     """phi'' = -2 w phi' - w^2 phi for the differential and for each joint that follows, w = 20 1/s."""
     q, v, rng = posture(LINKS, 5)
     both, follow = LINKS.differential, LINKS.couplings
@@ -96,7 +99,7 @@ def test_what_is_violated_comes_back_each_at_its_own_place():
     for each in follow:
         q[each.q_follower] += rng.uniform(-0.02, 0.02)
         v[each.follower] += rng.uniform(-0.3, 0.3)
-    a = forward_dynamics(LINKS, q, v, rng.normal(size=LINKS.model.nv), np.zeros((6, 6))).a
+    a = route(LINKS, q, v, rng.normal(size=LINKS.model.nv), np.zeros((6, 6))).a
     parts = [(both.left, both.right, both.q_left, both.q_right, -1.0)]
     parts += [(each.follower, each.leader, each.q_follower, each.q_leader, each.ratio) for each in follow]
     for i, j, q_i, q_j, ratio in parts:
@@ -115,7 +118,8 @@ def test_differential_torque_closes_equation_8_at_a_rocker():
     assert abs(found.differential_torque) > 0.01
     for loose in (dataclasses.replace(LINKS, differential=None), load_rover("cart")):
         state = pin.neutral(loose.model), np.zeros(loose.model.nv), np.ones(loose.model.nv)
-        assert forward_dynamics(loose, *state, np.zeros((len(loose.wheels), 6))).differential_torque == 0.0
+        for route in (forward_dynamics, forward_dynamics_aba):
+            assert route(loose, *state, np.zeros((len(loose.wheels), 6))).differential_torque == 0.0
 
 
 def test_compiled_and_plain_step_agree_and_hold_the_links():
