@@ -2,10 +2,12 @@
 
 import dataclasses
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
 from rover_pin.base.errors import ParameterError
@@ -21,7 +23,7 @@ from rover_pin.simulation.model.motor import Motor
 from rover_pin.simulation.trace.record import model_attrs
 
 STEEPEST = math.radians(40.0)
-"""Slopes up and down between which `driven_slope` searches."""
+"""Slopes up and down between which `climbable_slope` searches."""
 
 
 @dataclass(frozen=True)
@@ -121,6 +123,19 @@ def rover_torque_bounds(
     )
 
 
+def climbable_slope(
+    rover: Rover, soil: Soil, limit: TractionLimit = DEFAULT_LIMIT, gravity: float = EARTH
+) -> tuple[float, float]:
+    """Return the slopes [rad] that the rover holds with all wheels at full shear, and with all at the slip limit.
+
+    sum_i f_t(W_i) = m g sin(slope), the loads following the slope: beyond the second one some wheel slips more than the
+    limit, beyond the first one the soil yields under all wheels. Negative where even the flat asks for more; held
+    within +-40 deg.
+    """
+    full, slipping = (_root(_spare(which, rover, soil, limit, gravity)) for which in (0, 1))
+    return full, slipping
+
+
 def driven_slope(
     rover: Rover,
     soil: Soil,
@@ -132,19 +147,31 @@ def driven_slope(
     """Return the slope [rad] that a drive climbs with all wheels at the slip limit; at a limit of 1, at most.
 
     sum_i min(f_t(W_i), T_stall / r_i) = m g sin(slope) + R sum_i W_i: what a motion resistance R takes is paid, and no
-    wheel pulls more than its motor's stall torque at full duty. Full shear lies beyond: at S = 1 sand of large k / r is
-    not sheared that far. Effects, steps and edges of the ground are left out. Held within +-40 deg.
+    wheel pulls more than its motor's stall torque at full duty. Full shear (`climbable_slope`) lies beyond: at S = 1
+    sand of large k / r is not sheared that far. Effects, steps and edges of the ground are left out.
     """
     most = np.inf if motor is None else float(motor.stall_torque) / rover.radii
+    return _root(_spare(1, rover, soil, limit, gravity, R, most))
 
-    def spare(slope: float) -> float:
+
+def _spare(
+    which: int, rover: Rover, soil: Soil, limit: TractionLimit, gravity: float, R: float = 0.0, most: ArrayLike = np.inf
+) -> Callable[[float], float]:
+    """Return the pull that is left on a slope [N], at full shear (0) or at the slip limit (1)."""
+
+    def at(slope: float) -> float:
         loads = np.maximum(wheel_loads(rover, slope, gravity=gravity), 0.0)
-        pulls = np.array([float(pulls.limit.force) for pulls in _pulls(rover, soil, loads, limit)])
+        pulls = np.array([float(pulls[which].force) for pulls in _pulls(rover, soil, loads, limit)])
         return float(np.sum(np.minimum(pulls, most) - R * loads) - rover.mass * gravity * math.sin(slope))
 
-    for end in (STEEPEST, -STEEPEST):
-        if end * spare(end) >= 0.0:
-            return end
+    return at
+
+
+def _root(spare: Callable[[float], float]) -> float:
+    if spare(STEEPEST) >= 0.0:
+        return STEEPEST
+    if spare(-STEEPEST) <= 0.0:
+        return -STEEPEST
     return float(brentq(spare, -STEEPEST, STEEPEST, xtol=1e-9))
 
 

@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import brentq
 
 from rover_pin.control.bound_pull import TractionLimit
-from rover_pin.control.rover_bounds import driven_slope, rover_torque_bounds
+from rover_pin.control.rover_bounds import climbable_slope, rover_torque_bounds
 from rover_pin.control.torque_bounds import TorqueBounds, torque_bounds
 from rover_pin.effects.motion_resistance import MotionResistance
 from rover_pin.scenarios.scenario import scenario
@@ -51,19 +51,13 @@ def slip_at(share, which, soil, rover, slip_limit):
     return brentq(lambda S: torque_at_slip(load, S, rover.wheel, soil) - target, 0.01, 1.0)
 
 
-def _spare_at_full_shear(slope, flat, limit):
-    pulls = rover_torque_bounds(flat.rover, flat.soils[0], slope, limit=limit).pull_saturation
-    return np.sum(pulls) - flat.rover.mass * 9.81 * math.sin(slope)
-
-
 def steady_climb(share, which, form, k, slip_limit):
     """The model on the slope where this share of the bound just about balances the weight, and the slip expected."""
     flat = uphill(0.0, k, form)
     expected = slip_at(share, which, flat.soils[0], flat.rover, slip_limit)
     limit = TractionLimit(1.0 if expected is None else expected, FORMS[form])
-    slope = driven_slope(flat.rover, flat.soils[0], limit) - math.radians(0.3)
-    if expected is None:
-        slope = brentq(lambda slope: _spare_at_full_shear(slope, flat, limit), 0.0, math.radians(35.0))
+    full, slipping = climbable_slope(flat.rover, flat.soils[0], limit)
+    slope = full if expected is None else slipping - math.radians(0.3)
     return uphill(slope, k, form), slope, expected
 
 

@@ -11,7 +11,7 @@ from rover_pin.base.errors import ParameterError
 from rover_pin.cli.app import app
 from rover_pin.contact import Wheel
 from rover_pin.control.bound_pull import TractionLimit
-from rover_pin.control.rover_bounds import driven_slope, rover_torque_bounds
+from rover_pin.control.rover_bounds import climbable_slope, rover_torque_bounds
 from rover_pin.control.torque_bounds import torque_bounds
 from rover_pin.parameters import SOILS
 from rover_pin.rover.rover import load_rover
@@ -48,16 +48,17 @@ def test_load_transfer_raises_the_bound_light_wheels_slip_first():
 @pytest.mark.parametrize("form", FORMS.values(), ids=FORMS)
 def test_the_climbable_slope_balances_the_weight(form):
     limit = TractionLimit(0.2, form)
-    slope = driven_slope(ROVER, SAND, limit)
-    bounds = rover_torque_bounds(ROVER, SAND, slope, limit=limit)
-    assert np.sum(bounds.pull_limit) == pytest.approx(ROVER.mass * 9.81 * math.sin(slope), rel=1e-6)
-    assert np.sum(bounds.pull_saturation) > np.sum(bounds.pull_limit)
+    full, slipping = climbable_slope(ROVER, SAND, limit)
+    assert slipping < full
+    for slope, which in ((full, "pull_saturation"), (slipping, "pull_limit")):
+        pull = getattr(rover_torque_bounds(ROVER, SAND, slope, limit=limit), which)
+        assert np.sum(pull) == pytest.approx(ROVER.mass * 9.81 * math.sin(slope), rel=1e-6)
 
 
 def test_every_wheel_climbs_its_factor_angle_with_fixed_angles():
     limit = TractionLimit(0.2, TorqueTraction(), FixedAngles())
     factor = load_traction_factor(0.2, SAND, WHEEL, TorqueTraction())
-    assert driven_slope(ROVER, SAND, limit) == pytest.approx(math.atan(factor), rel=1e-6)
+    assert climbable_slope(ROVER, SAND, limit)[1] == pytest.approx(math.atan(factor), rel=1e-6)
 
 
 def test_a_slope_on_which_a_wheel_lifts_is_refused_by_name():
