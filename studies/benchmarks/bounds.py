@@ -1,0 +1,108 @@
+"""Microseconds per call of the torque bounds of six wheels with their derivatives by the load.
+
+    python studies/benchmarks/bounds.py [--quick]
+
+Three ways give T_sat, T_lim and both derivatives of the same six loads: `TorqueBounds` compiled, the same function run
+by CasADi's own machine, and scipy (`quad` for integrals, `brentq` for theta_1, central differences for derivatives).
+Their greatest relative difference is printed beside the times: the mean of a short loop, the least of many loops, so
+that a machine busy with other work still shows what the call costs.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import platform
+import time
+from collections.abc import Callable
+
+import numpy as np
+from scipy.integrate import quad
+from scipy.optimize import brentq
+
+from rover_pin.control.torque_bounds import BY_LOAD, TorqueBounds, WheelBounds, interpreted, torque_bounds
+from rover_pin.parameters import NEXUS6_WHEEL, SOILS
+
+WHEEL, SOIL, S_LIM = NEXUS6_WHEEL, SOILS["literature-sand"], 0.2
+LOADS = np.array([7.9, 7.9, 7.3, 7.3, 12.6, 12.6])
+STEP = 1e-4
+"""Relative step of the differences."""
+
+
+def main() -> None:
+    """Time the three ways and compare their results."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--quick", action="store_true", help="fewer repeats")
+    quick = parser.parse_args().quick
+    prepared = TorqueBounds([WHEEL] * len(LOADS), SOIL, S_LIM)
+    ways: dict[str, tuple[Callable[[], WheelBounds], int]] = {}
+    if prepared.compiled:
+        ways["TorqueBounds, compiled"] = (lambda: prepared(LOADS), 200)
+    slower = without_compiler()
+    ways["TorqueBounds, CasADi's machine"] = (lambda: slower(LOADS), 200)
+    ways["scipy quad, brentq, differences"] = (by_scipy, 1)
+    reference = np.array(by_scipy())
+    for name, (call, number) in ways.items():
+        off = np.max(np.abs(np.array(call()) / reference - 1.0), axis=1)
+        best = least(call, number, (20 if quick else 200) if number > 1 else 3)
+        apart = f"from scipy: bounds {max(off[:2]):.0e}, derivatives {max(off[2:]):.0e}"
+        print(f"{name:34s} {best:10.1f} us per call; {apart}")
+    single = least(lambda: torque_bounds(9.5, SOIL, WHEEL, S_LIM), 100, 20)
+    print(f"{'torque_bounds, one wheel of floats':34s} {single:10.1f} us per call")
+    print(f"six wheels, T_sat, T_lim, dT_sat/dW, dT_lim/dW; {platform.machine()}, Python {platform.python_version()}")
+
+
+def without_compiler() -> TorqueBounds:
+    """Return the prepared bounds as they are where there is no C compiler."""
+    found = TorqueBounds([WHEEL] * len(LOADS), SOIL, S_LIM)
+    found.bind(interpreted(len(LOADS), BY_LOAD))
+    return found
+
+
+def least(call: Callable[[], object], number: int, repeats: int) -> float:
+    """Return the least mean time of a call [us] over the repeats."""
+    best = math.inf
+    for _ in range(repeats):
+        start = time.perf_counter()
+        for _ in range(number):
+            call()
+        best = min(best, (time.perf_counter() - start) / number)
+    return 1e6 * best
+
+
+def by_scipy() -> WheelBounds:
+    """Return the same with adaptive quadrature, a bracketing search and central differences."""
+    rows = []
+    for load in LOADS:
+        step = STEP * load
+        low, at, high = (np.array(one_by_scipy(load + d)) for d in (-step, 0.0, step))
+        rows.append((*at, *((high - low) / (2.0 * step))))
+    return WheelBounds(*np.array(rows).T)
+
+
+def one_by_scipy(load: float) -> tuple[float, float]:
+    """Return T_sat and T_lim of one wheel."""
+    return torque(lambda j: 1.0, load), torque(lambda j: -math.expm1(-j / SOIL.k), load)
+
+
+def torque(share: Callable[[float], float], load: float) -> float:
+    """Return r^2 b int tau at the theta_1 that carries the load, with this share of the shear strength in use."""
+    r, b = WHEEL.r, WHEEL.b
+
+    def sigma(theta: float, theta_1: float) -> float:
+        return (SOIL.k_1 + SOIL.k_2 * b) * (r * max(math.cos(theta) - math.cos(theta_1), 0.0) / b) ** SOIL.n
+
+    def tau(theta: float, theta_1: float) -> float:
+        j = r * (theta_1 - theta - (1.0 - S_LIM) * (math.sin(theta_1) - math.sin(theta)))
+        return (SOIL.c + sigma(theta, theta_1) * math.tan(SOIL.phi)) * share(j)
+
+    def force(theta_1: float) -> float:
+        press = lambda t: sigma(t, theta_1) * math.cos(t) + tau(t, theta_1) * math.sin(t)  # noqa: E731
+        return r * b * quad(press, -SOIL.exit_ratio * theta_1, theta_1, epsabs=0.0, epsrel=1e-11)[0] - load
+
+    theta_1 = brentq(force, 0.05, 1.4, xtol=1e-13)
+    return r * r * b * quad(tau, -SOIL.exit_ratio * theta_1, theta_1, args=(theta_1,), epsabs=0.0, epsrel=1e-11)[0]
+
+
+if __name__ == "__main__":
+    main()
