@@ -113,10 +113,9 @@ class Case:
         if not self.told:
             return Outcome.UNKNOWN if self.answer is Answer.NONE_FITS else Outcome.SILENT
         truth, answers = set(self.truth), [set(one) for one in self.alike]
-        if self.kind in (Kind.NULL, Kind.OFF_LIST):
-            return Outcome.OPEN if {"nothing"} in answers else Outcome.WRONG
-        if not any(truth & one for one in answers):
-            return Outcome.WRONG
+        names_none = self.kind in (Kind.NULL, Kind.OFF_LIST)
+        if names_none or not any(truth & one for one in answers):
+            return Outcome.OPEN if names_none and {"nothing"} in answers else Outcome.WRONG
         if self.kind is Kind.OTHER_LAW:
             right = any(one <= truth for one in answers)
             return Outcome.EXTRA if not right else Outcome.RIGHT if len(answers) == 1 else Outcome.IN_SET
@@ -183,7 +182,7 @@ def shares(cases: Sequence[Case]) -> list[Row]:
         row("nothing hidden: something named (false alarm)", null, Outcome.WRONG, Outcome.OPEN, aim="<= 2 %"),
         row("nothing hidden: called unknown", null, Outcome.UNKNOWN),
         row("on no list, beyond the noise: abstained", off, Outcome.UNKNOWN, Outcome.SILENT),
-        met("on no list, beyond the noise: the same, or something acts besides", off, _told_unknown, ">= 95 %"),
+        met("the same, or something acts besides", off, lambda case: not case.told or case.acts_besides, ">= 95 %"),
         row("on no list, within the noise: something named", quiet, Outcome.WRONG, Outcome.OPEN),
         Row("another law: detectable", len(other), len(other + faint)),
         row("another law, detectable: the right class named, in the set, or like it", other, *right, aim=">= 80 %"),
@@ -197,7 +196,6 @@ def shares(cases: Sequence[Case]) -> list[Row]:
 
 
 _as_good: Callable[[Case], bool] = lambda case: case.after <= 1.05 * case.oracle  # noqa: E731
-_told_unknown: Callable[[Case], bool] = lambda case: not case.told or case.acts_besides  # noqa: E731
 _better: Callable[[Case], bool] = lambda case: case.after < case.before  # noqa: E731
 
 

@@ -34,11 +34,10 @@ class Decision(NamedTuple):
 def decide(beliefs: Beliefs) -> Decision:
     """Return the answer: the most probable set is named where nearly all that is probable contains it.
 
-    Nothing is missing, or nothing of the list, where that is more likely than not. A cause of which one family is more
-    likely than not is kept, alone or in a set, in which nothing may stand too; the data cannot tell where neither nothing
-    nor a family is. Where only what is declared of a number is otherwise, the base model as
-    declared does not describe the data. A set whose laws more likely than not leave more than noise is like what
-    is missing.
+    Nothing is missing, or nothing of the list, where that is more likely than not. Where a family of causes is, its
+    leading set is kept, alone or among others, of which nothing may be one; where neither is, the data cannot tell.
+    Where only what is declared of a number is otherwise, the base model as declared does not describe the data. A set
+    whose laws more likely than not leave more than noise is like what is missing.
     """
     none = beliefs.sets.get(frozenset(), 0.0)
     otherwise = beliefs.probability(lambda hypothesis: {cause.family for cause in hypothesis.causes} == {DECLARED})
