@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from rover_pin.parameters import SOILS
     from rover_pin.rover.rover import load_rover
     from rover_pin.scenarios.scenario import scenario
+    from rover_pin.scenarios.sensitivities import sensitivities
     from rover_pin.simulation.model.model import Model
     from rover_pin.simulation.model.motor import Motor
     from rover_pin.simulation.simulate import plain_simulate, simulate
@@ -44,6 +45,7 @@ __all__ = [
     "load_traction_factor",
     "plain_simulate",
     "scenario",
+    "sensitivities",
     "simulate",
     "torque_bounds",
     "wheel_forces",
@@ -63,6 +65,7 @@ _HOMES = {
     "simulation.trace.trace": ("Trace",),
     "parameters": ("SOILS",),
     "scenarios.scenario": ("scenario",),
+    "scenarios.sensitivities": ("sensitivities",),
     "soil.traction": ("load_traction_factor", "wheel_forces"),
 }
 

@@ -33,6 +33,7 @@ def questions(drive: Drive, duration: float, progress: Progress | None = None) -
     steps, first = round(duration / timing.dt), drive.checkpoint.steps if drive.checkpoint else 0
     samples = math.ceil((first + steps) / per_control) - math.ceil(first / per_control)
     loop_fields = {} if native is None else native.fields(drive.stepper, samples)
+    loop_fields |= {} if drive.lengths is None else {"followed": drive.lengths}
     loop = Loop(drive.stepper, timing.dt, steps, per_sample, per_control=per_control, rough=timing.rough, **loop_fields)
     if native is None:
         loop.ask()

@@ -44,6 +44,8 @@ class Drive(NamedTuple):
     timing: Timing
     checkpoint: Checkpoint | None = None
     "where it goes on; None: it begins"
+    lengths: np.ndarray | None = None
+    "of the steps that it takes [s], then 0; None: it chooses them"
 
 
 Progress = Callable[[float], None]

@@ -231,9 +231,11 @@ def _place(state: DriveState) -> tuple[float, float]:
     return float(state.q[0]), float(state.q[1])
 
 
-def set_out(model: Model, controller: Controller, duration: float, start: Start, timing: Timing) -> Drive:
+def set_out(
+    model: Model, controller: Controller, duration: float, start: Start, timing: Timing, symmetric: bool = False
+) -> Drive:
     """Return a drive over the compiled step that has been set down at rest at `start`, and goes on step by step."""
-    job = DriveJob(Kernel, run_compiled, model, controller, duration, timing, False, None, False)
+    job = DriveJob(Kernel, run_compiled, model, controller, duration, timing, symmetric, None, False)
     return begun(job, set_down(model, start, job.symmetric).state)
 
 

@@ -1,0 +1,168 @@
+"""Slopes of whole drives: exact where they are known, those of a difference of the eighth order on drawn drives."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from rover_pin.base.errors import ParameterError
+from rover_pin.scenarios.along import course_of, drive_along
+from rover_pin.scenarios.scenario import scenario, settings_of
+from rover_pin.scenarios.sensitivities import WIDTH, sensitivities
+
+EIGHTH = {1: 4 / 5, 2: -1 / 5, 3: 4 / 105, 4: -1 / 280}
+"""Weights of f(p + i h) - f(p - i h), over h, whose error is of the eighth order."""
+NEAR = 1e-6
+GROUNDS = {"flat": (), "incline": ("terrain.angle",), "slope": (), "ditch": ("terrain.wall_angle", "terrain.depth"),
+           "bump": ("terrain.height",), "hills": (), "rocks": ()}  # fmt: skip
+NUMBERS = ("soil.k", "soil.phi", "soil.n", "soil.k_1", "soil.theta_1", "motor.gear", "motor.resistance",
+           "effect.MotionResistance.R", "gravity", "start.x")  # fmt: skip
+
+
+def drawn(seed):
+    """A usual drive with a number of it: name, settings, the number's name."""
+    rng = np.random.default_rng([30, seed])
+    name = str(rng.choice(list(GROUNDS)))
+    control = str(rng.choice(["none", "true", "eq9", "limit"]))
+    settings = {
+        "duration": 4.0,
+        "control": control,
+        "soil.k": float(10 ** rng.uniform(-2.5, -1.5)),
+        "soil.phi": float(rng.uniform(0.4, 0.7)),
+        "start.x": float(rng.uniform(-0.2, -0.01)),
+    }
+    gains = ()
+    if control in ("true", "eq9"):
+        settings["control.S_d"], gains = float(rng.uniform(0.05, 0.3)), ("control.k_p", "control.k_i", "control.S_d")
+    known = {setting.name: setting.value for setting in settings_of(name, **settings)}
+    return name, settings, str(rng.choice([each for each in (*NUMBERS, *GROUNDS[name], *gains) if known.get(each)]))
+
+
+def shares(trace, slope, off):
+    """The greatest of what a slope is off, by unit: over the greatest slope, or a hundredth of the greatest value."""
+    found = {}
+    for unit in {trace.unit(channel) for channel in slope.channels}:
+        channels = [channel for channel in slope.channels if trace.unit(channel) == unit]
+        moved, size, far = (
+            max(float(np.nanmax(np.abs(rows[channel]))) for channel in channels)
+            for rows in (slope.channels, trace, off)
+        )
+        if moved:
+            found[unit] = far / max(moved, 1e-2 * size / abs(slope.value))
+    return found
+
+
+def judged(seed):
+    """Return of a drawn drive the greatest share that its slope is off from the reference, and that it says."""
+    name, settings, number = drawn(seed)
+    trace, slopes = sensitivities(name, [number], **settings)
+    slope, asked = slopes[number], scenario(name, **settings)
+    course, h = course_of(asked, trace), 0.5 * WIDTH * abs(slope.value)
+    around = {
+        i: drive_along(scenario(name, **{**settings, number: slope.value + i * h}), course)
+        for i in (*EIGHTH, *(-i for i in EIGHTH))
+    }
+    off = {
+        channel: slope[channel]
+        - sum(weight * (around[i][channel] - around[-i][channel]) for i, weight in EIGHTH.items()) / h
+        for channel in slope.channels
+    }
+    said = shares(trace, slope, slope.errors)
+    return max(shares(trace, slope, off).values(), default=0.0), max(said.values(), default=0.0)
+
+
+def agree(seeds):
+    """Assert that slopes are right to NEAR where they say so, and no further off than they say elsewhere."""
+    off, said = np.array([judged(seed) for seed in seeds]).T
+    print(
+        f"off: median {np.median(off):.1e}, most {off.max():.1e}; said: {np.median(said):.1e}; {(said < NEAR).mean()}"
+    )
+    assert np.mean(off > 0.0) > 0.7, "numbers without an effect test nothing"
+    assert np.mean(said < NEAR) >= 0.8
+    assert (off <= np.maximum(NEAR, 3.0 * said)).all()
+
+
+def test_slopes_of_ten_drawn_drives():
+    agree(range(10))
+
+
+@pytest.mark.nightly
+def test_slopes_of_a_hundred_drawn_drives():
+    agree(range(10, 110))
+
+
+def test_on_level_ground_a_start_moves_the_whole_drive():
+    """x follows start.x and nothing else does; y and heading turn with start.yaw, across the cut of the angle too."""
+    _, slopes = sensitivities("flat", ["start.x", "start.yaw"], duration=2.0, **{"start.yaw_deg": 180.0})
+    x, yaw = slopes["start.x"], slopes["start.yaw"]
+    assert (x.value, x.unit, yaw.value, yaw.unit) == (0.0, "m", math.pi, "rad")
+    assert x["body_x"] == pytest.approx(1.0, abs=1e-8)
+    for channel in ("body_y", "body_z", "body_vx", "slip_ml", "sinkage_fr"):
+        assert np.abs(x[channel]).max() < 1e-8, channel
+    trace = scenario("flat", duration=2.0).drive()
+    assert yaw["body_yaw"] == pytest.approx(1.0, abs=1e-7)
+    assert yaw["body_y"] == pytest.approx(-trace["body_x"], abs=1e-7)
+    assert np.abs(yaw["body_x"]).max() < 1e-7
+
+
+@pytest.mark.parametrize("tolerance", [1e-4, 1e-6])
+def test_a_drive_along_its_own_steps_is_the_same_to_the_bit(tolerance):
+    asked = scenario("step", form="net", duration=4.0)
+    asked = dataclasses.replace(asked, timing=dataclasses.replace(asked.timing, tolerance=tolerance))
+    trace = asked.drive()
+    course = course_of(asked, trace)
+    again = drive_along(asked, course)
+    assert len(set(course.lengths)) > 1, "steps that never change test nothing"
+    assert (course.timing.dt < asked.timing.dt) == (tolerance == 1e-6)
+    assert all(np.array_equal(again[channel], trace[channel]) for channel in trace)
+
+
+class Slowed:
+    """Half duty, and after a second by as much less as the rover is ahead of a place, as `bend` of that has it."""
+
+    def __init__(self, place, bend):
+        self.place, self.bend = place, bend
+        self.reset()
+
+    def reset(self):
+        self.less = 0.0
+
+    def __call__(self, reading):
+        if math.isclose(reading.t, 1.0):
+            self.less = self.bend(100.0 * (reading.truth.position[0] - self.place))
+        return 0.5 - self.less
+
+
+def test_a_bend_is_in_the_error_of_its_slope():
+    """A controller that begins to act just here: beside it those that act on both sides, or on none."""
+    place = float(scenario("flat", control=lambda reading: 0.5, duration=1.0).drive()["body_x"][-1])
+
+    def slope(bend):
+        return sensitivities("flat", ["motor.supply"], duration=2.0, control=Slowed(place, bend))[1]["motor.supply"]
+
+    bent, acting, idle = (slope(bend)["body_x"][-1] for bend in (lambda x: max(x, 0.0), lambda x: x, lambda x: 0.0))
+    assert abs(acting - idle) > 0.1 * abs(idle)
+    assert bent == pytest.approx(0.5 * (acting + idle), rel=1e-4)
+    assert slope(lambda x: max(x, 0.0)).errors["body_x"][-1] == pytest.approx(0.5 * abs(acting - idle), rel=1e-3)
+
+
+def test_rows_that_a_drive_beside_does_not_reach_are_no_numbers():
+    """A wheel that is buried in another row where the ground is a little softer."""
+    settings = {"add": "DiggingMemory.c_d=0.1", "terrain.angle_deg": 7.0, "soil": "table-1", "duration": 30.0}
+    trace, slopes = sensitivities("incline", ["soil.k"], {"soil.k": 1e-3}, **settings)
+    assert trace.attrs["stop"].startswith("buried")
+    missing = np.isnan(slopes["soil.k"]["body_x"])
+    assert 0 < missing.sum() < 0.5 * len(missing)
+    assert not missing[: -missing.sum()].any()
+
+
+@pytest.mark.parametrize("number", ["soil.q", "terrain.wall_angle_deg", "control", "duration", "dt"])
+def test_what_is_no_number_of_the_drive_is_refused(number):
+    with pytest.raises(ParameterError, match=f"'{number}'"):
+        sensitivities("ditch", [number])
+
+
+def test_a_number_at_its_bound_is_refused_by_its_name():
+    with pytest.raises(ParameterError, match=r"soil\.c"):
+        sensitivities("flat", ["soil.c"], duration=1.0, **{"soil.c": 0.0})
