@@ -21,17 +21,6 @@ from rover_pin.simulation.native.control import Commands, SlipLaw
 from rover_pin.simulation.timing import CONTROL_PERIOD
 from rover_pin.soil.slip import speed_ratio
 
-
-def greater(a: Scalar, b: Scalar, eps: float) -> Scalar:
-    """Return (a + b + sqrt((a - b)^2 + eps^2)) / 2, at most eps / 2 above the greater; exactly that for eps = 0."""
-    return ca.fmax(a, b) if eps == 0.0 else 0.5 * (a + b + ca.sqrt((a - b) ** 2 + eps**2))
-
-
-def lesser(a: Scalar, b: Scalar, eps: float) -> Scalar:
-    """Return the rounded lesser of the two."""
-    return -greater(-a, -b, eps)
-
-
 FADE = 0.005
 """Excess of the asked duty over the given one [-] on which the integral comes to rest; at once, it would chatter."""
 
@@ -64,7 +53,7 @@ class Step(NamedTuple):
     "of the integral [1/s]"
 
 
-def pi_law(gains: Gains, S_hat: Scalar, integral: Scalar, highest: Scalar, smoothing: Scalar = 0.0) -> Step:
+def pi_law(gains: Gains, S_hat: Scalar, integral: Scalar, highest: Scalar) -> Step:
     """Return the duty of a wheel, and how its integral I moves; floats or expressions.
 
         e = S_d - S_hat,  asked = delta_0 + k_p e + I,  duty = asked, clipped to [delta_min, min(delta_max, highest)]
@@ -78,16 +67,14 @@ def pi_law(gains: Gains, S_hat: Scalar, integral: Scalar, highest: Scalar, smoot
     ----------
     highest : Scalar
         Highest duty that the torque limit allows [-]; delta_min gives way to it.
-    smoothing : Scalar
-        Rounds the limits by as much [duty].
 
     Source: section 5, Fig 9. Differs from the paper: it does not say what its integral does at the limit.
     """
     error = gains.S_d - S_hat
     unclamped = gains.delta_0 + gains.k_p * error + integral
-    most = lesser(gains.delta_max, highest, smoothing)
-    least = lesser(gains.delta_min, most, smoothing)
-    duty = lesser(greater(unclamped, least, smoothing), most, smoothing)
+    most = ca.fmin(gains.delta_max, highest)
+    least = ca.fmin(gains.delta_min, most)
+    duty = ca.fmin(ca.fmax(unclamped, least), most)
     outward = ca.fmax((unclamped - duty) * ca.sign(error), 0.0)
     return Step(duty, gains.k_i * error * (1.0 - ca.fmin(outward / FADE, 1.0)))
 

@@ -1,4 +1,4 @@
-"""Gains found by optimisation: a global search, a gradient polish on a reduced model, the full rover's verdict.
+"""Gains found by optimisation: a global search, a polish on the full rover, and its verdict.
 
 Start at `tune`; what is tuned is declared in `study`.
 """

@@ -33,7 +33,7 @@ from rover_pin.simulation.model.model import Model
 from rover_pin.simulation.model.toml_file import model_files
 from rover_pin.simulation.sensors import Sensed, Sensors
 from rover_pin.simulation.trace.trace import Trace
-from rover_pin.tuning.drive_score import TAIL, Cost, Score, score_outcome, score_trace
+from rover_pin.tuning.drive_score import TAIL, Score, score_outcome, score_trace
 from rover_pin.tuning.reduced_model.drive import GAIN_NAMES, Outcome, Reduced
 from rover_pin.tuning.reduced_model.effects import omitted_effects
 from rover_pin.tuning.reduced_model.loop import Loop
@@ -86,8 +86,6 @@ class Control(NamedTuple):
 
 FAILED = Score(progress=0.0, slip=1.0, energy=1.0, stuck=1.0, sinkage=1.0, buried=1.0)
 """The score of a drive that the integrator gives up: worse than any that stands still."""
-SMOOTHING = 0.005
-"""Rounding of the limits [duty] where derivatives are taken; it moves the cost by about 0.2 %."""
 
 
 @lru_cache(maxsize=64)
@@ -140,49 +138,29 @@ def full_score(case: DriveCase, control: Control) -> list[float]:
 
 
 @lru_cache(maxsize=64)
-def reduced_of(case: DriveCase, estimate: str, smoothing: float) -> Reduced:
+def reduced_of(case: DriveCase, estimate: str) -> Reduced:
     """Return the reduced model of a case."""
     scene = built(case)
     control = controller_of(case, Control.of(estimate, SlipLaw()))
     assert isinstance(control, SlipControl)
     assert isinstance(control.estimate, (TrueSlip, TableEstimate))
-    loop = Loop(control.estimate, control.limit, smoothing)
+    loop = Loop(control.estimate, control.limit)
     return Reduced(scene.model, loop, scene.duration, scene.start.x, TAIL)
 
 
 @lru_cache(maxsize=64)
-def _scores(case: DriveCase, estimate: str, smoothing: float) -> ca.Function:
+def _scores(case: DriveCase, estimate: str) -> ca.Function:
     """Return gains -> Score of the reduced model."""
-    reduced = reduced_of(case, estimate, smoothing)
+    reduced = reduced_of(case, estimate)
     gains = ca.MX.sym("gains", len(GAIN_NAMES))
     outcome = Outcome(*ca.vertsplit(reduced.outcome()(gains)))
     score = score_outcome(outcome, reduced.model, reduced.start, reduced.duration)
     return ca.Function("score", [gains], [ca.vertcat(*score)])
 
 
-@lru_cache(maxsize=64)
-def _sensitivity(case: DriveCase, estimate: str, smoothing: float, cost: Cost, drives: int) -> ca.Function:
-    """Return gains -> J, of one of several drives, and its gradient, by adjoints through CVODES."""
-    gains = ca.MX.sym("gains", len(GAIN_NAMES))
-    score = Score(*ca.vertsplit(_scores(case, estimate, smoothing)(gains)))
-    J = cost.total(score) + drives * cost.highest * score.buried
-    return ca.Function("sensitivity", [gains], [ca.vertcat(J, ca.gradient(J, gains))])
-
-
-def reduced_score(case: DriveCase, control: Control, smoothing: float = 0.0) -> list[float]:
+def reduced_score(case: DriveCase, control: Control) -> list[float]:
     """Return the score of the reduced model's drive; FAILED where the integrator gives up."""
-    return _numbers(_scores(case, control.estimate, smoothing), control.gains, list(FAILED))
-
-
-def reduced_gradient(
-    case: DriveCase, control: Control, cost: Cost, drives: int = 1, smoothing: float = SMOOTHING
-) -> list[float]:
-    """Return J of the rounded reduced model and its gradient by all gains; FAILED and flat where there is none.
-
-    The mean of J over `drives` of them is what the ensemble costs: a burial weighs as much as all of them.
-    """
-    failed = [FAILED.cost(cost) + drives * cost.highest] + [0.0] * len(GAIN_NAMES)
-    return _numbers(_sensitivity(case, control.estimate, smoothing, cost, drives), control.gains, failed)
+    return _numbers(_scores(case, control.estimate), control.gains, list(FAILED))
 
 
 def _numbers(function: ca.Function, gains: tuple[float, ...], failed: list[float]) -> list[float]:
@@ -209,7 +187,7 @@ def reduced_errors(case: DriveCase, control: Control) -> list[float]:
     if estimate == CONSTANT:
         gains, estimate = gains.replace(k_p=0.0, k_i=0.0, delta_min=-1.0, delta_max=1.0), "true"
     try:
-        reduced = reduced_of(case, estimate, 0.0).drive(gains, trace.t)
+        reduced = reduced_of(case, estimate).drive(gains, trace.t)
     except OptimisationError:
         return [math.inf] * 3
     axle = [wheel.axle for wheel in built(case).model.rover.wheels]

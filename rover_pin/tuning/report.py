@@ -102,7 +102,7 @@ class TuningResult:
     cautions: tuple[str, ...] = ()
     "what the reduced model, or every drive, leaves out of the model"
     search_notes: tuple[str, ...] = ()
-    "where the search drove the full rover, and where the polish was not begun"
+    "where the search drove the full rover, and what the polish brought"
     trials: tuple[Trial, ...] = ()
     "of all that the search tried, in turn"
 

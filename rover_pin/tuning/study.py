@@ -76,14 +76,14 @@ class Effort:
     """How much is tried.
 
     `population` and `generations` of differential evolution, on the reduced model where its slip is that of the full
-    rover, else on this; from the `starts` best of it, gradient polish with `steps` evaluations each; the `keep` best of
-    all are driven by the full rover.
+    rover, else on this; a polish on the full rover begins at its `starts` best, with `steps` evaluations each; its
+    `keep` best are driven by the full rover too.
     """
 
     population: int = 12
     generations: int = 8
     starts: int = 2
-    steps: int = 8
+    steps: int = 20
     keep: int = 4
 
     def __post_init__(self) -> None:

@@ -1,6 +1,5 @@
 """The reduced model against the full rover, statics, and finite differences."""
 
-import casadi as ca
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -19,7 +18,7 @@ from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.model.defaults import own_soil
 from rover_pin.simulation.simulate import simulate
 from rover_pin.soil.sinkage import entry_angle, sinkage
-from rover_pin.tuning.reduced_model.drive import GAIN_NAMES, Outcome, Reduced, as_column
+from rover_pin.tuning.reduced_model.drive import Reduced, as_column
 from rover_pin.tuning.reduced_model.load_transfer import axle_loads
 from rover_pin.tuning.reduced_model.loop import Loop
 
@@ -107,42 +106,6 @@ def test_at_rest_the_wheels_stand_as_deep_as_their_loads_ask(d):
     loads = wheel_loads(model.rover, 0.0)[::2]
     expected = [sinkage(entry_angle(load, 0.0, model.rover.wheel, model.soils[0]), model.rover.wheel) for load in loads]
     assert still["sinkage"][-1] == pytest.approx(np.array(expected, dtype=float), rel=0.02)
-
-
-def test_gradient_of_a_digging_drive_equals_finite_differences():
-    """Of the mean sinkage and the end, through the wheels' own sinkage and the depth of their holes."""
-    scene = scenario(
-        "incline", soil="table-1", **{"terrain.angle_deg": 6, "terrain.start": 0.0, "add": DiggingMemory(c_d=0.1)}
-    )
-    gains = Gains(S_d=0.3, k_p=0.5, k_i=0.8)
-    outcome = Reduced(scene.model, Loop(TrueSlip(), NoLimit(), 0.005), 8.0).outcome()
-    symbols = ca.MX.sym("gains", len(GAIN_NAMES))
-    judged = Outcome(*ca.vertsplit(outcome(symbols)))
-    judged = judged.x_end + judged.sinkage
-    adjoint = np.array(ca.Function("g", [symbols], [ca.gradient(judged, symbols)])(as_column(gains))).ravel()
-    value = ca.Function("v", [symbols], [judged])
-    for name in ("S_d", "k_p"):
-        step = np.zeros(len(GAIN_NAMES))
-        step[GAIN_NAMES.index(name)] = 0.005
-        slope = float(value(as_column(gains) + step) - value(as_column(gains) - step)) / 0.01
-        assert adjoint[GAIN_NAMES.index(name)] == pytest.approx(slope, rel=0.05, abs=2e-3), name
-
-
-@pytest.mark.parametrize("smoothing", [0.0, 0.005])
-def test_adjoint_gradient_equals_finite_differences(smoothing):
-    """Of end position and slip, by every gain that acts; the difference step is far above the integrator's noise."""
-    scene = scenario("incline", soil="table-1", **{"soil.k": 0.01, "terrain.angle_deg": 6, "terrain.start": 0.0})
-    gains = Gains(S_d=0.15, k_p=0.5, k_i=0.8, delta_max=0.6)
-    outcome = Reduced(scene.model, Loop(TrueSlip(), NoLimit(), smoothing), 6.0).outcome()
-    symbols = ca.MX.sym("gains", len(GAIN_NAMES))
-    judged = outcome(symbols)[0] - outcome(symbols)[2]
-    adjoint = np.array(ca.Function("g", [symbols], [ca.gradient(judged, symbols)])(as_column(gains))).ravel()
-    value = ca.Function("v", [symbols], [judged])
-    for name in ("S_d", "k_p", "k_i", "delta_0"):
-        step = np.zeros(len(GAIN_NAMES))
-        step[GAIN_NAMES.index(name)] = 0.003
-        slope = float(value(as_column(gains) + step) - value(as_column(gains) - step)) / 0.006
-        assert adjoint[GAIN_NAMES.index(name)] == pytest.approx(slope, rel=0.05, abs=2e-3), name
 
 
 def test_a_stuck_drive_stays_finite():

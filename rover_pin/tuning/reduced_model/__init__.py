@@ -1,1 +1,1 @@
-"""A longitudinal model of the driving rover, small enough to be differentiated: begin with `drive`."""
+"""A longitudinal model of the driving rover, small enough to be driven many times: begin with `drive`."""

@@ -1,4 +1,4 @@
-"""A longitudinal model of the driving rover, small enough to be differentiated through a whole drive.
+"""A longitudinal model of the driving rover, small enough to be driven many times.
 
 Unknowns: x and v of the rover; of each axle the wheel rate, the sinkage h, the effects' own states, the duty and the
 control's integral. The axles follow the path of a wheel's centre over the terrain. Seen from the body, which climbs by
@@ -223,7 +223,7 @@ class Reduced:
         return np.array([self.start, *(self.sunk if name.endswith("_3") else 0.0 for name in names[1:])])
 
     def outcome(self) -> ca.Function:
-        """Return the function gains (GAIN_NAMES) -> Outcome, differentiable forwards and backwards."""
+        """Return the function gains (GAIN_NAMES) -> Outcome."""
         state, p, rate, quad, _ = self.ode
         grid = [max(0.0, self.duration - self.tail), self.duration]
         dae = {"x": state, "p": p, "ode": rate, "quad": quad}

@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 
 from rover_pin.contact import Scalar
-from rover_pin.control.slip_control import Gains, greater, lesser, pi_law
+from rover_pin.control.slip_control import Gains, pi_law
 from rover_pin.control.slip_estimate import SLOWEST_RIM, TableEstimate, TrueSlip
 from rover_pin.control.torque_check import PITCHES, NoLimit, TorqueLimit
 from rover_pin.simulation.timing import CONTROL_PERIOD
@@ -15,11 +15,10 @@ from rover_pin.tuning.reduced_model.wheel_path import piecewise
 
 @dataclass(frozen=True)
 class Loop:
-    """What closes the loop; `smoothing` rounds its limits by as much [duty]."""
+    """What closes the loop."""
 
     estimate: TrueSlip | TableEstimate
     limit: TorqueLimit | NoLimit
-    smoothing: float = 0.0
 
     def estimated(self, S: Scalar, duty: Scalar, rim: Scalar) -> Scalar:
         """Return S_hat [-] of a wheel: the slip itself, or Eq (9)."""
@@ -28,8 +27,8 @@ class Loop:
         table = self.estimate.table
         sense = ca.tanh(rim / SLOWEST_RIM)
         v_hat = piecewise(ca.fabs(duty), np.array(table.duty), np.array(table.speed)) * ca.sign(duty)
-        speed = greater(ca.fabs(rim), SLOWEST_RIM, self.smoothing * SLOWEST_RIM)
-        return lesser(1.0, greater(-1.0, 1.0 - sense * v_hat / speed, self.smoothing), self.smoothing)
+        speed = ca.fmax(ca.fabs(rim), SLOWEST_RIM)
+        return ca.fmin(1.0, ca.fmax(-1.0, 1.0 - sense * v_hat / speed))
 
     def highest(self, axle: int, pitch: Scalar, omega: Scalar) -> Scalar:
         """Return the highest duty that the torque limit allows [-]; the axle's two wheels have the same."""
@@ -39,11 +38,11 @@ class Loop:
         torques = np.array(self.limit.torques)[:, 2 * axle]
         torque = piecewise(pitch, PITCHES, torques)
         most = torque / motor.stall_torque + omega / motor.no_load_rate
-        return lesser(1.0, greater(0.0, most, self.smoothing), self.smoothing)
+        return ca.fmin(1.0, ca.fmax(0.0, most))
 
     def rates(
         self, gains: Gains, S_hat: Scalar, highest: Scalar, integral: Scalar, duty: Scalar
     ) -> tuple[Scalar, Scalar]:
         """Return the time derivatives of the integral and of the duty, which follows within one control period."""
-        step = pi_law(gains, S_hat, integral, highest, self.smoothing)
+        step = pi_law(gains, S_hat, integral, highest)
         return step.rate, (step.duty - duty) / CONTROL_PERIOD

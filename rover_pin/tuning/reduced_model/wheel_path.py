@@ -1,4 +1,4 @@
-"""The path of a wheel's centre over a terrain, as a few straight pieces that CasADi can differentiate."""
+"""The path of a wheel's centre over a terrain, as a few straight pieces."""
 
 from typing import NamedTuple
 
