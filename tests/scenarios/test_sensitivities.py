@@ -83,6 +83,7 @@ def agree(seeds):
     assert (off <= np.maximum(NEAR, 3.0 * said)).all()
 
 
+@pytest.mark.slow
 def test_slopes_of_ten_drawn_drives():
     agree(range(10))
 
