@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import casadi as ca
 import numpy as np
 
 from rover_pin.base.quantity import Record, quantity
@@ -20,9 +20,9 @@ TAIL = 3.0
 STUCK_SPEED = 0.02 * CRUISE_SPEED
 """A rover that is slower than this over the tail is stuck [m/s]; at a wall some crawl at 2 mm/s and still get out."""
 STUCK_WIDTH = 0.2 * STUCK_SPEED
-"""Width of the smooth step that stands for it where derivatives are wanted [m/s]."""
+"""Width of the smooth step that stands for it in the reduced model [m/s]."""
 BURIED_WIDTH = 0.01
-"""Width of the smooth step that stands for a buried wheel, h / r above `Model.buried`."""
+"""Width of that for a buried wheel, h / r above `Model.buried`."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class Cost(Record):
     worst: Scalar = quantity(0.0, "", "assumed: the mean counts", 0.0, 1.0)
 
     def total(self, score: Score) -> Scalar:
-        """Return J of one drive, a float or an expression."""
+        """Return J of one drive, or of each of several."""
         steady = self.slip * score.slip + self.energy * score.energy + self.sinkage * score.sinkage
         unburied = self.progress * (1.0 - score.progress) + steady + self.stuck * score.stuck
         return unburied + self.highest * score.buried
@@ -77,11 +77,11 @@ class Score(NamedTuple):
     energy: Scalar
     "electric energy over weight times cruise distance [-]"
     stuck: Scalar
-    "1 where the rover ends up stuck or the drive ended early, else 0; in between only where smoothed"
+    "1 where the rover ends up stuck or the drive ended early, else 0; in between only in the reduced model"
     sinkage: Scalar
     "mean of h / r over wheels and time [-]"
     buried: Scalar
-    "1 where a wheel sank by `Model.buried` radii, else 0; in between only where smoothed"
+    "1 where a wheel sank by `Model.buried` radii, else 0; in between only in the reduced model"
 
     def cost(self, cost: Cost) -> float:
         """Return J."""
@@ -109,7 +109,7 @@ def score_trace(trace: Trace, model: Model, duration: float) -> Score:
 
 
 def score_outcome(outcome: Outcome, model: Model, start: float, duration: float) -> Score:
-    """Return the score of a reduced drive, floats or expressions; being stuck or buried is a smooth step at the end."""
+    """Return the score of a reduced drive; being stuck or buried is a smooth step at the end."""
     way = CRUISE_SPEED * duration
     weight = model.rover.mass * model.gravity
     stuck = 1.0 - _step((outcome.speed_end - STUCK_SPEED) / STUCK_WIDTH)
@@ -120,6 +120,6 @@ def score_outcome(outcome: Outcome, model: Model, start: float, duration: float)
     return Score((outcome.x_end - start) / way, outcome.slip, spent, stuck, outcome.sinkage, buried)
 
 
-def _step(x: Scalar) -> Scalar:
+def _step(x: Scalar) -> float:
     """Return 0 far below 0 and 1 far above."""
-    return 0.5 * (1.0 + ca.tanh(0.5 * x))
+    return 0.5 * (1.0 + math.tanh(0.5 * x))

@@ -149,28 +149,22 @@ def reduced_of(case: DriveCase, estimate: str) -> Reduced:
 
 
 @lru_cache(maxsize=64)
-def _scores(case: DriveCase, estimate: str) -> ca.Function:
-    """Return gains -> Score of the reduced model."""
-    reduced = reduced_of(case, estimate)
-    gains = ca.MX.sym("gains", len(GAIN_NAMES))
-    outcome = Outcome(*ca.vertsplit(reduced.outcome()(gains)))
-    score = score_outcome(outcome, reduced.model, reduced.start, reduced.duration)
-    return ca.Function("score", [gains], [ca.vertcat(*score)])
+def _outcome(case: DriveCase, estimate: str) -> ca.Function:
+    """Return gains -> Outcome of the reduced model."""
+    return reduced_of(case, estimate).outcome()
 
 
 def reduced_score(case: DriveCase, control: Control) -> list[float]:
     """Return the score of the reduced model's drive; FAILED where the integrator gives up."""
-    return _numbers(_scores(case, control.estimate), control.gains, list(FAILED))
-
-
-def _numbers(function: ca.Function, gains: tuple[float, ...], failed: list[float]) -> list[float]:
+    reduced = reduced_of(case, control.estimate)
     try:
         # CasADi prints the inputs of a call that fails.
         with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
-            out = np.array(function(np.array(gains))).ravel()
+            out = np.array(_outcome(case, control.estimate)(np.array(control.gains))).ravel()
     except RuntimeError:
-        return failed
-    return [float(number) for number in out] if np.all(np.isfinite(out)) else failed
+        return list(FAILED)
+    score = score_outcome(Outcome(*out.tolist()), reduced.model, reduced.start, reduced.duration)
+    return list(score) if np.all(np.isfinite(score)) else list(FAILED)
 
 
 def reduced_errors(case: DriveCase, control: Control) -> list[float]:
