@@ -92,6 +92,8 @@ def sensitivities(
     >>> x.shape == drive.t.shape, bool(error[-1] < 1e-6 * abs(x[-1])), round(float(slopes["start.x"]["body_x"][-1]), 6)
     (True, True, 1.0)
     """
+    if isinstance(numbers, str):
+        raise ParameterError(f"numbers = {numbers!r} is not allowed: give a list of names, as [{numbers!r}].")
     values = _values(name, numbers, settings)
     scene = scenario(name, **settings)
     trace = scene.drive()

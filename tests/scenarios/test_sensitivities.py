@@ -79,7 +79,8 @@ def agree(seeds):
         f"off: median {np.median(off):.1e}, most {off.max():.1e}; said: {np.median(said):.1e}; {(said < NEAR).mean()}"
     )
     assert np.mean(off > 0.0) > 0.7, "numbers without an effect test nothing"
-    assert np.mean(said < NEAR) >= 0.8
+    smooth = [drawn(seed)[0] != "hills" for seed in seeds]  # whose wheels meet edges of cells all the time
+    assert np.mean(said[smooth] < NEAR) >= 0.9
     assert (off <= np.maximum(NEAR, 3.0 * said)).all()
 
 
@@ -162,6 +163,11 @@ def test_rows_that_a_drive_beside_does_not_reach_are_no_numbers():
 def test_what_is_no_number_of_the_drive_is_refused(number):
     with pytest.raises(ParameterError, match=f"'{number}'"):
         sensitivities("ditch", [number])
+
+
+def test_one_name_alone_is_no_list():
+    with pytest.raises(ParameterError, match=r"\['soil.k'\]"):
+        sensitivities("flat", "soil.k")
 
 
 def test_a_number_at_its_bound_is_refused_by_its_name():
