@@ -32,8 +32,6 @@ from rover_pin.terrain.terrain import HeightGrid
 PLACE = ("start.x", "start.y", "start.yaw")
 USUAL_PLACES = 200
 """Places about, where no spacing is given: half a minute to a minute of CPU a model."""
-HIGH = 0.95
-"""Quantile over the models that is given beside the median."""
 
 
 class Places(NamedTuple):
@@ -190,7 +188,7 @@ def _worst(drives: pd.DataFrame, models: int) -> pd.DataFrame:
     numeric = dict.fromkeys(("slip", "energy_J_per_m", "stuck"), float)
     done = drives[drives["error"].isna()].astype(numeric).fillna({"energy_J_per_m": math.inf})
     headings = done.groupby(list(PLACE))
-    quantiles = {"": 0.5, "_95": HIGH} if models > 1 else {"": 0.5}
+    quantiles = {"": 0.5, "_95": 0.95} if models > 1 else {"": 0.5}
     numbers = {
         f"{name}{end}": headings[name].quantile(share, interpolation="higher")
         for end, share in quantiles.items()

@@ -6,8 +6,6 @@ from typing import Any, NamedTuple
 
 from rover_pin.estimation.wording import format_value, in_words, interval
 
-SAME = 1e-9
-"""Relative difference of two numbers from which they count as different."""
 ABSENT = "not there"
 
 
@@ -89,7 +87,7 @@ def number_rows(first: Side, second: Side) -> Iterator[Row]:
 
 
 def _both(name: str, first_value: Value, second_value: Value) -> Row:
-    differs = not math.isclose(first_value.value, second_value.value, rel_tol=SAME, abs_tol=1e-15)
+    differs = not math.isclose(first_value.value, second_value.value, abs_tol=1e-15)
     are_finite = math.isfinite(first_value.value) and math.isfinite(second_value.value)
     return Row(
         name,

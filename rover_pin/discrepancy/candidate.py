@@ -9,13 +9,15 @@ from rover_pin.estimation.parameter import Parameter
 from rover_pin.inference.cause import SIZE_SD, Cause
 
 SHAPE_SD, SHAPE_SHARE = 0.5, 0.3
-"""Prior SD of an effect's shape: of its logarithm, or as a share of its size where it may be negative."""
+"""Prior SD of an effect's shape: of its logarithm, or as a share of its size where it may be negative. Why: published
+shapes differ by as much from soil to soil (assumed)."""
 PUBLISHED = "as published, its SD assumed"
 """Who says how an effect's shape is."""
 SPACING = 0.15
-"""Distance between the places at which an effect with a place is tried, and prior SD of its place [m]."""
+"""Distance of the places at which an effect is tried, and prior SD of its place [m]. Why: about a wheel's size."""
 DECLARED, DEVIATION = "declaration", 10.0
-"""Family of numbers that are not as declared, and their usual deviation in the declared SDs (assumed)."""
+"""Family of numbers that are not as declared, and their usual deviation in the declared SDs (assumed). Why: a
+declaration that is wrong is wrong by much."""
 FAR_FROM = 50.0
 """Ratio of neutral to default value from which an effect's size is sought on a logarithm."""
 

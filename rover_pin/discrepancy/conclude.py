@@ -35,7 +35,7 @@ from rover_pin.inference.weighed_anew import chosen_without, errors_without
 
 LOOSE = 2.0
 """How many times as far as its starts a number may lie that nobody declares: k and k_1 within a factor of 25, phi
-within half its range."""
+within half its range. Why: soils of the literature lie within (assumed)."""
 
 
 def concluded(question: Question, progress: Progress, seed: int = 0) -> Verdict:

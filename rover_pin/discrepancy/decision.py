@@ -8,13 +8,12 @@ from typing import NamedTuple
 
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.candidate import DECLARED
+from rover_pin.estimation.profile import MOST, SURE
 from rover_pin.inference.beliefs import Beliefs
-from rover_pin.inference.next_measurement import SURE
 
-MOST = 0.5
-"""Probability of what is more likely than not."""
 BEYOND = 3.0
-"""Times a channel's declared noise from which what is left is no noise, whatever shares it."""
+"""Times a channel's declared noise from which what is left is no noise, whatever shares it. Why: an SD of five repeats
+is three times too small once in 50 sets."""
 
 MAX_SETS = 4
 """Sets that a sentence lists."""
@@ -110,14 +109,14 @@ def _misfit_of_base(beliefs: Beliefs) -> str:
     acts = beliefs.has_discrepancy(())
     if acts <= SURE:
         return "the base model leaves noise"
-    return f"something that is not on the list acts with probability {acts:.2f}, and is smaller than the noise"
+    return f"something on no list acts with probability {acts:.2f}, and is smaller than what is taken for noise"
 
 
 def _besides(decision: Decision, beliefs: Beliefs) -> str:
-    """Return the channels that are left with more than noise can be, whatever took it, in words; empty where none."""
-    taken, usual = beliefs.noise_taken(decision.retained).items(), usual_noise(beliefs)
-    beyond = [f"{name} is left with {times:.1f} times {usual}" for name, times in taken if times > BEYOND]
-    return f" Something acts besides: {', '.join(beyond)}." if beyond else ""
+    """Return the channels in which more is taken for noise than noise can be, in words; empty where none."""
+    taken = beliefs.noise_taken(decision.retained).items()
+    beyond = [f"{times:.1f} times {usual_noise(beliefs)} in {name}" for name, times in taken if times > BEYOND]
+    return f" Something acts besides: what is taken for noise is {', '.join(beyond)}." if beyond else ""
 
 
 def usual_noise(beliefs: Beliefs) -> str:

@@ -8,14 +8,12 @@ import numpy as np
 
 from rover_pin.base.public import brief
 from rover_pin.discrepancy.cross_validation import held_out_residual
-from rover_pin.estimation.baselines import Baseline
 from rover_pin.estimation.experiment import Experiment
 from rover_pin.estimation.fit import STRETCH, Fit
 from rover_pin.estimation.noise import Noise, huber_losses
-from rover_pin.estimation.wording import Change, format_value
+from rover_pin.estimation.profile import SURE
+from rover_pin.estimation.wording import Change
 
-LOSES = 0.95
-"""Share of the model's held-out error below which a baseline's is called better."""
 DRAWS = 2000
 """Resamplings of the bootstrap."""
 
@@ -169,21 +167,6 @@ def _rms(residual: np.ndarray, good: np.ndarray, axes: int | tuple[int, int] = 2
     return np.sqrt(squares.sum(axis=axes) / np.maximum(good.sum(axis=axes), 1))
 
 
-def losses(scores: Sequence[ChannelScore], baselines: Sequence[Baseline]) -> tuple[str, ...]:
-    """Return where a baseline predicts what was not fitted better than the model does, one sentence a channel.
-
-    An error below the noise counts as the noise: nothing predicts better than that.
-    """
-    sentences = []
-    for score in scores:
-        channel_baselines = [baseline for baseline in baselines if baseline.channel == score.name]
-        best = min(channel_baselines, key=lambda baseline: baseline.error, default=None)
-        if best is not None and max(best.error, score.floor) < LOSES * score.after:
-            errors = f"{format_value(best.error, score.unit)} against {format_value(score.after, score.unit)}"
-            sentences.append(f"held out, {score.name} is predicted better by a {best.curve} of {best.given} ({errors})")
-    return tuple(sentences)
-
-
 def _resampled(experiment: Experiment, squares: np.ndarray) -> np.ndarray:
     """Return the sums of squares (folds, samples) of what hangs together: stretches of a run, or a whole fold."""
     return _summed(squares).ravel() if experiment.is_timed else squares.sum(axis=1)
@@ -216,7 +199,7 @@ def _change(sums: np.ndarray, power: float, random: np.random.Generator) -> tupl
     """Return the 95 % interval of (after / before)^power - 1 of sums over stretches (2, stretches)."""
     draws = random.integers(0, sums.shape[1], (DRAWS, sums.shape[1]))
     before, after = sums[:, draws].sum(axis=2)
-    low, high = np.quantile((after / np.maximum(before, 1e-300)) ** power - 1, [0.025, 0.975])
+    low, high = np.quantile((after / np.maximum(before, 1e-300)) ** power - 1, [0.5 - 0.5 * SURE, 0.5 + 0.5 * SURE])
     return float(low), float(high)
 
 

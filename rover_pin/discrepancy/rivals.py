@@ -1,77 +1,64 @@
-"""Curves as rivals of the whole: where one predicts what was left out better, the model does not describe the data."""
+"""Rivals of a model: where one predicts a channel better that was left out, the model does not describe the data."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 from scipy.stats import t as student
 
 from rover_pin.discrepancy.answer import Answer
-from rover_pin.discrepancy.held_out import LOSES, ChannelScore, losses
+from rover_pin.discrepancy.held_out import ChannelScore
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.estimation.baselines import Baseline
+from rover_pin.estimation.profile import SURE
 from rover_pin.estimation.wording import format_value
 
-FEWEST = 2
-"""Folds from which they scatter at all."""
+LOSES = 0.95
+"""Share of the model's held-out error below which a rival's is better. Why: less is seen in no table (assumed)."""
 
 
-def error_ratio(scores: Sequence[ChannelScore], curve: Sequence[Baseline]) -> tuple[float, float]:
-    """Return a curve's held-out error over the model's, geometric mean over channels and folds, and its 95 % bound.
+def is_better(error: float, floor: float, of_model: float) -> bool:
+    """Return whether an error is less than the model's; one below the noise counts as the noise."""
+    return max(error, floor) < LOSES * of_model
 
-    An error below the noise counts as the noise: nothing predicts better than that. The upper bound is by Student's t
-    of what folds scatter. NaN where a fold is lost, or they are fewer than FEWEST.
+
+def is_sure(score: ChannelScore, rival: Baseline) -> bool:
+    """Return whether a rival is better beyond what folds scatter: Student's t of ln of both errors, 95 %, two-sided."""
+    both = zip(rival.by_fold, (level.after for level in score.levels), strict=False)
+    ratios = np.log([max(error, score.floor) / max(after, score.floor) for error, after in both])
+    ratios = ratios[~np.isnan(ratios)]
+    if len(ratios) < 2:
+        return False
+    reach = student.ppf(0.5 + 0.5 * SURE, len(ratios) - 1) * np.std(ratios, ddof=1) / math.sqrt(len(ratios))
+    return bool(ratios.mean() + reach < 0.0)
+
+
+def losses(scores: Sequence[ChannelScore], rivals: Sequence[Baseline], surely: bool = False) -> tuple[str, ...]:
+    """Return where the best of the rivals predicts what was not fitted better than the model, a sentence a channel."""
+    sentences = []
+    for score in scores:
+        of_channel = (rival for rival in rivals if rival.channel == score.name)
+        better = (rival for rival in of_channel if is_better(rival.error, score.floor, score.after))
+        sure = (rival for rival in better if not surely or is_sure(score, rival))
+        best = min(sure, key=lambda rival: rival.error, default=None)
+        if best is not None:
+            errors = f"{format_value(best.error, score.unit)} against {format_value(score.after, score.unit)}"
+            sentences.append(f"held out, {score.name} is predicted better by a {best.curve} of {best.given} ({errors})")
+    return tuple(sentences)
+
+
+def against_rivals(verdict: Verdict, rivals: Sequence[Baseline], same_inputs: bool = True) -> Verdict:
+    """Return a verdict beside its rivals: where one predicts any channel better, that is said first, with both errors.
+
+    The best of several curves is chosen by these errors: it must be better beyond what folds scatter. Rivals that are
+    given other inputs than the model are cautions alone.
     """
-    by_fold = {baseline.channel: baseline.by_fold for baseline in curve}
-    rows = [
-        [
-            math.log(max(error, score.floor) / max(level.after, score.floor))
-            for error, level in zip(by_fold.get(score.name, ()), score.levels, strict=False)
-        ]
-        for score in scores
-    ]
-    if min(map(len, rows), default=0) < FEWEST or any(score.lost for score in scores):
-        return math.nan, math.nan
-    table = np.array(rows)
-    folds = np.nanmean(table, axis=0)[np.isfinite(table).any(axis=0)]
-    reach = float(student.ppf(0.975, len(folds) - 1) * np.std(folds, ddof=1) / math.sqrt(len(folds)))
-    return math.exp(folds.mean()), math.exp(folds.mean() + reach)
-
-
-def _words(baseline: Baseline) -> str:
-    return f"a {baseline.curve} of {baseline.given}"
-
-
-def _errors(scores: Sequence[ChannelScore], baselines: Sequence[Baseline]) -> Iterator[tuple[str, str]]:
-    """Yield each curve and, in words, its held-out error against the model's in a channel."""
-    of_model = {score.name: score.after for score in scores}
-    for row in (baseline for baseline in baselines if baseline.channel in of_model):
-        error, reference = format_value(row.error, row.unit), format_value(of_model[row.channel], row.unit)
-        yield _words(row), f"{row.channel} {error} against {reference}"
-
-
-def against_rivals(verdict: Verdict, baselines: Sequence[Baseline]) -> Verdict:
-    """Return a verdict beside its rivals: one that predicts better, beyond what folds scatter, is said first.
-
-    Channels that no curve predicts do not count.
-    """
-    scores = [score for score in verdict.scores if score.name in {baseline.channel for baseline in baselines}]
-    ratios = {
-        words: error_ratio(scores, [row for row in baselines if _words(row) == words])
-        for words in dict.fromkeys(map(_words, baselines))
-    }
-    better = {words: ratio for words, (ratio, high) in ratios.items() if ratio < LOSES and high < 1.0}
-    beside = replace(verdict, baselines=tuple(baselines), cautions=(*verdict.cautions, *losses(scores, baselines)))
-    if not better:
+    lost = losses(verdict.scores, rivals)
+    beside = replace(verdict, baselines=tuple(rivals), cautions=(*verdict.cautions, *lost))
+    several = len({rival.curve for rival in rivals}) > 1
+    first = "; ".join(losses(verdict.scores, rivals, surely=several)) if same_inputs else ""
+    if not first:
         return beside
-    words = min(better, key=lambda name: better[name])
-    errors_text = ", ".join(errors for curve, errors in _errors(scores, baselines) if curve == words)
-    first = f"{words} predicts what was left out with {better[words]:.2f} times this model's errors ({errors_text})"
-    return with_rival(beside, first)
-
-
-def with_rival(verdict: Verdict, first: str) -> Verdict:
-    """Return a verdict that says first which rival predicts better: the base model does not describe the data."""
     answer = verdict.answer if verdict.answer is Answer.NONE_FITS else Answer.INADEQUATE
-    return replace(verdict, answer=answer, rival=first, sentence=f"{first[0].upper()}{first[1:]}. {verdict.sentence}")
+    return replace(beside, answer=answer, rival=first, sentence=f"{first[0].upper()}{first[1:]}. {verdict.sentence}")

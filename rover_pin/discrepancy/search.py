@@ -18,22 +18,21 @@ from rover_pin.discrepancy.option import Option, alone, options
 from rover_pin.discrepancy.signature import Signature, signatures
 from rover_pin.estimation.columns import Columns
 from rover_pin.estimation.fit import Fit, fit
-from rover_pin.inference.beliefs import Beliefs
+from rover_pin.estimation.profile import SURE
+from rover_pin.inference.beliefs import COUNTS, Beliefs
 from rover_pin.inference.cause import Cause
 from rover_pin.inference.expansion import Expansion
 from rover_pin.inference.linear_hypothesis import LinearHypothesis, linear_hypothesis, with_function
 from rover_pin.inference.residual_function import with_functions
 
-MAX_CAUSES, MAX_FITS = 4, 12
-"""Causes of a set at most, and sets that are fitted at most, but for those that are more probable than all of them."""
+MAX_FITS = 12
+"""Sets that are fitted at most, but for those that are more probable than all of them."""
 WORTH = 5.0
 """Nats behind the best at which a set is not fitted."""
 FOLLOWED = 20.0
 """Nats behind the best at which a set is not followed at all."""
 FROM_DECLARED = 6
 """Causes that are fitted from the declared numbers too, where a missing effect has bent the base model."""
-LIKELY = 0.05
-"""Probability from which a set is fitted to its end."""
 Progress = Callable[[str], None]
 Names = frozenset[str]
 
@@ -116,7 +115,7 @@ class Search:
     def _end_likely(self) -> bool:
         """Take what is likely to its end, and fit its parts from there; return whether anything was not."""
         sets = self.beliefs().sets
-        likely = [names for names in self.fitted if sets[names] > LIKELY]
+        likely = [names for names in self.fitted if sets[names] > 1.0 - SURE]
         unfinished = [names for names in likely if names not in self.finished]
         undivided = [names for names in likely if len(names) > 1 and names not in self.parted]
         for names in unfinished:
@@ -175,7 +174,7 @@ class Search:
         expansion = Expansion(fitted, np.array(columns).T if columns else np.zeros((len(fitted.rows), 0)))
         names = frozenset(cause.name for cause in causes)
         self.fitted[names] = [self._weighed(causes, expansion)]
-        if len(names) == MAX_CAUSES:
+        if len(names) == len(COUNTS) - 1:
             return
         others = [name for name in self.options if name not in names]
         sets = [(name,) for name in others] + ([] if names else [*itertools.combinations(others, 2)])

@@ -10,9 +10,6 @@ from rover_pin.estimation.noise import HUBER_THRESHOLD, huber_losses
 from rover_pin.estimation.parameter import Parameter, bounds_of
 from rover_pin.estimation.task import Task
 
-SPREAD = 1.0
-"""How far apart, in u, starts are scattered."""
-
 
 class Box(NamedTuple):
     """Names of the free numbers and the bounds of their u."""
@@ -50,6 +47,6 @@ class ExactProblem:
 
 
 def scattered(parameters: Sequence[Parameter], centre: np.ndarray, count: int, seed: int) -> list[np.ndarray]:
-    """Return `count` starts: the centre, then points scattered around it."""
-    draws = np.random.default_rng(seed).uniform(-SPREAD, SPREAD, (count - 1, len(centre)))
+    """Return `count` starts: the centre, then points scattered around it, within u of 1."""
+    draws = np.random.default_rng(seed).uniform(-1.0, 1.0, (count - 1, len(centre)))
     return [centre, *(centre + draws)]

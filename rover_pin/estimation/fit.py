@@ -6,7 +6,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.special import ndtri, stdtrit
+from scipy.special import stdtrit
 
 from rover_pin.base.errors import OptimisationError
 from rover_pin.estimation.descent import descend
@@ -15,12 +15,14 @@ from rover_pin.estimation.experiment import residual
 from rover_pin.estimation.gauss_newton import at, descended, priors
 from rover_pin.estimation.noise import huber, huber_weights
 from rover_pin.estimation.parameter import Parameter
+from rover_pin.estimation.profile import NORMAL_95, SURE
 from rover_pin.estimation.task import Task, objective
 
 STRETCH = 8
-"""Blocks that are taken to hang together: 4 s, longer than what is left remembers."""
+"""Blocks that are taken to hang together: 4 s. Why: twice what the path remembers."""
 FEW = 4
-"""Runs from which their scatter tells how uncertain a number is."""
+"""Runs from which their scatter tells how uncertain a number is. Why: with fewer a t spans more than is allowed of most
+numbers."""
 ROUND_OFF = 1e-13
 """Least eigenvalue of a scaled normal matrix that is not taken for round-off."""
 
@@ -100,7 +102,7 @@ class Fit:
         run_index = np.arange(runs)[:, None, None]
         variances = [plain, self._clustered(run_index * (stretch[-1] + 1) + stretch)]
         if runs >= FEW:
-            wide = float(stdtrit(runs - 1, 0.975) / ndtri(0.975))
+            wide = float(stdtrit(runs - 1, 0.5 + 0.5 * SURE) / NORMAL_95)
             variances.append(wide**2 * self._clustered(run_index))
         return np.asarray(np.sqrt(np.max(variances, axis=0)))
 

@@ -11,12 +11,11 @@ import numpy as np
 from rover_pin.base.errors import ParameterError
 from rover_pin.base.public import brief
 from rover_pin.estimation.numbers import Number, assumed_lines
+from rover_pin.estimation.profile import MOST
 from rover_pin.estimation.wording import format_value
 
 MANY = 10
 """Numbers of one record up to which each is listed that is as it was known beforehand."""
-HALF = 0.5
-"""Share of a number's variance from which it is said to come from there."""
 
 
 @brief
@@ -34,24 +33,24 @@ class Estimate(NamedTuple):
     @property
     def is_found(self) -> bool:
         """Whether at least half of its variance is the data's, and no bound ends its interval."""
-        return self.data_share >= HALF and self.number.closed and not self.number.at_bound
+        return self.data_share >= MOST and self.number.closed and not self.number.at_bound
 
     @property
     def is_as_known(self) -> bool:
         """Whether the data say less of it than what was known beforehand."""
-        return self.prior_shares[self.number.name] >= HALF
+        return self.prior_shares[self.number.name] >= MOST
 
     @property
     def depends_on(self) -> tuple[str, ...]:
         """The fewest numbers whose priors leave half of its variance; empty where the data leave it."""
-        if self.data_share >= HALF:
+        if self.data_share >= MOST:
             return ()
         sums = np.cumsum([*self.prior_shares.values()])
-        return tuple(self.prior_shares)[: int(np.searchsorted(sums, HALF)) + 1]
+        return tuple(self.prior_shares)[: int(np.searchsorted(sums, MOST)) + 1]
 
     def line(self, others: Mapping[str, Estimate]) -> str:
         """Return the number, whether it is found, else on what of the others it depends and what would tell that."""
-        if self.data_share >= HALF:
+        if self.data_share >= MOST:
             return f"{self.number.text}{': found' if self.is_found else ''}"
         kinds = {name: "declared" if others[name].number.declared else "assumed" for name in self.depends_on}
         words = " and ".join(f"the {kinds[name]} {name} ({self.prior_shares[name]:.0%})" for name in self.depends_on)

@@ -16,7 +16,7 @@ from rover_pin.estimation.profile import CLEAR, NORMAL_95, Profile
 SURPRISE = 1e-3
 """A chi2 less probable than this by the stated noise means that more is left than the noise."""
 AWAY = 5.0
-"""Prior SDs beyond which a number has left what is declared of it."""
+"""Prior SDs beyond which a number has left what is declared of it. Why: declared SDs are rough (assumed)."""
 SHARES = (-1.5, -1.0, -0.5, 0.5, 1.0, 1.5)
 """Points of a profile about an optimum, as shares of half the 95 % interval."""
 AT_BOUND = 1e-6

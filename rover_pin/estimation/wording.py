@@ -7,13 +7,13 @@ from enum import Enum
 from typing import NamedTuple
 
 NOISE_LIKE = 1.5
-"""Times its noise below which what a channel leaves is called noise."""
+"""Times its stated noise up to which what is left is called noise. Why: beds scatter besides (assumed)."""
 AT_FLOOR = 1.25
-"""An error within this of the noise floor has nothing left to gain."""
+"""Times its noise up to which nothing is left to gain. Why: 20 white numbers exceed it in 5 % of sets."""
 SAME = 5e-5
 """A relative change below this is none: less than any table shows."""
 NEARLY = 0.8
-"""Share of what is allowed of a number from which its interval says nothing of it."""
+"""Share of what is allowed that an interval covers from which it says nothing. Why: that of a flat law covers 0.95."""
 NO_SPREAD = 1e-9
 """Data do not identify an SD, or an interval's width, below this share of the number, or of one unit of a size."""
 MAX_LISTED = 3

@@ -51,6 +51,7 @@ STUCK = 1.0
 R_SD = 0.15
 """SD of the motion resistance (assumed)."""
 FEWEST = 4
+"""Slopes from which a set is not refused. Why: three numbers are uncertain."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -43,7 +43,7 @@ SD = {
     "theta_2": AssumedSd(math.radians(2.0), math.radians(4.0)),
     "exit_ratio": AssumedSd(0.05, 0.1),
 }
-"""SDs of constants that state none (assumed)."""
+"""SDs of constants that state none (assumed): with the data, of another soil, and whether of the logarithm."""
 
 
 def known_constant(

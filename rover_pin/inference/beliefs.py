@@ -21,9 +21,9 @@ ALLOWED = {
     False: {Discrepancy.NONE: 0.7, Discrepancy.SMOOTH: 0.3},
     True: {Discrepancy.NONE: 0.6, Discrepancy.FORM: 0.2, Discrepancy.SMOOTH: 0.2},
 }
-"""Prior probability of each kind of discrepancy, of a base model and of one with causes."""
+"""Prior probability of each kind of discrepancy, of a base model and of one with causes (assumed)."""
 COUNTS = 0.5, 0.3, 0.14, 0.05, 0.01
-"""Prior probability of no to four missing causes, shared evenly by all sets of as many."""
+"""Prior probability of no to four missing causes, shared evenly by all sets of as many (assumed)."""
 Key = TypeVar("Key", bound=Hashable)
 LEAST = 1e-3
 """Least probability that is written down."""

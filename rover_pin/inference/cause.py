@@ -7,7 +7,7 @@ from typing import Any
 from rover_pin.estimation.parameter import Parameter
 
 SIZE_SD = 2.0
-"""Prior SD of a size in fits, in the default amplitudes of its effect (assumed)."""
+"""Prior SD of a size in fits, in default sizes (assumed). Why: wider than what takes its place, MEDIAN and SPREAD."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -41,9 +41,9 @@ PRIORS = {
     "l": Scale(0.5, 0.5),
 }
 """Noise over that declared; scatter of folds and drift over the noise; smooth discrepancy over the channel's spread;
-form error over what a law adds; length of both over the range of each input."""
+form error over what a law adds; length of both over the range of each input (assumed: declared SDs hold to 15 %)."""
 MEMORY = 0.15
-"""Memory of drift over the length of the campaign."""
+"""Memory of drift over the length of the campaign. Why: drift turns a few times in a campaign (assumed)."""
 
 
 class Discrepancy(Enum):

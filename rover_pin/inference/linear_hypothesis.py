@@ -21,7 +21,7 @@ from rover_pin.inference.residual_function import FunctionEvidence
 from rover_pin.inference.size_prior import log_share_inside
 
 NOISE = 1.0
-"""RMS of what is left besides, in SDs of the noise, up to which it is no more than that: many samples show less."""
+"""RMS of what is left besides, in SDs of the noise, up to which it is none. Why: it is then no larger than that."""
 
 
 @brief

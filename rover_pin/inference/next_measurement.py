@@ -20,17 +20,17 @@ from rover_pin.base.public import brief
 from rover_pin.estimation.experiment import Experiment
 from rover_pin.estimation.gauss_newton import slopes_at
 from rover_pin.estimation.noise import Noise
+from rover_pin.estimation.profile import MOST, SURE
 from rover_pin.estimation.task import Task
 from rover_pin.estimation.wording import MAX_LISTED
 from rover_pin.inference.beliefs import Beliefs, Hypothesis
 
-SURE, MIN_SETS, MAX_SETS = 0.95, 2, 8
-"""Probability from which there is no doubt; how many of the sets that hold it are distinguished, least and most."""
+MAX_SETS = 8
+"""How many of the sets that hold SURE of the probability are distinguished at most."""
 CLOSER = 4
 """Offers, of those that would tell most if all numbers were known, of which what is uncertain is worked out."""
-HALF, LEAST = 0.5, 0.01
-"""Share of what all channels would tell from which those that are measured do; of what is open, from which a run is
-worth a word."""
+LEAST = 0.01
+"""Share of what is open that a run must be expected to settle to be proposed. Why: less is none, to two digits."""
 
 
 @brief
@@ -106,7 +106,7 @@ def open_sets(beliefs: Beliefs) -> list[tuple[float, Hypothesis]]:
     rows = ((share, beliefs.best(tuple(names))) for names, share in beliefs.sets.items())
     fitted = list(islice(((share, best) for share, best in rows if best.is_fitted), MAX_SETS))
     before = np.cumsum([0.0, *(share for share, _ in fitted)])
-    leading = [row for at, row in enumerate(fitted) if at < MIN_SETS or before[at] < SURE]
+    leading = [row for at, row in enumerate(fitted) if at < 2 or before[at] < SURE]
     total = sum(share for share, _ in leading)
     return [(share / total, hypothesis) for share, hypothesis in leading]
 
@@ -118,7 +118,7 @@ def next_measurement(
 ) -> NextMeasurement | None:
     """Return what would tell most of which of the sets it is; None where nothing of what is offered tells any.
 
-    Channels that were not measured so far are asked for where the others tell less than HALF as much.
+    Channels that were not measured so far are asked for where the others tell less than half as much.
     """
     if len(leading) < 2:
         return None
@@ -136,7 +136,7 @@ def next_measurement(
         choices += [_best(weights, offer, expected, offer.unmeasured), _best(weights, offer, expected)]
     open_nats = float(-np.sum(weights * np.log(weights)))
     measured, best = _greatest(choices[::2]), _greatest(choices)
-    best = measured if measured.nats >= HALF * best.nats else best
+    best = measured if measured.nats >= MOST * best.nats else best
     if best.nats < LEAST * open_nats:
         return None
     sets = tuple(" + ".join(hypothesis.names) or "nothing" for hypothesis in hypotheses)

@@ -18,7 +18,7 @@ from rover_pin.estimation.parameter import bounds_of
 from rover_pin.inference.cause import SIZE_SD, Cause
 
 MEDIAN, SPREAD = 0.5, 1.2
-"""Median of a size over its default, and SD of its logarithm."""
+"""Median of a size over its default, and SD of its logarithm. Why: defaults are plainly seen (assumed)."""
 LEAST_SHARE = 1e-12
 """Least probability that a number is taken to have inside its bounds."""
 POINTS, SDS = 801, 8.0

@@ -11,12 +11,10 @@ from rover_pin.base.files.results_folder import OF_A_LOOP, say_what_is_replaced
 from rover_pin.base.jobs.cluster import Workers
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.conclude import search_of, verdict_of, with_draft, with_next
-from rover_pin.discrepancy.held_out import losses
 from rover_pin.discrepancy.question import Progress, Question
-from rover_pin.discrepancy.rivals import with_rival
+from rover_pin.discrepancy.rivals import against_rivals
 from rover_pin.discrepancy.search import Search
 from rover_pin.discrepancy.verdict import Verdict
-from rover_pin.estimation.baselines import Baseline
 from rover_pin.estimation.numbers import profiles
 from rover_pin.experiments.drive_log.calibrate import experiment_on
 from rover_pin.experiments.drive_log.candidates import candidates
@@ -145,17 +143,7 @@ def verdict_on(log: DriveLog, question: Question, search: Search, seed: int, pro
         cautions=(*verdict.cautions, *cautions(verdict, free)),
         extra=DriveExtra(free, residual, ground),
     )
-    return beside_odometry(verdict, odometry, experiment.rate_driven)
-
-
-def beside_odometry(verdict: Verdict, odometry: Sequence[Baseline], rate_driven: bool) -> Verdict:
-    """Return a verdict beside odometry: where that predicts any channel better by the same rates, this is said first.
-
-    A model that is given duties has to predict the rates first: it is cautioned only.
-    """
-    lost = losses(verdict.scores, odometry)
-    beside = dataclasses.replace(verdict, baselines=tuple(odometry), cautions=(*verdict.cautions, *lost))
-    return with_rival(beside, "; ".join(lost)) if lost and rate_driven else beside
+    return against_rivals(verdict, odometry, same_inputs=experiment.rate_driven)
 
 
 def _how(verdict: Verdict, residual: DriveResidual) -> str:

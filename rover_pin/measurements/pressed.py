@@ -18,13 +18,13 @@ from rover_pin.measurements.checks import column
 from rover_pin.soil.traction import pressing_force
 
 SHALLOWEST = 0.004
-"""Sinkages above this [m] count: before, the contact settles and the zero of the depth is uncertain."""
+"""Sinkages above this [m] count. Why: before, the contact settles, and the zero of the depth is uncertain."""
 
 SAMPLES = 12
 """Points of a trial that are used, evenly in depth: neighbours are not independent."""
 
 DEEPEST, STRONGEST = 10.0, 1e7
-"""Sinkage [m] and force [N] that no wheel is pressed in by."""
+"""Sinkage [m] and force [N] that no wheel is pressed in by. Why: only another unit does."""
 
 EXPONENTS = (0.3, 2.5)
 

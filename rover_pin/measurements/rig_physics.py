@@ -17,20 +17,20 @@ from rover_pin.measurements.checks import Finding
 from rover_pin.measurements.rig_set import RigSet
 
 LOADS = (1e-4, 1e7)
-"""Loads [N] that a wheel may carry: from a gram-scale model's to a mining truck's."""
+"""Loads [N] that a wheel may carry. Why: from a gram-scale model's to a mining truck's."""
 MOST_FORCE, EVER = 3.0, 100.0
-"""Pull or torque / r over load that no soil gives in the median; that no single run gives."""
+"""Pull or torque / r over load that no median, no run, exceeds. Why: sand gives up to 0.7, lugs in clay about 1."""
 MUCH_FORCE = {DrawbarPull: 1.0, Torque: 1.5}
 """The same from which it is named: sand gives up to 0.7, lugs in clay about 1."""
 DRIVING, SLIPPING = 0.1, 0.3
-"""Slips from which a wheel drives beyond doubt about its radius; and has sheared the soil under it."""
+"""Slips from which a wheel drives, and has sheared the soil under it. Why: radii are sure to some percent (assumed)."""
 NO_TORQUE, LITTLE_TORQUE = 0.003, 0.01
-"""torque / (r load) of a slipping wheel that no soil gives, and that is named. A soil at its bearing limit of 5.1 c
-(Prandtl) still resists with c / (5.1 c) = 0.2; where k is ten times the contact it gives a tenth of that."""
+"""torque / (r load) of a slipping wheel that no soil gives, and that is named. Why: a soil at its bearing limit of 5.1
+c (Prandtl) still resists with c / (5.1 c) = 0.2; where k is ten times the contact it gives a tenth of that."""
 GIVES_BACK = 1.5
-"""Work given out over work put in that is impossible beyond doubt; any excess beyond the noise is named."""
+"""Work given out over work put in that is impossible. Why: zero and radius explain some percent (assumed)."""
 FINEST = 1e-12
-"""Noise over the greatest value of a channel below which it is no measurement's."""
+"""Noise over the greatest value of a channel below which it is no measurement's. Why: no converter has 40 bits."""
 LEAST_PULL = 0.02
 """Pull over load that is named where no run from little slip to much reaches it."""
 SOFTEST, NARROWEST, STIFFEST = 1e5, 1e4, 1e9

@@ -15,7 +15,7 @@ from rover_pin.simulation.trace.trace import Trace
 from rover_pin.soil.slip import slip_ratio
 
 LEAST_ROWS = 8
-"""Rows that a window has at least."""
+"""Rows that a window has at least. Why: its SD is then known within a quarter."""
 
 
 @dataclass(frozen=True)

@@ -4,15 +4,13 @@ from collections.abc import Iterable, Iterator
 
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.verdict import Verdict
-from rover_pin.estimation.wording import NOISE_LIKE, Outcome, share
-from rover_pin.inference.next_measurement import SURE
+from rover_pin.estimation.profile import SURE
+from rover_pin.estimation.wording import AT_FLOOR, NOISE_LIKE, Outcome, share
 from rover_pin.report.headline import by_outcome, worst
 from rover_pin.report.words import Labels, capital, human, kinds_of, listing, two_digits
 
 MAX_REASONS = 4
 """Reasons on the first screen; all of them stand further below."""
-MORE = 1.25
-"""Times what it was from which a left-out fold's chi2 is a reason to doubt."""
 MAY_ACT = 1.0 - SURE
 """Probability from which a cause that was not added is a reason to doubt."""
 
@@ -98,7 +96,7 @@ def _doubts(verdict: Verdict, labels: Labels) -> Iterator[str]:
     if len(verdict.indistinguishable) > 1:
         yield f"{listing(verdict.indistinguishable[1:4], 'or')} cannot be distinguished from it by these data"
     worst_run = max(verdict.runs, key=lambda run_score: run_score.after / max(run_score.before, 1e-9), default=None)
-    if verdict.named and worst_run is not None and worst_run.after > MORE * worst_run.before:
+    if verdict.named and worst_run is not None and worst_run.after > AT_FLOOR * worst_run.before:
         yield (
             f"{labels.fold(worst_run.run)} is predicted worse with it by the others (chi2 for each number "
             f"{two_digits(worst_run.before)} -> {two_digits(worst_run.after)}): what it tells they do not"

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from rover_pin.discrepancy.decision import BEYOND, MOST
+from rover_pin.discrepancy.decision import BEYOND
 from rover_pin.discrepancy.verdict import Verdict
+from rover_pin.estimation.profile import MOST
 
 CLEAR = 3.0
 """Nats from which what was hidden is detectable: odds of 20 to 1."""

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from rover_pin.discrepancy.held_out import ChannelScore, losses
+from rover_pin.discrepancy.held_out import ChannelScore
+from rover_pin.discrepancy.rivals import losses
 from rover_pin.estimation.baselines import curves
 
 SLIP = np.linspace(0.0, 0.8, 6)[:, None] + np.array([0.0, 0.01, 0.02])

@@ -72,5 +72,17 @@ def test_nothing_stands_last_in_a_set_that_it_may_be():
 def test_what_is_beyond_the_noise_is_told_after_any_answer(text):
     """No channel that is left with more than thrice its noise is passed over, whatever was named."""
     loud, quiet = (beliefs(text, noise=(1.0, times)) for times in (4.5, 2.9))
-    assert "sinkage is left with 4.5 times" in sentence(decide(loud), loud, 0.8, 1.0)
+    assert "4.5 times its declared noise in sinkage" in sentence(decide(loud), loud, 0.8, 1.0)
     assert "times" not in sentence(decide(quiet), quiet, 0.8, 1.0)
+
+
+def test_small_and_loud_are_said_of_one_noise():
+    """What acts below the learnt noise is not said to be below that of samples which scatter less."""
+    both = beliefs("- .02 -~ .97 A .01", noise=(1.0, 3.8))
+    for hypothesis_ in both.hypotheses:
+        hypothesis_.leaves_more = False
+        hypothesis_.experiment = SimpleNamespace(noise=lambda: None)
+    said = sentence(decide(both), both, 0.8, 1.0)
+    assert decide(both).answer is Answer.NONE_NEEDED
+    assert "smaller than what is taken for noise" in said
+    assert "what is taken for noise is 3.8 times what its samples scatter in sinkage" in said

@@ -102,7 +102,7 @@ def left(gain=200.0):
     place = Argument("place", "m", lambda scene, run, part: 0, Polynomial(0.0, 1.0, 2))
     moment = Argument("moment", "s", lambda scene, run, part: 0, Hats((0.0, 2.5, 5.0)), per_run=True)
     run = Argument("run", "", lambda scene, run, part: 0, Polynomial(0.0, 1.0, 0), per_run=True)
-    channel = DriveChannelResidual("path", 2.0, 0.1, 1.0, {"duty": 0.4, "slip": -0.1}, "run_1", 2.0, 0.3)
+    channel = DriveChannelResidual("path", 2.0, 0.1, {"duty": 0.4, "slip": -0.1}, "run_1", 2.0, 0.3)
     terms = (term(place, [1.0, 0.2, 0.1], gain), term(moment, range(6), gain), term(run, [1.0, 2.0], gain))
     return DriveResidual(terms, (channel, channel._replace(name="drift", rms=1.0)), ("run_1", "run_2"), ("fl", "fr"))
 

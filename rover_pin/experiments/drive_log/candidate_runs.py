@@ -20,7 +20,8 @@ DURATION = 20.0
 """Length of a run [s]."""
 SLOPE, STEEP = math.radians(6.0), math.radians(15.0)
 """Slope of most runs, and one on which a rover rolls down with its motors shorted."""
-STAIRS = (0.8, 0.65, 0.5, 0.35, 0.2, 0.06, 0.2, 0.35, 0.5, 0.65, 0.8)
+DOWN = (0.8, 0.65, 0.5, 0.35, 0.2, 0.06)
+STAIRS = (*DOWN, *DOWN[-2::-1])
 """Duties of a staircase down and up again; the lowest is below what a dead band or a gear's friction takes."""
 FASTER, SLOWER = 1.45, 0.7
 """Shares of the cruising duty at which the logged ground is driven again."""

@@ -25,17 +25,18 @@ from rover_pin.simulation.trace.trace import Trace
 from rover_pin.terrain.terrain import Terrain
 
 BLOCK = 0.5
-"""Time over which samples are averaged [s]."""
+"""Time over which samples are averaged [s]. Why: long against a motor's 0.1 s, short against a duty's 2.5 s."""
 LEAK = 2.0
-"""Time over which the driven path forgets its past [s]: noise of the ground adds up no longer than that."""
+"""Time over which the driven path forgets its past [s]: noise of the ground adds up no longer than that. Why: a path
+that sums all would weigh the first error most."""
 BEGIN = 1.0
-"""Time at the start of a run that is not compared [s]: the tracker and the wheels may already move."""
+"""Time at the start of a run that is not compared [s]: tracker and wheels may already move (assumed)."""
 SLOW = 0.2
-"""Mean wheel rate [rad/s] below which a rover counts as standing; sticking is not comparable."""
+"""Mean wheel rate [rad/s] below which a rover counts as standing. Why: sticking is not comparable (assumed)."""
 SLOW_SHARE = 0.1
-"""The same, where wheels are held to their rates, as a share of their fastest: large wheels turn slowly."""
+"""The same of wheels held to their rates, as a share of the fastest: large wheels turn slowly (assumed)."""
 AFTER_TURN = 1.5
-"""Time after a standstill or a reversal of the duty that is not compared [s]."""
+"""Time after a standstill or a reversal that is not compared [s]. Why: shear builds up anew (assumed)."""
 
 PATH, DRIFT, HEADING, SPEED = "path", "drift", "heading", "speed"
 """Features made of several channels: leaky way driven along and across the heading, leaky yaw, speed along it."""

@@ -9,9 +9,6 @@ from rover_pin.estimation.experiment import find
 from rover_pin.estimation.parameter import Parameter, parameter_of
 from rover_pin.simulation.model.model import OWNERS, Model
 
-GROUND = 0
-"""Index of the soil that is fitted."""
-
 
 def owner_name(effect: Any) -> str:
     """Return the name of an effect of a model: its class, and whose it is where a model may have several."""
@@ -31,7 +28,7 @@ def with_wheels(text: str, wheels: Sequence[str], form: str) -> str:
 def owners(model: Model) -> dict[str, Any]:
     """Return the records of a model whose numbers can be fitted, by name."""
     return {
-        "soil": model.soils[GROUND],
+        "soil": model.soils[0],
         "motor": model.motor,
         **{owner_name(effect): effect for effect in model.all_effects},
     }

@@ -1,6 +1,5 @@
 """What a fitted drive model leaves: how large, where, and as what an effect that nobody has listed would act."""
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -12,6 +11,7 @@ from rover_pin.discrepancy.question import Progress
 from rover_pin.discrepancy.search import Search
 from rover_pin.discrepancy.signature import signatures
 from rover_pin.estimation.fit import Fit, table_of
+from rover_pin.estimation.wording import AT_FLOOR
 from rover_pin.experiments.drive_log.candidates import candidate_of, variants
 from rover_pin.experiments.drive_log.experiment import logged
 from rover_pin.experiments.drive_log.features import blocks
@@ -22,12 +22,8 @@ from rover_pin.experiments.unlisted.terms import terms
 from rover_pin.simulation.model.effect_files import effects_of_text
 from rover_pin.simulation.replay import filled
 
-NOISE_LIKE = 1.3
-"""RMS in SDs of its noise below which a channel's residual is called noise."""
 UNLISTED = 20.0
-"""Net gain of a term from which the residual is not noise: complete models of five sets showed 6 at most."""
-LAGS = 10
-"""Lags of the test for whiteness."""
+"""Net gain of a term from which the residual is not noise. Why: complete models of five sets showed 6 at most."""
 
 
 class DriveChannelResidual(NamedTuple):
@@ -37,8 +33,6 @@ class DriveChannelResidual(NamedTuple):
     rms: float
     memory: float
     "correlation of successive blocks"
-    whiteness: float
-    "Ljung-Box's Q over its mean for white rows; information, no gate"
     correlations: dict[str, float]
     "with duty, slip, pitch, place and time"
     worst_run: str
@@ -50,7 +44,7 @@ class DriveChannelResidual(NamedTuple):
     @property
     def is_noise(self) -> bool:
         """Whether nothing is left to describe."""
-        return self.rms < NOISE_LIKE
+        return self.rms < AT_FLOOR
 
     @property
     def sentence(self) -> str:
@@ -155,7 +149,6 @@ def _channel(scene: Scene, name: str, rows: np.ndarray, signals: dict[str, np.nd
         name,
         float(np.sqrt(np.mean(values**2))) if values.size else 0.0,
         _lagged(rows, 1),
-        _whiteness(rows),
         {signal: _correlation(values, table[finite]) for signal, table in signals.items()},
         scene.experiment.runs[run].name,
         float(signals["time"][run, block]),
@@ -181,14 +174,6 @@ def _correlation(first: np.ndarray, second: np.ndarray) -> float:
     if len(a) < 3 or np.std(a) < 1e-12 or np.std(b) < 1e-12:
         return 0.0
     return float(np.corrcoef(a, b)[0, 1])
-
-
-def _whiteness(rows: np.ndarray) -> float:
-    """Return Ljung-Box's Q = n (n + 2) sum r_k^2 / (n - k) over LAGS lags, over its mean for white rows, LAGS."""
-    n = int(np.isfinite(rows).sum())
-    lags = range(1, min(LAGS, rows.shape[1] - 2) + 1)
-    terms = [_lagged(rows, lag) ** 2 / max(n - lag, 1) for lag in lags]
-    return n * (n + 2) * math.fsum(terms) / max(len(terms), 1)
 
 
 def drafted(fit: Fit, residual: DriveResidual, name: str, progress: Progress) -> Draft | None:

@@ -18,7 +18,7 @@ from rover_pin.measurements.rig_set import RigSet
 from rover_pin.simulation.model.effect_files import AnyEffect, package_effects, reading_traction, user_effects
 
 OF_SPEED = 0.05
-"""Relative change of an effect's signature with speed from which it needs the speeds."""
+"""Relative change of a signature with speed from which it needs the speeds. Why: less is noise (assumed)."""
 
 
 def effect_kinds(folder: str | Path | None = None) -> list[type[Effect]]:

@@ -15,9 +15,7 @@ from rover_pin.measurements.rig_physics import refuse_impossible, suspicions
 from rover_pin.measurements.rig_set import SAME_SLIP, STRAIGHT, RigSet
 
 FEWEST_LEVELS = 3
-"""Levels with which an effect that depends on slip can be held out and distinguished from a constant."""
-SAME = 1e-6
-"""Slips that differ by less are one."""
+"""Levels without which nothing that depends on slip can be held out. Why: one is left out, and two are a slope."""
 SAME_WEIGHT = 1.1
 """Runs of a level whose loads, in order, step by less than this are repeats: assumed, a hung weight varies by 5 %."""
 SCATTER, OUTLYING = 1.6, 5.0
@@ -37,7 +35,7 @@ def refuse_unfit(experiment: RigExperiment) -> None:
 
 
 def _refuse_unvaried(data: RigSet) -> None:
-    if float(np.ptp(data.slip)) < SAME:
+    if not np.ptp(data.slip) > 0.0:
         raise DataError(
             f"{data.name}: slip is {data.slip[0]:g} in every run, so no effect differs from a constant; add runs at "
             "other slips, best from 0 to 0.8."

@@ -8,9 +8,11 @@ from scipy.stats import permutation_test
 
 from rover_pin.base.public import brief
 from rover_pin.contact import Soil
+from rover_pin.discrepancy.rivals import is_better
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.estimation.baselines import curves
 from rover_pin.estimation.numbers import Number
+from rover_pin.estimation.profile import SURE
 from rover_pin.estimation.wording import Against, against, format_value, interval
 from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.model import RigModel
@@ -20,9 +22,6 @@ from rover_pin.measurements.rig_set import Independent, RigSet
 
 DRAWS = 1999
 """Permutations of a test: the least p-value is 1 / 2000."""
-
-SIGNIFICANCE_LEVEL = 0.01
-"""p-value from which a correlation is pointed at; with a dozen tests one in eight tables shows one by chance."""
 
 SLIP_SQUARED, ORDER, NEIGHBOURS, NEXT_RUN = "slip^2", "run order", "neighbour in slip", "next run"
 
@@ -34,11 +33,13 @@ class ResidualTest(NamedTuple):
     against: str
     correlation: float
     p: float
+    of: int = 1
+    "how many tests there are, so that chance has as many tries"
 
     @property
     def is_significant(self) -> bool:
-        """Whether chance hardly gives this."""
-        return self.p < SIGNIFICANCE_LEVEL
+        """Whether chance hardly gives this in any of the tests (Bonferroni)."""
+        return self.of * self.p < 1.0 - SURE
 
 
 def residual_tests(data: RigSet, residual: np.ndarray, seed: int) -> tuple[ResidualTest, ...]:
@@ -48,11 +49,12 @@ def residual_tests(data: RigSet, residual: np.ndarray, seed: int) -> tuple[Resid
     of the rows; and of each residual with that of the run next to it in slip, and with that of the next run: whiteness.
     The p-values are two-sided, by permuting the residuals.
     """
-    return tuple(
+    tests = [
         ResidualTest(channel.name, name, *_tested(row[channel.has_value], statistic, seed))
         for channel, row in zip(data.channels, residual, strict=True)
         for name, statistic in _statistics(data, channel.has_value).items()
-    )
+    ]
+    return tuple(test._replace(of=len(tests)) for test in tests)
 
 
 Statistic = Callable[..., np.ndarray]
@@ -229,7 +231,7 @@ class SetError(NamedTuple):
     @property
     def is_lost(self) -> bool:
         """Whether that curve predicts the set's levels better than the joint model."""
-        return self.curve_error < self.after
+        return is_better(self.curve_error, self.noise, self.after)
 
     @property
     def loss(self) -> str:

@@ -24,7 +24,7 @@ from rover_pin.measurements.checks import Finding
 from rover_pin.measurements.rig_set import SAME_LOAD, RigSet
 
 OTHER_WIDTH = 1.05
-"""Widths that differ by this tell k_1 and k_2 apart: from here k_2 is free."""
+"""Widths that differ by this tell k_1 and k_2 apart: from here k_2 is free. Why: widths are stated to 1 %."""
 
 
 @brief

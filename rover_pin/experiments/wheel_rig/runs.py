@@ -10,6 +10,7 @@ import numpy as np
 
 from rover_pin.estimation.experiment import Sensitivities
 from rover_pin.estimation.parameter import Parameter
+from rover_pin.estimation.profile import MOST
 from rover_pin.experiments.folded import stacked
 from rover_pin.experiments.wheel_rig.declared import own_name
 from rover_pin.experiments.wheel_rig.model import RigModel, RigPredictor, conditions, predictor, uncarried
@@ -18,8 +19,6 @@ from rover_pin.measurements.channel import RIG_CHANNELS
 from rover_pin.measurements.pressed import Trial
 from rover_pin.measurements.rig_set import RigSet
 
-MIXED = 0.5
-"""Share of runs after one of their own level from which drift cannot be distinguished from what levels share."""
 PRESSED = "logarithm of pressing force"
 """The channel; each trial is a fold of it, as sand is prepared anew and may be stiffer by chance."""
 GIVES_WAY, LEVEL = 0.05, 0.001
@@ -150,7 +149,7 @@ class RigRuns:
     def turns(self) -> np.ndarray | None:
         """Return the rows' order as that of measurement, 0 of a pressing; None where runs follow others of a level."""
         order = np.arange(self.data.level.size)
-        if np.mean(np.diff(self.data.level) == 0) > MIXED:
+        if np.mean(np.diff(self.data.level) == 0) > MOST:  # drift cannot be distinguished from what levels share
             return None
         table = self._whole(order[None].astype(float), log_forces(self.data.trials))
         return np.nan_to_num(table[:, 0]).astype(int)

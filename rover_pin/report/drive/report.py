@@ -13,9 +13,9 @@ from rover_pin.discrepancy.held_out import together
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.effects.effect import SensorEffect
 from rover_pin.estimation.fit import FEW
+from rover_pin.estimation.wording import AT_FLOOR
 from rover_pin.experiments.drive_log.free_runs import FreeRun, extra_of
 from rover_pin.experiments.drive_log.parameters import with_wheels
-from rover_pin.experiments.unlisted.residual import NOISE_LIKE
 from rover_pin.logs.drive_log import DriveLog
 from rover_pin.report.drive.ghost import ghosts
 from rover_pin.report.drive.residual import residual_section
@@ -180,7 +180,7 @@ def _cautions(verdict: Verdict, free: tuple[FreeRun, ...]) -> Iterator[str]:
     if verdict.after:
         yield from implausible(verdict.after.fit.model)
     misfit = together(verdict.runs)[1]
-    if misfit > NOISE_LIKE:
+    if misfit > AT_FLOOR:
         yield f"runs left out are missed by {misfit:.1f} times the noise: more than noise is left"
     if len(verdict.runs) < FEW:
         yield f"{len(verdict.runs)} runs are few: what holds on one left out may not hold on the next"

@@ -12,14 +12,7 @@ from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.effects.names import display_name
 from rover_pin.estimation.numbers import Number
 from rover_pin.estimation.wording import Against, format_value
-from rover_pin.experiments.wheel_rig.diagnostics import (
-    SIGNIFICANCE_LEVEL,
-    FitDiagnostics,
-    Flag,
-    JointExtra,
-    ResidualTest,
-    RigExtra,
-)
+from rover_pin.experiments.wheel_rig.diagnostics import FitDiagnostics, Flag, JointExtra, ResidualTest, RigExtra
 from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.residual import RigChannelResidual
 from rover_pin.measurements.rig_set import RigSet
@@ -103,7 +96,7 @@ def where_wrong_section(verdict: Verdict, data: RigSet) -> Section | None:
     lines = [f"Before, {residual.sentence}." for residual in sides.before.residuals]
     lines += [f"After, {residual.sentence}." for residual in sides.after.residuals] if added else []
     tests = test_table(sides, added)
-    content = {"lines": lines, "draft": verdict.draft, "tests": tests, "limit": SIGNIFICANCE_LEVEL}
+    content = {"lines": lines, "draft": verdict.draft, "tests": tests}
     panels = residual_panels(data, sides.before, sides.after if added else None)
     errors = [
         f"{was.name} {was.rms:.1f} times its noise" + (f" before and {now.rms:.1f} after" if added else "")
@@ -233,7 +226,7 @@ def of_residuals(residuals: Sequence[RigChannelResidual], tests: Sequence[Residu
     ]
     sentences += [
         f"the residual of {test.channel} hangs together with {test.against} (r = {test.correlation:+.2f}, "
-        f"p = {test.p:.2g} < {SIGNIFICANCE_LEVEL:g})"
+        f"p = {test.p:.2g}, one of {test.of} tests)"
         for test in tests
         if test.is_significant
     ]

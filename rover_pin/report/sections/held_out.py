@@ -8,7 +8,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from rover_pin.discrepancy.held_out import LOSES, ChannelScore
+from rover_pin.discrepancy.held_out import ChannelScore
+from rover_pin.discrepancy.rivals import is_better
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.estimation.wording import Outcome, figure, format_value, got_worse
 from rover_pin.report.headline import MAX_NAMED_CHANNELS, by_outcome, worst
@@ -72,11 +73,10 @@ def baseline_table(verdict: Verdict, labels: Labels) -> Table | None:
     rows = []
     for baseline in verdict.baselines:
         if baseline.channel in scores:
-            error, curve = scores[baseline.channel].after, f"{baseline.curve} of {baseline.given}"
-            errors = format_value(baseline.error, baseline.unit), format_value(error, baseline.unit)
-            rows.append(
-                Row((labels.channel(baseline.channel), curve, *errors), AWAY * (baseline.error < LOSES * error))
-            )
+            score, curve = scores[baseline.channel], f"{baseline.curve} of {baseline.given}"
+            errors = format_value(baseline.error, baseline.unit), format_value(score.after, baseline.unit)
+            away = AWAY * is_better(baseline.error, score.floor, score.after)
+            rows.append(Row((labels.channel(baseline.channel), curve, *errors), away))
     return Table(("channel", "otherwise", "its error", "the model's"), tuple(rows), CAPTION) if rows else None
 
 

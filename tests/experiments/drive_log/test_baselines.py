@@ -9,12 +9,12 @@ import pytest
 from rover_pin.base.formula import evaluate
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.held_out import ChannelScore, LevelError
+from rover_pin.discrepancy.rivals import against_rivals
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.estimation.baselines import Baseline
 from rover_pin.experiments.drive_log.experiment import DriveExperiment
 from rover_pin.experiments.drive_log.features import logged_run
 from rover_pin.experiments.drive_log.kinematic import CURVE, GIVEN, kinematic, missed_afterwards
-from rover_pin.loop.drive import beside_odometry
 from rover_pin.report.headline import headline
 from rover_pin.report.labels import labels_of
 from rover_pin.rover.rover import load_rover
@@ -105,7 +105,7 @@ def test_odometry_that_is_better_by_the_same_rates_is_said_first(rate_driven, ti
     """With both errors, whatever it is worse at; a model that is given duties has to predict the rates, too."""
     row = Baseline("path", "m", CURVE, times * 0.02, GIVEN, (times * 0.02,) * 4)
     worse = Baseline("heading", "rad", CURVE, 0.06, GIVEN, (0.06,) * 4)
-    beside = beside_odometry(verdict(), [row, worse], rate_driven)
+    beside = against_rivals(verdict(), [row, worse], same_inputs=rate_driven)
     assert (beside.answer is Answer.INADEQUATE) is first
     assert (beside.as_dict()["rival"] != "") is first
     assert beside.as_dict()["baselines"][0]["error"] == pytest.approx(times * 0.02)

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from rover_pin.base.errors import closest
+from rover_pin.estimation.profile import MOST
 from rover_pin.experiments.drive_log.checks.driven import Driven, Remarks
 from rover_pin.experiments.drive_log.readings.ambiguous_timing import MISSED, ambiguous_steps
 from rover_pin.logs.drive_log import DriveLog
@@ -15,11 +16,8 @@ from rover_pin.simulation.trace.trace import Trace
 POSE = ("body_x", "body_y", "body_yaw")
 """What of the pose a comparison cannot do without."""
 
-MOST_MISSING = 0.5
-"""A needed channel with a greater share of gaps is refused."""
-
 ABSURD = 1e12
-"""No channel holds a number beyond this; codes for "no value" do."""
+"""No channel holds a number beyond this; codes for "no value" do. Why: no quantity of a rover is near it."""
 
 NOTABLE_SHARE, NOTABLE_RUN = 0.01, 5
 """Gaps are named from this share of a run, or from this many samples in a row."""
@@ -51,11 +49,9 @@ def column_faults(log: DriveLog) -> Iterator[Finding]:
                 yield Finding(f"there is no column '{name}'", where, _instead(name, run))
             elif not np.isfinite(run[name]).any():
                 yield Finding(f"{name} has no value", where, "record it, or leave the run out")
-            elif np.mean(~np.isfinite(run[name])) > MOST_MISSING:
+            elif np.mean(~np.isfinite(run[name])) > MOST:
                 share = 100.0 * float(np.mean(~np.isfinite(run[name])))
-                todo = (
-                    f"a run needs {100 * (1 - MOST_MISSING):.0f} % of it at least: mend the log, or leave the run out"
-                )
+                todo = f"a run needs {100 * (1 - MOST):.0f} % of it at least: mend the log, or leave the run out"
                 yield Finding(f"{name} is missing in {share:.0f} % of the run", where, todo)
 
 

@@ -21,23 +21,25 @@ MOTOR = ("supply", "resistance", "k_t", "gear")
 """What a loop needs most of a soil and of a motor."""
 
 FIRST = 0.3
-"""Time at the beginning of a run [s] whose mean place is held against its declared start."""
+"""Time at the beginning of a run [s] whose mean place is held against its declared start. Why: several samples of 10
+Hz, before the rover is under way (assumed)."""
 
 NEAR, NEARLY = 0.03, math.radians(6.0)
 """Distance [m] and angle [rad] from which the start is named."""
 
 FAR, FARTHER = 0.25, math.radians(30.0)
-"""Distance [m] and angle [rad] from which start and tracker are not in the same axes."""
+"""Distance [m] and angle [rad] from which start and tracker have other axes. Why: about a rover's length (assumed)."""
 
 
 FAR_OFF = 10.0 * LARGEST
-"""Coordinate [m] that is on no declared ground."""
+"""Coordinate [m] that is on no declared ground. Why: grids of maps begin hundreds of kilometres away."""
 
 NOISIER = 2.0
 """Times its declared noise that a channel scatters to be named."""
 
 OTHER_WHEEL = 0.02
-"""Relative difference of a declared wheel's radius or width from the rover's that is no rounding."""
+"""Relative difference of a declared wheel's radius or width from the rover's that is no rounding. Why: 0.1 mm of the
+smallest wheels' 5 mm; lengths are stated to three digits."""
 
 
 def rover_faults(log: DriveLog) -> Iterator[Finding]:

@@ -17,13 +17,14 @@ Remarks = Iterator[tuple[str, str]]
 """What is wrong with a run, and what to do."""
 
 BLOCK = 1.0
-"""Length of a block [s]: a tracker's 1.5 mm at 25 Hz then gives the speed within 1 mm/s."""
+"""Length of a block [s]. Why: a tracker's 1.5 mm at 25 Hz then gives the speed within 1 mm/s."""
 
 AT_LEAST = 5
-"""Samples of a block, and blocks, that a judgement needs; blocks of a slower log are longer."""
+"""Samples of a block, and blocks, that a judgement needs. Why: a mean's error is then half of a sample's."""
 
 ROLLING = 0.3
-"""Mean rim speed over mean size of rim speed, below which a rover turns rather than drives."""
+"""Mean rim speed over mean size of rim speed, below which a rover turns rather than drives. Why: in a turn about one's
+own wheel it is 0.5 (assumed)."""
 
 
 class Declared(NamedTuple):

@@ -13,7 +13,7 @@ from rover_pin.measurements.checks import Finding
 from rover_pin.measurements.rig_set import SAME_SLIP
 
 SAME_DUTY = 0.02
-"""Duties that differ by less are one level."""
+"""Duties that differ by less are one level. Why: five steps of a driver of eight bits."""
 
 LOW_DUTY = 0.15
 """A drive's lowest duty that still tells where motion begins."""
@@ -31,7 +31,7 @@ SHARE = 0.1
 """Share of the driven time that something must take up."""
 
 LEAST_RUNS, LEAST_TIME = 2, 20.0
-"""Runs, and driven time [s] in all, below which a log is too poor."""
+"""Runs, and driven time [s], that a log has at least. Why: one is left out; 20 s are 40 blocks for some 20 numbers."""
 
 
 def excitation_findings(runs: Sequence[Driven], where: str) -> Iterator[Finding]:

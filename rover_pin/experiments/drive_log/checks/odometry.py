@@ -11,19 +11,19 @@ from rover_pin.experiments.drive_log.checks.driven import Driven, Remarks
 from rover_pin.simulation.trace.channels import ODOMETRY
 
 FEW = 50
-"""Samples that a judgement needs."""
-LEAST_WAY = 0.3
-"""Way of the rims [m] that a judgement needs."""
+"""Samples that a judgement needs. Why: chance gives SHARED to one in 60 of them."""
 WITHIN = 2.0
-"""Times its own noise that such a pose may be away from the wheels' way."""
+"""Times its own noise that such a pose may be away from the wheels' way. Why: sums of noise wander (assumed)."""
 ROUND_OFF = 1e-6
-"""The same as a share of the way, where a pose has no noise at all."""
+"""The same as a share of the way, where a pose has no noise at all. Why: digits of a log."""
 RESOLVED = 0.001
-"""Noise over way up to which a slip that varies by a percent would show."""
+"""Noise over way up to which a slip that varies by a percent would show. Why: a tenth of that slip."""
 SAME, MAX_EVEN_SLIP = 0.005, 0.05
-"""Mean slip up to which the pose is that of the wheels; up to which it may be, with another radius."""
+"""Mean slip up to which the pose is that of the wheels; up to which it may be, with another radius. Why: a radius is
+stated to half a percent."""
 SHARED = 0.3
-"""Correlation of noises from which they are one: wheels on a flat may slip as evenly, but their noise is their own."""
+"""Correlation of noises from which they are one: wheels on a flat may slip as evenly, but their noise is their own.
+Why: the same numbers give 1, noises of their own 0."""
 
 
 class Followed(NamedTuple):
@@ -44,7 +44,7 @@ class Followed(NamedTuple):
     def equal(self) -> bool:
         """Whether the pose's increments are those of the rims within its noise, which would show slip."""
         within = self.deviation < max(WITHIN * self.noise, ROUND_OFF * self.way)
-        return self.way > LEAST_WAY and within and self.noise < RESOLVED * self.way
+        return within and self.noise < RESOLVED * self.way
 
 
 def odometry_faults(run: Driven) -> Remarks:

@@ -16,7 +16,7 @@ USUALLY = 10.0
 """A coarse converter repeats values as well: a stuck stretch is this many times its usual one."""
 
 ROLLED = 0.1
-"""Way of the rims [m] in which a tracker must show something."""
+"""Way of the rims [m] in which a tracker must show something. Why: ten times a poor tracker's noise (assumed)."""
 
 LEAP, TURN = 0.005, 0.05
 """Smallest steps of a position [m] and an angle [rad] from one sample to the next that count as jumps."""
@@ -183,9 +183,10 @@ def supply_findings(run: Driven) -> Remarks:
 
 
 TELLING = 0.1
-"""Share of the stall current from which the motor's equation tells the current."""
+"""Share of the stall current from which the motor's equation tells the current. Why: below, friction and the
+tachometer's error are as large (assumed)."""
 OFF, FAR_OFF = 3.0, 20.0
-"""Times, either way, that currents may be off the motor's before they are named, and refused."""
+"""Times that currents are off the motor's to be named, and refused. Why: mA, or counts, are off by more (assumed)."""
 
 
 def current_faults(run: Driven) -> Remarks:

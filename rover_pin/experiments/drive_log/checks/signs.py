@@ -8,31 +8,31 @@ import numpy as np
 from rover_pin.experiments.drive_log.checks.driven import AT_LEAST, Driven, Remarks, degrees
 
 OPPOSITE = -0.5
-"""Correlation about zero from which two channels run against each other."""
+"""Correlation about zero from which two channels run against each other. Why: a right sign gives nearly 1, noise 0."""
 
 CREEP = 0.1
-"""Share of the rim speed below which the travel tells no direction."""
+"""Share of the rim speed below which the travel tells no direction. Why: then the course is the tracker's noise."""
 
 ASTRAY = math.radians(75.0)
-"""Angle between heading and course that is no crabbing any more."""
+"""Angle [rad] between heading and course that is no crabbing. Why: that is half of it at most (assumed)."""
 
 ALIGNED = 0.9
-"""Length of the mean of unit vectors from which they all point one way."""
+"""Length of the mean of unit vectors from which they all point one way. Why: the angles then scatter by 26 deg."""
 
 FOLLOWS = 0.25
-"""RMS angle [rad] between course and heading of a rover that goes where it points."""
+"""RMS angle [rad] between course and heading of a rover that goes where it points. Why: crabbing and noise, 14 deg."""
 
 SLOPE = 0.3
-"""Relative error of the course's turn over that of the yaw."""
+"""Relative error of the course's turn over that of the yaw. Why: the course is noisy; radians would be 57 times off."""
 
 ENOUGH_CLIMB = math.radians(1.5)
-"""SD of the climb from which the pitch can be held against it."""
+"""SD of the climb [rad] from which the pitch is held against it. Why: several times a tilt's noise (assumed)."""
 
 SURE = 4.0
-"""Student's t of a correlation from which it is not taken for chance."""
+"""Student's t of a correlation that is no chance. Why: blocks are not independent, and pass CLEAR by chance."""
 
 STEEPER = 5.0
-"""Change of pitch over change of climb from which the pitch is in another unit."""
+"""Change of pitch over change of climb from which the pitch is in another unit. Why: 1 is radians; 57 is degrees."""
 
 UNLEVEL = 0.02
 """Mean of rocker_l + rocker_r [rad] from which it is named: 1.1 deg, beyond a potentiometer's noise."""

@@ -5,30 +5,25 @@ import math
 import numpy as np
 
 from rover_pin.experiments.drive_log.checks.driven import AT_LEAST, Driven, Remarks
+from rover_pin.experiments.drive_log.checks.units import NEAR
 
 TIMES = 2.0
-"""A velocity this many times that of the tracked place, or its inverse, is in another unit."""
+"""A velocity that is as many times that of the place, or less, has another unit. Why: units differ by 3.6 or more."""
 
 TURNED = math.radians(60.0)
-"""Angle between a velocity and that of the tracked place that no noise makes."""
+"""Angle [rad] of a velocity to that of the place that no noise makes. Why: crabbing is half of it (assumed)."""
 
 VELOCITY_UNITS = {3.6: "km/h", 100.0: "cm/s", 1000.0: "mm/s"}
 """Numbers of the unit that make 1 m/s."""
 
-NEAR = 1.4
-"""A ratio this many times a unit's, either way, is taken for it."""
-
 SLOWEST = 0.01
-"""Speed [m/s] from which the tracked place tells a velocity beyond its noise."""
+"""Speed [m/s] from which the tracked place tells a velocity beyond its noise. Why: ten times BLOCK's error."""
 
 STEEPEST = 3.0
-"""Change of height over way driven that no rover climbs: 72 deg."""
+"""Change of height over way that no rover climbs: 72 deg. Why: heights in mm change a thousand times as fast."""
 
 RACING = 3.0
-"""A wheel this many times as fast as its motor without load at that duty: duty or motor are wrong."""
-
-LOW = 0.002
-"""Duty below which nothing is judged."""
+"""Times as fast as its motor without load that no wheel turns. Why: downhill a wheel is little faster (assumed)."""
 
 
 def velocity_faults(run: Driven) -> Remarks:
@@ -72,7 +67,7 @@ def racing_faults(run: Driven) -> Remarks:
     if motor is None or run.rate_driven:
         return
     duty, rate = np.abs(run.duty[run.steady]), np.abs(run.rate[run.steady])
-    use = np.isfinite(duty * rate) & (duty > LOW)
+    use = np.isfinite(duty * rate) & (duty > 0.0)
     if np.sum(use) < AT_LEAST:
         return
     times = float(np.median(rate[use] / (duty[use] * float(motor.no_load_rate))))

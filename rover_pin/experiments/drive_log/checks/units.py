@@ -7,7 +7,8 @@ import numpy as np
 from rover_pin.experiments.drive_log.checks.driven import AT_LEAST, Driven, Remarks
 
 SLOWEST_SAMPLING = 1.0
-"""Samples further apart [s] tell nothing of a drive, and milliseconds taken for seconds are."""
+"""Samples further apart [s] tell nothing of a drive, and milliseconds taken for seconds are. Why: a duty that is held
+for 2.5 s then has two samples."""
 
 FACTORS = {
     60.0 / (2.0 * math.pi): ("the wheel rates look like rpm", "give rad/s: multiply them by 2 pi / 60"),
@@ -19,16 +20,17 @@ FACTORS = {
 """Rim speed over travel speed without slip -> what is wrong, and what to do."""
 
 NEAR = 1.5
-"""A ratio this many times a factor, either way, is taken for it: slip and radius may be off as well."""
+"""Ratios within this of a factor, either way, are taken for it. Why: slip and radius are off too; factors 6 apart."""
 
 MAX_RATIO_SPREAD = 2.0
-"""A wrong unit gives the same ratio throughout; slip does not. Greatest median over tenth percentile."""
+"""Median over tenth percentile of a ratio that is a unit's, and no slip's. Why: a slip of 0.5 doubles it."""
 
 LARGEST = {"body_pitch": 0.5 * math.pi, "body_roll": math.pi, "rocker_": 2.0, "bogie_": 2.0, "steer_": 2.0 * math.pi}
 """Greatest angle [rad] that a channel can show; beyond it stand degrees."""
 
 MOST_VOLTS, MOST_AMPERES, STALLS = 1000.0, 100.0, 20.0
-"""Beyond this a rover's battery or motor current is in thousandths: in V, in A, in times the stall current."""
+"""Beyond this a rover's battery or motor current is in thousandths: in V, in A, in times the stall current. Why: no
+rover's battery has 1 kV, nor its motors 100 A or 20 times what they draw at rest."""
 
 
 def unit_faults(run: Driven) -> Remarks:
@@ -62,7 +64,7 @@ def _rates_or_positions(run: Driven) -> Remarks:
 
 
 STILL_RIM = 0.02
-"""Wheel rate [rad/s] from which rim and travel are compared, whatever their unit."""
+"""Wheel rate [rad/s] from which rim and travel are compared, whatever their unit. Why: slower servos step (assumed)."""
 
 
 def _angles(run: Driven) -> Remarks:

@@ -10,6 +10,7 @@ import numpy as np
 from rover_pin.effects.bent_ground import KNOTS, STEEP, BentGround
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.noise import COLOURED
+from rover_pin.estimation.profile import MOST
 from rover_pin.estimation.random_effects.random_field import LearntSd, RandomField, expected
 from rover_pin.estimation.wording import format_value
 from rover_pin.experiments.drive_log.experiment import logged
@@ -17,8 +18,6 @@ from rover_pin.experiments.drive_log.features import LoggedRun
 from rover_pin.experiments.drive_log.ground.field import KINDS, SLOPE, SLOPE_OF_RUN, shares_of
 from rover_pin.simulation.replay import filled
 
-SHARED = 0.5
-"""Share of the slopes' sum of squares from which runs have a bend in common; the rest is each run's own raking."""
 SHORTEST = 0.2
 """Way along x from which a bend is identified [m]: the rover's own length smooths what is shorter (assumed)."""
 WEIGHT = 1e-3
@@ -29,7 +28,7 @@ def shared_bend(runs: Sequence[LoggedRun], slopes: Sequence[np.ndarray]) -> Bent
     """Return the bend along x whose slope along each heading is nearest to these slopes (T,) beside the declared [rad].
 
     Least squares over all rows of sum (s(x) cos(heading) - slope)^2, s as `BentGround` has it, its knots along all of
-    the way. None where that takes less than SHARED of what they have, or where nothing was driven along x.
+    the way. None where that takes less than MOST of what they have, or where nothing was driven along x.
     """
     x = np.concatenate([filled(run.commands.place[:, 0]) for run in runs])
     low, high = float(np.min(x)), float(np.max(x))
@@ -45,7 +44,7 @@ def shared_bend(runs: Sequence[LoggedRun], slopes: Sequence[np.ndarray]) -> Bent
     penalty = WEIGHT * len(right) / len(runs)
     knot_slopes = np.linalg.solve(rows.T @ rows + penalty * np.eye(KNOTS), rows.T @ right)
     residual_sum = float(np.sum((rows @ knot_slopes - right) ** 2))
-    if not residual_sum < (1.0 - SHARED) * float(np.sum(right**2)):
+    if not residual_sum < (1.0 - MOST) * float(np.sum(right**2)):
         return None
     slope_by_knot = {
         name: float(np.clip(slope, -STEEP, STEEP)) for name, slope in zip(BentGround.neutral, knot_slopes, strict=True)
@@ -57,8 +56,6 @@ SURE = 10.8 * COLOURED
 """Gain in -2 ln L from which slopes are not chance: chi2 of one number passes 10.8 once in 1,000."""
 SURVEYED = math.radians(0.1)
 """Slope [rad, rms] to which a ground counts as declared, however sure a difference is: 2 mm a metre (assumed)."""
-MOST_OF_IT = 0.5
-"""Share of the steepest deviation from which a place belongs to the stretch that is reported."""
 
 
 class Stretch(NamedTuple):
@@ -167,7 +164,7 @@ def _worst(fitted: Fit, slopes: list[np.ndarray]) -> Stretch:
     run = max(range(len(slopes)), key=lambda at: float(np.abs(slopes[at]).max()))
     row, logged_run = slopes[run], logged(fitted).runs[run]
     top = int(np.argmax(np.abs(row)))
-    inside = row * np.sign(row[top]) > MOST_OF_IT * abs(row[top])
+    inside = row * np.sign(row[top]) > MOST * abs(row[top])
     outside = np.flatnonzero(~inside)
     begin = int(outside[outside < top].max(initial=-1)) + 1
     end = int(outside[outside > top].min(initial=len(row)))

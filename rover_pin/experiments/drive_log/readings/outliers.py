@@ -14,7 +14,8 @@ LEAST = {
 }  # fmt: skip
 """Numbers of a pose, and the least distance from its neighbours that makes an outlier [m, rad]."""
 BEYOND = 6.0
-"""SDs of the tracker's noise that it lies beyond the nearest of its neighbours: by chance one of some million rows."""
+"""SDs of the tracker's noise that it lies beyond the nearest of its neighbours: by chance one of some million rows.
+Why: a wrong exclusion costs a row, a wrong pose the whole path after it."""
 SIDE = 2
 """Neighbours on either side."""
 NEAR = 0.3
