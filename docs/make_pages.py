@@ -1,4 +1,4 @@
-"""Pages of the site that are made, not written: the catalogue, the rooms, commands, public names, and notebooks.
+"""Pages of the site that are made, not written: the catalogue, numbers, rooms, commands, public names, and notebooks.
 
 A line `<!-- file: PATH -->` in a page becomes that file, `<!-- rooms -->` what the rooms of the package say,
 `<!-- contradictions -->` the strict expected failures of `tests/paper`, `<!-- commands -->` each command's example,
@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import deciding
 from mkdocs.structure.files import File, Files
 
 from rover_pin.base.settings import Setting
@@ -32,6 +33,7 @@ def on_files(files: Files, config: Any) -> Files:
         "catalogue/rovers.md": _entries("Rovers", catalogue.rovers(), "rover-pin drive flat --set rover={}"),
         "catalogue/effects.md": _entries("Effects", catalogue.effects(), "rover-pin drive ditch --add {}"),
         "catalogue/settings.md": _settings(),
+        "catalogue/numbers.md": deciding.page(),
         "api.md": _api(),
         "commands.md": _commands(),
     }
