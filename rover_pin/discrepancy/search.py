@@ -19,11 +19,12 @@ from rover_pin.discrepancy.signature import Signature, signatures
 from rover_pin.estimation.columns import Columns
 from rover_pin.estimation.fit import Fit, fit
 from rover_pin.estimation.profile import SURE
-from rover_pin.inference.beliefs import COUNTS, Beliefs
+from rover_pin.inference.beliefs import Beliefs
 from rover_pin.inference.cause import Cause
 from rover_pin.inference.expansion import Expansion
 from rover_pin.inference.linear_hypothesis import LinearHypothesis, linear_hypothesis, with_function
 from rover_pin.inference.residual_function import with_functions
+from rover_pin.inference.set_prior import COUNTS
 
 MAX_FITS = 12
 """Sets that are fitted at most, but for those that are more probable than all of them."""

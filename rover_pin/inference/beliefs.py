@@ -16,14 +16,8 @@ from rover_pin.estimation.parameter import Parameter
 from rover_pin.inference.cause import Cause
 from rover_pin.inference.error_model import Discrepancy
 from rover_pin.inference.left_out import LeftOut
+from rover_pin.inference.set_prior import log_prior
 
-ALLOWED = {
-    False: {Discrepancy.NONE: 0.7, Discrepancy.SMOOTH: 0.3},
-    True: {Discrepancy.NONE: 0.6, Discrepancy.FORM: 0.2, Discrepancy.SMOOTH: 0.2},
-}
-"""Prior probability of each kind of discrepancy, of a base model and of one with causes (assumed)."""
-COUNTS = 0.5, 0.3, 0.14, 0.05, 0.01
-"""Prior probability of no to four missing causes, shared evenly by all sets of as many (assumed)."""
 Key = TypeVar("Key", bound=Hashable)
 LEAST = 1e-3
 """Least probability that is written down."""
@@ -100,12 +94,12 @@ class Beliefs:
     @cached_property
     def scores(self) -> np.ndarray:
         """Logarithm of evidence times prior of each hypothesis."""
-        return np.array([hypothesis.log_evidence + self._log_prior(hypothesis) for hypothesis in self.hypotheses])
-
-    def _log_prior(self, hypothesis: Hypothesis) -> float:
-        count = len(hypothesis.causes)
-        allowed = ALLOWED[count > 0][hypothesis.discrepancy]
-        return math.log(COUNTS[count] * allowed / math.comb(max(self.choice, count), count))
+        return np.array(
+            [
+                hypothesis.log_evidence + log_prior(len(hypothesis.causes), self.choice, hypothesis.discrepancy)
+                for hypothesis in self.hypotheses
+            ]
+        )
 
     @cached_property
     def weights(self) -> np.ndarray:

@@ -19,6 +19,7 @@ import numpy as np
 import pinocchio as pin
 
 from rover_pin.base.errors import ParameterError
+from rover_pin.rover.constraints import angle_rows, constraint_rows
 from rover_pin.rover.rover import Rover
 
 STABILISATION = 20.0
@@ -48,7 +49,7 @@ class Dynamics:
         for row, wheel in zip(self._moves, rover.wheels, strict=True):
             row[supporting_dofs(self.model, wheel.joint)] = 1.0
         self._rows = constraint_rows(rover)
-        self._angle_rows = _angle_rows(rover)
+        self._angle_rows = angle_rows(rover)
         self._no_force = [pin.Force.Zero() for _ in range(self.model.njoints)]
 
     def accelerate(self, q: np.ndarray, v: np.ndarray, torques: np.ndarray, wheel_forces: np.ndarray) -> Acceleration:
@@ -150,31 +151,6 @@ def wheel_jacobians(rover: Rover, q: np.ndarray) -> np.ndarray:
     return np.array(
         [pin.getJointJacobian(rover.model, data, wheel.joint, pin.LOCAL_WORLD_ALIGNED) for wheel in rover.wheels]
     )
-
-
-def constraint_rows(rover: Rover, *, differential: bool = True) -> np.ndarray:
-    """Return G [m, nv]: first the row of a rigid `differential`, if there is one, then one a joint that follows."""
-    pairs: list[tuple[int | None, int | None, float]]
-    pairs = [(coupling.follower, coupling.leader, coupling.ratio) for coupling in rover.couplings]
-    if rover.differential is not None and differential:
-        pairs.insert(0, (rover.differential.left, rover.differential.right, -1.0))
-    return _rows(pairs, rover.model.nv)
-
-
-def _angle_rows(rover: Rover) -> np.ndarray:
-    """Return the same for the angles [m, nq]; a row of zeros for wheels that are tied, which have rates only."""
-    pairs = [(coupling.q_follower, coupling.q_leader, coupling.ratio) for coupling in rover.couplings]
-    if rover.differential is not None:
-        pairs.insert(0, (rover.differential.q_left, rover.differential.q_right, -1.0))
-    return _rows(pairs, rover.model.nq)
-
-
-def _rows(pairs: list[tuple[int | None, int | None, float]], size: int) -> np.ndarray:
-    rows = np.zeros((len(pairs), size))
-    for row, (follower, leader, ratio) in zip(rows, pairs, strict=True):
-        if follower is not None:
-            row[follower], row[leader] = 1.0, -ratio
-    return rows
 
 
 def supporting_dofs(model: pin.Model, joint: int) -> list[int]:

@@ -8,7 +8,8 @@ import pinocchio as pin
 
 from rover_pin.base.errors import ParameterError
 from rover_pin.effects.effect import called
-from rover_pin.rover.forward_dynamics import constraint_rows, wheel_jacobians
+from rover_pin.rover.constraints import constraint_rows
+from rover_pin.rover.forward_dynamics import wheel_jacobians
 from rover_pin.rover.rover import Rover
 from rover_pin.rover.wheel_base import wheel_mounts
 

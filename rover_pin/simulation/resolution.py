@@ -11,7 +11,8 @@ import pinocchio as pin
 
 from rover_pin.base.errors import SimulationError
 from rover_pin.contact import Soil, Wheel
-from rover_pin.rover.forward_dynamics import constraint_rows, wheel_jacobians
+from rover_pin.rover.constraints import constraint_rows
+from rover_pin.rover.forward_dynamics import wheel_jacobians
 from rover_pin.rover.rover import Rover
 from rover_pin.simulation.compiled.rover_numbers import armed
 from rover_pin.simulation.model.model import Model

@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from rover_pin.inference.beliefs import ALLOWED, COUNTS
 from rover_pin.inference.cause import SIZE_SD
 from rover_pin.inference.error_model import PRIORS, ErrorModel
 from rover_pin.inference.explore import Explorer
 from rover_pin.inference.hypothesis import Fitter
+from rover_pin.inference.set_prior import ALLOWED, COUNTS
 from rover_pin.inference.size_prior import MEDIAN, SPREAD
 from tests.inference import linear_toy as toys
 

@@ -6,8 +6,9 @@ import math
 import numpy as np
 import pytest
 
-from rover_pin.inference.beliefs import COUNTS, Beliefs
+from rover_pin.inference.beliefs import Beliefs
 from rover_pin.inference.error_model import Discrepancy
+from rover_pin.inference.set_prior import COUNTS
 from tests.inference import linear_causes as toys
 
 NAMES = "p", "q", "r"

@@ -11,9 +11,9 @@ import pytest
 
 from rover_pin.base.errors import DataError
 from rover_pin.logs.drive_log import read_drive_log
+from rover_pin.logs.importing.column_names import corner, word
 from rover_pin.logs.importing.files.raw import read_raw
 from rover_pin.logs.importing.import_log import import_log
-from rover_pin.logs.importing.words import corner, word
 from tests.logs import recordings
 
 ROOT = Path(__file__).parents[2]

@@ -7,10 +7,10 @@ import pinocchio as pin
 import pytest
 
 from rover_pin.base.errors import ParameterError
+from rover_pin.rover.constraints import constraint_rows
 from rover_pin.rover.forward_dynamics import (
     Dynamics,
     bias,
-    constraint_rows,
     forward_dynamics,
     forward_dynamics_aba,
     mass_matrix,

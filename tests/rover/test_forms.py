@@ -10,8 +10,9 @@ import pinocchio as pin
 import pytest
 
 from rover_pin.base.errors import UrdfError
+from rover_pin.rover.constraints import constraint_rows
 from rover_pin.rover.description.layout import shipped
-from rover_pin.rover.forward_dynamics import constraint_rows, forward_dynamics, forward_dynamics_aba, mass_matrix
+from rover_pin.rover.forward_dynamics import forward_dynamics, forward_dynamics_aba, mass_matrix
 from rover_pin.rover.rover import load_rover
 from rover_pin.rover.statics import wheel_loads
 from rover_pin.rover.urdf_check import check_urdf

@@ -9,7 +9,8 @@ import pytest
 
 from rover_pin.base.errors import UrdfError
 from rover_pin.control.constant import ConstantDuty
-from rover_pin.rover.forward_dynamics import constraint_rows, forward_dynamics, forward_dynamics_aba
+from rover_pin.rover.constraints import constraint_rows
+from rover_pin.rover.forward_dynamics import forward_dynamics, forward_dynamics_aba
 from rover_pin.rover.rover import load_rover
 from rover_pin.rover.urdf_check import check_urdf
 from rover_pin.scenarios.scenario import scenario

@@ -18,7 +18,7 @@ from rover_pin.effects.spring_damper import SpringDamper
 from rover_pin.effects.supply_sag import SupplySag
 from rover_pin.effects.tether_drag import TetherDrag
 from rover_pin.parameters.hard import HARD_GROUND
-from rover_pin.rover.forward_dynamics import constraint_rows
+from rover_pin.rover.constraints import constraint_rows
 from rover_pin.rover.rover import load_rover
 from rover_pin.simulation.compiled.kernel import Kernel
 from rover_pin.simulation.model.model import Model, base_effects

@@ -10,7 +10,8 @@ from rover_pin.base.errors import SimulationError
 from rover_pin.contact import Soil
 from rover_pin.control.constant import ConstantDuty
 from rover_pin.effects.multi_pass import MultiPass
-from rover_pin.rover.forward_dynamics import constraint_rows, mass_matrix, wheel_jacobians
+from rover_pin.rover.constraints import constraint_rows
+from rover_pin.rover.forward_dynamics import mass_matrix, wheel_jacobians
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.compiled.kernel import Kernel
 from rover_pin.simulation.compiled.rover_numbers import armed

@@ -9,7 +9,7 @@ import pinocchio as pin
 import pytest
 
 from rover_pin.effects.supply_sag import SupplySag
-from rover_pin.rover.forward_dynamics import constraint_rows
+from rover_pin.rover.constraints import constraint_rows
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation import native
 from rover_pin.simulation.compiled import toolchain

@@ -8,8 +8,9 @@ import casadi as ca
 import numpy as np
 import pinocchio as pin
 
+from rover_pin.rover.constraints import constraint_rows
 from rover_pin.rover.driven_loads import SHARES
-from rover_pin.rover.forward_dynamics import constraint_rows, supporting_dofs
+from rover_pin.rover.forward_dynamics import supporting_dofs
 from rover_pin.rover.rover import Rover
 from rover_pin.simulation.native.rigid_body import inertia_places, rigid_body, tree_of
 

@@ -16,7 +16,7 @@ from rover_pin.control.sensing.laws import ReadingTrust, fold_law, still_law, to
 from rover_pin.control.sensing.odometry import VisualOdometry
 from rover_pin.control.torque_factor import torque_factors
 from rover_pin.effects.slip import RelaxedSlip
-from rover_pin.rover.forward_dynamics import constraint_rows
+from rover_pin.rover.constraints import constraint_rows
 from rover_pin.rover.rover import Rover
 from rover_pin.simulation.command import Reading
 from rover_pin.simulation.failure import suspension_of

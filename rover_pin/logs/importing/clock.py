@@ -12,8 +12,8 @@ import pandas as pd
 
 from rover_pin.base.errors import DataError
 from rover_pin.base.formula import evaluate, quoted
+from rover_pin.logs.importing.column_names import TIME, Word
 from rover_pin.logs.importing.recording import Entry, Recording, words_of
-from rover_pin.logs.importing.words import TIME, Word
 
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 UNTOLD = {"s": 0.6, "ms": 0.25, "us": 0.1, "ns": 0.05}

@@ -6,9 +6,9 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from rover_pin.base.formula import change, integral
+from rover_pin.logs.importing.column_names import COMMAND, ODOMETRY, Word
 from rover_pin.logs.importing.evidence import independent, relation, scaled
 from rover_pin.logs.importing.recording import Entry, Guess, Recording, column
-from rover_pin.logs.importing.words import COMMAND, ODOMETRY, Word
 
 STANDARD_GRAVITY = 9.80665
 """What a reading of 1 g is [m/s^2]; local gravity differs from it by 0.3 % at most."""

@@ -9,13 +9,13 @@ from scipy.special import ndtri
 from scipy.stats import rankdata
 
 from rover_pin.base.formula import change, quoted
-from rover_pin.logs.importing import words as called
+from rover_pin.logs.importing import column_names as called
+from rover_pin.logs.importing.column_names import Word, corner
 from rover_pin.logs.importing.evidence import NONE_FITS, SURE, independent, mean_known, relation, shares
 from rover_pin.logs.importing.inertial import inertial_units
 from rover_pin.logs.importing.places import quaternions
 from rover_pin.logs.importing.recording import Choice, Entry, Guess, Recording, column, formula_of
 from rover_pin.logs.importing.wheels import families
-from rover_pin.logs.importing.words import Word, corner
 from rover_pin.rover.rover import Rover
 
 TILT = (math.log(0.07), 1.2)

@@ -5,9 +5,9 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 
 from rover_pin.base.formula import quoted
-from rover_pin.logs.importing import words as called
+from rover_pin.logs.importing import column_names as called
+from rover_pin.logs.importing.column_names import Word
 from rover_pin.logs.importing.recording import Choice, Entry, column
-from rover_pin.logs.importing.words import Word
 
 LENGTHS = {"m": 0.75, "mm": 0.2, "cm": 0.05}
 """How often a length without a unit is in these."""

@@ -11,7 +11,7 @@ import pandas as pd
 from rover_pin.base.formula import quoted
 from rover_pin.base.quantity import to_si
 from rover_pin.logs.column_map import mapped_column
-from rover_pin.logs.importing.words import Word, word
+from rover_pin.logs.importing.column_names import Word, word
 from rover_pin.simulation.trace.channels import unit_of
 
 NOTHING: Mapping[str, np.ndarray] = MappingProxyType({})

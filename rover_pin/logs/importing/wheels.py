@@ -6,9 +6,9 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from rover_pin.base.formula import quoted
 from rover_pin.base.units import UNITS
-from rover_pin.logs.importing import words as called
+from rover_pin.logs.importing import column_names as called
+from rover_pin.logs.importing.column_names import Word, corner
 from rover_pin.logs.importing.recording import Choice, Entry, column
-from rover_pin.logs.importing.words import Word, corner
 from rover_pin.rover.rover import Rover
 from rover_pin.rover.wheel_base import wheel_places
 

@@ -19,7 +19,7 @@ import numpy as np
 import pinocchio as pin
 
 from rover_pin.contact import Load
-from rover_pin.rover.forward_dynamics import constraint_rows
+from rover_pin.rover.constraints import constraint_rows
 from rover_pin.simulation.compiled import laws
 from rover_pin.simulation.compiled.body_law import body_law
 from rover_pin.simulation.compiled.kernel import HOLDING

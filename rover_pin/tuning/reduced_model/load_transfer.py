@@ -5,7 +5,8 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from rover_pin.rover.forward_dynamics import constraint_rows, mass_matrix, wheel_jacobians
+from rover_pin.rover.constraints import constraint_rows
+from rover_pin.rover.forward_dynamics import mass_matrix, wheel_jacobians
 from rover_pin.rover.rover import Rover
 
 
