@@ -6,7 +6,6 @@ Source: Bock, Recent advances in parameter identification techniques for ODE (19
 from __future__ import annotations
 
 import dataclasses
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -15,7 +14,6 @@ from rover_pin.scenarios.scenario import Scenario
 from rover_pin.simulation.compiled.kernel import Kernel
 from rover_pin.simulation.compiled_run import run_compiled
 from rover_pin.simulation.driving import Drive
-from rover_pin.simulation.pace import FINEST
 from rover_pin.simulation.simulate import set_out
 from rover_pin.simulation.timing import Timing
 from rover_pin.simulation.trace.record import trace_of
@@ -29,7 +27,7 @@ class Course(NamedTuple):
     timing: Timing
     "with the step at which commands are looked at"
     lengths: np.ndarray
-    "of its steps [s], shorter where forces ask for it, then 0"
+    "of its steps [s], shorter where forces ask for it"
     duration: float
     "until it ended [s]"
 
@@ -37,20 +35,18 @@ class Course(NamedTuple):
 def course_of(scene: Scenario, trace: Trace) -> Course:
     """Return the steps of the drive that came to this trace."""
     finer = _set_out(scene).timing.dt / trace.attrs["dt_s"]
-    timing = dataclasses.replace(scene.timing, divided=scene.timing.divided * finer)
+    timing = dataclasses.replace(scene.timing, divided=scene.timing.divided * round(finer))
     drive = _set_out(dataclasses.replace(scene, timing=timing))
     assert isinstance(drive.stepper, Kernel)
     duration = len(trace.t) * scene.timing.sample
-    history = drive.stepper.keep_history(math.ceil(duration / drive.timing.dt) * FINEST)
-    run_compiled(drive, duration, None)
-    return Course(drive.timing, history[1 : 2 + int(history[0])].copy(), duration)
+    return Course(drive.timing, run_compiled(drive, duration, None).lengths, duration)
 
 
 def drive_along(scene: Scenario, course: Course) -> Trace:
     """Return the trace of a drive that takes these steps, as long as they last."""
     drive = _set_out(scene)
     drive.stepper.set_step(course.timing.dt)
-    drive = drive._replace(timing=course.timing, lengths=course.lengths)
+    drive = drive._replace(timing=course.timing, followed=course.lengths)
     return trace_of(scene.model, finite(run_compiled(drive, course.duration, None).rows), {})
 
 

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Generator
-from typing import cast
+from typing import Any, cast
+
+import numpy as np
 
 from rover_pin.simulation.command import Reading
 from rover_pin.simulation.compiled.kernel import Kernel
@@ -12,6 +14,10 @@ from rover_pin.simulation.driving import OFTEN, Drive, Progress, Ran, diverged, 
 from rover_pin.simulation.failure import failure, suspension_of
 from rover_pin.simulation.native.control import commands_of
 from rover_pin.simulation.native.loop import Loop, Outcome
+from rover_pin.simulation.pace import FINEST
+
+HALVED = 2
+"""The most steps that a drive takes for one of the drive whose steps it follows."""
 
 
 def run_compiled(drive: Drive, duration: float, progress: Progress | None) -> Ran:
@@ -32,16 +38,19 @@ def questions(drive: Drive, duration: float, progress: Progress | None = None) -
     native = commands_of(drive.controller, len(drive.model.rover.wheels), len(drive.stepper.servo_wheels))
     steps, first = round(duration / timing.dt), drive.checkpoint.steps if drive.checkpoint else 0
     samples = math.ceil((first + steps) / per_control) - math.ceil(first / per_control)
-    loop_fields = {} if native is None else native.fields(drive.stepper, samples)
-    loop_fields |= {} if drive.lengths is None else {"followed": drive.lengths}
+    loop_fields: dict[str, Any] = {} if native is None else native.fields(drive.stepper, samples)
+    if drive.followed is not None:
+        loop_fields["followed"] = np.append(drive.followed, 0.0)
     loop = Loop(drive.stepper, timing.dt, steps, per_sample, per_control=per_control, rough=timing.rough, **loop_fields)
+    loop.keep_history(HALVED * FINEST * min(steps, OFTEN * per_sample))
     if native is None:
         loop.ask()
     if drive.checkpoint:
         loop.go_on(drive.checkpoint)
-    stop = ""
+    stop, lengths = "", []
     while not (stop or loop.done):
         outcome = loop.run(OFTEN * (1 + loop.row // OFTEN))
+        lengths.append(loop.steps_taken())
         if outcome is Outcome.ASKS:
             yield loop.question()
         elif outcome is Outcome.FAILS:
@@ -51,4 +60,5 @@ def questions(drive: Drive, duration: float, progress: Progress | None = None) -
             stop = diverged(outcome, drive.state.t)
         elif progress and loop.row % OFTEN == 0:
             progress(drive.state.t)
-    return Ran(loop.rows[: loop.row], stop or "duration", loop.checkpoint)
+    drive.stepper.keep_history(None)
+    return Ran(loop.rows[: loop.row], stop or "duration", loop.checkpoint, np.concatenate(lengths))

@@ -44,8 +44,10 @@ class Drive(NamedTuple):
     timing: Timing
     checkpoint: Checkpoint | None = None
     "where it goes on; None: it begins"
-    lengths: np.ndarray | None = None
-    "of the steps that it takes [s], then 0; None: it chooses them"
+    followed: np.ndarray | None = None
+    "lengths [s] of the steps to take; None: it chooses them"
+    bears_double: bool = False
+    "whether the ground bears steps of twice that of `timing`"
 
 
 Progress = Callable[[float], None]
@@ -60,6 +62,8 @@ class Ran(NamedTuple):
     rows: np.ndarray
     stop: str
     checkpoint: Checkpoint
+    lengths: np.ndarray
+    "of the steps taken [s]"
 
 
 def diverged(status: int, t: float) -> str:

@@ -67,6 +67,8 @@ class Pace:
         self.stepper, self.dt, self.unit, self.size = stepper, dt, dt / FINEST, FINEST
         self.before: Begun | None = None
         "where the last step began, if it can be taken again"
+        self.lengths: list[float] = []
+        "of the steps taken [s]"
 
     def go_on(self, checkpoint: Checkpoint) -> None:
         """Go on with the steps that a drive ended with."""
@@ -88,14 +90,31 @@ class Pace:
             off = 0.0 if status else self.stepper.misjudged
             long = step_start if status else self.before if off > self.rough else None
             if long and long.size > 1:
-                remaining += long.size if long is self.before else 0
+                if long is self.before:
+                    remaining += long.size
+                    self.lengths.pop()
                 self._take_again(long)
             elif status:
                 return status
             else:
                 remaining -= step_start.size
+                self.lengths.append(self.stepper.dt)
                 self._keep(off, remaining)
                 self.before = step_start
+        return 0
+
+    def follow(self, followed: np.ndarray, end: float) -> int:
+        """Advance to `end` [s] after the begin by the steps of these lengths [s], whatever they misjudge."""
+        elapsed, taken = sum(self.lengths), len(self.lengths)
+        for length in followed[taken:]:
+            if not elapsed + 0.5 * length < end:
+                break
+            self.stepper.set_step(length)
+            elapsed += length
+            self.lengths.append(length)
+            status = self.stepper.step()
+            if status:
+                return status
         return 0
 
     def _take_again(self, long: Begun) -> None:

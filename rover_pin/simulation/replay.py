@@ -212,9 +212,9 @@ def replay(
     kernel = Kernel(model, state, dt, symmetric=False)
     kernel.disable_energy_balance()
     per_row = round(run.period / dt)
-    history = kernel.keep_history(per_row * len(run.t) * FINEST)
     lengths = {"followed": np.append(steps.lengths, 0.0)} if steps else {}
     loop = Loop(kernel, dt, per_row * len(run.t), per_row, **_fields(model, run, perturbation), **lengths)
+    loop.keep_history(per_row * len(run.t) * FINEST)
     if run.rate is not None:
         kernel.hold(loop.keep["rate_rows"][0].copy())
     outcome = loop.run(len(run.t))
@@ -226,7 +226,7 @@ def replay(
     else:
         why = "" if outcome is Outcome.DONE else "diverged"
     channels = _channels(model, run, _with_last(loop, loop.row - (outcome is Outcome.FAILS)))
-    return Replay(channels, why, StepsTaken(dt, history[1 : 1 + int(history[0])].copy()))
+    return Replay(channels, why, StepsTaken(dt, loop.steps_taken()))
 
 
 def _check_widths(model: Model, run: Commands) -> None:

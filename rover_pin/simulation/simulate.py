@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
 import math
 from collections.abc import Callable
@@ -22,7 +21,7 @@ from rover_pin.simulation.model.model import Model
 from rover_pin.simulation.outcome.audit import balance_warning, load_warning, pivot_warning
 from rover_pin.simulation.outcome.outcome import HELD, drive_outcome
 from rover_pin.simulation.outcome.soil_energy import energy_warning
-from rover_pin.simulation.outcome.step_error import StepChange, innermost, repeating, step_change
+from rover_pin.simulation.outcome.step_error import StepChange, completed, innermost, paired, repeating, step_change
 from rover_pin.simulation.pace import GLANCE
 from rover_pin.simulation.plain.run import run_plain
 from rover_pin.simulation.plain.step import Plain
@@ -81,15 +80,16 @@ def simulate(
     progress : callable, optional
         Called with the time driven so far [s].
     measure_error : bool
-        Drive once more at twice the step, which tells the error of the step, and again at half of it, up to FINER times
-        as fine, until that is within `timing.tolerance`: most drives take half as long again. False: once, as it is.
+        Drive once more by the same steps taken two at a time, which tells their error, and again at half of the step,
+        up to FINER times as fine, until that is within `timing.tolerance`: most drives take half as long again. A
+        controller of one's own is not asked again: the error is that under the commands it gave. False: once, as it is.
 
     Returns
     -------
     Trace
         `attrs["stop"]` says why it ended: "duration", or "capsized", "buried", "folded" or "diverged" with the time
         and the part. What was driven until then is kept. `attrs["step_error_m"]` is twice the greatest distance in x
-        and y from the drive at twice the step, or four times that at half of it where the ground asks for fine steps;
+        and y from the drive at twice the steps, or four times that at half of them where the ground asks for fine ones;
         `attrs["step_error_load"]` the same of the wheels' mean loads, as a share of them. `attrs["dt_s"]`
         is the step that kept the tolerance; a warning says where none did. No error is there where it was not
         measured: a part that goes on, a controller of one's own between the rows.
@@ -198,33 +198,41 @@ def _kept(job: DriveJob, state: DriveState) -> Driven:
 
     A controller of one's own is asked once, and its drive only measured.
     """
-    driven = _from_start(job, state)
-    driven = driven._replace(change=_measured(job, state, driven))
+    driven = _measured(job, state)
     tolerance, finer = job.timing.tolerance, job._replace(progress=None)
     repeatable = hasattr(innermost(job.controller), "native")
     while repeatable and driven.change and driven.change.excess(tolerance) > 1.0:
         if finer.timing.divided >= FINER * job.timing.divided:
             break
         finer = finer._replace(timing=finer.timing.halved())
-        refined = _from_start(finer, state)
-        change = step_change(refined.rows, refined.run.stop, driven.rows, driven.run.stop, 2.0)
-        lessens = change.excess(tolerance) < driven.change.excess(tolerance)
-        driven = refined._replace(change=change._replace(lessens=lessens))
+        refined = _measured(finer, state)
+        if refined.change:
+            between = step_change(refined.rows, refined.run.stop, driven.rows, driven.run.stop, 2.0)
+            change = refined.change.or_worse(between)
+            lessens = change.excess(tolerance) < driven.change.excess(tolerance)
+            refined = refined._replace(change=change._replace(lessens=lessens))
+        driven = refined
     return driven
 
 
-def _measured(job: DriveJob, state: DriveState, driven: Driven) -> StepChange | None:
-    """Return what another step makes of a drive, if its commands are known: twice its own if the ground bears that."""
-    for timing, ratio in ((job.timing.doubled(), 2.0), (job.timing.halved(), 0.5)):
-        controller = repeating(job.controller, driven.rows, job.timing)
-        if controller is None or not len(driven.rows):
-            return None
-        with contextlib.suppress(SimulationError):  # too stiff a ground for twice the step
-            repeated = begun(job._replace(timing=timing or job.timing, controller=controller), state.copy())
-            if math.isclose(repeated.timing.dt, ratio * driven.drive.timing.dt):  # else the ground asks for finer steps
-                run = job.run(repeated, job.duration, None)
-                return step_change(driven.rows, driven.run.stop, finite(run.rows), run.stop, ratio)
-    return None
+def _measured(job: DriveJob, state: DriveState) -> Driven:
+    """Drive from here, and once more by the same steps two at a time, or halved where the ground bears no longer ones.
+
+    Where the first drive divided its steps, so does the second: one that chose its own would divide them until they
+    misjudge as little, and be as far off. Nothing is measured of a controller whose commands are not known.
+    """
+    driven = _from_start(job, state)
+    controller = repeating(job.controller, driven.rows, job.timing)
+    if controller is None or not len(driven.rows):
+        return driven
+    fine = driven.drive.timing
+    lengths = completed(driven.run.lengths, fine.dt, job.duration)
+    double = driven.drive.bears_double
+    followed = paired(lengths, fine) if double else np.repeat(0.5 * lengths, 2)
+    repeated = begun(job._replace(controller=controller), state.copy())._replace(followed=followed)
+    run = job.run(repeated, job.duration, None)
+    ratio = 2.0 if double else 0.5
+    return driven._replace(change=step_change(driven.rows, driven.run.stop, finite(run.rows), run.stop, ratio))
 
 
 def _place(state: DriveState) -> tuple[float, float]:
@@ -243,9 +251,11 @@ def begun(job: DriveJob, state: DriveState) -> Drive:
     """Return a drive that begins in this state, with the step that its ground asks for."""
     model = job.model.begun(*_place(state))
     stepper = job.stepper(model, state, GLANCE, job.symmetric)
-    fine = job.timing.refined(parts(model, state, job.timing.longest, firmness(stepper, model)))
+    firmer = firmness(stepper, model)
+    fine = job.timing.refined(parts(model, state, job.timing.dt, firmer))
     stepper.set_step(fine.dt)
-    return Drive(model, state, stepper, job.controller, fine)
+    bears_double = parts(model, state, 2.0 * fine.dt, firmer) == 1
+    return Drive(model, state, stepper, job.controller, fine, bears_double=bears_double)
 
 
 def _gone_on(job: DriveJob, end: DriveEnd) -> Trace:

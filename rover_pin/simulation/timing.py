@@ -31,10 +31,10 @@ class Timing:
     dt: float = DT
     control: float = CONTROL_PERIOD
     sample: float = SAMPLE
-    divided: float = 1
+    divided: int = 1
     "into how many parts every step is divided, besides those that the ground asks for (`resolution.parts`)"
     rough: float = 1.0
-    "how many times `pace.ROUGH` a step may misjudge: the square of what `divided` makes of it, 1 at most"
+    "how many times `pace.ROUGH` a step may misjudge: the square of what `divided` makes of it"
     tolerance: float = TOLERANCE
     "error of x and y [m] above which a drive that measures it is driven again at half the step"
 
@@ -54,20 +54,7 @@ class Timing:
         """Return the same with half the step, also where the ground asks for a finer one than `dt`."""
         return dataclasses.replace(self, divided=2 * self.divided)
 
-    def doubled(self) -> Timing | None:
-        """Return the same with twice the step; None where controls and rows are no whole multiples of that."""
-        try:
-            dataclasses.replace(self, dt=2.0 * self.dt / self.divided)
-        except SimulationError:
-            return None
-        return dataclasses.replace(self, divided=self.divided / 2)
-
-    @property
-    def longest(self) -> float:
-        """The step [s] that the ground may ask to be divided: `dt`, or more where that is multiplied."""
-        return max(self.dt, self.dt / self.divided)
-
     def refined(self, parts: int) -> Timing:
         """Return the same with the step that is taken: `dt` in as many parts, and divided."""
-        step = self.longest / parts / max(1.0, self.divided)
-        return dataclasses.replace(self, dt=step, divided=1, rough=min(1.0, 1.0 / self.divided**2))
+        step = self.dt / parts / self.divided
+        return dataclasses.replace(self, dt=step, divided=1, rough=1.0 / self.divided**2)

@@ -1,21 +1,24 @@
 """Every drive is driven again at another step, which measures its error, until that is within a tolerance."""
 
 import contextlib
+import copy
 import dataclasses
 import math
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from rover_pin.base.errors import RoverPinError
 from rover_pin.control.constant import ConstantDuty
 from rover_pin.control.torque_check import TorqueLimit, TorqueLimited
 from rover_pin.scenarios.scenario import Scenario, scenario
 from rover_pin.simulation.native.shared import RECORD
-from rover_pin.simulation.outcome.step_error import LOADS, StepChange, repeating, step_change
+from rover_pin.simulation.outcome.step_error import LOADS, StepChange, completed, paired, repeating, step_change
 from rover_pin.simulation.resolution import parts
 from rover_pin.simulation.sensors import Sensed, Sensors
-from rover_pin.simulation.simulate import Timing, simulate
+from rover_pin.simulation.simulate import Timing, plain_simulate, simulate
 from rover_pin.simulation.start.place import settled
 from rover_pin.simulation.timing import FINER, TOLERANCE
 from rover_pin.simulation.trace.rows import row_type
@@ -51,6 +54,61 @@ def test_errors_are_twice_those_of_first_order():
     assert early.excess(1.0) == math.inf
     assert "buried: wheel FL" in early.warning(1.0)
     assert half.warning(8.1e-3) == "" != half.warning(7.9e-3)
+
+
+SIZES = st.lists(st.sampled_from([1, 2, 4, 8, 16, 32, 64]), min_size=1, max_size=30)
+
+
+@given(sizes=st.lists(SIZES, min_size=1, max_size=6), per_control=st.sampled_from([2, 5, 10]))
+def test_pairs_of_steps_cross_no_row_and_no_command(sizes, per_control):
+    """In 64ths of a step of 5 ms; each span is filled up with whole steps, and cut where it is full."""
+    dt, spans = 0.005, []
+    for span in sizes:
+        ends = np.cumsum([*span, *[1] * (64 * per_control)])
+        spans.append(np.diff(np.minimum(ends, 64 * per_control), prepend=0))
+    spans = [span[span > 0] for span in spans]
+    lengths = dt / 64 * np.concatenate(spans)
+    pairs = paired(lengths, Timing(control=per_control * dt, sample=per_control * dt))
+    assert len(pairs) == sum((len(span) + 1) // 2 for span in spans)
+    ends = np.concatenate([[0.0], np.cumsum(pairs)])
+    own = np.concatenate([[0.0], np.cumsum(lengths)])
+    assert all(np.abs(own - end).min() < 1e-12 for end in ends), "each begins where a step did"
+    borders = per_control * dt * np.arange(len(sizes) + 1)
+    assert all(np.abs(ends - border).min() < 1e-12 for border in borders), "none crosses a row or a command"
+    begun = completed(lengths, dt, lengths.sum() + 3 * dt)
+    assert begun[: len(lengths)] == pytest.approx(lengths)
+    assert begun[len(lengths) :] == pytest.approx([dt] * 3)
+
+
+def test_the_plain_step_measures_the_same_error():
+    """A turn begins with steps that are divided."""
+    made = scenario("turn", duration=0.2)
+    drives = (drive(made.model, made.controller, 0.2, made.start) for drive in (plain_simulate, simulate))
+    plain, compiled = (trace.attrs["step_error_m"] for trace in drives)
+    assert plain == pytest.approx(compiled, rel=1e-6)
+
+
+@pytest.mark.parametrize("scene", ["turn", "crab"])
+def test_steps_that_forces_divide_are_measured_too(scene):
+    """A drive at twice the step divides them as finely: it was off by as much, and the error stated 0.2 of the true."""
+    made = scenario(scene, duration=2.0)
+    own = made.drive()
+    assert apart(own, finest(made, own)) <= own.attrs["step_error_m"]
+
+
+def test_an_on_board_estimate_is_asked_anew():
+    """Its commands follow from what it believes: a drive under those that it gave would know no error of theirs."""
+    made = scenario("hills", control="onboard", duration=3.0)
+    made.drive(measure_error=False)
+    again = repeating(made.controller, rows_at([0.0], made.model), made.timing)
+    assert type(again) is type(made.controller)
+    assert again.controller.estimate is again.estimate is not made.controller.estimate
+    once_more = dataclasses.replace(made, controller=again).drive(measure_error=False)
+    first = made.drive(measure_error=False)
+    assert once_more["body_x"].tobytes() == first["body_x"].tobytes()
+    twin = copy.deepcopy(made.controller)
+    on = [simulate(made.model, each, 1.0, first.end, made.timing)["body_x"] for each in (twin, made.controller)]
+    assert on[0].tobytes() == on[1].tobytes(), "a copy believes what the first does, and each goes its own way"
 
 
 def finest(chosen, own):
@@ -108,6 +166,13 @@ def test_what_halving_does_not_lessen_is_told():
     change = StepChange(1e-3, 0.0, "", 2.0)
     assert "give a smaller dt" in change.warning(1e-4)
     assert "none is sure" in change._replace(lessens=False).warning(1e-4)
+
+
+def test_the_worse_of_two_changes_is_the_greater_error():
+    """Between 3 mm at half the step and 2 mm at twice, both of first order, the first is the greater error."""
+    half, double = StepChange(3e-3, 0.01, "", 0.5), StepChange(2e-3, 0.09, "", 2.0)
+    wanted = {"step_error_m": 0.012, "step_error_load": 0.18}
+    assert half.or_worse(double).errors == pytest.approx(wanted) == double.or_worse(half).errors
 
 
 def test_ground_too_stiff_for_twice_the_step_halves_it():

@@ -96,6 +96,7 @@ class Belief:
     """A belief in C: its numbers are given, its arrays are here."""
 
     def __init__(self, functions: Compiled, wheels: int, links: int, lag: int, **numbers: Any):
+        self._sizes = functions, wheels, links, lag
         self._library = functions.library
         self.struct = BeliefStruct()
         self.keep: dict[str, Any] = {}
@@ -113,6 +114,17 @@ class Belief:
         )
         self._address = ctypes.addressof(self.struct)
         self.forget()
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> "Belief":
+        """Return another that believes the same; the struct holds addresses, which a copy of it would share."""
+        twin = Belief(*self._sizes, **self.numbers)
+        for name, values in self.keep.items():
+            twin.keep[name][...] = values
+        for name, kind in BeliefStruct._fields_:
+            if kind is not ctypes.c_void_p:
+                setattr(twin.struct, name, getattr(self.struct, name))
+        twin.sample[:] = self.sample
+        return twin
 
     @property
     def addresses(self) -> tuple[int, int]:

@@ -83,12 +83,9 @@ class Kernel:
         """Turn the wheels at these rates [rad/s] from now on, whatever that takes; the array may change in place."""
         self._set(held_rate=rates, hold_inertia=HOLDING * self.model.built.mass * self.model.rover.radii**2)
 
-    def keep_history(self, most: int) -> np.ndarray:
-        """Return room for the number of steps from now on and for the length [s] of each, `most` and a look at most."""
-        history = np.zeros(2 + most)
+    def keep_history(self, history: np.ndarray | None) -> None:
+        """Count steps from now on in the first number, and put the length [s] of each behind it; None: no more."""
         self._set(history=history)
-        self.moving.append(history[:1])
-        return history
 
     @property
     def misjudged(self) -> float:

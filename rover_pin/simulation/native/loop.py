@@ -78,6 +78,18 @@ class Loop:
         """Let fields of the struct Loop have these values; an array stays where it is."""
         fill(self.struct, self.keep, values)
 
+    def keep_history(self, most: int) -> None:
+        """Keep the lengths of steps from now on, `most` and a look at most."""
+        self.history = np.zeros(2 + most)
+        self.kernel.keep_history(self.history)
+        self.set(**_moving([*self.kernel.moving, self.history[:1]]))
+
+    def steps_taken(self) -> np.ndarray:
+        """Return the length [s] of each step since `keep_history`, or since this was asked last."""
+        lengths = self.history[1 : 1 + int(self.history[0])].copy()
+        self.history[0] = 0.0
+        return lengths
+
     def ask(self) -> None:
         """Let the loop come back at every control sample, to ask a controller."""
         self.places = Places.of(self.kernel.model)

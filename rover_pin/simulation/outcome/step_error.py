@@ -1,4 +1,4 @@
-"""What the step makes of a drive: once more at another one, under its controller or the commands that it gave."""
+"""What the step makes of a drive: once more at others, under its controller or the commands that it gave."""
 
 from __future__ import annotations
 
@@ -45,6 +45,12 @@ class StepChange(NamedTuple):
         off, load = self.errors.values()
         return math.inf if self.stop else max(off / tolerance, load / (LOADS * tolerance))
 
+    def or_worse(self, other: StepChange) -> StepChange:
+        """Return the greater of two changes, the other as it were at this one's ratio."""
+        scale = abs(self.ratio - 1.0) / abs(other.ratio - 1.0)
+        distance, load = max(self.distance, scale * other.distance), max(self.load, scale * other.load)
+        return self._replace(distance=distance, load=load, stop=self.stop or other.stop)
+
     def warning(self, tolerance: float) -> str:
         """Return the sentence that a drive owes which does not keep its tolerance [m], or nothing."""
         if self.excess(tolerance) <= 1.0:
@@ -67,6 +73,19 @@ def step_change(rows: np.ndarray, stop: str, at_other: np.ndarray, stop_at_other
     load = change / mean if mean > np.finfo(float).eps * change else 0.0  # a rover that never stands has no loads
     new_stop = stop_at_other if _kind(stop_at_other) != _kind(stop) else ""
     return StepChange(float(np.max(off, initial=0.0)), load, new_stop, ratio)
+
+
+def completed(lengths: np.ndarray, dt: float, duration: float) -> np.ndarray:
+    """Return the steps [s] of a drive, and undivided ones for what is left where it ended early."""
+    return np.append(lengths, np.full(max(0, round((duration - float(lengths.sum())) / dt)), dt))
+
+
+def paired(lengths: np.ndarray, timing: Timing) -> np.ndarray:
+    """Return steps [s] taken two at a time, the last of an odd number alone before each row or command."""
+    span = math.gcd(round(timing.control / timing.dt), round(timing.sample / timing.dt)) * timing.dt
+    spans = np.floor((np.cumsum(lengths) - 0.5 * lengths) / span)
+    places = np.arange(len(lengths)) - np.searchsorted(spans, spans)
+    return np.add.reduceat(lengths, np.flatnonzero(places % 2 == 0))
 
 
 def _kind(stop: str) -> str:

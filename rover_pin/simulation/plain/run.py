@@ -28,19 +28,26 @@ def run_plain(drive: Drive, duration: float, progress: Progress | None) -> Ran:
             now = np.zeros(1, dtype=rows.dtype)
             _log(drive, now[0])
             obey(drive, Instant(now, 0, places))
-        status = pace.advance(k % per_control == 0 or k % per_sample == 0)
+        if drive.followed is None:
+            status = pace.advance(k % per_control == 0 or k % per_sample == 0)
+        else:
+            status = pace.follow(drive.followed, (k + 1) * timing.dt)
         if status:
-            return Ran(rows[:count], diverged(status, state.t), pace.checkpoint(begun, k))
+            return _ran(rows[:count], diverged(status, state.t), pace, pace.checkpoint(begun, k))
         state.t = begun.begin + (k + 1) * timing.dt
         if k % per_sample == per_sample - 1:
             _log(drive, rows[count])
             count += 1
             reason = failure(drive.model, state, rows[count - 1]["record"], suspension)
             if reason:
-                return Ran(rows[:count], f"{reason} at {state.t:.2f} s", pace.checkpoint(begun, k + 1))
+                return _ran(rows[:count], f"{reason} at {state.t:.2f} s", pace, pace.checkpoint(begun, k + 1))
             if progress and count % OFTEN == 0:
                 progress(state.t)
-    return Ran(rows[:count], "duration", pace.checkpoint(begun, begun.steps + steps))
+    return _ran(rows[:count], "duration", pace, pace.checkpoint(begun, begun.steps + steps))
+
+
+def _ran(rows: np.ndarray, stop: str, pace: Pace, checkpoint: Checkpoint) -> Ran:
+    return Ran(rows, stop, checkpoint, np.array(pace.lengths))
 
 
 def _log(drive: Drive, row: np.void) -> None:
