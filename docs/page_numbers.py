@@ -22,6 +22,8 @@ import pandas as pd
 from blind_sets import by_circumstance, counts, misses, reliability, shares
 from page_tables import tables
 
+from rover_pin.simulation.timing import TOLERANCE
+
 STUDIES = Path(__file__).parents[1] / "studies"
 RESULTS = STUDIES / "results"
 MEASURED = {
@@ -109,6 +111,7 @@ def fields() -> Mapping[str, Any]:
         "foreign": foreign_logs(),
         "rtk": rtk_log(),
         "turns": turns(),
+        "step_error": step_errors(),
         "wheels": measured_wheels(),
     }
     return of | {"tables": tables(of)}
@@ -148,6 +151,15 @@ def turns() -> list[dict[str, Any]]:
         }
         for (rover, ours, makers), row in shares.iterrows()
     ]  # fmt: skip
+
+
+def step_errors() -> dict[str, float]:
+    """Return how many random drives keep their tolerance, and are further off than they state."""
+    table = kept("step_error").dropna(subset="off_m")
+    off, stated, keeps = table["off_m"], table["stated_m"], table["kept"].astype(bool)
+    low = {"low": off > stated, "low by 1 um": off > stated + 1e-6, "not kept": keeps & (off > TOLERANCE)}
+    counts = {name: int(rows.sum()) for name, rows in {**low, "kept": keeps}.items()}
+    return counts | {"drives": len(table), "ratio": float((stated / off).median())}
 
 
 RTK_MODELS = {"odometry": "Odometry", "base": "Base model", "loop": "What the loop keeps"}

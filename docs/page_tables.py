@@ -48,6 +48,14 @@ REPLAY = {
     "compiling a new rover [s]": "compiling a rigid body [s]",
     "compiling new effects [s]": "compiling a set of laws [s]",
 }
+STEP_ERROR = {
+    "drives": "drives",
+    "say that they keep their tolerance": "kept",
+    "of these, do not": "not kept",
+    "are further off than stated": "low",
+    "the same by more than 1 µm": "low by 1 um",
+    "stated over true, in the median": "ratio",
+}
 IMPROVED = {
     "the true gain lies in its interval of 90 %": "inside",
     "constant duty is kept": "keeps",
@@ -133,6 +141,7 @@ def tables(of: Mapping[str, Any]) -> dict[str, str]:
         "drive_speed": table(rows_of(speed["drive_speed"], DRIVE), MEASURED),
         "ground_speed": table(rows_of(speed["ground_speed"], GROUND), {"Ground": "{name}", "Times": "{value:.3g}"}),
         "replay_speed": table(rows_of(speed["replay_speed"], REPLAY), MEASURED),
+        "step_error": table(rows_of(of["step_error"], STEP_ERROR), {"Of these": "{name}", "Measured": "{value:.3g}"}),
         "pendulum": table(of["pendulum"], {"Sets": "{what}", "Count": "{count} of {whole}"}),
         "gallery": table(of["gallery"], {"Command": "`{command}`", "Outcome": "{happened}"}),
     }  # fmt: skip

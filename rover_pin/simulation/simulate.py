@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable
-from typing import Any, NamedTuple
-
-import numpy as np
+from typing import Any
 
 from rover_pin.base.errors import SimulationError
 from rover_pin.base.public import public
@@ -15,37 +12,22 @@ from rover_pin.simulation.checkpoint import DriveEnd, StepperState
 from rover_pin.simulation.command import Controller
 from rover_pin.simulation.compiled.kernel import Kernel
 from rover_pin.simulation.compiled_run import run_compiled
-from rover_pin.simulation.driving import Drive, Progress, Ran, Stepper
+from rover_pin.simulation.driving import Drive, Progress
+from rover_pin.simulation.kept import DriveJob, Driven, begun, driven_from, from_start, kept, place_of
 from rover_pin.simulation.model.implausible import implausible
 from rover_pin.simulation.model.model import Model
 from rover_pin.simulation.outcome.audit import balance_warning, load_warning, pivot_warning
 from rover_pin.simulation.outcome.outcome import HELD, drive_outcome
 from rover_pin.simulation.outcome.soil_energy import energy_warning
-from rover_pin.simulation.outcome.step_error import StepChange, completed, innermost, paired, repeating, step_change
-from rover_pin.simulation.pace import GLANCE
+from rover_pin.simulation.outcome.step_error import innermost
 from rover_pin.simulation.plain.run import run_plain
 from rover_pin.simulation.plain.step import Plain
-from rover_pin.simulation.resolution import firmness, parts
+from rover_pin.simulation.resolution import parts
 from rover_pin.simulation.start.place import SetDown, Start, hovering, set_down
 from rover_pin.simulation.state import DriveState
-from rover_pin.simulation.timing import FINER, Timing
+from rover_pin.simulation.timing import Timing
 from rover_pin.simulation.trace.record import trace_of
-from rover_pin.simulation.trace.rows import finite
 from rover_pin.simulation.trace.trace import Trace
-
-
-class DriveJob(NamedTuple):
-    """A drive as it is asked for, by the compiled or by the plain step."""
-
-    stepper: Callable[[Model, DriveState, float, bool], Stepper]
-    run: Callable[[Drive, float, Progress | None], Ran]
-    model: Model
-    controller: Controller
-    duration: float
-    timing: Timing
-    symmetric: bool
-    progress: Progress | None
-    measure_error: bool
 
 
 @public
@@ -80,16 +62,17 @@ def simulate(
     progress : callable, optional
         Called with the time driven so far [s].
     measure_error : bool
-        Drive once more by the same steps taken two at a time, which tells their error, and again at half of the step,
-        up to FINER times as fine, until that is within `timing.tolerance`: most drives take half as long again. A
-        controller of one's own is not asked again: the error is that under the commands it gave. False: once, as it is.
+        Drive twice more by the same steps, two and four at a time, which tells their error, and all again at half of
+        the step, up to FINER times as fine, until that is within `timing.tolerance`: most drives take 1.75 times as
+        long. A controller of one's own is not asked again: the error is that under its commands. False: once.
 
     Returns
     -------
     Trace
         `attrs["stop"]` says why it ended: "duration", or "capsized", "buried", "folded" or "diverged" with the time
         and the part. What was driven until then is kept. `attrs["step_error_m"]` is twice the greatest distance in x
-        and y from the drive at twice the steps, or four times that at half of them where the ground asks for fine ones;
+        and y from the drive at twice the steps, or a quarter of the one between that and four times the steps, where
+        that is more; four times that at half of them where the ground asks for fine steps;
         `attrs["step_error_load"]` the same of the wheels' mean loads, as a share of them. `attrs["dt_s"]`
         is the step that kept the tolerance; a warning says where none did. No error is there where it was not
         measured: a part that goes on, a controller of one's own between the rows.
@@ -166,77 +149,8 @@ def _simulate(job: DriveJob, start: Start | DriveState | DriveEnd) -> Trace:
     parts(model, start if isinstance(start, DriveState) else hovering(model, start), timing.dt)
     begin = SetDown(start.copy(), "") if isinstance(start, DriveState) else set_down(model, start, symmetric)
     attrs = {"set_down": begin.standing} if begin.standing else {}
-    driven = (_kept if job.measure_error else _from_start)(job, begin.state)
-    return _traced(job, driven, _place(begin.state), attrs)
-
-
-class Driven(NamedTuple):
-    """A drive as it was driven at one step."""
-
-    drive: Drive
-    run: Ran
-    rows: np.ndarray
-    "those before the first that is not finite"
-    change: StepChange | None = None
-    "what another step makes of it, where that was measured"
-
-
-def _driven(job: DriveJob, drive: Drive) -> Driven:
-    run = job.run(drive, job.duration, job.progress)
-    return Driven(drive, run, finite(run.rows))
-
-
-def _from_start(job: DriveJob, state: DriveState) -> Driven:
-    """Drive from here, the controller from its start."""
-    if hasattr(job.controller, "reset"):
-        job.controller.reset()
-    return _driven(job, begun(job, state.copy()))
-
-
-def _kept(job: DriveJob, state: DriveState) -> Driven:
-    """Drive from here at the step, halved up to FINER parts, that keeps the tolerance.
-
-    A controller of one's own is asked once, and its drive only measured.
-    """
-    driven = _measured(job, state)
-    tolerance, finer = job.timing.tolerance, job._replace(progress=None)
-    repeatable = hasattr(innermost(job.controller), "native")
-    while repeatable and driven.change and driven.change.excess(tolerance) > 1.0:
-        if finer.timing.divided >= FINER * job.timing.divided:
-            break
-        finer = finer._replace(timing=finer.timing.halved())
-        refined = _measured(finer, state)
-        if refined.change:
-            between = step_change(refined.rows, refined.run.stop, driven.rows, driven.run.stop, 2.0)
-            change = refined.change.or_worse(between)
-            lessens = change.excess(tolerance) < driven.change.excess(tolerance)
-            refined = refined._replace(change=change._replace(lessens=lessens))
-        driven = refined
-    return driven
-
-
-def _measured(job: DriveJob, state: DriveState) -> Driven:
-    """Drive from here, and once more by the same steps two at a time, or halved where the ground bears no longer ones.
-
-    Where the first drive divided its steps, so does the second: one that chose its own would divide them until they
-    misjudge as little, and be as far off. Nothing is measured of a controller whose commands are not known.
-    """
-    driven = _from_start(job, state)
-    controller = repeating(job.controller, driven.rows, job.timing)
-    if controller is None or not len(driven.rows):
-        return driven
-    fine = driven.drive.timing
-    lengths = completed(driven.run.lengths, fine.dt, job.duration)
-    double = driven.drive.bears_double
-    followed = paired(lengths, fine) if double else np.repeat(0.5 * lengths, 2)
-    repeated = begun(job._replace(controller=controller), state.copy())._replace(followed=followed)
-    run = job.run(repeated, job.duration, None)
-    ratio = 2.0 if double else 0.5
-    return driven._replace(change=step_change(driven.rows, driven.run.stop, finite(run.rows), run.stop, ratio))
-
-
-def _place(state: DriveState) -> tuple[float, float]:
-    return float(state.q[0]), float(state.q[1])
+    driven = (kept if job.measure_error else from_start)(job, begin.state)
+    return _traced(job, driven, place_of(begin.state), attrs)
 
 
 def set_out(
@@ -247,17 +161,6 @@ def set_out(
     return begun(job, set_down(model, start, job.symmetric).state)
 
 
-def begun(job: DriveJob, state: DriveState) -> Drive:
-    """Return a drive that begins in this state, with the step that its ground asks for."""
-    model = job.model.begun(*_place(state))
-    stepper = job.stepper(model, state, GLANCE, job.symmetric)
-    firmer = firmness(stepper, model)
-    fine = job.timing.refined(parts(model, state, job.timing.dt, firmer))
-    stepper.set_step(fine.dt)
-    bears_double = parts(model, state, 2.0 * fine.dt, firmer) == 1
-    return Drive(model, state, stepper, job.controller, fine, bears_double=bears_double)
-
-
 def _gone_on(job: DriveJob, end: DriveEnd) -> Trace:
     """Drive on from where a drive ended."""
     state, begun = end.state.copy(), job.model.begun(*end.place)
@@ -266,12 +169,12 @@ def _gone_on(job: DriveJob, end: DriveEnd) -> Trace:
     stepper.restore(end.stepper_state.moving)
     stepper.duty[:], stepper.servo_target[:] = end.stepper_state.duty, end.stepper_state.servo
     drive = Drive(begun, state, stepper, job.controller, end.fine, end.checkpoint)
-    return _traced(job, _driven(job, drive), end.place, {})
+    return _traced(job, driven_from(job, drive), end.place, {})
 
 
 def _traced(job: DriveJob, driven: Driven, place: tuple[float, float], attrs: dict[str, Any]) -> Trace:
     """Return the trace of a drive, with where it ended if it can go on."""
-    drive, run, rows, change = driven
+    drive, run, rows, change = driven.drive, driven.run, driven.rows, driven.stated
     stepper, symmetric = drive.stepper, job.symmetric
     attrs |= {"dt_s": drive.timing.dt, "control_period_s": job.timing.control, "symmetric": symmetric}
     attrs |= {"stop": run.stop, **(change.errors if change else {})}

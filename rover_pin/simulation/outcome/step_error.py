@@ -45,11 +45,18 @@ class StepChange(NamedTuple):
         off, load = self.errors.values()
         return math.inf if self.stop else max(off / tolerance, load / (LOADS * tolerance))
 
-    def or_worse(self, other: StepChange) -> StepChange:
-        """Return the greater of two changes, the other as it were at this one's ratio."""
-        scale = abs(self.ratio - 1.0) / abs(other.ratio - 1.0)
-        distance, load = max(self.distance, scale * other.distance), max(self.load, scale * other.load)
-        return self._replace(distance=distance, load=load, stop=self.stop or other.stop)
+    def or_worse(self, change: StepChange) -> StepChange:
+        """Return the greater of two changes, the second as it were at this one's ratio."""
+        scale = abs(self.ratio - 1.0) / abs(change.ratio - 1.0)
+        distance, load = max(self.distance, scale * change.distance), max(self.load, scale * change.load)
+        return self._replace(distance=distance, load=load, stop=self.stop or change.stop)
+
+    def lessened(self) -> StepChange:
+        """Return what is left of a change when the step is halved: a quarter, as the step is of second order at best.
+
+        Errors that fell by more did so by chance: two drives that pass the same side of what divides them.
+        """
+        return self._replace(distance=0.25 * self.distance, load=0.25 * self.load, stop="")
 
     def warning(self, tolerance: float) -> str:
         """Return the sentence that a drive owes which does not keep its tolerance [m], or nothing."""
@@ -64,8 +71,9 @@ class StepChange(NamedTuple):
         )
 
 
-def step_change(rows: np.ndarray, stop: str, at_other: np.ndarray, stop_at_other: str, ratio: float) -> StepChange:
-    """Return what another step made of a drive, from the rows (`row_type`) of both, why they stopped, and its ratio."""
+def step_change(first: tuple[np.ndarray, str], second: tuple[np.ndarray, str], ratio: float) -> StepChange:
+    """Return what another step of a ratio made of a drive, from the rows (`row_type`) of both and why they stopped."""
+    (rows, stop), (at_other, stop_at_other) = first, second
     n, places = min(len(rows), len(at_other)), rows["q"][:, :2]
     off = np.linalg.norm(places[:n] - at_other["q"][:n, :2], axis=1)
     loads, loads_at_other = (drive["record"][:n, :, NORMAL].sum(axis=0) for drive in (rows, at_other))
@@ -80,12 +88,12 @@ def completed(lengths: np.ndarray, dt: float, duration: float) -> np.ndarray:
     return np.append(lengths, np.full(max(0, round((duration - float(lengths.sum())) / dt)), dt))
 
 
-def paired(lengths: np.ndarray, timing: Timing) -> np.ndarray:
-    """Return steps [s] taken two at a time, the last of an odd number alone before each row or command."""
+def grouped(lengths: np.ndarray, timing: Timing, n: int) -> np.ndarray:
+    """Return steps [s] taken `n` at a time, what is left together before each row or command."""
     span = math.gcd(round(timing.control / timing.dt), round(timing.sample / timing.dt)) * timing.dt
     spans = np.floor((np.cumsum(lengths) - 0.5 * lengths) / span)
     places = np.arange(len(lengths)) - np.searchsorted(spans, spans)
-    return np.add.reduceat(lengths, np.flatnonzero(places % 2 == 0))
+    return np.add.reduceat(lengths, np.flatnonzero(places % n == 0))
 
 
 def _kind(stop: str) -> str:
