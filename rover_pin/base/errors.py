@@ -8,6 +8,8 @@ from typing import Any
 
 LONGEST, TAIL = 1200, 250
 """Characters of a message; of a longer one the beginning and this much of its end are kept."""
+NO_ROOM = "failed to map segment"
+"""What the system says of a library for which there is no memory."""
 
 
 class RoverPinError(Exception):

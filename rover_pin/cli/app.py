@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from rover_pin.base.errors import RoverPinError, one_line
+from rover_pin.base.errors import NO_ROOM, RoverPinError, one_line
 from rover_pin.base.files.paths import is_file
 from rover_pin.base.files.results_folder import alone_in
 from rover_pin.base.jobs.safe_environment import leave_folder_out
@@ -35,7 +35,7 @@ def main() -> None:
         print(f"rover-pin: {error}", file=sys.stderr)
         sys.exit(2)
     except (MemoryError, ImportError) as error:
-        if isinstance(error, ImportError) and "failed to map segment" not in str(error):  # no room for a library
+        if isinstance(error, ImportError) and NO_ROOM not in str(error):
             raise
         print("rover-pin: this needs more memory than there is: half of the machine's, or ulimit -v.", file=sys.stderr)
         sys.exit(2)

@@ -81,6 +81,19 @@ def test_a_damaged_library_is_built_again(cache, damage):
     assert only(cache).read_bytes() == content
 
 
+def test_a_library_that_finds_no_memory_is_kept(cache, monkeypatch):
+    toolchain.shared_library(SOURCE, "twice")
+    made = only(cache)
+
+    def full(file):
+        raise OSError(f"{file}: failed to map segment from shared object")
+
+    monkeypatch.setattr(ctypes, "CDLL", full)
+    with pytest.raises(MemoryError, match="segment"):
+        toolchain.shared_library(SOURCE, "twice")
+    assert only(cache) == made
+
+
 def test_processes_that_build_at_once_do_not_disturb_each_other(cache):
     processes = [called() for _ in range(3)]
     for process in processes:

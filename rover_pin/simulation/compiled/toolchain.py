@@ -15,7 +15,7 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
 
-from rover_pin.base.errors import CacheError, MissingExtraError
+from rover_pin.base.errors import NO_ROOM, CacheError, MissingExtraError
 from rover_pin.base.files.private_folders import HINT, private_folders
 from rover_pin.base.jobs.safe_environment import bound_memory, program, safe_environment
 
@@ -135,7 +135,7 @@ def cached_library(folder: Path, stem: str) -> ctypes.CDLL | None:
     for file in sorted(folder.glob(f"{stem}-*.so")):
         with contextlib.suppress(OSError):
             if file == _named(folder, stem, file.read_bytes()):
-                return ctypes.CDLL(str(file))
+                return _loaded(file)
         with contextlib.suppress(OSError):
             file.unlink()
     return None
@@ -146,15 +146,24 @@ def built(folders: Sequence[Path], stem: str, make: Callable[[Path], Path]) -> c
 
     Its name has the digest of its content, so one step puts both in place, whoever else builds it meanwhile.
 
-    Raises CacheError: no folder takes it, or it cannot be loaded.
+    Raises CacheError: no folder takes it, or it cannot be loaded. MemoryError: there is no room for it.
     """
     troubles = []
     for folder in folders:
         try:
-            return ctypes.CDLL(str(_placed(folder, stem, make)))
+            return _loaded(_placed(folder, stem, make))
         except OSError as error:
             troubles.append(f"{folder}: {error.strerror or error}")
     raise CacheError(f"Compiled code cannot be kept or loaded ({'; '.join(troubles)}): {HINT}.")
+
+
+def _loaded(file: Path) -> ctypes.CDLL:
+    try:
+        return ctypes.CDLL(str(file))
+    except OSError as error:
+        if NO_ROOM in str(error):
+            raise MemoryError(str(error)) from error
+        raise
 
 
 def _placed(folder: Path, stem: str, make: Callable[[Path], Path]) -> Path:
