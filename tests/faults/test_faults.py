@@ -32,7 +32,7 @@ WRITES = (
     "identify mine",
     "sweep small.toml --workers 1",
     "tune tuning.toml --workers 1",
-    "close-loop mine --jobs 1",
+    "close-loop mine",
 )
 CHILDREN = ("drive flat --set duration=1", "export-fmu flat", "sweep small.toml --workers 2")
 HUNGRY = ("curve", "drive flat --set duration=1", "view out/drive/log", "new-effect StickySoil", "bounds")
