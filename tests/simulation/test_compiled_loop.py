@@ -12,6 +12,7 @@ from rover_pin.simulation.compiled.kernel import Kernel
 from rover_pin.simulation.compiled_run import run_compiled
 from rover_pin.simulation.driving import Drive
 from rover_pin.simulation.failure import failure, suspension_of
+from rover_pin.simulation.native.shared import RECORD
 from rover_pin.simulation.pace import Pace
 from rover_pin.simulation.plain.run import observed, run_plain
 from rover_pin.simulation.plain.step import Plain
@@ -22,6 +23,7 @@ from rover_pin.simulation.trace.rows import row_type
 from rover_pin.simulation.trace.trace import Trace
 from tests.simulation import random_drives
 
+MOTORS = [RECORD.index(name) for name in ("torque", "current", "supply")]
 STIFF = {"soil.k": 0.0004, "soil.n": 0.6}
 CASES = {
     "ditch under slip control": (scenario("ditch", soil="table-1", duration=4.0), Timing()),
@@ -107,7 +109,9 @@ def plain_replay(model, run, nudge, rest, step=Kernel):
             assert pace.advance(part == 0) == 0
         assert failure(model, state, kernel.record, suspension) is None
         rows[row]["q"], rows[row]["v"], rows[row]["moved"] = state.q, state.v, moved
-        rows[row]["record"] = kernel.record if run.rate_driven else observed(kernel)[0]
+        rows[row]["record"] = kernel.record
+        if not run.rate_driven:
+            rows[row]["record"][:, MOTORS] = observed(kernel)[0][:, MOTORS]
         rows[row]["attitude"] = roll_pitch_yaw(state.q)
         rows[row]["velocity"] = base_rotation(state.q) @ state.v[:3]
         draw(state.q, run.place[row], run.period / replays.HOLD, moved)
