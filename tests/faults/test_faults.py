@@ -12,6 +12,7 @@ import pytest
 
 from tests.cli.test_refused_by_the_machine import STUDY
 from tests.faults.failing import CHILD, MEMORY, ROOM, WRITE
+from tests.loop.test_slip_slope import folder as slip_slope
 from tests.tuning.test_improve import SMALL
 
 ROOT = Path(__file__).parents[2]
@@ -32,7 +33,7 @@ WRITES = (
     "identify mine",
     "sweep small.toml --workers 1",
     "tune tuning.toml --workers 1",
-    "close-loop mine",
+    "close-loop slopes",
 )
 CHILDREN = ("drive flat --set duration=1", "export-fmu flat", "sweep small.toml --workers 2")
 HUNGRY = ("curve", "drive flat --set duration=1", "view out/drive/log", "new-effect StickySoil", "bounds")
@@ -53,6 +54,8 @@ def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("faults")
     shutil.copyfile(ROOT / "studies" / "data" / "cmu-smooth-wheel" / "points.csv", folder / "mine.csv")
     shutil.copyfile(ROOT / "urdf" / "cart.urdf", folder / "my_rover.urdf")
+    (folder / "slopes").mkdir()
+    slip_slope(folder / "slopes")
     (folder / "small.toml").write_text(STUDY)
     (folder / "tuning.toml").write_text(SMALL)
     for line in ("drive flat --set duration=1 -q", f"{WRITES[2].removesuffix(' --out other')} -q"):
