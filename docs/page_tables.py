@@ -23,10 +23,12 @@ DIGGING = {
 }
 DRIVE = {
     "at the default step of 5 ms [s]": "ditch [s]",
-    "at 10 ms [s]": "ditch at 10 ms [s]",
+    "the same, its error measured [s]": "ditch with its error [s]",
+    "the coarsest step within the tolerance [ms]": "step within the tolerance [ms]",
+    "at that step [s]": "ditch at that step [s]",
     "x against a sixteenth of the step [mm]": "off [mm]",
     "the same with k = 10 mm, which gets out [mm]": "off with k = 10 mm [mm]",
-    "the same at 10 ms [mm]": "off at 10 ms [mm]",
+    "the same at the coarsest step [mm]": "off at that step [mm]",
     "one step [µs]": "step [us]",
     "a controller in Python, a sample [µs]": "Python controller [us]",
     "NumPy reference, the same to round-off [times as long]": "plain [x]",

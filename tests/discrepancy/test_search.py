@@ -16,8 +16,8 @@ from rover_pin.discrepancy.option import options, singles
 from rover_pin.discrepancy.search import Search
 from rover_pin.discrepancy.signature import signatures
 from rover_pin.estimation.columns import Columns
-from rover_pin.inference.beliefs import ALLOWED, COUNTS
 from rover_pin.inference.error_model import PRIORS, Discrepancy
+from rover_pin.inference.set_prior import ALLOWED, COUNTS
 from rover_pin.inference.weighed_anew import chosen_without
 from tests.inference import linear_causes
 from tests.inference import linear_search as toys

@@ -23,6 +23,7 @@ from rover_pin.control.slip_control import load_gains
 from rover_pin.experiments.drive_log.checks import log as drive_checks
 from rover_pin.experiments.drive_log.model import base_model, nuisances, with_spread
 from rover_pin.experiments.wheel_rig import checks as rig_checks
+from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.model import read_model as read_rig_model
 from rover_pin.logs.drive_log import read_drive_log
 from rover_pin.measurements.drive_points import points_of_log
@@ -263,9 +264,10 @@ def _doors(scratch: Path, rig: dict[str, bytes]) -> list[Case]:
 
 def _rig(folder: Path) -> None:
     data = read_rig_set(folder)
-    rig_checks.refuse_unfit(data)
-    rig_checks.too_poor(data, 4)
-    rig_checks.findings(data)
+    experiment = RigExperiment((data,))
+    rig_checks.refuse_unfit(experiment)
+    rig_checks.too_poor(experiment, 4)
+    rig_checks.findings(experiment)
     data.independent(float(data.soil().n))
 
 

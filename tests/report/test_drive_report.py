@@ -183,14 +183,16 @@ def test_the_first_picture_is_where_what_was_added_shows(made, verdict):
     row = sides.experiment.channels.index("battery_V")
     left = [np.where(fit.task.noise.good[:, row], fit.missed[:, row], np.nan) for fit in sides]
     assert one.compared == np.isfinite(left).all(axis=0).sum()
-    assert one.left.mean(axis=1) == pytest.approx([np.nanmean(side) for side in left], abs=0.05 * np.nanstd(left[0]))
-    assert np.all(np.abs(one.left[0]) > np.abs(one.left[1]))
+    assert one.residual.mean(axis=1) == pytest.approx(
+        [np.nanmean(side) for side in left], abs=0.05 * np.nanstd(left[0])
+    )
+    assert np.all(np.abs(one.residual[0]) > np.abs(one.residual[1]))
     (figure,) = effect_picture(sides).panels
     drawn = [bars[0].get_ydata() for bars in figure.axes[0].containers]
-    factor = drawn[0][0] / one.left[0, 0]
-    assert np.array(drawn) == pytest.approx(factor * one.left)
+    factor = drawn[0][0] / one.residual[0, 0]
+    assert np.array(drawn) == pytest.approx(factor * one.residual)
     bare = shown(Sides(made[1], made[1]))
-    assert bare.gain == pytest.approx(float(np.sum((bare.left[0] / bare.sd[0]) ** 2)))
+    assert bare.gain == pytest.approx(float(np.sum((bare.residual[0] / bare.sd[0]) ** 2)))
 
 
 def test_a_fitted_centre_of_mass_outside_the_rover_is_a_caution(verdict):
