@@ -165,7 +165,8 @@ def python_controller(case: Scenario, repeats: int) -> float:
 
 def drive_under(case: Scenario, controller: Any) -> None:
     """Drive as the scenario does, under another controller."""
-    motion.simulate(case.model, controller, DURATION, case.start, case.timing, symmetric=case.symmetric)
+    once = {"symmetric": case.symmetric, "measure_error": False}
+    motion.simulate(case.model, controller, DURATION, case.start, case.timing, **once)
 
 
 def plain(case: Scenario, duration: float, ours: float) -> float:
