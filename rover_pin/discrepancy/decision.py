@@ -114,9 +114,14 @@ def _misfit_of_base(beliefs: Beliefs) -> str:
 
 def _besides(decision: Decision, beliefs: Beliefs) -> str:
     """Return the channels in which more is taken for noise than noise can be, in words; empty where none."""
-    taken = beliefs.noise_taken(decision.retained).items()
-    beyond = [f"{times:.1f} times {usual_noise(beliefs)} in {name}" for name, times in taken if times > BEYOND]
+    channels = beyond_noise(decision.retained, beliefs).items()
+    beyond = [f"{times:.1f} times {usual_noise(beliefs)} in {name}" for name, times in channels]
     return f" Something acts besides: what is taken for noise is {', '.join(beyond)}." if beyond else ""
+
+
+def beyond_noise(names: Sequence[str], beliefs: Beliefs) -> dict[str, float]:
+    """Return the channels in which more is taken for noise, where these causes act, than BEYOND times what it is."""
+    return {name: times for name, times in beliefs.noise_taken(names).items() if times > BEYOND}
 
 
 def usual_noise(beliefs: Beliefs) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 
 from rover_pin.base.errors import ParameterError, closest
 from rover_pin.base.public import brief, public
-from rover_pin.scenarios.along import Course, course_of, drive_along
+from rover_pin.scenarios.along import course_of, drive_along
 from rover_pin.scenarios.scenario import scenario, settings_of
 from rover_pin.simulation.trace.trace import Trace
 
@@ -20,8 +20,6 @@ WIDTH = 5e-6
 their slopes lies some 1e-4 of a number apart."""
 FIXED = ("dt", "duration")
 """Numbers that say how long and how finely is driven: along fixed steps nothing depends on them."""
-
-Channels = dict[str, np.ndarray]
 
 
 @brief
@@ -102,7 +100,8 @@ def sensitivities(
     for number, (value, unit) in values.items():
         width = widths.get(number, WIDTH * abs(value) or WIDTH)
         others = {key: setting for key, setting in settings.items() if key != f"{number}_deg"}
-        around = [_along(name, {**others, number: value + i * width}, course) for i in (-2, -1, 1, 2)]
+        beside = (scenario(name, **{**others, number: value + i * width}) for i in (-2, -1, 1, 2))
+        around = [drive_along(scene, course) for scene in beside]
         slopes[number] = _slope(trace, around, value, width, unit)
     return trace, slopes
 
@@ -124,14 +123,10 @@ def _is_number(value: Any) -> bool:
     return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
 
 
-def _along(name: str, settings: Mapping[str, Any], course: Course) -> Trace:
-    return drive_along(scenario(name, **settings), course)
-
-
 def _slope(trace: Trace, around: Sequence[Trace], value: float, width: float, unit: str) -> Slope:
     """Return the slopes from drives at -2, -1, 1 and 2 widths."""
-    channels: Channels = {}
-    errors: Channels = {}
+    channels: dict[str, np.ndarray] = {}
+    errors: dict[str, np.ndarray] = {}
     for channel in set(trace) - {"t_s"}:
         left2, left, right, right2 = (_change(trace, beside, channel) / width for beside in around)
         channels[channel] = (right - left) / 2

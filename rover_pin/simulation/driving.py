@@ -47,7 +47,7 @@ class Drive(NamedTuple):
     followed: np.ndarray | None = None
     "lengths [s] of the steps to take; None: it chooses them"
     bears_double: bool = False
-    "whether the ground bears steps of twice that of `timing`"
+    "whether the ground bears steps of twice that of `timing`, where that is asked"
 
 
 Progress = Callable[[float], None]

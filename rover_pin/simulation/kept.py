@@ -69,7 +69,7 @@ def begun(job: DriveJob, state: DriveState) -> Drive:
     firmer = firmness(stepper, model)
     fine = job.timing.refined(parts(model, state, job.timing.dt, firmer))
     stepper.set_step(fine.dt)
-    bears_double = parts(model, state, 2.0 * fine.dt, firmer) == 1
+    bears_double = job.measure_error and parts(model, state, 2.0 * fine.dt, firmer) == 1
     return Drive(model, state, stepper, job.controller, fine, bears_double=bears_double)
 
 
@@ -117,7 +117,7 @@ def _measured(job: DriveJob, state: DriveState) -> Driven:
     controller = repeating(job.controller, driven.rows, job.timing)
     if controller is None or not len(driven.rows):
         return driven
-    again, fine = job._replace(controller=controller, progress=None), driven.drive.timing
+    again, fine = job._replace(controller=controller, progress=None, measure_error=False), driven.drive.timing
     lengths = completed(driven.run.lengths, fine.dt, job.duration)
     if not driven.drive.bears_double:
         halved = from_start(again, state, np.repeat(0.5 * lengths, 2))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from rover_pin.discrepancy.decision import BEYOND
+from rover_pin.discrepancy.decision import beyond_noise
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.estimation.profile import MOST
 
@@ -28,7 +28,7 @@ def acts_besides(verdict: Verdict) -> bool:
     """Return whether the verdict says that more than noise is left, or a channel with more than noise can be."""
     assert verdict.beliefs is not None
     more = verdict.beliefs.probability(lambda hypothesis: hypothesis.leaves_more)
-    return more > MOST or max(verdict.beliefs.noise_taken(verdict.named).values()) > BEYOND
+    return more > MOST or bool(beyond_noise(verdict.named, verdict.beliefs))
 
 
 def inclusion_of(verdict: Verdict, true: Sequence[str]) -> dict[str, float]:

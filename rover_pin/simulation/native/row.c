@@ -20,14 +20,19 @@ static void find_velocity(const double *q, const double *v, double *velocity) {
   for (int i = 0; i < 3; ++i) velocity[i] = v[i] + 2.0 * (q[6] * once[i] + twice[i]);
 }
 
+static void keep_now(const Drive *d, const Loop *l) {
+  const integer n = d->n_wheels * N_RECORD;
+  memcpy(l->now, d->record, n * sizeof(double));
+  l->now[n] = *d->differential;
+}
+
 /* Let `now` be of this instant, by a step in which nothing moves. */
 static void look(Drive *d, Loop *l) {
   const double dt = d->dt;
   save(l, 0);
   d->dt = GLANCE;
   rover_pin_step(d);
-  memcpy(l->now, d->record, d->n_wheels * N_RECORD * sizeof(double));
-  l->now[d->n_wheels * N_RECORD] = *d->differential;
+  keep_now(d, l);
   restore(l, 0);
   d->dt = dt;
   l->before_size = 0; /* its place is taken */
@@ -49,12 +54,13 @@ static void look_at_motors(Drive *d, Loop *l) {
 /* What a step records is of its begin. A replay compares nothing of the soil's loads, and keeps its last step's; wheels
    that are held to rates have no torque in an instant. */
 static void observe(Drive *d, Loop *l) {
-  const integer n = d->n_wheels * N_RECORD;
   if (l->seen) return;
-  memcpy(l->now, d->record, n * sizeof(double));
-  l->now[n] = *d->differential;
-  if (l->place_rows && !d->held_rate) look_at_motors(d, l);
-  if (!l->place_rows) look(d, l);
+  if (l->place_rows) {
+    keep_now(d, l);
+    if (!d->held_rate) look_at_motors(d, l);
+  } else {
+    look(d, l);
+  }
   l->seen = 1;
 }
 
