@@ -76,7 +76,8 @@ def sensitivities(
     Raises
     ------
     ParameterError
-        A setting that is unknown, no number, or so near its bound that no difference fits.
+        A setting that is unknown, no number, or so near its bound that no difference fits; a width of no number that is
+        asked for, or not positive.
     SimulationError
         As `simulate`.
 
@@ -92,6 +93,7 @@ def sensitivities(
     """
     if isinstance(numbers, str):
         raise ParameterError(f"numbers = {numbers!r} is not allowed: give a list of names, as [{numbers!r}].")
+    _refuse_widths(widths, numbers)
     values = _values(name, numbers, settings)
     scene = scenario(name, **settings)
     trace = scene.drive()
@@ -104,6 +106,14 @@ def sensitivities(
         around = [drive_along(scene, course) for scene in beside]
         slopes[number] = _slope(trace, around, value, width, unit)
     return trace, slopes
+
+
+def _refuse_widths(widths: Mapping[str, float], numbers: Sequence[str]) -> None:
+    for number, width in widths.items():
+        if number not in numbers:
+            raise ParameterError(f"widths has '{number}', which is none of the numbers: {closest(number, numbers)}")
+        if not 0.0 < width < math.inf:
+            raise ParameterError(f"widths['{number}'] = {width:g} is not allowed: give a positive number.")
 
 
 def _values(name: str, numbers: Sequence[str], settings: Mapping[str, Any]) -> dict[str, tuple[float, str]]:

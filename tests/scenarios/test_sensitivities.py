@@ -170,6 +170,13 @@ def test_one_name_alone_is_no_list():
         sensitivities("flat", "soil.k")
 
 
+@pytest.mark.parametrize("widths", [{"soil.phj": 1e-4}, {"soil.phi": 0.0}, {"soil.phi": math.nan}])
+def test_a_width_of_another_number_or_none_is_refused(widths):
+    (name,) = widths
+    with pytest.raises(ParameterError, match=f"'{name}'"):
+        sensitivities("flat", ["soil.phi"], widths=widths, duration=1.0)
+
+
 def test_a_number_at_its_bound_is_refused_by_its_name():
     with pytest.raises(ParameterError, match=r"soil\.c"):
         sensitivities("flat", ["soil.c"], duration=1.0, **{"soil.c": 0.0})
