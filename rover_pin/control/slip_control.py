@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
-from rover_pin.base.files.columns import replace_file
 from rover_pin.base.files.toml_file import read_toml, table_in, toml_text
+from rover_pin.base.files.whole_file import replace_file
 from rover_pin.base.public import brief, public
 from rover_pin.base.quantity import Record, quantities, quantity, record_from
 from rover_pin.contact import Scalar

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from rover_pin.base.errors import ParameterError, closest
-from rover_pin.base.files.columns import replace_file
 from rover_pin.base.files.results_folder import say_what_is_replaced
 from rover_pin.base.files.toml_file import toml_text
+from rover_pin.base.files.whole_file import replace_file
 from rover_pin.base.quantity import declared
 from rover_pin.contact import Soil
 from rover_pin.demo import SETS

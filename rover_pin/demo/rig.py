@@ -5,8 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
-from rover_pin.base.files.columns import columns_text, replace_file
+from rover_pin.base.files.columns import columns_text
 from rover_pin.base.files.toml_file import toml_text
+from rover_pin.base.files.whole_file import replace_file
 from rover_pin.base.quantity import declared
 from rover_pin.contact import Soil, Wheel
 from rover_pin.demo.hidden import CONTACT, Made, chosen, contact_effect, keep_truth

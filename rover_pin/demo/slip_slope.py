@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
-from rover_pin.base.files.columns import replace_file
 from rover_pin.base.files.paths import named_from
 from rover_pin.base.files.toml_file import toml_text
+from rover_pin.base.files.whole_file import replace_file
 from rover_pin.demo.hidden import CONTACT, Made, chosen, contact_effect, keep_truth
 from rover_pin.effects.motion_resistance import MotionResistance
 from rover_pin.experiments.slip_slope import FILE, KIND, SlipSlope

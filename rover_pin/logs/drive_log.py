@@ -40,9 +40,10 @@ from pathlib import Path
 from typing import Any
 
 from rover_pin.base.errors import DataError, ParameterError, closest
-from rover_pin.base.files.columns import Columns, columns_text, read_columns, replace_file
+from rover_pin.base.files.columns import Columns, columns_text, read_columns
 from rover_pin.base.files.paths import exists, is_file, is_folder
 from rover_pin.base.files.toml_file import read_toml, toml_text
+from rover_pin.base.files.whole_file import replace_file
 from rover_pin.base.jobs.time_left import telling
 from rover_pin.base.public import brief
 from rover_pin.base.quantity import as_float

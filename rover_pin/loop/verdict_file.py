@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from rover_pin.base.files.columns import replace_file
+from rover_pin.base.files.whole_file import replace_file
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.inference.weighed_anew import drawn_models
 from rover_pin.loop.provenance import LoopRequest

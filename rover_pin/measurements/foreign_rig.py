@@ -8,10 +8,10 @@ from typing import Any, NamedTuple
 import pandas as pd
 
 from rover_pin.base.errors import DataError, ParameterError, closest
-from rover_pin.base.files.columns import replace_file
 from rover_pin.base.files.paths import is_file
 from rover_pin.base.files.table import measured_points
 from rover_pin.base.files.toml_file import toml_text
+from rover_pin.base.files.whole_file import replace_file
 from rover_pin.base.quantity import to_si
 from rover_pin.base.units import name_and_unit
 from rover_pin.contact import Wheel

@@ -8,7 +8,7 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from rover_pin.base.files.columns import replace_file
+from rover_pin.base.files.whole_file import replace_file
 
 MARGINS = (0.75, 0.15, 0.5, 0.5)
 """Left, right, bottom and top of the axes [in]: a layout that measures every text costs as much as the drawing."""

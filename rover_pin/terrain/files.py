@@ -9,7 +9,8 @@ import numpy as np
 from rover_pin.base.arguments import checked, spec
 from rover_pin.base.errors import DataError, ParameterError
 from rover_pin.base.files.bounded import arrays
-from rover_pin.base.files.columns import Columns, columns_text, read_columns, replace_file
+from rover_pin.base.files.columns import Columns, columns_text, read_columns
+from rover_pin.base.files.whole_file import replace_file
 from rover_pin.terrain.profile import Profile
 from rover_pin.terrain.raster import SUFFIXES, raster_grid
 from rover_pin.terrain.terrain import HeightGrid, Lanes

@@ -14,7 +14,7 @@ import numpy as np
 
 from rover_pin.base.errors import DataError, MissingExtraError, RoverPinError
 from rover_pin.base.files.bounded import MOST_UNPACKED, content, too_large
-from rover_pin.base.files.columns import replace_file
+from rover_pin.base.files.whole_file import replace_file
 from rover_pin.terrain.terrain import HeightGrid
 
 GEOTIFF = (".tif", ".tiff")

@@ -13,8 +13,8 @@ import numpy as np
 from scipy.special import stdtrit
 
 from rover_pin.base.errors import DataError
-from rover_pin.base.files.columns import replace_file
 from rover_pin.base.files.paths import is_file, is_folder
+from rover_pin.base.files.whole_file import replace_file
 from rover_pin.base.public import brief
 from rover_pin.base.quantity import Record
 from rover_pin.base.trust import Trust

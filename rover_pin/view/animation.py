@@ -16,7 +16,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Polygon
 from PIL import Image, ImageSequence
 
-from rover_pin.base.files.columns import replace_file
+from rover_pin.base.files.whole_file import replace_file
 from rover_pin.simulation.trace.draw import wheel_lines
 from rover_pin.simulation.trace.poses import Turned, around, footprint, of_side
 from rover_pin.view.colours import draw_heights, slip_colour

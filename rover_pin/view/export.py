@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from rover_pin.base.files.columns import columns_text, replace_file
+from rover_pin.base.files.columns import columns_text
+from rover_pin.base.files.whole_file import replace_file
 from rover_pin.logs.saved import save_trace
 from rover_pin.simulation.trace.trace import Trace
 from rover_pin.view.film import Film

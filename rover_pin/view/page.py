@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from rover_pin.base.files.columns import replace_file
+from rover_pin.base.files.whole_file import replace_file
 from rover_pin.view.film import Film
 from rover_pin.view.panel import panel_of
 from rover_pin.view.shapes import shapes_of

@@ -300,6 +300,11 @@ def test_the_installed_command_runs_without_a_traceback(tmp_path):
     assert "scenario 'dicth'" in done.stderr
 
 
+def test_help_waits_for_no_arrays_and_no_tables():
+    code = "import sys, rover_pin.cli.app; sys.exit(' '.join({'numpy', 'pandas', 'casadi'} & sys.modules.keys()))"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, check=False).returncode == 0
+
+
 def test_nothing_prints_through_rich_but_the_plain_console():
     users = [path.name for path in (ROOT / "rover_pin").rglob("*.py") if "import Console" in path.read_text()]
     assert users == ["console.py"]

@@ -1,7 +1,5 @@
-"""Tables of numbers in files, with the place of whatever is wrong; and files that are written whole or not at all."""
+"""Tables of numbers in files, with the place of whatever is wrong."""
 
-import contextlib
-import os
 from pathlib import Path
 from typing import NamedTuple
 
@@ -63,21 +61,3 @@ def columns_text(values: dict[str, np.ndarray]) -> str:
     """Return columns of one length as comma-separated text, each number with the digits that bring it back exactly."""
     rows = zip(*(np.asarray(column, dtype=float).tolist() for column in values.values()), strict=True)
     return "\n".join([",".join(values), *(",".join(map(repr, row)) for row in rows)]) + "\n"
-
-
-def replace_file(path: str | Path, content: bytes | str) -> Path:
-    """Write a whole file or none of it, making its folder; a reader never sees half.
-
-    Raises DataError: it cannot be written there.
-    """
-    path = Path(path)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        temporary.write_bytes(content.encode() if isinstance(content, str) else content)
-        os.replace(temporary, path)
-    except OSError as error:
-        with contextlib.suppress(OSError):
-            temporary.unlink()
-        raise DataError(f"{path}: the file cannot be written: {error.strerror}.") from error
-    return path

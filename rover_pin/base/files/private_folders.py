@@ -9,7 +9,7 @@ from pathlib import Path
 
 from rover_pin.base.errors import CacheError, DataError
 from rover_pin.base.files import bounded
-from rover_pin.base.files.columns import replace_file
+from rover_pin.base.files.whole_file import replace_file
 
 VARIABLE = "ROVER_PIN_CACHE"
 OTHERS_WRITE = 0o022

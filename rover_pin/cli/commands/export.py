@@ -8,8 +8,8 @@ from typing import Annotated
 import typer
 
 from rover_pin.base.errors import MissingExtraError
-from rover_pin.base.files.columns import replace_file
 from rover_pin.base.files.results_folder import alone_in, say_what_is_replaced
+from rover_pin.base.files.whole_file import replace_file
 from rover_pin.base.trust import Trust
 from rover_pin.cli.completing import scenario_names
 from rover_pin.cli.options import Add, AsJson, Gravity, ModelFile, Set, SoilName, Trusted

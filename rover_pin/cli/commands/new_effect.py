@@ -31,7 +31,7 @@ def new_effect(
     """Write an effect of your own to start from, and its test. The test says whether it keeps the contract."""
     from importlib.resources import files
 
-    from rover_pin.base.files.columns import replace_file
+    from rover_pin.base.files.whole_file import replace_file
 
     if not re.fullmatch(r"[A-Z][A-Za-z0-9]*", name):
         raise ParameterError(f"'{name}' is no name of an effect: write it as a class's, as StickySoil.")

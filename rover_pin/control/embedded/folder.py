@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from rover_pin.base.files.columns import replace_file
 from rover_pin.base.files.paths import text_of_package
+from rover_pin.base.files.whole_file import replace_file
 from rover_pin.control.embedded.motion import EmbeddedMotion, embedded_motion
 from rover_pin.control.embedded.source import Embedded, embedded
 from rover_pin.control.embedded.vectors import vectors

@@ -16,8 +16,8 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from rover_pin import version
-from rover_pin.base.files.columns import replace_file
 from rover_pin.base.files.paths import text_of_package
+from rover_pin.base.files.whole_file import replace_file
 from rover_pin.base.units import BASE, readings
 from rover_pin.simulation.compiled.toolchain import portable_library
 from rover_pin.simulation.native.shared import c_number

@@ -15,7 +15,7 @@ import numpy as np
 import pinocchio as pin
 
 from rover_pin.base.files.bounded import arrays
-from rover_pin.base.files.columns import replace_file
+from rover_pin.base.files.whole_file import replace_file
 from rover_pin.rover.rover import Rover
 
 FOLDER = ".resume"

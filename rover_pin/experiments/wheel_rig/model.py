@@ -13,8 +13,8 @@ import casadi as ca
 import numpy as np
 
 from rover_pin.base.errors import DataError, ParameterError
-from rover_pin.base.files.columns import replace_file
 from rover_pin.base.files.toml_file import read_toml, tables_in, toml_text
+from rover_pin.base.files.whole_file import replace_file
 from rover_pin.base.public import brief
 from rover_pin.base.quantity import declared, quantities, record_from
 from rover_pin.base.trust import Trust

@@ -12,9 +12,10 @@ from typing import NamedTuple
 import numpy as np
 
 from rover_pin.base.errors import DataError, closest
-from rover_pin.base.files.columns import columns_text, replace_file
+from rover_pin.base.files.columns import columns_text
 from rover_pin.base.files.paths import exists, is_file, named_from
 from rover_pin.base.files.samples import data_path
+from rover_pin.base.files.whole_file import replace_file
 from rover_pin.base.jobs.time_left import telling
 from rover_pin.logs.drive_log import FILE
 from rover_pin.logs.importing.column_matching import Source, Understood, understood

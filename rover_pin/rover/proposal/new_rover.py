@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from rover_pin.base.errors import MissingExtraError, UrdfError
-from rover_pin.base.files.columns import replace_file
 from rover_pin.base.files.paths import is_file
+from rover_pin.base.files.whole_file import replace_file
 from rover_pin.base.trust import Trust
 from rover_pin.rover.description.structure import missing_links
 from rover_pin.rover.description.tree import read_tree, urdf_text

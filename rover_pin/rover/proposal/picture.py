@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
 from matplotlib.transforms import Bbox, BboxBase
 
-from rover_pin.base.files.columns import replace_file
+from rover_pin.base.files.whole_file import replace_file
 from rover_pin.rover.rover import Rover
 
 SIZE, GAP, ROW, FAR = 8, 4.0, 11.0, 12

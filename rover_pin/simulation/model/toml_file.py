@@ -22,9 +22,9 @@ from pathlib import Path
 from typing import Any
 
 from rover_pin.base.errors import DataError, ParameterError, closest
-from rover_pin.base.files.columns import replace_file
 from rover_pin.base.files.paths import is_file
 from rover_pin.base.files.toml_file import read_toml, toml_text
+from rover_pin.base.files.whole_file import replace_file
 from rover_pin.base.quantity import declared, record_from
 from rover_pin.base.trust import Trust
 from rover_pin.contact import Soil

@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 
 from rover_pin.base.errors import DataError, ParameterError, closest
-from rover_pin.base.files.columns import Columns, read_columns, replace_file
+from rover_pin.base.files.columns import Columns, read_columns
 from rover_pin.base.files.parquet import parquet_table
 from rover_pin.base.files.toml_file import table_in
+from rover_pin.base.files.whole_file import replace_file
 from rover_pin.base.quantity import to_si
 from rover_pin.simulation.trace.channels import unit_of, wheel_of
 from rover_pin.simulation.trace.trace import Trace
