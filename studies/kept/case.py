@@ -9,7 +9,7 @@ from pathlib import Path
 
 from blind_score import Case, Kind, Size
 
-from rover_pin.base.files.columns import replace_file
+from rover_pin.base.files.whole_file import replace_file
 from rover_pin.discrepancy.answer import Answer
 
 
