@@ -1,11 +1,16 @@
 """Series that were recorded each on its own times, as topics of a bag, on one clock of even steps."""
 
+from __future__ import annotations
+
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 
 from rover_pin.base.errors import DataError
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 FEWEST = 5
 """Messages that a series needs."""
@@ -25,6 +30,8 @@ def on_one_clock(path: Path, series: Series) -> tuple[pd.DataFrame, float]:
 
     Raises DataError: they span too many rows.
     """
+    import pandas as pd
+
     series = {name: _ahead(times, values) for name, (times, values) in series.items()}
     steps = [1e-9 * float(np.median(np.diff(times))) for times, _ in series.values()]
     period = round(float(np.clip(np.median(steps), FINEST, COARSEST)), 3)

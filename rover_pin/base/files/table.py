@@ -4,20 +4,24 @@ Text may have any delimiter, a decimal comma, a byte-order mark, lines before it
 `80 N`, and marks for what is missing.
 """
 
+from __future__ import annotations
+
 import contextlib
 import csv
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-import pandas as pd
 
 from rover_pin.base.errors import DataError, closest
 from rover_pin.base.files.bounded import MOST_TABLE, content
 from rover_pin.base.files.parquet import parquet_table
 from rover_pin.base.files.table_layout import COMMENTS, MISSING, NUMBERS, Layout, cells, fitted, layout_of
 from rover_pin.base.units import name_and_unit, readings
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 ENCODINGS = ((b"\xef\xbb\xbf", "utf-8-sig"), (b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16"))
 """Byte-order marks."""
@@ -59,6 +63,8 @@ class Table(NamedTuple):
 
     def frame(self) -> pd.DataFrame:
         """Return the columns for pandas; a row's label is its place."""
+        import pandas as pd
+
         return pd.DataFrame(self.columns, index=pd.RangeIndex(len(self.places)))
 
 
