@@ -53,13 +53,9 @@ class Driven(NamedTuple):
         """Return what another step, of this ratio to its own, made of it."""
         return step_change((self.rows, self.run.stop), (repeated.rows, repeated.run.stop), ratio)
 
-    def after(self, coarser: Driven, tolerance: float) -> Driven:
-        """Return the same with what is left of the change at twice the step, and with the one between the two."""
-        if not (self.change and coarser.change and coarser.stated):
-            return self
-        change = self.change.or_worse(self.changed_to(coarser, 2.0)).or_worse(coarser.change.lessened())
-        lessens = change.excess(tolerance) < coarser.stated.excess(tolerance)
-        return self._replace(change=change._replace(lessens=lessens))
+    def excess(self, tolerance: float) -> float:
+        """Return by how much the stated error is over its tolerance; nothing where none is stated."""
+        return self.stated.excess(tolerance) if self.stated else 0.0
 
 
 def begun(job: DriveJob, state: DriveState) -> Drive:
@@ -94,33 +90,43 @@ def from_start(job: DriveJob, state: DriveState, followed: np.ndarray | None = N
 def kept(job: DriveJob, state: DriveState) -> Driven:
     """Drive from here at the step, halved up to FINER parts, that keeps the tolerance.
 
-    A controller of one's own is asked once, and its drive only measured.
+    The error is stated by the same steps taken two and four at a time, or halved where the ground bears no longer ones:
+    a drive that chose its own would divide them until they misjudge as little, and be as far off. Each drive that is
+    halved measures the next. A controller of one's own is asked once, and its drive only measured; nothing is measured
+    of one whose commands are not known.
     """
-    driven = _measured(job, state)
-    tolerance, finer = job.timing.tolerance, job._replace(progress=None)
-    repeatable = hasattr(innermost(job.controller), "native")
-    while repeatable and driven.stated and driven.stated.excess(tolerance) > 1.0:
-        if finer.timing.divided >= FINER * job.timing.divided:
-            break
-        finer = finer._replace(timing=finer.timing.halved())
-        driven = _measured(finer, state).after(driven, tolerance)
-    return driven
-
-
-def _measured(job: DriveJob, state: DriveState) -> Driven:
-    """Drive from here, then by the same steps two and four at a time, or halved where the ground bears no longer ones.
-
-    Where the first drive divided its steps, so do the others: one that chose its own would divide them until they
-    misjudge as little, and be as far off. Nothing is measured of a controller whose commands are not known.
-    """
-    driven = from_start(job, state)
+    driven, tolerance = from_start(job, state), job.timing.tolerance
     controller = repeating(job.controller, driven.rows, job.timing)
     if controller is None or not len(driven.rows):
         return driven
-    again, fine = job._replace(controller=controller, progress=None, measure_error=False), driven.drive.timing
-    lengths = completed(driven.run.lengths, fine.dt, job.duration)
+    driven = _measured(job._replace(controller=controller, progress=None, measure_error=False), state, driven)
+    finer = job._replace(progress=None, measure_error=False)
+    repeatable = hasattr(innermost(job.controller), "native")
+    while repeatable and driven.excess(tolerance) > 1.0 and finer.timing.divided < FINER * job.timing.divided:
+        finer = finer._replace(timing=finer.timing.halved())
+        halved = from_start(finer, state, _halved(driven, job.duration))
+        change, longer = halved.changed_to(driven, 2.0), driven.change.lessened() if driven.change else None
+        halved = halved._replace(change=change, longer=longer)
+        lessens = halved.excess(tolerance) < driven.excess(tolerance)
+        driven = halved._replace(change=change._replace(lessens=lessens))
+    return driven
+
+
+def _measured(again: DriveJob, state: DriveState, driven: Driven) -> Driven:
+    """Return a drive with what other steps make of it; a fourfold one is not asked where twofold ones are too long."""
     if not driven.drive.bears_double:
-        halved = from_start(again, state, np.repeat(0.5 * lengths, 2))
+        halved = from_start(again, state, _halved(driven, again.duration))
         return driven._replace(change=driven.changed_to(halved, 0.5))
-    double, fourfold = (from_start(again, state, grouped(lengths, fine, n)) for n in (2, 4))
-    return driven._replace(change=driven.changed_to(double, 2.0), longer=double.changed_to(fourfold, 2.0).lessened())
+    fine = driven.drive.timing
+    lengths = completed(driven.run.lengths, fine.dt, again.duration)
+    double = from_start(again, state, grouped(lengths, fine, 2))
+    driven = driven._replace(change=driven.changed_to(double, 2.0))
+    if driven.excess(again.timing.tolerance) > 1.0:
+        return driven
+    fourfold = from_start(again, state, grouped(lengths, fine, 4))
+    return driven._replace(longer=double.changed_to(fourfold, 2.0).lessened())
+
+
+def _halved(driven: Driven, duration: float) -> np.ndarray:
+    """Return the steps [s] of a drive, each in two."""
+    return np.repeat(0.5 * completed(driven.run.lengths, driven.drive.timing.dt, duration), 2)

@@ -62,8 +62,8 @@ def simulate(
     progress : callable, optional
         Called with the time driven so far [s].
     measure_error : bool
-        Drive twice more by the same steps, two and four at a time, which tells their error, and all again at half of
-        the step, up to FINER times as fine, until that is within `timing.tolerance`: most drives take 1.75 times as
+        Drive twice more by the same steps, two and four at a time, which tells their error, and again by those steps in
+        halves, up to FINER times as fine, until that is within `timing.tolerance`: most drives take 1.75 times as
         long. A controller of one's own is not asked again: the error is that under its commands. False: once.
 
     Returns

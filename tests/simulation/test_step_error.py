@@ -14,6 +14,9 @@ from rover_pin.base.errors import RoverPinError
 from rover_pin.control.constant import ConstantDuty
 from rover_pin.control.torque_check import TorqueLimit, TorqueLimited
 from rover_pin.scenarios.scenario import Scenario, scenario
+from rover_pin.simulation.compiled.kernel import Kernel
+from rover_pin.simulation.compiled_run import run_compiled
+from rover_pin.simulation.kept import DriveJob, from_start
 from rover_pin.simulation.native.shared import RECORD
 from rover_pin.simulation.outcome.step_error import LOADS, StepChange, completed, grouped, repeating, step_change
 from rover_pin.simulation.resolution import parts
@@ -140,19 +143,24 @@ def test_a_finer_tolerance_takes_a_finer_step_and_is_kept():
     assert found[0][0] > found[-1][0]
 
 
-def test_a_drive_that_is_refined_is_the_one_at_that_step():
+def test_a_drive_that_is_refined_takes_the_usual_steps_each_in_parts():
     """To the bit, its controller's memory included; it can go on."""
     made = scenario("ditch", control="true", duration=1.0)
     strict = dataclasses.replace(made, timing=Timing(tolerance=1e-9)).drive()
     memory = np.array(made.controller.integral)
-    plain = dataclasses.replace(made, timing=Timing(divided=FINER)).drive(measure_error=False)
+    fine = Timing(divided=FINER)
+    state = settled(made.model, made.start, made.symmetric)
+    job = DriveJob(Kernel, run_compiled, made.model, made.controller, 1.0, Timing(), made.symmetric, None, False)
+    lengths = np.repeat(from_start(job, state).run.lengths / FINER, FINER)
+    plain = from_start(job._replace(timing=fine), state, lengths)
     assert strict.attrs["dt_s"] == pytest.approx(Timing().dt / FINER)
-    assert all(strict[name].tobytes() == plain[name].tobytes() for name in plain.channels)
+    assert np.array_equal(strict["body_x"], plain.rows["q"][:, 0])
     assert np.array_equal(memory, made.controller.integral)
     assert any("over the tolerance" in each for each in strict.attrs["warnings"])
+    by_itself = dataclasses.replace(made, timing=fine).drive(measure_error=False)
     ends = [
         simulate(made.model, made.controller, 0.5, end, timing, symmetric=made.symmetric)["body_x"][-1]
-        for end, timing in ((strict.end, Timing(tolerance=1e-9)), (plain.end, Timing(divided=FINER)))
+        for end, timing in ((strict.end, Timing(tolerance=1e-9)), (by_itself.end, fine))
     ]
     assert ends[0] == pytest.approx(ends[1], abs=1e-6)
 
