@@ -116,7 +116,7 @@ def test_a_drive_along_its_own_steps_is_the_same_to_the_bit(tolerance):
     course = course_of(asked, trace)
     again = drive_along(asked, course)
     assert len(set(course.lengths)) > 1, "steps that never change test nothing"
-    assert (course.timing.dt < asked.timing.dt) == (tolerance == 1e-6)
+    assert (course.dt < asked.timing.dt) == (tolerance == 1e-6)
     assert all(np.array_equal(again[channel], trace[channel]) for channel in trace)
 
 

@@ -152,12 +152,14 @@ def test_a_start_that_the_soil_throws_off_is_told():
 
 
 def test_a_rest_that_a_push_throws_off_is_told():
-    """Seed 651 stays where it was set down at 2.5 ms, at .6 ms and below, and leaves at 1.25 ms: pushed by 1 mm/s it
-    leaves at any of them, by 20 mm within .15 s."""
+    """Seed 651 stays where it was set down at any step that it chooses, and leaves by some of their halves: pushed by
+    1 mm/s it leaves at any of them, by 20 mm within .15 s. No step is sure, and that is said."""
     chosen = random_drives.drive(651)
     trace = chosen.drive(Timing())
     assert faults(651)[:2] == ([], True)
-    assert np.hypot(trace["body_x"] - chosen.start.x, trace["body_y"] - chosen.start.y).max() < 1e-5
+    assert says(trace, STEP)
+    stays = chosen.drive(Timing(), measure_error=False)
+    assert np.hypot(stays["body_x"] - chosen.start.x, stays["body_y"] - chosen.start.y).max() < 1e-5
     for divided in (1, 8):
         pushed = set_down(chosen.model, chosen.start).state
         pushed.v[0] += 1e-3
