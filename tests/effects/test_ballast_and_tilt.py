@@ -25,28 +25,6 @@ def centre(rover):
     return pin.centerOfMass(rover.model, rover.model.createData(), pin.neutral(rover.model))
 
 
-@pytest.mark.parametrize("mass", [0.0, 0.7, -0.5])
-def test_mass_and_centre_are_what_was_asked(mass):
-    loaded = NEXUS6.carrying(mass, 0.01, -0.004)
-    assert loaded.mass == pytest.approx(5.8 + mass)
-    assert centre(loaded) - centre(NEXUS6) == pytest.approx([0.01, 0.0, -0.004], abs=1e-12)
-    assert loaded.symmetric
-    assert NEXUS6.mass == pytest.approx(5.8)
-
-
-def test_a_point_is_carried_as_pinocchio_adds_it():
-    """A mass at r alone: Pinocchio's own sum of inertias has the same mass, centre and weight moments."""
-    m, r = 0.4, np.array([0.1, 0.0, 0.05])
-    shift = m * (r - centre(NEXUS6)) / (5.8 + m)
-    ours = NEXUS6.carrying(m, shift[0], shift[2])
-    theirs = NEXUS6.model.copy()
-    theirs.inertias[1] += pin.Inertia(m, r, np.zeros((3, 3)))
-    q = pin.neutral(theirs)
-    q[3:7] = pin.Quaternion(pin.rpy.rpyToMatrix(0.1, -0.2, 0.4)).coeffs()
-    weights = [pin.computeGeneralizedGravity(each, each.createData(), q) for each in (ours.model, theirs)]
-    assert weights[0] == pytest.approx(weights[1], abs=1e-10)
-
-
 def test_static_loads_change_as_statics_says():
     """The moments about the base's origin grow by the shifted weight, and what the simulator rests on is the same."""
     effect = PointMass(m=0.5, shift_x=0.02)

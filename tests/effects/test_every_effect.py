@@ -102,18 +102,6 @@ def test_neutral_values_change_nothing(kind):
         assert [float(v) for v in neutral.load(amended, before, x)] == pytest.approx([0.0] * 5, abs=1e-15)
 
 
-@pytest.mark.parametrize("kind", CONTACT_EFFECTS, ids=lambda kind: kind.__name__)
-def test_finite_over_the_declared_bounds(kind):
-    rng = np.random.default_rng(3)
-    for contact in contacts(rng, 30):
-        changes = {}
-        for name, about in quantities(kind()).items():
-            low, high = max(about.low, -1e3), min(about.high, 1e3)
-            changes[name] = rng.choice([low, high, rng.uniform(low, high)])
-        effect = kind().replace(**changes)
-        assert np.all(np.isfinite([float(v) for v in act(effect, contact, states_of(effect, rng))]))
-
-
 def chain_of(own):
     """A slip law, the paper's traction, and the effect: after them, or in the place of the one it stands for."""
     if type(own).__name__ == "AlgebraicSlip":
@@ -215,13 +203,3 @@ def moved(body, dt):
     angles = tuple(q + dt * rate for q, rate in zip(body.angles, body.rates, strict=True))
     twist = body.twist + dt * body.twist_rate
     return body._replace(x=place[0], y=place[1], z=place[2], angles=angles, twist=twist)
-
-
-def test_dahl_friction_reaches_coulombs_level_and_holds_at_rest():
-    from rover_pin.effects.gear_friction import GearFriction
-
-    friction, z = GearFriction(tau_c=0.1, theta_c=0.02), 0.0
-    for _ in range(20000):
-        z += 1e-5 * float(friction.rate(Drive(0.0, 2.0, 7.2, 24.0, 3.3), 0.0, (z,))[0])
-    assert float(friction.torque(Drive(0.0, 2.0, 7.2, 24.0, 3.3), 0.0, (z,))) == pytest.approx(-0.1, rel=1e-3)
-    assert float(friction.rate(Drive(0.0, 0.0, 7.2, 24.0, 3.3), 0.0, (z,))[0]) == 0.0

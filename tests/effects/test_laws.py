@@ -7,11 +7,13 @@ import numpy as np
 import pytest
 
 from rover_pin.contact import Load, Soil, Wheel
+from rover_pin.effects.bulldozing import Bulldozing
 from rover_pin.effects.effect import Drive
 from rover_pin.effects.gear_friction import GearFriction
 from rover_pin.effects.motion_resistance import MotionResistance
 from rover_pin.effects.normal_damping import NormalDamping
 from rover_pin.effects.post_peak import PostPeak
+from rover_pin.effects.rate_dependence import RateDependence
 from rover_pin.effects.side_shear import SideShear
 from rover_pin.effects.slip import SIDEWAYS_SHARE, AlgebraicSlip, RelaxedSlip, sliding_speed
 from rover_pin.effects.soil_traction import NODES, SoilTraction
@@ -37,6 +39,26 @@ def test_shear_loss_of_failed_sand_grows_with_the_square_of_slip(patch, times):
     paid = 1.0 + min(contact.S, 0.0)
     assert left.f_t == pytest.approx(1.3 - paid * 0.09 / 0.06 * lost)
     assert left.f_n == 8.0
+
+
+# --- RateDependence, Bulldozing --------------------------------------------------------------------------------------
+
+
+def test_shear_grows_by_the_logarithm_of_the_sliding_speed(patch):
+    before = BEFORE._replace(moment_z=0.02)
+    left = before.plus(RateDependence(c_r=0.05, v_0=0.01).load(patch(rim=0.05, v_x=0.01), before, ()))
+    more = 0.05 * math.log(5.0)
+    assert list(left) == pytest.approx([1.3 + 2.0 * more, 0.4 * (1 + more), 8.0, 0.09 * (1 + more), 0.02 * (1 + more)])
+
+
+def test_bulldozing_by_hand(patch):
+    """phi = 30 deg: X = 30 deg, D_1 = D_2 = 2 sqrt 3, so R = b (2 sqrt 3 c h + 6 gamma h^2), against the travel."""
+    contact = patch(h=0.006, v_x=5.0, soil=patch().soil.replace(c=100.0))
+    effect = Bulldozing(share=1.0, gamma=15700.0)
+    by_hand = 0.05 * (2 * 3**0.5 * 100.0 * 0.006 + 6.0 * 15700.0 * 0.006**2)
+    for v, sense in ((5.0, -1.0), (-5.0, 1.0), (0.0, 0.0)):
+        added = effect.load(contact._replace(v_x=v), Load(), ())
+        assert [float(part) for part in added] == pytest.approx([sense * by_hand, 0.0, 0.0, 0.0, 0.0], rel=1e-5)
 
 
 # --- MotionResistance, NormalDamping ---------------------------------------------------------------------------------

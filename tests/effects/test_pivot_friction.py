@@ -47,14 +47,6 @@ def test_a_bogie_that_was_hit_comes_to_rest_and_stays():
     assert abs(state.q[8]) < 0.05
 
 
-def test_a_loaded_bogie_creeps_at_the_stated_rate():
-    """Load below tau_c: q' = w_s atanh(load / tau_c), whatever the inertia."""
-    effect, load = PivotFriction(tau_c=0.05, b=0.0, w_s=0.02), 0.01
-    rate = 0.02 * math.atanh(load / 0.05)
-    body = Body(*[0.0] * 12, (0.0,), (rate,), (rate,))
-    assert float(effect.push(body).joints[0]) == pytest.approx(-load, rel=1e-9)
-
-
 def test_it_takes_energy_over_a_bump_and_lags_the_bogie():
     model = scenario("one-sided-bump").model
     free, rubbing = (

@@ -17,10 +17,10 @@ from rover_pin.soil.sinkage import entry_angle
 from rover_pin.soil.traction import FORMS
 
 
-def test_exponent_grows_with_driving_slip_only(patch):
-    effect = SlipSinkage(n_1=0.5)
-    assert float(effect.amend(patch(S=0.6), ()).soil.n) == pytest.approx(1.3)
-    assert float(effect.amend(patch(S=-0.6), ()).soil.n) == 1.0
+@pytest.mark.parametrize(("effect", "S"), [(SlipSinkage(n_1=0.5), 0.6), (SkidSinkage(n_s=0.5), -0.6)])
+def test_exponent_grows_with_driving_slip_or_with_skid_alone(patch, effect, S):
+    assert float(effect.amend(patch(S=S), ()).soil.n) == pytest.approx(1.3)
+    assert float(effect.amend(patch(S=-S), ()).soil.n) == 1.0
 
 
 def test_a_slipping_wheel_stands_deeper_under_its_load(patch):

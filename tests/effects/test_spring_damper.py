@@ -14,7 +14,6 @@ from rover_pin.rover.rover import load_rover
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.compiled.kernel import Kernel
 from rover_pin.simulation.compiled.suspension import suspension_dofs
-from rover_pin.simulation.plain.step import Plain
 from rover_pin.simulation.simulate import simulate
 from rover_pin.simulation.start.place import Start, hovering, settled
 
@@ -67,14 +66,6 @@ def test_a_bogie_rings_at_the_rate_of_its_spring_and_inertia():
     crossings = np.flatnonzero(np.diff(np.sign(angles)))
     measured = math.pi * (len(crossings) - 1) / (0.0005 * (crossings[-1] - crossings[0]))
     assert measured == pytest.approx(math.sqrt(k_s * answer), rel=0.02)
-
-
-def test_the_plain_step_does_the_same():
-    effect = SpringDamper(k_s=5.0, d=0.02, q_0=0.1)
-    compiled, a = in_free_fall(effect, 0.3, 0.1)
-    plain, b = in_free_fall(effect, 0.3, 0.1, Plain)
-    assert compiled == pytest.approx(plain, abs=1e-12)
-    assert a.energy == pytest.approx(b.energy, abs=1e-12)
 
 
 def test_preload_moves_load_from_the_middle_to_the_rear_wheel():

@@ -1,6 +1,5 @@
 """A tether: the force by hand, its work, nothing at rest."""
 
-import numpy as np
 import pytest
 
 from rover_pin.control.constant import ConstantDuty
@@ -29,15 +28,3 @@ def test_what_it_takes_is_force_times_way(duty):
     way = abs(trace["body_x"][-1])
     assert way > 0.3
     assert trace["energy_body"][-1] == pytest.approx(1.0 * way + 0.25 * way**2, rel=0.01)
-
-
-def test_a_steady_pull_is_made_up_by_traction():
-    free, dragged = (simulate(each, ConstantDuty(0.55), 10.0) for each in (FLAT, FLAT.having(TetherDrag(1.5, 0.0))))
-    pulls = [trace.stack("tangential")[-1].sum() for trace in (free, dragged)]
-    assert pulls[1] - pulls[0] == pytest.approx(1.5, rel=0.01)
-    assert dragged.stack("slip")[-1].mean() > free.stack("slip")[-1].mean()
-
-
-def test_a_parked_rover_is_not_moved():
-    trace = simulate(FLAT.having(TetherDrag(f_0=3.0, x_0=-2.0)), ConstantDuty(0.0), 2.0)
-    assert np.ptp(trace["body_x"]) < 1e-6

@@ -1,14 +1,22 @@
-"""What a sensor misreads can be undone."""
+"""What sensors misread: counts by a line, and what can be undone."""
 
 import numpy as np
 import pytest
 
+from rover_pin.effects.raw_current import RawCurrent
 from rover_pin.effects.tacho_scale import TachoScale
 from rover_pin.effects.tracked_point import TrackedPoint
 from rover_pin.effects.tracker_scale import TrackerScale
 from rover_pin.effects.tracking_delay import TrackingDelay
 
-# --- what hangs on the kind alone ------------------------------------------------------------------------------------
+TIMES, CURRENT = np.array([0.0, 0.1, 0.2]), np.array([0.0, 0.5, -2.0])
+
+
+def test_counts_are_the_current_times_a_scale_and_a_zero():
+    effect = RawCurrent(scale=200.0, offset=512.0, motor="rr", channel="adc_4")
+    found = effect.read(TIMES, {"current_rr_A": CURRENT, "current_fl_A": 7.0 * CURRENT})
+    assert list(found) == ["adc_4"]
+    assert found["adc_4"] == pytest.approx([512.0, 612.0, 112.0])
 
 
 def test_what_a_sensor_misreads_can_be_undone():
@@ -17,12 +25,7 @@ def test_what_a_sensor_misreads_can_be_undone():
     late = {"body_x": 3.0 + t}
     back = TrackingDelay(d=0.2).undone(t, TrackingDelay(d=0.2).read(t, late))["body_x"]
     assert list(back[:-2]) == pytest.approx(late["body_x"][:-2])
-    for sensor in (
-        TachoScale(e=0.3),
-        TachoScale(e=-0.2, wheel="ml"),
-        TrackerScale(e=0.05),
-        TrackedPoint(x=-0.2, y=0.1),
-    ):
+    for sensor in (TachoScale(e=0.3), TachoScale(e=-0.2, wheel="ml"), TrackerScale(e=0.05), TrackedPoint(-0.2, 0.1)):
         read = channels | sensor.read(t, channels)
         assert {name: list(values) for name, values in sensor.undone(t, read).items()} == {
             name: pytest.approx(channels[name]) for name in sensor.read(t, channels)

@@ -1,0 +1,94 @@
+"""Effects in a motor, each by hand: what reaches it, what limits it, what takes of its torque."""
+
+import pytest
+
+from rover_pin.control.constant import ConstantDuty
+from rover_pin.effects.dead_band import DeadBand
+from rover_pin.effects.effect import Drive
+from rover_pin.effects.supply_sag import SupplySag
+from rover_pin.effects.torque_saturation import TorqueSaturation
+from rover_pin.effects.viscous_friction import ViscousFriction
+from rover_pin.effects.weak_motor import WeakMotor
+from rover_pin.effects.winding_heating import ALPHA_COPPER, WindingHeating
+from rover_pin.scenarios.scenario import scenario
+from rover_pin.simulation.simulate import simulate
+
+
+@pytest.mark.parametrize(
+    ("delta", "reaching"), [(0.5, 0.42), (-0.5, -0.42), (0.08, 0.0), (0.03, 0.0), (-0.03, 0.0), (0.0, 0.0)]
+)
+def test_a_dead_band_is_taken_off_both_ways(drive, delta, reaching):
+    assert float(DeadBand(delta_0=0.08).amend(drive(delta=delta), ()).delta) == pytest.approx(reaching, abs=1e-15)
+
+
+def test_the_supply_falls_with_the_common_current(drive):
+    assert SupplySag(R_b=2.0).amend(drive(), (0.3,)).supply == pytest.approx(6.6)
+
+
+def test_six_stalled_motors_settle_at_the_divided_voltage(drive):
+    """V = V_0 / (1 + R_b n delta^2 / R), with the current of the step before, even at the stiffest bounds."""
+    effect, y, dt, bus, delta = SupplySag(R_b=20.0, tau=0.05), 0.0, 0.005, 0.0, 1.0
+    for _ in range(400):
+        amended = effect.amend(drive(delta=delta, omega=0.0, bus_current=bus), (y,))
+        y += dt * effect.rate(amended, 0.0, (y,))[0] / (1 + 0.5 * dt / 0.05)
+        bus = 6 * delta * amended.current
+    assert amended.supply == pytest.approx(7.2 / (1 + 20.0 * 6 * delta**2 / 24.0), rel=1e-6)
+
+
+def limited(effect, drive, current):
+    """Return what is left of a current that is set by the duty at standstill."""
+    return effect.amend(drive(omega=0.0, delta=current * 24.0 / 7.2), ()).current
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_a_current_is_limited_above_and_left_below(drive, sign):
+    effect = TorqueSaturation(i_max=0.03)
+    assert limited(effect, drive, sign * 0.01) == pytest.approx(sign * 0.01, rel=1e-4)
+    assert limited(effect, drive, sign * 0.03) == pytest.approx(sign * 0.03 * 2 ** (-1 / 8))
+    assert limited(effect, drive, sign * 0.3) == pytest.approx(sign * 0.03, rel=1e-8)
+
+
+def test_a_back_driven_motor_is_limited_too(drive):
+    """Rolling at 3 rad/s with no duty the motor would brake with 9 V / 24 ohm."""
+    amended = TorqueSaturation(i_max=0.1).amend(drive(delta=0.0, omega=3.0), ())
+    assert amended.current == pytest.approx(-0.1, rel=1e-4)
+
+
+@pytest.mark.parametrize("omega", [-2.0, 0.0, 1.5])
+def test_viscous_friction_opposes_the_rate_in_proportion(drive, omega):
+    assert float(ViscousFriction(b_v=0.02).torque(drive(omega=omega), 0.3, ())) == pytest.approx(-0.02 * omega)
+
+
+def test_the_named_wheel_loses_its_share():
+    drive = Drive(0.5, 1.0, 7.2, 24.0, 3.3, wheel=2)
+    assert float(WeakMotor(g=0.25, wheel=2).torque(drive, 0.8, ())) == pytest.approx(-0.2)
+    assert float(WeakMotor(g=0.25, wheel=3).torque(drive, 0.8, ())) == 0.0
+
+
+def test_a_dead_motor_is_dragged_along():
+    drive = scenario("flat", duration=4.0)
+    model = drive.model.having(WeakMotor(g=1.0, wheel=2))
+    trace = simulate(model, ConstantDuty(0.55), 4.0)
+    assert trace["torque_ml"][-1] == pytest.approx(0.0, abs=1e-9)
+    assert trace["slip_ml"][-1] < 0.0 < trace["slip_mr"][-1]
+
+
+def heated(effect, drive):
+    y, dt = 0.0, effect.tau / 200.0
+    for _ in range(4000):
+        y += dt * effect.rate(effect.amend(drive, (y,)), 0.0, (y,))[0]
+    return y
+
+
+def test_a_winding_warms_up_at_the_rate_of_its_loss(drive):
+    """At standstill: i = 3.6 V / 24 ohm = 0.15 A, 0.54 W."""
+    assert WindingHeating(tau=60.0).rate(drive(omega=0.0), 0.0, (0.0,))[0] == pytest.approx(0.54 / 60.0)
+
+
+def test_a_winding_s_steady_state_by_hand(drive):
+    """At standstill y = (delta V)^2 / (R (1 + a y)) with a = alpha R_th: a quadratic in y."""
+    effect, a = WindingHeating(R_th=100.0, tau=10.0), ALPHA_COPPER * 100.0
+    stalled = drive(omega=0.0)
+    y = (-1 + (1 + 4 * a * 3.6**2 / 24.0) ** 0.5) / (2 * a)
+    assert heated(effect, stalled) == pytest.approx(y, rel=1e-6)
+    assert effect.amend(stalled, (y,)).current == pytest.approx(0.15 / (1 + a * y))
