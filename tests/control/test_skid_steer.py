@@ -33,15 +33,6 @@ def yaw_rate_and_kinematic(trace) -> tuple[float, float]:
     return float(driven), float(np.mean(rims[:, 1::2]) - np.mean(rims[:, ::2])) / TRACK
 
 
-@pytest.mark.parametrize("name", ["turn", "point-turn"])
-def test_it_turns_by_less_than_its_wheels_say(name):
-    trace = scenario(name, rover="cart", duration=15.0).drive()
-    driven, kinematic = yaw_rate_and_kinematic(trace)
-    assert 0.05 * kinematic < driven < 0.95 * kinematic
-    assert max(np.abs(trace[f"lateral_{wheel}"]).max() for wheel in trace.wheels) > 1.0
-    assert abs(trace.energy_error()) < 0.01
-
-
 def test_without_side_force_it_turns_more():
     """The scrub is the side force's: with a tenth of it the same duties turn the cart further."""
     little = {"effect.CombinedShear.share": 0.1, "effect.FlankPressure.share": 0.1 * FlankPressure().share}

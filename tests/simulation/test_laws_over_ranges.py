@@ -167,12 +167,3 @@ def test_what_meets_at_a_wheel_is_finite(kind, angles):
 def rank(effect):
     """The order of a model's effects: those before the slip, the slip, the others."""
     return 1 if isinstance(effect, RelaxedSlip) else 0 if effect.before_slip else 2
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("kind", [kind for kind in package_effects() if issubclass(kind, MotorEffect)])
-def test_what_a_motor_gives_is_finite(kind):
-    random, effects = np.random.default_rng(4), [kind()]
-    first = drawn(random, MOTOR, [0.5, 1.0, 0.0, 0.5])
-    states = states_of(effects, random)
-    assert not infinite(motor_law(Motor(), effects), first, states, of([Motor(), *effects], random)).any()

@@ -8,7 +8,6 @@ from rover_pin.effects.sensor_bias import SensorBias
 from rover_pin.effects.tacho_scale import TachoScale
 from rover_pin.effects.tracked_point import TrackedPoint
 from rover_pin.effects.tracking_delay import TrackingDelay
-from rover_pin.effects.velocity_filter import VelocityFilter
 from rover_pin.logs.drive_log import read_drive_log
 from rover_pin.logs.saved import save_trace
 from rover_pin.scenarios.scenario import scenario
@@ -67,15 +66,6 @@ def test_a_tracked_point_moves_with_the_body_it_is_on():
         assert (read["body_vx"] - 1.0)[inside] == pytest.approx((-omega * arm[1])[inside], abs=1e-5)
         assert (read["body_vy"] - 2.0 * t)[inside] == pytest.approx((omega * arm[0])[inside], abs=1e-5)
     assert set(TrackedPoint().read(t, {"body_x": t, "body_yaw": yaw})) == {"body_x"}
-
-
-def test_the_filter_follows_a_ramp_late_by_its_time_constant():
-    t = np.arange(0.0, 5.0, 0.05)
-    y = VelocityFilter(tau=0.3).read(t, {"body_vx": t})["body_vx"]
-    assert y[-1] == pytest.approx(t[-1] - 0.3, abs=1e-6)
-    step = VelocityFilter(tau=0.3).read(t, {"body_vx": np.r_[0.0, np.ones(len(t) - 1)]})["body_vx"]
-    exact = 1.0 - (0.3 / 0.05) * (1.0 - np.exp(-0.05 / 0.3))
-    assert step[1] == pytest.approx(exact)
 
 
 def test_a_simulated_log_is_read_like_a_measured_one(trace, tmp_path):

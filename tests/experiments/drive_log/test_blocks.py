@@ -6,12 +6,11 @@ import math
 import numpy as np
 import pytest
 
-from rover_pin.base.errors import DataError, ParameterError
+from rover_pin.base.errors import ParameterError
 from rover_pin.effects.point_mass import PointMass
 from rover_pin.effects.supply_sag import SupplySag
 from rover_pin.experiments.drive_log.experiment import DriveExperiment, experiment_of
 from rover_pin.experiments.drive_log.features import logged_run
-from rover_pin.rover.rover import load_rover
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.replay import commands, replay
 from rover_pin.simulation.simulate import Timing, simulate
@@ -75,29 +74,6 @@ def test_a_body_that_cannot_be_is_turned_down_not_crashed_on(model, driven):
     assert np.isfinite(impossible).all()
     far, near = (np.nanmedian(np.abs(experiment.observed - one)[0, path]) for one in (impossible, right))
     assert far > 10 * near
-
-
-def test_a_heading_that_was_lost_is_not_the_last_that_was_known(driven):
-    """It was held over the gap and compared, and the rover was drawn to it."""
-    log, rover = as_logged(driven), load_rover("nexus6")
-    lost = (log.t > 1.5) & (log.t < 3.0)
-    gone = {"body_yaw": np.where(lost, np.nan, log["body_yaw"])}
-    run = logged_run(Trace({**log.channels, **gone}, attrs=dict(log.attrs)), rover)
-    whole = logged_run(log, rover)
-    inside = (run.commands.t > 1.55) & (run.commands.t < 2.95)
-    assert np.isnan(run.commands.place[inside, 2]).all()
-    assert np.isfinite(run.commands.place[~((run.commands.t > 1.45) & (run.commands.t < 3.05))]).all()
-    row = run.channels.index("heading")
-    blind = (run.times > 1.5) & (run.times < 3.0)
-    assert np.isnan(run.observed[row, blind]).all()
-    assert np.isfinite(whole.observed[row, blind]).all()
-
-
-def test_a_missing_channel_is_named(driven):
-    log = as_logged(driven)
-    less = {name: row for name, row in log.channels.items() if name != "duty_ml"}
-    with pytest.raises(DataError, match="duty_ml needed and not recorded"):
-        logged_run(Trace(less), load_rover("nexus6"))
 
 
 @pytest.mark.parametrize(

@@ -106,22 +106,3 @@ def test_a_drive_toml_that_contradicts_itself_is_refused(old, new, says, tmp_pat
     with pytest.raises(DataError, match=r"drive.toml|a.csv") as refused:
         read_drive_log(tmp_path)
     assert says in str(refused.value)
-
-
-@pytest.mark.parametrize(
-    ("content", "says"),
-    [
-        (b"t_s;duty_fl\n0,1;0\n0,1;0\n", "line 3: column 't_s' must increase, but 0.1 follows 0.1"),
-        (b"t_s\tduty_fl\n0.1\tfull\n", "line 2: column 'duty_fl' has 'full', which is not a number"),
-        (
-            b"PK\x03\x04\xff\xfe",
-            "this is a spreadsheet or an archive: save the sheet as CSV, or unpack it, and give that file.",
-        ),
-    ],
-)
-def test_a_file_of_another_program_is_refused(content, says, tmp_path):
-    write_drive_log(tmp_path, {"a": log_of(*GOOD).runs[0]}, LogMetadata("field"))
-    (tmp_path / "a.csv").write_bytes(content)
-    with pytest.raises(DataError) as refused:
-        read_drive_log(tmp_path)
-    assert says in str(refused.value)

@@ -2,15 +2,12 @@
 
 import numpy as np
 import pytest
-from scipy.optimize import brentq
 
 from rover_pin.contact import Soil, Wheel
 from rover_pin.effects.digging_memory import TOUCH, DiggingMemory
-from rover_pin.effects.soil_traction import NODES
 from rover_pin.experiments.wheel_rig import model as rig
 from rover_pin.experiments.wheel_rig.candidates import rig_kinds
 from rover_pin.experiments.wheel_rig.model import PAPER, RigModel, conditions, predictor
-from rover_pin.soil.traction import wheel_forces
 
 KINDS = {kind.__name__: kind for kind in rig_kinds()}
 SOIL = Soil(n=1.0, c=200.0, phi=0.6, k=0.012, k_1=6e4, exit_ratio=0.1)
@@ -28,34 +25,6 @@ def test_newtons_method_ends_where_more_steps_end(name, monkeypatch):
     assert np.abs(short.error).max() < 1e-10
     for own, full in ((short.values, whole.values), (short.jacobian, whole.jacobian)):
         assert own == pytest.approx(full, rel=1e-8, abs=1e-9 * np.abs(full).max())
-
-
-def test_the_balance_is_that_of_the_load_on_the_arc():
-    """Without any effect the sinkage is where f_n of Eq (6) is the load, found by bisection."""
-    model = RigModel(WHEEL, SOIL)
-    found = predictor(model, (), RUNS)(model.vector()).values
-    for load, slip, sinkage in zip(RUNS[:, 0], RUNS[:, 1], found[2], strict=True):
-
-        def missing(theta_1, load=load, slip=slip):
-            return wheel_forces(slip, theta_1, -SOIL.exit_ratio * theta_1, WHEEL, SOIL, NODES).f_n - load
-
-        theta_1 = brentq(missing, 1e-3, 1.5, xtol=1e-13)
-        assert sinkage == pytest.approx(float(WHEEL.r) * (1 - np.cos(theta_1)), rel=1e-9)
-
-
-@pytest.mark.parametrize("name", ["PeakStress", "DiggingMemory", "SlipSoftening"])
-def test_the_derivatives_are_those_of_differences(name):
-    """Of wheel, soil and effect, one with a state of its own among them."""
-    model = RigModel(WHEEL, SOIL, (*PAPER, KINDS[name]()))
-    free = ("phi", "k", "k_1", "n", "exit_ratio", f"{name}.{next(iter(KINDS[name].neutral))}")
-    function, vector = predictor(model, free, RUNS), model.vector()
-    slopes = function(vector).jacobian
-    for at, own in enumerate(free):
-        step = np.zeros(vector.size)
-        step[model.names.index(own)] = 1e-5 * max(abs(vector[model.names.index(own)]), 1e-3)
-        low, high = (function(vector + sign * step).values for sign in (-1.0, 1.0))
-        moved = (high - low) / (2.0 * step.max())
-        assert slopes[:, :, at] == pytest.approx(moved, rel=1e-4, abs=1e-5 * np.abs(moved).max())
 
 
 @pytest.mark.parametrize("k_1", np.logspace(5.0, 9.0, 9))

@@ -54,7 +54,7 @@ def test_it_predicts_what_the_plain_generator_measures(effect):
 def test_every_effect_works_on_a_rig_with_an_exact_jacobian(kind):
     base = RigModel(Wheel(0.0625, 0.06), Soil(c=200.0, phi=0.5, k=0.008, k_1=9e4, n=1.1))
     model = base.having(added(kind, base))
-    free = tuple(name for name in model.names if "." in name or name in ("phi", "k_1"))
+    free = tuple(name for name in model.names if "." in name or name in ("phi", "k_1", "n"))
     runs = conditions(np.array([20.0, 30.0]), np.array([0.15, 0.6]))
     predict, at = predictor(model, free, runs), model.vector()
     values, jacobian, error = predict(at)
