@@ -17,7 +17,7 @@ FAST = 16
 """Nodes of one panel for simulation.
 
 Table 1's angles: driving 2e-10 for k = 50 mm, 3e-9 for 5 mm, 3e-7 for 1 mm; braking, where j changes sign inside the
-arc, 7e-7 of f_n for 50 mm, 2e-5 for 5 mm and 4e-4 for 1 mm. Over the box of the tests' certified forces: driving 5e-5;
+arc, 7e-7 of f_n for 50 mm, 2e-5 for 5 mm and 4e-4 for 1 mm. Over the box of the tests: driving 5e-5;
 braking 8e-3 of f_n in 99 of 100 cases, up to 0.06 of it in corners (0.035 at k = 1 mm, theta_1 = 69 deg, S = -0.23),
 more than all of a torque whose parts cancel there.
 """

@@ -1,7 +1,7 @@
 """Eqs (1)-(9) of the paper once more, in mpmath and in plain NumPy; imports nothing of rover_pin.
 
 The mpmath half integrates to 30 digits with the tanh-sinh rule, which is indifferent to the (theta_1 - theta)^n of the
-stress at the ends, on pieces that end where j changes sign. The NumPy half is a midpoint sum anyone can read.
+stress at the ends, on pieces that end where j changes sign. The NumPy half is a sum over many panels.
 Braking follows the package's stated reading: v / (r omega) = 1 / (1 + S) and sgn(j) (1 - exp(-|j| / k)).
 """
 
@@ -118,30 +118,28 @@ class PeakedWheel(Wheel):
         return sorted({*super().breaks(theta_1, theta_2, S), self.theta_m, *near_exit})
 
 
-def midpoint_forces(S, theta_1, theta_2, r, b, c, phi, k, K, n, points=200_000):
-    """Eqs (2)-(7) by the midpoint rule in plain NumPy, S >= 0 only: f_n, f_t, torque to about 1e-7."""
-    theta = theta_2 + (theta_1 - theta_2) * (np.arange(points) + 0.5) / points
-    sigma = K * (r * (np.cos(theta) - np.cos(theta_1)) / b) ** n
-    j = r * (theta_1 - theta - (1 - S) * (np.sin(theta_1) - np.sin(theta)))
-    tau = (c + sigma * np.tan(phi)) * (1 - np.exp(-j / k))
-    step = (theta_1 - theta_2) / points
-    f_n = r * b * step * np.sum(sigma * np.cos(theta) + tau * np.sin(theta))
-    f_t = r * b * step * np.sum(tau * np.cos(theta) - sigma * np.sin(theta))
-    return f_n, f_t, r * r * b * step * np.sum(tau)
+def panel_forces(S, theta_1, theta_2, r, b, c, phi, k, K, n, theta_m=None, panels=1000):
+    """Eqs (2)-(7) in plain NumPy by four Gauss points in each of many panels that crowd at the ends: f_n, f_t, torque.
 
-
-def peak_midpoint_forces(S, theta_1, theta_2, theta_m, r, b, c, phi, k, K, n, points=200_000):
-    """The same with Wong and Reece's stress, which peaks at theta_m."""
-    theta = theta_2 + (theta_1 - theta_2) * (np.arange(points) + 0.5) / points
-    rear = theta_1 - (theta - theta_2) / (theta_m - theta_2) * (theta_1 - theta_m)
-    depth = np.cos(np.where(theta > theta_m, theta, rear)) - np.cos(theta_1)
-    sigma = K * (r * depth / b) ** n
-    j = r * (theta_1 - theta - (1 - S) * (np.sin(theta_1) - np.sin(theta)))
-    tau = (c + sigma * np.tan(phi)) * (1 - np.exp(-j / k))
-    step = (theta_1 - theta_2) / points
-    f_n = r * b * step * np.sum(sigma * np.cos(theta) + tau * np.sin(theta))
-    f_t = r * b * step * np.sum(tau * np.cos(theta) - sigma * np.sin(theta))
-    return f_n, f_t, r * r * b * step * np.sum(tau)
+    Numbers or arrays (N,); with theta_m Wong and Reece's stress, which peaks there. To 1e-10 of a force, or of 2 % of
+    r b int (|sigma| + |tau|): in corners of n 0.3 to 1.6, theta_1 2 to 70 deg, theta_2 -theta_1 to 0, k 1 to 100 mm.
+    """
+    given = (S, theta_1, theta_2, r, b, c, phi, k, K, n, theta_2 if theta_m is None else theta_m)
+    S, theta_1, theta_2, r, b, c, phi, k, K, n, theta_m = (np.asarray(each, dtype=float)[..., None] for each in given)
+    x, w = np.polynomial.legendre.leggauss(4)
+    u = ((np.arange(panels)[:, None] + (x + 1) / 2) / panels).ravel()
+    arc = (theta_1 - theta_2) * u**4 * (35 + u * (-84 + u * (70 - 20 * u)))
+    step = (theta_1 - theta_2) * np.tile(w / 2 / panels, panels) * 140 * (u * (1 - u)) ** 3
+    theta = theta_1 - arc
+    rear = theta_1 - (theta - theta_2) / np.where(theta_m > theta_2, theta_m - theta_2, 1.0) * (theta_1 - theta_m)
+    depth = np.cos(np.where(theta >= theta_m, theta, rear)) - np.cos(theta_1)
+    sigma = K * (r * np.maximum(depth, 0.0) / b) ** n
+    ratio = np.where(S >= 0, 1 - S, 1 / np.maximum(1 + S, 1e-12))
+    j = r * (arc - ratio * (np.sin(theta_1) - np.sin(theta)))
+    tau = (c + sigma * np.tan(phi)) * np.sign(j) * -np.expm1(-np.abs(j) / k)
+    total = lambda stress: np.sum(r * b * step * stress, axis=-1)  # noqa: E731
+    f_t = total(tau * np.cos(theta) - sigma * np.sin(theta))
+    return total(sigma * np.cos(theta) + tau * np.sin(theta)), f_t, total(r * tau)
 
 
 def full_shear_closed_form(theta_1, theta_2, phi, n):

@@ -34,14 +34,14 @@ def contradicts(form, measured):
     ("form", "at_0", "at_1"), [("net", -0.1642, 0.0012), ("torque", 0.0176, 0.1824), ("gross", 0.0172, 0.1791)]
 )
 def test_table_1_to_the_letter_gives_these_factors(form, at_0, at_1):
-    """Frozen from the oracle's midpoint sum (see the next test), so that the contradiction stays visible."""
+    """Frozen from the oracle's sum (see the next test), so that the contradiction stays visible."""
     assert factor(0.0, FORMS[form]) == pytest.approx(at_0, abs=5e-5)
     assert factor(1.0, FORMS[form]) == pytest.approx(at_1, abs=5e-5)
 
 
 @pytest.mark.parametrize("S", [0.0, 0.1, 1.0])
 def test_the_oracle_gives_the_same(S):
-    f_n, f_t, torque = oracle.midpoint_forces(
+    f_n, f_t, torque = oracle.panel_forces(
         S, TABLE_1.theta_1, TABLE_1.theta_2, 0.045, 0.05, 0.005, TABLE_1.phi, 0.05, TABLE_1.k_1, 1.0
     )
     assert factor(S, FORMS["net"]) == pytest.approx(f_t / f_n, abs=1e-7)

@@ -13,7 +13,7 @@ from rover_pin.contact import Soil, Wheel
 from rover_pin.parameters import SOILS
 from rover_pin.soil.sinkage import entry_angle
 from rover_pin.soil.traction import wheel_forces
-from tests.soil.certified import certified_forces
+from tests.oracle.terramechanics import panel_forces
 
 WHEEL, SOIL = Wheel(), Soil()
 
@@ -80,11 +80,12 @@ def test_expressions_equal_floats_and_slopes_equal_differences():
 
 @pytest.mark.parametrize(("k", "sign", "stated"), [(0.001, 1.0, 4e-8), (0.001, -1.0, 1e-4), (0.05, -1.0, 1e-6)])
 def test_the_entry_angle_is_as_good_as_its_docstring_says(k, sign, stated):
-    """ln theta_1 against the load of the certified forces there, by d ln f_n / d ln theta_1."""
+    """ln theta_1 against the load of the oracle's sum there, by d ln f_n / d ln theta_1."""
     soil, worst = SOIL.replace(k=k), 0.0
     for S in sign * np.linspace(0.02, 1.0, 50):
         theta_1 = entry_angle(9.5, float(S), WHEEL, soil)
-        at = [certified_forces(float(S), y, -y * soil.exit_ratio, WHEEL, soil).f_n for y in (theta_1, 1.001 * theta_1)]
+        y, more = np.array([theta_1, 1.001 * theta_1]), (soil.c, soil.phi, k, soil.k_1, soil.n)
+        at, *_ = panel_forces(S, y, -y * soil.exit_ratio, WHEEL.r, WHEEL.b, *more)
         steepness = math.log(at[1] / at[0]) / math.log(1.001)
         worst = max(worst, abs(math.log(at[0] / 9.5)) / steepness)
     assert worst < stated
