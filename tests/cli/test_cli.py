@@ -202,6 +202,7 @@ REFUSED = [
     ("drive grid", "there is no terrain.npz here: set terrain.path=FILE"),
     ("close-loop empty.toml", "empty.toml: this is a file, there is no such folder; give that of a wheel-rig set"),
     ("drive flat --set duration=0.5 --out broken.toml", "broken.toml"),
+    ("close-loop cmu-smooth-wheel --out broken.toml", "broken.toml: a file stands where the results go"),
     ("curve --soil xx", "no soil is named 'xx'"),
     ("curve --k -1", "Soil.k = -1 m is not allowed"),
     ("sweep gone.toml", "cannot be read"),

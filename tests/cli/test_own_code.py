@@ -72,6 +72,9 @@ EFFECTS = {
     "The formulas of the effects (contact_law) hold nan": ("self.a * ", "float('nan') * "),
     "The formulas of the effects (contact_law) hold q": ("self.a * ", "__import__('casadi').SX.sym('q') * "),
     "no quantity of it: it has a.": ('{"a": 0.0}', '{"b": 0.0}'),
+    "Mine.a = -2 N m is not allowed": ('{"a": 0.0}', '{"a": -2.0}'),
+    "Mine does not say at which values it vanishes": ('    neutral: ClassVar[dict[str, float]] = {"a": 0.0}\n', ""),
+    "it has none. Is @dataclass(frozen=True) above the class?": ("@dataclass(frozen=True)\n", ""),
 }  # fmt: skip
 
 

@@ -53,6 +53,20 @@ def test_the_same_drive_comes_out_of_every_habit(habit, seen, tmp_path):
             if habit == "geographic" and name in ("body_x", "body_y"):
                 tolerance = 1e-2
             assert own == pytest.approx(true, abs=tolerance), name
+    assert faults(log) == ()
+    assert "their measured" in " ".join(map(str, check(log).findings))
+    assert_guesses_are_marked(made, (tmp_path / "log" / "drive.toml").read_text())
+
+
+def assert_guesses_are_marked(made, text):
+    """Each column is told once, and is a guess in the TOML where it is one in what is told."""
+    columns = tomllib.loads(text)["columns"]
+    told = [line.split(" = ")[0] for line in made.columns]
+    assert len(told) == len(set(told))
+    assert set(columns) <= set(told)
+    for name, line in zip(told, made.columns, strict=True):
+        (own,) = [each for each in text.splitlines() if each.startswith(f"{name} = ")] or [""]
+        assert ("GUESSED" in line) == ("GUESSED" in own)
 
 
 @pytest.mark.parametrize("kind", recordings.BAGS)
@@ -70,25 +84,8 @@ def test_bags_of_other_writers_become_the_log_of_the_same_drive(kind, seen, tmp_
     assert moved[0] == pytest.approx(moved[1], abs=1e-3)
 
 
-@pytest.mark.parametrize("habit", recordings.HABITS)
-def test_an_imported_log_passes_the_checks_of_the_loop(habit, seen, tmp_path):
-    _, log = imported(recordings.HABITS[habit](seen, tmp_path), tmp_path)
-    assert faults(log) == ()
-    assert "their measured" in " ".join(map(str, check(log).findings))
 
 
-@pytest.mark.parametrize("habit", recordings.HABITS)
-def test_what_is_guessed_is_marked_in_the_toml_once(habit, seen, tmp_path):
-    made, _ = imported(recordings.HABITS[habit](seen, tmp_path), tmp_path)
-    text = (tmp_path / "log" / "drive.toml").read_text()
-    columns = tomllib.loads(text)["columns"]
-    told = [line.split(" = ")[0] for line in made.columns]
-    assert len(told) == len(set(told))
-    assert set(columns) <= set(told)
-    for line in made.columns:
-        name = line.split(" = ")[0]
-        (own,) = [each for each in text.splitlines() if each.startswith(f"{name} = ")] or [""]
-        assert ("GUESSED" in line) == ("GUESSED" in own)
 
 
 def test_most_informative_parts_of_a_long_recording_are_kept(tmp_path):
