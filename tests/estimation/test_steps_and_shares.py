@@ -5,7 +5,6 @@ import math
 import numpy as np
 import pytest
 
-from rover_pin.estimation.baselines import gaussian_process
 from rover_pin.estimation.descent import _bounded, _damped, _step
 from rover_pin.estimation.parameter import Parameter
 
@@ -78,15 +77,3 @@ def test_numbers_pushed_past_their_bound_stay():
     alone = -(J[:, 0] @ R) / (J[:, 0] @ J[:, 0])
     below = _step(np.array([0.0, 9.0]), R, J, 100.0, (low, high))[0]
     assert below == pytest.approx([alone, 0.0]), "Newton would push it over its upper bound"
-
-
-# --- curves beside the model -----------------------------------------------------------------------------------------
-
-
-def test_gaussian_process_smooths_noise_and_ends_at_the_mean():
-    x = np.linspace(-1.0, 1.0, 40)[:, None]
-    wave = 5.0 + 0.01 * np.sin(3.0 * x[:, 0])
-    assert gaussian_process(x, wave, x + 0.02) == pytest.approx(5.0 + 0.01 * np.sin(3.0 * (x[:, 0] + 0.02)), abs=2e-4)
-    noisy = wave + 0.003 * np.random.default_rng(0).normal(size=40)
-    assert np.std(gaussian_process(x, noisy, x) - wave) < 0.0015
-    assert gaussian_process(x, noisy, np.array([[900.0]])) == pytest.approx([noisy.mean()])

@@ -84,10 +84,6 @@ def test_bags_of_other_writers_become_the_log_of_the_same_drive(kind, seen, tmp_
     assert moved[0] == pytest.approx(moved[1], abs=1e-3)
 
 
-
-
-
-
 def test_most_informative_parts_of_a_long_recording_are_kept(tmp_path):
     long = recordings.truth(seconds=900.0)
     made, log = imported(recordings.plain(long, tmp_path), tmp_path, most=4)

@@ -14,7 +14,6 @@ from rover_pin.discrepancy.candidate import plain_candidate
 from rover_pin.discrepancy.held_out import held_out, together
 from rover_pin.effects.exit_angle import ExitAngle
 from rover_pin.estimation.fit import fit
-from rover_pin.estimation.noise import huber
 from rover_pin.estimation.numbers import profiles
 from tests.experiments.drive_log import linear_drive as linear
 
@@ -38,27 +37,6 @@ def made():
     return linear.fitted(seen, columns), columns
 
 
-def test_the_fit_is_least_squares_with_priors(made):
-    fitted, _ = made
-    u, chi2 = linear.gaussian(fitted).solved()
-    np.testing.assert_allclose(fitted.u, u, atol=1e-8)
-    assert fitted.chi2 == pytest.approx(chi2, rel=1e-12)
-    assert fitted.misfit == pytest.approx(huber(fitted.rows) / fitted.freedom)
-    np.testing.assert_allclose(fitted.covariance, linear.gaussian(fitted).covariance, rtol=1e-9)
-
-
-def test_intervals_are_of_the_posterior_in_coloured_noise(made):
-    """And by the misfit where it is above 1: where twice the noise is left, SDs are twice as wide."""
-    fitted, columns = made
-    plain = np.sqrt(np.diag(linear.gaussian(fitted).covariance))
-    assert (fitted.spread >= math.sqrt(COLOURED) * plain * (1 - 1e-9)).all()
-    poor = np.where(np.arange(linear.SHAPE[2]) % 2, 3.0, -3.0) * np.ones(linear.SHAPE)
-    missed = linear.fitted(poor, columns)
-    assert missed.misfit > 8.5
-    expected = np.sqrt(np.diag(linear.gaussian(missed).covariance) * COLOURED * missed.misfit)
-    assert (missed.spread >= expected * (1 - 1e-9)).all()
-
-
 def test_numbers_at_bounds_are_held_there_and_others_refitted():
     """Against scipy's bounded least squares: phi would leave its bounds; the other takes over."""
     random = np.random.default_rng(3)
@@ -77,22 +55,6 @@ def test_numbers_at_bounds_are_held_there_and_others_refitted():
         low, high = np.array([one.bounds for one in fitted.parameters]).T
         np.testing.assert_allclose(fitted.u, lsq_linear(matrix, right, (low, high)).x, atol=1e-6)
         assert fitted.u[0] in (pytest.approx(low[0]), pytest.approx(high[0]))
-
-
-def test_rows_that_hang_together_by_stretches_widen_an_interval():
-    """The sandwich of stretches, by hand: errors of 8 blocks have one sign, so their SD is sqrt(8) times the white."""
-    random = np.random.default_rng(3)
-    shape = (8, 2, 64)
-    free = linear.nuisances()[:1]
-    columns = {free[0].name: (free[0].origin, np.ones(shape) / free[0].scale)}
-    seen = np.repeat(random.choice([-1.0, 1.0], (8, 1, 8)), 8, axis=2) * np.ones(shape)
-    fitted = linear.fitted(seen, columns, free)
-    count = fitted.rows.size
-    stretches = np.add.reduceat(fitted.residual.sum(axis=1), np.arange(0, 64, 8), axis=1)
-    expected = math.sqrt((64 / 63 * np.sum(stretches**2) + 1.0) / (count + 1.0) ** 2)
-    alike = np.max([expected, math.sqrt(COLOURED * fitted.misfit / (count + 1)), of_runs(fitted)])
-    assert fitted.spread[0] == pytest.approx(alike, rel=1e-9)
-    assert expected > math.sqrt(COLOURED / (count + 1))
 
 
 def of_runs(fitted):
