@@ -1,4 +1,6 @@
-"""What the compiled step is given of a model: room for what it works with, whose wheels turn, what it accounts for."""
+"""The compiled step: what it is given of a model and a rover, what it writes, what holds of it by itself."""
+
+from __future__ import annotations
 
 import dataclasses
 
@@ -6,12 +8,19 @@ import numpy as np
 import pytest
 
 from rover_pin.base.errors import ParameterError
+from rover_pin.effects.gravity_tilt import GravityTilt
+from rover_pin.effects.point_mass import PointMass
+from rover_pin.effects.supply_sag import SupplySag
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.compiled import rover_numbers
 from rover_pin.simulation.compiled.kernel import Kernel
+from rover_pin.simulation.model.motor import Motor
+from rover_pin.simulation.plain.step import Plain
+from rover_pin.simulation.simulate import simulate
 from rover_pin.simulation.start.place import Start, settled
 from rover_pin.terrain.profile import Profile
 from rover_pin.terrain.terrain import Lanes
+from tests.simulation import kernel_cases as cases
 
 FLAT = scenario("flat").model
 
@@ -64,3 +73,69 @@ def test_a_rover_with_more_joints_than_the_step_holds_is_refused(limit, most, mo
     monkeypatch.setattr(rover_numbers, limit, most - 1)
     with pytest.raises(ParameterError, match=r"20 degrees.*10"):
         made(FLAT.built, 1e-3, 1.0, True, False)
+
+
+def test_a_drive_and_a_rest_write_nothing_that_drives_share():
+    case = scenario("turn", duration=1.0)
+    shared = kernel_of(case.model).fixed
+    before = {name: array.copy() for name, array in shared.keep.items()}
+    plain = bytes(shared.struct)
+    trace = case.drive()
+    assert kernel_of(case.model).fixed is shared
+    assert bytes(shared.struct) == plain
+    assert not any(array.flags.writeable for array in shared.keep.values())
+    assert all(np.array_equal(array, before[name]) for name, array in shared.keep.items())
+    assert np.array_equal(case.drive()["body_x"], trace["body_x"])
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda model: model.having(PointMass(m=1.0, shift_x=0.02)),
+        lambda model: model.having(GravityTilt(rise_x=0.05)),
+        lambda model: dataclasses.replace(model, gravity=1.62),
+        lambda model: dataclasses.replace(model, motor=Motor(gear=100.0, rotor_inertia=2e-8)),
+    ],
+    ids=["ballast", "tilt", "moon", "rotor"],
+)
+def test_a_drive_between_two_others_of_the_rover_changes_neither(change):
+    model = scenario("flat").model
+    drives = [simulate(each, lambda reading: np.full(6, 0.5), 0.5)["body_x"] for each in (model, change(model), model)]
+    assert np.array_equal(drives[0], drives[2])
+    assert not np.array_equal(drives[0], drives[1])
+
+
+ROVER, CASES = cases.ROVER, cases.CASES
+
+
+@pytest.mark.parametrize("kind", [Kernel, Plain])
+def test_steps_that_are_taken_back_leave_nothing_behind(kind):
+    """A motor whose current and supply, and gears whose wind-up, the next step reads as well."""
+    made = CASES["two-widths"][0].having(SupplySag())
+    state = settled(made, Start())
+    stepper = kind(made, state, 0.005, False)
+    stepper.duty[:] = np.linspace(0.4, 0.9, 6)
+    for _ in range(5):
+        stepper.step()
+    saved = stepper.saved()
+    ends = []
+    for _ in range(2):
+        stepper.restore(saved)
+        assert [stepper.step() for _ in range(4)] == [0] * 4
+        ends.append([stepper.misjudged, *(each.tobytes() for each in stepper.saved())])
+    assert ends[0] == ends[1]
+
+
+def test_changed_soils_act_as_if_present_from_the_start():
+    made, start = CASES["eq-1"]
+    firmer = tuple(soil.replace(phi=soil.phi * 1.1) for soil in made.soils)
+    state = settled(made, start)
+    other = state.copy()
+    kernel = Kernel(made, state, 0.005, symmetric=False)
+    fresh = Kernel(dataclasses.replace(made, soils=firmer), other, 0.005, symmetric=False)
+    kernel.set_soils(np.array([list(soil.values().values()) for soil in firmer]))
+    for _ in range(100):
+        kernel.duty[:] = fresh.duty[:] = 0.7
+        assert (kernel.step(), fresh.step()) == (0, 0)
+    assert np.array_equal(state.q, other.q)
+    assert np.array_equal(kernel.record, fresh.record)

@@ -1,4 +1,4 @@
-"""Half-second blocks of a drive log, their noise, and the numbers that are fitted: properties, without any search."""
+"""Half-second blocks of a drive log and their noise, without any search; predictions of a moment ago are kept."""
 
 import dataclasses
 import math
@@ -9,6 +9,7 @@ import pytest
 from rover_pin.base.errors import ParameterError
 from rover_pin.effects.point_mass import PointMass
 from rover_pin.effects.supply_sag import SupplySag
+from rover_pin.experiments.drive_log import experiment as experiments
 from rover_pin.experiments.drive_log.experiment import DriveExperiment, experiment_of
 from rover_pin.experiments.drive_log.features import logged_run
 from rover_pin.scenarios.scenario import scenario
@@ -83,3 +84,22 @@ def test_a_body_that_cannot_be_is_turned_down_not_crashed_on(model, driven):
 def test_an_unknown_number_is_refused(model, name, said):
     with pytest.raises(ParameterError, match=said):
         ANY.value(model, name)
+
+
+def test_model_is_replayed_once_and_another_model_or_ground_anew(monkeypatch):
+    case = scenario("incline", **{"soil.k": 0.005, "terrain.angle_deg": 5})
+    driven = simulate(case.model, case.controller, 2.0, Start(-0.2))
+    log = Trace(dict(driven.channels), attrs={"start": {"x": -0.2, "y": 0.0, "yaw": 0.0}})
+    counted, real = [], experiments.replay
+    monkeypatch.setattr(experiments, "replay", lambda *given: counted.append(1) or real(*given))
+    experiment = experiment_of([logged_run(log, case.model.rover)], case.model)
+    first = experiment.predict([case.model])
+    heavier = case.model.having(PointMass(m=0.5))
+    again = experiment.predict([case.model, heavier])
+    assert len(counted) == 2
+    np.testing.assert_array_equal(again[0], first[0])
+    assert not np.array_equal(again[1], first[0])
+    again.fill(0.0)  # what is returned is the caller's own
+    np.testing.assert_array_equal(experiment.predict([case.model])[0], first[0])
+    assert np.isfinite(experiment.free.predict([case.model])).all()
+    assert len(counted) == 3

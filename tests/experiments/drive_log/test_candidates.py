@@ -1,5 +1,6 @@
-"""What is tried on a drive log: all that the rover can have, and nothing that it cannot."""
+"""What is tried on a drive log: numbers that are free, effects that the rover can have, and nothing that it cannot."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -13,7 +14,9 @@ from rover_pin.effects.point_mass import PointMass
 from rover_pin.effects.tacho_scale import TachoScale
 from rover_pin.effects.tether_drag import TetherDrag
 from rover_pin.effects.weak_motor import WeakMotor
-from rover_pin.experiments.drive_log.candidates import candidate_of, candidates, sized
+from rover_pin.experiments.drive_log.calibrate import raw_current_numbers, with_raw_currents
+from rover_pin.experiments.drive_log.candidates import _places, candidate_of, candidates, sized
+from rover_pin.experiments.drive_log.parameters import parameter
 from rover_pin.rover.rover import load_rover
 from rover_pin.simulation.model.effect_files import package_effects
 from rover_pin.simulation.model.model import Model
@@ -88,3 +91,67 @@ def test_forces_torques_and_masses_are_tried_in_rover_proportion():
     assert sized(TachoScale(e=0.02), cart, 9.81) == TachoScale(e=0.02)
     size = candidate_of(drag).size("TetherDrag.f_1")
     assert size.value(1.0) == pytest.approx(drag.f_1)
+
+
+CART, WHEELS = load_rover("cart"), ("fl", "fr", "bl", "br")
+MODEL = Model(CART, flat(), (Soil(), Soil(k=0.02)), Motor(), gravity=2.0)
+
+# --- currents of which only the shape is known -----------------------------------------------------------------------
+
+
+class Run(dict):
+    """The channels of one run, whose wheels may be held to their rates."""
+
+    def __init__(self, held=False, **channels):
+        super().__init__({name: np.array(values, dtype=float) for name, values in channels.items()})
+        self.rate_driven = held
+
+
+def log_of(*runs, motor=()):
+    return SimpleNamespace(metadata=SimpleNamespace(motor=dict.fromkeys(motor, 1.0), wheels=WHEELS), runs=runs)
+
+
+# --- what a model may lack -------------------------------------------------------------------------------------------
+
+
+def experiment(*ways, channels=(), held=False):
+    """Runs along these x [m]."""
+    ways = ways or (np.array([0.0, 0.0]),)
+    places = [np.column_stack([way, np.zeros((len(way), 2))]) for way in ways]
+    runs = [SimpleNamespace(commands=SimpleNamespace(place=each, terrain=None)) for each in places]
+    return SimpleNamespace(channels=channels, rate_driven=held, runs=runs)
+
+
+def test_numbers_with_priors_are_candidates_except_soil_motor():
+    log = log_of(Run(raw_current_fl=[1.0, 2.0]))
+    model = with_raw_currents(log, MODEL).having(TachoScale(e=0.0, wheel="fl")).having(WeakMotor(g=0.0, wheel=1))
+    free = [parameter(model, name, 0.01) for name in ("soil.phi", "motor.gear", "TachoScale[fl].e", "WeakMotor[1].g")]
+    free += [parameter(model, "TachoScale[fl].e", 0.01, prior=False), *raw_current_numbers(log, model)]
+    found = candidates(model, experiment(), free, None)
+    assert [each.amplitudes for each in found if each.released] == [("TachoScale[fl].e",), ("WeakMotor[1].g",)]
+    names = [each.name for each in found if not each.released]
+    assert "TachoScale[fl]" not in names
+    assert "TachoScale[fr]" in names
+    assert "WeakMotor[1]" not in names
+    assert "WeakMotor[0]" in names
+
+
+@pytest.mark.parametrize(("e", "declared", "freed"), [(0.0, False, True), (0.2, False, False), (0.2, True, True)])
+def test_what_is_assumed_to_be_something_is_not_missing(e, declared, freed):
+    model = MODEL.having(TachoScale(e=e, wheel="fl"))
+    known = replace(parameter(model, "TachoScale[fl].e", 0.01), declared=declared)
+    assert any(each.released for each in candidates(model, experiment(), [known], None)) is freed
+
+
+def test_on_a_long_way_only_what_two_runs_have_passed_is_tried():
+    """From 9 m on 60 places do not reach; a run that passes twice is one run."""
+    once, again = np.r_[np.arange(0.0, 9.0, 0.01), np.arange(9.0, 0.0, -0.01)], np.array([5.0, 5.1, np.nan, 5.4])
+    found = _places(experiment(once, again), 0.4)
+    assert found == pytest.approx([-0.1 + 0.15 * at - 0.1 for at in (34, 36)])
+    assert _places(experiment(once), 0.4) == []
+    both = _places(experiment(once, once), 0.0)
+    assert both == pytest.approx(-0.1 + 0.15 * np.arange(0, 61, 2)), "61 are too many: every other"
+    most = _places(experiment(once, once[once > 0.1]), 0.0)
+    assert most == pytest.approx(-0.1 + 0.15 * np.arange(1, 61))
+    three = _places(experiment(once + 1e3, once + 1e3, once), 0.0)
+    assert len(three) == 31
