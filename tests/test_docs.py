@@ -7,6 +7,7 @@ import shlex
 import tomllib
 from pathlib import Path
 
+import gallery
 import pandas as pd
 import pytest
 import typer.main
@@ -92,22 +93,14 @@ KEPT_DRIVES = pd.read_csv(ROOT / "studies" / "results" / "gallery.csv", index_co
 @pytest.mark.slow
 @pytest.mark.parametrize("command", KEPT_DRIVES.index)
 def test_the_gallery_says_what_becomes_of_the_rover(command):
-    happened = gallery().drive_of(command.removeprefix("rover-pin drive ")).drive().attrs["happened"]
+    happened = gallery.drive_of(command.removeprefix("rover-pin drive ")).drive().attrs["happened"]
     assert happened == KEPT_DRIVES[command]
 
 
 def test_the_gallery_has_every_scenario_and_picture():
     drives = {f"rover-pin drive {name}" for name in set(SCENES) - {"polyline", "grid"}}
-    assert set(KEPT_DRIVES.index) == drives | {f"rover-pin drive {words}" for words in gallery().PICTURES.values()}
-    assert all((ROOT / "docs" / picture).is_file() for picture in gallery().PICTURES)
-
-
-def gallery():
-    """The study of the gallery, as a module."""
-    spec = importlib.util.spec_from_file_location("gallery", ROOT / "studies" / "gallery.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    assert set(KEPT_DRIVES.index) == drives | {f"rover-pin drive {words}" for words in gallery.PICTURES.values()}
+    assert all((ROOT / "docs" / picture).is_file() for picture in gallery.PICTURES)
 
 
 def test_every_page_is_found_from_the_list_of_pages():

@@ -1,10 +1,14 @@
-"""The torque limit's loads: how far those at the body's pitch are off, and what link angles would change of a drive."""
+"""The torque limit's loads, the torque that a contact law asks at a slip, and Eq (9)'s table of the model driven."""
 
 import numpy as np
 import pytest
 
+from rover_pin.base.errors import ParameterError
+from rover_pin.control.slip_estimate import TableEstimate, flat_table
 from rover_pin.control.torque_bounds import TorqueBounds
 from rover_pin.control.torque_check import LOST_SLIP, TorqueLimit
+from rover_pin.control.torque_factor import torque_factors
+from rover_pin.effects.post_peak import PostPeak
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.rover.driven_loads import configuration, driven_loads
 from rover_pin.rover.statics import wheel_loads
@@ -68,3 +72,54 @@ def test_beyond_forty_degrees_the_limit_is_that_of_forty():
         np.testing.assert_array_equal(ends[1], ends[2])
         np.testing.assert_array_equal(ends[1], ends[3])
         assert np.any(ends[0] != ends[1])
+
+
+SLIPS = np.linspace(-1.0, 1.0, 9)
+
+
+def factors(**settings):
+    return torque_factors(scenario("flat", **settings).model, SLIPS)
+
+
+def test_a_loss_past_the_peak_is_taken_off():
+    lost = 0.4 * (1.0 - np.exp(-((SLIPS / float(PostPeak().S_w)) ** 2)))
+    weakened = factors(add="PostPeak.fraction=0.4", **{"soil.k": 0.005})
+    assert weakened == pytest.approx((1.0 - lost) * factors(**{"soil.k": 0.005}), abs=1e-12)
+
+
+def test_a_hole_not_yet_dug_and_a_patch_elsewhere_change_nothing():
+    plain = factors()
+    assert factors(add="DiggingMemory") == pytest.approx(plain, abs=1e-12)
+    assert factors(add="HardPatch.x_from=0.5,length=0.3,g=1") == pytest.approx(plain, abs=1e-9)
+
+
+def test_a_measured_drive_has_it():
+    """On the flat the logged torque over r f_n of a settled wheel is the factor at its logged slip."""
+    scene = scenario("incline", duration=8.0, **{"soil.k": 0.01, "terrain.start": -5.0, "add": "PostPeak.fraction=0.3"})
+    trace = scene.drive()
+    radius, motor = float(scene.model.rover.wheel.r), float(scene.model.motor.constant)
+    for wheel in ("fl", "ml", "rr"):
+        (expected,) = torque_factors(scene.model, [trace[f"slip_{wheel}"][-1]])
+        torque = motor * trace[f"current_{wheel}_A"][-1]
+        assert torque / (radius * trace[f"normal_{wheel}"][-1]) == pytest.approx(expected, rel=0.02)
+
+
+def test_eq_9s_table_is_that_of_the_driven_model():
+    plain, moon, firm = (
+        scenario("flat", soil="table-1", **each).model for each in ({}, {"gravity": "moon"}, {"soil.k": 0.005})
+    )
+    speeds = [float(flat_table(model).speed_at(np.array(0.55))) for model in (plain, moon, firm)]
+    assert speeds[0] == pytest.approx(0.05, abs=1e-3)
+    assert speeds[1] > speeds[0] + 5e-4
+    assert speeds[2] < speeds[0] - 3e-3  # firmer sand resists more
+    assert flat_table(scenario("slope", soil="table-1").model) is flat_table(plain)
+    for name, model in (("moon", moon), ("table-1", plain)):
+        drive = scenario("slope", soil="table-1", control="eq9", **({"gravity": "moon"} if name == "moon" else {}))
+        assert isinstance(drive.controller.estimate, TableEstimate)
+        assert drive.controller.estimate.table == flat_table(model)
+
+
+def test_a_model_without_a_table_is_refused():
+    """In the net form the rover does not move on its own flat ground."""
+    with pytest.raises(ParameterError, match=r"\(9\).*ground"):
+        scenario("slope", soil="table-1", control="eq9", form="net")

@@ -1,4 +1,4 @@
-"""Rivals of a model: asked a channel at a time, never below the noise, said first where one is better."""
+"""Rivals of a model, never below the noise and said first where one is better; folds and verdicts as plain values."""
 
 import math
 
@@ -7,10 +7,12 @@ import pytest
 from scipy.stats import ttest_1samp
 
 from rover_pin.discrepancy.answer import Answer
+from rover_pin.discrepancy.cross_validation import fall_of
 from rover_pin.discrepancy.held_out import ChannelScore, LevelError
 from rover_pin.discrepancy.rivals import against_rivals, is_sure, losses
-from rover_pin.discrepancy.verdict import Verdict
+from rover_pin.discrepancy.verdict import SCHEMA, Side, Verdict
 from rover_pin.estimation.baselines import Baseline
+from rover_pin.estimation.numbers import Number
 
 
 def score(name, after, floor=1.0, lost=()):
@@ -76,3 +78,34 @@ def test_what_is_on_no_list_stays_the_answer():
     beside = against_rivals(verdict, curve({"pull": [1.0] * 3, "sinkage": [4.0] * 3}))
     assert beside.answer is Answer.NONE_FITS
     assert "by a quadratic of what was set (1 N against 2 N)" in beside.rival
+
+
+def test_folds_that_only_one_model_predicts_are_not_compared():
+    """What the second loses keeps both from being compared; what only the first loses counts for neither."""
+    without, found, lost = np.array([9.0, 7.0, 5.0]), np.array([3.0, 6.0, 1.0]), np.array([np.nan, 0.0, 0.0])
+    assert fall_of(without, found) == 11.0
+    assert fall_of(without + lost, found) == fall_of(without + lost, found + lost) == 5.0
+    assert np.isnan(fall_of(without, found + lost))
+
+
+def verdict(**more):
+    return Verdict(kind="test-bed", answer=Answer.NAMED, name="bed", sentence="so it is.", model=None, **more)
+
+
+def number(name, drift=0.0):
+    return Number(name, "N", 2.0, 1.0, 3.0, drift)
+
+
+def side(*numbers, misfit=1.0):
+    return Side(None, numbers, misfit, None)
+
+
+def test_a_verdict_as_plain_values():
+    values = verdict(after=side(number("A.c", 1.5))).as_dict()
+    assert (values["schema"], values["kind"], values["answer"]) == (3, "test-bed", "an effect is missing")
+    assert SCHEMA == 3, "docs/verdict.md describes this one"
+    assert values["share"] == 0.0
+    assert (values["before"], list(values["after"])) == ({}, ["A.c"])
+    assert values["after"]["A.c"]["drift"] == 1.5
+    assert values["posterior"] == {}, "where hypotheses were not weighed"
+    assert "rounds" not in values

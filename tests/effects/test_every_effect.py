@@ -1,4 +1,4 @@
-"""Every effect file, found by looking: floats equal symbols, neutral means absent, all at once make no energy."""
+"""Every effect file: named; floats equal symbols, neutral means absent, all at once make no energy."""
 
 import importlib
 import inspect
@@ -18,6 +18,7 @@ from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.compiled.constant_part import split_law
 from rover_pin.simulation.compiled.laws import GEOMETRY, contact_law, numbers
+from rover_pin.simulation.model.effect_files import package_effects, user_effects
 from rover_pin.simulation.simulate import simulate
 
 
@@ -243,3 +244,26 @@ def test_all_at_once_drive_up_and_down_without_making_energy(duty):
     assert np.isfinite(trace["body_x"]).all()
     assert np.abs(trace["body_vx"]).max() < 0.2
     assert trace.energy_error() < 0.01
+
+
+KINDS = package_effects()
+
+
+@pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.__name__)
+def test_every_effect_has_a_human_name_and_a_meaning_in_one_line(kind):
+    assert "title" in vars(kind)
+    assert 3 < len(kind.title) <= 40
+    assert kind.title == kind.title.lower()  # words, no class name
+    assert "meaning" in vars(kind)
+    assert 20 < len(kind.meaning) <= 100  # fits a line
+    assert kind.meaning[0].islower()  # it follows "because"
+    assert kind.meaning[-1] not in ".;:"
+    assert "\n" not in kind.title + kind.meaning
+
+
+@pytest.mark.parametrize("acts", ["contact", "motor", "body"])
+def test_a_new_effect_begins_with_both(run, acts):
+    run("new-effect", "StickySoil", "--acts", acts)
+    (kind,) = user_effects("sticky_soil.py")
+    assert len(kind.title) > 3
+    assert len(kind.meaning) > 10

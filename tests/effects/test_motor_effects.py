@@ -1,14 +1,25 @@
-"""Effects in a motor, each by hand: what reaches it, what limits it, what takes of its torque."""
+"""Effects in a motor, a sensor, a tether and a wheel's size, each by hand."""
 
+import numpy as np
 import pytest
 
+from rover_pin.contact import Load
 from rover_pin.control.constant import ConstantDuty
 from rover_pin.effects.dead_band import DeadBand
-from rover_pin.effects.effect import Drive
+from rover_pin.effects.effect import Body, Drive
+from rover_pin.effects.raw_current import RawCurrent
+from rover_pin.effects.slip import AlgebraicSlip
+from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.effects.supply_sag import SupplySag
+from rover_pin.effects.tacho_scale import TachoScale
+from rover_pin.effects.tether_drag import TetherDrag
 from rover_pin.effects.torque_saturation import TorqueSaturation
+from rover_pin.effects.tracked_point import TrackedPoint
+from rover_pin.effects.tracker_scale import TrackerScale
+from rover_pin.effects.tracking_delay import TrackingDelay
 from rover_pin.effects.viscous_friction import ViscousFriction
 from rover_pin.effects.weak_motor import WeakMotor
+from rover_pin.effects.wheel_scale import WheelScale
 from rover_pin.effects.winding_heating import ALPHA_COPPER, WindingHeating
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.simulate import simulate
@@ -92,3 +103,72 @@ def test_a_winding_s_steady_state_by_hand(drive):
     y = (-1 + (1 + 4 * a * 3.6**2 / 24.0) ** 0.5) / (2 * a)
     assert heated(effect, stalled) == pytest.approx(y, rel=1e-6)
     assert effect.amend(stalled, (y,)).current == pytest.approx(0.15 / (1 + a * y))
+
+
+TIMES, CURRENT = np.array([0.0, 0.1, 0.2]), np.array([0.0, 0.5, -2.0])
+
+
+def test_counts_are_the_current_times_a_scale_and_a_zero():
+    effect = RawCurrent(scale=200.0, offset=512.0, motor="rr", channel="adc_4")
+    found = effect.read(TIMES, {"current_rr_A": CURRENT, "current_fl_A": 7.0 * CURRENT})
+    assert list(found) == ["adc_4"]
+    assert found["adc_4"] == pytest.approx([512.0, 612.0, 112.0])
+
+
+def test_what_a_sensor_misreads_can_be_undone():
+    t = np.arange(0.0, 1.0, 0.1)
+    channels = {"wheel_rate_fl": 1.0 + t, "wheel_rate_ml": 2.0 - t, "body_x": 3.0 + t, "body_yaw": t, "body_vx": t**2}
+    late = {"body_x": 3.0 + t}
+    back = TrackingDelay(d=0.2).undone(t, TrackingDelay(d=0.2).read(t, late))["body_x"]
+    assert list(back[:-2]) == pytest.approx(late["body_x"][:-2])
+    for sensor in (TachoScale(e=0.3), TachoScale(e=-0.2, wheel="ml"), TrackerScale(e=0.05), TrackedPoint(-0.2, 0.1)):
+        read = channels | sensor.read(t, channels)
+        assert {name: list(values) for name, values in sensor.undone(t, read).items()} == {
+            name: pytest.approx(channels[name]) for name in sensor.read(t, channels)
+        }
+
+
+def test_it_comes_before_the_slip(patch):
+    model = scenario("flat").model.having(WheelScale(e=0.1))
+    assert [type(each).__name__ for each in model.contact_effects][:2] == ["WheelScale", "RelaxedSlip"]
+    contact = AlgebraicSlip().amend(WheelScale(e=0.1).amend(patch(rim=0.05, v_x=0.033), ()), ())
+    assert float(contact.S) == pytest.approx(1.0 - 0.033 / 0.055)
+
+
+def test_the_lever_is_the_true_one(patch):
+    """Torque over tangential force of the torque form is the radius."""
+    larger = WheelScale(e=0.1).amend(patch(), ())
+    load = SoilTraction().load(larger, Load(), ())
+    assert float(load.torque / load.f_t) == pytest.approx(1.1 * 0.045, rel=1e-9)
+
+
+@pytest.mark.parametrize("e", [0.04, -0.04])
+def test_speed_follows_the_rim(e):
+    """On the flat, v = (1 + e) r omega (1 - S) with the slip that the soil asks for, near that of the plain wheel."""
+    flat = scenario("flat").model
+    plain, scaled = (simulate(each, ConstantDuty(0.55), 6.0) for each in (flat, flat.having(WheelScale(e=e))))
+    rim = (1.0 + e) * 0.045 * scaled["wheel_rate_ml"][-1]
+    assert scaled["body_vx"][-1] == pytest.approx(rim * (1.0 - scaled["slip_ml"][-1]), rel=1e-4)
+    assert scaled["slip_ml"][-1] == pytest.approx(plain["slip_ml"][-1], abs=0.2 * abs(e))
+
+
+FLAT = scenario("flat").model
+
+
+def test_the_force_by_hand():
+    effect = TetherDrag(f_0=0.5, f_1=0.2, x_0=1.0, y_0=2.0, v_0=1e-5)
+    body = Body(4.0, 6.0, *[0.0] * 10, (), (), ())._replace(v_x=0.03, v_y=-0.04)
+    push = effect.push(body)
+    assert (float(push.f_x), float(push.f_y)) == pytest.approx((-1.5 * 0.6, 1.5 * 0.8), rel=1e-5)
+    assert push[2:] == (0.0,) * 4 + ((), 0.0)
+    still = effect.push(body._replace(v_x=0.0, v_y=0.0))
+    assert (float(still.f_x), float(still.f_y)) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize("duty", [0.55, -0.55])
+def test_what_it_takes_is_force_times_way(duty):
+    """A constant pull on the straight; a growing one, int (f_0 + f_1 s) ds."""
+    trace = simulate(FLAT.having(TetherDrag(f_0=1.0, f_1=0.5, v_0=1e-4)), ConstantDuty(duty), 10.0)
+    way = abs(trace["body_x"][-1])
+    assert way > 0.3
+    assert trace["energy_body"][-1] == pytest.approx(1.0 * way + 0.25 * way**2, rel=0.01)

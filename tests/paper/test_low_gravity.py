@@ -5,17 +5,8 @@ the Moon or the Mars, where the dynamic effect will be much more highlighted". G
 bump of 0.04 m over 0.3 m; motors geared for the speed on the Earth's flat; angles that follow the sinkage.
 """
 
-import importlib.util
-import sys
-from pathlib import Path
-
+import gravity as study
 import pytest
-
-FILE = Path(__file__).parents[2] / "studies" / "gravity.py"
-spec = importlib.util.spec_from_file_location("gravity_study", FILE)
-study = importlib.util.module_from_spec(spec)
-sys.modules["gravity_study"] = study
-spec.loader.exec_module(study)
 
 
 def over_the_bump(speed, place):

@@ -1,10 +1,9 @@
 """What verdicts say of numbers, intervals and changes: nothing added is no change, no interval is no certainty."""
 
 import dataclasses
-import importlib.util
 import math
-from pathlib import Path
 
+import close_the_loop as study
 import numpy as np
 import pandas as pd
 import pytest
@@ -24,23 +23,6 @@ from rover_pin.report.rig.report import of_parameters, write_report
 from rover_pin.report.sections.held_out import heldout_panel
 from rover_pin.report.words import Labels
 from tests.experiments.wheel_rig import linear_rig as rig
-
-
-def module(name, file):
-    spec = importlib.util.spec_from_file_location(name, file)
-    made = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(made)
-    return made
-
-
-STUDIES = Path(__file__).parents[2] / "studies"
-
-
-@pytest.fixture
-def close_study(monkeypatch):
-    monkeypatch.syspath_prepend(str(STUDIES))  # as where a study is run, which imports its neighbours
-    return module("close_the_loop", STUDIES / "close_the_loop.py")
-
 
 MANNER = Labels("on runs it never saw", "runs")
 
@@ -204,8 +186,7 @@ def test_held_out_figure_draws_no_unclaimed_change():
     assert list(hollow.get_xdata()) == pytest.approx([2.0])
 
 
-def test_study_figure_draws_an_arrow_only_for_a_claimed_change(close_study):
-    study = close_study
+def test_study_figure_draws_an_arrow_only_for_a_claimed_change():
     table = pd.DataFrame(
         {"set": "made", "channel": one.name, "noise": one.floor, "held_out_before": one.before,
          "held_out_after": one.after, "said": one.claim}
@@ -221,8 +202,7 @@ def test_study_figure_draws_an_arrow_only_for_a_claimed_change(close_study):
     assert hollow == pytest.approx([2.0])
 
 
-def test_the_studys_transients_are_named_by_their_slips(close_study):
-    study = close_study
+def test_the_studys_transients_are_named_by_their_slips():
     slips = study.slips_of(read_rig_set(study.DATA / "cmu-smooth-wheel"))
     named = [f"S = {S}" for S in ("0.00", "0.23", "0.50", "0.75", "0.90")]
     assert slips == dict(zip(["10", "12", "20", "40", "100"], named, strict=True))

@@ -1,10 +1,12 @@
-"""Eq (1) and the speed ratio."""
+"""Eq (1), the speed ratio, and slip over the whole travel, by hand: straight, askew and aside."""
+
+import math
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rover_pin.soil.slip import slip_ratio, speed_ratio
+from rover_pin.soil.slip import against_travel, drift, pushed_aside, slip_ratio, speed_ratio, spinning
 
 SPEEDS = st.floats(1e-3, 10.0)
 
@@ -30,3 +32,38 @@ def test_special_speeds():
     assert slip_ratio(0.003, 0.001) == pytest.approx(2.0 / 3.0)
     assert speed_ratio(1.0) == 0.0
     assert speed_ratio(-1.0) > 1e12
+
+
+@pytest.mark.parametrize(("rim", "degrees"), [(0.03, 30.0), (0.05, 45.0), (0.2, 60.0), (0.0, 15.0), (0.05, 89.0)])
+def test_slips_are_of_the_speed_that_brakes(rim, degrees):
+    """u = v V / sqrt(v^2 + (v_y / 5)^2) with V = 0.05 m/s, and the greater of r omega and u divides."""
+    beta = math.radians(degrees)
+    v, v_y = 0.05 * math.cos(beta), 0.05 * math.sin(beta)
+    u = v * 0.05 / math.hypot(v, v_y / 5)
+    faster, before = max(rim, u), max(rim, v)
+    S, S_y = against_travel((rim - v) / before, v_y / before)
+    assert float(S) == pytest.approx((rim - u) / faster, abs=1e-9)
+    assert float(S_y) == pytest.approx(v_y / faster, rel=1e-9)
+    assert float(pushed_aside(S, S_y)) == pytest.approx(
+        (v_y / 5) ** 2 / (min(u, faster) ** 2 + (v_y / 5) ** 2), rel=1e-6
+    )
+
+
+def test_a_share_of_it_lies_between_the_heading_and_the_travel():
+    half, whole = (float(against_travel(-0.2, 0.8, share)[0]) for share in (0.5, 1.0))
+    assert float(against_travel(-0.2, 0.8, 0.0)[0]) == pytest.approx(-0.2, rel=1e-12)
+    assert 0.8 / (1 + half) == pytest.approx((1.0 + 0.8 / (1 + whole)) / 2)
+
+
+def test_a_wheel_pushed_aside_does_not_spin():
+    """1 - V / r omega of the greater of v and v_y: of a slip of 1 with v_y as fast as the rim nothing is left."""
+    assert float(spinning(0.7, 0.1)) == pytest.approx(0.7, rel=1e-4)
+    assert float(spinning(1.0, 0.4)) == pytest.approx(0.6, rel=1e-6)
+    assert float(spinning(1.0, 3.0)) == 0.0
+    assert float(spinning(-0.5, 0.3)) == 0.0
+
+
+def test_drift_is_the_way_aside_per_way_ahead():
+    assert float(drift(0.6, 0.2)) == pytest.approx(0.2 / math.hypot(0.4, 0.02))
+    assert float(drift(-0.5, -0.3)) == pytest.approx(-0.3 / math.hypot(1.0, 0.02))
+    assert float(drift(1.0, 0.0)) == 0.0

@@ -1,19 +1,14 @@
 """What blind tests read from a verdict: answered sets, stated probabilities, and what is more than noise."""
 
-import importlib
 import math
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from blind_test import more_than_noise
+from kept import told
 
 from rover_pin.inference.error_model import Discrepancy
-
-
-@pytest.fixture(autouse=True)
-def studies(monkeypatch):
-    monkeypatch.syspath_prepend(str(Path(__file__).parents[2] / "studies"))
 
 
 def verdict(named, sets, included):
@@ -21,18 +16,16 @@ def verdict(named, sets, included):
 
 
 def test_a_place_on_the_way_is_no_part_of_an_answer():
-    told = importlib.import_module("kept.told")
     of = verdict(("HardPatch@0.3",), ("HardPatch@0.3 + ExitAngle", "nothing"), {"HardPatch@0.3": 0.97})
     assert told.alike_of(of) == (("HardPatch", "ExitAngle"), ("nothing",))
     assert told.inclusion_of(of, ["HardPatch"]) == {"HardPatch": 0.97}
 
 
 def test_nothing_is_answered_where_nothing_is_kept():
-    assert importlib.import_module("kept.told").alike_of(verdict((), ("nothing",), {})) == ()
+    assert told.alike_of(verdict((), ("nothing",), {})) == ()
 
 
 def test_true_causes_are_kept_however_improbable():
-    told = importlib.import_module("kept.told")
     found = told.inclusion_of(verdict((), (), {"A": 0.02, "B": 0.009, "C": 0.001}), ["C", "D"])
     assert found == {"C": 0.001, "D": 0.0, "A": 0.02}
 
@@ -41,4 +34,4 @@ def test_true_causes_are_kept_however_improbable():
 def test_what_is_on_no_list_shows_beside_a_quiet_base(other, nats):
     rows = [SimpleNamespace(names=(), discrepancy=kind) for kind in (Discrepancy.NONE, Discrepancy.SMOOTH)]
     beliefs = SimpleNamespace(scores=np.array([0.0, other]), hypotheses=rows)
-    assert math.isclose(importlib.import_module("blind_test").more_than_noise(beliefs), nats)
+    assert math.isclose(more_than_noise(beliefs), nats)

@@ -1,16 +1,13 @@
 """Fig 8's end as a closed loop: the model that digs no longer rises, as its log, and the study says so."""
 
-import importlib.util
 from pathlib import Path
 
+import fig8_loop as study
 import pytest
 
 from rover_pin.logs.drive_log import read_drive_log
 
 STUDIES = Path(__file__).parents[2] / "studies"
-_spec = importlib.util.spec_from_file_location("fig8_loop", STUDIES / "fig8_loop.py")
-study = importlib.util.module_from_spec(_spec)
-_spec.loader.exec_module(study)
 CLIMBS = ["climb-1", "climb-2", "climb-steps", "climb-back"]
 
 

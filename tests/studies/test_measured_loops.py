@@ -1,9 +1,8 @@
 """The loop finds on the measured wheels what `studies/results/measured_wheels.csv` keeps and the page shows."""
 
-import importlib.util
-import sys
 from pathlib import Path
 
+import measured_wheels as study
 import pandas as pd
 import pytest
 
@@ -11,19 +10,6 @@ from rover_pin.loop.close import close_the_loop
 
 ROOT = Path(__file__).parents[2]
 KEPT = pd.read_csv(ROOT / "studies" / "results" / "measured_wheels.csv", keep_default_na=False).set_index("data")
-
-
-@pytest.fixture(scope="module")
-def study():
-    spec = importlib.util.spec_from_file_location("measured_wheels", ROOT / "studies" / "measured_wheels.py")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["measured_wheels"] = module
-    sys.path.insert(0, str(ROOT / "studies"))
-    try:
-        spec.loader.exec_module(module)
-    finally:
-        sys.path.remove(str(ROOT / "studies"))
-    return module
 
 
 def numbers(text):
@@ -35,7 +21,7 @@ def numbers(text):
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("data", KEPT.index)
-def test_the_loop_on_measured_wheels(study, data):
+def test_the_loop_on_measured_wheels(data):
     folders = tuple(study.DATA / folder for folder in study.SETS[data])
     row = study.row_of(data, close_the_loop(folders if len(folders) > 1 else folders[0]))
     kept = KEPT.loc[data]

@@ -1,24 +1,13 @@
-"""What the mutation run changes of a number, and that the page tells the tables that it wrote."""
+"""The page of the mutation run tells the tables that it wrote."""
 
-import importlib.util
 from pathlib import Path
 
 import pandas as pd
-import pytest
 
 ROOT = Path(__file__).parents[2]
 RESULTS = ROOT / "studies" / "results"
 ROWS = pd.read_csv(RESULTS / "mutation.csv")
 LEFT = pd.read_csv(RESULTS / "mutation_survivors.csv")
-
-
-@pytest.fixture(scope="module")
-def mutation():
-    pytest.importorskip("cosmic_ray")
-    spec = importlib.util.spec_from_file_location("mutation", ROOT / "studies" / "benchmarks" / "mutation.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 def test_the_page_tells_the_last_run_of_every_room():

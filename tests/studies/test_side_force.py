@@ -1,26 +1,24 @@
-"""The study of the side force: its ways are those that it says, and each law holds the rover as its result says."""
+"""Studies of the side force, of tacking and of a figure: each part says and holds what its result says."""
 
-import importlib
-import sys
-from pathlib import Path
+import math
 
 import numpy as np
 import pytest
+import side_force
+from tune_gains import log_edges
 
-STUDIES = Path(__file__).parents[2] / "studies"
+from rover_pin.control.constant import ConstantDuty
+from rover_pin.rover.rover import load_rover
+from rover_pin.scenarios.scenario import scenario
+from rover_pin.simulation.command import Reading
+from rover_pin.simulation.simulate import simulate
+from studies.shared.tacking import Tacking, TackingControl
 
 
 @pytest.fixture(scope="module")
-def study():
-    sys.path.insert(0, str(STUDIES))
-    yield importlib.import_module("side_force")
-    sys.path.remove(str(STUDIES))
-
-
-@pytest.fixture(scope="module")
-def across(study):
+def across():
     laws = ("old: SideShear", "new: combined shear, flank")
-    return [study.row("across", name, study.driven("across", study.LAWS[name], 12.0)) for name in laws]
+    return [side_force.row("across", name, side_force.driven("across", side_force.LAWS[name], 12.0)) for name in laws]
 
 
 def test_across_a_slope_the_new_law_lets_the_rover_drift_less(across):
@@ -34,10 +32,51 @@ def test_side_force_carries_the_slopes_share_of_the_weight(across):
         assert row["side_over_load"] == pytest.approx(np.tan(np.radians(10.0)), rel=0.1)
 
 
-def test_a_skid_on_sand_that_softens_digs_in_and_turns_less(study):
+def test_a_skid_on_sand_that_softens_digs_in_and_turns_less():
     """Held side speeds turn the cart on; where slip and drift soften the sand it sinks to 48 mm and is slow."""
-    firm, soft = (study.driven("skid", study.LAWS[name], 17.0) for name in list(study.LAWS)[-2:])
+    firm, soft = (side_force.driven("skid", side_force.LAWS[name], 17.0) for name in list(side_force.LAWS)[-2:])
     late = soft.t > 12.0
     assert np.ptp(soft["body_yaw"][late]) < 0.5 * np.ptp(firm["body_yaw"][late])
     assert 1e3 * np.hypot(np.ptp(soft["body_x"][late]), np.ptp(soft["body_y"][late])) < 20.0, "it does not lurch"
     assert 1e3 * soft.stack("sinkage")[late].max() == pytest.approx(46.0, abs=4.0)
+
+
+LAW = Tacking(calm=2.0, delta=0.5, delta_climb=0.8)
+
+
+def reading(t, fold, yaw=0.0, pitch=0.0):
+    """What the rover reads: no truth, which the controller must not touch."""
+    return Reading(t, np.zeros(6), np.ones(6), np.ones(6), np.array([0.0, fold, 0.0, fold]), (0.0, pitch, yaw), None)
+
+
+@pytest.fixture
+def control():
+    made = TackingControl(load_rover(), LAW)
+    made.reset()
+    return made
+
+
+def test_folded_bogies_turn_it_to_one_side_and_then_to_the_other(control):
+    first = control(reading(1.0, math.radians(8)))
+    assert np.max(first.duty) == pytest.approx(0.8)
+    assert first.steer[0] > 0.0
+    assert control(reading(2.9, 0.0)).steer[0] > 0.0
+    assert set(control(reading(3.1, 0.0)).duty) == {0.5}
+    assert control(reading(5.0, math.radians(8))).steer[0] < 0.0
+
+
+def test_it_leaves_a_ditch_in_which_constant_duty_stays():
+    """Walls of 60 deg: the bogies' wheels stand at the wall for ever, at any duty; one after the other they climb."""
+    scene = scenario("ditch", **{"soil.k": 0.01, "terrain.wall_angle_deg": 60})
+    straight = [simulate(scene.model, ConstantDuty(delta), 35.0, symmetric=True) for delta in (0.55, 1.0)]
+    tacking = simulate(scene.model, TackingControl(scene.model.rover), 35.0)
+    assert max(float(trace["body_x"][-1]) for trace in straight) < 0.85
+    assert float(tacking["body_x"][-1]) > 0.95
+
+
+def test_gains_lie_in_the_cell_of_the_nearest_point_by_ratio():
+    centres = np.geomspace(0.01, 10.0, 12)
+    edges = log_edges(centres)
+    for gain in np.geomspace(0.009, 11.0, 97):
+        cell = np.searchsorted(edges, gain) - 1
+        assert cell == np.argmin(np.abs(np.log(centres / gain)))

@@ -1,22 +1,16 @@
 """The study of wheel laws: its laws reach what it says, on levels held out."""
 
 import dataclasses
-import importlib
 import itertools
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
+import wheel_laws as study
 
 
-@pytest.fixture
-def study(monkeypatch):
-    monkeypatch.syspath_prepend(str(Path(__file__).parents[2] / "studies"))
-    return importlib.import_module("wheel_laws")
-
-
-def test_a_braked_wheel_ploughs_as_its_volume_says(study):
+def test_a_braked_wheel_ploughs_as_its_volume_says():
     """Held out 0.57 N and 1.53 mm, where at most 2 and 2 were to be reached; a_b = 0.98."""
     data = study.read_rig_set(study.DATA / "cmu-smooth-wheel-skid")
     (row,) = study.compared("braked", data, {"ploughing": study.LAWS["braked"]["ploughing"]}, 1.51)[:1]
@@ -33,7 +27,7 @@ def read(study):
     return {name: study.read_rig_set(study.DATA / f"cmu-{folder}") for name, folder in study.FOLDERS.items()}
 
 
-def test_the_authors_model_is_as_far_off_as_the_table_says(study):
+def test_the_authors_model_is_as_far_off_as_the_table_says():
     """Their sinkage carries the load, their side force turns with the slip angle; nothing is fitted here."""
     rows = pd.read_csv(ROOT / "studies" / "results" / "wheel_laws.csv").set_index(["set", "law"])
     sets = read(study)
@@ -50,13 +44,13 @@ def test_the_authors_model_is_as_far_off_as_the_table_says(study):
         assert found + channel.measured == pytest.approx(sense * (other + channel.measured))
 
 
-def test_laws_beat_both_curves_on_all_sets_but_one(study):
+def test_laws_beat_both_curves_on_all_sets_but_one():
     """Over all channels in their noise, in the kept table."""
     rows = pd.read_csv(ROOT / "studies" / "results" / "wheel_laws.csv")
     assert study.ahead(rows) == [name for name in study.REACH if name != "braked askew"]
 
 
-def test_one_soil_predicts_each_set_from_the_others(study):
+def test_one_soil_predicts_each_set_from_the_others():
     """In the kept table: the median set, and twice that in every one."""
     rows = pd.read_csv(ROOT / "studies" / "results" / "wheel_laws.csv")
     found = rows[rows["set"].str.startswith(study.FROM) & (rows["law"] == "the law")]
@@ -66,7 +60,7 @@ def test_one_soil_predicts_each_set_from_the_others(study):
         assert found[name].max() < 2 * most
 
 
-def test_pressings_bend_no_set(study):
+def test_pressings_bend_no_set():
     """In the kept table: one soil for all misses no set by 3 % more or less than without them."""
     rows = pd.read_csv(ROOT / "studies" / "results" / "wheel_laws.csv").set_index(["set", "law"])["in_sds"]
     for name in study.FOLDERS:
@@ -75,7 +69,7 @@ def test_pressings_bend_no_set(study):
 
 
 @pytest.mark.slow
-def test_a_braked_wheel_askew_is_predicted_from_the_others(study):
+def test_a_braked_wheel_askew_is_predicted_from_the_others():
     """No run of it is fitted: 1.7 N, 1.6 mm and 1.3 N, where a Gaussian process is 8 N and 5 mm off."""
     sets = read(study)
     chosen = {"braked askew": sets.pop("braked askew"), **sets}
@@ -87,7 +81,7 @@ def test_a_braked_wheel_askew_is_predicted_from_the_others(study):
 
 
 @pytest.mark.nightly
-def test_side_force_and_both_signs_of_slip_are_reached(study):
+def test_side_force_and_both_signs_of_slip_are_reached():
     made = study.table()
     rows = {(row.set, row.law): row for row in made}
     made_of_smooth = rows["lugged from smooth", "lugs, sand on sand by the rim's m"]

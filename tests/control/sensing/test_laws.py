@@ -1,12 +1,20 @@
-"""The densities by which particles are weighed: they integrate to 1, and say what they are there for."""
+"""What is sensed and what is made of it: ground by Pinocchio's statics, densities of particles, odometry's noise."""
 
 import numpy as np
 import pytest
 from scipy.integrate import quad
 
+from rover_pin.base.errors import ParameterError
 from rover_pin.control.hole_law import HoleLaw
+from rover_pin.control.sensing.ground import UnderWheels, ground_law
 from rover_pin.control.sensing.laws import FACTORS, ReadingTrust, fold_law, still_law, torque_law, wheel_law
+from rover_pin.control.sensing.odometry import Camera, TrackedSlip, Tracker, VisualOdometry
 from rover_pin.effects.slip import RelaxedSlip
+from rover_pin.rover.driven_loads import configuration, footing, loads_on, turning
+from rover_pin.rover.wheel_base import wheel_mounts
+from rover_pin.scenarios.scenario import scenario
+from rover_pin.simulation.command import Reading, Truth
+from rover_pin.simulation.failure import suspension_of
 
 PERIOD = 0.05
 
@@ -52,3 +60,83 @@ def test_densities_of_what_is_read_are_one(bend):
     assert quad(lambda rise: np.exp(float(fold(0.05, [rise, bend]))), 0.0, 1.0, points=[0.01])[0] == pytest.approx(1.0)
     total = quad(lambda change: np.exp(float(still(0.08, [change, bend]))), 0.0, 0.5, points=[0.001, 0.02])[0]
     assert total == pytest.approx(1.0, abs=1e-6)
+
+
+STEP = 1e-5
+
+
+@pytest.mark.parametrize(("rover", "off"), [("nexus6", 1e-6), ("cart", 2e-4)])
+def test_slopes_loads_and_rates_are_those_of_the_posture(rover, off):
+    """On four wheels statics leave a load open: there the least of the solutions is approached to 0.1 mN."""
+    model = scenario("flat", rover=rover).model
+    places, wheels, chance = suspension_of(model).places, len(model.rover.wheels), np.random.default_rng(3)
+    law = ground_law(model.built, places)
+
+    def configured(posture):
+        q = configuration(model.built, (posture[0], posture[1], 0.0), {})
+        q[places] = posture[2:]
+        return q
+
+    for _ in range(5):
+        posture = chance.uniform(-0.2, 0.2, 2 + len(places))
+        rates, torque = chance.uniform(-0.1, 0.1, posture.size), chance.uniform(0.0, 0.15, wheels)
+        under = UnderWheels(*np.array(law(posture, rates, torque)).reshape(-1, wheels))
+        foot, jacobians = footing(model.built, configured(posture))
+        level = np.hypot(foot.forward[:, 0], foot.forward[:, 1])
+        assert under.level == pytest.approx(level)
+        assert under.slope == pytest.approx(foot.forward[:, 2] / level)
+        assert under.load == pytest.approx(loads_on(model.built, configured(posture), torque, foot, jacobians), abs=off)
+        (before, there), (after, here) = (
+            wheel_mounts(model.built, configured(posture + sign * STEP * rates)) for sign in (-1.0, 1.0)
+        )
+        speed = (here - there) / (2.0 * STEP)
+        assert under.ahead == pytest.approx(speed[:, 0], abs=1e-8)
+        assert under.rise == pytest.approx(speed[:, 2], abs=1e-8)
+        assert under.swing == pytest.approx(turning([before, after], foot.left)[1] / (2.0 * STEP), abs=1e-8)
+        assert under.height == pytest.approx(wheel_mounts(model.built, configured(posture))[1][:, 2])
+
+
+RADII = np.full(6, 0.045)
+
+
+def reading(speed, yaw=0.0, rate=1.2, sideways=0.0):
+    six = np.ones(6)
+    velocity = np.array([speed * np.cos(yaw), speed * np.sin(yaw), 0.0]) + sideways * np.array(
+        [-np.sin(yaw), np.cos(yaw), 0.0]
+    )
+    truth = Truth(0.0 * six, 0.008 * six, 9.5 * six, speed * six, np.zeros(3), velocity)
+    return Reading(0.0, 0.55 * six, rate * six, 0.1 * six, np.zeros(4), (0.0, 0.0, yaw), truth)
+
+
+def test_odometry_is_late_scaled_noisy_and_lost_as_declared():
+    camera = Camera(sd=0.004, scale=1.1, latency=0.5, period=0.1, dropouts=0.2)
+    odometry, true = VisualOdometry(camera, PERIOD, 3), np.random.default_rng(1).uniform(0.0, 0.05, 4000)
+    told = np.array([odometry.speed(reading(speed, yaw=0.7, sideways=0.02)) for speed in true])
+    assert np.all(np.isnan(told[:10]))
+    late, seen = true[: len(told) - 10], np.isfinite(told[10:])
+    assert np.mean(seen) == pytest.approx(0.5 * 0.8, abs=0.03)
+    error = told[10:][seen] - 1.1 * late[seen]
+    assert np.std(error) == pytest.approx(0.004, rel=0.1)
+    assert abs(np.mean(error)) < 5e-4
+    odometry.reset()
+    again = [odometry.speed(reading(speed, yaw=0.7, sideways=0.02)) for speed in true[:50]]
+    assert np.array_equal(again, told[:50], equal_nan=True)
+
+
+def test_a_tracker_is_late_and_errs_alike_for_all_wheels():
+    tracked = TrackedSlip(RADII, Tracker(sd=0.0, delay=0.1), PERIOD, 1)
+    told = [tracked.slip(reading(speed))[0] for speed in (0.054, 0.027, 0.0, 0.0)]
+    assert told == pytest.approx([0.0, 0.0, 0.0, 0.5])
+    noisy = TrackedSlip(RADII, Tracker(sd=0.004, delay=0.0), PERIOD, 1)
+    slips = np.array([noisy.slip(reading(0.027)) for _ in range(2000)])
+    assert np.std(slips[:, 0]) == pytest.approx(0.004 / 0.054, rel=0.1)
+    assert np.all(slips == slips[:, :1])
+
+
+def test_tracker_and_camera_are_settings_of_a_scenario():
+    tracked = scenario("flat", control="tracked", **{"control.tracker.delay": 0.2}).controller
+    assert tracked.estimate.lag == 4
+    seeing = scenario("flat", control="camera", **{"control.camera.scale": 1.05, "control.stop": "never"}).controller
+    assert seeing.estimate.odometry.camera.scale == 1.05
+    with pytest.raises(ParameterError, match=r"control\.camera\.scale"):
+        scenario("flat", control="onboard", **{"control.camera.scale": 1.05})
