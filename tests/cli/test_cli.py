@@ -215,6 +215,8 @@ REFUSED = [
     ("bounds --gravity z", "gravity = 'z'"),
     ("identify gone", "gone: there is no such file or folder; give a folder with rig.toml"),
     ("identify cmu-smooth-wheel --prior phi=30deg", "--prior phi=30deg"),
+    ("identify cmu-smooth-wheel --prior kk=1:1", "did you mean 'k'"),
+    ("identify cmu-smooth-wheel --prior k", "write it as NAME=MEAN:SD"),
     ("identify cmu-smooth-wheel --prior phi=30deg:2", "--prior phi=30deg:2"),
     ("identify cmu-smooth-wheel --prior phi=30:2", "soil.phi = 30 rad"),
     ("drive flat --set soil.k=0,01", "'0,01'"),
@@ -225,10 +227,7 @@ REFUSED = [
     ("curve --k 10kg", "--k: unit 'kg'"),
     ("init gone.csv --r 45 --b 50", "Wheel.r = 45 m"),
     ("identify empty.csv", "empty.csv"),
-    (
-        "close-loop gone",
-        "gone: there is no such folder; give that of a wheel-rig set (rig.toml) or of a drive log (drive",
-    ),
+    ("close-loop gone", "gone: there is no such folder; give that of a wheel-rig set (rig.toml) or of a drive log"),
     ("close-loop gone --model empty.toml", "gone: there is no such folder"),
     ("tune gone.toml", "cannot be read"),
     ("tune broken.toml", "not TOML"),
@@ -257,17 +256,6 @@ def test_what_is_refused_gets_one_sentence(run, line, sentence):
     assert err.strip().startswith("rover-pin: ")
     assert len(err.strip().splitlines()) == 1
     assert out == ""
-
-
-def test_identify_refuses_parameters_and_priors(run):
-    for words, sentence in (
-        (("--prior", "kk=1:1"), "did you mean 'k'"),
-        (("--prior", "k"), "write it as NAME=MEAN:SD"),
-        (("--set", "soil.kk=1"), "There is no setting 'soil.kk' here"),
-    ):
-        code, _, err = run("identify", RIG, *words)
-        assert code == 2
-        assert sentence in err
 
 
 @pytest.mark.parametrize(

@@ -66,9 +66,6 @@ def test_a_unit_and_si_are_the_same_drive():
     assert (one.duration, one.model.gravity) == (other.duration, other.model.gravity)
 
 
-"""Settings whose source says what is allowed."""
-
-
 @pytest.mark.parametrize(
     ("name", "setting"),
     [(name, each) for name in ("ditch", "hills", "field", "turn", "step") for each in settings(name)

@@ -5,7 +5,7 @@ import pytest
 
 from rover_pin.estimation.noise import Absorbed, Noise, huber, huber_losses, huber_weights, noise_of
 
-MOST_MEMORY, SHRINK, SPREAD = 0.95, 0.2, 1.4826
+SHRINK, SPREAD = 0.2, 1.4826
 SD, RHO, MIX = np.array([2.0, 0.5]), np.array([0.6, 0.0]), np.array([[1.0, 0.0], [0.6, 0.8]])
 
 

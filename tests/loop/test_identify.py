@@ -15,7 +15,6 @@ from rover_pin.loop.close import close_the_loop
 from rover_pin.loop.identify import identify
 from rover_pin.measurements.channel import DrawbarPull, Sinkage, Torque
 from rover_pin.measurements.rig_set import RigSet
-from rover_pin.scenarios.scenario import scenario
 from tests.oracle import rig_generator as hidden
 
 DATA = Path(__file__).parents[2] / "studies" / "data"
@@ -134,11 +133,6 @@ def test_wheels_askew_and_errors_of_the_rig_are_fitted(tmp_path):
         (tmp_path / name).write_bytes((SMOOTH / name).read_bytes())
     (tmp_path / "rig.toml").write_text(text)
     assert identify(tmp_path)["sinkage_zero"].number.declared
-
-
-@pytest.fixture(scope="module")
-def drive():
-    return scenario("slope", soil="table-1", **{"soil.k": 0.01, "effect.MotionResistance.R": 0.12})
 
 
 def test_the_log_of_the_climb_says_which_soil_it_was():

@@ -47,6 +47,14 @@ def sets(tmp_path_factory):
     return small, large
 
 
+@pytest.fixture(scope="module")
+def lugged(tmp_path_factory):
+    """A wheel of low lugs, one of high ones and a smooth one."""
+    surfaces = ("low", "lug_height = 0.003"), ("high", "lug_height = 0.006"), ("smooth", 'surface = "smooth"')
+    folder = tmp_path_factory.mktemp("lugged")
+    return [written(folder, name, toml=f"{toml}\n", seed=3 + at) for at, (name, toml) in enumerate(surfaces)]
+
+
 def fitted(joint):
     model = joint.base_model()
     return calibrated(joint, model, joint.uncertain(model))
@@ -84,14 +92,8 @@ def test_a_set_cut_in_two_is_fitted_as_the_whole(sets):
     assert together.misfit == pytest.approx(alone.misfit, rel=1e-5)
 
 
-def test_slopes_are_prediction_differences_for_any_lug_height(sets, tmp_path):
-    folders = [
-        *sets,
-        written(tmp_path, "low", toml="lug_height = 0.003\n", seed=3),
-        written(tmp_path, "high", toml="lug_height = 0.006\n", seed=4),
-        written(tmp_path, "smooth", toml='surface = "smooth"\n', seed=5),
-    ]
-    joint = read_joint(folders)
+def test_slopes_are_prediction_differences_for_any_lug_height(sets, lugged):
+    joint = read_joint([*sets, *lugged])
     base = joint.base_model()
     lugs = next(one for one in candidates(joint, base, rig_kinds()) if one.kind == "LugExcavation")
     assert lugs.effect.h_l == 0.006
@@ -114,14 +116,9 @@ def test_slopes_are_prediction_differences_for_any_lug_height(sets, tmp_path):
     )
 
 
-def test_lugs_dig_from_the_start_where_every_set_declares_them(sets, tmp_path):
+def test_lugs_dig_from_the_start_where_every_set_declares_them(sets, lugged):
     """One height for both, the lower wheel's in proportion; slopes of it are differences of predictions."""
-    low, high, smooth = (
-        written(tmp_path, "low", toml="lug_height = 0.003\n", seed=3),
-        written(tmp_path, "high", toml="lug_height = 0.006\n", seed=4),
-        written(tmp_path, "smooth", toml='surface = "smooth"\n', seed=5),
-    )
-    joint = read_joint([low, high, smooth])
+    joint = read_joint(lugged)
     base = joint.base_model()
     heights = {
         name: [one.h_l for one in base.of(name).effects if isinstance(one, LugExcavation)] for name in joint.runs
@@ -137,7 +134,7 @@ def test_lugs_dig_from_the_start_where_every_set_declares_them(sets, tmp_path):
     up, down = (joint.sensitivities(base, numbers, u + each).predicted for each in (step, -step))
     np.testing.assert_allclose(slopes, (up - down) / 2e-5, atol=1e-7 + 1e-5 * np.nanmax(np.abs(slopes)))
     assert np.nanmax(np.abs(slopes)) > 0
-    untold = read_joint([sets[0], high]).base_model()
+    untold = read_joint([sets[0], lugged[1]]).base_model()
     assert "LugExcavation" not in {type(one).__name__ for one in untold.effects}
 
 

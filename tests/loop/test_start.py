@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rover_pin.base.errors import DataError
 from rover_pin.contact import Soil, Wheel
 from rover_pin.effects.exit_angle import ExitAngle
 from rover_pin.effects.motion_resistance import MotionResistance
@@ -49,14 +48,3 @@ def test_a_rovers_model_goes_to_a_rig_without_what_a_rig_has_not(tmp_path, caplo
     assert [type(effect) for effect in start.effects] == [SoilTraction, MotionResistance, ExitAngle]
     assert "model.toml: WeakMotor cannot act at a wheel on a rig: left out." in caplog.text
     assert np.isfinite(start.predict([20.0, 20.0], [0.1, 0.4]).drawbar_pull).all()
-
-
-def test_what_stands_in_no_file_of_a_model_is_refused(tmp_path):
-    none = write_rig_model(RigModel(Wheel(), SAND, ()), tmp_path / "none.toml")
-    with pytest.raises(DataError, match=r"must have one \[\[effect\]\] SoilTraction"):
-        start_on(read_data(LOG), none)
-    (tmp_path / "odd.toml").write_text("kind = 'odd'\n")
-    with pytest.raises(DataError, match="kind = 'odd' is not a rig model"):
-        start_on(read_data(RIG), tmp_path / "odd.toml")
-    with pytest.raises(DataError, match="kind = 'odd'"):
-        start_on(read_data(LOG), tmp_path / "odd.toml")

@@ -147,11 +147,7 @@ def test_a_drive_with_parallel_links_keeps_its_energy():
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        (
-            'joint="bogie_l" multiplier="1"',
-            'joint="steer_fl" multiplier="1"',
-            "name 'steer_fl' in the TOML's .suspension.",
-        ),
+        ('joint="bogie_l" multiplier="1"', 'joint="steer_fl" multiplier="1"', "name 'steer_fl' in the TOML's"),
         (
             'joint="bogie_l" multiplier="1" offset="0"',
             'joint="bogie_l" multiplier="1" offset="0.1"',

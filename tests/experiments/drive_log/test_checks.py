@@ -53,11 +53,7 @@ X, T = GOOD[0]["body_x"], GOOD[0]["t_s"]
 @pytest.mark.parametrize(
     ("log", "says"),
     [
-        (
-            changed(wheel_rate_ml=None, wheelrate_ml=X),
-            "field/run-1.csv: there is no column 'wheel_rate_ml'; did you mean 'wheelrate_ml'? rename it, or record "
-            "it: duties, wheel rates and body_x, body_y, body_yaw are needed.",
-        ),
+        (changed(wheel_rate_ml=None, wheelrate_ml=X), "field/run-1.csv: there is no column 'wheel_rate_ml'"),
         (changed(body_yaw=None), "there is no column 'body_yaw'; record it"),
         (changed(body_x=gap(X, 0, None)), "field/run-1.csv: body_x has no value; record it, or leave the run out."),
         (changed(body_z=held("body_z", 9, 12, np.inf)), "body_z is inf at t = 0.36 s (row 10); leave cells without a"),
@@ -65,26 +61,17 @@ X, T = GOOD[0]["body_x"], GOOD[0]["t_s"]
         (changed(**starting("wheel_rate", lambda w: w * 30 / math.pi)), "the wheel rates look like rpm; give rad/s"),
         (changed(**starting("wheel_rate", np.degrees)), "the wheel rates look like deg/s; give rad/s"),
         (changed(**starting("wheel_rate", lambda w: w / 2 / math.pi)), "look like turns per second"),
-        (
-            changed(body_x=1e3 * X, body_y=1e3 * GOOD[0]["body_y"]),
-            "body_x and body_y look like millimetres; give metres",
-        ),
+        (changed(body_x=1e3 * X, body_y=1e3 * GOOD[0]["body_y"]), "body_x and body_y look like millimetres"),
         (changed(body_x=1e2 * X, body_y=1e2 * GOOD[0]["body_y"]), "look like centimetres"),
         (changed(**starting("wheel_rate", lambda w: 30.0 * w)), "check the units of wheel_rate_*, body_x and body_y"),
         (changed(t_s=1e3 * T), "samples lie 40 s apart; if t_s is in milliseconds divide it by 1000"),
         (changed(body_pitch=np.degrees(GOOD[0]["body_pitch"])), "body_pitch reaches 7.58 rad at t = 6.16 s (row 155)"),
-        (
-            changed(body_pitch=np.degrees(GOOD[0]["body_pitch"]) / 5.0),
-            "body_pitch changes 11 times as much as the climb",
-        ),
+        (changed(body_pitch=np.degrees(GOOD[0]["body_pitch"]) / 5.0), "body_pitch changes 11 times as much"),
         (changed(rocker_l=np.degrees(3 * GOOD[0]["rocker_l"])), "rocker_l reaches"),
         (changed(body_yaw=np.degrees(GOOD[0]["body_yaw"] + 1.5)), "body_yaw"),
         (changed(battery_V=1e3 * GOOD[0]["battery_V"]), "battery_V is 7.2e+03 V in the middle; if it is in mV"),
         (changed(**starting("current", lambda i: 1e3 * i)), "current_fl_A is 48.2 A in the middle; if it is in mA"),
-        (
-            changed(wheel_rate_fl=-GOOD[0]["wheel_rate_fl"]),
-            "wheel_rate_fl runs against duty_fl; multiply wheel_rate_fl",
-        ),
+        (changed(wheel_rate_fl=-GOOD[0]["wheel_rate_fl"]), "wheel_rate_fl runs against duty_fl; multiply"),
         (changed(duty_rr=-GOOD[0]["duty_rr"]), "duty_rr runs against wheel_rate_rr; multiply duty_rr by -1"),
         (changed(current_rr_A=-GOOD[0]["current_rr_A"]), "current_rr_A runs against duty_rr; multiply it by -1"),
         (changed(body_yaw=GOOD[0]["body_yaw"] + math.pi), "travels 180 deg off its heading, body_yaw; add pi"),
@@ -104,11 +91,7 @@ def test_what_cannot_be_used_is_refused_in_one_sentence(log, says):
 @pytest.mark.parametrize(
     ("log", "says"),
     [
-        (
-            changed(body_x=gap(X, 100, 200)),
-            "run-1.csv: body_x is missing for 4 s from t = 4 s on (row 101); the 7 % of the run without are "
-            "passed over.",
-        ),
+        (changed(body_x=gap(X, 100, 200)), "run-1.csv: body_x is missing for 4 s from t = 4 s on (row 101)"),
         (changed(wheelrate_fl=X), "run-1.csv: column 'wheelrate_fl' is not read; did you mean wheel_rate_fl"),
         (changed(humidity=X), "run-1.csv: column 'humidity' is not read; leave it out, if it matters."),
         (changed(body_z=None), "body_z not recorded; effects that only the sinkage shows"),
@@ -158,17 +141,11 @@ FLAT = {"constant": 0.55, "hill": 0.0}
         ([drive(0, constant=0.55), drive(1, constant=0.7)], "no low duty, so friction of the gear and a dead band"),
         ([drive(0, hill=0.0), drive(1, hill=0.0)], "slips span 0.0"),
         ([drive(0, hill=0.01), drive(1, hill=0.01)], "so multi-pass, a shifted centre of mass and effects of the load"),
-        (
-            [drive(0, constant=0.6), drive(1, constant=0.6)],
-            "all runs go one way, so a wrong slope, the drag of a tether",
-        ),
+        ([drive(0, constant=0.6), drive(1, constant=0.6)], "all runs go one way, so a wrong slope, the drag"),
         ([drive(0, constant=0.6), drive(1, constant=0.6)], "no stop between two drives, so heating"),
         ([drive(0, constant=0.6), drive(1, constant=0.6)], "no reversal, so multi-pass, tachometer scales"),
         ([drive(0, constant=0.6), drive(1, constant=0.6)], "all wheels get one duty, so one weak motor"),
-        (
-            [without(run, "current") for run in GOOD],
-            "motor currents are not recorded, so friction of the gear and dead",
-        ),
+        ([without(run, "current") for run in GOOD], "motor currents are not recorded, so friction of the gear"),
         ([without(run, "battery") for run in GOOD], "battery_V is not recorded"),
         (GOOD[:2], "2 runs: results of so few held-out runs mean little"),
         (GOOD[:2], "no run is repeated, so what scatters and what"),

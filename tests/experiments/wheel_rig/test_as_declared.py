@@ -115,10 +115,7 @@ def test_a_slope_is_the_load_across_and_the_pull_along_it(plain, tmp_path):
     [
         (lambda table: table.assign(slope_rad=0.1), "slope_rad replaces drawbar_pull_N; leave one of the two"),
         (lambda table: uphill(table).assign(slope_rad=20.0), "slope_rad reaches 20; give radians, positive uphill"),
-        (
-            lambda table: uphill(table).rename(columns={"slope_rad": "slope_deg"}),
-            "'slope_deg' is not read: did you mean",
-        ),
+        (lambda table: uphill(table).rename(columns={"slope_rad": "slope_deg"}), "'slope_deg' is not read"),
     ],
 )
 def test_what_is_no_slope_is_refused(plain, tmp_path, points, said):

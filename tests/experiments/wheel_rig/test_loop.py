@@ -222,10 +222,7 @@ def with_nan(table):
             "slip is 0.2 in every run, so no effect differs from a constant",
         ),
         (lambda table: table.update(level=0 * table["level"]), r"all runs are one level \(0.0\)"),
-        (
-            lambda table: table.update(torque_Nm=0.4 + 0 * table["slip"]),
-            "torque_Nm is 0.4 in all 7 runs, as of a sensor",
-        ),
+        (lambda table: table.update(torque_Nm=0.4 + 0 * table["slip"]), "torque_Nm is 0.4 in all 7 runs"),
     ],
 )
 def test_data_that_cannot_be_used_get_one_sentence(tmp_path, change, said):
