@@ -193,30 +193,6 @@ def test_runs_are_laid_end_to_end_for_what_channels_share():
         assert getattr(two, name) == pytest.approx(getattr(one, name), rel=1e-9), name
 
 
-class Constant(Experiment):
-    """One channel that is a everywhere, of five runs of two stretches."""
-
-    channels, folds = ("y",), tuple("pqrst")
-    observed = np.tile(np.repeat([1.0, -1.0], STRETCH), (5, 1, 1))
-
-    def predict(self, models):
-        return np.array([np.full(self.observed.shape, one.a) for one in models])
-
-    def records(self, model):
-        return {"plane": model}
-
-    def replaced(self, model, owner, record):
-        return record
-
-
-def test_stretches_of_several_runs_are_clusters_of_their_own():
-    """Ten sums of 8 or -8 of 80 rows: variance 10 / 9 x 640 / 80^2; runs sum to nothing."""
-    bed = Constant()
-    found = fit(Task(bed, declared_noise(np.array([1.0]), bed.observed)), Plane(), (number("a", prior=False),))
-    assert found.u == pytest.approx([0.0], abs=1e-9)
-    assert found.spread**2 == pytest.approx([10 / 9 * 640 / 80**2], rel=1e-6)
-
-
 @pytest.mark.parametrize("misfit", [0.5, 1.5])
 def test_profile_of_a_linear_fit_is_a_parabola_in_noise_units(misfit):
     """Rise (u - u_best)^2 / var over the inflation and a misfit above 1, at these shares of half the interval."""
