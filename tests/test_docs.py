@@ -13,7 +13,7 @@ import pytest
 import typer.main
 
 from rover_pin.cli.app import app
-from rover_pin.scenarios.scenario import scenario, settings_of
+from rover_pin.scenarios.scenario import scenario
 from rover_pin.scenarios.scenes import SCENES
 
 ROOT = Path(__file__).parents[1]
@@ -38,18 +38,6 @@ def test_its_commands_and_their_options_are_there(name):
         assert command in GROUP.commands, line
         known = {option for parameter in GROUP.commands[command].params for option in parameter.opts} | {"--help"}
         assert {word for word in words if word.startswith("-")} <= known, line
-
-
-@pytest.mark.parametrize("name", PAGES)
-def test_what_its_drives_set_can_be_set(name):
-    for line in commands(PAGES[name]):
-        words = shlex.split(line)
-        if words[1:2] != ["drive"] or words[2] not in SCENES:
-            continue
-        given = dict(words[i + 1].split("=", 1) for i, word in enumerate(words) if word == "--set")
-        if given.get("rover", "").startswith("my_"):
-            continue  # the reader's own; `test_commands_of_pages` has one made and drives it
-        assert settings_of(words[2], **given)
 
 
 @pytest.mark.parametrize("name", [name for name, text in PAGES.items() if "```python" in text])

@@ -126,25 +126,11 @@ def test_ground_that_cannot_carry_is_refused_in_one_sentence():
 
 CASES = {
     "flat": ("flat", {}, Start()),
-    "ditch, with the front wheels in it": ("ditch", {}, Start(0.45, 0.0, 0.0)),
     "ditch, aslant": ("ditch", {}, Start(0.4, 0.0, 0.7)),
-    "stiff shear": ("flat", {"soil.k": 0.0005}, Start(0.0, 0.0, 0.2)),
-    "soft ground": ("flat", {"soil.k_1": 2e4}, Start()),
-    "a slope that holds": ("incline", {"terrain.angle_deg": 5.0}, Start()),
-    "a slope that does not": ("park", {"terrain.angle_deg": 25.0}, Start()),
     "across a slope": ("incline", {"terrain.angle_deg": 4.0}, Start(0.0, 0.0, 1.2)),
-    "along a slope to the side": ("cross-slope", {"terrain.angle_deg": 4.0}, Start(0.0, 0.0, 0.6)),
     "cart": ("flat", {"rover": "cart"}, Start(0.0, 0.0, -0.4)),
     "rocks": ("rocks", {}, Start(0.7, 0.0, 0.0)),
 }
-
-
-def test_every_way_to_stand_is_met():
-    found = set()
-    for shape, options, start in CASES.values():
-        model = scenario(shape, soil="table-1", **options).model
-        found.add(relaxed(model, hovering(model, start), start.yaw, False))
-    assert found == {Rest.RESTS, Rest.SLIDES}
 
 
 def test_a_rover_that_cannot_stand_is_refused():
@@ -154,7 +140,7 @@ def test_a_rover_that_cannot_stand_is_refused():
         settled(heavy, Start())
 
 
-@pytest.mark.parametrize("case", ["flat", "ditch, aslant", "across a slope", "cart", "rocks"])
+@pytest.mark.parametrize("case", CASES)
 def test_a_rover_is_set_down_from_where_its_lowest_wheel_touches(case):
     """Its centre a radius above the ground under it, whatever the slope, and none of the others below that."""
     shape, options, start = CASES[case]

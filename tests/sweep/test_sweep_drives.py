@@ -9,19 +9,9 @@ import pytest
 from rover_pin.base.errors import ParameterError
 from rover_pin.sweep import Grid, Range, Study, Values, drive_case, read_study, sweep
 from rover_pin.sweep.case import scenario_of
-from rover_pin.sweep.store import RESULTS
 
 FLAT = Study("flat", "flat", {"soil.k": Values([0.01, 0.05]), "motor.supply": Values([7.2, 8.0])}, Grid(), duration=1.0)
 STUDIES = Path(__file__).parents[2] / "studies"
-
-
-@pytest.mark.slow
-def test_drives_are_equal_for_one_and_two_workers(tmp_path):
-    one = sweep(FLAT, tmp_path / "one", workers=1).table
-    sweep(FLAT, tmp_path / "two", workers=2)
-    assert one["error"].isna().all()
-    assert (tmp_path / "one" / RESULTS).read_bytes() == (tmp_path / "two" / RESULTS).read_bytes()
-    assert one["distance_m"][1] > one["distance_m"][0] > 0.0  # more volts, more way
 
 
 def test_a_drive_that_cannot_be_is_a_row_with_its_reason(tmp_path):
