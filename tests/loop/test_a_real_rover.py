@@ -37,16 +37,13 @@ def test_drag_without_a_differential_is_like_a_tether(run):
 
 
 @pytest.mark.nightly
-def test_on_a_six_wheeler_with_nothing_hidden_nothing_is_named(run):
-    code, verdict, _ = answered(run, field_log.bogies, seconds=30.0, seed=7)
-    assert code == 0
-    assert verdict["answer"] == "no effect needed", verdict["sentence"]
-
-
-@pytest.mark.nightly
-def test_nothing_is_named_on_a_skid_steered_cart_without_effects(run):
-    """Its noise was learnt after 110 columns had taken half of it: "none of these", a force of -10 N in one moment."""
-    code, verdict, _ = answered(run, field_log.skid, runs=3, seconds=20.0, seed=2, sides=0.3)
+@pytest.mark.parametrize(
+    ("rover", "how"),
+    [("bogies", {"seconds": 30.0, "seed": 7}), ("skid", {"runs": 3, "seconds": 20.0, "seed": 2, "sides": 0.3})],
+)
+def test_where_nothing_is_hidden_nothing_is_named(run, rover, how):
+    """The cart's noise was learnt after 110 columns had taken half of it: "none of these", -10 N in one moment."""
+    code, verdict, _ = answered(run, getattr(field_log, rover), **how)
     assert code == 0
     assert verdict["answer"] == "no effect needed", verdict["sentence"]
 

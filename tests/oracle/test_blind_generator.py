@@ -99,20 +99,23 @@ def test_it_imports_nothing_of_the_package():
             assert all(name.split(".")[0] in allowed or node.level for name in names)
 
 
-def test_it_drives_as_the_package_does():
-    for mine, theirs in both([("none", track) for track in tracks()[1:3]], 1.5):
-        assert_alike(mine, theirs)
+@pytest.mark.parametrize(
+    ("effect", "ways", "duration", "limits"),
+    [
+        ("none", slice(1, 3), 1.5, LIMITS),
+        pytest.param("none", slice(None), 20.0, BRAKED, marks=pytest.mark.slow),
+        pytest.param("DifferentialCompliance", slice(1, 3), 6.0, LIMITS, marks=pytest.mark.slow),
+    ],
+    ids=["in short", "a whole run", "a soft differential"],
+)
+def test_it_drives_as_the_package_does(effect, ways, duration, limits):
+    for mine, theirs in both([(effect, track) for track in tracks()[ways]], duration):
+        assert_alike(mine, theirs, limits)
 
 
 def test_it_drives_on_the_moon_as_the_package_does():
     (mine, theirs), *_ = both([("none", tracks()[1])], 1.5, gravity=circumstance.MOON)
     assert_alike(mine, theirs)
-
-
-@pytest.mark.slow
-def test_it_drives_as_the_package_does_for_a_whole_run():
-    for mine, theirs in both([("none", track) for track in tracks()], 20.0):
-        assert_alike(mine, theirs, BRAKED)
 
 
 FEW = ("Bulldozing", "SlipSinkage", "SupplySag")
@@ -143,12 +146,6 @@ def test_an_effect_is_the_same_law_here_and_there(name):
 @pytest.mark.parametrize("name", RIGID)
 def test_every_effect_is_the_same_law_here_and_there(name):
     assert_the_same_law(tuple(RIGID), name)
-
-
-@pytest.mark.slow
-def test_a_soft_differential_is_the_same_law_here_and_there():
-    for mine, theirs in both([("DifferentialCompliance", track) for track in tracks()[1:3]], 6.0):
-        assert_alike(mine, theirs)
 
 
 def test_every_listed_effect_is_one_of_the_package():

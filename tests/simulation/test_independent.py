@@ -125,22 +125,11 @@ def test_statics_find_the_same_rest():
         ("flat", {}, there_and_back, 1.2, Start()),
         ("incline", SLOPE, bending, 1.2, Start(yaw=0.5)),
         ("ditch", {**SAND, "terrain.at": 0.17}, onwards, 2.0, Start()),
+        pytest.param("turn", {"side": "shear"}, bending, 6.0, Start(), marks=pytest.mark.slow),
+        pytest.param("one-sided-bump", {**SAND, "terrain.at": 0.2}, onwards, 8.0, Start(), marks=pytest.mark.slow),
+        pytest.param("ditch", {**SAND, "terrain.at": 0.2}, onwards, 12.0, Start(), marks=pytest.mark.slow),
     ],
-    ids=["uneven", "reversal", "bend on a slope", "into a ditch"],
+    ids=["uneven", "reversal", "bend on a slope", "into a ditch", "turn", "bump on one side", "through a ditch"],
 )
 def test_both_simulators_drive_alike(name, settings, command, duration, start):
-    assert_agreement(*both(scenario(name, **settings).model, command, duration, start))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("name", "settings", "command", "duration", "start"),
-    [
-        ("turn", {"side": "shear"}, bending, 6.0, Start()),
-        ("one-sided-bump", {**SAND, "terrain.at": 0.2}, onwards, 8.0, Start()),
-        ("ditch", {**SAND, "terrain.at": 0.2}, onwards, 12.0, Start()),
-    ],
-    ids=["turn", "bump on one side", "through a ditch"],
-)
-def test_both_simulators_drive_alike_for_long(name, settings, command, duration, start):
     assert_agreement(*both(scenario(name, **settings).model, command, duration, start))
