@@ -104,16 +104,6 @@ def test_ding_s_wheel_comes_with_its_cautions(tmp_path):
     assert all(human(said, kinds)[1:] in page for said in told)  # capital letters begin them; a veto is said once
 
 
-@pytest.mark.nightly
-def test_smooth_wheel_sinks_with_slip_in_all_folds_but_one(tmp_path):
-    """By either law of it; without S = 0 firm ground under a hole fits best. Some folds add a second effect."""
-    verdict = close_the_loop(DATA / "cmu-smooth-wheel", out=tmp_path)
-    laws = [{"SlipSinkage", "SlipSoftening"} & set(chosen.split(" + ")) for chosen in verdict.chosen.values()]
-    assert sum(map(bool, laws)) >= len(laws) - 1, verdict.chosen
-    sunk = verdict.scores[1]
-    assert sunk.after < 0.5 * sunk.before
-
-
 # --- the score of blind tests ----------------------------------------------------------------------------------------
 
 
