@@ -7,15 +7,7 @@ import numpy as np
 from rover_pin import scenario
 from rover_pin.logs.drive_log import read_drive_log, write_drive_log
 from rover_pin.simulation.sensors import Sensors, measured
-
-
-def held(random, seconds, wheels):
-    """Duties held for 2.5 to 4.5 s, wheels apart from each other."""
-    holds, t = [], 0.0
-    while t < seconds:
-        holds.append((t, random.uniform(0.4, 0.85) + random.uniform(-0.09, 0.09, wheels)))
-        t += random.uniform(2.5, 4.5)
-    return lambda reading: next(duty for start, duty in reversed(holds) if start <= reading.t + 1e-9)
+from tests.experiments.drive_log.drive_sets import plan
 
 
 def write(folder, name="field", runs=4, seconds=16.0, seed=0, sensors=Sensors(), left_out=(), **settings):
@@ -24,10 +16,10 @@ def write(folder, name="field", runs=4, seconds=16.0, seed=0, sensors=Sensors(),
     `sensors` None: every digit of the drive is logged. The last run repeats the first where there are more than three.
     """
     random, scene, traces = np.random.default_rng(seed), scenario(name, **settings), {}
-    plans = [held(random, seconds, len(scene.model.rover.wheels)) for _ in range(runs)]
+    plans = [plan(random, seconds, len(scene.model.rover.wheels), 2.5, 4.5) for _ in range(runs)]
     plans[-1] = plans[0] if runs > 3 else plans[-1]
-    for at, plan in enumerate(plans, 1):
-        own = dataclasses.replace(scene, controller=plan, duration=seconds, symmetric=False)
+    for at, held in enumerate(plans, 1):
+        own = dataclasses.replace(scene, controller=held, duration=seconds, symmetric=False)
         trace = own.drive()
         if sensors is not None:
             trace = dataclasses.replace(

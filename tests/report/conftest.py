@@ -14,7 +14,6 @@ from rover_pin.discrepancy.question import Question
 from rover_pin.discrepancy.search import Search
 from rover_pin.discrepancy.signature import signatures
 from rover_pin.effects.gear_friction import GearFriction
-from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.effects.supply_sag import SupplySag
 from rover_pin.effects.torque_saturation import TorqueSaturation
 from rover_pin.effects.weak_motor import WeakMotor
@@ -25,7 +24,6 @@ from rover_pin.experiments.drive_log.candidates import candidate_of
 from rover_pin.experiments.drive_log.experiment import experiment_of
 from rover_pin.experiments.drive_log.features import logged_run
 from rover_pin.experiments.drive_log.free_runs import DriveExtra, free_runs
-from rover_pin.experiments.drive_log.model import DRIVEN_SAND
 from rover_pin.experiments.drive_log.parameters import parameter
 from rover_pin.experiments.unlisted.actions import FORCE, Act
 from rover_pin.experiments.unlisted.regressors import Argument, Hats, Polynomial
@@ -34,24 +32,13 @@ from rover_pin.experiments.unlisted.term import Term
 from rover_pin.inference.beliefs import Beliefs
 from rover_pin.logs.drive_log import DriveLog, LogMetadata
 from rover_pin.measurements.checks import Finding
-from rover_pin.rover.rover import load_rover
-from rover_pin.simulation.model.model import Model, base_effects
-from rover_pin.simulation.model.motors import nexus6_motor
 from rover_pin.simulation.replay import PERIOD, Commands, replay
 from rover_pin.simulation.sensors import Sensors, measured
 from rover_pin.simulation.start.place import Start
 from rover_pin.simulation.trace.trace import Trace
-from rover_pin.soil.angles import FixedAngles
-from rover_pin.soil.traction import TorqueTraction
-from rover_pin.terrain.shapes import flat
+from tests.experiments.drive_log.linear_drive import MODEL
 
 SECONDS = 5.0
-
-
-def base():
-    rover = load_rover("nexus6")
-    effects = base_effects(DRIVEN_SAND, rover, SoilTraction(TorqueTraction(), FixedAngles()))
-    return Model(rover, flat(), (DRIVEN_SAND,), nexus6_motor(), effects=effects).having(WeakMotor(g=0.0, wheel=0))
 
 
 def log_of(truth, seed):
@@ -68,7 +55,7 @@ def log_of(truth, seed):
 @pytest.fixture(scope="session")
 def searched():
     """Two logged runs of a sagging supply, what is asked of them, and all that was weighed."""
-    model, truth = base(), base().having(SupplySag())
+    model, truth = MODEL, MODEL.having(SupplySag())
     traces = tuple(log_of(truth, seed) for seed in (1, 2))
     experiment = experiment_of([logged_run(trace, model.rover) for trace in traces], model)
     left_by_truth = experiment.observed - experiment.predict([truth])[0]

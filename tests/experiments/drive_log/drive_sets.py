@@ -36,12 +36,12 @@ def base(name="nexus6", waves=0.012):
     return Model(rover, Lanes((Profile(x, z),), ()), (DRIVEN_SAND,), motor, usual_slip(rover), effects)
 
 
-def plan(random, duration, wheels=6):
-    """Duties held for 1.5 to 3 s, wheels apart from each other."""
+def plan(random, duration, wheels=6, shortest=1.5, longest=3.0):
+    """Duties held for some seconds, wheels apart from each other."""
     holds, t = [], 0.0
     while t < duration:
         holds.append((t, random.uniform(0.4, 0.85) + random.uniform(-0.09, 0.09, wheels)))
-        t += random.uniform(1.5, 3.0)
+        t += random.uniform(shortest, longest)
     return lambda reading: next(duty for start, duty in reversed(holds) if start <= reading.t + 1e-9)
 
 

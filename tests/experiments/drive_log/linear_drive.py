@@ -77,13 +77,14 @@ class LinearExperiment(Experiment):
         return total
 
 
-def base():
+def on_flat(soil=DRIVEN_SAND):
+    """Nexus 6 on level ground, its wheels' angles fixed."""
     rover = load_rover("nexus6")
-    effects = base_effects(DRIVEN_SAND, rover, SoilTraction(TorqueTraction(), FixedAngles()))
-    return Model(rover, flat(), (DRIVEN_SAND,), nexus6_motor(), effects=effects).having(WeakMotor(g=0.0, wheel=0))
+    effects = base_effects(soil, rover, SoilTraction(TorqueTraction(), FixedAngles()))
+    return Model(rover, flat(), (soil,), nexus6_motor(), effects=effects)
 
 
-MODEL = base()
+MODEL = on_flat().having(WeakMotor(g=0.0, wheel=0))
 
 
 def runs_of(shape):

@@ -13,7 +13,6 @@ from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.effects.bent_ground import BentGround
 from rover_pin.effects.gravity_tilt import GravityTilt
-from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.estimation.fit import Task, fit
 from rover_pin.estimation.noise import Noise
 from rover_pin.estimation.random_effects.learnt_noise import with_random_effects
@@ -28,25 +27,20 @@ from rover_pin.experiments.drive_log.readings.lane_borders import on_borders
 from rover_pin.loop.drive import on_its_ground
 from rover_pin.rover.rover import load_rover
 from rover_pin.rover.wheel_base import wheel_places
-from rover_pin.simulation.model.model import Model, base_effects
-from rover_pin.simulation.model.motors import nexus6_motor
 from rover_pin.simulation.replay import PERIOD, Commands, replay
 from rover_pin.simulation.start.place import Start
 from rover_pin.simulation.trace.trace import Trace
-from rover_pin.soil.angles import FixedAngles
-from rover_pin.soil.traction import TorqueTraction
 from rover_pin.terrain.profile import FAR, Profile
 from rover_pin.terrain.shapes import flat
 from rover_pin.terrain.terrain import Lanes
+from tests.experiments.drive_log.linear_drive import on_flat
 
 SECONDS, SD = 12.0, 1e-3
 
 
 @pytest.fixture(scope="module")
 def model():
-    rover, soil = load_rover("nexus6"), Soil().replace(k=0.005)
-    effects = base_effects(soil, rover, SoilTraction(TorqueTraction(), FixedAngles()))
-    return Model(rover, flat(), (soil,), nexus6_motor(), effects=effects)
+    return on_flat(Soil(k=0.005))
 
 
 def commands(model, duty, yaw=0.0):

@@ -12,7 +12,6 @@ from rover_pin.effects.dead_band import DeadBand
 from rover_pin.effects.gear_friction import GearFriction
 from rover_pin.effects.gravity_tilt import GravityTilt
 from rover_pin.effects.hard_patch import HardPatch
-from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.effects.tacho_scale import TachoScale
 from rover_pin.effects.tether_drag import TetherDrag
 from rover_pin.effects.weak_motor import WeakMotor
@@ -25,25 +24,19 @@ from rover_pin.experiments.drive_log.features import logged_run
 from rover_pin.experiments.drive_log.next_drives import _choice, _offered, next_drives
 from rover_pin.experiments.drive_log.parameters import parameter
 from rover_pin.inference.next_measurement import _expected, _uncertain, next_measurement
-from rover_pin.rover.rover import load_rover
-from rover_pin.simulation.model.model import Model, base_effects
-from rover_pin.simulation.model.motors import nexus6_motor
 from rover_pin.simulation.replay import PERIOD, Commands, Replay, replay
 from rover_pin.simulation.sensors import Sensors, measured
 from rover_pin.simulation.start.place import Start
 from rover_pin.simulation.trace.trace import Trace
-from rover_pin.soil.angles import FixedAngles
-from rover_pin.soil.traction import TorqueTraction
 from rover_pin.terrain.shapes import flat
+from tests.experiments.drive_log.linear_drive import on_flat
 
 WEAK, TACHO = "WeakMotor[2]", "TachoScale[ml]"
 
 
 @pytest.fixture(scope="module")
 def model():
-    rover, soil = load_rover("nexus6"), Soil().replace(k=0.005)
-    effects = base_effects(soil, rover, SoilTraction(TorqueTraction(), FixedAngles()))
-    return Model(rover, flat(), (soil,), nexus6_motor(), effects=effects)
+    return on_flat(Soil(k=0.005))
 
 
 def driven(model, commands, seed):

@@ -12,7 +12,6 @@ from rover_pin.discrepancy.draft import scored as scored_draft
 from rover_pin.discrepancy.option import singles
 from rover_pin.discrepancy.signature import signatures
 from rover_pin.effects.effect import Body, Drive
-from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.effects.tether_drag import TetherDrag
 from rover_pin.estimation.fit import Task, fit
 from rover_pin.estimation.noise import first_noise
@@ -29,16 +28,11 @@ from rover_pin.experiments.unlisted.residual import DriveResidual, describe, dra
 from rover_pin.experiments.unlisted.term import Term
 from rover_pin.inference.expansion import Expansion
 from rover_pin.logs.drive_log import DriveLog, LogMetadata
-from rover_pin.rover.rover import load_rover
 from rover_pin.simulation.model.effect_files import user_effects
-from rover_pin.simulation.model.model import Model, base_effects
-from rover_pin.simulation.model.motors import nexus6_motor
 from rover_pin.simulation.sensors import Sensors, measured
 from rover_pin.simulation.simulate import Timing, simulate
 from rover_pin.simulation.start.place import Start
-from rover_pin.soil.angles import FixedAngles
-from rover_pin.soil.traction import TorqueTraction
-from rover_pin.terrain import shapes
+from tests.experiments.drive_log.linear_drive import on_flat
 
 WHEELS = ("fl", "fr", "ml", "mr", "rl", "rr")
 ECCENTRIC = '''
@@ -172,10 +166,7 @@ def test_residual_drafts_the_best_term_an_effect_can_imitate():
 def drives(hidden, count=3, duration=15.0):
     """Return the model without the hidden effects and logs of drives with them."""
     rng = np.random.default_rng(5)
-    soil = Soil().replace(k=0.005)
-    rover = load_rover("nexus6")
-    effects = base_effects(soil, rover, SoilTraction(TorqueTraction(), FixedAngles()))
-    model = Model(rover, shapes.flat(), (soil,), nexus6_motor(), effects=effects)
+    model = on_flat(Soil(k=0.005))
     true, logs = model, []
     for effect in hidden:
         true = true.having(effect)
