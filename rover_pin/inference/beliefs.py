@@ -4,18 +4,16 @@ import math
 from collections.abc import Callable, Hashable, Iterable, Sequence, Set
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, Protocol, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from scipy.special import logsumexp
 
 from rover_pin.base.public import brief
-from rover_pin.estimation.experiment import Experiment
-from rover_pin.estimation.fit import Fit
-from rover_pin.estimation.parameter import Parameter
-from rover_pin.inference.cause import Cause
+from rover_pin.inference import hypothesis as fitted
 from rover_pin.inference.error_model import Discrepancy
 from rover_pin.inference.left_out import LeftOut
+from rover_pin.inference.linear_hypothesis import LinearHypothesis
 from rover_pin.inference.set_prior import log_prior
 
 Key = TypeVar("Key", bound=Hashable)
@@ -23,62 +21,8 @@ LEAST = 1e-3
 """Least probability that is written down."""
 
 
-class Hypothesis(Protocol):
-    """A set of causes as the data have it, with one kind of discrepancy."""
-
-    @property
-    def causes(self) -> tuple[Cause, ...]:
-        """The causes."""
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Their names."""
-
-    @property
-    def discrepancy(self) -> Discrepancy:
-        """What is left besides noise."""
-
-    @property
-    def leaves_more(self) -> bool:
-        """Whether that is more than noise."""
-
-    @property
-    def log_evidence(self) -> float:
-        """The logarithm of its evidence."""
-
-    @property
-    def is_fitted(self) -> bool:
-        """Whether its numbers were fitted, and not only estimated from a smaller set's."""
-
-    @property
-    def experiment(self) -> Experiment:
-        """What was measured."""
-
-    @property
-    def model(self) -> Any:
-        """The model with its causes."""
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:
-        """Its numbers."""
-
-    @property
-    def posterior(self) -> Any:
-        """Mean and covariance of its numbers' u."""
-
-    @property
-    def fit(self) -> Fit:
-        """The fit of its numbers, of an estimate that of a smaller set."""
-
-    @property
-    def noise_taken(self) -> dict[str, float]:
-        """How many times its declared noise each channel is taken to have for noise, discrepancy left out."""
-
-    def moments(self, name: str) -> tuple[float, float]:
-        """Return mean and SD of a number's u."""
-
-    def left_out(self) -> LeftOut:
-        """Return every fold as the others predict it."""
+Hypothesis = fitted.Hypothesis | LinearHypothesis
+"""A set of causes as the data have it, with one kind of discrepancy: fitted, or about a fit of it or of a part."""
 
 
 @brief
