@@ -4,7 +4,7 @@ Against `scipy.optimize.least_squares`, its oracle, it ends as low from the same
 model and without its overhead near a minimum (tests/estimation/test_descent.py).
 """
 
-from typing import Protocol
+from collections.abc import Callable
 
 import numpy as np
 
@@ -23,39 +23,21 @@ SMALLEST = 1e-10
 """... or where no step longer than this, in u, lowers chi2."""
 
 
-class Bounds(Protocol):
-    """The bounds of the free numbers' u."""
-
-    @property
-    def low(self) -> np.ndarray:
-        """Lower bounds."""
-
-    @property
-    def high(self) -> np.ndarray:
-        """Upper bounds."""
+Evaluate = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
+"""Rows whose squares are to sum to the least, and their Jacobian, at u."""
 
 
-class LeastSquares(Protocol):
-    """Rows whose squares are to sum to the least, and their Jacobian, in bounded coordinates u."""
-
-    @property
-    def space(self) -> Bounds:
-        """Where u may be."""
-
-    def evaluate(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return rows and their Jacobian at u."""
-
-
-def descend(problem: LeastSquares, u: np.ndarray, gain: float = GAIN) -> tuple[np.ndarray, float]:
-    """Return the u and chi2 of the nearest minimum inside the bounds.
+def descend(evaluate: Evaluate, start: np.ndarray, bounds: np.ndarray, gain: float = GAIN) -> tuple[np.ndarray, float]:
+    """Return the u and chi2 of the minimum nearest to a start, inside the bounds (numbers, 2).
 
     It ends where a full step would lower chi2 by less than `gain`, or three steps in a row did.
 
     Raises OptimisationError: the model has no value at the start, or the descent did not end; `status` is the number of
     steps.
     """
-    low, high = problem.space.low, problem.space.high
-    residual, jacobian = problem.evaluate(u)
+    low, high = bounds.T
+    u = np.clip(start, low, high)
+    residual, jacobian = evaluate(u)
     chi2 = float(residual @ residual)
     if not np.isfinite(chi2):
         raise OptimisationError("the model has no finite value where the descent starts; start elsewhere.", status=0)
@@ -65,7 +47,7 @@ def descend(problem: LeastSquares, u: np.ndarray, gain: float = GAIN) -> tuple[n
         if newton and _promised(residual, jacobian, step) < gain:
             return u, chi2
         trial = _bounded(u, step, low, high)
-        trial_residual, trial_jacobian = problem.evaluate(trial)
+        trial_residual, trial_jacobian = evaluate(trial)
         fall = chi2 - float(trial_residual @ trial_residual)
         radius = _next_radius(radius, trial - u, fall, _promised(residual, jacobian, trial - u))
         if fall > 0:

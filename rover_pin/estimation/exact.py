@@ -1,22 +1,14 @@
 """The least-squares problem of an experiment with exact sensitivities, as descents and profiles ask for it."""
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from rover_pin.estimation.experiment import Sensitivities
 from rover_pin.estimation.noise import HUBER_THRESHOLD, huber_losses
-from rover_pin.estimation.parameter import Parameter, bounds_of
+from rover_pin.estimation.parameter import Parameter
 from rover_pin.estimation.task import Task
-
-
-class Box(NamedTuple):
-    """Names of the free numbers and the bounds of their u."""
-
-    names: tuple[str, ...]
-    low: np.ndarray
-    high: np.ndarray
 
 
 class ExactProblem:
@@ -24,7 +16,6 @@ class ExactProblem:
 
     def __init__(self, task: Task, model: Any, parameters: Sequence[Parameter]):
         self.task, self.model, self.parameters = task, model, tuple(parameters)
-        self.space = Box(tuple(parameter.name for parameter in parameters), *bounds_of(parameters).T)
         self._known = np.array([parameter.prior for parameter in parameters], dtype=bool)
         self._last: tuple[np.ndarray, Sensitivities] | None = None
 

@@ -14,7 +14,7 @@ from rover_pin.estimation.exact import ExactProblem
 from rover_pin.estimation.experiment import residual
 from rover_pin.estimation.gauss_newton import at, descended, priors
 from rover_pin.estimation.noise import huber, huber_weights
-from rover_pin.estimation.parameter import Parameter
+from rover_pin.estimation.parameter import Parameter, bounds_of
 from rover_pin.estimation.profile import NORMAL_95, SURE
 from rover_pin.estimation.task import Task, objective
 
@@ -194,9 +194,9 @@ def best_of(task: Task, model: Any, parameters: Sequence[Parameter], starts: Seq
 def _exactly(task: Task, model: Any, parameters: Sequence[Parameter], start: np.ndarray) -> Fit:
     problem = ExactProblem(task, model, parameters)
     try:
-        u, _ = descend(problem, np.clip(start, problem.space.low, problem.space.high))
+        u, _ = descend(problem.evaluate, start, bounds_of(parameters))
     except np.linalg.LinAlgError as error:
         raise OptimisationError(f"a refit met a singular problem ({error}); free fewer.", status=str(error)) from error
     predicted, slopes = problem.sensitivities(u)
-    slopes_by_name = dict(zip(problem.space.names, slopes, strict=True))
+    slopes_by_name = dict(zip([parameter.name for parameter in parameters], slopes, strict=True))
     return Fit(task, at(task, model, parameters, u), tuple(parameters), u, predicted, slopes_by_name)

@@ -11,8 +11,7 @@ import numpy as np
 
 from rover_pin.base.errors import OptimisationError
 from rover_pin.base.public import brief
-from rover_pin.estimation.descent import descend
-from rover_pin.estimation.exact import Box
+from rover_pin.estimation.descent import Evaluate, descend
 from rover_pin.estimation.experiment import Experiment
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.gauss_newton import at
@@ -143,6 +142,18 @@ class Fitter:
         exact = self.experiment.sensitivities(model, parameters, u)
         return self.samples.row_of(exact.predicted), self.samples.row_of(exact.slopes).T
 
+    def _whitened(self, model: Any, parameters: Sequence[Parameter], whitening: Sequence[np.ndarray]) -> Evaluate:
+        """Return rows whose squares sum to (y - f)' C^-1 (y - f) + u' u, and their Jacobian, as functions of u."""
+
+        def evaluate(u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            predicted, slopes = self.predicted(model, parameters, u)
+            pairs = list(zip(self.samples.blocks, whitening, strict=True))
+            rows = [white @ (self.samples.value - predicted)[block] for block, white in pairs]
+            columns = [-white @ slopes[block] for block, white in pairs]
+            return np.concatenate([*rows, u]), np.concatenate([*columns, np.eye(len(u))])
+
+        return evaluate
+
     def flat(self, causes: Sequence[Cause], starts: Sequence[np.ndarray]) -> tuple[np.ndarray, float]:
         """Return the most probable u with independent errors as large as noise and a usual discrepancy, and its loss.
 
@@ -158,8 +169,7 @@ class Fitter:
         best: tuple[np.ndarray, float] | None = None
         for start in starts:
             try:
-                problem = _Problem(self, model, parameters, whitening)
-                reached = descend(problem, np.clip(start, *bounds_of(parameters).T), gain=ROUGH)
+                reached = descend(self._whitened(model, parameters, whitening), start, bounds_of(parameters), ROUGH)
             except (OptimisationError, np.linalg.LinAlgError):
                 continue
             best = reached if best is None or reached[1] < best[1] else best
@@ -192,7 +202,7 @@ class Fitter:
                 for channel in range(len(self.samples.blocks))
             ]
             with suppress(OptimisationError, np.linalg.LinAlgError):  # else the linear model about the first fit stays
-                u, _ = descend(_Problem(self, model, parameters, whitening), u, gain=CLOSE)
+                u, _ = descend(self._whitened(model, parameters, whitening), u, bounds_of(parameters), CLOSE)
             predicted, slopes = self.predicted(model, parameters, u)
             if discrepancy is not Discrepancy.FORM:
                 break
@@ -236,20 +246,3 @@ class Fitter:
                 retained += range(at, at + len(cause.parameters))
             at += len(cause.parameters)
         return np.array(retained, dtype=int)
-
-
-class _Problem:
-    """Rows whose squares sum to (y - f)' C^-1 (y - f) + u' u."""
-
-    def __init__(self, fitter: Fitter, model: Any, parameters: Sequence[Parameter], whitening: Sequence[np.ndarray]):
-        self._fitter, self._model, self._parameters, self._whitening = fitter, model, parameters, whitening
-        self.space = Box(tuple(parameter.name for parameter in parameters), *bounds_of(parameters).T)
-
-    def evaluate(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return rows and their Jacobian at u."""
-        samples = self._fitter.samples
-        predicted, slopes = self._fitter.predicted(self._model, self._parameters, u)
-        pairs = list(zip(samples.blocks, self._whitening, strict=True))
-        rows = [white @ (samples.value - predicted)[block] for block, white in pairs]
-        columns = [-white @ slopes[block] for block, white in pairs]
-        return np.concatenate([*rows, u]), np.concatenate([*columns, np.eye(len(u))])

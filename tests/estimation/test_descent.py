@@ -1,7 +1,6 @@
 """The one descent of the package: against scipy's on measured rigs, and on problems whose minimum is known."""
 
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,6 +10,7 @@ from rover_pin.base.errors import OptimisationError
 from rover_pin.estimation import descent
 from rover_pin.estimation.descent import descend
 from rover_pin.estimation.exact import ExactProblem, scattered
+from rover_pin.estimation.parameter import bounds_of
 from rover_pin.estimation.task import Task
 from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.measurements.rig_reading import read_rig_set
@@ -23,7 +23,7 @@ class Made:
 
     def __init__(self, residual, jacobian, low, high):
         self.residual, self.jacobian = residual, jacobian
-        self.space = SimpleNamespace(low=np.array(low), high=np.array(high))
+        self.bounds = np.array([low, high]).T
 
     def evaluate(self, u):
         return np.asarray(self.residual(u), float), np.asarray(self.jacobian(u), float)
@@ -33,15 +33,19 @@ def rosenbrock(low=(-5.0, -5.0), high=(5.0, 5.0)):
     return Made(lambda u: [10 * (u[1] - u[0] ** 2), 1 - u[0]], lambda u: [[-20 * u[0], 10.0], [-1.0, 0.0]], low, high)
 
 
+def ended(made, start):
+    return descend(made.evaluate, np.array(start), made.bounds)
+
+
 def test_descent_follows_a_curved_valley():
-    u, chi2 = descend(rosenbrock(), np.array([-1.2, 1.0]))
+    u, chi2 = ended(rosenbrock(), [-1.2, 1.0])
     np.testing.assert_allclose(u, [1, 1], atol=1e-4)
     assert chi2 < 1e-8
 
 
 def test_descent_ends_on_the_bound_where_the_minimum_lies_beyond():
     """With x <= 0.5 the least of (1 - x)^2 + 100 (y - x^2)^2 is at x = 0.5, y = 0.25."""
-    u, chi2 = descend(rosenbrock(high=(0.5, 5.0)), np.array([-1.2, 1.0]))
+    u, chi2 = ended(rosenbrock(high=(0.5, 5.0)), [-1.2, 1.0])
     np.testing.assert_allclose(u, [0.5, 0.25], atol=1e-6)
     assert chi2 == pytest.approx(0.25)
 
@@ -49,19 +53,17 @@ def test_descent_ends_on_the_bound_where_the_minimum_lies_beyond():
 def test_a_descent_without_a_value_or_an_end_says_so(monkeypatch):
     nowhere = Made(lambda u: [np.nan], lambda u: [[1.0]], [-1.0], [1.0])
     with pytest.raises(OptimisationError, match="no finite value where the descent starts"):
-        descend(nowhere, np.zeros(1))
+        ended(nowhere, [0.0])
     monkeypatch.setattr(descent, "STEPS", 2)
     with pytest.raises(OptimisationError, match="did not settle in 2 steps"):
-        descend(rosenbrock(), np.array([-1.2, 1.0]))
+        ended(rosenbrock(), [-1.2, 1.0])
 
 
 def test_a_descent_leaves_a_bound_that_it_began_on():
     low, high = (-1.0, -1.0), (2.0, 2.0)
     for start in ([-1.0, 2.0], [2.0, -1.0], [-1.0, -1.0], [2.0, 2.0]):
         for least in ([0.3, 0.7], [-0.9, 1.9], [1.9, -0.9]):
-            u, _ = descend(
-                Made(lambda u, end=np.array(least): u - end, lambda u: np.eye(2), low, high), np.array(start)
-            )
+            u, _ = ended(Made(lambda u, end=np.array(least): u - end, lambda u: np.eye(2), low, high), start)
             assert u == pytest.approx(least, abs=1e-6)
 
 
@@ -69,7 +71,7 @@ class Counted:
     """A problem that counts its evaluations; scipy asks for residual and Jacobian apart, which count once."""
 
     def __init__(self, problem):
-        self.space, self._problem, self.count, self._last = problem.space, problem, 0, (None, None)
+        self._problem, self.count, self._last = problem, 0, (None, None)
 
     def evaluate(self, u):
         if self._last[0] != u.tobytes():
@@ -79,7 +81,7 @@ class Counted:
 
 
 def of_scipy(problem, start):
-    counted, (low, high) = Counted(problem), (problem.space.low, problem.space.high)
+    counted, (low, high) = Counted(problem), bounds_of(problem.parameters).T
     margin = 1e-6 * np.minimum(high - low, 1.0)
     found = least_squares(
         lambda u: counted.evaluate(u)[0],
@@ -93,7 +95,7 @@ def of_scipy(problem, start):
 def of_ours(problem, start):
     counted = Counted(problem)
     try:
-        return descend(counted, np.clip(start, problem.space.low, problem.space.high))[1], counted.count
+        return descend(counted.evaluate, start, bounds_of(problem.parameters))[1], counted.count
     except OptimisationError:
         return np.inf, counted.count
 
