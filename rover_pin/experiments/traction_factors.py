@@ -1,6 +1,6 @@
 """Traction factors by slip as an experiment: points as of Fig 6, of a CSV file or worked out from a drive log."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, make_dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -10,19 +10,18 @@ import casadi as ca
 import numpy as np
 
 from rover_pin.base.quantity import Record, quantities, quantity
-from rover_pin.contact import Scalar, Soil, Wheel
+from rover_pin.contact import Scalar
 from rover_pin.discrepancy.candidate import Candidate
 from rover_pin.discrepancy.standalone import Parts, Standalone
 from rover_pin.estimation.experiment import Sensitivities
 from rover_pin.estimation.noise import Noise, declared_noise
 from rover_pin.estimation.parameter import Parameter, parameter_of
 from rover_pin.experiments.soil_priors import known_constant, unknown_constant
-from rover_pin.measurements.prediction import FIELDS, CompiledPrediction
+from rover_pin.experiments.wheel_rig.steady_law import FIELDS, valued
 from rover_pin.measurements.traction_points import TractionPoints, read_traction_points
 from rover_pin.parameters import TABLE_1
-from rover_pin.soil.angles import Angles
 from rover_pin.soil.sinkage import fitted_entry_angle
-from rover_pin.soil.traction import TractionForm, load_traction_factor
+from rover_pin.soil.traction import load_traction_factor
 
 SOUGHT = ("k", "phi")
 """What Fig 6's points are drawn for: nothing is known of these beforehand."""
@@ -32,22 +31,21 @@ ENTERS = 1e-9
 """SDs of a point that the prior SD of a constant moves where the constant does not enter at all."""
 
 
-@dataclass(frozen=True)
-class FactorLaw:
-    """F(S) of a form, at the soil's theta_1 or at that which carries the point's load."""
+@lru_cache(maxsize=64)
+def factor_law(form: Any, angles: Any, loaded: bool, free: tuple[str, ...], points: int) -> ca.Function:
+    """Return (S and W of each point, constants) -> columns of F, dF/dS, and the slope of F by each `free` one.
 
-    form: TractionForm
-    angles: Angles
-    loaded: bool = False
-
-    def build(self, condition: Any, wheel: Wheel, soil: Soil, free: Any) -> tuple[Any, Any]:
-        """Return F [-] and dF/dS at `condition`, S and W, and their Jacobian."""
-        S, load, slip = condition[0], condition[1], ca.SX.sym("S")
-        if self.loaded:
-            soil = soil.replace(theta_1=fitted_entry_angle(load, slip, wheel, soil))
-        law = load_traction_factor(slip, soil, wheel, self.form, self.angles)
-        values = ca.substitute(ca.vertcat(law, ca.jacobian(law, slip)), slip, S)
-        return values, ca.jacobian(values, free)
+    The arc is at the soil's theta_1, or where `loaded` at that which carries the point's load.
+    """
+    condition, constants, slip = ca.SX.sym("condition", 2), ca.SX.sym("constants", len(FIELDS)), ca.SX.sym("S")
+    wheel, soil, _ = valued((), constants)
+    if loaded:
+        soil = soil.replace(theta_1=fitted_entry_angle(condition[1], slip, wheel, soil))
+    law = load_traction_factor(slip, soil, wheel, form, angles)
+    values = ca.substitute(ca.vertcat(law, ca.jacobian(law, slip)), slip, condition[0])
+    wanted = ca.vertcat(*(constants[FIELDS.index(name)] for name in free)) if free else ca.SX(0, 1)
+    column = ca.densify(ca.vertcat(values, ca.jacobian(values[0], wanted).T))
+    return ca.Function("point", [condition, constants], [column]).map("points", "serial", points, [1], [])
 
 
 @dataclass(frozen=True)
@@ -155,21 +153,23 @@ class TractionFactors(Standalone):
         """Return the factors, and their exact slopes."""
         values = {parameter.name: parameter.value(x) for parameter, x in zip(parameters, u, strict=True)}
         model = self.with_values(model, values)
-        constants: Mapping[str, float] = {**model.records["wheel"].values(), **model.records["soil"].values()}
+        constants: dict[str, Any] = {**model.records["wheel"].values(), **model.records["soil"].values()}
         free = tuple(name for name in values if name.partition(".")[0] in ("wheel", "soil"))
         errors = np.array([*model.records["slips"].values().values()])
         shared = self.points.slip_shared * model.records["points"].common_slip
         slip = self.points.slip + self.points.slip_sd * errors + shared
-        law = self._law(tuple(name.partition(".")[2] for name in free), slip)
-        values_and_slopes = law(np.array([float(constants[name]) for name in FIELDS]))
-        (factors, rises), jacobian = (part.reshape(2, len(slip), -1) for part in values_and_slopes)
-        slopes = dict(zip(free, jacobian[0].T, strict=True))
-        factors = factors[:, 0]
+        names, points = tuple(name.partition(".")[2] for name in free), self.points
+        constants |= {name: value for name, value in points.wheel.values().items() if name not in names}
+        kind: tuple[Any, Any, bool] = (points.form, points.angles, bool(points.loads.size))
+        law = factor_law(*kind, names, len(slip))
+        conditions = np.array([slip, points.loads if points.loads.size else np.zeros(len(slip))])
+        factors, rises, *jacobian = law(conditions, np.array([float(constants[name]) for name in FIELDS])).full()
+        slopes = dict(zip(free, jacobian, strict=True))
         for name, shift in self._shifts.items():
             factors = factors + shift.effect * shift.parameter.u(self.value(model, name))
             slopes[name] = shift.effect / shift.parameter.scale
-        slopes["points.common_slip"] = rises[:, 0] * self.points.slip_shared
-        for at, reach in enumerate(rises[:, 0] * self.points.slip_sd):
+        slopes["points.common_slip"] = rises * self.points.slip_shared
+        for at, reach in enumerate(rises * self.points.slip_sd):
             slopes[f"slips.point_{at + 1}"] = np.where(np.arange(len(slip)) == at, reach, 0.0)
         columns = [slopes[parameter.name] * parameter.slope(x) for parameter, x in zip(parameters, u, strict=True)]
         return Sensitivities(factors[:, None, None], np.array(columns).reshape(len(columns), len(factors), 1, 1))
@@ -177,13 +177,6 @@ class TractionFactors(Standalone):
     def predict(self, models: Sequence[Parts]) -> np.ndarray:
         """Return the factors of each model (models, points, 1, 1)."""
         return np.array([self.sensitivities(model, (), np.zeros(0)).predicted for model in models])
-
-    def _law(self, free: tuple[str, ...], slip: np.ndarray) -> CompiledPrediction:
-        """Return the compiled law at these slips."""
-        points, load = self.points, self.points.loads
-        conditions = np.column_stack([slip, load if load.size else np.zeros(len(slip))])
-        law = FactorLaw(points.form, points.angles, bool(load.size))
-        return CompiledPrediction(law, conditions, points.wheel, free)
 
 
 def _shared(name: str) -> Parameter:

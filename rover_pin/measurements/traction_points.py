@@ -39,7 +39,7 @@ class TractionPoints:
         How the arc follows from the soil; the paper holds theta_1 and theta_2.
     slip_sd : float or array [points]
         Standard deviation of each slip ratio [-]; 0 where it was set exactly. Residuals are then shorter by what the
-        slip's doubt explains (`FactorLaw`).
+        slip's doubt explains (`TractionFactors`).
     shared : float or array [points]
         By how much all factors may be wrong together, one standard deviation [-]: a wrong load or torque constant. Its
         signs say which way each goes with the others.

@@ -22,8 +22,7 @@ from rover_pin.contact import Soil, Wheel
 from rover_pin.effects.combined_shear import CombinedShear
 from rover_pin.effects.effect import Effect
 from rover_pin.effects.soil_traction import SoilTraction
-from rover_pin.experiments.wheel_rig.steady_law import VALUES, Law, parameter_names, steady_law
-from rover_pin.measurements.prediction import FIELDS
+from rover_pin.experiments.wheel_rig.steady_law import FIELDS, VALUES, Law, parameter_names, steady_law
 from rover_pin.measurements.rig_errors import RigErrors
 from rover_pin.simulation.model.effect_files import effect_entry, effect_from
 from rover_pin.simulation.model.toml_file import RIG_KIND
