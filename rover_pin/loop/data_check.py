@@ -14,9 +14,7 @@ from rover_pin.base.trust import Trust
 from rover_pin.discrepancy.standalone import Parts, Standalone
 from rover_pin.effects.slip import RelaxedSlip
 from rover_pin.estimation.parameter import declared_in, parameter_of
-from rover_pin.experiments.drive_log.checks.log import check as check_log
-from rover_pin.experiments.drive_log.checks.log import data_findings
-from rover_pin.experiments.drive_log.checks.log import refuse_unfit as refuse_log
+from rover_pin.experiments.drive_log.checks import log as log_checks
 from rover_pin.experiments.drive_log.model import MOTOR_SD, usual_soil
 from rover_pin.experiments.traction_factors import Shift, TractionFactors
 from rover_pin.experiments.wheel_rig.checks import findings, refuse_unfit, too_poor
@@ -109,10 +107,10 @@ def check_data(folder: str | Path, trust: Trust = Trust()) -> DataCheck:
     """
     data = read_data(folder, trust)
     if isinstance(data, DriveLog):
-        log_check = check_log(data)
+        log_checks.refuse_unfit(data)
         seconds = sum(float(run.t[-1] - run.t[0]) for run in data.runs)
         holds = f"{len(data.runs)} runs, {seconds:.0f} s, rover {data.metadata.rover}"
-        return DataCheck("drive-log", holds, log_check.findings, log_check.too_poor)
+        return DataCheck("drive-log", holds, log_checks.findings(data), log_checks.too_poor(data))
     experiment = RigExperiment((data,))
     refuse_unfit(experiment)
     uncertain = experiment.uncertain(experiment.base_model())
@@ -166,8 +164,8 @@ def measured_in(path: str | Path | tuple[str | Path, ...], trust: Trust = Trust(
         return Checked(experiment, tuple(findings(experiment)))
     if is_file(path / LOG_FILE):
         drive = read_drive_log(path, trust)
-        refuse_log(drive)
-        return Checked(factors_of(drive), data_findings(drive))
+        log_checks.refuse_unfit(drive)
+        return Checked(factors_of(drive), log_checks.data_findings(drive))
     if is_file(path):
         return Checked(TractionFactors.read(path), ())
     absent = "" if is_folder(path) else "there is no such file or folder; "

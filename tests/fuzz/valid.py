@@ -273,7 +273,9 @@ def _rig(folder: Path) -> None:
 
 def _drive(folder: Path) -> None:
     log = read_drive_log(folder)
-    drive_checks.check(log)
+    drive_checks.refuse_unfit(log)
+    drive_checks.findings(log)
+    drive_checks.too_poor(log)
     nuisances(log, with_spread(base_model(log)))
     points_of_log(log)
 

@@ -10,7 +10,7 @@ import pytest
 
 from rover_pin.base.errors import DataError
 from rover_pin.base.jobs import time_left
-from rover_pin.experiments.drive_log.checks.log import check, faults
+from rover_pin.experiments.drive_log.checks.log import faults, findings, refuse_unfit
 from rover_pin.logs.drive_log import read_drive_log
 from rover_pin.logs.importing.import_log import import_log
 from tests.logs import recordings
@@ -54,7 +54,7 @@ def test_the_same_drive_comes_out_of_every_habit(habit, seen, tmp_path):
                 tolerance = 1e-2
             assert own == pytest.approx(true, abs=tolerance), name
     assert faults(log) == ()
-    assert "their measured" in " ".join(map(str, check(log).findings))
+    assert "their measured" in " ".join(map(str, findings(log)))
     assert_guesses_are_marked(made, (tmp_path / "log" / "drive.toml").read_text())
 
 
@@ -99,7 +99,8 @@ def test_long_recordings_tell_how_far_they_are(tmp_path, monkeypatch, caplog):
     path = recordings.plain(recordings.truth(), tmp_path)
     with caplog.at_level(logging.INFO):
         _, log = imported(path, tmp_path)
-        check(log)
+        refuse_unfit(log)
+        findings(log)
     said = [record.getMessage() for record in caplog.records]
     assert said[0] == "reading plain.csv: 0 MB"
     for what in ("runs written", "runs read", "runs looked at for faults", "runs checked"):

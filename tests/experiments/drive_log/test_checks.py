@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rover_pin.base.errors import DataError
-from rover_pin.experiments.drive_log.checks.log import check, faults, findings, refuse_unfit, too_poor
+from rover_pin.experiments.drive_log.checks.log import faults, findings, refuse_unfit, too_poor
 from rover_pin.experiments.drive_log.model import base_model, nuisances
 from rover_pin.logs.drive_log import LogMetadata, read_drive_log, write_drive_log
 from rover_pin.simulation.replay import commands
@@ -19,9 +19,10 @@ held, log_of, starting = channels.held, channels.log_of, channels.starting
 
 
 def test_a_good_log_has_no_fault_and_lacks_nothing():
-    found = check(log_of(*GOOD))
-    assert [str(each) for each in found.findings] == []
-    assert found.too_poor == ""
+    log = log_of(*GOOD)
+    refuse_unfit(log)
+    assert [str(each) for each in findings(log)] == []
+    assert too_poor(log) == ""
 
 
 def test_a_run_that_stands_for_its_whole_length_is_told():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rover_pin.experiments.drive_log.checks.driven import Driven
-from rover_pin.experiments.drive_log.checks.log import check, faults
+from rover_pin.experiments.drive_log.checks.log import faults, findings
 from rover_pin.experiments.drive_log.checks.odometry import odometry_faults, odometry_findings
 from rover_pin.simulation.model.motor import Motor
 from tests.experiments.drive_log import drive_channels as channels
@@ -47,7 +47,7 @@ def test_odometry_under_noise_is_named(how):
     """It could be a rover that hardly slips: nothing tells them apart, so it is no fault."""
     log = log_of(odometry(drive(0, hill=0.0), **how))
     assert faults(log) == ()
-    assert any("body_x and body_y follow the wheels at an even slip of" in str(each) for each in check(log).findings)
+    assert any("body_x and body_y follow the wheels at an even slip of" in str(each) for each in findings(log))
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -132,7 +132,7 @@ def test_currents_in_another_scale_are_refused(scale, word):
 def test_currents_that_are_hardly_the_motors_are_named():
     log = log_of(with_currents(0.2))
     assert faults(log) == ()
-    (told,) = [str(each) for each in check(log).findings if "what [motor] draws" in str(each)]
+    (told,) = [str(each) for each in findings(log) if "what [motor] draws" in str(each)]
     assert "the currents are 0.2 times" in told
     assert "check their scale, and supply, resistance, k_t and gear of [motor]" in told
     unknown = log_of(with_currents(0.01), motor={"supply": 7.2, "resistance": 24.0})

@@ -15,7 +15,7 @@ from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.experiments.drive_log.calibrate import runs_on_estimated_ground
 from rover_pin.experiments.drive_log.candidate_runs import candidate_runs
 from rover_pin.experiments.drive_log.candidates import candidates
-from rover_pin.experiments.drive_log.checks.log import check, faults
+from rover_pin.experiments.drive_log.checks.log import faults, findings
 from rover_pin.experiments.drive_log.experiment import experiment_of
 from rover_pin.experiments.drive_log.features import logged_runs
 from rover_pin.experiments.drive_log.model import base_model, is_rate_driven, nuisances, with_spread
@@ -57,7 +57,7 @@ def log(tmp_path_factory):
 def test_log_without_duties_is_usable_and_states_its_blind_spots(log):
     assert is_rate_driven(log)
     assert faults(log) == ()
-    said = " ".join(map(str, check(log).findings))
+    said = " ".join(map(str, findings(log)))
     assert "no duty is recorded, so the wheels are held to their measured rates" in said
     assert "motors" in said
     assert "battery_V" not in said

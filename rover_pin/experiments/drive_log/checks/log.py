@@ -4,47 +4,13 @@
 """
 
 from collections.abc import Callable, Iterator
-from typing import NamedTuple
 
 from rover_pin.base.errors import DataError
 from rover_pin.base.jobs.time_left import telling
 from rover_pin.base.quantity import quantities, record_from
 from rover_pin.contact import Wheel
-from rover_pin.experiments.drive_log.checks import excitation as drive_excitation
-from rover_pin.experiments.drive_log.checks.columns import (
-    absurd_faults,
-    ambiguous_step_findings,
-    clock_findings,
-    column_faults,
-    column_findings,
-    gap_findings,
-)
-from rover_pin.experiments.drive_log.checks.declared import (
-    declared_findings,
-    far_faults,
-    ground_findings,
-    rover_faults,
-    start_faults,
-    start_findings,
-)
+from rover_pin.experiments.drive_log.checks import columns, declared, excitation, odometry, sensors, signs, speeds
 from rover_pin.experiments.drive_log.checks.driven import Declared, Driven, Remarks
-from rover_pin.experiments.drive_log.checks.odometry import odometry_faults, odometry_findings
-from rover_pin.experiments.drive_log.checks.sensors import (
-    current_faults,
-    current_findings,
-    frozen_faults,
-    jump_findings,
-    range_findings,
-    stuck_findings,
-    supply_findings,
-)
-from rover_pin.experiments.drive_log.checks.signs import (
-    differential_findings,
-    heading_faults,
-    pitch_faults,
-    wheel_sign_faults,
-)
-from rover_pin.experiments.drive_log.checks.speeds import height_faults, racing_faults, velocity_faults
 from rover_pin.experiments.drive_log.checks.units import unit_faults
 from rover_pin.experiments.drive_log.features import BLOCK, logged_run
 from rover_pin.experiments.drive_log.readings.lane_borders import lanes_under
@@ -53,23 +19,6 @@ from rover_pin.logs.run_terrain import is_of_run
 from rover_pin.measurements.checks import Finding, gathered
 from rover_pin.rover.wheel_base import base_of
 from rover_pin.simulation.model.motor import Motor
-
-
-class DriveFindings(NamedTuple):
-    """What the check of a drive log that can be used found."""
-
-    findings: tuple[Finding, ...]
-    too_poor: str
-    "why the log cannot answer and what would; empty where it can"
-
-
-def check(log: DriveLog) -> DriveFindings:
-    """Return everything that a reader should know of the log before any result.
-
-    Raises DataError: what `refuse_unfit` refuses.
-    """
-    refuse_unfit(log)
-    return DriveFindings(findings(log), too_poor(log))
 
 
 def refuse_unfit(log: DriveLog) -> None:
@@ -86,35 +35,32 @@ def refuse_unfit(log: DriveLog) -> None:
 
 def faults(log: DriveLog) -> tuple[Finding, ...]:
     """Return every reason to refuse the log, those that differ only in their run as one."""
-    missing = gathered([*rover_faults(log), *column_faults(log), *absurd_faults(log)])
-    if missing:
-        return missing
+    missing = [*declared.rover_faults(log), *columns.column_faults(log), *columns.absurd_faults(log)]
+    return gathered(missing or _faults_of_runs(log))
+
+
+def _faults_of_runs(log: DriveLog) -> Iterator[Finding]:
+    """Yield of each run what the first stage finds that finds anything, and currents that are not its motors'."""
     runs = driven(log)
-    return gathered(
-        fault
-        for run in telling(runs, len(runs), "runs looked at for faults")
-        for fault in (*_of_first(FAULTS, run), *_by(current_faults, run))
-    )
+    for run in telling(runs, len(runs), "runs looked at for faults"):
+        by_stage = ([finding for check in checks for finding in _by(check, run)] for checks in FAULTS)
+        yield from (*next(filter(None, by_stage), []), *_by(sensors.current_faults, run))
 
 
 Check = Callable[[Driven], Remarks]
 FAULTS: tuple[tuple[Check, ...], ...] = (
-    (frozen_faults, wheel_sign_faults),
-    (far_faults, unit_faults, velocity_faults, height_faults, racing_faults, start_faults),
-    (heading_faults, pitch_faults, odometry_faults),
-)
+    (sensors.frozen_faults, signs.wheel_sign_faults),
+    (declared.far_faults, unit_faults, speeds.velocity_faults, speeds.height_faults, speeds.racing_faults,
+     declared.start_faults),
+    (signs.heading_faults, signs.pitch_faults, odometry.odometry_faults),
+)  # fmt: skip
 """What refuses a run: speeds tell something only where the wheels are right, signs only where the units are."""
 FINDINGS: tuple[Check, ...] = (
-    start_findings, ground_findings, gap_findings, clock_findings, ambiguous_step_findings, stuck_findings,
-    jump_findings, range_findings, supply_findings, odometry_findings, current_findings, differential_findings,
+    declared.start_findings, declared.ground_findings, columns.gap_findings, columns.clock_findings,
+    columns.ambiguous_step_findings, sensors.stuck_findings, sensors.jump_findings, sensors.range_findings,
+    sensors.supply_findings, odometry.odometry_findings, sensors.current_findings, signs.differential_findings,
 )  # fmt: skip
 """What a reader should know of a run."""
-
-
-def _of_first(stages: tuple[tuple[Check, ...], ...], run: Driven) -> list[Finding]:
-    """Return what the first stage finds that finds anything."""
-    by_stage = ([finding for check in checks for finding in _by(check, run)] for checks in stages)
-    return next(filter(None, by_stage), [])
 
 
 def _by(check: Check, run: Driven) -> Iterator[Finding]:
@@ -123,32 +69,26 @@ def _by(check: Check, run: Driven) -> Iterator[Finding]:
 
 def findings(log: DriveLog) -> tuple[Finding, ...]:
     """Return what a reader should know, one line each: channels, gaps, sensors, then excitation."""
-    return gathered(_findings(log))
+    of_data = [*columns.column_findings(log), *declared.declared_findings(log), *_of_runs(log)]
+    of_loop = excitation.excitation_findings(driven(log), log.metadata.name)
+    return gathered([*of_data, *compared_findings(log), *of_loop])
 
 
 def data_findings(log: DriveLog) -> tuple[Finding, ...]:
     """Return those of the findings that say of the data what any fit to them should know: channels, gaps, sensors."""
-    return gathered([*column_findings(log), *_of_runs(log)])
-
-
-def _findings(log: DriveLog) -> Iterator[Finding]:
-    yield from column_findings(log)
-    yield from declared_findings(log)
-    yield from _of_runs(log)
-    yield from compared_findings(log)
-    yield from drive_excitation.excitation_findings(driven(log), log.metadata.name)
+    return gathered([*columns.column_findings(log), *_of_runs(log)])
 
 
 def _of_runs(log: DriveLog) -> Iterator[Finding]:
     runs = driven(log)
     for run in telling(runs, len(runs), "runs checked"):
-        for check_run in FINDINGS:
-            yield from _by(check_run, run)
+        for check in FINDINGS:
+            yield from _by(check, run)
 
 
 def too_poor(log: DriveLog) -> str:
     """Return why the log cannot tell an effect from soil and motor and what would, or an empty string."""
-    return drive_excitation.too_poor(driven(log))
+    return excitation.too_poor(driven(log))
 
 
 def driven(log: DriveLog) -> list[Driven]:
@@ -156,14 +96,14 @@ def driven(log: DriveLog) -> list[Driven]:
     rover, metadata = log.load_rover(), log.metadata
     declared_wheel = {name: entry for name, entry in metadata.wheel.items() if name == "r"}
     wheel = record_from(Wheel, declared_wheel, f"{log.file}: [wheel]") if declared_wheel else rover.wheel
-    declared = Declared(
+    of_log = Declared(
         _motor(log, {"supply", "resistance"}),
         _motor(log, {"supply", "resistance", "k_t", "gear"}),
         log.terrain() if metadata.terrain and not is_of_run(metadata.terrain) else None,
         base_of(rover).length,
         rover.differential is not None,
     )
-    return [Driven(run, float(wheel.r), declared) for run in log.runs]
+    return [Driven(run, float(wheel.r), of_log) for run in log.runs]
 
 
 def _motor(log: DriveLog, needed: set[str]) -> Motor | None:
