@@ -1,11 +1,9 @@
 """What a rig itself adds to its readings: tares, zeros, cross-talk, scales; none unless `rig.toml` states them."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
-from rover_pin.base.quantity import Record, declared_sds, quantity, record_from
-from rover_pin.contact import Load, Scalar, Wheel
+from rover_pin.base.quantity import Record, quantity
+from rover_pin.contact import Load, Scalar
 
 
 @dataclass(frozen=True)
@@ -46,23 +44,3 @@ class RigErrors(Record):
             self.force_scale * self.side_scale * forces.f_y + self.side_tare,
             self.moment_scale * (forces.moment_z - self.moment_arm * forces.f_y) + self.moment_tare,
         )
-
-
-def stated_errors(table: Mapping[str, Any], where: str) -> tuple[RigErrors, dict[str, float]]:
-    """Return the errors of a table [rig], and `rig.name` -> SD of each that states one, in SI.
-
-    Raises ParameterError: an unknown name, unit or value.
-    Raises DataError: an SD that is no positive number.
-    """
-    entries = {name: entry for name, entry in table.items() if name != "note"}
-    errors = record_from(RigErrors, entries, where)
-    return errors, {f"rig.{name}": sd for name, sd in declared_sds(entries, RigErrors, where).items()}
-
-
-def dimension_sds(table: Mapping[str, Any], where: str) -> dict[str, float]:
-    """Return `wheel.name` -> SD [m] of each size of a table [wheel] that states one.
-
-    Raises ParameterError: an unknown unit.
-    Raises DataError: an SD that is no positive number.
-    """
-    return {f"wheel.{name}": sd for name, sd in declared_sds(table, Wheel, where).items()}

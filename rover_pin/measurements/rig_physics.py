@@ -48,6 +48,8 @@ class Check(NamedTuple):
     is_beyond: bool | np.bool_
     what: str
     todo: str
+    column: str = ""
+    "where it stands, of the points; empty where all of the set is meant"
 
 
 def refuse_impossible(data: RigSet) -> None:

@@ -19,7 +19,7 @@ from rover_pin.measurements.channel import RIG_CHANNELS, RigChannel, SideForce
 from rover_pin.measurements.checks import Finding, column
 from rover_pin.measurements.known import stated_ranges
 from rover_pin.measurements.pressed import declared_trials
-from rover_pin.measurements.rig_errors import dimension_sds, stated_errors
+from rover_pin.measurements.rig_errors import RigErrors
 from rover_pin.measurements.rig_file import (
     ANGLE,
     OF_SPEEDS,
@@ -64,7 +64,9 @@ def read_rig_set(folder: str | Path, trust: Trust = Trust()) -> RigSet:
     try:
         dimensions, rim_share = rim_of(document, where)
         table = read_points(folder, document, rim_share, trust)
-        errors, error_sd = stated_errors(tables["rig"], f"{where}: [rig]")
+        rig = {name: entry for name, entry in tables["rig"].items() if name != "note"}
+        errors = record_from(RigErrors, rig, f"{where}: [rig]")
+        error_sd = {f"rig.{name}": sd for name, sd in declared_sds(rig, RigErrors, f"{where}: [rig]").items()}
         data = RigSet(
             wheel=record_from(Wheel, dimensions, where),
             slip=table["slip"],
@@ -77,7 +79,7 @@ def read_rig_set(folder: str | Path, trust: Trust = Trust()) -> RigSet:
             doubts=declared_sds(tables["soil"], Soil, where),
             slip_angle=_slip_angles(table, f"{folder.name}: the points"),
             errors=errors,
-            error_sd={**error_sd, **dimension_sds(dimensions, where)},
+            error_sd=error_sd | {f"wheel.{name}": sd for name, sd in declared_sds(dimensions, Wheel, where).items()},
             trials=declared_trials(document, folder, where, trust),
             beside=declared_beside(document, where),
             runs=tuple(map(str, table["run"])) if "run" in table else (),

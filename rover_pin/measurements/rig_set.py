@@ -129,7 +129,7 @@ class RigSet:
             "slip": slip,
             "load": load,
             "slip_angle": column(angle, ANGLE, self.name),
-            "levels": _classes(slip) if self.levels is None else np.array(list(map(str, self.levels))),
+            "levels": _labels(slip) if self.levels is None else np.array(list(map(str, self.levels))),
             "runs": self.runs or tuple(f"run {i + 1}" for i in range(slip.size)),
         }
         for name, value in normal.items():
@@ -232,10 +232,15 @@ class RigSet:
         return tuple(constants)
 
 
-def _classes(slip: np.ndarray) -> np.ndarray:
+def classes(values: np.ndarray, apart: float) -> np.ndarray:
+    """Return which class each value is of: neighbours by no more than `apart` from one another are of one."""
+    order = np.argsort(values)
+    value_class = np.empty(values.size, dtype=int)
+    value_class[order] = np.concatenate([[0], np.cumsum(np.diff(values[order]) > apart)])
+    return value_class
+
+
+def _labels(slip: np.ndarray) -> np.ndarray:
     """Return the level of each slip as a label: the mean of those that lie side by side."""
-    order = np.argsort(slip)
-    jumps = np.concatenate([[0], np.cumsum(np.diff(slip[order]) > SAME_LEVEL)])
-    index = np.empty(slip.size, dtype=int)
-    index[order] = jumps
-    return np.array([f"S = {slip[index == i].mean():.2f}" for i in index])
+    level = classes(slip, SAME_LEVEL)
+    return np.array([f"S = {slip[level == i].mean():.2f}" for i in level])

@@ -1,7 +1,6 @@
 """Whether rig sets can answer at all, alone or together: refusals, and findings that a reader should know of."""
 
 from collections.abc import Iterator
-from typing import NamedTuple
 
 import numpy as np
 
@@ -11,8 +10,8 @@ from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.runs import RigRuns
 from rover_pin.measurements.channel import RIG_CHANNELS, RigChannel
 from rover_pin.measurements.checks import Finding
-from rover_pin.measurements.rig_physics import refuse_impossible, suspicions
-from rover_pin.measurements.rig_set import SAME_SLIP, STRAIGHT, RigSet
+from rover_pin.measurements.rig_physics import Check, refuse_impossible, suspicions
+from rover_pin.measurements.rig_set import SAME_SLIP, STRAIGHT, RigSet, classes
 
 FEWEST_LEVELS = 3
 """Levels without which nothing that depends on slip can be held out. Why: one is left out, and two are a slope."""
@@ -85,69 +84,52 @@ def findings(experiment: RigExperiment) -> list[Finding]:
     return [*experiment.twice, *(finding._replace(where=f"{name}, {finding.where}") for name, finding in of_sets)]
 
 
-class Lack(NamedTuple):
-    """Whether a set lacks something, what is said then, of which column, and the remedy."""
-
-    is_lacking: bool
-    what: str
-    column: str
-    todo: str
-
-
 def _of_set(data: RigSet) -> list[Finding]:
-    lacks = [*_lacks(data), *(lack for channel in data.channels for lack in _of_channel(data, channel))]
-    of_data = [Finding(lack.what, data.place(lack.column), lack.todo) for lack in lacks if lack.is_lacking]
+    checks = [*_lacks(data), *(check for channel in data.channels for check in _of_channel(data, channel))]
+    of_data = [Finding(check.what, data.place(check.column), check.todo) for check in checks if check.is_beyond]
     return [*data.unread, *suspicions(data), *of_data]
 
 
-def _lacks(data: RigSet) -> Iterator[Lack]:
+def _lacks(data: RigSet) -> Iterator[Check]:
     lost = RigRuns(data).unpredicted(as_declared(data))
     todo = "if that load is right, declare a firmer soil.k_1: a fit starts at the next one that carries all runs"
-    yield Lack(bool(lost), f"{lost} with the soil as declared", "load_N", todo)
+    yield Check(bool(lost), f"{lost} with the soil as declared", todo, "load_N")
     present = {type(channel) for channel in data.channels}
     for kind in (kind for kind in RIG_CHANNELS if not kind.is_sideways):
         what, todo = f"{kind.name} was not measured", "effects that it alone shows stay hidden"
-        yield Lack(kind not in present, what, kind.column, todo)
+        yield Check(kind not in present, what, todo, kind.column)
     what = f"all loads are alike ({np.min(data.load):.3g} to {np.max(data.load):.3g} N)"
     todo = "n, c and effects of the load are not identifiable; vary the load 1.5 times"
-    yield Lack(not data.loads_vary, what, "load_N", todo)
+    yield Check(not data.loads_vary, what, todo, "load_N")
     todo = "the noise is as stated, not measured; repeat each level"
-    yield Lack(bool(np.bincount(repeats(data)).max() < 2), "no level is repeated", "level", todo)
+    yield Check(bool(np.bincount(repeats(data)).max() < 2), "no level is repeated", todo, "level")
     todo = "effects of speed are left out; give rim or travel speed, as a column or in [speed]"
-    yield Lack(data.speeds is None, "no speeds", "rim_speed_mps", todo)
+    yield Check(data.speeds is None, "no speeds", todo, "rim_speed_mps")
 
 
-def _of_channel(data: RigSet, channel: RigChannel) -> Iterator[Lack]:
+def _of_channel(data: RigSet, channel: RigChannel) -> Iterator[Check]:
     empty, scatter, group = int((~channel.has_value).sum()), repeat_sd(data, channel), repeats(data)
     what = f"{empty} of {channel.has_value.size} runs have no {channel.name}"
-    yield Lack(empty > 0, what, channel.column, "their other channels are used")
+    yield Check(empty > 0, what, "their other channels are used", channel.column)
     what = f"repeats scatter {scatter:.1f} times as much as the stated noise"
-    yield Lack(scatter > SCATTER, what, channel.column, "state the larger noise")
+    yield Check(scatter > SCATTER, what, "state the larger noise", channel.column)
     for number in range(group.max() + 1):
         at = np.flatnonzero((group == number) & channel.has_value)
         if at.size >= 3:
             off = np.abs(channel.measured[at] - np.median(channel.measured[at])) / channel.sd[at]
             what = f"{data.runs[at[off.argmax()]]} lies {off.max():.0f} SD from its repeats"
-            yield Lack(off.max() > OUTLYING, what, channel.column, "look at that run; it counts less in the fits")
+            yield Check(off.max() > OUTLYING, what, "look at that run; it counts less in the fits", channel.column)
 
 
 def repeats(data: RigSet) -> np.ndarray:
     """Return which group of repeats each run is of: of a level and slip angle, loads by less than SAME_WEIGHT apart."""
-    askew = _apart(data.slip_angle)
+    askew = classes(data.slip_angle, STRAIGHT)
     order = np.lexsort((data.load, askew, data.level))
     load, level, angle = data.load[order], data.level[order], askew[order]
     is_new_group = (np.diff(level) != 0) | (np.diff(angle) != 0) | (load[1:] > SAME_WEIGHT * load[:-1])
     group = np.empty(order.size, dtype=int)
     group[order] = np.concatenate([[0], np.cumsum(is_new_group)])
     return group
-
-
-def _apart(angle: np.ndarray) -> np.ndarray:
-    """Return which class of slip angles each run is of: neighbours by less than STRAIGHT apart are of one."""
-    order = np.argsort(angle)
-    angle_class = np.empty(angle.size, dtype=int)
-    angle_class[order] = np.concatenate([[0], np.cumsum(np.diff(angle[order]) > STRAIGHT)])
-    return angle_class
 
 
 def repeat_sd(data: RigSet, channel: RigChannel) -> float:
