@@ -10,7 +10,7 @@ from rover_pin.base.public import brief
 from rover_pin.discrepancy.cross_validation import held_out_residual
 from rover_pin.estimation.experiment import Experiment
 from rover_pin.estimation.fit import STRETCH, Fit
-from rover_pin.estimation.noise import Noise, huber_losses
+from rover_pin.estimation.noise import Noise, huber_losses, rms_of
 from rover_pin.estimation.profile import SURE
 from rover_pin.estimation.wording import Change
 
@@ -153,18 +153,8 @@ def _by_channel(
 
 def fold_errors(fitted: Fit) -> dict[str, float]:
     """Return the RMSE of each channel, in its unit, every fold as the fits to the others predict it."""
-    return _named_rms(fitted, held_out_residual(fitted))
-
-
-def _named_rms(fitted: Fit, residual: np.ndarray) -> dict[str, float]:
-    rms = _rms(residual, fitted.task.noise.good, (0, 2))
+    rms = rms_of(held_out_residual(fitted), fitted.task.noise.good)
     return dict(zip(fitted.task.experiment.channels, rms.tolist(), strict=True))
-
-
-def _rms(residual: np.ndarray, good: np.ndarray, axes: int | tuple[int, int] = 2) -> np.ndarray:
-    """Return the RMS of what is left where it is good, over the samples of a fold's channel; 0 where none is."""
-    squares = np.where(good, residual, 0.0) ** 2
-    return np.sqrt(squares.sum(axis=axes) / np.maximum(good.sum(axis=axes), 1))
 
 
 def _resampled(experiment: Experiment, squares: np.ndarray) -> np.ndarray:

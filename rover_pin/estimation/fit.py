@@ -13,7 +13,7 @@ from rover_pin.estimation.descent import descend
 from rover_pin.estimation.exact import ExactProblem
 from rover_pin.estimation.experiment import residual
 from rover_pin.estimation.gauss_newton import at, descended, priors
-from rover_pin.estimation.noise import huber, huber_weights
+from rover_pin.estimation.noise import huber, huber_weights, rms_of
 from rover_pin.estimation.parameter import Parameter, bounds_of
 from rover_pin.estimation.profile import NORMAL_95, SURE
 from rover_pin.estimation.task import Task, objective
@@ -51,9 +51,7 @@ class Fit:
     @property
     def rms(self) -> np.ndarray:
         """RMS of the residuals of each channel (channels,), in its unit."""
-        good = self.task.noise.good
-        squares = np.where(good, self.residual, 0.0) ** 2
-        return np.asarray(np.sqrt(squares.sum(axis=(0, 2)) / np.maximum(good.sum(axis=(0, 2)), 1)))
+        return rms_of(self.residual, self.task.noise.good)
 
     @cached_property
     def rows(self) -> np.ndarray:

@@ -63,6 +63,16 @@ class Estimate(NamedTuple):
         return {**self.number.as_dict(), **more, "depends_on": list(self.depends_on)}
 
 
+def variance_shares(covariance: np.ndarray) -> np.ndarray:
+    """Return the share of each number's variance (numbers, numbers) that the prior of each leaves in it.
+
+    With C = (J' W J + 1)^-1, the `covariance` of numbers whose priors have mean m and SD 1, u = C (J' W y + m): the
+    error of a prior's mean moves u_i by C_ij of it, so that C_ij^2 / C_ii of the variance is its, and the rest of a row
+    is the data's.
+    """
+    return np.asarray(covariance**2 / np.diag(covariance)[:, None])
+
+
 class ChannelFit(NamedTuple):
     """How well one channel is met."""
 

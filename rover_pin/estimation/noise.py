@@ -47,10 +47,7 @@ class Noise:
     @property
     def floor(self) -> np.ndarray:
         """RMS of the noise of every channel (channels,)."""
-        if self.sd.ndim == 1:
-            return self.sd
-        squares = np.where(self.good, self.sd, 0.0) ** 2
-        return np.asarray(np.sqrt(squares.sum(axis=(0, 2)) / np.maximum(self.good.sum(axis=(0, 2)), 1)))
+        return self.sd if self.sd.ndim == 1 else rms_of(self.sd, self.good)
 
     def lower_bound(self, sample_scatter: np.ndarray | None) -> np.ndarray:
         """Return the SD (channels,) that no model beats: samples' scatter, where known, or `least`; else the noise."""
@@ -163,6 +160,12 @@ def _mixing(plain: Noise, residual: np.ndarray, given_back: np.ndarray) -> np.nd
     sound = (vectors * np.maximum(values, 0.05)) @ vectors.T
     lower = np.linalg.cholesky(sound)
     return np.asarray(np.linalg.inv(lower) / size)
+
+
+def rms_of(table: np.ndarray, good: np.ndarray) -> np.ndarray:
+    """Return the RMS of each channel (channels,) of a table (folds, channels, samples) where it is good; 0 of none."""
+    squares = np.where(good, table, 0.0) ** 2
+    return np.asarray(np.sqrt(squares.sum(axis=(0, 2)) / np.maximum(good.sum(axis=(0, 2)), 1)))
 
 
 def spread(values: np.ndarray) -> float:

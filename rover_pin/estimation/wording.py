@@ -166,13 +166,11 @@ class Change(NamedTuple):
 def got_worse(changes: Iterable[tuple[str, Change]]) -> str:
     """Return which of the named errors grew, in a sentence; those that did not grow beyond the scatter apart."""
     changes = list(changes)
-    rows = [(name, change) for name, change in changes if change.share >= SAME]
-    significant = [
-        f"{name} by {share(change.share).lstrip('+')}" for name, change in rows if change.outcome is Outcome.WORSE
-    ]
-    within = [
-        f"{name} by {share(change.share).lstrip('+')}" for name, change in rows if change.outcome is not Outcome.WORSE
-    ]
+    significant: list[str] = []
+    within: list[str] = []
+    for name, change in (row for row in changes if row[1].share >= SAME):
+        words = f"{name} by {share(change.share).lstrip('+')}"
+        (significant if change.outcome is Outcome.WORSE else within).append(words)
     sentence = f"Got worse: {', '.join(significant)}." if significant else "No channel got worse beyond its scatter."
     lost = [name for name, change in changes if change.lost]
     sentence += f" Not predicted everywhere, and not compared: {', '.join(lost)}." if lost else ""

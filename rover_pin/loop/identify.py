@@ -15,10 +15,9 @@ from rover_pin.discrepancy.question import Progress, Question
 from rover_pin.discrepancy.standalone import Standalone
 from rover_pin.discrepancy.standalone import question_of as question_of_bench
 from rover_pin.discrepancy.verdict import Side
-from rover_pin.estimation.identification import ChannelFit, Estimate, Identification
+from rover_pin.estimation.identification import ChannelFit, Estimate, Identification, variance_shares
 from rover_pin.estimation.numbers import Number
 from rover_pin.estimation.parameter import Parameter, Prior
-from rover_pin.estimation.variance_shares import variance_shares
 from rover_pin.experiments.wheel_rig.diagnostics import Flag, flags
 from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.loop.data_check import Measured, measured_in

@@ -17,6 +17,7 @@ from rover_pin.discrepancy.candidate import Candidate
 from rover_pin.effects.effect import SensorEffect
 from rover_pin.estimation.experiment import Arrays, Experiment
 from rover_pin.estimation.fit import Fit
+from rover_pin.estimation.noise import rms_of
 from rover_pin.estimation.random_effects.random_field import RandomField
 from rover_pin.experiments.drive_log.features import LoggedRun
 from rover_pin.experiments.drive_log.ground.field import KINDS, ground_columns
@@ -96,8 +97,7 @@ class DriveExperiment(Experiment):
             finer = self.read(self._spread(_replayed, tasks), model.sensor_effects)
             change = finer - self.predict([model])[0]
             use = np.isfinite(self.observed) & (np.abs(change) < LOST / 2)
-            squares = np.sum(np.where(use, change, 0.0) ** 2, axis=(0, 2)) / np.maximum(use.sum(axis=(0, 2)), 1)
-            return {"error": 2.0 * np.sqrt(squares)}
+            return {"error": 2.0 * rms_of(change, use)}
 
         return np.fmax(super().least_noise(model), self.cached_arrays(("half the steps", model), halved)["error"])
 

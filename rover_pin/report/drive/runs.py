@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from rover_pin.discrepancy.cross_validation import run_of_rows
 from rover_pin.estimation.fit import Fit
-from rover_pin.estimation.noise import huber
+from rover_pin.estimation.noise import huber, rms_of
 from rover_pin.estimation.wording import in_words
 from rover_pin.experiments.drive_log.experiment import DriveExperiment, logged
 from rover_pin.experiments.drive_log.features import BLOCK, DRIFT, HEADING, LEAK, PATH, SPEED
@@ -84,10 +84,7 @@ def _kind(channel: str) -> str:
 
 def _rms(fit: Fit) -> np.ndarray:
     noise = fit.task.noise
-    good = noise.good & ~np.isnan(fit.missed)  # a run that breaks off has no error there
-    squares = np.where(good, fit.residual, 0.0) ** 2
-    count = np.maximum(good.sum(axis=(0, 2)), 1)
-    return np.asarray(np.sqrt(squares.sum(axis=(0, 2)) / count) / noise.floor)
+    return rms_of(fit.residual, noise.good & ~np.isnan(fit.missed)) / noise.floor  # no error where a run breaks off
 
 
 def residual_panels(sides: Sides) -> tuple[Figure, ...]:
