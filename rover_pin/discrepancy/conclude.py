@@ -3,7 +3,6 @@
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -101,9 +100,10 @@ def search_of(question: Question, progress: Progress, seed: int = 0) -> Search:
 
 def explorer_of(question: Question, progress: Progress) -> Explorer:
     """Return what explores a question, its base model fitted."""
-    experiment, model = question.experiment, question.model
+    experiment, model, noise = question.experiment, question.model, question.experiment.noise()
     numbers = tuple(map(proper, question.numbers))
-    samples = samples_of(experiment, np.asarray(_declared(experiment).sd), experiment.varied)
+    assert noise is not None
+    samples = samples_of(experiment, noise.sd, experiment.varied)
     explorer = Explorer(Fitter(experiment, samples, model, numbers), (), progress)
     try:
         explorer.base()
@@ -116,12 +116,6 @@ def explorer_of(question: Question, progress: Progress) -> Explorer:
     readings = [reading_error(parameter.name, parameter) for parameter in experiment.reading_errors(model)]
     explorer.causes = [*(candidate.cause for candidate in question.candidates(base)), *readings]
     return explorer
-
-
-def _declared(experiment: Any) -> Any:
-    noise = experiment.noise()
-    assert noise is not None
-    return noise
 
 
 def proper(parameter: Parameter) -> Parameter:

@@ -7,7 +7,7 @@ and shares that among its places.
 """
 
 import itertools
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -15,6 +15,7 @@ import numpy as np
 from rover_pin.discrepancy.added import fitted_with, part_of
 from rover_pin.discrepancy.calibration import as_declared, is_bent
 from rover_pin.discrepancy.option import Option, alone, options
+from rover_pin.discrepancy.question import Progress
 from rover_pin.discrepancy.signature import Signature, signatures
 from rover_pin.estimation.columns import Columns
 from rover_pin.estimation.fit import Fit, fit
@@ -34,7 +35,6 @@ FOLLOWED = 20.0
 """Nats behind the best at which a set is not followed at all."""
 FROM_DECLARED = 6
 """Causes that are fitted from the declared numbers too, where a missing effect has bent the base model."""
-Progress = Callable[[str], None]
 Names = frozenset[str]
 
 

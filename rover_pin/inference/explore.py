@@ -56,7 +56,8 @@ class Explorer:
         leaders = list(dict.fromkeys([*by_evidence[:LEADING], *by_squares[:LEADING_FLAT]]))
         pairs = {names_of(pair): pair for pair in itertools.combinations(leaders, 2)}
         first = dict.fromkeys([*by_evidence[:2], *by_squares[:1]])
-        pairs |= {names_of(pair): pair for lead in first for pair in self._with_each(lead, singles)}
+        with_each = ((lead, partner) for lead in first for partner in singles if partner is not lead)
+        pairs |= {names_of(pair): pair for pair in with_each}
         self.progress("fitting pairs of causes")
         for pair in pairs.values():
             self.fit(pair)
@@ -71,10 +72,6 @@ class Explorer:
                 if partner not in pair:
                     self.fit((*pair, partner))
         return self.beliefs()
-
-    @staticmethod
-    def _with_each(lead: Cause, others: Iterable[Cause]) -> Iterable[tuple[Cause, Cause]]:
-        return ((lead, partner) for partner in others if partner is not lead)
 
     def score(self, causes: Sequence[Cause]) -> float:
         """Return the greatest logarithm of evidence times prior of a set of causes."""

@@ -5,11 +5,12 @@ and a zero that are fitted with the rest.
 """
 
 import dataclasses
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import numpy as np
 
 from rover_pin.base.jobs.cluster import Workers
+from rover_pin.discrepancy.question import Progress
 from rover_pin.effects.raw_current import RawCurrent
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.experiments.drive_log.experiment import DriveExperiment, experiment_of
@@ -57,17 +58,13 @@ def _standing(log: DriveLog, trace: Trace, run: LoggedRun, driven: Replay) -> Lo
     return dataclasses.replace(run, commands=dataclasses.replace(run.commands, terrain=ground))
 
 
-def _quiet(message: str) -> None:
-    """Say nothing."""
-
-
 PULL = 0.03
 """Pull of a wheel as a share of its load to which a channel's spread may belong at the least: the scale's SD is that
 spread over this pull's current, several times what pulls on slopes and soft ground make of it."""
 
 
 def experiment_on(
-    log: DriveLog, model: Model, jobs: Workers = 1, progress: Callable[[str], None] = _quiet, memory: Memory = Memory()
+    log: DriveLog, model: Model, jobs: Workers = 1, progress: Progress = lambda message: None, memory: Memory = Memory()
 ) -> tuple[DriveExperiment, Model, tuple[Parameter, ...]]:
     """Return a log as an experiment, every run replayed from where the rover stood at its start, model and numbers."""
     model = with_raw_currents(log, model)

@@ -63,7 +63,12 @@ class DriveExtra(NamedTuple):
 
     def lines(self, added: bool) -> list[str]:
         """Return lines for a reader."""
-        lines = [f"free run: {line}" for line in free_lines(self.free)]
+        lines = []
+        if self.free:
+            was, now = together(self.free)
+            after = "" if was == now else f" -> {1e3 * now:.1f} mm"
+            way = f"RMS distance from the logged place {1e3 * was:.1f} mm{after}"
+            lines.append(f"free run: {way} over {len(self.free)} runs")
         lines += self.ground.lines if self.ground else []
         return [*lines, f"left: {self.residual.description}"] if self.residual else lines
 
@@ -81,12 +86,8 @@ def extra_of(verdict: Verdict) -> DriveExtra:
     return verdict.extra if isinstance(verdict.extra, DriveExtra) else DriveExtra()
 
 
-def free_lines(free: tuple[FreeRun, ...]) -> list[str]:
-    """Return one line: how far free simulations diverge from the log."""
-    if not free:
-        return []
-    was, now = (
-        float(np.sqrt(np.nanmean([row**2 for row in rows]))) for rows in zip(*[run[2:] for run in free], strict=True)
-    )
-    after = "" if was == now else f" -> {1e3 * now:.1f} mm"
-    return [f"RMS distance from the logged place {1e3 * was:.1f} mm{after} over {len(free)} runs"]
+def together(free: tuple[FreeRun, ...]) -> tuple[float, float]:
+    """Return the RMS distance of all free runs from the logged place, before and after [m]."""
+    rows = np.array([(free_run.before, free_run.after) for free_run in free])
+    was, now = (float(np.sqrt(np.nanmean(side**2))) if np.isfinite(side).any() else float("nan") for side in rows.T)
+    return was, now

@@ -102,18 +102,11 @@ class GroundVariability(NamedTuple):
     @property
     def lines(self) -> list[str]:
         """The learnt SDs, a line of the ground's and one of the tracker's."""
-        ground = [
-            f"{learnt_sd.kind.name} {_size(learnt_sd)}"
-            for learnt_sd in self.learnt
-            if learnt_sd.sd > 0 and learnt_sd.kind in KINDS
-        ]
-        tracker = [
-            f"{learnt_sd.kind.name} {_size(learnt_sd)}"
-            for learnt_sd in self.learnt
-            if learnt_sd.sd > 0 and learnt_sd.kind not in KINDS
-        ]
-        groups = {"ground, learnt (SD)": ground, "tracker, learnt (SD)": tracker}
-        return [f"{of}: {', '.join(parts)}" for of, parts in groups.items() if parts]
+        groups: dict[str, list[str]] = {"ground": [], "tracker": []}
+        for row in self.learnt:
+            of = "ground" if row.kind in KINDS else "tracker"
+            groups[of] += [f"{row.kind.name} {_size(row)}"] if row.sd > 0 else []
+        return [f"{of}, learnt (SD): {', '.join(parts)}" for of, parts in groups.items() if parts]
 
     def as_dict(self) -> dict[str, Any]:
         """Return plain values."""
