@@ -36,3 +36,8 @@ class Columns(NamedTuple):
     @property
     def _parts(self) -> list[tuple[slice, np.ndarray]]:
         return [(run, self.values[run]) for run in self.runs]
+
+
+def no_columns(rows: int) -> Columns:
+    """Return no columns at all, of so many rows."""
+    return Columns(np.zeros((rows, 0)), (slice(None),))

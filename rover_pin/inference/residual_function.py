@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import logsumexp
 
-from rover_pin.estimation.columns import Columns
+from rover_pin.estimation.columns import Columns, no_columns
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.noise import huber, huber_weights
 from rover_pin.inference.error_model import PRIORS
@@ -63,8 +63,8 @@ def _reweighed(expansion: Expansion, laplace: Laplace, columns: Columns, amplitu
     minimise huber(r_0 + A d - T v) / s^2 + |u_0 + d|^2 + |v|^2 / a^2 by turns of weights, s and (d, v);
     ln Z = -(that) / 2 - ln|H| / 2 - m ln a - n ln s + ln p(s), H with the last weights; less the same without T.
     """
-    nothing = Columns(np.zeros((len(expansion.settled), 0)), (slice(None),))
-    without, best = (_mode(expansion, laplace, function, amplitude) for function in (nothing, columns))
+    both = (no_columns(len(expansion.settled)), columns)
+    without, best = (_mode(expansion, laplace, function, amplitude) for function in both)
     slopes = expansion.columns[:, : len(best.u)]
     rows = (columns.times(best.size) - slopes @ (best.u - laplace.mean)) / best.scale
     gain = best.log_evidence - without.log_evidence

@@ -79,7 +79,7 @@ def made(searched):
 def term(argument, size, gain=200.0):
     size = np.array(size)
     return Term(
-        Act(FORCE, "", "N", ()), argument, ("run_1", "run_2"), size, 0.01 * np.eye(len(size)), gain, 3, 12.0,
+        Act(FORCE, "", "N", ()), argument, ("run_1", "run_2"), size, 0.01 * np.eye(len(size)), gain, 12.0,
         None if argument.per_run else 150.0,
     )  # fmt: skip
 
@@ -91,7 +91,7 @@ def left(gain=200.0):
     run = Argument("run", "", lambda scene, run, part: 0, Polynomial(0.0, 1.0, 0), per_run=True)
     channel = DriveChannelResidual("path", 2.0, 0.1, {"duty": 0.4, "slip": -0.1}, "run_1", 2.0, 0.3)
     terms = (term(place, [1.0, 0.2, 0.1], gain), term(moment, range(6), gain), term(run, [1.0, 2.0], gain))
-    return DriveResidual(terms, (channel, channel._replace(name="drift", rms=1.0)), ("run_1", "run_2"), ("fl", "fr"))
+    return DriveResidual(terms, (channel, channel._replace(name="drift", rms=1.0)), ("fl", "fr"))
 
 
 @pytest.fixture(scope="session")

@@ -109,7 +109,7 @@ def test_the_table_of_a_drive_has_the_sign(faster):
     left = channel_residuals(scene)
     assert left[1].correlations["duty"] > 0.99
     assert "duty (correlation +1.00)" in left[1].sentence
-    rows = channel_table(DriveResidual((), left, (), ())).rows
+    rows = channel_table(DriveResidual((), left, ())).rows
     assert rows[0].cells[0] == "current fl"
     assert float(rows[0].cells[3]) > 0.99
 

@@ -9,7 +9,6 @@ Brynjarsdottir and O'Hagan, Inverse Problems 30 (2014) 114007 (without a prior o
 """
 
 import dataclasses
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -29,8 +28,6 @@ class Kind(NamedTuple):
     name: str
     size: float
     unit: str
-    most: float = math.inf
-    "SD from which it is no chance, but something that a model lacks"
 
 
 @dataclass(frozen=True, eq=False)

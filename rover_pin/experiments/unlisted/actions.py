@@ -15,8 +15,7 @@ from rover_pin.effects.effect import Effect, SensorEffect
 from rover_pin.effects.tacho_scale import TachoScale
 from rover_pin.estimation.fit import Fit
 from rover_pin.experiments.drive_log.experiment import DriveExperiment, logged
-from rover_pin.experiments.drive_log.features import BLOCK, DRIFT, HEADING, LEVELS, PATH, SPEED, leaky
-from rover_pin.rover.rover import Rover
+from rover_pin.experiments.drive_log.features import DRIFT, HEADING, LEVELS, PATH, SPEED, blocks, leaky
 from rover_pin.rover.wheel_base import wheel_places
 from rover_pin.simulation.replay import Perturbation, Replay, filled
 from rover_pin.simulation.trace.channels import unit_of
@@ -25,6 +24,12 @@ TORQUE_SHARE, FORCE_SHARE, GRIP_SHARE = 0.03, 0.01, 0.05
 """Sizes of the perturbations: of the stall torque, of the rover's weight, of tan phi."""
 TORQUE, VOLTAGE, FORCE, LEAN, GRIP, READING = "torque", "voltage", "force", "lean", "grip", "reading"
 """Kinds of what is acted on; a force is against the motion, a lean along the x of the world."""
+
+
+MAY_MISREAD = (
+    "wheel_rate_", "current_", "rocker_", "bogie_", "body_roll", "body_pitch", "battery_", "gyro_", "accel"
+)  # fmt: skip
+"""Channels of which an error of their own sensor is looked for."""
 
 
 @dataclass(frozen=True)
@@ -116,7 +121,7 @@ class Scene:
     @cached_property
     def ahead(self) -> dict[str, float]:
         """How far each wheel's centre is ahead of the base's origin [m], the suspension at rest."""
-        return wheels_ahead(self.fit.model.rover)
+        return {name: float(place[0]) for name, place in wheel_places(self.fit.model.rover).items()}
 
     def logged(self, run: int, name: str) -> np.ndarray:
         """Return a channel (T,) as measured, gaps bridged, or as replayed where it is not logged."""
@@ -148,11 +153,6 @@ class Scene:
         return np.asarray(x + ahead * np.cos(heading))
 
 
-def wheels_ahead(rover: Rover) -> dict[str, float]:
-    """Return how far each wheel's centre is ahead of the base's origin [m], the joints at 0."""
-    return {name: float(place[0]) for name, place in wheel_places(rover).items()}
-
-
 def _gains(sensors: Sequence[SensorEffect], channels: Mapping[str, np.ndarray]) -> dict[str, float]:
     larger = {name: row if name == "t_s" else 1.001 * row for name, row in channels.items()}
     reads = []
@@ -175,7 +175,8 @@ def acts(scene: Scene) -> tuple[Act, ...]:
         possible_acts += _of_wheels(scene, VOLTAGE, "", duties)
     possible_acts += _forces(scene)
     possible_acts.append(Act(GRIP, "", "", tuple(_gripped(scene, axle) for axle in range(len(_axles(scene))))))
-    return (*possible_acts, *(_reading(scene, name) for name in scene.experiment.channels if _may_misread(name)))
+    misread = [name for name in scene.experiment.channels if name.startswith(MAY_MISREAD)]
+    return (*possible_acts, *(_reading(scene, name) for name in misread))
 
 
 def _of_wheels(scene: Scene, kind: str, unit: str, parts: tuple[Part, ...]) -> list[Act]:
@@ -252,12 +253,6 @@ def _gripped(scene: Scene, axle: int) -> Part:
     return Part(_axles(scene)[axle], axle, responses)
 
 
-def _may_misread(name: str) -> bool:
-    """Return whether an error of this channel's own sensor is looked for."""
-    kinds = ("wheel_rate_", "current_", "rocker_", "bogie_", "body_roll", "body_pitch", "battery_", "gyro_", "accel")
-    return name.startswith(kinds)
-
-
 def _reading(scene: Scene, name: str) -> Act:
     wheel = next(
         (candidate for candidate in scene.wheels if name in (f"wheel_rate_{candidate}", f"current_{candidate}_A")), None
@@ -277,12 +272,10 @@ def moved_features(scene: Scene, act: Act, run: int, shares: np.ndarray) -> np.n
     for at, name in enumerate(names):
         if name in (PATH, DRIFT, HEADING):
             rows[:, at] = leaky(logged_run.summed_rows * rows[:, at], period)
-    length = max(1, round(BLOCK / period))
-    count = rows.shape[-1] // length
-    block = rows[..., : count * length].reshape(*rows.shape[:2], count, length).mean(axis=-1)
+    block = blocks(rows, period)
     for at, name in enumerate(names):
         if name in LEVELS and logged_run.usable.any():
             block[:, at] -= block[:, at, logged_run.usable].mean(axis=-1, keepdims=True)
-    features = np.zeros((len(shares), responses.shape[1], count))
+    features = np.zeros((len(shares), responses.shape[1], block.shape[-1]))
     features[:, touched] = block
     return features

@@ -64,7 +64,6 @@ class DriveResidual:
 
     terms: tuple[Term, ...] = field(repr=False)
     channels: tuple[DriveChannelResidual, ...]
-    runs: tuple[str, ...]
     wheels: tuple[str, ...]
 
     @property
@@ -102,9 +101,7 @@ def describe(fit: Fit, progress: Callable[[str], None] = lambda line: None) -> D
     """
     scene = Scene(fit)
     progress("Nudging the replays")
-    ranked = terms(scene)
-    runs = tuple(run.name for run in scene.experiment.runs)
-    return DriveResidual(ranked, channel_residuals(scene), runs, scene.wheels)
+    return DriveResidual(terms(scene), channel_residuals(scene), scene.wheels)
 
 
 def draft_effect(residual: DriveResidual, name: str) -> str:
@@ -143,12 +140,11 @@ def signals(scene: Scene) -> dict[str, np.ndarray]:
 def _channel(scene: Scene, name: str, rows: np.ndarray, signals: dict[str, np.ndarray]) -> DriveChannelResidual:
     finite = np.isfinite(rows)
     values = rows[finite]
-    worst = _worst(rows)
-    run, block = worst
+    run, block = _worst(rows)
     return DriveChannelResidual(
         name,
         float(np.sqrt(np.mean(values**2))) if values.size else 0.0,
-        _lagged(rows, 1),
+        _correlation(rows[:, 1:].ravel(), rows[:, :-1].ravel()),
         {signal: _correlation(values, table[finite]) for signal, table in signals.items()},
         scene.experiment.runs[run].name,
         float(signals["time"][run, block]),
@@ -162,10 +158,6 @@ def _worst(rows: np.ndarray, width: int = 4) -> tuple[int, int]:
     sums = np.array([np.convolve(row, np.ones(width), "same") for row in power])
     run, block = np.unravel_index(int(np.argmax(np.where(np.isfinite(rows), sums, -1.0))), sums.shape)
     return int(run), int(block)
-
-
-def _lagged(rows: np.ndarray, lag: int) -> float:
-    return _correlation(rows[:, lag:].ravel(), rows[:, :-lag].ravel())
 
 
 def _correlation(first: np.ndarray, second: np.ndarray) -> float:

@@ -36,8 +36,6 @@ class Term:
     covariance: np.ndarray = field(repr=False)
     gain: float
     "fall of the robust chi2"
-    columns: int
-    "how many directions the data tell"
     detection_threshold: float
     "what chance gives the best of all terms with as many columns"
     held_out: float | None
@@ -83,24 +81,24 @@ class Term:
     @property
     def description(self) -> str:
         """What it acts as, what it depends on, its size and where, in one sentence."""
-        return describe_term(self, self.runs)
+        return f"acts as {self.acts}{_described(self)}"
 
 
-def describe_term(term: Term, runs: tuple[str, ...]) -> str:
-    """Return what a term acts as, what it depends on, its size and where; `runs` are the runs' names."""
+def _described(term: Term) -> str:
+    """Return what a term depends on, its size and where, as they follow what it acts as."""
     name, basis = term.argument.name, term.argument.basis
     curve = term.curve
-    head = f"acts as {term.acts}"
     if name == "nothing":
-        return f"{head}: {_size(term, curve.value[0], curve.sd[0])} all the time"
+        return f": {_size(term, curve.value[0], curve.sd[0])} all the time"
     if name == "run":
-        return f"{head} that differs from run to run: {_by_run(term, curve, runs)}"
+        sizes = (f"{_size(term, row[0])} in {run}" for run, row in zip(term.runs, curve.value, strict=True))
+        return f" that differs from run to run: {', '.join(sizes)}"
     if isinstance(basis, Wave):
-        return f"{head} {_wave(term, basis, curve)}"
+        return f" {_wave(term, basis, curve)}"
     if isinstance(basis, Hats):
-        return f"{head} {_places(term, curve, runs)}"
+        return f" {_places(term, curve)}"
     assert isinstance(basis, Polynomial)
-    return f"{head} that depends on {_of(name)}: {_ends(term, curve)}"
+    return f" that depends on {_of(name)}: {_ends(term, curve)}"
 
 
 def _of(name: str) -> str:
@@ -127,10 +125,6 @@ def _size(term: Term, value: float, sd: float | None = None) -> str:
         )
     spread_text = "" if sd is None else spread(scale * sd)
     return f"{scale * value:+.3g}{spread_text} {unit}"
-
-
-def _by_run(term: Term, curve: Curve, runs: tuple[str, ...]) -> str:
-    return ", ".join(f"{_size(term, row[0])} in {run}" for run, row in zip(runs, curve.value, strict=True))
 
 
 def sine(term: Term) -> tuple[np.ndarray, np.ndarray]:
@@ -179,7 +173,7 @@ def stretches(curve: Curve, row: int | None) -> list[Stretch]:
     return sorted(clear_stretches, key=lambda stretch: -abs(stretch.top / stretch.sd))
 
 
-def _places(term: Term, curve: Curve, runs: tuple[str, ...]) -> str:
+def _places(term: Term, curve: Curve) -> str:
     letter, unit = ("x", "m") if term.argument.unit == "m" else ("t", "s")
     rows: list[int | None] = list(range(len(curve.value))) if term.argument.per_run else [None]
     located = [(row, stretch) for row in rows for stretch in stretches(curve, row)]
@@ -187,7 +181,7 @@ def _places(term: Term, curve: Curve, runs: tuple[str, ...]) -> str:
     kind = "the place along x" if letter == "x" else "the moment"
     listed = [
         f"{_size(term, top, sd)} at {letter} = {low:.2f}..{high:.2f} {unit}"
-        + ("" if row is None else f" in {runs[row]}")
+        + ("" if row is None else f" in {term.runs[row]}")
         for row, (low, high, top, sd) in located[:3]
     ]
     return f"that depends on {kind}: {'; '.join(listed) or 'nowhere clear of 0'}"

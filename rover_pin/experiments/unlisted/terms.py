@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rover_pin.estimation.columns import Columns
+from rover_pin.estimation.columns import Columns, no_columns
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.noise import huber, huber_weights, null_gain
 from rover_pin.experiments.unlisted.actions import GRIP, Act, Scene, acts, moved_features
@@ -96,11 +96,6 @@ def _residual_rows(rows: Rows, columns: Columns, solved: _Solved) -> np.ndarray:
     return np.asarray(rows.rows - columns.times(solved.size) + rows.numbers @ solved.numbers)
 
 
-def _alone(rows: Rows) -> Columns:
-    """Return no columns at all, to solve for the fit's numbers alone."""
-    return Columns(np.zeros((len(rows.rows), 0)), (slice(None),))
-
-
 def _reweighed(rows: Rows, columns: Columns) -> tuple[_Solved, float]:
     """Return the term weighed by what it leaves, and the fall of the robust chi2."""
     everything = np.ones(len(rows.rows), dtype=bool)
@@ -118,7 +113,7 @@ def held_out(rows: Rows, columns: Columns) -> float:
     weights, total = huber_weights(rows.rows), 0.0
     for run in np.unique(rows.run_of):
         other_runs = rows.run_of != run
-        without = _solved(rows, _alone(rows), weights, other_runs)
+        without = _solved(rows, no_columns(len(rows.rows)), weights, other_runs)
         with_it = _solved(rows, columns, weights, other_runs)
         before = rows.rows + rows.numbers @ without.numbers
         after = _residual_rows(rows, columns, with_it)
@@ -150,12 +145,8 @@ def terms(scene: Scene, chosen_acts: Sequence[Act] | None = None) -> tuple[Term,
         fitted_terms.append(_term(scene, (act, argument), solved, solved.gain, len(pairs)))
     fitted_terms.sort(key=lambda term: -term.net)
     again = [_again(scene, rows, term, len(pairs)) for term in fitted_terms[:REWEIGHED]]
-    return tuple(map(_light, (*sorted(again, key=lambda term: -term.strength), *fitted_terms[REWEIGHED:])))
-
-
-def _light(term: Term) -> Term:
-    """Return the term without the perturbations, which are large."""
-    return replace(term, act=term.act._replace(parts=()))
+    ranked = (*sorted(again, key=lambda term: -term.strength), *fitted_terms[REWEIGHED:])
+    return tuple(replace(term, act=term.act._replace(parts=())) for term in ranked)  # perturbations are large
 
 
 def _term(
@@ -168,7 +159,7 @@ def _term(
 ) -> Term:
     detection_threshold = 2.0 * solved.columns + null_gain(count)
     runs = tuple(run.name for run in scene.experiment.runs)
-    return Term(*what, runs, solved.size, solved.covariance, gain, solved.columns, detection_threshold, held_out_gain)
+    return Term(*what, runs, solved.size, solved.covariance, gain, detection_threshold, held_out_gain)
 
 
 def _again(scene: Scene, rows: Rows, term: Term, count: int) -> Term:

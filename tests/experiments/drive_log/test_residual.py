@@ -60,9 +60,7 @@ class Eccentric(MotorEffect):
 
 def term(kind, where, argument, size, unit="N m"):
     size = np.array(size, dtype=float)
-    return Term(
-        Act(kind, where, unit, ()), argument, ("one", "two"), size, np.eye(len(size)) * 1e-6, 99.0, 2, 20.0, 80.0
-    )
+    return Term(Act(kind, where, unit, ()), argument, ("one", "two"), size, np.eye(len(size)) * 1e-6, 99.0, 20.0, 80.0)
 
 
 def made(one, tmp_path):
@@ -156,11 +154,11 @@ def test_a_reading_draft_is_a_sensor(tmp_path):
 def test_residual_drafts_the_best_term_an_effect_can_imitate():
     blind = term(TORQUE, "fl", argument("pitch", Polynomial(0.0, 0.1, 2), "rad"), [0.0, 0.1, 0.0])
     able = term(LEAN, "", argument("nothing", Polynomial(0.0, 1.0, 0)), [0.4], "N")
-    remainder = DriveResidual((blind, able), (), ("one", "two"), WHEELS)
+    remainder = DriveResidual((blind, able), (), WHEELS)
     assert "a torque on wheel fl that depends on the pitch" in remainder.description
     assert "+0.4 +- 0.001 N all the time" in remainder.description
     assert "class Own(BodyEffect)" in draft_effect(remainder, "own")
-    assert DriveResidual((dataclasses.replace(able, held_out=3.0),) * 2, (), (), WHEELS).is_noise
+    assert DriveResidual((dataclasses.replace(able, held_out=3.0),) * 2, (), WHEELS).is_noise
 
 
 def drives(hidden, count=3, duration=15.0):
