@@ -139,9 +139,9 @@ def _by_channel(
     for row, name in enumerate(experiment.channels):
         squares = [np.where(good, residual, 0.0)[:, row] ** 2 for residual in pair]
         has_data = np.full(len(good), True) if experiment.is_timed else good[:, row].any(axis=1)
-        low, high = _change(
-            np.array([_resampled(experiment, side_squares[has_data]) for side_squares in squares]), 0.5, random
-        )
+        measured = [side_squares[has_data] for side_squares in squares]
+        sums = [_summed(side).ravel() if experiment.is_timed else side.sum(axis=1) for side in measured]
+        low, high = _change(np.array(sums), 0.5, random)
         was, now = (float(np.sqrt(side_squares.sum() / max(int(good[:, row].sum()), 1))) for side_squares in squares)
         unit, change = experiment.unit(name), now / max(was, 1e-300) - 1
         levels, of = _levels(experiment, noise.good[:, row], squares), "runs" if experiment.is_timed else "folds"
@@ -155,11 +155,6 @@ def fold_errors(fitted: Fit) -> dict[str, float]:
     """Return the RMSE of each channel, in its unit, every fold as the fits to the others predict it."""
     rms = rms_of(held_out_residual(fitted), fitted.task.noise.good)
     return dict(zip(fitted.task.experiment.channels, rms.tolist(), strict=True))
-
-
-def _resampled(experiment: Experiment, squares: np.ndarray) -> np.ndarray:
-    """Return the sums of squares (folds, samples) of what hangs together: stretches of a run, or a whole fold."""
-    return _summed(squares).ravel() if experiment.is_timed else squares.sum(axis=1)
 
 
 def _levels(experiment: Experiment, good: np.ndarray, squares: Sequence[np.ndarray]) -> tuple[LevelError, ...]:

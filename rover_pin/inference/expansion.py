@@ -99,9 +99,6 @@ class Expansion:
             whole.slope[0, : self.own] = -self.fit.u
         return whole
 
-    def _sums_without(self, fold: int) -> Sums:
-        return Sums(*(total - part[fold] for total, part in zip(self.whole, self.sums, strict=True)))
-
     @cached_property
     def settled(self) -> np.ndarray:
         """The rows (n,), at an optimum without what a step of the fit's own numbers still promises."""
@@ -142,7 +139,9 @@ class Expansion:
     def posterior(self, extra: Sequence[int] = (), without: int | None = None) -> Laplace:
         """Return what the data say of the fit's numbers with these of the others, perhaps without a fold."""
         at = np.array([*range(self.own), *(self.own + place for place in extra)], dtype=int)
-        sums = self.whole if without is None else self._sums_without(without)
+        sums = self.whole
+        if without is not None:
+            sums = Sums(*(total - part[without] for total, part in zip(sums, self.sums, strict=True)))
         loss, count = float(sums.loss[0]), int(sums.rows[0])
         slope, curvature = sums.slope[0][at], sums.curvature[0][np.ix_(at, at)]
         scales = self.scales

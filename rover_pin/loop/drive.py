@@ -3,7 +3,6 @@
 import dataclasses
 import os
 import time
-from collections.abc import Sequence
 from pathlib import Path
 
 from rover_pin.base.code_digest import key_of_code
@@ -28,7 +27,7 @@ from rover_pin.experiments.drive_log.next_drives import next_drives
 from rover_pin.experiments.drive_log.parameters import with_wheels
 from rover_pin.experiments.drive_log.resume import Memory
 from rover_pin.experiments.unlisted.actions import Scene
-from rover_pin.experiments.unlisted.residual import DriveResidual, describe, drafted
+from rover_pin.experiments.unlisted.residual import describe, drafted
 from rover_pin.experiments.unlisted.terms import functions
 from rover_pin.logs.drive_log import DriveLog
 from rover_pin.loop.provenance import LoopRequest, provenance
@@ -60,9 +59,10 @@ def close_drive_loop(
     say_what_is_replaced(folder, OF_A_LOOP)
     memory = Memory(folder, "" if folder is None else key_of_code(_code(start, effects)))
     with memory.noting():
-        verdict = (
-            _poor(log, start, poor) if poor else _decided(log, start, effects, memory, (progress, jobs, request.seed))
-        )
+        if poor:
+            verdict = Verdict("drive-log", Answer.CANNOT_TELL, log.metadata.name, poor, start, findings=findings(log))
+        else:
+            verdict = _decided(log, start, effects, memory, (progress, jobs, request.seed))
         verdict.provenance.update(provenance(request, time.monotonic() - begun))
         if folder is None:
             return verdict
@@ -89,10 +89,6 @@ def _code(model: Model, effects: str | Path | None) -> set[Path]:
     """Return the files with the code of effects: a user's own, and those of the model."""
     user_kinds = user_effects(effects) if effects else ()
     return {file_of(kind) for kind in (*user_kinds, *map(type, model.all_effects))}
-
-
-def _poor(log: DriveLog, model: Model, poor: str) -> Verdict:
-    return Verdict("drive-log", Answer.CANNOT_TELL, log.metadata.name, poor, model, findings=findings(log))
 
 
 def question_of(
@@ -134,26 +130,17 @@ def verdict_on(log: DriveLog, question: Question, search: Search, seed: int, pro
     ground = ground_variability(after)
     odometry = kinematic(experiment, search.base.model.rover)
     verdict = with_draft(verdict, lambda fitted: drafted(fitted, residual, log.metadata.name, progress), seed)
-    sentences = (verdict.sentence, _how(verdict, residual), ground.sentence if ground else "")
+    how = f"It {residual.best.description}." if verdict.answer is Answer.NONE_FITS else ""
+    sentences = " ".join(filter(None, (verdict.sentence, how, ground.sentence if ground else "")))
     verdict = dataclasses.replace(
         verdict,
-        sentence=with_wheel_names(" ".join(filter(None, sentences)), wheels),
+        sentence=with_wheels(sentences, wheels, "{name}[{number}] (wheel {wheel})"),
         findings=findings(log),
         profiles=profiles(after, amplitude_names) if amplitude_names and verdict.named else (),
         cautions=(*verdict.cautions, *cautions(verdict, free)),
         extra=DriveExtra(free, residual, ground),
     )
     return against_rivals(verdict, odometry, same_inputs=experiment.rate_driven)
-
-
-def _how(verdict: Verdict, residual: DriveResidual) -> str:
-    """Return how what is on no list acts, where something does."""
-    return f"It {residual.best.description}." if verdict.answer is Answer.NONE_FITS else ""
-
-
-def with_wheel_names(sentence: str, wheels: Sequence[str]) -> str:
-    """Return a sentence with the wheel's name behind that of a candidate which has the wheel's number only."""
-    return with_wheels(sentence, wheels, "{name}[{number}] (wheel {wheel})")
 
 
 def write_results(verdict: Verdict, log: DriveLog, request: LoopRequest, out: Path) -> Verdict:

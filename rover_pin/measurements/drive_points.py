@@ -129,15 +129,11 @@ def instrumented(windows: Sequence[Window], length: float, lag: RelaxedSlip) -> 
         ]
         if not beside:
             continue
-        first, last = min((window, *beside), key=_start), max((window, *beside), key=_start)
+        first, *_, last = sorted((window, *beside), key=lambda each: each.start)
         rate = (last.slip - first.slip) / (last.start - first.start)
         soil_slip = window.slip - (float(lag.length) / window.rim - float(lag.damping)) * rate
         pairs.append((float(np.mean([neighbour.slip for neighbour in beside])), window._replace(slip=soil_slip)))
     return pairs
-
-
-def _start(window: Window) -> float:
-    return window.start
 
 
 def classed(pairs: Sequence[tuple[float, Window]], sampling: Sampling, by_load: float = math.inf) -> list[list[Window]]:

@@ -126,19 +126,12 @@ def variants(kind: type[AnyEffect], model: Model, experiment: DriveExperiment) -
         names = [name for name in experiment.channels if name.startswith(BIASED)]
         return [effect.replace(channel=name) for name in names]
     if "wheel" in fields:
-        names = _wheel_numbers(model) if isinstance(effect.wheel, int) else _wheel_names(model)
-        return [effect.replace(wheel=name) for name in names]
+        wheels = [wheel.name for wheel in model.rover.wheels]
+        owners_of: Sequence[Any] = range(len(wheels)) if isinstance(effect.wheel, int) else ["", *wheels]
+        return [effect.replace(wheel=wheel) for wheel in owners_of]
     if "x_from" in effect.places:
         return [effect.replace(x_from=x) for x in _places(experiment, float(effect.length))]
     return [effect]
-
-
-def _wheel_numbers(model: Model) -> list[Any]:
-    return list(range(len(model.rover.wheels)))
-
-
-def _wheel_names(model: Model) -> list[Any]:
-    return ["", *(wheel.name for wheel in model.rover.wheels)]
 
 
 def _places(experiment: DriveExperiment, length: float) -> list[float]:

@@ -70,7 +70,7 @@ def base_model(log: DriveLog) -> Model:
     """
     rover = log.load_rover()
     soil = record_from(Soil, {**usual_soil(rover).values(), **log.metadata.soil}, f"{log.file}: [soil]")
-    motor = record_from(Motor, {**usual_motor(rover).values(), **log.metadata.motor}, f"{log.file}: [motor]")
+    motor = record_from(Motor, {**own_motor(rover).value.values(), **log.metadata.motor}, f"{log.file}: [motor]")
     traction = SoilTraction(TorqueTraction(), usual_angles(rover, log.metadata.angles))
     effects, terrain = base_effects(soil, rover, traction, log.metadata.gravity), log.terrain()
     if log.metadata.resistance:
@@ -117,11 +117,6 @@ def _own(kind: type[Record], table: Mapping[str, Any]) -> dict[str, Any]:
 def usual_soil(rover: Rover) -> Soil:
     """Return what stands for soil constants that a log does not declare, in which the rover can drive at all."""
     return DRIVEN_SAND if has_papers_wheel(rover) else own_soil(rover).value
-
-
-def usual_motor(rover: Rover) -> Motor:
-    """Return what stands for motor constants that a log does not declare: the rover's own, or sized by its weight."""
-    return own_motor(rover).value
 
 
 def is_rate_driven(log: DriveLog) -> bool:

@@ -17,7 +17,6 @@ from rover_pin.experiments.drive_log.features import WHOLE, LoggedRun, blocks, c
 from rover_pin.inference.beliefs import Hypothesis
 from rover_pin.inference.next_measurement import Offer
 from rover_pin.simulation.model.cruise import CRUISE_DUTY
-from rover_pin.simulation.model.model import Model
 from rover_pin.simulation.replay import replay
 from rover_pin.simulation.sensors import Sensors
 from rover_pin.simulation.start.place import shared_rest
@@ -49,7 +48,8 @@ def _offered(run: CandidateRun, fit: Fit) -> Offer | None:
     place = np.column_stack([free.channels[name] for name in ("body_x", "body_y", "body_yaw")])
     commands = run.commands(model.rover, place)
     compared = comparable_rows(commands, [free.channels[f"wheel_rate_{wheel.name}"] for wheel in model.rover.wheels])
-    unmeasured = () if log.rate_driven else _unlogged(log, model)
+    currents = () if log.rate_driven else tuple(f"current_{wheel.name}_A" for wheel in model.rover.wheels)
+    unmeasured = tuple(name for name in currents if name not in log.channels)
     channels = (*log.channels, *unmeasured)
     usable = blocks(compared, commands.period) > WHOLE
     blank = np.zeros((len(channels), len(usable)))
@@ -57,10 +57,6 @@ def _offered(run: CandidateRun, fit: Fit) -> Offer | None:
     experiment = DriveExperiment((ahead,), (rest_state,), log.jobs)
     noise = noise_with(fit.task.noise, log.channels, unmeasured, np.broadcast_to(usable, (1, *blank.shape)))
     return Offer(experiment, noise, run.on, unmeasured)
-
-
-def _unlogged(log: DriveExperiment, model: Model) -> tuple[str, ...]:
-    return tuple(f"current_{w.name}_A" for w in model.rover.wheels if f"current_{w.name}_A" not in log.channels)
 
 
 def noise_with(noise: Noise, channels: Sequence[str], unmeasured: Sequence[str], good: np.ndarray) -> Noise:

@@ -24,17 +24,9 @@ OF_SPEED = 0.05
 def effect_kinds(folder: str | Path | None = None) -> list[type[Effect]]:
     """Return the contact effects that can be added to a model: those that name the values at which they vanish.
 
-    A user's effect of the same name takes the place of the package's.
+    Every `Effect` of a user's folder of effect files, or of one file, takes the place of the package's of its name.
 
-    Parameters
-    ----------
-    folder : path or None
-        A folder of effect files, or one file; every `Effect` that a file defines is taken.
-
-    Raises
-    ------
-    DataError
-        The path is missing, holds no effect, or a file cannot be run.
+    Raises DataError: the path is missing, holds no effect, or a file cannot be run.
     """
     kinds = _that_vanish(package_effects())
     user_kinds = _of_folder(Path(folder)) if folder is not None else []

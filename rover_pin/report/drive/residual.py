@@ -1,7 +1,6 @@
 """What a drive model leaves: how it acts, and what the residuals go with."""
 
 import textwrap
-from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -46,7 +45,7 @@ def _picture(residual: DriveResidual) -> Picture:
         "What acts, times a function of what it depends on, as estimated from measured - model; shaded: one SD. "
         "Net gain: what it takes beyond chance, no more than on runs on which it was not fitted."
     )
-    return Picture(term_panels(residual.terms[:MAX_LISTED]), alt, caption)
+    return Picture(tuple(map(_panel, residual.terms[:MAX_LISTED])), alt, caption)
 
 
 def _gains(term: Term) -> tuple[str, ...]:
@@ -81,12 +80,8 @@ RUN_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
 """Of curves that each run has for itself. Source: Okabe and Ito 2008, distinct for the colour-blind."""
 
 
-def term_panels(terms: Sequence[Term]) -> tuple[Figure, ...]:
-    """Return the estimated functions of the best terms, with +-1 SD."""
-    return tuple(map(_panel, terms))
-
-
 def _panel(term: Term) -> Figure:
+    """Return the estimated function of a term, with +-1 SD."""
     figure = Figure(figsize=(3.9, 3.4), layout="constrained")
     axis = figure.subplots()
     if term.argument.name == "run":

@@ -57,12 +57,8 @@ def sensitivities(beliefs: Beliefs, named: tuple[str, ...]) -> dict[str, tuple[S
     kinds: dict[str, list[Sensitivity]] = {}
     for name in sorted({*beliefs.included, *beliefs.untried} - set(named)):
         kinds.setdefault(re.split(r"[\[@]", name)[0], []).extend(_of(beliefs, name))
-    best = {kind: (min(rows, key=_share), len(rows)) for kind, rows in kinds.items() if rows}
-    return dict(sorted(best.items(), key=lambda pair: _share(pair[1][0])))
-
-
-def _share(row: Sensitivity) -> float:
-    return row.share
+    best = {kind: (min(rows, key=lambda row: row.share), len(rows)) for kind, rows in kinds.items() if rows}
+    return dict(sorted(best.items(), key=lambda pair: pair[1][0].share))
 
 
 def _of(beliefs: Beliefs, name: str) -> Iterator[Sensitivity]:

@@ -9,11 +9,12 @@ import numpy as np
 from rover_pin.base.quantity import Record, quantities, record_from
 from rover_pin.contact import Wheel
 from rover_pin.experiments.drive_log.checks.driven import Driven, Remarks, degrees
-from rover_pin.experiments.drive_log.model import is_rate_driven, usual_motor, usual_soil
+from rover_pin.experiments.drive_log.model import is_rate_driven, usual_soil
 from rover_pin.experiments.drive_log.readings.outliers import scattered
 from rover_pin.logs.declared_noise import NOISE, kind_of
 from rover_pin.logs.drive_log import FILE, DriveLog
 from rover_pin.measurements.checks import Finding
+from rover_pin.simulation.model.defaults import own_motor
 from rover_pin.terrain.files import LARGEST
 
 SOIL = ("phi", "k", "k_1")
@@ -64,7 +65,7 @@ def declared_findings(log: DriveLog) -> Iterator[Finding]:
     rover = log.load_rover()
     kinds: list[tuple[str, Mapping[str, Any], tuple[str, ...], Record]] = [
         ("soil", log.metadata.soil, SOIL, usual_soil(rover)),
-        ("motor", log.metadata.motor, MOTOR, usual_motor(rover)),
+        ("motor", log.metadata.motor, MOTOR, own_motor(rover).value),
     ]
     for title, table, names, record in kinds[:1] if is_rate_driven(log) else kinds:
         undeclared = [name for name in names if name not in table]
