@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, cast
 
 import numpy as np
@@ -114,7 +114,8 @@ class DriveExperiment(Experiment):
     @property
     def free(self) -> DriveExperiment:
         """The experiment on which nothing draws the rover to the logged places: it drives freely from its start."""
-        return dataclasses.replace(self, runs=tuple(_free(run) for run in self.runs))
+        runs = tuple(_held_to(run, np.full_like(run.commands.place, np.nan)) for run in self.runs)
+        return dataclasses.replace(self, runs=runs)
 
     def alone(self, name: str) -> DriveExperiment:
         """Return the experiment of one of the runs."""
@@ -175,7 +176,10 @@ class DriveExperiment(Experiment):
 
     def random_field(self, model: Model) -> RandomField:
         """Return how the ground of each run may differ from the declared, and how its tracker may wander."""
-        ground = self.cached_arrays(("random field", model), lambda: ground_columns(self, model))
+        replays, read = partial(self.perturbed_replays, model), partial(self.read_run, sensors=model.sensor_effects)
+        ground = self.cached_arrays(
+            ("random field", model), lambda: ground_columns(self.runs, model, self.predict([model])[0], replays, read)
+        )
         tracker = tracker_columns(self.runs, self.channels, self.length, self._ahead(model))
         tracker["kind"] = tracker["kind"] + len(KINDS)
         both = {name: np.concatenate([ground[name], tracker[name]]) for name in ground}
@@ -185,7 +189,9 @@ class DriveExperiment(Experiment):
         """Return d features / d place (runs, channels, blocks) [1/m] for runs that are held further ahead."""
 
         def moved() -> dict[str, np.ndarray]:
-            runs = tuple(_further(run, AHEAD) for run in self.runs)
+            ahead = [np.array([np.cos(run.heading), np.sin(run.heading), 0.0 * run.heading]).T for run in self.runs]
+            pairs = zip(self.runs, ahead, strict=True)
+            runs = tuple(_held_to(run, run.commands.place + AHEAD * way) for run, way in pairs)
             displaced = dataclasses.replace(self, runs=runs).predict([model])[0]
             return {"slope": (displaced - self.predict([model])[0]) / AHEAD}
 
@@ -202,12 +208,8 @@ class DriveExperiment(Experiment):
 
     def perturbed_replays(self, model: Model, perturbations: Sequence[tuple[int, Perturbation]]) -> tuple[Replay, ...]:
         """Return the replays of one model on these runs, by index, under these perturbations."""
-        return tuple(
-            self._spread(
-                _replayed,
-                [(model, self.runs[at].commands, perturbation, self.rests[at]) for at, perturbation in perturbations],
-            )
-        )
+        tasks = [(model, self.runs[at].commands, perturbation, self.rests[at]) for at, perturbation in perturbations]
+        return tuple(self._spread(_replayed, tasks))
 
     def read(self, replays: Sequence[Replay], sensors: Sequence[SensorEffect]) -> np.ndarray:
         """Return the features (runs, channels, blocks) of replays as these sensors report them."""
@@ -247,14 +249,8 @@ def logged(fit: Fit) -> DriveExperiment:
     return cast(DriveExperiment, fit.task.experiment)
 
 
-def _free(run: LoggedRun) -> LoggedRun:
-    nowhere = np.full_like(run.commands.place, np.nan)
-    return dataclasses.replace(run, commands=dataclasses.replace(run.commands, place=nowhere))
-
-
-def _further(run: LoggedRun, ahead: float) -> LoggedRun:
-    step = ahead * np.column_stack([np.cos(run.heading), np.sin(run.heading), 0.0 * run.heading])
-    return dataclasses.replace(run, commands=dataclasses.replace(run.commands, place=run.commands.place + step))
+def _held_to(run: LoggedRun, place: np.ndarray) -> LoggedRun:
+    return dataclasses.replace(run, commands=dataclasses.replace(run.commands, place=place))
 
 
 def _rest(model: Model, run: Commands) -> DriveState | None:
@@ -281,11 +277,7 @@ def _replayed(
 
 def _drives(model: Model, rate_driven: bool) -> tuple[int, ...]:
     """Return what a replay depends on: a model but its sensors, by identity, with those that misread its inputs."""
-    parts = [
-        getattr(model, model_field.name)
-        for model_field in dataclasses.fields(model)
-        if model_field.name != "sensor_effects"
-    ]
+    parts = [getattr(model, each.name) for each in dataclasses.fields(model) if each.name != "sensor_effects"]
     rates = [f"wheel_rate_{wheel.name}" for wheel in model.rover.wheels] if rate_driven else []
     inputs = dict.fromkeys((*PLACE, *rates), TWO_ROWS)
     return tuple(map(id, (*parts, *(sensor for sensor in model.sensor_effects if sensor.undone(TWO_ROWS, inputs)))))

@@ -1,13 +1,11 @@
 """The ground as it may differ from the declared: grip and slope along the way of each run, drawn anew by raking."""
 
 import dataclasses
-from collections.abc import Sequence
-from typing import Protocol
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-from rover_pin.effects.effect import SensorEffect
 from rover_pin.estimation.random_effects.random_field import Kind
 from rover_pin.experiments.drive_log.features import BLOCK, LoggedRun
 from rover_pin.rover.rover import Rover
@@ -26,43 +24,31 @@ MOST = 12
 """Places, or times, of one run at most; in a longer one they are further apart."""
 
 
-class Driven(Protocol):
-    """Runs of a log that a model drives again."""
-
-    @property
-    def runs(self) -> Sequence[LoggedRun]:
-        """The runs."""
-
-    def predict(self, models: Sequence[Model]) -> np.ndarray:
-        """Return the features of each model (models, runs, channels, blocks)."""
-
-    def perturbed_replays(self, model: Model, perturbations: Sequence[tuple[int, Perturbation]]) -> Sequence[Replay]:
-        """Return the replays of one model on these runs, by index, under these perturbations."""
-
-    def read_run(self, at: int, replay: Replay, sensors: Sequence[SensorEffect]) -> np.ndarray:
-        """Return the features (channels, blocks) of one run's replay as these sensors report them."""
-
-
-def ground_columns(experiment: Driven, model: Model) -> dict[str, np.ndarray]:
+def ground_columns(
+    runs: Sequence[LoggedRun],
+    model: Model,
+    still: np.ndarray,
+    replays: Callable[[Sequence[tuple[int, Perturbation]]], Sequence[Replay]],
+    read: Callable[[int, Replay], np.ndarray],
+) -> dict[str, np.ndarray]:
     """Return how each run's features would move if the ground differed at each place of its way, and as a whole.
 
     Grip is a share of tan phi; a slope is one along the heading: a force against the motion, -m g slope, and what it
     does to pitch and height. One place's share falls evenly to 0 at its neighbours; the whole is the sum of all places.
-    `kind`, `fold` and `moved` are those of a `RandomField` of the KINDS.
+    `still` is what the model predicts, `replays` drives it under perturbations of runs by index, `read` returns a run's
+    features of a replay. `kind`, `fold` and `moved` are those of a `RandomField` of the KINDS.
     """
-    still, sensors = experiment.predict([model])[0], model.sensor_effects
     weight = model.built.mass * abs(model.gravity)
-    places = [(at, share) for at, run in enumerate(experiment.runs) for share in shares_of(run, model.rover)]
-    grips = experiment.perturbed_replays(model, [(at, Perturbation(grip=GRIP.size * share)) for at, share in places])
-    pushed = experiment.perturbed_replays(
-        model, [(at, Perturbation(force=-weight * SLOPE.size * share)) for at, share in places]
-    )
-    slopes = [_tilted(experiment.runs[at], replay, share) for (at, share), replay in zip(places, pushed, strict=True)]
+    places = [(at, share) for at, run in enumerate(runs) for share in shares_of(run, model.rover)]
+    grips = replays([(at, Perturbation(grip=GRIP.size * share)) for at, share in places])
+    pushed = replays([(at, Perturbation(force=-weight * SLOPE.size * share)) for at, share in places])
+    slopes = [_tilted(runs[at], replay, share) for (at, share), replay in zip(places, pushed, strict=True)]
     columns = []
-    for along, run_kind, replays in ((GRIP, GRIP_OF_RUN, grips), (SLOPE, SLOPE_OF_RUN, slopes)):
-        changes: list[list[np.ndarray]] = [[] for _ in experiment.runs]
-        for (at, _), replay in zip(places, replays, strict=True):
-            changes[at].append(_finite(experiment.read_run(at, replay, sensors) - still[at]))
+    for along, run_kind, driven in ((GRIP, GRIP_OF_RUN, grips), (SLOPE, SLOPE_OF_RUN, slopes)):
+        changes: list[list[np.ndarray]] = [[] for _ in runs]
+        for (at, _), replay in zip(places, driven, strict=True):
+            change = read(at, replay) - still[at]  # none where one of two drives ended or nothing is compared
+            changes[at].append(np.nan_to_num(change, posinf=0.0, neginf=0.0))
         for at, run_changes in enumerate(changes):
             columns += [(along, at, change) for change in run_changes if len(run_changes) > 1]
             columns.append((run_kind, at, np.sum(run_changes, axis=0)))
@@ -71,11 +57,6 @@ def ground_columns(experiment: Driven, model: Model) -> dict[str, np.ndarray]:
         row[at] = change
     kind, fold = np.array([(KINDS.index(kind), at) for kind, at, _ in columns]).T
     return {"kind": kind, "fold": fold, "moved": table}
-
-
-def _finite(change: np.ndarray) -> np.ndarray:
-    """Return a change, none where one of two drives ended or nothing is compared."""
-    return np.nan_to_num(change, posinf=0.0, neginf=0.0)
 
 
 def shares_of(run: LoggedRun, rover: Rover) -> np.ndarray:
