@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from rover_pin.base.quantity import Quantity, quantities
+from rover_pin.base.quantity import quantities
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.inference.cause import SIZE_SD, Cause
 
@@ -82,9 +82,7 @@ class Candidate:
             replace(size, scale=SIZE_SD * size.scale, prior=True, source="assumed: default sizes")
             for size in map(self.size, self.amplitudes)
         )
-        shapes = (
-            self.diffuse_shape(name) if self._about(name).log_sd > 0.0 else self.shape(name) for name in self.shapes
-        )
+        shapes = map(self._doubted_shape, self.shapes)
         family = getattr(self.effect, "family", "") if is_effect(self.effect) else DECLARED
         return Cause(self.name, self.on, (*amplitudes, *shapes), frozenset(self.amplitudes), family, self.owner)
 
@@ -121,12 +119,10 @@ class Candidate:
         scale = SHAPE_SHARE * (abs(value) or 1.0)
         return Parameter(name, value, scale, low, high, declared=True, source=PUBLISHED)
 
-    def diffuse_shape(self, name: str) -> Parameter:
-        """Return the parameter of a shape of which even the order is assumed, its doubt the prior."""
-        return replace(self.shape(name), scale=self._about(name).log_sd)
-
-    def _about(self, name: str) -> Quantity:
-        return quantities(self.effect)[name.rpartition(".")[2]]
+    def _doubted_shape(self, name: str) -> Parameter:
+        """Return the parameter of a shape; of one of which even the order is assumed its doubt is the prior."""
+        shape, log_sd = self.shape(name), quantities(self.effect)[name.rpartition(".")[2]].log_sd
+        return replace(shape, scale=log_sd) if log_sd > 0.0 else shape
 
 
 def plain_candidate(effect: Any) -> Candidate:

@@ -26,7 +26,7 @@ def fall_of(without: np.ndarray, new_losses: np.ndarray) -> float:
 
 def losses_of(fitted: Fit) -> np.ndarray:
     """Return the robust chi2 of every run (runs,) as fits to the others predict it."""
-    rows, owner = fitted.task.noise.white(held_out_residual(fitted)), run_of_rows(fitted)
+    rows, owner = fitted.task.noise.white(held_out_residual(fitted)), fitted.task.noise.fold
     return np.array([huber(rows[owner == run]) for run in range(len(fitted.predicted))])
 
 
@@ -75,9 +75,3 @@ def _anchored(parameter: Parameter, u: float) -> Parameter:
     if parameter.prior:
         return parameter
     return dataclasses.replace(parameter, origin=parameter.value(u), scale=FAR * parameter.scale, prior=True)
-
-
-def run_of_rows(fitted: Fit) -> np.ndarray:
-    """Return to which run each whitened row belongs."""
-    good = fitted.task.noise.good
-    return np.broadcast_to(np.arange(good.shape[0])[:, None, None], good.shape)[good]

@@ -57,6 +57,11 @@ class Noise:
         return np.where(known, np.fmax(sample_scatter, self.least), self.floor)
 
     @property
+    def fold(self) -> np.ndarray:
+        """Which run each compared block is of (n,)."""
+        return np.nonzero(self.good)[0]
+
+    @property
     def count(self) -> int:
         """Number of compared blocks of all channels."""
         return int(self.good.sum())

@@ -64,11 +64,6 @@ class Expansion:
         return np.concatenate([self.fit.u, np.zeros(self.others.shape[1])])
 
     @cached_property
-    def fold(self) -> np.ndarray:
-        """The fold of each row (n,)."""
-        return np.nonzero(self.fit.task.noise.good)[0]
-
-    @cached_property
     def weights(self) -> np.ndarray:
         """Huber's weight of each row (n,)."""
         return huber_weights(self.fit.rows)
@@ -82,7 +77,8 @@ class Expansion:
     def sums(self) -> Sums:
         """The sums over each fold, slopes at the settled rows: a fold left out takes no promise that is not there."""
         weighted = self.weighted
-        members = [np.flatnonzero(self.fold == at) for at in range(len(self.fit.task.experiment.folds))]
+        fold = self.fit.task.noise.fold
+        members = [np.flatnonzero(fold == at) for at in range(len(self.fit.task.experiment.folds))]
         losses = huber_losses(self.fit.rows)
         return Sums(
             np.array([losses[at].sum() for at in members]),

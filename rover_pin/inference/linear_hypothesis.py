@@ -137,7 +137,7 @@ def with_function(plain: LinearHypothesis, evidence: FunctionEvidence) -> Linear
     table = np.zeros(good.shape)
     table[good] = evidence.rows
     inside = _log_share_inside(plain.causes, posterior) - _log_share_inside(plain.causes, plain.posterior)
-    fold, total = plain.expansion.fold, plain.posterior.log_evidence + evidence.gain
+    fold, total = plain.fit.task.noise.fold, plain.posterior.log_evidence + evidence.gain
     by_row = -0.5 * huber_losses(evidence.missed) / evidence.scale**2 - math.log(evidence.scale)
     shares = np.bincount(fold, by_row + (total - by_row.sum()) / len(by_row), minlength=len(good))
     rms = np.sqrt((table**2).sum(axis=2) / np.maximum(good.sum(axis=2), 1))

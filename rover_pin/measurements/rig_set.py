@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from types import MappingProxyType
 from typing import Any, NamedTuple, Self
 
 import numpy as np
@@ -41,11 +40,6 @@ class Independent(NamedTuple):
     source: str
     tolerance: float = ASSUMED_UNCERTAINTY
     "share of both ends that is granted"
-
-
-def nothing() -> Mapping[str, Any]:
-    """Return an empty mapping that stays so."""
-    return MappingProxyType({})
 
 
 @brief
@@ -95,15 +89,15 @@ class RigSet:
     load: Any = field(repr=False)
     channels: tuple[RigChannel, ...] = field(repr=False)
     name: str = "wheel rig"
-    wheel_range: Mapping[str, tuple[float, float]] = field(default_factory=nothing)
-    declared: Mapping[str, float] = field(default_factory=nothing)
+    wheel_range: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    declared: Mapping[str, float] = field(default_factory=dict)
     levels: Any = field(default=None, repr=False)
-    doubts: Mapping[str, float] = field(default_factory=nothing)
+    doubts: Mapping[str, float] = field(default_factory=dict)
     slip_angle: Any = field(default=0.0, repr=False)
     errors: RigErrors = field(default_factory=RigErrors)
-    error_sd: Mapping[str, float] = field(default_factory=nothing)
+    error_sd: Mapping[str, float] = field(default_factory=dict)
     trials: tuple[Trial, ...] = ()
-    beside: Mapping[str, float] = field(default_factory=nothing)
+    beside: Mapping[str, float] = field(default_factory=dict)
     runs: tuple[str, ...] = field(default=(), repr=False)
     speeds: np.ndarray | None = field(default=None, repr=False)
     source: str = ""

@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any, Self
 
 import numpy as np
@@ -69,8 +68,8 @@ class TractionPoints:
     shared: Any = field(default=0.0, repr=False)
     slip_shared: Any = field(default=0.0, repr=False)
     load: Any = field(default=(), repr=False)
-    declared: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
-    doubts: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    declared: Mapping[str, float] = field(default_factory=dict)
+    doubts: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         where = "TractionPoints"

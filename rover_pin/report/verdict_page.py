@@ -11,7 +11,7 @@ from rover_pin.report.reasons import MAX_REASONS, next_run, opposing_reasons, su
 from rover_pin.report.sections.closing import data_check_section, repeat_section, warnings_section
 from rover_pin.report.sections.held_out import held_out_section
 from rover_pin.report.sections.numbers import numbers_section
-from rover_pin.report.sections.physics import nothing_more, physics_section
+from rover_pin.report.sections.physics import physics_section
 from rover_pin.report.sections.sensitivity import sensitivity_section
 from rover_pin.report.sections.which_cause import which_cause_section
 from rover_pin.report.words import Labels, capital, human, kinds_of
@@ -27,7 +27,7 @@ def write_verdict(
     beside_first: Sections = (),
     where_wrong: Section | None = None,
     beside_numbers: Section | None = None,
-    describe_size: Callable[[Any], str] = nothing_more,
+    describe_size: Callable[[Any], str] = lambda effect: "",
     source: str = "",
     model_file: bool = True,
 ) -> list[Path]:

@@ -82,7 +82,7 @@ def test_a_fold_without_is_a_fit_that_never_had_it(sd):
     good = made.fit.task.noise.good.copy()
     good[2] = False
     rest = replace(made.fit, task=replace(made.fit.task, noise=replace(made.fit.task.noise, good=good)))
-    fresh = Expansion(rest, made.others[made.fold != 2], is_optimum=False)
+    fresh = Expansion(rest, made.others[made.fit.task.noise.fold != 2], is_optimum=False)
     for extra in SETS:
         for one, other in zip(made.posterior(extra, without=2), fresh.posterior(extra), strict=True):
             assert one == pytest.approx(other, abs=1e-8)
@@ -107,10 +107,11 @@ def test_a_stray_pulls_as_one_of_four_sd_however_far_it_is():
 
 
 def function(made, shared, seed=5, count=3):
-    values = 20.0 * np.random.default_rng(seed).normal(size=(len(made.fold), count))
-    every = tuple(slice(*np.flatnonzero(made.fold == at)[[0, -1]] + [0, 1]) for at in range(toys.SHAPE[0]))
+    fold = made.fit.task.noise.fold
+    values = 20.0 * np.random.default_rng(seed).normal(size=(len(fold), count))
+    every = tuple(slice(*np.flatnonzero(fold == at)[[0, -1]] + [0, 1]) for at in range(toys.SHAPE[0]))
     runs = (slice(None),) if shared else every
-    whole = values if shared else np.concatenate([values * (made.fold == at)[:, None] for at in range(len(runs))], 1)
+    whole = values if shared else np.concatenate([values * (fold == at)[:, None] for at in range(len(runs))], 1)
     return Columns(values, runs), whole
 
 
@@ -152,11 +153,11 @@ def test_smooth_functions_have_the_covariance_of_their_kernel():
 def test_in_shares_a_function_moves_rows_as_the_signal_does(shared):
     made = expansion()
     columns, _ = function(made, shared)
-    weights = np.random.default_rng(1).uniform(0.2, 1.0, len(made.fold))
+    weights = np.random.default_rng(1).uniform(0.2, 1.0, len(made.fit.task.noise.fold))
     blind = np.append(columns.values, columns.values[:, :1] + columns.values[:, 1:2], axis=1)
     found = in_shares(Columns(blind, columns.runs), weights, rows_signal(made.fit))
     squares = np.trace(found.normal(weights))
-    assert squares == pytest.approx(len(made.fold) * rows_signal(made.fit) ** 2)
+    assert squares == pytest.approx(len(made.fit.task.noise.fold) * rows_signal(made.fit) ** 2)
     assert np.linalg.matrix_rank(found.values[columns.runs[0]], tol=1e-6) == 3
     centred = made.fit.task.experiment.observed - made.fit.task.experiment.observed.mean(axis=(0, 2), keepdims=True)
     assert rows_signal(made.fit) == pytest.approx(centred.std())
@@ -175,7 +176,7 @@ def test_folds_left_out_have_their_conditional_densities(extra):
     made = expansion(None)
     found, K, rows = hypothesis(made, extra).left_out(), law(made, extra), free(made)
     for fold in range(toys.SHAPE[0]):
-        own, others = made.fold == fold, made.fold != fold
+        own, others = made.fit.task.noise.fold == fold, made.fit.task.noise.fold != fold
         expected = log_density(K, rows) - log_density(K[np.ix_(others, others)], rows[others])
         assert found.log_density[fold] == pytest.approx(expected, abs=1e-8)
         if not extra:

@@ -217,6 +217,6 @@ def test_numbers_that_drifted_or_lie_at_a_bound_stand_first(verdict):
     )
     one = dataclasses.replace(verdict, after=verdict.after._replace(numbers=moved))
     assert [row.cells[0] for row in number_table(one).rows[:2]] == ["soil.phi", "SupplySag.R_b"]
-    said = cautions(one, extra_of(one).free)
+    said = [*cautions(one, extra_of(one).free)]
     for name in ("soil.phi", "SupplySag.R_b"):
         assert any(line.startswith(name) for line in said)

@@ -163,26 +163,30 @@ def comparable(name: str) -> bool:
     return name.startswith(kinds) or is_current(name)
 
 
-def driven(
-    channels: Mapping[str, np.ndarray], heading: np.ndarray, period: float, summed_rows: np.ndarray
-) -> dict[str, np.ndarray]:
-    """Return the features made of several channels: way along and across the heading, turn, speed along it.
-
-    What was driven in rows that are not in `summed_rows` is left out of the leaky sums, or it would be compared later.
-    """
-    derived_features = {}
+def moved(channels: Mapping[str, np.ndarray], heading: np.ndarray) -> dict[str, np.ndarray]:
+    """Return way along and across the heading and turn, from row to row, and the speed along it, as far as known."""
+    rows = {}
     forward = np.array([np.cos(heading), np.sin(heading)])
     if "body_x" in channels and "body_y" in channels:
         steps = np.array([np.diff(channels[f"body_{axis}"], prepend=channels[f"body_{axis}"][0]) for axis in "xy"])
-        derived_features[PATH] = leaky(summed_rows * np.sum(forward * steps, axis=0), period)
-        derived_features[DRIFT] = leaky(summed_rows * (forward[0] * steps[1] - forward[1] * steps[0]), period)
+        rows[PATH] = np.sum(forward * steps, axis=0)
+        rows[DRIFT] = forward[0] * steps[1] - forward[1] * steps[0]
     if "body_yaw" in channels:
-        derived_features[HEADING] = leaky(
-            summed_rows * np.diff(channels["body_yaw"], prepend=channels["body_yaw"][0]), period
-        )
+        rows[HEADING] = np.diff(channels["body_yaw"], prepend=channels["body_yaw"][0])
     if "body_vx" in channels and "body_vy" in channels:
-        derived_features[SPEED] = forward[0] * channels["body_vx"] + forward[1] * channels["body_vy"]
-    return derived_features
+        rows[SPEED] = forward[0] * channels["body_vx"] + forward[1] * channels["body_vy"]
+    return rows
+
+
+def driven(
+    channels: Mapping[str, np.ndarray], heading: np.ndarray, period: float, summed_rows: np.ndarray
+) -> dict[str, np.ndarray]:
+    """Return the features made of several channels: what was moved, ways and turn as leaky sums.
+
+    What was driven in rows that are not in `summed_rows` is left out of the sums, or it would be compared later.
+    """
+    rows = moved(channels, heading).items()
+    return {name: row if name == SPEED else leaky(summed_rows * row, period) for name, row in rows}
 
 
 def leaky(steps: np.ndarray, period: float) -> np.ndarray:

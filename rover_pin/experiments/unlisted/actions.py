@@ -15,7 +15,7 @@ from rover_pin.effects.effect import Effect, SensorEffect
 from rover_pin.effects.tacho_scale import TachoScale
 from rover_pin.estimation.fit import Fit
 from rover_pin.experiments.drive_log.experiment import DriveExperiment, logged
-from rover_pin.experiments.drive_log.features import DRIFT, HEADING, LEVELS, PATH, SPEED, blocks, leaky
+from rover_pin.experiments.drive_log.features import DRIFT, HEADING, LEVELS, PATH, blocks, leaky, moved
 from rover_pin.rover.wheel_base import wheel_places
 from rover_pin.simulation.replay import Perturbation, Replay, filled
 from rover_pin.simulation.trace.channels import unit_of
@@ -205,22 +205,9 @@ def _rows(scene: Scene, changes: Sequence[Mapping[str, np.ndarray]]) -> tuple[np
 
 
 def _row(scene: Scene, run: int, change: Mapping[str, np.ndarray]) -> np.ndarray:
-    heading = scene.experiment.runs[run].heading
-    still = np.zeros(len(heading))
-    ahead, gains = np.array([np.cos(heading), np.sin(heading)]), scene.gains[run]
-    x, y, yaw = (
-        np.diff(row, prepend=row[0]) for row in (change.get(f"body_{axis}", still) for axis in ("x", "y", "yaw"))
-    )
-    speed = ahead[0] * change.get("body_vx", still) + ahead[1] * change.get("body_vy", still)
-    derived_features = {
-        PATH: ahead[0] * x + ahead[1] * y,
-        DRIFT: ahead[0] * y - ahead[1] * x,
-        HEADING: yaw,
-        SPEED: speed,
-    }
-    return np.array(
-        [derived_features.get(k, gains.get(k, 1.0) * change.get(k, still)) for k in scene.experiment.channels]
-    )
+    heading, gains = scene.experiment.runs[run].heading, scene.gains[run]
+    rows, still = moved(change, heading), np.zeros(len(heading))
+    return np.array([rows.get(k, gains.get(k, 1.0) * change.get(k, still)) for k in scene.experiment.channels])
 
 
 def _pushed(scene: Scene, wheel: int) -> tuple[Part, Part]:

@@ -8,7 +8,10 @@ import numpy as np
 
 from rover_pin.estimation.columns import Columns, no_columns
 from rover_pin.estimation.fit import Fit
+from rover_pin.estimation.gauss_newton import priors
 from rover_pin.estimation.noise import huber, huber_weights, null_gain
+from rover_pin.estimation.parameter import Parameter
+from rover_pin.estimation.task import objective
 from rover_pin.experiments.unlisted.actions import GRIP, Act, Scene, acts, moved_features
 from rover_pin.experiments.unlisted.regressors import Argument, arguments
 from rover_pin.experiments.unlisted.term import Term
@@ -22,15 +25,13 @@ REWEIGHED, TURNS = 12, 4
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """The whitened rows of a fit with the columns of its numbers, ready for projections."""
+    """The whitened rows of a fit with the columns of its numbers that do not lie on their bounds, for projections."""
 
     fit: Fit = field(repr=False)
-    rows: np.ndarray = field(repr=False)
     numbers: np.ndarray = field(repr=False)
-    "d rows / d u, less those of numbers that lie on their bounds"
-    prior: np.ndarray = field(repr=False)
+    "d rows / d u"
+    free: tuple[Parameter, ...] = field(repr=False)
     u: np.ndarray = field(repr=False)
-    run_of: np.ndarray = field(repr=False)
 
 
 def rows_of(fit: Fit) -> Rows:
@@ -38,9 +39,7 @@ def rows_of(fit: Fit) -> Rows:
     free = [
         at for at, parameter in enumerate(fit.parameters) if min(abs(fit.u[at] - np.array(parameter.bounds))) > 1e-6
     ]
-    prior = np.array([1.0 if fit.parameters[at].prior else 1e-9 for at in free])
-    run_of = np.nonzero(fit.task.noise.good)[0]
-    return Rows(fit, fit.rows, fit.columns[:, free], prior, np.asarray(fit.u)[free], run_of)
+    return Rows(fit, fit.columns[:, free], tuple(fit.parameters[at] for at in free), np.asarray(fit.u)[free])
 
 
 def columns_of(scene: Scene, rows: Rows, act: Act, argument: Argument) -> Columns:
@@ -67,16 +66,16 @@ class _Solved(NamedTuple):
 
 def _solved(rows: Rows, columns: Columns, weights: np.ndarray, use: np.ndarray) -> _Solved:
     """Return the term's numbers with the fit's own moved along; `use` are the rows that count."""
-    w = np.where(use, weights, 0.0)
+    w, prior = np.where(use, weights, 0.0), priors(rows.free)
     slopes = rows.numbers
     inner = columns.normal(w)
     scale = np.maximum(np.sqrt(np.diag(inner)), 1e-12)
-    normal = slopes.T @ (w[:, None] * slopes) + np.diag(rows.prior)
-    right = -slopes.T @ (w * rows.rows) - np.where(rows.prior == 1.0, rows.u, 0.0)
+    normal = slopes.T @ (w[:, None] * slopes) + prior
+    right = -slopes.T @ (w * rows.fit.rows) - np.where(np.diag(prior) == 1.0, rows.u, 0.0)
     cross = columns.across(w[:, None] * slopes) / scale
     back = np.linalg.lstsq(normal, np.column_stack([cross, right]), rcond=None)[0]
     inner = inner / np.outer(scale, scale) - cross.T @ back[:, :-1]
-    score = columns.across(w * rows.rows) / scale + cross.T @ back[:, -1]
+    score = columns.across(w * rows.fit.rows) / scale + cross.T @ back[:, -1]
     values, vectors = np.linalg.eigh((inner + inner.T) / 2)
     identified = values > IDENTIFIABLE_SHARE
     q, values = vectors[:, identified], values[identified]
@@ -87,35 +86,30 @@ def _solved(rows: Rows, columns: Columns, weights: np.ndarray, use: np.ndarray) 
     return _Solved(size / scale, spread, numbers, int(identified.sum()), float(np.sum(along**2 / values)))
 
 
-def _objective(rows: Rows, residual: np.ndarray, numbers: np.ndarray) -> float:
-    has_prior = rows.prior == 1.0
-    return huber(residual) + float(np.sum((rows.u + numbers)[has_prior] ** 2))
-
-
 def _residual_rows(rows: Rows, columns: Columns, solved: _Solved) -> np.ndarray:
-    return np.asarray(rows.rows - columns.times(solved.size) + rows.numbers @ solved.numbers)
+    return np.asarray(rows.fit.rows - columns.times(solved.size) + rows.numbers @ solved.numbers)
 
 
 def _reweighed(rows: Rows, columns: Columns) -> tuple[_Solved, float]:
     """Return the term weighed by what it leaves, and the fall of the robust chi2."""
-    everything = np.ones(len(rows.rows), dtype=bool)
-    residual, solved = rows.rows, None
+    everything = np.ones(len(rows.fit.rows), dtype=bool)
+    residual, solved = rows.fit.rows, None
     for _ in range(TURNS):
         solved = _solved(rows, columns, huber_weights(residual), everything)
         residual = _residual_rows(rows, columns, solved)
     assert solved is not None
-    base = _objective(rows, rows.rows, np.zeros(len(rows.u)))
-    return solved, base - _objective(rows, residual, solved.numbers)
+    base = objective(rows.fit.rows, rows.u, rows.free)
+    return solved, base - objective(residual, rows.u + solved.numbers, rows.free)
 
 
 def held_out(rows: Rows, columns: Columns) -> float:
     """Return the fall of the robust chi2 of each run under numbers that the other runs give, added up."""
-    weights, total = huber_weights(rows.rows), 0.0
-    for run in np.unique(rows.run_of):
-        other_runs = rows.run_of != run
-        without = _solved(rows, no_columns(len(rows.rows)), weights, other_runs)
+    weights, total = huber_weights(rows.fit.rows), 0.0
+    for run in np.unique(rows.fit.task.noise.fold):
+        other_runs = rows.fit.task.noise.fold != run
+        without = _solved(rows, no_columns(len(rows.fit.rows)), weights, other_runs)
         with_it = _solved(rows, columns, weights, other_runs)
-        before = rows.rows + rows.numbers @ without.numbers
+        before = rows.fit.rows + rows.numbers @ without.numbers
         after = _residual_rows(rows, columns, with_it)
         total += huber(before[~other_runs]) - huber(after[~other_runs])
     return total
@@ -127,7 +121,7 @@ def functions(scene: Scene) -> Iterator[Columns]:
     A grip that differs from run to run is not among them: the noise has that of ground prepared anew.
     """
     rows, signal = rows_of(scene.fit), rows_signal(scene.fit)
-    weights = huber_weights(rows.rows)
+    weights = huber_weights(rows.fit.rows)
     for act in acts(scene):
         for argument in arguments(scene, act):
             if not (act.kind == GRIP and argument.per_run):
@@ -138,7 +132,7 @@ def terms(scene: Scene, chosen_acts: Sequence[Act] | None = None) -> tuple[Term,
     """Return every term, those with the greatest net gain first."""
     rows = rows_of(scene.fit)
     pairs = [(act, argument) for act in chosen_acts or acts(scene) for argument in arguments(scene, act)]
-    everything, weights = np.ones(len(rows.rows), dtype=bool), huber_weights(rows.rows)
+    everything, weights = np.ones(len(rows.fit.rows), dtype=bool), huber_weights(rows.fit.rows)
     fitted_terms = []
     for act, argument in pairs:
         solved = _solved(rows, columns_of(scene, rows, act, argument), weights, everything)

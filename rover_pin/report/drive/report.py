@@ -160,19 +160,16 @@ def _changes(before: dict[str, tuple[float, str]], after: dict[str, tuple[float,
             yield f"{words} goes from {first} to {second}{share}"
 
 
-def cautions(verdict: Verdict, free: tuple[FreeRun, ...]) -> tuple[str, ...]:
-    """Return what a reader should be wary of, given how far free runs diverge."""
-    return tuple(_cautions(verdict, free)) if verdict.after is not None else ()
-
-
-def _cautions(verdict: Verdict, free: tuple[FreeRun, ...]) -> Iterator[str]:
+def cautions(verdict: Verdict, free: tuple[FreeRun, ...]) -> Iterator[str]:
+    """Yield what a reader should be wary of, given how far free runs diverge; of nothing fitted nothing."""
+    if verdict.after is None:
+        return
     for number in verdict.drifted:
         yield f"{number.name} sits {number.away}: it may have absorbed an effect"
-    for number in verdict.after.numbers if verdict.after else ():
+    for number in verdict.after.numbers:
         if number.at_bound:
             yield f"{number.name} lies at its bound: the form of the model is strained"
-    if verdict.after:
-        yield from implausible(verdict.after.fit.model)
+    yield from implausible(verdict.after.fit.model)
     misfit = together(verdict.runs)[1]
     if misfit > AT_FLOOR:
         yield f"runs left out are missed by {misfit:.1f} times the noise: more than noise is left"

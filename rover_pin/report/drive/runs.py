@@ -6,7 +6,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from rover_pin.discrepancy.cross_validation import run_of_rows
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.noise import huber, rms_of
 from rover_pin.estimation.wording import in_words
@@ -59,7 +58,7 @@ def words_of(channel: str) -> str:
 
 def worst_runs(fit: Fit) -> list[int]:
     """Return the runs that the model misses most, by chi2 a block, the worst first."""
-    rows, owner = fit.rows, run_of_rows(fit)
+    rows, owner = fit.rows, fit.task.noise.fold
     misfit = [
         huber(rows[owner == run]) / max(int((owner == run).sum()), 1) for run, _ in enumerate(fit.task.experiment.folds)
     ]

@@ -17,13 +17,8 @@ from rover_pin.report.sections.numbers import interval
 from rover_pin.report.words import Labels, brief, capital
 
 
-def nothing_more(effect: Any) -> str:
-    """Return nothing of how much an effect does beyond what the channels show."""
-    return ""
-
-
 def physics_section(
-    verdict: Verdict, labels: Labels, describe_size: Callable[[Any], str] = nothing_more
+    verdict: Verdict, labels: Labels, describe_size: Callable[[Any], str] = lambda effect: ""
 ) -> Section | None:
     """Return each added effect, None where there is none.
 
