@@ -2,7 +2,6 @@
 
 import re
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 from rover_pin.estimation.experiment import find
@@ -42,11 +41,10 @@ def with_record(model: Model, owner: str, record: Any) -> Model:
 
 
 def parameter(
-    model: Model, name: str, sd: float, log: bool = False, prior: bool = True, *, declared: str = "", source: str = ""
+    model: Model, name: str, sd: float, log: bool = False, *, declared: str = "", source: str = ""
 ) -> Parameter:
     """Return the parameter of a model around its present value; `sd` is relative where `log`.
 
     `declared` says where the log declares it; without it is assumed, by `source` or that of the quantity.
     """
-    record, _, _ = find(owners(model), name)
-    return replace(parameter_of(name, record, sd, log, declared, source), prior=prior)
+    return parameter_of(name, find(owners(model), name)[0], sd, log, declared, source)

@@ -133,7 +133,7 @@ def draft(term: Term, name: str, wheels: Sequence[str]) -> str:
     way = _base_and_method(term)
     if way is None:
         raise ParameterError(
-            f"{term.acts} that depends on '{term.argument.name}' cannot be drafted: "
+            f"{term.act.description} that depends on '{term.argument.name}' cannot be drafted: "
             "no kind of effect that acts so sees it; write one by hand from the term's curve."
         )
     base, method = way

@@ -42,11 +42,6 @@ class Term:
     "fall of chi2 of runs on which its numbers were not fitted; None where every run has its own"
 
     @property
-    def acts(self) -> str:
-        """What it acts as."""
-        return self.act.description
-
-    @property
     def net(self) -> float:
         """Gain beyond what chance gives."""
         return self.gain - self.detection_threshold
@@ -81,7 +76,7 @@ class Term:
     @property
     def description(self) -> str:
         """What it acts as, what it depends on, its size and where, in one sentence."""
-        return f"acts as {self.acts}{_described(self)}"
+        return f"acts as {self.act.description}{_described(self)}"
 
 
 def _described(term: Term) -> str:

@@ -5,9 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from rover_pin.base.errors import DataError
-from rover_pin.experiments.wheel_rig.declared import as_declared
 from rover_pin.experiments.wheel_rig.experiment import RigExperiment
-from rover_pin.experiments.wheel_rig.runs import RigRuns
 from rover_pin.measurements.channel import RIG_CHANNELS, RigChannel
 from rover_pin.measurements.checks import Finding
 from rover_pin.measurements.rig_physics import Check, refuse_impossible, suspicions
@@ -91,7 +89,8 @@ def _of_set(data: RigSet) -> list[Finding]:
 
 
 def _lacks(data: RigSet) -> Iterator[Check]:
-    lost = RigRuns(data).unpredicted(as_declared(data))
+    alone = RigExperiment((data,))
+    lost = alone.unpredicted(alone.base_model())
     todo = "if that load is right, declare a firmer soil.k_1: a fit starts at the next one that carries all runs"
     yield Check(bool(lost), f"{lost} with the soil as declared", todo, "load_N")
     present = {type(channel) for channel in data.channels}

@@ -1,15 +1,13 @@
-"""What a rig set declares of its model: the model itself, and which of its numbers are uncertain by how much."""
+"""Which numbers of a rig set's model are uncertain, by how much, as the set declares it."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rover_pin.contact import Soil
 from rover_pin.estimation.parameter import Parameter, declared_in, parameter_of
 from rover_pin.experiments.soil_priors import MAX_EXIT_RATIO, SD, known_constant, unknown_constant
-from rover_pin.experiments.wheel_rig.model import ASKEW, PAPER, RigModel
-from rover_pin.experiments.wheel_rig.presets import known_trench
+from rover_pin.experiments.wheel_rig.model import RigModel
 from rover_pin.measurements.channel import DrawbarPull, SideForce, Sinkage, Torque, VerticalMoment
 from rover_pin.measurements.rig_set import RigSet
 
@@ -27,12 +25,6 @@ OFFSET_AND_SCALE = {
 PRESSING = "rig.pressing_scale"
 PRESSING_SD = 0.3
 """SD of ln of how much stiffer sand is under a wheel that is pressed in than under one that rolls (assumed)."""
-
-
-def as_declared(data: RigSet, soil: Soil | None = None) -> RigModel:
-    """Return the model that a set declares, its lugs digging; in another soil where one is given."""
-    effects = (*(ASKEW if data.askew.any() else PAPER), *known_trench(data))
-    return RigModel(data.wheel, data.soil() if soil is None else soil, effects, data.errors)
 
 
 def own_name(name: str) -> str:

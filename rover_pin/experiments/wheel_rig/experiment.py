@@ -14,7 +14,7 @@ from rover_pin.estimation.noise import Noise, declared_noise
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.experiments.folded import stacked
 from rover_pin.experiments.soil_priors import SD
-from rover_pin.experiments.wheel_rig.declared import SetNumbers, as_declared
+from rover_pin.experiments.wheel_rig.declared import SetNumbers
 from rover_pin.experiments.wheel_rig.joint_model import OWN, JointModel, Part, of_one_sand
 from rover_pin.experiments.wheel_rig.model import ASKEW, PAPER, RigModel
 from rover_pin.experiments.wheel_rig.presets import LUGS, known_heights, known_trench
@@ -124,13 +124,14 @@ class RigExperiment(Experiment):
 
         The sand of several is as any of them declares it; lugs dig from the start where every set tells what it has.
         """
-        if len(self.sets) == 1:
-            return as_declared(self.sets[0], soil)
         rigs = self.sets
-        parts = {rig.name: Part(rig.wheel, rig.errors, rig.beside.get("lug_height")) for rig in rigs}
         trench = known_trench(self.declared) if all("lug_height" in rig.beside for rig in rigs) else ()
-        start = ASKEW if any(rig.askew.any() for rig in rigs) else PAPER
-        return JointModel(soil or of_one_sand(rigs).soil(), (*start, *trench), parts)
+        effects = (*(ASKEW if any(rig.askew.any() for rig in rigs) else PAPER), *trench)
+        sand = soil or of_one_sand(rigs).soil()
+        if len(rigs) == 1:
+            return RigModel(rigs[0].wheel, sand, effects, rigs[0].errors)
+        parts = {rig.name: Part(rig.wheel, rig.errors, rig.beside.get("lug_height")) for rig in rigs}
+        return JointModel(sand, effects, parts)
 
     @property
     def declared(self) -> RigSet:

@@ -109,11 +109,8 @@ def of_one_sand(rigs: Sequence[RigSet]) -> RigSet:
     It is the first whose wheel was pressed in, else the one that declares most: k_c and k_phi become k_1 and k_2 at its
     width. A range or an SD that is stated twice of one value is its own, else the first.
 
-    Raises DataError: two sets of one name, or that declare different values of one constant.
+    Raises DataError: two sets that declare different values of one constant.
     """
-    names = [rig.name for rig in rigs]
-    for name in (set_name for set_name in names if names.count(set_name) > 1):
-        raise DataError(f"{name}: two sets have this name; give each its own, to tell whose numbers are meant.")
     stands = max(rigs, key=lambda rig: (bool(rig.trials), len(rig.declared)))
     declarations: dict[str, tuple[str, float]] = {}
     for rig in (stands, *rigs):

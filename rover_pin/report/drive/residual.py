@@ -90,7 +90,7 @@ def _panel(term: Term) -> Figure:
         _curves(axis, term)
     axis.axhline(0, color="k", lw=0.7)
     axis.set_ylabel(f"size [{_unit(term)}]")
-    axis.set_title(textwrap.fill(as_text(term.acts), 34), fontsize=10)
+    axis.set_title(textwrap.fill(as_text(term.act.description), 34), fontsize=10)
     axis.grid(alpha=0.25)
     return figure
 

@@ -126,7 +126,7 @@ def test_numbers_with_priors_are_candidates_except_soil_motor():
     log = log_of(Run(raw_current_fl=[1.0, 2.0]))
     model = with_raw_currents(log, MODEL).having(TachoScale(e=0.0, wheel="fl")).having(WeakMotor(g=0.0, wheel=1))
     free = [parameter(model, name, 0.01) for name in ("soil.phi", "motor.gear", "TachoScale[fl].e", "WeakMotor[1].g")]
-    free += [parameter(model, "TachoScale[fl].e", 0.01, prior=False), *raw_current_numbers(log, model)]
+    free += [replace(parameter(model, "TachoScale[fl].e", 0.01), prior=False), *raw_current_numbers(log, model)]
     found = candidates(model, experiment(), free, None)
     assert [each.amplitudes for each in found if each.released] == [("TachoScale[fl].e",), ("WeakMotor[1].g",)]
     names = [each.name for each in found if not each.released]

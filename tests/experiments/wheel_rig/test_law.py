@@ -12,7 +12,6 @@ from rover_pin.effects.ploughing import Ploughing
 from rover_pin.effects.slip_softening import SlipSoftening
 from rover_pin.experiments.wheel_rig import model as rig
 from rover_pin.experiments.wheel_rig.candidates import rig_kinds
-from rover_pin.experiments.wheel_rig.declared import as_declared
 from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.model import PAPER, RigModel, conditions, predictor
 from rover_pin.measurements.rig_reading import read_rig_set
@@ -72,7 +71,7 @@ def predicted(tmp_path):
     (tmp_path / "points.csv").write_text(POINTS)
     (tmp_path / "rig.toml").write_text(TOML)
     data = read_rig_set(tmp_path)
-    model = as_declared(data)
+    model = RigExperiment((data,)).base_model()
     sand = model.soil.replace(k_1=1.3e5, n=1.5, phi=0.33, k=0.0063, c=0.0, exit_ratio=0.05)
     model = dataclasses.replace(model, soil=sand, effects=(*model.effects, *LAW))
     assert not RigExperiment((data,)).unpredicted(model)

@@ -54,11 +54,6 @@ class Driven:
         """The run's file."""
         return str(self.trace.attrs.get("file", "run"))
 
-    @property
-    def wheels(self) -> tuple[str, ...]:
-        """The wheels, in the log's order."""
-        return self.trace.wheels
-
     @cached_property
     def period(self) -> float:
         """Median time between samples [s]; 0 with fewer than two."""
@@ -105,15 +100,10 @@ class Driven:
         """Return the block means of a channel of all wheels (B, wheels)."""
         return np.column_stack([self.mean(column) for column in self.trace.stack(channel).T])
 
-    @property
-    def rate_driven(self) -> bool:
-        """Whether the wheel rates are the input, and no duty."""
-        return self.trace.rate_driven
-
     @cached_property
     def duty(self) -> np.ndarray:
         """Mean duties (B, wheels); rates as shares of the fastest where they are the input."""
-        return self.rate / self.fastest if self.rate_driven else self.per_wheel("duty")
+        return self.rate / self.fastest if self.trace.rate_driven else self.per_wheel("duty")
 
     @cached_property
     def fastest(self) -> float:
@@ -123,7 +113,7 @@ class Driven:
     @property
     def still(self) -> float:
         """Wheel rate [rad/s] below which a wheel counts as standing."""
-        return min(SLOW, SLOW_SHARE * self.fastest) if self.rate_driven else SLOW
+        return min(SLOW, SLOW_SHARE * self.fastest) if self.trace.rate_driven else SLOW
 
     @cached_property
     def rate(self) -> np.ndarray:

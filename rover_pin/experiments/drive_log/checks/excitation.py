@@ -36,7 +36,7 @@ LEAST_RUNS, LEAST_TIME = 2, 20.0
 
 def excitation_findings(runs: Sequence[Driven], where: str) -> Iterator[Finding]:
     """Yield, for each missing excitation, the effects that cannot be distinguished without it and the run to add."""
-    rate_driven = any(run.rate_driven for run in runs)
+    rate_driven = any(run.trace.rate_driven for run in runs)
     lacks = [*_lacks(RATE_DRIVEN, runs)] if rate_driven else [*_lacks(DUTY_DRIVEN, runs), *_electric(runs)]
     for what, todo in (*lacks, *_lacks(OF_RUNS, runs)):
         yield Finding(what, where, todo)
@@ -72,7 +72,7 @@ def levels(runs: Sequence[Driven]) -> np.ndarray:
 
 def _commands(run: Driven) -> np.ndarray:
     """Return the duties, or the rates that are the input as shares of the fastest (T, wheels)."""
-    return run.duty[run.block] if run.rate_driven else run.trace.stack("duty")
+    return run.duty[run.block] if run.trace.rate_driven else run.trace.stack("duty")
 
 
 def slip_range(runs: Sequence[Driven]) -> float:
@@ -123,7 +123,7 @@ def _unlike_share(runs: Sequence[Driven]) -> float:
 
 
 def _electric(runs: Sequence[Driven]) -> Iterator[tuple[str, str]]:
-    currents = _lacking(runs, lambda run: [f"current_{wheel}_A" for wheel in run.wheels], "motor currents are")
+    currents = _lacking(runs, lambda run: [f"current_{wheel}_A" for wheel in run.trace.wheels], "motor currents are")
     if currents:
         yield (
             f"{currents} not recorded, so friction of the gear and dead band, a weak motor and its "
@@ -149,7 +149,7 @@ def _lacking(runs: Sequence[Driven], wanted: Callable[[Driven], list[str]], all_
 def _replicates(a: Driven, b: Driven) -> bool:
     """Whether two runs have the same duties and start in the same direction."""
     rows = min(len(a.duty), len(b.duty))
-    if rows < 0.8 * max(len(a.duty), len(b.duty)) or a.wheels != b.wheels or not rows:
+    if rows < 0.8 * max(len(a.duty), len(b.duty)) or a.trace.wheels != b.trace.wheels or not rows:
         return False
     duty_gap = np.abs(a.duty[:rows] - b.duty[:rows])
     turned = abs(float(np.angle(a.heading[0] * np.conj(b.heading[0]))))

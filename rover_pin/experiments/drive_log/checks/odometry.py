@@ -75,7 +75,7 @@ def _followed(run: Driven) -> Iterator[Followed]:
     yaw = trace["body_yaw"]
     half = np.exp(-0.5j * (yaw[1:] + yaw[:-1]))
     step = np.real((np.diff(trace["body_x"]) + 1j * np.diff(trace["body_y"])) * half)
-    for wheels in (run.wheels, *_axles(run)):
+    for wheels in (run.trace.wheels, *_axles(run)):
         rim = run.radius * np.mean([trace[f"wheel_rate_{wheel}"] for wheel in wheels], axis=0)
         for rate in (rim[:-1], rim[1:], 0.5 * (rim[:-1] + rim[1:])):
             rolled = rate * np.diff(t)
@@ -85,8 +85,8 @@ def _followed(run: Driven) -> Iterator[Followed]:
 
 
 def _axles(run: Driven) -> list[tuple[str, ...]]:
-    axles = [tuple(wheels) for _, wheels in groupby(run.wheels, key=lambda wheel: wheel[:1])]
-    return axles if len(axles) < len(run.wheels) else []
+    axles = [tuple(wheels) for _, wheels in groupby(run.trace.wheels, key=lambda wheel: wheel[:1])]
+    return axles if len(axles) < len(run.trace.wheels) else []
 
 
 def _compared(step: np.ndarray, rolled: np.ndarray) -> Followed:

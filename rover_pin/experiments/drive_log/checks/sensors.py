@@ -47,8 +47,8 @@ def frozen_faults(run: Driven) -> Remarks:
     """Yield needed channels that keep one value through the whole of a driven run."""
     rolled, travelled = (float(np.nansum(np.abs(speed))) * run.length for speed in (run.rim[run.moving], run.velocity))
     todo = "the sensor is stuck or unplugged: mend it, or leave the run out"
-    constant = [wheel for wheel in run.wheels if _is_constant(run.finite(f"wheel_rate_{wheel}"))]
-    for wheel in constant if len(constant) < len(run.wheels) or travelled > ROLLED else ():
+    constant = [wheel for wheel in run.trace.wheels if _is_constant(run.finite(f"wheel_rate_{wheel}"))]
+    for wheel in constant if len(constant) < len(run.trace.wheels) or travelled > ROLLED else ():
         rate = run.finite(f"wheel_rate_{wheel}")[0]
         yield f"wheel_rate_{wheel} is {rate:g} rad/s all along while the rover drives", todo
     if rolled > ROLLED and _is_constant(run.finite("body_x")) and _is_constant(run.finite("body_y")):
@@ -66,7 +66,7 @@ def stuck_findings(run: Driven) -> Remarks:
         if not name.startswith(("wheel_rate_", "current_", "body_", "rocker_", "bogie_")):
             continue
         repeats = np.concatenate([[False], np.diff(values) == 0.0])
-        others = [i for i, wheel in enumerate(run.wheels) if name != f"wheel_rate_{wheel}"]
+        others = [i for i, wheel in enumerate(run.trace.wheels) if name != f"wheel_rate_{wheel}"]
         moves = np.concatenate([[False], np.any(np.diff(rates[:, others], axis=0) != 0.0, axis=1)])
         if name != "body_x" and name.startswith(("rocker_", "bogie_", "body_")):
             if repeats[1:].all() and len(repeats) > 1 and moves.any():
@@ -109,7 +109,7 @@ def jump_findings(run: Driven) -> Remarks:
         yield from _jumps(run, trace, name, LEAP, fastest)
     for name in ("body_roll", "body_pitch", "body_yaw"):
         yield from _jumps(run, trace, name, TURN, QUICKEST_TURN)
-    for wheel in run.wheels:
+    for wheel in run.trace.wheels:
         yield from _spikes(run, f"wheel_rate_{wheel}")
 
 
@@ -175,7 +175,7 @@ def supply_findings(run: Driven) -> Remarks:
     if abs(voltage - supply) > OFF_SUPPLY * supply:
         what = f"battery_V is {voltage:.3g} V in the median, the motor's supply {supply:.3g} V"
         yield what, "mend [motor] supply, or the voltage's scale"
-    for name in (f"current_{wheel}_A" for wheel in run.wheels):
+    for name in (f"current_{wheel}_A" for wheel in run.trace.wheels):
         high = float(np.max(np.abs(run.finite(name)), initial=0.0))
         if high > MOST_CURRENT * stall:
             what = f"{name} reaches {high:.3g} A, {high / stall:.2g} times the declared motor's stall current"
@@ -201,7 +201,7 @@ def current_findings(run: Driven) -> Remarks:
 
 def _off_by(limit: float, run: Driven, todo: str) -> Remarks:
     motor = run.declared.whole_motor
-    times = None if motor is None or run.rate_driven else _times(run, motor)
+    times = None if motor is None or run.trace.rate_driven else _times(run, motor)
     if times is not None and not 1.0 / limit <= times <= limit:
         drawn = "what [motor] draws at these duties and rates, (duty V - K rate) / R"
         yield f"the currents are {times:.2g} times {drawn}", todo
@@ -210,7 +210,7 @@ def _off_by(limit: float, run: Driven, todo: str) -> Remarks:
 def _times(run: Driven, motor: Motor) -> float | None:
     """Return the measured over the motor's current, the median of all wheels; None where that is not known."""
     ratios = [np.zeros(0)]
-    for i, wheel in enumerate(run.wheels):
+    for i, wheel in enumerate(run.trace.wheels):
         if f"current_{wheel}_A" in run.trace:
             drawn = np.abs(motor.drive(run.duty[:, i], run.rate[:, i]).current)
             measured = np.abs(run.mean(run.trace[f"current_{wheel}_A"]))

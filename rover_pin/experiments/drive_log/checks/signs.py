@@ -43,10 +43,10 @@ def wheel_sign_faults(run: Driven) -> Remarks:
 
     A heading that is off makes all wheels run against the travel: that is said of the heading alone.
     """
-    drawn, astray = _drawn(run), run.rate_driven and any(heading_faults(run))
-    for i, wheel in enumerate(run.wheels):
+    drawn, astray = _drawn(run), run.trace.rate_driven and any(heading_faults(run))
+    for i, wheel in enumerate(run.trace.wheels):
         current = f"current_{wheel}_A"
-        if run.rate_driven and not astray and _correlation(run.rate[:, i], run.speed) < OPPOSITE:
+        if run.trace.rate_driven and not astray and _correlation(run.rate[:, i], run.speed) < OPPOSITE:
             what = f"wheel_rate_{wheel} runs against the travel"
             yield what, f"multiply wheel_rate_{wheel} by -1: positive is forward"
         if _correlation(run.duty[:, i], run.rate[:, i]) < OPPOSITE:
@@ -63,7 +63,7 @@ def _drawn(run: Driven) -> np.ndarray:
 
     Where these do not tell them, the duty: but a wheel that others push brakes them, and its motor gives current back.
     """
-    names = [f"current_{wheel}_A" for wheel in run.wheels]
+    names = [f"current_{wheel}_A" for wheel in run.trace.wheels]
     current_means = [
         run.mean(run.trace[name]) if name in run.trace else np.full(len(run.duty), np.nan) for name in names
     ]

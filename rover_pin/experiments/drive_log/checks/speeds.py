@@ -64,7 +64,7 @@ def height_faults(run: Driven) -> Remarks:
 def racing_faults(run: Driven) -> Remarks:
     """Yield wheels that turn faster than their motors would without load."""
     motor = run.declared.motor
-    if motor is None or run.rate_driven:
+    if motor is None or run.trace.rate_driven:
         return
     duty, rate = np.abs(run.duty[run.steady]), np.abs(run.rate[run.steady])
     use = np.isfinite(duty * rate) & (duty > 0.0)
