@@ -32,8 +32,9 @@ import time
 from pathlib import Path
 from types import ModuleType
 
+from shared.rig_fits import is_adequate
+
 from rover_pin.discrepancy.verdict import Verdict
-from rover_pin.estimation.numbers import is_adequate
 from rover_pin.loop.close import close_the_loop
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -42,14 +42,13 @@ from blind_score import Case, Kind, Size, publish
 from joblib import Parallel, delayed
 from kept.case import kept
 from kept.told import CLEAR, acts_besides, alike_of, inclusion_of
+from shared.rig_fits import calibrated, is_adequate
 
 from rover_pin.base.code_digest import key_of_code
-from rover_pin.discrepancy.calibration import calibrated
 from rover_pin.discrepancy.conclude import explorer_of
 from rover_pin.discrepancy.question import Question
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.estimation.noise import huber_losses
-from rover_pin.estimation.numbers import is_adequate
 from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.model import RigModel
 from rover_pin.loop.close import close_the_loop

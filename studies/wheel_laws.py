@@ -69,8 +69,8 @@ from forms.error_bars import draw_error_bars, last_law
 from forms.joined import joined
 from forms.laws import GRIP, LAW, LAWS, LUGS, ONE_SAND, RATE, RIM, SOFT, Laws
 from forms.one_soil import APART, FROM, ONE, THE_LAW, from_the_others, one_sand, pressings_apart
+from shared.rig_fits import calibrated
 
-from rover_pin.discrepancy.calibration import calibrated
 from rover_pin.discrepancy.cross_validation import held_out_residual
 from rover_pin.effects.effect import Effect
 from rover_pin.estimation.fit import Fit

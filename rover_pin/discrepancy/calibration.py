@@ -1,14 +1,12 @@
-"""The base model fitted: from several starts, and from what is declared where a missing effect bent the numbers."""
+"""The base model fitted, and taken as declared where a missing effect bent the numbers."""
 
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from rover_pin.base.errors import OptimisationError
-from rover_pin.estimation.exact import scattered
 from rover_pin.estimation.experiment import Experiment, residual
-from rover_pin.estimation.fit import Fit, again, best_of, fit
+from rover_pin.estimation.fit import Fit, again, fit
 from rover_pin.estimation.gauss_newton import at, slopes_at
 from rover_pin.estimation.noise import first_noise
 from rover_pin.estimation.parameter import Parameter
@@ -16,27 +14,10 @@ from rover_pin.estimation.profile import CLEAR
 from rover_pin.estimation.random_effects.learnt_noise import with_noise
 from rover_pin.estimation.task import Task
 
-STARTS, WIDER = 6, (1.0, 2.0, 4.0)
-"""Starts of the base model's fit where it is exact, and how many times as far they lie where none of them ends."""
 
-
-def calibrated(experiment: Experiment, model: Any, numbers: Sequence[Parameter], seed: int = 0) -> Fit:
-    """Return the model with its uncertain numbers fitted, the noise as declared, or taken as large as what is left.
-
-    Raises OptimisationError: an exact experiment, and none of several starts ends.
-    """
+def calibrated(experiment: Experiment, model: Any, numbers: Sequence[Parameter]) -> Fit:
+    """Return the model with its uncertain numbers fitted, the noise as declared, or taken as large as what is left."""
     declared = experiment.noise()
-    if declared is not None and experiment.is_exact:
-        centre = np.array([parameter.u(experiment.value(model, parameter.name)) for parameter in numbers])
-        starts = np.array(scattered(numbers, centre, STARTS, seed))
-        for times in WIDER:
-            best_fit = best_of(Task(experiment, declared), model, numbers, [*(centre + times * (starts - centre))])
-            if best_fit is not None:
-                return best_fit
-        lost = experiment.unpredicted(model)
-        why = f"{lost}; start from a model that does, or mend that run" if lost else "free fewer numbers"
-        message = f"{experiment.name}: no start of the fit of the base model converged: {why}."
-        raise OptimisationError(message, status="")
     if declared is not None:
         return again(fit(Task(experiment, declared), model, numbers))
     initial_residual = residual(experiment.observed, experiment.predict([model])[0])

@@ -44,7 +44,7 @@ def concluded(question: Question, progress: Progress, seed: int = 0) -> Verdict:
     """
     progress("calibrating the base model")
     if not question.experiment.is_exact:
-        searched = search_of(question, progress, seed)
+        searched = search_of(question, progress)
         return with_next(question, verdict_of(question, searched.beliefs(), progress, seed), progress)
     explorer = explorer_of(question, progress)
     verdict = with_next(question, verdict_of(question, explorer.explore(), progress, seed), progress)
@@ -82,9 +82,9 @@ def _drafted(question: Question, explorer: Explorer, named: tuple[str, ...], fit
     return draft_of(drafted.text, fitted, with_it.fit, with_it.log_evidence - without.log_evidence)
 
 
-def search_of(question: Question, progress: Progress, seed: int = 0) -> Search:
+def search_of(question: Question, progress: Progress) -> Search:
     """Return what was fitted of a question whose slopes are differences, its noise learnt where none is declared."""
-    base = calibrated(question.experiment, question.model, tuple(map(proper, question.numbers)), seed)
+    base = calibrated(question.experiment, question.model, tuple(map(proper, question.numbers)))
     candidates = question.candidates(base)
     progress(f"how each of {len(candidates)} candidates would show")
     rows = signatures(base, candidates)

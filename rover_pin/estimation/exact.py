@@ -35,9 +35,3 @@ class ExactProblem:
         rows = np.where(is_outlier, np.sign(rows) * root, rows)
         prior = np.eye(len(u))[self._known]
         return np.concatenate([rows, u[self._known]]), np.concatenate([columns * slope[:, None], prior])
-
-
-def scattered(parameters: Sequence[Parameter], centre: np.ndarray, count: int, seed: int) -> list[np.ndarray]:
-    """Return `count` starts: the centre, then points scattered around it, within u of 1."""
-    draws = np.random.default_rng(seed).uniform(-1.0, 1.0, (count - 1, len(centre)))
-    return [centre, *(centre + draws)]

@@ -178,17 +178,6 @@ def again(base: Fit) -> Fit:
     return fit(base.task, base.model, base.parameters, base.u, base.slopes)
 
 
-def best_of(task: Task, model: Any, parameters: Sequence[Parameter], starts: Sequence[np.ndarray]) -> Fit | None:
-    """Return the lowest of the fits from several starts, or None where none of them ends."""
-    fits = []
-    for start in starts:
-        try:
-            fits.append(fit(task, model, parameters, start))
-        except OptimisationError:
-            continue
-    return min(fits, key=lambda fitted: fitted.chi2, default=None)
-
-
 def _exactly(task: Task, model: Any, parameters: Sequence[Parameter], start: np.ndarray) -> Fit:
     problem = ExactProblem(task, model, parameters)
     try:

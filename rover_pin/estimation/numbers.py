@@ -5,16 +5,12 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.stats import chi2 as chi2_law
 
 from rover_pin.base.errors import OptimisationError
 from rover_pin.estimation import wording
 from rover_pin.estimation.fit import Fit, fit
-from rover_pin.estimation.noise import huber
 from rover_pin.estimation.profile import CLEAR, NORMAL_95, Profile
 
-SURPRISE = 1e-3
-"""A chi2 less probable than this by the stated noise means that more is left than the noise."""
 AWAY = 5.0
 """Prior SDs beyond which a number has left what is declared of it. Why: declared SDs are rough (assumed)."""
 SHARES = (-1.5, -1.0, -0.5, 0.5, 1.0, 1.5)
@@ -74,11 +70,6 @@ def assumed_lines(numbers: Sequence[Number]) -> list[str]:
         if number.prior and not number.declared:
             by_source.setdefault(number.source, []).append(f"{number.name} {number.prior}")
     return [f"{source or 'assumed'}: {', '.join(names)}" for source, names in by_source.items()]
-
-
-def is_adequate(fitted: Fit) -> bool:
-    """Return whether the stated noise leaves as much as a fit does, or more, with at least SURPRISE as probability."""
-    return float(chi2_law.sf(huber(fitted.rows), fitted.freedom)) >= SURPRISE
 
 
 def implausible(fitted: Fit) -> tuple[str, ...]:

@@ -81,7 +81,7 @@ def _decided(
     model = with_spread(start, motors=not is_rate_driven(log))
     question = question_of(log, model, effects, jobs, progress, memory)
     progress("calibrating the base model")
-    search = search_of(question, progress, seed)
+    search = search_of(question, progress)
     return verdict_on(log, question, search, seed, progress)
 
 

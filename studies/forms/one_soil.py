@@ -6,10 +6,10 @@ import dataclasses
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
+from shared.rig_fits import calibrated
 
 from forms.curves import BASELINES, Predict
 from rover_pin.contact import Soil
-from rover_pin.discrepancy.calibration import calibrated
 from rover_pin.discrepancy.cross_validation import held_out_residual
 from rover_pin.effects.effect import Effect
 from rover_pin.estimation.fit import Fit

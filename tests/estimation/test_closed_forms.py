@@ -14,10 +14,11 @@ from rover_pin.estimation.experiment import Experiment, Sensitivities
 from rover_pin.estimation.fit import STRETCH, fit
 from rover_pin.estimation.gauss_newton import _steps
 from rover_pin.estimation.noise import Noise, declared_noise, huber, noise_of
-from rover_pin.estimation.numbers import is_adequate, profiles
+from rover_pin.estimation.numbers import profiles
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.estimation.task import Task
 from rover_pin.estimation.wording import Change, Outcome
+from studies.shared.rig_fits import is_adequate
 
 FOLDS, SAMPLES = 3, 20
 X = np.random.default_rng(7).normal(size=(2, FOLDS, 1, SAMPLES))

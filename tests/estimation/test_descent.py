@@ -9,11 +9,12 @@ from scipy.optimize import least_squares
 from rover_pin.base.errors import OptimisationError
 from rover_pin.estimation import descent
 from rover_pin.estimation.descent import descend
-from rover_pin.estimation.exact import ExactProblem, scattered
+from rover_pin.estimation.exact import ExactProblem
 from rover_pin.estimation.parameter import bounds_of
 from rover_pin.estimation.task import Task
 from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.measurements.rig_reading import read_rig_set
+from studies.shared.rig_fits import scattered
 
 DATA = Path(__file__).parents[2] / "studies" / "data"
 
@@ -107,7 +108,7 @@ def test_it_ends_as_low_as_scipy_in_no_more_evaluations(name):
     numbers = experiment.uncertain(model)
     problem = ExactProblem(Task(experiment, experiment.noise()), model, numbers)
     centre = np.array([number.u(experiment.value(model, number.name)) for number in numbers])
-    starts = scattered(numbers, centre, 12, 0)
+    starts = scattered(centre, 12, 0)
     problems = [start for start in starts if np.isfinite(problem.evaluate(start)[0]).all()]
     assert len(problems) >= 6
     ours, theirs = ([solve(problem, start) for start in problems] for solve in (of_ours, of_scipy))

@@ -8,7 +8,6 @@ import pytest
 
 from rover_pin.base.errors import DataError, ParameterError
 from rover_pin.contact import Wheel
-from rover_pin.discrepancy.calibration import calibrated
 from rover_pin.effects.bulldozing import Bulldozing
 from rover_pin.effects.lug_excavation import LugExcavation
 from rover_pin.effects.slip_softening import SlipSoftening
@@ -19,6 +18,7 @@ from rover_pin.experiments.wheel_rig.sets import joined, read_joint
 from rover_pin.loop.close import close_the_loop
 from rover_pin.loop.rig import on_rig
 from rover_pin.measurements.rig_reading import read_rig_set
+from studies.shared.rig_fits import calibrated
 from tests.oracle import rig_generator as hidden
 
 SLIPS = (0.0, 0.15, 0.3, 0.5, 0.75)

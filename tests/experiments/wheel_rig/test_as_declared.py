@@ -7,7 +7,6 @@ import pandas as pd
 import pytest
 
 from rover_pin.base.errors import DataError
-from rover_pin.discrepancy.calibration import calibrated
 from rover_pin.effects.exit_angle import ExitAngle
 from rover_pin.effects.lug_excavation import LugExcavation
 from rover_pin.estimation.numbers import Number
@@ -21,6 +20,7 @@ from rover_pin.loop.identify import identify
 from rover_pin.measurements.channel import DrawbarPull
 from rover_pin.measurements.rig_reading import read_rig_set
 from rover_pin.measurements.rig_set import RigSet
+from studies.shared.rig_fits import calibrated
 from tests.oracle import rig_generator as hidden
 
 

@@ -5,12 +5,12 @@ import pytest
 
 from rover_pin.base.errors import DataError
 from rover_pin.contact import Soil, Wheel
-from rover_pin.discrepancy.calibration import calibrated
 from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.model import ASKEW, RigModel
 from rover_pin.loop.close import close_the_loop
 from rover_pin.measurements.rig_errors import RigErrors
 from rover_pin.measurements.rig_reading import read_rig_set
+from studies.shared.rig_fits import calibrated
 from tests.oracle import rig_generator as hidden
 
 SD = np.asarray(hidden.SD)

@@ -11,11 +11,11 @@ from scipy.optimize import brentq
 
 from rover_pin.base.errors import DataError
 from rover_pin.contact import Soil, Wheel
-from rover_pin.discrepancy.calibration import calibrated
 from rover_pin.effects.lug_excavation import LugExcavation
 from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.model import PAPER, RigModel
 from rover_pin.measurements.rig_reading import read_rig_set
+from studies.shared.rig_fits import calibrated
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(96)
 RIM = 0.05

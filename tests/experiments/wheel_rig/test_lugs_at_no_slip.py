@@ -12,7 +12,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from rover_pin.discrepancy.calibration import calibrated
 from rover_pin.effects.grousers import Grousers
 from rover_pin.effects.interface_friction import InterfaceFriction
 from rover_pin.effects.lug_excavation import LugExcavation
@@ -24,6 +23,7 @@ from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.model import PAPER
 from rover_pin.experiments.wheel_rig.sets import joined
 from rover_pin.measurements.rig_reading import read_rig_set
+from studies.shared.rig_fits import calibrated
 
 DATA = Path(__file__).parents[3] / "studies" / "data"
 PAGE = (DATA.parents[1] / "docs" / "data-wheel-rig.md").read_text(encoding="utf-8")
