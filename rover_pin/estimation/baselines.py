@@ -87,16 +87,9 @@ class Baseline(NamedTuple):
 
 
 def curves(observed: np.ndarray, inputs: np.ndarray, channels: Sequence[tuple[str, str]]) -> tuple[Baseline, ...]:
-    """Return the held-out errors of all curves.
+    """Return the held-out errors of all curves through what was observed (folds, channels, samples), NaN left out.
 
-    Parameters
-    ----------
-    observed : array [folds, channels, samples]
-        What was measured; NaN is left out.
-    inputs : array [folds, samples, inputs]
-        What was set at each sample.
-    channels : sequence of (str, str)
-        Name and unit of each channel.
+    `inputs` (folds, samples, inputs) are what was set at each sample, `channels` name and unit of each channel.
     """
     baselines = []
     for at, (name, unit) in enumerate(channels):

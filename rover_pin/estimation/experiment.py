@@ -168,10 +168,7 @@ at a minimum, and every fold is predicted by whole refits"
 def find(records: Mapping[str, Any], name: str) -> tuple[Any, str, Quantity]:
     """Return the record, the quantity's name and what is known of a parameter called `owner.quantity`.
 
-    Raises
-    ------
-    ParameterError
-        The model has no such owner, or it no such number; the message lists the close ones.
+    Raises ParameterError: the model has no such owner, or it no such number; the message lists the close ones.
     """
     owner, _, quantity = name.rpartition(".")
     if owner not in records:

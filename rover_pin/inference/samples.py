@@ -64,14 +64,9 @@ class Samples:
 
 
 def samples_of(experiment: Experiment, sd: np.ndarray, inputs: np.ndarray) -> Samples:
-    """Return the compared samples of an experiment.
+    """Return the compared samples of an experiment, of declared `sd` (folds, channels, samples).
 
-    Parameters
-    ----------
-    sd : array [folds, channels, samples]
-        SD of each, as declared.
-    inputs : array [folds, samples, inputs]
-        What was set.
+    `inputs` (folds, samples, inputs) are what was set.
     """
     observed = np.asarray(experiment.observed)
     good = np.swapaxes(np.isfinite(observed), 0, 1)

@@ -114,7 +114,10 @@ def check_data(folder: str | Path, trust: Trust = Trust()) -> DataCheck:
     experiment = RigExperiment((data,))
     refuse_unfit(experiment)
     uncertain = experiment.uncertain(experiment.base_model())
-    return DataCheck("wheel-rig", _holds(data), tuple(findings(experiment)), too_poor(experiment, len(uncertain)))
+    slips = f"S from {data.slip.min():.2g} to {data.slip.max():.2g}"
+    channels = ", ".join(channel.column for channel in data.channels)
+    holds = f"{data.slip.size} runs at {len(data.level_names)} levels, {slips}; {channels}"
+    return DataCheck("wheel-rig", holds, tuple(findings(experiment)), too_poor(experiment, len(uncertain)))
 
 
 def rig_set_in(folder: str | Path, trust: Trust = Trust()) -> RigSet:
@@ -173,9 +176,3 @@ def measured_in(path: str | Path | tuple[str | Path, ...], trust: Trust = Trust(
         f"{path}: {absent}give a folder with {RIG_FILE} (wheel rig) or {LOG_FILE} (drive log), or a CSV file with the "
         f"columns slip, traction_factor, sd.{closest_samples(path)}"
     )
-
-
-def _holds(data: RigSet) -> str:
-    slips = f"S from {data.slip.min():.2g} to {data.slip.max():.2g}"
-    channels = ", ".join(channel.column for channel in data.channels)
-    return f"{data.slip.size} runs at {len(data.level_names)} levels, {slips}; {channels}"

@@ -99,8 +99,9 @@ def read_foreign(file: Path) -> Read:
         columns[rig_column.column] = _in_si(table[name], unit, rig_column, f"{file}: '{name}'")
         guessed = "" if unit or rig_column.unit in ("", "text") else f", taken as {rig_column.unit}"
         notes.append(f"'{name}' is {rig_column.column}{guessed}")
-    for kind in RIG_CHANNELS if not _askew(columns) else ():
-        if kind.is_sideways and kind.column in columns:
+    askew = ANGLE in columns and bool((abs(columns[ANGLE]) > STRAIGHT).any())
+    for kind in RIG_CHANNELS:
+        if kind.is_sideways and not askew and kind.column in columns:
             del columns[kind.column]
             notes.append(
                 f"{kind.column} is not used: a {kind.name} is looked at in runs with {ANGLE} above {STRAIGHT} only; "
@@ -115,11 +116,6 @@ def read_foreign(file: Path) -> Read:
             f"torque_Nm, sinkage_m. It has {', '.join(map(str, table.columns))}."
         )
     return Read(pd.DataFrame(columns), tuple(notes))
-
-
-def _askew(columns: Mapping[str, Any]) -> bool:
-    """Return whether a run has a slip angle, without which a set's side force is not looked at."""
-    return ANGLE in columns and bool((abs(columns[ANGLE]) > STRAIGHT).any())
 
 
 def _plain(name: str) -> str:

@@ -156,13 +156,10 @@ def rim_of(document: Mapping[str, Any], where: str) -> tuple[dict[str, Any], flo
         why = "needs lug_height" if lug is None else f"leaves no rim: lug_height = {lug:g} m"
         raise DataError(f"{where}: {OVER_LUGS} = true {why}; give the lugs' height over the rim.")
     entry = dimensions["r"] if isinstance(dimensions["r"], Mapping) else {"value": r}
-    ends = ("value", "low", "high")
-    at_rim = {key: _size(entry, key, where) - lug * (key in ends) for key in (*ends, "sd") if key in entry}
+    ends, unit = ("value", "low", "high"), entry.get("unit", "m")
+    sizes = {key: to_si(entry[key], unit, "m", f"{where}: {key} of r") for key in (*ends, "sd") if key in entry}
+    at_rim = {key: size - lug * (key in ends) for key, size in sizes.items()}
     return {**dimensions, "r": {**at_rim, "unit": "m"}}, (r - lug) / r
-
-
-def _size(entry: Mapping[str, Any], key: str, where: str) -> float:
-    return to_si(entry[key], entry.get("unit", "m"), "m", f"{where}: {key} of r")
 
 
 def read_points(folder: Path, document: Mapping[str, Any], rim_share: float, trust: Trust) -> pd.DataFrame:

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable, Sequence
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -96,7 +95,9 @@ def arguments(scene: Scene, act: Act) -> tuple[Argument, ...]:
 def _of_reading(scene: Scene, act: Act) -> list[Argument]:
     (part,) = act.parts
     angles = ANGLES[:1] if len(part.wheels) == 1 else ()
-    reading = Argument("its own value", act.unit, partial(_channel, channel=act.where), Polynomial(0.0, 1.0, 1))
+    reading = Argument(
+        "its own value", act.unit, lambda scene, run, part: scene.replayed(run, act.where), Polynomial(0.0, 1.0, 1)
+    )
     return [reading, *angles, *_smooth(scene, act, ("duty", "time", "place")), _instants(scene)]
 
 
@@ -130,10 +131,6 @@ def _duty(scene: Scene, run: int, part: Part) -> np.ndarray:
 def _replayed(channel: str) -> Signal:
     """Return a mean over a part's wheels as replayed: the noise of a measured one would explain itself."""
     return lambda scene, run, part: np.mean([scene.replayed(run, channel.format(w)) for w in part.wheels], axis=0)
-
-
-def _channel(scene: Scene, run: int, part: Part, channel: str) -> np.ndarray:
-    return scene.replayed(run, channel)
 
 
 def _logged(channel: str) -> Signal:

@@ -76,7 +76,7 @@ def column_findings(log: DriveLog) -> Iterator[Finding]:
     suspended = log.load_rover().differential is not None
     for name, (lost, columns) in OPTIONAL.items():
         for run in log.runs if suspended or "rocker_l" not in columns else ():
-            if not any(_recorded(run, column) for column in columns):
+            if not any(column in run and np.isfinite(run[column]).any() for column in columns):
                 yield Finding(f"{name} not recorded", str(run.attrs["file"]), lost)
     for run in log.runs:
         for name in run.channels:
@@ -91,10 +91,6 @@ def column_findings(log: DriveLog) -> Iterator[Finding]:
                 yield Finding(f"column '{name}' is not read", str(run.attrs["file"]), f"{meant}, if it matters")
 
 
-def _recorded(run: Trace, name: str) -> bool:
-    return name in run and bool(np.isfinite(run[name]).any())
-
-
 def gap_findings(driven: Driven) -> Remarks:
     """Yield stretches that are missing from a channel, and samples that are missing from the log."""
     run, t = driven.trace, driven.trace.t
@@ -107,7 +103,8 @@ def gap_findings(driven: Driven) -> Remarks:
             channels_by_gap.setdefault((first, longest, int(np.sum(missing))), []).append(name)
     for (first, longest, count), names in channels_by_gap.items():
         lasting = float(t[min(first + longest, len(t) - 1)] - t[first])
-        what = f"{_missing(names)} missing for {lasting:.3g} s from t = {t[first]:.4g} s on (row {first + 1})"
+        verb = "is" if len(names) == 1 else "are"
+        what = f"{listed(names)} {verb} missing for {lasting:.3g} s from t = {t[first]:.4g} s on (row {first + 1})"
         duty = "; the last duty before is taken to hold" if any(name.startswith("duty_") for name in names) else ""
         yield what, f"the {100 * count / len(t):.0f} % of the run without are passed over{duty}"
 
@@ -122,10 +119,6 @@ def ambiguous_step_findings(run: Driven) -> Remarks:
             f"{longest.end - longest.begin:.2g} s after t = {longest.begin:.4g} s"
         )
         yield what, "nothing is compared in the half-seconds around them"
-
-
-def _missing(names: list[str]) -> str:
-    return f"{listed(names)} {'is' if len(names) == 1 else 'are'}"
 
 
 def clock_findings(run: Driven) -> Remarks:

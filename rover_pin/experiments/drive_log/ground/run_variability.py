@@ -87,17 +87,11 @@ class GroundVariability(NamedTuple):
         run, slope, *ends = self.worst
         begin, end = (f"({x:.2f}, {y:.2f})" for x, y in ends)
         uphill = "more uphill" if slope > 0 else "more downhill"
+        shared = " The runs have most of that in common: model.toml holds it as BentGround, and drives over it."
         return (
             f"The ground is not as declared: its slope differs by {_degrees(self.rms)} rms, most in {run}, "
-            f"{_degrees(abs(slope))} {uphill} from (x, y) = {begin} to {end} m.{self._common}"
+            f"{_degrees(abs(slope))} {uphill} from (x, y) = {begin} to {end} m.{shared if self.bend else ''}"
         )
-
-    @property
-    def _common(self) -> str:
-        """What a model that is written makes of it."""
-        if self.bend is None:
-            return ""
-        return " The runs have most of that in common: model.toml holds it as BentGround, and drives over it."
 
     @property
     def lines(self) -> list[str]:
