@@ -82,7 +82,7 @@ class Candidate:
             replace(size, scale=SIZE_SD * size.scale, prior=True, source="assumed: default sizes")
             for size in map(self.size, self.amplitudes)
         )
-        shapes = map(self._doubted_shape, self.shapes)
+        shapes = map(self._shape_with_prior, self.shapes)
         family = getattr(self.effect, "family", "") if is_effect(self.effect) else DECLARED
         return Cause(self.name, self.on, (*amplitudes, *shapes), frozenset(self.amplitudes), family, self.owner)
 
@@ -119,7 +119,7 @@ class Candidate:
         scale = SHAPE_SHARE * (abs(value) or 1.0)
         return Parameter(name, value, scale, low, high, declared=True, source=PUBLISHED)
 
-    def _doubted_shape(self, name: str) -> Parameter:
+    def _shape_with_prior(self, name: str) -> Parameter:
         """Return the parameter of a shape; of one of which even the order is assumed its doubt is the prior."""
         shape, log_sd = self.shape(name), quantities(self.effect)[name.rpartition(".")[2]].log_sd
         return replace(shape, scale=log_sd) if log_sd > 0.0 else shape

@@ -74,12 +74,12 @@ def _drafted(question: Question, explorer: Explorer, named: tuple[str, ...], fit
     drafted = question.draft(fitted)
     if drafted is None:
         return None
-    (candidate,) = drafted.candidates
+    text, candidate = drafted
     without = explorer.beliefs().best(named)
     if not explorer.fit((*without.causes, candidate.cause)):
-        return draft_of(drafted.text, fitted, None, -math.inf)
+        return draft_of(text, fitted, None, -math.inf)
     with_it = explorer.beliefs().best((*named, candidate.name))
-    return draft_of(drafted.text, fitted, with_it.fit, with_it.log_evidence - without.log_evidence)
+    return draft_of(text, fitted, with_it.fit, with_it.log_evidence - without.log_evidence)
 
 
 def search_of(question: Question, progress: Progress) -> Search:

@@ -2,20 +2,12 @@
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import Any, NamedTuple
+from typing import Any
 
 from rover_pin.discrepancy.answer import score_line
-from rover_pin.discrepancy.candidate import Candidate
 from rover_pin.discrepancy.cross_validation import fall_of, losses_of
 from rover_pin.discrepancy.held_out import ChannelScore, held_out
 from rover_pin.estimation.fit import Fit
-
-
-class Drafted(NamedTuple):
-    """The text of an effect file made of what a model leaves, and its effect as candidates."""
-
-    text: str
-    candidates: tuple[Candidate, ...]
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from typing import Any
 
 from rover_pin.discrepancy.candidate import Candidate
-from rover_pin.discrepancy.draft import Drafted
 from rover_pin.estimation.columns import Columns
 from rover_pin.estimation.experiment import Experiment
 from rover_pin.estimation.fit import Fit
@@ -28,8 +27,8 @@ class Question:
     numbers: tuple[Parameter, ...]
     candidates: Callable[[Fit], Sequence[Candidate]]
     "what may be missing of the calibrated model"
-    draft: Callable[[Fit], Drafted | None] = lambda fitted: None
-    "what a fit leaves as a drafted effect, where that can be described"
+    draft: Callable[[Fit], tuple[str, Candidate] | None] = lambda fitted: None
+    "what a fit leaves as the text of an effect file and the effect in it, where that can be described"
     functions: Callable[[Fit], Iterable[Columns]] = smooth_functions
     "what a fit may leave besides noise, where slopes are differences: functions of which at most one acts"
     offers: Callable[[Sequence[Hypothesis]], Iterable[Offer]] = lambda leading: ()

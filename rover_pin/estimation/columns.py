@@ -39,5 +39,5 @@ class Columns(NamedTuple):
 
 
 def no_columns(rows: int) -> Columns:
-    """Return no columns at all, of so many rows."""
+    """Return no columns at all, of a number of rows."""
     return Columns(np.zeros((rows, 0)), (slice(None),))

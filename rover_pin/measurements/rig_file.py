@@ -157,8 +157,8 @@ def rim_of(document: Mapping[str, Any], where: str) -> tuple[dict[str, Any], flo
         raise DataError(f"{where}: {OVER_LUGS} = true {why}; give the lugs' height over the rim.")
     entry = dimensions["r"] if isinstance(dimensions["r"], Mapping) else {"value": r}
     ends, unit = ("value", "low", "high"), entry.get("unit", "m")
-    sizes = {key: to_si(entry[key], unit, "m", f"{where}: {key} of r") for key in (*ends, "sd") if key in entry}
-    at_rim = {key: size - lug * (key in ends) for key, size in sizes.items()}
+    lengths = {key: to_si(entry[key], unit, "m", f"{where}: {key} of r") for key in (*ends, "sd") if key in entry}
+    at_rim = {key: length - lug * (key in ends) for key, length in lengths.items()}
     return {**dimensions, "r": {**at_rim, "unit": "m"}}, (r - lug) / r
 
 

@@ -163,7 +163,7 @@ def comparable(name: str) -> bool:
     return name.startswith(kinds) or is_current(name)
 
 
-def moved(channels: Mapping[str, np.ndarray], heading: np.ndarray) -> dict[str, np.ndarray]:
+def pose_increments(channels: Mapping[str, np.ndarray], heading: np.ndarray) -> dict[str, np.ndarray]:
     """Return way along and across the heading and turn, from row to row, and the speed along it, as far as known."""
     rows = {}
     forward = np.array([np.cos(heading), np.sin(heading)])
@@ -185,7 +185,7 @@ def driven(
 
     What was driven in rows that are not in `summed_rows` is left out of the sums, or it would be compared later.
     """
-    rows = moved(channels, heading).items()
+    rows = pose_increments(channels, heading).items()
     return {name: row if name == SPEED else leaky(summed_rows * row, period) for name, row in rows}
 
 

@@ -65,7 +65,7 @@ class DriveExtra(NamedTuple):
         """Return lines for a reader."""
         lines = []
         if self.free:
-            was, now = together(self.free)
+            was, now = distances_of(self.free)
             after = "" if was == now else f" -> {1e3 * now:.1f} mm"
             way = f"RMS distance from the logged place {1e3 * was:.1f} mm{after}"
             lines.append(f"free run: {way} over {len(self.free)} runs")
@@ -86,7 +86,7 @@ def extra_of(verdict: Verdict) -> DriveExtra:
     return verdict.extra if isinstance(verdict.extra, DriveExtra) else DriveExtra()
 
 
-def together(free: tuple[FreeRun, ...]) -> tuple[float, float]:
+def distances_of(free: tuple[FreeRun, ...]) -> tuple[float, float]:
     """Return the RMS distance of all free runs from the logged place, before and after [m]."""
     rows = np.array([(free_run.before, free_run.after) for free_run in free])
     was, now = (float(np.sqrt(np.nanmean(side**2))) if np.isfinite(side).any() else float("nan") for side in rows.T)

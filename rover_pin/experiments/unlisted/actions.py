@@ -15,7 +15,7 @@ from rover_pin.effects.effect import Effect, SensorEffect
 from rover_pin.effects.tacho_scale import TachoScale
 from rover_pin.estimation.fit import Fit
 from rover_pin.experiments.drive_log.experiment import DriveExperiment, logged
-from rover_pin.experiments.drive_log.features import DRIFT, HEADING, LEVELS, PATH, blocks, leaky, moved
+from rover_pin.experiments.drive_log.features import DRIFT, HEADING, LEVELS, PATH, blocks, leaky, pose_increments
 from rover_pin.rover.wheel_base import wheel_places
 from rover_pin.simulation.replay import Perturbation, Replay, filled
 from rover_pin.simulation.trace.channels import unit_of
@@ -206,7 +206,7 @@ def _rows(scene: Scene, changes: Sequence[Mapping[str, np.ndarray]]) -> tuple[np
 
 def _row(scene: Scene, run: int, change: Mapping[str, np.ndarray]) -> np.ndarray:
     heading, gains = scene.experiment.runs[run].heading, scene.gains[run]
-    rows, still = moved(change, heading), np.zeros(len(heading))
+    rows, still = pose_increments(change, heading), np.zeros(len(heading))
     return np.array([rows.get(k, gains.get(k, 1.0) * change.get(k, still)) for k in scene.experiment.channels])
 
 

@@ -86,8 +86,8 @@ def _described(term: Term) -> str:
     if name == "nothing":
         return f": {_size(term, curve.value[0], curve.sd[0])} all the time"
     if name == "run":
-        sizes = (f"{_size(term, row[0])} in {run}" for run, row in zip(term.runs, curve.value, strict=True))
-        return f" that differs from run to run: {', '.join(sizes)}"
+        by_run = (f"{_size(term, row[0])} in {run}" for run, row in zip(term.runs, curve.value, strict=True))
+        return f" that differs from run to run: {', '.join(by_run)}"
     if isinstance(basis, Wave):
         return f" {_wave(term, basis, curve)}"
     if isinstance(basis, Hats):

@@ -7,8 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rover_pin.base.public import brief
-from rover_pin.discrepancy.candidate import plain_candidate
-from rover_pin.discrepancy.draft import Drafted
+from rover_pin.discrepancy.candidate import Candidate, plain_candidate
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.noise import null_gain
 from rover_pin.estimation.wording import NOISE_LIKE
@@ -236,7 +235,7 @@ BOUND = 5.0
 """Largest coefficient that a draft allows, or ten times what it starts from."""
 
 
-def drafted(experiment: RigExperiment, fit: Fit) -> Drafted | None:
+def drafted(experiment: RigExperiment, fit: Fit) -> tuple[str, Candidate] | None:
     """Return what a fit leaves as a drafted effect; None where no smooth curve beats chance, or of several sets."""
     if len(experiment.sets) > 1:
         return None
@@ -246,7 +245,7 @@ def drafted(experiment: RigExperiment, fit: Fit) -> Drafted | None:
         return None
     text = draft_effect(data, residuals)
     (kind,) = effects_of_text(text)
-    return Drafted(text, (plain_candidate(kind()),))
+    return text, plain_candidate(kind())
 
 
 def can_draft(residual: RigChannelResidual) -> bool:

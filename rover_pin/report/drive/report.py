@@ -14,8 +14,7 @@ from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.effects.effect import SensorEffect
 from rover_pin.estimation.fit import FEW
 from rover_pin.estimation.wording import AT_FLOOR
-from rover_pin.experiments.drive_log.free_runs import FreeRun, extra_of
-from rover_pin.experiments.drive_log.free_runs import together as free_together
+from rover_pin.experiments.drive_log.free_runs import FreeRun, distances_of, extra_of
 from rover_pin.experiments.drive_log.parameters import with_wheels
 from rover_pin.logs.drive_log import DriveLog
 from rover_pin.report.drive.ghost import ghosts
@@ -74,7 +73,7 @@ def sides_of(verdict: Verdict) -> Sides | None:
 
 def _describe_free_runs(free: tuple[FreeRun, ...]) -> list[str]:
     """Return that free runs stay closer, where they do; where they do not, a caution says so."""
-    was, now = free_together(free) if free else (0.0, 0.0)
+    was, now = distances_of(free) if free else (0.0, 0.0)
     if not now < (1.0 - WORTH) * was:
         return []
     before, after = pair(was, now, "m")
@@ -91,7 +90,7 @@ def free_runs_section(verdict: Verdict) -> Section | None:
         for free_run in free
     ]
     if len(free) > 1:
-        rows.append(_free_row("all runs together", "", *free_together(free), added))
+        rows.append(_free_row("all runs together", "", *distances_of(free), added))
     table = Table(("run", "driven", *before_and_after(added)), tuple(rows), "RMS distance from the logged place")
     return Section("Driven freely", "drive/free_runs.html", {"table": table})
 
