@@ -76,10 +76,9 @@ def too_poor(experiment: RigExperiment, nuisances: int) -> str:
 
 def findings(experiment: RigExperiment) -> list[Finding]:
     """Return what a reader should know before any result, of several sets with the set's name before its place."""
-    of_sets = [(data.name, finding) for data in experiment.sets for finding in _of_set(data)]
-    if len(experiment.sets) == 1:
-        return [finding for _, finding in of_sets]
-    return [*experiment.twice, *(finding._replace(where=f"{name}, {finding.where}") for name, finding in of_sets)]
+    of_sets = ((data.name, finding) for data in experiment.sets for finding in _of_set(data))
+    placed = (row._replace(where=experiment.in_set(name, ", ", row.where)) for name, row in of_sets)
+    return [*experiment.twice, *placed]
 
 
 def _of_set(data: RigSet) -> list[Finding]:

@@ -46,7 +46,7 @@ class RigExperiment(Experiment):
         """The runs of each set, by its name."""
         return {data.name: RigRuns(data) for data in self.sets}
 
-    def _of(self, set_name: str, separator: str, name: str) -> str:
+    def in_set(self, set_name: str, separator: str, name: str) -> str:
         """Return the name of what is a set's own, after the set where there are several."""
         return f"{set_name}{separator}{name}" if len(self.sets) > 1 else name
 
@@ -73,7 +73,7 @@ class RigExperiment(Experiment):
     @property
     def folds(self) -> tuple[str, ...]:
         """The name of every level and pressing, of several sets as `set: fold`."""
-        return tuple(self._of(name, ": ", fold) for name, runs in self.runs.items() for fold in runs.folds)
+        return tuple(self.in_set(name, ": ", fold) for name, runs in self.runs.items() for fold in runs.folds)
 
     @property
     def campaigns(self) -> np.ndarray:
@@ -176,7 +176,7 @@ class RigExperiment(Experiment):
     def _named(self, of_sets: Mapping[str, Iterable[Parameter]]) -> Iterator[Parameter]:
         """Yield each set's own parameters under the name that the model has for them."""
         for name, parameters in of_sets.items():
-            yield from (replace(parameter, name=self._of(name, ".", parameter.name)) for parameter in parameters)
+            yield from (replace(parameter, name=self.in_set(name, ".", parameter.name)) for parameter in parameters)
 
     def _jointly_identified(self, model: RigModel | JointModel) -> Iterator[Parameter]:
         """Yield what the sets tell together, though none alone: n and c by their loads, k_2 by their widths."""
@@ -212,7 +212,7 @@ class RigExperiment(Experiment):
     def unpredicted(self, model: RigModel | JointModel) -> str:
         """Return which run no sinkage carries, of the first set that has one; empty where all are carried."""
         reasons = ((name, runs.unpredicted(model.of(name))) for name, runs in self.runs.items())
-        return next((self._of(name, ": ", why) for name, why in reasons if why), "")
+        return next((self.in_set(name, ": ", why) for name, why in reasons if why), "")
 
 
 def _local(name: str, set_name: str) -> str:

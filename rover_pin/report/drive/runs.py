@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.noise import huber, rms_of
 from rover_pin.estimation.wording import in_words
+from rover_pin.experiments.drive_log.checks.columns import stretches
 from rover_pin.experiments.drive_log.experiment import DriveExperiment, logged
 from rover_pin.experiments.drive_log.features import BLOCK, DRIFT, HEADING, LEAK, PATH, SPEED
 from rover_pin.experiments.unlisted.actions import Scene
@@ -117,8 +118,7 @@ def _shaded(axis: Axes, experiment: DriveExperiment, run: int, row: int) -> None
     """Shade the stretches of a run in which a channel is not compared."""
     times = experiment.runs[run].times
     out = ~np.isfinite(experiment.observed[run, row, : len(times)])
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], out, [False]]).astype(int)))
-    for number, (start, end) in enumerate(edges.reshape(-1, 2)):
+    for number, (start, end) in enumerate(stretches(out)):
         ends = times[start] - BLOCK / 2, times[end - 1] + BLOCK / 2
         axis.axvspan(*ends, color=GREY, alpha=0.25, lw=0, label=None if number else "not compared")
     axis.set_xlim(times[0] - BLOCK / 2, times[-1] + BLOCK / 2)

@@ -9,7 +9,6 @@ import numpy as np
 from rover_pin.base.quantity import quantities
 from rover_pin.discrepancy.verdict import Side, Verdict
 from rover_pin.effects.names import meaning_of, title_of
-from rover_pin.estimation.experiment import Experiment
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.wording import MAX_LISTED, format_value
 from rover_pin.report.page import Row, Section, Table
@@ -86,16 +85,11 @@ class Size(NamedTuple):
         )
 
 
-def without(experiment: Experiment, model: Any, owner: str) -> Any:
-    """Return the model with one of its effects at its neutral values."""
-    effect = experiment.records(model)[owner]
-    return experiment.replaced(model, owner, effect.replace(**effect.neutral))
-
-
 def channel_changes(fitted: Fit, owner: str) -> list[Size]:
     """Return what an effect of a fitted model does to each channel, the most in SDs of its noise first."""
     experiment = fitted.task.experiment
-    bare = without(experiment, fitted.model, owner)
+    effect = experiment.records(fitted.model)[owner]
+    bare = experiment.replaced(fitted.model, owner, effect.replace(**effect.neutral))
     predicted = experiment.predict([fitted.model, bare])
     difference = np.where(np.isfinite(experiment.observed), predicted[0] - predicted[1], 0.0)
     changes = []

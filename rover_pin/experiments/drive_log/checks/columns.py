@@ -134,11 +134,12 @@ def clock_findings(run: Driven) -> Remarks:
         yield what, "look for dropped frames; nothing is known of what is between"
 
 
+def stretches(flags: np.ndarray) -> np.ndarray:
+    """Return where each stretch of true flags begins, and where it has ended (stretches, 2)."""
+    return np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(int))).reshape(-1, 2)
+
+
 def longest_run(flags: np.ndarray) -> tuple[int, int]:
     """Return where the longest stretch of true flags begins, and its length."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(int)))
-    if not edges.size:
-        return 0, 0
-    begins, ends = edges[::2], edges[1::2]
-    at = int(np.argmax(ends - begins))
-    return int(begins[at]), int(ends[at] - begins[at])
+    begin, end = max(stretches(flags).tolist(), key=lambda ends: ends[1] - ends[0], default=(0, 0))
+    return begin, end - begin

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from rover_pin.experiments.drive_log.checks.columns import longest_run
+from rover_pin.experiments.drive_log.checks.columns import longest_run, stretches
 from rover_pin.experiments.drive_log.checks.driven import AT_LEAST, Driven, Remarks, degrees
 from rover_pin.experiments.drive_log.readings.outliers import pose_outliers, without_poses
 from rover_pin.simulation.model.motor import Motor
@@ -80,7 +80,8 @@ def _stuck(run: Driven, name: str, repeats: np.ndarray) -> Remarks:
     begin, count = longest_run(repeats)
     values, lasting = run.trace[name], count * run.period
     value, finite_values = values[begin], run.finite(name)
-    if lasting < STUCK or count < USUALLY * _usual_run(repeats & (values != value)):
+    lengths = np.diff(stretches(repeats & (values != value)))
+    if lasting < STUCK or count < USUALLY * (float(np.median(lengths)) if len(lengths) > 1 else 1.0):
         return
     ends = {finite_values.min(), finite_values.max()}
     place = f"for {lasting:.3g} s from t = {run.trace.t[begin]:.4g} s on (row {begin + 1})"
@@ -90,12 +91,6 @@ def _stuck(run: Driven, name: str, repeats: np.ndarray) -> Remarks:
     else:
         what = f"{name} stays at {value:.4g} {place} while others move"
         yield what, "it looks frozen: empty these cells, or leave the run out"
-
-
-def _usual_run(repeats: np.ndarray) -> float:
-    """Return the median number of repeats in a row."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], repeats, [False]]).astype(int)))
-    return float(np.median(edges[1::2] - edges[::2])) if len(edges) > 2 else 1.0
 
 
 def jump_findings(run: Driven) -> Remarks:
