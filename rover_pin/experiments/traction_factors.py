@@ -159,7 +159,6 @@ class TractionFactors(Standalone):
         shared = self.points.slip_shared * model.records["points"].common_slip
         slip = self.points.slip + self.points.slip_sd * errors + shared
         names, points = tuple(name.partition(".")[2] for name in free), self.points
-        constants |= {name: value for name, value in points.wheel.values().items() if name not in names}
         kind: tuple[Any, Any, bool] = (points.form, points.angles, bool(points.loads.size))
         law = factor_law(*kind, names, len(slip))
         conditions = np.array([slip, points.loads if points.loads.size else np.zeros(len(slip))])

@@ -64,6 +64,14 @@ def test_noiseless_points_return_k_and_phi_from_another_soil():
     assert found.found == ("soil.phi", "soil.k")
 
 
+def test_a_wheel_that_is_held_is_the_one_that_is_predicted():
+    """Without cohesion the factor is one of r / k alone: of a wheel twice as large k is twice as large."""
+    bench = factors(soil=SOIL.replace(c=0.0))
+    sizes = {**HELD, **SIZES, "c": 0.0}
+    k, larger = (identify(bench, fixed={**sizes, "r": r})["k"].number.value for r in (SIZES["r"], 2.0 * SIZES["r"]))
+    assert larger == pytest.approx(2.0 * k, rel=0.02)
+
+
 def test_stated_intervals_hold_the_truth():
     """k and phi of a curve that tells them, 30 times with noise as stated: 95 % of 60, three SDs of a count below."""
     draw, held = np.random.default_rng(8), []
