@@ -12,7 +12,6 @@ from scipy.special import logsumexp
 from rover_pin.base.public import brief
 from rover_pin.inference import hypothesis as fitted
 from rover_pin.inference.error_model import Discrepancy
-from rover_pin.inference.left_out import LeftOut
 from rover_pin.inference.linear_hypothesis import LinearHypothesis
 from rover_pin.inference.set_prior import log_prior
 
@@ -119,16 +118,6 @@ class Beliefs:
     def noise_taken(self, names: Sequence[str]) -> dict[str, float]:
         """Return, for each channel, how many times the declared noise a set takes for noise, discrepancy left out."""
         return self.best(names).noise_taken
-
-    def left_out(self, hypothesis: Hypothesis) -> LeftOut:
-        """Return every fold as the others predict it by a hypothesis, computed once."""
-        if id(hypothesis) not in self._left_out:
-            self._left_out[id(hypothesis)] = hypothesis.left_out()
-        return self._left_out[id(hypothesis)]
-
-    @cached_property
-    def _left_out(self) -> dict[int, LeftOut]:
-        return {}
 
     def as_dict(self) -> dict[str, Any]:
         """Return plain values: the probability of each cause, and of each set with what it leaves."""

@@ -115,8 +115,9 @@ class Hypothesis:
         model = at(task, self.model, self.parameters, self.u)
         return Fit(task, model, self.parameters, self.u, exact.predicted, dict(zip(names, exact.slopes, strict=True)))
 
+    @cached_property
     def left_out(self) -> LeftOut:
-        """Return every fold as the others predict it."""
+        """Every fold as the others predict it."""
         samples = self.errors.samples
         found = left_out(self.covariance, self.linear, samples.fold)
         return LeftOut(found.log_density, samples.table_of(found.missed))

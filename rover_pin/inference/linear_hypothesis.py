@@ -94,8 +94,9 @@ class LinearHypothesis:
         times = noise.floor / noise.lower_bound(scatter)
         return dict(zip(self.experiment.channels, times.tolist(), strict=True))
 
+    @cached_property
     def left_out(self) -> LeftOut:
-        """Return every fold as the others predict it, in the bounds; an estimate says how probable it is alone."""
+        """Every fold as the others predict it, in the bounds; an estimate says how probable it is alone."""
         others = [self.expansion.posterior(self.extra, fold) for fold in range(len(self.experiment.folds))]
         log_evidence = self.expansion.posterior(self.extra).log_evidence
         plain = np.array([log_evidence - posterior.log_evidence for posterior in others])
