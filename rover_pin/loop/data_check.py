@@ -68,19 +68,19 @@ def _of_lag(log: DriveLog, motor: Motor, lag: RelaxedSlip, points: TractionPoint
         value = float(getattr(lag, name))
         sd = DECLARED_SD * value
         if sd > 0.0:
-            moved = drive_points(log, motor, SAMPLING, lag.replace(**{name: value + sd}))
-            yield Shift(parameter_of(f"RelaxedSlip.{name}", lag, sd), _moved(moved, points))
+            shifted = drive_points(log, motor, SAMPLING, lag.replace(**{name: value + sd}))
+            yield Shift(parameter_of(f"RelaxedSlip.{name}", lag, sd), _moved(shifted, points))
 
 
-def _moved(moved: TractionPoints, points: TractionPoints) -> np.ndarray:
+def _moved(shifted: TractionPoints, points: TractionPoints) -> np.ndarray:
     """Return what a model must add to its factor at each point where the log was read with a wrong number.
 
     The points of the right number are higher by their difference; each is compared with the nearest of them by slip
     and load, which is as a rule of the same class.
     """
-    places = [np.column_stack([each.slip * SAMPLING.levels, _log_load(each)]) for each in (points, moved)]
+    places = [np.column_stack([each.slip * SAMPLING.levels, _log_load(each)]) for each in (points, shifted)]
     distance = np.linalg.norm(places[0][:, None] - places[1][None], axis=2)
-    return np.asarray(points.factor - moved.factor[distance.argmin(axis=1)])
+    return np.asarray(points.factor - shifted.factor[distance.argmin(axis=1)])
 
 
 def _log_load(points: TractionPoints) -> np.ndarray:

@@ -33,8 +33,8 @@ def drive_along(scene: Scenario, course: StepsTaken) -> Trace:
     drive = _set_out(scene)
     drive.stepper.set_step(course.dt)
     timing = dataclasses.replace(drive.timing, dt=course.dt)
-    ran = run_compiled(drive._replace(timing=timing, followed=course.lengths), float(course.lengths.sum()), None)
-    return trace_of(scene.model, finite(ran.rows), {})
+    run = run_compiled(drive._replace(timing=timing, followed=course.lengths), float(course.lengths.sum()), None)
+    return trace_of(scene.model, finite(run.rows), {})
 
 
 def _set_out(scene: Scenario) -> Drive:

@@ -135,7 +135,7 @@ def test_too_stiff_ground_is_refused_in_one_sentence():
         parts(stiff, state, 200.5 * 1.2 / omega)
 
 
-def test_a_drive_whose_steps_miss_the_load_says_so_or_halves_them(monkeypatch):
+def test_steps_that_miss_the_load_say_so_or_are_halved(monkeypatch):
     """As it was before the step was divided; where its error is measured, it is driven at a step that is stable."""
     monkeypatch.setattr("rover_pin.simulation.kept.parts", lambda *_: 1)
     drive = scenario("flat", duration=4.0, **{"soil.k_1": 3e7, "soil.k": 0.01})

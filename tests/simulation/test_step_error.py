@@ -148,7 +148,7 @@ def test_a_finer_tolerance_takes_a_finer_step_and_is_kept():
     assert found[0][0] > found[-1][0]
 
 
-def test_a_drive_that_is_refined_takes_the_usual_steps_each_in_parts():
+def test_a_refined_drive_takes_its_usual_steps_in_parts():
     """To the bit, its controller's memory included; it can go on."""
     made = scenario("ditch", control="true", duration=1.0)
     strict = dataclasses.replace(made, timing=Timing(tolerance=1e-9)).drive()
