@@ -14,20 +14,18 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from rover_pin.base.errors import DataError, RoverPinError, UrdfError
+from rover_pin import RoverPinError, Trace, close_the_loop, load_rover, scenario
+from rover_pin.base.errors import DataError, UrdfError
 from rover_pin.base.files.bounded import MIB, arrays
 from rover_pin.base.trust import Trust
 from rover_pin.cli.app import app
 from rover_pin.logs.drive_log import read_drive_log
-from rover_pin.loop.close import close_the_loop, read_data
+from rover_pin.loop.close import read_data
 from rover_pin.loop.data_check import measured_in
 from rover_pin.rover.description.layout import rover_folder
-from rover_pin.rover.rover import load_rover
 from rover_pin.rover.urdf_check import check_urdf
-from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.model.toml_file import read_model, write_model
 from rover_pin.simulation.trace.files import write_parquet
-from rover_pin.simulation.trace.trace import Trace
 from rover_pin.terrain import files
 from rover_pin.view.shapes import shapes_of
 from rover_pin.view.subject import mesh_folder

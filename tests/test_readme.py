@@ -8,11 +8,10 @@ from pathlib import Path
 
 import pytest
 
+from rover_pin import SOILS, load_rover
 from rover_pin.cli.app import app
-from rover_pin.parameters import SOILS
 from rover_pin.rover.description.layout import KEYS
 from rover_pin.rover.description.rover_toml import read_forms, read_motor, read_soil, read_springs
-from rover_pin.rover.rover import load_rover
 from rover_pin.scenarios.scenes import SCENES
 from rover_pin.version import __version__
 

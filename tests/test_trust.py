@@ -12,15 +12,14 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
+from rover_pin import Soil, Wheel, scenario
 from rover_pin.base.errors import DataError, ParameterError
 from rover_pin.base.trust import Trust
 from rover_pin.cli.app import app
-from rover_pin.contact import Soil, Wheel
 from rover_pin.experiments.wheel_rig.model import RigModel
 from rover_pin.experiments.wheel_rig.model import read_model as read_rig_model
 from rover_pin.experiments.wheel_rig.model import write_model as write_rig_model
 from rover_pin.loop.close import read_data, start_on
-from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.model.effect_files import run_file, user_effects
 from rover_pin.simulation.model.toml_file import read_model, write_model
 from rover_pin.sweep import read_study, sweep

@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rover_pin import Soil, scenario, torque_bounds
-from rover_pin.contact import Wheel
+from rover_pin import Soil, Wheel, scenario, torque_bounds
 from rover_pin.loop.close import read_data
 from rover_pin.loop.identify import identify
 from rover_pin.loop.rig import on_rig

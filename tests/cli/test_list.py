@@ -5,12 +5,10 @@ import math
 
 import pytest
 
-from rover_pin.base.errors import RoverPinError
-from rover_pin.parameters import SLOPE_SAND, SOILS
+from rover_pin import SOILS, RoverPinError, load_rover, scenario
+from rover_pin.parameters import SLOPE_SAND
 from rover_pin.parameters.slope_sand import DING
-from rover_pin.rover.rover import load_rover
 from rover_pin.scenarios.catalogue import settings
-from rover_pin.scenarios.scenario import scenario
 from rover_pin.scenarios.scenes import SCENES
 from rover_pin.simulation.model.effect_files import package_effects
 

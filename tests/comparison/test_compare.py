@@ -6,13 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from rover_pin import Trace, scenario
 from rover_pin.base.errors import DataError
 from rover_pin.comparison.compare import compare
 from rover_pin.effects.slip_sinkage import SlipSinkage
 from rover_pin.logs.saved import save_trace
-from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.model.toml_file import write_model
-from rover_pin.simulation.trace.trace import Trace
 
 KEPT = Path(__file__).parents[2] / "studies" / "results" / "steepening-slope"
 

@@ -9,11 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from rover_pin import SOILS, Soil, Wheel, torque_bounds
 from rover_pin.base.errors import ParameterError
-from rover_pin.contact import Soil, Wheel
 from rover_pin.control.bound_law import INPUTS
-from rover_pin.control.torque_bounds import TorqueBounds, torque_bounds
-from rover_pin.parameters import SOILS
+from rover_pin.control.torque_bounds import TorqueBounds
 from rover_pin.soil.angles import FixedAngles
 from tests.control.arc_torque import saturation_torque, torque_at_slip
 from tests.oracle import terramechanics as oracle

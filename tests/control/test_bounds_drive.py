@@ -7,22 +7,18 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
+from rover_pin import SOILS, Motor, Wheel, load_rover, load_traction_factor, scenario, simulate, torque_bounds
 from rover_pin.base.errors import ParameterError
 from rover_pin.cli.app import app
-from rover_pin.contact import Wheel
 from rover_pin.control.bound_pull import TractionLimit
 from rover_pin.control.rover_bounds import climbable_slope, rover_torque_bounds
-from rover_pin.control.torque_bounds import TorqueBounds, torque_bounds
+from rover_pin.control.torque_bounds import TorqueBounds
 from rover_pin.effects.motion_resistance import MotionResistance
-from rover_pin.parameters import SOILS
-from rover_pin.rover.rover import load_rover
 from rover_pin.rover.statics import wheel_loads
-from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.compiled.toolchain import compiler
-from rover_pin.simulation.model.motor import Motor
-from rover_pin.simulation.simulate import Timing, simulate
+from rover_pin.simulation.simulate import Timing
 from rover_pin.soil.angles import FixedAngles
-from rover_pin.soil.traction import FORMS, TorqueTraction, load_traction_factor
+from rover_pin.soil.traction import FORMS, TorqueTraction
 from tests.control.arc_torque import torque_at_slip
 
 pytestmark = [pytest.mark.slow, pytest.mark.skipif(compiler() is None, reason="the simulator needs a C compiler")]

@@ -8,15 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rover_pin import scenario
+from rover_pin import load_rover, plain_simulate, scenario, simulate
 from rover_pin.base.errors import ParameterError
 from rover_pin.control.motion.kinematics import BodyMotion, rolling
 from rover_pin.control.motion.servo import HeldSpeeds
-from rover_pin.rover.rover import load_rover
 from rover_pin.rover.wheel_base import base_of, effective_track, wheel_places
 from rover_pin.simulation.command import Reading
 from rover_pin.simulation.native.control import commands_of
-from rover_pin.simulation.simulate import plain_simulate, simulate
 from tests.rover.farm import ROCKERS, THREE_AXLES, TWO_AXLES, Farm, cart, rocker_bogie, write
 
 HARD = {"patch.x_from": -100.0, "patch.x_to": 100.0}

@@ -12,13 +12,12 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from rover_pin import scenario, simulate
 from rover_pin.base.errors import MissingExtraError, ParameterError, SimulationError
 from rover_pin.cli.app import app
 from rover_pin.control.mujoco.mjcf import mjcf
 from rover_pin.control.mujoco.soil_forces import SoilForces
-from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.command import Command
-from rover_pin.simulation.simulate import simulate
 
 mujoco = pytest.importorskip("mujoco", minversion="3.2")
 PAGE = Path(__file__).parents[2] / "docs" / "own-controller.md"

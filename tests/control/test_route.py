@@ -5,12 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from rover_pin import scenario
-from rover_pin.base.errors import RoverPinError
+from rover_pin import RoverPinError, scenario, simulate
 from rover_pin.control.motion.route import RouteControl, read_route
 from rover_pin.rover.wheel_base import base_of
 from rover_pin.simulation.command import Reading, Truth
-from rover_pin.simulation.simulate import simulate
 
 
 def drive(rover, route, **more):

@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from rover_pin import load_rover, scenario
 from rover_pin.control.steering import Turn
 from rover_pin.effects.flank_pressure import FlankPressure
-from rover_pin.rover.rover import load_rover
-from rover_pin.scenarios.scenario import scenario
 
 CART = load_rover("cart")
 TRACK = 0.52

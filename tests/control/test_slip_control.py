@@ -9,21 +9,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from rover_pin import ConstantDuty, SlipControl, Wheel, load_rover, load_traction_factor, scenario, simulate
 from rover_pin.base.errors import ParameterError
-from rover_pin.contact import Wheel
-from rover_pin.control.constant import ConstantDuty
-from rover_pin.control.slip_control import Gains, SlipControl, pi_law
+from rover_pin.control.slip_control import Gains, pi_law
 from rover_pin.control.slip_estimate import SpeedTable, TableEstimate, TrueSlip, calibrated_table
 from rover_pin.control.steering import Turn
 from rover_pin.control.torque_check import LOST_SLIP, NoLimit, TorqueLimit, TorqueLimited
 from rover_pin.effects.motion_resistance import MotionResistance
-from rover_pin.rover.rover import load_rover
 from rover_pin.rover.statics import wheel_loads
 from rover_pin.rover.wheel_base import wheel_places
-from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.command import Command, Reading, Truth
-from rover_pin.simulation.simulate import simulate
-from rover_pin.soil.traction import TorqueTraction, load_traction_factor
+from rover_pin.soil.traction import TorqueTraction
 from tests.control.arc_torque import saturation_torque
 
 

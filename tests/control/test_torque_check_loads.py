@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from rover_pin import scenario, simulate
 from rover_pin.base.errors import ParameterError
 from rover_pin.control.slip_estimate import TableEstimate, flat_table
 from rover_pin.control.torque_bounds import TorqueBounds
@@ -12,10 +13,8 @@ from rover_pin.effects.post_peak import PostPeak
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.rover.driven_loads import configuration, driven_loads
 from rover_pin.rover.statics import wheel_loads
-from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.command import Command
 from rover_pin.simulation.failure import suspension_of
-from rover_pin.simulation.simulate import simulate
 
 DRIVES = {
     "hills": ("hills", {}, (0.10, 0.01)),

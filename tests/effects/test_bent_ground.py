@@ -6,12 +6,10 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
+from rover_pin import ConstantDuty, scenario, simulate
 from rover_pin.base.errors import ParameterError
-from rover_pin.control.constant import ConstantDuty
 from rover_pin.effects.bent_ground import BentGround
-from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.model.toml_file import read_model, write_model
-from rover_pin.simulation.simulate import simulate
 from rover_pin.simulation.start.place import Start
 from rover_pin.terrain import shapes
 from rover_pin.terrain.bent import bent

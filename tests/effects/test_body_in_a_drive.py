@@ -7,8 +7,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from rover_pin import ConstantDuty, load_rover, scenario, simulate
 from rover_pin.base.errors import ParameterError, SimulationError
-from rover_pin.control.constant import ConstantDuty
 from rover_pin.effects.bent_ground import BentGround
 from rover_pin.effects.differential_compliance import DifferentialCompliance
 from rover_pin.effects.effect import BodyEffect, Push
@@ -18,12 +18,9 @@ from rover_pin.effects.pivot_friction import PivotFriction
 from rover_pin.effects.point_mass import PointMass
 from rover_pin.effects.tether_drag import TetherDrag
 from rover_pin.effects.wheel_scale import WheelScale
-from rover_pin.rover.rover import load_rover
 from rover_pin.rover.statics import wheel_loads
-from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.compiled.kernel import Kernel
 from rover_pin.simulation.plain.step import Plain
-from rover_pin.simulation.simulate import simulate
 from rover_pin.simulation.start.place import Start, settled
 from rover_pin.terrain import shapes
 

@@ -9,17 +9,15 @@ import numpy as np
 import pytest
 
 import rover_pin.effects
+from rover_pin import ConstantDuty, Soil, Wheel, scenario, simulate
 from rover_pin.base.quantity import quantities
-from rover_pin.contact import Contact, Load, Soil, Wheel
-from rover_pin.control.constant import ConstantDuty
+from rover_pin.contact import Contact, Load
 from rover_pin.effects.effect import Body, BodyEffect, Drive, Effect, MotorEffect, SensorEffect
 from rover_pin.effects.slip import RelaxedSlip
 from rover_pin.effects.soil_traction import SoilTraction
-from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.compiled.constant_part import split_law
 from rover_pin.simulation.compiled.laws import GEOMETRY, contact_law, numbers
 from rover_pin.simulation.model.effect_files import package_effects, user_effects
-from rover_pin.simulation.simulate import simulate
 
 
 def found(kind):

@@ -5,18 +5,15 @@ import math
 import numpy as np
 import pytest
 
+from rover_pin import ConstantDuty, load_rover, scenario, simulate
 from rover_pin.base.errors import ParameterError
-from rover_pin.control.constant import ConstantDuty
 from rover_pin.effects.differential_compliance import DifferentialCompliance
 from rover_pin.effects.effect import Body
 from rover_pin.effects.pivot_friction import PivotFriction
 from rover_pin.effects.spring_damper import SpringDamper
 from rover_pin.rover.forward_dynamics import mass_matrix
-from rover_pin.rover.rover import load_rover
-from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.compiled.kernel import Kernel
 from rover_pin.simulation.compiled.suspension import suspension_dofs
-from rover_pin.simulation.simulate import simulate
 from rover_pin.simulation.start.place import Start, hovering, settled
 
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from rover_pin import ConstantDuty, scenario, simulate
 from rover_pin.contact import Load
-from rover_pin.control.constant import ConstantDuty
 from rover_pin.effects.dead_band import DeadBand
 from rover_pin.effects.effect import Body, Drive
 from rover_pin.effects.raw_current import RawCurrent
@@ -21,8 +21,6 @@ from rover_pin.effects.viscous_friction import ViscousFriction
 from rover_pin.effects.weak_motor import WeakMotor
 from rover_pin.effects.wheel_scale import WheelScale
 from rover_pin.effects.winding_heating import ALPHA_COPPER, WindingHeating
-from rover_pin.scenarios.scenario import scenario
-from rover_pin.simulation.simulate import simulate
 
 
 @pytest.mark.parametrize(

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
+from rover_pin import ConstantDuty, scenario, simulate
 from rover_pin.contact import Load
-from rover_pin.control.constant import ConstantDuty
 from rover_pin.effects.exit_angle import ExitAngle
 from rover_pin.effects.hard_patch import HardPatch
 from rover_pin.effects.interface_friction import InterfaceFriction
@@ -18,8 +18,6 @@ from rover_pin.effects.skid_sinkage import SkidSinkage
 from rover_pin.effects.slip_sinkage import SlipSinkage, rut_cost
 from rover_pin.effects.slip_softening import SlipSoftening
 from rover_pin.effects.soil_traction import SoilTraction
-from rover_pin.scenarios.scenario import scenario
-from rover_pin.simulation.simulate import simulate
 from rover_pin.soil.angles import FixedAngles, SinkageAngles
 from rover_pin.soil.compaction import sinking_resistance
 from rover_pin.soil.peak_stress import PeakAngle, peak_stress_forces

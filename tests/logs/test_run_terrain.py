@@ -6,13 +6,12 @@ import math
 import numpy as np
 import pytest
 
+from rover_pin import Trace, load_rover
 from rover_pin.base.errors import DataError
 from rover_pin.experiments.drive_log.features import logged_runs
 from rover_pin.experiments.drive_log.model import LEVEL_SD, base_model, nuisances, with_spread
 from rover_pin.logs.drive_log import LogMetadata, read_drive_log, write_drive_log
 from rover_pin.logs.run_terrain import estimated, level_on, run_terrain
-from rover_pin.rover.rover import load_rover
-from rover_pin.simulation.trace.trace import Trace
 
 CART = load_rover("cart")
 DEG = math.pi / 180.0

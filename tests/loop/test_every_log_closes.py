@@ -3,13 +3,12 @@
 import numpy as np
 import pytest
 
-from rover_pin.base.errors import RoverPinError
+from rover_pin import RoverPinError, close_the_loop
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.experiments.drive_log.experiment import experiment_of
 from rover_pin.experiments.drive_log.features import logged_runs
 from rover_pin.experiments.drive_log.model import base_model
 from rover_pin.logs.drive_log import read_drive_log
-from rover_pin.loop.close import close_the_loop
 from rover_pin.loop.data_check import check_data
 from rover_pin.scenarios.scenes import SCENES
 from rover_pin.simulation.sensors import Sensors

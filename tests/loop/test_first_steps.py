@@ -4,15 +4,13 @@ from pathlib import Path
 
 import pytest
 
+from rover_pin import Model, close_the_loop, load_rover
 from rover_pin.base.errors import DataError
 from rover_pin.experiments.drive_log.model import DRIVEN_SAND
 from rover_pin.experiments.wheel_rig.checks import findings
 from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.logs.drive_log import DriveLog, LogMetadata
-from rover_pin.loop.close import close_the_loop
 from rover_pin.measurements.rig_reading import read_rig_set
-from rover_pin.rover.rover import load_rover
-from rover_pin.simulation.model.model import Model
 from rover_pin.simulation.model.motors import nexus6_motor
 from rover_pin.terrain.shapes import flat
 from tests.oracle.rig_generator import TWO_CHANNELS

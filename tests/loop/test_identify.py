@@ -7,11 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from rover_pin import Wheel, close_the_loop
 from rover_pin.base.errors import ParameterError
-from rover_pin.contact import Wheel
 from rover_pin.estimation.parameter import Prior
 from rover_pin.experiments.wheel_rig.sets import joined
-from rover_pin.loop.close import close_the_loop
 from rover_pin.loop.identify import identify
 from rover_pin.measurements.channel import DrawbarPull, Sinkage, Torque
 from rover_pin.measurements.rig_set import RigSet

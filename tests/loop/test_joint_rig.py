@@ -6,8 +6,8 @@ import json
 import numpy as np
 import pytest
 
+from rover_pin import Wheel, close_the_loop
 from rover_pin.base.errors import DataError, ParameterError
-from rover_pin.contact import Wheel
 from rover_pin.effects.bulldozing import Bulldozing
 from rover_pin.effects.lug_excavation import LugExcavation
 from rover_pin.effects.slip_softening import SlipSoftening
@@ -15,7 +15,6 @@ from rover_pin.experiments.wheel_rig.candidates import candidates, rig_kinds
 from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.model import RigModel, read_model
 from rover_pin.experiments.wheel_rig.sets import joined, read_joint
-from rover_pin.loop.close import close_the_loop
 from rover_pin.loop.rig import on_rig
 from rover_pin.measurements.rig_reading import read_rig_set
 from studies.shared.rig_fits import calibrated

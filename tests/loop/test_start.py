@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rover_pin.contact import Soil, Wheel
+from rover_pin import Soil, Wheel, scenario
 from rover_pin.effects.exit_angle import ExitAngle
 from rover_pin.effects.motion_resistance import MotionResistance
 from rover_pin.effects.slip_sinkage import SlipSinkage
@@ -16,7 +16,6 @@ from rover_pin.experiments.wheel_rig.model import PAPER, RigModel
 from rover_pin.experiments.wheel_rig.model import write_model as write_rig_model
 from rover_pin.logs.drive_log import read_drive_log
 from rover_pin.loop.close import read_data, start_on
-from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.model.toml_file import write_model
 
 DATA = Path(__file__).parents[2] / "studies" / "data"

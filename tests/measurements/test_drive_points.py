@@ -14,23 +14,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from rover_pin import Motor, Soil, Wheel, load_rover, load_traction_factor, scenario
 from rover_pin.base.errors import DataError
 from rover_pin.base.quantity import record_from
-from rover_pin.contact import Soil, Wheel
 from rover_pin.effects.slip import RelaxedSlip
 from rover_pin.logs.drive_log import read_drive_log
 from rover_pin.loop.identify import identify
 from rover_pin.measurements import drive_points as module
 from rover_pin.measurements.drive_points import Sampling, drive_points, instrumented, points_of_log
 from rover_pin.measurements.steady_windows import Window, line, pooled
-from rover_pin.rover.rover import load_rover
-from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.model.defaults import own_soil
-from rover_pin.simulation.model.motor import Motor
 from rover_pin.simulation.sensors import Sensors, measured
 from rover_pin.soil.angles import FixedAngles, SinkageAngles
 from rover_pin.soil.sinkage import entry_angle
-from rover_pin.soil.traction import TorqueTraction, load_traction_factor
+from rover_pin.soil.traction import TorqueTraction
 
 BLIND = Path(__file__).parents[1] / "oracle" / "blind" / "__init__.py"
 _spec = importlib.util.spec_from_file_location("blind", BLIND)

@@ -9,13 +9,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from rover_pin import SOILS, Soil, Wheel, scenario
 from rover_pin.base.errors import DataError, ParameterError
 from rover_pin.base.quantity import quantities
-from rover_pin.contact import Soil, Wheel
 from rover_pin.measurements.rig_reading import read_rig_set
-from rover_pin.parameters import NEXUS6_WHEEL, SOILS, TABLE_1
+from rover_pin.parameters import NEXUS6_WHEEL, TABLE_1
 from rover_pin.parameters.bekker import at_width, bekker, bekker_si
-from rover_pin.scenarios.scenario import scenario
 from rover_pin.soil.stress import modulus
 
 DATA = Path(__file__).parents[2] / "studies" / "data"

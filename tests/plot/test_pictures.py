@@ -5,10 +5,9 @@ import pytest
 from matplotlib import pyplot
 from matplotlib.patches import Polygon
 
+from rover_pin import Trace, scenario
 from rover_pin.base.errors import MissingExtraError, ParameterError
 from rover_pin.plot import history, snapshots
-from rover_pin.scenarios.scenario import scenario
-from rover_pin.simulation.trace.trace import Trace
 
 
 def driven(name, **settings):

@@ -5,11 +5,10 @@ import math
 import numpy as np
 import pytest
 
+from rover_pin import load_rover, scenario
 from rover_pin.base.errors import ParameterError
 from rover_pin.rover.driven_loads import configuration, determinate_groups, driven_loads, footing
-from rover_pin.rover.rover import load_rover
 from rover_pin.rover.statics import wheel_loads
-from rover_pin.scenarios.scenario import scenario
 
 NEXUS6 = load_rover("nexus6")
 R = float(NEXUS6.wheel.r)

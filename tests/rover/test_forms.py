@@ -9,16 +9,14 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from rover_pin import Trace, load_rover, scenario
 from rover_pin.base.errors import UrdfError
 from rover_pin.rover.constraints import constraint_rows
 from rover_pin.rover.description.layout import shipped
 from rover_pin.rover.forward_dynamics import forward_dynamics, forward_dynamics_aba, mass_matrix
-from rover_pin.rover.rover import load_rover
 from rover_pin.rover.statics import wheel_loads
 from rover_pin.rover.urdf_check import check_urdf
-from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.replay import commands, replay
-from rover_pin.simulation.trace.trace import Trace
 from tests.rover import farm as made
 
 Farm, cart, rocker_bogie, write = made.Farm, made.cart, made.rocker_bogie, made.write

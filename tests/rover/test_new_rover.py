@@ -11,14 +11,13 @@ from pathlib import Path
 
 import pytest
 
+from rover_pin import load_rover, scenario
 from rover_pin.base.errors import MissingExtraError, UrdfError
 from rover_pin.base.trust import Trust
 from rover_pin.cli.app import app
 from rover_pin.rover.description.layout import shipped
 from rover_pin.rover.proposal.new_rover import new_rover
-from rover_pin.rover.rover import load_rover
 from rover_pin.rover.urdf_check import check_urdf
-from rover_pin.scenarios.scenario import scenario
 from tests.rover import farm as made
 
 Farm = made.Farm

@@ -7,16 +7,13 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from rover_pin import ConstantDuty, load_rover, scenario, simulate
 from rover_pin.base.errors import UrdfError
-from rover_pin.control.constant import ConstantDuty
 from rover_pin.rover.constraints import constraint_rows
 from rover_pin.rover.forward_dynamics import forward_dynamics, forward_dynamics_aba
-from rover_pin.rover.rover import load_rover
 from rover_pin.rover.urdf_check import check_urdf
-from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.compiled.kernel import Kernel
 from rover_pin.simulation.plain.step import Plain
-from rover_pin.simulation.simulate import simulate
 from rover_pin.simulation.start.place import Start, hovering
 
 LINKS = load_rover("nexus6_links")

@@ -9,12 +9,11 @@ from pathlib import Path
 
 import pytest
 
+from rover_pin import load_rover, load_traction_factor, scenario
 from rover_pin.cli.app import app
 from rover_pin.effects.motion_resistance import MotionResistance
-from rover_pin.rover.rover import load_rover
 from rover_pin.scenarios.road_check import road_check
-from rover_pin.scenarios.scenario import scenario
-from rover_pin.soil.traction import TorqueTraction, load_traction_factor
+from rover_pin.soil.traction import TorqueTraction
 from tests.rover import farm as made
 
 

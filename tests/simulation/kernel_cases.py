@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pinocchio as pin
 
-from rover_pin.contact import Soil
+from rover_pin import Model, Motor, Soil, load_rover
 from rover_pin.effects.bulldozing import Bulldozing
 from rover_pin.effects.differential_compliance import DifferentialCompliance
 from rover_pin.effects.digging_memory import DiggingMemory
@@ -19,10 +19,8 @@ from rover_pin.effects.supply_sag import SupplySag
 from rover_pin.effects.tether_drag import TetherDrag
 from rover_pin.parameters.hard import HARD_GROUND
 from rover_pin.rover.constraints import constraint_rows
-from rover_pin.rover.rover import load_rover
 from rover_pin.simulation.compiled.kernel import Kernel
-from rover_pin.simulation.model.model import Model, base_effects
-from rover_pin.simulation.model.motor import Motor
+from rover_pin.simulation.model.model import base_effects
 from rover_pin.simulation.native.shared import RECORD
 from rover_pin.simulation.start.place import Start
 from rover_pin.soil.angles import SinkageAngles

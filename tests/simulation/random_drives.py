@@ -6,10 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rover_pin import ConstantDuty, Model, Motor, SlipControl, Soil, Wheel, load_rover, simulate
 from rover_pin.base.quantity import quantities
-from rover_pin.contact import Soil, Wheel
-from rover_pin.control.constant import ConstantDuty
-from rover_pin.control.slip_control import Gains, SlipControl
+from rover_pin.control.slip_control import Gains
 from rover_pin.control.slip_estimate import TrueSlip
 from rover_pin.control.steering import Turn
 from rover_pin.control.torque_check import TorqueLimit
@@ -29,10 +28,6 @@ from rover_pin.effects.slip import AlgebraicSlip, RelaxedSlip
 from rover_pin.effects.slip_sinkage import SlipSinkage
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.effects.viscous_friction import ViscousFriction
-from rover_pin.rover.rover import load_rover
-from rover_pin.simulation.model.model import Model
-from rover_pin.simulation.model.motor import Motor
-from rover_pin.simulation.simulate import simulate
 from rover_pin.simulation.start.place import Start
 from rover_pin.soil.angles import FixedAngles, SinkageAngles
 from rover_pin.soil.traction import GrossTraction, NetTraction, TorqueTraction

@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from rover_pin import scenario, simulate
 from rover_pin.base.errors import SimulationError
 from rover_pin.effects.digging_memory import DiggingMemory
 from rover_pin.effects.winding_heating import WindingHeating
-from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.checkpoint import DriveEnd
-from rover_pin.simulation.simulate import simulate
 from rover_pin.simulation.timing import Timing
 
 

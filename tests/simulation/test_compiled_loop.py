@@ -6,8 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from rover_pin.control.constant import ConstantDuty
-from rover_pin.scenarios.scenario import scenario
+from rover_pin import ConstantDuty, Trace, scenario, simulate
 from rover_pin.simulation import replay as replays
 from rover_pin.simulation.checkpoint import Checkpoint
 from rover_pin.simulation.compiled.kernel import Kernel
@@ -20,12 +19,10 @@ from rover_pin.simulation.native.shared import RECORD
 from rover_pin.simulation.pace import FINEST, Pace
 from rover_pin.simulation.plain.run import observed, run_plain
 from rover_pin.simulation.plain.step import Plain
-from rover_pin.simulation.simulate import simulate
 from rover_pin.simulation.start.place import Start, settled, shared_rest, taken_over
 from rover_pin.simulation.state import base_rotation, roll_pitch_yaw
 from rover_pin.simulation.timing import Timing
 from rover_pin.simulation.trace.rows import row_type
-from rover_pin.simulation.trace.trace import Trace
 from tests.simulation import random_drives
 
 MOTORS = [RECORD.index(name) for name in ("torque", "current", "supply")]

@@ -9,12 +9,11 @@ import re
 import numpy as np
 import pytest
 
+from rover_pin import SOILS, load_rover, scenario
 from rover_pin.base.errors import ParameterError
 from rover_pin.control.slip_estimate import flat_table
-from rover_pin.parameters import SLOPE_SAND, SOILS
-from rover_pin.rover.rover import load_rover
+from rover_pin.parameters import SLOPE_SAND
 from rover_pin.rover.statics import wheel_loads
-from rover_pin.scenarios.scenario import scenario
 from rover_pin.scenarios.scenes import scaled
 from rover_pin.simulation.model.defaults import own_motor, own_soil
 from rover_pin.terrain import shapes

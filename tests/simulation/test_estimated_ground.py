@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 from scipy.interpolate import RegularGridInterpolator
 
+from rover_pin import Trace, load_rover
 from rover_pin.logs.run_terrain import estimated, level_on, run_terrain
-from rover_pin.rover.rover import load_rover
-from rover_pin.simulation.trace.trace import Trace
 from rover_pin.terrain.shapes import incline
 
 CART = load_rover("cart")

@@ -8,8 +8,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from rover_pin.rover.rover import load_rover
-from rover_pin.scenarios.scenario import scenario
+from rover_pin import load_rover, scenario
 from rover_pin.simulation.compiled.kernel import Kernel
 from rover_pin.simulation.failure import failure, suspension_of
 from rover_pin.simulation.model.model import BURIED

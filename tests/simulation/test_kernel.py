@@ -7,18 +7,16 @@ import dataclasses
 import numpy as np
 import pytest
 
+from rover_pin import Motor, scenario, simulate
 from rover_pin.base.errors import ParameterError
 from rover_pin.effects.gravity_tilt import GravityTilt
 from rover_pin.effects.point_mass import PointMass
 from rover_pin.effects.supply_sag import SupplySag
-from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.compiled import rover_numbers
 from rover_pin.simulation.compiled.kernel import Kernel
 from rover_pin.simulation.compiled.terrain_numbers import line_of, terrain_fields
-from rover_pin.simulation.model.motor import Motor
 from rover_pin.simulation.native.shared import N_FACET, N_PATCH
 from rover_pin.simulation.plain.step import Plain
-from rover_pin.simulation.simulate import simulate
 from rover_pin.simulation.start.place import Start, settled
 from rover_pin.terrain.profile import Profile
 from rover_pin.terrain.terrain import Lanes

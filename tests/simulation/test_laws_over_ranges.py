@@ -4,17 +4,15 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from rover_pin import Motor, Soil, Wheel, load_rover
 from rover_pin.base.quantity import quantities
-from rover_pin.contact import Soil, Wheel
 from rover_pin.effects.effect import Effect, MotorEffect
 from rover_pin.effects.slip import RelaxedSlip
 from rover_pin.effects.soil_traction import SoilTraction
-from rover_pin.rover.rover import load_rover
 from rover_pin.simulation.compiled.laws import contact_law, motor_law
 from rover_pin.simulation.model.defaults import usual_slip
 from rover_pin.simulation.model.effect_files import package_effects
 from rover_pin.simulation.model.model import base_effects
-from rover_pin.simulation.model.motor import Motor
 from rover_pin.soil import stress, traction
 from rover_pin.soil.angles import FixedAngles, SinkageAngles
 from rover_pin.soil.traction import TorqueTraction

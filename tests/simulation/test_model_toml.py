@@ -5,10 +5,10 @@ import re
 import numpy as np
 import pytest
 
+from rover_pin import Soil, Wheel, load_rover, scenario, simulate
 from rover_pin.base.errors import DataError, ParameterError, UrdfError
 from rover_pin.base.quantity import is_symbolic, quantities
 from rover_pin.base.trust import Trust
-from rover_pin.contact import Soil, Wheel
 from rover_pin.effects.normal_damping import NormalDamping
 from rover_pin.effects.side_shear import SideShear
 from rover_pin.effects.slip import AlgebraicSlip
@@ -18,11 +18,8 @@ from rover_pin.effects.tacho_scale import TachoScale
 from rover_pin.effects.weak_motor import WeakMotor
 from rover_pin.experiments.wheel_rig.model import PAPER, RigModel
 from rover_pin.experiments.wheel_rig.model import write_model as write_rig_model
-from rover_pin.rover.rover import load_rover
-from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.model.effect_files import package_effects, user_effects
 from rover_pin.simulation.model.toml_file import read_model, write_model
-from rover_pin.simulation.simulate import simulate
 from rover_pin.soil.angles import SinkageAngles
 from rover_pin.soil.traction import GrossTraction
 from rover_pin.terrain import shapes

@@ -9,13 +9,11 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
+from rover_pin import ConstantDuty, Motor, scenario, simulate
 from rover_pin.base.errors import ParameterError
-from rover_pin.control.constant import ConstantDuty
-from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.compiled.rover_numbers import armed, rim_inertia
-from rover_pin.simulation.model.motor import Motor, unringing
+from rover_pin.simulation.model.motor import unringing
 from rover_pin.simulation.model.motors import MOTORS, motor_named
-from rover_pin.simulation.simulate import simulate
 from rover_pin.simulation.timing import DT, Timing
 
 STUDY = Path(__file__).parents[2] / "studies" / "motors.py"

@@ -11,19 +11,17 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from rover_pin.control.constant import ConstantDuty
+from rover_pin import ConstantDuty, SlipControl, plain_simulate, scenario, simulate
 from rover_pin.control.hole_law import HoleLaw
-from rover_pin.control.slip_control import Gains, SlipControl
+from rover_pin.control.slip_control import Gains
 from rover_pin.control.slip_estimate import SpeedTable, TableEstimate, TrueSlip
 from rover_pin.control.torque_check import PITCHES, NoLimit, TorqueLimit, TorqueLimited
-from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.command import Reading
 from rover_pin.simulation.compiled.kernel import Kernel
 from rover_pin.simulation.instant import Instant, Places
 from rover_pin.simulation.native.control import commands_of
 from rover_pin.simulation.native.loop import QUESTIONS, Loop
 from rover_pin.simulation.native.shared import RECORD
-from rover_pin.simulation.simulate import plain_simulate, simulate
 from rover_pin.simulation.start.place import Start, hovering
 from studies.shared.tacking import Tacking, TackingControl
 

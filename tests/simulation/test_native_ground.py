@@ -11,8 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rover_pin.parameters import SOILS
-from rover_pin.scenarios.scenario import scenario
+from rover_pin import SOILS, scenario
 from rover_pin.simulation.compiled.kernel import Kernel, library
 from rover_pin.simulation.start.place import Start, hovering
 from rover_pin.terrain.profile import Profile

@@ -6,9 +6,8 @@ import re
 import numpy as np
 import pytest
 
-from rover_pin.scenarios.scenario import scenario
+from rover_pin import Trace, scenario
 from rover_pin.simulation.outcome.outcome import drive_outcome
-from rover_pin.simulation.trace.trace import Trace
 
 STEEP = {"terrain.angle_deg": 30.0, "terrain.start": -3.0}
 CASES = {

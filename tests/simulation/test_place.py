@@ -9,18 +9,14 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from rover_pin import Model, Motor, Soil, load_rover, scenario, simulate
 from rover_pin.base.errors import SimulationError
-from rover_pin.contact import Soil
 from rover_pin.effects.pivot_friction import PivotFriction
 from rover_pin.effects.point_mass import PointMass
 from rover_pin.effects.slip import AlgebraicSlip
 from rover_pin.effects.soil_traction import SoilTraction
-from rover_pin.rover.rover import load_rover
-from rover_pin.scenarios.scenario import scenario
-from rover_pin.simulation.model.model import Model, base_effects
-from rover_pin.simulation.model.motor import Motor
+from rover_pin.simulation.model.model import base_effects
 from rover_pin.simulation.plain.step import Plain
-from rover_pin.simulation.simulate import simulate
 from rover_pin.simulation.start.place import RESTS, SLIDES, Rest, Start, hovering, relaxed, set_down, settled
 from rover_pin.simulation.state import roll_pitch_yaw
 from rover_pin.soil.traction import FORMS

@@ -5,17 +5,15 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from rover_pin import Model, Motor, Soil, load_rover
 from rover_pin.base.errors import ParameterError
-from rover_pin.contact import Soil
 from rover_pin.effects.digging_memory import DiggingMemory
 from rover_pin.effects.multi_pass import MultiPass
 from rover_pin.effects.slip import RelaxedSlip
 from rover_pin.effects.soil_traction import SoilTraction
-from rover_pin.rover.rover import load_rover
 from rover_pin.simulation.compiled.kernel import DIRECTION_SPEED
 from rover_pin.simulation.compiled.laws import number_of_states, numbers
-from rover_pin.simulation.model.model import Model, base_effects
-from rover_pin.simulation.model.motor import Motor
+from rover_pin.simulation.model.model import base_effects
 from rover_pin.simulation.plain.law import TRAVEL_SIGNS, PlainLaw
 from rover_pin.terrain import shapes
 

@@ -5,11 +5,10 @@ import math
 import numpy as np
 import pytest
 
+from rover_pin import Trace, scenario
 from rover_pin.base.errors import DataError
-from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.replay import commands, replay
 from rover_pin.simulation.start.place import Start, shared_rest
-from rover_pin.simulation.trace.trace import Trace
 
 NAN = math.nan
 

@@ -6,13 +6,11 @@ import math
 import numpy as np
 import pytest
 
+from rover_pin import ConstantDuty, Soil, scenario, simulate
 from rover_pin.base.errors import SimulationError
-from rover_pin.contact import Soil
-from rover_pin.control.constant import ConstantDuty
 from rover_pin.effects.multi_pass import MultiPass
 from rover_pin.rover.constraints import constraint_rows
 from rover_pin.rover.forward_dynamics import mass_matrix, wheel_jacobians
-from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.compiled.kernel import Kernel
 from rover_pin.simulation.compiled.rover_numbers import armed
 from rover_pin.simulation.native.shared import RECORD
@@ -20,7 +18,6 @@ from rover_pin.simulation.outcome.audit import balance_warning, load_warning, me
 from rover_pin.simulation.pace import ROUGH, Pace
 from rover_pin.simulation.replay import commands, replay
 from rover_pin.simulation.resolution import MOST, contact_frequency, firmness, parts, stiffness
-from rover_pin.simulation.simulate import simulate
 from rover_pin.simulation.start.place import Start, settled
 from rover_pin.simulation.trace.rows import finite, row_type
 from rover_pin.terrain import shapes

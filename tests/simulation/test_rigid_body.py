@@ -6,14 +6,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rover_pin.contact import Soil
+from rover_pin import Model, Motor, Soil, load_rover
 from rover_pin.effects.slip import RelaxedSlip
 from rover_pin.effects.soil_traction import SoilTraction
-from rover_pin.rover.rover import load_rover
 from rover_pin.simulation.compiled.kernel import Kernel
 from rover_pin.simulation.compiled.rover_numbers import armed
-from rover_pin.simulation.model.model import Model, base_effects
-from rover_pin.simulation.model.motor import Motor
+from rover_pin.simulation.model.model import base_effects
 from rover_pin.simulation.native.compiled_body import KeyedModel, compiled_body
 from rover_pin.simulation.native.rigid_body import inertia_places, rigid_body, tree_of
 from rover_pin.simulation.start.place import Start, hovering

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from rover_pin.scenarios.scenario import scenario
+from rover_pin import scenario, wheel_forces
 from rover_pin.simulation.outcome import soil_energy
 from rover_pin.simulation.outcome.soil_energy import ShearStore, shear_store, spurious_energy
-from rover_pin.soil.traction import wheel_forces
 
 
 @pytest.fixture(scope="module")

@@ -6,17 +6,16 @@ import math
 import numpy as np
 import pytest
 
-from rover_pin.base.errors import ParameterError, RoverPinError, SimulationError
-from rover_pin.control.constant import ConstantDuty
+from rover_pin import ConstantDuty, RoverPinError, scenario, simulate
+from rover_pin.base.errors import ParameterError, SimulationError
 from rover_pin.effects.gear_friction import GearFriction
 from rover_pin.effects.normal_damping import NormalDamping
 from rover_pin.effects.sensor_bias import SensorBias
 from rover_pin.effects.tacho_scale import TachoScale
 from rover_pin.effects.weak_motor import WeakMotor
-from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.command import Command
 from rover_pin.simulation.compiled.kernel import Kernel
-from rover_pin.simulation.simulate import Timing, simulate
+from rover_pin.simulation.simulate import Timing
 from rover_pin.simulation.start.place import Start, settled
 
 DEG = math.pi / 180.0

@@ -10,10 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rover_pin.base.errors import RoverPinError
-from rover_pin.control.constant import ConstantDuty
+from rover_pin import ConstantDuty, RoverPinError, plain_simulate, scenario, simulate
 from rover_pin.control.torque_check import TorqueLimit, TorqueLimited
-from rover_pin.scenarios.scenario import Scenario, scenario
+from rover_pin.scenarios.scenario import Scenario
 from rover_pin.simulation.compiled.kernel import Kernel
 from rover_pin.simulation.compiled_run import run_compiled
 from rover_pin.simulation.kept import DriveJob, from_start
@@ -21,7 +20,7 @@ from rover_pin.simulation.native.shared import RECORD
 from rover_pin.simulation.outcome.step_error import LOADS, StepChange, completed, grouped, repeating, step_change
 from rover_pin.simulation.resolution import parts
 from rover_pin.simulation.sensors import Sensed, Sensors
-from rover_pin.simulation.simulate import Timing, plain_simulate, simulate
+from rover_pin.simulation.simulate import Timing
 from rover_pin.simulation.start.place import settled
 from rover_pin.simulation.timing import FINER, TOLERANCE
 from rover_pin.simulation.trace.rows import row_type

@@ -8,10 +8,9 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from rover_pin import load_rover, scenario
 from rover_pin.effects.supply_sag import SupplySag
 from rover_pin.rover.constraints import constraint_rows
-from rover_pin.rover.rover import load_rover
-from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation import native
 from rover_pin.simulation.compiled import kernel as module
 from rover_pin.simulation.compiled import toolchain

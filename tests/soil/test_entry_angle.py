@@ -8,13 +8,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from rover_pin import SOILS, Soil, Wheel, wheel_forces
 from rover_pin.base.errors import ParameterError
-from rover_pin.contact import Soil, Wheel
-from rover_pin.parameters import SOILS
 from rover_pin.soil.angles import SinkageAngles
 from rover_pin.soil.sinkage import entry_angle, sinkage
 from rover_pin.soil.stress import mobilised
-from rover_pin.soil.traction import wheel_forces
 from tests.oracle.terramechanics import panel_forces
 
 WHEEL, SOIL = Wheel(), Soil()

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from rover_pin.contact import Soil, Wheel
+from rover_pin import Soil, Wheel, wheel_forces
 from rover_pin.soil.combined import combined_forces
-from rover_pin.soil.traction import wheel_forces
 
 WHEEL, SOIL = Wheel(r=0.0625, b=0.06), Soil(k=0.008, phi=0.4, c=50.0, n=1.2, k_1=8e4)
 ENTRY, EXIT = 0.8, -0.15

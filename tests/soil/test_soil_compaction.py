@@ -8,11 +8,10 @@ import pytest
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
-from rover_pin.contact import Soil, Wheel
+from rover_pin import Soil, Wheel, load_traction_factor
 from rover_pin.soil.compaction import _pressed, compaction, sinking_resistance
 from rover_pin.soil.curves import traction_curves
 from rover_pin.soil.passive import passive
-from rover_pin.soil.traction import load_traction_factor
 
 WHEEL, RATIO = Wheel(), 1.0 / 7.0
 

@@ -7,11 +7,8 @@ import pytest
 import side_force
 from tune_gains import log_edges
 
-from rover_pin.control.constant import ConstantDuty
-from rover_pin.rover.rover import load_rover
-from rover_pin.scenarios.scenario import scenario
+from rover_pin import ConstantDuty, load_rover, scenario, simulate
 from rover_pin.simulation.command import Reading
-from rover_pin.simulation.simulate import simulate
 from studies.shared.tacking import Tacking, TackingControl
 
 

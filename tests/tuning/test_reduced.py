@@ -5,8 +5,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from rover_pin.control.constant import ConstantDuty
-from rover_pin.control.slip_control import Gains, SlipControl
+from rover_pin import ConstantDuty, SlipControl, load_rover, scenario, simulate
+from rover_pin.control.slip_control import Gains
 from rover_pin.control.slip_estimate import SpeedTable, TableEstimate, TrueSlip
 from rover_pin.control.torque_check import NoLimit, TorqueLimit
 from rover_pin.effects.differential_compliance import DifferentialCompliance
@@ -23,11 +23,8 @@ from rover_pin.effects.supply_sag import SupplySag
 from rover_pin.effects.tether_drag import TetherDrag
 from rover_pin.effects.weak_motor import WeakMotor
 from rover_pin.parameters import TABLE_1
-from rover_pin.rover.rover import load_rover
 from rover_pin.rover.statics import wheel_loads
-from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.model.defaults import own_soil
-from rover_pin.simulation.simulate import simulate
 from rover_pin.soil.sinkage import entry_angle, sinkage
 from rover_pin.tuning.reduced_model.drive import Reduced, as_column
 from rover_pin.tuning.reduced_model.effects import Along, omitted_effects, pull_along

@@ -10,11 +10,9 @@ from matplotlib.figure import Figure
 from matplotlib.legend import Legend
 from matplotlib.patches import Circle
 
+from rover_pin import Trace, load_rover, scenario
 from rover_pin.base.errors import DataError
-from rover_pin.rover.rover import load_rover
-from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.trace.poses import Turned, on_the_ground
-from rover_pin.simulation.trace.trace import Trace
 from rover_pin.view.animation import _figure, _slip, write_animation
 from rover_pin.view.colours import slip_colour
 from rover_pin.view.film import Film

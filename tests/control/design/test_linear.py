@@ -5,12 +5,10 @@ import pytest
 from scipy.linalg import expm
 from scipy.signal import lsim
 
+from rover_pin import ConstantDuty, scenario, simulate
 from rover_pin.base.errors import SimulationError
-from rover_pin.control.constant import ConstantDuty
 from rover_pin.control.design.linear import linearised, trimmed
 from rover_pin.plot.response import response_figure
-from rover_pin.scenarios.scenario import scenario
-from rover_pin.simulation.simulate import simulate
 
 DUTY, MORE = 0.5, 0.01
 

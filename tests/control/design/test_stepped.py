@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
+from rover_pin import scenario, simulate
 from rover_pin.base.errors import SimulationError
 from rover_pin.control.design.stepped import SteppedDrive
-from rover_pin.scenarios.scenario import scenario
-from rover_pin.simulation.simulate import simulate
 
 
 def law(reading):

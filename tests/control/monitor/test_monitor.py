@@ -3,16 +3,13 @@
 import numpy as np
 import pytest
 
-from rover_pin import scenario
-from rover_pin.control.constant import ConstantDuty
+from rover_pin import ConstantDuty, Motor, scenario, simulate
 from rover_pin.control.monitor.monitor import CAUSES, Monitor
 from rover_pin.control.monitor.source import HORIZON, RATES, STEPS, WINDOW, WORTH, AheadLaw
 from rover_pin.control.sensing.onboard_slip import SLIPS
 from rover_pin.control.torque_factor import pull_factors
 from rover_pin.simulation.command import Reading
-from rover_pin.simulation.model.motor import Motor
 from rover_pin.simulation.sensors import Sensed, Sensors
-from rover_pin.simulation.simulate import simulate
 
 
 class Beside:

@@ -5,11 +5,10 @@ import dataclasses
 import numpy as np
 import pytest
 
-from rover_pin import scenario
+from rover_pin import scenario, simulate
 from rover_pin.control.sensing.onboard_slip import OnboardSlip
 from rover_pin.simulation.native.control import commands_of
 from rover_pin.simulation.sensors import Sensed, Sensors
-from rover_pin.simulation.simulate import simulate
 from studies.shared.tacking import TackingControl
 
 CONTROLS = {

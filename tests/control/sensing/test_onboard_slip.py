@@ -3,13 +3,11 @@
 import numpy as np
 import pytest
 
-from rover_pin.control.constant import ConstantDuty
+from rover_pin import ConstantDuty, scenario, simulate
 from rover_pin.control.sensing.odometry import Camera, VisualOdometry
 from rover_pin.control.sensing.onboard_slip import OnboardSlip
 from rover_pin.control.sensing.stop import StopStuck
-from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.sensors import Sensed, Sensors
-from rover_pin.simulation.simulate import simulate
 from rover_pin.simulation.timing import CONTROL_PERIOD
 
 QUIET = Sensors(rate_sd=0.0, rate_step=0.0, angle_sd=0.0, angle_step=0.0, current_sd=0.0, attitude_sd=0.0)

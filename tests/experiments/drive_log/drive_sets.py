@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 
+from rover_pin import Model, Motor, load_rover, simulate
 from rover_pin.base.quantity import declared
 from rover_pin.discrepancy.calibration import calibrated
 from rover_pin.effects.soil_traction import SoilTraction
@@ -12,13 +13,10 @@ from rover_pin.experiments.drive_log.calibrate import experiment_on
 from rover_pin.experiments.drive_log.model import DRIVEN_SAND
 from rover_pin.experiments.drive_log.resume import Memory
 from rover_pin.logs.drive_log import LogMetadata, write_drive_log
-from rover_pin.rover.rover import load_rover
 from rover_pin.simulation.model.defaults import usual_angles, usual_slip
-from rover_pin.simulation.model.model import Model, base_effects
-from rover_pin.simulation.model.motor import Motor
+from rover_pin.simulation.model.model import base_effects
 from rover_pin.simulation.model.motors import nexus6_motor
 from rover_pin.simulation.sensors import Sensors, measured
-from rover_pin.simulation.simulate import simulate
 from rover_pin.simulation.start.place import Start
 from rover_pin.soil.traction import TorqueTraction
 from rover_pin.terrain.profile import Profile

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from rover_pin import Trace, load_rover
 from rover_pin.base.formula import evaluate
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.held_out import ChannelScore, LevelError
@@ -17,8 +18,6 @@ from rover_pin.experiments.drive_log.features import logged_run
 from rover_pin.experiments.drive_log.kinematic import CURVE, GIVEN, kinematic, missed_afterwards
 from rover_pin.report.headline import headline
 from rover_pin.report.labels import labels_of
-from rover_pin.rover.rover import load_rover
-from rover_pin.simulation.trace.trace import Trace
 from tests.experiments.drive_log import drive_channels
 
 ROVER, CART = load_rover("nexus6"), load_rover("cart")

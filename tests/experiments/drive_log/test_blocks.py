@@ -6,17 +6,16 @@ import math
 import numpy as np
 import pytest
 
+from rover_pin import Trace, scenario, simulate
 from rover_pin.base.errors import ParameterError
 from rover_pin.effects.point_mass import PointMass
 from rover_pin.effects.supply_sag import SupplySag
 from rover_pin.experiments.drive_log import experiment as experiments
 from rover_pin.experiments.drive_log.experiment import DriveExperiment, experiment_of
 from rover_pin.experiments.drive_log.features import logged_run
-from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.replay import commands, replay
-from rover_pin.simulation.simulate import Timing, simulate
+from rover_pin.simulation.simulate import Timing
 from rover_pin.simulation.start.place import Start
-from rover_pin.simulation.trace.trace import Trace
 
 WHEELS = ("fl", "fr", "ml", "mr", "rl", "rr")
 STEERED = ("fl", "fr", "rl", "rr")

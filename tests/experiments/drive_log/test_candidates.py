@@ -6,8 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from rover_pin import Model, Motor, Soil, load_rover
 from rover_pin.base.errors import ParameterError
-from rover_pin.contact import Soil
 from rover_pin.effects.differential_compliance import DifferentialCompliance
 from rover_pin.effects.pivot_friction import PivotFriction
 from rover_pin.effects.point_mass import PointMass
@@ -17,10 +17,7 @@ from rover_pin.effects.weak_motor import WeakMotor
 from rover_pin.experiments.drive_log.calibrate import raw_current_numbers, with_raw_currents
 from rover_pin.experiments.drive_log.candidates import _places, candidate_of, candidates, sized
 from rover_pin.experiments.drive_log.parameters import parameter
-from rover_pin.rover.rover import load_rover
 from rover_pin.simulation.model.effect_files import package_effects
-from rover_pin.simulation.model.model import Model
-from rover_pin.simulation.model.motor import Motor
 from rover_pin.terrain.shapes import flat
 
 BENCH = SimpleNamespace(

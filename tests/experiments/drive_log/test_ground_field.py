@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from rover_pin.contact import Soil
+from rover_pin import Soil, Trace, load_rover
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.effects.bent_ground import BentGround
@@ -25,11 +25,9 @@ from rover_pin.experiments.drive_log.ground.run_variability import shared_bend
 from rover_pin.experiments.drive_log.parameters import parameter
 from rover_pin.experiments.drive_log.readings.lane_borders import on_borders
 from rover_pin.loop.drive import on_its_ground
-from rover_pin.rover.rover import load_rover
 from rover_pin.rover.wheel_base import wheel_places
 from rover_pin.simulation.replay import PERIOD, Commands, replay
 from rover_pin.simulation.start.place import Start
-from rover_pin.simulation.trace.trace import Trace
 from rover_pin.terrain.profile import FAR, Profile
 from rover_pin.terrain.shapes import flat
 from rover_pin.terrain.terrain import Lanes

@@ -8,16 +8,15 @@ from pathlib import Path
 
 import pytest
 
+from rover_pin import Soil, Wheel, close_the_loop, simulate
 from rover_pin.base.errors import DataError
-from rover_pin.contact import Soil, Wheel
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.effects.supply_sag import SupplySag
 from rover_pin.experiments.wheel_rig.model import RigModel
 from rover_pin.logs.drive_log import read_drive_log
-from rover_pin.loop.close import close_the_loop, read_data, start_on
+from rover_pin.loop.close import read_data, start_on
 from rover_pin.rover.description.layout import rover_folder
 from rover_pin.simulation.model.toml_file import read_model
-from rover_pin.simulation.simulate import simulate
 from tests.experiments.drive_log import drive_sets
 
 RIG = Path(__file__).parents[3] / "studies" / "data" / "cmu-smooth-wheel"

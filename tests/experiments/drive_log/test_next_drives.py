@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from rover_pin.contact import Soil
+from rover_pin import Soil, Trace
 from rover_pin.effects.dead_band import DeadBand
 from rover_pin.effects.gear_friction import GearFriction
 from rover_pin.effects.gravity_tilt import GravityTilt
@@ -27,7 +27,6 @@ from rover_pin.inference.next_measurement import _expected, _uncertain, next_mea
 from rover_pin.simulation.replay import PERIOD, Commands, Replay, replay
 from rover_pin.simulation.sensors import Sensors, measured
 from rover_pin.simulation.start.place import Start
-from rover_pin.simulation.trace.trace import Trace
 from rover_pin.terrain.shapes import flat
 from tests.experiments.drive_log.linear_drive import on_flat
 

@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from rover_pin import Model, Trace, close_the_loop, load_rover, simulate
 from rover_pin.base.errors import DataError
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.effects.effect import MotorEffect
@@ -20,16 +21,12 @@ from rover_pin.experiments.drive_log.experiment import experiment_of
 from rover_pin.experiments.drive_log.features import logged_runs
 from rover_pin.experiments.drive_log.model import base_model, is_rate_driven, nuisances, with_spread
 from rover_pin.logs.drive_log import LogMetadata, read_drive_log, write_drive_log
-from rover_pin.loop.close import close_the_loop
-from rover_pin.rover.rover import load_rover
 from rover_pin.simulation.model.defaults import own_motor, own_soil, usual_angles, usual_slip
-from rover_pin.simulation.model.model import Model, base_effects
+from rover_pin.simulation.model.model import base_effects
 from rover_pin.simulation.model.motors import nexus6_motor
 from rover_pin.simulation.replay import replay
-from rover_pin.simulation.simulate import simulate
 from rover_pin.simulation.start.place import Start
 from rover_pin.simulation.timing import Timing
-from rover_pin.simulation.trace.trace import Trace
 from rover_pin.soil.traction import TorqueTraction
 from rover_pin.terrain.profile import Profile
 from rover_pin.terrain.terrain import Lanes

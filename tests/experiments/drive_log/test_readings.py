@@ -6,13 +6,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from rover_pin import Trace, load_rover
 from rover_pin.experiments.drive_log.checks.log import findings
 from rover_pin.experiments.drive_log.features import LEAK, LoggedRun, logged_run
 from rover_pin.experiments.drive_log.readings.ambiguous_timing import ambiguous_steps
 from rover_pin.experiments.drive_log.readings.outliers import LEAST, pose_outliers, without_pose_outliers
 from rover_pin.experiments.drive_log.readings.tracker import COURSE, HEIGHT, PLACE, TILT, TRACKER, tracker_columns
-from rover_pin.rover.rover import load_rover
-from rover_pin.simulation.trace.trace import Trace
 from tests.experiments.drive_log import drive_channels as channels
 
 GOOD, changed, log_of = channels.GOOD, channels.changed, channels.log_of

@@ -5,11 +5,10 @@ import math
 import numpy as np
 import pytest
 
+from rover_pin import Trace, load_rover
 from rover_pin.base.formula import evaluate
 from rover_pin.experiments.drive_log.experiment import DriveExperiment
 from rover_pin.experiments.drive_log.features import blocks, logged_run
-from rover_pin.rover.rover import load_rover
-from rover_pin.simulation.trace.trace import Trace
 
 CART, WHEELS = load_rover("cart"), ("fl", "fr", "bl", "br")
 T = 0.05 * np.arange(120)

@@ -7,14 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from rover_pin import Soil, Wheel, close_the_loop
 from rover_pin.base.errors import DataError
-from rover_pin.contact import Soil, Wheel
 from rover_pin.discrepancy import draft as draft_module
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.effects.slip_sinkage import SlipSinkage
 from rover_pin.experiments.wheel_rig.candidates import added, effect_kinds, rig_kinds
 from rover_pin.experiments.wheel_rig.model import RigModel, conditions, predictor, read_model, write_model
-from rover_pin.loop.close import close_the_loop
 from rover_pin.measurements.rig_reading import read_rig_set
 from tests.oracle import rig_generator as hidden
 

@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 from scipy.stats import kstest
 
-from rover_pin.contact import Wheel
+from rover_pin import Wheel, close_the_loop
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.experiments.wheel_rig.diagnostics import NEIGHBOURS, NEXT_RUN, ORDER, SLIP_SQUARED, residual_tests
-from rover_pin.loop.close import close_the_loop
 from rover_pin.measurements.channel import DrawbarPull, Sinkage
 from rover_pin.measurements.rig_set import RigSet
 from rover_pin.report.words import human

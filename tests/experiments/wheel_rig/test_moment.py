@@ -8,16 +8,15 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from rover_pin import Soil, Wheel, close_the_loop
 from rover_pin.base.errors import DataError
 from rover_pin.cli.app import app
-from rover_pin.contact import Soil, Wheel
 from rover_pin.effects.flank_pressure import FlankPressure
 from rover_pin.effects.post_peak import PostPeak
 from rover_pin.effects.rate_dependence import RateDependence
 from rover_pin.experiments.wheel_rig.checks import findings, repeats
 from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.model import ASKEW, RigModel
-from rover_pin.loop.close import close_the_loop
 from rover_pin.measurements.rig_physics import refuse_impossible, suspicions
 from rover_pin.measurements.rig_reading import read_rig_set
 from studies.shared.rig_fits import calibrated

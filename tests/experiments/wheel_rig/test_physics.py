@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from rover_pin import SOILS, Soil, Wheel, wheel_forces
 from rover_pin.base.errors import DataError, ParameterError
-from rover_pin.contact import Soil, Wheel
 from rover_pin.experiments.wheel_rig.checks import findings, refuse_unfit, repeat_sd, too_poor
 from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.model import ASKEW, RigModel
@@ -17,9 +17,7 @@ from rover_pin.measurements.channel import DrawbarPull, Sinkage, Torque
 from rover_pin.measurements.rig_physics import refuse_impossible, suspicions
 from rover_pin.measurements.rig_reading import read_rig_set
 from rover_pin.measurements.rig_set import RigSet
-from rover_pin.parameters import SOILS
 from rover_pin.soil.sinkage import entry_angle, sinkage
-from rover_pin.soil.traction import wheel_forces
 
 DATA = Path(__file__).parents[3] / "studies" / "data"
 SETS = sorted(file.parent.name for file in DATA.glob("*/rig.toml"))

@@ -6,14 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rover_pin.contact import Soil, Wheel
+from rover_pin import Soil, Wheel, close_the_loop
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.experiments.wheel_rig.candidates import added, rig_kinds
 from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.model import PAPER, RigModel
 from rover_pin.experiments.wheel_rig.runs import PRESSED, pressed_in
 from rover_pin.experiments.wheel_rig.sets import joined
-from rover_pin.loop.close import close_the_loop
 from rover_pin.loop.identify import identify
 from rover_pin.measurements.pressed import Trial
 from rover_pin.measurements.rig_reading import read_rig_set
