@@ -16,7 +16,8 @@ def main() -> None:
     Linear algebra takes one thread unless the user's environment says otherwise: more of them, which wait by spinning,
     take the cores of workers that replay (a loop on eight logs: 158 s on the clock, 114 so).
     """
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", os.environ.get("OMP_NUM_THREADS", "1"))
+    if "OMP_NUM_THREADS" not in os.environ:
+        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     leave_folder_out()
     gc.set_threshold(*SELDOM)
     atexit.register(gc.freeze)

@@ -105,8 +105,8 @@ def kept(job: DriveJob, state: DriveState) -> Driven:
     while repeatable and driven.excess(tolerance) > 1.0 and finer.timing.divided < FINER * job.timing.divided:
         finer = finer._replace(timing=finer.timing.halved())
         halved = from_start(finer, state, _halved(driven, job.duration))
-        change, longer = halved.changed_to(driven, 2.0), driven.change.lessened() if driven.change else None
-        halved = halved._replace(change=change, longer=longer)
+        change = halved.changed_to(driven, 2.0)
+        halved = halved._replace(change=change, longer=driven.change and driven.change.lessened())
         lessens = halved.excess(tolerance) < driven.excess(tolerance)
         driven = halved._replace(change=change._replace(lessens=lessens))
     return driven

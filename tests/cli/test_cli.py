@@ -1,6 +1,7 @@
 """Every command: what it prints and writes, and one clear sentence with a non-zero exit for what it refuses."""
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -280,6 +281,19 @@ def test_the_installed_command_runs_without_a_traceback(tmp_path):
 def test_help_waits_for_no_arrays_and_no_tables():
     code = "import sys, rover_pin.cli.app; sys.exit(' '.join({'numpy', 'pandas', 'casadi'} & sys.modules.keys()) or 0)"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, check=False).returncode == 0
+
+
+@pytest.mark.parametrize(
+    ("own", "threads"), [({}, "1"), ({"OPENBLAS_NUM_THREADS": "2"}, "2"), ({"OMP_NUM_THREADS": "2"}, "None")]
+)
+def test_linear_algebra_takes_one_thread_unless_told(own, threads):
+    code = (
+        "import atexit, os\nfrom rover_pin.__main__ import main\n"
+        "atexit.register(lambda: print(os.environ.get('OPENBLAS_NUM_THREADS')))\nmain()"
+    )
+    env = {name: value for name, value in os.environ.items() if not name.endswith("_NUM_THREADS")} | own
+    done = subprocess.run([sys.executable, "-c", code, "--help"], env=env, capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == threads
 
 
 def test_nothing_prints_through_rich_but_the_plain_console():
