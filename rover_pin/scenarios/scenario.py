@@ -19,7 +19,6 @@ from rover_pin.contact import Soil
 from rover_pin.control.motion.route import RouteControl
 from rover_pin.effects.gear_friction import GearFriction
 from rover_pin.effects.motion_resistance import MotionResistance
-from rover_pin.effects.slip import RelaxedSlip
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.logs.drive_log import LogMetadata, write_drive_log
 from rover_pin.parameters import name_of
@@ -42,9 +41,6 @@ from rover_pin.terrain import shapes
 from rover_pin.terrain.section import DEEPEST
 from rover_pin.terrain.terrain import Terrain
 from rover_pin.terrain.toml_table import write_terrain
-
-ALGEBRAIC_DT = 0.0025
-"""Step [s] with Eq (1) itself, which is stiffer than the relaxed slip: within 0.1 mm over 20 s of the ditch."""
 
 STEP = spec("s", "the step, refined where the ground asks for it", FINEST, COARSEST)
 DURATION = spec("s", "of the scenario", FINEST)
@@ -207,7 +203,7 @@ def _made(name: str, settings: Mapping[str, Any]) -> tuple[Scenario, Settings]:
     controller = controller_from(request, model, trust)
     assumed = (*assumed, *turning_note(request, model, controller))
     start = Start(**request.arguments("start", Start))
-    dt = request.number("dt", Timing().dt if isinstance(model.slip, RelaxedSlip) else ALGEBRAIC_DT, STEP)
+    dt = request.number("dt", Timing().dt, STEP)
     scene_duration = scene.duration * pace(model.rover, model.motor)
     default_duration = controller.duration if isinstance(controller, RouteControl) else scene_duration
     duration = request.number("duration", default_duration, DURATION)

@@ -11,7 +11,7 @@ from rover_pin.simulation.checkpoint import Checkpoint
 
 FINEST = 64
 """Parts into which a step may be divided."""
-ROUGH, CALM = 0.05, 0.002
+ROUGH, CALM = 0.0025, 0.0001
 """Misjudged share of a wheel's normal force above which steps are quartered, and below which they are doubled."""
 
 GLANCE = 1e-7

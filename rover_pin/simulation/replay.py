@@ -33,6 +33,8 @@ PERIOD = 0.05
 DT = 0.01
 """Step of a replay [s], divided where the ground asks for it: within a tenth of a tracker's noise of the default step,
 at half its time."""
+ROUGH = 20.0
+"""How many times `pace.ROUGH` its steps may misjudge: a tracker sees less than a drive's tolerance."""
 HOLD = 1.0
 """Time constant [s] with which the simulated rover is drawn to the logged place and heading."""
 CHECKED = 10
@@ -213,7 +215,7 @@ def replay(
     kernel.disable_energy_balance()
     per_row = round(run.period / dt)
     lengths = {"followed": np.append(steps.lengths, 0.0)} if steps else {}
-    loop = Loop(kernel, dt, per_row * len(run.t), per_row, **_fields(model, run, perturbation), **lengths)
+    loop = Loop(kernel, dt, per_row * len(run.t), per_row, rough=ROUGH, **_fields(model, run, perturbation), **lengths)
     loop.keep_history(per_row * len(run.t) * FINEST)
     if run.rate is not None:
         kernel.hold(loop.keep["rate_rows"][0].copy())

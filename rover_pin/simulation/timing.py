@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 from rover_pin.base.errors import SimulationError
 
-DT = 0.005
-"""Default step [s]: x of the 30-deg-wall ditch over 20 s is within TOLERANCE of finer steps', measured 3 um where the
-rover is stopped by the wall (k = 1 mm) and 2 um where it gets out (k = 10 mm), against a 32nd of the step."""
+DT = 0.01
+"""Default step [s]: x of the 30-deg-wall ditch over 20 s is within TOLERANCE of finer steps', measured 8 um where the
+rover is stopped by the wall (k = 1 mm) and 1 um where it gets out (k = 10 mm), against a 32nd of the step."""
 TOLERANCE = 1e-4
 """Error [m] of x and y that a drive keeps by itself, by smaller steps; of loads, see `step_error.LOADS`."""
-FINER = 8
+FINER = 16
 """Parts of its step that a drive is driven in at most, to keep its tolerance."""
 FINEST = 1e-6
 """Least step [s]: ten seconds of driving then take minutes."""

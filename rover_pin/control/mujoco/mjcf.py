@@ -17,11 +17,13 @@ from rover_pin.simulation.model.cruise import CRUISE_DUTY
 from rover_pin.simulation.model.model import Model
 from rover_pin.simulation.start.place import Start, settled
 from rover_pin.simulation.state import DriveState
-from rover_pin.simulation.timing import DT
 from rover_pin.terrain.terrain import Terrain
 
 AROUND, CELLS = 5.0, 200
 """Half the width of the ground that is drawn [m], and its cells along either side."""
+
+TIMESTEP = 0.005
+"""MuJoCo's step [s]: half of a drive's, since it is of first order."""
 
 DRIVE = """import mujoco
 from pathlib import Path
@@ -44,7 +46,7 @@ print(f"t = {{data.time:.2f}} s: x = {{x:.4f}} m, y = {{y:.4f}} m, mean slip {{s
 """A program that drives `rover.xml` beside it."""
 
 
-def mjcf(model: Model, start: Start = Start(), timestep: float = DT) -> str:
+def mjcf(model: Model, start: Start = Start(), timestep: float = TIMESTEP) -> str:
     """Return a model's rover as MJCF, with a key frame `start` in which it is set down at rest.
 
     Bodies and joints have the names of the rover's joints, the base `root_joint`. `ctrl` are the duties of the wheels
