@@ -21,7 +21,7 @@ from rover_pin.estimation.task import Task
 from rover_pin.inference.cause import Cause
 from rover_pin.inference.error_model import PRIORS, Discrepancy, ErrorModel
 from rover_pin.inference.evidence import Linear, Posterior, learnt_scales, posterior
-from rover_pin.inference.left_out import LeftOut, left_out
+from rover_pin.inference.fold_prediction import FoldPrediction, predict_folds
 from rover_pin.inference.samples import Samples
 from rover_pin.inference.size_prior import log_share_inside
 
@@ -116,11 +116,11 @@ class Hypothesis:
         return Fit(task, model, self.parameters, self.u, exact.predicted, dict(zip(names, exact.slopes, strict=True)))
 
     @cached_property
-    def left_out(self) -> LeftOut:
+    def fold_prediction(self) -> FoldPrediction:
         """Every fold as the others predict it."""
         samples = self.errors.samples
-        found = left_out(self.covariance, self.linear, samples.fold)
-        return LeftOut(found.log_density, samples.table_of(found.missed))
+        found = predict_folds(self.covariance, self.linear, samples.fold)
+        return FoldPrediction(found.log_density, samples.table_of(found.missed))
 
 
 def linear_at(samples: Samples, predicted: np.ndarray, slopes: np.ndarray, u: np.ndarray) -> Linear:

@@ -16,7 +16,7 @@ from rover_pin.estimation.parameter import Parameter, bounds_of
 from rover_pin.inference.cause import Cause
 from rover_pin.inference.error_model import Discrepancy
 from rover_pin.inference.expansion import Expansion, Laplace
-from rover_pin.inference.left_out import LeftOut
+from rover_pin.inference.fold_prediction import FoldPrediction
 from rover_pin.inference.residual_function import FunctionEvidence
 from rover_pin.inference.size_prior import log_share_inside
 
@@ -95,19 +95,19 @@ class LinearHypothesis:
         return dict(zip(self.experiment.channels, times.tolist(), strict=True))
 
     @cached_property
-    def left_out(self) -> LeftOut:
+    def fold_prediction(self) -> FoldPrediction:
         """Every fold as the others predict it, in the bounds; an estimate says how probable it is alone."""
         others = [self.expansion.posterior(self.extra, fold) for fold in range(len(self.experiment.folds))]
         log_evidence = self.expansion.posterior(self.extra).log_evidence
         plain = np.array([log_evidence - posterior.log_evidence for posterior in others])
         density = plain if self.shares is None else self.shares
         if not self.is_fitted:
-            return LeftOut(density, np.full(np.shape(self.experiment.observed), np.nan))
+            return FoldPrediction(density, np.full(np.shape(self.experiment.observed), np.nan))
         slopes = np.array([self.fit.slopes[parameter.name] for parameter in self.fit.parameters])
         low, high = bounds_of(self.fit.parameters).T
         steps = np.array([np.clip(posterior.mean, low, high) - self.fit.u for posterior in others])
         missed = self.fit.residual - np.einsum("fp,pfcs->fcs", steps, slopes)
-        return LeftOut(density, np.where(self.fit.task.noise.good, missed, np.nan))
+        return FoldPrediction(density, np.where(self.fit.task.noise.good, missed, np.nan))
 
 
 def linear_hypothesis(

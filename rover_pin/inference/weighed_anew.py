@@ -10,7 +10,7 @@ from rover_pin.inference.beliefs import Beliefs, Hypothesis
 
 def scores_without(beliefs: Beliefs) -> np.ndarray:
     """Return the logarithm of evidence times prior of each hypothesis (folds, hypotheses) without each fold."""
-    density = np.array([hypothesis.left_out.log_density for hypothesis in beliefs.hypotheses]).T
+    density = np.array([hypothesis.fold_prediction.log_density for hypothesis in beliefs.hypotheses]).T
     return np.asarray(beliefs.scores - density)
 
 
@@ -28,7 +28,7 @@ def chosen_without(beliefs: Beliefs) -> list[frozenset[str]]:
 def errors_without(beliefs: Beliefs) -> list[float]:
     """Return the RMSE of each channel, every fold predicted by all that was fitted, as the other folds weigh that."""
     fitted = np.array([hypothesis.is_fitted for hypothesis in beliefs.hypotheses])
-    rows = [hypothesis.left_out.missed for hypothesis in beliefs.hypotheses if hypothesis.is_fitted]
+    rows = [hypothesis.fold_prediction.missed for hypothesis in beliefs.hypotheses if hypothesis.is_fitted]
     weights = softmax(scores_without(beliefs)[:, fitted], axis=1)
     averaged = np.einsum("fh,hfcs->fcs", weights, np.array(rows))
     return [float(np.sqrt(np.nanmean(averaged[:, at] ** 2))) for at in range(averaged.shape[1])]

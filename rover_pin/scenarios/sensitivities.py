@@ -138,9 +138,9 @@ def _slope(trace: Trace, around: Sequence[Trace], value: float, width: float, un
     channels: dict[str, np.ndarray] = {}
     errors: dict[str, np.ndarray] = {}
     for channel in set(trace) - {"t_s"}:
-        left2, left, right, right2 = (_change(trace, beside, channel) / width for beside in around)
-        channels[channel] = (right - left) / 2
-        wide, bend = (right2 - left2) / 4, (4 * right - right2) / 2 - (left2 - 4 * left) / 2
+        minus_2, minus, plus, plus_2 = (_change(trace, beside, channel) / width for beside in around)
+        channels[channel] = (plus - minus) / 2
+        wide, bend = (plus_2 - minus_2) / 4, (4 * plus - plus_2) / 2 - (minus_2 - 4 * minus) / 2
         errors[channel] = np.abs(channels[channel] - wide) + np.abs(bend) / 2
     return Slope(value, unit, channels, errors)
 

@@ -174,7 +174,7 @@ def hypothesis(made, extra):
 @pytest.mark.parametrize("extra", SETS)
 def test_folds_left_out_have_their_conditional_densities(extra):
     made = expansion(None)
-    found, K, rows = hypothesis(made, extra).left_out, law(made, extra), free(made)
+    found, K, rows = hypothesis(made, extra).fold_prediction, law(made, extra), free(made)
     for fold in range(toys.SHAPE[0]):
         own, others = made.fit.task.noise.fold == fold, made.fit.task.noise.fold != fold
         expected = log_density(K, rows) - log_density(K[np.ix_(others, others)], rows[others])
@@ -201,7 +201,7 @@ def test_numbers_stay_in_their_bounds_where_a_fold_is_left_out():
     (u,), (number,) = made.fit.u, made.fit.parameters
     held = replace(number, low=number.value(u) - 1e-4 * number.scale, high=number.value(u) + 1e-4 * number.scale)
     free_fit, held_fit = (
-        hypothesis(Expansion(replace(made.fit, parameters=(each,)), made.columns[:, 1:]), ()).left_out.missed
+        hypothesis(Expansion(replace(made.fit, parameters=(each,)), made.columns[:, 1:]), ()).fold_prediction.missed
         - made.fit.residual
         for each in (number, held)
     )
@@ -217,7 +217,7 @@ def test_what_is_not_compared_is_not_missed():
     good[1, 0, 2:4] = False
     gap = replace(made.fit, task=replace(made.fit.task, noise=replace(made.fit.task.noise, good=good)))
     assert (
-        np.isnan(hypothesis(Expansion(gap, np.zeros((int(good.sum()), 0))), ()).left_out.missed).tolist()
+        np.isnan(hypothesis(Expansion(gap, np.zeros((int(good.sum()), 0))), ()).fold_prediction.missed).tolist()
         == (~good).tolist()
     )
 

@@ -140,10 +140,10 @@ class _Rates:
 
     def slope(self, state: DriveState, duty: np.ndarray, x: np.ndarray, u: np.ndarray) -> _Point:
         """Return the slopes of rates and outputs along a direction of states and duties."""
-        ahead, behind = (
+        forward, backward = (
             self.at(self._moved(state, sign * CHANGE * x), duty + sign * CHANGE * u) for sign in (1.0, -1.0)
         )
-        return _Point(*((after - before) / (2.0 * CHANGE) for after, before in zip(ahead, behind, strict=True)))
+        return _Point(*((after - before) / (2.0 * CHANGE) for after, before in zip(forward, backward, strict=True)))
 
     def _moved(self, state: DriveState, x: np.ndarray) -> DriveState:
         nv, moved = self.pin_model.nv, state.copy()

@@ -83,8 +83,8 @@ def _pursuit(target: tuple[Scalar, Scalar], place: ca.SX, yaw: Scalar, bend: Sca
     dx, dy = target[0] - place[1], target[1] - place[2]
     along, across = ca.cos(yaw) * dx + ca.sin(yaw) * dy, ca.cos(yaw) * dy - ca.sin(yaw) * dx
     kappa = 2.0 * across / (along**2 + across**2)
-    behind = ca.if_else(across >= 0.0, bend, -bend)
-    kappa = ca.if_else(along > 0.0, kappa, behind)
+    sharpest = ca.if_else(across >= 0.0, bend, -bend)
+    kappa = ca.if_else(along > 0.0, kappa, sharpest)
     return BodyMotion(1.0, ca.fmin(ca.fmax(kappa, -bend), bend))
 
 

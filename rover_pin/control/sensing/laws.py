@@ -25,7 +25,7 @@ class ReadingTrust(Record):
     strength: Scalar = quantity(0.05, "", "assumed: relative error of the soil's law and of loads", 1e-3, 1.0)
     factor: Scalar = quantity(0.015, "", "assumed: error of T / (r W) from the current", 1e-4, 1.0)
     wall: Scalar = quantity(0.5, "", "assumed: relative error of all factors where a wheel stands at a wall", 0.0, 10.0)
-    stray: Scalar = quantity(0.1, "", "assumed: chance that a wheel meets a wall or a stone", 1e-9, 1.0)
+    outliers: Scalar = quantity(0.1, "", "assumed: chance that a wheel meets a wall or a stone", 1e-9, 1.0)
     correlated: Scalar = quantity(0.3, "s", "assumed: torques nearer than this err alike", 1e-3, 10.0)
     folds: Scalar = quantity(0.5, "s", "assumed: rises of wheels nearer than this err alike", 1e-3, 10.0)
     wander: Scalar = quantity(0.25, "1/sqrt(s)", "assumed: change of u / (r omega) within a second", 1e-4, 10.0)
@@ -59,12 +59,12 @@ def wheel_law(hole: HoleLaw, relaxed: RelaxedSlip, period: float) -> ca.Function
 def torque_law(trust: ReadingTrust) -> ca.Function:
     """Return the function F, (T / (r W), share) -> density of what is read; F errs by `factor` and a share of itself.
 
-    A wheel at a wall or a stone may read anything (`stray`).
+    A wheel at a wall or a stone may read anything (`outliers`).
     """
     expected, read = ca.SX.sym("F"), ca.SX.sym("read", 2)
     variance = trust.factor**2 + read[1] * expected**2
     known = ca.exp(-0.5 * (read[0] - expected) ** 2 / variance) / ca.sqrt(2.0 * ca.pi * variance)
-    return ca.Function("torque_law", [expected, read], [(1.0 - trust.stray) * known + trust.stray / FACTORS])
+    return ca.Function("torque_law", [expected, read], [(1.0 - trust.outliers) * known + trust.outliers / FACTORS])
 
 
 def fold_law(trust: ReadingTrust) -> ca.Function:

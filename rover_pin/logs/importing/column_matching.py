@@ -71,11 +71,11 @@ def understood(sources: Sequence[Source], rover: Rover, declared: Mapping[str, E
     helpers = {name: entry for name, entry in declared.items() if not is_column(name, wheels)}
     declared_here = {name: entry for name, entry in declared.items() if name != "t_s" and name not in helpers}
     words = tuple(word for word in words_of(tables[first]) if word.name not in {clock.column for clock in times})
-    tables, left_out = _of_one_layout(tables, first)
+    tables, excluded = _of_one_layout(tables, first)
     choice, picked, options, files = _reading(tables, times, words, rover, declared_here, helpers, first)
     clock = times[picked.parts[0]]
-    left_out |= {path: why for path, why in _against(files, picked, options).items()}
-    recordings = {path: clock.recording(table, helpers) for path, table in tables.items() if path not in left_out}
+    excluded |= {path: why for path, why in _against(files, picked, options).items()}
+    recordings = {path: clock.recording(table, helpers) for path, table in tables.items() if path not in excluded}
     if not recordings:
         raise DataError(f"{first}: the wheels never turn for 8 s on end: nothing was driven that could be compared.")
     guesses = {name: Guess(name, entry, "as given", True) for name, entry in helpers.items()}
@@ -90,7 +90,7 @@ def understood(sources: Sequence[Source], rover: Rover, declared: Mapping[str, E
     used = {name for guess in guesses.values() for name in _sources(guess)}
     some = next(iter(values.values()))
     notes = [f"{path.name}: clock {clock.description(table)}" for path, table in tables.items() if path in recordings]
-    notes += [f"{path.name}: left out: {why}" for path, why in left_out.items()] + questions
+    notes += [f"{path.name}: left out: {why}" for path, why in excluded.items()] + questions
     notes += measured(list(recordings.values()), list(values.values()), rover)
     return Understood(
         tuple(guesses.values()),

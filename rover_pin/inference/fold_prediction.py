@@ -8,14 +8,14 @@ import numpy as np
 from rover_pin.inference.evidence import Linear
 
 
-class LeftOut(NamedTuple):
+class FoldPrediction(NamedTuple):
     """What the others say of each fold: ln of its density (folds,), and how far it is missed (folds, ...)."""
 
     log_density: np.ndarray
     missed: np.ndarray
 
 
-def left_out(covariance: np.ndarray, linear: Linear, fold: np.ndarray) -> LeftOut:
+def predict_folds(covariance: np.ndarray, linear: Linear, fold: np.ndarray) -> FoldPrediction:
     """Return every fold as the others predict it, given the covariance C of the errors; `missed` is a row (n,).
 
     With Q = (C + J J')^-1 a fold b of r_0 is of N(r_b - Q_bb^-1 (Q r)_b, Q_bb^-1) by the others.
@@ -33,4 +33,4 @@ def left_out(covariance: np.ndarray, linear: Linear, fold: np.ndarray) -> LeftOu
         density[at] = 0.5 * (
             np.linalg.slogdet(block)[1] - float(missed[members] @ pull[members]) - len(members) * math.log(2 * math.pi)
         )
-    return LeftOut(density, missed)
+    return FoldPrediction(density, missed)
