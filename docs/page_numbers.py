@@ -56,7 +56,6 @@ def fill_in(text: str) -> str:
         "sig": significant,
         "interval": interval,
         "printed": printed_interval,
-        "degrees": math.degrees(1.0),
     }
     return environment.from_string(text, globals=fields()).render()
 
@@ -297,6 +296,17 @@ def tuned() -> dict[str, Any]:
     return {"cost": means.to_dict("index"), "S_d": gains}
 
 
+LOG_TRUTH = {
+    "DiggingMemory.c_d": ("c_d", 3, 1.0, 0.1),
+    "DiggingMemory.length": ("L [mm]", 1, 1e3, 40.0),
+    "DiggingMemory.deepest": ("deepest hole over r", 2, 1.0, 0.5),
+    "soil.k": ("k [mm]", 2, 1e3, 1.5),
+    "soil.phi": ("phi [deg]", 1, math.degrees(1.0), 30.0),
+    "MotionResistance.R": ("R", 3, 1.0, 0.34),
+}
+"""Numbers of the drive log: what a page calls each, its decimals, its scale, and the truth."""
+
+
 def log_loop() -> dict[str, Any]:
     """Return what the loop on the drive log found, held-out errors, and how far free runs go from the log [mm]."""
     verdict = json.loads((RESULTS / "steepening-slope" / "verdict.json").read_text(encoding="utf-8"))
@@ -305,7 +315,12 @@ def log_loop() -> dict[str, Any]:
     held_out = {row["name"]: row for row in verdict["held_out"]}
     rows = {"held-out path": held_out["path"], "held-out elevation": held_out["body_z"], "free runs": free}
     errors = [{"name": name, **{side: 1e3 * row[side] for side in free}} for name, row in rows.items()]
-    return verdict | {"errors": errors}
+    found = verdict["after"]
+    fitted = [
+        {"name": name, "fitted": interval(found[key], digits, scale), "true": true}
+        for key, (name, digits, scale, true) in LOG_TRUTH.items()
+    ]
+    return {"errors": errors, "fitted": fitted}
 
 
 def sensed_slip() -> dict[str, Any]:

@@ -64,6 +64,11 @@ IMPROVED = {
     "the tuned control is taken, with a true gain": "true_gains",
     "taken, with harm: a true loss above 0.02": "harms",
 }
+READINGS = {
+    "net": "f_t / f_n, Eqs (6), (7) to the letter",
+    "torque": "torque / (r f_n), as section 4 measured it",
+    "gross": "thrust / f_n, Eq (7) without its second term",
+}
 MEASURED = {"What": "{name}", "Measured": "{value:.3g}"}
 CURVES = {"Quadratic": "{quadratic}", "Gaussian process": "{Gaussian process}"}
 
@@ -129,6 +134,7 @@ def tables(of: Mapping[str, Any]) -> dict[str, str]:
         "log_loop": table(
             of["log_loop"]["errors"], {"Error": "{name}", "Before": "{before:.1f} mm", "After": "{after:.1f} mm"}
         ),
+        "log_fitted": table(of["log_loop"]["fitted"], {"Number": "{name}", "95 %": "{fitted}", "True": "{true:g}"}),
         "wheels": table(
             wheels["own"],
             {"Set": "{set}", "Law": "{law}", "Held out": "{held}", **CURVES, "Authors": "{authors}",
@@ -144,6 +150,11 @@ def tables(of: Mapping[str, Any]) -> dict[str, str]:
         "ground_speed": table(rows_of(speed["ground_speed"], GROUND), {"Ground": "{name}", "Times": "{value:.3g}"}),
         "replay_speed": table(rows_of(speed["replay_speed"], REPLAY), MEASURED),
         "step_error": table(rows_of(of["step_error"], STEP_ERROR), {"Of these": "{name}", "Measured": "{value:.3g}"}),
+        "traction": table(
+            [{"name": name, "reading": READINGS[name], **row} for name, row in of["traction"].items()],
+            {"Form": "`{name}`", "F(S) is": "{reading}", "S = 0": "{F[0]:.3f}", "S = 0.2": "{F[1]:.3f}",
+             "S = 1": "{F[2]:.3f}", "steepest slope, without and with R": "{slopes}"},
+        ),
         "pendulum": table(of["pendulum"], {"Sets": "{what}", "Count": "{count} of {whole}"}),
         "gallery": table(of["gallery"], {"Command": "`{command}`", "Outcome": "{happened}"}),
     }  # fmt: skip
