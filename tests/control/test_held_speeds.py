@@ -6,6 +6,7 @@ import re
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from rover_pin import load_rover, plain_simulate, scenario, simulate
@@ -157,8 +158,9 @@ def test_the_effective_track_is_near_the_makers(length, track, makers, tmp_path)
         farm.wheel(name, "body", f"{0.5 * length * x} {0.5 * track * y} 0", r=0.1)
     rover = load_rover(write(tmp_path, farm, {**TWO_AXLES, "wheel": {"r": 0.1, "b": 0.05}}))
     assert effective_track(rover) / track == pytest.approx(makers, rel=0.04)
-    page = (Path(__file__).parents[2] / "docs" / "own-rover.md").read_text()
-    assert f"{effective_track(rover) / track:.2f} B" in page
+    kept = pd.read_csv(Path(__file__).parents[2] / "studies" / "results" / "public_turns.csv")
+    (shown,) = kept[kept["makers"] == makers]["track_over_B"].round(2).unique()
+    assert shown == round(effective_track(rover) / track, 2), "the page's table"
 
 
 def test_hard_ground_turns_it_little_less_than_commanded():
