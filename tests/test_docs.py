@@ -107,7 +107,7 @@ def test_troubleshooting_quotes_what_is_really_said():
     assert not missing
 
 
-LONGEST_SENTENCE, SHARE_OF_LONG = 30, 0.05
+LONGEST_SENTENCE, SHARE_OF_LONG = 30, 0.03
 
 
 def sentences(text):

@@ -11,12 +11,12 @@ from rover_pin.simulation.timing import DT, TOLERANCE, Timing
 
 
 @pytest.mark.parametrize("name", ["control", "sample"])
-@pytest.mark.parametrize("period", [0.0, 0.0025, 0.0075, 0.0125, -0.005])
+@pytest.mark.parametrize("period", [0.0, 0.005, 0.015, 0.025, -0.01])
 def test_a_period_is_a_whole_number_of_steps_and_one_at_least(name, period):
-    with pytest.raises(SimulationError, match=f"The {name} period {period:g}.*dt = 0.005"):
+    with pytest.raises(SimulationError, match=f"The {name} period {period:g}.*dt = 0.01"):
         Timing(**{name: period})
-    assert getattr(Timing(**{name: 0.005}), name) == 0.005
-    assert getattr(Timing(**{name: 0.015}), name) == 0.015
+    assert getattr(Timing(**{name: 0.01}), name) == 0.01
+    assert getattr(Timing(**{name: 0.03}), name) == 0.03
 
 
 @pytest.mark.parametrize(("allowed", "refused"), [(1e-6, 0.99e-6), (0.1, 0.101)])
@@ -50,10 +50,7 @@ def x_at(case, dt):
 @pytest.mark.parametrize("name", DITCHES)
 def test_x_is_within_the_stated_distance_of_finer_steps(name):
     case = DITCHES[name]
-    finer = x_at(case, DT / 16)
-    off = {share: float(np.max(np.abs(x_at(case, share * DT) - finer))) for share in (2, 1)}
-    assert off[1] <= TOLERANCE
-    assert off[2] <= TOLERANCE, "the benchmark states the speed at twice the step too"
+    assert x_at(case, DT) == pytest.approx(x_at(case, DT / 32), abs=0.1 * TOLERANCE)
 
 
 def test_rows_and_readings_are_of_their_instant():

@@ -69,7 +69,7 @@ SIZES = st.lists(st.sampled_from([1, 2, 4, 8, 16, 32, 64]), min_size=1, max_size
 )
 def test_steps_taken_together_cross_no_row_and_no_command(sizes, per_control, n):
     """In 64ths of a step of 5 ms; each span is filled up with whole steps, and cut where it is full."""
-    dt, spans = 0.005, []
+    dt, spans = Timing().dt, []
     for span in sizes:
         ends = np.cumsum([*span, *[1] * (64 * per_control)])
         spans.append(np.diff(np.minimum(ends, 64 * per_control), prepend=0))
@@ -173,7 +173,7 @@ def test_a_controller_of_ones_own_is_asked_once_and_told():
     asked = []
     own = lambda reading: asked.append(reading.t) or 0.3 + 0.1 * np.sin(8.0 * reading.t)  # noqa: E731
     trace = simulate(scenario("flat").model, own, 1.0, timing=Timing(tolerance=1e-9))
-    assert (trace.attrs["dt_s"], len(asked)) == (0.005, 20)
+    assert (trace.attrs["dt_s"], len(asked)) == (Timing().dt, 20)
     assert any("over the tolerance" in each for each in trace.attrs["warnings"])
 
 
@@ -204,7 +204,7 @@ def test_ground_too_stiff_for_twice_the_step_halves_it():
     assert coarse.drive().attrs["step_error_m"] < 1e-6
 
 
-@pytest.mark.parametrize(("control", "same"), [(0.05, True), (0.1, True), (0.025, False)])
+@pytest.mark.parametrize(("control", "same"), [(0.05, True), (0.1, True), (0.02, False)])
 def test_commands_are_repeated_where_the_rows_hold_them(control, same):
     """Where the controller is slower than the rows."""
     asked = []
@@ -263,7 +263,7 @@ def test_the_package_s_controllers_start_anew():
     again = repeating(made.controller, rows_at(trace["body_x"], made.model), Timing())
     assert again is not made.controller
     assert np.all(np.asarray(again.integral) == 0.0)
-    assert isinstance(repeating(ConstantDuty(0.3), rows_at([0.0]), Timing(control=0.025)), ConstantDuty)
+    assert isinstance(repeating(ConstantDuty(0.3), rows_at([0.0]), Timing(control=0.02)), ConstantDuty)
 
 
 def test_where_nobody_reads_the_error_nothing_is_driven_twice(monkeypatch):
