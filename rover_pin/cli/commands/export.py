@@ -118,13 +118,13 @@ def export_mjcf(
     as_json: AsJson = False,
 ) -> None:
     """Write a rover for MuJoCo, and how to drive it on its soil."""
-    from rover_pin.control.mujoco.mjcf import drive_text, mjcf
+    from rover_pin.control.mujoco.mjcf import TIMESTEP, drive_text, mjcf
     from rover_pin.scenarios.scenario import scenario as ready
 
     chosen = ready(scenario, **drive_settings("", gravity, soil, model, add, set_))
     settings = {name: str(value) if isinstance(value, Path) else value for name, value in chosen.settings.items()}
     texts = {
-        out / "rover.xml": mjcf(chosen.model, chosen.start, chosen.timing.dt),
+        out / "rover.xml": mjcf(chosen.model, chosen.start, min(TIMESTEP, chosen.timing.dt)),
         out / "drive.py": drive_text(scenario, settings, len(chosen.model.rover.wheels)),
     }
     say_what_is_replaced(out, tuple(file.name for file in texts))
