@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -54,8 +55,8 @@ class Driven(NamedTuple):
         return step_change((self.rows, self.run.stop), (repeated.rows, repeated.run.stop), ratio)
 
     def excess(self, tolerance: float) -> float:
-        """Return by how much the stated error is over its tolerance; nothing where none is stated."""
-        return self.stated.excess(tolerance) if self.stated else 0.0
+        """Return by how much the stated error is over its tolerance; without end where none is stated."""
+        return self.stated.excess(tolerance) if self.stated else math.inf
 
 
 def begun(job: DriveJob, state: DriveState) -> Drive:
@@ -90,32 +91,38 @@ def from_start(job: DriveJob, state: DriveState, followed: np.ndarray | None = N
 def kept(job: DriveJob, state: DriveState) -> Driven:
     """Drive from here at the step, halved up to FINER parts, that keeps the tolerance.
 
-    The error is stated by the same steps taken two and four at a time, or halved where the ground bears no longer ones:
-    a drive that chose its own would divide them until they misjudge as little, and be as far off. Each drive that is
-    halved measures the next. A controller of one's own is asked once, and its drive only measured; nothing is measured
-    of one whose commands are not known.
+    The error is stated by the same steps taken two and four at a time: a drive that chose its own would divide them
+    until they misjudge as little, and be as far off. Where the ground bears no longer ones, it is halved at once. Each
+    drive that is halved is measured by the one before. A controller of one's own is asked once, and its drive only
+    measured; nothing is measured of one whose commands are not known.
     """
     driven, tolerance = from_start(job, state), job.timing.tolerance
     controller = repeating(job.controller, driven.rows, job.timing)
     if controller is None or not len(driven.rows):
         return driven
-    driven = _measured(job._replace(controller=controller, progress=None, measure_error=False), state, driven)
     finer = job._replace(progress=None, measure_error=False)
+    again = finer._replace(controller=controller)
     repeatable = hasattr(innermost(job.controller), "native")
+    if driven.drive.bears_double or not repeatable:
+        driven = _measured(again, state, driven)
     while repeatable and driven.excess(tolerance) > 1.0 and finer.timing.divided < FINER * job.timing.divided:
         finer = finer._replace(timing=finer.timing.halved())
-        halved = from_start(finer, state, _halved(driven, job.duration))
-        change = halved.changed_to(driven, 2.0)
-        halved = halved._replace(change=change, longer=driven.change and driven.change.lessened())
-        lessens = halved.excess(tolerance) < driven.excess(tolerance)
-        driven = halved._replace(change=change._replace(lessens=lessens))
+        driven = _halved(finer, state, driven)
     return driven
+
+
+def _halved(finer: DriveJob, state: DriveState, driven: Driven) -> Driven:
+    """Return a drive by the steps of another in halves, with what those made of it."""
+    halved = from_start(finer, state, _in_halves(driven, finer.duration))
+    change, tolerance = halved.changed_to(driven, 2.0), finer.timing.tolerance
+    halved = halved._replace(change=change, longer=driven.change and driven.change.lessened())
+    return halved._replace(change=change._replace(lessens=halved.excess(tolerance) < driven.excess(tolerance)))
 
 
 def _measured(again: DriveJob, state: DriveState, driven: Driven) -> Driven:
     """Return a drive with what other steps make of it; a fourfold one is not asked where twofold ones are too long."""
     if not driven.drive.bears_double:
-        halved = from_start(again, state, _halved(driven, again.duration))
+        halved = from_start(again, state, _in_halves(driven, again.duration))
         return driven._replace(change=driven.changed_to(halved, 0.5))
     fine = driven.drive.timing
     lengths = completed(driven.run.lengths, fine.dt, again.duration)
@@ -127,6 +134,6 @@ def _measured(again: DriveJob, state: DriveState, driven: Driven) -> Driven:
     return driven._replace(longer=double.changed_to(fourfold, 2.0).lessened())
 
 
-def _halved(driven: Driven, duration: float) -> np.ndarray:
+def _in_halves(driven: Driven, duration: float) -> np.ndarray:
     """Return the steps [s] of a drive, each in two."""
     return np.repeat(0.5 * completed(driven.run.lengths, driven.drive.timing.dt, duration), 2)

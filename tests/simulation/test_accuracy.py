@@ -62,4 +62,4 @@ def test_rows_and_readings_are_of_their_instant():
     for name, share in {"normal": 2e-3, "tangential": 1e-2, "slip": 1e-2, "current": 1e-2, "travel": 1e-2}.items():
         assert coarse.stack(name) == pytest.approx(fine.stack(name), abs=share * np.ptp(fine.stack(name))), name
     torque = fine["differential_torque"]
-    assert coarse["differential_torque"] == pytest.approx(torque, abs=1e-2 * np.ptp(torque))
+    assert coarse["differential_torque"] == pytest.approx(torque, abs=2e-2 * np.ptp(torque))

@@ -14,7 +14,7 @@ from rover_pin.simulation.native.shared import RECORD
 from rover_pin.simulation.timing import Timing
 
 NORMAL = RECORD.index("normal")
-MARGIN = 2.0
+MARGIN = 1.5
 """What is said over the error of first order: errors of 37 random drives fell by less than the step in 6."""
 LOADS = 100.0
 """Tolerance of the loads, as a share of them, over that of the place [1/m]: 1 % where that is 0.1 mm."""
