@@ -54,7 +54,7 @@ import wheel_laws
 from scipy.optimize import minimize_scalar
 
 from rover_pin.contact import Soil
-from rover_pin.discrepancy.cross_validation import fold_models
+from rover_pin.discrepancy.cross_validation import fold_fits
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.wording import Outcome
@@ -135,9 +135,9 @@ def transient_runs(path: Path) -> dict[str, pd.DataFrame]:
 def held_out_steady(data: RigSet, fit: Fit) -> dict[str, float]:
     """Return the steady sinkage of each level [m], by the model fitted to the others."""
     found = {}
-    for number, (name, model) in enumerate(zip(data.level_names, fold_models(fit), strict=False)):
+    for number, (name, fold_fit) in enumerate(zip(data.level_names, fold_fits(fit), strict=False)):
         own = data.level == number
-        found[name] = float(model.predict(data.load[own].mean(), data.slip[own].mean()).sinkage[0])
+        found[name] = float((fold_fit or fit).model.predict(data.load[own].mean(), data.slip[own].mean()).sinkage[0])
     return found
 
 

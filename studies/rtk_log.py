@@ -38,7 +38,7 @@ import pandas as pd
 
 from rover_pin import close_the_loop, plot
 from rover_pin.experiments.drive_log.calibrate import experiment_on
-from rover_pin.experiments.drive_log.kinematic import kinematic, missed_afterwards
+from rover_pin.experiments.drive_log.kinematic import kinematic
 from rover_pin.experiments.drive_log.model import base_model, with_spread
 from rover_pin.logs.drive_log import DriveLog, read_drive_log
 from rover_pin.logs.importing.import_log import import_log
@@ -153,10 +153,10 @@ def closed(log: DriveLog, out: Path) -> list[dict[str, Any]]:
 def predicted(log: DriveLog, later: DriveLog, models: tuple[Model, ...], runs: str) -> list[dict[str, Any]]:
     """Return the errors on later runs of odometry and models that were fitted to a log."""
     fitted, later_runs = (experiment_on(each, models[0])[0] for each in (log, later))
-    odometry = missed_afterwards(fitted, later_runs, models[0].rover)
+    odometry = {one.channel: one.error for one in kinematic(fitted, models[0].rover, later_runs)}
     missed = later_runs.observed - later_runs.predict(models)
     rms = lambda values: float(np.sqrt(np.nanmean(values**2)))  # noqa: E731
-    return [{"runs": runs, "channel": name, "unit": later_runs.unit(name), "odometry": rms(odometry[name]),
+    return [{"runs": runs, "channel": name, "unit": later_runs.unit(name), "odometry": odometry[name],
              "base": rms(missed[0, :, at]), "loop": rms(missed[1, :, at]), "noise": later_runs.floor()[at]}
             for at, name in enumerate(later_runs.channels)]  # fmt: skip
 

@@ -2,7 +2,6 @@
 
 import dataclasses
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
 
@@ -37,17 +36,12 @@ def held_out_residual(fitted: Fit) -> np.ndarray:
     A run that no fit to the others predicts is NaN.
     """
     residual = fitted.residual.copy()
-    for run, fold_fit in enumerate(_fold_fits(fitted)):
+    for run, fold_fit in enumerate(fold_fits(fitted)):
         residual[run] = np.nan if fold_fit is None else fold_fit.missed[run]
     return residual
 
 
-def fold_models(fitted: Fit) -> list[Any]:
-    """Return the model as the fit to all runs but one has it, one a run; the whole fit's where there is none."""
-    return [(fold_fit or fitted).model for fold_fit in _fold_fits(fitted)]
-
-
-def _fold_fits(fitted: Fit) -> Iterator[Fit | None]:
+def fold_fits(fitted: Fit) -> Iterator[Fit | None]:
     """Yield the fit to all runs but one, one a run, or None where it does not end; as it is for a run it has not."""
     noise = fitted.task.noise
     anchored_parameters = tuple(

@@ -18,6 +18,7 @@ from rover_pin.measurements.channel import RIG_CHANNELS, DrawbarPull
 from rover_pin.measurements.checks import column, slips
 from rover_pin.measurements.rig_errors import RigErrors
 from rover_pin.parameters.bekker import bekker_si
+from rover_pin.soil.slip import rim_and_travel, slip_ratios
 
 RIG_FILE = "rig.toml"
 TEXTS = ("kind", "name", "source", "licence", "method", "missing", "note")
@@ -211,14 +212,9 @@ def _with_slips(table: pd.DataFrame, where: str) -> pd.DataFrame:
         return table
     travel, rim = (column(table[name], name, where, gaps=True) for name in SPEEDS)
     angle = table[ANGLE].to_numpy(dtype=float) if ANGLE in table else 0.0
-    converted = table.assign(slip=np.where(empty, slip_of_speeds(travel * np.cos(angle), rim), slip))
+    converted = table.assign(slip=np.where(empty, slip_ratios(rim, travel * np.cos(angle)), slip))
     converted.attrs[OF_SPEEDS] = int(empty.sum())
     return converted
-
-
-def slip_of_speeds(travel: np.ndarray, rim: np.ndarray) -> np.ndarray:
-    """Return Eq (1), (r omega - v) / max(|r omega|, |v|): -1 for a locked wheel, 1 for one that spins and stands."""
-    return np.asarray((rim - travel) / np.maximum(np.maximum(np.abs(rim), np.abs(travel)), 1e-12))
 
 
 def _on_a_slope(table: pd.DataFrame, noise: Mapping[str, Any], where: str) -> pd.DataFrame:
@@ -237,8 +233,8 @@ def _at_the_rim(table: pd.DataFrame, share: float, where: str) -> pd.DataFrame:
     """Return the table with slips and rim speeds of a rim whose radius is this share of the stated one, by Eq (1)."""
     slip = column(table["slip"], "slip", where)
     slips(slip, "slip", where)
-    rim, travel = share * (1.0 + np.minimum(slip, 0.0)), 1.0 - np.maximum(slip, 0.0)
-    converted = table.assign(slip=(rim - travel) / np.maximum(rim, travel))
+    rim, travel = rim_and_travel(slip)
+    converted = table.assign(slip=slip_ratios(share * rim, travel))
     return (
         converted.assign(rim_speed_mps=share * converted["rim_speed_mps"])
         if "rim_speed_mps" in converted

@@ -15,6 +15,7 @@ from rover_pin.estimation.profile import CLEAR
 from rover_pin.measurements.channel import DrawbarPull, RigChannel, SideForce, Sinkage, Torque, VerticalMoment
 from rover_pin.measurements.checks import Finding
 from rover_pin.measurements.rig_set import RigSet
+from rover_pin.soil.slip import rim_and_travel
 
 LOADS = (1e-4, 1e7)
 """Loads [N] that a wheel may carry. Why: from a gram-scale model's to a mining truck's."""
@@ -122,7 +123,7 @@ def work(data: RigSet) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     NaN is where torque or pull was not measured.
     """
     (torque, torque_sd), (pull, pull_sd), r = _read(data, Torque), _read(data, DrawbarPull), float(data.wheel.r)
-    rim, travel = 1.0 + np.minimum(data.slip, 0.0), 1.0 - np.maximum(data.slip, 0.0)
+    rim, travel = rim_and_travel(data.slip)
     return torque / r * rim, pull * travel, np.hypot(torque_sd / r * rim, pull_sd * travel)
 
 

@@ -33,9 +33,9 @@ from rover_pin.measurements.rig_file import (
     read_points,
     refuse_unknown_keys,
     rim_of,
-    slip_of_speeds,
 )
 from rover_pin.measurements.rig_set import STRAIGHT, RigSet
+from rover_pin.soil.slip import rim_and_travel, slip_ratios
 
 STANDS = 1e-3
 """Share of the faster of rim and travel below which a speed stands still."""
@@ -148,7 +148,7 @@ def _speeds(table: pd.DataFrame, data: RigSet, where: str) -> np.ndarray | None:
     if len(measured_speeds) == 1:
         return _by_slip(measured_speeds, slip, angle, where)
     travel, rim = measured_speeds[SPEEDS[0]] * np.cos(angle), measured_speeds[SPEEDS[1]]
-    S = slip_of_speeds(travel, rim)
+    S = slip_ratios(rim, travel)
     # locked and pushed along its axle, a wheel has any slip
     rolls = np.maximum(np.abs(travel), np.abs(rim)) > STANDS * np.abs(measured_speeds[SPEEDS[0]])
     off = np.where(rolls, np.abs(S - slip), 0.0)
@@ -164,7 +164,7 @@ def _speeds(table: pd.DataFrame, data: RigSet, where: str) -> np.ndarray | None:
 def _by_slip(measured_speeds: Mapping[str, np.ndarray], slip: np.ndarray, angle: np.ndarray, where: str) -> np.ndarray:
     """Return both speeds [runs, 2], of which one is known, by Eq (1)."""
     ((name, speed),) = measured_speeds.items()
-    rim, travel = 1.0 + np.minimum(slip, 0.0), 1.0 - np.maximum(slip, 0.0)
+    rim, travel = rim_and_travel(slip)
     speed, share = (speed * np.cos(angle), travel) if name == SPEEDS[0] else (speed, rim)
     if np.min(share) < STANDS:
         row = int(np.argmin(share))

@@ -1,6 +1,7 @@
 """The slip ratio of a wheel, Eq (1), and the speed ratio that the shear displacement needs of it."""
 
 import casadi as ca
+import numpy as np
 
 from rover_pin.contact import Scalar
 
@@ -42,6 +43,16 @@ def slip_ratio(rim: Scalar, v: Scalar, eps: Scalar = 0.0) -> Scalar:
     Source: Eq (1). Differs from the paper: eps > 0 (the paper's Eq 1 is eps = 0, singular at rest); S(0, 0) = 0.
     """
     return (rim - v) / ca.fmax(ca.fmax(ca.fabs(rim), ca.fabs(v)), ca.fmax(eps, STILL))
+
+
+def slip_ratios(rim: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """Return Eq (1) of each pair of speeds [m/s] (n,); NaN where one of them is."""
+    return np.asarray(slip_ratio(rim, v)).ravel()
+
+
+def rim_and_travel(S: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return r omega and v over the faster of both (n,), Eq (1) solved for them."""
+    return 1.0 + np.minimum(S, 0.0), 1.0 - np.maximum(S, 0.0)
 
 
 def speed_ratio(S: Scalar) -> Scalar:

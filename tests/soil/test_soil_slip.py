@@ -2,11 +2,21 @@
 
 import math
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rover_pin.soil.slip import against_travel, drift, pushed_aside, slip_ratio, speed_ratio, spinning
+from rover_pin.soil.slip import (
+    against_travel,
+    drift,
+    pushed_aside,
+    rim_and_travel,
+    slip_ratio,
+    slip_ratios,
+    speed_ratio,
+    spinning,
+)
 
 SPEEDS = st.floats(1e-3, 10.0)
 
@@ -32,6 +42,7 @@ def test_special_speeds():
     assert slip_ratio(0.003, 0.001) == pytest.approx(2.0 / 3.0)
     assert speed_ratio(1.0) == 0.0
     assert speed_ratio(-1.0) > 1e12
+    assert slip_ratios(*rim_and_travel(np.linspace(-1, 1, 9))) == pytest.approx(np.linspace(-1, 1, 9), abs=1e-15)
 
 
 @pytest.mark.parametrize(("rim", "degrees"), [(0.03, 30.0), (0.05, 45.0), (0.2, 60.0), (0.0, 15.0), (0.05, 89.0)])

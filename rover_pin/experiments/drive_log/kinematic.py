@@ -19,40 +19,30 @@ POINT_STEP = 1e-3
 """Offset of the tracked point [m] for its derivative."""
 
 
-def kinematic(experiment: DriveExperiment, rover: Rover) -> tuple[Baseline, ...]:
+def kinematic(experiment: DriveExperiment, rover: Rover, later: DriveExperiment | None = None) -> tuple[Baseline, ...]:
     """Return the held-out errors of odometry, v = (1 - s) mean(r omega) and psi' = g (right - left) r omega.
 
     The tracked point lies at x, y from the centre of turning. One s, g, x and y for all runs but the one that is
-    predicted, by least squares in units of the noise; the rover goes where it heads. Unlike the model, which is given
-    the duties, it is given the measured wheel rates; where one was not measured, or no place, there is no odometry.
+    predicted, or for all of them where it is one of `later`, by least squares in units of the noise; the rover goes
+    where it heads. Unlike the model, which is given the duties, it is given the measured wheel rates; where one was not
+    measured, or no place, there is no odometry.
     """
     rates = [f"wheel_rate_{wheel.name}" for wheel in rover.wheels]
     channels = _channels(experiment)
     if not channels or any(rate not in run.measured for run in experiment.runs for rate in rates):
         return ()
     floor = _floor(experiment, channels)
-    tables, observed = _tables(experiment, rover, channels, floor)
-    missed = []
-    for fold, table in enumerate(tables):
-        others = [number for number in range(len(tables)) if number != fold]
-        factors = _fitted([tables[at] for at in others], [observed[at] for at in others])
-        missed.append(floor * (observed[fold] - np.tensordot(factors, table, axes=1)))
+    runs = _tables(experiment, rover, channels, floor)
+    cases = [([*runs[:at], *runs[at + 1 :]], run) for at, run in enumerate(runs)]
+    if later is not None:
+        cases = [(runs, run) for run in _tables(later, rover, channels, floor)]
+    missed = [floor * (measured - np.tensordot(_fitted(of), table, axes=1)) for of, (table, measured) in cases]
     errors = np.array([np.sqrt(np.nanmean(rows**2, axis=1)) for rows in missed])
     rms = np.sqrt(np.nanmean(np.concatenate(missed, axis=1) ** 2, axis=1))
     return tuple(
         Baseline(name, experiment.unit(name), CURVE, float(error), GIVEN, tuple(map(float, by_fold)))
         for name, error, by_fold in zip(channels, rms, errors.T, strict=True)
     )
-
-
-def missed_afterwards(experiment: DriveExperiment, later: DriveExperiment, rover: Rover) -> dict[str, np.ndarray]:
-    """Return what odometry that is fitted to all runs of an experiment misses of later ones, by channel."""
-    channels = _channels(experiment)
-    floor = _floor(experiment, channels)
-    factors = _fitted(*_tables(experiment, rover, channels, floor))
-    both = zip(*_tables(later, rover, channels, floor), strict=True)
-    missed = [floor * (measured - np.tensordot(factors, table, axes=1)) for table, measured in both]
-    return dict(zip(channels, np.concatenate(missed, axis=1), strict=True))
 
 
 def _channels(experiment: DriveExperiment) -> list[str]:
@@ -64,22 +54,20 @@ def _floor(experiment: DriveExperiment, channels: Sequence[str]) -> np.ndarray:
     return np.fmax(experiment.floor()[at], LEAST)[:, None]
 
 
-Tables = list[np.ndarray]
+Tables = list[tuple[np.ndarray, np.ndarray]]
 
 
-def _tables(
-    experiment: DriveExperiment, rover: Rover, channels: Sequence[str], floor: np.ndarray
-) -> tuple[Tables, Tables]:
+def _tables(experiment: DriveExperiment, rover: Rover, channels: Sequence[str], floor: np.ndarray) -> Tables:
     """Return the regressors (4, channels, blocks) and what was measured (channels, blocks) of each run, over noise."""
     at = [experiment.channels.index(name) for name in channels]
-    regressors = [_regressors(run, rover, channels) / floor for run in experiment.runs]
-    cut = [run.observed.shape[1] for run in experiment.runs]
-    return regressors, [experiment.observed[number, at, :end] / floor for number, end in enumerate(cut)]
+    observed = [row[at, : run.observed.shape[1]] for row, run in zip(experiment.observed, experiment.runs, strict=True)]
+    regressors = (_regressors(run, rover, channels) for run in experiment.runs)
+    return [(table / floor, measured / floor) for table, measured in zip(regressors, observed, strict=True)]
 
 
-def _fitted(tables: Tables, observed: Tables) -> np.ndarray:
+def _fitted(runs: Tables) -> np.ndarray:
     """Return the factors of the regressors by least squares."""
-    regressors, measured = np.concatenate(tables, axis=-1), np.concatenate(observed, axis=-1)
+    regressors, measured = (np.concatenate(tables, axis=-1) for tables in zip(*runs, strict=True))
     good = np.isfinite(measured)
     return np.asarray(np.linalg.lstsq(regressors[:, good].T, measured[good])[0])
 

@@ -16,6 +16,7 @@ from rover_pin.experiments.wheel_rig.presets import is_of_other_wheel, preset_ca
 from rover_pin.measurements.channel import RIG_CHANNELS
 from rover_pin.measurements.rig_set import RigSet
 from rover_pin.simulation.model.effect_files import AnyEffect, package_effects, reading_traction, user_effects
+from rover_pin.soil.slip import rim_and_travel
 
 OF_SPEED = 0.05
 """Relative change of a signature with speed from which it needs the speeds. Why: less is noise (assumed)."""
@@ -80,8 +81,7 @@ def added(kind: type[Effect], model: RigModel) -> Effect:
 
 def needs_speeds(data: RigSet, model: RigModel, effect: Effect) -> bool:
     """Return whether what the effect moves changes with the speed at which the wheel is driven."""
-    slip = data.slip
-    fast = 4 * NOMINAL * np.column_stack([1 - np.maximum(slip, 0), 1 + np.minimum(slip, 0)])
+    fast = 4 * NOMINAL * np.column_stack(rim_and_travel(data.slip)[::-1])
     slow_moved, fast_moved = (_moved(data, model, effect, speeds) for speeds in (None, fast))
     return bool(np.linalg.norm(fast_moved - slow_moved) > OF_SPEED * np.linalg.norm(slow_moved))
 

@@ -27,6 +27,7 @@ from rover_pin.measurements.rig_errors import RigErrors
 from rover_pin.simulation.model.effect_files import effect_entry, effect_from
 from rover_pin.simulation.model.toml_file import RIG_KIND
 from rover_pin.soil.angles import SHALLOW, SinkageAngles
+from rover_pin.soil.slip import rim_and_travel
 from rover_pin.soil.traction import NetTraction
 
 PAPER: tuple[Effect, ...] = (SoilTraction(NetTraction(), SinkageAngles()),)
@@ -158,7 +159,7 @@ def conditions(
 ) -> np.ndarray:
     """Return the inputs of steady runs [runs, 5]; speeds follow from Eq (1) where they are not given."""
     if speeds is None:
-        speeds = NOMINAL * np.column_stack([1 - np.maximum(slip, 0.0), 1 + np.minimum(slip, 0.0)])
+        speeds = NOMINAL * np.column_stack(rim_and_travel(slip)[::-1])
     along = np.asarray(speeds)[:, 0]
     return np.column_stack([load, slip, speeds, along * -np.tan(slip_angle)])
 

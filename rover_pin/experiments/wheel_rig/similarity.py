@@ -13,6 +13,7 @@ from rover_pin.experiments.wheel_rig.model import conditions
 from rover_pin.measurements.channel import RigChannel, Sinkage, Torque, VerticalMoment
 from rover_pin.measurements.rig_set import SAME_LOAD, RigSet
 from rover_pin.parameters.gravity import EARTH
+from rover_pin.soil.slip import slip_ratios
 
 TRAVEL, SLIP, ANGLE = "r omega / V", "slip S", "slip angle"
 LOAD, SPEED, DEPTH = "W / (gamma b r^2)", "V^2 / (g r)", "h / r"
@@ -53,8 +54,7 @@ class Collapse(NamedTuple):
 def slip_of_travel(data: RigSet) -> np.ndarray:
     """Return (r omega - V) / max(r omega, V) [runs], a function of r omega / V from -1 to 1; straight it is S."""
     _, _, along, rim, across = conditions(data.load, data.slip, data.speeds, data.slip_angle).T
-    V = np.hypot(along, across)
-    return np.asarray((rim - V) / np.maximum(rim, V))
+    return slip_ratios(rim, np.hypot(along, across))
 
 
 def groups(data: RigSet) -> dict[str, np.ndarray]:

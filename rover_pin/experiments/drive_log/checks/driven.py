@@ -11,6 +11,7 @@ import numpy as np
 from rover_pin.experiments.drive_log.features import SLOW, SLOW_SHARE
 from rover_pin.simulation.model.motor import Motor
 from rover_pin.simulation.trace.trace import Trace
+from rover_pin.soil.slip import slip_ratios
 from rover_pin.terrain.terrain import Terrain
 
 Remarks = Iterator[tuple[str, str]]
@@ -184,7 +185,7 @@ class Driven:
         rim, speed = self.rim[self.steady], self.speed[self.steady]
         greatest = np.maximum(np.abs(rim), np.abs(speed))
         use = np.isfinite(greatest) & (greatest > 0.1 * self.still * self.radius)
-        return (rim[use] - speed[use]) * np.sign(rim[use]) / greatest[use]
+        return slip_ratios(rim[use], speed[use]) * np.sign(rim[use])
 
 
 def spread(values: np.ndarray) -> float:
