@@ -9,14 +9,12 @@ from typing import NamedTuple
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.candidate import DECLARED
 from rover_pin.estimation.profile import MOST, SURE
+from rover_pin.estimation.wording import MAX_NAMED
 from rover_pin.inference.beliefs import Beliefs
 
 BEYOND = 3.0
 """Times a channel's declared noise from which what is left is no noise, whatever shares it. Why: an SD of five repeats
 is three times too small once in 50 sets."""
-
-MAX_SETS = 4
-"""Sets that a sentence lists."""
 
 
 class Decision(NamedTuple):
@@ -85,7 +83,7 @@ def sentence(decision: Decision, beliefs: Beliefs, share: float, misfit: float) 
     takes = f"takes {share:.0%} of what the base model misses beyond the noise where it was not fitted"
     listed = " or ".join(
         f"{' + '.join(names) or 'nothing'} ({probability:.2f})"
-        for names, probability in shares(decision.sets[:MAX_SETS], beliefs)
+        for names, probability in shares(decision.sets[:MAX_NAMED], beliefs)
     )
     none, unexplained = beliefs.sets.get(frozenset(), 0.0), beliefs.leaves_more(decision.retained)
     more = beliefs.probability(lambda hypothesis: hypothesis.leaves_more)

@@ -5,6 +5,10 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import block_diag
 
+IDENTIFIABLE_SHARE = 1e-3
+"""Share of its own or the greatest size, a square or a singular value, that a direction of columns must have left to be
+identified; below is round-off, or none."""
+
 
 class Columns(NamedTuple):
     """The whitened columns (n, k) of a function; where every run has its own numbers, run r's act on its rows."""

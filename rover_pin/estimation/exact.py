@@ -26,7 +26,7 @@ class ExactProblem:
         return self._last[1]
 
     def evaluate(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return rows and their Jacobian at u; beyond STRAY SDs a row grows as the root of what it counts."""
+        """Return rows and their Jacobian at u; beyond HUBER_THRESHOLD SDs a row grows as the root of what it counts."""
         sensitivities = self.sensitivities(u)
         rows, columns = self.task.rows(sensitivities.predicted), self.task.columns(sensitivities.slopes)
         is_outlier = np.abs(rows) > HUBER_THRESHOLD

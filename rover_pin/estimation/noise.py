@@ -184,7 +184,7 @@ def huber_weights(rows: np.ndarray) -> np.ndarray:
 
 
 def huber_losses(rows: Any) -> np.ndarray:
-    """Return r^2 of each row, beyond STRAY linear."""
+    """Return r^2 of each row, beyond HUBER_THRESHOLD linear."""
     size = np.abs(rows)
     return np.asarray(np.where(size > HUBER_THRESHOLD, 2 * HUBER_THRESHOLD * size - HUBER_THRESHOLD**2, size**2))
 

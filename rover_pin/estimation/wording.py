@@ -18,6 +18,10 @@ NO_SPREAD = 1e-9
 """Data do not identify an SD, or an interval's width, below this share of the number, or of one unit of a size."""
 MAX_LISTED = 3
 """Things of a kind that a sentence, or the table beside it, lists; of more, the first."""
+MAX_NAMED = 4
+"""Places, channels, sets or reasons that a line or the first screen names; of more, the first and how many more."""
+WORTH = 0.01
+"""Relative change, or share, below which one is not worth a word. Why: it is none, to two digits."""
 NOT_PREDICTED = "not predicted"
 READERS_UNITS = {"rad": (180 / math.pi, "deg"), "m": (1e3, "mm"), "Pa": (1e-3, "kPa"), "Pa/m^n": (1e-3, "kPa/m^n")}
 PREFIXED = re.compile(r"(A|N|V|W|s|m|rad|ohm)\b(?!\^)")

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from rover_pin.base.errors import OptimisationError
+from rover_pin.estimation.profile import CLEAR
 from rover_pin.inference.beliefs import Beliefs
 from rover_pin.inference.cause import SIZE_SD, Cause
 from rover_pin.inference.error_model import Discrepancy
@@ -15,8 +16,6 @@ from rover_pin.inference.hypothesis import Fitter, Hypothesis
 
 SHOWN = 0.3
 """Norm [SD] of what a default size moves, below which data cannot show a cause. Why: they would give 0.05 nats."""
-OUTLIER = 3.0
-"""SDs by which a value misses what all others say of it, from which its variance is raised to that. Why: as CLEAR."""
 LOOKS = 12
 """Most looks for outliers, the farthest first: it widens the scales, hides in part and makes its fold look astray."""
 LEADING, LEADING_FLAT, LEADING_PAIRS = 6, 4, 3
@@ -109,14 +108,14 @@ class Explorer:
     def _outlier_inflation(self) -> np.ndarray | None:
         """Return by how much each value's variance is raised, the farthest's; None where the others agree with all.
 
-        Each is predicted by the others, a smooth discrepancy included.
+        Each is predicted by the others, a smooth discrepancy included; one that misses that by CLEAR SDs is an outlier.
         """
         *_, base = self.fitted[frozenset()]
         linear = base.linear
         precision = np.linalg.inv(base.covariance + linear.slopes @ linear.slopes.T)
         deviations = (precision @ linear.target) / np.sqrt(np.diag(precision))
         size = np.abs(deviations)
-        return np.where(size == size.max(), (2.0 * size / OUTLIER) ** 2, 1.0) if size.max() > OUTLIER else None
+        return np.where(size == size.max(), (2.0 * size / CLEAR) ** 2, 1.0) if size.max() > CLEAR else None
 
     def _shown(self) -> list[Cause]:
         """Return the causes that move what was measured at all, each of its default size."""

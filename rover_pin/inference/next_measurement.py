@@ -22,15 +22,13 @@ from rover_pin.estimation.gauss_newton import slopes_at
 from rover_pin.estimation.noise import Noise
 from rover_pin.estimation.profile import MOST, SURE
 from rover_pin.estimation.task import Task
-from rover_pin.estimation.wording import MAX_LISTED
+from rover_pin.estimation.wording import MAX_LISTED, WORTH
 from rover_pin.inference.beliefs import Beliefs, Hypothesis
 
 MAX_SETS = 8
-"""How many of the sets that hold SURE of the probability are distinguished at most."""
+"""How many of the sets that hold SURE of the probability are distinguished, or listed, at most."""
 CLOSER = 4
 """Offers, of those that would tell most if all numbers were known, of which what is uncertain is worked out."""
-LEAST = 0.01
-"""Share of what is open that a run must be expected to settle to be proposed. Why: less is none, to two digits."""
 
 
 @brief
@@ -137,7 +135,7 @@ def next_measurement(
     open_nats = float(-np.sum(weights * np.log(weights)))
     measured, best = _greatest(choices[::2]), _greatest(choices)
     best = measured if measured.nats >= MOST * best.nats else best
-    if best.nats < LEAST * open_nats:
+    if best.nats < WORTH * open_nats:
         return None
     sets = tuple(" + ".join(hypothesis.names) or "nothing" for hypothesis in hypotheses)
     return NextMeasurement(sets, best.what, best.channel, best.nats, open_nats)

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import logsumexp
 
-from rover_pin.estimation.columns import Columns, no_columns
+from rover_pin.estimation.columns import IDENTIFIABLE_SHARE, Columns, no_columns
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.noise import huber, huber_weights
 from rover_pin.inference.error_model import PRIORS
@@ -25,8 +25,8 @@ NODE_WEIGHTS = np.array([1.0, 4.0, 1.0]) / 6.0
 """Three-point Gauss-Hermite rule for the logarithm of the amplitude."""
 TURNS = 6
 """Turns of weights and function: rows that it explains count in full after two or three."""
-KNOTS, LEAST_SHARE = 100, 1e-3
-"""Points that carry a smooth function, and least eigenvalue of its covariance over the greatest that is kept."""
+KNOTS = 100
+"""Points that carry a smooth function."""
 
 
 class FunctionEvidence(NamedTuple):
@@ -160,7 +160,7 @@ def _features(inputs: np.ndarray, used: np.ndarray) -> np.ndarray:
     among = np.flatnonzero(used.ravel())
     knots = x.reshape(-1, x.shape[-1])[among[np.linspace(0, len(among) - 1, min(KNOTS, len(among))).astype(int)]]
     values, vectors = np.linalg.eigh(_kernel(knots, knots))
-    sound = values > LEAST_SHARE * values[-1]
+    sound = values > IDENTIFIABLE_SHARE * values[-1]
     features = _kernel(x.reshape(-1, x.shape[-1]), knots) @ (vectors[:, sound] / np.sqrt(values[sound]))
     return np.asarray(features).reshape(*x.shape[:2], -1)
 
@@ -179,7 +179,7 @@ def in_shares(columns: Columns, weights: np.ndarray, signal: float) -> Columns:
     for run in columns.runs:
         part = columns.values[run]
         values, vectors = np.linalg.eigh(part.T @ (weights[run, None] * part))
-        sound = values > LEAST_SHARE * max(float(values[-1]), 1e-12)
+        sound = values > IDENTIFIABLE_SHARE * max(float(values[-1]), 1e-12)
         size = signal * math.sqrt(len(part) / max(int(sound.sum()), 1))
         parts.append(part @ np.where(sound, vectors * size / np.sqrt(np.where(sound, values, 1.0)), 0.0))
     return Columns(np.concatenate(parts), columns.runs)

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rover_pin.base.errors import DataError
+from rover_pin.estimation.wording import MAX_NAMED
 
 
 def column(values: Any, name: str, where: str, gaps: bool = False) -> np.ndarray:
@@ -84,10 +85,6 @@ def _refuse_where(bad: np.ndarray, values: np.ndarray, what: str, is_wrong: str,
         raise DataError(f"{what} {is_wrong} in row {row + 1} ({values[row]:g}); {todo}.")
 
 
-MAX_LISTED = 4
-"""Places, or channels, that one line lists; of more, the first and how many more."""
-
-
 class Finding(NamedTuple):
     """One line of the data check."""
 
@@ -109,5 +106,5 @@ def gathered(findings: Iterable[Finding]) -> tuple[Finding, ...]:
 
 def listed(names: list[str]) -> str:
     """Return the first of some names, and how many more there are."""
-    more = len(names) - MAX_LISTED
-    return ", ".join(names[:MAX_LISTED]) + (f" and {more} more" if more > 0 else "")
+    more = len(names) - MAX_NAMED
+    return ", ".join(names[:MAX_NAMED]) + (f" and {more} more" if more > 0 else "")

@@ -34,11 +34,9 @@ from rover_pin.measurements.rig_file import (
     refuse_unknown_keys,
     rim_of,
 )
-from rover_pin.measurements.rig_set import STRAIGHT, RigSet
+from rover_pin.measurements.rig_set import STANDS, STRAIGHT, RigSet
 from rover_pin.soil.slip import rim_and_travel, slip_ratios
 
-STANDS = 1e-3
-"""Share of the faster of rim and travel below which a speed stands still."""
 OTHERS = ("slip", "load_N", "run", "level", ANGLE, SLOPE, "slope_sd_rad", *SPEEDS)
 """Columns of the points that are read besides the channels and their SDs."""
 MIN_SIMILARITY = 0.7

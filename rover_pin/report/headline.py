@@ -7,13 +7,9 @@ from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.decision import shares
 from rover_pin.discrepancy.held_out import ChannelScore
 from rover_pin.discrepancy.verdict import Verdict
-from rover_pin.estimation.wording import Outcome
+from rover_pin.estimation.wording import MAX_NAMED, WORTH, Outcome
 from rover_pin.report.words import Labels, brief, capital, cause, human, kinds_of, listing, pair, with_interval
 
-WORTH = 0.01
-"""Relative change of an error below which it is not worth a word."""
-MAX_NAMED_CHANNELS = 4
-"""Channels up to which each is named; of more, the two that changed most."""
 NOTHING = "nothing is missing"
 """Why a model without causes may be right all the same."""
 
@@ -51,7 +47,7 @@ def _changed(verdict: Verdict, labels: Labels) -> str:
     better, worse = (by_outcome(verdict.scores, outcome) for outcome in (Outcome.BETTER, Outcome.WORSE))
     if not better:
         return f"no channel is predicted better {labels.unseen} beyond its scatter."
-    few_channels = len(verdict.scores) <= MAX_NAMED_CHANNELS
+    few_channels = len(verdict.scores) <= MAX_NAMED
     (score, (was, now)), *more = _pairs(better if few_channels else better[:2])
     sentence = f"{_name(score, labels)} was wrong by {was} and is now wrong by {now}"
     also = [f"{_name(score, labels)}: {was} to {now}" for score, (was, now) in more]

@@ -9,8 +9,6 @@ from rover_pin.estimation.wording import AT_FLOOR, NOISE_LIKE, Outcome, share
 from rover_pin.report.headline import by_outcome, worst
 from rover_pin.report.words import Labels, capital, human, kinds_of, listing, two_digits
 
-MAX_REASONS = 4
-"""Reasons on the first screen; all of them stand further below."""
 MAY_ACT = 1.0 - SURE
 """Probability from which a cause that was not added is a reason to doubt."""
 

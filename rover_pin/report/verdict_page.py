@@ -5,9 +5,10 @@ from pathlib import Path
 from typing import Any
 
 from rover_pin.discrepancy.verdict import Verdict
+from rover_pin.estimation.wording import MAX_NAMED
 from rover_pin.report.headline import headline, improvement
 from rover_pin.report.page import Head, Picture, Section, Sections, write_page
-from rover_pin.report.reasons import MAX_REASONS, next_run, opposing_reasons, supporting_reasons
+from rover_pin.report.reasons import next_run, opposing_reasons, supporting_reasons
 from rover_pin.report.sections.closing import data_check_section, repeat_section, warnings_section
 from rover_pin.report.sections.held_out import held_out_section
 from rover_pin.report.sections.numbers import numbers_section
@@ -62,9 +63,9 @@ def first_screen(verdict: Verdict, labels: Labels, picture: Picture | None = Non
         "answer": capital(verdict.answer.value),
         "said": capital(human(verdict.sentence, kinds_of(verdict))),
         "added": bool(verdict.named),
-        "believe": why[:MAX_REASONS],
-        "doubt": but[:MAX_REASONS],
-        "more": max(len(but) - MAX_REASONS, 0),
+        "believe": why[:MAX_NAMED],
+        "doubt": but[:MAX_NAMED],
+        "more": max(len(but) - MAX_NAMED, 0),
         "next": next_run(verdict),
     }
     return Section("Verdict", "first_screen.html", content, {file: picture} if picture is not None else {})
@@ -73,8 +74,8 @@ def first_screen(verdict: Verdict, labels: Labels, picture: Picture | None = Non
 def first_lines(verdict: Verdict, labels: Labels) -> str:
     """Return the first screen as text, for a terminal."""
     parts = {
-        "believe it because": supporting_reasons(verdict, labels)[:MAX_REASONS],
-        "doubt it because": opposing_reasons(verdict, labels)[:MAX_REASONS],
+        "believe it because": supporting_reasons(verdict, labels)[:MAX_NAMED],
+        "doubt it because": opposing_reasons(verdict, labels)[:MAX_NAMED],
         "next": next_run(verdict),
     }
     lines = [line for line in (headline(verdict, labels), improvement(verdict, labels)) if line]

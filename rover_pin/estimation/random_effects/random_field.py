@@ -16,10 +16,10 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import minimize
 
+from rover_pin.estimation.columns import IDENTIFIABLE_SHARE
+
 MOST_SCALE = 10.0
 """Greatest SD of a kind that is looked for, in the sizes of its columns."""
-MIN_SINGULAR_SHARE = 1e-3
-"""Singular values of free columns below this share of the greatest are round-off; scales below it are none."""
 
 
 class Kind(NamedTuple):
@@ -102,13 +102,13 @@ def random_effects_filter(
 
 def _root(part: np.ndarray) -> np.ndarray:
     u, s, _ = np.linalg.svd(part, full_matrices=False)
-    return np.asarray(u[:, s > MIN_SINGULAR_SHARE] * np.sqrt(1 - 1 / np.sqrt(1 + s[s > MIN_SINGULAR_SHARE] ** 2)))
+    return np.asarray(u[:, s > IDENTIFIABLE_SHARE] * np.sqrt(1 - 1 / np.sqrt(1 + s[s > IDENTIFIABLE_SHARE] ** 2)))
 
 
 def spanning(columns: np.ndarray) -> np.ndarray:
     """Return orthonormal columns that span what these (n, ...) do, whatever their units, but for round-off."""
     Q, s, _ = np.linalg.svd(columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-9), full_matrices=False)
-    return np.asarray(Q[:, s > MIN_SINGULAR_SHARE * s[0]] if s.size else Q)
+    return np.asarray(Q[:, s > IDENTIFIABLE_SHARE * s[0]] if s.size else Q)
 
 
 def learnt_sds(rows: np.ndarray, free: np.ndarray, columns: np.ndarray, field: RandomField) -> tuple[LearntSd, ...]:
@@ -130,10 +130,10 @@ def learnt_sds(rows: np.ndarray, free: np.ndarray, columns: np.ndarray, field: R
     count = len(field.kinds)
     start = np.full(count, 0.1)
     solution = minimize(loss, start, method="L-BFGS-B", bounds=[(0.0, MOST_SCALE**2)] * count).x
-    best = np.where(solution > MIN_SINGULAR_SHARE**2, solution, 0.0)
+    best = np.where(solution > IDENTIFIABLE_SHARE**2, solution, 0.0)
     without = [np.where(np.arange(count) == at, 0.0, 1.0) for at in range(count)]
     for mask in without:  # where data say nothing of a kind, it stays as it began
-        best = best * mask if loss(best * mask) <= loss(best) + MIN_SINGULAR_SHARE else best
+        best = best * mask if loss(best * mask) <= loss(best) + IDENTIFIABLE_SHARE else best
     gains = [loss(best * mask) - loss(best) for mask in without]
     rows_of = zip(field.kinds, np.sqrt(best), gains, strict=True)
     return tuple(LearntSd(kind, kind.size * float(d), max(gain, 0.0)) for kind, d, gain in rows_of)

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rover_pin.estimation.columns import Columns, no_columns
+from rover_pin.estimation.columns import IDENTIFIABLE_SHARE, Columns, no_columns
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.gauss_newton import priors
 from rover_pin.estimation.noise import huber, huber_weights, null_gain
@@ -17,8 +17,6 @@ from rover_pin.experiments.unlisted.regressors import Argument, arguments
 from rover_pin.experiments.unlisted.term import Term
 from rover_pin.inference.residual_function import in_shares, rows_signal
 
-IDENTIFIABLE_SHARE = 1e-3
-"""Share of a direction's sum of squares that must be left after the uncertain numbers for it to be identified."""
 REWEIGHED, TURNS = 12, 4
 """How many of the best are weighed again by what they leave, and how often."""
 

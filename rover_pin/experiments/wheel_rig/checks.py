@@ -5,6 +5,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from rover_pin.base.errors import DataError
+from rover_pin.estimation.noise import HUBER_THRESHOLD
+from rover_pin.estimation.wording import NOISE_LIKE
 from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.measurements.channel import RIG_CHANNELS, RigChannel
 from rover_pin.measurements.checks import Finding
@@ -15,8 +17,6 @@ FEWEST_LEVELS = 3
 """Levels without which nothing that depends on slip can be held out. Why: one is left out, and two are a slope."""
 SAME_WEIGHT = 1.1
 """Runs of a level whose loads, in order, step by less than this are repeats: assumed, a hung weight varies by 5 %."""
-SCATTER, OUTLYING = 1.6, 5.0
-"""Scatter of repeats in stated SDs from which it is named; a run this many SDs from the median of its repeats is."""
 
 
 def refuse_unfit(experiment: RigExperiment) -> None:
@@ -110,13 +110,14 @@ def _of_channel(data: RigSet, channel: RigChannel) -> Iterator[Check]:
     what = f"{empty} of {channel.has_value.size} runs have no {channel.name}"
     yield Check(empty > 0, what, "their other channels are used", channel.column)
     what = f"repeats scatter {scatter:.1f} times as much as the stated noise"
-    yield Check(scatter > SCATTER, what, "state the larger noise", channel.column)
+    yield Check(scatter > NOISE_LIKE, what, "state the larger noise", channel.column)
     for number in range(group.max() + 1):
         at = np.flatnonzero((group == number) & channel.has_value)
         if at.size >= 3:
             off = np.abs(channel.measured[at] - np.median(channel.measured[at])) / channel.sd[at]
             what = f"{data.runs[at[off.argmax()]]} lies {off.max():.0f} SD from its repeats"
-            yield Check(off.max() > OUTLYING, what, "look at that run; it counts less in the fits", channel.column)
+            todo = "look at that run; it counts less in the fits"
+            yield Check(off.max() > HUBER_THRESHOLD, what, todo, channel.column)
 
 
 def repeats(data: RigSet) -> np.ndarray:

@@ -10,6 +10,7 @@ from rover_pin.base.quantity import quantities
 from rover_pin.contact import Contact, Load, Soil, Wheel
 from rover_pin.effects.effect import Effect
 from rover_pin.measurements.rig_errors import RigErrors
+from rover_pin.measurements.rig_set import STANDS
 from rover_pin.soil.sinkage import power_law_guess
 from rover_pin.soil.traction import pressing_force
 
@@ -18,9 +19,6 @@ LAWS = 512
 
 SLOWEST = 1e-9
 """Speed [m/s] below which nothing moves."""
-
-SIDEWAYS = 1e-3
-"""Share of the speed along the axle at which ground at least passes, where neither rim nor heading goes."""
 
 LEAP = 1.5
 """Longest Newton step in ln y."""
@@ -117,7 +115,7 @@ def _chained(effects: tuple[Effect, ...], condition: ca.SX, p: ca.SX, z: ca.SX) 
     x = [tuple(next(states) for _ in effect.states) for effect in effects]
     load, S, v_x, rim, v_y = ca.vertsplit(condition)
     contact = Contact(S, 0.0, wheel.r, v_x, v_y, 0.0, rim, 0.0, 0.0, wheel, soil)
-    passing = ca.fmax(ca.fmax(ca.fabs(rim), ca.fabs(v_x)), SIDEWAYS * ca.fabs(v_y))
+    passing = ca.fmax(ca.fmax(ca.fabs(rim), ca.fabs(v_x)), STANDS * ca.fabs(v_y))
     contact = contact._replace(S_y=v_y / ca.fmax(passing, SLOWEST))
     h = _floor(valued_effects, contact, x) + ca.exp(z[0])
     contact = _amended(valued_effects, contact._replace(h=h), x)

@@ -13,14 +13,13 @@ from rover_pin.discrepancy.held_out import together
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.effects.effect import SensorEffect
 from rover_pin.estimation.fit import FEW
-from rover_pin.estimation.wording import AT_FLOOR
+from rover_pin.estimation.wording import AT_FLOOR, WORTH
 from rover_pin.experiments.drive_log.free_runs import FreeRun, distances_of, extra_of
 from rover_pin.experiments.drive_log.parameters import with_wheels
 from rover_pin.logs.drive_log import DriveLog
 from rover_pin.report.drive.ghost import ghosts
 from rover_pin.report.drive.residual import residual_section
 from rover_pin.report.drive.runs import Sides, effect_picture, residual_panels, telling_channels, words_of
-from rover_pin.report.headline import WORTH
 from rover_pin.report.page import AWAY, Picture, Row, Section, Table, before_and_after
 from rover_pin.report.verdict_page import write_verdict
 from rover_pin.report.words import Labels, listing, pair

@@ -11,8 +11,8 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from rover_pin.discrepancy.held_out import ChannelScore
 from rover_pin.discrepancy.rivals import is_better
 from rover_pin.discrepancy.verdict import Verdict
-from rover_pin.estimation.wording import Outcome, figure, format_value, got_worse
-from rover_pin.report.headline import MAX_NAMED_CHANNELS, by_outcome, worst
+from rover_pin.estimation.wording import MAX_NAMED, Outcome, figure, format_value, got_worse
+from rover_pin.report.headline import by_outcome, worst
 from rover_pin.report.page import AWAY, Picture, Row, Section, Table
 from rover_pin.report.svg import AFTER, BEFORE, GREY
 from rover_pin.report.words import Labels, as_text
@@ -34,7 +34,7 @@ def held_out_section(verdict: Verdict, labels: Labels) -> Section | None:
         "baselines": baseline_table(verdict, labels),
         "worse": got_worse((labels.channel(score.name), score.worded) for score in scores) if added else "",
     }
-    pictures = {"heldout": _picture(scores, added, labels)} if len(scores) > MAX_NAMED_CHANNELS else {}
+    pictures = {"heldout": _picture(scores, added, labels)} if len(scores) > MAX_NAMED else {}
     return Section("Error on data that were not fitted", "sections/held_out.html", content, pictures)
 
 
@@ -49,7 +49,7 @@ def _picture(scores: Sequence[ChannelScore], added: bool, labels: Labels) -> Pic
 def parts_table(verdict: Verdict, labels: Labels) -> Table:
     """Return the errors by what was left out: of every channel where there are few, else of all together."""
     scores, added = verdict.scores, bool(verdict.named)
-    if len(scores) > MAX_NAMED_CHANNELS or not all(score.levels for score in scores):
+    if len(scores) > MAX_NAMED or not all(score.levels for score in scores):
         return _together(verdict, labels)
     heads = ("left out", *(labels.channel(score.name) + ", before to after" * added for score in scores))
     pairs = zip(*([_level(level, score, added) for level in score.levels] for score in scores), strict=True)

@@ -6,16 +6,16 @@ from matplotlib.figure import Figure
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.effects.names import display_name
 from rover_pin.estimation.profile import NORMAL_95
-from rover_pin.estimation.wording import format_value, interval
+from rover_pin.estimation.wording import MAX_NAMED, format_value, interval
 from rover_pin.inference.beliefs import LEAST, Beliefs
-from rover_pin.report.headline import MAX_NAMED_CHANNELS
+from rover_pin.inference.next_measurement import MAX_SETS
 from rover_pin.report.page import CHOSEN, Picture, Row, Section, Table
 from rover_pin.report.sections.sensitivity import is_threshold, unit_of
 from rover_pin.report.svg import AFTER, GREY
 from rover_pin.report.words import Labels, as_text, capital, full, human, kinds_of, listing
 
-MAX_CAUSES, MAX_SETS = 20, 8
-"""Causes and sets that are listed."""
+MAX_CAUSES = 20
+"""Causes that are listed."""
 ESTIMATED = "estimated, not fitted"
 """What is said of a set that was weighed by a linear estimate alone."""
 
@@ -77,7 +77,7 @@ def _sets(beliefs: Beliefs, verdict: Verdict, labels: Labels) -> Table:
 def _anew(verdict: Verdict, labels: Labels) -> str:
     again = capital(human(f"{verdict.chosen_again}.", kinds_of(verdict)))
     units = {score.name: score.unit for score in verdict.scores}
-    if len(units) > MAX_NAMED_CHANNELS:
+    if len(units) > MAX_NAMED:
         return again
     errors = [
         f"{labels.channel(name)} {format_value(error, units[name])}" for name, error in verdict.errors_anew.items()

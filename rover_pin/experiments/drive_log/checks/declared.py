@@ -8,6 +8,7 @@ import numpy as np
 
 from rover_pin.base.quantity import Record, quantities, record_from
 from rover_pin.contact import Wheel
+from rover_pin.estimation.wording import NOISE_LIKE
 from rover_pin.experiments.drive_log.checks.driven import Driven, Remarks, degrees
 from rover_pin.experiments.drive_log.model import is_rate_driven, usual_soil
 from rover_pin.experiments.drive_log.readings.outliers import scattered
@@ -34,9 +35,6 @@ FAR, FARTHER = 0.25, math.radians(30.0)
 
 FAR_OFF = 10.0 * LARGEST
 """Coordinate [m] that is on no declared ground. Why: grids of maps begin hundreds of kilometres away."""
-
-NOISIER = 2.0
-"""Times its declared noise that a channel scatters to be named."""
 
 OTHER_WHEEL = 0.02
 """Relative difference of a declared wheel's radius or width from the rover's that is no rounding. Why: 0.1 mm of the
@@ -84,7 +82,7 @@ def _noise_findings(log: DriveLog) -> Iterator[Finding]:
             kind, scatter = kind_of(name), (scattered(run[name]), name, str(run.attrs["file"]))
             worst[kind] = max(worst.get(kind, scatter), scatter)
     for kind, (sd, name, where) in worst.items():
-        if sd > NOISIER * noise_sd[kind]:
+        if sd > NOISE_LIKE * noise_sd[kind]:
             what = f"[noise] declares {kind} = {noise_sd[kind]:.3g} {NOISE[kind]}, but {name} scatters by {sd:.3g}"
             yield Finding(what, where, "mend [noise]: the samples' scatter is taken where it is more")
 

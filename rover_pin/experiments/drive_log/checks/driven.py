@@ -23,6 +23,11 @@ BLOCK = 1.0
 AT_LEAST = 5
 """Samples of a block, and blocks, that a judgement needs. Why: a mean's error is then half of a sample's."""
 
+OFF, FAR_OFF = 3.0, 20.0
+"""Times that a speed, a climb or a current is off what it can be where its unit may be another, and surely is. Why:
+units differ by 3.6 or more, mA and counts by far more; a height over way of 3 is 72 deg; downhill a wheel is little
+faster than its motor without load (assumed)."""
+
 ROLLING = 0.3
 """Mean rim speed over mean size of rim speed, below which a rover turns rather than drives. Why: in a turn about one's
 own wheel it is 0.5 (assumed)."""

@@ -9,11 +9,9 @@ from typing import NamedTuple
 import numpy as np
 
 from rover_pin.experiments.drive_log.checks.driven import Driven, degrees, spread
+from rover_pin.experiments.drive_log.readings.ambiguous_timing import SAME_DUTY
 from rover_pin.measurements.checks import Finding
 from rover_pin.measurements.rig_set import SAME_SLIP
-
-SAME_DUTY = 0.02
-"""Duties that differ by less are one level. Why: five steps of a driver of eight bits."""
 
 LOW_DUTY = 0.15
 """A drive's lowest duty that still tells where motion begins."""

@@ -3,7 +3,7 @@
 import numpy as np
 
 from rover_pin.experiments.drive_log.checks.columns import longest_run, stretches
-from rover_pin.experiments.drive_log.checks.driven import AT_LEAST, Driven, Remarks, degrees
+from rover_pin.experiments.drive_log.checks.driven import AT_LEAST, FAR_OFF, OFF, Driven, Remarks, degrees
 from rover_pin.experiments.drive_log.readings.outliers import pose_outliers, without_poses
 from rover_pin.simulation.model.motor import Motor
 from rover_pin.simulation.trace.channels import unit_of
@@ -180,8 +180,6 @@ def supply_findings(run: Driven) -> Remarks:
 TELLING = 0.1
 """Share of the stall current from which the motor's equation tells the current. Why: below, friction and the
 tachometer's error are as large (assumed)."""
-OFF, FAR_OFF = 3.0, 20.0
-"""Times that currents are off the motor's to be named, and refused. Why: mA, or counts, are off by more (assumed)."""
 
 
 def current_faults(run: Driven) -> Remarks:

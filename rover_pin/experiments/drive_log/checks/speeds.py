@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from rover_pin.experiments.drive_log.checks.driven import AT_LEAST, Driven, Remarks
+from rover_pin.experiments.drive_log.checks.driven import AT_LEAST, OFF, Driven, Remarks
 from rover_pin.experiments.drive_log.checks.units import NEAR
 
 TIMES = 2.0
@@ -18,12 +18,6 @@ VELOCITY_UNITS = {3.6: "km/h", 100.0: "cm/s", 1000.0: "mm/s"}
 
 SLOWEST = 0.01
 """Speed [m/s] from which the tracked place tells a velocity beyond its noise. Why: ten times BLOCK's error."""
-
-STEEPEST = 3.0
-"""Change of height over way that no rover climbs: 72 deg. Why: heights in mm change a thousand times as fast."""
-
-RACING = 3.0
-"""Times as fast as its motor without load that no wheel turns. Why: downhill a wheel is little faster (assumed)."""
 
 
 def velocity_faults(run: Driven) -> Remarks:
@@ -56,7 +50,7 @@ def height_faults(run: Driven) -> Remarks:
     rising = np.abs(run.slope(run.trace["body_z"]))
     use = run.steady & np.isfinite(rising) & np.isfinite(run.velocity)
     way = float(np.sum(np.abs(run.velocity[use])))
-    if np.sum(use) >= AT_LEAST and float(np.sum(rising[use])) > STEEPEST * way > 0.0:
+    if np.sum(use) >= AT_LEAST and float(np.sum(rising[use])) > OFF * way > 0.0:
         what = f"body_z changes {np.sum(rising[use]) / way:.3g} times as fast as the rover travels"
         yield what, "give metres: if it is in mm divide it by 1000"
 
@@ -71,6 +65,6 @@ def racing_faults(run: Driven) -> Remarks:
     if np.sum(use) < AT_LEAST:
         return
     times = float(np.median(rate[use] / (duty[use] * float(motor.no_load_rate))))
-    if times > RACING:
+    if times > OFF:
         what = f"the wheels turn {times:.3g} times as fast as [motor] would at their duty without load"
         yield what, "give duties from -1 to 1, and mend [motor]"

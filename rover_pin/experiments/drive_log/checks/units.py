@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from rover_pin.experiments.drive_log.checks.driven import AT_LEAST, Driven, Remarks
+from rover_pin.experiments.drive_log.checks.driven import AT_LEAST, FAR_OFF, Driven, Remarks
 
 SLOWEST_SAMPLING = 1.0
 """Samples further apart [s] tell nothing of a drive, and milliseconds taken for seconds are. Why: a duty that is held
@@ -28,9 +28,9 @@ MAX_RATIO_SPREAD = 2.0
 LARGEST = {"body_pitch": 0.5 * math.pi, "body_roll": math.pi, "rocker_": 2.0, "bogie_": 2.0, "steer_": 2.0 * math.pi}
 """Greatest angle [rad] that a channel can show; beyond it stand degrees."""
 
-MOST_VOLTS, MOST_AMPERES, STALLS = 1000.0, 100.0, 20.0
-"""Beyond this a rover's battery or motor current is in thousandths: in V, in A, in times the stall current. Why: no
-rover's battery has 1 kV, nor its motors 100 A or 20 times what they draw at rest."""
+MOST_VOLTS, MOST_AMPERES = 1000.0, 100.0
+"""Beyond this a rover's battery [V] or motor current [A] is in thousandths, as beyond FAR_OFF times the stall current.
+Why: no rover's battery has 1 kV, nor its motors 100 A."""
 
 
 def unit_faults(run: Driven) -> Remarks:
@@ -79,7 +79,7 @@ def _angles(run: Driven) -> Remarks:
 def _thousandths(run: Driven) -> Remarks:
     motor = run.declared.motor
     stall = math.inf if motor is None else float(motor.supply / motor.resistance)
-    limits = {"battery_V": (MOST_VOLTS, "V"), "current_": (min(MOST_AMPERES, STALLS * stall), "A")}
+    limits = {"battery_V": (MOST_VOLTS, "V"), "current_": (min(MOST_AMPERES, FAR_OFF * stall), "A")}
     for name in run.trace.channels:
         limit, unit = next((limits[start] for start in limits if name.startswith(start)), (math.inf, ""))
         magnitudes = np.abs(run.finite(name))

@@ -17,8 +17,9 @@ UNEVEN = 0.1
 """Share of the usual time between rows by which every tenth differs. Why: less moves a step by 0.01 s at 10 Hz."""
 MISSED = 1.5
 """Times the usual time between rows from which one was not written, or very late. Why: half-way to the next."""
-STEP = 0.02
-"""Change of a duty from which the doubt about its time shows. Why: by 4 mrad/s in half a second."""
+SAME_DUTY = 0.02
+"""Duties that differ by less are one level, and no doubt about the time of a step shows. Why: five steps of a driver of
+eight bits; from here the doubt shows by 4 mrad/s in half a second."""
 USUAL = 5.0
 """Times the usual change of a duty that a step is at least: what changes all the time evens out. Why: assumed."""
 RESPONSE_TIME = 0.1
@@ -45,7 +46,7 @@ def ambiguous_steps(log: Trace) -> list[AmbiguousStep]:
     median_dt = float(np.median(dt))
     uneven = float(np.quantile(np.abs(dt / median_dt - 1.0), 0.9)) > UNEVEN
     missed = dt > MISSED * median_dt
-    step = (change > max(STEP, USUAL * float(np.median(change)))) & (uneven | missed)
+    step = (change > max(SAME_DUTY, USUAL * float(np.median(change)))) & (uneven | missed)
     return [AmbiguousStep(float(log.t[at]), float(log.t[at + 1]), bool(missed[at])) for at in np.flatnonzero(step)]
 
 

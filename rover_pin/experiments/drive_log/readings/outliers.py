@@ -7,6 +7,7 @@ which the check tells and nothing mends.
 
 import numpy as np
 
+from rover_pin.estimation.noise import SPREAD
 from rover_pin.simulation.trace.trace import Trace
 
 LEAST = {
@@ -20,7 +21,7 @@ SIDE = 2
 """Neighbours on either side."""
 NEAR = 0.3
 """Time between the first and the last neighbour [s] within which they tell where a pose should be."""
-ABOUT_THE_MIDDLE = 1.4826 / np.sqrt(1.5)
+ABOUT_THE_MIDDLE = SPREAD / np.sqrt(1.5)
 """SD of white noise over the median distance of a value from the middle of its two neighbours."""
 
 
