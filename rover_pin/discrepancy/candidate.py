@@ -125,11 +125,13 @@ class Candidate:
         return replace(shape, scale=log_sd) if log_sd > 0.0 else shape
 
 
-def plain_candidate(effect: Any) -> Candidate:
-    """Return an effect that has no place as a candidate: all its quantities free."""
-    kind = type(effect).__name__
-    shapes = tuple(f"{kind}.{name}" for name in quantities(effect) if name not in effect.neutral)
-    return Candidate(kind, effect, tuple(f"{kind}.{name}" for name in effect.neutral), shapes)
+def plain_candidate(effect: Any, owner: str = "") -> Candidate:
+    """Return an effect as a candidate, all its quantities free; `owner` is its name, kind[place], if it has a place."""
+    owner = owner or type(effect).__name__
+    kind, _, place = owner.partition("[")
+    shapes = tuple(f"{owner}.{name}" for name in quantities(effect) if name not in effect.neutral)
+    amplitudes = tuple(f"{owner}.{name}" for name in effect.neutral)
+    return Candidate(kind, effect, amplitudes, shapes, place.rstrip("]"))
 
 
 def released_candidate(number: Parameter, records: Mapping[str, Any]) -> Candidate:
@@ -137,8 +139,7 @@ def released_candidate(number: Parameter, records: Mapping[str, Any]) -> Candida
     owner = number.name.rpartition(".")[0]
     if not is_effect(records[owner]):
         return Candidate(number.name, records[owner], (number.name,), released=number)
-    kind, _, place = owner.partition("[")
-    return Candidate(kind, records[owner], (number.name,), (), place.rstrip("]"), released=number)
+    return replace(plain_candidate(records[owner], owner), amplitudes=(number.name,), shapes=(), released=number)
 
 
 def is_effect(record: Any) -> bool:

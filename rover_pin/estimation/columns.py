@@ -6,7 +6,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 IDENTIFIABLE_SHARE = 1e-3
-"""Share of its own or the greatest size, a square or a singular value, that a direction of columns must have left to be
+"""Share of its size, or of the greatest, a square or a singular value, that a direction of columns must have left to be
 identified; below is round-off, or none."""
 
 

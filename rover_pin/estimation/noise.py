@@ -178,6 +178,15 @@ def spread(values: np.ndarray) -> float:
     return SPREAD * float(np.median(np.abs(values))) if values.size else 0.0
 
 
+def correlation(first: np.ndarray, second: np.ndarray) -> float:
+    """Return the correlation of what is known of both; 0 where that is too little, or one of them does not move."""
+    both = np.isfinite(first) & np.isfinite(second)
+    a, b = first[both], second[both]
+    if len(a) < 3 or np.std(a) < 1e-12 or np.std(b) < 1e-12:
+        return 0.0
+    return float(np.corrcoef(a, b)[0, 1])
+
+
 def huber_weights(rows: np.ndarray) -> np.ndarray:
     """Return the weights with which outlying rows count."""
     return np.asarray(np.minimum(1.0, HUBER_THRESHOLD / np.maximum(np.abs(rows), 1e-12)))

@@ -47,9 +47,14 @@ class Number(NamedTuple):
         return "at its bound" if self.at_bound else "" if self.closed else "not closed by the data"
 
     @property
+    def interval(self) -> str:
+        """Its value with its 95 % interval, in words."""
+        return wording.interval(self.value, self.low, self.high, self.unit)
+
+    @property
     def text(self) -> str:
         """One line for a reader."""
-        line = f"{self.name} = {wording.interval(self.value, self.low, self.high, self.unit)}"
+        line = f"{self.name} = {self.interval}"
         line += f", {self.note}" if self.note else ""
         return line if not abs(self.drift) > CLEAR else f"{line}, {self.away}"
 

@@ -19,7 +19,7 @@ from rover_pin.experiments.slip_slope import FILE as SLOPE_FILE
 from rover_pin.loop.provenance import LoopRequest, provenance
 from rover_pin.loop.verdict_file import written_last
 from rover_pin.report.standalone.report import write_report
-from rover_pin.simulation.model.effect_files import package_effects, run_file, user_effects
+from rover_pin.simulation.model.effect_files import known_effects, run_file
 
 OWN = ("motor_brake", "pendulum", "slip_slope")
 """The package's own test benches, by the name of their file."""
@@ -112,14 +112,12 @@ def _experiment_classes(file: Path) -> list[type[Standalone]]:
 
 def close_standalone(standalone: Standalone, request: LoopRequest, progress: Progress) -> Verdict:
     """Return what the model of a test bench lacks; with `out`, report.html and verdict.json are written there."""
-    begun, effects, out = time.monotonic(), request.effects, request.out
-    kinds_by_name = {kind.__name__: kind for kind in (*package_effects(), *(user_effects(effects) if effects else ()))}
-    poor = standalone.insufficient()
+    begun, out, poor = time.monotonic(), request.out, standalone.insufficient()
     say_what_is_replaced(out, OF_A_LOOP)
     if poor:
         verdict = Verdict("test-bed", Answer.CANNOT_TELL, standalone.name, poor, standalone.base_model())
     else:
-        verdict = concluded(question_of(standalone, tuple(kinds_by_name.values())), progress, request.seed)
+        verdict = concluded(question_of(standalone, known_effects(request.effects)), progress, request.seed)
     verdict.provenance.update(provenance(request, time.monotonic() - begun))
     if out is not None:
         verdict = written_last(verdict, write_report(verdict, standalone, Path(out)), Path(out))

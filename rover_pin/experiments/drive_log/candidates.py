@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from rover_pin.base.quantity import quantities
-from rover_pin.discrepancy.candidate import SPACING, Candidate, released_candidate
+from rover_pin.discrepancy.candidate import SPACING, Candidate, plain_candidate, released_candidate
 from rover_pin.effects.bent_ground import BentGround
 from rover_pin.effects.effect import MotorEffect
 from rover_pin.effects.gravity_tilt import GravityTilt
@@ -21,7 +21,7 @@ from rover_pin.experiments.drive_log.parameters import owner_name, owners
 from rover_pin.parameters.gravity import EARTH
 from rover_pin.rover.rover import Rover
 from rover_pin.simulation.model.defaults import NEXUS6_MASS, has_papers_wheel, scale
-from rover_pin.simulation.model.effect_files import AnyEffect, package_effects, reading_traction, user_effects
+from rover_pin.simulation.model.effect_files import AnyEffect, known_effects, reading_traction
 from rover_pin.simulation.model.model import Model
 
 BIASED = ("body_roll", "body_pitch", "rocker_", "bogie_", "current_", "gyro_", "accelerometer_")
@@ -54,13 +54,11 @@ def candidates(
         if number.declared or _is_neutral(number, model)
     ]
     present = {owner_name(effect) for effect in model.all_effects}
-    kinds = {kind.__name__: kind for kind in package_effects() if kind.neutral}
-    kinds |= {kind.__name__: kind for kind in (user_effects(effects_path) if effects_path else ()) if kind.neutral}
     present_kinds = {type(effect).__name__ for effect in model.contact_effects}
     added = [
         candidate_of(effect)
-        for name, kind in kinds.items()
-        if name not in present_kinds
+        for kind in known_effects(effects_path)
+        if kind.neutral and kind.__name__ not in present_kinds
         for effect in variants(kind, model, experiment)
         if owner_name(effect) not in present and not model.refusal(effect) and shows(effect, experiment)
     ]
@@ -89,16 +87,11 @@ def shows(effect: AnyEffect, experiment: DriveExperiment) -> bool:
 
 def candidate_of(effect: AnyEffect) -> Candidate:
     """Return an effect as a candidate: its class, and its wheel, joint or channel, or where on the way it begins."""
-    owner = owner_name(effect)
-    shapes = tuple(f"{owner}.{name}" for name in quantities(effect) if name not in effect.neutral)
-    shapes = tuple(name for name in shapes if not name.endswith(SMOOTHING))
-    amplitudes = tuple(f"{owner}.{name}" for name in effect.neutral)
-    if "x_from" in effect.places:
-        return Candidate(
-            owner, effect, amplitudes, shapes, f"{float(effect.values()['x_from']):.3f}", place_searched=True
-        )
-    kind, _, place = owner.partition("[")
-    return Candidate(kind, effect, amplitudes, shapes, place.rstrip("]"))
+    plain = plain_candidate(effect, owner_name(effect))
+    plain = dataclasses.replace(plain, shapes=tuple(name for name in plain.shapes if not name.endswith(SMOOTHING)))
+    if "x_from" not in effect.places:
+        return plain
+    return dataclasses.replace(plain, place=f"{float(effect.values()['x_from']):.3f}", place_searched=True)
 
 
 def sized(effect: Any, rover: Rover, gravity: float) -> Any:

@@ -106,7 +106,7 @@ def declared_tracker(log: DriveLog) -> tuple[SensorEffect, ...]:
 
 def _inertial_zeros(log: DriveLog) -> tuple[SensorBias, ...]:
     """Return a zero error, none yet, of each axis of an inertial unit."""
-    names = [name for name in (*GYRO, *ACCELEROMETER) if all(name in run for run in log.runs)]
+    names = [name for name in (*GYRO, *ACCELEROMETER) if log.runs and all(name in run for run in log.runs)]
     return tuple(SensorBias(bias=0.0, channel=name) for name in names)
 
 

@@ -11,6 +11,7 @@ from rover_pin.discrepancy.question import Progress
 from rover_pin.discrepancy.search import Search
 from rover_pin.discrepancy.signature import signatures
 from rover_pin.estimation.fit import Fit, table_of
+from rover_pin.estimation.noise import correlation
 from rover_pin.estimation.wording import AT_FLOOR
 from rover_pin.experiments.drive_log.candidates import candidate_of, variants
 from rover_pin.experiments.drive_log.experiment import logged
@@ -144,8 +145,8 @@ def _channel(scene: Scene, name: str, rows: np.ndarray, signals: dict[str, np.nd
     return DriveChannelResidual(
         name,
         float(np.sqrt(np.mean(values**2))) if values.size else 0.0,
-        _correlation(rows[:, 1:].ravel(), rows[:, :-1].ravel()),
-        {signal: _correlation(values, table[finite]) for signal, table in signals.items()},
+        correlation(rows[:, 1:].ravel(), rows[:, :-1].ravel()),
+        {signal: correlation(values, table[finite]) for signal, table in signals.items()},
         scene.experiment.runs[run].name,
         float(signals["time"][run, block]),
         float(signals["place"][run, block]),
@@ -158,14 +159,6 @@ def _worst(rows: np.ndarray, width: int = 4) -> tuple[int, int]:
     sums = np.array([np.convolve(row, np.ones(width), "same") for row in power])
     run, block = np.unravel_index(int(np.argmax(np.where(np.isfinite(rows), sums, -1.0))), sums.shape)
     return int(run), int(block)
-
-
-def _correlation(first: np.ndarray, second: np.ndarray) -> float:
-    both = np.isfinite(first) & np.isfinite(second)
-    a, b = first[both], second[both]
-    if len(a) < 3 or np.std(a) < 1e-12 or np.std(b) < 1e-12:
-        return 0.0
-    return float(np.corrcoef(a, b)[0, 1])
 
 
 def drafted(fit: Fit, residual: DriveResidual, name: str, progress: Progress) -> Draft | None:

@@ -8,6 +8,7 @@ import numpy as np
 
 from rover_pin.estimation.profile import CLEAR
 from rover_pin.estimation.wording import spread
+from rover_pin.experiments.drive_log.checks.columns import stretches
 from rover_pin.experiments.unlisted.actions import GRIP, READING, VOLTAGE, Act
 from rover_pin.experiments.unlisted.regressors import Argument, Hats, Polynomial, Wave
 
@@ -149,7 +150,7 @@ class Stretch(NamedTuple):
     sd: float
 
 
-def stretches(curve: Curve, row: int | None) -> list[Stretch]:
+def clear_stretches(curve: Curve, row: int | None) -> list[Stretch]:
     """Return where a piecewise linear function is clear of its median, the clearest first.
 
     Its level is left out: a resistance or a motor's gain takes that.
@@ -158,20 +159,19 @@ def stretches(curve: Curve, row: int | None) -> list[Stretch]:
     identified = sd > UNTOLD * float(np.max(sd))
     value = value - (np.median(value[identified]) if identified.any() else 0.0)
     clear = identified & (np.abs(value) > CLEAR * sd)
-    clear_stretches, half = [], (curve.at[1] - curve.at[0]) / 2
+    clear_parts, half = [], (curve.at[1] - curve.at[0]) / 2
     for sign in (1, -1):
-        at = np.flatnonzero(clear & (np.sign(value) == sign))
-        for group in np.split(at, np.flatnonzero(np.diff(at) > 1) + 1) if at.size else []:
-            top = group[np.argmax(np.abs(value[group]) / sd[group])]
-            low, high = max(curve.at[group[0]] - half, curve.at[0]), min(curve.at[group[-1]] + half, curve.at[-1])
-            clear_stretches.append(Stretch(low, high, float(value[top]), float(sd[top])))
-    return sorted(clear_stretches, key=lambda stretch: -abs(stretch.top / stretch.sd))
+        for begin, end in stretches(clear & (np.sign(value) == sign)):
+            top = begin + np.argmax(np.abs(value[begin:end]) / sd[begin:end])
+            low, high = max(curve.at[begin] - half, curve.at[0]), min(curve.at[end - 1] + half, curve.at[-1])
+            clear_parts.append(Stretch(low, high, float(value[top]), float(sd[top])))
+    return sorted(clear_parts, key=lambda stretch: -abs(stretch.top / stretch.sd))
 
 
 def _places(term: Term, curve: Curve) -> str:
     letter, unit = ("x", "m") if term.argument.unit == "m" else ("t", "s")
     rows: list[int | None] = list(range(len(curve.value))) if term.argument.per_run else [None]
-    located = [(row, stretch) for row in rows for stretch in stretches(curve, row)]
+    located = [(row, stretch) for row in rows for stretch in clear_stretches(curve, row)]
     located.sort(key=lambda pair: -abs(pair[1].top / pair[1].sd))
     kind = "the place along x" if letter == "x" else "the moment"
     listed = [

@@ -15,7 +15,7 @@ from rover_pin.experiments.wheel_rig.model import ASKEW, NOMINAL, RigModel, cond
 from rover_pin.experiments.wheel_rig.presets import is_of_other_wheel, preset_candidate
 from rover_pin.measurements.channel import RIG_CHANNELS
 from rover_pin.measurements.rig_set import RigSet
-from rover_pin.simulation.model.effect_files import AnyEffect, package_effects, reading_traction, user_effects
+from rover_pin.simulation.model.effect_files import AnyEffect, known_effects, reading_traction, user_effects
 from rover_pin.soil.slip import rim_and_travel
 
 OF_SPEED = 0.05
@@ -29,10 +29,12 @@ def effect_kinds(folder: str | Path | None = None) -> list[type[Effect]]:
 
     Raises DataError: the path is missing, holds no effect, or a file cannot be run.
     """
-    kinds = _that_vanish(package_effects())
-    user_kinds = _of_folder(Path(folder)) if folder is not None else []
-    replaced = {kind.__name__ for kind in user_kinds}
-    return [kind for kind in kinds if kind.__name__ not in replaced] + user_kinds
+    if folder is not None and not _that_vanish(user_effects(folder)):
+        raise DataError(
+            f"{folder}: no effect stands there; give a .py file with a class that derives from Effect and names its "
+            "`neutral` values, or a folder of such files."
+        )
+    return _that_vanish(known_effects(folder))
 
 
 def rig_kinds(folder: str | Path | None = None) -> list[type[Effect]]:
@@ -42,16 +44,6 @@ def rig_kinds(folder: str | Path | None = None) -> list[type[Effect]]:
 
 def _that_vanish(kinds: Iterable[type[AnyEffect]]) -> list[type[Effect]]:
     return [kind for kind in kinds if issubclass(kind, Effect) and kind.neutral]
-
-
-def _of_folder(path: Path) -> list[type[Effect]]:
-    kinds = _that_vanish(user_effects(path))
-    if not kinds:
-        raise DataError(
-            f"{path}: no effect stands there; give a .py file with a class that derives from Effect and names its "
-            "`neutral` values, or a folder of such files."
-        )
-    return kinds
 
 
 def candidates(

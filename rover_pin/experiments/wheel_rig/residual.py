@@ -9,7 +9,7 @@ import numpy as np
 from rover_pin.base.public import brief
 from rover_pin.discrepancy.candidate import Candidate, plain_candidate
 from rover_pin.estimation.fit import Fit
-from rover_pin.estimation.noise import null_gain
+from rover_pin.estimation.noise import correlation, null_gain
 from rover_pin.estimation.wording import NOISE_LIKE
 from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.similarity import slip_of_travel
@@ -120,8 +120,8 @@ def _describe(data: RigSet, channel: RigChannel, residual: np.ndarray) -> RigCha
         channel.name,
         channel.unit,
         float(np.sqrt(np.mean(residual**2))),
-        _correlation(data.slip[is_measured], missing),
-        _correlation(load, missing) if varies else float("nan"),
+        correlation(data.slip[is_measured], missing),
+        correlation(load, missing) if varies else float("nan"),
         tuple(_level(data, channel, missing, number) for number in np.unique(data.level[is_measured]).tolist()),
         powers,
         of_load,
@@ -172,12 +172,6 @@ def _level(data: RigSet, channel: RigChannel, missing: np.ndarray, number: int) 
     slip, load = data.slip[at], data.load[at]
     mean = float(missing[at[channel.has_value]].mean())
     return Level(data.level_names[number], float(slip.mean()), float(load.mean()), mean, noise)
-
-
-def _correlation(first: np.ndarray, second: np.ndarray) -> float:
-    if np.ptp(first) == 0 or np.ptp(second) == 0:
-        return 0.0
-    return float(np.corrcoef(first, second)[0, 1])
 
 
 FACTORS = {DrawbarPull.name: "pull", Torque.name: "torque", Sinkage.name: "depth", SideForce.name: "side"}

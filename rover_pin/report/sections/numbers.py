@@ -6,7 +6,6 @@ from collections.abc import Mapping
 import numpy as np
 
 from rover_pin.discrepancy.verdict import Verdict
-from rover_pin.estimation import wording
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.numbers import Number
 from rover_pin.estimation.parameter import Parameter
@@ -53,7 +52,7 @@ def most_correlated(fitted: Fit) -> dict[str, str]:
 
 def _row(number: Number, before: Mapping[str, Number], parameter: Parameter, partner: str, added: bool) -> Row:
     was = before.get(number.name)
-    sides = ((interval(was) if was else "not in the model",) if added else ()) + (interval(number),)
+    sides = ((was.interval if was else "not in the model",) if added else ()) + (number.interval,)
     notes = [number.away] if abs(number.drift) > CLEAR else []
     notes += [number.note] if number.note else []
     if was is not None and math.isfinite(was.drift) and not math.isfinite(number.drift):
@@ -65,11 +64,6 @@ def _row(number: Number, before: Mapping[str, Number], parameter: Parameter, par
 
 def _far(number: Number) -> float:
     return abs(number.drift) if math.isfinite(number.drift) else math.inf
-
-
-def interval(number: Number) -> str:
-    """Return a value with its 95 % interval."""
-    return wording.interval(number.value, number.low, number.high, number.unit)
 
 
 def beforehand(parameter: Parameter, number: Number) -> str:

@@ -12,7 +12,6 @@ from rover_pin.effects.names import meaning_of, title_of
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.wording import MAX_LISTED, format_value
 from rover_pin.report.page import Row, Section, Table
-from rover_pin.report.sections.numbers import interval
 from rover_pin.report.words import Labels, brief, capital
 
 
@@ -55,7 +54,7 @@ def _numbers(effect: Any, owner: str, side: Side) -> Table:
         held_value = f"{format_value(float(getattr(effect, name)), quantity.unit)}, held"
         bounds = f"{format_value(quantity.low, quantity.unit)} to {format_value(quantity.high, quantity.unit)}"
         rows.append(Row((f"{name} ({quantity.symbol})" if quantity.symbol not in ("", name) else name,
-                         interval(number) if number else held_value,
+                         number.interval if number else held_value,
                          format_value(default, quantity.unit), bounds, quantity.source)))  # fmt: skip
     return Table(("parameter", "fitted, 95 %", "default", "allowed", "source of the default"), tuple(rows))
 

@@ -59,6 +59,12 @@ def user_effects(path: str | Path) -> tuple[type[AnyEffect], ...]:
     return kinds
 
 
+def known_effects(path: str | Path | None = None) -> tuple[type[AnyEffect], ...]:
+    """Return the package's effects and a user's, which take the place of those of their names; errors as of both."""
+    kinds = (*package_effects(), *(user_effects(path) if path else ()))
+    return tuple({kind.__name__: kind for kind in kinds}.values())
+
+
 def trusted_effects(trust: Trust) -> tuple[type[AnyEffect], ...]:
     """Return the effects of all files that the user trusts by name; a file may hold none, as a controller's does."""
     files = [file for path in trust.effects for file in (sorted(path.glob("*.py")) if is_folder(path) else [path])]
