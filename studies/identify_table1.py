@@ -70,9 +70,10 @@ def main() -> None:
 
 def measured(soil: Soil, form: TractionForm, seed: int) -> TractionFactors:
     """Return means of scattered single measurements of a known soil, as the paper describes its own."""
-    slip = np.repeat(SLIPS, REPEATS)
-    scattered = factors(slip, soil, form) + np.random.default_rng(seed).normal(0, SCATTER, slip.size)
-    return bench(TractionPoints.from_scatter(slip, scattered, NEXUS6_WHEEL, form))
+    noise = np.random.default_rng(seed).normal(0, SCATTER, (len(SLIPS), REPEATS))
+    scattered = factors(SLIPS, soil, form)[:, None] + noise
+    sd = np.sqrt(scattered.var(axis=1, ddof=1).mean() / REPEATS)  # pooled: that of a handful is uncertain itself
+    return bench(TractionPoints(SLIPS, scattered.mean(axis=1), sd, NEXUS6_WHEEL, form))
 
 
 def bench(points: TractionPoints) -> TractionFactors:

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -86,26 +86,6 @@ class TractionPoints:
             object.__setattr__(self, "load", column(self.load, "load", where))
             same_length(where, slip=self.slip, load=self.load)
             positive(self.load, "load", "N", where)
-
-    @classmethod
-    def from_scatter(cls, slip: Any, factor: Any, wheel: Wheel = NEXUS6_WHEEL, form: TractionForm = FORM) -> Self:
-        """Return the means of scattered single measurements, one for every distinct slip ratio.
-
-        The SD of a mean is the SD of the scatter, pooled over all slips, over the root of the number of repeats: the
-        SD of a handful of repeats is itself too uncertain to weigh a fit.
-
-        Raises DataError: no slip ratio was repeated, so the scatter is unknown.
-        """
-        slip, factor = column(slip, "slip", "scatter"), column(factor, "factor", "scatter")
-        same_length("scatter", slip=slip, factor=factor)
-        levels, at, count = np.unique(slip, return_inverse=True, return_counts=True)
-        means = np.bincount(at, factor) / count
-        if len(slip) == len(levels):
-            raise DataError(
-                "scatter: no slip ratio is repeated, so the scatter is unknown; use TractionPoints with sd."
-            )
-        pooled = np.sqrt(np.sum((factor - means[at]) ** 2) / (len(slip) - len(levels)))
-        return cls(levels, means, pooled / np.sqrt(count), wheel, form)
 
     @property
     def loads(self) -> np.ndarray:

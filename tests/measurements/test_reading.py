@@ -106,14 +106,6 @@ def test_traction_points_are_read_and_scatter_falls_with_count(tmp_path):
     assert points.factor.tolist() == [0.05, 0.2]
 
 
-def test_scatter_becomes_means_with_a_pooled_deviation():
-    rng = np.random.default_rng(3)
-    slip = np.repeat([0.1, 0.4, 0.8], 400)
-    points = TractionPoints.from_scatter(slip, slip + rng.normal(0, 0.06, slip.size))
-    np.testing.assert_allclose(points.factor, [0.1, 0.4, 0.8], atol=0.01)
-    np.testing.assert_allclose(points.sd, 0.06 / 20, rtol=0.1)
-
-
 @pytest.mark.parametrize(
     ("columns", "said"),
     [
@@ -135,5 +127,3 @@ def test_flaws_of_traction_files(tmp_path):
     path.write_text("slip,traction_factor,sd\n0.1,0.05,0.06\n0.5,,0.06\n")
     with pytest.raises(DataError, match=r"fig6.csv: TractionFactor:.*2"):
         read_traction_points(path)
-    with pytest.raises(DataError, match=r"ratio.*repeated"):
-        TractionPoints.from_scatter([0.1, 0.2], [0.1, 0.2])
