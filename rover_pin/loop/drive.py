@@ -9,10 +9,9 @@ from rover_pin.base.code_digest import key_of_code
 from rover_pin.base.files.results_folder import OF_A_LOOP, say_what_is_replaced
 from rover_pin.base.jobs.cluster import Workers
 from rover_pin.discrepancy.answer import Answer
-from rover_pin.discrepancy.conclude import search_of, verdict_of, with_draft, with_next
+from rover_pin.discrepancy.conclude import concluded, with_draft
 from rover_pin.discrepancy.question import Progress, Question
 from rover_pin.discrepancy.rivals import against_rivals
-from rover_pin.discrepancy.search import Search
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.estimation.numbers import profiles
 from rover_pin.experiments.drive_log.calibrate import experiment_on
@@ -79,10 +78,7 @@ def _decided(
     if memory.status:
         progress(f"going on: {memory.status}")
     model = with_spread(start, motors=not is_rate_driven(log))
-    question = question_of(log, model, effects, jobs, progress, memory)
-    progress("calibrating the base model")
-    search = search_of(question, progress)
-    return verdict_on(log, question, search, seed, progress)
+    return verdict_on(log, question_of(log, model, effects, jobs, progress, memory), seed, progress)
 
 
 def _code(model: Model, effects: str | Path | None) -> set[Path]:
@@ -113,28 +109,28 @@ def question_of(
     )
 
 
-def verdict_on(log: DriveLog, question: Question, search: Search, seed: int, progress: Progress) -> Verdict:
-    """Return the verdict on what was found in a log and what is left."""
-    beliefs = search.beliefs()
-    verdict = with_next(question, verdict_of(question, beliefs, progress, seed), progress)
+def verdict_on(log: DriveLog, question: Question, seed: int, progress: Progress) -> Verdict:
+    """Return the verdict on what a log's model lacks and what is left."""
+    verdict = concluded(question, progress, seed)
     assert verdict.before is not None
     assert verdict.after is not None
+    assert verdict.beliefs is not None
     progress("describing what is left")
     residual = describe(verdict.after.fit, progress)
     progress("runs driven freely")
-    wheels = [wheel.name for wheel in search.base.model.rover.wheels]
-    after = verdict.after.fit
-    amplitude_names = tuple(name for cause in beliefs.best(verdict.named).causes for name in sorted(cause.amplitudes))
-    experiment = logged(search.base)
+    after, rover = verdict.after.fit, question.model.rover
+    experiment = logged(after)
+    causes = verdict.beliefs.best(verdict.named).causes
+    amplitude_names = tuple(name for cause in causes for name in sorted(cause.amplitudes))
     free = free_runs(experiment, verdict.before.model, verdict.model)
     ground = ground_variability(after)
-    odometry = kinematic(experiment, search.base.model.rover)
+    odometry = kinematic(experiment, rover)
     verdict = with_draft(verdict, lambda fitted: drafted(fitted, residual, log.metadata.name, progress), seed)
     how = f"It {residual.best.description}." if verdict.answer is Answer.NONE_FITS else ""
     sentences = " ".join(filter(None, (verdict.sentence, how, ground.sentence if ground else "")))
     verdict = dataclasses.replace(
         verdict,
-        sentence=with_wheels(sentences, wheels, "{name}[{number}] (wheel {wheel})"),
+        sentence=with_wheels(sentences, [wheel.name for wheel in rover.wheels], "{name}[{number}] (wheel {wheel})"),
         findings=findings(log),
         profiles=profiles(after, amplitude_names) if amplitude_names and verdict.named else (),
         cautions=(*verdict.cautions, *cautions(verdict, free)),

@@ -86,10 +86,8 @@ def identify(
     measured = measured_in(data, Trust(everything=trust)).data if isinstance(data, (str, Path, tuple)) else data
     experiment = RigExperiment((measured,)) if isinstance(measured, RigSet) else measured
     question = _with_numbers(_question_of(experiment), priors, fixed)
-    if question.experiment.is_exact:
-        beliefs = explorer_of(question, progress).beliefs()
-    else:
-        beliefs = search_of(question, progress).beliefs()
+    weighed = explorer_of if question.experiment.is_exact else search_of
+    beliefs = weighed(question, progress).beliefs()
     best = beliefs.best(())
     side = side_of(beliefs, best)
     covariance = best.posterior.covariance[: len(side.numbers), : len(side.numbers)]

@@ -7,7 +7,6 @@ import pytest
 
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.candidate import plain_candidate
-from rover_pin.discrepancy.conclude import search_of
 from rover_pin.discrepancy.question import Question
 from rover_pin.effects.dead_band import DeadBand
 from rover_pin.effects.exit_angle import ExitAngle
@@ -61,7 +60,7 @@ def verdict_of(monkeypatch):
             functions=lambda base: (), offers=lambda leading: [ahead_of(experiment)],
         )  # fmt: skip
         log = channels.log_of(*channels.GOOD)
-        return drive.verdict_on(log, question, search_of(question, quiet), 0, quiet)
+        return drive.verdict_on(log, question, 0, quiet)
 
     return of
 
