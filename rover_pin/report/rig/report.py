@@ -18,7 +18,7 @@ from rover_pin.experiments.wheel_rig.residual import RigChannelResidual
 from rover_pin.measurements.rig_set import RigSet
 from rover_pin.report.page import AWAY, Picture, Row, Section, Table, before_and_after
 from rover_pin.report.rig.figures import Look, channel_panels, load_caption, looks, residual_panels
-from rover_pin.report.standalone.report import panels_of
+from rover_pin.report.standalone.report import points_picture
 from rover_pin.report.verdict_page import write_verdict
 from rover_pin.report.words import Labels, capital, kinds_of, listing
 
@@ -37,7 +37,8 @@ def write_report(verdict: Verdict, experiment: RigExperiment, out: Path) -> list
         count = int(np.isfinite(experiment.observed).any(axis=1).sum())
         kicker = f"{len(experiment.sets)} sets in one sand: {count} runs at {len(experiment.folds)} levels of slip"
         own = (set_by_set_section(verdict),)
-        picture = ("points", _point_by_point(verdict, experiment))
+        caption = f"Each run once, {', then '.join(experiment.runs)}; a level begins at each line."
+        picture = ("points", points_picture(verdict, experiment, caption))
         return write_verdict(verdict, UNSEEN, out, experiment.name, kicker, picture, own, model_file=False)
     (data,) = experiment.sets
     kicker = f"{data.slip.size} runs at {len(data.level_names)} levels of slip"
@@ -136,19 +137,6 @@ def elsewhere_section(verdict: Verdict) -> Section | None:
     ]
     table = Table(("model", "constant, its 95 % interval, and what is known of it"), tuple(rows))
     return Section("Against other measurements", "rig/elsewhere.html", {"table": table})
-
-
-def _point_by_point(verdict: Verdict, joint: RigExperiment) -> Picture | None:
-    if verdict.before is None or verdict.after is None:
-        return None
-    errors = listing(
-        f"{score.name} {format_value(score.before, score.unit)} to {format_value(score.after, score.unit)}"
-        for score in verdict.scores
-    )
-    alt = f"Measured and modelled {listing(joint.channels)}, point by point; error where not fitted: {errors}."
-    return Picture(
-        panels_of(verdict, joint), alt, f"Each run once, {', then '.join(joint.runs)}; a level begins at each line."
-    )
 
 
 def set_by_set_section(verdict: Verdict) -> Section | None:

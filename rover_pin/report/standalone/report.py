@@ -10,7 +10,7 @@ from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.effects.names import display_name
 from rover_pin.estimation.experiment import Experiment
 from rover_pin.estimation.fit import Fit
-from rover_pin.estimation.wording import in_words
+from rover_pin.estimation.wording import format_value, in_words
 from rover_pin.report.page import Picture
 from rover_pin.report.svg import AFTER, BEFORE
 from rover_pin.report.verdict_page import write_verdict
@@ -23,33 +23,32 @@ def write_report(verdict: Verdict, standalone: Standalone, out: Path) -> list[Pa
     """Write report.html and its figures, and return their paths."""
     count = int(np.isfinite(standalone.observed).any(axis=1).sum())
     kicker = f"{count} points in {len(standalone.folds)} folds; {listing(standalone.channels)}"
-    picture = ("points", _picture(verdict, standalone))
+    along = standalone.along()
+    caption = f"Each point once{'' if along else ', fold after fold; a fold begins at each line'}."
+    picture = ("points", points_picture(verdict, standalone, caption, along))
     return write_verdict(verdict, LABELS, out, standalone.name, kicker, picture, model_file=False)
-
-
-def _picture(verdict: Verdict, standalone: Standalone) -> Picture | None:
-    if verdict.before is None or verdict.after is None:
-        return None
-    panels = panels_of(verdict, standalone, standalone.along())
-    errors = [f"{score.name} {score.before:.2g} to {score.after:.2g} {score.unit}" for score in verdict.scores]
-    channels = listing(standalone.channels)
-    alt = f"Measured and modelled {channels}, point by point; error where not fitted: {listing(errors)}."
-    order = "" if standalone.along() else ", fold after fold; a fold begins at each line"
-    return Picture(panels, alt, f"Each point once{order}.")
 
 
 Side = tuple[Fit, str, str, str]
 Along = tuple[str, np.ndarray]
 
 
-def panels_of(verdict: Verdict, standalone: Experiment, along: Along | None = None) -> tuple[Figure, ...]:
-    """Return one picture a channel: what was measured, the base model, and the model with what was named, if any."""
-    assert verdict.before is not None
-    assert verdict.after is not None
+def points_picture(
+    verdict: Verdict, experiment: Experiment, caption: str, along: Along | None = None
+) -> Picture | None:
+    """Return what was measured and modelled, a panel for each channel; None where nothing could be fitted."""
+    if verdict.before is None or verdict.after is None:
+        return None
+    errors = listing(
+        f"{score.name} {format_value(score.before, score.unit)} to {format_value(score.after, score.unit)}"
+        for score in verdict.scores
+    )
+    alt = f"Measured and modelled {listing(experiment.channels)}, point by point; error where not fitted: {errors}."
     added = listing(display_name(name, kinds_of(verdict)) for name in verdict.named)
     sides: list[Side] = [(verdict.before.fit, BEFORE, "_", "base model, fitted")]
     sides += [(verdict.after.fit, AFTER, "x", key(added))] if added else []
-    return tuple(panel(standalone, row, sides, along) for row in range(len(standalone.channels)))
+    panels = (panel(experiment, row, sides, along) for row in range(len(experiment.channels)))
+    return Picture(tuple(panels), alt, caption)
 
 
 def panel(standalone: Experiment, row: int, sides: list[Side], along: Along | None = None) -> Figure:
