@@ -111,17 +111,20 @@ the other folds weigh them"
         return f"the model with {added}" if added else "the fitted base model, to which nothing was added"
 
     @property
+    def agreeing_folds(self) -> int:
+        """How many folds choose what was added when they are left out of the choice, or nothing where nothing was."""
+        return sum(set(name.split(" + ")) == set(self.named or ("",)) for name in self.chosen.values())
+
+    @property
     def chosen_again(self) -> str:
         """How many folds choose the same, in words; where nothing was added, what they choose."""
         if not self.named:
             kinds = list(dict.fromkeys(self.chosen.values()))
             times = [f"{name or 'no effect'} in {list(self.chosen.values()).count(name)}" for name in kinds]
             return f"chosen in {len(self.chosen)} folds: " + ", ".join(times)
-        names = set(self.named)
-        folds = [set(name.split(" + ")) for name in self.chosen.values()]
-        agreeing_folds, more = sum(fold == names for fold in folds), sum(fold > names for fold in folds)
+        more = sum(set(name.split(" + ")) > set(self.named) for name in self.chosen.values())
         among = f", and with another in {more}" if more else ""
-        return f"{' + '.join(self.named)} chosen in {agreeing_folds} of {len(folds)} folds{among}"
+        return f"{' + '.join(self.named)} chosen in {self.agreeing_folds} of {len(self.chosen)} folds{among}"
 
     @property
     def _missed_anew(self) -> str:

@@ -78,11 +78,9 @@ def _nothing_added(verdict: Verdict, labels: Labels) -> Iterator[str]:
 
 def _chosen(verdict: Verdict, labels: Labels, agreeing: bool) -> Iterator[str]:
     """Yield that most folds choose the same again, or, if not `agreeing`, that they do not."""
-    names = set(verdict.named)
-    folds = [set(name.split(" + ")) for name in verdict.chosen.values()]
-    agree = sum(fold == names for fold in folds)
-    if folds and (2 * agree > len(folds)) is agreeing:
-        yield f"it is chosen anew in {agree} of {len(folds)} cases when one of the {labels.folds} is left out"
+    agree, folds = verdict.agreeing_folds, len(verdict.chosen)
+    if folds and (2 * agree > folds) is agreeing:
+        yield f"it is chosen anew in {agree} of {folds} cases when one of the {labels.folds} is left out"
 
 
 def _doubts(verdict: Verdict, labels: Labels) -> Iterator[str]:

@@ -227,7 +227,7 @@ def of_choice(verdict: Verdict) -> list[str]:
     untried = verdict.beliefs.untried if verdict.beliefs is not None else ()
     sentences += [f"{name} was not tried: with it, however small, no sinkage carries a run" for name in untried]
     chosen, levels = list(verdict.chosen.values()), len(verdict.chosen)
-    times = sum(set(name.split(" + ")) == set(verdict.named or [""]) for name in chosen)
+    times = verdict.agreeing_folds
     if times < STABLE * levels:
         others = sorted({name or "no effect" for name in chosen} - {" + ".join(verdict.named) or "no effect"})
         names = " + ".join(verdict.named) or "no effect"
