@@ -26,7 +26,7 @@ DRIVE = {
     "the same, its error measured [s]": "ditch with its error [s]",
     "the coarsest step within the tolerance [ms]": "step within the tolerance [ms]",
     "at that step [s]": "ditch at that step [s]",
-    "x against a 32nd of the step [mm]": "off [mm]",
+    "x against a sixteenth of the step [mm]": "off [mm]",
     "the same with k = 10 mm, which gets out [mm]": "off with k = 10 mm [mm]",
     "the same at the coarsest step [mm]": "off at that step [mm]",
     "one step [µs]": "step [us]",

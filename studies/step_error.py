@@ -1,4 +1,4 @@
-"""Whether drives state their own error: random drives against a 32nd of the step.
+"""Whether drives state their own error: random drives against a sixteenth of the step.
 
 Question
     Is the error that a drive states never below its true one, and not much above? How many keep their tolerance?
@@ -6,14 +6,14 @@ Method
     Scene, rover, sand, effects, gravity, control, duty, start and duration (3 to 10 s) are drawn; lengths and angles of
     the ground lie within a factor of 2 of the scene's own. Each drive chooses its step and states its error
     (`outcome/step_error.py`); the true one is the greatest distance in x and y, and the greatest change of a wheel's
-    mean load over the mean of all, from the same drive at a 32nd of the usual step, or a quarter of its own
+    mean load over the mean of all, from the same drive at a sixteenth of the usual step, or a quarter of its own
     where that is finer.
 Result
     studies/results/step_error.csv. A drive that is stopped goes on with those it has not driven yet.
 What the paper says
     Nothing.
 What differs
-    A 32nd of the step is taken for the truth. Under a control that decides by chance (`onboard`, a particle
+    A sixteenth of the step is taken for the truth. Under a control that decides by chance (`onboard`, a particle
     filter) it is one of several ways that the drive may take.
 
 Run: python studies/step_error.py [--quick] [--drives N] [--out DIR]
@@ -53,7 +53,7 @@ SCALED = {
     "terrain.angle", "terrain.rate", "terrain.steepest", "terrain.height", "terrain.length", "terrain.depth",
     "terrain.wall_angle", "terrain.width", "terrain.amplitude", "terrain.wavelength", "control.radius",
 }  # fmt: skip
-FINER, FINER_THAN_OWN = 32, 4
+FINER, FINER_THAN_OWN = 16, 4
 """Parts of the usual step, and at least of the one that a drive took, at which it is taken for true."""
 
 

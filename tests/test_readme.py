@@ -26,7 +26,7 @@ CLAIMS = [
     f"f_0 = {{{{ dec({TETHER}.f_0, 1) }}}} N [{{{{ dec({TETHER}.f_0_low, 1) }}}}, {{{{ dec({TETHER}.f_0_high, 1) }}}}]",
     "in {{ took['close-loop demo-drive-log'] }} s of CPU",
     "after {{ took['close-loop cmu-smooth-wheel'] }} s of CPU",
-    "to {{ sig(speed.drive_speed['off [mm]'], 1) }} mm of a 32nd",
+    "to {{ sig(speed.drive_speed['off [mm]'], 1) }} mm of a sixteenth",
     "ditch in {{ sig(speed.drive_speed['ditch [s]'], 2) }} s",
     "Of [{{ control.drives }} drives](docs/results.md#controllers-compared), constant duty passes "
     "{{ control.rows['constant duty'].passed }} and buries {{ control.rows['constant duty'].buried }}.",

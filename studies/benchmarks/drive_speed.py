@@ -3,7 +3,7 @@
     python studies/benchmarks/drive_speed.py [--quick] [--keep]
 
 The ditch has walls of 30 deg, Table 1 in the torque form. Accuracy is the greatest distance in x, over 20 s, from the
-same drive at a 32nd of the step. Times are CPU seconds of the one thread, the least of several repeats: the wall
+same drive at a sixteenth of the step. Times are CPU seconds of the one thread, the least of several repeats: the wall
 time on a core that is free, even if this one is not. "Plain" is the step in NumPy, CasADi's
 own machine and Pinocchio, over the first second of the drive. MuJoCo (if installed) drives the same URDF, same masses,
 motors and rotors, differential as an equality, over the same ditch of rigid boxes; it sees no soil.
@@ -52,7 +52,7 @@ def main() -> None:
     coarse = least(lambda: kept.drive(measure_error=False), 2 if quick else 15)
     measured = least(case.drive, 2 if quick else 15)
     print(f"    at {1e3 * kept.timing.dt:g} ms, within the tolerance, {coarse:.3f} s; with its error {measured:.3f} s")
-    finer = 4 if quick else 32
+    finer = 4 if quick else 16
     off = [distance(case, step, case.timing.dt / finer) for step in (case.timing.dt, kept.timing.dt)]
     gets_out = scenario("ditch", soil="table-1", **{"soil.k": 0.010, "cruise_slip": 0.05})
     off_out = distance(gets_out, gets_out.timing.dt, gets_out.timing.dt / finer)
