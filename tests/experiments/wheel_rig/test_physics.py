@@ -241,7 +241,7 @@ def said(data):
     return " ".join(map(str, findings(RigExperiment((data,)))))
 
 
-@pytest.mark.parametrize("times", [0.5, 1.0, 3.0])
+@pytest.mark.parametrize("times", [0.5, 1.0, 1.4, 1.6, 3.0])
 def test_the_pooled_sd_of_repeats(times):
     data = rig_of(scattered(times))
     assert repeat_sd(data, data.channels[0]) == pytest.approx(times)
@@ -249,6 +249,14 @@ def test_the_pooled_sd_of_repeats(times):
     assert np.isnan(repeat_sd(alone, alone.channels[0]))
     assert "no level is repeated" in said(alone)
     assert "no level is repeated" not in said(data)
+    assert ("repeats scatter" in said(data)) is (times > 1.5)
+
+
+@pytest.mark.parametrize("off", [3.5, 4.5])
+def test_a_run_that_counts_less_in_fits_is_named(off):
+    pull = np.repeat(np.linspace(0, 1, LEVELS), 3)
+    pull[4] += off * SD
+    assert ("from its repeats" in said(rig_of(pull))) is (off > 4.0)
 
 
 def test_channels_that_were_not_measured_are_named():
