@@ -4,7 +4,7 @@ import numpy as np
 
 from rover_pin.experiments.drive_log.checks.columns import longest_run, stretches
 from rover_pin.experiments.drive_log.checks.driven import AT_LEAST, FAR_OFF, OFF, Driven, Remarks, degrees
-from rover_pin.experiments.drive_log.readings.outliers import pose_outliers, without_poses
+from rover_pin.experiments.drive_log.readings.outliers import LEAST, pose_outliers, without_poses
 from rover_pin.simulation.model.motor import Motor
 from rover_pin.simulation.trace.channels import unit_of
 from rover_pin.simulation.trace.trace import Trace
@@ -18,8 +18,8 @@ USUALLY = 10.0
 ROLLED = 0.1
 """Way of the rims [m] in which a tracker must show something. Why: ten times a poor tracker's noise (assumed)."""
 
-LEAP, TURN = 0.005, 0.05
-"""Smallest steps of a position [m] and an angle [rad] from one sample to the next that count as jumps."""
+TURN = 0.05
+"""Smallest step of an angle [rad] from one sample to the next that counts as a jump; of a position an outlier's."""
 
 NOISY = 12.0
 """Steps beyond this many times the usual one are jumps, after what the greatest speed allows."""
@@ -101,7 +101,7 @@ def jump_findings(run: Driven) -> Remarks:
     rates = np.abs(run.trace.stack("wheel_rate"))
     fastest = run.radius * float(np.nanpercentile(rates, 99)) if np.isfinite(rates).any() else 0.0
     for name in ("body_x", "body_y", "body_z"):
-        yield from _jumps(run, trace, name, LEAP, fastest)
+        yield from _jumps(run, trace, name, LEAST[name], fastest)
     for name in ("body_roll", "body_pitch", "body_yaw"):
         yield from _jumps(run, trace, name, TURN, QUICKEST_TURN)
     for wheel in run.trace.wheels:
@@ -131,7 +131,7 @@ def _jumps(run: Driven, trace: Trace, name: str, least: float, fastest: float) -
     jumps = np.flatnonzero(excess > least)
     if jumps.size:
         worst = int(jumps[np.argmax(np.abs(steps[jumps]))])
-        size = f"{1e3 * abs(steps[worst]):.3g} mm" if least == LEAP else degrees(abs(float(steps[worst])))
+        size = f"{1e3 * abs(steps[worst]):.3g} mm" if least != TURN else degrees(abs(float(steps[worst])))
         what = f"{name} jumps by {size} at t = {t[worst + 1]:.4g} s (row {rows[worst + 1] + 1}), {jumps.size} in all"
         yield what, "the tracker lost the rover: empty the cells that are off"
 
