@@ -13,7 +13,6 @@ from rover_pin.simulation.command import Controller
 from rover_pin.simulation.compiled.kernel import Kernel
 from rover_pin.simulation.compiled_run import run_compiled
 from rover_pin.simulation.driving import Drive, Progress
-from rover_pin.simulation.kept import DriveJob, Driven, begun, driven_from, from_start, kept, place_of
 from rover_pin.simulation.model.implausible import implausible
 from rover_pin.simulation.model.model import Model
 from rover_pin.simulation.outcome.audit import balance_warning, load_warning, pivot_warning
@@ -26,6 +25,7 @@ from rover_pin.simulation.resolution import parts
 from rover_pin.simulation.start.place import SetDown, Start, hovering, set_down
 from rover_pin.simulation.state import DriveState
 from rover_pin.simulation.timing import Timing
+from rover_pin.simulation.tolerance import DriveJob, Driven, begun, driven_from, driven_to_tolerance, place_of
 from rover_pin.simulation.trace.record import trace_of
 from rover_pin.simulation.trace.trace import Trace
 
@@ -151,8 +151,7 @@ def _simulate(job: DriveJob, start: Start | DriveState | DriveEnd) -> Trace:
     parts(model, start if isinstance(start, DriveState) else hovering(model, start), timing.dt)
     begin = SetDown(start.copy(), "") if isinstance(start, DriveState) else set_down(model, start, symmetric)
     attrs = {"set_down": begin.standing} if begin.standing else {}
-    driven = (kept if job.measure_error else from_start)(job, begin.state)
-    return _traced(job, driven, place_of(begin.state), attrs)
+    return _traced(job, driven_to_tolerance(job, begin.state), place_of(begin.state), attrs)
 
 
 def set_out(

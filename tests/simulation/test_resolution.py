@@ -134,7 +134,7 @@ def test_too_stiff_ground_is_refused_in_one_sentence():
 
 def test_steps_that_miss_the_load_say_so_or_are_halved(monkeypatch):
     """As it was before the step was divided; where its error is measured, it is driven at a step that is stable."""
-    monkeypatch.setattr("rover_pin.simulation.kept.parts", lambda *_: 1)
+    monkeypatch.setattr("rover_pin.simulation.tolerance.parts", lambda *_: 1)
     drive = scenario("flat", duration=4.0, **{"soil.k_1": 3e7, "soil.k": 0.01})
     measured = drive.drive()
     assert (measured.attrs["dt_s"] < 0.003, measured.attrs["warnings"]) == (True, [])

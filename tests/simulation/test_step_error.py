@@ -15,7 +15,6 @@ from rover_pin.control.torque_check import TorqueLimit, TorqueLimited
 from rover_pin.scenarios.scenario import Scenario
 from rover_pin.simulation.compiled.kernel import Kernel
 from rover_pin.simulation.compiled_run import run_compiled
-from rover_pin.simulation.kept import DriveJob, from_start
 from rover_pin.simulation.native.shared import RECORD
 from rover_pin.simulation.outcome.step_error import LOADS, StepChange, completed, grouped, repeating, step_change
 from rover_pin.simulation.resolution import parts
@@ -23,6 +22,7 @@ from rover_pin.simulation.sensors import Sensed, Sensors
 from rover_pin.simulation.simulate import Timing
 from rover_pin.simulation.start.place import settled
 from rover_pin.simulation.timing import FINER, TOLERANCE
+from rover_pin.simulation.tolerance import DriveJob, from_start
 from rover_pin.simulation.trace.rows import row_type
 from rover_pin.tuning.drives import drive_full
 from rover_pin.tuning.study import DriveCase
@@ -274,7 +274,7 @@ def test_where_nobody_reads_the_error_nothing_is_driven_twice(monkeypatch):
     def refuse(*given):
         raise AssertionError("driven again")
 
-    monkeypatch.setattr("rover_pin.simulation.kept.step_change", refuse)
+    monkeypatch.setattr("rover_pin.simulation.tolerance.step_change", refuse)
     once = made.drive(measure_error=False)
     assert all(once[name].tobytes() == settled[name].tobytes() for name in settled.channels)
     assert "step_error_m" not in once.attrs

@@ -88,16 +88,16 @@ def from_start(job: DriveJob, state: DriveState, followed: np.ndarray | None = N
     return driven_from(job, begun(job, state.copy())._replace(followed=followed))
 
 
-def kept(job: DriveJob, state: DriveState) -> Driven:
+def driven_to_tolerance(job: DriveJob, state: DriveState) -> Driven:
     """Drive from here at the step, halved up to FINER parts, that keeps the tolerance.
 
     The error is stated by the same steps taken two and four at a time: a drive that chose its own would divide them
     until they misjudge as little, and be as far off. Where the ground bears no longer ones, it is halved at once. Each
     drive that is halved is measured by the one before. A controller of one's own is asked once, and its drive only
-    measured; nothing is measured of one whose commands are not known.
+    measured; nothing is measured of one whose commands are not known, nor where the job does not ask for the error.
     """
     driven, tolerance = from_start(job, state), job.timing.tolerance
-    controller = repeating(job.controller, driven.rows, job.timing)
+    controller = repeating(job.controller, driven.rows, job.timing) if job.measure_error else None
     if controller is None or not len(driven.rows):
         return driven
     finer = job._replace(progress=None, measure_error=False)
