@@ -39,7 +39,7 @@ STARTS = {
 """How the names of channels begin, and their kinds; the longer beginning stands."""
 
 
-def noise_from(table: Mapping[str, Any], where: str) -> dict[str, float]:
+def read_declared_noise(table: Mapping[str, Any], where: str) -> dict[str, float]:
     """Return the SDs of a table `[noise]` in SI by kind, and the time between samples, where it is declared.
 
     Raises DataError: a key that is none of NOISE, or what is not a number above 0.

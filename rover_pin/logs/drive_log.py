@@ -49,7 +49,7 @@ from rover_pin.base.public import brief
 from rover_pin.base.quantity import as_float
 from rover_pin.base.trust import Trust
 from rover_pin.logs.column_map import mapped
-from rover_pin.logs.declared_noise import noise_from
+from rover_pin.logs.declared_noise import read_declared_noise
 from rover_pin.logs.ros_bag import is_bag, read_bag
 from rover_pin.logs.run_terrain import is_of_run, run_terrain
 from rover_pin.parameters.gravity import EARTH, gravity_from
@@ -155,8 +155,8 @@ class DriveLog:
 
     @property
     def noise_sd(self) -> dict[str, float]:
-        """What the log declares of its sensors, in SI: see `noise_from`."""
-        return noise_from(self.metadata.noise, str(self.file))
+        """What the log declares of its sensors, in SI: see `read_declared_noise`."""
+        return read_declared_noise(self.metadata.noise, str(self.file))
 
     def load_rover(self) -> Rover:
         """Return the rover that the log names."""
@@ -234,7 +234,7 @@ def _checked_metadata(file: Path, table: dict[str, Any]) -> LogMetadata:
     for key, words in WORDS.items():
         if table.get(key, "") not in words:
             raise DataError(f"{file}: {key} = {table[key]!r}: write {' or '.join(map(repr, words[1:]))}.")
-    noise_from(table.get("noise", {}), str(file))
+    read_declared_noise(table.get("noise", {}), str(file))
     if not table.get("name"):
         raise DataError(f"{file}: there is no name: add name = '...'.")
     wheels = table.get("wheels", list(WHEELS))
