@@ -163,7 +163,7 @@ def rim_of(document: Mapping[str, Any], where: str) -> tuple[dict[str, Any], flo
     return {**dimensions, "r": {**at_rim, "unit": "m"}}, (r - lug) / r
 
 
-def read_points(folder: Path, document: Mapping[str, Any], rim_share: float, trust: Trust) -> pd.DataFrame:
+def read_rig_points(folder: Path, document: Mapping[str, Any], rim_share: float, trust: Trust) -> pd.DataFrame:
     """Return the points of a set as the model takes them: a slope as load and pull, slips and speeds of the rim.
 
     Parameters

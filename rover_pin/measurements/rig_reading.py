@@ -30,7 +30,7 @@ from rover_pin.measurements.rig_file import (
     declared_beside,
     declared_constants,
     number_si,
-    read_points,
+    read_rig_points,
     refuse_unknown_keys,
     rim_of,
 )
@@ -61,7 +61,7 @@ def read_rig_set(folder: str | Path, trust: Trust = Trust()) -> RigSet:
     points_file = f"{folder.name}/{tables['files'].get('points', 'points.csv')}"
     try:
         dimensions, rim_share = rim_of(document, where)
-        table = read_points(folder, document, rim_share, trust)
+        table = read_rig_points(folder, document, rim_share, trust)
         rig = {name: entry for name, entry in tables["rig"].items() if name != "note"}
         errors = record_from(RigErrors, rig, f"{where}: [rig]")
         error_sd = {f"rig.{name}": sd for name, sd in declared_sds(rig, RigErrors, f"{where}: [rig]").items()}
