@@ -11,7 +11,7 @@ import pinocchio as pin
 from rover_pin.base.errors import ParameterError, UrdfError
 from rover_pin.base.trust import Trust
 from rover_pin.rover.description.faults import across, faults_of
-from rover_pin.rover.description.inertia import inertia_notes
+from rover_pin.rover.description.inertia_check import inertia_notes
 from rover_pin.rover.description.layout import Layout, read_layout, urdf_folder
 from rover_pin.rover.description.meshes import mesh_file, package_of
 from rover_pin.rover.description.readers import free_tree

@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 
 from rover_pin.base.errors import UrdfError
-from rover_pin.rover.description.inertia import inertia_faults, unit_faults
+from rover_pin.rover.description.inertia_check import inertia_faults, unit_faults
 from rover_pin.rover.description.layout import Layout
 from rover_pin.rover.description.readers import axes_at_zero, free_tree, reader_faults
 from rover_pin.rover.description.roles import axis_faults, role_faults
