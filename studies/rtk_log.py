@@ -38,8 +38,8 @@ import pandas as pd
 
 from rover_pin import close_the_loop, plot
 from rover_pin.experiments.drive_log.calibrate import experiment_on
-from rover_pin.experiments.drive_log.kinematic import kinematic
 from rover_pin.experiments.drive_log.model import base_model, with_spread
+from rover_pin.experiments.drive_log.odometry_rival import odometry_baselines
 from rover_pin.logs.drive_log import DriveLog, read_drive_log
 from rover_pin.logs.importing.import_log import import_log
 from rover_pin.rover.rover import load_rover
@@ -134,7 +134,8 @@ def made_up(path: Path, side: int) -> Path:
 def against_odometry(log: DriveLog) -> list[dict[str, Any]]:
     """Return the errors of odometry on each run, fitted to the others."""
     experiment, model, _ = experiment_on(log, with_spread(base_model(log), motors=False))
-    errors = [(one, zip(experiment.folds, one.by_fold, strict=True)) for one in kinematic(experiment, model.rover)]
+    baselines = odometry_baselines(experiment, model.rover)
+    errors = [(one, zip(experiment.folds, one.by_fold, strict=True)) for one in baselines]
     return [{"runs": run, "channel": one.channel, "unit": one.unit, "odometry": error}
             for one, by_run in errors for run, error in by_run]  # fmt: skip
 
@@ -153,7 +154,7 @@ def closed(log: DriveLog, out: Path) -> list[dict[str, Any]]:
 def predicted(log: DriveLog, later: DriveLog, models: tuple[Model, ...], runs: str) -> list[dict[str, Any]]:
     """Return the errors on later runs of odometry and models that were fitted to a log."""
     fitted, later_runs = (experiment_on(each, models[0])[0] for each in (log, later))
-    odometry = {one.channel: one.error for one in kinematic(fitted, models[0].rover, later_runs)}
+    odometry = {one.channel: one.error for one in odometry_baselines(fitted, models[0].rover, later_runs)}
     missed = later_runs.observed - later_runs.predict(models)
     rms = lambda values: float(np.sqrt(np.nanmean(values**2)))  # noqa: E731
     return [{"runs": runs, "channel": name, "unit": later_runs.unit(name), "odometry": odometry[name],

@@ -20,9 +20,9 @@ from rover_pin.experiments.drive_log.checks.log import findings, refuse_unfit, t
 from rover_pin.experiments.drive_log.experiment import logged
 from rover_pin.experiments.drive_log.free_runs import DriveExtra, extra_of, free_runs
 from rover_pin.experiments.drive_log.ground.run_variability import ground_variability
-from rover_pin.experiments.drive_log.kinematic import kinematic
 from rover_pin.experiments.drive_log.model import base_model, is_rate_driven, with_spread
 from rover_pin.experiments.drive_log.next_drives import next_drives
+from rover_pin.experiments.drive_log.odometry_rival import odometry_baselines
 from rover_pin.experiments.drive_log.parameters import with_wheels
 from rover_pin.experiments.drive_log.resume import Memory
 from rover_pin.experiments.unlisted.actions import Scene
@@ -124,7 +124,7 @@ def verdict_on(log: DriveLog, question: Question, seed: int, progress: Progress)
     amplitude_names = tuple(name for cause in causes for name in sorted(cause.amplitudes))
     free = free_runs(experiment, verdict.before.model, verdict.model)
     ground = ground_variability(after)
-    odometry = kinematic(experiment, rover)
+    odometry = odometry_baselines(experiment, rover)
     verdict = with_draft(verdict, lambda fitted: drafted(fitted, residual, log.metadata.name, progress), seed)
     how = f"It {residual.best.description}." if verdict.answer is Answer.NONE_FITS else ""
     sentences = " ".join(filter(None, (verdict.sentence, how, ground.sentence if ground else "")))

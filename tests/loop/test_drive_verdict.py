@@ -40,7 +40,7 @@ def verdict_of(monkeypatch):
     """The verdict on a log that hides an exit angle of some size, beside others that may do the same."""
     left = SimpleNamespace(best=SimpleNamespace(description="acts as a force"), terms=(), wheels=())
     monkeypatch.setattr(drive, "describe", lambda fitted, progress: left)
-    monkeypatch.setattr(drive, "kinematic", lambda experiment, rover: ())
+    monkeypatch.setattr(drive, "odometry_baselines", lambda experiment, rover: ())
     monkeypatch.setattr(drive, "logged", lambda fitted: fitted.task.experiment)
     monkeypatch.setattr(drive, "cautions", lambda verdict, free: ())
 

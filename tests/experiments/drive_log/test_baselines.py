@@ -15,7 +15,7 @@ from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.estimation.baselines import Baseline
 from rover_pin.experiments.drive_log.experiment import DriveExperiment
 from rover_pin.experiments.drive_log.features import logged_run
-from rover_pin.experiments.drive_log.kinematic import CURVE, GIVEN, kinematic
+from rover_pin.experiments.drive_log.odometry_rival import CURVE, GIVEN, odometry_baselines
 from rover_pin.report.headline import headline
 from rover_pin.report.labels import labels_of
 from tests.experiments.drive_log import drive_channels
@@ -30,7 +30,7 @@ def logged(run):
 
 def errors(*runs):
     made = tuple(map(logged, runs))
-    return {one.channel: one for one in kinematic(DriveExperiment(made, (None,) * len(made)), ROVER)}
+    return {one.channel: one for one in odometry_baselines(DriveExperiment(made, (None,) * len(made)), ROVER)}
 
 
 def farther(run, times):
@@ -66,7 +66,7 @@ def skidding(side, course):
 @pytest.mark.parametrize("course", [False, True])
 def test_slip_track_and_point_are_fitted_to_the_other_runs(course):
     runs = tuple(skidding(side, course) for side in (1, -1, 1))
-    found = {one.channel: one for one in kinematic(DriveExperiment(runs, (None,) * 3), CART)}
+    found = {one.channel: one for one in odometry_baselines(DriveExperiment(runs, (None,) * 3), CART)}
     assert set(found) == {"path", "heading", *([] if course else ["drift"])}
     for name, one in found.items():
         driven = np.sqrt(np.nanmean(np.concatenate([run.observed[run.channels.index(name)] for run in runs]) ** 2))
@@ -79,7 +79,7 @@ def test_slip_track_and_point_are_fitted_to_the_other_runs(course):
 def test_later_runs_are_predicted_by_what_was_fitted_before(course):
     before, later = (DriveExperiment(tuple(skidding(side, course) for side in sides), (None,) * len(sides))
                      for sides in ((1, -1), (-1, 1, 1)))  # fmt: skip
-    for one in kinematic(before, CART, later):
+    for one in odometry_baselines(before, CART, later):
         driven = later.observed[:, later.channels.index(one.channel)]
         assert one.error < 0.03 * np.sqrt(np.nanmean(driven**2)), one.channel
         assert len(one.by_fold) == 3
@@ -117,4 +117,4 @@ def test_odometry_that_is_better_by_the_same_rates_is_said_first(rate_driven, ti
 def test_without_a_wheels_rate_there_is_no_odometry():
     run = logged(drive_channels.drive(0, noise=0.0, hill=0.0))
     bare = dataclasses.replace(run, measured={name: row for name, row in run.measured.items() if "rate_fl" not in name})
-    assert kinematic(DriveExperiment((run, bare), (None, None)), ROVER) == ()
+    assert odometry_baselines(DriveExperiment((run, bare), (None, None)), ROVER) == ()

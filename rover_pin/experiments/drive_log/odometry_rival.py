@@ -13,13 +13,13 @@ from rover_pin.rover.wheel_base import wheel_places
 from rover_pin.simulation.replay import filled
 
 CURVE, GIVEN = "kinematic model with fitted slip", "the measured wheel rates"
-
-
 POINT_STEP = 1e-3
 """Offset of the tracked point [m] for its derivative."""
 
 
-def kinematic(experiment: DriveExperiment, rover: Rover, later: DriveExperiment | None = None) -> tuple[Baseline, ...]:
+def odometry_baselines(
+    experiment: DriveExperiment, rover: Rover, later: DriveExperiment | None = None
+) -> tuple[Baseline, ...]:
     """Return the held-out errors of odometry, v = (1 - s) mean(r omega) and psi' = g (right - left) r omega.
 
     The tracked point lies at x, y from the centre of turning. One s, g, x and y for all runs but the one that is
