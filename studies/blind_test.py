@@ -44,8 +44,8 @@ from kept.told import CLEAR, acts_besides, alike_of, inclusion_of, plain
 
 from rover_pin.base.code_digest import key_of_code
 from rover_pin.discrepancy.conclude import search_of, verdict_of
-from rover_pin.discrepancy.cross_validation import losses_of
-from rover_pin.discrepancy.held_out import together
+from rover_pin.discrepancy.fold_refits import losses_of
+from rover_pin.discrepancy.held_out_errors import together
 from rover_pin.discrepancy.question import Question
 from rover_pin.discrepancy.search import Search
 from rover_pin.discrepancy.signature import signatures

@@ -5,7 +5,7 @@ from enum import Enum
 from typing import Any
 
 from rover_pin.base.errors import ParameterError, closest
-from rover_pin.discrepancy.held_out import ChannelScore
+from rover_pin.discrepancy.held_out_errors import ChannelScore
 from rover_pin.estimation.wording import format_value
 
 

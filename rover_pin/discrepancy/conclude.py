@@ -12,7 +12,7 @@ from rover_pin.discrepancy.calibration import calibrated
 from rover_pin.discrepancy.candidate import is_effect
 from rover_pin.discrepancy.decision import Decision, decide, sentence
 from rover_pin.discrepancy.draft import Draft, draft_of, scored
-from rover_pin.discrepancy.held_out import fold_errors, held_out, lost_folds, taken_share
+from rover_pin.discrepancy.held_out_errors import fold_errors, held_out, lost_folds, taken_share
 from rover_pin.discrepancy.question import Progress, Question
 from rover_pin.discrepancy.search import Search
 from rover_pin.discrepancy.signature import signatures

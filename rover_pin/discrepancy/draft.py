@@ -5,8 +5,8 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from rover_pin.discrepancy.answer import score_line
-from rover_pin.discrepancy.cross_validation import fall_of, losses_of
-from rover_pin.discrepancy.held_out import ChannelScore, held_out
+from rover_pin.discrepancy.fold_refits import fall_of, losses_of
+from rover_pin.discrepancy.held_out_errors import ChannelScore, held_out
 from rover_pin.estimation.fit import Fit
 
 

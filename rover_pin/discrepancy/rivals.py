@@ -8,7 +8,7 @@ import numpy as np
 from scipy.stats import t as student
 
 from rover_pin.discrepancy.answer import Answer
-from rover_pin.discrepancy.held_out import ChannelScore
+from rover_pin.discrepancy.held_out_errors import ChannelScore
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.estimation.baselines import Baseline
 from rover_pin.estimation.profile import SURE

@@ -9,7 +9,7 @@ from rover_pin.base.public import brief
 from rover_pin.discrepancy.answer import Answer, plain, score_line
 from rover_pin.discrepancy.decision import usual_noise
 from rover_pin.discrepancy.draft import Draft
-from rover_pin.discrepancy.held_out import ChannelScore, RunScore
+from rover_pin.discrepancy.held_out_errors import ChannelScore, RunScore
 from rover_pin.estimation.baselines import Baseline
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.numbers import Number, assumed_lines

@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.decision import shares
-from rover_pin.discrepancy.held_out import ChannelScore
+from rover_pin.discrepancy.held_out_errors import ChannelScore
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.estimation.wording import MAX_NAMED, WORTH, Outcome
 from rover_pin.report.words import Labels, brief, capital, cause, human, kinds_of, listing, pair, with_interval

@@ -10,7 +10,7 @@ from shared.rig_fits import calibrated
 
 from forms.curves import BASELINES, Predict
 from rover_pin.contact import Soil
-from rover_pin.discrepancy.cross_validation import held_out_residual
+from rover_pin.discrepancy.fold_refits import held_out_residual
 from rover_pin.effects.effect import Effect
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.parameter import Parameter

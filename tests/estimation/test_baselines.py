@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rover_pin.discrepancy.held_out import ChannelScore
+from rover_pin.discrepancy.held_out_errors import ChannelScore
 from rover_pin.discrepancy.rivals import losses
 from rover_pin.estimation.baselines import curves, gaussian_process
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from rover_pin.discrepancy.answer import Answer
-from rover_pin.discrepancy.cross_validation import losses_of
-from rover_pin.discrepancy.held_out import together
+from rover_pin.discrepancy.fold_refits import losses_of
+from rover_pin.discrepancy.held_out_errors import together
 from rover_pin.effects.point_mass import PointMass
 from rover_pin.estimation.noise import huber_weights
 from rover_pin.experiments.drive_log.free_runs import DriveExtra, extra_of

@@ -6,7 +6,7 @@ import re
 import pytest
 
 from rover_pin.discrepancy.answer import Answer
-from rover_pin.discrepancy.held_out import ChannelScore, RunScore
+from rover_pin.discrepancy.held_out_errors import ChannelScore, RunScore
 from rover_pin.report.drive.report import labels_of
 from rover_pin.report.headline import headline, improvement
 from rover_pin.report.reasons import next_run, opposing_reasons, supporting_reasons

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rover_pin.contact import Contact, Soil, Wheel
-from rover_pin.discrepancy.cross_validation import held_out_residual
+from rover_pin.discrepancy.fold_refits import held_out_residual
 from rover_pin.estimation.experiment import residual
 from rover_pin.experiments.unlisted.residual import DriveResidual, channel_residuals
 from rover_pin.experiments.wheel_rig.residual import draft_effect

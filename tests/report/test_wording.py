@@ -10,7 +10,7 @@ import pytest
 from matplotlib.collections import LineCollection
 
 from rover_pin.discrepancy.answer import Answer
-from rover_pin.discrepancy.held_out import ChannelScore
+from rover_pin.discrepancy.held_out_errors import ChannelScore
 from rover_pin.estimation.fit import covariance
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.estimation.wording import Against, Change, Outcome, against, format_value, in_words, interval

@@ -9,7 +9,7 @@ import numpy as np
 
 from rover_pin.base.errors import RoverPinError
 from rover_pin.control.constant import ConstantDuty
-from rover_pin.discrepancy.held_out import together
+from rover_pin.discrepancy.held_out_errors import together
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.effects.effect import SensorEffect
 from rover_pin.estimation.fit import FEW

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rover_pin.discrepancy.held_out import ChannelScore
+from rover_pin.discrepancy.held_out_errors import ChannelScore
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.effects.names import display_name
 from rover_pin.estimation.numbers import Number

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from rover_pin.discrepancy.held_out import ChannelScore
+from rover_pin.discrepancy.held_out_errors import ChannelScore
 from rover_pin.discrepancy.rivals import is_better
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.estimation.wording import MAX_NAMED, Outcome, figure, format_value, got_worse

@@ -9,7 +9,7 @@ import pytest
 from rover_pin import Trace, load_rover
 from rover_pin.base.formula import evaluate
 from rover_pin.discrepancy.answer import Answer
-from rover_pin.discrepancy.held_out import ChannelScore, LevelError
+from rover_pin.discrepancy.held_out_errors import ChannelScore, LevelError
 from rover_pin.discrepancy.rivals import against_rivals
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.estimation.baselines import Baseline

@@ -11,7 +11,7 @@ from scipy.stats import t as student
 
 from rover_pin.base.errors import OptimisationError
 from rover_pin.discrepancy.candidate import plain_candidate
-from rover_pin.discrepancy.held_out import held_out, together
+from rover_pin.discrepancy.held_out_errors import held_out, together
 from rover_pin.effects.exit_angle import ExitAngle
 from rover_pin.estimation.fit import fit
 from rover_pin.estimation.numbers import profiles

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rover_pin.base.public import brief
-from rover_pin.discrepancy.cross_validation import held_out_residual
+from rover_pin.discrepancy.fold_refits import held_out_residual
 from rover_pin.estimation.experiment import Experiment
 from rover_pin.estimation.fit import STRETCH, Fit
 from rover_pin.estimation.noise import Noise, huber_losses, rms_of
