@@ -373,7 +373,7 @@ def traction() -> dict[str, dict[str, Any]]:
     from rover_pin.parameters import TABLE_1
     from rover_pin.rover.rover import load_rover
     from rover_pin.scenarios.scenario import scenario
-    from rover_pin.soil.traction import FORMS, load_traction_factor
+    from rover_pin.soil.wheel_forces import FORMS, load_traction_factor
 
     wheel, readings = load_rover().wheel, {}
     for name, form in FORMS.items():

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from rover_pin.simulation.model.motor import Motor
     from rover_pin.simulation.simulate import plain_simulate, simulate
     from rover_pin.simulation.trace.trace import Trace
-    from rover_pin.soil.traction import load_traction_factor, wheel_forces
+    from rover_pin.soil.wheel_forces import load_traction_factor, wheel_forces
 
 logging.getLogger(__name__).addHandler(logging.NullHandler())
 
@@ -66,7 +66,7 @@ _HOMES = {
     "parameters": ("SOILS",),
     "scenarios.scenario": ("scenario",),
     "scenarios.sensitivities": ("sensitivities",),
-    "soil.traction": ("load_traction_factor", "wheel_forces"),
+    "soil.wheel_forces": ("load_traction_factor", "wheel_forces"),
 }
 
 

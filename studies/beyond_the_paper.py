@@ -56,7 +56,7 @@ from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.simulation.command import Command, Reading
 from rover_pin.simulation.simulate import simulate
 from rover_pin.simulation.trace.trace import Trace
-from rover_pin.soil.traction import load_traction_factor
+from rover_pin.soil.wheel_forces import load_traction_factor
 from rover_pin.tuning.drive_score import Cost, Score, score_trace
 from rover_pin.tuning.drives import Control, built, controller_of
 from rover_pin.tuning.evaluations import Evaluations

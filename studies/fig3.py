@@ -30,7 +30,7 @@ import numpy as np
 import pandas as pd
 
 from rover_pin.parameters import NEXUS6_WHEEL, TABLE_1
-from rover_pin.soil.traction import FORMS, load_traction_factor
+from rover_pin.soil.wheel_forces import FORMS, load_traction_factor
 
 K_MM = (5, 10, 15, 25, 50, 100)
 TITLES = {

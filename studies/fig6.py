@@ -34,7 +34,7 @@ import numpy as np
 import pandas as pd
 
 from rover_pin.parameters import NEXUS6_WHEEL, SOILS
-from rover_pin.soil.traction import FORMS, load_traction_factor
+from rover_pin.soil.wheel_forces import FORMS, load_traction_factor
 
 EXPONENTS = (0.5, 1.0, 1.5, 2.0)
 COLOURS = {"net": "tab:red", "torque": "tab:blue", "gross": "tab:green"}

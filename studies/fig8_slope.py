@@ -51,7 +51,7 @@ from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.plot import COLOURS, save, write_csv
 from rover_pin.scenarios.scenario import Scenario, scenario
 from rover_pin.simulation.trace.trace import Trace
-from rover_pin.soil.traction import load_traction_factor
+from rover_pin.soil.wheel_forces import load_traction_factor
 
 RATE, START, STEEPEST = math.radians(10.0), 0.5, math.radians(20.0)
 TWELVE = 12.0

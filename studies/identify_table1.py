@@ -41,7 +41,7 @@ from rover_pin.experiments.traction_factors import TractionFactors
 from rover_pin.loop.identify import identify
 from rover_pin.measurements.traction_points import TractionPoints
 from rover_pin.parameters import NEXUS6_WHEEL, TABLE_1
-from rover_pin.soil.traction import NetTraction, TorqueTraction, TractionForm, load_traction_factor
+from rover_pin.soil.wheel_forces import NetTraction, TorqueTraction, TractionForm, load_traction_factor
 
 SLIPS, REPEATS, SCATTER = np.linspace(0, 1, 11), 5, 0.067
 FORMS = (NetTraction(), TorqueTraction())

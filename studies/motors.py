@@ -43,7 +43,7 @@ from rover_pin.control.slip_estimate import TableEstimate, calibrated_table
 from rover_pin.scenarios.scenario import Scenario, scenario
 from rover_pin.simulation.model.cruise import CRUISE_DUTY, CRUISE_SPEED
 from rover_pin.simulation.model.motors import MOTORS, motor_named
-from rover_pin.soil.traction import TorqueTraction, load_traction_factor
+from rover_pin.soil.wheel_forces import TorqueTraction, load_traction_factor
 
 SLIPS = (0.05, 0.2, 0.4, 0.6, 0.8, 1.0)
 SANDS = (0.05, 0.01)

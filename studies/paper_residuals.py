@@ -53,7 +53,7 @@ from rover_pin.experiments.wheel_rig.candidates import added, rig_kinds
 from rover_pin.experiments.wheel_rig.model import RigModel
 from rover_pin.plot import COLOURS, save, write_csv
 from rover_pin.soil.angles import FixedAngles
-from rover_pin.soil.traction import FORMS
+from rover_pin.soil.wheel_forces import FORMS
 
 WHEEL, TABLE_1 = Wheel(), Soil()
 SINKAGE = float(WHEEL.r) * (1 - math.cos(TABLE_1.theta_1))

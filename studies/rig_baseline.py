@@ -40,7 +40,7 @@ from rover_pin.contact import Soil, Wheel
 from rover_pin.parameters import TABLE_1
 from rover_pin.soil.angles import SinkageAngles
 from rover_pin.soil.sinkage import entry_angle, sinkage
-from rover_pin.soil.traction import load_traction_factor, wheel_forces
+from rover_pin.soil.wheel_forces import load_traction_factor, wheel_forces
 
 DATA = Path(__file__).parent / "data" / "cmu-smooth-wheel"
 EXPONENT = 1.46

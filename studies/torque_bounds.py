@@ -46,7 +46,7 @@ from rover_pin.control.torque_bounds import torque_bounds
 from rover_pin.parameters import NEXUS6_WHEEL, SOILS
 from rover_pin.rover.rover import load_rover
 from rover_pin.simulation.model.motors import nexus6_motor
-from rover_pin.soil.traction import FORMS
+from rover_pin.soil.wheel_forces import FORMS
 
 ROVER = load_rover("nexus6")
 MOTOR = nexus6_motor()

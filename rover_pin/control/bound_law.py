@@ -13,11 +13,11 @@ import casadi as ca
 from rover_pin.base.quantity import quantities
 from rover_pin.contact import Scalar, Soil, Wheel
 from rover_pin.soil.angles import FixedAngles, SinkageAngles
-from rover_pin.soil.arc import integrate
+from rover_pin.soil.arc_integrals import integrate
 from rover_pin.soil.quadrature import entry_graded
 from rover_pin.soil.sinkage import DEEPEST, LOAD_FLOOR, power_law_guess
 from rover_pin.soil.stress import Mobilised, full_shear, strength, stress_scale
-from rover_pin.soil.traction import forces
+from rover_pin.soil.wheel_forces import forces
 
 INPUTS = ("load", "slip_limit", *quantities(Wheel), *quantities(Soil))
 """What the bounds depend on, in the order of the law's input."""

@@ -11,7 +11,7 @@ from rover_pin.control.torque_bounds import BY_LOAD, SLIP_LIMIT
 from rover_pin.soil.angles import FixedAngles, SinkageAngles
 from rover_pin.soil.quadrature import entry_graded
 from rover_pin.soil.sinkage import ShearState, entry_angle, sheared, slipping
-from rover_pin.soil.traction import GrossTraction, NetTraction, TorqueTraction, forces
+from rover_pin.soil.wheel_forces import GrossTraction, NetTraction, TorqueTraction, forces
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from rover_pin.effects.soil_traction import NODES
 from rover_pin.soil.angles import FixedAngles, SinkageAngles
 from rover_pin.soil.combined import combined_forces, sideways_ratio
 from rover_pin.soil.slip import against_travel, pushed_aside
-from rover_pin.soil.traction import GrossTraction, NetTraction, TorqueTraction, wheel_forces
+from rover_pin.soil.wheel_forces import GrossTraction, NetTraction, TorqueTraction, wheel_forces
 
 
 @dataclass(frozen=True)

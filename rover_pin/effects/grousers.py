@@ -8,7 +8,7 @@ import casadi as ca
 from rover_pin.base.quantity import quantity
 from rover_pin.contact import Contact, Load, Scalar
 from rover_pin.effects.effect import Effect
-from rover_pin.soil.traction import pull_of_shear
+from rover_pin.soil.wheel_forces import pull_of_shear
 
 
 @dataclass(frozen=True)

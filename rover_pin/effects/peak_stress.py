@@ -11,7 +11,7 @@ from rover_pin.effects.effect import Effect
 from rover_pin.effects.soil_traction import NODES
 from rover_pin.soil.angles import FixedAngles, SinkageAngles
 from rover_pin.soil.peak_stress import PeakAngle, peak_stress_forces
-from rover_pin.soil.traction import GrossTraction, NetTraction, TorqueTraction, WheelForces, wheel_forces
+from rover_pin.soil.wheel_forces import GrossTraction, NetTraction, TorqueTraction, WheelForces, wheel_forces
 
 MARGIN = 0.02
 """theta_m keeps this share of the arc from both ends."""

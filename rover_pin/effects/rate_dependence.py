@@ -9,7 +9,7 @@ import casadi as ca
 from rover_pin.base.quantity import quantity
 from rover_pin.contact import Contact, Load, Scalar, right_angle
 from rover_pin.effects.effect import Effect
-from rover_pin.soil.traction import pull_of_shear
+from rover_pin.soil.wheel_forces import pull_of_shear
 
 DECADE = math.log(10.0)
 """Doubt of v_0: a reference speed by which nobody has scaled this law for sand; its bounds are two of them away."""

@@ -6,7 +6,7 @@ from typing import ClassVar
 from rover_pin.contact import Contact, Load, Scalar
 from rover_pin.effects.effect import Effect
 from rover_pin.soil.angles import FixedAngles, SinkageAngles
-from rover_pin.soil.traction import GrossTraction, NetTraction, TorqueTraction, wheel_forces
+from rover_pin.soil.wheel_forces import GrossTraction, NetTraction, TorqueTraction, wheel_forces
 
 NODES = 12
 """Quadrature nodes in the simulator: 1e-6 relative near Table 1, against 1e-9 for the equations' own default."""
@@ -19,7 +19,7 @@ class SoilTraction(Effect):
     `form` says which ratio F is (net: Eq 7 / Eq 6; torque: T / (r f_n); gross: thrust / f_n), `angles` whether F and M
     are taken at the paper's fixed angles or at those of the sinkage. A deeper rut costs more in the net form with
     `SinkageAngles` alone; in the others sinking costs nothing but what `SlipSinkage` and its like add. Braking, no form
-    pulls more than its torque pays for (`soil.traction.paid_for`): the soil gives no work.
+    pulls more than its torque pays for (`soil.wheel_forces.paid_for`): the soil gives no work.
     Source: the paper, sections 3.2 and 3.3. Differs from the paper: nothing with NetTraction and FixedAngles.
     """
 

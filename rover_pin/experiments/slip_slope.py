@@ -39,7 +39,7 @@ from rover_pin.rover.statics import wheel_loads
 from rover_pin.simulation.model.defaults import own_soil, usual_angles
 from rover_pin.simulation.model.effect_files import reading_traction
 from rover_pin.simulation.model.model import base_effects
-from rover_pin.soil.traction import TorqueTraction
+from rover_pin.soil.wheel_forces import TorqueTraction
 
 FILE, KIND = "slope.toml", "slip-slope"
 KEYS = ("kind", "name", "source", "rover", "gravity", "soil")

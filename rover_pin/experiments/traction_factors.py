@@ -21,7 +21,7 @@ from rover_pin.experiments.wheel_rig.steady_law import FIELDS, valued
 from rover_pin.measurements.traction_points import TractionPoints, read_traction_points
 from rover_pin.parameters import TABLE_1
 from rover_pin.soil.sinkage import fitted_entry_angle
-from rover_pin.soil.traction import load_traction_factor
+from rover_pin.soil.wheel_forces import load_traction_factor
 
 SOUGHT = ("k", "phi")
 """What Fig 6's points are drawn for: nothing is known of these beforehand."""

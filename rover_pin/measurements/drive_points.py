@@ -18,7 +18,7 @@ from rover_pin.measurements.traction_points import TractionPoints
 from rover_pin.simulation.model.defaults import usual_angles, usual_slip
 from rover_pin.simulation.model.motor import Motor
 from rover_pin.soil.angles import SinkageAngles
-from rover_pin.soil.traction import TorqueTraction
+from rover_pin.soil.wheel_forces import TorqueTraction
 
 
 @dataclass(frozen=True)

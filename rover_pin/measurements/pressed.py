@@ -15,7 +15,7 @@ from rover_pin.base.public import brief
 from rover_pin.base.trust import Trust
 from rover_pin.contact import Soil, Wheel
 from rover_pin.measurements.checks import column
-from rover_pin.soil.traction import pressing_force
+from rover_pin.soil.wheel_forces import pressing_force
 
 SHALLOWEST = 0.004
 """Sinkages above this [m] count. Why: before, the contact settles, and the zero of the depth is uncertain."""

@@ -15,7 +15,7 @@ from rover_pin.measurements.channel import TractionFactor
 from rover_pin.measurements.checks import column, not_negative, positive, same_length, slips
 from rover_pin.parameters import NEXUS6_WHEEL
 from rover_pin.soil.angles import Angles, FixedAngles, SinkageAngles
-from rover_pin.soil.traction import NetTraction, TractionForm
+from rover_pin.soil.wheel_forces import NetTraction, TractionForm
 
 FORM, ANGLES = NetTraction(), FixedAngles()
 

@@ -23,7 +23,7 @@ from rover_pin.simulation.model.model import Model, base_effects, cruising
 from rover_pin.simulation.model.motors import MOTORS, motor_named
 from rover_pin.simulation.model.toml_file import is_rig_model, read_model
 from rover_pin.soil.angles import ANGLES
-from rover_pin.soil.traction import FORMS
+from rover_pin.soil.wheel_forces import FORMS
 from rover_pin.terrain import shapes
 
 ROVERS = "rover-pin list rovers, or the path of your own TOML"

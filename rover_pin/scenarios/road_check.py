@@ -20,7 +20,7 @@ from rover_pin.simulation.model.defaults import driven_soil, own_motor, usual_an
 from rover_pin.simulation.model.model import BURIED, base_effects
 from rover_pin.simulation.model.motor import Motor
 from rover_pin.soil.sinkage import entry_angle, sinkage
-from rover_pin.soil.traction import TorqueTraction
+from rover_pin.soil.wheel_forces import TorqueTraction
 
 
 @dataclass(frozen=True)

@@ -5,11 +5,11 @@ from typing import NamedTuple
 import casadi as ca
 
 from rover_pin.contact import Scalar, Soil, Wheel
-from rover_pin.soil.arc import integrate
+from rover_pin.soil.arc_integrals import integrate
 from rover_pin.soil.quadrature import FAST, entry_graded
 from rover_pin.soil.slip import LOCKED, speed_ratio
 from rover_pin.soil.stress import Mobilised, strength, stress_scale
-from rover_pin.soil.traction import WheelForces, assemble
+from rover_pin.soil.wheel_forces import WheelForces, assemble
 
 LEAST_SHIFT = 1e-12
 """Shear displacement over k at which the direction of the stress is still sought; below, there is no shear."""

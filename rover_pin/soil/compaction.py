@@ -4,7 +4,7 @@ import casadi as ca
 
 from rover_pin.contact import Scalar, Soil, Wheel
 from rover_pin.soil.angles import SinkageAngles
-from rover_pin.soil.arc import integrate
+from rover_pin.soil.arc_integrals import integrate
 from rover_pin.soil.quadrature import entry_graded
 from rover_pin.soil.stress import stress_scale
 

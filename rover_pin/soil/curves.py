@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rover_pin.contact import Soil, Wheel
-from rover_pin.soil.traction import FORMS, load_traction_factor
+from rover_pin.soil.wheel_forces import FORMS, load_traction_factor
 
 
 @dataclass(frozen=True)

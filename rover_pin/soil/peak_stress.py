@@ -12,7 +12,7 @@ from rover_pin.contact import Scalar, Soil, Wheel
 from rover_pin.soil.quadrature import FAST, cubic_graded
 from rover_pin.soil.slip import speed_ratio
 from rover_pin.soil.stress import Mobilised, shear_law, strength, stress_scale
-from rover_pin.soil.traction import WheelForces
+from rover_pin.soil.wheel_forces import WheelForces
 
 
 @dataclass(frozen=True)

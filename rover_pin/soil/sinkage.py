@@ -9,7 +9,7 @@ import casadi as ca
 
 from rover_pin.base.errors import ParameterError
 from rover_pin.contact import Scalar, Soil, Wheel
-from rover_pin.soil.arc import integrate
+from rover_pin.soil.arc_integrals import integrate
 from rover_pin.soil.quadrature import FAST, entry_graded
 from rover_pin.soil.slip import speed_ratio
 from rover_pin.soil.stress import Mobilised, full_shear, modulus, shear_law, strength, stress_scale

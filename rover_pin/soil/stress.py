@@ -31,7 +31,7 @@ def relative_stress(depth: Scalar, n: Scalar) -> Scalar:
 
 
 def strength(wheel: Wheel, soil: Soil) -> tuple[Scalar, Scalar, Scalar]:
-    """Return c per unit of `stress_scale`, tan phi and n, as `arc.integrate` takes them.
+    """Return c per unit of `stress_scale`, tan phi and n, as `arc_integrals.integrate` takes them.
 
     The shear stress is tau = (c + sigma tan phi) times the share of it in use, Eqs (2) and (3).
     """

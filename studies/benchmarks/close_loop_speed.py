@@ -35,7 +35,7 @@ from rover_pin.simulation.sensors import Sensors, measured
 from rover_pin.simulation.simulate import simulate
 from rover_pin.simulation.start.place import Start
 from rover_pin.soil.angles import FixedAngles
-from rover_pin.soil.traction import TorqueTraction
+from rover_pin.soil.wheel_forces import TorqueTraction
 from rover_pin.terrain.profile import Profile
 from rover_pin.terrain.terrain import Lanes
 from rover_pin.terrain.toml_table import write_terrain

@@ -29,7 +29,7 @@ from rover_pin.simulation.model.model import Model, base_effects
 from rover_pin.simulation.sensors import Sensors, measured
 from rover_pin.simulation.simulate import simulate
 from rover_pin.simulation.timing import Timing
-from rover_pin.soil.traction import TorqueTraction
+from rover_pin.soil.wheel_forces import TorqueTraction
 from rover_pin.terrain.profile import Profile
 from rover_pin.terrain.terrain import Lanes
 

@@ -3,7 +3,7 @@
 from rover_pin.soil.quadrature import FAST, entry_graded
 from rover_pin.soil.sinkage import entry_angle, sheared
 from rover_pin.soil.stress import full_shear
-from rover_pin.soil.traction import forces, wheel_forces
+from rover_pin.soil.wheel_forces import forces, wheel_forces
 
 
 def torque_at_slip(load, S, wheel, soil):

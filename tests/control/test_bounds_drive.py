@@ -18,7 +18,7 @@ from rover_pin.rover.statics import wheel_loads
 from rover_pin.simulation.compiled.toolchain import compiler
 from rover_pin.simulation.simulate import Timing
 from rover_pin.soil.angles import FixedAngles
-from rover_pin.soil.traction import FORMS, TorqueTraction
+from rover_pin.soil.wheel_forces import FORMS, TorqueTraction
 from tests.control.arc_torque import torque_at_slip
 
 pytestmark = [pytest.mark.slow, pytest.mark.skipif(compiler() is None, reason="the simulator needs a C compiler")]

@@ -19,7 +19,7 @@ from rover_pin.effects.motion_resistance import MotionResistance
 from rover_pin.rover.statics import wheel_loads
 from rover_pin.rover.wheel_base import wheel_places
 from rover_pin.simulation.command import Command, Reading, Truth
-from rover_pin.soil.traction import TorqueTraction
+from rover_pin.soil.wheel_forces import TorqueTraction
 from tests.control.arc_torque import saturation_torque
 
 

@@ -16,7 +16,7 @@ from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.simulation.compiled.laws import amended, loaded
 from rover_pin.soil.angles import SinkageAngles
 from rover_pin.soil.slip import against_travel, pushed_aside
-from rover_pin.soil.traction import NetTraction, wheel_forces
+from rover_pin.soil.wheel_forces import NetTraction, wheel_forces
 
 SAND, WHEEL, V = Soil(c=0.0, phi=0.33, k=0.0065, k_1=1.3e5, n=1.5, exit_ratio=0.1), Wheel(0.0625, 0.06), 0.05
 BASE = (SoilTraction(NetTraction(), SinkageAngles()), CombinedShear(1.0, NetTraction(), SinkageAngles()))

@@ -11,7 +11,7 @@ from rover_pin.effects.flank_pressure import FlankPressure
 from rover_pin.effects.soil_traction import NODES, SoilTraction
 from rover_pin.soil.angles import FixedAngles, SinkageAngles
 from rover_pin.soil.combined import combined_forces
-from rover_pin.soil.traction import FORMS, NetTraction
+from rover_pin.soil.wheel_forces import FORMS, NetTraction
 
 
 def whole(contact, form, angles):

@@ -15,7 +15,7 @@ from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.compiled.laws import amended, loaded
 from rover_pin.simulation.model.effect_files import reading_traction
 from rover_pin.soil.angles import FixedAngles, SinkageAngles
-from rover_pin.soil.traction import FORMS, load_traction_factor, wheel_forces
+from rover_pin.soil.wheel_forces import FORMS, load_traction_factor, wheel_forces
 
 ROUNDING = 1e-12
 KINDS = [kind for kind in effect_kinds() if not kind.before_slip and kind not in (AlgebraicSlip, RelaxedSlip)]

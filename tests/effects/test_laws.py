@@ -19,7 +19,7 @@ from rover_pin.effects.slip import SIDEWAYS_SHARE, AlgebraicSlip, RelaxedSlip, s
 from rover_pin.effects.soil_traction import NODES, SoilTraction
 from rover_pin.effects.velocity_filter import VelocityFilter
 from rover_pin.soil.angles import FixedAngles, SinkageAngles
-from rover_pin.soil.traction import GrossTraction, NetTraction, TorqueTraction, wheel_forces
+from rover_pin.soil.wheel_forces import GrossTraction, NetTraction, TorqueTraction, wheel_forces
 
 BEFORE = Load(f_t=1.3, f_y=0.4, f_n=8.0, torque=0.09)
 

@@ -22,7 +22,7 @@ from rover_pin.soil.angles import FixedAngles, SinkageAngles
 from rover_pin.soil.compaction import sinking_resistance
 from rover_pin.soil.peak_stress import PeakAngle, peak_stress_forces
 from rover_pin.soil.sinkage import entry_angle, sinkage
-from rover_pin.soil.traction import FORMS, NetTraction, TorqueTraction
+from rover_pin.soil.wheel_forces import FORMS, NetTraction, TorqueTraction
 
 
 def test_exit_ratio_and_exit_angle_move_alike(patch):

@@ -13,7 +13,7 @@ from rover_pin.loop.identify import identify
 from rover_pin.measurements.traction_points import TractionPoints, read_traction_points
 from rover_pin.soil.angles import SinkageAngles
 from rover_pin.soil.sinkage import entry_angle
-from rover_pin.soil.traction import NetTraction, load_traction_factor
+from rover_pin.soil.wheel_forces import NetTraction, load_traction_factor
 
 SLIPS, SOIL, WHEEL = np.linspace(0.02, 0.9, 12), Soil(k=0.008), Wheel()
 HELD = {name: float(getattr(SOIL, name)) for name in ("c", "n", "theta_1", "theta_2")} | {"k_1": float(SOIL.k_1)}

@@ -27,7 +27,7 @@ from rover_pin.simulation.model.defaults import own_soil
 from rover_pin.simulation.sensors import Sensors, measured
 from rover_pin.soil.angles import FixedAngles, SinkageAngles
 from rover_pin.soil.sinkage import entry_angle
-from rover_pin.soil.traction import TorqueTraction
+from rover_pin.soil.wheel_forces import TorqueTraction
 
 BLIND = Path(__file__).parents[1] / "oracle" / "blind" / "__init__.py"
 _spec = importlib.util.spec_from_file_location("blind", BLIND)

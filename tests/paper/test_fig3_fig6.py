@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from rover_pin.contact import Soil, Wheel
-from rover_pin.soil.traction import FORMS, load_traction_factor
+from rover_pin.soil.wheel_forces import FORMS, load_traction_factor
 from tests.oracle import terramechanics as oracle
 
 TABLE_1, WHEEL = Soil(), Wheel()

@@ -13,7 +13,7 @@ from rover_pin import load_rover, load_traction_factor, scenario
 from rover_pin.cli.app import app
 from rover_pin.effects.motion_resistance import MotionResistance
 from rover_pin.scenarios.road_check import road_check
-from rover_pin.soil.traction import TorqueTraction
+from rover_pin.soil.wheel_forces import TorqueTraction
 from tests.rover import farm as made
 
 

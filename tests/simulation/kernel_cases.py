@@ -24,7 +24,7 @@ from rover_pin.simulation.model.model import base_effects
 from rover_pin.simulation.native.shared import RECORD
 from rover_pin.simulation.start.place import Start
 from rover_pin.soil.angles import SinkageAngles
-from rover_pin.soil.traction import NetTraction
+from rover_pin.soil.wheel_forces import NetTraction
 from rover_pin.terrain import shapes
 
 ROVER = load_rover()

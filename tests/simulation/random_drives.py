@@ -30,7 +30,7 @@ from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.effects.viscous_friction import ViscousFriction
 from rover_pin.simulation.start.place import Start
 from rover_pin.soil.angles import FixedAngles, SinkageAngles
-from rover_pin.soil.traction import GrossTraction, NetTraction, TorqueTraction
+from rover_pin.soil.wheel_forces import GrossTraction, NetTraction, TorqueTraction
 from rover_pin.terrain import shapes
 
 DURATION = 1.5

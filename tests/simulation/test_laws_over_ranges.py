@@ -13,9 +13,9 @@ from rover_pin.simulation.compiled.laws import contact_law, motor_law
 from rover_pin.simulation.model.defaults import usual_slip
 from rover_pin.simulation.model.effect_files import package_effects
 from rover_pin.simulation.model.model import base_effects
-from rover_pin.soil import stress, traction
+from rover_pin.soil import stress, wheel_forces
 from rover_pin.soil.angles import FixedAngles, SinkageAngles
-from rover_pin.soil.traction import TorqueTraction
+from rover_pin.soil.wheel_forces import TorqueTraction
 from tests.simulation.intervals import LARGEST, evaluate
 
 POINTS = 2000
@@ -95,9 +95,9 @@ BOTH = pytest.mark.parametrize("angles", [FixedAngles(), SinkageAngles()], ids=l
 @pytest.mark.parametrize("kind", KINDS)
 def test_no_wheel_divides_by_zero(kind, angles, monkeypatch):
     """Nor takes a root or logarithm of what has none, where the soil bears, k_1 + k_2 b > 0, and the arc, f_n > 0."""
-    modulus, assemble = stress.modulus, traction.assemble
+    modulus, assemble = stress.modulus, wheel_forces.assemble
     monkeypatch.setattr(stress, "modulus", lambda wheel, soil: ca.fmax(modulus(wheel, soil), 1e-7))
-    monkeypatch.setattr(traction, "assemble", lambda *parts: bearing(assemble(*parts)))
+    monkeypatch.setattr(wheel_forces, "assemble", lambda *parts: bearing(assemble(*parts)))
     effects = at_a_wheel(kind, angles)
     numbers = [*ranges([Wheel(), Soil()]), *bounds_of_states(effects), *ranges(effects)]
     names = [name for record in (Wheel(), Soil()) for name in quantities(record)]

@@ -21,7 +21,7 @@ from rover_pin.experiments.wheel_rig.model import write_model as write_rig_model
 from rover_pin.simulation.model.effect_files import package_effects, user_effects
 from rover_pin.simulation.model.toml_file import read_model, write_model
 from rover_pin.soil.angles import SinkageAngles
-from rover_pin.soil.traction import GrossTraction
+from rover_pin.soil.wheel_forces import GrossTraction
 from rover_pin.terrain import shapes
 
 FLAT = shapes.flat()

@@ -19,7 +19,7 @@ from rover_pin.simulation.model.model import base_effects
 from rover_pin.simulation.plain.step import Plain
 from rover_pin.simulation.start.place import RESTS, SLIDES, Rest, Start, hovering, relaxed, set_down, settled
 from rover_pin.simulation.state import roll_pitch_yaw
-from rover_pin.soil.traction import FORMS
+from rover_pin.soil.wheel_forces import FORMS
 from rover_pin.terrain import shapes
 
 

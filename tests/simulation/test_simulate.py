@@ -29,7 +29,7 @@ def test_tangential_force_is_the_factor_times_the_normal_force():
     """f_t = F(S) f_n on a slope, with the factor evaluated on its own."""
     from rover_pin.contact import Wheel
     from rover_pin.effects.motion_resistance import MotionResistance
-    from rover_pin.soil.traction import TorqueTraction, load_traction_factor
+    from rover_pin.soil.wheel_forces import TorqueTraction, load_traction_factor
 
     model = made("incline", **{"terrain.angle_deg": 5.0, "terrain.start": -3.0})
     resistance = model.effect(MotionResistance)

@@ -15,7 +15,7 @@ from rover_pin.contact import Soil, Wheel
 from rover_pin.soil.peak_stress import PeakAngle, peak_stress_forces
 from rover_pin.soil.quadrature import cubic_graded, entry_graded
 from rover_pin.soil.stress import full_shear
-from rover_pin.soil.traction import FORMS, WheelForces, forces, pull_of_shear, wheel_forces
+from rover_pin.soil.wheel_forces import FORMS, WheelForces, forces, pull_of_shear, wheel_forces
 from tests.oracle import terramechanics as oracle
 
 WHEEL, SOIL = Wheel(), Soil()

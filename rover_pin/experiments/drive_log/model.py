@@ -32,7 +32,7 @@ from rover_pin.simulation.model.motor import Motor
 from rover_pin.simulation.trace.channels import ODOMETRY
 from rover_pin.simulation.trace.inertial import ACCELEROMETER, GYRO
 from rover_pin.soil.angles import FixedAngles
-from rover_pin.soil.traction import TorqueTraction
+from rover_pin.soil.wheel_forces import TorqueTraction
 
 DRIVEN_SAND = Soil().replace(k=0.005)
 """What stands for constants that a log does not declare: Table 1, with the k at which its rover can drive at all."""

@@ -28,7 +28,7 @@ from rover_pin.simulation.model.effect_files import effect_entry, effect_from
 from rover_pin.simulation.model.toml_file import RIG_KIND
 from rover_pin.soil.angles import SHALLOW, SinkageAngles
 from rover_pin.soil.slip import rim_and_travel
-from rover_pin.soil.traction import NetTraction
+from rover_pin.soil.wheel_forces import NetTraction
 
 PAPER: tuple[Effect, ...] = (SoilTraction(NetTraction(), SinkageAngles()),)
 """Eqs (2)-(7), the arc from the sinkage: what a rig measures before anything is added."""

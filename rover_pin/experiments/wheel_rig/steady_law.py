@@ -12,7 +12,7 @@ from rover_pin.effects.effect import Effect
 from rover_pin.measurements.rig_errors import RigErrors
 from rover_pin.measurements.rig_set import STANDS
 from rover_pin.soil.sinkage import power_law_guess
-from rover_pin.soil.traction import pressing_force
+from rover_pin.soil.wheel_forces import pressing_force
 
 LAWS = 512
 """Structures whose functions are kept: some sets' worth, as a study of many sets asks for the same ones."""

@@ -6,7 +6,7 @@ from rover_pin.parameters.gravity import EARTH
 from rover_pin.rover.rover import Rover
 from rover_pin.soil.angles import FixedAngles
 from rover_pin.soil.sinkage import entry_angle
-from rover_pin.soil.traction import load_traction_factor, wheel_forces
+from rover_pin.soil.wheel_forces import load_traction_factor, wheel_forces
 
 CRUISE_SLIP = 0.05
 """Assumed slip on the flat; the paper says that it 'stays near 0'."""

@@ -22,7 +22,7 @@ from rover_pin.simulation.model.cruise import CRUISE_DUTY, CRUISE_SPEED
 from rover_pin.simulation.model.motor import Motor
 from rover_pin.simulation.model.motors import motor_named
 from rover_pin.soil.angles import ANGLES, FixedAngles, SinkageAngles
-from rover_pin.soil.traction import wheel_forces
+from rover_pin.soil.wheel_forces import wheel_forces
 
 HOLDS = math.radians(25.0)
 """Slope on which the sized motors hold the rover at duty 0.55: above the 20 deg of the paper's test field, assumed."""

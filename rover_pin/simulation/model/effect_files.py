@@ -25,7 +25,7 @@ from rover_pin.base.users_code import guard, is_stop, mistake
 from rover_pin.effects.effect import BodyEffect, Effect, MotorEffect, SensorEffect
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.soil.angles import FixedAngles, SinkageAngles
-from rover_pin.soil.traction import FORMS
+from rover_pin.soil.wheel_forces import FORMS
 
 BASES = (Effect, MotorEffect, BodyEffect, SensorEffect)
 AnyEffect = Effect | MotorEffect | BodyEffect | SensorEffect

@@ -23,7 +23,7 @@ from rover_pin.parameters.gravity import EARTH
 from rover_pin.rover.rover import load_rover
 from rover_pin.simulation.model.cruise import CRUISE_DUTY, CRUISE_SLIP, CRUISE_SPEED
 from rover_pin.simulation.model.motor import Motor
-from rover_pin.soil.traction import TorqueTraction, load_traction_factor
+from rover_pin.soil.wheel_forces import TorqueTraction, load_traction_factor
 
 MOTORS = {"speed-like": 1.0, "torque-like": 0.25}
 """Stall torque at the wheel [N m] by name (assumed)."""

@@ -17,7 +17,7 @@ from rover_pin.simulation.model.model import Model
 from rover_pin.simulation.trace.trace import Trace
 from rover_pin.soil.angles import Angles, FixedAngles
 from rover_pin.soil.sinkage import sinkage
-from rover_pin.soil.traction import wheel_forces
+from rover_pin.soil.wheel_forces import wheel_forces
 
 GRID = np.linspace(-1.0, 1.0, 81)
 """Slips at which the law's shear is taken; its integral is that of a smooth curve to 1e-4."""
@@ -103,7 +103,7 @@ def spurious_energy(model: Model, trace: Trace, least: float = 0.0) -> SpuriousE
 
     Sheared soil takes T omega - f_t v from a wheel, omega of the world and not of the link that carries it, without
     what `MotionResistance` takes of f_t: below 0 it drives the wheel and the rover at once. At a steady slip no law
-    does (`soil.traction.paid_for`); a lagging slip that falls gives back what sheared soil stored (`shear_store`).
+    does (`soil.wheel_forces.paid_for`); a lagging slip that falls gives back what sheared soil stored (`shear_store`).
     """
     dt = np.diff(trace.t, prepend=trace.t[:1])
     torque, pull, load, v = map(trace.stack, ("torque", "tangential", "normal", "travel"))

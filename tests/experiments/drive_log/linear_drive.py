@@ -19,7 +19,7 @@ from rover_pin.rover.rover import load_rover
 from rover_pin.simulation.model.model import Model, base_effects
 from rover_pin.simulation.model.motors import nexus6_motor
 from rover_pin.soil.angles import FixedAngles
-from rover_pin.soil.traction import TorqueTraction
+from rover_pin.soil.wheel_forces import TorqueTraction
 from rover_pin.terrain.shapes import flat
 
 RUNS, CHANNELS, BLOCKS = 4, ("path", "current_fl_A"), 16

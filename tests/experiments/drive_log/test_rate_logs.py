@@ -27,7 +27,7 @@ from rover_pin.simulation.model.motors import nexus6_motor
 from rover_pin.simulation.replay import replay
 from rover_pin.simulation.start.place import Start
 from rover_pin.simulation.timing import Timing
-from rover_pin.soil.traction import TorqueTraction
+from rover_pin.soil.wheel_forces import TorqueTraction
 from rover_pin.terrain.profile import Profile
 from rover_pin.terrain.terrain import Lanes
 from tests.experiments.drive_log import drive_sets

@@ -16,7 +16,7 @@ from rover_pin.experiments.wheel_rig.sets import joined
 from rover_pin.loop.identify import identify
 from rover_pin.measurements.pressed import Trial
 from rover_pin.measurements.rig_reading import read_rig_set
-from rover_pin.soil.traction import pressing_force
+from rover_pin.soil.wheel_forces import pressing_force
 from tests.oracle import rig_generator as hidden
 
 DATA = Path(__file__).parents[3] / "studies" / "data"

@@ -8,7 +8,7 @@ import casadi as ca
 from rover_pin.base.public import public
 from rover_pin.contact import Scalar, Soil, Wheel
 from rover_pin.soil.angles import Angles, FixedAngles, SinkageAngles
-from rover_pin.soil.arc import Arc, integrate
+from rover_pin.soil.arc_integrals import Arc, integrate
 from rover_pin.soil.compaction import compaction
 from rover_pin.soil.quadrature import FAST, Graded, entry_graded
 from rover_pin.soil.sinkage import sinkage
