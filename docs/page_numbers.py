@@ -320,7 +320,7 @@ def log_loop() -> dict[str, Any]:
         {"name": name, "fitted": interval(found[key], digits, scale), "true": true}
         for key, (name, digits, scale, true) in LOG_TRUTH.items()
     ]
-    return {"errors": errors, "fitted": fitted}
+    return verdict | {"errors": errors, "fitted": fitted}
 
 
 def sensed_slip() -> dict[str, Any]:

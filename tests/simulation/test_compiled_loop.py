@@ -85,7 +85,7 @@ def plain_replay(model, run, nudge, rest, step=Kernel):
     gives, rates = np.zeros(len(servos)), np.zeros(len(model.rover.wheels))
     if run.rate_driven:
         kernel.hold(rates)
-    pace, suspension, moved = Pace(kernel, replays.DT), suspension_of(model), np.zeros(3)
+    pace, suspension, moved = Pace(kernel, replays.DT, replays.ROUGH), suspension_of(model), np.zeros(3)
     rows = np.zeros(len(run.t), dtype=row_type(model))
     if not run.rate_driven:
         down, soils = kernel.gravity.copy(), kernel.soils.copy()
