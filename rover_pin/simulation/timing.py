@@ -47,7 +47,8 @@ class Timing:
             ratio = getattr(self, name) / self.dt
             if ratio < 0.999 or abs(ratio - round(ratio)) > 1e-6:
                 raise SimulationError(
-                    f"The {name} period {getattr(self, name):g} s must be a whole multiple of dt = {self.dt:g} s."
+                    f"The {name} period {getattr(self, name):g} s must be a whole multiple of dt = {self.dt:g} s: "
+                    "give another, or a dt that it is a multiple of."
                 )
 
     def halved(self) -> Timing:
