@@ -26,8 +26,6 @@ SAME_LEVEL = 0.02
 """Slips within this of their neighbour are one level where the data name none."""
 STRAIGHT = 0.01
 """Slip angle [rad] up to which a wheel runs straight. Why: cells' cross-talk is some 1 % of the load (assumed)."""
-STANDS = 1e-3
-"""Share of the fastest of rim, travel and what goes along the axle below which a speed stands still."""
 FRICTION = ("phi", "FlankPressure.phi_f", "Ploughing.phi_f")
 """Numbers that are the friction of the sand, which its angle of repose bounds from below."""
 
