@@ -283,6 +283,16 @@ def test_help_waits_for_no_arrays_and_no_tables():
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, check=False).returncode == 0
 
 
+def test_a_drive_waits_for_no_tables(tmp_path):
+    """pandas takes half of its time, and of its memory."""
+    code = (
+        "import sys; from typer.testing import CliRunner; from rover_pin.cli.app import app;"
+        "done = CliRunner().invoke(app, ['drive', 'flat', '--set', 'duration=1', '--out', 'out']);"
+        "sys.exit(done.exit_code or int('pandas' in sys.modules))"
+    )
+    assert subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, check=False).returncode == 0
+
+
 @pytest.mark.parametrize(
     ("own", "threads"), [({}, "1"), ({"OPENBLAS_NUM_THREADS": "2"}, "2"), ({"OMP_NUM_THREADS": "2"}, "None")]
 )
