@@ -5,9 +5,6 @@ from dataclasses import dataclass
 from rover_pin.base.quantity import Record, quantity
 from rover_pin.contact import Load, Scalar
 
-STANDS = 1e-3
-"""Share of the fastest of rim, travel and what goes along the axle below which a speed stands still."""
-
 
 @dataclass(frozen=True)
 class RigErrors(Record):

@@ -19,7 +19,7 @@ from rover_pin.measurements.channel import RIG_CHANNELS, RigChannel, SideForce
 from rover_pin.measurements.checks import Finding, column
 from rover_pin.measurements.known import stated_ranges
 from rover_pin.measurements.pressed import declared_trials
-from rover_pin.measurements.rig_errors import STANDS, RigErrors
+from rover_pin.measurements.rig_errors import RigErrors
 from rover_pin.measurements.rig_file import (
     ANGLE,
     OF_SPEEDS,
@@ -35,7 +35,7 @@ from rover_pin.measurements.rig_file import (
     rim_of,
 )
 from rover_pin.measurements.rig_set import STRAIGHT, RigSet
-from rover_pin.soil.slip import rim_and_travel, slip_ratios
+from rover_pin.soil.slip import STANDS, rim_and_travel, slip_ratios
 
 OTHERS = ("slip", "load_N", "run", "level", ANGLE, SLOPE, "slope_sd_rad", *SPEEDS)
 """Columns of the points that are read besides the channels and their SDs."""

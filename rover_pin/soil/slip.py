@@ -21,6 +21,9 @@ SLOWED = 0.02
 STANDING = 1e-64
 """The eighth power of the least V / r omega of `spinning`, where a slope would be none times infinity."""
 
+STANDS = 1e-3
+"""Share of the fastest of rim, travel and what goes along the axle below which a speed stands still."""
+
 STILL = 1e-300
 """Least denominator of Eq (1): a wheel at rest has slip 0, not 0 / 0."""
 

@@ -9,8 +9,9 @@ import casadi as ca
 from rover_pin.base.quantity import quantities
 from rover_pin.contact import Contact, Load, Soil, Wheel
 from rover_pin.effects.effect import Effect
-from rover_pin.measurements.rig_errors import STANDS, RigErrors
+from rover_pin.measurements.rig_errors import RigErrors
 from rover_pin.soil.sinkage import power_law_guess
+from rover_pin.soil.slip import STANDS
 from rover_pin.soil.wheel_forces import pressing_force
 
 LAWS = 512
