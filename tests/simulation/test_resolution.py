@@ -19,6 +19,7 @@ from rover_pin.simulation.pace import ROUGH, Pace
 from rover_pin.simulation.replay import commands, replay
 from rover_pin.simulation.resolution import MOST, contact_frequency, firmness, parts, stiffness
 from rover_pin.simulation.start.place import Start, settled
+from rover_pin.simulation.timing import Timing
 from rover_pin.simulation.trace.rows import finite, row_type
 from rover_pin.terrain import shapes
 
@@ -107,7 +108,7 @@ def test_ground_made_firmer_by_an_effect_needs_a_finer_step():
 def test_the_shipped_grounds_keep_their_step():
     for soil in ("table-1", "dry-sand", "lunar-nominal", "mars-sand"):
         model = scenario("flat", soil=soil).model
-        assert parts(model, settled(model, Start()), 0.005) == 1
+        assert parts(model, settled(model, Start()), Timing().dt) == 1
 
 
 def test_the_firmest_ground_of_the_terrain_decides():
