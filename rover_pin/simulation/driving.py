@@ -46,8 +46,6 @@ class Drive(NamedTuple):
     "where it goes on; None: it begins"
     followed: np.ndarray | None = None
     "lengths [s] of the steps to take; None: it chooses them"
-    bears_double: bool = False
-    "whether the ground bears steps of twice that of `timing`, where that is asked"
 
 
 Progress = Callable[[float], None]

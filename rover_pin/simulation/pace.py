@@ -58,8 +58,9 @@ class Pace:
     comes out by more than ROUGH from what the line said (a slip that swept across a stiff shear, small k, from one step
     to the next), that step is taken again in quarters, down to dt / FINEST, and so are those after it until less than
     CALM is left: the error of a line falls with the square of the step. A drive whose step is halved may misjudge
-    `rough` times as much: it then takes all of its parts at half their length. A step is not taken again across a
-    command to the motors or a row of the trace. One that ends in numbers that are not finite is taken again too.
+    `rough` times as much: it then takes all of its parts at half their length. No step is taken again across a command
+    to the motors or a row of the trace: the one before is judged there and then. One that ends in numbers that are not
+    finite is taken again too.
     """
 
     def __init__(self, stepper: Steps, dt: float, rough: float = 1.0):
@@ -79,8 +80,12 @@ class Pace:
         """Return how far the drive is that began there, after `steps` steps."""
         return Checkpoint(begun.begin, steps, self.size)
 
-    def advance(self, commanded: bool = True) -> int:
-        """Advance by dt; return the first status that is not 0. `commanded`: the motors have a new command since."""
+    def advance(self, commanded: bool = True, looks: bool = False) -> int:
+        """Advance by dt; return the first status that is not 0.
+
+        `commanded`: the motors have a new command since; `looks`: what ends here is looked at, as it is logged or
+        commanded then.
+        """
         if commanded:
             self.before = None
         remaining = FINEST
@@ -101,7 +106,20 @@ class Pace:
                 self.lengths.append(self.stepper.dt)
                 self._keep(off, remaining)
                 self.before = step_start
+                if looks and not remaining and self._misjudged_now() > self.rough and step_start.size > 1:
+                    remaining = step_start.size
+                    self.lengths.pop()
+                    self._take_again(step_start)
         return 0
+
+    def _misjudged_now(self) -> float:
+        """Return what the last step misjudged, by a step in which nothing moves."""
+        now, dt = self.stepper.saved(), self.stepper.dt
+        self.stepper.set_step(GLANCE)
+        self.stepper.step()
+        self.stepper.restore(now)
+        self.stepper.set_step(dt)
+        return self.stepper.misjudged
 
     def follow(self, followed: np.ndarray, end: float) -> int:
         """Advance to `end` [s] after the begin by the steps of these lengths [s], whatever they misjudge."""

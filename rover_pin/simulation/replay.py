@@ -30,9 +30,8 @@ from rover_pin.terrain.terrain import Terrain
 
 PERIOD = 0.05
 """Time between rows of a replay [s], unless the log's rows are further apart."""
-DT = 0.01
-"""Step of a replay [s], divided where the ground asks for it: within a tenth of a tracker's noise of the default step,
-at half its time."""
+DT = 1 / 60
+"""Longest step of a replay [s], a whole part of the time between rows, divided where the ground asks for it."""
 ROUGH = 20.0
 """How many times `pace.ROUGH` its steps may misjudge: a tracker sees less than a drive's tolerance."""
 HOLD = 1.0
@@ -126,7 +125,7 @@ def commands(log: Trace, wheels: tuple[str, ...], steered: tuple[str, ...]) -> C
     inputs = np.column_stack(log.need(*(f"{'wheel_rate' if rate_driven else 'duty'}_{wheel}" for wheel in wheels)))
     if len(t) < 2:
         raise DataError(f"{log.attrs.get('file', 'the run')}: a replay needs two rows at least.")
-    period = max(PERIOD, round(float(np.median(np.diff(t))) / DT) * DT)
+    period = max(PERIOD, round(float(np.median(np.diff(t))), 6))
     rows = t[0] + period * np.arange(1 + math.floor((t[-1] - t[0]) / period + 1e-6))
     at = np.searchsorted(t, rows - period / 2)
     steer = [_held(log[f"steer_{wheel}"])[at] if f"steer_{wheel}" in log else np.zeros(len(rows)) for wheel in steered]
@@ -210,7 +209,8 @@ def replay(
     _check_widths(model, run)
     state = settled(model, run.start) if rest_state is None else taken_over(model, rest_state)
     model = model.begun(run.start.x, run.start.y)
-    dt = steps.dt if steps else DT / parts(model, state, DT) / finer
+    longest = run.period / math.ceil(run.period / DT - 1e-9)
+    dt = steps.dt if steps else longest / parts(model, state, longest) / finer
     kernel = Kernel(model, state, dt, symmetric=False)
     kernel.disable_energy_balance()
     per_row = round(run.period / dt)

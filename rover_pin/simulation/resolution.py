@@ -25,7 +25,7 @@ RESOLVED = 1.2
 Left over is what a heavier load on a wheel makes of it: omega grows as load^(1/6) for n = 1, load^(1/3) for n = 3."""
 PRESSED, FIRMEST = 1e-3, 100.0
 """Share of the least sinkage by which `firmness` presses, and the most that it returns."""
-MOST = 200
+MOST = 400
 """Parts into which a step may be divided by itself."""
 
 

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from dataclasses import dataclass
+from fractions import Fraction
 
 from rover_pin.base.errors import SimulationError
 
-DT = 0.01
-"""Default step [s]: x of the 30-deg-wall ditch over 20 s is within TOLERANCE of finer steps', measured 8 um where the
-rover is stopped by the wall (k = 1 mm) and 1 um where it gets out (k = 10 mm), against a 32nd of the step."""
+DT = 1 / 60
+"""Default step [s]: x of the 30-deg-wall ditch over 20 s is within TOLERANCE of finer steps', measured 41 um where the
+rover is stopped by the wall (k = 1 mm) and 58 um where it gets out (k = 10 mm), against a 32nd of the step."""
 TOLERANCE = 1e-4
 """Error [m] of x and y that a drive keeps by itself, by smaller steps; of loads, see `step_error.LOADS`."""
 FINER = 16
@@ -18,6 +20,8 @@ FINEST = 1e-6
 """Least step [s]: ten seconds of driving then take minutes."""
 COARSEST = 0.1
 """Greatest step [s]."""
+MOST_PERIODS = 1000
+"""Of one of control and sample in a whole number of the other, at most."""
 CONTROL_PERIOD = 0.05
 """Sample time of the controller [s] (assumed; the command is held in between)."""
 SAMPLE = 0.05
@@ -26,7 +30,10 @@ SAMPLE = 0.05
 
 @dataclass(frozen=True)
 class Timing:
-    """Step, control period and time between rows of the trace [s]; the last two are whole multiples of the step."""
+    """Step, control period and time between rows of the trace [s].
+
+    The step taken is the longest, `dt` at most, of which both periods are whole multiples.
+    """
 
     dt: float = DT
     control: float = CONTROL_PERIOD
@@ -43,13 +50,23 @@ class Timing:
             raise SimulationError(f"dt = {self.dt:g} s is not allowed: it must lie in [{FINEST:g}, {COARSEST:g}] s.")
         if not self.tolerance > 0.0:
             raise SimulationError(f"tolerance = {self.tolerance:g} m is not allowed: give a positive distance.")
+        object.__setattr__(self, "dt", self._shared / math.ceil(self._shared / self.dt - 1e-9))
+
+    @property
+    def _shared(self) -> float:
+        """The longest time of which both periods are whole multiples [s]."""
         for name in ("control", "sample"):
-            ratio = getattr(self, name) / self.dt
-            if ratio < 0.999 or abs(ratio - round(ratio)) > 1e-6:
+            if not FINEST <= getattr(self, name) < math.inf:
                 raise SimulationError(
-                    f"The {name} period {getattr(self, name):g} s must be a whole multiple of dt = {self.dt:g} s: "
-                    "give another, or a dt that it is a multiple of."
+                    f"The {name} period {getattr(self, name):g} s is not allowed: give {FINEST:g} s or more."
                 )
+        ratio = Fraction(self.control / self.sample).limit_denominator(MOST_PERIODS)
+        if not 0 < ratio.numerator <= MOST_PERIODS or abs(ratio / Fraction(self.control / self.sample) - 1) > 1e-6:
+            raise SimulationError(
+                f"The control period {self.control:g} s and the sample period {self.sample:g} s have no step in "
+                "common: give one that is a whole multiple of the other."
+            )
+        return self.sample / ratio.denominator
 
     def halved(self) -> Timing:
         """Return the same with half the step, also where the ground asks for a finer one than `dt`."""

@@ -11,7 +11,7 @@ import numpy as np
 from rover_pin.simulation.command import Controller
 from rover_pin.simulation.driving import Drive, Progress, Ran, Stepper
 from rover_pin.simulation.model.model import Model
-from rover_pin.simulation.outcome.step_error import StepChange, completed, grouped, innermost, repeating, step_change
+from rover_pin.simulation.outcome.step_error import StepChange, completed, innermost, repeating, step_change
 from rover_pin.simulation.pace import GLANCE
 from rover_pin.simulation.resolution import firmness, parts
 from rover_pin.simulation.state import DriveState
@@ -66,8 +66,7 @@ def begun(job: DriveJob, state: DriveState) -> Drive:
     firmer = firmness(stepper, model)
     fine = job.timing.refined(parts(model, state, job.timing.dt, firmer))
     stepper.set_step(fine.dt)
-    bears_double = job.measure_error and parts(model, state, 2.0 * fine.dt, firmer) == 1
-    return Drive(model, state, stepper, job.controller, fine, bears_double=bears_double)
+    return Drive(model, state, stepper, job.controller, fine)
 
 
 def place_of(state: DriveState) -> tuple[float, float]:
@@ -91,20 +90,19 @@ def from_start(job: DriveJob, state: DriveState, followed: np.ndarray | None = N
 def driven_to_tolerance(job: DriveJob, state: DriveState) -> Driven:
     """Drive from here at the step, halved up to FINER parts, that keeps the tolerance.
 
-    The error is stated by the same steps taken two and four at a time: a drive that chose its own would divide them
-    until they misjudge as little, and be as far off. Where the ground bears no longer ones, it is halved at once. Each
-    drive that is halved is measured by the one before. A controller of one's own is asked once, and its drive only
-    measured; nothing is measured of one whose commands are not known, nor where the job does not ask for the error.
+    The error is stated by the same steps in halves: a drive that chose its own would divide them until they misjudge as
+    little, and be as far off. Each drive that is halved is measured by the one before. A controller of one's own is
+    asked once, and its drive only measured; nothing is measured of one whose commands are not known, nor where the job
+    does not ask for the error.
     """
     driven, tolerance = from_start(job, state), job.timing.tolerance
     controller = repeating(job.controller, driven.rows, job.timing) if job.measure_error else None
     if controller is None or not len(driven.rows):
         return driven
     finer = job._replace(progress=None, measure_error=False)
-    again = finer._replace(controller=controller)
+    halved = from_start(finer._replace(controller=controller), state, _in_halves(driven, job.duration))
+    driven = driven._replace(change=driven.changed_to(halved, 0.5))
     repeatable = hasattr(innermost(job.controller), "native")
-    if driven.drive.bears_double or not repeatable:
-        driven = _measured(again, state, driven)
     while repeatable and driven.excess(tolerance) > 1.0 and finer.timing.divided < FINER * job.timing.divided:
         finer = finer._replace(timing=finer.timing.halved())
         driven = _halved(finer, state, driven)
@@ -117,21 +115,6 @@ def _halved(finer: DriveJob, state: DriveState, driven: Driven) -> Driven:
     change, tolerance = halved.changed_to(driven, 2.0), finer.timing.tolerance
     halved = halved._replace(change=change, longer=driven.change and driven.change.lessened())
     return halved._replace(change=change._replace(lessens=halved.excess(tolerance) < driven.excess(tolerance)))
-
-
-def _measured(again: DriveJob, state: DriveState, driven: Driven) -> Driven:
-    """Return a drive with what other steps make of it; a fourfold one is not asked where twofold ones are too long."""
-    if not driven.drive.bears_double:
-        halved = from_start(again, state, _in_halves(driven, again.duration))
-        return driven._replace(change=driven.changed_to(halved, 0.5))
-    fine = driven.drive.timing
-    lengths = completed(driven.run.lengths, fine.dt, again.duration)
-    double = from_start(again, state, grouped(lengths, fine, 2))
-    driven = driven._replace(change=driven.changed_to(double, 2.0))
-    if driven.excess(again.timing.tolerance) > 1.0:
-        return driven
-    fourfold = from_start(again, state, grouped(lengths, fine, 4))
-    return driven._replace(longer=double.changed_to(fourfold, 2.0).lessened())
 
 
 def _in_halves(driven: Driven, duration: float) -> np.ndarray:

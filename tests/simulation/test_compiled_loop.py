@@ -21,7 +21,7 @@ from rover_pin.simulation.plain.run import observed, run_plain
 from rover_pin.simulation.plain.step import Plain
 from rover_pin.simulation.start.place import Start, settled, shared_rest, taken_over
 from rover_pin.simulation.state import base_rotation, roll_pitch_yaw
-from rover_pin.simulation.timing import Timing
+from rover_pin.simulation.timing import DT, Timing
 from rover_pin.simulation.trace.rows import row_type
 from tests.simulation import random_drives
 
@@ -36,7 +36,7 @@ CASES = {
 }
 
 
-SWEPT = 39
+SWEPT = 66
 """Seed of the random drives whose forces turn so fast that a step of two of the finest parts is taken again."""
 
 
@@ -79,13 +79,13 @@ def plain_replay(model, run, nudge, rest, step=Kernel):
     """A replay row after row in Python, as `replay` says it is done; return the rows."""
     state = taken_over(model, rest)
     model = model.begun(run.start.x, run.start.y)
-    kernel = step(model, state, replays.DT, symmetric=False)
+    kernel = step(model, state, DT, symmetric=False)
     q_of = {joint.idx_v: joint.idx_q for joint in model.rover.model.joints}
     servos = [q_of[wheel.steer_dof] for wheel in model.rover.wheels if wheel.steer_dof is not None]
     gives, rates = np.zeros(len(servos)), np.zeros(len(model.rover.wheels))
     if run.rate_driven:
         kernel.hold(rates)
-    pace, suspension, moved = Pace(kernel, replays.DT, replays.ROUGH), suspension_of(model), np.zeros(3)
+    pace, suspension, moved = Pace(kernel, DT, replays.ROUGH), suspension_of(model), np.zeros(3)
     rows = np.zeros(len(run.t), dtype=row_type(model))
     if not run.rate_driven:
         down, soils = kernel.gravity.copy(), kernel.soils.copy()
@@ -103,7 +103,7 @@ def plain_replay(model, run, nudge, rest, step=Kernel):
             changed = soils.copy()
             changed[:, phi] = np.arctan((1.0 + nudge.grip[row]) * np.tan(soils[:, phi]))
             kernel.set_soils(changed)
-        count = round(run.period / replays.DT)
+        count = round(run.period / DT)
         for part in range(count):
             if run.rate_driven:
                 before = run.rate[max(row - 1, 0)]

@@ -8,7 +8,7 @@ import pytest
 from rover_pin.simulation import native
 from rover_pin.simulation.compiled import toolchain
 from rover_pin.simulation.native.shared import DriveStruct, LoopStruct, fill
-from rover_pin.simulation.pace import CALM, FINEST, ROUGH, Pace
+from rover_pin.simulation.pace import CALM, FINEST, GLANCE, ROUGH, Pace
 
 DT, SEEDS = 0.005, 40
 SIZES = (2, 3)
@@ -27,7 +27,7 @@ int rover_pin_step(Drive *d) {
 PROBES = """
 void probe_script(const double *from, integer n) { memcpy(script, from, n * sizeof(double)); calls = 0; }
 int probe_told(double *to) { memcpy(to, steps, sizeof steps); return calls; }
-int probe_advance(Drive *d, Loop *l, int commanded) { return advance(d, l, commanded); }
+int probe_advance(Drive *d, Loop *l, int commanded, int looks) { return advance(d, l, commanded, looks); }
 """
 ROUGH_BY = 0.25
 SHARES = [
@@ -79,19 +79,16 @@ class Ours:
         self.library, self.keep = library, {}
         self.drive, self.loop = DriveStruct(), LoopStruct()
         self.q, self.v, self.saved = np.arange(2.0), np.arange(3.0), np.full(2 * sum(SIZES) + 2, 7.0)
-        fill(self.drive, self.keep, {"q": self.q, "v": self.v, "dt": DT})
+        fill(self.drive, self.keep, {"q": self.q, "v": self.v, "dt": DT, "differential": np.zeros(1)})
         moving = np.array([each.ctypes.data for each in (self.q, self.v)], dtype=np.int64)
         values = {"moving": moving, "moving_sizes": np.array(SIZES, dtype=np.int64), "n_moving": 2}
-        fill(
-            self.loop,
-            self.keep,
-            {**values, "moving_size": sum(SIZES), "saved": self.saved, "size": FINEST, "dt": DT, "rough": ROUGH_BY},
-        )
+        values |= {"moving_size": sum(SIZES), "saved": self.saved, "size": FINEST, "dt": DT, "rough": ROUGH_BY}
+        fill(self.loop, self.keep, {**values, "now": np.zeros(1)})
         at = np.ascontiguousarray(script)
         library.probe_script(ctypes.c_void_p(at.ctypes.data), ctypes.c_int64(at.size))
 
-    def advance(self, commanded):
-        return self.library.probe_advance(ctypes.byref(self.drive), ctypes.byref(self.loop), int(commanded))
+    def advance(self, commanded, looks):
+        return self.library.probe_advance(ctypes.byref(self.drive), ctypes.byref(self.loop), int(commanded), int(looks))
 
     def steps(self):
         steps = np.zeros(1024)
@@ -99,12 +96,13 @@ class Ours:
 
 
 def drawn(seed):
-    """A script, and which of some steps are commanded."""
+    """A script, and which of some steps are commanded, the last before each looked at."""
     rng = np.random.default_rng(seed)
     odds = rng.dirichlet(np.full(len(SHARES), 0.4))
     script = np.column_stack([rng.random(500) < rng.choice([0.0, 0.05]), rng.choice(SHARES, 500, p=odds)])
     script[:, 0] *= rng.integers(1, 3, 500)
-    return script, rng.random(30) < rng.choice([0.3, 0.9])
+    commanded = rng.random(31) < rng.choice([0.3, 0.9])
+    return script, list(zip(commanded[:-1], commanded[1:], strict=True))
 
 
 @pytest.mark.parametrize("seed", range(SEEDS))
@@ -113,11 +111,11 @@ def test_the_compiled_pace_takes_the_steps_of_the_plain_one(compiled, seed):
     script, commands = drawn(seed)
     theirs, ours = Scripted(script), Ours(compiled, script)
     plain = Pace(theirs, DT, ROUGH_BY)
-    for commanded in commands:
+    for each in commands:
         if theirs.calls > 300:
             break
-        begun, status = theirs.calls, plain.advance(commanded)
-        assert ours.advance(commanded) == status
+        begun, status = theirs.calls, plain.advance(*each)
+        assert ours.advance(*each) == status
         assert ours.steps() == theirs.steps, f"from step {begun} on"
         assert (ours.loop.size, ours.drive.dt) == (plain.size, theirs.dt)
         assert np.array_equal(ours.q, theirs.q)
@@ -134,10 +132,10 @@ def test_a_script_meets_what_a_pace_decides():
         script, commands = drawn(seed)
         steps = Scripted(script)
         pace, status = Pace(steps, DT, ROUGH_BY), 0
-        for commanded in commands:
+        for each in commands:
             if status == 0 and steps.calls <= 300:
-                status = pace.advance(commanded)
+                status = pace.advance(*each)
         told.add(status)
-        sizes |= {round(each / DT * FINEST) for each in steps.steps}
+        sizes |= {round(each / DT * FINEST) for each in steps.steps if each > GLANCE}
     assert sizes == {1, 2, 4, 8, 16, 32, 64}
     assert told == {0, 1, 2}

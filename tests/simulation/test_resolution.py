@@ -45,7 +45,7 @@ def test_stiffness_scales_with_modulus_and_load_or_is_zero():
     assert stiffness(10.0, wheel, Soil(k_1=0.0)) == stiffness(10.0, wheel, Soil(k_1=-5.0)) == 0.0
 
 
-@pytest.mark.parametrize("k_1", [1e5, 1e7])
+@pytest.mark.parametrize("k_1", [1e6, 1e7])
 def test_contact_frequency_is_that_of_a_small_disturbance(k_1):
     """Stable just below omega dt = 2, unstable just above, as Stoermer-Verlet's step must be: undamped, from rest."""
     model = scenario("flat", **{"soil.k_1": k_1, "effect.NormalDamping.d": 0.0}).model
@@ -88,7 +88,7 @@ def test_stiff_ground_is_driven_with_the_weight_on_the_wheels(name, k_1):
     assert trace.attrs["dt_s"] < 0.005
     assert trace.stack("normal").sum(axis=1).mean() == pytest.approx(weight, rel=0.03)
     assert trace.attrs["warnings"] == []
-    half = dataclasses.replace(drive, timing=drive.timing.halved().halved()).drive(measure_error=False)
+    half = dataclasses.replace(drive, timing=drive.timing.halved()).drive(measure_error=False)
     assert half.attrs["dt_s"] == pytest.approx(trace.attrs["dt_s"] / 2)
     assert np.abs(half["body_x"] - trace["body_x"]).max() < 1e-3
 
@@ -105,10 +105,10 @@ def test_ground_made_firmer_by_an_effect_needs_a_finer_step():
     assert firmness(Kernel(plain.model, state.copy(), 1e-9, False), plain.model) == pytest.approx(1.0, abs=0.15)
 
 
-def test_the_shipped_grounds_keep_their_step():
-    for soil in ("table-1", "dry-sand", "lunar-nominal", "mars-sand"):
+def test_the_shipped_grounds_keep_their_step_or_half_of_it():
+    for soil, most in {"table-1": 1, "dry-sand": 1, "lunar-nominal": 1, "mars-sand": 2}.items():
         model = scenario("flat", soil=soil).model
-        assert parts(model, settled(model, Start()), Timing().dt) == 1
+        assert parts(model, settled(model, Start()), Timing().dt) <= most
 
 
 def test_the_firmest_ground_of_the_terrain_decides():
@@ -122,24 +122,25 @@ def test_too_stiff_ground_is_refused_in_one_sentence():
     model = scenario("flat").model
     state = settled(model, Start())
     stiff = model.replace(soils=(Soil(k_1=1e9, n=0.1), *model.soils[1:]))
-    message = rf"too stiff for dt = 0\.01 s: the rover vibrates on it at .* rad/s, .* {MOST} are allowed: lower soil"
+    message = (
+        rf"too stiff for dt = 0\.0166667 s: the rover vibrates on it at .* rad/s, .* {MOST} are allowed: lower soil"
+    )
     for start in (state, Start()):
         with pytest.raises(SimulationError, match=message):
             simulate(stiff, ConstantDuty(0.5), 1.0, start)
     omega = contact_frequency(stiff, state)
-    assert parts(stiff, state, 199.5 * 1.2 / omega) == 200
+    assert parts(stiff, state, (MOST - 0.5) * 1.2 / omega) == MOST
     assert parts(stiff, state, 3.0 * (1.0 + 1e-12) * 1.2 / omega) == 3, "round-off is no part"
-    with pytest.raises(SimulationError, match=r"201.*200"):
-        parts(stiff, state, 200.5 * 1.2 / omega)
+    with pytest.raises(SimulationError, match=rf"{MOST + 1}.*{MOST}"):
+        parts(stiff, state, (MOST + 0.5) * 1.2 / omega)
 
 
 def test_steps_that_miss_the_load_say_so_or_are_halved(monkeypatch):
     """As it was before the step was divided; where its error is measured, it is driven at a step that is stable."""
     monkeypatch.setattr("rover_pin.simulation.tolerance.parts", lambda *_: 1)
-    drive = scenario("flat", duration=4.0, **{"soil.k_1": 3e7, "soil.k": 0.01})
-    measured = drive.drive()
-    assert (measured.attrs["dt_s"] < 0.003, measured.attrs["warnings"]) == (True, [])
-    trace = drive.drive(measure_error=False)
+    measured = scenario("flat", duration=4.0, **{"soil.k_1": 3e7, "soil.k": 0.01}).drive()
+    assert (measured.attrs["dt_s"] < 0.005, measured.attrs["warnings"]) == (True, [])
+    trace = scenario("flat", duration=4.0, **{"soil.k_1": 1e8, "soil.k": 0.01}).drive(measure_error=False)
     assert any("rover's weight" in warning for warning in trace.attrs["warnings"])
     assert trace.summary()["warnings"] == trace.attrs["warnings"]
 

@@ -77,7 +77,6 @@ def _wheels(rover: Rover, model: pin.Model) -> dict[str, Any]:
         "wheel_dof": np.array([wheel.dof for wheel in rover.wheels], dtype=np.int64),
         "axle": np.array([wheel.axle for wheel in rover.wheels], dtype=np.int64),
         "radius": rover.radii,
-        "rim_inertia": rim_inertia(model, rover),
         "n_kinds": len(kinds),
         "kind": np.asarray(kind, dtype=np.int64).ravel(),
         "kinds": kinds,
@@ -153,12 +152,6 @@ def _springs(rover: Rover, strength: float, pushed: bool) -> dict[str, Any]:
         "stop_limits": np.array(limits).ravel(),
         "stop_gain": strength * np.array(STOP_GAIN),
     }
-
-
-def rim_inertia(model: pin.Model, rover: Rover) -> np.ndarray:
-    """Return what each wheel turns about its axle [kg m^2], its rotor included: the same in any configuration."""
-    M = pin.crba(model, model.createData(), pin.neutral(model))
-    return np.array([M[wheel.dof, wheel.dof] for wheel in rover.wheels])
 
 
 def armed(rover: Rover, armature: float) -> pin.Model:

@@ -8,20 +8,6 @@ from rover_pin.base.quantity import Record, quantity
 from rover_pin.contact import Scalar
 from rover_pin.effects.effect import Drive
 
-RINGS = 6.0
-"""Time step over a motor's time constant from which the midpoint rule is damped: it would ring by over half a step."""
-
-
-def unringing(slope: float, dt: float, inertia: float) -> float:
-    """Return the slope of a motor's torque with its rate [N m s] that a step `dt` takes half of.
-
-    The midpoint rule multiplies what is left to a motor's own rate by (1 - z/2) / (1 + z/2), z = -dt slope / inertia:
-    one far faster than the step rings from step to step, and the slip rings with it. The share theta of the slope, 1/2,
-    is raised from z = 6 on to theta = 2/3 - 1/z, the least that leaves -1/2 of it a step.
-    """
-    z = -dt * slope / inertia
-    return slope * (4.0 / 3.0 - 2.0 / z) if z > RINGS else slope
-
 
 @dataclass(frozen=True)
 class Motor(Record):

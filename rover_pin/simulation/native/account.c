@@ -5,7 +5,7 @@ static void account(const Drive *d, const Step *s) {
   double soil = 0, motor = 0, other = 0, servos = 0;
   for (integer i = 0; i < d->nv; ++i) {
     double speed = d->v[i] + 0.5 * d->du[i];
-    motor += (system->motor_torque[i] + 0.5 * system->motor_slope[i] * d->du[i]) * speed;
+    motor += (system->motor_torque[i] + system->motor_slope[i] * system->felt[i]) * speed;
     other -= (system->other_Q[i] + system->other_slope[i] * d->du[i]) * speed;
   }
   for (integer k = 0; k < d->n_servos; ++k) {
@@ -30,11 +30,7 @@ static void account(const Drive *d, const Step *s) {
 
 /* The differential's torque on the left rocker: what Eq (8) lacks in its row, or what stands for it on the body. */
 static double differential_torque(const Drive *d, const System *system, const BodyPush *push) {
-  if (d->differential_left >= 0) {
-    double lacks = -system->left_side;
-    for (integer j = 0; j < d->nv; ++j) lacks += system->left_row[j] * d->du[j];
-    return lacks / d->dt;
-  }
+  if (d->differential_left >= 0) return system->differential;
   double torque = d->n_body ? push->torque : 0.0;
   for (integer j = 0; j < d->n_body; ++j) torque += push->torque_slope[j] * d->du[d->body_dof[j]];
   return torque;

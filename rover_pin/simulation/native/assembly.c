@@ -7,7 +7,7 @@ typedef struct { /* the states' step dx = (I - dt/2 r_x)^-1 dt (r + r_v dv/2): i
 /* Half of the states' step acts on the load of the implicit solve. */
 static void step_states(const Drive *d, Law *law, StateStep *step) {
   const integer nx = d->n_contact_states;
-  const double share_of_end = implicit_share(d);
+  const double share_of_end = state_share(d);
   for (integer i = 0; i < nx; ++i) {
     step->of[i][0] = d->dt * law->rate[i];
     for (int j = 0; j < 4; ++j) step->of[i][1 + j] = d->dt * law->rate_by_speed[i][j];
@@ -139,8 +139,8 @@ static void slope_row(const Drive *d, const Wheel *w, const WheelLoad *sum, inte
   for (int i = 0; i < 6; ++i) slope[i] += free * (sum->spring[i][0] * x + sum->spring[i][1] * y + sum->spring[i][2] * z);
 }
 
-/* J^T wrench into the forces, and its slopes by `half` into the left side. */
-static void add_wheel(const Drive *d, const Wheel *w, const WheelLoad *sum, double half, System *system) {
+/* J^T wrench into the forces, and its slopes by `implicit_dt` into the left side. */
+static void add_wheel(const Drive *d, const Wheel *w, const WheelLoad *sum, double implicit_dt, System *system) {
   const double *J[6] = {w->lin[0], w->lin[1], w->lin[2], w->ang[0], w->ang[1], w->ang[2]};
   for (integer k = 0; k < w->rows; ++k) {
     Row slope[6];
@@ -149,7 +149,7 @@ static void add_wheel(const Drive *d, const Wheel *w, const WheelLoad *sum, doub
     for (integer i = 0; i < w->n; ++i) {
       Row row = J[0][i] * slope[0];
       for (int a = 1; a < 6; ++a) row += J[a][i] * slope[a];
-      row *= half;
+      row *= implicit_dt;
       double *target = system->A[w->cols[i]];
       integer j = first;
       if (k == 0) { /* the base's columns come first in every wheel's, and in A */

@@ -32,6 +32,14 @@ typedef struct { /* Jacobian of the centre in columns: along (lin), about (ang),
 
 static double dot(const double *a, const double *b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
+/* Sum of a row times a column, both in whole rows of 8. */
+static double along(const double *row, const double *speeds, integer rows) {
+  const Row *a = (const Row *)row, *b = (const Row *)speeds;
+  Row sum = a[0] * b[0];
+  for (integer k = 1; k < rows; ++k) sum += a[k] * b[k];
+  return ((sum[0] + sum[1]) + (sum[2] + sum[3])) + ((sum[4] + sum[5]) + (sum[6] + sum[7]));
+}
+
 static void cross(const double *a, const double *b, double *out) {
   out[0] = a[1] * b[2] - a[2] * b[1];
   out[1] = a[2] * b[0] - a[0] * b[2];

@@ -70,6 +70,9 @@ static int follow(Drive *d, Loop *l) {
   return OK;
 }
 
+/* Whether there is a command or a row before step k. */
+static int is_border(const Loop *l, integer k) { return k % l->per_control == 0 || k % l->per_sample == 0; }
+
 /* Go on until the last step, the row `until`, a failure, or a question to a controller; say which. */
 int rover_pin_run(Drive *d, Loop *l, integer until) {
   while (l->k < l->steps && l->row < until) {
@@ -81,9 +84,8 @@ int rover_pin_run(Drive *d, Loop *l, integer until) {
     if (l->duty_fixed && l->k % l->per_control == 0) command(d, l);
     if (l->duty_rows && l->k % l->per_sample == 0) take_row(d, l, l->k / l->per_sample);
     if (l->rate_rows) hold(d, l);
-    const int commanded = l->k % l->per_control == 0 || l->k % l->per_sample == 0;
-    const int status = l->followed ? follow(d, l) : advance(d, l, commanded);
-    l->seen = 0;
+    l->seen = !l->followed && !l->place_rows && is_border(l, l->k + 1);
+    const int status = l->followed ? follow(d, l) : advance(d, l, is_border(l, l->k), l->seen);
     if (status) return status;
     if (++l->k % l->per_sample) continue;
     rover_pin_row(d, l, l->log + l->row * l->row_size);

@@ -7,13 +7,6 @@ static double bus_current(const Drive *d) {
   return total;
 }
 
-/* The slope that a step takes of a motor: by the midpoint rule one far faster than the step would ring, and the slip with
-   it. See motor.py. */
-static double unringing(const Drive *d, integer index, double slope) {
-  const double z = -d->dt * slope / d->rim_inertia[index];
-  return z > RINGS && !d->settling ? slope * (4.0 / 3.0 - 2.0 / z) : slope;
-}
-
 /* One wheel's part of the law's column, whose numbers are LANES apart. */
 static void add_motor(const Drive *d, integer index, const double *next, System *system, double step[][2]) {
   const integer dof = d->wheel_dof[index], nx = d->n_motor_states;
@@ -34,16 +27,16 @@ static void add_motor(const Drive *d, integer index, const double *next, System 
     slope += 0.5 * by_state[i] * step[i][1];
   }
   record[RECORD_TORQUE] = system->motor_torque[dof] = torque;
-  system->motor_slope[dof] = unringing(d, index, slope);
+  system->motor_slope[dof] = slope;
 }
 
 /* Wheels held to a rate at the step's end: (M + J) du = J (rate - v), J so large that M hardly counts. */
 static void hold_rates(const Drive *d, System *system) {
   for (integer w = 0; w < d->n_wheels; ++w) {
     const integer dof = d->wheel_dof[w];
-    const double gain = d->hold_inertia[w] / d->dt;
+    const double gain = d->hold_inertia[w] / (implicit_share(d) * d->dt);
     system->motor_torque[dof] = gain * (d->held_rate[w] - d->v[dof]);
-    system->motor_slope[dof] = -2.0 * gain;
+    system->motor_slope[dof] = -gain;
   }
 }
 
@@ -51,7 +44,7 @@ static void hold_rates(const Drive *d, System *system) {
 static void end_held(const Drive *d, const System *system) {
   for (integer w = 0; w < d->n_wheels; ++w) {
     const integer dof = d->wheel_dof[w];
-    d->record[w * N_RECORD + RECORD_TORQUE] = system->motor_torque[dof] + 0.5 * system->motor_slope[dof] * d->du[dof];
+    d->record[w * N_RECORD + RECORD_TORQUE] = system->motor_torque[dof] + system->motor_slope[dof] * system->felt[dof];
   }
 }
 

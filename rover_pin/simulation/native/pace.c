@@ -34,8 +34,35 @@ static void keep(Drive *d, Loop *l, integer left) {
   }
 }
 
-/* Advance by dt, in parts where it takes them; `commanded`: the step before cannot be taken again. */
-static int advance(Drive *d, Loop *l, int commanded) {
+static void keep_now(const Drive *d, const Loop *l) {
+  const integer n = d->n_wheels * N_RECORD;
+  memcpy(l->now, d->record, n * sizeof(double));
+  l->now[n] = *d->differential;
+}
+
+/* Let `now` be of this instant, by a step in which nothing moves; the slot is written over. */
+static void look(Drive *d, Loop *l, integer slot) {
+  const double dt = d->dt;
+  save(l, slot);
+  d->dt = GLANCE;
+  rover_pin_step(d);
+  keep_now(d, l);
+  restore(l, slot);
+  d->dt = dt;
+  l->before_size = 0; /* its place may be taken */
+}
+
+/* Look at the end of the last step, which began in this slot: 1 if it is to be taken again. */
+static int misjudged_at_end(Drive *d, Loop *l, integer slot, integer size) {
+  look(d, l, 1 - slot);
+  if (size == 1 || !(d->misjudged > l->rough * ROUGH)) return 0;
+  take_again(d, l, slot, size);
+  return 1;
+}
+
+/* Advance by dt, in parts where it takes them. `commanded`: the step before cannot be taken again; `looks`: nor can the
+   last of these later, whose end is looked at. */
+static int advance(Drive *d, Loop *l, int commanded, int looks) {
   if (commanded) l->before_size = 0;
   for (integer left = FINEST; left;) {
     const integer here = 1 - l->before, size = l->size;
@@ -52,6 +79,7 @@ static int advance(Drive *d, Loop *l, int commanded) {
       keep(d, l, left);
       l->before = here;
       l->before_size = size;
+      if (!left && looks && misjudged_at_end(d, l, here, size)) left = size;
     }
   }
   return OK;

@@ -20,24 +20,6 @@ static void find_velocity(const double *q, const double *v, double *velocity) {
   for (int i = 0; i < 3; ++i) velocity[i] = v[i] + 2.0 * (q[6] * once[i] + twice[i]);
 }
 
-static void keep_now(const Drive *d, const Loop *l) {
-  const integer n = d->n_wheels * N_RECORD;
-  memcpy(l->now, d->record, n * sizeof(double));
-  l->now[n] = *d->differential;
-}
-
-/* Let `now` be of this instant, by a step in which nothing moves. */
-static void look(Drive *d, Loop *l) {
-  const double dt = d->dt;
-  save(l, 0);
-  d->dt = GLANCE;
-  rover_pin_step(d);
-  keep_now(d, l);
-  restore(l, 0);
-  d->dt = dt;
-  l->before_size = 0; /* its place is taken */
-}
-
 /* Let the motors' part of `now` be of this instant. */
 static void look_at_motors(Drive *d, Loop *l) {
   const double dt = d->dt;
@@ -59,7 +41,7 @@ static void observe(Drive *d, Loop *l) {
     keep_now(d, l);
     if (!d->held_rate) look_at_motors(d, l);
   } else {
-    look(d, l);
+    look(d, l, 0);
   }
   l->seen = 1;
 }

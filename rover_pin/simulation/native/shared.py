@@ -12,9 +12,10 @@ import numpy as np
 from rover_pin.base.quantity import Record, quantities
 from rover_pin.contact import Soil, Wheel
 from rover_pin.simulation.compiled.laws import GEOMETRY, MAX_STATES
-from rover_pin.simulation.model.motor import RINGS
 from rover_pin.simulation.pace import CALM, FINEST, GLANCE, ROUGH
 
+GAMMA = 1.0 - math.sqrt(0.5)
+"""Weight of a step's end in its solve for the speeds (`plain/step.py`)."""
 MAX_DOF, MAX_COLS = 48, 24
 MOST = {"DOF": MAX_DOF, "COLS": MAX_COLS, "STATES": MAX_STATES, "MOTOR_OUT": 128, "SPOTS": 64}
 """The most of each that the step holds; COLS in whole rows of 8, SPOTS: patches whose laws are worked out together."""
@@ -38,7 +39,6 @@ ARRAYS = {
     "axes points rotation potential": "",
     "rigid_held gravity armature": "",
     "radius": "of each wheel",
-    "rim_inertia": "of each wheel about its axle, its rotor's included",
     "kinds": "the quantities of each kind of wheel: n_kinds x N_WHEEL",
     "servo_target servo_gain": "gain: stiffness, damping",
     "stop_limits stop_gain": "limits: lower, upper per stop",
@@ -75,7 +75,7 @@ INDICES = {
     "bin bin_start": "the last point at or behind each bin's begin, and where a lane's bins begin",
 }
 """Arrays of integer, likewise."""
-PACE = {"FINEST": FINEST, "ROUGH": ROUGH, "CALM": CALM, "GLANCE": GLANCE, "RINGS": RINGS}
+PACE = {"FINEST": FINEST, "ROUGH": ROUGH, "CALM": CALM, "GLANCE": GLANCE, "GAMMA": GAMMA}
 FUNCTIONS = "contact_before body_law rigid_body".split()
 LANES_FUNCTIONS = "contact_law motor_law".split()
 

@@ -1,6 +1,15 @@
-/* The new speeds: (M - dt/2 D) du = dt (Q - nle), by the tree's own elimination. */
+/* The new speeds, as plain/step.py says, by the tree's own elimination. */
 
 #define LEAST_PIVOT 1e-12 /* of what stood on the diagonal */
+
+static void substitute_back(const Drive *d, double A[][MAX_DOF], double *b) {
+  for (integer o = d->n_free - 1; o >= 0; --o) {
+    const integer k = d->free_order[o], m = d->free_count[o], *above = d->free_above + o * MAX_DOF;
+    double sum = b[k];
+    for (integer a = 0; a < m; ++a) sum -= A[k][above[a]] * b[above[a]];
+    b[k] = sum * A[k][k];
+  }
+}
 
 /* Eliminate in the order of `free_order`, from the leaves to the base: nothing fills in that `free_above` does not list,
    whose first entries are the base's. No row is exchanged; return SINGULAR where that asks for one. */
@@ -23,13 +32,18 @@ static int eliminate(const Drive *d, double A[][MAX_DOF], double *b) {
       for (integer c = 6; c < m; ++c) row[above[c]] -= factor * pivot[above[c]];
     }
   }
-  for (integer o = d->n_free - 1; o >= 0; --o) {
-    const integer k = d->free_order[o], m = d->free_count[o], *above = d->free_above + o * MAX_DOF;
-    double sum = b[k];
-    for (integer a = 0; a < m; ++a) sum -= A[k][above[a]] * b[above[a]];
-    b[k] = sum * A[k][k];
-  }
+  substitute_back(d, A, b);
   return OK;
+}
+
+/* Solve for another right side with what `eliminate` left of A. */
+static void solve_again(const Drive *d, double A[][MAX_DOF], double *b) {
+  for (integer o = 0; o < d->n_free; ++o) {
+    const integer k = d->free_order[o], m = d->free_count[o], *above = d->free_above + o * MAX_DOF;
+    const double b_k = A[k][k] * b[k];
+    for (integer a = 0; a < m; ++a) b[above[a]] -= A[above[a]][k] * b_k;
+  }
+  substitute_back(d, A, b);
 }
 
 /* Gaussian elimination with row pivoting on A (n x n) and b. */
@@ -57,7 +71,7 @@ static int eliminate_pivoted(integer n, double A[][MAX_DOF], double *b) {
   return OK;
 }
 
-/* The same equations with every row free to be exchanged; A is lost. */
+/* The same equations with every row free to be exchanged. */
 static int solve_pivoted(const Drive *d, double A[][MAX_DOF], double *b) {
   double x[MAX_DOF], packed[MAX_DOF][MAX_DOF];
   const integer n = d->n_free;
@@ -70,50 +84,79 @@ static int solve_pivoted(const Drive *d, double A[][MAX_DOF], double *b) {
   return status;
 }
 
-/* v_follower = ratio v_leader: a follower's row and column go to its leader's. */
-static void couple(const Drive *d, System *system, double *b) {
+/* v_follower = ratio v_leader: what acts on a follower goes to its leader. */
+static void couple(const Drive *d, double *b) {
+  for (integer c = 0; c < d->n_coupled; ++c) b[d->coupled_dof[2 * c + 1]] += d->coupled_ratio[c] * b[d->coupled_dof[2 * c]];
+}
+
+/* So do a follower's row and column. */
+static void couple_system(const Drive *d, double A[][MAX_DOF]) {
   for (integer c = 0; c < d->n_coupled; ++c) {
     const integer follower = d->coupled_dof[2 * c], leader = d->coupled_dof[2 * c + 1];
     const double ratio = d->coupled_ratio[c];
-    for (integer j = 0; j < d->nv; ++j) system->A[leader][j] += ratio * system->A[follower][j];
-    for (integer i = 0; i < d->nv; ++i) system->A[i][leader] += ratio * system->A[i][follower];
-    b[leader] += ratio * b[follower];
+    for (integer j = 0; j < d->nv; ++j) A[leader][j] += ratio * A[follower][j];
+    for (integer i = 0; i < d->nv; ++i) A[i][leader] += ratio * A[i][follower];
   }
 }
 
-/* Motors by the midpoint rule; springs and the body's push fully implicit. */
+static void set_followers(const Drive *d, double *speeds) {
+  for (integer c = 0; c < d->n_coupled; ++c)
+    speeds[d->coupled_dof[2 * c]] = d->coupled_ratio[c] * speeds[d->coupled_dof[2 * c + 1]];
+}
+
+/* Motors as the soil; springs and the body's push fully implicit, as if they were mass. */
 static void complete_system(const Drive *d, System *system, const BodyPush *push) {
-  const double half = implicit_share(d) * d->dt;
+  const double implicit_dt = implicit_share(d) * d->dt;
   for (integer i = 0; i < d->nv; ++i) {
-    system->A[i][i] -= half * system->motor_slope[i] + d->dt * system->other_slope[i];
+    const double other = d->dt * system->other_slope[i];
+    system->A[i][i] -= implicit_dt * system->motor_slope[i] + other;
+    system->mass[i][i] -= other;
     system->force[i] += system->motor_torque[i] + system->other_Q[i] - d->nle[i];
   }
   for (integer j = 0; j < d->n_body; ++j) {
     system->force[d->body_dof[j]] += push->Q[j];
-    for (integer i = 0; i < d->n_body; ++i)
-      system->A[d->body_dof[i]][d->body_dof[j]] -= d->dt * push->D[i + j * d->n_body];
+    for (integer i = 0; i < d->n_body; ++i) {
+      const double other = d->dt * push->D[i + j * d->n_body];
+      system->A[d->body_dof[i]][d->body_dof[j]] -= other;
+      system->mass[d->body_dof[i]][d->body_dof[j]] -= other;
+    }
   }
 }
 
+/* A k_1 = dt force and A k_2 = mass k_1: du = gamma k_1 + (1 - gamma) k_2, in the mean forces gamma (k_1 + (1 - gamma) k_2). */
 static int solve_speeds(Drive *d, System *system) {
-  double b[MAX_DOF], again[MAX_DOF];
+  _Alignas(64) double first[MAX_DOF] = {0.0};
+  double b[MAX_DOF], second[MAX_DOF], left_row[MAX_DOF], lacks = 0.0;
   const integer nv = d->nv, left = d->differential_left;
+  const double gamma = implicit_share(d);
   for (integer i = 0; i < nv; ++i) b[i] = d->dt * system->force[i];
   if (left >= 0) {
-    memcpy(system->left_row, system->A[left], nv * sizeof(double));
-    system->left_side = b[left];
+    memcpy(left_row, system->A[left], nv * sizeof(double));
+    lacks = -b[left];
   }
-  couple(d, system, b);
-  memcpy(again, b, nv * sizeof(double));
+  couple_system(d, system->A);
+  couple(d, b);
+  memcpy(first, b, nv * sizeof(double));
   for (integer i = 0; i < nv; ++i) memcpy(system->kept[i], system->A[i], nv * sizeof(double));
-  int status = eliminate(d, system->A, b);
-  if (status != OK) {
+  int status = eliminate(d, system->A, first);
+  const int pivots = status != OK;
+  if (pivots) {
     ++d->pivoted;
-    memcpy(b, again, nv * sizeof(double));
-    status = solve_pivoted(d, system->kept, b);
+    memcpy(first, b, nv * sizeof(double));
+    status = solve_pivoted(d, system->kept, first);
   }
-  memcpy(d->du, b, nv * sizeof(double));
-  for (integer c = 0; c < d->n_coupled; ++c)
-    d->du[d->coupled_dof[2 * c]] = d->coupled_ratio[c] * d->du[d->coupled_dof[2 * c + 1]];
+  set_followers(d, first);
+  for (integer i = 0; i < nv; ++i) second[i] = along(system->mass[i], first, (nv + 7) / 8);
+  if (left >= 0) lacks -= (1.0 - gamma) * second[left];
+  couple(d, second);
+  if (pivots) solve_pivoted(d, system->kept, second);
+  else solve_again(d, system->A, second);
+  set_followers(d, second);
+  for (integer i = 0; i < nv; ++i) {
+    d->du[i] = gamma * first[i] + (1.0 - gamma) * second[i];
+    system->felt[i] = gamma * (first[i] + (1.0 - gamma) * second[i]);
+    if (left >= 0) lacks += left_row[i] * system->felt[i] / gamma;
+  }
+  system->differential = lacks / d->dt;
   return status;
 }

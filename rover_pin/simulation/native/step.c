@@ -19,7 +19,7 @@ static void clear_forces(const Drive *d, System *system) {
 
 /* What the soil does to all wheels: their loads, and the equations' part of them. */
 static void add_soil(Drive *d, Step *s) {
-  const double half = implicit_share(d) * d->dt;
+  const double implicit_dt = implicit_share(d) * d->dt;
   for (integer w = 0; w < d->n_wheels; ++w) {
     look_at_wheel(d, w, s->wheels + w);
     find_spots(d, s, w);
@@ -29,14 +29,14 @@ static void add_soil(Drive *d, Step *s) {
   for (integer w = 0; w < d->n_wheels; ++w) {
     finish_wheel(d, w, s->loads + w);
     d->misjudged = larger(d->misjudged, misjudged(d, w, s->loads + w));
-    add_wheel(d, s->wheels + w, s->loads + w, half, &s->system);
+    add_wheel(d, s->wheels + w, s->loads + w, implicit_dt, &s->system);
   }
 }
 
 static void end_motors(const Drive *d, const Step *s) {
   for (integer w = 0; w < d->n_wheels; ++w)
     for (integer i = 0; i < d->n_motor_states; ++i)
-      d->motor_states[w * d->n_motor_states + i] += s->motor_steps[w][i][0] + 0.5 * s->motor_steps[w][i][1] * d->du[d->wheel_dof[w]];
+      d->motor_states[w * d->n_motor_states + i] += s->motor_steps[w][i][0] + s->motor_steps[w][i][1] * s->system.felt[d->wheel_dof[w]];
 }
 
 static int add_speeds(const Drive *d) {
@@ -55,6 +55,7 @@ int rover_pin_step(Drive *d) {
   drift(d);
   move_body(d);
   set_inertia(d, s->system.A);
+  set_inertia(d, s->system.mass);
   clear_forces(d, &s->system);
   add_soil(d, s);
   add_motors(d, bus, s);
@@ -64,7 +65,7 @@ int rover_pin_step(Drive *d) {
   complete_system(d, &s->system, &s->push);
   int status = solve_speeds(d, &s->system);
   if (status != OK) return status;
-  for (integer w = 0; w < d->n_wheels; ++w) end_wheel(d, w, s->wheels + w, s->loads + w);
+  for (integer w = 0; w < d->n_wheels; ++w) end_wheel(d, w, s->wheels + w, s->system.felt, s->loads + w);
   if (d->accounts) account(d, s);
   *d->differential = differential_torque(d, &s->system, &s->push);
   end_motors(d, s);

@@ -1,7 +1,10 @@
 /* What is implicit, and how much: driving, and while a rover is set down. */
 
-/* Weight of the step's end in what is taken implicitly: the midpoint rule drives, implicit Euler sets down. */
-static double implicit_share(const Drive *d) { return d->settling ? 1.0 : 0.5; }
+/* Weight of the step's end in the solve for the speeds: implicit Euler, 1, sets down. */
+static double implicit_share(const Drive *d) { return d->settling ? 1.0 : GAMMA; }
+
+/* The same in the effects' own states: the midpoint rule drives. */
+static double state_share(const Drive *d) { return d->settling ? 1.0 : 0.5; }
 
 /* While a rover is set down, the normal spring is implicit too: how the load rises with depth over half a step. In hand
    nothing else changes with the speeds. */

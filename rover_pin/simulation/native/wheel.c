@@ -13,14 +13,6 @@ static void set_column(const Drive *d, integer k, const double *p, integer colum
   }
 }
 
-/* Sum of a row of the Jacobian over speeds, of which there is one a column. */
-static double along(const double *row, const double *speeds, integer rows) {
-  const Row *a = (const Row *)row, *b = (const Row *)speeds;
-  Row sum = a[0] * b[0];
-  for (integer k = 1; k < rows; ++k) sum += a[k] * b[k];
-  return ((sum[0] + sum[1]) + (sum[2] + sum[3])) + ((sum[4] + sum[5]) + (sum[6] + sum[7]));
-}
-
 /* A wheel's columns of a vector of speeds; zero beyond. */
 static void take_columns(const Wheel *wheel, const double *speeds, double *taken) {
   for (integer j = 0; j < 8 * wheel->rows; ++j) taken[j] = 0.0;

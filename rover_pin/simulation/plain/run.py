@@ -23,13 +23,17 @@ def run_plain(drive: Drive, duration: float, progress: Progress | None) -> Ran:
     rows, count = np.zeros(steps // per_sample, dtype=row_type(drive.model)), 0
     begun = drive.checkpoint or Checkpoint(state.t, 0, pace.size)
     pace.go_on(begun)
+
+    def is_border(k: int) -> bool:
+        return k % per_control == 0 or k % per_sample == 0
+
     for k in range(begun.steps, begun.steps + steps):
         if k % per_control == 0:
             now = np.zeros(1, dtype=rows.dtype)
             _log(drive, now[0])
             obey(drive, Instant(now, 0, places))
         if drive.followed is None:
-            status = pace.advance(k % per_control == 0 or k % per_sample == 0)
+            status = pace.advance(is_border(k), is_border(k + 1))
         else:
             status = pace.follow(drive.followed, (k + 1) * timing.dt)
         if status:

@@ -1,16 +1,21 @@
 """The step in plain NumPy and Pinocchio: slow, readable, and the reference of the compiled kernel.
 
-One step of Eq (8), second order: half a step of the configuration, the velocities by the linearly implicit midpoint
-rule with the forces there, the other half. With u the velocities, x the effects' own states, Q(u, x) the soil's
-generalised force and tau(u) the motors',
+One step of Eq (8), second order: half a step of the configuration, the velocities by a Rosenbrock method with the
+forces there, the other half. With u the velocities, x the effects' own states, Q(u, x) the soil's generalised force and
+tau(u) the motors',
 
-    q <- q (+) dt/2 u,    (M - dt/2 D) du = dt (Q + tau - nle) + G^T lambda,    G (u + du) = 0,
-    D = dQ/du + dQ/dx dx/du + dtau/du,    u <- u + du,    q <- q (+) dt/2 u,
+    q <- q (+) dt/2 u,    F = Q + tau - nle,    D = dQ/du + dQ/dx dx/du + dtau/du,    gamma = 1 - 1/sqrt(2),
+    (M - gamma dt D) k_1 = dt F + G^T lambda_1,    (M - gamma dt D) k_2 = M k_1 + G^T lambda_2,
+    du = gamma k_1 + (1 - gamma) k_2,    G (u + du) = 0,    u <- u + du,    q <- q (+) dt/2 u.
 
-where the states' own step dx = (I - dt/2 r_x)^-1 dt (r + r_u du/2), r = dx/dt, enters Q with one half. Steering servos,
-end stops and what pushes the body are taken fully implicitly. Forces that change with u are thus stiffly stable,
-those of the soil that change with q (a spring of some 2 kN/m a wheel) are explicit, and stable to steps of ten times
-the default.
+With z = dt M^-1 D it leaves (1 + (1 - 2 gamma) z) / (1 - gamma z)^2 of what decays: exp(z) to second order, and nothing
+of what is far faster than the step (L-stable); by the midpoint rule motors would ring until the next command. The mean
+force of the step is F + D w, w = gamma (k_1 + (1 - gamma) k_2) in place of du/2. The states' own step
+dx = (I - dt/2 r_x)^-1 dt (r + r_u w), r = dx/dt, enters Q with one half. Steering servos, end stops and what pushes the
+body are taken fully implicitly: their slopes times dt are in M. Forces that change with u are thus stiffly stable,
+those of the soil that change with q (a spring of some 2 kN/m a wheel) are explicit.
+
+Source: Hairer and Wanner, Solving Ordinary Differential Equations II (1996), sections IV.6 and IV.7.
 """
 
 from collections.abc import Sequence
@@ -23,11 +28,10 @@ from rover_pin.rover.constraints import constraint_rows
 from rover_pin.simulation.compiled import laws
 from rover_pin.simulation.compiled.body_law import body_law
 from rover_pin.simulation.compiled.kernel import HOLDING
-from rover_pin.simulation.compiled.rover_numbers import SERVO_GAIN, STOP_GAIN, armed, rim_inertia
+from rover_pin.simulation.compiled.rover_numbers import SERVO_GAIN, STOP_GAIN, armed
 from rover_pin.simulation.compiled.suspension import joint_strength, joints_of, suspension_dofs, suspension_places
 from rover_pin.simulation.model.model import Model
-from rover_pin.simulation.model.motor import unringing
-from rover_pin.simulation.native.shared import ENERGY, RECORD
+from rover_pin.simulation.native.shared import ENERGY, GAMMA, RECORD
 from rover_pin.simulation.plain.law import LawValue, PlainLaw
 from rover_pin.simulation.state import DriveState
 from rover_pin.terrain.section import Facet, Patch, WheelFrame, patches, wheel_frame
@@ -41,7 +45,6 @@ class Plain:
         self.rover, self.ground = model.built, model.ground
         self.pin_model = armed(self.rover, float(model.motor.armature))
         self.data = self.pin_model.createData()
-        self.rim_inertia = rim_inertia(self.pin_model, self.rover)
         n = len(self.rover.wheels)
         self.record, self.loads, self.energy = np.zeros((n, len(RECORD))), np.zeros((n, 6)), np.zeros(len(ENERGY))
         self.mean_loads, self.load_slopes = np.zeros((n, 6)), np.zeros((n, 6, self.pin_model.nv))
@@ -95,18 +98,19 @@ class Plain:
         motor_Q, motor_D, motor_steps = self._motors()
         spring_Q, spring_D = self._springs()
         push_Q, push_D = self._push()
-        du = self._solve(
-            self.soil_Q + motor_Q + spring_Q + push_Q, self.soil_D + np.diag(motor_D + 2.0 * spring_D) + 2.0 * push_D
+        du, felt = self._solve(
+            self.soil_Q + motor_Q + spring_Q + push_Q, self.soil_D + np.diag(motor_D), np.diag(spring_D) + push_D
         )
         self.foreseen[:] = self.end + self.end_slope @ du
-        self.mean_loads[:] = self.loads + 0.5 * self.load_slopes @ du
+        self.mean_loads[:] = self.loads + self.load_slopes @ felt
+        motor = motor_Q + motor_D * felt
         if self.held_rate is not None:
-            self.record[:, 9] = (motor_Q + 0.5 * motor_D * du)[[wheel.dof for wheel in self.rover.wheels]]
-        self._account(du, motor_Q + 0.5 * motor_D * du, spring_Q + spring_D * du, push_Q + push_D @ du)
+            self.record[:, 9] = motor[[wheel.dof for wheel in self.rover.wheels]]
+        self._account(du, self.soil_Q + self.soil_D @ felt, motor, spring_Q + spring_D * du, push_Q + push_D @ du)
         for index, (gain, slope) in enumerate(updates):
-            state.contact[index] += gain + 0.5 * slope @ du
+            state.contact[index] += gain + slope @ felt
         for wheel, row, (gain, slope) in zip(self.rover.wheels, state.motor, motor_steps, strict=True):
-            row += gain + 0.5 * slope * du[wheel.dof]
+            row += gain + slope * felt[wheel.dof]
         state.v += du
         if self.symmetric:
             perm, sign = self.rover.mirror
@@ -114,19 +118,22 @@ class Plain:
         state.q[:] = pin.integrate(self.pin_model, state.q, 0.5 * self.dt * state.v)
         return 0 if np.all(np.isfinite(state.v)) else 1
 
-    def _solve(self, force: np.ndarray, D: np.ndarray) -> np.ndarray:
+    def _solve(self, force: np.ndarray, D: np.ndarray, implicit_D: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return du and w; `implicit_D` is the slope of what is taken fully implicitly."""
         model, state = self.pin_model, self.state
         M = pin.crba(model, self.data, state.q)
-        M = np.triu(M) + np.triu(M, 1).T
+        mass = np.triu(M) + np.triu(M, 1).T - self.dt * implicit_D
         nle = pin.nonLinearEffects(model, self.data, state.q, state.v)
-        effective_mass, right = M - 0.5 * self.dt * D, self.dt * (force - nle)
+        effective_mass = mass - GAMMA * self.dt * D
         rigid = self.rover.differential is not None and self.model.rigid_differential
         G = constraint_rows(self.rover, differential=rigid)
         saddle = np.block([[effective_mass, G.T], [G, np.zeros((len(G), len(G)))]])
-        solved = np.linalg.solve(saddle, np.append(right, -G @ state.v))
+        first = np.linalg.solve(saddle, np.append(self.dt * (force - nle), -G @ state.v))
+        second = np.linalg.solve(saddle, np.append(mass @ first[: model.nv], -G @ state.v))
+        solved, felt = GAMMA * first + (1.0 - GAMMA) * second, GAMMA * (first + (1.0 - GAMMA) * second)
         du = solved[: model.nv]
-        self.differential[0] = -solved[model.nv] / self.dt if rigid else self.torque + self.torque_slope @ du
-        return np.asarray(du)
+        self.differential[0] = -felt[model.nv] / GAMMA / self.dt if rigid else self.torque + self.torque_slope @ du
+        return np.asarray(du), np.asarray(felt[: model.nv])
 
     def _wheel(self, index: int) -> tuple[np.ndarray, np.ndarray]:
         """Add a wheel's patches; return how its states move: gain and slope by du."""
@@ -220,8 +227,7 @@ class Plain:
             gain = np.linalg.solve(implicit, self.dt * rate)
             gain_slope = np.linalg.solve(implicit, self.dt * rate_slope)
             torque[wheel.dof] = out[0] + 0.5 * by_state @ gain
-            by_rate = float(out[1] + 0.5 * by_state @ gain_slope)
-            slope[wheel.dof] = unringing(by_rate, self.dt, self.rim_inertia[index])
+            slope[wheel.dof] = out[1] + 0.5 * by_state @ gain_slope
             steps.append((gain, gain_slope))
             self.record[index, 9:12] = torque[wheel.dof], out[2], out[3]
         self._hold(torque, slope)
@@ -232,9 +238,9 @@ class Plain:
         if self.held_rate is None:
             return
         for wheel, rate in zip(self.rover.wheels, self.held_rate, strict=True):
-            gain = HOLDING * self.rover.mass * float(wheel.wheel.r) ** 2 / self.dt
+            gain = HOLDING * self.rover.mass * float(wheel.wheel.r) ** 2 / (GAMMA * self.dt)
             torque[wheel.dof] = gain * (rate - self.state.v[wheel.dof])
-            slope[wheel.dof] = -2.0 * gain
+            slope[wheel.dof] = -gain
 
     def _springs(self) -> tuple[np.ndarray, np.ndarray]:
         """Return steering servos and end stops (which push, never pull): stiff springs taken at the end of the step."""
@@ -272,16 +278,17 @@ class Plain:
         self.torque, self.torque_slope[at] = float(out[m + m * m]), out[m + m * m + 1 :]
         return force, slope
 
-    def _account(self, du: np.ndarray, motor: np.ndarray, springs: np.ndarray, push: np.ndarray) -> None:
+    def _account(
+        self, du: np.ndarray, soil: np.ndarray, motor: np.ndarray, springs: np.ndarray, push: np.ndarray
+    ) -> None:
         speed = self.state.v + 0.5 * du
         stopped = springs.copy()
         stopped[self.servo_dofs] = 0.0
         electric = float(np.sum(self.record[:, 10] * self.record[:, 11] * self.duty))
-        soil = (self.soil_Q + 0.5 * self.soil_D @ du) @ speed
         steered = (springs - stopped) @ speed
         self.impulse += self.dt * self.loads[:, :3].sum(axis=0)
         self.energy += self.dt * np.array(
-            [motor @ speed, -soil, -(stopped @ speed), -steered, electric, -(push @ speed)]
+            [motor @ speed, -(soil @ speed), -(stopped @ speed), -steered, electric, -(push @ speed)]
         )
 
 
