@@ -22,7 +22,7 @@ DIGGING = {
     "Eq 9, where it has a table": "Eq 9",
 }
 DRIVE = {
-    "at the default step of 10 ms [s]": "ditch [s]",
+    "at the default step of 17 ms [s]": "ditch [s]",
     "the same, its error measured [s]": "ditch with its error [s]",
     "the coarsest step within the tolerance [ms]": "step within the tolerance [ms]",
     "at that step [s]": "ditch at that step [s]",

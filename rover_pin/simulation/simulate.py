@@ -62,19 +62,17 @@ def simulate(
     progress : callable, optional
         Called with the time driven so far [s].
     measure_error : bool
-        Drive twice more by the same steps, two and four at a time, which tells their error, and again by those steps in
-        halves, up to FINER times as fine, until that is within `timing.tolerance`; on ground that bears no longer
-        steps in halves at once. Most drives take 1.75 or 3 times as long. A controller of one's own is not asked
-        again: the error is that under its commands. False: once.
+        Drive again by the same steps in halves, which tells their error, and by these, up to FINER times as fine,
+        until that is within `timing.tolerance`. Most drives take 3 times as long. A controller of one's own is not
+        asked again: the error is that under its commands. False: once.
 
     Returns
     -------
     Trace
         `attrs["stop"]` says why it ended: "duration", or "capsized", "buried", "folded" or "diverged" with the time
-        and the part. What was driven until then is kept. `attrs["step_error_m"]` is 1.5 times the greatest distance
-        in x and y from the drive at twice the steps, or a quarter of the one between that and four times the steps,
-        where that is more; three times that at half of them under a controller of one's own on ground that asks for
-        fine steps;
+        and the part. What was driven until then is kept. `attrs["step_error_m"]` is 4 times the greatest distance
+        in x and y from the drive by its steps in halves; of a drive that was halved, twice that from the one before,
+        or, where that is more, as much as a quarter of the change before leaves;
         `attrs["step_error_load"]` the same of the wheels' mean loads, as a share of them. `attrs["dt_s"]`
         is the step that kept the tolerance; a warning says where none did. No error is there where it was not
         measured: a part that goes on, a controller of one's own between the rows.

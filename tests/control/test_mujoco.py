@@ -38,9 +38,9 @@ def no_soil_is_left():
 
 
 def ours(name):
-    """Drive by our step at an eighth of its usual length."""
+    """Drive by our step at a sixteenth of its usual length."""
     case, steer = CASES[name]
-    fine = dataclasses.replace(case.timing, dt=case.timing.dt / 8)
+    fine = dataclasses.replace(case.timing, dt=case.timing.dt / 16)
 
     def control(reading):
         return Command(0.55, np.array(steer)) if steer else 0.55
@@ -85,7 +85,7 @@ def test_mujoco_comes_where_our_step_does(name):
         assert soil.of_wheels("sinkage") == pytest.approx(trace.stack("sinkage")[-1], rel=1e-3)
         assert soil.of_wheels("slip") == pytest.approx(trace.stack("slip")[-1], abs=1e-3)
         assert soil.of_wheels("normal") == pytest.approx(trace.stack("normal")[-1], rel=2e-3)
-    assert off[2] < 0.4 * off[0], off
+    assert off[2] < 0.6 * off[1] < 0.6 * off[0], off
     assert np.array(off) * 1e3 == pytest.approx([float(number) for number in told.split("|")], rel=0.15)
 
 

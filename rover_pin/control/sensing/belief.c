@@ -4,7 +4,16 @@
 
 #define HALF_TURN 3.14159265358979323846
 
-static real evenly(Belief *b, real low, real high) { return low + (high - low) * next_chance(&b->random); }
+/* Where the chances of a sample begin: SplitMix64 of Steele, Lea and Flood (2014), Fast splittable pseudorandom number
+   generators. What an earlier sample drew does not move them. */
+static unsigned long long chance_of(integer sample) {
+  unsigned long long x = (unsigned long long)(sample + 2) * 0x9E3779B97F4A7C15ULL;
+  x = (x ^ (x >> 30)) * 0xBF58476D1CE4E5B9ULL;
+  x = (x ^ (x >> 27)) * 0x94D049BB133111EBULL;
+  return x ^ (x >> 31);
+}
+
+static real within(real low, real high, real chance) { return low + (high - low) * chance; }
 
 static void fill_normal(Belief *b, real *out) { /* Box and Muller's pairs */
   for (integer i = 0; i < b->N; i += 2) {
@@ -34,13 +43,13 @@ static real apart(const real *values, integer n) {
 
 /* Begin anew: any travel may be, nothing slips, no hole is dug. */
 void rover_pin_forget(Belief *b) {
-  b->random = 88172645463325252ULL;
+  b->random = chance_of(-1);
   b->count = b->k = b->backwards = b->folds = b->no_progress = 0;
   b->wall = b->rolled = b->bend = b->reference = b->stuck = b->speed = b->pace = 0.0;
   memset(b->slip, 0, b->n * b->N * sizeof(real));
   memset(b->hole, 0, b->n * b->N * sizeof(real));
   for (integer i = 0; i < b->N; ++i) {
-    b->share[i] = evenly(b, 0.0, 1.1);
+    b->share[i] = within(0.0, 1.1, next_chance(&b->random));
     b->stalled[i] = next_chance(&b->random) < 0.1;
     b->log_weight[i] = b->way[i] = 0.0;
   }
@@ -88,7 +97,8 @@ static void look(Belief *b) {
   b->wall += b->wall_gain * (fmin(excess / 0.3, 1.0) - b->wall);
 }
 
-/* Modes and travel a period later; a rover that turns back may do anything. */
+/* Modes and travel a period later; a rover that turns back may do anything. Every particle draws as often, whatever
+   it does, so that one that hardly does otherwise leaves the others' chances alone. */
 static void move(Belief *b, int backwards) {
   b->pace = median(b->rim, b->n);
   const real dt = b->period, usual = fmax(fabs(b->pace), b->floor);
@@ -98,16 +108,17 @@ static void move(Belief *b, int backwards) {
   for (integer i = 0; i < b->N; ++i) {
     real share = b->share[i];
     int stalled = b->stalled[i] > 0.0;
+    real drawn[4];
+    for (int c = 0; c < 4; ++c) drawn[c] = next_chance(&b->random);
     if (backwards != b->backwards) {
-      share = evenly(b, 0.3, 1.0);
-      stalled = next_chance(&b->random) < 0.1;
+      share = within(0.3, 1.0, drawn[0]);
+      stalled = drawn[1] < 0.1;
     }
-    const real drawn = next_chance(&b->random);
-    const int frees = stalled && drawn < b->frees * dt;
-    stalled = (stalled && !frees) || (!stalled && drawn < falls);
+    const int frees = stalled && drawn[2] < b->frees * dt;
+    stalled = (stalled && !frees) || (!stalled && drawn[2] < falls);
     share += b->wander * sqrt(dt) * b->chance[i];
-    if (frees) share = evenly(b, 0.0, 0.6);
-    if (!stalled && next_chance(&b->random) < b->surprise * dt) share = evenly(b, -0.2, 1.2);
+    if (frees) share = within(0.0, 0.6, drawn[0]);
+    if (!stalled && drawn[3] < b->surprise * dt) share = within(-0.2, 1.2, drawn[1]);
     b->share[i] = stalled ? 0.03 * b->chance[i] : fmin(fmax(share, -0.4), 1.4);
     b->stalled[i] = stalled;
     b->travel[i] = b->reference * b->share[i];
@@ -241,6 +252,7 @@ static void see(Belief *b, real late) {
 
 /* One sample: posture, wheel rates and currents; whether the duties turn back; a late speed, or NaN. */
 void rover_pin_sense(Belief *b, const real *sample, integer backwards, real late) {
+  b->random = chance_of(b->k);
   felt(b, sample);
   look(b);
   move(b, backwards != 0);

@@ -134,10 +134,10 @@ def test_it_knows_that_it_stands_in_a_ditch_and_how_deep():
 def test_odometry_tells_a_slip_that_torques_do_not():
     """In a ditch, where the slope under each wheel is not known; a soil taken for another it does not put right."""
     scene, errors = scenario("ditch", soil="table-1", **stuck_ditch()), []
-    for odometry in (None, VisualOdometry(Camera(), CONTROL_PERIOD, 1)):
+    for odometry in (None, *(VisualOdometry(Camera(), CONTROL_PERIOD, seed) for seed in (1, 2, 3))):
         watch = watched("ditch", Sensors(), 20.0, OnboardSlip.of(scene.model, odometry=odometry), **stuck_ditch())
         errors.append(np.sqrt(np.mean(watch.error(6.0) ** 2)))
-    assert errors[1] < 0.9 * errors[0]
+    assert np.mean(errors[1:]) < 0.9 * errors[0]
 
 
 class Standing:
