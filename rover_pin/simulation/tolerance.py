@@ -91,28 +91,30 @@ def driven_to_tolerance(job: DriveJob, state: DriveState) -> Driven:
     """Drive from here at the step, halved up to FINER parts, that keeps the tolerance.
 
     The error is stated by the same steps in halves: a drive that chose its own would divide them until they misjudge as
-    little, and be as far off. Each drive that is halved is measured by the one before. A controller of one's own is
-    asked once, and its drive only measured; nothing is measured of one whose commands are not known, nor where the job
-    does not ask for the error.
+    little, and be as far off. Where it is too large the halves are the drive, measured by the one before. A controller
+    of one's own is asked once, and its drive only measured; nothing is measured of one whose commands are not known,
+    nor where the job does not ask for the error.
     """
     driven, tolerance = from_start(job, state), job.timing.tolerance
     controller = repeating(job.controller, driven.rows, job.timing) if job.measure_error else None
     if controller is None or not len(driven.rows):
         return driven
-    finer = job._replace(progress=None, measure_error=False)
-    halved = from_start(finer._replace(controller=controller), state, _in_halves(driven, job.duration))
+    finer = job._replace(controller=controller, progress=None, measure_error=False, timing=job.timing.halved())
+    halved = from_start(finer, state, _in_halves(driven, job.duration))
     driven = driven._replace(change=driven.changed_to(halved, 0.5))
-    repeatable = hasattr(innermost(job.controller), "native")
-    while repeatable and driven.excess(tolerance) > 1.0 and finer.timing.divided < FINER * job.timing.divided:
+    if driven.excess(tolerance) <= 1.0 or not hasattr(innermost(job.controller), "native"):
+        return driven
+    driven = _measured(halved, driven, tolerance)
+    while driven.excess(tolerance) > 1.0 and finer.timing.divided < FINER * job.timing.divided:
         finer = finer._replace(timing=finer.timing.halved())
-        driven = _halved(finer, state, driven)
+        driven = _measured(from_start(finer, state, _in_halves(driven, job.duration)), driven, tolerance)
+    vars(job.controller).update(vars(controller))
     return driven
 
 
-def _halved(finer: DriveJob, state: DriveState, driven: Driven) -> Driven:
+def _measured(halved: Driven, driven: Driven, tolerance: float) -> Driven:
     """Return a drive by the steps of another in halves, with what those made of it."""
-    halved = from_start(finer, state, _in_halves(driven, finer.duration))
-    change, tolerance = halved.changed_to(driven, 2.0), finer.timing.tolerance
+    change = halved.changed_to(driven, 2.0)
     halved = halved._replace(change=change, longer=driven.change and driven.change.lessened())
     return halved._replace(change=change._replace(lessens=halved.excess(tolerance) < driven.excess(tolerance)))
 
