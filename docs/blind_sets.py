@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from itertools import pairwise
+from statistics import median
 
 import pandas as pd
 from scipy.stats import binomtest
@@ -32,8 +33,19 @@ def share(sets: pd.DataFrame, outcomes: list[str]) -> Count:
 
 def intervals_held(sets: pd.DataFrame) -> Count:
     """Return how many of the stated intervals hold the truth."""
-    found = re.findall(r"([-+.\de]+): \S+ \[(\S+), (\S+)\]", " ; ".join(sets.sizes))
-    return sum(float(low) <= float(true) <= float(high) for true, low, high in found), len(found)
+    found = stated_sizes(sets)
+    return sum(low <= true <= high for true, _, low, high in found), len(found)
+
+
+def size_error(sets: pd.DataFrame) -> float:
+    """Return by how many percent of the true size the stated sizes are off in the median."""
+    return 100.0 * median(abs(size / true - 1.0) for true, size, _, _ in stated_sizes(sets))
+
+
+def stated_sizes(sets: pd.DataFrame) -> list[tuple[float, ...]]:
+    """Return each true size with that stated and the ends of its interval."""
+    found = re.findall(r"([-+.\de]+): (\S+) \[(\S+), (\S+)\]", " ; ".join(sets.sizes))
+    return [tuple(map(float, numbers)) for numbers in found]
 
 
 def loss(sets: pd.DataFrame, name: str) -> pd.Series:

@@ -44,10 +44,21 @@ COMMANDS: dict[str, tuple[tuple[str, ...], Patterns]] = {
         "f_0 f_0_low f_0_high": rf"TetherDrag.f_0 = {INTERVAL}",
     }),
     "ditch": (("rover-pin drive ditch --set duration=30",), {"speed": rf"drives on at {NUMBER} m/s"}),
+    "table_1_ditch": (("rover-pin drive ditch --soil table-1",), {"x t": rf"stuck at x = {NUMBER} m since {NUMBER} s"}),
     "paper_flat": (("rover-pin drive flat --soil table-1 --set form=net",), {
         "t x": rf"end time s {NUMBER} .*?end x m {NUMBER}",
     }),
     "motors": (("python studies/motors.py",), {"nominal saturated": rf"deg reached at \[s\] {NUMBER} {NUMBER}"}),
+    "fig8_slope": (("python studies/fig8_slope.py",), {
+        "switches": rf"R = 0.03(?: {WORD}){{11}} {NUMBER}", "digs": rf"c_d = 0.05(?: {WORD}){{11}} {NUMBER}",
+    }),
+    "fig8_loop": (("python studies/fig8_loop.py",), {
+        "log before after": rf"climb-1 {NUMBER} {NUMBER} {WORD} {NUMBER} ",
+    }),
+    "side_force": (("python studies/side_force.py",), {
+        "old": rf"across old: SideShear(?: {WORD}){{3}} {NUMBER}",
+        "new": rf"across new: combined shear, flank(?: {WORD}){{3}} {NUMBER}",
+    }),
     "paper_residuals": (("python studies/paper_residuals.py",), {
         "net sentences torque": rf"Table 1 breaks {NUMBER} of {NUMBER} in the net form, {NUMBER} in the torque",
     }),

@@ -19,7 +19,7 @@ from typing import Any
 
 import jinja2
 import pandas as pd
-from blind_sets import by_circumstance, counts, misses, reliability, shares
+from blind_sets import by_circumstance, counts, misses, reliability, shares, size_error
 from page_tables import tables
 
 from rover_pin.simulation.timing import TOLERANCE
@@ -84,7 +84,13 @@ def fields() -> Mapping[str, Any]:
     blind["both"] = pd.concat(blind.values())
     of: dict[str, Any] = {
         "blind": {
-            name: {"sets": len(sets), "shares": shares(sets), "counts": counts(sets), "misses": misses(sets)}
+            name: {
+                "sets": len(sets),
+                "shares": shares(sets),
+                "counts": counts(sets),
+                "misses": misses(sets),
+                "size_error": size_error(sets),
+            }
             for name, sets in blind.items()
         },
         "circumstances": by_circumstance(blind["logs"]),
@@ -96,6 +102,7 @@ def fields() -> Mapping[str, Any]:
         "gallery": kept("gallery").to_dict("records"),
         "log_loop": log_loop(),
         "measured_loops": kept("measured_wheels", keep_default_na=False).to_dict("records"),
+        "mutation": kept("mutation").to_dict("records"),
         "pendulum": pendulum(),
         "slip": sensed_slip(),
         "control": controllers(),
@@ -153,12 +160,13 @@ def turns() -> list[dict[str, Any]]:
 
 
 def step_errors() -> dict[str, float]:
-    """Return how many random drives keep their tolerance, and are further off than they state."""
+    """Return how many random drives keep their tolerance, and are further off than they state, by most where sure."""
     table = kept("step_error").dropna(subset="off_m")
     off, stated, keeps = table["off_m"], table["stated_m"], table["kept"].astype(bool)
     low = {"low": off > stated, "low by 1 um": off > stated + 1e-6, "not kept": keeps & (off > TOLERANCE)}
     counts = {name: int(rows.sum()) for name, rows in {**low, "kept": keeps}.items()}
-    return counts | {"drives": len(table), "ratio": float((stated / off).median())}
+    most = float(off[(off > stated) & (table["control"] != "onboard")].max())
+    return counts | {"drives": len(table), "ratio": float((stated / off).median()), "most_mm": 1e3 * most}
 
 
 RTK_MODELS = {"odometry": "Odometry", "base": "Base model", "loop": "What the loop keeps"}
@@ -257,6 +265,7 @@ def fig10() -> dict[str, Any]:
     out = falling[(falling.bare == "stuck") & (falling.verdict == "out")]
     walls = sorted(rows.wall_deg.max() - rows.wall_deg.min() + 0.5 for _, rows in out.groupby("sand"))
     return {
+        "drives": len(table),
         "rescued": int(((rising.bare == "stuck") & (rising.verdict == "out")).sum()),
         "stuck": int((rising.bare == "stuck").sum()),
         "lost": int(((rising.bare == "out") & (rising.verdict == "stuck")).sum()),
@@ -382,5 +391,5 @@ def traction() -> dict[str, dict[str, Any]]:
         held = sum(float(effect.R) for effect in effects if isinstance(effect, MotionResistance))
         slopes = [math.degrees(math.atan(factors[-1] - R)) for R in ((0.0, held) if held else (0.0,))]
         said = ", ".join(f"{slope:.1f}" for slope in slopes)
-        readings[name] = {"F": factors, "slopes": f"{said} deg" if held else f"{said} deg, -"}
+        readings[name] = {"F": factors, "R": held, "slopes": f"{said} deg" if held else f"{said} deg, -"}
     return readings

@@ -156,6 +156,10 @@ def tables(of: Mapping[str, Any]) -> dict[str, str]:
              "S = 1": "{F[2]:.3f}", "steepest slope, without and with R": "{slopes}"},
         ),
         "pendulum": table(of["pendulum"], {"Sets": "{what}", "Count": "{count} of {whole}"}),
+        "mutation": table(
+            of["mutation"],
+            {"Room": "{room}", "Changes": "{changes}", "Tried": "{tried}", "Not noticed": "{not noticed}"},
+        ),
         "gallery": table(of["gallery"], {"Command": "`{command}`", "Outcome": "{happened}"}),
     }  # fmt: skip
 

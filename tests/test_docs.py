@@ -13,7 +13,6 @@ import pytest
 import typer.main
 
 from rover_pin.cli.app import app
-from rover_pin.scenarios.scenario import scenario
 from rover_pin.scenarios.scenes import SCENES
 
 ROOT = Path(__file__).parents[1]
@@ -48,13 +47,6 @@ def test_its_python_runs(name, capsys, tmp_path, monkeypatch):
     for code in re.findall(r"```python\n(.*?)```", PAGES[name], re.DOTALL):
         exec(compile(code, name, "exec"), names)
         assert capsys.readouterr().out
-
-
-def test_the_first_drives_end_as_the_pages_say():
-    (quoted,) = re.findall(r"says `(stuck at [^`]+)`", PAGES["quickstart.md"])
-    assert str(scenario("ditch", soil="table-1").drive().attrs["happened"]).startswith(quoted)
-    free = scenario("ditch", duration="30s").drive()
-    assert free["body_x"][-1] > 1.0  # it climbs out: the far lip is at 0.7 m
 
 
 def test_the_pictures_and_pages_it_names_are_there():

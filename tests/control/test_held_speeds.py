@@ -174,14 +174,12 @@ def test_hard_ground_turns_it_little_less_than_commanded():
     assert 0.75 < driven_yaw_rate(made.drive()) / made.controller.motion.yaw_rate < 1.0
 
 
-@pytest.mark.parametrize("scene", ["turn", "point-turn"])
-def test_the_page_has_the_yaw_rates_driven(scene):
-    page = (Path(__file__).parents[2] / "docs" / "own-rover.md").read_text()
-    numbers = re.search(rf"rover-pin drive {scene}` \| (\S+) deg/s \| (\S+) deg/s \| (\S+) deg/s", page).groups()
+@pytest.mark.parametrize(("scene", "share"), [("turn", 0.87), ("point-turn", 0.78)])
+def test_sand_turns_it_less_than_hard_ground_does(scene, share):
     soft, hard = (scenario(scene, rover="cart", **ground) for ground in ({}, HARD))
-    driven = [driven_yaw_rate(made.drive(measure_error=False)) for made in (soft, hard)]
-    rates = np.degrees([soft.controller.motion.yaw_rate, *driven])
-    assert rates == pytest.approx(list(map(float, numbers)), abs=0.006)
+    on_sand, on_hard = (driven_yaw_rate(made.drive(measure_error=False)) for made in (soft, hard))
+    commanded = soft.controller.motion.yaw_rate
+    assert share * commanded < on_sand < on_hard < commanded
 
 
 def test_what_cannot_be_held_is_refused():
