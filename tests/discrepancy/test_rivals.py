@@ -67,7 +67,7 @@ def test_a_curve_that_is_better_at_one_channel_is_said_first(times, first):
     better = curve({"pull": [20.0] * 3, "sinkage": 8.0 * np.array(times)}, "Gaussian process")
     beside = against_rivals(verdict, [*worse, *better])
     assert (beside.answer is Answer.INADEQUATE) is first
-    assert beside.sentence.startswith("Held out, sinkage is predicted better by a Gaussian process") is first
+    assert ("sinkage" in beside.sentence and "a Gaussian process" in beside.sentence) is first
     assert beside.sentence.endswith("An effect acts.")
     assert beside.named == ("Grousers",)
     assert len(beside.baselines) == 4
@@ -77,7 +77,8 @@ def test_what_is_on_no_list_stays_the_answer():
     verdict = Verdict("wheel-rig", Answer.NONE_FITS, "a set", "Something acts.", None, scores=SCORES)
     beside = against_rivals(verdict, curve({"pull": [1.0] * 3, "sinkage": [4.0] * 3}))
     assert beside.answer is Answer.NONE_FITS
-    assert "by a quadratic of what was set (1 N against 2 N)" in beside.rival
+    assert "quadratic" in beside.rival
+    assert "(1 N against 2 N)" in beside.rival
 
 
 def test_folds_that_only_one_model_predicts_are_not_compared():

@@ -36,7 +36,7 @@ def test_a_model_that_loses_to_a_curve_is_said_to_lose(after, floor, said):
     score = ChannelScore("pull", "N", floor, 1.0, least / (1 - after + 0.2), 0.0, 0.0, 0.0)
     told = losses([score], rows)
     assert bool(told) == said
-    assert all("pull is predicted better by a" in one for one in told)
+    assert all("pull" in one for one in told)
 
 
 def test_held_out_quadratic_is_recovered_whatever_the_input_unit():

@@ -182,12 +182,11 @@ def test_what_is_declared_presets_the_effects_that_have_it(plain, tmp_path):
     assert "FlankPressure.phi_f" in tried["FlankPressure"].shapes, "an angle of repose is where a fit starts"
     said = describe_declared(data, [one.effect for one in tried.values()])
     assert any(line.startswith("bulk_density holds Bulldozing.gamma") for line in said)
-    assert any(line.startswith("lug_height is where a fit starts with") for line in said)
-    assert said[-1] != "bulk_density is declared, and not used: no effect that was tried has it"
-    assert (
-        describe_declared(data, [ExitAngle()])[0]
-        == "lug_height is declared, and not used: no effect that was tried has it"
-    )
+    assert any("lug_height" in line and "LugExcavation.h_l" in line for line in said)
+    assert not any("not used" in line for line in said)
+    first = describe_declared(data, [ExitAngle()])[0]
+    assert first.startswith("lug_height")
+    assert "not used" in first
 
 
 def test_a_wheel_that_is_said_to_be_smooth_has_no_lugs(plain, tmp_path):
@@ -236,9 +235,7 @@ def test_wheel_with_declared_lugs_has_a_trench_from_the_start(tmp_path):
     height = numbers["LugExcavation.h_l"]
     assert height.prior == "0.005 +- 0.0015"
     assert height.low < 0.006 < height.high
-    assert "lug_height is where a fit starts with LugExcavation.h_l = 5 mm, which the model starts with" in (
-        verdict.extra.declared
-    )
+    assert any("LugExcavation.h_l = 5 mm" in line for line in verdict.extra.declared)
     before = {type(one).__name__ for one in verdict.before.model.effects}
     assert before == {"SoilTraction", "LugExcavation"}
 
