@@ -156,13 +156,13 @@ def points_of(classes: Sequence[Sequence[Window]], sampling: Sampling, constant:
     rows = []
     for windows in classes:
         count, wheels = len(windows), len({window.wheel for window in windows})
-        slip, factor, lean = (float(np.mean([window[i] for window in windows])) for i in (2, 4, 6))
+        means = [(window.slip, window.factor, window.factor_per_rate, window.load) for window in windows]
+        slip, factor, lean, load = (float(np.mean(values)) for values in zip(*means, strict=True))
         scatter_sd = max(windows_sd / math.sqrt(count), wheels_sd / math.sqrt(wheels))
         noise = rms([window.factor_sd for window in windows]) / math.sqrt(count)
         wheel_error = sampling.wheel_error / math.sqrt(wheels)
         shared = math.hypot(sampling.load_error * factor, constant * (factor + lean), lean * wheel_error)
         slip_sd = rms([window.slip_sd for window in windows]) / math.sqrt(count)
-        load = float(np.mean([window.load for window in windows]))
         rows.append((slip, factor, math.hypot(scatter_sd, noise), slip_sd, shared, (1.0 - slip) * wheel_error, load))
     return np.array(rows)
 

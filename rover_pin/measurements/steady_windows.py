@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rover_pin.rover.driven_loads import configuration, determinate_groups, footing, loads_on, turning
+from rover_pin.rover.driven_loads import configuration, determinate_groups, driven_loads, footing, turning
 from rover_pin.rover.rover import Rover
 from rover_pin.rover.wheel_base import wheel_mounts
 from rover_pin.simulation.model.motor import Motor
@@ -124,7 +124,7 @@ class _Run:
         centres = self.place[rows][:, None] + np.array([places for _, places in mounts])
         rates = [line(t, self.rate[rows, i]) for i in range(len(self.rover.wheels))]
         torques = [self._torque(t, rows, i) for i in range(len(self.rover.wheels))]
-        loads = loads_on(self.rover, q, np.array([torque.middle for torque in torques]), foot, jacobians)
+        loads = driven_loads(self.rover, q, np.array([torque.middle for torque in torques]), foot, jacobians)
         stiff = 0.0 if self.by_current else float(motor.constant) ** 2 / float(motor.resistance)
         windows: dict[int, Window] = {}
         for i, mount in enumerate(self.rover.wheels):

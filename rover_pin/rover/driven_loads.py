@@ -93,7 +93,7 @@ def footing(rover: Rover, q: np.ndarray) -> tuple[Footing, np.ndarray]:
     return Footing(along, left, np.cross(along, left)), jacobians
 
 
-def driven_loads(rover: Rover, q: np.ndarray, torque: np.ndarray) -> np.ndarray:
+def driven_loads(rover: Rover, q: np.ndarray, torque: np.ndarray, foot: Footing, jacobians: np.ndarray) -> np.ndarray:
     """Return the normal load of each wheel [n] (N) of a slowly driven rover, from its posture and driving torques.
 
     Balance of forces and moments on the base, and of moments on every free pivot, with the force of wheel i
@@ -101,7 +101,8 @@ def driven_loads(rover: Rover, q: np.ndarray, torque: np.ndarray) -> np.ndarray:
         f_n (n - rho t - eta y) + (T / r) t,    and the moment -T y of the soil about the axle,
 
     t forward and n normal to the ground, y the axle, T the measured torque. rho, the share of the load that resists
-    the motion, and eta, the side force's share, are those of all wheels: the balance along and across tells them.
+    the motion, and eta, the side force's share, are those of all wheels: the balance along and across tells them. Of
+    loads that statics leave open, the least.
 
     Parameters
     ----------
@@ -111,16 +112,13 @@ def driven_loads(rover: Rover, q: np.ndarray, torque: np.ndarray) -> np.ndarray:
         Attitude, suspension and steering angles; see `configuration`.
     torque : array [n]
         Driving torques at the wheels [N m].
+    foot, jacobians : Footing, array [n, 6, nv]
+        The ground under each wheel and the wheels' Jacobians, as `footing` has them.
 
     Source: section 4, "evaluated from the body attitude and the suspension link angles considering static balance among
     forces and moments". Differs from the paper: driving torques are in the balance, since they load the pivots; the
     ground's slope under a wheel is that between its neighbours (`footing`).
     """
-    return loads_on(rover, q, torque, *footing(rover, q))
-
-
-def loads_on(rover: Rover, q: np.ndarray, torque: np.ndarray, foot: Footing, jacobians: np.ndarray) -> np.ndarray:
-    """Return `driven_loads` where the footing is known already; of loads that statics leave open, the least."""
     r, free = rover.radii, rover.free_dofs
     weight = pin.computeGeneralizedGravity(rover.model, rover.model.createData(), q)
     pull = (torque / r)[:, None] * foot.forward

@@ -11,7 +11,7 @@ from rover_pin.control.torque_check import LOST_SLIP, TorqueLimit
 from rover_pin.control.torque_factor import torque_factors
 from rover_pin.effects.post_peak import PostPeak
 from rover_pin.effects.soil_traction import SoilTraction
-from rover_pin.rover.driven_loads import configuration, driven_loads
+from rover_pin.rover.driven_loads import configuration, driven_loads, footing
 from rover_pin.rover.statics import wheel_loads
 from rover_pin.simulation.command import Command
 from rover_pin.simulation.failure import suspension_of
@@ -41,7 +41,7 @@ class ByLinks:
         motor = self.model.motor
         q = configuration(self.rover, reading.attitude, {})
         q[self.places] = reading.suspension
-        by_links = driven_loads(self.rover, q, float(motor.constant) * reading.current)
+        by_links = driven_loads(self.rover, q, float(motor.constant) * reading.current, *footing(self.rover, q))
         by_pitch = wheel_loads(self.rover, -reading.attitude[1], gravity=self.model.gravity)
         normal = np.where(reading.truth.normal > 0.2, reading.truth.normal, np.nan)
         self.errors.append([each / normal - 1.0 for each in (by_pitch, by_links)])

@@ -150,7 +150,8 @@ def test_driven_wheel_forces_balance_the_weight_on_bent_ground(bend, seed):
     angles["rocker_r"] = -angles["rocker_l"]
     q = configuration(NEXUS6, tuple(rng.uniform(-0.2, 0.2, 3)), angles)
     torque = rng.uniform(0.0, 0.1, 6)
-    loads, (foot, _) = driven_loads(NEXUS6, q, torque), footing(NEXUS6, q)
+    foot, jacobians = footing(NEXUS6, q)
+    loads = driven_loads(NEXUS6, q, torque, foot, jacobians)
     r = float(NEXUS6.wheel.r)
     left = NEXUS6.mass * 9.81 * NEXUS6.up - (torque / r) @ foot.forward - loads @ foot.normal
     shares = np.column_stack([loads @ foot.forward, loads @ foot.left])

@@ -19,7 +19,7 @@ def test_wheels_pulling_in_load_proportion_match_plane_statics(slope):
     """Torques r f_t with f_t = f_n tan(slope) are the plane statics' vertical forces."""
     plane = wheel_loads(NEXUS6, slope)
     q = configuration(NEXUS6, (0.0, -slope, 0.4), {})
-    assert driven_loads(NEXUS6, q, R * plane * math.tan(slope)) == pytest.approx(plane, rel=1e-6)
+    assert driven_loads(NEXUS6, q, R * plane * math.tan(slope), *footing(NEXUS6, q)) == pytest.approx(plane, rel=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -50,7 +50,7 @@ def errors(scene):
         q = configuration(NEXUS6, attitude, {each: trace[each][at] for each in NEXUS6.angles if each in trace})
         normal = np.where((on := trace.stack("normal")[at]) > 0.2, on, np.nan)
         torque = K * np.array([trace[f"current_{each}_A"][at] for each in names])
-        mine.append(driven_loads(NEXUS6, q, torque) / normal - 1.0)
+        mine.append(driven_loads(NEXUS6, q, torque, *footing(NEXUS6, q)) / normal - 1.0)
         plain.append(wheel_loads(NEXUS6, -attitude[1]) / normal - 1.0)
     return np.array(mine), np.array(plain)
 
@@ -65,8 +65,9 @@ def test_parallel_links_follow_the_angles_that_are_given():
     q = configuration(links, (0.0, 0.0, 0.0), {"bogie_l": 0.2, "rocker_l": 0.1, "rocker_r": -0.1})
     joint = next(each for each in links.couplings if each.q_leader == links.angles["bogie_l"])
     assert q[joint.q_follower] == pytest.approx(joint.ratio * 0.2)
-    foot, _ = footing(links, q)
-    assert driven_loads(links, q, np.zeros(6)) @ foot.normal[:, 2] == pytest.approx(links.mass * 9.81, rel=3e-3)
+    foot, jacobians = footing(links, q)
+    loads = driven_loads(links, q, np.zeros(6), foot, jacobians)
+    assert loads @ foot.normal[:, 2] == pytest.approx(links.mass * 9.81, rel=3e-3)
 
 
 def rigid(wheels, skew=0.0, lift=0.0, inward=0.0):

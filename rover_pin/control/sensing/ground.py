@@ -44,7 +44,7 @@ def ground_law(rover: Rover, places: np.ndarray) -> ca.Function:
     """Return the function (posture, its rates, torques) -> `UnderWheels` in one column.
 
     Posture is roll, pitch and the suspension angles at `places` in q [rad]; torques [N m] are those at the wheels. The
-    rover heads along x from the origin. Slopes are those of `footing`, loads those of `loads_on`, least squares by
+    rover heads along x from the origin. Slopes are those of `footing`, loads those of `driven_loads`, least squares by
     their normal equations; speeds are rates of the posture times the Jacobians of the wheels' centres.
     """
     posture, rates = ca.SX.sym("posture", 2 + len(places)), ca.SX.sym("rates", 2 + len(places))

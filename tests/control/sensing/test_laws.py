@@ -10,7 +10,7 @@ from rover_pin.control.sensing.ground import UnderWheels, ground_law
 from rover_pin.control.sensing.laws import FACTORS, ReadingTrust, fold_law, still_law, torque_law, wheel_law
 from rover_pin.control.sensing.odometry import Camera, TrackedSlip, Tracker, VisualOdometry
 from rover_pin.effects.slip import RelaxedSlip
-from rover_pin.rover.driven_loads import configuration, footing, loads_on, turning
+from rover_pin.rover.driven_loads import configuration, driven_loads, footing, turning
 from rover_pin.rover.wheel_base import wheel_mounts
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.command import Reading, Truth
@@ -85,7 +85,9 @@ def test_slopes_loads_and_rates_are_those_of_the_posture(rover, off):
         level = np.hypot(foot.forward[:, 0], foot.forward[:, 1])
         assert under.level == pytest.approx(level)
         assert under.slope == pytest.approx(foot.forward[:, 2] / level)
-        assert under.load == pytest.approx(loads_on(model.built, configured(posture), torque, foot, jacobians), abs=off)
+        assert under.load == pytest.approx(
+            driven_loads(model.built, configured(posture), torque, foot, jacobians), abs=off
+        )
         (before, there), (after, here) = (
             wheel_mounts(model.built, configured(posture + sign * STEP * rates)) for sign in (-1.0, 1.0)
         )
