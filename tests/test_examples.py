@@ -1,6 +1,10 @@
-"""The public names: each shows an example that runs and prints what it says, and says what it takes and returns."""
+"""The public names: each shows an example that runs and prints what it says, and says what it takes and returns.
+
+What pages and notebooks import besides is public, too: their code, which tests of both run, is its example.
+"""
 
 import doctest
+import importlib
 import inspect
 import re
 from pathlib import Path
@@ -16,6 +20,15 @@ NAMES = sorted(set(rover_pin.__all__) - DATA)
 FUNCTIONS = [name for name in NAMES if inspect.isfunction(getattr(rover_pin, name))]
 
 
+ROOT = Path(__file__).parents[1]
+IMPORTED = sorted({
+    (module, name)
+    for path in [*ROOT.glob("docs/*.md"), *ROOT.glob("notebooks/*.ipynb")]
+    for module, names in re.findall(r"from (rover_pin\.[\w.]+) import ([\w, ]+)", path.read_text(encoding="utf-8"))
+    for name in names.split(", ")
+})  # fmt: skip
+
+
 def section(name, heading):
     """What a docstring has under a heading of numpydoc."""
     text = inspect.getdoc(getattr(rover_pin, name))
@@ -27,7 +40,7 @@ def section(name, heading):
     "name", [pytest.param(name, marks=pytest.mark.slow) if name in SLOW else name for name in NAMES]
 )
 def test_its_examples_come_out(name, monkeypatch):
-    monkeypatch.chdir(Path(__file__).parents[1])
+    monkeypatch.chdir(ROOT)
     thing = getattr(rover_pin, name)
     module = __import__(thing.__module__, fromlist=["x"])
     examples = [each for each in doctest.DocTestFinder().find(thing, name, globs=vars(module).copy()) if each.examples]
@@ -47,3 +60,10 @@ def test_a_function_says_what_it_takes_and_returns(name):
     assert named == asked
     assert section(name, "Returns").strip()
     assert section(name, "Examples").strip()
+
+
+@pytest.mark.parametrize(("module", "name"), IMPORTED)
+def test_what_pages_import_says_what_it_takes(module, name):
+    thing = getattr(importlib.import_module(module), name)
+    if inspect.isfunction(thing):
+        assert set(inspect.signature(thing).parameters) <= set(re.findall(r"\w+", inspect.getdoc(thing)))

@@ -36,7 +36,7 @@ def quantity(
     symbol: str = "",
     log_sd: float = 0.0,
 ) -> Any:
-    """A dataclass field that holds a number [unit], allowed in [low, high], with where it comes from and its doubt."""
+    """A dataclass field of a number, by default `value` [unit], in [low, high]; its `source`, `symbol` and `log_sd`."""
     return dataclasses.field(default=value, metadata={"quantity": Quantity(unit, source, low, high, symbol, log_sd)})
 
 
@@ -76,7 +76,7 @@ class Record:
 
 
 def quantities(record: Record | type[Record]) -> dict[str, Quantity]:
-    """Return name -> Quantity of a record or of its class, in order of definition."""
+    """Return name -> Quantity (value, unit, source, bounds) of a `record` or of its class, in order of definition."""
     kind: Any = record if isinstance(record, type) else type(record)
     return dict(_declared(kind))
 

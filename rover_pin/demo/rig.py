@@ -24,7 +24,7 @@ NOISE = {"drawbar_pull_N": 0.3, "torque_Nm": 0.03, "sinkage_m": 0.0006}
 
 
 def write(folder: Path, hidden: str, seed: int) -> Made:
-    """Write rig.toml and points.csv; return them and what was hidden.
+    """Write rig.toml and points.csv into `folder`, noise drawn from `seed`; return them and what was `hidden`.
 
     Raises ParameterError: something to hide that is unknown, or shows at no steady wheel.
     Raises DataError: it cannot be written there.

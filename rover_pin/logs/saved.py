@@ -9,7 +9,7 @@ from rover_pin.simulation.trace.trace import Trace
 
 
 def save_trace(trace: Trace, path: str | Path) -> Path:
-    """Write a Parquet file where `path` ends with `.parquet`, else a folder with a drive log of this one run.
+    """Write a `trace` to a Parquet file where `path` ends with `.parquet`, else to a folder as a drive log of one run.
 
     Numbers come back exactly. Every file is written whole or not at all; `drive.toml` comes last.
 

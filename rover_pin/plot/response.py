@@ -11,7 +11,7 @@ RISE = 0.1
 
 
 def response_figure(linear: LinearModel, seconds: float = 1.0, outputs: tuple[str, ...] = ("speed",)) -> Figure:
-    """Return outputs after a rise of all duties by RISE, and gain and phase of outputs over the duties' frequency."""
+    """Return `outputs` of a `linear` model over `seconds` after all duties rise by RISE, and their gain and phase."""
     figure, panels = new_figure(1, 3, (10.0, 3.4))
     t, hertz = np.linspace(0.0, seconds, 401), np.logspace(-2, 2, 200)
     after = RISE * linear.step_response(t)

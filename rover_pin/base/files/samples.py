@@ -20,7 +20,7 @@ def sample_names() -> list[str]:
 
 
 def data_path(location: str | Path) -> Path:
-    """Return where data lie: what is given if it exists, else the sample, or its file, of this name, else the given."""
+    """Return where data lie: `location` if it exists, else the sample, or its file, of this name, else `location`."""
     path = Path(location)
     sample = sample_folder() / path
     is_named = path.parts and not path.is_absolute() and ".." not in path.parts

@@ -62,7 +62,7 @@ class LinearModel:
 
 
 def trimmed(model: Model, duty: float, duration: float = 10.0, start: Start = Start()) -> DriveState:
-    """Return the state in which a rover drives steadily, after so long [s] at a constant duty.
+    """Return the state in which a `model` drives steadily, `duration` [s] after its `start` at a constant `duty`.
 
     Raises SimulationError: the drive ends before, or is not steady then.
     """
@@ -80,7 +80,7 @@ def trimmed(model: Model, duty: float, duration: float = 10.0, start: Start = St
 
 
 def linearised(model: Model, state: DriveState, duty: float) -> LinearModel:
-    """Return the linear model at a state under a duty of all wheels, by central differences of the compiled step.
+    """Return the linear model of `model` at a `state` under a `duty` of all wheels, by differences of its step.
 
     Limits: what turns its sense there, as dry friction at rest, has no linear model. Source: none; numerical.
 

@@ -98,7 +98,7 @@ def test_all_channels_are_those_of_forces_summed_as_vectors(S, flank):
         assert expected[4] == pytest.approx(alone, rel=1e-6)
 
 
-def test_the_side_force_acts_ahead_of_the_axle_within_the_contact():
+def test_the_side_force_acts_ahead_of_the_axle_in_the_contact():
     found = [
         RigModel(WHEEL, SOIL, ASKEW).predict(25.0, SLIPS, slip_angle=angle) for angle in np.radians([5, 15, 30, 45, 70])
     ]
