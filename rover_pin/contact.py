@@ -16,7 +16,7 @@ import casadi as ca
 from rover_pin.base.public import Kind
 from rover_pin.base.quantity import Record, is_number, quantity
 
-LEAST = 1e-12
+SMOOTHING = 1e-12
 """Keeps a right angle smooth where both its sides are 0."""
 
 Scalar = Annotated[Any, Kind("a number or a CasADi expression", is_number)]
@@ -108,7 +108,7 @@ class Contact(NamedTuple):
 def right_angle(first: Scalar, second: Scalar) -> Scalar:
     """Return sqrt(first^2 + second^2), exactly `first` where `second` is 0, and smooth there."""
     square = second * second
-    return first + square / (ca.fabs(first) + ca.sqrt(first * first + square + LEAST * LEAST))
+    return first + square / (ca.fabs(first) + ca.sqrt(first * first + square + SMOOTHING * SMOOTHING))
 
 
 def fading(rim: Any, v_0: Scalar, q: Scalar) -> Any:

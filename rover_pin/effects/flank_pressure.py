@@ -7,7 +7,7 @@ from typing import ClassVar
 import casadi as ca
 
 from rover_pin.base.quantity import quantity
-from rover_pin.contact import LEAST, Contact, Load, Scalar, fading
+from rover_pin.contact import SMOOTHING, Contact, Load, Scalar, fading
 from rover_pin.effects.effect import Effect
 from rover_pin.soil.angles import SinkageAngles
 from rover_pin.soil.passive import passive
@@ -80,6 +80,6 @@ class FlankPressure(Effect):
         cos, sin, wall, slope = ca.cos(theta_1), ca.sin(theta_1), passive(self.phi_f), ca.tan(self.phi_f)
         depth = r * r * ca.fmax(theta_1 - sin * cos, 0.0)
         square = r * r * r * ca.fmax(2.0 * sin - 2.0 / 3.0 * sin**3 - 2.0 * theta_1 * cos, 0.0)
-        heap = ca.sqrt(2.0 * slope * (half_rut + depth * aside) + LEAST)
+        heap = ca.sqrt(2.0 * slope * (half_rut + depth * aside) + SMOOTHING)
         wedge = heap * depth + (1.0 - wall.cot_X * slope) * square / 2.0
         return wall.D_1 * (c * depth + self.gamma * wall.cot_X * ca.fmax(wedge, 0.0))

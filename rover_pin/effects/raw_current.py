@@ -10,7 +10,7 @@ from rover_pin.base.quantity import quantity
 from rover_pin.contact import Scalar
 from rover_pin.effects.effect import SensorEffect
 
-MOST = 1e9
+MAX_COUNTS = 1e9
 """No converter counts further."""
 
 
@@ -24,8 +24,8 @@ class RawCurrent(SensorEffect):
 
     title: ClassVar[str] = "raw motor current"
     meaning: ClassVar[str] = "a current is logged in counts of unknown scale and zero"
-    scale: Scalar = quantity(1.0, "", "assumed: in the channel's unit per A", -MOST, MOST, "scale")
-    offset: Scalar = quantity(0.0, "", "assumed: in the channel's unit", -MOST, MOST, "offset")
+    scale: Scalar = quantity(1.0, "", "assumed: in the channel's unit per A", -MAX_COUNTS, MAX_COUNTS, "scale")
+    offset: Scalar = quantity(0.0, "", "assumed: in the channel's unit", -MAX_COUNTS, MAX_COUNTS, "offset")
     motor: str = "fl"
     "name of the wheel whose motor it is"
     channel: str = "raw_current_fl"

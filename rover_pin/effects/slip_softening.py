@@ -6,7 +6,7 @@ from typing import ClassVar
 import casadi as ca
 
 from rover_pin.base.quantity import quantity
-from rover_pin.contact import LEAST, Contact, Load, Scalar, Soil, right_angle
+from rover_pin.contact import SMOOTHING, Contact, Load, Scalar, Soil, right_angle
 from rover_pin.effects.effect import Effect, State
 from rover_pin.effects.slip_sinkage import rut_cost
 from rover_pin.soil.slip import drift, positive_part
@@ -73,7 +73,7 @@ def loosen(contact: Contact, log_lost: Scalar) -> Contact:
 def share_of(contact: Contact, log_lost: Scalar) -> Scalar:
     """Return which part of all lost ln stiffness is due to this one: shares of the sides of a right angle."""
     size = ca.fabs(log_lost)
-    return log_lost * size / ca.fmax(contact.loosened, size + LEAST)
+    return log_lost * size / ca.fmax(contact.loosened, size + SMOOTHING)
 
 
 def softer(contact: Contact, log_factor: Scalar) -> Soil:

@@ -15,7 +15,7 @@ from rover_pin.estimation.parameter import Parameter, parameter_of
 from rover_pin.estimation.random_effects.random_field import RandomField
 
 Arrays = dict[str, np.ndarray]
-LEAST = 1e-6
+LEAST_NOISE = 1e-6
 """Least SD of a channel's noise [its unit], where it is learnt."""
 
 
@@ -120,7 +120,7 @@ at a minimum, and every fold is predicted by whole refits"
 
         A channel that never moves, or a fit that meets all its numbers, shows no noise.
         """
-        return np.full(len(self.channels), LEAST)
+        return np.full(len(self.channels), LEAST_NOISE)
 
     def random_field(self, model: Any) -> RandomField | None:
         """Return what differs from fold to fold by chance and how that would move a model; None: nothing that shows."""

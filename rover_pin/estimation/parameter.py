@@ -13,7 +13,7 @@ from rover_pin.base.quantity import Record, quantities
 
 MOST_EXPONENT = 700.0
 """Greatest exponent of which a float holds the exponential; beyond every bound."""
-LEAST = 1e-6
+LEAST_OF_ORIGIN = 1e-6
 """Share of its origin at which a number on a logarithm stops that may fall to 0."""
 
 
@@ -62,7 +62,7 @@ class Parameter:
     @property
     def bounds(self) -> tuple[float, float]:
         """The bounds of u."""
-        low = self.u(LEAST * self.origin if self.log and self.low <= 0 else self.low)
+        low = self.u(LEAST_OF_ORIGIN * self.origin if self.log and self.low <= 0 else self.low)
         return min(low, self.u(self.high)), max(low, self.u(self.high))
 
     def slope(self, u: float) -> float:

@@ -32,7 +32,7 @@ INSTANT = 1e-5
 """A row so little before the end of a block [s] is of the next one (assumed): clocks since 1970 round to 2e-7 s."""
 CELLS = 7.0
 """Cells of the grid to a wheelbase."""
-MOST = 100
+MAX_CELLS = 100
 """Cells along each side at most; a run that goes further has larger ones."""
 STEEPEST = math.radians(45.0)
 """Slope that is declared in another unit, or no rover's."""
@@ -155,7 +155,7 @@ class _Grid:
     @classmethod
     def around(cls, x: np.ndarray, y: np.ndarray, base: float) -> _Grid:
         """Return the grid that holds a way with a base of the rover around it."""
-        size = max(base / CELLS, (max(np.ptp(x), np.ptp(y)) + 2.0 * base) / MOST)
+        size = max(base / CELLS, (max(np.ptp(x), np.ptp(y)) + 2.0 * base) / MAX_CELLS)
         nx, ny = (math.ceil((np.ptp(coordinate) + 2.0 * base) / size) + 1 for coordinate in (x, y))
         return cls(float(x.min()) - base, float(y.min()) - base, size, nx, ny)
 

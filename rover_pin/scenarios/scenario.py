@@ -34,7 +34,7 @@ from rover_pin.simulation.model.model import Model
 from rover_pin.simulation.model.motor import Motor
 from rover_pin.simulation.simulate import Progress, Timing, simulate
 from rover_pin.simulation.start.place import Start
-from rover_pin.simulation.timing import COARSEST, FINEST
+from rover_pin.simulation.timing import MAX_STEP, MIN_STEP
 from rover_pin.simulation.trace.trace import Trace
 from rover_pin.soil.angles import ANGLES
 from rover_pin.terrain import shapes
@@ -42,8 +42,8 @@ from rover_pin.terrain.section import DEEPEST
 from rover_pin.terrain.terrain import Terrain
 from rover_pin.terrain.toml_table import write_terrain
 
-STEP = spec("s", "the step, refined where the ground asks for it", FINEST, COARSEST)
-DURATION = spec("s", "of the scenario", FINEST)
+STEP = spec("s", "the step, refined where the ground asks for it", MIN_STEP, MAX_STEP)
+DURATION = spec("s", "of the scenario", MIN_STEP)
 BURIAL = spec("", "assumed: sunk by half a wheel radius, a drive is over", 0.0, DEEPEST)
 WHOLE = {"soil": Soil, "motor": Motor, "start": Start}
 """Settings that may be given whole, as what they set the fields of."""

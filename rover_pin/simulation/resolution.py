@@ -25,7 +25,7 @@ RESOLVED = 1.2
 Left over is what a heavier load on a wheel makes of it: omega grows as load^(1/6) for n = 1, load^(1/3) for n = 3."""
 PRESSED, FIRMEST = 1e-3, 100.0
 """Share of the least sinkage by which `firmness` presses, and the most that it returns."""
-MOST = 400
+MAX_PARTS = 400
 """Parts into which a step may be divided by itself."""
 
 
@@ -44,15 +44,15 @@ def parts(model: Model, state: DriveState, dt: float, firmer: float = 1.0) -> in
     Raises
     ------
     SimulationError
-        Soil so firm that it would take more than MOST parts.
+        Soil so firm that it would take more than MAX_PARTS parts.
     """
     omega = math.sqrt(firmer) * contact_frequency(model, state)
     needed = max(1, math.ceil(omega * dt / RESOLVED - 1e-9))
-    if needed > MOST:
+    if needed > MAX_PARTS:
         raise SimulationError(
             f"The ground is too stiff for dt = {dt:g} s: the rover vibrates on it at {omega:.3g} rad/s, which takes "
-            f"{needed} parts of a step, and {MOST} are allowed: lower soil.k_1 or raise soil.n to 0.5 or more, or give "
-            f"a dt of at most {MOST * RESOLVED / omega:.2g} s."
+            f"{needed} parts of a step, and {MAX_PARTS} are allowed: lower soil.k_1 or raise soil.n to 0.5 or more, or "
+            f"give a dt of at most {MAX_PARTS * RESOLVED / omega:.2g} s."
         )
     return needed
 

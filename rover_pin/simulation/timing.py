@@ -16,9 +16,9 @@ TOLERANCE = 1e-4
 """Error [m] of x and y that a drive keeps by itself, by smaller steps; of loads, see `step_error.LOADS`."""
 FINER = 16
 """Parts of its step that a drive is driven in at most, to keep its tolerance."""
-FINEST = 1e-6
+MIN_STEP = 1e-6
 """Least step [s]: ten seconds of driving then take minutes."""
-COARSEST = 0.1
+MAX_STEP = 0.1
 """Greatest step [s]."""
 MOST_PERIODS = 1000
 """Of one of control and sample in a whole number of the other, at most."""
@@ -46,8 +46,8 @@ class Timing:
     "error of x and y [m] above which a drive that measures it is driven again at half the step"
 
     def __post_init__(self) -> None:
-        if not FINEST <= self.dt <= COARSEST:
-            raise SimulationError(f"dt = {self.dt:g} s is not allowed: it must lie in [{FINEST:g}, {COARSEST:g}] s.")
+        if not MIN_STEP <= self.dt <= MAX_STEP:
+            raise SimulationError(f"dt = {self.dt:g} s is not allowed: it must lie in [{MIN_STEP:g}, {MAX_STEP:g}] s.")
         if not self.tolerance > 0.0:
             raise SimulationError(f"tolerance = {self.tolerance:g} m is not allowed: give a positive distance.")
         object.__setattr__(self, "dt", self._shared / math.ceil(self._shared / self.dt - 1e-9))
@@ -56,9 +56,9 @@ class Timing:
     def _shared(self) -> float:
         """The longest time of which both periods are whole multiples [s]."""
         for name in ("control", "sample"):
-            if not FINEST <= getattr(self, name) < math.inf:
+            if not MIN_STEP <= getattr(self, name) < math.inf:
                 raise SimulationError(
-                    f"The {name} period {getattr(self, name):g} s is not allowed: give {FINEST:g} s or more."
+                    f"The {name} period {getattr(self, name):g} s is not allowed: give {MIN_STEP:g} s or more."
                 )
         ratio = Fraction(self.control / self.sample).limit_denominator(MOST_PERIODS)
         if not 0 < ratio.numerator <= MOST_PERIODS or abs(ratio / Fraction(self.control / self.sample) - 1) > 1e-6:

@@ -11,7 +11,7 @@ from rover_pin.terrain.terrain import HeightGrid, Lanes, Terrain
 
 CLOSE = 1e-9
 """A point of the bend this near to one of the ground [m] is that one: a piece so short would have any slope."""
-MOST = 20_000
+MAX_LINES = 20_000
 """Grid lines across x at most: more are a grid that is far larger than what bends."""
 
 
@@ -21,7 +21,7 @@ def bent(terrain: Terrain, x: Sequence[float], rise: Sequence[float]) -> Terrain
     Beyond both ends it is raised as there. A polyline gets these points besides its own; a grid gets as many more
     lines across x as it takes to follow them, and its heights stay bilinear in between.
 
-    Raises ParameterError: a grid so much larger than the bend that it would need more than MOST lines.
+    Raises ParameterError: a grid so much larger than the bend that it would need more than MAX_LINES lines.
     """
     places, lift = np.asarray(x, dtype=float), np.asarray(rise, dtype=float)
     if isinstance(terrain, Lanes):
@@ -29,10 +29,10 @@ def bent(terrain: Terrain, x: Sequence[float], rise: Sequence[float]) -> Terrain
     assert isinstance(terrain, HeightGrid)
     finer = max(1, math.ceil(terrain.dx / float(np.min(np.diff(places)))))
     lines = (terrain.z.shape[0] - 1) * finer + 1
-    if lines > MOST:
+    if lines > MAX_LINES:
         raise ParameterError(
             f"The ground's bend has points every {np.min(np.diff(places)):.3g} m, the height grid a line every "
-            f"{terrain.dx:g} m: it would need {lines} lines across x, {MOST} at most; bend a longer stretch, or "
+            f"{terrain.dx:g} m: it would need {lines} lines across x, {MAX_LINES} at most; bend a longer stretch, or "
             "cut the grid."
         )
     dx = terrain.dx / finer

@@ -7,7 +7,7 @@ import numpy as np
 from rover_pin.terrain.profile import Profile
 from rover_pin.terrain.terrain import Extent, HeightGrid, Lanes, Terrain
 
-MOST = 400
+MAX_POINTS = 400
 """Points of a height grid that are drawn along either axis."""
 RULED = 0.1
 """Distance of the lines that are ruled across the ground [m]."""
@@ -81,12 +81,12 @@ def _cells(terrain: Terrain, box: Extent) -> tuple[np.ndarray, np.ndarray]:
 def _ticks(terrain: Terrain, low: float, high: float, axis: int) -> np.ndarray:
     """Return where a grid has points within a range, and its ends; thinned out where they are very many."""
     if not isinstance(terrain, HeightGrid):
-        return np.linspace(low, high, MOST)
+        return np.linspace(low, high, MAX_POINTS)
     start, spacing = ((terrain.x0, terrain.dx), (terrain.y0, terrain.dy))[axis]
     count = terrain.z.shape[axis]
     ticks = start + spacing * np.arange(count)
     ticks = ticks[(ticks > low) & (ticks < high)]
-    return np.concatenate([[low], ticks[:: max(1, ticks.size // MOST)], [high]])
+    return np.concatenate([[low], ticks[:: max(1, ticks.size // MAX_POINTS)], [high]])
 
 
 def ruled(terrain: Terrain, box: Extent) -> np.ndarray:

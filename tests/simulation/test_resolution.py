@@ -17,7 +17,7 @@ from rover_pin.simulation.native.shared import RECORD
 from rover_pin.simulation.outcome.audit import balance_warning, load_warning, mean_load
 from rover_pin.simulation.pace import ROUGH, Pace
 from rover_pin.simulation.replay import commands, replay
-from rover_pin.simulation.resolution import MOST, contact_frequency, firmness, parts, stiffness
+from rover_pin.simulation.resolution import MAX_PARTS, contact_frequency, firmness, parts, stiffness
 from rover_pin.simulation.start.place import Start, settled
 from rover_pin.simulation.timing import Timing
 from rover_pin.simulation.trace.rows import finite, row_type
@@ -122,17 +122,15 @@ def test_too_stiff_ground_is_refused_in_one_sentence():
     model = scenario("flat").model
     state = settled(model, Start())
     stiff = model.replace(soils=(Soil(k_1=1e9, n=0.1), *model.soils[1:]))
-    message = (
-        rf"too stiff for dt = 0\.0166667 s: the rover vibrates on it at .* rad/s, .* {MOST} are allowed: lower soil"
-    )
+    message = rf"too stiff for dt = 0\.0166667 s: the rover vibrates on it at .* rad/s, .* {MAX_PARTS} are allowed: lower soil"
     for start in (state, Start()):
         with pytest.raises(SimulationError, match=message):
             simulate(stiff, ConstantDuty(0.5), 1.0, start)
     omega = contact_frequency(stiff, state)
-    assert parts(stiff, state, (MOST - 0.5) * 1.2 / omega) == MOST
+    assert parts(stiff, state, (MAX_PARTS - 0.5) * 1.2 / omega) == MAX_PARTS
     assert parts(stiff, state, 3.0 * (1.0 + 1e-12) * 1.2 / omega) == 3, "round-off is no part"
-    with pytest.raises(SimulationError, match=rf"{MOST + 1}.*{MOST}"):
-        parts(stiff, state, (MOST + 0.5) * 1.2 / omega)
+    with pytest.raises(SimulationError, match=rf"{MAX_PARTS + 1}.*{MAX_PARTS}"):
+        parts(stiff, state, (MAX_PARTS + 0.5) * 1.2 / omega)
 
 
 def test_steps_that_miss_the_load_say_so_or_are_halved(monkeypatch):

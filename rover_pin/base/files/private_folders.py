@@ -57,7 +57,7 @@ def _trouble(folder: Path) -> str:
     return "other users can write to it" if status.st_mode & OTHERS_WRITE else ""
 
 
-MOST = 200
+MAX_DIGESTS = 200
 """Digests that are kept, the latest; what falls out is checked anew."""
 
 
@@ -73,7 +73,7 @@ def is_cached(kind: str, digest: str) -> bool:
 
 def remember(kind: str, digest: str) -> None:
     """Keep that this was found sound; where no private folder takes it, it is checked again next time."""
-    digests = [*(old_digest for old_digest in _digests(kind) if old_digest != digest), digest][-MOST:]
+    digests = [*(old_digest for old_digest in _digests(kind) if old_digest != digest), digest][-MAX_DIGESTS:]
     with contextlib.suppress(CacheError, DataError):
         replace_file(_file(kind), "\n".join(digests))
 

@@ -20,7 +20,7 @@ LENGTHS = {
     "STILL": 8, "PAST": 17,
 }  # fmt: skip
 """Samples from which rates, posture, torques and rim speeds are taken; strides of 0.25 s that are looked back."""
-LEAST = {"LEAST_LOAD": 0.5, "LEAST_RIM": 5e-4, "BENT": 0.04, "STANDING": 0.12}
+THRESHOLDS = {"LEAST_LOAD": 0.5, "LEAST_RIM": 5e-4, "BENT": 0.04, "STANDING": 0.12}
 """Load [N] and rim speed [m/s] that tell something; bend that counts; u / (r omega) below which a rover stands."""
 UNDER = "SLOPE LEVEL LOAD AHEAD RISE SWING HEIGHT".split()
 
@@ -152,7 +152,7 @@ def c_source() -> str:
 
 def constants() -> str:
     """Return the C definitions that `belief.c` is written with."""
-    lines = [f"#define {name} {value!r}" for name, value in (LENGTHS | LEAST).items()]
+    lines = [f"#define {name} {value!r}" for name, value in (LENGTHS | THRESHOLDS).items()]
     return "\n".join([*lines, f"enum {{ {', '.join(UNDER)} }};"])
 
 

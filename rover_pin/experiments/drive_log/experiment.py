@@ -84,7 +84,7 @@ class DriveExperiment(Experiment):
         return np.asarray(np.fmax(scatter(self.runs, self.channels), declared_block_sd(self.noise_sd, self.channels)))
 
     def least_noise(self, model: Model) -> np.ndarray:
-        """Return the RMS error of a replay in each feature (channels,), no less than LEAST.
+        """Return the RMS error of a replay in each feature (channels,), no less than LEAST_NOISE.
 
         To first order in its step it is twice what halving the step moves. A log without noise shows that alone.
         """

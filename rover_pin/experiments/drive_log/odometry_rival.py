@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from rover_pin.estimation.baselines import Baseline
-from rover_pin.estimation.experiment import LEAST
+from rover_pin.estimation.experiment import LEAST_NOISE
 from rover_pin.experiments.drive_log.experiment import DriveExperiment
 from rover_pin.experiments.drive_log.features import DRIFT, HEADING, PATH, SPEED, LoggedRun
 from rover_pin.rover.rover import Rover
@@ -51,7 +51,7 @@ def _channels(experiment: DriveExperiment) -> list[str]:
 
 def _floor(experiment: DriveExperiment, channels: Sequence[str]) -> np.ndarray:
     at = [experiment.channels.index(name) for name in channels]
-    return np.fmax(experiment.floor()[at], LEAST)[:, None]
+    return np.fmax(experiment.floor()[at], LEAST_NOISE)[:, None]
 
 
 Tables = list[tuple[np.ndarray, np.ndarray]]

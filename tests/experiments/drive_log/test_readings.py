@@ -10,7 +10,7 @@ from rover_pin import Trace, load_rover
 from rover_pin.experiments.drive_log.checks.log import findings
 from rover_pin.experiments.drive_log.features import LEAK, LoggedRun, logged_run
 from rover_pin.experiments.drive_log.readings.ambiguous_timing import ambiguous_steps
-from rover_pin.experiments.drive_log.readings.outliers import LEAST, pose_outliers, without_pose_outliers
+from rover_pin.experiments.drive_log.readings.outliers import JUMPS, pose_outliers, without_pose_outliers
 from rover_pin.experiments.drive_log.readings.tracker import COURSE, HEIGHT, PLACE, TILT, TRACKER, tracker_columns
 from tests.experiments.drive_log import drive_channels as channels
 
@@ -36,14 +36,14 @@ def test_coarse_tracker_noise_is_no_outlier_a_distant_pose_is():
     assert np.flatnonzero(pose_outliers(Trace({"t_s": t, "body_x": x}))).tolist() == [1000]
 
 
-@pytest.mark.parametrize("name", LEAST)
+@pytest.mark.parametrize("name", JUMPS)
 def test_pose_with_one_wrong_number_is_an_outlier_as_a_whole(name):
     values = GOOD[0][name].copy()
     values[300] -= 0.1
     log = changed(**{name: values}).runs[0]
     assert np.flatnonzero(pose_outliers(log)).tolist() == [300]
     left = without_pose_outliers(log)
-    assert all(np.flatnonzero(np.isnan(left[each])).tolist() == [300] for each in LEAST)
+    assert all(np.flatnonzero(np.isnan(left[each])).tolist() == [300] for each in JUMPS)
     assert np.array_equal(left["wheel_rate_fl"], log["wheel_rate_fl"])
 
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from rover_pin.experiments.drive_log.checks.columns import longest_run, stretches
 from rover_pin.experiments.drive_log.checks.driven import AT_LEAST, FAR_OFF, OFF, Driven, Remarks, degrees
-from rover_pin.experiments.drive_log.readings.outliers import LEAST, pose_outliers, without_poses
+from rover_pin.experiments.drive_log.readings.outliers import JUMPS, pose_outliers, without_poses
 from rover_pin.simulation.model.motor import Motor
 from rover_pin.simulation.trace.channels import unit_of
 from rover_pin.simulation.trace.trace import Trace
@@ -101,7 +101,7 @@ def jump_findings(run: Driven) -> Remarks:
     rates = np.abs(run.trace.stack("wheel_rate"))
     fastest = run.radius * float(np.nanpercentile(rates, 99)) if np.isfinite(rates).any() else 0.0
     for name in ("body_x", "body_y", "body_z"):
-        yield from _jumps(run, trace, name, LEAST[name], fastest)
+        yield from _jumps(run, trace, name, JUMPS[name], fastest)
     for name in ("body_roll", "body_pitch", "body_yaw"):
         yield from _jumps(run, trace, name, TURN, QUICKEST_TURN)
     for wheel in run.trace.wheels:

@@ -20,7 +20,7 @@ SLOPE_OF_RUN = Kind("slope of a run", 0.01, "rad")
 KINDS = (GRIP, SLOPE, GRIP_OF_RUN, SLOPE_OF_RUN)
 SPACING = 0.12
 """Distance of the places between which grip and slope change evenly [m], for the paper's wheels: about their size."""
-MOST = 12
+MAX_PLACES = 12
 """Places, or times, of one run at most; in a longer one they are further apart."""
 
 
@@ -64,7 +64,7 @@ def shares_of(run: LoggedRun, rover: Rover) -> np.ndarray:
     length = max(1, round(BLOCK / run.commands.period))
     x, y = (uniform_filter1d(filled(run.commands.place[:, axis]), length, mode="nearest") for axis in (0, 1))
     way = np.cumsum(np.hypot(np.diff(x, prepend=x[0]), np.diff(y, prepend=y[0])))
-    count = min(round(float(way[-1]) / (SPACING * scale(rover))), MOST - 1) + 1
+    count = min(round(float(way[-1]) / (SPACING * scale(rover))), MAX_PLACES - 1) + 1
     if count == 1:
         return np.ones((1, len(way)))
     knots = np.linspace(0.0, way[-1], count)

@@ -10,7 +10,7 @@ import numpy as np
 from rover_pin.estimation.noise import SPREAD
 from rover_pin.simulation.trace.trace import Trace
 
-LEAST = {
+JUMPS = {
     "body_x": 0.005, "body_y": 0.005, "body_z": 0.005, "body_roll": 0.02, "body_pitch": 0.02, "body_yaw": 0.02,
 }  # fmt: skip
 """Numbers of a pose, and the least distance from its neighbours that makes an outlier [m, rad]."""
@@ -32,7 +32,7 @@ def pose_outliers(log: Trace) -> np.ndarray:
     """
     outliers = np.zeros(len(log.t), dtype=bool)
     for _ in range(2):
-        for name in (channel for channel in LEAST if channel in log):
+        for name in (channel for channel in JUMPS if channel in log):
             rows = np.flatnonzero(np.isfinite(log[name]) & ~outliers)
             outliers[rows[_outlier_places(log.t[rows], log[name][rows], name)]] = True
     return outliers
@@ -47,7 +47,7 @@ def without_poses(log: Trace, outliers: np.ndarray) -> Trace:
     """Return the log with the poses of these rows (T,) left empty, all numbers of them."""
     if not outliers.any():
         return log
-    emptied = {name: np.where(outliers, np.nan, log[name]) for name in LEAST if name in log}
+    emptied = {name: np.where(outliers, np.nan, log[name]) for name in JUMPS if name in log}
     return Trace({**log.channels, **emptied}, log.units, log.attrs)
 
 
@@ -62,10 +62,10 @@ def _outlier_places(t: np.ndarray, values: np.ndarray, name: str) -> np.ndarray:
     """Return the places of values that lie beyond all their neighbours, on one side of them."""
     if len(t) <= 2 * SIDE:
         return np.zeros(0, dtype=int)
-    turned = np.unwrap(values) if LEAST[name] == LEAST["body_yaw"] else values
+    turned = np.unwrap(values) if JUMPS[name] == JUMPS["body_yaw"] else values
     middle = np.arange(SIDE, len(t) - SIDE)
     distance = np.array([turned[middle] - turned[middle + by] for by in range(-SIDE, SIDE + 1) if by])
     one_side = (distance > 0).all(axis=0) | (distance < 0).all(axis=0)
     noise = scattered(turned)
     is_dense = t[middle + SIDE] - t[middle - SIDE] < NEAR
-    return np.asarray(middle[one_side & is_dense & (np.abs(distance).min(axis=0) > max(LEAST[name], BEYOND * noise))])
+    return np.asarray(middle[one_side & is_dense & (np.abs(distance).min(axis=0) > max(JUMPS[name], BEYOND * noise))])

@@ -11,7 +11,7 @@ import numpy as np
 
 from rover_pin.estimation.random_effects.random_field import Kind
 from rover_pin.experiments.drive_log.features import DRIFT, HEADING, PATH, LoggedRun, blocks, leaky, levelled
-from rover_pin.experiments.drive_log.ground.field import MOST
+from rover_pin.experiments.drive_log.ground.field import MAX_PLACES
 
 PLACE = Kind("wander of the tracked place", 0.002, "m")
 HEIGHT = Kind("wander of the tracked height", 0.002, "m")
@@ -50,7 +50,7 @@ def tracker_columns(
 def _shares(run: LoggedRun) -> np.ndarray:
     """Return how much each time between which the tracker wanders evenly counts at each row (times, T)."""
     t = run.commands.t
-    count = min(max(round((t[-1] - t[0]) / SPACING), 1), MOST - 1) + 1
+    count = min(max(round((t[-1] - t[0]) / SPACING), 1), MAX_PLACES - 1) + 1
     knots = np.linspace(t[0], t[-1], count)
     return np.asarray(np.maximum(0.0, 1.0 - np.abs(t - knots[:, None]) / (knots[1] - knots[0])))
 
