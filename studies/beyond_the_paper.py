@@ -58,7 +58,7 @@ from rover_pin.simulation.simulate import simulate
 from rover_pin.simulation.trace.trace import Trace
 from rover_pin.soil.wheel_forces import load_traction_factor
 from rover_pin.tuning.drive_score import Cost, Score, score_trace
-from rover_pin.tuning.drives import Control, built, controller_of
+from rover_pin.tuning.drives import Control, build, controller_of
 from rover_pin.tuning.evaluations import Evaluations
 from rover_pin.tuning.study import DriveCase, SlipLaw
 
@@ -115,7 +115,7 @@ def said(stage: str, done: int, total: int) -> None:
 
 
 def drive(case: DriveCase, controller: Any, symmetric: bool = False) -> Trace:
-    scene = built(case)
+    scene = build(case)
     return simulate(scene.model, controller, scene.duration, scene.start, scene.timing, symmetric=symmetric)
 
 
@@ -124,7 +124,7 @@ def controller(case: DriveCase, name: str, law: Tacking) -> Any:
     if name.startswith("constant"):
         return ConstantDuty(float(name.split()[1]))
     if name.startswith("tacking"):
-        return TackingControl(built(case).model.rover, law.replace(delta_climb=1.0) if "full" in name else law)
+        return TackingControl(build(case).model.rover, law.replace(delta_climb=1.0) if "full" in name else law)
     gains = TUNED if "tuned" in name else Gains()
     return controller_of(case, Control.of("true" if "true" in name else "eq9", SlipLaw(gains)))
 
@@ -132,7 +132,7 @@ def controller(case: DriveCase, name: str, law: Tacking) -> Any:
 def judged(case: DriveCase, name: str, law: Tacking) -> list[float]:
     """Return Score, x at the end, and when the goal was reached (nan: never)."""
     trace = drive(case, controller(case, name, law), symmetric=not name.startswith("tacking"))
-    score = score_trace(trace, built(case).model, built(case).duration)
+    score = score_trace(trace, build(case).model, build(case).duration)
     there = trace.t[trace["body_x"] > GOAL[case.scenario]]
     return [*score, float(trace["body_x"][-1]), float(there[0]) if len(there) else math.nan]
 
@@ -201,7 +201,7 @@ def bounded(evaluations: Evaluations, cases: list[DriveCase], population: int, g
 
 def steepest(case: DriveCase) -> float:
     """Return the grade [deg] beyond which no duty goes 1 m in time: all wheels at the peak of F, less resistance."""
-    model = built(case).model
+    model = build(case).model
     law = model.effect(SoilTraction)
     S = np.linspace(0.0, 1.0, 201)
     F = np.array([float(load_traction_factor(s, model.soils[0], model.rover.wheel, law.form, law.angles)) for s in S])

@@ -49,7 +49,7 @@ from rover_pin.contact import Contact, Load, Soil, Wheel
 from rover_pin.effects.effect import Effect
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.estimation.noise import null_gain
-from rover_pin.experiments.wheel_rig.candidates import added, rig_kinds
+from rover_pin.experiments.wheel_rig.candidates import default_effect, rig_kinds
 from rover_pin.experiments.wheel_rig.model import RigModel
 from rover_pin.plot import COLOURS, save, write_csv
 from rover_pin.soil.angles import FixedAngles
@@ -211,7 +211,7 @@ def curve(form: str, change: Change) -> ca.Function:
     effects: list[Effect] = [traction]
     for kind in change.effects:
         named = {name: own[f"{kind.__name__}.{name}"] for name in kind.neutral}
-        effects.append(added(kind, base).replace(**named))
+        effects.append(default_effect(kind, base).replace(**named))
     S = ca.SX.sym("S")
     factor = ca.Function("F", [S, values], [_factor(effects, S, soil)])
     return ca.Function("curve", [values], [ca.vertcat(*(factor(float(slip), values) for slip in SLIPS))])

@@ -23,7 +23,7 @@ from rover_pin.loop.close import read_data, start_on
 from rover_pin.simulation.model.effect_files import run_file, user_effects
 from rover_pin.simulation.model.toml_file import read_model, write_model
 from rover_pin.sweep import read_study, sweep
-from rover_pin.tuning.drives import built
+from rover_pin.tuning.drives import build
 from rover_pin.tuning.study_file import read_tuning
 
 ROOT = Path(__file__).parents[1]
@@ -85,7 +85,7 @@ def written(model, text):
 
 
 def tuned(model, trust=Trust()):
-    return built(read_tuning(written(model, TUNING)).trusting(trust).training[0]).model
+    return build(read_tuning(written(model, TUNING)).trusting(trust).training[0]).model
 
 
 def swept(model, trust=Trust()):
@@ -176,7 +176,7 @@ def test_a_study_cannot_trust_itself(model, key):
     with pytest.raises(ParameterError, match="key 'trust'"):
         read_study(written(model, "trust = true\n" + SWEEP))
     with pytest.raises(ParameterError, match=r"yours.*give"):
-        built(read_tuning(written(model, TUNING + "trust = true\n")).training[0])
+        build(read_tuning(written(model, TUNING + "trust = true\n")).training[0])
     assert not ran(model)
 
 

@@ -37,7 +37,7 @@ def arguments_of(function: Callable[..., Any]) -> dict[str, Argument]:
     return {name: Argument(*parts[:2]) for name, parts in argument_parts.items() if isinstance(parts[1], Quantity)}
 
 
-def checked(owner: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
+def check_arguments(owner: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
     """Return the decorator by which a function refuses numbers out of the bounds that its annotations state.
 
     Raises ParameterError: by the function: what is no number, is out of bounds, or is not whole where the annotation is

@@ -124,14 +124,14 @@ def check_urdf(
     as_json: AsJson = False,
 ) -> None:
     """Check a rover: what to mend, whether it stands and moves. What was assumed for that is said."""
-    from rover_pin.rover.description.layout import shipped
+    from rover_pin.rover.description.layout import shipped_toml
     from rover_pin.rover.rover import load_rover
     from rover_pin.rover.urdf_check import check_urdf as check
     from rover_pin.scenarios.road_check import road_check
 
     name = file
     if not is_file(file):
-        file = shipped(str(name))
+        file = shipped_toml(str(name))
     urdf_report = check(file, Trust(everything=trust))
     result: dict[str, Any] = {name: list(getattr(urdf_report, name)) for name in ("faults", "notes", "facts")}
     if urdf_report.ok and urdf_report.loads:

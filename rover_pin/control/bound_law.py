@@ -55,7 +55,7 @@ class Carried(NamedTuple):
 def bound_law(angles: FixedAngles | SinkageAngles) -> ca.Function:
     """Return the function of INPUTS (a column) that gives OUTPUTS (a column)."""
     x = ca.SX.sym("x", len(INPUTS))
-    load, slip_limit, wheel, soil = unpacked(x)
+    load, slip_limit, wheel, soil = unpack_inputs(x)
     log_load = ca.log(ca.sqrt(ca.fmax(load, 0.0) ** 2 + LOAD_FLOOR**2))
     solve = _at_fixed_angles if isinstance(angles, FixedAngles) else _at_sinkage
     solutions = [solve(law, log_load, wheel, soil, x) for law in (full_shear, driving_shear(slip_limit, wheel, soil))]
@@ -70,7 +70,7 @@ def bound_law(angles: FixedAngles | SinkageAngles) -> ca.Function:
     return ca.Function("torque_bounds", [x], [ca.cse(out)], ["inputs"], ["outputs"])
 
 
-def unpacked(x: ca.SX) -> tuple[Scalar, Scalar, Wheel, Soil]:
+def unpack_inputs(x: ca.SX) -> tuple[Scalar, Scalar, Wheel, Soil]:
     """Return load, slip limit, wheel and soil whose quantities are the entries of a column ordered as INPUTS."""
     load, slip_limit, *constants = ca.vertsplit(x)
     n_wheel = len(quantities(Wheel))

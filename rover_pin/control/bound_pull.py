@@ -10,7 +10,7 @@ from rover_pin.control.bound_law import FINE
 from rover_pin.control.torque_bounds import BY_LOAD, SLIP_LIMIT
 from rover_pin.soil.angles import FixedAngles, SinkageAngles
 from rover_pin.soil.quadrature import entry_graded
-from rover_pin.soil.sinkage import ShearState, entry_angle, sheared, slipping
+from rover_pin.soil.sinkage import ShearState, entry_angle, fully_sheared, slipping
 from rover_pin.soil.wheel_forces import GrossTraction, NetTraction, TorqueTraction, forces
 
 
@@ -54,7 +54,7 @@ def pull_at_bounds(load: Scalar, soil: Soil, wheel: Wheel, limit: TractionLimit 
     Parameters and errors are those of `torque_bounds`. A `MotionResistance` of the model is not subtracted.
     Source: Eqs (6) and (7); section 3.2. Differs from the paper: it has the net form only.
     """
-    states: tuple[ShearState, ShearState] = (sheared, slipping)
+    states: tuple[ShearState, ShearState] = (fully_sheared, slipping)
     return BoundPulls(*(_pull(load, soil, wheel, limit, state) for state in states))
 
 

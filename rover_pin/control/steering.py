@@ -6,7 +6,7 @@ from typing import Annotated, Self
 
 import numpy as np
 
-from rover_pin.base.arguments import checked, spec
+from rover_pin.base.arguments import check_arguments, spec
 from rover_pin.base.errors import ParameterError
 from rover_pin.control.motion.kinematics import BodyMotion, rolling, steers, turning_places
 from rover_pin.rover.rover import Rover
@@ -44,7 +44,7 @@ class Turn(Steady):
     """
 
     @classmethod
-    @checked("control")
+    @check_arguments("control")
     def of(
         cls,
         rover: Rover,
@@ -82,7 +82,7 @@ class Crab(Steady):
     """
 
     @classmethod
-    @checked("control")
+    @check_arguments("control")
     def of(
         cls,
         rover: Rover,

@@ -9,7 +9,7 @@ import numpy as np
 from rover_pin.base.files.paths import named_from
 from rover_pin.base.quantity import declared
 from rover_pin.contact import Soil
-from rover_pin.demo.hidden import DRIVEN, Made, chosen, keep_truth
+from rover_pin.demo.hidden import DRIVEN, Made, choose_hidden, keep_truth
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.effects.tacho_scale import TachoScale
 from rover_pin.effects.weak_motor import WeakMotor
@@ -30,7 +30,7 @@ from rover_pin.simulation.model.defaults import (
 from rover_pin.simulation.model.effect_files import AnyEffect
 from rover_pin.simulation.model.effect_words import effect_of
 from rover_pin.simulation.model.model import Model, base_effects
-from rover_pin.simulation.sensors import Sensors, measured
+from rover_pin.simulation.sensors import Sensors, measure
 from rover_pin.simulation.simulate import Progress, simulate
 from rover_pin.simulation.start.place import Start
 from rover_pin.simulation.trace.trace import Trace
@@ -63,7 +63,7 @@ def write(folder: Path, hidden: str, seed: int, rover: str = "nexus6", progress:
     for run, plan in enumerate([*plans, *plans[:2]]):
         start = Start(-0.6 * size, 0.0, 0.0) if run % 2 == 0 else Start(0.7 * size, 0.0, math.pi)
         driven = simulate(true, plan, seconds, start, measure_error=False)
-        log = _drifting(measured(driven, Sensors(), int(random.integers(2**31)), true.sensor_effects), random)
+        log = _drifting(measure(driven, Sensors(), int(random.integers(2**31)), true.sensor_effects), random)
         traces[f"run-{run + 1}"] = dataclasses.replace(log, attrs={"start": dataclasses.asdict(start)})
         if progress is not None:
             progress(run + 1.0)
@@ -83,7 +83,7 @@ def write(folder: Path, hidden: str, seed: int, rover: str = "nexus6", progress:
 
 def hidden_model(model: Model, hidden: str, random: np.random.Generator) -> tuple[Model, AnyEffect | None]:
     """Return the model that drives in place of the declared one, and the effect that it hides."""
-    word, soil = chosen(hidden, DRIVEN, random), model.soils[0]
+    word, soil = choose_hidden(hidden, DRIVEN, random), model.soils[0]
     effect = effect_of(word, model) if word else None
     soil = soil.replace(
         phi=soil.phi + random.normal(0.0, PHI_SD / 2), k=soil.k * math.exp(random.normal(0.0, K_SD / 2))

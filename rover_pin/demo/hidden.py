@@ -38,7 +38,7 @@ class Made:
     truth: Mapping[str, Any]
 
 
-def chosen(word: str, among: tuple[str, ...], random: np.random.Generator) -> str:
+def choose_hidden(word: str, among: tuple[str, ...], random: np.random.Generator) -> str:
     """Return the word of what is hidden: as given, one of `among` or nothing for "any"; empty for nothing."""
     if word in ("", NONE):
         return ""

@@ -10,7 +10,7 @@ from rover_pin.base.files.toml_file import toml_text
 from rover_pin.base.files.whole_file import replace_file
 from rover_pin.base.quantity import declared
 from rover_pin.contact import Soil, Wheel
-from rover_pin.demo.hidden import CONTACT, Made, chosen, contact_effect, keep_truth
+from rover_pin.demo.hidden import CONTACT, Made, choose_hidden, contact_effect, keep_truth
 from rover_pin.experiments.wheel_rig.model import NOMINAL, RigModel, conditions
 from rover_pin.measurements.foreign_rig import channel_unit
 from rover_pin.simulation.model.effect_files import reading_traction
@@ -30,7 +30,7 @@ def write(folder: Path, hidden: str, seed: int) -> Made:
     Raises DataError: it cannot be written there.
     """
     random = np.random.default_rng(seed)
-    effect = contact_effect(chosen(hidden, CONTACT, random))
+    effect = contact_effect(choose_hidden(hidden, CONTACT, random))
     soil = SOIL.replace(
         phi=SOIL.phi + math.radians(random.normal(0.0, 1.0)),
         k=SOIL.k * math.exp(random.normal(0.0, 0.15)),

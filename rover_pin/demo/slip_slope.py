@@ -8,7 +8,7 @@ import numpy as np
 from rover_pin.base.files.paths import named_from
 from rover_pin.base.files.toml_file import toml_text
 from rover_pin.base.files.whole_file import replace_file
-from rover_pin.demo.hidden import CONTACT, Made, chosen, contact_effect, keep_truth
+from rover_pin.demo.hidden import CONTACT, Made, choose_hidden, contact_effect, keep_truth
 from rover_pin.effects.motion_resistance import MotionResistance
 from rover_pin.experiments.slip_slope import FILE, KIND, SlipSlope
 from rover_pin.parameters.gravity import EARTH
@@ -31,7 +31,7 @@ def write(folder: Path, hidden: str, seed: int, rover: str = "nexus6") -> Made:
     Raises DataError, UrdfError: it cannot be written there, or the rover cannot be read.
     """
     random, built = np.random.default_rng(seed), load_rover(rover)
-    effect = contact_effect(chosen(hidden, CONTACT, random))
+    effect = contact_effect(choose_hidden(hidden, CONTACT, random))
     default_soil = own_soil(built).value
     soil = default_soil.replace(
         phi=default_soil.phi + random.normal(0.0, PHI_SD / 2), k=default_soil.k * math.exp(random.normal(0.0, K_SD / 2))

@@ -15,7 +15,7 @@ from rover_pin.estimation.random_effects.learnt_noise import with_noise
 from rover_pin.estimation.task import Task
 
 
-def calibrated(experiment: Experiment, model: Any, numbers: Sequence[Parameter]) -> Fit:
+def calibrate(experiment: Experiment, model: Any, numbers: Sequence[Parameter]) -> Fit:
     """Return the model with its uncertain numbers fitted, the noise as declared, or taken as large as what is left."""
     declared = experiment.noise()
     if declared is not None:

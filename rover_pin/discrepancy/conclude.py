@@ -8,10 +8,10 @@ import numpy as np
 
 from rover_pin.base.errors import OptimisationError
 from rover_pin.discrepancy.answer import Answer
-from rover_pin.discrepancy.calibration import calibrated
+from rover_pin.discrepancy.calibration import calibrate
 from rover_pin.discrepancy.candidate import is_effect
 from rover_pin.discrepancy.decision import Decision, decide, sentence
-from rover_pin.discrepancy.draft import Draft, draft_of, scored
+from rover_pin.discrepancy.draft import Draft, draft_of, score_draft
 from rover_pin.discrepancy.held_out_errors import fold_errors, held_out, lost_folds, taken_share
 from rover_pin.discrepancy.question import Progress, Question
 from rover_pin.discrepancy.search import Search
@@ -37,7 +37,7 @@ LOOSE = 2.0
 within half its range. Why: soils of the literature lie within (assumed)."""
 
 
-def concluded(question: Question, progress: Progress, seed: int = 0) -> Verdict:
+def conclude(question: Question, progress: Progress, seed: int = 0) -> Verdict:
     """Return what a model lacks, as a graded answer.
 
     Raises OptimisationError: the base model cannot be fitted at all.
@@ -66,7 +66,7 @@ def with_draft(verdict: Verdict, drafted: Callable[[Fit], Draft | None], seed: i
     if verdict.after is None or verdict.answer not in (Answer.NONE_FITS, Answer.LIKE):
         return verdict
     draft = drafted(verdict.after.fit)
-    return verdict if draft is None else replace(verdict, draft=scored(draft, verdict.after.fit, seed))
+    return verdict if draft is None else replace(verdict, draft=score_draft(draft, verdict.after.fit, seed))
 
 
 def _drafted(question: Question, explorer: Explorer, named: tuple[str, ...], fitted: Fit) -> Draft | None:
@@ -84,7 +84,7 @@ def _drafted(question: Question, explorer: Explorer, named: tuple[str, ...], fit
 
 def search_of(question: Question, progress: Progress) -> Search:
     """Return what was fitted of a question whose slopes are differences, its noise learnt where none is declared."""
-    base = calibrated(question.experiment, question.model, tuple(map(proper, question.numbers)))
+    base = calibrate(question.experiment, question.model, tuple(map(proper, question.numbers)))
     candidates = question.candidates(base)
     progress(f"how each of {len(candidates)} candidates would show")
     rows = signatures(base, candidates)

@@ -72,7 +72,7 @@ def draft_of(text: str, before: Fit, after: Fit | None, log_odds: float) -> Draf
     return Draft(text, after, log_odds, fall_of(was, now), tuple(name for name, loss in names if math.isnan(loss)))
 
 
-def scored(draft: Draft, before: Fit, seed: int) -> Draft:
+def score_draft(draft: Draft, before: Fit, seed: int) -> Draft:
     """Return a draft with its errors on folds left out beside those of a fit without."""
     if draft.fit is None:
         return draft

@@ -140,7 +140,7 @@ class Body(NamedTuple):
     "of the suspension's joints, as their channels: rocker_l, bogie_l, ..."
 
 
-def called(joint: str, names: Sequence[str]) -> tuple[str, ...]:
+def joints_called(joint: str, names: Sequence[str]) -> tuple[str, ...]:
     """Return the joints that `joint` means: the one of this name, those of a pair (bogie: bogie_l, bogie_r), or all."""
     return tuple(name for name in names if joint in ("", name) or name.startswith(f"{joint}_"))
 

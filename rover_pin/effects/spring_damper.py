@@ -5,7 +5,7 @@ from typing import ClassVar
 
 from rover_pin.base.quantity import quantity
 from rover_pin.contact import Scalar
-from rover_pin.effects.effect import Body, BodyEffect, Push, called
+from rover_pin.effects.effect import Body, BodyEffect, Push, joints_called
 
 
 @dataclass(frozen=True)
@@ -43,4 +43,4 @@ class SpringDamper(BodyEffect):
         """Return 1 for each joint that is meant and 0 for the others."""
         if not self.joint:
             return [1.0] * len(body.angles)
-        return [float(name in called(self.joint, body.names)) for name in body.names]
+        return [float(name in joints_called(self.joint, body.names)) for name in body.names]

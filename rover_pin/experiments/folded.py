@@ -24,7 +24,7 @@ def read_folded(path: Path, by: str, names: tuple[str, ...]) -> tuple[tuple[str,
     return tuple(map(str, folds)), padded_table
 
 
-def stacked(parts: Sequence[tuple[np.ndarray, Sequence[int]]], channels: int, empty: float) -> np.ndarray:
+def stack(parts: Sequence[tuple[np.ndarray, Sequence[int]]], channels: int, empty: float) -> np.ndarray:
     """Return tables (..., folds, rows, samples) as one of this many channels, `empty` where a part has none.
 
     Each comes with the channels of its rows.

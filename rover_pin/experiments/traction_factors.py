@@ -17,7 +17,7 @@ from rover_pin.estimation.experiment import Sensitivities
 from rover_pin.estimation.noise import Noise, declared_noise
 from rover_pin.estimation.parameter import Parameter, parameter_of
 from rover_pin.experiments.soil_priors import known_constant, unknown_constant
-from rover_pin.experiments.wheel_rig.steady_law import FIELDS, valued
+from rover_pin.experiments.wheel_rig.steady_law import FIELDS, with_values_of
 from rover_pin.measurements.traction_points import TractionPoints, read_traction_points
 from rover_pin.parameters import TABLE_1
 from rover_pin.soil.sinkage import fitted_entry_angle
@@ -38,7 +38,7 @@ def factor_law(form: Any, angles: Any, loaded: bool, free: tuple[str, ...], poin
     The arc is at the soil's theta_1, or where `loaded` at that which carries the point's load.
     """
     condition, constants, slip = ca.SX.sym("condition", 2), ca.SX.sym("constants", len(FIELDS)), ca.SX.sym("S")
-    wheel, soil, _ = valued((), constants)
+    wheel, soil, _ = with_values_of((), constants)
     if loaded:
         soil = soil.replace(theta_1=fitted_entry_angle(condition[1], slip, wheel, soil))
     law = load_traction_factor(slip, soil, wheel, form, angles)

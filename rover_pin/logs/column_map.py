@@ -28,7 +28,7 @@ from rover_pin.simulation.trace.channels import is_column, unit_of
 KEYS = ("column", "formula", "unit", "scale", "offset")
 
 
-def mapped(table: Columns, entries: Mapping[str, Any], where: str, wheels: Sequence[str]) -> Columns:
+def map_columns(table: Columns, entries: Mapping[str, Any], where: str, wheels: Sequence[str]) -> Columns:
     """Return the columns of a drive log that a table holds: those with a log's name, and those that are mapped.
 
     Raises DataError: an entry that is neither a column nor a formula, an unknown column, key or unit.
@@ -44,7 +44,7 @@ def mapped(table: Columns, entries: Mapping[str, Any], where: str, wheels: Seque
 def mapped_column(name: str, entry: Any, columns: Mapping[str, np.ndarray], where: str) -> np.ndarray:
     """Return what an entry of [columns] makes of columns, in the SI unit that the channel's name tells.
 
-    Raises DataError: as of `mapped`.
+    Raises DataError: as of `map_columns`.
     """
     table = {"column" if entry in columns else "formula": entry} if isinstance(entry, str) else entry
     _refuse_strange(table, where)

@@ -48,7 +48,7 @@ from rover_pin.base.jobs.time_left import telling
 from rover_pin.base.public import brief
 from rover_pin.base.quantity import as_float
 from rover_pin.base.trust import Trust
-from rover_pin.logs.column_map import mapped
+from rover_pin.logs.column_map import map_columns
 from rover_pin.logs.declared_noise import read_declared_noise
 from rover_pin.logs.ros_bag import is_bag, read_bag
 from rover_pin.logs.run_terrain import is_of_run, run_terrain
@@ -276,7 +276,7 @@ def _run(file: Path, metadata: LogMetadata, at: int, entry: dict[str, Any], trus
 def _table(file: Path, metadata: LogMetadata, run: Path, trust: Trust) -> Columns:
     if not is_bag(run):
         table = read_columns(run)
-        return mapped(table, metadata.columns, str(file), metadata.wheels) if metadata.columns else table
+        return map_columns(table, metadata.columns, str(file), metadata.wheels) if metadata.columns else table
     for part in run.iterdir() if is_folder(run) else [run]:
         trust.within(file.parent, str(part.relative_to(file.parent)), str(file))
     return read_bag(run, metadata.columns, metadata.bag, str(file))

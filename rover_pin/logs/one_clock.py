@@ -55,10 +55,10 @@ def _ahead(times: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarra
 
 
 def _within(t: np.ndarray, times: np.ndarray, values: np.ndarray) -> np.ndarray:
-    return np.where((t < times[0]) | (t > times[-1]), np.nan, interpolated(t, times, values))
+    return np.where((t < times[0]) | (t > times[-1]), np.nan, interpolate_messages(t, times, values))
 
 
-def interpolated(t: np.ndarray, at: np.ndarray, values: np.ndarray) -> np.ndarray:
+def interpolate_messages(t: np.ndarray, at: np.ndarray, values: np.ndarray) -> np.ndarray:
     """Return the values of messages at these times, NaN where they fail to come; beyond the ends the last ones.
 
     Where a value jumps by more than half of its range, as an angle from 180 to -180 deg, the nearer one stands.

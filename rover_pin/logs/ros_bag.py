@@ -15,7 +15,7 @@ from rover_pin.base.errors import DataError, MissingExtraError, RoverPinError, c
 from rover_pin.base.files.columns import Columns
 from rover_pin.base.files.paths import exists, is_folder
 from rover_pin.logs.bag_columns import ANGLES, PART, Source, angle_of, parts, period_from, si, sources_from
-from rover_pin.logs.one_clock import MOST_ROWS, interpolated
+from rover_pin.logs.one_clock import MOST_ROWS, interpolate_messages
 from rover_pin.logs.unpacking import bounded_unpacking, refuse_anchors
 
 SUFFIXES = (".bag", ".db3", ".mcap")
@@ -61,13 +61,13 @@ def read_bag(path: Path, columns: Mapping[str, Any], bag: Mapping[str, Any], whe
     for name, (at, messages) in values.items():
         source = sources[name]
         seconds = (at - begin) * 1e-9
-        resampled = _held(t, seconds, messages) if source.hold else interpolated(t, seconds, messages)
+        resampled = _held(t, seconds, messages) if source.hold else interpolate_messages(t, seconds, messages)
         channels[name] = si(name, source, resampled, where)
     return Columns(path, channels, tuple(f"t = {instant:.6g} s" for instant in t))
 
 
 @contextmanager
-def opened(path: Path) -> Iterator[Any]:
+def open_bag(path: Path) -> Iterator[Any]:
     """Give the reader of a bag; whatever it raises is reported in one sentence.
 
     Raises DataError: it is no bag, or is damaged.
@@ -109,7 +109,7 @@ class _Messages:
 
     def read(self) -> dict[str, tuple[np.ndarray, np.ndarray]]:
         """Return name -> (times [ns], values) of every column, times increasing."""
-        with opened(self.path) as bag:
+        with open_bag(self.path) as bag:
             self._pass(bag)
         return {name: self._arrays(name) for name in self.sources}
 

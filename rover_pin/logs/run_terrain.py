@@ -53,7 +53,7 @@ def run_terrain(table: Mapping[str, Any], run: Trace, rover: Rover, where: str) 
             raise DataError(f"{where} has an unknown key '{key}': {closest(key, KEYS)}")
     if len(table) > 1 or table.get("estimated", True) is not True:
         raise DataError(f"{where} must have either slope = {{ value, unit }} or estimated = true.")
-    return _plane(table["slope"], run, where) if "slope" in table else estimated(run, rover)
+    return _plane(table["slope"], run, where) if "slope" in table else estimate_surface(run, rover)
 
 
 def _plane(entry: Any, run: Trace, where: str) -> Terrain:
@@ -74,7 +74,7 @@ def _plane(entry: Any, run: Trace, where: str) -> Terrain:
     return HeightGrid(middle[0] - half, middle[1] - half, 2.0 * half, 2.0 * half, rise)
 
 
-def estimated(run: Trace, rover: Rover) -> Terrain:
+def estimate_surface(run: Trace, rover: Rover) -> Terrain:
     """Return the smoothest surface under a run whose slopes and heights are those measured; flat where none are.
 
     With z the heights at the corners of a grid, minimise

@@ -9,7 +9,7 @@ from rover_pin.base.code_digest import key_of_code
 from rover_pin.base.files.results_folder import OF_A_LOOP, say_what_is_replaced
 from rover_pin.base.jobs.cluster import Workers
 from rover_pin.discrepancy.answer import Answer
-from rover_pin.discrepancy.conclude import concluded, with_draft
+from rover_pin.discrepancy.conclude import conclude, with_draft
 from rover_pin.discrepancy.question import Progress, Question
 from rover_pin.discrepancy.rivals import against_rivals
 from rover_pin.discrepancy.verdict import Verdict
@@ -17,7 +17,7 @@ from rover_pin.estimation.numbers import profiles
 from rover_pin.experiments.drive_log.calibrate import experiment_on
 from rover_pin.experiments.drive_log.candidates import candidates
 from rover_pin.experiments.drive_log.checks.log import findings, refuse_unfit, too_poor
-from rover_pin.experiments.drive_log.experiment import logged
+from rover_pin.experiments.drive_log.experiment import experiment_of_log
 from rover_pin.experiments.drive_log.free_runs import DriveExtra, extra_of, free_runs
 from rover_pin.experiments.drive_log.ground.run_variability import ground_variability
 from rover_pin.experiments.drive_log.model import base_model, is_rate_driven, with_spread
@@ -26,7 +26,7 @@ from rover_pin.experiments.drive_log.odometry_rival import odometry_baselines
 from rover_pin.experiments.drive_log.parameters import with_wheels
 from rover_pin.experiments.drive_log.resume import Memory
 from rover_pin.experiments.unlisted.actions import Scene
-from rover_pin.experiments.unlisted.residual import describe, drafted
+from rover_pin.experiments.unlisted.residual import describe, draft_term
 from rover_pin.experiments.unlisted.terms import functions
 from rover_pin.logs.drive_log import DriveLog
 from rover_pin.loop.provenance import LoopRequest, provenance
@@ -111,7 +111,7 @@ def question_of(
 
 def verdict_on(log: DriveLog, question: Question, seed: int, progress: Progress) -> Verdict:
     """Return the verdict on what a log's model lacks and what is left."""
-    verdict = concluded(question, progress, seed)
+    verdict = conclude(question, progress, seed)
     assert verdict.before is not None
     assert verdict.after is not None
     assert verdict.beliefs is not None
@@ -119,13 +119,13 @@ def verdict_on(log: DriveLog, question: Question, seed: int, progress: Progress)
     residual = describe(verdict.after.fit, progress)
     progress("runs driven freely")
     after, rover = verdict.after.fit, question.model.rover
-    experiment = logged(after)
+    experiment = experiment_of_log(after)
     causes = verdict.beliefs.best(verdict.named).causes
     amplitude_names = tuple(name for cause in causes for name in sorted(cause.amplitudes))
     free = free_runs(experiment, verdict.before.model, verdict.model)
     ground = ground_variability(after)
     odometry = odometry_baselines(experiment, rover)
-    verdict = with_draft(verdict, lambda fitted: drafted(fitted, residual, log.metadata.name, progress), seed)
+    verdict = with_draft(verdict, lambda fitted: draft_term(fitted, residual, log.metadata.name, progress), seed)
     how = f"It {residual.best.description}." if verdict.answer is Answer.NONE_FITS else ""
     sentences = " ".join(filter(None, (verdict.sentence, how, ground.sentence if ground else "")))
     verdict = dataclasses.replace(

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from rover_pin.base.files.results_folder import OF_A_LOOP, say_what_is_replaced
 from rover_pin.discrepancy.answer import Answer
-from rover_pin.discrepancy.conclude import concluded
+from rover_pin.discrepancy.conclude import conclude
 from rover_pin.discrepancy.question import Progress, Question
 from rover_pin.discrepancy.rivals import against_rivals
 from rover_pin.discrepancy.verdict import Verdict
@@ -22,7 +22,7 @@ from rover_pin.experiments.wheel_rig.joint_model import JointModel
 from rover_pin.experiments.wheel_rig.model import RigModel, write_model
 from rover_pin.experiments.wheel_rig.next_runs import next_runs
 from rover_pin.experiments.wheel_rig.presets import describe_declared
-from rover_pin.experiments.wheel_rig.residual import drafted
+from rover_pin.experiments.wheel_rig.residual import draft_curve
 from rover_pin.experiments.wheel_rig.runs import RigRuns
 from rover_pin.loop.provenance import LoopRequest, provenance
 from rover_pin.loop.verdict_file import draft_written, posterior_written, written_last
@@ -60,7 +60,7 @@ def question_of(
         model,
         numbers_of(experiment, model),
         lambda base: candidates(experiment, base.model, tried),
-        lambda base: drafted(experiment, base),
+        lambda base: draft_curve(experiment, base),
         offers=lambda leading: (next_runs(experiment.sets),),
     )
 
@@ -76,7 +76,7 @@ def on_rig(
     question, data_findings = question_of(experiment, model, kinds), tuple(findings(experiment))
     if poor := too_poor(experiment, len(question.numbers)):
         return Verdict("wheel-rig", Answer.CANNOT_TELL, experiment.name, poor, model, findings=data_findings)
-    verdict = dataclasses.replace(concluded(question, progress, seed), findings=data_findings)
+    verdict = dataclasses.replace(conclude(question, progress, seed), findings=data_findings)
     assert verdict.before is not None
     tried = [candidate.effect for candidate in question.candidates(verdict.before.fit)]
     declared = describe_declared(experiment.declared, tried, model.effects)

@@ -11,7 +11,7 @@ from rover_pin.base.errors import DataError
 from rover_pin.base.files.paths import is_file
 from rover_pin.base.files.results_folder import OF_A_LOOP, say_what_is_replaced
 from rover_pin.discrepancy.answer import Answer
-from rover_pin.discrepancy.conclude import concluded
+from rover_pin.discrepancy.conclude import conclude
 from rover_pin.discrepancy.question import Progress
 from rover_pin.discrepancy.standalone import Standalone, question_of
 from rover_pin.discrepancy.verdict import Verdict
@@ -117,7 +117,7 @@ def close_standalone(standalone: Standalone, request: LoopRequest, progress: Pro
     if poor:
         verdict = Verdict("test-bed", Answer.CANNOT_TELL, standalone.name, poor, standalone.base_model())
     else:
-        verdict = concluded(question_of(standalone, known_effects(request.effects)), progress, request.seed)
+        verdict = conclude(question_of(standalone, known_effects(request.effects)), progress, request.seed)
     verdict.provenance.update(provenance(request, time.monotonic() - begun))
     if out is not None:
         verdict = written_last(verdict, write_report(verdict, standalone, Path(out)), Path(out))

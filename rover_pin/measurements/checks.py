@@ -96,15 +96,15 @@ class Finding(NamedTuple):
         return f"{self.where}: {self.what}; {self.todo}."
 
 
-def gathered(findings: Iterable[Finding]) -> tuple[Finding, ...]:
+def merge_findings(findings: Iterable[Finding]) -> tuple[Finding, ...]:
     """Return the findings with those that differ only in their place made one."""
     places: dict[tuple[str, str], list[str]] = {}
     for finding in findings:
         places.setdefault((finding.what, finding.todo), []).append(finding.where)
-    return tuple(Finding(what, listed(where), todo) for (what, todo), where in places.items())
+    return tuple(Finding(what, first_names(where), todo) for (what, todo), where in places.items())
 
 
-def listed(names: list[str]) -> str:
+def first_names(names: list[str]) -> str:
     """Return the first of some names, and how many more there are."""
     more = len(names) - MAX_NAMED
     return ", ".join(names[:MAX_NAMED]) + (f" and {more} more" if more > 0 else "")

@@ -95,7 +95,7 @@ def drive_points(
         )
     lag, angles = lag or usual_slip(rover), usual_angles(rover, log.metadata.angles)
     by_load = sampling.loads if isinstance(angles, SinkageAngles) else math.inf
-    classes = classed([pair for windows in runs for pair in instrumented(windows, length, lag)], sampling, by_load)
+    classes = classed([pair for windows in runs for pair in soil_windows(windows, length, lag)], sampling, by_load)
     if not classes:
         raise DataError(
             f"{log.folder}: no class of slip has {sampling.least} steady windows of {length:g} s: drive longer at "
@@ -112,7 +112,7 @@ def drive_points(
     )  # fmt: skip
 
 
-def instrumented(windows: Sequence[Window], length: float, lag: RelaxedSlip) -> list[tuple[float, Window]]:
+def soil_windows(windows: Sequence[Window], length: float, lag: RelaxedSlip) -> list[tuple[float, Window]]:
     """Return windows with the slip that the soil feels, each beside the mean slip of the windows next to it.
 
     Shear builds up over a length L of travel, so that on a slope that steepens the soil lags behind Eq (1):
@@ -152,7 +152,7 @@ def points_of(classes: Sequence[Sequence[Window]], sampling: Sampling, constant:
     themselves. What all classes share does not average over them: the loads' error, the torque `constant`'s relative
     SD, and the mean error of the wheels' rates and radii.
     """
-    windows_sd, wheels_sd = pooled(classes, by_wheel=False), pooled(classes, by_wheel=True)
+    windows_sd, wheels_sd = pooled_sd(classes, by_wheel=False), pooled_sd(classes, by_wheel=True)
     rows = []
     for windows in classes:
         count, wheels = len(windows), len({window.wheel for window in windows})
@@ -167,7 +167,7 @@ def points_of(classes: Sequence[Sequence[Window]], sampling: Sampling, constant:
     return np.array(rows)
 
 
-def pooled(classes: Sequence[Sequence[Window]], by_wheel: bool) -> float:
+def pooled_sd(classes: Sequence[Sequence[Window]], by_wheel: bool) -> float:
     """Return the SD of the factor within classes: of windows, or of wheels' means; 0 where nothing repeats."""
     squares, freedom = 0.0, 0
     for windows in classes:

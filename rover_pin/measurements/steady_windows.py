@@ -142,7 +142,7 @@ class _Run:
             windows[i] = Window(i, float(t[0]), slip, slip_sd, *factor, rim, float(loads[i]))
         together = determinate_groups(self.rover, foot, jacobians)
         groups = [[windows[i] for i in group] for group in together if all(i in windows for i in group)]
-        return [pooled(group) for group in groups if np.ptp([window.slip for window in group]) <= steady.slip_spread]
+        return [pool(group) for group in groups if np.ptp([window.slip for window in group]) <= steady.slip_spread]
 
     def _mounts(self, row: int) -> tuple[np.ndarray, np.ndarray]:
         attitude = (float(self.roll[row]), float(self.pitch[row]), float(self.yaw[row]))
@@ -154,7 +154,7 @@ class _Run:
         return line(t, drive.constant * (self.current[rows, wheel] if self.by_current else drive.current))
 
 
-def pooled(group: Sequence[Window]) -> Window:
+def pool(group: Sequence[Window]) -> Window:
     """Return the window of wheels of one size whose loads are known only together.
 
     With T_i = F(S_i) r W_i the loads weigh the means of S and of F = T / (r W): of F by the sum of the loads alone, of

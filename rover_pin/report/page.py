@@ -87,13 +87,13 @@ def write_page(head: Head, sections: Sections, out: Path) -> list[Path]:
         if section is None:
             continue
         inline = {name: _inline(name, picture) for name, picture in section.pictures.items()}
-        rendered_sections.insert(0, (section, rendered(section.template, {**section.content, "pictures": inline})))
+        rendered_sections.insert(0, (section, render(section.template, {**section.content, "pictures": inline})))
         files[:0] = [
             replace_file(out / file, image)
             for name, picture in section.pictures.items()
             for file, image in _files(name, picture)
         ]
-    return [replace_file(out / "report.html", rendered(PAGE, {"head": head, "sections": rendered_sections})), *files]
+    return [replace_file(out / "report.html", render(PAGE, {"head": head, "sections": rendered_sections})), *files]
 
 
 def _files(name: str, picture: Picture) -> list[tuple[str, bytes]]:
@@ -110,7 +110,7 @@ def _inline(name: str, picture: Picture) -> dict[str, Any]:
     return {"panels": panels, "caption": picture.caption}
 
 
-def marked(text: str) -> Markup:
+def mark_code(text: str) -> Markup:
     """Return a docstring's paragraph with what is in backticks as code."""
     parts = [escape(part) for part in text.split("`")]
     return Markup("").join(Markup(f"<code>{part}</code>") if at % 2 else part for at, part in enumerate(parts))
@@ -120,10 +120,10 @@ def marked(text: str) -> Markup:
 def _pages() -> jinja2.Environment:
     loader = jinja2.PackageLoader("rover_pin.report", "")
     pages = jinja2.Environment(loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True)
-    pages.filters["marked"] = marked
+    pages.filters["marked"] = mark_code
     return pages
 
 
-def rendered(template: str, content: Mapping[str, Any]) -> Markup:
+def render(template: str, content: Mapping[str, Any]) -> Markup:
     """Return a page, or a part of one, from a template of this room; whatever a name holds is shown as text."""
     return Markup(_pages().get_template(template).render(**content))

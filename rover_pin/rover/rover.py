@@ -18,7 +18,7 @@ from rover_pin.base.trust import Trust
 from rover_pin.contact import Wheel
 from rover_pin.effects.spring_damper import SpringDamper
 from rover_pin.rover.description.faults import refuse_faults
-from rover_pin.rover.description.layout import Layout, layout_texts, read_layout, shipped
+from rover_pin.rover.description.layout import Layout, layout_texts, read_layout, shipped_toml
 from rover_pin.rover.description.motor_sheet import MotorSheet
 from rover_pin.rover.description.readers import free_tree
 from rover_pin.rover.description.tree import read_tree
@@ -200,7 +200,7 @@ def load_rover(rover: str | Path = "nexus6", trust: Trust = Trust()) -> Rover:
     """
     path = Path(rover)
     if path.suffix == "":
-        path, trust = shipped(str(rover)), Trust(everything=True)
+        path, trust = shipped_toml(str(rover)), Trust(everything=True)
     cached = _loaded(path, layout_texts(path, trust), trust)
     return dataclasses.replace(cached, model=cached.model.copy())
 

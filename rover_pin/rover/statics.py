@@ -7,7 +7,7 @@ import numpy as np
 import pinocchio as pin
 
 from rover_pin.base.errors import ParameterError
-from rover_pin.effects.effect import called
+from rover_pin.effects.effect import joints_called
 from rover_pin.rover.constraints import constraint_rows
 from rover_pin.rover.forward_dynamics import wheel_jacobians
 from rover_pin.rover.rover import Rover
@@ -109,7 +109,7 @@ def _springs(rover: Rover) -> tuple[np.ndarray, np.ndarray]:
     stiffness, torque = np.zeros(rover.model.nv), np.zeros(rover.model.nv)
     dofs = {joint.idx_q: joint.idx_v for joint in list(rover.model.joints)[2:]}
     for spring in rover.springs:
-        for name in called(spring.joint, list(rover.angles)):
+        for name in joints_called(spring.joint, list(rover.angles)):
             dof = dofs[rover.angles[name]]
             stiffness[dof] += float(spring.k_s)
             torque[dof] += float(spring.k_s) * float(spring.q_0)

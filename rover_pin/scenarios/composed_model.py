@@ -39,7 +39,7 @@ class Made(NamedTuple):
     resists: bool = False
 
 
-def composed(request: Settings, trust: Trust) -> Made:
+def compose_model(request: Settings, trust: Trust) -> Made:
     """Return the model, on flat ground, of the settings `rover`, `soil`, `form`, `angles`, `slip`, `motor` or `model`.
 
     Raises RoverPinError: a setting or a file that is not understood.

@@ -23,9 +23,9 @@ from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.logs.drive_log import LogMetadata, write_drive_log
 from rover_pin.parameters import name_of
 from rover_pin.parameters.gravity import GRAVITIES, gravity_named
-from rover_pin.scenarios.composed_model import Made, as_it_cruises, composed
+from rover_pin.scenarios.composed_model import Made, as_it_cruises, compose_model
 from rover_pin.scenarios.controllers import controller_from, drives_straight, turning_note
-from rover_pin.scenarios.scenes import SCENES, Scene, scaled
+from rover_pin.scenarios.scenes import SCENES, Scene, scale_arguments
 from rover_pin.scenarios.side_force_choice import on_its_side
 from rover_pin.simulation.command import Controller
 from rover_pin.simulation.model.defaults import pace, scale, usual_angles
@@ -195,7 +195,7 @@ def _made(name: str, settings: Mapping[str, Any]) -> tuple[Scenario, Settings]:
         raise ParameterError(f"There is no scenario '{name}': {closest(name, SCENES)}")
     scene = SCENES[name]
     record_names = [name for name, kind in WHOLE.items() if isinstance(settings.get(name), kind)]
-    settings = spelled(settings, record_names)
+    settings = spell_settings(settings, record_names)
     request = Settings({**scene.settings, **settings})
     trust = _trust(request)
     model, assumed, _ = _model(scene, request, trust)
@@ -209,7 +209,7 @@ def _made(name: str, settings: Mapping[str, Any]) -> tuple[Scenario, Settings]:
     duration = request.number("duration", default_duration, DURATION)
     request.finish()
     symmetric = scene.symmetric and model.terrain.mirror_symmetric and start == Start(x=start.x)
-    symmetric = symmetric and "model" not in settings and mirrored(model) and drives_straight(request)
+    symmetric = symmetric and "model" not in settings and is_mirrored(model) and drives_straight(request)
     final_settings = {name: words_of(value) if name == "add" else value for name, value in settings.items()}
     final_settings = {
         name: value for name, value in final_settings.items() if name != "trust" and value is not controller
@@ -217,7 +217,7 @@ def _made(name: str, settings: Mapping[str, Any]) -> tuple[Scenario, Settings]:
     return Scenario(name, model, controller, duration, start, Timing(dt), symmetric, final_settings, assumed), request
 
 
-def spelled(settings: Mapping[str, Any], record_names: Sequence[str]) -> dict[str, Any]:
+def spell_settings(settings: Mapping[str, Any], record_names: Sequence[str]) -> dict[str, Any]:
     """Return settings in which those of `record_names` go by their fields, as soil=Soil(k=0.01) by soil.k=0.01."""
     fields = {f"{name}.{field}": value for name in record_names for field, value in vars(settings[name]).items()}
     if "soil" in record_names and "model" not in settings:
@@ -225,14 +225,14 @@ def spelled(settings: Mapping[str, Any], record_names: Sequence[str]) -> dict[st
     return {**fields, **{name: value for name, value in settings.items() if name not in record_names}}
 
 
-def mirrored(model: Model) -> bool:
+def is_mirrored(model: Model) -> bool:
     """Return whether nothing tells left from right: a symmetric rover, no effect of one wheel, none on the body."""
     one_sided = any(hasattr(effect, "wheel") for effect in model.motor_effects)
     return not model.body_effects and not one_sided and model.rover.symmetric
 
 
 def _terrain(scene: Scene, request: Settings, size: float) -> Terrain:
-    preset = scaled(scene.terrain, scene.terrain_settings, size)
+    preset = scale_arguments(scene.terrain, scene.terrain_settings, size)
     overrides = request.arguments("terrain", scene.terrain, preset)
     if "path" in preset and "path" not in overrides and not is_file(Path(preset["path"])):
         raise ParameterError(
@@ -248,7 +248,7 @@ def _terrain(scene: Scene, request: Settings, size: float) -> Terrain:
 
 def _model(scene: Scene, request: Settings, trust: Trust) -> Made:
     of_file = request.values.get("model") is not None
-    model, assumed, resists = composed(request, trust)
+    model, assumed, resists = compose_model(request, trust)
     size = scale(model.rover)
     terrain = _terrain(scene, request, size)
     if size != 1.0 and terrain != shapes.flat() and "path" not in scene.terrain_settings:

@@ -82,7 +82,7 @@ POWERS = {"m": 1, "rad/m": -1}
 """Power of a length in the units of a terrain's arguments."""
 
 
-def scaled(terrain: Callable[..., Terrain], arguments: Mapping[str, Any], size: float) -> dict[str, Any]:
+def scale_arguments(terrain: Callable[..., Terrain], arguments: Mapping[str, Any], size: float) -> dict[str, Any]:
     """Return the arguments of a terrain for wheels `size` times as large as those that it is made for.
 
     An argument's unit says whether it is a length. What is no argument (`field` has its own distances) grows by the

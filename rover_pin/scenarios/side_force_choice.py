@@ -22,7 +22,7 @@ SIDE_FORCE_NOTE = (
 )
 
 
-def combined(model: Model) -> Model:
+def combine_shear(model: Model) -> Model:
     """Return the model with one shear for thrust and side force, and pressure on the flank, in place of `SideShear`."""
     shear = reading_traction(CombinedShear(), model.effects)
     return model.without(SideShear).having(shear).having(FlankPressure())
@@ -37,4 +37,4 @@ def on_its_side(model: Model, request: Settings, askew: bool, of_file: bool) -> 
     word = request.word("side", default, SIDES, SOURCE)
     if (word or ("shear" if of_file else default)) == "shear":
         return model, ()
-    return combined(model), () if word else (SIDE_FORCE_NOTE,)
+    return combine_shear(model), () if word else (SIDE_FORCE_NOTE,)

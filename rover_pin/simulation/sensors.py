@@ -95,7 +95,7 @@ class Sensed:
         return step * np.round(noisy / step) if step else noisy
 
 
-def measured(
+def measure(
     trace: Trace, sensors: Sensors, seed: int, effects: Sequence[SensorEffect] = (), with_current: bool = True
 ) -> Trace:
     """Return the drive as it would be logged: sensor effects in turn, then noise, then quantisation; no truth.

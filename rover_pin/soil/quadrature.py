@@ -33,16 +33,16 @@ class Graded(NamedTuple):
 @lru_cache(maxsize=64)
 def entry_graded(nodes: int) -> Graded:
     """Rule for a singular start: psi = 5 u^4 - 4 u^5, d psi = 20 u^3 (1 - u) du."""
-    return graded(nodes, lambda u: u**4 * (5 - 4 * u), lambda u: 20 * u**3 * (1 - u))
+    return map_rule(nodes, lambda u: u**4 * (5 - 4 * u), lambda u: 20 * u**3 * (1 - u))
 
 
 @lru_cache(maxsize=64)
 def cubic_graded(nodes: int) -> Graded:
     """Rule for a singular start and an ordinary end: psi = u^3, d psi = 3 u^2 du."""
-    return graded(nodes, lambda u: u**3, lambda u: 3 * u**2)
+    return map_rule(nodes, lambda u: u**3, lambda u: 3 * u**2)
 
 
-def graded(nodes: int, psi: Callable[[np.ndarray], np.ndarray], slope: Callable[[np.ndarray], np.ndarray]) -> Graded:
+def map_rule(nodes: int, psi: Callable[[np.ndarray], np.ndarray], slope: Callable[[np.ndarray], np.ndarray]) -> Graded:
     """Return the rule of a map psi on [0, 1], given with its derivative."""
     if not isinstance(nodes, int) or isinstance(nodes, bool) or nodes < 2:
         raise ParameterError(f"nodes = {nodes!r} is not allowed: the arc needs a whole number of 2 nodes or more.")

@@ -33,7 +33,7 @@ def sinkage(theta_1: Scalar, wheel: Wheel) -> Scalar:
 
 
 ShearState = Callable[[Scalar, Wheel, Soil], Mobilised]
-"""How much shear strength is in use at a slip ratio: `slipping` or `sheared`."""
+"""How much shear strength is in use at a slip ratio: `slipping` or `fully_sheared`."""
 
 
 def slipping(S: Scalar, wheel: Wheel, soil: Soil) -> Mobilised:
@@ -41,7 +41,7 @@ def slipping(S: Scalar, wheel: Wheel, soil: Soil) -> Mobilised:
     return shear_law(speed_ratio(S), wheel, soil)
 
 
-def sheared(S: Scalar, wheel: Wheel, soil: Soil) -> Mobilised:
+def fully_sheared(S: Scalar, wheel: Wheel, soil: Soil) -> Mobilised:
     """Return the law of full shear, whatever the slip."""
     return full_shear
 
@@ -64,7 +64,7 @@ def entry_angle(
         Newton steps; 3 leave less than 1e-9 in ln theta_1 for the soils of `parameters`, 4 for any soil tried. What
         the quadrature leaves besides: 4e-8 for S >= 0; for S < 0 1e-6 for the soils of `parameters`, 1e-4 for k = 1 mm.
     state : ShearState
-        `slipping`, or `sheared` for the soil's full strength.
+        `slipping`, or `fully_sheared` for the soil's full strength.
 
     Raises
     ------

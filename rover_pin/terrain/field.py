@@ -7,7 +7,7 @@ from typing import Annotated
 
 import numpy as np
 
-from rover_pin.base.arguments import checked, spec
+from rover_pin.base.arguments import check_arguments, spec
 from rover_pin.terrain import shapes
 from rover_pin.terrain.profile import Profile
 from rover_pin.terrain.terrain import Lanes
@@ -20,7 +20,7 @@ DEG = math.pi / 180.0
 Size = Annotated[float, spec("", "assumed: 1 for the wheels of Nexus 6", 1e-3, 1000.0)]
 
 
-@checked("terrain")
+@check_arguments("terrain")
 def paper_field(
     seed: shapes.Seed = 1,
     count: shapes.Count = 6,

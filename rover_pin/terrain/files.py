@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from rover_pin.base.arguments import checked, spec
+from rover_pin.base.arguments import check_arguments, spec
 from rover_pin.base.errors import DataError, ParameterError
 from rover_pin.base.files.bounded import arrays
 from rover_pin.base.files.columns import Columns, columns_text, read_columns
@@ -47,7 +47,7 @@ def to_polyline(path: str | Path, profile: Profile) -> Path:
     return replace_file(path, columns_text({"x_m": profile.x, "z_m": profile.z, "ground": ground}))
 
 
-@checked("terrain")
+@check_arguments("terrain")
 def from_grid(
     path: Annotated[str | Path, spec("", "your own file: heights in .npz, CSV, GeoTIFF, .npy or a grey .png")],
     cell: Annotated[float, spec("m", "0: as the file says; .npy and .png do not", 0.0, LARGEST)] = 0.0,

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from rover_pin.base.arguments import arguments_of, checked, spec
+from rover_pin.base.arguments import arguments_of, check_arguments, spec
 from rover_pin.base.errors import ParameterError
 from rover_pin.base.quantity import check
 from rover_pin.terrain.checks import STEEPEST
@@ -55,7 +55,7 @@ def flat(ground: Ground = 0) -> Lanes:
     return Lanes((_polyline([-LEAD, LEAD], [0.0, 0.0], ground),))
 
 
-@checked("terrain")
+@check_arguments("terrain")
 def incline(angle: Angle, start: Place = 1.0) -> Lanes:
     """Return level ground that turns into a slope of `angle` [rad] at `start` [m]; negative goes down.
 
@@ -64,7 +64,7 @@ def incline(angle: Angle, start: Place = 1.0) -> Lanes:
     return Lanes((_polyline([start - LEAD, start, start + LEAD], [0.0, 0.0, LEAD * math.tan(angle)]),))
 
 
-@checked("terrain")
+@check_arguments("terrain")
 def growing_slope(rate: Rate = 10.0 * DEG, start: Place = 0.5, steepest: Steepest = 20.0 * DEG) -> Lanes:
     """Return a slope whose inclination grows by `rate` [rad/m] from `start` [m], until it stays at `steepest` [rad].
 
@@ -80,7 +80,7 @@ def growing_slope(rate: Rate = 10.0 * DEG, start: Place = 0.5, steepest: Steepes
     return Lanes((_polyline(x, np.concatenate([[0.0], z, [z[-1] + LEAD * math.tan(steepest)]])),))
 
 
-@checked("terrain")
+@check_arguments("terrain")
 def bump(height: Height = 0.04, length: BumpLength = 0.3, at: Place = 0.5, ground: Ground = 0) -> Lanes:
     """Return a raised cosine of `height` over `length` [m] across the whole width, of soil index `ground`.
 
@@ -93,7 +93,7 @@ def bump(height: Height = 0.04, length: BumpLength = 0.3, at: Place = 0.5, groun
     return Lanes((_bump_profile(height, length, at, ground),))
 
 
-@checked("terrain")
+@check_arguments("terrain")
 def one_sided_bump(
     height: Height = 0.04, length: BumpLength = 0.3, at: Place = 0.5, ground: Ground = 0, *, left: Left = True
 ) -> Lanes:
@@ -105,7 +105,7 @@ def one_sided_bump(
     return Lanes((level, raised) if left else (raised, level), (0.0,))
 
 
-@checked("terrain")
+@check_arguments("terrain")
 def ditch(depth: Depth = 0.05, width: Width = 0.2, wall_angle: WallAngle = 30.0 * DEG, at: Place = 0.5) -> Lanes:
     """Return a ditch with straight walls and a level floor; `width` [m] is measured at the top, from lip to lip.
 
@@ -132,7 +132,7 @@ def ditch(depth: Depth = 0.05, width: Width = 0.2, wall_angle: WallAngle = 30.0 
     return Lanes((_polyline(x, z),))
 
 
-@checked("terrain")
+@check_arguments("terrain")
 def step(height: Height = 0.05, wall_angle: StepAngle = STEEPEST, at: Place = 0.5, ground: Ground = 0) -> Lanes:
     """Return a step up by `height` [m], or down where it is negative; its wall leans at `wall_angle` [rad].
 
@@ -143,7 +143,7 @@ def step(height: Height = 0.05, wall_angle: StepAngle = STEEPEST, at: Place = 0.
     return Lanes((_polyline(x, [0.0, 0.0, height, height], [0, ground, ground]),))
 
 
-@checked("terrain")
+@check_arguments("terrain")
 def rocks(
     seed: Seed = 0,
     count: Count = 8,
@@ -182,7 +182,7 @@ def rocks(
     return Lanes(tuple(sides), (0.0,))
 
 
-@checked("terrain")
+@check_arguments("terrain")
 def washboard(amplitude: Amplitude = 0.01, wavelength: Wavelength = 0.3, count: Count = 10, at: Place = 0.5) -> Lanes:
     """Return `count` waves z = amplitude (1 - cos(2 pi s / wavelength)) [m], each twice the amplitude high."""
     count = int(count)
@@ -192,13 +192,13 @@ def washboard(amplitude: Amplitude = 0.01, wavelength: Wavelength = 0.3, count: 
     return Lanes((_polyline(x, z),))
 
 
-@checked("terrain")
+@check_arguments("terrain")
 def cross_slope(angle: Tilt) -> HeightGrid:
     """Return a plane that rises to the left by `angle` [rad]: z = y tan(angle), 20 m long and 8 m wide."""
     return _grid(lambda _, y: y * math.tan(angle), 0.1)
 
 
-@checked("terrain")
+@check_arguments("terrain")
 def hills(seed: Seed = 0, height: HillHeight = 0.05, wavelength: HillLength = 1.5) -> HeightGrid:
     """Return random rolling ground, 20 m long and 8 m wide, of standard deviation `height` [m].
 

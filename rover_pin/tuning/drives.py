@@ -89,7 +89,7 @@ FAILED = Score(progress=0.0, slip=1.0, energy=1.0, stuck=1.0, sinkage=1.0, burie
 
 
 @lru_cache(maxsize=64)
-def built(case: DriveCase) -> Scenario:
+def build(case: DriveCase) -> Scenario:
     """Return the case's scenario, without control.
 
     Raises ParameterError: an unknown scenario or setting, one that a model file rules out, or settings of the control,
@@ -113,7 +113,7 @@ def built(case: DriveCase) -> Scenario:
 
 def cautions(cases: Sequence[DriveCase]) -> tuple[str, ...]:
     """Return in a sentence each what of the cases' models the reduced model, or every drive, leaves out."""
-    models = [built(case).model for case in cases]
+    models = [build(case).model for case in cases]
     lost = sorted({name for model in models for name in omitted_effects(model)})
     sensed = sorted({type(effect).__name__ for model in models for effect in model.sensor_effects})
     not_modelled = [f"the search's reduced model leaves out {', '.join(lost)}; the full rover, which decides, has it."]
@@ -123,24 +123,24 @@ def cautions(cases: Sequence[DriveCase]) -> tuple[str, ...]:
 
 def controller_of(case: DriveCase, control: Control) -> Controller:
     """Return the controller for the full rover."""
-    return control.controller(built(case).model)
+    return control.controller(build(case).model)
 
 
 def drive_full(case: DriveCase, controller: Controller) -> Trace:
     """Return the trace of the full rover under a controller; its doubts are not settled, since no score reads them."""
-    return dataclasses.replace(built(case), controller=controller).drive(measure_error=False)
+    return dataclasses.replace(build(case), controller=controller).drive(measure_error=False)
 
 
 def full_score(case: DriveCase, control: Control) -> list[float]:
     """Return the score of the full rover's drive."""
-    scene = built(case)
+    scene = build(case)
     return list(score_trace(drive_full(case, controller_of(case, control)), scene.model, scene.duration))
 
 
 @lru_cache(maxsize=64)
 def reduced_of(case: DriveCase, estimate: str) -> Reduced:
     """Return the reduced model of a case."""
-    scene = built(case)
+    scene = build(case)
     control = controller_of(case, Control.of(estimate, SlipLaw()))
     assert isinstance(control, SlipControl)
     assert isinstance(control.estimate, (TrueSlip, TableEstimate))
@@ -184,13 +184,13 @@ def reduced_errors(case: DriveCase, control: Control) -> list[float]:
         reduced = reduced_of(case, estimate).drive(gains, trace.t)
     except OptimisationError:
         return [math.inf] * 3
-    axle = [wheel.axle for wheel in built(case).model.rover.wheels]
+    axle = [wheel.axle for wheel in build(case).model.rover.wheels]
     slip = np.sqrt(np.mean((reduced["slip"][:, axle] - trace.stack("slip")) ** 2))
     speed = np.sqrt(np.mean((reduced["v"] - trace["body_vx"]) ** 2))
     return [float(slip), float(speed), abs(float(reduced["x"][-1] - trace["body_x"][-1]))]
 
 
-def sealed(study: TuningStudy) -> TuningStudy:
+def seal(study: TuningStudy) -> TuningStudy:
     """Return the study with each drive's model file, if it has one, sealed as it is now.
 
     Raises DataError, UrdfError: a model file, or one that it names, that cannot be read.

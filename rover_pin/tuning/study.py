@@ -56,7 +56,7 @@ class Run(NamedTuple):
 class DriveCase:
     """A ready-made scenario with its settings; `post_peak` is the share of shear strength lost past the peak.
 
-    `seal` is the digest of what the setting `model` names (`sealed`): by it an evaluation is remembered.
+    `seal` is the digest of what the setting `model` names (`seal`): by it an evaluation is remembered.
     """
 
     name: str
@@ -146,7 +146,7 @@ class TuningStudy:
     def law(self, unit: Iterable[float]) -> SlipLaw:
         """Return the numbers at a point of the unit cube, one coordinate a free one."""
         return self.law_before.replaced(
-            {name: placed(name, bounds, u) for (name, bounds), u in zip(self.free.items(), unit, strict=True)}
+            {name: value_at(name, bounds, u) for (name, bounds), u in zip(self.free.items(), unit, strict=True)}
         )
 
     @property
@@ -219,7 +219,7 @@ class TuningStudy:
         return dataclasses.replace(self, training=training, held_out=held_out)
 
 
-def placed(name: str, bounds: tuple[float, float], u: float) -> float:
+def value_at(name: str, bounds: tuple[float, float], u: float) -> float:
     """Return the gain at the share `u` of the way between its bounds, logarithmic for the k's."""
     low, high = bounds
     if name in LOGARITHMIC:

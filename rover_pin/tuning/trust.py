@@ -28,7 +28,7 @@ class Checked(NamedTuple):
         return self.slip < SLIP_ERROR
 
 
-def checked(study: TuningStudy, evaluations: Evaluations, law: SlipLaw) -> tuple[Checked, ...]:
+def check_drives(study: TuningStudy, evaluations: Evaluations, law: SlipLaw) -> tuple[Checked, ...]:
     """Return the check of every training drive under these numbers; none of a control that is not in the model."""
     if not study.has_reduced_model:
         return ()
@@ -43,7 +43,7 @@ def checked_over(study: TuningStudy, evaluations: Evaluations) -> tuple[Checked,
 
     One alone may lie where nothing moves: a rover that control holds before a wall is easily modelled.
     """
-    both = [checked(study, evaluations, law) for law in (study.law_before, study.law([0.5] * len(study.free)))]
+    both = [check_drives(study, evaluations, law) for law in (study.law_before, study.law([0.5] * len(study.free)))]
     return tuple(max(pair, key=lambda check: check.slip) for pair in zip(*both, strict=True))
 
 

@@ -22,11 +22,11 @@ from rover_pin.base.files.results_folder import alone_in
 from rover_pin.base.jobs.cluster import refuse_both, workers_of
 from rover_pin.base.jobs.workers import ending_workers
 from rover_pin.tuning.drive_score import Score
-from rover_pin.tuning.drives import CHECKED, CONSTANT, Control, built, cautions, full_score, reduced_score, sealed
+from rover_pin.tuning.drives import CHECKED, CONSTANT, Control, build, cautions, full_score, reduced_score, seal
 from rover_pin.tuning.evaluations import Evaluations, Progress
 from rover_pin.tuning.report import Candidate, Drives, Trial, TuningResult, write_result
 from rover_pin.tuning.study import LOGARITHMIC, Run, SlipLaw, TuningStudy
-from rover_pin.tuning.trust import Checked, checked, checked_over, refusal
+from rover_pin.tuning.trust import Checked, check_drives, checked_over, refusal
 
 APART = 0.1
 """Points closer than this in every coordinate of the unit cube count as one."""
@@ -75,9 +75,9 @@ def tune_gains(
         meanwhile.
     """
     refuse_both(workers, scheduler)
-    study = sealed(study)
+    study = seal(study)
     for case in (*study.training, *study.held_out):
-        built(case)
+        build(case)
     with alone_in(out), ending_workers(), workers_of(workers or -1, scheduler) as work:
         evaluations = Evaluations(None if out is None else Path(out), work, progress)
         try:
@@ -109,7 +109,7 @@ def _tuned(study: TuningStudy, evaluations: Evaluations) -> TuningResult:
         best.law,
         candidates,
         tuple(_report(study, evaluations, best.law)),
-        tuple((check.case.name, *check[1:]) for check in checked(study, evaluations, best.law)),
+        tuple((check.case.name, *check[1:]) for check in check_drives(study, evaluations, best.law)),
         evaluations.fresh,
         time.perf_counter() - begin,
         cautions=cautions((*study.training, *study.held_out)),

@@ -89,7 +89,7 @@ def _ticks(terrain: Terrain, low: float, high: float, axis: int) -> np.ndarray:
     return np.concatenate([[low], ticks[:: max(1, ticks.size // MAX_POINTS)], [high]])
 
 
-def ruled(terrain: Terrain, box: Extent) -> np.ndarray:
+def ruled_lines(terrain: Terrain, box: Extent) -> np.ndarray:
     """Return segments (N, 2, 3) of the lines that lie on the ground each 0.1 m along x, from side to side."""
     across = sorted({box.y_low, box.y_high, *np.linspace(box.y_low, box.y_high, 25), *_seams(terrain, box)})
     y = np.array(across)

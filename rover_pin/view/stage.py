@@ -7,7 +7,7 @@ import numpy as np
 
 from rover_pin.view.colours import in_bytes, slip_colour
 from rover_pin.view.film import Film
-from rover_pin.view.ground import patches, ruled
+from rover_pin.view.ground import patches, ruled_lines
 from rover_pin.view.shapes import Shape
 
 SOILS = ((201, 176, 130), (128, 124, 122), (176, 140, 110), (150, 160, 140))
@@ -76,7 +76,7 @@ class Stage:
                 side="double",
             )
         self.scene.add_line_segments(
-            f"{WORLD}/ground/lines", _drawn(ruled(film.terrain, film.box)), (120, 100, 70), thickness=0.0015
+            f"{WORLD}/ground/lines", _drawn(ruled_lines(film.terrain, film.box)), (120, 100, 70), thickness=0.0015
         )
 
     def _ghost(self, root: str, shapes: list[Shape], ghost: Ghost) -> dict[str, Any]:

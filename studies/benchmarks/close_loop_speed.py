@@ -31,7 +31,7 @@ from rover_pin.rover.rover import load_rover
 from rover_pin.simulation.command import Reading
 from rover_pin.simulation.model.model import Model, base_effects
 from rover_pin.simulation.model.motors import nexus6_motor
-from rover_pin.simulation.sensors import Sensors, measured
+from rover_pin.simulation.sensors import Sensors, measure
 from rover_pin.simulation.simulate import simulate
 from rover_pin.simulation.start.place import Start
 from rover_pin.soil.angles import FixedAngles
@@ -68,7 +68,7 @@ def write(folder: Path, runs: int, duration: float) -> Path:
     for run in range(runs):
         start = Start(-1.0, 0.0, 0.0) if run % 2 == 0 else Start(1.0, 0.0, math.pi)
         driven = simulate(true, plan(random, duration), duration, start)
-        log = measured(driven, Sensors(), run, true.sensor_effects)
+        log = measure(driven, Sensors(), run, true.sensor_effects)
         traces[f"run-{run}"] = dataclasses.replace(log, attrs={"start": dataclasses.asdict(start)})
     known = {name: declared(DRIVEN_SAND)[name] for name in ("phi", "k", "k_1")}
     wheels = tuple(wheel.name for wheel in model.rover.wheels)

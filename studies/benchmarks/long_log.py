@@ -26,7 +26,7 @@ from rover_pin.rover.rover import load_rover
 from rover_pin.simulation.command import Controller
 from rover_pin.simulation.model.defaults import own_motor, own_soil, usual_angles, usual_slip
 from rover_pin.simulation.model.model import Model, base_effects
-from rover_pin.simulation.sensors import Sensors, measured
+from rover_pin.simulation.sensors import Sensors, measure
 from rover_pin.simulation.simulate import simulate
 from rover_pin.simulation.timing import Timing
 from rover_pin.soil.wheel_forces import TorqueTraction
@@ -62,7 +62,7 @@ def recorded(path: Path, seconds: float) -> None:
     effects = base_effects(soil, rover, SoilTraction(TorqueTraction(), usual_angles(rover)))
     model = Model(rover, Lanes((Profile(x, z),)), (soil,), own_motor(rover).value, usual_slip(rover), effects)
     driven = simulate(model, plan(random, seconds), seconds, timing=Timing(sample=0.1), measure_error=False)
-    log = measured(driven, Sensors(), 1)
+    log = measure(driven, Sensors(), 1)
     told = ("t_s", "body_x", "body_y", "body_z", "body_roll", "body_pitch", "body_yaw")
     table = {name: log[name] for name in (*told, *(f"wheel_rate_{wheel.name}" for wheel in rover.wheels))}
     for axis in ("body_x", "body_y"):

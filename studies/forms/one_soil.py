@@ -19,7 +19,7 @@ from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.joint_model import JointModel
 from rover_pin.experiments.wheel_rig.model import ASKEW
 from rover_pin.experiments.wheel_rig.presets import FULL_BY
-from rover_pin.experiments.wheel_rig.sets import joined, seen_before
+from rover_pin.experiments.wheel_rig.sets import join_sets, seen_before
 from rover_pin.measurements.rig_set import RigSet
 
 APART = "pressings apart: "
@@ -51,7 +51,7 @@ def declared(joint: RigExperiment, model: JointModel, size: Parameter) -> Parame
 
 def one_sand(sets: Mapping[str, RigSet], laws: Mapping[str, tuple[Effect, ...]]) -> Iterator[Cells]:
     """Yield the errors of each set and law, each level predicted from all the others of all sets."""
-    joint = joined(list(sets.values()))
+    joint = join_sets(list(sets.values()))
     words = {data.name: name for name, data in sets.items()}
     for law, effects in laws.items():
         fit = fitted(joint, effects)
@@ -73,9 +73,9 @@ def from_the_others(sets: Mapping[str, RigSet], effects: tuple[Effect, ...]) -> 
     """
     for name, data in sets.items():
         others = unseen((other for other in sets.values() if other is not data), [data])
-        joint = joined(others)
+        joint = join_sets(others)
         fit = fitted(joint, effects)
-        whole = joined([data, *joint.sets]).base_model()
+        whole = join_sets([data, *joint.sets]).base_model()
         model = dataclasses.replace(whole, soil=fit.model.soil, effects=fit.model.effects).of(data.name)
         found = model.predict(data.load, data.slip, data.speeds, data.slip_angle)
         values = {"drawbar pull": found.drawbar_pull, "sinkage": found.sinkage, "side force": found.side_force}

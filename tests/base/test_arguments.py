@@ -5,13 +5,13 @@ from typing import Annotated
 
 import pytest
 
-from rover_pin.base.arguments import arguments_of, checked, spec
+from rover_pin.base.arguments import arguments_of, check_arguments, spec
 from rover_pin.base.errors import ParameterError
 
 Width = Annotated[float, spec("m", "measured", 0.1, 2.0)]
 
 
-@checked("thing")
+@check_arguments("thing")
 def made(width: Width, plain: float = 9.0, *, count: Annotated[int, spec("", "assumed", 1, 3)] = 2) -> tuple:
     """Return them."""
     return width, plain, count

@@ -13,7 +13,7 @@ import pyarrow.parquet
 import pytest
 
 from rover_pin.base.files.bounded import MIB, arrays, content, text
-from rover_pin.base.files.parquet import unpacked
+from rover_pin.base.files.parquet import unpack_table
 
 
 def npz(**given):
@@ -93,10 +93,10 @@ def test_a_shape_that_its_file_does_not_hold_takes_no_memory(tmp_path):
 def test_a_parquet_table_comes_back():
     given = {"t_s": [0.0, 0.5, None], "run": ["a", None, "a"], "count": [1, 2, 3], "none": [None, None, None]}
     table = pyarrow.table(given).replace_schema_metadata({b"rover_pin": b"{}"})
-    found = unpacked(parquet(table))
+    found = unpack_table(parquet(table))
     assert found.to_pydict() == given
     assert found.schema.metadata[b"rover_pin"] == b"{}"
-    assert unpacked(parquet(table, use_dictionary=False)).to_pydict() == given
+    assert unpack_table(parquet(table, use_dictionary=False)).to_pydict() == given
 
 
 BOMBS = {
@@ -117,18 +117,18 @@ def test_a_bomb_of_a_table_is_not_unpacked(kind):
     packed = parquet(made(), compression="zstd")
     assert len(packed) < 100_000
     with pytest.raises(OSError, match=says):
-        unpacked(packed, 16 * MIB)
+        unpack_table(packed, 16 * MIB)
 
 
 LEAN = """
 import sys
 from pathlib import Path
-from rover_pin.base.files.parquet import unpacked
+from rover_pin.base.files.parquet import unpack_table
 import pyarrow.parquet, resource
 packed = Path(sys.argv[1]).read_bytes()
 before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 try:
-    unpacked(packed)
+    unpack_table(packed)
 except OSError as error:
     print(error.strerror)
 print((resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) // 1024)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rover_pin.discrepancy.answer import Answer
-from rover_pin.discrepancy.conclude import concluded
+from rover_pin.discrepancy.conclude import conclude
 from rover_pin.estimation.numbers import AWAY
 from tests.inference import linear_search as toys
 
@@ -19,7 +19,7 @@ def quiet(said):
 
 def verdict(sizes, number=toys.NUMBER, **how):
     experiment = toys.made(NAMES, sizes, **{"size": 12.0, **how})
-    return concluded(toys.question(experiment, NAMES, number), quiet)
+    return conclude(toys.question(experiment, NAMES, number), quiet)
 
 
 @pytest.mark.parametrize("sd", [1.0, None])
@@ -48,7 +48,7 @@ def test_noise_needs_no_effect_and_adds_none():
 def test_two_that_do_the_same_are_a_set():
     experiment = toys.made(NAMES, {"q": 1.5}, size=12.0)
     experiment.columns["r"] = 1.01 * experiment.columns["q"]
-    found = concluded(toys.question(experiment, NAMES), quiet)
+    found = conclude(toys.question(experiment, NAMES), quiet)
     assert found.answer is Answer.SET
     assert {*found.indistinguishable} >= {"q", "r"}
     assert len(found.others) >= 1
@@ -70,6 +70,6 @@ def test_a_number_five_sd_from_what_is_declared_is_inadequate(far, declared, ans
 def test_what_is_on_no_list_is_something_that_acts():
     experiment = toys.made(NAMES, {})
     wave = 12.0 * np.sin(4.0 * experiment.varied[:, None, :, 0])
-    found = concluded(toys.question(replace(experiment, observed=experiment.observed + wave), NAMES), quiet)
+    found = conclude(toys.question(replace(experiment, observed=experiment.observed + wave), NAMES), quiet)
     assert found.answer is Answer.NONE_FITS
     assert found.beliefs.leaves_more(()) > 0.99

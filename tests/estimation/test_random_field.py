@@ -12,7 +12,7 @@ from rover_pin.estimation.random_effects.random_field import (
     Kind,
     LearntSd,
     RandomField,
-    expected,
+    expected_draws,
     learnt_sds,
     random_effects_filter,
 )
@@ -120,7 +120,7 @@ def test_the_expected_draws_are_those_of_the_joint_normal_law(field, noise):
     variance = np.array([sds[at] ** 2 for at in field.kind])
     across = (variance / sizes)[:, None] * columns.T
     wanted = across @ np.linalg.solve(dense(columns, field, sds), rows)
-    np.testing.assert_allclose(expected(field, learnt_as(*sds), columns, rows), wanted, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(expected_draws(field, learnt_as(*sds), columns, rows), wanted, rtol=1e-9, atol=1e-12)
 
 
 def test_two_kinds_that_say_the_same_share_what_one_would_have(field, noise):

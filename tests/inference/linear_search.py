@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from rover_pin.base.quantity import quantity
-from rover_pin.discrepancy.calibration import calibrated
+from rover_pin.discrepancy.calibration import calibrate
 from rover_pin.discrepancy.candidate import Candidate
 from rover_pin.discrepancy.question import Question
 from rover_pin.discrepancy.search import Search
@@ -128,7 +128,7 @@ def made(names, sizes=None, seed=0, size=8.0, shape=SHAPE, sd=1.0, b=0.7, of=Sum
 
 def fitted(experiment: Sums, number: Parameter = NUMBER) -> Fit:
     """The base model fitted."""
-    return calibrated(experiment, Model(), (number,))
+    return calibrate(experiment, Model(), (number,))
 
 
 def searched(experiment: Sums, names, number: Parameter = NUMBER) -> Search:

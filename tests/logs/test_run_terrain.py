@@ -11,7 +11,7 @@ from rover_pin.base.errors import DataError
 from rover_pin.experiments.drive_log.features import logged_runs
 from rover_pin.experiments.drive_log.model import LEVEL_SD, base_model, nuisances, with_spread
 from rover_pin.logs.drive_log import LogMetadata, read_drive_log, write_drive_log
-from rover_pin.logs.run_terrain import estimated, level_on, run_terrain
+from rover_pin.logs.run_terrain import estimate_surface, level_on, run_terrain
 
 CART = load_rover("cart")
 DEG = math.pi / 180.0
@@ -70,7 +70,7 @@ def test_the_ground_is_estimated_from_the_pitch(yaw, curve):
         return -np.arctan(0.15 * np.sin(2 * math.pi * x / 3) * np.cos(heading))
 
     drive = run(yaw, pitch, curve=curve)
-    found = slope_of(estimated(drive, CART), drive)
+    found = slope_of(estimate_surface(drive, CART), drive)
     assert found == pytest.approx(-drive["body_pitch"][20:-20], abs=1.0 * DEG)
 
 
@@ -83,7 +83,7 @@ def test_a_frame_before_the_wheels_is_not_where_they_stand():
         shifted.jointPlacements[mount.joint] = placement
     behind = dataclasses.replace(CART, model=shifted)
     drive = run(0.0, lambda x, y, heading: -np.arctan(0.15 * np.sin(2.0 * x)))
-    ground, x = estimated(drive, behind), drive["body_x"][80:-40]
+    ground, x = estimate_surface(drive, behind), drive["body_x"][80:-40]
     rise = ground.height(x - 0.12, np.full(len(x), 0.26)) - ground.height(x - 0.68, np.full(len(x), 0.26))
     assert np.arctan(rise / 0.56) == pytest.approx(-drive["body_pitch"][80:-40], abs=0.5 * DEG)
     level = level_on(ground, behind, np.array([[2.0, 0.0, 0.0]]))["body_pitch"][0]
@@ -93,7 +93,7 @@ def test_a_frame_before_the_wheels_is_not_where_they_stand():
 def test_where_nothing_tells_the_ground_is_flat():
     bare = run()
     drive = Trace({name: bare[name] for name in bare if name not in ("body_pitch", "body_roll")}, {}, {})
-    ground = estimated(drive, CART)
+    ground = estimate_surface(drive, CART)
     assert np.ptp(ground.height(drive["body_x"], drive["body_y"])) == 0.0
 
 

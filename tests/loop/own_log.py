@@ -6,7 +6,7 @@ import numpy as np
 
 from rover_pin import scenario
 from rover_pin.logs.drive_log import read_drive_log, write_drive_log
-from rover_pin.simulation.sensors import Sensors, measured
+from rover_pin.simulation.sensors import Sensors, measure
 from tests.experiments.drive_log.drive_sets import plan
 
 
@@ -23,7 +23,7 @@ def write(folder, name="field", runs=4, seconds=16.0, seed=0, sensors=Sensors(),
         trace = own.drive()
         if sensors is not None:
             trace = dataclasses.replace(
-                measured(trace, sensors, int(random.integers(2**31))), attrs={"start": dataclasses.asdict(own.start)}
+                measure(trace, sensors, int(random.integers(2**31))), attrs={"start": dataclasses.asdict(own.start)}
             )
         traces[f"run-{at}"] = trace
     scene.write_log(trace, folder)

@@ -41,7 +41,7 @@ def verdict_of(monkeypatch):
     left = SimpleNamespace(best=SimpleNamespace(description="acts as a force"), terms=(), wheels=())
     monkeypatch.setattr(drive, "describe", lambda fitted, progress: left)
     monkeypatch.setattr(drive, "odometry_baselines", lambda experiment, rover: ())
-    monkeypatch.setattr(drive, "logged", lambda fitted: fitted.task.experiment)
+    monkeypatch.setattr(drive, "experiment_of_log", lambda fitted: fitted.task.experiment)
     monkeypatch.setattr(drive, "cautions", lambda verdict, free: ())
 
     def of(size, alike):

@@ -10,7 +10,7 @@ import pytest
 from rover_pin import Wheel, close_the_loop
 from rover_pin.base.errors import ParameterError
 from rover_pin.estimation.parameter import Prior
-from rover_pin.experiments.wheel_rig.sets import joined
+from rover_pin.experiments.wheel_rig.sets import join_sets
 from rover_pin.loop.identify import identify
 from rover_pin.measurements.channel import DrawbarPull, Sinkage, Torque
 from rover_pin.measurements.rig_set import RigSet
@@ -67,7 +67,7 @@ def test_intervals_of_two_wheels_hold_the_truth_and_are_narrower():
     """Widths that differ part k_1 from k_2, which no single wheel does; what each wheel tells, both tell closer."""
     held, width = [], {"narrow": [], "both": []}
     for seed in range(10):
-        sets = joined([rig("narrow", seed), rig("wide", seed)])
+        sets = join_sets([rig("narrow", seed), rig("wide", seed)])
         fits = {"narrow": identify(sets.sets[0]), "both": identify(sets)}
         rows = [fits["both"][name].number for name in TRUTH]
         held += [row.low <= TRUTH[name] <= row.high for name, row in zip(TRUTH, rows, strict=True)]
@@ -78,7 +78,7 @@ def test_intervals_of_two_wheels_hold_the_truth_and_are_narrower():
 
 
 def test_noiseless_rig_returns_the_soil():
-    found = identify(joined([rig("narrow", times=0.0), rig("wide", times=0.0)]))
+    found = identify(join_sets([rig("narrow", times=0.0), rig("wide", times=0.0)]))
     for name in ("k", "phi", "n"):
         assert found[name].number.value == pytest.approx(TRUTH[name], rel=0.01)
         assert found[name].is_found

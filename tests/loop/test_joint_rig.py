@@ -14,7 +14,7 @@ from rover_pin.effects.slip_softening import SlipSoftening
 from rover_pin.experiments.wheel_rig.candidates import candidates, rig_kinds
 from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.model import RigModel, read_model
-from rover_pin.experiments.wheel_rig.sets import joined, read_joint
+from rover_pin.experiments.wheel_rig.sets import join_sets, read_joint
 from rover_pin.loop.rig import on_rig
 from rover_pin.measurements.rig_reading import read_rig_set
 from studies.shared.rig_fits import calibrated
@@ -85,7 +85,7 @@ def test_a_set_cut_in_two_is_fitted_as_the_whole(sets):
     experiment = RigExperiment((whole,))
     model = RigModel(whole.wheel, whole.soil(), errors=whole.errors)
     alone = calibrated(experiment, model, experiment.uncertain(model))
-    together = fitted(joined(parts))
+    together = fitted(join_sets(parts))
     assert [one.name for one in together.parameters] == [one.name for one in alone.parameters]
     assert together.u == pytest.approx(alone.u, abs=1e-3)
     assert together.misfit == pytest.approx(alone.misfit, rel=1e-5)
@@ -139,7 +139,7 @@ def test_lugs_dig_from_the_start_where_every_set_declares_them(sets, lugged):
 
 def test_what_is_no_joint_fit_is_refused(sets, tmp_path):
     with pytest.raises(ParameterError, match="of two sets or more"):
-        joined([read_rig_set(sets[0])])
+        join_sets([read_rig_set(sets[0])])
     twin = written(tmp_path, "small", seed=9)
     with pytest.raises(DataError, match="small: two sets have this name; give each its own"):
         read_joint((sets[0], twin))
@@ -204,4 +204,4 @@ def test_a_run_that_stands_in_two_sets_is_used_once(sets, tmp_path):
     assert [str(one) for one in joint.twice] == ["more: 3 of 13 runs are in another set too; they are used once."]
     assert int(np.isfinite(joint.observed[:, 0]).sum()) == 20
     with pytest.raises(DataError, match="again: every run of it is in another set too; leave it out"):
-        joined([small, other])
+        join_sets([small, other])

@@ -21,10 +21,10 @@ from rover_pin.effects.slip import RelaxedSlip
 from rover_pin.logs.drive_log import read_drive_log
 from rover_pin.loop.identify import identify
 from rover_pin.measurements import drive_points as module
-from rover_pin.measurements.drive_points import Sampling, drive_points, instrumented, points_of_log
-from rover_pin.measurements.steady_windows import Window, line, pooled
+from rover_pin.measurements.drive_points import Sampling, drive_points, points_of_log, soil_windows
+from rover_pin.measurements.steady_windows import Window, line, pool
 from rover_pin.simulation.model.defaults import own_soil
-from rover_pin.simulation.sensors import Sensors, measured
+from rover_pin.simulation.sensors import Sensors, measure
 from rover_pin.soil.angles import FixedAngles, SinkageAngles
 from rover_pin.soil.sinkage import entry_angle
 from rover_pin.soil.wheel_forces import TorqueTraction
@@ -52,7 +52,7 @@ def trace(drive):
 @pytest.fixture(scope="module")
 def log(drive, trace, tmp_path_factory):
     folder = tmp_path_factory.mktemp("climb") / "log"
-    drive.write_log(measured(trace, Sensors(), seed=0), folder)
+    drive.write_log(measure(trace, Sensors(), seed=0), folder)
     return folder
 
 
@@ -78,13 +78,13 @@ def test_a_log_with_sensors_tells_the_soil_that_made_it(log):
 
 def test_other_rover_has_the_angles_and_the_lag_of_its_own_wheel(tmp_path, monkeypatch):
     cart, lags = scenario("slope", rover="cart", soil=FIRM), []
-    cart.write_log(measured(cart.drive(), Sensors(), seed=0), tmp_path / "log")
+    cart.write_log(measure(cart.drive(), Sensors(), seed=0), tmp_path / "log")
 
     def noted(windows, length, lag):
         lags.append(lag)
-        return instrumented(windows, length, lag)
+        return soil_windows(windows, length, lag)
 
-    monkeypatch.setattr(module, "instrumented", noted)
+    monkeypatch.setattr(module, "soil_windows", noted)
     points, read = read_drive_points(tmp_path / "log"), read_drive_log(tmp_path / "log")
     assert points.angles == SinkageAngles()
     assert set(lags) == {cart.model.slip}
@@ -99,7 +99,7 @@ def test_other_rover_has_the_angles_and_the_lag_of_its_own_wheel(tmp_path, monke
 
 def cart_log(folder, ground="slope", seed=0, **settings):
     cart = scenario(ground, rover="cart", soil=FIRM, **settings)
-    cart.write_log(measured(cart.drive(), Sensors(), seed=seed), folder)
+    cart.write_log(measure(cart.drive(), Sensors(), seed=seed), folder)
     return cart.model.soils[0]
 
 
@@ -152,7 +152,7 @@ def test_exact_sensors_give_the_slip_that_the_soil_feels(drive, trace, tmp_path)
 
 
 def test_duty_and_rate_give_the_torque_without_a_logged_current(drive, trace, tmp_path):
-    drive.write_log(measured(trace, Sensors(), seed=1, with_current=False), tmp_path)
+    drive.write_log(measure(trace, Sensors(), seed=1, with_current=False), tmp_path)
     points = read_drive_points(tmp_path)
     assert points.factor == pytest.approx([true_factor(S) for S in points.slip], rel=0.15)
     assert holds(identify(tmp_path)["k"].number, 0.01)
@@ -167,14 +167,14 @@ def test_speed_comes_from_the_map_and_the_slope_without_heights(drive, trace, tm
 
 def test_slips_that_scatter_by_more_than_a_class_are_refused(drive, trace, tmp_path):
     coarse = Sensors(position_sd=0.03, attitude_sd=0.05)
-    drive.write_log(measured(trace, coarse, seed=1), tmp_path)
+    drive.write_log(measure(trace, coarse, seed=1), tmp_path)
     sampling = Sampling(lengths=(2.0,))
     with pytest.raises(DataError, match=r"2.*0\.\d+,.*0\.05"):
         read_drive_points(tmp_path, sampling)
 
 
 def test_longer_windows_are_taken_where_the_slip_scatters(drive, trace, tmp_path):
-    drive.write_log(measured(trace, Sensors(position_sd=0.006), seed=1), tmp_path)
+    drive.write_log(measure(trace, Sensors(position_sd=0.006), seed=1), tmp_path)
     two, four = (read_drive_points(tmp_path, Sampling(lengths=each)) for each in ((2.0,), (2.0, 4.0)))
     assert len(four.slip) != len(two.slip) or np.max(four.slip_sd) < np.max(two.slip_sd)
 
@@ -220,12 +220,12 @@ def test_wheels_told_together_weigh_by_their_loads():
     """Two wheels on one straight F(S) = S, loads 10 and 30 N that are guessed 20 and 20: F is their torques' alone."""
     guessed = [Window(0, 1.0, 0.10, 0.01, 0.10 * 10 / 20, 0.02, 0.0, 0.05, 20.0)]
     guessed += [Window(1, 1.0, 0.12, 0.01, 0.12 * 30 / 20, 0.02, 0.0, 0.06, 20.0)]
-    window = pooled(guessed)
+    window = pool(guessed)
     assert (window.wheel, window.start, window.load) == (0, 1.0, 20.0)
     assert window.factor == pytest.approx((0.10 * 10 + 0.12 * 30) / 40)
     assert window.slip == pytest.approx(0.11)
     assert (window.slip_sd, window.factor_sd) == pytest.approx((0.01 / math.sqrt(2), 0.02 / math.sqrt(2)))
-    assert pooled(guessed[:1]) == guessed[0]
+    assert pool(guessed[:1]) == guessed[0]
 
 
 def test_a_declared_doubt_of_the_motor_widens_what_is_shared(log):

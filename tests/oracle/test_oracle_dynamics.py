@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from rover_pin.rover.description.layout import read_layout, shipped
+from rover_pin.rover.description.layout import read_layout, shipped_toml
 from rover_pin.rover.forward_dynamics import Dynamics, mass_matrix
 from rover_pin.rover.rover import assemble
 
@@ -31,7 +31,7 @@ def stored():
 
 
 def rover_of(text: str, states):
-    rover = assemble(dataclasses.replace(read_layout(shipped("nexus6")), text=text))
+    rover = assemble(dataclasses.replace(read_layout(shipped_toml("nexus6")), text=text))
     armature = np.zeros(rover.model.nv)
     for name, value in zip(states.joints, states.armature, strict=True):
         armature[rover.model.joints[rover.model.getJointId(str(name))].idx_v] = value

@@ -33,7 +33,7 @@ from rover_pin.inference.beliefs import Beliefs
 from rover_pin.logs.drive_log import DriveLog, LogMetadata
 from rover_pin.measurements.checks import Finding
 from rover_pin.simulation.replay import PERIOD, Commands, replay
-from rover_pin.simulation.sensors import Sensors, measured
+from rover_pin.simulation.sensors import Sensors, measure
 from rover_pin.simulation.start.place import Start
 from rover_pin.simulation.trace.trace import Trace
 from tests.experiments.drive_log.linear_drive import MODEL
@@ -48,7 +48,7 @@ def log_of(truth, seed):
     told = Commands(t, np.repeat(duty[:, None], 6, axis=1), steer, np.full((len(t), 3), np.nan), Start())
     duties = {f"duty_{wheel.name}": told.duty[:, at] for at, wheel in enumerate(truth.rover.wheels)}
     attrs = {"start": dataclasses.asdict(told.start), "file": f"run_{seed}.csv"}
-    trace = measured(Trace({**replay(truth, told).channels, **duties}), Sensors(), seed, truth.sensor_effects)
+    trace = measure(Trace({**replay(truth, told).channels, **duties}), Sensors(), seed, truth.sensor_effects)
     return dataclasses.replace(trace, attrs=attrs)
 
 

@@ -15,7 +15,7 @@ from rover_pin.experiments.drive_log.free_runs import DriveExtra, extra_of
 from rover_pin.inference.cause import SIZE_SD
 from rover_pin.report.drive import ghost
 from rover_pin.report.drive.report import at_full_duty, cautions, free_runs_section, labels_of, sides_of, write_report
-from rover_pin.report.drive.runs import Sides, effect_picture, shown
+from rover_pin.report.drive.runs import Sides, channel_to_show, effect_picture
 from rover_pin.report.sections.held_out import held_out_section
 from rover_pin.report.sections.numbers import most_correlated, number_table
 from rover_pin.report.sections.physics import channel_changes, physics_section
@@ -178,7 +178,7 @@ def test_numbers_name_the_one_they_go_with_most(verdict):
 def test_the_first_picture_is_where_what_was_added_shows(made, verdict):
     """A sagging supply shows in the bus voltage; its drawn means are those of the residual, and fall to nothing."""
     sides = sides_of(verdict)
-    one = shown(sides)
+    one = channel_to_show(sides)
     assert one.channel == "battery_V"
     row = sides.experiment.channels.index("battery_V")
     left = [np.where(fit.task.noise.good[:, row], fit.missed[:, row], np.nan) for fit in sides]
@@ -191,7 +191,7 @@ def test_the_first_picture_is_where_what_was_added_shows(made, verdict):
     drawn = [bars[0].get_ydata() for bars in figure.axes[0].containers]
     factor = drawn[0][0] / one.residual[0, 0]
     assert np.array(drawn) == pytest.approx(factor * one.residual)
-    bare = shown(Sides(made[1], made[1]))
+    bare = channel_to_show(Sides(made[1], made[1]))
     assert bare.gain == pytest.approx(float(np.sum((bare.residual[0] / bare.sd[0]) ** 2)))
 
 

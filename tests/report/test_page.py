@@ -12,7 +12,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.report import page as page_module
 from rover_pin.report.drive.report import write_report
-from rover_pin.report.page import marked
+from rover_pin.report.page import mark_code
 from rover_pin.report.standalone.report import panel
 from rover_pin.report.words import key
 
@@ -131,7 +131,7 @@ def test_text_has_the_contrast_of_level_aa(scheme):
 
 
 def test_docstrings_show_their_code_and_no_tags():
-    assert marked("see `a < b` <i>") == "see <code>a &lt; b</code> &lt;i&gt;"
+    assert mark_code("see `a < b` <i>") == "see <code>a &lt; b</code> &lt;i&gt;"
 
 
 def test_the_key_of_a_picture_fits_beside_its_panel():

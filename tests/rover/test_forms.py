@@ -12,7 +12,7 @@ import pytest
 from rover_pin import Trace, load_rover, scenario
 from rover_pin.base.errors import UrdfError
 from rover_pin.rover.constraints import constraint_rows
-from rover_pin.rover.description.layout import shipped
+from rover_pin.rover.description.layout import shipped_toml
 from rover_pin.rover.forward_dynamics import forward_dynamics, forward_dynamics_aba, mass_matrix
 from rover_pin.rover.statics import wheel_loads
 from rover_pin.rover.urdf_check import check_urdf
@@ -63,7 +63,7 @@ def test_what_follows_a_held_joint_is_held_where_that_puts_it(tmp_path):
 
 def test_axes_of_either_sign_drive_as_the_plain_rover_does(tmp_path):
     """Nexus 6 with two wheels, a steering joint and the right rocker turned round; the differential then goes 1 : 1."""
-    text = shipped("nexus6").with_suffix(".urdf").read_text()
+    text = shipped_toml("nexus6").with_suffix(".urdf").read_text()
     for joint, old, new in (
         ("wheel_ml", "0 1 0", "0 -1 0"),
         ("wheel_fr", "0 1 0", "0 -1 0"),
@@ -75,7 +75,7 @@ def test_axes_of_either_sign_drive_as_the_plain_rover_does(tmp_path):
         turned = whole.replace(old, new).replace('multiplier="-1"', 'multiplier="1"')
         text = text.replace(whole, turned)
     (tmp_path / "nexus6.urdf").write_text(text)
-    (tmp_path / "mine.toml").write_text(shipped("nexus6").read_text())
+    (tmp_path / "mine.toml").write_text(shipped_toml("nexus6").read_text())
     report = check_urdf(tmp_path / "mine.toml")
     assert report.ok
     assert any(

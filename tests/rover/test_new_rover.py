@@ -15,7 +15,7 @@ from rover_pin import load_rover, scenario
 from rover_pin.base.errors import MissingExtraError, UrdfError
 from rover_pin.base.trust import Trust
 from rover_pin.cli.app import app
-from rover_pin.rover.description.layout import shipped
+from rover_pin.rover.description.layout import shipped_toml
 from rover_pin.rover.proposal.new_rover import new_rover
 from rover_pin.rover.urdf_check import check_urdf
 from tests.rover import farm as made
@@ -36,8 +36,8 @@ def proposed(folder: Path, urdf: str) -> dict:
 def test_nexus_6_and_the_cart_are_found_as_they_are(tmp_path):
     for name, apart in (("nexus6", ("motor", "soil")), ("cart", ())):
         (folder := tmp_path / name).mkdir()
-        found = proposed(folder, shipped(name).with_suffix(".urdf").read_text())
-        known = tomllib.loads(shipped(name).read_text())
+        found = proposed(folder, shipped_toml(name).with_suffix(".urdf").read_text())
+        known = tomllib.loads(shipped_toml(name).read_text())
         rover, own = load_rover(name), load_rover(folder / "own.toml")
         assert own.wheel == rover.wheel
         for key in set(known) - {"name", "urdf", "wheel", "wheels", *apart}:

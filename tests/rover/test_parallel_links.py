@@ -154,9 +154,9 @@ def test_a_drive_with_parallel_links_keeps_its_energy():
     ],
 )
 def test_joints_that_cannot_follow_get_a_sentence(tmp_path, old, new, words):
-    from rover_pin.rover.description.layout import shipped
+    from rover_pin.rover.description.layout import shipped_toml
 
-    toml = shipped("nexus6_links")
+    toml = shipped_toml("nexus6_links")
     text = toml.with_suffix(".urdf").read_text()
     assert old in text
     (tmp_path / "nexus6_links.urdf").write_text(text.replace(old, new, 1))

@@ -14,7 +14,7 @@ from rover_pin.base.errors import ParameterError
 from rover_pin.control.slip_estimate import flat_table
 from rover_pin.parameters import SLOPE_SAND
 from rover_pin.rover.statics import wheel_loads
-from rover_pin.scenarios.scenes import scaled
+from rover_pin.scenarios.scenes import scale_arguments
 from rover_pin.simulation.model.defaults import own_motor, own_soil
 from rover_pin.terrain import shapes
 from rover_pin.terrain.field import paper_field
@@ -142,13 +142,13 @@ def test_a_rover_four_times_as_large_drives_the_same_way(tmp_path):
 
 
 def test_terrains_grow_with_the_wheels_but_for_what_is_asked():
-    assert scaled(shapes.ditch, {"wall_angle": 0.5}, 2.0) == {
+    assert scale_arguments(shapes.ditch, {"wall_angle": 0.5}, 2.0) == {
         "depth": 0.1, "width": 0.4, "wall_angle": 0.5, "at": 1.0,
     }  # fmt: skip
-    assert scaled(shapes.ditch, {}, 0.9)["depth"] == pytest.approx(0.9 * 0.05)
-    assert scaled(shapes.growing_slope, {}, 2.0)["rate"] == pytest.approx(math.radians(5.0))
-    assert scaled(shapes.rocks, {}, 2.0)["diameters"] == (0.1, 0.2)
-    whole, half = paper_field(**scaled(paper_field, {}, 2.0)), paper_field()
+    assert scale_arguments(shapes.ditch, {}, 0.9)["depth"] == pytest.approx(0.9 * 0.05)
+    assert scale_arguments(shapes.growing_slope, {}, 2.0)["rate"] == pytest.approx(math.radians(5.0))
+    assert scale_arguments(shapes.rocks, {}, 2.0)["diameters"] == (0.1, 0.2)
+    whole, half = paper_field(**scale_arguments(paper_field, {}, 2.0)), paper_field()
     for large, small in zip(whole.profiles, half.profiles, strict=True):
         assert large.x[1:-1] == pytest.approx(2.0 * small.x[1:-1])
         assert large.z[1:-1] == pytest.approx(2.0 * small.z[1:-1])

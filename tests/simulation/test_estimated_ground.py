@@ -8,7 +8,7 @@ import pytest
 from scipy.interpolate import RegularGridInterpolator
 
 from rover_pin import Trace, load_rover
-from rover_pin.logs.run_terrain import estimated, level_on, run_terrain
+from rover_pin.logs.run_terrain import estimate_surface, level_on, run_terrain
 from rover_pin.terrain.shapes import incline
 
 CART = load_rover("cart")
@@ -74,7 +74,7 @@ def sum_of_squares(ground, run, z):
 def test_no_change_of_its_heights_makes_the_sum_less(without):
     """The sum is quadratic: its slope along any change of the heights, by a difference, is that of round-off."""
     run = drive(without=without)
-    ground, random = estimated(run, CART), np.random.default_rng(0)
+    ground, random = estimate_surface(run, CART), np.random.default_rng(0)
     z = np.array(ground.z)
     near = np.exp(-((np.arange(z.shape[0])[:, None] - z.shape[0] / 2) ** 2 + (np.arange(z.shape[1]) - 5.0) ** 2) / 8.0)
     for change in (*random.normal(size=(8, *z.shape)), near, np.eye(*z.shape), np.add.outer(np.arange(len(z)), z[0])):
@@ -89,7 +89,7 @@ def test_no_change_of_its_heights_makes_the_sum_less(without):
 def test_a_turn_in_place_has_a_ground_too():
     run = drive()
     still = {"body_x": np.full(len(run.t), 2.0), "body_y": np.full(len(run.t), -1.0)}
-    ground = estimated(dataclasses.replace(run, channels={**run.channels, **still}), CART)
+    ground = estimate_surface(dataclasses.replace(run, channels={**run.channels, **still}), CART)
     assert ground.z.shape in ((15, 15), (16, 16))
     assert np.isfinite(ground.z).all()
 

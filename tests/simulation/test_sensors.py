@@ -14,7 +14,7 @@ from rover_pin.logs.drive_log import read_drive_log
 from rover_pin.logs.saved import save_trace
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.command import Reading
-from rover_pin.simulation.sensors import Sensed, Sensors, measured
+from rover_pin.simulation.sensors import Sensed, Sensors, measure
 
 EXACT = Sensors(**dict.fromkeys(quantities(Sensors), 0.0))
 
@@ -25,15 +25,15 @@ def trace():
 
 
 def test_no_truth_is_left_and_commands_are_exact(trace):
-    log = measured(trace, Sensors(), 1)
+    log = measure(trace, Sensors(), 1)
     assert not [name for name in log.channels if name.startswith(("slip", "normal", "energy", "torque", "sinkage"))]
     assert np.array_equal(log["duty_fl"], trace["duty_fl"])
     assert np.array_equal(log["t_s"], trace["t_s"])
-    assert not [name for name in measured(trace, Sensors(), 1, with_current=False).channels if "current" in name]
+    assert not [name for name in measure(trace, Sensors(), 1, with_current=False).channels if "current" in name]
 
 
 def test_the_noise_is_as_large_as_declared(trace):
-    log = measured(trace, Sensors(), 2)
+    log = measure(trace, Sensors(), 2)
     for name, sd in (("body_x", 0.0015), ("body_pitch", 0.005), ("body_vx", 0.004)):
         assert np.std(log[name] - trace[name]) == pytest.approx(sd, rel=0.2)
     assert np.std(log["wheel_rate_ml"] - trace["wheel_rate_ml"]) == pytest.approx(
@@ -43,13 +43,13 @@ def test_the_noise_is_as_large_as_declared(trace):
 
 
 def test_effects_do_as_they_say(trace):
-    scaled = measured(trace, EXACT, 0, [TachoScale(e=0.03, wheel="ml")])
+    scaled = measure(trace, EXACT, 0, [TachoScale(e=0.03, wheel="ml")])
     assert scaled["wheel_rate_ml"] == pytest.approx(1.03 * trace["wheel_rate_ml"])
     assert np.array_equal(scaled["wheel_rate_fl"], trace["wheel_rate_fl"])
-    late = measured(trace, EXACT, 0, [TrackingDelay(d=0.1)])
+    late = measure(trace, EXACT, 0, [TrackingDelay(d=0.1)])
     assert late["body_x"][2:] == pytest.approx(trace["body_x"][:-2])
     assert np.array_equal(late["wheel_rate_fl"], trace["wheel_rate_fl"])
-    shifted = measured(trace, EXACT, 0, [SensorBias(bias=0.02, channel="body_pitch")])
+    shifted = measure(trace, EXACT, 0, [SensorBias(bias=0.02, channel="body_pitch")])
     assert shifted["body_pitch"] == pytest.approx(trace["body_pitch"] + 0.02)
 
 
@@ -72,7 +72,7 @@ def test_a_tracked_point_moves_with_the_body_it_is_on():
 
 
 def test_a_simulated_log_is_read_like_a_measured_one(trace, tmp_path):
-    log = measured(trace, Sensors(), 5)
+    log = measure(trace, Sensors(), 5)
     again = read_drive_log(save_trace(log, tmp_path / "log")).runs[0]
     assert all(np.array_equal(again[name], log[name]) for name in log.channels)
 

@@ -8,10 +8,10 @@ import pytest
 from rover_pin.control.slip_control import Gains
 from rover_pin.scenarios.along import course_of, drive_along
 from rover_pin.tuning.drive_score import score_trace
-from rover_pin.tuning.drives import Control, built, controller_of, full_score
+from rover_pin.tuning.drives import Control, build, controller_of, full_score
 from rover_pin.tuning.evaluations import Evaluations
 from rover_pin.tuning.study import DriveCase, Effort, SlipLaw, TuningStudy
-from rover_pin.tuning.trust import SLIP_ERROR, checked
+from rover_pin.tuning.trust import SLIP_ERROR, check_drives
 from rover_pin.tuning.tune import Point, place_of, polish, tune_gains
 
 LOOSE = (("soil", "table-1"), ("effect.MotionResistance.R", 0.028), ("soil.k", 0.01))
@@ -29,7 +29,7 @@ def cost_of(law):
 def polished():
     evaluations = Evaluations(None, 1, None)
     middle = STUDY.law([0.5, 0.15])
-    assert checked(STUDY, evaluations, middle)[0].slip > SLIP_ERROR, "the reduced model is right here"
+    assert check_drives(STUDY, evaluations, middle)[0].slip > SLIP_ERROR, "the reduced model is right here"
     return polish(STUDY, evaluations, Point(place_of(STUDY, middle), 0.0, "search")), evaluations
 
 
@@ -62,7 +62,7 @@ def test_slopes_of_a_long_ditch_hold_for_no_gains():
 
     def scene(S_d):
         law = SlipLaw(gains.replace(S_d=S_d))
-        return dataclasses.replace(built(CHAOTIC), controller=controller_of(CHAOTIC, Control.of("true", law)))
+        return dataclasses.replace(build(CHAOTIC), controller=controller_of(CHAOTIC, Control.of("true", law)))
 
     middle = scene(gains.S_d)
     course = course_of(middle, middle.drive(measure_error=False))

@@ -10,7 +10,7 @@ from rover_pin.control.slip_control import Gains
 from rover_pin.simulation.trace.trace import Trace
 from rover_pin.tuning import evaluations
 from rover_pin.tuning.drive_score import Cost, Score, score_trace
-from rover_pin.tuning.drives import FAILED, Control, built, full_score, reduced_score
+from rover_pin.tuning.drives import FAILED, Control, build, full_score, reduced_score
 from rover_pin.tuning.evaluations import FILE, Evaluations, key_of
 from rover_pin.tuning.study import DriveCase, Effort, SlipLaw, TuningStudy
 from rover_pin.tuning.trust import SLIP_ERROR, checked_over, refusal
@@ -85,7 +85,7 @@ def test_unknown_scenario_and_control_settings_are_refused():
     with pytest.raises(ParameterError, match=r"odd:.*'dich'"):
         tune_gains(dataclasses.replace(STUDY, training=(DriveCase("odd", "dich"),)))
     with pytest.raises(ParameterError, match=r"'control.k_p'"):
-        built(DriveCase("own", "flat", (("control.k_p", 1.0),)))
+        build(DriveCase("own", "flat", (("control.k_p", 1.0),)))
 
 
 def test_failed_integration_costs_the_penalty_and_prints_nothing(monkeypatch, capsys):
@@ -100,7 +100,7 @@ def test_failed_integration_costs_the_penalty_and_prints_nothing(monkeypatch, ca
 
 
 def test_early_end_is_stuck_and_a_drive_without_rows_is_worst():
-    scene = built(FLAT)
+    scene = build(FLAT)
     trace = scene.drive()
     assert score_trace(trace, scene.model, 4.0).stuck == 0.0
     assert score_trace(trace, scene.model, 8.0).stuck == 1.0
@@ -179,7 +179,7 @@ def test_fewest_burials_are_chosen_whatever_else_it_costs():
 
 def test_a_drive_that_ended_early_stays_as_deep_as_it_was():
     """Its sinkage is the mean over the time that it was to last, its last value held."""
-    scene = built(FLAT)
+    scene = build(FLAT)
     trace = scene.drive()
     half, whole = (score_trace(trace, scene.model, duration).sinkage for duration in (8.0, 4.0))
     last = float(np.mean(trace.stack("sinkage")[-1])) / 0.045

@@ -11,7 +11,7 @@ from rover_pin.base.errors import ParameterError
 from rover_pin.control.hole_law import HoleLaw
 from rover_pin.control.slip_control import HOLE_GAINS, Gains, load_gains, load_hole, save_gains
 from rover_pin.scenarios.scenario import scenario
-from rover_pin.tuning.drives import Control, built, drive_full, full_score
+from rover_pin.tuning.drives import Control, build, drive_full, full_score
 from rover_pin.tuning.study import DriveCase, SlipLaw
 from rover_pin.tuning.study_file import read_tuning
 
@@ -69,7 +69,7 @@ def test_a_sensed_drive_depends_on_its_seed_and_repeats():
 
 def test_the_tuned_drive_is_that_of_the_scenario_without_noise():
     """True slip, hole law: the same drive as the words for it make, row by row."""
-    trace = drive_full(SLOPE, Control.of("true", LAW).controller(built(SLOPE).model))
+    trace = drive_full(SLOPE, Control.of("true", LAW).controller(build(SLOPE).model))
     words = {"control": "true", "control.aim": "hole", **dict(SLOPE.settings)}
     assert trace["body_x"] == pytest.approx(
         scenario("incline", **words).drive(measure_error=False)["body_x"], abs=1e-12

@@ -14,7 +14,7 @@ from rover_pin.effects.slip_sinkage import SlipSinkage
 from rover_pin.effects.supply_sag import SupplySag
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.model.toml_file import write_model
-from rover_pin.tuning.drives import Control, built, controller_of, full_score, reduced_score, sealed
+from rover_pin.tuning.drives import Control, build, controller_of, full_score, reduced_score, seal
 from rover_pin.tuning.evaluations import Evaluations
 from rover_pin.tuning.study import DriveCase, Effort, SlipLaw, TuningStudy
 from rover_pin.tuning.tune import tune_gains
@@ -34,7 +34,7 @@ def written(path, *effects, **settings):
 
 
 def on(path, study=STUDY):
-    return sealed(study.on_model(path)).training[0]
+    return seal(study.on_model(path)).training[0]
 
 
 @pytest.mark.parametrize(
@@ -58,7 +58,7 @@ def test_a_model_file_is_worth_the_settings_that_made_it(tmp_path):
     case = on(written(tmp_path / "model.toml", **settings))
     plain = dataclasses.replace(CASE, settings=(*SAND, *settings.items()))
     # the resistance that makes the flat cruise is the file's, of its own k, and stays when a drive changes k
-    resistance = float(built(case).model.effect(MotionResistance).R)
+    resistance = float(build(case).model.effect(MotionResistance).R)
     plain = dataclasses.replace(plain, settings=(*plain.settings, ("effect.MotionResistance.R", resistance)))
     assert reduced_score(case, CONTROL) == pytest.approx(reduced_score(plain, CONTROL), rel=1e-9)
     assert full_score(case, CONTROL) == pytest.approx(full_score(plain, CONTROL), rel=1e-6)
@@ -69,8 +69,8 @@ def test_eq_9_reads_the_rims_of_the_models_own_wheels(tmp_path):
     folder = ROOT / "urdf"
     path = write_model(scenario("flat", rover=str(folder / "cart.toml")).model, tmp_path / "model.toml", rover="cart")
     case = on(path)
-    radius = float(built(case).model.rover.wheel.r)
-    assert radius != float(built(CASE).model.rover.wheel.r)
+    radius = float(build(case).model.rover.wheel.r)
+    assert radius != float(build(CASE).model.rover.wheel.r)
     assert controller_of(case, Control("eq9", CONTROL.gains)).estimate.r == radius
 
 

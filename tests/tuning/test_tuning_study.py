@@ -7,8 +7,8 @@ import pytest
 from rover_pin.base.errors import ParameterError
 from rover_pin.control.slip_control import Gains, load_gains, save_gains
 from rover_pin.effects.digging_memory import DiggingMemory
-from rover_pin.tuning.drives import built
-from rover_pin.tuning.study import DriveCase, TuningStudy, placed
+from rover_pin.tuning.drives import build
+from rover_pin.tuning.study import DriveCase, TuningStudy, value_at
 from rover_pin.tuning.study_file import read_tuning
 from studies.shared.drawn_drives import random_drives
 
@@ -41,7 +41,7 @@ def test_free_gains_run_between_their_bounds_on_their_scale():
     study = TuningStudy("s", ONE, free={"k_p": (0.01, 1.0), "S_d": (0.0, 0.5)})
     assert study.law([0.5, 0.5]).gains.k_p == pytest.approx(0.1)
     assert study.law([0.5, 0.5]).gains.S_d == pytest.approx(0.25)
-    assert placed("k_i", (0.3, 0.7), 1.0) == 0.7
+    assert value_at("k_i", (0.3, 0.7), 1.0) == 0.7
 
 
 @pytest.mark.parametrize(
@@ -92,7 +92,7 @@ def test_random_drives_that_dig_are_else_the_same():
         assert [each for each in other.settings if each[0] != "add"] == list(one.settings)
     assert random_drives(3, 4, 4, 30.0, digging=0.0) == plain
     everywhere = random_drives(3, 4, 4, 30.0, digging=1.0)
-    assert all(0.02 <= built(each).model.effect(DiggingMemory).c_d <= 0.1 for each in everywhere)
+    assert all(0.02 <= build(each).model.effect(DiggingMemory).c_d <= 0.1 for each in everywhere)
     with pytest.raises(ParameterError, match=r"digging = 1.5"):
         random_drives(3, 1, 1, 30.0, digging=1.5)
 
@@ -101,4 +101,4 @@ def test_both_shipped_studies_can_be_built():
     for name in ("tune_slopes.toml", "tune_ditch.toml"):
         study = read_tuning(EXAMPLE.with_name(name))
         cases = (*study.training, *study.held_out)
-        assert sum(any(isinstance(e, DiggingMemory) for e in built(case).model.effects) for case in cases) >= 9
+        assert sum(any(isinstance(e, DiggingMemory) for e in build(case).model.effects) for case in cases) >= 9

@@ -5,7 +5,7 @@ import pytest
 
 from rover_pin.terrain import shapes
 from rover_pin.terrain.terrain import Extent
-from rover_pin.view.ground import patches, ruled
+from rover_pin.view.ground import patches, ruled_lines
 
 BOX = Extent(-0.35, 1.65, -0.45, 0.55)
 GROUNDS = {
@@ -33,7 +33,7 @@ def test_the_box_is_covered_once(terrain):
 
 
 def test_lines_lie_on_the_ground_a_decimetre_apart(terrain):
-    lines = ruled(terrain, BOX)
+    lines = ruled_lines(terrain, BOX)
     x, y, z = lines.reshape(-1, 3).T
     assert np.allclose(x / 0.1, np.round(x / 0.1))
     assert z - 1e-3 == pytest.approx(terrain.height(x, y), abs=1e-9)

@@ -19,7 +19,7 @@ def parquet_table(path: Path) -> Any:
     Raises DataError: the file is missing, unpacks to more than `parquet` allows, or pyarrow cannot read it.
     """
     try:
-        table = unpacked(content(path))
+        table = unpack_table(content(path))
         table.validate(full=True)
     except Exception as error:  # whatever pyarrow raises for bytes that are no Parquet, an OSError without a reason too
         if isinstance(error, OSError) and error.strerror:
@@ -31,7 +31,7 @@ def parquet_table(path: Path) -> Any:
     return table
 
 
-def unpacked(packed: bytes, most: int = MOST_UNPACKED) -> Any:
+def unpack_table(packed: bytes, most: int = MOST_UNPACKED) -> Any:
     """Return the pyarrow Table of a Parquet file's bytes.
 
     Its metadata say how much it holds; texts stay in their dictionary, where repeats take no room, until their longest

@@ -17,7 +17,7 @@ import numpy as np
 from rover_pin.base.errors import DataError, closest
 from rover_pin.base.files.bounded import MOST_TABLE, content
 from rover_pin.base.files.parquet import parquet_table
-from rover_pin.base.files.table_layout import COMMENTS, MISSING, NUMBERS, Layout, cells, fitted, layout_of
+from rover_pin.base.files.table_layout import COMMENTS, MISSING, NUMBERS, Layout, cells, fit_row, layout_of
 from rover_pin.base.units import name_and_unit, readings
 
 if TYPE_CHECKING:
@@ -116,11 +116,11 @@ def _parquet(path: Path) -> Table:
 
 
 def _text(path: Path, raw: bytes) -> Table:
-    text, encoding = decoded(raw)
+    text, encoding = decode(raw)
     lines = text.splitlines()
     try:
         layout = layout_of(lines)
-        rows = [(at, fitted(cells(lines[at], layout.delimiter), layout.width)) for at in _data(lines, layout)]
+        rows = [(at, fit_row(cells(lines[at], layout.delimiter), layout.width)) for at in _data(lines, layout)]
         names, faults = _names(lines, layout)
     except csv.Error as error:
         raise DataError(f"{path}: the file cannot be read as a table: {error}.") from error
@@ -141,7 +141,7 @@ def _text(path: Path, raw: bytes) -> Table:
     return Table(path, columns, tuple(f"line {at + 1}" for at, _ in complete), notes, tuple(faults))
 
 
-def decoded(raw: bytes) -> tuple[str, str]:
+def decode(raw: bytes) -> tuple[str, str]:
     """Return a file's text, and its encoding."""
     for mark, encoding in ENCODINGS:
         if raw.startswith(mark):
@@ -161,9 +161,9 @@ def _names(lines: list[str], layout: Layout) -> tuple[list[str], list[str]]:
     """Return the names of the columns, all different, with their units; and which stood there twice."""
     if layout.header < 0:
         return [f"column {at}" for at in range(1, 1 + layout.width)], []
-    names = fitted(cells(lines[layout.header], layout.delimiter), layout.width, names=True)
+    names = fit_row(cells(lines[layout.header], layout.delimiter), layout.width, names=True)
     if layout.units:
-        units = fitted(cells(lines[layout.header + 1], layout.delimiter), layout.width, names=True)
+        units = fit_row(cells(lines[layout.header + 1], layout.delimiter), layout.width, names=True)
         names = [_with_unit(name, unit.strip("[]() ")) for name, unit in zip(names, units, strict=False)]
     faults: list[str] = []
     for at, name in enumerate(names):

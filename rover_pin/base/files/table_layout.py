@@ -73,7 +73,7 @@ def _scored(sample: list[str], line_numbers: list[int], delimiter: str, decimal:
     width, count = widths.most_common(1)[0]
     first = next(at for at, row in enumerate(rows) if len(row) == width and shares[at] > 0.5)
     trailing_blank = not rows[first][-1]
-    fit = [at for at in range(first) if len(fitted(rows[at], width, trailing_blank)) == width]
+    fit = [at for at in range(first) if len(fit_row(rows[at], width, trailing_blank)) == width]
     names = [at for at in fit if _are_names(rows[at], decimal) and not (at - 1 in fit and _are_units(rows[at]))]
     units = bool(names) and names[-1] + 1 in fit and _are_units(rows[names[-1] + 1])
     header = line_numbers[names[-1]] if names else -1
@@ -98,7 +98,7 @@ def cells(line: str, delimiter: str) -> list[str]:
     return [cell.strip().strip('"').strip() for cell in parts]
 
 
-def fitted(row: list[str], width: int, names: bool = False) -> list[str]:
+def fit_row(row: list[str], width: int, names: bool = False) -> list[str]:
     """Return a row without a delimiter too many at its end; one of `names` also with one too few."""
     if len(row) == width + 1 and not row[-1]:
         return row[:-1]

@@ -26,7 +26,7 @@ def watch(
     from rover_pin import plot
     from rover_pin.base.files.samples import data_path
     from rover_pin.control.monitor.monitor import CAUSES, Monitor
-    from rover_pin.control.monitor.recording import alarms, recorded, watched
+    from rover_pin.control.monitor.recording import alarms, forecasts_of, monitor_input
     from rover_pin.experiments.drive_log.model import base_model, has_current_scale
     from rover_pin.logs.drive_log import read_drive_log
     from rover_pin.plot.forecast import forecast_figure
@@ -38,9 +38,9 @@ def watch(
     trace = drive_log.run(run) if run else drive_log.runs[0]
     watched_model = base_model(drive_log) if model is None else read_model(model, flat(), trusted)
     monitor = Monitor.of(watched_model)
-    readings = recorded(trace, watched_model, monitor.estimate.period, has_current_scale(drive_log))
+    readings = monitor_input(trace, watched_model, monitor.estimate.period, has_current_scale(drive_log))
     with stoppable(out, ("watch.csv", "watch.png")), alone_in(out):
-        forecasts = watched(monitor, readings)
+        forecasts = forecasts_of(monitor, readings)
         rows = pd.DataFrame(forecasts).rename(columns={"t": "t_s"})
         rows[[f"p_{cause.replace(' ', '_')}" for cause in CAUSES]] = rows.pop("causes").tolist()
         table = plot.write_csv(rows, out / "watch.csv")

@@ -5,7 +5,7 @@ from pathlib import Path
 from rover_pin.base.files.paths import text_of_package
 from rover_pin.base.files.whole_file import replace_file
 from rover_pin.control.embedded.motion import EmbeddedMotion, embedded_motion
-from rover_pin.control.embedded.source import Embedded, embedded
+from rover_pin.control.embedded.source import Embedded, embed
 from rover_pin.control.embedded.vectors import vectors
 from rover_pin.control.monitor.monitor import CAUSES
 from rover_pin.control.motion.servo import HeldSpeeds
@@ -32,11 +32,11 @@ add_test(NAME vectors COMMAND test_vectors ${CMAKE_CURRENT_SOURCE_DIR}/vectors.c
 def taken_away(controller: Controller, model: Model) -> Embedded | EmbeddedMotion:
     """Return a controller of a model's rover as it can be taken away.
 
-    Raises ParameterError: as `embedded` and `embedded_motion`.
+    Raises ParameterError: as `embed` and `embedded_motion`.
     """
     if isinstance(controller, HeldSpeeds):
         return embedded_motion(controller, model.rover)
-    return embedded(controller, model)
+    return embed(controller, model)
 
 
 def write_control(taken: Embedded | EmbeddedMotion, folder: str | Path, count: int = COUNT) -> list[Path]:

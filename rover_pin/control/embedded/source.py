@@ -167,7 +167,7 @@ class Embedded:
         return "\n".join([*lines, *(monitor_text(self.monitor) if self.monitor else ())])
 
 
-def embedded(controller: Controller, model: Model) -> Embedded:
+def embed(controller: Controller, model: Model) -> Embedded:
     """Return a controller of a model's rover as it can be taken away.
 
     Raises ParameterError: a controller that is no slip control, or one with parts of its user's own.

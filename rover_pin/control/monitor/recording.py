@@ -44,7 +44,7 @@ class Recorded(NamedTuple):
             yield Reading(float(t), duty, rate, current, angles, (float(roll), float(pitch), 0.0), nothing)
 
 
-def recorded(trace: Trace, model: Model, period: float, has_scale: bool = True) -> Recorded:
+def monitor_input(trace: Trace, model: Model, period: float, has_scale: bool = True) -> Recorded:
     """Return what the monitor reads of a drive log's run: wheel rates, currents, roll and pitch are needed.
 
     Duties that were not logged are those of the motor's law, so that a motor's fault does not show. Suspension angles
@@ -107,7 +107,7 @@ def current_scale(model: Model, rates: np.ndarray, currents: np.ndarray, pitch: 
     return max(float(np.median(needed[drives])), 1e-3) / median if median > 0.0 else 1.0
 
 
-def watched(monitor: Monitor, run: Recorded) -> list[Forecast]:
+def forecasts_of(monitor: Monitor, run: Recorded) -> list[Forecast]:
     """Return a forecast a sample."""
     forecasts = []
     monitor.reset()

@@ -8,7 +8,7 @@ from typing import Annotated, Self
 import casadi as ca
 import numpy as np
 
-from rover_pin.base.arguments import checked, spec
+from rover_pin.base.arguments import check_arguments, spec
 from rover_pin.base.errors import DataError, ParameterError
 from rover_pin.base.files.columns import read_columns
 from rover_pin.contact import Scalar
@@ -132,7 +132,7 @@ class RouteControl(LawControl):
         self.memory = self.fresh
 
     @classmethod
-    @checked("control")
+    @check_arguments("control")
     def of(
         cls,
         rover: Rover,

@@ -8,7 +8,7 @@ from typing import Annotated, Self
 import casadi as ca
 import numpy as np
 
-from rover_pin.base.arguments import checked, spec
+from rover_pin.base.arguments import check_arguments, spec
 from rover_pin.base.errors import ParameterError
 from rover_pin.base.quantity import Record, quantities, quantity
 from rover_pin.contact import Scalar
@@ -150,7 +150,7 @@ class HeldSpeeds(LawControl):
         return cls(rates, (0.0,) * sum(steers(rover)), float(motor.no_load_rate), servo, limit)
 
     @classmethod
-    @checked("control")
+    @check_arguments("control")
     def of(
         cls,
         rover: Rover,

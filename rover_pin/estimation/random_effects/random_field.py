@@ -76,7 +76,7 @@ class RandomEffectsFilter:
         return np.concatenate(filtered, axis=-1)
 
 
-def expected(field: RandomField, learnt: Sequence[LearntSd], columns: np.ndarray, rows: np.ndarray) -> np.ndarray:
+def expected_draws(field: RandomField, learnt: Sequence[LearntSd], columns: np.ndarray, rows: np.ndarray) -> np.ndarray:
     """Return what each column is expected to have drawn, in its kind's unit, given whitened columns and rows (n, ...).
 
     E[gamma | r] = d (I + d G d)^-1 d b in the columns' sizes.

@@ -94,7 +94,7 @@ def candidate_of(effect: AnyEffect) -> Candidate:
     return dataclasses.replace(plain, place=f"{float(effect.values()['x_from']):.3f}", place_searched=True)
 
 
-def sized(effect: Any, rover: Rover, gravity: float) -> Any:
+def scale_effect(effect: Any, rover: Rover, gravity: float) -> Any:
     """Return an effect whose forces, torques and masses, assumed for Nexus 6, are in proportion for another rover.
 
     A force goes with the weight, a torque with weight times wheel radius. Tried at its size for a rover of 6 kg, a
@@ -113,7 +113,7 @@ def sized(effect: Any, rover: Rover, gravity: float) -> Any:
 
 def variants(kind: type[AnyEffect], model: Model, experiment: DriveExperiment) -> Iterable[AnyEffect]:
     """Return the effect at its default size, once for every wheel, channel or place where it may be."""
-    effect: Any = sized(reading_traction(kind(), model.effects), model.rover, model.gravity)
+    effect: Any = scale_effect(reading_traction(kind(), model.effects), model.rover, model.gravity)
     fields = {field.name: field for field in dataclasses.fields(effect)}
     if isinstance(effect, SensorBias):
         names = [name for name in experiment.channels if name.startswith(BIASED)]

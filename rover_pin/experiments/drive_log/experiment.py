@@ -244,7 +244,7 @@ def experiment_of(
     return DriveExperiment(tuple(runs), tuple(rests), jobs, memory, noise_sd=noise_sd)
 
 
-def logged(fit: Fit) -> DriveExperiment:
+def experiment_of_log(fit: Fit) -> DriveExperiment:
     """Return the experiment of a fit to a drive log."""
     return cast(DriveExperiment, fit.task.experiment)
 

@@ -93,7 +93,7 @@ class LoggedRun:
         if self.course:
             columns = {**self.measured, **channels, **_own_way(channels), "t_s": t}
             channels = {**channels, "body_yaw": evaluate(self.course, columns, f"{self.name}: body_yaw")}
-        derived_features = driven(channels, self.heading, self.commands.period, self.summed_rows)
+        derived_features = driven_features(channels, self.heading, self.commands.period, self.summed_rows)
         still = np.zeros(len(t))
         return [(name, derived_features.get(name, channels.get(name, still))) for name in self.channels]
 
@@ -125,7 +125,7 @@ def logged_run(log: Trace, rover: Rover, terrain: Terrain | None = None, course:
     on_border = on_borders(run, rover, terrain)
     summed_rows &= ~on_border
     compared = summed_rows & unaffected_rows(steps, run)
-    derived_features = driven(gapless_rows, heading, run.period, summed_rows)
+    derived_features = driven_features(gapless_rows, heading, run.period, summed_rows)
     gaps = {PATH: ("body_x", "body_y"), DRIFT: ("body_x", "body_y"), HEADING: ("body_yaw",), SPEED: ("body_vx",)}
     hidden = {*RAW, *((*turned, "battery_V") if run.rate_driven else ()), *((DRIFT,) if course else ())}
     hidden |= set(OF_PLACE) if log.attrs.get("place") == ODOMETRY else set()
@@ -178,7 +178,7 @@ def pose_increments(channels: Mapping[str, np.ndarray], heading: np.ndarray) -> 
     return rows
 
 
-def driven(
+def driven_features(
     channels: Mapping[str, np.ndarray], heading: np.ndarray, period: float, summed_rows: np.ndarray
 ) -> dict[str, np.ndarray]:
     """Return the features made of several channels: what was moved, ways and turn as leaky sums.

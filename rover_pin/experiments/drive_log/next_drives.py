@@ -12,7 +12,7 @@ from rover_pin.base.errors import SimulationError
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.noise import Noise
 from rover_pin.experiments.drive_log.candidate_runs import CandidateRun, candidate_runs, on_own_ground
-from rover_pin.experiments.drive_log.experiment import DriveExperiment, logged
+from rover_pin.experiments.drive_log.experiment import DriveExperiment, experiment_of_log
 from rover_pin.experiments.drive_log.features import WHOLE, LoggedRun, blocks, comparable_rows
 from rover_pin.inference.beliefs import Hypothesis
 from rover_pin.inference.next_measurement import Offer
@@ -37,7 +37,7 @@ def next_drives(leading: Sequence[Hypothesis]) -> Iterator[Offer]:
 
 def _offered(run: CandidateRun, fit: Fit) -> Offer | None:
     """Return a run as the log's rover would drive it by a fit; None where it stops or cannot start."""
-    model, log = run.on(fit.model), logged(fit)
+    model, log = run.on(fit.model), experiment_of_log(fit)
     try:
         rest_state = shared_rest(model, run.start)
         free = replay(model, run.commands(model.rover), rest_state=rest_state)
@@ -79,7 +79,7 @@ def noise_with(noise: Noise, channels: Sequence[str], unmeasured: Sequence[str],
 
 def _choice(leading: Sequence[Hypothesis]) -> tuple[CandidateRun, ...]:
     """Return the runs to choose from, at shares of the fastest logged rate where the wheels are held to rates."""
-    runs, experiment = _applicable_runs(leading), logged(leading[0].fit)
+    runs, experiment = _applicable_runs(leading), experiment_of_log(leading[0].fit)
     if not experiment.rate_driven:
         return runs
     rates = [np.abs(run.commands.rate) for run in experiment.runs if run.commands.rate is not None]
@@ -89,7 +89,7 @@ def _choice(leading: Sequence[Hypothesis]) -> tuple[CandidateRun, ...]:
 
 def _applicable_runs(leading: Sequence[Hypothesis]) -> tuple[CandidateRun, ...]:
     """Return the candidate runs; where an effect is tied to a place of the log, those that cross the log's ground."""
-    experiment, rover = logged(leading[0].fit), leading[0].fit.model.rover
+    experiment, rover = experiment_of_log(leading[0].fit), leading[0].fit.model.rover
     duty = np.concatenate([np.abs(run.commands.duty).mean(axis=1) for run in experiment.runs])
     moving = duty[duty > MOVING]
     cruise = round(float(np.median(moving)), 2) if moving.size else CRUISE_DUTY

@@ -14,7 +14,7 @@ from rover_pin.contact import Contact, Scalar
 from rover_pin.effects.effect import Effect, SensorEffect
 from rover_pin.effects.tacho_scale import TachoScale
 from rover_pin.estimation.fit import Fit
-from rover_pin.experiments.drive_log.experiment import DriveExperiment, logged
+from rover_pin.experiments.drive_log.experiment import DriveExperiment, experiment_of_log
 from rover_pin.experiments.drive_log.features import DRIFT, HEADING, LEVELS, PATH, blocks, leaky, pose_increments
 from rover_pin.rover.wheel_base import wheel_places
 from rover_pin.simulation.replay import Perturbation, Replay, filled
@@ -92,7 +92,7 @@ class Scene:
     @property
     def experiment(self) -> DriveExperiment:
         """The runs."""
-        return logged(self.fit)
+        return experiment_of_log(self.fit)
 
     @cached_property
     def replays(self) -> tuple[Replay, ...]:

@@ -14,7 +14,7 @@ from rover_pin.estimation.fit import Fit, table_of
 from rover_pin.estimation.noise import correlation
 from rover_pin.estimation.wording import AT_FLOOR
 from rover_pin.experiments.drive_log.candidates import candidate_of, variants
-from rover_pin.experiments.drive_log.experiment import logged
+from rover_pin.experiments.drive_log.experiment import experiment_of_log
 from rover_pin.experiments.drive_log.features import blocks
 from rover_pin.experiments.unlisted.actions import Scene
 from rover_pin.experiments.unlisted.draft import can_draft, draft
@@ -161,7 +161,7 @@ def _worst(rows: np.ndarray, width: int = 4) -> tuple[int, int]:
     return int(run), int(block)
 
 
-def drafted(fit: Fit, residual: DriveResidual, name: str, progress: Progress) -> Draft | None:
+def draft_term(fit: Fit, residual: DriveResidual, name: str, progress: Progress) -> Draft | None:
     """Return the draft of what a fit leaves, tried on it; None where no effect can imitate any term."""
     if not any(can_draft(term) for term in residual.terms):
         return None
@@ -169,7 +169,7 @@ def drafted(fit: Fit, residual: DriveResidual, name: str, progress: Progress) ->
     text = draft_effect(residual, name)
     (kind,) = effects_of_text(text)
     search = Search(fit, progress)
-    search.run(signatures(fit, [candidate_of(effect) for effect in variants(kind, fit.model, logged(fit))]))
+    search.run(signatures(fit, [candidate_of(effect) for effect in variants(kind, fit.model, experiment_of_log(fit))]))
     rows = [row for (row, *_) in search.fitted.values() if row.causes]
     if not rows:
         return draft_of(text, fit, None, -1.0)

@@ -58,7 +58,7 @@ def candidates(
     present = {name for effect in model.effects for name in (type(effect).__name__, *effect.holds)}
     pairs = [(data, model.of(data.name)) for data in experiment.sets]
     silent = [(data, set_model) for data, set_model in pairs if data.speeds is None]
-    effects = [added(kind, pairs[0][1]) for kind in kinds if kind.__name__ not in present]
+    effects = [default_effect(kind, pairs[0][1]) for kind in kinds if kind.__name__ not in present]
     return tuple(
         preset_candidate(effect, declared)
         for effect in effects
@@ -66,7 +66,7 @@ def candidates(
     )
 
 
-def added(kind: type[Effect], model: RigModel) -> Effect:
+def default_effect(kind: type[Effect], model: RigModel) -> Effect:
     """Return the effect at its defaults, reading traction as the model's `SoilTraction` does where it asks."""
     return reading_traction(kind(), model.effects)
 

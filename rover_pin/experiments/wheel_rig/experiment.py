@@ -12,7 +12,7 @@ from rover_pin.contact import Soil
 from rover_pin.estimation.experiment import Experiment, Sensitivities
 from rover_pin.estimation.noise import Noise, declared_noise
 from rover_pin.estimation.parameter import Parameter
-from rover_pin.experiments.folded import stacked
+from rover_pin.experiments.folded import stack
 from rover_pin.experiments.soil_priors import SD
 from rover_pin.experiments.wheel_rig.declared import SetNumbers
 from rover_pin.experiments.wheel_rig.joint_model import OWN, JointModel, Part, of_one_sand
@@ -87,7 +87,7 @@ class RigExperiment(Experiment):
     def _whole(self, tables: Sequence[np.ndarray], empty: float) -> np.ndarray:
         """Return tables (..., levels, own channels, own samples) of every set as one, `empty` where a set has none."""
         rows = map(self._rows, self.runs.values())
-        return stacked(list(zip(tables, rows, strict=True)), len(self.channels), empty)
+        return stack(list(zip(tables, rows, strict=True)), len(self.channels), empty)
 
     def _rows(self, runs: RigRuns) -> list[int]:
         """Return which channels are those of a set."""
@@ -113,7 +113,7 @@ class RigExperiment(Experiment):
         tables = [np.moveaxis(runs.varied, 2, 1) for runs in self.runs.values()]
         count = min(table.shape[1] for table in tables)
         parts = [(table[:, :count], range(count)) for table in tables]
-        return np.moveaxis(stacked(parts, count, np.nan), 1, 2)
+        return np.moveaxis(stack(parts, count, np.nan), 1, 2)
 
     def turns(self) -> np.ndarray | None:
         """Return at which turn each run of one set was made; None of several, or where it follows the level."""

@@ -229,7 +229,7 @@ BOUND = 5.0
 """Largest coefficient that a draft allows, or ten times what it starts from."""
 
 
-def drafted(experiment: RigExperiment, fit: Fit) -> tuple[str, Candidate] | None:
+def draft_curve(experiment: RigExperiment, fit: Fit) -> tuple[str, Candidate] | None:
     """Return what a fit leaves as a drafted effect; None where no smooth curve beats chance, or of several sets."""
     if len(experiment.sets) > 1:
         return None

@@ -11,7 +11,7 @@ import numpy as np
 from rover_pin.estimation.experiment import Sensitivities
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.estimation.profile import MOST
-from rover_pin.experiments.folded import stacked
+from rover_pin.experiments.folded import stack
 from rover_pin.experiments.wheel_rig.declared import own_name
 from rover_pin.experiments.wheel_rig.model import RigModel, RigPredictor, conditions, predictor, uncarried
 from rover_pin.experiments.wheel_rig.steady_law import pressed_law
@@ -68,7 +68,7 @@ class RigRuns:
         NaN is where one of them has nothing.
         """
         runs, count = self.table(rows), len(self.data.channels)
-        return stacked([(runs, range(count)), (pressed, [count])], count + 1, np.nan) if self.data.trials else runs
+        return stack([(runs, range(count)), (pressed, [count])], count + 1, np.nan) if self.data.trials else runs
 
     def rows(self, table: np.ndarray) -> np.ndarray:
         """Return a table (folds, channels, samples) as rows (channels of runs, runs) in the order of the set."""
@@ -113,7 +113,7 @@ class RigRuns:
         table = self.table(np.array(rows))
         if self.data.trials:
             parts = [(part, range(len(rows))) for part in (table, places(self.data.trials, np.array(rows)))]
-            table = stacked(parts, len(rows), np.nan)
+            table = stack(parts, len(rows), np.nan)
         return np.moveaxis(table, 1, 2)
 
     @cached_property

@@ -22,7 +22,7 @@ GIVEN = 0.05
 """The same of slip, slip angle [rad] and the load's share: one where they differ by less than 0.001."""
 
 
-def joined(sets: Sequence[RigSet]) -> RigExperiment:
+def join_sets(sets: Sequence[RigSet]) -> RigExperiment:
     """Return several sets as one experiment, runs that are in two of them used once.
 
     Raises ParameterError: fewer than two sets.
@@ -51,12 +51,12 @@ def joined(sets: Sequence[RigSet]) -> RigExperiment:
 def read_joint(folders: Sequence[str | Path], trust: Trust = Trust()) -> RigExperiment:
     """Return the sets of several folders as one experiment.
 
-    Raises ParameterError, DataError: data that are no rig set, and what `read_rig_set` and `joined` refuse.
+    Raises ParameterError, DataError: data that are no rig set, and what `read_rig_set` and `join_sets` refuse.
     """
     for folder in folders:
         if not is_file(Path(folder) / RIG_FILE):
             raise DataError(f"{folder}: there is no {RIG_FILE} in it; several data are rig sets in one sand.")
-    return joined([read_rig_set(folder, trust) for folder in folders])
+    return join_sets([read_rig_set(folder, trust) for folder in folders])
 
 
 def seen_before(data: RigSet, others: Iterable[RigSet]) -> np.ndarray:

@@ -110,7 +110,7 @@ def _chained(effects: tuple[Effect, ...], condition: ca.SX, p: ca.SX, z: ca.SX) 
     h = floor + y with y the sinkage into the ground that effects leave, as lugs do a trench: above its floor nothing
     carries, and f_n tells no way down. f_n of y is nearly a power, whatever the states are.
     """
-    wheel, soil, valued_effects = valued(effects, p)
+    wheel, soil, valued_effects = with_values_of(effects, p)
     states = iter(ca.vertsplit(z)[1:])
     x = [tuple(next(states) for _ in effect.states) for effect in effects]
     load, S, v_x, rim, v_y = ca.vertsplit(condition)
@@ -131,7 +131,7 @@ def _chained(effects: tuple[Effect, ...], condition: ca.SX, p: ca.SX, z: ca.SX) 
     return push, h, ca.vertcat(ca.log(push.f_n / load), *rates), ca.log(shallow)
 
 
-def valued(effects: tuple[Effect, ...], p: ca.SX) -> tuple[Wheel, Soil, list[Effect]]:
+def with_values_of(effects: tuple[Effect, ...], p: ca.SX) -> tuple[Wheel, Soil, list[Effect]]:
     """Return wheel, soil and effects with their parts of the vector of all parameters."""
     values = iter(ca.vertsplit(p))
     wheel = Wheel().replace(**{name: next(values) for name in quantities(Wheel)})
@@ -147,7 +147,7 @@ def pressed_law(effects: tuple[Effect, ...], free: tuple[str, ...], points: int)
     """
     names = parameter_names(effects)
     h, p = ca.SX.sym("h"), ca.SX.sym("p", len(names))
-    wheel, soil, valued_effects = valued(effects, p)
+    wheel, soil, valued_effects = with_values_of(effects, p)
     contact = Contact(0.0, 0.0, h, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, wheel, soil)
     contact = _amended(valued_effects, contact, [(0.0,) * len(effect.states) for effect in effects])
     value = ca.log(p[names.index("rig.pressing_scale")] * pressing_force(contact.h, wheel, contact.soil))

@@ -12,8 +12,8 @@ from rover_pin.base.formula import names_in, quoted
 from rover_pin.base.quantity import to_si
 from rover_pin.logs.importing.clock import Clock, clocks, whole_stamps
 from rover_pin.logs.importing.evidence import SURE, mean_known
-from rover_pin.logs.importing.joint_choice import PARTS, SAME, Chosen, Options, Signals, chosen, log_likelihood, signals
-from rover_pin.logs.importing.measured import measured
+from rover_pin.logs.importing.joint_choice import PARTS, SAME, Chosen, Options, Signals, choose, log_likelihood, signals
+from rover_pin.logs.importing.measured import measured_numbers
 from rover_pin.logs.importing.other_channels import channels
 from rover_pin.logs.importing.places import COURSE, headings, places
 from rover_pin.logs.importing.recording import Choice, Entry, Guess, Recording, formula_of, words_of
@@ -91,7 +91,7 @@ def understood(sources: Sequence[Source], rover: Rover, declared: Mapping[str, E
     some = next(iter(values.values()))
     notes = [f"{path.name}: clock {clock.description(table)}" for path, table in tables.items() if path in recordings]
     notes += [f"{path.name}: left out: {why}" for path, why in excluded.items()] + questions
-    notes += measured(list(recordings.values()), list(values.values()), rover)
+    notes += measured_numbers(list(recordings.values()), list(values.values()), rover)
     return Understood(
         tuple(guesses.values()),
         recordings,
@@ -134,7 +134,7 @@ def _reading(
         for place in filter(None, where):
             options = Options(place, heading, wheels)
             blocks = [[signals(file, options, rover) for file in files] for files in by_clock]
-            picked = chosen(blocks, lasts, options, [clock.weight for clock in times])
+            picked = choose(blocks, lasts, options, [clock.weight for clock in times])
             tried.append((picked, options, dict(zip(tables, blocks[picked.parts[0]], strict=True))))
             if picked.fits > SURE:
                 break

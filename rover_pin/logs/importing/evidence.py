@@ -46,7 +46,7 @@ def sense(dot: Any, y: Any, x: Any, n: Any) -> np.ndarray:
     return np.asarray(np.where((x > 0.0) & (y > 0.0), factor, 0.0))
 
 
-def scaled(y: Any, x: Any, n: Any, prior: tuple[float, float], free: Any = False) -> np.ndarray:
+def scale_evidence(y: Any, x: Any, n: Any, prior: tuple[float, float], free: Any = False) -> np.ndarray:
     """Return the log Bayes factor of the ratio of two sizes that are related, by what physics and units expect."""
     log_scale = np.log(np.maximum(y, 1e-300) / np.maximum(x, 1e-300))
     expected = _expected(np.asarray(log_scale), 1.0 / np.sqrt(np.maximum(n, 1.0)), *prior)

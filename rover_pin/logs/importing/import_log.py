@@ -20,7 +20,7 @@ from rover_pin.base.jobs.time_left import telling
 from rover_pin.logs.drive_log import FILE
 from rover_pin.logs.importing.column_matching import Source, Understood, understood
 from rover_pin.logs.importing.files.raw import read_raw
-from rover_pin.logs.importing.splitting import Drive, Part, chosen, drive_of, parts
+from rover_pin.logs.importing.splitting import Drive, Part, choose_parts, drive_of, parts
 from rover_pin.logs.importing.written import Run, Sheet, lines, toml_of
 from rover_pin.rover.rover import Rover, load_rover
 from rover_pin.rover.wheel_base import base_of
@@ -130,7 +130,7 @@ def _pieces(mapping: Understood, rover: Rover, most: int) -> tuple[list[_Piece],
             f"{next(iter(drives))}: the wheels never turn for 8 s on end: nothing was driven that could be compared."
         )
     notes = [f"{name}: left out: the wheels never turn for 8 s on end" for name in empty]
-    indices = chosen([(piece.drive, piece.part) for piece in pieces], most)
+    indices = choose_parts([(piece.drive, piece.part) for piece in pieces], most)
     picks = [pieces[at] for at in indices]
     if len(picks) < len(pieces):
         times = sum(float(piece.drive.t[piece.part.last - 1] - piece.drive.t[piece.part.first]) for piece in picks)

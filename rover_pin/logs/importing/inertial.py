@@ -7,7 +7,7 @@ import numpy as np
 
 from rover_pin.base.formula import change, integral
 from rover_pin.logs.importing.column_names import COMMAND, ODOMETRY, Word
-from rover_pin.logs.importing.evidence import independent, relation, scaled
+from rover_pin.logs.importing.evidence import independent, relation, scale_evidence
 from rover_pin.logs.importing.recording import Entry, Guess, Recording, column
 
 STANDARD_GRAVITY = 9.80665
@@ -94,4 +94,4 @@ def _weighs(z: Sequence[np.ndarray]) -> float:
     force = np.concatenate(list(z))
     known = force[np.isfinite(force)]
     mean = float(known.mean()) if known.size else 0.0
-    return float(scaled(mean, STANDARD_GRAVITY, len(force), AT_REST)) if mean > 0.0 else -math.inf
+    return float(scale_evidence(mean, STANDARD_GRAVITY, len(force), AT_REST)) if mean > 0.0 else -math.inf

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rover_pin.logs.importing.evidence import independent, relation, scaled, sense, shares
+from rover_pin.logs.importing.evidence import independent, relation, scale_evidence, sense, shares
 from rover_pin.logs.importing.places import COURSE
 from rover_pin.logs.importing.recording import Choice, Recording
 from rover_pin.rover.rover import Rover
@@ -140,7 +140,7 @@ def _paces(speed: np.ndarray, rims: np.ndarray, n: np.ndarray, free: np.ndarray)
     """
     ours, theirs = speed - speed.mean(), rims - rims.mean(axis=1, keepdims=True)
     varying = relation(theirs @ ours, np.linalg.norm(ours), np.linalg.norm(theirs, axis=1), n, None)
-    return varying + scaled(np.linalg.norm(speed), np.linalg.norm(rims, axis=1), n, GROUND, free)
+    return varying + scale_evidence(np.linalg.norm(speed), np.linalg.norm(rims, axis=1), n, GROUND, free)
 
 
 def _slips(velocity: np.ndarray, climb: np.ndarray, rims: np.ndarray) -> np.ndarray:
@@ -203,7 +203,7 @@ class Chosen(NamedTuple):
 PARTS = ("clock", "place", "heading", "wheels")
 
 
-def chosen(
+def choose(
     blocks: Sequence[Sequence[Signals]], lasts: Sequence[float], options: Options, weights: Sequence[float]
 ) -> Chosen:
     """Return the likeliest reading of all files together.

@@ -16,7 +16,7 @@ DROP = 0.5 * 1.96**2
 """Fall of the log likelihood at the ends of an interval of 95 %."""
 
 
-def measured(
+def measured_numbers(
     recordings: Sequence[Recording], values: Sequence[Mapping[str, np.ndarray]], rover: Rover
 ) -> Iterator[str]:
     """Yield what is measured, each with its interval of 95 %.

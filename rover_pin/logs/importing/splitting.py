@@ -101,7 +101,7 @@ def _cut(drive: Drive, part: Part, longest: float) -> Iterator[Part]:
     yield from (Part(a, b) for a, b in zip(ends[:-1], ends[1:], strict=True))
 
 
-def chosen(candidates: list[tuple[Drive, Part]], most: int) -> list[int]:
+def choose_parts(candidates: list[tuple[Drive, Part]], most: int) -> list[int]:
     """Return which parts to keep, at most `most`, the most informative, in their order.
 
     Parts are taken one by one, each time the one that adds most to log det(sum of F^T F), F being the blocks' 1, slip,

@@ -45,14 +45,14 @@ def _section(run: str, added: bool, pages: Iterator[str] | None) -> Section | No
 def _begun(log: DriveLog, sides: Sides, run: str) -> Iterator[str]:
     model, experiment = sides.before.model, sides.experiment
     measured = Subject(run, log.run(run), model.rover, model.ground, mesh_folder(log.rover))
-    others = [(driven(experiment, model, run, measured, "base model"), "orange")]
+    others = [(free_drive(experiment, model, run, measured, "base model"), "orange")]
     if sides.added:
-        others.append((driven(experiment, sides.after.model, run, measured, "with what was added"), "blue"))
+        others.append((free_drive(experiment, sides.after.model, run, measured, "with what was added"), "blue"))
     processes = experiment.jobs if isinstance(experiment.jobs, int) else 1
     return results(page_of, [(replace(measured, name=f"{run}, as measured"), others)], processes)
 
 
-def driven(experiment: DriveExperiment, model: Model, run: str, beside: Subject, name: str) -> Subject:
+def free_drive(experiment: DriveExperiment, model: Model, run: str, beside: Subject, name: str) -> Subject:
     """Return the free simulation of a run as something to be seen beside what was measured."""
     alone = experiment.free.alone(run)
     commands, (replay,) = alone.runs[0].commands, alone.replays(model)

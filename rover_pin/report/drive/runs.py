@@ -10,7 +10,7 @@ from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.noise import huber, rms_of
 from rover_pin.estimation.wording import in_words
 from rover_pin.experiments.drive_log.checks.columns import stretches
-from rover_pin.experiments.drive_log.experiment import DriveExperiment, logged
+from rover_pin.experiments.drive_log.experiment import DriveExperiment, experiment_of_log
 from rover_pin.experiments.drive_log.features import BLOCK, DRIFT, HEADING, LEAK, PATH, SPEED
 from rover_pin.experiments.unlisted.actions import Scene
 from rover_pin.experiments.unlisted.residual import signals
@@ -49,7 +49,7 @@ class Sides(NamedTuple):
     @property
     def experiment(self) -> DriveExperiment:
         """The runs."""
-        return logged(self.before)
+        return experiment_of_log(self.before)
 
 
 def words_of(channel: str) -> str:
@@ -153,7 +153,7 @@ class Shown(NamedTuple):
         return float(before - after if before != after else before)
 
 
-def shown(sides: Sides) -> Shown | None:
+def channel_to_show(sides: Sides) -> Shown | None:
     """Return the channel and the signal along which what was added takes most; None where too little is compared."""
     table = signals(Scene(sides.after))
     chosen = [
@@ -178,7 +178,7 @@ def _along(sides: Sides, row: int, name: str, signal: np.ndarray) -> Shown | Non
 
 def effect_picture(sides: Sides) -> Picture | None:
     """Return the means of that channel's residual with their SDs: the base model, and that with what was added."""
-    section = shown(sides)
+    section = channel_to_show(sides)
     if section is None:
         return None
     channel, signal = words_of(section.channel), SIGNALS[section.signal]

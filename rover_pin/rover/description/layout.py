@@ -89,7 +89,7 @@ class Layout:
         return pairs + [(joint, joint) for joint in self.coupled]
 
 
-def shipped(name: str) -> Path:
+def shipped_toml(name: str) -> Path:
     """Return the TOML of a rover that comes with the package.
 
     Raises UrdfError: there is none of this name.

@@ -9,7 +9,7 @@ from rover_pin.base.errors import ParameterError, closest
 from rover_pin.base.public import brief, public
 from rover_pin.base.quantity import Record
 from rover_pin.contact import Soil
-from rover_pin.effects.effect import BodyEffect, Effect, MotorEffect, SensorEffect, called
+from rover_pin.effects.effect import BodyEffect, Effect, MotorEffect, SensorEffect, joints_called
 from rover_pin.effects.motion_resistance import MotionResistance
 from rover_pin.effects.normal_damping import NormalDamping
 from rover_pin.effects.side_shear import SideShear
@@ -211,7 +211,7 @@ def _unknown_wheel(effect: Record, names: list[str]) -> str:
 def _unknown_joint(effect: BodyEffect, names: Sequence[str]) -> str:
     """Return the refusal of an effect that belongs to a joint, or a pair of them, that the suspension has not."""
     joint = getattr(effect, "joint", "")
-    if called(joint, names) or not joint:
+    if joints_called(joint, names) or not joint:
         return ""
     pairs = dict.fromkeys(name.rpartition("_")[0] or name for name in names)
     return f"{type(effect).__name__}: the suspension has no joint '{joint}': {closest(joint, [*names, *pairs])}"

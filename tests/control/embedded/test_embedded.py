@@ -13,7 +13,7 @@ from rover_pin import scenario
 from rover_pin.cli.app import app
 from rover_pin.control.embedded.folder import write_control
 from rover_pin.control.embedded.motion import embedded_motion
-from rover_pin.control.embedded.source import embedded
+from rover_pin.control.embedded.source import embed
 from rover_pin.control.embedded.vectors import vectors
 from rover_pin.simulation.command import Reading, Truth
 from rover_pin.simulation.compiled.toolchain import compiler
@@ -33,7 +33,7 @@ CONTROLS = {
 
 def taken(**settings):
     chosen = scenario("ditch", **settings)
-    return embedded(chosen.controller, chosen.model)
+    return embed(chosen.controller, chosen.model)
 
 
 def built(folder, flags=STRICT):
@@ -130,7 +130,7 @@ def test_an_estimate_that_begins_anew_has_forgotten_all():
 def test_ros2_controller_gives_the_package_s_duties(control, tmp_path):
     """Against a stand-in of ros2_control: the real one is on no package registry."""
     chosen = scenario("ditch", control=control)
-    own = embedded(chosen.controller, chosen.model)
+    own = embed(chosen.controller, chosen.model)
     write_control(own, tmp_path, 1)
     stand_in = Path(__file__).parent / "ros2_stand_in"
     subprocess.run([*compiler(), "-c", *STRICT[:3], "rover_control.c"], cwd=tmp_path, check=True)

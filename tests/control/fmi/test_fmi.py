@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from rover_pin import scenario
 from rover_pin.cli.app import app
 from rover_pin.control.design.stepped import SteppedDrive
-from rover_pin.control.embedded.source import embedded
+from rover_pin.control.embedded.source import embed
 from rover_pin.control.embedded.vectors import vectors
 from rover_pin.control.fmi.controller import unit_of
 from rover_pin.control.fmi.plant import plant
@@ -99,7 +99,7 @@ def test_plant_moves_as_the_drive(opened, scene, steer):
 @pytest.mark.parametrize("control", ["eq9", "onboard", "camera", "true"])
 def test_controller_answers_as_the_package(opened, control):
     chosen = scenario("ditch", control=control)
-    own, taken = opened("ditch", control), embedded(chosen.controller, chosen.model)
+    own, taken = opened("ditch", control), embed(chosen.controller, chosen.model)
     links = max(taken.links, 1)
     names = {"duty_applied": 6, "wheel_rate": 6, "current": 6, "suspension": taken.links, "roll": 1, "pitch": 1}
     names |= {"seen_speed": 1, "slip": 6, "travel": 6}

@@ -7,7 +7,7 @@ import numpy as np
 
 from rover_pin import Model, Motor, load_rover, simulate
 from rover_pin.base.quantity import declared
-from rover_pin.discrepancy.calibration import calibrated
+from rover_pin.discrepancy.calibration import calibrate
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.experiments.drive_log.calibrate import experiment_on
 from rover_pin.experiments.drive_log.model import DRIVEN_SAND
@@ -16,7 +16,7 @@ from rover_pin.logs.drive_log import LogMetadata, write_drive_log
 from rover_pin.simulation.model.defaults import usual_angles, usual_slip
 from rover_pin.simulation.model.model import base_effects
 from rover_pin.simulation.model.motors import nexus6_motor
-from rover_pin.simulation.sensors import Sensors, measured
+from rover_pin.simulation.sensors import Sensors, measure
 from rover_pin.simulation.start.place import Start
 from rover_pin.soil.wheel_forces import TorqueTraction
 from rover_pin.terrain.profile import Profile
@@ -54,7 +54,7 @@ def write(folder, hidden=(), runs=4, duration=10.0, seed=0, rover="nexus6", extr
     for run in range(runs):
         start = Start(-0.5, 0.0, 0.0) if run % 2 == 0 else Start(0.6, 0.0, math.pi)
         driven = simulate(true, plan(random, duration, len(model.rover.wheels)), duration, start)
-        log = measured(driven, Sensors(), 100 * seed + run, true.sensor_effects)
+        log = measure(driven, Sensors(), 100 * seed + run, true.sensor_effects)
         channels = {**log.channels, **(extra(driven) if extra else {})}
         traces[f"run-{run}"] = dataclasses.replace(log, channels=channels, attrs={"start": dataclasses.asdict(start)})
     terrain = write_terrain(folder, model.terrain)
@@ -66,4 +66,4 @@ def write(folder, hidden=(), runs=4, duration=10.0, seed=0, rover="nexus6", extr
 
 def calibrated_on(log, model, memory=Memory()):
     """The model fitted to a log."""
-    return calibrated(*experiment_on(log, model, memory=memory))
+    return calibrate(*experiment_on(log, model, memory=memory))

@@ -15,7 +15,7 @@ from rover_pin.effects.tacho_scale import TachoScale
 from rover_pin.effects.tether_drag import TetherDrag
 from rover_pin.effects.weak_motor import WeakMotor
 from rover_pin.experiments.drive_log.calibrate import raw_current_numbers, with_raw_currents
-from rover_pin.experiments.drive_log.candidates import _places, candidate_of, candidates, sized
+from rover_pin.experiments.drive_log.candidates import _places, candidate_of, candidates, scale_effect
 from rover_pin.experiments.drive_log.parameters import parameter
 from rover_pin.simulation.model.effect_files import package_effects
 from rover_pin.terrain.shapes import flat
@@ -79,13 +79,13 @@ def test_forces_torques_and_masses_are_tried_in_rover_proportion():
     """A cable of 0.2 N/m behind a rover of 60 kg moved no row by 0.3 SD in all: it was never looked at."""
     cart, nexus = load_rover("cart"), load_rover("nexus6")
     weight, length = cart.mass / nexus.mass, 110.0 / 45.0
-    drag = sized(TetherDrag(), cart, 9.81)
+    drag = scale_effect(TetherDrag(), cart, 9.81)
     assert (drag.f_0, drag.f_1) == pytest.approx((0.5 * weight, 0.2 * weight / length))
-    assert sized(TetherDrag(), cart, 1.62).f_0 == pytest.approx(0.5 * weight * 1.62 / 9.81)
-    assert sized(PointMass(), cart, 1.62).m == pytest.approx(0.2 * weight)
-    assert sized(PivotFriction(), cart, 9.81).tau_c == pytest.approx(0.03 * weight * length)
-    assert sized(TetherDrag(), nexus, 9.81) == TetherDrag()
-    assert sized(TachoScale(e=0.02), cart, 9.81) == TachoScale(e=0.02)
+    assert scale_effect(TetherDrag(), cart, 1.62).f_0 == pytest.approx(0.5 * weight * 1.62 / 9.81)
+    assert scale_effect(PointMass(), cart, 1.62).m == pytest.approx(0.2 * weight)
+    assert scale_effect(PivotFriction(), cart, 9.81).tau_c == pytest.approx(0.03 * weight * length)
+    assert scale_effect(TetherDrag(), nexus, 9.81) == TetherDrag()
+    assert scale_effect(TachoScale(e=0.02), cart, 9.81) == TachoScale(e=0.02)
     size = candidate_of(drag).size("TetherDrag.f_1")
     assert size.value(1.0) == pytest.approx(drag.f_1)
 

@@ -206,10 +206,10 @@ def test_a_log_that_is_too_poor_says_so(runs, says):
 @pytest.mark.parametrize("name", ["bump", "point-turn"])
 def test_a_simulated_log_passes(name):
     from rover_pin.scenarios.scenario import scenario
-    from rover_pin.simulation.sensors import Sensors, measured
+    from rover_pin.simulation.sensors import Sensors, measure
 
     ready = scenario(name, duration=12.0)
-    trace = measured(ready.drive(), Sensors(), 1)
+    trace = measure(ready.drive(), Sensors(), 1)
     log = log_of(*({name: trace[name] for name in trace.channels} for _ in range(2)), motor={})
     assert faults(log) == ()
     told = [each.what for each in findings(log)]

@@ -25,7 +25,7 @@ from rover_pin.experiments.drive_log.next_drives import _choice, _offered, next_
 from rover_pin.experiments.drive_log.parameters import parameter
 from rover_pin.inference.next_measurement import _expected, _uncertain, next_measurement
 from rover_pin.simulation.replay import PERIOD, Commands, Replay, replay
-from rover_pin.simulation.sensors import Sensors, measured
+from rover_pin.simulation.sensors import Sensors, measure
 from rover_pin.simulation.start.place import Start
 from rover_pin.terrain.shapes import flat
 from tests.experiments.drive_log.linear_drive import on_flat
@@ -48,7 +48,7 @@ def measured_log(model, commands, seed):
     wheels = [wheel.name for wheel in model.rover.wheels]
     duty = {f"duty_{name}": commands.duty[:, at] for at, name in enumerate(wheels)}
     trace = Trace({**drive.channels, **duty}, attrs={"start": dataclasses.asdict(commands.start)})
-    return measured(trace, Sensors(), seed, model.sensor_effects, with_current=False)
+    return measure(trace, Sensors(), seed, model.sensor_effects, with_current=False)
 
 
 def forward(model, seed, seconds=12.0):

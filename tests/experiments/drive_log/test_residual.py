@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rover_pin.contact import Contact, Soil, Wheel
-from rover_pin.discrepancy.draft import scored as scored_draft
+from rover_pin.discrepancy.draft import score_draft as scored_draft
 from rover_pin.discrepancy.option import singles
 from rover_pin.discrepancy.signature import signatures
 from rover_pin.effects.effect import Body, Drive
@@ -29,7 +29,7 @@ from rover_pin.experiments.unlisted.term import Term
 from rover_pin.inference.expansion import Expansion
 from rover_pin.logs.drive_log import DriveLog, LogMetadata
 from rover_pin.simulation.model.effect_files import user_effects
-from rover_pin.simulation.sensors import Sensors, measured
+from rover_pin.simulation.sensors import Sensors, measure
 from rover_pin.simulation.simulate import Timing, simulate
 from rover_pin.simulation.start.place import Start
 from tests.experiments.drive_log.linear_drive import on_flat
@@ -172,7 +172,7 @@ def drives(hidden, count=3, duration=15.0):
         steps = rng.uniform(0.5, 0.8) + rng.uniform(-0.09, 0.09, (5, 6))
         start = Start(-0.4, 0.0, 0.0) if run % 2 == 0 else Start(0.4, 0.0, math.pi)
         trace = simulate(true, lambda state, own=steps: own[min(int(state.t / 3), 4)], duration, start, Timing(0.01))
-        log = measured(trace, Sensors(), run, (), with_current=True)
+        log = measure(trace, Sensors(), run, (), with_current=True)
         logs.append(dataclasses.replace(log, attrs={"start": dataclasses.asdict(start), "file": f"run_{run}.csv"}))
     return model, logs
 

@@ -9,7 +9,7 @@ import pytest
 from rover_pin.effects.hard_patch import HardPatch
 from rover_pin.effects.supply_sag import SupplySag
 from rover_pin.experiments.drive_log.candidates import candidate_of
-from rover_pin.experiments.drive_log.features import PATH, LoggedRun, comparable_rows, driven
+from rover_pin.experiments.drive_log.features import PATH, LoggedRun, comparable_rows, driven_features
 from rover_pin.experiments.drive_log.free_runs import free_runs
 from rover_pin.experiments.drive_log.places import neighbours
 
@@ -52,7 +52,7 @@ def test_path_and_drift_follow_the_heading_and_fade_in_2_s():
     x = (along * math.cos(0.3) - across * math.sin(0.3)) * T
     y = (along * math.sin(0.3) + across * math.cos(0.3)) * T
     vx, vy = np.gradient(x, T), np.gradient(y, T)
-    made = driven(
+    made = driven_features(
         {"body_x": x, "body_y": y, "body_yaw": 0.1 * T, "body_vx": vx, "body_vy": vy}, heading, 0.1, np.ones(len(T))
     )
     for name, speed in (("path", along), ("drift", across), ("heading", 0.1)):
@@ -60,7 +60,7 @@ def test_path_and_drift_follow_the_heading_and_fade_in_2_s():
         assert made[name][-1] == pytest.approx(summed), name
         assert made[name][0] == 0.0
     assert made["speed"] == pytest.approx(np.full(len(T), along))
-    assert set(driven({"body_yaw": T}, heading, 0.1, np.ones(len(T)))) == {"heading"}
+    assert set(driven_features({"body_yaw": T}, heading, 0.1, np.ones(len(T)))) == {"heading"}
 
 
 def test_a_block_is_compared_where_all_its_rows_are():

@@ -12,7 +12,7 @@ from rover_pin.base.errors import DataError
 from rover_pin.discrepancy import draft as draft_module
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.effects.slip_sinkage import SlipSinkage
-from rover_pin.experiments.wheel_rig.candidates import added, effect_kinds, rig_kinds
+from rover_pin.experiments.wheel_rig.candidates import default_effect, effect_kinds, rig_kinds
 from rover_pin.experiments.wheel_rig.model import RigModel, conditions, predictor, read_model, write_model
 from rover_pin.measurements.rig_reading import read_rig_set
 from tests.oracle import rig_generator as hidden
@@ -38,7 +38,7 @@ def test_it_predicts_what_the_plain_generator_measures(effect):
     model = RigModel(Wheel(rig.r, rig.b), soil)
     if effect != "none":
         kind = next(kind for kind in effect_kinds() if kind.__name__ == hidden.IS[effect])
-        one = added(kind, model)
+        one = default_effect(kind, model)
         model = model.having(one.replace(**{next(iter(one.neutral)): rig.size}))
     slip = np.array([-0.2, 0.0, 0.2, 0.6])
     rows = np.array([rig.run(25.0, S) for S in slip])
@@ -51,7 +51,7 @@ def test_it_predicts_what_the_plain_generator_measures(effect):
 @pytest.mark.parametrize("kind", rig_kinds(), ids=lambda kind: kind.__name__)
 def test_every_effect_works_on_a_rig_with_an_exact_jacobian(kind):
     base = RigModel(Wheel(0.0625, 0.06), Soil(c=200.0, phi=0.5, k=0.008, k_1=9e4, n=1.1))
-    model = base.having(added(kind, base))
+    model = base.having(default_effect(kind, base))
     free = tuple(name for name in model.names if "." in name or name in ("phi", "k_1", "n"))
     runs = conditions(np.array([20.0, 30.0]), np.array([0.15, 0.6]))
     predict, at = predictor(model, free, runs), model.vector()
@@ -70,7 +70,7 @@ def test_every_effect_works_on_a_rig_with_an_exact_jacobian(kind):
 def test_a_model_file_gives_the_same_numbers_back(tmp_path):
     base = RigModel(Wheel(), Soil(phi=0.4))
     for kind in effect_kinds():
-        model = base.having(added(kind, base))
+        model = base.having(default_effect(kind, base))
         assert read_model(write_model(model, tmp_path / "model.toml")) == model
     text = (tmp_path / "model.toml").read_text()
     (tmp_path / "model.toml").write_text(text.replace("rig-model", "drive"))

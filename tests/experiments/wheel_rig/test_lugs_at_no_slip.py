@@ -21,7 +21,7 @@ from rover_pin.experiments.wheel_rig.candidates import present_amplitudes
 from rover_pin.experiments.wheel_rig.checks import findings
 from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.model import PAPER
-from rover_pin.experiments.wheel_rig.sets import joined
+from rover_pin.experiments.wheel_rig.sets import join_sets
 from rover_pin.measurements.rig_reading import read_rig_set
 from studies.shared.rig_fits import calibrated
 
@@ -41,7 +41,7 @@ def over_lugs(folder, said="true"):
 
 def fitted(lugged, lambda_s):
     """chi2 with pressings, and the mean error of the pull at S = 0 [N], of the smooth wheel and of the lugged one."""
-    joint = joined([read_rig_set(SMOOTH), read_rig_set(lugged)])
+    joint = join_sets([read_rig_set(SMOOTH), read_rig_set(lugged)])
     effects = (*PAPER, *LAWS, Grousers(h_s=0.005, lambda_s=lambda_s))
     model = dataclasses.replace(joint.base_model(), effects=effects)
     known = joint.uncertain(model)

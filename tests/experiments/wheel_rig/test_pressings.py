@@ -8,11 +8,11 @@ import pytest
 
 from rover_pin import Soil, Wheel, close_the_loop
 from rover_pin.discrepancy.answer import Answer
-from rover_pin.experiments.wheel_rig.candidates import added, rig_kinds
+from rover_pin.experiments.wheel_rig.candidates import default_effect, rig_kinds
 from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.model import PAPER, RigModel
 from rover_pin.experiments.wheel_rig.runs import PRESSED, pressed_in
-from rover_pin.experiments.wheel_rig.sets import joined
+from rover_pin.experiments.wheel_rig.sets import join_sets
 from rover_pin.loop.identify import identify
 from rover_pin.measurements.pressed import Trial
 from rover_pin.measurements.rig_reading import read_rig_set
@@ -81,7 +81,7 @@ def test_lugs_press_with_full_pockets():
 @pytest.mark.parametrize("kind", rig_kinds(), ids=lambda kind: kind.__name__)
 def test_every_effect_is_defined_where_nothing_turns(kind):
     rig = hidden.Rig("none")
-    model = RigModel(as_wheel(rig), Soil()).having(added(kind, RigModel(as_wheel(rig), Soil())))
+    model = RigModel(as_wheel(rig), Soil()).having(default_effect(kind, RigModel(as_wheel(rig), Soil())))
     trials = (Trial("only", DEPTHS[5:], np.ones(len(DEPTHS) - 5)),)
     values, slopes = pressed_in(model, model.names, model.vector(), trials)
     assert np.isfinite(values).all()
@@ -132,7 +132,7 @@ def test_a_pressed_set_stands_beside_one_that_is_not(tmp_path):
     pressed = read_rig_set(pressed_set(tmp_path / "set", rig))
     other = read_rig_set(hidden.write(tmp_path / "other", rig, hidden.rig_set(rig, loads=(40.0,), seed=4)))
     other = dataclasses.replace(other, name="other")
-    joint = joined([pressed, other])
+    joint = join_sets([pressed, other])
     assert joint.channels[-1] == PRESSED
     assert len(joint.folds) == len(joint.campaigns) == 2 * len(hidden.SLIPS) + 3
     names = [number.name for number in joint.uncertain(joint.base_model())]

@@ -9,7 +9,7 @@ from rover_pin.estimation.profile import MOST
 from rover_pin.experiments.drive_log.checks.driven import Driven, Remarks
 from rover_pin.experiments.drive_log.readings.ambiguous_timing import MISSED, ambiguous_steps
 from rover_pin.logs.drive_log import DriveLog
-from rover_pin.measurements.checks import Finding, listed
+from rover_pin.measurements.checks import Finding, first_names
 from rover_pin.simulation.trace.channels import WHOLE, is_column
 from rover_pin.simulation.trace.trace import Trace
 
@@ -104,7 +104,7 @@ def gap_findings(driven: Driven) -> Remarks:
     for (first, longest, count), names in channels_by_gap.items():
         lasting = float(t[min(first + longest, len(t) - 1)] - t[first])
         verb = "is" if len(names) == 1 else "are"
-        what = f"{listed(names)} {verb} missing for {lasting:.3g} s from t = {t[first]:.4g} s on (row {first + 1})"
+        what = f"{first_names(names)} {verb} missing for {lasting:.3g} s from t = {t[first]:.4g} s on (row {first + 1})"
         duty = "; the last duty before is taken to hold" if any(name.startswith("duty_") for name in names) else ""
         yield what, f"the {100 * count / len(t):.0f} % of the run without are passed over{duty}"
 

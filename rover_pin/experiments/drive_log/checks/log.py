@@ -16,7 +16,7 @@ from rover_pin.experiments.drive_log.features import BLOCK, logged_run
 from rover_pin.experiments.drive_log.readings.lane_borders import lanes_under
 from rover_pin.logs.drive_log import DriveLog
 from rover_pin.logs.run_terrain import is_of_run
-from rover_pin.measurements.checks import Finding, gathered
+from rover_pin.measurements.checks import Finding, merge_findings
 from rover_pin.rover.wheel_base import base_of
 from rover_pin.simulation.model.motor import Motor
 
@@ -36,12 +36,12 @@ def refuse_unfit(log: DriveLog) -> None:
 def faults(log: DriveLog) -> tuple[Finding, ...]:
     """Return every reason to refuse the log, those that differ only in their run as one."""
     missing = [*declared.rover_faults(log), *columns.column_faults(log), *columns.absurd_faults(log)]
-    return gathered(missing or _faults_of_runs(log))
+    return merge_findings(missing or _faults_of_runs(log))
 
 
 def _faults_of_runs(log: DriveLog) -> Iterator[Finding]:
     """Yield of each run what the first stage finds that finds anything, and currents that are not its motors'."""
-    runs = driven(log)
+    runs = driven_runs(log)
     for run in telling(runs, len(runs), "runs looked at for faults"):
         by_stage = ([finding for check in checks for finding in _by(check, run)] for checks in FAULTS)
         yield from (*next(filter(None, by_stage), []), *_by(sensors.current_faults, run))
@@ -70,17 +70,17 @@ def _by(check: Check, run: Driven) -> Iterator[Finding]:
 def findings(log: DriveLog) -> tuple[Finding, ...]:
     """Return what a reader should know, one line each: channels, gaps, sensors, then excitation."""
     of_data = [*columns.column_findings(log), *declared.declared_findings(log), *_of_runs(log)]
-    of_loop = excitation.excitation_findings(driven(log), log.metadata.name)
-    return gathered([*of_data, *compared_findings(log), *of_loop])
+    of_loop = excitation.excitation_findings(driven_runs(log), log.metadata.name)
+    return merge_findings([*of_data, *compared_findings(log), *of_loop])
 
 
 def data_findings(log: DriveLog) -> tuple[Finding, ...]:
     """Return those of the findings that say of the data what any fit to them should know: channels, gaps, sensors."""
-    return gathered([*columns.column_findings(log), *_of_runs(log)])
+    return merge_findings([*columns.column_findings(log), *_of_runs(log)])
 
 
 def _of_runs(log: DriveLog) -> Iterator[Finding]:
-    runs = driven(log)
+    runs = driven_runs(log)
     for run in telling(runs, len(runs), "runs checked"):
         for check in FINDINGS:
             yield from _by(check, run)
@@ -88,10 +88,10 @@ def _of_runs(log: DriveLog) -> Iterator[Finding]:
 
 def too_poor(log: DriveLog) -> str:
     """Return why the log cannot tell an effect from soil and motor and what would, or an empty string."""
-    return excitation.too_poor(driven(log))
+    return excitation.too_poor(driven_runs(log))
 
 
-def driven(log: DriveLog) -> list[Driven]:
+def driven_runs(log: DriveLog) -> list[Driven]:
     """Return the runs as the checks look at them, with the wheels' radius as declared, else the rover's."""
     rover, metadata = log.load_rover(), log.metadata
     declared_wheel = {name: entry for name, entry in metadata.wheel.items() if name == "r"}

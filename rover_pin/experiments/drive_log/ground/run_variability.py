@@ -11,9 +11,9 @@ from rover_pin.effects.bent_ground import KNOTS, STEEP, BentGround
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.noise import COLOURED
 from rover_pin.estimation.profile import MOST
-from rover_pin.estimation.random_effects.random_field import LearntSd, RandomField, expected
+from rover_pin.estimation.random_effects.random_field import LearntSd, RandomField, expected_draws
 from rover_pin.estimation.wording import format_value
-from rover_pin.experiments.drive_log.experiment import logged
+from rover_pin.experiments.drive_log.experiment import experiment_of_log
 from rover_pin.experiments.drive_log.features import LoggedRun
 from rover_pin.experiments.drive_log.ground.field import KINDS, SLOPE, SLOPE_OF_RUN, shares_of
 from rover_pin.simulation.replay import filled
@@ -123,12 +123,12 @@ def _degrees(slope: float) -> str:
 
 def ground_variability(fitted: Fit) -> GroundVariability | None:
     """Return what a fit says of the ground of its runs; None where none was learnt."""
-    noise, experiment = fitted.task.noise, logged(fitted)
+    noise, experiment = fitted.task.noise, experiment_of_log(fitted)
     if noise.random_effects is None:
         return None
     field, learnt = noise.random_effects.field, noise.random_effects.learnt
     plain = dataclasses.replace(noise, random_effects=None)
-    coefficients = expected(field, learnt, plain.white(field.moved).T, plain.white(fitted.residual))
+    coefficients = expected_draws(field, learnt, plain.white(field.moved).T, plain.white(fitted.residual))
     slopes = [
         _slope(coefficients, field, at, shares_of(run, fitted.model.rover)) for at, run in enumerate(experiment.runs)
     ]
@@ -149,7 +149,7 @@ def _slope(coefficients: np.ndarray, field: RandomField, run: int, shares: np.nd
 
 def _worst(fitted: Fit, slopes: list[np.ndarray]) -> Stretch:
     run = max(range(len(slopes)), key=lambda at: float(np.abs(slopes[at]).max()))
-    row, logged_run = slopes[run], logged(fitted).runs[run]
+    row, logged_run = slopes[run], experiment_of_log(fitted).runs[run]
     top = int(np.argmax(np.abs(row)))
     inside = row * np.sign(row[top]) > MOST * abs(row[top])
     outside = np.flatnonzero(~inside)

@@ -13,10 +13,10 @@ import pandas as pd
 
 from rover_pin.base.errors import DataError
 from rover_pin.base.files.bounded import MOST_TABLE, content
-from rover_pin.base.files.table import decoded
+from rover_pin.base.files.table import decode
 from rover_pin.base.files.table_layout import LOOKED, MISSING, cells
 from rover_pin.logs.one_clock import FEWEST, Series, on_one_clock
-from rover_pin.logs.ros_bag import field_names, nanoseconds, opened
+from rover_pin.logs.ros_bag import field_names, nanoseconds, open_bag
 
 LONGEST_ARRAY = 16
 """Arrays with more entries, as images, scans and covariances, are left out."""
@@ -30,7 +30,7 @@ def bag_table(path: Path) -> tuple[pd.DataFrame, tuple[str, ...]]:
     Raises DataError: it is no bag, or no topic in it has numbers.
     Raises MissingExtraError: the extra `ros` is not installed.
     """
-    with opened(path) as bag:
+    with open_bag(path) as bag:
         series, skipped, stale = _read(bag)
     if not series:
         raise DataError(f"{path}: no topic of the bag has numbers in {FEWEST} messages or more.")
@@ -100,7 +100,7 @@ WORD = re.compile(r"\$?[^\W\d][\w ./-]*(?:\[[^\]]*\])?")
 def delimiter_of_records(path: Path) -> str:
     """Return what parts the cells of a text of records; empty where a file is none."""
     try:
-        head = decoded(content(path, MOST_TABLE, HEAD))[0].splitlines()[:LOOKED]
+        head = decode(content(path, MOST_TABLE, HEAD))[0].splitlines()[:LOOKED]
     except OSError:
         return ""
     return next((mark for mark in DELIMITERS if _are_records(head, mark)), "")
@@ -133,7 +133,7 @@ def record_table(path: Path, delimiter: str, numbers_of: Numbers) -> tuple[pd.Da
     Raises DataError: it cannot be read, or its records have no dates.
     """
     try:
-        lines = decoded(content(path, MOST_TABLE))[0].splitlines()
+        lines = decode(content(path, MOST_TABLE))[0].splitlines()
         rows = [cells(line, delimiter) for line in lines if line.strip()]
     except (OSError, csv.Error) as error:
         raise DataError(f"{path}: the file cannot be read: {getattr(error, 'strerror', None) or error}.") from error
