@@ -1,7 +1,6 @@
 """The ready-made scenes by name: a terrain of the rover's size with its usual settings, and how long it is driven."""
 
 import inspect
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -10,9 +9,8 @@ from rover_pin.base.arguments import arguments_of
 from rover_pin.terrain import shapes
 from rover_pin.terrain.field import paper_field
 from rover_pin.terrain.files import from_grid, from_polyline
+from rover_pin.terrain.shapes import DEG
 from rover_pin.terrain.terrain import Terrain
-
-DEG = math.pi / 180.0
 
 
 @dataclass(frozen=True)

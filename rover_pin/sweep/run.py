@@ -18,6 +18,7 @@ from rover_pin.base.files.bounded import content
 from rover_pin.base.files.paths import is_file
 from rover_pin.base.files.results_folder import alone_in
 from rover_pin.base.jobs.cluster import refuse_both
+from rover_pin.base.jobs.time_left import SECONDS_BETWEEN_LINES
 from rover_pin.base.jobs.workers import ending_workers
 from rover_pin.sweep.axis import LogRange, Values
 from rover_pin.sweep.case import CaseFunction, Row, check_names, drive_case, run_case
@@ -28,7 +29,6 @@ from rover_pin.sweep.study import Case, Study
 Advance = Callable[[bool], None]
 """To be called after each case with whether it failed."""
 LOG = logging.getLogger("rover_pin")
-SECONDS_BETWEEN_LINES = 10.0
 
 
 @contextmanager

@@ -10,11 +10,11 @@ import numpy as np
 from rover_pin.base.arguments import check_arguments, spec
 from rover_pin.terrain import shapes
 from rover_pin.terrain.profile import Profile
+from rover_pin.terrain.shapes import DEG
 from rover_pin.terrain.terrain import Lanes
 
 BETWEEN = 0.8
 """Level ground between two parts of the field [m] (assumed: two rover's lengths)."""
-DEG = math.pi / 180.0
 
 
 Size = Annotated[float, spec("", "assumed: 1 for the wheels of Nexus 6", 1e-3, 1000.0)]

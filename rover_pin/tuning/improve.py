@@ -21,6 +21,7 @@ from rover_pin.base.trust import Trust
 from rover_pin.control.hole_law import HoleLaw
 from rover_pin.control.rover_bounds import bounds_of_model
 from rover_pin.control.slip_control import HOLE_GAINS
+from rover_pin.control.torque_bounds import SLIP_LIMIT
 from rover_pin.discrepancy.question import Progress
 from rover_pin.loop.close import close_the_loop
 from rover_pin.loop.verdict_file import POSTERIOR
@@ -59,8 +60,6 @@ def usual_drives(grounds: Grounds) -> tuple[DriveCase, ...]:
     )
 
 
-SLIP_LIMIT = 0.2
-"""Slip at which the torque bounds are said, as of `rover-pin bounds`."""
 COVERED = 0.90
 """Probability of the interval of a predicted gain."""
 STUDY = TuningStudy(
