@@ -73,7 +73,7 @@ def test_nothing_stands_last_in_a_set_that_it_may_be():
 def test_what_is_beyond_the_noise_is_told_after_any_answer(text):
     """No channel that is left with more than thrice its noise is passed over, whatever was named."""
     loud, quiet = (beliefs(text, noise=(1.0, times)) for times in (4.5, 2.9))
-    assert re.search(r"4\.5 times .* sinkage", sentence(decide(loud), loud, 0.8, 1.0))
+    assert re.search(r"4\.5 times .*declared.* sinkage", sentence(decide(loud), loud, 0.8, 1.0))
     assert "times" not in sentence(decide(quiet), quiet, 0.8, 1.0)
 
 
