@@ -17,10 +17,7 @@ Result
     Fig 8's end comes with wheels that dig: from S = 0.9 at 11.2 deg on the body no longer rises but falls, by 18.9 mm,
     as a wheel sinks to 32 mm; in the last 10 s by 0.4 mm, and it stands. Sand that slip softens, as measured wheels
     have it, sinks it to 16 mm: it stands as well, and falls by 1.8 mm since, by 0.5 in the last 10 s. The times at S =
-    0.5 are the same at half the step. While holes and ruts faded below 5 mm/s of travel, wheels crept out of them: 15.8
-    mm, and with softened sand a crawl that rose by 5.4.
-    Before a resistance held wheels that spin, and braking wheels paid for their pull, the same drives ended at 9.2 deg
-    (Table 1), and the made-up sand (then phi = 13 deg) had 4 % of the motors' work on the flat from nowhere.
+    0.5 are the same at half the step.
 What the paper says
     Experiment: "the slip ratio stays near 0 before t = 25 [s]"; "at t = 25 [s], the inclination of the slope reaches
     almost 12 degrees. After that the slip ratio increases up to 1"; "the elevation stayed constant after t = 30".
