@@ -205,12 +205,12 @@ def _gallery() -> str:
     from gallery import PICTURES
     from page_numbers import kept
 
-    happened = kept("gallery").set_index("command").happened
+    outcomes = kept("gallery").set_index("command").outcome
     summaries = {each.name: _plain(each.summary) for each in catalogue.scenarios()}
     parts = []
     for picture, words in PICTURES.items():
         name, command = words.split()[0], f"rover-pin drive {words}"
-        said = f"{summaries[name]}: {happened[command]}"
+        said = f"{summaries[name]}: {outcomes[command]}"
         parts.append(f"## {name.replace('-', ' ')}\n\n`{command}`\n\n![{said}]({picture})\n\n{said}.\n")
     return "\n".join(parts)
 

@@ -160,7 +160,7 @@ def tables(of: Mapping[str, Any]) -> dict[str, str]:
             of["mutation"],
             {"Room": "{room}", "Changes": "{changes}", "Tried": "{tried}", "Not noticed": "{not noticed}"},
         ),
-        "gallery": table(of["gallery"], {"Command": "`{command}`", "Outcome": "{happened}"}),
+        "gallery": table(of["gallery"], {"Command": "`{command}`", "Outcome": "{outcome}"}),
     }  # fmt: skip
 
 

@@ -55,11 +55,11 @@ def main() -> None:
     for each in dict.fromkeys(words):
         made = drive_of(each, **more)
         trace = made.drive()
-        rows.append((f"rover-pin drive {each}", trace.attrs["happened"], float(trace.t[-1])))
+        rows.append((f"rover-pin drive {each}", trace.attrs["outcome"], float(trace.t[-1])))
         for file in [file for file, given in PICTURES.items() if given == each]:
             save(snapshots(trace, made.model), options.out / file)
-    table = pd.DataFrame(rows, columns=["command", "happened", "time [s]"])
-    write_csv(table[["command", "happened"]], options.out / "gallery.csv")
+    table = pd.DataFrame(rows, columns=["command", "outcome", "time [s]"])
+    write_csv(table[["command", "outcome"]], options.out / "gallery.csv")
     print(table.to_string(index=False))
 
 

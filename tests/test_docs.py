@@ -67,14 +67,14 @@ def test_the_paper_page_is_made_of_every_strict_failure(monkeypatch):
     assert all(measured for *_, measured in rows)
 
 
-KEPT_DRIVES = pd.read_csv(ROOT / "studies" / "results" / "gallery.csv", index_col="command").happened
+KEPT_DRIVES = pd.read_csv(ROOT / "studies" / "results" / "gallery.csv", index_col="command").outcome
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("command", KEPT_DRIVES.index)
 def test_the_gallery_says_what_becomes_of_the_rover(command):
-    happened = gallery.drive_of(command.removeprefix("rover-pin drive ")).drive().attrs["happened"]
-    assert happened == KEPT_DRIVES[command]
+    outcome = gallery.drive_of(command.removeprefix("rover-pin drive ")).drive().attrs["outcome"]
+    assert outcome == KEPT_DRIVES[command]
 
 
 def test_the_gallery_has_every_scenario_and_picture():

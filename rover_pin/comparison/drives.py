@@ -102,7 +102,7 @@ def compare_drives(first: tuple[str, Trace], second: tuple[str, Trace]) -> Compa
 def _words(trace: Trace) -> dict[str, str]:
     words = {name: trace.attrs.get(name) for name in ("scenario", "rover", "control")}
     words |= {f"set {name}": value for name, value in dict(trace.attrs.get("settings") or {}).items()}
-    words["what happened"] = trace.attrs.get("happened") or trace.attrs.get("stop")
+    words["what happened"] = trace.attrs.get("outcome") or trace.attrs.get("stop")
     return {name: str(value) for name, value in words.items() if value}
 
 

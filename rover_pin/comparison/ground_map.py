@@ -166,14 +166,14 @@ def drive_from(study: Study, case: Case) -> dict[str, Any]:
     try:
         trace = drive.drive(measure_error=False)
     except SimulationError as error:
-        return {"slip": None, "energy_J_per_m": None, "stuck": True, "happened": str(error)}
+        return {"slip": None, "energy_J_per_m": None, "stuck": True, "outcome": str(error)}
     outcome, ways, energy = drive_outcome(trace), ways_of(trace), float(trace["energy_electric"][-1])
     turned, travelled = float(ways.turned[-1]), float(ways.travelled[-1])
     return {
         "slip": 1.0 - travelled / turned if turned > 0.0 else None,
         "energy_J_per_m": energy / travelled if travelled > 0.0 else None,
         "stuck": travelled <= 0.0 or outcome.kind in FAILED if outcome else None,
-        "happened": outcome.sentence if outcome else None,
+        "outcome": outcome.sentence if outcome else None,
     }
 
 

@@ -175,7 +175,7 @@ def title_of(trace: Trace) -> list[str]:
     attrs = trace.attrs
     words = [
         str(attrs.get("scenario", "drive")),
-        str(attrs.get("happened") or f"stop: {attrs.get('stop', '-')}"),
+        str(attrs.get("outcome") or f"stop: {attrs.get('stop', '-')}"),
         f"control: {re.sub(r'(?<=[a-z])(?=[A-Z])', ' ', str(attrs.get('control', '-'))).lower()}",
         f"g = {float(attrs.get('gravity_mps2', float('nan'))):.2f} m/s²",
     ]

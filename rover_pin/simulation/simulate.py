@@ -196,7 +196,7 @@ def _traced(job: DriveJob, driven: Driven, place: tuple[float, float], attrs: di
 def annotate_trace(trace: Trace, warnings: list[str], turned: str = "") -> Trace:
     """Return the trace with what it came to, and with all reasons not to believe it; empty ones are none."""
     came_to = drive_outcome(trace)
-    attrs: dict[str, Any] = {"happened": came_to.sentence} if came_to else {}
+    attrs: dict[str, Any] = {"outcome": came_to.sentence} if came_to else {}
     attrs |= {"turned": turned} if turned else {}
     attrs["warnings"] = [warning for warning in warnings if warning]
     return dataclasses.replace(trace, attrs={**trace.attrs, **attrs})

@@ -76,11 +76,11 @@ def _numbers(values: np.ndarray) -> list[float | None]:
 def legend_of(subject: Subject, others: Sequence[tuple[Subject, str]], film: Film) -> str:
     """Return in HTML what is seen, what happened, what the colours and arrows mean."""
     lines = [f"<b>{html.escape(subject.name)}</b>"]
-    outcome = subject.trace.attrs.get("happened") or subject.trace.attrs.get("stop")
+    outcome = subject.trace.attrs.get("outcome") or subject.trace.attrs.get("stop")
     lines += [html.escape(str(outcome))] if outcome else []
     for ghost, word in others:
         lines.append(
-            html.escape(f"ghost, in {word}: {ghost.name}, {ghost.trace.attrs.get('happened', '')}".rstrip(", "))
+            html.escape(f"ghost, in {word}: {ghost.name}, {ghost.trace.attrs.get('outcome', '')}".rstrip(", "))
         )
     last = [_bar()] if film.slip is not None else ["slip was not recorded: wheels have their own colours"]
     last += ["green arrows: the soil's force on each wheel"] if film.forces is not None else []

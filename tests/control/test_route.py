@@ -28,7 +28,7 @@ def test_it_comes_to_the_end_near_the_line(rover, route):
     made, trace = drive(rover, route)
     end = np.array([trace["body_x"][-1], trace["body_y"][-1]])
     assert trace.attrs["warnings"] == []
-    assert trace.attrs["happened"].startswith("held still since")
+    assert trace.attrs["outcome"].startswith("held still since")
     assert math.dist(end, made.controller.points[-1]) < 2.0 * made.controller.reach
     assert np.max(off_line(trace, made.controller.points)) < 0.2 * made.controller.lookahead
 
@@ -42,7 +42,7 @@ def test_it_is_held_at_the_end_on_a_slope(slope):
     assert 20.0 < since < 0.6 * trace.t[-1]
     after = trace["body_x"][trace.t > since + 5.0]
     assert np.ptp(after) < 1e-3
-    assert trace.attrs["happened"].startswith("held still since")
+    assert trace.attrs["outcome"].startswith("held still since")
 
 
 def test_it_is_the_same_asked_as_compiled():

@@ -59,7 +59,7 @@ def test_loads_at_the_pitch_err_as_stated_with_the_same_outcome(name):
     other = simulate(drive.model, by_links, 20.0, drive.start, drive.timing, symmetric=drive.symmetric)
     off = np.sqrt(np.nanmean(np.square(by_links.errors[SETTLED:]), axis=(0, 2)))
     assert off == pytest.approx(expected, rel=0.15, abs=0.005)
-    first, second = (each.attrs["happened"].split(" ")[0] for each in (by_pitch, other))
+    first, second = (each.attrs["outcome"].split(" ")[0] for each in (by_pitch, other))
     assert first == second
     assert other["body_x"][-1] == pytest.approx(by_pitch["body_x"][-1], abs=0.12)
 

@@ -53,7 +53,7 @@ def test_a_motor_that_is_too_weak_is_told_and_stalls(tmp_path, stall, goes):
     assert (0.55 * stall > needed) == goes
     assert check.moves.startswith("yes" if goes else "no")
     assert (check.faults == ()) == goes
-    told = scenario("flat", rover=str(path), duration=10.0).drive().summary()["happened"]
+    told = scenario("flat", rover=str(path), duration=10.0).drive().summary()["outcome"]
     assert told.startswith("drives on" if goes else ("stalled", "all but stalled"))
 
 

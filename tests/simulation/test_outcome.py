@@ -72,8 +72,8 @@ def traces():
 def test_a_drive_says_what_it_came_to(traces, name):
     kind, words = CASES[name][2:]
     assert drive_outcome(traces[name]).kind == kind
-    assert words in traces[name].attrs["happened"]
-    assert traces[name].summary()["happened"] == traces[name].attrs["happened"]
+    assert words in traces[name].attrs["outcome"]
+    assert traces[name].summary()["outcome"] == traces[name].attrs["outcome"]
 
 
 def scaled(trace, length, time):
@@ -104,7 +104,7 @@ def test_creeping_wheels_are_reported_by_speed_and_duty_share(traces):
     trace = traces["skid-steer on the spot"]
     late, r = trace.t >= drive_outcome(trace).since, float(np.mean(trace.attrs["wheel_radii_m"]))
     rate = np.mean(np.abs(trace.stack("wheel_rate")[late]))
-    said = trace.attrs["happened"]
+    said = trace.attrs["outcome"]
     creep, percent = (float(number) for number in re.search(r"creep at (\S+) mm/s, (\S+) %", said).groups())
     assert 1e3 * r * rate == pytest.approx(creep, abs=0.06)
     share = rate / float(scenario("flat", rover="cart").model.motor.no_load_rate)
@@ -117,7 +117,7 @@ def test_creeping_wheels_are_reported_by_speed_and_duty_share(traces):
 def test_a_measured_trace_without_the_truth_says_nothing(traces):
     bare = {name: traces["flat"][name] for name in ("t_s", "body_x", "body_y", "wheel_rate_fl", "duty_fl")}
     assert drive_outcome(Trace(bare)) is None
-    assert "happened" not in Trace(bare).summary()
+    assert "outcome" not in Trace(bare).summary()
 
 
 @pytest.mark.parametrize(
@@ -126,7 +126,7 @@ def test_a_measured_trace_without_the_truth_says_nothing(traces):
 def test_what_slides_aside_does_not_just_drive_on(slope, kind):
     """Across a slope of the paper's sand: the speeds are those of the body along and across its heading."""
     trace = scenario("cross-slope", duration=8.0, **{"terrain.angle_deg": slope, "soil": "table-1"}).drive()
-    said = trace.attrs["happened"]
+    said = trace.attrs["outcome"]
     rows = max(1, len(trace.t) // 20)
     aside = abs(trace["body_y"][-1] - trace["body_y"][-1 - rows]) / (trace.t[-1] - trace.t[-1 - rows])
     told = re.search(r"(?:slides|sliding) aside at ([\d.]+) m/s", said)
@@ -141,7 +141,7 @@ def test_what_the_soil_rocks_is_told_by_its_mean_way(rover, at_full_duty, duty):
     """Without resistance a cart at a duty of 1e-5 "drove on at 0.019 m/s": its swing; its way goes with its duty."""
     settings = {"control.delta": duty, "effect.MotionResistance.R": 0.0, "soil.k": 0.005}
     trace = scenario("flat", rover=rover, duration=10.0, soil="table-1", **settings).drive()
-    said = trace.attrs["happened"]
+    said = trace.attrs["outcome"]
     told = re.search(r"(?:drives on|moves) at (-?[\d.e-]+) m/s", said)
     assert float(told[1]) == pytest.approx(duty * at_full_duty, rel=0.2, abs=3e-4)
     assert ("swing to and fro" in said) is (duty == 1e-5 or (rover, duty) == ("cart", 0.01))
@@ -151,7 +151,7 @@ def test_what_the_soil_rocks_is_told_by_its_mean_way(rover, at_full_duty, duty):
 @pytest.mark.parametrize("duty", [1e-5, 0.01])
 def test_what_rolls_back_against_its_duty_does_not_drive_on(duty):
     trace = scenario("park", rover="cart", duration=10.0, **{"control.delta": duty}).drive()
-    assert re.search(r" at 0\.001\d m/s, at x = -0\.0", trace.attrs["happened"])
+    assert re.search(r" at 0\.001\d m/s, at x = -0\.0", trace.attrs["outcome"])
     assert drive_outcome(trace).kind == "slid back"
 
 
@@ -160,7 +160,7 @@ def test_a_pause_at_the_end_is_no_stall():
     stopped = dataclasses.replace(drive, controller=lambda reading: 0.55 if reading.t < 4.0 else 0.0).drive()
     assert drive_outcome(stopped).kind == "stopped"
     assert drive_outcome(stopped).since == pytest.approx(4.0, abs=0.1)
-    assert "driven since 4" in stopped.attrs["happened"]
+    assert "driven since 4" in stopped.attrs["outcome"]
 
 
 R, COUNT = 0.1, 201

@@ -105,7 +105,7 @@ def test_a_stuck_drive_says_since_when():
     film = filmed("ditch", soil="table-1", duration=12.0)
     (event,) = events_of(film)
     assert event.words == "stuck"
-    assert f"since {event.t:.1f} s" in film.trace.attrs["happened"]
+    assert f"since {event.t:.1f} s" in film.trace.attrs["outcome"]
 
 
 KEYS = """<pre id="said"></pre><iframe id="f" width=900 height=700 src="SRC"></iframe><script>

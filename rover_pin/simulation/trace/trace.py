@@ -14,7 +14,7 @@ from rover_pin.simulation.trace.channels import RATES, unit_of, wheels_in
 
 NOT_LOSSES = ("energy_motor", "energy_electric", "energy_kinetic", "energy_potential", "energy_elastic")
 """Energy channels beside what soil, stops, servos and further effects take; springs' share is within `energy_body`."""
-SUMMARY_ATTRS = "stop happened turned warnings notes assumed set_down traction_form motion_resistance_R".split()
+SUMMARY_ATTRS = "stop outcome turned warnings notes assumed set_down traction_form motion_resistance_R".split()
 """Attributes that a summary repeats."""
 
 
