@@ -96,6 +96,7 @@ def fields() -> Mapping[str, Any]:
         "circumstances": by_circumstance(blind["logs"]),
         "reliability": reliability(blind["rigs"]),
         "commands": tomllib.loads((RESULTS / "commands.toml").read_text(encoding="utf-8")),
+        "made": tomllib.loads((RESULTS / "made.toml").read_text(encoding="utf-8")),
         "digging": digging(),
         "ditches": ditches(),
         "fig10": fig10(),
