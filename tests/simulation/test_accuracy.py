@@ -19,7 +19,7 @@ from rover_pin.simulation.timing import DT, TOLERANCE, Timing
     control=st.integers(1, 12),
     sample=st.integers(1, 12),
 )
-def test_the_step_is_the_longest_that_both_periods_are_multiples_of(dt, shared, control, sample):
+def test_the_step_is_the_longest_that_divides_both_periods(dt, shared, control, sample):
     timing = Timing(dt=dt, control=control * shared, sample=sample * shared)
     common = math.gcd(control, sample) * shared
     steps = common / timing.dt

@@ -122,7 +122,7 @@ def test_too_stiff_ground_is_refused_in_one_sentence():
     model = scenario("flat").model
     state = settled(model, Start())
     stiff = model.replace(soils=(Soil(k_1=1e9, n=0.1), *model.soils[1:]))
-    message = rf"too stiff for dt = 0\.0166667 s: the rover vibrates on it at .* rad/s, .* {MAX_PARTS} are allowed: lower soil"
+    message = rf"too stiff for dt = 0\.0166667 s: .* at .* rad/s, .* {MAX_PARTS} are allowed: lower soil"
     for start in (state, Start()):
         with pytest.raises(SimulationError, match=message):
             simulate(stiff, ConstantDuty(0.5), 1.0, start)
