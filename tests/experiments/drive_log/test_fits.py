@@ -17,7 +17,7 @@ from rover_pin.estimation.fit import fit
 from rover_pin.estimation.numbers import profiles
 from tests.experiments.drive_log import linear_drive as linear
 
-OWNER, COLOURED = linear.owner_of_rows(), 1.5
+OWNER = linear.owner_of_rows()
 EXIT = plain_candidate(ExitAngle())
 
 
