@@ -55,7 +55,7 @@ STEP_ERROR = {
     "say that they keep their tolerance": "kept",
     "of these, do not": "not kept",
     "are further off than stated": "low",
-    "the same by more than 1 µm": "low by 1 um",
+    "of these, not under `onboard`": "low elsewhere",
     "stated over true, in the median": "ratio",
 }
 IMPROVED = {
