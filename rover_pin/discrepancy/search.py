@@ -86,19 +86,19 @@ class Search:
     def _fit_worthiest(self) -> bool:
         """Fit the most promising set, once all that it adds to is at its end; return whether one is worth it.
 
-        A pair that was estimated about the base model comes after each of its causes alone: a part may do as well.
+        A pair comes after each of its causes alone, the more promising first: a part may do as well.
         """
         names = self._worthiest()
         if not names:
             return False
-        added = self.estimates[names].added
-        alone = [frozenset((name,)) for name in added] if len(added) > 1 else []
+        alone = [frozenset((name,)) for name in self.estimates[names].names if len(names) == 2]
         missing = [part for part in alone if part not in self.fitted and part not in self.lost]
-        smaller = names - set(added)
+        first = max(missing, key=lambda part: self.score(self.estimates[part]), default=names)
+        smaller = first - set(self.estimates[first].added)
         if smaller not in self.finished:
             self._end(smaller)
         else:
-            self.fit(missing[0] if missing else names)
+            self.fit(first)
         return True
 
     def _end_promising(self) -> bool:
