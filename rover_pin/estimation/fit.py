@@ -168,14 +168,16 @@ def fit(
     arrays = task.experiment.cached_arrays(
         request, lambda: descended(task, model, parameters, start, given_slopes, (reuse, stale))
     )
-    u, renewed = arrays["u"], [parameters[index].name for index in arrays["renewed"]]
-    slopes_by_name = given_slopes | dict(zip(renewed, arrays["slopes"], strict=True))
+    u = arrays["u"]
+    slopes_by_name = given_slopes | {
+        parameter.name: slope for parameter, slope in zip(parameters, arrays["slopes"], strict=True)
+    }
     return Fit(task, at(task, model, parameters, u), tuple(parameters), u, arrays["predicted"], slopes_by_name)
 
 
-def again(base: Fit) -> Fit:
-    """Return the fit taken up where it was, as after a change of the noise."""
-    return fit(base.task, base.model, base.parameters, base.u, base.slopes)
+def again(base: Fit, reuse: bool = False, stale: bool = False) -> Fit:
+    """Return the fit taken up where it was, as after a change of the noise, or to its end; see `fit`."""
+    return fit(base.task, base.model, base.parameters, base.u, base.slopes, reuse, stale)
 
 
 def _exactly(task: Task, model: Any, parameters: Sequence[Parameter], start: np.ndarray) -> Fit:

@@ -70,51 +70,49 @@ def descended(
     given_slopes: Mapping[str, np.ndarray],
     options: tuple[bool, bool],
 ) -> Arrays:
-    """Return where the descent ends: u, the prediction, and the slopes of the parameters that it computed."""
+    """Return where the descent ends: u, the prediction, and the slopes of the parameters.
+
+    The last step promises less than SETTLED and is taken by the slopes alone.
+    """
     reuse, stale = options
     u = np.zeros(len(parameters)) if start is None else np.array(start, dtype=float)
     u = np.clip(u, *bounds_of(parameters).T)
-    slopes_by_name = dict(given_slopes)
-    renewable = [
-        index for index, _ in enumerate(parameters) if not (reuse and parameters[index].name in slopes_by_name)
-    ]
-    missing = [index for index, parameter in enumerate(parameters) if parameter.name not in slopes_by_name]
-    slopes_by_name |= _slopes(task, model, parameters, u, missing)
+    given = [parameter.name in given_slopes for parameter in parameters]
+    renewable = [at for at, known in enumerate(given) if not (reuse and known)]
+    missing = [at for at, known in enumerate(given) if not known]
     predicted = task.experiment.predict([at(task, model, parameters, u)])[0]
-    was, fresh = objective(task.rows(predicted), u, parameters), len(missing) == len(renewable)
+    slopes = np.zeros((len(parameters), *predicted.shape))
+    for table, parameter in zip(slopes, parameters, strict=True):
+        table[:] = given_slopes.get(parameter.name, 0.0)
+    _renew(slopes, missing, task, model, parameters, u)
+    state, fresh = (u, predicted, objective(task.rows(predicted), u, parameters)), len(missing) == len(renewable)
     (turns, renewals), damped = (TO_THE_END, DAMPED) if stale else ((TURNS, RENEWALS), ())
     for _ in range(turns):
-        columns = task.columns([slopes_by_name[parameter.name] for parameter in parameters])
-        steps, promised = _steps(columns, task.rows(predicted), u, parameters, damped)
-        tried = steps if promised >= SETTLED else steps[:1]
-        u, predicted, now = _searched(task, model, parameters, (u, predicted, was), tried)
-        gained, was = was - now, now
+        u, predicted, was = state
+        steps, promised = _steps(task.columns(slopes), task.rows(predicted), u, parameters, damped)
+        if promised < SETTLED and (fresh or not stale):
+            state = u + steps[0][0], predicted + np.tensordot(steps[0][0], slopes, 1), was - promised
+            break
+        state = _searched(task, model, parameters, state, steps if promised >= SETTLED else ())
+        gained = was - state[2]
         if gained >= max(STALE * promised, SETTLED):
             fresh = not renewable
             continue
-        stuck = gained < SETTLED if fresh else promised < SETTLED and not stale
-        if stuck or not renewals:
+        settled = gained < SETTLED if fresh else promised - gained < SETTLED and not stale
+        if settled or not renewals:
             break
-        slopes_by_name |= _slopes(task, model, parameters, u, renewable)
+        _renew(slopes, renewable, task, model, parameters, state[0])
         fresh, stale, renewals = True, False, renewals - 1
-    renewed = [
-        index
-        for index, parameter in enumerate(parameters)
-        if slopes_by_name[parameter.name] is not given_slopes.get(parameter.name)
-    ]
-    computed = [slopes_by_name[parameters[index].name] for index in renewed]
-    renewed_slopes = np.array(computed) if computed else np.zeros((0, *predicted.shape))
-    return {"u": u, "predicted": predicted, "renewed": np.array(renewed, dtype=int), "slopes": renewed_slopes}
+    return {"u": state[0], "predicted": state[1], "slopes": slopes}
 
 
-def _slopes(
-    task: Task, model: Any, parameters: Sequence[Parameter], u: np.ndarray, which: Sequence[int]
-) -> dict[str, np.ndarray]:
-    """Return the slopes of some of the parameters, the others at u."""
-    if not which:
-        return {}
-    model_at_u = at(task, model, parameters, u)
-    return slopes_at(task, model_at_u, [parameters[index] for index in which], u[list(which)])
+def _renew(
+    slopes: np.ndarray, which: list[int], task: Task, model: Any, parameters: Sequence[Parameter], u: np.ndarray
+) -> None:
+    """Put the slopes of some of the parameters, the others at u, in the place of those that they had."""
+    if which:
+        some = [parameters[index] for index in which]
+        slopes[which] = [*slopes_at(task, at(task, model, parameters, u), some, u[which]).values()]
 
 
 def _steps(
