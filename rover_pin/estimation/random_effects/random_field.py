@@ -114,26 +114,27 @@ def spanning(columns: np.ndarray) -> np.ndarray:
 def learnt_sds(rows: np.ndarray, free: np.ndarray, columns: np.ndarray, field: RandomField) -> tuple[LearntSd, ...]:
     """Return the SDs of greatest restricted likelihood for whitened rows (n,), `free` and drawn `columns` (n, ...).
 
-    -2 ln L = ln det(I + d G d) + r^T r - b^T d (I + d G d)^-1 d b with G = B^T B and b = B^T r, r and B without what
-    the free columns take.
+    -2 ln L = ln det(I + G d^2) + r^T r - b^T d^2 w with w = (I + G d^2)^-1 b, G = B^T B and b = B^T r, r and B without
+    what the free columns take; its slope to d_j^2 is ((I + G d^2)^-1 G)_jj - w_j^2.
     """
     Q = spanning(free)
     unexplained = rows - Q @ (Q.T @ rows)
     B = columns - Q @ (Q.T @ columns)
-    G, b = B.T @ B, B.T @ unexplained
+    G, b, count = B.T @ B, B.T @ unexplained, len(field.kinds)
 
-    def loss(variances: np.ndarray) -> float:
-        d = np.sqrt(variances)[field.kind]
-        M = np.eye(len(d)) + d[:, None] * G * d
-        return float(np.linalg.slogdet(M)[1] - (d * b) @ np.linalg.solve(M, d * b))
+    def loss(variances: np.ndarray) -> tuple[float, np.ndarray]:
+        d2 = variances[field.kind]
+        M = np.eye(len(d2)) + G * d2
+        left = np.linalg.solve(M, np.column_stack([G, b]))
+        slope = np.bincount(field.kind, np.diag(left) - left[:, -1] ** 2, minlength=count)
+        return float(np.linalg.slogdet(M)[1] - (d2 * b) @ left[:, -1]), slope
 
-    count = len(field.kinds)
     start = np.full(count, 0.1)
-    solution = minimize(loss, start, method="L-BFGS-B", bounds=[(0.0, MOST_SCALE**2)] * count).x
+    solution = minimize(loss, start, jac=True, method="L-BFGS-B", bounds=[(0.0, MOST_SCALE**2)] * count).x
     best = np.where(solution > IDENTIFIABLE_SHARE**2, solution, 0.0)
     without = [np.where(np.arange(count) == at, 0.0, 1.0) for at in range(count)]
     for mask in without:  # where data say nothing of a kind, it stays as it began
-        best = best * mask if loss(best * mask) <= loss(best) + IDENTIFIABLE_SHARE else best
-    gains = [loss(best * mask) - loss(best) for mask in without]
+        best = best * mask if loss(best * mask)[0] <= loss(best)[0] + IDENTIFIABLE_SHARE else best
+    gains = [loss(best * mask)[0] - loss(best)[0] for mask in without]
     rows_of = zip(field.kinds, np.sqrt(best), gains, strict=True)
     return tuple(LearntSd(kind, kind.size * float(d), max(gain, 0.0)) for kind, d, gain in rows_of)
