@@ -76,7 +76,8 @@ def part_of(base: Fit, whole: LinearHypothesis, part: frozenset[str]) -> tuple[t
     for cause in causes:
         model = cause.on(model)
     u = np.array([number.u(whole.fit.value(number.name)) for number in numbers])
+    slopes = {number.name: whole.fit.slopes[number.name] for number in whole.fit.parameters if number in numbers}
     try:
-        return causes, fit(base.task, model, numbers, u)
+        return causes, fit(base.task, model, numbers, u, slopes)
     except OptimisationError:
         return causes, None

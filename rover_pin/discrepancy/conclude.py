@@ -17,7 +17,7 @@ from rover_pin.discrepancy.question import Progress, Question
 from rover_pin.discrepancy.search import Search
 from rover_pin.discrepancy.signature import signatures
 from rover_pin.discrepancy.verdict import Side, Verdict
-from rover_pin.estimation.fit import Fit
+from rover_pin.estimation.fit import Fit, again
 from rover_pin.estimation.numbers import AT_BOUND, Number, implausible
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.estimation.profile import NORMAL_95
@@ -91,7 +91,8 @@ def search_of(question: Question, progress: Progress) -> Search:
     if question.experiment.noise() is None:
         progress("learning the noise")
         base = with_learnt_noise(base, [row.shift for row in rows])
-    search = Search(base, progress)
+    progress("fitting the base model to the end")
+    search = Search(again(base, stale=True), progress)
     search.run(rows)
     progress("weighing what is on no list")
     search.leave(question.functions(base))

@@ -18,7 +18,7 @@ from rover_pin.discrepancy.option import Option, alone, options
 from rover_pin.discrepancy.question import Progress
 from rover_pin.discrepancy.signature import Signature, signatures
 from rover_pin.estimation.columns import Columns
-from rover_pin.estimation.fit import Fit, fit
+from rover_pin.estimation.fit import Fit, again
 from rover_pin.estimation.profile import SURE
 from rover_pin.inference.beliefs import Beliefs
 from rover_pin.inference.cause import Cause
@@ -47,8 +47,8 @@ class Search:
     options: dict[str, Option] = field(default_factory=dict)
     fitted: dict[Names, list[LinearHypothesis]] = field(default_factory=dict)
     estimates: dict[Names, LinearHypothesis] = field(default_factory=dict)
-    finished: set[Names] = field(default_factory=set)
-    "sets whose fit was taken to its end"
+    finished: set[Names] = field(default_factory=lambda: {frozenset()})
+    "sets whose fit was taken to its end, as the base comes"
     parted: set[Names] = field(default_factory=set)
     "sets whose parts were fitted from where they are best"
     shortfalls: dict[str, float] = field(default_factory=dict)
@@ -84,22 +84,17 @@ class Search:
         return self.beliefs()
 
     def _fit_worthiest(self) -> bool:
-        """Fit the most promising set, once all that it adds to is at its end; return whether one is worth it.
+        """Fit the most promising set; return whether one is worth it.
 
-        A pair comes after each of its causes alone, the more promising first: a part may do as well.
+        A pair that was estimated about the base model comes after its more promising cause alone, which may do as well.
         """
         names = self._worthiest()
-        if not names:
-            return False
-        alone = [frozenset((name,)) for name in self.estimates[names].names if len(names) == 2]
-        missing = [part for part in alone if part not in self.fitted and part not in self.lost]
-        first = max(missing, key=lambda part: self.score(self.estimates[part]), default=names)
-        smaller = first - set(self.estimates[first].added)
-        if smaller not in self.finished:
-            self._end(smaller)
-        else:
-            self.fit(first)
-        return True
+        if names:
+            added = self.estimates[names].added
+            alone = [frozenset((name,)) for name in added] if len(added) > 1 else []
+            missing = [part for part in alone if part not in self.fitted and part not in self.lost]
+            self.fit(max(missing, key=lambda part: self.score(self.estimates[part]), default=names))
+        return bool(names)
 
     def _end_promising(self) -> bool:
         """Take fits to their end that promise as much as the best is ahead; return whether there was one."""
@@ -240,12 +235,10 @@ class Search:
                 self._note(*min(ends, key=lambda ending: ending[1].chi2))
 
     def _end(self, names: Names) -> None:
-        """Take a fit to its end, every slope computed again: what would be added to it may else only end it."""
+        """Take a fit to its end, every slope computed again."""
         self.finished.add(names)
-        self.progress(f"fitting {' + '.join(sorted(names)) or 'the base model'} to the end")
-        start = self.fitted[names][0].fit
-        fitted = fit(start.task, start.model, start.parameters, start.u, start.slopes, stale=True)
-        self._note(self.fitted[names][0].causes, fitted)
+        self.progress(f"fitting {' + '.join(sorted(names))} to the end")
+        self._note(self.fitted[names][0].causes, again(self.fitted[names][0].fit, stale=True))
 
     def leave(self, functions: Iterable[Columns]) -> None:
         """Weigh, of all that was fitted, that something that is on no list is left besides.

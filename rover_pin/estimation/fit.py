@@ -168,10 +168,8 @@ def fit(
     arrays = task.experiment.cached_arrays(
         request, lambda: descended(task, model, parameters, start, given_slopes, (reuse, stale))
     )
-    u = arrays["u"]
-    slopes_by_name = given_slopes | {
-        parameter.name: slope for parameter, slope in zip(parameters, arrays["slopes"], strict=True)
-    }
+    u, names = arrays["u"], [parameter.name for parameter in parameters]
+    slopes_by_name = given_slopes | dict(zip(names, arrays["slopes"], strict=True))
     return Fit(task, at(task, model, parameters, u), tuple(parameters), u, arrays["predicted"], slopes_by_name)
 
 

@@ -251,6 +251,7 @@ def test_a_set_far_behind_may_lead_with_what_its_law_leaves():
     noise, draw = experiment.noise(), np.random.default_rng(1)
     left = 0.6 * experiment.columns["r"] + 0.6 * experiment.columns["s"] + 3.0 * draw.normal(size=toys.SHAPE)
     search = toys.searched(replace(experiment, observed=experiment.observed + 4.0 * left), NAMES)
+    search.fit(frozenset("q"))
     plain = search.beliefs()
     assert {"r", "s"} <= set(plain.best().names)
     search.leave([Columns(100.0 * noise.white(left[None]).T, (slice(None),))])

@@ -20,7 +20,7 @@ def with_learnt_noise(base: Fit, shifts: Sequence[np.ndarray]) -> Fit:
     for _ in range(TURNS):
         unexplained, absorbed = saturated(base, shifts, field)
         noisy = with_noise(base, unexplained, least, absorbed)
-        base = again(noisy if field is None else with_random_effects(noisy, shifts, field))
+        base = again(noisy if field is None else with_random_effects(noisy, shifts, field), reuse=True)
     return base
 
 
