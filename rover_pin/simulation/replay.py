@@ -185,13 +185,13 @@ def replay(
     run: Commands,
     perturbation: Perturbation = Perturbation(),
     rest_state: DriveState | None = None,
-    finer: int = 1,
+    fine: bool = False,
     steps: StepsTaken | None = None,
 ) -> Replay:
     """Return what `model` does under the logged commands, from where it comes to rest, or from a `rest_state`.
 
-    Steps are `finer` times as short as they would be, or those of another replay: what a number changes is
-    smooth then, where steps that each chooses for itself jump.
+    Steps are half as long and judged as a drive's where it is to be `fine`, or those of another replay: what a number
+    changes is smooth then, where steps that each chooses for itself jump.
     Source: Bock, Recent advances in parameter identification techniques for ODE (1983), internal differentiation.
 
     The rover is drawn to the logged x, y and heading with the time constant HOLD, so that it stays on the ground where
@@ -210,12 +210,20 @@ def replay(
     state = settled(model, run.start) if rest_state is None else taken_over(model, rest_state)
     model = model.begun(run.start.x, run.start.y)
     longest = run.period / math.ceil(run.period / DT - 1e-9)
-    dt = steps.dt if steps else longest / parts(model, state, longest) / finer
+    dt = steps.dt if steps else longest / parts(model, state, longest) / (1 + fine)
     kernel = Kernel(model, state, dt, symmetric=False)
     kernel.disable_energy_balance()
     per_row = round(run.period / dt)
     lengths = {"followed": np.append(steps.lengths, 0.0)} if steps else {}
-    loop = Loop(kernel, dt, per_row * len(run.t), per_row, rough=ROUGH, **_fields(model, run, perturbation), **lengths)
+    loop = Loop(
+        kernel,
+        dt,
+        per_row * len(run.t),
+        per_row,
+        rough=1.0 if fine else ROUGH,
+        **_fields(model, run, perturbation),
+        **lengths,
+    )
     loop.keep_history(per_row * len(run.t) * FINEST)
     if run.rate is not None:
         kernel.hold(loop.keep["rate_rows"][0].copy())

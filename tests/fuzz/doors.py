@@ -109,7 +109,7 @@ def _undriven(*given: object, **named: object) -> None:
 
 
 STOPS = (
-    "rover_pin.loop.standalone.concluded",
+    "rover_pin.loop.standalone.conclude",
     "rover_pin.loop.close.close_rig_loop",
     "rover_pin.loop.close.close_drive_loop",
     "rover_pin.tuning.tune.tune_gains",

@@ -28,6 +28,7 @@ from rover_pin.experiments.drive_log.readings.tracker import TRACKER, tracker_co
 from rover_pin.experiments.drive_log.resume import Memory, Recent, digest
 from rover_pin.simulation.logged_inputs import PLACE
 from rover_pin.simulation.model.model import Model
+from rover_pin.simulation.outcome.step_error import MARGIN
 from rover_pin.simulation.replay import Commands, Perturbation, Replay, StepsTaken, replay
 from rover_pin.simulation.start.place import shared_rest
 from rover_pin.simulation.state import DriveState
@@ -86,18 +87,19 @@ class DriveExperiment(Experiment):
     def least_noise(self, model: Model) -> np.ndarray:
         """Return the RMS error of a replay in each feature (channels,), no less than LEAST_NOISE.
 
-        To first order in its step it is twice what halving the step moves. A log without noise shows that alone.
+        As a drive states its own, it is MARGIN / (1/2) times what half the step moves, judged as a drive's. A log
+        without noise shows that alone.
         """
 
         def halved() -> dict[str, np.ndarray]:
             tasks = [
-                (model, run.commands, Perturbation(), rest_state, 2)
+                (model, run.commands, Perturbation(), rest_state, True)
                 for run, rest_state in zip(self.runs, self.rests, strict=True)
             ]
             finer = self.read(self._spread(_replayed, tasks), model.sensor_effects)
             change = finer - self.predict([model])[0]
             use = np.isfinite(self.observed) & (np.abs(change) < LOST / 2)
-            return {"error": 2.0 * rms_of(change, use)}
+            return {"error": MARGIN / 0.5 * rms_of(change, use)}
 
         return np.fmax(super().least_noise(model), self.cached_arrays(("half the steps", model), halved)["error"])
 
@@ -265,12 +267,12 @@ def _replayed(
     run: Commands,
     perturbation: Perturbation,
     rest_state: DriveState | None,
-    finer: int = 1,
+    fine: bool = False,
     steps: StepsTaken | None = None,
 ) -> Replay:
     """Return the replay; where the rover does not even settle or can have no such body, one in which nothing moves."""
     try:
-        return replay(model, run, perturbation, rest_state, finer, steps)
+        return replay(model, run, perturbation, rest_state, fine, steps)
     except (ParameterError, SimulationError) as error:
         return Replay({"t_s": run.t}, str(error))
 

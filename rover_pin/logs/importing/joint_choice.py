@@ -159,9 +159,13 @@ def _slips(velocity: np.ndarray, climb: np.ndarray, rims: np.ndarray) -> np.ndar
 
 
 def _turning(turns: np.ndarray, blocks: Signals, free: np.ndarray) -> np.ndarray:
-    """Return how much likelier than chance turns (h, n) and the difference of the rims are, (h, w)."""
+    """Return how much likelier than chance turns (h, n) and the difference of the rims are, (h, w).
+
+    A difference that is the rims' round-off tells nothing.
+    """
     n = np.array([[independent(turn, spin) for spin in blocks.spins] for turn in turns])
     size, spin = np.linalg.norm(turns, axis=1)[:, None], np.linalg.norm(blocks.spins, axis=1)
+    spin[spin < np.sqrt(np.finfo(float).eps) * np.linalg.norm(blocks.rims, axis=1)] = 0.0
     return relation(turns @ blocks.spins.T, size, spin, n, SCRUB, free)
 
 
