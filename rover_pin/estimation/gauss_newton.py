@@ -77,9 +77,8 @@ def descended(
     reuse, stale = options
     u = np.zeros(len(parameters)) if start is None else np.array(start, dtype=float)
     u = np.clip(u, *bounds_of(parameters).T)
-    given = [parameter.name in given_slopes for parameter in parameters]
-    renewable = [at for at, known in enumerate(given) if not (reuse and known)]
-    missing = [at for at, known in enumerate(given) if not known]
+    missing = [at for at, parameter in enumerate(parameters) if parameter.name not in given_slopes]
+    renewable = missing if reuse else list(range(len(parameters)))
     predicted = task.experiment.predict([at(task, model, parameters, u)])[0]
     slopes = np.zeros((len(parameters), *predicted.shape))
     for table, parameter in zip(slopes, parameters, strict=True):

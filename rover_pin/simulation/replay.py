@@ -215,15 +215,8 @@ def replay(
     kernel.disable_energy_balance()
     per_row = round(run.period / dt)
     lengths = {"followed": np.append(steps.lengths, 0.0)} if steps else {}
-    loop = Loop(
-        kernel,
-        dt,
-        per_row * len(run.t),
-        per_row,
-        rough=1.0 if fine else ROUGH,
-        **_fields(model, run, perturbation),
-        **lengths,
-    )
+    fields = {"rough": 1.0 if fine else ROUGH, **_fields(model, run, perturbation), **lengths}
+    loop = Loop(kernel, dt, per_row * len(run.t), per_row, **fields)
     loop.keep_history(per_row * len(run.t) * FINEST)
     if run.rate is not None:
         kernel.hold(loop.keep["rate_rows"][0].copy())

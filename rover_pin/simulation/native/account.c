@@ -5,7 +5,7 @@ static void account(const Drive *d, const Step *s) {
   double soil = 0, motor = 0, other = 0, servos = 0;
   for (integer i = 0; i < d->nv; ++i) {
     double speed = d->v[i] + 0.5 * d->du[i];
-    motor += (system->motor_torque[i] + system->motor_slope[i] * system->felt[i]) * speed;
+    motor += (system->motor_torque[i] + system->motor_slope[i] * system->mean_du[i]) * speed;
     other -= (system->other_Q[i] + system->other_slope[i] * d->du[i]) * speed;
   }
   for (integer k = 0; k < d->n_servos; ++k) {

@@ -25,13 +25,13 @@ static void motion_by(const Wheel *wheel, const double *speeds, double *motion) 
 }
 
 /* A wheel's change of motion, the load expected of it, and its states at the step's end. */
-static void end_wheel(const Drive *d, integer index, const Wheel *wheel, const double *felt, WheelLoad *sum) {
+static void end_wheel(const Drive *d, integer index, const Wheel *wheel, const double *mean_du, WheelLoad *sum) {
   const integer nx = d->n_contact_states;
   motion_by(wheel, d->du, sum->moved);
-  motion_by(wheel, felt, sum->felt);
+  motion_by(wheel, mean_du, sum->mean_moved);
   for (int a = 0; a < 4; ++a) d->foreseen[4 * index + a] = sum->end[a] + by_moved(sum->end_slope[a], sum->moved);
   for (integer i = 0; i < nx; ++i)
-    d->contact_states[index * nx + i] += sum->gain[i] + by_moved(sum->gain_slope[i], sum->felt);
+    d->contact_states[index * nx + i] += sum->gain[i] + by_moved(sum->gain_slope[i], sum->mean_moved);
 }
 
 /* Power of the soil on a wheel half-way through the step, and what it pushes there. */
@@ -39,7 +39,7 @@ static double soil_power(const Drive *d, integer index, const Wheel *wheel, cons
   _Alignas(64) double du[MAX_COLS];
   double power = 0.0, *mean = d->mean_loads + 6 * index;
   take_columns(wheel, d->du, du);
-  for (int i = 0; i < 6; ++i) mean[i] = sum->wrench[i] + by_moved(sum->slope[i], sum->felt);
+  for (int i = 0; i < 6; ++i) mean[i] = sum->wrench[i] + by_moved(sum->slope[i], sum->mean_moved);
   for (int c = 0; c < 3; ++c) {
     power += mean[c] * (wheel->velocity[c] + 0.5 * sum->moved[c]);
     power += mean[3 + c] * (wheel->rate[c] + 0.5 * along(wheel->ang[c], du, wheel->rows));

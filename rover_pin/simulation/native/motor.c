@@ -44,7 +44,7 @@ static void hold_rates(const Drive *d, System *system) {
 static void end_held(const Drive *d, const System *system) {
   for (integer w = 0; w < d->n_wheels; ++w) {
     const integer dof = d->wheel_dof[w];
-    d->record[w * N_RECORD + RECORD_TORQUE] = system->motor_torque[dof] + system->motor_slope[dof] * system->felt[dof];
+    d->record[w * N_RECORD + RECORD_TORQUE] = system->motor_torque[dof] + system->motor_slope[dof] * system->mean_du[dof];
   }
 }
 

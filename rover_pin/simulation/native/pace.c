@@ -43,12 +43,15 @@ static void keep_now(const Drive *d, const Loop *l) {
 /* Let `now` be of this instant, by a step in which nothing moves; the slot is written over. */
 static void look(Drive *d, Loop *l, integer slot) {
   const double dt = d->dt;
+  const integer accounts = d->accounts;
   save(l, slot);
   d->dt = GLANCE;
+  d->accounts = 0;
   rover_pin_step(d);
   keep_now(d, l);
   restore(l, slot);
   d->dt = dt;
+  d->accounts = accounts;
   l->before_size = 0; /* its place may be taken */
 }
 

@@ -154,8 +154,8 @@ static int solve_speeds(Drive *d, System *system) {
   set_followers(d, second);
   for (integer i = 0; i < nv; ++i) {
     d->du[i] = gamma * first[i] + (1.0 - gamma) * second[i];
-    system->felt[i] = gamma * (first[i] + (1.0 - gamma) * second[i]);
-    if (left >= 0) lacks += left_row[i] * system->felt[i] / gamma;
+    system->mean_du[i] = gamma * (first[i] + (1.0 - gamma) * second[i]);
+    if (left >= 0) lacks += left_row[i] * system->mean_du[i] / gamma;
   }
   system->differential = lacks / d->dt;
   return status;

@@ -36,7 +36,7 @@ static void add_soil(Drive *d, Step *s) {
 static void end_motors(const Drive *d, const Step *s) {
   for (integer w = 0; w < d->n_wheels; ++w)
     for (integer i = 0; i < d->n_motor_states; ++i)
-      d->motor_states[w * d->n_motor_states + i] += s->motor_steps[w][i][0] + s->motor_steps[w][i][1] * s->system.felt[d->wheel_dof[w]];
+      d->motor_states[w * d->n_motor_states + i] += s->motor_steps[w][i][0] + s->motor_steps[w][i][1] * s->system.mean_du[d->wheel_dof[w]];
 }
 
 static int add_speeds(const Drive *d) {
@@ -55,7 +55,7 @@ int rover_pin_step(Drive *d) {
   drift(d);
   move_body(d);
   set_inertia(d, s->system.A);
-  set_inertia(d, s->system.mass);
+  memcpy(s->system.mass, s->system.A, d->nv * sizeof s->system.A[0]);
   clear_forces(d, &s->system);
   add_soil(d, s);
   add_motors(d, bus, s);
@@ -65,7 +65,7 @@ int rover_pin_step(Drive *d) {
   complete_system(d, &s->system, &s->push);
   int status = solve_speeds(d, &s->system);
   if (status != OK) return status;
-  for (integer w = 0; w < d->n_wheels; ++w) end_wheel(d, w, s->wheels + w, s->system.felt, s->loads + w);
+  for (integer w = 0; w < d->n_wheels; ++w) end_wheel(d, w, s->wheels + w, s->system.mean_du, s->loads + w);
   if (d->accounts) account(d, s);
   *d->differential = differential_torque(d, &s->system, &s->push);
   end_motors(d, s);

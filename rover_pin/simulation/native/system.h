@@ -20,11 +20,11 @@ typedef struct { /* what the soil does to a wheel at its centre, and its slopes 
   double load[4], end[4], end_slope[4][4];     /* f_t f_y f_n torque: now, and expected at the step's end */
   double weight, gain[MAX_STATES], gain_slope[MAX_STATES][4]; /* change of its states */
   double spring[6][3];                         /* slope with the way, while the rover is set down */
-  double moved[4], felt[4];                    /* change of its velocity and spin, and as its mean load feels it */
+  double moved[4], mean_moved[4];              /* change of its velocity and spin, and that of its mean load */
 } WheelLoad;
 
-typedef struct { /* A = mass - gamma dt D, force, and their parts; `felt`: the change of speeds in the mean forces */
-  _Alignas(64) double A[MAX_DOF][MAX_DOF], mass[MAX_DOF][MAX_DOF], kept[MAX_DOF][MAX_DOF], felt[MAX_DOF];
+typedef struct { /* A = mass - gamma dt D, force, and their parts; mean_du: the change of speeds in the mean forces */
+  _Alignas(64) double A[MAX_DOF][MAX_DOF], mass[MAX_DOF][MAX_DOF], kept[MAX_DOF][MAX_DOF], mean_du[MAX_DOF];
   double force[MAX_DOF], motor_torque[MAX_DOF], motor_slope[MAX_DOF], other_Q[MAX_DOF], other_slope[MAX_DOF];
   double differential; /* torque on the left rocker */
 } System;

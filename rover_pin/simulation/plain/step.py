@@ -98,19 +98,19 @@ class Plain:
         motor_Q, motor_D, motor_steps = self._motors()
         spring_Q, spring_D = self._springs()
         push_Q, push_D = self._push()
-        du, felt = self._solve(
+        du, mean_du = self._solve(
             self.soil_Q + motor_Q + spring_Q + push_Q, self.soil_D + np.diag(motor_D), np.diag(spring_D) + push_D
         )
         self.foreseen[:] = self.end + self.end_slope @ du
-        self.mean_loads[:] = self.loads + self.load_slopes @ felt
-        motor = motor_Q + motor_D * felt
+        self.mean_loads[:] = self.loads + self.load_slopes @ mean_du
+        motor = motor_Q + motor_D * mean_du
         if self.held_rate is not None:
             self.record[:, 9] = motor[[wheel.dof for wheel in self.rover.wheels]]
-        self._account(du, self.soil_Q + self.soil_D @ felt, motor, spring_Q + spring_D * du, push_Q + push_D @ du)
+        self._account(du, self.soil_Q + self.soil_D @ mean_du, motor, spring_Q + spring_D * du, push_Q + push_D @ du)
         for index, (gain, slope) in enumerate(updates):
-            state.contact[index] += gain + slope @ felt
+            state.contact[index] += gain + slope @ mean_du
         for wheel, row, (gain, slope) in zip(self.rover.wheels, state.motor, motor_steps, strict=True):
-            row += gain + slope * felt[wheel.dof]
+            row += gain + slope * mean_du[wheel.dof]
         state.v += du
         if self.symmetric:
             perm, sign = self.rover.mirror
@@ -130,10 +130,10 @@ class Plain:
         saddle = np.block([[effective_mass, G.T], [G, np.zeros((len(G), len(G)))]])
         first = np.linalg.solve(saddle, np.append(self.dt * (force - nle), -G @ state.v))
         second = np.linalg.solve(saddle, np.append(mass @ first[: model.nv], -G @ state.v))
-        solved, felt = GAMMA * first + (1.0 - GAMMA) * second, GAMMA * (first + (1.0 - GAMMA) * second)
+        solved, mean_du = GAMMA * first + (1.0 - GAMMA) * second, GAMMA * (first + (1.0 - GAMMA) * second)
         du = solved[: model.nv]
-        self.differential[0] = -felt[model.nv] / GAMMA / self.dt if rigid else self.torque + self.torque_slope @ du
-        return np.asarray(du), np.asarray(felt[: model.nv])
+        self.differential[0] = -mean_du[model.nv] / GAMMA / self.dt if rigid else self.torque + self.torque_slope @ du
+        return np.asarray(du), np.asarray(mean_du[: model.nv])
 
     def _wheel(self, index: int) -> tuple[np.ndarray, np.ndarray]:
         """Add a wheel's patches; return how its states move: gain and slope by du."""
