@@ -39,6 +39,7 @@ def test_its_commands_and_their_options_are_there(name):
         assert {word for word in words if word.startswith("-")} <= known, line
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name, text in PAGES.items() if "```python" in text])
 def test_its_python_runs(name, capsys, tmp_path, monkeypatch):
     (tmp_path / "studies").symlink_to(ROOT / "studies")

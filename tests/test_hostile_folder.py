@@ -109,6 +109,7 @@ def marked(lines, mark):
     return [pytest.param(words, marks=mark) for words in lines]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("words", [*QUICK, *marked(SLOW, pytest.mark.slow), *marked(NIGHTLY, pytest.mark.nightly)])
 def test_nothing_of_the_folder_runs(folder, words):
     needs_log = any(word.partition("/")[0] == "log" for word in words)

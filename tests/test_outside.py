@@ -320,6 +320,7 @@ def test_no_mesh_unpacks_to_more_than_it_is(name, content, tmp_path, monkeypatch
     assert name in caplog.text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("marked", [True, False])
 @pytest.mark.parametrize(
     ("name", "read"),

@@ -65,6 +65,7 @@ def until(condition, seconds=300.0):
     return condition()
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks at processes in /proc")
 @pytest.mark.parametrize(("stop", "send"), [(signal.SIGTERM, os.kill), (signal.SIGINT, os.killpg)])
 def test_a_stopped_sweep_leaves_no_workers_and_says_what_is_kept(tmp_path, stop, send):

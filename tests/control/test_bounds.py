@@ -48,6 +48,7 @@ def searched(load, S, soil, kind, wheel=WHEEL):
         return float(at(mp.exp(y))["torque"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("soil", "load", "S"),
     [

@@ -15,6 +15,7 @@ GROWTH = {"rig": 0.1, "cmu": 0.1, "drive": 0.5}
 SETS = [*golden.FAST, *(pytest.param(name, marks=pytest.mark.nightly) for name in golden.SLOW)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SETS)
 def test_the_answer_is_the_frozen_one(name, tmp_path):
     frozen, now = FROZEN[name], golden.answer(name, tmp_path / "set")

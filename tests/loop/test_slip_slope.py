@@ -36,6 +36,7 @@ def test_it_predicts_what_the_plain_generator_finds(tmp_path):
     assert bed.predict([model])[0] == pytest.approx(bed.observed, abs=4e-3)
 
 
+@pytest.mark.slow
 def test_table_without_hidden_effect_needs_none_and_gives_soil(tmp_path):
     made = folder(tmp_path, TOML.replace("31.5", "33.5"))
     found = close_the_loop(made)

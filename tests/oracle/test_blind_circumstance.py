@@ -63,6 +63,7 @@ def test_a_coarse_encoder_loses_no_count_and_declares_its_noise():
     assert circumstance.noise("drift") == circumstance.noise("moon") == {}
 
 
+@pytest.mark.slow
 def test_a_log_declares_its_gravity_and_its_encoders(tmp_path):
     sets = [{"index": at, "kind": "none", "hidden": [], "under": name} for at, name in ((1, "moon"), (3, "coarse"))]
     sealed.generate(tmp_path / "sets", sets, 4, tmp_path / "answers.json", duration=0.5)

@@ -93,6 +93,7 @@ def test_it_is_built_as_it_says(logs, name):
     assert (of.length, of.width) == pytest.approx((built["r"] / 0.045, built["b"] / 0.05))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", OTHERS)
 def test_at_rest_the_ground_carries_its_weight(name):
     """Forces sum to m g upwards, their moment about the base's origin is that of the weight."""

@@ -87,6 +87,7 @@ def test_with_slip_control_the_rover_goes_out_with_table_1(settings):
     assert outcome(case(duration=40.0, **settings)) == "out"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("k", "wall"), [(0.025, 33.0), (0.010, 42.0)])
 @pytest.mark.parametrize("settings", [{"control": "true"}, {"control": "true", **TUNED}, {"control": "eq9"}])
 def test_no_slip_control_rescues_where_f_rises_with_the_slip(k, wall, settings):
@@ -130,6 +131,7 @@ DIGGING = {**LOSING, "terrain.wall_angle_deg": 45.0, "add": "DiggingMemory.c_d=0
 TIGHT = {**LOSING, "terrain.wall_angle_deg": 38.0, "effect.MotionResistance.R": 0.1, "duration": 45.0}
 
 
+@pytest.mark.slow
 def test_the_story_comes_out_on_a_sand_that_digs_too():
     """'avoiding soil failure', 'without digging the soil or being stuck': buried without, out with the true slip."""
     without, controlled = case(0.5, **DIGGING), case(0.5, control="true", **TUNED, **DIGGING)
@@ -155,6 +157,7 @@ def test_where_wheels_dig_it_leaves_walls_of_46_degrees():
     assert outcome(case(0.5, control="true", **{**TUNED, **DIGGING, "terrain.wall_angle_deg": 46.0})) == "out"
 
 
+@pytest.mark.slow
 @pytest.mark.xfail(strict=True, reason="buried: Eq 9 reads the wheel that spins as one that grips")
 def test_where_wheels_dig_it_goes_out_by_eq_9():
     assert outcome(case(0.5, control="eq9", **TUNED, **DIGGING)) == "out"

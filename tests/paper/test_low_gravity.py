@@ -20,6 +20,7 @@ def test_a_lunar_rover_bounces_more_over_a_bump():
     assert over_the_bump(0.05, "moon")["lift_off"] > 0.0
 
 
+@pytest.mark.slow
 def test_a_fast_rover_bounces_the_more_the_smaller_the_gravity():
     """At 1 m/s: shares of wheels in the air of 0, 12 and 29 %, peak loads of 2.5, 7.3 and 12.3 times the static one."""
     earth, mars, moon = (over_the_bump(1.0, place) for place in study.PLACES)

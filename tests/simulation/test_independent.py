@@ -118,6 +118,7 @@ def test_statics_find_the_same_rest():
     assert mine.along == pytest.approx(theirs.along, abs=1e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "settings", "command", "duration", "start"),
     [

@@ -28,6 +28,7 @@ def assert_alike(plain, kernel):
     assert plain.differential == pytest.approx(kernel.differential, rel=1e-8, abs=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
 def test_steps_agree(name):
     """State by state, so that a chaotic moment cannot hide an error or make one."""

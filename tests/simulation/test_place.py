@@ -44,6 +44,7 @@ def assert_placed(state, start):
     assert not state.v.any()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", ["net", "torque", "gross"])
 @pytest.mark.parametrize("k", [1e-3, 2.5e-3, 0.05])
 @pytest.mark.parametrize("angle", [5.0, 15.0])

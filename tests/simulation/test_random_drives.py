@@ -135,6 +135,7 @@ def assert_sound(seeds):
     assert np.mean([kept for _, drove, kept in results.values() if drove]) > KEPT
 
 
+@pytest.mark.slow
 def test_a_few_random_drives_are_sound():
     assert_sound(range(FEW))
 

@@ -65,6 +65,7 @@ def summed(S, theta_1, theta_2, soil, theta_m=None):
     return oracle.panel_forces(S, theta_1, theta_2, *more, theta_m)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("corner", CORNERS)
 def test_the_oracles_sum_is_its_30_digit_integral_to_1e_10(corner):
     n, theta_1, ratio, k, S, c = corner

@@ -43,6 +43,7 @@ def mark(name):
     return pytest.mark.nightly if name in LONG else () if name in SHORT else pytest.mark.slow
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("file", marked(STUDIES))
 def test_a_study_runs_quickly(file, tmp_path):
     out = tmp_path / "results"

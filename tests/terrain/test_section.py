@@ -83,6 +83,7 @@ def test_a_lip_is_the_arc_integral(wall, x):
     assert found[[0, 2]] == pytest.approx(brute_force(corners, centre), rel=2e-3, abs=2e-7)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("wall", "depth"), [(30.0, 0.002), (30.0, 0.02), (60.0, 0.008), (60.0, 0.02), (85.0, 0.012)])
 def test_forces_are_continuous_along_a_ditch(wall, depth):
     """The largest jump shrinks with the step. (Sunk by r / 2 and more, where drives stop, steep lips leave jumps.)"""

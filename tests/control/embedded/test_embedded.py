@@ -49,6 +49,7 @@ def stepped(program, limit="1e-12"):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("settings", CONTROLS.values(), ids=CONTROLS)
 def test_c_answers_as_the_package(settings, tmp_path):
     write_control(taken(**settings), tmp_path)
@@ -90,6 +91,7 @@ def test_vectors_try_all_that_a_control_decides():
     assert set(cause) >= {-1.0, 0.0, 1.0, 2.0, 3.0}
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(shutil.which("cmake") is None, reason="cmake is not installed")
 def test_cmake_builds_and_tests_it(tmp_path):
     write_control(taken(control="eq9"), tmp_path)

@@ -76,6 +76,7 @@ def wandering(k, wheels=6):
     return 0.4 + 0.4 * np.sin(0.1 * k + np.arange(wheels))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("scene", "steer"), [("ditch", 0.0), ("rocks", 0.0), ("turn", 0.2)])
 def test_plant_moves_as_the_drive(opened, scene, steer):
     chosen = scenario(scene)
@@ -96,6 +97,7 @@ def test_plant_moves_as_the_drive(opened, scene, steer):
         assert own["position"][1] > 0.01
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("control", ["eq9", "onboard", "camera", "true"])
 def test_controller_answers_as_the_package(opened, control):
     chosen = scenario("ditch", control=control)
@@ -112,6 +114,7 @@ def test_controller_answers_as_the_package(opened, control):
         np.testing.assert_allclose(said, answer, rtol=1e-9, atol=1e-10)
 
 
+@pytest.mark.slow
 def test_both_units_in_a_loop_drive_as_the_package(opened):
     plant_unit, control = opened("ditch"), opened("ditch", "onboard")
     trace = scenario("ditch", control="onboard", duration=8.0).drive(measure_error=False)
@@ -126,6 +129,7 @@ def test_both_units_in_a_loop_drive_as_the_package(opened):
     assert plant_unit["position"][0] > 0.3
 
 
+@pytest.mark.slow
 def test_a_commanded_motion_drives_as_the_package(opened):
     commanded = {"control.speed": 0.03, "control.yaw_rate": 0.05}
     plant_unit, control = opened("hills", side="shear"), opened("hills", "cmd-vel")
@@ -143,6 +147,7 @@ def test_a_commanded_motion_drives_as_the_package(opened):
     assert abs(trace["body_yaw"][-1]) > 0.05
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("scene", "control"), [("ditch", ""), ("slope", ""), ("ditch", "onboard"), ("flat", "eq9")])
 def test_units_keep_to_the_standard(opened, scene, control):
     own = opened(scene, control)
@@ -172,6 +177,7 @@ def test_a_state_is_restored_here_and_in_another_instance(opened):
     unit.freeFMUState(state)
 
 
+@pytest.mark.slow
 def test_soil_may_change_on_the_way_and_reset_begins_anew(opened):
     firm, weak = opened("incline"), opened("incline")
     for own in (firm, weak):
@@ -186,6 +192,7 @@ def test_soil_may_change_on_the_way_and_reset_begins_anew(opened):
     assert weak["soil.k"] == pytest.approx(firm["soil.k"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "values"), [("duty", [1.5] * 6), ("duty", [np.nan] * 6), ("duty", [0.5] * 5), ("slip", [0.0] * 6),
                          ("soil.k", [-1.0])]
@@ -198,6 +205,7 @@ def test_what_is_not_allowed_is_refused(opened, name, values):
     np.testing.assert_array_equal(own["duty"], before)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("step", [0.0, 0.02, 0.07])
 def test_a_step_of_no_whole_periods_is_refused(opened, step):
     with pytest.raises(Exception, match="fmi3DoStep"):

@@ -75,6 +75,7 @@ def test_missing_cell_has_no_weight_and_its_row_keeps_others(plain, tmp_path):
     assert own.u == pytest.approx(other.u, abs=1e-4)
 
 
+@pytest.mark.slow
 def test_the_loop_goes_through_a_set_with_missing_cells(plain, tmp_path):
     folder = changed(plain, tmp_path / "holes", points=with_holes)
     verdict = close_the_loop(folder, out=tmp_path / "out")
@@ -223,6 +224,7 @@ def test_a_fitted_stiffness_is_held_against_the_declared_one(plain, tmp_path, st
     assert flags(data, soil.replace(n=soil.n + 0.1), b, (Number("soil.k_1", "Pa", 1.0, 1.0, 1.0, math.nan),)) == ()
 
 
+@pytest.mark.slow
 def test_wheel_with_declared_lugs_has_a_trench_from_the_start(tmp_path):
     """Its depth is known but for how full the pockets are; what is missing besides is told from it."""
     rig = hidden.Rig(sizes={"lug_trench": 0.006, "rate_dependence": 0.1})

@@ -87,6 +87,7 @@ def test_a_model_file_gives_the_same_numbers_back(tmp_path):
 # --- hidden effects --------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_hidden_effect_is_named_with_its_size_and_reported(tmp_path):
     said = []
     path = folder(tmp_path, "slip_sinkage", nominal=hidden.WRONG)
@@ -128,6 +129,7 @@ def test_a_hidden_effect_is_named_with_its_size_and_reported(tmp_path):
     assert said[0] == "calibrating the base model"
 
 
+@pytest.mark.slow
 def test_a_null_set_needs_no_effect(tmp_path):
     verdict = close_the_loop(folder(tmp_path, "none", seed=3, nominal=hidden.WRONG))
     assert verdict.answer is Answer.NONE_NEEDED
@@ -136,6 +138,7 @@ def test_a_null_set_needs_no_effect(tmp_path):
     assert all(one.is_noise for one in verdict.extra.after.residuals)
 
 
+@pytest.mark.slow
 def test_unlisted_effect_is_described_and_its_draft_is_an_effect(tmp_path):
     path = folder(tmp_path, "slip_squared_drag")
     verdict = close_the_loop(path, out=tmp_path / "out")
@@ -171,6 +174,7 @@ def test_a_fold_nobody_predicts_vetoes_a_draft_on_a_rig(tmp_path, monkeypatch):
     assert draft.unpredicted == levels[-1][:1]
 
 
+@pytest.mark.slow
 def test_noise_that_is_larger_than_declared_is_no_unknown_effect(tmp_path):
     """Seven of seven blind sets with nothing hidden were once called "none of these"."""
     rig = hidden.Rig("none")
@@ -237,6 +241,7 @@ def test_pressing_files_of_several_wheels_need_the_surface(tmp_path):
 # --- measured data ---------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_smooth_wheel_sinks_with_slip():
     """Held-out sinkage error 5.6 -> 1.2 mm, by either form, in all folds but one; then sand is as stiff as pressed in.
 

@@ -116,6 +116,7 @@ def test_pressings_tell_the_exponent_that_one_load_does_not(tmp_path):
     assert "soil.n" in identify(bare).held
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("stiffer", [0.7, 1.0, 1.5])
 def test_sand_stiffer_when_pressed_is_said_and_not_bent(tmp_path, stiffer):
     """The soil under the rolling wheel stays what it is, and nothing is missing."""

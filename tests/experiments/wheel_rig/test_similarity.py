@@ -75,6 +75,7 @@ def test_slip_along_the_heading_is_told_from_that_of_the_travel(tmp_path):
     assert found["h / r"].groups == (ANGLE,)
 
 
+@pytest.mark.slow
 def test_what_is_a_function_of_nothing_is_told_so(tmp_path):
     """Of 18 channels of noise at most two are said to collapse."""
     said = []
