@@ -21,7 +21,7 @@ MIN_STEP = 1e-6
 MAX_STEP = 0.1
 """Greatest step [s]."""
 MOST_PERIODS = 1000
-"""Of one of control and sample in a whole number of the other, at most."""
+"""Most parts of the shorter of two periods that make up the longer one."""
 CONTROL_PERIOD = 0.05
 """Sample time of the controller [s] (assumed; the command is held in between)."""
 SAMPLE = 0.05
@@ -50,7 +50,7 @@ class Timing:
             raise SimulationError(f"dt = {self.dt:g} s is not allowed: it must lie in [{MIN_STEP:g}, {MAX_STEP:g}] s.")
         if not self.tolerance > 0.0:
             raise SimulationError(f"tolerance = {self.tolerance:g} m is not allowed: give a positive distance.")
-        object.__setattr__(self, "dt", self._shared / math.ceil(self._shared / self.dt - 1e-9))
+        object.__setattr__(self, "dt", min(self.dt, self._shared / math.ceil(self._shared / self.dt - 1e-9)))
 
     @property
     def _shared(self) -> float:
@@ -60,13 +60,14 @@ class Timing:
                 raise SimulationError(
                     f"The {name} period {getattr(self, name):g} s is not allowed: give {MIN_STEP:g} s or more."
                 )
-        ratio = Fraction(self.control / self.sample).limit_denominator(MOST_PERIODS)
-        if not 0 < ratio.numerator <= MOST_PERIODS or abs(ratio / Fraction(self.control / self.sample) - 1) > 1e-6:
+        shorter, longer = sorted((self.control, self.sample))
+        ratio = Fraction(longer / shorter).limit_denominator(MOST_PERIODS)
+        if abs(ratio * shorter / longer - 1.0) > 1e-7:
             raise SimulationError(
                 f"The control period {self.control:g} s and the sample period {self.sample:g} s have no step in "
                 "common: give one that is a whole multiple of the other."
             )
-        return self.sample / ratio.denominator
+        return shorter / ratio.denominator
 
     def halved(self) -> Timing:
         """Return the same with half the step, also where the ground asks for a finer one than `dt`."""

@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from rover_pin.base.errors import SimulationError
@@ -19,6 +19,9 @@ from rover_pin.simulation.timing import DT, TOLERANCE, Timing
     control=st.integers(1, 12),
     sample=st.integers(1, 12),
 )
+@example(dt=0.1, shared=0.05, control=2, sample=6)
+@example(dt=0.001, shared=1e-5, control=1, sample=5000)
+@example(dt=0.01, shared=0.05, control=5000, sample=1)
 def test_the_step_is_the_longest_that_divides_both_periods(dt, shared, control, sample):
     timing = Timing(dt=dt, control=control * shared, sample=sample * shared)
     common = math.gcd(control, sample) * shared
