@@ -42,7 +42,7 @@ from rover_pin.terrain.section import DEEPEST
 from rover_pin.terrain.terrain import Terrain
 from rover_pin.terrain.toml_table import write_terrain
 
-STEP = spec("s", "the step, refined where the ground asks for it", MIN_STEP, MAX_STEP)
+STEP = spec("s", "the longest step, refined where the ground asks for it", MIN_STEP, MAX_STEP)
 DURATION = spec("s", "of the scenario", MIN_STEP)
 BURIAL = spec("", "assumed: sunk by half a wheel radius, a drive is over", 0.0, DEEPEST)
 WHOLE = {"soil": Soil, "motor": Motor, "start": Start}

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -44,6 +45,17 @@ class Steps(Protocol):
         """Go back to where `saved` was taken."""
 
 
+@contextmanager
+def look(stepper: Steps) -> Iterator[None]:
+    """Look at this instant, by a step in which nothing moves; afterwards all but what it misjudged is as it was."""
+    before, dt = stepper.saved(), stepper.dt
+    stepper.set_step(GLANCE)
+    stepper.step()
+    yield
+    stepper.restore(before)
+    stepper.set_step(dt)
+
+
 class Begun(NamedTuple):
     """Where a step began, and how many of the finest parts it is long."""
 
@@ -83,8 +95,7 @@ class Pace:
     def advance(self, commanded: bool = True, looks: bool = False) -> int:
         """Advance by dt; return the first status that is not 0.
 
-        `commanded`: the motors have a new command since; `looks`: what ends here is looked at, as it is logged or
-        commanded then.
+        `commanded`: the motors have a new command since; `looks`: the end, before a row or command, is looked at.
         """
         if commanded:
             self.before = None
@@ -113,13 +124,9 @@ class Pace:
         return 0
 
     def _misjudged_now(self) -> float:
-        """Return what the last step misjudged, by a step in which nothing moves."""
-        now, dt = self.stepper.saved(), self.stepper.dt
-        self.stepper.set_step(GLANCE)
-        self.stepper.step()
-        self.stepper.restore(now)
-        self.stepper.set_step(dt)
-        return self.stepper.misjudged
+        """Return what the last step misjudged."""
+        with look(self.stepper):
+            return self.stepper.misjudged
 
     def follow(self, followed: np.ndarray, end: float) -> int:
         """Advance to `end` [s] after the begin by the steps of these lengths [s], whatever they misjudge."""

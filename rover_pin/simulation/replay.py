@@ -24,14 +24,13 @@ from rover_pin.simulation.pace import FINEST
 from rover_pin.simulation.resolution import parts
 from rover_pin.simulation.start.place import Start, settled, taken_over
 from rover_pin.simulation.state import DriveState
+from rover_pin.simulation.timing import Timing
 from rover_pin.simulation.trace.inertial import GRAVITY, has_inertial
 from rover_pin.simulation.trace.trace import Trace
 from rover_pin.terrain.terrain import Terrain
 
 PERIOD = 0.05
 """Time between rows of a replay [s], unless the log's rows are further apart."""
-DT = 1 / 60
-"""Longest step of a replay [s], a whole part of the time between rows, divided where the ground asks for it."""
 ROUGH = 20.0
 """How many times `pace.ROUGH` its steps may misjudge: a tracker sees less than a drive's tolerance."""
 HOLD = 1.0
@@ -190,8 +189,8 @@ def replay(
 ) -> Replay:
     """Return what `model` does under the logged commands, from where it comes to rest, or from a `rest_state`.
 
-    Steps are half as long and judged as a drive's where it is to be `fine`, or those of another replay: what a number
-    changes is smooth then, where steps that each chooses for itself jump.
+    Steps are a drive's default ones, half as long and judged as a drive's where it is to be `fine`, or those of another
+    replay: what a number changes is smooth then, where steps that each chooses for itself jump.
     Source: Bock, Recent advances in parameter identification techniques for ODE (1983), internal differentiation.
 
     The rover is drawn to the logged x, y and heading with the time constant HOLD, so that it stays on the ground where
@@ -209,7 +208,7 @@ def replay(
     _check_widths(model, run)
     state = settled(model, run.start) if rest_state is None else taken_over(model, rest_state)
     model = model.begun(run.start.x, run.start.y)
-    longest = run.period / math.ceil(run.period / DT - 1e-9)
+    longest = Timing(control=run.period, sample=run.period).dt
     dt = steps.dt if steps else longest / parts(model, state, longest) / (1 + fine)
     kernel = Kernel(model, state, dt, symmetric=False)
     kernel.disable_energy_balance()

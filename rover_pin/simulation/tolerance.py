@@ -1,4 +1,4 @@
-"""A drive at the step that keeps its tolerance: driven, measured by its own steps taken together, and again at half."""
+"""A drive at the step that keeps its tolerance: driven, and measured by its own steps in halves."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Driven(NamedTuple):
     change: StepChange | None = None
     "what another step makes of it, where that was measured"
     longer: StepChange | None = None
-    "what is left here of the change between twice and four times the step"
+    "what is left here of the change that halving made of the drive before"
 
     @property
     def stated(self) -> StepChange | None:
@@ -108,7 +108,7 @@ def driven_to_tolerance(job: DriveJob, state: DriveState) -> Driven:
     while driven.excess(tolerance) > 1.0 and finer.timing.divided < FINER * job.timing.divided:
         finer = finer._replace(timing=finer.timing.halved())
         driven = _measured(from_start(finer, state, _in_halves(driven, job.duration)), driven, tolerance)
-    vars(job.controller).update(vars(controller))
+    vars(job.controller).update(vars(controller))  # it goes on as its copy did, which drove the last of them
     return driven
 
 

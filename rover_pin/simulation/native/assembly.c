@@ -1,6 +1,6 @@
 /* From what patches push to a wheel's load, and from that to generalised forces and their slopes. */
 
-typedef struct { /* the states' step dx = (I - dt/2 r_x)^-1 dt (r + r_v dv/2): its start, and its slopes with speeds */
+typedef struct { /* the states' step dx = (I - dt/2 r_x)^-1 dt (r + r_v w), w: mean_du; its start, and its slopes with speeds */
   double of[MAX_STATES][5];
 } StateStep;
 

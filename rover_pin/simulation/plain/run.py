@@ -8,7 +8,7 @@ from rover_pin.simulation.checkpoint import Checkpoint
 from rover_pin.simulation.driving import OFTEN, Drive, Progress, Ran, Stepper, diverged, obey
 from rover_pin.simulation.failure import failure, suspension_of
 from rover_pin.simulation.instant import Instant, Places
-from rover_pin.simulation.pace import GLANCE, Pace
+from rover_pin.simulation.pace import Pace, look
 from rover_pin.simulation.state import base_rotation, roll_pitch_yaw
 from rover_pin.simulation.trace.rows import row_type
 
@@ -23,17 +23,14 @@ def run_plain(drive: Drive, duration: float, progress: Progress | None) -> Ran:
     rows, count = np.zeros(steps // per_sample, dtype=row_type(drive.model)), 0
     begun = drive.checkpoint or Checkpoint(state.t, 0, pace.size)
     pace.go_on(begun)
-
-    def is_border(k: int) -> bool:
-        return k % per_control == 0 or k % per_sample == 0
-
     for k in range(begun.steps, begun.steps + steps):
         if k % per_control == 0:
             now = np.zeros(1, dtype=rows.dtype)
             _log(drive, now[0])
             obey(drive, Instant(now, 0, places))
         if drive.followed is None:
-            status = pace.advance(is_border(k), is_border(k + 1))
+            ends = k + 1
+            status = pace.advance(0 in (k % per_control, k % per_sample), 0 in (ends % per_control, ends % per_sample))
         else:
             status = pace.follow(drive.followed, (k + 1) * timing.dt)
         if status:
@@ -67,10 +64,5 @@ def _log(drive: Drive, row: np.void) -> None:
 
 def observed(stepper: Stepper) -> tuple[np.ndarray, float]:
     """Return the wheels' record and the differential's torque of this instant; a step's own are of its begin."""
-    before, dt = stepper.saved(), stepper.dt
-    stepper.set_step(GLANCE)
-    stepper.step()
-    observation = stepper.record.copy(), float(stepper.differential[0])
-    stepper.restore(before)
-    stepper.set_step(dt)
-    return observation
+    with look(stepper):
+        return stepper.record.copy(), float(stepper.differential[0])
