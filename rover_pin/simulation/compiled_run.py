@@ -36,7 +36,7 @@ def questions(drive: Drive, duration: float, progress: Progress | None = None) -
     per_control, per_sample = round(timing.control / timing.dt), round(timing.sample / timing.dt)
     assert isinstance(drive.stepper, Kernel)
     native = commands_of(drive.controller, len(drive.model.rover.wheels), len(drive.stepper.servo_wheels))
-    steps, first = round(duration / timing.dt), drive.checkpoint.steps if drive.checkpoint else 0
+    steps, first = max(1, round(duration / timing.dt)), drive.checkpoint.steps if drive.checkpoint else 0
     samples = math.ceil((first + steps) / per_control) - math.ceil(first / per_control)
     loop_fields: dict[str, Any] = {} if native is None else native.fields(drive.stepper, samples)
     if drive.followed is not None:

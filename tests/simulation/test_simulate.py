@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from rover_pin import ConstantDuty, RoverPinError, scenario, simulate
+from rover_pin import ConstantDuty, RoverPinError, plain_simulate, scenario, simulate
 from rover_pin.base.errors import ParameterError, SimulationError
 from rover_pin.effects.gear_friction import GearFriction
 from rover_pin.effects.normal_damping import NormalDamping
@@ -220,3 +220,12 @@ def test_a_turn_has_about_its_radius(radius):
     speed = np.hypot(trace["body_vx"][late], trace["body_vy"][late]).mean()
     assert speed / rate == pytest.approx(radius, rel=0.07)
     assert traces[-1]["body_y"] == pytest.approx(-trace["body_y"], abs=2e-6)
+
+
+@pytest.mark.parametrize("drive", [simulate, plain_simulate])
+def test_a_drive_shorter_than_half_a_step_takes_one(drive):
+    """It has no row yet, and can go on."""
+    case = made("flat")
+    trace = drive(case, ConstantDuty(), 0.001)
+    assert (len(trace.t), trace.attrs["stop"]) == (0, "duration")
+    assert trace.end.checkpoint.steps == 1

@@ -16,7 +16,7 @@ from rover_pin.simulation.trace.rows import row_type
 def run_plain(drive: Drive, duration: float, progress: Progress | None) -> Ran:
     """Step until the end: command, step, log, and look whether the drive can go on."""
     timing, state, stepper = drive.timing, drive.state, drive.stepper
-    steps = round(duration / timing.dt)
+    steps = max(1, round(duration / timing.dt))
     per_control, per_sample = round(timing.control / timing.dt), round(timing.sample / timing.dt)
     suspension, places = suspension_of(drive.model), Places.of(drive.model)
     pace = Pace(stepper, timing.dt, timing.rough)
