@@ -288,6 +288,7 @@ def test_no_mesh_of_many_parts_takes_minutes(name, part, tmp_path, monkeypatch, 
     assert f"{name}: it has more than 1000 parts, groups or materials: export it as one" in caplog.text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "content"),
     [

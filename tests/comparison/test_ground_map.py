@@ -48,6 +48,7 @@ def test_a_map_of_a_plane_is_that_of_drives_up_a_slope(mapped):
     assert "no probability" in said["stuck"]
 
 
+@pytest.mark.slow
 def test_a_symmetric_ground_has_a_symmetric_map(mapped, tmp_path):
     ground(tmp_path / "ridge.npz", lambda x, y: 0.2 * np.exp(-(y**2) - 0.2 * x**2))
     _, places, _ = mapped("grid", "--set", "terrain.path=ridge.npz", "--headings", "4", "--spacing", "0.8")
@@ -82,6 +83,7 @@ def test_stuck_models_are_more_the_steeper_it_is(mapped, tmp_path):
     assert again["taken_over"] == again["cases"]
 
 
+@pytest.mark.slow
 def test_a_dem_is_mapped_in_its_own_coordinates(mapped, tmp_path):
     rasterio = pytest.importorskip("rasterio")
     rows, columns = np.indices((40, 60))

@@ -79,6 +79,7 @@ def control_of(points, **more):
     return RouteControl.of(model.rover, model.motor, np.array(points, dtype=float), **settings), model.rover
 
 
+@pytest.mark.slow
 def test_a_route_that_crosses_itself_is_driven_in_order():
     """A figure of eight passes its middle twice; each way-point is met after the one before."""
     points = [(0, 0), (4, 4), (4, 0), (0, 4), (0, 8)]

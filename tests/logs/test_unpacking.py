@@ -58,6 +58,7 @@ def imported(path, folder):
     return CliRunner().invoke(app, ["import-log", str(path), "--out", str(folder / "log")])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("way", WAYS)
 def test_a_packed_bag_is_read_up_to_the_bound_and_no_further(way, tmp_path, monkeypatch):
     path = write(tmp_path, way, 64)

@@ -159,6 +159,7 @@ def softened(tmp_path_factory):
     return joint, on_rig(joint, joint.base_model(), (SlipSoftening, Bulldozing), lambda said: None)
 
 
+@pytest.mark.slow
 def test_common_missing_effect_is_named_with_errors_of_each_set(softened):
     joint, verdict = softened
     assert verdict.named == ("SlipSoftening",)

@@ -59,6 +59,7 @@ def test_digging_is_found_in_a_sufficiently_fine_table(tmp_path):
     assert number.value(mean - 2.0 * sd) < 0.8 < number.value(mean + 2.0 * sd)
 
 
+@pytest.mark.slow
 def test_a_slope_that_no_slip_climbs_is_stuck(tmp_path):
     bed = SlipSlope.read(folder(tmp_path, repeats=1))
     steep = np.where(np.isfinite(bed.slopes), math.radians(40.0), np.nan)

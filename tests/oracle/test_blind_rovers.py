@@ -77,6 +77,7 @@ def flat_run(of, R, rows=161):
     return world.Run(nominal(of) | {"R": R}, (level,), (), (0.0, 0.0, 0.0), duty, steer, (1.0,) * len(of.wheels))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", OTHERS)
 def test_it_is_built_as_it_says(logs, name):
     root = ElementTree.parse(logs[name] / f"{name}.urdf").getroot()
@@ -150,6 +151,7 @@ def limits(of):
     return pair.LIMITS | {"current": pair.LIMITS["current"] * of.load}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", OTHERS)
 def test_it_drives_as_the_package_does(logs, name):
     found, of = driven(logs, name, None, {}, 1.5, pair.tracks()[1:3])

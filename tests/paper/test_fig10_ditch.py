@@ -104,6 +104,7 @@ def test_slip_control_can_lose_a_drive_that_constant_duty_wins():
     assert outcome(case(**settings, control="true")) == "stuck"
 
 
+@pytest.mark.slow
 def test_ditch_story_holds_with_strength_loss_past_the_peak():
     """With half of the shear lost, walls of 47 deg and the true slip; Eq (2) has no such loss."""
     without, controlled = (

@@ -57,6 +57,7 @@ def test_no_legend_hides_a_line_and_none_is_cut(name):
         assert box.height <= axes.get_window_extent().height
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "settings"), [("one-sided-bump", {}), ("park", {}), ("field", {}), ("point-turn", {"rover": "cart"})]
 )

@@ -14,8 +14,8 @@ SHARED = {ROOT / "studies" / "benchmarks" / f"{name}.py" for name in ("former", 
 BENCHMARKS = sorted(set(ROOT.glob("studies/benchmarks/*.py")) - SHARED)
 SHORT = {"fig3", "fig6", "fig8_slope"}
 """A few seconds each: part of the default suite. The others together take minutes."""
-LONG = {"blind_improve", "blind_rig", "blind_test", "close_loop_speed", "long_log"}
-"""A minute or more each: nightly."""
+LONG = {"beyond_the_paper", "blind_improve", "blind_rig", "blind_test", "close_loop_speed", "gravity", "long_log"}
+"""Half a minute or more each: nightly."""
 FORMER = {"mutation": "HEAD", "process_cost": "f624ee7", "replay_speed": "f624ee7"}
 """The commit whose files a benchmark takes from the history, which a packed checkout lacks."""
 SECTIONS = ("Question", "Method", "Result", "What the paper says", "What differs")

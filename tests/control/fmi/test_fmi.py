@@ -156,6 +156,7 @@ def test_units_keep_to_the_standard(opened, scene, control):
     assert float(own.description.coSimulation.fixedInternalStepSize) == PERIOD
 
 
+@pytest.mark.slow
 def test_a_state_is_restored_here_and_in_another_instance(opened):
     own = opened("ditch")
     own["duty"] = np.full(6, 0.5)
@@ -212,6 +213,7 @@ def test_a_step_of_no_whole_periods_is_refused(opened, step):
         opened("flat").unit.doStep(0.0, step)
 
 
+@pytest.mark.slow
 def test_a_buried_rover_ends_its_simulation(opened):
     own = opened("incline", **{"buried": 0.05, "terrain.angle_deg": 20.0})
     own["duty"] = np.ones(6)

@@ -83,6 +83,7 @@ def fitted(folder):
 # --- the law ---------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("S", [-0.5, 0.0, 0.3, 0.8])
 @pytest.mark.parametrize("flank", [0.0, 2.0])
 def test_all_channels_are_those_of_forces_summed_as_vectors(S, flank):
