@@ -24,7 +24,7 @@ from rover_pin.experiments.drive_log.parameters import parameter
 from rover_pin.experiments.unlisted.actions import FORCE, GRIP, LEAN, READING, TORQUE, VOLTAGE, Act
 from rover_pin.experiments.unlisted.draft import draft
 from rover_pin.experiments.unlisted.regressors import Argument, Hats, Polynomial, Wave
-from rover_pin.experiments.unlisted.residual import DriveResidual, describe, draft_effect
+from rover_pin.experiments.unlisted.residual import DriveResidual, describe, draft_effect, draft_term
 from rover_pin.experiments.unlisted.term import Term
 from rover_pin.inference.expansion import Expansion
 from rover_pin.logs.drive_log import DriveLog, LogMetadata
@@ -225,7 +225,7 @@ def test_unlisted_eccentric_wheel_is_described_and_drafted(tmp_path):
         (gains[own],) = singles(base, signatures(base, listed)) - plain
     assert gains[drafted] > 0.9 * gains[file] > 50.0
     assert {channel.name for channel in remainder.channels} == set(experiment.channels)
-    tried = drafted(base, remainder, "eccentric wheel again", lambda said: None)
+    tried = draft_term(base, remainder, "eccentric wheel again", lambda said: None)
     assert tried.accepted
     assert tried.log_odds > 0.9 * gains[file]
     whole = scored_draft(tried, base, 0)
