@@ -162,7 +162,8 @@ def driven(ground: Ground, name: str, *, halved: bool = False) -> Trace:
     case: Scenario = scenario(ground.scene, soil="table-1", **settings, **CONTROLS[name])
     if name == "tacking":
         case = dataclasses.replace(case, controller=TackingControl(case.model.rover), symmetric=False)
-    return (dataclasses.replace(case, timing=case.timing.halved()) if halved else case).drive(measure_error=False)
+    timing = case.timing.with_half_step() if halved else case.timing
+    return dataclasses.replace(case, timing=timing).drive(measure_error=False)
 
 
 def judged(ground: Ground, name: str, halved: bool) -> list[float]:

@@ -164,7 +164,7 @@ def planned(quick: bool) -> list[tuple[Sand, float, Control]]:
 
 def outcome(case: Scenario, sand: Sand, wall: float, control: Control) -> dict[str, Any]:
     """Return a row of the map: the drive at the step and at half of it."""
-    traces = [case.drive(), dataclasses.replace(case, timing=case.timing.halved()).drive()]
+    traces = [case.drive(), dataclasses.replace(case, timing=case.timing.with_half_step()).drive()]
     times = [time_out(trace) for trace in traces]
     got = [math.isfinite(each) for each in times]
     verdict = "open" if got[0] != got[1] else "out" if got[0] else "stuck"

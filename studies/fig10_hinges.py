@@ -110,7 +110,7 @@ def base_of(change: Change, kind: str) -> Scenario:
 def gets_out(case: Scenario, wall: float) -> list[bool]:
     """Return whether the rover gets out at the step, and at half of it."""
     model = case.model.replace(terrain=ditch(wall_angle=math.radians(wall)))
-    timings = (case.timing, case.timing.halved())
+    timings = (case.timing, case.timing.with_half_step())
     cases = [dataclasses.replace(case, model=model, timing=timing) for timing in timings]
     traces = [each.drive(measure_error=False) for each in cases]
     return [bool(np.any(trace["body_x"] > OUT_AT)) for trace in traces]

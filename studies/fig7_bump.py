@@ -108,7 +108,7 @@ def row(case: Scenario, trace: Trace, names: tuple[str, int, float], quick: bool
     made |= {f"{each}_deg": round(peak(trace, f"{each}_l"), 1) for each in ("rocker", "bogie")}
     made |= {f"{each}_deg": round(peak(trace, f"body_{each}"), 1) for each in ("pitch", "yaw")}
     if not quick:
-        begin, end = crossing(dataclasses.replace(case, timing=case.timing.halved()).drive(measure_error=False))
+        begin, end = crossing(dataclasses.replace(case, timing=case.timing.with_half_step()).drive(measure_error=False))
         made["crossing_half_dt_s"] = round(end - begin, 2)
     return made | {"stop": trace.attrs["stop"]}
 

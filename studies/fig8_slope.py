@@ -128,7 +128,7 @@ def row(label: str, case: Scenario, trace: Trace, quick: bool) -> dict[str, Any]
     made["since_S0.9_rise_mm"] = 1e3 * risen_since(trace, 0.9)
     made["sunk_mm"] = 1e3 * float(trace.stack("sinkage")[-1].max())
     if not quick:
-        half = dataclasses.replace(case, timing=case.timing.halved()).drive(measure_error=False)
+        half = dataclasses.replace(case, timing=case.timing.with_half_step()).drive(measure_error=False)
         made["S0.5_at_s_half_dt"] = reached(half, 0.5)[0]
     return {key: round(value, 3) if isinstance(value, float) else value for key, value in made.items()}
 

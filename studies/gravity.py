@@ -121,7 +121,7 @@ def fast_drives(speeds: tuple[float, ...], quick: bool) -> tuple[pd.DataFrame, d
                     trace = case.drive()
                     if damping == DAMPING[1]:
                         courses[scene, speed, place] = trace
-                    half = None if quick else dataclasses.replace(case, timing=case.timing.halved()).drive()
+                    half = None if quick else dataclasses.replace(case, timing=case.timing.with_half_step()).drive()
                     rows.append(fast_row((scene, speed, place, damping), trace, half))
     return pd.DataFrame(rows), courses
 
@@ -135,7 +135,8 @@ def rushing(scene: str, speed: float, place: str, damping: float) -> Scenario:
     )
     model = case.model
     torque = float(model.effect(MotionResistance).R) * EARTH * model.rover.mass / 6.0 * float(model.rover.wheel.r)
-    motor = model.motor.calibrated(CRUISE_DUTY, speed / (1.0 - CRUISE_SLIP) / float(model.rover.wheel.r), torque)
+    omega = speed / (1.0 - CRUISE_SLIP) / float(model.rover.wheel.r)
+    motor = model.motor.with_operating_point(CRUISE_DUTY, omega, torque)
     return dataclasses.replace(case, model=model.replace(motor=motor), timing=FAST_TIMING)
 
 
@@ -199,7 +200,7 @@ def row(names: tuple[str, str, str], case: Scenario, trace: Trace, quick: bool) 
     }
     made |= {"load_swing": swing(trace)}
     if not quick:
-        half = dataclasses.replace(case, timing=case.timing.halved()).drive()
+        half = dataclasses.replace(case, timing=case.timing.with_half_step()).drive()
         made |= {"time_half_dt_s": passing(half, SCENES[scene][3]), "load_swing_half_dt": swing(half)}
     return {key: round(value, 3) if isinstance(value, float) else value for key, value in made.items()} | {
         "stop": trace.attrs["stop"]

@@ -169,7 +169,7 @@ def outcome(drive: Scenario) -> str:
     """Return out, stuck, or open where half the step tells another story."""
     both = {
         bool(np.any(dataclasses.replace(drive, timing=timing).drive()["body_x"] > OUT_AT))
-        for timing in (drive.timing, drive.timing.halved())
+        for timing in (drive.timing, drive.timing.with_half_step())
     }
     return "open" if len(both) > 1 else "out" if True in both else "stuck"
 

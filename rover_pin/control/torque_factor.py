@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from rover_pin.contact import Contact, Load
-from rover_pin.simulation.compiled.laws import amended, loaded
+from rover_pin.simulation.compiled.laws import amend_subject, load_and_rates
 from rover_pin.simulation.model.cruise import CRUISE_SPEED
 from rover_pin.simulation.model.model import Model
 from rover_pin.soil.sinkage import entry_angle, sinkage
@@ -51,4 +51,4 @@ def _loads(model: Model, slips: Sequence[float] | np.ndarray) -> Iterator[Load]:
         rim, v = (CRUISE_SPEED, CRUISE_SPEED * (1.0 - S)) if S >= 0.0 else (CRUISE_SPEED * (1.0 + S), CRUISE_SPEED)
         at = Contact(0.0, 0.0, h, v, 0.0, 0.0, rim, NOWHERE, MIDDLE, wheel, soil)
         states = [tuple(S if state.name == "S" else 0.0 for state in effect.states) for effect in effects]
-        yield loaded(effects, amended(effects, at, states), states)[0]
+        yield load_and_rates(effects, amend_subject(effects, at, states), states)[0]

@@ -195,7 +195,7 @@ class BodyEffect(Record):
         """Whether the differential is this effect's `Push.differential` instead of rigid."""
         return False
 
-    def begun(self, x: float, y: float) -> Self:
+    def begin_at(self, x: float, y: float) -> Self:
         """Return the effect as a drive meets it that begins with the base at x, y [m] of the world."""
         return self
 

@@ -32,7 +32,7 @@ class TetherDrag(BodyEffect):
     neutral: ClassVar[dict[str, float]] = {"f_0": 0.0, "f_1": 0.0}
     places: ClassVar[tuple[str, ...]] = ("x_0", "y_0")
 
-    def begun(self, x: float, y: float) -> Self:
+    def begin_at(self, x: float, y: float) -> Self:
         """Return the tether with its beginning in the world."""
         return self.replace(x_0=self.x_0 + x, y_0=self.y_0 + y)
 

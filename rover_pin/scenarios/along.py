@@ -12,7 +12,7 @@ import numpy as np
 from rover_pin.scenarios.scenario import Scenario
 from rover_pin.simulation.compiled_run import run_compiled
 from rover_pin.simulation.driving import Drive
-from rover_pin.simulation.outcome.step_error import completed
+from rover_pin.simulation.outcome.step_error import complete_steps
 from rover_pin.simulation.replay import StepsTaken
 from rover_pin.simulation.simulate import set_out
 from rover_pin.simulation.trace.record import trace_of
@@ -24,7 +24,7 @@ def course_of(scene: Scenario, trace: Trace) -> StepsTaken:
     """Return the steps of the drive that came to this trace: those that it chose, in halves where it was refined."""
     drive, duration = _set_out(scene), len(trace.t) * scene.timing.sample
     dt, parts = drive.timing.dt, round(drive.timing.dt / trace.attrs["dt_s"])
-    lengths = completed(run_compiled(drive, duration, None).lengths, dt, duration)
+    lengths = complete_steps(run_compiled(drive, duration, None).lengths, dt, duration)
     return StepsTaken(dt / parts, np.repeat(lengths / parts, parts))
 
 

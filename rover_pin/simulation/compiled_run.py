@@ -10,7 +10,7 @@ import numpy as np
 
 from rover_pin.simulation.command import Reading
 from rover_pin.simulation.compiled.kernel import Kernel
-from rover_pin.simulation.driving import OFTEN, Drive, Progress, Ran, diverged, obey
+from rover_pin.simulation.driving import OFTEN, Drive, Progress, Ran, obey, stop_reason
 from rover_pin.simulation.failure import failure, suspension_of
 from rover_pin.simulation.native.control import commands_of
 from rover_pin.simulation.native.loop import Loop, Outcome
@@ -57,7 +57,7 @@ def questions(drive: Drive, duration: float, progress: Progress | None = None) -
             reason = failure(drive.model, drive.state, loop.rows["record"][loop.row - 1], suspension)
             stop = f"{reason} at {drive.state.t:.2f} s" if reason else ""
         elif outcome is not Outcome.DONE:
-            stop = diverged(outcome, drive.state.t)
+            stop = stop_reason(outcome, drive.state.t)
         elif progress and loop.row % OFTEN == 0:
             progress(drive.state.t)
     drive.stepper.keep_history(None)

@@ -64,7 +64,7 @@ class Ran(NamedTuple):
     "of the steps taken [s]"
 
 
-def diverged(status: int, t: float) -> str:
+def stop_reason(status: int, t: float) -> str:
     """Return why a drive ended whose step returned this status."""
     return f"diverged at {t:.2f} s: " + ("a velocity is not finite", "the system is singular")[status - 1]
 

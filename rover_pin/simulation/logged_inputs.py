@@ -39,10 +39,10 @@ def undone(model: Model, run: Logged) -> dict[str, np.ndarray]:
 
 def rates_of(model: Model, channels: Mapping[str, np.ndarray]) -> np.ndarray:
     """Return the wheels' rates (T, wheels) [rad/s] among channels, of wheels that are tied together one."""
-    return shared(model, np.column_stack([channels[f"wheel_rate_{wheel.name}"] for wheel in model.rover.wheels]))
+    return tied_means(model, np.column_stack([channels[f"wheel_rate_{wheel.name}"] for wheel in model.rover.wheels]))
 
 
-def shared(model: Model, values: np.ndarray) -> np.ndarray:
+def tied_means(model: Model, values: np.ndarray) -> np.ndarray:
     """Return values (T, wheels), of wheels that are tied together their mean: they have one rate and one motor.
 
     Held each to its own, noise of a second tachogenerator would be torques without bound that turn nothing.

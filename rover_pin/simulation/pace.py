@@ -38,17 +38,17 @@ class Steps(Protocol):
     def step(self) -> int:
         """Advance by a step; 0 when all is well."""
 
-    def saved(self) -> Saved:
+    def saved_arrays(self) -> Saved:
         """Return a copy of all that a step changes."""
 
     def restore(self, saved: Saved) -> None:
-        """Go back to where `saved` was taken."""
+        """Go back to where `saved_arrays` was taken."""
 
 
 @contextmanager
 def look(stepper: Steps) -> Iterator[None]:
     """Look at this instant, by a step in which nothing moves; afterwards all but what it misjudged is as it was."""
-    before, dt = stepper.saved(), stepper.dt
+    before, dt = stepper.saved_arrays(), stepper.dt
     stepper.set_step(GLANCE)
     stepper.step()
     yield
@@ -101,7 +101,7 @@ class Pace:
             self.before = None
         remaining = FINEST
         while remaining:
-            step_start = Begun(self.stepper.saved(), self.size)
+            step_start = Begun(self.stepper.saved_arrays(), self.size)
             status = self.stepper.step()
             off = 0.0 if status else self.stepper.misjudged
             long = step_start if status else self.before if off > self.rough else None

@@ -16,13 +16,13 @@ from rover_pin.base.errors import DataError
 from rover_pin.effects.tracked_point import DRAWN
 from rover_pin.simulation.compiled.kernel import Kernel
 from rover_pin.simulation.failure import failure, suspension_of
-from rover_pin.simulation.logged_inputs import PLACE, rates_of, shared, undone
+from rover_pin.simulation.logged_inputs import PLACE, rates_of, tied_means, undone
 from rover_pin.simulation.model.model import Model
 from rover_pin.simulation.native.loop import Loop, Outcome
 from rover_pin.simulation.native.shared import RECORD
 from rover_pin.simulation.pace import FINEST
 from rover_pin.simulation.resolution import parts
-from rover_pin.simulation.start.place import Start, settled, taken_over
+from rover_pin.simulation.start.place import Start, settled_state, taken_over
 from rover_pin.simulation.state import DriveState
 from rover_pin.simulation.timing import Timing
 from rover_pin.simulation.trace.inertial import GRAVITY, has_inertial
@@ -127,20 +127,20 @@ def commands(log: Trace, wheels: tuple[str, ...], steered: tuple[str, ...]) -> C
     period = max(PERIOD, round(float(np.median(np.diff(t))), 6))
     rows = t[0] + period * np.arange(1 + math.floor((t[-1] - t[0]) / period + 1e-6))
     at = np.searchsorted(t, rows - period / 2)
-    steer = [_held(log[f"steer_{wheel}"])[at] if f"steer_{wheel}" in log else np.zeros(len(rows)) for wheel in steered]
-    rate = np.column_stack([filled(averaged(t, column, rows, period)) for column in inputs.T]) if rate_driven else None
-    duty = np.column_stack([_held(column)[at] for column in inputs.T]) if rate is None else shares(rate)
-    course = np.unwrap(_held(yaw))
-    begun = np.column_stack([averaged(t, column, rows[:FIRST_ROWS], period) for column in (x, y, course)])
+    steer = [_hold_last(log[f"steer_{name}"])[at] if f"steer_{name}" in log else np.zeros(at.size) for name in steered]
+    rate = np.column_stack([fill_gaps(means_at(t, omega, rows, period)) for omega in inputs.T]) if rate_driven else None
+    duty = np.column_stack([_hold_last(column)[at] for column in inputs.T]) if rate is None else shares(rate)
+    course = np.unwrap(_hold_last(yaw))
+    begun = np.column_stack([means_at(t, column, rows[:FIRST_ROWS], period) for column in (x, y, course)])
     declared = log.attrs.get("start")
-    start = Start(**declared) if declared else _begun(log, begun, period)
+    start = Start(**declared) if declared else _mean_start(log, begun, period)
     heading = np.where(np.isfinite(yaw), course, np.nan)
-    place = np.column_stack([averaged(t, column, rows, period) for column in (x, y, heading)])
+    place = np.column_stack([means_at(t, column, rows, period) for column in (x, y, heading)])
     steers = np.column_stack(steer) if steer else np.zeros((len(rows), 0))
     return Commands(rows, duty, steers, place, start, rate, inertial=has_inertial(log.channels))
 
 
-def _begun(log: Trace, first: np.ndarray, period: float) -> Start:
+def _mean_start(log: Trace, first: np.ndarray, period: float) -> Start:
     """Return the mean of the first rows as the start of a run that declares none."""
     if not np.isfinite(first).any(axis=0).all():
         raise DataError(
@@ -156,13 +156,13 @@ def shares(rate: np.ndarray) -> np.ndarray:
     return np.asarray(rate / max(float(np.max(np.abs(rate))), 1e-9))
 
 
-def filled(row: np.ndarray) -> np.ndarray:
+def fill_gaps(row: np.ndarray) -> np.ndarray:
     """Return the row with gaps bridged by straight lines; zeros where nothing was measured."""
     good = np.flatnonzero(np.isfinite(row))
     return np.interp(np.arange(len(row)), good, row[good]) if good.size else np.zeros(len(row))
 
 
-def _held(values: np.ndarray) -> np.ndarray:
+def _hold_last(values: np.ndarray) -> np.ndarray:
     """Return the values with every gap filled by the last value before it, or the first after it."""
     good = np.flatnonzero(np.isfinite(values))
     if not good.size:
@@ -170,7 +170,7 @@ def _held(values: np.ndarray) -> np.ndarray:
     return np.asarray(values[good[np.maximum(np.searchsorted(good, np.arange(len(values)), "right") - 1, 0)]])
 
 
-def averaged(t: np.ndarray, values: np.ndarray, rows: np.ndarray, period: float) -> np.ndarray:
+def means_at(t: np.ndarray, values: np.ndarray, rows: np.ndarray, period: float) -> np.ndarray:
     """Return the mean of the finite values within half a period of each row; not a number where there is none."""
     at = np.rint((t - rows[0]) / period).astype(int)
     use = np.isfinite(values) & (at >= 0) & (at < len(rows))
@@ -206,8 +206,8 @@ def replay(
     """
     model = run.on(model)
     _check_widths(model, run)
-    state = settled(model, run.start) if rest_state is None else taken_over(model, rest_state)
-    model = model.begun(run.start.x, run.start.y)
+    state = settled_state(model, run.start) if rest_state is None else taken_over(model, rest_state)
+    model = model.begin_at(run.start.x, run.start.y)
     longest = Timing(control=run.period, sample=run.period).dt
     dt = steps.dt if steps else longest / parts(model, state, longest) / (1 + fine)
     kernel = Kernel(model, state, dt, symmetric=False)
@@ -274,7 +274,7 @@ def _channels(model: Model, run: Commands, rows: np.ndarray) -> dict[str, np.nda
     channels = {"t_s": run.t}
     current = record[:, :, RECORD.index("current")]
     if run.rate_driven:
-        current = shared(model, record[:, :, RECORD.index("torque")]) / float(model.motor.constant)
+        current = tied_means(model, record[:, :, RECORD.index("torque")]) / float(model.motor.constant)
     for i, wheel in enumerate(rover.wheels):
         channels[f"wheel_rate_{wheel.name}"] = v[:, wheel.dof]
         channels[f"current_{wheel.name}_A"] = current[:, i]

@@ -14,7 +14,7 @@ from rover_pin.contact import Soil, Wheel
 from rover_pin.rover.constraints import constraint_rows
 from rover_pin.rover.forward_dynamics import wheel_jacobians
 from rover_pin.rover.rover import Rover
-from rover_pin.simulation.compiled.rover_numbers import armed
+from rover_pin.simulation.compiled.rover_numbers import model_with_armature
 from rover_pin.simulation.model.model import Model
 from rover_pin.simulation.state import DriveState
 from rover_pin.soil.sinkage import power_law_guess, sinkage
@@ -63,7 +63,7 @@ def firmness(stepper: Any, model: Model) -> float:
     `stepper` holds a state at rest and a step so short that nothing moves; it is left as it was. What depends on the
     way, or lies elsewhere, is not seen.
     """
-    before = stepper.saved()
+    before = stepper.saved_arrays()
     ratio = _firmness(stepper, model)
     stepper.restore(before)
     return ratio
@@ -101,7 +101,7 @@ def contact_frequency(model: Model, state: DriveState) -> float:
 def _mobility(rover: Rover, armature: float, rigid_differential: bool, configuration: bytes) -> np.ndarray:
     """Return U (M^-1)_G U^T of `parts` [1/kg] (wheels, wheels) at q, whose bytes these are; not to be written to."""
     q = np.frombuffer(configuration)
-    pin_model = armed(rover, armature)
+    pin_model = model_with_armature(rover, armature)
     M = np.array(pin.crba(pin_model, pin_model.createData(), q))
     inverse = np.linalg.inv(np.triu(M) + np.triu(M, 1).T)
     G = constraint_rows(rover, differential=rigid_differential)

@@ -25,7 +25,7 @@ from rover_pin.simulation.resolution import parts
 from rover_pin.simulation.start.place import SetDown, Start, hovering, set_down
 from rover_pin.simulation.state import DriveState
 from rover_pin.simulation.timing import Timing
-from rover_pin.simulation.tolerance import DriveJob, Driven, begun, driven_from, driven_to_tolerance, place_of
+from rover_pin.simulation.tolerance import DriveJob, Driven, begin_drive, driven_from, driven_to_tolerance, place_of
 from rover_pin.simulation.trace.record import trace_of
 from rover_pin.simulation.trace.trace import Trace
 
@@ -149,7 +149,7 @@ def _simulate(job: DriveJob, start: Start | DriveState | DriveEnd) -> Trace:
     parts(model, start if isinstance(start, DriveState) else hovering(model, start), timing.dt)
     begin = SetDown(start.copy(), "") if isinstance(start, DriveState) else set_down(model, start, symmetric)
     attrs = {"set_down": begin.standing} if begin.standing else {}
-    return _traced(job, driven_to_tolerance(job, begin.state), place_of(begin.state), attrs)
+    return _drive_trace(job, driven_to_tolerance(job, begin.state), place_of(begin.state), attrs)
 
 
 def set_out(
@@ -157,21 +157,21 @@ def set_out(
 ) -> Drive:
     """Return a drive over the compiled step that has been set down at rest at `start`, and goes on step by step."""
     job = DriveJob(Kernel, run_compiled, model, controller, duration, timing, symmetric, None, False)
-    return begun(job, set_down(model, start, job.symmetric).state)
+    return begin_drive(job, set_down(model, start, job.symmetric).state)
 
 
 def _gone_on(job: DriveJob, end: DriveEnd) -> Trace:
     """Drive on from where a drive ended."""
-    state, begun = end.state.copy(), job.model.begun(*end.place)
+    state, begun = end.state.copy(), job.model.begin_at(*end.place)
     end.refuse_other(job.timing, job.symmetric, hovering(begun, Start()))
     stepper = job.stepper(begun, state, end.fine.dt, job.symmetric)
     stepper.restore(end.stepper_state.moving)
     stepper.duty[:], stepper.servo_target[:] = end.stepper_state.duty, end.stepper_state.servo
     drive = Drive(begun, state, stepper, job.controller, end.fine, end.checkpoint)
-    return _traced(job, driven_from(job, drive), end.place, {})
+    return _drive_trace(job, driven_from(job, drive), end.place, {})
 
 
-def _traced(job: DriveJob, driven: Driven, place: tuple[float, float], attrs: dict[str, Any]) -> Trace:
+def _drive_trace(job: DriveJob, driven: Driven, place: tuple[float, float], attrs: dict[str, Any]) -> Trace:
     """Return the trace of a drive, with where it ended if it can go on."""
     drive, run, rows, change = driven.drive, driven.run, driven.rows, driven.stated
     stepper, symmetric = drive.stepper, job.symmetric
@@ -188,7 +188,7 @@ def _traced(job: DriveJob, driven: Driven, place: tuple[float, float], attrs: di
     trace = annotate_trace(trace, warnings, turned)
     if run.stop != "duration":
         return trace
-    stepper_state = StepperState(tuple(stepper.saved()), stepper.duty.copy(), stepper.servo_target.copy())
+    stepper_state = StepperState(tuple(stepper.saved_arrays()), stepper.duty.copy(), stepper.servo_target.copy())
     end = DriveEnd(drive.state.copy(), run.checkpoint, job.timing, drive.timing, place, symmetric, stepper_state)
     return dataclasses.replace(trace, end=end)
 

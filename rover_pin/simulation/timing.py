@@ -69,11 +69,11 @@ class Timing:
             )
         return shorter / ratio.denominator
 
-    def halved(self) -> Timing:
+    def with_half_step(self) -> Timing:
         """Return the same with half the step, also where the ground asks for a finer one than `dt`."""
         return dataclasses.replace(self, divided=2 * self.divided)
 
-    def refined(self, parts: int) -> Timing:
+    def with_parts(self, parts: int) -> Timing:
         """Return the same with the step that is taken: `dt` in as many parts, and divided."""
         step = self.dt / parts / self.divided
         return dataclasses.replace(self, dt=step, divided=1, rough=1.0 / self.divided**2)

@@ -11,7 +11,7 @@ import numpy as np
 from rover_pin.simulation.command import Controller
 from rover_pin.simulation.driving import Drive, Progress, Ran, Stepper
 from rover_pin.simulation.model.model import Model
-from rover_pin.simulation.outcome.step_error import StepChange, completed, innermost, repeating, step_change
+from rover_pin.simulation.outcome.step_error import StepChange, complete_steps, innermost, repeating, step_change
 from rover_pin.simulation.pace import GLANCE
 from rover_pin.simulation.resolution import firmness, parts
 from rover_pin.simulation.state import DriveState
@@ -59,12 +59,12 @@ class Driven(NamedTuple):
         return self.stated.excess(tolerance) if self.stated else math.inf
 
 
-def begun(job: DriveJob, state: DriveState) -> Drive:
+def begin_drive(job: DriveJob, state: DriveState) -> Drive:
     """Return a drive that begins in this state, with the step that its ground asks for."""
-    model = job.model.begun(*place_of(state))
+    model = job.model.begin_at(*place_of(state))
     stepper = job.stepper(model, state, GLANCE, job.symmetric)
     firmer = firmness(stepper, model)
-    fine = job.timing.refined(parts(model, state, job.timing.dt, firmer))
+    fine = job.timing.with_parts(parts(model, state, job.timing.dt, firmer))
     stepper.set_step(fine.dt)
     return Drive(model, state, stepper, job.controller, fine)
 
@@ -84,7 +84,7 @@ def from_start(job: DriveJob, state: DriveState, followed: np.ndarray | None = N
     """Drive from here, the controller from its start, by its own steps or those of these lengths [s]."""
     if hasattr(job.controller, "reset"):
         job.controller.reset()
-    return driven_from(job, begun(job, state.copy())._replace(followed=followed))
+    return driven_from(job, begin_drive(job, state.copy())._replace(followed=followed))
 
 
 def driven_to_tolerance(job: DriveJob, state: DriveState) -> Driven:
@@ -99,26 +99,26 @@ def driven_to_tolerance(job: DriveJob, state: DriveState) -> Driven:
     controller = repeating(job.controller, driven.rows, job.timing) if job.measure_error else None
     if controller is None or not len(driven.rows):
         return driven
-    finer = job._replace(controller=controller, progress=None, measure_error=False, timing=job.timing.halved())
+    finer = job._replace(controller=controller, progress=None, measure_error=False, timing=job.timing.with_half_step())
     halved = from_start(finer, state, _in_halves(driven, job.duration))
     driven = driven._replace(change=driven.changed_to(halved, 0.5))
     if driven.excess(tolerance) <= 1.0 or not hasattr(innermost(job.controller), "native"):
         return driven
-    driven = _measured(halved, driven, tolerance)
+    driven = _measure_change(halved, driven, tolerance)
     while driven.excess(tolerance) > 1.0 and finer.timing.divided < FINER * job.timing.divided:
-        finer = finer._replace(timing=finer.timing.halved())
-        driven = _measured(from_start(finer, state, _in_halves(driven, job.duration)), driven, tolerance)
+        finer = finer._replace(timing=finer.timing.with_half_step())
+        driven = _measure_change(from_start(finer, state, _in_halves(driven, job.duration)), driven, tolerance)
     vars(job.controller).update(vars(controller))  # it goes on as its copy did, which drove the last of them
     return driven
 
 
-def _measured(halved: Driven, driven: Driven, tolerance: float) -> Driven:
+def _measure_change(halved: Driven, driven: Driven, tolerance: float) -> Driven:
     """Return a drive by the steps of another in halves, with what those made of it."""
     change = halved.changed_to(driven, 2.0)
-    halved = halved._replace(change=change, longer=driven.change and driven.change.lessened())
+    halved = halved._replace(change=change, longer=driven.change and driven.change.half_step_change())
     return halved._replace(change=change._replace(lessens=halved.excess(tolerance) < driven.excess(tolerance)))
 
 
 def _in_halves(driven: Driven, duration: float) -> np.ndarray:
     """Return the steps [s] of a drive, each in two."""
-    return np.repeat(0.5 * completed(driven.run.lengths, driven.drive.timing.dt, duration), 2)
+    return np.repeat(0.5 * complete_steps(driven.run.lengths, driven.drive.timing.dt, duration), 2)

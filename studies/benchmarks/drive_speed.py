@@ -33,7 +33,7 @@ from rover_pin.simulation import simulate as motion
 from rover_pin.simulation.compiled.kernel import Kernel
 from rover_pin.simulation.instant import Instant, Places
 from rover_pin.simulation.native.loop import Loop
-from rover_pin.simulation.start.place import settled
+from rover_pin.simulation.start.place import settled_state
 from rover_pin.simulation.timing import TOLERANCE
 
 DURATION = 20.0
@@ -87,7 +87,7 @@ def least(call: Callable[[], Any], repeats: int) -> float:
 def whole_drive(case: Scenario, repeats: int) -> float:
     """Print and return the time of the drive: settling, stepping, control, sampling, the trace."""
     seconds = least(lambda: case.drive(measure_error=False), repeats)
-    settling = least(lambda: settled(case.model, case.start, case.symmetric), repeats)
+    settling = least(lambda: settled_state(case.model, case.start, case.symmetric), repeats)
     print(
         f"20 s of the ditch at dt = {1e3 * case.timing.dt:g} ms: {seconds:.3f} s, {DURATION / seconds:.0f} x real time"
     )
@@ -123,7 +123,7 @@ def at_step(case: Scenario, dt: float) -> np.ndarray:
 
 def parts(case: Scenario, count: int) -> float:
     """Print microseconds by part of a step, in the ditch; return those of all."""
-    state = settled(case.model, case.start, case.symmetric)
+    state = settled_state(case.model, case.start, case.symmetric)
     kernel = Kernel(case.model, state, case.timing.dt, case.symmetric)
     kernel.duty[:] = 0.55
     for _ in range(round(10.0 / case.timing.dt)):
@@ -174,7 +174,7 @@ def drive_under(case: Scenario, controller: Any) -> None:
 def plain(case: Scenario, duration: float, ours: float) -> float:
     """Print and return how much longer the plain reference takes, and how far it ends from the kernel's drive."""
     options = {
-        "start": settled(case.model, case.start, case.symmetric),
+        "start": settled_state(case.model, case.start, case.symmetric),
         "timing": case.timing,
         "symmetric": case.symmetric,
     }

@@ -13,7 +13,7 @@ from rover_pin.effects.lug_grip import LugGrip
 from rover_pin.effects.ploughing import Ploughing
 from rover_pin.effects.slip_softening import SlipSoftening
 from rover_pin.effects.soil_traction import SoilTraction
-from rover_pin.simulation.compiled.laws import amended, loaded
+from rover_pin.simulation.compiled.laws import amend_subject, load_and_rates
 from rover_pin.soil.angles import SinkageAngles
 from rover_pin.soil.slip import against_travel, pushed_aside
 from rover_pin.soil.wheel_forces import NetTraction, wheel_forces
@@ -36,7 +36,7 @@ def contact_at(u, degrees, h=0.02):
 
 def settled(effects, contact):
     """States where rates vanish: each rate is linear in its own state."""
-    contact = amended(effects, contact, [tuple(0.0 for _ in effect.states) for effect in effects])
+    contact = amend_subject(effects, contact, [tuple(0.0 for _ in effect.states) for effect in effects])
     states = []
     for effect in effects:
         rates = [effect.rate(contact, Load(), (at,)) if effect.states else () for at in (0.0, 1.0)]
@@ -48,7 +48,7 @@ def pushed(u, degrees, effects=(*BASE, *BESIDE), h=0.02):
     """The load of the whole law at its settled states."""
     contact = contact_at(u, degrees, h)
     states = settled(effects, contact)
-    load, _ = loaded(effects, amended(effects, contact, states), states)
+    load, _ = load_and_rates(effects, amend_subject(effects, contact, states), states)
     return Load(*(float(part) for part in load))
 
 

@@ -21,7 +21,7 @@ from rover_pin.effects.wheel_scale import WheelScale
 from rover_pin.rover.statics import wheel_loads
 from rover_pin.simulation.compiled.kernel import Kernel
 from rover_pin.simulation.plain.step import Plain
-from rover_pin.simulation.start.place import Start, settled
+from rover_pin.simulation.start.place import Start, settled_state
 from rover_pin.terrain import shapes
 
 BUMP = scenario("one-sided-bump").model
@@ -45,7 +45,7 @@ def with_all(name):
 @pytest.mark.parametrize("name", EFFECTS)
 def test_the_compiled_step_is_the_plain_one(name):
     made = with_all(name)
-    state = settled(made, Start(x=0.1, yaw=0.2))
+    state = settled_state(made, Start(x=0.1, yaw=0.2))
     kernel = Kernel(made, state, 0.005, symmetric=False)
     kernel.duty[:], kernel.servo_target[:] = np.linspace(0.5, 0.9, 6), [0.1, 0.12, -0.1, -0.12]
     for k in range(1200):
@@ -143,7 +143,7 @@ def test_a_tilt_is_a_slope():
 
 def test_a_side_tilt_loads_the_lower_wheels_as_statics_says():
     tilted = FLAT.having(GravityTilt(rise_x=0.0, rise_y=0.1))
-    trace = simulate(tilted, ConstantDuty(0.0), 0.5, settled(tilted, Start()))
+    trace = simulate(tilted, ConstantDuty(0.0), 0.5, settled_state(tilted, Start()))
     loads = wheel_loads(NEXUS6, 0.0, 0.1)
     assert wheel_loads(NEXUS6.rising(0.0, 0.1), 0.0) == pytest.approx(loads, rel=1e-9)
     assert loads[1] > loads[0]

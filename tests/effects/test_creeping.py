@@ -49,5 +49,5 @@ def test_wheels_that_spin_in_their_holes_stand(angle):
     assert float(np.mean(trace.stack("wheel_rate")[late])) * 0.045 > 0.02
     assert abs(float(np.mean(trace.stack("travel")[late]))) < 1e-4
     assert trace.attrs["warnings"] == []
-    half = dataclasses.replace(made, timing=made.timing.halved()).drive()
+    half = dataclasses.replace(made, timing=made.timing.with_half_step()).drive()
     assert half["body_x"][-1] == pytest.approx(trace["body_x"][-1], abs=1e-4)

@@ -12,7 +12,7 @@ from rover_pin.effects.slip import AlgebraicSlip, RelaxedSlip
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.experiments.wheel_rig.candidates import effect_kinds
 from rover_pin.scenarios.scenario import scenario
-from rover_pin.simulation.compiled.laws import amended, loaded
+from rover_pin.simulation.compiled.laws import amend_subject, load_and_rates
 from rover_pin.simulation.model.effect_files import reading_traction
 from rover_pin.soil.angles import FixedAngles, SinkageAngles
 from rover_pin.soil.wheel_forces import FORMS, load_traction_factor, wheel_forces
@@ -62,8 +62,8 @@ def taken(effects, contact, states):
 
     A braking wheel that just touches can be pulled into the soil by its own shear: f_n < 0 is no wheel that rolls.
     """
-    contact = amended(effects, contact, states)
-    load, _ = loaded(effects, contact, states)
+    contact = amend_subject(effects, contact, states)
+    load, _ = load_and_rates(effects, contact, states)
     arc = effects[0].angles.angles(contact.h, contact.wheel, contact.soil)
     if min(load.f_n, wheel_forces(contact.S, *arc, contact.wheel, contact.soil).f_n) <= 0.0:
         return None

@@ -14,7 +14,7 @@ from rover_pin.effects.spring_damper import SpringDamper
 from rover_pin.rover.forward_dynamics import mass_matrix
 from rover_pin.simulation.compiled.kernel import Kernel
 from rover_pin.simulation.compiled.suspension import suspension_dofs
-from rover_pin.simulation.start.place import Start, hovering, settled
+from rover_pin.simulation.start.place import Start, hovering, settled_state
 from rover_pin.simulation.timing import Timing
 
 
@@ -124,9 +124,9 @@ def test_within_the_play_the_rockers_are_free():
 def test_play_lets_the_body_pitch_by_half_of_it():
     """Standing, the base leans on one end of the play: both rockers turn alike, by a quarter of the backlash each."""
     model = scenario("flat").model.having(DifferentialCompliance(compliance=0.0, backlash=0.04))
-    from rover_pin.simulation.start.place import Start, settled
+    from rover_pin.simulation.start.place import Start, settled_state
 
-    q, differential = settled(model, Start()).q, model.rover.differential
+    q, differential = settled_state(model, Start()).q, model.rover.differential
     angles = q[[differential.q_left, differential.q_right]]
     assert np.abs(angles) == pytest.approx(0.01, abs=1e-3)
 
@@ -187,7 +187,7 @@ def test_preload_moves_load_from_the_middle_to_the_rear_wheel():
 
     def middle_less_rear(effect):
         model = FLAT.having(effect)
-        state = settled(model, Start())
+        state = settled_state(model, Start())
         kernel = Kernel(model, state, 1e-3, True)
         kernel.step()
         normal = kernel.record[:, 3]

@@ -9,7 +9,7 @@ import numpy as np
 
 from rover_pin.simulation.command import Command
 from rover_pin.simulation.simulate import Timing, simulate
-from rover_pin.simulation.start.place import Start, settled
+from rover_pin.simulation.start.place import Start, settled_state
 
 HERE = Path(__file__).parent / "blind"
 if "blind" not in sys.modules:
@@ -44,7 +44,7 @@ def both(models, runs, duration, timing=Timing(), of=vehicle.NEXUS6):
     """Return (the generator's channels, the package's trace) of each run and the model that says the same of it."""
     theirs, rests = [], []
     for model, run in zip(models, runs, strict=True):
-        rest = settled(model, Start(*run.start))
+        rest = settled_state(model, Start(*run.start))
 
         def command(reading, run=run):
             at = round(reading.t / 0.05)

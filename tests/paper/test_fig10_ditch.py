@@ -36,7 +36,7 @@ def outcome(case):
     """Out, stuck, or open where half the step tells another story."""
     both = {
         bool(np.any(dataclasses.replace(case, timing=timing).drive()["body_x"] > OUT_AT))
-        for timing in (case.timing, case.timing.halved())
+        for timing in (case.timing, case.timing.with_half_step())
     }
     return "open" if len(both) > 1 else "out" if True in both else "stuck"
 

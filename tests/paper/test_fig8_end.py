@@ -29,7 +29,7 @@ R_WHEEL = 0.045
 
 def driven(*, halved=False, **settings):
     case = scenario("slope", soil="table-1", **settings)
-    return (dataclasses.replace(case, timing=case.timing.halved()) if halved else case).drive()
+    return (dataclasses.replace(case, timing=case.timing.with_half_step()) if halved else case).drive()
 
 
 def inclination(trace):

@@ -17,9 +17,9 @@ from rover_pin.simulation.native.control import Commands, commands_of
 from rover_pin.simulation.native.loop import Loop, Outcome
 from rover_pin.simulation.native.shared import RECORD
 from rover_pin.simulation.pace import FINEST, Pace
-from rover_pin.simulation.plain.run import observed, run_plain
+from rover_pin.simulation.plain.run import record_of_instant, run_plain
 from rover_pin.simulation.plain.step import Plain
-from rover_pin.simulation.start.place import Start, settled, shared_rest, taken_over
+from rover_pin.simulation.start.place import Start, settled_state, shared_rest, taken_over
 from rover_pin.simulation.state import base_rotation, roll_pitch_yaw
 from rover_pin.simulation.timing import DT, Timing
 from rover_pin.simulation.trace.rows import row_type
@@ -49,8 +49,8 @@ def both(case, timing):
     """The same drive by the compiled loop and by the plain one, both over the compiled step."""
     ran = []
     for run in (run_compiled, run_plain):
-        state = settled(case.model, case.start)
-        begun = case.model.begun(float(state.q[0]), float(state.q[1]))
+        state = settled_state(case.model, case.start)
+        begun = case.model.begin_at(float(state.q[0]), float(state.q[1]))
         if hasattr(case.controller, "reset"):
             case.controller.reset()
         kernel, times = Kernel(begun, state, timing.dt, symmetric=False), []
@@ -78,7 +78,7 @@ def test_both_loops_drive_alike(name, monkeypatch):
 def plain_replay(model, run, nudge, rest, step=Kernel):
     """A replay row after row in Python, as `replay` says it is done; return the rows."""
     state = taken_over(model, rest)
-    model = model.begun(run.start.x, run.start.y)
+    model = model.begin_at(run.start.x, run.start.y)
     kernel = step(model, state, DT, symmetric=False)
     q_of = {joint.idx_v: joint.idx_q for joint in model.rover.model.joints}
     servos = [q_of[wheel.steer_dof] for wheel in model.rover.wheels if wheel.steer_dof is not None]
@@ -113,7 +113,7 @@ def plain_replay(model, run, nudge, rest, step=Kernel):
         rows[row]["q"], rows[row]["v"], rows[row]["moved"] = state.q, state.v, moved
         rows[row]["record"] = kernel.record
         if not run.rate_driven:
-            rows[row]["record"][:, MOTORS] = observed(kernel)[0][:, MOTORS]
+            rows[row]["record"][:, MOTORS] = record_of_instant(kernel)[0][:, MOTORS]
         rows[row]["attitude"] = roll_pitch_yaw(state.q)
         rows[row]["velocity"] = base_rotation(state.q) @ state.v[:3]
         draw(state.q, run.place[row], run.period / replays.HOLD, moved)
@@ -198,7 +198,7 @@ def test_what_holds_the_wheels_enters_the_balance_of_energy():
     """Kinetic and potential energy change by what the holding torques do, less what the soil takes."""
     case, run = logged("ditch", 4.0)
     run = held(run, case.drive(), case.model)
-    state = settled(case.model, run.start)
+    state = settled_state(case.model, run.start)
     kernel, rates = Kernel(case.model, state, 0.002, symmetric=False), np.zeros(6)
     kernel.hold(rates)
     start = sum(kernel.energies())
@@ -230,7 +230,7 @@ MODEL = scenario("flat").model
 
 
 def loop_of(steps=6, per_sample=2, **more):
-    return Loop(Kernel(MODEL, settled(MODEL, Start()), 0.005, symmetric=False), 0.005, steps, per_sample, **more)
+    return Loop(Kernel(MODEL, settled_state(MODEL, Start()), 0.005, symmetric=False), 0.005, steps, per_sample, **more)
 
 
 @pytest.mark.parametrize("steps", [0, 1, 2, 3])

@@ -16,7 +16,7 @@ from rover_pin.effects.motion_resistance import MotionResistance
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.command import Command
 from rover_pin.simulation.simulate import Timing, simulate
-from rover_pin.simulation.start.place import Start, settled
+from rover_pin.simulation.start.place import Start, settled_state
 
 HERE = Path(__file__).parents[1] / "oracle" / "independent"
 URDF = Path(__file__).parents[2] / "urdf" / "nexus6.urdf"
@@ -61,7 +61,7 @@ def converted(other, model, state):
 
 def both(model, command, duration, start=Start()):
     """Drive both from the package's rest."""
-    other, state = twin(model), settled(model, start)
+    other, state = twin(model), settled_state(model, start)
     theirs = simulate(model, lambda reading: Command(*command(reading.t)), duration, state.copy(), FINE)
     return drive.drive(other, converted(other, model, state), command, duration, STEP), theirs
 
@@ -109,7 +109,7 @@ def test_it_shares_no_code():
 
 def test_statics_find_the_same_rest():
     model = scenario("flat").model
-    other, state = twin(model), settled(model, Start())
+    other, state = twin(model), settled_state(model, Start())
     mine, theirs = other.unpack(rest.rest(other)), other.unpack(converted(other, model, state))
     assert mine.place[2] == pytest.approx(theirs.place[2], abs=1e-6)
     assert mine.quaternion == pytest.approx(theirs.quaternion, abs=1e-6)

@@ -17,7 +17,7 @@ from rover_pin.simulation.compiled.kernel import Kernel
 from rover_pin.simulation.compiled.terrain_numbers import line_of, terrain_fields
 from rover_pin.simulation.native.shared import N_FACET, N_PATCH
 from rover_pin.simulation.plain.step import Plain
-from rover_pin.simulation.start.place import Start, settled
+from rover_pin.simulation.start.place import Start, settled_state
 from rover_pin.terrain.profile import Profile
 from rover_pin.terrain.terrain import Lanes
 from tests.simulation import kernel_cases as cases
@@ -26,7 +26,7 @@ FLAT = scenario("flat").model
 
 
 def kernel_of(model):
-    return Kernel(model, settled(model, Start()), 0.005, symmetric=False)
+    return Kernel(model, settled_state(model, Start()), 0.005, symmetric=False)
 
 
 def test_there_is_room_for_what_the_largest_wheel_meets():
@@ -42,7 +42,7 @@ def test_there_is_room_for_what_the_largest_wheel_meets():
             for mount, factor in zip(rover.wheels, factors, strict=True)
         )
         made = dataclasses.replace(FLAT, rover=dataclasses.replace(rover, wheels=wheels), terrain=ground)
-        state = settled(FLAT, Start())
+        state = settled_state(FLAT, Start())
         return len(Kernel(made, state, 0.005, symmetric=False).keep["facets"])
 
     small, large = facets([1.0] * 6), facets([2.0] * 6)
@@ -112,24 +112,24 @@ ROVER, CASES = cases.ROVER, cases.CASES
 def test_steps_that_are_taken_back_leave_nothing_behind(kind):
     """A motor whose current and supply, and gears whose wind-up, the next step reads as well."""
     made = CASES["two-widths"][0].having(SupplySag())
-    state = settled(made, Start())
+    state = settled_state(made, Start())
     stepper = kind(made, state, 0.005, False)
     stepper.duty[:] = np.linspace(0.4, 0.9, 6)
     for _ in range(5):
         stepper.step()
-    saved = stepper.saved()
+    saved = stepper.saved_arrays()
     ends = []
     for _ in range(2):
         stepper.restore(saved)
         assert [stepper.step() for _ in range(4)] == [0] * 4
-        ends.append([stepper.misjudged, *(each.tobytes() for each in stepper.saved())])
+        ends.append([stepper.misjudged, *(each.tobytes() for each in stepper.saved_arrays())])
     assert ends[0] == ends[1]
 
 
 def test_changed_soils_act_as_if_present_from_the_start():
     made, start = CASES["eq-1"]
     firmer = tuple(soil.replace(phi=soil.phi * 1.1) for soil in made.soils)
-    state = settled(made, start)
+    state = settled_state(made, start)
     other = state.copy()
     kernel = Kernel(made, state, 0.005, symmetric=False)
     fresh = Kernel(dataclasses.replace(made, soils=firmer), other, 0.005, symmetric=False)

@@ -5,7 +5,7 @@ import pytest
 
 from rover_pin.simulation.compiled.kernel import DIRECTION_SPEED, Kernel
 from rover_pin.simulation.plain.step import Plain
-from rover_pin.simulation.start.place import settled
+from rover_pin.simulation.start.place import settled_state
 from tests.simulation import kernel_cases as cases
 
 ROVER, CASES = cases.ROVER, cases.CASES
@@ -33,7 +33,7 @@ def assert_alike(plain, kernel):
 def test_steps_agree(name):
     """State by state, so that a chaotic moment cannot hide an error or make one."""
     made, start = CASES[name]
-    state = settled(made, start)
+    state = settled_state(made, start)
     if name == "past its stops":
         cases.bent(state)
     kernel = Kernel(made, state, 0.005, symmetric=False)
@@ -66,12 +66,12 @@ def test_steps_agree(name):
 def test_a_step_agrees_where_everything_moves(name):
     """From a state that no drive comes to, so that no term is 0."""
     made, start = CASES[name]
-    assert assert_a_step_alike(made, cases.stirred(made, settled(made, start)), symmetric=False) > 0.0
+    assert assert_a_step_alike(made, cases.stirred(made, settled_state(made, start)), symmetric=False) > 0.0
 
 
 def test_a_step_agrees_that_is_made_symmetric():
     made, start = CASES["hills"]
-    state = cases.stirred(made, settled(made, start))
+    state = cases.stirred(made, settled_state(made, start))
     assert_a_step_alike(made, state, symmetric=True)
     perm, sign = ROVER.mirror
     assert np.array_equal(state.v, sign * state.v[perm])
@@ -93,7 +93,7 @@ def assert_a_step_alike(made, state, symmetric):
 def test_a_step_agrees_past_the_stops(way):
     """Bent further and on the way back, at either end of every joint, so that stops push and take energy."""
     made, start = CASES["past its stops"]
-    state = cases.stirred(made, settled(made, start))
+    state = cases.stirred(made, settled_state(made, start))
     cases.bent(state)
     for joint in ("bogie_l", "bogie_r", "rocker_l", "rocker_r"):
         state.q[ROVER.angles[joint]] *= way
@@ -104,12 +104,12 @@ def test_a_step_agrees_past_the_stops(way):
 def test_what_a_step_misjudged_is_told_alike(share):
     """One load of one wheel at a time foreseen otherwise: of wheels that carry more than a share, and less of it."""
     made, start = CASES["two-widths"]
-    state, told = settled(made, start), []
+    state, told = settled_state(made, start), []
     plain, kernel = Plain(made, state.copy(), 0.005, False), Kernel(made, state, 0.005, False)
     plain.share = kernel.struct.wheel_share = share
     for _ in range(2):
         assert (plain.step(), kernel.step()) == (0, 0)
-    saved = plain.saved(), kernel.saved()
+    saved = plain.saved_arrays(), kernel.saved_arrays()
     for wheel in range(6):
         for load in range(4):
             for stepper, before in zip((plain, kernel), saved, strict=True):
@@ -133,7 +133,7 @@ def through_rest(state, share):
 def test_steps_agree_through_rest(name):
     """There the law is a blend of both directions, whose weights a wheel passes in a step or two."""
     made, start = CASES[name]
-    rest = settled(made, start)
+    rest = settled_state(made, start)
     for share in np.linspace(-1.5, 1.5, 31):
         states = [rest.copy(), rest.copy()]
         for state in states:
@@ -148,7 +148,7 @@ def test_steps_agree_through_rest(name):
 def test_a_dropped_rover_is_the_same_in_both():
     """All wheels in the air, then touching."""
     made, start = CASES["ditch"]
-    state = settled(made, start)
+    state = settled_state(made, start)
     state.q[2] += 0.01
     other = state.copy()
     kernel, plain = Kernel(made, state, 0.005, False), Plain(made, other, 0.005, False)

@@ -13,7 +13,7 @@ from rover_pin.base.errors import ParameterError
 from rover_pin.simulation.compiled.kernel import Kernel
 from rover_pin.simulation.model.motors import MOTORS, motor_named
 from rover_pin.simulation.plain.step import Plain
-from rover_pin.simulation.start.place import Start, settled
+from rover_pin.simulation.start.place import Start, settled_state
 from rover_pin.simulation.timing import DT, Timing
 
 STUDY = Path(__file__).parents[2] / "studies" / "motors.py"
@@ -80,7 +80,7 @@ def test_a_step_leaves_of_a_motor_s_own_rate_what_the_rule_says(kind, z):
     wheel, motor = model.built.wheels[0], model.motor
     inertia = float(model.built.model.inertias[wheel.joint].inertia[1, 1] + motor.armature)
     constant = inertia * float(motor.resistance) / float(motor.constant) ** 2
-    state = settled(model, Start())
+    state = settled_state(model, Start())
     state.q[2] += 500.0
     stepper = kind(model, state, z * constant, False)
     stepper.duty[:] = 0.5
@@ -94,7 +94,7 @@ def test_a_step_leaves_of_a_motor_s_own_rate_what_the_rule_says(kind, z):
 @pytest.mark.parametrize(("delta", "omega", "torque"), [(0.55, 1.2, 0.02), (0.3, 0.05, 0.25), (1.0, 30.0, 0.97)])
 def test_a_calibrated_motor_turns_so_fast_under_so_much(delta, omega, torque):
     motor = Motor()
-    made = motor.calibrated(delta, omega, torque)
+    made = motor.with_operating_point(delta, omega, torque)
     drive = made.drive(delta, omega)
     assert float(drive.constant * drive.current) == pytest.approx(torque)
     for name in ("supply", "stall_torque", "armature"):
@@ -105,7 +105,7 @@ def test_a_calibrated_motor_turns_so_fast_under_so_much(delta, omega, torque):
 def test_no_motor_holds_more_than_its_duty_gives_or_turns_back(delta, omega):
     motor = Motor()
     with pytest.raises(ParameterError, match=r"torque.*positive"):
-        motor.calibrated(delta, omega, 0.25 * float(motor.stall_torque))
+        motor.with_operating_point(delta, omega, 0.25 * float(motor.stall_torque))
 
 
 def test_a_stiff_motor_follows_its_duty_without_ringing():
@@ -117,6 +117,6 @@ def test_a_stiff_motor_follows_its_duty_without_ringing():
     rates = trace.stack("wheel_rate")
     asked = 0.05 * float(model.motor.no_load_rate)
     assert rates[8:] == pytest.approx(asked, rel=0.02)
-    finer = simulate(model, ConstantDuty(0.05), 1.0, timing=timing.halved())
+    finer = simulate(model, ConstantDuty(0.05), 1.0, timing=timing.with_half_step())
     assert trace["body_x"] == pytest.approx(finer["body_x"], abs=3e-4)
     assert trace.energy_error() < 1e-5

@@ -65,7 +65,7 @@ class Scripted:
         self.calls += 1
         return int(status)
 
-    def saved(self):
+    def saved_arrays(self):
         return [self.q.copy(), self.v.copy()]
 
     def restore(self, saved):

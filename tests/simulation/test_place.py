@@ -17,7 +17,7 @@ from rover_pin.effects.slip import AlgebraicSlip
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.simulation.model.model import base_effects
 from rover_pin.simulation.plain.step import Plain
-from rover_pin.simulation.start.place import RESTS, SLIDES, Rest, Start, hovering, relaxed, set_down, settled
+from rover_pin.simulation.start.place import RESTS, SLIDES, Rest, Start, hovering, relax_state, set_down, settled_state
 from rover_pin.simulation.state import roll_pitch_yaw
 from rover_pin.soil.wheel_forces import FORMS
 from rover_pin.terrain import shapes
@@ -108,7 +108,7 @@ def test_the_shear_is_that_of_the_slide_that_holds():
     """On a plane all wheels have slid by as much, uphill is what the soil pushes, and a steeper slope needs more."""
     shear = []
     for angle in (2.0, 4.0, 8.0):
-        state = settled(model_on(shapes.incline(math.radians(angle), -5.0), Soil(k=0.01)), Start())
+        state = settled_state(model_on(shapes.incline(math.radians(angle), -5.0), Soil(k=0.01)), Start())
         S = state.contact[:, 0]
         assert np.all(S > 0.0)
         assert np.ptp(S) < 0.25 * S.mean()
@@ -118,7 +118,7 @@ def test_the_shear_is_that_of_the_slide_that_holds():
 
 def test_ground_that_cannot_carry_is_refused_in_one_sentence():
     with pytest.raises(SimulationError, match=r"settle.*x = 0.*y = 0"):
-        settled(model_on(shapes.flat(), Soil(k_1=100.0)), Start())
+        settled_state(model_on(shapes.flat(), Soil(k_1=100.0)), Start())
 
 
 CASES = {
@@ -132,9 +132,9 @@ CASES = {
 
 def test_a_rover_that_cannot_stand_is_refused():
     heavy = scenario("flat", soil="table-1").model.having(PointMass(m=20.0, shift_x=0.9))
-    assert relaxed(heavy, hovering(heavy, Start()), 0.0, False) is Rest.NEVER
+    assert relax_state(heavy, hovering(heavy, Start()), 0.0, False) is Rest.NEVER
     with pytest.raises(SimulationError, match=r"does.*settle"):
-        settled(heavy, Start())
+        settled_state(heavy, Start())
 
 
 @pytest.mark.parametrize("case", CASES)
@@ -156,6 +156,6 @@ def test_a_rover_is_set_down_from_where_its_lowest_wheel_touches(case):
 def test_pivot_friction_is_ignored_while_a_rover_is_placed():
     """So much that its bogies would stay where they were in the air."""
     model = scenario("rocks", soil="table-1").model
-    bare, stiff = (settled(each, Start(0.7)) for each in (model, model.having(PivotFriction(tau_c=0.2, b=5.0))))
+    bare, stiff = (settled_state(each, Start(0.7)) for each in (model, model.having(PivotFriction(tau_c=0.2, b=5.0))))
     assert np.array_equal(bare.q, stiff.q)
     assert np.array_equal(bare.contact, stiff.contact)

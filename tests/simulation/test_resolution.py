@@ -12,13 +12,13 @@ from rover_pin.effects.multi_pass import MultiPass
 from rover_pin.rover.constraints import constraint_rows
 from rover_pin.rover.forward_dynamics import mass_matrix, wheel_jacobians
 from rover_pin.simulation.compiled.kernel import Kernel
-from rover_pin.simulation.compiled.rover_numbers import armed
+from rover_pin.simulation.compiled.rover_numbers import model_with_armature
 from rover_pin.simulation.native.shared import RECORD
 from rover_pin.simulation.outcome.audit import balance_warning, load_warning, mean_load
 from rover_pin.simulation.pace import ROUGH, Pace
 from rover_pin.simulation.replay import commands, replay
 from rover_pin.simulation.resolution import MAX_PARTS, contact_frequency, firmness, parts, stiffness
-from rover_pin.simulation.start.place import Start, settled
+from rover_pin.simulation.start.place import Start, settled_state
 from rover_pin.simulation.timing import Timing
 from rover_pin.simulation.trace.rows import finite, row_type
 from rover_pin.terrain import shapes
@@ -27,7 +27,7 @@ from rover_pin.terrain import shapes
 def test_stiffness_is_the_slope_of_the_sinkage_law():
     """Against a difference of the compiled law's own normal force; the closed form holds for small angles."""
     model = scenario("flat", **{"soil.k_1": 1e7}).model
-    state = settled(model, Start())
+    state = settled_state(model, Start())
     kernel = Kernel(model, state.copy(), 1e-9, symmetric=False)
     kernel.step()
     loads, h = kernel.record[:, 3].copy(), kernel.record[:, 2].copy()
@@ -49,7 +49,7 @@ def test_stiffness_scales_with_modulus_and_load_or_is_zero():
 def test_contact_frequency_is_that_of_a_small_disturbance(k_1):
     """Stable just below omega dt = 2, unstable just above, as Stoermer-Verlet's step must be: undamped, from rest."""
     model = scenario("flat", **{"soil.k_1": k_1, "effect.NormalDamping.d": 0.0}).model
-    state = settled(model, Start())
+    state = settled_state(model, Start())
     omega = contact_frequency(model, state)
 
     def grown(turn):
@@ -66,9 +66,9 @@ def test_contact_frequency_is_that_of_a_small_disturbance(k_1):
 def test_the_frequency_is_that_of_the_rover_s_own_mass_matrix():
     """omega^2 x = M^-1 U^T K U x under the differential, its multiplier among the unknowns: no inverse of a part."""
     model = scenario("flat").model
-    state = settled(model, Start())
+    state = settled_state(model, Start())
     rover = model.built
-    M = mass_matrix(rover, state.q) + np.diag(armed(rover, float(model.motor.armature)).armature)
+    M = mass_matrix(rover, state.q) + np.diag(model_with_armature(rover, float(model.motor.armature)).armature)
     G = constraint_rows(rover)
     U = np.array([J[2] for J in wheel_jacobians(rover, state.q)])
     W = model.gravity * rover.mass / len(rover.wheels)
@@ -88,7 +88,7 @@ def test_stiff_ground_is_driven_with_the_weight_on_the_wheels(name, k_1):
     assert trace.attrs["dt_s"] < 0.005
     assert trace.stack("normal").sum(axis=1).mean() == pytest.approx(weight, rel=0.03)
     assert trace.attrs["warnings"] == []
-    half = dataclasses.replace(drive, timing=drive.timing.halved()).drive(measure_error=False)
+    half = dataclasses.replace(drive, timing=drive.timing.with_half_step()).drive(measure_error=False)
     assert half.attrs["dt_s"] == pytest.approx(trace.attrs["dt_s"] / 2)
     assert np.abs(half["body_x"] - trace["body_x"]).max() < 1e-3
 
@@ -101,26 +101,26 @@ def test_ground_made_firmer_by_an_effect_needs_a_finer_step():
     traces = plain.drive(), firm.drive()
     assert traces[1].attrs["dt_s"] < traces[0].attrs["dt_s"]
     assert not any("average" in each for each in traces[1].attrs["warnings"])
-    state = settled(plain.model, Start())
+    state = settled_state(plain.model, Start())
     assert firmness(Kernel(plain.model, state.copy(), 1e-9, False), plain.model) == pytest.approx(1.0, abs=0.15)
 
 
 def test_the_shipped_grounds_keep_their_step_or_half_of_it():
     for soil, most in {"table-1": 1, "dry-sand": 1, "lunar-nominal": 1, "mars-sand": 2}.items():
         model = scenario("flat", soil=soil).model
-        assert parts(model, settled(model, Start()), Timing().dt) <= most
+        assert parts(model, settled_state(model, Start()), Timing().dt) <= most
 
 
 def test_the_firmest_ground_of_the_terrain_decides():
     soft = scenario("bump").model
     hard = soft.replace(terrain=shapes.bump(ground=1), soils=(soft.soils[0], Soil(k_1=1e8)))
-    state = settled(soft, Start())
+    state = settled_state(soft, Start())
     assert parts(hard, state, 0.005) > parts(soft, state, 0.005) == 1
 
 
 def test_too_stiff_ground_is_refused_in_one_sentence():
     model = scenario("flat").model
-    state = settled(model, Start())
+    state = settled_state(model, Start())
     stiff = model.replace(soils=(Soil(k_1=1e9, n=0.1), *model.soils[1:]))
     message = rf"too stiff for dt = 0\.0166667 s: .* at .* rad/s, .* {MAX_PARTS} are allowed: lower soil"
     for start in (state, Start()):
@@ -181,7 +181,7 @@ class Rough:
     def set_step(self, dt):
         self.dt = dt
 
-    def saved(self):
+    def saved_arrays(self):
         return [self.t.copy(), self.error.copy(), np.array(len(self.kept))]
 
     def restore(self, saved):

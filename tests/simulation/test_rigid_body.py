@@ -10,7 +10,7 @@ from rover_pin import Model, Motor, Soil, load_rover
 from rover_pin.effects.slip import RelaxedSlip
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.simulation.compiled.kernel import Kernel
-from rover_pin.simulation.compiled.rover_numbers import armed
+from rover_pin.simulation.compiled.rover_numbers import model_with_armature
 from rover_pin.simulation.model.model import base_effects
 from rover_pin.simulation.native.compiled_body import KeyedModel, compiled_body
 from rover_pin.simulation.native.rigid_body import inertia_places, rigid_body, tree_of
@@ -128,7 +128,7 @@ def test_the_compiled_body_is_what_pinocchio_says(name):
     q, v = random_state(rover.model, np.random.default_rng(2))
     state.q[:], state.v[:] = q, v
     kernel = Kernel(made, state, 0.005, symmetric=False)
-    model = armed(made.built, float(made.motor.armature))
+    model = model_with_armature(made.built, float(made.motor.armature))
     data = model.createData()
     kinetic, potential = kernel.energies()
     same(kinetic, pin.computeKineticEnergy(model, data, q, v))

@@ -16,7 +16,7 @@ from rover_pin.effects.weak_motor import WeakMotor
 from rover_pin.simulation.command import Command
 from rover_pin.simulation.compiled.kernel import Kernel
 from rover_pin.simulation.simulate import Timing
-from rover_pin.simulation.start.place import Start, settled
+from rover_pin.simulation.start.place import Start, settled_state
 
 DEG = math.pi / 180.0
 
@@ -107,7 +107,7 @@ def test_a_drive_across_a_lanes_edge_converges(name):
 def test_the_step_is_of_second_order_under_way():
     """On a slope, with the duty changing; near rest and at corners the forces have kinks, and the order falls."""
     drive = scenario("incline", soil="table-1", **{"soil.k": 0.01, "terrain.start": -3.0})
-    state = settled(drive.model, drive.start, symmetric=True)
+    state = settled_state(drive.model, drive.start, symmetric=True)
     kernel = Kernel(drive.model, state, 0.001, symmetric=True)
     kernel.duty[:] = 0.5
     for _ in range(2000):
@@ -126,7 +126,7 @@ def test_the_step_is_of_second_order_under_way():
 
 def test_a_drop_settles_with_damping():
     model = made("flat")
-    state = settled(model, Start())
+    state = settled_state(model, Start())
     rest = state.q[2]
     state.q[2] += 0.012
     trace = simulate(model, ConstantDuty(0.0), 2.0, state)

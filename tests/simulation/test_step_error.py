@@ -14,10 +14,10 @@ from rover_pin.scenarios.scenario import Scenario
 from rover_pin.simulation.compiled.kernel import Kernel
 from rover_pin.simulation.compiled_run import run_compiled
 from rover_pin.simulation.native.shared import RECORD
-from rover_pin.simulation.outcome.step_error import LOADS, StepChange, completed, repeating, step_change
+from rover_pin.simulation.outcome.step_error import LOADS, StepChange, complete_steps, repeating, step_change
 from rover_pin.simulation.sensors import Sensed, Sensors
 from rover_pin.simulation.simulate import Timing
-from rover_pin.simulation.start.place import settled
+from rover_pin.simulation.start.place import settled_state
 from rover_pin.simulation.timing import FINER, TOLERANCE
 from rover_pin.simulation.tolerance import DriveJob, from_start
 from rover_pin.simulation.trace.rows import row_type
@@ -59,7 +59,7 @@ def test_errors_are_twice_those_of_first_order():
 
 
 def test_steps_that_were_not_taken_are_whole():
-    begun = completed(np.array([0.01, 0.005]), 0.01, 0.045)
+    begun = complete_steps(np.array([0.01, 0.005]), 0.01, 0.045)
     assert begun == pytest.approx([0.01, 0.005, 0.01, 0.01, 0.01])
 
 
@@ -129,7 +129,7 @@ def test_a_refined_drive_takes_its_usual_steps_in_parts():
     strict = dataclasses.replace(made, timing=Timing(tolerance=1e-9)).drive()
     memory = np.array(made.controller.integral)
     fine = Timing(divided=FINER)
-    state = settled(made.model, made.start, made.symmetric)
+    state = settled_state(made.model, made.start, made.symmetric)
     job = DriveJob(Kernel, run_compiled, made.model, made.controller, 1.0, Timing(), made.symmetric, None, False)
     lengths = np.repeat(from_start(job, state).run.lengths / FINER, FINER)
     plain = from_start(job._replace(timing=fine), state, lengths)
@@ -162,7 +162,7 @@ def test_what_halving_does_not_lessen_is_told():
 def test_what_falls_by_more_than_second_order_fell_by_chance():
     """Two drives that pass the same side of what divides them: the one at half the step is no surer for it."""
     change = StepChange(8e-3, 0.04, "buried: wheel FL", 2.0)
-    assert change.lessened() == StepChange(2e-3, 0.01, "", 2.0)
+    assert change.half_step_change() == StepChange(2e-3, 0.01, "", 2.0)
 
 
 def test_the_worse_of_two_changes_is_the_greater_error():

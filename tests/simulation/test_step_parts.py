@@ -15,13 +15,13 @@ from rover_pin.simulation import native
 from rover_pin.simulation.compiled import kernel as module
 from rover_pin.simulation.compiled import toolchain
 from rover_pin.simulation.compiled.kernel import Kernel
-from rover_pin.simulation.compiled.rover_numbers import armed
+from rover_pin.simulation.compiled.rover_numbers import model_with_armature
 from rover_pin.simulation.compiled.suspension import suspension_dofs
 from rover_pin.simulation.compiled.toolchain import shared_library
 from rover_pin.simulation.native.compiled_body import elimination
 from rover_pin.simulation.outcome.audit import pivot_warning
 from rover_pin.simulation.plain.step import Plain
-from rover_pin.simulation.start.place import Start, settled
+from rover_pin.simulation.start.place import Start, settled_state
 
 SHARE = "static double implicit_share(const Drive *d) { return 0.5; }\n"
 NEEDED = "lanes.h types.h shared.py drive.h system.h arc.c states.c solve.c configuration.c".split()
@@ -109,7 +109,7 @@ def test_integrals_of_the_depth_over_an_arc(parts, n, h):
 def test_wheels_held_to_a_rate_have_it_and_what_it_takes_is_told(kind):
     """In the air: the torque is that of inverse dynamics for the acceleration that came of it, at half-way speeds."""
     model = scenario("flat").model.having(SupplySag())
-    state = settled(model, Start())
+    state = settled_state(model, Start())
     state.q[2] += 0.5
     stepper = kind(model, state, 0.005, False)
     rates = np.linspace(-2.0, 3.0, 6)
@@ -118,7 +118,7 @@ def test_wheels_held_to_a_rate_have_it_and_what_it_takes_is_told(kind):
     assert stepper.step() == 0
     wheels = [mount.dof for mount in model.rover.wheels]
     assert state.v[wheels] == pytest.approx(rates, abs=1e-6)
-    armoured = armed(model.built, float(model.motor.armature))
+    armoured = model_with_armature(model.built, float(model.motor.armature))
     half = pin.integrate(armoured, q, 0.0025 * v)
     needed = pin.rnea(armoured, armoured.createData(), half, v, (state.v - v) / 0.005)
     assert stepper.record[:, 9] == pytest.approx(needed[wheels], rel=1e-6)
@@ -131,14 +131,14 @@ MODEL = scenario("flat").model
 
 
 def test_a_plain_step_whose_numbers_are_lost_says_so():
-    begun = settled(MODEL, Start())
+    begun = settled_state(MODEL, Start())
     begun.v[0] = math.nan
     assert Plain(MODEL, begun, 0.005, False).step() == 1
 
 
 def test_plain_step_returns_a_forced_differential_to_its_tie():
     """The compiled step, which eliminates the follower, keeps what it was given: drives begin tied."""
-    begun, rover = settled(MODEL, Start()), MODEL.built
+    begun, rover = settled_state(MODEL, Start()), MODEL.built
     begun.v[rover.differential.left] = 0.3
     G = constraint_rows(rover)
     assert np.abs(G @ begun.v).max() == pytest.approx(0.3)
@@ -209,7 +209,7 @@ def changed(monkeypatch):
 
 def beside(case, change):
     """A kernel of the usual step and one of the changed one, 200 steps on."""
-    state = settled(case.model, case.start)
+    state = settled_state(case.model, case.start)
     kernels = [Kernel(case.model, state.copy(), 0.005, symmetric=False)]
     change()
     kernels.append(Kernel(case.model, state.copy(), 0.005, symmetric=False))

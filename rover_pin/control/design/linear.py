@@ -117,11 +117,11 @@ class _Rates:
     def __init__(self, model: Model, state: DriveState, duty: float):
         self.model, self.pin_model = model, model.rover.model
         self.state = state.copy()
-        self.kernel = Kernel(model.begun(float(state.q[0]), float(state.q[1])), self.state, STEP, symmetric=False)
+        self.kernel = Kernel(model.begin_at(float(state.q[0]), float(state.q[1])), self.state, STEP, symmetric=False)
         self.kernel.disable_energy_balance()
         self.kernel.duty[:] = duty
         self.kernel.step()
-        self.memory = self.kernel.saved()
+        self.memory = self.kernel.saved_arrays()
         self.size = 2 * self.pin_model.nv + state.contact.size + state.motor.size
 
     def at(self, state: DriveState, duty: np.ndarray | float) -> _Point:

@@ -15,7 +15,7 @@ from rover_pin.simulation.compiled.rover_numbers import SERVO_GAIN
 from rover_pin.simulation.compiled.suspension import joint_strength
 from rover_pin.simulation.model.cruise import CRUISE_DUTY
 from rover_pin.simulation.model.model import Model
-from rover_pin.simulation.start.place import Start, settled
+from rover_pin.simulation.start.place import Start, settled_state
 from rover_pin.simulation.state import DriveState
 from rover_pin.terrain.terrain import Terrain
 
@@ -57,7 +57,7 @@ def mjcf(model: Model, start: Start = Start(), timestep: float = TIMESTEP) -> st
     Raises SimulationError: the rover cannot be set down there.
     """
     refuse_others(model)
-    rover, state = model.built, settled(model, start)
+    rover, state = model.built, settled_state(model, start)
     top = ET.Element("mujoco", model=rover.name)
     ET.SubElement(top, "compiler", angle="radian", autolimits="true")
     ET.SubElement(

@@ -9,7 +9,7 @@ import pinocchio as pin
 from rover_pin.base.errors import MissingExtraError, SimulationError
 from rover_pin.control.mujoco.mjcf import refuse_others
 from rover_pin.simulation.compiled.kernel import Kernel
-from rover_pin.simulation.driving import diverged
+from rover_pin.simulation.driving import stop_reason
 from rover_pin.simulation.model.model import Model
 from rover_pin.simulation.native.shared import RECORD
 from rover_pin.simulation.simulate import set_out
@@ -70,7 +70,7 @@ class SoilForces:
         ctrl = [f"duty_{wheel.name}" for wheel in rover.wheels]
         ctrl += [f"steer_{rover.wheels[at].name}" for at in self._kernel.servo_wheels]
         self._ctrl = [int(mj_model.actuator(prefix + name).id) for name in ctrl]
-        self._begin = self._saved = self._kernel.saved()
+        self._begin = self._saved = self._kernel.saved_arrays()
         self._time, self._signature = -np.inf, mj_model.signature
 
     def __call__(self, mj_model: Any, data: Any) -> None:
@@ -82,7 +82,7 @@ class SoilForces:
         self._take(data)
         status = kernel.step()
         if status:
-            raise SimulationError(diverged(status, float(data.time)))
+            raise SimulationError(stop_reason(status, float(data.time)))
         for body, load in zip(self._bodies, kernel.mean_loads, strict=True):
             self._apply(mj_model, data, load[:3], load[3:], data.xpos[body], body, data.qfrc_passive)
 
@@ -95,7 +95,7 @@ class SoilForces:
         if time < self._time:
             self._kernel.restore(self._begin)
         if time != self._time:
-            self._saved, self._time = self._kernel.saved(), time
+            self._saved, self._time = self._kernel.saved_arrays(), time
         else:
             self._kernel.restore(self._saved)
 

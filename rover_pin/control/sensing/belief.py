@@ -11,7 +11,7 @@ from rover_pin.base.files.paths import text_of_package
 from rover_pin.simulation.compiled.laws import generated_source
 from rover_pin.simulation.compiled.toolchain import shared_library
 from rover_pin.simulation.native import lanes
-from rover_pin.simulation.native.library import aligned
+from rover_pin.simulation.native.library import aligned_zeros
 from rover_pin.simulation.native.shared import fill, members, struct_fields
 
 PARTICLES = 200
@@ -110,7 +110,7 @@ class Belief:
         fill(
             self.struct,
             self.keep,
-            {name: aligned(size) for name, size in rows.items()} | rows_of_integers | counts | numbers,
+            {name: aligned_zeros(size) for name, size in rows.items()} | rows_of_integers | counts | numbers,
         )
         self._address = ctypes.addressof(self.struct)
         self.forget()

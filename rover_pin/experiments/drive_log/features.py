@@ -18,7 +18,7 @@ from rover_pin.experiments.drive_log.readings.lane_borders import lanes_under, o
 from rover_pin.experiments.drive_log.readings.outliers import without_pose_outliers
 from rover_pin.logs.drive_log import DriveLog
 from rover_pin.rover.rover import Rover
-from rover_pin.simulation.replay import Commands, averaged, commands, filled
+from rover_pin.simulation.replay import Commands, commands, fill_gaps, means_at
 from rover_pin.simulation.trace.channels import ODOMETRY, is_current
 from rover_pin.simulation.trace.inertial import GRAVITY, inertial
 from rover_pin.simulation.trace.trace import Trace
@@ -86,7 +86,7 @@ class LoggedRun:
 
     def measured_rows(self) -> dict[str, np.ndarray]:
         """Return the features before they are averaged over blocks, as measured (T,) by name."""
-        return dict(self._rows({name: filled(row) for name, row in self.measured.items()}))
+        return dict(self._rows({name: fill_gaps(row) for name, row in self.measured.items()}))
 
     def _rows(self, channels: Mapping[str, np.ndarray]) -> list[tuple[str, np.ndarray]]:
         t = self.commands.t
@@ -114,10 +114,10 @@ def logged_run(log: Trace, rover: Rover, terrain: Terrain | None = None, course:
     run = commands(log, wheels, steered)
     names = [name for name in log.channels if comparable(name) and np.isfinite(log[name]).any()]
     turned = [f"wheel_rate_{wheel}" for wheel in wheels]
-    rows = {name: averaged(log.t, log[name], run.t, run.period) for name in names}
+    rows = {name: means_at(log.t, log[name], run.t, run.period) for name in names}
     rows["body_yaw"] = run.place[:, 2]
-    heading = uniform_filter1d(filled(rows["body_yaw"]), max(1, round(BLOCK / run.period)))
-    gapless_rows = {name: filled(row) for name, row in rows.items()}
+    heading = uniform_filter1d(fill_gaps(rows["body_yaw"]), max(1, round(BLOCK / run.period)))
+    gapless_rows = {name: fill_gaps(row) for name, row in rows.items()}
     steps = ambiguous_steps(log)
     summed_rows = comparable_rows(run, [rows[name] for name in turned]) & unaffected_rows(
         [step for step in steps if step.missed], run
@@ -210,7 +210,7 @@ def levelled(name: str, block: np.ndarray, use: np.ndarray) -> np.ndarray:
 
 def comparable_rows(run: Commands, rates: Sequence[np.ndarray]) -> np.ndarray:
     """Return which rows are compared: after the start, and not while or soon after the rover stands or turns round."""
-    t, rows = run.t, np.nan_to_num([filled(row) for row in rates])
+    t, rows = run.t, np.nan_to_num([fill_gaps(row) for row in rates])
     duty, rate = run.duty.mean(axis=1), rows.mean(axis=0)
     if run.rate_driven:
         size = np.abs(rows).mean(axis=0)

@@ -10,7 +10,7 @@ from rover_pin.experiments.drive_log.experiment import DriveExperiment
 from rover_pin.experiments.drive_log.features import DRIFT, HEADING, PATH, SPEED, LoggedRun
 from rover_pin.rover.rover import Rover
 from rover_pin.rover.wheel_base import wheel_places
-from rover_pin.simulation.replay import filled
+from rover_pin.simulation.replay import fill_gaps
 
 CURVE, GIVEN = "kinematic model with fitted slip", "the measured wheel rates"
 POINT_STEP = 1e-3
@@ -85,7 +85,7 @@ def _odometry(run: LoggedRun, rover: Rover, point: complex) -> np.ndarray:
 
     It goes where the log heads; where that is the course, its own heading is the course of where its wheels turn it.
     """
-    rims = np.array([wheel.wheel.r * filled(run.measured[f"wheel_rate_{wheel.name}"]) for wheel in rover.wheels])
+    rims = np.array([wheel.wheel.r * fill_gaps(run.measured[f"wheel_rate_{wheel.name}"]) for wheel in rover.wheels])
     places = wheel_places(rover)
     left = np.array([places[wheel.name][1] > 0.0 for wheel in rover.wheels])
     speed, turn = rims.mean(axis=0), rims[~left].mean(axis=0) - rims[left].mean(axis=0)

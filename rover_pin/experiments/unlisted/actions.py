@@ -17,7 +17,7 @@ from rover_pin.estimation.fit import Fit
 from rover_pin.experiments.drive_log.experiment import DriveExperiment, experiment_of_log
 from rover_pin.experiments.drive_log.features import DRIFT, HEADING, LEVELS, PATH, blocks, leaky, pose_increments
 from rover_pin.rover.wheel_base import wheel_places
-from rover_pin.simulation.replay import Perturbation, Replay, filled
+from rover_pin.simulation.replay import Perturbation, Replay, fill_gaps
 from rover_pin.simulation.trace.channels import unit_of
 
 TORQUE_SHARE, FORCE_SHARE, GRIP_SHARE = 0.03, 0.01, 0.05
@@ -126,7 +126,7 @@ class Scene:
     def logged(self, run: int, name: str) -> np.ndarray:
         """Return a channel (T,) as measured, gaps bridged, or as replayed where it is not logged."""
         measured = self.experiment.runs[run].measured.get(name)
-        return self.replayed(run, name) if measured is None else filled(measured)
+        return self.replayed(run, name) if measured is None else fill_gaps(measured)
 
     def replayed(self, run: int, name: str) -> np.ndarray:
         """Return a channel (T,) of the fitted model."""
@@ -143,7 +143,7 @@ class Scene:
     def place(self, run: int, part: Part) -> np.ndarray:
         """Return the x (T,) of the part's wheels [m], of the base's origin where it stands for all wheels."""
         commands = self.experiment.runs[run].commands
-        x, heading = filled(commands.place[:, 0]), self.experiment.runs[run].heading
+        x, heading = fill_gaps(commands.place[:, 0]), self.experiment.runs[run].heading
         if len(part.wheels) == len(self.wheels):
             return x
         ahead = np.full(len(x), float(np.mean([self.ahead[wheel] for wheel in part.wheels])))

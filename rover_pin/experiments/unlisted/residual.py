@@ -21,7 +21,7 @@ from rover_pin.experiments.unlisted.draft import can_draft, draft
 from rover_pin.experiments.unlisted.term import Term
 from rover_pin.experiments.unlisted.terms import terms
 from rover_pin.simulation.model.effect_files import effects_of_text
-from rover_pin.simulation.replay import filled
+from rover_pin.simulation.replay import fill_gaps
 
 UNLISTED = 20.0
 """Net gain of a term from which the residual is not noise. Why: complete models of five sets showed 6 at most."""
@@ -127,7 +127,7 @@ def signals(scene: Scene) -> dict[str, np.ndarray]:
         "duty": lambda run: scene.experiment.runs[run].commands.duty.mean(axis=1),
         "slip": lambda run: np.mean([scene.replayed(run, f"slip_{wheel}") for wheel in scene.wheels], axis=0),
         "pitch": lambda run: scene.logged(run, "body_pitch"),
-        "place": lambda run: filled(scene.experiment.runs[run].commands.place[:, 0]),
+        "place": lambda run: fill_gaps(scene.experiment.runs[run].commands.place[:, 0]),
         "time": lambda run: scene.experiment.runs[run].commands.t,
     }
     means = {name: np.full((len(scene.experiment.runs), scene.experiment.length), np.nan) for name in signal_by_name}

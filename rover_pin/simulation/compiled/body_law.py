@@ -55,7 +55,7 @@ def body_law(effects: Sequence[BodyEffect], joints: Joints) -> ca.Function:
     body = _body(s, rotation, joints)
     pushes = [effect.push(body) for effect in symbolic_effects]  # type: ignore[attr-defined]
     differential = sum((push.differential for push in pushes), ca.SX(0))
-    force = ca.vertcat(_generalised(pushes, rotation, differential, joints), differential)
+    force = ca.vertcat(_generalised_force(pushes, rotation, differential, joints), differential)
     speeds, places = ca.vertcat(s.base_speed, s.rates), ca.vertcat(s.position, s.angles)
     moves = ca.SX(3 + n, 6 + n)
     moves[:3, :3], moves[3:, 6:] = rotation, ca.SX.eye(n)
@@ -92,7 +92,7 @@ def _body(s: _Symbols, rotation: ca.SX, joints: Joints) -> Body:
     return Body(*base, angles, rates, known_rates, twist, twist_rate, joints.names)  # type: ignore[call-arg]
 
 
-def _generalised(pushes: Sequence[Push], rotation: ca.SX, differential: ca.SX, joints: Joints) -> ca.SX:
+def _generalised_force(pushes: Sequence[Push], rotation: ca.SX, differential: ca.SX, joints: Joints) -> ca.SX:
     """Return the sum of the pushes, on the speeds of the base in its own axes and on the joints."""
     force = sum((ca.vertcat(push.f_x, push.f_y, push.f_z) for push in pushes), ca.SX.zeros(3))
     moment = sum((ca.vertcat(push.m_x, push.m_y, push.m_z) for push in pushes), ca.SX.zeros(3))

@@ -14,7 +14,7 @@ from rover_pin.simulation.compiled.rover_numbers import rover_fields
 from rover_pin.simulation.compiled.suspension import joint_strength
 from rover_pin.simulation.compiled.terrain_numbers import terrain_fields
 from rover_pin.simulation.model.model import Model
-from rover_pin.simulation.native.library import aligned, library, step_layout
+from rover_pin.simulation.native.library import aligned_zeros, library, step_layout
 from rover_pin.simulation.native.shared import ENERGY, RECORD, DriveStruct, fill
 from rover_pin.simulation.state import DriveState
 
@@ -70,12 +70,12 @@ class Kernel:
         """Let steps have this length [s] from now on."""
         self.struct.dt = dt
 
-    def saved(self) -> list[np.ndarray]:
+    def saved_arrays(self) -> list[np.ndarray]:
         """Return a copy of all that a step changes."""
         return [array.copy() for array in self.moving]
 
     def restore(self, saved: Sequence[np.ndarray]) -> None:
-        """Go back to where `saved` was taken."""
+        """Go back to where `saved_arrays` was taken."""
         for array, value in zip(self.moving, saved, strict=True):
             array[...] = value
 
@@ -172,8 +172,8 @@ class Kernel:
             n_soils=len(self.soils),
             n_held=compiled.held,
             held=np.zeros((self.struct.n_kinds * len(self.soils), compiled.held)),
-            held_lanes=aligned(room.questions * compiled.held),
-            step=aligned(room.step // 8),
+            held_lanes=aligned_zeros(room.questions * compiled.held),
+            step=aligned_zeros(room.step // 8),
             contact_parameters=laws.numbers(model.contact_effects),
             motor_parameters=laws.numbers([model.motor, *model.motor_effects]),
             body_parameters=laws.numbers(model.body_effects),

@@ -40,14 +40,14 @@ Seen = TypeVar("Seen", Contact, Drive)
 States = Sequence[tuple[Scalar, ...]]
 
 
-def amended(effects: Sequence[Any], subject: Seen, states: States) -> Seen:
+def amend_subject(effects: Sequence[Any], subject: Seen, states: States) -> Seen:
     """Return a contact, or a motor's drive, as all effects amend it in turn, each with its own states."""
     for effect, x in zip(effects, states, strict=True):
         subject = effect.amend(subject, x)
     return subject
 
 
-def loaded(effects: Sequence[Any], contact: Contact, states: States) -> tuple[Load, list[tuple[Scalar, ...]]]:
+def load_and_rates(effects: Sequence[Any], contact: Contact, states: States) -> tuple[Load, list[tuple[Scalar, ...]]]:
     """Return what all effects push at an amended contact, each knowing what those before it do, and their rates."""
     load = Load()
     for effect, x in zip(effects, states, strict=True):
@@ -55,7 +55,7 @@ def loaded(effects: Sequence[Any], contact: Contact, states: States) -> tuple[Lo
     return load, [_each(effect, effect.rate(contact, load, x), x) for effect, x in zip(effects, states, strict=True)]
 
 
-def turned(
+def torque_and_rates(
     effects: Sequence[Any], drive: Drive, torque: Scalar, states: States
 ) -> tuple[Scalar, list[tuple[Scalar, ...]]]:
     """Return what all effects make of the torque [N m] that an amended drive gives at the wheel, and their rates."""
@@ -106,11 +106,11 @@ def contact_law(effects: Sequence[Effect]) -> ca.Function:
     (wheel, soil), constants = symbolic([Wheel(), Soil()])
     states = _states(effects)
     contact = Contact(S=0.0, S_y=0.0, wheel=wheel, soil=soil, **geometry)  # type: ignore[arg-type]
-    contact = amended(symbolic_effects, contact, states)
+    contact = amend_subject(symbolic_effects, contact, states)
     slip = ca.vertcat(contact.S, contact.S_y, contact.h)
     slip_symbol = ca.SX.sym("slip", 3)
     contact = contact._replace(S=slip_symbol[0], S_y=slip_symbol[1], h=slip_symbol[2])
-    load, rates = loaded(symbolic_effects, contact, states)
+    load, rates = load_and_rates(symbolic_effects, contact, states)
     inputs = ca.vertcat(*geometry.values())
     force, rate, x = ca.vertcat(*load[:DRIVEN]), _column(rates), _column(states)
     blocks = [
@@ -136,9 +136,9 @@ def motor_law(motor: Motor, effects: Sequence[MotorEffect]) -> ca.Function:
     delta, omega, wheel, bus = (ca.SX.sym(name) for name in ("delta", "omega", "wheel", "bus_current"))
     states = _states(effects)
     drive: Drive = own_motor.drive(delta, omega)._replace(wheel=wheel, bus_current=bus)  # type: ignore[attr-defined]
-    drive = amended(symbolic_effects, drive, states)
+    drive = amend_subject(symbolic_effects, drive, states)
     current = drive.current
-    torque, rates = turned(symbolic_effects, drive, drive.constant * current, states)
+    torque, rates = torque_and_rates(symbolic_effects, drive, drive.constant * current, states)
     rate, x = _column(rates), _column(states)
     blocks = [
         torque,

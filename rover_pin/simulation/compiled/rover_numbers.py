@@ -39,7 +39,7 @@ def rover_fields(rover: Rover, armature: float, strength: float, rigid_different
 
     `pushed`: effects act on its body.
     """
-    pin_model, keyed_model = armed(rover, armature), KeyedModel.of(rover.model)
+    pin_model, keyed_model = model_with_armature(rover, armature), KeyedModel.of(rover.model)
     body = compiled_body(keyed_model)
     struct, keep = DriveStruct(), dict[str, Any]()
     for fields in (
@@ -154,7 +154,7 @@ def _springs(rover: Rover, strength: float, pushed: bool) -> dict[str, Any]:
     }
 
 
-def armed(rover: Rover, armature: float) -> pin.Model:
+def model_with_armature(rover: Rover, armature: float) -> pin.Model:
     """Return a copy of a rover's model with motors' rotors of this inertia [kg m^2] on the wheels."""
     copy = rover.model.copy()
     on_joints = np.array(copy.armature)

@@ -48,14 +48,14 @@ def shared_library(source: str, name: str) -> ctypes.CDLL:
     stem = f"{name}-{hashlib.sha256(SEPARATOR.join(words).encode()).hexdigest()[:20]}"
     folders = private_folders()
     cached = next(filter(None, (cached_library(folder, stem) for folder in folders)), None)
-    return cached or built(
-        folders, stem, lambda place: _compiled(command, {"source.c": source}, place, fast_flags(command))
+    return cached or build_library(
+        folders, stem, lambda place: _compile_sources(command, {"source.c": source}, place, fast_flags(command))
     )
 
 
 def portable_library(sources: Mapping[str, str], place: Path) -> Path:
     """Return the file of a library of these C files, for any processor of this machine's kind; errors as above."""
-    return _compiled(found_compiler(), sources, place)
+    return _compile_sources(found_compiler(), sources, place)
 
 
 def found_compiler() -> list[str]:
@@ -76,7 +76,7 @@ def fast_flags(command: list[str]) -> list[str]:
     return [f"-march={level()}", "-DLIBMVEC"]
 
 
-def _compiled(command: list[str], sources: Mapping[str, str], place: Path, fast: Sequence[str] = ()) -> Path:
+def _compile_sources(command: list[str], sources: Mapping[str, str], place: Path, fast: Sequence[str] = ()) -> Path:
     log.debug("compiling %d characters of C with %s", sum(map(len, sources.values())), " ".join(command))
     library = place / "made.so"
     for name, source in sources.items():
@@ -134,14 +134,14 @@ def cached_library(folder: Path, stem: str) -> ctypes.CDLL | None:
     """Return the library of this stem, or None; one that is not as it was made, or does not load, is removed."""
     for file in sorted(folder.glob(f"{stem}-*.so")):
         with contextlib.suppress(OSError):
-            if file == _named(folder, stem, file.read_bytes()):
-                return _loaded(file)
+            if file == _library_file(folder, stem, file.read_bytes()):
+                return _load_library(file)
         with contextlib.suppress(OSError):
             file.unlink()
     return None
 
 
-def built(folders: Sequence[Path], stem: str, make: Callable[[Path], Path]) -> ctypes.CDLL:
+def build_library(folders: Sequence[Path], stem: str, make: Callable[[Path], Path]) -> ctypes.CDLL:
     """Return the library whose file `make(folder)` writes, kept in the first folder that takes it.
 
     Its name has the digest of its content, so one step puts both in place, whoever else builds it meanwhile.
@@ -151,13 +151,13 @@ def built(folders: Sequence[Path], stem: str, make: Callable[[Path], Path]) -> c
     troubles = []
     for folder in folders:
         try:
-            return _loaded(_placed(folder, stem, make))
+            return _load_library(_place_library(folder, stem, make))
         except OSError as error:
             troubles.append(f"{folder}: {error.strerror or error}")
     raise CacheError(f"Compiled code cannot be kept or loaded ({'; '.join(troubles)}): {HINT}.")
 
 
-def _loaded(file: Path) -> ctypes.CDLL:
+def _load_library(file: Path) -> ctypes.CDLL:
     try:
         return ctypes.CDLL(str(file))
     except OSError as error:
@@ -166,13 +166,13 @@ def _loaded(file: Path) -> ctypes.CDLL:
         raise
 
 
-def _placed(folder: Path, stem: str, make: Callable[[Path], Path]) -> Path:
+def _place_library(folder: Path, stem: str, make: Callable[[Path], Path]) -> Path:
     with tempfile.TemporaryDirectory(dir=folder) as place:
         compiled = make(Path(place))
-        file = _named(folder, stem, compiled.read_bytes())
+        file = _library_file(folder, stem, compiled.read_bytes())
         os.replace(compiled, file)
     return file
 
 
-def _named(folder: Path, stem: str, content: bytes) -> Path:
+def _library_file(folder: Path, stem: str, content: bytes) -> Path:
     return folder / f"{stem}-{hashlib.sha256(content).hexdigest()[:32]}.so"

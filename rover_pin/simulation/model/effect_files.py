@@ -52,7 +52,7 @@ def user_effects(path: str | Path) -> tuple[type[AnyEffect], ...]:
     files = sorted(path.glob("*.py")) if is_folder(path) else [path]
     kinds = tuple(kind for file in files for kind in defined_in(run_file(file)))
     for kind in kinds:
-        _made(kind)
+        _default_effect(kind)
     if not kinds:
         bases = ", ".join(base.__name__ for base in BASES)
         raise DataError(f"{path}: no effect stands there; give a .py file with a class that derives from {bases}.")
@@ -71,7 +71,7 @@ def trusted_effects(trust: Trust) -> tuple[type[AnyEffect], ...]:
     return tuple(kind for file in files for kind in defined_in(run_file(file)))
 
 
-def _made(kind: type[AnyEffect]) -> AnyEffect:
+def _default_effect(kind: type[AnyEffect]) -> AnyEffect:
     """Return an effect of a user's file with its defaults, as it is tried first."""
     try:
         return kind()

@@ -34,7 +34,7 @@ def having(model: Model, effects: AnyEffect | str | Iterable[AnyEffect | str], t
     Raises ParameterError: a word or value that cannot be read, an unknown effect or field, with the close ones, a value
     out of bounds.
     """
-    entries = _listed(effects)
+    entries = _flatten_effects(effects)
     kinds = kinds_for([entry for entry in entries if isinstance(entry, str)], trust)
     for entry in entries:
         model = model.having(effect_of(entry, model, kinds) if isinstance(entry, str) else entry)
@@ -51,7 +51,7 @@ def kinds_for(effect_words: Iterable[str], trust: Trust = Trust()) -> dict[str, 
 
 def words_of(effects: AnyEffect | str | Iterable[AnyEffect | str]) -> list[str]:
     """Return the words for effects: read again they give the same ones, if the package knows their classes."""
-    return [entry if isinstance(entry, str) else word_of(entry) for entry in _listed(effects)]
+    return [entry if isinstance(entry, str) else word_of(entry) for entry in _flatten_effects(effects)]
 
 
 def word_of(effect: AnyEffect) -> str:
@@ -64,7 +64,7 @@ def word_of(effect: AnyEffect) -> str:
     return f"{entry['name']}.{settings}" if settings else entry["name"]
 
 
-def _listed(effects: Any) -> list[AnyEffect | str]:
+def _flatten_effects(effects: Any) -> list[AnyEffect | str]:
     """Return the effects and the single words."""
     if isinstance(effects, str):
         return list(effects.split())
@@ -72,7 +72,7 @@ def _listed(effects: Any) -> list[AnyEffect | str]:
         return [effects]
     if not isinstance(effects, Iterable):
         raise ParameterError(f"{effects!r} is no effect that could be added: {FORM}, or give an effect.")
-    return [word for entry in effects for word in _listed(entry)]
+    return [word for entry in effects for word in _flatten_effects(entry)]
 
 
 def effect_of(word: str, model: Model, kinds: Mapping[str, type[AnyEffect]] | None = None) -> AnyEffect:

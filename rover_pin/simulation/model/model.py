@@ -135,11 +135,11 @@ class Model:
         """All effects: at the contact, in the motors, on the body, in the sensors."""
         return (*self.contact_effects, *self.motor_effects, *self.body_effects, *self.sensor_effects)
 
-    def begun(self, x: float, y: float) -> Self:
+    def begin_at(self, x: float, y: float) -> Self:
         """Return the model as a drive meets it that begins with the base at x, y [m]."""
         if not self.body_effects:
             return self
-        return dataclasses.replace(self, body_effects=tuple(effect.begun(x, y) for effect in self.body_effects))
+        return dataclasses.replace(self, body_effects=tuple(effect.begin_at(x, y) for effect in self.body_effects))
 
     def refusal(self, effect: AnyEffect) -> str:
         """Return why this effect cannot act in the model's rover, or an empty string."""

@@ -56,7 +56,7 @@ class Motor(Record):
         """Return what the motor knows at duty `delta` and wheel rate `omega` [rad/s]."""
         return Drive(delta, omega, self.supply, self.resistance, self.constant)
 
-    def calibrated(self, delta: float, omega: float, torque: float) -> Self:
+    def with_operating_point(self, delta: float, omega: float, torque: float) -> Self:
         """Return the motor whose wheel turns at `omega` [rad/s] under `torque` [N m] at duty `delta`.
 
         The stall torque, supply and armature are kept; gear, resistance and rotor inertia follow.

@@ -41,7 +41,7 @@ def nexus6_motor(stall_torque: float = MOTORS["speed-like"]) -> Motor:
     torque = float(load_traction_factor(CRUISE_SLIP, Soil(), rover.wheels[0].wheel, TorqueTraction())) * r * load
     default = Motor()
     weaker = default.replace(resistance=default.resistance * float(default.stall_torque) / stall_torque)
-    return weaker.calibrated(CRUISE_DUTY, CRUISE_SPEED / (1.0 - CRUISE_SLIP) / r, torque)
+    return weaker.with_operating_point(CRUISE_DUTY, CRUISE_SPEED / (1.0 - CRUISE_SLIP) / r, torque)
 
 
 def motor_named(word: str) -> Motor:

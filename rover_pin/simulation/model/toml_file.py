@@ -108,7 +108,7 @@ def read_model(path: str | Path, terrain: Terrain | None = None, trust: Trust = 
     Raises UrdfError: a rover that cannot be read.
     """
     path = Path(path)
-    table = _checked(path, read_toml(path))
+    table = _check_table(path, read_toml(path))
     if terrain is None and "terrain" not in table:
         raise DataError(f"{path}: the file has no [terrain]: add one, or give a terrain to drive on.")
     rover = load_named(str(table.get("rover", "nexus6")), path, trust)
@@ -126,11 +126,11 @@ def read_model(path: str | Path, terrain: Terrain | None = None, trust: Trust = 
         gravity_from(table.get("gravity", EARTH), str(path)),
         tuple(effect for effect in effects if isinstance(effect, BodyEffect)),
         tuple(effect for effect in effects if isinstance(effect, SensorEffect)),
-        buried=_buried(table, path),
+        buried=_read_buried(table, path),
     )
 
 
-def _buried(table: dict[str, Any], path: Path) -> float:
+def _read_buried(table: dict[str, Any], path: Path) -> float:
     value = table.get("buried", BURIED)
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         raise DataError(
@@ -148,7 +148,7 @@ def model_files(path: str | Path) -> tuple[Path, ...]:
     table = read_toml(path)
     if table.get("kind") == RIG_KIND:
         return (path, *_effect_files(path, table))
-    _checked(path, table)
+    _check_table(path, table)
     rover = path.parent / str(table.get("rover", "nexus6"))
     files = [path, *((rover, rover.parent / read_layout(rover, Trust(everything=True)).file) if is_file(rover) else ())]
     return (*files, *_effect_files(path, table))
@@ -167,7 +167,7 @@ def _effect_files(path: Path, table: dict[str, Any]) -> list[Path]:
     return files
 
 
-def _checked(path: Path, table: dict[str, Any]) -> dict[str, Any]:
+def _check_table(path: Path, table: dict[str, Any]) -> dict[str, Any]:
     if table.get("kind") != KIND:
         raise DataError(f"{path}: kind = {table.get('kind')!r} is not a driving rover's model; write kind = '{KIND}'.")
     for key, value in table.items():

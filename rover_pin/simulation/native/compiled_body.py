@@ -69,7 +69,7 @@ def compiled_body(keyed_model: KeyedModel) -> CompiledBody:
     """Return the rigid body of a model, compiled; its numbers stay parameters, so a load or a sweep compiles once."""
     model = keyed_model.model
     tree = tree_of(model)
-    handle, before, during = _compiled(tree.joints, model.nq, model.nv)
+    handle, before, during = _compile_body(tree.joints, model.nq, model.nv)
     precomputed = np.array(before(np.zeros(0), tree.parameters)).ravel()
     rows, columns = np.array(inertia_places(tree.joints), dtype=np.int64).T
     joints = len(tree.joints) - 1
@@ -82,18 +82,18 @@ def compiled_body(keyed_model: KeyedModel) -> CompiledBody:
 
 def body_source(model: pin.Model) -> tuple[str, str]:
     """Return the C of a model's rigid body, and its function's name."""
-    during = _split(tree_of(model).joints, model.nq, model.nv)[1]
+    during = _rigid_body_laws(tree_of(model).joints, model.nq, model.nv)[1]
     return generated_source(during, name="body"), during.name()
 
 
 @lru_cache(maxsize=64)
-def _split(joints: tuple[Joint, ...], nq: int, nv: int) -> tuple[ca.Function, ca.Function]:
+def _rigid_body_laws(joints: tuple[Joint, ...], nq: int, nv: int) -> tuple[ca.Function, ca.Function]:
     return split_law(rigid_body(joints, nq, nv), nq + nv + 3)
 
 
 @lru_cache(maxsize=64)
-def _compiled(joints: tuple[Joint, ...], nq: int, nv: int) -> tuple[ctypes.CDLL, ca.Function, ca.Function]:
-    before, during = _split(joints, nq, nv)
+def _compile_body(joints: tuple[Joint, ...], nq: int, nv: int) -> tuple[ctypes.CDLL, ca.Function, ca.Function]:
+    before, during = _rigid_body_laws(joints, nq, nv)
     return shared_library(generated_source(during), "rigid_body"), before, during
 
 

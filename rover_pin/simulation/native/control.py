@@ -160,7 +160,7 @@ def _slip_fields(slip: SlipLaw | None, kernel: Kernel) -> dict[str, Any]:
     if slip is None:
         return {}
     assert slip.law.sz_w() <= kernel.keep["work_w"].size
-    handle, address = _compiled(slip.law)
+    handle, address = _compile_law(slip.law)
     kernel.keep["slip_law"] = handle
     fields = {
         "slip_law": address,
@@ -190,7 +190,7 @@ def _limit_fields(limit: TorqueTable | None) -> dict[str, Any]:
 def _law_fields(drive: DriveLaw | None, kernel: Kernel) -> dict[str, Any]:
     if drive is None:
         return {}
-    kernel.keep["drive_law"], address = _compiled(drive.law)
+    kernel.keep["drive_law"], address = _compile_law(drive.law)
     room = {"law_next": len(drive.memory), "law_limits": 2 * len(kernel.duty), "law_w": drive.law.sz_w()}
     fields = {name: np.zeros(max(1, count)) for name, count in room.items()}
     fields |= {"law_numbers": drive.numbers, "law_memory": drive.memory}
@@ -205,6 +205,6 @@ def _noise_fields(noise: Noise | None, samples: int, reads: int) -> dict[str, An
 
 
 @lru_cache(maxsize=4)
-def _compiled(law: ca.Function) -> tuple[ctypes.CDLL, int]:
+def _compile_law(law: ca.Function) -> tuple[ctypes.CDLL, int]:
     handle = shared_library(generated_source(law), "control")
     return handle, ctypes.cast(getattr(handle, law.name()), ctypes.c_void_p).value or 0

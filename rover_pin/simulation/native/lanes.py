@@ -61,8 +61,8 @@ def c_source(function: ca.Function, shared: Sequence[int] = ()) -> str:
     the same in all lanes. Equal values are worked out once, and exp(x) as expm1(x) + 1 where that is there: CasADi
     differentiates the second into the first.
     """
-    values, outputs = _numbered(function, frozenset(shared))
-    lines = [f"  const V a{i} = {values[i].code};" for i in _needed(values, set(outputs.values()))]
+    values, outputs = _number_values(function, frozenset(shared))
+    lines = [f"  const V a{i} = {values[i].code};" for i in _needed_values(values, set(outputs.values()))]
     lines += [f"  out[{place}] = a{i};" for place, i in sorted(outputs.items())]
     lines += [f"  out[{place}] = ALL(0.0);" for place in range(function.numel_out(0)) if place not in outputs]
     inputs = range(function.n_in())
@@ -72,7 +72,7 @@ def c_source(function: ca.Function, shared: Sequence[int] = ()) -> str:
     return f"void {function.name()}({names}, double *restrict result) {{\n{body}\n}}\n"
 
 
-def _numbered(function: ca.Function, shared: frozenset[int]) -> tuple[list[_Value], dict[int, int]]:
+def _number_values(function: ca.Function, shared: frozenset[int]) -> tuple[list[_Value], dict[int, int]]:
     """Return all values, each once, and which of them each place of the output is."""
     values: list[_Value] = []
     number: dict[tuple[object, ...], int] = {}
@@ -127,7 +127,7 @@ def _with_shared_exponentials(values: list[_Value], number: dict[tuple[object, .
     return values
 
 
-def _needed(values: list[_Value], wanted: set[int]) -> list[int]:
+def _needed_values(values: list[_Value], wanted: set[int]) -> list[int]:
     """Return the values that the wanted ones need, each after what it needs."""
     done: dict[int, None] = {}
     stack = sorted(wanted, reverse=True)

@@ -46,7 +46,7 @@ def step_layout(handle: ctypes.CDLL) -> StepLayout:
     return StepLayout(*counts.tolist())
 
 
-def aligned(count: int) -> np.ndarray:
+def aligned_zeros(count: int) -> np.ndarray:
     """Return `count` zeros that begin where a row of lanes may begin."""
     room = np.zeros(count + 8)
     return room[(-room.ctypes.data // 8) % 8 :][:count]

@@ -181,7 +181,7 @@ class _Pass:
             bias[self.joints[i].v] = force[i][1][0]
             self._inertia_column(inertia, i, composite[i])
             parent = self.joints[i].parent
-            force[parent] = _add(force[parent], self._lowered(i, *force[i]))
+            force[parent] = _add(force[parent], self._force_on_parent(i, *force[i]))
             composite[parent] = _add(composite[parent], self._composite_below(i, *composite[i]))
         mass, first, second = composite[BASE]
         bias[:3], bias[3:6] = force[BASE]
@@ -225,7 +225,7 @@ class _Pass:
         force = mass * a - ca.cross(first, b) + ca.cross(w, momentum)
         return force, second @ b + ca.cross(first, a) + ca.cross(w, spin) + ca.cross(v, momentum)
 
-    def _lowered(self, i: int, force: Any, moment: Any) -> tuple[ca.SX, ca.SX]:
+    def _force_on_parent(self, i: int, force: Any, moment: Any) -> tuple[ca.SX, ca.SX]:
         """Return a force on body i as one on its parent."""
         below = self.R[i] @ force
         return below, self.R[i] @ moment + ca.cross(self.p[i], below)
@@ -240,7 +240,7 @@ class _Pass:
         force, moment = ca.vertcat(0, -first[2], first[1]), second[:, 0]
         while i != BASE:
             inertia[self.joints[i].v, column] = moment[0]
-            force, moment = self._lowered(i, force, moment)
+            force, moment = self._force_on_parent(i, force, moment)
             i = self.joints[i].parent
         inertia[:3, column], inertia[3:6, column] = force, moment
 

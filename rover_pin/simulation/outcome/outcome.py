@@ -68,8 +68,8 @@ def drive_outcome(trace: Trace) -> DriveOutcome | None:
         return None
     ways = ways_of(trace)
     if not np.any(ways.driven):
-        return _parked(trace, ways)
-    for judge in (_slid_back, _stopped, _rocking, _stalled, _barely_moved, _sliding, _stuck):
+        return _parked_outcome(trace, ways)
+    for judge in (_slid_back, _stopped_outcome, _rocking, _stalled_outcome, _barely_moved, _sliding, _stuck_outcome):
         outcome = judge(trace, ways)
         if outcome is not None:
             return outcome
@@ -99,7 +99,7 @@ def _furthest(trace: Trace) -> float:
     return float(np.max(np.hypot(*(trace[name] - trace[name][0] for name in ("body_x", "body_y")))))
 
 
-def _parked(trace: Trace, ways: Ways) -> DriveOutcome:
+def _parked_outcome(trace: Trace, ways: Ways) -> DriveOutcome:
     distance = _furthest(trace)
     _, swing = _swing(trace, ways)
     swing = swing and f"; {swing}"
@@ -134,7 +134,7 @@ def _rocking(trace: Trace, ways: Ways) -> DriveOutcome | None:
     if not swinging:
         return None
     time, travel, _ = _aside(trace, ways)
-    text = f"{swinging}; all in all it moves at {abs(travel) / time:.2g} m/s, {_place(trace, -1)}{_turned(trace)}"
+    text = f"{swinging}; all in all it moves at {abs(travel) / time:.2g} m/s, {_place(trace, -1)}{_turn_text(trace)}"
     return DriveOutcome("rocking", math.nan, text)
 
 
@@ -147,7 +147,7 @@ def _slid_back(trace: Trace, ways: Ways) -> DriveOutcome | None:
     return DriveOutcome("slid back", float(ways.t[most]), f"slid back by {_length(back)} {when}, {_place(trace, -1)}")
 
 
-def _stopped(trace: Trace, ways: Ways) -> DriveOutcome | None:
+def _stopped_outcome(trace: Trace, ways: Ways) -> DriveOutcome | None:
     if ways.driven[-1]:
         return None
     off = int(np.flatnonzero(ways.driven)[-1]) + 1
@@ -156,7 +156,7 @@ def _stopped(trace: Trace, ways: Ways) -> DriveOutcome | None:
     return DriveOutcome("stopped", float(ways.t[off]), text)
 
 
-def _stalled(trace: Trace, ways: Ways) -> DriveOutcome | None:
+def _stalled_outcome(trace: Trace, ways: Ways) -> DriveOutcome | None:
     """Over the last tenth of the drive and as long before as it was so."""
     window = max(2, len(ways.t) // 10)
     gave, took = (trace[name][window:] - trace[name][:-window] for name in ("energy_motor", "energy_electric"))
@@ -165,7 +165,7 @@ def _stalled(trace: Trace, ways: Ways) -> DriveOutcome | None:
     if not still.size or not still[-1]:
         return None
     first = _last_stretch(still)
-    text = f"{_not_turning(trace, ways, first)}, {_place(trace, -1)}{_turned(trace)}"
+    text = f"{_not_turning(trace, ways, first)}, {_place(trace, -1)}{_turn_text(trace)}"
     return DriveOutcome("stalled", float(ways.t[first]), text)
 
 
@@ -221,10 +221,10 @@ def _sliding(trace: Trace, ways: Ways) -> DriveOutcome | None:
     if aside <= max(abs(travel), SHORT * ways.r):
         return None
     text = f"slides aside at {aside / time:.2g} m/s, its wheels travel at {travel / time:.2g} m/s, {_place(trace, -1)}"
-    return DriveOutcome("sliding", math.nan, text + _turned(trace))
+    return DriveOutcome("sliding", math.nan, text + _turn_text(trace))
 
 
-def _stuck(trace: Trace, ways: Ways) -> DriveOutcome | None:
+def _stuck_outcome(trace: Trace, ways: Ways) -> DriveOutcome | None:
     ratio = _grip(ways)
     if not ratio.size or ratio[-1] >= GRIP:
         return None
@@ -240,7 +240,7 @@ def _driving(trace: Trace, ways: Ways) -> DriveOutcome:
     window = max(1, len(ways.t) // 20)
     time, travel, aside = _aside(trace, ways)
     kind, word = ("driving", "drives on") if last >= 0.5 else ("creeping", "creeps on")
-    place = f"{_place(trace, -1)}{_turned(trace)}"
+    place = f"{_place(trace, -1)}{_turn_text(trace)}"
     rate = _rate_on_the_spot(trace, ways, window)
     if rate:
         sense, halting = "left" if rate > 0.0 else "right", "" if kind == "driving" else ", its wheels slip much"
@@ -253,7 +253,7 @@ def _driving(trace: Trace, ways: Ways) -> DriveOutcome:
 
 def _rate_on_the_spot(trace: Trace, ways: Ways, window: int) -> float:
     """Return the yaw rate [deg/s] over the last `window` rows of a rover that turns on the spot, else 0."""
-    if "body_yaw" not in trace or not _turned(trace):
+    if "body_yaw" not in trace or not _turn_text(trace):
         return 0.0
     x, y = (np.diff(trace[name][-1 - window :]) for name in ("body_x", "body_y"))
     wheels = abs(float(ways.travelled[-1] - ways.travelled[-1 - window]))
@@ -286,7 +286,7 @@ def _place(trace: Trace, row: int) -> str:
     return f"at x = {x:.2f} m" + (f", y = {y:.2f} m" if y else "")
 
 
-def _turned(trace: Trace) -> str:
+def _turn_text(trace: Trace) -> str:
     turn = math.degrees(trace["body_yaw"][-1] - trace["body_yaw"][0]) if "body_yaw" in trace else 0.0
     return f", turned by {turn:.0f} deg" if abs(turn) > 5.0 else ""
 

@@ -120,11 +120,11 @@ def spurious_energy(model: Model, trace: Trace, least: float = 0.0) -> SpuriousE
     lost = np.array([*start, *(trace["energy_soil"] - pressed)])
     fall = float(np.max(np.maximum.accumulate(lost) - lost))
     gave = np.maximum(-taken, 0.0)
-    unstored = _unstored(model, trace, gave) if np.sum(gave) > least else 0.0
+    unstored = _unstored_energy(model, trace, gave) if np.sum(gave) > least else 0.0
     return SpuriousEnergy(unstored, fall, float(power[taken < 0.0] @ dt[taken < 0.0]))
 
 
-def _unstored(model: Model, trace: Trace, gave: np.ndarray) -> float:
+def _unstored_energy(model: Model, trace: Trace, gave: np.ndarray) -> float:
     """Return what of what traction gave from row to row [J] sheared soil had not stored before."""
     store = shear_store(model, trace)
     unstored = np.sum(np.maximum(gave + np.minimum(store.taken, 0.0), 0.0))

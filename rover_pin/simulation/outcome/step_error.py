@@ -51,7 +51,7 @@ class StepChange(NamedTuple):
         distance, load = max(self.distance, scale * change.distance), max(self.load, scale * change.load)
         return self._replace(distance=distance, load=load, stop=self.stop or change.stop)
 
-    def lessened(self) -> StepChange:
+    def half_step_change(self) -> StepChange:
         """Return what is left of a change when the step is halved: a quarter, as the step is of second order at best.
 
         Errors that fell by more did so by chance: two drives that pass the same side of what divides them.
@@ -83,7 +83,7 @@ def step_change(first: tuple[np.ndarray, str], second: tuple[np.ndarray, str], r
     return StepChange(float(np.max(off, initial=0.0)), load, new_stop, ratio)
 
 
-def completed(lengths: np.ndarray, dt: float, duration: float) -> np.ndarray:
+def complete_steps(lengths: np.ndarray, dt: float, duration: float) -> np.ndarray:
     """Return the steps [s] of a drive, and undivided ones for what is left where it ended early."""
     return np.append(lengths, np.full(max(0, round((duration - float(lengths.sum())) / dt)), dt))
 
@@ -105,7 +105,7 @@ def repeating(controller: Controller, rows: np.ndarray, timing: Timing) -> Contr
                 again.reset()
             return again
     ratio = timing.control / timing.sample
-    return commanded(rows, timing.sample) if len(rows) and abs(ratio - round(ratio)) < 1e-6 else None
+    return controller_of_rows(rows, timing.sample) if len(rows) and abs(ratio - round(ratio)) < 1e-6 else None
 
 
 def innermost(controller: Controller) -> Controller:
@@ -115,7 +115,7 @@ def innermost(controller: Controller) -> Controller:
     return controller
 
 
-def commanded(rows: np.ndarray, sample: float) -> Controller:
+def controller_of_rows(rows: np.ndarray, sample: float) -> Controller:
     """Return the controller that gives the commands under which these rows were driven."""
     begin = float(rows["t"][0]) - sample
 

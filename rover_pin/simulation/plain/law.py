@@ -61,13 +61,13 @@ class PlainLaw:
         z, slope_v, slope_rim = direction(float(contact[1]), float(contact[4]))
         z = min(1.0, max(-1.0, z))
         forwards = 0.5 + 0.25 * z * (3.0 - z * z)
-        value = self._split(self.law(contact, states, self.parameters))
+        value = self._law_value(self.law(contact, states, self.parameters))
         if forwards == 1.0:
             return value
         mirrored = contact.copy()
         mirrored[[1, 2, 4]] *= -1.0
         mirrored[6] = self.last_axle - contact[6]
-        back = self._split(self.law(mirrored, self.odd * states, self.parameters))
+        back = self._law_value(self.law(mirrored, self.odd * states, self.parameters))
         sign, odd = TRAVEL_SIGNS, self.odd
         turned = LawValue(
             sign * back.load,
@@ -85,7 +85,7 @@ class PlainLaw:
             rate_by_speed=blend.rate_by_speed + np.outer(value.rate - turned.rate, turning),
         )
 
-    def _split(self, out: np.ndarray) -> LawValue:
+    def _law_value(self, out: np.ndarray) -> LawValue:
         nx = len(self.odd)
         shapes = [(4,), (4, 4), (nx,), (nx, 4), (4, nx), (nx, nx), (2,)]
         ends = np.cumsum([int(np.prod(shape)) for shape in shapes])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rover_pin.simulation.checkpoint import Checkpoint
-from rover_pin.simulation.driving import OFTEN, Drive, Progress, Ran, Stepper, diverged, obey
+from rover_pin.simulation.driving import OFTEN, Drive, Progress, Ran, Stepper, obey, stop_reason
 from rover_pin.simulation.failure import failure, suspension_of
 from rover_pin.simulation.instant import Instant, Places
 from rover_pin.simulation.pace import Pace, look
@@ -34,7 +34,7 @@ def run_plain(drive: Drive, duration: float, progress: Progress | None) -> Ran:
         else:
             status = pace.follow(drive.followed, (k + 1) * timing.dt)
         if status:
-            return _ran(rows[:count], diverged(status, state.t), pace, pace.checkpoint(begun, k))
+            return _ran(rows[:count], stop_reason(status, state.t), pace, pace.checkpoint(begun, k))
         state.t = begun.begin + (k + 1) * timing.dt
         if k % per_sample == per_sample - 1:
             _log(drive, rows[count])
@@ -54,7 +54,7 @@ def _ran(rows: np.ndarray, stop: str, pace: Pace, checkpoint: Checkpoint) -> Ran
 def _log(drive: Drive, row: np.void) -> None:
     """Write the present instant into a row."""
     state, stepper = drive.state, drive.stepper
-    row["record"], row["differential"] = observed(stepper)
+    row["record"], row["differential"] = record_of_instant(stepper)
     row["t"], row["q"], row["v"] = state.t, state.q, state.v
     row["duty"], row["servo"] = stepper.duty, stepper.servo_target[: len(row["servo"])]
     row["energy"], row["impulse"] = stepper.energy, stepper.impulse
@@ -62,7 +62,7 @@ def _log(drive: Drive, row: np.void) -> None:
     row["velocity"] = base_rotation(state.q) @ state.v[:3]
 
 
-def observed(stepper: Stepper) -> tuple[np.ndarray, float]:
+def record_of_instant(stepper: Stepper) -> tuple[np.ndarray, float]:
     """Return the wheels' record and the differential's torque of this instant; a step's own are of its begin."""
     with look(stepper):
         return stepper.record.copy(), float(stepper.differential[0])

@@ -28,7 +28,7 @@ from rover_pin.rover.constraints import constraint_rows
 from rover_pin.simulation.compiled import laws
 from rover_pin.simulation.compiled.body_law import body_law
 from rover_pin.simulation.compiled.kernel import HOLDING
-from rover_pin.simulation.compiled.rover_numbers import SERVO_GAIN, STOP_GAIN, armed
+from rover_pin.simulation.compiled.rover_numbers import SERVO_GAIN, STOP_GAIN, model_with_armature
 from rover_pin.simulation.compiled.suspension import joint_strength, joints_of, suspension_dofs, suspension_places
 from rover_pin.simulation.model.model import Model
 from rover_pin.simulation.native.shared import ENERGY, GAMMA, RECORD
@@ -43,7 +43,7 @@ class Plain:
     def __init__(self, model: Model, state: DriveState, dt: float, symmetric: bool):
         self.model, self.state, self.dt, self.symmetric = model, state, dt, symmetric
         self.rover, self.ground = model.built, model.ground
-        self.pin_model = armed(self.rover, float(model.motor.armature))
+        self.pin_model = model_with_armature(self.rover, float(model.motor.armature))
         self.data = self.pin_model.createData()
         n = len(self.rover.wheels)
         self.record, self.loads, self.energy = np.zeros((n, len(RECORD))), np.zeros((n, 6)), np.zeros(len(ENERGY))
@@ -71,12 +71,12 @@ class Plain:
         """Turn the wheels at these rates [rad/s] from now on, whatever that takes; the array may change in place."""
         self.held_rate = rates
 
-    def saved(self) -> list[np.ndarray]:
+    def saved_arrays(self) -> list[np.ndarray]:
         """Return a copy of all that a step changes."""
         return [array.copy() for array in self.moving]
 
     def restore(self, saved: Sequence[np.ndarray]) -> None:
-        """Go back to where `saved` was taken."""
+        """Go back to where `saved_arrays` was taken."""
         for array, value in zip(self.moving, saved, strict=True):
             array[...] = value
 

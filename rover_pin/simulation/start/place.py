@@ -52,14 +52,14 @@ class SetDown(NamedTuple):
     standing: str
 
 
-def settled(model: Model, start: Start, symmetric: bool = False) -> DriveState:
+def settled_state(model: Model, start: Start, symmetric: bool = False) -> DriveState:
     """Return the state of `set_down` alone."""
     return set_down(model, start, symmetric).state
 
 
 def shared_rest(model: Model, start: Start) -> DriveState:
     """Return the state of `set_down` as any model can take it over: of the effects' states the soil's shear alone."""
-    state = settled(model, start)
+    state = settled_state(model, start)
     return dataclasses.replace(state, contact=state.contact[:, slip_columns(model)], motor=state.motor[:, :0])
 
 
@@ -87,7 +87,7 @@ def set_down(model: Model, start: Start, symmetric: bool = False) -> SetDown:
     """
     model = dataclasses.replace(model, body_effects=tuple(map(_at_rest, model.body_effects)))
     state = hovering(model, start)
-    rest_kind = relaxed(model, state, start.yaw, symmetric)
+    rest_kind = relax_state(model, state, start.yaw, symmetric)
     if rest_kind is Rest.NEVER:
         raise SimulationError(
             f"The rover does not settle at x = {start.x:g} m, y = {start.y:g} m: it tips or sinks there; "
@@ -137,7 +137,7 @@ class Rest(IntEnum):
     NEVER = 2
 
 
-def relaxed(model: Model, state: DriveState, yaw: float, symmetric: bool) -> Rest:
+def relax_state(model: Model, state: DriveState, yaw: float, symmetric: bool) -> Rest:
     """Set a rover down in one call of the compiled step: `state`, hovering at its place, is then that of its rest.
 
     By implicit steps, each from no speed: q <- q + dt^2/2 (M - dt D - dt^2/2 K)^-1 Q, D and K the slopes of the

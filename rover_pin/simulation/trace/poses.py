@@ -100,21 +100,21 @@ def on_the_ground(trace: Trace, rover: Rover, terrain: Terrain) -> Trace:
 
     The plane through the ground under the wheels' centres, by least squares, is what the rover stands on.
     """
-    missing = [name for name in ("body_z", "body_roll", "body_pitch") if not _recorded(trace, name)]
+    missing = [name for name in ("body_z", "body_roll", "body_pitch") if not _is_recorded(trace, name)]
     if not missing:
         return trace
     x, y = (np.nan_to_num(trace[f"body_{axis}"]) for axis in "xy")
     yaw = np.nan_to_num(trace.get("body_yaw", np.zeros(x.size)))
     places = np.array(list(wheel_places(rover).values()))
     radii = np.array([float(wheel.wheel.r) for wheel in rover.wheels])
-    stood = [_stood(terrain, places, radii, *pose) for pose in zip(x, y, yaw, strict=True)]
+    stood = [_standing_pose(terrain, places, radii, *pose) for pose in zip(x, y, yaw, strict=True)]
     estimated = dict(zip(("body_z", "body_roll", "body_pitch"), np.array(stood).T, strict=True))
     return Trace(
         {**trace.channels, **{name: estimated[name] for name in missing}}, dict(trace.units), dict(trace.attrs)
     )
 
 
-def _stood(
+def _standing_pose(
     terrain: Terrain, places: np.ndarray, radii: np.ndarray, x: float, y: float, yaw: float
 ) -> tuple[float, float, float]:
     """Return z [m], roll and pitch [rad] of the base at x, y and yaw."""
@@ -125,7 +125,7 @@ def _stood(
     return float(z), math.atan(rise_y), -math.atan(rise_x)
 
 
-def _recorded(trace: Trace, name: str) -> bool:
+def _is_recorded(trace: Trace, name: str) -> bool:
     return name in trace and bool(np.any(np.isfinite(trace[name])))
 
 

@@ -97,7 +97,7 @@ def model_attrs(model: Model) -> dict[str, Any]:
 
 def notes(model: Model) -> list[str]:
     """Return what a reader should know of a model: driven wheels skid on the flat, sinking or rising costs nothing."""
-    return [note for note in (_skids(model), *_unpaid(model), *_lifted(model)) if note]
+    return [note for note in (_skids(model), *_unpaid(model), *_lift_notes(model)) if note]
 
 
 def _skids(model: Model) -> str:
@@ -127,7 +127,7 @@ def _unpaid(model: Model) -> list[str]:
     ]
 
 
-def _lifted(model: Model) -> list[str]:
+def _lift_notes(model: Model) -> list[str]:
     lifted = [
         (type(effect).__name__, PAYING[type(effect)].__name__) for effect in model.effects if type(effect) in PAYING
     ]

@@ -201,7 +201,7 @@ class Trace(Mapping[str, np.ndarray]):
 
     def _repr_html_(self) -> str:
         """Return the summary as a table, for notebooks."""
-        rows = {name: _shown(value) for name, value in self.summary().items()}
+        rows = {name: _value_text(value) for name, value in self.summary().items()}
         return html_table(f"{len(self.t)} rows of {len(self.channels)} channels", rows)
 
     def to_xarray(self) -> Any:
@@ -235,7 +235,7 @@ def _unchanging(values: Any) -> np.ndarray:
     return numbers
 
 
-def _shown(value: Any) -> str:
+def _value_text(value: Any) -> str:
     return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 

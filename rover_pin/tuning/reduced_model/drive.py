@@ -152,7 +152,7 @@ class Reduced:
         axles = [self._axle(i, places[i], slopes[i], v, axle_states[i][: 4 + nx]) for i in range(self.axles)]
         motors = self._motors(axle_states, nx)
         normal, push = self._balance(slopes, -pitch, [axle.F for axle in axles])
-        pull = pull_along(model.begun(self.start, 0.0), Along(x, v, _mean(heights), pitch))
+        pull = pull_along(model.begin_at(self.start, 0.0), Along(x, v, _mean(heights), pitch))
         rates: list[Scalar] = [v, (sum(push) + pull) / self.rover.mass]
         for i, axle in enumerate(axles):
             omega, duty, integral = axle_states[i][0], axle_states[i][1], axle_states[i][2]

@@ -8,7 +8,7 @@ import numpy as np
 
 from rover_pin.contact import Contact, Load, Scalar
 from rover_pin.effects.effect import Body, BodyEffect
-from rover_pin.simulation.compiled.laws import amended, loaded, turned
+from rover_pin.simulation.compiled.laws import amend_subject, load_and_rates, torque_and_rates
 from rover_pin.simulation.compiled.suspension import suspension_dofs
 from rover_pin.simulation.model.model import Model
 
@@ -42,8 +42,8 @@ class Along(NamedTuple):
 def through_contacts(model: Model, contact: Contact, states: list[Scalar]) -> tuple[Contact, Load, tuple[Scalar, ...]]:
     """Return contact, load and rates of the own states after all of a model's contact effects."""
     parts = _split(states, [len(effect.states) for effect in model.contact_effects])
-    contact = amended(model.contact_effects, contact, parts)
-    load, rates = loaded(model.contact_effects, contact, parts)
+    contact = amend_subject(model.contact_effects, contact, parts)
+    load, rates = load_and_rates(model.contact_effects, contact, parts)
     return contact, load, tuple(component for rate in rates for component in rate)
 
 
@@ -65,9 +65,9 @@ def through_motors(
 def _motor(model: Model, wheel: int, duty: Scalar, omega: Scalar, states: list[Scalar], bus: Scalar) -> AxleMotors:
     parts = _split(states, [len(effect.states) for effect in model.motor_effects])
     drive = model.motor.drive(duty, omega)._replace(wheel=wheel, bus_current=bus)
-    drive = amended(model.motor_effects, drive, parts)
+    drive = amend_subject(model.motor_effects, drive, parts)
     current = drive.current
-    torque, rates = turned(model.motor_effects, drive, drive.constant * current, parts)
+    torque, rates = torque_and_rates(model.motor_effects, drive, drive.constant * current, parts)
     drawn = duty * current
     return AxleMotors(torque, drawn * drive.supply, drawn, tuple(component for rate in rates for component in rate))
 

@@ -11,7 +11,7 @@ from rover_pin.experiments.drive_log.features import BLOCK, LoggedRun
 from rover_pin.rover.rover import Rover
 from rover_pin.simulation.model.defaults import scale
 from rover_pin.simulation.model.model import Model
-from rover_pin.simulation.replay import Perturbation, Replay, filled
+from rover_pin.simulation.replay import Perturbation, Replay, fill_gaps
 
 GRIP = Kind("grip along the way", 0.05, "")
 SLOPE = Kind("slope along the way", 0.01, "rad")
@@ -62,7 +62,7 @@ def ground_columns(
 def shares_of(run: LoggedRun, rover: Rover) -> np.ndarray:
     """Return how much each place of a run's way counts at each row (places, T)."""
     length = max(1, round(BLOCK / run.commands.period))
-    x, y = (uniform_filter1d(filled(run.commands.place[:, axis]), length, mode="nearest") for axis in (0, 1))
+    x, y = (uniform_filter1d(fill_gaps(run.commands.place[:, axis]), length, mode="nearest") for axis in (0, 1))
     way = np.cumsum(np.hypot(np.diff(x, prepend=x[0]), np.diff(y, prepend=y[0])))
     count = min(round(float(way[-1]) / (SPACING * scale(rover))), MAX_PLACES - 1) + 1
     if count == 1:

@@ -16,7 +16,7 @@ from rover_pin.estimation.wording import format_value
 from rover_pin.experiments.drive_log.experiment import experiment_of_log
 from rover_pin.experiments.drive_log.features import LoggedRun
 from rover_pin.experiments.drive_log.ground.field import KINDS, SLOPE, SLOPE_OF_RUN, shares_of
-from rover_pin.simulation.replay import filled
+from rover_pin.simulation.replay import fill_gaps
 
 SHORTEST = 0.2
 """Way along x from which a bend is identified [m]: the rover's own length smooths what is shorter (assumed)."""
@@ -30,7 +30,7 @@ def shared_bend(runs: Sequence[LoggedRun], slopes: Sequence[np.ndarray]) -> Bent
     Least squares over all rows of sum (s(x) cos(heading) - slope)^2, s as `BentGround` has it, its knots along all of
     the way. None where that takes less than MOST of what they have, or where nothing was driven along x.
     """
-    x = np.concatenate([filled(run.commands.place[:, 0]) for run in runs])
+    x = np.concatenate([fill_gaps(run.commands.place[:, 0]) for run in runs])
     low, high = float(np.min(x)), float(np.max(x))
     if not high - low > SHORTEST:
         return None
@@ -155,7 +155,7 @@ def _worst(fitted: Fit, slopes: list[np.ndarray]) -> Stretch:
     outside = np.flatnonzero(~inside)
     begin = int(outside[outside < top].max(initial=-1)) + 1
     end = int(outside[outside > top].min(initial=len(row)))
-    path = np.column_stack([filled(logged_run.commands.place[:, axis])[begin:end] for axis in (0, 1)])
+    path = np.column_stack([fill_gaps(logged_run.commands.place[:, axis])[begin:end] for axis in (0, 1)])
     facing = np.array([math.cos(logged_run.heading[top]), math.sin(logged_run.heading[top])])
     ends = path[[0, -1]] if (path[-1] - path[0]) @ facing >= 0 else path[[-1, 0]]
     first, last = ((float(x), float(y)) for x, y in ends)
