@@ -61,8 +61,8 @@ class Dynamics:
         pin.crba(model, data, q, pin.Convention.WORLD)
         bias = pin.nonLinearEffects(model, data, q, v)
         pin.cholesky.decompose(model, data)
-        free = pin.cholesky.solve(model, data, torques + self.generalised(wheel_forces) - bias)
-        return self._held(free, [pin.cholesky.solve(model, data, row) for row in self._rows], q, v)
+        free = pin.cholesky.solve(model, data, torques + self.generalised_force(wheel_forces) - bias)
+        return self._solve(free, [pin.cholesky.solve(model, data, row) for row in self._rows], q, v)
 
     def accelerate_aba(
         self, q: np.ndarray, v: np.ndarray, torques: np.ndarray, wheel_forces: np.ndarray
@@ -70,9 +70,9 @@ class Dynamics:
         """Return the same by the articulated-body algorithm, affine in tau: called with tau and tau + each row of G."""
         model, data, pushes = self.model, self.data, self._joint_forces(q, wheel_forces)
         free = pin.aba(model, data, q, v, torques, pushes).copy()
-        return self._held(free, [pin.aba(model, data, q, v, torques + row, pushes) - free for row in self._rows], q, v)
+        return self._solve(free, [pin.aba(model, data, q, v, torques + row, pushes) - free for row in self._rows], q, v)
 
-    def _held(self, free: np.ndarray, answers: list[np.ndarray], q: np.ndarray, v: np.ndarray) -> Acceleration:
+    def _solve(self, free: np.ndarray, answers: list[np.ndarray], q: np.ndarray, v: np.ndarray) -> Acceleration:
         """Return the acceleration with every constraint held, given what a unit of each one's torque answers."""
         if not answers:
             return Acceleration(free, 0.0)
@@ -81,7 +81,7 @@ class Dynamics:
         multipliers = np.linalg.solve(rows @ y, -(rows @ free + gamma))
         return Acceleration(free + y @ multipliers, 0.0 if self.rover.differential is None else float(multipliers[0]))
 
-    def generalised(self, wheel_forces: np.ndarray) -> np.ndarray:
+    def generalised_force(self, wheel_forces: np.ndarray) -> np.ndarray:
         """Return J^T F_e [nv] of world wrenches at the wheel centres [n, 6]; the Jacobians must be up to date."""
         centres, force = np.array(self._centres), wheel_forces[:, :3]
         at_origin = wheel_forces.copy()

@@ -201,12 +201,12 @@ def load_rover(rover: str | Path = "nexus6", trust: Trust = Trust()) -> Rover:
     path = Path(rover)
     if path.suffix == "":
         path, trust = shipped_toml(str(rover)), Trust(everything=True)
-    cached = _loaded(path, layout_texts(path, trust), trust)
+    cached = _cached_rover(path, layout_texts(path, trust), trust)
     return dataclasses.replace(cached, model=cached.model.copy())
 
 
 @lru_cache(maxsize=16)
-def _loaded(path: Path, texts: tuple[str, ...], trust: Trust) -> Rover:
+def _cached_rover(path: Path, texts: tuple[str, ...], trust: Trust) -> Rover:
     """Return the rover of a TOML; the `texts` of its files say whether it is the one loaded before."""
     layout = read_layout(path, trust)
     refuse_faults(layout)

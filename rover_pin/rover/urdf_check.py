@@ -61,17 +61,17 @@ def check_urdf(path: str | Path, trust: Trust = Trust()) -> UrdfReport:
     loads = layout is not None and not problems
     if layout is not None and loads:
         problems = list(_standing_faults(layout))
-    faults = tuple(f"{tree.file}: {fault}" for fault in _folded(problems))
+    faults = tuple(f"{tree.file}: {fault}" for fault in _fold_sentences(problems))
     if faults:
         return UrdfReport(path.name, faults, (), (), loads)
     model = free_tree(text)
     notes = [*_notes(tree, layout), *_mesh_notes(tree, path.parent if layout is None else urdf_folder(path))]
     notes += [] if layout is None else _stance_notes(layout, model)
-    prefixed = tuple(f"{tree.file}: {note}" for note in _folded(notes))
+    prefixed = tuple(f"{tree.file}: {note}" for note in _fold_sentences(notes))
     return UrdfReport(path.name, (), prefixed, tuple(_facts(tree, model, layout)), loads)
 
 
-def _folded(sentences: Iterable[str]) -> Iterator[str]:
+def _fold_sentences(sentences: Iterable[str]) -> Iterator[str]:
     """Yield sentences; those that differ by the one name in them and numbers alone are one, with the others' names."""
     groups: dict[str, list[str]] = {}
     for sentence in sentences:

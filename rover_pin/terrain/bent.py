@@ -25,7 +25,7 @@ def bent(terrain: Terrain, x: Sequence[float], rise: Sequence[float]) -> Terrain
     """
     places, lift = np.asarray(x, dtype=float), np.asarray(rise, dtype=float)
     if isinstance(terrain, Lanes):
-        return Lanes(tuple(_raised(profile, places, lift) for profile in terrain.profiles), terrain.borders)
+        return Lanes(tuple(_raise_profile(profile, places, lift) for profile in terrain.profiles), terrain.borders)
     assert isinstance(terrain, HeightGrid)
     finer = max(1, math.ceil(terrain.dx / float(np.min(np.diff(places)))))
     lines = (terrain.z.shape[0] - 1) * finer + 1
@@ -42,7 +42,7 @@ def bent(terrain: Terrain, x: Sequence[float], rise: Sequence[float]) -> Terrain
     return HeightGrid(terrain.x0, terrain.y0, dx, terrain.dy, z, np.repeat(terrain.ground, finer, axis=0))
 
 
-def _raised(profile: Profile, places: np.ndarray, lift: np.ndarray) -> Profile:
+def _raise_profile(profile: Profile, places: np.ndarray, lift: np.ndarray) -> Profile:
     """Return a profile with the bend's points among its own, one more ahead and behind: beyond them nothing bends."""
     length = float(places[-1] - places[0])
     extended = np.concatenate([[places[0] - length], places, [places[-1] + length]])

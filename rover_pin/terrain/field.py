@@ -55,14 +55,14 @@ def paper_field(
     )
     sides = zip(*(_both_sides(part) for part in parts), strict=True)
     seams = (ditch_at - 0.5 * between, slope_at - 0.5 * between)
-    return Lanes(tuple(_joined(side, seams) for side in sides), (0.0,))
+    return Lanes(tuple(_join_profiles(side, seams) for side in sides), (0.0,))
 
 
 def _both_sides(part: Lanes) -> tuple[Profile, Profile]:
     return part.profiles[0], part.profiles[-1]
 
 
-def _joined(parts: Sequence[Profile], seams: Sequence[float]) -> Profile:
+def _join_profiles(parts: Sequence[Profile], seams: Sequence[float]) -> Profile:
     """Return the first part up to the first seam, the second from there, and so on; at seams all is level sand."""
     ends = [-math.inf, *seams, math.inf]
     x, z, ground = [], [], []

@@ -80,7 +80,7 @@ class Profile:
         k = self.piece(x)
         return self.z[k] + (x - self.x[k]) * self.slope(x)
 
-    def extended(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def extended_points(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return x (N+2,), z (N+2,) and ground (N+1,) with end points a kilometre further on both sides."""
         ends = np.array([self.x[0] - FAR, self.x[-1] + FAR])
         heights = self.height(ends)
@@ -91,7 +91,7 @@ class Profile:
         )
 
     @lru_cache(maxsize=64)  # noqa: B019 - few profiles, and small
-    def straightened(self) -> Profile:
+    def without_collinear_points(self) -> Profile:
         """Return the same polyline without the points amid straight runs of one soil."""
         x, z, ground = self.x, self.z, self.ground
         tolerance = ROUND_OFF * max(1.0, float(np.max(np.abs(x))), float(np.max(np.abs(z))))

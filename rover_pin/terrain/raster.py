@@ -75,7 +75,7 @@ def _grey(path: Path, cell: float, relief: float) -> Heights:
 
 
 def _geotiff(path: Path, cell: float, relief: float) -> Heights:
-    with _opened(path) as dataset:
+    with _open_geotiff(path) as dataset:
         _refuse_size(dataset.width, dataset.height)
         step, (unit, metres) = dataset.transform, dataset.crs.units_factor if dataset.crs else ("no unit it says", 0.0)
         if dataset.count != 1:
@@ -96,7 +96,7 @@ def _refuse_size(width: int, height: int) -> None:
 
 
 @contextmanager
-def _opened(path: Path) -> Iterator[Any]:
+def _open_geotiff(path: Path) -> Iterator[Any]:
     """Yield a GeoTIFF opened from memory: GDAL goes to no other file, nor to a network, that one may name."""
     try:
         import rasterio
@@ -117,7 +117,7 @@ def write_geotiff(
     path: Path, like: Path, corner: tuple[float, float], spacing: float, bands: Mapping[str, np.ndarray]
 ) -> Path:
     """Write numbers (nx, ny) each `spacing` [m] from a corner x, y of `like`'s ground on, in its coordinate system."""
-    with _opened(like) as dataset:
+    with _open_geotiff(like) as dataset:
         (west, south, east, north), crs = dataset.bounds, dataset.crs
     from rasterio import Affine
     from rasterio.io import MemoryFile

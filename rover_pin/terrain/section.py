@@ -132,11 +132,11 @@ def lane_share(terrain: Lanes, frame: WheelFrame, r: float, b: float, lane: int)
     """
     full = b * abs(frame.axle[1]) + r * abs(frame.forward[1])
     low, ends = frame.centre[1] - 0.5 * full, (-math.inf, *terrain.borders, math.inf)
-    (right, right_slope), (left, left_slope) = (_carried((end - low) / full) for end in ends[lane : lane + 2])
+    (right, right_slope), (left, left_slope) = (_carried_share((end - low) / full) for end in ends[lane : lane + 2])
     return left - right, (right_slope - left_slope) / full
 
 
-def _carried(s: float) -> tuple[float, float]:
+def _carried_share(s: float) -> tuple[float, float]:
     """Return what the width carries up to s of it, and the slope: int 6 s (1 - s) ds."""
     s = min(max(s, 0.0), 1.0)
     return s * s * (3.0 - 2.0 * s), 6.0 * s * (1.0 - s)
@@ -148,8 +148,8 @@ def cut_lane(terrain: Lanes, frame: WheelFrame, r: float, lane: int) -> list[Fac
     A straight run is one facet, however many points describe it: its parts would add up to it only where no corner's
     bisector reaches beyond the part next to it, as it does under a wheel sunk deep at a steep lip.
     """
-    profile = terrain.profiles[lane].straightened()
-    x, z, ground = profile.extended()
+    profile = terrain.profiles[lane].without_collinear_points()
+    x, z, ground = profile.extended_points()
     across = frame.axle[1] if abs(frame.axle[1]) >= 1e-3 else math.copysign(1e-3, frame.axle[1])
     dx, dz = x - frame.centre[0], z - frame.centre[2]
     corners = np.column_stack([dx, -(frame.axle[0] * dx + frame.axle[2] * dz) / across, dz])

@@ -45,7 +45,7 @@ def terrain_from(table: Mapping[str, Any], file: Path, trust: Trust = Trust()) -
     try:
         terrain = _bare(kinds[0], table, file, trust)
         for patch in table.get("patch", []):
-            terrain = _laid(terrain, patch, file)
+            terrain = _lay_patch(terrain, patch, file)
     except ParameterError as error:
         raise DataError(f"{file}: [terrain]: {error}") from error
     return terrain
@@ -83,7 +83,7 @@ def _beside(file: Path, name: Any, trust: Trust) -> Path:
     return path
 
 
-def _laid(terrain: Terrain, patch: Any, file: Path) -> Terrain:
+def _lay_patch(terrain: Terrain, patch: Any, file: Path) -> Terrain:
     if not isinstance(patch, Mapping) or not set(patch) <= set(PATCH_KEYS) or "ground" not in patch:
         raise DataError(f"{file}: [terrain] has patch = {patch!r}: give {{ x_from = [m], x_to = [m], ground = 1 }}.")
     try:

@@ -26,10 +26,10 @@ def test_a_straight_run_is_straight_wherever_it_lies(far):
     x = far + np.array([0.0, 0.1, 0.3, 0.7, 1.0, 2.0])
     for ends in (x, -x[::-1]):
         for up in (0.0, far):
-            straight = Profile(ends, up + 0.1 * (ends - far)).straightened()
+            straight = Profile(ends, up + 0.1 * (ends - far)).without_collinear_points()
             assert straight.x.tolist() == [ends[0], ends[-1]]
     bent = Profile(x, np.where(x > far + 0.5, 1e-8 * max(1.0, far), 0.0))
-    assert bent.straightened().x.size == 4
+    assert bent.without_collinear_points().x.size == 4
 
 
 def test_lanes_pick_the_profile_by_side():

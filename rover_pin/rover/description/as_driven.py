@@ -59,14 +59,14 @@ def as_driven(text: str, file: str, forms: Forms) -> Driven:
     """
     robot = _Robot(ET.fromstring(text) if read_tree(text, file) else ET.Element("robot"), file)
     changes = [
-        *_cut(robot, forms),
+        *_cut_joints(robot, forms),
         *_remove_floating_joint(robot),
-        *_coupled(robot, forms),
-        *_held(robot, forms),
+        *_couple_joints(robot, forms),
+        *_hold_joints(robot, forms),
         *_endless(robot, forms),
-        *_framed(robot, forms),
-        *_turned(robot, forms),
-        *_tied(robot, forms),
+        *_add_base_frame(robot, forms),
+        *_turn_axes(robot, forms),
+        *_tie_wheels(robot, forms),
         *follow_one_leader(robot.joints, forms.differential, file),
     ]
     return Driven(robot.text if changes else text, tuple(changes))
@@ -91,7 +91,7 @@ class _Robot:
     def tree(self) -> UrdfTree:
         return read_tree(self.text, self.file)
 
-    def named(self, joint: str, key: str) -> ET.Element:
+    def joint_element(self, joint: str, key: str) -> ET.Element:
         if joint not in self.joints:
             raise UrdfError(
                 f"{self.file}: there is no joint '{joint}', which the TOML's {key} names: {closest(joint, self.joints)}"
@@ -99,9 +99,9 @@ class _Robot:
         return self.joints[joint]
 
 
-def _cut(robot: _Robot, forms: Forms) -> Iterator[str]:
+def _cut_joints(robot: _Robot, forms: Forms) -> Iterator[str]:
     for name in forms.cut:
-        robot.element.remove(robot.named(name, "cut"))
+        robot.element.remove(robot.joint_element(name, "cut"))
         yield f"joint '{name}' is cut."
 
 
@@ -120,10 +120,10 @@ def _remove_floating_joint(robot: _Robot) -> Iterator[str]:
             yield f"the floating joint '{joint.name}' and its link '{joint.parent}' are left out: the base is free."
 
 
-def _coupled(robot: _Robot, forms: Forms) -> Iterator[str]:
+def _couple_joints(robot: _Robot, forms: Forms) -> Iterator[str]:
     for name, (leader, ratio) in forms.coupled.items():
-        joint = robot.named(name, "[coupled]")
-        robot.named(leader, "[coupled]")
+        joint = robot.joint_element(name, "[coupled]")
+        robot.joint_element(leader, "[coupled]")
         _follow(joint, leader, ratio)
         yield f"joint '{name}' follows '{leader}' {ratio:+g} : 1, as the TOML says."
 
@@ -134,10 +134,10 @@ def _follow(joint: ET.Element, leader: str, ratio: float) -> None:
     ET.SubElement(joint, "mimic", joint=leader, multiplier=repr(ratio), offset="0")
 
 
-def _held(robot: _Robot, forms: Forms) -> Iterator[str]:
+def _hold_joints(robot: _Robot, forms: Forms) -> Iterator[str]:
     """Fix the joints that are held, and those that follow them, where they then stand."""
     for name in forms.held_joints:
-        robot.named(name, "[held]")
+        robot.joint_element(name, "[held]")
     tree = robot.tree
     values = {name: _value(tree.joint(name), entry, robot.file) for name, entry in forms.held_joints.items()}
     for _ in tree.joints:
@@ -207,7 +207,7 @@ def _endless(robot: _Robot, forms: Forms) -> Iterator[str]:
             yield f"joint '{name}' is continuous: it gets stops half a turn to either side."
 
 
-def _framed(robot: _Robot, forms: Forms) -> Iterator[str]:
+def _add_base_frame(robot: _Robot, forms: Forms) -> Iterator[str]:
     """Put a new root with the base's frame, turned as the TOML says, above a root that is not the base's frame."""
     tree = robot.tree
     if len(tree.roots) != 1 or forms.base not in tree.rigid_group(tree.roots[0]):
@@ -227,7 +227,7 @@ def _framed(robot: _Robot, forms: Forms) -> Iterator[str]:
     yield f"positions and attitude are those of link '{forms.base}'{turned}; the URDF's root is '{root}'."
 
 
-def _turned(robot: _Robot, forms: Forms) -> Iterator[str]:
+def _turn_axes(robot: _Robot, forms: Forms) -> Iterator[str]:
     """Turn round the axes that point the wrong way along y (wheels, rockers) or z (steering)."""
     tree = robot.tree
     places = tree.placements
@@ -276,9 +276,9 @@ def _flip(robot: _Robot, name: str) -> None:
             mimic.set("offset", repr(0.0 - float(mimic.get("offset", "0"))))
 
 
-def _tied(robot: _Robot, forms: Forms) -> Iterator[str]:
+def _tie_wheels(robot: _Robot, forms: Forms) -> Iterator[str]:
     for first, *others in forms.sides:
         for name in others:
-            _follow(robot.named(name, "[wheels]"), first, 1.0)
-        robot.named(first, "[wheels]")
+            _follow(robot.joint_element(name, "[wheels]"), first, 1.0)
+        robot.joint_element(first, "[wheels]")
         yield f"wheels '{first}', " + ", ".join(f"'{name}'" for name in others) + " turn together."

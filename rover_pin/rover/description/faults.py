@@ -28,14 +28,14 @@ def refuse_faults(layout: Layout) -> None:
 
 def faults_of(tree: UrdfTree, text: str, layout: Layout | None) -> list[str]:
     """Return the faults of the first stage that has any: later stages need the earlier ones sound."""
-    for stage in (_written, _placed):
+    for stage in (_tree_faults, _model_faults):
         faults = list(stage(tree, text, layout))
         if faults:
             return faults
     return []
 
 
-def _written(tree: UrdfTree, text: str, layout: Layout | None) -> Iterator[str]:
+def _tree_faults(tree: UrdfTree, text: str, layout: Layout | None) -> Iterator[str]:
     faults = list(structure_faults(tree))
     yield from faults or inertia_faults(tree)
     if faults:
@@ -46,7 +46,7 @@ def _written(tree: UrdfTree, text: str, layout: Layout | None) -> Iterator[str]:
         yield "it has no wheel: none of its joints is continuous."
 
 
-def _placed(tree: UrdfTree, text: str, layout: Layout | None) -> Iterator[str]:
+def _model_faults(tree: UrdfTree, text: str, layout: Layout | None) -> Iterator[str]:
     try:
         model = free_tree(text)
     except Exception as error:

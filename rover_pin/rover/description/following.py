@@ -39,7 +39,7 @@ def follow_one_leader(
             if name != leader and {name, leader} != set(differential or ()):
                 yield from _set_mimic(joints[name], Relation(name, leader, ratio))
         if differential is not None and leader == differential[0]:
-            yield from _unled(joints, differential)
+            yield from _free_rockers(joints, differential)
 
 
 def _mimics(joints: Mapping[str, ET.Element]) -> Iterator[tuple[str, str, float, float]]:
@@ -98,7 +98,7 @@ def _set_mimic(joint: ET.Element, relation: Relation) -> Iterator[str]:
     yield f"joint '{relation.joint}' follows '{relation.leader}' {relation.ratio:+g} : 1, which it did through others."
 
 
-def _unled(joints: Mapping[str, ET.Element], differential: tuple[str, str]) -> Iterator[str]:
+def _free_rockers(joints: Mapping[str, ET.Element], differential: tuple[str, str]) -> Iterator[str]:
     """Let the rockers follow nothing but each other."""
     for name, partner in (differential, differential[::-1]):
         mimic = joints[name].find("mimic") if name in joints else None

@@ -94,7 +94,7 @@ def read_mesh(file: Path, scale: Any) -> tuple[np.ndarray, np.ndarray]:
         if kind in PARTS and any(islice(PARTS[kind].finditer(read), MOST_PARTS, None)):
             raise DataError(f"{file}: it has more than {MOST_PARTS} parts, groups or materials: export it as one.")
         loaded = trimesh.load(io.BytesIO(read), file_type=kind[1:], process=False)
-        mesh = _placed(loaded, file) if isinstance(loaded, trimesh.Scene) else loaded
+        mesh = _merge_shapes(loaded, file) if isinstance(loaded, trimesh.Scene) else loaded
         return np.asarray(mesh.vertices, dtype=float) * np.asarray(scale), np.asarray(mesh.faces)
     except DataError:
         raise
@@ -104,7 +104,7 @@ def read_mesh(file: Path, scale: Any) -> tuple[np.ndarray, np.ndarray]:
         raise DataError(f"{file}: the mesh is damaged: export it again.") from error
 
 
-def _placed(scene: Any, file: Path) -> Any:
+def _merge_shapes(scene: Any, file: Path) -> Any:
     """Return a scene's shapes as one, each as often as it is placed."""
     placed = [scene.geometry[scene.graph[node][1]] for node in scene.graph.nodes_geometry]
     if sum(3 * len(getattr(shape, "faces", ())) for shape in placed) > MOST_CORNERS:

@@ -39,7 +39,7 @@ def reader_faults(tree: UrdfTree, text: str, model: pin.Model) -> Iterator[str]:
     digest = digest_of([text, bounded.text(__file__), *_readers()])
     if is_cached("urdf", digest):
         return
-    faults = list(_compared(tree, text, model))
+    faults = list(_compare_readers(tree, text, model))
     yield from faults
     if not faults:
         remember("urdf", digest)
@@ -52,7 +52,7 @@ def _readers() -> list[str]:
     return [pin.__version__, place, str(os.stat(place).st_mtime_ns) if place else ""]
 
 
-def _compared(tree: UrdfTree, text: str, model: pin.Model) -> Iterator[str]:
+def _compare_readers(tree: UrdfTree, text: str, model: pin.Model) -> Iterator[str]:
     import yourdfpy  # half a second, and only a URDF not seen before wants it
 
     logging.getLogger("yourdfpy").setLevel(logging.ERROR)  # it warns of each mimic that follows a fixed joint

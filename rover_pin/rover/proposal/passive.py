@@ -25,22 +25,22 @@ def passive_wheels(view: Topology, radii: Mapping[str, float]) -> Iterator[str]:
     trails, or has the name. Rollers sit on a wheel that turns too, or have the name; a track's wheels have theirs.
     """
     joints = [view.joints[name] for name in radii]
-    castors = [joint.name for joint in joints if _named(joint, "castor|caster") or _trails(view, joint, radii)]
-    rollers = [joint.name for joint in joints if _named(joint, ROLLER) or _rides_on_a_wheel(view, joint)]
-    tracks = [joint.name for joint in joints if _named(joint, TRACK)]
+    castors = [joint.name for joint in joints if _name_matches(joint, "castor|caster") or _trails(view, joint, radii)]
+    rollers = [joint.name for joint in joints if _name_matches(joint, ROLLER) or _rides_on_a_wheel(view, joint)]
+    tracks = [joint.name for joint in joints if _name_matches(joint, TRACK)]
     if castors:
-        yield f"{_listed(castors)} of castors: the ground turns them, and here motors turn all wheels"
+        yield f"{_wheels_phrase(castors)} of castors: the ground turns them, and here motors turn all wheels"
     if rollers and not tracks:
-        yield f"{_listed(rollers)} of rollers, as omnidirectional wheels have: here wheels do not roll sideways"
+        yield f"{_wheels_phrase(rollers)} of rollers, as omnidirectional wheels have: here wheels do not roll sideways"
     if tracks:
-        yield f"{_listed(tracks)} of a track: a belt shares its load between them, which is not simulated"
+        yield f"{_wheels_phrase(tracks)} of a track: a belt shares its load between them, which is not simulated"
 
 
-def _named(joint: Joint, pattern: str) -> bool:
+def _name_matches(joint: Joint, pattern: str) -> bool:
     return re.search(pattern, f"{joint.name} {joint.child}".lower().replace("_", " ")) is not None
 
 
-def _listed(names: Sequence[str]) -> str:
+def _wheels_phrase(names: Sequence[str]) -> str:
     return f"{', '.join(names)} {'is the wheel' if len(names) == 1 else 'are the wheels'}"
 
 

@@ -42,10 +42,10 @@ def place_names(axes: Sequence[Axes], names: Sequence[Sequence[Name]]) -> None:
         points = panel.transData.transform([name.at for name in its])
         taken = [Bbox.from_extents(*(point - GAP), *(point + GAP)) for point in points]
         for name in its:
-            taken.append(_written(panel, name, taken))
+            taken.append(_write_name(panel, name, taken))
 
 
-def _written(axes: Axes, name: Name, taken: Sequence[Bbox]) -> Bbox:
+def _write_name(axes: Axes, name: Name, taken: Sequence[Bbox]) -> Bbox:
     """Write a name at the first free place; return the place in pixels."""
     note = axes.annotate(name.text, name.at, color=name.colour, fontsize=SIZE, xytext=(GAP, GAP),
                          textcoords="offset points", in_layout=False)  # fmt: skip
@@ -56,7 +56,7 @@ def _written(axes: Axes, name: Name, taken: Sequence[Bbox]) -> Bbox:
         if _within(box, axes.bbox) and not any(box.overlaps(occupied) for occupied in taken):
             note.set_position((across, up))
             if row > 0:
-                _joined(axes, name, box)
+                _draw_line(axes, name, box)
             return box
     return first
 
@@ -65,7 +65,7 @@ def _within(box: Bbox, outer: BboxBase) -> bool:
     return bool(outer.x0 < box.x0 and outer.y0 < box.y0 and box.x1 < outer.x1 and box.y1 < outer.y1)
 
 
-def _joined(axes: Axes, name: Name, box: Bbox) -> None:
+def _draw_line(axes: Axes, name: Name, box: Bbox) -> None:
     """Draw a line from a point to the nearest place of its name's box."""
     x, y = axes.transData.transform(name.at)
     end = min(max(x, box.x0), box.x1), min(max(y, box.y0), box.y1)

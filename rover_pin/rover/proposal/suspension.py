@@ -31,7 +31,7 @@ def add_suspension(view: Topology, proposal: Proposal) -> Proposal:
         upright = joint.child in view.places and abs(view.axis(joint, proposal.base_rpy)[2]) >= 0.7
         swings = turns and not upright and 1 < len(below) < len(wheels)
         (pivots if swings else unassigned).append(joint)
-    for name, joints in _named(view, proposal, pivots, sides):
+    for name, joints in _named_pivots(view, proposal, pivots, sides):
         proposal.suspension[name] = tuple(joint.name for joint in joints)
     unassigned = [joint for joint in unassigned if not _other_half(view, proposal, joint, wheels)]
     _differential(view, proposal, sides)
@@ -43,7 +43,7 @@ def add_suspension(view: Topology, proposal: Proposal) -> Proposal:
     return proposal
 
 
-def _named(
+def _named_pivots(
     view: Topology, proposal: Proposal, pivots: list[Joint], sides: tuple[set[str], set[str]]
 ) -> Iterator[tuple[str, list[Joint]]]:
     """Yield the names of pairs (left, right) of pivots, and of single ones in the middle."""
@@ -112,25 +112,25 @@ def _differential(view: Topology, proposal: Proposal, sides: tuple[set[str], set
     wheels = [*sides[0], *sides[1]]
     for name, joints in list(proposal.suspension.items()):
         carries_all = len(joints) == 2 and all(
-            _carried(view, proposal, joint, wheels) == side for joint, side in zip(joints, sides, strict=True)
+            _carried_wheels(view, proposal, joint, wheels) == side for joint, side in zip(joints, sides, strict=True)
         )
         if carries_all:
             proposal.differential = name.replace("arm", "rocker")
-            proposal.suspension = _renamed(proposal.suspension, "rocker")
+            proposal.suspension = _rename_arms(proposal.suspension, "rocker")
             proposal.reasons["differential"] = (
                 f"'{joints[0]}' and '{joints[1]}' carry all wheels of their sides: without a differential, springs or "
                 "a lock between them the body falls over"
             )
             return
-    proposal.suspension = _renamed(proposal.suspension, "bogie")
+    proposal.suspension = _rename_arms(proposal.suspension, "bogie")
 
 
-def _renamed(suspension: dict[str, tuple[str, ...]], word: str) -> dict[str, tuple[str, ...]]:
+def _rename_arms(suspension: dict[str, tuple[str, ...]], word: str) -> dict[str, tuple[str, ...]]:
     """Return the suspension with its arms, which carry no other pivot, called rockers or bogies."""
     return {re.sub("^arm", word, name): joints for name, joints in suspension.items()}
 
 
-def _carried(view: Topology, proposal: Proposal, joint: str, wheels: list[str]) -> set[str]:
+def _carried_wheels(view: Topology, proposal: Proposal, joint: str, wheels: list[str]) -> set[str]:
     halves = [half for half, (pivot, _) in proposal.coupled.items() if pivot == joint]
     return {wheel for member in (joint, *halves) for wheel in view.below(member, wheels)}
 
@@ -139,7 +139,7 @@ def _rest(view: Topology, proposal: Proposal, unassigned: list[Joint], wheels: l
     """Couple what the URDF couples to the suspension; hold everything else within its stops."""
     roles = {*wheels, *(joint for axle in proposal.axles for joint in axle.steering or ())}
     roles |= {joint for joints in proposal.suspension.values() for joint in joints}
-    linked = _linked(view, roles)
+    linked = _linked_joints(view, roles)
     for joint in unassigned:
         if joint.name in linked and joint.kind != "prismatic":
             proposal.suspension[joint.name] = (joint.name,)
@@ -156,7 +156,7 @@ def _rest_angle(joint: Joint) -> float:
     return min(max(0.0, low), high) if stops else 0.0
 
 
-def _linked(view: Topology, roles: set[str]) -> set[str]:
+def _linked_joints(view: Topology, roles: set[str]) -> set[str]:
     """Return what the URDF's mimics tie to joints that have a role."""
     linked_joints: set[str] = set()
     for joint in view.moving:

@@ -12,7 +12,7 @@ KEY = set("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-")
 
 def proposed_text(proposal: Proposal, name: str, urdf: str) -> str:
     """Return the TOML of a proposal, for a rover of this name and URDF."""
-    parts = (_head(proposal, name, urdf), _wheels(proposal), _suspension(proposal), _coupled(proposal), _ends(proposal))
+    parts = (_head(proposal, name, urdf), _wheels(proposal), _suspension(proposal), _mimics(proposal), _ends(proposal))
     return "\n".join(line for part in parts for line in part) + "\n"
 
 
@@ -72,7 +72,7 @@ def _suspension(proposal: Proposal) -> Iterator[str]:
         yield f"pair = {_text(proposal.differential)}"
 
 
-def _coupled(proposal: Proposal) -> Iterator[str]:
+def _mimics(proposal: Proposal) -> Iterator[str]:
     if proposal.coupled:
         yield "\n[coupled]  # GUESSED: joints that follow another"
         for joint, (leader, ratio) in proposal.coupled.items():

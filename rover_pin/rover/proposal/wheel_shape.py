@@ -35,14 +35,14 @@ def wheel_size(tree: UrdfTree, joint: Joint, folder: Path) -> WheelSize | None:
     candidates: list[WheelSize] = []
     for link in group:
         placement = at @ places.get(link.name, np.eye(4))
-        candidates += _drawn(link, placement, joint.axis, folder)
+        candidates += _shape_candidates(link, placement, joint.axis, folder)
     if candidates:
         rim = (1.0 - ROUND) * max(size.r for size in candidates)
         return max(candidates, key=lambda size: (size.r >= rim, "cylinder" in size.source, size.r))
     return _of_inertia(links[joint.child], joint.axis)
 
 
-def _drawn(link: Link, placement: np.ndarray, axis: np.ndarray, folder: Path) -> Iterator[WheelSize]:
+def _shape_candidates(link: Link, placement: np.ndarray, axis: np.ndarray, folder: Path) -> Iterator[WheelSize]:
     for shape in link.shapes:
         corners = _points(shape, folder)
         if corners is None:

@@ -51,7 +51,7 @@ class Line(NamedTuple):
 @lru_cache(maxsize=64)
 def line_of(profile: Profile) -> Line:
     """Return a profile for the compiled step."""
-    x, z, ground = profile.straightened().extended()
+    x, z, ground = profile.without_collinear_points().extended_points()
     along = np.column_stack([-np.diff(z), np.diff(x)])
     normals = along / np.linalg.norm(along, axis=1, keepdims=True)
     begins = np.linspace(x[1], x[-2], len(x))
