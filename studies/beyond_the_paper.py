@@ -207,7 +207,7 @@ def steepest(case: DriveCase) -> float:
     F = np.array([float(load_traction_factor(s, model.soils[0], model.rover.wheel, law.form, law.angles)) for s in S])
     if case.post_peak:
         past = model.effect(PostPeak)
-        F = F * (1.0 - np.array([float(past.lost(s)) for s in S]))
+        F = F * (1.0 - np.array([float(past.lost_share(s)) for s in S]))
     resistance = model.effect(MotionResistance)
     slowest = 1.0 / HELD_OUT
     held_back = float(resistance.R) * slowest / math.hypot(slowest, float(resistance.fading(slowest)))

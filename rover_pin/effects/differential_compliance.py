@@ -41,7 +41,7 @@ class DifferentialCompliance(BodyEffect):
         acts = ca.logic_and(self.compliance + self.backlash > 0.0, ca.fabs(body.twist) > half)
         return Push(differential=ca.if_else(acts, torque, 0.0))
 
-    def stored(self, body: Body) -> Scalar:
+    def stored_energy(self, body: Body) -> Scalar:
         """Return the energy of the twisted shaft, o^2 / (2 compliance)."""
         elastic = 0.5 * self._over(body) ** 2 / ca.fmax(self.compliance, STIFFEST)
         return ca.if_else(self.compliance + self.backlash > 0.0, elastic, 0.0)

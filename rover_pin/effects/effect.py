@@ -203,7 +203,7 @@ class BodyEffect(Record):
         """Return what this effect pushes with."""
         return Push()
 
-    def stored(self, body: Body) -> Scalar:
+    def stored_energy(self, body: Body) -> Scalar:
         """Return the energy that it holds and gives back [J], a function of where the body is, not of its speed."""
         return 0.0
 

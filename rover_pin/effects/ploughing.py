@@ -51,7 +51,7 @@ class Ploughing(Effect):
 
     def amend(self, contact: Contact, x: tuple[Scalar, ...]) -> Contact:
         """Return the contact on what is left to carry, without the rear that is lost."""
-        contact, lost = loosen(contact, self.a_b * x[0]), self.e_b * self._pushed(x[0])
+        contact, lost = loosen(contact, self.a_b * x[0]), self.e_b * self._pushed_share(x[0])
         soil = contact.soil
         ratio = ca.fmax(soil.exit_ratio - lost, -FOREMOST)
         theta_2 = ca.fmin(soil.theta_2 + lost * soil.theta_1, FOREMOST * soil.theta_1)
@@ -62,7 +62,7 @@ class Ploughing(Effect):
         h = ca.fmax(contact.h, 0.0)
         wall = contact.wheel.b * passive(self.phi_f).per_width(h, contact.soil.c, self.gamma)
         up = lift(contact, load, self.a_b * (x[0] - _skid(contact)), self.length)
-        heap = self.share * self._pushed(x[0]) * wall * self._facing(contact)
+        heap = self.share * self._pushed_share(x[0]) * wall * self._facing(contact)
         firm = softer(contact, share_of(contact, self.a_b * x[0]))
         return Load(f_t=-heap - up * contact.sense(self.v_0) - rut_cost(contact, firm))
 
@@ -75,7 +75,7 @@ class Ploughing(Effect):
         v, v_y, u = contact.v_x, TURNED * contact.v_y, fading(contact.rim, self.v_0, 1.0)
         return v / ca.sqrt(v * v + v_y * v_y + u * u)
 
-    def _pushed(self, skid: Scalar) -> Scalar:
+    def _pushed_share(self, skid: Scalar) -> Scalar:
         return -ca.expm1(-self.a_b * ca.fmax(skid, 0.0))
 
 

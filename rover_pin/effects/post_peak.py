@@ -34,11 +34,11 @@ class PostPeak(Effect):
 
     def load(self, contact: Contact, load: Load, x: tuple[Scalar, ...]) -> Load:
         """Return what failure takes off the shear."""
-        lost = self.lost(contact.S)
+        lost = self.lost_share(contact.S)
         pull = pull_of_shear(load.torque, contact.wheel, contact.S)
         shear = {name: -lost * getattr(load, name) for name in ("f_y", "torque", "moment_z")}
         return Load(f_t=-lost * pull, **shear)
 
-    def lost(self, S: Scalar) -> Scalar:
+    def lost_share(self, S: Scalar) -> Scalar:
         """Return the share L of the shear that is lost at slip S."""
         return self.fraction * (1.0 - ca.exp(-((S / self.S_w) ** 2)))

@@ -34,7 +34,7 @@ class SpringDamper(BodyEffect):
         states = zip(self._shares(body), body.angles, body.rates, strict=True)
         return Push(joints=tuple(-share * (self.k_s * (q - self.q_0) + self.d * rate) for share, q, rate in states))
 
-    def stored(self, body: Body) -> Scalar:
+    def stored_energy(self, body: Body) -> Scalar:
         """Return the energy in the springs."""
         pairs = zip(self._shares(body), body.angles, strict=True)
         return 0.5 * self.k_s * sum((share * (q - self.q_0) ** 2 for share, q in pairs), 0.0)

@@ -30,13 +30,13 @@ class TrackedPoint(SensorEffect):
 
     def read(self, t: np.ndarray, channels: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Return the place and the speed of the point."""
-        return self._moved(t, channels, 1.0)
+        return self._move_channels(t, channels, 1.0)
 
     def undone(self, t: np.ndarray, channels: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Return the place and the speed of the base's origin."""
-        return self._moved(t, channels, -1.0)
+        return self._move_channels(t, channels, -1.0)
 
-    def _moved(self, t: np.ndarray, channels: Mapping[str, np.ndarray], sense: float) -> dict[str, np.ndarray]:
+    def _move_channels(self, t: np.ndarray, channels: Mapping[str, np.ndarray], sense: float) -> dict[str, np.ndarray]:
         arm = sense * (self.x + 1j * self.y) * np.exp(1j * (channels["body_yaw"] + channels.get(DRAWN, 0.0)))
         rate = np.gradient(arm, t)
         added = {"body_x": arm.real, "body_y": arm.imag, "body_vx": rate.real, "body_vy": rate.imag}

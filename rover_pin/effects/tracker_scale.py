@@ -28,14 +28,14 @@ class TrackerScale(SensorEffect):
 
     def read(self, t: np.ndarray, channels: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Return the scaled places and speeds."""
-        return _scaled(channels, 1.0 + self.e)
+        return _scale_channels(channels, 1.0 + self.e)
 
     def undone(self, t: np.ndarray, channels: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Return the true places and speeds."""
-        return _scaled(channels, 1.0 / (1.0 + self.e))
+        return _scale_channels(channels, 1.0 / (1.0 + self.e))
 
 
-def _scaled(channels: Mapping[str, np.ndarray], factor: Scalar) -> dict[str, np.ndarray]:
+def _scale_channels(channels: Mapping[str, np.ndarray], factor: Scalar) -> dict[str, np.ndarray]:
     scaled = {name: factor * channels[name] for name in SPEEDS if name in channels}
     for name in (name for name in PLACES if name in channels):
         first = channels[name][np.isfinite(channels[name])][:1].sum()

@@ -29,9 +29,9 @@ class VelocityFilter(SensorEffect):
         """Return the smoothed velocities."""
         if self.tau == 0.0:
             return {}
-        return {name: self._smoothed(t, channels[name]) for name in VELOCITIES if name in channels}
+        return {name: self._smooth_velocity(t, channels[name]) for name in VELOCITIES if name in channels}
 
-    def _smoothed(self, t: np.ndarray, v: np.ndarray) -> np.ndarray:
+    def _smooth_velocity(self, t: np.ndarray, v: np.ndarray) -> np.ndarray:
         y = np.array(v, dtype=float)
         for k in range(1, len(t)):
             step = t[k] - t[k - 1]

@@ -35,15 +35,15 @@ def sinking_resistance(h: Scalar, wheel: Wheel, soil: Soil, firm: Soil) -> Scala
     """
     theta_1, theta_2 = SinkageAngles().angles(h, wheel, soil)
     length = theta_1 - theta_2
-    carried, shrunk = _pressed(theta_1, length, wheel, soil), 1.0
+    carried, shrunk = _pressure_load(theta_1, length, wheel, soil), 1.0
     for _ in range(STEPS):
-        ratio = carried / _pressed(theta_1 * shrunk, length * shrunk, wheel, firm)
+        ratio = carried / _pressure_load(theta_1 * shrunk, length * shrunk, wheel, firm)
         shrunk = ca.fmin(shrunk * ratio ** (1 / (2 * firm.n + 1)), ca.pi / 2 / theta_1)
     before = compaction(theta_1 * shrunk, length * shrunk, wheel, firm)
     return ca.fmax(compaction(theta_1, length, wheel, soil) - before, 0.0)
 
 
-def _pressed(theta_1: Scalar, length: Scalar, wheel: Wheel, soil: Soil) -> Scalar:
+def _pressure_load(theta_1: Scalar, length: Scalar, wheel: Wheel, soil: Soil) -> Scalar:
     arc = integrate(theta_1, 0.0, length, _no_shear, (0.0, 0.0, soil.n), entry_graded(PRESSURE_NODES))
     return stress_scale(wheel, soil) * arc.sigma_cos
 

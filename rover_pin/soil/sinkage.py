@@ -73,7 +73,7 @@ def entry_angle(
 
     Source: Eq (6), f_n "balanced to the load W". Differs from the paper: it holds theta_1.
     """
-    solution = _solved(load, S, wheel, soil, steps, state)
+    solution = _solve_entry_angle(load, S, wheel, soil, steps, state)
     if not isinstance(solution[0], ca.DM):
         return solution[0]
     theta_1, residual = float(solution[0]), float(solution[1])
@@ -87,11 +87,11 @@ def entry_angle(
 
 def fitted_entry_angle(load: Scalar, S: Scalar, wheel: Wheel, soil: Soil) -> Scalar:
     """Return `entry_angle`, of expressions NaN where none below 90 deg carries the load: fits step back from there."""
-    theta_1, residual = _solved(load, S, wheel, soil, STEPS, slipping)
+    theta_1, residual = _solve_entry_angle(load, S, wheel, soil, STEPS, slipping)
     return ca.if_else(ca.fabs(residual) < UNSOLVED, theta_1, math.nan)
 
 
-def _solved(load: Scalar, S: Scalar, wheel: Wheel, soil: Soil, steps: int, state: ShearState) -> Any:
+def _solve_entry_angle(load: Scalar, S: Scalar, wheel: Wheel, soil: Soil, steps: int, state: ShearState) -> Any:
     """Return theta_1 and the error of ln f_n that is left."""
     fields = (wheel.r, wheel.b, soil.c, soil.phi, soil.k, soil.k_1, soil.k_2, soil.n, soil.exit_ratio)
     return _solver(steps, state)(load, S, *fields)

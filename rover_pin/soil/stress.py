@@ -38,7 +38,7 @@ def strength(wheel: Wheel, soil: Soil) -> tuple[Scalar, Scalar, Scalar]:
     return soil.c / stress_scale(wheel, soil), ca.tan(soil.phi), soil.n
 
 
-def mobilised(j_over_k: Scalar) -> Scalar:
+def mobilised_share(j_over_k: Scalar) -> Scalar:
     """Return the share of the shear strength in use, in [-1, 1]: sgn(j) (1 - exp(-|j| / k)).
 
     Source: Eq (2), last factor.
@@ -48,14 +48,14 @@ def mobilised(j_over_k: Scalar) -> Scalar:
 
 
 def mobilised_both_ways(j_over_k: Scalar) -> Scalar:
-    """Return `mobilised` of a displacement that may turn: its slope at j = 0 is 1 too, and nothing overflows."""
+    """Return `mobilised_share` of a displacement that may turn: its slope at j = 0 is 1 too, and nothing overflows."""
     return ca.expm1(ca.fmin(j_over_k, 0.0)) - ca.expm1(-ca.fmax(j_over_k, 0.0))
 
 
 def shear_law(ratio: Scalar, wheel: Wheel, soil: Soil) -> Mobilised:
     """Return the share of the strength in use at v / (r omega) = ratio, Eq (2)."""
     stiffness = wheel.r / soil.k
-    return lambda s, rise: mobilised(stiffness * (s - ratio * rise))
+    return lambda s, rise: mobilised_share(stiffness * (s - ratio * rise))
 
 
 def full_shear(s: Scalar, rise: Scalar) -> Scalar:

@@ -195,7 +195,7 @@ def test_a_body_effect_takes_energy_from_a_body_that_moves(kind):
     for body in bodies(np.random.default_rng(7), 50):
         push = pushed(kind(), body)
         power = np.dot(push[:6], body[6:12]) + np.dot(push[6:10], body.rates) + push[10] * body.twist_rate
-        ahead, behind = (float(kind().stored(moved(body, sign * 1e-6))) for sign in (1, -1))
+        ahead, behind = (float(kind().stored_energy(moved(body, sign * 1e-6))) for sign in (1, -1))
         assert power + (ahead - behind) / 2e-6 <= 1e-9 * abs(power)
 
 

@@ -145,7 +145,7 @@ def test_torque_and_energy_by_hand(joint, meant):
     spring = SpringDamper(k_s=2.0, d=0.1, q_0=0.05, joint=joint)
     torques = np.array([-0.15, 0.5, 0.35, -0.6]) * meant
     assert [float(each) for each in spring.push(body).joints] == pytest.approx(torques)
-    assert float(spring.stored(body)) == pytest.approx(np.dot(meant, [0.0025, 0.0625, 0.0225, 0.0625]))
+    assert float(spring.stored_energy(body)) == pytest.approx(np.dot(meant, [0.0025, 0.0625, 0.0225, 0.0625]))
 
 
 def in_free_fall(effect, angle, seconds, kind=Kernel, dt=0.002):

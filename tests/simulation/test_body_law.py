@@ -27,7 +27,7 @@ class Everything(BodyEffect):
         )  # fmt: skip
         return Push(*force, *moment, torques, 3.0 * body.twist + 0.5 * body.twist_rate * body.z)
 
-    def stored(self, body):
+    def stored_energy(self, body):
         """Return some energy of place and attitude."""
         return body.z * body.roll + body.pitch * body.angles[1] + body.yaw * body.x + 4.0 * body.twist * body.twist
 
@@ -40,7 +40,7 @@ class Lift(BodyEffect):
         """Return it."""
         return Push(f_z=7.0 + body.v_x)
 
-    def stored(self, body):
+    def stored_energy(self, body):
         """Return the energy of its height."""
         return -7.0 * body.z
 

@@ -12,7 +12,7 @@ from rover_pin import SOILS, Soil, Wheel, wheel_forces
 from rover_pin.base.errors import ParameterError
 from rover_pin.soil.angles import SinkageAngles
 from rover_pin.soil.sinkage import entry_angle, sinkage
-from rover_pin.soil.stress import mobilised
+from rover_pin.soil.stress import mobilised_share
 from tests.oracle.terramechanics import panel_forces
 
 WHEEL, SOIL = Wheel(), Soil()
@@ -95,9 +95,9 @@ def test_the_entry_angle_is_as_good_as_its_docstring_says(k, sign, stated):
 def test_shear_is_bounded_where_the_printed_exponential_is_not():
     printed = 1 - math.exp(30.0)
     assert printed < -1e12
-    assert mobilised(-30.0) == pytest.approx(-1.0)
-    assert mobilised(0.7) == pytest.approx(1 - math.exp(-0.7))
-    assert mobilised(-0.7) == -mobilised(0.7)
+    assert mobilised_share(-30.0) == pytest.approx(-1.0)
+    assert mobilised_share(0.7) == pytest.approx(1 - math.exp(-0.7))
+    assert mobilised_share(-0.7) == -mobilised_share(0.7)
 
 
 def test_nothing_cancels_at_small_angles():

@@ -9,7 +9,7 @@ from scipy.integrate import quad
 from scipy.optimize import brentq
 
 from rover_pin import Soil, Wheel, load_traction_factor
-from rover_pin.soil.compaction import _pressed, compaction, sinking_resistance
+from rover_pin.soil.compaction import _pressure_load, compaction, sinking_resistance
 from rover_pin.soil.curves import traction_curves
 from rover_pin.soil.passive import passive
 
@@ -29,7 +29,7 @@ def test_the_pressure_is_as_good_as_stated():
     off = []
     for n, theta_1, ratio in product([0.4, 0.5, 0.7, 1.0, 1.3, 1.6, 2.0], [0.1, 0.3, 0.6, 1.0], [0.0, RATIO, 0.5]):
         true, _ = quad(pressure, -ratio * theta_1, theta_1, args=(theta_1, n))
-        found = _pressed(theta_1, (1.0 + ratio) * theta_1, WHEEL, Soil(n=n))
+        found = _pressure_load(theta_1, (1.0 + ratio) * theta_1, WHEEL, Soil(n=n))
         off.append(abs(float(found) / (54207.3 * 0.9**n * true) - 1))
     assert 1e-4 < max(off) < 2.1e-4
 

@@ -74,7 +74,7 @@ def elastic_energy(effects: Sequence[BodyEffect], joints: Joints) -> ca.Function
     still, zero_rates = ca.SX.zeros(6), ca.SX.zeros(joints.number)
     s = _Symbols(base[:3], base[3:], still, angles, zero_rates, ca.SX(0), zero_rates)
     body = _body(s, rotation_of(s.quaternion), joints)
-    energy = sum((effect.stored(body) for effect in effects), ca.SX(0))
+    energy = sum((effect.stored_energy(body) for effect in effects), ca.SX(0))
     return ca.Function("elastic_energy", [base, angles], [energy])
 
 
