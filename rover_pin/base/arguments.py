@@ -44,7 +44,7 @@ def check_arguments(owner: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
     of `int`.
     """
 
-    def decorated(function: Callable[P, R]) -> Callable[P, R]:
+    def decorate(function: Callable[P, R]) -> Callable[P, R]:
         signature = inspect.signature(function)
 
         @functools.wraps(function)
@@ -58,7 +58,7 @@ def check_arguments(owner: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
 
         return wrapper
 
-    return decorated
+    return decorate
 
 
 def _refuse_parts(owner: str, name: str, value: Any, kind: type) -> None:

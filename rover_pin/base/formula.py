@@ -32,7 +32,7 @@ def pitch(x: Array, y: Array, z: Array, w: Array) -> Array:
 
 def yaw(x: Array, y: Array, z: Array, w: Array) -> Array:
     """Return the yaw [rad] of a quaternion (world z-y-x), unwrapped."""
-    return unwrapped(np.arctan2(2 * (w * z + x * y), _square(x, y, z, w) - 2 * (y * y + z * z)))
+    return unwrap_angle(np.arctan2(2 * (w * z + x * y), _square(x, y, z, w) - 2 * (y * y + z * z)))
 
 
 def _square(x: Array, y: Array, z: Array, w: Array) -> Array:
@@ -41,7 +41,7 @@ def _square(x: Array, y: Array, z: Array, w: Array) -> Array:
     return np.where(square > 0, square, np.nan)
 
 
-def unwrapped(angle: Array) -> Array:
+def unwrap_angle(angle: Array) -> Array:
     """Return an angle [rad] without jumps of whole turns, gaps left as they are."""
     angle = np.array(angle, dtype=float)
     finite = np.isfinite(angle)
@@ -110,7 +110,7 @@ def _first(values: Array) -> float:
 FUNCTIONS: dict[str, tuple[Callable[..., Any], int]] = {
     "sin": (np.sin, 1), "cos": (np.cos, 1), "tan": (np.tan, 1), "asin": (np.arcsin, 1), "acos": (np.arccos, 1),
     "atan": (np.arctan, 1), "atan2": (np.arctan2, 2), "sqrt": (np.sqrt, 1), "abs": (np.abs, 1), "hypot": (np.hypot, 2),
-    "sign": (np.sign, 1), "radians": (np.radians, 1), "degrees": (np.degrees, 1), "unwrapped": (unwrapped, 1),
+    "sign": (np.sign, 1), "radians": (np.radians, 1), "degrees": (np.degrees, 1), "unwrapped": (unwrap_angle, 1),
     "roll": (roll, 4), "pitch": (pitch, 4), "yaw": (yaw, 4), "north": (north, 2), "east": (east, 2),
     "course": (course, 3), "heading": (heading, 4), "rate": (rate, 2), "integral": (integral, 2),
 }  # fmt: skip
@@ -129,7 +129,7 @@ def evaluate(text: str, columns: Mapping[str, Array], where: str) -> Array:
 
     Raises DataError: it is no formula, names an unknown column or function, or holds anything but arithmetic.
     """
-    tree, length = _parsed(text, where), len(next(iter(columns.values())))
+    tree, length = _parse_formula(text, where), len(next(iter(columns.values())))
     with np.errstate(all="ignore"):
         try:
             result = np.asarray(_value(tree, columns, where), dtype=float)
@@ -140,16 +140,16 @@ def evaluate(text: str, columns: Mapping[str, Array], where: str) -> Array:
 
 def names_in(text: str, where: str) -> tuple[str, ...]:
     """Return the columns that a formula names, in order."""
-    return tuple(dict.fromkeys(_names(_parsed(text, where))))
+    return tuple(dict.fromkeys(_names(_parse_formula(text, where))))
 
 
-def quoted(name: str) -> str:
+def quote(name: str) -> str:
     """Return a column's name as a formula has it."""
     plain = name.isidentifier() and name not in FUNCTIONS and name not in CONSTANTS and name != COLUMN
     return name if plain else f'{COLUMN}("{name}")' if '"' not in name else f"{COLUMN}({name!r})"
 
 
-def _parsed(text: str, where: str) -> ast.expr:
+def _parse_formula(text: str, where: str) -> ast.expr:
     if len(text) > LONGEST:
         raise DataError(f"{where}: a formula of {len(text)} characters; {LONGEST} are the most that are read.")
     try:
@@ -191,7 +191,7 @@ def _value(node: ast.expr, columns: Mapping[str, Array], where: str) -> Any:
         value = _value(node.operand, columns, where)
         return -value if isinstance(node.op, ast.USub) else value
     if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
-        return _called(node, node.func.id, columns, where)
+        return _evaluate_call(node, node.func.id, columns, where)
     raise DataError(
         f"{where}: {ast.unparse(node)!r} is not allowed in a formula; use columns, numbers, + - * / ** and "
         f"{', '.join(FUNCTIONS)}."
@@ -204,7 +204,7 @@ def _column(name: str, columns: Mapping[str, Array], where: str) -> Array:
     return columns[name]
 
 
-def _called(node: ast.Call, name: str, columns: Mapping[str, Array], where: str) -> Any:
+def _evaluate_call(node: ast.Call, name: str, columns: Mapping[str, Array], where: str) -> Any:
     if _is_column(node):
         return _column(str(node.args[0].value), columns, where)  # type: ignore[attr-defined]
     if name not in FUNCTIONS:

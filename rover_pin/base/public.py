@@ -36,12 +36,12 @@ def public(thing: Thing) -> Thing:
     annotation says.
     """
     if not isinstance(thing, type):
-        return _guarded(thing, thing)
-    type.__setattr__(thing, "__init__", _guarded(vars(thing)["__init__"], thing))
+        return _guard_call(thing, thing)
+    type.__setattr__(thing, "__init__", _guard_call(vars(thing)["__init__"], thing))
     return thing
 
 
-def _guarded(function: Any, hinted: Any) -> Any:
+def _guard_call(function: Any, hinted: Any) -> Any:
     signature, owner = inspect.signature(function), hinted.__qualname__
     names = [name for name in signature.parameters if name != "self"]
     several = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)

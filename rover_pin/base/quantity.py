@@ -78,11 +78,11 @@ class Record:
 def quantities(record: Record | type[Record]) -> dict[str, Quantity]:
     """Return name -> Quantity (value, unit, source, bounds) of a `record` or of its class, in order of definition."""
     kind: Any = record if isinstance(record, type) else type(record)
-    return dict(_declared(kind))
+    return dict(_declared_quantities(kind))
 
 
 @lru_cache(maxsize=1024)
-def _declared(kind: Any) -> dict[str, Quantity]:
+def _declared_quantities(kind: Any) -> dict[str, Quantity]:
     return {
         field.name: field.metadata["quantity"] for field in dataclasses.fields(kind) if "quantity" in field.metadata
     }
@@ -99,7 +99,7 @@ def check(owner: str, name: str, value: Any, spec: Quantity, written: str = "") 
     if not (math.isfinite(number) and spec.low <= number <= spec.high):
         size = factor_to(written, spec.unit) if written else 1.0
         unit = f" {written or spec.unit}".rstrip()
-        hint = "" if written else _meant(number, spec)
+        hint = "" if written else _meant_unit(number, spec)
         raise ParameterError(
             f"{name} = {number / size:g}{unit} is not allowed: it must lie in "
             f"[{spec.low / size:g}, {spec.high / size:g}]{unit}. {hint}Its default comes from: {spec.source}."
@@ -110,7 +110,7 @@ MEANT = {"rad": "deg", "rad/m": "deg/m", "m": "mm"}
 """The unit that a number out of bounds may have been in."""
 
 
-def _meant(number: float, spec: Quantity) -> str:
+def _meant_unit(number: float, spec: Quantity) -> str:
     """Return in words the unit in which a number that is out of bounds would be allowed, or nothing."""
     unit = MEANT.get(spec.unit, "")
     return f"Did you mean {number:g} {unit}? " if unit and spec.low <= number * UNITS[unit][1] <= spec.high else ""
@@ -232,7 +232,7 @@ def record_from(record: type[Record], table: Mapping[str, Any], where: str) -> A
         raise ParameterError(f"{where}: {error}") from error
 
 
-def declared(record: Record) -> dict[str, Any]:
+def as_table(record: Record) -> dict[str, Any]:
     """Return a record as a table that `record_from` reads: { value, unit } by name.
 
     Raises ParameterError: a field that holds an expression.

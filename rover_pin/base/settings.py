@@ -53,12 +53,12 @@ class Settings:
 
     def take(self, name: str, default: Any, choices: Iterable[str] = (), source: str = "") -> Any:
         """Return a setting, or its default."""
-        return self._taken(Setting(name, default, source=source, choices=tuple(choices)))
+        return self._take_value(Setting(name, default, source=source, choices=tuple(choices)))
 
     def number(self, name: str, default: float, spec: Quantity) -> float:
         """Return a setting that is a number, or its default."""
         setting = Setting.of(name, default, spec)
-        given = self._taken(setting)
+        given = self._take_value(setting)
         value = parse_quantity(given, spec.unit, name)
         _check(setting, value, written_unit(given))
         self._in_force(name, value)
@@ -77,7 +77,7 @@ class Settings:
     def record(self, prefix: str, record: Record | type[Record]) -> dict[str, float]:
         """Return the settings `prefix.FIELD` that are given for the quantities of a record."""
         base = record if isinstance(record, Record) else record()
-        return self._given(setting._replace(name=f"{prefix}.{setting.name}") for setting in numbers_of(base))
+        return self._given_values(setting._replace(name=f"{prefix}.{setting.name}") for setting in numbers_of(base))
 
     def arguments(
         self, prefix: str, function: Callable[..., Any], overrides: Mapping[str, Any] = {}, names: Iterable[str] = ()
@@ -96,7 +96,7 @@ class Settings:
             name: None if parameter.default is parameter.empty else parameter.default
             for name, parameter in chosen.items()
         }
-        return self._given(
+        return self._given_values(
             Setting.of(f"{prefix}.{name}", {**defaults, **overrides}[name], arguments[name].quantity) for name in chosen
         )
 
@@ -105,7 +105,7 @@ class Settings:
         for name, value in self.values.items():
             raise ParameterError(f"There is no setting '{name}' here: {self._in_unit(name, value)}")
 
-    def _given(self, settings: Iterable[Setting]) -> dict[str, Any]:
+    def _given_values(self, settings: Iterable[Setting]) -> dict[str, Any]:
         """Return the values by the last part of the name; `_deg` behind that of an angle reads degrees."""
         values: dict[str, Any] = {}
         for setting in settings:
@@ -113,8 +113,8 @@ class Settings:
             key = setting.name.rpartition(".")[2]
             degrees = f"{setting.name}_deg" if setting.unit.startswith("rad") else ""
             if setting.name in self.values:
-                values[key] = _read(setting, self._taken(setting))
-            self._taken(setting)
+                values[key] = _read(setting, self._take_value(setting))
+            self._take_value(setting)
             if degrees in self.values:
                 written = setting.unit.replace("rad", "deg")
                 values[key] = parse_quantity(self.values.pop(degrees), setting.unit, degrees, written)
@@ -127,7 +127,7 @@ class Settings:
         """Have a setting listed with its value instead of its default."""
         self.known[name] = self.known[name]._replace(value=value)
 
-    def _taken(self, setting: Setting) -> Any:
+    def _take_value(self, setting: Setting) -> Any:
         value = self.values.pop(setting.name, setting.value)
         self.known[setting.name] = setting._replace(value=value)
         return value

@@ -34,7 +34,7 @@ def guard(module: ModuleType) -> None:
         if kind.__module__ == module.__name__:
             _refuse_other_types(kind, str(module.__file__))
             for name, member in list(vars(kind).items()):
-                guarded = _guarded(kind, name, member, str(module.__file__))
+                guarded = _guard_member(kind, name, member, str(module.__file__))
                 if guarded is not member:
                     setattr(kind, name, guarded)
 
@@ -47,20 +47,20 @@ def _refuse_other_types(kind: type, file: str) -> None:
         if typing.get_origin(hint) is typing.ClassVar and not fits(value, typing.get_args(hint)[0]):
             raise DataError(
                 f"{file}, line {inspect.getsourcelines(kind)[1]}: {kind.__name__}.{name} is {_short(value)}, "
-                f"{_wanted(typing.get_args(hint)[0])}."
+                f"{_demand(typing.get_args(hint)[0])}."
             )
 
 
-def _guarded(kind: type, name: str, member: Any, file: str) -> Any:
+def _guard_member(kind: type, name: str, member: Any, file: str) -> Any:
     """Return a method, property or class method that is watched; anything else as it is."""
     if isinstance(member, property) and member.fget is not None:
-        return property(_watched(kind, name, member.fget, file))
+        return property(_watch_method(kind, name, member.fget, file))
     if isinstance(member, (classmethod, staticmethod)):
-        return type(member)(_watched(kind, name, member.__func__, file))
-    return _watched(kind, name, member, file)
+        return type(member)(_watch_method(kind, name, member.__func__, file))
+    return _watch_method(kind, name, member, file)
 
 
-def _watched(kind: type, name: str, method: Any, file: str) -> Any:
+def _watch_method(kind: type, name: str, method: Any, file: str) -> Any:
     if not isinstance(method, FunctionType) or method.__code__.co_filename != file:
         return method
     line, hint = method.__code__.co_firstlineno, _return_hint(kind, name)
@@ -74,7 +74,7 @@ def _watched(kind: type, name: str, method: Any, file: str) -> Any:
                 raise
             raise mistake(error, file, line) from error
         if not fits(result, hint):
-            raise DataError(f"{file}, line {line}: {kind.__name__}.{name} returns {_short(result)}, {_wanted(hint)}.")
+            raise DataError(f"{file}, line {line}: {kind.__name__}.{name} returns {_short(result)}, {_demand(hint)}.")
         return result
 
     return call
@@ -92,7 +92,7 @@ def _return_hint(kind: type, name: str) -> Any:
     return Any
 
 
-def _wanted(hint: Any) -> str:
+def _demand(hint: Any) -> str:
     parts = ", each field as it is declared" if isinstance(hint, type) and hasattr(hint, "_fields") else ""
     return f"where {words(hint)}{parts} belongs"
 

@@ -28,7 +28,7 @@ class HoleLaw(Record):
     length: Scalar = quantity(0.04, "m", "assumed: as DiggingMemory's", 0.02, 1.0, "L")
     r: Scalar = quantity(0.045, "m", "paper, section 2: of the wheels", 1e-3, 5.0, "r")
 
-    def desired(self, S_d: Scalar, D: Scalar) -> Scalar:
+    def desired_slip(self, S_d: Scalar, D: Scalar) -> Scalar:
         """Return the desired slip of a wheel in a hole of depth D [m]; S_d is that without one."""
         share = (D / self.r - self.shallow) / (self.deep - self.shallow)
         return S_d - (S_d - self.S_deep) * ca.fmax(ca.fmin(share, 1.0), 0.0)

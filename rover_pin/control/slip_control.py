@@ -88,7 +88,7 @@ def _one(hole: HoleLaw | None) -> ca.Function:
     deepening = ca.SX(0.0)
     if hole:
         deepening = hole.deepening(v, hole.r * rate, D)
-        gains = gains.replace(S_d=hole.desired(gains.S_d, D))
+        gains = gains.replace(S_d=hole.desired_slip(gains.S_d, D))
     return ca.Function("pi_law", [x, p], [ca.vertcat(*pi_law(gains, S_hat, integral, highest), deepening)])
 
 

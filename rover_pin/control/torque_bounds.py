@@ -136,10 +136,10 @@ class TorqueBounds:
         self._inputs = np.ascontiguousarray(rows)
         self._loads = self._inputs[:, INPUTS.index("load")]
         self._outputs, self._refused = np.zeros((len(OUTPUTS) - 1, len(rows))), np.zeros(1)
-        self.bind(_compiled(len(rows), angles) or interpreted(len(rows), angles))
+        self.bind(_compiled_bounds(len(rows), angles) or interpreted_bounds(len(rows), angles))
 
     def bind(self, function: ca.Function) -> None:
-        """Let `function`, made by `interpreted` or compiled from it, read and write this object's arrays."""
+        """Let `function`, made by `interpreted_bounds` or compiled from it, read and write this object's arrays."""
         self._function, self.compiled = function, function.class_name() == "External"
         self._buffer: Any
         self._buffer, self._run = function.buffer()
@@ -165,7 +165,7 @@ class TorqueBounds:
         return WheelBounds(*self._outputs.copy())
 
 
-def interpreted(n: int, angles: FixedAngles | SinkageAngles) -> ca.Function:
+def interpreted_bounds(n: int, angles: FixedAngles | SinkageAngles) -> ca.Function:
     """Return the function of the inputs of n wheels: outputs [n, 4], and how many are refused."""
     x = ca.MX.sym("x", len(INPUTS), n)
     out = bound_law(angles).map(n)(x)
@@ -173,9 +173,9 @@ def interpreted(n: int, angles: FixedAngles | SinkageAngles) -> ca.Function:
 
 
 @lru_cache(maxsize=8)
-def _compiled(n: int, angles: FixedAngles | SinkageAngles) -> ca.Function | None:
+def _compiled_bounds(n: int, angles: FixedAngles | SinkageAngles) -> ca.Function | None:
     """Return the same compiled, or None where there is no compiler."""
-    function = interpreted(n, angles)
+    function = interpreted_bounds(n, angles)
     try:
         library = shared_library(generated_source(function), "bounds")
     except MissingExtraError:

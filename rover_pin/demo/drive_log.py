@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from rover_pin.base.files.paths import named_from
-from rover_pin.base.quantity import declared
+from rover_pin.base.quantity import as_table
 from rover_pin.contact import Soil
 from rover_pin.demo.hidden import DRIVEN, Made, choose_hidden, keep_truth
 from rover_pin.effects.soil_traction import SoilTraction
@@ -75,7 +75,7 @@ def write(folder: Path, hidden: str, seed: int, rover: str = "nexus6", progress:
         wheels=tuple(wheel.name for wheel in model.rover.wheels),
         terrain=write_terrain(folder, model.terrain),
         soil=_known(model.soils[0]),
-        motor=declared(model.motor),
+        motor=as_table(model.motor),
     )
     write_drive_log(folder, traces, metadata)
     return Made((folder / "drive.toml", *(folder / f"{name}.csv" for name in traces)), truth)
@@ -132,7 +132,7 @@ def _drifting(log: Trace, random: np.random.Generator) -> Trace:
 
 def _known(soil: Soil) -> dict[str, dict[str, object]]:
     """Return the declared constants with their SDs."""
-    table = declared(soil)
+    table = as_table(soil)
     sds = {"phi": PHI_SD, "k": K_SD * float(soil.k), "k_1": K_SD * float(soil.k_1)}
     return {name: {**table[name], "sd": sd} for name, sd in sds.items()}
 

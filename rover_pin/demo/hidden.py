@@ -11,7 +11,7 @@ from rover_pin.base.errors import ParameterError, closest
 from rover_pin.base.files.results_folder import say_what_is_replaced
 from rover_pin.base.files.toml_file import toml_text
 from rover_pin.base.files.whole_file import replace_file
-from rover_pin.base.quantity import declared
+from rover_pin.base.quantity import as_table
 from rover_pin.contact import Soil
 from rover_pin.demo import SETS
 from rover_pin.effects.effect import Effect
@@ -66,7 +66,7 @@ def keep_truth(folder: Path, hidden: AnyEffect | None, soil: Soil, details: Mapp
     Nothing is left then that could refuse the set, so that what it replaces is said here.
     """
     say_what_is_replaced(folder, tuple(SETS.values()))
-    truth = {"hidden": NONE if hidden is None else word_of(hidden), **details, "soil": declared(soil)}
+    truth = {"hidden": NONE if hidden is None else word_of(hidden), **details, "soil": as_table(soil)}
     replace_file(truth_file(folder), toml_text(truth))
     return truth
 

@@ -8,7 +8,7 @@ import numpy as np
 from rover_pin.base.files.columns import columns_text
 from rover_pin.base.files.toml_file import toml_text
 from rover_pin.base.files.whole_file import replace_file
-from rover_pin.base.quantity import declared
+from rover_pin.base.quantity import as_table
 from rover_pin.contact import Soil, Wheel
 from rover_pin.demo.hidden import CONTACT, Made, choose_hidden, contact_effect, keep_truth
 from rover_pin.experiments.wheel_rig.model import NOMINAL, RigModel, conditions
@@ -52,8 +52,8 @@ def write(folder: Path, hidden: str, seed: int) -> Made:
         "name": folder.name,
         "source": "made up by rover-pin demo; not measured",
         "files": {"points": "points.csv"},
-        "wheel": declared(WHEEL),
-        "soil": {name: declared(SOIL)[name] for name in ("c", "phi", "k", "k_1", "k_2", "n")},
+        "wheel": as_table(WHEEL),
+        "soil": {name: as_table(SOIL)[name] for name in ("c", "phi", "k", "k_1", "k_2", "n")},
         "noise": {name: {"value": sd, "unit": channel_unit(name)} for name, sd in noise.items()},
     }
     truth = keep_truth(folder, effect, soil, {"seed": seed, "speed_mps": NOMINAL})

@@ -12,7 +12,7 @@ from rover_pin.base.errors import ParameterError, closest
 from rover_pin.base.files.paths import is_file, named_from
 from rover_pin.base.files.toml_file import read_toml
 from rover_pin.base.public import brief, public
-from rover_pin.base.quantity import declared, quantities
+from rover_pin.base.quantity import as_table, quantities
 from rover_pin.base.settings import Setting, Settings
 from rover_pin.base.trust import Trust
 from rover_pin.contact import Soil
@@ -96,7 +96,7 @@ class Scenario:
         of its wheels are declared.
         """
         model = self.model
-        resistance = [declared(effect) for effect in model.effects if isinstance(effect, MotionResistance)]
+        resistance = [as_table(effect) for effect in model.effects if isinstance(effect, MotionResistance)]
         metadata = LogMetadata.of(trace, self.name)
         metadata = dataclasses.replace(
             metadata,
@@ -104,9 +104,9 @@ class Scenario:
             gravity=model.gravity,
             angles=_declared_angles(model),
             terrain=write_terrain(folder, model.terrain),
-            soil=declared(model.soils[0]),
-            wheel=declared(model.rover.wheels[0].wheel),
-            motor=declared(model.motor),
+            soil=as_table(model.soils[0]),
+            wheel=as_table(model.rover.wheels[0].wheel),
+            motor=as_table(model.motor),
             resistance=resistance[0] if resistance else {},
         )
         return write_drive_log(folder, {"run": trace}, metadata)

@@ -183,7 +183,7 @@ def _drive_trace(job: DriveJob, driven: Driven, place: tuple[float, float], attr
     certain = [load_warning(drive.model, rows), balance_warning(trace)]
     oddities = [f"{text}." for text in implausible(job.model)]
     step_warning, energy = change.warning(job.timing.tolerance) if change else "", energy_warning(job.model, trace)
-    shortfall, turned = (getattr(aims, name, lambda trace: "")(trace) for name in ("shortfall", "turned"))
+    shortfall, turned = (getattr(aims, name, lambda trace: "")(trace) for name in ("shortfall", "turn_shortfall"))
     warnings = [shortfall, *certain, *oddities, step_warning, pivot_warning(stepper.pivoted), energy]
     trace = annotate_trace(trace, warnings, turned)
     if run.stop != "duration":

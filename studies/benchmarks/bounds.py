@@ -20,7 +20,7 @@ import numpy as np
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
-from rover_pin.control.torque_bounds import BY_LOAD, TorqueBounds, WheelBounds, interpreted, torque_bounds
+from rover_pin.control.torque_bounds import BY_LOAD, TorqueBounds, WheelBounds, interpreted_bounds, torque_bounds
 from rover_pin.parameters import NEXUS6_WHEEL, SOILS
 
 WHEEL, SOIL, S_LIM = NEXUS6_WHEEL, SOILS["literature-sand"], 0.2
@@ -55,7 +55,7 @@ def main() -> None:
 def without_compiler() -> TorqueBounds:
     """Return the prepared bounds as they are where there is no C compiler."""
     found = TorqueBounds([WHEEL] * len(LOADS), SOIL, S_LIM)
-    found.bind(interpreted(len(LOADS), BY_LOAD))
+    found.bind(interpreted_bounds(len(LOADS), BY_LOAD))
     return found
 
 

@@ -22,7 +22,7 @@ from former import ROOT, checkout
 from process_cost import timed
 from speed_table import keep, reader
 
-from rover_pin.base.quantity import declared
+from rover_pin.base.quantity import as_table
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.effects.tether_drag import TetherDrag
 from rover_pin.experiments.drive_log.model import DRIVEN_SAND
@@ -70,11 +70,11 @@ def write(folder: Path, runs: int, duration: float) -> Path:
         driven = simulate(true, plan(random, duration), duration, start)
         log = measure(driven, Sensors(), run, true.sensor_effects)
         traces[f"run-{run}"] = dataclasses.replace(log, attrs={"start": dataclasses.asdict(start)})
-    known = {name: declared(DRIVEN_SAND)[name] for name in ("phi", "k", "k_1")}
+    known = {name: as_table(DRIVEN_SAND)[name] for name in ("phi", "k", "k_1")}
     wheels = tuple(wheel.name for wheel in model.rover.wheels)
     terrain = write_terrain(folder, model.terrain)
     about = LogMetadata(
-        "tether", rover="nexus6", wheels=wheels, terrain=terrain, soil=known, motor=declared(model.motor)
+        "tether", rover="nexus6", wheels=wheels, terrain=terrain, soil=known, motor=as_table(model.motor)
     )
     return write_drive_log(folder, traces, about)
 

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rover_pin.base.errors import DataError
-from rover_pin.base.formula import evaluate, names_in, quoted
+from rover_pin.base.formula import evaluate, names_in, quote
 
 A, B = np.array([1.0, 2.0, 3.0]), np.array([0.5, -1.0, 4.0])
 COLUMNS = {"a": A, "b": B, "Position X [mm]": 10 * A, "lat": np.array([48.0, 48.0001, 48.0001])}
@@ -58,8 +58,8 @@ def test_no_text_does_anything_but_give_numbers_or_a_sentence(text):
 def test_the_names_in_a_formula_and_how_they_are_quoted():
     assert names_in("col('x y') + a * sin(b) + pi", "here") == ("x y", "a", "b")
     for name in ("a", "Position X [mm]", "pi", "sin", "col", 'with "quotes"'):
-        assert names_in(quoted(name), "here") == (name,)
-        assert evaluate(quoted(name), {name: A}, "here") == pytest.approx(A)
+        assert names_in(quote(name), "here") == (name,)
+        assert evaluate(quote(name), {name: A}, "here") == pytest.approx(A)
 
 
 @pytest.mark.parametrize(("roll", "pitch", "yaw"), [(0.3, -0.2, 1.0), (-0.5, 1.2, -2.0), (0.0, 0.0, 3.0)])

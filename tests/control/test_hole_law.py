@@ -18,8 +18,8 @@ def reading(slip, rate):
 
 @pytest.mark.parametrize(("depth", "wanted"), [(0.0, 0.6), (4.5, 0.6), (6.75, 0.35), (9.0, 0.1), (20.0, 0.1)])
 def test_the_desired_slip_falls_with_the_hole(depth, wanted):
-    assert float(HoleLaw().desired(0.6, depth * 1e-3)) == pytest.approx(wanted)
-    assert float(HoleLaw(r=0.09).desired(0.6, 2.0 * depth * 1e-3)) == pytest.approx(wanted), "by the radius"
+    assert float(HoleLaw().desired_slip(0.6, depth * 1e-3)) == pytest.approx(wanted)
+    assert float(HoleLaw(r=0.09).desired_slip(0.6, 2.0 * depth * 1e-3)) == pytest.approx(wanted), "by the radius"
 
 
 def test_every_wheel_has_its_own_hole():

@@ -34,7 +34,7 @@ def alone_in(folder: str | Path | None) -> Iterator[None]:
     missing = not exists(folder)
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        lock_fd = _held(folder / LOCK)
+        lock_fd = _lock_file(folder / LOCK)
     except BlockingIOError:
         raise DataError(
             f"{folder}: {_holder(folder / LOCK)} is at work in this folder: wait until it has ended, or name another "
@@ -68,7 +68,7 @@ def say_what_is_replaced(folder: str | Path | None, names: Sequence[str], untouc
         log.info("rover-pin: %s", message)
 
 
-def _held(file: Path) -> int:
+def _lock_file(file: Path) -> int:
     """Return the open file, locked; one that its holder has removed meanwhile is no lock, and is made again."""
     while True:
         opened = os.open(file, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o600)

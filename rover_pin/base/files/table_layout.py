@@ -57,13 +57,13 @@ def layout_of(lines: list[str]) -> Layout:
     )
     for delimiter in DELIMITERS:
         for decimal in NUMBERS if delimiter != "," else ".":
-            score, layout = _scored(sample, line_numbers, delimiter, decimal)
+            score, layout = _score_layout(sample, line_numbers, delimiter, decimal)
             if score > most + 1e-9:
                 best, most = layout, score
     return best
 
 
-def _scored(sample: list[str], line_numbers: list[int], delimiter: str, decimal: str) -> tuple[float, Layout]:
+def _score_layout(sample: list[str], line_numbers: list[int], delimiter: str, decimal: str) -> tuple[float, Layout]:
     """Return how many cells a line are numbers under a layout, and where its header is."""
     rows = [cells(line, delimiter) for line in sample]
     shares = [_numeric(row, decimal) for row in rows]

@@ -25,13 +25,13 @@ class FileController:
     def reset(self) -> None:
         """Begin a drive anew, if the controller knows how to."""
         if hasattr(self.inner, "reset"):
-            self._called(self.inner.reset)
+            self._call_controller(self.inner.reset)
 
     def __call__(self, reading: Reading) -> Command | Any:
         """Return what it commands."""
-        return self._called(self.inner, reading)
+        return self._call_controller(self.inner, reading)
 
-    def _called(self, function: Any, *arguments: Any) -> Any:
+    def _call_controller(self, function: Any, *arguments: Any) -> Any:
         try:
             return function(*arguments)
         except Exception as error:

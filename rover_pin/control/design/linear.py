@@ -61,7 +61,7 @@ class LinearModel:
         return np.array(rows)
 
 
-def trimmed(model: Model, duty: float, duration: float = 10.0, start: Start = Start()) -> DriveState:
+def trim_state(model: Model, duty: float, duration: float = 10.0, start: Start = Start()) -> DriveState:
     """Return the state in which a `model` drives steadily, `duration` [s] after its `start` at a constant `duty`.
 
     Raises SimulationError: the drive ends before, or is not steady then.
@@ -79,7 +79,7 @@ def trimmed(model: Model, duty: float, duration: float = 10.0, start: Start = St
     return state
 
 
-def linearised(model: Model, state: DriveState, duty: float) -> LinearModel:
+def linear_model(model: Model, state: DriveState, duty: float) -> LinearModel:
     """Return the linear model of `model` at a `state` under a `duty` of all wheels, by differences of its step.
 
     Limits: what turns its sense there, as dry friction at rest, has no linear model. Source: none; numerical.
@@ -88,7 +88,7 @@ def linearised(model: Model, state: DriveState, duty: float) -> LinearModel:
     --------
     >>> from rover_pin import scenario
     >>> flat = scenario("flat").model
-    >>> linear = linearised(flat, trimmed(flat, 0.5), 0.5)
+    >>> linear = linear_model(flat, trim_state(flat, 0.5), 0.5)
     >>> bool(abs(linear.response(0.01)[0].sum()) > abs(linear.response(100.0)[0].sum()))
     True
     """
@@ -141,11 +141,11 @@ class _Rates:
     def slope(self, state: DriveState, duty: np.ndarray, x: np.ndarray, u: np.ndarray) -> _Point:
         """Return the slopes of rates and outputs along a direction of states and duties."""
         forward, backward = (
-            self.at(self._moved(state, sign * CHANGE * x), duty + sign * CHANGE * u) for sign in (1.0, -1.0)
+            self.at(self._move_state(state, sign * CHANGE * x), duty + sign * CHANGE * u) for sign in (1.0, -1.0)
         )
         return _Point(*((after - before) / (2.0 * CHANGE) for after, before in zip(forward, backward, strict=True)))
 
-    def _moved(self, state: DriveState, x: np.ndarray) -> DriveState:
+    def _move_state(self, state: DriveState, x: np.ndarray) -> DriveState:
         nv, moved = self.pin_model.nv, state.copy()
         way, speed, contact, motor = np.split(x, [nv, 2 * nv, 2 * nv + state.contact.size])
         moved.q[:] = pin.integrate(self.pin_model, state.q, way)

@@ -131,7 +131,7 @@ class _Image:
     def __init__(self, kernel: Kernel, loop: Loop, functions: Mapping[str, str]):
         arrays = [*kernel.fixed.keep.values(), *kernel.keep.values(), *loop.keep.values()]
         self.blocks, self.functions = list[_Block](), functions
-        for array in sorted(_filled(arrays), key=lambda array: (array.ctypes.data, -array.nbytes)):
+        for array in sorted(_nonempty_arrays(arrays), key=lambda array: (array.ctypes.data, -array.nbytes)):
             if not self.blocks or array.ctypes.data >= self.blocks[-1].end:
                 self.blocks.append(_Block(f"block_{len(self.blocks)}", array))
         self.numbers, self.pointers, self.loop, self.held = list[str](), list[str](), loop, kernel.struct.n_held
@@ -177,6 +177,6 @@ class _Image:
         )  # fmt: skip
 
 
-def _filled(values: list[Any]) -> Iterator[np.ndarray]:
+def _nonempty_arrays(values: list[Any]) -> Iterator[np.ndarray]:
     """Yield the arrays that hold anything, in C's order: what the compiled loop works on."""
     return (value for value in values if isinstance(value, np.ndarray) and value.nbytes)

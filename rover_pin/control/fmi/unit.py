@@ -121,7 +121,7 @@ static const double START[] = {{{start}}};
             unit="s",
         )  # fmt: skip
         for at, variable in enumerate(self.variables, 1):
-            variables.append(_described(variable, at))
+            variables.append(_variable_element(variable, at))
         for kind in ("Output", "InitialUnknown"):
             for at, variable in enumerate(self.variables, 1):
                 if not variable.is_settable:
@@ -160,7 +160,7 @@ def write_unit(unit: FunctionalUnit, path: str | Path) -> Path:
     return replace_file(path, content.getvalue())
 
 
-def _described(variable: Variable, reference: int) -> ET.Element:
+def _variable_element(variable: Variable, reference: int) -> ET.Element:
     entry = ET.Element(
         "Float64",
         name=variable.name,

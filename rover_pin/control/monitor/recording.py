@@ -60,15 +60,15 @@ def monitor_input(trace: Trace, model: Model, period: float, has_scale: bool = T
     trace.need(*(f"wheel_rate_{wheel}" for wheel in wheels), *currents, "body_roll", "body_pitch")
     t = np.arange(trace.t[0], trace.t[-1], period)
 
-    def sampled(name: str) -> np.ndarray:
+    def sample_channel(name: str) -> np.ndarray:
         finite = np.isfinite(trace[name])
         if not finite.any():
             raise DataError(f"{trace.attrs.get('file', 'run')}: channel {name} holds no number: the monitor needs it.")
         return np.interp(t, trace.t[finite], trace[name][finite])
 
-    rates = np.column_stack([sampled(f"wheel_rate_{wheel}") for wheel in wheels])
-    amperes = np.column_stack([sampled(name) for name in currents])
-    attitude = np.column_stack([sampled("body_roll"), sampled("body_pitch")])
+    rates = np.column_stack([sample_channel(f"wheel_rate_{wheel}") for wheel in wheels])
+    amperes = np.column_stack([sample_channel(name) for name in currents])
+    attitude = np.column_stack([sample_channel("body_roll"), sample_channel("body_pitch")])
     assumed = []
     if raw or not has_scale:
         scale = current_scale(model, rates, amperes, attitude[:, 1])
@@ -78,12 +78,12 @@ def monitor_input(trace: Trace, model: Model, period: float, has_scale: bool = T
         )
     duties = rates / float(model.motor.no_load_rate) + amperes * float(model.motor.resistance / model.motor.supply)
     if _has(trace, model, "duty_{}"):
-        duties = np.column_stack([sampled(f"duty_{wheel}") for wheel in wheels])
+        duties = np.column_stack([sample_channel(f"duty_{wheel}") for wheel in wheels])
     else:
         assumed.append("duties were not logged: they are the motor's law's, so that a motor's fault does not show")
     angles = joints_of(model.rover)[2]
     suspension = np.column_stack(
-        [sampled(name) if name in trace else 0.0 * t for name in angles] or [t[:, None][:, :0]]
+        [sample_channel(name) if name in trace else 0.0 * t for name in angles] or [t[:, None][:, :0]]
     )
     if missing := [name for name in angles if name not in trace]:
         assumed.append(f"not logged, so taken for 0: {', '.join(missing)}; walls do not show then")

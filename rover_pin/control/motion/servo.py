@@ -216,7 +216,7 @@ class HeldSpeeds(LawControl):
         late = _late(trace)
         return float(np.polyfit(trace.t[late], np.unwrap(trace["body_yaw"][late]), 1)[0])
 
-    def turned(self, trace: Trace) -> str:
+    def turn_shortfall(self, trace: Trace) -> str:
         """Return how fast a drive turned of what is commanded, and what would make up for the rest; or nothing."""
         driven = self.yaw_rate(trace)
         if math.isnan(driven) or self.motion is None:
@@ -233,7 +233,7 @@ class HeldSpeeds(LawControl):
         driven = self.yaw_rate(trace)
         if math.isnan(driven) or self.motion is None or driven / self.motion.yaw_rate >= LEAST_TURN:
             return ""
-        return f"the rover does not follow: it turns {self.turned(trace)}."
+        return f"the rover does not follow: it turns {self.turn_shortfall(trace)}."
 
 
 def _late(trace: Trace) -> np.ndarray:

@@ -71,7 +71,7 @@ class Compiled(NamedTuple):
     work: tuple[int, int]
 
 
-def compiled(ground: ca.Function, laws: Sequence[ca.Function]) -> Compiled:
+def compile_belief(ground: ca.Function, laws: Sequence[ca.Function]) -> Compiled:
     """Return `belief.c` with the ground of a rover and the laws, compiled."""
     handle = shared_library(_source(ground, laws), "belief")
     handle.rover_pin_sense.argtypes = [ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int64, ctypes.c_double]

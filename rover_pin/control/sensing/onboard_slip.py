@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 
 from rover_pin.control.hole_law import HoleLaw
-from rover_pin.control.sensing.belief import LENGTHS, Belief, Compiled, compiled
+from rover_pin.control.sensing.belief import LENGTHS, Belief, Compiled, compile_belief
 from rover_pin.control.sensing.ground import ground_law
 from rover_pin.control.sensing.laws import ReadingTrust, fold_law, still_law, torque_law, wheel_law
 from rover_pin.control.sensing.odometry import VisualOdometry
@@ -79,7 +79,7 @@ class OnboardSlip:
         trust, radii = self.trust.values(), self.rover.radii
         names = "strength correlated wander surprise stalls wall_stalls frees".split()
         self.belief = Belief(
-            _compiled(_Content.of(self.rover, self.places), self.holes, self.relaxed, self.trust, self.period),
+            _compile_belief(_Content.of(self.rover, self.places), self.holes, self.relaxed, self.trust, self.period),
             len(radii),
             len(self.places),
             self.odometry.lag if self.odometry else 0,
@@ -182,8 +182,8 @@ class _Content:
 
 
 @lru_cache(maxsize=16)
-def _compiled(at: _Content, holes: HoleLaw, relaxed: RelaxedSlip, trust: ReadingTrust, period: float) -> Compiled:
-    return compiled(ground_law(at.rover, at.places), belief_laws(holes, relaxed, trust, period))
+def _compile_belief(at: _Content, holes: HoleLaw, relaxed: RelaxedSlip, trust: ReadingTrust, period: float) -> Compiled:
+    return compile_belief(ground_law(at.rover, at.places), belief_laws(holes, relaxed, trust, period))
 
 
 def belief_laws(holes: HoleLaw, relaxed: RelaxedSlip, trust: ReadingTrust, period: float) -> list[ca.Function]:

@@ -16,7 +16,7 @@ from rover_pin.base.errors import DataError, ParameterError
 from rover_pin.base.files.toml_file import read_toml, tables_in, toml_text
 from rover_pin.base.files.whole_file import replace_file
 from rover_pin.base.public import brief
-from rover_pin.base.quantity import declared, quantities, record_from
+from rover_pin.base.quantity import as_table, quantities, record_from
 from rover_pin.base.trust import Trust
 from rover_pin.contact import Soil, Wheel
 from rover_pin.effects.combined_shear import CombinedShear
@@ -229,9 +229,9 @@ def write_model(model: RigModel, path: str | Path, note: str = "") -> Path:
     table = {
         "kind": RIG_KIND,
         "note": note,
-        "wheel": declared(model.wheel),
-        "soil": declared(model.soil),
-        **({"rig": declared(model.errors)} if model.errors != RigErrors() else {}),
+        "wheel": as_table(model.wheel),
+        "soil": as_table(model.soil),
+        **({"rig": as_table(model.errors)} if model.errors != RigErrors() else {}),
         "effect": [effect_entry(effect) for effect in model.effects],
     }
     return replace_file(path, toml_text(table))

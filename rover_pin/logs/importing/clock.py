@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from rover_pin.base.errors import DataError
-from rover_pin.base.formula import evaluate, quoted
+from rover_pin.base.formula import evaluate, quote
 from rover_pin.logs.importing.column_names import TIME, Word
 from rover_pin.logs.importing.recording import Entry, Recording, words_of
 
@@ -69,7 +69,7 @@ def clocks(table: pd.DataFrame, declared: str, path: Path) -> list[Clock]:
     Raises DataError: no column increases as a clock does.
     """
     if declared:
-        return [Clock("t_s", "s", 0.0, quoted(declared) if declared in table else declared)]
+        return [Clock("t_s", "s", 0.0, quote(declared) if declared in table else declared)]
     named = [word for word in words_of(table) if _runs(table[word.name], word)]
     best = min(map(_rank, named), default=0)
     candidates = [clock for word in named if _rank(word) <= max(best, 2) for clock in _in_units(table[word.name], word)]

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from rover_pin.base.errors import DataError
-from rover_pin.base.formula import names_in, quoted
+from rover_pin.base.formula import names_in, quote
 from rover_pin.base.quantity import to_si
 from rover_pin.logs.importing.clock import Clock, clocks, whole_stamps
 from rover_pin.logs.importing.evidence import SURE, mean_known
@@ -161,7 +161,7 @@ def _ask(picked: Chosen, times: Sequence[Clock], options: Options, first: Path) 
     if not best[0].unit and not best[0].formula:
         raise DataError(
             f"{first}: '{best[0].column}' counts rows, and how many a second is not recorded: say "
-            f"--column t_s='{quoted(best[0].column)} / RATE'."
+            f"--column t_s='{quote(best[0].column)} / RATE'."
         )
     part = min(PARTS, key=lambda item: picked.share[item])
     if picked.fits <= SURE:
@@ -193,7 +193,7 @@ def _options_of(reading: tuple[Clock, Choice, Choice, Choice], parts: Any) -> st
         part = reading[at]
         if isinstance(part, Clock):
             factor = {"s": "", "ms": "0.001 * ", "us": "1e-6 * ", "ns": "1e-9 * "}.get(part.unit, "")
-            texts.append(f"t_s='{part.formula or factor + quoted(part.column)}'")
+            texts.append(f"t_s='{part.formula or factor + quote(part.column)}'")
         else:
             entries_shown = list(part.entries.items())[:2]
             texts += [f"{name}='{formula_of(name, entry)}'" for name, entry in entries_shown]
@@ -207,7 +207,7 @@ def _refuse_without(where: Any, which: Any, words: Any, rover: Rover, first: Pat
         if not any(tiers):
             raise DataError(
                 f"{first}: no column is known as {what}: say --column {name}='FORMULA' of its columns, which are "
-                f"{', '.join(quoted(word.name) for word in words)}."
+                f"{', '.join(quote(word.name) for word in words)}."
             )
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.special import ndtri
 from scipy.stats import rankdata
 
-from rover_pin.base.formula import change, quoted
+from rover_pin.base.formula import change, quote
 from rover_pin.logs.importing import column_names as called
 from rover_pin.logs.importing.column_names import Word, corner
 from rover_pin.logs.importing.evidence import NONE_FITS, SURE, independent, mean_known, relation, shares
@@ -99,7 +99,7 @@ def _tilts(
 def _of_quaternion(target: str, words: Sequence[Word], heading: Choice) -> Iterator[tuple[Guess, float]]:
     """Yield the pitch or the roll of the heading's quaternion, the pitch turned where that counts clockwise."""
     for four, often, why in quaternions(words):
-        inner = ", ".join(map(quoted, four))
+        inner = ", ".join(map(quote, four))
         text = str(heading.entries["body_yaw"].get("formula", ""))
         if "yaw(" in text and inner not in text:
             continue
@@ -165,7 +165,7 @@ def _order(rates: Mapping[str, Entry], words: Sequence[Word]) -> dict[str, str]:
     order: dict[str, str] = {}
     for name, entry in rates.items():
         text = formula_of(name, entry)
-        numbered = [item for item in words if quoted(item.name) in text and corner(item.tokens)[0].isdigit()]
+        numbered = [item for item in words if quote(item.name) in text and corner(item.tokens)[0].isdigit()]
         order |= {corner(item.tokens)[0]: name.removeprefix("wheel_rate_") for item in numbered[:1]}
     return order
 

@@ -4,7 +4,7 @@ import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
 
-from rover_pin.base.formula import quoted
+from rover_pin.base.formula import quote
 from rover_pin.logs.importing import column_names as called
 from rover_pin.logs.importing.column_names import Word
 from rover_pin.logs.importing.recording import Choice, Entry, column
@@ -81,7 +81,7 @@ def _geographic(words: Sequence[Word]) -> Iterator[Choice]:
     lat, lon = ([word for word in words if word.has(names)] for names in (called.LATITUDE, called.LONGITUDE))
     if not lat or not lon:
         return
-    pair = f"({quoted(lat[0].name)}, {quoted(lon[0].name)})"
+    pair = f"({quote(lat[0].name)}, {quote(lon[0].name)})"
     entries: dict[str, Entry] = {"body_x": {"formula": f"east{pair}"}, "body_y": {"formula": f"north{pair}"}}
     up = [word for word in words if word.has(called.UP) and not word.has(called.NO_PLACE)]
     entries |= {"body_z": column(up[0], "m")} if up else {}
@@ -108,18 +108,18 @@ def _angles(words: Sequence[Word]) -> Iterator[tuple[str, float, str, bool]]:
     """Yield formulas of the yaw as recorded [rad], the logarithm of a prior, why, and whether that is certain."""
     for word in words:
         if word.name == "body_yaw":
-            yield f"unwrapped({quoted(word.name)})", 3.0, "its name", True
+            yield f"unwrapped({quote(word.name)})", 3.0, "its name", True
         elif word.has(called.YAW) and not word.has(called.NO_ANGLE | {"q", "quat"}) and word.unit in ("", "rad", "deg"):
             if word.tokens[-1] in ("x", "y", "z", "w") or word.tokens[-1].isdigit():
                 continue
             least = -0.7 * word.has(called.ODOMETRY) - 0.2 * word.has(called.COMPASS)
             for unit, share in ({word.unit: 1.0} if word.unit else ANGLES).items():
-                inner = quoted(word.name)
+                inner = quote(word.name)
                 text = f"unwrapped(radians({inner}))" if unit == "deg" else f"unwrapped({inner})"
                 more = "" if word.unit else f"; taken as {unit}"
                 yield text, least + math.log(share), f"its name{more}", bool(word.unit)
     for four, share, why in quaternions(words):
-        yield f"yaw({', '.join(map(quoted, four))})", math.log(share), f"a quaternion, {why}, world z-y-x", share == 1.0
+        yield f"yaw({', '.join(map(quote, four))})", math.log(share), f"a quaternion, {why}, world z-y-x", share == 1.0
 
 
 def quaternions(words: Sequence[Word]) -> Iterator[tuple[tuple[str, ...], float, str]]:

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from rover_pin.base.formula import quoted
+from rover_pin.base.formula import quote
 from rover_pin.base.quantity import to_si
 from rover_pin.logs.column_map import mapped_column
 from rover_pin.logs.importing.column_names import Word, word
@@ -80,4 +80,4 @@ def formula_of(target: str, entry: Mapping[str, Any]) -> str:
     unit, factor = entry.get("unit", ""), float(entry.get("scale", 1.0))
     factor *= to_si(1.0, unit, unit_of(target), target) if unit else 1.0
     sign, size = "-" if factor < 0.0 else "", abs(factor)
-    return f"{sign}{'' if size == 1.0 else f'{size:.6g} * '}{quoted(str(entry['column']))}"
+    return f"{sign}{'' if size == 1.0 else f'{size:.6g} * '}{quote(str(entry['column']))}"

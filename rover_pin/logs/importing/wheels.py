@@ -4,7 +4,7 @@ import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
 
-from rover_pin.base.formula import quoted
+from rover_pin.base.formula import quote
 from rover_pin.base.units import UNITS
 from rover_pin.logs.importing import column_names as called
 from rover_pin.logs.importing.column_names import Word, corner
@@ -117,11 +117,11 @@ def _rates(family: Family, unit: str, weight: float, count: bool, rover: Rover) 
 def _entry(word: Word, unit: str, radius: float, sense: int, count: bool) -> Entry:
     sign = "-" if sense < 0 else ""
     if count:
-        inner = f"radians({quoted(word.name)})" if unit == "deg" else quoted(word.name)
+        inner = f"radians({quote(word.name)})" if unit == "deg" else quote(word.name)
         return {"formula": f"{sign}rate({inner}, t_s)"}
     if unit not in RATES:
         factor = UNITS[unit][1]
-        return {"formula": f"{sign}{'' if factor == 1.0 else f'{factor:.6g} * '}{quoted(word.name)} / {radius:.6g}"}
+        return {"formula": f"{sign}{'' if factor == 1.0 else f'{factor:.6g} * '}{quote(word.name)} / {radius:.6g}"}
     exact = word.name.startswith("wheel_rate_") and not word.unit
     return column(word, "" if exact and unit == "rad/s" else unit, **({"scale": -1.0} if sense < 0 else {}))
 
@@ -139,7 +139,7 @@ def _of_twist(words: Sequence[Word], rover: Rover) -> Iterator[Choice]:
         entries = {}
         for mount in rover.wheels:
             half, sign = abs(float(places[mount.name][1])), "-" if mount.side == "l" else "+"
-            formula = f"({quoted(v.name)} {sign} {half:.6g} * {quoted(omega.name)}) / {float(mount.wheel.r):.6g}"
+            formula = f"({quote(v.name)} {sign} {half:.6g} * {quote(omega.name)}) / {float(mount.wheel.r):.6g}"
             entries[f"wheel_rate_{mount.name}"] = {"formula": formula}
         why = "the wheels' own rates are not recorded; v -+ omega b / 2 of a speed and a turn, as a driver has it"
         yield Choice(entries, 0.0 if v.has(called.ODOMETRY) else -1.0, why)

@@ -19,7 +19,7 @@ from rover_pin.base.errors import DataError, closest
 from rover_pin.base.files.paths import is_file, is_folder
 from rover_pin.base.files.toml_file import text_in
 from rover_pin.base.jobs.workers import sent_by_value
-from rover_pin.base.quantity import Record, declared, quantities, record_from
+from rover_pin.base.quantity import Record, as_table, quantities, record_from
 from rover_pin.base.trust import Trust
 from rover_pin.base.users_code import guard, is_stop, mistake
 from rover_pin.effects.effect import BodyEffect, Effect, MotorEffect, SensorEffect
@@ -150,7 +150,7 @@ def effect_entry(effect: AnyEffect) -> dict[str, Any]:
     for field in dataclasses.fields(effect):
         if field.name not in quantities(effect):
             entry[field.name] = _word(getattr(effect, field.name))
-    return entry | declared(effect)
+    return entry | as_table(effect)
 
 
 def file_of(kind: type[AnyEffect]) -> Path:

@@ -25,7 +25,7 @@ from rover_pin.base.errors import DataError, ParameterError, closest
 from rover_pin.base.files.paths import is_file
 from rover_pin.base.files.toml_file import read_toml, toml_text
 from rover_pin.base.files.whole_file import replace_file
-from rover_pin.base.quantity import declared, record_from
+from rover_pin.base.quantity import as_table, record_from
 from rover_pin.base.trust import Trust
 from rover_pin.contact import Soil
 from rover_pin.effects.effect import BodyEffect, Effect, MotorEffect, SensorEffect
@@ -70,10 +70,10 @@ def write_model(model: Model, path: str | Path, note: str = "", rover: str = "",
         "rover": name,
         "gravity": {"value": float(model.gravity), "unit": "m/s^2"},
         "buried": float(model.buried),
-        "motor": declared(model.motor),
+        "motor": as_table(model.motor),
         "slip": effect_entry(model.slip),
         "terrain": write_terrain(path.parent, model.terrain) if with_terrain else None,
-        "soil": [declared(soil) for soil in model.soils],
+        "soil": [as_table(soil) for soil in model.soils],
         "effect": [effect_entry(effect) for effect in _effects(model)],
     }
     return replace_file(path, toml_text(table))

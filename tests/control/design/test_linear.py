@@ -7,7 +7,7 @@ from scipy.signal import lsim
 
 from rover_pin import ConstantDuty, scenario, simulate
 from rover_pin.base.errors import SimulationError
-from rover_pin.control.design.linear import linearised, trimmed
+from rover_pin.control.design.linear import linear_model, trim_state
 from rover_pin.plot.response import response_figure
 
 DUTY, MORE = 0.5, 0.01
@@ -16,8 +16,8 @@ DUTY, MORE = 0.5, 0.01
 @pytest.fixture(scope="module")
 def flat():
     model = scenario("flat", soil="table-1").model
-    state = trimmed(model, DUTY)
-    return model, state, linearised(model, state, DUTY)
+    state = trim_state(model, DUTY)
+    return model, state, linear_model(model, state, DUTY)
 
 
 def test_its_sizes_and_names_fit(flat):
@@ -54,7 +54,7 @@ def test_a_small_step_of_duty_does_what_the_drive_does(flat):
 
 def test_its_gain_at_rest_is_that_of_two_trim_points(flat):
     model, state, linear = flat
-    more = trimmed(model, DUTY + MORE)
+    more = trim_state(model, DUTY + MORE)
     gain = linear.response(1e-3)[0].sum()
     assert gain.real == pytest.approx((more.v[0] - state.v[0]) / MORE, rel=0.03)
     assert abs(linear.response(1e3)[0].sum()) < 1e-2 * abs(gain)
@@ -62,7 +62,7 @@ def test_its_gain_at_rest_is_that_of_two_trim_points(flat):
 
 def test_a_rover_that_still_speeds_up_is_refused():
     with pytest.raises(SimulationError, match="no trim point"):
-        trimmed(scenario("flat").model, DUTY, 0.1)
+        trim_state(scenario("flat").model, DUTY, 0.1)
 
 
 def test_its_step_response_is_that_of_another_integrator(flat):

@@ -6,7 +6,7 @@ import math
 import numpy as np
 
 from rover_pin import Model, Motor, load_rover, simulate
-from rover_pin.base.quantity import declared
+from rover_pin.base.quantity import as_table
 from rover_pin.discrepancy.calibration import calibrate
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.experiments.drive_log.calibrate import experiment_on
@@ -58,9 +58,9 @@ def write(folder, hidden=(), runs=4, duration=10.0, seed=0, rover="nexus6", extr
         channels = {**log.channels, **(extra(driven) if extra else {})}
         traces[f"run-{run}"] = dataclasses.replace(log, channels=channels, attrs={"start": dataclasses.asdict(start)})
     terrain = write_terrain(folder, model.terrain)
-    known = {name: declared(DRIVEN_SAND)[name] for name in ("phi", "k", "k_1")}
+    known = {name: as_table(DRIVEN_SAND)[name] for name in ("phi", "k", "k_1")}
     wheels = tuple(wheel.name for wheel in model.rover.wheels)
-    about = LogMetadata("small", rover=rover, wheels=wheels, terrain=terrain, soil=known, motor=declared(model.motor))
+    about = LogMetadata("small", rover=rover, wheels=wheels, terrain=terrain, soil=known, motor=as_table(model.motor))
     return write_drive_log(folder, traces, about)
 
 
