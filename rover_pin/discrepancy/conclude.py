@@ -109,7 +109,7 @@ def explorer_of(question: Question, progress: Progress) -> Explorer:
     try:
         explorer.base()
     except OptimisationError as error:
-        lost = experiment.unpredicted(model)
+        lost = experiment.unpredicted_part(model)
         why = f"{lost}; start from a model that does, or mend that run" if lost else "free fewer numbers"
         message = f"{experiment.name}: no start of the fit of the base model converged: {why}."
         raise OptimisationError(message, status="") from error

@@ -60,7 +60,7 @@ class Standalone(Experiment):
         """Return the records and the effects of a model, by name."""
         return {**model.records, **{type(effect).__name__: effect for effect in model.effects}}
 
-    def replaced(self, model: Parts, owner: str, record: Any) -> Parts:
+    def replace_record(self, model: Parts, owner: str, record: Any) -> Parts:
         """Return the model with another record or effect of this name."""
         if owner not in model.records:
             return model.having(record)

@@ -77,7 +77,7 @@ at a minimum, and every fold is predicted by whole refits"
         """Return the records of a model whose numbers can be fitted, effects included, by name of the owner."""
 
     @abstractmethod
-    def replaced(self, model: Any, owner: str, record: Any) -> Any:
+    def replace_record(self, model: Any, owner: str, record: Any) -> Any:
         """Return the model with another record of this owner."""
 
     def unit(self, channel: str) -> str:
@@ -97,7 +97,7 @@ at a minimum, and every fold is predicted by whole refits"
         """Return the model with these values of parameters."""
         for name, value in values.items():
             record, quantity, _ = find(self.records(model), name)
-            model = self.replaced(model, name.rpartition(".")[0], record.replace(**{quantity: value}))
+            model = self.replace_record(model, name.rpartition(".")[0], record.replace(**{quantity: value}))
         return model
 
     def parameter(self, model: Any, name: str, sd: float, log: bool = False, declared: str = "") -> Parameter:
@@ -152,7 +152,7 @@ at a minimum, and every fold is predicted by whole refits"
         """Return what the model predicts with the parameters at u, and its exact slopes; where `is_exact`."""
         raise NotImplementedError(f"{type(self).__name__} is not exact: its slopes are differences of predictions.")
 
-    def unpredicted(self, model: Any) -> str:
+    def unpredicted_part(self, model: Any) -> str:
         """Return what of the measurements a model does not predict, and why, in words; empty where it predicts all."""
         return ""
 

@@ -115,10 +115,10 @@ class OverTime(Standalone):
     def predict(self, models: Sequence[Parts]) -> np.ndarray:
         """Return what each model says (models, runs, channels, samples), all at once by fixed steps of RK4."""
         with np.errstate(over="ignore", invalid="ignore"):
-            predicted = self._integrated(models)
+            predicted = self._integrate_motion(models)
         return np.clip(np.nan_to_num(predicted, nan=self.stand_in), -self.stand_in, self.stand_in)
 
-    def _integrated(self, models: Sequence[Parts]) -> np.ndarray:
+    def _integrate_motion(self, models: Sequence[Parts]) -> np.ndarray:
         n, values = self._numbers(models), np.moveaxis(np.nan_to_num(self.set_values), 2, 0)
         steps = np.nan_to_num(np.diff(self.time)).T / self.steps
         state = np.zeros((self.states, len(models), len(self.folds)))

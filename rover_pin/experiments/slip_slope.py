@@ -103,12 +103,12 @@ class SlipSlope(Standalone):
     def uncertain(self, model: Parts) -> tuple[Parameter, ...]:
         """Return phi, k, k_1 and the motion resistance, whose value at S = 0.05 on the flat is an assumption."""
         soil = (
-            self.parameter(model, f"soil.{name}", self._sd(name, unit), name != "phi", self._declared(name))
+            self.parameter(model, f"soil.{name}", self._sd(name, unit), name != "phi", self._declaration(name))
             for name, unit in (("phi", "rad"), ("k", "m"), ("k_1", "Pa"))
         )
         return (*soil, self.parameter(model, "MotionResistance.R", R_SD))
 
-    def _declared(self, name: str) -> str:
+    def _declaration(self, name: str) -> str:
         return declared_in("soil", name, self.declared, declared_sds(self.declared, Soil, "[soil]"))
 
     def _sd(self, name: str, unit: str) -> float:

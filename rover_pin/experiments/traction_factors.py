@@ -117,7 +117,7 @@ class TractionFactors(Standalone):
     @cached_property
     def _shifts(self) -> dict[str, Shift]:
         """What moves the factors of all points together, by name."""
-        shared = [Shift(_shared("common_factor"), self.points.shared)] if np.any(self.points.shared) else []
+        shared = [Shift(_shared_error("common_factor"), self.points.shared)] if np.any(self.points.shared) else []
         return {shift.parameter.name: shift for shift in (*shared, *self.shifts)}
 
     def base_model(self) -> Parts:
@@ -142,7 +142,7 @@ class TractionFactors(Standalone):
             Parameter(f"slips.point_{at + 1}", 0.0, 1.0, -10.0, 10.0, declared=True, source="the SD of its slip")
             for at in np.flatnonzero(self.points.slip_sd)
         ]
-        slips += [_shared("common_slip")] if np.any(self.points.slip_shared) else []
+        slips += [_shared_error("common_slip")] if np.any(self.points.slip_shared) else []
         return (*entering, *(shift.parameter for shift in self._shifts.values()), *slips)
 
     def candidates(self, model: Parts, kinds: Sequence[type]) -> tuple[Candidate, ...]:
@@ -178,6 +178,6 @@ class TractionFactors(Standalone):
         return np.array([self.sensitivities(model, (), np.zeros(0)).predicted for model in models])
 
 
-def _shared(name: str) -> Parameter:
+def _shared_error(name: str) -> Parameter:
     """Return one of `PointErrors`, of which nothing but its SD is known."""
     return parameter_of(f"points.{name}", PointErrors(), 1.0)

@@ -61,7 +61,7 @@ def read_bag(path: Path, columns: Mapping[str, Any], bag: Mapping[str, Any], whe
     for name, (at, messages) in values.items():
         source = sources[name]
         seconds = (at - begin) * 1e-9
-        resampled = _held(t, seconds, messages) if source.hold else interpolate_messages(t, seconds, messages)
+        resampled = _hold_messages(t, seconds, messages) if source.hold else interpolate_messages(t, seconds, messages)
         channels[name] = si(name, source, resampled, where)
     return Columns(path, channels, tuple(f"t = {instant:.6g} s" for instant in t))
 
@@ -94,7 +94,7 @@ def open_bag(path: Path) -> Iterator[Any]:
         raise DataError(f"{path}: the bag cannot be read: {why.splitlines()[0]}") from error
 
 
-def _held(t: np.ndarray, at: np.ndarray, values: np.ndarray) -> np.ndarray:
+def _hold_messages(t: np.ndarray, at: np.ndarray, values: np.ndarray) -> np.ndarray:
     before = np.searchsorted(at, t + 1e-9, side="right") - 1
     return np.where(before >= 0, values[np.maximum(before, 0)], np.nan)
 

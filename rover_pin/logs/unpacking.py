@@ -37,7 +37,7 @@ class Allowance:
     def __init__(self) -> None:
         self.most = self.left = bounded.MOST_UNPACKED
 
-    def unpacked(self, opener: Opener, packed: bytes) -> bytes:
+    def unpack_bytes(self, opener: Opener, packed: bytes) -> bytes:
         """Return packed bytes as a whole; an `OSError` where that is more than is left."""
         with _LimitedFile(opener(io.BytesIO(packed)), self) as file:
             return b"".join(iter(lambda: file.read(bounded.MIB), b""))
@@ -79,7 +79,7 @@ def bounded_unpacking() -> Iterator[None]:
     openers = {"zstd": zstd.ZstdFile, "lz4": LZ4FrameFile, "bz2": bz2.BZ2File}
 
     def whole(name: str) -> Callable[..., bytes]:
-        return lambda raw, *size: allowance.unpacked(openers[name], raw)
+        return lambda raw, *size: allowance.unpack_bytes(openers[name], raw)
 
     module = SimpleNamespace(
         open=lambda file, mode: _LimitedFile(zstd.open(file, mode), allowance), decompress=whole("zstd")
@@ -87,13 +87,13 @@ def bounded_unpacking() -> Iterator[None]:
     with ExitStack() as stack:
         for table in (one.decompressors, chunks.DECOMPRESSORS):
             packed = {name: whole(name) for name in table if name not in PLAIN}  # of an unknown kind: a KeyError
-            stack.enter_context(_replaced(table, packed))
-        stack.enter_context(_replaced(vars(two), {"zstd": module}))
+            stack.enter_context(_replace_entries(table, packed))
+        stack.enter_context(_replace_entries(vars(two), {"zstd": module}))
         yield
 
 
 @contextmanager
-def _replaced(table: dict[str, Any], entries: dict[str, Any]) -> Iterator[None]:
+def _replace_entries(table: dict[str, Any], entries: dict[str, Any]) -> Iterator[None]:
     before = {name: table[name] for name in entries}
     table.update(entries)
     try:

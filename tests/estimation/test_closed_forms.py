@@ -46,7 +46,7 @@ class Line(Experiment):
     def records(self, model):
         return {"plane": model}
 
-    def replaced(self, model, owner, record):
+    def replace_record(self, model, owner, record):
         return record
 
     def sensitivities(self, model, parameters, u):

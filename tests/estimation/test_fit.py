@@ -35,7 +35,7 @@ class Rosenbrock(Experiment):
     def records(self, model):
         return {"valley": model}
 
-    def replaced(self, model, owner, record):
+    def replace_record(self, model, owner, record):
         return record
 
 

@@ -91,7 +91,7 @@ class Sums(Experiment):
     def records(self, model):
         return dict(model.records)
 
-    def replaced(self, model, owner, record):
+    def replace_record(self, model, owner, record):
         return model.holding(owner, record)
 
     def predict(self, models):

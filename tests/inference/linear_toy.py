@@ -37,7 +37,7 @@ class Toy(Experiment):
     def records(self, model):
         return {}
 
-    def replaced(self, model, owner, record):
+    def replace_record(self, model, owner, record):
         return model
 
     def value(self, model, name):

@@ -103,8 +103,8 @@ def test_the_table_of_a_drive_has_the_sign(faster):
         fit=fitted,
         experiment=fitted.task.experiment,
         wheels=("fl",),
-        replayed=lambda run, name: np.zeros(drive.BLOCKS * drive.ROWS_A_BLOCK),
-        logged=lambda run, name: np.zeros(drive.BLOCKS * drive.ROWS_A_BLOCK),
+        replayed_row=lambda run, name: np.zeros(drive.BLOCKS * drive.ROWS_A_BLOCK),
+        logged_row=lambda run, name: np.zeros(drive.BLOCKS * drive.ROWS_A_BLOCK),
     )
     left = channel_residuals(scene)
     assert left[1].correlations["duty"] > 0.99

@@ -89,11 +89,11 @@ def candidate_runs(
         Wheels that are tried at another duty than the rest.
     """
     wheels = len(rover.wheels)
-    steady = _held([cruise], wheels)
+    steady = _duties([cruise], wheels)
     return (
         *_on_the_flat(rover, cruise, alone),
         *_on_slopes(steady, wheels),
-        *_loaded(rover, steady),
+        *_loaded_runs(rover, steady),
         *on_own_ground(rover, cruise, log_start),
     )
 
@@ -104,23 +104,23 @@ def on_own_ground(rover: Rover, cruise: float, log_start: Start) -> tuple[Candid
     fast, slow = min(FASTER * cruise, 1.0), SLOWER * cruise
     begin = f"from x = {log_start.x:.2g} m, heading {math.degrees(log_start.yaw):.0f} deg"
     return (
-        CandidateRun(f"{name} {begin} at a constant duty of {fast:.2f}", _held([fast], wheels), log_start),
-        CandidateRun(f"{name} {begin} at a constant duty of {slow:.2f}", _held([slow], wheels), log_start),
+        CandidateRun(f"{name} {begin} at a constant duty of {fast:.2f}", _duties([fast], wheels), log_start),
+        CandidateRun(f"{name} {begin} at a constant duty of {slow:.2f}", _duties([slow], wheels), log_start),
         CandidateRun(
-            f"{name} {begin}, the duty stepping from 0.8 down to 0.06 and back", _held(STAIRS, wheels), log_start
+            f"{name} {begin}, the duty stepping from 0.8 down to 0.06 and back", _duties(STAIRS, wheels), log_start
         ),
     )
 
 
 def _on_the_flat(rover: Rover, cruise: float, alone: Sequence[int]) -> tuple[CandidateRun, ...]:
     wheels, flat, back = len(rover.wheels), _ramp(0.0), Start(yaw=math.pi)
-    steady, at = _held([cruise], wheels), f"at a constant duty of {cruise:.2f}"
-    pause, turn = _held([cruise, cruise, 0.0, cruise, cruise], wheels), _held([cruise, -cruise], wheels)
+    steady, at = _duties([cruise], wheels), f"at a constant duty of {cruise:.2f}"
+    pause, turn = _duties([cruise, cruise, 0.0, cruise, cruise], wheels), _duties([cruise, -cruise], wheels)
     return (
         CandidateRun(f"on the flat towards +x {at}", steady, Start(), flat),
         CandidateRun(f"on the flat towards -x {at}", steady, back, flat),
         CandidateRun(
-            "on the flat, the duty stepping from 0.8 down to 0.06 and back", _held(STAIRS, wheels), Start(), flat
+            "on the flat, the duty stepping from 0.8 down to 0.06 and back", _duties(STAIRS, wheels), Start(), flat
         ),
         CandidateRun(f"on the flat, driving, a pause of 4 s, driving again, duty {cruise:.2f}", pause, Start(), flat),
         CandidateRun(f"on the flat, ahead and then back by the same way, duty {cruise:.2f}", turn, Start(), flat),
@@ -131,7 +131,7 @@ def _on_the_flat(rover: Rover, cruise: float, alone: Sequence[int]) -> tuple[Can
 
 def _one_alone(rover: Rover, cruise: float, wheel: int, terrain: Terrain) -> CandidateRun:
     """Return a run in which one wheel works less than the others, then more."""
-    duty = _held([cruise, cruise], len(rover.wheels))
+    duty = _duties([cruise, cruise], len(rover.wheels))
     half = len(duty) // 2
     duty[:half, wheel] -= ALONE
     duty[half:, wheel] = min(cruise + ALONE, 1.0)
@@ -145,7 +145,7 @@ def _one_alone(rover: Rover, cruise: float, wheel: int, terrain: Terrain) -> Can
 def _on_slopes(steady: np.ndarray, wheels: int) -> tuple[CandidateRun, ...]:
     up, back, degrees = _ramp(SLOPE), Start(yaw=math.pi), f"{math.degrees(SLOPE):.0f} deg"
     steep = f"{math.degrees(STEEP):.0f} deg"
-    hard, coast = _held([0.8], wheels), _held([0.4, 0.0], wheels)
+    hard, coast = _duties([0.8], wheels), _duties([0.4, 0.0], wheels)
     side, at = cross_slope(SLOPE), f"at a constant duty of {steady[0, 0]:.2f}"
     return (
         CandidateRun(f"up a slope of {degrees} towards +x at a constant duty of 0.80", hard, Start(), up),
@@ -153,7 +153,7 @@ def _on_slopes(steady: np.ndarray, wheels: int) -> tuple[CandidateRun, ...]:
         CandidateRun(f"up a slope of {degrees}, duties held for 2.5 s at random", _random(wheels), Start(), up),
         CandidateRun(f"down a slope of {degrees} towards -x {at}", steady, back, up),
         CandidateRun(
-            f"down a slope of {degrees}, the duty stepping from 0.8 to 0.06 and back", _held(STAIRS, wheels), back, up
+            f"down a slope of {degrees}, the duty stepping from 0.8 to 0.06 and back", _duties(STAIRS, wheels), back, up
         ),
         CandidateRun(
             f"down a slope of {steep}, 10 s at a duty of 0.40, then rolling at duty 0", coast, back, _ramp(STEEP)
@@ -162,13 +162,13 @@ def _on_slopes(steady: np.ndarray, wheels: int) -> tuple[CandidateRun, ...]:
     )
 
 
-def _loaded(rover: Rover, steady: np.ndarray) -> tuple[CandidateRun, ...]:
+def _loaded_runs(rover: Rover, steady: np.ndarray) -> tuple[CandidateRun, ...]:
     mass = sum(inertia.mass for inertia in rover.model.inertias)
     kilos, up, degrees = round(BALLAST * mass, 1), _ramp(SLOPE), f"{math.degrees(SLOPE):.0f} deg"
     load, wheels = f"with ballast of {kilos:g} kg at the centre of mass", len(rover.wheels)
     return (
         CandidateRun(f"on the flat {load}, duty {steady[0, 0]:.2f}", steady, Start(), _ramp(0.0), kilos),
-        CandidateRun(f"up a slope of {degrees} {load}, duty 0.80", _held([0.8], wheels), Start(), up, kilos),
+        CandidateRun(f"up a slope of {degrees} {load}, duty 0.80", _duties([0.8], wheels), Start(), up, kilos),
         CandidateRun(
             f"on the flat {load}, duties held for 2.5 s at random", _random(wheels), Start(), _ramp(0.0), kilos
         ),
@@ -181,7 +181,7 @@ def _ramp(slope: float) -> Lanes:
     return Lanes((Profile(x, x * math.tan(slope)),))
 
 
-def _held(levels: Sequence[float], wheels: int) -> np.ndarray:
+def _duties(levels: Sequence[float], wheels: int) -> np.ndarray:
     """Return duties (T, wheels) that share the duration equally."""
     rows = np.arange(round(DURATION / PERIOD))
     column = np.asarray(levels, dtype=float)[rows * len(levels) // len(rows)]

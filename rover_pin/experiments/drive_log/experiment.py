@@ -78,7 +78,7 @@ class DriveExperiment(Experiment):
     @cached_property
     def observed(self) -> np.ndarray:
         """Measured features (runs, channels, blocks); not a number where nothing is compared."""
-        return self._padded([run.observed for run in self.runs])
+        return self._pad_tables([run.observed for run in self.runs])
 
     def floor(self) -> np.ndarray:
         """Return the SD of each feature (channels,) that its samples' scatter shows, or the log states: the greater."""
@@ -91,17 +91,17 @@ class DriveExperiment(Experiment):
         without noise shows that alone.
         """
 
-        def halved() -> dict[str, np.ndarray]:
+        def step_error() -> dict[str, np.ndarray]:
             tasks = [
                 (model, run.commands, Perturbation(), rest_state, True)
                 for run, rest_state in zip(self.runs, self.rests, strict=True)
             ]
-            finer = self.read(self._spread(_replayed, tasks), model.sensor_effects)
+            finer = self.read(self._spread_tasks(_replay_run, tasks), model.sensor_effects)
             change = finer - self.predict([model])[0]
             use = np.isfinite(self.observed) & (np.abs(change) < LOST / 2)
             return {"error": MARGIN / 0.5 * rms_of(change, use)}
 
-        return np.fmax(super().least_noise(model), self.cached_arrays(("half the steps", model), halved)["error"])
+        return np.fmax(super().least_noise(model), self.cached_arrays(("half the steps", model), step_error)["error"])
 
     @property
     def folds(self) -> tuple[str, ...]:
@@ -130,14 +130,14 @@ class DriveExperiment(Experiment):
         Models that differ in their sensors only are replayed once, and what was predicted a moment ago not again.
         """
         keys = [digest(self.identity, model) for model in models]
-        return np.array(self.recent.of(keys, lambda missing: self._driven([models[at] for at in missing])))
+        return np.array(self.recent.of(keys, lambda missing: self._model_features([models[at] for at in missing])))
 
     def predict_near(self, models: Sequence[Model]) -> np.ndarray:
         """Return the features of each model (models, runs, channels, blocks), replayed by the steps of the first."""
         centre = self.replays(models[0])
         drives = [_drives(model, self.rate_driven) for model in models]
         elsewhere = [model for model, drive in zip(models, drives, strict=True) if drive != drives[0]]
-        others = iter(self._driven(elsewhere, [replay.steps for replay in centre]))
+        others = iter(self._model_features(elsewhere, [replay.steps for replay in centre]))
         return np.array(
             [
                 self.read(centre, model.sensor_effects) if drive == drives[0] else next(others)
@@ -145,26 +145,26 @@ class DriveExperiment(Experiment):
             ]
         )
 
-    def _driven(self, models: Sequence[Model], steps: Sequence[StepsTaken | None] = ()) -> list[np.ndarray]:
+    def _model_features(self, models: Sequence[Model], steps: Sequence[StepsTaken | None] = ()) -> list[np.ndarray]:
         """Return the features of each model (runs, channels, blocks), its replay of each run by these steps."""
         groups: dict[tuple[int, ...], list[int]] = {}
         for at, model in enumerate(models):
             groups.setdefault(_drives(model, self.rate_driven), []).append(at)
         by_run = list(zip(self.runs, self.rests, steps or [None] * len(self.runs), strict=True))
         tasks = [([models[at] for at in group], *parts) for group in groups.values() for parts in by_run]
-        tables = iter(self._spread(_features, tasks))
+        tables = iter(self._spread_tasks(_features, tasks))
         features: dict[int, list[np.ndarray]] = {at: [] for at in range(len(models))}
         for group in groups.values():
             for _ in by_run:
                 for at, table in zip(group, next(tables), strict=True):
                     features[at].append(table)
-        return [self._padded(features[at]) for at in range(len(models))]
+        return [self._pad_tables(features[at]) for at in range(len(models))]
 
     def records(self, model: Model) -> dict[str, Any]:
         """Return the soil, the motor and the effects of a model, by name."""
         return owners(model)
 
-    def replaced(self, model: Model, owner: str, record: Any) -> Model:
+    def replace_record(self, model: Model, owner: str, record: Any) -> Model:
         """Return the model with another soil, motor or effect."""
         return with_record(model, owner, record)
 
@@ -190,14 +190,14 @@ class DriveExperiment(Experiment):
     def _ahead(self, model: Model) -> np.ndarray:
         """Return d features / d place (runs, channels, blocks) [1/m] for runs that are held further ahead."""
 
-        def moved() -> dict[str, np.ndarray]:
+        def slope_ahead() -> dict[str, np.ndarray]:
             ahead = [np.array([np.cos(run.heading), np.sin(run.heading), 0.0 * run.heading]).T for run in self.runs]
             pairs = zip(self.runs, ahead, strict=True)
             runs = tuple(_held_to(run, run.commands.place + AHEAD * way) for run, way in pairs)
             displaced = dataclasses.replace(self, runs=runs).predict([model])[0]
             return {"slope": (displaced - self.predict([model])[0]) / AHEAD}
 
-        change = self.cached_arrays(("held further ahead", model), moved)["slope"]
+        change = self.cached_arrays(("held further ahead", model), slope_ahead)["slope"]
         return np.where(np.abs(change) < LOST, change, 0.0)
 
     def cached_arrays(self, request: tuple[Any, ...], make: Callable[[], Arrays]) -> Arrays:
@@ -211,7 +211,7 @@ class DriveExperiment(Experiment):
     def perturbed_replays(self, model: Model, perturbations: Sequence[tuple[int, Perturbation]]) -> tuple[Replay, ...]:
         """Return the replays of one model on these runs, by index, under these perturbations."""
         tasks = [(model, self.runs[at].commands, perturbation, self.rests[at]) for at, perturbation in perturbations]
-        return tuple(self._spread(_replayed, tasks))
+        return tuple(self._spread_tasks(_replay_run, tasks))
 
     def read(self, replays: Sequence[Replay], sensors: Sequence[SensorEffect]) -> np.ndarray:
         """Return the features (runs, channels, blocks) of replays as these sensors report them."""
@@ -221,10 +221,10 @@ class DriveExperiment(Experiment):
         """Return the features (channels, blocks) of one run's replay as these sensors report them."""
         return self._common(self.runs[at], self.runs[at].features(replay.channels, sensors))
 
-    def _spread(self, function: Callable[..., Any], tasks: list[tuple[Any, ...]]) -> list:
+    def _spread_tasks(self, function: Callable[..., Any], tasks: list[tuple[Any, ...]]) -> list:
         return list(telling(results(function, tasks, self.jobs, short=True), len(tasks), "replays"))
 
-    def _padded(self, tables: Sequence[np.ndarray]) -> np.ndarray:
+    def _pad_tables(self, tables: Sequence[np.ndarray]) -> np.ndarray:
         """Return tables (channels, blocks) of the runs as one array, the common channels, gaps at the ends."""
         return np.array([self._common(run, table) for run, table in zip(self.runs, tables, strict=True)])
 
@@ -262,7 +262,7 @@ def _rest(model: Model, run: Commands) -> DriveState | None:
         return None
 
 
-def _replayed(
+def _replay_run(
     model: Model,
     run: Commands,
     perturbation: Perturbation,
@@ -289,6 +289,6 @@ def _features(
     models: Sequence[Model], run: LoggedRun, rest_state: DriveState | None, steps: StepsTaken | None
 ) -> list[np.ndarray]:
     """Return the features of models that drive alike: one replay, read by the sensors of each."""
-    channels = _replayed(models[0], run.commands, Perturbation(), rest_state, steps=steps).channels
+    channels = _replay_run(models[0], run.commands, Perturbation(), rest_state, steps=steps).channels
     tables = [run.features(channels, model.sensor_effects) for model in models]
     return [np.nan_to_num(table, nan=LOST, posinf=LOST, neginf=-LOST) for table in tables]

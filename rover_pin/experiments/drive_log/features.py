@@ -82,7 +82,7 @@ class LoggedRun:
             read |= sensor.read(self.commands.t, read)
         rows = dict(self._rows(read))
         means = blocks(np.array(list(rows.values())), self.commands.period)
-        return np.array([levelled(name, block, self.usable) for name, block in zip(rows, means, strict=True)])
+        return np.array([remove_level(name, block, self.usable) for name, block in zip(rows, means, strict=True)])
 
     def measured_rows(self) -> dict[str, np.ndarray]:
         """Return the features before they are averaged over blocks, as measured (T,) by name."""
@@ -136,7 +136,7 @@ def logged_run(log: Trace, rover: Rover, terrain: Terrain | None = None, course:
         good = np.all([np.isfinite(rows[channel]) for channel in gaps.get(name, (name,))], axis=0)
         row = np.where(good, derived_features[name] if name in derived_features else gapless_rows[name], np.nan)
         block = blocks(row, run.period)
-        observed.append(levelled(name, np.where(use, block, np.nan), use))
+        observed.append(remove_level(name, np.where(use, block, np.nan), use))
     name = Path(str(log.attrs.get("file", "run"))).stem
     known = tuple(features), np.array(observed), heading, rows, summed_rows, compared
     return LoggedRun(name, run, *known, run.period * float(on_border.sum()), course)
@@ -201,7 +201,7 @@ def blocks(rows: np.ndarray, period: float) -> np.ndarray:
     return np.asarray(rows[..., : count * length], dtype=float).reshape(*rows.shape[:-1], count, length).mean(axis=-1)
 
 
-def levelled(name: str, block: np.ndarray, use: np.ndarray) -> np.ndarray:
+def remove_level(name: str, block: np.ndarray, use: np.ndarray) -> np.ndarray:
     """Return the blocks, less their mean over the compared ones where the channel's zero means nothing."""
     if name not in LEVELS or not use.any():
         return block

@@ -31,7 +31,7 @@ def free_runs(experiment: DriveExperiment, before: Model, after: Model) -> tuple
         return ()
     strayed = [
         [
-            _strayed(run.commands, replay.channels)
+            _rms_distance(run.commands, replay.channels)
             for run, replay in zip(experiment.runs, experiment.free.replays(model), strict=True)
         ]
         for model in (before, after)
@@ -42,7 +42,7 @@ def free_runs(experiment: DriveExperiment, before: Model, after: Model) -> tuple
     )
 
 
-def _strayed(run: Commands, channels: dict[str, np.ndarray]) -> float:
+def _rms_distance(run: Commands, channels: dict[str, np.ndarray]) -> float:
     if "body_x" not in channels:
         return float("nan")
     off = np.hypot(channels["body_x"] - run.place[:, 0], channels["body_y"] - run.place[:, 1])

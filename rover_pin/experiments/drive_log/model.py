@@ -149,7 +149,7 @@ def nuisances(log: DriveLog, model: Model) -> tuple[Parameter, ...]:
     where wheels are held to their rates and none steers, the side force. What the log declares has its SD, or one that
     is assumed of declared values; what it does not declare is assumed, as widely as such numbers lie.
     """
-    parameter_of = partial(_known, log, model)
+    parameter_of = partial(_prior_of, log, model)
     fixed = any(isinstance(effect, SoilTraction) and isinstance(effect.angles, FixedAngles) for effect in model.effects)
     numbers = []
     for name in ("phi", *(("theta_1",) if fixed else ()), "k", "k_1"):
@@ -158,7 +158,7 @@ def nuisances(log: DriveLog, model: Model) -> tuple[Parameter, ...]:
         numbers.append(parameter_of("soil", name, declared * size, undeclared * size, is_log))
     numbers += _of_motors(log, model) if not is_rate_driven(log) else _of_rolling(model)
     trackers = [
-        _known(log, model, owner_name(error), name, TRACKER_SD[name], SLIPS)
+        _prior_of(log, model, owner_name(error), name, TRACKER_SD[name], SLIPS)
         for error in declared_tracker(log)
         for name in quantities(error)
         if error.neutral or name in log.metadata.tracker
@@ -184,10 +184,10 @@ def _of_resistance(log: DriveLog, model: Model) -> list[Parameter]:
     present = [effect for effect in model.effects if isinstance(effect, MotionResistance)]
     if not present:
         return []
-    R = _known(log, model, "MotionResistance", "R", RESISTANCE_SD * float(present[0].R), RESISTANCES)
+    R = _prior_of(log, model, "MotionResistance", "R", RESISTANCE_SD * float(present[0].R), RESISTANCES)
     if any(log.is_estimated(run) for run in log.runs):
         R = replace(R, scale=math.hypot(R.scale, LEVEL_SD))
-    return [number for number in (R, _known(log, model, "MotionResistance", "q", 0.0, FADES)) if number.scale > 0.0]
+    return [number for number in (R, _prior_of(log, model, "MotionResistance", "q", 0.0, FADES)) if number.scale > 0.0]
 
 
 def _of_rolling(model: Model) -> list[Parameter]:
@@ -203,7 +203,7 @@ def _of_motors(log: DriveLog, model: Model) -> list[Parameter]:
     constants, of_a_kind = [], "motors of a kind differ so"
     for name in ("gear", "resistance", "supply"):
         value = float(getattr(model.motor, name))
-        constant = _known(log, model, "motor", name, MOTOR_SD.get(name, 0.0) * value, ORDER * value, log_scale=True)
+        constant = _prior_of(log, model, "motor", name, MOTOR_SD.get(name, 0.0) * value, ORDER * value, log_scale=True)
         constants += (
             [replace(constant, scale=max(constant.scale, 0.01))] if name in MOTOR_SD or not constant.declared else []
         )
@@ -218,7 +218,7 @@ TABLES = {
 """Table of drive.toml that declares the numbers of a record."""
 
 
-def _known(
+def _prior_of(
     log: DriveLog, model: Model, owner: str, name: str, sd: float, undeclared: float, log_scale: bool = False
 ) -> Parameter:
     """Return a number with what is known of it: the SD that is declared, `sd` of a declared value, else `undeclared`.
@@ -232,7 +232,7 @@ def _known(
     size = sd_by_name.get(name, sd if declaration else undeclared)
     relative = abs(float(getattr(record, name))) if log_scale else 1.0
     return parameter(
-        model, f"{owner}.{name}", size / relative, log_scale, declared=declaration, source=_assumed(log, owner)
+        model, f"{owner}.{name}", size / relative, log_scale, declared=declaration, source=_assumption(log, owner)
     )
 
 
@@ -242,7 +242,7 @@ def _by_the_rover(log: DriveLog, owner: str) -> str:
     return "declared in the rover's TOML, its SD assumed" if motor_declared else ""
 
 
-def _assumed(log: DriveLog, owner: str) -> str:
+def _assumption(log: DriveLog, owner: str) -> str:
     """Return who says what a log leaves open: of soil and motor the sentence of how they were chosen, where one is."""
     rover = log.load_rover()
     if owner == "motor":

@@ -30,12 +30,12 @@ MOVING = 0.1
 def next_drives(leading: Sequence[Hypothesis]) -> Iterator[Offer]:
     """Yield what could be driven next, as the first of these sets of causes drives it, where it can."""
     for run in _choice(leading):
-        offer = _offered(run, leading[0].fit)
+        offer = _offer_of_run(run, leading[0].fit)
         if offer is not None:
             yield offer
 
 
-def _offered(run: CandidateRun, fit: Fit) -> Offer | None:
+def _offer_of_run(run: CandidateRun, fit: Fit) -> Offer | None:
     """Return a run as the log's rover would drive it by a fit; None where it stops or cannot start."""
     model, log = run.on(fit.model), experiment_of_log(fit)
     try:

@@ -36,7 +36,7 @@ def odometry_baselines(
     cases = [([*runs[:at], *runs[at + 1 :]], run) for at, run in enumerate(runs)]
     if later is not None:
         cases = [(runs, run) for run in _tables(later, rover, channels, floor)]
-    missed = [floor * (measured - np.tensordot(_fitted(of), table, axes=1)) for of, (table, measured) in cases]
+    missed = [floor * (measured - np.tensordot(_fit_factors(of), table, axes=1)) for of, (table, measured) in cases]
     errors = np.array([np.sqrt(np.nanmean(rows**2, axis=1)) for rows in missed])
     rms = np.sqrt(np.nanmean(np.concatenate(missed, axis=1) ** 2, axis=1))
     return tuple(
@@ -65,7 +65,7 @@ def _tables(experiment: DriveExperiment, rover: Rover, channels: Sequence[str], 
     return [(table / floor, measured / floor) for table, measured in zip(regressors, observed, strict=True)]
 
 
-def _fitted(runs: Tables) -> np.ndarray:
+def _fit_factors(runs: Tables) -> np.ndarray:
     """Return the factors of the regressors by least squares."""
     regressors, measured = (np.concatenate(tables, axis=-1) for tables in zip(*runs, strict=True))
     good = np.isfinite(measured)

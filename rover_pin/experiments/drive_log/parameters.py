@@ -18,10 +18,10 @@ def owner_name(effect: Any) -> str:
 def with_wheels(text: str, wheels: Sequence[str], form: str) -> str:
     """Return a text with the `wheel` of an effect's `name` that has its `number` only, in a form of these three."""
 
-    def written(match: re.Match[str]) -> str:
+    def name_wheel(match: re.Match[str]) -> str:
         return form.format(name=match[1], number=match[2], wheel=wheels[int(match[2])])
 
-    return re.sub(r"(\w+)\[(\d+)\](?!\.)", written, text)
+    return re.sub(r"(\w+)\[(\d+)\](?!\.)", name_wheel, text)
 
 
 def owners(model: Model) -> dict[str, Any]:

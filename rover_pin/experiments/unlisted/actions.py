@@ -123,18 +123,18 @@ class Scene:
         """How far each wheel's centre is ahead of the base's origin [m], the suspension at rest."""
         return {name: float(place[0]) for name, place in wheel_places(self.fit.model.rover).items()}
 
-    def logged(self, run: int, name: str) -> np.ndarray:
+    def logged_row(self, run: int, name: str) -> np.ndarray:
         """Return a channel (T,) as measured, gaps bridged, or as replayed where it is not logged."""
         measured = self.experiment.runs[run].measured.get(name)
-        return self.replayed(run, name) if measured is None else fill_gaps(measured)
+        return self.replayed_row(run, name) if measured is None else fill_gaps(measured)
 
-    def replayed(self, run: int, name: str) -> np.ndarray:
+    def replayed_row(self, run: int, name: str) -> np.ndarray:
         """Return a channel (T,) of the fitted model."""
         return self.replays[run].channels.get(name, np.zeros(len(self.experiment.runs[run].commands.t)))
 
     def rate(self, run: int, wheels: Sequence[str]) -> np.ndarray:
         """Return the mean rate (T,) of these wheels [rad/s], as measured, the tachogenerators' gains taken out."""
-        return np.mean([self.logged(run, f"wheel_rate_{wheel}") / self.tacho[wheel] for wheel in wheels], axis=0)
+        return np.mean([self.logged_row(run, f"wheel_rate_{wheel}") / self.tacho[wheel] for wheel in wheels], axis=0)
 
     def sense(self, run: int) -> np.ndarray:
         """Return +1 (T,) where the rover drives forwards and -1 where backwards."""
@@ -169,12 +169,12 @@ def acts(scene: Scene) -> tuple[Act, ...]:
     """Return everything that an unknown effect may act on, from one perturbed replay of the runs each."""
     possible_acts: list[Act] = []
     if not scene.experiment.rate_driven:
-        torques, duties = zip(*(_pushed(scene, at) for at, _ in enumerate(scene.wheels)), strict=True)
+        torques, duties = zip(*(_torque_and_duty(scene, at) for at, _ in enumerate(scene.wheels)), strict=True)
         possible_acts += _of_wheels(scene, TORQUE, "N m", torques)
     if possible_acts and any(name.startswith("current_") for name in scene.experiment.channels):
         possible_acts += _of_wheels(scene, VOLTAGE, "", duties)
     possible_acts += _forces(scene)
-    possible_acts.append(Act(GRIP, "", "", tuple(_gripped(scene, axle) for axle in range(len(_axles(scene))))))
+    possible_acts.append(Act(GRIP, "", "", tuple(_axle_grip(scene, axle) for axle in range(len(_axles(scene))))))
     misread = [name for name in scene.experiment.channels if name.startswith(MAY_MISREAD)]
     return (*possible_acts, *(_reading(scene, name) for name in misread))
 
@@ -210,7 +210,7 @@ def _row(scene: Scene, run: int, change: Mapping[str, np.ndarray]) -> np.ndarray
     return np.array([rows.get(k, gains.get(k, 1.0) * change.get(k, still)) for k in scene.experiment.channels])
 
 
-def _pushed(scene: Scene, wheel: int) -> tuple[Part, Part]:
+def _torque_and_duty(scene: Scene, wheel: int) -> tuple[Part, Part]:
     """Return a torque of 1 N m on a wheel and a change of 1 of its duty, which moves the motor's current too."""
     model, name = scene.fit.model, scene.wheels[wheel]
     stall, channel = float(model.motor.stall_torque), f"current_{name}_A"
@@ -234,7 +234,7 @@ def _forces(scene: Scene) -> list[Act]:
     return [Act(kind, "", "N", (Part(scene.wheels, None, rows),)) for kind, rows in ((FORCE, against), (LEAN, leaning))]
 
 
-def _gripped(scene: Scene, axle: int) -> Part:
+def _axle_grip(scene: Scene, axle: int) -> Part:
     model = scene.fit.model.having(AxleGrip(axle=float(axle)))
     responses = _rows(scene, _difference(scene, scene.experiment.replays(model), GRIP_SHARE))
     return Part(_axles(scene)[axle], axle, responses)

@@ -96,7 +96,7 @@ def _of_reading(scene: Scene, act: Act) -> list[Argument]:
     (part,) = act.parts
     angles = ANGLES[:1] if len(part.wheels) == 1 else ()
     reading = Argument(
-        "its own value", act.unit, lambda scene, run, part: scene.replayed(run, act.where), Polynomial(0.0, 1.0, 1)
+        "its own value", act.unit, lambda scene, run, part: scene.replayed_row(run, act.where), Polynomial(0.0, 1.0, 1)
     )
     return [reading, *angles, *_smooth(scene, act, ("duty", "time", "place")), _instants(scene)]
 
@@ -128,22 +128,22 @@ def _duty(scene: Scene, run: int, part: Part) -> np.ndarray:
     return np.asarray(scene.experiment.runs[run].commands.duty[:, at].mean(axis=1))
 
 
-def _replayed(channel: str) -> Signal:
+def _replayed_signal(channel: str) -> Signal:
     """Return a mean over a part's wheels as replayed: the noise of a measured one would explain itself."""
-    return lambda scene, run, part: np.mean([scene.replayed(run, channel.format(w)) for w in part.wheels], axis=0)
+    return lambda scene, run, part: np.mean([scene.replayed_row(run, channel.format(w)) for w in part.wheels], axis=0)
 
 
-def _logged(channel: str) -> Signal:
-    return lambda scene, run, part: scene.logged(run, channel)
+def _logged_signal(channel: str) -> Signal:
+    return lambda scene, run, part: scene.logged_row(run, channel)
 
 
 SMOOTH: dict[str, tuple[str, Signal]] = {
-    "rate": ("rad/s", _replayed("wheel_rate_{}")),
+    "rate": ("rad/s", _replayed_signal("wheel_rate_{}")),
     "duty": ("", _duty),
-    "slip": ("", _replayed("slip_{}")),
-    "current": ("A", _replayed("current_{}_A")),
-    "pitch": ("rad", _logged("body_pitch")),
-    "roll": ("rad", _logged("body_roll")),
+    "slip": ("", _replayed_signal("slip_{}")),
+    "current": ("A", _replayed_signal("current_{}_A")),
+    "pitch": ("rad", _logged_signal("body_pitch")),
+    "roll": ("rad", _logged_signal("body_roll")),
     "time": ("s", _time),
     "place": ("m", _place),
 }

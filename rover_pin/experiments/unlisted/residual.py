@@ -125,8 +125,8 @@ def signals(scene: Scene) -> dict[str, np.ndarray]:
     """Return the block means (runs, blocks) of what a residual may go with."""
     signal_by_name: dict[str, Callable[[int], np.ndarray]] = {
         "duty": lambda run: scene.experiment.runs[run].commands.duty.mean(axis=1),
-        "slip": lambda run: np.mean([scene.replayed(run, f"slip_{wheel}") for wheel in scene.wheels], axis=0),
-        "pitch": lambda run: scene.logged(run, "body_pitch"),
+        "slip": lambda run: np.mean([scene.replayed_row(run, f"slip_{wheel}") for wheel in scene.wheels], axis=0),
+        "pitch": lambda run: scene.logged_row(run, "body_pitch"),
         "place": lambda run: fill_gaps(scene.experiment.runs[run].commands.place[:, 0]),
         "time": lambda run: scene.experiment.runs[run].commands.t,
     }

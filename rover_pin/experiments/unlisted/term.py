@@ -77,10 +77,10 @@ class Term:
     @property
     def description(self) -> str:
         """What it acts as, what it depends on, its size and where, in one sentence."""
-        return f"acts as {self.act.description}{_described(self)}"
+        return f"acts as {self.act.description}{_describe_term(self)}"
 
 
-def _described(term: Term) -> str:
+def _describe_term(term: Term) -> str:
     """Return what a term depends on, its size and where, as they follow what it acts as."""
     name, basis = term.argument.name, term.argument.basis
     curve = term.curve

@@ -62,7 +62,7 @@ class _Solved(NamedTuple):
     gain: float
 
 
-def _solved(rows: Rows, columns: Columns, weights: np.ndarray, use: np.ndarray) -> _Solved:
+def _solve_term(rows: Rows, columns: Columns, weights: np.ndarray, use: np.ndarray) -> _Solved:
     """Return the term's numbers with the fit's own moved along; `use` are the rows that count."""
     w, prior = np.where(use, weights, 0.0), priors(rows.free)
     slopes = rows.numbers
@@ -88,12 +88,12 @@ def _residual_rows(rows: Rows, columns: Columns, solved: _Solved) -> np.ndarray:
     return np.asarray(rows.fit.rows - columns.times(solved.size) + rows.numbers @ solved.numbers)
 
 
-def _reweighed(rows: Rows, columns: Columns) -> tuple[_Solved, float]:
+def _reweigh_term(rows: Rows, columns: Columns) -> tuple[_Solved, float]:
     """Return the term weighed by what it leaves, and the fall of the robust chi2."""
     everything = np.ones(len(rows.fit.rows), dtype=bool)
     residual, solved = rows.fit.rows, None
     for _ in range(TURNS):
-        solved = _solved(rows, columns, huber_weights(residual), everything)
+        solved = _solve_term(rows, columns, huber_weights(residual), everything)
         residual = _residual_rows(rows, columns, solved)
     assert solved is not None
     base = objective(rows.fit.rows, rows.u, rows.free)
@@ -105,8 +105,8 @@ def held_out(rows: Rows, columns: Columns) -> float:
     weights, total = huber_weights(rows.fit.rows), 0.0
     for run in np.unique(rows.fit.task.noise.fold):
         other_runs = rows.fit.task.noise.fold != run
-        without = _solved(rows, no_columns(len(rows.fit.rows)), weights, other_runs)
-        with_it = _solved(rows, columns, weights, other_runs)
+        without = _solve_term(rows, no_columns(len(rows.fit.rows)), weights, other_runs)
+        with_it = _solve_term(rows, columns, weights, other_runs)
         before = rows.fit.rows + rows.numbers @ without.numbers
         after = _residual_rows(rows, columns, with_it)
         total += huber(before[~other_runs]) - huber(after[~other_runs])
@@ -133,7 +133,7 @@ def terms(scene: Scene, chosen_acts: Sequence[Act] | None = None) -> tuple[Term,
     everything, weights = np.ones(len(rows.fit.rows), dtype=bool), huber_weights(rows.fit.rows)
     fitted_terms = []
     for act, argument in pairs:
-        solved = _solved(rows, columns_of(scene, rows, act, argument), weights, everything)
+        solved = _solve_term(rows, columns_of(scene, rows, act, argument), weights, everything)
         fitted_terms.append(_term(scene, (act, argument), solved, solved.gain, len(pairs)))
     fitted_terms.sort(key=lambda term: -term.net)
     again = [_again(scene, rows, term, len(pairs)) for term in fitted_terms[:REWEIGHED]]
@@ -156,6 +156,6 @@ def _term(
 
 def _again(scene: Scene, rows: Rows, term: Term, count: int) -> Term:
     columns = columns_of(scene, rows, term.act, term.argument)
-    solved, gain = _reweighed(rows, columns)
+    solved, gain = _reweigh_term(rows, columns)
     held_out_gain = None if term.argument.per_run else held_out(rows, columns)
     return _term(scene, (term.act, term.argument), solved, gain, count, held_out_gain)

@@ -74,11 +74,11 @@ def default_effect(kind: type[Effect], model: RigModel) -> Effect:
 def needs_speeds(data: RigSet, model: RigModel, effect: Effect) -> bool:
     """Return whether what the effect moves changes with the speed at which the wheel is driven."""
     fast = 4 * NOMINAL * np.column_stack(rim_and_travel(data.slip)[::-1])
-    slow_moved, fast_moved = (_moved(data, model, effect, speeds) for speeds in (None, fast))
+    slow_moved, fast_moved = (_effect_response(data, model, effect, speeds) for speeds in (None, fast))
     return bool(np.linalg.norm(fast_moved - slow_moved) > OF_SPEED * np.linalg.norm(slow_moved))
 
 
-def _moved(data: RigSet, model: RigModel, effect: Effect, speeds: np.ndarray | None) -> np.ndarray:
+def _effect_response(data: RigSet, model: RigModel, effect: Effect, speeds: np.ndarray | None) -> np.ndarray:
     """Return what the effect at its default size moves [SD]; 0 where it carries no load."""
     runs = conditions(data.load, data.slip, speeds, data.slip_angle)
     rows = [RIG_CHANNELS.index(type(channel)) for channel in data.channels]

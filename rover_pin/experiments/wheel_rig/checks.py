@@ -89,7 +89,7 @@ def _of_set(data: RigSet) -> list[Finding]:
 
 def _lacks(data: RigSet) -> Iterator[Check]:
     alone = RigExperiment((data,))
-    lost = alone.unpredicted(alone.base_model())
+    lost = alone.unpredicted_part(alone.base_model())
     todo = "if that load is right, declare a firmer soil.k_1: a fit starts at the next one that carries all runs"
     yield Check(bool(lost), f"{lost} with the soil as declared", todo, "load_N")
     present = {type(channel) for channel in data.channels}

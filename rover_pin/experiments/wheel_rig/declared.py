@@ -49,7 +49,7 @@ class SetNumbers:
         rig, soil = self.data, self.data.soil()
         constants = (known_constant("soil", soil, name, rig.declared, rig.doubts) for name in rig.doubts)
         declared = {parameter.name: parameter for parameter in constants}
-        assumed = [declared.pop(parameter.name, parameter) for parameter in self._assumed()]
+        assumed = [declared.pop(parameter.name, parameter) for parameter in self._assumed_constants()]
         return [*assumed, *declared.values()]
 
     def of_rig(self) -> Iterator[Parameter]:
@@ -70,7 +70,7 @@ class SetNumbers:
             sds |= {f"rig.{offset}": TARE * float(np.nanmax(np.abs(channel.measured))), f"rig.{scale}": SCALE}
         return [self._parameter(name, sd) for name, sd in sds.items() if name not in self.data.error_sd]
 
-    def _assumed(self) -> Iterator[Parameter]:
+    def _assumed_constants(self) -> Iterator[Parameter]:
         """Yield the uncertain soil constants, as if nothing were stated of them."""
         rig, soil = self.data, self.model.soil
         kinds = {type(channel) for channel in rig.channels}

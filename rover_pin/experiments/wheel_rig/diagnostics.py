@@ -50,7 +50,7 @@ def residual_tests(data: RigSet, residual: np.ndarray, seed: int) -> tuple[Resid
     The p-values are two-sided, by permuting the residuals.
     """
     tests = [
-        ResidualTest(channel.name, name, *_tested(row[channel.has_value], statistic, seed))
+        ResidualTest(channel.name, name, *_test_row(row[channel.has_value], statistic, seed))
         for channel, row in zip(data.channels, residual, strict=True)
         for name, statistic in _statistics(data, channel.has_value).items()
     ]
@@ -71,7 +71,7 @@ def _statistics(data: RigSet, is_measured: np.ndarray) -> dict[str, Statistic]:
     return statistics | {name: _with_next(run_order) for name, run_order in order.items()}
 
 
-def _tested(row: np.ndarray, statistic: Statistic, seed: int) -> tuple[float, float]:
+def _test_row(row: np.ndarray, statistic: Statistic, seed: int) -> tuple[float, float]:
     centred = row - row.mean()
     if not np.ptp(row) > 0:
         return 0.0, 1.0

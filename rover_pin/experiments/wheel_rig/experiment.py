@@ -147,7 +147,7 @@ class RigExperiment(Experiment):
         """Return soil, effects, and wheel and rig of each set, by name."""
         return model.records
 
-    def replaced(self, model: RigModel | JointModel, owner: str, record: Any) -> RigModel | JointModel:
+    def replace_record(self, model: RigModel | JointModel, owner: str, record: Any) -> RigModel | JointModel:
         """Return the model with another record of this name."""
         return model.with_record(owner, record)
 
@@ -166,14 +166,14 @@ class RigExperiment(Experiment):
                 parameters[parameter.name] = parameter
         for parameter in (*self._jointly_identified(model), *known_heights(self.declared, model.records)):
             parameters.setdefault(parameter.name, parameter)
-        of_rigs = self._named({name: numbers.of_rig() for name, numbers in of_sets.items()})
+        of_rigs = self._named_parameters({name: numbers.of_rig() for name, numbers in of_sets.items()})
         return (*parameters.values(), *of_rigs)
 
     def reading_errors(self, model: RigModel | JointModel) -> tuple[Parameter, ...]:
         """Return the offsets and scales of every set that its rig.toml does not state."""
-        return tuple(self._named({name: of.reading_errors() for name, of in self._numbers(model).items()}))
+        return tuple(self._named_parameters({name: of.reading_errors() for name, of in self._numbers(model).items()}))
 
-    def _named(self, of_sets: Mapping[str, Iterable[Parameter]]) -> Iterator[Parameter]:
+    def _named_parameters(self, of_sets: Mapping[str, Iterable[Parameter]]) -> Iterator[Parameter]:
         """Yield each set's own parameters under the name that the model has for them."""
         for name, parameters in of_sets.items():
             yield from (replace(parameter, name=self.in_set(name, ".", parameter.name)) for parameter in parameters)
@@ -197,7 +197,7 @@ class RigExperiment(Experiment):
             set_model, share = model.of(name), model.lug_share(name)
             names = [_local(parameter.name, name) for parameter in parameters]
             acting = [at for at, local in enumerate(names) if local and local.rpartition(".")[0] in set_model.records]
-            acting_parameters = [_scaled(replace(parameters[at], name=names[at]), share) for at in acting]
+            acting_parameters = [_scale_parameter(replace(parameters[at], name=names[at]), share) for at in acting]
             of_set = runs.sensitivities(set_model, acting_parameters, np.asarray(u)[acting])
             table = np.zeros((len(parameters), *of_set.predicted.shape))
             table[acting] = of_set.slopes
@@ -209,9 +209,9 @@ class RigExperiment(Experiment):
         """Return the channels of each model (models, folds, channels, samples)."""
         return np.array([self.sensitivities(model, (), np.zeros(0)).predicted for model in models])
 
-    def unpredicted(self, model: RigModel | JointModel) -> str:
+    def unpredicted_part(self, model: RigModel | JointModel) -> str:
         """Return which run no sinkage carries, of the first set that has one; empty where all are carried."""
-        reasons = ((name, runs.unpredicted(model.of(name))) for name, runs in self.runs.items())
+        reasons = ((name, runs.unpredicted_part(model.of(name))) for name, runs in self.runs.items())
         return next((self.in_set(name, ": ", why) for name, why in reasons if why), "")
 
 
@@ -224,7 +224,7 @@ def _local(name: str, set_name: str) -> str:
     return name
 
 
-def _scaled(parameter: Parameter, share: float) -> Parameter:
+def _scale_parameter(parameter: Parameter, share: float) -> Parameter:
     """Return a parameter, of a height of lugs one whose value at u is this share of the given one's."""
     if share == 1.0 or parameter.name.rpartition(".")[2] not in LUGS:
         return parameter

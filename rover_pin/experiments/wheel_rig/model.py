@@ -133,14 +133,14 @@ class RigModel:
         load, slip = np.broadcast_arrays(np.atleast_1d(np.asarray(load, float)), np.asarray(slip, float))
         values = predictor(self, (), conditions(load, slip, speeds, slip_angle))(self.vector()).values
         if np.isnan(values).any():
-            raise DataError(f"{uncarried(values, load, slip)} with this model; {FIRMER}.")
+            raise DataError(f"{uncarried_runs(values, load, slip)} with this model; {FIRMER}.")
         return Steady(*values)
 
 
 FIRMER = "lighten the wheel or choose a firmer soil"
 
 
-def uncarried(values: np.ndarray, load: np.ndarray, slip: np.ndarray) -> str:
+def uncarried_runs(values: np.ndarray, load: np.ndarray, slip: np.ndarray) -> str:
     """Return which runs are not predicted, and why, in words; empty where every channel [5, runs] is."""
     lost = np.flatnonzero(np.isnan(values).any(axis=0))
     if not lost.size:
@@ -184,13 +184,13 @@ class RigPredictor:
     def __call__(self, vector: np.ndarray) -> Predicted:
         """Return the prediction at these values of all parameters."""
         p = ca.DM(vector)
-        out = self._law.point(self._balanced(p), self._runs, p).full()[:, self._repeats]
+        out = self._law.point(self._balance_runs(p), self._runs, p).full()[:, self._repeats]
         error, lost = out[VALUES].copy(), ~(np.abs(out[VALUES]) < UNBALANCED)
         out[:, lost] = np.nan
         jacobian = out[VALUES + 1 :].reshape(self._free, VALUES, self._repeats.size).transpose(1, 2, 0)
         return Predicted(out[:VALUES], jacobian, error)
 
-    def _balanced(self, p: ca.DM) -> np.ndarray:
+    def _balance_runs(self, p: ca.DM) -> np.ndarray:
         """Return z of every run after Newton's steps, as many as the slowest run needs.
 
         Where a step leaves what is left between too shallow and too deep, y goes to the middle of that: too shallow is

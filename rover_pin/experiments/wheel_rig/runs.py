@@ -13,7 +13,7 @@ from rover_pin.estimation.parameter import Parameter
 from rover_pin.estimation.profile import MOST
 from rover_pin.experiments.folded import stack
 from rover_pin.experiments.wheel_rig.declared import own_name
-from rover_pin.experiments.wheel_rig.model import RigModel, RigPredictor, conditions, predictor, uncarried
+from rover_pin.experiments.wheel_rig.model import RigModel, RigPredictor, conditions, predictor, uncarried_runs
 from rover_pin.experiments.wheel_rig.steady_law import pressed_law
 from rover_pin.measurements.channel import RIG_CHANNELS
 from rover_pin.measurements.pressed import Trial
@@ -141,10 +141,10 @@ class RigRuns:
         by_pressed *= slopes.reshape(-1, 1, 1, 1)
         return Sensitivities(self._whole(values[measured], pressed), self._whole(derivatives, by_pressed))
 
-    def unpredicted(self, model: RigModel) -> str:
+    def unpredicted_part(self, model: RigModel) -> str:
         """Return which run no sinkage carries with this model; empty where all are carried."""
         values = predictor(model, (), self._conditions)(model.vector()).values
-        return uncarried(values, self.data.load, self.data.slip)
+        return uncarried_runs(values, self.data.load, self.data.slip)
 
     def turns(self) -> np.ndarray | None:
         """Return the rows' order as that of measurement, 0 of a pressing; None where runs follow others of a level."""

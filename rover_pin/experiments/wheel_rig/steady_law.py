@@ -95,16 +95,16 @@ def _balance(effects: tuple[Effect, ...]) -> Balance:
         **{error_name: p[names.index(f"rig.{error_name}")] for error_name in quantities(RigErrors)}
     )
     true = ca.vertcat(condition[0] * errors.load_scale, condition[1:])
-    load, h, balance, start = _chained(effects, true, p, z)
+    load, h, balance, start = _chain_loads(effects, true, p, z)
     read = ca.vertcat(*errors.read(load, h, true[0]))
     values, balance, h = ca.cse([read, balance, h])
     step = -_solve(ca.jacobian(balance, z), balance)
     first = ca.Function("first", [condition, p], [ca.vertcat(start, *_at_rest(z, balance, p))])
-    newton = ca.Function("newton", [z, condition, p], [_limited(z, step, p[FIELDS.index("r")]), balance[0]])
+    newton = ca.Function("newton", [z, condition, p], [_limit_step(z, step, p[FIELDS.index("r")]), balance[0]])
     return Balance(z, condition, p, h, values, balance, first, newton)
 
 
-def _chained(effects: tuple[Effect, ...], condition: ca.SX, p: ca.SX, z: ca.SX) -> tuple[Load, ca.SX, ca.SX, ca.SX]:
+def _chain_loads(effects: tuple[Effect, ...], condition: ca.SX, p: ca.SX, z: ca.SX) -> tuple[Load, ca.SX, ca.SX, ca.SX]:
     """Return the load of all effects in turn, h, what must vanish at the balance, and where Newton's method starts.
 
     h = floor + y with y the sinkage into the ground that effects leave, as lugs do a trench: above its floor nothing
@@ -118,7 +118,7 @@ def _chained(effects: tuple[Effect, ...], condition: ca.SX, p: ca.SX, z: ca.SX) 
     passing = ca.fmax(ca.fmax(ca.fabs(rim), ca.fabs(v_x)), STANDS * ca.fabs(v_y))
     contact = contact._replace(S_y=v_y / ca.fmax(passing, SLOWEST))
     h = _floor(valued_effects, contact, x) + ca.exp(z[0])
-    contact = _amended(valued_effects, contact._replace(h=h), x)
+    contact = _amend_contact(valued_effects, contact._replace(h=h), x)
     push = Load()
     for effect, own_states in zip(valued_effects, x, strict=True):
         push = push.plus(effect.load(contact, push, own_states))
@@ -149,7 +149,7 @@ def pressed_law(effects: tuple[Effect, ...], free: tuple[str, ...], points: int)
     h, p = ca.SX.sym("h"), ca.SX.sym("p", len(names))
     wheel, soil, valued_effects = with_values_of(effects, p)
     contact = Contact(0.0, 0.0, h, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, wheel, soil)
-    contact = _amended(valued_effects, contact, [(0.0,) * len(effect.states) for effect in effects])
+    contact = _amend_contact(valued_effects, contact, [(0.0,) * len(effect.states) for effect in effects])
     value = ca.log(p[names.index("rig.pressing_scale")] * pressing_force(contact.h, wheel, contact.soil))
     wanted = ca.vertcat(*(p[names.index(name)] for name in free)) if free else ca.SX(0, 1)
     column = ca.densify(ca.vertcat(value, ca.jacobian(value, wanted).T))
@@ -165,7 +165,7 @@ def _at_rest(z: ca.SX, balance: ca.SX, p: ca.SX) -> list[ca.SX]:
     return ca.vertsplit(*ca.substitute([step], [z], [sunk]))
 
 
-def _amended(effects: Sequence[Effect], contact: Contact, x: Sequence[tuple[ca.SX, ...]]) -> Contact:
+def _amend_contact(effects: Sequence[Effect], contact: Contact, x: Sequence[tuple[ca.SX, ...]]) -> Contact:
     for effect, own_states in zip(effects, x, strict=True):
         contact = effect.amend(contact, own_states)
     return contact
@@ -174,7 +174,7 @@ def _amended(effects: Sequence[Effect], contact: Contact, x: Sequence[tuple[ca.S
 def _floor(effects: Sequence[Effect], contact: Contact, x: Sequence[tuple[ca.SX, ...]]) -> ca.SX:
     """Return how deep the wheel stands before the ground that effects leave meets it: where the secant of h is 0."""
     r = contact.wheel.r
-    once, twice = (_amended(effects, contact._replace(h=times * r), x).h for times in (1.0, 2.0))
+    once, twice = (_amend_contact(effects, contact._replace(h=times * r), x).h for times in (1.0, 2.0))
     return r * (1.0 - once / (twice - once))
 
 
@@ -182,7 +182,7 @@ def _solve(matrix: ca.SX, right: ca.SX) -> ca.SX:
     return right / matrix if matrix.numel() == 1 else ca.solve(matrix, right)
 
 
-def _limited(z: ca.SX, step: ca.SX, r: ca.SX) -> ca.SX:
+def _limit_step(z: ca.SX, step: ca.SX, r: ca.SX) -> ca.SX:
     """Return z after the step, ln y within a leap and to the axle."""
     ln_y = ca.fmin(z[0] + ca.fmax(ca.fmin(step[0], LEAP), -LEAP), ca.log(r))
     return ca.vertcat(ln_y, *(z[i] + step[i] for i in range(1, z.numel())))

@@ -56,7 +56,7 @@ class Understood(NamedTuple):
     notes: tuple[str, ...]
 
 
-def understood(sources: Sequence[Source], rover: Rover, declared: Mapping[str, Entry]) -> Understood:
+def understand_columns(sources: Sequence[Source], rover: Rover, declared: Mapping[str, Entry]) -> Understood:
     """Return what the columns of a recording are; what the user has `declared` comes before any guess.
 
     Raises DataError: no clock, place, heading or rates of all wheels can be found, or what is found can be read in

@@ -35,7 +35,7 @@ def relation(dot: Any, y: Any, x: Any, n: Any, prior: tuple[float, float] | None
     if prior is not None:
         positive = np.maximum(rho, 1e-3)
         log_scale = np.log(np.maximum(positive * y / np.maximum(x, 1e-300), 1e-300))
-        factor += np.where(free | (rho <= 0.0), 0.0, _expected(log_scale, error / positive, *prior))
+        factor += np.where(free | (rho <= 0.0), 0.0, _log_density_ratio(log_scale, error / positive, *prior))
     return np.asarray(np.where((x > 0.0) & (y > 0.0), factor, 0.0))
 
 
@@ -49,7 +49,7 @@ def sense(dot: Any, y: Any, x: Any, n: Any) -> np.ndarray:
 def scale_evidence(y: Any, x: Any, n: Any, prior: tuple[float, float], free: Any = False) -> np.ndarray:
     """Return the log Bayes factor of the ratio of two sizes that are related, by what physics and units expect."""
     log_scale = np.log(np.maximum(y, 1e-300) / np.maximum(x, 1e-300))
-    expected = _expected(np.asarray(log_scale), 1.0 / np.sqrt(np.maximum(n, 1.0)), *prior)
+    expected = _log_density_ratio(np.asarray(log_scale), 1.0 / np.sqrt(np.maximum(n, 1.0)), *prior)
     return np.where(free | (np.minimum(x, y) <= 0.0), 0.0, expected)
 
 
@@ -57,7 +57,7 @@ def _correlation(dot: Any, y: Any, x: Any) -> np.ndarray:
     return np.asarray(np.clip(dot / np.maximum(y * x, 1e-300), -0.9999, 0.9999))
 
 
-def _expected(log_scale: np.ndarray, error: np.ndarray, middle: float, sd: float) -> np.ndarray:
+def _log_density_ratio(log_scale: np.ndarray, error: np.ndarray, middle: float, sd: float) -> np.ndarray:
     """Return the log of the density of a measured scale where it should be `about`, over that of any size."""
     density = np.zeros_like(log_scale)
     for share, spread in ((1.0 - RARE, sd), (RARE, 4.0 * sd)):

@@ -18,7 +18,7 @@ from rover_pin.base.files.samples import data_path
 from rover_pin.base.files.whole_file import replace_file
 from rover_pin.base.jobs.time_left import telling
 from rover_pin.logs.drive_log import FILE
-from rover_pin.logs.importing.column_matching import Source, Understood, understood
+from rover_pin.logs.importing.column_matching import Source, Understood, understand_columns
 from rover_pin.logs.importing.files.raw import read_raw
 from rover_pin.logs.importing.splitting import Drive, Part, choose_parts, drive_of, parts
 from rover_pin.logs.importing.written import Run, Sheet, lines, toml_of
@@ -83,8 +83,8 @@ def import_log(
     declared = {name: {"formula": text} for name, text in (columns or {}).items()}
     _refuse_unread(declared, loaded_rover)
     sources = list(telling((_read(path) for path in paths), len(paths), "recordings read"))
-    mapping = understood(sources, loaded_rover, declared)
-    return _written(folder, sources, rover, loaded_rover, mapping, most)
+    mapping = understand_columns(sources, loaded_rover, declared)
+    return _write_log(folder, sources, rover, loaded_rover, mapping, most)
 
 
 def _beside(first: Path) -> Path:
@@ -142,7 +142,7 @@ def _pieces(mapping: Understood, rover: Rover, most: int) -> tuple[list[_Piece],
     return picks, notes
 
 
-def _written(
+def _write_log(
     folder: Path, sources: Sequence[Source], rover: str | Path, loaded_rover: Rover, mapping: Understood, most: int
 ) -> Imported:
     pieces, remarks = _pieces(mapping, loaded_rover, most)

@@ -43,7 +43,7 @@ def places(words: Sequence[Word], declared: Mapping[str, Entry]) -> list[list[Ch
             heights = [z for z in zs if set(z.tokens) - called.Z in (stem, stem - {"utm"})]
             heights += [z for z in zs if z.has(called.UP)]
             into = tiers[x.has(called.ODOMETRY) and not x.has(called.MEASURED)]
-            into += _framed(x, y, heights[0] if heights else None)
+            into += _framed_choices(x, y, heights[0] if heights else None)
     present = {word.name: {"column": word.name} for word in words if word.name in ("body_x", "body_y")}
     if declared_axes and not any(tiers) and {"body_x", "body_y"} <= {**present, **declared_axes}.keys():
         tiers[0] = [Choice(present, 0.0, "as given", True)]
@@ -55,7 +55,7 @@ def _axis(word: Word, letters: set[str]) -> bool:
     return word.has(letters) and not elsewhere and word.unit in ("", "m", "mm", "cm", "km", "in")
 
 
-def _framed(x: Word, y: Word, z: Word | None) -> Iterator[Choice]:
+def _framed_choices(x: Word, y: Word, z: Word | None) -> Iterator[Choice]:
     exact = x.name == "body_x"
     frames = FRAMES if x.has(called.AXES) and not exact else {"z up": FRAMES["z up"]}
     units = {x.unit: 1.0} if x.unit or exact else LENGTHS

@@ -67,17 +67,17 @@ def _along(t: np.ndarray, values: Mapping[str, np.ndarray]) -> np.ndarray:
 
 def parts(drive: Drive) -> list[Part]:
     """Return the parts of a recording that drive, none longer than LONGEST nor shorter than SHORTEST."""
-    stretches = [part for part in _driven(drive) if _lasts(drive, part) >= SHORTEST]
+    stretches = [part for part in _driven_stretches(drive) if _lasts(drive, part) >= SHORTEST]
     total = sum(_lasts(drive, part) for part in stretches)
     longest = min(LONGEST, max(2.0 * SHORTEST, total / WANTED))
-    return [piece for part in stretches for piece in _cut(drive, part, longest)]
+    return [piece for part in stretches for piece in _cut_part(drive, part, longest)]
 
 
 def _lasts(drive: Drive, part: Part) -> float:
     return float(drive.t[part.last - 1] - drive.t[part.first])
 
 
-def _driven(drive: Drive) -> Iterator[Part]:
+def _driven_stretches(drive: Drive) -> Iterator[Part]:
     """Yield the stretches between stops and gaps."""
     step = float(np.median(np.diff(drive.t)))
     fast = float(np.nanpercentile(drive.rate, 90))
@@ -92,7 +92,7 @@ def _driven(drive: Drive) -> Iterator[Part]:
         yield from (Part(a, b) for a, b in zip(edges[:-1], edges[1:], strict=True) if b - a > 1)
 
 
-def _cut(drive: Drive, part: Part, longest: float) -> Iterator[Part]:
+def _cut_part(drive: Drive, part: Part, longest: float) -> Iterator[Part]:
     """Yield equal parts."""
     t, lasts = drive.t, _lasts(drive, part)
     count = max(1, math.ceil(lasts / longest - 0.05))
@@ -111,7 +111,7 @@ def choose_parts(candidates: list[tuple[Drive, Part]], most: int) -> list[int]:
         return list(range(len(candidates)))
     drives = {id(drive): drive for drive, _ in candidates}
     signals = {key: _signals(drive) for key, drive in drives.items()}
-    rows = _scaled(np.concatenate(list(signals.values())))
+    rows = _scaled_regressors(np.concatenate(list(signals.values())))
     ends = np.cumsum([0, *(len(blocks) for blocks in signals.values())])
     own_rows = {key: rows[a:b] for key, a, b in zip(signals, ends[:-1], ends[1:], strict=True)}
     grams = [
@@ -150,7 +150,7 @@ def _signals(drive: Drive) -> np.ndarray:
     return np.column_stack([slip, slip**2, pitch, turn, mean(drive.rate)])
 
 
-def _scaled(signals: np.ndarray) -> np.ndarray:
+def _scaled_regressors(signals: np.ndarray) -> np.ndarray:
     """Return regressors (blocks, 6): a 1, and signals centred and over their spread."""
     spread = np.maximum(np.nanstd(signals, axis=0), 1e-9)
     return np.column_stack([np.ones(len(signals)), (signals - np.nanmean(signals, axis=0)) / spread])

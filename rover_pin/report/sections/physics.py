@@ -88,7 +88,7 @@ def channel_changes(fitted: Fit, owner: str) -> list[Size]:
     """Return what an effect of a fitted model does to each channel, the most in SDs of its noise first."""
     experiment = fitted.task.experiment
     effect = experiment.records(fitted.model)[owner]
-    bare = experiment.replaced(fitted.model, owner, effect.replace(**effect.neutral))
+    bare = experiment.replace_record(fitted.model, owner, effect.replace(**effect.neutral))
     predicted = experiment.predict([fitted.model, bare])
     difference = np.where(np.isfinite(experiment.observed), predicted[0] - predicted[1], 0.0)
     changes = []

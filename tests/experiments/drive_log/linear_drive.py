@@ -49,7 +49,7 @@ class LinearExperiment(Experiment):
     def records(self, model):
         return owners(model)
 
-    def replaced(self, model, owner, record):
+    def replace_record(self, model, owner, record):
         return with_record(model, owner, record)
 
     def unit(self, channel):

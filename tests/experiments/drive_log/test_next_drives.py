@@ -21,7 +21,7 @@ from rover_pin.experiments.drive_log import next_drives as next_drives_file
 from rover_pin.experiments.drive_log.candidates import candidate_of
 from rover_pin.experiments.drive_log.experiment import experiment_of
 from rover_pin.experiments.drive_log.features import logged_run
-from rover_pin.experiments.drive_log.next_drives import _choice, _offered, next_drives
+from rover_pin.experiments.drive_log.next_drives import _choice, _offer_of_run, next_drives
 from rover_pin.experiments.drive_log.parameters import parameter
 from rover_pin.inference.next_measurement import _expected, _uncertain, next_measurement
 from rover_pin.simulation.replay import PERIOD, Commands, Replay, replay
@@ -107,7 +107,7 @@ def run_called(fits, words):
 
 
 def test_a_tilt_is_told_from_a_tether_by_the_other_heading(tilted):
-    same, back = (_offered(run_called(tilted, f"flat towards {way}x"), tilted[0]) for way in "+-")
+    same, back = (_offer_of_run(run_called(tilted, f"flat towards {way}x"), tilted[0]) for way in "+-")
     found, poor = told(tilted, [back]), told(tilted, [same])
     assert found.nats > 0.9 * math.log(2.0)
     assert poor is None or poor.nats < 0.2 * found.nats
@@ -117,7 +117,7 @@ def test_a_tilt_is_told_from_a_tether_by_the_other_heading(tilted):
 @pytest.mark.parametrize("truth", [0, 1])
 def test_the_proposed_drive_tells_who_is_right(tilted, truth):
     """It is made, with noise, by either model: what that one expected of it is the more probable."""
-    offer = _offered(run_called(tilted, "flat towards -x"), tilted[0])
+    offer = _offer_of_run(run_called(tilted, "flat towards -x"), tilted[0])
     (ahead,) = offer.experiment.runs
     log = logged_run(
         measured_log(tilted[truth].model.replace(terrain=flat()), ahead.commands, seed=20 + truth),
@@ -147,7 +147,7 @@ def test_a_run_that_cannot_be_driven_is_not_offered(tilted, monkeypatch):
         return Replay({}, "the rover tips")
 
     monkeypatch.setattr(next_drives_file, "replay", stopped)
-    assert _offered(run_called(tilted, "flat towards -x"), tilted[0]) is None
+    assert _offer_of_run(run_called(tilted, "flat towards -x"), tilted[0]) is None
 
 
 def test_what_holds_at_every_duty_needs_currents(model):
@@ -157,7 +157,7 @@ def test_what_holds_at_every_duty_needs_currents(model):
         fitted(task, model, DeadBand(), "DeadBand.delta_0"),
     )
     assert fits[0].chi2 == pytest.approx(fits[1].chi2, abs=4.0)
-    found = told(fits, [_offered(run_called(fits, "flat, the duty stepping"), fits[0])])
+    found = told(fits, [_offer_of_run(run_called(fits, "flat, the duty stepping"), fits[0])])
     assert found.what.endswith(", with current_fl_A to current_rr_A too")
     assert found.channel.startswith("current_")
 

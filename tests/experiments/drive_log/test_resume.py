@@ -97,13 +97,13 @@ def test_calibration_and_signatures_are_resumed_without_a_replay(tmp_path, monke
     whole, moved = through(Memory())
     first, _ = through(Memory(tmp_path, "key"))
     driven = []
-    spread = DriveExperiment._spread
+    spread = DriveExperiment._spread_tasks
 
     def counted(self, how, asked):
         driven.extend(asked)
         return spread(self, how, asked)
 
-    monkeypatch.setattr(DriveExperiment, "_spread", counted)
+    monkeypatch.setattr(DriveExperiment, "_spread_tasks", counted)
     base, again = through(Memory(tmp_path, "key"))
     assert len(driven) == 2  # the start, on both runs: of it comes the first noise
     for one in (whole, first):

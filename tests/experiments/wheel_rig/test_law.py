@@ -74,7 +74,7 @@ def predicted(tmp_path):
     model = RigExperiment((data,)).base_model()
     sand = model.soil.replace(k_1=1.3e5, n=1.5, phi=0.33, k=0.0063, c=0.0, exit_ratio=0.05)
     model = dataclasses.replace(model, soil=sand, effects=(*model.effects, *LAW))
-    assert not RigExperiment((data,)).unpredicted(model)
+    assert not RigExperiment((data,)).unpredicted_part(model)
     return model.predict(data.load, data.slip, data.speeds, data.slip_angle)
 
 

@@ -34,7 +34,7 @@ OPTIONAL = {
 """Channels that a comparison can do without: name -> (what is then unknown, the columns)."""
 
 
-def needed(wheels: tuple[str, ...], rate_driven: bool = False) -> tuple[str, ...]:
+def needed_channels(wheels: tuple[str, ...], rate_driven: bool = False) -> tuple[str, ...]:
     """Return the channels that a comparison with a simulated drive needs; without duties where rates are the input."""
     kinds = ("wheel_rate",) if rate_driven else ("duty", "wheel_rate")
     return (*(f"{kind}_{wheel}" for kind in kinds for wheel in wheels), *POSE)
@@ -44,7 +44,7 @@ def column_faults(log: DriveLog) -> Iterator[Finding]:
     """Yield needed channels that a run lacks, wholly or mostly."""
     for run in log.runs:
         where = str(run.attrs["file"])
-        for name in needed(log.metadata.wheels, run.rate_driven):
+        for name in needed_channels(log.metadata.wheels, run.rate_driven):
             if name not in run:
                 yield Finding(f"there is no column '{name}'", where, _instead(name, run))
             elif not np.isfinite(run[name]).any():
@@ -73,15 +73,15 @@ def _instead(name: str, run: Trace) -> str:
 
 def column_findings(log: DriveLog) -> Iterator[Finding]:
     """Yield what is not recorded and what then is not identifiable, and columns that nobody reads."""
-    suspended = log.load_rover().differential is not None
+    suspended, wheels = log.load_rover().differential is not None, log.metadata.wheels
     for name, (lost, columns) in OPTIONAL.items():
         for run in log.runs if suspended or "rocker_l" not in columns else ():
             if not any(column in run and np.isfinite(run[column]).any() for column in columns):
                 yield Finding(f"{name} not recorded", str(run.attrs["file"]), lost)
     for run in log.runs:
         for name in run.channels:
-            if not is_column(name, log.metadata.wheels):
-                names = (*WHOLE, *needed(log.metadata.wheels), *(f"current_{wheel}_A" for wheel in log.metadata.wheels))
+            if not is_column(name, wheels):
+                names = (*WHOLE, *needed_channels(wheels), *(f"current_{wheel}_A" for wheel in wheels))
                 suggestion = closest(name, names)
                 meant = (
                     f"did you mean {suggestion.split(chr(39))[1]}"

@@ -11,7 +11,7 @@ from rover_pin.contact import Wheel
 from rover_pin.estimation.wording import NOISE_LIKE
 from rover_pin.experiments.drive_log.checks.driven import Driven, Remarks, degrees
 from rover_pin.experiments.drive_log.model import is_rate_driven, usual_soil
-from rover_pin.experiments.drive_log.readings.outliers import scattered
+from rover_pin.experiments.drive_log.readings.outliers import white_noise_sd
 from rover_pin.logs.declared_noise import NOISE, kind_of
 from rover_pin.logs.drive_log import FILE, DriveLog
 from rover_pin.measurements.checks import Finding
@@ -79,7 +79,7 @@ def _noise_findings(log: DriveLog) -> Iterator[Finding]:
     worst: dict[str, tuple[float, str, str]] = {}
     for run in log.runs:
         for name in (channel for channel in run.channels if kind_of(channel) in noise_sd):
-            kind, scatter = kind_of(name), (scattered(run[name]), name, str(run.attrs["file"]))
+            kind, scatter = kind_of(name), (white_noise_sd(run[name]), name, str(run.attrs["file"]))
             worst[kind] = max(worst.get(kind, scatter), scatter)
     for kind, (sd, name, where) in worst.items():
         if sd > NOISE_LIKE * noise_sd[kind]:

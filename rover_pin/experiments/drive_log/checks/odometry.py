@@ -50,7 +50,7 @@ class Followed(NamedTuple):
 def odometry_faults(run: Driven) -> Remarks:
     """Yield a pose whose increments are those of the wheels: the loop would find a rover that never slips."""
     if run.trace.attrs.get("place") != ODOMETRY and any(
-        comparison.equal and abs(comparison.slip) < SAME and comparison.shared > SHARED for comparison in _followed(run)
+        comparison.equal and abs(comparison.slip) < SAME and comparison.shared > SHARED for comparison in _rim_fits(run)
     ):
         what = "body_x and body_y move as the wheels turn, within their noise: they are the wheels' odometry"
         todo = "give a pose that was measured otherwise, as by a camera, GNSS or total station; or say place = "
@@ -63,13 +63,13 @@ def odometry_findings(run: Driven) -> Remarks:
         todo = "slip is not known, and what depends on it is as assumed; where it shifts the place bumps mislead"
         yield "the pose is the wheels' odometry", todo
         return
-    close = [comparison for comparison in _followed(run) if comparison.equal and abs(comparison.slip) < MAX_EVEN_SLIP]
+    close = [comparison for comparison in _rim_fits(run) if comparison.equal and abs(comparison.slip) < MAX_EVEN_SLIP]
     if close:
         what = f"body_x and body_y follow the wheels at an even slip of {100 * close[0].slip:.2g} %"
         yield what, "if they are odometry, give a measured pose; else add slopes, where slip varies"
 
 
-def _followed(run: Driven) -> Iterator[Followed]:
+def _rim_fits(run: Driven) -> Iterator[Followed]:
     """Yield how the pose follows the mean of all rims, and of each axle's, whose rates may hold before or after."""
     trace, t = run.trace, run.trace.t
     yaw = trace["body_yaw"]
@@ -81,7 +81,7 @@ def _followed(run: Driven) -> Iterator[Followed]:
             rolled = rate * np.diff(t)
             use = np.isfinite(step + rolled)
             if np.sum(use) >= FEW:
-                yield _compared(step[use], rolled[use])
+                yield _rim_fit(step[use], rolled[use])
 
 
 def _axles(run: Driven) -> list[tuple[str, ...]]:
@@ -89,7 +89,7 @@ def _axles(run: Driven) -> list[tuple[str, ...]]:
     return axles if len(axles) < len(run.trace.wheels) else []
 
 
-def _compared(step: np.ndarray, rolled: np.ndarray) -> Followed:
+def _rim_fit(step: np.ndarray, rolled: np.ndarray) -> Followed:
     ahead, rims = np.cumsum(step), np.cumsum(rolled)
     spread = rims - rims.mean()
     square = float(spread @ spread)

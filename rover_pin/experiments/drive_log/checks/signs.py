@@ -43,7 +43,7 @@ def wheel_sign_faults(run: Driven) -> Remarks:
 
     A heading that is off makes all wheels run against the travel: that is said of the heading alone.
     """
-    drawn, astray = _drawn(run), run.trace.rate_driven and any(heading_faults(run))
+    drawn, astray = _drawn_current(run), run.trace.rate_driven and any(heading_faults(run))
     for i, wheel in enumerate(run.trace.wheels):
         current = f"current_{wheel}_A"
         if run.trace.rate_driven and not astray and _correlation(run.rate[:, i], run.speed) < OPPOSITE:
@@ -58,7 +58,7 @@ def wheel_sign_faults(run: Driven) -> Remarks:
             yield f"{current} runs against duty_{wheel}", "multiply it by -1: positive drives forward"
 
 
-def _drawn(run: Driven) -> np.ndarray:
+def _drawn_current(run: Driven) -> np.ndarray:
     """Return what motors of a kind draw (blocks, wheels), in some unit: a duty - b rate, a and b > 0 by all currents.
 
     Where these do not tell them, the duty: but a wheel that others push brakes them, and its motor gives current back.

@@ -42,7 +42,7 @@ def ground_columns(
     places = [(at, share) for at, run in enumerate(runs) for share in shares_of(run, model.rover)]
     grips = replays([(at, Perturbation(grip=GRIP.size * share)) for at, share in places])
     pushed = replays([(at, Perturbation(force=-weight * SLOPE.size * share)) for at, share in places])
-    slopes = [_tilted(runs[at], replay, share) for (at, share), replay in zip(places, pushed, strict=True)]
+    slopes = [_tilt_replay(runs[at], replay, share) for (at, share), replay in zip(places, pushed, strict=True)]
     columns = []
     for along, run_kind, driven in ((GRIP, GRIP_OF_RUN, grips), (SLOPE, SLOPE_OF_RUN, slopes)):
         changes: list[list[np.ndarray]] = [[] for _ in runs]
@@ -71,7 +71,7 @@ def shares_of(run: LoggedRun, rover: Rover) -> np.ndarray:
     return np.asarray(np.maximum(0.0, 1.0 - np.abs(way - knots[:, None]) / (knots[1] - knots[0])))
 
 
-def _tilted(run: LoggedRun, replay: Replay, share: np.ndarray) -> Replay:
+def _tilt_replay(run: LoggedRun, replay: Replay, share: np.ndarray) -> Replay:
     """Return a replay as sensors on a ground inclined by this share would see it; as it is where nothing moved."""
     if "body_z" not in replay.channels:
         return replay

@@ -51,7 +51,7 @@ def without_poses(log: Trace, outliers: np.ndarray) -> Trace:
     return Trace({**log.channels, **emptied}, log.units, log.attrs)
 
 
-def scattered(values: np.ndarray) -> float:
+def white_noise_sd(values: np.ndarray) -> float:
     """Return the SD of a channel's white noise as its samples scatter about the middle of their neighbours."""
     deviation = values[1:-1] - (values[:-2] + values[2:]) / 2
     magnitudes = np.abs(deviation[np.isfinite(deviation)])
@@ -66,6 +66,6 @@ def _outlier_places(t: np.ndarray, values: np.ndarray, name: str) -> np.ndarray:
     middle = np.arange(SIDE, len(t) - SIDE)
     distance = np.array([turned[middle] - turned[middle + by] for by in range(-SIDE, SIDE + 1) if by])
     one_side = (distance > 0).all(axis=0) | (distance < 0).all(axis=0)
-    noise = scattered(turned)
+    noise = white_noise_sd(turned)
     is_dense = t[middle + SIDE] - t[middle - SIDE] < NEAR
     return np.asarray(middle[one_side & is_dense & (np.abs(distance).min(axis=0) > max(JUMPS[name], BEYOND * noise))])

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from rover_pin.estimation.random_effects.random_field import Kind
-from rover_pin.experiments.drive_log.features import DRIFT, HEADING, PATH, LoggedRun, blocks, leaky, levelled
+from rover_pin.experiments.drive_log.features import DRIFT, HEADING, PATH, LoggedRun, blocks, leaky, remove_level
 from rover_pin.experiments.drive_log.ground.field import MAX_PLACES
 
 PLACE = Kind("wander of the tracked place", 0.002, "m")
@@ -60,4 +60,4 @@ def _response(run: LoggedRun, name: str, off: np.ndarray) -> np.ndarray:
     period = run.commands.period
     if name in (PATH, DRIFT, HEADING):
         return blocks(leaky(run.summed_rows * np.diff(off, prepend=off[:1]), period), period)
-    return levelled(name, blocks(off, period), run.usable)
+    return remove_level(name, blocks(off, period), run.usable)

@@ -59,7 +59,7 @@ def _variables(file: bytes) -> Variables:
         return dict(_of_version_4(file, allowance))
     order = ">" if file[HEAD - 2 : HEAD] == b"MI" else "<"
     elements = _elements(memoryview(file)[HEAD:], order)
-    bodies = (_inflated(part, allowance) if kind == PACKED else part for kind, part in elements)
+    bodies = (_inflate_element(part, allowance) if kind == PACKED else part for kind, part in elements)
     return dict(_matrix(body, order, allowance) for body in bodies)
 
 
@@ -79,7 +79,7 @@ def _of_version_4(file: bytes, allowance: Allowance) -> Iterator[tuple[str, np.n
         at = begin + count * dtype.itemsize * (2 if is_complex else 1)
 
 
-def _inflated(part: memoryview, allowance: Allowance) -> memoryview:
+def _inflate_element(part: memoryview, allowance: Allowance) -> memoryview:
     """Return a packed element without its tag, which is that of a matrix."""
     inflater, parts, rest = zlib.decompressobj(), [], bytes(part)
     while rest and not inflater.eof:
@@ -101,7 +101,7 @@ def _matrix(body: memoryview, order: str, allowance: Allowance) -> tuple[str, An
         (length,), (_, names) = struct.unpack(f"{order}i", first), next(parts, (0, body[:0]))
         keys = [bytes(names[at : at + length]).split(b"\0")[0].decode() for at in range(0, len(names), length)]
         fields = [_matrix(field, order, allowance)[1] for _, field in parts] if keys else []
-        value = {key: _joined(fields[at :: len(keys)]) for at, key in enumerate(keys)}
+        value = {key: _join_values(fields[at :: len(keys)]) for at, key in enumerate(keys)}
     elif flag & 0xFF in NUMBERS and not flag & COMPLEX and kind in KINDS:
         numbers = np.frombuffer(first, f"{order}{KINDS[kind]}")
         allowance.take(NUMBER * numbers.size)
@@ -109,7 +109,7 @@ def _matrix(body: memoryview, order: str, allowance: Allowance) -> tuple[str, An
     return bytes(name).decode("latin-1"), value
 
 
-def _joined(values: list[Any]) -> Any:
+def _join_values(values: list[Any]) -> Any:
     """Return a field of one record as it is, of several, one a row, as a vector of its numbers."""
     if len(values) == 1:
         return values[0]
