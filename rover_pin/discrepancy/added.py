@@ -29,9 +29,9 @@ def fitted_with(
     numbers, u, slopes = list(start.parameters), list(start.u), dict(start.slopes)
     first = len(numbers)
     for name, size in zip(estimate.added, u_added, strict=True):
-        signature = _placed(start, options[name])
+        signature = _place_edges(start, options[name])
         cause = signature.candidate.cause
-        model = experiment.with_values(cause.on(model), signature.started(float(size)))
+        model = experiment.with_values(cause.on(model), signature.start_numbers(float(size)))
         for released in [number for number in numbers if number.name in cause.amplitudes]:
             at = numbers.index(released)
             numbers.pop(at), u.pop(at), slopes.pop(released.name)
@@ -50,7 +50,7 @@ def fitted_with(
     return tuple(causes), fitted
 
 
-def _placed(start: Fit, option: Option) -> Signature:
+def _place_edges(start: Fit, option: Option) -> Signature:
     """Return a cause with a place on the way where moving neither of its edges gains; others as they are.
 
     Which stretch of the way differs is not found by following slopes: an edge acts only where something passes it.

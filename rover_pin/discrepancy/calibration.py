@@ -37,13 +37,13 @@ def as_declared(fitted: Fit) -> Fit:
     u = np.array([0.0 if parameter.prior else x for parameter, x in zip(parameters, fitted.u, strict=True)])
     model = at(fitted.task, fitted.model, parameters, u)
 
-    def driven() -> dict[str, np.ndarray]:
+    def predict_declared() -> dict[str, np.ndarray]:
         slopes = slopes_at(fitted.task, model, parameters, u)
         return {
             "predicted": experiment.predict([model])[0],
             "slopes": np.array([slopes[parameter.name] for parameter in parameters]),
         }
 
-    cached = experiment.cached_arrays(("as declared", model, parameters, u), driven)
+    cached = experiment.cached_arrays(("as declared", model, parameters, u), predict_declared)
     slopes = dict(zip([parameter.name for parameter in parameters], cached["slopes"], strict=True))
     return Fit(fitted.task, model, parameters, u, cached["predicted"], slopes)

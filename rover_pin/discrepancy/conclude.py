@@ -48,7 +48,7 @@ def conclude(question: Question, progress: Progress, seed: int = 0) -> Verdict:
         return with_next(question, verdict_of(question, searched.beliefs(), progress, seed), progress)
     explorer = explorer_of(question, progress)
     verdict = with_next(question, verdict_of(question, explorer.explore(), progress, seed), progress)
-    return with_draft(verdict, lambda fitted: _drafted(question, explorer, verdict.named, fitted), seed)
+    return with_draft(verdict, lambda fitted: _try_draft(question, explorer, verdict.named, fitted), seed)
 
 
 def with_next(question: Question, verdict: Verdict, progress: Progress) -> Verdict:
@@ -69,7 +69,7 @@ def with_draft(verdict: Verdict, drafted: Callable[[Fit], Draft | None], seed: i
     return verdict if draft is None else replace(verdict, draft=score_draft(draft, verdict.after.fit, seed))
 
 
-def _drafted(question: Question, explorer: Explorer, named: tuple[str, ...], fitted: Fit) -> Draft | None:
+def _try_draft(question: Question, explorer: Explorer, named: tuple[str, ...], fitted: Fit) -> Draft | None:
     """Return what the kept model leaves as a draft, tried beside its causes; None where nothing describes it."""
     drafted = question.draft(fitted)
     if drafted is None:
@@ -158,7 +158,7 @@ def verdict_of(question: Question, beliefs: Beliefs, progress: Progress, seed: i
         errors.channels,
         errors.runs,
         {name: " + ".join(sorted(chosen)) for name, chosen in zip(folds, chosen_without(beliefs), strict=True)},
-        _strained(after, decision),
+        _numbers_at_bound(after, decision),
         lost_folds(errors.channels, question.experiment.no_value),
         beliefs=beliefs,
         errors_anew=dict(zip(question.experiment.channels, errors_without(beliefs), strict=True)),
@@ -196,7 +196,7 @@ def _number(beliefs: Beliefs, hypothesis: Hypothesis, place: int, is_size: bool)
     return Number(parameter.name, unit, parameter.value(u), ends[0], ends[1], drift, closed, at_bound, *prior_facts)
 
 
-def _strained(after: Side, decision: Decision) -> tuple[str, ...]:
+def _numbers_at_bound(after: Side, decision: Decision) -> tuple[str, ...]:
     """Return which numbers of what was added lie at their bounds."""
     prefixes = tuple(f"{name}." for name in decision.retained)
     rows = [number for number in after.numbers if number.at_bound and number.name.startswith(prefixes)]

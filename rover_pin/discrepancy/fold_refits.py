@@ -44,9 +44,7 @@ def held_out_residual(fitted: Fit) -> np.ndarray:
 def fold_fits(fitted: Fit) -> Iterator[Fit | None]:
     """Yield the fit to all runs but one, one a run, or None where it does not end; as it is for a run it has not."""
     noise = fitted.task.noise
-    anchored_parameters = tuple(
-        _anchored(parameter, u) for parameter, u in zip(fitted.parameters, fitted.u, strict=True)
-    )
+    parameters = tuple(_weak_prior(parameter, u) for parameter, u in zip(fitted.parameters, fitted.u, strict=True))
     start = np.array([u if parameter.prior else 0.0 for parameter, u in zip(fitted.parameters, fitted.u, strict=True)])
     slopes = {
         parameter.name: fitted.slopes[parameter.name] * (1.0 if parameter.prior else FAR)
@@ -60,12 +58,12 @@ def fold_fits(fitted: Fit) -> Iterator[Fit | None]:
         good[run] = False
         task = Task(fitted.task.experiment, dataclasses.replace(noise, good=good))
         try:
-            yield fit(task, fitted.model, anchored_parameters, start, slopes, reuse=True)
+            yield fit(task, fitted.model, parameters, start, slopes, reuse=True)
         except OptimisationError:
             yield None
 
 
-def _anchored(parameter: Parameter, u: float) -> Parameter:
+def _weak_prior(parameter: Parameter, u: float) -> Parameter:
     if parameter.prior:
         return parameter
     return dataclasses.replace(parameter, origin=parameter.value(u), scale=FAR * parameter.scale, prior=True)

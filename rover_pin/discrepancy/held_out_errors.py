@@ -140,7 +140,7 @@ def _by_channel(
         squares = [np.where(good, residual, 0.0)[:, row] ** 2 for residual in pair]
         has_data = np.full(len(good), True) if experiment.is_timed else good[:, row].any(axis=1)
         measured = [side_squares[has_data] for side_squares in squares]
-        sums = [_summed(side).ravel() if experiment.is_timed else side.sum(axis=1) for side in measured]
+        sums = [_sum_stretches(side).ravel() if experiment.is_timed else side.sum(axis=1) for side in measured]
         low, high = _change(np.array(sums), 0.5, random)
         was, now = (float(np.sqrt(side_squares.sum() / max(int(good[:, row].sum()), 1))) for side_squares in squares)
         unit, change = experiment.unit(name), now / max(was, 1e-300) - 1
@@ -174,7 +174,7 @@ def _by_run(experiment: Experiment, noise: Noise, pair: Pair, random: np.random.
     for at, run in enumerate(experiment.folds):
         count = max(int(noise.good[at].sum()), 1)
         sums = losses[:, at].sum(axis=1)
-        low, high = _change(_summed(sums), 1.0, random)
+        low, high = _change(_sum_stretches(sums), 1.0, random)
         was, now = (float(total) / count for total in sums.sum(axis=1))
         scores.append(RunScore(run, count, was, now, low, high))
     return tuple(scores)
@@ -188,7 +188,7 @@ def _change(sums: np.ndarray, power: float, random: np.random.Generator) -> tupl
     return float(low), float(high)
 
 
-def _summed(values: np.ndarray) -> np.ndarray:
+def _sum_stretches(values: np.ndarray) -> np.ndarray:
     """Return sums over stretches of the last axis."""
     starts = range(0, values.shape[-1], STRETCH)
     return np.stack([values[..., start : start + STRETCH].sum(axis=-1) for start in starts], axis=-1)

@@ -41,7 +41,7 @@ class Option:
 
 def options(start: Fit, rows: Sequence[Signature], is_optimum: bool = True) -> list[Option]:
     """Return the candidates that move what was measured, each as it promises most: at its best place and size."""
-    visible = [option for option in _listed(start, rows) if np.linalg.norm(option.column) > SHOWN * SIZE_SD]
+    visible = [option for option in _list_options(start, rows) if np.linalg.norm(option.column) > SHOWN * SIZE_SD]
     gains = [hypothesis.log_evidence for hypothesis in alone(start, visible, is_optimum)]
     best: dict[str, tuple[Option, float]] = {}
     for option, gain in zip(visible, gains, strict=True):
@@ -60,7 +60,7 @@ def _at_its_best_place(of_kind: Sequence[tuple[Option, float]]) -> Option:
     return replace(option, log_places=float(logsumexp(gains)) - gain - math.log(len(gains)))
 
 
-def _listed(start: Fit, rows: Sequence[Signature]) -> list[Option]:
+def _list_options(start: Fit, rows: Sequence[Signature]) -> list[Option]:
     return [Option(row, -start.task.noise.white(row.column)) for row in rows]
 
 
@@ -74,4 +74,4 @@ def alone(start: Fit, listed: Sequence[Option], is_optimum: bool = True) -> list
 
 def singles(start: Fit, rows: Sequence[Signature]) -> np.ndarray:
     """Return the logarithm of the evidence of each signature alone beside what was fitted."""
-    return np.array([hypothesis.log_evidence for hypothesis in alone(start, _listed(start, rows))])
+    return np.array([hypothesis.log_evidence for hypothesis in alone(start, _list_options(start, rows))])

@@ -169,7 +169,7 @@ class Search:
         columns = [option.column for option in self.options.values()]
         expansion = Expansion(fitted, np.array(columns).T if columns else np.zeros((len(fitted.rows), 0)))
         names = frozenset(cause.name for cause in causes)
-        self.fitted[names] = [self._weighed(causes, expansion)]
+        self.fitted[names] = [self._hypothesis(causes, expansion)]
         if len(names) == len(COUNTS) - 1:
             return
         others = [name for name in self.options if name not in names]
@@ -181,14 +181,14 @@ class Search:
             estimate = self.estimates.get(wider)
             is_nearer = estimate is None or len(estimate.causes) - len(estimate.extra) <= len(names)
             if is_nearer and (len(added) == 1 or log_evidence > least):
-                self.estimates[wider] = self._weighed(causes, expansion, added)
+                self.estimates[wider] = self._hypothesis(causes, expansion, added)
 
     def _places(self, added: Sequence[str]) -> list[int]:
         """Return which of an expansion's other columns these options are."""
         names = [*self.options]
         return [names.index(name) for name in added]
 
-    def _weighed(self, causes: Sequence[Cause], expansion: Expansion, added: Sequence[str] = ()) -> LinearHypothesis:
+    def _hypothesis(self, causes: Sequence[Cause], expansion: Expansion, added: Sequence[str] = ()) -> LinearHypothesis:
         partial = [self.options[name].size for name in added]
         hypothesis = linear_hypothesis((*causes, *partial), expansion, self._places(added), partial)
         more = sum(self.options[name].log_places for name in hypothesis.names)

@@ -38,7 +38,7 @@ class Signature:
         """The name of the first number that it moves."""
         return next(name for name, value in self.amplitudes.items() if value != self._neutral(name))
 
-    def started(self, u: float) -> dict[str, float]:
+    def start_numbers(self, u: float) -> dict[str, float]:
         """Return the numbers at which a refit starts where the linear size is u; one on a logarithm as it was tried."""
         times = min(max(u * SIZE_SD / self.share, -FARTHEST), FARTHEST)
         start = {}
@@ -58,7 +58,7 @@ class Signature:
 def signatures(base: Fit, candidates: Sequence[Candidate]) -> list[Signature]:
     """Return the signatures of all candidates on the fitted base."""
     model, experiment = base.model, base.task.experiment
-    released = [_released(base, candidate) for candidate in candidates if candidate.released]
+    released = [_released_signature(base, candidate) for candidate in candidates if candidate.released]
     tried = [
         (candidate, amplitudes)
         for candidate in candidates
@@ -75,7 +75,7 @@ def signatures(base: Fit, candidates: Sequence[Candidate]) -> list[Signature]:
     return released + [_smaller(base, row) for row in rows]
 
 
-def _released(base: Fit, candidate: Candidate) -> Signature:
+def _released_signature(base: Fit, candidate: Candidate) -> Signature:
     """Return the signature of a number freed from its prior: its slope, over its size."""
     (name,) = candidate.amplitudes
     fitted, size = next(number for number in base.parameters if number.name == name), candidate.size(name)

@@ -95,14 +95,14 @@ def curves(observed: np.ndarray, inputs: np.ndarray, channels: Sequence[tuple[st
     for at, (name, unit) in enumerate(channels):
         good = np.isfinite(observed[:, at])
         for curve, predict in CURVES.items():
-            errors = [_missed(observed[:, at], inputs, good, fold, predict) for fold in range(len(observed))]
+            errors = [_fold_error(observed[:, at], inputs, good, fold, predict) for fold in range(len(observed))]
             by_fold = tuple(float(np.sqrt(np.mean(row**2))) if row.size else math.nan for row in errors)
             whole = float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))
             baselines.append(Baseline(name, unit, curve, whole, by_fold=by_fold))
     return tuple(baselines)
 
 
-def _missed(values: np.ndarray, inputs: np.ndarray, good: np.ndarray, fold: int, predict: Predict) -> np.ndarray:
+def _fold_error(values: np.ndarray, inputs: np.ndarray, good: np.ndarray, fold: int, predict: Predict) -> np.ndarray:
     """Return by how much a curve through the other folds misses one fold; their mean where there is no curve."""
     training_mask = good.copy()
     training_mask[fold] = False

@@ -44,12 +44,12 @@ def descend(evaluate: Evaluate, start: np.ndarray, bounds: np.ndarray, gain: flo
     radius, idle = 1.0, 0
     for _ in range(STEPS):
         step, newton = _step(u, residual, jacobian, radius, (low, high))
-        if newton and _promised(residual, jacobian, step) < gain:
+        if newton and _promised_fall(residual, jacobian, step) < gain:
             return u, chi2
-        trial = _bounded(u, step, low, high)
+        trial = _step_to_bound(u, step, low, high)
         trial_residual, trial_jacobian = evaluate(trial)
         fall = chi2 - float(trial_residual @ trial_residual)
-        radius = _next_radius(radius, trial - u, fall, _promised(residual, jacobian, trial - u))
+        radius = _next_radius(radius, trial - u, fall, _promised_fall(residual, jacobian, trial - u))
         if fall > 0:
             idle = idle + 1 if fall < gain else 0
             u, chi2, residual, jacobian = trial, chi2 - fall, trial_residual, trial_jacobian
@@ -68,7 +68,7 @@ def _step(
     free &= ~((u >= high) & (gradient < 0))
     while free.any():
         step = np.zeros(len(u))
-        step[free], newton = _damped(jacobian[:, free], residual, radius)
+        step[free], newton = _damped_step(jacobian[:, free], residual, radius)
         leaving = ((u <= low) & (step < 0)) | ((u >= high) & (step > 0))
         if not leaving.any():
             return step, newton
@@ -76,7 +76,7 @@ def _step(
     return np.zeros(len(u)), True
 
 
-def _damped(jacobian: np.ndarray, residual: np.ndarray, radius: float) -> tuple[np.ndarray, bool]:
+def _damped_step(jacobian: np.ndarray, residual: np.ndarray, radius: float) -> tuple[np.ndarray, bool]:
     """Return -(J^T J + damping)^-1 J^T r with the least damping that keeps its length within 1 % of `radius`."""
     U, values, directions = np.linalg.svd(jacobian, full_matrices=False)
     values = np.maximum(values, 1e-12 * max(values[0], 1e-300))
@@ -90,7 +90,7 @@ def _damped(jacobian: np.ndarray, residual: np.ndarray, radius: float) -> tuple[
     return -directions.T @ (share / (values**2 + damping)), newton
 
 
-def _promised(residual: np.ndarray, jacobian: np.ndarray, step: np.ndarray) -> float:
+def _promised_fall(residual: np.ndarray, jacobian: np.ndarray, step: np.ndarray) -> float:
     """Return how much chi2 would fall if the residuals were linear."""
     along = jacobian @ step
     return float(-(2 * residual + along) @ along)
@@ -103,7 +103,7 @@ def _next_radius(radius: float, step: np.ndarray, fall: float, promised: float) 
     return max(radius, 2 * length) if fall > 0.75 * promised else radius
 
 
-def _bounded(u: np.ndarray, step: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+def _step_to_bound(u: np.ndarray, step: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
     """Return u + step, shortened as a whole to end on the first bound: a clipped step would leave the valley."""
     room = np.where(step < 0, low - u, high - u)
     share = np.divide(room, step, out=np.full(len(u), np.inf), where=step != 0)

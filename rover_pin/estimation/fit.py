@@ -12,7 +12,7 @@ from rover_pin.base.errors import OptimisationError
 from rover_pin.estimation.descent import descend
 from rover_pin.estimation.exact import ExactProblem
 from rover_pin.estimation.experiment import residual
-from rover_pin.estimation.gauss_newton import at, descended, priors
+from rover_pin.estimation.gauss_newton import at, descent_end, priors
 from rover_pin.estimation.noise import huber, huber_weights, rms_of
 from rover_pin.estimation.parameter import Parameter, bounds_of
 from rover_pin.estimation.profile import NORMAL_95, SURE
@@ -98,13 +98,13 @@ class Fit:
         runs, _, blocks = self.task.noise.good.shape
         stretch = np.arange(blocks) // STRETCH
         run_index = np.arange(runs)[:, None, None]
-        variances = [plain, self._clustered(run_index * (stretch[-1] + 1) + stretch)]
+        variances = [plain, self._clustered_variance(run_index * (stretch[-1] + 1) + stretch)]
         if runs >= FEW:
             wide = float(stdtrit(runs - 1, 0.5 + 0.5 * SURE) / NORMAL_95)
-            variances.append(wide**2 * self._clustered(run_index))
+            variances.append(wide**2 * self._clustered_variance(run_index))
         return np.asarray(np.sqrt(np.max(variances, axis=0)))
 
-    def _clustered(self, owner: np.ndarray) -> np.ndarray:
+    def _clustered_variance(self, owner: np.ndarray) -> np.ndarray:
         """Return the variance of each u where the rows of one owner (runs, 1, blocks) hang together."""
         good, rows = self.task.noise.good, self.rows
         row_owner = np.broadcast_to(owner, good.shape)[good]
@@ -166,7 +166,7 @@ def fit(
     given_slopes = dict(slopes or {})
     request = (task.noise, model, tuple(parameters), start, given_slopes, reuse, stale)
     arrays = task.experiment.cached_arrays(
-        request, lambda: descended(task, model, parameters, start, given_slopes, (reuse, stale))
+        request, lambda: descent_end(task, model, parameters, start, given_slopes, (reuse, stale))
     )
     u, names = arrays["u"], [parameter.name for parameter in parameters]
     slopes_by_name = given_slopes | dict(zip(names, arrays["slopes"], strict=True))

@@ -62,7 +62,7 @@ def priors(parameters: Sequence[Parameter]) -> np.ndarray:
     return np.diag([1.0 if parameter.prior else 1e-9 for parameter in parameters])
 
 
-def descended(
+def descent_end(
     task: Task,
     model: Any,
     parameters: Sequence[Parameter],
@@ -92,7 +92,7 @@ def descended(
         if promised < SETTLED and (fresh or not stale):
             state = u + steps[0][0], predicted + np.tensordot(steps[0][0], slopes, 1), was - promised
             break
-        state = _searched(task, model, parameters, state, steps if promised >= SETTLED else ())
+        state = _search(task, model, parameters, state, steps if promised >= SETTLED else ())
         gained = was - state[2]
         if gained >= max(STALE * promised, SETTLED):
             fresh = not renewable
@@ -144,7 +144,7 @@ def _bounded_step(normal: np.ndarray, right: np.ndarray, u: np.ndarray, bounds: 
     return np.asarray(np.clip(u + step, bounds[:, 0], bounds[:, 1]) - u)
 
 
-def _searched(task: Task, model: Any, parameters: Sequence[Parameter], current: State, steps: Sequence[Steps]) -> State:
+def _search(task: Task, model: Any, parameters: Sequence[Parameter], current: State, steps: Sequence[Steps]) -> State:
     """Return the lowest of where the first of these groups of steps leads that helps, or where it was."""
     for group in steps:
         best = _lowest(task, model, parameters, current, group)

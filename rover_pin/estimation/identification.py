@@ -138,7 +138,7 @@ class Identification:
         lines += [f"  {channel.line}" for channel in self.channels]
         lines += [f"  reduced chi-square {self.misfit:.3g}; 1 is the noise"]
         lines += [f"  measured elsewhere: {flag.sentence}" for flag in self.elsewhere]
-        as_known = _listed([estimate.number for estimate in self.estimates if estimate.is_as_known])
+        as_known = _list_numbers([estimate.number for estimate in self.estimates if estimate.is_as_known])
         lines += ["  the data say less of these than was known beforehand:"] if as_known else []
         lines += [f"    {text}" for text in as_known]
         lines += [f"  {line}" for line in assumed_lines(numbers)]
@@ -146,7 +146,7 @@ class Identification:
         return "\n".join([*lines, f"  held [SI]: {held}"])
 
 
-def _listed(numbers: Sequence[Number]) -> list[str]:
+def _list_numbers(numbers: Sequence[Number]) -> list[str]:
     """Return numbers in words, those of a record that has many of them as their count."""
     owners = [number.name.rpartition(".")[0] for number in numbers]
     counts = {owner: owners.count(owner) for owner in owners}

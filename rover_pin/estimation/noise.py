@@ -72,11 +72,11 @@ class Noise:
         A row that is not predicted stays NaN, and tells its neighbours nothing.
         """
         lost = np.isnan(residual)
-        rows = np.asarray(self._scaled(np.where(lost, 0.0, residual))[..., self.good])
+        rows = np.asarray(self._scale_residual(np.where(lost, 0.0, residual))[..., self.good])
         white = rows if self.random_effects is None else self.random_effects.taken_out(rows, self.good)
         return np.where(lost[..., self.good], np.nan, white)
 
-    def _scaled(self, residual: np.ndarray) -> np.ndarray:
+    def _scale_residual(self, residual: np.ndarray) -> np.ndarray:
         """Return residuals in their SDs, without memory or common mode where the noise has any."""
         if self.sd.ndim > 1:
             return np.asarray(residual / self.sd)

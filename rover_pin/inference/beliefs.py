@@ -83,13 +83,13 @@ class Beliefs:
 
     def leaves_more(self, names: Iterable[str]) -> float:
         """Return the probability that a set of causes leaves more than noise, given that it acts."""
-        return self._given(names, lambda hypothesis: hypothesis.leaves_more)
+        return self._probability_given(names, lambda hypothesis: hypothesis.leaves_more)
 
     def has_discrepancy(self, names: Iterable[str]) -> float:
         """Return the probability that a set of causes leaves anything besides noise, given that it acts."""
-        return self._given(names, lambda hypothesis: hypothesis.discrepancy is not Discrepancy.NONE)
+        return self._probability_given(names, lambda hypothesis: hypothesis.discrepancy is not Discrepancy.NONE)
 
-    def _given(self, names: Iterable[str], holds: Callable[[Hypothesis], bool]) -> float:
+    def _probability_given(self, names: Iterable[str], holds: Callable[[Hypothesis], bool]) -> float:
         """Return the probability that something holds, given that a set of causes acts."""
         wanted = frozenset(names)
         among = self.probability(lambda hypothesis: frozenset(hypothesis.names) == wanted)

@@ -141,7 +141,7 @@ class Expansion:
         loss, count = float(sums.loss[0]), int(sums.rows[0])
         slope, curvature = sums.slope[0][at], sums.curvature[0][np.ix_(at, at)]
         scales = self.scales
-        solved = [_solved(loss, slope, curvature, self.u[at], count, float(scale)) for scale in scales]
+        solved = [_laplace(loss, slope, curvature, self.u[at], count, float(scale)) for scale in scales]
         totals = np.array([row.log_evidence for row in solved]) + self._scale_priors
         best = solved[int(np.argmax(totals))]
         return best._replace(log_evidence=float(logsumexp(totals)))
@@ -156,7 +156,7 @@ class Sums(NamedTuple):
     rows: np.ndarray
 
 
-def _solved(loss: float, slope: np.ndarray, curvature: np.ndarray, u: np.ndarray, count: int, scale: float) -> Laplace:
+def _laplace(loss: float, slope: np.ndarray, curvature: np.ndarray, u: np.ndarray, count: int, scale: float) -> Laplace:
     gradient = slope / scale**2 + u
     lower = np.linalg.cholesky(curvature / scale**2 + np.eye(len(u)))
     inverse = np.linalg.inv(lower)

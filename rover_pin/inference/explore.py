@@ -45,7 +45,7 @@ class Explorer:
         """Return what the data make of the causes, after the hypotheses that are worth it were fitted."""
         if not self.fitted:
             self.base()
-        self.causes = self._shown()
+        self.causes = self._shown_causes()
         self.progress("fitting each cause alone")
         singles = [cause for cause in self.causes if self.fit((cause,))]
         for cause in singles:
@@ -86,7 +86,7 @@ class Explorer:
 
         Raises OptimisationError: no start leads to a fit.
         """
-        start = self._declared()
+        start = self._declared_u()
         random = np.random.default_rng(0)
         starts = [start, *(start + random.uniform(-0.6, 0.6, (5, len(start))))]
         self._fit_all((), starts)
@@ -101,7 +101,7 @@ class Explorer:
             self.fitted.clear()
             self._fit_all((), [self.flat[frozenset()][0]])
 
-    def _declared(self) -> np.ndarray:
+    def _declared_u(self) -> np.ndarray:
         experiment, model = self.fitter.experiment, self.fitter.model
         return np.array([number.u(experiment.value(model, number.name)) for number in self.fitter.numbers])
 
@@ -117,14 +117,14 @@ class Explorer:
         size = np.abs(deviations)
         return np.where(size == size.max(), (2.0 * size / CLEAR) ** 2, 1.0) if size.max() > CLEAR else None
 
-    def _shown(self) -> list[Cause]:
+    def _shown_causes(self) -> list[Cause]:
         """Return the causes that move what was measured at all, each of its default size."""
         fitter, start = self.fitter, self.flat[frozenset()][0]
-        without, _ = fitter.predicted(fitter.model, fitter.numbers, start)
+        without, _ = fitter.predict_row(fitter.model, fitter.numbers, start)
 
         def moves(cause: Cause) -> bool:
             u = np.concatenate([start, _start_amplitudes(cause, 1.0)])
-            response = (fitter.predicted(*fitter.having((cause,)), u)[0] - without) / fitter.samples.sd
+            response = (fitter.predict_row(*fitter.having((cause,)), u)[0] - without) / fitter.samples.sd
             return bool(np.linalg.norm(response[np.isfinite(response)]) > SHOWN)
 
         return [cause for cause in self.causes if moves(cause)]
@@ -168,7 +168,7 @@ class Explorer:
 
     def _starts(self, causes: Sequence[Cause]) -> list[np.ndarray]:
         """Return where fits begin: of one cause at shares of its size, of several where their parts ended."""
-        base, declared = self.flat[frozenset()][0], self._declared()
+        base, declared = self.flat[frozenset()][0], self._declared_u()
         if len(causes) == 1:
             amplitudes = [_start_amplitudes(causes[0], share) for share in SHARES]
             return [*(np.concatenate([base, size]) for size in amplitudes), np.concatenate([declared, amplitudes[0]])]

@@ -138,16 +138,16 @@ class Fitter:
     numbers: tuple[Parameter, ...] = field(repr=False)
     inflation: np.ndarray | None = None
 
-    def predicted(self, model: Any, parameters: Sequence[Parameter], u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def predict_row(self, model: Any, parameters: Sequence[Parameter], u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the row that a model predicts at u, and its slopes (n, numbers)."""
         exact = self.experiment.sensitivities(model, parameters, u)
         return self.samples.row_of(exact.predicted), self.samples.row_of(exact.slopes).T
 
-    def _whitened(self, model: Any, parameters: Sequence[Parameter], whitening: Sequence[np.ndarray]) -> Evaluate:
+    def _white_rows(self, model: Any, parameters: Sequence[Parameter], whitening: Sequence[np.ndarray]) -> Evaluate:
         """Return rows whose squares sum to (y - f)' C^-1 (y - f) + u' u, and their Jacobian, as functions of u."""
 
         def evaluate(u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            predicted, slopes = self.predicted(model, parameters, u)
+            predicted, slopes = self.predict_row(model, parameters, u)
             pairs = list(zip(self.samples.blocks, whitening, strict=True))
             rows = [white @ (self.samples.value - predicted)[block] for block, white in pairs]
             columns = [-white @ slopes[block] for block, white in pairs]
@@ -170,7 +170,7 @@ class Fitter:
         best: tuple[np.ndarray, float] | None = None
         for start in starts:
             try:
-                reached = descend(self._whitened(model, parameters, whitening), start, bounds_of(parameters), ROUGH)
+                reached = descend(self._white_rows(model, parameters, whitening), start, bounds_of(parameters), ROUGH)
             except (OptimisationError, np.linalg.LinAlgError):
                 continue
             best = reached if best is None or reached[1] < best[1] else best
@@ -190,8 +190,8 @@ class Fitter:
     ) -> Hypothesis:
         """Return a hypothesis at its most probable numbers near u, its scales sought from those of one that is near."""
         model, parameters = self.having(causes)
-        predicted, slopes = self.predicted(model, parameters, u)
-        added = self._added(causes, u, predicted) if discrepancy is Discrepancy.FORM else ()
+        predicted, slopes = self.predict_row(model, parameters, u)
+        added = self._added_rows(causes, u, predicted) if discrepancy is Discrepancy.FORM else ()
         errors = ErrorModel(self.samples, discrepancy, added, self.inflation)
         scales = (
             errors.median if neighbour is None else errors.scales_like(neighbour.errors, neighbour.posterior.scales)
@@ -203,11 +203,11 @@ class Fitter:
                 for channel in range(len(self.samples.blocks))
             ]
             with suppress(OptimisationError, np.linalg.LinAlgError):  # else the linear model about the first fit stays
-                u, _ = descend(self._whitened(model, parameters, whitening), u, bounds_of(parameters), CLOSE)
-            predicted, slopes = self.predicted(model, parameters, u)
+                u, _ = descend(self._white_rows(model, parameters, whitening), u, bounds_of(parameters), CLOSE)
+            predicted, slopes = self.predict_row(model, parameters, u)
             if discrepancy is not Discrepancy.FORM:
                 break
-            added = self._added(causes, u, predicted)
+            added = self._added_rows(causes, u, predicted)
             taken, present = (np.linalg.norm(rows, axis=1) for rows in (errors.added, added))
             if (taken <= SHRUNK * present).all():
                 break
@@ -228,14 +228,14 @@ class Fitter:
             solution.log_evidence + inside,
         )
 
-    def _added(self, causes: Sequence[Cause], u: np.ndarray, predicted: np.ndarray) -> tuple[np.ndarray, ...]:
+    def _added_rows(self, causes: Sequence[Cause], u: np.ndarray, predicted: np.ndarray) -> tuple[np.ndarray, ...]:
         """Return what each cause adds to the prediction (n,), the numbers as they are."""
         rows = []
         for cause in causes:
             others = [other_cause for other_cause in causes if other_cause is not cause]
             model, parameters = self.having(others)
             retained = self._own(causes, others)
-            row, _ = self.predicted(model, parameters, u[retained])
+            row, _ = self.predict_row(model, parameters, u[retained])
             rows.append(np.nan_to_num(predicted - row))
         return tuple(rows)
 

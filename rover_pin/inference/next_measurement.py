@@ -125,7 +125,7 @@ def next_measurement(
     if_known: list[tuple[float, Offer, list[Expected]]] = []
     for offer in offers:
         progress(f"predicting {offer.label}")
-        expected = [_expected(offer, hypothesis, hypotheses[0]) for hypothesis in hypotheses]
+        expected = [_expectation(offer, hypothesis, hypotheses[0]) for hypothesis in hypotheses]
         if_known.append((_best(weights, offer, expected, offer.unmeasured).nats, offer, expected))
     choices: list[_Choice] = []
     for _, offer, known in sorted(if_known, key=lambda row: -row[0])[:CLOSER]:
@@ -159,14 +159,14 @@ def _best(weights: np.ndarray, offer: Offer, expected: Sequence[Expected], witho
     used = ~np.isin(channel, [offer.experiment.channels.index(name) for name in without])
     foreseen = np.all([np.isfinite(outlook.mean) for outlook in expected], axis=0)
     folds = [used & (fold == at) for at in range(len(offer.experiment.folds))]
-    nats = [_informed(weights, expected, rows) if foreseen[rows].all() else 0.0 for rows in folds]
+    nats = [_information(weights, expected, rows) if foreseen[rows].all() else 0.0 for rows in folds]
     at = int(np.argmax(nats))
-    by_channel = [_informed(weights, expected, folds[at] & (channel == which)) for which in range(channel.max() + 1)]
+    by_channel = [_information(weights, expected, folds[at] & (channel == which)) for which in range(channel.max() + 1)]
     also = offer.in_addition if len(without) < len(offer.unmeasured) else ""
     return _Choice(nats[at], offer.experiment.folds[at] + also, offer.experiment.channels[int(np.argmax(by_channel))])
 
 
-def _informed(weights: np.ndarray, expected: Sequence[Expected], rows: np.ndarray) -> float:
+def _information(weights: np.ndarray, expected: Sequence[Expected], rows: np.ndarray) -> float:
     if not rows.any():
         return 0.0
     mean, covariance = zip(*(outlook.at(rows) for outlook in expected), strict=True)
@@ -185,7 +185,7 @@ def information(weights: np.ndarray, mean: np.ndarray, covariance: np.ndarray) -
     return max(0.0, -float(weights @ logsumexp(-distance, b=weights[None], axis=1)))
 
 
-def _expected(offer: Offer, hypothesis: Hypothesis, first: Hypothesis) -> Expected:
+def _expectation(offer: Offer, hypothesis: Hypothesis, first: Hypothesis) -> Expected:
     """Return what a set of causes expects of an offer, as if its numbers were known."""
     experiment, noise = offer.experiment, offer.noise
     predicted = experiment.predict([offer.meets(hypothesis.fit.model)])[0]

@@ -3,7 +3,7 @@
 Rows have besides T v, v ~ N(0, a^2 I): with S = T'W T / s^2 - C'H^-1 C and e = T'W r / s^2 - C'H^-1 g, C = A'W T / s^2,
     ln Z(with T) - ln Z = e'(S + I / a^2)^-1 e / 2 - ln|I + a^2 S| / 2.
 Amplitudes a are weighed by their prior, functions alike: at most one of them acts. W are the weights of rows as the fit
-leaves them; with the likeliest function they are taken anew (`_reweighed`), for what it explains is no stray.
+leaves them; with the likeliest function they are taken anew (`_robust_evidence`), for what it explains is no stray.
 Source: Rasmussen and Williams, Gaussian Processes for Machine Learning (2006), section 2.7.
 """
 
@@ -57,7 +57,7 @@ class _Projected(NamedTuple):
         )
 
 
-def _reweighed(expansion: Expansion, laplace: Laplace, columns: Columns, amplitude: float) -> FunctionEvidence:
+def _robust_evidence(expansion: Expansion, laplace: Laplace, columns: Columns, amplitude: float) -> FunctionEvidence:
     """Return what the data say with a function of one amplitude, rows and noise weighed by what is left with it.
 
     minimise huber(r_0 + A d - T v) / s^2 + |u_0 + d|^2 + |v|^2 / a^2 by turns of weights, s and (d, v);
@@ -108,20 +108,20 @@ def with_functions(fits: Sequence[tuple[Expansion, Laplace]], functions: Iterabl
     likeliest: dict[int, tuple[float, Columns, float]] = {}
     for columns in functions:
         for at, (expansion, laplace) in enumerate(fits):
-            function = _projected(expansion, laplace, columns)
+            function = _project_columns(expansion, laplace, columns)
             by_amplitude = function.gains(amplitudes)
             gains[at].append(float(logsumexp(by_amplitude, b=NODE_WEIGHTS)))
             if at not in likeliest or by_amplitude.max() > likeliest[at][0]:
                 likeliest[at] = float(by_amplitude.max()), columns, float(amplitudes[by_amplitude.argmax()])
     evidence = []
     for at, (linear, columns, amplitude) in likeliest.items():
-        best = _reweighed(*fits[at], columns, amplitude)
+        best = _robust_evidence(*fits[at], columns, amplitude)
         total = float(logsumexp(gains[at])) - math.log(len(gains[at]))
         evidence.append(best._replace(gain=total + best.gain - linear))
     return evidence
 
 
-def _projected(expansion: Expansion, laplace: Laplace, columns: Columns) -> _Projected:
+def _project_columns(expansion: Expansion, laplace: Laplace, columns: Columns) -> _Projected:
     count, weights = len(laplace.mean), expansion.weights / laplace.scale**2
     cross = columns.across(weights[:, None] * expansion.columns[:, :count])
     gradient = expansion.whole.slope[0][:count] / laplace.scale**2 + expansion.u[:count]

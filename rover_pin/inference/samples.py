@@ -81,7 +81,7 @@ def samples_of(experiment: Experiment, sd: np.ndarray, inputs: np.ndarray) -> Sa
         np.swapaxes(observed, 0, 1)[good],
         np.swapaxes(sd, 0, 1)[good],
         fold,
-        _scaled(rows),
+        _scale_inputs(rows),
         order,
         tuple(
             np.flatnonzero((channel == at) & (campaign[fold] == of))
@@ -93,7 +93,7 @@ def samples_of(experiment: Experiment, sd: np.ndarray, inputs: np.ndarray) -> Sa
     )
 
 
-def _scaled(rows: np.ndarray) -> np.ndarray:
+def _scale_inputs(rows: np.ndarray) -> np.ndarray:
     """Return inputs (inputs, n) as (n, inputs), each over its range; those that never change are left out."""
     ranges = np.ptp(rows, axis=1)
     varied = ranges > SAME_INPUT

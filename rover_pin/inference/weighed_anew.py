@@ -44,10 +44,10 @@ def drawn_models(beliefs: Beliefs, count: int, seed: int = 0) -> list[Any]:
     fitted = [(weight, row) for weight, row in zip(beliefs.weights, beliefs.hypotheses, strict=True) if row.is_fitted]
     edges = np.cumsum([weight for weight, _ in fitted])
     places = np.searchsorted(edges, edges[-1] * (np.arange(count) + random.random()) / count)
-    return [_drawn(fitted[min(place, len(fitted) - 1)][1], random) for place in places]
+    return [_draw_model(fitted[min(place, len(fitted) - 1)][1], random) for place in places]
 
 
-def _drawn(hypothesis: Hypothesis, random: np.random.Generator) -> Any:
+def _draw_model(hypothesis: Hypothesis, random: np.random.Generator) -> Any:
     names = [parameter.name for parameter in hypothesis.parameters]
     mean, sd = np.array([hypothesis.moments(name) for name in names]).reshape(-1, 2).T
     covariance = hypothesis.posterior.covariance[: len(names), : len(names)]

@@ -18,7 +18,7 @@ BOUNDS = quantities(RateDependence)["c_r"]
 
 
 def started(candidate, amplitudes, u, share=1.0):
-    return Signature(candidate, amplitudes, np.zeros(1), share).started(u)
+    return Signature(candidate, amplitudes, np.zeros(1), share).start_numbers(u)
 
 
 # --- where a refit starts --------------------------------------------------------------------------------------------
@@ -63,7 +63,7 @@ def test_what_loses_a_prediction_is_tried_at_a_small_share():
     assert [row.share for row in rows] == [SMALL, 1.0]
     assert rows[0].amplitudes == {"p.a": SMALL}
     assert rows[0].column == pytest.approx(SIZE_SD * experiment.columns["p"], abs=1e-9)
-    assert rows[0].started(0.05) == {"p.a": pytest.approx(0.1)}
+    assert rows[0].start_numbers(0.05) == {"p.a": pytest.approx(0.1)}
 
 
 def test_a_freed_number_moves_by_its_slope():

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from rover_pin.estimation.parameter import Parameter
-from rover_pin.estimation.random_effects.learnt_noise import saturated, with_learnt_noise
+from rover_pin.estimation.random_effects.learnt_noise import residuals, with_learnt_noise
 from tests.inference import linear_search as toys
 
 RHO, SD, COMMON = np.array([0.6, 0.0, 0.3]), np.array([0.2, 1.0, 3.0]), 0.7
@@ -103,7 +103,7 @@ def test_what_nothing_explains_is_what_least_squares_leave(far, chance):
     random = np.random.default_rng(4)
     base, shifts = based(random, far), list(3.0 * random.normal(size=(2, 3, 2, 7)))
     field = SimpleNamespace(moved=random.normal(size=(2, 3, 2, 7)), kind=np.array([0, 1]), kinds=("grip", "slope"))
-    left, absorbed = saturated(base, shifts, field if chance else None)
+    left, absorbed = residuals(base, shifts, field if chance else None)
     moved = np.array([base.slopes["a"], base.slopes["b"], *shifts, *(field.moved if chance else ())])
     X = moved.reshape(len(moved), -1).T
     root = np.sqrt(weights_of(base.rows))

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from rover_pin.estimation.descent import _bounded, _damped, _step
+from rover_pin.estimation.descent import _damped_step, _step, _step_to_bound
 from rover_pin.estimation.parameter import Parameter
 
 # --- coordinates -----------------------------------------------------------------------------------------------------
@@ -35,7 +35,7 @@ NEWTON = -np.linalg.lstsq(J, R, rcond=None)[0]
 @pytest.mark.parametrize("share", [3.0, 1.001, 0.5, 0.01])
 def test_a_damped_step_is_the_best_of_its_length(share):
     radius = share * np.linalg.norm(NEWTON)
-    step, newton = _damped(J, R, radius)
+    step, newton = _damped_step(J, R, radius)
     assert newton == (share >= 1)
     gradient = J.T @ (R + J @ step)
     if newton:
@@ -52,8 +52,8 @@ def test_a_damped_step_does_not_depend_on_the_rows_unit(unit):
     draw = np.random.default_rng(2)
     A, r = draw.normal(size=(8, 3)), draw.normal(size=8)
     for radius in (0.1, 100.0):
-        step, newton = _damped(unit * A, unit * r, radius)
-        assert step == pytest.approx(_damped(A, r, radius)[0], rel=1e-6)
+        step, newton = _damped_step(unit * A, unit * r, radius)
+        assert step == pytest.approx(_damped_step(A, r, radius)[0], rel=1e-6)
         assert newton is (radius > 1.0)
 
 
@@ -62,7 +62,7 @@ def test_a_damped_step_does_not_depend_on_the_rows_unit(unit):
     [([0.3, -0.2], [0.3, -0.2]), ([2.0, -0.5], [1.0, -0.25]), ([-1.0, -4.0], [-0.5, -2.0]), ([0.0, 5.0], [0.0, 2.0])],
 )
 def test_a_step_ends_on_the_first_bound_in_its_own_direction(step, ends):
-    found = _bounded(np.zeros(2), np.array(step), np.array([-1.0, -2.0]), np.array([1.0, 2.0]))
+    found = _step_to_bound(np.zeros(2), np.array(step), np.array([-1.0, -2.0]), np.array([1.0, 2.0]))
     assert found == pytest.approx(ends)
 
 

@@ -18,13 +18,13 @@ def with_learnt_noise(base: Fit, shifts: Sequence[np.ndarray]) -> Fit:
     experiment = base.task.experiment
     least, field = experiment.least_noise(base.model), experiment.random_field(base.model)
     for _ in range(TURNS):
-        unexplained, absorbed = saturated(base, shifts, field)
+        unexplained, absorbed = residuals(base, shifts, field)
         noisy = with_noise(base, unexplained, least, absorbed)
         base = again(noisy if field is None else with_random_effects(noisy, shifts, field), reuse=True)
     return base
 
 
-def saturated(base: Fit, shifts: Sequence[np.ndarray], field: RandomField | None = None) -> tuple[np.ndarray, Absorbed]:
+def residuals(base: Fit, shifts: Sequence[np.ndarray], field: RandomField | None = None) -> tuple[np.ndarray, Absorbed]:
     """Return the residual (runs, channels, blocks) that no shift and no number explains, to tell noise from.
 
     Nor does the random field, of which as much is explained as its SDs allow, at first the sizes of its columns.

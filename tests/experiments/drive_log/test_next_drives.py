@@ -23,7 +23,7 @@ from rover_pin.experiments.drive_log.experiment import experiment_of
 from rover_pin.experiments.drive_log.features import logged_run
 from rover_pin.experiments.drive_log.next_drives import _choice, _offer_of_run, next_drives
 from rover_pin.experiments.drive_log.parameters import parameter
-from rover_pin.inference.next_measurement import _expected, _uncertain, next_measurement
+from rover_pin.inference.next_measurement import _expectation, _uncertain, next_measurement
 from rover_pin.simulation.replay import PERIOD, Commands, Replay, replay
 from rover_pin.simulation.sensors import Sensors, measure
 from rover_pin.simulation.start.place import Start
@@ -129,7 +129,7 @@ def test_the_proposed_drive_tells_who_is_right(tilted, truth):
         own = SimpleNamespace(
             fit=each, experiment=each.task.experiment, posterior=SimpleNamespace(covariance=each.covariance)
         )
-        expected = _uncertain(offer, own, _expected(offer, own, own))
+        expected = _uncertain(offer, own, _expectation(offer, own, own))
         table = np.full(offer.noise.good.shape, np.nan)
         table[0, [offer.experiment.channels.index(name) for name in names]] = log.observed[
             [log.channels.index(name) for name in names]
