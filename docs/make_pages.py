@@ -18,7 +18,7 @@ from mkdocs.structure.files import File, Files
 
 from rover_pin.base.settings import Setting
 from rover_pin.cli.app import app
-from rover_pin.cli.terminal import allowed, fact, format_value
+from rover_pin.cli.terminal import fact, format_value, limits_of
 from rover_pin.scenarios import catalogue
 
 ROOT = Path(__file__).parents[1]
@@ -104,7 +104,7 @@ def _settings() -> str:
 
 def _table(numbers: Any) -> str:
     rows = ["| name | default | allowed | from |", "| --- | --- | --- | --- |"]
-    rows += [f"| `{each.name}` | {_default(each)} | {allowed(each)} | {_plain(each.source)} |" for each in numbers]
+    rows += [f"| `{each.name}` | {_default(each)} | {limits_of(each)} | {_plain(each.source)} |" for each in numbers]
     return "\n".join(rows)
 
 

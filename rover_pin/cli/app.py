@@ -89,12 +89,12 @@ def drive(
     chosen = ready(scenario, **settings)
     untouched = [name for name in SEEN if name not in views]
     with stoppable(out, ("log/drive.toml", "snapshots.png", "history.png", *views), untouched), alone_in(out):
-        _driven(chosen, views, out, as_json)
+        _drive_scenario(chosen, views, out, as_json)
     if open_:
         open_page(out)
 
 
-def _driven(chosen: Any, views: list[str], out: Path, as_json: bool) -> None:
+def _drive_scenario(chosen: Any, views: list[str], out: Path, as_json: bool) -> None:
     with progress(f"driving {chosen.name}", chosen.duration, silent=as_json) as advance:
         trace = chosen.drive(advance)
     log.debug("driven: %d rows of the trace", len(trace["t_s"]))

@@ -86,10 +86,10 @@ class Speaking(TyperGroup):
         try:
             return super().invoke(ctx)
         except MISTYPED as error:
-            raise ParameterError(_refused(error)) from None
+            raise ParameterError(_refusal(error)) from None
 
 
-def _refused(error: Any) -> str:
+def _refusal(error: Any) -> str:
     meant = _setting_meant(error)
     if meant:
         return f"{error.option_name} is no option of {error.ctx.info_name} but a setting: --set {meant}=..."

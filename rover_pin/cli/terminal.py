@@ -119,7 +119,7 @@ def numbers_table(settings: Iterable[Setting]) -> None:
     """Print what can be set, a line each: default with unit, bounds or choices, source."""
     rows = [("name", "default", "allowed", "from")]
     rows += [
-        (setting.name, format_value(setting.value, setting.unit), allowed(setting), setting.source)
+        (setting.name, format_value(setting.value, setting.unit), limits_of(setting), setting.source)
         for setting in settings
     ]
     widths = [min(max(len(row[i]) for row in rows), WIDEST) for i in range(3)]
@@ -158,7 +158,7 @@ def format_value(value: Any, unit: str = "") -> str:
     return f"{value:.6g} {unit}".rstrip() + (degrees if "/s" not in unit else "")
 
 
-def allowed(setting: Setting) -> str:
+def limits_of(setting: Setting) -> str:
     """Return the choices or bounds of a setting as the table has them; of a number without, that any is allowed."""
     if setting.choices:
         return ", ".join(setting.choices)

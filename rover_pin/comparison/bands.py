@@ -70,15 +70,15 @@ def drive_on_models(
     """
     jobs = [(name, str(file), settings) for file in files]
     scenario(name, **{**settings, "model": str(files[0])})  # what is refused is refused before any drive
-    drives = list(results(_driven, jobs, workers or -1))
+    drives = list(results(_drive_scenario, jobs, workers or -1))
     t = max((drive[0] for drive in drives), key=len)
-    x, slip, sinkage = (np.array([_held(drive[at], len(t)) for drive in drives]) for at in (1, 2, 3))
+    x, slip, sinkage = (np.array([_hold_end(drive[at], len(t)) for drive in drives]) for at in (1, 2, 3))
     kinds, stops, sentences = zip(*(drive[4:] for drive in drives), strict=True)
     buried = tuple(stop.startswith("buried") for stop in stops)
     return Bands(t, x, slip, sinkage, tuple(kind in FAILED for kind in kinds), buried, sentences)
 
 
-def _driven(name: str, file: str, settings: dict[str, Any]) -> tuple[Any, ...]:
+def _drive_scenario(name: str, file: str, settings: dict[str, Any]) -> tuple[Any, ...]:
     trace = scenario(name, **{**settings, "model": file}).drive(measure_error=False)
     outcome = drive_outcome(trace)
     kind, sentence = ("", "not known") if outcome is None else (outcome.kind, outcome.sentence)
@@ -89,7 +89,7 @@ def _channels(trace: Trace) -> tuple[np.ndarray, ...]:
     return trace.t, trace["body_x"], trace.stack("slip").mean(axis=1), trace.stack("sinkage").max(axis=1)
 
 
-def _held(values: np.ndarray, count: int) -> np.ndarray:
+def _hold_end(values: np.ndarray, count: int) -> np.ndarray:
     return np.pad(values, (0, count - len(values)), mode="edge")
 
 

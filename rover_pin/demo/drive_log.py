@@ -74,7 +74,7 @@ def write(folder: Path, hidden: str, seed: int, rover: str = "nexus6", progress:
         named_from(folder, rover),
         wheels=tuple(wheel.name for wheel in model.rover.wheels),
         terrain=write_terrain(folder, model.terrain),
-        soil=_known(model.soils[0]),
+        soil=_known_constants(model.soils[0]),
         motor=as_table(model.motor),
     )
     write_drive_log(folder, traces, metadata)
@@ -130,7 +130,7 @@ def _drifting(log: Trace, random: np.random.Generator) -> Trace:
     return dataclasses.replace(log, channels={**log.channels, **drifted})
 
 
-def _known(soil: Soil) -> dict[str, dict[str, object]]:
+def _known_constants(soil: Soil) -> dict[str, dict[str, object]]:
     """Return the declared constants with their SDs."""
     table = as_table(soil)
     sds = {"phi": PHI_SD, "k": K_SD * float(soil.k), "k_1": K_SD * float(soil.k_1)}

@@ -218,13 +218,13 @@ def start_on(data: RigSet | DriveLog, file: str | Path, trust: Trust = Trust()) 
     kind = read_toml(Path(file)).get("kind")
     if isinstance(data, DriveLog):
         of_rig = kind == RIG_KIND
-        return _driven(data, read_rig_model(file, trust), file) if of_rig else read_model(file, data.terrain(), trust)
+        return _on_drive(data, read_rig_model(file, trust), file) if of_rig else read_model(file, data.terrain(), trust)
     if kind == KIND:
         return _on_rig(data, read_model(file, flat(), trust), file)
     return read_rig_model(file, trust)
 
 
-def _driven(drive: DriveLog, wheel: RigModel, file: str | Path) -> Model:
+def _on_drive(drive: DriveLog, wheel: RigModel, file: str | Path) -> Model:
     tractions = [effect for effect in wheel.effects if isinstance(effect, SoilTraction)]
     if len(tractions) != 1:
         raise DataError(f"{file}: a wheel's model that a rover is to drive on must have one [[effect]] SoilTraction.")

@@ -59,7 +59,7 @@ def _of_motor(log: DriveLog, motor: Motor, points: TractionPoints) -> Iterator[S
         if sd > 0.0 and not (name in sds and name in IN_POINTS):
             source = declared_in("motor", name, log.metadata.motor, sds)
             number = parameter_of(f"motor.{name}", motor, sd, declared=source)
-            yield Shift(number, _moved(drive_points(log, motor.replace(**{name: value + sd})), points))
+            yield Shift(number, _moved_factor(drive_points(log, motor.replace(**{name: value + sd})), points))
 
 
 def _of_lag(log: DriveLog, motor: Motor, lag: RelaxedSlip, points: TractionPoints) -> Iterator[Shift]:
@@ -69,10 +69,10 @@ def _of_lag(log: DriveLog, motor: Motor, lag: RelaxedSlip, points: TractionPoint
         sd = DECLARED_SD * value
         if sd > 0.0:
             shifted = drive_points(log, motor, SAMPLING, lag.replace(**{name: value + sd}))
-            yield Shift(parameter_of(f"RelaxedSlip.{name}", lag, sd), _moved(shifted, points))
+            yield Shift(parameter_of(f"RelaxedSlip.{name}", lag, sd), _moved_factor(shifted, points))
 
 
-def _moved(shifted: TractionPoints, points: TractionPoints) -> np.ndarray:
+def _moved_factor(shifted: TractionPoints, points: TractionPoints) -> np.ndarray:
     """Return what a model must add to its factor at each point where the log was read with a wrong number.
 
     The points of the right number are higher by their difference; each is compared with the nearest of them by slip

@@ -61,7 +61,7 @@ def close_drive_loop(
         if poor:
             verdict = Verdict("drive-log", Answer.CANNOT_TELL, log.metadata.name, poor, start, findings=findings(log))
         else:
-            verdict = _decided(log, start, effects, memory, (progress, jobs, request.seed))
+            verdict = _reach_verdict(log, start, effects, memory, (progress, jobs, request.seed))
         verdict.provenance.update(provenance(request, time.monotonic() - begun))
         if folder is None:
             return verdict
@@ -71,7 +71,7 @@ def close_drive_loop(
     return verdict
 
 
-def _decided(
+def _reach_verdict(
     log: DriveLog, start: Model, effects: str | Path | None, memory: Memory, options: tuple[Progress, Workers, int]
 ) -> Verdict:
     progress, jobs, seed = options

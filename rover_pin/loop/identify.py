@@ -98,7 +98,7 @@ def identify(
         tuple(_estimates(side.numbers, covariance)),
         side.misfit,
         tuple(_channel_fits(side)),
-        _held(question, side.model),
+        _held_constants(question, side.model),
         _elsewhere(side),
         covariance / np.outer(size, size),
     )
@@ -124,11 +124,11 @@ def _with_numbers(question: Question, priors: Mapping[str, Prior], fixed: Mappin
     for name, prior in priors.items():
         full = _full_name(name)
         number = numbers.get(full) or experiment.parameter(model, full, prior.sd)
-        numbers[full] = _known(number, prior, experiment.quantity(model, full))
+        numbers[full] = _apply_prior(number, prior, experiment.quantity(model, full))
     return dataclasses.replace(question, model=model, numbers=tuple(map(proper, numbers.values())))
 
 
-def _known(number: Parameter, prior: Prior, spec: Any) -> Parameter:
+def _apply_prior(number: Parameter, prior: Prior, spec: Any) -> Parameter:
     check("prior", number.name, prior.mean, spec)
     is_log = number.log and prior.mean > 0
     sd = prior.sd / prior.mean if is_log else prior.sd
@@ -167,7 +167,7 @@ def _channel_fits(side: Side) -> list[ChannelFit]:
     return [ChannelFit(name, experiment.unit(name), count, rms) for name, count, rms in rows]
 
 
-def _held(question: Question, model: Any) -> dict[str, float]:
+def _held_constants(question: Question, model: Any) -> dict[str, float]:
     """Return the constants of wheel and soil that were not free."""
     free = {number.name for number in question.numbers}
     records = question.experiment.records(model)

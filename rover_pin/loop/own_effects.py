@@ -29,7 +29,7 @@ def refuse_unfit_effects(path: str | Path) -> None:
         where = f"{path}: {kind.__name__}"
         _refuse_no_neutral(kind, where)
         try:
-            _run(kind, model)
+            _try_effect(kind, model)
         except Exception as error:
             file, line = inspect.getfile(kind), inspect.getsourcelines(kind)[1]
             if isinstance(error, RoverPinError) and file not in str(error):
@@ -56,7 +56,7 @@ def _refuse_no_neutral(kind: type[AnyEffect], where: str) -> None:
         raise DataError(f"{where} has a neutral value for '{strange[0]}', which is no quantity of it: {has}")
 
 
-def _run(kind: type[AnyEffect], model: Model) -> None:
+def _try_effect(kind: type[AnyEffect], model: Model) -> None:
     """Make the effect, move it to its neutral values and write its formulas out."""
     effect = reading_traction(kind(), model.effects)
     effect.replace(**effect.neutral)

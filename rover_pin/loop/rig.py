@@ -45,7 +45,7 @@ def close_rig_loop(
     say_what_is_replaced(request.out, OF_A_LOOP)
     verdict = on_rig(experiment, model, rig_kinds(request.effects), progress, request.seed)
     verdict.provenance.update(provenance(request, time.monotonic() - begun))
-    return verdict if request.out is None else _written(verdict, experiment, request, progress)
+    return verdict if request.out is None else _write_files(verdict, experiment, request, progress)
 
 
 def question_of(
@@ -117,7 +117,7 @@ def _of_sets(verdict: Verdict, experiment: RigExperiment, declared: tuple[str, .
     )
 
 
-def _written(verdict: Verdict, experiment: RigExperiment, request: LoopRequest, progress: Progress) -> Verdict:
+def _write_files(verdict: Verdict, experiment: RigExperiment, request: LoopRequest, progress: Progress) -> Verdict:
     """Write the files and return the verdict with their paths."""
     progress("writing the report")
     out = Path(str(request.out))

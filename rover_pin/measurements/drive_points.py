@@ -95,7 +95,7 @@ def drive_points(
         )
     lag, angles = lag or usual_slip(rover), usual_angles(rover, log.metadata.angles)
     by_load = sampling.loads if isinstance(angles, SinkageAngles) else math.inf
-    classes = classed([pair for windows in runs for pair in soil_windows(windows, length, lag)], sampling, by_load)
+    classes = classify([pair for windows in runs for pair in soil_windows(windows, length, lag)], sampling, by_load)
     if not classes:
         raise DataError(
             f"{log.folder}: no class of slip has {sampling.least} steady windows of {length:g} s: drive longer at "
@@ -136,11 +136,11 @@ def soil_windows(windows: Sequence[Window], length: float, lag: RelaxedSlip) -> 
     return pairs
 
 
-def classed(pairs: Sequence[tuple[float, Window]], sampling: Sampling, by_load: float = math.inf) -> list[list[Window]]:
-    """Return the classes of windows that are full enough, by what stands beside them and by ln W in steps `by_load`."""
+def classify(pairs: Sequence[tuple[float, Window]], sampling: Sampling, loads: float = math.inf) -> list[list[Window]]:
+    """Return the classes of windows that are full enough, by what stands beside them and by ln W in steps `loads`."""
     classes: dict[tuple[int, int], list[Window]] = {}
     for beside, window in pairs:
-        key = (math.floor(beside * sampling.levels), math.floor(math.log(window.load) / by_load))
+        key = (math.floor(beside * sampling.levels), math.floor(math.log(window.load) / loads))
         classes.setdefault(key, []).append(window)
     return [windows for _, windows in sorted(classes.items()) if len(windows) >= sampling.least]
 

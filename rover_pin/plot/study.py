@@ -48,7 +48,7 @@ def study_figure(name: str, table: Any, units: Mapping[str, str], logarithmic: S
     """
     done = table[table["error"].isna()]
     numbers = {
-        parameter: _shown(done[parameter], parameter, units[parameter], parameter in logarithmic)
+        parameter: _shown_parameter(done[parameter], parameter, units[parameter], parameter in logarithmic)
         for parameter in units
         if _varies(done, parameter)
     }
@@ -73,7 +73,7 @@ def _varies(table: Any, name: str) -> bool:
     return values.dtype.kind in "fi" and values.nunique() > 1
 
 
-def _shown(values: Any, name: str, unit: str, log: bool) -> Shown:
+def _shown_parameter(values: Any, name: str, unit: str, log: bool) -> Shown:
     """Return a parameter in what a reader counts in: angles in degrees."""
     numbers = values.to_numpy(float)
     if unit == "rad":
@@ -116,7 +116,7 @@ def _maps(part: Any, columns: list[Shown], outcome: np.ndarray, name: str, kinds
         axes.scatter(x.values[mask], y.values[mask], c=outcome[mask], cmap="cividis", norm=scale, s=42, ec="k", lw=0.3)
         axes.set(xlabel=x.label, ylabel=y.label if axes is panels[0] else "")
         axes.set_title(f"{kind} = {category}" if kind else "", fontsize=9)
-        _scaled(axes, x, y)
+        _set_scales(axes, x, y)
     part.colorbar(ScalarMappable(scale, "cividis"), ax=list(panels), label=_label(name))
 
 
@@ -137,12 +137,12 @@ def _row(part: Any, columns: list[Shown], outcome: np.ndarray, name: str, kinds:
                 label=category,
             )
         axes.set(xlabel=column.label, ylabel=_label(name) if axes is panels[0] else "")
-        _scaled(axes, column)
+        _set_scales(axes, column)
     if kind:
         panels[-1].legend(title=kind, fontsize=7, title_fontsize=7)
 
 
-def _scaled(axes: Axes, x: Shown, y: Shown | None = None) -> None:
+def _set_scales(axes: Axes, x: Shown, y: Shown | None = None) -> None:
     axes.grid(alpha=0.3)
     axes.set_xscale("log" if x.log else "linear")
     if y is not None:

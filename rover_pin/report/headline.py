@@ -23,7 +23,7 @@ def improvement(verdict: Verdict, labels: Labels) -> str:
     """Return what is predicted better by how much, of what nothing may be claimed, and what else is to be known."""
     sentence = ""
     if verdict.named:
-        sentence = _changed(verdict, labels)
+        sentence = _change_sentence(verdict, labels)
     elif verdict.answer is Answer.NONE_NEEDED and verdict.scores:
         sentence = f"at worst {_off(verdict, labels)} {labels.unseen}."
     return " ".join(filter(None, (capital(sentence), labels.besides)))
@@ -43,7 +43,7 @@ def worst(scores: Sequence[ChannelScore]) -> list[ChannelScore]:
     return sorted(scores, key=lambda score: (not score.worded.lost, -score.times(score.before)))
 
 
-def _changed(verdict: Verdict, labels: Labels) -> str:
+def _change_sentence(verdict: Verdict, labels: Labels) -> str:
     better, worse = (by_outcome(verdict.scores, outcome) for outcome in (Outcome.BETTER, Outcome.WORSE))
     if not better:
         return f"no channel is predicted better {labels.unseen} beyond its scatter."
@@ -94,11 +94,11 @@ def _amplitudes(verdict: Verdict, name: str) -> list[str]:
     return [f"{number.name.rpartition('.')[2]} = {with_interval(number)}" for number in numbers]
 
 
-def _named(verdict: Verdict, labels: Labels) -> str:
+def _named_sentence(verdict: Verdict, labels: Labels) -> str:
     return _choice(verdict, labels, [verdict.named]) + "."
 
 
-def _set(verdict: Verdict, labels: Labels) -> str:
+def _set_sentence(verdict: Verdict, labels: Labels) -> str:
     sets = [tuple(names.split(" + ")) if names != "nothing" else () for names in verdict.indistinguishable[:3]]
     return f"either {_choice(verdict, labels, sets or [verdict.named])}: these data cannot tell."
 
@@ -130,7 +130,7 @@ def _none_needed(verdict: Verdict, labels: Labels) -> str:
     return f"nothing needs to be added: none of the {verdict.tried} candidates acts, with probability {none:.2f}."
 
 
-def _unexplained(verdict: Verdict, labels: Labels) -> str:
+def _unexplained_sentence(verdict: Verdict, labels: Labels) -> str:
     rival = f"{verdict.rival}; " if verdict.rival else ""
     off = f"{_off(verdict, labels)} {labels.unseen}, and " if verdict.scores else ""
     return (
@@ -147,11 +147,11 @@ def _cannot_tell(verdict: Verdict, labels: Labels) -> str:
 
 
 SENTENCES: dict[Answer, Callable[[Verdict, Labels], str]] = {
-    Answer.NAMED: _named,
-    Answer.SET: _set,
+    Answer.NAMED: _named_sentence,
+    Answer.SET: _set_sentence,
     Answer.LIKE: _like,
     Answer.NONE_NEEDED: _none_needed,
-    Answer.NONE_FITS: _unexplained,
+    Answer.NONE_FITS: _unexplained_sentence,
     Answer.INADEQUATE: _inadequate,
     Answer.CANNOT_TELL: _cannot_tell,
 }

@@ -30,7 +30,7 @@ NEXT = {
 
 def supporting_reasons(verdict: Verdict, labels: Labels) -> list[str]:
     """Return what speaks for a verdict."""
-    lines = (*_added(verdict, labels), *_nothing_added(verdict, labels))
+    lines = (*_added_reasons(verdict, labels), *_nothing_added(verdict, labels))
     return _as_sentences(verdict, map(labels.placed, (*lines[:1], *labels.evidence, *lines[1:])))
 
 
@@ -51,7 +51,7 @@ def _as_sentences(verdict: Verdict, lines: Iterable[str]) -> list[str]:
     return [capital(human(line, kinds)).rstrip(".") + "." for line in dict.fromkeys(lines)]
 
 
-def _added(verdict: Verdict, labels: Labels) -> Iterator[str]:
+def _added_reasons(verdict: Verdict, labels: Labels) -> Iterator[str]:
     if not verdict.named or verdict.before is None or verdict.after is None:
         return
     better, worse = (by_outcome(verdict.scores, outcome) for outcome in (Outcome.BETTER, Outcome.WORSE))
@@ -62,7 +62,7 @@ def _added(verdict: Verdict, labels: Labels) -> Iterator[str]:
             f"{labels.unseen} {len(better)} of {len(verdict.scores)} channels are predicted better beyond their "
             f"scatter, {len(worse)} worse: {change}"
         )
-    yield from _chosen(verdict, labels, True)
+    yield from _choice_reasons(verdict, labels, True)
     if verdict.share > 0:
         yield f"it takes {verdict.share:.0%} of what the base model misses beyond the noise {labels.unseen}"
     before, after = two_digits(verdict.before.misfit), two_digits(verdict.after.misfit)
@@ -76,7 +76,7 @@ def _nothing_added(verdict: Verdict, labels: Labels) -> Iterator[str]:
     yield f"{verdict.tried} candidates were weighed, alone and together, with all uncertain numbers free"
 
 
-def _chosen(verdict: Verdict, labels: Labels, agreeing: bool) -> Iterator[str]:
+def _choice_reasons(verdict: Verdict, labels: Labels, agreeing: bool) -> Iterator[str]:
     """Yield that most folds choose the same again, or, if not `agreeing`, that they do not."""
     agree, folds = verdict.agreeing_folds, len(verdict.chosen)
     if folds and (2 * agree > folds) is agreeing:
@@ -88,7 +88,7 @@ def _doubts(verdict: Verdict, labels: Labels) -> Iterator[str]:
     for score in by_outcome(verdict.scores, Outcome.WORSE):
         yield f"{labels.channel(score.name)} is predicted worse by {share(score.change)} {labels.unseen}"
     if verdict.named:
-        yield from _chosen(verdict, labels, False)
+        yield from _choice_reasons(verdict, labels, False)
     if len(verdict.indistinguishable) > 1:
         yield f"{listing(verdict.indistinguishable[1:4], 'or')} cannot be distinguished from it by these data"
     worst_run = max(verdict.runs, key=lambda run_score: run_score.after / max(run_score.before, 1e-9), default=None)

@@ -44,11 +44,11 @@ def svg(figure: Figure, name: str, alt: str) -> str:
     for colour, ink in INKS.items():
         text = text.replace(colour, ink)
     width = float(figure.get_figwidth()) * 72 * PIXELS
-    head = f'<svg role="img" aria-label="{_escaped(alt)}" style="width:{width:.0f}px" class="figure"'
+    head = f'<svg role="img" aria-label="{_escape_text(alt)}" style="width:{width:.0f}px" class="figure"'
     text = re.sub(r'<svg ([^>]*?)width="[^"]*"', r"<svg \1", text, count=1)
     text = re.sub(r'<svg ([^>]*?)height="[^"]*"', r"<svg \1", text, count=1)
     return text.replace("<svg", head, 1)
 
 
-def _escaped(text: str) -> str:
+def _escape_text(text: str) -> str:
     return text.replace("&", "&amp;").replace("<", "&lt;").replace('"', "&quot;")

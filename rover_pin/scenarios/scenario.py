@@ -181,16 +181,16 @@ def scenario(name: str, /, **settings: Any) -> Scenario:
     >>> str(trace.attrs["stop"]), round(float(trace.t[-1]), 1)
     ('duration', 2.0)
     """
-    ready_scenario, _ = _made(name, settings)
+    ready_scenario, _ = _make_scenario(name, settings)
     return ready_scenario
 
 
 def settings_of(name: str, /, **settings: Any) -> tuple[Setting, ...]:
     """Return what can be set of this scenario, as it is with these settings: what `scenario` takes, with defaults."""
-    return tuple(_made(name, settings)[1].known.values())
+    return tuple(_make_scenario(name, settings)[1].known.values())
 
 
-def _made(name: str, settings: Mapping[str, Any]) -> tuple[Scenario, Settings]:
+def _make_scenario(name: str, settings: Mapping[str, Any]) -> tuple[Scenario, Settings]:
     if name not in SCENES:
         raise ParameterError(f"There is no scenario '{name}': {closest(name, SCENES)}")
     scene = SCENES[name]

@@ -96,7 +96,7 @@ def scale_arguments(terrain: Callable[..., Terrain], arguments: Mapping[str, Any
         if parameter.default is not inspect.Parameter.empty
     }
     return {
-        name: _scaled(value, _power(name, units.get(name, "")), size)
+        name: _scale_value(value, _power(name, units.get(name, "")), size)
         for name, value in {**defaults, **arguments}.items()
     }
 
@@ -105,7 +105,7 @@ def _power(name: str, unit: str) -> int:
     return 1 if name == "size" else POWERS.get(unit, 0)
 
 
-def _scaled(value: Any, power: int, size: float) -> Any:
+def _scale_value(value: Any, power: int, size: float) -> Any:
     if isinstance(value, tuple):
-        return tuple(_scaled(element, power, size) for element in value)
+        return tuple(_scale_value(element, power, size) for element in value)
     return value if power == 0 else size**power * value

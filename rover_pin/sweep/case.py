@@ -59,7 +59,7 @@ def run_case(study: Study, case_function: CaseFunction, case: Case) -> Row:
     a folder for compiled code.
     """
     try:
-        outcomes = _checked(study, case_function(study, case))
+        outcomes = _check_outcomes(study, case_function(study, case))
     except (MissingExtraError, CacheError):
         raise
     except Exception as error:
@@ -77,7 +77,7 @@ def _head(case: Case) -> Row:
     return {"case": case.index, "repeat": case.repeat, "seed": case.seed, "key": case.key, **values}
 
 
-def _checked(study: Study, outcomes: Mapping[str, Any]) -> Row:
+def _check_outcomes(study: Study, outcomes: Mapping[str, Any]) -> Row:
     if not isinstance(outcomes, Mapping):
         raise DataError(f"the case's function returned {type(outcomes).__name__}; it must return a mapping.")
     for name, value in outcomes.items():

@@ -67,7 +67,7 @@ def _study(table: dict[str, Any]) -> Study:
 def _plan(entry: Any) -> Plan:
     if not isinstance(entry, Mapping) or "kind" not in entry:
         raise ParameterError('plan needs a kind, as in plan = { kind = "sobol", cases = 64 }.')
-    kind = _chosen(entry["kind"], PLANS, "plan")
+    kind = _choice_of(entry["kind"], PLANS, "plan")
     arguments = {name: value for name, value in entry.items() if name != "kind"}
     _check_keys(arguments, [field.name for field in dataclasses.fields(kind)], f"the plan '{entry['kind']}'")
     if kind is not Grid and "cases" not in arguments:
@@ -108,7 +108,7 @@ def _range(entry: Mapping[str, Any]) -> Range:
     for name in ("low", "high"):
         if name not in entry:
             raise ParameterError(f"the range has no '{name}': give low and high.")
-    scale = _chosen(entry.get("scale", "linear"), SCALES, "scale")
+    scale = _choice_of(entry.get("scale", "linear"), SCALES, "scale")
     return scale(_si(entry["low"], entry), _si(entry["high"], entry))
 
 
@@ -137,7 +137,7 @@ def _si(value: Any, entry: Mapping[str, Any]) -> Any:
     return value * factor
 
 
-def _chosen(word: Any, choices: Mapping[str, Any], what: str) -> Any:
+def _choice_of(word: Any, choices: Mapping[str, Any], what: str) -> Any:
     """Return what a word stands for among the choices."""
     if not isinstance(word, str) or word not in choices:
         raise ParameterError(f"there is no {what} '{word}': {closest(word, choices)}")

@@ -159,7 +159,7 @@ def sweep(
         if pending and case_function is drive_case:
             check_names(study, pending)
         try:
-            _run(store, pending, partial(run_case, study, case_function), workers, scheduler)
+            _run_cases(store, pending, partial(run_case, study, case_function), workers, scheduler)
             results = Results(study.name, store.finish(), store.folder, len(before))
             if picture:
                 _draw(study, results)
@@ -194,7 +194,7 @@ def _units(study: Study) -> dict[str, str]:
     return {name: units.get(name, "") for name in study.parameters}
 
 
-def _run(
+def _run_cases(
     store: Store, pending: Sequence[Case], work: Callable[[Case], Row], workers: int | None, scheduler: str | None
 ) -> None:
     """Run the cases that are left; stopped, say what is kept and where."""

@@ -47,7 +47,7 @@ class Evaluations:
         keys = [key_of(function, job) for job in jobs]
         new = {key: job for key, job in zip(keys, jobs, strict=True) if key not in self.known}
         done = len(jobs) - len(new)
-        for key, result in zip(new, self._computed(function, list(new.values())), strict=True):
+        for key, result in zip(new, self._compute_jobs(function, list(new.values())), strict=True):
             self._remember(key, result)
             done += 1
             if self.progress:
@@ -60,7 +60,7 @@ class Evaluations:
             return "nothing is kept"
         return f"{len(self.known)} evaluations are kept in {self.file}: tune again into the same folder to go on"
 
-    def _computed(self, function: Callable[..., list[float]], jobs: list[tuple[Any, ...]]) -> Any:
+    def _compute_jobs(self, function: Callable[..., list[float]], jobs: list[tuple[Any, ...]]) -> Any:
         return results(function, jobs, self.workers) if jobs else []
 
     def _remember(self, key: str, result: list[float]) -> None:

@@ -38,7 +38,7 @@ class SlipLaw(NamedTuple):
         record = self.hole if name.startswith(HOLE) else self.gains
         return float(getattr(record, name.removeprefix(HOLE)))
 
-    def replaced(self, numbers: Mapping[str, float]) -> SlipLaw:
+    def with_numbers(self, numbers: Mapping[str, float]) -> SlipLaw:
         """Return the law with other numbers, by such names."""
         gains = self.gains.replace(**{name: value for name, value in numbers.items() if not name.startswith(HOLE)})
         of_hole = {name.removeprefix(HOLE): value for name, value in numbers.items() if name.startswith(HOLE)}
@@ -145,7 +145,7 @@ class TuningStudy:
 
     def law(self, unit: Iterable[float]) -> SlipLaw:
         """Return the numbers at a point of the unit cube, one coordinate a free one."""
-        return self.law_before.replaced(
+        return self.law_before.with_numbers(
             {name: value_at(name, bounds, u) for (name, bounds), u in zip(self.free.items(), unit, strict=True)}
         )
 

@@ -81,19 +81,19 @@ def tune_gains(
     with alone_in(out), ending_workers(), workers_of(workers or -1, scheduler) as work:
         evaluations = Evaluations(None if out is None else Path(out), work, progress)
         try:
-            result = _tuned(study, evaluations)
+            result = _tune_law(study, evaluations)
         except (KeyboardInterrupt, SystemExit) as stop:
             stop.add_note(evaluations.resume_hint())
             raise
         return result if out is None else write_result(result, Path(out))
 
 
-def _tuned(study: TuningStudy, evaluations: Evaluations) -> TuningResult:
+def _tune_law(study: TuningStudy, evaluations: Evaluations) -> TuningResult:
     begin = time.perf_counter()
     checks = checked_over(study, evaluations)
     points = search(study, evaluations, checks)
-    polished = [polish(study, evaluations, start) for start in spread(points, study.effort.starts)]
-    candidates = evaluate_points(study, evaluations, [*spread(points, study.effort.keep), *polished])
+    polished = [polish(study, evaluations, start) for start in spread_points(points, study.effort.starts)]
+    candidates = evaluate_points(study, evaluations, [*spread_points(points, study.effort.keep), *polished])
     constant = _constant(study, evaluations)
     if all(score.stuck for candidate in candidates for score in candidate.scores):
         raise OptimisationError(
@@ -113,7 +113,7 @@ def _tuned(study: TuningStudy, evaluations: Evaluations) -> TuningResult:
         evaluations.fresh,
         time.perf_counter() - begin,
         cautions=cautions((*study.training, *study.held_out)),
-        search_notes=(*_on_full(study, checks), *_gained(polished)),
+        search_notes=(*_on_full(study, checks), *_polish_notes(polished)),
         trials=tuple(point.trial for point in points if point.trial),
     )
 
@@ -179,7 +179,7 @@ def _on_full(study: TuningStudy, checks: Sequence[Checked]) -> tuple[str, ...]:
     return (f"the search drives the full rover on {drives}: {refusal(off)}",)
 
 
-def _gained(polished: Sequence[Point]) -> tuple[str, ...]:
+def _polish_notes(polished: Sequence[Point]) -> tuple[str, ...]:
     """Return in words what each polish made of its start."""
     costs = [f"{point.before:.4f} to {point.cost:.4f}" for point in polished]
     return (
@@ -208,7 +208,7 @@ def polish(study: TuningStudy, evaluations: Evaluations, start: Point) -> Point:
     return Point(np.clip(result.x, 0.0, 1.0), float(result.fun), "polish", before=costs[0])
 
 
-def spread(points: Sequence[Point], most: int) -> list[Point]:
+def spread_points(points: Sequence[Point], most: int) -> list[Point]:
     """Return the best points that lie apart from each other, the best first."""
     selected: list[Point] = []
     for point in sorted(points, key=lambda candidate: candidate.cost):

@@ -47,7 +47,7 @@ PLOTS = {"slip": ("slip S [-]", 1.0), "sinkage": ("sinkage [mm]", 1e3), "normal"
 def panel_of(subject: Subject, others: Sequence[tuple[Subject, str]], film: Film) -> str:
     """Return the panel in HTML, with its style, data and script."""
     css, script = (text_of_package("rover_pin.view", name) for name in ("panel.css", "panel.js"))
-    data = json.dumps(plotted(film), separators=(",", ":")).replace("<", "\\u003c")
+    data = json.dumps(plot_data(film), separators=(",", ":")).replace("<", "\\u003c")
     return (
         f'<style>{css}</style><aside id="rover-pin-panel"><span class="now"></span>{legend_of(subject, others, film)}'
         '<div class="events"></div><div class="key"></div><div class="plots"></div>'
@@ -56,7 +56,7 @@ def panel_of(subject: Subject, others: Sequence[tuple[Subject, str]], film: Film
     )
 
 
-def plotted(film: Film) -> dict[str, Any]:
+def plot_data(film: Film) -> dict[str, Any]:
     """Return times from the start, the channels of `PLOTS` that were recorded, by wheel, and the events."""
     plots = []
     for channel, (label, scale) in PLOTS.items():

@@ -69,14 +69,14 @@ class Stage:
             colour = SOILS[min(patch.soil, len(SOILS) - 1)]
             self.scene.add_mesh_simple(
                 f"{WORLD}/ground/{patch.soil}",
-                _drawn(patch.vertices),
+                _page_points(patch.vertices),
                 patch.faces.astype(np.uint32),
                 color=colour,
                 flat_shading=True,
                 side="double",
             )
         self.scene.add_line_segments(
-            f"{WORLD}/ground/lines", _drawn(ruled_lines(film.terrain, film.box)), (120, 100, 70), thickness=0.0015
+            f"{WORLD}/ground/lines", _page_points(ruled_lines(film.terrain, film.box)), (120, 100, 70), thickness=0.0015
         )
 
     def _ghost(self, root: str, shapes: list[Shape], ghost: Ghost) -> dict[str, Any]:
@@ -89,7 +89,7 @@ class Stage:
         for number, shape in enumerate(shapes):
             mesh = self.scene.add_mesh_simple(
                 f"{root}/{shape.link}/{number}",
-                _drawn(shape.vertices),
+                _page_points(shape.vertices),
                 shape.faces.astype(np.uint32),
                 color=ghostly or in_bytes(shape.colour),
                 opacity=0.35 if ghostly else None,
@@ -112,7 +112,7 @@ class Stage:
 
     def _piece(self, points: np.ndarray, name: str, frame: int, wheel: int) -> tuple[int, Any]:
         slip = np.nan if self.film.slip is None else float(self.film.slip[frame, wheel])
-        segments = _drawn(np.stack([points[:-1], points[1:]], axis=1))
+        segments = _page_points(np.stack([points[:-1], points[1:]], axis=1))
         r, g, b = slip_colour(slip)
         colour = in_bytes((0.8 * r, 0.8 * g, 0.8 * b))
         line = self.scene.add_line_segments(f"{WORLD}/tracks/{name}", segments, colour, thickness=0.006, visible=False)
@@ -136,10 +136,10 @@ class Stage:
         rover = self.film.rover
         scale = 0.15 / (rover.mass * 9.81 / len(rover.wheels))
         start = self.film.beside[frame]
-        return _drawn(np.stack([start, start + scale * self.film.forces[frame]], axis=1))
+        return _page_points(np.stack([start, start + scale * self.film.forces[frame]], axis=1))
 
 
-def _drawn(points: np.ndarray) -> np.ndarray:
+def _page_points(points: np.ndarray) -> np.ndarray:
     """Return points as the page takes them, in single precision; what is beyond its numbers lies at their end."""
     most = np.finfo(np.float32).max
     return np.clip(points, -most, most).astype(np.float32)

@@ -16,7 +16,7 @@ from rover_pin.logs.saved import load_trace
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.view.film import Film
 from rover_pin.view.page import write_page
-from rover_pin.view.panel import events_of, plotted
+from rover_pin.view.panel import events_of, plot_data
 from rover_pin.view.subject import Subject
 
 
@@ -92,7 +92,7 @@ def filmed(name, **settings):
 
 def test_plots_have_the_channels_of_the_trace():
     film = filmed("flat", duration=0.5)
-    data = plotted(film)
+    data = plot_data(film)
     assert data["t"] == pytest.approx(film.t - film.t[0], abs=1e-3)
     lines = {plot["label"]: plot["lines"] for plot in data["plots"]}
     for channel, label, scale in (("slip", "slip S [-]", 1.0), ("sinkage", "sinkage [mm]", 1e3)):

@@ -30,7 +30,7 @@ def ghosts(verdict: Verdict, log: DriveLog, sides: Sides | None) -> Callable[[],
     if sides is None or not free:
         return lambda: None
     run = max(free, key=lambda free_run: free_run.before).run
-    return partial(_section, run, sides.added, _begun(log, sides, run) if find_spec("viser") else None)
+    return partial(_section, run, sides.added, _begin_pages(log, sides, run) if find_spec("viser") else None)
 
 
 def _section(run: str, added: bool, pages: Iterator[str] | None) -> Section | None:
@@ -42,7 +42,7 @@ def _section(run: str, added: bool, pages: Iterator[str] | None) -> Section | No
     return Section("Seen in 3D", "drive/ghost.html", {"run": run, "added": added, "page": page})
 
 
-def _begun(log: DriveLog, sides: Sides, run: str) -> Iterator[str]:
+def _begin_pages(log: DriveLog, sides: Sides, run: str) -> Iterator[str]:
     model, experiment = sides.before.model, sides.experiment
     measured = Subject(run, log.run(run), model.rover, model.ground, mesh_folder(log.rover))
     others = [(free_drive(experiment, model, run, measured, "base model"), "orange")]

@@ -101,7 +101,7 @@ def _residuals(sides: Sides, run: int) -> Figure:
         noise = float(sides.before.task.noise.floor[row])
         factor, unit = in_words(experiment.unit(experiment.channels[row]), noise)
         axis.set_ylabel(f"{as_text(words_of(experiment.channels[row]))}\n[{unit or '-'}]", fontsize=8.5)
-        _shaded(axis, experiment, run, row)
+        _shade_gaps(axis, experiment, run, row)
         axis.axhspan(-factor * noise, factor * noise, color=NOISE, alpha=0.6, lw=0, label="±1 SD of the noise")
         axis.axhline(0, color="k", lw=0.7)
         for fit, (colour, style, label) in zip(sides, LOOKS[: 1 + sides.added], strict=False):
@@ -114,7 +114,7 @@ def _residuals(sides: Sides, run: int) -> Figure:
     return figure
 
 
-def _shaded(axis: Axes, experiment: DriveExperiment, run: int, row: int) -> None:
+def _shade_gaps(axis: Axes, experiment: DriveExperiment, run: int, row: int) -> None:
     """Shade the stretches of a run in which a channel is not compared."""
     times = experiment.runs[run].times
     out = ~np.isfinite(experiment.observed[run, row, : len(times)])

@@ -55,14 +55,14 @@ def write_report(verdict: Verdict, experiment: RigExperiment, out: Path) -> list
     )
 
 
-def _added(verdict: Verdict) -> str:
+def _added_names(verdict: Verdict) -> str:
     return listing(display_name(name, kinds_of(verdict)) for name in verdict.named)
 
 
 def _looks(verdict: Verdict) -> list[Look]:
     if verdict.before is None:
         return []
-    return looks(verdict.before.model, verdict.model if verdict.named else None, _added(verdict))
+    return looks(verdict.before.model, verdict.model if verdict.named else None, _added_names(verdict))
 
 
 def _picture(verdict: Verdict, data: RigSet) -> Picture:
@@ -72,10 +72,10 @@ def _picture(verdict: Verdict, data: RigSet) -> Picture:
     if not curves or not isinstance(verdict.extra, RigExtra):
         return Picture(channels, f"Measured {listing(channel.name for channel in data.channels)} against slip.")
     names = [channel.name for channel in data.channels]
-    score = max((score for score in verdict.scores if score.name in names), key=_shown)
+    score = max((score for score in verdict.scores if score.name in names), key=_chi2_fall)
     row = names.index(score.name)
     residuals = residual_panels(data, verdict.extra.before, verdict.extra.after if verdict.named else None)
-    alt = f"{score.name} against slip, measured, with the base model" + f" and with {_added(verdict)}" * bool(
+    alt = f"{score.name} against slip, measured, with the base model" + f" and with {_added_names(verdict)}" * bool(
         verdict.named
     )
     before, after = (format_value(error, score.unit) for error in (score.before, score.after))
@@ -83,7 +83,7 @@ def _picture(verdict: Verdict, data: RigSet) -> Picture:
     return Picture((channels[row], residuals[row]), f"{capital(alt)}: {missed}.", load_caption(data))
 
 
-def _shown(score: ChannelScore) -> float:
+def _chi2_fall(score: ChannelScore) -> float:
     """Return by how much the held-out chi2 of a channel falls; how large it is where nothing was added."""
     before, after = score.times(score.before) ** 2, score.times(score.after) ** 2
     return before - after if before != after else before

@@ -157,7 +157,7 @@ class Reduced:
         for i, axle in enumerate(axles):
             omega, duty, integral = axle_states[i][0], axle_states[i][1], axle_states[i][2]
             sinking = (normal[i] / 2 - axle.f_n) / axle.yielding
-            S_hat = self.loop.estimated(axle.S, duty, model.rover.wheel.r * omega)
+            S_hat = self.loop.estimated_slip(axle.S, duty, model.rover.wheel.r * omega)
             highest = self.loop.highest(i, pitch, omega)
             d_integral, d_duty = self.loop.rates(gains, S_hat, highest, integral, duty)
             spin = (motors[i].torque - axle.M * normal[i] / 2) / self._inertia

@@ -41,7 +41,7 @@ class Along(NamedTuple):
 
 def through_contacts(model: Model, contact: Contact, states: list[Scalar]) -> tuple[Contact, Load, tuple[Scalar, ...]]:
     """Return contact, load and rates of the own states after all of a model's contact effects."""
-    parts = _split(states, [len(effect.states) for effect in model.contact_effects])
+    parts = _split_states(states, [len(effect.states) for effect in model.contact_effects])
     contact = amend_subject(model.contact_effects, contact, parts)
     load, rates = load_and_rates(model.contact_effects, contact, parts)
     return contact, load, tuple(component for rate in rates for component in rate)
@@ -63,7 +63,7 @@ def through_motors(
 
 
 def _motor(model: Model, wheel: int, duty: Scalar, omega: Scalar, states: list[Scalar], bus: Scalar) -> AxleMotors:
-    parts = _split(states, [len(effect.states) for effect in model.motor_effects])
+    parts = _split_states(states, [len(effect.states) for effect in model.motor_effects])
     drive = model.motor.drive(duty, omega)._replace(wheel=wheel, bus_current=bus)
     drive = amend_subject(model.motor_effects, drive, parts)
     current = drive.current
@@ -105,6 +105,6 @@ def _body(at: Along, angles: ca.SX, rates: ca.SX, twist: ca.SX) -> Body:
     return Body(**{**base, **joint_values, "names": ()})
 
 
-def _split(values: list[Scalar], lengths: list[int]) -> list[tuple[Scalar, ...]]:
+def _split_states(values: list[Scalar], lengths: list[int]) -> list[tuple[Scalar, ...]]:
     ends = np.cumsum([0, *lengths])
     return [tuple(values[start:end]) for start, end in itertools.pairwise(ends)]

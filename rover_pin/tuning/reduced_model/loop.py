@@ -20,7 +20,7 @@ class Loop:
     estimate: TrueSlip | TableEstimate
     limit: TorqueLimit | NoLimit
 
-    def estimated(self, S: Scalar, duty: Scalar, rim: Scalar) -> Scalar:
+    def estimated_slip(self, S: Scalar, duty: Scalar, rim: Scalar) -> Scalar:
         """Return S_hat [-] of a wheel: the slip itself, or Eq (9)."""
         if isinstance(self.estimate, TrueSlip):
             return S

@@ -55,19 +55,19 @@ def wheel_path(terrain: Terrain, radius: float, lateral: float, low: float, high
         for y in (lateral, -lateral)
     ]
     z = np.mean(tracks, axis=0)
-    slope = _smoothed(np.gradient(z, STEP))
-    slope_knots, height_knots = simplified(slope, SLOPE_ERROR), simplified(z, HEIGHT_ERROR)
+    slope = _smooth_values(np.gradient(z, STEP))
+    slope_knots, height_knots = knot_indices(slope, SLOPE_ERROR), knot_indices(z, HEIGHT_ERROR)
     return WheelPath(x[slope_knots], slope[slope_knots], x[height_knots], z[height_knots])
 
 
-def _smoothed(values: np.ndarray) -> np.ndarray:
+def _smooth_values(values: np.ndarray) -> np.ndarray:
     span = np.arange(-4 * SOFTNESS, 4 * SOFTNESS + STEP / 2, STEP)
     kernel = np.exp(-0.5 * (span / SOFTNESS) ** 2)
     padded = np.pad(values, len(span) // 2, mode="edge")
     return np.convolve(padded, kernel / kernel.sum(), mode="valid")
 
 
-def simplified(values: np.ndarray, error: float) -> np.ndarray:
+def knot_indices(values: np.ndarray, error: float) -> np.ndarray:
     """Return the indices of the knots that keep straight pieces within `error` of evenly spaced values."""
     keep, todo = {0, len(values) - 1}, [(0, len(values) - 1)]
     while todo:
