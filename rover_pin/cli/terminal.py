@@ -59,7 +59,7 @@ def stages(is_silent: bool) -> Callable[[str, int, int], None]:
     begun: dict[str, TimeLeft] = {}
 
     def say(name: str, done: int, total: int) -> None:
-        begun.setdefault(name, TimeLeft(name)).done(done, total)
+        begun.setdefault(name, TimeLeft(name)).note_done(done, total)
         if done == total:
             del begun[name]
             if not is_silent:

@@ -233,7 +233,7 @@ class SensorEffect(Record):
     neutral: ClassVar[dict[str, float]] = {}
     places: ClassVar[tuple[str, ...]] = ()
 
-    def undone(self, t: np.ndarray, channels: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    def undo(self, t: np.ndarray, channels: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Return what is true where the sensor reads these channels, the inputs of a replay; else nothing."""
         return {}
 

@@ -28,12 +28,12 @@ class SkidSinkage(Effect):
 
     def amend(self, contact: Contact, x: tuple[Scalar, ...]) -> Contact:
         """Return the contact on the soil as a skidding wheel meets it."""
-        n = ca.fmin(contact.soil.n + self._risen(contact), HIGHEST_EXPONENT)
+        n = ca.fmin(contact.soil.n + self._exponent_rise(contact), HIGHEST_EXPONENT)
         return contact._replace(soil=contact.soil.replace(n=n))
 
     def load(self, contact: Contact, load: Load, x: tuple[Scalar, ...]) -> Load:
         """Return the resistance of the deeper rut."""
-        return Load(f_t=-rut_resistance(contact, self._risen(contact)))
+        return Load(f_t=-rut_resistance(contact, self._exponent_rise(contact)))
 
-    def _risen(self, contact: Contact) -> Scalar:
+    def _exponent_rise(self, contact: Contact) -> Scalar:
         return self.n_s * ca.fmax(-contact.S, 0.0)

@@ -36,14 +36,14 @@ class SlipSinkage(Effect):
 
     def amend(self, contact: Contact, x: tuple[Scalar, ...]) -> Contact:
         """Return the contact on the soil that slip has loosened."""
-        n = ca.fmin(contact.soil.n + self._risen(contact), HIGHEST_EXPONENT)
+        n = ca.fmin(contact.soil.n + self._exponent_rise(contact), HIGHEST_EXPONENT)
         return contact._replace(soil=contact.soil.replace(n=n))
 
     def load(self, contact: Contact, load: Load, x: tuple[Scalar, ...]) -> Load:
         """Return the resistance of the deeper rut."""
-        return Load(f_t=-rut_resistance(contact, self._risen(contact)))
+        return Load(f_t=-rut_resistance(contact, self._exponent_rise(contact)))
 
-    def _risen(self, contact: Contact) -> Scalar:
+    def _exponent_rise(self, contact: Contact) -> Scalar:
         return self.n_1 * ca.fmax(contact.S, 0.0)
 
 

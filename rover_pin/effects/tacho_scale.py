@@ -28,7 +28,7 @@ class TachoScale(SensorEffect):
         """Return the scaled rates."""
         return {name: (1.0 + self.e) * values for name, values in channels.items() if self._has(name)}
 
-    def undone(self, t: np.ndarray, channels: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    def undo(self, t: np.ndarray, channels: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Return the true rates."""
         return {name: values / (1.0 + self.e) for name, values in channels.items() if self._has(name)}
 

@@ -32,7 +32,7 @@ class TrackedPoint(SensorEffect):
         """Return the place and the speed of the point."""
         return self._move_channels(t, channels, 1.0)
 
-    def undone(self, t: np.ndarray, channels: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    def undo(self, t: np.ndarray, channels: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Return the place and the speed of the base's origin."""
         return self._move_channels(t, channels, -1.0)
 

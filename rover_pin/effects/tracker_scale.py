@@ -30,7 +30,7 @@ class TrackerScale(SensorEffect):
         """Return the scaled places and speeds."""
         return _scale_channels(channels, 1.0 + self.e)
 
-    def undone(self, t: np.ndarray, channels: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    def undo(self, t: np.ndarray, channels: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Return the true places and speeds."""
         return _scale_channels(channels, 1.0 / (1.0 + self.e))
 

@@ -27,7 +27,7 @@ class TrackingDelay(SensorEffect):
         """Return the late channels."""
         return _at(np.asarray(t) - self.d, t, channels)
 
-    def undone(self, t: np.ndarray, channels: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    def undo(self, t: np.ndarray, channels: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Return the channels as they were before the delay; after the last sample, the last."""
         return _at(np.asarray(t) + self.d, t, channels)
 

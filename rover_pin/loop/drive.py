@@ -67,7 +67,7 @@ def close_drive_loop(
             return verdict
         progress("writing the report")
         verdict = write_results(verdict, log, request, folder)
-    memory.done()
+    memory.remove_files()
     return verdict
 
 

@@ -88,9 +88,9 @@ def read_rig_set(folder: str | Path, trust: Trust = Trust()) -> RigSet:
     except ParameterError as error:
         raise DataError(str(error)) from error
     unread = (
-        *_misspelt(table, points_file),
+        *_misspelt_columns(table, points_file),
         *_askew(data),
-        *_unsaid(data, OVER_LUGS in tables["wheel"], where),
+        *_unsaid_radius(data, OVER_LUGS in tables["wheel"], where),
         *_of_speeds(table, points_file),
     )
     return replace(data, speeds=speeds, unread=unread)
@@ -173,7 +173,7 @@ def _by_slip(measured_speeds: Mapping[str, np.ndarray], slip: np.ndarray, angle:
     return np.column_stack([travel, rim]) * (speed / share)[:, None]
 
 
-def _misspelt(table: pd.DataFrame, where: str) -> Iterator[Finding]:
+def _misspelt_columns(table: pd.DataFrame, where: str) -> Iterator[Finding]:
     """Yield columns that are not read and are spelt nearly as one that is not there."""
     present = [str(name) for name in table.columns]
     channels = [kind.column for kind in RIG_CHANNELS]
@@ -195,7 +195,7 @@ def _askew(data: RigSet) -> Iterator[Finding]:
         yield Finding(what, data.points_file, f"their side force was not measured: give it as {SideForce.column}")
 
 
-def _unsaid(data: RigSet, is_declared: bool, where: str) -> Iterator[Finding]:
+def _unsaid_radius(data: RigSet, is_declared: bool, where: str) -> Iterator[Finding]:
     """Yield that a wheel with lugs does not say over what its radius is measured: at S = 0 its lugs slip or do not."""
     if data.beside.get("lug_height") and not is_declared:
         todo = (

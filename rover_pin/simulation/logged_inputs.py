@@ -27,13 +27,13 @@ class Logged(Protocol):
 PLACE = ("body_x", "body_y", "body_yaw")
 
 
-def undone(model: Model, run: Logged) -> dict[str, np.ndarray]:
+def true_inputs(model: Model, run: Logged) -> dict[str, np.ndarray]:
     """Return the place and the wheel rates, where they are held, of which the model's sensors read the logged."""
     channels = dict(zip(PLACE, run.place.T, strict=True))
     if run.rate is not None:
         channels |= {f"wheel_rate_{wheel.name}": run.rate[:, at] for at, wheel in enumerate(model.rover.wheels)}
     for sensor in reversed(model.sensor_effects):
-        channels |= sensor.undone(run.t, channels)
+        channels |= sensor.undo(run.t, channels)
     return channels
 
 

@@ -16,7 +16,7 @@ from rover_pin.base.errors import DataError
 from rover_pin.effects.tracked_point import DRAWN
 from rover_pin.simulation.compiled.kernel import Kernel
 from rover_pin.simulation.failure import failure, suspension_of
-from rover_pin.simulation.logged_inputs import PLACE, rates_of, tied_means, undone
+from rover_pin.simulation.logged_inputs import PLACE, rates_of, tied_means, true_inputs
 from rover_pin.simulation.model.model import Model
 from rover_pin.simulation.native.loop import Loop, Outcome
 from rover_pin.simulation.native.shared import RECORD
@@ -253,7 +253,7 @@ def _fields(model: Model, run: Commands, perturbation: Perturbation) -> dict[str
         "grip_rows": perturbation.grip,
     }
     fields = {name: np.array(values, dtype=float) for name, values in rows.items() if values is not None}
-    channels = undone(model, run)
+    channels = true_inputs(model, run)
     place = np.column_stack([channels[name] for name in PLACE])
     if run.rate is not None:
         fields["rate_rows"] = rates_of(model, channels)

@@ -15,7 +15,7 @@ MAX_LINES = 20_000
 """Grid lines across x at most: more are a grid that is far larger than what bends."""
 
 
-def bent(terrain: Terrain, x: Sequence[float], rise: Sequence[float]) -> Terrain:
+def bend_terrain(terrain: Terrain, x: Sequence[float], rise: Sequence[float]) -> Terrain:
     """Return a terrain that stands by `rise` [m] higher at these increasing `x` [m], straight in between.
 
     Beyond both ends it is raised as there. A polyline gets these points besides its own; a grid gets as many more

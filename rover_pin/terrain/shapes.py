@@ -225,7 +225,7 @@ def with_ground(terrain: Terrain, x_from: End, x_to: End, index: int) -> Terrain
     if not x_from < x_to:
         raise ParameterError(f"Soil {index} from x = {x_from:g} m to {x_to:g} m is an empty stretch: swap its ends.")
     if isinstance(terrain, Lanes):
-        return Lanes(tuple(_relaid(profile, x_from, x_to, index) for profile in terrain.profiles), terrain.borders)
+        return Lanes(tuple(_lay_ground(profile, x_from, x_to, index) for profile in terrain.profiles), terrain.borders)
     assert isinstance(terrain, HeightGrid)
     middle = terrain.x0 + terrain.dx * (np.arange(terrain.ground.shape[0]) + 0.5)
     inside = (middle >= x_from) & (middle <= x_to)
@@ -242,7 +242,7 @@ def _polyline(x: Any, z: Any, ground: Any = 0) -> Profile:
     return Profile(np.asarray(x, dtype=float), np.asarray(z, dtype=float), np.asarray(ground))
 
 
-def _relaid(profile: Profile, x_from: float, x_to: float, index: int) -> Profile:
+def _lay_ground(profile: Profile, x_from: float, x_to: float, index: int) -> Profile:
     """Cut the profile at the stretch's ends; one outside the profile keeps the old ground beyond it."""
     x = profile.x
     for end in (x_from, x_to):

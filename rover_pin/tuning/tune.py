@@ -99,7 +99,7 @@ def _tune_law(study: TuningStudy, evaluations: Evaluations) -> TuningResult:
         raise OptimisationError(
             f"Tuning '{study.name}': every training drive ends stuck whatever the gains "
             f"({len(candidates)} sets driven by the full rover); constant duty {study.before.delta_0:g} costs "
-            f"{study.cost.mean(np.array(constant)):.3f} with {_stuck(constant)} of {len(constant)} stuck: choose "
+            f"{study.cost.mean(np.array(constant)):.3f} with {_count_stuck(constant)} of {len(constant)} stuck: choose "
             "gentler drives, or do without this control.",
             status=constant,
         )
@@ -262,5 +262,5 @@ def _constant(study: TuningStudy, evaluations: Evaluations) -> tuple[Score, ...]
     return tuple(Score(*score) for score in evaluations.run("constant duty", full_score, jobs))
 
 
-def _stuck(scores: Sequence[Score]) -> int:
+def _count_stuck(scores: Sequence[Score]) -> int:
     return int(sum(score.stuck for score in scores))

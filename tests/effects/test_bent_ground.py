@@ -12,7 +12,7 @@ from rover_pin.effects.bent_ground import BentGround
 from rover_pin.simulation.model.toml_file import read_model, write_model
 from rover_pin.simulation.start.place import Start
 from rover_pin.terrain import shapes
-from rover_pin.terrain.bent import bent
+from rover_pin.terrain.bent import bend_terrain
 from rover_pin.terrain.profile import Profile
 from rover_pin.terrain.terrain import HeightGrid, Lanes
 
@@ -48,7 +48,7 @@ def test_what_lies_on_the_ground_is_lifted_and_keeps_its_soil():
     grid = HeightGrid(-1.0, -1.0, 0.6, 1.0, np.outer(np.arange(4.0), [0.1, 0.2, 0.0]), np.arange(6).reshape(3, 2))
     x = np.linspace(-0.99, 0.75, 177)
     for ground in (lanes, grid):
-        made = bent(ground, *BEND.bend())
+        made = bend_terrain(ground, *BEND.bend())
         for y in (-0.5, 0.5):
             assert made.ground_at(x, y) == pytest.approx(ground.ground_at(x, y))
             wanted = ground.height(x, y) + np.array([rise(float(one)) for one in x])
@@ -59,7 +59,7 @@ def test_what_lies_on_the_ground_is_lifted_and_keeps_its_soil():
 def test_grid_gets_no_more_lines_than_the_closest_bend_needs(dx, lines):
     """0.125 m apart at their closest: none between lines 0.1 m apart, one between 0.25, three between 0.5 m."""
     places, lift = [3.0, 3.5, 3.625, 4.0], [0.0, 0.01, 0.02, 0.03]
-    made = bent(HeightGrid(2.5, -1.0, dx, 2.0, np.zeros((round(2.0 / dx) + 1, 2))), places, lift)
+    made = bend_terrain(HeightGrid(2.5, -1.0, dx, 2.0, np.zeros((round(2.0 / dx) + 1, 2))), places, lift)
     assert made.z.shape == (lines, 2)
     assert made.height(4.2, 0.0) == pytest.approx(0.03)
 
@@ -89,4 +89,4 @@ def test_without_slopes_the_ground_is_the_declared_one(tmp_path):
 def test_a_grid_far_larger_than_the_bend_is_refused():
     far = HeightGrid(-1e4, -1.0, 1e4, 2.0, np.zeros((3, 2)))
     with pytest.raises(ParameterError, match=r"20000.*stretch"):
-        bent(far, *BEND.replace(length=0.4).bend())
+        bend_terrain(far, *BEND.replace(length=0.4).bend())

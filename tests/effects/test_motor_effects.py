@@ -117,11 +117,11 @@ def test_what_a_sensor_misreads_can_be_undone():
     t = np.arange(0.0, 1.0, 0.1)
     channels = {"wheel_rate_fl": 1.0 + t, "wheel_rate_ml": 2.0 - t, "body_x": 3.0 + t, "body_yaw": t, "body_vx": t**2}
     late = {"body_x": 3.0 + t}
-    back = TrackingDelay(d=0.2).undone(t, TrackingDelay(d=0.2).read(t, late))["body_x"]
+    back = TrackingDelay(d=0.2).undo(t, TrackingDelay(d=0.2).read(t, late))["body_x"]
     assert list(back[:-2]) == pytest.approx(late["body_x"][:-2])
     for sensor in (TachoScale(e=0.3), TachoScale(e=-0.2, wheel="ml"), TrackerScale(e=0.05), TrackedPoint(-0.2, 0.1)):
         read = channels | sensor.read(t, channels)
-        assert {name: list(values) for name, values in sensor.undone(t, read).items()} == {
+        assert {name: list(values) for name, values in sensor.undo(t, read).items()} == {
             name: pytest.approx(channels[name]) for name in sensor.read(t, channels)
         }
 

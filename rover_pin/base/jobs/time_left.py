@@ -17,7 +17,7 @@ class TimeLeft:
         self.what, self.clock = what, clock
         self.start = self.last = clock()
 
-    def done(self, count: int, total: int) -> None:
+    def note_done(self, count: int, total: int) -> None:
         """Note that `count` of `total` are done; the line has the time that the rest takes at this pace."""
         now = self.clock()
         if count < 1 or count >= total or now - self.last < SECONDS_BETWEEN_LINES:
@@ -39,4 +39,4 @@ def telling(rows: Iterable[T], total: int, what: str) -> Iterator[T]:
     estimate = TimeLeft(what)
     for count, row in enumerate(rows, 1):
         yield row
-        estimate.done(count, total)
+        estimate.note_done(count, total)

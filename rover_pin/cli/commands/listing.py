@@ -54,7 +54,7 @@ def list_(
         return
     entries: list[Entry] = getattr(catalogue, what.value)()
     if name:
-        entries = [entry for entry in entries if entry.name == name] or _unknown(what, name, entries)
+        entries = [entry for entry in entries if entry.name == name] or _refuse_name(what, name, entries)
     if as_json:
         print(json_text({what.value: [entry.as_dict() for entry in entries]}))
     elif name:
@@ -63,7 +63,7 @@ def list_(
         _say_all(entries)
 
 
-def _unknown(what: What, name: str, entries: list["Entry"]) -> Any:
+def _refuse_name(what: What, name: str, entries: list["Entry"]) -> Any:
     raise ParameterError(f"There is no {what.removesuffix('s')} '{name}': {closest(name, (e.name for e in entries))}")
 
 

@@ -282,7 +282,7 @@ def _drives(model: Model, rate_driven: bool) -> tuple[int, ...]:
     parts = [getattr(model, each.name) for each in dataclasses.fields(model) if each.name != "sensor_effects"]
     rates = [f"wheel_rate_{wheel.name}" for wheel in model.rover.wheels] if rate_driven else []
     inputs = dict.fromkeys((*PLACE, *rates), TWO_ROWS)
-    return tuple(map(id, (*parts, *(sensor for sensor in model.sensor_effects if sensor.undone(TWO_ROWS, inputs)))))
+    return tuple(map(id, (*parts, *(sensor for sensor in model.sensor_effects if sensor.undo(TWO_ROWS, inputs)))))
 
 
 def _features(

@@ -60,7 +60,7 @@ class Memory:
                 stop.add_note(f"{self.status}: the same command goes on there")
             raise
 
-    def done(self) -> None:
+    def remove_files(self) -> None:
         """Remove what was kept: the work is finished."""
         for file in self._files():
             file.unlink(missing_ok=True)

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from functools import lru_cache
 
 from rover_pin.rover.rover import Rover
-from rover_pin.terrain.bent import bent
+from rover_pin.terrain.bent import bend_terrain
 from rover_pin.terrain.terrain import Terrain
 
 Change = tuple[tuple[float, ...], tuple[float, ...]]
@@ -38,5 +38,5 @@ def built_ground(terrain: Terrain, bends: Sequence[Bend]) -> Terrain:
 @lru_cache(maxsize=64)
 def _bent_by(terrain: Terrain, bends: tuple[Bend, ...]) -> Terrain:
     for x, rise in bends:
-        terrain = bent(terrain, x, rise)
+        terrain = bend_terrain(terrain, x, rise)
     return terrain

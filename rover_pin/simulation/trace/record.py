@@ -97,7 +97,7 @@ def model_attrs(model: Model) -> dict[str, Any]:
 
 def notes(model: Model) -> list[str]:
     """Return what a reader should know of a model: driven wheels skid on the flat, sinking or rising costs nothing."""
-    return [note for note in (_skids(model), *_unpaid(model), *_lift_notes(model)) if note]
+    return [note for note in (_skids(model), *_unpaid_notes(model), *_lift_notes(model)) if note]
 
 
 def _skids(model: Model) -> str:
@@ -115,7 +115,7 @@ def _skids(model: Model) -> str:
     )
 
 
-def _unpaid(model: Model) -> list[str]:
+def _unpaid_notes(model: Model) -> list[str]:
     tractions = [effect for effect in model.effects if isinstance(effect, SoilTraction)]
     unpaid = [type(effect).__name__ for effect in model.effects if effect.unpaid]
     if not unpaid or not any(traction.leaves_compaction_out for traction in tractions):

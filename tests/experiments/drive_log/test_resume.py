@@ -73,7 +73,7 @@ def test_nothing_in_the_folder_is_unpickled(tmp_path):
     (tmp_path / FOLDER / f"{digest('key', (1,))}.npz").write_bytes(content.getvalue())
     (tmp_path / FOLDER / "base-key.pickle").write_bytes(pickle.dumps(Harm(tmp_path / "harmed")))
     assert same(memory.cached_arrays((1,), arrays), arrays())
-    memory.done()
+    memory.remove_files()
     assert not (tmp_path / "harmed").exists()
 
 

@@ -73,10 +73,10 @@ def stuck_findings(run: Driven) -> Remarks:
                 todo = "see whether it is measured: else leave the column out"
                 yield f"{name} is {values[0]:g} {unit_of(name)} all along", todo
             continue
-        yield from _stuck(run, name, repeats & (moves | ~moves.any()) & run.moving[run.block])
+        yield from _stuck_remarks(run, name, repeats & (moves | ~moves.any()) & run.moving[run.block])
 
 
-def _stuck(run: Driven, name: str, repeats: np.ndarray) -> Remarks:
+def _stuck_remarks(run: Driven, name: str, repeats: np.ndarray) -> Remarks:
     begin, count = longest_run(repeats)
     values, lasting = run.trace[name], count * run.period
     value, finite_values = values[begin], run.finite(name)
