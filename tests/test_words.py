@@ -45,6 +45,21 @@ def test_local_names_say_what_they_hold():
     assert len(empty) <= EMPTY_SHARE * len(names), sorted(set(empty))
 
 
+def test_no_function_is_named_by_a_participle_alone():
+    """A function is a verb with its object or the noun that it returns; a property may be an adjective."""
+    words = GLOSSARY["functions"]
+    bare = [
+        (path.name, node.name)
+        for path in FILES
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.FunctionDef)
+        and not any("property" in ast.unparse(each) for each in node.decorator_list)
+        if (name := node.name.strip("_")) in words["participles"] or re.fullmatch("[a-z]+ed", name)
+        if name not in words["words"]
+    ]
+    assert not bare
+
+
 def test_docstrings_and_messages_have_no_private_phrase():
     text = {path: re.sub(r"\s+", " ", path.read_text(encoding="utf-8")) for path in FILES}
     found = {(path.name, phrase) for path in FILES for phrase in GLOSSARY["phrases"] if phrase in text[path]}
