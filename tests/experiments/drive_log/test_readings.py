@@ -144,19 +144,39 @@ def test_each_pose_number_wanders_alone_and_no_other_channel():
     assert [fold for _, fold, _ in rows] == made["fold"].tolist()
 
 
-def test_the_sum_of_all_times_is_a_zero_that_is_off():
-    """Roll and pitch then read it, a height is levelled, and a way or a turn does not see it."""
-    made = tracker_columns([wandering(NAMES)], NAMES, 40, np.zeros((1, len(NAMES), 40)))
-    whole = {name: made["moved"][:, 0, row].sum(axis=0) for row, name in enumerate(NAMES)}
-    assert whole["body_pitch"] == pytest.approx(TILT.size * np.ones(40))
-    assert whole["body_z"] == pytest.approx(np.zeros(40), abs=1e-12)
-    assert whole["path"] == pytest.approx(np.zeros(40), abs=1e-12)
+def test_the_first_step_is_a_zero_that_is_off():
+    """Roll and pitch then read it, a height is levelled, and a way or a turn does not see it: nothing is moved."""
+    made = tracker_columns([wandering(NAMES)], NAMES, 40, np.zeros((1, len(NAMES), 40)))["moved"][:, 0]
+    steps = {name: made[made[:, row].any(axis=1), row] for row, name in enumerate(NAMES)}
+    assert {name: len(moved) for name, moved in steps.items()} == {
+        "path": 5, "drift": 5, "heading": 5, "body_z": 5, "body_roll": 6, "body_pitch": 6, "wheel_rate_fl": 0,
+    }  # fmt: skip
+    assert steps["body_roll"][0] == pytest.approx(TILT.size * np.ones(40))
+
+
+def test_a_place_that_is_off_lays_bumps_elsewhere():
+    """Its zero too: what the rocker feels a metre further on stands for what a step ahead moves."""
+    names, ahead = ("path", "rocker_l"), np.zeros((1, 2, 40))
+    ahead[0, 1] = 0.3
+    made = tracker_columns([wandering(names)], names, 40, ahead)["moved"][:, 0]
+    assert len(made) == 6
+    assert made[0, 0] == pytest.approx(np.zeros(40), abs=1e-12)
+    assert made[0, 1] == pytest.approx(-0.3 * PLACE.size * np.ones(40))
+
+
+def test_a_tracker_is_the_further_off_the_longer_it_walks():
+    """A random walk: its variance is that of the steps so far, from 1 for the zero to 6 after five steps of 4 s."""
+    made = tracker_columns([wandering(("body_pitch",))], ("body_pitch",), 40, np.zeros((1, 1, 40)))["moved"]
+    variance = np.sum((made[:, 0, 0] / TILT.size) ** 2, axis=0)
+    assert np.all(np.diff(variance) > 0)
+    assert variance[0] == pytest.approx(1.0, abs=0.01)
+    assert variance[-1] == pytest.approx(6.0, abs=0.2)
 
 
 def test_a_place_that_wanders_evenly_is_a_way_that_is_forgotten():
-    """x = v t through a leak of LEAK seconds: v LEAK (1 - exp(-t / LEAK)), with the first of the times at its end."""
+    """x = v t through a leak of LEAK seconds: v LEAK (1 - exp(-t / LEAK))."""
     made = tracker_columns([wandering(("path",), seconds=4.0)], ("path",), 8, np.zeros((1, 1, 8)))
-    assert len(made["moved"]) == 2
+    assert len(made["moved"]) == 1
     t = np.arange(0.25, 4.0, 0.5)
     speed = PLACE.size / 3.95
-    assert made["moved"][1, 0, 0] == pytest.approx(speed * LEAK * (1 - np.exp(-t / LEAK)), abs=0.015 * PLACE.size)
+    assert made["moved"][0, 0, 0] == pytest.approx(speed * LEAK * (1 - np.exp(-t / LEAK)), abs=0.015 * PLACE.size)

@@ -1,8 +1,8 @@
-"""How a tracker may wander while it tracks: each number of the pose of each run, evenly from time to time.
+"""How a tracker may wander while it tracks: a random walk of each number of the pose, anew in each run.
 
-A tracker's zero drifts by some noise's worth over seconds, longer than blocks hang together and less than a run lasts,
-so that all runs together seem to tell a bias, a tilt or a spring. A place that is off ahead also lays bumps where they
-are not: a replay is held to it. Its SDs are learnt as those of the ground are.
+A tracker's zero drifts by some noise's worth over seconds, longer than blocks hang together, and a run may begin with
+it off, so that all runs together seem to tell a bias, a scale, a tilt or a spring. A place that is off ahead also lays
+bumps where they are not: a replay is held to it. The SDs of a walk's steps are learnt as those of the ground are.
 """
 
 from collections.abc import Sequence
@@ -20,13 +20,13 @@ TILT = Kind("wander of the tracked roll and pitch", 0.002, "rad")
 TRACKER = (PLACE, HEIGHT, COURSE, TILT)
 OF = {PATH: PLACE, DRIFT: PLACE, HEADING: COURSE, "body_z": HEIGHT, "body_roll": TILT, "body_pitch": TILT}
 SPACING = 4.0
-"""Time between which a tracker wanders evenly [s] (assumed: drifts of seconds, as of light and temperature)."""
+"""Time of one step of a walk [s] (assumed: drifts of seconds, as of light and temperature)."""
 
 
 def tracker_columns(
     runs: Sequence[LoggedRun], channels: Sequence[str], length: int, ahead: np.ndarray
 ) -> dict[str, np.ndarray]:
-    """Return how each run's features move where its tracker is off at one time, less and less to the times beside.
+    """Return how each run's features move by one step of its tracker's walk, which stays.
 
     `ahead` says of each run how its predicted features (channels, length) change for each metre that it is held too far
     ahead. `kind`, `fold` and `moved` are those of a `RandomField` of the kinds TRACKER.
@@ -34,25 +34,24 @@ def tracker_columns(
     places, columns = [], []
     for at, run in enumerate(runs):
         for row, name in enumerate(channels):
-            for share in _shares(run) if name in OF else ():
-                features = np.zeros((len(runs), len(channels), length))
-                response = _response(run, name, OF[name].size * share)
-                features[at, row, : len(response)] = response
+            for off in OF[name].size * _shares(run) if name in OF else ():
+                features, means = np.zeros((len(runs), len(channels), length)), blocks(off, run.commands.period)
+                features[at, row, : len(means)] = _response(run, name, off)
                 if name == PATH:
-                    means = blocks(OF[name].size * share, run.commands.period)
                     features[at, :, : len(means)] -= ahead[at][:, : len(means)] * means
-                places.append((TRACKER.index(OF[name]), at))
-                columns.append(features)
+                if features.any():
+                    places.append((TRACKER.index(OF[name]), at))
+                    columns.append(features)
     kind, fold = np.array(places, dtype=int).reshape(-1, 2).T
     return {"kind": kind, "fold": fold, "moved": np.array(columns).reshape(-1, len(runs), len(channels), length)}
 
 
 def _shares(run: LoggedRun) -> np.ndarray:
-    """Return how much each time between which the tracker wanders evenly counts at each row (times, T)."""
+    """Return how much of each step is made at each row (steps, T): evenly in its time, the first before the run."""
     t = run.commands.t
     count = min(max(round((t[-1] - t[0]) / SPACING), 1), MAX_PLACES - 1) + 1
-    knots = np.linspace(t[0], t[-1], count)
-    return np.asarray(np.maximum(0.0, 1.0 - np.abs(t - knots[:, None]) / (knots[1] - knots[0])))
+    done = (t - t[0]) / (t[-1] - t[0]) * (count - 1)
+    return np.clip(done - np.arange(-1, count - 1)[:, None], 0.0, 1.0)
 
 
 def _response(run: LoggedRun, name: str, off: np.ndarray) -> np.ndarray:
