@@ -29,7 +29,7 @@ def fitted_with(
     numbers, u, slopes = list(start.parameters), list(start.u), dict(start.slopes)
     first = len(numbers)
     for name, size in zip(estimate.added, u_added, strict=True):
-        signature = _place_edges(start, options[name])
+        signature = place_edges(start, options[name])
         cause = signature.candidate.cause
         model = experiment.with_values(cause.on(model), signature.start_numbers(float(size)))
         for released in [number for number in numbers if number.name in cause.amplitudes]:
@@ -50,7 +50,7 @@ def fitted_with(
     return tuple(causes), fitted
 
 
-def _place_edges(start: Fit, option: Option) -> Signature:
+def place_edges(start: Fit, option: Option) -> Signature:
     """Return a cause with a place on the way where moving neither of its edges gains; others as they are.
 
     Which stretch of the way differs is not found by following slopes: an edge acts only where something passes it.

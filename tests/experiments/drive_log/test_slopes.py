@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from rover_pin.base.files.samples import data_path
+from rover_pin.discrepancy.added import place_edges
 from rover_pin.discrepancy.option import options, singles
-from rover_pin.discrepancy.search import Search
 from rover_pin.discrepancy.signature import signatures
 from rover_pin.effects.hard_patch import HardPatch
 from rover_pin.effects.supply_sag import SupplySag
@@ -68,10 +68,10 @@ def test_the_edges_of_a_patch_are_found(tmp_path):
     base = drive_sets.calibrated_on(log, with_spread(base_model(log)))
     known = candidates(base.model, base.task.experiment, base.parameters, None)
     (patch,) = options(base, signatures(base, [one for one in known if one.kind == "HardPatch"]))
-    found = Search(base)._placed(base, patch)
+    found = place_edges(base, patch)
     effect = found.candidate.effect
     assert singles(base, [found])[0] > singles(base, [patch.signature])[0]
     assert effect.x_from == pytest.approx(0.12, abs=0.03)
     assert effect.x_from + effect.length == pytest.approx(0.32, abs=0.03)
     (sag,) = options(base, signatures(base, [next(one for one in known if one.effect == SupplySag())]))
-    assert Search(base)._placed(base, sag) is sag.signature
+    assert place_edges(base, sag) is sag.signature
