@@ -8,6 +8,7 @@ from __future__ import annotations
 import ast
 import importlib
 import re
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from enum import Enum
 from pathlib import Path
@@ -23,8 +24,9 @@ ROOMS = {
 }
 HEAD = """# Numbers that decide
 
-Each number that decides an answer or refuses data stands here with its reason, and so does what is assumed beforehand.
-The page is made from the code: a number without a reason beside it is a tolerance, a layout, or a word of a finding.
+Each number that decides an answer or refuses data stands here with its reason ({decide}), and so does what is assumed
+beforehand ({assumed}). The page is made from the code: a number without a reason beside it is a tolerance, a layout,
+or a word of a finding.
 """
 
 
@@ -59,9 +61,11 @@ def deciding(room: str) -> Iterator[Deciding]:
 
 def page() -> str:
     """Return the page."""
-    parts = [HEAD]
+    numbers = {room: list(deciding(room)) for room in ROOMS}
+    counts = Counter("Why: " in number.said for listed in numbers.values() for number in listed for _ in number.values)
+    parts = [HEAD.format(decide=counts[True], assumed=counts[False])]
     for room, title in ROOMS.items():
-        rows = "\n".join(number.row for number in deciding(room))
+        rows = "\n".join(number.row for number in numbers[room])
         parts.append(f"\n## {title}\n\n| Number | Value | What it is, and why |\n| --- | --- | --- |\n{rows}\n")
     return "".join(parts)
 
