@@ -17,6 +17,8 @@ ABSTAINED = ["nothing named", "none of these"]
 ONE, OTHER, TWO, NO, NOTHING = (
     "one effect", "a listed effect by another law", "two effects", "an effect on no list", "nothing",
 )  # fmt: skip
+MAX_LISTED = 9
+"""Sets of an answer that a row lists, besides the last."""
 Count = tuple[int, int]
 
 
@@ -141,8 +143,15 @@ def misses(sets: pd.DataFrame) -> str:
     rows = ["| set | hidden | answer | of |", "| --- | --- | --- | --- |"]
     for row in sets[seen | sets.outcome.isin([OPEN, *WRONG])].itertuples():
         label = row.label.replace("[]", "").replace("[", "(").replace("]", ")")
-        rows.append(f"| {label} | {row.truth or row.kind} | {row.answer} | {row.alike or '-'} |")
+        rows.append(f"| {label} | {row.truth or row.kind} | {row.answer} | {abridged(row.alike) or '-'} |")
     return "\n".join(rows)
+
+
+def abridged(alike: str) -> str:
+    """Return the sets of an answer, of many the first and the last."""
+    *first, last = alike.split(" or ")
+    more = len(first) - MAX_LISTED
+    return alike if more < 2 else " or ".join([*first[:MAX_LISTED], f"{more} others", last])
 
 
 SAID = 0.0, 0.1, 0.5, 0.9, 1.0
@@ -160,14 +169,15 @@ def reliability(sets: pd.DataFrame) -> str:
         for row in own.itertuples()
         for name, _, chance in (entry.rpartition(" ") for entry in row.inclusion.split("; ") if entry)
     ]
-    rows, places = ["| stated | causes | mean stated | acted |", "| --- | --- | --- | --- |"], []
+    rows, places, off = ["| stated | causes | mean stated | acted |", "| --- | --- | --- | --- |"], [], 0.0
     for low, high in pairwise(SAID):
         inside = [row for row in said if low <= row[0] < high or row[0] == high == SAID[-1]]
         mean, acted = (sum(row[at] for row in inside) / max(len(inside), 1) for at in (0, 1))
         rows.append(f"| {low:g} to {high:g} | {len(inside)} | {mean:.3f} | {acted:.3f} |")
         interval = binomtest(round(acted * len(inside)), max(len(inside), 1)).proportion_ci(method="wilson")
         places.append((mean, acted, interval.low, interval.high))
-    return "\n".join(rows) + "\n\n" + diagram(places)
+        off += len(inside) * abs(mean - acted) / len(said)
+    return "\n".join(rows) + f"\n\nWeighted by the causes, they are off by {off:.3f}.\n\n" + diagram(places)
 
 
 def diagram(places: list[tuple[float, float, float, float]]) -> str:

@@ -94,7 +94,7 @@ def fields() -> Mapping[str, Any]:
             for name, sets in blind.items()
         },
         "circumstances": by_circumstance(blind["logs"]),
-        "reliability": reliability(blind["rigs"]),
+        "reliability": {name: reliability(sets) for name, sets in blind.items()},
         "commands": tomllib.loads((RESULTS / "commands.toml").read_text(encoding="utf-8")),
         "made": tomllib.loads((RESULTS / "made.toml").read_text(encoding="utf-8")),
         "digging": digging(),
