@@ -104,6 +104,7 @@ def fields() -> Mapping[str, Any]:
         "log_loop": log_loop(),
         "measured_loops": kept("measured_wheels", keep_default_na=False).to_dict("records"),
         "mutation": kept("mutation").to_dict("records"),
+        "next_run": next_runs(),
         "pendulum": pendulum(),
         "slip": sensed_slip(),
         "control": controllers(),
@@ -209,6 +210,12 @@ def brier() -> list[dict[str, Any]]:
     return [
         {"name": event, "score": row[f"brier_{event}"], "base": share * (1 - share)} for event, share in shares.items()
     ]
+
+
+def next_runs() -> dict[str, dict[str, float]]:
+    """Return how many more runs told what is hidden, by kind: how many sets, mean of those proposed, and at random."""
+    kinds = kept("next_run").groupby("kind")
+    return {str(kind): {"sets": len(rows), **rows[["proposed", "at random"]].mean()} for kind, rows in kinds}
 
 
 def pendulum() -> list[dict[str, Any]]:
