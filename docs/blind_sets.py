@@ -132,6 +132,7 @@ def counts(sets: pd.DataFrame) -> dict[str, tuple[str, str]]:
         "intervals": "95 % intervals that hold the true size",
         "laws": "another law, detectable: right class named, in the set, or like it",
         "pairs": "two effects, both detectable: pair named, or in the set",
+        "wrong": "all sets: a wrong name standing alone",
     }
     found = {name: SHARES[what][1](sets) for name, what in names.items()}
     return {name: (str(count), str(whole)) for name, (count, whole) in found.items()}

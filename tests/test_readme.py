@@ -41,6 +41,7 @@ CLAIMS = [
     ),
     "{{ ' of '.join(blind.rigs.counts['laws']) }} rigs",
     "pairs {{ ' of '.join(blind.rigs.counts['pairs']) }}",
+    "on {{ ' of '.join(blind.rigs.counts.wrong) }} rigs and {{ ' of '.join(blind.logs.counts.wrong) }} logs",
 ]
 
 
