@@ -5,7 +5,8 @@ Question
     proposes, and if each is drawn at random from the same list?
 Method
     Wheel rigs by tests/oracle/rig_generator.py: five slips at one load, one effect of the list hidden, soil drawn, its
-    size from the upper half of what studies/blind_rig.py hides. Benches by tests/oracle/pendulum_generator.py: one run
+    size from the upper half of what studies/blind_rig.py hides, noise FINE times the usual: with that eight more runs
+    tell nothing. Benches by tests/oracle/pendulum_generator.py: one run
     with a quarter of its voltages, one law hidden, all noise COARSE times as large. After each run all is weighed anew.
     Sets that tell at once are passed over. What is not told after MOST more runs counts as MOST + 1.
 Result
@@ -23,7 +24,7 @@ from __future__ import annotations
 import argparse
 import csv
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
@@ -52,8 +53,8 @@ QUICK = 3
 """A bench whose law one run tells."""
 FIRST = (-0.15, 0.0, 0.2, 0.4, 0.6)
 """Slips of a rig's first runs, under 25 N."""
-COARSE = 8
-"""Times the generator's usual noise that a bench has: with that nearly every run tells."""
+COARSE, FINE = 8, 0.25
+"""Times its generator's usual noise that a bench has, of which else every run tells, and a rig, of which none does."""
 HEADER = ("kind", "seed", "hidden", "proposed", "at random")
 RESULTS = Path(__file__).parent / "results"
 
@@ -63,6 +64,8 @@ class Told(NamedTuple):
 
     beliefs: Beliefs
     offer: Offer
+    conditions: Sequence[Any]
+    "of each run of the offer"
 
 
 def main() -> None:
@@ -105,33 +108,32 @@ def counted(kind: str, make: Callable[[int], tuple[str, Any]], seed: int) -> tup
     return kind, seed, name, *needed
 
 
-def runs_needed(name: str, after: Callable[[list[int]], Told], seed: int, is_proposed: bool) -> int:
+def runs_needed(name: str, after: Callable[[list[Any]], Told], seed: int, is_proposed: bool) -> int:
     """Return how many more runs it takes; `after` tells what is believed after these runs of the list."""
-    random, chosen = np.random.default_rng([seed, 7]), list[int]()
+    random, chosen = np.random.default_rng([seed, 7]), list[Any]()
     while (told := after(chosen)).beliefs.inclusion(name) < SURE:
         if len(chosen) == MOST:
             return MOST + 1
         folds = told.offer.experiment.folds
         best = next_measurement(open_sets(told.beliefs), (told.offer,)) if is_proposed else None
         drawn = int(random.integers(len(folds)))
-        chosen.append(drawn if best is None else folds.index(best.what))
+        chosen.append(told.conditions[drawn if best is None else folds.index(best.what)])
     return len(chosen)
 
 
-def rig(seed: int) -> tuple[str, Callable[[list[int]], Told]]:
+def rig(seed: int) -> tuple[str, Callable[[list[Any]], Told]]:
     """Return what a rig hides, and what is believed after runs of its list."""
     make, random = rig_generator(), np.random.default_rng(seed)
+    make.SD = tuple(FINE * sd for sd in make.SD)
     name = sorted(LISTED.keys() - {"InterfaceFriction"})[seed % (len(LISTED) - 1)]
     hidden = make.Rig(sizes=drawn_sizes(Hidden(Kind.PAIR, (name,), seed, "white"), random), **drawn_soil(random))
-    first = rig_set(make, hidden, [(25.0, slip, 0.02) for slip in FIRST], seed)
-    offer = next_runs((first,))
-    ahead = offer.experiment.sets[0]
 
-    def after(chosen: list[int]) -> Told:
-        more = [(float(ahead.load[at]), float(ahead.slip[at]), float(ahead.speeds[at, 0])) for at in chosen]
-        data = rig_set(make, hidden, [*((25.0, slip, 0.02) for slip in FIRST), *more], seed)
-        question = question_of(RigExperiment((data,)), RigModel(data.wheel, data.soil()))
-        return Told(explorer_of(question, quiet).explore(), offer)
+    def after(chosen: list[tuple[float, float, float]]) -> Told:
+        data = rig_set(make, hidden, [*((25.0, slip, 0.02) for slip in FIRST), *chosen], seed)
+        question, offer = question_of(RigExperiment((data,)), RigModel(data.wheel, data.soil())), next_runs((data,))
+        ahead = offer.experiment.sets[0]
+        conditions = zip(ahead.load.tolist(), ahead.slip.tolist(), ahead.speeds[:, 0].tolist(), strict=True)
+        return Told(explorer_of(question, quiet).explore(), offer, tuple(conditions))
 
     return name, after
 
@@ -148,7 +150,7 @@ def rig_set(make: ModuleType, hidden: Any, runs: list[tuple[float, float, float]
         return read_rig_set(Path(folder))
 
 
-def bench(seed: int) -> tuple[str, Callable[[list[int]], Told]]:
+def bench(seed: int) -> tuple[str, Callable[[list[Any]], Told]]:
     """Return what a bench hides, and what is believed after runs of its list."""
     make = pendulum_generator()
     laws = [law for law in make.LAWS if law != "none"]
@@ -165,7 +167,7 @@ def bench(seed: int) -> tuple[str, Callable[[list[int]], Told]]:
         own = replace(ahead, folds=folds, time=ahead.time[which], set_values=ahead.set_values[which],
                       observed=np.array([measured(at, turn) for turn, at in enumerate(which)]))  # fmt: skip
         beliefs = search_of(bench_question(own, ()), quiet).beliefs()
-        return Told(beliefs, Offer(ahead, ahead.noise()))
+        return Told(beliefs, Offer(ahead, ahead.noise()), range(len(ahead.folds)))
 
     return name, after
 

@@ -10,7 +10,6 @@ Source: Lindley, Ann. Math. Stat. 27 (1956) 986; Kolchinsky and Tracey, Entropy 
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from itertools import islice
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -25,8 +24,6 @@ from rover_pin.estimation.task import Task
 from rover_pin.estimation.wording import MAX_LISTED, WORTH
 from rover_pin.inference.beliefs import Beliefs, Hypothesis
 
-MAX_SETS = 8
-"""How many of the sets that hold SURE of the probability are distinguished, or listed, at most."""
 CLOSER = 4
 """Offers, of those that would tell most if all numbers were known, of which what is uncertain is worked out."""
 
@@ -102,7 +99,7 @@ def open_sets(beliefs: Beliefs) -> list[tuple[float, Hypothesis]]:
     Their shares sum to 1.
     """
     rows = ((share, beliefs.best(tuple(names))) for names, share in beliefs.sets.items())
-    fitted = list(islice(((share, best) for share, best in rows if best.is_fitted), MAX_SETS))
+    fitted = [(share, best) for share, best in rows if best.is_fitted]
     before = np.cumsum([0.0, *(share for share, _ in fitted)])
     leading = [row for at, row in enumerate(fitted) if at < 2 or before[at] < SURE]
     total = sum(share for share, _ in leading)

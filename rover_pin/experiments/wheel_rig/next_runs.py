@@ -8,7 +8,7 @@ import numpy as np
 
 from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.inference.next_measurement import Offer
-from rover_pin.measurements.rig_set import RigSet
+from rover_pin.measurements.rig_set import SAME_LEVEL, SAME_LOAD, STRAIGHT, RigSet
 from rover_pin.soil.slip import speed_ratio
 
 SLIPS = (-0.3, 0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
@@ -23,13 +23,19 @@ def next_runs(sets: Sequence[RigSet]) -> Offer:
 
 
 def runs_ahead(data: RigSet) -> RigSet:
-    """Return a set of runs not made yet: every slip and load, at each slip angle of a set, by its channels, all 0."""
+    """Return a set of runs not made yet: every slip and load, at each slip angle of a set, by its channels, all 0.
+
+    What was measured is left out, unless all was: what no model has there is the same, only its noise better known.
+    """
     mean = float(np.mean(data.load))
     angles = np.unique(np.round(data.slip_angle, 2))
     table = np.array(list(itertools.product(mean * np.array(LOADS), SLIPS, angles)))
-    load, slip, angle = table.T
-    labels = tuple(_words(*row) for row in table)
-    blank = np.zeros(len(table))
+    load, slip, angle = table.T[..., None]
+    near = (np.abs(slip - data.slip) < SAME_LEVEL) & (np.abs(angle - data.slip_angle) < STRAIGHT)
+    new = ~np.any(near & (np.abs(np.log(load / data.load)) < np.log(SAME_LOAD)), axis=1)
+    load, slip, angle = (table[new] if new.any() else table).T
+    labels = tuple(map(_words, load, slip, angle))
+    blank = np.zeros(len(load))
     channels = tuple(type(channel)(blank, np.sqrt(np.mean(channel.sd**2))) for channel in data.channels)
     return dataclasses.replace(
         data, slip=slip, load=load, slip_angle=angle, channels=channels, levels=labels, trials=(), runs=labels,

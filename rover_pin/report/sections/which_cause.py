@@ -8,14 +8,13 @@ from rover_pin.effects.names import display_name
 from rover_pin.estimation.profile import NORMAL_95
 from rover_pin.estimation.wording import MAX_NAMED, format_value, interval
 from rover_pin.inference.beliefs import LEAST, Beliefs
-from rover_pin.inference.next_measurement import MAX_SETS
 from rover_pin.report.page import CHOSEN, Picture, Row, Section, Table
 from rover_pin.report.sections.sensitivity import is_threshold, unit_of
 from rover_pin.report.svg import AFTER, GREY
 from rover_pin.report.words import Labels, as_text, capital, full, human, kinds_of, listing
 
 MAX_CAUSES = 20
-"""Causes that are listed."""
+"""Causes, and sets of them, that are listed."""
 ESTIMATED = "estimated, not fitted"
 """What is said of a set that was weighed by a linear estimate alone."""
 
@@ -65,7 +64,7 @@ def _causes(beliefs: Beliefs, verdict: Verdict, labels: Labels) -> Table:
 
 def _sets(beliefs: Beliefs, verdict: Verdict, labels: Labels) -> Table:
     kinds, rows = kinds_of(verdict), []
-    for names, probability in list(beliefs.sets.items())[:MAX_SETS]:
+    for names, probability in list(beliefs.sets.items())[:MAX_CAUSES]:
         if probability > LEAST:
             causes = listing(full(name, kinds, labels) for name in sorted(names)) or "nothing"
             is_fitted = beliefs.best(tuple(names)).is_fitted
