@@ -5,10 +5,10 @@ Question
     proposes, and if each is drawn at random from the same list?
 Method
     Wheel rigs by tests/oracle/rig_generator.py: five slips at one load, one effect of the list hidden, soil drawn, its
-    size from the upper half of what studies/blind_rig.py hides, noise FINE times the usual: with that eight more runs
-    tell nothing. Benches by tests/oracle/pendulum_generator.py: one run
-    with a quarter of its voltages, one law hidden, all noise COARSE times as large. After each run all is weighed anew.
-    Sets that tell at once are passed over. What is not told after MOST more runs counts as MOST + 1.
+    size from the upper half of what studies/blind_rig.py hides, noise FINE times the usual: with that MOST more runs
+    tell nothing. Benches by tests/oracle/pendulum_generator.py: one run with a quarter of its voltages, one law hidden,
+    all noise COARSE times as large. After each run all is weighed anew. Sets that tell at once are passed over. What is
+    not told after MOST more runs counts as MOST + 1.
 Result
     studies/results/next_run.csv.
 What the paper says
