@@ -24,7 +24,7 @@ from __future__ import annotations
 import argparse
 import csv
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
@@ -43,7 +43,8 @@ from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.model import RigModel
 from rover_pin.experiments.wheel_rig.next_runs import next_runs
 from rover_pin.inference.beliefs import Beliefs
-from rover_pin.inference.next_measurement import Offer, next_measurement, open_sets
+from rover_pin.inference.next_measurement import next_measurement, open_sets
+from rover_pin.inference.outlook import Offer
 from rover_pin.loop.rig import question_of
 from rover_pin.measurements.rig_reading import read_rig_set
 
@@ -64,8 +65,8 @@ class Told(NamedTuple):
 
     beliefs: Beliefs
     offer: Offer
-    conditions: Sequence[Any]
-    "of each run of the offer"
+    conditions: Mapping[str, Any]
+    "of each run of the offer, by its name"
 
 
 def main() -> None:
@@ -114,10 +115,9 @@ def runs_needed(name: str, after: Callable[[list[Any]], Told], seed: int, is_pro
     while (told := after(chosen)).beliefs.inclusion(name) < SURE:
         if len(chosen) == MOST:
             return MOST + 1
-        folds = told.offer.experiment.folds
         best = next_measurement(open_sets(told.beliefs), (told.offer,)) if is_proposed else None
-        drawn = int(random.integers(len(folds)))
-        chosen.append(told.conditions[drawn if best is None else folds.index(best.what)])
+        drawn = random.choice(told.offer.experiment.folds)
+        chosen.append(told.conditions[drawn if best is None else best.what])
     return len(chosen)
 
 
@@ -133,7 +133,7 @@ def rig(seed: int) -> tuple[str, Callable[[list[Any]], Told]]:
         question, offer = question_of(RigExperiment((data,)), RigModel(data.wheel, data.soil())), next_runs((data,))
         ahead = offer.experiment.sets[0]
         conditions = zip(ahead.load.tolist(), ahead.slip.tolist(), ahead.speeds[:, 0].tolist(), strict=True)
-        return Told(explorer_of(question, quiet).explore(), offer, tuple(conditions))
+        return Told(explorer_of(question, quiet).explore(), offer, dict(zip(ahead.runs, conditions, strict=True)))
 
     return name, after
 
@@ -167,7 +167,7 @@ def bench(seed: int) -> tuple[str, Callable[[list[Any]], Told]]:
         own = replace(ahead, folds=folds, time=ahead.time[which], set_values=ahead.set_values[which],
                       observed=np.array([measured(at, turn) for turn, at in enumerate(which)]))  # fmt: skip
         beliefs = search_of(bench_question(own, ()), quiet).beliefs()
-        return Told(beliefs, Offer(ahead, ahead.noise()), range(len(ahead.folds)))
+        return Told(beliefs, Offer(ahead, ahead.noise()), {name: at for at, name in enumerate(ahead.folds)})
 
     return name, after
 

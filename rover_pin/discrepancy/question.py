@@ -10,7 +10,7 @@ from rover_pin.estimation.experiment import Experiment
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.inference.beliefs import Hypothesis
-from rover_pin.inference.next_measurement import Offer
+from rover_pin.inference.outlook import Offer
 from rover_pin.inference.residual_function import smooth_functions
 
 Progress = Callable[[str], None]

@@ -15,7 +15,7 @@ from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.noise import Noise, declared_noise
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.inference.beliefs import Hypothesis
-from rover_pin.inference.next_measurement import Offer
+from rover_pin.inference.outlook import Offer
 
 
 @dataclass(frozen=True)

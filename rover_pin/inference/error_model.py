@@ -54,6 +54,13 @@ class Discrepancy(Enum):
     SMOOTH = "a smooth discrepancy"
 
 
+class Settings(NamedTuple):
+    """Where a channel is or may be measured: inputs (m, inputs), each over its range, what each law adds (laws, m)."""
+
+    inputs: np.ndarray
+    added: np.ndarray
+
+
 class Term(NamedTuple):
     """One variance component of a channel: its scale and the matrix that the square of the scale multiplies."""
 
@@ -120,22 +127,35 @@ class ErrorModel:
 
     def smooth_part(self, eta: np.ndarray, at: int) -> np.ndarray:
         """Return the covariance (m, m) of a channel's discrepancy, smooth or of form."""
-        if self.discrepancy is Discrepancy.NONE:
-            return np.zeros((len(self.samples.blocks[at]),) * 2)
-        length = math.exp(eta[-1])
-        return np.asarray(self._amplitude(eta, at) * np.exp(-0.5 * self.samples.distances[at] / length**2))
+        added = self._added_of(at)
+        return self._smooth(eta, at, (added, added), self.samples.distances[at])
+
+    def smooth_between(self, eta: np.ndarray, at: int, first: Settings, second: Settings) -> np.ndarray:
+        """Return the covariance (m, k) of a channel's discrepancy at m settings with that at k others."""
+        distances = ((first.inputs[:, None] - second.inputs[None]) ** 2).sum(axis=-1)
+        return self._smooth(eta, at, (first.added, second.added), distances)
+
+    def settings_of(self, at: int, inputs: np.ndarray) -> Settings:
+        """Return the settings of a channel's samples, `inputs` (n, inputs) those of all."""
+        return Settings(inputs[self.samples.blocks[at]], self._added_of(at))
 
     def _smooth_scale(self, at: int) -> tuple[str, int]:
         return ("a", at) if self.discrepancy is Discrepancy.SMOOTH else ("e", -1)
 
-    def _amplitude(self, eta: np.ndarray, at: int) -> np.ndarray:
-        """Return the matrix of amplitudes (m, m) by which the smooth kernel is multiplied."""
-        square = math.exp(2.0 * eta[self.scales.index(self._smooth_scale(at))])
+    def _added_of(self, at: int) -> np.ndarray:
+        """Return what each law adds to a channel (laws, m); without a form error none is listed."""
         block = self.samples.blocks[at]
-        if self.discrepancy is Discrepancy.SMOOTH:
-            return np.full((len(block), len(block)), square * self.samples.spread[at] ** 2)
-        added = np.array([row[block] for row in self.added])
-        return np.asarray(square * added.T @ added)
+        return np.array([row[block] for row in self.added]).reshape(-1, len(block))
+
+    def _smooth(
+        self, eta: np.ndarray, at: int, added: tuple[np.ndarray, np.ndarray], distances: np.ndarray
+    ) -> np.ndarray:
+        if self.discrepancy is Discrepancy.NONE:
+            return np.zeros(distances.shape)
+        square = math.exp(2.0 * eta[self.scales.index(self._smooth_scale(at))])
+        is_smooth = self.discrepancy is Discrepancy.SMOOTH
+        amplitude = self.samples.spread[at] ** 2 if is_smooth else added[0].T @ added[1]
+        return np.asarray(square * amplitude * np.exp(-0.5 * distances / math.exp(eta[-1]) ** 2))
 
     @cached_property
     def _terms(self) -> tuple[tuple[Term, ...], ...]:

@@ -9,50 +9,18 @@ Source: Lindley, Ann. Math. Stat. 27 (1956) 986; Kolchinsky and Tracey, Entropy 
 """
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import logsumexp
 
-from rover_pin.base.public import brief
-from rover_pin.estimation.experiment import Experiment
-from rover_pin.estimation.gauss_newton import slopes_at
-from rover_pin.estimation.noise import Noise
 from rover_pin.estimation.profile import MOST, SURE
-from rover_pin.estimation.task import Task
 from rover_pin.estimation.wording import MAX_LISTED, WORTH
 from rover_pin.inference.beliefs import Beliefs, Hypothesis
+from rover_pin.inference.outlook import Expected, Offer, expectation, with_uncertain_numbers
 
 CLOSER = 4
 """Offers, of those that would tell most if all numbers were known, of which what is uncertain is worked out."""
-
-
-@brief
-@dataclass(frozen=True, eq=False)
-class Offer:
-    """Measurements that could be made next: each fold of an experiment in which nothing is measured yet."""
-
-    experiment: Experiment
-    noise: Noise
-    "of its samples, those that would be compared"
-    meets: Callable[[Any], Any] = lambda model: model
-    "a model as it meets them"
-    unmeasured: tuple[str, ...] = ()
-    "channels that were not measured so far"
-
-    @property
-    def label(self) -> str:
-        """What is offered, in words."""
-        return self.experiment.folds[0] if len(self.experiment.folds) == 1 else "what could be measured next"
-
-    @property
-    def in_addition(self) -> str:
-        """The channels that were not measured so far, in words."""
-        many = (
-            f"{self.unmeasured[0]} to {self.unmeasured[-1]}" if len(self.unmeasured) > 1 else "".join(self.unmeasured)
-        )
-        return f", with {many} too" if many else ""
 
 
 class NextMeasurement(NamedTuple):
@@ -75,22 +43,6 @@ class NextMeasurement(NamedTuple):
             f"to tell {first} from {' or '.join(others)}: {self.what}; expected to settle "
             f"{self.nats / self.open_nats:.0%} of what is open, {self.channel} the most of it"
         )
-
-
-class Expected(NamedTuple):
-    """What a set of causes expects of an offer's rows, in SDs of its noise.
-
-    Mean and variance of the errors (n,), and by how much uncertain numbers move the mean (n, k).
-    """
-
-    mean: np.ndarray
-    columns: np.ndarray
-    variance: np.ndarray
-
-    def at(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return mean and covariance of some of the rows."""
-        columns = self.columns[rows]
-        return self.mean[rows], columns @ columns.T + np.diag(self.variance[rows])
 
 
 def open_sets(beliefs: Beliefs) -> list[tuple[float, Hypothesis]]:
@@ -122,12 +74,12 @@ def next_measurement(
     if_known: list[tuple[float, Offer, list[Expected]]] = []
     for offer in offers:
         progress(f"predicting {offer.label}")
-        expected = [_expectation(offer, hypothesis, hypotheses[0]) for hypothesis in hypotheses]
+        expected = [expectation(offer, hypothesis, hypotheses[0]) for hypothesis in hypotheses]
         if_known.append((_best(weights, offer, expected, offer.unmeasured).nats, offer, expected))
     choices: list[_Choice] = []
     for _, offer, known in sorted(if_known, key=lambda row: -row[0])[:CLOSER]:
         progress(f"weighing {offer.label}")
-        expected = [_uncertain(offer, *pair) for pair in zip(hypotheses, known, strict=True)]
+        expected = [with_uncertain_numbers(offer, *pair) for pair in zip(hypotheses, known, strict=True)]
         choices += [_best(weights, offer, expected, offer.unmeasured), _best(weights, offer, expected)]
     open_nats = float(-np.sum(weights * np.log(weights)))
     measured, best = _greatest(choices[::2]), _greatest(choices)
@@ -180,33 +132,3 @@ def information(weights: np.ndarray, mean: np.ndarray, covariance: np.ndarray) -
         squares = np.sum(difference * np.linalg.solve(both, difference[..., None])[..., 0], axis=1)
         distance[at] = squares / 8 + np.linalg.slogdet(both)[1] / 2 - (size[at] + size) / 4
     return max(0.0, -float(weights @ logsumexp(-distance, b=weights[None], axis=1)))
-
-
-def _expectation(offer: Offer, hypothesis: Hypothesis, first: Hypothesis) -> Expected:
-    """Return what a set of causes expects of an offer, as if its numbers were known."""
-    experiment, noise = offer.experiment, offer.noise
-    predicted = experiment.predict([offer.meets(hypothesis.fit.model)])[0]
-    mean = noise.white(np.where(np.abs(predicted) == experiment.stand_in, np.nan, predicted))
-    variance = noise.inflation * _scales(offer, hypothesis, first) ** 2
-    return Expected(mean, np.zeros((len(mean), 0)), variance[np.nonzero(noise.good)[1]])
-
-
-def _uncertain(offer: Offer, hypothesis: Hypothesis, expected: Expected) -> Expected:
-    """Return the same with the numbers as uncertain as they are."""
-    noise, fit = offer.noise, hypothesis.fit
-    slopes = slopes_at(Task(offer.experiment, noise), offer.meets(fit.model), fit.parameters, fit.u)
-    rows = noise.white(np.array([slopes[parameter.name] for parameter in fit.parameters]))
-    return expected._replace(columns=rows.T @ _root(hypothesis.posterior.covariance))
-
-
-def _scales(offer: Offer, hypothesis: Hypothesis, first: Hypothesis) -> np.ndarray:
-    """Return by how much all errors of each channel (channels,) are larger than those of the most probable set."""
-    channels = hypothesis.experiment.channels
-    larger = dict(zip(channels, hypothesis.fit.task.noise.floor / first.fit.task.noise.floor, strict=True))
-    return np.array([larger.get(name, 1.0) for name in offer.experiment.channels])
-
-
-def _root(covariance: np.ndarray) -> np.ndarray:
-    """Return a matrix L with L L' the covariance."""
-    values, vectors = np.linalg.eigh(covariance)
-    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))

@@ -81,7 +81,7 @@ def samples_of(experiment: Experiment, sd: np.ndarray, inputs: np.ndarray) -> Sa
         np.swapaxes(observed, 0, 1)[good],
         np.swapaxes(sd, 0, 1)[good],
         fold,
-        _scale_inputs(rows),
+        scale_alike(rows.T, rows.T)[0],
         order,
         tuple(
             np.flatnonzero((channel == at) & (campaign[fold] == of))
@@ -93,8 +93,13 @@ def samples_of(experiment: Experiment, sd: np.ndarray, inputs: np.ndarray) -> Sa
     )
 
 
-def _scale_inputs(rows: np.ndarray) -> np.ndarray:
-    """Return inputs (inputs, n) as (n, inputs), each over its range; those that never change are left out."""
-    ranges = np.ptp(rows, axis=1)
+def scale_alike(inputs: np.ndarray, others: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return inputs (n, inputs), each over its range, and others (m, inputs) over the same ranges.
+
+    Those that only change from the ones to the others are over the range of both, those that never change left out.
+    """
+    both = np.concatenate([inputs, others])
+    ranges = np.where(np.ptp(inputs, axis=0) > SAME_INPUT, np.ptp(inputs, axis=0), np.ptp(both, axis=0))
     varied = ranges > SAME_INPUT
-    return np.asarray(((rows[varied] - rows[varied].min(axis=1, keepdims=True)) / ranges[varied, None]).T)
+    scaled = (both[:, varied] - inputs[:, varied].min(axis=0)) / ranges[varied]
+    return scaled[: len(inputs)], scaled[len(inputs) :]

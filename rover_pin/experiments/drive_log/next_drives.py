@@ -15,7 +15,7 @@ from rover_pin.experiments.drive_log.candidate_runs import CandidateRun, candida
 from rover_pin.experiments.drive_log.experiment import DriveExperiment, experiment_of_log
 from rover_pin.experiments.drive_log.features import WHOLE, LoggedRun, blocks, comparable_rows
 from rover_pin.inference.beliefs import Hypothesis
-from rover_pin.inference.next_measurement import Offer
+from rover_pin.inference.outlook import Offer
 from rover_pin.simulation.model.cruise import CRUISE_DUTY
 from rover_pin.simulation.replay import replay
 from rover_pin.simulation.sensors import Sensors

@@ -1,4 +1,4 @@
-"""The runs that a wheel rig could make next: from braked to nearly spinning, of half to twice the mean load."""
+"""The runs that a wheel rig could make next: from braked to nearly spinning, of half to twice the usual load."""
 
 import dataclasses
 import itertools
@@ -7,13 +7,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from rover_pin.experiments.wheel_rig.experiment import RigExperiment
-from rover_pin.inference.next_measurement import Offer
+from rover_pin.inference.outlook import Offer
 from rover_pin.measurements.rig_set import SAME_LEVEL, SAME_LOAD, STRAIGHT, RigSet
 from rover_pin.soil.slip import speed_ratio
 
 SLIPS = (-0.3, 0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
 LOADS = (0.5, 1.0, 2.0)
-"""Loads as multiples of the mean load."""
+"""Loads as multiples of the usual one: the median, which runs at other loads hardly move."""
 
 
 def next_runs(sets: Sequence[RigSet]) -> Offer:
@@ -27,9 +27,9 @@ def runs_ahead(data: RigSet) -> RigSet:
 
     What was measured is left out, unless all was: what no model has there is the same, only its noise better known.
     """
-    mean = float(np.mean(data.load))
+    usual = float(np.quantile(data.load, 0.5, method="lower"))
     angles = np.unique(np.round(data.slip_angle, 2))
-    table = np.array(list(itertools.product(mean * np.array(LOADS), SLIPS, angles)))
+    table = np.array(list(itertools.product(usual * np.array(LOADS), SLIPS, angles)))
     load, slip, angle = table.T[..., None]
     near = (np.abs(slip - data.slip) < SAME_LEVEL) & (np.abs(angle - data.slip_angle) < STRAIGHT)
     new = ~np.any(near & (np.abs(np.log(load / data.load)) < np.log(SAME_LOAD)), axis=1)

@@ -24,7 +24,7 @@ def runs(data):
 def test_no_run_is_proposed_that_was_made():
     offered = runs(runs_ahead(DATA))
     assert not [run for run in offered if any(is_like(run, made) for made in runs(DATA))]
-    everything = [(load * DATA.load.mean(), slip) for load in LOADS for slip in SLIPS]
+    everything = [(load * np.quantile(DATA.load, 0.5, method="lower"), slip) for load in LOADS for slip in SLIPS]
     left_out = [run for run in everything if not any(math.isclose(run[0], o[0]) and run[1] == o[1] for o in offered)]
     assert left_out
     assert all(any(is_like(run, made) for made in runs(DATA)) for run in left_out)
