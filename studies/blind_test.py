@@ -11,10 +11,10 @@ Method
     any, and all of it scored. Limits of the loop were set on other seeds. What is answered is kept in OUT: a run that
     was stopped goes on where it was.
 Result
-    docs/validation.md counts studies/results/blind_drives.csv: 150 sets of seed 8803 with --under any, commit c9a1f390,
-    from the 33rd on. The first 32 showed three faults: wheels on a border of lanes, what is left, which was weighed of
-    few sets only, and trackers whose drift was taken for a scale. Seeds 902, 1303, 1404, 2203, 3101, 4808, 5911, 5912,
-    6203 and 7001 to 7003 were calibration, or of the former search.
+    docs/validation.md counts studies/results/blind_drives.csv: 150 sets of seed 8804 with --under any. Seed 8803 was
+    reported before; it showed wheels on a border of lanes, what is left, which was weighed of few sets only, trackers
+    whose drift was taken for a scale, and evidence that was surer than stretches of the runs scatter. Seeds 902, 1303,
+    1404, 2203, 3101, 4808, 5911, 5912, 6203 and 7001 to 7003 were calibration, or of the former search.
 What the paper says
     Nothing: it compares by eye.
 What differs
@@ -23,7 +23,7 @@ What differs
     leaves noise. Most hidden effects follow the same laws as the package's, written down and integrated once more;
     those of kind other-law do not.
 
-Run: python studies/blind_test.py [--quick] [--calibrate] [--sets N] [--under any] [--first N] [--skip N] [--workers N]
+Run: python studies/blind_test.py [--quick] [--seed N] [--sets N] [--under any] [--first N] [--skip N] [--workers N]
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ from rover_pin.logs.drive_log import read_drive_log
 from rover_pin.loop.drive import question_of
 
 MAKE = Path(__file__).parents[1] / "tests" / "oracle" / "blind" / "make.py"
-CALIBRATION, REPORTED = 902, 8803
+CALIBRATION, REPORTED = 902, 8804
 """Seeds of the sets on which limits were set, and of those that are reported."""
 KINDS = {
     "single": Kind.SINGLE, "sensor": Kind.SINGLE, "pair": Kind.PAIR, "none": Kind.NULL, "off-list": Kind.OFF_LIST,
@@ -79,7 +79,7 @@ class Truth(NamedTuple):
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="one set")
-    parser.add_argument("--calibrate", action="store_true", help="the seed on which limits are set")
+    parser.add_argument("--seed", type=int, default=REPORTED)
     parser.add_argument("--sets", type=int, default=100)
     parser.add_argument(
         "--under",
@@ -91,7 +91,7 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--out", type=Path, default=Path("out/blind_test"))
     options = parser.parse_args()
-    seed, count = CALIBRATION if options.calibrate or options.quick else REPORTED, 1 if options.quick else options.sets
+    seed, count = (CALIBRATION, 1) if options.quick else (options.seed, options.sets)
     sets, answers = options.out / f"sets-{seed}", options.out / f"answers-{seed}.json"
     made = ["--out", sets, "--seed", seed, "--sets", count, "--workers", options.workers, "--answers", answers]
     made += ["--under", options.under]

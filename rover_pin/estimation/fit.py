@@ -95,14 +95,21 @@ class Fit:
         Stat. 89 (2007) 221 for t with as many degrees of freedom as there are runs but one.
         """
         plain = np.diag(self.covariance) * self.task.noise.inflation * max(self.misfit, 1.0)
-        runs, _, blocks = self.task.noise.good.shape
-        stretch = np.arange(blocks) // STRETCH
-        run_index = np.arange(runs)[:, None, None]
-        variances = [plain, self._clustered_variance(run_index * (stretch[-1] + 1) + stretch)]
+        runs = len(self.task.noise.good)
+        variances = [plain, self.stretch_sd**2]
         if runs >= FEW:
             wide = float(stdtrit(runs - 1, 0.5 + 0.5 * SURE) / NORMAL_95)
-            variances.append(wide**2 * self._clustered_variance(run_index))
+            variances.append(wide**2 * self._clustered_variance(np.arange(runs)[:, None, None]))
         return np.asarray(np.sqrt(np.max(variances, axis=0)))
+
+    @cached_property
+    def stretch_sd(self) -> np.ndarray:
+        """SD of each u as stretches of the runs scatter, each with its own slope of chi2 / 2; see `spread`."""
+        runs, _, blocks = self.task.noise.good.shape
+        stretch = np.arange(blocks) // STRETCH
+        return np.asarray(
+            np.sqrt(self._clustered_variance(np.arange(runs)[:, None, None] * (stretch[-1] + 1) + stretch))
+        )
 
     def _clustered_variance(self, owner: np.ndarray) -> np.ndarray:
         """Return the variance of each u where the rows of one owner (runs, 1, blocks) hang together."""

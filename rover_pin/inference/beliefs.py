@@ -36,13 +36,17 @@ class Beliefs:
 
     @cached_property
     def scores(self) -> np.ndarray:
-        """Logarithm of evidence times prior of each hypothesis."""
-        return np.array(
-            [
-                hypothesis.log_evidence + log_prior(len(hypothesis.causes), self.choice, hypothesis.discrepancy)
-                for hypothesis in self.hypotheses
-            ]
-        )
+        """Logarithm of evidence times prior of each hypothesis; what a cause adds counts by its share of gain."""
+        plain = np.array([row.log_evidence for row in self.hypotheses])
+        evidence = plain.copy()
+        places = {(frozenset(row.names), row.discrepancy): at for at, row in enumerate(self.hypotheses)}
+        for (names, discrepancy), at in sorted(places.items(), key=lambda place: -len(place[0][0])):
+            for name, share in self.hypotheses[at].gain_shares.items():
+                without = places.get((names - {name}, discrepancy), at)
+                counted = share * (plain[at] - plain[without])
+                evidence[without] = max(evidence[without], evidence[at] - counted)
+        priors = [log_prior(len(row.causes), self.choice, row.discrepancy) for row in self.hypotheses]
+        return np.asarray(evidence + priors)
 
     @cached_property
     def weights(self) -> np.ndarray:

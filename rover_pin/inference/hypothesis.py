@@ -81,6 +81,8 @@ class Hypothesis:
         return np.diag(self.covariance)
 
     is_fitted: ClassVar[bool] = True
+    gain_shares: ClassVar[dict[str, float]] = {}
+    "all that a cause adds to ln Z counts: how its errors hang together is in their covariance"
 
     @property
     def discrepancy(self) -> Discrepancy:

@@ -85,6 +85,25 @@ class LinearHypothesis:
         place = {parameter.name: at for at, parameter in enumerate(self.parameters)}[name]
         return float(self.posterior.mean[place]), float(self._sd[place])
 
+    @cached_property
+    def gain_shares(self) -> dict[str, float]:
+        """How much of what each cause adds to ln Z counts: variance of its sizes over that by which stretches scatter.
+
+        Rows that hang together along a size tell it as fewer would, and their likelihood counts as that of fewer. Only
+        of what was fitted and leaves noise; 1 where stretches scatter less, or a size does not vanish at 0.
+        Source: Mueller, Econometrica 81 (2013) 1805, for the variance; see also `Fit.spread`.
+        """
+        if not self.is_fitted or self.discrepancy is not Discrepancy.NONE:
+            return {}
+        sd = np.sqrt(np.diag(self.posterior.covariance))
+        squares = np.array([self.posterior.mean / sd, self.posterior.mean / np.maximum(sd, self.fit.stretch_sd)]) ** 2
+        shares = {}
+        for cause in self.causes:
+            is_size = [number.name in cause.amplitudes and not number.log for number in self.parameters]
+            plain, scattered = squares[:, is_size].sum(axis=1)
+            shares[cause.name] = float(scattered / plain) if plain > 0 else 1.0
+        return shares
+
     @property
     def noise_taken(self) -> dict[str, float]:
         """How many times the declared noise, or what samples scatter, each channel is taken to have for noise."""
