@@ -1,8 +1,10 @@
 """What may be missing from a model, or wrong with the measuring, as a hypothesis has it: numbers with priors."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
+
+import numpy as np
 
 from rover_pin.estimation.parameter import Parameter
 
@@ -22,6 +24,11 @@ class Cause:
     "what causes like it do"
     owner: str = ""
     "the name of the effect in the model; empty where it is none"
+
+    def absent(self, parameters: Sequence[Parameter], u: np.ndarray) -> np.ndarray:
+        """Return u of numbers where this cause does not act: its sizes at 0, one on a logarithm at its greatest."""
+        none = [number.bounds[1] if number.log else 0.0 for number in parameters]
+        return np.where([number.name in self.amplitudes for number in parameters], none, u)
 
 
 def reading_error(name: str, parameter: Parameter) -> Cause:

@@ -232,20 +232,6 @@ class Fitter:
 
     def _added_rows(self, causes: Sequence[Cause], u: np.ndarray, predicted: np.ndarray) -> tuple[np.ndarray, ...]:
         """Return what each cause adds to the prediction (n,), the numbers as they are."""
-        rows = []
-        for cause in causes:
-            others = [other_cause for other_cause in causes if other_cause is not cause]
-            model, parameters = self.having(others)
-            retained = self._own(causes, others)
-            row, _ = self.predict_row(model, parameters, u[retained])
-            rows.append(np.nan_to_num(predicted - row))
-        return tuple(rows)
-
-    def _own(self, causes: Sequence[Cause], others: Sequence[Cause]) -> np.ndarray:
-        """Return where the numbers of the base and of some of the causes stand among those of all."""
-        retained, at = list(range(len(self.numbers))), len(self.numbers)
-        for cause in causes:
-            if cause in others:
-                retained += range(at, at + len(cause.parameters))
-            at += len(cause.parameters)
-        return np.array(retained, dtype=int)
+        model, parameters = self.having(causes)
+        without = [self.predict_row(model, parameters, cause.absent(parameters, u))[0] for cause in causes]
+        return tuple(np.nan_to_num(predicted - row) for row in without)

@@ -15,7 +15,7 @@ import numpy as np
 
 from rover_pin.base.public import brief
 from rover_pin.estimation.experiment import Experiment
-from rover_pin.estimation.gauss_newton import slopes_at
+from rover_pin.estimation.gauss_newton import at, slopes_at
 from rover_pin.estimation.noise import Noise
 from rover_pin.estimation.task import Task
 from rover_pin.inference import hypothesis as fitted
@@ -112,12 +112,12 @@ def _discrepancy(offer: Offer, hypothesis: fitted.Hypothesis) -> tuple[np.ndarra
     added = _added_ahead(offer, hypothesis) * row_sd
     names, campaigns = np.array(ahead.channels)[channel], ahead.campaigns[fold]
     cross, own = np.zeros((len(fold), len(samples.value))), np.zeros((len(fold), len(fold)))
-    for at, block in enumerate(samples.blocks):
+    for which, block in enumerate(samples.blocks):
         is_alike = names == measured.channels[at_channel[block[0]]]
         rows = np.flatnonzero(is_alike & (campaigns == measured.campaigns[at_fold[block[0]]]))
-        there, here = Settings(inputs_ahead[rows], added[:, rows]), errors.settings_of(at, inputs)
-        cross[np.ix_(rows, block)] = errors.smooth_between(eta, at, there, here)
-        own[np.ix_(rows, rows)] = errors.smooth_between(eta, at, there, there)
+        there, here = Settings(inputs_ahead[rows], added[:, rows]), errors.settings_of(which, inputs)
+        cross[np.ix_(rows, block)] = errors.smooth_between(eta, which, there, here)
+        own[np.ix_(rows, rows)] = errors.smooth_between(eta, which, there, there)
     return cross / row_sd[:, None], own / row_sd[:, None] / row_sd
 
 
@@ -125,13 +125,10 @@ def _added_ahead(offer: Offer, hypothesis: fitted.Hypothesis) -> np.ndarray:
     """Return what each cause adds to an offer's rows (causes, n), where an error of form is left of it; else none."""
     if not len(hypothesis.errors.added):
         return np.zeros((0, int(offer.noise.good.sum())))
-    absent = {parameter.name: parameter.value(0.0) for parameter in hypothesis.parameters}
-    with_all = _predict(offer, offer.meets(hypothesis.fit.model))
-    without = [
-        offer.experiment.with_values(hypothesis.fit.model, {name: absent[name] for name in cause.amplitudes})
-        for cause in hypothesis.causes
-    ]
-    return np.array([np.nan_to_num(with_all - _predict(offer, offer.meets(model))) for model in without])
+    fit, task = hypothesis.fit, Task(offer.experiment, offer.noise)
+    absent = [at(task, fit.model, fit.parameters, cause.absent(fit.parameters, fit.u)) for cause in hypothesis.causes]
+    present, *without = (_predict(offer, offer.meets(model)) for model in (fit.model, *absent))
+    return np.array([np.nan_to_num(present - row) for row in without])
 
 
 def _scales(offer: Offer, hypothesis: Hypothesis, first: Hypothesis) -> np.ndarray:
