@@ -43,8 +43,8 @@ class Beliefs:
         for (names, discrepancy), at in sorted(places.items(), key=lambda place: -len(place[0][0])):
             for name, share in self.hypotheses[at].gain_shares.items():
                 without = places.get((names - {name}, discrepancy), at)
-                counted = share * (plain[at] - plain[without])
-                evidence[without] = max(evidence[without], evidence[at] - counted)
+                gain = share * (plain[at] - plain[without])
+                evidence[without] = max(evidence[without], evidence[at] - gain)
         priors = [log_prior(len(row.causes), self.choice, row.discrepancy) for row in self.hypotheses]
         return np.asarray(evidence + priors)
 

@@ -21,7 +21,7 @@ from rover_pin.estimation.task import Task
 from rover_pin.inference import hypothesis as fitted
 from rover_pin.inference.beliefs import Hypothesis
 from rover_pin.inference.error_model import Settings
-from rover_pin.inference.samples import scale_alike
+from rover_pin.inference.samples import scale_inputs
 
 
 @brief
@@ -106,15 +106,15 @@ def _discrepancy(offer: Offer, hypothesis: fitted.Hypothesis) -> tuple[np.ndarra
     samples, eta = errors.samples, hypothesis.posterior.scales
     fold, channel, sample = np.nonzero(offer.noise.good)
     at_channel, at_fold, at_sample = np.nonzero(samples.good)
-    inputs, inputs_ahead = scale_alike(measured.varied[at_fold, at_sample], ahead.varied[fold, sample])
+    inputs, inputs_ahead = scale_inputs(measured.varied[at_fold, at_sample], ahead.varied[fold, sample])
     sd = np.broadcast_to(offer.noise.sd if offer.noise.sd.ndim > 1 else offer.noise.sd[:, None], offer.noise.good.shape)
     row_sd = sd[fold, channel, sample]
     added = _added_ahead(offer, hypothesis) * row_sd
     names, campaigns = np.array(ahead.channels)[channel], ahead.campaigns[fold]
     cross, own = np.zeros((len(fold), len(samples.value))), np.zeros((len(fold), len(fold)))
     for which, block in enumerate(samples.blocks):
-        is_alike = names == measured.channels[at_channel[block[0]]]
-        rows = np.flatnonzero(is_alike & (campaigns == measured.campaigns[at_fold[block[0]]]))
+        is_channel = names == measured.channels[at_channel[block[0]]]
+        rows = np.flatnonzero(is_channel & (campaigns == measured.campaigns[at_fold[block[0]]]))
         there, here = Settings(inputs_ahead[rows], added[:, rows]), errors.settings_of(which, inputs)
         cross[np.ix_(rows, block)] = errors.smooth_between(eta, which, there, here)
         own[np.ix_(rows, rows)] = errors.smooth_between(eta, which, there, there)

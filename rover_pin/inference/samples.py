@@ -81,7 +81,7 @@ def samples_of(experiment: Experiment, sd: np.ndarray, inputs: np.ndarray) -> Sa
         np.swapaxes(observed, 0, 1)[good],
         np.swapaxes(sd, 0, 1)[good],
         fold,
-        scale_alike(rows.T, rows.T)[0],
+        scale_inputs(rows.T, rows.T)[0],
         order,
         tuple(
             np.flatnonzero((channel == at) & (campaign[fold] == of))
@@ -93,7 +93,7 @@ def samples_of(experiment: Experiment, sd: np.ndarray, inputs: np.ndarray) -> Sa
     )
 
 
-def scale_alike(inputs: np.ndarray, others: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def scale_inputs(inputs: np.ndarray, others: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return inputs (n, inputs), each over its range, and others (m, inputs) over the same ranges.
 
     Those that only change from the ones to the others are over the range of both, those that never change left out.
