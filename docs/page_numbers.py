@@ -213,9 +213,9 @@ def brier() -> list[dict[str, Any]]:
 
 
 def next_runs() -> dict[str, dict[str, float]]:
-    """Return how many more runs told what is hidden, by kind: how many sets, mean of those proposed, and at random."""
+    """Return how many more runs told what is hidden, by kind: sets, and the medians of those proposed and at random."""
     kinds = kept("next_run").groupby("kind")
-    return {str(kind): {"sets": len(rows), **rows[["proposed", "at random"]].mean()} for kind, rows in kinds}
+    return {str(kind): {"sets": len(rows), **rows[["proposed", "at random"]].median()} for kind, rows in kinds}
 
 
 def pendulum() -> list[dict[str, Any]]:
