@@ -23,6 +23,8 @@ SHORTER = 1 / 3, 1 / 9
 """Shares of a step that are tried in turn where the whole does not help."""
 DAMPED = 1e1, 1e2, 1e3, 1e4, 1e5
 """What is added to the curvature along every u, a prior's is 1, where no shorter step helps a fit to its end."""
+ADDS_UP = 0.1
+"""Share of the sum of all changes by which that of all together may differ from it. Why: 1e-5 where it is smooth."""
 STALE = 0.5
 """Share of the promised gain below which a Jacobian is computed again."""
 
@@ -39,21 +41,27 @@ def at(task: Task, model: Any, parameters: Sequence[Parameter], u: np.ndarray) -
 
 
 def slopes_at(task: Task, model: Any, parameters: Sequence[Parameter], u: np.ndarray) -> dict[str, np.ndarray]:
-    """Return d predicted / d u by name: exact where the experiment knows them, else one-sided differences."""
+    """Return d predicted / d u by name: exact where the experiment knows them, else one-sided differences.
+
+    They are none where a prediction jumps, as that of a wheel that just stops may: two steps of all numbers together
+    do not move it by twice the sum of what single steps do.
+    """
     if task.experiment.is_exact:
         exact = task.experiment.sensitivities(model, parameters, u).slopes
         return dict(zip([parameter.name for parameter in parameters], exact, strict=True))
     model_at_u = at(task, model, parameters, u)
     step = task.experiment.difference
     steps = [step if x + step <= parameter.bounds[1] else -step for parameter, x in zip(parameters, u, strict=True)]
-    shifted = [
-        task.experiment.with_values(model_at_u, {parameter.name: parameter.value(x + change)})
-        for parameter, x, change in zip(parameters, u, steps, strict=True)
-    ]
-    centre, *features = task.experiment.predict_near([model_at_u, *shifted])
+    rows = list(zip(parameters, u, steps, strict=True))
+    single = [{parameter.name: parameter.value(x + change)} for parameter, x, change in rows]
+    together = {parameter.name: parameter.value(x + 2.0 * change) for parameter, x, change in rows}
+    models = [task.experiment.with_values(model_at_u, values) for values in (*single, together)]
+    centre, *moved, both = task.experiment.predict_near([model_at_u, *models])
+    changes = np.array(moved) - centre
+    is_smooth = np.abs(both - centre - 2.0 * changes.sum(axis=0)) <= 2.0 * ADDS_UP * np.abs(changes).sum(axis=0)
     return {
-        parameter.name: (prediction - centre) / change
-        for parameter, prediction, change in zip(parameters, features, steps, strict=True)
+        parameter.name: np.where(is_smooth, moved_by / change, 0.0)
+        for (parameter, _, change), moved_by in zip(rows, changes, strict=True)
     }
 
 

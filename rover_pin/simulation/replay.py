@@ -16,7 +16,7 @@ from rover_pin.base.errors import DataError
 from rover_pin.effects.tracked_point import DRAWN
 from rover_pin.simulation.compiled.kernel import Kernel
 from rover_pin.simulation.failure import failure, suspension_of
-from rover_pin.simulation.logged_inputs import PLACE, rates_of, tied_means, true_inputs
+from rover_pin.simulation.logged_inputs import PLACE, duty_between, rates_of, tied_means, true_inputs
 from rover_pin.simulation.model.model import Model
 from rover_pin.simulation.native.loop import Loop, Outcome
 from rover_pin.simulation.native.shared import RECORD
@@ -112,7 +112,8 @@ class Replay:
 def commands(log: Trace, wheels: tuple[str, ...], steered: tuple[str, ...]) -> Commands:
     """Return the commands and the place of a logged run, on rows of equal distance.
 
-    The duty of a row holds since the row before, as the simulator logs it.
+    The duty of a row holds since the row before, as the simulator logs it; of uneven rows, which are read at any time
+    between two commands, the mean of both does.
 
     Raises
     ------
@@ -129,7 +130,11 @@ def commands(log: Trace, wheels: tuple[str, ...], steered: tuple[str, ...]) -> C
     at = np.searchsorted(t, rows - period / 2)
     steer = [_hold_last(log[f"steer_{name}"])[at] if f"steer_{name}" in log else np.zeros(at.size) for name in steered]
     rate = np.column_stack([fill_gaps(means_at(t, omega, rows, period)) for omega in inputs.T]) if rate_driven else None
-    duty = np.column_stack([_hold_last(column)[at] for column in inputs.T]) if rate is None else shares(rate)
+    duty = (
+        np.column_stack([duty_between(t, _hold_last(column))[at] for column in inputs.T])
+        if rate is None
+        else shares(rate)
+    )
     course = np.unwrap(_hold_last(yaw))
     begun = np.column_stack([means_at(t, column, rows[:FIRST_ROWS], period) for column in (x, y, course)])
     declared = log.attrs.get("start")

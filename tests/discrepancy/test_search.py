@@ -232,6 +232,37 @@ def test_absorbed_effect_is_found_from_the_declared_numbers(monkeypatch):
     assert toys.searched(stuck(1.0), "pqr").beliefs().inclusion("p") < 0.5, "from the base there is no way down"
 
 
+class Jumping(toys.Sums):
+    """One block of one run jumps by JUMP at any change, as that of a wheel that just stops."""
+
+    difference = 1e-5
+
+    def sum_of(self, model):
+        """What one model predicts."""
+        total = super().sum_of(model)
+        total[2, :, 7] += JUMP * math.sin(
+            1e9 * sum(record.b if name == "base" else record.a for name, record in model.records)
+        )
+        return total
+
+
+JUMP = 0.02
+
+
+def test_a_prediction_that_jumps_tells_no_slope_and_makes_no_cause():
+    """Slopes of 2,000 in one block made the base model's numbers so sure that any cause beside them was likelier."""
+    for seed in range(2):
+        steady, jumping = (toys.made(NAMES, seed=seed, size=12.0, of=kind) for kind in (toys.Sums, Jumping))
+        base, same = toys.fitted(steady), toys.fitted(jumping)
+        assert not same.slopes["base.b"][2, :, 7].any()
+        others = np.ones(toys.SHAPE, dtype=bool)
+        others[2, :, 7] = False
+        assert same.slopes["base.b"][others] == pytest.approx(base.slopes["base.b"][others], rel=1e-4)
+        assert same.spread == pytest.approx(base.spread, rel=0.1)
+        none = toys.searched(jumping, NAMES).beliefs().sets[frozenset()]
+        assert none == pytest.approx(toys.searched(steady, NAMES).beliefs().sets[frozenset()], abs=0.1)
+
+
 # --- what is left ----------------------------------------------------------------------------------------------------
 
 

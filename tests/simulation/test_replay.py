@@ -28,6 +28,20 @@ def test_fast_rows_are_averaged_to_50_ms_with_their_last_command():
     assert run.duty[:3, 0] == pytest.approx([0.0, 0.03, 0.08])
 
 
+def test_the_duty_between_uneven_rows_is_that_of_both_in_the_mean():
+    """Commands come every 50 ms, rows about then: a row has the command that acts when it is read, early or late."""
+    given = 0.4 + 0.3 * np.sin(np.arange(401) / 40.0)  # of each 50 ms, up to its row
+    t = np.random.default_rng(1).uniform(-0.015, 0.015, 400) + 0.05 * np.arange(400)
+    read = given[np.ceil(t / 0.05 - 1e-9).astype(int).clip(0)]
+    run = commands(Trace({"t_s": t, "body_x": 0.1 * t, "body_y": 0 * t, "body_yaw": 0 * t, "duty_a": read}), ("a",), ())
+    true = np.interp(run.t - 0.025, 0.05 * np.arange(401) - 0.025, given)  # of the 50 ms before each row
+    missed, rise = run.duty[2:-1, 0] - true[2:-1], np.gradient(true)[2:-1]
+    lead = float(missed @ rise / (rise @ rise)) * 0.05
+    assert abs(lead) < 0.006, "seconds by which the commands are early"
+    even = commands(log(duty_a=given[:40]), ("a",), ())
+    assert even.duty[:, 0] == pytest.approx(given[:40])
+
+
 def test_command_gaps_hold_the_last_and_heading_is_unwrapped():
     yaw = np.where(np.arange(40) < 20, 3.1, -3.1)
     yaw[25] = NAN

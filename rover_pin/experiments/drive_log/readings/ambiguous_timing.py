@@ -10,11 +10,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rover_pin.simulation.logged_inputs import is_uneven
 from rover_pin.simulation.replay import Commands
 from rover_pin.simulation.trace.trace import Trace
 
-UNEVEN = 0.1
-"""Share of the usual time between rows by which every tenth differs. Why: less moves a step by 0.01 s at 10 Hz."""
 MISSED = 1.5
 """Times the usual time between rows from which one was not written, or very late. Why: half-way to the next."""
 SAME_DUTY = 0.02
@@ -44,9 +43,8 @@ def ambiguous_steps(log: Trace) -> list[AmbiguousStep]:
     change = np.nan_to_num(change)
     dt = np.diff(log.t)
     median_dt = float(np.median(dt))
-    uneven = float(np.quantile(np.abs(dt / median_dt - 1.0), 0.9)) > UNEVEN
     missed = dt > MISSED * median_dt
-    step = (change > max(SAME_DUTY, USUAL * float(np.median(change)))) & (uneven | missed)
+    step = (change > max(SAME_DUTY, USUAL * float(np.median(change)))) & (is_uneven(log.t) | missed)
     return [AmbiguousStep(float(log.t[at]), float(log.t[at + 1]), bool(missed[at])) for at in np.flatnonzero(step)]
 
 
