@@ -24,7 +24,8 @@ SHORTER = 1 / 3, 1 / 9
 DAMPED = 1e1, 1e2, 1e3, 1e4, 1e5
 """What is added to the curvature along every u, a prior's is 1, where no shorter step helps a fit to its end."""
 ADDS_UP = 0.1
-"""Share of the sum of all changes by which that of all together may differ from it. Why: 1e-5 where it is smooth."""
+"""Share by which the change of all numbers together may differ from the sum of all, besides a step of each. Why: 1e-5
+of steps of 1e-5, where it is smooth."""
 STALE = 0.5
 """Share of the promised gain below which a Jacobian is computed again."""
 
@@ -56,12 +57,13 @@ def slopes_at(task: Task, model: Any, parameters: Sequence[Parameter], u: np.nda
     single = [{parameter.name: parameter.value(x + change)} for parameter, x, change in rows]
     together = {parameter.name: parameter.value(x + 2.0 * change) for parameter, x, change in rows}
     models = [task.experiment.with_values(model_at_u, values) for values in (*single, together)]
-    centre, *moved, both = task.experiment.predict_near([model_at_u, *models])
-    changes = np.array(moved) - centre
-    is_smooth = np.abs(both - centre - 2.0 * changes.sum(axis=0)) <= 2.0 * ADDS_UP * np.abs(changes).sum(axis=0)
+    centre, *predictions, both = task.experiment.predict_near([model_at_u, *models])
+    changes = np.array(predictions) - centre
+    share = ADDS_UP + step * len(steps)
+    is_smooth = np.abs(both - centre - 2.0 * changes.sum(axis=0)) <= 2.0 * share * np.abs(changes).sum(axis=0)
     return {
-        parameter.name: np.where(is_smooth, moved_by / change, 0.0)
-        for (parameter, _, change), moved_by in zip(rows, changes, strict=True)
+        parameter.name: np.where(is_smooth, difference / change, 0.0)
+        for (parameter, _, change), difference in zip(rows, changes, strict=True)
     }
 
 

@@ -77,10 +77,10 @@ def expectation(offer: Offer, hypothesis: Hypothesis, first: Hypothesis) -> Expe
         variance = noise.inflation * _scales(offer, hypothesis, first) ** 2
         return Expected(mean, np.zeros((len(mean), 0)), variance[channel])
     times = np.array([hypothesis.noise_taken.get(name, 1.0) for name in offer.experiment.channels])
-    cross, own = _discrepancy(offer, hypothesis)
+    cross, prior = _discrepancy(offer, hypothesis)
     gain = np.linalg.solve(hypothesis.covariance, cross.T).T
     missed = hypothesis.errors.samples.value - hypothesis.predicted
-    return Expected(mean + gain @ missed, _root(own - gain @ cross.T), (times**2)[channel], gain)
+    return Expected(mean + gain @ missed, _root(prior - gain @ cross.T), (times**2)[channel], gain)
 
 
 def with_uncertain_numbers(offer: Offer, hypothesis: Hypothesis, expected: Expected) -> Expected:
@@ -90,8 +90,8 @@ def with_uncertain_numbers(offer: Offer, hypothesis: Hypothesis, expected: Expec
     rows = noise.white(np.array([slopes[parameter.name] for parameter in fit.parameters])).T
     if isinstance(hypothesis, fitted.Hypothesis) and expected.gain is not None:
         rows = rows - expected.gain @ hypothesis.slopes
-    moved = rows @ _root(hypothesis.posterior.covariance)
-    return expected._replace(columns=np.concatenate([expected.columns, moved], axis=1))
+    columns = rows @ _root(hypothesis.posterior.covariance)
+    return expected._replace(columns=np.concatenate([expected.columns, columns], axis=1))
 
 
 def _predict(offer: Offer, model: Any) -> np.ndarray:
@@ -111,14 +111,14 @@ def _discrepancy(offer: Offer, hypothesis: fitted.Hypothesis) -> tuple[np.ndarra
     row_sd = sd[fold, channel, sample]
     added = _added_ahead(offer, hypothesis) * row_sd
     names, campaigns = np.array(ahead.channels)[channel], ahead.campaigns[fold]
-    cross, own = np.zeros((len(fold), len(samples.value))), np.zeros((len(fold), len(fold)))
+    cross, prior = np.zeros((len(fold), len(samples.value))), np.zeros((len(fold), len(fold)))
     for which, block in enumerate(samples.blocks):
         is_channel = names == measured.channels[at_channel[block[0]]]
         rows = np.flatnonzero(is_channel & (campaigns == measured.campaigns[at_fold[block[0]]]))
-        there, here = Settings(inputs_ahead[rows], added[:, rows]), errors.settings_of(which, inputs)
-        cross[np.ix_(rows, block)] = errors.smooth_between(eta, which, there, here)
-        own[np.ix_(rows, rows)] = errors.smooth_between(eta, which, there, there)
-    return cross / row_sd[:, None], own / row_sd[:, None] / row_sd
+        ahead_settings, settings = Settings(inputs_ahead[rows], added[:, rows]), errors.settings_of(which, inputs)
+        cross[np.ix_(rows, block)] = errors.smooth_between(eta, which, ahead_settings, settings)
+        prior[np.ix_(rows, rows)] = errors.smooth_between(eta, which, ahead_settings, ahead_settings)
+    return cross / row_sd[:, None], prior / row_sd[:, None] / row_sd
 
 
 def _added_ahead(offer: Offer, hypothesis: fitted.Hypothesis) -> np.ndarray:

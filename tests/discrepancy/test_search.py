@@ -249,7 +249,7 @@ class Jumping(toys.Sums):
 JUMP = 0.02
 
 
-def test_a_prediction_that_jumps_tells_no_slope_and_makes_no_cause():
+def test_a_jump_tells_no_slope_and_makes_no_cause():
     """Slopes of 2,000 in one block made the base model's numbers so sure that any cause beside them was likelier."""
     for seed in range(2):
         steady, jumping = (toys.made(NAMES, seed=seed, size=12.0, of=kind) for kind in (toys.Sums, Jumping))

@@ -67,7 +67,7 @@ def test_it_is_the_normal_law_conditioned_on_what_was_measured(seed, kind):
 
 
 @pytest.mark.parametrize("kind", [Discrepancy.SMOOTH, Discrepancy.FORM])
-def test_a_repeat_tells_less_than_a_run_elsewhere_of_what_is_left(kind):
+def test_a_repeat_tells_less_of_what_is_left(kind):
     """Of a run that was made what is left is known as far as its noise allows, far from all runs nothing is."""
     _, hypothesis, offer = problem(3, kind)
     fold = np.nonzero(offer.noise.good)[0]

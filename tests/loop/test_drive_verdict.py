@@ -12,7 +12,7 @@ from rover_pin.effects.dead_band import DeadBand
 from rover_pin.effects.exit_angle import ExitAngle
 from rover_pin.effects.viscous_friction import ViscousFriction
 from rover_pin.experiments.drive_log.free_runs import extra_of
-from rover_pin.inference.next_measurement import Offer
+from rover_pin.inference.outlook import Offer
 from rover_pin.loop import drive
 from tests.experiments.drive_log import drive_channels as channels
 from tests.experiments.drive_log import linear_drive as linear

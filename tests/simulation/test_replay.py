@@ -28,7 +28,7 @@ def test_fast_rows_are_averaged_to_50_ms_with_their_last_command():
     assert run.duty[:3, 0] == pytest.approx([0.0, 0.03, 0.08])
 
 
-def test_the_duty_between_uneven_rows_is_that_of_both_in_the_mean():
+def test_the_duty_between_uneven_rows_is_their_mean():
     """Commands come every 50 ms, rows about then: a row has the command that acts when it is read, early or late."""
     given = 0.4 + 0.3 * np.sin(np.arange(401) / 40.0)  # of each 50 ms, up to its row
     t = np.random.default_rng(1).uniform(-0.015, 0.015, 400) + 0.05 * np.arange(400)

@@ -23,7 +23,8 @@ from rover_pin.experiments.drive_log.experiment import experiment_of
 from rover_pin.experiments.drive_log.features import logged_run
 from rover_pin.experiments.drive_log.next_drives import _choice, _offer_of_run, next_drives
 from rover_pin.experiments.drive_log.parameters import parameter
-from rover_pin.inference.next_measurement import _expectation, _uncertain, next_measurement
+from rover_pin.inference.next_measurement import next_measurement
+from rover_pin.inference.outlook import expectation, with_uncertain_numbers
 from rover_pin.simulation.replay import PERIOD, Commands, Replay, replay
 from rover_pin.simulation.sensors import Sensors, measure
 from rover_pin.simulation.start.place import Start
@@ -129,7 +130,7 @@ def test_the_proposed_drive_tells_who_is_right(tilted, truth):
         own = SimpleNamespace(
             fit=each, experiment=each.task.experiment, posterior=SimpleNamespace(covariance=each.covariance)
         )
-        expected = _uncertain(offer, own, _expectation(offer, own, own))
+        expected = with_uncertain_numbers(offer, own, expectation(offer, own, own))
         table = np.full(offer.noise.good.shape, np.nan)
         table[0, [offer.experiment.channels.index(name) for name in names]] = log.observed[
             [log.channels.index(name) for name in names]
