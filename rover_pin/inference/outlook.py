@@ -76,7 +76,8 @@ def expectation(offer: Offer, hypothesis: Hypothesis, first: Hypothesis) -> Expe
     if not isinstance(hypothesis, fitted.Hypothesis):
         variance = noise.inflation * _scales(offer, hypothesis, first) ** 2
         return Expected(mean, np.zeros((len(mean), 0)), variance[channel])
-    times = np.array([hypothesis.noise_taken.get(name, 1.0) for name in offer.experiment.channels])
+    noise_taken = hypothesis.noise_taken
+    times = np.array([noise_taken.get(name, 1.0) for name in offer.experiment.channels])
     cross, prior = _discrepancy(offer, hypothesis)
     gain = np.linalg.solve(hypothesis.covariance, cross.T).T
     missed = hypothesis.errors.samples.value - hypothesis.predicted

@@ -66,5 +66,5 @@ def is_uneven(t: np.ndarray) -> bool:
 
 
 def duty_between(t: np.ndarray, duty: np.ndarray) -> np.ndarray:
-    """Return the duty (T,) that acts from the row before to each row."""
+    """Return the duties (T, wheels) that act from the row before to each row."""
     return np.concatenate([duty[:1], (duty[1:] + duty[:-1]) / 2.0]) if is_uneven(t) else duty

@@ -130,11 +130,8 @@ def commands(log: Trace, wheels: tuple[str, ...], steered: tuple[str, ...]) -> C
     at = np.searchsorted(t, rows - period / 2)
     steer = [_hold_last(log[f"steer_{name}"])[at] if f"steer_{name}" in log else np.zeros(at.size) for name in steered]
     rate = np.column_stack([fill_gaps(means_at(t, omega, rows, period)) for omega in inputs.T]) if rate_driven else None
-    duty = (
-        np.column_stack([duty_between(t, _hold_last(column))[at] for column in inputs.T])
-        if rate is None
-        else shares(rate)
-    )
+    command = np.column_stack([_hold_last(column) for column in inputs.T])
+    duty = duty_between(t, command)[at] if rate is None else shares(rate)
     course = np.unwrap(_hold_last(yaw))
     begun = np.column_stack([means_at(t, column, rows[:FIRST_ROWS], period) for column in (x, y, course)])
     declared = log.attrs.get("start")

@@ -44,7 +44,7 @@ def conditioned(whole, hypothesis):
     for table, row in zip(added, errors.added, strict=False):
         table[:MADE] = errors.samples.table_of(row)[:MADE]
     slopes = np.array([whole.columns["base"], 2.0 * whole.columns["law"]])
-    rows = [place for place in toys.places(whole.observed)]
+    rows = toys.places(whole.observed)
     slopes = np.array([slopes[:, fold, channel, at] for fold, channel, at in rows])
     both = toys.dense(whole, scales, added) + slopes @ slopes.T
     is_made = np.array([fold < MADE for fold, _, _ in rows])
