@@ -15,6 +15,10 @@ FINEST = 64
 ROUGH, CALM = 0.0025, 0.0001
 """Misjudged share of a wheel's normal force above which steps are quartered, and below which they are doubled."""
 
+GROWS, LEAST_GROWN = 2.0, 1e-6
+"""Times by which the forces push a speed away in a step, twice in a row, above which it is taken again in quarters, and
+the least such speed [m/s, rad/s]. Why: what is pushed away is then off by a quarter, and soon without bound."""
+
 GLANCE = 1e-7
 """Step [s] in which nothing moves: it only looks."""
 
@@ -31,6 +35,10 @@ class Steps(Protocol):
     @property
     def misjudged(self) -> float:
         """How far a wheel's load was from what the step before took it to become, over its normal force."""
+
+    @property
+    def growth(self) -> float:
+        """By how much the last step enlarged a speed that forces push away; 0 where it was GROWS times or less."""
 
     def set_step(self, dt: float) -> None:
         """Let steps have this length [s] from now on."""
@@ -72,7 +80,8 @@ class Pace:
     CALM is left: the error of a line falls with the square of the step. A drive whose step is halved may misjudge
     `rough` times as much: it then takes all of its parts at half their length. No step is taken again across a command
     to the motors or a row of the trace: the one before is judged there and then. One that ends in numbers that are not
-    finite is taken again too.
+    finite is taken again too, and one in which a speed is pushed away faster than it can follow: where u' = D u each of
+    its solves makes 1 / (1 - gamma z) of the one before, z = D dt, without bound at z = 1 / gamma, where exp(z) is 30.
     """
 
     def __init__(self, stepper: Steps, dt: float, rough: float = 1.0):
@@ -104,7 +113,8 @@ class Pace:
             step_start = Begun(self.stepper.saved_arrays(), self.size)
             status = self.stepper.step()
             off = 0.0 if status else self.stepper.misjudged
-            long = step_start if status else self.before if off > self.rough else None
+            is_off = status or (self.stepper.growth > 0.0 and step_start.size > 1)
+            long = step_start if is_off else self.before if off > self.rough else None
             if long and long.size > 1:
                 if long is self.before:
                     remaining += long.size

@@ -15,7 +15,7 @@ import numpy as np
 from rover_pin.base.errors import DataError
 from rover_pin.effects.tracked_point import DRAWN
 from rover_pin.simulation.compiled.kernel import Kernel
-from rover_pin.simulation.failure import failure, suspension_of
+from rover_pin.simulation.failure import FASTEST, failure, suspension_of
 from rover_pin.simulation.logged_inputs import PLACE, duty_between, rates_of, tied_means, true_inputs
 from rover_pin.simulation.model.model import Model
 from rover_pin.simulation.native.loop import Loop, Outcome
@@ -264,7 +264,12 @@ def _fields(model: Model, run: Commands, perturbation: Perturbation) -> dict[str
 
 
 def _with_last(loop: Loop, good: int) -> np.ndarray:
-    """Return the rows of a replay; after an early end the last good one stands for the rest, or where it is now."""
+    """Return the rows of a replay; after an early end the last good one stands for the rest, or where it is now.
+
+    Good are those before the first that is faster than any rover.
+    """
+    off = ~(np.abs(loop.rows["v"][:good, :3]).max(axis=1, initial=0.0) < FASTEST)
+    good = int(np.argmax(off)) if off.any() else good
     if good < len(loop.rows):
         loop.rows[good:] = loop.rows[good - 1] if good else loop.now()
     return loop.rows

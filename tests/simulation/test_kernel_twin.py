@@ -24,6 +24,7 @@ def assert_alike(plain, kernel):
     assert plain.energy == pytest.approx(kernel.energy, rel=1e-9, abs=1e-10)
     assert plain.impulse == pytest.approx(kernel.impulse, rel=1e-9, abs=1e-10)
     assert plain.misjudged == pytest.approx(kernel.misjudged, rel=1e-6, abs=1e-9)
+    assert plain.growth == pytest.approx(kernel.growth, rel=1e-6, abs=1e-6)
     assert plain.foreseen == pytest.approx(kernel.foreseen, rel=1e-8, abs=1e-8)
     assert plain.differential == pytest.approx(kernel.differential, rel=1e-8, abs=1e-9)
 

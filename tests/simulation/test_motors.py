@@ -6,12 +6,19 @@ import math
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from rover_pin import ConstantDuty, Motor, scenario, simulate
 from rover_pin.base.errors import ParameterError
+from rover_pin.base.quantity import quantity
+from rover_pin.effects.viscous_friction import ViscousFriction
+from rover_pin.rover.constraints import constraint_rows
 from rover_pin.simulation.compiled.kernel import Kernel
+from rover_pin.simulation.compiled.rover_numbers import model_with_armature
 from rover_pin.simulation.model.motors import MOTORS, motor_named
+from rover_pin.simulation.native.shared import GAMMA
+from rover_pin.simulation.pace import GROWS
 from rover_pin.simulation.plain.step import Plain
 from rover_pin.simulation.start.place import Start, settled_state
 from rover_pin.simulation.timing import DT, Timing
@@ -89,6 +96,39 @@ def test_a_step_leaves_of_a_motor_s_own_rate_what_the_rule_says(kind, z):
     by_rule = (1.0 - (math.sqrt(2.0) - 1.0) * z) / (1.0 + (1.0 - 1.0 / math.sqrt(2.0)) * z) ** 2
     assert left == pytest.approx(by_rule, abs=1e-3), "its torque moves the rover, too"
     assert abs(left - math.exp(-z)) < max(0.05 * z**3, 1e-3) if z < 1.0 else -0.21 < left < 0.36
+
+
+@dataclasses.dataclass(frozen=True)
+class Push(ViscousFriction):
+    """Friction of the wrong sign: it drives a wheel on."""
+
+    b_v: float = quantity(0.0, "N m s", "made up", -10.0, 10.0, "b_v")
+
+
+@pytest.mark.parametrize("kind", [Kernel, Plain])
+@pytest.mark.parametrize("z", [-3.0, 0.5, 1.2, 1.9, 3.0, 4.5, 6.0])
+def test_growth_is_that_of_what_is_pushed_away(kind, z):
+    """A wheel in the air whose rate grows by z in a step: each solve is 1 / (1 - gamma z) of the one before."""
+    model = scenario("flat").model
+    state, motor = settled_state(model, Start()), model.motor
+    state.q[2] += 500.0
+    free = 1.0 / max(np.linalg.eigvalsh(wheels_mobility(model, state.q)))
+    push = z * free / DT + float(motor.constant) ** 2 / float(motor.resistance)
+    stepper = kind(model.having(Push(b_v=-push)), state, DT, False)
+    stepper.duty[:] = np.linspace(-0.5, 0.9, 6)
+    assert stepper.step() == 0
+    ratio = abs(1.0 / (1.0 - GAMMA * z))
+    assert stepper.growth == (pytest.approx(ratio, rel=0.25) if ratio > GROWS else 0.0), "modes mix in a wheel's rate"
+
+
+def wheels_mobility(model, q):
+    """(M^-1)_G of the wheels' rates [1/(kg m^2)]."""
+    pin_model = model_with_armature(model.built, float(model.motor.armature))
+    M = np.array(pin.crba(pin_model, pin_model.createData(), q))
+    inverse, G = np.linalg.inv(np.triu(M) + np.triu(M, 1).T), constraint_rows(model.built, differential=True)
+    inverse -= inverse @ G.T @ np.linalg.solve(G @ inverse @ G.T, G @ inverse)
+    at = [wheel.dof for wheel in model.built.wheels]
+    return inverse[np.ix_(at, at)]
 
 
 @pytest.mark.parametrize(("delta", "omega", "torque"), [(0.55, 1.2, 0.02), (0.3, 0.05, 0.25), (1.0, 30.0, 0.97)])

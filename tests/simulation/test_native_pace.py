@@ -8,20 +8,21 @@ import pytest
 from rover_pin.simulation import native
 from rover_pin.simulation.compiled import toolchain
 from rover_pin.simulation.native.shared import DriveStruct, LoopStruct, fill
-from rover_pin.simulation.pace import CALM, FINEST, GLANCE, ROUGH, Pace
+from rover_pin.simulation.pace import CALM, FINEST, GLANCE, GROWS, ROUGH, Pace
 
 DT, SEEDS = 0.005, 40
 SIZES = (2, 3)
 SCRIPT = """
-static double place[1024], *script = place, steps[1024];
+static double place[2048], *script = place, steps[1024];
 static int calls;
 int rover_pin_step(Drive *d) {
   steps[calls] = d->dt;
   d->q[0] += d->dt;
   d->q[1] += d->q[0] * (calls + 1);
   for (int i = 0; i < 3; ++i) d->v[i] = 0.5 * d->v[i] + d->q[i % 2];
-  d->misjudged = script[2 * calls + 1];
-  return (int)script[2 * calls++];
+  d->misjudged = script[3 * calls + 1];
+  d->growth = script[3 * calls + 2];
+  return (int)script[3 * calls++];
 }
 """
 PROBES = """
@@ -49,7 +50,7 @@ class Scripted:
     """The same steps in Python."""
 
     def __init__(self, script):
-        self.script, self.calls, self.misjudged, self.dt, self.steps = script, 0, 0.0, DT, []
+        self.script, self.calls, self.misjudged, self.growth, self.dt, self.steps = script, 0, 0.0, 0.0, DT, []
         self.q, self.v = np.arange(2.0), np.arange(3.0)
 
     def set_step(self, dt):
@@ -61,7 +62,7 @@ class Scripted:
         self.q[1] += self.q[0] * (self.calls + 1)
         for i in range(3):
             self.v[i] = 0.5 * self.v[i] + self.q[i % 2]
-        status, self.misjudged = self.script[self.calls]
+        status, self.misjudged, self.growth = self.script[self.calls]
         self.calls += 1
         return int(status)
 
@@ -99,7 +100,9 @@ def drawn(seed):
     """A script, and which of some steps are commanded, the last before each looked at."""
     rng = np.random.default_rng(seed)
     odds = rng.dirichlet(np.full(len(SHARES), 0.4))
-    script = np.column_stack([rng.random(500) < rng.choice([0.0, 0.05]), rng.choice(SHARES, 500, p=odds)])
+    fails, misjudged = rng.random(500) < rng.choice([0.0, 0.05]), rng.choice(SHARES, 500, p=odds)
+    growth = np.where(rng.random(500) < rng.choice([0.0, 0.05]), 2.0 * GROWS, 0.0)
+    script = np.column_stack([fails, misjudged, growth])
     script[:, 0] *= rng.integers(1, 3, 500)
     commanded = rng.random(31) < rng.choice([0.3, 0.9])
     return script, list(zip(commanded[:-1], commanded[1:], strict=True))
@@ -107,7 +110,7 @@ def drawn(seed):
 
 @pytest.mark.parametrize("seed", range(SEEDS))
 def test_the_compiled_pace_takes_the_steps_of_the_plain_one(compiled, seed):
-    """Steps that fail, misjudge much or little, before and after commands: the same steps, from the same places."""
+    """Steps that fail, misjudge or grow, before and after commands: the same steps, from the same places."""
     script, commands = drawn(seed)
     theirs, ours = Scripted(script), Ours(compiled, script)
     plain = Pace(theirs, DT, ROUGH_BY)

@@ -1,13 +1,19 @@
 """What a log's rows are made into before they are driven again: rows of equal distance, commands, place and rates."""
 
 import math
+from dataclasses import dataclass
+from typing import ClassVar
 
+import casadi as ca
 import numpy as np
 import pytest
 
 from rover_pin import Trace, scenario
 from rover_pin.base.errors import DataError
-from rover_pin.simulation.replay import commands, replay
+from rover_pin.base.quantity import quantity
+from rover_pin.contact import Scalar
+from rover_pin.effects.effect import MotorEffect
+from rover_pin.simulation.replay import Commands, Perturbation, commands, replay
 from rover_pin.simulation.start.place import Start, shared_rest
 
 NAN = math.nan
@@ -87,6 +93,46 @@ def test_a_replay_whose_numbers_are_lost_has_diverged():
     run, rest = commands(drive.drive(), wheels, steered), shared_rest(drive.model, Start())
     rest.v[0] = NAN
     assert replay(drive.model, run, rest_state=rest).stop == "diverged"
+
+
+@dataclass(frozen=True)
+class Lurch(MotorEffect):
+    """torque = tau tanh(omega / omega_0): at rest it drives a wheel on by tau / omega_0 / I = 3,200 1/s."""
+
+    title: ClassVar[str] = "lurch"
+    meaning: ClassVar[str] = "drives a wheel on"
+    tau: Scalar = quantity(0.4, "N m", "made up", 0.0, 1.0, "tau")
+    neutral: ClassVar[dict[str, float]] = {"tau": 0.0}
+
+    def torque(self, drive, torque, x):
+        return self.tau * ca.tanh(drive.omega / 0.1)
+
+
+def test_a_replay_follows_what_runs_away_within_a_row():
+    """Steps of 17 ms, of which each third ends at a row, took wheels through rest by up to 1.4 rad/s off."""
+    model = scenario("flat").model
+    duty = np.concatenate([np.full(60, 0.4), np.full(40, -0.3), np.linspace(-0.3, 0.3, 60)])
+    rows = 0.05 * np.arange(len(duty))
+    nowhere = np.full((len(duty), 3), NAN)
+    run = Commands(rows, np.tile(duty[:, None], 6), np.zeros((len(duty), 4)), nowhere, Start())
+    rest, lurching = shared_rest(model, Start()), model.having(Lurch())
+    usual, fine = (replay(lurching, run, rest_state=rest, fine=fine) for fine in (False, True))
+    assert (usual.stop, fine.stop) == ("", "")
+    assert len(usual.steps.lengths) < 0.6 * len(fine.steps.lengths)
+    for name in ("wheel_rate_fl", "wheel_rate_rr"):
+        assert usual.channels[name] == pytest.approx(fine.channels[name], abs=0.1)
+
+
+def test_rows_from_the_first_that_is_too_fast_on_are_lost():
+    """It is looked at once in ten rows; pushed by 1 kN it passes 10 m/s between two looks."""
+    model = scenario("flat").model
+    rows, force = 0.05 * np.arange(40), np.where(np.arange(40) > 13, 1e3, 0.0)
+    run = Commands(rows, np.full((40, 6), 0.4), np.zeros((40, 4)), np.full((40, 3), NAN), Start())
+    lost = replay(model, run, Perturbation(force=force), rest_state=shared_rest(model, Start()))
+    speed = lost.channels["body_vx"]
+    assert "diverged" in lost.stop
+    assert 1.0 < speed.max() < 10.0
+    assert (speed[15:] == speed[-1]).sum() > 20
 
 
 def test_commands_of_other_wheels_than_the_rovers_are_refused():

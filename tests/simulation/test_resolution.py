@@ -175,7 +175,7 @@ class Rough:
 
     def __init__(self, span, rate, explodes=math.inf):
         self.span, self.rate, self.explodes = span, rate, explodes
-        self.t, self.dt, self.error, self.misjudged = np.zeros(1), 64.0, np.zeros(1), 0.0
+        self.t, self.dt, self.error, self.misjudged, self.growth = np.zeros(1), 64.0, np.zeros(1), 0.0, 0.0
         self.tried, self.kept = [], []
 
     def set_step(self, dt):
@@ -197,6 +197,17 @@ class Rough:
         return int(inside and self.dt > self.explodes)
 
 
+class Growing(Rough):
+    """A way whose forces push away what a step of 16 or more cannot follow, and misjudge nothing."""
+
+    def __init__(self, span):
+        super().__init__(span, 0.0)
+
+    def step(self):
+        self.growth = 3.0 if self.span[0] <= self.t[0] < self.span[1] and self.dt > 8.0 else 0.0
+        return super().step()
+
+
 def driven(stub, steps=8, commanded=lambda k: k == 0):
     pace = Pace(stub, 64.0)
     assert [pace.advance(commanded(k)) for k in range(steps)] == [0] * steps
@@ -204,6 +215,17 @@ def driven(stub, steps=8, commanded=lambda k: k == 0):
     assert ends[-1] == stub.t[0] == 64.0 * steps
     np.testing.assert_array_equal(ends[:-1], [begin for begin, _ in stub.kept])
     return pace
+
+
+@pytest.mark.parametrize("commanded", [True, False])
+def test_step_that_is_outgrown_is_repeated_in_quarters_at_once(commanded):
+    """Also the last before a command, at whose end nobody looks."""
+    stub = Growing((150.0, 200.0))
+    driven(stub, commanded=lambda k: commanded)
+    inside = [length for begin, length in stub.kept if 150.0 <= begin < 200.0]
+    assert inside
+    assert max(inside) <= 8.0
+    assert [length for begin, length in stub.kept if begin < 128.0] == [64.0, 64.0]
 
 
 def test_step_with_mispredicted_forces_is_repeated_in_quarters():

@@ -93,6 +93,11 @@ class Kernel:
         return self.struct.misjudged
 
     @property
+    def growth(self) -> float:
+        """By how much the last step enlarged a speed that forces push away; 0 where it was GROWS times or less."""
+        return self.struct.growth
+
+    @property
     def pivoted(self) -> int:
         """How many steps had to exchange rows to solve for their speeds."""
         return int(self.struct.pivoted)

@@ -72,7 +72,7 @@ static int advance(Drive *d, Loop *l, int commanded, int looks) {
     save(l, here);
     const int status = rover_pin_step(d);
     if (status && size == 1) return status;
-    if (status) {
+    if (status || (d->growth > 0.0 && size > 1)) {
       take_again(d, l, here, size);
     } else if (d->misjudged > l->rough * ROUGH && l->before_size > 1) {
       left += l->before_size;

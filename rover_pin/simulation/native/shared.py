@@ -12,7 +12,7 @@ import numpy as np
 from rover_pin.base.quantity import Record, quantities
 from rover_pin.contact import Soil, Wheel
 from rover_pin.simulation.compiled.laws import GEOMETRY, MAX_STATES
-from rover_pin.simulation.pace import CALM, FINEST, GLANCE, ROUGH
+from rover_pin.simulation.pace import CALM, FINEST, GLANCE, GROWS, LEAST_GROWN, ROUGH
 
 GAMMA = 1.0 - math.sqrt(0.5)
 """Weight of a step's end in its solve for the speeds (`plain/step.py`)."""
@@ -32,7 +32,7 @@ INTEGERS = (
     "nq nv n_inertia n_wheels n_cols n_axles n_contact_states n_motor_states n_joints n_servos n_stops n_body n_lanes "
     "grid_nx grid_ny n_soils n_kinds n_held differential_left n_coupled symmetric settling accounts n_free pivoted"
 ).split()
-NUMBERS = "dt direction_speed grid_x0 grid_y0 grid_per_x grid_per_y wheel_share misjudged".split()
+NUMBERS = "dt direction_speed grid_x0 grid_y0 grid_per_x grid_per_y wheel_share misjudged growth".split()
 ARRAYS = {
     "nle q v du": "",
     "rigid": "the generated column of the rigid body, whose parts are nle and the next four",
@@ -75,7 +75,8 @@ INDICES = {
     "bin bin_start": "the last point at or behind each bin's begin, and where a lane's bins begin",
 }
 """Arrays of integer, likewise."""
-PACE = {"FINEST": FINEST, "ROUGH": ROUGH, "CALM": CALM, "GLANCE": GLANCE, "GAMMA": GAMMA}
+PACE = {"FINEST": FINEST, "ROUGH": ROUGH, "CALM": CALM, "GLANCE": GLANCE, "GROWS": GROWS}
+PACE |= {"LEAST_GROWN": LEAST_GROWN, "GAMMA": GAMMA}
 FUNCTIONS = "contact_before body_law rigid_body".split()
 LANES_FUNCTIONS = "contact_law motor_law".split()
 

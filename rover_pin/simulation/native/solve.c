@@ -123,10 +123,31 @@ static void complete_system(const Drive *d, System *system, const BodyPush *push
   }
 }
 
+/* Whether b is more than GROWS times a, and more than round-off. */
+static int outgrows(double a, double b) { return fabs(b) > larger(GROWS * fabs(a), LEAST_GROWN); }
+
+/* By how much A^-1 mass enlarges a speed that it enlarges twice, at most: one that the forces push away; else 0. */
+static double growth(const Drive *d, System *system, const double *first, const double *second, int pivots) {
+  double third[MAX_DOF], most = 0.0;
+  const integer nv = d->nv;
+  integer grown = 0;
+  for (integer i = 0; i < nv; ++i) grown += outgrows(first[i], second[i]);
+  if (!grown) return 0.0;
+  for (integer i = 0; i < nv; ++i) third[i] = along(system->mass[i], second, (nv + 7) / 8);
+  couple(d, third);
+  if (pivots) solve_pivoted(d, system->kept, third);
+  else solve_again(d, system->A, third);
+  set_followers(d, third);
+  for (integer i = 0; i < nv; ++i)
+    if (outgrows(first[i], second[i]) && outgrows(second[i], third[i]) && first[i] * third[i] > 0.0)
+      most = larger(most, fabs(third[i] / second[i]));
+  return most;
+}
+
 /* A k_1 = dt force and A k_2 = mass k_1: du = gamma k_1 + (1 - gamma) k_2, in the mean forces gamma (k_1 + (1 - gamma) k_2). */
 static int solve_speeds(Drive *d, System *system) {
-  _Alignas(64) double first[MAX_DOF] = {0.0};
-  double b[MAX_DOF], second[MAX_DOF], left_row[MAX_DOF], lacks = 0.0;
+  _Alignas(64) double first[MAX_DOF] = {0.0}, second[MAX_DOF] = {0.0};
+  double b[MAX_DOF], left_row[MAX_DOF], lacks = 0.0;
   const integer nv = d->nv, left = d->differential_left;
   const double gamma = implicit_share(d);
   for (integer i = 0; i < nv; ++i) b[i] = d->dt * system->force[i];
@@ -157,6 +178,7 @@ static int solve_speeds(Drive *d, System *system) {
     system->mean_du[i] = gamma * (first[i] + (1.0 - gamma) * second[i]);
     if (left >= 0) lacks += left_row[i] * system->mean_du[i] / gamma;
   }
+  d->growth = d->settling ? 0.0 : growth(d, system, first, second, pivots);
   system->differential = lacks / d->dt;
   return status;
 }

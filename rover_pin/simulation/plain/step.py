@@ -32,6 +32,7 @@ from rover_pin.simulation.compiled.rover_numbers import SERVO_GAIN, STOP_GAIN, m
 from rover_pin.simulation.compiled.suspension import joint_strength, joints_of, suspension_dofs, suspension_places
 from rover_pin.simulation.model.model import Model
 from rover_pin.simulation.native.shared import ENERGY, GAMMA, RECORD
+from rover_pin.simulation.pace import GROWS, LEAST_GROWN
 from rover_pin.simulation.plain.law import LawValue, PlainLaw
 from rover_pin.simulation.state import DriveState
 from rover_pin.terrain.section import Facet, Patch, WheelFrame, patches, wheel_frame
@@ -50,7 +51,7 @@ class Plain:
         self.mean_loads, self.load_slopes = np.zeros((n, 6)), np.zeros((n, 6, self.pin_model.nv))
         self.impulse, self.differential = np.zeros(3), np.zeros(1)
         self.share = model.wheel_share
-        self.foreseen, self.misjudged, self.pivoted = np.zeros((n, 4)), 0.0, 0
+        self.foreseen, self.misjudged, self.growth, self.pivoted = np.zeros((n, 4)), 0.0, 0.0, 0
         self.duty = np.zeros(n)
         self.held_rate: np.ndarray | None = None
         steered = {i: wheel.steer_dof for i, wheel in enumerate(self.rover.wheels) if wheel.steer_dof is not None}
@@ -132,6 +133,8 @@ class Plain:
         second = np.linalg.solve(saddle, np.append(mass @ first[: model.nv], -G @ state.v))
         solved, mean_du = GAMMA * first + (1.0 - GAMMA) * second, GAMMA * (first + (1.0 - GAMMA) * second)
         du = solved[: model.nv]
+        third = np.linalg.solve(saddle, np.append(mass @ second[: model.nv], -G @ state.v))
+        self.growth = growth(*(solution[: model.nv] for solution in (first, second, third)))
         self.differential[0] = -mean_du[model.nv] / GAMMA / self.dt if rigid else self.torque + self.torque_slope @ du
         return np.asarray(du), np.asarray(mean_du[: model.nv])
 
@@ -290,6 +293,14 @@ class Plain:
         self.energy += self.dt * np.array(
             [motor @ speed, -(soil @ speed), -(stopped @ speed), -steered, electric, -(push @ speed)]
         )
+
+
+def growth(first: np.ndarray, second: np.ndarray, third: np.ndarray) -> float:
+    """Return by how much a speed grew from the second solve to the third that grew twice, at most; 0 of none."""
+    pairs = (first, second), (second, third)
+    grown = [np.abs(after) > np.maximum(GROWS * np.abs(before), LEAST_GROWN) for before, after in pairs]
+    twice = grown[0] & grown[1] & (first * third > 0.0)
+    return float(np.max(np.abs(third[twice] / second[twice]), initial=0.0))
 
 
 def _below(frame: WheelFrame) -> Facet:
