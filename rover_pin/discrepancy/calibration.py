@@ -7,11 +7,11 @@ import numpy as np
 
 from rover_pin.estimation.experiment import Experiment, residual
 from rover_pin.estimation.fit import Fit, again, fit
-from rover_pin.estimation.gauss_newton import at, slopes_at
 from rover_pin.estimation.noise import first_noise
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.estimation.profile import CLEAR
 from rover_pin.estimation.random_effects.learnt_noise import with_noise
+from rover_pin.estimation.slopes import at, slopes_at
 from rover_pin.estimation.task import Task
 
 
@@ -35,14 +35,11 @@ def as_declared(fitted: Fit) -> Fit:
     """Return the model of a fit with every number that has a prior at its mean; sizes of effects stay."""
     experiment, parameters = fitted.task.experiment, fitted.parameters
     u = np.array([0.0 if parameter.prior else x for parameter, x in zip(parameters, fitted.u, strict=True)])
-    model = at(fitted.task, fitted.model, parameters, u)
+    model = at(experiment, fitted.model, parameters, u)
 
     def predict_declared() -> dict[str, np.ndarray]:
-        slopes = slopes_at(fitted.task, model, parameters, u)
-        return {
-            "predicted": experiment.predict([model])[0],
-            "slopes": np.array([slopes[parameter.name] for parameter in parameters]),
-        }
+        slopes = slopes_at(experiment, model, parameters, u)
+        return {"predicted": experiment.predict([model])[0], "slopes": slopes}
 
     cached = experiment.cached_arrays(("as declared", model, parameters, u), predict_declared)
     slopes = dict(zip([parameter.name for parameter in parameters], cached["slopes"], strict=True))

@@ -17,6 +17,7 @@ from rover_pin.discrepancy.question import Progress, Question
 from rover_pin.discrepancy.search import Search
 from rover_pin.discrepancy.signature import signatures
 from rover_pin.discrepancy.verdict import Side, Verdict
+from rover_pin.estimation.experiment import Differentiable
 from rover_pin.estimation.fit import Fit, again
 from rover_pin.estimation.numbers import AT_BOUND, Number, implausible
 from rover_pin.estimation.parameter import Parameter
@@ -43,7 +44,7 @@ def conclude(question: Question, progress: Progress, seed: int = 0) -> Verdict:
     Raises OptimisationError: the base model cannot be fitted at all.
     """
     progress("calibrating the base model")
-    if not question.experiment.is_exact:
+    if not isinstance(question.experiment, Differentiable):
         searched = search_of(question, progress)
         return with_next(question, verdict_of(question, searched.beliefs(), progress, seed), progress)
     explorer = explorer_of(question, progress)
@@ -103,6 +104,7 @@ def explorer_of(question: Question, progress: Progress) -> Explorer:
     """Return what explores a question, its base model fitted."""
     experiment, model, noise = question.experiment, question.model, question.experiment.noise()
     numbers = tuple(map(proper, question.numbers))
+    assert isinstance(experiment, Differentiable)
     assert noise is not None
     samples = samples_of(experiment, noise.sd, experiment.varied)
     explorer = Explorer(Fitter(experiment, samples, model, numbers), (), progress)

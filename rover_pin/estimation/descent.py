@@ -1,74 +1,121 @@
-"""Least squares with an exact Jacobian: a Levenberg-Marquardt descent with a trust radius and bounds.
+"""The one descent of every fit: Levenberg-Marquardt with a trust radius and bounds, its slopes exact or reused.
 
-Against `scipy.optimize.least_squares`, its oracle, it ends as low from the same starts, in fewer evaluations of the
-model and without its overhead near a minimum (tests/estimation/test_descent.py).
+With an exact Jacobian it ends, against `scipy.optimize.least_squares`, as low from the same starts in fewer evaluations
+of the model and without its overhead near a minimum (tests/estimation/test_descent.py).
 """
 
-from collections.abc import Callable
+from abc import ABC, abstractmethod
+from typing import NamedTuple
 
 import numpy as np
 
 from rover_pin.base.errors import OptimisationError
 
 STEPS = 400
-"""Most trial steps of one descent."""
+"""Most trial steps of a descent that is to end."""
 
 GAIN = 1e-6
 """A descent ends where a full step would lower chi2 by less than this."""
 
 IDLE = 3
-"""... or where this many steps in a row did."""
+"""... or where this many steps in a row did, or lead nowhere and promise less."""
 
 SMALLEST = 1e-10
 """... or where no step longer than this, in u, lowers chi2."""
 
+STALE = 0.5
+"""Share of the promised fall below which slopes that are reused are computed again."""
 
-Evaluate = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
-"""Rows whose squares are to sum to the least, and their Jacobian, at u."""
+
+class Point(NamedTuple):
+    """Where a descent is: u, rows whose squares are to sum to the least, their Jacobian, and what both are made of."""
+
+    u: np.ndarray
+    rows: np.ndarray
+    jacobian: np.ndarray
+    predicted: np.ndarray
+    slopes: np.ndarray
+
+    @property
+    def chi2(self) -> float:
+        """The sum that is to be least."""
+        return float(self.rows @ self.rows)
+
+    def promised_fall(self, step: np.ndarray) -> float:
+        """Return by how much chi2 would fall along a step if the rows were linear."""
+        along = self.jacobian @ step
+        return float(-(2 * self.rows + along) @ along)
 
 
-def descend(evaluate: Evaluate, start: np.ndarray, bounds: np.ndarray, gain: float = GAIN) -> tuple[np.ndarray, float]:
-    """Return the u and chi2 of the minimum nearest to a start, inside the bounds (numbers, 2).
+class Problem(ABC):
+    """Rows whose squares are to sum to the least within `bounds` (numbers, 2) of u."""
 
-    It ends where a full step would lower chi2 by less than `gain`, or three steps in a row did.
+    bounds: np.ndarray
+
+    @abstractmethod
+    def evaluate(self, u: np.ndarray) -> Point:
+        """Return rows and Jacobian at u; slopes that are reused are those of another u."""
+
+    def renew(self, point: Point, is_end: bool) -> Point | None:
+        """Return a point with its slopes computed again there; None where they are, or serve."""
+        return None
+
+
+def descend(problem: Problem, start: np.ndarray, gain: float = GAIN, most: int = 0) -> Point:
+    """Return the minimum nearest to a start, inside the bounds.
+
+    It ends where a full step would lower chi2 by less than `gain`, or three steps in a row did; and after `most` steps
+    where it is, if that is not 0. Slopes that are reused are computed again where chi2 falls by less than STALE of what
+    they promised, or three steps in a row do not lower it.
 
     Raises OptimisationError: the model has no value at the start, or the descent did not end; `status` is the number of
     steps.
     """
-    low, high = bounds.T
-    u = np.clip(start, low, high)
-    residual, jacobian = evaluate(u)
-    chi2 = float(residual @ residual)
-    if not np.isfinite(chi2):
+    low, high = problem.bounds.T
+    point = problem.evaluate(np.clip(start, low, high))
+    if not np.isfinite(point.chi2):
         raise OptimisationError("the model has no finite value where the descent starts; start elsewhere.", status=0)
-    radius, idle = 1.0, 0
-    for _ in range(STEPS):
-        step, newton = _step(u, residual, jacobian, radius, (low, high))
-        if newton and _promised_fall(residual, jacobian, step) < gain:
-            return u, chi2
-        trial = _step_to_bound(u, step, low, high)
-        trial_residual, trial_jacobian = evaluate(trial)
-        fall = chi2 - float(trial_residual @ trial_residual)
-        radius = _next_radius(radius, trial - u, fall, _promised_fall(residual, jacobian, trial - u))
-        if fall > 0:
-            idle = idle + 1 if fall < gain else 0
-            u, chi2, residual, jacobian = trial, chi2 - fall, trial_residual, trial_jacobian
-        if radius < SMALLEST or idle == IDLE:
-            return u, chi2
-    raise OptimisationError(f"a refit did not settle in {STEPS} steps (chi2 = {chi2:g}); free fewer.", status=STEPS)
+    radius, idle, failed = 1.0, 0, 0
+    for _ in range(most or STEPS):
+        step, newton = _step(point, radius, (low, high))
+        is_end, is_off = newton and point.promised_fall(step) < gain, False
+        if not is_end:
+            trial = problem.evaluate(_step_to_bound(point.u, step, low, high))
+            fall, promised = point.chi2 - trial.chi2, point.promised_fall(trial.u - point.u)
+            radius = _next_radius(radius, trial.u - point.u, fall, promised)
+            idle = 0 if fall >= gain else idle + (fall > 0)
+            failed = 0 if fall > 0 else failed + 1
+            point = trial if fall > 0 else point
+            is_end = radius < SMALLEST or idle == IDLE or (failed >= IDLE and promised < gain)
+            is_off = (fall > 0 or failed >= IDLE) and promised - fall > max(gain, (1.0 - STALE) * promised)
+        renewed = problem.renew(point, is_end) if is_end or is_off else None
+        if renewed is not None:
+            point, radius, idle, failed = renewed, 1.0, 0, 0
+        elif is_end:
+            return point
+    if most:
+        return point
+    raise OptimisationError(
+        f"a refit did not settle in {STEPS} steps (chi2 = {point.chi2:g}); free fewer.", status=STEPS
+    )
 
 
-def _step(
-    u: np.ndarray, residual: np.ndarray, jacobian: np.ndarray, radius: float, limits: tuple[np.ndarray, np.ndarray]
-) -> tuple[np.ndarray, bool]:
+def last_step(problem: Problem, point: Point, gain: float) -> np.ndarray:
+    """Return the step that ends a descent by its slopes alone; none where it promises `gain` or more."""
+    step, _ = _step(point, np.inf, (problem.bounds[:, 0], problem.bounds[:, 1]))
+    end = _step_to_bound(point.u, step, *problem.bounds.T) - point.u
+    return end if point.promised_fall(end) < gain else np.zeros_like(end)
+
+
+def _step(point: Point, radius: float, limits: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, bool]:
     """Return the best step of length `radius` or less that leaves no bound, and whether it is the full Newton step."""
-    low, high = limits
-    gradient = jacobian.T @ residual
+    (low, high), u = limits, point.u
+    gradient = point.jacobian.T @ point.rows
     free = ~((u <= low) & (gradient > 0))
     free &= ~((u >= high) & (gradient < 0))
     while free.any():
         step = np.zeros(len(u))
-        step[free], newton = _damped_step(jacobian[:, free], residual, radius)
+        step[free], newton = _damped_step(point.jacobian[:, free], point.rows, radius)
         leaving = ((u <= low) & (step < 0)) | ((u >= high) & (step > 0))
         if not leaving.any():
             return step, newton
@@ -88,12 +135,6 @@ def _damped_step(jacobian: np.ndarray, residual: np.ndarray, radius: float) -> t
         damping += (length - radius) / radius * length / slope
         length = float(np.linalg.norm(share / (values**2 + damping)))
     return -directions.T @ (share / (values**2 + damping)), newton
-
-
-def _promised_fall(residual: np.ndarray, jacobian: np.ndarray, step: np.ndarray) -> float:
-    """Return how much chi2 would fall if the residuals were linear."""
-    along = jacobian @ step
-    return float(-(2 * residual + along) @ along)
 
 
 def _next_radius(radius: float, step: np.ndarray, fall: float, promised: float) -> float:

@@ -43,9 +43,6 @@ class Experiment(ABC):
     "whether samples of a fold follow one another in time, so that neighbours hang together"
     difference: float = 0.3
     "of u for a derivative by a difference: what its `predict_near` rounds, or jumps, must be small against that"
-    is_exact: bool = False
-    "whether it has `sensitivities`, at little more than a prediction's cost: fits then start from several points, end \
-at a minimum, and every fold is predicted by whole refits"
 
     if TYPE_CHECKING:  # fields or properties of an implementation, as it likes: a property here would be their default
 
@@ -65,7 +62,7 @@ at a minimum, and every fold is predicted by whole refits"
     def predict(self, models: Sequence[Any]) -> np.ndarray:
         """Return what each model predicts (models, folds, channels, samples), `stand_in` where that is nothing.
 
-        Where fits are exact that is NaN; else finite everywhere.
+        Where slopes are exact that is NaN; else finite everywhere.
         """
 
     def predict_near(self, models: Sequence[Any]) -> np.ndarray:
@@ -148,10 +145,6 @@ at a minimum, and every fold is predicted by whole refits"
         """
         return None
 
-    def sensitivities(self, model: Any, parameters: Sequence[Parameter], u: np.ndarray) -> Sensitivities:
-        """Return what the model predicts with the parameters at u, and its exact slopes; where `is_exact`."""
-        raise NotImplementedError(f"{type(self).__name__} is not exact: its slopes are differences of predictions.")
-
     def unpredicted_part(self, model: Any) -> str:
         """Return what of the measurements a model does not predict, and why, in words; empty where it predicts all."""
         return ""
@@ -163,6 +156,17 @@ at a minimum, and every fold is predicted by whole refits"
     def cached_arrays(self, request: tuple[Any, ...], make: Callable[[], Arrays]) -> Arrays:
         """Return what `make` makes, or what was kept of it when the same was asked before."""
         return make()
+
+
+class Differentiable(Experiment):
+    """An experiment that tells exact slopes at little more than a prediction's cost.
+
+    Fits then start from several points and end at a minimum, and every fold is predicted by whole refits.
+    """
+
+    @abstractmethod
+    def sensitivities(self, model: Any, parameters: Sequence[Parameter], u: np.ndarray) -> Sensitivities:
+        """Return what the model predicts with the parameters at u, and its exact slopes."""
 
 
 def find(records: Mapping[str, Any], name: str) -> tuple[Any, str, Quantity]:

@@ -9,13 +9,12 @@ import numpy as np
 from scipy.special import stdtrit
 
 from rover_pin.base.errors import OptimisationError
-from rover_pin.estimation.descent import descend
-from rover_pin.estimation.exact import ExactProblem
-from rover_pin.estimation.experiment import residual
-from rover_pin.estimation.gauss_newton import at, descent_end, priors
+from rover_pin.estimation.experiment import Differentiable, residual
+from rover_pin.estimation.least_squares import LeastSquares, WithDifferences
 from rover_pin.estimation.noise import huber, huber_weights, rms_of
-from rover_pin.estimation.parameter import Parameter, bounds_of
+from rover_pin.estimation.parameter import Parameter, prior_curvature
 from rover_pin.estimation.profile import NORMAL_95, SURE
+from rover_pin.estimation.slopes import at
 from rover_pin.estimation.task import Task, objective
 
 STRETCH = 8
@@ -119,7 +118,7 @@ class Fit:
         sums = np.array([pushed[row_owner == cluster].sum(axis=0) for cluster in np.unique(row_owner)])
         small_sample_factor = len(sums) / max(len(sums) - 1, 1)
         spread = self.covariance
-        return np.diag(spread @ (small_sample_factor * sums.T @ sums + priors(self.parameters)) @ spread)
+        return np.diag(spread @ (small_sample_factor * sums.T @ sums + prior_curvature(self.parameters)) @ spread)
 
     def value(self, name: str) -> float:
         """Return the fitted value of a parameter [SI]."""
@@ -138,7 +137,7 @@ def table_of(fitted: Fit) -> np.ndarray:
 def covariance(columns: np.ndarray, rows: np.ndarray, parameters: Sequence[Parameter]) -> np.ndarray:
     """Return (J^T W J + priors)^-1."""
     weighted = columns * huber_weights(rows)[:, None]
-    return _inverse(columns.T @ weighted + priors(parameters))
+    return _inverse(columns.T @ weighted + prior_curvature(parameters))
 
 
 def _inverse(normal: np.ndarray) -> np.ndarray:
@@ -159,38 +158,31 @@ def fit(
 ) -> Fit:
     """Return the model with the parameters fitted.
 
-    Descends robust chi2(rows) + sum of the priors' u^2 by Gauss-Newton with Huber weights. Slopes serve, the given ones
-    first, until a step lowers the objective by less than STALE of what it promised; then they are computed again, with
-    `reuse` only those that were not given. The fit ends where no step of new slopes helps, or after TURNS and RENEWALS;
-    given slopes that are `stale` only start it, new ones end it, and it may go on for longer, TO_THE_END. A fit that
-    the experiment has kept is not made again. Where the experiment is exact, `descend` ends at a minimum, and what is
-    known of slopes is not needed.
+    Descends robust chi2(rows) + sum of the priors' u^2. Where the experiment tells exact slopes it ends at a minimum.
+    Else slopes serve, the given ones first, until a step lowers that by less than STALE of what it promised; then they
+    are computed again, with `reuse` only those that were not given. The fit ends where a step promises less than
+    SETTLED, or after MOST steps and RENEWALS; given slopes that are `stale` only start it, new ones end it, and it may
+    go on for longer, TO_THE_END. A fit that the experiment has kept is not made again.
 
     Raises OptimisationError: a descent with exact slopes does not end.
     """
-    if task.experiment.is_exact:
-        return _exactly(task, model, parameters, np.zeros(len(parameters)) if start is None else start)
-    given_slopes = dict(slopes or {})
-    request = (task.noise, model, tuple(parameters), start, given_slopes, reuse, stale)
-    arrays = task.experiment.cached_arrays(
-        request, lambda: descent_end(task, model, parameters, start, given_slopes, (reuse, stale))
-    )
+    known_slopes = dict(slopes or {})
+    start = np.zeros(len(parameters)) if start is None else np.asarray(start, dtype=float)
+    is_exact = isinstance(task.experiment, Differentiable)
+    exact = LeastSquares(task, model, parameters)
+    problem = exact if is_exact else WithDifferences(task, model, parameters, known_slopes, reuse, stale)
+    request = (task.noise, model, tuple(parameters), start, known_slopes, reuse, stale)
+    try:
+        arrays = task.experiment.cached_arrays(request, lambda: problem.solution(start))
+    except np.linalg.LinAlgError as error:
+        raise OptimisationError(f"a refit met a singular problem ({error}); free fewer.", status=str(error)) from error
     u, names = arrays["u"], [parameter.name for parameter in parameters]
-    slopes_by_name = given_slopes | dict(zip(names, arrays["slopes"], strict=True))
-    return Fit(task, at(task, model, parameters, u), tuple(parameters), u, arrays["predicted"], slopes_by_name)
+    slopes_by_name = known_slopes | dict(zip(names, arrays["slopes"], strict=True))
+    return Fit(
+        task, at(task.experiment, model, parameters, u), tuple(parameters), u, arrays["predicted"], slopes_by_name
+    )
 
 
 def again(base: Fit, reuse: bool = False, stale: bool = False) -> Fit:
     """Return the fit taken up where it was, as after a change of the noise, or to its end; see `fit`."""
     return fit(base.task, base.model, base.parameters, base.u, base.slopes, reuse, stale)
-
-
-def _exactly(task: Task, model: Any, parameters: Sequence[Parameter], start: np.ndarray) -> Fit:
-    problem = ExactProblem(task, model, parameters)
-    try:
-        u, _ = descend(problem.evaluate, start, bounds_of(parameters))
-    except np.linalg.LinAlgError as error:
-        raise OptimisationError(f"a refit met a singular problem ({error}); free fewer.", status=str(error)) from error
-    predicted, slopes = problem.sensitivities(u)
-    slopes_by_name = dict(zip([parameter.name for parameter in parameters], slopes, strict=True))
-    return Fit(task, at(task, model, parameters, u), tuple(parameters), u, predicted, slopes_by_name)

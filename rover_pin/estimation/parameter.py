@@ -101,3 +101,8 @@ def declared_in(title: str, name: str, table: Container[str], sds: Container[str
 def bounds_of(parameters: Sequence[Parameter]) -> np.ndarray:
     """Return the bounds of each u (parameters, 2)."""
     return np.array([parameter.bounds for parameter in parameters]).reshape(-1, 2)
+
+
+def prior_curvature(parameters: Sequence[Parameter]) -> np.ndarray:
+    """Return the curvature that the priors give chi2 / 2; next to none where there is none."""
+    return np.diag([1.0 if parameter.prior else 1e-9 for parameter in parameters])

@@ -13,7 +13,7 @@ from rover_pin.base.quantity import Record, quantities, quantity
 from rover_pin.contact import Scalar
 from rover_pin.discrepancy.candidate import Candidate
 from rover_pin.discrepancy.standalone import Parts, Standalone
-from rover_pin.estimation.experiment import Sensitivities
+from rover_pin.estimation.experiment import Differentiable, Sensitivities
 from rover_pin.estimation.noise import Noise, declared_noise
 from rover_pin.estimation.parameter import Parameter, parameter_of
 from rover_pin.experiments.soil_priors import known_constant, unknown_constant
@@ -73,7 +73,7 @@ class Shift(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class TractionFactors(Standalone):
+class TractionFactors(Standalone, Differentiable):
     """Points at slips S, each with the SD of its mean; `declared` is the model that comes with them.
 
     Each true slip is S + a xi, xi ~ N(0, 1), a number like the others: taken as exact, noisy slips flatten the curve
@@ -87,7 +87,6 @@ class TractionFactors(Standalone):
     shifts: tuple[Shift, ...] = field(default=(), repr=False)
     name: str = "traction factors"
     channels = ("traction factor",)
-    is_exact = True
 
     @classmethod
     def read(cls, path: Path) -> Self:

@@ -1,5 +1,7 @@
 """A set of causes fitted to data: its most probable numbers, and its evidence with each kind of discrepancy."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Sequence
 from contextlib import suppress
@@ -11,12 +13,12 @@ import numpy as np
 
 from rover_pin.base.errors import OptimisationError
 from rover_pin.base.public import brief
-from rover_pin.estimation.descent import Evaluate, descend
-from rover_pin.estimation.experiment import Experiment
+from rover_pin.estimation.descent import Point, Problem, descend
+from rover_pin.estimation.experiment import Differentiable
 from rover_pin.estimation.fit import Fit
-from rover_pin.estimation.gauss_newton import at
 from rover_pin.estimation.noise import declared_noise
 from rover_pin.estimation.parameter import Parameter, bounds_of
+from rover_pin.estimation.slopes import at
 from rover_pin.estimation.task import Task
 from rover_pin.inference.cause import Cause
 from rover_pin.inference.error_model import PRIORS, Discrepancy, ErrorModel
@@ -37,7 +39,7 @@ share of what the law adds in the end, not of what it adds without one."""
 class Hypothesis:
     """The base model with a set of causes, at its most probable numbers for one kind of discrepancy."""
 
-    experiment: Experiment = field(repr=False)
+    experiment: Differentiable = field(repr=False)
     causes: tuple[Cause, ...]
     model: Any = field(repr=False)
     "with the causes, as before the fit"
@@ -114,7 +116,7 @@ class Hypothesis:
         noise = declared_noise(np.sqrt(np.where(np.isfinite(variance), variance, 1.0)), np.asarray(experiment.observed))
         task, names = Task(experiment, noise), [parameter.name for parameter in self.parameters]
         exact = experiment.sensitivities(self.model, self.parameters, self.u)
-        model = at(task, self.model, self.parameters, self.u)
+        model = at(experiment, self.model, self.parameters, self.u)
         return Fit(task, model, self.parameters, self.u, exact.predicted, dict(zip(names, exact.slopes, strict=True)))
 
     @cached_property
@@ -130,11 +132,27 @@ def linear_at(samples: Samples, predicted: np.ndarray, slopes: np.ndarray, u: np
     return Linear(samples.value - predicted + slopes @ u, slopes)
 
 
+class _WhiteRows(Problem):
+    """Rows whose squares sum to (y - f)' C^-1 (y - f) + u' u; `whitening` of each block squares to its C^-1."""
+
+    def __init__(self, fitter: Fitter, model: Any, parameters: tuple[Parameter, ...], whitening: Sequence[np.ndarray]):
+        self.fitter, self.model, self.parameters, self.bounds = fitter, model, parameters, bounds_of(parameters)
+        self._blocks = list(zip(fitter.samples.blocks, whitening, strict=True))
+
+    def evaluate(self, u: np.ndarray) -> Point:
+        predicted, slopes = self.fitter.predict_row(self.model, self.parameters, u)
+        missed = self.fitter.samples.value - predicted
+        rows = [white @ missed[block] for block, white in self._blocks]
+        columns = [-white @ slopes[block] for block, white in self._blocks]
+        jacobian = np.concatenate([*columns, np.eye(len(u))])
+        return Point(u, np.concatenate([*rows, u]), jacobian, predicted, slopes)
+
+
 @dataclass(frozen=True, eq=False)
 class Fitter:
     """The data, and the base model whose numbers every hypothesis fits anew."""
 
-    experiment: Experiment
+    experiment: Differentiable
     samples: Samples
     model: Any = field(repr=False)
     numbers: tuple[Parameter, ...] = field(repr=False)
@@ -144,18 +162,6 @@ class Fitter:
         """Return the row that a model predicts at u, and its slopes (n, numbers)."""
         exact = self.experiment.sensitivities(model, parameters, u)
         return self.samples.row_of(exact.predicted), self.samples.row_of(exact.slopes).T
-
-    def _white_rows(self, model: Any, parameters: Sequence[Parameter], whitening: Sequence[np.ndarray]) -> Evaluate:
-        """Return rows whose squares sum to (y - f)' C^-1 (y - f) + u' u, and their Jacobian, as functions of u."""
-
-        def evaluate(u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            predicted, slopes = self.predict_row(model, parameters, u)
-            pairs = list(zip(self.samples.blocks, whitening, strict=True))
-            rows = [white @ (self.samples.value - predicted)[block] for block, white in pairs]
-            columns = [-white @ slopes[block] for block, white in pairs]
-            return np.concatenate([*rows, u]), np.concatenate([*columns, np.eye(len(u))])
-
-        return evaluate
 
     def flat(self, causes: Sequence[Cause], starts: Sequence[np.ndarray]) -> tuple[np.ndarray, float]:
         """Return the most probable u with independent errors as large as noise and a usual discrepancy, and its loss.
@@ -168,17 +174,15 @@ class Fitter:
             spread[block] = PRIORS["a"].median * samples.spread[channel]
         raised = 1.0 if self.inflation is None else self.inflation
         whitening = [np.diag(1.0 / np.sqrt(samples.sd**2 * raised + spread**2)[block]) for block in samples.blocks]
-        model, parameters = self.having(causes)
-        best: tuple[np.ndarray, float] | None = None
+        problem = _WhiteRows(self, *self.having(causes), whitening)
+        ends = []
         for start in starts:
-            try:
-                reached = descend(self._white_rows(model, parameters, whitening), start, bounds_of(parameters), ROUGH)
-            except (OptimisationError, np.linalg.LinAlgError):
-                continue
-            best = reached if best is None or reached[1] < best[1] else best
-        if best is None:
+            with suppress(OptimisationError, np.linalg.LinAlgError):
+                ends.append(descend(problem, start, ROUGH))
+        if not ends:
             raise OptimisationError("no start of a hypothesis leads to a fit.", status=0)
-        return best
+        best = min(ends, key=lambda end: end.chi2)
+        return best.u, best.chi2
 
     def having(self, causes: Sequence[Cause]) -> tuple[Any, tuple[Parameter, ...]]:
         """Return the base model with causes, and all free numbers."""
@@ -205,8 +209,8 @@ class Fitter:
                 for channel in range(len(self.samples.blocks))
             ]
             with suppress(OptimisationError, np.linalg.LinAlgError):  # else the linear model about the first fit stays
-                u, _ = descend(self._white_rows(model, parameters, whitening), u, bounds_of(parameters), CLOSE)
-            predicted, slopes = self.predict_row(model, parameters, u)
+                end = descend(_WhiteRows(self, model, parameters, whitening), u, CLOSE)
+                u, predicted, slopes = end.u, end.predicted, end.slopes
             if discrepancy is not Discrepancy.FORM:
                 break
             added = self._added_rows(causes, u, predicted)

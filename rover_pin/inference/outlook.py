@@ -15,9 +15,8 @@ import numpy as np
 
 from rover_pin.base.public import brief
 from rover_pin.estimation.experiment import Experiment
-from rover_pin.estimation.gauss_newton import at, slopes_at
 from rover_pin.estimation.noise import Noise
-from rover_pin.estimation.task import Task
+from rover_pin.estimation.slopes import at, slopes_at
 from rover_pin.inference import hypothesis as fitted
 from rover_pin.inference.beliefs import Hypothesis
 from rover_pin.inference.error_model import Settings
@@ -87,8 +86,7 @@ def expectation(offer: Offer, hypothesis: Hypothesis, first: Hypothesis) -> Expe
 def with_uncertain_numbers(offer: Offer, hypothesis: Hypothesis, expected: Expected) -> Expected:
     """Return the same with the numbers as uncertain as they are."""
     noise, fit = offer.noise, hypothesis.fit
-    slopes = slopes_at(Task(offer.experiment, noise), offer.meets(fit.model), fit.parameters, fit.u)
-    rows = noise.white(np.array([slopes[parameter.name] for parameter in fit.parameters])).T
+    rows = noise.white(slopes_at(offer.experiment, offer.meets(fit.model), fit.parameters, fit.u)).T
     if isinstance(hypothesis, fitted.Hypothesis) and expected.gain is not None:
         rows = rows - expected.gain @ hypothesis.slopes
     columns = rows @ _root(hypothesis.posterior.covariance)
@@ -126,8 +124,8 @@ def _added_ahead(offer: Offer, hypothesis: fitted.Hypothesis) -> np.ndarray:
     """Return what each cause adds to an offer's rows (causes, n), where an error of form is left of it; else none."""
     if not len(hypothesis.errors.added):
         return np.zeros((0, int(offer.noise.good.sum())))
-    fit, task = hypothesis.fit, Task(offer.experiment, offer.noise)
-    absent = [at(task, fit.model, fit.parameters, cause.absent(fit.parameters, fit.u)) for cause in hypothesis.causes]
+    fit, rows = hypothesis.fit, hypothesis.causes
+    absent = [at(offer.experiment, fit.model, fit.parameters, cause.absent(fit.parameters, fit.u)) for cause in rows]
     present, *without = (_predict(offer, offer.meets(model)) for model in (fit.model, *absent))
     return np.array([np.nan_to_num(present - row) for row in without])
 

@@ -15,6 +15,7 @@ from rover_pin.discrepancy.question import Progress, Question
 from rover_pin.discrepancy.standalone import Standalone
 from rover_pin.discrepancy.standalone import question_of as question_of_bench
 from rover_pin.discrepancy.verdict import Side
+from rover_pin.estimation.experiment import Differentiable
 from rover_pin.estimation.identification import ChannelFit, Estimate, Identification, variance_shares
 from rover_pin.estimation.numbers import Number
 from rover_pin.estimation.parameter import Parameter, Prior
@@ -86,7 +87,7 @@ def identify(
     measured = measured_in(data, Trust(everything=trust)).data if isinstance(data, (str, Path, tuple)) else data
     experiment = RigExperiment((measured,)) if isinstance(measured, RigSet) else measured
     question = _with_numbers(_question_of(experiment), priors, fixed)
-    weighed = explorer_of if question.experiment.is_exact else search_of
+    weighed = explorer_of if isinstance(question.experiment, Differentiable) else search_of
     beliefs = weighed(question, progress).beliefs()
     best = beliefs.best(())
     side = side_of(beliefs, best)

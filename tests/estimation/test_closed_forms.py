@@ -5,14 +5,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from scipy.optimize import lsq_linear
 from scipy.stats import chi2 as chi2_law
 
 from rover_pin.base.quantity import Record, quantity
-from rover_pin.estimation.exact import ExactProblem
-from rover_pin.estimation.experiment import Experiment, Sensitivities
+from rover_pin.estimation.experiment import Differentiable, Experiment, Sensitivities
 from rover_pin.estimation.fit import STRETCH, fit
-from rover_pin.estimation.gauss_newton import _steps
+from rover_pin.estimation.least_squares import LeastSquares
 from rover_pin.estimation.noise import Noise, declared_noise, huber, noise_of
 from rover_pin.estimation.numbers import profiles
 from rover_pin.estimation.parameter import Parameter
@@ -37,8 +35,8 @@ class Line(Experiment):
 
     channels, folds = ("y",), tuple("pqr")
 
-    def __init__(self, observed, exact=False, bent=False):
-        self.observed, self.is_exact, self.bent = observed, exact, bent
+    def __init__(self, observed, bent=False):
+        self.observed, self.bent = observed, bent
 
     def predict(self, models):
         return np.array([(one.a**2 if self.bent else one.a) * X[0] + one.b * X[1] for one in models])
@@ -48,6 +46,10 @@ class Line(Experiment):
 
     def replace_record(self, model, owner, record):
         return record
+
+
+class ExactLine(Line, Differentiable):
+    """The same, that tells its slopes."""
 
     def sensitivities(self, model, parameters, u):
         here = self.with_values(model, {one.name: one.value(x) for one, x in zip(parameters, u, strict=True)})
@@ -66,7 +68,7 @@ BOTH = (number("a"), number("b", sd=2.0, prior=False))
 def made(exact=False, bent=False, sd=0.5, noise=0.5, a=1.0, b=-2.0, seed=1):
     """A task whose data are of a and b, with noise."""
     truth = (a**2 if bent else a) * X[0] + b * X[1]
-    bed = Line(truth + noise * np.random.default_rng(seed).normal(size=truth.shape), exact, bent)
+    bed = (ExactLine if exact else Line)(truth + noise * np.random.default_rng(seed).normal(size=truth.shape), bent)
     return Task(bed, declared_noise(np.array([sd]), bed.observed))
 
 
@@ -122,25 +124,6 @@ def test_sd_is_widened_by_misfit_or_taken_from_stretches():
         assert (sandwich > plain).any() or not shared
 
 
-@pytest.mark.parametrize("seed", range(6))
-def test_step_stays_within_bounds_like_bounded_least_squares(seed):
-    draw = np.random.default_rng(seed)
-    columns, rows, u = draw.normal(size=(30, 3)), 2.0 * draw.normal(size=30), draw.uniform(-0.2, 0.2, 3)
-    rows = np.clip(rows, -3.9, 3.9)
-    parameters = tuple(number("a", 1.0, -0.3, 0.3, prior=at < 2) for at in range(3))
-    ((step,), *shorter), promised = _steps(columns, rows, u, parameters, ())
-    assert [float(one @ step / (step @ step)) for (one,) in shorter] == pytest.approx([1 / 3, 1 / 9])
-    stacked = np.vstack([columns, np.diag([1.0, 1.0, math.sqrt(1e-9)])])
-    right = -np.concatenate([rows, u * [1.0, 1.0, 0.0]])
-    best = lsq_linear(stacked, right, (-0.3 - u, 0.3 - u), tol=1e-14).x
-    before, after = (float(np.sum((stacked @ each - right) ** 2)) for each in (np.zeros(3), step))
-    assert promised == pytest.approx(before - after, rel=1e-6, abs=1e-9)
-    assert np.all(np.abs(u + step) <= 0.3 + 1e-12)
-    inside = np.abs(u + step) < 0.3 - 1e-9
-    assert (stacked.T @ (stacked @ step - right))[inside] == pytest.approx(0.0, abs=1e-9), "the free ones at their best"
-    assert after == pytest.approx(float(np.sum((stacked @ best - right) ** 2)), rel=0.02), "held where they leave"
-
-
 def test_slopes_that_are_wrong_are_computed_again():
     """Given ones serve first; where their step does not help, own ones end at least squares."""
     task = made()
@@ -158,16 +141,16 @@ STRAYS = np.array([0.0, 3.9, -3.9, 4.1, -4.1, 12.0, -40.0])
 def test_exact_rows_square_to_robust_chi2_and_match_its_slopes():
     task = made(exact=True, bent=True)
     task.experiment.observed[0, 0, : len(STRAYS)] += 0.5 * STRAYS
-    problem = ExactProblem(task, Plane(), BOTH)
+    problem = LeastSquares(task, Plane(), BOTH)
     for u in (np.array([0.9, -1.1]), np.array([-0.4, 0.7])):
-        rows, jacobian = problem.evaluate(u)
-        here = task.rows(problem.sensitivities(u).predicted)
+        point = problem.evaluate(u)
+        rows = point.rows
+        here = task.rows(point.predicted)
         assert (np.abs(here) > 4.0).sum() > 2
         assert rows @ rows == pytest.approx(huber(here) + u[0] ** 2, rel=1e-12)
         assert len(rows) == 61
-        slopes = [(problem.evaluate(u + h)[0] - problem.evaluate(u - h)[0]) / 2e-6 for h in 1e-6 * np.eye(2)]
-        assert jacobian == pytest.approx(np.array(slopes).T, abs=1e-6)
-    assert problem.sensitivities(u) is problem.sensitivities(u.copy()), "asked once"
+        slopes = [(problem.evaluate(u + h).rows - problem.evaluate(u - h).rows) / 2e-6 for h in 1e-6 * np.eye(2)]
+        assert point.jacobian == pytest.approx(np.array(slopes).T, abs=1e-6)
 
 
 def test_noise_of_every_value_whitens_by_it():

@@ -4,13 +4,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.optimize import least_squares
+from scipy.optimize import least_squares, lsq_linear
 
 from rover_pin.base.errors import OptimisationError
 from rover_pin.estimation import descent
-from rover_pin.estimation.descent import descend
-from rover_pin.estimation.exact import ExactProblem
-from rover_pin.estimation.parameter import bounds_of
+from rover_pin.estimation.descent import Point, Problem, descend
+from rover_pin.estimation.least_squares import LeastSquares
 from rover_pin.estimation.task import Task
 from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.measurements.rig_reading import read_rig_set
@@ -19,7 +18,7 @@ from studies.shared.rig_fits import scattered
 DATA = Path(__file__).parents[2] / "studies" / "data"
 
 
-class Made:
+class Made(Problem):
     """A problem whose residuals are a plain function of u."""
 
     def __init__(self, residual, jacobian, low, high):
@@ -27,7 +26,8 @@ class Made:
         self.bounds = np.array([low, high]).T
 
     def evaluate(self, u):
-        return np.asarray(self.residual(u), float), np.asarray(self.jacobian(u), float)
+        rows, jacobian = np.asarray(self.residual(u), float), np.asarray(self.jacobian(u), float)
+        return Point(u, rows, jacobian, rows, jacobian.T)
 
 
 def rosenbrock(low=(-5.0, -5.0), high=(5.0, 5.0)):
@@ -35,7 +35,8 @@ def rosenbrock(low=(-5.0, -5.0), high=(5.0, 5.0)):
 
 
 def ended(made, start):
-    return descend(made.evaluate, np.array(start), made.bounds)
+    end = descend(made, np.array(start))
+    return end.u, end.chi2
 
 
 def test_descent_follows_a_curved_valley():
@@ -68,11 +69,23 @@ def test_a_descent_leaves_a_bound_that_it_began_on():
             assert u == pytest.approx(least, abs=1e-6)
 
 
-class Counted:
+@pytest.mark.parametrize("seed", range(6))
+def test_a_linear_problem_ends_like_bounded_least_squares(seed):
+    draw = np.random.default_rng(seed)
+    columns, measured = draw.normal(size=(30, 4)), 2.0 * draw.normal(size=30)
+    low, high = draw.uniform(-0.5, -0.1, 4), draw.uniform(0.0, 0.3, 4)
+    u, chi2 = ended(Made(lambda u: columns @ u - measured, lambda u: columns, low, high), draw.uniform(-0.1, 0.0, 4))
+    best = lsq_linear(columns, measured, (low, high), tol=1e-14)
+    assert u == pytest.approx(best.x, abs=1e-5)
+    assert chi2 == pytest.approx(2.0 * best.cost, rel=1e-9)
+
+
+class Counted(Problem):
     """A problem that counts its evaluations; scipy asks for residual and Jacobian apart, which count once."""
 
     def __init__(self, problem):
         self._problem, self.count, self._last = problem, 0, (None, None)
+        self.bounds = problem.bounds
 
     def evaluate(self, u):
         if self._last[0] != u.tobytes():
@@ -82,12 +95,12 @@ class Counted:
 
 
 def of_scipy(problem, start):
-    counted, (low, high) = Counted(problem), bounds_of(problem.parameters).T
+    counted, (low, high) = Counted(problem), problem.bounds.T
     margin = 1e-6 * np.minimum(high - low, 1.0)
     found = least_squares(
-        lambda u: counted.evaluate(u)[0],
+        lambda u: counted.evaluate(u).rows,
         np.clip(start, low + margin, high - margin),
-        lambda u: counted.evaluate(u)[1],
+        lambda u: counted.evaluate(u).jacobian,
         bounds=(low, high), x_scale="jac", max_nfev=400, ftol=1e-12, xtol=1e-12, gtol=1e-12,
     )  # fmt: skip
     return 2 * found.cost, counted.count
@@ -96,7 +109,7 @@ def of_scipy(problem, start):
 def of_ours(problem, start):
     counted = Counted(problem)
     try:
-        return descend(counted.evaluate, start, bounds_of(problem.parameters))[1], counted.count
+        return descend(counted, start).chi2, counted.count
     except OptimisationError:
         return np.inf, counted.count
 
@@ -106,10 +119,10 @@ def test_it_ends_as_low_as_scipy_in_no_more_evaluations(name):
     experiment = RigExperiment((read_rig_set(DATA / name),))
     model = experiment.base_model()
     numbers = experiment.uncertain(model)
-    problem = ExactProblem(Task(experiment, experiment.noise()), model, numbers)
+    problem = LeastSquares(Task(experiment, experiment.noise()), model, numbers)
     centre = np.array([number.u(experiment.value(model, number.name)) for number in numbers])
     starts = scattered(centre, 12, 0)
-    problems = [start for start in starts if np.isfinite(problem.evaluate(start)[0]).all()]
+    problems = [start for start in starts if np.isfinite(problem.evaluate(start).rows).all()]
     assert len(problems) >= 6
     ours, theirs = ([solve(problem, start) for start in problems] for solve in (of_ours, of_scipy))
     lowest = min(chi2 for chi2, _ in theirs)

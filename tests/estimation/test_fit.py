@@ -8,8 +8,8 @@ import pytest
 from rover_pin.base.quantity import Record, quantity
 from rover_pin.estimation.experiment import Experiment
 from rover_pin.estimation.fit import Task, fit
-from rover_pin.estimation.gauss_newton import TURNS
-from rover_pin.estimation.noise import declared_noise, huber
+from rover_pin.estimation.least_squares import MOST, RENEWALS, TO_THE_END
+from rover_pin.estimation.noise import declared_noise
 from rover_pin.estimation.parameter import Parameter
 
 WALL = 1.0
@@ -56,28 +56,33 @@ def test_a_leader_is_fitted_to_the_end_of_a_bent_valley():
 
 def test_the_usual_turns_do_not_get_there():
     short = fit(task(), Valley(), NUMBERS, START)
-    assert TURNS < 10
+    assert TO_THE_END[0] > MOST
     assert short.chi2 > 10.0
 
 
 class Watched(Rosenbrock):
-    """The same valley, that remembers chi2 of what it was asked for, call by call."""
+    """The same valley, that remembers how many models it was asked for, call by call."""
 
     def __init__(self):
         self.calls = []
 
     def predict(self, models):
-        found = super().predict(models)
-        self.calls.append([huber((self.observed - one) / 0.3) for one in found])
-        return found
+        self.calls.append(len(models))
+        return super().predict(models)
 
 
-@pytest.mark.parametrize("start", [(-3.0, 9.0), (-1.0, 9.0), (2.0, -4.0), (0.1, 0.0)])
-def test_step_is_shortened_only_where_the_whole_did_not_help(start):
+def spent(start, **options):
+    """Single predictions, and sets of slopes, of a fit."""
     bed = Watched()
-    fit(Task(bed, declared_noise(np.array([0.3]), bed.observed)), Valley(*start), NUMBERS, np.array(start))
-    lowest = np.inf
-    for before, call in zip([[], *bed.calls], bed.calls, strict=False):
-        if len(call) == 2:
-            assert before[0] >= lowest, "the whole step had helped"
-        lowest = min([lowest, *before]) if len(before) != 3 else lowest
+    fit(Task(bed, declared_noise(np.array([0.3]), bed.observed)), Valley(*start), NUMBERS, np.array(start), **options)
+    return bed.calls.count(1), len(bed.calls) - bed.calls.count(1)
+
+
+def test_slopes_serve_until_they_are_off():
+    """At a = 3 the slope of b - a^2 along a is -6; of b it is 1: with these no other are computed."""
+    right = {"valley.a": np.array([[[-6.0, 1.0]]]), "valley.b": np.array([[[1.0, 0.0]]])}
+    assert spent((3.2, 9.5), slopes=right) == (2, 0)
+    assert spent((3.2, 9.5), slopes=right, stale=True)[1] == 1, "new ones end it"
+    wrong = {"valley.a": np.array([[[6.0, 1.0]]]), "valley.b": np.array([[[1.0, 0.0]]])}
+    assert spent((3.2, 9.5), slopes=wrong, reuse=True)[1] == 0, "given ones stay"
+    assert 1 <= spent((-1.0, 9.0), slopes=wrong)[1] <= RENEWALS

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from rover_pin.estimation.descent import _damped_step, _step, _step_to_bound
+from rover_pin.estimation.descent import Point, _damped_step, _step, _step_to_bound
 from rover_pin.estimation.parameter import Parameter
 
 # --- coordinates -----------------------------------------------------------------------------------------------------
@@ -70,10 +70,10 @@ def test_numbers_pushed_past_their_bound_stay():
     low, high = np.array([-9.0, 0.0]), np.array([9.0, 9.0])
     u = np.zeros(2)
     uphill = J.T @ R
-    free, newton = _step(u, R, J, 100.0, (low - 1.0, high))
+    free, newton = _step(Point(u, R, J, R, J.T), 100.0, (low - 1.0, high))
     assert (free == pytest.approx(NEWTON), newton) == (True, True)
     assert uphill[0] > 0
     assert NEWTON[1] > 0
     alone = -(J[:, 0] @ R) / (J[:, 0] @ J[:, 0])
-    below = _step(np.array([0.0, 9.0]), R, J, 100.0, (low, high))[0]
+    below = _step(Point(np.array([0.0, 9.0]), R, J, R, J.T), 100.0, (low, high))[0]
     assert below == pytest.approx([alone, 0.0]), "Newton would push it over its upper bound"

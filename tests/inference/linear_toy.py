@@ -5,17 +5,15 @@ from itertools import product
 
 import numpy as np
 
-from rover_pin.estimation.experiment import Experiment, Sensitivities
+from rover_pin.estimation.experiment import Differentiable, Sensitivities
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.inference.cause import Cause
 from rover_pin.inference.error_model import MEMORY
 from rover_pin.inference.samples import samples_of
 
 
-class Toy(Experiment):
+class Toy(Differentiable):
     """What is measured is the sum of columns (folds, channels, samples), each times its number, which a model is."""
-
-    is_exact = True
 
     def __init__(self, observed, sd, columns, inputs, order=None):
         self.observed, self.sd, self.columns, self.inputs, self.order = observed, sd, columns, inputs, order

@@ -8,9 +8,8 @@ import numpy as np
 
 from rover_pin.estimation.columns import IDENTIFIABLE_SHARE, Columns, no_columns
 from rover_pin.estimation.fit import Fit
-from rover_pin.estimation.gauss_newton import priors
 from rover_pin.estimation.noise import huber, huber_weights, null_gain
-from rover_pin.estimation.parameter import Parameter
+from rover_pin.estimation.parameter import Parameter, prior_curvature
 from rover_pin.estimation.task import objective
 from rover_pin.experiments.unlisted.actions import GRIP, Act, Scene, acts, moved_features
 from rover_pin.experiments.unlisted.regressors import Argument, arguments
@@ -64,7 +63,7 @@ class _Solved(NamedTuple):
 
 def _solve_term(rows: Rows, columns: Columns, weights: np.ndarray, use: np.ndarray) -> _Solved:
     """Return the term's numbers with the fit's own moved along; `use` are the rows that count."""
-    w, prior = np.where(use, weights, 0.0), priors(rows.free)
+    w, prior = np.where(use, weights, 0.0), prior_curvature(rows.free)
     slopes = rows.numbers
     inner = columns.normal(w)
     scale = np.maximum(np.sqrt(np.diag(inner)), 1e-12)

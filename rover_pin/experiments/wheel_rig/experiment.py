@@ -9,7 +9,7 @@ import numpy as np
 
 from rover_pin.base.public import brief
 from rover_pin.contact import Soil
-from rover_pin.estimation.experiment import Experiment, Sensitivities
+from rover_pin.estimation.experiment import Differentiable, Sensitivities
 from rover_pin.estimation.noise import Noise, declared_noise
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.experiments.folded import stack
@@ -29,7 +29,7 @@ OTHER_WIDTH = 1.05
 
 @brief
 @dataclass(frozen=True, eq=False)
-class RigExperiment(Experiment):
+class RigExperiment(Differentiable):
     """The runs of one set or several; folds are the levels of each, channels all that any of them measured.
 
     The model of one set is a `RigModel`, of several a `JointModel`, which names what is a set's own after the set.
@@ -38,7 +38,6 @@ class RigExperiment(Experiment):
     sets: tuple[RigSet, ...]
     twice: tuple[Finding, ...] = ()
     "runs that stood in two sets"
-    is_exact = True
     no_value = "no sinkage down to the axle carries the load"
 
     @cached_property

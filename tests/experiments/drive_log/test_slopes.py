@@ -11,8 +11,7 @@ from rover_pin.discrepancy.option import options, singles
 from rover_pin.discrepancy.signature import signatures
 from rover_pin.effects.hard_patch import HardPatch
 from rover_pin.effects.supply_sag import SupplySag
-from rover_pin.estimation.gauss_newton import slopes_at
-from rover_pin.estimation.task import Task
+from rover_pin.estimation.slopes import slopes_at
 from rover_pin.experiments.drive_log.calibrate import experiment_on
 from rover_pin.experiments.drive_log.candidates import candidates
 from rover_pin.experiments.drive_log.model import base_model, with_spread
@@ -49,12 +48,12 @@ def test_slopes_are_those_of_a_difference_of_a_higher_order(made, request):
         jump = "a replay along the same steps jumps by 1e-7 of its loads at some theta_1"
         request.applymarker(pytest.mark.xfail(strict=True, reason=jump))
     u, h = np.array([number.u(experiment.value(model, number.name)) for number in numbers]), 2e-5
-    slopes = slopes_at(Task(experiment, None), model, numbers, u)
-    for number, here in zip(numbers, u, strict=True):
+    slopes = slopes_at(experiment, model, numbers, u)
+    for number, here, slope in zip(numbers, u, slopes, strict=True):
         around = [experiment.with_values(model, {number.name: number.value(here + k * h)}) for k in FIFTH]
         features = experiment.predict_near([model, *around])[1:]
         reference = sum(weight * feature for weight, feature in zip(FIFTH.values(), features, strict=True)) / h
-        off, size = (np.abs(rows).max(axis=(0, 2)) for rows in (slopes[number.name] - reference, reference))
+        off, size = (np.abs(rows).max(axis=(0, 2)) for rows in (slope - reference, reference))
         seen = np.array(experiment.channels) != "battery_V"
         share = off[seen] / size[seen]
         assert np.median(share) < 5e-6, number.name
