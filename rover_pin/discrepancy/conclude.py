@@ -43,13 +43,19 @@ def conclude(question: Question, progress: Progress, seed: int = 0) -> Verdict:
 
     Raises OptimisationError: the base model cannot be fitted at all.
     """
+    search = fits_of(question, progress)
+    beliefs = search.explore() if isinstance(search, Explorer) else search.beliefs()
+    verdict = with_next(question, verdict_of(question, beliefs, progress, seed), progress)
+    if not isinstance(search, Explorer):
+        return verdict
+    return with_draft(verdict, lambda fitted: _try_draft(question, search, verdict.named, fitted), seed)
+
+
+def fits_of(question: Question, progress: Progress) -> Explorer | Search:
+    """Return what was fitted of a question: where slopes are exact the base model, else every set that is worth it."""
     progress("calibrating the base model")
-    if not isinstance(question.experiment, Differentiable):
-        searched = search_of(question, progress)
-        return with_next(question, verdict_of(question, searched.beliefs(), progress, seed), progress)
-    explorer = explorer_of(question, progress)
-    verdict = with_next(question, verdict_of(question, explorer.explore(), progress, seed), progress)
-    return with_draft(verdict, lambda fitted: _try_draft(question, explorer, verdict.named, fitted), seed)
+    by_slopes = explorer_of if isinstance(question.experiment, Differentiable) else search_of
+    return by_slopes(question, progress)
 
 
 def with_next(question: Question, verdict: Verdict, progress: Progress) -> Verdict:

@@ -221,18 +221,9 @@ class Fitter:
         solution = posterior(errors, linear_at(self.samples, predicted, slopes, u), scales)
         base = len(self.numbers)
         inside = log_share_inside(causes, solution.mean[base:], solution.covariance[base:, base:])
-        return Hypothesis(
-            self.experiment,
-            tuple(causes),
-            model,
-            parameters,
-            u,
-            predicted,
-            slopes,
-            errors,
-            solution,
-            solution.log_evidence + inside,
-        )
+        log_evidence = solution.log_evidence + inside
+        fitted = (self.experiment, tuple(causes), model, parameters, u, predicted, slopes)
+        return Hypothesis(*fitted, errors, solution, log_evidence)
 
     def _added_rows(self, causes: Sequence[Cause], u: np.ndarray, predicted: np.ndarray) -> tuple[np.ndarray, ...]:
         """Return what each cause adds to the prediction (n,), the numbers as they are."""

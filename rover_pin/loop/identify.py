@@ -10,12 +10,11 @@ import numpy as np
 from rover_pin.base.quantity import check, quantities
 from rover_pin.base.trust import Trust
 from rover_pin.contact import Soil, Wheel
-from rover_pin.discrepancy.conclude import explorer_of, proper, search_of, side_of
+from rover_pin.discrepancy.conclude import fits_of, proper, side_of
 from rover_pin.discrepancy.question import Progress, Question
 from rover_pin.discrepancy.standalone import Standalone
 from rover_pin.discrepancy.standalone import question_of as question_of_bench
 from rover_pin.discrepancy.verdict import Side
-from rover_pin.estimation.experiment import Differentiable
 from rover_pin.estimation.identification import ChannelFit, Estimate, Identification, variance_shares
 from rover_pin.estimation.numbers import Number
 from rover_pin.estimation.parameter import Parameter, Prior
@@ -87,8 +86,7 @@ def identify(
     measured = measured_in(data, Trust(everything=trust)).data if isinstance(data, (str, Path, tuple)) else data
     experiment = RigExperiment((measured,)) if isinstance(measured, RigSet) else measured
     question = _with_numbers(_question_of(experiment), priors, fixed)
-    weighed = explorer_of if isinstance(question.experiment, Differentiable) else search_of
-    beliefs = weighed(question, progress).beliefs()
+    beliefs = fits_of(question, progress).beliefs()
     best = beliefs.best(())
     side = side_of(beliefs, best)
     covariance = best.posterior.covariance[: len(side.numbers), : len(side.numbers)]

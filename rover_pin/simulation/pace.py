@@ -53,6 +53,14 @@ class Steps(Protocol):
         """Go back to where `saved_arrays` was taken."""
 
 
+def growth(first: np.ndarray, second: np.ndarray, third: np.ndarray) -> float:
+    """Return by how much a speed grew from the second solve to the third that grew twice, at most; 0 of none."""
+    pairs = (first, second), (second, third)
+    grown = [np.abs(after) > np.maximum(GROWS * np.abs(before), LEAST_GROWN) for before, after in pairs]
+    twice = grown[0] & grown[1] & (first * third > 0.0)
+    return float(np.max(np.abs(third[twice] / second[twice]), initial=0.0))
+
+
 @contextmanager
 def look(stepper: Steps) -> Iterator[None]:
     """Look at this instant, by a step in which nothing moves; afterwards all but what it misjudged is as it was."""

@@ -32,7 +32,7 @@ from rover_pin.simulation.compiled.rover_numbers import SERVO_GAIN, STOP_GAIN, m
 from rover_pin.simulation.compiled.suspension import joint_strength, joints_of, suspension_dofs, suspension_places
 from rover_pin.simulation.model.model import Model
 from rover_pin.simulation.native.shared import ENERGY, GAMMA, RECORD
-from rover_pin.simulation.pace import GROWS, LEAST_GROWN
+from rover_pin.simulation.pace import growth
 from rover_pin.simulation.plain.law import LawValue, PlainLaw
 from rover_pin.simulation.state import DriveState
 from rover_pin.terrain.section import Facet, Patch, WheelFrame, patches, wheel_frame
@@ -293,14 +293,6 @@ class Plain:
         self.energy += self.dt * np.array(
             [motor @ speed, -(soil @ speed), -(stopped @ speed), -steered, electric, -(push @ speed)]
         )
-
-
-def growth(first: np.ndarray, second: np.ndarray, third: np.ndarray) -> float:
-    """Return by how much a speed grew from the second solve to the third that grew twice, at most; 0 of none."""
-    pairs = (first, second), (second, third)
-    grown = [np.abs(after) > np.maximum(GROWS * np.abs(before), LEAST_GROWN) for before, after in pairs]
-    twice = grown[0] & grown[1] & (first * third > 0.0)
-    return float(np.max(np.abs(third[twice] / second[twice]), initial=0.0))
 
 
 def _below(frame: WheelFrame) -> Facet:
