@@ -1,4 +1,4 @@
-"""Fitting a model to an experiment: Gauss-Newton with Jacobian reuse, what is declared of each number as its prior."""
+"""Fitting a model to an experiment by least squares, what is declared of each number as its prior."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field

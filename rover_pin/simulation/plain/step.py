@@ -132,8 +132,7 @@ class Plain:
         first = np.linalg.solve(saddle, np.append(self.dt * (force - nle), -G @ state.v))
         second = np.linalg.solve(saddle, np.append(mass @ first[: model.nv], -G @ state.v))
         solved, mean_du = GAMMA * first + (1.0 - GAMMA) * second, GAMMA * (first + (1.0 - GAMMA) * second)
-        du = solved[: model.nv]
-        third = np.linalg.solve(saddle, np.append(mass @ second[: model.nv], -G @ state.v))
+        du, third = solved[: model.nv], np.linalg.solve(saddle, np.append(mass @ second[: model.nv], -G @ state.v))
         self.growth = growth(*(solution[: model.nv] for solution in (first, second, third)))
         self.differential[0] = -mean_du[model.nv] / GAMMA / self.dt if rigid else self.torque + self.torque_slope @ du
         return np.asarray(du), np.asarray(mean_du[: model.nv])
