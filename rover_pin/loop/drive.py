@@ -18,7 +18,7 @@ from rover_pin.experiments.drive_log.calibrate import experiment_on
 from rover_pin.experiments.drive_log.candidates import candidates
 from rover_pin.experiments.drive_log.checks.log import findings, refuse_unfit, too_poor
 from rover_pin.experiments.drive_log.experiment import experiment_of_log
-from rover_pin.experiments.drive_log.free_runs import DriveExtra, extra_of, free_runs
+from rover_pin.experiments.drive_log.free_runs import DriveExtra, free_runs
 from rover_pin.experiments.drive_log.ground.run_variability import ground_variability
 from rover_pin.experiments.drive_log.model import base_model, is_rate_driven, with_spread
 from rover_pin.experiments.drive_log.next_drives import next_drives
@@ -147,14 +147,8 @@ def write_results(verdict: Verdict, log: DriveLog, request: LoopRequest, out: Pa
         rover = "" if named.suffix == "" else os.path.relpath(named.resolve(), file.parent.resolve())
         return write_model(model, file, note, rover)
 
-    files = [write(on_its_ground(verdict), out / "model.toml", verdict.sentence)]
+    assert isinstance(verdict.model, Model)
+    files = [write(verdict.model, out / "model.toml", verdict.sentence)]
     files += posterior_written(verdict, write, out, request.seed)
     verdict, draft = draft_written(verdict, request, out)
     return written_last(verdict, (*files, *draft, *write_report(verdict, log, out)), out)
-
-
-def on_its_ground(verdict: Verdict) -> Model:
-    """Return a verdict's model, on the ground that its drives tell where they share most of what is not as declared."""
-    ground, model = extra_of(verdict).ground, verdict.model
-    assert isinstance(model, Model)
-    return model if ground is None or ground.bend is None else model.having(ground.bend)

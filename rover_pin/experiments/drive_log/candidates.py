@@ -10,7 +10,7 @@ import numpy as np
 
 from rover_pin.base.quantity import quantities
 from rover_pin.discrepancy.candidate import SPACING, Candidate, plain_candidate, released_candidate
-from rover_pin.effects.bent_ground import BentGround
+from rover_pin.effects.bent_ground import KNOTS, BentGround
 from rover_pin.effects.effect import MotorEffect
 from rover_pin.effects.gravity_tilt import GravityTilt
 from rover_pin.effects.sensor_bias import SensorBias
@@ -26,6 +26,8 @@ from rover_pin.simulation.model.model import Model
 
 BIASED = ("body_roll", "body_pitch", "rocker_", "bogie_", "current_", "gyro_", "accelerometer_")
 """Channels whose zero may be wrong; those of rates are the tachogenerators' gains."""
+SHORTEST = 0.2
+"""Way along x from which a bend is identified [m]: the rover's own length smooths what is shorter (assumed)."""
 MOST_PLACES = 60
 """Places at which a patch is tried, of those where more than one run has been."""
 SMOOTHING = (".x_0", ".y_0", ".v_0", ".w_s", ".theta_c", ".relaxation")
@@ -74,21 +76,23 @@ def _is_neutral(number: Parameter, model: Model) -> bool:
 def shows(effect: AnyEffect, experiment: DriveExperiment) -> bool:
     """Return whether an effect can show in such logs.
 
-    Wheels held to their rates hide what acts in the motors; where each run tells its own ground, no tilt of all shows.
-    A bent ground never does: the random field of the ground has every slope along the way already, and what it says
-    it says as such (`ground.run_variability`), so that the same misfit would be counted twice.
+    Wheels held to their rates hide what acts in the motors; where each run tells its own ground, no tilt or bend of all
+    shows.
     """
     own_ground = any(run.commands.terrain is not None for run in experiment.runs)
-    hidden = (experiment.rate_driven and isinstance(effect, MotorEffect)) or (
-        own_ground and type(effect) is GravityTilt
-    )
-    return not hidden and not isinstance(effect, BentGround)
+    in_motor = experiment.rate_driven and isinstance(effect, MotorEffect)
+    return not in_motor and not (own_ground and isinstance(effect, (GravityTilt, BentGround)))
 
 
 def candidate_of(effect: AnyEffect) -> Candidate:
-    """Return an effect as a candidate: its class, and its wheel, joint or channel, or where on the way it begins."""
+    """Return an effect as a candidate: its class, and its wheel, joint or channel, or where on the way it begins.
+
+    A bent ground has a place, all of the way, and need not be sought.
+    """
     plain = plain_candidate(effect, owner_name(effect))
     plain = dataclasses.replace(plain, shapes=tuple(name for name in plain.shapes if not name.endswith(SMOOTHING)))
+    if isinstance(effect, BentGround):
+        return dataclasses.replace(plain, shapes=())
     if "x_from" not in effect.places:
         return plain
     return dataclasses.replace(plain, place=f"{float(effect.values()['x_from']):.3f}", place_searched=True)
@@ -122,9 +126,24 @@ def variants(kind: type[AnyEffect], model: Model, experiment: DriveExperiment) -
         wheels = [wheel.name for wheel in model.rover.wheels]
         owners_of: Sequence[Any] = range(len(wheels)) if isinstance(effect.wheel, int) else ["", *wheels]
         return [effect.replace(wheel=wheel) for wheel in owners_of]
+    if isinstance(effect, BentGround):
+        return _along_the_way(effect, experiment)
     if "x_from" in effect.places:
         return [effect.replace(x_from=x) for x in _places(experiment, float(effect.length))]
     return [effect]
+
+
+def _along_the_way(effect: BentGround, experiment: DriveExperiment) -> list[BentGround]:
+    """Return a bent ground whose knots lie along all of the way; none where nothing was driven along x."""
+    low, high = _reach_of(experiment)
+    spacing = (high - low) / (KNOTS - 1)
+    return [effect.replace(x_from=low - spacing, length=(KNOTS + 1) * spacing)] if high - low > SHORTEST else []
+
+
+def _reach_of(experiment: DriveExperiment) -> tuple[float, float]:
+    """Return the least and the greatest x [m] where any run was."""
+    xs = np.concatenate([run.commands.place[:, 0] for run in experiment.runs])
+    return float(np.nanmin(xs)), float(np.nanmax(xs))
 
 
 def _places(experiment: DriveExperiment, length: float) -> list[float]:
@@ -132,8 +151,8 @@ def _places(experiment: DriveExperiment, length: float) -> list[float]:
 
     Where that is too long, only on what more than one run has passed: a patch that one run met is that run's ground.
     """
-    xs = np.concatenate([run.commands.place[:, 0] for run in experiment.runs])
-    low, high = float(np.nanmin(xs)) - 0.1, float(np.nanmax(xs)) + 0.1
+    low, high = _reach_of(experiment)
+    low, high = low - 0.1, high + 0.1
     count = math.ceil((high - low) / SPACING)
     places = range(count) if count <= MOST_PLACES else _passed_twice(experiment, low, count)
     return [low + SPACING * at - length / 4 for at in places]

@@ -12,7 +12,7 @@ NARROWEST = 0.05
 def neighbours(candidate: Candidate, step: float) -> list[Candidate]:
     """Return a candidate with a place on the way with each of its edges moved either way."""
     effect: Any = candidate.effect
-    if "x_from" not in effect.places:
+    if not candidate.place_searched:
         return []
     begin, end = float(effect.x_from), float(effect.x_from + effect.length)
     edges = [(begin - step, end), (begin + step, end), (begin, end - step), (begin, end + step)]

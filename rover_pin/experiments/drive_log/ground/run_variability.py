@@ -2,55 +2,18 @@
 
 import dataclasses
 import math
-from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from rover_pin.effects.bent_ground import KNOTS, STEEP, BentGround
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.noise import COLOURED
 from rover_pin.estimation.profile import MOST
 from rover_pin.estimation.random_effects.random_field import LearntSd, RandomField, expected_draws
 from rover_pin.estimation.wording import format_value
 from rover_pin.experiments.drive_log.experiment import experiment_of_log
-from rover_pin.experiments.drive_log.features import LoggedRun
 from rover_pin.experiments.drive_log.ground.field import KINDS, SLOPE, SLOPE_OF_RUN, shares_of
 from rover_pin.simulation.replay import fill_gaps
-
-SHORTEST = 0.2
-"""Way along x from which a bend is identified [m]: the rover's own length smooths what is shorter (assumed)."""
-WEIGHT = 1e-3
-"""Of a knot's slope being 0 against one run over it: knots that nothing passed stay as declared."""
-
-
-def shared_bend(runs: Sequence[LoggedRun], slopes: Sequence[np.ndarray]) -> BentGround | None:
-    """Return the bend along x whose slope along each heading is nearest to these slopes (T,) beside the declared [rad].
-
-    Least squares over all rows of sum (s(x) cos(heading) - slope)^2, s as `BentGround` has it, its knots along all of
-    the way. None where that takes less than MOST of what they have, or where nothing was driven along x.
-    """
-    x = np.concatenate([fill_gaps(run.commands.place[:, 0]) for run in runs])
-    low, high = float(np.min(x)), float(np.max(x))
-    if not high - low > SHORTEST:
-        return None
-    ahead = np.cos(np.concatenate([np.asarray(run.heading, dtype=float) for run in runs]))
-    knots = np.linspace(low, high, KNOTS)
-    spacing = float(knots[1] - knots[0])
-    rows = np.maximum(0.0, 1.0 - np.abs(x[:, None] - knots) / spacing) * ahead[:, None]
-    right = np.concatenate(list(slopes))
-    finite = np.isfinite(right) & np.isfinite(rows).all(axis=1)
-    rows, right = rows[finite], right[finite]
-    penalty = WEIGHT * len(right) / len(runs)
-    knot_slopes = np.linalg.solve(rows.T @ rows + penalty * np.eye(KNOTS), rows.T @ right)
-    residual_sum = float(np.sum((rows @ knot_slopes - right) ** 2))
-    if not residual_sum < (1.0 - MOST) * float(np.sum(right**2)):
-        return None
-    slope_by_knot = {
-        name: float(np.clip(slope, -STEEP, STEEP)) for name, slope in zip(BentGround.neutral, knot_slopes, strict=True)
-    }
-    return BentGround(**slope_by_knot, x_from=low - spacing, length=(KNOTS + 1) * spacing)
-
 
 SURE = 10.8 * COLOURED
 """Gain in -2 ln L from which slopes are not chance: chi2 of one number passes 10.8 once in 1,000."""
@@ -76,8 +39,6 @@ class GroundVariability(NamedTuple):
     rms: float
     "of the slope beside the declared one over all runs, as expected from the log [rad]"
     worst: Stretch | None
-    bend: BentGround | None = None
-    "what the runs have in common of that, where that is most of it"
 
     @property
     def sentence(self) -> str:
@@ -87,10 +48,9 @@ class GroundVariability(NamedTuple):
         run, slope, *ends = self.worst
         begin, end = (f"({x:.2f}, {y:.2f})" for x, y in ends)
         uphill = "more uphill" if slope > 0 else "more downhill"
-        shared = " The runs have most of that in common: model.toml holds it as BentGround, and drives over it."
         return (
             f"The ground is not as declared: its slope differs by {_degrees(self.rms)} rms, most in {run}, "
-            f"{_degrees(abs(slope))} {uphill} from (x, y) = {begin} to {end} m.{shared if self.bend else ''}"
+            f"{_degrees(abs(slope))} {uphill} from (x, y) = {begin} to {end} m."
         )
 
     @property
@@ -108,9 +68,8 @@ class GroundVariability(NamedTuple):
             learnt_sd.kind.name: {"sd": learnt_sd.sd, "unit": learnt_sd.kind.unit, "gain": learnt_sd.gain}
             for learnt_sd in self.learnt
         }
-        bend = {name: float(value) for name, value in self.bend.values().items()} if self.bend else None
         worst = self.worst._asdict() if self.worst else None
-        return {"sds": sds, "slope_rms": self.rms, "worst": worst, "bend": bend}
+        return {"sds": sds, "slope_rms": self.rms, "worst": worst}
 
 
 def _size(learnt_sd: LearntSd) -> str:
@@ -136,7 +95,7 @@ def ground_variability(fitted: Fit) -> GroundVariability | None:
     sure = any(learnt_sd.kind in (SLOPE, SLOPE_OF_RUN) and learnt_sd.gain > SURE for learnt_sd in learnt)
     if not (sure and rms > SURVEYED):
         return GroundVariability(learnt, rms, None)
-    return GroundVariability(learnt, rms, _worst(fitted, slopes), shared_bend(experiment.runs, slopes))
+    return GroundVariability(learnt, rms, _worst(fitted, slopes))
 
 
 def _slope(coefficients: np.ndarray, field: RandomField, run: int, shares: np.ndarray) -> np.ndarray:
