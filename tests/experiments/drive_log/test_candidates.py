@@ -17,7 +17,7 @@ from rover_pin.effects.weak_motor import WeakMotor
 from rover_pin.experiments.drive_log.calibrate import raw_current_numbers, with_raw_currents
 from rover_pin.experiments.drive_log.candidates import _places, candidate_of, candidates, scale_effect
 from rover_pin.experiments.drive_log.parameters import parameter
-from rover_pin.simulation.model.effect_files import package_effects
+from rover_pin.experiments.drive_log.places import neighbours
 from rover_pin.terrain.shapes import flat
 
 BENCH = SimpleNamespace(
@@ -48,10 +48,22 @@ def test_every_candidate_can_be_added_to_the_rover():
         assert all(each.effect in each.on(made).all_effects for each in candidates(made, BENCH, (), None))
 
 
-def test_a_bent_ground_is_no_candidate():
-    """The random field of the ground has every slope along the way: a bend beside it would be counted twice."""
-    kinds = {kind.__name__ for kind in package_effects() if kind.neutral}
-    assert "BentGround" in kinds - tried("nexus6").keys()
+def driven(along, terrain=None):
+    """A bench with one run that went to these x, perhaps on a ground of its own."""
+    place = np.array([[x, 0.0, 0.0] for x in along])
+    run = SimpleNamespace(commands=SimpleNamespace(place=place, terrain=terrain))
+    return SimpleNamespace(channels=(), rate_driven=False, runs=[run])
+
+
+def test_a_bent_ground_has_its_knots_along_all_of_the_way():
+    way = [0.3, -0.4, np.nan, 1.6]
+    (bent,) = (each for each in candidates(model("nexus6"), driven(way), (), None) if each.kind == "BentGround")
+    begin, length = float(bent.effect.x_from), float(bent.effect.length)
+    assert begin + length * np.arange(1, 6) / 6 == pytest.approx(np.linspace(-0.4, 1.6, 5))
+    assert (bent.name, len(bent.amplitudes), bent.shapes) == ("BentGround", 5, ())
+    assert not neighbours(bent, 0.1), "its place is not sought"
+    for bench in (driven([0.0, 0.1]), driven(way, flat())):
+        assert "BentGround" not in {each.kind for each in candidates(model("nexus6"), bench, (), None)}
 
 
 def test_differential_and_pivot_effects_need_these_parts(tmp_path):

@@ -9,22 +9,18 @@ import numpy as np
 import pytest
 
 from rover_pin import Soil, Trace, load_rover
-from rover_pin.discrepancy.answer import Answer
-from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.effects.bent_ground import BentGround
 from rover_pin.effects.gravity_tilt import GravityTilt
 from rover_pin.estimation.fit import Task, fit
-from rover_pin.estimation.noise import Noise
+from rover_pin.estimation.noise import Noise, declared_noise
 from rover_pin.estimation.random_effects.learnt_noise import with_random_effects
+from rover_pin.experiments.drive_log.candidates import candidate_of, variants
 from rover_pin.experiments.drive_log.experiment import experiment_of
 from rover_pin.experiments.drive_log.features import logged_run
-from rover_pin.experiments.drive_log.free_runs import DriveExtra
 from rover_pin.experiments.drive_log.ground import field as ground
 from rover_pin.experiments.drive_log.ground import run_variability
-from rover_pin.experiments.drive_log.ground.run_variability import shared_bend
 from rover_pin.experiments.drive_log.parameters import parameter
 from rover_pin.experiments.drive_log.readings.lane_borders import on_borders
-from rover_pin.loop.drive import on_its_ground
 from rover_pin.rover.wheel_base import wheel_places
 from rover_pin.simulation.replay import PERIOD, Commands, replay
 from rover_pin.simulation.start.place import Start
@@ -158,38 +154,19 @@ def test_runs_on_slopes_of_their_own_are_told_and_where(model):
 BEND = BentGround(0.02, 0.03, 0.0, -0.02, -0.03, x_from=-0.3, length=1.0)
 
 
-def test_a_bend_that_the_runs_share_is_told_as_an_effect(model):
-    """Driven both ways over one bent ground, declared flat: what they share bends the ground as it is bent."""
+def test_a_bend_that_the_runs_share_is_fitted_as_an_effect(model):
+    """Driven both ways over one bent ground, declared flat: knots along the way find the ground as it is bent."""
     truths = [(model.having(BEND), duty, yaw) for duty, yaw in ((0.6, 0.0), (0.7, math.pi), (0.75, 0.0))]
     experiment = experiment_of(logged(truths), model)
-    found = taught(experiment, model)
-    told = run_variability.ground_variability(found)
+    (effect,) = variants(BentGround, model, experiment)
+    bent = candidate_of(effect)
+    noise = declared_noise(np.full(len(experiment.channels), SD), experiment.observed)
+    found = fit(Task(experiment, noise), bent.on(model), bent.cause.parameters, stale=True).model
     x = np.concatenate([run.commands.place[:, 0] for run in experiment.runs])
     grid = np.linspace(np.nanquantile(x, 0.1), np.nanquantile(x, 0.9), 20)
-    heights = [one.height(grid, 0.0) for one in (model.having(told.bend).ground, model.having(BEND).ground)]
-    off, true = (row - np.polyval(np.polyfit(grid, row, 0), grid) for row in (heights[0] - heights[1], heights[1]))
-    assert np.std(off) < 0.4 * np.std(true)
-    assert told.sentence.endswith("model.toml holds it as BentGround, and drives over it.")
-    assert told.as_dict()["bend"]["length"] == pytest.approx(float(told.bend.length))
-    verdict = Verdict("drive-log", Answer.NONE_NEEDED, "log", "", model, extra=DriveExtra(ground=told))
-    assert on_its_ground(verdict).ground == model.having(told.bend).ground
-    assert on_its_ground(dataclasses.replace(verdict, extra=DriveExtra())) is model
-
-
-def test_runs_on_slopes_of_their_own_share_no_bend(two):
-    slopes = [np.full(len(two.runs[0].commands.t), one) for one in (0.02, -0.02)]
-    assert shared_bend(two.runs, slopes) is None
-    still = dataclasses.replace(two.runs[0].commands, place=np.zeros((len(two.runs[0].commands.t), 3)))
-    assert shared_bend([dataclasses.replace(two.runs[0], commands=still)], slopes[:1]) is None
-
-
-def test_a_shared_slope_is_that_along_x_whatever_the_heading(two):
-    """One slope uphill along +x is downhill along -x: both say the same bend."""
-    back = dataclasses.replace(two.runs[1], heading=two.runs[1].heading + math.pi)
-    slopes = [np.full(len(two.runs[0].commands.t), one) for one in (0.02, -0.02)]
-    bend = shared_bend([two.runs[0], back], slopes)
-    assert [float(getattr(bend, name)) for name in BentGround.neutral] == pytest.approx([0.02] * 5, rel=0.03)
-    assert shared_bend(two.runs, [slopes[0], slopes[0]]) == shared_bend([two.runs[0], back], slopes)
+    heights = [one.ground.height(grid, 0.0) for one in (found, model.having(BEND))]
+    off, true = (row - row.mean() for row in (heights[0] - heights[1], heights[1]))
+    assert np.std(off) < 0.1 * np.std(true)
 
 
 def test_ends_of_a_stretch_follow_the_facing_direction(model):
