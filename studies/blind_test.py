@@ -93,6 +93,7 @@ def main() -> None:
     )
     parser.add_argument("--first", type=int, help="answer and score only so many of the sets; they are shuffled")
     parser.add_argument("--skip", type=int, default=0, help="so many of the first are left out")
+    parser.add_argument("--without", type=int, nargs="*", default=(), help="numbers of sets that taught something")
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--out", type=Path, default=Path("out/blind_test"))
     options = parser.parse_args()
@@ -101,7 +102,8 @@ def main() -> None:
     made = ["--out", sets, "--seed", seed, "--sets", count, "--workers", options.workers, "--answers", answers]
     made += ["--under", options.under]
     subprocess.run([sys.executable, str(MAKE), *map(str, made)], check=True)
-    folders = [sets / f"set_{number + 1:04d}" for number in range(options.skip, min(options.first or count, count))]
+    numbers = range(options.skip + 1, min(options.first or count, count) + 1)
+    folders = [sets / f"set_{number:04d}" for number in numbers if number not in options.without]
     run = Parallel(n_jobs=options.workers, batch_size=1)
     known = options.out / f"cases-{seed}-{key_of_code()}"
     cases = run(delayed(kept)(known / f"{folder.name}.json", partial(case_of, folder, answers)) for folder in folders)
