@@ -15,7 +15,7 @@ FINEST = 64
 ROUGH, CALM = 0.0025, 0.0001
 """Misjudged share of a wheel's normal force above which steps are quartered, and below which they are doubled."""
 
-GROWS, LEAST_GROWN = 2.0, 1e-6
+GROWS, LEAST_GROWN = 2.0, 1e-3
 """Times by which the forces push a speed away in a step, twice in a row, above which it is taken again in quarters, and
 the least such speed [m/s, rad/s]. Why: what is pushed away is then off by a quarter, and soon without bound."""
 
