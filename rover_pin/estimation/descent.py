@@ -66,7 +66,7 @@ def descend(problem: Problem, start: np.ndarray, gain: float = GAIN, most: int =
 
     It ends where a full step would lower chi2 by less than `gain`, or three steps in a row did; and after `most` steps
     where it is, if that is not 0. Slopes that are reused are computed again where chi2 falls by less than STALE of what
-    they promised, or three steps in a row do not lower it.
+    they promised, once one did not lower it of what they promise at all, or three in a row did not.
 
     Raises OptimisationError: the model has no value at the start, or the descent did not end; `status` is the number of
     steps.
@@ -75,22 +75,23 @@ def descend(problem: Problem, start: np.ndarray, gain: float = GAIN, most: int =
     point = problem.evaluate(np.clip(start, low, high))
     if not np.isfinite(point.chi2):
         raise OptimisationError("the model has no finite value where the descent starts; start elsewhere.", status=0)
-    radius, idle, failed = 1.0, 0, 0
+    radius, idle, failed, is_short = 1.0, 0, 0, False
     for _ in range(most or STEPS):
         step, newton = _step(point, radius, (low, high))
         is_end, is_off = newton and point.promised_fall(step) < gain, False
         if not is_end:
             trial = problem.evaluate(_step_to_bound(point.u, step, low, high))
             fall, promised = point.chi2 - trial.chi2, point.promised_fall(trial.u - point.u)
-            radius = _next_radius(radius, trial.u - point.u, fall, promised)
+            radius, is_short = _next_radius(radius, trial.u - point.u, fall, promised), is_short or not fall > 0
+            hoped = point.promised_fall(full_step(problem, point)) if is_short else promised
             idle = 0 if fall >= gain else idle + (fall > 0)
             failed = 0 if fall > 0 else failed + 1
             point = trial if fall > 0 else point
             is_end = radius < SMALLEST or idle == IDLE or (failed >= IDLE and promised < gain)
-            is_off = (fall > 0 or failed >= IDLE) and promised - fall > max(gain, (1.0 - STALE) * promised)
+            is_off = (fall > 0 or failed >= IDLE) and hoped - fall > max(gain, (1.0 - STALE) * hoped)
         renewed = problem.renew(point, is_end) if is_end or is_off else None
         if renewed is not None:
-            point, radius, idle, failed = renewed, 1.0, 0, 0
+            point, radius, idle, failed, is_short = renewed, 1.0, 0, 0, False
         elif is_end:
             return point
     if most:
@@ -100,11 +101,10 @@ def descend(problem: Problem, start: np.ndarray, gain: float = GAIN, most: int =
     )
 
 
-def last_step(problem: Problem, point: Point, gain: float) -> np.ndarray:
-    """Return the step that ends a descent by its slopes alone; none where it promises `gain` or more."""
-    step, _ = _step(point, np.inf, (problem.bounds[:, 0], problem.bounds[:, 1]))
-    end = _step_to_bound(point.u, step, *problem.bounds.T) - point.u
-    return end if point.promised_fall(end) < gain else np.zeros_like(end)
+def full_step(problem: Problem, point: Point) -> np.ndarray:
+    """Return the step that the slopes alone ask for, as far as the first bound."""
+    low, high = problem.bounds.T
+    return _step_to_bound(point.u, _step(point, np.inf, (low, high))[0], low, high) - point.u
 
 
 def _step(point: Point, radius: float, limits: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, bool]:

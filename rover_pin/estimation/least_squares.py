@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from rover_pin.estimation.descent import Point, Problem, descend, last_step
+from rover_pin.estimation.descent import Point, Problem, descend, full_step
 from rover_pin.estimation.experiment import Arrays, Differentiable
 from rover_pin.estimation.noise import HUBER_THRESHOLD, huber_losses
 from rover_pin.estimation.parameter import Parameter, bounds_of
@@ -100,7 +100,9 @@ class WithDifferences(LeastSquares):
     def solution(self, start: np.ndarray) -> Arrays:
         """Return where a descent ends, its last step by the slopes alone, or where it was after `_most` steps."""
         end = descend(self, start, SETTLED, self._most)
-        step = last_step(self, end, SETTLED)
+        step = full_step(self, end)
+        if not end.promised_fall(step) < SETTLED:
+            step = np.zeros_like(step)
         predicted = end.predicted + np.tensordot(step, end.slopes, 1)
         return {"u": end.u + step, "predicted": predicted, "slopes": end.slopes}
 
