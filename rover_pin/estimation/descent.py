@@ -66,7 +66,7 @@ def descend(problem: Problem, start: np.ndarray, gain: float = GAIN, most: int =
 
     It ends where a full step would lower chi2 by less than `gain`, or three steps in a row did; and after `most` steps
     where it is, if that is not 0. Slopes that are reused are computed again where chi2 falls by less than STALE of what
-    they promised, once one did not lower it of what they promise at all, or three in a row did not.
+    the step promised (once a step failed to lower it, of what the full step promises), or three in a row fail.
 
     Raises OptimisationError: the model has no value at the start, or the descent did not end; `status` is the number of
     steps.
@@ -148,9 +148,9 @@ def _step_to_bound(u: np.ndarray, step: np.ndarray, low: np.ndarray, high: np.nd
     """Return u + step, shortened as a whole to end on the first bound: a clipped step would leave the valley."""
     room = np.where(step < 0, low - u, high - u)
     share = np.divide(room, step, out=np.full(len(u), np.inf), where=step != 0)
-    first = int(np.argmin(share))
-    if share[first] >= 1:
+    if share.min(initial=np.inf) >= 1:
         return u + step
+    first = int(np.argmin(share))
     trial = np.clip(u + share[first] * step, low, high)
     trial[first] = (low if step[first] < 0 else high)[first]
     return trial

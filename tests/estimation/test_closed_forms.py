@@ -99,6 +99,15 @@ def test_a_linear_fit_is_least_squares_with_the_priors_as_rows(exact):
     assert found.task.columns([]).shape == (60, 0)
 
 
+@pytest.mark.parametrize("exact", [False, True])
+def test_a_fit_of_no_numbers_is_the_model_as_it_is(exact):
+    """As where a profile holds the only number."""
+    task = made(exact)
+    found = fit(task, Plane(1.0, -2.0), ())
+    assert found.u.shape == (0,)
+    assert found.chi2 == pytest.approx(huber(task.rows(X[0] - 2.0 * X[1])))
+
+
 def test_sd_is_widened_by_misfit_or_taken_from_stretches():
     """Rows that agree within stretches of 8: the sandwich over stretches, by an explicit loop."""
     for seed, shared, noise in ((3, 0.0, 1.0), (4, 3.0, 1.0), (5, 0.0, 0.4)):
