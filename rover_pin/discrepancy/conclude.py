@@ -44,10 +44,9 @@ def conclude(question: Question, progress: Progress, seed: int = 0) -> Verdict:
     Raises OptimisationError: the base model cannot be fitted at all.
     """
     search = fits_of(question, progress)
-    beliefs = search.explore() if isinstance(search, Explorer) else search.beliefs()
-    verdict = with_next(question, verdict_of(question, beliefs, progress, seed), progress)
-    if not isinstance(search, Explorer):
-        return verdict
+    if isinstance(search, Search):
+        return with_next(question, verdict_of(question, search.beliefs(), progress, seed), progress)
+    verdict = with_next(question, verdict_of(question, search.explore(), progress, seed), progress)
     return with_draft(verdict, lambda fitted: _try_draft(question, search, verdict.named, fitted), seed)
 
 

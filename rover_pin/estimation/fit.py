@@ -168,9 +168,10 @@ def fit(
     """
     known_slopes = dict(slopes or {})
     start = np.zeros(len(parameters)) if start is None else np.asarray(start, dtype=float)
-    is_exact = isinstance(task.experiment, Differentiable)
-    exact = LeastSquares(task, model, parameters)
-    problem = exact if is_exact else WithDifferences(task, model, parameters, known_slopes, reuse, stale)
+    if isinstance(task.experiment, Differentiable):
+        problem = LeastSquares(task, model, parameters)
+    else:
+        problem = WithDifferences(task, model, parameters, known_slopes, reuse, stale)
     request = (task.noise, model, tuple(parameters), start, known_slopes, reuse, stale)
     try:
         arrays = task.experiment.cached_arrays(request, lambda: problem.solution(start))

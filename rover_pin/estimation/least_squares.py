@@ -101,8 +101,7 @@ class WithDifferences(LeastSquares):
         """Return where a descent ends, its last step by the slopes alone, or where it was after `_most` steps."""
         end = descend(self, start, SETTLED, self._most)
         step = full_step(self, end)
-        if not end.promised_fall(step) < SETTLED:
-            step = np.zeros_like(step)
+        step = step if end.promised_fall(step) < SETTLED else np.zeros_like(step)
         predicted = end.predicted + np.tensordot(step, end.slopes, 1)
         return {"u": end.u + step, "predicted": predicted, "slopes": end.slopes}
 

@@ -144,8 +144,7 @@ class _WhiteRows(Problem):
         missed = self.fitter.samples.value - predicted
         rows = [white @ missed[block] for block, white in self._blocks]
         columns = [-white @ slopes[block] for block, white in self._blocks]
-        jacobian = np.concatenate([*columns, np.eye(len(u))])
-        return Point(u, np.concatenate([*rows, u]), jacobian, predicted, slopes)
+        return Point(u, np.concatenate([*rows, u]), np.concatenate([*columns, np.eye(len(u))]), predicted, slopes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,9 +198,9 @@ class Fitter:
         predicted, slopes = self.predict_row(model, parameters, u)
         added = self._added_rows(causes, u, predicted) if discrepancy is Discrepancy.FORM else ()
         errors = ErrorModel(self.samples, discrepancy, added, self.inflation)
-        scales = (
-            errors.median if neighbour is None else errors.scales_like(neighbour.errors, neighbour.posterior.scales)
-        )
+        scales = errors.median
+        if neighbour is not None:
+            scales = errors.scales_like(neighbour.errors, neighbour.posterior.scales)
         for _ in range(TURNS):
             scales = learnt_scales(errors, linear_at(self.samples, predicted, slopes, u), scales)
             whitening = [
@@ -219,11 +218,12 @@ class Fitter:
                 break
             errors = replace(errors, added=added)
         solution = posterior(errors, linear_at(self.samples, predicted, slopes, u), scales)
-        base = len(self.numbers)
-        inside = log_share_inside(causes, solution.mean[base:], solution.covariance[base:, base:])
-        log_evidence = solution.log_evidence + inside
-        fitted = (self.experiment, tuple(causes), model, parameters, u, predicted, slopes)
-        return Hypothesis(*fitted, errors, solution, log_evidence)
+        of_causes = slice(len(self.numbers), None)
+        mean, covariance = solution.mean[of_causes], solution.covariance[of_causes, of_causes]
+        log_evidence = solution.log_evidence + log_share_inside(causes, mean, covariance)
+        return Hypothesis(
+            self.experiment, tuple(causes), model, parameters, u, predicted, slopes, errors, solution, log_evidence
+        )
 
     def _added_rows(self, causes: Sequence[Cause], u: np.ndarray, predicted: np.ndarray) -> tuple[np.ndarray, ...]:
         """Return what each cause adds to the prediction (n,), the numbers as they are."""

@@ -124,8 +124,8 @@ def _added_ahead(offer: Offer, hypothesis: fitted.Hypothesis) -> np.ndarray:
     """Return what each cause adds to an offer's rows (causes, n), where an error of form is left of it; else none."""
     if not len(hypothesis.errors.added):
         return np.zeros((0, int(offer.noise.good.sum())))
-    fit, rows = hypothesis.fit, hypothesis.causes
-    absent = [at(offer.experiment, fit.model, fit.parameters, cause.absent(fit.parameters, fit.u)) for cause in rows]
+    fit, causes = hypothesis.fit, hypothesis.causes
+    absent = [at(offer.experiment, fit.model, fit.parameters, cause.absent(fit.parameters, fit.u)) for cause in causes]
     present, *without = (_predict(offer, offer.meets(model)) for model in (fit.model, *absent))
     return np.array([np.nan_to_num(present - row) for row in without])
 

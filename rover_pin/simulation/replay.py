@@ -268,9 +268,9 @@ def _with_last(loop: Loop, good: int) -> np.ndarray:
 
     Good are those before the first that is faster than any rover.
     """
-    off = ~(np.abs(loop.rows["v"][:good, :3]).max(axis=1, initial=0.0) < FASTEST)
-    good = int(np.argmax(off)) if off.any() else good
     if good < len(loop.rows):
+        is_off = ~(np.abs(loop.rows["v"][:good, :3]).max(axis=1, initial=0.0) < FASTEST)
+        good = int(np.argmax(is_off)) if is_off.any() else good
         loop.rows[good:] = loop.rows[good - 1] if good else loop.now()
     return loop.rows
 

@@ -81,7 +81,7 @@ def shows(effect: AnyEffect, experiment: DriveExperiment) -> bool:
     """
     own_ground = any(run.commands.terrain is not None for run in experiment.runs)
     in_motor = experiment.rate_driven and isinstance(effect, MotorEffect)
-    return not in_motor and not (own_ground and isinstance(effect, (GravityTilt, BentGround)))
+    return not in_motor and not (own_ground and type(effect) in (GravityTilt, BentGround))
 
 
 def candidate_of(effect: AnyEffect) -> Candidate:
