@@ -22,8 +22,7 @@ from rover_pin.simulation.native.loop import Loop, Outcome
 from rover_pin.simulation.native.shared import RECORD
 from rover_pin.simulation.pace import FINEST
 from rover_pin.simulation.resolution import parts
-from rover_pin.simulation.start.place import Start, settled_state, taken_over
-from rover_pin.simulation.state import DriveState
+from rover_pin.simulation.start.place import SharedRest, Start, settled_state, taken_over
 from rover_pin.simulation.timing import Timing
 from rover_pin.simulation.trace.inertial import GRAVITY, has_inertial
 from rover_pin.simulation.trace.trace import Trace
@@ -185,7 +184,7 @@ def replay(
     model: Model,
     run: Commands,
     perturbation: Perturbation = Perturbation(),
-    rest_state: DriveState | None = None,
+    rest_state: SharedRest | None = None,
     fine: bool = False,
     steps: StepsTaken | None = None,
 ) -> Replay:

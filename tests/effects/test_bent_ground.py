@@ -10,7 +10,8 @@ from rover_pin import ConstantDuty, scenario, simulate
 from rover_pin.base.errors import ParameterError
 from rover_pin.effects.bent_ground import BentGround
 from rover_pin.simulation.model.toml_file import read_model, write_model
-from rover_pin.simulation.start.place import Start
+from rover_pin.simulation.start.place import Start, settled_state, shared_rest, taken_over
+from rover_pin.simulation.state import roll_pitch_yaw
 from rover_pin.terrain import shapes
 from rover_pin.terrain.bent import bend_terrain
 from rover_pin.terrain.profile import Profile
@@ -90,3 +91,16 @@ def test_a_grid_far_larger_than_the_bend_is_refused():
     far = HeightGrid(-1e4, -1.0, 1e4, 2.0, np.zeros((3, 2)))
     with pytest.raises(ParameterError, match=r"20000.*stretch"):
         bend_terrain(far, *BEND.replace(length=0.4).bend())
+
+
+@pytest.mark.parametrize("yaw", [0.0, 2.0, math.pi])
+def test_a_shared_rest_stands_as_a_rover_set_down_on_a_bend(yaw):
+    """It began where the declared ground was: a rise of 28 mm buried wheels at once, and no fit went past that."""
+    start, rest = Start(0.5, 0.1, yaw), shared_rest(FLAT, Start(0.5, 0.1, yaw))
+    climbing = FLAT.having(BentGround(0.04, 0.04, 0.04, 0.04, 0.04, x_from=-0.7, length=2.4))
+    moved, settled = taken_over(climbing, rest), settled_state(climbing, start)
+    assert settled.q[2] - rest.q[2] == pytest.approx(0.04, abs=0.002)
+    assert np.hypot(*roll_pitch_yaw(settled.q)[:2]) == pytest.approx(0.04, abs=0.005)
+    assert moved.q[:3] == pytest.approx(settled.q[:3], abs=3e-4)
+    assert roll_pitch_yaw(moved.q) == pytest.approx(roll_pitch_yaw(settled.q), abs=2e-3)
+    assert (taken_over(FLAT, rest).q == rest.q).all()

@@ -91,7 +91,7 @@ def test_a_replay_whose_numbers_are_lost_has_diverged():
     wheels = tuple(wheel.name for wheel in drive.model.rover.wheels)
     steered = tuple(wheel.name for wheel in drive.model.rover.wheels if wheel.steer_dof is not None)
     run, rest = commands(drive.drive(), wheels, steered), shared_rest(drive.model, Start())
-    rest.v[0] = NAN
+    rest.shear[0] = NAN
     assert replay(drive.model, run, rest_state=rest).stop == "diverged"
 
 

@@ -20,6 +20,7 @@ from rover_pin.experiments.drive_log.experiment import DriveExperiment
 from rover_pin.experiments.drive_log.parameters import owner_name, owners
 from rover_pin.parameters.gravity import EARTH
 from rover_pin.rover.rover import Rover
+from rover_pin.rover.wheel_base import base_of
 from rover_pin.simulation.model.defaults import NEXUS6_MASS, has_papers_wheel, scale
 from rover_pin.simulation.model.effect_files import AnyEffect, known_effects, reading_traction
 from rover_pin.simulation.model.model import Model
@@ -127,17 +128,17 @@ def variants(kind: type[AnyEffect], model: Model, experiment: DriveExperiment) -
         owners_of: Sequence[Any] = range(len(wheels)) if isinstance(effect.wheel, int) else ["", *wheels]
         return [effect.replace(wheel=wheel) for wheel in owners_of]
     if isinstance(effect, BentGround):
-        return _along_the_way(effect, experiment)
+        return _along_the_way(effect, experiment, base_of(model.rover).length / 2)
     if "x_from" in effect.places:
         return [effect.replace(x_from=x) for x in _places(experiment, float(effect.length))]
     return [effect]
 
 
-def _along_the_way(effect: BentGround, experiment: DriveExperiment) -> list[BentGround]:
-    """Return a bent ground whose knots lie along all of the way; none where nothing was driven along x."""
+def _along_the_way(effect: BentGround, experiment: DriveExperiment, ahead: float) -> list[BentGround]:
+    """Return a bent ground with knots along all that wheels passed, to `ahead` of the body [m]; none without a way."""
     low, high = _reach_of(experiment)
-    spacing = (high - low) / (KNOTS - 1)
-    return [effect.replace(x_from=low - spacing, length=(KNOTS + 1) * spacing)] if high - low > SHORTEST else []
+    begin, spacing = low - ahead, (high - low + 2 * ahead) / (KNOTS - 1)
+    return [effect.replace(x_from=begin - spacing, length=(KNOTS + 1) * spacing)] if high - low > SHORTEST else []
 
 
 def _reach_of(experiment: DriveExperiment) -> tuple[float, float]:

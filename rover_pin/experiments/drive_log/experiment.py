@@ -30,8 +30,7 @@ from rover_pin.simulation.logged_inputs import PLACE
 from rover_pin.simulation.model.model import Model
 from rover_pin.simulation.outcome.step_error import MARGIN
 from rover_pin.simulation.replay import Commands, Perturbation, Replay, StepsTaken, replay
-from rover_pin.simulation.start.place import shared_rest
-from rover_pin.simulation.state import DriveState
+from rover_pin.simulation.start.place import SharedRest, shared_rest
 from rover_pin.simulation.trace.channels import unit_of
 
 MADE = {"path": "m", "drift": "m", "heading": "rad", "speed": "m/s"}
@@ -49,7 +48,7 @@ class DriveExperiment(Experiment):
     """The runs of a log, where the rover stood at the start of each, how many processes replay them, what is kept."""
 
     runs: tuple[LoggedRun, ...]
-    rests: tuple[DriveState | None, ...] = field(repr=False)
+    rests: tuple[SharedRest | None, ...] = field(repr=False)
     jobs: Workers = 1
     memory: Memory = field(default=Memory(), repr=False)
     recent: Recent = field(default_factory=Recent, repr=False)
@@ -255,7 +254,7 @@ def _held_to(run: LoggedRun, place: np.ndarray) -> LoggedRun:
     return dataclasses.replace(run, commands=dataclasses.replace(run.commands, place=place))
 
 
-def _rest(model: Model, run: Commands) -> DriveState | None:
+def _rest(model: Model, run: Commands) -> SharedRest | None:
     try:
         return shared_rest(run.on(model), run.start)
     except SimulationError:
@@ -266,7 +265,7 @@ def _replay_run(
     model: Model,
     run: Commands,
     perturbation: Perturbation,
-    rest_state: DriveState | None,
+    rest_state: SharedRest | None,
     fine: bool = False,
     steps: StepsTaken | None = None,
 ) -> Replay:
@@ -286,7 +285,7 @@ def _drives(model: Model, rate_driven: bool) -> tuple[int, ...]:
 
 
 def _features(
-    models: Sequence[Model], run: LoggedRun, rest_state: DriveState | None, steps: StepsTaken | None
+    models: Sequence[Model], run: LoggedRun, rest_state: SharedRest | None, steps: StepsTaken | None
 ) -> list[np.ndarray]:
     """Return the features of models that drive alike: one replay, read by the sensors of each."""
     channels = _replay_run(models[0], run.commands, Perturbation(), rest_state, steps=steps).channels

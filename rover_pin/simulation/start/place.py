@@ -57,21 +57,52 @@ def settled_state(model: Model, start: Start, symmetric: bool = False) -> DriveS
     return set_down(model, start, symmetric).state
 
 
-def shared_rest(model: Model, start: Start) -> DriveState:
-    """Return the state of `set_down` as any model can take it over: of the effects' states the soil's shear alone."""
+class SharedRest(NamedTuple):
+    """Where one model of a rover comes to rest, as others take it over."""
+
+    q: np.ndarray
+    shear: np.ndarray
+    "of the soil, the slip's own states (wheels, states)"
+    heights: np.ndarray
+    "of the ground under each wheel (wheels,) [m]"
+
+
+def shared_rest(model: Model, start: Start) -> SharedRest:
+    """Return the state of `set_down` as any model can take it over."""
     state = settled_state(model, start)
-    return dataclasses.replace(state, contact=state.contact[:, slip_columns(model)], motor=state.motor[:, :0])
+    return SharedRest(state.q, state.contact[:, slip_columns(model)], _heights(model, state.q))
 
 
-def taken_over(model: Model, rest_state: DriveState) -> DriveState:
-    """Return a model at another's `shared_rest`: same place and shear, its effects at the start of their states."""
-    taken, slip = rest_state.copy(), slip_columns(model)
-    wheels = len(model.rover.wheels)
-    taken.contact = np.zeros((wheels, sum(len(effect.states) for effect in model.contact_effects)))
-    taken.motor = np.zeros((wheels, sum(len(effect.states) for effect in model.motor_effects)))
-    if rest_state.contact.shape[1] == len(slip):  # else their laws of slip know another shear
-        taken.contact[:, slip] = rest_state.contact
-    return taken
+def taken_over(model: Model, shared: SharedRest) -> DriveState:
+    """Return a model at another's rest: same place and shear, its effects at the start of their states.
+
+    Where its ground is another, the base stands higher and turns as the plane through the change dz under the wheels,
+    z_0 + a x + b y: by the rotation vector (b, -a, 0), its x and y as they were.
+    """
+    state, slip = _not_moving(model, shared.q.copy()), slip_columns(model)
+    if shared.shear.shape[1] == len(slip):  # else their laws of slip know another shear
+        state.contact[:, slip] = shared.shear
+    change = _heights(model, shared.q) - shared.heights
+    if change.any():
+        x, y, _ = (wheel_mounts(model.rover, shared.q)[1] - shared.q[:3]).T
+        rise, along_x, along_y = np.linalg.lstsq(np.column_stack([np.ones_like(x), x, y]), change)[0]
+        turn = pin.Quaternion(pin.exp3(np.array([along_y, -along_x, 0.0])))
+        state.q[2] += rise
+        state.q[3:7] = (turn * pin.Quaternion(shared.q[3:7])).normalized().coeffs()
+    return state
+
+
+def _heights(model: Model, q: np.ndarray) -> np.ndarray:
+    """Return the height of the ground under each wheel's centre (wheels,) [m]."""
+    x, y, _ = wheel_mounts(model.rover, q)[1].T
+    return np.asarray(model.ground.height(x, y))
+
+
+def _not_moving(model: Model, q: np.ndarray) -> DriveState:
+    """Return a state without speed, its effects at the start of theirs."""
+    wheels, effects = len(model.rover.wheels), (model.contact_effects, model.motor_effects)
+    contact, motor = (np.zeros((wheels, sum(len(effect.states) for effect in of_kind))) for of_kind in effects)
+    return DriveState(0.0, q, np.zeros(model.rover.model.nv), contact, motor)
 
 
 def set_down(model: Model, start: Start, symmetric: bool = False) -> SetDown:
@@ -113,10 +144,7 @@ def hovering(model: Model, start: Start) -> DriveState:
     q[:3] = start.x, start.y, 0.0
     x, y, z = wheel_mounts(rover, q)[1].T
     q[2] = np.max(terrain.height(x, y) + rover.radii - z)
-    n = len(rover.wheels)
-    contact = sum(len(effect.states) for effect in model.contact_effects)
-    motor = sum(len(effect.states) for effect in model.motor_effects)
-    return DriveState(0.0, q, np.zeros(rover.model.nv), np.zeros((n, contact)), np.zeros((n, motor)))
+    return _not_moving(model, q)
 
 
 UNDECIDED = 1.0
