@@ -11,7 +11,7 @@ import numpy as np
 from rover_pin.simulation.command import Reading
 from rover_pin.simulation.compiled.kernel import Kernel
 from rover_pin.simulation.driving import OFTEN, Drive, Progress, Ran, obey, stop_reason
-from rover_pin.simulation.failure import failure, suspension_of
+from rover_pin.simulation.failure import failure
 from rover_pin.simulation.native.control import commands_of
 from rover_pin.simulation.native.loop import Loop, Outcome
 from rover_pin.simulation.pace import FINEST
@@ -32,7 +32,7 @@ def run_compiled(drive: Drive, duration: float, progress: Progress | None) -> Ra
 
 def questions(drive: Drive, duration: float, progress: Progress | None = None) -> Generator[Reading, None, Ran]:
     """Yield what there is to be read at every sample at which the controller is asked; `obey` it before going on."""
-    timing, suspension = drive.timing, suspension_of(drive.model)
+    timing = drive.timing
     per_control, per_sample = round(timing.control / timing.dt), round(timing.sample / timing.dt)
     assert isinstance(drive.stepper, Kernel)
     native = commands_of(drive.controller, len(drive.model.rover.wheels), len(drive.stepper.servo_wheels))
@@ -54,7 +54,7 @@ def questions(drive: Drive, duration: float, progress: Progress | None = None) -
         if outcome is Outcome.ASKS:
             yield loop.question()
         elif outcome is Outcome.FAILS:
-            reason = failure(drive.model, drive.state, loop.rows["record"][loop.row - 1], suspension)
+            reason = failure(drive.model, drive.state, loop.rows["record"][loop.row - 1])
             stop = f"{reason} at {drive.state.t:.2f} s" if reason else ""
         elif outcome is not Outcome.DONE:
             stop = stop_reason(outcome, drive.state.t)

@@ -1,7 +1,6 @@
 """Why a drive cannot go on: capsized, buried, folded or diverged."""
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
@@ -19,21 +18,7 @@ FASTEST = 10.0
 """Speed [m/s] beyond which a run counts as diverged."""
 
 
-class Suspension(NamedTuple):
-    """The suspension joints: their places in q and their limits [rad]."""
-
-    places: np.ndarray
-    limits: tuple[np.ndarray, np.ndarray]
-
-
-def suspension_of(model: Model) -> Suspension:
-    """Return the suspension joints of a model's rover."""
-    pin_model = model.rover.model
-    index = np.array(suspension_places(model.rover), dtype=int)
-    return Suspension(index, (pin_model.lowerPositionLimit[index], pin_model.upperPositionLimit[index]))
-
-
-def failure(model: Model, state: DriveState, record: np.ndarray, suspension: Suspension) -> str | None:
+def failure(model: Model, state: DriveState, record: np.ndarray) -> str | None:
     """Return why the run cannot go on, or None."""
     if not float(np.abs(state.v[:3]).max()) < FASTEST:
         return "diverged: the rover is faster than any rover"
@@ -45,8 +30,7 @@ def failure(model: Model, state: DriveState, record: np.ndarray, suspension: Sus
     for wheel, depth in zip(model.rover.wheels, sinkage, strict=True):
         if depth > model.buried * wheel.wheel.r:
             return f"buried: wheel {wheel.name} has sunk by {1e3 * depth:.0f} mm, over {model.buried:g} r"
-    angle, (lower, upper) = state.q[suspension.places], suspension.limits
-    if suspension.places.size and max((angle - upper).max(), (lower - angle).max()) > FOLDED:
-        over = math.degrees(max((angle - upper).max(), (lower - angle).max()))
-        return f"folded: a suspension joint is {over:.0f} deg past its stop"
-    return None
+    joints, stops = suspension_places(model.rover), model.rover.model
+    angle, lower, upper = state.q[joints], stops.lowerPositionLimit[joints], stops.upperPositionLimit[joints]
+    over = float(np.maximum(angle - upper, lower - angle).max(initial=0.0))
+    return f"folded: a suspension joint is {math.degrees(over):.0f} deg past its stop" if over > FOLDED else None

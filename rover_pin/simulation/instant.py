@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rover_pin.simulation.command import Reading, Truth
-from rover_pin.simulation.failure import suspension_of
+from rover_pin.simulation.compiled.suspension import suspension_places
 from rover_pin.simulation.model.model import Model
 from rover_pin.simulation.native.shared import RECORD
 
@@ -25,7 +25,7 @@ class Places(NamedTuple):
     @classmethod
     def of(cls, model: Model) -> Places:
         """Return the places of a model's rover."""
-        return cls([wheel.dof for wheel in model.rover.wheels], suspension_of(model).places)
+        return cls([wheel.dof for wheel in model.rover.wheels], suspension_places(model.rover))
 
 
 class Instant(Reading):

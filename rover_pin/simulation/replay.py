@@ -15,7 +15,7 @@ import numpy as np
 from rover_pin.base.errors import DataError
 from rover_pin.effects.tracked_point import DRAWN
 from rover_pin.simulation.compiled.kernel import Kernel
-from rover_pin.simulation.failure import FASTEST, failure, suspension_of
+from rover_pin.simulation.failure import FASTEST, failure
 from rover_pin.simulation.logged_inputs import PLACE, duty_between, rates_of, tied_means, true_inputs
 from rover_pin.simulation.model.model import Model
 from rover_pin.simulation.native.loop import Loop, Outcome
@@ -222,7 +222,7 @@ def replay(
         kernel.hold(loop.keep["rate_rows"][0].copy())
     outcome = loop.run(len(run.t))
     while outcome is Outcome.FAILS:
-        why = failure(model, state, loop.rows["record"][loop.row - 1], suspension_of(model))
+        why = failure(model, state, loop.rows["record"][loop.row - 1])
         if why:
             break
         outcome = loop.run(len(run.t))

@@ -63,20 +63,12 @@ def firmness(stepper: Any, model: Model) -> float:
     `stepper` holds a state at rest and a step so short that nothing moves; it is left as it was. What depends on the
     way, or lies elsewhere, is not seen.
     """
-    before = stepper.saved_arrays()
-    ratio = _firmness(stepper, model)
-    stepper.restore(before)
-    return ratio
-
-
-def _firmness(stepper: Any, model: Model) -> float:
-    state, record = stepper.state, stepper.record
+    state, record, before = stepper.state, stepper.record, stepper.saved_arrays()
     stepper.step()
     load, h = record[:, 3].copy(), record[:, 2].copy()
     touching = (load > 0.0) & (h > 0.0)
-    if not touching.any():
-        return 1.0
-    state.q[2] -= PRESSED * float(h[touching].min())
+    if touching.any():
+        state.q[2] -= PRESSED * float(h[touching].min())
     stepper.step()
     soil = model.soils[int(model.ground.ground_at(float(state.q[0]), float(state.q[1])))]
     ratios = [
@@ -84,6 +76,7 @@ def _firmness(stepper: Any, model: Model) -> float:
         for i, mount in enumerate(model.rover.wheels)
         if touching[i] and record[i, 2] > h[i] and float(modulus(mount.wheel, soil)) > 0.0
     ]
+    stepper.restore(before)
     return min(FIRMEST, max([1.0, *ratios]))
 
 

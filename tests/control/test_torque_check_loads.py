@@ -14,7 +14,7 @@ from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.rover.driven_loads import configuration, driven_loads, footing
 from rover_pin.rover.statics import wheel_loads
 from rover_pin.simulation.command import Command
-from rover_pin.simulation.failure import suspension_of
+from rover_pin.simulation.compiled.suspension import suspension_places
 
 DRIVES = {
     "hills": ("hills", {}, (0.10, 0.01)),
@@ -34,7 +34,7 @@ class ByLinks:
         self.model, self.rover = model, model.rover.under(model.gravity)
         wheels = [mount.wheel for mount in model.rover.wheels]
         self.bounds = TorqueBounds(wheels, model.soils[0], LOST_SLIP, model.effect(SoilTraction).angles)
-        self.places = suspension_of(model).places
+        self.places = suspension_places(model.rover)
         self.errors = []
 
     def __call__(self, reading):

@@ -12,7 +12,7 @@ from rover_pin.simulation.checkpoint import Checkpoint
 from rover_pin.simulation.compiled.kernel import Kernel
 from rover_pin.simulation.compiled_run import run_compiled
 from rover_pin.simulation.driving import Drive
-from rover_pin.simulation.failure import failure, suspension_of
+from rover_pin.simulation.failure import failure
 from rover_pin.simulation.native.control import Commands, commands_of
 from rover_pin.simulation.native.loop import Loop, Outcome
 from rover_pin.simulation.native.shared import RECORD
@@ -85,7 +85,7 @@ def plain_replay(model, run, nudge, rest, step=Kernel):
     gives, rates = np.zeros(len(servos)), np.zeros(len(model.rover.wheels))
     if run.rate_driven:
         kernel.hold(rates)
-    pace, suspension, moved = Pace(kernel, DT, replays.ROUGH), suspension_of(model), np.zeros(3)
+    pace, moved = Pace(kernel, DT, replays.ROUGH), np.zeros(3)
     rows = np.zeros(len(run.t), dtype=row_type(model))
     if not run.rate_driven:
         down, soils = kernel.gravity.copy(), kernel.soils.copy()
@@ -109,7 +109,7 @@ def plain_replay(model, run, nudge, rest, step=Kernel):
                 before = run.rate[max(row - 1, 0)]
                 rates[:] = before + (part + 1) / count * (run.rate[row] - before)
             assert pace.advance(part == 0) == 0
-        assert failure(model, state, kernel.record, suspension) is None
+        assert failure(model, state, kernel.record) is None
         rows[row]["q"], rows[row]["v"], rows[row]["moved"] = state.q, state.v, moved
         rows[row]["record"] = kernel.record
         if not run.rate_driven:

@@ -10,7 +10,8 @@ import pytest
 
 from rover_pin import load_rover, scenario
 from rover_pin.simulation.compiled.kernel import Kernel
-from rover_pin.simulation.failure import failure, suspension_of
+from rover_pin.simulation.compiled.suspension import suspension_places
+from rover_pin.simulation.failure import failure
 from rover_pin.simulation.model.model import BURIED
 from rover_pin.simulation.native.loop import Loop, Outcome
 from rover_pin.simulation.native.shared import RECORD
@@ -18,7 +19,7 @@ from rover_pin.simulation.start.place import Start, hovering
 
 ROVER = load_rover("nexus6")
 MODEL = SimpleNamespace(rover=ROVER, buried=BURIED)
-SUSPENSION = suspension_of(MODEL)
+STOPS = ROVER.model.lowerPositionLimit, ROVER.model.upperPositionLimit
 
 
 AT_ONCE = 1e-12
@@ -40,11 +41,11 @@ def asked(roll=0.0, pitch=0.0, yaw=0.0, speed=0.0, depth=0.0, joint=0.0, way=1):
     q, v = pin.neutral(ROVER.model), np.zeros(ROVER.model.nv)
     q[3:7] = pin.Quaternion(pin.rpy.rpyToMatrix(*np.radians([roll, pitch, yaw]))).coeffs()
     v[way] = -speed
-    place = SUSPENSION.places[1]
-    q[place] = (SUSPENSION.limits[1][1] + joint) if joint >= 0 else (SUSPENSION.limits[0][1] + joint)
+    place = suspension_places(ROVER)[1]
+    q[place] = STOPS[1 if joint >= 0 else 0][place] + joint
     record = np.zeros((6, len(RECORD)))
     record[2, RECORD.index("sinkage")] = depth * float(ROVER.wheels[2].wheel.r)
-    reason = failure(MODEL, SimpleNamespace(q=q, v=v), record, SUSPENSION)
+    reason = failure(MODEL, SimpleNamespace(q=q, v=v), record)
     if depth == 0.0 and math.isfinite(speed):
         assert compiled(q, v)[0] is (Outcome.FAILS if reason else Outcome.DONE)
     return reason

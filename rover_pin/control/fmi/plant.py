@@ -11,7 +11,7 @@ from rover_pin.contact import Soil
 from rover_pin.control.fmi.unit import MAIN, FunctionalUnit, Variable
 from rover_pin.simulation.compiled.generated_laws import laws_source, structure_of
 from rover_pin.simulation.compiled.kernel import Kernel
-from rover_pin.simulation.failure import suspension_of
+from rover_pin.simulation.compiled.suspension import suspension_places
 from rover_pin.simulation.model.model import Model
 from rover_pin.simulation.native import source
 from rover_pin.simulation.native.compiled_body import body_source
@@ -106,7 +106,7 @@ def _variables(model: Model, kernel: Kernel) -> tuple[list[Variable], list[int]]
     out("wheel_rate", "rad/s", f"rate of each wheel's joint{order}", "v", [wheel.dof for wheel in model.rover.wheels])
     for name, (unit, description) in OF_WHEELS.items():
         out(name, unit, description, "record", (slice(None), RECORD.index(name)))
-    joints = suspension_of(model).places
+    joints = suspension_places(model.rover)
     if len(joints):
         out("suspension", "rad", "angles of the suspension's joints, in the rover's order", "q", joints)
     for at, (name, description) in enumerate({"roll": "", "pitch": ", nose down above 0", "yaw": ""}.items()):

@@ -19,7 +19,7 @@ from rover_pin.effects.slip import RelaxedSlip
 from rover_pin.rover.constraints import constraint_rows
 from rover_pin.rover.rover import Rover
 from rover_pin.simulation.command import Reading
-from rover_pin.simulation.failure import suspension_of
+from rover_pin.simulation.compiled.suspension import suspension_places
 from rover_pin.simulation.model.model import Model
 from rover_pin.simulation.native.compiled_body import KeyedModel
 from rover_pin.simulation.native.control import OnboardLaw
@@ -106,7 +106,7 @@ class OnboardSlip:
         rover = model.built
         return cls(
             rover,
-            suspension_of(model).places,
+            suspension_places(model.rover),
             float(model.motor.constant),
             torque_factors(model, SLIPS),
             HoleLaw(r=float(rover.wheel.r)),

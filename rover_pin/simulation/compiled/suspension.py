@@ -1,5 +1,9 @@
 """The joints of a rover's suspension: neither base, wheel nor steering."""
 
+from functools import lru_cache
+
+import numpy as np
+
 from rover_pin.rover.rover import Rover
 from rover_pin.simulation.compiled.body_law import Joints
 
@@ -20,18 +24,16 @@ def suspension_dofs(rover: Rover) -> list[int]:
     return rover.free_dofs[6:]
 
 
-def suspension_places(rover: Rover) -> list[int]:
-    """Return the same joints' places in q."""
+@lru_cache(maxsize=8)
+def suspension_places(rover: Rover) -> np.ndarray:
+    """Return the same joints' places in q; not to be written to."""
     q_of = {joint.idx_v: joint.idx_q for joint in list(rover.model.joints)[2:]}
-    return [q_of[dof] for dof in suspension_dofs(rover)]
+    return np.array([q_of[dof] for dof in suspension_dofs(rover)], dtype=np.int64)
 
 
 def joints_of(rover: Rover) -> Joints:
     """Return the suspension as the law of the body counts it."""
-    dofs, differential, channels = (
-        suspension_dofs(rover),
-        rover.differential,
-        {q: name for name, q in rover.angles.items()},
-    )
+    dofs, differential = suspension_dofs(rover), rover.differential
+    channels = {place: name for name, place in rover.angles.items()}
     rockers = None if differential is None else (dofs.index(differential.left), dofs.index(differential.right))
     return Joints(len(dofs), rockers, tuple(channels[place] for place in suspension_places(rover)))

@@ -11,8 +11,8 @@ import numpy as np
 
 from rover_pin.simulation.compiled.kernel import Kernel
 from rover_pin.simulation.compiled.laws import generated_source
+from rover_pin.simulation.compiled.suspension import suspension_places
 from rover_pin.simulation.compiled.toolchain import shared_library
-from rover_pin.simulation.failure import suspension_of
 
 
 class SlipTable(NamedTuple):
@@ -115,7 +115,7 @@ class Commands:
     def fields(self, kernel: Kernel, samples: int) -> dict[str, Any]:
         """Return the fields of the struct Loop that say so, for this number of samples."""
         wheels, servos = len(kernel.duty), len(kernel.servo_wheels)
-        reads = 3 + 2 * wheels + len(suspension_of(kernel.model).places)
+        reads = 3 + 2 * wheels + len(suspension_places(kernel.model.rover))
         steer = np.asarray(self.steer if servos else 0.0, dtype=float)
         fixed: dict[str, Any] = {
             "duty_fixed": np.broadcast_to(np.asarray(self.duty, dtype=float), wheels).copy(),

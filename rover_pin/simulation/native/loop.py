@@ -11,7 +11,8 @@ import numpy as np
 
 from rover_pin.simulation.checkpoint import Checkpoint
 from rover_pin.simulation.compiled.kernel import Kernel
-from rover_pin.simulation.failure import FASTEST, FOLDED, UPRIGHT, suspension_of
+from rover_pin.simulation.compiled.suspension import suspension_places
+from rover_pin.simulation.failure import FASTEST, FOLDED, UPRIGHT
 from rover_pin.simulation.instant import Instant, Places
 from rover_pin.simulation.native.library import library
 from rover_pin.simulation.native.shared import LoopStruct, fill
@@ -45,7 +46,7 @@ class Loop:
         self.keep: dict[str, Any] = {}
         self._run = library().rover_pin_run
         self._addresses = ctypes.addressof(kernel.struct), ctypes.addressof(self.struct)
-        suspension = suspension_of(model)
+        joints, stops = suspension_places(model.rover), model.rover.model
         self.set(
             dt=dt,
             rough=1.0,
@@ -57,9 +58,9 @@ class Loop:
             size=FINEST,
             obeyed=-1,
             row_size=self.rows.dtype.itemsize // 8,
-            n_folding=len(suspension.places),
-            folding_q=suspension.places.astype(np.int64),
-            folding_limits=np.column_stack(suspension.limits).astype(float),
+            n_folding=len(joints),
+            folding_q=joints,
+            folding_limits=np.column_stack([stops.lowerPositionLimit[joints], stops.upperPositionLimit[joints]]),
             fastest=FASTEST,
             upright=UPRIGHT,
             buried=model.buried,

@@ -41,10 +41,6 @@ def balance_warning(trace: Trace) -> str:
     return f"its energy does not balance, by {off:.2g} of the greatest: the step is too coarse; give a smaller dt."
 
 
-def _duration(rows: np.ndarray) -> float:
-    return float(rows["t"][-1] - rows["t"][0]) if len(rows) else 0.0
-
-
 def pivot_warning(steps: int) -> str:
     """Return a sentence where the equations were nearly singular in some steps, or nothing."""
     if not steps:
@@ -61,7 +57,7 @@ def mean_load(model: Model, rows: np.ndarray) -> float:
     (I . up / T - m dv/dt) / (m g), I the impulse of all wheels' forces as each step began: 1 by Newton's second law
     where the steps resolve them, whatever the ground. 1 for a drive of less than SHORTEST.
     """
-    if _duration(rows) < SHORTEST:
+    if not len(rows) or rows["t"][-1] - rows["t"][0] < SHORTEST:
         return 1.0
     rover, first, last = model.built, rows[0], rows[-1]
     climb = [float(rover.up @ row["velocity"]) for row in (first, last)]

@@ -6,7 +6,7 @@ import numpy as np
 
 from rover_pin.simulation.checkpoint import Checkpoint
 from rover_pin.simulation.driving import OFTEN, Drive, Progress, Ran, Stepper, obey, stop_reason
-from rover_pin.simulation.failure import failure, suspension_of
+from rover_pin.simulation.failure import failure
 from rover_pin.simulation.instant import Instant, Places
 from rover_pin.simulation.pace import Pace, look
 from rover_pin.simulation.state import base_rotation, roll_pitch_yaw
@@ -18,8 +18,7 @@ def run_plain(drive: Drive, duration: float, progress: Progress | None) -> Ran:
     timing, state, stepper = drive.timing, drive.state, drive.stepper
     steps = max(1, round(duration / timing.dt))
     per_control, per_sample = round(timing.control / timing.dt), round(timing.sample / timing.dt)
-    suspension, places = suspension_of(drive.model), Places.of(drive.model)
-    pace = Pace(stepper, timing.dt, timing.rough)
+    places, pace = Places.of(drive.model), Pace(stepper, timing.dt, timing.rough)
     rows, count = np.zeros(steps // per_sample, dtype=row_type(drive.model)), 0
     begun = drive.checkpoint or Checkpoint(state.t, 0, pace.size)
     pace.go_on(begun)
@@ -39,7 +38,7 @@ def run_plain(drive: Drive, duration: float, progress: Progress | None) -> Ran:
         if k % per_sample == per_sample - 1:
             _log(drive, rows[count])
             count += 1
-            reason = failure(drive.model, state, rows[count - 1]["record"], suspension)
+            reason = failure(drive.model, state, rows[count - 1]["record"])
             if reason:
                 return _ran(rows[:count], f"{reason} at {state.t:.2f} s", pace, pace.checkpoint(begun, k + 1))
             if progress and count % OFTEN == 0:

@@ -12,7 +12,6 @@ import pinocchio as pin
 
 from rover_pin.base.arguments import spec
 from rover_pin.base.errors import SimulationError
-from rover_pin.effects.effect import BodyEffect
 from rover_pin.effects.slip import SIDEWAYS_SHARE
 from rover_pin.rover.wheel_base import wheel_mounts, wheel_places
 from rover_pin.simulation.compiled.kernel import Kernel
@@ -116,7 +115,9 @@ def set_down(model: Model, start: Start, symmetric: bool = False) -> SetDown:
 
     Raises SimulationError: the rover does not come to rest there even when it is held.
     """
-    model = dataclasses.replace(model, body_effects=tuple(map(_at_rest, model.body_effects)))
+    effects = model.body_effects
+    body = tuple(effect.replace(**effect.neutral) if effect.only_resists else effect for effect in effects)
+    model = dataclasses.replace(model, body_effects=body)
     state = hovering(model, start)
     rest_kind = relax_state(model, state, start.yaw, symmetric)
     if rest_kind is Rest.NEVER:
@@ -125,10 +126,6 @@ def set_down(model: Model, start: Start, symmetric: bool = False) -> SetDown:
             "start on gentler ground or on stiffer soil."
         )
     return SetDown(state, RESTS if rest_kind is Rest.RESTS else SLIDES)
-
-
-def _at_rest(effect: BodyEffect) -> BodyEffect:
-    return effect.replace(**effect.neutral) if effect.only_resists else effect
 
 
 def hovering(model: Model, start: Start) -> DriveState:

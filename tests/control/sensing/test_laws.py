@@ -14,7 +14,7 @@ from rover_pin.rover.driven_loads import configuration, driven_loads, footing, t
 from rover_pin.rover.wheel_base import wheel_mounts
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.command import Reading, Truth
-from rover_pin.simulation.failure import suspension_of
+from rover_pin.simulation.compiled.suspension import suspension_places
 
 PERIOD = 0.05
 
@@ -69,7 +69,7 @@ STEP = 1e-5
 def test_slopes_loads_and_rates_are_those_of_the_posture(rover, off):
     """On four wheels statics leave a load open: there the least of the solutions is approached to 0.1 mN."""
     model = scenario("flat", rover=rover).model
-    places, wheels, chance = suspension_of(model).places, len(model.rover.wheels), np.random.default_rng(3)
+    places, wheels, chance = suspension_places(model.rover), len(model.rover.wheels), np.random.default_rng(3)
     law = ground_law(model.built, places)
 
     def configured(posture):
