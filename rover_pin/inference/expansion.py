@@ -18,7 +18,6 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import logsumexp
 
 from rover_pin.base.public import brief
 from rover_pin.estimation.fit import Fit
@@ -130,7 +129,7 @@ class Expansion:
     @property
     def _scale_priors(self) -> np.ndarray:
         """Logarithm of the prior of each of the scales; nothing for the one of noise that is learnt."""
-        return -0.5 * STEPS**2 - logsumexp(-0.5 * STEPS**2) if len(self.scales) > 1 else np.zeros(1)
+        return -0.5 * STEPS**2 - np.logaddexp.reduce(-0.5 * STEPS**2) if len(self.scales) > 1 else np.zeros(1)
 
     def posterior(self, extra: Sequence[int] = (), without: int | None = None) -> Laplace:
         """Return what the data say of the fit's numbers with these of the others, perhaps without a fold."""
@@ -144,7 +143,7 @@ class Expansion:
         solved = [_laplace(loss, slope, curvature, self.u[at], count, float(scale)) for scale in scales]
         totals = np.array([row.log_evidence for row in solved]) + self._scale_priors
         best = solved[int(np.argmax(totals))]
-        return best._replace(log_evidence=float(logsumexp(totals)))
+        return best._replace(log_evidence=float(np.logaddexp.reduce(totals)))
 
 
 class Sums(NamedTuple):

@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from functools import cache
 
 import numpy as np
-from scipy.special import logsumexp
 from scipy.stats import norm, qmc
 
 from rover_pin.estimation.parameter import bounds_of
@@ -56,8 +55,9 @@ def log_dependence(mean: np.ndarray, covariance: np.ndarray, bounds: np.ndarray)
     log_ratio = np.where(inside, _log_ratio(u), -math.inf)
     if not inside.all(axis=1).any():
         return 0.0
+    sums = np.logaddexp.reduce
     constant = (len(mean) - 1) * math.log(len(u))
-    return float(logsumexp(log_ratio.sum(axis=1)) - logsumexp(log_ratio, axis=0).sum()) + constant
+    return float(sums(log_ratio.sum(axis=1)) - sums(log_ratio).sum()) + constant
 
 
 def log_share_inside(causes: Sequence[Cause], mean: np.ndarray, covariance: np.ndarray) -> float:
