@@ -107,7 +107,7 @@ def test_a_shared_rest_stands_as_a_rover_set_down_on_a_bend(yaw):
     assert (taken_over(FLAT, rest).q == rest.q).all()
 
 
-def test_a_replay_from_the_rest_of_level_ground_drives_as_on_the_bent():
+def test_a_replay_from_a_rest_on_level_ground_drives_on_the_bend():
     """But for the way by which sand shears that held it on the slope: under 1 mm."""
     climbing, start = FLAT.having(BentGround(0.04, 0.04, 0.04, 0.04, 0.04, x_from=-0.7, length=2.4)), Start(0.4)
     drive = simulate(climbing, ConstantDuty(0.6), 3.0, start)
