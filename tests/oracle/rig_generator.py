@@ -230,11 +230,12 @@ SD = (0.25, 0.015, 0.0004)
 NAMES = ("level", "slip", "travel_speed_mps", "rim_speed_mps", "load_N", "drawbar_pull_N", "torque_Nm", "sinkage_m")
 
 
-def noisy(noise, white, rng):
-    """White noise of SD 1 (runs, channels), in the order of the runs, made into that of another kind.
+NOISES = ("white", "drifting", "spiked", "raked", "understated")
+"""White; AR(1) from run to run, 0.8; one value in 30 six SD off; stiffness 4 % anew each level; 1.4 times the SD."""
 
-    AR(1) from run to run, 0.8; one value in 30 six SD off; 1.4 times the SD ("raked" is a stiffness 4 % anew a level).
-    """
+
+def noisy(noise, white, rng):
+    """White noise of SD 1 (runs, channels), in the order of the runs, made into that of another kind."""
     if noise == "drifting":
         for before, now in zip(white[:-1], white[1:], strict=True):
             now[:] = 0.8 * before + 0.6 * now

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from blind_rig import REPORTED, generator, plan
 from blind_test import more_than_noise
 from kept import told
 
@@ -35,3 +36,10 @@ def test_what_is_on_no_list_shows_beside_a_quiet_base(other, nats):
     rows = [SimpleNamespace(names=(), discrepancy=kind) for kind in (Discrepancy.NONE, Discrepancy.SMOOTH)]
     beliefs = SimpleNamespace(scores=np.array([0.0, other]), hypotheses=rows)
     assert math.isclose(more_than_noise(beliefs), nats)
+
+
+def test_rigs_are_planned_under_every_kind_of_noise():
+    """The generator lost its list of them, which only this study reads."""
+    planned = plan(REPORTED)
+    assert len(planned) == 307
+    assert {hidden.noise for hidden in planned} == set(generator().NOISES)
