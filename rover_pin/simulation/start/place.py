@@ -62,6 +62,8 @@ class SharedRest(NamedTuple):
     q: np.ndarray
     shear: np.ndarray
     "of the soil, the slip's own states (wheels, states)"
+    wheels: np.ndarray
+    "centres in the world (wheels, 3) [m]"
     heights: np.ndarray
     "of the ground under each wheel (wheels,) [m]"
 
@@ -69,7 +71,9 @@ class SharedRest(NamedTuple):
 def shared_rest(model: Model, start: Start) -> SharedRest:
     """Return the state of `set_down` as any model can take it over."""
     state = settled_state(model, start)
-    return SharedRest(state.q, state.contact[:, slip_columns(model)], _heights(model, state.q))
+    wheels = wheel_mounts(model.rover, state.q)[1]
+    heights = np.asarray(model.ground.height(*wheels.T[:2]))
+    return SharedRest(state.q, state.contact[:, slip_columns(model)], wheels, heights)
 
 
 def taken_over(model: Model, shared: SharedRest) -> DriveState:
@@ -81,20 +85,14 @@ def taken_over(model: Model, shared: SharedRest) -> DriveState:
     state, slip = _not_moving(model, shared.q.copy()), slip_columns(model)
     if shared.shear.shape[1] == len(slip):  # else their laws of slip know another shear
         state.contact[:, slip] = shared.shear
-    change = _heights(model, shared.q) - shared.heights
+    change = np.asarray(model.ground.height(*shared.wheels.T[:2])) - shared.heights
     if change.any():
-        x, y, _ = (wheel_mounts(model.rover, shared.q)[1] - shared.q[:3]).T
+        x, y, _ = (shared.wheels - shared.q[:3]).T
         rise, along_x, along_y = np.linalg.lstsq(np.column_stack([np.ones_like(x), x, y]), change)[0]
         turn = pin.Quaternion(pin.exp3(np.array([along_y, -along_x, 0.0])))
         state.q[2] += rise
         state.q[3:7] = (turn * pin.Quaternion(shared.q[3:7])).normalized().coeffs()
     return state
-
-
-def _heights(model: Model, q: np.ndarray) -> np.ndarray:
-    """Return the height of the ground under each wheel's centre (wheels,) [m]."""
-    x, y, _ = wheel_mounts(model.rover, q)[1].T
-    return np.asarray(model.ground.height(x, y))
 
 
 def _not_moving(model: Model, q: np.ndarray) -> DriveState:
