@@ -20,7 +20,7 @@ from rover_pin.experiments.drive_log.experiment import DriveExperiment
 from rover_pin.experiments.drive_log.parameters import owner_name, owners
 from rover_pin.parameters.gravity import EARTH
 from rover_pin.rover.rover import Rover
-from rover_pin.rover.wheel_base import base_of
+from rover_pin.rover.wheel_base import corners
 from rover_pin.simulation.model.defaults import NEXUS6_MASS, has_papers_wheel, scale
 from rover_pin.simulation.model.effect_files import AnyEffect, known_effects, reading_traction
 from rover_pin.simulation.model.model import Model
@@ -128,7 +128,7 @@ def variants(kind: type[AnyEffect], model: Model, experiment: DriveExperiment) -
         owners_of: Sequence[Any] = range(len(wheels)) if isinstance(effect.wheel, int) else ["", *wheels]
         return [effect.replace(wheel=wheel) for wheel in owners_of]
     if isinstance(effect, BentGround):
-        return _along_the_way(effect, experiment, base_of(model.rover).length / 2)
+        return _along_the_way(effect, experiment, float(np.abs(corners(model.rover)[..., 0]).max()))
     if "x_from" in effect.places:
         return [effect.replace(x_from=x) for x in _places(experiment, float(effect.length))]
     return [effect]

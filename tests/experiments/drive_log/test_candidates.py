@@ -14,6 +14,7 @@ from rover_pin.effects.point_mass import PointMass
 from rover_pin.effects.tacho_scale import TachoScale
 from rover_pin.effects.tether_drag import TetherDrag
 from rover_pin.effects.weak_motor import WeakMotor
+from rover_pin.experiments.drive_log import candidates as proposals
 from rover_pin.experiments.drive_log.calibrate import raw_current_numbers, with_raw_currents
 from rover_pin.experiments.drive_log.candidates import _places, candidate_of, candidates, scale_effect
 from rover_pin.experiments.drive_log.parameters import parameter
@@ -66,6 +67,14 @@ def test_a_bent_ground_has_knots_along_all_that_wheels_passed():
     assert not neighbours(bent, 0.1), "its place is not sought"
     for bench in (driven([0.0, 0.1]), driven(way, flat())):
         assert "BentGround" not in {each.kind for each in candidates(model("nexus6"), bench, (), None)}
+
+
+def test_a_bent_ground_reaches_as_far_as_the_farthest_wheel(monkeypatch):
+    """Of a rover whose base is over its back axle, which drives both ways."""
+    xs = np.array([0.5, -0.1])
+    monkeypatch.setattr(proposals, "corners", lambda rover: np.stack([np.array([[x, 0.2], [x, -0.2]]) for x in xs]))
+    (bent,) = (each for each in candidates(model("nexus6"), driven([0.0, 1.0]), (), None) if each.kind == "BentGround")
+    assert bent.effect.x_from + bent.effect.length / 6 == pytest.approx(-0.5)
 
 
 def test_differential_and_pivot_effects_need_these_parts(tmp_path):
