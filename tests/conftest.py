@@ -4,8 +4,12 @@ import logging
 import sys
 
 import pytest
+from hypothesis import settings
 
 from rover_pin.cli.app import main
+
+settings.register_profile("untimed", deadline=None)
+settings.load_profile("untimed")
 
 
 @pytest.fixture(autouse=True)

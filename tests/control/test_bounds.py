@@ -102,7 +102,7 @@ soils = st.builds(
 )  # fmt: skip
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(soils, st.floats(0.1, 20.0), st.floats(0.02, 1.0))
 def test_bounds_agree_with_the_soils_own_slower_route(soil, load, S):
     found = torque_bounds(load, soil, WHEEL, S)
@@ -111,7 +111,7 @@ def test_bounds_agree_with_the_soils_own_slower_route(soil, load, S):
     assert 0.0 < found.limit < found.saturation
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(soils, st.floats(0.5, 20.0), st.floats(0.05, 0.95))
 def test_gradients_are_central_differences(soil, load, S):
     gradient = bound_gradient(load, soil, WHEEL, S)

@@ -9,7 +9,7 @@ from rover_pin.inference.error_model import Discrepancy, ErrorModel
 from tests.inference import linear_toy as toys
 
 problems = st.tuples(st.integers(0, 10**6), st.sampled_from(list(Discrepancy)), st.booleans())
-quick = settings(max_examples=25, deadline=None)
+quick = settings(max_examples=25)
 
 
 def made(seed, kind, timed):

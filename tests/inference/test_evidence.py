@@ -15,7 +15,7 @@ from rover_pin.inference.evidence import Linear, negative_log, posterior
 from tests.inference import linear_toy as toys
 
 problems = st.tuples(st.integers(0, 10**6), st.sampled_from(list(Discrepancy)), st.booleans())
-quick = settings(max_examples=25, deadline=None)
+quick = settings(max_examples=25)
 
 
 def made(toy, kind):

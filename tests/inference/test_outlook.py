@@ -55,7 +55,7 @@ def conditioned(whole, hypothesis):
     return (gain @ value[is_made])[order], covariance[np.ix_(order, order)]
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 @given(st.integers(0, 10**6), st.sampled_from(list(Discrepancy)))
 def test_it_is_the_normal_law_conditioned_on_what_was_measured(seed, kind):
     whole, hypothesis, offer = problem(seed, kind)

@@ -23,14 +23,14 @@ WEIGHT = 5.8 * 9.81
 angles = st.floats(-0.4, 0.4)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(angles, angles)
 def test_loads_carry_the_weight_across_the_plane(slope, side):
     loads = wheel_loads(NEXUS6, slope, side)
     assert loads.sum() == pytest.approx(WEIGHT * math.cos(slope) * math.cos(side), rel=1e-9)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(angles, angles)
 def test_the_moments_about_the_centre_of_mass_balance(slope, side):
     """By hand: vertical forces at the lowest points, the weight at the centre of mass; positions from the URDF."""

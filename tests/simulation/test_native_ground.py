@@ -98,7 +98,7 @@ def frames(terrain, draw):
     return wheel_frame(np.array([x, y, z]), np.array(axle))
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.data())
 def test_lanes_in_c_are_those_of_the_plain_step(data):
     lanes = data.draw(st.integers(1, 3))
@@ -106,7 +106,7 @@ def test_lanes_in_c_are_those_of_the_plain_step(data):
     agree(terrain, frames(terrain, data.draw))
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.data())
 def test_a_grid_in_c_is_that_of_the_plain_step(data):
     shape = (data.draw(st.integers(2, 9)), data.draw(st.integers(2, 6)))

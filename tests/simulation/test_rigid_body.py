@@ -110,7 +110,7 @@ def _direction(rng):
     return axis / np.linalg.norm(axis)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(trees())
 def test_random_trees(made):
     model, rng = made

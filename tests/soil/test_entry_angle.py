@@ -25,7 +25,7 @@ WHEEL, SOIL = Wheel(), Soil()
     k=st.floats(1e-3, 0.1),
     ratio=st.floats(0.0, 1.0),
 )
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_the_entry_angle_carries_the_load(load, S, n, k, ratio):
     soil = SOIL.replace(n=n, k=k, exit_ratio=ratio)
     theta_1 = entry_angle(load, S, WHEEL, soil, steps=4)

@@ -136,7 +136,7 @@ def test_closed_forms_at_full_shear(n, angles):
 
 
 @given(n=st.floats(0.3, 1.6), theta_1=st.floats(2, 70), ratio=st.floats(0, 1))
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_compaction_is_the_exact_identity(n, theta_1, ratio):
     theta_1 *= DEG
     soil = SOIL.replace(n=n)

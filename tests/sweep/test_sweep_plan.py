@@ -4,7 +4,7 @@ import math
 from collections import Counter
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from rover_pin.base.errors import ParameterError
@@ -23,7 +23,6 @@ def test_grid_has_every_combination_last_parameter_fastest():
     assert [point["terrain.wall_angle"] for point in points[::2]] == [10.0, 35.0, 60.0]
 
 
-@settings(deadline=None)  # the first draw imports scipy.stats
 @given(cases=st.integers(1, 40), seed=st.integers(0, 2**32))
 def test_latin_hypercube_samples_each_stratum_once(cases, seed):
     points = LatinHypercube(cases).choose([ANGLE, SHEAR], seed)

@@ -60,7 +60,7 @@ def test_a_slope_is_one_whole_patch_at_any_heading(yaw):
     assert found[0].facet.normal == pytest.approx(terrain.normal(0.3, 0.0))
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(cut=st.floats(-0.02, 0.02), h=st.floats(1e-4, 0.02), n=st.floats(0.3, 1.6))
 def test_parts_of_a_plane_add_up_to_the_plane(cut, h, n):
     """For any exponent: one sinkage, shares that add up to 1, leans that cancel."""
@@ -212,7 +212,7 @@ def test_an_edge_pushes_by_what_moving_across_it_stores(n):
     assert push == pytest.approx(-1.26 * (stored(0.016) - stored(0.006)) / B, rel=0.06)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(
     at=st.floats(-0.1, 0.3),
     depth=st.floats(0.001, 0.015),
