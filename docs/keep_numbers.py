@@ -36,7 +36,7 @@ COMMANDS: dict[str, tuple[tuple[str, ...], Patterns]] = {
         "before after": rf"sinkage: RMSE {NUMBER} mm -> {NUMBER} mm",
         "n_1 n_1_low n_1_high": rf"SlipSinkage.n_1 = {INTERVAL}",
         "exponent softening": rf"SlipSinkage \({NUMBER}\) or SlipSoftening \({NUMBER}\)",
-        "softened": rf"with SlipSoftening instead: held-out RMSE drawbar pull {WORD} N, sinkage {NUMBER} mm",
+        "softened": rf"with SlipSoftening instead: [^;]+; held-out RMSE drawbar pull {WORD} N, sinkage {NUMBER} mm",
         "anew": rf"of all hypotheses together: drawbar pull {WORD} N, sinkage {NUMBER} mm",
         "pressing pressing_low pressing_high": rf"rig.pressing_scale = {INTERVAL}",
     }),

@@ -16,7 +16,7 @@ from rover_pin.discrepancy.held_out_errors import fold_errors, held_out, lost_fo
 from rover_pin.discrepancy.question import Progress, Question
 from rover_pin.discrepancy.search import Search
 from rover_pin.discrepancy.signature import signatures
-from rover_pin.discrepancy.verdict import Side, Verdict
+from rover_pin.discrepancy.verdict import Alternative, Side, Verdict
 from rover_pin.estimation.experiment import Differentiable
 from rover_pin.estimation.fit import Fit, again
 from rover_pin.estimation.numbers import AT_BOUND, Number, implausible
@@ -169,7 +169,7 @@ def verdict_of(question: Question, beliefs: Beliefs, progress: Progress, seed: i
         lost_folds(errors.channels, question.experiment.no_value),
         beliefs=beliefs,
         errors_anew=dict(zip(question.experiment.channels, errors_without(beliefs), strict=True)),
-        others=_others(beliefs, decision) if decision.answer is Answer.SET else {},
+        others=_others(beliefs, decision),
     )
 
 
@@ -210,7 +210,14 @@ def _numbers_at_bound(after: Side, decision: Decision) -> tuple[str, ...]:
     return tuple(f"{number.name} lies at its bound" for number in rows) if prefixes else ()
 
 
-def _others(beliefs: Beliefs, decision: Decision) -> dict[str, dict[str, float]]:
-    """Return the held-out errors by channel of the sets beside the first."""
-    others = {names: beliefs.best(names) for names in decision.sets[1 : 1 + MAX_LISTED] if names}
-    return {" + ".join(names): fold_errors(rival.fit) for names, rival in others.items() if rival.is_fitted}
+def _others(beliefs: Beliefs, decision: Decision) -> dict[str, Alternative]:
+    """Return the fitted sets of causes that the data leave besides what is kept."""
+    sets = [names for names in decision.sets if names and names != decision.retained][:MAX_LISTED]
+    rivals = [rival for rival in map(beliefs.best, sets) if rival.is_fitted]
+    return {" + ".join(rival.names): _alternative(beliefs, rival) for rival in rivals}
+
+
+def _alternative(beliefs: Beliefs, rival: Hypothesis) -> Alternative:
+    amplitudes = {name for cause in rival.causes for name in cause.amplitudes}
+    fitted_amplitudes = [number for number in side_of(beliefs, rival).numbers if number.name in amplitudes]
+    return Alternative(tuple(fitted_amplitudes), fold_errors(rival.fit))

@@ -44,6 +44,13 @@ class Side(NamedTuple):
     "in the noise widened to what it leaves, where that is more than was declared"
 
 
+class Alternative(NamedTuple):
+    """A set of causes that may act instead: the sizes of its causes, and its held-out RMSE by channel."""
+
+    numbers: tuple[Number, ...]
+    errors: dict[str, float]
+
+
 @brief
 @dataclass(frozen=True, eq=False)
 class Verdict:
@@ -88,8 +95,8 @@ class Verdict:
     errors_anew: dict[str, float] = field(default_factory=dict, repr=False)
     "RMSE of each channel, every fold predicted with what is chosen and fitted without it, or by all hypotheses as \
 the other folds weigh them"
-    others: dict[str, dict[str, float]] = field(default_factory=dict, repr=False)
-    "of a set: held-out RMSE of each channel with what cannot be distinguished from the first, by name"
+    others: dict[str, Alternative] = field(default_factory=dict, repr=False)
+    "sets that cannot be distinguished from what is kept, by name"
     draft: Draft | None = field(default=None, repr=False)
     "of what is on no list, as it was tried"
     extra: Extra | None = field(default=None, repr=False)
@@ -126,17 +133,6 @@ the other folds weigh them"
         among = f", and with another in {more}" if more else ""
         return f"{' + '.join(self.named)} chosen in {self.agreeing_folds} of {len(self.chosen)} folds{among}"
 
-    @property
-    def _missed_anew(self) -> str:
-        errors_text = self._errors_text(self.errors_anew)
-        return f"; held-out RMSE of all hypotheses together: {errors_text}" if errors_text else ""
-
-    @property
-    def _noise_taken(self) -> str:
-        assert self.beliefs is not None
-        taken = ", ".join(f"{name} {times:.2f}" for name, times in self.beliefs.noise_taken(self.named).items())
-        return f"taken for noise: {taken} times {usual_noise(self.beliefs)}"
-
     def _errors_text(self, errors: dict[str, float]) -> str:
         units = {score.name: score.unit for score in self.scores}
         return ", ".join(
@@ -154,11 +150,16 @@ the other folds weigh them"
         lines += [f"  check: {finding}" for finding in self.findings]
         if self.before is not None and self.after is not None:
             lines += [f"  reduced chi-square: {self.before.misfit:.3g} -> {self.after.misfit:.3g}; 1 is the noise"]
-        lines += [f"  {score_line(score)}" for score in self.scores if is_claimable(score) or len(self.scores) <= FEW]
-        lines += [f"  {self._noise_taken}"] if self.beliefs is not None else []
-        others = {name: self._errors_text(errors) for name, errors in self.others.items()}
-        lines += [f"  with {name} instead: held-out RMSE {text}" for name, text in others.items()]
-        lines += [f"  {self.chosen_again}{self._missed_anew}"] if self.chosen else []
+        is_short, anew = len(self.scores) <= FEW, self._errors_text(self.errors_anew)
+        lines += [f"  {score_line(score)}" for score in self.scores if score.worded.outcome in CLAIMED or is_short]
+        if self.beliefs is not None:
+            taken = ", ".join(f"{name} {times:.2f}" for name, times in self.beliefs.noise_taken(self.named).items())
+            lines.append(f"  taken for noise: {taken} times {usual_noise(self.beliefs)}")
+        for name, (numbers, errors) in self.others.items():
+            numbers_text = ", ".join(number.text for number in numbers)
+            lines.append(f"  with {name} instead: {numbers_text}; held-out RMSE {self._errors_text(errors)}")
+        missed = f"; held-out RMSE of all hypotheses together: {anew}" if anew else ""
+        lines += [f"  {self.chosen_again}{missed}"] if self.chosen else []
         lines += [f"  {got_worse((score.name, score.worded) for score in self.scores)}"] if self.named else []
         lines += [f"  {line}" for line in (self.extra.lines(bool(self.named)) if self.extra else [])]
         lines += [f"  draft: {line}" for line in (self.draft.lines() if self.draft else [])]
@@ -181,15 +182,9 @@ the other folds weigh them"
         prefixes = tuple(name.partition("@")[0] + "." for name in self.named)
         return [number for number in numbers if number.name.startswith(prefixes) or number in self.drifted]
 
-    @property
-    def _posterior(self) -> dict[str, Any]:
-        if self.beliefs is None:
-            return {}
-        return {**self.beliefs.as_dict(), "noise": self.beliefs.noise_taken(self.named)}
-
     def as_dict(self) -> dict[str, Any]:
         """Return the verdict as plain values for JSON; SI units, NaN and infinities as None."""
-        sides = {"before": self.before, "after": self.after}
+        sides, beliefs = {"before": self.before, "after": self.after}, self.beliefs
         return plain(
             {
                 "kind": self.kind,
@@ -206,7 +201,8 @@ the other folds weigh them"
                 "held_out_folds": [run_score._asdict() for run_score in self.runs],
                 "folds": self.chosen,
                 "held_out_anew": self.errors_anew,
-                "held_out_others": self.others,
+                "held_out_others": {name: alternative.errors for name, alternative in self.others.items()},
+                "others": {name: _numbers(alternative) for name, alternative in self.others.items()},
                 "vetoes": list(self.vetoes),
                 "cautions": list(self.cautions),
                 "findings": [str(finding) for finding in self.findings],
@@ -218,7 +214,7 @@ the other folds weigh them"
                 "draft": self.draft.as_dict() if self.draft else {},
                 "extra": self.extra.as_dict() if self.extra else {},
                 "files": [str(file) for file in self.files],
-                "posterior": self._posterior,
+                "posterior": {**beliefs.as_dict(), "noise": beliefs.noise_taken(self.named)} if beliefs else {},
                 **self.provenance,
             }
         )
@@ -226,12 +222,8 @@ the other folds weigh them"
 
 FEW = 5
 """Channels up to which a summary has a line for each; of more, those whose change can be claimed."""
+CLAIMED = Outcome.BETTER, Outcome.WORSE, Outcome.LOST
 
 
-def is_claimable(score: ChannelScore) -> bool:
-    """Return whether a channel's change is worth a line: it can be claimed."""
-    return score.worded.outcome in (Outcome.BETTER, Outcome.WORSE, Outcome.LOST)
-
-
-def _numbers(side: Side | None) -> dict[str, Any]:
+def _numbers(side: Side | Alternative | None) -> dict[str, Any]:
     return {} if side is None else {number.name: number.as_dict() for number in side.numbers}

@@ -7,6 +7,7 @@ from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.decision import shares
 from rover_pin.discrepancy.held_out_errors import ChannelScore
 from rover_pin.discrepancy.verdict import Verdict
+from rover_pin.estimation.numbers import Number
 from rover_pin.estimation.wording import MAX_NAMED, WORTH, Outcome
 from rover_pin.report.words import Labels, brief, capital, cause, human, kinds_of, listing, pair, with_interval
 
@@ -73,22 +74,20 @@ def _pairs(scores: Sequence[ChannelScore]) -> list[tuple[ChannelScore, tuple[str
 
 
 def _causes(verdict: Verdict, names: Sequence[str], labels: Labels) -> str:
-    """Return what acts, each with its size where it was added."""
-    clauses = []
+    """Return what acts, each with its size where it was fitted."""
+    clauses, alternatives = [], {" + ".join(verdict.named): verdict.after, **verdict.others}
+    side = alternatives.get(" + ".join(names))
+    numbers = side.numbers if side else ()
     for name in names:
-        amplitudes = listing(_amplitudes(verdict, name)) if name in verdict.named else ""
+        amplitudes = listing(_amplitudes(numbers, name))
         clauses.append(cause(name, kinds_of(verdict), labels.placed) + (f": {amplitudes}" if amplitudes else ""))
     return "; and ".join(clauses) if len(clauses) > 1 else "".join(clauses)
 
 
-def _amplitudes(verdict: Verdict, name: str) -> list[str]:
+def _amplitudes(fitted: Sequence[Number], name: str) -> list[str]:
     """Return the fitted numbers of a cause, without a name where it is one that its unit explains."""
     owner = name.partition("@")[0]
-    numbers = [
-        number
-        for number in (verdict.after.numbers if verdict.after else ())
-        if number.name == name or number.name.startswith(f"{owner}.")
-    ]
+    numbers = [number for number in fitted if number.name == name or number.name.startswith(f"{owner}.")]
     if len(numbers) == 1 and (numbers[0].unit or numbers[0].name == name):
         return [with_interval(numbers[0])]
     return [f"{number.name.rpartition('.')[2]} = {with_interval(number)}" for number in numbers]

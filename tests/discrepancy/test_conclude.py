@@ -51,7 +51,12 @@ def test_two_that_do_the_same_are_a_set():
     found = conclude(toys.question(experiment, NAMES), quiet)
     assert found.answer is Answer.SET
     assert {*found.indistinguishable} >= {"q", "r"}
-    assert len(found.others) >= 1
+    kept, other = {"q", "r"} & {*found.named}, {"q", "r"} & {*found.others}
+    assert (len(kept), len(other)) == (1, 1)
+    (size,) = found.others[other.pop()].numbers
+    assert size.low < 1.5 < size.high
+    assert size.name in found.summary()
+    assert found.as_dict()["others"].keys() == found.as_dict()["held_out_others"].keys() == found.others.keys()
     assert found.effects[0].name == found.named[0]
 
 

@@ -7,6 +7,8 @@ import pytest
 
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.held_out_errors import ChannelScore, RunScore
+from rover_pin.discrepancy.verdict import Alternative
+from rover_pin.estimation.numbers import Number
 from rover_pin.report.drive.report import labels_of
 from rover_pin.report.headline import headline, improvement
 from rover_pin.report.reasons import next_run, opposing_reasons, supporting_reasons
@@ -49,6 +51,14 @@ def test_the_headline_states_cause_size_and_confidence(verdict):
         told = tuple(map(float, found.groups()))
         assert told == pytest.approx((number.value, number.low, number.high), rel=0.06)
     assert said.endswith(f"with probability {verdict.beliefs.inclusion('SupplySag'):.2f}.")
+
+
+def test_the_headline_states_the_size_of_each_of_a_set(rig):
+    """Sets that cannot be distinguished are equivalents: this much of one, or that much of another."""
+    tilt = Number("GravityTilt.angle", "rad", 0.029, 0.02, 0.04, float("nan"))
+    sets = {"indistinguishable": ("SlipSinkage", "GravityTilt"), "others": {"GravityTilt": Alternative((tilt,), {})}}
+    said = headline(dataclasses.replace(rig, answer=Answer.SET, beliefs=None, **sets), RIG)
+    assert said.split("; or ")[1].endswith(": 1.7 deg [1.1, 2.3]: these data cannot tell.")
 
 
 def test_what_got_worse_stands_in_the_sentence(rig):
