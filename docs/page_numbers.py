@@ -103,6 +103,7 @@ def fields() -> Mapping[str, Any]:
         "gallery": kept("gallery").to_dict("records"),
         "log_loop": log_loop(),
         "measured_loops": kept("measured_wheels", keep_default_na=False).to_dict("records"),
+        "loops_over": loops_over(),
         "mutation": kept("mutation").to_dict("records"),
         "next_run": next_runs(),
         "pendulum": pendulum(),
@@ -379,6 +380,13 @@ def measured_wheels() -> dict[str, Any]:
             curves = {curve: cells[alone, curve] for curve in CURVES}
             tables["from the others"].append({"set": name, "held": cells[alone, study.THE_LAW], **curves})
     return {**tables, "apart": cells[study.APART + study.ONE + "smooth", study.LAW]}
+
+
+def loops_over() -> dict[str, str]:
+    """Return, in words, the errors of all hypotheses together on measured wheels over those of each curve."""
+    sys.path.insert(0, str(STUDIES))
+    study, rows = importlib.import_module("measured_wheels"), kept("measured_wheels", keep_default_na=False)
+    return {curve: study.in_words(study.over(rows.to_dict("records"), curve)) for curve in study.CURVES}
 
 
 def _cell(errors: Sequence[float | None]) -> str:

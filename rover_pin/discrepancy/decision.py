@@ -32,9 +32,9 @@ def decide(beliefs: Beliefs) -> Decision:
     """Return the answer: the most probable set is named where nearly all that is probable contains it.
 
     Nothing is missing, or nothing of the list, where that is more likely than not. Where a family of causes is, its
-    leading set is kept, alone or among others, of which nothing may be one; where neither is, the data cannot tell.
-    Where only what is declared of a number is otherwise, the base model as declared does not describe the data. A set
-    whose laws more likely than not leave more than noise is like what is missing.
+    leading set is kept, alone or among others, of which nothing may be one; where neither is, the data cannot tell
+    what is missing. Where only what is declared of a number is otherwise, the base model as declared does not describe
+    the data. A set whose laws more likely than not leave more than noise is like what is missing.
     """
     none = beliefs.sets.get(frozenset(), 0.0)
     otherwise = beliefs.probability(lambda hypothesis: {cause.family for cause in hypothesis.causes} == {DECLARED})
@@ -43,10 +43,9 @@ def decide(beliefs: Beliefs) -> Decision:
             return Decision(Answer.INADEQUATE, otherwise=_leading(beliefs)[0])
         leaves = beliefs.leaves_more(()) > MOST or _is_beyond(beliefs)
         return Decision(Answer.NONE_FITS if leaves else Answer.NONE_NEEDED)
-    sets = _leading(beliefs)
+    sets = tuple(sorted(_leading(beliefs), key=lambda names: not names))
     if max((p for family, p in beliefs.families.items() if family != DECLARED), default=0.0) <= MOST:
         return Decision(Answer.CANNOT_TELL, (), sets)
-    sets = tuple(sorted(sets, key=lambda names: not names))
     retained = sets[0]
     contained = beliefs.probability(lambda hypothesis: set(retained) <= set(hypothesis.names))
     if contained <= SURE:
@@ -98,7 +97,7 @@ def sentence(decision: Decision, beliefs: Beliefs, share: float, misfit: float) 
         f"more than noise (reduced chi-square {misfit:.3g}): something acts that is not on the list.",
         Answer.INADEQUATE: "the base model meets the data only with numbers far from what is declared of them"
         + (f": {', '.join(decision.otherwise)}." if decision.otherwise else "."),
-        Answer.CANNOT_TELL: f"the data cannot tell: {_families(beliefs)}{listed}.{besides}",
+        Answer.CANNOT_TELL: f"something is missing with probability {1.0 - none:.2f}: {listed}.{besides}",
     }[decision.answer]
     return words + _besides(decision, beliefs)
 

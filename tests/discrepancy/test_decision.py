@@ -69,6 +69,11 @@ def test_nothing_stands_last_in_a_set_that_it_may_be():
     assert "A (0.60) or nothing (0.40)" in sentence(decide(made), made, 0.8, 1.0)
 
 
+def test_where_no_family_leads_it_says_how_likely_anything_is():
+    made = beliefs("- .4 A .3 B .3")
+    assert "probability 0.60: A (0.30) or B (0.30) or nothing (0.40)" in sentence(decide(made), made, 0.0, 1.0)
+
+
 @pytest.mark.parametrize("text", ["A .99 - .01", "A .6 B .39 - .01", "A .9 - .1"])
 def test_what_is_beyond_the_noise_is_told_after_any_answer(text):
     """No channel that is left with more than thrice its noise is passed over, whatever was named."""
