@@ -57,9 +57,9 @@ from rover_pin.measurements.rig_reading import read_rig_set
 
 GENERATOR = Path(__file__).parents[1] / "tests" / "oracle" / "rig_generator.py"
 
-CALIBRATION, REPORTED = 10_000, 91_000
-"""First seeds: of the sets on which limits were set, and of those that are reported; of the former search 71_000 at
-commit b0f411a and 81_000 at 1e0fd52."""
+CALIBRATION, REPORTED = 10_000, 92_000
+"""First seeds: of the sets on which limits were set, and of those that are reported; before, 91_000 at 03f98634, and of
+the former search 71_000 at commit b0f411a and 81_000 at 1e0fd52."""
 
 
 class Listed(NamedTuple):
