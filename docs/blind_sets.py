@@ -76,12 +76,18 @@ def told_unknown(sets: pd.DataFrame) -> Count:
     return int((sets.outcome.isin(ABSTAINED) | (sets.acts_besides.astype(str) == "True")).sum()), len(sets)
 
 
+def listed(sets: pd.DataFrame) -> Count:
+    """Return how many sets have what they hide named, in the set, or among what stays open."""
+    left_open = sets[sets.answer == "cannot tell"]
+    also = sum(row.truth in row.alike.split(" or ") for row in left_open.itertuples())
+    return share(sets, NAMED)[0] + also, len(sets)
+
+
 SHARES: dict[str, tuple[str, Callable[[pd.DataFrame], Count]]] = {
     "one effect: detectable": ("", lambda sets: (len(of_kind(sets, ONE, True)), len(of_kind(sets, ONE)))),
     "detectable: named, or in the stated set": (">= 97 %", lambda sets: share(of_kind(sets, ONE, True), NAMED)),
     "detectable: named alone": (">= 80 %", lambda sets: share(of_kind(sets, ONE, True), ["named"])),
-    'detectable: left open ("cannot tell")': ("", lambda sets: (
-        int((of_kind(sets, ONE, True).answer == "cannot tell").sum()), len(of_kind(sets, ONE, True)))),
+    'detectable: the same, or among what "cannot tell" lists': ("", lambda sets: listed(of_kind(sets, ONE, True))),
     "detectable: wrong name, or one too many": ("<= 2 %", lambda sets: share(of_kind(sets, ONE, True), WRONG)),
     "too small to detect: wrong name": ("", lambda sets: share(of_kind(sets, ONE, False), WRONG)),
     "two effects, both detectable: pair named, or in the set": (

@@ -158,7 +158,7 @@ def verdict_of(question: Question, beliefs: Beliefs, progress: Progress, seed: i
         after.model,
         tuple(records[owner] for owner in owners if is_effect(records[owner])) if decision.retained else (),
         decision.retained,
-        names if decision.retained else (),
+        names,
         share,
         before,
         after,

@@ -68,7 +68,7 @@ class Verdict:
     named: tuple[str, ...] = ()
     "what was added, or freed, by name"
     indistinguishable: tuple[str, ...] = ()
-    "what was found best, then what cannot be distinguished from it"
+    "the sets that the data leave, the best first"
     share: float = 0.0
     "of what is missed beyond the noise on data left out, what was added takes so much"
     before: Side | None = field(default=None, repr=False)

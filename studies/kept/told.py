@@ -20,8 +20,8 @@ def plain(name: str) -> str:
 
 
 def alike_of(verdict: Verdict) -> tuple[tuple[str, ...], ...]:
-    """Return every set of causes that the data do not tell apart, where one is kept."""
-    return tuple(tuple(map(plain, one.split(" + "))) for one in verdict.indistinguishable) if verdict.named else ()
+    """Return every set of causes that the data leave."""
+    return tuple(tuple(map(plain, one.split(" + "))) for one in verdict.indistinguishable)
 
 
 def acts_besides(verdict: Verdict) -> bool:

@@ -60,6 +60,16 @@ def test_two_that_do_the_same_are_a_set():
     assert found.effects[0].name == found.named[0]
 
 
+def test_what_cannot_be_told_is_listed_and_none_of_it_kept():
+    experiment = toys.made(NAMES, {"q": 0.6}, size=12.0)
+    for name in ("p", "r", "s"):
+        experiment.columns[name] = 1.01 * experiment.columns["q"]
+    found = conclude(toys.question(experiment, NAMES), quiet)
+    assert (found.answer, found.named) == (Answer.CANNOT_TELL, ())
+    assert {*found.indistinguishable} >= {*NAMES}
+    assert found.as_dict()["alike"] == [*found.indistinguishable]
+
+
 @pytest.mark.parametrize(
     ("far", "declared", "answer"),
     [(1.1, True, Answer.INADEQUATE), (0.9, True, Answer.NONE_NEEDED), (1.1, False, Answer.NONE_NEEDED)],

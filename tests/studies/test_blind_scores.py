@@ -22,10 +22,6 @@ def test_a_place_on_the_way_is_no_part_of_an_answer():
     assert told.inclusion_of(of, ["HardPatch"]) == {"HardPatch": 0.97}
 
 
-def test_nothing_is_answered_where_nothing_is_kept():
-    assert told.alike_of(verdict((), ("nothing",), {})) == ()
-
-
 def test_true_causes_are_kept_however_improbable():
     found = told.inclusion_of(verdict((), (), {"A": 0.02, "B": 0.009, "C": 0.001}), ["C", "D"])
     assert found == {"C": 0.001, "D": 0.0, "A": 0.02}
