@@ -56,7 +56,7 @@ BY_HAND = {
     "python studies/blind_test.py --sets 150 --under any --without 2": "149 loops, two hours of CPU; as well",
     "python studies/blind_pendulum.py": "30 loops, six minutes of CPU; `tests/loop/test_pendulum.py` reads its sets",
     "python studies/blind_improve.py": "40 loops and tunings, 70 minutes of CPU; pages are made of its sets",
-    "python studies/next_run.py": "some 200 loops, an hour of CPU",
+    "python studies/next_run.py": "some 200 loops, half an hour of CPU",
     "python studies/fig10_ditch.py": "1,200 drives, ten minutes; pages are made of its table",
     "python studies/tune_gains.py": "two tunings, a minute of CPU; its table as well",
     "python studies/tune_as_driven.py": "3,000 drives, twenty minutes of CPU; pages are made of its table",
