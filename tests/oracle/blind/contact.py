@@ -140,7 +140,8 @@ class Contact:
             arms = (theta_1, -ratio * theta_1), (p["theta_1"], theta_2)
             peaked = peak(S, arms, p, soil, f_n, torque / share)
         torque = torque / share * f_n
-        f_t = torque / r
+        paid = np.where(torque > 0.0, 1.0 + np.minimum(S, 0.0), 1.0)  # r omega / v: the soil gives no work
+        f_t = paid * torque / r
         damped = np.maximum(0.0, 1.0 + p["damping"] * approach)
         f_n, f_t, torque = f_n * damped, f_t * damped, torque * damped
         sense = v / np.sqrt(v * v + p["v_0"] ** 2)
@@ -161,7 +162,7 @@ class Contact:
             grown, extra = peaked
             carried = (1.0 + grown) * f_n * extra
             f_n, f_y, f_t, torque = ((1.0 + grown) * each for each in (f_n, f_y, f_t, torque))
-            f_t, torque = f_t + carried / r, torque + carried
+            f_t, torque = f_t + paid * carried / r, torque + carried
         gain = 0.0
         if "PostPeak" in on:
             gain = -p["PostPeak.fraction"] * (1.0 - np.exp(-((S / p["PostPeak.S_w"]) ** 2)))
@@ -171,8 +172,8 @@ class Contact:
         if "Washboard" in on:
             wave = np.sin(2 * np.pi * p["x"] / p["Washboard.length"] + p["Washboard.phase"])
             gain = (1.0 + gain) * (1.0 + p["Washboard.A"] * wave) - 1.0
-        f_t, f_y, torque = f_t + gain * torque / r, f_y + gain * f_y, (1.0 + gain) * torque
-        f_t, torque = f_t + (q - 1.0) * torque / r, q * q * torque
+        f_t, f_y, torque = f_t + gain * paid * torque / r, f_y + gain * f_y, (1.0 + gain) * torque
+        f_t, torque = f_t + (q - 1.0) * paid * torque / r, q * q * torque
 
         dug_rate = np.zeros_like(v)
         if "DiggingMemory" in on:
