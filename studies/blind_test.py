@@ -22,8 +22,8 @@ What differs
     Detectable is a true set whose evidence times prior is 3 nats more than the base's, of two also than that of each
     alone, by the loop's own fits. Of what is on no list it is anything at all that is 3 nats more than a base that
     leaves noise. Most hidden effects follow the same laws as the package's, written down and integrated once more;
-    those of kind other-law do not. Braked wheels of the generator pull T / r, more than their torque pays for
-    (`soil.wheel_forces.paid_for`): on sets with R below F(0) what is found of R is 2 to 9 % low.
+    those of kind other-law do not. Braked wheels of that commit's generator pull T / r, more than their torque
+    pays for (`soil.wheel_forces.paid_for`): where R is below F(0) it is found 2 to 9 % low. They no longer do.
 
 Run: python studies/blind_test.py [--quick] [--seed N] [--sets N] [--under any] [--first N] [--skip N] [--workers N]
 """
