@@ -15,6 +15,7 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import jinja2
@@ -124,6 +125,13 @@ def fields() -> Mapping[str, Any]:
         "wheels": measured_wheels(),
     }
     return of | {"tables": tables(of)}
+
+
+def study_of(name: str) -> ModuleType:
+    """Return a study as a module."""
+    if str(STUDIES) not in sys.path:
+        sys.path.insert(0, str(STUDIES))
+    return importlib.import_module(name)
 
 
 def kept(name: str, **options: Any) -> pd.DataFrame:
@@ -365,8 +373,7 @@ def measured_wheels() -> dict[str, Any]:
     cells: dict[tuple[str, str], str] = {}
     for row in kept("wheel_laws").to_dict("records"):
         cells[row["set"], row["law"]] = _cell([row["drawbar_pull_N"], row["sinkage_mm"], row["side_force_N"]])
-    sys.path.insert(0, str(STUDIES))
-    study = importlib.import_module("wheel_laws")
+    study = study_of("wheel_laws")
     tables: dict[str, Any] = {"own": [], "from the others": []}
     for name, law in {**MEASURED, "lugged from smooth": "lugs, sand on sand by the rim's m"}.items():
         curves = {curve: cells[name, curve] for curve in CURVES}
@@ -384,8 +391,7 @@ def measured_wheels() -> dict[str, Any]:
 
 def loops_over() -> dict[str, str]:
     """Return, in words, the errors of all hypotheses together on measured wheels over those of each curve."""
-    sys.path.insert(0, str(STUDIES))
-    study, rows = importlib.import_module("measured_wheels"), kept("measured_wheels", keep_default_na=False)
+    study, rows = study_of("measured_wheels"), kept("measured_wheels", keep_default_na=False)
     return {curve: study.in_words(study.over(rows.to_dict("records"), curve)) for curve in study.CURVES}
 
 

@@ -5,16 +5,14 @@ Each name in `PICTURES` is a file of `plots/` in the site.
 
 from __future__ import annotations
 
-import importlib
 import io
-import sys
 from collections.abc import Callable
 from typing import Any
 
 from blind_sets import SHARES
 from matplotlib.figure import Figure
 from mkdocs.structure.files import File, Files
-from page_numbers import MEASURED, STUDIES, kept
+from page_numbers import MEASURED, kept, study_of
 from page_tables import CONTROLS
 from scipy.stats import binomtest
 
@@ -104,9 +102,7 @@ def wheels() -> Figure:
 
 def ditches() -> Figure:
     """Return the map of Fig 10, as its study draws it."""
-    sys.path.insert(0, str(STUDIES))
-    study = importlib.import_module("fig10_ditch")
-    drawn: Figure = study.draw_map(kept("fig10_map"))
+    drawn: Figure = study_of("fig10_ditch").draw_map(kept("fig10_map"))
     return drawn
 
 

@@ -178,15 +178,11 @@ def side_of(beliefs: Beliefs, hypothesis: Hypothesis) -> Side:
     fitted = hypothesis.fit
     noise = hypothesis.experiment.noise()
     declared = fitted if noise is None else replace(fitted, task=Task(hypothesis.experiment, noise))
-    amplitudes = {name for cause in hypothesis.causes for name in cause.amplitudes}
-    numbers = tuple(
-        _number(beliefs, hypothesis, place, parameter.name in amplitudes)
-        for place, parameter in enumerate(fitted.parameters)
-    )
+    numbers = tuple(_number(beliefs, hypothesis, place) for place in range(len(fitted.parameters)))
     return Side(fitted.model, numbers, declared.misfit, fitted)
 
 
-def _number(beliefs: Beliefs, hypothesis: Hypothesis, place: int, is_size: bool) -> Number:
+def _number(beliefs: Beliefs, hypothesis: Hypothesis, place: int) -> Number:
     """Return a number with its 95 % interval, the hypotheses that contain this one weighed."""
     fitted = hypothesis.fit
     parameter, u = fitted.parameters[place], float(fitted.u[place])
@@ -198,9 +194,13 @@ def _number(beliefs: Beliefs, hypothesis: Hypothesis, place: int, is_size: bool)
     at_bound = min(u - parameter.bounds[0], parameter.bounds[1] - u) <= AT_BOUND
     closed = low > parameter.bounds[0] and high < parameter.bounds[1]
     covered = (high - low) / (parameter.bounds[1] - parameter.bounds[0])
-    drift = math.nan if is_size else u
+    drift = math.nan if _is_amplitude(hypothesis, parameter.name) else u
     prior_facts = (parameter.beforehand, covered, parameter.declared, parameter.source)
     return Number(parameter.name, unit, parameter.value(u), ends[0], ends[1], drift, closed, at_bound, *prior_facts)
+
+
+def _is_amplitude(hypothesis: Hypothesis, name: str) -> bool:
+    return any(name in cause.amplitudes for cause in hypothesis.causes)
 
 
 def _numbers_at_bound(after: Side, decision: Decision) -> tuple[str, ...]:
@@ -218,6 +218,6 @@ def _others(beliefs: Beliefs, decision: Decision) -> dict[str, Alternative]:
 
 
 def _alternative(beliefs: Beliefs, rival: Hypothesis) -> Alternative:
-    amplitudes = {name for cause in rival.causes for name in cause.amplitudes}
-    fitted_amplitudes = [number for number in side_of(beliefs, rival).numbers if number.name in amplitudes]
-    return Alternative(tuple(fitted_amplitudes), fold_errors(rival.fit))
+    names = [parameter.name for parameter in rival.fit.parameters]
+    numbers = tuple(_number(beliefs, rival, at) for at, name in enumerate(names) if _is_amplitude(rival, name))
+    return Alternative(numbers, fold_errors(rival.fit))

@@ -89,8 +89,8 @@ def _doubts(verdict: Verdict, labels: Labels) -> Iterator[str]:
         yield f"{labels.channel(score.name)} is predicted worse by {share(score.change)} {labels.unseen}"
     if verdict.named:
         yield from _choice_reasons(verdict, labels, False)
-    if verdict.named and len(verdict.indistinguishable) > 1:
-        yield f"{listing(verdict.indistinguishable[1:4], 'or')} cannot be distinguished from it by these data"
+        if len(verdict.indistinguishable) > 1:
+            yield f"{listing(verdict.indistinguishable[1:4], 'or')} cannot be distinguished from it by these data"
     worst_run = max(verdict.runs, key=lambda run_score: run_score.after / max(run_score.before, 1e-9), default=None)
     if verdict.named and worst_run is not None and worst_run.after > AT_FLOOR * worst_run.before:
         yield (
