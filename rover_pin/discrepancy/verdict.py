@@ -146,8 +146,7 @@ the other folds weigh them"
 
     def summary(self) -> str:
         """Return the verdict in a page of text; angles in degrees."""
-        lines = [f"{self.name}: {self.answer.value}", f"  {self.sentence}"]
-        lines += [f"  check: {finding}" for finding in self.findings]
+        lines = [f"{self.name}: {self.answer.value}", f"  {self.sentence}", *(f"  check: {f}" for f in self.findings)]
         if self.before is not None and self.after is not None:
             lines += [f"  reduced chi-square: {self.before.misfit:.3g} -> {self.after.misfit:.3g}; 1 is the noise"]
         is_short, anew = len(self.scores) <= FEW, self._errors_text(self.errors_anew)
@@ -156,8 +155,9 @@ the other folds weigh them"
             taken = ", ".join(f"{name} {times:.2f}" for name, times in self.beliefs.noise_taken(self.named).items())
             lines.append(f"  taken for noise: {taken} times {usual_noise(self.beliefs)}")
         for name, (numbers, errors) in self.others.items():
-            numbers_text = ", ".join(number.text for number in numbers)
-            lines.append(f"  with {name} instead: {numbers_text}; held-out RMSE {self._errors_text(errors)}")
+            beside = f"  with {name} instead: " if self.named else f"  with {name}: "
+            fitted = ", ".join(number.text for number in numbers)
+            lines.append(f"{beside}{fitted}; held-out RMSE {self._errors_text(errors)}")
         missed = f"; held-out RMSE of all hypotheses together: {anew}" if anew else ""
         lines += [f"  {self.chosen_again}{missed}"] if self.chosen else []
         lines += [f"  {got_worse((score.name, score.worded) for score in self.scores)}"] if self.named else []

@@ -77,11 +77,10 @@ def _causes(verdict: Verdict, names: Sequence[str], labels: Labels) -> str:
     """Return what acts, each with its size where it was fitted."""
     clauses, alternatives = [], {" + ".join(verdict.named): verdict.after, **verdict.others}
     side = alternatives.get(" + ".join(names))
-    numbers = side.numbers if side else ()
     for name in names:
-        amplitudes = listing(_amplitudes(numbers, name))
+        amplitudes = listing(_amplitudes(side.numbers if side else (), name))
         clauses.append(cause(name, kinds_of(verdict), labels.placed) + (f": {amplitudes}" if amplitudes else ""))
-    return "; and ".join(clauses) if len(clauses) > 1 else "".join(clauses)
+    return "; and ".join(clauses)
 
 
 def _amplitudes(fitted: Sequence[Number], name: str) -> list[str]:
@@ -98,16 +97,18 @@ def _named_sentence(verdict: Verdict, labels: Labels) -> str:
 
 
 def _set_sentence(verdict: Verdict, labels: Labels) -> str:
-    sets = [tuple(names.split(" + ")) if names != "nothing" else () for names in verdict.indistinguishable[:3]]
+    sets = [tuple(names.split(" + ")) if names != "nothing" else () for names in verdict.indistinguishable]
     return f"either {_choice(verdict, labels, sets or [verdict.named])}: these data cannot tell."
 
 
 def _choice(verdict: Verdict, labels: Labels, sets: Sequence[tuple[str, ...]]) -> str:
-    """Return sets of causes with the probability of each, of all that contain it and none before it."""
+    """Return the most probable sets, each with the probability of all that contain it and none before it."""
     rows = shares(sets, verdict.beliefs) if verdict.beliefs else [(names, math.nan) for names in sets]
+    most = sorted(rows, key=lambda row: -row[1])[:MAX_NAMED]
     return "; or ".join(
         (_causes(verdict, names, labels) or NOTHING) + (f", with probability {p:.2f}" if math.isfinite(p) else "")
         for names, p in rows
+        if (names, p) in most
     )
 
 

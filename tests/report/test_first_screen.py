@@ -2,6 +2,7 @@
 
 import dataclasses
 import re
+from types import SimpleNamespace
 
 import pytest
 
@@ -59,6 +60,16 @@ def test_the_headline_states_the_size_of_each_of_a_set(rig):
     sets = {"indistinguishable": ("SlipSinkage", "GravityTilt"), "others": {"GravityTilt": Alternative((tilt,), {})}}
     said = headline(dataclasses.replace(rig, answer=Answer.SET, beliefs=None, **sets), RIG)
     assert said.split("; or ")[1].endswith(": 1.7 deg [1.1, 2.3]: these data cannot tell.")
+
+
+def test_the_headline_lists_the_most_probable_of_many_sets(rig):
+    """That nothing is missing stands last, and may be the most probable of five sets all the same."""
+    held = {("SlipSinkage",): 0.4, ("GravityTilt",): 0.2, ("TrackingDelay",): 0.1, ("SupplySag",): 0.02, (): 0.28}
+    beliefs = SimpleNamespace(sets={frozenset(names): p for names, p in held.items()}, hypotheses=())
+    sets = tuple(" + ".join(names) or "nothing" for names in held)
+    said = headline(dataclasses.replace(rig, answer=Answer.SET, beliefs=beliefs, indistinguishable=sets), RIG)
+    assert re.findall(r"probability ([\d.]+\d)", said) == ["0.40", "0.20", "0.10", "0.28"]
+    assert "nothing is missing, with probability 0.28" in said
 
 
 def test_what_got_worse_stands_in_the_sentence(rig):
