@@ -27,6 +27,8 @@ class Logged(Protocol):
 PLACE = ("body_x", "body_y", "body_yaw")
 UNEVEN = 0.1
 """Share of the usual time between rows by which every tenth differs. Why: less moves a step by 0.01 s at 10 Hz."""
+MISSED = 1.5
+"""Times the usual time between rows from which one was not written, or very late. Why: half-way to the next."""
 
 
 def true_inputs(model: Model, run: Logged) -> dict[str, np.ndarray]:
@@ -59,12 +61,46 @@ def tied_means(model: Model, values: np.ndarray) -> np.ndarray:
     return means
 
 
-def is_uneven(t: np.ndarray) -> bool:
-    """Return whether every tenth time between rows differs from the usual one by more than UNEVEN."""
-    dt = np.diff(t)
-    return bool(np.quantile(np.abs(dt / np.median(dt) - 1.0), 0.9) > UNEVEN)
+def is_open(t: np.ndarray) -> np.ndarray:
+    """Return between which rows (T - 1,) it is open when commands changed: all of uneven ones, and where some miss.
+
+    Rows are uneven where every tenth time between them differs from the usual one by more than UNEVEN.
+    """
+    times = np.diff(t) / np.median(np.diff(t))
+    return np.asarray((np.quantile(np.abs(times - 1.0), 0.9) > UNEVEN) | (times > MISSED))
 
 
-def duty_between(t: np.ndarray, duty: np.ndarray) -> np.ndarray:
-    """Return the duties (T, wheels) that act from the row before to each row."""
-    return np.concatenate([duty[:1], (duty[1:] + duty[:-1]) / 2.0]) if is_uneven(t) else duty
+def duty_before(t: np.ndarray, duty: np.ndarray, rows: np.ndarray, period: float) -> np.ndarray:
+    """Return the mean duties (rows, wheels) in the period before each row, of logged ones (T, wheels).
+
+    The duty of a logged row holds since the row before; where it is open when it changed, the mean of both does.
+    """
+    is_in_doubt = is_open(t)[:, None]
+    if not is_in_doubt.any():
+        return duty[np.searchsorted(t, rows - period / 2)]
+    acting = np.concatenate([duty[:1], np.where(is_in_doubt, (duty[1:] + duty[:-1]) / 2.0, duty[1:])])
+    begin = t[0] - period
+    total = np.cumsum(acting * np.diff(t, prepend=begin)[:, None], axis=0)
+    ends = [np.interp([rows - period, rows], [begin, *t], [0.0, *of_wheel]) for of_wheel in total.T]
+    return np.column_stack([after - before for before, after in ends]) / period
+
+
+def fill_gaps(row: np.ndarray) -> np.ndarray:
+    """Return the row with gaps bridged by straight lines; zeros where nothing was measured."""
+    good = np.flatnonzero(np.isfinite(row))
+    return np.interp(np.arange(len(row)), good, row[good]) if good.size else np.zeros(len(row))
+
+
+def means_at(t: np.ndarray, values: np.ndarray, rows: np.ndarray, period: float) -> np.ndarray:
+    """Return the mean of the finite values within half a period of each row; not a number where rows are missing.
+
+    A mean is of the mean time of its values, and between means a value is on a straight line.
+    """
+    at = np.rint((t - rows[0]) / period).astype(int)
+    use = np.isfinite(values) & (at >= 0) & (at < len(rows))
+    count, *sums = (np.bincount(at[use], weights, len(rows)) for weights in (None, t[use], values[use]))
+    if not use.any():
+        return np.full(len(rows), np.nan)
+    time, mean = (total[count > 0] / count[count > 0] for total in sums)
+    spacing = np.diff(t[use], prepend=-np.inf, append=np.inf)[np.searchsorted(t[use], rows)]
+    return np.where((count > 0) | (spacing < MISSED * period), np.interp(rows, time, mean), np.nan)

@@ -16,7 +16,15 @@ from rover_pin.base.errors import DataError
 from rover_pin.effects.tracked_point import DRAWN
 from rover_pin.simulation.compiled.kernel import Kernel
 from rover_pin.simulation.failure import FASTEST, failure
-from rover_pin.simulation.logged_inputs import PLACE, duty_between, rates_of, tied_means, true_inputs
+from rover_pin.simulation.logged_inputs import (
+    PLACE,
+    duty_before,
+    fill_gaps,
+    means_at,
+    rates_of,
+    tied_means,
+    true_inputs,
+)
 from rover_pin.simulation.model.model import Model
 from rover_pin.simulation.native.loop import Loop, Outcome
 from rover_pin.simulation.native.shared import RECORD
@@ -112,7 +120,7 @@ def commands(log: Trace, wheels: tuple[str, ...], steered: tuple[str, ...]) -> C
     """Return the commands and the place of a logged run, on rows of equal distance.
 
     The duty of a row holds since the row before, as the simulator logs it; of uneven rows, which are read at any time
-    between two commands, the mean of both does.
+    between two commands, and where rows are missing, the mean of both does.
 
     Raises
     ------
@@ -130,7 +138,7 @@ def commands(log: Trace, wheels: tuple[str, ...], steered: tuple[str, ...]) -> C
     steer = [_hold_last(log[f"steer_{name}"])[at] if f"steer_{name}" in log else np.zeros(at.size) for name in steered]
     rate = np.column_stack([fill_gaps(means_at(t, omega, rows, period)) for omega in inputs.T]) if rate_driven else None
     command = np.column_stack([_hold_last(column) for column in inputs.T])
-    duty = duty_between(t, command)[at] if rate is None else shares(rate)
+    duty = duty_before(t, command, rows, period) if rate is None else shares(rate)
     course = np.unwrap(_hold_last(yaw))
     begun = np.column_stack([means_at(t, column, rows[:FIRST_ROWS], period) for column in (x, y, course)])
     declared = log.attrs.get("start")
@@ -157,27 +165,12 @@ def shares(rate: np.ndarray) -> np.ndarray:
     return np.asarray(rate / max(float(np.max(np.abs(rate))), 1e-9))
 
 
-def fill_gaps(row: np.ndarray) -> np.ndarray:
-    """Return the row with gaps bridged by straight lines; zeros where nothing was measured."""
-    good = np.flatnonzero(np.isfinite(row))
-    return np.interp(np.arange(len(row)), good, row[good]) if good.size else np.zeros(len(row))
-
-
 def _hold_last(values: np.ndarray) -> np.ndarray:
     """Return the values with every gap filled by the last value before it, or the first after it."""
     good = np.flatnonzero(np.isfinite(values))
     if not good.size:
         return np.zeros_like(values)
     return np.asarray(values[good[np.maximum(np.searchsorted(good, np.arange(len(values)), "right") - 1, 0)]])
-
-
-def means_at(t: np.ndarray, values: np.ndarray, rows: np.ndarray, period: float) -> np.ndarray:
-    """Return the mean of the finite values within half a period of each row; not a number where there is none."""
-    at = np.rint((t - rows[0]) / period).astype(int)
-    use = np.isfinite(values) & (at >= 0) & (at < len(rows))
-    count = np.bincount(at[use], minlength=len(rows))
-    total = np.bincount(at[use], values[use], minlength=len(rows))
-    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
 
 
 def replay(
@@ -253,7 +246,7 @@ def _fields(model: Model, run: Commands, perturbation: Perturbation) -> dict[str
         "force_rows": perturbation.force,
         "grip_rows": perturbation.grip,
     }
-    fields = {name: np.array(values, dtype=float) for name, values in rows.items() if values is not None}
+    fields = {name: np.array(values, dtype=float, order="C") for name, values in rows.items() if values is not None}
     channels = true_inputs(model, run)
     place = np.column_stack([channels[name] for name in PLACE])
     if run.rate is not None:

@@ -79,6 +79,17 @@ def restricted(rows, free, covariance):
     return -2 * law.logpdf(contrasts.T @ rows)
 
 
+def test_an_sd_that_is_known_is_not_learnt(field, noise):
+    """What data say of it moves it nowhere; the others are learnt beside it."""
+    random = np.random.default_rng(3)
+    columns, none = noise.white(field.moved).T, np.zeros((int(noise.good.sum()), 0))
+    kinds = tuple(kind._replace(is_known=at == 0) for at, kind in enumerate(field.kinds))
+    rows = 30.0 * columns @ random.normal(size=columns.shape[1])
+    known, other = learnt_sds(rows, none, columns, dataclasses.replace(field, kinds=kinds))
+    assert (known.sd, known.gain) == (kinds[0].size, 0.0)
+    assert other.sd > 5.0 * kinds[1].size
+
+
 def test_learnt_sds_maximise_the_restricted_likelihood(field, noise):
     random, columns = np.random.default_rng(8), noise.white(field.moved).T
     free = random.normal(size=(len(columns), 3))

@@ -48,6 +48,23 @@ def test_the_duty_between_uneven_rows_is_their_mean():
     assert even.duty[:, 0] == pytest.approx(given[:40])
 
 
+def test_uneven_rows_are_read_at_the_times_of_the_replay():
+    """A first row that is late, from which the replay's rows are counted, does not make all others late."""
+    t = np.random.default_rng(2).uniform(-0.012, 0.012, 200) + 0.05 * np.arange(200)
+    t[0] = 0.018
+    x = 0.1 * np.sin(t)
+    run = commands(Trace({"t_s": t, "body_x": x, "body_y": 0 * t, "body_yaw": 0 * t, "duty_a": 0 * t}), ("a",), ())
+    assert run.place[1:-1, 0] == pytest.approx(0.1 * np.sin(run.t[1:-1]), abs=2e-4)
+
+
+def test_across_missing_rows_the_duty_is_the_mean_of_both():
+    duty = np.where(np.arange(40) < 20, 0.2, 0.6)
+    whole = log(duty_a=duty)
+    rows = (np.arange(40) < 15) | (np.arange(40) > 24)
+    run = commands(Trace({name: whole[name][rows] for name in whole.channels}), ("a",), ())
+    assert run.duty[:, 0] == pytest.approx(np.where((np.arange(40) < 15) | (np.arange(40) > 25), duty, 0.4))
+
+
 def test_command_gaps_hold_the_last_and_heading_is_unwrapped():
     yaw = np.where(np.arange(40) < 20, 3.1, -3.1)
     yaw[25] = NAN

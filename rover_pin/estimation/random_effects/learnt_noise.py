@@ -6,8 +6,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from rover_pin.estimation.fit import Fit, again
-from rover_pin.estimation.noise import Absorbed, Noise, huber_weights, noise_of
-from rover_pin.estimation.random_effects.random_field import RandomField, learnt_sds, random_effects_filter
+from rover_pin.estimation.noise import Absorbed, huber_weights, noise_of
+from rover_pin.estimation.random_effects.random_field import RandomField, learnt_sds, random_effects_filter, scales
 
 TURNS = 2
 """How often noise and fit are made in turn."""
@@ -35,7 +35,9 @@ def residuals(base: Fit, shifts: Sequence[np.ndarray], field: RandomField | None
     responses = [base.slopes[parameter.name] for parameter in base.parameters] + [*shifts]
     free, noise = len(responses), dataclasses.replace(base.task.noise, random_effects=None)
     if field is not None:
-        responses += list(_scales(base.task.noise, field)[:, None, None, None] * field.moved)
+        effects = base.task.noise.random_effects
+        sds = scales(field, effects.learnt) if effects else np.ones(len(field.kind))
+        responses += list(sds[:, None, None, None] * field.moved)
     explained = np.moveaxis(np.array(responses), 0, -1)
     columns, rows = noise.white(np.moveaxis(explained, -1, 0)).T, noise.white(base.residual)
     root = np.sqrt(huber_weights(rows))
@@ -53,16 +55,6 @@ def residuals(base: Fit, shifts: Sequence[np.ndarray], field: RandomField | None
     before = np.concatenate([np.zeros_like(projected[..., :1, :]), projected[..., :-1, :]], axis=-2)
     absorbed = Absorbed(np.sum(projected**2, axis=-1), np.sum(projected * before, axis=-1))
     return np.asarray(base.residual - explained @ share), absorbed
-
-
-def _scales(noise: Noise, field: RandomField) -> np.ndarray:
-    """Return the learnt SD of each column of a field, in its size; 1 before any is learnt."""
-    learnt = (
-        [learnt_sd.sd / learnt_sd.kind.size for learnt_sd in noise.random_effects.learnt]
-        if noise.random_effects
-        else [1.0] * len(field.kinds)
-    )
-    return np.array(learnt)[field.kind]
 
 
 def with_random_effects(base: Fit, shifts: Sequence[np.ndarray], field: RandomField) -> Fit:

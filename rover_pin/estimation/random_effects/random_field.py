@@ -9,7 +9,7 @@ Brynjarsdottir and O'Hagan, Inverse Problems 30 (2014) 114007 (without a prior o
 """
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -28,6 +28,8 @@ class Kind(NamedTuple):
     name: str
     size: float
     unit: str
+    is_known: bool = False
+    "whether the size is the SD with which folds differ, and nothing is to be learnt"
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +42,14 @@ class RandomField:
     fold: np.ndarray
     "index of the fold that each column moves"
     moved: np.ndarray = dataclasses.field(repr=False)
+
+
+def join(parts: Sequence[tuple[Sequence[Kind], Mapping[str, np.ndarray]]]) -> RandomField:
+    """Return one field of several kinds and their columns: each `kind`, among its own, `fold` and `moved`."""
+    kinds = [kind for of_part, _ in parts for kind in of_part]
+    kind = [kinds.index(of_part[0]) + columns["kind"] for of_part, columns in parts]
+    others = (np.concatenate([columns[name] for _, columns in parts]) for name in ("fold", "moved"))
+    return RandomField(tuple(kinds), np.concatenate(kind), *others)
 
 
 class LearntSd(NamedTuple):
@@ -76,13 +86,17 @@ class RandomEffectsFilter:
         return np.concatenate(filtered, axis=-1)
 
 
+def scales(field: RandomField, learnt: Sequence[LearntSd]) -> np.ndarray:
+    """Return the learnt SD of each column, in its size."""
+    return np.array([learnt_sd.sd / learnt_sd.kind.size for learnt_sd in learnt])[field.kind]
+
+
 def expected_draws(field: RandomField, learnt: Sequence[LearntSd], columns: np.ndarray, rows: np.ndarray) -> np.ndarray:
     """Return what each column is expected to have drawn, in its kind's unit, given whitened columns and rows (n, ...).
 
     E[gamma | r] = d (I + d G d)^-1 d b in the columns' sizes.
     """
-    size = np.array([kind.size for kind in field.kinds])[field.kind]
-    d = np.array([learnt_sd.sd for learnt_sd in learnt])[field.kind] / size
+    size, d = np.array([kind.size for kind in field.kinds])[field.kind], scales(field, learnt)
     scaled = columns * d
     return np.asarray(size * d * np.linalg.solve(np.eye(len(d)) + scaled.T @ scaled, scaled.T @ rows))
 
@@ -91,8 +105,7 @@ def random_effects_filter(
     field: RandomField, columns: np.ndarray, good: np.ndarray, learnt: Sequence[LearntSd]
 ) -> RandomEffectsFilter:
     """Return what these SDs take out of rows, given the whitened columns (n, columns)."""
-    scale = np.array([learnt_sd.sd / learnt_sd.kind.size for learnt_sd in learnt])[field.kind]
-    parts = np.split(columns * scale, np.cumsum(good.sum(axis=(1, 2)))[:-1])
+    parts = np.split(columns * scales(field, learnt), np.cumsum(good.sum(axis=(1, 2)))[:-1])
     roots = [_root(part[:, np.any(part != 0.0, axis=0)]) for part in parts]
     basis = np.zeros((*good.shape, max(root.shape[1] for root in roots)))
     for table, fold_mask, root in zip(basis, good, roots, strict=True):
@@ -129,10 +142,11 @@ def learnt_sds(rows: np.ndarray, free: np.ndarray, columns: np.ndarray, field: R
         slope = np.bincount(field.kind, np.diag(left) - left[:, -1] ** 2, minlength=count)
         return float(np.linalg.slogdet(M)[1] - (d2 * b) @ left[:, -1]), slope
 
-    start = np.full(count, 0.1)
-    solution = minimize(loss, start, jac=True, method="L-BFGS-B", bounds=[(0.0, MOST_SCALE**2)] * count).x
+    fixed = np.array([kind.is_known for kind in field.kinds])
+    bounds = [(1.0, 1.0) if is_fixed else (0.0, MOST_SCALE**2) for is_fixed in fixed]
+    solution = minimize(loss, np.where(fixed, 1.0, 0.1), jac=True, method="L-BFGS-B", bounds=bounds).x
     best = np.where(solution > IDENTIFIABLE_SHARE**2, solution, 0.0)
-    without = [np.where(np.arange(count) == at, 0.0, 1.0) for at in range(count)]
+    without = [np.where((np.arange(count) == at) & ~fixed, 0.0, 1.0) for at in range(count)]
     for mask in without:  # where data say nothing of a kind, it stays as it began
         best = best * mask if loss(best * mask)[0] <= loss(best)[0] + IDENTIFIABLE_SHARE else best
     gains = [loss(best * mask)[0] - loss(best)[0] for mask in without]

@@ -18,11 +18,12 @@ from rover_pin.effects.effect import SensorEffect
 from rover_pin.estimation.experiment import Arrays, Experiment
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.noise import rms_of
-from rover_pin.estimation.random_effects.random_field import RandomField
+from rover_pin.estimation.random_effects.random_field import RandomField, join
 from rover_pin.experiments.drive_log.features import LoggedRun
 from rover_pin.experiments.drive_log.ground.field import KINDS, ground_columns
 from rover_pin.experiments.drive_log.parameters import owners, with_record
 from rover_pin.experiments.drive_log.places import neighbours
+from rover_pin.experiments.drive_log.readings.ambiguous_timing import STEPS, step_columns
 from rover_pin.experiments.drive_log.readings.scatter import declared_block_sd, scatter
 from rover_pin.experiments.drive_log.readings.tracker import TRACKER, tracker_columns
 from rover_pin.experiments.drive_log.resume import Memory, Recent, digest
@@ -176,15 +177,17 @@ class DriveExperiment(Experiment):
         return neighbours(candidate, step)
 
     def random_field(self, model: Model) -> RandomField:
-        """Return how the ground of each run may differ from the declared, and how its tracker may wander."""
+        """Return how each run's ground may differ from the declared, its tracker wander and its commands come late."""
         replays, read = partial(self.perturbed_replays, model), partial(self.read_run, sensors=model.sensor_effects)
-        ground = self.cached_arrays(
-            ("random field", model), lambda: ground_columns(self.runs, model, self.predict([model])[0], replays, read)
-        )
+        late = [(at, duty) for at, run in enumerate(self.runs) for duty in run.later]
+
+        def columns(make: Callable[..., Arrays], subject: Sequence[Any]) -> Arrays:
+            still = self.predict([model])[0]
+            return self.cached_arrays((make.__name__, model), lambda: make(subject, model, still, replays, read))
+
         tracker = tracker_columns(self.runs, self.channels, self.length, self._ahead(model))
-        tracker["kind"] = tracker["kind"] + len(KINDS)
-        both = {name: np.concatenate([ground[name], tracker[name]]) for name in ground}
-        return RandomField((*KINDS, *TRACKER), **both)
+        parts = [(KINDS, columns(ground_columns, self.runs)), (TRACKER, tracker)]
+        return join([*parts, (STEPS, columns(step_columns, late))] if late else parts)
 
     def _ahead(self, model: Model) -> np.ndarray:
         """Return d features / d place (runs, channels, blocks) [1/m] for runs that are held further ahead."""

@@ -13,12 +13,13 @@ from scipy.signal import lfilter
 from rover_pin.base.formula import evaluate, names_in
 from rover_pin.effects.effect import SensorEffect
 from rover_pin.effects.tracked_point import DRAWN
-from rover_pin.experiments.drive_log.readings.ambiguous_timing import ambiguous_steps, unaffected_rows
+from rover_pin.experiments.drive_log.readings.ambiguous_timing import ambiguous_steps, later_duties, unaffected_rows
 from rover_pin.experiments.drive_log.readings.lane_borders import lanes_under, on_borders
 from rover_pin.experiments.drive_log.readings.outliers import without_pose_outliers
 from rover_pin.logs.drive_log import DriveLog
 from rover_pin.rover.rover import Rover
-from rover_pin.simulation.replay import Commands, commands, fill_gaps, means_at
+from rover_pin.simulation.logged_inputs import fill_gaps, means_at
+from rover_pin.simulation.replay import Commands, commands
 from rover_pin.simulation.trace.channels import ODOMETRY, is_current
 from rover_pin.simulation.trace.inertial import GRAVITY, inertial
 from rover_pin.simulation.trace.trace import Trace
@@ -63,6 +64,8 @@ class LoggedRun:
     "in which rows what was driven counts (T,)"
     compared: np.ndarray = field(repr=False)
     "which of them are compared (T,)"
+    later: tuple[np.ndarray, ...] = ()
+    "by what duties (T, wheels) differ where a step of them comes one SD later than taken, for each that is in doubt"
     on_border: float = 0.0
     "how long a wheel stood on the border of two lanes, which is not compared [s]"
     course: str = ""
@@ -119,17 +122,15 @@ def logged_run(log: Trace, rover: Rover, terrain: Terrain | None = None, course:
     heading = uniform_filter1d(fill_gaps(rows["body_yaw"]), max(1, round(BLOCK / run.period)))
     gapless_rows = {name: fill_gaps(row) for name, row in rows.items()}
     steps = ambiguous_steps(log)
-    summed_rows = comparable_rows(run, [rows[name] for name in turned]) & unaffected_rows(
-        [step for step in steps if step.missed], run
-    )
     on_border = on_borders(run, rover, terrain)
-    summed_rows &= ~on_border
-    compared = summed_rows & unaffected_rows(steps, run)
+    summed_rows = comparable_rows(run, [rows[name] for name in turned]) & ~on_border
+    summed_rows &= in_whole_gaps(summed_rows, ~np.isfinite(run.place).all(axis=1))
     derived_features = driven_features(gapless_rows, heading, run.period, summed_rows)
     gaps = {PATH: ("body_x", "body_y"), DRIFT: ("body_x", "body_y"), HEADING: ("body_yaw",), SPEED: ("body_vx",)}
     hidden = {*RAW, *((*turned, "battery_V") if run.rate_driven else ()), *((DRIFT,) if course else ())}
     hidden |= set(OF_PLACE) if log.attrs.get("place") == ODOMETRY else set()
     features = [name for name in (*derived_features, *rows) if name not in hidden]
+    compared = summed_rows & unaffected_rows(steps, run)
     use = blocks(compared, run.period) > WHOLE
     observed = []
     for name in features:
@@ -139,7 +140,8 @@ def logged_run(log: Trace, rover: Rover, terrain: Terrain | None = None, course:
         observed.append(remove_level(name, np.where(use, block, np.nan), use))
     name = Path(str(log.attrs.get("file", "run"))).stem
     known = tuple(features), np.array(observed), heading, rows, summed_rows, compared
-    return LoggedRun(name, run, *known, run.period * float(on_border.sum()), course)
+    later = tuple(later_duties(step, run, wheels) for step in steps)
+    return LoggedRun(name, run, *known, later, run.period * float(on_border.sum()), course)
 
 
 WHOLE = 0.999
@@ -220,6 +222,13 @@ def comparable_rows(run: Commands, rates: Sequence[np.ndarray]) -> np.ndarray:
         standing = (np.abs(rate) < SLOW) | (np.sign(rate) * np.sign(duty) < 0)
     since = np.where(standing, t, -np.inf)
     return np.asarray((t - t[0] >= BEGIN) & (t - np.maximum.accumulate(since) > AFTER_TURN))
+
+
+def in_whole_gaps(summed_rows: np.ndarray, missing: np.ndarray) -> np.ndarray:
+    """Return which rows are not bridged by one line with a row that does not count: the line has the way of all."""
+    bridged = missing | np.concatenate([[False], missing[:-1]])
+    gap = np.cumsum(~bridged)
+    return ~bridged | (np.bincount(gap, bridged & ~summed_rows) == 0)[gap]
 
 
 def course_of(columns: Mapping[str, Any]) -> str:

@@ -10,7 +10,7 @@ from rover_pin.experiments.drive_log.experiment import DriveExperiment
 from rover_pin.experiments.drive_log.features import DRIFT, HEADING, PATH, SPEED, LoggedRun
 from rover_pin.rover.rover import Rover
 from rover_pin.rover.wheel_base import wheel_places
-from rover_pin.simulation.replay import fill_gaps
+from rover_pin.simulation.logged_inputs import fill_gaps
 
 CURVE, GIVEN = "kinematic model with fitted slip", "the measured wheel rates"
 POINT_STEP = 1e-3

@@ -17,7 +17,8 @@ from rover_pin.estimation.fit import Fit
 from rover_pin.experiments.drive_log.experiment import DriveExperiment, experiment_of_log
 from rover_pin.experiments.drive_log.features import DRIFT, HEADING, LEVELS, PATH, blocks, leaky, pose_increments
 from rover_pin.rover.wheel_base import wheel_places
-from rover_pin.simulation.replay import Perturbation, Replay, fill_gaps
+from rover_pin.simulation.logged_inputs import fill_gaps
+from rover_pin.simulation.replay import Perturbation, Replay
 from rover_pin.simulation.trace.channels import unit_of
 
 TORQUE_SHARE, FORCE_SHARE, GRIP_SHARE = 0.03, 0.01, 0.05

@@ -20,8 +20,8 @@ from rover_pin.experiments.unlisted.actions import Scene
 from rover_pin.experiments.unlisted.draft import can_draft, draft
 from rover_pin.experiments.unlisted.term import Term
 from rover_pin.experiments.unlisted.terms import terms
+from rover_pin.simulation.logged_inputs import fill_gaps
 from rover_pin.simulation.model.effect_files import effects_of_text
-from rover_pin.simulation.replay import fill_gaps
 
 UNLISTED = 20.0
 """Net gain of a term from which the residual is not noise. Why: complete models of five sets showed 6 at most."""

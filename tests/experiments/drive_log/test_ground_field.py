@@ -16,10 +16,11 @@ from rover_pin.estimation.noise import Noise, declared_noise
 from rover_pin.estimation.random_effects.learnt_noise import with_random_effects
 from rover_pin.experiments.drive_log.candidates import candidate_of, variants
 from rover_pin.experiments.drive_log.experiment import experiment_of
-from rover_pin.experiments.drive_log.features import logged_run
+from rover_pin.experiments.drive_log.features import LEAK, logged_run
 from rover_pin.experiments.drive_log.ground import field as ground
 from rover_pin.experiments.drive_log.ground import run_variability
 from rover_pin.experiments.drive_log.parameters import parameter
+from rover_pin.experiments.drive_log.readings.ambiguous_timing import STEPS
 from rover_pin.experiments.drive_log.readings.lane_borders import on_borders
 from rover_pin.rover.wheel_base import wheel_places
 from rover_pin.simulation.replay import PERIOD, Commands, replay
@@ -118,6 +119,28 @@ def test_height_gained_at_one_place_persists_to_the_end(two, field):
     way = np.nansum(np.hypot(*np.diff(place, axis=0).T))
     heights = of(field, ground.SLOPE, 0)[2:-1, row, run.usable]  # those whose whole stretch is compared
     assert heights[:, -1] - heights[:, 0] == pytest.approx(ground.SLOPE.size * way / (len(heights) + 2), rel=0.05)
+
+
+def test_a_step_that_comes_late_is_a_way_that_stays_behind(model):
+    """A step of the speed that comes d later is a way of d times the step, which stays; wheels turn as before."""
+    asked = commands(model, 0.4)
+    duty = np.where(asked.t[:, None] < 3.0, 0.4, 0.7) * np.ones(6)
+    drive = replay(model, dataclasses.replace(asked, duty=duty))
+    keep = np.abs(asked.t - 3.0) > 0.12
+    names = [f"duty_{wheel.name}" for wheel in model.rover.wheels]
+    attrs = {"start": dataclasses.asdict(asked.start), "file": "run.csv"}
+    channels = {**drive.channels, **dict(zip(names, duty.T, strict=True))}
+    run = logged_run(Trace({name: row[keep] for name, row in channels.items()}, attrs=attrs), model.rover)
+    experiment = experiment_of([run], model)
+    (moved,) = experiment.random_field(model).moved[-1]
+    assert experiment.random_field(model).kinds[-1] == STEPS[0]
+    speed = np.gradient(drive.channels["body_x"], asked.t)
+    gained = np.mean(speed[(asked.t > 4.0) & (asked.t < 5.0)]) - np.mean(speed[(asked.t > 1.5) & (asked.t < 2.5)])
+    doubt = np.diff(asked.t[keep]).max() / math.sqrt(12.0)
+    after = np.flatnonzero((run.times > 3.5) & run.usable)
+    way = moved[run.channels.index("path"), after]
+    assert way == pytest.approx(-gained * doubt * np.exp(-(run.times[after] - 3.0) / LEAK), rel=0.15)
+    assert np.abs(moved[run.channels.index("wheel_rate_ml"), after]).max() < 0.02 * 0.3
 
 
 def taught(experiment, model):

@@ -8,8 +8,8 @@ import pytest
 
 from rover_pin import Trace, load_rover
 from rover_pin.experiments.drive_log.checks.log import findings
-from rover_pin.experiments.drive_log.features import LEAK, LoggedRun, logged_run
-from rover_pin.experiments.drive_log.readings.ambiguous_timing import ambiguous_steps
+from rover_pin.experiments.drive_log.features import AFTER_TURN, LEAK, LoggedRun, in_whole_gaps, logged_run
+from rover_pin.experiments.drive_log.readings.ambiguous_timing import AmbiguousStep, ambiguous_steps, later_duties
 from rover_pin.experiments.drive_log.readings.outliers import JUMPS, pose_outliers, without_pose_outliers
 from rover_pin.experiments.drive_log.readings.tracker import COURSE, HEIGHT, PLACE, TILT, TRACKER, tracker_columns
 from tests.experiments.drive_log import drive_channels as channels
@@ -57,6 +57,15 @@ def test_jumps_turns_over_pi_and_rows_far_apart_do_not_stray():
     assert not pose_outliers(Trace({"t_s": np.arange(3.0), "body_x": np.zeros(3)})).any()
 
 
+def test_a_pose_beside_a_gap_is_told_by_those_on_its_other_side():
+    x = np.where((T > 10.0) & (T < 10.6), np.nan, X)
+    rows = np.flatnonzero(np.isnan(x))
+    before, after = int(rows[0] - 1), int(rows[-1] + 1)
+    assert not pose_outliers(changed(body_x=x).runs[0]).any()
+    x[[before, after]] += 0.05
+    assert np.flatnonzero(pose_outliers(changed(body_x=x).runs[0])).tolist() == [before, after]
+
+
 def test_outliers_are_reported_with_times_and_not_as_jumps():
     said = [str(each) for each in findings(with_poses_off(300))]
     (line,) = [each for each in said if "outlier" in each]
@@ -89,13 +98,13 @@ def uneven(seed=0):
 def test_between_uneven_rows_it_is_somewhere():
     t = uneven()
     (one,) = ambiguous_steps(duties(t, STEPPED))
-    assert (one.begin, one.end, one.missed) == (t[99], t[100], False)
+    assert (one.begin, one.end, one.change) == (t[99], t[100], {"duty_fl": pytest.approx(0.2)})
 
 
 def test_where_rows_are_missing_it_is_anywhere_among_them():
     keep = (EVEN < 4.8) | (EVEN > 5.2)
     (one,) = ambiguous_steps(duties(EVEN[keep], STEPPED[keep]))
-    assert (one.begin, one.end, one.missed) == (pytest.approx(4.75), pytest.approx(5.25), True)
+    assert (one.begin, one.end) == (pytest.approx(4.75), pytest.approx(5.25))
     elsewhere = (EVEN < 6.8) | (EVEN > 7.2)
     assert ambiguous_steps(duties(EVEN[elsewhere], STEPPED[elsewhere])) == []
 
@@ -113,10 +122,31 @@ def test_blocks_at_ambiguous_steps_are_excluded_and_reported():
     assert count > 5
     even, rows = (logged_run(each.runs[0], load_rover("nexus6")) for each in (log_of(*GOOD), log))
     assert 0 < (even.usable & ~rows.usable[: len(even.usable)]).sum() <= 2 * count
-    shared = min(len(rows.summed_rows), len(even.summed_rows))
-    assert np.mean(rows.summed_rows[:shared] != even.summed_rows[:shared]) < 0.01, "what is driven there counts"
+    forward = rows.commands.duty.mean(axis=1) > 0.0
+    turned = np.convolve(np.diff(forward, prepend=True), np.ones(round(AFTER_TURN / 0.05) + 2))[: len(forward)] > 0
+    other = (rows.summed_rows != even.summed_rows) & ~turned
+    assert np.mean(other) < 0.01, "what is driven there counts"
+    assert (len(even.later), len(rows.later)) == (0, count)
     said = [str(each) for each in findings(log)]
     assert any(f"so the instants of {count} steps of the duty are unknown, to 0.0" in each for each in said), said
+
+
+def test_a_step_in_doubt_is_late_by_the_sd_of_its_instant():
+    """The old duty of each wheel, in the rover's order of them, lasts 0.5 s / sqrt(12) longer than half-way."""
+    t = 0.05 * np.arange(200)
+    step = AmbiguousStep(4.75, 5.25, {"duty_b": 0.3, "duty_a": -0.1})
+    duties = later_duties(step, SimpleNamespace(t=t, period=0.05), ("a", "b"))
+    lasting = 0.5 / math.sqrt(12.0)
+    assert duties.sum(axis=0) * 0.05 == pytest.approx([0.1 * lasting, -0.3 * lasting])
+    acting = np.flatnonzero(duties.any(axis=1))
+    assert (t[acting[0]], t[acting[-1]]) == (pytest.approx(5.05), pytest.approx(5.15))
+
+
+def test_a_way_across_a_gap_counts_as_a_whole_or_not_at_all():
+    """One line bridges it: where the rover stands in a part of the gap, the line drives there too."""
+    missing = np.isin(np.arange(20), [4, 5, 6, 12, 13])
+    counted = np.arange(20) > 4
+    assert np.flatnonzero(~in_whole_gaps(counted, missing)).tolist() == [4, 5, 6, 7]
 
 
 # --- a tracker that wanders -------------------------------------------------------------------------------------------

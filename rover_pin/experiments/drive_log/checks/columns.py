@@ -7,9 +7,10 @@ import numpy as np
 from rover_pin.base.errors import closest
 from rover_pin.estimation.profile import MOST
 from rover_pin.experiments.drive_log.checks.driven import Driven, Remarks
-from rover_pin.experiments.drive_log.readings.ambiguous_timing import MISSED, ambiguous_steps
+from rover_pin.experiments.drive_log.readings.ambiguous_timing import ambiguous_steps
 from rover_pin.logs.drive_log import DriveLog
 from rover_pin.measurements.checks import Finding, first_names
+from rover_pin.simulation.logged_inputs import MISSED
 from rover_pin.simulation.trace.channels import WHOLE, is_column
 from rover_pin.simulation.trace.trace import Trace
 

@@ -9,9 +9,10 @@ from scipy.ndimage import uniform_filter1d
 from rover_pin.estimation.random_effects.random_field import Kind
 from rover_pin.experiments.drive_log.features import BLOCK, LoggedRun
 from rover_pin.rover.rover import Rover
+from rover_pin.simulation.logged_inputs import fill_gaps
 from rover_pin.simulation.model.defaults import scale
 from rover_pin.simulation.model.model import Model
-from rover_pin.simulation.replay import Perturbation, Replay, fill_gaps
+from rover_pin.simulation.replay import Perturbation, Replay
 
 GRIP = Kind("grip along the way", 0.05, "")
 SLOPE = Kind("slope along the way", 0.01, "rad")

@@ -13,7 +13,7 @@ from rover_pin.estimation.random_effects.random_field import LearntSd, RandomFie
 from rover_pin.estimation.wording import format_value
 from rover_pin.experiments.drive_log.experiment import experiment_of_log
 from rover_pin.experiments.drive_log.ground.field import KINDS, SLOPE, SLOPE_OF_RUN, shares_of
-from rover_pin.simulation.replay import fill_gaps
+from rover_pin.simulation.logged_inputs import fill_gaps
 
 SURE = 10.8 * COLOURED
 """Gain in -2 ln L from which slopes are not chance: chi2 of one number passes 10.8 once in 1,000."""
@@ -91,6 +91,7 @@ def ground_variability(fitted: Fit) -> GroundVariability | None:
     slopes = [
         _slope(coefficients, field, at, shares_of(run, fitted.model.rover)) for at, run in enumerate(experiment.runs)
     ]
+    learnt = tuple(learnt_sd for learnt_sd in learnt if not learnt_sd.kind.is_known)
     rms = math.sqrt(float(np.mean(np.concatenate(slopes) ** 2)))
     sure = any(learnt_sd.kind in (SLOPE, SLOPE_OF_RUN) and learnt_sd.gain > SURE for learnt_sd in learnt)
     if not (sure and rms > SURVEYED):

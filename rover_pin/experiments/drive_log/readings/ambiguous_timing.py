@@ -5,17 +5,18 @@ were not written, tell only that the duty changed between them: half a row's dou
 percent that a wheel's rate changes, several times the noise of its tachogenerator where it starts or stops.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from rover_pin.simulation.logged_inputs import is_uneven
-from rover_pin.simulation.replay import Commands
+from rover_pin.estimation.random_effects.random_field import Kind
+from rover_pin.simulation.logged_inputs import is_open
+from rover_pin.simulation.model.model import Model
+from rover_pin.simulation.replay import Commands, Perturbation, Replay
 from rover_pin.simulation.trace.trace import Trace
 
-MISSED = 1.5
-"""Times the usual time between rows from which one was not written, or very late. Why: half-way to the next."""
+STEPS = (Kind("instant of a step of the duty", 1.0, "", is_known=True),)
 SAME_DUTY = 0.02
 """Duties that differ by less are one level, and no doubt about the time of a step shows. Why: five steps of a driver of
 eight bits; from here the doubt shows by 4 mrad/s in half a second."""
@@ -26,12 +27,11 @@ RESPONSE_TIME = 0.1
 
 
 class AmbiguousStep(NamedTuple):
-    """A time between two rows of a log in which a duty stepped at an unknown instant."""
+    """A time between two rows of a log in which duties stepped at an unknown instant, and by how much, by channel."""
 
     begin: float
     end: float
-    missed: bool
-    "whether rows are missing in between: what was driven there is not known either"
+    change: dict[str, float]
 
 
 def ambiguous_steps(log: Trace) -> list[AmbiguousStep]:
@@ -39,13 +39,11 @@ def ambiguous_steps(log: Trace) -> list[AmbiguousStep]:
     names = [name for name in log.channels if name.startswith("duty_")]
     if log.rate_driven or not names or len(log.t) < 3:
         return []
-    change = np.abs(np.diff(np.column_stack([log[name] for name in names]), axis=0)).max(axis=1)
-    change = np.nan_to_num(change)
-    dt = np.diff(log.t)
-    median_dt = float(np.median(dt))
-    missed = dt > MISSED * median_dt
-    step = (change > max(SAME_DUTY, USUAL * float(np.median(change)))) & (is_uneven(log.t) | missed)
-    return [AmbiguousStep(float(log.t[at]), float(log.t[at + 1]), bool(missed[at])) for at in np.flatnonzero(step)]
+    change = np.nan_to_num(np.diff(np.column_stack([log[name] for name in names]), axis=0))
+    most = np.abs(change).max(axis=1)
+    step = (most > max(SAME_DUTY, USUAL * float(np.median(most)))) & is_open(log.t)
+    changes = [dict(zip(names, row.tolist(), strict=True)) for row in change]
+    return [AmbiguousStep(float(log.t[at]), float(log.t[at + 1]), changes[at]) for at in np.flatnonzero(step)]
 
 
 def unaffected_rows(steps: Sequence[AmbiguousStep], run: Commands) -> np.ndarray:
@@ -54,3 +52,32 @@ def unaffected_rows(steps: Sequence[AmbiguousStep], run: Commands) -> np.ndarray
     for begin, end, _ in steps:
         rows &= (run.t < begin) | (run.t - run.period > end + RESPONSE_TIME)
     return rows
+
+
+def later_duties(step: AmbiguousStep, run: Commands, wheels: Sequence[str]) -> np.ndarray:
+    """Return by what the duties of a replay (T, wheels) differ if a step comes later than half-way by one SD.
+
+    It is anywhere between two rows with equal probability: with the SD of their distance / sqrt(12).
+    """
+    middle = (step.begin + step.end) / 2
+    ends = np.clip([run.t - run.period, run.t], middle, middle + (step.end - step.begin) / np.sqrt(12.0))
+    return -np.outer((ends[1] - ends[0]) / run.period, [step.change[f"duty_{wheel}"] for wheel in wheels])
+
+
+def step_columns(
+    late: Sequence[tuple[int, np.ndarray]],
+    model: Model,
+    still: np.ndarray,
+    replays: Callable[[Sequence[tuple[int, Perturbation]]], Sequence[Replay]],
+    read: Callable[[int, Replay], np.ndarray],
+) -> dict[str, np.ndarray]:
+    """Return how features move where duties are `later_duties` in one run, by index, and nowhere else.
+
+    The other arguments are those of `ground_columns`; `kind`, `fold` and `moved` those of a `RandomField` of STEPS.
+    """
+    stall_torque = float(model.motor.stall_torque)
+    driven = replays([(at, Perturbation(torque=stall_torque * duty)) for at, duty in late])
+    table, fold = np.zeros((len(late), *still.shape)), np.array([at for at, _ in late])
+    for row, at, replay in zip(table, fold, driven, strict=True):
+        row[at] = np.nan_to_num(read(at, replay) - still[at], posinf=0.0, neginf=0.0)
+    return {"kind": 0 * fold, "fold": fold, "moved": table}

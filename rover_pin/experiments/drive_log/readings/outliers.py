@@ -20,7 +20,8 @@ Why: a wrong exclusion costs a row, a wrong pose the whole path after it."""
 SIDE = 2
 """Neighbours on either side."""
 NEAR = 0.3
-"""Time between the first and the last neighbour [s] within which they tell where a pose should be."""
+"""Time between the first and the last neighbour [s] within which they tell where a pose should be; beside a gap of the
+poses, half of it to those on the other side."""
 ABOUT_THE_MIDDLE = SPREAD / np.sqrt(1.5)
 """SD of white noise over the median distance of a value from the middle of its two neighbours."""
 
@@ -67,5 +68,5 @@ def _outlier_places(t: np.ndarray, values: np.ndarray, name: str) -> np.ndarray:
     distance = np.array([turned[middle] - turned[middle + by] for by in range(-SIDE, SIDE + 1) if by])
     one_side = (distance > 0).all(axis=0) | (distance < 0).all(axis=0)
     noise = white_noise_sd(turned)
-    is_dense = t[middle + SIDE] - t[middle - SIDE] < NEAR
+    is_dense = np.fmin(t[middle + SIDE] - t[middle], t[middle] - t[middle - SIDE]) < NEAR / 2
     return np.asarray(middle[one_side & is_dense & (np.abs(distance).min(axis=0) > max(JUMPS[name], BEYOND * noise))])
