@@ -109,11 +109,11 @@ class Search:
         return bool(promising)
 
     def _end_likely(self) -> bool:
-        """Take what is likely to its end, and fit its parts from there; return whether anything was not."""
-        sets = self.beliefs().sets
-        likely = [names for names in self.fitted if sets[names] > 1.0 - SURE]
-        unfinished = [names for names in likely if names not in self.finished]
-        undivided = [names for names in likely if len(names) > 1 and names not in self.parted]
+        """Take the smallest likely set to its end, or fit its parts from there; return whether there was one."""
+        sets = self.beliefs().sets  # anew after each: beside a part at its end a set may not be likely any more
+        likely = sorted((names for names in self.fitted if sets[names] > 1.0 - SURE), key=len)
+        unfinished = [names for names in likely if names not in self.finished][:1]
+        undivided = [] if unfinished else [names for names in likely if len(names) > 1 and names not in self.parted][:1]
         for names in unfinished:
             self._end(names)
         for names in undivided:
