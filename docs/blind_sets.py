@@ -217,7 +217,7 @@ def by_circumstance(sets: pd.DataFrame) -> str:
         real = pd.concat([of_kind(part, kind, True) for kind in (ONE, OTHER)])
         (right, seen), (alarms, nulls) = (
             share(real, NAMED),
-            share(of_kind(part, NOTHING), ["wrong name", "none of these"]),
+            share(of_kind(part, NOTHING), ["wrong name", OPEN, "none of these"]),
         )
         alone = ((part.answer == "an effect is missing") & part.outcome.isin(WRONG)).sum()
         rows.append(f"| {name} | {len(part)} | {right} of {seen} | {alarms} of {nulls} | {alone} |")
