@@ -3,6 +3,7 @@
 import math
 from dataclasses import dataclass, replace
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -187,6 +188,28 @@ def test_what_leads_is_always_fitted(most, monkeypatch):
     beliefs = toys.searched(toys.made(NAMES, sizes, size=15.0), NAMES).beliefs()
     assert beliefs.best().is_fitted
     assert set(beliefs.best().names) == set(sizes)
+
+
+def test_a_set_is_ended_only_while_it_is_likely(monkeypatch):
+    """The smaller of two likely sets comes first, and at its end the larger is not likely any more: it is left."""
+    small, large = frozenset("p"), frozenset("pq")
+    search = replace(
+        toys.searched(toys.made(NAMES), NAMES), fitted={large: [], small: []}, finished=set(), parted=set()
+    )
+    ended = []
+
+    def end(self, names):
+        ended.append(names)
+        self.finished.add(names)
+
+    def beliefs(self):
+        return SimpleNamespace(sets={small: 0.99, large: 0.01} if ended else {large: 0.5, small: 0.5})
+
+    monkeypatch.setattr(Search, "_end", end)
+    monkeypatch.setattr(Search, "beliefs", beliefs)
+    while search._end_likely():
+        assert len(ended) < 3
+    assert ended == [small]
 
 
 def test_a_candidate_that_moves_nothing_is_no_option():
