@@ -10,7 +10,7 @@ from rover_pin.base.errors import OptimisationError
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.calibration import calibrate
 from rover_pin.discrepancy.candidate import is_effect
-from rover_pin.discrepancy.decision import Decision, decide, sentence
+from rover_pin.discrepancy.decision import Decision, decide, likeliest, sentence
 from rover_pin.discrepancy.draft import Draft, draft_of, score_draft
 from rover_pin.discrepancy.held_out_errors import fold_errors, held_out, lost_folds, taken_share
 from rover_pin.discrepancy.question import Progress, Question
@@ -24,7 +24,6 @@ from rover_pin.estimation.parameter import Parameter
 from rover_pin.estimation.profile import NORMAL_95
 from rover_pin.estimation.random_effects.learnt_noise import with_learnt_noise
 from rover_pin.estimation.task import Task
-from rover_pin.estimation.wording import MAX_LISTED
 from rover_pin.inference.beliefs import Beliefs, Hypothesis
 from rover_pin.inference.cause import reading_error
 from rover_pin.inference.explore import Explorer
@@ -212,7 +211,7 @@ def _numbers_at_bound(after: Side, decision: Decision) -> tuple[str, ...]:
 
 def _others(beliefs: Beliefs, decision: Decision) -> dict[str, Alternative]:
     """Return the fitted sets of causes that the data leave besides what is kept."""
-    sets = [names for names in decision.sets if names and names != decision.retained][:MAX_LISTED]
+    sets = [names for names, _ in likeliest(decision.sets, beliefs) if names and names != decision.retained]
     rivals = [rival for rival in map(beliefs.best, sets) if rival.is_fitted]
     return {" + ".join(rival.names): _alternative(beliefs, rival) for rival in rivals}
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.candidate import DECLARED
 from rover_pin.estimation.profile import MOST, SURE
-from rover_pin.estimation.wording import MAX_NAMED
+from rover_pin.estimation.wording import MAX_NAMED, WORTH
 from rover_pin.inference.beliefs import Beliefs
 
 BEYOND = 3.0
@@ -82,7 +82,7 @@ def sentence(decision: Decision, beliefs: Beliefs, share: float, misfit: float) 
     takes = f"takes {share:.0%} of what the base model misses beyond the noise where it was not fitted"
     listed = " or ".join(
         f"{' + '.join(names) or 'nothing'} ({probability:.2f})"
-        for names, probability in shares(decision.sets[:MAX_NAMED], beliefs)
+        for names, probability in likeliest(decision.sets, beliefs)
     )
     none, unexplained = beliefs.sets.get(frozenset(), 0.0), beliefs.leaves_more(decision.retained)
     more = beliefs.probability(lambda hypothesis: hypothesis.leaves_more)
@@ -126,21 +126,21 @@ def usual_noise(beliefs: Beliefs) -> str:
     return "its declared noise" if beliefs.best(()).experiment.noise() is not None else "what its samples scatter"
 
 
+def likeliest(sets: Sequence[tuple[str, ...]], beliefs: Beliefs) -> list[tuple[tuple[str, ...], float]]:
+    """Return the sets that a sentence lists, with their shares: the first, and the most probable that are worth it."""
+    rows = shares(sets, beliefs)
+    most = sorted(rows, key=lambda row: -row[1])[:MAX_NAMED]
+    return [row for row in rows if row == rows[0] or (row in most and row[1] >= WORTH)]
+
+
 def shares(sets: Sequence[tuple[str, ...]], beliefs: Beliefs) -> list[tuple[tuple[str, ...], float]]:
     """Return sets with the probability of each, of all that contain it and none before it."""
     listed, remaining = [], beliefs.sets
     for names in sets:
-        containing = {
-            candidate_set: probability
-            for candidate_set, probability in remaining.items()
-            if (candidate_set >= set(names) if names else not candidate_set)
-        }
-        remaining = {
-            candidate_set: probability
-            for candidate_set, probability in remaining.items()
-            if candidate_set not in containing
-        }
-        listed.append((names, sum(containing.values())))
+        wanted = frozenset(names)
+        containing = [found_set for found_set in remaining if (found_set >= wanted if wanted else not found_set)]
+        listed.append((names, sum(remaining[found_set] for found_set in containing)))
+        remaining = {found_set: p for found_set, p in remaining.items() if found_set not in containing}
     return listed
 
 

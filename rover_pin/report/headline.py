@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable, Sequence
 
 from rover_pin.discrepancy.answer import Answer
-from rover_pin.discrepancy.decision import shares
+from rover_pin.discrepancy.decision import likeliest
 from rover_pin.discrepancy.held_out_errors import ChannelScore
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.estimation.numbers import Number
@@ -92,24 +92,23 @@ def _amplitudes(fitted: Sequence[Number], name: str) -> list[str]:
     return [f"{number.name.rpartition('.')[2]} = {with_interval(number)}" for number in numbers]
 
 
-def _named_sentence(verdict: Verdict, labels: Labels) -> str:
-    return _choice(verdict, labels, [verdict.named]) + "."
-
-
 def _set_sentence(verdict: Verdict, labels: Labels) -> str:
-    sets = [tuple(names.split(" + ")) if names != "nothing" else () for names in verdict.indistinguishable]
-    return f"either {_choice(verdict, labels, sets or [verdict.named])}: these data cannot tell."
+    return f"either {_choice(verdict, labels)}: these data cannot tell."
 
 
-def _choice(verdict: Verdict, labels: Labels, sets: Sequence[tuple[str, ...]]) -> str:
-    """Return the most probable sets, each with the probability of all that contain it and none before it."""
-    rows = shares(sets, verdict.beliefs) if verdict.beliefs else [(names, math.nan) for names in sets]
-    most = sorted(rows, key=lambda row: -row[1])[:MAX_NAMED]
+def _choice(verdict: Verdict, labels: Labels) -> str:
+    """Return the sets that are left, each with the probability of all that contain it and none before it."""
     return "; or ".join(
         (_causes(verdict, names, labels) or NOTHING) + (f", with probability {p:.2f}" if math.isfinite(p) else "")
-        for names, p in rows
-        if (names, p) in most
+        for names, p in choices(verdict)
     )
+
+
+def choices(verdict: Verdict) -> list[tuple[tuple[str, ...], float]]:
+    """Return the sets of causes that a sentence lists, with their probabilities; NaN where none was weighed."""
+    sets = [tuple(names.split(" + ")) if names != "nothing" else () for names in verdict.indistinguishable]
+    sets = sets or [verdict.named]
+    return likeliest(sets, verdict.beliefs) if verdict.beliefs else [(names, math.nan) for names in sets]
 
 
 def _like(verdict: Verdict, labels: Labels) -> str:
@@ -147,7 +146,7 @@ def _cannot_tell(verdict: Verdict, labels: Labels) -> str:
 
 
 SENTENCES: dict[Answer, Callable[[Verdict, Labels], str]] = {
-    Answer.NAMED: _named_sentence,
+    Answer.NAMED: lambda verdict, labels: f"{_choice(verdict, labels)}.",
     Answer.SET: _set_sentence,
     Answer.LIKE: _like,
     Answer.NONE_NEEDED: _none_needed,

@@ -6,7 +6,7 @@ from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.estimation.profile import SURE
 from rover_pin.estimation.wording import AT_FLOOR, NOISE_LIKE, Outcome, share
-from rover_pin.report.headline import by_outcome, worst
+from rover_pin.report.headline import by_outcome, choices, worst
 from rover_pin.report.words import Labels, capital, human, kinds_of, listing, two_digits
 
 MAY_ACT = 1.0 - SURE
@@ -89,8 +89,9 @@ def _doubts(verdict: Verdict, labels: Labels) -> Iterator[str]:
         yield f"{labels.channel(score.name)} is predicted worse by {share(score.change)} {labels.unseen}"
     if verdict.named:
         yield from _choice_reasons(verdict, labels, False)
-        if len(verdict.indistinguishable) > 1:
-            yield f"{listing(verdict.indistinguishable[1:4], 'or')} cannot be distinguished from it by these data"
+        others = [" + ".join(names) for names, _ in choices(verdict)[1:] if names]
+        if others:
+            yield f"{listing(others, 'or')} cannot be distinguished from it by these data"
     worst_run = max(verdict.runs, key=lambda run_score: run_score.after / max(run_score.before, 1e-9), default=None)
     if verdict.named and worst_run is not None and worst_run.after > AT_FLOOR * worst_run.before:
         yield (
