@@ -182,8 +182,8 @@ class DriveExperiment(Experiment):
         late = [(at, duty) for at, run in enumerate(self.runs) for duty in run.later]
 
         def columns(make: Callable[..., Arrays], subject: Sequence[Any]) -> Arrays:
-            still = self.predict([model])[0]
-            return self.cached_arrays((make.__name__, model), lambda: make(subject, model, still, replays, read))
+            request = (make.__name__, model)
+            return self.cached_arrays(request, lambda: make(subject, model, self.predict([model])[0], replays, read))
 
         tracker = tracker_columns(self.runs, self.channels, self.length, self._ahead(model))
         parts = [(KINDS, columns(ground_columns, self.runs)), (TRACKER, tracker)]
