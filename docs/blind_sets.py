@@ -83,41 +83,45 @@ def listed(sets: pd.DataFrame) -> Count:
     return share(sets, NAMED)[0] + also, len(sets)
 
 
+OUTSIDE = "effect outside the library, above the noise: no name, or a note that something else acts"
 SHARES: dict[str, tuple[str, Callable[[pd.DataFrame], Count]]] = {
-    "one effect: detectable": ("", lambda sets: (len(of_kind(sets, ONE, True)), len(of_kind(sets, ONE)))),
-    "detectable: named, or in the stated set": (">= 97 %", lambda sets: share(of_kind(sets, ONE, True), NAMED)),
-    "detectable: named alone": (">= 80 %", lambda sets: share(of_kind(sets, ONE, True), ["named"])),
-    'detectable: the same, or among what "cannot tell" lists': ("", lambda sets: listed(of_kind(sets, ONE, True))),
-    "detectable: wrong name, or one too many": ("<= 2 %", lambda sets: share(of_kind(sets, ONE, True), WRONG)),
-    "too small to detect: wrong name": ("", lambda sets: share(of_kind(sets, ONE, False), WRONG)),
-    "two effects, both detectable: pair named, or in the set": (
+    "one hidden effect: detectable": ("", lambda sets: (len(of_kind(sets, ONE, True)), len(of_kind(sets, ONE)))),
+    "detectable effect: the answer, or in its list": (">= 97 %", lambda sets: share(of_kind(sets, ONE, True), NAMED)),
+    "detectable effect: named alone": (">= 80 %", lambda sets: share(of_kind(sets, ONE, True), ["named"])),
+    'detectable effect: the answer, in its list, or listed after "cannot tell"': (
+        "", lambda sets: listed(of_kind(sets, ONE, True))),
+    "detectable effect: a wrong name, or one name too many": (
+        "<= 2 %", lambda sets: share(of_kind(sets, ONE, True), WRONG)),
+    "effect too small to detect: wrong name": ("", lambda sets: share(of_kind(sets, ONE, False), WRONG)),
+    "two detectable effects: the pair is the answer, or in its list": (
         ">= 85 %", lambda sets: share(of_kind(sets, TWO, True), NAMED)),
     'nothing hidden: false alarm (a name, or "none of these")': (
         "<= 2 %", lambda sets: share(of_kind(sets, NOTHING), ["wrong name", OPEN, "none of these"])),
-    "on no list, beyond the noise: abstained": (
+    "effect outside the library, above the noise: no name": (
         "", lambda sets: share(of_kind(sets, NO, True), ABSTAINED)),
-    "on no list, beyond the noise: the same, or something acts besides": (
+    OUTSIDE: (
         ">= 95 %", lambda sets: told_unknown(of_kind(sets, NO, True))),
-    "on no list, within the noise: something named": (
+    "effect outside the library, within the noise: a name": (
         "", lambda sets: share(of_kind(sets, NO, False), ["wrong name", OPEN])),
-    "another law: detectable": ("", lambda sets: (len(of_kind(sets, OTHER, True)), len(of_kind(sets, OTHER)))),
-    "another law, detectable: right class named, in the set, or like it": (
+    "effect by another formula: detectable": (
+        "", lambda sets: (len(of_kind(sets, OTHER, True)), len(of_kind(sets, OTHER)))),
+    'detectable effect by another formula: right class named, in the list, or "like" it': (
         ">= 90 %", lambda sets: share(of_kind(sets, OTHER, True), NAMED)),
-    "all sets: a wrong name standing alone": ("<= 0.5 %", lambda sets: (
+    "all sets: a wrong name as the only answer": ("<= 0.5 %", lambda sets: (
         int(((sets.answer == "an effect is missing") & sets.outcome.isin(WRONG)).sum()), len(sets))),
-    "95 % intervals that hold the true size": ("92-98 %", intervals_held),
-    "loss on fresh runs within 5 % of the true effect's refit": (
+    "95 % intervals that contain the true size": ("92-98 %", intervals_held),
+    "loss on fresh runs within 5 % of a fit with the true effect": (
         ">= 95 %", lambda sets: as_good_as_truth(of_kind(sets, ONE, True))),
-    "another law, detectable: loss on fresh runs less than the base's": (
+    "detectable effect by another formula: loss on fresh runs below that of the base model": (
         ">= 95 %", lambda sets: improved(of_kind(sets, OTHER, True))),
-    "of these, where that of the right law's refit is less too": (
+    "of these, sets in which a fit with the right formula also has a lower loss": (
         "", lambda sets: improved(refit_improves(of_kind(sets, OTHER, True)))),
 }  # fmt: skip
 
 
 def shares(sets: pd.DataFrame) -> str:
     """Return the table of shares of blind sets, with 95 % Wilson intervals."""
-    rows = ["| what | count | share, 95 % | aim |", "| --- | --- | --- | --- |"]
+    rows = ["| Share | Count | Per cent, 95 % interval | Target |", "| --- | --- | --- | --- |"]
     for what, (aim, counted) in SHARES.items():
         count, whole = counted(sets)
         if not whole:
@@ -132,13 +136,13 @@ def shares(sets: pd.DataFrame) -> str:
 def counts(sets: pd.DataFrame) -> dict[str, tuple[str, str]]:
     """Return the counts that the front page states."""
     names = {
-        "named": "detectable: named, or in the stated set",
+        "named": "detectable effect: the answer, or in its list",
         "alarms": 'nothing hidden: false alarm (a name, or "none of these")',
-        "abstained": "on no list, beyond the noise: the same, or something acts besides",
-        "intervals": "95 % intervals that hold the true size",
-        "laws": "another law, detectable: right class named, in the set, or like it",
-        "pairs": "two effects, both detectable: pair named, or in the set",
-        "wrong": "all sets: a wrong name standing alone",
+        "abstained": OUTSIDE,
+        "intervals": "95 % intervals that contain the true size",
+        "laws": 'detectable effect by another formula: right class named, in the list, or "like" it',
+        "pairs": "two detectable effects: the pair is the answer, or in its list",
+        "wrong": "all sets: a wrong name as the only answer",
     }
     found = {name: SHARES[what][1](sets) for name, what in names.items()}
     return {name: (str(count), str(whole)) for name, (count, whole) in found.items()}
@@ -147,7 +151,7 @@ def counts(sets: pd.DataFrame) -> dict[str, tuple[str, str]]:
 def misses(sets: pd.DataFrame) -> str:
     """Return the table of sets that are neither right nor silent: the detectable ones, and every wrong name."""
     seen = (sets.detectable.astype(str) == "True") & sets.kind.isin([ONE, OTHER, TWO]) & ~sets.outcome.isin(NAMED)
-    rows = ["| set | hidden | answer | of |", "| --- | --- | --- | --- |"]
+    rows = ["| Set | Hidden | Answer | Listed causes |", "| --- | --- | --- | --- |"]
     for row in sets[seen | sets.outcome.isin([OPEN, *WRONG])].itertuples():
         label = row.label.replace("[]", "").replace("[", "(").replace("]", ")")
         rows.append(f"| {label} | {row.truth or row.kind} | {row.answer} | {abridged(row.alike) or '-'} |")
@@ -176,7 +180,11 @@ def reliability(sets: pd.DataFrame) -> str:
         for row in own.itertuples()
         for name, _, chance in (entry.rpartition(" ") for entry in row.inclusion.split("; ") if entry)
     ]
-    rows, places, off = ["| stated | causes | mean stated | acted |", "| --- | --- | --- | --- |"], [], 0.0
+    rows, places, off = (
+        ["| Stated probability | Causes | Mean stated probability | Share that acted |", "| --- | --- | --- | --- |"],
+        [],
+        0.0,
+    )
     for low, high in pairwise(SAID):
         inside = [row for row in said if low <= row[0] < high or row[0] == high == SAID[-1]]
         mean, acted = (sum(row[at] for row in inside) / max(len(inside), 1) for at in (0, 1))
@@ -184,7 +192,12 @@ def reliability(sets: pd.DataFrame) -> str:
         interval = binomtest(round(acted * len(inside)), max(len(inside), 1)).proportion_ci(method="wilson")
         places.append((mean, acted, interval.low, interval.high))
         off += len(inside) * abs(mean - acted) / len(said)
-    return "\n".join(rows) + f"\n\nWeighted by the causes, they are off by {off:.3f}.\n\n" + diagram(places)
+    return (
+        "\n".join(rows)
+        + "\n\nThe mean absolute difference between stated probability and share, weighted by the number of causes, "
+        + f"is {off:.3f}.\n\n"
+        + diagram(places)
+    )
 
 
 def diagram(places: list[tuple[float, float, float, float]]) -> str:
@@ -212,7 +225,10 @@ def diagram(places: list[tuple[float, float, float, float]]) -> str:
 def by_circumstance(sets: pd.DataFrame) -> str:
     """Return, for each circumstance of drive logs, right answers, false alarms and wrong names that stand alone."""
     names = sets.label.str.extract(r"\((\w+)\)$")[0].fillna("none")
-    rows = ["| circumstance | sets | right | alarms | wrong alone |", "| --- | --- | --- | --- | --- |"]
+    rows = [
+        "| Circumstance | Sets | Right | False alarms | Wrong name as the only answer |",
+        "| --- | --- | --- | --- | --- |",
+    ]
     for name, part in sets.groupby(names, sort=False):
         real = pd.concat([of_kind(part, kind, True) for kind in (ONE, OTHER)])
         (right, seen), (alarms, nulls) = (

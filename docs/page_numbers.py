@@ -23,7 +23,7 @@ import pandas as pd
 from blind_sets import by_circumstance, counts, misses, reliability, shares, size_error
 from page_tables import tables
 
-from rover_pin.simulation.timing import TOLERANCE
+from rover_pin.simulation.stepping.timing import TOLERANCE
 
 STUDIES = Path(__file__).parents[1] / "studies"
 RESULTS = STUDIES / "results"

@@ -23,53 +23,53 @@ DIGGING = {
 }
 DRIVE = {
     "at the default step of 17 ms [s]": "ditch [s]",
-    "the same, its error measured [s]": "ditch with its error [s]",
+    "at the default step, with its error estimate [s]": "ditch with its error [s]",
     "the coarsest step within the tolerance [ms]": "step within the tolerance [ms]",
-    "at that step [s]": "ditch at that step [s]",
-    "x against a sixteenth of the step [mm]": "off [mm]",
-    "the same with k = 10 mm, which gets out [mm]": "off with k = 10 mm [mm]",
-    "the same at the coarsest step [mm]": "off at that step [mm]",
+    "at this coarsest step [s]": "ditch at that step [s]",
+    "difference of x to a sixteenth of the step [mm]": "off [mm]",
+    "the same difference with k = 10 mm, when the rover leaves the ditch [mm]": "off with k = 10 mm [mm]",
+    "the same difference at the coarsest step [mm]": "off at that step [mm]",
     "one step [µs]": "step [us]",
-    "a controller in Python, a sample [µs]": "Python controller [us]",
-    "NumPy reference, the same to round-off [times as long]": "plain [x]",
+    "one sample of a controller in Python [µs]": "Python controller [us]",
+    "NumPy reference, equal to round-off [times as long]": "plain [x]",
     "memory [MB]": "memory [MB]",
     "MuJoCo, the same rover on rigid boxes, 2 ms [s]": "MuJoCo at 2 ms [s]",
     "MuJoCo, 4 ms [s]": "MuJoCo at 4 ms [s]",
 }
 GROUND = {
-    "1,000 points along it": "ditch, 1,000 points and its corners [x]",
-    "a grid of 300 x 300": "ditch, 300 x 300 grid [x]",
+    "ditch with 1,000 points": "ditch, 1,000 points and its corners [x]",
+    "ditch as a grid of 300 x 300": "ditch, 300 x 300 grid [x]",
     "rough ground of 81 points": "rough ground, 81 points [x]",
     "rough ground of 1,000 points": "rough ground, 1,000 points [x]",
-    "a sweep's case, over its drive": "case over drive [x]",
+    "a case of a sweep, compared with its drive": "case over drive [x]",
 }
 REPLAY = {
-    "a log of 20 s driven again, ditch [ms]": "ditch [ms]",
-    "the same on a washboard [ms]": "washboard [ms]",
+    "replay of a log of 20 s, ditch [ms]": "ditch [ms]",
+    "replay of a log of 20 s, washboard [ms]": "washboard [ms]",
     "compiling the step [s]": "compiling the step [s]",
     "compiling a new rover [s]": "compiling a rigid body [s]",
     "compiling new effects [s]": "compiling a set of laws [s]",
 }
 STEP_ERROR = {
     "drives": "drives",
-    "say that they keep their tolerance": "kept",
-    "of these, do not": "not kept",
-    "are further off than stated": "low",
-    "of these, not under `onboard`": "low elsewhere",
-    "stated over true, in the median": "ratio",
+    "drives that state an error within the tolerance": "kept",
+    "of these, drives with a true error above the tolerance": "not kept",
+    "drives with a true error above the stated error": "low",
+    "of these, drives without the control `onboard`": "low elsewhere",
+    "median of stated error over true error": "ratio",
 }
 IMPROVED = {
-    "the true gain lies in its interval of 90 %": "inside",
-    "constant duty is kept": "keeps",
-    "the tuned control is taken, with a true gain": "true_gains",
-    "taken, with harm: a true loss above 0.02": "harms",
+    "the true gain lies in its 90 % interval": "inside",
+    "the advice is to keep constant duty": "keeps",
+    "the advice is the tuned control, and the true gain is positive": "true_gains",
+    "the advice is the tuned control, and it does harm (a true loss above 0.02)": "harms",
 }
 READINGS = {
-    "net": "f_t / f_n, Eqs (6), (7) to the letter",
+    "net": "f_t / f_n, Eqs (6) and (7) taken literally",
     "torque": "torque / (r f_n), as section 4 measured it",
     "gross": "thrust / f_n, Eq (7) without its second term",
 }
-MEASURED = {"What": "{name}", "Measured": "{value:.3g}"}
+MEASURED = {"Quantity": "{name}", "Measured": "{value:.3g}"}
 CURVES = {"Quadratic": "{quadratic}", "Gaussian process": "{Gaussian process}"}
 
 
@@ -79,11 +79,12 @@ def tables(of: Mapping[str, Any]) -> dict[str, str]:
     return {
         "controllers": table(
             rows_of(of["control"]["rows"], CONTROLS),
-            {"Control": "{name}", "Passed": "{passed}", "Buried": "{buried}", "Mean way": "{way:.3f} m"},
+            {"Control": "{name}", "Passed": "{passed}", "Buried": "{buried}", "Mean distance": "{way:.3f} m"},
         ),
         "digging": table(
             rows_of(of["digging"], DIGGING),
-            {"Control": "{name}", "Buried": "{buried} of {driven}", "Further than the buried rover": "{further}"},
+            {"Control": "{name}", "Buried": "{buried} of {driven}",
+             "Drives that end further than constant duty, which is buried": "{further}"},
         ),
         "slip": table(
             rows_of(of["slip"], ("onboard", "onboard, wrong soil", "eq9")),
@@ -93,12 +94,13 @@ def tables(of: Mapping[str, Any]) -> dict[str, str]:
         "monitor": table(
             of["monitor"].values(),
             {"Alarm from P(stuck)": "{level:g}", "Burials warned 2 s before": "{warned:.0f}",
-             "Least lead": "{lead_least_s:.1f} s", "Median lead": "{lead_median_s:.1f} s",
+             "Shortest lead time": "{lead_least_s:.1f} s", "Median lead time": "{lead_median_s:.1f} s",
              "False alarms an hour": "{false_per_hour:.1f}"},
         ),
         "brier": table(
             of["brier"],
-            {"Forecast of the next 4 s": "{name}", "Brier score": "{score:.3f}", "of its mean share": "{base:.3f}"},
+            {"Forecast of the next 4 s": "{name}", "Brier score": "{score:.3f}",
+             "Brier score of the mean share": "{base:.3f}"},
         ),
         "tuned": table(
             rows_of(of["tuned"]["cost"], TUNED),
@@ -106,10 +108,10 @@ def tables(of: Mapping[str, Any]) -> dict[str, str]:
         ),
         "as_driven": table(
             of["as_driven"],
-            {"Control": "{name}", "Sand: through / buried": "{sand[through]:.0f} / {sand[buried]:.1f} %",
+            {"Control": "{name}", "Sand: passed / buried": "{sand[through]:.0f} / {sand[buried]:.1f} %",
              "Ditches": "{ditches[through]:.0f} / {ditches[buried]:.1f} %",
              "Rough": "{rough[through]:.0f} / {rough[buried]:.1f} %", "Mean cost": "{all[cost]:.3f}",
-             "Better / worse than by hand on": "{all[better]} / {all[worse]}"},
+             "Drives better / worse than with hand-set gains": "{all[better]} / {all[worse]}"},
         ),
         "foreign": table(
             of["foreign"],
@@ -118,15 +120,15 @@ def tables(of: Mapping[str, Any]) -> dict[str, str]:
         ),
         "rtk": table(
             of["rtk"]["rows"],
-            {"Runs: RMS of path and heading": "{runs}", "Odometry": "{odometry}", "Base model": "{base}",
-             "What the loop keeps": "{loop}", "Noise": "{noise}"},
+            {"Runs: RMS errors of path and heading": "{runs}", "Odometry": "{odometry}", "Base model": "{base}",
+             "Model of the loop": "{loop}", "Noise": "{noise}"},
         ),
         "turns": table(
             of["turns"],
             {"Rover": "{rover}", "Effective track / B": "{ours}", "Maker's": "{makers}", "Left at 2 m": "{turn left}",
              "Right at 2 m": "{turn right}", "On the spot": "{on the spot}"},
         ),
-        "improved": table(rows_of(of["improved"], IMPROVED), {"Of the logs": "{name}", "Count": "{value}"}),
+        "improved": table(rows_of(of["improved"], IMPROVED), {"Logs in which": "{name}", "Count": "{value}"}),
         "ditches": table(
             rows_of(of["ditches"]["passed"], ("tacking", "constant 0.55", "paper, Eq 9", "paper, Eq 9, tuned")),
             {"Control": "{name}", "Passed": "{value}"},
@@ -158,7 +160,7 @@ def tables(of: Mapping[str, Any]) -> dict[str, str]:
         "pendulum": table(of["pendulum"], {"Sets": "{what}", "Count": "{count} of {whole}"}),
         "mutation": table(
             of["mutation"],
-            {"Room": "{room}", "Changes": "{changes}", "Tried": "{tried}", "Not noticed": "{not noticed}"},
+            {"Room": "{room}", "Changes": "{changes}", "Tried": "{tried}", "Not detected": "{not noticed}"},
         ),
         "gallery": table(of["gallery"], {"Command": "`{command}`", "Outcome": "{outcome}"}),
     }  # fmt: skip

@@ -1,19 +1,21 @@
-"""A planetary rover on loose soil: slip-based traction (CasADi), rigid-body dynamics (Pinocchio), and its control.
+"""A planetary rover on loose soil: slip-based traction (CasADi), rigid-body dynamics (Pinocchio), and control.
 
-The names below are loaded on first use, so `import rover_pin` costs nothing. Everything else is imported from its own
-module, batch studies from `rover_pin.sweep`.
+The names below are imported on first use, so that `import rover_pin` takes hardly any time. All other names are
+imported from their own modules, for example batch studies from `rover_pin.sweep`.
 """
 
-import logging
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+import sys
 
 from rover_pin.version import __version__
 
+# This module imports nothing but `sys`: it runs before `__main__` can leave the working directory.
+TYPE_CHECKING = False
 if TYPE_CHECKING:
+    from typing import Any
+
     from rover_pin.base.errors import RoverPinError
     from rover_pin.contact import Soil, Wheel
-    from rover_pin.control.constant import ConstantDuty
+    from rover_pin.control.open_loop import ConstantDuty
     from rover_pin.control.slip_control import SlipControl
     from rover_pin.control.torque_bounds import torque_bounds
     from rover_pin.loop.close import close_the_loop
@@ -27,7 +29,11 @@ if TYPE_CHECKING:
     from rover_pin.simulation.trace.trace import Trace
     from rover_pin.soil.wheel_forces import load_traction_factor, wheel_forces
 
-logging.getLogger(__name__).addHandler(logging.NullHandler())
+# A program that uses this package decides where its log goes; without this handler, warnings would go to stderr.
+# A program that has not imported `logging` yet gets the handler with `rover_pin.base.errors`.
+if "logging" in sys.modules:
+    _logging = sys.modules["logging"]
+    _logging.getLogger(__name__).addHandler(_logging.NullHandler())
 
 __all__ = [
     "SOILS",
@@ -55,7 +61,7 @@ _HOMES = {
     "rover.rover": ("load_rover",),
     "contact": ("Soil", "Wheel"),
     "control.torque_bounds": ("torque_bounds",),
-    "control.constant": ("ConstantDuty",),
+    "control.open_loop": ("ConstantDuty",),
     "control.slip_control": ("SlipControl",),
     "base.errors": ("RoverPinError",),
     "loop.close": ("close_the_loop",),
@@ -70,8 +76,10 @@ _HOMES = {
 }
 
 
-def __getattr__(name: str) -> Any:
-    """Import a public name from its home on first use."""
+def __getattr__(name: str) -> "Any":
+    """Import a public name from its module when it is used for the first time."""
+    from importlib import import_module
+
     for home, names in _HOMES.items():
         if name in names:
             value = globals()[name] = getattr(import_module(f"{__name__}.{home}"), name)

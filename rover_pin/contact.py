@@ -1,8 +1,10 @@
-"""What meets at a wheel: the wheel, the soil, one contact patch (`Contact`) and what it feels (`Load`).
+"""The quantities at the contact of a wheel with the soil: the wheel, the soil, one contact patch (`Contact`), and the
+forces on the wheel (`Load`).
 
-Signs, said once: x forward, z up; a patch is described in its direction of travel (a reversing wheel sees a mirrored
-world); S > 0 driving, S < 0 braking; theta from the patch normal, positive forwards; f_t > 0 pushes the rover in the
-direction of travel; torque > 0 is what the soil asks of the motor.
+Sign conventions of the package: x forward, z up. A patch is described in its direction of travel, so that a reversing
+wheel is described as the mirror image of a wheel that drives forwards. S > 0 is driving, S < 0 is braking. theta is
+measured from the normal of the patch, positive forwards. f_t > 0 pushes the rover in the direction of travel. torque >
+0 resists the motor.
 """
 
 from __future__ import annotations
@@ -13,19 +15,20 @@ from typing import Annotated, Any, NamedTuple
 
 import casadi as ca
 
+from rover_pin.base.errors import UnknownAttributeError
 from rover_pin.base.public import Kind
 from rover_pin.base.quantity import Record, is_number, quantity
 
 SMOOTHING = 1e-12
-"""Keeps a right angle smooth where both its sides are 0."""
+"""Small length in `right_angle` that keeps the result smooth if both sides are 0."""
 
 Scalar = Annotated[Any, Kind("a number or a CasADi expression", is_number)]
-"""A float, or a scalar CasADi expression (SX or MX)."""
+"""Type of a number in formulas: a float, or a scalar CasADi expression (SX or MX)."""
 
 
 @dataclass(frozen=True)
 class Wheel(Record):
-    """A rigid cylindrical wheel.
+    """A rigid cylindrical wheel: radius r and width b [m].
 
     Examples
     --------
@@ -39,10 +42,12 @@ class Wheel(Record):
 
 @dataclass(frozen=True)
 class Soil(Record):
-    """The constants of Eqs (2)-(5): shear strength (Mohr-Coulomb), shear displacement, pressure-sinkage, angles.
+    """The constants of a soil in Eqs (2) to (5) of the paper: shear strength (Mohr-Coulomb: c, phi), shear displacement
+    (k), pressure-sinkage (k_1, k_2, n), and contact angles.
 
-    `theta_1` and `theta_2` are the paper's fixed angles; `exit_ratio` = -theta_2 / theta_1 holds where theta_1 follows
-    the load; below 0 the contact ends in front of the axle. Defaults are Table 1, completed where the paper is silent.
+    `theta_1` and `theta_2` are the fixed entry and exit angle of the paper. If the entry angle theta_1 follows the load
+    instead, the exit angle is theta_2 = -`exit_ratio` theta_1; with a negative `exit_ratio`, the contact ends in front
+    of the axle. Defaults are Table 1 of the paper; values that the paper does not state are assumed.
 
     Examples
     --------
@@ -65,64 +70,80 @@ class Soil(Record):
 
 
 class Contact(NamedTuple):
-    """What one contact patch of a wheel knows, in its direction of travel; scalars, floats or expressions."""
+    """The state of one contact patch of a wheel, described in its direction of travel. All fields except wheel and soil
+    are scalars: floats or CasADi expressions.
+    """
 
     S: Scalar
-    "slip ratio, Eq (1) [-]"
+    """slip ratio S, Eq (1) of the paper [-]"""
     S_y: Scalar
-    "sideways slip: v_y over the larger of rim and travel speed [-]"
+    """sideways slip: v_y divided by the larger of rim speed and travel speed [-]"""
     h: Scalar
-    "sinkage: greatest interference of the rim with the patch's facet [m]"
+    """sinkage: largest depth of the rim below the plane of the patch [m]"""
     v_x: Scalar
-    "travel speed of the wheel centre along the facet [m/s]"
+    """travel speed of the wheel's centre along the ground [m/s]"""
     v_y: Scalar
-    "sideways speed of the wheel centre along the facet, positive to the left of travel [m/s]"
+    """sideways speed of the wheel's centre along the ground, positive to the left of the direction of travel [m/s]"""
     v_n: Scalar
-    "approach speed of the wheel centre to the facet [m/s]"
+    """speed with which the wheel's centre approaches the ground [m/s]"""
     rim: Scalar
     "rim speed r omega, positive in the direction of travel [m/s]"
     x: Scalar
-    "world x of the wheel centre [m]"
+    """x of the wheel's centre in the world [m]"""
     axle: Scalar
-    "how many wheels of this side have passed before: 0, 1, 2"
+    """number of wheels on this side that have passed the place before: 0, 1, 2"""
     wheel: Wheel
     soil: Soil
     uncompacted: Scalar = 0.0
-    "share of what compaction costs more in a deeper rut that the traction law leaves out [-]"
+    """fraction of the additional compaction in a deeper rut that the traction law does not contain [-]"""
     trench: Scalar = 0.0
-    "how far the ground under the wheel lies below that beside it, which h is not counted from [m]"
+    """depth of the ground under the wheel below the ground next to the wheel, which the sinkage h does not contain
+    [m]"""
     loosened: Scalar = 0.0
-    "ln of the stiffness that the sand has lost to slip, skid and drift so far [-]"
+    """natural logarithm of the factor by which slip, skid and drift have reduced the stiffness of the sand [-]"""
 
     @property
     def travel(self) -> Scalar:
-        """Speed of the wheel's centre over the ground, whatever its direction [m/s]."""
+        """Speed of the wheel's centre along the ground, sideways motion included [m/s]."""
         return right_angle(ca.fabs(self.v_x), self.v_y)
 
     def sense(self, v_0: Scalar, q: Scalar = 1.0) -> Scalar:
-        """Return v / sqrt(v^2 + u^2), u = `fading` of the rim: 1 under way, so fading that rest is not pushed."""
+        """Return the sense of travel v / sqrt(v^2 + u^2) [-], the factor of a resistance: 1 or -1 while the wheel
+        travels and 0 at rest. With this factor a resistance opposes a motion and never pushes a wheel at rest.
+
+        v is the travel speed v_x, and u the speed below which the resistance fades (`fading`), which depends on the rim
+        speed, v_0 and q.
+        """
+        # A smooth sign function: u keeps the derivative finite where the wheel stands still.
         u = fading(self.rim, v_0, q)
         return self.v_x / ca.sqrt(self.v_x * self.v_x + u * u)
 
 
 def right_angle(first: Scalar, second: Scalar) -> Scalar:
-    """Return sqrt(first^2 + second^2), exactly `first` where `second` is 0, and smooth there."""
+    """Return the hypotenuse sqrt(first^2 + second^2) of a right-angled triangle. If `second` is 0, the result is
+    exactly `first`, and the function is smooth there.
+    """
+    # The usual square root would lose digits for a small `second`: first + second^2 / (|first| + hypotenuse) is the
+    # same number.
     square = second * second
     return first + square / (ca.fabs(first) + ca.sqrt(first * first + square + SMOOTHING * SMOOTHING))
 
 
 def fading(rim: Any, v_0: Scalar, q: Scalar) -> Any:
-    """Return u = v_0 (v_0 / sqrt(v_0^2 + (r omega)^2))^q [m/s], the travel below which a resistance fades.
+    """Return the travel speed below which a resistance fades, u = v_0 (v_0 / sqrt(v_0^2 + (r omega)^2))^q [m/s], where
+    r omega is the rim speed.
 
-    A resistance is Coulomb's: at rest any share of it may act, so that no answer may hang on u. Where wheels stand u is
-    v_0, and nothing moves; where they turn it falls with the rim, so that a wheel that stalls is held, and does not
-    creep. Source: a regularisation (assumed); the answer is that of v_0 -> 0.
+    A resistance is a Coulomb force: at rest every fraction of it may act, and no result may depend on u. If the wheels
+    stand still, u is v_0 and nothing moves. If they turn, u falls with the rim speed, so that a wheel that stalls is
+    held and does not creep. Source: a regularisation (assumed); the exact result is the limit v_0 -> 0.
     """
     return v_0 * (v_0 / (v_0 * v_0 + rim * rim) ** 0.5) ** q
 
 
 class Load(NamedTuple):
-    """What one contact patch makes the wheel feel, in its direction of travel; Loads add."""
+    """Forces and moments with which one contact patch acts on the wheel, described in its direction of travel. The
+    loads of several patches or effects are added.
+    """
 
     f_t: Scalar = 0.0
     "tangential force, positive in the direction of travel [N]"
@@ -133,8 +154,19 @@ class Load(NamedTuple):
     torque: Scalar = 0.0
     "torque about the axle that resists the wheel's driving rotation [N m]"
     moment_z: Scalar = 0.0
-    "about the patch's normal through the wheel's centre, positive to the left; rigs read it, drives leave it out [N m]"
+    """moment about the patch's normal through the wheel's centre, positive to the left [N m]. Test rigs measure it;
+    drives neglect it"""
 
     def plus(self, addend: Load) -> Load:
-        """Return the sum of the two loads."""
+        """Return the sum of this load and another load."""
         return Load(*(mine + theirs for mine, theirs in zip(self, addend, strict=True)))
+
+
+def _refuse_name(patch: Any, name: str) -> Any:
+    """Raise an error for a name that a Contact or a Load does not have. The error lists similar names."""
+    raise UnknownAttributeError(patch, name, patch._fields)
+
+
+# A named tuple's own body takes no such method that a type checker would not read as "any name is right".
+for _kind in (Contact, Load):
+    setattr(_kind, "__getattr__", _refuse_name)  # noqa: B010

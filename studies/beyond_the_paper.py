@@ -48,7 +48,7 @@ from shared.drawn_drives import random_drives
 from shared.tacking import Tacking, TackingControl
 
 from rover_pin import plot
-from rover_pin.control.constant import ConstantDuty
+from rover_pin.control.open_loop import ConstantDuty
 from rover_pin.control.slip_control import Gains
 from rover_pin.effects.motion_resistance import MotionResistance
 from rover_pin.effects.post_peak import PostPeak

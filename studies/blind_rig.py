@@ -49,12 +49,13 @@ from rover_pin.base.code_digest import key_of_code
 from rover_pin.discrepancy.conclude import explorer_of
 from rover_pin.discrepancy.question import Question
 from rover_pin.discrepancy.verdict import Verdict
-from rover_pin.estimation.noise import huber_losses
+from rover_pin.estimation.residual import huber_losses
 from rover_pin.experiments.wheel_rig.experiment import RigExperiment
+from rover_pin.experiments.wheel_rig.loop_data import RigData
 from rover_pin.experiments.wheel_rig.model import RigModel
 from rover_pin.loop.close import close_the_loop
-from rover_pin.loop.rig import question_of
 from rover_pin.measurements.rig_reading import read_rig_set
+from rover_pin.simulation.model.effect_files import known_effects
 
 GENERATOR = Path(__file__).parents[1] / "tests" / "oracle" / "rig_generator.py"
 
@@ -255,7 +256,7 @@ def oracle_of(folder: Path, hidden: Hidden) -> tuple[RigModel | None, float]:
 
 def asked(folder: Path) -> Question:
     data = read_rig_set(folder)
-    return question_of(RigExperiment((data,)), RigModel(data.wheel, data.soil()))
+    return RigData(RigExperiment((data,)), RigModel(data.wheel, data.soil())).question(known_effects())
 
 
 def exceeds_noise(folder: Path) -> bool:

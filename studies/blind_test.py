@@ -47,17 +47,16 @@ from kept.told import CLEAR, acts_besides, alike_of, inclusion_of, plain
 
 from rover_pin.base.code_digest import key_of_code
 from rover_pin.discrepancy.conclude import search_of, verdict_of
-from rover_pin.discrepancy.fold_refits import losses_of
-from rover_pin.discrepancy.held_out_errors import together
+from rover_pin.discrepancy.held_out_errors import losses_of, together
 from rover_pin.discrepancy.question import Question
 from rover_pin.discrepancy.search import Search
 from rover_pin.discrepancy.signature import signatures
 from rover_pin.discrepancy.verdict import Verdict
-from rover_pin.experiments.drive_log.model import base_model, is_rate_driven, with_spread
+from rover_pin.experiments.drive_log.loop_data import DriveLogData
 from rover_pin.inference.beliefs import Beliefs
 from rover_pin.inference.error_model import Discrepancy
 from rover_pin.logs.drive_log import read_drive_log
-from rover_pin.loop.drive import question_of
+from rover_pin.simulation.model.effect_files import known_effects
 
 MAKE = Path(__file__).parents[1] / "tests" / "oracle" / "blind" / "make.py"
 CALIBRATION, REPORTED = 902, 8807
@@ -141,8 +140,7 @@ def case_of(folder: Path, answers: Path) -> Case:
 
 def asked(folder: Path) -> Question:
     """Return what the loop is asked of one set, as `close_the_loop` asks it."""
-    log = read_drive_log(folder)
-    return question_of(log, with_spread(base_model(log), motors=not is_rate_driven(log)))
+    return DriveLogData(read_drive_log(folder)).question(known_effects())
 
 
 def quiet(message: str) -> None:

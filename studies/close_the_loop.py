@@ -54,7 +54,7 @@ import wheel_laws
 from scipy.optimize import minimize_scalar
 
 from rover_pin.contact import Soil
-from rover_pin.discrepancy.fold_refits import fold_fits
+from rover_pin.discrepancy.held_out_errors import fold_fits
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.wording import Outcome

@@ -70,8 +70,8 @@ READINGS = (
     Reading("torque form, k = 30 mm, R = 0.045", {"soil.k": 0.030, "cruise_slip": 0.05}),
     Reading("net form, k = 14.5 mm", {"form": "net", "soil.k": 0.0145}),
     Reading("k = 1 mm, phi = 13.7 deg, R = 0.03", SWITCHING),
-    Reading("the same, wheels dig, c_d = 0.05", {**SWITCHING, "add": "DiggingMemory.c_d=0.05", "buried": 0.9}),
-    Reading("the same, slip softens, a = 1.2", {**SWITCHING, "add": "SlipSoftening.a=1.2", "buried": 0.9}),
+    Reading("k = 1 mm, wheels dig, c_d = 0.05", {**SWITCHING, "add": "DiggingMemory.c_d=0.05", "buried": 0.9}),
+    Reading("k = 1 mm, slip softens, a = 1.2", {**SWITCHING, "add": "SlipSoftening.a=1.2", "buried": 0.9}),
 )
 
 

@@ -43,8 +43,8 @@ from foreign.layouts import Layout, layout
 
 from rover_pin import plot
 from rover_pin.base.errors import RoverPinError
+from rover_pin.importing.import_log import import_log
 from rover_pin.logs.drive_log import read_drive_log
-from rover_pin.logs.importing.import_log import import_log
 
 SEEDS = [1, 2, 21, 22, 51, 52, 53, 61, 62, 71, 72, 73, 74]
 ENOUGH = 0.05

@@ -35,7 +35,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from rover_pin.contact import Soil
-from rover_pin.discrepancy.standalone import Parts
+from rover_pin.discrepancy.experiment import Parts
 from rover_pin.estimation.identification import Identification
 from rover_pin.experiments.traction_factors import TractionFactors
 from rover_pin.loop.identify import identify

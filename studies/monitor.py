@@ -38,12 +38,12 @@ import pandas as pd
 from slip_sensing import Case, built, drawn, said
 
 from rover_pin import plot
-from rover_pin.control.constant import ConstantDuty
-from rover_pin.control.monitor.monitor import Monitor
-from rover_pin.control.monitor.source import ALARM, HORIZON
+from rover_pin.control.open_loop import ConstantDuty
+from rover_pin.onboard.monitor.monitor import Monitor
+from rover_pin.onboard.monitor.source import ALARM, HORIZON
 from rover_pin.simulation.command import Command, Reading
-from rover_pin.simulation.outcome.outcome import GRIP
-from rover_pin.simulation.sensors import Sensed, Sensors
+from rover_pin.simulation.outcome.outcome import MIN_TRAVEL_RATIO
+from rover_pin.simulation.sensors import NoisyController, Sensors
 from rover_pin.simulation.simulate import simulate
 from rover_pin.simulation.trace.trace import Trace
 from rover_pin.tuning.evaluations import Evaluations
@@ -142,7 +142,12 @@ def watched(case: Case, seed: int) -> list[float]:
     scene = built(case)
     beside = Beside(Monitor.of(scene.model))
     trace = simulate(
-        scene.model, Sensed(beside, Sensors(), seed), scene.duration, scene.start, scene.timing, measure_error=False
+        scene.model,
+        NoisyController(beside, Sensors(), seed),
+        scene.duration,
+        scene.start,
+        scene.timing,
+        measure_error=False,
     )
     spans = stuck_spans(trace, float(scene.model.rover.wheel.r))
     buried = str(trace.attrs["stop"]).startswith("buried")
@@ -169,7 +174,7 @@ def stuck_spans(trace: Trace, r: float) -> np.ndarray:
     travelled = np.cumsum(np.mean(trace.stack("travel"), axis=1) * dt)
     begin = np.flatnonzero(turned <= turned[-1] - r)
     end = np.searchsorted(turned, turned[begin] + r)
-    stands = travelled[end] - travelled[begin] < GRIP * (turned[end] - turned[begin])
+    stands = travelled[end] - travelled[begin] < MIN_TRAVEL_RATIO * (turned[end] - turned[begin])
     stuck = np.zeros(len(trace.t) + 2, dtype=int)
     for first, last in zip(begin[stands], end[stands], strict=True):
         stuck[first + 1 : last + 2] = 1

@@ -4,7 +4,7 @@ Question
     Section 2 calls the duty "effectively in proportion to the driving torque", sections 4.2 and 5 let the wheels of a
     stuck rover go on turning. Which motor goes with the paper's words, and does either let Eq (9) see the slip?
 Method
-    Two motors that run 0.05 m/s at duty 0.55 and differ in stall torque, 1 and 0.25 N m (simulation/model/motors.py).
+    Two motors that run 0.05 m/s at duty 0.55 and differ in stall torque, 1 and 0.25 N m (simulation/model/motor.py).
     Rim speed and S_hat of a wheel under a sixth of the weight at duty 0.55, for slips from 0.05 to 1, on Table 1's sand
     (k = 50 mm) and on a firmer one (k = 10 mm); then the drives of Figs 8 and 10 with either, every out or stuck at the
     step and at half of it.
@@ -42,7 +42,7 @@ from rover_pin import plot
 from rover_pin.control.slip_estimate import TableEstimate, calibrated_table
 from rover_pin.scenarios.scenario import Scenario, scenario
 from rover_pin.simulation.model.cruise import CRUISE_DUTY, CRUISE_SPEED
-from rover_pin.simulation.model.motors import MOTORS, motor_named
+from rover_pin.simulation.model.motor import MOTORS, motor_named
 from rover_pin.soil.wheel_forces import TorqueTraction, load_traction_factor
 
 SLIPS = (0.05, 0.2, 0.4, 0.6, 0.8, 1.0)

@@ -37,16 +37,15 @@ from blind_rig import generator as rig_generator
 from joblib import Parallel, delayed
 
 from rover_pin.discrepancy.conclude import explorer_of, search_of
-from rover_pin.discrepancy.standalone import question_of as bench_question
 from rover_pin.experiments.pendulum import Pendulum
 from rover_pin.experiments.wheel_rig.experiment import RigExperiment
+from rover_pin.experiments.wheel_rig.loop_data import RigData
 from rover_pin.experiments.wheel_rig.model import RigModel
 from rover_pin.experiments.wheel_rig.next_runs import next_runs
 from rover_pin.inference.beliefs import Beliefs
-from rover_pin.inference.next_measurement import next_measurement, open_sets
-from rover_pin.inference.outlook import Offer
-from rover_pin.loop.rig import question_of
+from rover_pin.inference.next_measurement import Offer, next_measurement, open_sets
 from rover_pin.measurements.rig_reading import read_rig_set
+from rover_pin.simulation.model.effect_files import known_effects
 
 SURE, MOST = 0.95, 8
 RIG_SEED, BENCH_SEED = 52_000, 76_000
@@ -130,7 +129,10 @@ def rig(seed: int) -> tuple[str, Callable[[list[Any]], Told]]:
 
     def after(chosen: list[tuple[float, float, float]]) -> Told:
         data = rig_set(make, hidden, [*((25.0, slip, 0.02) for slip in FIRST), *chosen], seed)
-        question, offer = question_of(RigExperiment((data,)), RigModel(data.wheel, data.soil())), next_runs((data,))
+        question, offer = (
+            RigData(RigExperiment((data,)), RigModel(data.wheel, data.soil())).question(known_effects()),
+            next_runs((data,)),
+        )
         ahead = offer.experiment.sets[0]
         conditions = zip(ahead.load.tolist(), ahead.slip.tolist(), ahead.speeds[:, 0].tolist(), strict=True)
         return Told(explorer_of(question, quiet).explore(), offer, dict(zip(ahead.runs, conditions, strict=True)))
@@ -166,7 +168,7 @@ def bench(seed: int) -> tuple[str, Callable[[list[Any]], Told]]:
         folds = tuple(f"run {at}" for at, _ in enumerate(which))
         own = replace(ahead, folds=folds, time=ahead.time[which], set_values=ahead.set_values[which],
                       observed=np.array([measured(at, turn) for turn, at in enumerate(which)]))  # fmt: skip
-        beliefs = search_of(bench_question(own, ()), quiet).beliefs()
+        beliefs = search_of(own.question(()), quiet).beliefs()
         return Told(beliefs, Offer(ahead, ahead.noise()), {name: at for at, name in enumerate(ahead.folds)})
 
     return name, after

@@ -48,7 +48,7 @@ from rover_pin.base.quantity import quantities
 from rover_pin.contact import Contact, Load, Soil, Wheel
 from rover_pin.effects.effect import Effect
 from rover_pin.effects.soil_traction import SoilTraction
-from rover_pin.estimation.noise import null_gain
+from rover_pin.estimation.residual import null_gain
 from rover_pin.experiments.wheel_rig.candidates import default_effect, rig_kinds
 from rover_pin.experiments.wheel_rig.model import RigModel
 from rover_pin.plot import COLOURS, save, write_csv

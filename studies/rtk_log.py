@@ -40,8 +40,8 @@ from rover_pin import close_the_loop, plot
 from rover_pin.experiments.drive_log.calibrate import experiment_on
 from rover_pin.experiments.drive_log.model import base_model, with_spread
 from rover_pin.experiments.drive_log.odometry_rival import odometry_baselines
+from rover_pin.importing.import_log import import_log
 from rover_pin.logs.drive_log import DriveLog, read_drive_log
-from rover_pin.logs.importing.import_log import import_log
 from rover_pin.rover.rover import load_rover
 from rover_pin.rover.wheel_base import effective_track
 from rover_pin.simulation.model.model import Model

@@ -44,14 +44,14 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from rover_pin.control.steering import Crab
+from rover_pin.control.open_loop import Crab
 from rover_pin.parameters import TABLE_1
 from rover_pin.plot import COLOURS, save, write_csv
 from rover_pin.rover.rover import load_rover
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.model.defaults import own_soil
 from rover_pin.simulation.simulate import simulate
-from rover_pin.simulation.timing import Timing
+from rover_pin.simulation.stepping.timing import Timing
 from rover_pin.simulation.trace.trace import Trace
 
 LAST = 5.0

@@ -37,19 +37,18 @@ import pandas as pd
 from slip_sensing import Case, built, drawn, mistaken, outcome, said
 
 from rover_pin import plot
-from rover_pin.control.constant import ConstantDuty
-from rover_pin.control.hole_law import HoleLaw
+from rover_pin.control.open_loop import ConstantDuty
 from rover_pin.control.sensing.odometry import Camera, TrackedSlip, Tracker, VisualOdometry
 from rover_pin.control.sensing.onboard_slip import OnboardSlip
 from rover_pin.control.sensing.stop import StopStuck
-from rover_pin.control.slip_control import HOLE_GAINS, Gains, SlipControl
+from rover_pin.control.slip_control import HOLE_GAINS, Gains, HoleLaw, SlipControl
 from rover_pin.control.slip_estimate import SlipEstimate, TrueSlip
 from rover_pin.control.torque_check import TorqueLimit
 from rover_pin.simulation.command import Controller
 from rover_pin.simulation.model.model import Model
-from rover_pin.simulation.sensors import Sensed, Sensors
+from rover_pin.simulation.sensors import NoisyController, Sensors
 from rover_pin.simulation.simulate import simulate
-from rover_pin.simulation.timing import CONTROL_PERIOD
+from rover_pin.simulation.stepping.timing import CONTROL_PERIOD
 from rover_pin.tuning.evaluations import Evaluations
 
 SEEDS = (290_001, 290_002, 290_003)
@@ -132,7 +131,7 @@ def driven(case: Case, name: str, seed: int) -> list[float]:
     """Return x at the end, whether the drive passed and was buried, and its mean slip."""
     scene, control = built(case), (CONTROLS | ALSO)[name]
     law = control.of(scene.model, seed)
-    law = Sensed(law, Sensors(), seed) if control.noisy else law
+    law = NoisyController(law, Sensors(), seed) if control.noisy else law
     return outcome(case, simulate(scene.model, law, scene.duration, scene.start, scene.timing, measure_error=False))
 
 

@@ -40,7 +40,7 @@ from rover_pin.control.slip_estimate import SlipEstimate, TableEstimate, flat_ta
 from rover_pin.scenarios.scenario import Scenario, scenario
 from rover_pin.simulation.command import Command, Reading
 from rover_pin.simulation.model.model import Model
-from rover_pin.simulation.sensors import Sensed, Sensors
+from rover_pin.simulation.sensors import NoisyController, Sensors
 from rover_pin.simulation.simulate import simulate
 from rover_pin.simulation.trace.trace import Trace
 from rover_pin.tuning.evaluations import Evaluations
@@ -197,7 +197,7 @@ def built(case: Case) -> Scenario:
 
 
 def run(scene: Scenario, controller: Any, seed: int) -> Trace:
-    sensed = Sensed(controller, Sensors(), seed)
+    sensed = NoisyController(controller, Sensors(), seed)
     return simulate(scene.model, sensed, scene.duration, scene.start, scene.timing, measure_error=False)
 
 

@@ -34,7 +34,7 @@ from rover_pin.base.errors import RoverPinError
 from rover_pin.plot import COLOURS, new_figure, save
 from rover_pin.scenarios import catalogue
 from rover_pin.scenarios.scenario import Scenario, scenario
-from rover_pin.simulation.timing import TOLERANCE
+from rover_pin.simulation.stepping.timing import TOLERANCE
 from rover_pin.simulation.trace.trace import Trace
 
 SCENES = (
@@ -53,7 +53,7 @@ SCALED = {
     "terrain.angle", "terrain.rate", "terrain.steepest", "terrain.height", "terrain.length", "terrain.depth",
     "terrain.wall_angle", "terrain.width", "terrain.amplitude", "terrain.wavelength", "control.radius",
 }  # fmt: skip
-FINER, FINER_THAN_OWN = 16, 4
+MAX_REFINEMENT, FINER_THAN_OWN = 16, 4
 """Parts of the usual step, and at least of the one that a drive took, at which it is taken for true."""
 
 
@@ -139,7 +139,7 @@ def judged(seed: int, seconds: float | None) -> dict[str, Any]:
     load, exact_load = (trace.stack("normal")[:n].mean(axis=0) for trace in (own, exact))
     return row | {
         "dt_s": own.attrs["dt_s"],
-        "kept": not any("over the tolerance" in warning for warning in own.attrs["warnings"]),
+        "kept": not any("exceeds the tolerance" in warning for warning in own.attrs["warnings"]),
         "off_m": float(off.max()),
         "stated_m": own.attrs["step_error_m"],
         "load_off": float(np.abs(load - exact_load).max() / exact_load.mean()),
@@ -152,7 +152,7 @@ def judged(seed: int, seconds: float | None) -> dict[str, Any]:
 def finer(chosen: Scenario, own: Trace) -> Trace:
     """Return the drive at the step that is taken for true."""
     usual = dataclasses.replace(chosen, duration=chosen.timing.control).drive(measure_error=False).attrs["dt_s"]
-    divided = max(FINER, FINER_THAN_OWN * round(usual / own.attrs["dt_s"]))
+    divided = max(MAX_REFINEMENT, FINER_THAN_OWN * round(usual / own.attrs["dt_s"]))
     timing = dataclasses.replace(chosen.timing, divided=divided)
     return dataclasses.replace(chosen, timing=timing).drive(measure_error=False)
 

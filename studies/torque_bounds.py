@@ -40,12 +40,11 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
-from rover_pin.control.bound_pull import TractionLimit
 from rover_pin.control.rover_bounds import bounds_table, climbable_slope, rover_torque_bounds
-from rover_pin.control.torque_bounds import torque_bounds
+from rover_pin.control.torque_bounds import TractionLimit, torque_bounds
 from rover_pin.parameters import NEXUS6_WHEEL, SOILS
 from rover_pin.rover.rover import load_rover
-from rover_pin.simulation.model.motors import nexus6_motor
+from rover_pin.simulation.model.motor import nexus6_motor
 from rover_pin.soil.wheel_forces import FORMS
 
 ROVER = load_rover("nexus6")

@@ -8,9 +8,9 @@ Method
     and the cart), each with noise of its own on rates, currents and angles. `tune_gains` searches k_p, k_i, S_d and the
     hole law's three numbers on the full rover; a set that buries fewer wheels always comes first. Then 100 drives of
     another seed, each with SEEDS seeds of noise, by ground: sand (inclines and slopes), ditches, rough ground (hills
-    and rocks). A drive is better or worse than by hand where its mean cost differs by more than WORTH and by two
-    standard errors over the seeds. What tuning could reach at most: on each drive alone the best of TRIED even numbers
-    and those above, chosen with a noise of another seed.
+    and rocks). A drive is better or worse than by hand where its mean cost differs by more than MIN_COST_CHANGE and
+    by two standard errors over the seeds. What tuning could reach at most: on each drive alone the best of TRIED even
+    numbers and those above, chosen with a noise of another seed.
 Result
     studies/results/tune_as_driven.csv: a row a ground and control; tuned_as_driven.toml: the numbers found. On the 100
     fresh drives 64 % get through and 1.3 % bury a wheel with the tuned numbers, against 55 and 2.0 % with S_d = 0.2 and
@@ -36,12 +36,11 @@ from scipy.stats import qmc
 from slip_sensing import drawn, said
 
 from rover_pin import plot
-from rover_pin.control.hole_law import HoleLaw
-from rover_pin.control.slip_control import HOLE_GAINS, Gains, save_gains
+from rover_pin.control.slip_control import HOLE_GAINS, Gains, HoleLaw, save_gains
 from rover_pin.tuning.drive_score import Cost, Score
-from rover_pin.tuning.drives import CONSTANT, Control, full_score
+from rover_pin.tuning.drives import CONSTANT_DUTY, Control, full_score
 from rover_pin.tuning.evaluations import Evaluations
-from rover_pin.tuning.report import WORTH
+from rover_pin.tuning.report import MIN_COST_CHANGE
 from rover_pin.tuning.study import DriveCase, Effort, SlipLaw, TuningStudy
 from rover_pin.tuning.tune import tune_gains
 
@@ -80,7 +79,7 @@ def main() -> None:
     result = tune_gains(study, options.out, said, options.workers or None)
     print(result.law, *result.where(), *result.by_ground(), sep="\n", flush=True)
     laws = {
-        "constant duty": (CONSTANT, study.law_before),
+        "constant duty": (CONSTANT_DUTY, study.law_before),
         HAND: ("onboard", SlipLaw(Gains(S_d=0.2))),
         "by the hole, found with the true slip": ("onboard", study.law_before),
         TUNED: ("onboard", result.law),
@@ -142,9 +141,10 @@ def summary(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def differences(change: np.ndarray) -> tuple[int, int]:
-    """Return on how many drives (drives, seeds) a cost falls, and on how many it rises, beyond WORTH and noise."""
+    """Return on how many drives (drives, seeds) a cost falls, and on how many it rises, beyond MIN_COST_CHANGE and
+    noise."""
     mean, noise = change.mean(axis=1), 2.0 * change.std(axis=1, ddof=1) / np.sqrt(change.shape[1])
-    beyond = np.maximum(noise, WORTH)
+    beyond = np.maximum(noise, MIN_COST_CHANGE)
     return int(np.sum(mean < -beyond)), int(np.sum(mean > beyond))
 
 

@@ -40,7 +40,7 @@ import numpy as np
 import pandas as pd
 
 from rover_pin import plot
-from rover_pin.tuning.drives import CHECKED, CONSTANT, Control, controller_of, drive_full
+from rover_pin.tuning.drives import CONSTANT_DUTY, TORQUE_CHECK, Control, controller_of, drive_full
 from rover_pin.tuning.evaluations import Evaluations
 from rover_pin.tuning.report import TuningResult
 from rover_pin.tuning.study import IDEAL, DriveCase, Effort, SlipLaw, TuningStudy
@@ -86,7 +86,7 @@ def asked(name: str, quick: bool) -> TuningStudy:
 def digests(ensemble: str, result: TuningResult) -> pd.DataFrame:
     rows = [
         (ensemble, where, control, *each)
-        for where, controls in result.digests().items()
+        for where, controls in result.statistics().items()
         for control, each in controls.items()
     ]
     return pd.DataFrame(
@@ -136,7 +136,7 @@ def drives_figure(result: TuningResult, out: Path) -> None:
     """Draw x, slip and sinkage of a middle wheel without control, under the check, before and after."""
     case, by = most_changed(result), result.study.estimate
     before = result.study.law_before
-    controls = {"constant duty": Control.of(CONSTANT, before), "torque check": Control.of(CHECKED, before)}
+    controls = {"constant duty": Control.of(CONSTANT_DUTY, before), "torque check": Control.of(TORQUE_CHECK, before)}
     controls |= {f"before, {by}": Control.of(by, before), f"tuned, {by}": Control.of(by, result.law)}
     sheet, axes = plot.new_figure(3, size=(9.0, 8.0), sharex=True)
     for (name, control), colour in zip(controls.items(), plot.COLOURS, strict=False):

@@ -71,7 +71,7 @@ from forms.laws import GRIP, LAW, LAWS, LUGS, ONE_SAND, RATE, RIM, SOFT, Laws
 from forms.one_soil import APART, FROM, ONE, THE_LAW, from_the_others, one_sand, pressings_apart
 from shared.rig_fits import calibrated
 
-from rover_pin.discrepancy.fold_refits import held_out_residual
+from rover_pin.discrepancy.held_out_errors import held_out_residual
 from rover_pin.effects.effect import Effect
 from rover_pin.estimation.fit import Fit
 from rover_pin.experiments.wheel_rig.candidates import numbers_of

@@ -4,7 +4,6 @@ import importlib
 import importlib.util
 import re
 import shlex
-import tomllib
 from pathlib import Path
 
 import gallery
@@ -98,27 +97,3 @@ def test_troubleshooting_quotes_what_is_really_said():
         parts = [part.strip(" '") for part in re.split(r"\.\.\.", sentence) if len(part.strip(" '")) > 3]
         missing += [part for part in parts if part not in source]
     assert not missing
-
-
-LONGEST_SENTENCE, SHARE_OF_LONG = 30, 0.03
-
-
-def sentences(text):
-    """Yield the sentences of a page's running text; code, equations and fields in a line count as a word."""
-    text = re.sub(r"```.*?```|\$\$.*?\$\$|\{%.*?%\}", "\n\n", text, flags=re.DOTALL)
-    text = re.sub(r"\{\{.*?\}\}|\$[^$\n]+\$|`[^`]+`", "it", text, flags=re.DOTALL)
-    for block in re.split(r"\n\s*\n|\n(?=\s*(?:[*-]|\d+\.) )|\n(?=[|#!:])", text):
-        if not block.lstrip().startswith(("|", "#", "!", ":::")):
-            yield from re.split(r"(?<=[.!?:])[*)\"]*\s+(?=[A-Z*\"(\[])", " ".join(block.split()))
-
-
-def test_sentences_of_the_pages_are_short():
-    lengths = [len(each.split()) for text in PAGES.values() for each in sentences(text)]
-    assert len(lengths) > 500
-    assert sum(length > LONGEST_SENTENCE for length in lengths) <= SHARE_OF_LONG * len(lengths)
-
-
-def test_pages_have_no_private_phrase():
-    phrases = tomllib.loads((ROOT / "tests" / "glossary.toml").read_text(encoding="utf-8"))["phrases"]
-    found = {(name, phrase) for name, text in PAGES.items() for phrase in phrases if phrase in " ".join(text.split())}
-    assert not found, "see tests/glossary.toml"

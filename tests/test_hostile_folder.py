@@ -64,6 +64,10 @@ def folder(tmp_path_factory):
     return made
 
 
+PYTHON_PATHS = ("", ":", ":/opt/ros/lib", ".", "./", "inner", "HERE", "HERE/.", "/opt/ros/lib:HERE")
+"""Values of PYTHONPATH by which Python looks for modules in the working directory, HERE."""
+
+
 def entered(folder, *words, **environment):
     """What a user's console script does there, whose PATH has the working directory, as many have."""
     inherited = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
@@ -118,6 +122,42 @@ def test_nothing_of_the_folder_runs(folder, words):
     done = entered(folder, *words)
     assert ran(folder) == ""
     assert done.returncode == 0 or "ends stuck" in done.stderr, done.stderr
+
+
+@pytest.fixture(scope="module")
+def packages(tmp_path_factory):
+    """A working directory with modules named after what the package imports after its own first lines.
+
+    Those that Python itself imports before any program begins (`site`, `sitecustomize`, the console script's `re`) are
+    Python's to take from PYTHONPATH; nothing of this package can come before them.
+    """
+    made = tmp_path_factory.mktemp("packages")
+    (made / "inner").mkdir()
+    program = [sys.executable, "-c", "import sys, re, runpy\nprint(*sys.modules, sep='\\n')"]
+    loaded = subprocess.run(program, capture_output=True, text=True, check=True, cwd=made).stdout.split()
+    for name in MODULES - {name.partition(".")[0] for name in loaded} - {"sitecustomize", "_winapi", "nt"}:
+        for place in (made, made / "inner"):
+            (place / f"{name}.py").write_text(f"open({str(made / 'pwned')!r}, 'a').write('module {name}\\n')\n")
+    (made / "study.toml").write_text(STUDY)
+    return made
+
+
+@pytest.mark.parametrize("path", PYTHON_PATHS)
+def test_no_entry_of_the_pythonpath_is_the_working_directory(packages, path):
+    (packages / "pwned").unlink(missing_ok=True)
+    done = entered(packages, "list", "soils", PYTHONPATH=path.replace("HERE", str(packages)))
+    assert ran(packages) == ""
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "words", [("drive", "flat", "--set", "duration=0.1"), ("sweep", "study.toml", "--workers", "2")]
+)
+def test_neither_this_process_nor_its_workers_take_the_working_directory_from_the_pythonpath(packages, words):
+    done = entered(packages, *words, PYTHONPATH=":/opt/ros/lib")
+    assert ran(packages) == ""
+    assert done.returncode == 0, done.stderr
 
 
 def test_no_compiler_of_the_folder_runs(folder, tmp_path):

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from casadi import SX
 
 from rover_pin import (
     SOILS,
@@ -24,7 +25,7 @@ from rover_pin import (
     wheel_forces,
 )
 from rover_pin.effects.slip_sinkage import SlipSinkage
-from rover_pin.simulation.start.place import Start
+from rover_pin.simulation.start import Start
 
 SAND, WHEEL = Soil(), Wheel()
 
@@ -50,7 +51,7 @@ CALLS = {  # what names the mistake in the sentence -> the call
     "soil.phi = 30 rad": lambda flat: scenario("flat", **{"soil.phi": 30}),
     "motor = 12": lambda flat: scenario("flat", motor=12),
     "rover = None": lambda flat: scenario("flat", rover=None),
-    "rover = Rover(": lambda flat: scenario("flat", rover=flat.model.rover),
+    "rover = 6 ": lambda flat: scenario("flat", rover=6),
     "model = Model(": lambda flat: scenario("flat", model=flat.model),
     "control = 0.4": lambda flat: scenario("flat", control=0.4),
     "control = <class": lambda flat: scenario("flat", control=ConstantDuty),
@@ -77,8 +78,8 @@ CALLS = {  # what names the mistake in the sentence -> the call
     "rover 'nexus7'": lambda flat: load_rover("nexus7"),
     "'kk'": lambda flat: Soil(kk=0.01),
     "k = 10 m": lambda flat: Soil(k=10),
-    "phi = '30deg'": lambda flat: Soil(phi="30deg"),
-    "r = '45mm'": lambda flat: Wheel(r="45mm"),
+    "measure": lambda flat: Soil(phi="30 m"),
+    "r = 'large'": lambda flat: Wheel(r="large"),
     "supply = None": lambda flat: Motor(supply=None),
     "delta = 55": lambda flat: ConstantDuty(55),
     "'gamma'": lambda flat: SlipSinkage(gamma=3.0),
@@ -86,9 +87,9 @@ CALLS = {  # what names the mistake in the sentence -> the call
     "'sand'": lambda flat: SAND.replace(sand=3),
     "gains = 0.1": lambda flat: SlipControl(0.1, None),
     "S = '0.2'": lambda flat: load_traction_factor("0.2", SAND, WHEEL),
-    "S = array(": lambda flat: load_traction_factor(np.linspace(0.0, 1.0, 5), SAND, WHEEL),
+    "S is an array": lambda flat: load_traction_factor(np.linspace(0.0, 1.0, 5), SAND.replace(k=SX.sym("k")), WHEEL),
     "soil = Wheel(": lambda flat: load_traction_factor(0.2, WHEEL, SAND),
-    "form = 'net'": lambda flat: load_traction_factor(0.2, SAND, WHEEL, "net"),
+    "form = 'nett'": lambda flat: load_traction_factor(0.2, SAND, WHEEL, "nett"),
     "soil = 'table-1'": lambda flat: torque_bounds(9.5, "table-1", WHEEL),
     "argument: 'soil'": lambda flat: wheel_forces(0.2, 0.6, -0.1, WHEEL),
     "argument: 'rover'": lambda flat: Model(),

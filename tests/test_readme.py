@@ -1,4 +1,4 @@
-"""The README is short and true: 900 words, two commands to the first drive, numbers of `studies/results`."""
+"""The README is true: its commands run, and its numbers are those of `studies/results`."""
 
 import importlib
 import math
@@ -10,29 +10,31 @@ import pytest
 
 from rover_pin import SOILS, load_rover
 from rover_pin.cli.app import app
-from rover_pin.rover.description.layout import KEYS
-from rover_pin.rover.description.rover_toml import read_forms, read_motor, read_soil, read_springs
+from rover_pin.rover.description.layout import KEYS, read_forms, read_motor, read_soil, read_springs
 from rover_pin.scenarios.scenes import SCENES
 from rover_pin.version import __version__
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
 TEXT = (ROOT / "README.md").read_text(encoding="utf-8")
-MOST_WORDS = 900
 SMOOTH, TETHER = "commands.smooth_wheel", "commands.tether"
 CLAIMS = [
-    f"was wrong by {{{{ dec({SMOOTH}.before, 1) }}}} mm and is now wrong by {{{{ dec({SMOOTH}.after, 1) }}}} mm",
+    f"sinkage error falls from {{{{ dec({SMOOTH}.before, 1) }}}} mm to {{{{ dec({SMOOTH}.after, 1) }}}} mm",
     "drives on at {{ commands.ditch.speed }} m/s",
     f"f_0 = {{{{ dec({TETHER}.f_0, 1) }}}} N [{{{{ dec({TETHER}.f_0_low, 1) }}}}, {{{{ dec({TETHER}.f_0_high, 1) }}}}]",
     "in {{ took['close-loop demo-drive-log'] }} s of CPU",
     "after {{ took['close-loop cmu-smooth-wheel'] }} s of CPU",
-    "to {{ sig(speed.drive_speed['off [mm]'], 1) }} mm of a sixteenth",
-    "ditch in {{ sig(speed.drive_speed['ditch [s]'], 2) }} s",
+    "differs by {{ sig(speed.drive_speed['off [mm]'], 1) }} mm from a drive at a sixteenth",
+    "take {{ sig(speed.drive_speed['ditch [s]'], 2) }} s of CPU",
     "Of [{{ control.drives }} drives](docs/results.md#controllers-compared), constant duty passes "
     "{{ control.rows['constant duty'].passed }} and buries {{ control.rows['constant duty'].buried }}.",
     *(
-        f"| {name} | {{{{ control.rows['{name}'].passed }}}} | {{{{ control.rows['{name}'].buried }}}} |"
-        for name in ("S_d = 0.2, true slip", "by the hole, true slip", "by the hole, on board")
+        f"| {words} | {{{{ control.rows['{name}'].passed }}}} | {{{{ control.rows['{name}'].buried }}}} |"
+        for name, words in (
+            ("S_d = 0.2, true slip", "S_d = 0.2, true slip"),
+            ("by the hole, true slip", "target slip lowered as a wheel's hole deepens, true slip"),
+            ("by the hole, on board", "the same, slip estimated on board"),
+        )
     ),
     "wheel rigs, {{ blind.rigs.sets }} sets | drive logs, {{ blind.logs.sets }} sets",
     *(
@@ -40,7 +42,7 @@ CLAIMS = [
         for what in ("named", "alarms", "abstained", "intervals")
     ),
     "{{ ' of '.join(blind.rigs.counts['laws']) }} rigs",
-    "pairs {{ ' of '.join(blind.rigs.counts['pairs']) }}",
+    "Pairs of hidden effects are found on {{ ' of '.join(blind.rigs.counts['pairs']) }} rigs",
     "on {{ ' of '.join(blind.rigs.counts.wrong) }} rigs and {{ ' of '.join(blind.logs.counts.wrong) }} logs",
 ]
 
@@ -58,12 +60,6 @@ def page(name):
 
 def blocks(language, text=TEXT):
     return re.findall(rf"```{language}\n(.*?)```", text, re.DOTALL)
-
-
-def test_it_is_short():
-    assert len(TEXT.split()) <= MOST_WORDS
-    (code,) = blocks("python")
-    assert len([line for line in code.splitlines() if line.strip()]) <= 8
 
 
 def test_one_line_sets_up_and_does_the_main_job():

@@ -10,7 +10,7 @@ import pytest
 
 from rover_pin import close_the_loop
 from rover_pin.base.errors import DataError
-from rover_pin.base.files.samples import data_path, sample_names
+from rover_pin.base.files.paths import data_path, sample_names
 from rover_pin.base.jobs.safe_environment import SAFE_PATH
 from rover_pin.loop.data_check import check_data
 from rover_pin.scenarios.catalogue import samples

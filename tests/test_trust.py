@@ -20,7 +20,7 @@ from rover_pin.experiments.wheel_rig.model import RigModel
 from rover_pin.experiments.wheel_rig.model import read_model as read_rig_model
 from rover_pin.experiments.wheel_rig.model import write_model as write_rig_model
 from rover_pin.loop.close import read_data, start_on
-from rover_pin.simulation.model.effect_files import run_file, user_effects
+from rover_pin.simulation.model.effect_files import run_file, trusted_effects, user_effects
 from rover_pin.simulation.model.toml_file import read_model, write_model
 from rover_pin.sweep import read_study, sweep
 from rover_pin.tuning.drives import build
@@ -167,15 +167,31 @@ def test_a_link_counts_as_what_it_leads_to(model, tmp_path):
     read_model(model, scenario("flat").model.terrain, Trust.of(tmp_path / "code.py"))
 
 
+@pytest.mark.parametrize(
+    "reach", [lambda folder: user_effects(folder), lambda folder: trusted_effects(Trust.of(folder))]
+)
+def test_consent_to_a_folder_does_not_follow_a_link_out_of_it(reach, model, tmp_path):
+    """Every file of the folder itself runs; nobody who looked at the folder has read the linked one."""
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "folder" / "mine.py").write_text("import rover_pin.effects.effect\n")
+    (tmp_path / "folder" / "alias.py").symlink_to(tmp_path / "code.py")
+    with pytest.raises(DataError, match=r"alias\.py is a link"):
+        reach(tmp_path / "folder")
+    assert not ran(model)
+    (tmp_path / "folder" / "alias.py").unlink()
+    (tmp_path / "folder" / "code.py").write_text((tmp_path / "code.py").read_text())
+    assert len(reach(tmp_path / "folder")) == 1
+
+
 @pytest.mark.parametrize("key", ["settings", "parameters"])
 def test_a_study_cannot_trust_itself(model, key):
     text = SWEEP.replace(f"[{key}]\n", f"[{key}]\ntrust = {'[true]' if key == 'parameters' else 'true'}\n")
     study = read_study(written(model, text))
     (told,) = sweep(study, model.parent / "out", workers=1).table["error"]
-    assert "file: say --effects FILE or --trust" in told
+    assert "--effects FILE or --trust" in told
     with pytest.raises(ParameterError, match="key 'trust'"):
         read_study(written(model, "trust = true\n" + SWEEP))
-    with pytest.raises(ParameterError, match=r"yours.*give"):
+    with pytest.raises(ParameterError, match=r"cannot be stated in a file.*--trust"):
         build(read_tuning(written(model, TUNING + "trust = true\n")).training[0])
     assert not ran(model)
 
@@ -256,33 +272,33 @@ def test_nothing_unpickles_or_evaluates():
 OPENERS = set(
     "open read_text read_bytes fromfile memmap loadtxt genfromtxt loadmat read_csv read_parquet read_excel read_json "
     "ParquetFile from_file AnyReader ZipFile TarFile imread iterparse connect get_data buildModelFromUrdf "
-    "load_mesh load_scene CDLL".split()
+    "load_mesh load_scene CDLL process_file".split()
 )
 """What takes a file's name, of Python and of the libraries that read files."""
 LOADERS = {"np.load", "trimesh.load", "yourdfpy.URDF.load", "json.load", "tomllib.load"}
 OF_ITS_OWN = {
-    "base/files/bounded.py": "os.open open zipfile.ZipFile np.load",  # it is what bounds
+    "base/files/bounded.py": "os.open open zipfile.ZipFile",  # it is what bounds
     "rover/description/meshes.py": "trimesh.load",  # bytes of a file of its folder, bounded, of a known kind
     "logs/ros_bag.py": "AnyReader",  # reads as it goes
     "logs/unpacking.py": "zstd.open",  # of a bag, within an allowance of bytes
-    "rover/proposal/new_rover.py": "XacroDoc.from_file",  # only with --trust
+    "rover/proposal/new_rover.py": "xacro.process_file",  # only with --trust
     "simulation/model/effect_files.py": "self.get_data",  # code that the user has named
     # bytes or text in memory, read through the bounds
-    "rover/description/readers.py": "yourdfpy.URDF.load",
+    "rover/description/cross_check.py": "yourdfpy.URDF.load",
     "view/shapes.py": "yourdfpy.URDF.load",
     "base/files/parquet.py": "pyarrow.parquet.ParquetFile",
-    "sweep/store.py": "pq.ParquetFile temporary.open",
     "terrain/raster.py": "Image.open memory.open",
     # what the package has written or made itself, or what comes with it
     "simulation/compiled/toolchain.py": "CPUINFO.read_text ctypes.CDLL compiled.read_bytes file.read_bytes",
     "base/code_digest.py": "file.read_bytes",
-    "base/files/results_folder.py": "os.open file.read_bytes",
-    "tuning/evaluations.py": "self.file.open",
+    "base/files/results_folder.py": "os.open .read_bytes",
+    "base/files/whole_file.py": "temporary.open",
+    "base/files/journal.py": "self.file.open",
     "view/animation.py": "Image.open rendered.read_bytes",
     "view/export.py": "rrd_file.read_bytes",
     "cli/commands/new_effect.py": ".read_text",
     "base/files/paths.py": ".read_text",
-    "control/fmi/unit.py": ".read_bytes zipfile.ZipFile",
+    "onboard/fmi/unit.py": ".read_bytes zipfile.ZipFile",
     "cli/commands/view.py": "webbrowser.open",
     "base/jobs/safe_environment.py": "os.open",
 }

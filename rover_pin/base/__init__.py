@@ -1,4 +1,5 @@
-"""What everything else stands on, with no rover in it: errors, quantities with units, arguments, settings, trust.
+"""The ground floor of the package: errors, quantities with units, settings, text encoding, and consent to run code.
 
-Start at `errors` and `quantity`. `files` reads and writes tables and TOML within bounds; `jobs` runs workers.
+Nothing here depends on a rover. Start at `errors` and `quantity`. `files` reads and writes tables and TOML files with
+limits on their size, and `jobs` runs worker processes.
 """

@@ -1,6 +1,6 @@
-"""Arguments of functions that state unit, bounds and source in their annotation, and are checked against them.
+"""Function arguments whose unit, bounds and source stand in the annotation, and a decorator that checks their values.
 
-@checked("terrain")
+@check_arguments("terrain")
 def bump(height: Annotated[float, spec("m", "assumed", -100.0, 100.0)] = 0.04) -> Lanes: ...
 """
 
@@ -18,12 +18,18 @@ R = TypeVar("R")
 
 
 def spec(unit: str, source: str, low: float = -math.inf, high: float = math.inf) -> Quantity:
-    """Return what an argument's annotation says of it besides its type."""
+    """Return the unit, bounds and source of a numeric function argument, for use in the argument's annotation.
+
+    `unit` is the SI unit, `source` states where the default comes from, and `low` and `high` are the bounds in that
+    unit. A function with the decorator `check_arguments` refuses a number outside the bounds.
+    """
     return Quantity(unit, source, low, high, "")
 
 
 class Argument(NamedTuple):
-    """An argument that says what it is: its type, and unit, source and bounds."""
+    """An argument whose annotation contains a `spec`: the type of the argument (`kind`), and its unit, source and
+    bounds.
+    """
 
     kind: Any
     quantity: Quantity
@@ -31,17 +37,23 @@ class Argument(NamedTuple):
 
 @functools.cache
 def arguments_of(function: Callable[..., Any]) -> dict[str, Argument]:
-    """Return the arguments of a function, or fields of a class, whose annotation says what they are."""
+    """Return the arguments of a function, or the fields of a class, that have a unit: a dict from name to `Argument`.
+
+    These are the arguments whose annotation is `Annotated[..., spec(...)]`. Other arguments are left out.
+    """
     hints = get_type_hints(function, include_extras=True)
+    # The parts of `Annotated[float, spec(...)]` are the type and the Quantity.
     argument_parts = {name: get_args(hint) for name, hint in hints.items() if get_origin(hint) is Annotated}
     return {name: Argument(*parts[:2]) for name, parts in argument_parts.items() if isinstance(parts[1], Quantity)}
 
 
 def check_arguments(owner: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
-    """Return the decorator by which a function refuses numbers out of the bounds that its annotations state.
+    """Return a decorator that makes a function refuse numbers outside the bounds of its annotations.
 
-    Raises ParameterError: by the function: what is no number, is out of bounds, or is not whole where the annotation is
-    of `int`.
+    Errors name an argument as `owner.argument`, for example `terrain.height`.
+
+    Raises ParameterError: when the decorated function is called with a value that is not a number, is out of bounds, or
+    is not whole although its annotation says `int`.
     """
 
     def decorate(function: Callable[P, R]) -> Callable[P, R]:
@@ -51,16 +63,14 @@ def check_arguments(owner: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
         def wrapper(*args: P.args, **kwargs: P.kwargs) -> R:
             bound = signature.bind(*args, **kwargs).arguments
             for name, argument in arguments_of(function).items():
+                # Only arguments that were given are checked: a default may lie outside on purpose, as None does.
                 if name in bound and argument.kind in (int, float):
-                    check(owner, name, bound[name], argument.quantity)
-                    _refuse_parts(owner, name, bound[name], argument.kind)
+                    value: Any = bound[name]
+                    check(owner, name, value, argument.quantity)
+                    if argument.kind is int and value != int(value):
+                        raise ParameterError(f"{owner}.{name} = {value:g} is not allowed: it must be a whole number.")
             return function(*args, **kwargs)
 
         return wrapper
 
     return decorate
-
-
-def _refuse_parts(owner: str, name: str, value: Any, kind: type) -> None:
-    if kind is int and value != int(value):
-        raise ParameterError(f"{owner}.{name} = {value:g} is not allowed: it must be a whole number.")

@@ -1,4 +1,4 @@
-"""What tells this code from any other, so that results of other code are not gone on from."""
+"""A digest of the package's code. A stopped calculation is resumed only if the code has not changed since it began."""
 
 import hashlib
 from collections.abc import Iterable
@@ -10,15 +10,22 @@ from rover_pin.version import __version__
 
 
 def key_of_code(others: Iterable[Path] = ()) -> str:
-    """Return a key of this program, its version and its very code, and of the code in other files."""
-    digest = hashlib.sha256(_own().encode())
+    """Return a digest of 32 letters that changes whenever code changes on which a result depends.
+
+    The digest covers the package's version, its Python and C files, and `others`: files of code outside the package,
+    such as a user's effects. If a saved result has another digest, other code computed it, and it must be computed
+    again.
+    """
+    digest = hashlib.sha256(_package_key().encode())
+    # The order of the files must not change the digest.
     for file in sorted(others):
         digest.update(hashlib.sha256(file.read_bytes()).digest())
     return digest.hexdigest()[:32]
 
 
 @lru_cache(maxsize=1)
-def _own() -> str:
+def _package_key() -> str:
+    """Return the digest of the package's version and of its Python and C files."""
     package = Path(str(files("rover_pin")))
     digest = hashlib.sha256(__version__.encode())
     for file in sorted(file for kind in ("*.py", "*.c") for file in package.rglob(kind)):

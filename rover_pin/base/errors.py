@@ -1,19 +1,28 @@
-"""The family of errors that public functions raise.
+"""The errors that public functions raise.
 
-A message says what is wrong (name, value with unit), where it comes from, what is allowed, and what to do.
+A message states the fault (name, value with unit), its location (file, row, key), the allowed values, and the remedy.
 """
 
+import logging
 from collections.abc import Collection, Iterable
 from typing import Any
 
-LONGEST, TAIL = 1200, 250
-"""Characters of a message; of a longer one the beginning and this much of its end are kept."""
+from rover_pin.base.encode import printable
+
+# A program that uses this package decides where its log goes; without this handler, warnings would go to stderr.
+logging.getLogger("rover_pin").addHandler(logging.NullHandler())
+
+MAX_MESSAGE, MESSAGE_TAIL = 1200, 250
+"""Maximum number of characters of an error message (MAX_MESSAGE), and number of characters that are kept at the end of
+a longer message (MESSAGE_TAIL). The middle of a longer message is left out, because the remedy is stated last."""
 NO_ROOM = "failed to map segment"
-"""What the system says of a library for which there is no memory."""
+"""Words by which the system's error is recognised when a library cannot be loaded for lack of memory."""
 
 
 class RoverPinError(Exception):
-    """Anything this package refuses or cannot finish; whatever it quotes, its message is one printable line.
+    """The base class of all errors of this package.
+
+    The message is one line: control characters in quoted names are escaped.
 
     Examples
     --------
@@ -30,27 +39,73 @@ class RoverPinError(Exception):
 
 
 class ParameterError(RoverPinError):
-    """A quantity outside what is allowed, an unknown field or an unknown unit."""
+    """Raised for a number out of its bounds, an unknown field, setting or unit, or an argument of the wrong type."""
+
+
+class UnknownNameError(ParameterError):
+    """Raised for a scenario, or a setting of a scenario, that does not exist.
+
+    A batch study stops at this error, because all of its cases would fail with the same error.
+    """
 
 
 class UrdfError(RoverPinError):
-    """A rover description (URDF or TOML) that does not make a rover."""
+    """Raised for a description of a rover (URDF or TOML) from which no rover can be built."""
 
 
 class DataError(RoverPinError):
-    """A measured or declared file that cannot be read as what it should be."""
+    """Raised for a file of data, a model file or a file of code that cannot be read or used."""
 
 
 class MissingExtraError(RoverPinError):
-    """An optional dependency is needed and not installed."""
+    """Raised if an optional package or program is needed but not installed."""
 
 
 class CacheError(RoverPinError):
-    """Code that is compiled on first use has no private folder to be kept in."""
+    """Raised if no private folder can be used to keep compiled code."""
+
+
+class UnknownAttributeError(ParameterError, AttributeError):
+    """Raised if an object has no attribute of a given name, as `soil.cohesion` for a `Soil` without this field.
+
+    The text of the message is made only when it is read, because programs also probe objects for attributes and ignore
+    the error.
+
+    Parameters
+    ----------
+    owner : object
+        The object that lacks the attribute.
+    name : str
+        The unknown name.
+    names : collection of str
+        The names of the existing attributes.
+    hint : str
+        The correct spelling, if it is known; otherwise the message lists similar names.
+    """
+
+    def __init__(self, owner: Any, name: str, names: Collection[str], hint: str = ""):
+        super().__init__(name)
+        self.owner, self.unknown, self.names, self.hint = type(owner).__name__, name, tuple(names), hint
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Return the constructor and its argument with which another process rebuilds the error (Python's pickle
+        protocol).
+
+        The rebuilt error is a ParameterError with the same message, so that the object itself need not be sent.
+        """
+        return ParameterError, (str(self),)
+
+    def __str__(self) -> str:
+        article = "an" if self.owner[:1] in "AEIOU" else "a"
+        return one_line(
+            f"{article} {self.owner} has no '{self.unknown}': {self.hint or closest(self.unknown, self.names)}"
+        )
 
 
 class SimulationError(RoverPinError):
-    """A drive that could not start or go on; `trace` keeps what was driven, or is None."""
+    """Raised if a simulated drive cannot start or continue. `trace` is the recorded drive up to the failure, or
+    None.
+    """
 
     def __init__(self, message: str, trace: Any = None):
         super().__init__(message)
@@ -58,7 +113,7 @@ class SimulationError(RoverPinError):
 
 
 class OptimisationError(RoverPinError):
-    """A fit or tuning that failed; `status` keeps what the solver reported."""
+    """Raised if a fit or a tuning fails. `status` is the report of the solver, or None."""
 
     def __init__(self, message: str, status: Any = None):
         super().__init__(message)
@@ -66,38 +121,80 @@ class OptimisationError(RoverPinError):
 
 
 def one_line(text: str) -> str:
-    """Return text as one line: breaks as spaces, what cannot be printed escaped, the middle of a long one left out."""
-    line = " ".join(text.splitlines()).strip()
-    line = "".join(character if character.isprintable() else ascii(character)[1:-1] for character in line)
-    return line if len(line) <= LONGEST else f"{line[: LONGEST - TAIL - 5]} ... {line[-TAIL:]}"
+    """Return a text as one line of at most MAX_MESSAGE characters, without control characters.
+
+    Newlines become spaces. The middle of a longer text is left out.
+    """
+    line = printable(" ".join(text.splitlines()).strip())
+    if len(line) <= MAX_MESSAGE:
+        return line
+    return f"{line[: MAX_MESSAGE - MESSAGE_TAIL - 5]} ... {line[-MESSAGE_TAIL:]}"
 
 
-MOST_NAMES = 20
-"""How many names an error lists; of more, the nearest."""
+SYNONYMS = {
+    **dict.fromkeys(("friction_angle", "internal_friction", "internal_friction_angle", "phi_deg"), "phi"),
+    **dict.fromkeys(("cohesion", "c_0"), "c"),
+    **dict.fromkeys(("exponent", "sinkage_exponent", "deformation_exponent"), "n"),
+    **dict.fromkeys(("shear_modulus", "shear_displacement", "shear_deformation_modulus"), "k"),
+    **dict.fromkeys(("radius", "wheel_radius"), "r"),
+    **dict.fromkeys(("width", "wheel_width"), "b"),
+    **dict.fromkeys(("f_z", "normal_force", "wheel_load"), "f_n"),
+    **dict.fromkeys(("f_x", "drawbar_pull", "traction"), "f_t"),
+}
+"""Common name of a quantity -> its symbol in this package. An error about such a name suggests the symbol; a file or a
+call that uses the common name is still refused."""
+BEKKER = (
+    "it is a constant of Bekker's equation. Eq (4) uses k_1 = k_c b^(n-1) and k_2 = k_phi b^(n-1) instead, where b is "
+    "the wheel's width in metres. The table [soil] in the TOML file of a rover or a rig takes k_c, k_phi and n."
+)
+"""Last sentences of the error about k_c or k_phi if one of these names is given instead of k_1 or k_2, the symbols of
+Eq (4) of the paper, the pressure against the sinkage."""
+MAX_LISTED_NAMES = 20
+"""Maximum number of known names that an error about an unknown name lists in full. If more names are known, the error
+lists only the similar ones."""
 
 
 def closest(name: Any, names: Iterable[Any]) -> str:
-    """Return the end of an unknown-name message: `did you mean 'x'? Known: ..`, or `known are ...` if none is close."""
+    """Return the last part of an error about an unknown name: a suggestion, if a known name is similar, and the known
+    names.
+
+    `name` is the unknown name and `names` are all known names.
+
+    Examples
+    --------
+    >>> closest("sol", ["soil", "rover"])
+    "did you mean 'soil'? Known: rover, soil."
+    """
     name, names = str(name), sorted(map(str, names))
     if not names:
         return "there is none."
+    # The last part of a dotted name decides: `soil.cohesion` means `soil.c`.
+    prefix, dot, last = name.rpartition(".")
+    if last.lower() in ("k_c", "k_phi", "kc", "kphi") and f"{prefix}{dot}k_1" in names:
+        return BEKKER
+    meant = f"{prefix}{dot}{SYNONYMS.get(last.lower(), '')}"
+    if meant in names:
+        return f"did you mean '{meant}'?"
     import difflib
 
     hits = difflib.get_close_matches(name, names, n=8, cutoff=0.5)
     is_close = bool(hits) and difflib.SequenceMatcher(None, name, hits[0]).ratio() > 0.6
-    if len(names) <= MOST_NAMES:
+    # A short list of names is printed in full, with the most similar name as a suggestion.
+    if len(names) <= MAX_LISTED_NAMES:
         listed = f"{', '.join(names)}."
         return f"did you mean '{hits[0]}'? Known: {listed}" if is_close else f"known are {listed}"
     if is_close:
         return f"did you mean '{hits[0]}'? Known and alike: {', '.join(hits)}; {len(names)} in all."
-    nearer = [*hits, *(word for word in names if word not in hits)][:8]  # one that is hardly alike says nothing alone
+    # One name that is hardly similar would mislead if it stood alone, so other names follow it.
+    nearer = [*hits, *(word for word in names if word not in hits)][:8]
     return f"known are {', '.join(nearer)}; {len(names)} in all."
 
 
 def one_of(name: str, word: Any, choices: Collection[str]) -> str:
-    """Return a setting's word, which must be one of the known.
+    """Return `word` unchanged if it is one of the allowed choices.
 
-    Raises ParameterError: it is not, with the close ones.
+    Raises ParameterError: `word` is not one of the choices. The message calls the value `name` and lists similar
+    choices.
     """
     if not isinstance(word, str) or word not in choices:
         raise ParameterError(f"{name} = {word!r} is not known: {closest(word, choices)}")

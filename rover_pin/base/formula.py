@@ -1,6 +1,7 @@
-"""Arithmetic on columns as a user writes it, safely: names, numbers, + - * / **, and the functions below; no more.
+"""Formulas that a user writes to compute a column from other columns: column names, numbers, + - * / ** and functions.
 
-The text is parsed into a tree of which only these kinds of nodes are walked, so that no formula runs code.
+A formula is parsed into a syntax tree, and only column names, numbers, these operators and the functions of this module
+are evaluated. Therefore a formula cannot run other code.
 """
 
 import ast
@@ -12,37 +13,50 @@ import numpy as np
 
 from rover_pin.base.errors import DataError, closest
 
-LONGEST = 1000
-"""Characters of a formula."""
+MAX_FORMULA = 1000
+"""Maximum number of characters of a formula. A longer text is refused, because parsing it could exhaust the memory."""
 EARTH_A, EARTH_E2 = 6378137.0, 6.69437999014e-3
-"""Semi-major axis [m] and squared eccentricity of WGS 84."""
+"""Semi-major axis [m] and squared eccentricity of the WGS 84 ellipsoid, which describes the shape of the earth."""
 
 Array = np.ndarray
 
 
 def roll(x: Array, y: Array, z: Array, w: Array) -> Array:
-    """Return the roll [rad] of a quaternion (world z-y-x)."""
+    """Return the roll angle [rad] (rows,) of quaternions of any norm: vector part x, y, z and scalar part w.
+
+    The order of rotations is yaw, pitch, roll. The roll is NaN where all four numbers are zero.
+    """
     return np.asarray(np.arctan2(2 * (w * x + y * z), _square(x, y, z, w) - 2 * (x * x + y * y)))
 
 
 def pitch(x: Array, y: Array, z: Array, w: Array) -> Array:
-    """Return the pitch [rad] of a quaternion (world z-y-x), nose down positive."""
+    """Return the pitch angle [rad] (rows,) of quaternions of any norm: vector part x, y, z and scalar part w.
+
+    The order of rotations is yaw, pitch, roll, and the pitch is positive with the nose down. It is NaN where all four
+    numbers are zero.
+    """
     return np.asarray(np.arcsin(np.clip(2 * (w * y - z * x) / _square(x, y, z, w), -1, 1)))
 
 
 def yaw(x: Array, y: Array, z: Array, w: Array) -> Array:
-    """Return the yaw [rad] of a quaternion (world z-y-x), unwrapped."""
+    """Return the yaw angle [rad] (rows,) of quaternions of any norm: vector part x, y, z and scalar part w.
+
+    The angle has no jumps of a full turn from row to row. It is NaN where all four numbers are zero.
+    """
     return unwrap_angle(np.arctan2(2 * (w * z + x * y), _square(x, y, z, w) - 2 * (y * y + z * z)))
 
 
 def _square(x: Array, y: Array, z: Array, w: Array) -> Array:
-    """Return the squared length of a quaternion, NaN of one that is lost: all zeros are no attitude."""
+    """Return the squared norm (rows,) of quaternions, or NaN where all four numbers are zero.
+
+    A sensor that knows no attitude reports four zeros.
+    """
     square = w * w + x * x + y * y + z * z
     return np.where(square > 0, square, np.nan)
 
 
 def unwrap_angle(angle: Array) -> Array:
-    """Return an angle [rad] without jumps of whole turns, gaps left as they are."""
+    """Return an angle [rad] (rows,) without jumps of full turns from row to row. Missing values (NaN) stay missing."""
     angle = np.array(angle, dtype=float)
     finite = np.isfinite(angle)
     angle[finite] = np.unwrap(angle[finite])
@@ -50,9 +64,10 @@ def unwrap_angle(angle: Array) -> Array:
 
 
 def north(lat: Array, lon: Array) -> Array:
-    """Return how far north of the first place [m] geographic places [deg] lie, on the tangent plane there.
+    """Return how far north of the first row each row lies [m] (rows,), from latitudes and longitudes [deg].
 
-    M (lat - lat_0) with the meridian's radius M = a (1 - e^2) / (1 - e^2 sin^2 lat_0)^1.5; 1 mm off within 300 m.
+    The distance is M (lat - lat_0), in the plane that touches the WGS 84 ellipsoid at the first row (latitude lat_0). M
+    is the radius of the meridian, a (1 - e^2) / (1 - e^2 sin^2 lat_0)^1.5, with a and e of the ellipsoid.
     """
     first = np.radians(_first(lat))
     radius = EARTH_A * (1 - EARTH_E2) / (1 - EARTH_E2 * np.sin(first) ** 2) ** 1.5
@@ -60,49 +75,80 @@ def north(lat: Array, lon: Array) -> Array:
 
 
 def east(lat: Array, lon: Array) -> Array:
-    """Return how far east of the first place [m] geographic places [deg] lie: N cos(lat_0) (lon - lon_0)."""
+    """Return how far east of the first row each row lies [m] (rows,), from latitudes and longitudes [deg].
+
+    The distance is N cos(lat_0) (lon - lon_0), where lat_0 and lon_0 belong to the first row. N is the radius a /
+    sqrt(1 - e^2 sin^2 lat_0), with a and e of the WGS 84 ellipsoid.
+    """
     first = np.radians(_first(lat))
     radius = EARTH_A / np.sqrt(1 - EARTH_E2 * np.sin(first) ** 2)
     return np.asarray(radius * np.cos(first) * (np.radians(lon) - np.radians(_first(lon))))
 
 
 def course(x: Array, y: Array, t: Array) -> Array:
-    """Return the direction of travel [rad] over the second around each row, held where it is too slow to tell."""
+    """Return the direction of travel [rad] (rows,): the direction of the path from 0.5 s before to 0.5 s after each
+    row.
+
+    x and y are positions [m] and t are times [s], all arrays (rows,). Where the rover hardly moves, the direction is
+    interpolated between the rows in which it moves.
+    """
     return heading(x, y, t, np.ones(len(t)))
 
 
 def heading(x: Array, y: Array, t: Array, v: Array) -> Array:
-    """Return the course [rad] of a rover that drives ahead where v > 0 and backwards where v < 0."""
+    """Return the heading [rad] (rows,) of a rover from its path, if it drives forwards where v >= 0 and backwards where
+    v < 0.
+
+    x and y are positions [m], t are times [s] and v are speeds [m/s], all arrays (rows,).
+    """
     finite = np.isfinite(x + y)
     if finite.sum() < 2:
         return np.full(len(t), np.nan)
     dx, dy = (np.where(v < 0, -1.0, 1.0) * change(coordinate, t, finite) for coordinate in (x, y))
-    way = np.hypot(dx, dy)
-    use = way > 0.3 * np.median(way[way > 0]) if np.any(way > 0) else way > 0
+    distance = np.hypot(dx, dy)
+    # While a rover stands still, noise alone decides the direction, so rows with a short distance are not used.
+    use = distance > 0.3 * np.median(distance[distance > 0]) if np.any(distance > 0) else distance > 0
     if not use.any():
         return np.zeros(len(t))
     return np.asarray(np.interp(t, t[use], np.unwrap(np.arctan2(dy, dx)[use])))
 
 
 def change(value: Array, t: Array, finite: Array) -> Array:
-    """Return by how much a value changes over the second around each row, straight between its `finite` rows."""
+    """Return by how much a value (rows,) changes from 0.5 s before to 0.5 s after each row; t are the times of the rows
+    [s].
+
+    Only rows where `finite` is True are used; between them the value is interpolated linearly.
+    """
     ahead, before = (np.interp(at, t[finite], value[finite]) for at in (t + 0.5, t - 0.5))
     return np.asarray(ahead - before)
 
 
 def rate(value: Array, t: Array) -> Array:
-    """Return d(value)/dt by central differences, of an encoder's count as an example."""
+    """Return the time derivative of a value (rows,) by central differences, for example the speed from an encoder
+    count.
+
+    t are the times of the rows [s].
+    """
     return np.asarray(np.gradient(value, t)) if len(t) > 1 else np.zeros(len(t))
 
 
 def integral(value: Array, t: Array) -> Array:
-    """Return the integral of value dt from the first row by trapezoids, a gyroscope's heading as an example."""
+    """Return the integral of a value over time from the first row on (trapezoidal rule), for example the angle from a
+    gyro rate.
+
+    t are the times of the rows [s]. Missing values (NaN) are interpolated linearly.
+    """
     finite = np.isfinite(value)
+    # One missing value would otherwise make all later values of the sum NaN.
     gapless = np.interp(t, t[finite], value[finite]) if finite.any() else np.full(len(t), np.nan)
     return np.concatenate([[0.0], np.cumsum(0.5 * (gapless[1:] + gapless[:-1]) * np.diff(t))])[: len(t)]
 
 
 def _first(values: Array) -> float:
+    """Return the first finite value of a column, or NaN if no value is finite.
+
+    The functions `north` and `east` take this value as the origin of their positions.
+    """
     finite = np.asarray(values)[np.isfinite(values)]
     return float(finite[0]) if finite.size else float("nan")
 
@@ -114,21 +160,30 @@ FUNCTIONS: dict[str, tuple[Callable[..., Any], int]] = {
     "roll": (roll, 4), "pitch": (pitch, 4), "yaw": (yaw, 4), "north": (north, 2), "east": (east, 2),
     "course": (course, 3), "heading": (heading, 4), "rate": (rate, 2), "integral": (integral, 2),
 }  # fmt: skip
-"""What a formula may call, and with how many numbers."""
+"""Name of a function that a formula may call -> the function and its number of arguments."""
 CONSTANTS = {"pi": np.pi}
 OPERATORS: dict[type, Callable[[Any, Any], Any]] = {
     ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: operator.truediv,
     ast.Pow: operator.pow,
 }  # fmt: skip
 COLUMN = "col"
-"""col("any name") is the column of a name that is no word of a formula."""
+"""Name of the pseudo-function `col`. In a formula, `col("any name")` stands for a column whose name is not an
+identifier."""
 
 
 def evaluate(text: str, columns: Mapping[str, Array], where: str) -> Array:
-    """Return what a formula makes of columns, one number a row.
+    """Return the value of a formula for each row of a table, an array (rows,).
 
-    Raises DataError: it is no formula, names an unknown column or function, or holds anything but arithmetic.
+    `columns` maps column names to arrays (rows,), and `where` is the beginning of an error message.
+
+    Raises DataError: the text is not a formula, names an unknown column or function, or holds anything but arithmetic.
+
+    Examples
+    --------
+    >>> evaluate("2 * a + 1", {"a": np.array([0.0, 1.0])}, "--column").tolist()
+    [1.0, 3.0]
     """
+    # A constant formula, such as `2 * pi`, is repeated for every row.
     tree, length = _parse_formula(text, where), len(next(iter(columns.values())))
     with np.errstate(all="ignore"):
         try:
@@ -139,19 +194,29 @@ def evaluate(text: str, columns: Mapping[str, Array], where: str) -> Array:
 
 
 def names_in(text: str, where: str) -> tuple[str, ...]:
-    """Return the columns that a formula names, in order."""
+    """Return the names of the columns that a formula uses, in order of appearance and without repetition.
+
+    Raises DataError: the text is not a formula. `where` is the beginning of the message.
+    """
     return tuple(dict.fromkeys(_names(_parse_formula(text, where))))
 
 
 def quote(name: str) -> str:
-    """Return a column's name as a formula has it."""
+    """Return the text by which a formula refers to the column `name`.
+
+    A name that is an identifier is returned unchanged; any other name, such as "speed [rpm]", is written `col("...")`.
+    """
     plain = name.isidentifier() and name not in FUNCTIONS and name not in CONSTANTS and name != COLUMN
     return name if plain else f'{COLUMN}("{name}")' if '"' not in name else f"{COLUMN}({name!r})"
 
 
 def _parse_formula(text: str, where: str) -> ast.expr:
-    if len(text) > LONGEST:
-        raise DataError(f"{where}: a formula of {len(text)} characters; {LONGEST} are the most that are read.")
+    """Return the syntax tree of a formula.
+
+    Raises DataError: the text is longer than MAX_FORMULA, or is not a formula. `where` is the beginning of the message.
+    """
+    if len(text) > MAX_FORMULA:
+        raise DataError(f"{where}: the formula has {len(text)} characters, but at most {MAX_FORMULA} are allowed.")
     try:
         return ast.parse(text.strip(), mode="eval").body
     except (SyntaxError, ValueError, RecursionError, MemoryError):
@@ -162,11 +227,13 @@ def _parse_formula(text: str, where: str) -> ast.expr:
 
 
 def _names(node: ast.expr) -> Iterator[str]:
+    """Yield the names of the columns in a syntax tree, in order of appearance."""
     if isinstance(node, ast.Call) and _is_column(node):
         yield str(node.args[0].value)  # type: ignore[attr-defined]
     elif isinstance(node, ast.Name):
         yield from () if node.id in CONSTANTS else (node.id,)
     else:
+        # The name of a called function is no column, so only the arguments of a call are searched.
         inner = node.args if isinstance(node, ast.Call) else ast.iter_child_nodes(node)
         for child in inner:
             if isinstance(child, ast.expr):
@@ -174,16 +241,24 @@ def _names(node: ast.expr) -> Iterator[str]:
 
 
 def _is_column(node: ast.Call) -> bool:
+    """Return whether a function call in a formula is `col("name")`, which stands for the column with this name."""
     text = len(node.args) == 1 and isinstance(node.args[0], ast.Constant) and isinstance(node.args[0].value, str)
     return text and isinstance(node.func, ast.Name) and node.func.id == COLUMN and not node.keywords
 
 
 def _value(node: ast.expr, columns: Mapping[str, Array], where: str) -> Any:
+    """Return the value of a formula's syntax tree: a number, or an array (rows,).
+
+    `columns` maps column names to arrays (rows,), and `where` is the beginning of an error message.
+
+    Raises DataError: the tree holds something else than numbers, columns, arithmetic, and calls of known functions.
+    """
     if isinstance(node, ast.Constant) and type(node.value) in (int, float):
         return float(node.value)  # type: ignore[arg-type]
     if isinstance(node, ast.Name):
         return CONSTANTS[node.id] if node.id in CONSTANTS else _column(node.id, columns, where)
     if isinstance(node, ast.BinOp) and type(node.op) in OPERATORS:
+        # NumPy returns inf or NaN where Python's own arithmetic would raise an error, for example for 1 / 0.
         return OPERATORS[type(node.op)](
             *(np.asarray(_value(operand, columns, where)) for operand in (node.left, node.right))
         )
@@ -199,12 +274,20 @@ def _value(node: ast.expr, columns: Mapping[str, Array], where: str) -> Any:
 
 
 def _column(name: str, columns: Mapping[str, Array], where: str) -> Array:
+    """Return the values (rows,) of the column with this name.
+
+    Raises DataError: no column has this name; the message lists similar names.
+    """
     if name not in columns:
         raise DataError(f"{where}: there is no column '{name}': {closest(name, columns)}")
     return columns[name]
 
 
 def _evaluate_call(node: ast.Call, name: str, columns: Mapping[str, Array], where: str) -> Any:
+    """Return the value of a function call in a formula: of `col("name")`, or of a function in FUNCTIONS.
+
+    Raises DataError: the function is unknown, or the number of arguments is wrong.
+    """
     if _is_column(node):
         return _column(str(node.args[0].value), columns, where)  # type: ignore[attr-defined]
     if name not in FUNCTIONS:
@@ -213,5 +296,6 @@ def _evaluate_call(node: ast.Call, name: str, columns: Mapping[str, Array], wher
     if len(node.args) != count or node.keywords:
         raise DataError(f"{where}: {name} takes {count} number{'s' * (count > 1)}, as in {name}({'abcd'[:count]}).")
     length = len(next(iter(columns.values())))
+    # Each argument gets one value for each row, so that a function may be given plain numbers too.
     arguments = [np.asarray(_value(argument, columns, where), dtype=float) for argument in node.args]
     return function(*(np.broadcast_to(argument, (length,)) for argument in arguments))

@@ -1,13 +1,13 @@
-"""The door of a public function or class: what is called otherwise than its signature says is refused in a sentence.
+"""Checks of the arguments of public functions and classes. A wrong argument raises an error of one sentence.
 
-Annotations are the one place where that is said; `Annotated[Any, Kind(...)]` is for what Python has no class for.
+The annotations in the signature state what is allowed. If Python has no class for a kind of value, the annotation is
+`Annotated[Any, Kind(...)]`.
 """
 
 import functools
 import inspect
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
-from html import escape
 from numbers import Integral, Real
 from os import PathLike
 from pathlib import Path
@@ -15,6 +15,7 @@ from reprlib import Repr
 from types import NoneType, UnionType
 from typing import Annotated, Any, NamedTuple, TypeVar, Union, get_args, get_origin, get_type_hints
 
+from rover_pin.base.encode import html_text
 from rover_pin.base.errors import ParameterError, closest
 
 Thing = TypeVar("Thing", bound=Callable[..., Any])
@@ -23,17 +24,21 @@ SHORT.maxother = SHORT.maxstring = 60
 
 
 class Kind(NamedTuple):
-    """A kind of value by what it is called and a test of it."""
+    """A kind of value for which Python has no class.
+
+    `words` names the kind in errors, and `holds` is a function that returns whether a value is of this kind.
+    """
 
     words: str
     holds: Callable[[Any], bool]
 
 
 def public(thing: Thing) -> Thing:
-    """Return a function, or a dataclass, that refuses arguments which do not fit its signature and annotations.
+    """Decorate a function or a dataclass so that each call checks its arguments against the signature and the
+    annotations.
 
-    Raises ParameterError: by the thing: an argument that is missing, unknown, too many, or of another kind than its
-    annotation says.
+    Raises ParameterError: when the decorated function is called without a required argument, with an unknown argument,
+    or with a value that does not fit the annotation.
     """
     if not isinstance(thing, type):
         return _guard_call(thing, thing)
@@ -42,6 +47,10 @@ def public(thing: Thing) -> Thing:
 
 
 def _guard_call(function: Any, hinted: Any) -> Any:
+    """Return a function that checks its arguments against the annotations of `hinted` and then calls `function`.
+
+    For a function, `hinted` is the function. For a dataclass, `function` is its __init__ and `hinted` is the class.
+    """
     signature, owner = inspect.signature(function), hinted.__qualname__
     names = [name for name in signature.parameters if name != "self"]
     several = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)
@@ -68,14 +77,19 @@ def _guard_call(function: Any, hinted: Any) -> Any:
 
 
 def refuse_unknown(owner: str, keywords: Iterable[str], names: Collection[str]) -> None:
-    """Refuse a name that is none of these, with the close ones; `owner` as in "Soil has no field"."""
+    """Check that all keywords of a call are among the known names.
+
+    `owner` is the beginning of the error message, such as "Soil has no field".
+
+    Raises ParameterError: a keyword is unknown; the message lists similar names.
+    """
     for name in keywords:
         if name not in names:
             raise ParameterError(f"{owner} '{name}': {closest(name, names)}")
 
 
 def fits(value: Any, hint: Any) -> bool:
-    """Return whether a value is of the kind that an annotation says; what cannot be checked is accepted."""
+    """Return whether a value fits a type annotation. If the annotation cannot be checked, the result is True."""
     origin, inner = get_origin(hint), get_args(hint)
     if origin is Annotated:
         return all(marker.holds(value) for marker in inner[1:] if isinstance(marker, Kind)) and fits(value, inner[0])
@@ -99,7 +113,7 @@ def fits(value: Any, hint: Any) -> bool:
 
 
 def _takes(function: Any, parameters: Any) -> bool:
-    """Return whether a function can be called with as many arguments; of one that does not tell, it is believed."""
+    """Return whether a function can be called with these positional arguments; True if its signature is unknown."""
     try:
         signature = inspect.signature(function)
     except ValueError:
@@ -115,7 +129,7 @@ NAMES = {float: "a number", int: "a whole number", str: "text", bool: "True or F
 
 
 def words(hint: Any) -> str:
-    """Return what an annotation says, in words."""
+    """Return a type annotation in words for an error message, such as "a number or None"."""
     origin, inner = get_origin(hint), get_args(hint)
     if origin is Annotated:
         return next((marker.words for marker in inner[1:] if isinstance(marker, Kind)), words(inner[0]))
@@ -131,9 +145,10 @@ def words(hint: Any) -> str:
 
 
 def brief(kind: type[Any]) -> Any:
-    """Return a dataclass or NamedTuple whose repr is a line that one reads, whatever it holds; a notebook's a table.
+    """Give a dataclass or NamedTuple a short repr for people and an HTML table for notebooks, and return the class.
 
-    Long parts go by their kind and number. It is for people: no digest may be made of it.
+    A long field is shown by its type and its number of elements. Do not use such a repr to tell objects apart, because
+    different objects may have the same repr.
     """
     type.__setattr__(kind, "__repr__", _brief)
     if not hasattr(kind, "_repr_html_"):
@@ -142,16 +157,22 @@ def brief(kind: type[Any]) -> Any:
 
 
 def html_table(caption: str, rows: Mapping[str, str]) -> str:
-    """Return names and what belongs to them as a table of a notebook; whatever they hold is shown as text."""
-    cells = (f"<tr><th scope='row'>{escape(name)}</th><td>{escape(text)}</td></tr>" for name, text in rows.items())
-    return f"<table><caption>{escape(caption)}</caption>{''.join(cells)}</table>"
+    """Return an HTML table for a notebook. `rows` maps the name in the first column to the text in the second
+    column.
+    """
+    cells = (
+        f"<tr><th scope='row'>{html_text(name)}</th><td>{html_text(text)}</td></tr>" for name, text in rows.items()
+    )
+    return f"<table><caption>{html_text(caption)}</caption>{''.join(cells)}</table>"
 
 
-LONGEST, PART = 240, 48
-"""Letters of a brief repr, and of each part in it."""
+MAX_REPR, MAX_PART = 240, 48
+"""Maximum number of letters of a short repr (MAX_REPR), and of a field whose elements are listed (MAX_PART). A longer
+repr ends with "...", and a longer field is shown by its type and its number of elements."""
 
 
 def _shown_names(thing: Any) -> Sequence[str]:
+    """Return the names of the fields of a dataclass or NamedTuple that its repr shows."""
     return [field.name for field in fields(thing) if field.repr] if is_dataclass(thing) else thing._fields
 
 
@@ -163,7 +184,7 @@ def _brief(self: Any) -> str:
     text = ""
     for name in _shown_names(self):
         more = f"{', ' if text else ''}{name}={_part(getattr(self, name))}"
-        if len(text) + len(more) > LONGEST:
+        if len(text) + len(more) > MAX_REPR:
             text += ", ..."
             break
         text += more
@@ -171,6 +192,9 @@ def _brief(self: Any) -> str:
 
 
 def _part(value: Any) -> str:
+    """Return the value of a field as short text for a repr: a number, a short list, or the type and the size of the
+    value.
+    """
     if isinstance(value, float):
         return f"{value:.6g}"
     if isinstance(value, (str, PathLike)):
@@ -179,7 +203,7 @@ def _part(value: Any) -> str:
         return f"array{value.shape}"
     if isinstance(value, Collection) and value:
         listing = f"({', '.join(map(_part, value))})" if len(value) < 4 and not isinstance(value, Mapping) else ""
-        return listing if 0 < len(listing) <= PART else f"<{len(value)} in a {type(value).__name__}>"
+        return listing if 0 < len(listing) <= MAX_PART else f"<{len(value)} in a {type(value).__name__}>"
     if value is None or isinstance(value, (bool, int, Collection)):
         return SHORT.repr(value)
     if is_dataclass(value) and len(fields(value)) < 3:

@@ -1,22 +1,25 @@
-"""A physical quantity as a field with unit, bounds and source, and the record made of such fields."""
+"""Physical quantities as fields of a record: each has a value, a unit, bounds, and the source of its default value."""
 
 import dataclasses
 import math
 import re
 from collections.abc import Mapping
 from functools import lru_cache
-from typing import Any, NamedTuple, Self
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import casadi as ca
 import numpy as np
 
-from rover_pin.base.errors import DataError, ParameterError, closest
+from rover_pin.base.errors import DataError, ParameterError, UnknownAttributeError, closest
 from rover_pin.base.public import refuse_unknown
 from rover_pin.base.units import UNITS, factor_to
 
 
 class Quantity(NamedTuple):
-    """What is known of a field besides its value."""
+    """Describes a number that is a field of a `Record`: unit, source of the default, bounds and symbol.
+
+    The value itself is in the record.
+    """
 
     unit: str
     source: str
@@ -24,7 +27,7 @@ class Quantity(NamedTuple):
     high: float
     symbol: str
     log_sd: float = 0.0
-    "SD of its logarithm where even its order is assumed; 0 where more is known"
+    """standard deviation of the natural logarithm of the number if only its order of magnitude is known, else 0"""
 
 
 def quantity(
@@ -36,7 +39,32 @@ def quantity(
     symbol: str = "",
     log_sd: float = 0.0,
 ) -> Any:
-    """A dataclass field of a number, by default `value` [unit], in [low, high]; its `source`, `symbol` and `log_sd`."""
+    """Return a dataclass field for a number that has a unit, bounds and a source.
+
+    Parameters
+    ----------
+    value : float
+        Default value, in `unit`.
+    unit : str
+        SI unit; empty for a number without a unit.
+    source : str
+        Where the default value comes from; "assumed" if no source is published.
+    low, high : float
+        Bounds, in `unit`. A value outside the bounds is refused.
+    symbol : str
+        Symbol of the number in the equations.
+    log_sd : float
+        Standard deviation of the natural logarithm of the number if only its order of magnitude is known, else 0.
+
+    Examples
+    --------
+    >>> from rover_pin.base.quantity import Record, quantity
+    >>> @dataclasses.dataclass(frozen=True)
+    ... class Spring(Record):
+    ...     stiffness: float = quantity(50.0, "N/m", "assumed", 0.0, 1e6, "k_s")
+    >>> Spring(stiffness="2 N/mm").stiffness
+    2000.0
+    """
     return dataclasses.field(default=value, metadata={"quantity": Quantity(unit, source, low, high, symbol, log_sd)})
 
 
@@ -46,50 +74,84 @@ def is_symbolic(value: object) -> bool:
 
 
 def is_number(value: object) -> bool:
-    """Return whether `value` is a number or a CasADi expression: no text, no array, not True or False."""
+    """Return whether `value` is a number or a CasADi expression. True, False, texts and arrays do not count as
+    numbers.
+    """
     return is_symbolic(value) or (isinstance(value, (int, float, np.number, ca.DM)) and not isinstance(value, bool))
 
 
 @dataclasses.dataclass(frozen=True)
 class Record:
-    """Frozen fields from `quantity(...)`, checked on creation; a field may also hold a CasADi expression.
+    """Base class of frozen records whose fields are made by `quantity(...)` and are checked when a record is created.
 
-    Raises ParameterError: a number that is not finite or lies outside its bounds, or a name that it does not have.
+    A field may also hold a CasADi expression, so that it can be an unknown of a fit. A text with a unit, such as
+    "33deg" or "5 mm", is converted to SI.
+
+    Raises ParameterError: a number is not finite or is out of bounds, or a given field name does not exist.
     """
 
     def __new__(cls, *values: Any, **fields: Any) -> Self:
-        """Return the record, its fields' names looked at first."""
+        """Create a record.
+
+        Raises ParameterError: a given field name does not exist; the message lists similar names.
+        """
         refuse_unknown(f"{cls.__name__} has no field", fields, [field.name for field in dataclasses.fields(cls)])
         return super().__new__(cls)
 
     def __post_init__(self) -> None:
         for name, spec in quantities(self).items():
-            check(type(self).__name__, name, getattr(self, name), spec)
+            value = getattr(self, name)
+            written = written_unit(value)
+            if isinstance(value, str):
+                value = parse_quantity(value, spec.unit, f"{type(self).__name__}.{name}")
+                object.__setattr__(self, name, value)
+            check(type(self).__name__, name, value, spec, written)
+
+    if not TYPE_CHECKING:  # with __getattr__, a type checker would accept any attribute name
+
+        def __getattr__(self, name: str) -> Any:
+            """Raise an UnknownAttributeError, which lists the similar field names."""
+            raise UnknownAttributeError(self, name, [field.name for field in dataclasses.fields(self)])
 
     def replace(self, **changes: Any) -> Self:
-        """Return the record with these fields changed; an unknown name is an error that lists the close ones."""
+        """Return a copy of the record in which the given fields are changed.
+
+        Raises ParameterError: a field does not exist, or its new value is not allowed.
+        """
         return dataclasses.replace(self, **changes)
 
     def values(self) -> dict[str, Any]:
-        """Return name -> value of the quantities, in order."""
+        """Return the quantities of the record in a dict from field name to value, in order of definition."""
         return {name: getattr(self, name) for name in quantities(self)}
 
 
 def quantities(record: Record | type[Record]) -> dict[str, Quantity]:
-    """Return name -> Quantity (value, unit, source, bounds) of a `record` or of its class, in order of definition."""
+    """Return the units, sources, bounds and symbols of a record's fields: a dict from field name to `Quantity`.
+
+    `record` may be a record or its class. Fields that are not made by `quantity(...)` are left out.
+    """
     kind: Any = record if isinstance(record, type) else type(record)
-    return dict(_declared_quantities(kind))
+    return dict(_quantities_of_class(kind))
 
 
 @lru_cache(maxsize=1024)
-def _declared_quantities(kind: Any) -> dict[str, Quantity]:
+def _quantities_of_class(kind: Any) -> dict[str, Quantity]:
+    """Return a dict from field name to `Quantity` for a class of records. The result is computed once for each
+    class.
+    """
     return {
         field.name: field.metadata["quantity"] for field in dataclasses.fields(kind) if "quantity" in field.metadata
     }
 
 
 def check(owner: str, name: str, value: Any, spec: Quantity, written: str = "") -> None:
-    """Refuse a number that is not finite or is out of bounds, in the unit `written` beside it; let expressions pass."""
+    """Check that a value is a finite number within the bounds of `spec`. A CasADi expression is not checked.
+
+    The error calls the number `owner.name`, or `name` if `owner` is empty. `written` is the unit in which the user gave
+    the number (empty means SI); the error states the number and its bounds in this unit.
+
+    Raises ParameterError: the value is not a number, is not finite, or is out of bounds.
+    """
     if is_symbolic(value):
         return
     name = f"{owner}.{name}" if owner else name
@@ -97,9 +159,13 @@ def check(owner: str, name: str, value: Any, spec: Quantity, written: str = "") 
         raise ParameterError(f"{name} = {value!r} is not a number; give one in {spec.unit or 'no unit'}.")
     number = as_float(value)
     if not (math.isfinite(number) and spec.low <= number <= spec.high):
+        # The bounds are in SI; the error states them in the unit in which the user wrote the number.
         size = factor_to(written, spec.unit) if written else 1.0
         unit = f" {written or spec.unit}".rstrip()
-        hint = "" if written else _meant_unit(number, spec)
+        # A number without a unit that would be allowed in degrees or millimetres was probably meant in that unit.
+        meant = "" if written else MEANT.get(spec.unit, "")
+        is_meant = bool(meant) and spec.low <= number * UNITS[meant][1] <= spec.high
+        hint = f"Did you mean {number:g} {meant}? " if is_meant else ""
         raise ParameterError(
             f"{name} = {number / size:g}{unit} is not allowed: it must lie in "
             f"[{spec.low / size:g}, {spec.high / size:g}]{unit}. {hint}Its default comes from: {spec.source}."
@@ -107,17 +173,12 @@ def check(owner: str, name: str, value: Any, spec: Quantity, written: str = "") 
 
 
 MEANT = {"rad": "deg", "rad/m": "deg/m", "m": "mm"}
-"""The unit that a number out of bounds may have been in."""
-
-
-def _meant_unit(number: float, spec: Quantity) -> str:
-    """Return in words the unit in which a number that is out of bounds would be allowed, or nothing."""
-    unit = MEANT.get(spec.unit, "")
-    return f"Did you mean {number:g} {unit}? " if unit and spec.low <= number * UNITS[unit][1] <= spec.high else ""
+"""SI unit -> the unit that a user probably meant by a number without a unit that is out of bounds. The error then
+suggests this unit."""
 
 
 def as_float(value: Any) -> float:
-    """Return a number as a float; a whole number beyond all floats is infinite."""
+    """Return a number as a float; a whole number that is too large for a float becomes infinity."""
     try:
         return float(value)
     except OverflowError:
@@ -125,12 +186,16 @@ def as_float(value: Any) -> float:
 
 
 def to_si(value: Any, unit: Any, expected: str, where: str) -> float:
-    """Return `value` in the SI unit `expected`; `unit` must be of the same kind.
+    """Return a number that is given in `unit`, converted to the SI unit `expected`.
 
-    Raises ParameterError: what is not a number, an unknown unit, or one of another kind, with `where` it stands.
+    `where` is the beginning of an error message.
+
+    Raises ParameterError: `value` is not a number, or `unit` is unknown or measures another kind of quantity than
+    `expected`.
     """
     if isinstance(value, bool) or not isinstance(value, (int, float, np.number)):
         raise ParameterError(f"{where}: {value!r} is not a number; give one in {expected or 'no unit'}.")
+    # factor_to returns NaN for an unknown unit and for a unit of another kind of quantity.
     unit, factor = str(unit), factor_to(str(unit), expected)
     if math.isnan(factor):
         kind = [name for name, (si, _) in UNITS.items() if si == expected] or [expected or "none"]
@@ -141,14 +206,21 @@ def to_si(value: Any, unit: Any, expected: str, where: str) -> float:
 
 
 WRITTEN = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)(?:\s*([^\d\s.,].*)|\s+(\S.*))?")
+"""Pattern of a number and a unit that may follow it, with or without a blank between the two."""
 
 
 def parse_quantity(value: Any, expected: str, where: str, bare: str | None = None) -> float:
-    """Return the SI number of a value as one writes it: `0.005`, or `"5mm"`, `"30 deg"`, `"1.2 kPa"` with its unit.
+    """Return a number, or a text such as "5mm", "30 deg" or "1.2 kPa", as a number in the SI unit `expected`.
 
-    A number that names no unit is in `bare`, or in `expected` where that is None.
+    A value that states no unit is taken to be in the unit `bare`, or in `expected` if `bare` is None. `where` is the
+    beginning of an error message.
 
-    Raises ParameterError: what is not a number, or has a unit of another kind, with `where` it stands.
+    Raises ParameterError: the value is not a number, or its unit measures another kind of quantity than `expected`.
+
+    Examples
+    --------
+    >>> parse_quantity("5mm", "m", "soil.k")
+    0.005
     """
     default_unit = expected if bare is None else bare
     if not isinstance(value, str):
@@ -156,7 +228,7 @@ def parse_quantity(value: Any, expected: str, where: str, bare: str | None = Non
     match = WRITTEN.fullmatch(value.strip().replace("\N{MINUS SIGN}", "-"))
     if match is None:
         try:
-            return float(value)  # as nan and inf are written, which bounds refuse
+            return float(value)  # "nan" and "inf", which the bounds refuse later
         except ValueError:
             unit = f" [{default_unit}]" if default_unit else ""
             point = "; write decimals with a point" if "," in value else ""
@@ -165,32 +237,42 @@ def parse_quantity(value: Any, expected: str, where: str, bare: str | None = Non
 
 
 def written_unit(value: Any) -> str:
-    """Return the unit that a text names behind its number, as `parse_quantity` reads it; empty where it names none."""
+    """Return the unit in a text such as "5 mm"; an empty text if the text states no unit or `value` is not a text."""
     match = WRITTEN.fullmatch(value.strip().lstrip("+-\N{MINUS SIGN}")) if isinstance(value, str) else None
     return (match[2] or match[3] or "").strip() if match else ""
 
 
 ENTRY = ("value", "unit", "sd", "low", "high", "source", "note")
-"""Keys of a quantity in a file; what is known of it besides value and unit is for those who ask."""
+"""Keys that a table of one quantity may have in a TOML file, as in `k = { value = 5, unit = "mm" }`. An unknown key is
+refused. Only some kinds of files use more keys than value and unit."""
 
 
 def value_and_unit(entry: Any, unit: str) -> tuple[Any, Any]:
-    """Return value and unit of an entry as a file gives it: a `{ value, unit }`, or a number in `unit`."""
+    """Return the value and the unit of a quantity from its entry in a TOML file.
+
+    The entry is a table `{ value, unit }`, or a plain number, which is in the unit `unit`.
+    """
     return (entry.get("value"), entry.get("unit", unit)) if isinstance(entry, Mapping) else (entry, unit)
 
 
 def refuse_strange(entry: Mapping[str, Any], where: str) -> None:
-    """Refuse a key that no quantity in a file has: a misspelt unit would be none."""
+    """Check the keys of the table of one quantity in a TOML file. A misspelt `unit` would otherwise be ignored.
+
+    Raises ParameterError: a key is not one of ENTRY. `where` is the beginning of the message.
+    """
     for key in entry:
         if key not in ENTRY:
             raise ParameterError(f"{where} has no key '{key}': {closest(key, ENTRY)}")
 
 
 def declared_sd(entry: Any, unit: str, where: str) -> float | None:
-    """Return the SD that a quantity's entry states, in the SI unit; None where it states none.
+    """Return the standard deviation (SD) that a quantity's entry in a file states, in SI; None if the entry states no
+    SD.
 
-    Raises DataError: it is no positive number.
-    Raises ParameterError: an unknown unit, or one of another kind.
+    The entry gives the SD in its own unit, or in `unit` if it names none.
+
+    Raises DataError: the SD is not a positive number. `where` is the beginning of the message.
+    Raises ParameterError: the unit is unknown or measures another kind of quantity than `unit`.
     """
     if not isinstance(entry, Mapping) or "sd" not in entry:
         return None
@@ -201,24 +283,37 @@ def declared_sd(entry: Any, unit: str, where: str) -> float | None:
 
 
 def declared_sds(table: Mapping[str, Any], record: type[Record], where: str) -> dict[str, float]:
-    """Return name -> SD (SI) of a record's quantities that a table states with one; errors as of `declared_sd`."""
+    """Return the standard deviations (SD) that a table of a file states: a dict from the quantity's name to its SD in
+    SI.
+
+    `record` is the class of records whose quantities the table holds. Quantities without a stated SD are left out.
+
+    Raises DataError: an SD is not a positive number. `where` is the beginning of the message.
+    Raises ParameterError: a unit is unknown or measures another kind of quantity.
+    """
     units = {name: spec.unit for name, spec in quantities(record).items() if name in table}
     sds = {name: declared_sd(table[name], unit, f"{where}: the sd of '{name}'") for name, unit in units.items()}
     return {name: sd for name, sd in sds.items() if sd is not None}
 
 
 def record_from(record: type[Record], table: Mapping[str, Any], where: str) -> Any:
-    """Return `record(**fields)` from a table of numbers (SI) or `{ value, unit }` entries, as read from TOML.
+    """Return a record of the class `record` whose fields come from a table of a TOML file.
 
-    Raises ParameterError: not a table, an unknown field, unit or value, with `where` it stands.
+    An entry of the table is a number in SI, or a table `{ value, unit }`.
+
+    Raises ParameterError: `table` is not a table, or has an unknown field, an unknown unit or a value that is not
+    allowed. `where` is the beginning of the message.
     """
     if not isinstance(table, Mapping):
-        raise ParameterError(f"{where}: {table!r} is not a table; write one line a quantity, as name = 1.0.")
+        raise ParameterError(
+            f"{where}: {table!r} is not a table; write one line for each quantity, such as name = 1.0."
+        )
     specs = quantities(record)
     fields = dict(table)
     for name, entry in table.items():
         if name not in specs:
             raise ParameterError(f"{where}: {record.__name__} has no field '{name}': {closest(name, specs)}")
+        # The keys of an entry and its bounds are checked here, so that the error can name the place in the file.
         if isinstance(entry, Mapping):
             refuse_strange(entry, f"{where}: '{name}'")
             if "value" not in entry:
@@ -233,15 +328,18 @@ def record_from(record: type[Record], table: Mapping[str, Any], where: str) -> A
 
 
 def as_table(record: Record) -> dict[str, Any]:
-    """Return a record as a table that `record_from` reads: { value, unit } by name.
+    """Return a record as a dict from field name to `{ value, unit }`, which can be written to TOML and read by
+    `record_from`.
 
-    Raises ParameterError: a field that holds an expression.
+    Raises ParameterError: a field holds a CasADi expression, which has no number to write.
     """
-    return {name: _entry(record, name, spec.unit) for name, spec in quantities(record).items()}
-
-
-def _entry(record: Record, name: str, unit: str) -> dict[str, Any]:
-    value = getattr(record, name)
-    if is_symbolic(value):
-        raise ParameterError(f"{type(record).__name__}.{name} is an expression, {value}: give it a number to write it.")
-    return {"value": float(value), **({"unit": unit} if unit else {})}
+    table: dict[str, Any] = {}
+    for name, spec in quantities(record).items():
+        value = getattr(record, name)
+        if is_symbolic(value):
+            raise ParameterError(
+                f"{type(record).__name__}.{name} is a CasADi expression ({value}), which cannot be written to a file: "
+                "give this field a number."
+            )
+        table[name] = {"value": float(value), **({"unit": spec.unit} if spec.unit else {})}
+    return table

@@ -1,7 +1,7 @@
-"""Dotted settings, as `terrain.wall_angle_deg`: taken one by one, what is left over refused.
+"""Settings with dotted names, such as `terrain.wall_angle`. A setting that no part of the code uses is refused.
 
-Who takes a setting says its default and unit. So a value may have a unit (`soil.k=5mm`, `soil.phi=30deg`), and what was
-taken is the list of all settings that there are.
+The code that uses a setting states its default and its unit. Therefore a user may give a value with a unit
+(`soil.k=5mm`, `soil.phi=30deg`), and the settings that the code has asked for are the list of all existing settings.
 """
 
 import inspect
@@ -10,13 +10,16 @@ from collections.abc import Callable, Collection, Iterable, Mapping
 from typing import Any, NamedTuple, Self
 
 from rover_pin.base.arguments import arguments_of
-from rover_pin.base.errors import ParameterError, closest, one_of
+from rover_pin.base.errors import ParameterError, UnknownNameError, closest, one_of
 from rover_pin.base.quantity import Quantity, Record, check, is_symbolic, parse_quantity, quantities, written_unit
 from rover_pin.base.units import factor_to
 
 
 class Setting(NamedTuple):
-    """What can be set: its name, default, unit, bounds, choices and where the default comes from."""
+    """One setting: its name, value, unit, bounds or choices, and the source of its default.
+
+    The value is the default until the user's value replaces it.
+    """
 
     name: str
     value: Any
@@ -28,12 +31,15 @@ class Setting(NamedTuple):
 
     @classmethod
     def of(cls, name: str, value: Any, spec: Quantity) -> Self:
-        """Return the setting of a quantity."""
+        """Return the setting for a number. Unit, bounds and source come from the `Quantity` of the number."""
         return cls(name, value, spec.unit, spec.low, spec.high, spec.source)
 
 
 def numbers_of(record: Record) -> tuple[Setting, ...]:
-    """Return a record's quantities with its values; of one that is not the class's default, both sources are said."""
+    """Return a setting for each quantity of a record. The value of the setting is the value in the record.
+
+    If the value differs from the default of the record's class, the source of the setting also states this default.
+    """
     default_record = type(record)()
     settings = []
     for name, spec in quantities(record).items():
@@ -45,18 +51,33 @@ def numbers_of(record: Record) -> tuple[Setting, ...]:
 
 
 class Settings:
-    """Dotted settings that are taken one by one; what is left at the end was not understood."""
+    """The settings that a user gave, by dotted name. The code asks for them one by one, and `finish` refuses the
+    others.
+
+    Each method that returns a setting also lists it in `known`, with its default, unit and bounds. After the code has
+    asked for all settings of a scenario, `known` is the complete list of the settings that exist.
+
+    >>> settings = Settings({"gravity": "3.7 m/s^2"})
+    >>> settings.number("gravity", 9.81, Quantity("m/s^2", "assumed", 0.0, 100.0, "g"))
+    3.7
+    >>> settings.finish()
+    """
 
     def __init__(self, values: Mapping[str, Any]):
         self.values = dict(values)
         self.known: dict[str, Setting] = {}
 
     def take(self, name: str, default: Any, choices: Iterable[str] = (), source: str = "") -> Any:
-        """Return a setting, or its default."""
+        """Return the user's value of a setting, or the default if the user did not give the setting."""
         return self._take_value(Setting(name, default, source=source, choices=tuple(choices)))
 
     def number(self, name: str, default: float, spec: Quantity) -> float:
-        """Return a setting that is a number, or its default."""
+        """Return the value of a numeric setting in SI, or the default if the user did not give the setting.
+
+        `spec` states the unit and the bounds.
+
+        Raises ParameterError: the value is not a number, has a unit of another kind of quantity, or is out of bounds.
+        """
         setting = Setting.of(name, default, spec)
         given = self._take_value(setting)
         value = parse_quantity(given, spec.unit, name)
@@ -65,27 +86,60 @@ class Settings:
         return value
 
     def choice(self, name: str, default: str, choices: Mapping[str, Any], source: str) -> Any:
-        """Return what a setting's word stands for."""
+        """Return the object that the user chose by a word. `choices` maps each allowed word to its object.
+
+        `default` is the word that applies if the user did not give the setting.
+
+        Raises ParameterError: the word is not one of the choices.
+        """
         return choices[one_of(name, self.take(name, default, choices, source), choices)]
 
     def word(self, name: str, default: str, choices: Collection[str], source: str) -> str:
-        """Return one of several words, or an empty one where none is given; `default` is what then holds, for lists."""
+        """Return the word that the user gave for a setting; an empty text if the user did not give the setting.
+
+        `default` is the word that has the same effect as leaving the setting out; it only appears in the list of
+        settings.
+
+        Raises ParameterError: the word is not one of `choices`.
+        """
         value = self.values.get(name)
         word = self.take(name, default, choices, source)
         return "" if value is None else one_of(name, word, choices)
 
     def record(self, prefix: str, record: Record | type[Record]) -> dict[str, float]:
-        """Return the settings `prefix.FIELD` that are given for the quantities of a record."""
+        """Return the user's values of the settings `prefix.FIELD`, where FIELD is a quantity of a record: field ->
+        value (SI).
+
+        Fields that the user did not give are left out.
+
+        Raises ParameterError: a value is not a number, has a unit of another kind of quantity, or is out of bounds.
+        """
         base = record if isinstance(record, Record) else record()
         return self._given_values(setting._replace(name=f"{prefix}.{setting.name}") for setting in numbers_of(base))
 
     def arguments(
         self, prefix: str, function: Callable[..., Any], overrides: Mapping[str, Any] = {}, names: Iterable[str] = ()
     ) -> dict[str, Any]:
-        """Return the settings `prefix.NAME` that are given for a function's arguments, or for those of these names.
+        """Return the user's values of the settings `prefix.NAME`, where NAME is an argument of a function: name ->
+        value (SI).
 
-        Unit, bounds and source are those of their annotations; `overrides` are defaults in place of the function's own.
+        The unit, bounds and source of an argument come from its annotation (see `spec`). Arguments that the user did
+        not give are left out.
+
+        Parameters
+        ----------
+        prefix : str
+            First part of the dotted names, such as "terrain".
+        function : callable
+            The function whose arguments can be set.
+        overrides : mapping of str to Any
+            Defaults that the list of settings shows instead of the defaults of the function.
+        names : iterable of str
+            If given, only the arguments with these names can be set.
+
+        Raises ParameterError: a value is not of the argument's type, has a unit of another kind, or is out of bounds.
         """
+        # The list of settings shows the defaults of the function, unless `overrides` replaces them.
         arguments = arguments_of(function)
         chosen = {
             name: parameter
@@ -101,20 +155,36 @@ class Settings:
         )
 
     def finish(self) -> None:
-        """Refuse what nothing has taken."""
+        """Check that the code has asked for every setting that the user gave.
+
+        Raises UnknownNameError: the code did not ask for a setting, so its name is unknown. The message lists similar
+        names.
+        """
         for name, value in self.values.items():
-            raise ParameterError(f"There is no setting '{name}' here: {self._in_unit(name, value)}")
+            hint = closest(name, self.known)
+            # A unit at the end of the name is the most frequent mistake: `soil.k_mm=5` was meant as `soil.k=5mm`.
+            stem, _, unit = name.rpartition("_")
+            if stem in self.known and not math.isnan(factor_to(unit, self.known[stem].unit)):
+                hint = f"did you mean {stem}={format_setting(value)}{unit}?"
+            raise UnknownNameError(f"There is no setting '{name}' here: {hint}")
 
     def _given_values(self, settings: Iterable[Setting]) -> dict[str, Any]:
-        """Return the values by the last part of the name; `_deg` behind that of an angle reads degrees."""
+        """Return the user's values (SI) of some settings in a dict from the last part of the setting's name to the
+        value.
+
+        An angle may also be given in degrees, under its name followed by `_deg`. Settings that the user did not give
+        are left out, but are listed as known.
+        """
         values: dict[str, Any] = {}
         for setting in settings:
             written = written_unit(self.values.get(setting.name))
             key = setting.name.rpartition(".")[2]
             degrees = f"{setting.name}_deg" if setting.unit.startswith("rad") else ""
+            # A plain value may state its own unit, for example `soil.k=5mm`.
             if setting.name in self.values:
                 values[key] = _read(setting, self._take_value(setting))
             self._take_value(setting)
+            # The name with `_deg` states the unit, so a number under this name is in degrees.
             if degrees in self.values:
                 written = setting.unit.replace("rad", "deg")
                 values[key] = parse_quantity(self.values.pop(degrees), setting.unit, degrees, written)
@@ -124,32 +194,33 @@ class Settings:
         return values
 
     def _in_force(self, name: str, value: Any) -> None:
-        """Have a setting listed with its value instead of its default."""
+        """Store the user's value of a setting, in SI, in the list of known settings (`known`)."""
         self.known[name] = self.known[name]._replace(value=value)
 
     def _take_value(self, setting: Setting) -> Any:
+        """Remove a setting from the user's values, list it as known, and return its value or its default."""
         value = self.values.pop(setting.name, setting.value)
         self.known[setting.name] = setting._replace(value=value)
         return value
 
-    def _in_unit(self, name: str, value: Any) -> str:
-        """Return how a setting is written whose name was given its unit, as `soil.k_mm`; else the names alike."""
-        stem, _, unit = name.rpartition("_")
-        if stem in self.known and not math.isnan(factor_to(unit, self.known[stem].unit)):
-            return f"did you mean {stem}={format_setting(value)}{unit}?"
-        return closest(name, self.known)
-
 
 SWITCHES = {"true": True, "1": True, "false": False, "0": False}
+"""Words that a user may write for a setting that is True or False."""
 
 
 def _read(setting: Setting, value: Any) -> Any:
-    """Return a value as its default is: text, several numbers (`50mm,100mm`), or one."""
+    """Return a user's value of a setting, converted to the type of the setting's default.
+
+    The type is a text, True or False, one number in SI, or several numbers in SI, which are given as `50mm,100mm`.
+
+    Raises ParameterError: the value cannot be converted.
+    """
     if isinstance(setting.value, str):
         return str(value)
     if isinstance(setting.value, bool):
         word = str(value).lower().removesuffix(".0")
         return SWITCHES[one_of(setting.name, word, SWITCHES)]
+    # A number; the unit of the setting applies if the text states none.
     if not isinstance(setting.value, tuple):
         return parse_quantity(value, setting.unit, setting.name)
     several = value.split(",") if isinstance(value, str) else value
@@ -159,11 +230,14 @@ def _read(setting: Setting, value: Any) -> Any:
 
 
 def _check(setting: Setting, value: Any, written: str) -> None:
-    """Refuse a number out of bounds by the setting's own name."""
+    """Check that a number is within the bounds of its setting. `written` is the unit in which the user gave the number.
+
+    Raises ParameterError: the number is out of bounds.
+    """
     if isinstance(value, float) and math.isfinite(setting.low):
         check("", setting.name, value, Quantity(setting.unit, setting.source, setting.low, setting.high, ""), written)
 
 
 def format_setting(value: Any) -> str:
-    """Return a number or word as one writes it."""
+    """Return a value as a user would write it on the command line after `--set NAME=`."""
     return f"{value:g}" if isinstance(value, float) else str(value)

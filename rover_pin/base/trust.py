@@ -1,4 +1,7 @@
-"""What a model or a data set of someone else may do: by itself neither run code nor name files outside its folder."""
+"""The user's consent to run code and to read files.
+
+Without this consent, a model or a data set runs no code and reads no files outside its own folder.
+"""
 
 import os
 from collections.abc import Mapping, Sequence
@@ -6,20 +9,24 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
 
+from rover_pin.base.encode import shell_word
 from rover_pin.base.errors import DataError
-from rover_pin.base.files.paths import exists
+from rover_pin.base.files.paths import exists, is_folder
 
 
 @dataclass(frozen=True)
 class Trust:
-    """What the user allows: in Python by an argument, in a command by `--effects FILE` or `--trust`, never in a file.
+    """The user's consent to run code from files and to read files outside a data set's folder.
+
+    A file cannot give consent. In Python, consent is an argument; on the command line, it is given by `--effects FILE`
+    or `--trust`.
 
     Parameters
     ----------
     effects : tuple of Path
-        Files of effects, or folders of them, whose code may run.
+        Files of Python code, or folders of such files, that may run.
     everything : bool
-        The code of every effect that a model names may run, and files may lie outside the folder that names them.
+        Whether all code that a model names may run, and data may refer to files outside their folder.
     """
 
     effects: tuple[Path, ...] = ()
@@ -27,49 +34,58 @@ class Trust:
 
     @classmethod
     def of(cls, effects: str | Path | Sequence[str | Path] | None = None, everything: bool = False) -> Self:
-        """Return the trust in a file of effects, which must be there, or several, or in everything."""
+        """Return the consent to run the code in some files or folders, or to run all code and read all files.
+
+        Raises DataError: a file or folder does not exist.
+        """
         named = tuple(map(Path, [effects] if isinstance(effects, (str, Path)) else effects or []))
         for path in named:
             if not exists(path):
-                raise DataError(f"{path}: there is no such effect file; give a .py file or a folder of them.")
+                raise DataError(f"{path}: there is no such file of Python code; give a .py file or a folder of them.")
         return cls(named, everything)
 
     def refuse_code(self, file: Path, where: str) -> None:
-        """Refuse to run a file, or the files of a folder, that the user has not named.
+        """Check that the user has consented to run a file of code. `where` is the beginning of the error message.
 
-        Raises DataError: it is not among `effects`; the sentence says how to allow it.
+        Raises DataError: the file is neither one of `effects` nor in one of these folders. The message states how to
+        allow the file.
         """
         real = _real(file, where)
         if self.everything or any(_covers(effect_path.resolve(), real) for effect_path in self.effects):
             return
         raise DataError(
-            f"{where}: this code lies in {file}, and it runs only if you say so: read it, then give "
-            f"--effects {file}, or --trust for all that the model names (in Python trust=Trust.of('{file}'))."
+            f"{where}: the file {file} is Python code, and it runs only with your consent: read the file, then give "
+            f"--effects {shell_word(file)}, or --trust to allow all code that the model names (in Python "
+            f"trust=Trust.of({str(file)!r}))."
         )
 
     def within(self, folder: Path, name: object, where: str) -> Path:
-        """Return the path of a file that something in `folder` names.
+        """Return the path of the file to which a description in `folder` refers by `name`.
 
-        Raises DataError: it is no file's name, or lies outside the folder, by '..', as an absolute path or through a
-        link.
+        `where` is the beginning of an error message.
+
+        Raises DataError: `name` cannot be the name of a file, or the file is outside the folder, because the name
+        contains '..', is an absolute path, or is a link.
         """
         if not isinstance(name, str) or not name or "\0" in name:
             raise DataError(f"{where}: {name!r} is not the name of a file; give one in {folder}.")
         path = folder / name
         if not self.everything and not _real(path, where).is_relative_to(folder.resolve()):
             raise DataError(
-                f"{where}: the file {name!r} lies outside {folder}: put it there, or say --trust (in Python "
-                "trust=Trust(everything=True))."
+                f"{where}: the file {name!r} lies outside {folder}: move it into this folder, or give --trust to allow "
+                "files elsewhere (in Python trust=Trust(everything=True))."
             )
         return path
 
     def refuse_elsewhere(self, table: object, file: Path) -> None:
-        """Refuse a table in `file` where a text in it, at any depth, is the path of something outside.
+        """Check that no text in a table, at any depth, is the path of a file outside the folder of `file`, which holds
+        the table.
 
-        Inside are the folder of that file and the working directory, from which such paths are seen.
+        Files in the working directory are also allowed, because relative paths refer to this directory.
 
-        Raises DataError: one names a file or folder elsewhere, by '..', as an absolute path or through a link.
+        Raises DataError: a path leads to another folder, by '..', as an absolute path, or through a link.
         """
+        # Tables and lists may be nested to any depth, so their entries wait in a list instead of a recursive call.
         pending = [] if self.everything else [("", table)]
         inside = (file.resolve().parent, Path.cwd())
         while pending:
@@ -82,18 +98,43 @@ class Trust:
                 real = _real(Path(entry), str(file))
                 if not any(real.is_relative_to(root) for root in inside):
                     raise DataError(
-                        f"{file}: {name} = {entry!r} lies outside its folder: put the file there, or say --trust (in "
-                        "Python trust=Trust(everything=True))."
+                        f"{file}: {name} = {entry!r} lies outside the folder of {file.name}: move the file into this "
+                        "folder, or give --trust to allow files elsewhere (in Python trust=Trust(everything=True))."
                     )
 
 
+def code_files(path: Path) -> list[Path]:
+    """Return the .py files that a user allows by naming a path: the file itself, or all files directly in a folder.
+
+    Raises DataError: a file of the folder is a link to a file outside the folder. A user who has read the files of the
+    folder before consenting may not have read the linked file.
+    """
+    if not is_folder(path):
+        return [path]
+    files = sorted(path.glob("*.py"))
+    for file in files:
+        if not _covers(path.resolve(), _real(file, str(path))):
+            raise DataError(
+                f"{file} is a link to {_real(file, str(path))}. You allowed the code in the folder {path} to run, but "
+                "the linked file lies outside this folder: remove the link, or name the linked file with --effects."
+            )
+    return files
+
+
 def _covers(allowed: Path, real: Path) -> bool:
+    """Return whether the consent to the path `allowed` includes the file `real`.
+
+    It does if `allowed` is this file, or is the folder that directly contains it.
+    """
     return real == allowed or (allowed.is_dir() and real.parent == allowed)
 
 
 def _real(path: Path, where: str) -> Path:
-    """Return the path without links; one that leads nowhere by itself is an error."""
+    """Return a path with all links followed.
+
+    Raises DataError: no file can have this name, or links form a circle. `where` is the beginning of the message.
+    """
     try:
         return path.resolve()
     except (OSError, RuntimeError, ValueError) as error:
-        raise DataError(f"{where}: {str(path)!r} is no path of a file; mend its name.") from error
+        raise DataError(f"{where}: {str(path)!r} is not the path of a file; correct the name.") from error

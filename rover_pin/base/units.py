@@ -1,8 +1,10 @@
-"""The one grammar of units, for every value, column and option that names one; inside, everything is SI.
+"""The grammar of units, the same for every value, column and option that names a unit.
 
-A unit is symbols with whole powers one after another, over others: `N m`, `N·m`, `N.m`, `N*m`, `Nm`, `m/s2`, `m s^-2`,
-`rad/(N m)`. Where letters can be read in several ways (`Nms` as N m s or newton milliseconds, a pound as force or mass)
-the kind of quantity that is asked for decides. Capitals are looked at first, and forgiven where nothing is read so.
+Within the package, all numbers are in SI units.
+
+A unit is a product of symbols with whole powers, divided by other products: `N m`, `N·m`, `N.m`, `N*m`, `Nm`, `m/s2`,
+`m s^-2`, `rad/(N m)`. Some texts have several readings: `Nms` is N m s or newton milliseconds, a pound is a force or a
+mass. The kind of quantity that is needed then decides. Capital letters count, unless no reading exists that way.
 """
 
 from __future__ import annotations
@@ -15,14 +17,15 @@ from functools import cache, lru_cache
 from typing import NamedTuple
 
 LBF, INCH, FOOT = 4.4482216152605, 0.0254, 0.3048
-"""Pound-force [N], inch and foot [m]."""
+"""One pound-force [N], one inch [m] and one foot [m]."""
 
 BASE = ("m", "kg", "s", "A", "K", "rad")
-"""Those of SI, and the angle beside them: a torque and a torsional stiffness are two kinds."""
+"""The base units: five base units of SI, and the radian. The radian distinguishes a torque [N m] from a torsional
+stiffness [N m/rad]."""
 PREFIXES = {"n": "1e-9", "u": "1e-6", "m": "1e-3", "c": "1e-2", "k": "1e3", "M": "1e6"}
 METRIC = {"m": "", "s": "", "A": "", "K": "", "rad": "", "N": "kg m/s^2", "J": "N m", "W": "N m/s", "Pa": "N/m^2",
           "V": "W/A", "ohm": "V/A", "Hz": "1/s"}  # fmt: skip
-"""Symbols that take a prefix, and what they are made of."""
+"""Symbol of a unit that takes a prefix -> the product of base units that equals it; empty for a base unit."""
 OTHERS: tuple[tuple[str, float, str], ...] = (
     ("g", 1e-3, "kg"), ("t", 1e3, "kg"), ("lb", 0.45359237, "kg"), ("lb", LBF, "N"), ("lbf", LBF, "N"),
     ("kgf", 9.80665, "N"), ("newton", 1.0, "N"), ("in", INCH, "m"), ("inch", INCH, "m"), ("ft", FOOT, "m"),
@@ -33,16 +36,18 @@ OTHERS: tuple[tuple[str, float, str], ...] = (
     ("kph", 1.0, "km/h"), ("volt", 1.0, "V"), ("amp", 1.0, "A"), ("%", 0.01, "1"), ("percent", 0.01, "1"),
     ("pct", 0.01, "1"),
 )  # fmt: skip
-"""Symbols and words that take none: how many of what. A pound is a force where one is asked for, else a mass."""
+"""Symbols and words of units that take no prefix: name, factor, and the unit to multiply the factor by. A pound (lb) is
+listed twice, because it can be a mass or a force."""
 USUAL = {
     "": ("%",), "m": ("mm", "cm", "km", "in", "ft"), "rad": ("deg",), "s": ("ms", "us", "ns", "min"), "kg": ("g",),
     "N": ("kN", "lbf", "kgf"), "N m": ("mN m", "kN m", "lbf in", "lbf ft"), "V": ("mV",), "A": ("mA",), "ohm": (),
     "Pa": ("N/m^2", "kPa", "MPa", "kN/m^2", "psi"), "m/s": ("mm/s", "cm/s", "km/h"), "m/s^2": (), "rad/m": ("deg/m",),
     "rad/s": ("rpm", "deg/s", "rev/s"), "kg/m^3": ("g/cm^3", "t/m^3", "lb/ft^3"),
 }  # fmt: skip
-"""SI's name of a kind of quantity, and what else it is often given in: what errors and tables list."""
-LONGEST = 24
-"""Letters of a unit; what is longer is none."""
+"""SI unit of a kind of quantity -> other units in which this kind is often given; errors and tables list them."""
+MAX_UNIT_LETTERS = 24
+"""Maximum number of letters of a unit. A longer text does not count as a unit, because trying all its readings would
+take long."""
 SPELLINGS = str.maketrans(
     {"°": "deg", "º": "deg", "Ω": "ohm", "μ": "u", "µ": "u", "−": "-", "·": " ", "⋅": " ", "*": " "}
 )
@@ -50,13 +55,16 @@ POWER = re.compile(r"(?:\^?\(?([+-]?\d)\)?)?[ .-]*(.*)")
 
 
 class Unit(NamedTuple):
-    """One reading of a unit: what a number in it is multiplied by to be in SI, and the powers of `BASE`."""
+    """One possible meaning of a text as a unit.
+
+    `size` is the factor that converts a number in this unit to SI. `powers` are the exponents of the `BASE` units.
+    """
 
     size: Fraction
     powers: tuple[int, ...]
 
     def times(self, factor: Unit, power: int) -> Unit:
-        """Return the product with a whole power of another unit."""
+        """Return the product of this unit and another unit, `factor`, raised to a whole power."""
         powers = tuple(mine + power * theirs for mine, theirs in zip(self.powers, factor.powers, strict=True))
         return Unit(self.size * factor.size**power, powers)
 
@@ -66,7 +74,10 @@ NONE = Unit(Fraction(1), (0,) * len(BASE))
 
 @cache
 def _symbols(folded: bool) -> dict[str, tuple[Unit, ...]]:
-    """Return what every symbol stands for; `folded` in small letters."""
+    """Return a dict from each symbol of a unit to all units that it can stand for.
+
+    With `folded`, the symbols are in small letters, so that capital letters do not count.
+    """
     symbols: dict[str, tuple[Unit, ...]] = {"1": (NONE,)}
 
     def add(name: str, size: float | str, unit: Unit) -> None:
@@ -75,7 +86,9 @@ def _symbols(folded: bool) -> dict[str, tuple[Unit, ...]]:
 
     for name in BASE:
         add(name, 1.0, Unit(Fraction(1), tuple(int(base == name) for base in BASE)))
+    # The products in METRIC and OTHERS are written with the right capital letters, so they are read without folding.
     exact = symbols if not folded else _symbols(False)
+    # Prefixed symbols first, since the words in OTHERS are made of them: a psi is lbf/in^2.
     for name, of in METRIC.items():
         unit = _over(of, exact)[0] if of else exact[name][0]
         for prefix, size in {"": "1", **PREFIXES}.items() if of else PREFIXES.items():
@@ -87,7 +100,11 @@ def _symbols(folded: bool) -> dict[str, tuple[Unit, ...]]:
 
 
 def _over(text: str, symbols: dict[str, tuple[Unit, ...]]) -> list[Unit]:
-    """Return the readings of a product over others."""
+    """Return all possible meanings of a text such as `rad/(N m)/s`: a product divided by further products.
+
+    `symbols` maps each symbol to the units that it can stand for.
+    """
+    # The first product is the numerator; each further product, with or without brackets, is a divisor.
     above, *below = (re.sub(r"^\((.*)\)$", r"\1", part.strip()) for part in text.split("/"))
     ways = _product(above, symbols, {})
     for part in below:
@@ -97,7 +114,12 @@ def _over(text: str, symbols: dict[str, tuple[Unit, ...]]) -> list[Unit]:
 
 
 def _product(text: str, symbols: dict[str, tuple[Unit, ...]], cache: dict[str, list[Unit]]) -> list[Unit]:
-    """Return the readings of symbols one after another, with a blank, point or hyphen between them or nothing."""
+    """Return all possible meanings of a product of unit symbols that a blank, a point, a hyphen or nothing separates.
+
+    The function tries every symbol with which the text begins, and reads the text after this symbol in the same way.
+    `symbols` maps each symbol to the units that it can stand for. `cache` keeps the meanings of each text, so that no
+    text is read twice.
+    """
     if not text:
         return [NONE]
     if text not in cache:
@@ -112,18 +134,34 @@ def _product(text: str, symbols: dict[str, tuple[Unit, ...]], cache: dict[str, l
 
 @lru_cache(maxsize=1024)
 def readings(text: str, folded: bool = False) -> tuple[Unit, ...]:
-    """Return every way to read a unit, none where it is no unit; `folded` takes small letters for capitals."""
+    """Return all units that a text can mean; an empty tuple if the text is not a unit.
+
+    `N m` has one meaning; `Nms` has two, newton metre second and newton millisecond. With `folded`, capital letters do
+    not count.
+    """
     plain = unicodedata.normalize("NFKC", text.strip().translate(SPELLINGS)).translate(SPELLINGS)
     plain = plain.replace("**", "^").replace(" per ", "/")
     if plain in ("", "-"):
         return (NONE,)
-    return tuple(_over(plain.lower() if folded else plain, _symbols(folded))) if len(plain) <= LONGEST else ()
+    return tuple(_over(plain.lower() if folded else plain, _symbols(folded))) if len(plain) <= MAX_UNIT_LETTERS else ()
 
 
 def factor_to(unit: str, expected: str) -> float:
-    """Return the factor from a unit to `expected`, an SI unit; NaN where it is of another kind."""
+    """Return the factor that converts a number in `unit` to the SI unit `expected`.
+
+    The result is NaN if `unit` is not a unit, measures another kind of quantity than `expected`, or has two meanings of
+    this kind.
+
+    Examples
+    --------
+    >>> factor_to("km/h", "m/s")
+    0.2777777777777778
+    >>> factor_to("kg", "m/s")
+    nan
+    """
     if unit == expected:
         return 1.0
+    # Of several readings, those that measure the expected kind of quantity count; capital letters count first.
     kinds = {reading.powers for reading in readings(expected)}
     for folded in (False, True):
         factors = {reading.size for reading in readings(unit, folded) if reading.powers in kinds}
@@ -136,13 +174,16 @@ HEADER = re.compile(r"(.*?)\s*(?:\[([^\[\]]*)\]|\(((?:[^()]|\([^()]*\))*)\))\s*"
 
 
 def name_and_unit(header: str) -> tuple[str, str]:
-    """Return the name and the unit of a column: `Torque [N.m]`, `Torque (Nm)`, `Torque / Nm`, `torque_Nm`.
+    """Return the name and the unit in a column's header, such as `Torque [N.m]`, `Torque / Nm` or `torque_Nm`.
 
-    What is in brackets at the end is the unit, also where it is none that can be read; empty where there is none.
+    A text in brackets at the end counts as the unit even if it is not a known unit. The unknown unit is then reported
+    later instead of being taken for part of the name. The unit is an empty text if the header states none.
     """
+    # First form: a unit in brackets at the end of the header.
     bracketed = HEADER.fullmatch(header)
     if bracketed:
         return bracketed[1].strip(), (bracketed[2] or bracketed[3] or "").strip()
+    # Other forms: the text after a slash, a comma, an underscore or "in", if this text is a known unit.
     for mark in re.finditer(r"\s*[/,]\s*|_+|\s+in\s+", header):
         name, unit = header[: mark.start()].strip(), header[mark.end() :].strip()
         if name and unit and (readings(unit) or readings(unit, folded=True)):
@@ -151,4 +192,5 @@ def name_and_unit(header: str) -> tuple[str, str]:
 
 
 UNITS = {name: (si, factor_to(name, si)) for si, names in USUAL.items() for name in (si, *names) if name}
-"""Units by the name that the package gives them: the SI unit of their kind, and how many of it."""
+"""Name of a unit, as the package prints it -> the SI unit of the same kind of quantity, and the factor to this SI
+unit."""

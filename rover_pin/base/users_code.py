@@ -1,4 +1,8 @@
-"""The border between this program and the code of a user's file: an error there is reported by file and line."""
+"""Wrappers that report failures of the code in a user's file, such as an effect or a controller.
+
+An exception in the user's code becomes a one-line error with the file and the line. A return value of a wrong type is
+reported in the same form; the base class of the effect or controller declares the right type.
+"""
 
 import functools
 import inspect
@@ -7,60 +11,94 @@ import typing
 from types import FunctionType, ModuleType
 from typing import Any
 
-from rover_pin.base.errors import DataError, RoverPinError
+from rover_pin.base.errors import DataError, RoverPinError, UnknownAttributeError
 from rover_pin.base.jobs.workers import Terminated
 from rover_pin.base.public import fits, words
 
+MAX_QUOTED = 80
+"""Maximum number of letters of a value that an error quotes. A longer value is cut at this length."""
+
 
 def mistake(error: BaseException, file: str, otherwise: int = 0) -> DataError:
-    """Return the error that tells of an exception by the last line of a user's file that it passed."""
+    """Return an error that reports an exception with the line of the user's file in which the exception arose.
+
+    If the exception passed through several lines of the file, the last line is named. If it passed through no line of
+    the file, the line `otherwise` is named, or no line if `otherwise` is 0.
+    """
     lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == file]
+    # A syntax error arises before any line of the file runs, so Python states its line in the error itself.
     if isinstance(error, SyntaxError) and error.filename == file:
         lines, error = [error.lineno], SyntaxError(error.msg)
     line = lines[-1] if lines else otherwise
     place = f"{file}, line {line}" if line else file
     reason = f": {error}".rstrip(": .") if str(error) else ""
-    return DataError(f"{place}: the code there ends with {type(error).__name__}{reason}; mend it.")
+    # Readers know an unknown attribute as AttributeError, also if this program words the error.
+    kind = AttributeError if isinstance(error, AttributeError) else type(error)
+    return DataError(f"{place}: the code there ends with {kind.__name__}{reason}; correct it.")
 
 
 def is_stop(error: BaseException) -> bool:
-    """Return whether an exception is none of the code's own: a sentence of this program, Ctrl-C or SIGTERM."""
+    """Return whether an exception must be passed on unchanged, because it is no mistake in the user's code.
+
+    This holds for an error of this package, Ctrl-C and SIGTERM. An unknown attribute is a mistake in the user's code,
+    although this package words its error, so the result is False.
+    """
+    if isinstance(error, UnknownAttributeError):
+        return False
     return isinstance(error, (RoverPinError, KeyboardInterrupt, Terminated))
 
 
 def guard(module: ModuleType) -> None:
-    """Let every method of a module's classes raise one sentence, and return what its base class says, or be refused."""
+    """Wrap every method of the classes in a user's module, so that exceptions and wrong return types become a
+    `DataError`.
+
+    Raises DataError: a class variable of such a class, such as `states` or `neutral`, is of another type than its base
+    class declares.
+    """
+    file = str(module.__file__)
     for _, kind in inspect.getmembers(module, inspect.isclass):
-        if kind.__module__ == module.__name__:
-            _refuse_other_types(kind, str(module.__file__))
-            for name, member in list(vars(kind).items()):
-                guarded = _guard_member(kind, name, member, str(module.__file__))
-                if guarded is not member:
-                    setattr(kind, name, guarded)
+        # Classes that the user's file only imports are not the user's code.
+        if kind.__module__ != module.__name__:
+            continue
+        _refuse_other_types(kind, file)
+        for name, member in list(vars(kind).items()):
+            guarded = _guard_member(kind, name, member, file)
+            if guarded is not member:
+                setattr(kind, name, guarded)
 
 
 def _refuse_other_types(kind: type, file: str) -> None:
-    """Refuse what a class says of all its objects, as `states` and `neutral`, where its base asks for another type."""
+    """Check the class variables of a user's class against the `ClassVar` annotations of its base class.
+
+    Raises DataError: the value of a class variable does not fit the annotation.
+    """
     for name, value in vars(kind).items():
+        # The nearest base class that annotates the variable decides about its type.
         base = next((ancestor for ancestor in kind.__mro__[1:] if name in inspect.get_annotations(ancestor)), None)
         hint = typing.get_type_hints(base, include_extras=True)[name] if base is not None else Any
         if typing.get_origin(hint) is typing.ClassVar and not fits(value, typing.get_args(hint)[0]):
             raise DataError(
-                f"{file}, line {inspect.getsourcelines(kind)[1]}: {kind.__name__}.{name} is {_short(value)}, "
+                f"{file}, line {inspect.getsourcelines(kind)[1]}: {kind.__name__}.{name} is {_quoted(value)}, "
                 f"{_demand(typing.get_args(hint)[0])}."
             )
 
 
 def _guard_member(kind: type, name: str, member: Any, file: str) -> Any:
-    """Return a method, property or class method that is watched; anything else as it is."""
+    """Return a member of a user's class in which the function is wrapped by `_guard_method`.
+
+    The member may be a method, a property, a class method or a static method. A member of another kind is returned
+    unchanged.
+    """
     if isinstance(member, property) and member.fget is not None:
-        return property(_watch_method(kind, name, member.fget, file))
+        return property(_guard_method(kind, name, member.fget, file))
     if isinstance(member, (classmethod, staticmethod)):
-        return type(member)(_watch_method(kind, name, member.__func__, file))
-    return _watch_method(kind, name, member, file)
+        return type(member)(_guard_method(kind, name, member.__func__, file))
+    return _guard_method(kind, name, member, file)
 
 
-def _watch_method(kind: type, name: str, method: Any, file: str) -> Any:
+def _guard_method(kind: type, name: str, method: Any, file: str) -> Any:
+    """Return a method that reports its exceptions by file and line, and that checks the type of its return value."""
+    # A method from another file, such as a method that `dataclass` generates, is not the user's code.
     if not isinstance(method, FunctionType) or method.__code__.co_filename != file:
         return method
     line, hint = method.__code__.co_firstlineno, _return_hint(kind, name)
@@ -74,14 +112,18 @@ def _watch_method(kind: type, name: str, method: Any, file: str) -> Any:
                 raise
             raise mistake(error, file, line) from error
         if not fits(result, hint):
-            raise DataError(f"{file}, line {line}: {kind.__name__}.{name} returns {_short(result)}, {_demand(hint)}.")
+            raise DataError(f"{file}, line {line}: {kind.__name__}.{name} returns {_quoted(result)}, {_demand(hint)}.")
         return result
 
     return call
 
 
 def _return_hint(kind: type, name: str) -> Any:
-    """Return what the method of this name returns in the nearest base class that is not the user's; Any without one."""
+    """Return the return annotation of a method from the nearest base class that declares it outside the user's module.
+
+    The result is `Any` if no such base class has the method.
+    """
+    # The user's own annotation may be missing or wrong, so the annotation of the package's base class counts.
     for base in kind.__mro__[1:]:
         if base.__module__ != kind.__module__ and name in vars(base):
             member = vars(base)[name]
@@ -93,10 +135,12 @@ def _return_hint(kind: type, name: str) -> Any:
 
 
 def _demand(hint: Any) -> str:
-    parts = ", each field as it is declared" if isinstance(hint, type) and hasattr(hint, "_fields") else ""
-    return f"where {words(hint)}{parts} belongs"
+    """Return the last part of an error message, which states the needed type, such as "but a number is needed"."""
+    fields = ", each field of its declared type" if isinstance(hint, type) and hasattr(hint, "_fields") else ""
+    return f"but {words(hint)}{fields} is needed"
 
 
-def _short(thing: Any) -> str:
-    text = " ".join(str(thing).split())
-    return text if len(text) < 80 else f"{text[:80]} ..."
+def _quoted(value: Any) -> str:
+    """Return a value as text on one line, cut after MAX_QUOTED letters."""
+    text = " ".join(str(value).split())
+    return text if len(text) < MAX_QUOTED else f"{text[:MAX_QUOTED]} ..."

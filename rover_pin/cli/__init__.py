@@ -1,4 +1,5 @@
-"""The command line: `app` parses, calls one public function, prints; one file a command in `commands`.
+"""The command line. `app` holds the main commands, and `commands` has one file for each further command.
 
-Start at `app`; `terminal` formats what is printed.
+A command parses its options, calls one public function of the package, and prints the result. Start at `app`. `options`
+defines the options that several commands share, and `terminal` formats the output.
 """

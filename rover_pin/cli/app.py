@@ -8,6 +8,8 @@ from typing import Annotated, Any
 
 import typer
 
+from rover_pin.base.console import say, warn
+from rover_pin.base.encode import shell_line
 from rover_pin.base.errors import NO_ROOM, RoverPinError, one_line
 from rover_pin.base.files.paths import is_file
 from rover_pin.base.files.results_folder import alone_in
@@ -17,34 +19,68 @@ from rover_pin.cli import commands
 from rover_pin.cli.commands.bands import bands, refuse_of_one_model
 from rover_pin.cli.commands.view import SEEN, open_page, requested_files, write_requested
 from rover_pin.cli.completing import scenario_names
-from rover_pin.cli.options import Add, AsJson, Effects, Gravity, ModelFile, Out, Scheduler, Set, SoilName, Trusted
-from rover_pin.cli.speaking import Speaking, program
-from rover_pin.cli.terminal import assignments, drive_settings, json_text, priors, progress, report, stages, stoppable
+from rover_pin.cli.options import (
+    Add,
+    AsJson,
+    Control,
+    Effects,
+    Gif,
+    Gravity,
+    ModelFile,
+    Mp4,
+    NamedOut,
+    Open,
+    Out,
+    RoverName,
+    Scheduler,
+    Set,
+    SoilName,
+    Trusted,
+    Workers,
+)
+from rover_pin.cli.speaking import Program, program
+from rover_pin.cli.terminal import (
+    drive_settings,
+    json_text,
+    priors,
+    progress,
+    report,
+    soil_and_wheel,
+    stages,
+    stoppable,
+)
 
 log = logging.getLogger("rover_pin.cli.app")  # its name also where it is run by python -m
 app = typer.Typer(
-    cls=Speaking, rich_markup_mode=None, no_args_is_help=True, pretty_exceptions_enable=False, help=__doc__
+    cls=Program, rich_markup_mode=None, no_args_is_help=True, pretty_exceptions_enable=False, help=__doc__
 )
 
 
 def main() -> None:
-    """Run the command line; one clear sentence and exit code 2 on what is refused."""
+    """Run the command line.
+
+    An error that the user can correct is printed as one sentence, and the program ends with exit code 2.
+    """
     try:
         app()
     except RoverPinError as error:
-        print(f"rover-pin: {error}", file=sys.stderr)
+        warn(f"rover-pin: {error}")
         sys.exit(2)
     except (MemoryError, ImportError) as error:
         if isinstance(error, ImportError) and NO_ROOM not in str(error):
             raise
-        print("rover-pin: this needs more memory than there is: half of the machine's, or ulimit -v.", file=sys.stderr)
+        warn(
+            "rover-pin: this needs more memory than is allowed (half of the machine's memory, or the limit of ulimit "
+            "-v); use a smaller file or fewer samples."
+        )
         sys.exit(2)
     except OSError as error:
         if error.errno is None:
             raise
+        # For example a full disk, or a folder without permission to write.
         file = f"{error.filename}: " if error.filename else ""
         message = one_line(f"{file}{error.strerror}; make room there, or give another file or folder.")
-        print(f"rover-pin: {message}", file=sys.stderr)
+        warn(f"rover-pin: {message}")
         sys.exit(2)
 
 
@@ -53,31 +89,31 @@ def drive(
     scenario: Annotated[
         str, typer.Argument(autocompletion=scenario_names, help="ditch, flat ...: rover-pin list scenarios.")
     ],
-    control: Annotated[
-        str,
-        typer.Option(
-            help="none, limit (torque alone), eq9 (the paper's), onboard, camera, tracked, true, turn, point-turn, "
-            "crab, cmd-vel (speed and yaw rate), rates, route; or your own .py file."
-        ),
-    ] = "",
+    rover: RoverName = "",
+    control: Control = "",
     gravity: Gravity = "",
     soil: SoilName = "",
     model: ModelFile = None,
     add: Add = [],  # noqa: B006 - typer wants a list
     set_: Set = [],  # noqa: B006
     view: Annotated[bool, typer.Option("--view", help="Write view.html, the drive in 3D.")] = False,
-    gif: Annotated[bool, typer.Option("--gif", help="Write drive.gif, a moving picture.")] = False,
-    mp4: Annotated[bool, typer.Option("--mp4", help="Write drive.mp4; needs ffmpeg.")] = False,
-    open_: Annotated[bool, typer.Option("--open", help="Write view.html and open it in your browser.")] = False,
+    gif: Gif = False,
+    mp4: Mp4 = False,
+    open_: Open = False,
     effects: Effects = None,
     trust: Trusted = False,
     out: Out = Path("out/drive"),
     as_json: AsJson = False,
 ) -> None:
-    """Drive a scenario: write its drive log, figures and a summary."""
+    """Drive a scenario: write its drive log, figures and a summary.
+
+    With --model FOLDER it drives all models of the folder, and writes bands instead of lines. Exit code 1: the drive
+    diverged.
+    """
     from rover_pin.scenarios.scenario import scenario as ready
 
-    settings = drive_settings(control, gravity, soil, model, add, set_)
+    settings = drive_settings(set_, rover=rover, control=control, gravity=gravity, soil=soil, model=model, add=add)
+    # Naming a controller's file on the command line is the consent to run it, as with --effects.
     own = Path(control) if control.endswith(".py") else None
     settings["trust"] = Trust.of([file for file in (effects, own) if file], trust)
     views = requested_files(view or open_, gif, mp4)
@@ -87,6 +123,7 @@ def drive(
             report(bands(scenario, model, settings, out), as_json)
         return
     chosen = ready(scenario, **settings)
+    # Views of an earlier drive would otherwise be taken for views of this one.
     untouched = [name for name in SEEN if name not in views]
     with stoppable(out, ("log/drive.toml", "snapshots.png", "history.png", *views), untouched), alone_in(out):
         _drive_scenario(chosen, views, out, as_json)
@@ -98,12 +135,14 @@ def _drive_scenario(chosen: Any, views: list[str], out: Path, as_json: bool) -> 
     with progress(f"driving {chosen.name}", chosen.duration, silent=as_json) as advance:
         trace = chosen.drive(advance)
     log.debug("driven: %d rows of the trace", len(trace["t_s"]))
+    # A drive that diverges at once has no rows, and so neither log nor figures.
     result: dict[str, Any] = {"scenario": chosen.name, **trace.summary()}
     if len(trace["t_s"]):
         from rover_pin import plot
         from rover_pin.rover.wheel_base import base_of
-        from rover_pin.terrain.roughness import slope_and_roughness
+        from rover_pin.terrain.terrain import slope_and_roughness
 
+        # Slope and roughness of the ground under the path, at about a thousand places; zero on level ground.
         model, every = chosen.model, max(len(trace.t) // 1000, 1)
         place = trace["body_x"][::every], trace["body_y"][::every]
         slope, roughness = slope_and_roughness(model.terrain, *place, base_of(model.rover).length)
@@ -123,23 +162,28 @@ def check_urdf(
     trust: Trusted = False,
     as_json: AsJson = False,
 ) -> None:
-    """Check a rover: what to mend, whether it stands and moves. What was assumed for that is said."""
+    """Check a rover: list its faults, and whether it stands and moves. Assumptions are printed too.
+
+    Exit code 1: the rover has faults.
+    """
     from rover_pin.rover.description.layout import shipped_toml
     from rover_pin.rover.rover import load_rover
     from rover_pin.rover.urdf_check import check_urdf as check
     from rover_pin.scenarios.road_check import road_check
 
+    # A word that is no file is the name of a rover of the package.
     name = file
     if not is_file(file):
         file = shipped_toml(str(name))
     urdf_report = check(file, Trust(everything=trust))
     result: dict[str, Any] = {name: list(getattr(urdf_report, name)) for name in ("faults", "notes", "facts")}
     if urdf_report.ok and urdf_report.loads:
+        # A rover without faults in its files must also carry its weight and have motors that move it on its soil.
         road = road_check(load_rover(file, Trust(everything=trust)))
         result["faults"] += road.faults
         result |= {"stands": road.stands, "moves": road.moves, "assumed": list(road.assumed)}
     if not result["faults"] and file.suffix == ".toml":
-        result["next"] = f"rover-pin drive flat --set rover={name}"
+        result["next"] = shell_line(["rover-pin", "drive", "flat", "--set", f"rover={name}"])
     report({"file": str(file), **result}, as_json)
     if result["faults"]:
         raise typer.Exit(1)
@@ -148,14 +192,14 @@ def check_urdf(
 @app.command()
 def sweep(
     study: Annotated[Path, typer.Argument(help="A study's TOML file.")],
-    workers: Annotated[int, typer.Option(help="Processes; 0 for all cores.")] = 0,
+    workers: Workers = 0,
     scheduler: Scheduler = "",
     effects: Effects = None,
     trust: Trusted = False,
-    out: Annotated[Path | None, typer.Option("--out", help="Folder for the results; out/NAME OF THE STUDY.")] = None,
+    out: NamedOut = None,
     as_json: AsJson = False,
 ) -> None:
-    """Run a batch study; killed, it resumes where it stopped."""
+    """Run a batch study; if killed, it resumes where it stopped. Results go to out/NAME OF THE STUDY by default."""
     from rover_pin.sweep import read_study
     from rover_pin.sweep import sweep as run
 
@@ -171,17 +215,18 @@ def bounds(
     soil: SoilName = "",
     slip: Annotated[str, typer.Option(help="Slip limit, in (0, 1], or as 20%.")] = "0.2",
     form: Annotated[str, typer.Option(help="Which traction factor: net, torque, gross.")] = "",
-    rover: Annotated[str, typer.Option(help="nexus6, cart, or your rover's TOML.")] = "",
+    rover: RoverName = "",
     gravity: Gravity = "",
     model: ModelFile = None,
+    set_: Set = [],  # noqa: B006
     effects: Effects = None,
     trust: Trusted = False,
     as_json: AsJson = False,
 ) -> None:
-    """Print the slope that a drive climbs, and what wheels bear. The motor's margin is printed too.
+    """Print the slope that a drive climbs, and the torques that wheels can transmit. The motor's margin is printed too.
 
-    Of a model's effects only its traction and its motion resistance count. Of a folder of models, as a loop's
-    `posterior`, it prints what holds of the next one in 90 %.
+    Only the traction and the motion resistance of a model count, not its other effects. For a folder of models, such as
+    a loop's `posterior`, the printed bounds hold for the next model with a probability of 90 %.
     """
     from rover_pin.base.quantity import parse_quantity
     from rover_pin.control.rover_bounds import bounds_of_model, bounds_table
@@ -189,13 +234,13 @@ def bounds(
 
     slope, slip_limit = parse_quantity(slope_deg, "rad", "--slope-deg", "deg"), parse_quantity(slip, "", "--slip")
     allowed = Trust.of(effects, trust)
-    options = {"rover": rover, "soil": soil, "form": form, "gravity": gravity}
-    settings: dict[str, Any] = {**{name: value for name, value in options.items() if value}, "trust": allowed}
+    settings = {**drive_settings(set_, rover=rover, soil=soil, form=form, gravity=gravity), "trust": allowed}
     if model is not None and model.is_dir():
         from rover_pin.simulation.model.toml_file import models_of
-        from rover_pin.tuning.improve import torque_bounds
+        from rover_pin.tuning.improve import predicted_bounds
 
-        over = torque_bounds(models_of(model), settings, slip_limit, slope)
+        # For a folder of models, the bounds are quantiles over the models.
+        over = predicted_bounds(models_of(model), settings, slip_limit, slope)
         report({name: value.words() for name, value in over.items()}, as_json)
         return
     loaded_model = scenario("flat", **settings, **({"model": str(model)} if model else {})).model
@@ -203,7 +248,7 @@ def bounds(
     if as_json:
         report(result, as_json)
         return
-    print(bounds_table(wheel_bounds, loaded_model.motor))
+    say(bounds_table(wheel_bounds, loaded_model.motor))
     report({name: value for name, value in result.items() if name != "wheels"}, as_json)
 
 
@@ -216,49 +261,46 @@ def identify(
         ),
     ],
     set_: Set = [],  # noqa: B006
-    prior: Annotated[list[str], typer.Option(help="NAME=MEAN:SD, what is known of a number, repeatable.")] = [],  # noqa: B006
+    prior: Annotated[list[str], typer.Option(help="NAME=MEAN:SD, what is known of a number; can be repeated.")] = [],  # noqa: B006
     trust: Trusted = False,
     as_json: AsJson = False,
 ) -> None:
-    """Fit soil and wheel to data, and say which numbers they tell.
+    """Fit soil and wheel to data, and print which numbers the data determine.
 
-    It is the loop's fit before anything is missing. --set holds a number, --prior states it; what is neither is as the
-    data declare it, or assumed, and each estimate says what it depends on.
+    This is the fit of the base model, with which close-loop begins. --set fixes a number, and --prior states its mean
+    and SD. All other numbers are as the data declare them, or assumed; each estimate lists the numbers that it depends
+    on.
     """
-    from rover_pin.base.settings import Settings
     from rover_pin.contact import Soil, Wheel
     from rover_pin.loop.data_check import measured_in
     from rover_pin.loop.identify import identify as identified
 
-    values = assignments(set_)
-    request = Settings({name if "." in name else f"soil.{name}": value for name, value in values.items()})
+    # Names of the form soil.phi and wheel.r, under which the fit knows its numbers.
     fixed = {
         f"{owner}.{name}": value
-        for owner, record in (("soil", Soil()), ("wheel", Wheel()))
-        for name, value in request.record(owner, record).items()
+        for owner, numbers in zip(("soil", "wheel"), soil_and_wheel(set_, Soil(), Wheel()), strict=True)
+        for name, value in numbers.items()
     }
-    request.finish()
     measured, findings = measured_in(data[0] if len(data) == 1 else tuple(data), Trust(everything=trust))
-    result = identified(measured, priors(prior), fixed)
+    progress_line = (lambda message: None) if as_json else log.info
+    result = identified(measured, priors(prior), fixed, progress=progress_line)
     for finding in findings:
         log.warning("%s", finding)
-    print(json_text(result.as_dict()) if as_json else result.report())
+    say(json_text(result.as_dict()) if as_json else result.report())
 
 
 @app.command()
 def tune(
     study: Annotated[Path, typer.Argument(help="A tuning study's TOML file.")],
-    model: Annotated[
-        Path | None, typer.Option(help="A model file, or a folder of equally probable ones, as close-loop's posterior.")
-    ] = None,
-    workers: Annotated[int, typer.Option(help="Processes; 0 for all cores.")] = 0,
+    model: ModelFile = None,
+    workers: Workers = 0,
     scheduler: Scheduler = "",
     effects: Effects = None,
     trust: Trusted = False,
     out: Out = Path("out/tune"),
     as_json: AsJson = False,
 ) -> None:
-    """Tune the slip control over an ensemble of drives. Noise of sensors can be in the loop; killed, it resumes."""
+    """Tune the slip control over an ensemble of drives. The drives can have sensor noise; if killed, it resumes."""
     from rover_pin.simulation.model.toml_file import models_of
     from rover_pin.tuning.drives import cautions
     from rover_pin.tuning.study_file import read_tuning

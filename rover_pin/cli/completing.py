@@ -1,4 +1,6 @@
-"""What the shell completes: scenarios, soils, effects, and the settings of the very drive that is being typed."""
+"""Completion in the shell: names of scenarios, soils, rovers and effects, and the settings of the command in the
+line.
+"""
 
 from typing import TYPE_CHECKING
 
@@ -11,27 +13,37 @@ if TYPE_CHECKING:
     from rover_pin.scenarios.catalogue import Entry
 
 SOIL = "soil."
-"""Start of the settings that `identify` takes, with or without it."""
-ITS_OWN = ("control", "gravity", "soil", "model", "add")
-"""Options of a drive that are settings too."""
+"""Prefix of the names of the soil's settings. For the command `identify`, the prefix may be left out."""
+SETTING_OPTIONS = ("rover", "control", "gravity", "soil", "model", "add")
+"""Options of the command `drive` that can also be given by --set."""
 
 
 def scenario_names(begun: str) -> list[str]:
-    """Return the scenarios that begin so."""
+    """Return the names of the scenarios that begin with the letters typed so far."""
     from rover_pin.scenarios.scenes import SCENES
 
     return [name for name in SCENES if name.startswith(begun)]
 
 
 def soil_names(begun: str) -> list[str]:
-    """Return the soils that begin so."""
+    """Return the names of the soils that begin with the letters typed so far."""
     from rover_pin.parameters import SOILS
 
     return [name for name in SOILS if name.startswith(begun)]
 
 
+def rover_names(begun: str) -> list[str]:
+    """Return the names of the package's rovers that begin with the letters typed so far."""
+    from rover_pin.rover.description.layout import rover_folder
+
+    return [name for name in sorted(file.stem for file in rover_folder().glob("*.toml")) if name.startswith(begun)]
+
+
 def listed_names(ctx: typer.Context, begun: str) -> list[tuple[str, str]]:
-    """Return what `list` can tell alone, by what it lists: of settings, the scenarios; each with what it is."""
+    """Return the names that may follow `rover-pin list KIND`, each with its description.
+
+    For the kind `settings`, these are the names of scenarios. `begun` are the letters typed so far.
+    """
     from rover_pin.scenarios import catalogue
 
     what = str(ctx.params.get("what") or "scenarios")
@@ -40,9 +52,14 @@ def listed_names(ctx: typer.Context, begun: str) -> list[tuple[str, str]]:
 
 
 def effects_to_add(begun: str) -> list[tuple[str, str]]:
-    """Return the effects that begin so, or after `EFFECT.` its numbers: as `--add` takes them."""
+    """Return the completions of a value of `--add`, each with its description.
+
+    Without a dot, these are the effects whose names begin with the letters typed so far. After `EFFECT.`, these are the
+    numbers of this effect.
+    """
     from rover_pin.scenarios.catalogue import effects
 
+    # Before the dot the effect is typed, after it the name of one of its numbers.
     kind, dot, number = begun.partition(".")
     if not dot:
         return [(entry.name, entry.summary) for entry in effects() if entry.name.startswith(kind)]
@@ -56,10 +73,12 @@ def effects_to_add(begun: str) -> list[tuple[str, str]]:
 
 
 def settings_to_set(ctx: typer.Context, begun: str) -> list[tuple[str, str]]:
-    """Return the settings that begin so, each with its `=`, default and unit; after the `=`, the words it may be.
+    """Return the completions of a value of `--set`, each with the default, unit and source of the setting.
 
-    They are those of the scenario that was typed before, with its `--add`, `--model` and earlier `--set`; of `identify`
-    the soil's. What is refused there has nothing to complete: the command itself will say so.
+    Before the `=`, these are the names of settings that begin with the letters typed so far; after it, the allowed
+    words. The settings belong to the scenario in the command line, with its `--add`, `--model` and earlier `--set`; for
+    `identify` they are those of the soil. A command line with an error gets no completion, because the command will
+    report the error.
     """
     name, equals, value = begun.partition("=")
     try:
@@ -78,23 +97,27 @@ def settings_to_set(ctx: typer.Context, begun: str) -> list[tuple[str, str]]:
 
 
 def _settings(ctx: typer.Context) -> "list[Setting]":
+    """Return the settings that exist for the command line that the user has typed so far."""
     from rover_pin.cli.terminal import assignments
     from rover_pin.scenarios import catalogue
     from rover_pin.scenarios.scenes import SCENES
 
-    options = {**{option: ctx.params.get(option) for option in ITS_OWN}, **assignments(ctx.params.get("set_") or [])}
+    options = {
+        **{option: ctx.params.get(option) for option in SETTING_OPTIONS},
+        **assignments(ctx.params.get("set_") or []),
+    }
     overrides = {option: value if option == "add" else str(value) for option, value in options.items() if value}
     if ctx.info_name == "identify":
         soil = [setting for setting in catalogue.settings("flat") if setting.name.startswith(SOIL)]
         return [*soil, *(setting._replace(name=setting.name.removeprefix(SOIL)) for setting in soil)]
-    # The option whose value is being typed keeps words before it from being taken: they are still in args.
+    # While an option's value is typed, the words before it are not parsed yet: they are still in args.
     words = (ctx.params.get("scenario"), ctx.params.get("name"), *ctx.args)
     scenario = next((word for word in words if word in SCENES), "ditch")
     return catalogue.settings(scenario, **overrides)
 
 
 def _setting_help(setting: "Setting") -> str:
-    """Return a setting's default with its unit and source, in a line."""
+    """Return the description of a setting in one line: its default, its unit and its source."""
     from rover_pin.base.settings import format_setting
 
     value = "" if setting.value in (None, "", ()) else f"{format_setting(setting.value)} {setting.unit}".strip()

@@ -1,4 +1,4 @@
-"""What a command says: on its way by `-q`, `-v` and `--version`, which all take, and of words that it cannot take."""
+"""The program's log for the options `-q` and `-v`, its version, its help, and its errors about unknown words."""
 
 import copy
 import logging
@@ -8,11 +8,14 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
+from rover_pin.base.console import say
+from rover_pin.base.encode import printable
 from rover_pin.base.errors import ParameterError, closest
 from rover_pin.version import __version__
 
-MISTYPED: type[Exception] = typer.BadParameter.__mro__[1]
-"""What the command line's library raises of words that it cannot take; its module depends on the version."""
+USAGE_ERROR: type[Exception] = typer.BadParameter.__mro__[1]
+"""The exception that typer raises for words that it cannot parse. It is taken from a subclass, because the module in
+which typer defines the exception depends on the version of typer."""
 LEVELS = {"quiet": logging.WARNING, "": logging.INFO, "verbose": logging.DEBUG}
 
 
@@ -23,15 +26,18 @@ GROUPS = {
     "Add your own": "new-rover check-urdf new-effect",
     "Look up": "list",
 }
-"""Commands as the program's help has them, by what people do."""
+"""Heading in the help of the program -> the commands under this heading. The headings are the tasks of a user."""
 
 
-class Lines(logging.Formatter):
-    """One line a record: a plain one as it is, a warning as the program's, one of `-v` with its module and time."""
+class LineFormatter(logging.Formatter):
+    """Formats each record of the log as one line.
+
+    An information stands alone, a warning gets a prefix, and a debug message (option -v) gets its time and module.
+    """
 
     def format(self, record: logging.LogRecord) -> str:
-        """Return the line."""
-        message = record.getMessage()
+        """Return the line for one record of the log."""
+        message = printable(record.getMessage())
         if record.levelno >= logging.WARNING:
             return f"rover-pin: warning: {message}"
         if record.levelno >= logging.INFO:
@@ -40,29 +46,38 @@ class Lines(logging.Formatter):
 
 
 def speak(level: str = "") -> None:
-    """Say the package's log on standard error from this level on: quiet, verbose, or what is usual."""
+    """Print the package's log on standard error from now on.
+
+    With `level` "quiet", only warnings are printed; with "", progress too; with "verbose", everything.
+    """
     log = logging.getLogger("rover_pin")
-    for old_handler in [old_handler for old_handler in log.handlers if isinstance(old_handler.formatter, Lines)]:
+    # A handler of an earlier call would print every line twice.
+    for old_handler in [
+        old_handler for old_handler in log.handlers if isinstance(old_handler.formatter, LineFormatter)
+    ]:
         log.removeHandler(old_handler)
     handler = logging.StreamHandler(sys.stderr)
-    handler.setFormatter(Lines())
+    handler.setFormatter(LineFormatter())
     log.addHandler(handler)
     log.setLevel(LEVELS[level])
 
 
-class Speaking(TyperGroup):
-    """A program whose commands all take its own `-q` and `-v`, wherever one writes them."""
+class Program(TyperGroup):
+    """The program as a group of commands. The options `-q` and `-v` may stand anywhere in the line, also after the
+    command.
+    """
 
     def __init__(self, **options: Any) -> None:
         super().__init__(**options)
         shared = [copy.copy(parameter) for parameter in self.params if parameter.name in LEVELS]
+        # The options take effect by their callbacks, so no command gets them as arguments.
         for option in shared:
             option.expose_value = False
         for command in self.commands.values():
             command.params = [*command.params, *shared]
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
-        """Write the commands in their groups, as wide in each."""
+        """Write the list of commands in the help of the program, in groups with the same column width."""
         width = max(map(len, self.commands))
         for title, names in GROUPS.items():
             help_lines = {name: self.commands[name].get_short_help_str(formatter.width) for name in names.split()}
@@ -70,36 +85,43 @@ class Speaking(TyperGroup):
                 formatter.write_dl([(f"{name:{width}}", help_line) for name, help_line in help_lines.items()])
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
-        """Return the command that the first word names.
+        """Return the command whose name is the first word of the command line.
 
-        Raises ParameterError: it names none.
+        Raises ParameterError: no command has this name.
         """
         if args[0] not in self.commands and not args[0].startswith("-"):
             raise ParameterError(f"There is no command '{args[0]}'; {closest(args[0], self.commands)}")
         return super().resolve_command(ctx, args)
 
     def invoke(self, ctx: Any) -> Any:
-        """Run the command.
+        """Run the command that the command line names.
 
-        Raises ParameterError: a word that it cannot take, in one sentence.
+        Raises ParameterError: the command cannot parse a word of the line.
         """
         try:
             return super().invoke(ctx)
-        except MISTYPED as error:
-            raise ParameterError(_refusal(error)) from None
-
-
-def _refusal(error: Any) -> str:
-    meant = _setting_meant(error)
-    if meant:
-        return f"{error.option_name} is no option of {error.ctx.info_name} but a setting: --set {meant}=..."
-    message = " ".join(error.format_message().split()).rstrip(".")
-    return f"{message}; rover-pin {error.ctx.info_name} --help lists what it takes." if error.ctx else f"{message}."
+        except USAGE_ERROR as usage:
+            error: Any = usage
+            # A setting that was written as an option is the most frequent of these errors: --soil.k instead of --set.
+            meant = _setting_meant(error)
+            if meant:
+                text = (
+                    f"{error.option_name} is not an option of {error.ctx.info_name} but a setting: write --set "
+                    f"{meant}=..."
+                )
+                raise ParameterError(text) from None
+            message = " ".join(error.format_message().split()).rstrip(".")
+            hint = f"; rover-pin {error.ctx.info_name} --help lists all options" if error.ctx else ""
+            raise ParameterError(f"{message}{hint}.") from None
 
 
 def _setting_meant(error: Any) -> str:
-    """Return the name of the setting that was written as an option, or nothing."""
+    """Return the name of the setting that a user wrote as an option by mistake, as in --soil.k; empty if there is none.
+
+    `error` is typer's error about the unknown option.
+    """
     name = getattr(error, "option_name", "").lstrip("-").replace("-", "_")
+    # Only commands with --set have settings.
     if not name or not error.ctx or not any("--set" in parameter.opts for parameter in error.ctx.command.params):
         return ""
     from rover_pin.cli.completing import settings_to_set
@@ -107,30 +129,33 @@ def _setting_meant(error: Any) -> str:
     return name if any(completion == f"{name}=" for completion, _ in settings_to_set(error.ctx, name)) else ""
 
 
-def _say_version(flag: bool) -> None:
+def _print_version(flag: bool) -> None:
+    """Print the version and end the program if the option `--version` was given (`flag`)."""
     if flag:
-        print(f"rover-pin {__version__}")
+        say(f"rover-pin {__version__}")
         raise typer.Exit
 
 
-def _say_less(flag: bool) -> bool:
+def _set_quiet(flag: bool) -> bool:
+    """Print only warnings from now on if the option `-q` was given (`flag`)."""
     if flag:
         speak("quiet")
     return flag
 
 
-def _say_more(flag: bool) -> bool:
+def _set_verbose(flag: bool) -> bool:
+    """Also print details such as compilation steps from now on if the option `-v` was given (`flag`)."""
     if flag:
         speak("verbose")
     return flag
 
 
-Quiet = Annotated[bool, typer.Option("-q", "--quiet", callback=_say_less, help="Say only warnings on the way.")]
-Verbose = Annotated[bool, typer.Option("-v", "--verbose", callback=_say_more, help="Say also what is compiled, when.")]
-Version = Annotated[bool, typer.Option("--version", callback=_say_version, is_eager=True, help="Print the version.")]
+Quiet = Annotated[bool, typer.Option("-q", "--quiet", callback=_set_quiet, help="Print warnings only.")]
+Verbose = Annotated[bool, typer.Option("-v", "--verbose", callback=_set_verbose, help="Also log compilation steps.")]
+Version = Annotated[bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")]
 
 
 def program(quiet: Quiet = False, verbose: Verbose = False, version: Version = False) -> None:
-    """Take the options of the program itself."""
+    """Handle the options that belong to the program itself. Without -q and -v, warnings and progress are printed."""
     if not (quiet or verbose):
         speak()

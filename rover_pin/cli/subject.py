@@ -1,25 +1,35 @@
-"""What `view` and `export` are given: a trace's file, or the folder of a drive log."""
+"""Reads the drive that `view` and `export` show: from the file of a trace, or from the folder of a drive log."""
 
 from pathlib import Path
 
 from rover_pin.base.errors import DataError
-from rover_pin.base.files.paths import is_file
-from rover_pin.base.files.samples import data_path
+from rover_pin.base.files.paths import data_path, is_file
 from rover_pin.base.files.toml_file import table_in
 from rover_pin.base.trust import Trust
-from rover_pin.logs.drive_log import FILE, read_drive_log
-from rover_pin.logs.saved import load_trace
+from rover_pin.logs.drive_log import FILE, load_trace, read_drive_log
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.scenarios.scenes import SCENES
 from rover_pin.view.subject import Subject, mesh_folder, subject_of_log
 
 
 def read_subject(path: Path, run: str = "", trust: Trust = Trust()) -> Subject:
-    """Return what a drive log or a trace's file shows; a log's first run unless another is named.
+    """Return a recorded drive with its rover and its terrain.
 
-    The file of a trace alone names the scenario that made it, whose rover and ground are taken.
+    Parameters
+    ----------
+    path : path
+        Folder of a drive log, or the .parquet file of a trace. A trace names the scenario that simulated the drive;
+        rover
+        and terrain are taken from this scenario.
+    run : str
+        Name of a run of the drive log; the first run if empty.
+    trust : Trust
+        The user's consent to run code and to read files that the trace or the log names.
 
-    Raises DataError: it is neither, the log has no such run, or the trace tells no scenario.
+    Raises
+    ------
+    DataError
+        The path is neither a drive log nor a trace, the log has no such run, or the trace names no scenario.
     """
     path = data_path(path)
     if is_file(path / FILE):
@@ -28,12 +38,13 @@ def read_subject(path: Path, run: str = "", trust: Trust = Trust()) -> Subject:
         raise DataError(f"{path}: give the folder of a drive log ({FILE}), or a trace that was saved as .parquet.")
     trace = load_trace(path)
     settings = table_in(trace.attrs, "settings", path)
+    # The settings in a trace come from a file, so they may name no files outside its folder without consent.
     trust.refuse_elsewhere(settings, path)
     name = str(trace.attrs.get("scenario", ""))
     if name not in SCENES:
         raise DataError(
-            f"{path}: the trace says no scenario, so its ground is not known; save it as a drive log: "
-            "`Scenario.write_log`."
+            f"{path}: the trace names no scenario of this package, so its rover and terrain are unknown; save the "
+            "drive as a drive log with `Scenario.write_log`."
         )
     model = scenario(name, **{**settings, "trust": trust}).model
     return Subject(path.stem, trace, model.rover, model.ground, mesh_folder(str(settings.get("rover", "nexus6"))))

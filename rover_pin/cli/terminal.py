@@ -1,4 +1,4 @@
-"""What the command line takes in and prints: assignments, priors, tables, JSON, progress."""
+"""Input and output of the command line: values in options, tables, JSON, progress bars, and stops by Ctrl-C."""
 
 from __future__ import annotations
 
@@ -13,8 +13,10 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from rover_pin.base.console import plain_column, plain_console
+from rover_pin.base.console import plain_column, plain_console, say, warn
+from rover_pin.base.encode import printable
 from rover_pin.base.errors import ParameterError
+from rover_pin.base.files.paths import exists
 from rover_pin.base.files.results_folder import say_what_is_replaced
 from rover_pin.base.jobs.workers import Terminated, ending_workers
 
@@ -25,7 +27,10 @@ log = logging.getLogger(__name__)
 
 
 def priors(words: Iterable[str]) -> dict[str, Any]:
-    """Return NAME=MEAN:SD words as priors by name."""
+    """Return the priors that the words NAME=MEAN:SD of the option --prior state, by the name of the number.
+
+    Raises ParameterError: a word has another form, or a number has a wrong unit.
+    """
     from rover_pin.base.quantity import parse_quantity, quantities
     from rover_pin.contact import Soil, Wheel
     from rover_pin.estimation.parameter import Prior
@@ -34,9 +39,11 @@ def priors(words: Iterable[str]) -> dict[str, Any]:
     for word in words:
         name, _, value = word.partition("=")
         mean, sign, sd = value.partition(":")
+        # Either both numbers have a unit or neither: the SD of 30deg:2 could be in degrees or in radians.
         bare = [text.strip()[-1:] in tuple("0123456789.") for text in (mean, sd)]
         if not sign or bare[0] != bare[1]:
             raise ParameterError(f"--prior {word}: write it as NAME=MEAN:SD, as --prior n=1.1:0.1 or phi=30deg:2deg.")
+        # The unit of a number such as soil.phi is that of the field phi.
         where = f"--prior {word}: {name}"
         result[name] = Prior(
             *(parse_quantity(text, units.get(name.rpartition(".")[2], ""), where) for text in (mean, sd))
@@ -44,16 +51,60 @@ def priors(words: Iterable[str]) -> dict[str, Any]:
     return result
 
 
-def drive_settings(
-    control: str, gravity: str, soil: str, model: Path | None, add: list[str], set_: list[str]
-) -> dict[str, Any]:
-    """Return the settings of a scenario that options give, those that are given alone; `--set` comes last."""
-    options = {"control": control, "gravity": gravity, "soil": soil, "model": model and str(model), "add": add}
-    return {**{name: value for name, value in options.items() if value}, **assignments(set_)}
+def drive_settings(set_: list[str], **options: Any) -> dict[str, Any]:
+    """Return the settings of a scenario from the option `--set` and from options such as `--soil`.
+
+    `set_` are the words NAME=VALUE of `--set`. Options that were not given (empty values) are left out.
+
+    Raises ParameterError: an option and a `--set` give the same setting different values.
+    """
+    given = {name: str(value) if isinstance(value, Path) else value for name, value in options.items() if value}
+    settings = assignments(set_)
+    for name in given.keys() & settings.keys():
+        if str(given[name]) != str(settings[name]):
+            raise ParameterError(
+                f"--{name} {given[name]} and --set {name}={settings[name]} contradict: give one of them."
+            )
+    return {**given, **settings}
+
+
+def soil_and_wheel(set_: list[str], soil: Any, wheel: Any) -> tuple[dict[str, float], dict[str, float]]:
+    """Return the numbers of the soil and of the wheel that the option `--set` states, each by name in SI.
+
+    A name without a dot, such as `phi`, is a number of the soil. `soil` and `wheel` are the records whose fields can be
+    set.
+
+    Raises ParameterError: a name is unknown, or a number is out of bounds or has a wrong unit.
+    """
+    from rover_pin.base.settings import Settings
+
+    values = assignments(set_)
+    request = Settings({name if "." in name else f"soil.{name}": value for name, value in values.items()})
+    numbers = request.record("soil", soil), request.record("wheel", wheel)
+    request.finish()
+    return numbers
+
+
+def formulas(words: Iterable[str]) -> dict[str, str]:
+    """Return the words NAME=FORMULA of the option `--column` as a dict from column name to formula.
+
+    Raises ParameterError: a word has another form, or a name is given twice.
+    """
+    columns: dict[str, str] = {}
+    for word in words:
+        name, equals, formula = word.partition("=")
+        if not equals or name in columns:
+            raise ParameterError(f"--column {word}: give NAME=FORMULA, as load_N='9.81 * m', once for each name.")
+        columns[name] = formula
+    return columns
 
 
 def stages(is_silent: bool) -> Callable[[str, int, int], None]:
-    """Return what says how far each stage of long work is."""
+    """Return a function that logs the progress of each stage of a long calculation.
+
+    The returned function takes the name of the stage, the number of finished parts, and the total number of parts. With
+    `is_silent`, it does not log the end of a stage.
+    """
     from rover_pin.base.jobs.time_left import TimeLeft
 
     begun: dict[str, TimeLeft] = {}
@@ -69,7 +120,10 @@ def stages(is_silent: bool) -> Callable[[str, int, int], None]:
 
 
 def assignments(words: Iterable[str], option: str = "--set") -> dict[str, Any]:
-    """Return NAME=VALUE words of an option as a dict; numbers as numbers."""
+    """Return the words NAME=VALUE of an option as a dict from name to value. A value that is a number becomes a float.
+
+    Raises ParameterError: a word has no `=`. The message names the `option`.
+    """
     values: dict[str, Any] = {}
     for word in words:
         name, sign, value = word.partition("=")
@@ -84,56 +138,84 @@ def assignments(words: Iterable[str], option: str = "--set") -> dict[str, Any]:
 
 @contextmanager
 def stoppable(out: Path | None = None, replaced: Sequence[str] = (), untouched: Sequence[str] = ()) -> Iterator[None]:
-    """Let Ctrl-C and SIGTERM end a command, its workers too, with one line that says what is kept.
+    """Make Ctrl-C and SIGTERM end a command and its workers with one line that names the result files that are kept.
 
-    What of an earlier run it will replace in its folder `out` is said first.
+    Parameters
+    ----------
+    out : path
+        Folder of the results.
+    replaced : sequence of str
+        Names of the files that the command writes into the folder. If files of an earlier run have these names, the log
+        first states that they will be replaced.
+    untouched : sequence of str
+        Names of files that this command does not write. If files of an earlier run have these names, the log says so,
+        because a user could take them for results of this run.
     """
     say_what_is_replaced(out, replaced, untouched)
+    # A file counts as written by this run if its time of change differs from the time before the run.
+    before = _times(out, replaced)
     try:
         with ending_workers():
             yield
     except (KeyboardInterrupt, Terminated) as stop:
-        message = "; ".join(getattr(stop, "__notes__", ())) or "nothing is kept"
-        print(f"rover-pin: stopped: {message}.", file=sys.stderr)
+        written = [name for name, time in _times(out, replaced).items() if before.get(name) != time]
+        kept = f"kept in {out}: {', '.join(written)}" if written else "nothing is kept"
+        # Calculations that can resume add a note on how to resume.
+        message = "; ".join(getattr(stop, "__notes__", ())) or kept
+        warn(f"rover-pin: stopped: {message}.")
         raise typer.Exit(128 + (signal.SIGTERM if isinstance(stop, Terminated) else signal.SIGINT)) from None
 
 
+def _times(out: Path | None, names: Sequence[str]) -> dict[str, int]:
+    """Return the time of the last change [ns] of those files in a folder that exist, by file name."""
+    files = {} if out is None else {name: out / name for name in names}
+    return {name: file.stat().st_mtime_ns for name, file in files.items() if exists(file)}
+
+
 def report(result: Mapping[str, Any], as_json: bool) -> None:
-    """Print a result as a short table, or as one JSON object."""
+    """Print a result as a short table, or as one JSON object if `as_json` is True.
+
+    Lines are never wrapped or shortened, because users copy paths from them.
+    """
     if as_json:
-        print(json_text(result))
+        say(json_text(result))
         return
+    # Names in the first column, padded to equal width; further lines of a value are aligned with its first line.
     lines = [(name.replace("_", " "), (format_result(value) or "none").split("\n")) for name, value in result.items()]
     width = max((len(name) for name, _ in lines), default=0)
-    for name, (first, *more) in lines:  # never folded nor shortened: paths are to be copied
-        print(f"{name:{width}}  {first}".rstrip())
+    for name, (first, *more) in lines:
+        say(f"{name:{width}}  {first}".rstrip())
         for line in more:
-            print(f"{'':{width}}  {line}")
+            say(f"{'':{width}}  {line}")
 
 
-WIDEST = 28
-"""Letters of a column; a longer cell pushes its row alone."""
+MAX_COLUMN_WIDTH = 28
+"""Maximum width of a column of the table of settings, in letters. A longer cell is not cut; it shifts the rest of its
+own row to the right."""
 
 
 def numbers_table(settings: Iterable[Setting]) -> None:
-    """Print what can be set, a line each: default with unit, bounds or choices, source."""
+    """Print a table with one line for each setting: name, default with unit, bounds or choices, and source."""
     rows = [("name", "default", "allowed", "from")]
     rows += [
         (setting.name, format_value(setting.value, setting.unit), limits_of(setting), setting.source)
         for setting in settings
     ]
-    widths = [min(max(len(row[i]) for row in rows), WIDEST) for i in range(3)]
+    widths = [min(max(len(row[i]) for row in rows), MAX_COLUMN_WIDTH) for i in range(3)]
     for row in rows:
         cells = (f"{cell:{width}}" for cell, width in zip(row, widths, strict=False))
-        print("  ".join([*cells, row[3]]).rstrip())
+        say("  ".join([*cells, row[3]]).rstrip())
 
 
 def fact(name: str, value: Any) -> str:
-    """Return a fact in words, its name's unit behind it: "mass: 5.8 kg" of mass_kg."""
+    """Return a fact as a line of text. If its name ends in a unit, the unit follows the value.
+
+    For example, mass_kg = 5.8 gives "mass: 5.8 kg".
+    """
     from rover_pin.base.units import UNITS
 
     words, _, unit = name.rpartition("_")
-    has_unit = unit in UNITS and bool(words)
+    has_unit = unit in UNITS and bool(words)  # "m" alone is a name, not a unit
     words = (words if has_unit else name).replace("_", " ")
     if isinstance(value, Mapping):
         text = ", ".join(f"{key} = {format_value(entry)}" for key, entry in value.items())
@@ -147,19 +229,23 @@ def fact(name: str, value: Any) -> str:
 
 
 def format_value(value: Any, unit: str = "") -> str:
-    """Return a value as the table has it: six digits and its unit, an angle in degrees too."""
+    """Return a value as text: a number with six digits and its unit, and an angle also in degrees."""
     if value is None or value == ():
         return "none"
     if isinstance(value, tuple) and all(isinstance(number, (int, float)) for number in value):
         return f"{', '.join(f'{number:.6g}' for number in value)} {unit}".rstrip()
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         return str(value)
+    # Angles are in radians inside the package; degrees are added for the reader, but not for rates.
     degrees = f" = {math.degrees(value):.4g} {unit.replace('rad', 'deg')}" if unit.startswith("rad") and value else ""
     return f"{value:.6g} {unit}".rstrip() + (degrees if "/s" not in unit else "")
 
 
 def limits_of(setting: Setting) -> str:
-    """Return the choices or bounds of a setting as the table has them; of a number without, that any is allowed."""
+    """Return the choices or the bounds of a setting as text.
+
+    The text is "any" for a number without bounds, and "-" for a setting that is not a number and has no choices.
+    """
     if setting.choices:
         return ", ".join(setting.choices)
     low, high = (f"{bound:g}" if math.isfinite(bound) else "" for bound in (setting.low, setting.high))
@@ -169,7 +255,7 @@ def limits_of(setting: Setting) -> str:
 
 
 def json_text(result: Mapping[str, Any]) -> str:
-    """Return a result as strict JSON: a number that is not finite becomes null."""
+    """Return a result as strict JSON. Strict JSON has no NaN and no infinity, so such numbers become null."""
     import json
 
     def strict(value: Any) -> Any:
@@ -183,19 +269,23 @@ def json_text(result: Mapping[str, Any]) -> str:
 
 
 def format_result(value: Any) -> str:
-    """Return a value as the table shows it."""
+    """Return a value of a result as text for the terminal. A list gives one line for each entry."""
     if isinstance(value, float):
         return f"{value:.4g}"
     if isinstance(value, Mapping):
         return ", ".join(f"{name} {format_result(entry)}" for name, entry in value.items())
     if isinstance(value, (list, tuple)):
         return "\n".join(format_result(entry) for entry in value)
-    return str(value)
+    return printable(str(value))
 
 
 @contextmanager
 def progress(what: str, total: float, silent: bool) -> Iterator[Callable[[float], None]]:
-    """Show a progress bar over simulated seconds on a terminal; nothing where it would clutter."""
+    """Show a progress bar on the terminal during a `with` block.
+
+    The block gets a function to call with the finished amount of work, at most `total`. No bar is shown in a pipe, with
+    --json (`silent`) or with -q. `what` names the work in the bar.
+    """
     if silent or not sys.stderr.isatty() or logging.getLogger("rover_pin").level > logging.INFO:
         yield lambda done: None
         return
@@ -203,5 +293,5 @@ def progress(what: str, total: float, silent: bool) -> Iterator[Callable[[float]
 
     columns = (plain_column("{task.description}"), *Progress.get_default_columns()[1:])
     with Progress(*columns, console=plain_console(stderr=True), transient=True) as bar:
-        task = bar.add_task(what, total=total)
+        task = bar.add_task(printable(what), total=total)
         yield lambda done: bar.update(task, completed=done)

@@ -1,4 +1,5 @@
-"""Two of a kind side by side: verdicts, models or drives, as one table and one sentence.
+"""Compare two verdicts, two models or two drives, and drive one scenario on several models or from places all over a
+terrain.
 
 Start at `compare.compare`.
 """

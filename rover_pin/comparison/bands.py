@@ -1,4 +1,4 @@
-"""One drive on several equally probable models: what the data that they come from leave open about it."""
+"""Drive a scenario on several equally probable models. The spread of the results is the uncertainty of the drive."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,31 +11,39 @@ from rover_pin.base.jobs.cluster import results
 from rover_pin.base.public import brief
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.outcome.outcome import drive_outcome
-from rover_pin.simulation.trace.trace import Trace
 
 FAILED = ("stuck", "stalled", "slid back", "ended")
-"""Outcomes of a drive that does not get on; one that ended has buried a wheel, or fell."""
+"""Kinds of drive outcomes that count as stuck. The outcome "ended" means that a wheel was buried or the rover fell
+over."""
 
 
 @brief
 @dataclass(frozen=True)
 class Bands:
-    """The same drive on n models, each a row (n, T); one that ended early stays as it was."""
+    """Results of driving the same scenario on n models, at T common times.
+
+    If a drive ended early, its last state is repeated until the end of the longest drive.
+    """
 
     t: np.ndarray
+    "time [s] (T,)"
     x: np.ndarray
-    "of the base [m]"
+    """position of the rover's base along x [m] (n, T)"""
     slip: np.ndarray
-    "mean of the wheels [-]"
+    """slip, as the mean over the wheels [-] (n, T)"""
     sinkage: np.ndarray
-    "of the deepest wheel [m]"
+    """sinkage of the wheel that is deepest in the soil [m] (n, T)"""
     stuck: tuple[bool, ...]
-    "whether it does not get on in the end"
+    """for each model, whether the outcome of its drive is one of FAILED (n)"""
     buried: tuple[bool, ...]
+    """for each model, whether a buried wheel ended its drive (n)"""
     outcomes: tuple[str, ...]
+    """for each model, the outcome of its drive as a sentence (n)"""
 
     def summary(self) -> dict[str, Any]:
-        """Return shares of the models, and median, lowest and highest of what the drive comes to."""
+        """Return the number of models on which the rover is stuck or buried, and the median and range of the final
+        values.
+        """
         n = len(self.outcomes)
         return {
             "models": n,
@@ -49,11 +57,11 @@ class Bands:
 
     @property
     def panels(self) -> dict[str, np.ndarray]:
-        """What is drawn, by label and unit."""
+        """The channels that the figure draws: a dict from label with unit to values (n, T)."""
         return {"x [m]": self.x, "mean slip [-]": self.slip, "deepest wheel [mm]": 1e3 * self.sinkage}
 
     def table(self) -> Any:
-        """Return a pandas DataFrame: a row a model and time."""
+        """Return all drives as a pandas DataFrame with one row for each model and time."""
         import pandas as pd
 
         n, count = self.x.shape
@@ -64,33 +72,52 @@ class Bands:
 def drive_on_models(
     name: str, files: Sequence[str | Path], settings: dict[str, Any], workers: int | None = None
 ) -> Bands:
-    """Return a ready-made drive on the model of each file; `settings` as of `scenario`, without `model`.
+    """Drive the scenario `name` on the model in each file, and return the results of all drives at common times.
 
-    Raises ParameterError, DataError: as of `scenario`.
+    Parameters
+    ----------
+    name : str
+        Name of a ready-made scenario, such as "flat".
+    files : sequence of paths
+        Model files, for example the files in the folder `posterior` of a close-loop run.
+    settings : dict
+        Settings of `scenario` except `model`.
+    workers : int, optional
+        Number of processes; by default one for each core.
+
+    Raises
+    ------
+    ParameterError, DataError
+        If `scenario` refuses a setting or a file.
     """
+    # Building one scenario first refuses wrong settings at once, before any process starts.
+    scenario(name, **{**settings, "model": str(files[0])})
     jobs = [(name, str(file), settings) for file in files]
-    scenario(name, **{**settings, "model": str(files[0])})  # what is refused is refused before any drive
     drives = list(results(_drive_scenario, jobs, workers or -1))
-    t = max((drive[0] for drive in drives), key=len)
-    x, slip, sinkage = (np.array([_hold_end(drive[at], len(t)) for drive in drives]) for at in (1, 2, 3))
+    # All drives are recorded at the same interval, so the longest list of times contains all others.
+    t = max((times for times, *_ in drives), key=len)
+    # A drive that ended early is extended by its last row, so that all drives have the length of the longest.
+    x, slip, sinkage = (
+        np.array([np.pad(drive[channel], (0, len(t) - len(drive[channel])), mode="edge") for drive in drives])
+        for channel in (1, 2, 3)
+    )
     kinds, stops, sentences = zip(*(drive[4:] for drive in drives), strict=True)
     buried = tuple(stop.startswith("buried") for stop in stops)
     return Bands(t, x, slip, sinkage, tuple(kind in FAILED for kind in kinds), buried, sentences)
 
 
 def _drive_scenario(name: str, file: str, settings: dict[str, Any]) -> tuple[Any, ...]:
+    """Drive the scenario `name` on the model in `file`, and return what `Bands` needs of the drive.
+
+    The result is a tuple of times [s] (T,), x [m] (T,), slip as the mean over the wheels (T,), largest sinkage [m]
+    (T,), kind of outcome, reason of an early end, and outcome as a sentence.
+    """
     trace = scenario(name, **{**settings, "model": file}).drive(measure_error=False)
+    # A trace that lacks the channels for an outcome has none; its drive does not count as stuck.
     outcome = drive_outcome(trace)
     kind, sentence = ("", "not known") if outcome is None else (outcome.kind, outcome.sentence)
-    return (*_channels(trace), kind, str(trace.attrs.get("stop", "")), sentence)
-
-
-def _channels(trace: Trace) -> tuple[np.ndarray, ...]:
-    return trace.t, trace["body_x"], trace.stack("slip").mean(axis=1), trace.stack("sinkage").max(axis=1)
-
-
-def _hold_end(values: np.ndarray, count: int) -> np.ndarray:
-    return np.pad(values, (0, count - len(values)), mode="edge")
+    slip, sinkage = trace.stack("slip").mean(axis=1), trace.stack("sinkage").max(axis=1)
+    return (trace.t, trace["body_x"], slip, sinkage, kind, str(trace.attrs.get("stop", "")), sentence)
 
 
 def _spread(values: np.ndarray) -> str:

@@ -1,4 +1,4 @@
-"""Two of a kind compared; what their paths hold says which kind it is."""
+"""Compare two verdicts, two models or two drives. The files at the two paths decide which of the three are compared."""
 
 from enum import StrEnum
 from pathlib import Path
@@ -11,8 +11,8 @@ from rover_pin.comparison.side import Comparison
 from rover_pin.logs.drive_log import FILE as DRIVE_FILE
 
 
-class Kind(StrEnum):
-    """What can be compared."""
+class Comparable(StrEnum):
+    """The kinds of results that `compare` can compare. The value is the name of the kind in error messages."""
 
     VERDICT = "a verdict"
     MODEL = "a model"
@@ -20,51 +20,59 @@ class Kind(StrEnum):
 
 
 def compare(first: str | Path, second: str | Path, run: str = "", trust: Trust = Trust()) -> Comparison:
-    """Return two verdicts, two models or two drives side by side.
+    """Compare two verdicts, two models or two drives.
 
     Parameters
     ----------
     first, second : path
-        The folder of a close-loop or its verdict.json; a model.toml; a drive log's folder or a trace in .parquet.
+        Two paths of the same kind: the results folder of a close-loop run or its verdict.json; a model.toml; the folder
+        of
+        a drive log or a trace in .parquet.
     run : str
-        Which run of drive logs; the first if not said.
+        Name of the run to compare, for drive logs with several runs; by default the first run.
     trust : Trust
-        Whether the code of a user's effects that a model names may run.
+        Whether the code of user-supplied effects that a model names may run.
 
     Returns
     -------
     Comparison
-        With `sentence`, `rows` and `as_dict()`.
+        With `sentence`, `rows` and `as_dict()`. Differences are second minus first.
 
     Raises
     ------
     DataError
-        They are of two kinds, or one is none of these or cannot be read.
+        If the paths hold results of different kinds or nothing that can be compared, or if a file cannot be read.
+
+    Examples
+    --------
+    >>> from rover_pin.comparison.compare import compare
+    >>> print(compare("out/monday/model.toml", "out/tuesday/model.toml").sentence)  # doctest: +SKIP
     """
     paths = (Path(first), Path(second))
     kinds = [kind_of(path) for path in paths]
     if kinds[0] is not kinds[1]:
-        raise DataError(f"{first} is {kinds[0]}, {second} {kinds[1]}: compare two of a kind.")
-    if kinds[0] is Kind.VERDICT:
+        raise DataError(f"{first} is {kinds[0]}, but {second} is {kinds[1]}: compare two of the same kind.")
+    if kinds[0] is Comparable.VERDICT:
         sides = [verdicts.read_verdict(path if is_file(path) else path / verdicts.FILE) for path in paths]
         return verdicts.compare_verdicts(*sides)
-    if kinds[0] is Kind.MODEL:
+    if kinds[0] is Comparable.MODEL:
         return models.compare_models(*(models.read_side(path, trust) for path in paths))
     return drives.compare_drives(*(drives.read_drive(path, run, trust) for path in paths))
 
 
-def kind_of(path: Path) -> Kind:
-    """Return what lies at a path.
+def kind_of(path: Path) -> Comparable:
+    """Return whether a path holds a verdict, a model or a drive.
 
-    Raises DataError: nothing, or something else.
+    Raises DataError if the path holds none of these.
     """
+    # A results folder also holds model.toml, so the verdict is looked for first.
     if is_file(path / verdicts.FILE) or (path.suffix == ".json" and is_file(path)):
-        return Kind.VERDICT
+        return Comparable.VERDICT
     if is_file(path / DRIVE_FILE) or path.suffix == ".parquet":
-        return Kind.DRIVE
+        return Comparable.DRIVE
     if path.suffix == ".toml" and is_file(path):
-        return Kind.MODEL
+        return Comparable.MODEL
     raise DataError(
-        f"{path}: nothing to compare is there: give the folder of a close-loop ({verdicts.FILE}), a model.toml, a "
-        f"drive log's folder ({DRIVE_FILE}) or a trace in .parquet."
+        f"{path}: there is nothing to compare at this path. Give the folder of a close-loop ({verdicts.FILE}), a "
+        f"model.toml, the folder of a drive log ({DRIVE_FILE}) or a trace in .parquet."
     )

@@ -1,4 +1,4 @@
-"""Two drives, simulated or measured, over the time that both last."""
+"""Compare two drives, simulated or measured, over the period of time that both recorded."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -11,22 +11,26 @@ from rover_pin.base.files.paths import is_file
 from rover_pin.base.trust import Trust
 from rover_pin.comparison.side import Comparison, Row, Side, Value, differences, number_rows, word_rows
 from rover_pin.estimation.wording import format_value
-from rover_pin.logs.drive_log import FILE, read_drive_log
-from rover_pin.logs.saved import load_trace
+from rover_pin.logs.drive_log import FILE, load_trace, read_drive_log
 from rover_pin.simulation.trace.channels import WHOLE
 from rover_pin.simulation.trace.trace import Trace
 
 UNITS = {"_s": "s", "_m": "m", "_deg": "deg", "_J": "J"}
-"""Units by the end of a summary's names."""
-AROUND = ("body_yaw", "body_roll")
-"""Channels that begin again after a turn."""
-PLACE = ("body_x", "body_y")
-NOTHING = 1e-12
-"""A channel that never leaves 0 by more than this [SI] is 0."""
+"""Last letters of a name in the summary of a trace, such as "_m" -> the unit of the number with this name."""
+ANGLES = ("body_yaw", "body_roll")
+"""Channels with angles that jump by a full turn. The difference between two drives is reduced to (-pi, pi] for them."""
+POSITION = ("body_x", "body_y")
+ZERO_TOLERANCE = 1e-12
+"""If the absolute value of a channel stays below this limit [SI unit] in both drives, the channel counts as not
+recorded."""
 
 
 class Channel(NamedTuple):
-    """One channel of both drives at the common times, or that of all wheels: arrays (T, wheels or 1)."""
+    """One channel of two drives at T common times.
+
+    `first` and `second` are the values in the first and the second drive: arrays (T, 1), or (T, wheels) for a channel
+    that each wheel has. `wheels` are the names of these wheels.
+    """
 
     name: str
     unit: str
@@ -35,41 +39,43 @@ class Channel(NamedTuple):
     second: np.ndarray
 
     @property
-    def off(self) -> np.ndarray:
-        """second - first."""
-        off = self.second - self.first
-        return np.asarray(np.angle(np.exp(1j * off)) if self.name in AROUND else off)
+    def difference(self) -> np.ndarray:
+        """Values of the second drive minus values of the first drive, with angles reduced to (-pi, pi]."""
+        # The angle of exp(1j d) is d without full turns.
+        difference = self.second - self.first
+        return np.asarray(np.angle(np.exp(1j * difference)) if self.name in ANGLES else difference)
 
     @property
     def rms(self) -> float:
-        """RMS of the difference."""
-        return float(np.sqrt(np.nanmean(self.off**2)))
+        """Root mean square (RMS) of the difference between the two drives, over times and wheels."""
+        return float(np.sqrt(np.nanmean(self.difference**2)))
 
     @property
     def spread(self) -> float:
-        """How far the first varies: SD."""
+        """Standard deviation of the channel in the first drive. Differences of channels are divided by such a value to
+        compare them.
+        """
         return float(np.nanstd(self.first))
 
     @property
     def row(self) -> Row:
-        """The channel in the table: means, and where it differs most."""
+        """The channel's line in the table of the comparison: the mean in each drive, and the RMS of the difference."""
         first_mean, second_mean = (
             format_value(float(np.nanmean(side)), self.unit) for side in (self.first, self.second)
         )
+        # The change column stays empty: means may agree while the drives differ, so the RMS is the measure.
         name = f"mean {self.name}" + (f", {len(self.wheels)} wheels" if self.wheels else "")
-        return Row(
-            name,
-            first_mean,
-            second_mean,
-            note=f"RMS {format_value(self.rms, self.unit)}" if self.rms else "",
-            differs=self.rms > 0,
-        )
+        note = f"RMS {format_value(self.rms, self.unit)}" if self.rms else ""
+        return Row(name, first_mean, second_mean, note=note, differs=self.rms > 0)
 
 
 def read_drive(path: Path, run: str, trust: Trust) -> tuple[str, Trace]:
-    """Return a drive and what it is called: a trace's file, or a run of a drive log, its first unless one is named.
+    """Read a trace in .parquet, or one run of a drive log, and return its label and the trace.
 
-    Raises DataError: it cannot be read, or the log has no such run.
+    The label is the path, followed by the name of the run if the log has several runs. `run` is the name of the run to
+    read; if it is empty, the first run is read.
+
+    Raises DataError if the file cannot be read, or if the log has no run of this name.
     """
     if not is_file(path / FILE):
         return str(path), load_trace(path)
@@ -80,26 +86,37 @@ def read_drive(path: Path, run: str, trust: Trust) -> tuple[str, Trace]:
 
 
 def compare_drives(first: tuple[str, Trace], second: tuple[str, Trace]) -> Comparison:
-    """Return the two side by side: where each ends, and how far every channel is off over the common time.
+    """Compare two drives: their summaries, and every channel that both recorded, over the period of time that both
+    cover.
 
-    Raises DataError: they share no time, or no channel.
+    Each drive is given by its label and its trace, as `read_drive` returns them.
+
+    Raises DataError if the drives have no common time or no common channel.
     """
+    # Rows of words (settings, outcome) and of numbers (summary) need no common time.
+    (first_label, first_trace), (second_label, second_trace) = first, second
     first_side, second_side = (Side(label, _words(trace), _numbers(trace)) for label, trace in (first, second))
-    t = _common_time(first, second)
-    channels = [channel for channel in _channels(first[1], second[1], t) if _is_seen(channel)]
+    # The rows of the first drive within the second one's time; the second drive is interpolated to these times.
+    t, second_t = first_trace.t, second_trace.t
+    t = t[(t >= second_t[0]) & (t <= second_t[-1])] if t.size and second_t.size else t[:0]
+    if t.size < 2:
+        raise DataError(
+            f"The times of {first_label} and {second_label} do not overlap: compare drives that cover a common period."
+        )
+    channels = list(_channels(first_trace, second_trace, t))
     if not channels:
-        raise DataError(f"{first[0]} and {second[0]} have no channel in common: there is nothing to compare.")
+        raise DataError(f"{first_label} and {second_label} have no channel in common: there is nothing to compare.")
     rows = (
         *word_rows(first_side, second_side),
         *number_rows(first_side, second_side),
         *(channel.row for channel in channels),
     )
-    return Comparison(
-        "drives", first[0], second[0], _describe_difference(t, channels), rows, differences(first_side, second_side)
-    )
+    sentence = _describe_difference(t, channels)
+    return Comparison("drives", first_label, second_label, sentence, rows, differences(first_side, second_side))
 
 
 def _words(trace: Trace) -> dict[str, str]:
+    """Return the properties of a drive that are words: its scenario, rover, control, settings and outcome."""
     words = {name: trace.attrs.get(name) for name in ("scenario", "rover", "control")}
     words |= {f"set {name}": value for name, value in dict(trace.attrs.get("settings") or {}).items()}
     words["what happened"] = trace.attrs.get("outcome") or trace.attrs.get("stop")
@@ -107,27 +124,26 @@ def _words(trace: Trace) -> dict[str, str]:
 
 
 def _numbers(trace: Trace) -> dict[str, Value]:
+    """Return the numbers in the summary of a drive. The last letters of a number's name state its unit."""
     numbers = {}
     for name, value in trace.summary().items():
+        # For example "distance_m" becomes the name "distance" with the unit m.
         end = next((end for end in UNITS if name.endswith(end)), "")
         if isinstance(value, float):
             numbers[name.removesuffix(end).replace("_", " ")] = Value(value, UNITS.get(end, ""))
     return numbers
 
 
-def _common_time(first: tuple[str, Trace], second: tuple[str, Trace]) -> np.ndarray:
-    t, second_t = first[1].t, second[1].t
-    inside = t[(t >= second_t[0]) & (t <= second_t[-1])] if t.size and second_t.size else t[:0]
-    if inside.size < 2:
-        raise DataError(f"{first[0]} and {second[0]} share no two moments: compare drives that begin at the same time.")
-    return inside
-
-
 def _channels(first: Trace, second: Trace, t: np.ndarray) -> Iterator[Channel]:
-    """Yield the channels that both have in one unit, those of the wheels together."""
+    """Yield each channel that both drives recorded in the same unit, with values at the times t [s].
+
+    The channels of single wheels, such as the wheel rates, are joined to one channel with a column for each wheel.
+    """
     shared = [name for name in first if name != "t_s" and name in second and first.unit(name) == second.unit(name)]
     families: dict[str, list[tuple[str, str]]] = {}
     for name in shared:
+        # The name of a wheel's channel contains the name of the wheel, as in rate_fl; channels of the whole rover
+        # (WHOLE) may contain these letters by chance.
         wheel = next((wheel_name for wheel_name in first.wheels if f"_{wheel_name}" in name and name not in WHOLE), "")
         family = name.removesuffix("_A").removesuffix(f"_{wheel}") if wheel else name
         families.setdefault(family, []).append((name, wheel))
@@ -135,30 +151,37 @@ def _channels(first: Trace, second: Trace, t: np.ndarray) -> Iterator[Channel]:
         sides = [
             np.column_stack([np.interp(t, trace.t, trace[name]) for name, _ in members]) for trace in (first, second)
         ]
+        # Two gaps that never overlap leave nothing to compare, and a channel of zeros only hides the others.
+        both = np.isfinite(sides[0]) & np.isfinite(sides[1])
+        if not both.any() or max(np.nanmax(np.abs(side)) for side in sides) <= ZERO_TOLERANCE:
+            continue
         wheels = tuple(wheel for _, wheel in members if wheel)
         yield Channel(family, first.unit(members[0][0]).removeprefix("-"), wheels, sides[0], sides[1])
 
 
-def _is_seen(channel: Channel) -> bool:
-    """Return whether both recorded something there at the same time, and it is not 0 throughout."""
-    both = np.isfinite(channel.first) & np.isfinite(channel.second)
-    return bool(both.any()) and max(np.nanmax(np.abs(side)) for side in (channel.first, channel.second)) > NOTHING
-
-
 def _describe_difference(t: np.ndarray, channels: list[Channel]) -> str:
-    lasts = f"Over the {t[-1] - t[0]:.1f} s that both last"
+    """Return a sentence on the distance between the positions in two drives, and on the channel that differs most
+    otherwise.
+
+    t are the times [s] at which the channels are compared.
+    """
+    period = f"Over the {t[-1] - t[0]:.1f} s that both drives cover"
     if all(channel.rms == 0.0 for channel in channels):
-        return f"{lasts} they are the same in all {len(channels)} channels that both have."
+        return f"{period}, all {len(channels)} common channels are equal."
     by_name = {channel.name: channel for channel in channels}
     clauses = []
-    away = [by_name[name].off for name in PLACE if name in by_name]
-    if away:
-        distance = np.sqrt(sum(offset**2 for offset in away))
+    offsets = [by_name[name].difference for name in POSITION if name in by_name]
+    if offsets:
+        distance = np.sqrt(sum(offset**2 for offset in offsets))
         end, rms = float(distance[-1, 0]), float(np.sqrt(np.nanmean(distance**2)))
-        clauses = [f"they are {format_value(rms, 'm')} (RMS) apart, {format_value(end, 'm')} at the end"]
+        clauses = [f"the positions are {format_value(rms, 'm')} (RMS) apart, {format_value(end, 'm')} at the end"]
+    # Differences of one unit are compared with the largest SD of this unit. A channel that hardly moves would
+    # otherwise seem to differ most.
     scale = {channel.unit: max(peer.spread for peer in channels if peer.unit == channel.unit) for channel in channels}
-    moving = [channel for channel in channels if scale[channel.unit] > 0 and channel.name not in PLACE]
+    moving = [channel for channel in channels if scale[channel.unit] > 0 and channel.name not in POSITION]
     if moving:
-        most = max(moving, key=lambda channel: channel.rms / scale[channel.unit])
-        clauses.append(f"of what else was recorded {most.name} differs most: RMS {format_value(most.rms, most.unit)}")
-    return f"{lasts}, {'; '.join(clauses)}."
+        largest = max(moving, key=lambda channel: channel.rms / scale[channel.unit])
+        clauses.append(
+            f"among the other channels, {largest.name} differs most (RMS {format_value(largest.rms, largest.unit)})"
+        )
+    return f"{period}, {'; '.join(clauses)}."

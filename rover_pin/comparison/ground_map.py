@@ -1,9 +1,10 @@
-"""Ground as a rover finds it: a short drive of the whole model at each place and heading, on one model or several."""
+"""Map how well a rover can drive on a terrain: it simulates a short drive from each place of a grid in each heading."""
 
 import dataclasses
 import json
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -19,28 +20,45 @@ from rover_pin.plot.ground_map import map_figure
 from rover_pin.plot.sheet import save, write_csv
 from rover_pin.rover.wheel_base import base_of, corners
 from rover_pin.scenarios.scenario import Scenario, scenario
-from rover_pin.simulation.outcome.outcome import drive_outcome, ways_of
-from rover_pin.simulation.start.place import Start
-from rover_pin.sweep.axis import Values
-from rover_pin.sweep.plan import Grid
+from rover_pin.simulation.outcome.outcome import drive_outcome, wheel_paths
+from rover_pin.simulation.start import Start
+from rover_pin.sweep.plan import Grid, Values
 from rover_pin.sweep.run import sweep
 from rover_pin.sweep.study import Case, Study, canonical
 from rover_pin.terrain.raster import GEOTIFF, write_geotiff
-from rover_pin.terrain.roughness import slope_and_roughness
-from rover_pin.terrain.terrain import HeightGrid
+from rover_pin.terrain.terrain import HeightGrid, slope_and_roughness
 
-PLACE = ("start.x", "start.y", "start.yaw")
+START = ("start.x", "start.y", "start.yaw")
+"""Names of the sweep's parameters for the place and the heading at which a drive starts [m, m, rad]."""
 USUAL_PLACES = 200
-"""Places about, where no spacing is given: half a minute to a minute of CPU a model."""
+"""Approximate number of places of a map if the user gives no spacing. With 8 headings at each place, the drives take
+half a minute to a minute of CPU time for each model."""
+
+
+@dataclass(frozen=True)
+class MapSettings:
+    """Settings of a map: the distance between places, the number of headings at each place, and the mapped area."""
+
+    spacing: float = 0.0
+    """distance between neighbouring places [m]; if 0, the rover's length, or a longer distance that gives about
+    USUAL_PLACES places"""
+    headings: int = 8
+    """number of headings at each place, evenly spaced from 0 (along x)"""
+    box: tuple[float, float, float, float] = (-math.inf, math.inf, -math.inf, math.inf)
+    "limits of the places: x from, x to, y from, y to [m]; by default the whole terrain"
 
 
 class Places(NamedTuple):
-    """Where drives begin: x and y [m], evenly `spacing` [m] apart, and how many headings around each place."""
+    """Grid of places at which the drives of a map start.
+
+    `x` and `y` are the coordinates of the grid's lines [m], `spacing` is the distance between neighbouring places [m],
+    and `headings` is the number of headings at each place.
+    """
 
     x: np.ndarray
     y: np.ndarray
     spacing: float
-    headings: int = 8
+    headings: int
 
 
 def ground_map(
@@ -48,47 +66,56 @@ def ground_map(
     settings: Mapping[str, Any],
     models: Sequence[str | Path],
     out: Path,
-    places: Mapping[str, Any] = {},
+    chosen: MapSettings = MapSettings(),
     trust: Trust = Trust(),
     workers: int | None = None,
     scheduler: str | None = None,
 ) -> tuple[pd.DataFrame, dict[str, Any]]:
-    """Drive a scenario's rover from places all over its ground, straight on in several headings, on each model.
+    """Drive a scenario's rover straight on from places all over its terrain, in several headings, on each model.
 
-    A drive begins at rest, as soil and load have it, under the scenario's control, and lasts until rims at their speed
-    without load would have come the rover's length, the last wheels to where the first stood; or as long as the
-    setting `duration`. Slip is 1 less the wheels' way over what their rims turn, as of `drive_outcome`; energy is
-    electric, per metre that the wheels travel; stuck is who does not get on in the end (`bands.FAILED`), whose wheels
-    come no way on, or who cannot be set down there.
+    Each drive starts at rest in static equilibrium and uses the control of the scenario. By default it lasts until
+    wheels that turn at the cruise speed without load have covered the length of the rover, so that the last wheels
+    reach the place where the front wheels started. The setting `duration` replaces this time.
+
+    Slip is 1 minus the ratio of wheel travel to rim travel (`wheel_paths`). Energy is the electric energy per metre of
+    wheel travel. A drive counts as stuck if its outcome is one of `bands.FAILED`, if its wheels do not move forward at
+    all, or if the rover cannot be placed there.
 
     Parameters
     ----------
     name, settings
-        As of `scenario`; plain numbers and words. The side force is `combined` where nothing else is said: across a
-        slope wheels go sideways.
+        Scenario and settings as for `scenario`; values are numbers or words. The side force is `combined` unless the
+        settings say otherwise, because a rover across a slope also slides sideways.
     models : sequence of path
-        Files of equally probable models; none: that of the settings.
+        Files of equally probable models; if empty, the model of the settings is used.
     out : path
-        Of map.csv, map.png and, where the ground is a GeoTIFF, map.tif in its coordinates; and of the drives, as of
-        `sweep`: a map that was stopped goes on there.
-    places : mapping
-        As of `places_on`.
+        Folder for map.csv, map.png and, if the terrain is a GeoTIFF, map.tif in the coordinates of the terrain. The
+        folder also holds the drives (see `sweep`), so that a map that was stopped continues there.
+    chosen : MapSettings
+        Spacing of the places, number of headings, and mapped area.
     trust, workers, scheduler
-        As of `scenario` and `sweep`.
+        As for `scenario` and `sweep`.
 
     Returns
     -------
     table : DataFrame
-        A row a place: slope and roughness over the rover's length (`slope_and_roughness`), and the largest over the
-        headings of slip and energy per metre, medians over the models, with several of them also what 95 % stay
-        below, and of the share of them on which it is stuck: `p_stuck`. One model gives `stuck`, 0 or 1.
+        One row for each place: slope and roughness over the length of the rover (see `slope_and_roughness`), and the
+        largest slip and energy per metre over the headings, as medians over the models. With several models there are
+        also
+        the 95 % quantiles and `p_stuck`, the fraction of models on which the rover is stuck. With one model there is
+        `stuck`, 0 or 1.
     summary : dict
-        What the map is of, its extremes, and the files.
+        The places, the extremes of the map, and the files.
 
     Raises
     ------
     ParameterError
-        What `scenario`, `places_on` and `sweep` refuse.
+        If `scenario`, `places_on` or `sweep` refuses a setting.
+
+    Examples
+    --------
+    >>> from rover_pin.comparison.ground_map import MapSettings, ground_map
+    >>> table, summary = ground_map("hills", {}, [], Path("out/map"), MapSettings(headings=4))  # doctest: +SKIP
     """
     settings = settings if models else {"side": "combined", **settings}
     axes = {"model": Values([str(file) for file in models])} if models else {}
@@ -96,78 +123,91 @@ def ground_map(
     length, terrain = base_of(first.model.rover).length, first.model.terrain
     if "duration" not in settings:
         first = dataclasses.replace(first, duration=length / cruise_speed(first.model.rover, first.model.motor))
-    chosen = places_on(first, **places)
-    yaws = [2.0 * math.pi * at / chosen.headings for at in range(chosen.headings)]
-    axes |= dict(zip(PLACE, map(Values, (chosen.x.tolist(), chosen.y.tolist(), yaws)), strict=True))
+
+    # The drives are a sweep over model, x, y and heading, which resumes after a stop.
+    places = places_on(first, chosen)
+    yaws = [2.0 * math.pi * n / places.headings for n in range(places.headings)]
+    axes |= dict(zip(START, map(Values, (places.x.tolist(), places.y.tolist(), yaws)), strict=True))
     study = Study("map", name, axes, Grid(), settings={**settings, "duration": first.duration}, trust=trust)
     drives = sweep(study, out, workers=workers, scheduler=scheduler, case_function=drive_from, picture=False)
-    at_x, at_y = np.meshgrid(chosen.x, chosen.y, indexing="ij")
-    slope, roughness = slope_and_roughness(terrain, at_x, at_y, length)
+
+    # One row per place: the terrain itself, then the worst heading.
+    x, y = np.meshgrid(places.x, places.y, indexing="ij")
+    slope, roughness = slope_and_roughness(terrain, x, y, length)
     ground = {"slope_deg": np.degrees(slope).ravel(), "roughness_mm": 1e3 * roughness.ravel()}
-    index = pd.MultiIndex.from_product([chosen.x, chosen.y], names=["x_m", "y_m"])
-    table = pd.DataFrame(ground, index=index).join(_worst(drives.table, len(models))).reset_index()
-    bands = {column: table[column].to_numpy(float).reshape(at_x.shape) for column in table.columns[2:]}
-    summary = {**_summary(table, chosen, len(models)), "duration_s": first.duration, **drives.summary()}
-    on = f"{len(models)} models" if models else "one model"
-    title = f"{name}: the worst of {chosen.headings} headings on {on}; grey: no number"
-    files = [write_csv(table, out / "map.csv"), save(map_figure(terrain, *chosen[:3], bands, title), out / "map.png")]
+    index = pd.MultiIndex.from_product([places.x, places.y], names=["x_m", "y_m"])
+    table = pd.DataFrame(ground, index=index).join(_worst_heading(drives.table, len(models))).reset_index()
+
+    bands = {column: table[column].to_numpy(float).reshape(x.shape) for column in table.columns[2:]}
+    used = f"{len(models)} models" if models else "one model"
+    title = f"{name}: the worst of {places.headings} headings on {used}; grey: no number"
+    files = [write_csv(table, out / "map.csv"), save(map_figure(terrain, *places[:3], bands, title), out / "map.png")]
     raster = Path(str(settings.get("terrain.path", "")))
     if raster.suffix.lower() in GEOTIFF:
-        corner = float(chosen.x[0]), float(chosen.y[0])
-        files.append(write_geotiff(out / "map.tif", raster, corner, chosen.spacing, bands))
+        corner = float(places.x[0]), float(places.y[0])
+        files.append(write_geotiff(out / "map.tif", raster, corner, places.spacing, bands))
+    summary = {**_summary(table, places, len(models)), "duration_s": first.duration, **drives.summary()}
     return table, {**summary, "assumed": list(first.assumed), "files": [str(file) for file in files]}
 
 
-def places_on(
-    first: Scenario, spacing: float = 0.0, headings: int = 8, box: Sequence[float] = (-math.inf, math.inf) * 2
-) -> Places:
-    """Return places all over a scenario's ground, or in a box: x from, to, y from, to [m].
+def places_on(first: Scenario, chosen: MapSettings = MapSettings()) -> Places:
+    """Return the places on a scenario's terrain at which the drives of a map start.
 
-    They keep a drive's reach from the border of a height grid; ground without end along y is driven at y = 0. Spacing 0
-    is the rover's length, or more where that were over USUAL_PLACES.
+    If the terrain is a height grid, all places are at least the length of a drive away from its border. Along an axis
+    on which the terrain has no end, all places are at 0.
 
-    Raises ParameterError: numbers out of bounds, or ground too small for a drive.
+    Raises ParameterError if the spacing or the number of headings is out of bounds, or if the terrain is too small.
     """
     rover, extent = first.model.rover, first.model.terrain.extent
+    # A drive needs its own length in every direction, plus the rover's size and a wheel radius at its end.
     reach = cruise_speed(rover, first.model.motor) * first.duration + float(
         np.linalg.norm(corners(rover), axis=-1).max()
     )
     margin = reach + float(rover.radii.max()) if isinstance(first.model.terrain, HeightGrid) else 0.0
-    sides = [
-        (max(at[0] + margin, at[2]), min(at[1] - margin, at[3]))
-        for at in (extent[:2] + tuple(box[:2]), extent[2:] + tuple(box[2:]))
-    ]
-    sides = [side if np.all(np.isfinite(side)) else (0.0, 0.0) for side in sides]
+    sides = []
+    for terrain_ends, box_ends in ((extent[:2], chosen.box[:2]), (extent[2:], chosen.box[2:])):
+        side = (max(terrain_ends[0] + margin, box_ends[0]), min(terrain_ends[1] - margin, box_ends[1]))
+        sides.append(side if np.all(np.isfinite(side)) else (0.0, 0.0))
     if any(low > high for low, high in sides):
         raise ParameterError(
-            f"There is no place for a drive: the ground reaches from x = {extent[0]:.3g} to {extent[1]:.3g} m and y = "
-            f"{extent[2]:.3g} to {extent[3]:.3g} m, and a drive needs {margin:.2g} m to its border; give a box within, "
-            "larger ground, or a shorter duration."
+            f"There is no place for a drive: the ground reaches from x = {extent[0]:.3g} to {extent[1]:.3g} m and from "
+            f"y = {extent[2]:.3g} to {extent[3]:.3g} m, and each drive must start at least {margin:.2g} m inside its "
+            "border. Give a box inside this area, a larger terrain, or a shorter duration."
         )
+    spacing, headings = chosen.spacing, chosen.headings
     if not (math.isfinite(spacing) and spacing >= 0.0 and 1 <= headings <= 360):
         raise ParameterError(
-            f"spacing = {spacing:g} m with {headings} headings is not allowed: give metres above 0, and 1 to 360."
+            f"spacing = {spacing:g} m with {headings} headings is not allowed: "
+            "give a spacing of more than 0 m (or 0 for the usual spacing), and 1 to 360 headings."
         )
-    widest = math.sqrt(math.prod(high - low for low, high in sides) / USUAL_PLACES)
-    spacing = spacing or max(base_of(rover).length, widest)
+    # The spacing at which the area holds about USUAL_PLACES places.
+    spacing_for_usual = math.sqrt(math.prod(high - low for low, high in sides) / USUAL_PLACES)
+    spacing = spacing or max(base_of(rover).length, spacing_for_usual)
+    # The grid is centred in the area. 1e-9 keeps a place at the border that rounding would lose.
+    counts = [int((high - low) / spacing + 1e-9) + 1 for low, high in sides]
     x, y = (
         np.round(0.5 * (low + high) + spacing * (np.arange(count) - 0.5 * (count - 1)), 6)
-        for low, high in sides
-        for count in [int((high - low) / spacing + 1e-9) + 1]
+        for (low, high), count in zip(sides, counts, strict=True)
     )
     return Places(x, y, spacing, headings)
 
 
 def drive_from(study: Study, case: Case) -> dict[str, Any]:
-    """Return slip, energy per metre and whether it does not get on, of the study's drive from the case's place."""
-    settings = {**study.settings, **{name: value for name, value in case.values.items() if name not in PLACE}}
-    start = Start(*(float(case.values[name]) for name in PLACE))
-    drive = dataclasses.replace(_of_model(study.scenario, canonical(settings), study.trust), start=start)
+    """Simulate the drive of one case of the sweep, and return its slip, energy per metre, outcome, and whether it is
+    stuck.
+
+    The case states the place, the heading and, if there are several models, the model.
+    """
+    settings = {**study.settings, **{name: value for name, value in case.values.items() if name not in START}}
+    # The scenario is the same for all places, and only the start changes.
+    start = Start(*(float(case.values[name]) for name in START))
+    drive = dataclasses.replace(_cached_scenario(study.scenario, canonical(settings), study.trust), start=start)
     try:
         trace = drive.drive(measure_error=False)
+    # A rover that finds no static equilibrium at this place counts as stuck there.
     except SimulationError as error:
         return {"slip": None, "energy_J_per_m": None, "stuck": True, "outcome": str(error)}
-    outcome, ways, energy = drive_outcome(trace), ways_of(trace), float(trace["energy_electric"][-1])
+    outcome, ways, energy = drive_outcome(trace), wheel_paths(trace), float(trace["energy_electric"][-1])
     turned, travelled = float(ways.turned[-1]), float(ways.travelled[-1])
     return {
         "slip": 1.0 - travelled / turned if turned > 0.0 else None,
@@ -178,16 +218,25 @@ def drive_from(study: Study, case: Case) -> dict[str, Any]:
 
 
 @lru_cache(maxsize=1)
-def _of_model(name: str, settings: str, trust: Trust) -> Scenario:
-    """Return the scenario on a model, whose places come one after the other."""
+def _cached_scenario(name: str, settings: str, trust: Trust) -> Scenario:
+    """Return the scenario with these settings, which are a JSON text. Only the last scenario is kept for the next call.
+
+    Consecutive drives of a map use the same model, so that its scenario is built only once.
+    """
     return dataclasses.replace(scenario(name, **json.loads(settings), trust=trust), symmetric=False)
 
 
-def _worst(drives: pd.DataFrame, models: int) -> pd.DataFrame:
-    """Return the largest numbers over the headings by place, quantiles over the models; no way on costs infinitely."""
+def _worst_heading(drives: pd.DataFrame, models: int) -> pd.DataFrame:
+    """Return slip, energy per metre and probability of getting stuck for each place, each for the worst heading.
+
+    For each place and heading, slip and energy are quantiles over the models; then the largest value over the headings
+    is taken. `drives` has one row for each drive, and `models` is the number of models.
+    """
     numeric = dict.fromkeys(("slip", "energy_J_per_m", "stuck"), float)
+    # A rover that does not move forward needs infinite energy per metre. NaN would be left out of the quantiles.
     done = drives[drives["error"].isna()].astype(numeric).fillna({"energy_J_per_m": math.inf})
-    headings = done.groupby(list(PLACE))
+    # One group for each place and heading; its rows are the models.
+    headings = done.groupby(list(START))
     quantiles = {"": 0.5, "_95": 0.95} if models > 1 else {"": 0.5}
     numbers = {
         f"{name}{end}": headings[name].quantile(share, interpolation="higher")
@@ -195,15 +244,17 @@ def _worst(drives: pd.DataFrame, models: int) -> pd.DataFrame:
         for name in ("slip", "energy_J_per_m")
     }
     numbers["p_stuck" if models > 1 else "stuck"] = headings["stuck"].mean()
+    # Levels 0 and 1 are x and y, so the maximum is over the headings.
     return pd.DataFrame(numbers).groupby(level=[0, 1]).max().rename_axis(["x_m", "y_m"])
 
 
 def _summary(table: pd.DataFrame, places: Places, models: int) -> dict[str, Any]:
+    """Return a summary of a map: its places, its extremes, and the number of places where the rover gets stuck."""
     stuck, counts = table.columns[-1], f"{len(places.x)} by {len(places.y)}"
-    alone = "" if models > 1 else ": by one model's numbers alone, which is no probability"
+    alone = "" if models > 1 else " (on one model, so this is no probability)"
     return {
         "places": f"{counts}, every {places.spacing:.3g} m from x = {places.x[0]:.3g} m, y = {places.y[0]:.3g} m",
-        "headings": f"{places.headings}, each number the largest of them",
+        "headings": f"{places.headings}; each number is the largest over the headings",
         "models": models or 1,
         stuck: f"above 0 at {int((table[stuck] > 0.0).sum())} of {len(table)} places{alone}",
         **{f"max_{name}": float(table[name].max()) for name in ("slope_deg", "roughness_mm", "slip")},

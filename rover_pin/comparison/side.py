@@ -1,4 +1,4 @@
-"""What is compared: one side's words and numbers, and the table of two sides."""
+"""The words and numbers of the two compared results, and the table of their differences."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -7,10 +7,11 @@ from typing import Any, NamedTuple
 from rover_pin.estimation.wording import format_value, in_words, interval
 
 ABSENT = "not there"
+"""Text in the table of a comparison if only one of the two compared results has the property or number of this row."""
 
 
 class Value(NamedTuple):
-    """A number [SI unit], with the ends of its 95 % interval where it has one."""
+    """A number with its SI unit, and the lower and upper end of its 95 % interval if it has one."""
 
     value: float
     unit: str
@@ -19,7 +20,7 @@ class Value(NamedTuple):
 
     @property
     def text(self) -> str:
-        """The number as a reader wants it, its interval behind it."""
+        """The number with its unit in the form used in reports, followed by its 95 % interval if it has one."""
         if not math.isfinite(self.value):
             return "not known"
         if self.low < self.high:
@@ -28,7 +29,7 @@ class Value(NamedTuple):
 
 
 class Side(NamedTuple):
-    """One of the two: what it is called, what it says in words, and its numbers by name."""
+    """One of the two compared results: its label, its properties in words, and its numbers by name."""
 
     label: str
     words: Mapping[str, str]
@@ -36,19 +37,23 @@ class Side(NamedTuple):
 
 
 class Row(NamedTuple):
-    """One line of the table."""
+    """One line in the table of a comparison: a property or a number in both compared results, and its change."""
 
     name: str
     first: str
     second: str
     change: str = ""
-    "second - first, and as a share of the first"
+    """value in the second result minus value in the first, also as a percentage of the value in the first"""
     note: str = ""
     differs: bool = True
 
 
 class Comparison(NamedTuple):
-    """Two of a kind, compared."""
+    """Result of a comparison: one sentence, a table of rows, and the differences as numbers.
+
+    `kind` says what was compared (drives, models or verdicts), and `first` and `second` are the labels of the two
+    results.
+    """
 
     kind: str
     first: str
@@ -56,64 +61,62 @@ class Comparison(NamedTuple):
     sentence: str
     rows: tuple[Row, ...]
     differences: Mapping[str, float]
-    "second - first of every number that both have [SI]"
+    """value in the second result minus value in the first, for every number that both results have [SI]"""
 
     def as_dict(self) -> dict[str, Any]:
-        """Return plain values for JSON."""
+        """Return the comparison as plain values that can be written to JSON."""
         return {**self._asdict(), "rows": [row._asdict() for row in self.rows], "differences": dict(self.differences)}
 
 
 def word_rows(first: Side, second: Side) -> Iterator[Row]:
-    """Yield what the two say in words, a row each."""
+    """Yield one row of the comparison's table for each property in words that at least one of the two results has."""
     for name in dict.fromkeys([*first.words, *second.words]):
         first_word, second_word = (side.words.get(name, ABSENT) for side in (first, second))
         yield Row(name, first_word, second_word, differs=first_word != second_word)
 
 
 def number_rows(first: Side, second: Side) -> Iterator[Row]:
-    """Yield the numbers of either, a row each."""
+    """Yield one row of the comparison's table for each number that at least one of the two results has."""
     for name in dict.fromkeys([*first.numbers, *second.numbers]):
         first_value, second_value = first.numbers.get(name), second.numbers.get(name)
+        first_text, second_text = (ABSENT if value is None else value.text for value in (first_value, second_value))
         if first_value is None or second_value is None:
-            yield Row(
-                name,
-                ABSENT if first_value is None else first_value.text,
-                ABSENT if second_value is None else second_value.text,
-            )
+            yield Row(name, first_text, second_text)
+        # Numbers in different units, such as k_1 for two exponents n, have no difference.
         elif first_value.unit != second_value.unit:
-            yield Row(name, first_value.text, second_value.text, note="not of one unit")
+            yield Row(name, first_text, second_text, note="units differ")
         else:
-            yield _both(name, first_value, second_value)
+            differs = not math.isclose(first_value.value, second_value.value, abs_tol=1e-15)
+            are_finite = math.isfinite(first_value.value) and math.isfinite(second_value.value)
+            change = _change(first_value, second_value) if are_finite and differs else ""
+            yield Row(name, first_text, second_text, change, _note(first_value, second_value), differs)
 
 
-def _both(name: str, first_value: Value, second_value: Value) -> Row:
-    differs = not math.isclose(first_value.value, second_value.value, abs_tol=1e-15)
-    are_finite = math.isfinite(first_value.value) and math.isfinite(second_value.value)
-    return Row(
-        name,
-        first_value.text,
-        second_value.text,
-        _change(first_value, second_value) if are_finite and differs else "",
-        _note(first_value, second_value),
-        differs,
-    )
+def _change(first: Value, second: Value) -> str:
+    """Return the change from the first to the second value in the unit used in reports.
+
+    A percentage follows if the change is less than 100 % of the first value.
+    """
+    # Reports use mm and deg instead of m and rad.
+    factor, unit = in_words(first.unit)
+    change = f"{factor * (second.value - first.value):+.3g} {unit}".rstrip()
+    ratio = second.value / first.value - 1.0 if first.value else math.inf
+    return change + (f" ({ratio:+.1%})" if abs(ratio) < 1.0 else "")
 
 
-def _change(first_value: Value, second_value: Value) -> str:
-    factor, unit = in_words(first_value.unit)
-    by = f"{factor * (second_value.value - first_value.value):+.3g} {unit}".rstrip()
-    ratio = second_value.value / first_value.value - 1.0 if first_value.value else math.inf
-    return by + (f" ({ratio:+.1%})" if abs(ratio) < 1.0 else "")
-
-
-def _note(first_value: Value, second_value: Value) -> str:
-    if not (first_value.low < first_value.high and second_value.low < second_value.high):
+def _note(first: Value, second: Value) -> str:
+    """Return a remark if the 95 % intervals of two values do not overlap; an empty text otherwise."""
+    # Without an interval, low and high are NaN and the comparison is False.
+    if not (first.low < first.high and second.low < second.high):
         return ""
-    return "" if first_value.low <= second_value.high and second_value.low <= first_value.high else "intervals apart"
+    return "" if first.low <= second.high and second.low <= first.high else "intervals apart"
 
 
 def differences(first: Side, second: Side) -> dict[str, float]:
-    """Return second - first of every number that both have in one unit [SI]."""
+    """Return the value in the second result minus the value in the first, by name, for numbers in both results [SI].
+
+    Numbers whose units differ are left out.
+    """
     both = [name for name in first.numbers if name in second.numbers]
     pairs = {name: (first.numbers[name], second.numbers[name]) for name in both}
     return {

@@ -1,10 +1,8 @@
-"""Two verdicts of the loop, as their verdict.json has them."""
+"""Compare two verdicts of close-loop runs, which are read from their verdict.json."""
 
 import json
 import math
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 from rover_pin.base.errors import DataError
 from rover_pin.base.files import bounded
@@ -15,12 +13,14 @@ from rover_pin.simulation.model.effect_files import package_effects
 FILE = "verdict.json"
 HELD_OUT = "held-out error, "
 ADDED = "added"
+EQUAL_ERRORS = 0.01
+"""If two held-out errors differ by no more than this fraction of the first error, they count as equal."""
 
 
 def read_verdict(path: Path) -> Side:
-    """Return a verdict's answer, held-out errors and fitted numbers.
+    """Read a verdict.json, and return its answer, its held-out errors and its fitted numbers for a comparison.
 
-    Raises DataError: not a verdict, or one that cannot be read.
+    Raises DataError if the file is not a verdict or cannot be read.
     """
     try:
         table = json.loads(bounded.text(path))
@@ -29,63 +29,70 @@ def read_verdict(path: Path) -> Side:
             "answer": str(table["answer"]),
             ADDED: display_name(" + ".join(table["effects"]), package_effects()) or "nothing",
         }
-        errors = {HELD_OUT + row["name"]: Value(_to_float(row["after"]), row["unit"]) for row in table["held_out"]}
-        return Side(str(path), words, {**errors, **_numbers(table["after"])})
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        numbers = {HELD_OUT + row["name"]: Value(_to_float(row["after"]), row["unit"]) for row in table["held_out"]}
+        # A drive log's verdict has its numbers one level deeper, under "parameters".
+        fitted = table["after"].get("parameters", table["after"])
+        for name, row in fitted.items():
+            ends = (_to_float(row["low"]), _to_float(row["high"]))
+            numbers[name] = Value(_to_float(row["value"]), row["unit"], *ends)
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise DataError(
-            f"{path}: it is no verdict of the loop ({type(error).__name__}: {error}); give the folder of a "
-            f"close-loop, or its {FILE}."
+            f"{path}: this is not a verdict of the loop ({type(error).__name__}: {error}); give the results folder "
+            f"of a close-loop, or its {FILE}."
         ) from None
-
-
-def _numbers(side: Mapping[str, Any]) -> dict[str, Value]:
-    rows = side.get("parameters", side)
-    entries = {name: (row["value"], row["low"], row["high"]) for name, row in rows.items()}
-    return {
-        name: Value(_to_float(v), rows[name]["unit"], _to_float(a), _to_float(b)) for name, (v, a, b) in entries.items()
-    }
+    return Side(str(path), words, numbers)
 
 
 def _to_float(value: float | None) -> float:
+    """Return a number from a JSON file as a float. JSON has no NaN; null stands for it."""
     return math.nan if value is None else float(value)
 
 
 def compare_verdicts(first: Side, second: Side) -> Comparison:
-    """Return the two side by side: what they add, what they predict better, which numbers do not agree."""
+    """Compare two verdicts: their answers, their held-out errors, and the fitted numbers whose intervals do not
+    overlap.
+    """
     rows = (*word_rows(first, second), *number_rows(first, second))
-    by = differences(first, second)
-    sentence = " ".join(
-        part for part in (_answers(first, second), _errors(first, by), _describe_intervals(rows)) if part
-    )
-    return Comparison("verdicts", first.label, second.label, sentence, rows, by)
+    changes = differences(first, second)
+    # First sentence: the two answers, and whether they come from the same data.
+    answers = [f'"{side.words["answer"]}" ({side.words[ADDED]})' for side in (first, second)]
+    other_data = "" if first.words["data"] == second.words["data"] else " (on other data)"
+    if answers[0] == answers[1]:
+        sentences = [f"Both verdicts{other_data} are {answers[0]}."]
+    else:
+        sentences = [f"The first verdict is {answers[0]}, the second{other_data} {answers[1]}."]
+    sentences.append(_compare_errors(first, changes))
+    # An interval is in the row's text. Rows without one are constants or errors and say nothing of agreement.
+    if any("[" in row.first and "[" in row.second for row in rows):
+        disjoint = [row.name for row in rows if row.note == "intervals apart"]
+        sentences.append(
+            f"The 95 % intervals of {', '.join(disjoint)} do not overlap."
+            if disjoint
+            else "All 95 % intervals overlap."
+        )
+    return Comparison("verdicts", first.label, second.label, " ".join(sentences), rows, changes)
 
 
-def _answers(first: Side, second: Side) -> str:
-    of = "" if first.words["data"] == second.words["data"] else " of other data"
-    says = [f'"{side.words["answer"]}" ({side.words[ADDED]})' for side in (first, second)]
-    if says[0] == says[1]:
-        return f"Both{of} say {says[0]}."
-    return f"The first says {says[0]}, the second{of} {says[1]}."
+def _compare_errors(first: Side, changes: dict[str, float]) -> str:
+    """Return a sentence on how many held-out errors are smaller or larger in the second verdict than in the first.
 
-
-def _errors(first: Side, by: Mapping[str, float]) -> str:
-    """Return how many channels the second predicts better, and where it differs most; by no more than 1 % is alike."""
+    `changes` maps the name of each number to its change from the first to the second verdict.
+    """
+    # Changes as fractions of the first error, so that channels in different units can be compared.
     shares = {
         name: change / first.numbers[name].value
-        for name, change in by.items()
+        for name, change in changes.items()
         if name.startswith(HELD_OUT) and first.numbers[name].value > 0 and math.isfinite(change)
     }
     if not shares:
         return "They have no held-out error of one channel in common."
-    better, worse = (sum(sign * share > 0.01 for share in shares.values()) for sign in (-1, 1))
-    most = max(shares, key=lambda name: abs(shares[name]))
-    least = "" if abs(shares[most]) <= 0.01 else f", most {most.removeprefix(HELD_OUT)} by {shares[most]:+.0%}"
-    return f"Of {len(shares)} held-out errors the second's is smaller in {better} and greater in {worse}{least}."
-
-
-def _describe_intervals(rows: tuple[Any, ...]) -> str:
-    disjoint = [row.name for row in rows if row.note == "intervals apart"]
-    shared = [row for row in rows if "[" in row.first and "[" in row.second]
-    if not shared:
-        return ""
-    return f"The 95 % intervals of {', '.join(disjoint)} do not meet." if disjoint else "All their 95 % intervals meet."
+    # A negative share is a smaller error in the second verdict.
+    smaller, larger = (sum(sign * share > EQUAL_ERRORS for share in shares.values()) for sign in (-1, 1))
+    largest = max(shares, key=lambda name: abs(shares[name]))
+    most = ""
+    if abs(shares[largest]) > EQUAL_ERRORS:
+        most = f"; {largest.removeprefix(HELD_OUT)} changes most, by {shares[largest]:+.0%}"
+    return (
+        f"{len(shares)} held-out errors are compared: the second verdict's error is smaller in {smaller} and larger in "
+        f"{larger}{most}."
+    )

@@ -1,4 +1,4 @@
-"""The torque check of Fig 9: the duty at which a motor would ask more of the soil than its bound."""
+"""The torque check of the paper (Fig 9): the highest duty at which a motor's torque stays below the soil's bound."""
 
 import dataclasses
 from dataclasses import dataclass
@@ -13,116 +13,142 @@ from rover_pin.rover.statics import wheel_loads
 from rover_pin.simulation.command import Command, Controller, Reading
 from rover_pin.simulation.model.model import Model
 from rover_pin.simulation.model.motor import Motor
-from rover_pin.simulation.native.control import Commands, TorqueTable, commands_of
+from rover_pin.simulation.native.control import CompiledController, TorqueTable, commands_of
 
 PITCHES = np.radians(np.arange(-40.0, 41.0, 5.0))
-"""Pitches [rad] at which the limits are prepared; linear in between, the end values beyond."""
+"""Pitch angles of the body at which the torque limits are computed [rad]. Between these angles, the limits are linear
+in the pitch; beyond the first and the last angle, they are constant."""
 
 LOST_SLIP = 0.5
 """Default slip limit of the torque check (assumed).
 
-The paper knows two states, "slip ratio around 0" and "around 1", and lets the check keep a wheel out of the second
-while the PI control holds S_d = 0.1 in the first: the limit lies halfway. Nearer to S_d it would forbid the pull that a
-slope needs: on Table 1's sand T_lim(0.2) holds 1.7 deg and T_lim(0.5) 4.7 deg, of 8.8 deg at S = 1 (atan(F(S) - R)).
-"""
+The paper distinguishes two states of a wheel, "slip ratio around 0" and "around 1". The check keeps a wheel out of the
+second state, while the PI control holds the desired slip S_d = 0.1 in the first state. The limit therefore lies between
+the two states. A limit near S_d would forbid the pull that a slope needs, because the pull of sand with a large shear
+displacement modulus k still increases far beyond S = 0.1."""
 
 
 @dataclass(frozen=True)
 class NoLimit:
-    """No torque limit."""
+    """A torque limit that never acts, for a controller without a torque check."""
 
     def duty(self, reading: Reading) -> np.ndarray | float:
-        """Return the highest duty allowed [-]."""
+        """Return the highest duty of each wheel [-], which is 1."""
         return 1.0
 
     def clip_duty(self, duty: np.ndarray | float, reading: Reading) -> np.ndarray | float:
-        """Return the duty as it is."""
+        """Return the duty unchanged, because there is no limit."""
         return duty
 
 
 @brief
 @dataclass(frozen=True)
 class TorqueLimit:
-    """|delta| <= (T + K^2 |omega| / R) / (K V / R): the motor's torque stays below a bound T(W) of the soil.
+    """A limit of the duty, with which the torque of each motor stays below a bound T(W) of the soil under its wheel.
 
-    W is the static load of each wheel at the body's present pitch ("the normal load is evaluated from the body attitude
-    ... considering static balance", section 4), T the bound of `torque_bounds` on the model's ground and contact arc.
+    The limit is |delta| <= (T + K^2 |omega| / R) / (K V / R), where delta is the duty, omega the rate of the wheel, and
+    K, R and V are the torque constant, the resistance and the supply voltage of the motor. W is the static load of each
+    wheel at the present pitch of the body ("the normal load is evaluated from the body attitude ... considering static
+    balance", section 4 of the paper). T is a bound of `torque_bounds` for the soil of the model. Two bounds can be
+    chosen.
 
-    `saturation` is the paper's check, "if the resultant torque will exceed the maximum share": T_sat, Eq (3) all along
-    the arc. A wheel in steady motion never gets there, because the soil resists it with no more than its torque at
-    S = 1, which is far below T_sat where k is large (Table 1: 34 %); the check then acts only while a wheel speeds up.
-    `at_slip` bounds by the torque at a slip: a wheel that turns steadily below it slips less.
+    - `saturation` is the paper's check, "if the resultant torque will exceed the maximum share". It uses T_sat, the
+      torque if the shear stress equals the soil's strength, Eq (3), along the whole contact arc. A wheel in steady
+      motion does not reach T_sat: the largest torque with which the soil resists is its torque at a slip of 1, which is
+      far below T_sat if the shear displacement modulus k is large. This check then acts only while a wheel accelerates.
+    - `at_slip` uses the torque at a slip limit. A wheel that turns steadily below this torque slips less than the
+      limit.
 
-    Which by default: beside a slip law `saturation`, the paper's words; alone `at_slip`, as `saturation` then does
-    nothing. Where the slip is known either changes no outcome. Where it is Eq (9)'s, which does not see it, choose
-    `at_slip`: on 12 inclines that dig it leaves 6 buried instead of 11, loses no ditch, and where nothing digs it costs
-    a tenth of the way (studies/digging.py).
+    By default, a slip control has `saturation`, as in the paper. A torque limit without slip control has `at_slip`,
+    because `saturation` alone would hardly act. If the slip is measured, the choice hardly matters. If the slip is
+    estimated by Eq (9), which does not depend on the true slip, `at_slip` prevents more burials and costs some distance
+    (studies/digging.py).
 
-    Differs from the paper: it does not say how the check is computed, and evaluates W from link angles too. Over hills
-    W at the pitch alone is off by 10 % RMS, with link angles (`driven_loads`) by 1 %; in a ditch of 30-deg walls by 26
-    and 38 %, since there neither knows the ground's slope under a wheel. In the five drives tried (ditch on two sands,
-    hills, one-sided bump, incline) the limit by link angles came to the same end. Effects besides the traction law are
-    not known to it: where soil loses strength past a peak (`PostPeak`), a wheel may never reach the bound.
+    Differs from the paper: the paper does not state how the check is computed, and computes W from link angles as well.
+    The load W from the pitch alone is less accurate over hills. In a ditch, both loads are inaccurate, because neither
+    computation considers the slope of the ground under a wheel. The limit considers the traction law and no other
+    effects. For example, on soil that loses strength past a peak (`PostPeak`), a wheel may slip without ever reaching
+    the bound.
     """
 
     motor: Motor
     torques: tuple[tuple[float, ...], ...]
-    "at each of PITCHES, one value a wheel [N m]"
+    """largest torques (pitches, wheels) [N m], one row for each pitch angle of PITCHES"""
 
     @classmethod
     def saturation(cls, model: Model) -> Self:
-        """Return the limit at the soil's greatest shear, T_sat."""
+        """Return the torque limit for a model with the bound T_sat, the torque at which the soil fails along the whole
+        contact arc.
+        """
         return cls(model.motor, tuple(tuple(bounds.saturation) for bounds in _bounds(model, SLIP_LIMIT)))
 
     @classmethod
     def at_slip(cls, model: Model, slip_limit: float = LOST_SLIP) -> Self:
-        """Return the limit at a slip, T_lim.
+        """Return the torque limit for a model with the bound T_lim, the torque at which the slip of a wheel is
+        `slip_limit`.
 
-        Raises ParameterError: a slip limit outside (0, 1].
+        Raises ParameterError: the slip limit is outside (0, 1].
         """
         return cls(model.motor, tuple(tuple(bounds.limit) for bounds in _bounds(model, slip_limit)))
 
     def torque(self, pitch: float) -> np.ndarray:
-        """Return the greatest torque of each wheel [N m] at a body pitch [rad], nose down positive."""
+        """Return the largest torque of each wheel [N m] at a pitch of the body [rad].
+
+        The pitch is positive with the nose down.
+        """
         return np.array([np.interp(pitch, PITCHES, column) for column in np.array(self.torques).T])
 
     def duty(self, reading: Reading) -> np.ndarray:
-        """Return the highest duty allowed to a wheel that drives forwards, one value a wheel [-]."""
-        return self._most(reading, 1.0)
+        """Return the highest duty of each wheel [-] for driving forwards."""
+        return self._max_duty(reading, 1.0)
 
     def clip_duty(self, duty: np.ndarray | float, reading: Reading) -> np.ndarray:
-        """Return the duty of each wheel with its magnitude limited, forwards or backwards; none is raised."""
-        return np.clip(duty, -self._most(reading, -1.0), self._most(reading, 1.0))
+        """Return the duties of the wheels, clipped so that the torque of each motor stays below the bound, both
+        forwards and backwards.
+        """
+        return np.clip(duty, -self._max_duty(reading, -1.0), self._max_duty(reading, 1.0))
 
-    def _most(self, reading: Reading, sense: float) -> np.ndarray:
-        """Return the greatest |duty| in a sense of driving: what the torque asks for and what back-EMF takes up."""
+    def _max_duty(self, reading: Reading, sense: float) -> np.ndarray:
+        """Return the largest absolute duty of each wheel [-] in one direction: `sense` is 1 for forwards, -1 for
+        backwards.
+        """
+        # T = K (delta V - K omega) / R: with the back-EMF, the same torque needs a higher duty at a higher rate.
         back = sense * reading.wheel_rate / float(self.motor.no_load_rate)
-        most = self.torque(reading.attitude[1]) / float(self.motor.stall_torque) + back
-        return np.clip(most, 0.0, 1.0)
+        duty = self.torque(reading.attitude[1]) / float(self.motor.stall_torque) + back
+        return np.clip(duty, 0.0, 1.0)
 
 
 @dataclass(frozen=True)
 class TorqueLimited:
-    """Any controller under a torque limit; the limit senses wheel rates and the body's pitch, no slip."""
+    """A controller that clips the duties of another controller to a torque limit.
+
+    The limit depends on the wheel rates and on the pitch of the body, so that the slip need not be known.
+    """
 
     controller: Controller
     limit: TorqueLimit | NoLimit
 
     def reset(self) -> None:
-        """Let the controller forget the past."""
+        """Call the `reset` method of the controller, if there is such a method, at the start of a drive."""
         if hasattr(self.controller, "reset"):
             self.controller.reset()
 
     def __call__(self, reading: Reading) -> Command:
-        """Return the controller's command, its duties held."""
+        """Return the command of the controller for a reading of the sensors, with its duties clipped to the torque
+        limit.
+        """
         command = self.controller(reading)
         if not isinstance(command, Command):
             command = Command(command)
         return command._replace(duty=self.limit.clip_duty(command.duty, reading))
 
-    def native(self, wheels: int) -> Commands | None:
-        """Return the same for the compiled loop, where the controller commands fixed duties."""
+    def native(self, wheels: int) -> CompiledController | None:
+        """Return the control in the form for the compiled simulation loop, which does not call Python.
+
+        The result is None if the controller cannot run in the compiled loop, or has a torque limit already.
+        """
         inner, limit = commands_of(self.controller, wheels), native_limit(self.limit)
+        # A compiled controller with a slip law or a limit of its own cannot take a second limit.
         if inner is None or inner.slip or inner.limit or limit is CUSTOM_LIMIT:
             return None
         if inner.law and inner.law.looks_at_limits:
@@ -131,11 +157,15 @@ class TorqueLimited:
 
 
 CUSTOM_LIMIT = TorqueTable(np.zeros(0), (), 0.0, 0.0)
-"""Stands for a limit that is not one of this file's."""
+"""Result of `native_limit` for a torque limit of a class that a user has written, which the compiled simulation loop
+cannot use."""
 
 
 def native_limit(limit: TorqueLimit | NoLimit) -> TorqueTable | None:
-    """Return a limit for the compiled loop: None for no limit, `CUSTOM_LIMIT` for one of another class."""
+    """Return a torque limit as a table, the form for the compiled simulation loop.
+
+    The result is None for `NoLimit`, and `CUSTOM_LIMIT` for a class that a user has written.
+    """
     if type(limit) is NoLimit:
         return None
     if type(limit) is not TorqueLimit:
@@ -144,8 +174,11 @@ def native_limit(limit: TorqueLimit | NoLimit) -> TorqueTable | None:
 
 
 def _bounds(model: Model, slip_limit: float) -> list[WheelBounds]:
-    """Return the bounds on the model's ground at each of PITCHES; a wheel that statics would lift is unloaded."""
+    """Return the torque bounds of all wheels of a model on its first soil, one record for each pitch angle of
+    PITCHES.
+    """
     wheels = [mount.wheel for mount in model.rover.wheels]
     bounds = TorqueBounds(wheels, model.soils[0], slip_limit, model.effect(SoilTraction).angles)
     loads = [wheel_loads(model.rover, -float(pitch), gravity=model.gravity) for pitch in PITCHES]
+    # The static balance gives a negative load for a wheel that lifts; such a wheel has no load.
     return [bounds(np.maximum(load, 0.0)) for load in loads]

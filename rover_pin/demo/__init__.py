@@ -1,7 +1,8 @@
-"""Data sets that one can answer, made with something hidden or nothing: a wheel rig, a drive log, slip against slope.
+"""Simulated data sets with a known truth, to try `close_the_loop` on: a wheel rig, a drive log, and slip against slope.
 
-`hidden` says what may be hidden; `rig`, `drive_log` and `slip_slope` write a set each, and what they hid beside it.
+`hidden` lists the effects that a data set can hide. `rig`, `drive_log` and `slip_slope` each write a data set. Next to
+the folder of the data set they write a file with the truth: the hidden effect and the true soil.
 """
 
 SETS = {"rig": "rig.toml", "drive-log": "drive.toml", "slip-slope": "slope.toml"}
-"""The kinds, and the file that says of a folder what set is in it."""
+"""Kind of simulated data set -> the file by which a folder is recognised as a data set of this kind."""

@@ -1,16 +1,22 @@
-"""What may be said of a model, and how a verdict is put into plain values and lines."""
+"""The seven answers of the loop about a model and its data."""
 
-import math
 from enum import Enum
-from typing import Any
 
 from rover_pin.base.errors import ParameterError, closest
-from rover_pin.discrepancy.held_out_errors import ChannelScore
-from rover_pin.estimation.wording import format_value
 
 
 class Answer(Enum):
-    """What may be said of the model."""
+    """The answer of the loop; docs/loop.md explains the rule for each.
+
+    - NAMED: one effect is missing, and the data determine which.
+    - SET: an effect is missing, but several sets of effects remain possible.
+    - LIKE: something similar to a known effect is missing; the known effect explains only part of the residual.
+    - INADEQUATE: the base model fits only with parameters far from their declared values, or a plain curve that knows
+      no physics predicts the data better.
+    - NONE_NEEDED: the residual of the base model is noise.
+    - NONE_FITS: the residual exceeds the noise, but no known effect explains it.
+    - CANNOT_TELL: something is missing, but the data do not determine even the family of the effect.
+    """
 
     NAMED = "an effect is missing"
     SET = "one of a set of effects is missing"
@@ -22,38 +28,20 @@ class Answer(Enum):
 
     @property
     def word(self) -> str:
-        """The answer as one word, as an option takes it."""
+        """The answer as one word in lower case, for the option --fail-on: "named", "cannot-tell"."""
         return self.name.lower().replace("_", "-")
 
 
 def answers_named(words: str) -> tuple[Answer, ...]:
-    """Return the answers that stand in a list separated by commas, by their words.
+    """Return the answers that the text `words` names: words such as "named", separated by commas.
 
-    Raises ParameterError: a word that is no answer.
+    Raises ParameterError if a word is not an answer; the message lists the closest answers.
+
+    Example: `answers_named("named, set")` gives `(Answer.NAMED, Answer.SET)`.
     """
     answers_by_word = {answer.word: answer for answer in Answer}
     answer_words = [word.strip() for word in words.split(",") if word.strip()]
     for word in answer_words:
         if word not in answers_by_word:
-            raise ParameterError(f"'{word}' is no answer of the loop: {closest(word, answers_by_word)}")
+            raise ParameterError(f"'{word}' is not an answer of the loop: {closest(word, answers_by_word)}")
     return tuple(answers_by_word[word] for word in answer_words)
-
-
-def plain(value: Any) -> Any:
-    """Return nested values with NaN and infinities as None."""
-    if isinstance(value, dict):
-        return {str(key): plain(element) for key, element in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [plain(element) for element in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
-
-
-def score_line(score: ChannelScore) -> str:
-    """Return one channel's held-out error, before and after where that is not the same."""
-    change, noise = score.worded, f"noise {format_value(score.floor, score.unit)}"
-    if change.none:
-        return f"held-out {score.name}: RMSE {format_value(score.before, score.unit)}, {noise}"
-    errors = f"RMSE {format_value(score.before, score.unit)} -> {format_value(score.after, score.unit, score.before)}"
-    return f"held-out {score.name}: {errors} ({change.text}, {noise}): {score.claim}"

@@ -1,4 +1,6 @@
-"""One thing that a model may lack: an effect of any kind, or numbers of the model that its priors may hold wrongly."""
+"""Candidates for the cause of a residual: effects that a model may lack, and parameters of the model whose declared
+values may be wrong.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -8,126 +10,180 @@ from rover_pin.base.quantity import quantities
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.inference.cause import SIZE_SD, Cause
 
-SHAPE_SD, SHAPE_SHARE = 0.5, 0.3
-"""Prior SD of an effect's shape: of its logarithm, or as a share of its size where it may be negative. Why: published
-shapes differ by as much from soil to soil (assumed)."""
+SHAPE_LOG_SD, SHAPE_RELATIVE_SD = 0.5, 0.3
+"""Prior SD of a parameter that only changes the shape of an effect: SHAPE_LOG_SD on its logarithm, or SHAPE_RELATIVE_SD
+times its value if it may be negative.
+
+A fitted value further from the published one lowers the probability of the effect. The values are assumed: published
+shapes differ by about as much from soil to soil."""
 PUBLISHED = "as published, its SD assumed"
-"""Who says how an effect's shape is."""
-SPACING = 0.15
-"""Distance of the places at which an effect is tried, and prior SD of its place [m]. Why: about a wheel's size."""
-DECLARED, DEVIATION = "declaration", 10.0
-"""Family of numbers that are not as declared, and their usual deviation in the declared SDs (assumed). Why: a
-declaration that is wrong is wrong by much."""
-FAR_FROM = 50.0
-"""Ratio of neutral to default value from which an effect's size is sought on a logarithm."""
+"""Text that reports print as the source of an effect's shape parameter."""
+PLACE_SPACING = 0.15
+"""Distance [m] between the places along the path at which a local effect is tried, and prior SD of its place.
+
+The fit then moves the edges of the stretch on which the effect acts. The value is about the diameter of a wheel,
+because a wheel averages over shorter distances."""
+DECLARED, USUAL_DEVIATION = "declaration", 10.0
+"""DECLARED is the name of the family of candidates for wrong declared parameters. USUAL_DEVIATION is the usual
+deviation of a wrong parameter from its declaration, in declared SDs.
+
+The fit gives the parameter a prior of this width. The value is assumed: a wrong declaration (a wrong unit, a confused
+column) is as a rule wrong by much."""
+MAX_LINEAR_RATIO = 50.0
+"""Ratio of the neutral value of an effect's size (at which the effect vanishes) to its default value, above which the
+logarithm of the size is fitted.
+
+On a linear scale, the neutral value would lie many steps away from the default, and a fit would not reach it. The value
+50 separates thresholds, whose neutral values are practically infinite, from all other sizes."""
+DEFAULT_SIZE = {"m": 0.01, "rad": 0.01}
+"""Size from which a fit starts if the default size of an effect is neutral (the effect vanishes at it), by unit: 10 mm
+and 10 mrad. The fit then determines the size, so that only the order of magnitude of the start matters."""
+OTHER_DEFAULT_SIZE = 0.05
+"""Size from which a fit starts if the default size of an effect is neutral and its unit is not in DEFAULT_SIZE. The fit
+then determines the size, so that only the order of magnitude of the start matters."""
 
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """An effect at its default size at some place, or one that the model has, a number of it freed from its prior.
+    """A possible cause of the residual: either an effect at its default size, or a freed parameter.
 
-    An effect is a record of quantities that names the `neutral` values of its sizes, at which it vanishes, and its
-    `places`; `amplitudes` and `shapes` are names of parameters, `owner.quantity`.
+    A freed parameter is a parameter of the model that gets a wide prior, because its declared value may be wrong. An
+    effect is an object with named quantities. Its mapping `neutral` holds the values of its sizes at which the effect
+    vanishes, and its `places` are the quantities that locate the effect. Parameters have names of the form
+    `owner.quantity`, where the owner is the effect or the part of the model that holds the quantity.
     """
 
     kind: str
-    "what it is: the name of the effect"
+    """name of the effect's class, or of the freed parameter"""
     effect: Any
+    """the effect at its default size, or the part of the model that contains the freed parameter"""
     amplitudes: tuple[str, ...]
+    """names of the sizes: the parameters that make the effect vanish if they have their neutral values"""
     shapes: tuple[str, ...] = ()
+    """names of the parameters that only change the shape of the effect"""
     place: str = ""
-    "where it is: a wheel, a joint, a channel, or the begin of a stretch of the way [m]"
+    """location of the effect: a wheel, a joint, a channel, or the start of a stretch along the path [m]"""
     place_searched: bool = False
-    "whether that place was sought along the way, so that chance had more to choose from"
+    """whether several places along the path are tried. The prior probability of the effect is then divided equally
+    among these places"""
     released: Parameter | None = None
-    "the number of an effect of the model, as it is known beforehand, that may be otherwise"
+    """the freed parameter with its original prior; None for an effect"""
 
     @property
     def name(self) -> str:
-        """Kind and place."""
+        """Name of the candidate: its kind, followed by its place if it has one.
+
+        Examples: `SlipSinkage`, `WeakMotor[fl]` for a wheel, `HardPatch@0.450` for a place along the path.
+        """
         if not self.place:
             return self.kind
         return f"{self.kind}@{self.place}" if self.place_searched else f"{self.kind}[{self.place}]"
 
     @property
     def anywhere(self) -> str:
-        """Its name, wherever along the way it is."""
+        """Name of the candidate without its place along the path. All places at which an effect is tried share this
+        name.
+        """
         return self.kind if self.place_searched else self.name
 
     @property
     def owner(self) -> str:
-        """The name under which a model holds the effect; a place on the way does not belong to it."""
+        """Name under which a model holds the effect, without a place along the path. For a freed parameter, it is the
+        name of the part of the model that contains the parameter.
+        """
         if self.released:
             return self.released.name.rpartition(".")[0]
         return self.kind if self.place_searched or not self.place else self.name
 
     def on(self, model: Any) -> Any:
-        """Return the model with the effect at its default size."""
+        """Return the model with the effect added at its default size; for a freed parameter, the unchanged model."""
         return model if self.released else model.having(self.effect)
 
     @property
     def neutral(self) -> dict[str, float]:
-        """The values of the sizes at which the effect vanishes."""
+        """Values of the sizes at which the effect vanishes, by name of the parameter."""
         return {name: self.effect.neutral[name.rpartition(".")[2]] for name in self.amplitudes}
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The names of the candidate's numbers: amplitudes and shapes."""
+        """Names of all parameters of the candidate: sizes and shapes."""
         return (*self.amplitudes, *self.shapes)
 
     @property
     def cause(self) -> Cause:
-        """The effect as a cause: sizes of SD SIZE_SD, shapes as published or within their doubt."""
+        """The candidate as a `Cause` for a fit, with a prior for each parameter.
+
+        Each size has a prior SD of SIZE_SD default sizes, and each shape parameter has the SD that is assumed for it.
+        """
         amplitudes = tuple(
             replace(size, scale=SIZE_SD * size.scale, prior=True, source="assumed: default sizes")
             for size in map(self.size, self.amplitudes)
         )
-        shapes = map(self._shape_with_prior, self.shapes)
+        shapes = []
+        for name in self.shapes:
+            shape, log_sd = self.shape(name), quantities(self.effect)[name.rpartition(".")[2]].log_sd
+            # If even the order of magnitude of a shape is assumed, the quantity states this uncertainty itself.
+            shapes.append(replace(shape, scale=log_sd) if log_sd > 0.0 else shape)
         family = getattr(self.effect, "family", "") if is_effect(self.effect) else DECLARED
         return Cause(self.name, self.on, (*amplitudes, *shapes), frozenset(self.amplitudes), family, self.owner)
 
     def size(self, name: str) -> Parameter:
-        """Return the parameter of a size: u = 0 neutral, u = 1 the effect's own; a logarithm where neutral is far off.
+        """Return a size of the candidate as a parameter of a fit. At u = 0 the effect vanishes, and at u = 1 the size
+        has the value of this candidate's effect.
 
-        An effect that is at its neutral value is tried at the default of its class, and so is a freed number, about
-        what is known of it.
+        In three cases u has another scale. If the size of this candidate's effect is neutral, or if the freed parameter
+        belongs to an effect, u = 1 is the default of the effect's class. If the freed parameter belongs to another part
+        of the model, u = 1 is USUAL_DEVIATION declared SDs. If the neutral value is far from the default, u is the
+        logarithm of the ratio to the default.
         """
+        # A wrong declared number: it keeps its declared value as origin and gets a wider prior.
         if self.released and not is_effect(self.effect):
-            return replace(self.released, scale=DEVIATION * self.released.scale)
+            return replace(self.released, scale=USUAL_DEVIATION * self.released.scale)
         quantity = name.rpartition(".")[2]
         spec, neutral = quantities(self.effect)[quantity], self.effect.neutral[quantity]
         default = float(getattr(self.effect, quantity))
+        # An effect whose present size is neutral says nothing about its usual size; the default of its class does.
         if default == neutral or self.released:
             default = float(type(self.effect).__dataclass_fields__[quantity].default)
         low, high = float(spec.low), float(spec.high)
-        if abs(neutral) > FAR_FROM * abs(default):
+        # A threshold whose neutral value is practically infinite is fitted on a logarithm.
+        if abs(neutral) > MAX_LINEAR_RATIO * abs(default):
             return Parameter(name, default, 1.0, low, high, log=True, prior=False)
-        scale = default - neutral or _reach(spec.unit)
+        # The sign of the scale is that of the default, so that u = 1 is always the default size.
+        scale = default - neutral or DEFAULT_SIZE.get(spec.unit, OTHER_DEFAULT_SIZE)
         if self.released:
             return replace(self.released, scale=1.0 if self.released.log else scale)
         return Parameter(name, neutral, scale, low, high, prior=False)
 
     def shape(self, name: str) -> Parameter:
-        """Return the parameter of a shape, with a prior around its present value."""
+        """Return a shape parameter of the effect as a parameter of a fit, with a prior around its present value."""
         quantity = name.rpartition(".")[2]
         spec, value = quantities(self.effect)[quantity], float(getattr(self.effect, quantity))
         low, high = float(spec.low), float(spec.high)
+        # A position along the path: it may move by about one spacing of the tried places.
         if quantity.startswith("x_"):
-            return Parameter(name, value, SPACING, low, high, source="sought along the way")
+            return Parameter(name, value, PLACE_SPACING, low, high, source="sought along the way")
         if spec.low >= 0 and value > 0:
-            return Parameter(name, value, SHAPE_SD, low, high, log=True, declared=True, source=PUBLISHED)
-        scale = SHAPE_SHARE * (abs(value) or 1.0)
+            return Parameter(name, value, SHAPE_LOG_SD, low, high, log=True, declared=True, source=PUBLISHED)
+        scale = SHAPE_RELATIVE_SD * (abs(value) or 1.0)
         return Parameter(name, value, scale, low, high, declared=True, source=PUBLISHED)
-
-    def _shape_with_prior(self, name: str) -> Parameter:
-        """Return the parameter of a shape; of one of which even the order is assumed its doubt is the prior."""
-        shape, log_sd = self.shape(name), quantities(self.effect)[name.rpartition(".")[2]].log_sd
-        return replace(shape, scale=log_sd) if log_sd > 0.0 else shape
 
 
 def plain_candidate(effect: Any, owner: str = "") -> Candidate:
-    """Return an effect as a candidate, all its quantities free; `owner` is its name, kind[place], if it has a place."""
+    """Return an effect as a candidate whose quantities are all free parameters of the fit.
+
+    Parameters
+    ----------
+    effect : Effect
+        The effect at its default size.
+    owner : str, optional
+        Name under which a model holds the effect, `Kind[place]` if it acts at one place; by default the name of its
+        class.
+
+    Example: `plain_candidate(SlipSinkage()).amplitudes` is `("SlipSinkage.n_1",)`.
+    """
     owner = owner or type(effect).__name__
+    # "WeakMotor[fl]" is the kind WeakMotor at the place fl.
     kind, _, place = owner.partition("[")
     shapes = tuple(f"{owner}.{name}" for name in quantities(effect) if name not in effect.neutral)
     amplitudes = tuple(f"{owner}.{name}" for name in effect.neutral)
@@ -135,7 +191,12 @@ def plain_candidate(effect: Any, owner: str = "") -> Candidate:
 
 
 def released_candidate(number: Parameter, records: Mapping[str, Any]) -> Candidate:
-    """Return a number of a model's records, one of an effect or not, as a candidate, freed from its prior."""
+    """Return a candidate that frees a parameter of the model: the parameter gets a wide prior, because its declared
+    value may be wrong.
+
+    `number` is this parameter, and `records` holds the parts of the model (such as the soil, and the effects) by name.
+    """
+    # A freed parameter of an effect also needs the neutral value of its size, which the effect holds.
     owner = number.name.rpartition(".")[0]
     if not is_effect(records[owner]):
         return Candidate(number.name, records[owner], (number.name,), released=number)
@@ -143,10 +204,7 @@ def released_candidate(number: Parameter, records: Mapping[str, Any]) -> Candida
 
 
 def is_effect(record: Any) -> bool:
-    """Return whether a record of a model is an effect: it names the values at which it vanishes."""
+    """Return whether a part of a model is an effect, and not for example the soil. Only an effect has an attribute
+    `neutral`, with the values at which it vanishes.
+    """
     return hasattr(record, "neutral")
-
-
-def _reach(unit: str) -> float:
-    """Return a size of one unit for an effect whose default for it is none: a hundredth [m, rad, ...]."""
-    return {"m": 0.01, "rad": 0.01}.get(unit, 0.05)

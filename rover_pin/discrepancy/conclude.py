@@ -1,4 +1,9 @@
-"""The loop by evidence: hypotheses explored, their answer read, and the model that is kept judged where not fitted."""
+"""The whole loop for any kind of data: fit the base model, search the missing causes, decide the answer, and test the
+kept model on held-out data.
+
+A cause is an effect that the model lacks, a wrong declared number, or an error of the measurement. The kept model is
+the base model with the causes of the answer.
+"""
 
 import math
 from collections.abc import Callable
@@ -8,40 +13,54 @@ import numpy as np
 
 from rover_pin.base.errors import OptimisationError
 from rover_pin.discrepancy.answer import Answer
-from rover_pin.discrepancy.calibration import calibrate
 from rover_pin.discrepancy.candidate import is_effect
-from rover_pin.discrepancy.decision import Decision, decide, likeliest, sentence
+from rover_pin.discrepancy.decision import decide, likeliest, sentence
 from rover_pin.discrepancy.draft import Draft, draft_of, score_draft
 from rover_pin.discrepancy.held_out_errors import fold_errors, held_out, lost_folds, taken_share
 from rover_pin.discrepancy.question import Progress, Question
-from rover_pin.discrepancy.search import Search
+from rover_pin.discrepancy.search import Search, calibrate
 from rover_pin.discrepancy.signature import signatures
 from rover_pin.discrepancy.verdict import Alternative, Side, Verdict
 from rover_pin.estimation.experiment import Differentiable
 from rover_pin.estimation.fit import Fit, again
-from rover_pin.estimation.numbers import AT_BOUND, Number, implausible
+from rover_pin.estimation.least_squares import Task
+from rover_pin.estimation.numbers import BOUND_TOLERANCE, Number, implausible
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.estimation.profile import NORMAL_95
 from rover_pin.estimation.random_effects.learnt_noise import with_learnt_noise
-from rover_pin.estimation.task import Task
-from rover_pin.inference.beliefs import Beliefs, Hypothesis
+from rover_pin.inference.beliefs import Beliefs, Hypothesis, chosen_without, errors_without
 from rover_pin.inference.cause import reading_error
 from rover_pin.inference.explore import Explorer
 from rover_pin.inference.hypothesis import Fitter
 from rover_pin.inference.next_measurement import next_measurement, open_sets
 from rover_pin.inference.samples import samples_of
-from rover_pin.inference.weighed_anew import chosen_without, errors_without
 
-LOOSE = 2.0
-"""How many times as far as its starts a number may lie that nobody declares: k and k_1 within a factor of 25, phi
-within half its range. Why: soils of the literature lie within (assumed)."""
+PRIOR_WIDENING = 2.0
+"""Prior SD of a parameter that was declared without a prior, as a multiple of the parameter's scale.
+
+A fitted value further away lowers the probability of a hypothesis. The value is assumed: k and k_1 then lie within a
+factor of 25, and phi within half its range, as for the soils of the literature."""
 
 
 def conclude(question: Question, progress: Progress, seed: int = 0) -> Verdict:
-    """Return what a model lacks, as a graded answer.
+    """Answer the question which effect a model lacks: fit the base model, search the sets of causes, and return the
+    verdict.
 
-    Raises OptimisationError: the base model cannot be fitted at all.
+    Parameters
+    ----------
+    question : Question
+        Data, base model and candidates for missing effects.
+    progress : function
+        Called with one line of text before each step.
+    seed : int
+        Seed of the random numbers for the bootstrap intervals.
+
+    Raises
+    ------
+    OptimisationError
+        The base model cannot be fitted.
     """
+    # `Search` has done its work already; `Explorer` fits its sets here, and can also fit a drafted effect.
     search = fits_of(question, progress)
     if isinstance(search, Search):
         return with_next(question, verdict_of(question, search.beliefs(), progress, seed), progress)
@@ -50,14 +69,23 @@ def conclude(question: Question, progress: Progress, seed: int = 0) -> Verdict:
 
 
 def fits_of(question: Question, progress: Progress) -> Explorer | Search:
-    """Return what was fitted of a question: where slopes are exact the base model, else every set that is worth it."""
+    """Fit the base model, and return the object that searches the sets of causes.
+
+    If the experiment gives exact derivatives of the prediction by the parameters, fits are cheap: the returned
+    `Explorer` fits the sets of causes later, when its method `explore` is called. Without exact derivatives, the
+    returned `Search` has fitted every promising set already.
+    """
     progress("calibrating the base model")
     by_slopes = explorer_of if isinstance(question.experiment, Differentiable) else search_of
     return by_slopes(question, progress)
 
 
 def with_next(question: Question, verdict: Verdict, progress: Progress) -> Verdict:
-    """Return a verdict with what to measure next, where it leaves open which set of causes acts."""
+    """Return the verdict, with a proposal for the next measurement added if several sets of causes remain possible.
+
+    The proposed measurement is the one that is expected to distinguish best between these sets of causes.
+    """
+    # Another measurement is proposed only if the data leave several sets open.
     if verdict.answer not in (Answer.SET, Answer.CANNOT_TELL) or verdict.beliefs is None:
         return verdict
     leading = open_sets(verdict.beliefs)
@@ -67,7 +95,12 @@ def with_next(question: Question, verdict: Verdict, progress: Progress) -> Verdi
 
 
 def with_draft(verdict: Verdict, drafted: Callable[[Fit], Draft | None], seed: int) -> Verdict:
-    """Return a verdict with the draft of what its model leaves, if that is more than noise, beside its errors."""
+    """Return the verdict, with a drafted effect and its errors added if no known effect explains the residual.
+
+    A drafted effect is an effect file that the loop writes from the shape of the residual. `drafted` is a function that
+    takes the fit of the kept model and returns the drafted effect, or None if no formula describes the residual. `seed`
+    starts the random numbers of the bootstrap.
+    """
     if verdict.after is None or verdict.answer not in (Answer.NONE_FITS, Answer.LIKE):
         return verdict
     draft = drafted(verdict.after.fit)
@@ -75,11 +108,17 @@ def with_draft(verdict: Verdict, drafted: Callable[[Fit], Draft | None], seed: i
 
 
 def _try_draft(question: Question, explorer: Explorer, named: tuple[str, ...], fitted: Fit) -> Draft | None:
-    """Return what the kept model leaves as a draft, tried beside its causes; None where nothing describes it."""
+    """Describe the residual of the kept model as a drafted effect, and fit this effect together with the causes of the
+    model.
+
+    `named` are the names of these causes, and `fitted` is the fit of the kept model. The result is None if no formula
+    describes the residual.
+    """
     drafted = question.draft(fitted)
     if drafted is None:
         return None
     text, candidate = drafted
+    # The trial compares the evidence of the kept causes with and without the drafted effect.
     without = explorer.beliefs().best(named)
     if not explorer.fit((*without.causes, candidate.cause)):
         return draft_of(text, fitted, None, -math.inf)
@@ -88,35 +127,50 @@ def _try_draft(question: Question, explorer: Explorer, named: tuple[str, ...], f
 
 
 def search_of(question: Question, progress: Progress) -> Search:
-    """Return what was fitted of a question whose slopes are differences, its noise learnt where none is declared."""
+    """Fit the base model and search the sets of causes, for an experiment without exact derivatives of its prediction.
+
+    If the experiment declares no noise, the noise is first estimated from the residual.
+    """
+    # First the base model, then one prediction for each candidate, then the noise, then the search.
     base = calibrate(question.experiment, question.model, tuple(map(proper, question.numbers)))
     candidates = question.candidates(base)
-    progress(f"how each of {len(candidates)} candidates would show")
+    progress(f"predicting the effect of each of {len(candidates)} candidates")
     rows = signatures(base, candidates)
+    # Noise is learnt from the part of the residual that no candidate could explain.
     if question.experiment.noise() is None:
         progress("learning the noise")
         base = with_learnt_noise(base, [row.shift for row in rows])
-    progress("fitting the base model to the end")
+    progress("completing the fit of the base model")
     search = Search(again(base, stale=True), progress)
     search.run(rows)
-    progress("weighing what is on no list")
+    progress("estimating the evidence of unlisted causes")
     search.leave(question.functions(base))
     return search
 
 
 def explorer_of(question: Question, progress: Progress) -> Explorer:
-    """Return what explores a question, its base model fitted."""
+    """Fit the base model, and return an explorer of the sets of causes, for an experiment with exact derivatives of its
+    prediction.
+
+    Raises OptimisationError if the fit converges from none of its start values; the message states what the model
+    cannot predict.
+    """
     experiment, model, noise = question.experiment, question.model, question.experiment.noise()
     numbers = tuple(map(proper, question.numbers))
     assert isinstance(experiment, Differentiable)
     assert noise is not None
+    # All compared values as one vector, with the set values as inputs of a possible smooth discrepancy.
     samples = samples_of(experiment, noise.sd, experiment.varied)
     explorer = Explorer(Fitter(experiment, samples, model, numbers), (), progress)
     try:
         explorer.base()
     except OptimisationError as error:
         lost = experiment.unpredicted_part(model)
-        why = f"{lost}; start from a model that does, or mend that run" if lost else "free fewer numbers"
+        why = (
+            f"{lost}; start from a model that predicts every run, or correct that run"
+            if lost
+            else "free fewer parameters"
+        )
         message = f"{experiment.name}: no start of the fit of the base model converged: {why}."
         raise OptimisationError(message, status="") from error
     base = explorer.beliefs().best(()).fit
@@ -126,21 +180,30 @@ def explorer_of(question: Question, progress: Progress) -> Explorer:
 
 
 def proper(parameter: Parameter) -> Parameter:
-    """Return a number with a prior: what nobody knows of it lies LOOSE times as far as its starts."""
+    """Return a parameter that has a prior of finite width, because the evidence is not defined otherwise.
+
+    A parameter without a prior gets one with an SD of PRIOR_WIDENING times its scale. A parameter with a prior is
+    returned unchanged.
+    """
     if parameter.prior:
         return parameter
-    return replace(parameter, scale=LOOSE * parameter.scale, prior=True)
+    return replace(parameter, scale=PRIOR_WIDENING * parameter.scale, prior=True)
 
 
 def verdict_of(question: Question, beliefs: Beliefs, progress: Progress, seed: int = 0) -> Verdict:
-    """Return the verdict that the beliefs give, with the errors on what was left out."""
+    """Return the verdict that follows from the probabilities of the hypotheses, with intervals of the parameters and
+    held-out errors.
+    """
+    # "Before" is the base model (with the wrong declared numbers freed, if nothing else is missing), "after" the kept
+    # model.
     decision = decide(beliefs)
     base, best = beliefs.best(decision.otherwise), beliefs.best(decision.retained)
-    progress("intervals, and errors on what was left out")
+    progress("computing intervals and held-out errors")
     before = side_of(beliefs, base)
     after = side_of(beliefs, best) if decision.retained else before
     errors = held_out(before.fit, after.fit, question.experiment.noise() or before.fit.task.noise, seed)
     share = taken_share(errors.channels) if decision.retained else 0.0
+    # If nothing is missing but a parameter is far from its declared value, the declared base model is inadequate.
     answer, far = decision.answer, implausible(before.fit)
     if answer is Answer.NONE_NEEDED and far:
         answer = Answer.INADEQUATE
@@ -149,6 +212,20 @@ def verdict_of(question: Question, beliefs: Beliefs, progress: Progress, seed: i
     owners = [cause.owner for cause in best.causes if cause.owner]
     names = tuple(" + ".join(names) or "nothing" for names in decision.sets)
     folds = question.experiment.folds
+
+    # A size at its bound means that the data ask for another law than that of the effect.
+    prefixes = tuple(f"{name}." for name in decision.retained)
+    strained = [number for number in after.numbers if prefixes and number.at_bound and number.name.startswith(prefixes)]
+    vetoes = tuple(f"{number.name} lies at its bound" for number in strained)
+
+    # The other possible sets of causes, whose sizes and errors the report compares with those of the kept set.
+    sets = [names for names, _ in likeliest(decision.sets, beliefs) if names and names != decision.retained]
+    rivals = [rival for rival in map(beliefs.best, sets) if rival.is_fitted]
+    others = {}
+    for rival in rivals:
+        sizes = [i for i, parameter in enumerate(rival.fit.parameters) if _is_amplitude(rival, parameter.name)]
+        fitted_sizes = tuple(_number(beliefs, rival, i) for i in sizes)
+        others[" + ".join(rival.names)] = Alternative(fitted_sizes, fold_errors(rival.fit))
     return Verdict(
         question.kind,
         answer,
@@ -164,17 +241,22 @@ def verdict_of(question: Question, beliefs: Beliefs, progress: Progress, seed: i
         errors.channels,
         errors.runs,
         {name: " + ".join(sorted(chosen)) for name, chosen in zip(folds, chosen_without(beliefs), strict=True)},
-        _numbers_at_bound(after, decision),
+        vetoes,
         lost_folds(errors.channels, question.experiment.no_value),
         beliefs=beliefs,
         errors_anew=dict(zip(question.experiment.channels, errors_without(beliefs), strict=True)),
-        others=_others(beliefs, decision),
+        others=others,
     )
 
 
 def side_of(beliefs: Beliefs, hypothesis: Hypothesis) -> Side:
-    """Return a hypothesis as a side of the verdict, its intervals over all hypotheses that contain it."""
+    """Return a fitted hypothesis as one side of the verdict (the model before or after causes were added): model,
+    parameters and misfit.
+
+    The intervals of the parameters are averaged over all hypotheses that contain the causes of this hypothesis.
+    """
     fitted = hypothesis.fit
+    # The misfit is stated in the declared noise, also if the fit used a larger one.
     noise = hypothesis.experiment.noise()
     declared = fitted if noise is None else replace(fitted, task=Task(hypothesis.experiment, noise))
     numbers = tuple(_number(beliefs, hypothesis, place) for place in range(len(fitted.parameters)))
@@ -182,41 +264,29 @@ def side_of(beliefs: Beliefs, hypothesis: Hypothesis) -> Side:
 
 
 def _number(beliefs: Beliefs, hypothesis: Hypothesis, place: int) -> Number:
-    """Return a number with its 95 % interval, the hypotheses that contain this one weighed."""
+    """Return the parameter with index `place` of a hypothesis, with its fitted value and its 95 % interval, for the
+    verdict.
+
+    The interval is averaged over all hypotheses that contain the causes of this hypothesis.
+    """
     fitted = hypothesis.fit
     parameter, u = fitted.parameters[place], float(fitted.u[place])
+    # The interval comes from the average over the hypotheses, the stated value from this hypothesis.
     mean, sd = beliefs.moments(hypothesis, parameter.name)
     low, high = (float(np.clip(end, *parameter.bounds)) for end in (mean - NORMAL_95 * sd, mean + NORMAL_95 * sd))
+    # The average may be centred away from this hypothesis, but the interval always contains the stated value.
     low, high = min(low, u), max(high, u)
     ends = sorted((parameter.value(low), parameter.value(high)))
     unit = hypothesis.experiment.quantity(fitted.model, parameter.name).unit
-    at_bound = min(u - parameter.bounds[0], parameter.bounds[1] - u) <= AT_BOUND
+    at_bound = min(u - parameter.bounds[0], parameter.bounds[1] - u) <= BOUND_TOLERANCE
     closed = low > parameter.bounds[0] and high < parameter.bounds[1]
     covered = (high - low) / (parameter.bounds[1] - parameter.bounds[0])
+    # A size of an effect has no declared value from which it could deviate.
     drift = math.nan if _is_amplitude(hypothesis, parameter.name) else u
     prior_facts = (parameter.beforehand, covered, parameter.declared, parameter.source)
     return Number(parameter.name, unit, parameter.value(u), ends[0], ends[1], drift, closed, at_bound, *prior_facts)
 
 
 def _is_amplitude(hypothesis: Hypothesis, name: str) -> bool:
+    """Return whether the parameter with this name is a size of one of the hypothesis's causes."""
     return any(name in cause.amplitudes for cause in hypothesis.causes)
-
-
-def _numbers_at_bound(after: Side, decision: Decision) -> tuple[str, ...]:
-    """Return which numbers of what was added lie at their bounds."""
-    prefixes = tuple(f"{name}." for name in decision.retained)
-    rows = [number for number in after.numbers if number.at_bound and number.name.startswith(prefixes)]
-    return tuple(f"{number.name} lies at its bound" for number in rows) if prefixes else ()
-
-
-def _others(beliefs: Beliefs, decision: Decision) -> dict[str, Alternative]:
-    """Return the fitted sets of causes that the data leave besides what is kept."""
-    sets = [names for names, _ in likeliest(decision.sets, beliefs) if names and names != decision.retained]
-    rivals = [rival for rival in map(beliefs.best, sets) if rival.is_fitted]
-    return {" + ".join(rival.names): _alternative(beliefs, rival) for rival in rivals}
-
-
-def _alternative(beliefs: Beliefs, rival: Hypothesis) -> Alternative:
-    names = [parameter.name for parameter in rival.fit.parameters]
-    numbers = tuple(_number(beliefs, rival, at) for at, name in enumerate(names) if _is_amplitude(rival, name))
-    return Alternative(numbers, fold_errors(rival.fit))

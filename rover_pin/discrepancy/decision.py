@@ -1,6 +1,7 @@
-"""The answer of the loop, decided from the probabilities of all hypotheses, the causes that are kept, and its words.
+"""Decide the answer of the loop from the probabilities of all hypotheses, and write the answer as a sentence.
 
-`conclude` says besides where numbers left what is declared of them, `rivals` where another model predicts better.
+Two further rules are in other files: `conclude` rejects a base model whose fitted parameters are far from their
+declared values, and `rivals` rejects a model if a plain curve predicts the data better.
 """
 
 from collections.abc import Sequence
@@ -8,143 +9,188 @@ from typing import NamedTuple
 
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.candidate import DECLARED
-from rover_pin.estimation.profile import MOST, SURE
-from rover_pin.estimation.wording import MAX_NAMED, WORTH
+from rover_pin.estimation.profile import CONFIDENCE, MAJORITY
+from rover_pin.estimation.wording import MAX_NAMED, MIN_MENTIONED
 from rover_pin.inference.beliefs import Beliefs
 
-BEYOND = 3.0
-"""Times a channel's declared noise from which what is left is no noise, whatever shares it. Why: an SD of five repeats
-is three times too small once in 50 sets."""
+MAX_NOISE_RATIO = 3.0
+"""Ratio of a channel's residual to its declared noise, above which the residual counts as unexplained even if it looks
+like noise.
+
+The answer is then "none of these" instead of "no effect needed". Noise that was estimated from five repeats is too
+small by this factor only once in 50 cases."""
 
 
 class Decision(NamedTuple):
-    """An answer, the causes that the model keeps, and the sets that the data leave, most probable first."""
+    """The answer of the loop, the causes that are added to the model, and the sets of causes that remain possible."""
 
     answer: Answer
     retained: tuple[str, ...] = ()
+    """names of the causes that are added to the base model (called the kept causes)"""
     sets: tuple[tuple[str, ...], ...] = ()
-    "what holds SURE of the probability, without what only adds to a set before it"
+    """most probable sets of causes, whose probabilities together exceed CONFIDENCE; a set that contains a more probable
+    set and adds causes to it is left out"""
     otherwise: tuple[str, ...] = ()
-    "the numbers that are not as declared, where nothing else is missing"
+    """names of the parameters whose declared values are wrong, if no effect is missing"""
 
 
 def decide(beliefs: Beliefs) -> Decision:
-    """Return the answer: the most probable set is named where nearly all that is probable contains it.
+    """Return the answer that follows from the probabilities of the hypotheses.
 
-    Nothing is missing, or nothing of the list, where that is more likely than not. Where a family of causes is, its
-    leading set is kept, alone or among others, of which nothing may be one; where neither is, the data cannot tell
-    what is missing. Where only what is declared of a number is otherwise, the base model as declared does not describe
-    the data. A set whose laws more likely than not leave more than noise is like what is missing.
+    1. If the hypotheses "nothing is missing" and "only a declared number is wrong" together have a probability above
+    0.5, no effect is added. The answer is INADEQUATE if the probability of a wrong number exceeds CONFIDENCE. Otherwise
+    it is NONE_FITS if the base model more likely than not leaves a discrepancy, and NONE_NEEDED if not.
+
+    2. If no family of causes has a probability above 0.5, the answer is CANNOT_TELL.
+
+    3. Otherwise the most probable set of causes is kept. The answer is SET if the hypotheses that contain this set do
+    not together exceed CONFIDENCE. If they do, the answer is LIKE if the set more likely than not leaves a discrepancy,
+    and NAMED if not.
     """
+    # Rule 1: nothing is missing, or only a declared number is wrong.
     none = beliefs.sets.get(frozenset(), 0.0)
     otherwise = beliefs.probability(lambda hypothesis: {cause.family for cause in hypothesis.causes} == {DECLARED})
-    if none + otherwise > MOST:
-        if beliefs.families.get(DECLARED, 0.0) > SURE:
+    if none + otherwise > MAJORITY:
+        if beliefs.families.get(DECLARED, 0.0) > CONFIDENCE:
             return Decision(Answer.INADEQUATE, otherwise=_leading(beliefs)[0])
-        leaves = beliefs.leaves_more(()) > MOST or _is_beyond(beliefs)
+        # The residual may also exceed the declared noise without any structure. Learnt noise is never exceeded,
+        # because it was estimated from the residual itself.
+        base = beliefs.best(())
+        leaves = beliefs.leaves_more(()) > MAJORITY or (
+            base.experiment.noise() is not None and max(base.noise_taken.values()) > MAX_NOISE_RATIO
+        )
         return Decision(Answer.NONE_FITS if leaves else Answer.NONE_NEEDED)
+    # The empty set (nothing is missing) goes last, because rule 3 keeps the first set. Rule 2: no family stands out.
     sets = tuple(sorted(_leading(beliefs), key=lambda names: not names))
-    if max((p for family, p in beliefs.families.items() if family != DECLARED), default=0.0) <= MOST:
+    if max((p for family, p in beliefs.families.items() if family != DECLARED), default=0.0) <= MAJORITY:
         return Decision(Answer.CANNOT_TELL, (), sets)
     retained = sets[0]
+    # Rule 3: a larger set that contains the kept one also speaks for the kept causes.
     contained = beliefs.probability(lambda hypothesis: set(retained) <= set(hypothesis.names))
-    if contained <= SURE:
+    if contained <= CONFIDENCE:
         return Decision(Answer.SET, retained, sets)
-    return Decision(Answer.LIKE if beliefs.leaves_more(retained) > MOST else Answer.NAMED, retained, sets[:1])
-
-
-def _is_beyond(beliefs: Beliefs) -> bool:
-    """Return whether the base model leaves a channel with more than its declared noise can be.
-
-    Noise that is learnt has what the ground does besides, of which there is no declaration to be beyond.
-    """
-    base = beliefs.best(())
-    return base.experiment.noise() is not None and max(base.noise_taken.values()) > BEYOND
+    return Decision(Answer.LIKE if beliefs.leaves_more(retained) > MAJORITY else Answer.NAMED, retained, sets[:1])
 
 
 def _leading(beliefs: Beliefs) -> tuple[tuple[str, ...], ...]:
-    """Return the sets that hold SURE of the probability, without those that only add to one before them."""
+    """Return the most probable sets of causes, as few as together exceed CONFIDENCE.
+
+    A set that contains a more probable set and only adds causes to it is left out.
+    """
     total = 0.0
     leading: list[tuple[str, ...]] = []
     for names, probability in beliefs.sets.items():
-        if total > SURE:
+        if total > CONFIDENCE:
             break
         total += probability
+        # A larger set adds nothing to the answer if a part of it is already among the possible sets.
         if not any(set(before) < set(names) for before in leading if before):
             leading.append(beliefs.best(tuple(names)).names)
     return tuple(leading)
 
 
 def sentence(decision: Decision, beliefs: Beliefs, share: float, misfit: float) -> str:
-    """Return the answer as a sentence; `misfit` is the base's reduced chi-square by the declared noise."""
+    """Return the answer as a sentence with probabilities, for the first lines of a report.
+
+    Parameters
+    ----------
+    decision : Decision
+        Answer, kept causes and possible sets of causes.
+    beliefs : Beliefs
+        Probabilities of the hypotheses.
+    share : float
+        Fraction of the base model's held-out error (above the noise) that the kept causes remove.
+    misfit : float
+        Reduced chi-square of the base model with the declared noise.
+    """
+    # Parts of sentences that several answers use.
     retained = " and ".join(decision.retained)
     probability = beliefs.probability(lambda hypothesis: set(decision.retained) <= set(hypothesis.names))
-    takes = f"takes {share:.0%} of what the base model misses beyond the noise where it was not fitted"
+    removes = f"removes {share:.0%} of the base model's held-out error (above the noise)"
     listed = " or ".join(
         f"{' + '.join(names) or 'nothing'} ({probability:.2f})"
         for names, probability in likeliest(decision.sets, beliefs)
     )
     none, unexplained = beliefs.sets.get(frozenset(), 0.0), beliefs.leaves_more(decision.retained)
+
+    # Families of causes are stated if one cause of the family acts more likely than not, even where the data do not
+    # determine which one.
+    families = [f"{name} ({p:.2f})" for name, p in beliefs.families.items() if p > MAJORITY]
+    missing = f"missing with these probabilities: {', '.join(families)}; " if families else ""
     more = beliefs.probability(lambda hypothesis: hypothesis.leaves_more)
-    besides = f" Whichever acts, more than noise is left with probability {more:.2f}." if more > MOST else ""
+    discrepancy = (
+        f" Whichever cause acts, a discrepancy larger than the noise remains with probability {more:.2f}."
+        if more > MAJORITY
+        else ""
+    )
+    unlisted = beliefs.has_discrepancy(())
+    base = (
+        f"something that is not on the list acts with probability {unlisted:.2f}, but it is smaller than the noise"
+        if unlisted > CONFIDENCE
+        else "the residual of the base model is noise"
+    )
     words = {
-        Answer.NAMED: f"{retained} is missing with probability {probability:.2f}; it {takes}.",
-        Answer.LIKE: f"something like {retained} is missing (probability {probability:.2f}): it {takes}, but its law "
-        f"leaves more than noise with probability {unexplained:.2f}.",
-        Answer.SET: f"{_families(beliefs)}the data leave {listed}; the first {takes}.{besides}",
-        Answer.NONE_NEEDED: f"nothing is missing with probability {none:.2f}; {_misfit_of_base(beliefs)}.",
-        Answer.NONE_FITS: f"no cause of the list is missing with probability {none:.2f}, but the base model leaves "
-        f"more than noise (reduced chi-square {misfit:.3g}): something acts that is not on the list.",
-        Answer.INADEQUATE: "the base model meets the data only with numbers far from what is declared of them"
+        Answer.NAMED: f"{retained} is missing with probability {probability:.2f}; it {removes}.",
+        Answer.LIKE: f"something like {retained} is missing (probability {probability:.2f}): {retained} {removes}, but "
+        f"its law leaves a discrepancy larger than the noise with probability {unexplained:.2f}.",
+        Answer.SET: f"{missing}the data leave open whether it is {listed}; the first {removes}.{discrepancy}",
+        Answer.NONE_NEEDED: f"nothing is missing with probability {none:.2f}; {base}.",
+        Answer.NONE_FITS: f"no effect of the list is missing with probability {none:.2f}, but the residual of the base "
+        f"model exceeds the noise (reduced chi-square {misfit:.3g}): something acts that is not on the list.",
+        Answer.INADEQUATE: "the base model fits the data only with numbers far from their declared values"
         + (f": {', '.join(decision.otherwise)}." if decision.otherwise else "."),
-        Answer.CANNOT_TELL: f"something is missing with probability {1.0 - none:.2f}: {listed}.{besides}",
+        Answer.CANNOT_TELL: f"something is missing with probability {1.0 - none:.2f}: {listed}.{discrepancy}",
     }[decision.answer]
-    return words + _besides(decision, beliefs)
-
-
-def _misfit_of_base(beliefs: Beliefs) -> str:
-    acts = beliefs.has_discrepancy(())
-    if acts <= SURE:
-        return "the base model leaves noise"
-    return f"something on no list acts with probability {acts:.2f}, and is smaller than what is taken for noise"
-
-
-def _besides(decision: Decision, beliefs: Beliefs) -> str:
-    """Return the channels in which more is taken for noise than noise can be, in words; empty where none."""
+    # Last sentence: channels in which the residual is too large to be noise, whatever the answer is.
     channels = beyond_noise(decision.retained, beliefs).items()
-    beyond = [f"{times:.1f} times {usual_noise(beliefs)} in {name}" for name, times in channels]
-    return f" Something acts besides: what is taken for noise is {', '.join(beyond)}." if beyond else ""
+    ratios = [f"{ratio:.1f} times {usual_noise(beliefs)} in {name}" for name, ratio in channels]
+    unexplained_noise = (
+        f" Something else acts as well: the residual that is taken for noise is {', '.join(ratios)}." if ratios else ""
+    )
+    return words + unexplained_noise
 
 
 def beyond_noise(names: Sequence[str], beliefs: Beliefs) -> dict[str, float]:
-    """Return the channels in which more is taken for noise, where these causes act, than BEYOND times what it is."""
-    return {name: times for name, times in beliefs.noise_taken(names).items() if times > BEYOND}
+    """Return the channels whose residual is too large to be noise: the ratio of the residual to the noise, by name of
+    the channel.
+
+    The residual is that of the base model with the causes `names`. Only channels with a ratio above MAX_NOISE_RATIO are
+    returned.
+    """
+    return {name: ratio for name, ratio in beliefs.noise_taken(names).items() if ratio > MAX_NOISE_RATIO}
 
 
 def usual_noise(beliefs: Beliefs) -> str:
-    """Return, in words, the noise of a channel to which what is left of it is compared."""
-    return "its declared noise" if beliefs.best(()).experiment.noise() is not None else "what its samples scatter"
+    """Return the words for the noise that a residual is compared with: "its declared noise" if the experiment declares
+    its noise, otherwise "the scatter of its samples".
+    """
+    return "its declared noise" if beliefs.best(()).experiment.noise() is not None else "the scatter of its samples"
 
 
 def likeliest(sets: Sequence[tuple[str, ...]], beliefs: Beliefs) -> list[tuple[tuple[str, ...], float]]:
-    """Return the sets that a sentence lists, with their shares: the first, and the most probable that are worth it."""
+    """Return the sets of causes that the sentence of the answer lists, each with its probability.
+
+    These are the first set of `sets`, and of the MAX_NAMED most probable sets those with a probability of at least
+    MIN_MENTIONED.
+    """
     rows = shares(sets, beliefs)
-    most = sorted(rows, key=lambda row: -row[1])[:MAX_NAMED]
-    return [row for row in rows if row == rows[0] or (row in most and row[1] >= WORTH)]
+    # The order of the list is kept: the first set is the kept one, although another may be more probable.
+    most_probable = sorted(rows, key=lambda row: -row[1])[:MAX_NAMED]
+    return [row for row in rows if row == rows[0] or (row in most_probable and row[1] >= MIN_MENTIONED)]
 
 
 def shares(sets: Sequence[tuple[str, ...]], beliefs: Beliefs) -> list[tuple[tuple[str, ...], float]]:
-    """Return sets with the probability of each, of all that contain it and none before it."""
+    """Divide the probability among the listed sets of causes, and return each set with its part.
+
+    The part of a set is the total probability of all hypotheses that contain this set but no earlier set of the list,
+    so that the parts sum to 1 at most. For the empty set, only the hypotheses without causes count, because every
+    hypothesis contains the empty set.
+    """
     listed, remaining = [], beliefs.sets
     for names in sets:
         wanted = frozenset(names)
-        containing = [found_set for found_set in remaining if (found_set >= wanted if wanted else not found_set)]
-        listed.append((names, sum(remaining[found_set] for found_set in containing)))
-        remaining = {found_set: p for found_set, p in remaining.items() if found_set not in containing}
+        # Hypotheses that were counted for an earlier set are removed, so that none is counted twice.
+        containing = [causes for causes in remaining if (causes >= wanted if wanted else not causes)]
+        listed.append((names, sum(remaining[causes] for causes in containing)))
+        remaining = {causes: p for causes, p in remaining.items() if causes not in containing}
     return listed
-
-
-def _families(beliefs: Beliefs) -> str:
-    """Return the families of which one cause is more likely than not to act, in words."""
-    sure = [f"{name} ({probability:.2f})" for name, probability in beliefs.families.items() if probability > MOST]
-    return f"missing with these probabilities: {', '.join(sure)}; " if sure else ""

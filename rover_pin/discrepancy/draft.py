@@ -1,57 +1,67 @@
-"""What is on no list, drafted as an effect: it is weighed like a candidate, and says what it makes of the data."""
+"""A drafted effect: an effect file that the loop writes for a residual that no known effect explains, and the trial fit
+with this effect.
+"""
 
 import math
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from rover_pin.discrepancy.answer import score_line
-from rover_pin.discrepancy.fold_refits import fall_of, losses_of
-from rover_pin.discrepancy.held_out_errors import ChannelScore, held_out
+from rover_pin.discrepancy.held_out_errors import ChannelScore, fall_of, held_out, losses_of
 from rover_pin.estimation.fit import Fit
+
+MAX_LOG_ODDS = 50.0
+"""Largest logarithm of odds that a sentence states, for the odds of a model with the drafted effect against the model
+without it. Larger odds are stated as e^50, which is 5e21; a larger number would tell a reader nothing more."""
 
 
 @dataclass(frozen=True, eq=False)
 class Draft:
-    """A drafted effect as it was tried: every uncertain number refitted with it, every fold predicted by the others."""
+    """A drafted effect and its trial: the text of an effect file, a fit of all parameters with the effect, and the
+    held-out errors of this fit.
+    """
 
     text: str = field(repr=False)
+    """text of the effect file"""
     fit: Fit | None = field(default=None, repr=False)
-    "None where no fit with it ends"
+    """fit with the drafted effect; None if no fit converged"""
     log_odds: float = -math.inf
-    "logarithm of its evidence over that of the model without"
+    """log evidence of the model with the drafted effect minus that of the model without it [nats]"""
     held_out_gain: float = math.nan
-    "by how much chi2 of folds left out falls; NaN where it loses one that the model without predicts"
+    """decrease of the held-out chi2 by the drafted effect; NaN if the model with the effect fails to predict a fold
+    (group of samples left out together) that the model without the effect predicts"""
     unpredicted: tuple[str, ...] = ()
-    "folds that no fit to the others predicts with it"
+    """names of the folds that the model with the drafted effect cannot predict after a fit to the other folds"""
     scores: tuple[ChannelScore, ...] = ()
     command: str = ""
-    "the command line that tries it again"
+    """command line that repeats the trial"""
 
     @property
     def accepted(self) -> bool:
-        """Whether the data are more probable with it, and it predicts every fold that it has not seen, better."""
+        """Whether the drafted effect makes the data more probable, predicts every held-out fold, and lowers the
+        held-out chi2.
+        """
         return self.log_odds > 0 and self.held_out_gain > 0 and not self.unpredicted
 
     @property
     def sentence(self) -> str:
-        """How it did, in a sentence."""
+        """Result of the trial as a sentence."""
         if self.fit is None:
-            return "the draft promises nothing when it is tried"
-        odds = f"the data are {math.exp(min(self.log_odds, 50.0)):.3g} times as probable with it"
-        folds = f"chi2 of folds left out falls by {self.held_out_gain:.3g}"
+            return "the draft was tried, but no fit with it converged"
+        odds = f"the data are {math.exp(min(self.log_odds, MAX_LOG_ODDS)):.3g} times as probable with the draft"
+        folds = f"the held-out chi2 falls by {self.held_out_gain:.3g}"
         if math.isnan(self.held_out_gain):
-            folds = "a fold left out that is predicted without it is lost, and nothing compared"
+            folds = "held-out errors are not compared, because a fold that is predicted without it is lost"
         if self.unpredicted:
-            folds += f", but {', '.join(self.unpredicted)} left out is predicted by nobody"
-        return f"tried, {odds}, {folds}{'' if self.accepted else '; it does not hold up'}"
+            folds += f", but no fit to the other folds predicts {', '.join(self.unpredicted)}"
+        return f"tried: {odds}, {folds}{'' if self.accepted else '; the draft is not accepted'}"
 
     def lines(self) -> list[str]:
-        """Return lines for a reader."""
+        """Return the lines about the drafted effect for the summary of a verdict."""
         again = [f"try it again: {self.command}"] if self.command else []
-        return [self.sentence, *(score_line(score) for score in self.scores), *again]
+        return [self.sentence, *(score.line for score in self.scores), *again]
 
     def as_dict(self) -> dict[str, Any]:
-        """Return plain values."""
+        """Return the result of the trial as plain values for verdict.json."""
         return {
             "accepted": self.accepted,
             "said": self.sentence,
@@ -63,17 +73,35 @@ class Draft:
 
 
 def draft_of(text: str, before: Fit, after: Fit | None, log_odds: float) -> Draft:
-    """Return a draft by the fit with it, in the noise of the one without."""
+    """Return a drafted effect with the result of its trial fit.
+
+    Parameters
+    ----------
+    text : str
+        Text of the effect file.
+    before, after : Fit, Fit or None
+        Fits of the model without and with the drafted effect; `after` is None if no fit with the effect converged.
+    log_odds : float
+        Log evidence with the drafted effect minus log evidence without it [nats].
+    """
     if after is None:
         return Draft(text)
+    # Both fits are judged by the same noise, because their chi2 could not be compared otherwise.
     after = replace(after, task=before.task)
-    was, now = losses_of(before), losses_of(after)
-    names = zip(after.task.experiment.folds, now, strict=True)
-    return Draft(text, after, log_odds, fall_of(was, now), tuple(name for name, loss in names if math.isnan(loss)))
+    before_losses, after_losses = losses_of(before), losses_of(after)
+    # A fold that the model with the effect cannot predict speaks against the effect, whatever its other errors are.
+    names = zip(after.task.experiment.folds, after_losses, strict=True)
+    unpredicted = tuple(name for name, loss in names if math.isnan(loss))
+    return Draft(text, after, log_odds, fall_of(before_losses, after_losses), unpredicted)
 
 
 def score_draft(draft: Draft, before: Fit, seed: int) -> Draft:
-    """Return a draft with its errors on folds left out beside those of a fit without."""
+    """Return the drafted effect with its scores: the held-out error of each channel, compared with the error without
+    the effect.
+
+    `before` is the fit of the model without the drafted effect, and `seed` starts the random numbers of the bootstrap
+    intervals.
+    """
     if draft.fit is None:
         return draft
     return replace(draft, scores=held_out(before, draft.fit, draft.fit.task.noise, seed).channels)

@@ -1,51 +1,60 @@
-"""What the loop says of measurements of any kind: a graded answer, the evidence for it, and what speaks against it."""
+"""The verdict of the loop: the answer, the evidence for it, and the reasons to doubt it."""
 
+import math
 from dataclasses import dataclass, field
-from html import escape
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
+from rover_pin.base.encode import html_text
 from rover_pin.base.public import brief
-from rover_pin.discrepancy.answer import Answer, plain, score_line
+from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.decision import usual_noise
 from rover_pin.discrepancy.draft import Draft
 from rover_pin.discrepancy.held_out_errors import ChannelScore, RunScore
 from rover_pin.estimation.baselines import Baseline
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.numbers import Number, assumed_lines
-from rover_pin.estimation.profile import CLEAR, Profile
+from rover_pin.estimation.profile import CLEAR_SDS, Profile
 from rover_pin.estimation.wording import Outcome, format_value, got_worse
 from rover_pin.inference.beliefs import Beliefs
 from rover_pin.inference.next_measurement import NextMeasurement
 
 SCHEMA = 3
-"""Version of the plain values of a verdict, as docs/verdict.md describes them."""
+"""Version of verdict.json. Programs that read the file should refuse another version; docs/verdict.md describes its
+keys."""
 
 
 class Extra(Protocol):
-    """What only one kind of data has to say besides."""
+    """Interface of the part of a verdict that only one kind of data has, for example the results about the drive in a
+    drive log.
+    """
 
     def lines(self, added: bool) -> list[str]:
-        """Return lines for a reader, given whether something was added."""
+        """Return lines for the summary; `added` states whether an effect was added to the model."""
 
     def as_dict(self) -> dict[str, Any]:
-        """Return plain values."""
+        """Return the results as plain values for verdict.json."""
 
 
 @brief
 class Side(NamedTuple):
-    """A model before or after: its fitted numbers, and how well it fits."""
+    """One side of the comparison in a verdict: the fitted model before or after causes were added, with its parameters
+    and its misfit.
+    """
 
     model: Any
     numbers: tuple[Number, ...]
     misfit: float
-    "reduced chi-square; 1 is the noise"
+    """reduced chi-square with the declared noise; 1 means that the residual is noise"""
     fit: Fit
-    "in the noise widened to what it leaves, where that is more than was declared"
+    """the fit of the model. If the residual exceeds the declared noise, the noise of this fit is enlarged to the size
+    of the residual"""
 
 
 class Alternative(NamedTuple):
-    """A set of causes that may act instead: the sizes of its causes, and its held-out RMSE by channel."""
+    """Another set of causes that may act instead of the kept causes: its fitted sizes, and its held-out RMSE by name of
+    the channel.
+    """
 
     numbers: tuple[Number, ...]
     errors: dict[str, float]
@@ -54,64 +63,84 @@ class Alternative(NamedTuple):
 @brief
 @dataclass(frozen=True, eq=False)
 class Verdict:
-    """The result of the loop. `model` carries the fitted numbers and what was added, and predicts or drives at once."""
+    """Result of the loop.
+
+    `model` is the kept model with its fitted numbers and the added effects; it can predict or drive at once.
+    `summary()` is the whole verdict as text, and `as_dict()` the content of verdict.json.
+
+    A fold is a group of samples that cross-validation leaves out together; a held-out error is the error in a fold that
+    was predicted by a fit to the other folds.
+
+    Example: `close_the_loop("rig")` returns a verdict; `print(verdict.summary())` shows it.
+    """
 
     kind: str
-    "wheel-rig, drive-log or test-bed"
+    """kind of data: wheel-rig, drive-log or test-bed (any other experiment)"""
     answer: Answer
     name: str
     "name of the data"
     sentence: str
+    """the answer as a sentence, with probabilities"""
     model: Any = field(repr=False)
     effects: tuple[Any, ...] = ()
-    "what was added to the base model, or freed in it, at its fitted values"
+    """effects of the kept model, with their fitted values, that were added to the base model or of which a parameter
+    was freed from its prior"""
     named: tuple[str, ...] = ()
-    "what was added, or freed, by name"
+    """names of the causes that were added to the base model; a parameter that was freed from its prior counts as a
+    cause"""
     indistinguishable: tuple[str, ...] = ()
-    "the sets that the data leave, the best first"
+    """sets of causes that remain possible, the most probable first"""
     share: float = 0.0
-    "of what is missed beyond the noise on data left out, what was added takes so much"
+    """fraction of the base model's held-out error above the noise that the added causes remove"""
     before: Side | None = field(default=None, repr=False)
+    """the fitted base model, before causes were added"""
     after: Side | None = field(default=None, repr=False)
+    """the fitted kept model, after causes were added"""
     scores: tuple[ChannelScore, ...] = field(default=(), repr=False)
+    """held-out errors of every channel"""
     runs: tuple[RunScore, ...] = field(default=(), repr=False)
-    "held-out errors of every fold"
+    """held-out errors of every fold"""
     chosen: dict[str, str] = field(default_factory=dict)
-    "what is chosen when each fold is left out of the choice as well; empty: nothing"
+    """causes that the loop would choose without the data of one fold, by name of this fold; an empty text
+    for no cause"""
     vetoes: tuple[str, ...] = ()
-    "what keeps a name from standing alone"
+    """reasons against the name of the added effect, for example a size at its bound"""
     cautions: tuple[str, ...] = ()
+    """reasons for caution about the data or the model, as sentences"""
     findings: tuple[Any, ...] = ()
-    "what the check of the data found"
+    """findings of the data check"""
     experiments: tuple[NextMeasurement, ...] = ()
-    "what to measure next"
+    """the most informative next measurement, if several sets of causes remain possible"""
     beliefs: Beliefs | None = field(default=None, repr=False)
-    "what the data make of all hypotheses, where they were weighed"
+    """probabilities of all hypotheses"""
     profiles: tuple[Profile, ...] = field(default=(), repr=False)
     baselines: tuple[Baseline, ...] = field(default=(), repr=False)
-    "held-out errors of what a user would otherwise take"
+    """held-out errors of curves that know no physics, or of odometry"""
     rival: str = ""
-    "which of these predicts what was left out better than the model, in a sentence"
+    """sentence about the curves without physics that predict held-out data better than the model; empty if there is no
+    such curve"""
     errors_anew: dict[str, float] = field(default_factory=dict, repr=False)
-    "RMSE of each channel, every fold predicted with what is chosen and fitted without it, or by all hypotheses as \
-the other folds weigh them"
+    """held-out RMSE of each channel, averaged over all fitted hypotheses, if the choice of the causes is also made
+    without the held-out fold, not only the fit"""
     others: dict[str, Alternative] = field(default_factory=dict, repr=False)
-    "sets that cannot be distinguished from what is kept, by name"
+    """other sets of causes that the data do not distinguish from the kept causes, by name"""
     draft: Draft | None = field(default=None, repr=False)
-    "of what is on no list, as it was tried"
+    """effect that the loop drafted for a residual that no known effect explains, with the result of its trial"""
     extra: Extra | None = field(default=None, repr=False)
+    """results that only this kind of data has"""
     files: tuple[Path, ...] = ()
+    """files that were written"""
     provenance: dict[str, Any] = field(default_factory=dict, repr=False)
-    "versions, seed, seconds, the command that repeats it"
+    """versions, seed, duration, and the command that repeats the loop"""
 
     @property
     def tried(self) -> int:
-        """How many candidates were tried."""
+        """Number of candidates that were tried."""
         return self.beliefs.choice if self.beliefs is not None else 0
 
     @property
     def model_description(self) -> str:
-        """What `model` is, in words."""
+        """Description of `model` in words: the base model, or the model with its added effects."""
         if self.after is None:
             return "the base model as declared, nothing fitted"
         added = " + ".join(self.named)
@@ -119,21 +148,28 @@ the other folds weigh them"
 
     @property
     def agreeing_folds(self) -> int:
-        """How many folds choose what was added when they are left out of the choice, or nothing where nothing was."""
+        """Number of folds whose data the choice does not depend on: without them, the loop chooses the same causes."""
         return sum(set(name.split(" + ")) == set(self.named or ("",)) for name in self.chosen.values())
 
     @property
     def chosen_again(self) -> str:
-        """How many folds choose the same, in words; where nothing was added, what they choose."""
+        """Text for a report on the stability of the choice: the number of folds without which the loop chooses the same
+        causes.
+        """
         if not self.named:
+            # Nothing was added: count each set that was chosen without a fold.
             kinds = list(dict.fromkeys(self.chosen.values()))
             times = [f"{name or 'no effect'} in {list(self.chosen.values()).count(name)}" for name in kinds]
             return f"chosen in {len(self.chosen)} folds: " + ", ".join(times)
+        # A fold without which the loop chooses the kept causes and others in addition is counted separately.
         more = sum(set(name.split(" + ")) > set(self.named) for name in self.chosen.values())
         among = f", and with another in {more}" if more else ""
         return f"{' + '.join(self.named)} chosen in {self.agreeing_folds} of {len(self.chosen)} folds{among}"
 
     def _errors_text(self, errors: dict[str, float]) -> str:
+        """Return the errors of the channels (by name) as text with units; a channel without a held-out score is left
+        out.
+        """
         units = {score.name: score.unit for score in self.scores}
         return ", ".join(
             f"{name} {format_value(error, units[name])}" for name, error in errors.items() if name in units
@@ -141,29 +177,40 @@ the other folds weigh them"
 
     @property
     def drifted(self) -> tuple[Number, ...]:
-        """Numbers that sit away from what was declared or assumed of them."""
-        return tuple(number for number in (self.after.numbers if self.after else ()) if abs(number.drift) > CLEAR)
+        """Parameters of the kept model whose fitted value is more than CLEAR_SDS prior SDs from the declared or assumed
+        one.
+        """
+        return tuple(number for number in (self.after.numbers if self.after else ()) if abs(number.drift) > CLEAR_SDS)
 
     def summary(self) -> str:
-        """Return the verdict in a page of text; angles in degrees."""
+        """Return the verdict as text of about one page; angles are in degrees."""
+        # The order is that of a reader's questions: the answer, the errors, the alternatives, the parameters, the
+        # doubts.
         lines = [f"{self.name}: {self.answer.value}", f"  {self.sentence}", *(f"  check: {f}" for f in self.findings)]
         if self.before is not None and self.after is not None:
             lines += [f"  reduced chi-square: {self.before.misfit:.3g} -> {self.after.misfit:.3g}; 1 is the noise"]
-        is_short, anew = len(self.scores) <= FEW, self._errors_text(self.errors_anew)
-        lines += [f"  {score_line(score)}" for score in self.scores if score.worded.outcome in CLAIMED or is_short]
+        is_short, anew = len(self.scores) <= MAX_FULL_SUMMARY, self._errors_text(self.errors_anew)
+        lines += [f"  {score.line}" for score in self.scores if score.worded.outcome in CLAIMED or is_short]
         if self.beliefs is not None:
             taken = ", ".join(f"{name} {times:.2f}" for name, times in self.beliefs.noise_taken(self.named).items())
-            lines.append(f"  taken for noise: {taken} times {usual_noise(self.beliefs)}")
+            lines.append(f"  residual that is taken for noise: {taken} times {usual_noise(self.beliefs)}")
         for name, (numbers, errors) in self.others.items():
-            beside = f"  with {name} instead: " if self.named else f"  with {name}: "
+            instead = f"  with {name} instead: " if self.named else f"  with {name}: "
             fitted = ", ".join(number.text for number in numbers)
-            lines.append(f"{beside}{fitted}; held-out RMSE {self._errors_text(errors)}")
+            lines.append(f"{instead}{fitted}; held-out RMSE {self._errors_text(errors)}")
         missed = f"; held-out RMSE of all hypotheses together: {anew}" if anew else ""
         lines += [f"  {self.chosen_again}{missed}"] if self.chosen else []
         lines += [f"  {got_worse((score.name, score.worded) for score in self.scores)}"] if self.named else []
         lines += [f"  {line}" for line in (self.extra.lines(bool(self.named)) if self.extra else [])]
         lines += [f"  draft: {line}" for line in (self.draft.lines() if self.draft else [])]
-        lines += [f"  {number.text}" for number in self._worth_a_line()]
+        # For data with few channels all parameters, otherwise those that were added or left their priors.
+        numbers = self.after.numbers if self.after else ()
+        prefixes = tuple(name.partition("@")[0] + "." for name in self.named)
+        lines += [
+            f"  {number.text}"
+            for number in numbers
+            if is_short or number.name.startswith(prefixes) or number in self.drifted
+        ]
         lines += [f"  {line}" for line in assumed_lines(self.after.numbers if self.after else ())]
         lines += [f"  against the name: {veto}" for veto in self.vetoes]
         lines += [f"  caution: {caution}" for caution in self.cautions]
@@ -172,18 +219,11 @@ the other folds weigh them"
         return "\n".join(lines)
 
     def _repr_html_(self) -> str:
-        return f"<pre>{escape(self.summary())}</pre>"
-
-    def _worth_a_line(self) -> list[Number]:
-        """Return the numbers of a small model, or of a large one those that were added or sit away."""
-        numbers = self.after.numbers if self.after else ()
-        if len(self.scores) <= FEW:
-            return list(numbers)
-        prefixes = tuple(name.partition("@")[0] + "." for name in self.named)
-        return [number for number in numbers if number.name.startswith(prefixes) or number in self.drifted]
+        """Return the summary for notebooks."""
+        return f"<pre>{html_text(self.summary())}</pre>"
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the verdict as plain values for JSON; SI units, NaN and infinities as None."""
+        """Return the verdict as plain values for verdict.json, in SI units; NaN and infinities become None."""
         sides, beliefs = {"before": self.before, "after": self.after}, self.beliefs
         return plain(
             {
@@ -220,10 +260,27 @@ the other folds weigh them"
         )
 
 
-FEW = 5
-"""Channels up to which a summary has a line for each; of more, those whose change can be claimed."""
+MAX_FULL_SUMMARY = 5
+"""Largest number of channels for which a summary has a line for each channel and each parameter. With more channels, it
+shows only significant changes, so that it stays on one page; a drive log has about twenty channels, a rig up to five.
+"""
 CLAIMED = Outcome.BETTER, Outcome.WORSE, Outcome.LOST
+"""Outcomes of a change of error that a long summary always shows."""
+
+
+def plain(value: Any) -> Any:
+    """Return nested values in which NaN and infinities are replaced by None, because JSON has no such numbers."""
+    if isinstance(value, dict):
+        return {str(key): plain(element) for key, element in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(element) for element in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
 
 
 def _numbers(side: Side | Alternative | None) -> dict[str, Any]:
+    """Return the parameters of a fitted model as plain values by name, for verdict.json; an empty dictionary if there
+    is no such model.
+    """
     return {} if side is None else {number.name: number.as_dict() for number in side.numbers}

@@ -1,1 +1,3 @@
-"""Everything that pushes on the rover besides its motors: one effect a file, the paper's own traction included."""
+"""All influences that push on the rover apart from its motors, one effect in each file. The paper's own traction is one
+of these effects.
+"""

@@ -1,4 +1,4 @@
-"""The soil that a sunk wheel pushes ahead."""
+"""Resistance of the soil that a sunk wheel pushes in front of its rim."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -13,13 +13,19 @@ from rover_pin.soil.passive import passive
 
 @dataclass(frozen=True)
 class Bulldozing(Effect):
-    """f_t = -B b D_1 (c h + D_2 gamma h^2 / 2) v / sqrt(v^2 + u^2): earth pressure on the front of the rim.
+    """A sunk wheel pushes the soil in front of its rim, and the passive earth pressure of this soil resists the travel.
 
-    D_1 = cot X + tan(X + phi), D_2 = cot X + cot^2 X tan phi, X = 45 deg - phi / 2; u is `contact.fading`: at rest it
-    does not push, from 2 mm/s on it is whole. B is the share of the front that pushes like a vertical plate of width b
-    and height h: a wheel rolls over most of what a blade would push.
+        f_t = -B b D_1 (c h + D_2 gamma h^2 / 2) v / sqrt(v^2 + u^2),
+        D_1 = cot X + tan(X + phi),   D_2 = cot X + cot^2 X tan phi,   X = 45 deg - phi / 2,
+
+    with the sinkage h, the wheel's width b and travel speed v, and cohesion c, friction angle phi and unit weight gamma
+    of the soil. B is the ratio of the resistance to that of a vertical plate of width b and height h: a wheel rolls
+    over most of the soil that a blade would push. The last factor is 1 while the wheel travels and 0 at rest, so that
+    the pressure never drives the wheel; u is the small speed `contact.fading`.
+
     Source: Hegedus (1960), in the form of Ishigami, Miwa, Nagatani and Yoshida, J. Field Robotics 24 (2007) 233, who
-    put it on the sides of a wheel. Differs from the paper: its only resistance is that of compaction, in the net form.
+    apply it to the sides of a wheel. Differs from the paper: its only resistance is the compaction resistance of the
+    net form.
     """
 
     title: ClassVar[str] = "bulldozing"
@@ -31,8 +37,10 @@ class Bulldozing(Effect):
     neutral: ClassVar[dict[str, float]] = {"share": 0.0}
 
     def load(self, contact: Contact, load: Load, x: tuple[Scalar, ...]) -> Load:
-        """Return the resistance."""
+        """Return the load that this effect adds: the resistance f_t [N] of the soil in front of the rim."""
+        # The wall in front of the rim is as wide as the wheel and as deep as its sinkage.
         soil, wheel = contact.soil, contact.wheel
+        # A wheel that has left the ground pushes no soil.
         h = ca.fmax(contact.h, 0.0)
         pressure = passive(soil.phi).per_width(h, soil.c, self.gamma)
         return Load(f_t=-self.share * wheel.b * pressure * contact.sense(self.v_0))

@@ -1,4 +1,4 @@
-"""A driver that swallows the first part of the duty."""
+"""A motor driver that ignores the first part of the duty ratio."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -12,12 +12,16 @@ from rover_pin.effects.effect import Drive, MotorEffect
 
 @dataclass(frozen=True)
 class DeadBand(MotorEffect):
-    """delta <- sgn(delta) max(|delta| - delta_0, 0): dead time and thresholds of the bridge.
+    """The motor driver ignores the first part delta_0 of the duty ratio, because its bridge has dead times and
+    thresholds.
 
-    Below delta_0 the motor is shorted, as at duty 0, not free. It has corners in delta alone, which is a command, so
-    that every state still sees a smooth motor.
-    Source: assumed form; the dead zone of the standard references on actuators. Differs from the paper: duty acts from
-    0.
+        delta <- sgn(delta) max(|delta| - delta_0, 0)
+
+    Below delta_0 the motor is shorted, as at duty 0, and does not coast. The law has corners in the duty only, which is
+    a command; it is smooth in every state of the motor.
+
+    Source: assumed form; the dead zone of the standard references on actuators. Differs from the paper: its duty acts
+    from 0 on.
     """
 
     title: ClassVar[str] = "dead band of the driver"
@@ -26,6 +30,7 @@ class DeadBand(MotorEffect):
     neutral: ClassVar[dict[str, float]] = {"delta_0": 0.0}
 
     def amend(self, drive: Drive, x: tuple[Scalar, ...]) -> Drive:
-        """Return the drive with the duty that reaches the motor."""
+        """Return the motor's input with the part of the duty ratio that passes the dead band."""
+        # The positive and the negative part are shortened separately; within the band both are 0.
         reaching = ca.fmax(drive.delta - self.delta_0, 0.0) + ca.fmin(drive.delta + self.delta_0, 0.0)
         return drive._replace(delta=reaching)

@@ -1,7 +1,10 @@
-"""What an effect is: a record of parameters and at most three hooks, with do-nothing defaults.
+"""Base classes of effects. An effect is a record of parameters with a few methods (hooks) that the simulator calls;
+each hook does nothing by default.
 
-There are four kinds, by where they act: at a wheel's contact, in a motor, on the body, in a sensor. Each names its
-`neutral` values, at which it vanishes, and its `places`: the quantities that say where it is, not how large.
+There are four kinds of effects. An `Effect` acts at the contact of a wheel with the soil, a `MotorEffect` in a motor, a
+`BodyEffect` on the rover's body, and a `SensorEffect` between the true motion and the log. Each class lists its
+`neutral` values, at which the effect vanishes, and its `places`, which are the parameters that locate the effect and do
+not scale it.
 """
 
 from collections.abc import Mapping, Sequence
@@ -15,7 +18,11 @@ from rover_pin.contact import Contact, Load, Scalar
 
 
 class State(NamedTuple):
-    """An own state of an effect, one per wheel; `odd` ones change sign when the direction of travel is mirrored."""
+    """Description of one state variable of an effect, such as the depth of a hole; the simulator keeps one value for
+    every wheel.
+
+    An `odd` state changes sign when the direction of travel is mirrored.
+    """
 
     name: str
     odd: bool = False
@@ -23,44 +30,71 @@ class State(NamedTuple):
 
 @dataclass(frozen=True)
 class Effect(Record):
-    """An effect at the wheel-soil contact. Formulas are scalar and use `ca.` functions only.
+    """An effect at the contact of a wheel with the soil.
 
-    The hooks are called in this order, for every effect of a model in turn: `amend` changes what the next effects see
-    of the contact, `load` returns what is added to the load so far, `rate` returns the time derivatives of the own
-    states. `neutral` names the parameter values at which the effect vanishes.
+    A model calls the hooks of all its effects in turn. `amend` changes the contact that the later effects see. `load`
+    returns the force and torque that this effect adds to the load of the effects before it. `rate` returns the time
+    derivatives of the effect's own states. Formulas are written for scalars with `ca.` functions only, so that they
+    work for floats and for CasADi expressions. `neutral` lists the parameter values at which the effect vanishes.
+
+    Examples
+    --------
+    A resistance that is a share of the normal force:
+
+    >>> @dataclass(frozen=True)
+    ... class Drag(Effect):
+    ...     share: float = 0.1
+    ...     neutral = {"share": 0.0}
+    ...     def load(self, contact, load, x):
+    ...         return Load(f_t=-self.share * load.f_n)
     """
 
     title: ClassVar[str] = ""
-    "a reader's name of it"
+    "short name for a reader"
     family: ClassVar[str] = ""
-    "what effects like it do, where data may tell that sooner than which of them acts"
+    "group of effects with a similar action. Data may identify the group sooner than the effect within it."
     meaning: ClassVar[str] = ""
-    "what it means, a clause without a full stop that can follow 'because'"
+    "explanation as a clause without a full stop, which can follow 'because'"
     before_slip: ClassVar[bool] = False
-    "whether it amends the speeds from which the slip is taken"
+    "whether `amend` changes the speeds from which the slip is computed"
     states: ClassVar[tuple[State, ...]] = ()
     neutral: ClassVar[dict[str, float]] = {}
     places: ClassVar[tuple[str, ...]] = ()
     holds: ClassVar[tuple[str, ...]] = ()
-    "effects whose law it holds already: beside it they are no candidates"
+    """names of effects whose law this effect contains already. A model with this effect does not try them as
+    candidates."""
     unpaid: ClassVar[bool] = False
-    "whether it changes the sinkage without what compaction then costs, where the traction law leaves that out"
+    """whether the effect changes the sinkage without the work of compaction that the deeper rut costs, in traction laws
+    that leave compaction out"""
 
     def amend(self, contact: Contact, x: tuple[Scalar, ...]) -> Contact:
-        """Return the contact as the later effects shall see it."""
+        """Return the contact (slip, sinkage, soil) as the later effects shall see it.
+
+        `contact` is the contact after the effects before this one, and `x` holds the values of this effect's states. By
+        default the contact stays unchanged.
+        """
         return contact
 
     def load(self, contact: Contact, load: Load, x: tuple[Scalar, ...]) -> Load:
-        """Return what this effect adds to the `load` of the effects before it."""
+        """Return the force and torque that this effect adds to the wheel's load.
+
+        `load` is the sum of the effects before this one, and `x` holds the values of this effect's states. By default
+        nothing is added.
+        """
         return Load()
 
     def rate(self, contact: Contact, load: Load, x: tuple[Scalar, ...]) -> tuple[Scalar, ...]:
-        """Return d(states)/dt, given the contact and the whole load."""
+        """Return the time derivative of each state of this effect, in the order of `states`.
+
+        `load` is the total load of all effects, and `x` holds the present values of the states.
+        """
         return ()
 
 
 class Drive(NamedTuple):
-    """What one wheel's motor knows; scalars, floats or expressions."""
+    """Input of one wheel's motor: its command, its supply and its constants. All fields are scalars: floats or CasADi
+    expressions.
+    """
 
     delta: Scalar
     "PWM duty ratio, -1..1 [-]"
@@ -73,19 +107,27 @@ class Drive(NamedTuple):
     constant: Scalar
     "torque constant times gear ratio, k_t N = k_e N [N m/A = V s/rad]"
     wheel: Scalar = 0.0
-    "which wheel of the rover, counted from 0"
+    """index of the wheel that the motor drives, counted from 0"""
     bus_current: Scalar = 0.0
-    "what all motors together draw from the supply, one step ago [A]"
+    """total current that all motors drew from the supply in the previous time step [A]"""
 
     @property
     def current(self) -> Scalar:
-        """Current of the motor, (delta V - K omega) / R [A]."""
+        """Current of the motor [A]: (delta V - K omega) / R, with the duty delta, the supply voltage V, the constant K,
+        the wheel rate omega and the winding resistance R.
+        """
         return (self.delta * self.supply - self.constant * self.omega) / self.resistance
 
 
 @dataclass(frozen=True)
 class MotorEffect(Record):
-    """An effect between duty and wheel torque, with the same three hooks as `Effect`."""
+    """An effect between the duty ratio of a motor and the torque at its wheel.
+
+    A model calls the hooks of all its motor effects in turn. `amend` changes the drive (duty, voltage, resistance) that
+    the later effects see, `torque` adds to the torque, and `rate` returns the time derivatives of the effect's own
+    states. `neutral` lists the parameter values at which the effect vanishes, and `places` the parameters that locate
+    it.
+    """
 
     title: ClassVar[str] = ""
     family: ClassVar[str] = "motor"
@@ -95,20 +137,31 @@ class MotorEffect(Record):
     places: ClassVar[tuple[str, ...]] = ()
 
     def amend(self, drive: Drive, x: tuple[Scalar, ...]) -> Drive:
-        """Return the drive as the later effects shall see it."""
+        """Return the input of the motor (duty, voltage, resistance) as the later effects shall see it. `x` holds the
+        values of this effect's states.
+        """
         return drive
 
     def torque(self, drive: Drive, torque: Scalar, x: tuple[Scalar, ...]) -> Scalar:
-        """Return what this effect adds to the motor torque at the wheel [N m]."""
+        """Return the torque [N m] that this effect adds to the motor's torque at the wheel.
+
+        `torque` is the torque of the motor and the effects before this one, and `x` holds the values of this effect's
+        states.
+        """
         return 0.0
 
     def rate(self, drive: Drive, torque: Scalar, x: tuple[Scalar, ...]) -> tuple[Scalar, ...]:
-        """Return d(states)/dt, given the drive and the whole torque."""
+        """Return the time derivative of each state of this effect, in the order of `states`.
+
+        `torque` is the total torque of all effects [N m], and `x` holds the present values of the states.
+        """
         return ()
 
 
 class Body(NamedTuple):
-    """What an effect on the body sees; scalars, floats or expressions. Joints are in the order of the rover's v."""
+    """State of the rover's body, as a body effect sees it. All fields are scalars or tuples of scalars; joints are in
+    the order of the rover's velocity vector v.
+    """
 
     x: Scalar
     "world position of the base's origin [m]"
@@ -127,26 +180,33 @@ class Body(NamedTuple):
     w_y: Scalar
     w_z: Scalar
     angles: tuple[Scalar, ...]
-    "of the suspension's joints [rad]"
+    "angles of the suspension joints [rad]"
     rates: tuple[Scalar, ...]
-    "of the suspension's joints [rad/s]"
+    "rates of the suspension joints [rad/s]"
     known_rates: tuple[Scalar, ...]
-    "the same numbers, which the implicit step takes as they are: write friction as -f(known) rate, and it never swings"
+    """values of `rates` at the start of the time step. The implicit step solves for `rates` but takes these values as
+    known: friction of the form -f(known rate) rate with f > 0 cannot oscillate."""
     twist: Scalar = 0.0
-    "sum of the two rockers' angles, which a rigid differential holds at 0 [rad]"
+    "sum of the two rocker angles, which a rigid differential holds at 0 [rad]"
     twist_rate: Scalar = 0.0
-    "its rate [rad/s]"
+    """time derivative of `twist` [rad/s]"""
     names: tuple[str, ...] = ()
-    "of the suspension's joints, as their channels: rocker_l, bogie_l, ..."
+    "channel names of the suspension joints: rocker_l, bogie_l, ..."
 
 
 def joints_called(joint: str, names: Sequence[str]) -> tuple[str, ...]:
-    """Return the joints that `joint` means: the one of this name, those of a pair (bogie: bogie_l, bogie_r), or all."""
+    """Return the names of the suspension joints that the text `joint` selects from `names`.
+
+    `joint` is the name of one joint (bogie_l), the common start of a pair (bogie for bogie_l and bogie_r), or empty for
+    all joints.
+    """
     return tuple(name for name in names if joint in ("", name) or name.startswith(f"{joint}_"))
 
 
 class Push(NamedTuple):
-    """What a body effect pushes with; pushes add."""
+    """Forces and torques with which a body effect pushes the base and the suspension joints. The pushes of several
+    effects add.
+    """
 
     f_x: Scalar = 0.0
     "force on the base at its origin, in the world [N]"
@@ -157,75 +217,90 @@ class Push(NamedTuple):
     m_y: Scalar = 0.0
     m_z: Scalar = 0.0
     joints: tuple[Scalar, ...] = ()
-    "torques on the suspension's joints, one each, or none at all [N m]"
+    """torques on the suspension joints [N m], one for each joint; an empty tuple means no torque"""
     differential: Scalar = 0.0
-    "torque of the differential on either rocker [N m]"
+    "torque of the differential on each rocker [N m]"
 
 
 class Ballast(NamedTuple):
-    """What the base weighs besides: numbers, not expressions."""
+    """Mass that the base carries in addition to the mass in the rover's description. All fields are plain numbers, not
+    CasADi expressions.
+    """
 
     mass: float = 0.0
-    "added at the rover's centre of mass [kg]"
+    "mass added at the rover's centre of mass [kg]"
     shift_x: float = 0.0
-    "of the rover's centre of mass, by what the base carries, in the base's axes [m]"
+    """displacement of the rover's centre of mass by the load of the base, in the axes of the base [m]"""
     shift_z: float = 0.0
 
 
 @dataclass(frozen=True)
 class BodyEffect(Record):
-    """An effect on the rover's body: what pushes it besides wheels and motors, its weight, where down and ground are.
+    """An effect on the rover's body: an additional force or torque, a change of its mass, or a change of the ground.
 
-    `push` is a formula of scalars, taken fully implicitly in the speeds; it has no own states. `ballast`, `rise` and
-    `bend` are read once, before the drive.
+    `push` is a formula of scalars, which the simulator solves implicitly in the speeds. A body effect has no states of
+    its own. `ballast` (additional mass), `rise` (slope of the ground) and `bend` (height of the ground) are read once,
+    before the drive.
     """
 
     title: ClassVar[str] = ""
     family: ClassVar[str] = "body"
     meaning: ClassVar[str] = ""
     only_resists: ClassVar[bool] = False
-    "whether it acts against motion alone, so that where a rover stands at rest does not depend on it"
+    """whether the effect only opposes motion, so that the place where a rover comes to rest does not depend on it"""
     in_pivots: ClassVar[bool] = False
-    "whether it acts in the suspension's pivots alone, so that a rover without any cannot have it"
+    "whether the effect acts only in the pivots of the suspension, so that a rover without pivots cannot have it"
     neutral: ClassVar[dict[str, float]] = {}
     places: ClassVar[tuple[str, ...]] = ()
 
     @property
     def frees_differential(self) -> bool:
-        """Whether the differential is this effect's `Push.differential` instead of rigid."""
+        """Whether this effect replaces the rigid differential by its torque `Push.differential`."""
         return False
 
     def begin_at(self, x: float, y: float) -> Self:
-        """Return the effect as a drive meets it that begins with the base at x, y [m] of the world."""
+        """Return the effect for a drive that starts with the base at the position (x, y) in the world [m].
+
+        An effect that depends on the distance from the start overrides this method; by default the effect stays
+        unchanged.
+        """
         return self
 
     def push(self, body: Body) -> Push:
-        """Return what this effect pushes with."""
+        """Return the forces and torques with which this effect pushes the base and the joints of the suspension."""
         return Push()
 
     def stored_energy(self, body: Body) -> Scalar:
-        """Return the energy that it holds and gives back [J], a function of where the body is, not of its speed."""
+        """Return the elastic energy that is stored in the effect [J]. The energy depends on the pose of the body, not
+        on its speed.
+        """
         return 0.0
 
     def ballast(self) -> Ballast:
-        """Return what the base carries besides."""
+        """Return the mass that this effect adds to the rover, and the displacement of the centre of mass."""
         return Ballast()
 
     def rise(self) -> tuple[float, float]:
-        """Return by what angle what is taken for level rises towards +x and towards +y [rad]."""
+        """Return the slope [rad] of ground that is declared level, towards +x and towards +y; a positive
+        slope rises.
+        """
         return 0.0, 0.0
 
     def bend(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """Return x, increasing, and by how much the ground there is higher than declared, straight in between [m].
+        """Return positions x [m] in increasing order, and the height of the true ground above the declared ground at
+        each of them [m].
 
-        Beyond both ends it goes on as high as there; without any x the ground is as declared.
+        The height is linear between the positions and constant beyond the first and the last one. Empty tuples mean
+        that the ground is as declared.
         """
         return (), ()
 
 
 @dataclass(frozen=True)
 class SensorEffect(Record):
-    """An effect between what happens and what is logged; it works on whole channels, arrays over time."""
+    """An error of a sensor, which changes the log but not the motion. It works on whole channels, which are arrays over
+    time.
+    """
 
     title: ClassVar[str] = ""
     family: ClassVar[str] = "sensor"
@@ -234,9 +309,18 @@ class SensorEffect(Record):
     places: ClassVar[tuple[str, ...]] = ()
 
     def undo(self, t: np.ndarray, channels: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """Return what is true where the sensor reads these channels, the inputs of a replay; else nothing."""
+        """Return the true channels that belong to the logged channels; channels that the sensor logs correctly are left
+        out.
+
+        `t` are the times [s], and `channels` maps names to logged values. A replay uses the true channels as its
+        inputs.
+        """
         return {}
 
     def read(self, t: np.ndarray, channels: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """Return the channels that the sensor reports otherwise than they are."""
+        """Return the channels as the sensor logs them, for given true channels; channels that the sensor logs correctly
+        are left out.
+
+        `t` are the times [s], and `channels` maps names to true values.
+        """
         return {}

@@ -1,4 +1,4 @@
-"""Soil carried round by a slipping rim: the contact reaches further behind the axle."""
+"""A contact that reaches further behind the axle, because a slipping rim carries soil round."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -12,13 +12,17 @@ from rover_pin.effects.effect import Effect
 
 @dataclass(frozen=True)
 class ExitAngle(Effect):
-    """lambda <- lambda + e_1 S within [0, 1], lambda = -theta_2 / theta_1; theta_2 alike within [-theta_1, 0].
+    """The contact reaches further behind the axle the more the wheel slips, because the rim carries soil round.
 
-    Both readings of the exit angle move alike: the ratio, for angles that follow the sinkage, and the soil's fixed
-    theta_2; the contact ends between the axle and as far behind it as it began. The soil's own values are those at
-    S = 0. Source: the ratio is that of Ishigami, Miwa, Nagatani and
-    Yoshida, J. Field Robotics 24 (2007) 233; its slope with slip is an assumed form. Differs from the paper: it holds
-    theta_2.
+        lambda <- clip(lambda + e_1 S, 0, 1),   lambda = -theta_2 / theta_1,
+        theta_2 <- clip(theta_2 - e_1 S theta_1, -theta_1, 0).
+
+    theta_1 is the entry angle and theta_2 the exit angle. The effect changes both descriptions of the exit: the ratio
+    lambda, for angles that follow the sinkage, and the fixed theta_2 of the soil. The contact ends between the axle and
+    the mirror image of its front end. At S = 0 the soil's own values hold.
+
+    Source: the ratio is that of Ishigami, Miwa, Nagatani and Yoshida, J. Field Robotics 24 (2007) 233; its slope with
+    slip is an assumed form. Differs from the paper: it holds theta_2 constant.
     """
 
     title: ClassVar[str] = "growing exit angle"
@@ -28,8 +32,13 @@ class ExitAngle(Effect):
     neutral: ClassVar[dict[str, float]] = {"e_1": 0.0}
 
     def amend(self, contact: Contact, x: tuple[Scalar, ...]) -> Contact:
-        """Return the contact with the exit angle of its slip."""
+        """Return the contact with the exit angle that belongs to its slip.
+
+        Both descriptions of the exit angle in the soil are changed: the ratio to the entry angle, and the fixed angle.
+        """
         soil, change = contact.soil, self.e_1 * contact.S
+        # The two limits keep the rear end of the contact between the point below the axle and the mirror image of the
+        # front end.
         ratio = ca.fmin(ca.fmax(soil.exit_ratio + change, 0.0), 1.0)
         theta_2 = ca.fmin(ca.fmax(soil.theta_2 - change * soil.theta_1, -soil.theta_1), 0.0)
         return contact._replace(soil=soil.replace(exit_ratio=ratio, theta_2=theta_2))

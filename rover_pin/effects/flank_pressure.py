@@ -1,4 +1,4 @@
-"""The soil beside a sunk wheel: earth pressure on the buried part of its disc when it is pushed sideways."""
+"""Pressure of the soil next to a sunk wheel on the buried part of its disc, when the wheel is pushed sideways."""
 
 import math
 from dataclasses import dataclass
@@ -14,43 +14,56 @@ from rover_pin.soil.passive import passive
 from rover_pin.soil.slip import drift, spinning
 from rover_pin.soil.stress import mobilised_both_ways
 
-CENTRE = 0.43
-"""Height of the pressure's centre over the wheel's lowest point, of the depth: 1 - 2/3 of 6/7, a shallow segment's."""
-ROUNDED = 0.05
-"""Share of the full pressure, built up at some 2 deg, below which the size of what rubs is rounded."""
+PRESSURE_CENTRE = 0.43
+"""Height at which the pressure on the wheel's disc acts, above the lowest point of the wheel, as a fraction of the
+sinkage: 1 - 2/3 of 6/7, for a shallow circular segment."""
+ROUNDING = 0.05
+"""Fraction of the full pressure below which the absolute value in the rubbing force is rounded, so that the force
+changes smoothly at straight travel. The pressure reaches this fraction at a slip angle of about 2 deg."""
 
 
 @dataclass(frozen=True)
 class FlankPressure(Effect):
-    """f_y = -F, F = sgn(v_y) B e^(-l S) (1 - exp(-|j_y| / k_f)) int_-theta_1^theta_1 p(h(theta)) r cos theta dtheta.
+    """Soil next to a sunk wheel resists when the wheel is pushed sideways: passive earth pressure F on the buried
+    segment of its disc.
 
-    p(h) = D_1 (c h + gamma cot X (u h + (1 - cot X tan phi_f) h^2 / 2)), X = 45 deg - phi_f / 2, is what a wall of
-    depth h = r (cos theta - cos theta_1) bears per width: the buried segment of the disc, in ground that is level
-    beside the rut; where the wheel runs in a trench of its lugs, from its bottom up to that ground. D_1 is that of
-    `soil.passive`, there with a heap that ends where the sliding wedge does, h cot X away; here the heap stands u high
-    at the disc, falls off at phi_f, and what of it lies on the wedge weighs on it. It is the sand that the wheel puts
-    aside, u^2 / (2 tan phi_f) = b h / 2 + A |v_y| / V: half of the rut's, and what the segment A sweeps. Limit: a heap
-    that is shorter than the wedge, u < h, as beside a wheel narrower than its depth, counts for less than it weighs.
-    All integrals are closed: int h cos theta = r (theta_1 - sin theta_1 cos theta_1) = A / r, int h^2 cos theta =
-    r^2 (2 sin theta_1 - 2/3 sin^3 theta_1 - 2 theta_1 cos theta_1). The pressure builds up with the way j_y =
-    d 2 r sin theta_1 that the disc goes sideways while it travels its buried length, d = `slip.drift`; a rim that
-    spins, S > 0 over the whole travel, carries sand away from beside it. phi_f is the soil's own friction, not the
-    rim's. B is 1 for a plate that is wide for its depth; a short one also moves the soil beside it.
+        f_y = -F,   F = sgn(v_y) B exp(-l S) (1 - exp(-|j_y| / k_f)) int p(h(theta)) r cos theta dtheta
+        over theta from -theta_1 to theta_1,
+        p(h) = D_1 (c h + gamma cot X (u h + (1 - cot X tan phi_f) h^2 / 2)),   X = 45 deg - phi_f / 2.
 
-    The sand rubs on the disc: f_t = -tan(phi) |F| w / sqrt(w^2 + v_y^2 + u^2), w = v - q r omega, and q r of it is
-    torque, q = 1 - 0.43 h / r at the pressure's centre. A rolling or braked wheel is held back, a spinning one driven.
-    Both only take energy. The segment is even before and behind the axle, so that its moment about the vertical is
-    none: a rut that is open behind would move its force ahead, pressure that builds up along the way behind, and
-    neither is measured. The rubbing of a disc that runs straight, at rest pressure, is left out.
+    p(h) is the force that a wall of depth h = r (cos theta - cos theta_1) bears for each metre of width, with D_1 of
+    `soil.passive`. The wall is the buried segment of the disc, in ground that is level beside the rut. If the wheel
+    runs in a trench that its lugs have cut, the segment reaches from the trench bottom up to that ground. Hegedus'
+    formula assumes a heap of sand that ends where the sliding wedge ends, at a distance h cot X. Here the heap is u
+    high at the disc and falls off at the angle phi_f, and only its part above the wedge loads the wedge. The heap holds
+    the sand that the wheel puts aside, u^2 / (2 tan phi_f) = b h / 2 + A |v_y| / V: half of the sand of the rut, and
+    the sand that the segment of area A sweeps at the total speed V. Limit: if the heap is shorter than the wedge (u <
+    h), as next to a wheel that is narrower than its depth, the formula underestimates the weight of the heap.
+
+    All integrals have closed forms: int h cos theta = r (theta_1 - sin theta_1 cos theta_1) = A / r, and int h^2 cos
+    theta = r^2 (2 sin theta_1 - 2/3 sin^3 theta_1 - 2 theta_1 cos theta_1). The pressure builds up with the distance
+    j_y = d 2 r sin theta_1 that the disc moves sideways while it travels its buried length, with d = `slip.drift`. A
+    spinning rim (S > 0 over the whole travel) carries sand away from its side, by the factor exp(-l S). phi_f is the
+    friction angle of the soil itself, not of the rim. B is 1 for a plate that is wide compared with its depth, and
+    larger for a short plate, which also moves the soil next to it.
+
+    The sand rubs on the disc: f_t = -tan(phi) |F| w / sqrt(w^2 + v_y^2 + u_0^2), with w = v - q r omega and the small
+    speed u_0 of `contact.fading`. The lever arm of the torque is q r, where q = 1 - 0.43 h / r at the centre of the
+    pressure. The rubbing holds a rolling or braked wheel back and drives a spinning one; it always dissipates energy.
+    The buried segment is symmetric about the axle, so that its moment about the vertical is zero. A rut that is open
+    behind the wheel would move the force forwards, and pressure that builds up along the contact would move it
+    backwards; neither is measured. The rubbing on the disc of a wheel that runs straight, at the pressure at rest, is
+    neglected.
 
     Source: Hegedus (1960) in the form of Ishigami, Miwa, Nagatani and Yoshida, J. Field Robotics 24 (2007) 233, who let
-    it act in full; that it builds up: Janosi's law; the heap (conservation of volume), friction on the disc (Coulomb)
-    and, from seven measured sets, the loss with slip: derived here, new. Differs from the paper: it has no side force.
+    the pressure act in full. The build-up is Janosi's law. The heap (conservation of volume), the friction on the disc
+    (Coulomb) and the loss with slip, from seven measured sets, are derived here and are new. Differs from the paper: it
+    has no side force.
     """
 
     title: ClassVar[str] = "flank pressure"
     family: ClassVar[str] = "side wall"
-    meaning: ClassVar[str] = "soil beside the sunk wheel resists when it is pushed sideways"
+    meaning: ClassVar[str] = "soil next to a sunk wheel resists a sideways push of the wheel"
     share: Scalar = quantity(1.4, "", "seven measured sets: 1.2 to 1.5; a wide plate: 1", 0.0, 8.0, "B")
     k_f: Scalar = quantity(0.05, "m", "seven measured sets (studies/wheel_laws.py)", 1e-4, 0.5, "k_f")
     lost: Scalar = quantity(1.3, "", "seven measured sets (studies/wheel_laws.py): 1.2 to 1.3", 0.0, 5.0, "l")
@@ -60,26 +73,39 @@ class FlankPressure(Effect):
     neutral: ClassVar[dict[str, float]] = {"share": 0.0}
 
     def load(self, contact: Contact, load: Load, x: tuple[Scalar, ...]) -> Load:
-        """Return the side force on the disc, and what rubs along it."""
+        """Return the load of the sand beside the wheel: the side force on the disc, the rubbing force along it, and the
+        torque of this rubbing about the axle.
+        """
         r, soil, h = contact.wheel.r, contact.soil, contact.h + contact.trench
         theta_1, _ = SinkageAngles().angles(h, contact.wheel, soil)
         u = fading(contact.rim, self.v_0, 1.0)
+        # The fraction of the travel that goes sideways decides how much sand the segment sweeps into the heap.
         aside = ca.fabs(contact.v_y) / ca.sqrt(contact.travel**2 + u * u)
         j_y = drift(contact.S, contact.S_y) * 2.0 * r * ca.sin(theta_1)
         built = mobilised_both_ways(j_y / self.k_f)
+        # A spinning rim carries sand away from its side, which weakens the pressure.
         share = self.share * ca.exp(-self.lost * spinning(contact.S, contact.S_y))
         most = share * self._passive(theta_1, r, soil.c, contact.wheel.b * ca.fmax(h, 0.0) / 2.0, aside)
-        size = most * (ca.sqrt(built * built + ROUNDED**2) - ROUNDED)
-        arm = r - CENTRE * ca.fmax(h, 0.0)
+        # Rounded absolute value of the pressure, so that the rubbing force has no corner at straight travel.
+        size = most * (ca.sqrt(built * built + ROUNDING**2) - ROUNDING)
+        arm = r - PRESSURE_CENTRE * ca.fmax(h, 0.0)
+        # The sand rubs against the relative speed of the disc at the height of the pressure's centre.
         along = contact.v_x - contact.rim * arm / r
         rubbing = ca.tan(soil.phi) * size * along / ca.sqrt(along * along + contact.v_y * contact.v_y + u * u)
         return Load(f_t=-rubbing, f_y=-most * built, torque=-rubbing * arm)
 
     def _passive(self, theta_1: Scalar, r: Scalar, c: Scalar, half_rut: Scalar, aside: Scalar) -> Scalar:
-        """Return the passive force on the buried segment of the disc [N], beside a heap of all that is put aside."""
+        """Return the passive force of the soil on the buried segment of the disc [N], with a heap of the displaced sand
+        beside the disc.
+
+        `theta_1` is the entry angle, `r` the wheel's radius and `c` the cohesion. `half_rut` is the cross-section of
+        half the rut [m^2], and `aside` the fraction of the travel that goes sideways [-].
+        """
+        # Integrals of h and h^2 over the segment, then the height of the heap from the volume of its sand.
         cos, sin, wall, slope = ca.cos(theta_1), ca.sin(theta_1), passive(self.phi_f), ca.tan(self.phi_f)
         depth = r * r * ca.fmax(theta_1 - sin * cos, 0.0)
         square = r * r * r * ca.fmax(2.0 * sin - 2.0 / 3.0 * sin**3 - 2.0 * theta_1 * cos, 0.0)
         heap = ca.sqrt(2.0 * slope * (half_rut + depth * aside) + SMOOTHING)
+        # Weight of the sliding wedge and of the heap on it, whose height falls off along the wedge.
         wedge = heap * depth + (1.0 - wall.cot_X * slope) * square / 2.0
         return wall.D_1 * (c * depth + self.gamma * wall.cot_X * ca.fmax(wedge, 0.0))

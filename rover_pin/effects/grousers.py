@@ -1,4 +1,4 @@
-"""Lugs on the rim: the soil shears at a radius greater than that of the wheel."""
+"""Lugs on the rim, which shear the soil at a radius larger than the radius of the wheel."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -13,22 +13,24 @@ from rover_pin.soil.wheel_forces import pull_of_shear
 
 @dataclass(frozen=True)
 class Grousers(Effect):
-    """Shear at r_s = r + lambda_s h_s = q r: S <- slip of the rim at r_s, k <- k / q, torque <- q^2 torque.
+    """Lugs on the rim shear the soil at the radius r_s = q r, which is larger than the radius r of the wheel.
 
-    With Eq (2) at r_s, j = r_s (theta_1 - theta) - (v / omega)(sin theta_1 - sin theta), which is Eq (2) at r with v /
-    (r omega) and k divided by q. The moment of the stress gains q for the arm and q for the area; f_t gains (q - 1) of
-    its shear, torque / r (braking: what that pays for, `paid_for`). The normal stress stays at r. The slip that is
-    recorded is then that at r_s.
+        r_s = r + lambda_s h_s = q r,   S <- slip of the rim at r_s,   k <- k / q,   torque <- q^2 torque
 
-    At S = 0 of the rim lugs slip by 1 - 1 / q, and pull. With r under the lugs that is so; where a test bed tells r and
-    slip over them (`r_over_lugs`), S = 0 is at the tips, and the shear half-way up brakes a little. Two measured wheels
-    of one sand with 5 mm lugs and without pull alike at the stated S = 0, -0.055 +- 0.005 and -0.054 +- 0.007 of the
-    load. Fitted together, r over the lugs holds both to 0.1 N, with lambda_s = 0.5 best of 0 to 1 (chi2 107, without
-    the effect 115); r under the lugs misses by 0.9 N (141). Their two published radii differ by 4.5 mm
-    (tests/experiments/wheel_rig/test_lugs_at_no_slip.py).
+    h_s is the height of the lugs, and lambda_s places the shearing radius between rim (0) and lug tip (1). Eq (2) at
+    r_s has the shear displacement j = r_s (theta_1 - theta) - (v / omega) (sin theta_1 - sin theta). This equals Eq (2)
+    at r with v / (r omega) and k divided by q. The moment of the stress gains one factor q from the lever arm and one
+    from the area. f_t gains (q - 1) times its shear part, torque / r; a braked wheel gains only the part that its
+    torque pays for (`paid_for`). The normal stress stays at r. The recorded slip is the slip at r_s.
+
+    If the rim itself has S = 0, the lugs slip by 1 - 1 / q and pull. This holds when r is the radius below the lugs. If
+    a test bed states r and slip at the tips of the lugs (`r_over_lugs`), S = 0 holds at the tips, and the shear at half
+    height brakes a little. Two measured wheels of one sand, with and without lugs of 5 mm, decide between the two
+    readings: `tests/experiments/wheel_rig/test_lugs_at_no_slip.py` keeps the values of chi2 with the radius over and
+    under the lugs, and with other values of lambda_s.
 
     Source: shearing radius between rim and lug tip, Ding, Gao, Deng, Nagatani and Yoshida, J. Terramechanics 48 (2011)
-    27. Differs from the paper: smooth wheels. Differs from lugs one by one: no ripple at their passing.
+    27. Differs from the paper: its wheels are smooth. Differs from a model of each lug: no ripple as lugs pass.
     """
 
     title: ClassVar[str] = "grousers"
@@ -39,18 +41,24 @@ class Grousers(Effect):
     neutral: ClassVar[dict[str, float]] = {"h_s": 0.0}
 
     def _ratio(self, contact: Contact) -> Scalar:
+        """Return the ratio [-] of the radius at which the lugs shear the soil to the radius of the rim."""
         return 1.0 + self.lambda_s * self.h_s / contact.wheel.r
 
     def amend(self, contact: Contact, x: tuple[Scalar, ...]) -> Contact:
-        """Return the contact with slip and shear displacement at the lugs' radius."""
+        """Return the contact with the slip and the shear displacement that hold at the radius at which the lugs shear
+        the soil.
+        """
         q, S = self._ratio(contact), contact.S
+        # A braked rim with lugs may turn faster than the travel at r_s, and then drives: Eq (1) has a branch for each
+        # case.
         faster = q * (1.0 + ca.fmin(S, 0.0))
         braking = ca.if_else(faster < 1.0, S + (q - 1.0) * (1.0 + S), 1.0 - 1.0 / ca.fmax(faster, 1.0))
+        # The slip of a driven wheel at the larger radius: v is unchanged, while the rim speed grows by q.
         driving = S + (1.0 - S) * (1.0 - 1.0 / q)
         soil = contact.soil.replace(k=contact.soil.k / q)
         return contact._replace(S=ca.if_else(S < 0.0, braking, driving), soil=soil)
 
     def load(self, contact: Contact, load: Load, x: tuple[Scalar, ...]) -> Load:
-        """Return what the greater radius adds."""
+        """Return the additional pull and torque of lugs, which shear the soil at a larger radius than the rim."""
         q, pull = self._ratio(contact), pull_of_shear(load.torque, contact.wheel, contact.S)
         return Load(f_t=(q - 1.0) * pull, torque=(q * q - 1.0) * load.torque)

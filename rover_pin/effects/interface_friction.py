@@ -1,4 +1,4 @@
-"""A smooth rim slides on the sand before the sand shears in itself."""
+"""A smooth rim that slides on the sand before the sand itself shears."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -12,13 +12,17 @@ from rover_pin.effects.effect import Effect
 
 @dataclass(frozen=True)
 class InterfaceFriction(Effect):
-    """tan phi <- m tan phi, c <- m c, m = tan delta / tan phi: the weaker of sand and interface limits the shear.
+    """The rim is so smooth that it slides on the sand before the sand itself shears: the interface limits the shear
+    stress.
 
-    delta is the friction angle between rim and sand; written as a share m <= 1 of the soil's own strength the weaker of
-    the two is taken without a corner, and m = 1 is a rim as rough as the sand. Adhesion is taken as the same share of
-    c.
+        tan phi <- m tan phi,   c <- m c,   m = tan delta / tan phi
+
+    delta is the friction angle between rim and sand. Given as a fraction m <= 1 of the soil's own strength, the minimum
+    of both strengths needs no corner; m = 1 is a rim as rough as the sand. The adhesion is assumed to be the same
+    fraction of the cohesion c.
+
     Source: Potyondy, Geotechnique 11 (1961) 339, ratios of skin friction to soil friction by material and finish.
-    Differs from the paper: Eq (3) has the soil's strength alone.
+    Differs from the paper: Eq (3) has the soil's strength only.
     """
 
     title: ClassVar[str] = "smooth rim"
@@ -28,7 +32,8 @@ class InterfaceFriction(Effect):
     neutral: ClassVar[dict[str, float]] = {"m": 1.0}
 
     def amend(self, contact: Contact, x: tuple[Scalar, ...]) -> Contact:
-        """Return the contact on soil that is as strong as the interface."""
+        """Return the contact with a soil whose strength is reduced to that of the interface between rim and sand."""
         soil = contact.soil
+        # The tangent of phi is scaled, not the angle: the friction force is proportional to the tangent.
         phi = ca.atan(self.m * ca.tan(soil.phi))
         return contact._replace(soil=soil.replace(phi=phi, c=self.m * soil.c))

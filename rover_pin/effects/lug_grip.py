@@ -1,4 +1,4 @@
-"""Lugs that bite the more the wheel slips: sand held between them shears on sand, where a smooth rim slides."""
+"""Lugs that grip more as the wheel slips: sand between the lugs shears on sand, while a smooth rim slides."""
 
 import math
 from dataclasses import dataclass
@@ -10,32 +10,35 @@ from rover_pin.base.quantity import quantity
 from rover_pin.contact import Contact, Scalar
 from rover_pin.effects.effect import Effect
 
-STEEPEST = math.tan(math.radians(60.0))
-"""Tangent of the greatest friction angle of a `Soil`."""
+MAX_TAN_PHI = math.tan(math.radians(60.0))
+"Tangent of the largest friction angle of a `Soil`, which the grip of lugs cannot exceed."
 
 
 @dataclass(frozen=True)
 class LugGrip(Effect):
-    """tan phi <- g tan phi, c <- g c, g = 1 + (h_l / h_g) max(S, 0): the strength that the rim brings to bear.
+    """Lugs grip more the more the wheel slips: the strength that the rim mobilises grows by the factor g.
 
-    What slides between lugs and sand is a smooth rim's friction where the rim rolls; as the lugs move through the sand
-    they shear it in itself. Braked wheels of one sand, with 5 mm lugs and without, pull alike within 0.6 N of 7 to 24
-    N, and so they do rolling; driving, lugs give 0.15 S of the load more. With h_l = 5 mm and S = 1 the grip that is
-    found, 26 deg, comes near the sand's angle of repose, 29 deg. Limit: lugs of other heights were not measured; g is a
-    straight line in h_l, and lugs of twice h_g or more bite harder than sand can.
-    Source: derived here, new, from four measured sets; rims that slide before the sand shears: Potyondy, Geotechnique
-    11 (1961) 339. Differs from the paper: smooth wheels.
+        tan phi <- g tan phi,   c <- g c,   g = 1 + (h_l / h_g) max(S, 0)
+
+    A rolling rim slides on the sand between its lugs with the friction of a smooth rim. As lugs of height h_l move
+    through the sand, they shear the sand itself, so that the strength grows with slip. The law is fitted to four
+    measured sets of wheels with and without lugs of 5 mm (`studies/wheel_laws.py`). Limit: lugs of other heights were
+    not measured. g is linear in h_l, so that lugs of 2 h_g or more grip more than sand can.
+
+    Source: derived here, new, from four measured sets; Potyondy, Geotechnique 11 (1961) 339, for rims that slide before
+    the sand shears. Differs from the paper: its wheels are smooth.
     """
 
     title: ClassVar[str] = "grip of lugs"
     family: ClassVar[str] = "grip"
-    meaning: ClassVar[str] = "lugs shear the sand in itself the more the wheel slips"
+    meaning: ClassVar[str] = "lugs shear the sand itself, the more the wheel slips"
     h_l: Scalar = quantity(0.005, "m", "assumed: 1 to 5 mm on a wheel of this size", 0.0, 0.05, "h_l")
     h_g: Scalar = quantity(0.01, "m", "measured sets of 5 mm lugs (studies/wheel_laws.py)", 1e-3, 1.0, "h_g")
     neutral: ClassVar[dict[str, float]] = {"h_l": 0.0}
 
     def amend(self, contact: Contact, x: tuple[Scalar, ...]) -> Contact:
-        """Return the contact on sand as strong as the lugs find it."""
+        """Return the contact with sand of the strength that the lugs mobilise at the present slip."""
+        # No lug grips at S <= 0: there a rolling rim slides on the sand between its lugs.
         soil, grip = contact.soil, 1.0 + self.h_l / self.h_g * ca.fmax(contact.S, 0.0)
-        phi = ca.atan(ca.fmin(grip * ca.tan(soil.phi), STEEPEST))
+        phi = ca.atan(ca.fmin(grip * ca.tan(soil.phi), MAX_TAN_PHI))
         return contact._replace(soil=soil.replace(phi=phi, c=grip * soil.c))

@@ -1,4 +1,4 @@
-"""A resistance that opposes motion, for traction forms that leave compaction out."""
+"""A resistance against the motion, for traction forms that leave compaction out."""
 
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -10,21 +10,26 @@ from rover_pin.effects.effect import Effect
 
 @dataclass(frozen=True)
 class MotionResistance(Effect):
-    """f_t = -R f_n v / sqrt(v^2 + u^2): a fraction R of the load, against the travel.
+    """A fraction R of the normal force resists the travel, in traction forms that leave the compaction resistance out.
 
-    Eq (7) holds the compaction resistance as a force that pushes even a parked rover backwards; the torque and gross
-    forms have none, and would run at S < 0 on the flat. R is one number for a drive: it follows neither the sinkage nor
-    what effects make of the soil (`MultiPass`, `HardPatch`, `LoadExponent`); what slip digs (`DiggingMemory`,
-    `SlipSinkage`, `SkidSinkage`) brings its own resistance. Where it is not declared it is F(0.05) of the soil, wheels
-    and load as driven (0.028 for Table 1: `simulation.model.cruise.default_resistance`); declared below F(0), driven
-    wheels skid on level ground, which the drive says.
+        f_t = -R f_n v / sqrt(v^2 + u^2)
 
-    A resistance is Coulomb's: at rest any share of it may act. Below u = v_0 (v_0 / sqrt(v_0^2 + (r omega)^2))^q
-    (`fading`) it fades: below v_0 where wheels do not turn, so that a parked rover is not pushed, below a tenth of that
-    under a rim at 50 mm/s. Between the slopes tan = F(1) - R and F(1), where a rover should stand with its wheels
-    turning, it creeps at u x / sqrt(1 - x^2), x = (F(1) - tan) / R: the error of u, which goes to 0 with v_0.
-    Source: assumed (the paper's torque-derived factor has no such term). Differs from compaction by Eqs (4) and (7) on
-    Table 1, which is 0.18 of the load.
+    Eq (7) contains the compaction resistance as a force that pushes even a parked rover backwards. The torque and gross
+    forms contain no resistance, and wheels would run at S < 0 on level ground with them. R is one number for a drive.
+    It does not depend on the sinkage or on changes of the soil by other effects (`MultiPass`, `HardPatch`,
+    `LoadExponent`); effects by which slip digs (`DiggingMemory`, `SlipSinkage`, `SkidSinkage`) bring their own
+    resistance. If R is not declared, it is the traction factor F(0.05) of the soil, wheels and load of the drive (0.028
+    for Table 1: `simulation.model.cruise.default_resistance`). If R is declared below F(0), driven wheels skid on level
+    ground, and the drive reports this.
+
+    The resistance is a Coulomb force: at rest any fraction of it may act. It fades below the travel speed u = v_0 (v_0
+    / sqrt(v_0^2 + (r omega)^2))^q (`fading`). u is v_0 for wheels at rest, so that a parked rover is not pushed, and
+    less than a tenth of v_0 under a rim at 50 mm/s. On slopes between tan = F(1) - R and tan = F(1), a rover should
+    stand while its wheels turn. There it creeps at u x / sqrt(1 - x^2), with x = (F(1) - tan) / R. This error goes to 0
+    with v_0.
+
+    Source: assumed (the paper's factor from the torque has no such term). Differs from the compaction resistance by Eqs
+    (4) and (7) with Table 1, which is 0.18 of the load.
     """
 
     title: ClassVar[str] = "motion resistance"
@@ -36,9 +41,11 @@ class MotionResistance(Effect):
     neutral: ClassVar[dict[str, float]] = {"R": 0.0}
 
     def load(self, contact: Contact, load: Load, x: tuple[Scalar, ...]) -> Load:
-        """Return the resistance."""
+        """Return the resistance f_t [N] that this effect adds, against the direction of travel."""
         return Load(f_t=-self.R * load.f_n * contact.sense(self.v_0, self.q))
 
     def fading(self, rim: Any) -> Any:
-        """Return u [m/s], the travel speed below which the resistance of a wheel with this rim speed [m/s] fades."""
+        """Return the travel speed [m/s] below which the resistance is reduced, for a wheel with the rim speed `rim`
+        [m/s].
+        """
         return fading(rim, self.v_0, self.q)

@@ -1,4 +1,4 @@
-"""The wheels that follow run in soil that those before have pressed."""
+"""Wheels that run in soil that the wheels in front of them have compacted."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -10,25 +10,32 @@ from rover_pin.effects.effect import Effect
 
 @dataclass(frozen=True)
 class MultiPass(Effect):
-    """k_1, k_2 <- (1 + p g) (k_1, k_2), k <- k / (1 + p g_k), p = wheels of this side that have passed before.
+    """A wheel runs in soil that p wheels of its side have compacted before: stiffer soil, in which the shear builds up
+    sooner.
 
-    Pressed soil is stiffer, and reaches its shear strength sooner. p follows the direction of travel: the rear wheels
-    are first in reverse. Source: assumed form, linear in the passes; that stiffness and shear modulus of a rut grow
-    with repeated passes: Wong, Theory of Ground Vehicles. Differs from the paper: its wheels all meet fresh soil.
-    Differs from a rut: the ground is not lowered for those that follow, and a wheel steered out of the track still
-    counts as following; in the torque and gross forms R stays, where compaction would fall (15 % for n = 1, 2 x 30 %).
+        k_1, k_2 <- (1 + p g) (k_1, k_2),   k <- k / (1 + p g_k)
+
+    k_1 and k_2 are the pressure moduli of Eq (4), and k is the shear displacement of Eq (2). p follows the direction of
+    travel: in reverse, the rear wheels are first.
+
+    Source: assumed form, linear in the passes; Wong, Theory of Ground Vehicles, for the growth of a rut's stiffness and
+    shear modulus with repeated passes. Differs from the paper: all its wheels meet fresh soil. Differs from a rut: the
+    ground is not lowered for the wheels that follow, and a wheel that is steered out of the track still counts as
+    following. In the torque and gross forms R stays constant, although compaction would fall (by 15 % for n = 1 and two
+    passes of 30 %).
     """
 
     title: ClassVar[str] = "multi-pass"
     family: ClassVar[str] = "ground"
-    meaning: ClassVar[str] = "the wheels that follow run in soil that those ahead have pressed"
+    meaning: ClassVar[str] = "wheels run in soil that the wheels in front of them have compacted"
     stiffening: Scalar = quantity(0.3, "", "assumed: 30 % a pass", 0.0, 5.0, "g")
     shear_stiffening: Scalar = quantity(0.3, "", "assumed: 30 % a pass", 0.0, 5.0, "g_k")
     neutral: ClassVar[dict[str, float]] = {"stiffening": 0.0, "shear_stiffening": 0.0}
     unpaid: ClassVar[bool] = True
 
     def amend(self, contact: Contact, x: tuple[Scalar, ...]) -> Contact:
-        """Return the contact on the soil that the wheels before have left."""
+        """Return the contact with the soil that the wheels in front have compacted."""
+        # `axle` is the number of wheels of this side that ran here before, counted in the direction of travel.
         soil, stiffer = contact.soil, 1.0 + contact.axle * self.stiffening
         k = soil.k / (1.0 + contact.axle * self.shear_stiffening)
         return contact._replace(soil=soil.replace(k_1=stiffer * soil.k_1, k_2=stiffer * soil.k_2, k=k))

@@ -1,4 +1,4 @@
-"""The normal stress peaks in front of the axle, the further the more the wheel slips."""
+"""A normal stress whose peak lies in front of the axle and moves forwards with slip."""
 
 from dataclasses import dataclass, field
 from typing import ClassVar
@@ -13,21 +13,25 @@ from rover_pin.soil.angles import FixedAngles, SinkageAngles
 from rover_pin.soil.peak_stress import PeakAngle, peak_stress_forces
 from rover_pin.soil.wheel_forces import GrossTraction, NetTraction, TorqueTraction, WheelForces, wheel_forces
 
-MARGIN = 0.02
-"""theta_m keeps this share of the arc from both ends."""
+MIN_END_DISTANCE = 0.02
+"""Smallest distance of the stress peak from both ends of the contact, as a fraction of the contact's arc."""
 
 
 @dataclass(frozen=True)
 class PeakStress(Effect):
-    """A share w of the stress is Wong and Reece's, with its peak at theta_m = (a_0 + a_1 S) theta_1, the rest Eq (4)'s.
+    """The normal stress under the wheel has its peak in front of the axle, and the peak moves forwards with slip.
 
-    With q the ratio of the normal forces (Wong and Reece's over Eq 6's, at the sinkage's angles) and F, M the factors
-    of f_t and torque by f_n, all that depends on f_n so far grows by w (q - 1), and w q dF f_n, w q dM r f_n are added.
-    `form` and `angles` must be those of the model's `SoilTraction`, whose forces this replaces.
+        sigma <- (1 - w) sigma_4 + w sigma_WR,   theta_m = (a_0 + a_1 S) theta_1
+
+    sigma_4 is the stress of Eq (4), with its peak under the axle, and sigma_WR the stress of Wong and Reece, with its
+    peak at the angle theta_m. q is the ratio of their normal forces at the angles of the sinkage; F and M are the
+    ratios of f_t and torque / r to f_n. All forces of the effects before that are proportional to f_n grow by w (q -
+    1), and w q dF f_n and w q dM r f_n are added, where dF and dM are the differences of F and M between both stresses.
+    `form` and `angles` must be those of the model's `SoilTraction`, whose forces this effect replaces.
 
     Source: Wong and Reece, J. Terramechanics 4(1) (1967) 81; values: Ishigami, Miwa, Nagatani and Yoshida, J. Field
-    Robotics 24 (2007) 233. Differs from the paper: it has the peak under the axle. Differs from Wong and Reece: theta_m
-    stays within the arc for any a_0, a_1 and S, their braking wheel has other stresses.
+    Robotics 24 (2007) 233. Differs from the paper: its peak lies under the axle. Differs from Wong and Reece: theta_m
+    stays within the arc for all a_0, a_1 and S, and their braked wheel has other stresses.
     """
 
     title: ClassVar[str] = "stress peak ahead of the axle"
@@ -41,23 +45,32 @@ class PeakStress(Effect):
     neutral: ClassVar[dict[str, float]] = {"share": 0.0}
 
     def load(self, contact: Contact, load: Load, x: tuple[Scalar, ...]) -> Load:
-        """Return what the moved peak adds to the load of the traction."""
+        """Return the change of the wheel's load if the peak of the normal stress moves from under the axle to its place
+        in front of it.
+        """
         wheel = contact.wheel
+        # The ratio of the normal forces is always that at the sinkage; the force factors follow the model's choice of
+        # angles.
         flat, peaked = self._both(contact, SinkageAngles())
         q = peaked.f_n / flat.f_n
         if isinstance(self.angles, FixedAngles):
             flat, peaked = self._both(contact, self.angles)
         dF = self.form.factor(peaked, wheel, contact.S) - self.form.factor(flat, wheel, contact.S)
         dT = peaked.torque / peaked.f_n - flat.torque / flat.f_n
+        # Earlier forces grow with the normal force; then the changes of the ratios F and M are added.
         grown = Load(*(self.share * (q - 1.0) * part for part in load))
         carried = self.share * q * load.f_n
         return grown.plus(Load(f_t=carried * dF, torque=carried * dT))
 
     def _both(self, contact: Contact, angles: FixedAngles | SinkageAngles) -> tuple[WheelForces, WheelForces]:
+        """Return the wheel forces for two normal stresses at equal contact angles: the stress of Eq (4) with its peak
+        under the axle, and the stress with the moved peak.
+        """
         wheel, soil = contact.wheel, contact.soil
         theta_1, theta_2 = angles.angles(contact.h, wheel, soil)
         flat = wheel_forces(contact.S, theta_1, theta_2, wheel, soil, NODES)
-        edge = MARGIN * (theta_1 - theta_2)
+        # A peak at an end of the contact would divide by the zero length of one branch of the stress.
+        edge = MIN_END_DISTANCE * (theta_1 - theta_2)
         theta_m = PeakAngle(self.a_0, self.a_1).at(contact.S, theta_1)
         theta_m = ca.fmin(ca.fmax(theta_m, theta_2 + edge), theta_1 - edge)
         return flat, peak_stress_forces(contact.S, (theta_1, theta_m, theta_2), wheel, soil, NODES)

@@ -1,4 +1,4 @@
-"""A rover whose mass is not where its URDF has it."""
+"""A rover whose mass or centre of mass differs from its URDF."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -10,20 +10,25 @@ from rover_pin.effects.effect import Ballast, BodyEffect
 
 @dataclass(frozen=True)
 class PointMass(BodyEffect):
-    """A mass m on the base, and the rover's centre of mass shifted by (shift_x, shift_z) in the base's axes.
+    """The base carries a mass m that the URDF does not state, and the rover's centre of mass is shifted by (shift_x,
+    shift_z).
 
-    m is a point at the centre of mass, so that each parameter says one thing and the drive is smooth at none of it; a
-    mass m at r alone is the shift m (r - c) / (M + m) from the centre of mass c. Negative values are an error of the
-    URDF the other way. Source: rigid-body statics. Differs from the paper: nothing, its masses are only not known.
+    The shift is in the axes of the base. m is a point at the centre of mass, so that each parameter has one meaning and
+    the drive is smooth in all of them. A single mass m at the position r is the shift m (r - c) / (M + m) from the
+    centre of mass c of a rover of mass M. Negative values correct a URDF with too much mass or a shift the other way.
+
+    Source: rigid-body statics. Differs from the paper: nothing; its masses are not stated.
     """
 
     title: ClassVar[str] = "misplaced mass"
-    meaning: ClassVar[str] = "the rover's mass, or its centre, is not where its description has it"
+    meaning: ClassVar[str] = "the rover's mass, or its centre of mass, differs from its URDF"
     m: Scalar = quantity(0.2, "kg", "assumed: a battery or an instrument", -2.0, 1e3, "m")
     shift_x: Scalar = quantity(0.01, "m", "assumed: a fiftieth of the wheelbase", -1.0, 1.0, "x")
     shift_z: Scalar = quantity(0.0, "m", "assumed", -1.0, 1.0, "z")
     neutral: ClassVar[dict[str, float]] = {"m": 0.0, "shift_x": 0.0, "shift_z": 0.0}
 
     def ballast(self) -> Ballast:
-        """Return the mass and the shift."""
+        """Return the mass [kg] that the base carries in addition to the URDF, and the displacement [m] of the rover's
+        centre of mass.
+        """
         return Ballast(float(self.m), float(self.shift_x), float(self.shift_z))

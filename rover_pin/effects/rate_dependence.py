@@ -1,4 +1,4 @@
-"""Shear that depends on how fast the rim slides, not only on how far."""
+"""Shear that depends on the sliding speed of the rim, not only on the sliding distance."""
 
 import math
 from dataclasses import dataclass
@@ -12,18 +12,22 @@ from rover_pin.effects.effect import Effect
 from rover_pin.soil.wheel_forces import pull_of_shear
 
 DECADE = math.log(10.0)
-"""Doubt of v_0: a reference speed by which nobody has scaled this law for sand; its bounds are two of them away."""
+"""Prior SD of the logarithm of the reference speed v_0: a factor of 10. No published reference speed exists for this
+law in sand, and the bounds are two such factors away."""
 
 
 @dataclass(frozen=True)
 class RateDependence(Effect):
-    """Shear <- shear (1 + c_r ln(1 + v_j / v_0)), v_j^2 = (r omega - v)^2 + v_y^2; f_t changes by what
-    torque changes, over r (braking: by what that pays for, `paid_for`).
+    """The shear that the soil bears depends on the speed v_j at which the rim slides on it.
 
-    c_r > 0 is sand that strengthens with rate, c_r < 0 one that loses grip, as single-wheel tests at speed show. Acts
-    on the load of the effects before it: torque and f_y, and f_t by its shear.
+        shear <- shear (1 + c_r ln(1 + v_j / v_0)),   v_j^2 = (r omega - v)^2 + v_y^2
+
+    With c_r > 0 the sand is stronger at higher speed. With c_r < 0 it loses grip, as single-wheel tests at speed show.
+    The effect acts on the load of the effects before it: on torque, f_y and the shear part of f_t. f_t changes by the
+    change of torque over r; a braked wheel gains only the part that its torque pays for (`paid_for`).
+
     Source: assumed form, the logarithmic rate law that is common in soil mechanics; loss of drawbar pull with speed:
-    Rodriguez-Martinez et al., arXiv 2306.02167. Differs from the paper: it knows the slip ratio only.
+    Rodriguez-Martinez et al., arXiv 2306.02167. Differs from the paper: its forces depend on the slip ratio only.
     """
 
     title: ClassVar[str] = "rate-dependent shear"
@@ -34,9 +38,11 @@ class RateDependence(Effect):
     neutral: ClassVar[dict[str, float]] = {"c_r": 0.0}
 
     def load(self, contact: Contact, load: Load, x: tuple[Scalar, ...]) -> Load:
-        """Return what the rate adds to the shear."""
+        """Return the change of the shear forces and the torque that the sliding speed of the rim causes."""
+        # Sliding speed of the rim on the soil, along and across the wheel together.
         sliding = right_angle(ca.fabs(contact.rim - contact.v_x), contact.v_y)
         more = self.c_r * ca.log1p(sliding / self.v_0)
+        # Only forces that shear carries grow; the normal force and resistances stay.
         pull = pull_of_shear(load.torque, contact.wheel, contact.S)
         shear = {name: more * getattr(load, name) for name in ("f_y", "torque", "moment_z")}
         return Load(f_t=more * pull, **shear)

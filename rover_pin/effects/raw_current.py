@@ -1,4 +1,4 @@
-"""Motor currents as a logger counts them: scale and zero unknown."""
+"""Motor currents in the counts of a logger, with unknown scale and zero."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -11,14 +11,15 @@ from rover_pin.contact import Scalar
 from rover_pin.effects.effect import SensorEffect
 
 MAX_COUNTS = 1e9
-"""No converter counts further."""
+"""Bound of the scale and the offset of a logged current. No converter counts to higher values."""
 
 
 @dataclass(frozen=True)
 class RawCurrent(SensorEffect):
-    """channel = scale current + offset, of one wheel's motor.
+    """The current of one wheel's motor is logged in counts: channel = scale current + offset.
 
-    It has no neutral values: nothing is missing where it acts, its numbers are just not known.
+    The effect has no neutral values: a log in counts lacks nothing, only its scale and its zero are unknown.
+
     Source: an uncalibrated shunt or converter (assumed form). Differs from the paper: its sensors are exact.
     """
 
@@ -27,10 +28,10 @@ class RawCurrent(SensorEffect):
     scale: Scalar = quantity(1.0, "", "assumed: in the channel's unit per A", -MAX_COUNTS, MAX_COUNTS, "scale")
     offset: Scalar = quantity(0.0, "", "assumed: in the channel's unit", -MAX_COUNTS, MAX_COUNTS, "offset")
     motor: str = "fl"
-    "name of the wheel whose motor it is"
+    """name of the wheel whose motor current is logged"""
     channel: str = "raw_current_fl"
 
     def read(self, t: np.ndarray, channels: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """Return the counted current."""
+        """Return the logged channel: the motor's current in counts."""
         true = f"current_{self.motor}_A"
         return {self.channel: self.scale * channels[true] + self.offset} if true in channels else {}

@@ -1,4 +1,4 @@
-"""A channel that reads a constant too much."""
+"""A channel with a constant offset."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -13,9 +13,9 @@ from rover_pin.effects.effect import SensorEffect
 
 @dataclass(frozen=True)
 class SensorBias(SensorEffect):
-    """channel -> channel + bias, in the channel's unit.
+    """A sensor has a constant zero error: channel -> channel + bias, in the unit of the channel.
 
-    Source: zero error of a potentiometer or level (assumed form). Differs from the paper: its sensors are exact.
+    Source: zero error of a potentiometer or a level (assumed form). Differs from the paper: its sensors are exact.
     """
 
     title: ClassVar[str] = "sensor bias"
@@ -25,5 +25,5 @@ class SensorBias(SensorEffect):
     neutral: ClassVar[dict[str, float]] = {"bias": 0.0}
 
     def read(self, t: np.ndarray, channels: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """Return the shifted channel."""
+        """Return the channel as the sensor logs it, with its constant offset."""
         return {self.channel: channels[self.channel] + self.bias} if self.channel in channels else {}

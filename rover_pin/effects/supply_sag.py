@@ -1,4 +1,4 @@
-"""A supply that gives way under load: every wheel feels what any wheel draws."""
+"""A supply whose voltage drops under load: every wheel feels the current of all wheels."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -10,24 +10,28 @@ from rover_pin.effects.effect import Drive, MotorEffect, State
 
 @dataclass(frozen=True)
 class SupplySag(MotorEffect):
-    """V <- V - R_b y, dy/dt = (I - y) / tau, I the current that all motors draw: the sum of delta i.
+    """The voltage of the supply drops under load, so that every wheel feels the current of all wheels.
 
-    One resistance before all bridges, with a buffer that takes tau to follow: common to all wheels, without memory
-    beyond tau. With I computed one step late, the buffer is also what keeps a stiff supply stable.
+        V <- V - R_b y,   dy/dt = (I - y) / tau
+
+    I is the current that all motors draw, the sum of duty times motor current, and y is I smoothed over the time tau.
+    One resistance R_b feeds all bridges, behind a buffer with the time constant tau. The effect is common to all wheels
+    and has no memory beyond tau. I is known one step late, and the buffer also keeps a stiff supply stable.
+
     Source: ohmic source resistance, duty-averaged bridges. Differs from the paper: its supply is ideal.
     """
 
     title: ClassVar[str] = "supply sag"
     meaning: ClassVar[str] = "the bus voltage drops with the current that all motors draw"
     R_b: Scalar = quantity(2.0, "ohm", "assumed: 1.5 % of 7.2 V where six wheels draw 0.05 A", 0.0, 20.0, "R_b")
-    tau: Scalar = quantity(0.1, "s", "assumed: shorter than what a drive's log resolves", 0.05, 10.0, "tau")
+    tau: Scalar = quantity(0.1, "s", "assumed: shorter than the rows of a drive log", 0.05, 10.0, "tau")
     states: ClassVar[tuple[State, ...]] = (State("drawn"),)
     neutral: ClassVar[dict[str, float]] = {"R_b": 0.0}
 
     def amend(self, drive: Drive, x: tuple[Scalar, ...]) -> Drive:
-        """Return the drive at the sagged voltage."""
+        """Return the motor's input with the supply voltage that remains under the load of all motors."""
         return drive._replace(supply=drive.supply - self.R_b * x[0])
 
     def rate(self, drive: Drive, torque: Scalar, x: tuple[Scalar, ...]) -> tuple[Scalar, ...]:
-        """Return dy/dt."""
+        """Return the time derivative [A/s] of the smoothed total current."""
         return ((drive.bus_current - x[0]) / self.tau,)

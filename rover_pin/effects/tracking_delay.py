@@ -1,4 +1,4 @@
-"""An external tracker whose picture of the body is late."""
+"""An external tracker that reports the body late."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -13,7 +13,10 @@ from rover_pin.effects.effect import SensorEffect
 
 @dataclass(frozen=True)
 class TrackingDelay(SensorEffect):
-    """body(t) -> body(t - d) for position, attitude and velocity; before the first sample, the first sample.
+    """An external tracker reports the body late by the time d: body(t) -> body(t - d) for position, attitude and
+    velocity.
+
+    Before the start of the log the first sample holds.
 
     Source: latency of video tracking (assumed form). Differs from the paper: its tracker is in step with the wheels.
     """
@@ -24,13 +27,15 @@ class TrackingDelay(SensorEffect):
     neutral: ClassVar[dict[str, float]] = {"d": 0.0}
 
     def read(self, t: np.ndarray, channels: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """Return the late channels."""
+        """Return the body's channels as the tracker logs them, with the delay."""
         return _at(np.asarray(t) - self.d, t, channels)
 
     def undo(self, t: np.ndarray, channels: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """Return the channels as they were before the delay; after the last sample, the last."""
+        """Return the body's channels without the delay. After the end of the log, the last sample is used."""
         return _at(np.asarray(t) + self.d, t, channels)
 
 
 def _at(times: np.ndarray, t: np.ndarray, channels: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Return the body's channels at other `times` [s], interpolated linearly between the samples at `t` [s]."""
+    # np.interp holds the first and the last sample beyond the ends of the log.
     return {name: np.interp(times, t, values) for name, values in channels.items() if name.startswith("body_")}

@@ -15,9 +15,11 @@ VELOCITIES = ("body_vx", "body_vy", "body_vz")
 
 @dataclass(frozen=True)
 class VelocityFilter(SensorEffect):
-    """tau dy/dt = v - y, exactly for a velocity that is linear between the samples; y starts at the first sample.
+    """The tracked velocity v is low-pass filtered to y before it is logged: tau dy/dt = v - y.
 
-    Source: first-order low-pass. Differs from the paper: its velocities are not filtered.
+    The equation is solved exactly for a velocity that is linear between the samples, and y starts at the first sample.
+
+    Source: first-order low-pass filter. Differs from the paper: its velocities are not filtered.
     """
 
     title: ClassVar[str] = "smoothed velocity"
@@ -26,15 +28,17 @@ class VelocityFilter(SensorEffect):
     neutral: ClassVar[dict[str, float]] = {"tau": 0.0}
 
     def read(self, t: np.ndarray, channels: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """Return the smoothed velocities."""
+        """Return the body's velocities after the low-pass filter, as they are logged."""
         if self.tau == 0.0:
             return {}
-        return {name: self._smooth_velocity(t, channels[name]) for name in VELOCITIES if name in channels}
-
-    def _smooth_velocity(self, t: np.ndarray, v: np.ndarray) -> np.ndarray:
-        y = np.array(v, dtype=float)
-        for k in range(1, len(t)):
-            step = t[k] - t[k - 1]
-            rise, keep = (v[k] - v[k - 1]) / step, np.exp(-step / self.tau)
-            y[k] = v[k] - rise * self.tau + (y[k - 1] - v[k - 1] + rise * self.tau) * keep
-        return y
+        smoothed = {}
+        for name in (name for name in VELOCITIES if name in channels):
+            v = channels[name]
+            y = np.array(v, dtype=float)
+            for k in range(1, len(t)):
+                # Exact step of the filter: the particular solution lags a ramp by tau, the rest decays.
+                step = t[k] - t[k - 1]
+                rise, keep = (v[k] - v[k - 1]) / step, np.exp(-step / self.tau)
+                y[k] = v[k] - rise * self.tau + (y[k - 1] - v[k - 1] + rise * self.tau) * keep
+            smoothed[name] = y
+        return smoothed

@@ -10,9 +10,10 @@ from rover_pin.effects.effect import Drive, MotorEffect
 
 @dataclass(frozen=True)
 class ViscousFriction(MotorEffect):
-    """torque = -b_v omega.
+    """Friction of bearings and grease grows in proportion to the wheel rate omega: torque = -b_v omega.
 
-    Alone it looks like a smaller no-load rate of the motor: without the current nothing tells them apart.
+    Without logged currents, this effect cannot be distinguished from a motor with a lower no-load rate.
+
     Source: Armstrong-Helouvry, Dupont and Canudas de Wit, Automatica 30 (1994) 1083. Differs from the paper: it has no
     friction.
     """
@@ -23,5 +24,5 @@ class ViscousFriction(MotorEffect):
     neutral: ClassVar[dict[str, float]] = {"b_v": 0.0}
 
     def torque(self, drive: Drive, torque: Scalar, x: tuple[Scalar, ...]) -> Scalar:
-        """Return the friction torque."""
+        """Return the friction torque [N m] that this effect adds at the wheel."""
         return -self.b_v * drive.omega

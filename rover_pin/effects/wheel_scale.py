@@ -1,4 +1,4 @@
-"""Wheels that are larger, or smaller, than they are said to be."""
+"""Wheels that are larger or smaller than declared."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -10,21 +10,25 @@ from rover_pin.effects.effect import Effect
 
 @dataclass(frozen=True)
 class WheelScale(Effect):
-    """r <- (1 + e) r for all wheels: the rim speed (1 + e) r omega, the contact arc, and the lever of the soil torque.
+    """All wheels are larger or smaller than declared: r <- (1 + e) r for the rim speed, the contact arc and the lever
+    of the soil torque.
 
-    It comes before the slip, so that the slip is that of the true rim. Source: geometry; the size is assumed, a rim
-    with lugs or sand on it. Differs from the paper: nothing, its radius is only taken as exact. Neglected: the ride
-    height and where the wheel meets the terrain stay those of r, as does the mass.
+    The effect acts before the slip, so that the slip is the slip of the true rim. Neglected: the ride height and the
+    position of the contact with the terrain stay those of r, and so does the mass.
+
+    Source: geometry; the size is assumed, a rim with lugs or with sand on it. Differs from the paper: nothing; its
+    radius is only taken as exact.
     """
 
     title: ClassVar[str] = "wheel radius"
     family: ClassVar[str] = "wheel"
-    meaning: ClassVar[str] = "the wheels are larger, or smaller, than they are said to be"
+    meaning: ClassVar[str] = "the wheels are larger, or smaller, than declared"
     e: Scalar = quantity(0.02, "", "assumed: 2 %, 1 mm of the paper's 45", -0.3, 0.3, "e")
     before_slip: ClassVar[bool] = True
     neutral: ClassVar[dict[str, float]] = {"e": 0.0}
 
     def amend(self, contact: Contact, x: tuple[Scalar, ...]) -> Contact:
-        """Return the contact of the larger wheel."""
+        """Return the contact of a wheel with its true radius: both the rim speed and the wheel's radius are scaled."""
+        # The rim speed is scaled as well, because this effect acts before the slip is computed from it.
         larger = 1.0 + self.e
         return contact._replace(rim=larger * contact.rim, wheel=contact.wheel.replace(r=larger * contact.wheel.r))

@@ -1,4 +1,4 @@
-"""A winding that warms up, resists more and gives less torque."""
+"""A winding that warms up, so that its resistance rises and the torque falls."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -8,15 +8,18 @@ from rover_pin.contact import Scalar
 from rover_pin.effects.effect import Drive, MotorEffect, State
 
 ALPHA_COPPER = 0.00393
-"""Temperature coefficient of copper's resistance [1/K], IEC 60028."""
+"Temperature coefficient of copper's resistance [1/K], IEC 60028."
 
 
 @dataclass(frozen=True)
 class WindingHeating(MotorEffect):
-    """R <- R (1 + alpha R_th y), dy/dt = (i^2 R - y) / tau: y is the smoothed loss [W].
+    """The motor's winding warms up, so that its resistance R rises and its torque falls.
 
-    R_th y is the temperature rise of the winding. One thermal mass against the air; alpha is copper's. The magnets' own
-    weakening is left out.
+        R <- R (1 + alpha R_th y),   dy/dt = (i^2 R - y) / tau
+
+    y is the smoothed loss [W] of the current i, and R_th y the temperature rise of the winding. The model has one
+    thermal mass against the air and the coefficient alpha of copper. The weakening of the magnets is neglected.
+
     Source: first-order thermal model of motor data sheets. Differs from the paper: its motor has one resistance.
     """
 
@@ -28,9 +31,10 @@ class WindingHeating(MotorEffect):
     neutral: ClassVar[dict[str, float]] = {"R_th": 0.0}
 
     def amend(self, drive: Drive, x: tuple[Scalar, ...]) -> Drive:
-        """Return the drive with the warm winding."""
+        """Return the motor's input with the resistance of the warm winding."""
         return drive._replace(resistance=drive.resistance * (1.0 + ALPHA_COPPER * self.R_th * x[0]))
 
     def rate(self, drive: Drive, torque: Scalar, x: tuple[Scalar, ...]) -> tuple[Scalar, ...]:
-        """Return dy/dt."""
+        """Return the time derivative [W/s] of the smoothed heat loss in the winding."""
+        # Heat loss i^2 R of the winding, smoothed over the thermal time constant.
         return ((drive.current * drive.current * drive.resistance - x[0]) / self.tau,)

@@ -1,4 +1,6 @@
-"""Fitting, with no rover in it: parameters with priors, noise, least squares, intervals, profiles.
+"""Fitting without any rover: parameters with priors, noise, least squares, intervals of parameters and tests of
+significance.
 
-Start at `fit` (a model against an `Experiment`) or `descent` (any rows with a Jacobian).
+Start at `fit.fit` (fits a model to an `Experiment`), `residual.residual` (the residual and its chi2) or
+`descent.descend` (minimises the sum of squares of residuals with a Jacobian).
 """

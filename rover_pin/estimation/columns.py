@@ -1,37 +1,55 @@
-"""Whitened columns of a function that rows may have in common, or each fold for itself."""
+"""Columns of a linear function: each column holds the change of the whitened residuals per unit of one coefficient.
+
+The coefficients are shared by all residuals, or each run has its own coefficients.
+"""
 
 from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import block_diag
 
-IDENTIFIABLE_SHARE = 1e-3
-"""Share of its size, or of the greatest, a square or a singular value, that a direction of columns must have left to be
-identified; below is round-off, or none."""
+MIN_IDENTIFIABLE_SHARE = 1e-3
+"""Ratio of a singular value to the largest one, below which its direction in the space of the columns is left out.
+
+The size of such a direction would be mostly rounding noise. 1e-3 is far above the rounding of derivatives by finite
+differences, and far below every direction that data determine."""
 
 
 class Columns(NamedTuple):
-    """The whitened columns (n, k) of a function; where every run has its own numbers, run r's act on its rows."""
+    """A linear function that changes n whitened residuals by C v, where C (n, k) are its columns and v are k
+    coefficients.
+
+    If each run has its own coefficients, those of a run change only the residuals of this run. The whole matrix then
+    has k columns for each run, and is block-diagonal.
+    """
 
     values: np.ndarray
     runs: tuple[slice, ...]
-    "the rows of each run that has its own numbers; all rows, once, where the runs share them"
+    """slice of the residuals of each run, if each run has its own coefficients; otherwise one slice that holds all
+    residuals"""
 
     @property
     def width(self) -> int:
-        """How many columns there are, those of each run counted."""
+        """Number of coefficients of the function: k, or k times the number of runs if each run has its own
+        coefficients.
+        """
         return int(self.values.shape[1]) * len(self.runs)
 
     def normal(self, w: np.ndarray) -> np.ndarray:
-        """Return C^T diag(w) C, C the whole columns."""
+        """Return the weighted normal matrix C^T diag(w) C (width, width) of the columns C, for weights w (n,) of the
+        residuals.
+        """
         return np.asarray(block_diag(*(part.T @ (w[run, None] * part) for run, part in self._parts)))
 
     def across(self, table: np.ndarray) -> np.ndarray:
-        """Return table^T C of a table (n, ...)."""
+        """Return the product table^T C (..., width) of a table (n, ...) and the columns C (n, width), for example the
+        table of other columns.
+        """
         return np.concatenate([table[run].T @ part for run, part in self._parts], axis=-1)
 
     def times(self, size: np.ndarray) -> np.ndarray:
-        """Return C size, one number a row."""
+        """Return the change C v (n,) of the whitened residuals for the coefficients v = `size` (width,)."""
+        # Each run takes its own k coefficients from the long vector, in the order of the runs.
         amplitudes_by_run = np.split(size, len(self.runs))
         return np.concatenate(
             [part @ run_amplitudes for (_, part), run_amplitudes in zip(self._parts, amplitudes_by_run, strict=True)]
@@ -43,5 +61,5 @@ class Columns(NamedTuple):
 
 
 def no_columns(rows: int) -> Columns:
-    """Return no columns at all, of a number of rows."""
+    """Return a function without coefficients, which changes none of its `rows` whitened residuals."""
     return Columns(np.zeros((rows, 0)), (slice(None),))

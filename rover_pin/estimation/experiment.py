@@ -1,4 +1,8 @@
-"""The door of fits and of the loop: what an experiment must offer to be fitted, and for what its model lacks."""
+"""The interface between data and fits: an experiment provides measured values, their predictions by a model, and the
+derivatives of these predictions by the parameters.
+
+Every kind of data implements `Experiment`: a wheel rig, a drive log, a motor brake, or a file of a user.
+"""
 
 from __future__ import annotations
 
@@ -15,34 +19,41 @@ from rover_pin.estimation.parameter import Parameter, parameter_of
 from rover_pin.estimation.random_effects.random_field import RandomField
 
 Arrays = dict[str, np.ndarray]
-LEAST_NOISE = 1e-6
-"""Least SD of a channel's noise [its unit], where it is learnt."""
+MIN_NOISE = 1e-6
+"""Minimum SD of the noise of a channel, in its unit, if the noise is estimated from the residual. Without it, a channel
+that never changes would get noise 0 and infinite weight. It is far below the resolution of every sensor."""
 
 
 class Sensitivities(NamedTuple):
-    """A prediction (folds, channels, samples) and its exact slopes d predicted / d u (parameters, folds, ...)."""
+    """A prediction (folds, channels, samples) and its exact derivatives by the parameters u, d predicted / d u
+    (parameters, folds, channels, samples).
+    """
 
     predicted: np.ndarray
     slopes: np.ndarray
 
 
 class Experiment(ABC):
-    """Measurements of something, and a way to predict them from a model; arrays are (folds, channels, samples).
+    """Measured values, and the prediction of these values by a model. Arrays have the shape (folds, channels, samples).
 
-    `channels` and `folds` are names, `observed` is what was measured, NaN where nothing is compared. A fold is what is
-    left out together in cross-validation: a run, a level of slip, a step of the load. A model is
-    anything with `having(effect)`; its numbers are called `owner.quantity`, after the records that `records` returns.
+    `channels` and `folds` are names. `observed` holds the measured values, NaN for values that are not compared. A fold
+    is a group of samples that cross-validation leaves out together, such as a run, a slip level or a load step. A
+    campaign is a group of folds measured with the same set-up. A model is any object with a method `having(effect)`,
+    which returns the model with the effect added. A parameter has a name `owner.quantity`, such as `soil.k`: `owner` is
+    the key in `records` of the part of the model that holds the parameter.
     """
 
     name: str = "experiment"
     stand_in: float = np.inf
-    "what `predict` has in place of NaN where a fit by differences must step away: no error is taken of it"
+    """value that `predict` returns for a missing prediction. Fits with finite differences need a finite value for each
+    sample. No error is computed from this value"""
     no_value: str = "the model has no value there"
-    "why a prediction may be NaN, in words"
+    """reason for a missing prediction, in words for a report"""
     is_timed: bool = False
-    "whether samples of a fold follow one another in time, so that neighbours hang together"
+    """whether the samples of a fold follow each other in time, so that neighbouring samples are correlated"""
     difference: float = 0.3
-    "of u for a derivative by a difference: what its `predict_near` rounds, or jumps, must be small against that"
+    """step of u (parameters in units of their prior SD) for finite differences. It must be large compared with the
+    rounding errors and jumps of `predict_near`"""
 
     if TYPE_CHECKING:  # fields or properties of an implementation, as it likes: a property here would be their default
 
@@ -52,140 +63,239 @@ class Experiment(ABC):
 
         @property
         def folds(self) -> tuple[str, ...]:
-            """Names of what is left out together."""
+            """Names of the groups of samples that cross-validation leaves out together."""
 
         @property
         def observed(self) -> np.ndarray:
-            """What was measured; NaN is not compared."""
+            """Measured values (folds, channels, samples); a value that is NaN is not compared."""
 
     @abstractmethod
     def predict(self, models: Sequence[Any]) -> np.ndarray:
-        """Return what each model predicts (models, folds, channels, samples), `stand_in` where that is nothing.
+        """Return the prediction of the measured values by each of several models (models, folds, channels, samples).
 
-        Where slopes are exact that is NaN; else finite everywhere.
+        A sample that a model cannot predict is NaN if the experiment has exact derivatives (`Differentiable`).
+        Otherwise it is `stand_in`, so that fits with finite differences see finite values only.
         """
 
     def predict_near(self, models: Sequence[Any]) -> np.ndarray:
-        """Return what models predict of which all are near the first, for the differences between them."""
+        """Return the predictions of models that are all close to the first model, for finite differences between them.
+
+        An implementation may be faster and less accurate than `predict`, as long as the differences between the models
+        are accurate enough.
+        """
         return self.predict(models)
 
     @abstractmethod
     def records(self, model: Any) -> Mapping[str, Any]:
-        """Return the records of a model whose numbers can be fitted, effects included, by name of the owner."""
+        """Return the parts of a model that hold its parameters (the soil, the motor, each effect), by the name of the
+        owner.
+        """
 
     @abstractmethod
     def replace_record(self, model: Any, owner: str, record: Any) -> Any:
-        """Return the model with another record of this owner."""
+        """Return the model in which the part called `owner` is replaced by `record`."""
 
     def unit(self, channel: str) -> str:
         """Return the unit of a channel."""
         return ""
 
     def quantity(self, model: Any, name: str) -> Quantity:
-        """Return what is known of a parameter: its unit, bounds and source."""
+        """Return the description of the parameter `owner.quantity`: its unit, its bounds and its source."""
         return find(self.records(model), name)[2]
 
     def value(self, model: Any, name: str) -> float:
-        """Return the value of a parameter."""
+        """Return the value of the parameter `owner.quantity` in a model [SI]."""
+        # Each value is replaced in the model that the replacement before returned, so that several values of one part
+        # add up.
         record, quantity, _ = find(self.records(model), name)
         return float(getattr(record, quantity))
 
     def with_values(self, model: Any, values: dict[str, float]) -> Any:
-        """Return the model with these values of parameters."""
+        """Return the model in which some parameters have new values [SI]; `values` maps `owner.quantity` to
+        the value.
+        """
         for name, value in values.items():
             record, quantity, _ = find(self.records(model), name)
             model = self.replace_record(model, name.rpartition(".")[0], record.replace(**{quantity: value}))
         return model
 
     def parameter(self, model: Any, name: str, sd: float, log: bool = False, declared: str = "") -> Parameter:
-        """Return an uncertain number around its present value; `sd` is relative where `log`.
+        """Return the parameter `owner.quantity` as a free parameter of a fit, with its present value as the mean of its
+        prior.
 
-        `declared` says where the data state it; without it is assumed, by the source of its quantity.
+        Parameters
+        ----------
+        model : model
+            Model that holds the value.
+        name : str
+            Name of the parameter.
+        sd : float
+            SD of the prior: in the unit of the parameter, or relative if `log` is True.
+        log : bool
+            Whether the logarithm of the parameter is fitted, for a parameter that may change by factors.
+        declared : str
+            Place where the data declare the value. If the text is empty, the value counts as assumed, with the source
+            that its quantity states.
         """
         return parameter_of(name, find(self.records(model), name)[0], sd, log, declared)
 
     def noise(self) -> Noise | None:
-        """Return the noise as it is declared, or as repeats show it; None where it is learnt from what is left."""
+        """Return the noise of the measured values, as declared or as estimated from repeated measurements; None if the
+        noise has to be estimated from the residual of a fit.
+        """
         return None
 
     def floor(self) -> np.ndarray | None:
-        """Return the SD of each channel (channels,) that no model beats, as samples show it; None: the noise."""
+        """Return the smallest error (SD) of each channel (channels,) that a model can reach, estimated from the scatter
+        of samples.
+
+        None means that this scatter is unknown; the noise then counts as the smallest error.
+        """
         return None
 
     def least_noise(self, model: Any) -> np.ndarray:
-        """Return the least SD that noise is taken to have in each channel (channels,), where it is learnt.
+        """Return the minimum SD of the noise of each channel (channels,), if the noise is estimated from the residual.
 
-        A channel that never moves, or a fit that meets all its numbers, shows no noise.
+        Without a minimum, a channel that never changes, or a channel that a fit predicts exactly, would have no noise
+        and an infinite weight.
         """
-        return np.full(len(self.channels), LEAST_NOISE)
+        return np.full(len(self.channels), MIN_NOISE)
 
     def random_field(self, model: Any) -> RandomField | None:
-        """Return what differs from fold to fold by chance and how that would move a model; None: nothing that shows."""
+        """Return the random differences between folds (such as newly prepared terrain) and how each changes the
+        prediction.
+
+        None means that the experiment has no model of such differences.
+        """
         return None
 
     @property
     def campaigns(self) -> np.ndarray:
-        """Which campaign each fold (folds,) is of: noise and discrepancy of each are its own."""
+        """Index of the campaign of each fold (folds,). A campaign is a group of folds measured with the same set-up.
+        The noise, and the smooth discrepancy between model and data, are estimated for each campaign separately.
+        """
         return np.zeros(len(self.folds), dtype=int)
 
     @property
     def varied(self) -> np.ndarray:
-        """What was set at each sample (folds, samples, inputs), over which what a model leaves may be smooth."""
+        """Set quantities at each sample (folds, samples, inputs), such as slip and load. A discrepancy between model
+        and data is assumed to be a smooth function of these quantities.
+        """
         folds, _, samples = np.shape(self.observed)
         return np.zeros((folds, samples, 0))
 
     def reading_errors(self, model: Any) -> tuple[Parameter, ...]:
-        """Return the errors of the measuring that nobody declares, at none: each may be what is missing."""
+        """Return possible errors of the measurement (such as an offset of a sensor) that the data do not declare, as
+        parameters with the value 0. Each is a candidate for the cause of the residual.
+        """
         return ()
 
     def turns(self) -> np.ndarray | None:
-        """Return at which turn each sample was measured (folds, samples), by which noise may drift.
+        """Return the position of each sample in the order of measurement (folds, samples), along which the noise may
+        drift.
 
-        None where that is not known, or folds were measured one after the other: their drift looks like a law.
+        None if the order is unknown. Also None if the folds were measured one after the other: a drift would then look
+        like a dependence on the quantity that differs between the folds.
         """
         return None
 
     def unpredicted_part(self, model: Any) -> str:
-        """Return what of the measurements a model does not predict, and why, in words; empty where it predicts all."""
+        """Return a text about the measured values that a model cannot predict, with the reason; empty if it predicts
+        all values.
+        """
         return ""
 
     def neighbours(self, candidate: Any, step: float) -> Sequence[Any]:
-        """Return a candidate whose place was sought with its edges moved by `step`; none where there is no place."""
+        """Return copies of a local candidate (an effect that acts on a stretch of the path only) with slightly
+        different stretches.
+
+        In each copy the edges of the stretch are moved by `step` [m]. The loop compares the copies to find the stretch
+        that fits best. The result is empty if the candidate is not local.
+        """
         return ()
 
     def cached_arrays(self, request: tuple[Any, ...], make: Callable[[], Arrays]) -> Arrays:
-        """Return what `make` makes, or what was kept of it when the same was asked before."""
+        """Return stored arrays for a request, or call `make` and return its arrays.
+
+        An experiment that stores the arrays of earlier requests can continue a loop that was stopped: an equal request
+        is then not computed again. This default stores nothing and always calls `make`.
+        """
         return make()
 
 
 class Differentiable(Experiment):
-    """An experiment that tells exact slopes at little more than a prediction's cost.
+    """An experiment with exact derivatives of its prediction by the parameters, at little more than the cost of a
+    prediction.
 
-    Fits then start from several points and end at a minimum, and every fold is predicted by whole refits.
+    Fits then start from several points and end at a minimum, and cross-validation repeats the fit for every fold.
     """
 
     @abstractmethod
     def sensitivities(self, model: Any, parameters: Sequence[Parameter], u: np.ndarray) -> Sensitivities:
-        """Return what the model predicts with the parameters at u, and its exact slopes."""
+        """Return the prediction for parameters at u (parameters,), and its exact derivatives by u.
+
+        `parameters` are the free parameters of the model, and u their values in units of their prior SD.
+        """
 
 
 def find(records: Mapping[str, Any], name: str) -> tuple[Any, str, Quantity]:
-    """Return the record, the quantity's name and what is known of a parameter called `owner.quantity`.
+    """Return the part of a model that holds the parameter `owner.quantity`, the name of the quantity, and its
+    `Quantity` (unit, bounds and source).
 
-    Raises ParameterError: the model has no such owner, or it no such number; the message lists the close ones.
+    `records` are the parts of the model by the name of the owner. Raises ParameterError if the model has no such part,
+    or the part no such quantity; the message lists the closest names.
     """
     owner, _, quantity = name.rpartition(".")
     if owner not in records:
-        raise ParameterError(f"The model has no '{owner}' to fit: {closest(owner, records)}")
+        raise ParameterError(
+            f"The model has no '{owner}' to fit (from the parameter '{name}'): {closest(owner, records)}"
+        )
     specs = quantities(records[owner])
     if quantity not in specs:
         raise ParameterError(f"'{owner}' has no number '{quantity}': {closest(quantity, specs)}")
     return records[owner], quantity, specs[quantity]
 
 
-def residual(measured: np.ndarray, predicted: np.ndarray) -> np.ndarray:
-    """Return measured - predicted, the sign of every residual of the package: above 0 where the model gives too little.
+ADDITIVITY_TOLERANCE = 0.1
+"""Limit for recognising samples whose prediction jumps; the derivative of such a sample is set to 0.
 
-    Whatever is fitted, tested for correlations, tabled, drawn or described as left has it.
+All parameters are changed together and one by one. If the joint change of the prediction differs from the sum of the
+single changes by more than this fraction of that sum, plus the steps of all parameters, the prediction counts as
+jumping. The steps are added, because a curved prediction deviates in proportion to the steps. The value is assumed: it
+lies between the deviation of a curve and that of a jump, which changes by about the same amount for any step."""
+
+
+def model_at(experiment: Experiment, model: Any, parameters: Sequence[Parameter], u: np.ndarray) -> Any:
+    """Return the model with its free parameters set to u (parameters,), which are in units of their prior SD."""
+    return experiment.with_values(
+        model, {parameter.name: parameter.value(x) for parameter, x in zip(parameters, u, strict=True)}
+    )
+
+
+def slopes_at(experiment: Experiment, model: Any, parameters: Sequence[Parameter], u: np.ndarray) -> np.ndarray:
+    """Return the derivatives of the prediction by the parameters at u: d predicted / d u (parameters, folds, channels,
+    samples).
+
+    The derivatives are exact if the experiment has exact ones; otherwise they are one-sided finite differences. A
+    finite difference is set to 0 for samples whose prediction jumps, for example those of a wheel that just stops. The
+    test for a jump: a double step of all parameters together changes a smooth prediction by twice the sum of the single
+    changes, within a tolerance (ADDITIVITY_TOLERANCE).
     """
-    return np.asarray(measured - predicted)
+    if isinstance(experiment, Differentiable):
+        return experiment.sensitivities(model, parameters, u).slopes
+    model_at_u = model_at(experiment, model, parameters, u)
+    step = experiment.difference
+    # Differences point away from an upper bound.
+    steps = [step if x + step <= parameter.bounds[1] else -step for parameter, x in zip(parameters, u, strict=True)]
+    rows = list(zip(parameters, u, steps, strict=True))
+    # One model for each parameter, and one more in which all parameters are changed by twice their step.
+    single = [{parameter.name: parameter.value(x + change)} for parameter, x, change in rows]
+    together = {parameter.name: parameter.value(x + 2.0 * change) for parameter, x, change in rows}
+    models = [experiment.with_values(model_at_u, values) for values in (*single, together)]
+    # All models go into one call, because an experiment can simulate them in parallel.
+    centre, *predictions, both = experiment.predict_near([model_at_u, *models])
+    changes = np.array(predictions) - centre
+    # A curved prediction deviates in proportion to the steps, a jump deviates by a fixed amount.
+    share = ADDITIVITY_TOLERANCE + step * len(steps)
+    is_smooth = np.abs(both - centre - 2.0 * changes.sum(axis=0)) <= 2.0 * share * np.abs(changes).sum(axis=0)
+    return np.where(is_smooth, changes / np.reshape(steps, (-1, 1, 1, 1)), 0.0)

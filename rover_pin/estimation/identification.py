@@ -1,8 +1,10 @@
-"""What a fit says of a model's numbers: estimates with intervals, and what each depends on."""
+"""The result of an identification: estimates of a model's parameters with intervals, and the fractions of the variance
+of each estimate that come from the noise of the data and from the priors.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -11,70 +13,89 @@ import numpy as np
 from rover_pin.base.errors import ParameterError
 from rover_pin.base.public import brief
 from rover_pin.estimation.numbers import Number, assumed_lines
-from rover_pin.estimation.profile import MOST
+from rover_pin.estimation.profile import MAJORITY
 from rover_pin.estimation.wording import format_value
 
-MANY = 10
-"""Numbers of one record up to which each is listed that is as it was known beforehand."""
+MAX_LISTED_NUMBERS = 10
+"""Maximum number of parameters of one part of the model (such as a motor) that a report lists one by one, if the data
+do not improve them. Of a part with more such parameters, the report states only the number, because a table or a motor
+would fill the page with values that are known already."""
 
 
 @brief
 class Estimate(NamedTuple):
-    """A number with its interval, and where its variance comes from."""
+    """A fitted parameter with its interval, and the fractions of its variance that come from the noise and from each
+    prior.
+    """
 
     number: Number
     data_share: float
-    "share of its variance that is the data's"
+    """fraction of the estimate's variance that comes from the noise of the data"""
     prior_shares: Mapping[str, float]
-    "share of it that what was known beforehand of each number leaves, its own included, the largest first"
+    """fraction of the estimate's variance that comes from the prior of each parameter, by name of that parameter. The
+    prior of the estimated parameter itself is included, and the largest fraction comes first"""
     remedy: str = ""
-    "what would tell it"
+    """measurement that would improve the estimate, in words"""
 
     @property
     def is_found(self) -> bool:
-        """Whether at least half of its variance is the data's, and no bound ends its interval."""
-        return self.data_share >= MOST and self.number.closed and not self.number.at_bound
+        """Whether the data determine the parameter: at least half of its variance comes from the noise of the data, its
+        interval is limited by the data at both ends, and its value does not lie at a bound.
+        """
+        return self.data_share >= MAJORITY and self.number.closed and not self.number.at_bound
 
     @property
     def is_as_known(self) -> bool:
-        """Whether the data say less of it than what was known beforehand."""
-        return self.prior_shares[self.number.name] >= MOST
+        """Whether at least half of the variance comes from the parameter's own prior: the data then add little to what
+        was known.
+        """
+        return self.prior_shares[self.number.name] >= MAJORITY
 
     @property
     def depends_on(self) -> tuple[str, ...]:
-        """The fewest numbers whose priors leave half of its variance; empty where the data leave it."""
-        if self.data_share >= MOST:
+        """Names of the parameters on whose priors the estimate mainly depends.
+
+        These are as few parameters as possible whose priors together cause at least half of the estimate's variance.
+        The result is empty if the noise of the data causes at least half of the variance.
+        """
+        if self.data_share >= MAJORITY:
             return ()
         sums = np.cumsum([*self.prior_shares.values()])
-        return tuple(self.prior_shares)[: int(np.searchsorted(sums, MOST)) + 1]
+        return tuple(self.prior_shares)[: int(np.searchsorted(sums, MAJORITY)) + 1]
 
     def line(self, others: Mapping[str, Estimate]) -> str:
-        """Return the number, whether it is found, else on what of the others it depends and what would tell that."""
-        if self.data_share >= MOST:
+        """Return the estimate as one line of a report: value and interval, followed by "found", or by the names of the
+        parameters on whose priors the estimate depends and the measurement that would improve it.
+
+        `others` are all estimates of the identification, by name.
+        """
+        if self.data_share >= MAJORITY:
             return f"{self.number.text}{': found' if self.is_found else ''}"
+        # The remedy is that of the parameter with the largest fraction, because measuring it helps most.
         kinds = {name: "declared" if others[name].number.declared else "assumed" for name in self.depends_on}
         words = " and ".join(f"the {kinds[name]} {name} ({self.prior_shares[name]:.0%})" for name in self.depends_on)
         return f"{self.number.text}: its variance depends on {words}; {others[self.depends_on[0]].remedy}"
 
     def as_dict(self) -> dict[str, Any]:
-        """Return plain values."""
+        """Return the estimate as plain values for JSON."""
         shares = {name: float(share) for name, share in self.prior_shares.items()}
         more = {"found": self.is_found, "data_share": self.data_share, "prior_shares": shares}
         return {**self.number.as_dict(), **more, "depends_on": list(self.depends_on)}
 
 
 def variance_shares(covariance: np.ndarray) -> np.ndarray:
-    """Return the share of each number's variance (numbers, numbers) that the prior of each leaves in it.
+    """Return the fraction of each parameter's variance (row) that comes from the prior of each parameter (column).
 
-    With C = (J' W J + 1)^-1, the `covariance` of numbers whose priors have mean m and SD 1, u = C (J' W y + m): the
-    error of a prior's mean moves u_i by C_ij of it, so that C_ij^2 / C_ii of the variance is its, and the rest of a row
-    is the data's.
+    `covariance` C (parameters, parameters) is that of the parameters u in units of their prior SDs: C = (J' W J +
+    1)^-1, with the derivatives J of the whitened residuals and their weights W. An error e of the prior mean of
+    parameter j moves u_i by C_ij e, so that the fraction of prior j in the variance of parameter i is C_ij^2 / C_ii.
+    The fraction of the data is 1 minus the sum of the row.
     """
     return np.asarray(covariance**2 / np.diag(covariance)[:, None])
 
 
 class ChannelFit(NamedTuple):
-    """How well one channel is met."""
+    """Quality of a fit in one channel: RMSE of the residual in the channel's unit, and number of compared points."""
 
     name: str
     unit: str
@@ -83,42 +104,50 @@ class ChannelFit(NamedTuple):
 
     @property
     def line(self) -> str:
-        """How well it is met, in words."""
+        """The channel in one line: RMSE and number of points."""
         return f"{self.name}: RMSE {format_value(self.rmse, self.unit)} over {self.points} points"
 
 
 @brief
 @dataclass(frozen=True, eq=False)
 class Identification:
-    """The base model fitted to data, with all that it assumes. `model` has the fitted numbers."""
+    """Result of an identification: the model fitted to data, with the estimates of its parameters and all assumptions.
+
+    Example: `result["k"].number.value` is the fitted k [m], and `print(result.report())` shows the whole result.
+    """
 
     name: str
     model: Any = field(repr=False)
+    """the model with its fitted parameters"""
     estimates: tuple[Estimate, ...]
     misfit: float
-    "reduced chi-square; 1 is the noise"
+    """reduced chi-square; 1 means that the residual is noise"""
     channels: tuple[ChannelFit, ...]
     held: Mapping[str, float]
-    "constants of wheel and soil that were not free [SI]"
+    """constants of the wheel and the soil that were held at their declared values, not fitted [SI], by name"""
     elsewhere: tuple[Any, ...] = ()
-    "fitted constants of a rig against other measurements of them"
+    """comparisons of fitted constants with independent measurements of the same constants"""
     correlation: np.ndarray = field(default_factory=lambda: np.eye(0), repr=False)
-    "of the numbers, in their order"
+    """correlation matrix of the estimates (parameters, parameters), in the order of `estimates`"""
 
     def __getitem__(self, name: str) -> Estimate:
-        """Return the estimate of a number, `k` for `soil.k`."""
+        """Return the estimate of a parameter by its full name (`soil.k`) or by its quantity alone (`k`).
+
+        Raises ParameterError if the parameter was not fitted.
+        """
         for estimate in self.estimates:
             if name in (estimate.number.name, estimate.number.name.rpartition(".")[2]):
                 return estimate
-        raise ParameterError(f"'{name}' was not free: {', '.join(row.number.name for row in self.estimates)} were.")
+        fitted = ", ".join(row.number.name for row in self.estimates)
+        raise ParameterError(f"'{name}' was not fitted. The fitted parameters are {fitted}.")
 
     @property
     def found(self) -> tuple[str, ...]:
-        """Names of the numbers that the data tell."""
+        """Names of the parameters that the data determine."""
         return tuple(estimate.number.name for estimate in self.estimates if estimate.is_found)
 
     def as_dict(self) -> dict[str, Any]:
-        """Return plain values, for JSON; SI units."""
+        """Return the result as plain values for JSON, in SI units."""
         return {
             "name": self.name,
             "parameters": {estimate.number.name: estimate.as_dict() for estimate in self.estimates},
@@ -130,28 +159,25 @@ class Identification:
         }
 
     def report(self) -> str:
-        """Return all of it as text."""
+        """Return the whole result as text."""
         numbers = [estimate.number for estimate in self.estimates]
         by_name = {estimate.number.name: estimate for estimate in self.estimates}
+        # First the parameters about which the data say something, then the quality of the fit, then the other
+        # parameters.
         informed = [estimate for estimate in self.estimates if not estimate.is_as_known]
         lines = [self.name, *(f"  {estimate.line(by_name)}" for estimate in informed)]
         lines += [f"  {channel.line}" for channel in self.channels]
         lines += [f"  reduced chi-square {self.misfit:.3g}; 1 is the noise"]
         lines += [f"  measured elsewhere: {flag.sentence}" for flag in self.elsewhere]
-        as_known = _list_numbers([estimate.number for estimate in self.estimates if estimate.is_as_known])
+        # A record with many parameters that the data do not improve is only counted.
+        known = [estimate.number for estimate in self.estimates if estimate.is_as_known]
+        owners = [number.name.rpartition(".")[0] for number in known]
+        as_known = dict.fromkeys(
+            number.text if owners.count(owner) <= MAX_LISTED_NUMBERS else f"{owner}: {owners.count(owner)} numbers"
+            for number, owner in zip(known, owners, strict=True)
+        )
         lines += ["  the data say less of these than was known beforehand:"] if as_known else []
         lines += [f"    {text}" for text in as_known]
         lines += [f"  {line}" for line in assumed_lines(numbers)]
         held = ", ".join(f"{name} = {value:.4g}" for name, value in self.held.items())
         return "\n".join([*lines, f"  held [SI]: {held}"])
-
-
-def _list_numbers(numbers: Sequence[Number]) -> list[str]:
-    """Return numbers in words, those of a record that has many of them as their count."""
-    owners = [number.name.rpartition(".")[0] for number in numbers]
-    counts = {owner: owners.count(owner) for owner in owners}
-    rows = [
-        number.text if counts[owner] <= MANY else f"{owner}: {counts[owner]} numbers"
-        for number, owner in zip(numbers, owners, strict=True)
-    ]
-    return list(dict.fromkeys(rows))

@@ -1,56 +1,74 @@
-"""What is noise in a drive log: size, memory and common mode of the residual blocks, and rows whitened by them."""
+"""The noise of an experiment: its SD, its correlation in time and between channels, and the whitening of residuals.
 
-import math
+A block is one sample of a channel; in a drive log, it is the mean of the channel over a short time. The memory of the
+noise is its correlation between successive blocks.
+"""
+
 from dataclasses import dataclass, field, replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from rover_pin.base.public import brief
-from rover_pin.estimation.profile import SURE
 from rover_pin.estimation.random_effects.random_field import RandomEffectsFilter
 
-SHRINK = 0.2
-"""Share by which correlations between channels are drawn to 0. Why: few blocks learn a dozen channels' (assumed)."""
-MOST_MEMORY = 0.95
-"""Greatest correlation of successive blocks."""
-HUBER_THRESHOLD = 4.0
-"""Whitened residuals beyond this many SDs count linearly, not squared. Why: white noise has one such in 16,000."""
-COLOURED = 1.5
-"""By how much chi2 by chance, and variances, exceed those of white noise: ground prepared anew leaves residuals that
-hang together beyond AR(1) blocks and a random field. Why: set on 14 blind null sets (seed 3101): what was not there
-gained up to 1.04 white fees, and errors of the numbers were 0.79 of SDs that had been widened by 2.25."""
-SPREAD = 1.4826
-"""SD over median absolute deviation of a normal law."""
+CORRELATION_SHRINKAGE = 0.2
+"""Fraction by which the estimated correlations between the noise of different channels are reduced towards 0. A few
+blocks cannot determine the correlations of a dozen channels, and a wrong correlation gives single combinations of
+channels too much weight (assumed)."""
+MAX_MEMORY = 0.95
+"""Largest correlation of the noise in successive blocks. A larger estimate is replaced by this value, because whitening
+divides by sqrt(1 - rho^2) and would amplify differences without limit."""
+LEARNT_NOISE_INFLATION = 1.5
+"""Factor on the variances of parameters, and on the decrease of chi2 that chance explains, if the noise was estimated
+from the residual.
+
+Without this factor, intervals would be too narrow, and chance would look like an effect: terrain that is prepared anew
+leaves residuals with more correlation than the noise model has. The value was set on 14 blind data sets without a
+missing effect."""
+SD_OVER_MAD = 1.4826
+"""Ratio of the SD to the median absolute deviation of a normal distribution. A robust SD is the median absolute
+deviation times this ratio."""
 
 
 @brief
 @dataclass(frozen=True, eq=False)
 class Noise:
-    """AR(1) blocks with a covariance between channels: r_b = rho r_(b-1) + e_b, e_b = sd sqrt(1 - rho^2) L n_b.
+    """Model of the noise: correlated in time within each channel, and correlated between channels.
 
-    `sd` (channels,), or of every block (runs, channels, blocks) where rho = 0; `rho` (channels,), `mixing` the inverse
-    of L (channels, channels); `good` (runs, channels, blocks) says which blocks are compared.
+    The errors r_b of all channels in block b are r_b = rho r_(b-1) + e_b with e_b = sd sqrt(1 - rho^2) L n_b. Here rho
+    is the correlation between successive blocks, sd the SD of each channel, L the root of the correlation matrix of the
+    channels, and n_b white noise of SD 1.
     """
 
     sd: np.ndarray
+    """SD of each channel (channels,), or of each block (folds, channels, samples) for noise without correlations"""
     rho: np.ndarray
+    """correlation of the noise in successive blocks (channels,)"""
     mixing: np.ndarray = field(repr=False)
+    """inverse of the matrix L that describes the correlations between channels (channels, channels), with which
+    residuals are whitened"""
     good: np.ndarray = field(repr=False)
-    inflation: float = COLOURED
-    "by how much chi2 by chance, and variances, exceed those of white rows; 1 where the noise is declared white"
+    """mask of the compared samples (folds, channels, samples)"""
+    inflation: float = LEARNT_NOISE_INFLATION
+    """factor by which variances, and decreases of chi2 by chance, are larger than for white noise; 1 for declared white
+    noise"""
     least: np.ndarray | float = field(default=0.0, repr=False)
-    "SD (channels,) that it was held to at least, as of the error of a replay"
+    """minimum SD (channels,) to which estimated noise was raised, for example the error of a replay"""
     random_effects: RandomEffectsFilter | None = None
-    "what besides differs from run to run by chance, as the ground does"
+    """random differences between runs in addition to the noise, for example of the terrain"""
 
     @property
     def floor(self) -> np.ndarray:
-        """RMS of the noise of every channel (channels,)."""
+        """RMS of the noise of each channel (channels,), in the channel's unit."""
         return self.sd if self.sd.ndim == 1 else rms_of(self.sd, self.good)
 
     def lower_bound(self, sample_scatter: np.ndarray | None) -> np.ndarray:
-        """Return the SD (channels,) that no model beats: samples' scatter, where known, or `least`; else the noise."""
+        """Return the smallest error (SD) of each channel (channels,) that a model can reach.
+
+        For a channel whose samples have a known scatter (`sample_scatter` (channels,), in the channel's unit), this is
+        the scatter, raised to at least `least`. For every other channel it is the RMS of the noise (`floor`).
+        """
         if sample_scatter is None:
             return self.floor
         known = np.nan_to_num(sample_scatter) > 0
@@ -58,37 +76,49 @@ class Noise:
 
     @property
     def fold(self) -> np.ndarray:
-        """Which run each compared block is of (n,)."""
+        """Index of the fold of each compared sample (n,)."""
         return np.nonzero(self.good)[0]
 
     @property
     def count(self) -> int:
-        """Number of compared blocks of all channels."""
+        """Number of compared samples of all channels."""
         return int(self.good.sum())
 
     def white(self, residual: np.ndarray) -> np.ndarray:
-        """Return residuals (..., runs, channels, blocks) as rows (..., n) of SD 1 without memory or common mode.
+        """Return residuals (..., folds, channels, samples) as whitened residuals (..., n): with an SD of 1 and no
+        correlations, for the n compared samples.
 
-        A row that is not predicted stays NaN, and tells its neighbours nothing.
+        The residual of a missing prediction (NaN) stays NaN and does not affect its neighbours.
         """
         lost = np.isnan(residual)
-        rows = np.asarray(self._scale_residual(np.where(lost, 0.0, residual))[..., self.good])
-        white = rows if self.random_effects is None else self.random_effects.taken_out(rows, self.good)
-        return np.where(lost[..., self.good], np.nan, white)
-
-    def _scale_residual(self, residual: np.ndarray) -> np.ndarray:
-        """Return residuals in their SDs, without memory or common mode where the noise has any."""
+        # Missing predictions are computed as 0 and set back to NaN at the end, so that they do not spread to their
+        # neighbours.
+        known = np.where(lost, 0.0, residual)
         if self.sd.ndim > 1:
-            return np.asarray(residual / self.sd)
-        steps = _innovations(np.where(self.good, residual, 0.0), self.good, self.rho)
-        scaled = steps / (self.sd * np.sqrt(1 - self.rho**2))[:, None]
-        return np.asarray(self.mixing @ np.where(self.good, scaled, 0.0))
+            # Noise with an SD for each block has no memory and no correlations between channels.
+            scaled = known / self.sd
+        else:
+            # First the correlation in time is removed (channel by channel), then the correlation between channels.
+            steps = innovations(np.where(self.good, known, 0.0), self.good, self.rho)
+            steps = steps / (self.sd * np.sqrt(1 - self.rho**2))[:, None]
+            scaled = self.mixing @ np.where(self.good, steps, 0.0)
+        rows = np.asarray(scaled[..., self.good])
+        if self.random_effects is not None:
+            rows = self.random_effects.taken_out(rows, self.good)
+        return np.where(lost[..., self.good], np.nan, rows)
 
 
-def _innovations(residual: np.ndarray, good: np.ndarray, rho: np.ndarray) -> np.ndarray:
-    """Return r_b - rho r_(b-1), or sqrt(1 - rho^2) r_b where the block before is not compared."""
+def innovations(residual: np.ndarray, good: np.ndarray, rho: np.ndarray) -> np.ndarray:
+    """Return the part of each residual that cannot be predicted from the previous block (folds, channels, samples).
+
+    For block b this innovation is r_b - rho r_(b-1), or sqrt(1 - rho^2) r_b if block b - 1 is missing, where rho
+    (channels,) is the correlation of the noise in successive blocks. Both expressions have the variance sd^2 (1 -
+    rho^2), so that a block after a gap counts as much as every other block. `residual` and `good` have the shape
+    (folds, channels, samples); `good` marks the compared samples.
+    """
     before = np.zeros_like(residual)
     before[..., 1:] = residual[..., :-1]
+    # A block follows its predecessor only if both are compared.
     follows = np.zeros_like(good)
     follows[..., 1:] = good[..., 1:] & good[..., :-1]
     memory = rho[:, None]
@@ -96,39 +126,58 @@ def _innovations(residual: np.ndarray, good: np.ndarray, rho: np.ndarray) -> np.
 
 
 def first_noise(residual: np.ndarray, least: np.ndarray) -> Noise:
-    """Return noise as large as a residual itself, no less than `least` (channels,), without memory."""
+    """Return uncorrelated noise for a first fit, with the SD of each channel estimated from a residual (folds,
+    channels, samples).
+
+    The SD of each channel is raised to at least `least` (channels,).
+    """
     good = np.isfinite(residual)
     sd = np.array([spread(residual[:, row][good[:, row]]) for row in range(residual.shape[1])])
     return Noise(np.maximum(sd, least), np.zeros(len(sd)), np.eye(len(sd)), good, least=least)
 
 
 def declared_noise(sd: np.ndarray, observed: np.ndarray) -> Noise:
-    """Return white noise of declared SDs, (channels,) or of each of what was observed (folds, channels, samples)."""
+    """Return white noise whose SDs are declared, not estimated.
+
+    Parameters
+    ----------
+    sd : array (channels,) or (folds, channels, samples)
+        SD of each channel, or of each measured value.
+    observed : array (folds, channels, samples)
+        Measured values; a value that is NaN is not compared.
+    """
     channels = observed.shape[1]
     return Noise(np.asarray(sd, float), np.zeros(channels), np.eye(channels), np.isfinite(observed), inflation=1.0)
 
 
-class Absorbed(NamedTuple):
-    """What a fit took of the noise: variance of each block (runs, channels, blocks), covariance with the one before."""
+class AbsorbedNoise(NamedTuple):
+    """Noise that the fitted parameters imitated, so that the residual no longer contains it.
+
+    `variance` is its variance in each block, and `lagged` its covariance with the block before. Both have the shape
+    (folds, channels, samples).
+    """
 
     variance: np.ndarray
     lagged: np.ndarray
 
 
-def noise_of(residual: np.ndarray, good: np.ndarray, least: np.ndarray, absorbed: Absorbed | None = None) -> Noise:
-    """Return the noise that a residual (runs, channels, blocks) shows, no less than `least` (channels,).
+def noise_of(residual: np.ndarray, good: np.ndarray, least: np.ndarray, absorbed: AbsorbedNoise | None = None) -> Noise:
+    """Estimate the noise of an experiment from a residual (folds, channels, samples).
 
-    With what the fit `absorbed` the expected squares and products of the noise itself stand, sum of those of what is
-    left and of what is explained (a step of expectation maximisation; Dempster, Laird and Rubin, J. Roy. Stat. Soc. B
-    39 (1977) 1), where the residual's alone are too small by the share of the columns in the rows.
+    `good` marks the compared samples. The SD of each channel is raised to at least `least` (channels,). A fit of p
+    parameters to n residuals absorbs a fraction p / n of the noise's variance. If `absorbed` is given, its variances
+    and covariances are therefore added to the squares and products of the residual (one step of expectation
+    maximisation). Source: Dempster, Laird and Rubin, J. Roy. Stat. Soc. B 39 (1977) 1.
     """
     channels = residual.shape[1]
     sd, rho, given_back = np.zeros((3, channels))
     for row in range(channels):
         values = np.where(good[:, row], residual[:, row], np.nan)
         sd[row] = max(spread(values[np.isfinite(values)]), least[row])
+        # Outliers would dominate the products, so that they are clipped at 3 SD.
         clipped = np.clip(values, -3 * sd[row], 3 * sd[row])
         current, previous = clipped[:, 1:].ravel(), clipped[:, :-1].ravel()
+        # Correlation in time: mean product of neighbouring blocks divided by the mean square.
         both = np.isfinite(current * previous)
         power = float(np.nanmean(clipped**2)) if both.any() else 0.0
         product = float(np.mean(current[both] * previous[both])) if both.any() else 0.0
@@ -137,8 +186,10 @@ def noise_of(residual: np.ndarray, good: np.ndarray, least: np.ndarray, absorbed
             taken = float(np.mean(absorbed.variance[:, row][good[:, row]]))
             lagged = float(np.mean(absorbed.lagged[:, row, 1:].ravel()[both]))
             sd[row], power, product = float(np.hypot(sd[row], np.sqrt(taken))), power + taken, product + lagged
+        # A negative correlation is set to 0, which makes the intervals wider, never narrower.
         memory = product / power if power > 0 else 0.0
-        rho[row] = min(max(memory, 0.0), MOST_MEMORY)
+        rho[row] = min(max(memory, 0.0), MAX_MEMORY)
+        # Variance of the innovations that the fit absorbed, needed for the correlations between channels.
         step = taken * (1 + rho[row] ** 2) - 2 * rho[row] * lagged
         given_back[row] = max(step, 0.0) / (sd[row] ** 2 * (1 - rho[row] ** 2))
     plain = Noise(sd, rho, np.eye(channels), good, least=least)
@@ -146,11 +197,14 @@ def noise_of(residual: np.ndarray, good: np.ndarray, least: np.ndarray, absorbed
 
 
 def _mixing(plain: Noise, residual: np.ndarray, given_back: np.ndarray) -> np.ndarray:
-    """Return the inverse Cholesky factor of the correlations of the innovations, drawn to 0 by SHRINK.
+    """Return the matrix (channels, channels) that removes the correlations between channels from whitened residuals.
 
-    Innovations are scaled to SD 1, with what a fit took of their variance `given_back` (channels,), but to no more than
-    `least` allows. What is added to what is left of a channel is no other channel's.
+    The matrix is the inverse Cholesky factor of the correlations between the channels' innovations (see `innovations`),
+    which are first reduced by CORRELATION_SHRINKAGE. `given_back` (channels,) is the variance of the innovations that a
+    fit absorbed. This variance is added to the variance of each channel, but not to the covariances, because it belongs
+    to one channel alone.
     """
+    # Correlations are estimated from innovations in SDs, clipped at 3 SD, because outliers would dominate the products.
     rows: np.ndarray = np.full(residual.shape, np.nan)
     rows[plain.good] = np.clip(plain.white(residual), -3, 3)
     table = np.moveaxis(rows, 1, 0).reshape(residual.shape[1], -1)
@@ -159,8 +213,10 @@ def _mixing(plain: Noise, residual: np.ndarray, given_back: np.ndarray) -> np.nd
     shared = np.maximum(finite.astype(float) @ finite.T, 1.0)
     covariance = filled @ filled.T / shared
     size = np.maximum(np.sqrt(np.diag(covariance) + given_back), plain.least / plain.sd)
-    correlation = (1 - SHRINK) * covariance / np.outer(size, size)
+    correlation = (1 - CORRELATION_SHRINKAGE) * covariance / np.outer(size, size)
     np.fill_diagonal(correlation, 1.0)
+    # Pairs of channels may be compared on different blocks, and their correlations may then contradict each other:
+    # eigenvalues of at least 0.05 keep the matrix positive definite.
     values, vectors = np.linalg.eigh(correlation)
     sound = (vectors * np.maximum(values, 0.05)) @ vectors.T
     lower = np.linalg.cholesky(sound)
@@ -168,41 +224,27 @@ def _mixing(plain: Noise, residual: np.ndarray, given_back: np.ndarray) -> np.nd
 
 
 def rms_of(table: np.ndarray, good: np.ndarray) -> np.ndarray:
-    """Return the RMS of each channel (channels,) of a table (folds, channels, samples) where it is good; 0 of none."""
+    """Return the RMS of each channel (channels,) of a table (folds, channels, samples), from the values that `good`
+    marks as compared; 0 for a channel without compared values.
+    """
     squares = np.where(good, table, 0.0) ** 2
     return np.asarray(np.sqrt(squares.sum(axis=(0, 2)) / np.maximum(good.sum(axis=(0, 2)), 1)))
 
 
 def spread(values: np.ndarray) -> float:
-    """Return a robust SD about 0."""
-    return SPREAD * float(np.median(np.abs(values))) if values.size else 0.0
+    """Return the robust SD of values whose mean is known to be 0, such as residuals: SD_OVER_MAD times their median
+    absolute value.
+    """
+    return SD_OVER_MAD * float(np.median(np.abs(values))) if values.size else 0.0
 
 
 def correlation(first: np.ndarray, second: np.ndarray) -> float:
-    """Return the correlation of what is known of both; 0 where that is too little, or one of them does not move."""
+    """Return the correlation of two series of samples; samples at which one of them is not finite are left out.
+
+    The result is 0 if fewer than three samples are left, or if a series is constant.
+    """
     both = np.isfinite(first) & np.isfinite(second)
     a, b = first[both], second[both]
     if len(a) < 3 or np.std(a) < 1e-12 or np.std(b) < 1e-12:
         return 0.0
     return float(np.corrcoef(a, b)[0, 1])
-
-
-def huber_weights(rows: np.ndarray) -> np.ndarray:
-    """Return the weights with which outlying rows count."""
-    return np.asarray(np.minimum(1.0, HUBER_THRESHOLD / np.maximum(np.abs(rows), 1e-12)))
-
-
-def huber_losses(rows: Any) -> np.ndarray:
-    """Return r^2 of each row, beyond HUBER_THRESHOLD linear."""
-    size = np.abs(rows)
-    return np.asarray(np.where(size > HUBER_THRESHOLD, 2 * HUBER_THRESHOLD * size - HUBER_THRESHOLD**2, size**2))
-
-
-def huber(rows: Any) -> float:
-    """Return the robust sum of squares."""
-    return float(np.sum(huber_losses(rows)))
-
-
-def null_gain(count: int) -> float:
-    """Return the gain in chi2 that chance alone gives the best of `count` in 1 - SURE of sets."""
-    return 2 * math.log(max(count, 1) / (1 - SURE))

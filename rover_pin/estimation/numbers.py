@@ -1,4 +1,4 @@
-"""The fitted numbers of a model with their 95 % intervals, and the shape of chi2 along those of what was added."""
+"""Fitted parameters with their 95 % intervals, and the profile of chi2 along the parameters of an added effect."""
 
 import math
 from collections.abc import Sequence
@@ -9,18 +9,22 @@ import numpy as np
 from rover_pin.base.errors import OptimisationError
 from rover_pin.estimation import wording
 from rover_pin.estimation.fit import Fit, fit
-from rover_pin.estimation.profile import CLEAR, NORMAL_95, Profile
+from rover_pin.estimation.profile import CLEAR_SDS, NORMAL_95, Profile
 
-AWAY = 5.0
-"""Prior SDs beyond which a number has left what is declared of it. Why: declared SDs are rough (assumed)."""
-SHARES = (-1.5, -1.0, -0.5, 0.5, 1.0, 1.5)
-"""Points of a profile about an optimum, as shares of half the 95 % interval."""
-AT_BOUND = 1e-6
-"""A number this near to a bound, in u, stands at it."""
+MAX_DEVIATION = 5.0
+"""Largest deviation of a fitted parameter from its declared value, in declared SDs, that is accepted.
+
+With a larger deviation the fit contradicts the declaration, and the base model is called inadequate. The limit is wide
+because declared SDs are rough (assumed)."""
+PROFILE_POINTS = (-1.5, -1.0, -0.5, 0.5, 1.0, 1.5)
+"""Points at which a profile of chi2 is computed: distances from the optimum, in units of half the width of the 95 %
+interval. Points at 1 lie at the ends of the interval, and those at 1.5 show whether chi2 keeps rising."""
+BOUND_TOLERANCE = 1e-6
+"""Distance from a bound (in u) below which a parameter counts as at its bound; it only covers rounding."""
 
 
 class Number(NamedTuple):
-    """One fitted number of a model with its 95 % interval [SI]."""
+    """A fitted parameter of a model with its 95 % interval [SI], as reports and verdict.json show it."""
 
     name: str
     unit: str
@@ -28,48 +32,56 @@ class Number(NamedTuple):
     low: float
     high: float
     drift: float
-    "distance from what was declared or assumed, in its SDs; NaN where nothing was"
+    """deviation of the fitted value from the declared or assumed value, in prior SDs; NaN for a parameter without a
+    prior"""
     closed: bool = True
-    "whether the data close both ends of the interval"
+    """whether the data limit both ends of the interval; if not, at least one end is a bound of the parameter"""
     at_bound: bool = False
+    """whether the fitted value lies at a bound of the parameter"""
     prior: str = ""
-    "what was declared or assumed of it, in words"
+    """declared or assumed value with its SD, in words; empty for a parameter without a prior"""
     covered: float = 0.0
-    "share of what is allowed of it, in u, that the interval covers; 0 where that is unbounded"
+    """fraction of the allowed range (in u) that the interval covers; 0 for an unbounded parameter"""
     declared: bool = False
-    "whether what was known of it came with the data; else it is assumed"
+    """whether the prior came with the data; if not, the prior is assumed"""
     source: str = ""
-    "who declared or assumed it"
+    """origin of the declared or assumed value, in words"""
 
     @property
     def note(self) -> str:
-        """What is to be known of it besides."""
-        return "at its bound" if self.at_bound else "" if self.closed else "not closed by the data"
+        """Remark on the interval: "at its bound" if the value lies at a bound, "not determined by the data" if the data
+        do not limit both ends, otherwise empty.
+        """
+        return "at its bound" if self.at_bound else "" if self.closed else "not determined by the data"
 
     @property
     def interval(self) -> str:
-        """Its value with its 95 % interval, in words."""
+        """Value with its 95 % interval and unit, as text."""
         return wording.interval(self.value, self.low, self.high, self.unit)
 
     @property
     def text(self) -> str:
-        """One line for a reader."""
+        """The parameter as one line of a report: name, value with interval, remark, and the deviation from the prior if
+        this deviation exceeds CLEAR_SDS.
+        """
         line = f"{self.name} = {self.interval}"
         line += f", {self.note}" if self.note else ""
-        return line if not abs(self.drift) > CLEAR else f"{line}, {self.away}"
+        return line if not abs(self.drift) > CLEAR_SDS else f"{line}, {self.away}"
 
     @property
     def away(self) -> str:
-        """How far it ended from what was known of it beforehand, in words."""
+        """Deviation of the fitted value from the declared or assumed one, in words."""
         return f"{self.drift:+.1f} SD from what was {'declared' if self.declared else 'assumed'}"
 
     def as_dict(self) -> dict[str, Any]:
-        """Return plain values."""
+        """Return the parameter as plain values for JSON."""
         return {**self._asdict(), "note": self.note}
 
 
 def assumed_lines(numbers: Sequence[Number]) -> list[str]:
-    """Return what was assumed of numbers before they were fitted, a line for each source."""
+    """Return texts that list the assumed priors of parameters, one text for each source; declared priors
+    are left out.
+    """
     by_source: dict[str, list[str]] = {}
     for number in numbers:
         if number.prior and not number.declared:
@@ -78,39 +90,56 @@ def assumed_lines(numbers: Sequence[Number]) -> list[str]:
 
 
 def implausible(fitted: Fit) -> tuple[str, ...]:
-    """Return the numbers that had to leave what is declared of them; what is assumed contradicts nobody."""
+    """Return the parameters whose fitted values contradict their declared values, each as a text with name and
+    deviation.
+
+    A fitted value contradicts the declared value if it deviates by more than MAX_DEVIATION declared SDs. Assumed values
+    cannot be contradicted.
+    """
     rows = zip(fitted.parameters, fitted.u, strict=True)
     return tuple(
         f"{parameter.name} {u:+.1f} SD"
         for parameter, u in rows
-        if parameter.prior and parameter.declared and abs(u) > AWAY
+        if parameter.prior and parameter.declared and abs(u) > MAX_DEVIATION
     )
 
 
 def profiles(fitted: Fit, names: tuple[str, ...]) -> tuple[Profile, ...]:
-    """Return the profiles of these parameters: rise of chi2 over the noise's inflation and a misfit above 1.
+    """Return the profile of chi2 along each of the named parameters, which shows how sharply the data determine it.
 
-    The others descend from where a linear model puts them, with the slopes of the fit; NaN where they do not settle.
+    A profile is the rise of chi2 above its minimum at several values of one parameter, while all other parameters are
+    fitted again. The rise is divided by the noise's inflation and by a misfit above 1, so that 3.84 is the rise at the
+    end of a 95 % interval. The refits start from the linear model and use the derivatives of the fit. The rise is NaN
+    if a refit does not converge.
     """
-    return tuple(_profile(fitted, [parameter.name for parameter in fitted.parameters].index(name)) for name in names)
-
-
-def _profile(fitted: Fit, at: int) -> Profile:
-    parameter, spread = fitted.parameters[at], fitted.covariance
-    half = NORMAL_95 * float(fitted.spread[at])
-    reach = np.clip([fitted.u[at] + share * half for share in SHARES], *parameter.bounds)
-    points = {float(fitted.u[at]): 0.0}
-    for u in dict.fromkeys(map(float, reach)):
-        if u not in points:
-            points[u] = _rise(fitted, at, u, spread[:, at] / spread[at, at])
-    us = sorted(points)
-    unit = fitted.task.experiment.quantity(fitted.model, parameter.name).unit
-    return Profile(parameter.name, unit, tuple(parameter.value(u) for u in us), tuple(points[u] for u in us))
+    unit_of, spread, found = fitted.task.experiment.quantity, fitted.covariance, []
+    for name in names:
+        at = [parameter.name for parameter in fitted.parameters].index(name)
+        parameter = fitted.parameters[at]
+        # Half the width of the interval, from the SD that also counts the scatter between runs.
+        half = NORMAL_95 * float(fitted.spread[at])
+        reach = np.clip([fitted.u[at] + share * half for share in PROFILE_POINTS], *parameter.bounds)
+        points = {float(fitted.u[at]): 0.0}
+        # Points beyond a bound are clipped onto it and coincide; each point is refitted once.
+        for u in dict.fromkeys(map(float, reach)):
+            if u not in points:
+                points[u] = _rise(fitted, at, u, spread[:, at] / spread[at, at])
+        us = sorted(points)
+        unit = unit_of(fitted.model, name).unit
+        found.append(Profile(name, unit, tuple(parameter.value(u) for u in us), tuple(points[u] for u in us)))
+    return tuple(found)
 
 
 def _rise(fitted: Fit, at: int, u: float, direction: np.ndarray) -> float:
-    """Return how far chi2 rises where one parameter is held at u; NaN where the others do not settle."""
+    """Return the rise of chi2 above its minimum when one parameter is held at the value `u` and all others are fitted
+    again.
+
+    `at` is the index of the held parameter. `direction` (parameters,) is the change of all parameters per unit change
+    of the held parameter in the linear model, from which the refit starts. The result is divided by the noise's
+    inflation and by a misfit above 1; it is NaN if the refit does not converge.
+    """
     parameter = fitted.parameters[at]
+    # The refit starts where the linear model expects the minimum of the other parameters.
     start = np.delete(fitted.u + direction * (u - fitted.u[at]), at)
     others = tuple(free_parameter for i, free_parameter in enumerate(fitted.parameters) if i != at)
     fixed_model = fitted.task.experiment.with_values(fitted.model, {parameter.name: parameter.value(u)})
@@ -118,5 +147,6 @@ def _rise(fitted: Fit, at: int, u: float, direction: np.ndarray) -> float:
         refitted = fit(fitted.task, fixed_model, others, start, fitted.slopes, reuse=True)
     except OptimisationError:
         return math.nan
+    # The held parameter is no longer part of the refit, so that its own prior is added here.
     prior = u**2 if parameter.prior else 0.0
     return (refitted.chi2 + prior - fitted.chi2) / (fitted.task.noise.inflation * max(fitted.misfit, 1.0))

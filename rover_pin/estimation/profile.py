@@ -1,22 +1,32 @@
-"""Profile likelihood: how far chi2 rises where one number moves and the others do their best to keep the fit."""
+"""Confidence level and limits of significance for the whole package, and the record of a profile of chi2 along one
+parameter.
+"""
 
 from typing import NamedTuple
 
 from scipy.special import ndtri
 
-SURE = 0.95
-"""Probability from which there is no doubt: of answers, of intervals, and that chance does not give the best of many.
-Why: the custom of the field; it is the only level of significance."""
-MOST = 0.5
-"""What is more likely than not, and the larger part of a whole. Why: the words' meaning."""
-CLEAR = 3.0
-"""SDs from which something is clear of chance, which goes so far once in 370 times. Why: the custom of the field."""
-NORMAL_95 = float(ndtri(0.5 + 0.5 * SURE))
-"""Half a 95 % interval of a normal law, in SDs; its square is by how much chi2 rises at the interval's ends."""
+CONFIDENCE = 0.95
+"""Probability above which a statement counts as certain: an answer of the loop, the coverage of an interval, the
+significance of a decrease of chi2. Below this probability, a report lists several possibilities. The value is the
+custom of the field, and the package uses it everywhere."""
+MAJORITY = 0.5
+"""Limit of one half: a statement with a larger probability is more likely true than not, and a larger fraction is the
+main part."""
+CLEAR_SDS = 3.0
+"""Deviation in SDs above which a difference counts as more than chance. A normally distributed value deviates by more
+than 3 SD once in 370 cases; the limit is the custom of the field."""
+NORMAL_95 = float(ndtri(0.5 + 0.5 * CONFIDENCE))
+"""Half the width of the 95 % interval of a normal distribution, in SDs: 1.96. Its square, 3.84, is the rise of chi2 at
+the ends of such an interval."""
 
 
 class Profile(NamedTuple):
-    """The rise of chi2 above its least, at values of one parameter [SI]; NaN where a refit did not settle."""
+    """Profile of chi2 along one parameter: the rise of chi2 above its minimum at several values of this parameter [SI],
+    while all other parameters are fitted again at each value.
+
+    A rise is NaN if the fit at this value does not converge.
+    """
 
     name: str
     unit: str

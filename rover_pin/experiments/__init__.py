@@ -1,1 +1,4 @@
-"""What a loop is closed on: rigs, drive logs, slopes, `motor_brake`, `pendulum`; what is on no list (`unlisted`)."""
+"""Experiments whose measured data the loop (the search for missing effects of a model) compares with the model: wheel
+rigs, drive logs, slip against slope, `motor_brake` and `pendulum`. The package `unlisted` describes a residual that no
+known effect explains.
+"""

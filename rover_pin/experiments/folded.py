@@ -1,4 +1,6 @@
-"""A table of points as folds: arrays (folds, columns, samples), the folds named by one of its columns."""
+"""Read a table of measured points as arrays with one entry for each fold. A fold is a group of rows that is held out of
+a fit together.
+"""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -10,13 +12,30 @@ from rover_pin.measurements.checks import column
 
 
 def read_folded(path: Path, by: str, names: tuple[str, ...]) -> tuple[tuple[str, ...], np.ndarray]:
-    """Return the names of a table's folds, and these columns (folds, columns, samples), NaN behind a fold's end.
+    """Read a table of measured points, and return the names of its folds and its columns as one array (folds, columns,
+    samples).
 
-    Raises DataError: no such file or column, or a value that is no finite number: one sentence.
+    A fold is a group of rows that is held out of a fit together. Folds with fewer rows than others are padded with NaN.
+
+    Parameters
+    ----------
+    path : Path
+        The CSV or Parquet file with the table.
+    by : str
+        The column that names the fold of each row.
+    names : tuple of str
+        The columns of numbers, in the order in which they are returned.
+
+    Raises
+    ------
+    DataError
+        The file or a column is missing, or a value is not a finite number.
     """
     table = measured_points(path, (by, *names), (by,))
     rows = np.array([column(table[name], name, str(path)) for name in names])
+    # np.unique sorts the names, so the folds are in alphabetical order and not in the order of the rows.
     folds, owner = np.unique(table[by].astype(str).to_numpy(dtype=object).astype(str), return_inverse=True)
+    # A rectangular array needs folds of equal length, so shorter folds are filled with NaN, which no fit counts.
     padded_table = np.full((len(folds), len(names), int(np.bincount(owner).max())), np.nan)
     for at in range(len(folds)):
         part = rows[:, owner == at]
@@ -25,10 +44,19 @@ def read_folded(path: Path, by: str, names: tuple[str, ...]) -> tuple[tuple[str,
 
 
 def stack(parts: Sequence[tuple[np.ndarray, Sequence[int]]], channels: int, empty: float) -> np.ndarray:
-    """Return tables (..., folds, rows, samples) as one of this many channels, `empty` where a part has none.
+    """Join several tables (..., folds, rows, samples) along the folds into one table (..., folds, channels, samples).
 
-    Each comes with the channels of its rows.
+    Parameters
+    ----------
+    parts : sequence of (array, channels)
+        Each table, with the indices of the channels that its rows hold. The folds of a table follow the folds of the
+        previous table.
+    channels : int
+        Number of channels of the joined table.
+    empty : float
+        Value of the cells of the joined table that none of the given tables fills.
     """
+    # The result is as long as the longest of the tables.
     samples = max(table.shape[-1] for table, _ in parts)
     padded_tables = []
     for table, rows in parts:

@@ -1,4 +1,4 @@
-"""What is known beforehand of a constant of wheel or soil: as declared, as assumed, or nothing."""
+"""Choose the priors of the constants of wheel and soil: with a declared SD, with an assumed SD, or no prior at all."""
 
 import math
 from collections.abc import Mapping
@@ -7,27 +7,30 @@ from typing import NamedTuple
 
 from rover_pin.base.quantity import Record, quantities
 from rover_pin.estimation.parameter import Parameter, declared_in, parameter_of
-from rover_pin.measurements.known import DECLARED_SD, SIZE_SD, UNDECLARED_SD
+from rover_pin.measurements.rig_file import DECLARED_SD, SIZE_SD, UNDECLARED_SD
 
 DECADES = math.log(5.0)
-"""How far apart starts of k and k_1 are, in their logarithm, where nothing is known of them."""
+"""Distance between neighbouring initial guesses of log k and of log k_1 in a fit, if these constants have no prior."""
 WIDE = 0.25
-"""How far apart starts of phi are, as a share of its range, where nothing is known of it."""
+"""Distance between neighbouring initial guesses of phi in a fit, as a fraction of the allowed range of phi, if phi has
+no prior."""
 MAX_EXIT_RATIO = 0.99
-"""Greatest exit ratio of a fit: at 1 the stress ends on a second singularity, where derivatives jump."""
+"""Maximum exit ratio (exit angle divided by entry angle) in a fit. Why: at 1 the stress has a second singularity, at
+which derivatives jump."""
 SOFT = 1e5
-"""Size of a modulus of which not even that is known [Pa]."""
+"""Distance between neighbouring initial guesses of a modulus [Pa] in a fit, if the modulus has the value 0 and no
+prior."""
 
 
 class AssumedSd(NamedTuple):
-    """SD of a constant that states none."""
+    """Prior SDs that are assumed for a constant of wheel or soil whose value is stated without an SD."""
 
     declared: float
-    "of one that comes with the data, as of a bench test"
+    """SD if the value is declared with the data, for example from a bench test"""
     undeclared: float
-    "of one that stands for another soil's"
+    """SD if the value is taken from another soil"""
     is_log: bool = False
-    "whether it is of the logarithm"
+    "whether `declared` and `undeclared` are SDs of the logarithm of the constant"
 
 
 SD = {
@@ -43,15 +46,26 @@ SD = {
     "theta_2": AssumedSd(math.radians(2.0), math.radians(4.0)),
     "exit_ratio": AssumedSd(0.05, 0.1),
 }
-"""SDs of constants that state none (assumed): with the data, of another soil, and whether of the logarithm."""
+"""Name of a constant of wheel or soil -> its prior SDs if only its value is known (all assumed)."""
 
 
 def known_constant(
     owner: str, record: Record, name: str, declared: Mapping[str, float], doubts: Mapping[str, float]
 ) -> Parameter:
-    """Return a constant around its value in `record`, with the SD that is declared, or assumed."""
+    """Return a constant of soil or wheel as a parameter with a prior around its value, with its declared or an assumed
+    SD.
+
+    Parameters
+    ----------
+    owner, name : str
+        "soil" or "wheel", and the name of the constant, such as "phi".
+    declared, doubts : mapping
+        Name of a constant -> its declared value, and name -> its declared SD, both in SI.
+    """
     value, assumed = abs(float(getattr(record, name))), SD[name]
+    # The logarithm of 0 does not exist, so a constant of 0 is fitted by its value even if it is a modulus.
     is_log = assumed.is_log and float(getattr(record, name)) > 0
+    # A declared SD is absolute and is converted to a relative one if the logarithm is fitted.
     sd = assumed.declared if name in declared else assumed.undeclared
     if name in doubts:
         sd = doubts[name] / (value if is_log else 1.0)
@@ -62,11 +76,16 @@ def known_constant(
 
 
 def unknown_constant(owner: str, record: Record, name: str) -> Parameter:
-    """Return a constant of which nothing is known: of a modulus its logarithm, or its size if not positive; else all.
+    """Return a constant of soil or wheel as a parameter without a prior, for a constant that the data must determine
+    alone.
 
-    `scale` is how far apart starts are.
+    The field `scale` of the parameter is the distance between neighbouring initial guesses of the constant in a fit.
+
+    The logarithm of the constant is fitted if it is a positive modulus or length (such as k or k_1). Other constants
+    are fitted by their value.
     """
     value, spec = float(getattr(record, name)), quantities(record)[name]
+    # Without a prior, `scale` only sets the distance of the initial guesses, not a belief about the value.
     is_modulus = SD[name].is_log
     size = abs(value) or SOFT if is_modulus else WIDE * (spec.high - spec.low)
     is_log = is_modulus and value > 0

@@ -1,10 +1,13 @@
-"""Traction factors by slip as an experiment: points as of Fig 6, of a CSV file or worked out from a drive log."""
+"""An experiment with traction factors F (traction divided by wheel load, Fig 6 of the paper) at several slips S.
+
+The points come from a CSV file or from a drive log.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, make_dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import Any, NamedTuple, Self
+from typing import Any, ClassVar, NamedTuple, Self
 
 import casadi as ca
 import numpy as np
@@ -12,7 +15,7 @@ import numpy as np
 from rover_pin.base.quantity import Record, quantities, quantity
 from rover_pin.contact import Scalar
 from rover_pin.discrepancy.candidate import Candidate
-from rover_pin.discrepancy.standalone import Parts, Standalone
+from rover_pin.discrepancy.experiment import FileExperiment, Parts
 from rover_pin.estimation.experiment import Differentiable, Sensitivities
 from rover_pin.estimation.noise import Noise, declared_noise
 from rover_pin.estimation.parameter import Parameter, parameter_of
@@ -23,20 +26,26 @@ from rover_pin.parameters import TABLE_1
 from rover_pin.soil.sinkage import fitted_entry_angle
 from rover_pin.soil.wheel_forces import load_traction_factor
 
-SOUGHT = ("k", "phi")
-"""What Fig 6's points are drawn for: nothing is known of these beforehand."""
+FREE_CONSTANTS = ("k", "phi")
+"""Soil constants without a prior, because a curve of traction factor against slip is measured to find them."""
 MODULUS_BY_WIDTH = "k_2"
-"""Of one wheel k_1 stands for all of k_1 + k_2 b."""
-ENTERS = 1e-9
-"""SDs of a point that the prior SD of a constant moves where the constant does not enter at all."""
+"""Soil constant that is never fitted. Data of one wheel with the width b determine only the sum k_1 + k_2 b, so k_1
+alone is fitted."""
+MIN_EFFECT = 1e-9
+"""Minimum influence of a constant that is fitted. The influence is the largest change of a point, as a multiple of the
+point's SD, if the constant changes by its prior SD. A constant with less influence is left out of the fit."""
 
 
 @lru_cache(maxsize=64)
 def factor_law(form: Any, angles: Any, loaded: bool, free: tuple[str, ...], points: int) -> ca.Function:
-    """Return (S and W of each point, constants) -> columns of F, dF/dS, and the slope of F by each `free` one.
+    """Return a CasADi function that computes the traction factor F at several points, and the derivatives of F.
 
-    The arc is at the soil's theta_1, or where `loaded` at that which carries the point's load.
+    The arguments of the CasADi function are the slip S and the wheel load W of each point (2, points), and all
+    constants of wheel and soil. The function returns F, dF/dS, and the derivative of F by each constant in `free`, as
+    rows (2 + number of constants in `free`, points). If `loaded` is True, the contact arc begins at the entry angle at
+    which the wheel carries the load of the point. Otherwise it begins at the angle theta_1 of the soil.
     """
+    # The slip is a symbol of its own until dF/dS is formed, and is then replaced by the first input.
     condition, constants, slip = ca.SX.sym("condition", 2), ca.SX.sym("constants", len(FIELDS)), ca.SX.sym("S")
     wheel, soil, _ = with_values_of((), constants)
     if loaded:
@@ -50,7 +59,7 @@ def factor_law(form: Any, angles: Any, loaded: bool, free: tuple[str, ...], poin
 
 @dataclass(frozen=True)
 class PointErrors(Record):
-    """Errors that all points share, each in its own SDs."""
+    """Errors that all points of a traction curve have in common. Each error is stated as a multiple of its SD."""
 
     common_factor: Scalar = quantity(0.0, "", "assumed: loads and the torque constant are wrong together", -10, 10)
     common_slip: Scalar = quantity(0.0, "", "assumed: rates and radii are wrong together", -10.0, 10.0)
@@ -58,7 +67,9 @@ class PointErrors(Record):
 
 @lru_cache(maxsize=16)
 def slip_errors(count: int) -> Any:
-    """Return a record with the error of each point's slip, in its own SD."""
+    """Return a record with one number for each of `count` points: the error of the point's slip, as a multiple of its
+    SD.
+    """
     errors = [
         (f"point_{at + 1}", float, quantity(0.0, "", "declared: the SD of its slip", -10, 10)) for at in range(count)
     ]
@@ -66,18 +77,24 @@ def slip_errors(count: int) -> Any:
 
 
 class Shift(NamedTuple):
-    """A number with which the points were worked out, and d factor / d u of each point [points]."""
+    """A number from which all traction factors were computed, such as a motor constant, and its influence on them.
+
+    `effect` is the derivative of each traction factor by the fit coordinate u (points,), where u is the deviation of
+    the number from its prior mean in units of its prior SD. If the number is wrong, all points are wrong together.
+    """
 
     parameter: Parameter
     effect: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
-class TractionFactors(Standalone, Differentiable):
-    """Points at slips S, each with the SD of its mean; `declared` is the model that comes with them.
+class TractionFactors(FileExperiment, Differentiable):
+    """Measured traction factors at several slips, as an experiment to which soil constants are fitted.
 
-    Each true slip is S + a xi, xi ~ N(0, 1), a number like the others: taken as exact, noisy slips flatten the curve
-    (regression dilution). What all points share, of slips and factors, is a number too; `shifts` are further ones.
+    `points` holds the traction factors with their SDs, and `declared` is the declared model of soil and wheel. The true
+    slip of a point is S + a xi, where S is the measured slip, a its SD, and xi ~ N(0, 1) is fitted. If noisy slips were
+    taken as exact, they would flatten the fitted curve (regression dilution). The errors of slip and traction factor
+    that all points have in common are fitted too. `shifts` holds further numbers to fit, for example motor constants.
 
     Source: Deming, Statistical Adjustment of Data (1943); York et al., American Journal of Physics 72 (2004) 367.
     """
@@ -87,56 +104,63 @@ class TractionFactors(Standalone, Differentiable):
     shifts: tuple[Shift, ...] = field(default=(), repr=False)
     name: str = "traction factors"
     channels = ("traction factor",)
+    is_for_loop: ClassVar[bool] = False
 
     @classmethod
     def read(cls, path: Path) -> Self:
-        """Return the points of a CSV file, in a soil as of Table 1 where nothing else is said."""
+        """Read the experiment from a CSV file of traction factors. The soil is that of Table 1 of the paper."""
         points = read_traction_points(path)
         return cls(points, Parts({"soil": TABLE_1, "wheel": points.wheel}), name=path.stem)
 
     @property
     def folds(self) -> tuple[str, ...]:
-        """Every point by itself."""
+        """Names of the groups that are held out of a fit together. Each point is a group of its own."""
         return tuple(f"point {number + 1}" for number in range(len(self.points.slip)))
 
     @property
     def observed(self) -> np.ndarray:
-        """The factors (points, 1, 1)."""
+        """Measured traction factors (points, 1, 1)."""
         return np.asarray(self.points.factor)[:, None, None]
 
     @property
     def varied(self) -> np.ndarray:
-        """The slips."""
+        """Input of each point (points, 1, 1): its slip."""
         return np.asarray(self.points.slip)[:, None, None]
 
     def noise(self) -> Noise:
-        """Return white noise of each point's SD."""
+        """Return the noise model of the traction factors: independent noise with the declared SD of each point."""
         return declared_noise(np.asarray(self.points.sd)[:, None, None], self.observed)
 
     @cached_property
     def _shifts(self) -> dict[str, Shift]:
-        """What moves the factors of all points together, by name."""
+        """The numbers whose errors change all traction factors together, by their names."""
+        # Without a shared error, the number would have no influence and only its prior.
         shared = [Shift(_shared_error("common_factor"), self.points.shared)] if np.any(self.points.shared) else []
         return {shift.parameter.name: shift for shift in (*shared, *self.shifts)}
 
     def base_model(self) -> Parts:
-        """Return the soil and the wheel as declared, and no errors."""
+        """Return the declared soil and wheel, with errors of slips and traction factors that are all 0."""
         slips = slip_errors(len(self.points.slip))
         return Parts({**self.declared.records, "points": PointErrors(), "slips": slips})
 
     def uncertain(self, model: Parts) -> tuple[Parameter, ...]:
-        """Return k and phi, of which nothing is known, the other constants that enter, and what the points share."""
+        """Return the numbers to fit: soil and wheel constants that influence the points, and errors of the points.
+
+        k and phi have no priors, and all other numbers have one.
+        """
         constants = [
             unknown_constant(owner, model.records[owner], name)
-            if name in SOUGHT
+            if name in FREE_CONSTANTS
             else known_constant(owner, model.records[owner], name, self.points.declared, self.points.doubts)
             for owner in ("wheel", "soil")
             for name in quantities(model.records[owner])
             if name != MODULUS_BY_WIDTH
         ]
+        # Constants that no point depends on would only add their priors.
         slopes = self.sensitivities(model, constants, np.zeros(len(constants))).slopes
         moved = np.abs(self.noise().white(slopes)).max(axis=1)
-        entering = [number for number, size in zip(constants, moved, strict=True) if size > ENTERS]
+        entering = [number for number, size in zip(constants, moved, strict=True) if size > MIN_EFFECT]
+        # Points with an exact slip (SD 0) need no number for its error.
         slips = [
             Parameter(f"slips.point_{at + 1}", 0.0, 1.0, -10.0, 10.0, declared=True, source="the SD of its slip")
             for at in np.flatnonzero(self.points.slip_sd)
@@ -145,11 +169,16 @@ class TractionFactors(Standalone, Differentiable):
         return (*entering, *(shift.parameter for shift in self._shifts.values()), *slips)
 
     def candidates(self, model: Parts, kinds: Sequence[type]) -> tuple[Candidate, ...]:
-        """Return nothing: one curve of F over S shows no effect."""
+        """Return no candidates for a missing effect, because one curve of traction factor against slip cannot
+        distinguish effects.
+        """
         return ()
 
     def sensitivities(self, model: Parts, parameters: Sequence[Parameter], u: np.ndarray) -> Sensitivities:
-        """Return the factors, and their exact slopes."""
+        """Return the predicted traction factors and their exact derivatives by the parameters, at the fit coordinates
+        `u`.
+        """
+        # The true slip of a point is its measured slip plus its own error and the error that all points have in common.
         values = {parameter.name: parameter.value(x) for parameter, x in zip(parameters, u, strict=True)}
         model = self.with_values(model, values)
         constants: dict[str, Any] = {**model.records["wheel"].values(), **model.records["soil"].values()}
@@ -163,20 +192,22 @@ class TractionFactors(Standalone, Differentiable):
         conditions = np.array([slip, points.loads if points.loads.size else np.zeros(len(slip))])
         factors, rises, *jacobian = law(conditions, np.array([float(constants[name]) for name in FIELDS])).full()
         slopes = dict(zip(free, jacobian, strict=True))
+        # Shared errors act linearly on the factors, and errors of the slips through dF/dS.
         for name, shift in self._shifts.items():
             factors = factors + shift.effect * shift.parameter.u(self.value(model, name))
             slopes[name] = shift.effect / shift.parameter.scale
         slopes["points.common_slip"] = rises * self.points.slip_shared
         for at, reach in enumerate(rises * self.points.slip_sd):
             slopes[f"slips.point_{at + 1}"] = np.where(np.arange(len(slip)) == at, reach, 0.0)
+        # The fit uses coordinates u, so each derivative is multiplied by d value / du (chain rule).
         columns = [slopes[parameter.name] * parameter.slope(x) for parameter, x in zip(parameters, u, strict=True)]
         return Sensitivities(factors[:, None, None], np.array(columns).reshape(len(columns), len(factors), 1, 1))
 
     def predict(self, models: Sequence[Parts]) -> np.ndarray:
-        """Return the factors of each model (models, points, 1, 1)."""
+        """Return the traction factors that each model predicts (models, points, 1, 1)."""
         return np.array([self.sensitivities(model, (), np.zeros(0)).predicted for model in models])
 
 
 def _shared_error(name: str) -> Parameter:
-    """Return one of `PointErrors`, of which nothing but its SD is known."""
+    """Return one number of `PointErrors`, for example "common_slip", as a parameter in units of its SD."""
     return parameter_of(f"points.{name}", PointErrors(), 1.0)

@@ -1,4 +1,13 @@
-"""What the data make of hypotheses: evidence with a smooth discrepancy, form error, scatter and drift beside the noise.
+"""Bayesian inference of the causes of a residual: the probability that each set of causes explains the data.
 
-Start at `explore.py`; `error_model.py` has the equation of the errors, `evidence.py` that of the evidence.
+A cause is an effect that the model lacks, a wrong declared number, or an error of the measurement. A hypothesis is a
+set of causes that act together, with or without a remaining discrepancy between model and data. This package knows no
+rover: the data and the model come from an `Experiment`.
+
+There are two ways to compute `Beliefs` (all hypotheses with their probabilities):
+
+- Experiments with exact slopes (derivatives of the prediction by the parameters): `explore.py` fits each hypothesis.
+  `error_model.py` defines the covariance of the errors, and `evidence.py` computes the evidence.
+- Experiments without exact slopes: `discrepancy/search.py` fits few hypotheses, and `expansion.py` estimates the
+  evidence of the others from a quadratic expansion about a fit.
 """

@@ -1,4 +1,10 @@
-"""What the data make of all hypotheses: their probabilities, those of each cause, and of a discrepancy left."""
+"""Probabilities of all hypotheses, given the data of all folds or without the data of one fold, and models that are
+drawn at random with these probabilities.
+
+A hypothesis is a set of causes that act together, with one kind of remaining discrepancy. A cause is an effect that the
+model lacks, a wrong declared number, or an error of the measurement. A fold is a group of samples that cross-validation
+leaves out together.
+"""
 
 import math
 from collections.abc import Callable, Hashable, Iterable, Sequence, Set
@@ -7,59 +13,82 @@ from functools import cached_property
 from typing import Any, TypeVar
 
 import numpy as np
-from scipy.special import logsumexp
+from scipy.special import logsumexp, softmax
 
 from rover_pin.base.public import brief
 from rover_pin.inference import hypothesis as fitted
 from rover_pin.inference.error_model import Discrepancy
 from rover_pin.inference.linear_hypothesis import LinearHypothesis
-from rover_pin.inference.set_prior import log_prior
+from rover_pin.inference.priors import log_prior
 
 Key = TypeVar("Key", bound=Hashable)
-LEAST = 1e-3
-"""Least probability that is written down."""
+MIN_WRITTEN = 1e-3
+"""Smallest probability that verdict.json lists. Causes and sets of causes with a smaller probability are left out,
+because there are hundreds of them and a report shows probabilities to two digits only."""
 
 
 Hypothesis = fitted.Hypothesis | LinearHypothesis
-"""A set of causes as the data have it, with one kind of discrepancy: fitted, or about a fit of it or of a part."""
+"""A set of causes that act together, with one kind of remaining discrepancy (none, smooth, or an error of form).
+
+Either the set was fitted itself, or its evidence was estimated from the fit of a subset of its causes."""
 
 
 @brief
 @dataclass(frozen=True, eq=False)
 class Beliefs:
-    """Hypotheses, and how many causes there were to choose from."""
+    """All hypotheses (sets of causes) that were tried, with the probability of each given the data."""
 
     hypotheses: tuple[Hypothesis, ...] = field(repr=False)
     choice: int
+    """number of possible causes, from which the sets of causes were formed"""
     untried: tuple[str, ...] = ()
-    "causes with which nothing could be fitted"
+    """names of the causes for which no fit converged, so that they are in no hypothesis"""
 
     @cached_property
     def scores(self) -> np.ndarray:
-        """Logarithm of evidence times prior of each hypothesis; what a cause adds counts by its share of gain."""
+        """Score of each hypothesis (hypotheses,): log evidence plus log prior [nats]. The probability of a hypothesis
+        is proportional to the exponential of its score.
+
+        Correlated residuals can exaggerate how much a cause raises the evidence. Therefore only a fraction of each gain
+        counts (`LinearHypothesis.gain_shares`): the evidence of the set without the cause is raised until only this
+        fraction of the gain remains.
+        """
         plain = np.array([row.log_evidence for row in self.hypotheses])
         evidence = plain.copy()
-        places = {(frozenset(row.names), row.discrepancy): at for at, row in enumerate(self.hypotheses)}
-        for (names, discrepancy), at in sorted(places.items(), key=lambda place: -len(place[0][0])):
-            for name, share in self.hypotheses[at].gain_shares.items():
-                without = places.get((names - {name}, discrepancy), at)
-                gain = share * (plain[at] - plain[without])
-                evidence[without] = max(evidence[without], evidence[at] - gain)
+        index_of = {(frozenset(row.names), row.discrepancy): index for index, row in enumerate(self.hypotheses)}
+        # From large sets to small ones, so that a raised evidence of a set also raises those of its subsets.
+        for (names, discrepancy), index in sorted(index_of.items(), key=lambda item: -len(item[0][0])):
+            for name, share in self.hypotheses[index].gain_shares.items():
+                without = index_of.get((names - {name}, discrepancy), index)
+                # The gain of the cause counts in part only. If the set without the cause was not tried, `without` is
+                # the set itself and nothing changes.
+                gain = share * (plain[index] - plain[without])
+                evidence[without] = max(evidence[without], evidence[index] - gain)
         priors = [log_prior(len(row.causes), self.choice, row.discrepancy) for row in self.hypotheses]
         return np.asarray(evidence + priors)
 
     @cached_property
     def weights(self) -> np.ndarray:
-        """Probability of each hypothesis."""
+        """Probability of each hypothesis (hypotheses,); the sum is 1."""
         return np.asarray(np.exp(self.scores - logsumexp(self.scores)))
 
     def probability(self, holds: Callable[[Hypothesis], bool]) -> float:
-        """Return the probability of all hypotheses of which something holds."""
+        """Return the total probability of all hypotheses for which the function `holds` returns True."""
         rows = zip(self.weights, self.hypotheses, strict=True)
         return float(sum(weight for weight, hypothesis in rows if holds(hypothesis)))
 
     def totals(self, keys: Callable[[Hypothesis], Set[Key]], weights: np.ndarray | None = None) -> dict[Key, float]:
-        """Return the probability of each key, of all hypotheses that have it, the largest first."""
+        """Return, for each key, the total probability of all hypotheses that have this key; the largest probability
+        comes first.
+
+        Parameters
+        ----------
+        keys : function
+            Takes a hypothesis and returns the set of its keys, for example the names of its causes.
+        weights : array (hypotheses,), optional
+            Probabilities of the hypotheses; by default the probabilities given all data.
+        """
+        # A hypothesis counts for each of its keys, so that the totals of overlapping keys may add up to more than 1.
         totals: dict[Key, float] = {}
         for weight, hypothesis in zip(self.weights if weights is None else weights, self.hypotheses, strict=True):
             for key in keys(hypothesis):
@@ -67,71 +96,172 @@ class Beliefs:
         return dict(sorted(totals.items(), key=lambda pair: -pair[1]))
 
     def inclusion(self, name: str) -> float:
-        """Return the probability that a cause acts."""
+        """Return the probability that the cause with this name acts, alone or together with others."""
         return self.probability(lambda hypothesis: name in hypothesis.names)
 
     @property
     def included(self) -> dict[str, float]:
-        """The probability of each cause, the largest first."""
+        """Probability of each cause, by name: that it acts, alone or together with other causes. The largest comes
+        first.
+        """
         return self.totals(lambda hypothesis: set(hypothesis.names))
 
     @property
     def families(self) -> dict[str, float]:
-        """The probability that any cause of a family acts, the largest first; a cause of none is one by itself."""
+        """Probability of each family of causes, by name: that at least one cause of the family acts. The largest comes
+        first.
+
+        A family is a group of causes with similar effects, such as errors of the declaration. A cause without a family
+        counts as a family of one.
+        """
         return self.totals(lambda hypothesis: {cause.family or cause.name for cause in hypothesis.causes})
 
     @property
     def sets(self) -> dict[frozenset[str], float]:
-        """The probability of each set of causes, whatever it leaves, the largest first."""
+        """Probability of each set of causes: that exactly these causes act, with or without a remaining discrepancy.
+        The keys are the names of the causes, and the largest probability comes first.
+        """
         return self.totals(lambda hypothesis: {frozenset(hypothesis.names)})
 
     def leaves_more(self, names: Iterable[str]) -> float:
-        """Return the probability that a set of causes leaves more than noise, given that it acts."""
+        """Return the probability that a discrepancy larger than the noise remains, if exactly the causes
+        `names` act.
+        """
         return self._probability_given(names, lambda hypothesis: hypothesis.leaves_more)
 
     def has_discrepancy(self, names: Iterable[str]) -> float:
-        """Return the probability that a set of causes leaves anything besides noise, given that it acts."""
+        """Return the probability that a discrepancy of any size remains, if exactly the causes `names` act."""
         return self._probability_given(names, lambda hypothesis: hypothesis.discrepancy is not Discrepancy.NONE)
 
     def _probability_given(self, names: Iterable[str], holds: Callable[[Hypothesis], bool]) -> float:
-        """Return the probability that something holds, given that a set of causes acts."""
+        """Return the probability that `holds` returns True for a hypothesis, if exactly the causes `names` act; NaN if
+        this set of causes has no probability.
+        """
+        # The conditional probability: of all hypotheses with exactly these causes, the part for which `holds` is True.
         wanted = frozenset(names)
         among = self.probability(lambda hypothesis: frozenset(hypothesis.names) == wanted)
         both = self.probability(lambda hypothesis: frozenset(hypothesis.names) == wanted and holds(hypothesis))
         return both / among if among else math.nan
 
     def best(self, names: Sequence[str] | None = None) -> Hypothesis:
-        """Return the most probable hypothesis, of all or of a set of causes."""
+        """Return the most probable hypothesis, among all hypotheses or among those with exactly the causes `names`."""
         rows = zip(self.scores, self.hypotheses, strict=True)
         wanted = None if names is None else frozenset(names)
+        # The most probable kind of discrepancy is chosen together with the set.
         among = [row for row in rows if wanted is None or frozenset(row[1].names) == wanted]
         return max(among, key=lambda row: row[0])[1]
 
     def moments(self, of: Hypothesis, name: str) -> tuple[float, float]:
-        """Return mean and SD of a number's u over all hypotheses that contain another one; of the base over its own."""
+        """Return the posterior mean and SD of one parameter, averaged over hypotheses, for the interval that a verdict
+        reports.
+
+        `name` is the name of the parameter, and both results are in the parameter's coordinate u (units of its prior
+        SD). The average is over all fitted hypotheses that contain the causes of the hypothesis `of`, weighted with
+        their probabilities. If `of` has no causes, only hypotheses without causes are averaged.
+        """
         rows = [
             (weight, *hypothesis.moments(name))
             for weight, hypothesis in zip(self.weights, self.hypotheses, strict=True)
             if hypothesis.is_fitted and (set(of.names) <= set(hypothesis.names) if of.names else not hypothesis.names)
         ]
+        # Variance of a mixture: mean of the variances plus variance of the means.
         weights, means, sds = np.array(rows).T
         weights = weights / weights.sum() if weights.sum() > 0 else np.full(len(weights), 1.0 / len(weights))
         mean = float(weights @ means)
         return mean, math.sqrt(float(weights @ (sds**2 + (means - mean) ** 2)))
 
     def noise_taken(self, names: Sequence[str]) -> dict[str, float]:
-        """Return, for each channel, how many times the declared noise a set takes for noise, discrepancy left out."""
+        """Return the estimated noise of each channel as a multiple of its declared noise, by name of the channel.
+
+        The estimate is that of the most probable hypothesis with exactly the causes `names`, without its discrepancy. A
+        value above 1 means that the residual is larger than the declared noise, and that the excess counts as noise.
+        """
         return self.best(names).noise_taken
 
     def as_dict(self) -> dict[str, Any]:
-        """Return plain values: the probability of each cause, and of each set with what it leaves."""
+        """Return the probabilities of families, causes and sets of causes as plain values for verdict.json."""
         return {
             "tried": self.choice,
-            "families": {name: probability for name, probability in self.families.items() if probability > LEAST},
-            "inclusion": {name: probability for name, probability in self.included.items() if probability > LEAST},
+            "families": {name: probability for name, probability in self.families.items() if probability > MIN_WRITTEN},
+            "inclusion": {
+                name: probability for name, probability in self.included.items() if probability > MIN_WRITTEN
+            },
             "sets": [
                 {"causes": sorted(names), "probability": probability, "leaves_more": self.leaves_more(names)}
                 for names, probability in self.sets.items()
-                if probability > LEAST
+                if probability > MIN_WRITTEN
             ],
         }
+
+
+def scores_without(beliefs: Beliefs) -> np.ndarray:
+    """Return the score of each hypothesis (log evidence plus log prior) without the data of one fold (folds,
+    hypotheses) [nats].
+
+    Row f holds the scores without fold f. The log evidence without a fold is the log evidence of all data minus the log
+    density of this fold given the other folds.
+    """
+    # ln p(all data) = ln p(other folds) + ln p(fold | other folds), so that a subtraction leaves the fold out.
+    density = np.array([hypothesis.fold_prediction.log_density for hypothesis in beliefs.hypotheses]).T
+    return np.asarray(beliefs.scores - density)
+
+
+def weights_without(beliefs: Beliefs) -> np.ndarray:
+    """Return the probability of each hypothesis without the data of one fold (folds, hypotheses); row f is without fold
+    f.
+    """
+    return np.asarray(softmax(scores_without(beliefs), axis=1))
+
+
+def chosen_without(beliefs: Beliefs) -> list[frozenset[str]]:
+    """Return, for each fold, the set of causes that would be most probable without the data of this fold (folds,).
+
+    A verdict is stable if this set is the same for every fold.
+    """
+    names = [beliefs.totals(lambda hypothesis: {frozenset(hypothesis.names)}, row) for row in weights_without(beliefs)]
+    return [next(iter(totals)) for totals in names]
+
+
+def errors_without(beliefs: Beliefs) -> list[float]:
+    """Return the held-out RMSE of each channel (channels,) in its unit, averaged over all fitted hypotheses.
+
+    Each fold is predicted with the probabilities and the fits of the other folds, so that the choice of the causes is
+    also tested on data that were not used for this choice.
+    """
+    fitted = np.array([hypothesis.is_fitted for hypothesis in beliefs.hypotheses])
+    rows = [hypothesis.fold_prediction.missed for hypothesis in beliefs.hypotheses if hypothesis.is_fitted]
+    weights = softmax(scores_without(beliefs)[:, fitted], axis=1)
+    # The prediction of a fold is the average over the hypotheses, weighted by probabilities that do not know this fold.
+    averaged = np.einsum("fh,hfcs->fcs", weights, np.array(rows))
+    return [float(np.sqrt(np.nanmean(averaged[:, at] ** 2))) for at in range(averaged.shape[1])]
+
+
+def drawn_models(beliefs: Beliefs, count: int, seed: int = 0) -> list[Any]:
+    """Draw `count` models of equal weight from the posterior of causes and parameters, and return them.
+
+    Simulating all of them shows the uncertainty of a prediction. For each model, a hypothesis is drawn by its
+    probability (systematic resampling). Its parameters u (in units of their prior SD) are drawn from a normal
+    distribution and clipped to their bounds. The distribution has the posterior mean and the posterior correlations of
+    the hypothesis, and the SDs from which the reported intervals are computed. The models contain causes only, no
+    remaining discrepancy.
+    """
+    random = np.random.default_rng(seed)
+    fitted = [(weight, row) for weight, row in zip(beliefs.weights, beliefs.hypotheses, strict=True) if row.is_fitted]
+    # Systematic resampling: evenly spaced points in the cumulated probability, with one common random shift.
+    edges = np.cumsum([weight for weight, _ in fitted])
+    indices = np.searchsorted(edges, edges[-1] * (np.arange(count) + random.random()) / count)
+    models = []
+    for index in indices:
+        hypothesis = fitted[min(index, len(fitted) - 1)][1]
+        names = [parameter.name for parameter in hypothesis.parameters]
+        mean, sd = np.array([hypothesis.moments(name) for name in names]).reshape(-1, 2).T
+        covariance = hypothesis.posterior.covariance[: len(names), : len(names)]
+        # The reported SD can exceed that of the posterior (scatter between runs), so the draws are widened to it.
+        scale = np.sqrt(np.diag(covariance))
+        u = mean + sd / scale * random.multivariate_normal(np.zeros(len(names)), covariance, method="eigh")
+        values = {
+            parameter.name: parameter.value(float(np.clip(x, *parameter.bounds)))
+            for parameter, x in zip(hypothesis.parameters, u, strict=True)
+        }
+        models.append(hypothesis.experiment.with_values(hypothesis.model, values))
+    return models

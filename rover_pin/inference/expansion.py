@@ -1,12 +1,16 @@
-"""A fit and what may be missing from it, to second order: evidence where a prediction costs more than a matrix.
+"""Quadratic expansion of the loss about a fit, which gives the evidence of further causes without another prediction.
 
-With rows r and columns A = dr/du about u_0, Huber's weights W and the noise's scale s, of which u ~ N(0, I) beforehand:
-    -2 ln p(data, u) = huber(r) / s^2 + |u_0|^2 + 2 g'd + d'H d,  d = u - u_0,
-    g = A'W r / s^2 + u_0,  H = A'W A / s^2 + I,
-    ln Z = -(huber(r) / s^2 + |u_0|^2 - g'H^-1 g) / 2 - ln|H| / 2 - n ln s.
-Sums are kept fold by fold, so that each can be left out.
-Source: MacKay, Neural Comput. 4 (1992) 415; Miller and Dunson, J. Am. Stat. Assoc. 114 (2019) 1113, for rows that hang
-together beyond the noise's model, whose likelihood counts as that of fewer.
+Symbols: r (n,) whitened residuals, A = dr/du their slopes at the fit's parameters u_0, W Huber's weights, s the noise
+scale (factor on the noise), u the parameters in units of their prior SD with the prior N(0, I), n the number of
+residuals. With d = u - u_0:
+
+    -2 ln p(data, u) = huber(r) / s^2 + |u_0|^2 + 2 g'd + d'H d
+    g = A'W r / s^2 + u_0,  H = A'W A / s^2 + I
+    ln Z = -(huber(r) / s^2 + |u_0|^2 - g'H^-1 g) / 2 - ln|H| / 2 - n ln s
+
+The sums over residuals are kept for each fold (group of samples left out together), so that leaving a fold out is a
+subtraction. Source: MacKay, Neural Comput. 4 (1992) 415, for ln Z. Miller and Dunson, J. Am. Stat. Assoc. 114 (2019)
+1113, for residuals with more correlation than the noise model has, whose likelihood counts as that of fewer residuals.
 """
 
 from __future__ import annotations
@@ -21,15 +25,21 @@ import numpy as np
 
 from rover_pin.base.public import brief
 from rover_pin.estimation.fit import Fit
-from rover_pin.estimation.noise import huber_losses, huber_weights
+from rover_pin.estimation.residual import huber_losses, huber_weights
 from rover_pin.inference.error_model import PRIORS
 
-STEPS = np.linspace(-3.0, 3.0, 13)
-"""Prior SDs at which the logarithm of the noise's scale is tried."""
+SCALE_STEPS = np.linspace(-3.0, 3.0, 13)
+"""Grid of noise scales (factors on the noise) for which the evidence is summed: values of the logarithm, in prior SDs.
+Beyond 3 SD the prior density is below 1.2 % of its maximum, and a finer grid changes the sum of a normal density by
+less than rounding of the report."""
 
 
 class Laplace(NamedTuple):
-    """What the data say of some numbers: ln Z, the noise's scale, mean and covariance of u."""
+    """Laplace approximation of a posterior by a normal distribution.
+
+    Fields: log evidence ln Z [nats], most probable noise scale (factor on the noise), and posterior mean and covariance
+    of the parameters u.
+    """
 
     log_evidence: float
     scale: float
@@ -40,43 +50,60 @@ class Laplace(NamedTuple):
 @brief
 @dataclass(frozen=True, eq=False)
 class Expansion:
-    """A fit, and the whitened columns (n, m) of what else may move its rows by a unit of u."""
+    """Quadratic expansion of the loss around a fit, and the changes of the residuals that further causes would make.
+
+    `posterior` computes the evidence of the fit together with selected further causes, without a new fit.
+    """
 
     fit: Fit = field(repr=False)
     others: np.ndarray = field(repr=False)
+    """change of the whitened residuals by each further cause, per unit of its size u (n, causes)"""
     is_optimum: bool = True
-    "whether the fit's own numbers are where it is best: what its slopes promise besides was tried, and is not there"
+    """whether the fit is at the minimum of its loss. If its derivatives still predict a decrease of the loss although a
+    further fit found none, this predicted decrease is left out of the expansion"""
 
     @cached_property
     def columns(self) -> np.ndarray:
-        """Columns of the fit's own numbers, then of the others (n, numbers + m)."""
+        """Derivatives of the whitened residuals (n, parameters + causes): first by the fit's parameters u, then by the
+        sizes of the further causes.
+        """
         return np.concatenate([self.fit.columns, self.others], axis=1)
 
     @property
     def own(self) -> int:
-        """How many numbers the fit has."""
+        """Number of parameters of the fit."""
         return len(self.fit.parameters)
 
     @cached_property
     def u(self) -> np.ndarray:
-        """Where every number stands: the fit's own, then 0."""
+        """Values of u around which the loss is expanded (parameters + causes,): the fitted u of the fit's parameters,
+        and 0 for the size of each further cause.
+        """
         return np.concatenate([self.fit.u, np.zeros(self.others.shape[1])])
 
     @cached_property
     def weights(self) -> np.ndarray:
-        """Huber's weight of each row (n,)."""
+        """Huber weight of each whitened residual (n,): 1, or less for an outlier."""
         return huber_weights(self.fit.rows)
 
     @cached_property
     def weighted(self) -> np.ndarray:
-        """Columns by the weight of their row, W A."""
+        """Derivatives of the whitened residuals (`columns`), with the row of each residual multiplied by its Huber
+        weight (n, parameters + causes).
+        """
         return self.columns * self.weights[:, None]
 
     @cached_property
     def sums(self) -> Sums:
-        """The sums over each fold, slopes at the settled rows: a fold left out takes no promise that is not there."""
+        """Losses, gradients and curvatures summed over the residuals of each fold, so that a fold can be left out by
+        subtraction.
+
+        The gradients use the `settled` residuals, for which the fit's parameters predict no further decrease of the
+        loss.
+        """
         weighted = self.weighted
         fold = self.fit.task.noise.fold
+        # The columns and residuals are cut by folds, so that each fold has separate sums.
         members = [np.flatnonzero(fold == at) for at in range(len(self.fit.task.experiment.folds))]
         losses = huber_losses(self.fit.rows)
         return Sums(
@@ -88,7 +115,11 @@ class Expansion:
 
     @cached_property
     def whole(self) -> Sums:
-        """The sums over all folds, one; at an optimum the fit's own numbers pull nowhere."""
+        """Losses, gradients and curvatures summed over the residuals of all folds.
+
+        If the fit is at its minimum, the gradient of the whole loss (with the priors) by the fit's parameters is set to
+        exactly zero.
+        """
         whole = Sums(*(part.sum(axis=0, keepdims=True) for part in self.sums))
         if self.is_optimum:
             whole.slope[0, : self.own] = -self.fit.u
@@ -96,14 +127,24 @@ class Expansion:
 
     @cached_property
     def settled(self) -> np.ndarray:
-        """The rows (n,), at an optimum without what a step of the fit's own numbers still promises."""
+        """Whitened residuals (n,) from which gradients are computed.
+
+        If the fit is at its minimum, these are the residuals after one more Newton step of the fit's parameters in the
+        linear model. They contain no further decrease of the loss, because a further fit did not find the decrease that
+        the derivatives predict. Otherwise they are the residuals of the fit.
+        """
         if not self.is_optimum:
             return self.fit.rows
         return np.asarray(self.fit.rows - self.columns[:, : self.own] @ self._own_step[0])
 
     @cached_property
     def _own_step(self) -> tuple[np.ndarray, float]:
-        """The step of the fit's own numbers, H^-1 g, and the nats g'H^-1 g / 2 that it promises."""
+        """Newton step H^-1 g of the fit's parameters, and the decrease g'H^-1 g / 2 of half the loss [nats] that the
+        linear model predicts for it.
+
+        Here g is the gradient and H the curvature of half the loss by the fit's parameters.
+        """
+        # Normal equations of the fit's own parameters, with the prior N(0, I) in the curvature and u in the gradient.
         own, weighted = self.columns[:, : self.own], self.weighted[:, : self.own]
         gradient = weighted.T @ self.fit.rows + self.fit.u
         step = np.linalg.solve(weighted.T @ own + np.eye(self.own), gradient)
@@ -111,34 +152,60 @@ class Expansion:
 
     @property
     def promised(self) -> float:
-        """How many nats a step of the fit's own numbers still promises: none at its end, as far as it is linear."""
+        """Decrease of half the loss [nats] that the linear model predicts for one more Newton step of the fit's
+        parameters; 0 if the fit has reached its minimum.
+
+        A large value shows that continuing the fit may still lower the loss.
+        """
         return self._own_step[1]
 
     @property
     def scales(self) -> np.ndarray:
-        """The noise's scales that are tried: by its prior where it is declared, by its inflation where it is learnt."""
+        """Noise scales (factors on the SD of the noise) over which the evidence is summed: a grid around the declared
+        noise, or a single value if the noise was estimated from the residual.
+        """
+        # Noise that was learnt from the residual has no unknown scale any more; its inflation is part of the scale.
         noise = self.fit.task.noise
         if self.fit.task.experiment.noise() is None:
             return np.array([math.sqrt(noise.inflation)])
-        return np.asarray(math.sqrt(noise.inflation) * np.exp(PRIORS["s"].sd * STEPS))
+        return np.asarray(math.sqrt(noise.inflation) * np.exp(PRIORS["s"].sd * SCALE_STEPS))
 
     def of_scales(self, loss: float, count: int) -> np.ndarray:
-        """Return what each of the scales adds to ln Z, but for a constant: -loss / (2 s^2) - count ln s + ln p(s)."""
+        """Return the terms of the log evidence that depend on the noise scale s, one value for each scale in `scales`.
+
+        They are -loss / (2 s^2) - count ln s + ln p(s), with the prior p(s), where `loss` is the sum of Huber's losses
+        of `count` residuals.
+        """
         return np.asarray(-0.5 * loss / self.scales**2 - count * np.log(self.scales) + self._scale_priors)
 
     @property
     def _scale_priors(self) -> np.ndarray:
-        """Logarithm of the prior of each of the scales; nothing for the one of noise that is learnt."""
-        return -0.5 * STEPS**2 - np.logaddexp.reduce(-0.5 * STEPS**2) if len(self.scales) > 1 else np.zeros(1)
+        """Log prior probability of each noise scale in `scales`; 0 for the single scale of noise that was estimated
+        from the residual.
+        """
+        return (
+            -0.5 * SCALE_STEPS**2 - np.logaddexp.reduce(-0.5 * SCALE_STEPS**2) if len(self.scales) > 1 else np.zeros(1)
+        )
 
     def posterior(self, extra: Sequence[int] = (), without: int | None = None) -> Laplace:
-        """Return what the data say of the fit's numbers with these of the others, perhaps without a fold."""
+        """Return the posterior of the fit's parameters together with the sizes of some further causes, and its
+        evidence.
+
+        Parameters
+        ----------
+        extra : sequence of int
+            Indices of the further causes among the columns of `others`.
+        without : int, optional
+            Index of a fold whose data are left out.
+        """
         at = np.array([*range(self.own), *(self.own + place for place in extra)], dtype=int)
+        # Leaving a fold out needs no new fit: its sums are subtracted.
         sums = self.whole
         if without is not None:
             sums = Sums(*(total - part[without] for total, part in zip(sums, self.sums, strict=True)))
         loss, count = float(sums.loss[0]), int(sums.rows[0])
         slope, curvature = sums.slope[0][at], sums.curvature[0][np.ix_(at, at)]
+        # The evidence is summed over a grid of noise scales; mean and covariance are returned for the best scale.
         scales = self.scales
         solved = [_laplace(loss, slope, curvature, self.u[at], count, float(scale)) for scale in scales]
         totals = np.array([row.log_evidence for row in solved]) + self._scale_priors
@@ -147,7 +214,12 @@ class Expansion:
 
 
 class Sums(NamedTuple):
-    """Over each fold: huber(r) (folds,), A'W r (folds, m), A'W A (folds, m, m), and how many rows."""
+    """Sums over the residuals of each fold, from which the evidence is computed.
+
+    `loss` (folds,) is the sum of Huber's losses, `slope` (folds, m) the gradient A'W r, `curvature` (folds, m, m) the
+    matrix A'W A, and `rows` (folds,) the number of residuals. A are the derivatives of the whitened residuals r by the
+    m parameters of the fit and sizes of the further causes, and W are Huber's weights.
+    """
 
     loss: np.ndarray
     slope: np.ndarray
@@ -156,10 +228,17 @@ class Sums(NamedTuple):
 
 
 def _laplace(loss: float, slope: np.ndarray, curvature: np.ndarray, u: np.ndarray, count: int, scale: float) -> Laplace:
+    """Return the Laplace approximation of the posterior (evidence, mean and covariance of u) for one noise scale.
+
+    `loss`, `slope` and `curvature` are the sums of Huber's losses, gradients and curvatures over `count` residuals (see
+    `Sums`), and `u` are the parameter values around which the loss is expanded.
+    """
+    # Prior and likelihood: the prior has its centre at u = 0 and unit curvature.
     gradient = slope / scale**2 + u
     lower = np.linalg.cholesky(curvature / scale**2 + np.eye(len(u)))
     inverse = np.linalg.inv(lower)
     covariance = inverse.T @ inverse
+    # Decrease g'H^-1 g of the loss from the point of expansion to the minimum of the quadratic.
     gain = float(np.sum((inverse @ gradient) ** 2))
     log_evidence = -0.5 * (loss / scale**2 + float(u @ u) - gain) - float(np.log(np.diag(lower)).sum())
     return Laplace(log_evidence - count * math.log(scale), scale, u - covariance @ gradient, covariance)

@@ -1,59 +1,264 @@
-"""The next measurement: what of several would tell most about which causes act, as the information expected of it.
+"""Choose the next measurement: the one that is expected to distinguish best between the sets of causes that remain
+possible.
 
-A set of causes i of probability w_i expects N(m_i, C_i) of it: m_i as fitted, C_i = noise + J V J' with V the
-covariance of its numbers. Of which set it is, the measurement tells at least
-    I = -sum_i w_i ln sum_j w_j exp(-B_ij) nats, B Bhattacharyya's distance, C = (C_i + C_j) / 2:
-    B_ij = (m_i - m_j)' C^-1 (m_i - m_j) / 8 + ln|C| / 2 - ln|C_i| / 4 - ln|C_j| / 4.
-That is between 0, where all expect the same, and what is open, -sum_i w_i ln w_i, where no two do.
-Source: Lindley, Ann. Math. Stat. 27 (1956) 986; Kolchinsky and Tracey, Entropy 19 (2017) 361, their lower bound.
+First, each set of causes predicts a possible measurement, given the measurements so far. The prediction is that of the
+fitted model, f(u), plus the discrepancy that follows from the residual r = y - f(u) of the measured values y, whose
+errors have the covariance C:
+
+    mean = f + K C^-1 r,  covariance = noise + K_o - K C^-1 K' + (J_o - K C^-1 J) V (J_o - K C^-1 J)'
+
+where K is the covariance between the discrepancy of the new measurement and that of the samples so far, K_o is the
+covariance of the discrepancy of the new measurement, J and J_o are the slopes by u of the samples and of the new
+measurement, and V is the posterior covariance of u. If the noise was learnt from the residual, K is 0.
+
+Then the expected information about the sets is computed. A set i of probability w_i predicts the measurement as N(m_i,
+C_i). The information is at least
+
+    I = -sum_i w_i ln sum_j w_j exp(-B_ij) [nats], with Bhattacharyya's distance B and C = (C_i + C_j) / 2:
+    B_ij = (m_i - m_j)' C^-1 (m_i - m_j) / 8 + ln|C| / 2 - ln|C_i| / 4 - ln|C_j| / 4
+
+I is 0 if all sets predict the same, and equals the whole uncertainty -sum_i w_i ln w_i if no two predictions overlap.
+Source: Rasmussen and Williams, Gaussian Processes for Machine Learning (2006), section 2.7; Lindley, Ann. Math. Stat.
+27 (1956) 986; Kolchinsky and Tracey, Entropy 19 (2017) 361, their lower bound.
 """
 
 from collections.abc import Callable, Iterable, Sequence
-from typing import NamedTuple
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.special import logsumexp
 
-from rover_pin.estimation.profile import MOST, SURE
-from rover_pin.estimation.wording import MAX_LISTED, WORTH
+from rover_pin.base.public import brief
+from rover_pin.estimation.experiment import Experiment, model_at, slopes_at
+from rover_pin.estimation.noise import Noise
+from rover_pin.estimation.profile import CONFIDENCE, MAJORITY
+from rover_pin.estimation.residual import residual
+from rover_pin.estimation.wording import MAX_LISTED, MIN_MENTIONED
+from rover_pin.inference import hypothesis as fitted
 from rover_pin.inference.beliefs import Beliefs, Hypothesis
-from rover_pin.inference.outlook import Expected, Offer, expectation, with_uncertain_numbers
+from rover_pin.inference.error_model import Settings
+from rover_pin.inference.samples import scale_inputs
 
-CLOSER = 4
-"""Offers, of those that would tell most if all numbers were known, of which what is uncertain is worked out."""
+
+@brief
+@dataclass(frozen=True, eq=False)
+class Offer:
+    """A group of possible next measurements, from which the loop proposes the most informative one.
+
+    It is an experiment in which each fold (for example a run) is one measurement that can be made but has no values
+    yet.
+    """
+
+    experiment: Experiment
+    """experiment that predicts the possible measurements, each as a fold"""
+    noise: Noise
+    """noise of the samples that would be measured and compared"""
+    meets: Callable[[Any], Any] = lambda model: model
+    """function that adapts a fitted model to the new measurement, for example to another terrain"""
+    unmeasured: tuple[str, ...] = ()
+    """channels that were not measured so far and would need a new sensor"""
+
+    @property
+    def label(self) -> str:
+        """Name of the possible measurements for progress messages: the name of the only measurement, or a general
+        phrase if there are several.
+        """
+        return self.experiment.folds[0] if len(self.experiment.folds) == 1 else "possible next measurements"
+
+    @property
+    def in_addition(self) -> str:
+        """Phrase about the channels that would need a new sensor, for the proposal of a measurement, such as ", with
+        sinkage too"; empty if no channel needs a new sensor.
+        """
+        many = (
+            f"{self.unmeasured[0]} to {self.unmeasured[-1]}" if len(self.unmeasured) > 1 else "".join(self.unmeasured)
+        )
+        return f", with {many} too" if many else ""
+
+
+class OfferPrediction(NamedTuple):
+    """Prediction of the possible measurements of an offer by one set of causes, in SDs of the noise of these
+    measurements.
+    """
+
+    mean: np.ndarray
+    "expected value of each sample (n,)"
+    columns: np.ndarray
+    """matrix L (n, k): L L' is the part of the covariance that comes from uncertain parameters and from the
+    discrepancy"""
+    variance: np.ndarray
+    """variance of the noise (n,)"""
+    gain: np.ndarray | None = None
+    """matrix (n, samples so far) that turns the residuals so far into the expected discrepancy of the new samples; None
+    if the hypothesis was not fitted with exact derivatives"""
+
+    def at(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the predicted mean (m,) and covariance (m, m) of m selected samples; `rows` (n,) is the mask that
+        selects them.
+        """
+        columns = self.columns[rows]
+        return self.mean[rows], columns @ columns.T + np.diag(self.variance[rows])
+
+
+def expectation(offer: Offer, hypothesis: Hypothesis, first: Hypothesis) -> OfferPrediction:
+    """Return the prediction of possible measurements by a set of causes, as if its parameters were known exactly.
+
+    Parameters
+    ----------
+    offer : Offer
+        The possible measurements.
+    hypothesis : Hypothesis
+        The set of causes, fitted to the measurements so far.
+    first : Hypothesis
+        The most probable set of causes. Noise that was estimated from the residual is stated relative to the noise of
+        this set.
+    """
+    noise, channel = offer.noise, np.nonzero(offer.noise.good)[1]
+    mean = _predict(offer, offer.meets(hypothesis.fit.model))
+    if not isinstance(hypothesis, fitted.Hypothesis):
+        # Learnt noise of each channel, relative to that of the most probable set.
+        channels = hypothesis.experiment.channels
+        larger = dict(zip(channels, hypothesis.fit.task.noise.floor / first.fit.task.noise.floor, strict=True))
+        scales = np.array([larger.get(name, 1.0) for name in offer.experiment.channels])
+        variance = noise.inflation * scales**2
+        return OfferPrediction(mean, np.zeros((len(mean), 0)), variance[channel])
+    noise_taken = hypothesis.noise_taken
+    # A hypothesis that needed more noise than declared also expects more noise in the new measurement.
+    times = np.array([noise_taken.get(name, 1.0) for name in offer.experiment.channels])
+    cross, prior = _discrepancy(offer, hypothesis)
+    # Kriging: the residuals so far predict the discrepancy of the new samples, and reduce its variance.
+    gain = np.linalg.solve(hypothesis.covariance, cross.T).T
+    missed = residual(hypothesis.errors.samples.value, hypothesis.predicted)
+    return OfferPrediction(mean + gain @ missed, _root(prior - gain @ cross.T), (times**2)[channel], gain)
+
+
+def with_uncertain_numbers(offer: Offer, hypothesis: Hypothesis, expected: OfferPrediction) -> OfferPrediction:
+    """Add the uncertainty of the hypothesis's parameters to the covariance of the prediction `expected`, and return the
+    result.
+
+    The computation needs the derivatives of the prediction by the parameters, which take long for a drive log.
+    """
+    noise, fit = offer.noise, hypothesis.fit
+    rows = noise.white(slopes_at(offer.experiment, offer.meets(fit.model), fit.parameters, fit.u)).T
+    if isinstance(hypothesis, fitted.Hypothesis) and expected.gain is not None:
+        # A parameter that changes the new prediction also changes the residuals so far, and with them the predicted
+        # discrepancy.
+        rows = rows - expected.gain @ hypothesis.slopes
+    columns = rows @ _root(hypothesis.posterior.covariance)
+    return expected._replace(columns=np.concatenate([expected.columns, columns], axis=1))
+
+
+def _predict(offer: Offer, model: Any) -> np.ndarray:
+    """Return the prediction (n,) of all samples of an offer (possible next measurements) by a model, in SDs of the
+    noise; NaN for a missing prediction.
+    """
+    predicted = offer.experiment.predict([model])[0]
+    return offer.noise.white(np.where(np.abs(predicted) == offer.experiment.stand_in, np.nan, predicted))
+
+
+def _discrepancy(offer: Offer, hypothesis: fitted.Hypothesis) -> tuple[np.ndarray, np.ndarray]:
+    """Return the covariances K and K_o of the discrepancy, for the n samples of an offer (possible next measurements).
+
+    K (n, samples so far) is the covariance between the discrepancy of the offer's samples and that of the samples so
+    far. K_o (n, n) is the covariance of the discrepancy between the offer's samples. The samples of the offer are in
+    SDs of the offer's noise.
+    """
+    ahead, measured, errors = offer.experiment, hypothesis.experiment, hypothesis.errors
+    samples, eta = errors.samples, hypothesis.posterior.scales
+    fold, channel, sample = np.nonzero(offer.noise.good)
+    at_channel, at_fold, at_sample = np.nonzero(samples.good)
+    # The inputs of both experiments are put on one scale, as the correlation length is in ranges of the inputs.
+    inputs, inputs_ahead = scale_inputs(measured.varied[at_fold, at_sample], ahead.varied[fold, sample])
+    sd = np.broadcast_to(offer.noise.sd if offer.noise.sd.ndim > 1 else offer.noise.sd[:, None], offer.noise.good.shape)
+    row_sd = sd[fold, channel, sample]
+    added = _added_ahead(offer, hypothesis) * row_sd
+    # A discrepancy is correlated only within one channel of one campaign; elsewhere K and K_o are 0.
+    names, campaigns = np.array(ahead.channels)[channel], ahead.campaigns[fold]
+    cross, prior = np.zeros((len(fold), len(samples.value))), np.zeros((len(fold), len(fold)))
+    for which, block in enumerate(samples.blocks):
+        is_channel = names == measured.channels[at_channel[block[0]]]
+        rows = np.flatnonzero(is_channel & (campaigns == measured.campaigns[at_fold[block[0]]]))
+        ahead_settings, settings = Settings(inputs_ahead[rows], added[:, rows]), errors.settings_of(which, inputs)
+        cross[np.ix_(rows, block)] = errors.smooth_between(eta, which, ahead_settings, settings)
+        prior[np.ix_(rows, rows)] = errors.smooth_between(eta, which, ahead_settings, ahead_settings)
+    return cross / row_sd[:, None], prior / row_sd[:, None] / row_sd
+
+
+def _added_ahead(offer: Offer, hypothesis: fitted.Hypothesis) -> np.ndarray:
+    """Return the contribution of each cause (causes, n) to the prediction of an offer (possible next measurements), in
+    SDs of the offer's noise.
+
+    If the hypothesis has no error of form, the contributions are not needed, and the array has no rows.
+    """
+    if not len(hypothesis.errors.added):
+        return np.zeros((0, int(offer.noise.good.sum())))
+    fit, causes = hypothesis.fit, hypothesis.causes
+    # One model for each cause, with this cause switched off.
+    absent = [
+        model_at(offer.experiment, fit.model, fit.parameters, cause.absent(fit.parameters, fit.u)) for cause in causes
+    ]
+    present, *without = (_predict(offer, offer.meets(model)) for model in (fit.model, *absent))
+    return np.array([np.nan_to_num(present - row) for row in without])
+
+
+def _root(covariance: np.ndarray) -> np.ndarray:
+    """Return a root L of a covariance: L L' equals the covariance. Small eigenvalues that rounding made negative count
+    as 0.
+    """
+    values, vectors = np.linalg.eigh(covariance)
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
+
+
+MAX_CLOSER_LOOKS = 4
+"""Maximum number of offers (possible next measurements) whose expected information is computed with uncertain
+parameters.
+
+First the information of all offers is computed as if all parameters were known exactly, and the best offers are chosen;
+the others are left out. The computation with uncertain parameters needs the derivatives of the prediction for every set
+of causes and takes minutes. An offer beyond the first four is assumed not to become the best."""
 
 
 class NextMeasurement(NamedTuple):
-    """What to measure next, and what it is expected to tell."""
+    """The proposed next measurement, and the information that it is expected to give about the question which set of
+    causes acts.
+    """
 
     sets: tuple[str, ...]
-    "what is to be distinguished, the most probable first"
+    """names of the sets of causes that the measurement should distinguish, the most probable first"""
     what: str
+    """description of the measurement"""
     channel: str
-    "the one that tells most"
+    """channel that gives most of the information"""
     nats: float
+    """expected information about the sets [nats]"""
     open_nats: float
+    """remaining uncertainty before this measurement: entropy of the probabilities of the sets of causes [nats]"""
 
     @property
     def sentence(self) -> str:
-        """One sentence for a reader."""
+        """The proposal as a sentence: the sets of causes to distinguish, the measurement, and the fraction of the
+        remaining uncertainty that it is expected to resolve.
+        """
         first, *others = self.sets[:MAX_LISTED]
         others += ["others"] if len(self.sets) > MAX_LISTED else []
         return (
-            f"to tell {first} from {' or '.join(others)}: {self.what}; expected to settle "
-            f"{self.nats / self.open_nats:.0%} of what is open, {self.channel} the most of it"
+            f"to distinguish {first} from {' or '.join(others)}: {self.what}; expected to resolve "
+            f"{self.nats / self.open_nats:.0%} of the remaining uncertainty, mainly through {self.channel}"
         )
 
 
 def open_sets(beliefs: Beliefs) -> list[tuple[float, Hypothesis]]:
-    """Return the most probable sets that were fitted, as many as hold SURE of what is probable, with their shares.
+    """Return the sets of causes that remain possible, as pairs (probability, most probable hypothesis of the set).
 
-    Their shares sum to 1.
+    These are the most probable fitted sets whose probabilities together reach CONFIDENCE, and at least two sets if two
+    were fitted. Their probabilities are scaled so that the sum is 1.
     """
     rows = ((share, beliefs.best(tuple(names))) for names, share in beliefs.sets.items())
     fitted = [(share, best) for share, best in rows if best.is_fitted]
+    # A set belongs to the leading ones as long as the sets before it do not reach the confidence.
     before = np.cumsum([0.0, *(share for share, _ in fitted)])
-    leading = [row for at, row in enumerate(fitted) if at < 2 or before[at] < SURE]
+    leading = [row for at, row in enumerate(fitted) if at < 2 or before[at] < CONFIDENCE]
     total = sum(share for share, _ in leading)
     return [(share / total, hypothesis) for share, hypothesis in leading]
 
@@ -63,35 +268,52 @@ def next_measurement(
     offers: Iterable[Offer],
     progress: Callable[[str], None] = lambda message: None,
 ) -> NextMeasurement | None:
-    """Return what would tell most of which of the sets it is; None where nothing of what is offered tells any.
+    """Return the possible measurement that is expected to give the most information about the question which set of
+    causes acts.
 
-    Channels that were not measured so far are asked for where the others tell less than half as much.
+    The result is None if no measurement can distinguish the sets noticeably. A measurement with channels that need a
+    new sensor is proposed only if it gives more than twice the information of the best measurement without such
+    channels.
+
+    Parameters
+    ----------
+    leading : sequence of (float, Hypothesis)
+        The sets of causes that remain possible, with their probabilities, from `open_sets`.
+    offers : iterable of Offer
+        Possible measurements.
+    progress : function, optional
+        Called with one line of text before each step.
     """
     if len(leading) < 2:
         return None
+    # First round: the information if all numbers were known. It needs only predictions, no slopes.
     weights = np.array([share for share, _ in leading])
     hypotheses = [hypothesis for _, hypothesis in leading]
-    if_known: list[tuple[float, Offer, list[Expected]]] = []
+    if_known: list[tuple[float, Offer, list[OfferPrediction]]] = []
     for offer in offers:
         progress(f"predicting {offer.label}")
         expected = [expectation(offer, hypothesis, hypotheses[0]) for hypothesis in hypotheses]
         if_known.append((_best(weights, offer, expected, offer.unmeasured).nats, offer, expected))
+    # Second round for the best offers, with uncertain numbers: each without and with channels not measured so far.
     choices: list[_Choice] = []
-    for _, offer, known in sorted(if_known, key=lambda row: -row[0])[:CLOSER]:
-        progress(f"weighing {offer.label}")
+    for _, offer, known in sorted(if_known, key=lambda row: -row[0])[:MAX_CLOSER_LOOKS]:
+        progress(f"expected information of {offer.label}")
         expected = [with_uncertain_numbers(offer, *pair) for pair in zip(hypotheses, known, strict=True)]
         choices += [_best(weights, offer, expected, offer.unmeasured), _best(weights, offer, expected)]
     open_nats = float(-np.sum(weights * np.log(weights)))
+    # A new sensor is only worth its effort if it brings at least twice the information.
     measured, best = _greatest(choices[::2]), _greatest(choices)
-    best = measured if measured.nats >= MOST * best.nats else best
-    if best.nats < WORTH * open_nats:
+    best = measured if measured.nats >= MAJORITY * best.nats else best
+    if best.nats < MIN_MENTIONED * open_nats:
         return None
     sets = tuple(" + ".join(hypothesis.names) or "nothing" for hypothesis in hypotheses)
     return NextMeasurement(sets, best.what, best.channel, best.nats, open_nats)
 
 
 class _Choice(NamedTuple):
-    """What a measurement is expected to tell, in words, and the channel that tells most."""
+    """A possible next measurement: its expected information [nats] about the sets of causes, its description, and its
+    most informative channel.
+    """
 
     nats: float
     what: str = ""
@@ -102,10 +324,17 @@ def _greatest(choices: Sequence[_Choice]) -> _Choice:
     return max(choices, key=lambda choice: choice.nats, default=_Choice(0.0))
 
 
-def _best(weights: np.ndarray, offer: Offer, expected: Sequence[Expected], without: Sequence[str] = ()) -> _Choice:
-    """Return what the fold of an offer tells that tells most, some channels left out."""
+def _best(
+    weights: np.ndarray, offer: Offer, expected: Sequence[OfferPrediction], without: Sequence[str] = ()
+) -> _Choice:
+    """Return the most informative fold of an offer: each fold is one possible measurement.
+
+    `weights` (sets,) are the probabilities of the sets of causes, `expected` are their predictions of the offer, and
+    `without` are the channels that are not measured.
+    """
     fold, channel, _ = np.nonzero(offer.noise.good)
     used = ~np.isin(channel, [offer.experiment.channels.index(name) for name in without])
+    # A measurement that a set cannot predict gives no information here, although it might be informative.
     foreseen = np.all([np.isfinite(outlook.mean) for outlook in expected], axis=0)
     folds = [used & (fold == at) for at in range(len(offer.experiment.folds))]
     nats = [_information(weights, expected, rows) if foreseen[rows].all() else 0.0 for rows in folds]
@@ -115,7 +344,12 @@ def _best(weights: np.ndarray, offer: Offer, expected: Sequence[Expected], witho
     return _Choice(nats[at], offer.experiment.folds[at] + also, offer.experiment.channels[int(np.argmax(by_channel))])
 
 
-def _information(weights: np.ndarray, expected: Sequence[Expected], rows: np.ndarray) -> float:
+def _information(weights: np.ndarray, expected: Sequence[OfferPrediction], rows: np.ndarray) -> float:
+    """Return the expected information [nats] of the samples selected by the mask `rows` about the question which set of
+    causes acts; 0 if no sample is selected.
+
+    `weights` (sets,) are the probabilities of the sets, and `expected` their predictions.
+    """
     if not rows.any():
         return 0.0
     mean, covariance = zip(*(outlook.at(rows) for outlook in expected), strict=True)
@@ -123,12 +357,24 @@ def _information(weights: np.ndarray, expected: Sequence[Expected], rows: np.nda
 
 
 def information(weights: np.ndarray, mean: np.ndarray, covariance: np.ndarray) -> float:
-    """Return how much N(mean[i], covariance[i]), (sets, n) and (sets, n, n), tells at least of which i it is [nats]."""
-    size = np.linalg.slogdet(covariance)[1]
+    """Return a lower bound of the expected information [nats] that a measurement of n values gives about the question
+    which set of causes acts.
+
+    Parameters
+    ----------
+    weights : array (sets,)
+        Probabilities of the sets.
+    mean : array (sets, n)
+        Prediction of the n values by each set.
+    covariance : array (sets, n, n)
+        Covariance of each prediction.
+    """
+    # Bhattacharyya's distance between each pair of predictions, one row at a time.
+    log_determinant = np.linalg.slogdet(covariance)[1]
     distance = np.empty((len(weights),) * 2)
-    for at, center in enumerate(mean):
-        both = (covariance[at] + covariance) / 2
+    for row, center in enumerate(mean):
+        both = (covariance[row] + covariance) / 2
         difference = center - mean
         squares = np.sum(difference * np.linalg.solve(both, difference[..., None])[..., 0], axis=1)
-        distance[at] = squares / 8 + np.linalg.slogdet(both)[1] / 2 - (size[at] + size) / 4
+        distance[row] = squares / 8 + np.linalg.slogdet(both)[1] / 2 - (log_determinant[row] + log_determinant) / 4
     return max(0.0, -float(weights @ logsumexp(-distance, b=weights[None], axis=1)))

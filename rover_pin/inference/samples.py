@@ -1,4 +1,6 @@
-"""The compared samples of an experiment in one row, with all that says how their errors hang together."""
+"""All compared values of an experiment as one vector, with the properties on which the covariance of their errors
+depends.
+"""
 
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -8,71 +10,98 @@ import numpy as np
 from rover_pin.base.public import brief
 from rover_pin.estimation.experiment import Experiment
 
-SAME_INPUT = 1e-9
-"""Range below which an input is the same everywhere, so that nothing can be a function of it."""
+MIN_INPUT_RANGE = 1e-9
+"""Range of an input (a set value such as slip or load) below which the input counts as constant. A constant input is
+left out, because nothing can be learnt as a function of it. The value is far above rounding and far below every change
+of a setting that a user makes on purpose."""
 
 
 @brief
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """What was measured, channel after channel: value, SD, fold, turn and scaled inputs of each sample (n, ...)."""
+    """All n compared values of an experiment, channel after channel, with the properties on which the covariance of
+    their errors depends.
+
+    A fold is a group of samples that cross-validation leaves out together, such as a run. A campaign is a group of
+    folds that were measured with the same set-up. A block contains the samples of one channel in one campaign.
+    """
 
     value: np.ndarray
+    """measured value of each sample (n,), in the unit of its channel"""
     sd: np.ndarray
+    """declared SD of the noise of each sample (n,)"""
     fold: np.ndarray
+    """index of the fold of each sample (n,)"""
     inputs: np.ndarray
-    "what was set (n, inputs), each over its range"
+    """set values at each sample (n, inputs), each divided by its range"""
     turn: np.ndarray | None
-    "at which turn each was measured; None where that is not known"
+    """position of each sample in the order of measurement (n,); None if it is not known"""
     blocks: tuple[np.ndarray, ...] = field(repr=False)
-    "where the samples of each channel of each campaign stand in the row"
+    """indices of the samples of each block (one channel in one campaign)"""
     channel: np.ndarray = field(repr=False)
-    "of each sample (n,)"
+    """index of the channel of each sample (n,)"""
     good: np.ndarray = field(repr=False)
-    "which samples (channels, folds, samples) are compared"
+    """mask of the compared samples (channels, folds, samples)"""
 
     def row_of(self, table: np.ndarray) -> np.ndarray:
-        """Return a table (..., folds, channels, samples) as rows (..., n)."""
+        """Return the compared samples of a table (..., folds, channels, samples) as a vector (..., n), in the order of
+        this object.
+        """
         return np.asarray(np.swapaxes(table, -3, -2)[..., self.good])
 
     def table_of(self, row: np.ndarray) -> np.ndarray:
-        """Return a row (n,) as a table (folds, channels, samples), NaN where nothing is compared."""
+        """Return a vector (n,) of compared samples as a table (folds, channels, samples), with NaN for samples that are
+        not compared.
+        """
         table = np.full(self.good.shape, np.nan)
         table[self.good] = row
         return np.swapaxes(table, 0, 1)
 
     @property
     def repeats(self) -> bool:
-        """Whether folds have several samples of a channel, so that what they share shows."""
+        """Whether at least one fold has several samples of a channel. An error that all samples of a fold share can be
+        distinguished from the noise of single samples only then.
+        """
         return len(self.value) > sum(len(np.unique(self.fold[block])) for block in self.blocks)
 
     @cached_property
     def noise(self) -> np.ndarray:
-        """RMS of the declared SDs of each block (blocks,)."""
+        """RMS of the declared noise SDs in each block (blocks,), in the unit of the block's channel."""
         return np.array([np.sqrt(np.mean(self.sd[block] ** 2)) for block in self.blocks])
 
     @cached_property
     def spread(self) -> np.ndarray:
-        """SD of what was measured in each block (blocks,), no less than its noise."""
+        """SD of the measured values in each block (blocks,), raised to at least the noise of the block. The prior size
+        of a smooth discrepancy is proportional to this SD.
+        """
         return np.maximum([self.value[block].std() for block in self.blocks], self.noise)
 
     @cached_property
     def distances(self) -> tuple[np.ndarray, ...]:
-        """The squared distances (m, m) of the inputs of each block's samples."""
+        """Squared distances (m, m) between the scaled inputs of the m samples of each block."""
         rows = [self.inputs[block] for block in self.blocks]
         return tuple(((x[:, None] - x[None]) ** 2).sum(axis=-1) for x in rows)
 
 
 def samples_of(experiment: Experiment, sd: np.ndarray, inputs: np.ndarray) -> Samples:
-    """Return the compared samples of an experiment, of declared `sd` (folds, channels, samples).
+    """Return all compared samples of an experiment as vectors; measured values that are NaN are left out.
 
-    `inputs` (folds, samples, inputs) are what was set.
+    Parameters
+    ----------
+    experiment : Experiment
+        Measured values, folds and campaigns.
+    sd : array (folds, channels, samples), or one that broadcasts to it
+        Declared SD of the noise.
+    inputs : array (folds, samples, inputs)
+        Set values at each sample, such as slip; a discrepancy is assumed to be a smooth function of them.
     """
     observed = np.asarray(experiment.observed)
+    # The channel becomes the first axis, so that the samples of a channel lie next to each other in the vectors.
     good = np.swapaxes(np.isfinite(observed), 0, 1)
     place = np.broadcast_to(np.arange(observed.shape[0])[:, None, None], observed.shape)
     spread_inputs = np.broadcast_to(np.moveaxis(inputs, 2, 0)[:, :, None], (inputs.shape[2], *observed.shape))
     rows = np.swapaxes(spread_inputs, 1, 2)[:, good]
+    # All tables are flattened with the same mask, so that entry i of every vector belongs to the same sample.
     turns = experiment.turns()
     order = None if turns is None else np.swapaxes(np.broadcast_to(turns[:, None], observed.shape), 0, 1)[good]
     channel = np.broadcast_to(np.arange(observed.shape[1])[:, None, None], good.shape)[good]
@@ -94,12 +123,16 @@ def samples_of(experiment: Experiment, sd: np.ndarray, inputs: np.ndarray) -> Sa
 
 
 def scale_inputs(inputs: np.ndarray, others: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return inputs (n, inputs), each over its range, and others (m, inputs) over the same ranges.
+    """Return the set values `inputs` (n, inputs) and `others` (m, inputs) on a common scale, so that one correlation
+    length suits all of them.
 
-    Those that only change from the ones to the others are over the range of both, those that never change left out.
+    Both are shifted and divided by the range of `inputs`, so that `inputs` lie between 0 and 1. An input that is
+    constant in `inputs` but not in `others` is divided by the range of both together. An input that is constant in both
+    is left out.
     """
     both = np.concatenate([inputs, others])
-    ranges = np.where(np.ptp(inputs, axis=0) > SAME_INPUT, np.ptp(inputs, axis=0), np.ptp(both, axis=0))
-    varied = ranges > SAME_INPUT
+    # An input that is new in `others` still needs a range; it is taken from both together.
+    ranges = np.where(np.ptp(inputs, axis=0) > MIN_INPUT_RANGE, np.ptp(inputs, axis=0), np.ptp(both, axis=0))
+    varied = ranges > MIN_INPUT_RANGE
     scaled = (both[:, varied] - inputs[:, varied].min(axis=0)) / ranges[varied]
     return scaled[: len(inputs)], scaled[len(inputs) :]

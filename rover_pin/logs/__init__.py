@@ -1,4 +1,5 @@
-"""Drive logs: a folder with `drive.toml` and one table or ROS bag a run.
+"""Read, write and check drive logs. A drive log is a folder with the file `drive.toml` and one table or ROS bag for
+each run.
 
-Start at `drive_log`; `importing` makes logs of recordings in other layouts.
+Start at `drive_log`. The package `importing` converts recordings in other layouts to drive logs.
 """

@@ -1,33 +1,38 @@
-"""Drive logs: a folder with `drive.toml` and one CSV, Parquet file or ROS bag a run, measured and simulated alike.
+"""Read and write drive logs: folders with `drive.toml` and one CSV file, Parquet file or ROS bag for each run.
 
-`drive.toml` as in::
+The runs may be measured or simulated.
+
+`drive.toml`::
 
     kind = "drive-log"
     name = "slope"
     source = "our test field, 2026"
-    rover = "nexus6"                      # or a TOML beside its URDF
+    rover = "nexus6"                      # or a TOML next to its URDF
     gravity = 9.81                        # m/s^2, or { value = ..., unit = "..." }
     wheels = ["fl", "fr", "ml", "mr", "rl", "rr"]
-    input = "rates"                       # hold the wheels to their measured rates; else duties, where logged
-    angles = "sinkage"                    # or "fixed", Table 1's, as is usual for the paper's wheels
-    [terrain]                             # see log_terrain
+    input = "rates"                       # hold the wheels to their measured rates; else duties, if logged
+    angles = "sinkage"                    # contact angles from the sinkage, or "fixed" as in Table 1 of the paper
+    [terrain]                             # see terrain.files
     polyline = "slope.csv"
-    [soil]                                # what is known of it: { value, unit, sd }; so [wheel], [motor]
+    [soil]                                # known constants: { value, unit, sd }; [wheel] and [motor] alike
     phi = { value = 30.0, unit = "deg" }
-    [resistance]                          # R of `MotionResistance`; else that of a flat cruised at S = 0.05
+    [resistance]                          # R of `MotionResistance`; else R from a flat drive at S = 0.05
     R = { value = 0.028, unit = "" }
-    [tracker]                             # error of its scale e and its delay d, as of visual odometry; the point x, y
+    [tracker]                             # scale error e and delay d, e.g. of visual odometry; tracked point x, y
     e = { value = 0.0, sd = 0.02 }
-    [noise]                               # one SD of a sample for each kind of channel, see log_noise
+    [noise]                               # SD of one sample for each kind of channel, see `NOISE`
     wheel_rate = { value = 0.02, unit = "rad/s" }
     [[run]]
     file = "climb.csv"
     start = { x = 0.0, y = 0.0, yaw = 0.0 }
     purpose = "climb until it stops"
-    terrain = { slope = { value = 12, unit = "deg" } }   # of this run, see run_terrain
-    units = { wheel_rate_fl = "rpm" }     # of columns that are not in the unit that their name tells
+    terrain = { slope = { value = 12, unit = "deg" } }   # terrain of this run only, see `run_terrain`
+    units = { wheel_rate_fl = "rpm" }     # units of columns whose name states another unit
 
-`column_map` says how columns of other names, units and forms are read, `bag_columns` the same of ROS bags.
+`column_map` describes the table [columns] of runs that are tables, and `ros_bag` the table [columns] of ROS bags.
+
+`read_drive_log` and `write_drive_log` read and write a whole log. `save_trace` and `load_trace` write and read a single
+run.
 """
 
 from __future__ import annotations
@@ -39,28 +44,28 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from rover_pin.base.encode import printable
 from rover_pin.base.errors import DataError, ParameterError, closest
-from rover_pin.base.files.columns import Columns, columns_text, read_columns
 from rover_pin.base.files.paths import exists, is_file, is_folder
+from rover_pin.base.files.table import Columns, columns_text, read_columns
 from rover_pin.base.files.toml_file import read_toml, toml_text
 from rover_pin.base.files.whole_file import replace_file
 from rover_pin.base.jobs.time_left import telling
 from rover_pin.base.public import brief
-from rover_pin.base.quantity import as_float
+from rover_pin.base.quantity import as_float, refuse_strange, to_si, value_and_unit
 from rover_pin.base.trust import Trust
 from rover_pin.logs.column_map import map_columns
-from rover_pin.logs.declared_noise import read_declared_noise
 from rover_pin.logs.ros_bag import is_bag, read_bag
 from rover_pin.logs.run_terrain import is_of_run, run_terrain
 from rover_pin.parameters.gravity import EARTH, gravity_from
 from rover_pin.rover.rover import Rover, load_named
 from rover_pin.simulation.trace.channels import DUTIES, ODOMETRY, RATES, WHEELS, unit_of
-from rover_pin.simulation.trace.files import run_from
+from rover_pin.simulation.trace.files import read_run, run_from, write_parquet
 from rover_pin.simulation.trace.trace import Trace
 from rover_pin.soil.angles import ANGLES
+from rover_pin.terrain.files import terrain_from
 from rover_pin.terrain.shapes import flat
 from rover_pin.terrain.terrain import Terrain
-from rover_pin.terrain.toml_table import terrain_from
 
 FILE, KIND = "drive.toml", "drive-log"
 RUN_KEYS, START_KEYS = ("file", "start", "purpose", "units", "attrs", "terrain"), ("x", "y", "yaw")
@@ -69,7 +74,10 @@ RUN_KEYS, START_KEYS = ("file", "start", "purpose", "units", "attrs", "terrain")
 @brief
 @dataclass(frozen=True)
 class LogMetadata:
-    """What a drive log declares besides its runs; the tables stay as written."""
+    """The content of drive.toml apart from its runs: rover, gravity, wheels, constants, noise and column sources.
+
+    Tables such as [soil] are kept as the user wrote them. They are converted and checked where they are used.
+    """
 
     name: str
     source: str = ""
@@ -77,11 +85,13 @@ class LogMetadata:
     gravity: float = EARTH
     wheels: tuple[str, ...] = WHEELS
     input: str = ""
-    "duties or rates; empty: duties where they are logged"
+    """The measured channel that a simulation takes as its input, "duties" or "rates". Empty means duties if they are
+    logged."""
     place: str = ""
-    "odometry where the pose was computed of the wheels; empty: it was measured"
+    """Empty if the pose in the log was measured; "odometry" if the pose was computed from the wheels."""
     angles: str = ""
-    "fixed or sinkage, how the contact arc is found; empty: fixed for the paper's wheels"
+    """The rule for the contact angles of the wheels, "fixed" or "sinkage". Empty means fixed for the wheels of the
+    paper."""
     licence: str = ""
     method: str = ""
     missing: Any = ""
@@ -97,34 +107,46 @@ class LogMetadata:
 
     @classmethod
     def of(cls, trace: Trace, name: str) -> LogMetadata:
-        """Return what a trace's attributes tell of its log."""
+        """Return the metadata for writing a simulated trace as a drive log: origin, rover, gravity and wheels from its
+        attributes.
+        """
         rover, gravity = trace.attrs.get("rover", "nexus6"), trace.attrs.get("gravity_mps2", EARTH)
         return cls(name, trace.attrs.get("made_by", ""), rover, gravity, trace.wheels or WHEELS)
 
 
 TABLES = ("terrain", "soil", "wheel", "motor", "resistance", "tracker", "noise", "columns", "bag")
+"""Keys of drive.toml whose value must be a table. Any other value is refused."""
 TEXTS = ("name", "source", "rover", "licence", "method", "input", "place", "angles")
+"""Keys of drive.toml whose value must be text. Any other value is refused."""
 WORDS = {"input": ("", DUTIES, RATES), "place": ("", ODOMETRY), "angles": ("", *ANGLES)}
+"""Keys of drive.toml that allow only certain words -> these words. An empty text means that the key is absent."""
 
 
 @brief
 @dataclass(frozen=True)
 class DriveLog:
-    """The runs of a drive log in its order; each trace's attributes have its file, purpose, start, rover, gravity."""
+    """A drive log that has been read: its folder, the content of its drive.toml, and its runs in the order of the file.
+
+    The attributes of each run hold the run's file, purpose, start pose, rover and gravity.
+    """
 
     folder: Path
     metadata: LogMetadata
     runs: tuple[Trace, ...]
     trust: Trust = Trust()
-    "of the user in the log, whose files else lie in its folder"
+    """which files outside the log's folder the user has allowed to be read"""
 
     @property
     def file(self) -> Path:
-        """What declares it."""
+        """The path of the log's drive.toml."""
         return self.folder / FILE
 
     def run(self, name: str) -> Trace:
-        """Return the run whose file is `name`, with or without its suffix."""
+        """Return the run whose file has this name, with or without the suffix of the file.
+
+        Raises ParameterError: no run of the log has this name.
+        """
+        # The suffix is optional, so that a run is found as "climb" and as "climb.csv".
         stems = [Path(trace.attrs["file"]).stem for trace in self.runs]
         for trace, stem in zip(self.runs, stems, strict=True):
             if name in (stem, Path(trace.attrs["file"]).name):
@@ -132,16 +154,22 @@ class DriveLog:
         raise ParameterError(f"{self.folder}: there is no run '{name}': {closest(name, stems)}")
 
     def terrain(self) -> Terrain:
-        """Return the terrain that the log declares for all runs; flat ground where each run has its own."""
+        """Return the terrain that drive.toml declares for all runs, or a flat terrain if each run has a terrain of its
+        own.
+        """
         if self.metadata.terrain and not is_of_run(self.metadata.terrain):
             return terrain_from(self.metadata.terrain, self.file, self.trust)
         return flat()
 
     def terrain_of(self, run: Trace) -> Terrain | None:
-        """Return the terrain of a run that has its own: declared, a slope, or estimated; None where it has the log's.
+        """Return the terrain of one run if the run has a terrain of its own, and None if the terrain of the log
+        applies.
 
-        Where nothing is declared at all it is estimated, as far as the run tells it.
+        A run has its own terrain if its entry declares one, or if the log gives every run its own slope or its own
+        estimate. If neither the log nor the run declares a terrain, the terrain is estimated from the run's pitch, roll
+        and height.
         """
+        # A run's own terrain precedes the log's; without both, the terrain is estimated.
         declared = run.attrs.get("terrain")
         table = declared or self.metadata.terrain or {"estimated": True}
         if is_of_run(table):
@@ -149,74 +177,126 @@ class DriveLog:
         return None if declared is None else terrain_from(table, self.file, self.trust)
 
     def is_estimated(self, run: Trace) -> bool:
-        """Return whether the ground under a run is estimated from the run itself."""
+        """Return whether the terrain under a run is estimated from the run's own sensors."""
         table = run.attrs.get("terrain") or self.metadata.terrain
         return not table or bool(table.get("estimated"))
 
     @property
     def noise_sd(self) -> dict[str, float]:
-        """What the log declares of its sensors, in SI: see `read_declared_noise`."""
+        """Declared SD of one sample in SI units for each kind of channel: key of [noise], such as "current" -> SD."""
         return read_declared_noise(self.metadata.noise, str(self.file))
 
     def load_rover(self) -> Rover:
-        """Return the rover that the log names."""
+        """Return the model of the rover that drive.toml names."""
         return load_named(self.metadata.rover, self.file, self.trust)
 
     @property
     def rover(self) -> str:
-        """What `load_rover` takes: the rover's name, or the path of its file in the folder."""
+        """The rover's name, or the path of its file if the file lies in the log's folder. `rover_pin.load_rover`
+        accepts both.
+        """
         beside = self.folder / self.metadata.rover
         return str(beside) if is_file(beside) else self.metadata.rover
 
 
 def read_drive_log(folder: str | Path, trust: Trust = Trust()) -> DriveLog:
-    """Return the drive log in a folder; its runs and its terrain lie there, unless `trust` allows more.
+    """Read the drive log in a folder and return the content of its drive.toml together with all of its runs.
 
-    Raises DataError: no `drive.toml`, one that is not TOML or not a drive log, an unknown or missing key, a run file
-    that is missing or lies elsewhere, or that `read_run` refuses.
+    Parameters
+    ----------
+    folder : path
+        The folder with `drive.toml`.
+    trust : Trust
+        States which files outside the folder may be read. By default, all runs and terrain files must lie in the
+        folder.
+
+    Raises
+    ------
+    DataError
+        The folder has no `drive.toml`; this file is not TOML or does not describe a drive log; a key is unknown or
+        missing; or a run's file is missing, lies outside the folder, or cannot be read.
+
+    Examples
+    --------
+    >>> from rover_pin.logs.drive_log import read_drive_log
+    >>> log = read_drive_log("my-log")  # doctest: +SKIP
+    >>> log.run("climb")["body_x"]  # doctest: +SKIP
     """
     folder = Path(folder)
     file = folder / FILE
     if not is_file(file):
         raise DataError(
-            f"{folder}: there is no {FILE}: give the folder of a drive log, or write one with `write_drive_log`."
+            f"{folder}: there is no {FILE} in this folder, so it is not a drive log: give the folder of a drive log, "
+            "or write one with `write_drive_log`."
         )
     table = read_toml(file)
     if table.get("kind") != KIND:
         raise DataError(f"{file}: kind = {table.get('kind')!r}, but a drive log has kind = '{KIND}'.")
     entries = table.get("run")
     if not isinstance(entries, list) or not entries or not all(isinstance(entry, dict) for entry in entries):
-        raise DataError(f"{file}: there is no run: add a [[run]] with file = '...' for each.")
+        raise DataError(f"{file}: the drive log lists no run: add a table [[run]] with file = '...' for each run.")
+    # Declarations are checked before any run is read, because reading many runs takes long.
     metadata = _checked_metadata(file, {key: value for key, value in table.items() if key not in ("kind", "run")})
-    _refuse_twice(file, [entry.get("file") for entry in entries])
+    # A file that is named twice would count the same measurement twice.
+    names = [entry.get("file") for entry in entries]
+    for at, name in enumerate(names, 1):
+        if name in names[: at - 1]:
+            first = names.index(name) + 1
+            raise DataError(f"{file}: run {at} names the file {name!r}, as run {first} does: leave one of them out.")
+    # Runs are read lazily, so that the time left can be reported.
     runs = (_run(file, metadata, at, entry, trust) for at, entry in enumerate(entries, 1))
     return DriveLog(folder, metadata, tuple(telling(runs, len(entries), "runs read")), trust)
 
 
 def write_drive_log(folder: str | Path, traces: Mapping[str, Trace], metadata: LogMetadata) -> Path:
-    """Write traces, each to `NAME.csv` with every digit, then `drive.toml`; return the folder.
+    """Write traces as a drive log and return its folder. Each trace becomes `NAME.csv` with all digits.
 
-    Raises DataError: no trace, one without rows, a name that is no file name, or a value that TOML cannot hold.
+    `drive.toml` is written last, so a folder with this file always holds all runs.
+
+    Parameters
+    ----------
+    folder : path
+        The folder of the log; it is created if needed.
+    traces : mapping
+        Name of each run -> its trace.
+    metadata : LogMetadata
+        Declarations for drive.toml.
+
+    Raises
+    ------
+    DataError
+        There is no trace, a trace has no rows, a name is not a file name, or TOML cannot hold a value.
+
+    Examples
+    --------
+    >>> write_drive_log("out", {"run": trace}, LogMetadata.of(trace, "test"))  # doctest: +SKIP
     """
     folder = Path(folder)
+    # All names are checked before anything is written.
     for name, trace in traces.items():
         if Path(name).name != name or name.startswith("."):
             raise DataError(f"{folder}: '{name}' is not a file name for a run: leave out folders and leading dots.")
         if not len(trace.t):
             raise DataError(f"{folder}: run '{name}' has no rows, so there is nothing to write.")
     if not traces:
-        raise DataError(f"{folder}: a drive log needs one run at least.")
+        raise DataError(f"{folder}: no trace was given, but a drive log needs at least one run.")
+    # Empty declarations are omitted, so that the defaults apply when the log is read.
     declared = {key: value for key, value in dataclasses.asdict(metadata).items() if value not in ("", {})}
     entries = [_entry(name, trace) for name, trace in traces.items()]
     text = toml_text({"kind": KIND, **declared, "run": entries})
     for name, trace in traces.items():
         replace_file(folder / f"{name}.csv", columns_text(trace.channels))
+    # drive.toml comes last: a folder with drive.toml holds every run that this file names.
     replace_file(folder / FILE, text)
     return folder
 
 
 def _entry(name: str, trace: Trace) -> dict[str, Any]:
-    """Return a run's entry; units that a channel's name tells are left out."""
+    """Return the table [[run]] that describes one trace in drive.toml.
+
+    Units are written only for channels whose unit differs from the unit that the channel's name implies.
+    """
+    # start and purpose have keys of their own; other attributes are stored in `attrs`.
     head: dict[str, Any] = {key: trace.attrs[key] for key in ("start", "purpose") if key in trace.attrs}
     units = {channel: unit for channel, unit in trace.units.items() if unit != unit_of(channel)}
     attrs = {key: value for key, value in trace.attrs.items() if key not in ("file", *head)}
@@ -224,7 +304,11 @@ def _entry(name: str, trace: Trace) -> dict[str, Any]:
 
 
 def _checked_metadata(file: Path, table: dict[str, Any]) -> LogMetadata:
+    """Return the content of drive.toml as a record, after checking its keys, types, allowed words, noise, wheels and
+    gravity.
+    """
     keys = [entry.name for entry in dataclasses.fields(LogMetadata)]
+    # Types are checked before values, so that each message names the key as the user wrote it.
     for key, value in table.items():
         if key not in keys:
             raise DataError(f"{file}: there is no key '{key}' in a drive log: {closest(key, keys)}")
@@ -236,59 +320,214 @@ def _checked_metadata(file: Path, table: dict[str, Any]) -> LogMetadata:
             raise DataError(f"{file}: {key} = {table[key]!r}: write {' or '.join(map(repr, words[1:]))}.")
     read_declared_noise(table.get("noise", {}), str(file))
     if not table.get("name"):
-        raise DataError(f"{file}: there is no name: add name = '...'.")
+        raise DataError(f"{file}: the drive log has no name: add the line name = '...'.")
+    # Without the key, the rover has the six wheels of the paper's rover.
     wheels = table.get("wheels", list(WHEELS))
     if not isinstance(wheels, list) or not all(isinstance(wheel, str) for wheel in wheels):
-        raise DataError(f"{file}: wheels = {wheels!r} must be a list of names, as ['fl', 'fr'].")
+        raise DataError(f"{file}: wheels = {wheels!r} must be a list of wheel names, such as ['fl', 'fr'].")
     gravity = gravity_from(table.get("gravity", EARTH), str(file))
-    return LogMetadata(**{**table, "wheels": tuple(wheels), "gravity": gravity})
-
-
-def _refuse_twice(file: Path, names: list[Any]) -> None:
-    for at, name in enumerate(names, 1):
-        if name in names[: at - 1]:
-            first = names.index(name) + 1
-            raise DataError(f"{file}: run {at} names the file {name!r}, as run {first} does: leave one of them out.")
+    # The name is printed in reports, so control characters are removed from it.
+    named = {**table, "name": printable(table["name"])}
+    return LogMetadata(**{**named, "wheels": tuple(wheels), "gravity": gravity})
 
 
 def _run(file: Path, metadata: LogMetadata, at: int, entry: dict[str, Any], trust: Trust) -> Trace:
+    """Read the file that an entry [[run]] names, and return its trace with the attributes of the run.
+
+    `at` is the number of the run, counted from 1, for error messages.
+    """
     for key in entry:
         if key not in RUN_KEYS:
             raise DataError(f"{file}: run {at} has an unknown key '{key}': {closest(key, RUN_KEYS)}")
     for key in ("units", "attrs", "terrain"):
         if not isinstance(entry.get(key, {}), dict):
-            raise DataError(f"{file}: run {at} has {key} = {entry[key]!r}: give a table.")
+            raise DataError(f"{file}: run {at} has {key} = {entry[key]!r}: give a table, such as {{ name = value }}.")
     name = entry.get("file")
+    # The file must lie in the log's folder, unless the user trusts other places.
     path = trust.within(file.parent, name, f"{file}: run {at}") if name and isinstance(name, str) else None
     if path is None or not exists(path):
         raise DataError(
-            f"{file}: run {at} names the file {name!r}, which is not in {file.parent}: add it, or mend its name."
+            f"{file}: run {at} names the file {name!r}, which is not in {file.parent}: add it, or correct its name."
         )
     attrs = {"file": name, "rover": metadata.rover, "gravity_mps2": metadata.gravity, "wheels": list(metadata.wheels)}
+    # Only declared attributes are set, because readers distinguish undeclared from default values.
     attrs |= {"start": _start(file, at, entry["start"])} if "start" in entry else {}
     attrs |= {key: getattr(metadata, key) for key in ("input", "place") if getattr(metadata, key)}
     attrs |= {"terrain": entry["terrain"]} if "terrain" in entry else {}
     attrs |= {"purpose": str(entry["purpose"])} if "purpose" in entry else {}
+    # Attributes in the file precede those of drive.toml, and `attrs` of the [[run]] precede both.
     trace = run_from(_table(file, metadata, path, trust), metadata.wheels, units=entry.get("units", {}))
     return Trace(trace.channels, trace.units, {**attrs, **trace.attrs, **entry.get("attrs", {})})
 
 
 def _table(file: Path, metadata: LogMetadata, run: Path, trust: Trust) -> Columns:
+    """Read the file of one run and return its columns as channels of the drive log.
+
+    A table is converted by the entries of [columns]. A ROS bag is also resampled to even time steps, as [bag] states.
+    """
     if not is_bag(run):
         table = read_columns(run)
         return map_columns(table, metadata.columns, str(file), metadata.wheels) if metadata.columns else table
+    # A ROS 2 bag is a folder, whose files may be links to places outside the log.
     for part in run.iterdir() if is_folder(run) else [run]:
         trust.within(file.parent, str(part.relative_to(file.parent)), str(file))
+    # The paths in a bag have been checked, so it can be read.
     return read_bag(run, metadata.columns, metadata.bag, str(file))
 
 
 def _start(file: Path, at: int, start: Any) -> dict[str, float]:
+    """Return the start pose of a run after checking it: x [m], y [m] and yaw [rad], each 0 if it is not stated."""
     if not isinstance(start, dict) or not set(start) <= set(START_KEYS):
-        raise DataError(f"{file}: run {at} has start = {start!r}: give {{ x = [m], y = [m], yaw = [rad] }}.")
+        raise DataError(
+            f"{file}: run {at} has start = {start!r}: give a table with the keys x and y in m and yaw in rad, such as "
+            "{ x = 1.0, y = 0.0, yaw = 0.5 }."
+        )
     try:
         place = {key: as_float(start.get(key, 0.0)) for key in START_KEYS}
     except (TypeError, ValueError):
         raise DataError(f"{file}: run {at} has start = {start!r}: x, y [m] and yaw [rad] must be numbers.") from None
+    # A yaw beyond a full turn is probably in degrees.
     if not all(map(math.isfinite, place.values())) or abs(place["yaw"]) > 2.0 * math.pi:
-        raise DataError(f"{file}: run {at} has start = {start!r}: give finite x, y [m], and yaw in rad, not degrees.")
+        raise DataError(
+            f"{file}: run {at} has start = {start!r}: x and y [m] must be finite, and yaw must lie within one turn "
+            "(2 pi): give yaw in rad, not in degrees."
+        )
     return place
+
+
+SAMPLE_PERIOD = "sample_period"
+"""Key in the table [noise] of drive.toml for the time between two samples [s]."""
+NOISE = {
+    "wheel_rate": "rad/s",
+    "angle": "rad",
+    "current": "A",
+    "body_position": "m",
+    "body_attitude": "rad",
+    "body_velocity": "m/s",
+    "battery": "V",
+    "gyro": "rad/s",
+    "accelerometer": "m/s^2",
+    SAMPLE_PERIOD: "s",
+}
+"""Keys of the table [noise] in drive.toml -> SI unit. Each key stands for one kind of channel, for example "current"
+for all motor currents. "angle" means the angles of steering, rockers and bogies."""
+STARTS = {
+    "wheel_rate_": "wheel_rate",
+    "rocker_": "angle",
+    "bogie_": "angle",
+    "current_": "current",
+    "body_v": "body_velocity",
+    "body_x": "body_position",
+    "body_y": "body_position",
+    "body_z": "body_position",
+    "body_roll": "body_attitude",
+    "body_pitch": "body_attitude",
+    "body_yaw": "body_attitude",
+    "battery_V": "battery",
+    "gyro_": "gyro",
+    "accelerometer_": "accelerometer",
+}
+"""Beginning of a channel's name -> key of the table [noise] that states the channel's noise. If several beginnings fit
+a name, the longest one applies."""
+
+
+def read_declared_noise(table: Mapping[str, Any], where: str) -> dict[str, float]:
+    """Return the SD of one sample that the table [noise] declares for each kind of channel, in SI units.
+
+    The sample period [s] is one more entry of the result if the table states it.
+
+    Parameters
+    ----------
+    table : mapping
+        The table [noise] of drive.toml: key of `NOISE` -> number or { value, unit }.
+    where : str
+        The drive.toml, for error messages.
+
+    Raises
+    ------
+    DataError
+        A key is unknown, or a value is not a positive number.
+    ParameterError
+        A unit does not fit the channel, or an entry has an unknown key.
+    """
+    noise = {}
+    for key, entry in table.items():
+        if key not in NOISE:
+            raise DataError(f"{where}: there is no key '{key}' in [noise]: {closest(key, NOISE)}")
+        noise[key] = _number(entry, NOISE[key], f"{where}: [noise] {key}")
+    return noise
+
+
+def kind_of(channel: str) -> str:
+    """Return the key of the table [noise] for a channel, such as "angle" for rocker_l; '' if no key applies to the
+    channel.
+    """
+    # Several beginnings may fit, of which the longest is the most specific.
+    prefixes = [start for start in STARTS if channel.startswith(start)]
+    return STARTS[max(prefixes, key=len)] if prefixes else ""
+
+
+def _number(entry: Any, unit: str, where: str) -> float:
+    """Return one value of the table [noise] in SI units, after checking that it is a positive number."""
+    # A misspelt key, such as `units`, would otherwise be ignored and the number read in the wrong unit.
+    if isinstance(entry, Mapping):
+        refuse_strange(entry, where)
+    value, declared_unit = value_and_unit(entry, unit)
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0.0 < value < float("inf"):
+        raise DataError(f"{where} has no number above 0; write {{ value = 0.01, unit = '{unit}' }}.")
+    return to_si(value, declared_unit, unit, where)
+
+
+def save_trace(trace: Trace, path: str | Path) -> Path:
+    """Write a trace to a Parquet file if `path` ends with `.parquet`, and otherwise to a folder as a drive log of one
+    run.
+
+    All digits are kept. A file is either written completely or not at all, and `drive.toml` is written last.
+
+    Parameters
+    ----------
+    trace : Trace
+        The simulated or measured run.
+    path : path
+        A file with the suffix .parquet, or a folder.
+
+    Returns
+    -------
+    Path
+        The file or folder.
+
+    Raises
+    ------
+    DataError
+        The path cannot be written or has the suffix .csv, or the file cannot hold an attribute of the trace.
+
+    Examples
+    --------
+    >>> save_trace(trace, "climb")  # doctest: +SKIP
+    """
+    path = Path(path)
+    if path.suffix == ".parquet":
+        return write_parquet(path, trace)
+    if path.suffix == ".csv":
+        raise DataError(
+            f"{path}: a trace is saved either to a folder, which holds a CSV file and its description, or to a "
+            ".parquet file: leave out the suffix .csv to write a folder."
+        )
+    return write_drive_log(path, {"run": trace}, LogMetadata.of(trace, path.name))
+
+
+def load_trace(path: str | Path) -> Trace:
+    """Read back a trace that `save_trace` wrote, from a Parquet file or from the folder of a drive log with one run.
+
+    Raises DataError: the path is neither a Parquet file nor a drive log, or the log has several runs.
+    """
+    path = Path(path)
+    if path.suffix == ".parquet":
+        return read_run(path)
+    runs = read_drive_log(path).runs
+    if len(runs) > 1:
+        raise DataError(
+            f"{path}: the drive log has {len(runs)} runs, but `load_trace` reads a log with one run only: read the log "
+            "with `read_drive_log` and choose a run."
+        )
+    return runs[0]

@@ -1,88 +1,260 @@
-"""Runs from ROS bags: .bag, .db3 and .mcap files and ROS 2 bag folders, resampled on one clock; needs the extra `ros`.
+"""Read runs from ROS bags (.bag, .db3 and .mcap files, and ROS 2 bag folders) and resample them to even time steps.
 
-`bag_columns` says how a drive log tells which column comes from where.
+Reading a bag needs the extra `ros`. The table [columns] of `drive.toml` states topic, field, unit and time stamp of
+each column of the run::
+
+    [bag]
+    period = { value = 40, unit = "ms" }
+    [columns]
+    duty_fl = { topic = "/command", field = "data[0]", scale = 0.01 }
+    wheel_rate_fl = { topic = "/joint_states", field = "velocity[name=wheel_fl]", unit = "rpm", stamp = "header.stamp" }
+    body_x = { topic = "/tracker", field = "pose.position.x" }
+    body_yaw = { topic = "/tracker", field = "pose.orientation.yaw" }
+    [[run]]
+    file = "climb.mcap"
+
+A field is a path of names separated by dots. `[3]` takes the entry with index 3 of an array. `[name=wheel_fl]` takes
+the entry at the position at which the array `name` of the same message holds "wheel_fl". After the name of a
+quaternion, `roll`, `pitch` or `yaw` computes this angle of the rotation sequence z-y-x. `stamp` is the field with the
+message's time stamp; without `stamp`, the time of receipt counts. A duty keeps its value until the next message, and so
+does every column with `hold = true`. All other columns are interpolated linearly, and stay empty in gaps between
+messages.
 """
 
 import dataclasses
+import math
+import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from rover_pin.base.errors import DataError, MissingExtraError, RoverPinError, closest
-from rover_pin.base.files.columns import Columns
+from rover_pin.base.errors import DataError, MissingExtraError, ParameterError, RoverPinError, closest
+from rover_pin.base.extras import install_command
 from rover_pin.base.files.paths import exists, is_folder
-from rover_pin.logs.bag_columns import ANGLES, PART, Source, angle_of, parts, period_from, si, sources_from
-from rover_pin.logs.one_clock import MOST_ROWS, interpolate_messages
+from rover_pin.base.files.table import Columns
+from rover_pin.base.quantity import to_si, value_and_unit
+from rover_pin.logs.resampling import MOST_ROWS, hold_messages, interpolate_messages
 from rover_pin.logs.unpacking import bounded_unpacking, refuse_anchors
+from rover_pin.simulation.trace.channels import unit_of
 
-SUFFIXES = (".bag", ".db3", ".mcap")
+KEYS = ("topic", "field", "scale", "unit", "hold", "stamp")
+"""Keys that an entry of [columns] may have if the run is a ROS bag. Any other key is refused."""
+PART = re.compile(r"(\w+)(?:\[(?:(\d+)|(\w+)=([^\]]+))\])?")
+"""Pattern of one part of a field's path: a name, which [index] or [array=label] may follow."""
+ANGLES = ("roll", "pitch", "yaw")
+"""Names that may follow a quaternion in a field's path, and that stand for an angle computed from this quaternion."""
 
 
-def is_bag(path: Path) -> bool:
-    """Return whether a run's file is a ROS bag: a folder, or by its suffix."""
-    return is_folder(path) or path.suffix in SUFFIXES
+class Source(NamedTuple):
+    """The source of one column in a ROS bag: topic, field, scale, unit, and field of the time stamp."""
+
+    topic: str
+    field: str
+    scale: float = 1.0
+    unit: str = ""
+    hold: bool = False
+    """whether a value is kept until the next message; otherwise values between two messages are interpolated"""
+    stamp: str = ""
+    """field that holds the time stamp of the message; empty: the time at which the message was received is used"""
 
 
-def read_bag(path: Path, columns: Mapping[str, Any], bag: Mapping[str, Any], where: str) -> Columns:
-    """Return the columns of a bag on a clock of even steps that starts at 0 where all measured columns have begun.
+def sources_from(columns: Mapping[str, Any], where: str) -> dict[str, Source]:
+    """Return the topic, field, scale, unit and time stamp of each column, as a table [columns] states them for ROS
+    bags.
 
     Parameters
     ----------
-    columns, bag : Mapping
-        The tables [columns] and [bag] of the drive log that stands at `where`.
+    columns : mapping
+        Column of the drive log -> entry with `topic` and `field`, and optionally scale, unit, hold and stamp.
+    where : str
+        The file of the table, for error messages.
 
     Raises
     ------
     DataError
-        A map that cannot be read, a file that is no bag, a topic or field that it lacks, times that run back.
+        The table is empty, or an entry has an unknown key, a value of the wrong type, no topic, or no field.
+    """
+    if not columns:
+        raise DataError(
+            f"{where}: a run in a ROS bag needs the table [columns], which states the topic and the field of each "
+            "channel: add lines such as duty_fl = { topic = '...', field = '...' }."
+        )
+    # One wrong entry refuses the table, because a missing channel would change the result silently.
+    return {name: _source(name, entry, where) for name, entry in columns.items()}
+
+
+def _source(name: str, entry: Any, where: str) -> Source:
+    """Return the source of one column in a ROS bag, after checking its entry of [columns].
+
+    If the entry does not state `hold`, a duty keeps its value until the next message and other columns are
+    interpolated.
+    """
+    if not isinstance(entry, Mapping) or not {"topic", "field"} <= entry.keys():
+        raise DataError(
+            f"{where}: [columns] {name} = {entry!r} must state a topic and a field of the ROS bag: write "
+            "{ topic = '...', field = '...' }."
+        )
+    # bool is a kind of int in Python, so that scale = true must be refused explicitly.
+    for key, value in entry.items():
+        if key not in KEYS:
+            raise DataError(f"{where}: [columns] {name} has an unknown key '{key}': {closest(key, KEYS)}")
+        kind = {"scale": (int, float), "hold": (bool,)}.get(key, (str,))
+        if not isinstance(value, kind) or (key == "scale" and isinstance(value, bool)):
+            words = {float: "a number", bool: "true or false", str: "text"}
+            raise DataError(f"{where}: [columns] {name}: {key} = {value!r} must be {words[kind[-1]]}.")
+    for path in (entry["field"], entry.get("stamp", "")):
+        if path and not all(PART.fullmatch(part) for part in parts(path)):
+            raise DataError(
+                f"{where}: [columns] {name}: '{path}' is not the path of a field in a message: write it as a.b, a[3] "
+                "or a[name=b]."
+            )
+    return Source(**{"hold": name.startswith("duty_"), **entry})
+
+
+def parts(field: str) -> list[str]:
+    """Split the path of a field at its dots and return the parts. A dot inside brackets belongs to a label and does not
+    split.
+    """
+    return re.split(r"\.(?![^\[]*\])", field)
+
+
+def period_from(bag: Mapping[str, Any], where: str) -> float:
+    """Return the time between two rows of the resampled run [ns], as the table [bag] states it by `period`.
+
+    Raises DataError: the table has an unknown key, or the period is missing, not positive, or not in a unit of time.
+    """
+    for key in bag:
+        if key != "period":
+            raise DataError(f"{where}: [bag] has an unknown key '{key}': {closest(key, ('period',))}")
+    entry = bag.get("period")
+    value, unit = value_and_unit(entry, "s")
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0.0 < value < math.inf:
+        raise DataError(
+            f"{where}: a ROS bag needs [bag] period = {{ value = 40, unit = 'ms' }}, the positive time between two "
+            f"rows after resampling, but the period is {entry!r}."
+        )
+    try:
+        return 1e9 * to_si(value, str(unit), "s", f"{where}: [bag] period")
+    except ParameterError as error:
+        raise DataError(str(error)) from error
+
+
+def si(name: str, source: Source, values: np.ndarray, where: str) -> np.ndarray:
+    """Return the values of one column of a bag in SI units: multiplied by the declared scale and converted from the
+    declared unit.
+
+    Raises DataError: the declared unit cannot be converted to the unit of the column.
+    """
+    expected = unit_of(name)
+    if not source.unit:
+        return source.scale * values
+    try:
+        return source.scale * values * to_si(1.0, source.unit, expected, f"{where}: [columns] {name}")
+    except ParameterError as error:
+        raise DataError(str(error)) from error
+
+
+def angle_of(name: str, q: Any) -> float:
+    """Return roll, pitch or yaw [rad] of a quaternion, for the rotation sequence z-y-x.
+
+    `name` is "roll", "pitch" or "yaw". The quaternion has the fields x, y, z, w and need not be normalised. For a
+    quaternion of zeros, which some sensors send before their first fix, the result is NaN.
+    """
+    square = q.x**2 + q.y**2 + q.z**2 + q.w**2
+    if not square > 0.0:
+        return math.nan
+    if name == "roll":
+        return math.atan2(2 * (q.w * q.x + q.y * q.z), square - 2 * (q.x**2 + q.y**2))
+    if name == "yaw":
+        return math.atan2(2 * (q.w * q.z + q.x * q.y), square - 2 * (q.y**2 + q.z**2))
+    # Round-off may exceed the domain of asin, so the argument is clipped.
+    return math.asin(max(-1.0, min(1.0, 2 * (q.w * q.y - q.z * q.x) / square)))
+
+
+SUFFIXES = (".bag", ".db3", ".mcap")
+"""Suffixes of the files that are read as ROS bags."""
+
+
+def is_bag(path: Path) -> bool:
+    """Return whether the file of a run is a ROS bag: a folder (ROS 2), or a file with one of the suffixes of ROS
+    bags.
+    """
+    return is_folder(path) or path.suffix in SUFFIXES
+
+
+def read_bag(path: Path, columns: Mapping[str, Any], bag: Mapping[str, Any], where: str) -> Columns:
+    """Read a ROS bag and return the columns of the run, resampled to even time steps.
+
+    The run begins when every measured column has had its first message, and ends when the first of them has its last
+    one. Commands do not limit this time span.
+
+    Parameters
+    ----------
+    path : Path
+        The bag: a file or a folder.
+    columns, bag : Mapping
+        The tables [columns] and [bag] of drive.toml.
+    where : str
+        The drive.toml, for error messages.
+
+    Raises
+    ------
+    DataError
+        A table of drive.toml is wrong, the file is not a bag, a topic or field is missing, or the times of a topic
+        decrease.
     MissingExtraError
         The extra `ros` is not installed.
     """
     sources, period = sources_from(columns, where), period_from(bag, where)
     values = _Messages(path, sources).read()
+    # Commands may begin later than the measurements, so that they do not limit the time span.
     measured = [name for name in values if not sources[name].hold] or list(values)
     begin = max(values[name][0][0] for name in measured)
     end = min(values[name][0][-1] for name in measured)
     if not end - begin > period:
         raise DataError(
-            f"{path}: the topics of {', '.join(measured[:3])}, ... share no stretch of time: check `stamp`."
+            f"{path}: the topics of {', '.join(measured[:3])}, ... have no time in common, so there is no row with all "
+            "of them: check their time stamps (`stamp` in [columns])."
         )
+    # The period is limited from below by the number of rows, which are held in memory.
     rows = int((end - begin) / period) + 1
     if rows > MOST_ROWS:
         raise DataError(
-            f"{where}: [bag] period = {1e-9 * period:g} s makes {rows} rows of {1e-9 * (end - begin):g} s, more than "
-            f"{MOST_ROWS}: give a longer period."
+            f"{where}: [bag] period = {1e-9 * period:g} s gives {rows} rows in {1e-9 * (end - begin):g} s, but the "
+            f"maximum is {MOST_ROWS}: give a longer period."
         )
     t = 1e-9 * period * np.arange(rows)
     channels = {"t_s": t}
+    # Times are subtracted as integers, so that stamps since 1970 keep their nanoseconds.
     for name, (at, messages) in values.items():
         source = sources[name]
         seconds = (at - begin) * 1e-9
-        resampled = _hold_messages(t, seconds, messages) if source.hold else interpolate_messages(t, seconds, messages)
+        resampled = hold_messages(t, seconds, messages) if source.hold else interpolate_messages(t, seconds, messages)
         channels[name] = si(name, source, resampled, where)
     return Columns(path, channels, tuple(f"t = {instant:.6g} s" for instant in t))
 
 
 @contextmanager
 def open_bag(path: Path) -> Iterator[Any]:
-    """Give the reader of a bag; whatever it raises is reported in one sentence.
+    """Open a ROS bag and yield the reader of the package rosbags. Any error of this reader becomes a short DataError.
 
-    Raises DataError: it is no bag, or is damaged.
+    Raises DataError: the file is not a bag, or it is damaged.
     Raises MissingExtraError: the extra `ros` is not installed.
     """
     for part in path.iterdir() if is_folder(path) else [path]:
         if not exists(part):
-            raise DataError(f"{part} is no file, so that {path.name} is no bag: give one of regular files.")
+            raise DataError(f"{part} is not a regular file, so {path.name} is not read: give a bag of regular files.")
+    # rosbags expands YAML aliases in metadata.yaml without limit, so such files are refused before it opens them.
     refuse_anchors(path)
     try:
         from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
     except ImportError as error:
         raise MissingExtraError(
-            f"{path}: a ROS bag needs the extra 'ros': pip install 'rover-pin[ros]', or convert it to CSV."
+            f"{path}: a ROS bag needs the package rosbags. Run `{install_command('ros')}`, or convert the bag to CSV."
         ) from error
     try:
         with bounded_unpacking(), AnyReader([path], default_typestore=get_typestore(Stores.LATEST)) as bag:
@@ -91,16 +263,18 @@ def open_bag(path: Path) -> Iterator[Any]:
         raise
     except Exception as error:
         why = getattr(error, "strerror", "") or str(error) or repr(error)
+        # rosbags reads MCAP files of ROS 2 only; the importer reads the others.
+        if "Profile is not ros2" in why:
+            why = "it is an MCAP without the profile ros2; `rover-pin import-log` reads JSON, ROS 1 and ROS 2 messages"
         raise DataError(f"{path}: the bag cannot be read: {why.splitlines()[0]}") from error
 
 
-def _hold_messages(t: np.ndarray, at: np.ndarray, values: np.ndarray) -> np.ndarray:
-    before = np.searchsorted(at, t + 1e-9, side="right") - 1
-    return np.where(before >= 0, values[np.maximum(before, 0)], np.nan)
-
-
 class _Messages:
-    """One pass through a bag, with what each column finds in its topic's messages."""
+    """Collector of the times and values of each column of a run, in one pass through a ROS bag.
+
+    A column can select an array entry by a label. For such a column, `seen` holds the labels that occur in the
+    messages.
+    """
 
     def __init__(self, path: Path, sources: Mapping[str, Source]):
         self.path, self.sources = path, sources
@@ -108,12 +282,16 @@ class _Messages:
         self.seen: dict[str, set[str]] = {name: set() for name in sources}
 
     def read(self) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-        """Return name -> (times [ns], values) of every column, times increasing."""
+        """Read the bag, and return for each column of the run its increasing times [ns] and its values, both
+        (messages,).
+        """
         with open_bag(self.path) as bag:
             self._pass(bag)
         return {name: self._arrays(name) for name in self.sources}
 
     def _pass(self, bag: Any) -> None:
+        """Read all messages of the bag once and collect the values of every column."""
+        # Each topic may feed several columns, so messages are decoded once for all of them.
         topics: dict[str, list[str]] = {}
         for name, source in self.sources.items():
             topics.setdefault(source.topic, []).append(name)
@@ -122,6 +300,7 @@ class _Messages:
                 raise DataError(
                     f"{self.path}: there is no topic '{topic}' for {names[0]}: {closest(topic, bag.topics)}"
                 )
+        # Other topics, such as images, are skipped without decoding.
         wanted = [connection for connection in bag.connections if connection.topic in topics]
         for connection, received, raw in bag.messages(connections=wanted):
             message = bag.deserialize(raw, connection.msgtype)
@@ -129,16 +308,20 @@ class _Messages:
                 self._take(name, message, received)
 
     def _take(self, name: str, message: Any, received: int) -> None:
+        """Append the value of one message to a column. Of several messages with the same time, the last one replaces
+        the others.
+        """
         source = self.sources[name]
         value = self._value(name, message, source.field)
         if value is None:
             return
         at = self._time(name, message, source.stamp) if source.stamp else received
         times, values = self.found[name]
+        # Interpolation needs increasing times.
         if times and at < times[-1]:
             raise DataError(
-                f"{self.path}: the times of topic '{source.topic}' run back at message {len(times) + 1}: leave out "
-                f"`stamp` of {name}, or mend the bag."
+                f"{self.path}: in topic '{source.topic}', the time decreases at message {len(times) + 1}: leave out "
+                f"`stamp` in the entry of {name}, or correct the bag."
             )
         if times and at == times[-1]:
             values[-1] = value
@@ -147,32 +330,44 @@ class _Messages:
             values.append(value)
 
     def _time(self, name: str, message: Any, field: str) -> int:
+        """Return the time stamp of a message [ns], read from the field that the entry of the column names as
+        `stamp`.
+        """
         stamp = self._follow(name, message, field)
         if not hasattr(stamp, "nanosec"):
             raise DataError(
-                f"{self.path}: '{field}' of topic '{self.sources[name].topic}' is no time, as header.stamp."
+                f"{self.path}: '{field}' of topic '{self.sources[name].topic}' is not a time stamp: give a field such "
+                f"as header.stamp as `stamp` of {name}."
             )
         return nanoseconds(stamp)
 
     def _value(self, name: str, message: Any, field: str) -> float | None:
+        """Return the number at a field of a message, or None if the field selects an array entry by a label that the
+        message lacks.
+        """
         value = self._follow(name, message, field)
         try:
             return None if value is None else float(value)
         except (TypeError, ValueError):
-            inner = f", but has {', '.join(field_names(value))}" if field_names(value) else ""
+            inner = f", but a message with the fields {', '.join(field_names(value))}" if field_names(value) else ""
             raise DataError(
-                f"{self.path}: '{field}' of topic '{self.sources[name].topic}' is no number{inner}: go on for {name}."
+                f"{self.path}: '{field}' of topic '{self.sources[name].topic}' is not a number{inner}: extend `field` "
+                f"of {name} until it leads to a number."
             ) from None
 
     def _follow(self, name: str, value: Any, field: str) -> Any:
-        """Return what a path of names leads to; None where an array has no entry of that name this time."""
+        """Return the part of a message to which a field's path leads, or None if an array has no entry with the label
+        of the path.
+        """
         for part in parts(field):
             matched = PART.fullmatch(part)
             assert matched is not None
             key, index, beside, label = matched.groups()
+            # Roll, pitch and yaw are no fields of a quaternion; they are computed from its four numbers.
             if key in ANGLES and set(field_names(value)) == set("xyzw"):
                 value = angle_of(key, value)
                 continue
+            # The array with the labels is a field of the same message as the array with the values.
             parent, value = value, self._member(name, value, key)
             if index is not None:
                 value = self._entry(name, value, key, int(index))
@@ -185,6 +380,7 @@ class _Messages:
         return value
 
     def _member(self, name: str, value: Any, key: str) -> Any:
+        """Return the field of a message or of a nested message by its name."""
         if key not in field_names(value):
             names = [*field_names(value), *(ANGLES if set(field_names(value)) == set("xyzw") else ())]
             topic = self.sources[name].topic
@@ -192,38 +388,45 @@ class _Messages:
         return getattr(value, key)
 
     def _entry(self, name: str, value: Any, key: str, index: int) -> Any:
+        """Return the entry of an array in a message that a column selects by an index, after checking that the entry
+        exists.
+        """
         if not hasattr(value, "__len__") or index >= len(value):
             count = len(value) if hasattr(value, "__len__") else "no"
             raise DataError(
-                f"{self.path}: '{key}' of topic '{self.sources[name].topic}' has {count} entries, and {name} asks for "
-                f"[{index}], counted from 0."
+                f"{self.path}: '{key}' of topic '{self.sources[name].topic}' has {count} entries, but the entry of "
+                f"{name} asks for [{index}], counted from 0: give a smaller index."
             )
         return value[index]
 
     def _arrays(self, name: str) -> tuple[np.ndarray, np.ndarray]:
+        """Return the times [ns] and values of one column as arrays. Angles computed from quaternions are unwrapped."""
         times, values = self.found[name]
         source = self.sources[name]
+        # The topic has messages, but none with the label: the labels that occur help to correct the entry.
         if not times and self.seen[name]:
             label = source.field.partition("=")[2].partition("]")[0]
             raise DataError(
-                f"{self.path}: no message of topic '{source.topic}' names '{label}' for {name}: "
+                f"{self.path}: no message of topic '{source.topic}' names '{label}', the label that {name} needs: "
                 f"{closest(label, self.seen[name])}"
             )
         if len(times) < 2:
             raise DataError(
-                f"{self.path}: topic '{source.topic}' has {len(times)} messages for {name}; two are needed."
+                f"{self.path}: topic '{source.topic}' has {len(times)} messages for {name}, but at least two are "
+                "needed to interpolate: record more, or leave out this channel."
             )
         array = np.array(values)
+        # Angles from quaternions lie in one turn and are unwrapped, so that interpolation does not cross the jump.
         turns = source.field.rpartition(".")[2] in ANGLES
         return np.array(times, dtype=np.int64), np.unwrap(array) if turns else array
 
 
 def nanoseconds(stamp: Any) -> int:
-    """Return the time of a stamp [ns]."""
+    """Return the time of a ROS time stamp as an integer [ns]."""
     return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
 
 
 def field_names(value: Any) -> list[str]:
-    """Return the names of a message's fields."""
+    """Return the names of the fields of a ROS message, or an empty list for a value that is not a message."""
     fields = dataclasses.fields(value) if dataclasses.is_dataclass(value) else ()
     return [field.name for field in fields if not field.name.startswith("__")]

@@ -1,6 +1,6 @@
-"""The ground under one run of a drive log: a slope, or what the run itself tells of it.
+"""Give one run of a drive log its own terrain: a declared slope, or the surface estimated from the run's sensors.
 
-In `[terrain]`, for every run, or as `terrain = { ... }` of a `[[run]]`::
+The table `[terrain]` of drive.toml applies to every run, and `terrain = { ... }` of a `[[run]]` to this run alone::
 
     slope = { value = 12, unit = "deg" }      # a plane that rises along the heading at the run's start
     estimated = true                          # the smoothest surface under the measured pitch, roll and height
@@ -24,50 +24,79 @@ from rover_pin.terrain.shapes import flat
 from rover_pin.terrain.terrain import HeightGrid, Terrain
 
 KEYS = ("slope", "estimated")
+"""Keys of a terrain table by which each run gets a terrain of its own instead of one terrain for the whole log."""
 SLOPE_SD, HEIGHT_SD, BEND_SD = math.radians(0.5), 0.03, 0.15
-"""Assumed SDs of a block's pitch and roll [rad], of its height [m], and of the ground's bend over a base [rad]."""
+"""Assumed SDs of the terrain estimate: of the mean pitch and roll over half a second [rad], of the mean height over
+half a second [m], and of the change of the terrain's slope over one wheelbase [rad]."""
 BLOCK = 0.5
-"""Time over which pitch, roll and height are averaged [s]."""
-INSTANT = 1e-5
-"""A row so little before the end of a block [s] is of the next one (assumed): clocks since 1970 round to 2e-7 s."""
+"""Duration of the intervals over which pitch, roll and height are averaged before the terrain is estimated [s]."""
+ROUND_OFF = 1e-5
+"""Maximum time before the end of an averaging interval [s] at which a row still belongs to the next interval, because
+its time may be rounded down. Clocks that count from 1970 are rounded to 2e-7 s (assumed)."""
 CELLS = 7.0
-"""Cells of the grid to a wheelbase."""
+"""Number of grid cells per wheelbase in the estimated terrain."""
 MAX_CELLS = 100
-"""Cells along each side at most; a run that goes further has larger ones."""
-STEEPEST = math.radians(45.0)
-"""Slope that is declared in another unit, or no rover's."""
+"""Maximum number of grid cells along each side of the estimated terrain. For a longer run, the cells become larger."""
+MAX_SLOPE = math.radians(45.0)
+"""Limit of a declared slope [rad]. A slope of this size or more is refused, because its number is probably in another
+unit."""
 
 
 def is_of_run(table: Mapping[str, Any]) -> bool:
-    """Return whether a terrain's table says of each run by itself what its ground is."""
+    """Return whether a terrain table gives each run its own terrain, that is, whether it has the key `slope` or
+    `estimated`.
+    """
     return any(key in table for key in KEYS)
 
 
 def run_terrain(table: Mapping[str, Any], run: Trace, rover: Rover, where: str) -> Terrain:
-    """Return the ground of a run.
+    """Return the terrain of one run: a plane with the declared slope, or the surface estimated from the run's sensors.
 
-    Raises DataError: an unknown key, both a slope and an estimate, a slope that is none, or beyond 45 deg.
+    Parameters
+    ----------
+    table : mapping
+        Either `slope` = { value, unit }, or `estimated` = true.
+    run : Trace
+        The measured run. A declared slope rises along the first heading of this run.
+    rover : Rover
+        The rover, whose wheelbase and track are used for the estimate.
+    where : str
+        Place of the table, for error messages.
+
+    Raises
+    ------
+    DataError
+        The table has an unknown key, or both a slope and an estimate, or its slope is not an angle or not below 45 deg.
     """
     for key in table:
         if key not in KEYS:
             raise DataError(f"{where} has an unknown key '{key}': {closest(key, KEYS)}")
+    # A slope and an estimate exclude each other.
     if len(table) > 1 or table.get("estimated", True) is not True:
-        raise DataError(f"{where} must have either slope = {{ value, unit }} or estimated = true.")
+        raise DataError(
+            f"{where} must have either slope = {{ value = 12, unit = 'deg' }} or estimated = true, and not both."
+        )
     return _plane(table["slope"], run, where) if "slope" in table else estimate_surface(run, rover)
 
 
 def _plane(entry: Any, run: Trace, where: str) -> Terrain:
+    """Return a plane through the middle of a run's positions. The plane rises by the declared slope along the first
+    heading.
+    """
     value, unit = value_and_unit(entry, "rad")
     try:
         slope = to_si(value, unit, "rad", f"{where}: slope")
     except ParameterError as error:
         raise DataError(str(error)) from error
-    if not abs(slope) < STEEPEST:
-        raise DataError(f"{where}: slope = {math.degrees(slope):.4g} deg is beyond 45 deg: give value and unit.")
+    if not abs(slope) < MAX_SLOPE:
+        raise DataError(
+            f"{where}: slope = {math.degrees(slope):.4g} deg must be below 45 deg: check its number and its unit."
+        )
     x, y, yaw = (run[f"body_{name}"] for name in ("x", "y", "yaw"))
     valid = np.isfinite(x + y + yaw)
     x, y, heading = x[valid], y[valid], float(yaw[valid][0])
     middle = np.array([np.mean([x.min(), x.max()]), np.mean([y.min(), y.max()])])
+    # The plane extends beyond the run, because a simulated rover may drive farther than the measured one.
     half = 5.0 + max(np.ptp(x), np.ptp(y))
     ends = np.array([-half, half])
     rise = math.tan(slope) * (math.cos(heading) * ends[:, None] + math.sin(heading) * ends[None, :])
@@ -75,32 +104,53 @@ def _plane(entry: Any, run: Trace, where: str) -> Terrain:
 
 
 def estimate_surface(run: Trace, rover: Rover) -> Terrain:
-    """Return the smoothest surface under a run whose slopes and heights are those measured; flat where none are.
+    """Return the smoothest terrain under a run that agrees with its pitch, roll and height; flat if neither pitch nor
+    height was measured.
 
-    With z the heights at the corners of a grid, minimise
+    The unknowns z are the heights at the corners of a grid. They minimise
 
-        sum (rise from the back wheels to the front / L + tan pitch)^2 / s^2 + the same across by roll and the track
-        + sum (mean z under the wheels - z_0 - body_z)^2 / h^2 + sum (bends of z over L)^2 / b^2
+        sum (rise from the back wheels to the front / L + tan pitch)^2 / s^2 + the same across, with roll and track
+        + sum (mean z under the wheels - z_0 - body_z)^2 / h^2 + sum (changes of slope of z over L)^2 / b^2
 
-    over all blocks, L the wheelbase, the bends those of patches of L by L: each cell has its bend, and counts by its
-    share of a patch. What is shorter than the rover is smoothed out, and a zero error of the level is a
-    slope of the ground. The wheels stand beside the way: were the way itself to rise as the body, bends would be small
-    beside it, and the replayed rover would stand up to half a degree otherwise than the measured one.
+    summed over all averaging intervals of BLOCK seconds. L is the wheelbase, z_0 the mean height, and s, h, b are
+    SLOPE_SD, HEIGHT_SD and BEND_SD. The changes of slope are second differences of the heights. The last sum runs over
+    patches of L by L, so each grid cell counts by its fraction of the area of a patch. Features shorter than the rover
+    are smoothed away, and a constant error of the attitude sensor becomes a slope of the terrain.
+
+    The rises are taken under the wheels on both sides, and not along the path of the body. Otherwise the surface could
+    be smooth along the path and rough under the wheels, and the simulated rover would tilt by up to half a degree more
+    or less than the measured one.
+
+    Parameters
+    ----------
+    run : Trace
+        The measured run with body_x, body_y, body_yaw and, if measured, body_pitch, body_roll, body_z.
+    rover : Rover
+        Positions of the outer wheels.
+
+    Returns
+    -------
+    Terrain
+        A grid of heights with mean 0.
     """
     blocks = _blocks(run)
     if blocks is None:
         return flat()
     base = max(base_of(rover))
     x, y, yaw = blocks["body_x"], blocks["body_y"], blocks["body_yaw"]
+    # The margin around the path is at least the distance of the outermost wheel, so every wheel stands on the grid.
     grid = _Grid.around(x, y, max(base, float(np.max(np.linalg.norm(corners(rover), axis=-1)))))
     bends = grid.bends()
+    # Each row of the least-squares problem is divided by its SD.
     rows, right = [bends / BEND_SD], [np.zeros(bends.shape[0])]
     under = _under(grid.at, rover, np.array([x, y, yaw]))
+    # Positive pitch is nose down, so that the rise ahead is -tan(pitch); positive roll lowers the right side.
     for name, sign, rise in (("body_pitch", -1.0, under[0]), ("body_roll", 1.0, under[1])):
         if name in blocks:
             use = np.isfinite(blocks[name])
             rows.append(rise[use] / SLOPE_SD)
-            right.append(sign * np.tan(np.clip(blocks[name][use], -STEEPEST, STEEPEST)) / SLOPE_SD)
+            right.append(sign * np.tan(np.clip(blocks[name][use], -MAX_SLOPE, MAX_SLOPE)) / SLOPE_SD)
+    # Only the variation of the height counts; its mean is arbitrary.
     if "body_z" in blocks:
         use = np.isfinite(blocks["body_z"])
         rows.append(under[2][use] / HEIGHT_SD)
@@ -109,17 +159,41 @@ def estimate_surface(run: Trace, rover: Rover) -> Terrain:
 
 
 def level_on(ground: Terrain, rover: Rover, place: np.ndarray) -> dict[str, np.ndarray]:
-    """Return pitch, roll [rad] and height [m] of a rover that stands rigid on a ground, at x, y, yaw (T, 3)."""
+    """Return the pitch [rad], roll [rad] and height [m] that a rigid rover would have on a terrain at given poses.
+
+    Parameters
+    ----------
+    ground : Terrain
+        The terrain.
+    rover : Rover
+        Positions of the outer wheels.
+    place : array (T, 3)
+        x [m], y [m] and yaw [rad] of the body.
+
+    Returns
+    -------
+    dict
+        body_pitch, body_roll and body_z, each (T,).
+    """
     ahead, left, height = _under(ground.height, rover, place.T)
     return {"body_pitch": -np.arctan(ahead), "body_roll": np.arctan(left), "body_z": np.asarray(height)}
 
 
 def _under(height: Callable[..., Any], rover: Rover, place: np.ndarray) -> tuple[Any, Any, Any]:
-    """Return the rise ahead and to the left under the wheels, and their mean height, at x, y, yaw (3, T).
+    """Return the terrain's slopes ahead and to the left under the outer wheels, and the mean height under these wheels.
 
-    `height` gives the heights at places, or the rows of weights that make them.
+    Each result has one entry for each of the T poses.
+
+    Parameters
+    ----------
+    height : callable
+        Function of x and y that returns the terrain heights at these points, or the rows of weights that interpolate
+        the heights of the grid at these points.
+    place : array (3, T)
+        x [m], y [m] and yaw [rad] of the body.
     """
     x, y, yaw = place
+    # Positions of the outer wheels are rotated by the yaw into the map.
     (c, s), (length, track) = (np.cos(yaw), np.sin(yaw)), base_of(rover)
     (fl, fr), (bl, br) = ([height(x + c * a - s * b, y + s * a + c * b) for a, b in axle] for axle in corners(rover))
     ahead, left = (fl + fr - bl - br) / (2.0 * length), (fl + bl - fr - br) / (2.0 * track)
@@ -127,40 +201,50 @@ def _under(height: Callable[..., Any], rover: Rover, place: np.ndarray) -> tuple
 
 
 def _blocks(run: Trace) -> dict[str, np.ndarray] | None:
-    """Return means over BLOCK of the pose where it is known; None where neither slope nor height was measured.
+    """Return the means of pose and attitude over intervals of BLOCK seconds; None if neither pitch nor height was
+    measured.
 
-    A row on the border of two blocks is of the later one, also where its time was rounded.
+    Rows without a position are left out. A row at the border of two intervals belongs to the later one, even if its
+    time was rounded down.
     """
+    # Pitch or height alone determines slopes along the path; roll alone does not.
     names = [name for name in ("body_pitch", "body_roll", "body_z") if name in run and np.isfinite(run[name]).any()]
     if "body_pitch" not in names and "body_z" not in names:
         return None
     place = [run[f"body_{name}"] for name in ("x", "y", "yaw")]
     use = np.all(np.isfinite(place), axis=0)
-    at = np.floor((run.t[use] - run.t[0] + INSTANT) / BLOCK).astype(int)
+    at = np.floor((run.t[use] - run.t[0] + ROUND_OFF) / BLOCK).astype(int)
     _, at = np.unique(at, return_inverse=True)
     count = np.bincount(at)
 
     def mean(values: np.ndarray) -> np.ndarray:
+        """Return the mean of a channel over each interval (intervals,)."""
         return np.bincount(at, values[use]) / count
 
     return {name: mean(run[name]) for name in ("body_x", "body_y", "body_yaw", *names)}
 
 
 class _Grid:
-    """A grid of corners, and rows of weights on their heights."""
+    """Grid of nx by ny corners with the spacing `size` [m], and the sparse matrices that act on the heights of the
+    corners.
+    """
 
     def __init__(self, x0: float, y0: float, size: float, nx: int, ny: int):
         self.x0, self.y0, self.size, self.nx, self.ny = x0, y0, size, nx, ny
 
     @classmethod
     def around(cls, x: np.ndarray, y: np.ndarray, base: float) -> _Grid:
-        """Return the grid that holds a way with a base of the rover around it."""
+        """Return the grid that covers the path (x, y) of a run and a margin of `base` [m] around the path."""
         size = max(base / CELLS, (max(np.ptp(x), np.ptp(y)) + 2.0 * base) / MAX_CELLS)
         nx, ny = (math.ceil((np.ptp(coordinate) + 2.0 * base) / size) + 1 for coordinate in (x, y))
         return cls(float(x.min()) - base, float(y.min()) - base, size, nx, ny)
 
     def at(self, x: np.ndarray, y: np.ndarray) -> scipy.sparse.csr_matrix:
-        """Return the rows that interpolate at places, bilinear."""
+        """Return the matrix that interpolates the grid's heights bilinearly at given points.
+
+        The matrix is sparse and has the shape (points, corners).
+        """
+        # Position in units of cells; the cell index is clipped to the grid, so that points outside extrapolate.
         u, v = (x - self.x0) / self.size, (y - self.y0) / self.size
         i = np.clip(np.floor(u).astype(int), 0, self.nx - 2)
         j = np.clip(np.floor(v).astype(int), 0, self.ny - 2)
@@ -173,7 +257,12 @@ class _Grid:
         ).tocsr()
 
     def bends(self) -> scipy.sparse.csr_matrix:
-        """Return the second differences along both axes and the mixed one, each over the spacing: bends [rad]."""
+        """Return the matrix that maps the grid's heights to the changes of the terrain's slope between neighbouring
+        cells [rad].
+
+        The rows of the sparse matrix are the changes along x, the changes along y, and the mixed ones.
+        """
+        # Kronecker products apply the one-dimensional differences along each axis of the grid.
         along = [scipy.sparse.diags([1.0, -2.0, 1.0], [0, 1, 2], shape=(n - 2, n)) for n in (self.nx, self.ny)]
         step = [scipy.sparse.diags([-1.0, 1.0], [0, 1], shape=(n - 1, n)) for n in (self.nx, self.ny)]
         identity = [scipy.sparse.diags([1.0], [0], shape=(n, n)) for n in (self.nx, self.ny)]
@@ -182,8 +271,11 @@ class _Grid:
         return scipy.sparse.vstack([row for row in rows if row.shape[0]]).tocsr() / self.size
 
     def surface(self, rows: scipy.sparse.csr_matrix, right: np.ndarray) -> HeightGrid:
-        """Return the surface of least squares, its mean height 0."""
+        """Return the grid of heights z that solves rows z = right by least squares, shifted so that its mean height is
+        0.
+        """
         normal = (rows.T @ rows).tocsc()
+        # The mean height is undetermined, so a tiny diagonal makes the matrix regular.
         normal = normal + scipy.sparse.diags(np.full(normal.shape[0], 1e-9 * normal.diagonal().max()))
         z = np.asarray(scipy.sparse.linalg.spsolve(normal.tocsc(), rows.T @ right)).reshape(self.nx, self.ny)
         return HeightGrid(self.x0, self.y0, self.size, self.size, z - z.mean())

@@ -1,12 +1,12 @@
-"""What rosbags unpacks goes through a bound: a packed bag of a few kB may hold any size.
+"""Limit the number of bytes that a ROS bag may unpack to, because a packed bag of a few kB may unpack to any size.
 
-rosbags unpacks in three places, each by tables and a module that are ours while a bag is open.
+The package rosbags unpacks data in three places: through two tables of functions and through one module. While a bag is
+open, these are replaced by functions that count the unpacked bytes.
 """
 
 from __future__ import annotations
 
 import bz2
-import errno
 import io
 import re
 from collections.abc import Callable, Iterator
@@ -20,42 +20,42 @@ from rover_pin.base.files import bounded
 from rover_pin.base.files.paths import is_file, is_folder
 
 METADATA = "metadata.yaml"
+"""File in the folder of a ROS 2 bag that describes the content of the bag."""
 ALIASES = re.compile(r"(?m)(?:^|[-:,\[{])\s*[&*]")
-"""YAML that names a part of itself, and of which a few lines grow without bound."""
+"""Pattern of anchors and aliases in YAML. With these, a few lines of a file can expand to an unlimited size."""
 
 PLAIN = ("", "none")
-"""How rosbags calls what is not packed."""
-
-ADVICE = "which is the most that is read: give it unpacked, or without its images"
+"""Names under which rosbags lists data without compression. Such data are not unpacked and need no limit."""
 
 Opener = Callable[[Any], Any]
 
 
-class Allowance:
-    """What may still be unpacked of one file or bag [bytes]."""
+def unpack_bytes(opener: Opener, packed: bytes, allowance: bounded.Allowance) -> bytes:
+    """Unpack some bytes completely and return them, unless the limit on unpacked bytes is reached.
 
-    def __init__(self) -> None:
-        self.most = self.left = bounded.MOST_UNPACKED
-
-    def unpack_bytes(self, opener: Opener, packed: bytes) -> bytes:
-        """Return packed bytes as a whole; an `OSError` where that is more than is left."""
-        with _LimitedFile(opener(io.BytesIO(packed)), self) as file:
-            return b"".join(iter(lambda: file.read(bounded.MIB), b""))
-
-    def take(self, count: int) -> None:
-        """Take this number of bytes."""
-        self.left -= count
-        if self.left < 0:
-            raise OSError(errno.EFBIG, f"it unpacks to more than {self.most // bounded.MIB} MiB, {ADVICE}")
+    Parameters
+    ----------
+    opener : callable
+        Opens a packed file for reading, such as `lz4.frame.LZ4FrameFile`.
+    packed : bytes
+        The packed bytes.
+    allowance : Allowance
+        Number of bytes that may still be unpacked; more raise an OSError.
+    """
+    with _LimitedFile(opener(io.BytesIO(packed)), allowance) as file:
+        return b"".join(iter(lambda: file.read(bounded.MIB), b""))
 
 
 class _LimitedFile:
-    """A packed file whose bytes are taken from an allowance as they are read."""
+    """A packed file opened for reading that subtracts every byte read from the number of bytes that may still be
+    unpacked.
+    """
 
-    def __init__(self, file: Any, allowance: Allowance):
+    def __init__(self, file: Any, allowance: bounded.Allowance):
         self.file, self.allowance = file, allowance
 
     def read(self, size: int = -1) -> bytes:
+        """Read at most `size` unpacked bytes and return them, but never more than 1 MiB in one call."""
         part: bytes = self.file.read(size if 0 <= size <= bounded.MIB else bounded.MIB)
         self.allowance.take(len(part))
         return part
@@ -69,24 +69,27 @@ class _LimitedFile:
 
 @contextmanager
 def bounded_unpacking() -> Iterator[None]:
-    """Let rosbags unpack `bounded.MOST_UNPACKED` bytes in all, of one bag, in this block."""
+    """Limit the data that rosbags unpacks within this `with` block to `bounded.MAX_UNPACKED_BYTES` bytes in total."""
     from lz4.frame import LZ4FrameFile
     from rosbags.rosbag1 import reader as one
     from rosbags.rosbag2 import reader as two
     from rosbags.rosbag2 import storage_mcap as chunks
 
-    allowance, zstd = Allowance(), two.zstd
+    allowance, zstd = bounded.Allowance(), two.zstd
     openers = {"zstd": zstd.ZstdFile, "lz4": LZ4FrameFile, "bz2": bz2.BZ2File}
 
     def whole(name: str) -> Callable[..., bytes]:
-        return lambda raw, *size: allowance.unpack_bytes(openers[name], raw)
+        """Return a replacement for the function of rosbags that unpacks bytes of the compression `name` completely."""
+        return lambda raw, *size: unpack_bytes(openers[name], raw, allowance)
 
+    # The reader of ROS 2 bags calls two functions of its module zstd; only these are replaced.
     module = SimpleNamespace(
         open=lambda file, mode: _LimitedFile(zstd.open(file, mode), allowance), decompress=whole("zstd")
     )
     with ExitStack() as stack:
+        # Functions of both tables are found by the name of the compression.
         for table in (one.decompressors, chunks.DECOMPRESSORS):
-            packed = {name: whole(name) for name in table if name not in PLAIN}  # of an unknown kind: a KeyError
+            packed = {name: whole(name) for name in table if name not in PLAIN}  # KeyError for unknown compressions
             stack.enter_context(_replace_entries(table, packed))
         stack.enter_context(_replace_entries(vars(two), {"zstd": module}))
         yield
@@ -94,6 +97,7 @@ def bounded_unpacking() -> Iterator[None]:
 
 @contextmanager
 def _replace_entries(table: dict[str, Any], entries: dict[str, Any]) -> Iterator[None]:
+    """Replace entries of a table of functions within this `with` block, and restore them afterwards."""
     before = {name: table[name] for name in entries}
     table.update(entries)
     try:
@@ -103,9 +107,9 @@ def _replace_entries(table: dict[str, Any], entries: dict[str, Any]) -> Iterator
 
 
 def refuse_anchors(bag: Path) -> None:
-    """Refuse a bag folder whose metadata is no file of text, or names parts of itself.
+    """Raise an error if the metadata.yaml of a bag folder has YAML anchors or aliases, before rosbags expands them.
 
-    Raises DataError: it does, is too long, or cannot be read.
+    Raises DataError: the file has anchors or aliases, is too long, or is not text.
     """
     file = bag / METADATA
     if not is_folder(bag) or not is_file(file):
@@ -115,4 +119,7 @@ def refuse_anchors(bag: Path) -> None:
     except (OSError, UnicodeDecodeError) as error:
         raise DataError(f"{file}: the file cannot be read: {getattr(error, 'strerror', '') or error}") from error
     if anchored:
-        raise DataError(f"{file}: it has YAML anchors or aliases, which ROS does not write; take them out.")
+        raise DataError(
+            f"{file}: it has YAML anchors or aliases, which ROS does not write and which can expand without limit: "
+            "remove them from the file."
+        )

@@ -1,4 +1,4 @@
-"""The loop closed: measured data against a model, the effect that it lacks, before and after.
+"""The loop: compare measured data with a model, find a missing effect, add it, and test the new model on held-out data.
 
-Start at `close.close_the_loop`.
+Start at `close.close_the_loop`. `identify.identify` only fits the numbers of the base model.
 """

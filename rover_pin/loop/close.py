@@ -1,102 +1,105 @@
-"""The loop: measured data against a model, the effect that it lacks, the model with it, before and after."""
+"""Close the loop on measured data: find the effect that the model lacks, add it, and report the error before and
+after.
+"""
 
 import dataclasses
-import functools
-import logging
 import os
+import time
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from rover_pin.base.errors import DataError, ParameterError
-from rover_pin.base.files.paths import is_file, is_folder
-from rover_pin.base.files.results_folder import alone_in
-from rover_pin.base.files.samples import closest_samples, data_path
-from rover_pin.base.files.toml_file import read_toml
-from rover_pin.base.jobs.cluster import refuse_both, workers_of
+from rover_pin.base.files.paths import closest_samples, data_path, is_file, is_folder
+from rover_pin.base.files.results_folder import OF_A_LOOP, alone_in, say_what_is_replaced
+from rover_pin.base.jobs.cluster import Workers, refuse_both, workers_of
 from rover_pin.base.jobs.workers import ending_workers
 from rover_pin.base.public import public
 from rover_pin.base.trust import Trust
 from rover_pin.contact import Soil
-from rover_pin.discrepancy.question import Progress
-from rover_pin.discrepancy.standalone import Standalone
+from rover_pin.discrepancy.answer import Answer
+from rover_pin.discrepancy.conclude import conclude
+from rover_pin.discrepancy.experiment import FileExperiment
+from rover_pin.discrepancy.question import LoopData, Progress, quiet
 from rover_pin.discrepancy.verdict import Verdict
-from rover_pin.effects.effect import Effect
-from rover_pin.effects.normal_damping import NormalDamping
-from rover_pin.effects.side_shear import SideShear
-from rover_pin.effects.soil_traction import SoilTraction
-from rover_pin.experiments.drive_log.model import base_model
-from rover_pin.experiments.wheel_rig.experiment import RigExperiment
+from rover_pin.experiments.drive_log.checks.log import refuse_unfit as refuse_unfit_log
+from rover_pin.experiments.drive_log.loop_data import DriveLogData, start_on_log
+from rover_pin.experiments.wheel_rig.candidates import effect_kinds
+from rover_pin.experiments.wheel_rig.checks import refuse_unfit as refuse_unfit_rig
+from rover_pin.experiments.wheel_rig.experiment import RigExperiment, read_joint
+from rover_pin.experiments.wheel_rig.loop_data import RigData, start_on_rig
 from rover_pin.experiments.wheel_rig.model import RigModel
-from rover_pin.experiments.wheel_rig.model import read_model as read_rig_model
-from rover_pin.experiments.wheel_rig.sets import read_joint
 from rover_pin.logs.drive_log import FILE, DriveLog, read_drive_log
-from rover_pin.loop.drive import close_drive_loop
+from rover_pin.loop.experiment_file import package_experiment, read_experiment
 from rover_pin.loop.own_effects import refuse_unfit_effects
-from rover_pin.loop.provenance import LoopRequest
-from rover_pin.loop.rig import close_rig_loop
-from rover_pin.loop.standalone import close_standalone, own_kind, read_standalone
+from rover_pin.loop.provenance import LoopRequest, provenance
+from rover_pin.loop.verdict_file import write_results
 from rover_pin.measurements.rig_file import RIG_FILE
 from rover_pin.measurements.rig_reading import read_rig_set
 from rover_pin.measurements.rig_set import RigSet
-from rover_pin.rover.rover import Rover
-from rover_pin.simulation.model.model import Model, base_effects
-from rover_pin.simulation.model.toml_file import KIND, RIG_KIND, read_model
-from rover_pin.terrain.shapes import flat
+from rover_pin.simulation.model.effect_files import known_effects
+from rover_pin.simulation.model.model import Model
+
+Measurements = RigSet | RigExperiment | DriveLog | FileExperiment
+"""The types of measured data in memory on which the loop can run."""
 
 
 @public
 def close_the_loop(
-    data: str | Path | RigSet | DriveLog | Standalone | tuple[str | Path, ...],
+    data: str | Path | RigSet | DriveLog | FileExperiment | tuple[str | Path, ...],
     model: RigModel | Soil | Model | str | Path | None = None,
     effects: str | Path | None = None,
     out: str | Path | None = None,
-    progress: Progress = lambda message: None,
+    progress: Progress = quiet,
     seed: int = 0,
     jobs: int = 0,
     scheduler: str | None = None,
     experiment: str | Path | None = None,
     trust: bool = False,
 ) -> Verdict:
-    """Find the effect that a model lacks against measured data, add it, and report the error before and after.
+    """Find the effect that a model lacks compared with measured data, add it, and report the error before and after.
 
     Parameters
     ----------
-    data : path, RigSet, DriveLog, Standalone or tuple of paths
-        A folder with rig.toml or drive.toml, the name of a sample (`rover-pin list samples`), or the data in memory, as
-        `read_data` gives them; several folders with rig.toml are a joint fit: one sand, each its own wheel.
+    data : path, RigSet, DriveLog, FileExperiment or tuple of paths
+        A folder with rig.toml or drive.toml, the name of a sample (`rover-pin list samples`), or data in memory from
+        `read_data`. Several folders with rig.toml give a joint fit: one common sand, and one wheel for each folder.
     model : RigModel, Soil, Model, path or None
-        Where to start: for a rig a RigModel or a soil, for a drive log a Model, for either a model file; else what the
-        data declare.
+        Model to start from: a RigModel or a soil for a rig, a Model for a drive log, or a model file for either. By
+        default the model that the data declare.
     effects : path or None
-        A user's effect file or folder, beside the package's own.
+        Effect file or folder of a user, in addition to the effects of the package.
     out : path or None
-        Folder for report.html, verdict.json, model.toml and figures; a drive log's loop that was stopped goes on from
-        what it finds there. Nothing is written without.
+        Folder for report.html, verdict.json, model.toml and figures. A loop on a drive log that was stopped continues
+        from
+        the results in this folder. Without `out`, nothing is written.
     progress : callable
-        Called with one line before each step.
+        Called with one line of text before each step.
     seed : int
-        Of the starts of fits and of the bootstrap.
+        Seed for the initial guesses of the fits and for the bootstrap.
     jobs : int
-        Processes that replay the runs of a drive log; 0 for all cores.
+        Number of processes that replay the runs of a drive log; 0 for all cores.
     scheduler : str, optional
-        Address of a Dask scheduler, whose workers then replay them. Start them with `--nthreads 1`.
+        Address of a Dask scheduler whose workers replay the runs instead. Start the workers with `--nthreads 1`.
     experiment : path, str or None
-        A test bench of your own: a file with a class that derives from `Standalone`, whose code runs, or `pendulum`.
+        Your own experiment: a Python file with a class that derives from `FileExperiment`, or `pendulum`. The code of
+        the file is run.
     trust : bool
-        Whether model file and data may run all code, and name all files, that they name.
+        True: the model file and the data may run all code and open all files that they name.
 
     Returns
     -------
     Verdict
-        With `answer`, `summary()`, `model` (the base model with what was added, if anything) and `as_dict()`.
+        With `answer`, `summary()`, `model` (the base model with the added effects, if any) and `as_dict()`.
 
     Raises
     ------
     DataError
-        Data or effect files that cannot be read or used, results that cannot be written, or a folder for them in which
-        another process is at work: one sentence each.
+        If data or effect files cannot be read or used, if the results cannot be written, or if another process writes
+        to the folder.
+    ParameterError
+        If both `jobs` and `scheduler` are given, or a scheduler for data other than a drive log.
     OptimisationError
-        The base model of a rig cannot be fitted at all.
+        If the base model cannot be fitted at all.
 
     Examples
     --------
@@ -109,136 +112,140 @@ def close_the_loop(
         refuse_unfit_effects(effects)
     if isinstance(data, tuple):
         data = tuple(data_path(folder) for folder in data)
-        return _jointly(LoopRequest(data, model, effects, out, experiment, trust, seed), progress)
-    if isinstance(data, (str, Path)):
+    elif isinstance(data, (str, Path)):
         data = data_path(data)
-    experiment = experiment or own_kind(data)
+        experiment = experiment or package_experiment(data)
     request = LoopRequest(data, model, effects, out, experiment, trust, seed)
-    if isinstance(data, Standalone) or experiment is not None:
-        if model is not None:
-            raise DataError(
-                f"{data}: a test bench starts from the model that its own file declares; leave `model` out."
-            )
-        standalone = data if isinstance(data, Standalone) else read_standalone(str(data), experiment or "")
-        with alone_in(out):
-            return close_standalone(standalone, request, progress)
-    allowed = Trust(everything=trust)
-    log = _drive_log(data, allowed)
-    if log is not None:
-        start = _start(log, request)
-        if not isinstance(start, (Model, type(None))):
-            raise DataError(
-                f"{log.folder}: a drive log starts from a rover's model, not from a {type(start).__name__}."
-            )
-        if start is not None:
-            _refuse_other_rover(log, start)
-        request = dataclasses.replace(request, data=log.folder)
-        with alone_in(out), ending_workers(), workers_of(jobs or os.cpu_count() or 1, scheduler) as workers:
-            return close_drive_loop(log, start, request, progress, workers)
-    if isinstance(model, Model):
-        raise DataError(f"{data}: a wheel-rig set starts from a wheel's model, not from a rover's.")
-    if scheduler is not None:
-        raise ParameterError("A wheel-rig set takes one core some seconds: leave scheduler out, it is for drive logs.")
-    assert not isinstance(data, DriveLog)
-    with alone_in(out):
-        rigs = data if isinstance(data, RigSet) else read_rig_set(data, allowed)
-        rig, start = RigExperiment((rigs,)), _start(rigs, request)
-        start = start if isinstance(start, RigModel) else rig.base_model(start)
-        return close_rig_loop(rig, start, request, progress)
-
-
-def _jointly(request: LoopRequest, progress: Progress) -> Verdict:
-    """Return the verdict on several rig sets."""
-    for what, value in (("a model", request.model), ("an experiment's file", request.experiment)):
-        if value is not None:
-            raise DataError(f"{value}: a joint fit of several rig sets does not take {what}; leave it out.")
-    with alone_in(request.out):
-        joint = read_joint(request.data, Trust(everything=request.trust))
-        return close_rig_loop(joint, joint.base_model(), request, progress)
-
-
-def _start(data: RigSet | DriveLog, request: LoopRequest) -> Any:
-    """Return the model to start from, read where it is a file's."""
-    if not isinstance(request.model, (str, Path)):
-        return request.model
-    return start_on(data, request.model, Trust.of(request.effects, request.trust))
-
-
-def _refuse_other_rover(log: DriveLog, model: Model) -> None:
-    log_wheels, model_wheels = _wheels(log.load_rover()), _wheels(model.rover)
-    if log_wheels != model_wheels:
-        raise DataError(
-            f"{log.folder}: the model's rover has the wheels {model_wheels}, the log's {log_wheels}; give its model."
+    measurements = _read(request)
+    if isinstance(measurements, DriveLog):
+        request = dataclasses.replace(request, data=measurements.folder)
+    elif scheduler is not None:
+        raise ParameterError(
+            "scheduler is given, but only the loop on a drive log uses a scheduler; on other data the loop takes "
+            "some seconds on one core. Leave scheduler out."
         )
+    with alone_in(out), ending_workers(), workers_of(jobs or os.cpu_count() or 1, scheduler) as workers:
+        return close(loop_data(measurements, request, workers, progress), request, progress)
 
 
-def _wheels(rover: Rover) -> str:
-    return ", ".join(wheel.name for wheel in rover.wheels)
+def close(data: LoopData, request: LoopRequest, progress: Progress = quiet) -> Verdict:
+    """Run the loop on checked data, and return the verdict. If the request names a folder, the results are written
+    there.
+    """
+    start = time.monotonic()
+    say_what_is_replaced(request.out, OF_A_LOOP)
+    with data.resuming(progress):
+        verdict = verdict_on(data, known_effects(request.effects), progress, request.seed)
+        verdict.provenance.update(provenance(request, time.monotonic() - start))
+        if request.out is None:
+            return verdict
+        progress("writing the report")
+        return write_results(verdict, data, request)
 
 
-def _drive_log(data: object, trust: Trust = Trust()) -> DriveLog | None:
-    if isinstance(data, DriveLog):
+def verdict_on(
+    data: LoopData, kinds: Sequence[type] | None = None, progress: Progress = quiet, seed: int = 0
+) -> Verdict:
+    """Return the verdict of the loop on checked data, with the additional results that this kind of data has.
+
+    If the data are insufficient, the answer is "cannot tell", and no model is fitted.
+
+    `kinds` are the classes of effects that may be missing, by default those of the package. `seed` is the seed for the
+    initial guesses of the fits and for the bootstrap.
+    """
+    findings = data.findings()
+    if reason := data.insufficient():
+        return Verdict(data.kind, Answer.CANNOT_TELL, data.name, reason, data.base_model(), findings=findings)
+    # The question holds the data, the base model, its free numbers, and the effects that may be missing.
+    question = data.question(known_effects() if kinds is None else kinds, progress)
+    verdict = dataclasses.replace(conclude(question, progress, seed), findings=findings)
+    return data.extra(verdict, question, progress, seed)
+
+
+def loop_data(
+    measurements: Measurements, request: LoopRequest, workers: Workers = 1, progress: Progress = quiet
+) -> LoopData:
+    """Check measured data, and return them together with the model from which the loop starts.
+
+    `request` holds the user's arguments, such as the model to start from. `workers` replay the runs of a drive log.
+
+    Raises DataError if the data cannot be used, or if the requested model does not suit them.
+    """
+    trust = Trust.of(request.effects, request.trust)
+    if isinstance(measurements, FileExperiment):
+        if request.model is not None:
+            raise DataError(
+                f"{request.data}: an experiment starts from the model that its own file declares; leave `model` out."
+            )
+        return measurements
+    if isinstance(measurements, DriveLog):
+        log = DriveLogData.starting_from(measurements, request.model, workers, trust)
+        progress("checking the log")
+        refuse_unfit_log(measurements)
+        # Nothing is kept for a log that cannot answer, so that its model need not be built.
+        folder = None if request.out is None or log.insufficient() else Path(request.out)
+        return log.remembering(folder, request.effects)
+    if isinstance(measurements, RigSet):
+        rig = RigData.starting_from(measurements, request.model, trust)
+    else:
+        rig = RigData(measurements)
+    refuse_unfit_rig(rig.experiment)
+    if request.effects is not None:
+        effect_kinds(request.effects)  # a rig shows effects of the contact only: the user's must contain one
+    return rig
+
+
+def _read(request: LoopRequest) -> Measurements:
+    """Return the measured data that a request names. Data that are already in memory are returned unchanged.
+
+    Raises DataError if the data cannot be read, or if a joint fit is requested with a model or with an experiment file.
+    """
+    data, trust = request.data, Trust(everything=request.trust)
+    if isinstance(data, tuple):
+        for noun, value in (("a model", request.model), ("an experiment's file", request.experiment)):
+            if value is not None:
+                raise DataError(f"{value}: a joint fit of several rig sets cannot use {noun}; leave it out.")
+        return read_joint(data, trust)
+    if isinstance(data, FileExperiment):
         return data
-    if not isinstance(data, (str, Path)):
-        return None
-    if is_file(Path(data) / FILE):
-        return read_drive_log(data, trust)
-    if not is_file(Path(data) / RIG_FILE):
-        wrong = f"there is neither {RIG_FILE} nor {FILE} in it" if is_folder(Path(data)) else "there is no such folder"
-        wrong = f"this is a file, {wrong}" if is_file(Path(data)) else wrong
-        raise DataError(
-            f"{data}: {wrong}; give that of a wheel-rig set ({RIG_FILE}) or of a drive log ({FILE}); close-loop also "
-            f"takes that of a slip-slope table (slope.toml).{closest_samples(data)}"
-        )
-    return None
+    if request.experiment is not None:
+        return read_experiment(str(data), request.experiment)
+    return data if isinstance(data, (RigSet, DriveLog)) else read_data(data, trust)
 
 
 def read_data(data: str | Path, trust: Trust = Trust()) -> RigSet | DriveLog:
-    """Return the data in a folder, or a sample's; files that they name lie there, unless `trust` allows more."""
-    data = data_path(data)
-    return _drive_log(data, trust) or read_rig_set(data, trust)
+    """Read the wheel-rig set or the drive log in a folder. `data` may also be the name of a sample of the package.
+
+    The data may name files in their own folder only, unless `trust` allows more.
+
+    Raises DataError if the folder holds neither a wheel-rig set nor a drive log, or if a file cannot be read.
+    """
+    path = data_path(data)
+    if is_file(path / FILE):
+        return read_drive_log(path, trust)
+    if is_file(path / RIG_FILE):
+        return read_rig_set(path, trust)
+    if is_file(path):
+        raise DataError(f"{path}: this is a file, but a folder with {RIG_FILE} or {FILE} is needed. {MADE_BY}")
+    wrong = f"there is neither {RIG_FILE} nor {FILE} in it" if is_folder(path) else "there is no such folder"
+    raise DataError(
+        f"{path}: {wrong}; give the folder of a wheel-rig set ({RIG_FILE}), of a drive log ({FILE}), or, for "
+        f"close-loop, of a slip-slope table (slope.toml).{closest_samples(path)} {MADE_BY}"
+    )
 
 
-STEADY = (NormalDamping, SideShear)
-"""What of a drive does nothing at a steady wheel that runs straight."""
-
-log = logging.getLogger(__name__)
+MADE_BY = (
+    f"`rover-pin init TABLE` makes a folder with {RIG_FILE} from a table of a wheel's steady runs, and "
+    f"`rover-pin import-log FILES` makes a folder with {FILE} from a rover's recordings."
+)
+"""Sentence at the end of an error for a user who has a table or a recording, but no folder of data yet."""
 
 
 def start_on(data: RigSet | DriveLog, file: str | Path, trust: Trust = Trust()) -> RigModel | Model:
-    """Return the model of a file as a loop on these data can start from it.
+    """Read a model file, and return the model from which the loop on these data starts.
 
-    On a drive log a wheel's model gives the soil, the traction law and the effects of the contact; rover, motors and
-    ground are the log's. On a rig a rover's model gives the same three; the wheel is the rig's, and what acts elsewhere
-    is left out, with a word.
+    See `start_on_log` for a drive log, and `start_on_rig` for a wheel-rig set.
 
-    Raises DataError, ParameterError: what is no model file, or cannot be read; a wheel's model without one
-    SoilTraction.
+    Raises DataError or ParameterError if the file is not a model file, cannot be read, or does not suit the data.
     """
-    kind = read_toml(Path(file)).get("kind")
-    if isinstance(data, DriveLog):
-        of_rig = kind == RIG_KIND
-        return _on_drive(data, read_rig_model(file, trust), file) if of_rig else read_model(file, data.terrain(), trust)
-    if kind == KIND:
-        return _on_rig(data, read_model(file, flat(), trust), file)
-    return read_rig_model(file, trust)
-
-
-def _on_drive(drive: DriveLog, wheel: RigModel, file: str | Path) -> Model:
-    tractions = [effect for effect in wheel.effects if isinstance(effect, SoilTraction)]
-    if len(tractions) != 1:
-        raise DataError(f"{file}: a wheel's model that a rover is to drive on must have one [[effect]] SoilTraction.")
-    log_model = base_model(drive)
-    effects = base_effects(wheel.soil, log_model.rover, tractions[0], log_model.gravity)
-    model = dataclasses.replace(log_model, soils=(wheel.soil, *log_model.soils[1:]), effects=effects)
-    return functools.reduce(Model.having, wheel.effects, model)
-
-
-def _on_rig(data: RigSet, model: Model, file: str | Path) -> RigModel:
-    acting = [effect for effect in model.all_effects if effect != model.slip and not isinstance(effect, STEADY)]
-    contact = [effect for effect in acting if isinstance(effect, Effect)]
-    wheel_effects = tuple(effect for effect in contact if not effect.before_slip and not effect.places)
-    omitted = dict.fromkeys(type(effect).__name__ for effect in acting if effect not in wheel_effects)
-    if omitted:
-        log.warning("%s: %s cannot act at a wheel on a rig: left out.", file, ", ".join(omitted))
-    return RigModel(data.wheel, model.soils[0], wheel_effects)
+    return start_on_log(data, file, trust) if isinstance(data, DriveLog) else start_on_rig(data, file, trust)

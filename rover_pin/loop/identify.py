@@ -1,9 +1,9 @@
-"""What data say of a model's numbers: the loop's own fit with nothing missing, and what each number depends on."""
+"""Fit the numbers of the base model to data, and state on which priors each number depends. No effect is searched."""
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+import os
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -11,36 +11,38 @@ from rover_pin.base.quantity import check, quantities
 from rover_pin.base.trust import Trust
 from rover_pin.contact import Soil, Wheel
 from rover_pin.discrepancy.conclude import fits_of, proper, side_of
-from rover_pin.discrepancy.question import Progress, Question
-from rover_pin.discrepancy.standalone import Standalone
-from rover_pin.discrepancy.standalone import question_of as question_of_bench
+from rover_pin.discrepancy.question import LoopData, Progress, Question, quiet
 from rover_pin.discrepancy.verdict import Side
 from rover_pin.estimation.identification import ChannelFit, Estimate, Identification, variance_shares
-from rover_pin.estimation.numbers import Number
-from rover_pin.estimation.parameter import Parameter, Prior
+from rover_pin.estimation.parameter import Prior
+from rover_pin.experiments.drive_log.loop_data import DriveLogData
 from rover_pin.experiments.wheel_rig.diagnostics import Flag, flags
 from rover_pin.experiments.wheel_rig.experiment import RigExperiment
+from rover_pin.experiments.wheel_rig.loop_data import RigData
+from rover_pin.logs.drive_log import DriveLog
 from rover_pin.loop.data_check import Measured, measured_in
-from rover_pin.loop.rig import question_of as question_of_rig
 from rover_pin.measurements.rig_set import RigSet
 
-BY_HAND = "--prior"
-"""Source of what the user says of a number."""
+USER_PRIOR = "--prior"
+"""Text that results give as the source of a number if the user stated its prior."""
 REMEDIES = {
-    "r": "a ruler tells it",
-    "b": "a ruler tells it",
-    "c": "drawbar pull and torque at two loads or more, one at least 1.5 times the other, tell it",
-    "phi": "a direct shear test, or drawbar pull and torque at two loads or more with slips up to 1, tell it",
-    "k": "a direct shear test, or drawbar pull of a wheel whose radius is many k at slips from 0.02 to 1, tells it",
-    "k_1": "sinkage under a known load tells k_1 + k_2 b, and wheels or plates of two widths part the two",
-    "k_2": "sinkage under a known load tells k_1 + k_2 b, and wheels or plates of two widths part the two",
-    "n": "sinkage under two loads or more tells it",
-    "theta_1": "a sinkage measurement tells it, by Eq (5)",
-    "theta_2": "stress sensors in the rim, or drawbar pull and torque near slip 0, tell it",
-    "pressing_scale": "sinkage at slips about 0 under a known load, beside the pressing, tells it",
-    "exit_ratio": "drawbar pull, torque and sinkage at three loads tell it",
+    "r": "measure it with a ruler",
+    "b": "measure it with a ruler",
+    "c": "measure drawbar pull and torque at two or more loads, one at least 1.5 times the other",
+    "phi": "make a direct shear test, or measure drawbar pull and torque at two or more loads with slips up to 1",
+    "k": "make a direct shear test, or measure the drawbar pull of a wheel with a radius of many k at slips from 0.02 "
+    "to 1",
+    "k_1": "measure the sinkage under a known load, which gives k_1 + k_2 b; wheels or plates of two widths separate "
+    "the two",
+    "k_2": "measure the sinkage under a known load, which gives k_1 + k_2 b; wheels or plates of two widths separate "
+    "the two",
+    "n": "measure the sinkage under two or more loads",
+    "theta_1": "measure the sinkage, from which it follows by Eq (5)",
+    "theta_2": "use stress sensors in the rim, or measure drawbar pull and torque near slip 0",
+    "pressing_scale": "measure the sinkage at slips near 0 under a known load, in addition to the pressing",
+    "exit_ratio": "measure drawbar pull, torque and sinkage at three loads",
 }
-"""Which measurement would tell a constant."""
+"""Name of a number of the soil or the wheel -> advice: the measurement that would determine this number."""
 
 
 def identify(
@@ -48,32 +50,38 @@ def identify(
     priors: Mapping[str, Prior] = {},
     fixed: Mapping[str, float] = {},
     trust: bool = False,
-    progress: Progress = lambda message: None,
+    progress: Progress = quiet,
 ) -> Identification:
-    """Fit the numbers of the base model to data, as `close_the_loop` does before it looks for what is missing.
+    """Fit the numbers of the base model to data, as `close_the_loop` does before it looks for a missing effect.
 
-    Every number that the loop takes to be uncertain is free, with what is declared or assumed of it as its prior.
-    Intervals are of the posterior, with a smooth discrepancy beside noise as the data have it. Each number's variance
-    is parted by `variance_shares`: what depends on an assumption says so.
+    Every number that the loop treats as uncertain is fitted, and its declared or assumed value is its prior. The
+    intervals are those of the posterior distribution. If the data differ from the model smoothly, and not only by
+    noise, the posterior distribution includes this difference. `variance_shares` divides the posterior variance of each
+    number into a part that comes from the data and parts that come from the priors. The parts show whether a number
+    depends on an assumption.
 
     Parameters
     ----------
     data : path, tuple of paths, or data in memory
-        As `measured_in` reads them: a wheel-rig set, several in one sand, a drive log or a CSV file as traction factors
-        by slip, or an experiment.
+        As for `measured_in`: a wheel-rig set, several wheel-rig sets in one sand, a drive log, a CSV file of traction
+        factors, or an experiment. A drive log that declares its motor gives traction factors against slip; any other
+        drive log is replayed as in `close_the_loop`.
     priors : mapping of str to Prior
-        What is known of numbers, in place of what is declared or assumed: `phi`, `soil.phi`, `wheel.r`.
+        Name of a number, such as `phi`, `soil.phi` or `wheel.r` -> your own prior, which replaces the declared or
+        assumed prior.
     fixed : mapping of str to float
-        Numbers that are held at a value [SI].
+        Numbers that are not fitted, with their values [SI].
     trust : bool
         Whether the data may name files outside their folder.
+    progress : callable
+        Called with one line of text before each step.
 
     Raises
     ------
     ParameterError, DataError
-        An unknown number, a value out of its bounds, or data that cannot be read or used: one sentence.
+        If a number is unknown, if a value is out of its bounds, or if data cannot be read or used.
     OptimisationError
-        The base model cannot be fitted at all.
+        If the base model cannot be fitted at all.
 
     Examples
     --------
@@ -85,36 +93,66 @@ def identify(
     """
     measured = measured_in(data, Trust(everything=trust)).data if isinstance(data, (str, Path, tuple)) else data
     experiment = RigExperiment((measured,)) if isinstance(measured, RigSet) else measured
-    question = _with_numbers(_question_of(experiment), priors, fixed)
+    source: LoopData
+    if isinstance(experiment, RigExperiment):
+        source = RigData(experiment)
+    elif isinstance(experiment, DriveLog):
+        source = DriveLogData.starting_from(experiment, None, os.cpu_count() or 1, Trust(everything=trust))
+    else:
+        source = experiment
+    # Without candidates the loop only fits the base model: its numbers are wanted, and no effect is missing.
+    question = dataclasses.replace(source.question(()), candidates=lambda base: ())
+    question = _apply_priors(question, priors, fixed)
     beliefs = fits_of(question, progress).beliefs()
     best = beliefs.best(())
     side = side_of(beliefs, best)
+
+    # The first rows of the posterior are the numbers; the others are sizes of the discrepancy.
     covariance = best.posterior.covariance[: len(side.numbers), : len(side.numbers)]
+    estimates = []
+    # For each number: the fraction of its variance from the data, and from each prior, the largest first.
+    for number, shares in zip(side.numbers, variance_shares(covariance), strict=True):
+        largest_first = sorted(zip(side.numbers, shares.tolist(), strict=True), key=lambda row: -row[1])
+        prior_shares = {other.name: share for other, share in largest_first}
+        quantity = number.name.rpartition(".")[2]
+        remedy = (
+            f"{quantity}: {REMEDIES[quantity]}"
+            if quantity in REMEDIES
+            else f"measure {number.name}, and declare it with its sd"
+        )
+        estimates.append(Estimate(number, 1.0 - float(sum(shares)), prior_shares, remedy))
+    # Number of compared values and RMS residual of each channel.
+    counts = side.fit.task.noise.good.sum(axis=(0, 2)).tolist()
+    rows = zip(best.experiment.channels, counts, side.fit.rms.tolist(), strict=True)
+    channels = tuple(ChannelFit(name, best.experiment.unit(name), count, rms) for name, count, rms in rows)
+    independent: tuple[Flag, ...] = ()
+    if isinstance(experiment, RigExperiment):
+        # Constants of a rig that were also measured apart from the runs.
+        rig = experiment.declared
+        independent = flags(rig, side.model.soil, float(rig.wheel.b), side.numbers)
+    # Divided by both standard deviations, the covariance becomes the correlation.
     size = np.sqrt(np.diag(covariance))
     return Identification(
         question.name,
         side.model,
-        tuple(_estimates(side.numbers, covariance)),
+        tuple(estimates),
         side.misfit,
-        tuple(_channel_fits(side)),
-        _held_constants(question, side.model),
-        _elsewhere(side),
+        channels,
+        _held_constants(question, side),
+        independent,
         covariance / np.outer(size, size),
     )
 
 
-def _question_of(experiment: RigExperiment | Standalone) -> Question:
-    """Return the base model's question: its numbers are asked for, and nothing is missing."""
-    if isinstance(experiment, RigExperiment):
-        question = question_of_rig(experiment, experiment.base_model(), ())
-    else:
-        question = question_of_bench(experiment, ())
-    return dataclasses.replace(question, candidates=lambda base: ())
+def _apply_priors(question: Question, priors: Mapping[str, Prior], fixed: Mapping[str, float]) -> Question:
+    """Return the fit's input (data, base model and free numbers) with the user's priors and with the fixed numbers.
 
+    `priors` maps the name of a number to the user's prior, and `fixed` maps the name of a number to its value [SI].
 
-def _with_numbers(question: Question, priors: Mapping[str, Prior], fixed: Mapping[str, float]) -> Question:
-    """Return a question with the numbers that the user knows, or holds."""
+    Raises ParameterError: a value or the mean of a prior is out of bounds.
+    """
     experiment = question.experiment
+    # Fixed numbers are written into the model and are no longer free.
     values = {_full_name(name): value for name, value in fixed.items()}
     for name, value in values.items():
         check("the value of", name, value, experiment.quantity(question.model, name))
@@ -122,67 +160,35 @@ def _with_numbers(question: Question, priors: Mapping[str, Prior], fixed: Mappin
     numbers = {number.name: number for number in question.numbers if number.name not in values}
     for name, prior in priors.items():
         full = _full_name(name)
+        # A prior also frees a number that the loop would have held.
         number = numbers.get(full) or experiment.parameter(model, full, prior.sd)
-        numbers[full] = _apply_prior(number, prior, experiment.quantity(model, full))
+        check("prior", full, prior.mean, experiment.quantity(model, full))
+        # A number on a logarithmic scale has a relative SD; a prior around zero or below needs the linear scale.
+        is_log = number.log and prior.mean > 0
+        scale = prior.sd / prior.mean if is_log else prior.sd
+        numbers[full] = dataclasses.replace(
+            number, origin=prior.mean, scale=scale, log=is_log, prior=True, declared=True, source=USER_PRIOR
+        )
     return dataclasses.replace(question, model=model, numbers=tuple(map(proper, numbers.values())))
 
 
-def _apply_prior(number: Parameter, prior: Prior, spec: Any) -> Parameter:
-    check("prior", number.name, prior.mean, spec)
-    is_log = number.log and prior.mean > 0
-    sd = prior.sd / prior.mean if is_log else prior.sd
-    return dataclasses.replace(
-        number, origin=prior.mean, scale=sd, log=is_log, prior=True, declared=True, source=BY_HAND
-    )
-
-
 def _full_name(name: str) -> str:
-    """Return `soil.k` of `k`, `wheel.r` of `r`; a name with its owner as it is."""
+    """Return the full name of a number, which begins with wheel or soil: `soil.k` for `k`, `wheel.r` for `r`.
+
+    A name that already has a dot, such as `soil.phi`, is returned unchanged.
+    """
     if "." in name:
         return name
     return f"wheel.{name}" if name in quantities(Wheel) else f"soil.{name}"
 
 
-def _estimates(numbers: Sequence[Number], covariance: np.ndarray) -> list[Estimate]:
-    estimates = []
-    for number, shares in zip(numbers, variance_shares(covariance), strict=True):
-        rows = sorted(zip(numbers, shares.tolist(), strict=True), key=lambda row: -row[1])
-        data_share, prior_shares = 1.0 - float(sum(shares)), {other.name: share for other, share in rows}
-        estimates.append(Estimate(number, data_share, prior_shares, _remedy(number.name)))
-    return estimates
-
-
-def _remedy(name: str) -> str:
-    quantity = name.rpartition(".")[2]
-    return (
-        f"{quantity}: {REMEDIES[quantity]}" if quantity in REMEDIES else f"measure {name}, and declare it with its sd"
-    )
-
-
-def _channel_fits(side: Side) -> list[ChannelFit]:
-    experiment = side.fit.task.experiment
-    counts = side.fit.task.noise.good.sum(axis=(0, 2)).tolist()
-    rows = zip(experiment.channels, counts, side.fit.rms.tolist(), strict=True)
-    return [ChannelFit(name, experiment.unit(name), count, rms) for name, count, rms in rows]
-
-
-def _held_constants(question: Question, model: Any) -> dict[str, float]:
-    """Return the constants of wheel and soil that were not free."""
+def _held_constants(question: Question, side: Side) -> dict[str, float]:
+    """Return the constants of wheel and soil that were not fitted, in a dict from name to value [SI]."""
     free = {number.name for number in question.numbers}
-    records = question.experiment.records(model)
     names = [
         f"{owner}.{name}"
-        for owner, record in records.items()
+        for owner, record in question.experiment.records(side.model).items()
         if isinstance(record, (Wheel, Soil))
         for name in quantities(record)
     ]
-    return {name: question.experiment.value(model, name) for name in names if name not in free}
-
-
-def _elsewhere(side: Side) -> tuple[Flag, ...]:
-    """Return the fitted constants of a rig against what was measured of them apart from the runs."""
-    experiment = side.fit.task.experiment
-    if not isinstance(experiment, RigExperiment):
-        return ()
-    rig = experiment.declared
-    return flags(rig, side.model.soil, float(rig.wheel.b), side.numbers)
+    return {name: question.experiment.value(side.model, name) for name in names if name not in free}

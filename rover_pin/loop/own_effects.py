@@ -1,4 +1,4 @@
-"""A user's effect files, looked at before any work: a mistake in one is reported at once, not after the fits."""
+"""Check a user's effect files before any fit, so that a mistake is reported at once and not after the fits."""
 
 import inspect
 from pathlib import Path
@@ -18,19 +18,29 @@ from rover_pin.terrain.shapes import flat
 
 
 def refuse_unfit_effects(path: str | Path) -> None:
-    """Refuse an effect that cannot be added and taken away: without neutral values, or with formulas that do not run.
+    """Check that the loop can add and remove each effect in a user's file or folder.
 
-    Raises DataError: a file that cannot be run, or an effect in it that cannot be used; the sentence names both.
+    An effect must declare its neutral values, at which it vanishes, and its formulas must be computable.
+
+    Raises DataError if a file cannot be run or an effect in it cannot be used; the message names the file, the line and
+    the effect.
     """
     kinds, rover = user_effects(path), load_rover("nexus6")
     effects = base_effects(Soil(), rover, SoilTraction())
     model = Model(rover, flat(), (Soil(),), Motor(), effects=effects)
     for kind in kinds:
-        where = f"{path}: {kind.__name__}"
-        _refuse_no_neutral(kind, where)
+        _refuse_missing_neutral(kind, f"{path}: {kind.__name__}")
         try:
-            _try_effect(kind, model)
-        except Exception as error:
+            # Build the effect, move it to its neutral values, and write its formulas out as the loop will.
+            effect = reading_traction(kind(), model.effects)
+            effect.replace(**effect.neutral)
+            model_with_effect = model.having(effect)
+            if isinstance(effect, Effect):
+                contact_law(model_with_effect.contact_effects)
+            elif isinstance(effect, MotorEffect):
+                motor_law(model_with_effect.motor, model_with_effect.motor_effects)
+        except BaseException as error:
+            # An error of this package may not name the user's file; then the file and the line of the class are added.
             file, line = inspect.getfile(kind), inspect.getsourcelines(kind)[1]
             if isinstance(error, RoverPinError) and file not in str(error):
                 raise DataError(f"{file}, line {line}: {error}") from error
@@ -39,29 +49,15 @@ def refuse_unfit_effects(path: str | Path) -> None:
             raise mistake(error, file, line) from error
 
 
-def _refuse_no_neutral(kind: type[AnyEffect], where: str) -> None:
+def _refuse_missing_neutral(kind: type[AnyEffect], where: str) -> None:
     if not kind.neutral:
         raise DataError(
-            f"{where} does not say at which values it vanishes, so the loop cannot add it: give it "
-            'neutral: ClassVar[dict[str, float]] = {"a": 0.0}, a being the name of its size.'
+            f"{where} does not declare the values at which it vanishes, so the loop cannot add it. Add "
+            'neutral: ClassVar[dict[str, float]] = {"a": 0.0}, where a is the name of its size.'
         )
+    # A misspelt name would leave the effect's real size at its default when the loop removes the effect.
     strange = [name for name in kind.neutral if name not in quantities(kind)]
     if strange:
-        quantity_names = ", ".join(quantities(kind))
-        has = (
-            f"it has {quantity_names}."
-            if quantity_names
-            else "it has none. Is @dataclass(frozen=True) above the class?"
-        )
-        raise DataError(f"{where} has a neutral value for '{strange[0]}', which is no quantity of it: {has}")
-
-
-def _try_effect(kind: type[AnyEffect], model: Model) -> None:
-    """Make the effect, move it to its neutral values and write its formulas out."""
-    effect = reading_traction(kind(), model.effects)
-    effect.replace(**effect.neutral)
-    with_it = model.having(effect)
-    if isinstance(effect, Effect):
-        contact_law(with_it.contact_effects)
-    elif isinstance(effect, MotorEffect):
-        motor_law(with_it.motor, with_it.motor_effects)
+        names = ", ".join(quantities(kind))
+        has = f"it has {names}." if names else "it has none. Is @dataclass(frozen=True) above the class?"
+        raise DataError(f"{where} has a neutral value for '{strange[0]}', but this is not a quantity of it: {has}")

@@ -1,4 +1,6 @@
-"""Measured points as evidence: wheel-rig runs, traction factors, steady windows of a drive, and their files.
+"""Measured points to which models are fitted, and the files that hold them.
 
-Start at `rig_reading` and `rig_set`.
+There are three kinds of points: runs of a wheel rig, traction factors, and steady windows of a drive. Start at
+`rig_reading.read_rig_set`, which returns a `rig_set.RigSet`. `foreign_rig` makes the files of such a data set from a
+researcher's own table.
 """

@@ -1,4 +1,9 @@
-"""The same wheel pressed in without turning: trials, and where a fit to them and to the runs starts."""
+"""Pressing trials of a wheel rig: the wheel is pressed into the soil without turning, and sinkage and force are
+recorded.
+
+The relation between force and sinkage determines the soil's exponent n and the sum k_1 + k_2 b of its pressure moduli,
+where b is the width of the wheel.
+"""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -17,24 +22,27 @@ from rover_pin.contact import Soil, Wheel
 from rover_pin.measurements.checks import column
 from rover_pin.soil.wheel_forces import pressing_force
 
-SHALLOWEST = 0.004
-"""Sinkages above this [m] count. Why: before, the contact settles, and the zero of the depth is uncertain."""
+MIN_SINKAGE = 0.004
+"""Smallest sinkage [m] of a reading that is used. At smaller sinkage the contact settles, and the zero of the depth is
+uncertain."""
 
 SAMPLES = 12
-"""Points of a trial that are used, evenly in depth: neighbours are not independent."""
+"""Number of evenly spaced depths to which the readings of a trial are reduced, because neighbouring readings are not
+independent."""
 
-DEEPEST, STRONGEST = 10.0, 1e7
-"""Sinkage [m] and force [N] that no wheel is pressed in by. Why: only another unit does."""
+MAX_SINKAGE, MAX_FORCE = 10.0, 1e7
+"""Largest accepted sinkage [m] and force [N] of a pressing trial; a larger value must be in another unit."""
 
 EXPONENTS = (0.3, 2.5)
+"""Bounds of the search for the sinkage exponent n."""
 
 ASSUMED_UNCERTAINTY = 0.1
-"""Relative uncertainty that is granted to an independent measurement that states none."""
+"""Relative uncertainty (assumed) of a soil constant from a separate measurement that states no uncertainty."""
 
 
 @brief
 class Trial(NamedTuple):
-    """One pressing: sinkage [m] and force [N]."""
+    """One pressing trial of the wheel: sinkage [m] and force [N], each (samples,)."""
 
     name: str
     sinkage: np.ndarray
@@ -42,27 +50,46 @@ class Trial(NamedTuple):
 
 
 def read_trials(path: Path, surface: str) -> tuple[Trial, ...]:
-    """Return the trials that pressed the wheel in: rows whose `indenter` is wheel_<surface>, or the only wheel.
+    """Read the pressing trials of one wheel from a penetration file.
 
-    Raises DataError: a missing column, a number that is not finite, or several wheels of which none has this surface.
+    Parameters
+    ----------
+    path : Path
+        Table with the columns `indenter`, `trial`, `sinkage_m`, `force_N`, and optionally `box`.
+    surface : str
+        Surface of the wheel that drove in the runs. The rows with the indenter `wheel_<surface>` are taken, or those of
+        the only wheel in the file.
+
+    Raises
+    ------
+    DataError
+        A missing column, a number that is not finite, or several wheels of which none has this surface.
     """
     table = measured_points(path, ("indenter", "trial", "sinkage_m", "force_N"), ("indenter", "trial"))
+    # Other indenters, such as plates, are not used.
     kinds = [kind for kind in dict.fromkeys(map(str, table["indenter"])) if kind.startswith("wheel")]
     chosen = f"wheel_{surface}" if f"wheel_{surface}" in kinds else kinds[0] if len(kinds) == 1 else ""
     if kinds and not chosen:
         raise DataError(
             f"{path}: several wheels were pressed in ({', '.join(kinds)}); write surface = '...' under [wheel] of "
-            "rig.toml to say which one drove."
+            "rig.toml to state which wheel drove."
         )
     where = path.name
-    driven = table[table["indenter"].map(str) == chosen]
-    rows = driven[column(driven["sinkage_m"], "sinkage_m", where) > SHALLOWEST] if len(driven) else driven
+    of_wheel = table[table["indenter"].map(str) == chosen]
+    rows = of_wheel[column(of_wheel["sinkage_m"], "sinkage_m", where) > MIN_SINKAGE] if len(of_wheel) else of_wheel
     keys = [name for name in ("box", "trial") if name in table]
-    return tuple(_trial(str(name), rows.loc[group.index], where) for name, group in rows.groupby(keys))
+    # pandas names a group of several keys by a tuple, whose parts become the name of the trial.
+    return tuple(_trial(", ".join(map(str, name)), rows.loc[group.index], where) for name, group in rows.groupby(keys))
 
 
 def declared_trials(document: Mapping[str, Any], folder: Path, where: str, trust: Trust) -> tuple[Trial, ...]:
-    """Return the trials of a `rig.toml`'s `penetration`, none where it names none; errors as of `read_trials`."""
+    """Return the pressing trials in the penetration file that rig.toml names; an empty tuple if rig.toml names no such
+    file.
+
+    `document` is the content of rig.toml in `folder`, and `where` its name for messages. Raises DataError if
+    `read_trials` refuses the file, or if the file lies outside the folder and `trust` does not allow that.
+    """
+    # The trust check prevents that a data set from elsewhere names a file outside its folder.
     files = table_in(document, "files", where)
     if "penetration" not in files:
         return ()
@@ -71,26 +98,42 @@ def declared_trials(document: Mapping[str, Any], folder: Path, where: str, trust
 
 
 def _trial(name: str, rows: pd.DataFrame, where: str) -> Trial:
+    """Return one pressing trial with its forces interpolated to evenly spaced depths.
+
+    `rows` are the readings of the trial. Raises DataError if a value is too large to be in metres or newtons.
+    """
     depth, force = column(rows["sinkage_m"], "sinkage_m", where), column(rows["force_N"], "force_N", where)
-    for values, what, most in ((depth, "sinkage_m", DEEPEST), (force, "force_N", STRONGEST)):
-        if np.abs(values).max() > most:
+    # Values that are too large are in millimetres or kilonewtons.
+    for values, what, limit in ((depth, "sinkage_m", MAX_SINKAGE), (force, "force_N", MAX_FORCE)):
+        if np.abs(values).max() > limit:
             raise DataError(
                 f"{where}: {what} of trial {name} reaches {np.abs(values).max():g}; give metres and newtons."
             )
+    # Interpolation needs increasing depths.
     order = np.argsort(depth)
     even = np.linspace(depth.min(), depth.max(), SAMPLES)
     return Trial(name, even, np.interp(even, depth[order], force[order]))
 
 
 def stiffness(trials: tuple[Trial, ...], wheel: Wheel, n: float) -> float:
-    """Return the mean K_eff = (k_1 + k_2 b) / b^n of the trials [Pa/m^n], each by least squares."""
+    """Return the soil's modulus K_eff = (k_1 + k_2 b) / b^n [Pa/m^n] for a given exponent n, as the mean over the
+    pressing trials.
+
+    b is the width of the wheel, and k_1 and k_2 are the soil's pressure moduli. K_eff of each trial is fitted by least
+    squares.
+    """
     return float(np.mean([_modulus(trial, _unit_force(trial, wheel, n)) for trial in trials]))
 
 
 def exponent(trials: tuple[Trial, ...], wheel: Wheel) -> float:
-    """Return the n that meets all trials best, each with its own K_eff."""
+    """Return the sinkage exponent n that fits the pressing trials best: the one with the smallest sum of squared force
+    residuals.
+
+    The sum is over all trials, and each trial has its own fitted modulus K_eff.
+    """
 
     def misfit(n: float) -> float:
+        """Return the sum of squared force residuals at the exponent n."""
         units = ((trial, _unit_force(trial, wheel, n)) for trial in trials)
         residuals = (trial.force - _modulus(trial, unit) * unit for trial, unit in units)
         return float(sum(residual @ residual for residual in residuals))
@@ -99,11 +142,17 @@ def exponent(trials: tuple[Trial, ...], wheel: Wheel) -> float:
 
 
 def _modulus(trial: Trial, unit: np.ndarray) -> float:
-    """Return the K_eff of a trial whose force at 1 Pa/m^n is `unit`."""
+    """Return the soil's modulus K_eff [Pa/m^n] that fits the forces of one pressing trial best by least squares.
+
+    `unit` (samples,) is the force at the trial's depths for K_eff = 1 Pa/m^n.
+    """
     return float(trial.force @ unit / (unit @ unit))
 
 
 def _unit_force(trial: Trial, wheel: Wheel, n: float) -> np.ndarray:
-    """Return the force at K_eff = 1 Pa/m^n, at the depths of a trial."""
+    """Return the force [N] (samples,) at the depths of a pressing trial for a soil with the modulus K_eff =
+    1 Pa/m^n.
+    """
+    # k_1 = b^n and k_2 = 0 give K_eff = (k_1 + k_2 b) / b^n = 1.
     soil = Soil(n=n, k_1=float(wheel.b) ** n, k_2=0.0)
     return np.array([float(pressing_force(float(h), wheel, soil)) for h in trial.sinkage])

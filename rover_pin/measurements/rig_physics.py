@@ -1,9 +1,12 @@
-"""Rig data against physics that holds for every wheel on every soil: wrong signs, units and radii.
+"""Checks of rig data against physics that holds for every wheel on every soil, to find wrong signs, units and radii.
 
-Over a metre of the faster of both the rim goes `rim` and the wheel `travel` metres; T rim / r is then the work that the
-motor puts in and f_t travel what the wheel gives out, and a soil gives no work.
+The most important law is the balance of work. Consider one metre of travel or of rim travel, whichever is longer: the
+rim turns by `rim` metres and the wheel travels `travel` metres. With the torque T, the radius r and the drawbar pull
+f_t, T rim / r is the work that the motor puts in, and f_t travel the work that the wheel gives out. Soil is passive, so
+that the work given out cannot exceed the work put in.
 """
 
+import math
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
@@ -11,52 +14,65 @@ import numpy as np
 from scipy.stats import spearmanr
 
 from rover_pin.base.errors import DataError
-from rover_pin.estimation.profile import CLEAR
+from rover_pin.estimation.profile import CLEAR_SDS
 from rover_pin.measurements.channel import DrawbarPull, RigChannel, SideForce, Sinkage, Torque, VerticalMoment
 from rover_pin.measurements.checks import Finding
 from rover_pin.measurements.rig_set import RigSet
 from rover_pin.soil.slip import rim_and_travel
 
-LOADS = (1e-4, 1e7)
-"""Loads [N] that a wheel may carry. Why: from a gram-scale model's to a mining truck's."""
-MOST_FORCE, EVER = 3.0, 100.0
-"""Pull or torque / r over load that no median, no run, exceeds. Why: sand gives up to 0.7, lugs in clay about 1."""
-MUCH_FORCE = {DrawbarPull: 1.0, Torque: 1.5}
-"""The same from which it is named: sand gives up to 0.7, lugs in clay about 1."""
+LOAD_RANGE = (1e-4, 1e7)
+"""Range of accepted wheel loads [N]: from a wheel of a model of a few grams to a wheel of a mining truck."""
+MAX_MEDIAN_FORCE, MAX_FORCE = 3.0, 100.0
+"""Largest accepted ratio of the pull, or of torque / r, to the load: first for the median of all runs, then for a
+single run. Data with a larger ratio are refused. Sand gives up to 0.7, lugs in clay about 1."""
+DOUBTFUL_FORCE = {DrawbarPull: 1.0, Torque: 1.5}
+"""Median ratio of pull to load, and of torque to r times load, above which the data are reported as doubtful. Sand
+gives up to 0.7, lugs in clay about 1."""
 DRIVING, SLIPPING = 0.1, 0.3
-"""Slips from which a wheel drives, and has sheared the soil under it. Why: radii are sure to some percent (assumed)."""
-NO_TORQUE, LITTLE_TORQUE = 0.003, 0.01
-"""torque / (r load) of a slipping wheel that no soil gives, and that is named. Why: a soil at its bearing limit of 5.1
-c (Prandtl) still resists with c / (5.1 c) = 0.2; where k is ten times the contact it gives a tenth of that."""
-GIVES_BACK = 1.5
-"""Work given out over work put in that is impossible. Why: zero and radius explain some percent (assumed)."""
-FINEST = 1e-12
-"""Noise over the greatest value of a channel below which it is no measurement's. Why: no converter has 40 bits."""
-LEAST_PULL = 0.02
-"""Pull over load that is named where no run from little slip to much reaches it."""
-SOFTEST, NARROWEST, STIFFEST = 1e5, 1e4, 1e9
-"""Mean pressure over sinkage [Pa/m], and times the width [Pa], that are named where both are less, and the most. The
-package's soils under wheels of 5 mm to 1 m and 1 N to 100 kN give 2e4 to 7e6 Pa/m, CMU's sand 3e5."""
+"""Slip above which a wheel certainly drives, and slip above which a wheel has certainly sheared the soil. Smaller slips
+may be errors of the radius, which is known to a few percent (assumed)."""
+MIN_TORQUE, DOUBTFUL_TORQUE = 0.003, 0.01
+"""Smallest ratio of the torque of a slipping wheel to r times load: data below the first value are refused, data below
+the second are reported as doubtful. A soil at its bearing limit of 5.1 c (Prandtl) still resists with c / (5.1 c) =
+0.2. If k is ten times the contact length, a tenth of this remains."""
+MAX_EFFICIENCY = 1.5
+"""Largest accepted ratio of the work that the wheel gives out to the work that its torque puts in. Data with a larger
+ratio are refused. A wrong zero or radius explains a few percent (assumed)."""
+MIN_RESOLUTION = 1e-12
+"""Smallest accepted ratio of a channel's noise to its largest value. Data with a smaller ratio are refused, because no
+converter has 40 bits."""
+DOUBTFUL_PULL = 0.02
+"""Ratio of pull to load that at least one run must reach if the slips span more than SLIPPING; otherwise the pull is
+reported as doubtful."""
+MIN_STIFFNESS, MIN_STIFFNESS_WIDTH, MAX_STIFFNESS = 1e5, 1e4, 1e9
+"""Limits of the soil's stiffness (pressure divided by sinkage) within which rig data are not doubted.
+
+The data are reported as doubtful if the stiffness is below the first value [Pa/m] and its product with the wheel's
+width is below the second [Pa], or if the stiffness exceeds the third [Pa/m]. The soils of this package, under wheels of
+5 mm to 1 m and 1 N to 100 kN, give 2e4 to 7e6 Pa/m."""
+LARGE_SLIP_ANGLE = math.radians(30.0)
+"""Slip angle [rad] from which on a sinkage deeper than the axle is accepted: a wheel that is pushed along its axle
+bulldozes sand instead of rolling over it."""
 MIN_TREND_RUNS, FALLING = 4, -0.7
-"""Runs from which a trend is reported, and the rank correlation of pull with slip that is a fall."""
-SLENDER = (0.05, 5.0)
-"""Width over diameter of wheels: a bicycle's has 0.05, a road roller's 2."""
+"""Minimum number of runs for a trend of the pull, and rank correlation of the pull with slip below which the pull
+counts as falling."""
+SLENDERNESS = (0.05, 5.0)
+"""Range of the ratio of width to diameter of usual wheels: 0.05 for a bicycle, 2 for a road roller."""
 
 
 class Check(NamedTuple):
-    """Whether a statistic of a set is beyond its limit, what is said then, and the remedy."""
+    """Result of one physical check of rig data: whether a limit is exceeded, and the finding to report if it is."""
 
     is_beyond: bool | np.bool_
     what: str
     todo: str
     column: str = ""
-    "where it stands, of the points; empty where all of the set is meant"
+    "column of the points that the check concerns; empty for the whole data set"
 
 
 def refuse_impossible(data: RigSet) -> None:
-    """Refuse numbers that no wheel on any soil gives.
-
-    Raises DataError: the first impossibility, and what may have caused it.
+    """Raise DataError if rig data have a number that no wheel on any soil can give; the message states the first such
+    number and its probable cause.
     """
     for check in _impossible(data):
         if check.is_beyond:
@@ -64,33 +80,36 @@ def refuse_impossible(data: RigSet) -> None:
 
 
 def suspicions(data: RigSet) -> list[Finding]:
-    """Return what is possible and hardly meant."""
-    checks = (*_of_units(data), *_of_pull(data), *_of_ground(data), *_of_arm(data))
+    """Return findings on numbers of a rig data set that are possible but improbable, such as a load in kg or a reversed
+    sign.
+    """
+    checks = (*_of_units(data), *_of_pull(data), *_of_sinkage(data), *_of_arm(data))
     return [Finding(check.what, data.name, check.todo) for check in checks if check.is_beyond]
 
 
 def _impossible(data: RigSet) -> Iterator[Check]:
+    """Yield the checks of sizes, signs and the balance of work; if one of them fails, the data set is refused."""
+    # Loads in kN or kg of a full-scale machine are within the range; only impossible ones are refused here.
     low, high = data.load.min(), data.load.max()
-    what = f"load_N goes from {low:g} to {high:g} N, no wheel's"
-    yield Check(not (low >= LOADS[0] and high <= LOADS[1]), what, f"give newtons, from {LOADS[0]:g} to {LOADS[1]:g}")
+    what = f"load_N ranges from {low:g} to {high:g} N, which no wheel carries"
+    todo = f"give newtons, from {LOAD_RANGE[0]:g} to {LOAD_RANGE[1]:g}"
+    yield Check(not (low >= LOAD_RANGE[0] and high <= LOAD_RANGE[1]), what, todo)
     for channel in data.channels:
         name, largest = channel.column, np.nanmax(np.abs(channel.measured), initial=1e-300)
+        # Forces and torques are compared with the load; a sinkage has no such scale.
         if not isinstance(channel, Sinkage):
-            share, of = np.abs(_over_load(data, channel.measured, channel.unit)), _of(channel.unit)
+            share, scale = np.abs(_over_load(data, channel.measured, channel.unit)), _scale_name(channel.unit)
             median, row = float(np.nanmedian(share)), int(np.nanargmax(share))
-            what = f"{name} is {median:.3g} times the {of}, more than any soil gives"
-            yield Check(median > MOST_FORCE, what, f"check the units of {name} and load_N")
-            what = f"{name} is {share[row]:.3g} times the {of} in row {row + 1}"
-            yield Check(share[row] > EVER, what, "mend or remove that row")
+            what = f"{name} is {median:.3g} times the {scale}, more than any soil gives"
+            yield Check(median > MAX_MEDIAN_FORCE, what, f"check the units of {name} and load_N")
+            what = f"{name} is {share[row]:.3g} times the {scale} in row {row + 1}"
+            yield Check(share[row] > MAX_FORCE, what, "correct or remove that row")
+        # A noise that is too small would make every model appear wrong.
         finest = float(np.min(channel.sd / largest))
-        what = f"the noise of {name} is {finest:.2g} of what was measured, no sensor's"
-        yield Check(finest < FINEST, what, "state the SD of one run, from repeats")
-    yield from _signs(data)
-    yield from _work(data)
+        what = f"the noise of {name} is {finest:.2g} times its largest value, which is finer than any sensor"
+        yield Check(finest < MIN_RESOLUTION, what, "state the SD of one run, from repeats")
 
-
-def _signs(data: RigSet) -> Iterator[Check]:
-    """Yield whether channels are upside down: down, forwards and driving are positive."""
+    # Signs: sinkage is positive downwards, torque positive when driving, pull positive forwards.
     every = np.ones(data.slip.size, dtype=bool)
     for kind, use, sign, when, positive in (
         (Sinkage, every, 1.0, "", "down"),
@@ -100,110 +119,139 @@ def _signs(data: RigSet) -> Iterator[Check]:
         measured, sd = _read(data, kind)
         median, word = _some(np.median, measured[use]), "negative" if sign > 0.0 else "positive"
         what = f"{kind.column} is {word}{when} ({median:.3g} in the median)"
-        yield Check(
-            sign * median < -CLEAR * _some(np.median, sd[use]), what, f"multiply it by -1: positive is {positive}"
-        )
+        is_turned = sign * median < -CLEAR_SDS * _some(np.median, sd[use])
+        yield Check(is_turned, what, f"multiply it by -1: positive is {positive}")
 
-
-def _work(data: RigSet) -> Iterator[Check]:
-    """Yield whether torques are too small for the pull, or for any soil."""
+    # Work: a driving wheel gives out no more work than its torque puts in.
     put_in, out, _ = work(data)
     drives = (data.slip > DRIVING) & (out > 0.0) & np.isfinite(put_in)
     work_in, work_out = _some(np.median, put_in[drives]), _some(np.median, out[drives])
     times = work_out / work_in if work_in > 0.0 else np.inf
     what = f"the driving wheel gives out {times:.3g} times the work that its torque puts in, in the median"
     todo = "check the units of torque_Nm and drawbar_pull_N, and the wheel's r"
-    yield Check(work_out > GIVES_BACK * work_in, what, todo)
-    yield _little_torque(data, NO_TORQUE)
+    yield Check(work_out > MAX_EFFICIENCY * work_in, what, todo)
+    yield _little_torque(data, MIN_TORQUE)
 
 
 def work(data: RigSet) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the work put in, given out, and the SD of their difference, over the way of rim or wheel [J/m].
+    """Return the work put in, the work given out, and the SD of their difference [J/m], each as an array (runs,).
 
-    NaN is where torque or pull was not measured.
+    With the torque T, the radius r and the drawbar pull f_t, T rim / r is the work that the motor puts in, and f_t
+    travel the work that the wheel gives out. The work is per metre of travel or of rim travel, whichever is longer. It
+    is NaN in runs without a torque or a pull.
     """
+    # Per metre of the longer distance, rim and travel follow from the slip alone.
     (torque, torque_sd), (pull, pull_sd), r = _read(data, Torque), _read(data, DrawbarPull), float(data.wheel.r)
     rim, travel = rim_and_travel(data.slip)
     return torque / r * rim, pull * travel, np.hypot(torque_sd / r * rim, pull_sd * travel)
 
 
 def _little_torque(data: RigSet, limit: float) -> Check:
+    """Return the check that finds a torque too small for a slipping wheel: below `limit` times load times radius."""
+    # A slipping wheel shears the soil, which needs torque.
     share = _some(np.median, _over_load(data, _read(data, Torque)[0], "N m")[data.slip > SLIPPING])
     what = f"torque_Nm at slips above {SLIPPING:g} is {share:.2g} times load times radius, less than any soil gives"
     return Check(share < limit, what, "check the units of torque_Nm and load_N, and the wheel's r")
 
 
 def _of_units(data: RigSet) -> Iterator[Check]:
+    """Yield checks of a rig data set that find wheel sizes, forces and torques in a wrong unit."""
+    # A width or radius in another unit gives an impossible ratio.
     slender = float(data.wheel.b) / (2.0 * float(data.wheel.r))
-    what = f"the wheel is {slender:.2g} times as wide as high"
-    yield Check(not SLENDER[0] <= slender <= SLENDER[1], what, "check r and b of [wheel], and their units")
-    for kind, limit in MUCH_FORCE.items():
+    what = f"the wheel's width is {slender:.2g} times its diameter"
+    yield Check(not SLENDERNESS[0] <= slender <= SLENDERNESS[1], what, "check r and b of [wheel], and their units")
+    for kind, limit in DOUBTFUL_FORCE.items():
         share = _some(np.median, _over_load(data, _read(data, kind)[0], kind.unit)[data.slip > DRIVING])
-        what = f"{kind.column} is {share:.3g} times the {_of(kind.unit)} in the median, more than sand gives"
-        yield Check(share > limit, what, "see whether load_N is in kg, or a sensor carries an offset")
-    yield _little_torque(data, LITTLE_TORQUE)
+        what = f"{kind.column} is {share:.3g} times the {_scale_name(kind.unit)} in the median, more than sand gives"
+        yield Check(share > limit, what, "check whether load_N is in kg, or a sensor has an offset")
+    yield _little_torque(data, DOUBTFUL_TORQUE)
 
 
 def _of_pull(data: RigSet) -> Iterator[Check]:
+    """Yield checks of a rig's drawbar pull.
+
+    The pull must not give out more work than was put in, must not fall with slip, and must not stay at zero.
+    """
+    # A single run may exceed the balance by noise, so the excess is compared with its SD.
     put_in, out, sd = work(data)
-    gains = (data.slip > DRIVING) & (out - put_in > CLEAR * sd)
+    gains = (data.slip > DRIVING) & (out - put_in > CLEAR_SDS * sd)
     what = f"{int(gains.sum())} of {gains.size} runs give out more work than their torque puts in"
-    yield Check(gains.any(), what, "a torque sensor's zero, or the wheel's r, is off")
-    yield from _falling_pull(data)
-    most, span = _some(np.max, np.abs(_over_load(data, _read(data, DrawbarPull)[0], "N"))), np.ptp(data.slip)
-    what = f"drawbar_pull_N is never more than {most:.2g} of the load, at slips {span:.2g} apart"
-    yield Check(span > SLIPPING and most < LEAST_PULL, what, "soil gives a tenth and more: check the units of both")
+    yield Check(gains.any(), what, "the torque sensor's zero or the wheel's r is wrong")
 
-
-def _falling_pull(data: RigSet) -> Iterator[Check]:
-    """Yield whether the pull falls with slip until it drags, as one with its sign turned does."""
+    # A pull with the wrong sign falls with slip and ends below zero.
     pull, sd = _read(data, DrawbarPull)
     use = np.flatnonzero((data.slip > -DRIVING) & np.isfinite(pull))
-    if use.size < MIN_TREND_RUNS or np.ptp(data.slip[use]) < SLIPPING:
-        return
-    order = use[np.argsort(data.slip[use])]
-    low, high = (float(np.median(pull[part])) for part in (order[: use.size // 3], order[-(use.size // 3) :]))
-    falls = spearmanr(data.slip[order], pull[order]).statistic < FALLING
-    what = f"drawbar_pull_N falls with slip, from {low:.3g} to {high:.3g} N"
-    todo = "it looks upside down: positive is forwards, and slip helps before it digs"
-    yield Check(falls and high < -CLEAR * float(np.median(sd[use])), what, todo)
+    if use.size >= MIN_TREND_RUNS and np.ptp(data.slip[use]) >= SLIPPING:
+        order = use[np.argsort(data.slip[use])]
+        low, high = (float(np.median(pull[part])) for part in (order[: use.size // 3], order[-(use.size // 3) :]))
+        falls = spearmanr(data.slip[order], pull[order]).statistic < FALLING
+        what = f"drawbar_pull_N falls with slip, from {low:.3g} to {high:.3g} N"
+        todo = "check its sign: positive is forwards, and the pull of a wheel rises with slip before the wheel digs in"
+        yield Check(falls and high < -CLEAR_SDS * float(np.median(sd[use])), what, todo)
+
+    # A pull that is nearly zero at all slips is in another unit or was not connected.
+    largest, span = _some(np.max, np.abs(_over_load(data, pull, "N"))), np.ptp(data.slip)
+    what = f"drawbar_pull_N never exceeds {largest:.2g} times the load, although the slips span {span:.2g}"
+    yield Check(
+        span > SLIPPING and largest < DOUBTFUL_PULL, what, "soil gives 0.1 or more: check the units of both columns"
+    )
 
 
-def _of_ground(data: RigSet) -> Iterator[Check]:
-    """Yield whether a soil is far too soft or stiff for the load: mean pressure under the arc over sinkage."""
+def _of_sinkage(data: RigSet) -> Iterator[Check]:
+    """Yield checks for an implausibly soft or stiff soil, and for a wheel that sinks deeper than its axle."""
+    # Stiffness of the soil: mean pressure under the chord of the contact, over sinkage. Sinkages that do not exceed
+    # their noise are left out, because they would make the soil look rigid.
     sunk, sd = _read(data, Sinkage)
-    use = sunk > np.maximum(CLEAR * sd, 0.0)
+    use = sunk > np.maximum(CLEAR_SDS * sd, 0.0)
     r, b, h = float(data.wheel.r), float(data.wheel.b), sunk[use]
-    chord = np.sqrt(2.0 * r * h)
+    chord = np.sqrt(2.0 * r * h)  # length of the contact for a small sinkage
     stiffness = _some(np.median, data.load[use] / (b * chord * h))
-    soft = stiffness < SOFTEST and b * stiffness < NARROWEST
+    soft = stiffness < MIN_STIFFNESS and b * stiffness < MIN_STIFFNESS_WIDTH
     what = f"pressure over sinkage is {stiffness:.2g} Pa/m, {'softer than loose sand' if soft else 'stiffer than clay'}"
     todo = "check load_N (newtons, not kg), sinkage_m, and r and b of [wheel]"
-    yield Check(soft or stiffness > STIFFEST, what, todo)
+    yield Check(soft or stiffness > MAX_STIFFNESS, what, todo)
+
+    # Depth: only a wheel that is pushed sideways sinks deeper than its axle.
+    ahead = np.where(np.abs(data.slip_angle) < LARGE_SLIP_ANGLE, sunk, np.nan)
+    deepest = _some(np.max, ahead)
+    row = int(np.nanargmax(ahead)) + 1 if np.isfinite(deepest) else 0
+    what = f"sinkage_m is {deepest:.3g} m in row {row}, deeper than the axle of a wheel of radius {r:g} m"
+    yield Check(deepest > r, what, "check the unit and the zero of sinkage_m, because no model predicts such a run")
 
 
 def _of_arm(data: RigSet) -> Iterator[Check]:
-    """Yield whether a moment about the vertical has its side force beyond the wheel."""
+    """Yield the check that finds a vertical moment too large for the side force: the force would act beyond
+    the wheel.
+    """
     (moment, moment_sd), (side, side_sd) = _read(data, VerticalMoment), _read(data, SideForce)
-    use = np.isfinite(moment) & data.askew & (np.abs(side) > CLEAR * side_sd)
+    use = np.isfinite(moment) & data.askew & (np.abs(side) > CLEAR_SDS * side_sd)
+    # The moment over the side force is the lever arm of the side force ahead of the wheel's centre.
     arm, sd = (_some(np.median, ratio) for ratio in (moment[use] / side[use], moment_sd[use] / np.abs(side[use])))
     where = "ahead of" if arm > 0.0 else "behind"
     what = f"by {VerticalMoment.column} the side force acts {abs(arm):.3g} m {where} the axle, beyond the rim"
-    todo = "take it about the wheel's centre, or state moment_arm in [rig]; check its unit"
-    yield Check(abs(arm) > float(data.wheel.r) + CLEAR * sd, what, todo)
+    todo = "convert the moment to the wheel's centre, or state moment_arm in [rig], and check its unit"
+    yield Check(abs(arm) > float(data.wheel.r) + CLEAR_SDS * sd, what, todo)
 
 
 def _over_load(data: RigSet, values: np.ndarray, unit: str) -> np.ndarray:
-    """Return a force over the load, a torque or moment over load times radius (runs,)."""
+    """Return forces divided by the wheel load, or torques and moments divided by load times radius (runs,).
+
+    `unit` is the unit of `values` and selects the divisor.
+    """
     return np.asarray(values / (data.load * (float(data.wheel.r) if unit == "N m" else 1.0)))
 
 
-def _of(unit: str) -> str:
+def _scale_name(unit: str) -> str:
+    """Return the words for the quantity by which a force or torque is divided: "load times radius" for the unit N m,
+    otherwise "load".
+    """
     return "load times radius" if unit == "N m" else "load"
 
 
 def _read(data: RigSet, kind: type[RigChannel]) -> tuple[np.ndarray, np.ndarray]:
-    """Return what a channel measured and its SDs (runs,), NaN where nothing was."""
+    """Return the values and the SDs of one channel of a rig in each run (runs,), with NaN in runs without a measured
+    value.
+    """
     for channel in data.channels:
         if isinstance(channel, kind):
             return channel.measured, np.where(channel.has_value, channel.sd, np.nan)
@@ -211,6 +259,8 @@ def _read(data: RigSet, kind: type[RigChannel]) -> tuple[np.ndarray, np.ndarray]
 
 
 def _some(statistic: Callable[[np.ndarray], np.floating], values: np.ndarray) -> float:
-    """Return a statistic of the values that there are; NaN, beyond no limit, where there are none."""
+    """Return a statistic, such as the median, of the finite values; NaN if no value is finite, so that no limit is
+    exceeded.
+    """
     measured = values[np.isfinite(values)]
     return float(statistic(measured)) if measured.size else float("nan")

@@ -1,4 +1,6 @@
-"""The wheel-rig set of a folder: runs with their noise and speeds, and what the folder leaves unsaid."""
+"""Read a wheel-rig data set from its folder: the runs, the noise, the speeds, and findings on facts that the files do
+not state.
+"""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -10,18 +12,20 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from rover_pin.base.encode import printable
 from rover_pin.base.errors import DataError, ParameterError
 from rover_pin.base.files.toml_file import read_toml, table_in
 from rover_pin.base.quantity import declared_sds, record_from
 from rover_pin.base.trust import Trust
 from rover_pin.contact import Soil, Wheel
-from rover_pin.measurements.channel import RIG_CHANNELS, RigChannel, SideForce
+from rover_pin.measurements.channel import RIG_CHANNELS, RigChannel, RigErrors, SideForce, sd_column
 from rover_pin.measurements.checks import Finding, column
-from rover_pin.measurements.known import stated_ranges
 from rover_pin.measurements.pressed import declared_trials
-from rover_pin.measurements.rig_errors import RigErrors
 from rover_pin.measurements.rig_file import (
     ANGLE,
+    CONVERTED,
+    GRAVITY,
+    OF_MASSES,
     OF_SPEEDS,
     OVER_LUGS,
     RIG_FILE,
@@ -29,48 +33,69 @@ from rover_pin.measurements.rig_file import (
     SPEEDS,
     declared_beside,
     declared_constants,
+    declared_gravity,
     number_si,
     read_rig_points,
     refuse_unknown_keys,
     rim_of,
+    stated_ranges,
 )
 from rover_pin.measurements.rig_set import STRAIGHT, RigSet
 from rover_pin.soil.slip import STANDS, rim_and_travel, slip_ratios
 
 OTHERS = ("slip", "load_N", "run", "level", ANGLE, SLOPE, "slope_sd_rad", *SPEEDS)
-"""Columns of the points that are read besides the channels and their SDs."""
+"""Names of the columns of points.csv that are read in addition to the channels and their SDs."""
 MIN_SIMILARITY = 0.7
-"""Share of letters in common from which a column may be meant to be another, misspelt."""
+"""Similarity of two names (difflib's ratio, from 0 to 1) above which one may be a misspelling of the other."""
 
 
 def read_rig_set(folder: str | Path, trust: Trust = Trust()) -> RigSet:
-    """Return the set of a folder: `rig.toml` and the `points.csv` it names, there unless `trust` allows more.
+    """Read a wheel-rig data set from its folder, with the file `rig.toml` and the points file that rig.toml names.
 
-    The noise of a channel is `[noise]` of `rig.toml` (`<channel>` in a unit, or `<channel>_over_load`), else the column
-    `<channel>_sd_<unit>`.
+    The noise of a channel is stated in `[noise]` of `rig.toml`, as `<channel>` in the channel's unit or as
+    `<channel>_over_load`, a fraction of the load. Otherwise the column `<channel>_sd_<unit>` of the points holds the
+    noise.
 
-    Raises DataError: a missing file, column or noise; an unknown unit; values that are not finite, out of range, or
-    look like percent or millimetres; speeds that contradict the slip.
+    Parameters
+    ----------
+    folder : path
+        The folder of the data set.
+    trust : Trust
+        Allows files outside the folder; by default every file must lie in the folder.
+
+    Raises
+    ------
+    DataError
+        A missing file, column or noise; an unknown unit; values that are not finite, are out of range, or look like
+        percent or millimetres; speeds that contradict the slip.
+
+    Examples
+    --------
+    >>> from rover_pin.base.files.paths import data_path
+    >>> len(read_rig_set(data_path("cmu-smooth-wheel")).slip)
+    15
     """
     folder = Path(folder)
     document, where = read_toml(folder / RIG_FILE), f"{folder.name}/{RIG_FILE}"
     if document.get("kind") != "wheel-rig":
-        raise DataError(f"{where}: kind = {document.get('kind')!r} is not a wheel rig; write kind = 'wheel-rig'.")
+        raise DataError(f"{where}: kind = {document.get('kind')!r} is no wheel rig: write kind = 'wheel-rig'.")
     refuse_unknown_keys(document, where)
     tables = {name: table_in(document, name, where) for name in ("files", "wheel", "soil", "rig", "noise", "speed")}
     points_file = f"{folder.name}/{tables['files'].get('points', 'points.csv')}"
+    # A ParameterError of a record becomes a DataError, because its cause is in the files.
     try:
         dimensions, rim_share = rim_of(document, where)
         table = read_rig_points(folder, document, rim_share, trust)
         rig = {name: entry for name, entry in tables["rig"].items() if name != "note"}
         errors = record_from(RigErrors, rig, f"{where}: [rig]")
+        # Uncertain errors of the rig and uncertain sizes of the wheel are nuisance parameters of later fits.
         error_sd = {f"rig.{name}": sd for name, sd in declared_sds(rig, RigErrors, f"{where}: [rig]").items()}
         data = RigSet(
             wheel=record_from(Wheel, dimensions, where),
             slip=table["slip"],
             load=table["load_N"],
             channels=_channels(table, tables["noise"], where),
-            name=str(document.get("name", folder.name)),
+            name=printable(str(document.get("name", folder.name))),
             wheel_range=stated_ranges({**dimensions, **tables["soil"]}, where),
             declared=declared_constants(tables["soil"], where),
             levels=table["level"].to_numpy() if "level" in table else None,
@@ -83,25 +108,37 @@ def read_rig_set(folder: str | Path, trust: Trust = Trust()) -> RigSet:
             runs=tuple(map(str, table["run"])) if "run" in table else (),
             source=str(document.get("source", "")),
             points_file=points_file,
+            gravity=declared_gravity(document, where),
+            gravity_is_assumed=GRAVITY not in document,
         )
-        speeds = _speeds(_stated_speeds(table, tables["speed"], where), data, points_file)
+        # Speeds are compared with the slips, so they are read after the set has checked these.
+        # A constant speed in [speed] replaces a missing column of speeds.
+        stated_speeds = {
+            name: number_si(tables["speed"][key], "m/s", f"{where}: [speed] {key}")
+            for name, key in zip(SPEEDS, ("carriage", "rim"), strict=True)
+            if key in tables["speed"] and name not in table
+        }
+        speeds = _speeds(table.assign(**stated_speeds), data, points_file)
     except ParameterError as error:
         raise DataError(str(error)) from error
-    unread = (
-        *_misspelt_columns(table, points_file),
-        *_askew(data),
-        *_unsaid_radius(data, OVER_LUGS in tables["wheel"], where),
-        *_of_speeds(table, points_file),
-    )
+    unread = tuple(_reading_findings(table, data, OVER_LUGS in tables["wheel"], where, points_file))
     return replace(data, speeds=speeds, unread=unread)
 
 
 def _slip_angles(table: pd.DataFrame, where: str) -> np.ndarray:
-    """Return the angle between the wheel's plane and its travel [rad] of each run, 0 where none is given."""
+    """Return the slip angle of each run [rad] (runs,): the angle between the wheel's plane and its travel.
+
+    If the table has no column of slip angles, all angles are 0.
+    """
     return column(table[ANGLE], ANGLE, where) if ANGLE in table else np.zeros(len(table))
 
 
 def _channels(table: pd.DataFrame, noise: Mapping[str, Any], where: str) -> tuple[RigChannel, ...]:
+    """Return the measured channels (pull, torque, sinkage, ...) of a table of rig runs, each with its noise.
+
+    Side force and vertical moment are left out if no run has a slip angle. `noise` is the table [noise] of rig.toml.
+    """
+    # Side force and vertical moment are compared only in runs with a slip angle.
     askew = (np.abs(_slip_angles(table, where)) > STRAIGHT).any()
     present = [kind for kind in RIG_CHANNELS if kind.column in table and (askew or not kind.is_sideways)]
     return tuple(
@@ -111,33 +148,31 @@ def _channels(table: pd.DataFrame, noise: Mapping[str, Any], where: str) -> tupl
 
 
 def _sd(kind: type[RigChannel], table: pd.DataFrame, noise: Mapping[str, Any], where: str) -> Any:
-    stem, _, suffix = kind.column.rpartition("_")
+    """Return the SD of a rig channel, either as one number for all runs or as one value for each run.
+
+    If [noise] of rig.toml states the SD, in the unit of the channel or as a fraction of the load, this value is taken.
+    Otherwise the points must have a column with the SD of the channel. Raises DataError if the SD is stated nowhere.
+    """
+    # The declaration in rig.toml precedes a column of SDs.
+    stem = kind.column.rpartition("_")[0]
     if stem in noise:
         return number_si(noise[stem], kind.unit, f"{where}: noise of {stem}")
     if f"{stem}_over_load" in noise:
         share = number_si(noise[f"{stem}_over_load"], "", f"{where}: {stem}_over_load")
         return share * column(table["load_N"], "load_N", where)
-    if f"{stem}_sd_{suffix}" in table:
-        return table[f"{stem}_sd_{suffix}"]
+    if sd_column(kind.column) in table:
+        return table[sd_column(kind.column)]
     raise DataError(
-        f"{where}: the noise of {stem} is not stated; write [noise] {stem} = {{ value, unit = '{kind.unit}' }}."
+        f"{where}: the noise of {stem} is not stated: write [noise] {stem} = {{ value, unit = '{kind.unit}' }}."
     )
 
 
-def _stated_speeds(table: pd.DataFrame, declared: Mapping[str, Any], where: str) -> pd.DataFrame:
-    """Return the table with the speeds of [speed], of the carriage and of the rim, where it has no such column."""
-    declared_speeds = {
-        name: number_si(declared[key], "m/s", f"{where}: [speed] {key}")
-        for name, key in zip(SPEEDS, ("carriage", "rim"), strict=True)
-        if key in declared and name not in table
-    }
-    return table.assign(**declared_speeds)
-
-
 def _speeds(table: pd.DataFrame, data: RigSet, where: str) -> np.ndarray | None:
-    """Return the speeds of travel along the wheel's plane and of the rim [runs, 2], or None where neither is known.
+    """Return the travel speed along the wheel's plane and the rim speed [m/s] of each run (runs, 2); None if both are
+    unknown.
 
-    Of one alone the other follows from Eq (1). Refuses speeds that contradict the slip.
+    If only one speed is known, the other follows from the slip ratio by Eq (1) of the paper. Raises DataError if both
+    speeds are known and contradict the slip.
     """
     slip, angle = data.slip, data.slip_angle
     measured_speeds = {name: column(table[name], name, where) for name in SPEEDS if name in table}
@@ -145,9 +180,10 @@ def _speeds(table: pd.DataFrame, data: RigSet, where: str) -> np.ndarray | None:
         return None
     if len(measured_speeds) == 1:
         return _by_slip(measured_speeds, slip, angle, where)
+    # With both speeds, the slip is determined twice; a contradiction means a wrong unit or sign.
     travel, rim = measured_speeds[SPEEDS[0]] * np.cos(angle), measured_speeds[SPEEDS[1]]
     S = slip_ratios(rim, travel)
-    # locked and pushed along its axle, a wheel has any slip
+    # A locked wheel that is pushed along its axle neither rolls nor travels ahead, so its slip is undefined.
     rolls = np.maximum(np.abs(travel), np.abs(rim)) > STANDS * np.abs(measured_speeds[SPEEDS[0]])
     off = np.where(rolls, np.abs(S - slip), 0.0)
     if off.max() > 0.05:
@@ -160,52 +196,70 @@ def _speeds(table: pd.DataFrame, data: RigSet, where: str) -> np.ndarray | None:
 
 
 def _by_slip(measured_speeds: Mapping[str, np.ndarray], slip: np.ndarray, angle: np.ndarray, where: str) -> np.ndarray:
-    """Return both speeds [runs, 2], of which one is known, by Eq (1)."""
+    """Return travel and rim speed [m/s] (runs, 2), computed by Eq (1) of the paper from the slip and the one speed that
+    was measured.
+
+    Raises DataError if the measured speed is 0 at the slip of a run, so that it does not determine the other speed.
+    """
     ((name, speed),) = measured_speeds.items()
+    # Eq (1) fixes the ratio of both speeds; the measured one gives the scale.
     rim, travel = rim_and_travel(slip)
     speed, share = (speed * np.cos(angle), travel) if name == SPEEDS[0] else (speed, rim)
     if np.min(share) < STANDS:
         row = int(np.argmin(share))
         raise DataError(
-            f"{where}: row {row + 1} has slip {slip[row]:.3g}, at which {name} is 0 and does not tell the other speed; "
-            "give columns of both."
+            f"{where}: row {row + 1} has slip {slip[row]:.3g}. At this slip {name} is 0, so it does not determine the "
+            "other speed: give columns of both speeds."
         )
     return np.column_stack([travel, rim]) * (speed / share)[:, None]
 
 
-def _misspelt_columns(table: pd.DataFrame, where: str) -> Iterator[Finding]:
-    """Yield columns that are not read and are spelt nearly as one that is not there."""
+def _reading_findings(
+    table: pd.DataFrame, data: RigSet, radius_is_stated: bool, where: str, points_file: str
+) -> Iterator[Finding]:
+    """Yield findings on facts that the files do not state clearly, and on conversions that were made while reading.
+
+    Parameters
+    ----------
+    table : DataFrame
+        The points as read.
+    data : RigSet
+        The data set.
+    radius_is_stated : bool
+        Whether [wheel] of rig.toml states if the radius refers to the rim or to the tips of the lugs.
+    where, points_file : str
+        Names of the data set's `rig.toml` and of its points file, for the findings.
+    """
+    # A column that is not read, but whose name is similar to a missing column, is probably a misspelling.
     present = [str(name) for name in table.columns]
     channels = [kind.column for kind in RIG_CHANNELS]
     missing = [name for name in (*OTHERS, *channels) if name not in present]
-    noises = ["_sd_".join(name.rsplit("_", 1)) for name in channels]
+    noises = [sd_column(name) for name in channels]
     for name in (column_name for column_name in present if column_name not in (*OTHERS, *channels, *noises)):
         similarity = {expected: SequenceMatcher(None, name.lower(), expected.lower()).ratio() for expected in missing}
         closest_match = max(similarity, key=lambda expected: similarity[expected], default="")
         if closest_match and similarity[closest_match] >= MIN_SIMILARITY:
-            todo = f"did you mean '{closest_match}', in SI? rename it, else what it holds is not used"
-            yield Finding(f"column '{name}' is not read", where, todo)
-
-
-def _askew(data: RigSet) -> Iterator[Finding]:
+            todo = f"did you mean '{closest_match}', in SI? rename it, otherwise its values are not used"
+            yield Finding(f"column '{name}' is not read", points_file, todo)
     askew = data.askew
+    # A slip angle without a side force leaves the lateral model undetermined.
     if askew.any() and not any(isinstance(channel, SideForce) for channel in data.channels):
-        most = math.degrees(float(np.abs(data.slip_angle).max()))
-        what = f"{int(askew.sum())} of {askew.size} runs have a slip angle, of {most:.3g} deg at most"
-        yield Finding(what, data.points_file, f"their side force was not measured: give it as {SideForce.column}")
-
-
-def _unsaid_radius(data: RigSet, is_declared: bool, where: str) -> Iterator[Finding]:
-    """Yield that a wheel with lugs does not say over what its radius is measured: at S = 0 its lugs slip or do not."""
-    if data.beside.get("lug_height") and not is_declared:
+        largest = math.degrees(float(np.abs(data.slip_angle).max()))
+        what = f"{int(askew.sum())} of {askew.size} runs have a slip angle (maximum {largest:.3g} deg)"
+        yield Finding(what, points_file, f"their side force was not measured: give it as {SideForce.column}")
+    # If r is the radius of the rim, the lug tips slip even at S = 0, so the results depend on this assumption.
+    if data.beside.get("lug_height") and not radius_is_stated:
         todo = (
-            f"r, slip and rim speed are taken as the rim's, whose lugs slip at S = 0; write {OVER_LUGS} = true or false"
+            f"r, slip and rim speed are assumed to refer to the rim, so that the lug tips slip at S = 0; write "
+            f"{OVER_LUGS} = true or false"
         )
         yield Finding(f"lug_height without {OVER_LUGS}", where, todo)
-
-
-def _of_speeds(table: pd.DataFrame, where: str) -> Iterator[Finding]:
-    """Yield how many runs have the slip of their speeds, as a locked wheel may have none in its table."""
     if table.attrs.get(OF_SPEEDS):
         message = f"{table.attrs[OF_SPEEDS]} of {len(table)} runs have no finite slip"
-        yield Finding(message, where, "it follows from their speeds by Eq (1): -1 where the wheel is locked")
+        yield Finding(message, points_file, "their slip is computed from the speeds by Eq (1): -1 for a locked wheel")
+    if CONVERTED in table.attrs:
+        what = f"slips are converted to Eq (1) by slip_definition ({table.attrs[CONVERTED]})"
+        yield Finding(what, points_file, "remove this key if the column already holds the slip of Eq (1)")
+    if OF_MASSES in table.attrs and data.gravity_is_assumed:
+        what = f"loads are load_kg times {data.gravity:g} m/s^2, the Earth's gravity, which is assumed"
+        yield Finding(what, points_file, "declare gravity in rig.toml if the test was elsewhere")

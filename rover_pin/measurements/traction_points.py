@@ -1,4 +1,4 @@
-"""Points of the load-traction factor against the slip ratio, as in Fig 6: means with their standard deviation."""
+"""Points of the load-traction factor at several slip ratios, as in Fig 6 of the paper: means with their SDs."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -18,44 +18,53 @@ from rover_pin.soil.angles import Angles, FixedAngles, SinkageAngles
 from rover_pin.soil.wheel_forces import NetTraction, TractionForm
 
 FORM, ANGLES = NetTraction(), FixedAngles()
+"""Default of the traction ratio that was measured (net traction), and default rule for the contact angles (fixed
+angles)."""
 
 
 @dataclass(frozen=True, eq=False)
 class TractionPoints:
-    """Mean traction factors at several slip ratios.
+    """Mean load-traction factors (traction divided by load) at several slip ratios, with the errors of both.
 
     Parameters
     ----------
-    slip : array [points]
-        Slip ratios, Eq (1) [-].
-    factor : array [points]
-        Mean load-traction factor at each [-].
-    sd : float or array [points]
+    slip : array (points,)
+        Slip ratios of Eq (1), (r omega - v) / max(r omega, v) [-].
+    factor : array (points,)
+        Mean load-traction factor at each slip [-].
+    sd : float or array (points,)
         Standard deviation of each **mean** [-]: the error bar of Fig 6 divided by the root of the number of repeats.
+    wheel : Wheel
+        Radius and width of the wheel [m]; by default those of Nexus 6.
     form : TractionForm
-        Which ratio was measured.
+        The traction ratio that was measured: net or gross.
     angles : Angles
-        How the arc follows from the soil; the paper holds theta_1 and theta_2.
-    slip_sd : float or array [points]
-        Standard deviation of each slip ratio [-]; 0 where it was set exactly. Residuals are then shorter by what the
-        slip's doubt explains (`TractionFactors`).
-    shared : float or array [points]
-        By how much all factors may be wrong together, one standard deviation [-]: a wrong load or torque constant. Its
-        signs say which way each goes with the others.
-    slip_shared : float or array [points]
-        The same of all slip ratios: a wrong radius.
-    load : array [points], optional
-        W [N] of each point, where `angles` follow the sinkage: its arc carries W, as far as k_1, k_2 and n have it.
-        Without it the arc is that of the soil's theta_1.
+        Rule for the contact angles; the paper holds theta_1 and theta_2 constant.
+    slip_sd : float or array (points,)
+        Standard deviation of each slip ratio [-]; 0 if the slip was set exactly. Through the slope of the curve, it
+        enters the weights of the residuals (`TractionFactors`).
+    shared : float or array (points,)
+        Standard deviation of an error that all factors share [-], for example of a wrong load or torque constant. The
+        signs of the entries state in which direction each factor moves with the others.
+    slip_shared : float or array (points,)
+        Standard deviation of an error that all slip ratios share [-], for example of a wrong radius.
+    load : array (points,), optional
+        Wheel load W [N] of each point, for `angles` that follow the sinkage: the contact arc then carries W, by k_1,
+        k_2 and n. Without a load, the arc is given by the soil's theta_1.
     declared : mapping
-        name -> value (SI) of soil constants that come with the data.
+        Name -> value (SI) of soil constants that come with the data.
     doubts : mapping
-        name -> SD (SI) that is declared with one of them.
+        Name -> SD (SI) that is declared with a constant of `declared`.
 
     Raises
     ------
     DataError
         Columns that are empty, of different lengths, not finite or out of range.
+
+    Examples
+    --------
+    >>> TractionPoints([0.1, 0.5], [0.05, 0.2], 0.03).sd.tolist()
+    [0.03, 0.03]
     """
 
     slip: Any = field(repr=False)
@@ -89,26 +98,35 @@ class TractionPoints:
 
     @property
     def loads(self) -> np.ndarray:
-        """W [N] where the arc follows from it; nothing where the angles are given, whatever the load."""
+        """Wheel load W [N] of each point if the contact angles follow from the load; otherwise an empty array."""
         return np.asarray(self.load) if isinstance(self.angles, SinkageAngles) else np.empty(0)
 
 
 def errors(values: Any, count: int, name: str, where: str) -> np.ndarray:
-    """Return standard deviations, one a point; a single one holds for all."""
+    """Return the standard deviations of the points as an array (count,); `values` holds one number for each point, or
+    one number for all points.
+
+    `name` and `where` name the values and their source in error messages.
+    """
     sd = column(np.atleast_1d(values), name, where)
+    # A single number holds for all points.
     sd = np.full(count, sd[0]) if sd.size == 1 else sd
     same_length(where, slip=np.empty(count), **{name: sd})
     return sd
 
 
 def read_traction_points(path: str | Path) -> TractionPoints:
-    """Return the points of a CSV file: columns `slip, traction_factor, sd`; `slip_sd`; `count` where `sd` is scatter.
+    """Read the traction points of a CSV file.
 
-    Raises DataError: a missing file or column, or values out of range.
+    The columns of the file are `slip`, `traction_factor`, `sd`, and optionally `slip_sd` and `count`. If the file has a
+    column `count` (number of repeats), `sd` is the scatter of single values and is divided by the root of the count.
+
+    Raises DataError if the file or a column is missing, or if a value is out of range.
     """
     path = Path(path)
     table: pd.DataFrame = measured_points(path, ("slip", "traction_factor", "sd"))
     sd = column(table["sd"], "sd", path.name)
+    # The error bar of a mean is the scatter of single values divided by the root of their number.
     if "count" in table:
         count = column(table["count"], "count", path.name)
         positive(count, "count", "", path.name)

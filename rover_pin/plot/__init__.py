@@ -1,4 +1,7 @@
-"""Figures: a drive's snapshots and histories, traction curves. Files are written whole or not at all."""
+"""Figures of drives, maps, traction curves, studies and tunings.
+
+No window is opened, and each file is written in one step, so that a stop never leaves half a picture.
+"""
 
 from pathlib import Path
 
@@ -30,7 +33,10 @@ __all__ = [
 
 
 def drive_figures(trace: Trace, model: Model, out: Path) -> list[Path]:
-    """Write snapshots.png and history.png of a drive into `out`; return their paths: none where nothing was driven."""
+    """Write the figures snapshots.png and history.png of a drive into a folder, and return their paths.
+
+    If the trace has only one row, because the drive never began, no figure is written, and the list is empty.
+    """
     if len(trace["t_s"]) < 2:
         return []
     return [save(snapshots(trace, model), out / "snapshots.png"), save(history(trace), out / "history.png")]

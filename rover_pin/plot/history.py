@@ -1,4 +1,7 @@
-"""What changes during a drive, against time: a panel for each kind of channel that does change."""
+"""The figure of a drive's channels against time: one panel for each kind of channel that changes.
+
+Channels that stay constant are stated in the title.
+"""
 
 import textwrap
 from collections.abc import Callable, Mapping
@@ -8,16 +11,22 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from rover_pin.base.encode import figure_text
 from rover_pin.plot.sheet import in_lines, sheet
 from rover_pin.plot.snapshots import title_of
 from rover_pin.simulation.trace.draw import COLOURS, draw_lines, group_overlapping_lines, wheel_lines
 from rover_pin.simulation.trace.trace import Trace
 
 Panel = Callable[[Axes], None]
+"""Type of a function that draws one panel of the figure on the given axes."""
 
 
-class OfWheels(NamedTuple):
-    """A channel of the wheels: its name, unit, and what it is multiplied by."""
+class WheelChannel(NamedTuple):
+    """A channel that each wheel has: the beginning of its name in a trace, its name on a label, and its unit on the
+    label.
+
+    `scale` is the factor that converts the channel from SI to this unit.
+    """
 
     channel: str
     name: str
@@ -26,104 +35,111 @@ class OfWheels(NamedTuple):
 
     @property
     def label(self) -> str:
-        """Name and unit."""
+        """The name of the channel with its unit, as the label of a panel."""
         return f"{self.name} [{self.unit or '-'}]"
 
 
-SLIP = OfWheels("slip", "slip S", "")
-SINKAGE = OfWheels("sinkage", "sinkage", "mm", 1e3)
-DUTY = OfWheels("duty", "duty", "")
-STILL = 1e-3
-"""Change [label's unit] below which a wheel's channel is said in words instead of being drawn."""
-STILL_DEG = 0.05
-"""The same of an angle [deg]."""
+SLIP = WheelChannel("slip", "slip S", "")
+SINKAGE = WheelChannel("sinkage", "sinkage", "mm", 1e3)
+DUTY = WheelChannel("duty", "duty", "")
+SPEED, ANGLES, HEADING = "speed [mm/s]", "angle [deg]", "heading [deg]"
+"""Labels of the panels that show the motion of the body instead of a channel of the wheels."""
+MIN_CHANGE = 1e-3
+"""Smallest change of a wheel's channel that is drawn, in the unit of its label. A channel that changes less counts as
+constant and is stated in the title."""
+MIN_TURN = 0.05
+"""Smallest change of an angle that is drawn [deg]. An angle that changes less counts as constant."""
+MIN_SIDE_SPEED = 0.03
+"""Smallest speed to the left that is drawn, as a fraction of the forward speed. A smaller speed counts as wobble."""
 SIZE, LEGEND = (9.8, 1.9), 1.3
-"""Width, height of a panel, and width of the legends beside them [in], which so hide no line."""
+"""Width of the figure and height of a panel (SIZE), and width of the legends (LEGEND) [in]. The legends are next to the
+panels, so that they hide no line."""
 
 
 def history(trace: Trace) -> Figure:
-    """Return slip, speed, sinkage, angles, heading and duty against time; what stays as it is, is said."""
+    """Return the figure of slip, speed, sinkage, angles, heading and duty of a drive against time.
+
+    A channel that stays constant is stated in the title instead of being drawn.
+    """
     panels, constant = _panels(trace)
     size = (SIZE[0], 1.0 + SIZE[1] * len(panels))
     figure, axes = sheet(len(panels), size=size, sharex=True, squeeze=False)
+    # The legends stand to the right of the panels.
     figure.subplots_adjust(right=1.0 - LEGEND / SIZE[0])
     for (label, draw), panel in zip(panels.items(), axes[:, 0], strict=True):
         draw(panel)
-        _legend_beside(panel)
+        handles, labels = panel.get_legend_handles_labels()
+        wrapped = [textwrap.fill(text, 20) for text in labels]
+        panel.legend(handles, wrapped, fontsize=7, loc="upper left", bbox_to_anchor=(1.003, 1.0), borderaxespad=0.0)
         panel.set_ylabel(label)
         panel.grid(alpha=0.3)
-    axes[0, 0].set_title(in_lines([*title_of(trace), *constant]), fontsize=8)
+    axes[0, 0].set_title(figure_text(in_lines([*title_of(trace), *constant])), fontsize=8)
     axes[-1, 0].set_xlabel("t [s]")
     return figure
 
 
-def _legend_beside(axes: Axes) -> None:
-    handles, labels = axes.get_legend_handles_labels()
-    wrapped = [textwrap.fill(label, 20) for label in labels]
-    axes.legend(handles, wrapped, fontsize=7, loc="upper left", bbox_to_anchor=(1.003, 1.0), borderaxespad=0.0)
-
-
 def _panels(trace: Trace) -> tuple[dict[str, Panel], list[str]]:
-    """Return the panels by their label, and what is constant in words."""
+    """Return the panels of the figure, and a phrase for each channel of the wheels that is constant.
+
+    The panels are a dict from label to the function that draws the panel.
+    """
     drawn: dict[str, Panel] = {}
     constant = []
     for signal in (SLIP, SINKAGE, DUTY):
-        values = _values(trace, signal)
-        if any(np.nanmax(series) - np.nanmin(series) > STILL for series in values.values()):
+        # A channel is drawn if it changes at one wheel at least; otherwise its value is stated in the title.
+        names = {wheel: f"{signal.channel}_{wheel}" for wheel in trace.wheels}
+        scaled = {wheel: signal.scale * trace[name] for wheel, name in names.items() if name in trace}
+        values = {wheel: series for wheel, series in scaled.items() if np.any(np.isfinite(series))}
+        if any(np.nanmax(series) - np.nanmin(series) > MIN_CHANGE for series in values.values()):
             drawn[signal.label] = lambda axes, signal=signal: wheel_lines(axes, trace, signal.channel, signal.scale)  # type: ignore[misc]
         elif values:
             constant.append(_in_words(signal, values))
     if {"body_vx", "body_vy"} <= trace.channels.keys():
-        drawn["speed [mm/s]"] = lambda axes: _speed(axes, trace)
-    for label, angles in _angles(trace).items():
-        drawn[label] = lambda axes, angles=angles: _draw_angles(axes, trace, angles)  # type: ignore[misc]
+        drawn[SPEED] = lambda axes: _draw_speed(axes, trace)
+    # The heading has a separate panel: on the scale of a turn of 90 deg, suspension angles would look constant.
+    for label, starts in {ANGLES: ("rocker", "bogie", "body_pitch", "body_roll"), HEADING: ("body_yaw",)}.items():
+        angles = {name.replace("_", " "): np.degrees(trace[name]) for name in trace.channels if name.startswith(starts)}
+        moving = {name: values for name, values in angles.items() if np.nanmax(values) - np.nanmin(values) > MIN_TURN}
+        if moving:
+            drawn[label] = lambda axes, lines=moving: _draw_angles(axes, trace, lines)  # type: ignore[misc]
+    # A figure needs at least one panel, even if nothing changes.
     if not drawn:
         drawn[SLIP.label] = lambda axes: wheel_lines(axes, trace, SLIP.channel)
-    order = (SLIP.label, "speed [mm/s]", SINKAGE.label, ANGLES, HEADING, DUTY.label)
+    order = (SLIP.label, SPEED, SINKAGE.label, ANGLES, HEADING, DUTY.label)
     return {label: drawn[label] for label in order if label in drawn}, constant
 
 
-def _values(trace: Trace, signal: OfWheels) -> dict[str, np.ndarray]:
-    """Return what was recorded of a channel by wheel, in the label's unit."""
-    names = {wheel: f"{signal.channel}_{wheel}" for wheel in trace.wheels}
-    scaled = {wheel: signal.scale * trace[name] for wheel, name in names.items() if name in trace}
-    return {wheel: values for wheel, values in scaled.items() if np.any(np.isfinite(values))}
+def _in_words(signal: WheelChannel, values: Mapping[str, np.ndarray]) -> str:
+    """Return a phrase with the value of a channel that stays constant: "duty 0.55".
 
-
-def _in_words(signal: OfWheels, values: Mapping[str, np.ndarray]) -> str:
-    """Return what is constant as "duty 0.55", or as "duty 0.55 (fr, rr), 0.4 (fl, rl)" where wheels differ."""
+    If the wheels have different values, the phrase lists the wheels of each value: "duty 0.55 (fr, rr), 0.4 (fl, rl)".
+    """
+    # Wheels with the same value are named together.
     groups = [(float(np.nanmean(values[group[0]])), group) for group in group_overlapping_lines(values)]
     unit = f" {signal.unit}" if signal.unit else ""
     phrases = [f"{value:.3g}{unit}" + (f" ({', '.join(group)})" if len(groups) > 1 else "") for value, group in groups]
     return f"{signal.name} {', '.join(phrases)}"
 
 
-def _speed(axes: Axes, trace: Trace) -> None:
+def _draw_speed(axes: Axes, trace: Trace) -> None:
+    """Draw the forward speed and, if it is larger than MIN_SIDE_SPEED, the speed to the left, both in the rover's
+    frame.
+    """
+    # The velocity in the world's axes, turned by the yaw into the rover's axes.
     yaw = trace.get("body_yaw", np.zeros(trace.t.size))
     ahead = 1e3 * (np.cos(yaw) * trace["body_vx"] + np.sin(yaw) * trace["body_vy"])
     leftward = 1e3 * (np.cos(yaw) * trace["body_vy"] - np.sin(yaw) * trace["body_vx"])
-    lines = {
-        "ahead": ahead,
-        **({"to the left": leftward} if np.nanmax(np.abs(leftward)) > 0.03 * np.nanmax(np.abs(ahead)) else {}),
-    }
+    lines = {"ahead": ahead}
+    if np.nanmax(np.abs(leftward)) > MIN_SIDE_SPEED * np.nanmax(np.abs(ahead)):
+        lines["to the left"] = leftward
     draw_lines(axes, trace.t, lines, {name: {"color": COLOURS[n]} for n, name in enumerate(lines)})
 
 
-ANGLES, HEADING = "angle [deg]", "heading [deg]"
-
-
-def _angles(trace: Trace) -> dict[str, dict[str, np.ndarray]]:
-    """Return the angles that change [deg], by panel: a turn would flatten what the suspension does."""
-    kinds = {ANGLES: ("rocker", "bogie", "body_pitch", "body_roll"), HEADING: ("body_yaw",)}
-    panels: dict[str, dict[str, np.ndarray]] = {}
-    for label, starts in kinds.items():
-        angles = {name.replace("_", " "): np.degrees(trace[name]) for name in trace.channels if name.startswith(starts)}
-        angles = {name: values for name, values in angles.items() if np.nanmax(values) - np.nanmin(values) > STILL_DEG}
-        panels |= {label: angles} if angles else {}
-    return panels
-
-
 def _draw_angles(axes: Axes, trace: Trace, lines: Mapping[str, np.ndarray]) -> None:
+    """Draw angles [deg] against time. `lines` maps the name of each angle to its values.
+
+    When all colours have been used once, further lines are dotted.
+    """
     looks = {
         name: {"color": COLOURS[n % len(COLOURS)], "ls": "-" if n < len(COLOURS) else ":"}
         for n, name in enumerate(lines)

@@ -1,4 +1,4 @@
-"""How a rover answers to its duties near a trim point: in time, and over frequency."""
+"""The figure of a rover's response to its motor duties near a trim point: step response and frequency response."""
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -7,14 +7,29 @@ from rover_pin.control.design.linear import LinearModel
 from rover_pin.plot.sheet import new_figure
 
 RISE = 0.1
-"""Of all duties, in the step."""
+"""Step by which all motor duties rise in the step response [-]."""
 
 
 def response_figure(linear: LinearModel, seconds: float = 1.0, outputs: tuple[str, ...] = ("speed",)) -> Figure:
-    """Return `outputs` of a `linear` model over `seconds` after all duties rise by RISE, and their gain and phase."""
+    """Return the figure of a rover's response: the outputs after a step of all motor duties, and gain and phase against
+    frequency.
+
+    The step has the size RISE.
+
+    Parameters
+    ----------
+    linear : LinearModel
+        The model, linearised at a trim point.
+    seconds : float
+        Duration of the step response [s].
+    outputs : tuple of str
+        Outputs of the model that are drawn.
+    """
     figure, panels = new_figure(1, 3, (10.0, 3.4))
+    # Frequencies from 0.01 to 100 Hz, evenly spaced on a logarithmic scale.
     t, hertz = np.linspace(0.0, seconds, 401), np.logspace(-2, 2, 200)
     after = RISE * linear.step_response(t)
+    # All duties change together, so that the columns of the response, one for each duty, add up.
     over = np.array([linear.response(2.0 * np.pi * f).sum(axis=1) for f in hertz])
     for name in outputs:
         at = linear.outputs.index(name)

@@ -1,4 +1,4 @@
-"""A rover and its ground from the side and from above."""
+"""Functions that draw a rover and its terrain, from the side and from above."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -14,39 +14,55 @@ from rover_pin.simulation.trace.trace import Trace
 from rover_pin.terrain.terrain import Terrain
 
 SAND, EDGE = "#d9c9a5", "#8a7340"
+"""Colours of the terrain (SAND) and of its surface line (EDGE) in the side view."""
 
 
 class Pose(NamedTuple):
-    """A rover at one moment."""
+    """What is needed to draw a rover with W wheels at one moment: its configuration and the positions of its wheels."""
 
     t: float
+    "time [s]"
     q: np.ndarray
+    "configuration of the rover's model (nq,)"
     centres: np.ndarray
-    "of the wheels [m] (W, 3)"
+    "centres of the W wheels [m] (W, 3)"
     axles: np.ndarray
-    "of the wheels, to the left, as they are steered (W, 3)"
+    """unit vectors along the wheels' axles, pointing to the left; a steered wheel's axle is turned with it (W, 3)"""
     left: np.ndarray
-    "direction to the left of the base, seen from above (2,)"
+    """horizontal part of the unit vector that points to the left of the base (2,)"""
 
 
 def poses(trace: Trace, rover: Rover, rows: Sequence[int] | np.ndarray) -> list[Pose]:
-    """Return the rover at rows of a trace."""
+    """Return the pose of a rover in each of the given rows of a trace."""
     data, rover_poses = rover.model.createData(), []
     for row in rows:
         q = configuration(rover, trace, int(row))
-        rover_poses.append(
-            Pose(float(trace.t[row]), q, *place_links(rover, data, q), np.array(data.oMi[1].rotation[:2, 1]))
-        )
+        centres, axles = place_links(rover, data, q)
+        left = np.array(data.oMi[1].rotation[:2, 1])  # joint 1 is the free flyer of the base, whose y points left
+        rover_poses.append(Pose(float(trace.t[row]), q, centres, axles, left))
     return rover_poses
 
 
 def draw_rover(axes: Axes, rover: Rover, q: np.ndarray, colour: Any, side: str = "l") -> None:
-    """Draw a side of the rover: links between joints, wheels, and the body's axis."""
+    """Draw one side of a rover as seen from its right: the links between its joints, and its wheels.
+
+    Parameters
+    ----------
+    axes : Axes
+        Axes with x to the right and z upwards.
+    rover : Rover
+        The rover.
+    q : array (nq,)
+        Configuration of the rover's model.
+    colour : matplotlib colour
+        Colour of the lines.
+    side : str
+        Side whose wheels are drawn, "l" (left) or "r" (right).
+    """
     data = rover.model.createData()
     pin.forwardKinematics(rover.model, data, q)
-    wheel_joints = {wheel.joint for wheel in rover.wheels if wheel.side == side}
-    joints = {joint for wheel in wheel_joints for joint in rover.model.supports[wheel]}
-    for joint in sorted(joints - {0, 1}):
+    # A line from each joint to its parent joint shows the links of the suspension.
+    for joint in rover.joints_of_side(side):
         parent = rover.model.parents[joint]
         start, end = data.oMi[parent].translation, data.oMi[joint].translation
         axes.plot([start[0], end[0]], [start[2], end[2]], color=colour, lw=1.4, solid_capstyle="round")
@@ -57,25 +73,42 @@ def draw_rover(axes: Axes, rover: Rover, q: np.ndarray, colour: Any, side: str =
 
 
 def ground_line(terrain: Terrain, low: float, high: float, y: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return x and height of the terrain along a track."""
+    """Return the profile of the terrain along a line of constant y [m]: x (2000,) and height (2000,) [m].
+
+    The line reaches from x = `low` to x = `high` [m].
+    """
     x = np.linspace(low, high, 2000)
     return x, np.asarray(terrain.height(x, y))
 
 
 def draw_ground(axes: Axes, terrain: Terrain, span: tuple[float, float], under: float, other_y: float) -> float:
-    """Draw the ground under the wheels that are drawn, at y = `under`; dashed under the others; return its lowest z."""
+    """Draw the terrain from the side, and return the lowest height that is drawn [m].
+
+    Parameters
+    ----------
+    axes : Axes
+        Axes with x to the right and z upwards.
+    terrain : Terrain
+        The terrain.
+    span : tuple of float
+        Smallest and largest x [m].
+    under : float
+        y under the wheels that are drawn [m]; the terrain there is filled.
+    other_y : float
+        y under the wheels of the other side [m]; the terrain there is a dashed line if its height differs.
+    """
     x, z = ground_line(terrain, *span, under)
     low = float(np.min(z))
     axes.fill_between(x, z, low - 0.05, color=SAND, lw=0)
     axes.plot(x, z, color=EDGE, lw=1)
-    beside = ground_line(terrain, *span, other_y)[1]
-    if np.max(np.abs(beside - z)) > 1e-6:
-        axes.plot(x, beside, color=EDGE, lw=0.8, ls="--")
+    other_z = ground_line(terrain, *span, other_y)[1]
+    if np.max(np.abs(other_z - z)) > 1e-6:
+        axes.plot(x, other_z, color=EDGE, lw=0.8, ls="--")
     return low
 
 
 def draw_above(axes: Axes, rover: Rover, pose: Pose, colour: Any) -> None:
-    """Draw a rover from above: its wheels as they are steered, and the line around them."""
+    """Draw a rover from above: its wheels, turned as they are steered, and the polygon through the wheel centres."""
     axes.add_patch(Polygon(pose.centres[around(rover), :2], fc="none", ec=colour, lw=0.8))
     for wheel, centre, axle in zip(rover.wheels, pose.centres, pose.axles, strict=True):
         axes.add_patch(Polygon(footprint(wheel, centre, axle), fc="none", ec=colour, lw=1.2))

@@ -1,4 +1,4 @@
-"""A rig set's channels as dimensionless numbers, over the groups on which they collapse."""
+"""The figure of a wheel rig's channels, made dimensionless, against the dimensionless groups on which they depend."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -10,13 +10,25 @@ from rover_pin.measurements.rig_set import RigSet
 from rover_pin.plot.sheet import new_figure, save, write_csv
 
 LABELS = {TRAVEL: "(r omega - V) / max(r omega, V)", ANGLE: "slip angle [rad]", LOAD: "ln W / (gamma b r^2)"}
-"""What is drawn of a group, where that is not the group itself."""
+"""Name of a dimensionless group -> label of its axis. The label of any other group is its name, which is its
+formula."""
 
 
 def similarity_figure(data: RigSet, rows: Sequence[Collapse], out: Path) -> list[Path]:
-    """Write similarity.csv, a row a channel and set of groups, and similarity.png into `out`; return their paths.
+    """Write the table similarity.csv and the figure similarity.png of a wheel rig's data into a folder, and return both
+    paths.
 
-    The figure has each channel over the group that alone explains most, coloured by another of those it collapses on.
+    The table has one row for each channel and each set of dimensionless groups. The figure shows each channel against
+    the single group that explains most of its variation. The colour shows a second group on which the channel depends.
+
+    Parameters
+    ----------
+    data : RigSet
+        The measurements.
+    rows : sequence of Collapse
+        For each channel and each set of groups, the fraction of the channel's variation that the groups explain.
+    out : Path
+        Folder of the files.
     """
     import pandas as pd
 
@@ -27,8 +39,10 @@ def similarity_figure(data: RigSet, rows: Sequence[Collapse], out: Path) -> list
     csv = write_csv(pd.DataFrame(table).drop(columns="by_level"), out / "similarity.csv")
     figure, axes = new_figure(1, len(chosen), size=(4.4 * len(chosen), 3.9), squeeze=False)
     for axis, channel, (name, best) in zip(axes[0], data.channels, chosen.items(), strict=True):
+        # The horizontal axis is the single group that explains most of the channel's variation.
         alone = [row for row in rows if row.channel == name and len(row.groups) == 1]
         first = max(alone, key=lambda row: row.share).groups[0]
+        # Travel and slip are functions of each other, so a colour for the one adds nothing to an axis for the other.
         drawn = {first, name, *((TRAVEL, SLIP) if first in (TRAVEL, SLIP) else ())}
         others = [group for group in (*best.groups, *values) if group not in drawn]
         over, by = values[first], values[others[0]] if others else np.zeros(len(data.runs))

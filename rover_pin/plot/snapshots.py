@@ -1,4 +1,4 @@
-"""A drive at a few instants: from the side, and from above where it turns."""
+"""The figure of a rover at a few moments of a drive: from the side, and from above if the rover turns."""
 
 import math
 import re
@@ -8,100 +8,123 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from rover_pin.base.encode import figure_text
 from rover_pin.plot.sheet import MARGINS, in_lines, sheet
 from rover_pin.plot.side import Pose, draw_above, draw_ground, draw_rover, poses
 from rover_pin.rover.rover import Rover
 from rover_pin.simulation.model.model import Model
-from rover_pin.simulation.trace.poses import Turned, of_side, on_the_ground
+from rover_pin.simulation.trace.poses import PathExtent, of_side, on_the_ground
 from rover_pin.simulation.trace.trace import Trace
 from rover_pin.view.colours import draw_heights
 
-FURTHEST_APART = 0.5
-"""Way [m] between two snapshots of a rover, about."""
+SPACING = 0.5
+"""Approximate distance between two snapshots [m]."""
 WIDTH, BAR = 10.0, 0.8
-"""Of the figure, and of what stands at its right where heights have colours [in]."""
+"""Width of the figure (WIDTH), and width of the margin for the colour bar of the heights (BAR) [in]."""
 PAPER = {"facecolor": "white", "alpha": 0.7, "edgecolor": "none", "pad": 1.0}
-A_LABEL = (0.6, 0.2)
-"""Width and height [in] that a label takes, at most about."""
+"""Style of the background of a label on the drawing."""
+LABEL = (0.6, 0.2)
+"""Approximate width and height of the largest label [in]. Labels that are closer to each other than this are joined."""
 SAME_PLACE = 0.02
-"""Share of the width within which two snapshots have one label."""
+"""In the side view, two rovers whose distance is below this fraction of the drawn length share a label."""
 
 
 def snapshots(trace: Trace, model: Model, count: int = 6) -> Figure:
-    """Return the rover at evenly spaced instants, more than `count` on a long way; later ones are darker.
+    """Return the figure of a rover at evenly spaced moments of a drive. Later moments are darker.
 
-    From the side one sees the wheels of the side whose ground is the less even, and that ground; the other side's is
-    dashed. A drive that turns is shown from above, too; only so where the wheels leave the ground that would be drawn.
+    The side view shows the side with the less even terrain; the terrain under the other side is a dashed line. The side
+    view is left out if the rover turns, or its wheels move sideways, so far that a single profile does not represent
+    the terrain under the wheels. The view from above is drawn if the rover turns, or if there is no side view.
+
+    Parameters
+    ----------
+    trace : Trace
+        The drive.
+    model : Model
+        The model that was driven, for its rover and terrain.
+    count : int
+        Minimum number of moments; a long path gets one moment for each SPACING.
     """
     trace = on_the_ground(trace, model.rover, model.terrain)
     x, y = (trace.get(f"body_{name}", np.zeros(trace.t.size)) for name in "xy")
-    way = float(np.nansum(np.hypot(np.diff(x), np.diff(y))))
-    rows = np.linspace(0, trace.t.size - 1, max(count, round((0.6 + way) / FURTHEST_APART))).astype(int)
+    distance = float(np.nansum(np.hypot(np.diff(x), np.diff(y))))
+    rows = np.linspace(0, trace.t.size - 1, max(count, round((0.6 + distance) / SPACING))).astype(int)
     instants = poses(trace, model.rover, rows)
-    turned, side = Turned.of(trace), _Side(instants, model)
-    views: list[_Side | _Above] = [side] if turned.side_tells and side.stands else []
-    if not views or turned.from_above:
-        views.append(_Above(instants, model, trace))
+    extent, side = PathExtent.of(trace), _SideView(instants, model)
+    # The side view is drawn only if it is true; the view from above if the rover turns or nothing else is drawn.
+    views: list[_SideView | _AboveView] = [side] if extent.from_the_side and side.shows_ground_under_wheels else []
+    if not views or extent.from_above:
+        views.append(_AboveView(instants, model, trace))
     heights = [view.height for view in views]
     figure, axes = sheet(
         len(views), (WIDTH, sum(heights) + 1.0 + 0.5 * (len(views) - 1)), squeeze=False, height_ratios=heights
     )
-    right = BAR if isinstance(views[-1], _Above) else MARGINS[1]
+    right = BAR if isinstance(views[-1], _AboveView) else MARGINS[1]
     figure.subplots_adjust(hspace=0.25, right=1.0 - right / WIDTH)
     for view, panel in zip(views, axes[:, 0], strict=True):
         view.draw(panel)
-    axes[0, 0].set_title(in_lines(title_of(trace)), fontsize=8)
+    axes[0, 0].set_title(figure_text(in_lines(title_of(trace))), fontsize=8)
     return figure
 
 
 class _View:
-    """What a view shows: a range of its two coordinates, and how high that makes it [in]."""
+    """One view of the rover and the terrain, with equal scales of both axes.
+
+    `low` and `high` are the smallest and the largest values of the two drawn coordinates [m]. `height` is the height of
+    the panel [in], which follows from them.
+    """
 
     def __init__(self, low: tuple[float, float], high: tuple[float, float]):
         self.low, self.high = low, high
+        # The height of the panel follows from equal scales, within 1.0 to 5.5 in.
         inner = WIDTH - MARGINS[0] - MARGINS[1]
         self.height = min(max(inner * (high[1] - low[1]) / (high[0] - low[0]), 1.0), 5.5)
 
     def frame(self, axes: Axes, names: tuple[str, str]) -> None:
-        """Set limits, labels and equal scales."""
+        """Set the limits of the axes, their labels and their equal scales. `names` are the names of the two
+        coordinates.
+        """
         limits = {"xlim": (self.low[0], self.high[0]), "ylim": (self.low[1], self.high[1])}
         axes.set(aspect="equal", xlabel=f"{names[0]} [m]", ylabel=f"{names[1]} [m]", **limits)
 
 
-class _Side(_View):
+class _SideView(_View):
+    """The view of the rover from one side, with the terrain under the wheels of this side."""
+
     def __init__(self, instants: list[Pose], model: Model):
         self.instants, self.model = instants, model
         centres, r = np.array([pose.centres for pose in instants]), _radius(model.rover)
         self.span = float(centres[..., 0].min()) - 3 * r, float(centres[..., 0].max()) + 3 * r
         self.y = {side: float(np.mean(centres[:, of_side(model.rover, side), 1])) for side in "lr"}
         ground = {side: model.terrain.height(np.linspace(*self.span, 500), y) for side, y in self.y.items()}
+        # The side with the less even terrain is drawn; if both are equally even, the left side.
         self.side = max("lr", key=lambda side: (float(np.ptp(ground[side])), side == "l"))
         tops = [float(pose.q[2]) for pose in instants] + [float(centres[..., 2].max()) + r]
         self.top = max(tops) + 0.3 * r
         lowest = min(float(profile.min()) for profile in ground.values())
-        self.stands = self._stands(centres[:, of_side(model.rover, self.side)], 0.25 * r)
+        # The drawing is true only if the profile at the mean y is close to the ground under the wheels everywhere.
+        drawn = centres[:, of_side(model.rover, self.side)]
+        under = model.terrain.height(drawn[..., 0], drawn[..., 1])
+        profile = model.terrain.height(drawn[..., 0], np.full(drawn.shape[:-1], self.y[self.side]))
+        self.shows_ground_under_wheels = bool(np.max(np.abs(under - profile)) < 0.25 * r)
         super().__init__((self.span[0], lowest - 0.05), (self.span[1], self.top + 2.2 * r + 0.05))
 
-    def _stands(self, centres: np.ndarray, within: float) -> bool:
-        """Return whether the ground at one y is, within this height, that under the wheels wherever they went."""
-        under = self.model.terrain.height(centres[..., 0], centres[..., 1])
-        drawn = self.model.terrain.height(centres[..., 0], np.full(centres.shape[:-1], self.y[self.side]))
-        return bool(np.max(np.abs(under - drawn)) < within)
-
     def draw(self, axes: Axes) -> None:
-        """Draw ground, rovers, and when each was."""
+        """Draw the terrain, the rover at each moment, and the times of the moments."""
         rover, far_side = self.model.rover, "r" if self.side == "l" else "l"
         draw_ground(axes, self.model.terrain, self.span, self.y[self.side], self.y[far_side])
         for shade, pose in zip(np.linspace(0.65, 0.0, len(self.instants)), self.instants, strict=True):
             draw_rover(axes, rover, pose.q, str(shade), self.side)
-        for x, when, line in _labels(self.instants, self.span):
+        for x, when, line in _side_labels(self.instants, self.span):
             axes.text(x, self.top + 0.9 * _radius(rover) * line, when, ha="center", va="bottom", fontsize=8)
         self.frame(axes, ("x", "z"))
         side_name = "left" if self.side == "l" else "right"
         axes.text(0.995, 0.03, f"{side_name} wheels", transform=axes.transAxes, ha="right", fontsize=8, color="#555555")
 
 
-class _Above(_View):
+class _AboveView(_View):
+    """The view of the rover from above, on a terrain whose colour shows its height."""
+
     def __init__(self, instants: list[Pose], model: Model, trace: Trace):
         self.instants, self.model, self.trace = instants, model, trace
         centres, r = np.array([pose.centres for pose in instants]), _radius(model.rover)
@@ -109,82 +132,96 @@ class _Above(_View):
         super().__init__((float(low[0]), float(low[1])), (float(high[0]), float(high[1])))
 
     def draw(self, axes: Axes) -> None:
-        """Draw the ground by its height, the body's way, rovers, and when each was."""
+        """Draw the terrain, the path of the body, the rover at each moment, and the times of the moments."""
         draw_heights(axes, self.model.terrain, (self.low[0], self.high[0], self.low[1], self.high[1]))
         axes.plot(self.trace["body_x"], self.trace["body_y"], color="#0072b2", lw=1)
         for shade, pose in zip(np.linspace(0.65, 0.0, len(self.instants)), self.instants, strict=True):
             draw_above(axes, self.model.rover, pose, str(shade))
-        for (x, y), when in self._times():
+        for (x, y), when in self._labels():
             axes.text(x, y, when, ha="center", va="center", fontsize=8, bbox=PAPER)
         self.frame(axes, ("x", "y"))
 
-    def _times(self) -> Iterator[tuple[np.ndarray, str]]:
-        """Yield place and text of the labels: within a pose, ahead of it where poses overlap, one for those alike."""
-        inch = max((self.high[0] - self.low[0]) / WIDTH, (self.high[1] - self.low[1]) / self.height)
-        spacing = inch * np.array(A_LABEL)
+    def _labels(self) -> Iterator[tuple[np.ndarray, str]]:
+        """Yield the position (2,) [m] and the text of each time label in the view from above.
+
+        A label is in the middle of its rover, or ahead of the rover if several rovers overlap. Labels at the same
+        position are joined to one label.
+        """
+        # Size of a label in metres of the drawing, at the coarser of the two scales.
+        metres_per_inch = max((self.high[0] - self.low[0]) / WIDTH, (self.high[1] - self.low[1]) / self.height)
+        spacing = metres_per_inch * np.array(LABEL)
         middles = np.array([pose.centres[:, :2].mean(axis=0) for pose in self.instants])
         overlaps = (np.abs(middles[:, None] - middles) < spacing).all(axis=-1)
         places = [
             _ahead(pose, _radius(self.model.rover)) if close.sum() > 1 else middle
             for pose, close, middle in zip(self.instants, overlaps, middles, strict=True)
         ]
+        # Labels that would overlap become one label, which lists or spans their times.
         groups: list[list[int]] = []
-        for at, place in enumerate(places):
+        for number, place in enumerate(places):
             close_groups = [group for group in groups if (np.abs(places[group[-1]] - place) < spacing).all()]
             if close_groups:
-                close_groups[0].append(at)
+                close_groups[0].append(number)
             else:
-                groups.append([at])
+                groups.append([number])
         for group in groups:
-            times = [f"{self.instants[at].t:.1f}" for at in group]
-            together = f"{times[0]} to {times[-1]}" if group == [*range(group[0], group[-1] + 1)] else ", ".join(times)
+            times = [f"{self.instants[number].t:.1f}" for number in group]
+            is_run = group == [*range(group[0], group[-1] + 1)]
+            text = f"{times[0]} to {times[-1]}" if is_run else ", ".join(times)
+            # The label must not leave the drawing.
             within = np.clip(places[group[-1]], np.array(self.low) + spacing, np.array(self.high) - spacing)
-            yield within, f"{together if len(group) > 1 else times[0]} s"
+            yield within, f"{text if len(group) > 1 else times[0]} s"
 
 
 def _ahead(pose: Pose, r: float) -> np.ndarray:
-    """Return the place beyond the foremost wheels, on the middle line."""
+    """Return the point (2,) [m] on the rover's centre line that is 1.6 wheel radii r [m] ahead of its foremost
+    wheels.
+    """
+    # Forward is the left direction turned clockwise by 90 deg, seen from above.
     left = pose.left / max(float(np.linalg.norm(pose.left)), 1e-9)
     ahead, middle = np.array([left[1], -left[0]]), pose.centres[:, :2].mean(axis=0)
     return middle + ahead * (float(((pose.centres[:, :2] - middle) @ ahead).max()) + 1.6 * r)
 
 
 def _radius(rover: Rover) -> float:
+    """Return the radius of the rover's largest wheel [m], in which the margins of the drawings are measured."""
     return max(float(wheel.wheel.r) for wheel in rover.wheels)
 
 
-def _labels(instants: list[Pose], span: tuple[float, float]) -> Iterator[tuple[float, str, int]]:
-    """Yield place, text and line (0 or 1) of the labels: one for all poses at one place, the next one line higher."""
-    wide = span[1] - span[0]
+def _side_labels(instants: list[Pose], span: tuple[float, float]) -> Iterator[tuple[float, str, int]]:
+    """Yield the position x [m], the text and the line (0 or 1) of each time label above the rovers in the side view.
+
+    Rovers at the same position share a label. A label that is close to the previous label is drawn one line higher.
+    `span` is the smallest and the largest x of the view [m].
+    """
+    width = span[1] - span[0]
     groups: list[list[Pose]] = []
     for pose in instants:
-        if groups and abs(pose.q[0] - groups[-1][-1].q[0]) < SAME_PLACE * wide:
+        if groups and abs(pose.q[0] - groups[-1][-1].q[0]) < SAME_PLACE * width:
             groups[-1].append(pose)
         else:
             groups.append([pose])
     last, line = -math.inf, 0
     for group in sorted(groups, key=lambda members: float(members[0].q[0])):
-        x, ends = float(np.mean([pose.q[0] for pose in group])), f"{group[-1].t:.1f} s"
-        line = 1 - line if abs(x - last) < 0.07 * wide else 0
+        x, end = float(np.mean([pose.q[0] for pose in group])), f"{group[-1].t:.1f} s"
+        # Two lines alternate where labels are closer than 7 % of the width.
+        line = 1 - line if abs(x - last) < 0.07 * width else 0
         last = x
-        yield x, ends if len(group) == 1 else f"{group[0].t:.1f} to {ends}", line
+        yield x, end if len(group) == 1 else f"{group[0].t:.1f} to {end}", line
 
 
 def title_of(trace: Trace) -> list[str]:
-    """Return what a figure says of its drive, part by part."""
+    """Return the parts of the title of a drive's figure: scenario, outcome, control, gravity and deepest sinkage."""
     attrs = trace.attrs
-    words = [
+    parts = [
         str(attrs.get("scenario", "drive")),
         str(attrs.get("outcome") or f"stop: {attrs.get('stop', '-')}"),
         f"control: {re.sub(r'(?<=[a-z])(?=[A-Z])', ' ', str(attrs.get('control', '-'))).lower()}",
         f"g = {float(attrs.get('gravity_mps2', float('nan'))):.2f} m/s²",
     ]
-    return [*words, *_deepest(trace)]
-
-
-def _deepest(trace: Trace) -> Iterator[str]:
     depths = {wheel: trace[f"sinkage_{wheel}"] for wheel in trace.wheels if f"sinkage_{wheel}" in trace}
-    most = {wheel: float(np.nanmax(depth)) for wheel, depth in depths.items() if np.any(np.isfinite(depth))}
-    if most:
-        wheel = max(most, key=lambda name: most[name])
-        yield f"deepest sinkage {1e3 * most[wheel]:.1f} mm ({wheel})"
+    deepest = {wheel: float(np.nanmax(depth)) for wheel, depth in depths.items() if np.any(np.isfinite(depth))}
+    if deepest:
+        wheel = max(deepest, key=lambda name: deepest[name])
+        parts.append(f"deepest sinkage {1e3 * deepest[wheel]:.1f} mm ({wheel})")
+    return parts

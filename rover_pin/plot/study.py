@@ -1,4 +1,4 @@
-"""A batch study at a glance: its outcomes over each parameter, and over the first two at once."""
+"""The figure of a batch study: its outcomes against each varied parameter, and maps over the first two parameters."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
@@ -9,18 +9,24 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
+from rover_pin.base.encode import figure_text
 from rover_pin.simulation.trace.draw import COLOURS
 
 MAIN_OUTCOMES = ("distance_m", "mean_slip", "energy_motor_J", "max_pitch_deg")
-"""Outcomes of a drive that are shown before others."""
-MOST_OUTCOMES, MOST_PARAMETERS, MOST_KINDS = 3, 4, 4
+"""Outcomes of a drive that the figure shows first, before other outcomes."""
+MAX_OUTCOMES, MAX_PARAMETERS, MAX_KINDS = 3, 4, 4
+"""Maximum numbers of outcomes (rows), of parameters (columns), and of kinds of case (maps) in the figure. Further ones
+are left out."""
 MARKERS = "os^DvP"
+"""Markers of the kinds of case, in matplotlib's notation."""
 UNITS = {"m": "m", "s": "s", "J": "J", "deg": "deg", "W": "W", "N": "N"}
-"""Ends of an outcome's name that are its unit."""
+"""Last part of an outcome's name, such as m in distance_m -> unit of the outcome."""
 
 
-class Shown(NamedTuple):
-    """A parameter as it is drawn: its values, its label, and whether its axis is logarithmic."""
+class Parameter(NamedTuple):
+    """A varied parameter of a study: its value in each case, the label of its axis, and whether the axis is
+    logarithmic.
+    """
 
     values: np.ndarray
     label: str
@@ -28,100 +34,103 @@ class Shown(NamedTuple):
 
 
 def study_figure(name: str, table: Any, units: Mapping[str, str], logarithmic: Sequence[str] = ()) -> Figure:
-    """Return the figure of a study's table.
+    """Return the figure of a batch study.
+
+    A row of maps shows the first outcome over the first two numeric parameters, one map for each kind of case. Below
+    the maps, each outcome has a row with one panel for each parameter. The kinds of case are the values of the first
+    varied parameter that is a text, such as the name of a soil.
 
     Parameters
     ----------
     name : str
-        Of the study.
+        Name of the study.
     table : DataFrame
-        As `collect` gives it: a row a case, `error` set where it failed.
-    units : mapping
-        Parameter -> its unit, in the study's order.
+        The table that `collect` returns: one row for each case. A row of a failed case has a text in the column
+        `error`.
+    units : mapping of parameter -> unit
+        The varied parameters in the order of the study.
     logarithmic : sequence of str
-        Parameters that were spread by their logarithms.
-
-    Returns
-    -------
-    Figure
-        A row of maps where two numbers or more were varied, one a kind, and a row an outcome with a column a parameter.
+        Parameters that were sampled on a logarithmic scale.
     """
     done = table[table["error"].isna()]
-    numbers = {
-        parameter: _shown_parameter(done[parameter], parameter, units[parameter], parameter in logarithmic)
-        for parameter in units
-        if _varies(done, parameter)
-    }
-    kinds, kind = _kinds(done, [parameter for parameter in units if parameter not in numbers])
+    numbers: dict[str, Parameter] = {}
+    for parameter, unit in units.items():
+        # Parameters that are numbers become axes; angles are shown in degrees.
+        if _varies(done, parameter):
+            values, log = done[parameter].to_numpy(float), parameter in logarithmic
+            if unit == "rad":
+                values, unit = np.degrees(values), "deg"
+            numbers[parameter] = Parameter(values, f"{parameter} [{unit}]" if unit else parameter, log)
+    # The first varied text, such as the name of a soil, divides the cases into kinds, which differ by colour.
+    words = [parameter for parameter in units if parameter not in numbers]
+    kind = next((word for word in words if 1 < done[word].nunique() <= len(COLOURS)), "")
+    kinds = done[kind].astype(str).to_numpy() if kind else np.full(len(done), "")
     outcomes = _outcomes(done, units)
-    columns = list(numbers.values())[:MOST_PARAMETERS] or [Shown(np.arange(len(done)), "case")]
-    maps = len(columns) > 1 and bool(outcomes)
-    heights = [1.25] * maps + [1.0] * max(len(outcomes), 1)
+    columns = list(numbers.values())[:MAX_PARAMETERS] or [Parameter(np.arange(len(done)), "case")]
+    has_maps = len(columns) > 1 and bool(outcomes)
+    heights = [1.25] * has_maps + [1.0] * max(len(outcomes), 1)
     figure = Figure(figsize=(10.0, 0.6 + 2.6 * sum(heights)), layout="constrained")
     failed = f", {len(table) - len(done)} failed and are not shown" if len(done) < len(table) else ""
-    figure.suptitle(f"{name}: {len(table)} cases{failed}", fontsize=11)
+    figure.suptitle(f"{figure_text(name)}: {len(table)} cases{failed}", fontsize=11)
     parts = np.atleast_1d(figure.subfigures(len(heights), 1, height_ratios=heights))
-    if maps:
+    if has_maps:
         _maps(parts[0], columns, done[outcomes[0]].to_numpy(float), outcomes[0], kinds, kind)
-    for n, (part, outcome) in enumerate(zip(parts[maps:], outcomes, strict=False)):
+    for n, (part, outcome) in enumerate(zip(parts[has_maps:], outcomes, strict=False)):
         _row(part, columns, done[outcome].to_numpy(float), outcome, kinds, kind if n == 0 else "")
     return figure
 
 
 def _varies(table: Any, name: str) -> bool:
+    """Return whether a column of a table contains numbers that differ from case to case."""
     values = table[name]
     return values.dtype.kind in "fi" and values.nunique() > 1
 
 
-def _shown_parameter(values: Any, name: str, unit: str, log: bool) -> Shown:
-    """Return a parameter in what a reader counts in: angles in degrees."""
-    numbers = values.to_numpy(float)
-    if unit == "rad":
-        return Shown(np.degrees(numbers), f"{name} [deg]", log)
-    return Shown(numbers, f"{name} [{unit}]" if unit else name, log)
-
-
-def _kinds(table: Any, names: list[str]) -> tuple[np.ndarray, str]:
-    """Return which kind each case is of, by the first word that was varied, and that word's name."""
-    for name in names:
-        if 1 < table[name].nunique() <= len(COLOURS):
-            return table[name].astype(str).to_numpy(), name
-    return np.full(len(table), ""), ""
-
-
 def _outcomes(table: Any, units: Mapping[str, str]) -> list[str]:
-    """Return the outcomes to show: numbers that differ from case to case, what is asked of drives first."""
-    inside = list(table.columns).index("key") + 1 if "key" in table.columns else 0
-    names = [name for name in table.columns[inside:] if name not in units and _varies(table, name)]
-    return sorted(names, key=lambda name: (name not in MAIN_OUTCOMES, _place(name), names.index(name)))[:MOST_OUTCOMES]
+    """Return the names of the outcomes to show: numbers that differ from case to case, at most MAX_OUTCOMES.
 
-
-def _place(name: str) -> int:
-    return MAIN_OUTCOMES.index(name) if name in MAIN_OUTCOMES else 0
+    MAIN_OUTCOMES come first, then the other outcomes in the order of the table.
+    """
+    # The outcomes follow the column "key"; the columns before it describe the case.
+    first = list(table.columns).index("key") + 1 if "key" in table.columns else 0
+    names = [name for name in table.columns[first:] if name not in units and _varies(table, name)]
+    main = [name for name in MAIN_OUTCOMES if name in names]
+    return [*main, *(name for name in names if name not in main)][:MAX_OUTCOMES]
 
 
 def _label(outcome: str) -> str:
+    """Return the name of an outcome in words with its unit, such as "mean slip" or "energy motor [J]"."""
     words, _, unit = outcome.rpartition("_")
     return f"{words.replace('_', ' ')} [{UNITS[unit]}]" if unit in UNITS and words else outcome.replace("_", " ")
 
 
-def _maps(part: Any, columns: list[Shown], outcome: np.ndarray, name: str, kinds: np.ndarray, kind: str) -> None:
-    """Draw an outcome as a colour over the first two parameters, one map a kind."""
+def _maps(part: Any, columns: list[Parameter], outcome: np.ndarray, name: str, kinds: np.ndarray, kind: str) -> None:
+    """Draw maps of an outcome over the first two parameters, with one map for each kind of case. The colour is the
+    outcome.
+
+    `part` is the subfigure, `name` is the name of the outcome, `kinds` has the kind of each case, and `kind` is the
+    name of the parameter that decides the kind.
+    """
     x, y = columns[:2]
-    drawn_kinds = list(dict.fromkeys(sorted(kinds)))[:MOST_KINDS]
+    drawn_kinds = list(dict.fromkeys(sorted(kinds)))[:MAX_KINDS]
+    # All maps share one colour scale, so that their colours can be compared.
     scale = Normalize(np.nanmin(outcome), np.nanmax(outcome))
     panels = part.subplots(1, len(drawn_kinds), sharey=True, squeeze=False)[0]
     for axes, category in zip(panels, drawn_kinds, strict=True):
         mask = kinds == category
         axes.scatter(x.values[mask], y.values[mask], c=outcome[mask], cmap="cividis", norm=scale, s=42, ec="k", lw=0.3)
         axes.set(xlabel=x.label, ylabel=y.label if axes is panels[0] else "")
-        axes.set_title(f"{kind} = {category}" if kind else "", fontsize=9)
+        axes.set_title(figure_text(f"{kind} = {category}") if kind else "", fontsize=9)
         _set_scales(axes, x, y)
     part.colorbar(ScalarMappable(scale, "cividis"), ax=list(panels), label=_label(name))
 
 
-def _row(part: Any, columns: list[Shown], outcome: np.ndarray, name: str, kinds: np.ndarray, kind: str) -> None:
-    """Draw an outcome over each parameter; kinds differ by colour and mark."""
+def _row(part: Any, columns: list[Parameter], outcome: np.ndarray, name: str, kinds: np.ndarray, kind: str) -> None:
+    """Draw a row of panels with an outcome against each parameter. Kinds of case differ by colour and marker.
+
+    `part` is the subfigure, `name` is the name of the outcome, `kinds` has the kind of each case, and `kind` is the
+    title of the legend (no legend if empty).
+    """
     panels = part.subplots(1, len(columns), sharey=True, squeeze=False)[0]
     for axes, column in zip(panels, columns, strict=True):
         for n, category in enumerate(sorted(set(kinds))):
@@ -134,7 +143,7 @@ def _row(part: Any, columns: list[Shown], outcome: np.ndarray, name: str, kinds:
                 lw=0,
                 color=COLOURS[n],
                 marker=MARKERS[n % 6],
-                label=category,
+                label=figure_text(str(category)),
             )
         axes.set(xlabel=column.label, ylabel=_label(name) if axes is panels[0] else "")
         _set_scales(axes, column)
@@ -142,7 +151,8 @@ def _row(part: Any, columns: list[Shown], outcome: np.ndarray, name: str, kinds:
         panels[-1].legend(title=kind, fontsize=7, title_fontsize=7)
 
 
-def _set_scales(axes: Axes, x: Shown, y: Shown | None = None) -> None:
+def _set_scales(axes: Axes, x: Parameter, y: Parameter | None = None) -> None:
+    """Draw a grid, and make the axes of parameters with a logarithmic scale logarithmic."""
     axes.grid(alpha=0.3)
     axes.set_xscale("log" if x.log else "linear")
     if y is not None:

@@ -1,4 +1,4 @@
-"""A report as one HTML page of sections that needs nothing else, with its figures as PNG files beside it."""
+"""Writer of a report: one HTML page that needs no other file, and its figures as PNG files next to the page."""
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
@@ -9,121 +9,151 @@ import jinja2
 from markupsafe import Markup, escape
 from matplotlib.figure import Figure
 
+from rover_pin.base.encode import printable_lines
 from rover_pin.base.files.whole_file import replace_file
 from rover_pin.report.svg import png, svg
 
 
 class Picture(NamedTuple):
-    """One or several panels that are read together, and what they show in words."""
+    """One or several figures (panels) that belong together, with a text that states what they show."""
 
     panels: tuple[Figure, ...]
     alt: str
-    "the result, for who does not see it"
+    """what the panels show in words, for a screen reader"""
     caption: str = ""
 
 
 class Section(NamedTuple):
-    """One section of a page: what its template shows, and its pictures by name; each becomes NAME.png too."""
+    """One section of a page: its title, a template, the values that fill the template, and pictures."""
 
     title: str
     template: str
-    "name of its file in this room"
+    "path of the Jinja template in rover_pin/report"
     content: Mapping[str, Any]
+    """names of the template's variables -> their values"""
     pictures: Mapping[str, Picture] = {}
+    """name of a picture -> the picture; each picture also becomes a file NAME.png"""
 
     @property
     def html_id(self) -> str:
-        """Where the contents point."""
+        """The HTML id of the section, to which the table of contents links."""
         return "".join(letter if letter.isalnum() else "-" for letter in self.title.lower()).strip("-")
 
 
 Sections = Sequence[Section | Callable[[], Section | None] | None]
-"""What a page is made of, in its order. None is left out; what is made by another process is called for last."""
+"""Type of the sections of a page, in their order. None stands for a section that is left out. A function returns the
+section, or None, when it is called; this is for a section that another process is still making."""
 
 
 class Row(NamedTuple):
-    """One row of a table, and how it looks."""
+    """One row of a table: the texts of its cells, and its look, which is CHOSEN, AWAY or an empty text."""
 
     cells: tuple[str, ...]
     look: str = ""
 
 
 CHOSEN, AWAY = "chosen", "away"
-"""Looks of a row: what was added, and what the reader should stop at."""
+"""Looks of a table row. CHOSEN marks an added effect, and AWAY marks a row that needs the reader's attention."""
 
 
 def before_and_after(added: bool) -> tuple[str, ...]:
-    """Return the heads of what the models give: both, or the base model alone where nothing was added."""
+    """Return the headings of the columns for the base model and for the model with added effects.
+
+    They are "before" and "after", or only "base model" if no effect was added.
+    """
     return ("before", "after") if added else ("base model",)
 
 
 class Table(NamedTuple):
-    """A table whose first column names its rows."""
+    """A table of texts: the headings of its columns, its rows, and a caption. The first cell of a row is the row's
+    name.
+    """
 
     heads: tuple[str, ...]
     rows: tuple[Row, ...]
     caption: str = ""
 
 
-PAGE = "page.html"
-
-
 class Head(NamedTuple):
-    """What stands above all sections."""
+    """The texts at the top of a page: name of the data, amount of data, and title."""
 
     name: str
-    "of the data"
+    "name of the data"
     kicker: str
-    "what they are, in a few words"
+    "amount of data in a few words"
     title: str
 
 
 def write_page(head: Head, sections: Sections, out: Path) -> list[Path]:
-    """Write report.html and NAME.png of every picture, and return their paths, the page's first."""
+    """Write report.html and a PNG file of each panel into the folder `out`.
+
+    Returns
+    -------
+    list of Path
+        The path of the page, then the paths of the PNG files in the order of the sections.
+    """
     rendered_sections: list[tuple[Section, Markup]] = []
     files: list[Path] = []
-    for entry in reversed(sections):  # what another process makes for the first ones is waited for last
+    # The last sections are rendered first, because other processes may still be making the first sections.
+    for entry in reversed(sections):
         section = entry if entry is None or isinstance(entry, Section) else entry()
         if section is None:
             continue
-        inline = {name: _inline(name, picture) for name, picture in section.pictures.items()}
+        # SVG first: it fixes the layout of a figure, so that the PNG file looks like the page.
+        inline = {}
+        for name, picture in section.pictures.items():
+            panels = [
+                Markup(svg(panel, f"{name}{index}", f"{picture.alt} (panel {index + 1})" if index else picture.alt))
+                for index, panel in enumerate(picture.panels)
+            ]
+            inline[name] = {"panels": panels, "caption": picture.caption}
         rendered_sections.insert(0, (section, render(section.template, {**section.content, "pictures": inline})))
         files[:0] = [
             replace_file(out / file, image)
             for name, picture in section.pictures.items()
             for file, image in _files(name, picture)
         ]
-    return [replace_file(out / "report.html", render(PAGE, {"head": head, "sections": rendered_sections})), *files]
+    return [
+        replace_file(out / "report.html", render("page.html", {"head": head, "sections": rendered_sections})),
+        *files,
+    ]
 
 
 def _files(name: str, picture: Picture) -> list[tuple[str, bytes]]:
+    """Return the names and bytes of the PNG files of a picture: NAME.png, or NAME-1.png and so on for several
+    panels.
+    """
     many = len(picture.panels) > 1
     return [(f"{name}-{at}.png" if many else f"{name}.png", png(panel)) for at, panel in enumerate(picture.panels, 1)]
 
 
-def _inline(name: str, picture: Picture) -> dict[str, Any]:
-    """Return a picture for the page: its panels side by side where there is room; the first says what all show."""
-    panels = [
-        Markup(svg(panel, f"{name}{at}", picture.alt if not at else f"{picture.alt} (panel {at + 1})"))
-        for at, panel in enumerate(picture.panels)
-    ]
-    return {"panels": panels, "caption": picture.caption}
-
-
 def mark_code(text: str) -> Markup:
-    """Return a docstring's paragraph with what is in backticks as code."""
+    """Return a paragraph of a docstring as HTML, in which the texts between backticks are marked as code."""
+    # Every second part stands between backticks.
     parts = [escape(part) for part in text.split("`")]
     return Markup("").join(Markup(f"<code>{part}</code>") if at % 2 else part for at, part in enumerate(parts))
 
 
 @lru_cache(maxsize=1)
 def _pages() -> jinja2.Environment:
+    """Return the Jinja environment that finds templates in rover_pin/report and escapes every value for HTML."""
     loader = jinja2.PackageLoader("rover_pin.report", "")
-    pages = jinja2.Environment(loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True)
+    # Names in data may hold HTML; autoescape and _shown keep them plain text.
+    pages = jinja2.Environment(loader=loader, autoescape=True, finalize=_shown, trim_blocks=True, lstrip_blocks=True)
     pages.filters["marked"] = mark_code
     return pages
 
 
+def _shown(value: Any) -> Any:
+    """Return a template's value with control characters escaped. Jinja escapes the special characters of HTML
+    afterwards.
+    """
+    return printable_lines(value) if isinstance(value, str) and not isinstance(value, Markup) else value
+
+
 def render(template: str, content: Mapping[str, Any]) -> Markup:
-    """Return a page, or a part of one, from a template of this room; whatever a name holds is shown as text."""
+    """Return a page or a section as HTML, made from a template in rover_pin/report and the values in `content`.
+
+    All values are escaped, so that no value is read as HTML.
+    """
     return Markup(_pages().get_template(template).render(**content))

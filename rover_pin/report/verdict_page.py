@@ -1,59 +1,103 @@
-"""A verdict on any data as a page: the sections that all have, in their order, and between them those of a kind."""
+"""The page of a verdict (the result of the search for missing effects): its sections in their order."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.estimation.wording import MAX_NAMED
-from rover_pin.report.headline import headline, improvement
+from rover_pin.report.headline import headline, improvement, next_run, opposing_reasons, supporting_reasons
 from rover_pin.report.page import Head, Picture, Section, Sections, write_page
-from rover_pin.report.reasons import next_run, opposing_reasons, supporting_reasons
-from rover_pin.report.sections.closing import data_check_section, repeat_section, warnings_section
+from rover_pin.report.sections.causes import causes_section, sensitivity_section
 from rover_pin.report.sections.held_out import held_out_section
 from rover_pin.report.sections.numbers import numbers_section
 from rover_pin.report.sections.physics import physics_section
-from rover_pin.report.sections.sensitivity import sensitivity_section
-from rover_pin.report.sections.which_cause import which_cause_section
-from rover_pin.report.words import Labels, capital, human, kinds_of
+from rover_pin.report.words import Labels, capital, full, human, kinds_of, listing
+
+LISTED = "sections/listed.html"
+"""Template of a section that consists of a list of sentences."""
 
 
-def write_verdict(
-    verdict: Verdict,
-    labels: Labels,
-    out: Path,
-    name: str,
-    kicker: str,
-    picture: tuple[str, Picture | None],
-    beside_first: Sections = (),
-    where_wrong: Section | None = None,
-    beside_numbers: Section | None = None,
-    describe_size: Callable[[Any], str] = lambda effect: "",
-    source: str = "",
-    model_file: bool = True,
-) -> list[Path]:
-    """Write report.html and its figures, and return their paths; `picture` is the first one with its file's name."""
+@dataclass(frozen=True)
+class VerdictPage:
+    """The parts of a verdict's page that differ between the kinds of data."""
+
+    labels: Labels
+    """words that the report uses for the kind of data, such as "runs" or "levels of slip" """
+    name: str
+    "name of the data"
+    kicker: str
+    """line above the headline that states the amount of data"""
+    picture: tuple[str, Picture | None]
+    """file name (without .png) of the first picture, and the picture itself (None for no picture)"""
+    after_first: Sections = ()
+    "sections that follow the first section (headline, reasons and first picture)"
+    where_wrong: Section | None = None
+    """section that shows how large the residual is, and where it is large"""
+    after_numbers: Section | None = None
+    "section that follows the fitted numbers"
+    describe_size: Callable[[Any], str] = lambda effect: ""
+    """function that describes the influence of an effect in one sentence, or returns an empty text"""
+    source: str = ""
+    "origin of the data"
+    model_file: bool = True
+    "whether the loop wrote a single model file, with which a command can simulate a drive"
+
+
+def write_verdict(verdict: Verdict, page: VerdictPage, out: Path) -> list[Path]:
+    """Write the page of a verdict, report.html, and its figures into the folder `out`, and return the paths of all
+    files.
+    """
+    labels = page.labels
+    doubts = opposing_reasons(verdict, labels)
+    findings = [str(finding) for finding in verdict.findings] or ["Nothing to report."]
+    # From the answer to the details: errors, residual, effect, causes, numbers, limits, data, repetition.
     sections = [
-        first_screen(verdict, labels, picture[1], picture[0]),
-        *beside_first,
+        first_screen(verdict, labels, page.picture[1], page.picture[0]),
+        *page.after_first,
         held_out_section(verdict, labels),
-        where_wrong,
-        physics_section(verdict, labels, describe_size),
-        which_cause_section(verdict, labels),
+        page.where_wrong,
+        physics_section(verdict, labels, page.describe_size),
+        causes_section(verdict, labels),
         numbers_section(verdict),
-        beside_numbers,
+        page.after_numbers,
         sensitivity_section(verdict, labels),
-        warnings_section(verdict, labels),
-        data_check_section(verdict, source),
-        repeat_section(verdict, labels, model_file),
+        Section("Warnings", LISTED, {"lines": doubts}) if doubts else None,
+        Section("The data check", LISTED, {"lines": findings, "note": f"Source: {page.source}" if page.source else ""}),
+        repeat_section(verdict, labels, page.model_file),
     ]
-    return write_page(Head(name, kicker, headline(verdict, labels)), sections, out)
+    return write_page(Head(page.name, page.kicker, headline(verdict, labels)), sections, out)
+
+
+def repeat_section(verdict: Verdict, labels: Labels, model_file: bool = True) -> Section | None:
+    """Return the section with the command, seed and versions with which a user can repeat the loop; None if they are
+    unknown.
+
+    `model_file` is True if the loop wrote a single model file; the section then describes this model.
+    """
+    if not verdict.provenance:
+        return None
+    content = {name: verdict.provenance[name] for name in ("command", "seconds", "seed", "versions")}
+    kinds = kinds_of(verdict)
+    added = listing(full(name, kinds, labels) for name in verdict.named)
+    content["model"] = (f"the model with {added}" if added else verdict.model_description) if model_file else ""
+    return Section("To repeat this run", "sections/repeat.html", content)
 
 
 def first_screen(verdict: Verdict, labels: Labels, picture: Picture | None = None, file: str = "first") -> Section:
-    """Return the first screen of any verdict; of more reasons than fit it says how many stand further below.
+    """Return the first section of a page: headline, answer, picture, reasons, and the next measurement.
 
-    `picture` shows what was measured, before and after; `file` is the name of its file.
+    Parameters
+    ----------
+    verdict : Verdict
+        The verdict.
+    labels : Labels
+        Words that the report uses for the kind of data.
+    picture : Picture, optional
+        Picture of the measured data with the base model and the model with added effects.
+    file : str
+        Name of the picture's file, without ".png".
     """
     why, but = supporting_reasons(verdict, labels), opposing_reasons(verdict, labels)
     content = {
@@ -72,7 +116,9 @@ def first_screen(verdict: Verdict, labels: Labels, picture: Picture | None = Non
 
 
 def first_lines(verdict: Verdict, labels: Labels) -> str:
-    """Return the first screen as text, for a terminal."""
+    """Return the content of the page's first section as text for a terminal: headline, errors, reasons, and next
+    runs.
+    """
     parts = {
         "believe it because": supporting_reasons(verdict, labels)[:MAX_NAMED],
         "doubt it because": opposing_reasons(verdict, labels)[:MAX_NAMED],

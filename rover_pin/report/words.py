@@ -1,4 +1,4 @@
-"""How a report speaks: human names for classes, short numbers, and what one kind of data calls its parts."""
+"""Words of a report: titles of effects instead of class names, short numbers, and the words for each kind of data."""
 
 import math
 import re
@@ -14,8 +14,9 @@ from rover_pin.inference.beliefs import Hypothesis
 from rover_pin.inference.cause import Cause
 from rover_pin.simulation.model.effect_files import package_effects
 
-KEY = 36
-"""Letters of a line of a picture's key: two columns of them are as wide as a panel."""
+MAX_LEGEND_LINE = 36
+"""Maximum number of characters in a line of a figure's legend. Longer texts continue on the next line. Two columns of
+such lines are as wide as a panel."""
 
 
 def _same(name: str) -> str:
@@ -23,37 +24,63 @@ def _same(name: str) -> str:
 
 
 class Labels(NamedTuple):
-    """What one kind of data calls what it has."""
+    """The words of a report that differ between kinds of data, such as "runs" or "levels of slip".
+
+    All other words of the report's sentences are the same for all kinds of data.
+    """
 
     unseen: str
-    "where it predicts what it was not fitted to, as 'on slips it never saw'"
+    """phrase for the held-out data, such as 'in runs that were not fitted'"""
     folds: str
-    "what is left out, in the plural"
+    """plural of the word for the parts of the data that are held out one after another: 'runs'"""
     channel: Callable[[str], str] = _same
-    "a channel's name for a reader"
+    "function that returns a channel's name in words"
     placed: Callable[[str], str] = _same
-    "a text with the places of causes as a reader knows them: WeakMotor[2] is WeakMotor[wheel mr]"
+    "function that returns a text in which the places of causes are in words: WeakMotor[wheel mr] for WeakMotor[2]"
     fold: Callable[[str], str] = _same
-    "the meaning of a fold's name, as 'S = 0.5'"
+    """function that returns the meaning of a held-out part from its name: 'S = 0.5'"""
     evidence: tuple[str, ...] = ()
-    "what only this kind of data can say for a verdict"
+    """reasons to believe the verdict that only this kind of data gives"""
     besides: str = ""
-    "what else of these data is to be known first, a sentence"
+    """sentence about the data that a reader must know before the results; empty if there is none"""
 
 
 def brief(value: float, unit: str, digits: int = 2, like: float = math.nan) -> str:
-    """Return a number with few digits, in a reader's unit of a number `like` it, and never as a power of ten."""
+    """Return an SI number as text with few digits, in a unit in which it needs no power of ten, such as mm for small
+    lengths.
+
+    Parameters
+    ----------
+    value : float
+        Number in `unit`.
+    unit : str
+        SI unit, or empty.
+    digits : int
+        Number of significant digits.
+    like : float
+        Number that chooses the unit in place of `value`, so that two numbers of one sentence have the same unit.
+
+    Examples
+    --------
+    >>> brief(0.0012, "m")
+    '1.2 mm'
+    """
     factor, name = in_words(unit, value if math.isnan(like) else like)
     return f"{_digits(factor * value, digits)} {name}".rstrip() if math.isfinite(value) else "unknown"
 
 
 def _digits(size: float, digits: int) -> str:
+    """Return a number as text with `digits` significant digits, without an exponent."""
+    # Number of decimal places that shows the wanted number of significant digits.
     places = max(digits - 1 - math.floor(math.log10(abs(size))), 0) if size else 0
     return f"{float(f'{size:.{digits}g}'):.{places}f}"
 
 
 def with_interval(number: Number) -> str:
-    """Return a fitted number with few digits, its 95 % interval behind it where the data give one."""
+    """Return a fitted number with its 95 % interval as text: "1.2 mm [0.9, 1.5]".
+
+    If the data give no interval, "(no interval)" stands in its place.
+    """
     factor, _ = in_words(number.unit, number.value)
     if not (number.closed and math.isfinite(number.low + number.high)):
         return f"{brief(number.value, number.unit)} (no interval)"
@@ -61,7 +88,7 @@ def with_interval(number: Number) -> str:
 
 
 def pair(before: float, after: float, unit: str) -> tuple[str, str]:
-    """Return two numbers in as few digits as tell them apart."""
+    """Return two numbers as texts in the same unit, with two to four digits: as few as make the two texts different."""
     for digits in (2, 3, 4):
         texts = brief(before, unit, digits, before), brief(after, unit, digits, before)
         if texts[0] != texts[1]:
@@ -70,7 +97,10 @@ def pair(before: float, after: float, unit: str) -> tuple[str, str]:
 
 
 def kinds_of(verdict: Verdict) -> tuple[type, ...]:
-    """Return the classes of effects that a verdict may name: the package's, what it added, what was weighed."""
+    """Return the classes of all effects that sentences about a verdict may name.
+
+    These are the effects of the package, the added effects, and the effects whose probability was computed.
+    """
     kinds = {kind.__name__: kind for kind in (*package_effects(), *map(type, verdict.effects))}
     for hypothesis in verdict.beliefs.hypotheses if verdict.beliefs is not None else ():
         for missing in hypothesis.causes:
@@ -81,45 +111,60 @@ def kinds_of(verdict: Verdict) -> tuple[type, ...]:
 
 
 def model_with(hypothesis: Hypothesis, missing: Cause) -> Any:
-    """Return a hypothesis's model with one of its causes, which that of an estimate may not have."""
+    """Return the model of a hypothesis (causes that act together), with the cause `missing` in it.
+
+    If the hypothesis was evaluated only by a linear estimate, its model lacks its causes, and the cause is added.
+    """
     has_it = not missing.owner or missing.owner in hypothesis.experiment.records(hypothesis.model)
     return hypothesis.model if has_it else missing.on(hypothesis.model)
 
 
 def human(text: str, kinds: Iterable[type]) -> str:
-    """Return a text with its effects' human names in the place of their classes'."""
+    """Return a text in which the class names of effects are replaced by their titles: "digging" for DiggingMemory.
+
+    A class name before a dot is part of a parameter's name, as in DiggingMemory.c_d, and is kept. `kinds` are the
+    classes of effects.
+    """
     titles = {kind.__name__: title_of(kind) for kind in kinds}
     return re.sub(r"\b[A-Z]\w+\b(?!(\[[^\]]*\])?\.)", lambda match: titles.get(match[0], match[0]), text)
 
 
 def cause(name: str, kinds: Iterable[type], placed: Callable[[str], str] = _same) -> str:
-    """Return what was found as a clause that follows 'because', its name in brackets."""
+    """Return a cause as a clause, with title and place in brackets: "soil is dug away (digging, wheel mr)".
+
+    If the cause is not an effect but an error of a declared number, the clause is "NAME differs from its declared
+    value". `kinds` are the classes of effects, and `placed` writes the place of a cause in words.
+    """
     kind = {effect_class.__name__: effect_class for effect_class in kinds}.get(re.split(r"[\[@]", name)[0])
     if kind is None:
-        return f"{name} is not what was declared"
+        return f"{name} differs from its declared value"
+    # The place of a cause is in brackets (a wheel or channel), or follows an @ (a position x).
     where = re.fullmatch(r"\w+(?:\[(.*)\])?(?:@(.*))?", placed(name))
     place = "" if where is None else f", {where[1]}" if where[1] else f", at x = {where[2]} m" if where[2] else ""
     return f"{meaning_of(kind)} ({title_of(kind)}{place})"
 
 
 def listing(parts: Iterable[str], last: str = "and") -> str:
-    """Return parts as in a sentence: a, b and c."""
+    """Return texts as a list within a sentence, such as "a, b and c". `last` is the word before the last text."""
     parts = list(parts)
     return f" {last} ".join([", ".join(parts[:-1]), parts[-1]]) if len(parts) > 1 else "".join(parts)
 
 
 def key(added: str) -> str:
-    """Return what stands beside the line of a model with what was added, in lines that fit in a narrow picture."""
-    return fill(f"with {added}", KEY)
+    """Return the legend text "with ..." for a model with the effects `added`, in lines that fit into a narrow
+    figure.
+    """
+    return fill(f"with {added}", MAX_LEGEND_LINE)
 
 
 def two_digits(value: float) -> str:
-    """Return a number to two digits, without an exponent up to a million: 280, not 2.8e+02."""
+    """Return a number as text with two significant digits, such as "280". Below a million the text has no exponent."""
     return f"{float(f'{value:.2g}'):g}"
 
 
 def capital(text: str) -> str:
-    """Return a text that begins a sentence; a parameter's or a column's name, as soil.k, stays as it is."""
+    """Return a text with a capital first letter, unless it begins with the name of a parameter or column."""
+    # Names such as soil.k or load_N must keep their small letters.
     first = text.partition(" ")[0].rstrip(".,:;")
     if "." in first or "_" in first:
         return text
@@ -127,11 +172,9 @@ def capital(text: str) -> str:
 
 
 def full(name: str, kinds: Iterable[type], labels: Labels) -> str:
-    """Return a candidate's human name with its class and place behind it: 'digging (DiggingMemory)'."""
+    """Return the title of an effect with its place, followed by its class name in brackets: "digging (DiggingMemory)".
+
+    `name` is the name of a cause. If it has no title, it is returned unchanged.
+    """
     title = display_name(labels.placed(name), kinds)
     return title if title == name else f"{title} ({name})"
-
-
-def as_text(name: str) -> str:
-    """Return a name as matplotlib shows it letter by letter: a dollar sign starts no formula."""
-    return name.replace("$", r"\$")

@@ -1,4 +1,6 @@
-"""The rigid rover in Pinocchio: `rover` loads it, `acceleration` is Eq (8), `statics` and `driven_loads` its loads.
+"""The rover as a rigid multibody system in Pinocchio. `rover` loads a rover from its files, `forward_dynamics` computes
+its accelerations, and `statics` computes its wheel loads at rest.
 
-`description` reads and checks URDF and TOML before anything moves; `proposal` guesses the TOML of a new URDF.
+`driven_loads` computes the wheel loads of a measured drive, `wheel_base` the positions of the wheels, and `urdf_check`
+checks a rover's files. `description` reads URDF and TOML; `proposal` proposes the TOML for a new URDF.
 """

@@ -1,4 +1,8 @@
-"""How a slowly driven rover on uneven ground shares its weight: statics with measured angles and driving torques."""
+"""Wheel loads of a rover that drives slowly on uneven ground, computed from measured joint angles and driving torques.
+
+`configuration` converts the measured angles to the configuration q, `footing` estimates the ground under the wheels,
+and `driven_loads` solves the static balance.
+"""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -8,43 +12,62 @@ import numpy as np
 import pinocchio as pin
 
 from rover_pin.base.errors import ParameterError, closest
-from rover_pin.rover.constraints import constraint_rows
-from rover_pin.rover.forward_dynamics import wheel_jacobians
+from rover_pin.rover.forward_dynamics import constraint_rows, wheel_jacobians
 from rover_pin.rover.rover import Rover
 from rover_pin.rover.wheel_base import wheel_mounts
 
 SLIDING = (0, 1, 5)
-"""Base velocities along which the ground resists besides: their balance tells no load."""
-UNTOLD = 1e-6
-"""Singular value over the greatest below which a combination of loads moves no balance."""
-SHARED = 0.1
-"""Share of any such combination of unit length up to which a load, or the sum of an axle, counts as known."""
-SHARES = 4
-"""Rounds in which the shares of resistance and side force are found; each is some ten times nearer."""
+"""Indices in the velocity v of the base's motions along x and y and about z (yaw). Friction also resists these motions,
+so that their balance does not determine the normal loads."""
+RANK_TOLERANCE = 1e-6
+"""Smallest singular value of the static balance that counts as different from zero, as a fraction of the largest one. A
+combination of wheel loads with a smaller singular value leaves every balance of forces and moments unchanged, so that
+statics do not determine it."""
+MAX_OPEN_SHARE = 0.1
+"""Limit for wheel loads that statics do not determine. Consider the combinations of loads, of unit length, that leave
+every balance of forces and moments unchanged. If a wheel (or the sum of an axle) has a larger component in them than
+this number, its load counts as not determined."""
+SHARE_ROUNDS = 4
+"""Number of iterations for the two ratios rho (motion resistance to load) and eta (side force to load) in
+`driven_loads`. Each iteration makes about one more digit correct."""
 
 
 class Footing(NamedTuple):
-    """The ground under each wheel: unit vectors in the world, rows of wheels."""
+    """The directions of the ground under each wheel, as unit vectors in the world, with one row for each of the n
+    wheels.
+    """
 
     forward: np.ndarray
-    "along the ground in the wheel's plane [n, 3]"
+    "along the ground, in the plane of the wheel [n, 3]"
     left: np.ndarray
     "along the axle [n, 3]"
     normal: np.ndarray
-    "out of the ground in the wheel's plane [n, 3]"
+    "out of the ground, in the plane of the wheel [n, 3]"
 
     @property
     def slope(self) -> np.ndarray:
-        """Inclination of the ground along each wheel, nose-up positive [rad] (n,)."""
+        """Return the inclination of the ground along each wheel [n] (rad), positive if the ground rises ahead."""
         return np.asarray(np.arcsin(np.clip(self.forward[:, 2], -1.0, 1.0)))
 
 
 def configuration(rover: Rover, attitude: tuple[float, float, float], angles: Mapping[str, float]) -> np.ndarray:
-    """Return q of the rover at the origin with this roll, pitch, yaw [rad] and these suspension and steering angles.
+    """Return the configuration q [nq] of a rover from its attitude and its joint angles. The base is at the origin of
+    the world.
 
-    Joints that follow others are where these put them.
+    Parameters
+    ----------
+    rover : Rover
+        The rover.
+    attitude : (roll, pitch, yaw)
+        Attitude of the base [rad]; pitch is positive nose down.
+    angles : mapping
+        Name of a suspension or steering angle, as in a trace -> its value [rad]. All other angles are 0, and joints
+        that follow another joint get the angle of this joint times their ratio.
 
-    Raises ParameterError: an angle that the rover has not.
+    Raises
+    ------
+    ParameterError
+        The rover does not have one of the angles.
     """
     q = pin.neutral(rover.model)
     roll, pitch, yaw = attitude
@@ -61,31 +84,44 @@ def configuration(rover: Rover, attitude: tuple[float, float, float], angles: Ma
 
 
 def turning(rotations: Sequence[np.ndarray], axles: np.ndarray) -> np.ndarray:
-    """Return by how far the mounts have turned about their wheels' axles since the first row [rad] (T, n).
+    """Return the angle [T, n] (rad) by which the mount of each of the n wheels has turned about the wheel's axle since
+    the first of T rows.
 
-    A tachometer measures the wheel against its mount; over the ground it turns with the mount besides. The logarithm
-    of a rotation by less than a half turn: its angle over its sine, times half of what is not symmetric of it.
+    A tachometer measures the rate of a wheel relative to its mount, but the motion of the rim over the ground also
+    includes the rotation of the mount. If a matrix R rotates by less than half a turn, its rotation vector is (angle /
+    sin angle) times the axial vector of (R - R^T) / 2.
+
+    Parameters
+    ----------
+    rotations : sequence of arrays [n, 3, 3]
+        Rotations of the mounts, one array for each row.
+    axles : array [n, 3]
+        Unit vectors along the axles in the world.
     """
+    # Rotation of each mount since the first row; its rotation vector is projected on the axle.
     turned = np.asarray(rotations) @ np.swapaxes(rotations[0], -1, -2)
     sines = 0.5 * np.stack([turned[..., i, j] - turned[..., j, i] for i, j in ((2, 1), (0, 2), (1, 0))], axis=-1)
     sine = np.linalg.norm(sines, axis=-1)
     angle = np.arctan2(sine, 0.5 * (np.trace(turned, axis1=-2, axis2=-1) - 1.0))
-    share = np.divide(angle, sine, out=np.ones_like(sine), where=sine > 1e-9)
-    return np.asarray(share * np.sum(axles * sines, axis=-1))
+    factor = np.divide(angle, sine, out=np.ones_like(sine), where=sine > 1e-9)
+    return np.asarray(factor * np.sum(axles * sines, axis=-1))
 
 
 def footing(rover: Rover, q: np.ndarray) -> tuple[Footing, np.ndarray]:
-    """Return the ground under each wheel, and the wheels' Jacobians [n, 6, nv].
+    """Return the directions of the ground under each wheel, and the Jacobians of the wheels [n, 6, nv], at a
+    configuration q [nq].
 
-    No sensor tells the ground's slope under a wheel: it is taken along the line from the centre of the wheel behind to
-    that of the wheel before, on the same side; the first and last wheel have one neighbour. Ground that bends within a
-    wheelbase is smoothed by this: on rocks loads are off by 8 to 15 % (mean), as much as by the pitch alone.
+    No sensor measures the slope of the ground under a wheel. The slope is therefore taken along the line from the
+    centre of the wheel behind to the centre of the wheel ahead on the same side; for the first and the last wheel, the
+    line begins or ends at the wheel itself. This smooths ground that bends within a wheel base, so that loads on rocks
+    are less accurate.
     """
     jacobians, (_, centres) = wheel_jacobians(rover, q), wheel_mounts(rover, q)
     along = np.empty_like(centres)
     for side in "lr":
         rows = [i for i, wheel in enumerate(rover.wheels) if wheel.side == side]
         along[rows] = centres[rows[:1] + rows[:-1]] - centres[rows[1:] + rows[-1:]]
+    # The axle is the axis of the wheel's own rate; the ground's direction is made perpendicular to it.
     left = np.array([J[3:, wheel.dof] for J, wheel in zip(jacobians, rover.wheels, strict=True)])
     left /= np.linalg.norm(left, axis=1)[:, None]
     along -= np.sum(along * left, axis=1)[:, None] * left
@@ -96,74 +132,82 @@ def footing(rover: Rover, q: np.ndarray) -> tuple[Footing, np.ndarray]:
 def driven_loads(rover: Rover, q: np.ndarray, torque: np.ndarray, foot: Footing, jacobians: np.ndarray) -> np.ndarray:
     """Return the normal load of each wheel [n] (N) of a slowly driven rover, from its posture and driving torques.
 
-    Balance of forces and moments on the base, and of moments on every free pivot, with the force of wheel i
+    The loads solve the balance of forces and moments on the base, and of moments on every free pivot. The soil acts on
+    a wheel of load f_n and radius r by
 
-        f_n (n - rho t - eta y) + (T / r) t,    and the moment -T y of the soil about the axle,
+        the force f_n (n - rho t - eta y) + (T / r) t and the moment -T y about the axle,
 
-    t forward and n normal to the ground, y the axle, T the measured torque. rho, the share of the load that resists
-    the motion, and eta, the side force's share, are those of all wheels: the balance along and across tells them. Of
-    loads that statics leave open, the least.
+    where the unit vectors t, n and y point forward along the ground, out of the ground and along the axle, and T is the
+    measured driving torque. The ratios rho (motion resistance to load) and eta (side force to load) are common to all
+    wheels and follow from the balance along and across the rover. If statics do not determine all loads, the solution
+    of least norm is returned; `determinate_groups` shows which loads are determined.
 
     Parameters
     ----------
     rover : Rover
-        Under the gravity in which it drives.
+        The rover under the gravity of the drive.
     q : array [nq]
-        Attitude, suspension and steering angles; see `configuration`.
+        Attitude and angles of suspension and steering; see `configuration`.
     torque : array [n]
         Driving torques at the wheels [N m].
     foot, jacobians : Footing, array [n, 6, nv]
-        The ground under each wheel and the wheels' Jacobians, as `footing` has them.
+        The ground under each wheel and the wheels' Jacobians, as `footing` returns them.
 
-    Source: section 4, "evaluated from the body attitude and the suspension link angles considering static balance among
-    forces and moments". Differs from the paper: driving torques are in the balance, since they load the pivots; the
-    ground's slope under a wheel is that between its neighbours (`footing`).
+    Source: section 4 of the paper, "evaluated from the body attitude and the suspension link angles considering static
+    balance among forces and moments". Differs from the paper: the balance includes the driving torques, because they
+    load the pivots; the slope of the ground under a wheel is taken between its neighbours (`footing`).
     """
     r, free = rover.radii, rover.free_dofs
     weight = pin.computeGeneralizedGravity(rover.model, rover.model.createData(), q)
     pull = (torque / r)[:, None] * foot.forward
     applied_force = np.einsum("nij,ni->j", jacobians, np.hstack([pull, -torque[:, None] * foot.left]))
     hold = rover.mass * rover.gravity * rover.up - pull.sum(axis=0)
-    # The side force acts at the rim: (-r n) x (-eta y) = -r eta t.
+    # Generalised forces of a unit load: normal force, resistance, side force. The side force acts at the rim, so that
+    # its moment about the wheel's centre is (-r n) x (-eta y) = -r eta t.
     pushes = ((foot.normal, 0.0 * foot.normal), (-foot.forward, 0.0 * foot.normal),
               (-foot.left, -r[:, None] * foot.forward))  # fmt: skip
     lifts = [np.einsum("nij,ni->jn", jacobians, np.hstack(push))[free] for push in pushes]
-    held_rows, wanted = constraint_rows(rover).T[free], (weight - applied_force)[free]
+    held_rows, target = constraint_rows(rover).T[free], (weight - applied_force)[free]
+    # The loads depend on the ratios rho and eta, and the ratios on the loads: a fixed-point iteration from zero ratios.
     rho, eta = 0.0, 0.0
-    for _ in range(SHARES):
+    for _ in range(SHARE_ROUNDS):
         unknown = np.column_stack([lifts[0] + rho * lifts[1] + eta * lifts[2], held_rows])
-        solution, *_ = np.linalg.lstsq(unknown, wanted, rcond=1e-10)
+        solution, *_ = np.linalg.lstsq(unknown, target, rcond=1e-10)
         load = solution[: len(rover.wheels)]
+        # The unbalanced force along and across the rover, over the total load, gives the ratios of the next iteration.
+        # The directions of the wheels count by their loads.
         lacking = hold - load @ foot.normal
-        rho, eta = (-float(lacking @ _mean(axes, load)) / max(float(np.sum(load)), 1e-9)
-                    for axes in (foot.forward, foot.left))  # fmt: skip
+        means = [np.maximum(load, 0.0) @ axes for axes in (foot.forward, foot.left)]
+        rho, eta = (
+            -float(lacking @ (mean / max(float(np.linalg.norm(mean)), math.ulp(1.0)))) / max(float(np.sum(load)), 1e-9)
+            for mean in means
+        )
     return np.array(load)
 
 
 def determinate_groups(rover: Rover, foot: Footing, jacobians: np.ndarray) -> list[tuple[int, ...]]:
-    """Return the wheels whose loads statics tell one by one, else axles whose sum they tell, else all the others.
+    """Return groups of wheels (indices) such that statics determine the summed load of each group.
 
-    A rigid chassis on four wheels shares its weight over the diagonals as the ground's warp has it, which no balance
-    knows: (+, -, -, +) over its wheels changes neither the sum of an axle nor a moment.
+    A group is a single wheel if statics determine its load, otherwise the wheels of an axle if statics determine their
+    sum. All other wheels form the last group. A comparison with measured loads may use only the sums of these groups.
+
+    A rigid chassis on four wheels, for example, can shift load between its diagonals without any effect on the balance:
+    adding (+, -, -, +) to its loads changes neither the sum of an axle nor a moment. The warp of the ground decides
+    this part, and no sensor measures the warp.
     """
-    upright = [place for place in rover.free_dofs if place not in SLIDING]
+    upright = [dof for dof in rover.free_dofs if dof not in SLIDING]
     lifts = np.einsum("nij,ni->jn", jacobians[:, :3], foot.normal)[upright]
     _, singular_values, directions = np.linalg.svd(np.column_stack([lifts, constraint_rows(rover).T[upright]]))
-    open_ = directions[int(np.sum(singular_values > UNTOLD * singular_values[0])) :, : len(rover.wheels)].T
+    # The directions without a singular value span all combinations of loads that leave the balance unchanged.
+    open_ = directions[int(np.sum(singular_values > RANK_TOLERANCE * singular_values[0])) :, : len(rover.wheels)].T
     groups: list[tuple[int, ...]] = []
     others: list[int] = []
     for axle in dict.fromkeys(wheel.axle for wheel in rover.wheels):
         wheels = tuple(i for i, wheel in enumerate(rover.wheels) if wheel.axle == axle)
-        if np.all(np.linalg.norm(open_[list(wheels)], axis=1) < SHARED):
+        if np.all(np.linalg.norm(open_[list(wheels)], axis=1) < MAX_OPEN_SHARE):
             groups += [(i,) for i in wheels]
-        elif np.linalg.norm(open_[list(wheels)].sum(axis=0)) < SHARED:
+        elif np.linalg.norm(open_[list(wheels)].sum(axis=0)) < MAX_OPEN_SHARE:
             groups.append(wheels)
         else:
             others += wheels
     return [*groups, tuple(others)] if others else groups
-
-
-def _mean(axes: np.ndarray, load: np.ndarray) -> np.ndarray:
-    """Return the loaded wheels' mean direction, of length 1."""
-    mean = np.maximum(load, 0.0) @ axes
-    return np.asarray(mean / max(float(np.linalg.norm(mean)), math.ulp(1.0)))

@@ -1,12 +1,15 @@
-"""The rigid rover: Pinocchio's tree, the wheels by name, the differential, and the mirror symmetry."""
+"""The rigid rover: Pinocchio's model, the wheels by name, the differential, coupled joints, and the mirror symmetry.
+
+Start at `load_rover`, which reads a rover from its files.
+"""
 
 import dataclasses
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 import pinocchio as pin
@@ -17,76 +20,150 @@ from rover_pin.base.public import brief, public
 from rover_pin.base.trust import Trust
 from rover_pin.contact import Wheel
 from rover_pin.effects.spring_damper import SpringDamper
+from rover_pin.rover.description.cross_check import axes_at_zero, free_tree
 from rover_pin.rover.description.faults import refuse_faults
-from rover_pin.rover.description.layout import Layout, layout_texts, read_layout, shipped_toml
-from rover_pin.rover.description.motor_sheet import MotorSheet
-from rover_pin.rover.description.readers import free_tree
+from rover_pin.rover.description.layout import Layout, MotorSheet, layout_texts, read_layout, shipped_toml
 from rover_pin.rover.description.tree import read_tree
-from rover_pin.rover.parts import Coupling, Differential, WheelMount
-from rover_pin.rover.symmetry import Mirror, is_symmetric, mirror
+
+SYMMETRY_TOLERANCE = 1e-6
+"""Largest difference between the mass matrix of a rover and its mirror image with which the rover counts as
+mirror-symmetric, as a fraction of the largest entry."""
+
+
+@dataclass(frozen=True)
+class WheelMount:
+    """A wheel of the rover: its name, its size, and its indices in Pinocchio's model."""
+
+    name: str
+    """first letter of the axle and of the side, for example fl for front left"""
+    joint: int
+    "index of the joint in Pinocchio's model"
+    dof: int
+    "index of the wheel's rate in v"
+    steer_dof: int | None
+    "index of the steering rate in v; None if the wheel is not steered"
+    side: str
+    """side of the rover: 'l' (left) or 'r' (right)"""
+    axle: int
+    "number of the axle; 0 is the front axle"
+    wheel: Wheel
+    """radius and width of the wheel"""
+
+
+class Differential(NamedTuple):
+    """The two rockers that a differential joins. They turn by opposite angles: theta_s1 = -theta_s2."""
+
+    left: int
+    "index of the left rocker's rate in v; v[left] + v[right] = 0"
+    right: int
+    "index of the right rocker's rate in v"
+    q_left: int
+    "index of the left rocker's angle in q"
+    q_right: int
+    "index of the right rocker's angle in q"
+
+
+class Coupling(NamedTuple):
+    """A joint that follows another joint, as in a parallel link: v[follower] = ratio v[leader], and the same holds for
+    the angles in q.
+
+    Wheels that are tied together share a rate but have no common angle, so that `q_follower` and `q_leader` are None.
+    """
+
+    follower: int
+    "index of the following joint's rate in v"
+    leader: int
+    "index of the leading joint's rate in v"
+    ratio: float
+    q_follower: int | None
+    "index of the following joint's angle in q; None for wheels"
+    q_leader: int | None
+    "index of the leading joint's angle in q; None for wheels"
+
+
+class Mirror(NamedTuple):
+    """The mirror image of a velocity v in the x-z plane of the base: v_mirrored = sign * v[perm], both arrays [nv]."""
+
+    perm: np.ndarray
+    sign: np.ndarray
 
 
 @brief
 @dataclass(frozen=True, eq=False)
 class Rover:
-    """The rigid body half of Eq (8); q = (position, quaternion x y z w, joints), v = (base in body axes, joints).
+    """A rover as a rigid multibody system in Pinocchio, with its wheels, its suspension and its symmetry.
 
-    Frozen, but Pinocchio's `model` is not: change a copy (`under`, or `replace(model=rover.model.copy())`).
+    Its state in Eq (8) of the paper (equation of motion) is the configuration q [nq] = (position of the base,
+    quaternion x y z w, joint angles) and the velocity v [nv] = (velocity of the base in body axes, joint rates).
+
+    The object is frozen, but Pinocchio's `model` in it is not. To change the model, change a copy: use `under`,
+    `rising` or `carrying`, or `dataclasses.replace(rover, model=rover.model.copy())`.
+
+    Examples
+    --------
+    >>> rover = load_rover("cart")
+    >>> [wheel.name for wheel in rover.wheels], rover.symmetric
+    (['fl', 'fr', 'bl', 'br'], True)
+    >>> round(rover.under(1.62).gravity, 2), round(rover.carrying(2.0).mass, 1)
+    (1.62, 22.0)
     """
 
     name: str
     model: pin.Model
     wheels: tuple[WheelMount, ...]
-    "from front to rear, left before right"
+    """wheels in the order from front to rear, left before right"""
     differential: Differential | None
     angles: Mapping[str, int]
-    "place in q of each suspension and steering angle: rocker_l, ..., steer_fl, ..."
+    """name of a suspension or steering angle (rocker_l, ..., steer_fl, ...) -> index of this angle in q"""
     mirror: Mirror
+    """permutation and signs by which a velocity is mirrored at the x-z plane of the base"""
     urdf: str
-    "the text of the URDF, for viewers"
+    "text of the URDF, for viewers"
     couplings: tuple[Coupling, ...] = ()
-    "joints of the suspension, or wheels, that follow others rigidly, the differential apart"
+    """joints that follow other joints rigidly; the rockers of the differential are not among them"""
     springs: tuple[SpringDamper, ...] = ()
-    "of its suspension, as its TOML states them"
+    "springs of the suspension that the TOML states"
     motor: MotorSheet | str | None = None
-    "of its wheels, as its TOML states it, or the name of one of `model.motors`"
+    "data sheet of the wheels' motors, or the name of a motor of the package; None if the TOML states no motor"
     soil: Mapping[str, Any] = field(default_factory=dict)
-    "[soil] of its TOML: the ground to drive on where nothing else is said"
+    """table [soil] of the TOML, for drives for which the user states no other soil"""
 
     @property
     def wheel(self) -> Wheel:
-        """The size of the wheels.
+        """Return the size of the wheels, for calculations that need one size for all wheels.
 
-        Raises ParameterError: its axles have wheels of different sizes.
+        Raises ParameterError: the wheels of the rover have different sizes.
         """
         dimensions = dict.fromkeys((float(mount.wheel.r), float(mount.wheel.b)) for mount in self.wheels)
         if len(dimensions) > 1:
             listing = ", ".join(f"{1e3 * r:g} x {1e3 * b:g} mm" for r, b in dimensions)
             raise ParameterError(
-                f"Rover '{self.name}' has wheels of several sizes (r x b: {listing}), and this is done for one: take a "
-                "rover of equal wheels; drive, bounds and check-urdf take any."
+                f"Rover '{self.name}' has wheels of several sizes (r x b: {listing}), but this calculation needs one "
+                "size. Use a rover with equal wheels; drive, bounds and check-urdf take any rover."
             )
         return self.wheels[0].wheel
 
     @property
     def radii(self) -> np.ndarray:
-        """The radius of each wheel [n] (m)."""
+        """Return the radius of each wheel [n] (m)."""
         return np.array([float(mount.wheel.r) for mount in self.wheels])
 
     @property
     def free_dofs(self) -> list[int]:
-        """The places in v of the base and of the suspension, which no motor holds."""
+        """Return the indices in v of the degrees of freedom without a motor: the base and the suspension."""
         driven = {mount.dof for mount in self.wheels} | {mount.steer_dof for mount in self.wheels}
         return [dof for dof in range(self.model.nv) if dof not in driven]
 
     @property
     def gravity(self) -> float:
-        """Gravity [m/s^2], downwards."""
+        """Return the gravity [m/s^2], positive downwards."""
         return float(self.up @ -self.model.gravity.linear)
 
     @property
     def up(self) -> np.ndarray:
-        """Unit vector against gravity in the world [3], z unless the rover is `rising`."""
+        """Return the upward unit vector in the world [3], opposite to gravity. It is the z axis, unless gravity was
+        tilted by `rising`.
+        """
         linear = np.array(self.model.gravity.linear)
         if not np.any(linear[:2]):
             return np.array([0.0, 0.0, 1.0])
@@ -94,54 +171,80 @@ class Rover:
 
     @cached_property
     def mass(self) -> float:
-        """Total mass [kg]."""
+        """Return the total mass [kg]."""
         return float(sum(body.mass for body in self.model.inertias))
 
     @property
     def symmetric(self) -> bool:
-        """Whether the left side weighs the same in the same places as the right."""
+        """Return whether the masses and positions of the left side are the mirror image of the right side."""
         return is_symmetric(self.model, self.mirror)
 
+    def joints_of_side(self, side: str) -> list[int]:
+        """Return the indices of the joints that carry the wheels of a side ("l" or "r"), in the order of Pinocchio's
+        model.
+
+        The wheels' own joints are included. The world and the free flyer of the base are left out.
+        """
+        wheels = [wheel.joint for wheel in self.wheels if wheel.side == side]
+        return sorted({joint for wheel in wheels for joint in self.model.supports[wheel]} - {0, 1})
+
     def under(self, gravity: float) -> Self:
-        """Return this rover under another gravity [m/s^2]; its own model stays as it is."""
+        """Return a copy of this rover under another gravity [m/s^2].
+
+        Raises ParameterError: the gravity is not finite.
+        """
         if not np.isfinite(gravity):
-            raise ParameterError(f"gravity = {gravity} m/s^2 is not a number; Earth has 9.81, the Moon 1.62.")
+            raise ParameterError(
+                f"gravity = {gravity} m/s^2 is not allowed: give a finite number, such as 9.81 (Earth)."
+            )
         model = self.model.copy()
         model.gravity.linear = 0.0 - float(gravity) * self.up
         return dataclasses.replace(self, model=model)
 
     def rising(self, rise_x: float, rise_y: float) -> Self:
-        """Return this rover in a world whose horizontal rises by `rise_x` [rad] towards +x, `rise_y` towards +y.
+        """Return a copy of this rover in a world whose ground, which counts as level, rises towards +x and +y.
 
-        Gravity is -g (sin rise_x, sin rise_y, sqrt(1 - sin^2 rise_x - sin^2 rise_y)).
+        Gravity is tilted instead of the ground: the gravity of the copy is -g (sin rise_x, sin rise_y, sqrt(1 - sin^2
+        rise_x - sin^2 rise_y)), where g is the magnitude of gravity.
+
+        Parameters
+        ----------
+        rise_x, rise_y : float
+            Slope of the ground towards +x and +y [rad].
+
+        Raises
+        ------
+        ParameterError
+            The two slopes together leave no upward direction.
         """
         x, y = math.sin(rise_x), math.sin(rise_y)
         if not (abs(rise_x) < math.pi / 2 and abs(rise_y) < math.pi / 2 and x * x + y * y < 1.0):
             raise ParameterError(
-                f"A rise of {math.degrees(rise_x):g} and {math.degrees(rise_y):g} deg leaves no upper side: "
-                "give angles well below 90 deg."
+                f"Level ground cannot rise by {math.degrees(rise_x):g} deg towards +x and {math.degrees(rise_y):g} deg "
+                "towards +y, because no direction would be upwards: give angles well below 90 deg."
             )
         model = self.model.copy()
         model.gravity.linear = -self.gravity * np.array([x, y, math.sqrt(1.0 - x * x - y * y)])
         return dataclasses.replace(self, model=model)
 
     def carrying(self, mass: float, shift_x: float = 0.0, shift_z: float = 0.0) -> Self:
-        """Return this rover with its base heavier by `mass` and its centre of mass shifted, at zero joint angles.
+        """Return a copy of this rover with a payload on its base and a shifted centre of mass, at zero joint angles.
 
-        The mass is a point at the rover's centre of mass, so that alone it does not move that. Then the base's own
-        centre of mass is moved so that the rover's moves by the shift; the base's inertia about its own centre stays.
+        The payload is a point mass at the rover's centre of mass, so that the payload alone does not move this centre.
+        The base's own centre of mass is then moved until the rover's centre of mass has moved by the shift. The shift
+        does not change the inertia of the base about its own centre of mass.
 
         Parameters
         ----------
         mass : float
-            kg, negative where the base is lighter than its URDF says.
+            Mass of the payload [kg]; negative if the base is lighter than its URDF states.
         shift_x, shift_z : float
             Shift of the whole rover's centre of mass in the base's axes [m].
 
         Raises
         ------
         ParameterError
-            The base would be left without mass or with an inertia that no body has.
+            The base would have no mass, or an inertia that no body can have.
         """
         model, data = self.model.copy(), self.model.createData()
         centre = pin.centerOfMass(self.model, data, pin.neutral(self.model))
@@ -149,20 +252,29 @@ class Rover:
         heavy = base.mass + float(mass)
         if not heavy > 0.0:
             raise ParameterError(
-                f"mass = {mass:g} kg is not allowed: the base of rover '{self.name}' has {base.mass:g} kg."
+                f"mass = {mass:g} kg is not allowed: the base of rover '{self.name}' has only {base.mass:g} kg, "
+                "and a part of it must remain."
             )
+        # The payload moves the base's own centre of mass, and adds to its inertia by the parallel-axis theorem.
         from_base, from_old = centre - base.lever, float(mass) / heavy * (centre - base.lever)
         spread = base.mass * float(mass) / heavy
         inertia = base.inertia + spread * (from_base @ from_base * np.eye(3) - np.outer(from_base, from_base))
         axes = np.linalg.eigvalsh(inertia)
         if not (axes[0] > 0.0 and axes[0] + axes[1] > axes[2]):
-            raise ParameterError(f"mass = {mass:g} kg is not allowed: it leaves the base an inertia that no body has.")
+            raise ParameterError(
+                f"mass = {mass:g} kg is not allowed: the base would have an inertia that no body can have; give a mass "
+                "nearer to 0."
+            )
+        # The base has only a part of the rover's mass, so that its own centre of mass must move further than the shift.
         shift = (self.mass + float(mass)) / heavy * np.array([shift_x, 0.0, shift_z])
         model.inertias[1] = pin.Inertia(heavy, base.lever + from_old + shift, inertia)
         return dataclasses.replace(self, model=model)
 
     def mount(self, name: str) -> WheelMount:
-        """Return the wheel of this name."""
+        """Return the wheel with this name, for instance "fl".
+
+        Raises ParameterError: there is no such wheel.
+        """
         mounts = {mount.name: mount for mount in self.wheels}
         if name not in mounts:
             raise ParameterError(f"Rover '{self.name}' has no wheel '{name}': {closest(name, mounts)}")
@@ -171,26 +283,26 @@ class Rover:
 
 @public
 def load_rover(rover: str | Path = "nexus6", trust: Trust = Trust()) -> Rover:
-    """Return a rover that comes with the package, by name, or your own, by the path of its TOML.
+    """Return a rover of the package by its name, or your own rover by the path of its TOML.
 
-    Its URDF lies in the TOML's folder, unless `trust` allows more; meshes are never read.
+    The URDF must lie in the TOML's folder, unless `trust` allows other places. Meshes are not read.
 
     Parameters
     ----------
     rover : str or path
         A name of `rover-pin list rovers`, or the path of a TOML.
     trust : Trust
-        Which files that the TOML names may lie elsewhere, or run.
+        Whether files that the TOML names may lie outside its folder.
 
     Returns
     -------
     Rover
-        Wheels, joints and Pinocchio's model, a separate copy.
+        Wheels, joints and a copy of Pinocchio's model that you may change.
 
     Raises
     ------
     UrdfError
-        The TOML or its URDF does not make a rover; the sentence says what to mend.
+        The TOML and its URDF do not describe a rover; the message states what to correct.
 
     Examples
     --------
@@ -207,18 +319,29 @@ def load_rover(rover: str | Path = "nexus6", trust: Trust = Trust()) -> Rover:
 
 @lru_cache(maxsize=16)
 def _cached_rover(path: Path, texts: tuple[str, ...], trust: Trust) -> Rover:
-    """Return the rover of a TOML; the `texts` of its files say whether it is the one loaded before."""
+    """Return the rover of a TOML file. The `texts` of the TOML and of the URDF are part of the cache's key, so that a
+    changed file is read again.
+    """
     layout = read_layout(path, trust)
     refuse_faults(layout)
     return assemble(layout)
 
 
 def load_named(rover: str, file: Path, trust: Trust = Trust()) -> Rover:
-    """Return the rover that a model's or a drive log's `file` names: one of the package's, or a TOML seen from there.
+    """Return the rover that a model file or a drive log names.
 
-    Sets share rovers, so the TOML may lie elsewhere; a refusal of such a one says nothing of its content.
+    Parameters
+    ----------
+    rover : str
+        The name of a rover of the package, or the path of a rover's TOML relative to `file`. Several data sets may
+        share one rover, so that the TOML may lie outside the folder of `file`.
+    file : Path
+        The model file or drive log.
+    trust : Trust
+        Whether files that the rover's TOML names may lie outside the TOML's folder.
 
-    Raises UrdfError: it does not make a rover.
+    Raises UrdfError: the name does not lead to a rover. If the TOML lies outside the folder of `file`, the error does
+    not quote the content of the TOML, because the path came from data and may lead to a private file.
     """
     beside = file.parent / rover
     path = beside if is_file(beside) else Path(rover)
@@ -229,65 +352,102 @@ def load_named(rover: str, file: Path, trust: Trust = Trust()) -> Rover:
     except UrdfError as error:
         if not elsewhere:
             raise UrdfError(f"{file}: {error}") from error
-    raise UrdfError(f"{file}: rover = {rover!r} lies elsewhere and makes no rover: try `rover-pin check-urdf` on it.")
-
-
-def assemble(layout: Layout) -> Rover:
-    """Return the rover of a layout whose URDF has been checked."""
-    model = free_tree(layout.text)
-    angles = {name: _angle(model, joint) for name, joint in layout.angles.items()}
-    return Rover(
-        name=layout.name,
-        model=model,
-        wheels=tuple(_mounts(model, layout)),
-        differential=_differential(model, layout),
-        angles=angles,
-        mirror=mirror(model, layout.pairs),
-        urdf=layout.text,
-        couplings=tuple(_couplings(model, layout)),
-        springs=layout.springs,
-        motor=layout.motor,
-        soil=layout.soil,
+    raise UrdfError(
+        f"{file}: rover = {rover!r} lies outside the file's folder and is not a rover: check it by "
+        "`rover-pin check-urdf`."
     )
 
 
-def _mounts(model: pin.Model, layout: Layout) -> list[WheelMount]:
-    mounts = []
+def assemble(layout: Layout) -> Rover:
+    """Return the rover that a layout describes (the roles of the joints, and the URDF). The layout is not checked for
+    faults.
+
+    Call `refuse_faults` first: a URDF with faults leads to an error of Pinocchio, or to a wrong rover.
+    """
+    model = free_tree(layout.text)
+    wheels = []
     for number, axle in enumerate(layout.axles):
         for side, joint, steer in zip("lr", axle.wheels, axle.steering, strict=True):
-            at = model.getJointId(joint)
-            mounts.append(
+            wheels.append(
                 WheelMount(
                     name=axle.name[0] + side,
-                    joint=at,
-                    dof=model.joints[at].idx_v,
+                    joint=model.getJointId(joint),
+                    dof=_dof(model, joint),
                     steer_dof=None if steer is None else _dof(model, steer),
                     side=side,
                     axle=number,
                     wheel=axle.wheel,
                 )
             )
-    return mounts
-
-
-def _differential(model: pin.Model, layout: Layout) -> Differential | None:
-    if layout.differential is None:
-        return None
-    left, right = layout.differential
-    return Differential(_dof(model, left), _dof(model, right), _angle(model, left), _angle(model, right))
-
-
-def _couplings(model: pin.Model, layout: Layout) -> Iterator[Coupling]:
-    """Yield what the URDF's <mimic> joins and the differential does not."""
+    differential = None
+    if layout.differential is not None:
+        left, right = layout.differential
+        differential = Differential(_dof(model, left), _dof(model, right), _angle(model, left), _angle(model, right))
+    # The URDF's <mimic> elements state which joints follow other joints; the differential is not among them.
+    couplings = []
     for name, mimic in read_tree(layout.text, layout.file).followers(layout.differential):
-        wheel = name in layout.wheel_joints
-        angles = [None if wheel else _angle(model, joint) for joint in (name, mimic.joint)]
-        yield Coupling(_dof(model, name), _dof(model, mimic.joint), mimic.multiplier, *angles)
+        is_wheel = name in layout.wheel_joints
+        angles = [None if is_wheel else _angle(model, joint) for joint in (name, mimic.joint)]
+        couplings.append(Coupling(_dof(model, name), _dof(model, mimic.joint), mimic.multiplier, *angles))
+    return Rover(
+        name=layout.name,
+        model=model,
+        wheels=tuple(wheels),
+        differential=differential,
+        angles={name: _angle(model, joint) for name, joint in layout.angles.items()},
+        mirror=mirror(model, layout.pairs),
+        urdf=layout.text,
+        couplings=tuple(couplings),
+        springs=layout.springs,
+        motor=layout.motor,
+        soil=layout.soil,
+    )
+
+
+def mirror(model: pin.Model, pairs: Sequence[tuple[str, str]]) -> Mirror:
+    """Return the permutation and the signs of the mirror image of a velocity in the x-z plane of the base.
+
+    Angular velocities mirror as (-x, y, -z). The sign of a joint's rate therefore follows from the directions of its
+    axis and of its partner's axis at zero angles. Of the base's velocity, v_y, omega_x and omega_z change sign.
+
+    Parameters
+    ----------
+    model : pin.Model
+        Pinocchio's model of the rover.
+    pairs : sequence of (left, right)
+        Names of joints that mirror each other; a joint in the middle is paired with itself.
+    """
+    # Start with the base, whose motions are their own mirror images except for the sign.
+    perm, sign = np.arange(model.nv), np.ones(model.nv)
+    sign[[1, 3, 5]] = -1.0
+    axes = axes_at_zero(model)
+    for left, right in pairs:
+        a, b = _dof(model, left), _dof(model, right)
+        image = axes[a] * [-1.0, 1.0, -1.0]
+        perm[a], perm[b] = b, a
+        sign[a] = sign[b] = 1.0 if image @ axes[b] > 0.0 else -1.0
+    return Mirror(perm, sign)
+
+
+def is_symmetric(model: pin.Model, image: Mirror) -> bool:
+    """Return whether a rover's mass matrix equals its mirror image, so that left and right have the same masses at the
+    same distances from the middle.
+
+    A drive on symmetric terrain may be computed with enforced symmetry (`symmetric` in `simulate`) only if this is
+    true.
+    """
+    # Pinocchio fills the upper triangle of the mass matrix only.
+    upper = np.triu(pin.crba(model, model.createData(), pin.neutral(model), pin.Convention.WORLD))
+    mass = upper + np.triu(upper, 1).T
+    mirrored = np.outer(image.sign, image.sign) * mass[np.ix_(image.perm, image.perm)]
+    return bool(np.max(np.abs(mirrored - mass)) <= SYMMETRY_TOLERANCE * np.max(np.abs(mass)))
 
 
 def _dof(model: pin.Model, joint: str) -> int:
+    """Return the index of a joint's rate in Pinocchio's velocity vector v."""
     return int(model.joints[model.getJointId(joint)].idx_v)
 
 
 def _angle(model: pin.Model, joint: str) -> int:
+    """Return the index of a joint's angle in Pinocchio's configuration vector q."""
     return int(model.joints[model.getJointId(joint)].idx_q)

@@ -1,4 +1,4 @@
-"""How a rover at rest on a plane shares its weight between its wheels."""
+"""Wheel loads of a rover at rest on a plane, and the wheels that do not touch the plane."""
 
 import math
 from collections.abc import Collection
@@ -8,16 +8,19 @@ import pinocchio as pin
 
 from rover_pin.base.errors import ParameterError
 from rover_pin.effects.effect import joints_called
-from rover_pin.rover.constraints import constraint_rows
-from rover_pin.rover.forward_dynamics import wheel_jacobians
+from rover_pin.rover.forward_dynamics import constraint_rows, wheel_jacobians
 from rover_pin.rover.rover import Rover
 from rover_pin.rover.wheel_base import wheel_mounts
 
-STEEPEST = math.radians(80.0)
-TOUCHING = 1e-6
-"""Height [m] of a wheel's lowest point above the ground that is none."""
-UNBALANCED = 1e-6
-"""Largest share of the weight's moments that may stay unbalanced before a rover counts as unable to stand."""
+MAX_SLOPE = math.radians(80.0)
+"""Largest slope of the plane [rad]. A steeper plane is refused: at 90 deg the forces that balance the weight would be
+infinite."""
+MIN_GAP = 1e-6
+"""Smallest height of a wheel's lowest point above the ground [m] with which the wheel counts as hanging. A smaller
+height is round-off."""
+BALANCE_TOLERANCE = 1e-6
+"""Largest residual of the static balance with which a rover counts as standing, as a fraction of its weight. A smaller
+residual is round-off; a larger one means that a pivot cannot be balanced."""
 
 
 def wheel_loads(
@@ -25,41 +28,64 @@ def wheel_loads(
 ) -> np.ndarray:
     """Return the normal load of each wheel [n] (N) of the rover at rest on a plane, at zero joint angles.
 
-    Balance of forces and moments on the base and of moments on every free pivot, the differential's torque lambda
-    among the unknowns:
+    The loads solve the balance of forces and moments on the base, and of moments on every free pivot. The torque lambda
+    of the differential is a further unknown:
 
-        S (C(q, 0) - sum_i J_i^T F_i - G^T lambda) = 0,   S: base and suspension; wheels and steering are held.
+        S (C(q, 0) - sum_i J_i^T F_i - G^T lambda) = 0,
 
-    Six wheels on two rockers, two bogies and a differential are determinate: 7 equations, 6 loads and lambda. Where
-    wheels are too many (four on a rigid body) the loads are the solution of least norm, one of many that balance.
-    Springs of the rover's TOML push the joints that they act on: k_s (delta - q_0) at the small angles delta by which
-    the wheels, all on the ground, let them give way.
+    where S selects the rows of base and suspension (wheels and steering are held), C is the gravity term of the
+    equation of motion (Eq (8) of the paper), J_i the Jacobian of wheel i, F_i the force on wheel i, and G the
+    constraint row of the differential.
+
+    Six wheels on two rockers, two bogies and a differential are statically determinate: there are 7 equations for 6
+    loads and lambda. If there are more wheels than equations, for instance four wheels on a rigid body, many solutions
+    balance; the result is the solution of least norm. Springs in the rover's TOML add the torque k_s (delta - q_0) to
+    their joints, where delta are the small angles by which the joints yield while all wheels stay on the ground.
 
     Parameters
     ----------
+    rover : Rover
+        The rover. If gravity was tilted by `rising`, the slopes are measured from the tilted horizontal.
     slope : float
-        Nose-up inclination [rad], besides what the rover is `rising`.
+        Inclination of the plane along the rover [rad], positive nose up.
     side_slope : float
-        Inclination to the side [rad], left side up.
+        Inclination across the rover [rad], positive left side up.
     gravity : float
-        m/s^2.
+        Gravity [m/s^2].
     hanging : collection of str
-        Wheels that carry nothing, as `hanging_wheels` says.
+        Names of wheels that carry no load, for instance the keys of `hanging_wheels`.
+
+    Returns
+    -------
+    array [n]
+        Loads normal to the plane [N]. A negative load means that the rover tips over.
 
     Raises
     ------
     ParameterError
-        A slope beyond 80 deg, a gravity that is not positive, or a suspension that cannot stand.
+        A slope is beyond 80 deg, the gravity is outside (0, 100) m/s^2, or the suspension cannot stand.
 
-    Source: section 4, "considering static balance among forces and moments".
-    Differs from the paper: balance does not tell how the wheels share the pull along the slope, which shifts loads
-    through the pivots. Here every wheel uses the same f_t / f_n, so that each ground force is vertical. A negative load
-    says that the rover tips over that way.
+    Source: section 4 of the paper, "considering static balance among forces and moments". Differs from the paper: the
+    balance does not determine how the wheels share the pull along the slope, and this share shifts loads through the
+    pivots. Here every wheel has the same ratio of traction f_t to normal load f_n, so that each ground force is
+    vertical.
+
+    Examples
+    --------
+    >>> from rover_pin import load_rover
+    >>> loads = wheel_loads(load_rover("nexus6"), 0.0)
+    >>> loads.shape, round(float(loads.sum() / 9.81), 3)
+    ((6,), 5.8)
     """
-    _check("slope", slope, -STEEPEST, STEEPEST)
-    _check("side_slope", side_slope, -STEEPEST, STEEPEST)
+    for name, angle in (("slope", slope), ("side_slope", side_slope)):
+        if not (math.isfinite(angle) and abs(angle) <= MAX_SLOPE):
+            limit = math.degrees(MAX_SLOPE)
+            raise ParameterError(
+                f"{name} = {math.degrees(angle):g} deg is not allowed: it must lie in [{-limit:g}, {limit:g}] deg."
+            )
     if not 0.0 < gravity < 100.0:
         raise ParameterError(f"gravity = {gravity:g} m/s^2 is not allowed: it must lie in (0, 100) m/s^2.")
+    # The rover is tilted with the plane, so that the ground's normal is the third column of its rotation.
     rover = rover.under(gravity)
     q = pin.neutral(rover.model)
     rotation = pin.utils.rotate("y", -slope) @ pin.utils.rotate("x", side_slope)
@@ -68,44 +94,8 @@ def wheel_loads(
     weight = pin.computeGeneralizedGravity(rover.model, rover.model.createData(), q)
     free = rover.free_dofs
     supports = np.column_stack([lifts, constraint_rows(rover).T])[free]
-    springs, rest_angles = (values[free] for values in _springs(rover))
-    unknown, rhs = supports, weight[free] - springs * rest_angles
-    if np.any(springs):  # the joints give way by small angles, with all wheels on the ground
-        still = np.zeros((supports.shape[1], supports.shape[1]))
-        unknown = np.block([[supports, -np.diag(springs)], [still, supports.T]])
-        rhs = np.concatenate([rhs, np.zeros(len(still))])
-    # Least squares mixes N and N m: lengths and loads are of order one, and a rover that stands leaves no residual.
-    solution, *_ = np.linalg.lstsq(unknown, rhs, rcond=1e-10)
-    if np.max(np.abs(unknown @ solution - rhs)) > UNBALANCED * rover.mass * gravity:
-        raise ParameterError(
-            f"Rover '{rover.name}' cannot stand on its wheels: a pivot of its suspension stays out of balance; "
-            "give it a differential or a fixed joint there."
-        )
-    return np.array(solution[: len(rover.wheels)] * (rotation[:, 2] @ rover.up))
-
-
-def hanging_wheels(rover: Rover) -> dict[str, float]:
-    """Return how far [m] above level ground the wheels hang that do not touch it, zero angles given way from.
-
-    The rover sinks until what lies lowest carries it: min w . delta with gap + J delta >= 0 for every wheel's lowest
-    point and G delta = 0, a linear programme for small motions of base and suspension; springs are left out.
-    """
-    from scipy.optimize import linprog  # it brings sparse matrices, which a drive has no use for
-
-    q, up = pin.neutral(rover.model), np.array([0.0, 0.0, 1.0])
-    low = wheel_mounts(rover, q)[1][:, 2] - rover.radii
-    gaps, free = low - low.min(), [place for place in rover.free_dofs if place not in (0, 1, 5)]
-    weight = pin.computeGeneralizedGravity(rover.model, rover.model.createData(), q)[free]
-    lifts = _vertical_pushes(rover, q, up).T[:, free]
-    rows = constraint_rows(rover)[:, free]
-    bounds = [(-1.0, 1.0)] * len(free)
-    motion = linprog(weight / np.max(np.abs(weight)), -lifts, gaps, rows, np.zeros(len(rows)), bounds)
-    heights = gaps + lifts @ motion.x if motion.success else np.zeros(len(gaps))
-    return {wheel.name: float(gap) for wheel, gap in zip(rover.wheels, heights, strict=True) if gap > TOUCHING}
-
-
-def _springs(rover: Rover) -> tuple[np.ndarray, np.ndarray]:
-    """Return the stiffness [nv] (N m/rad) of the springs that the rover's TOML states, and where they are relaxed."""
+    # Stiffness [N m/rad] of the springs at each degree of freedom, and the torque k_s q_0 that they have at zero angle.
+    # Stiffnesses of several springs on one joint add; their common relaxed angle is the mean weighted by stiffness.
     stiffness, torque = np.zeros(rover.model.nv), np.zeros(rover.model.nv)
     dofs = {joint.idx_q: joint.idx_v for joint in list(rover.model.joints)[2:]}
     for spring in rover.springs:
@@ -113,11 +103,57 @@ def _springs(rover: Rover) -> tuple[np.ndarray, np.ndarray]:
             dof = dofs[rover.angles[name]]
             stiffness[dof] += float(spring.k_s)
             torque[dof] += float(spring.k_s) * float(spring.q_0)
-    return stiffness, np.divide(torque, stiffness, out=torque, where=stiffness > 0.0)
+    relaxed = np.divide(torque, stiffness, out=torque, where=stiffness > 0.0)
+    springs, rest_angles = stiffness[free], relaxed[free]
+    unknown, rhs = supports, weight[free] - springs * rest_angles
+    if np.any(springs):
+        # Further unknowns are the small angles of the sprung joints. Further equations keep every wheel on the ground
+        # and every constraint closed: no force does work at these angles (supports.T @ angles = 0).
+        still = np.zeros((supports.shape[1], supports.shape[1]))
+        unknown = np.block([[supports, -np.diag(springs)], [still, supports.T]])
+        rhs = np.concatenate([rhs, np.zeros(len(still))])
+    # The residual mixes forces [N] and moments [N m]. This matters little, because lengths are of order 1 m, and the
+    # residual of a rover that stands is zero.
+    solution, *_ = np.linalg.lstsq(unknown, rhs, rcond=1e-10)
+    if np.max(np.abs(unknown @ solution - rhs)) > BALANCE_TOLERANCE * rover.mass * gravity:
+        raise ParameterError(
+            f"Rover '{rover.name}' cannot stand on its wheels: a pivot of its suspension stays out of balance. "
+            "Give the rover a differential or a fixed joint there."
+        )
+    # The unknowns are vertical forces; their component along the normal is the load.
+    return np.array(solution[: len(rover.wheels)] * (rotation[:, 2] @ rover.up))
+
+
+def hanging_wheels(rover: Rover) -> dict[str, float]:
+    """Return the wheels that do not touch level ground when the rover stands, as name -> height above the ground [m].
+
+    The rover starts at zero angles and sinks until its lowest wheels carry it. The small motions delta of base and
+    suspension solve a linear programme: minimise the potential energy w . delta (w: gravity term of the equation of
+    motion), subject to gap + J delta >= 0 (no wheel's lowest point is below the ground) and G delta = 0 (all
+    constraints hold). Springs are left out.
+    """
+    from scipy.optimize import linprog  # imported here, because it loads sparse matrices, which a drive does not need
+
+    q, up = pin.neutral(rover.model), np.array([0.0, 0.0, 1.0])
+    low = wheel_mounts(rover, q)[1][:, 2] - rover.radii
+    # Moving along x and y and turning about z change no height, so that these base motions are left out.
+    gaps, free = low - low.min(), [dof for dof in rover.free_dofs if dof not in (0, 1, 5)]
+    weight = pin.computeGeneralizedGravity(rover.model, rover.model.createData(), q)[free]
+    lifts = _vertical_pushes(rover, q, up).T[:, free]
+    rows = constraint_rows(rover)[:, free]
+    # Bounds of 1 m and 1 rad keep the programme finite for a rover that would sink without end.
+    bounds = [(-1.0, 1.0)] * len(free)
+    motion = linprog(weight / np.max(np.abs(weight)), -lifts, gaps, rows, np.zeros(len(rows)), bounds)
+    heights = gaps + lifts @ motion.x if motion.success else np.zeros(len(gaps))
+    return {wheel.name: float(gap) for wheel, gap in zip(rover.wheels, heights, strict=True) if gap > MIN_GAP}
 
 
 def _vertical_pushes(rover: Rover, q: np.ndarray, normal: np.ndarray) -> np.ndarray:
-    """Return the generalised force of one newton against gravity at each wheel's lowest point on the plane [nv, n]."""
+    """Return the generalised force [nv, n] that an upward force of 1 N at the point of contact of each of the n wheels
+    causes.
+
+    `q` is the configuration [nq], and `normal` is the unit normal of the plane on which the wheels stand [3].
+    """
     jacobians, up = wheel_jacobians(rover, q), rover.up
     return np.column_stack(
         [
@@ -125,9 +161,3 @@ def _vertical_pushes(rover: Rover, q: np.ndarray, normal: np.ndarray) -> np.ndar
             for J, wheel in zip(jacobians, rover.wheels, strict=True)
         ]
     )
-
-
-def _check(name: str, angle: float, low: float, high: float) -> None:
-    if not (math.isfinite(angle) and low <= angle <= high):
-        degrees = [math.degrees(value) for value in (angle, low, high)]
-        raise ParameterError("{} = {:g} deg is not allowed: it must lie in [{:g}, {:g}] deg.".format(name, *degrees))

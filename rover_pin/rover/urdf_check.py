@@ -1,7 +1,7 @@
-"""Whether a URDF makes a rover: every fault is one sentence that says what to mend."""
+"""Check whether a URDF and its TOML describe a rover. Every fault is one sentence that states what to correct."""
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,45 +10,69 @@ import pinocchio as pin
 
 from rover_pin.base.errors import ParameterError, UrdfError
 from rover_pin.base.trust import Trust
+from rover_pin.rover.description.cross_check import free_tree
+from rover_pin.rover.description.drawn_axis import visual_against_collision
 from rover_pin.rover.description.faults import across, faults_of
 from rover_pin.rover.description.inertia_check import inertia_notes
 from rover_pin.rover.description.layout import Layout, read_layout, urdf_folder
 from rover_pin.rover.description.meshes import mesh_file, package_of
-from rover_pin.rover.description.readers import free_tree
 from rover_pin.rover.description.tree import UrdfTree, read_tree, urdf_text
+from rover_pin.rover.proposal.frames import contradictions, named_places, place_words
 from rover_pin.rover.proposal.parts import Topology
-from rover_pin.rover.proposal.passive import passive_wheels
-from rover_pin.rover.rover import assemble
+from rover_pin.rover.proposal.propose import passive_wheels
+from rover_pin.rover.rover import assemble, is_symmetric, mirror
 from rover_pin.rover.statics import wheel_loads
-from rover_pin.rover.symmetry import is_symmetric, mirror
 
-ON_ONE_PLANE = 1e-3
-"""Spread of the wheel centres off their plane, over that along it, that counts as standing."""
-TILT = 0.02
-"""Slope [rad] on which a rover that stands must stand too: one poised on a free pivot does not."""
+PLANE_TOLERANCE = 1e-3
+"""Largest spread of the wheel centres across their common plane, divided by their spread along the plane. Beyond it, a
+note states that the wheels are not on one plane."""
+STABILITY_SLOPE = 0.02
+"""Slope [rad] on which a rover must be in static balance, as it is on level ground. A body that is only balanced on a
+free pivot is not in balance on this slope, so that the slope shows an unstable balance."""
 
 
 @dataclass(frozen=True)
 class UrdfReport:
-    """What a check found: faults keep a rover from loading, or from standing on level ground; notes do not."""
+    """Result of `check_urdf`: faults, notes and facts about a rover.
+
+    A fault prevents a rover from being loaded, or from standing on level ground. A note is a hint that does not prevent
+    anything.
+    """
 
     file: str
     faults: tuple[str, ...]
     notes: tuple[str, ...]
     facts: tuple[str, ...]
+    """sentences on mass, size and roles of joints, for comparison with the real rover"""
     loads: bool = False
-    "whether it can be loaded, standing or not; never of a .urdf alone"
+    """whether the rover can be loaded, even if it cannot stand; false for a .urdf without a TOML"""
 
     @property
     def ok(self) -> bool:
-        """Whether there is no fault."""
+        """Return whether the check has found no fault."""
         return not self.faults
 
 
 def check_urdf(path: str | Path, trust: Trust = Trust()) -> UrdfReport:
-    """Return what is wrong with a rover's .toml and its URDF, or with a .urdf alone as far as it goes without roles.
+    """Return the faults, notes and facts of a rover.
 
-    Raises nothing for a broken file: what cannot even be read is the report's one fault.
+    Parameters
+    ----------
+    path : path
+        The .toml of a rover. A .urdf alone is checked as far as possible without the roles of its joints.
+    trust : Trust
+        Whether files that the TOML names may lie outside its folder.
+
+    Returns
+    -------
+    UrdfReport
+        If a file cannot be read, the report has this one fault; broken files raise no error.
+
+    Examples
+    --------
+    >>> from rover_pin.rover.description.layout import shipped_toml
+    >>> check_urdf(shipped_toml("cart")).ok
+    True
     """
     path = Path(path)
     try:
@@ -59,34 +83,43 @@ def check_urdf(path: str | Path, trust: Trust = Trust()) -> UrdfReport:
         return UrdfReport(path.name, (str(error),), (), ())
     problems = faults_of(tree, text, layout)
     loads = layout is not None and not problems
+    # Only a rover without faults can be assembled, and only then can its balance be computed.
     if layout is not None and loads:
         problems = list(_standing_faults(layout))
-    faults = tuple(f"{tree.file}: {fault}" for fault in _fold_sentences(problems))
-    if faults:
-        return UrdfReport(path.name, faults, (), (), loads)
+    if problems:
+        return UrdfReport(path.name, _fold_sentences(tree.file, problems), (), (), loads)
     model = free_tree(text)
-    notes = [*_notes(tree, layout), *_mesh_notes(tree, path.parent if layout is None else urdf_folder(path))]
-    notes += [] if layout is None else _stance_notes(layout, model)
-    prefixed = tuple(f"{tree.file}: {note}" for note in _fold_sentences(notes))
-    return UrdfReport(path.name, (), prefixed, tuple(_facts(tree, model, layout)), loads)
+    folder = path.parent if layout is None else urdf_folder(path)
+    notes = _fold_sentences(tree.file, list(_notes(tree, layout, model, folder)))
+    return UrdfReport(path.name, (), notes, tuple(_facts(tree, model, layout)), loads)
 
 
-def _fold_sentences(sentences: Iterable[str]) -> Iterator[str]:
-    """Yield sentences; those that differ by the one name in them and numbers alone are one, with the others' names."""
+def _fold_sentences(file: str, sentences: list[str]) -> tuple[str, ...]:
+    """Return the sentences, with the name of the file in front of each. Sentences that differ only in one quoted name
+    and in numbers are merged.
+
+    Such sentences become the first of them, followed by the names of the others: "Likewise 'fr', 'rl'.".
+    """
     groups: dict[str, list[str]] = {}
     for sentence in sentences:
-        named = re.findall(r"'[^']*'", sentence)
-        groups.setdefault(re.sub(r"'[^']*'|\d\S*", "", sentence) if len(named) == 1 else sentence, []).append(sentence)
+        quoted_names = re.findall(r"'[^']*'", sentence)
+        pattern = re.sub(r"'[^']*'|\d\S*", "", sentence) if len(quoted_names) == 1 else sentence
+        groups.setdefault(pattern, []).append(sentence)
+    merged = []
     for first, *others in groups.values():
         names = [match.group() for sentence in others if (match := re.search(r"'[^']*'", sentence))]
-        yield first + (f" Likewise {', '.join(dict.fromkeys(names))}." if names else "")
+        merged.append(f"{file}: {first}" + (f" Likewise {', '.join(dict.fromkeys(names))}." if names else ""))
+    return tuple(merged)
 
 
 def _standing_faults(layout: Layout) -> Iterator[str]:
-    """Yield why the rover does not stand on level ground at zero angles, if so: an unstable balance is a fault."""
+    """Yield the reason why the rover cannot stand on level ground at zero joint angles; nothing if it can stand.
+
+    If a small slope already destroys the balance, the balance is unstable, and the rover counts as not standing.
+    """
     rover = assemble(layout)
     try:
-        loads, *_ = (wheel_loads(rover, slope) for slope in (0.0, TILT, -TILT))
+        loads, *_ = (wheel_loads(rover, slope) for slope in (0.0, STABILITY_SLOPE, -STABILITY_SLOPE))
     except ParameterError as error:
         yield str(error)
         return
@@ -94,49 +127,76 @@ def _standing_faults(layout: Layout) -> Iterator[str]:
     if lifted:
         yield (
             f"at rest on level ground wheel{'s' * (len(lifted) > 1)} {', '.join(lifted)} would have to be held down "
-            f"({float(np.min(loads)):.3g} N), so it tips over; move its wheels, or its masses between them."
+            f"({float(np.min(loads)):.3g} N), so that the rover tips over; move its wheels, or move its masses between "
+            "the wheels."
         )
 
 
-def _notes(tree: UrdfTree, layout: Layout | None) -> Iterator[str]:
+def _notes(tree: UrdfTree, layout: Layout | None, model: pin.Model, folder: Path) -> Iterator[str]:
+    """Yield the notes on a rover without faults, on changes of the URDF, wheels, names, inertias, meshes and symmetry.
+
+    `folder` is the folder of the URDF, in which its meshes are searched.
+    """
     if layout is not None:
         yield from layout.changes
         radii = {joint: float(axle.wheel.r) for axle in layout.axles for joint in axle.wheels}
-        yield from (f"{text}; they are driven as if motors did." for text in passive_wheels(Topology(tree), radii))
+        yield from (
+            f"{text}; they are driven as if motors turned them." for text in passive_wheels(Topology(tree), radii)
+        )
+        yield from visual_against_collision(tree, layout.wheel_joints)
+        yield from _name_notes(layout, tree)
     yield from inertia_notes(tree)
     for joint in tree.joints:
         if joint.lossy:
             yield f"joint '{joint.name}' has <dynamics>, which is not used; friction is an effect of the model."
     if layout is None:
-        yield "without a TOML only the URDF itself was checked; write one to say which joints are wheels."
-
-
-def _mesh_notes(tree: UrdfTree, folder: Path) -> Iterator[str]:
+        yield "without a TOML only the URDF itself was checked; write a TOML that states which joints are wheels."
     meshes = dict.fromkeys(mesh for link in tree.links for mesh in link.meshes)
     missing = [mesh for mesh in meshes if mesh_file(mesh, folder) is None]
     if missing:
         yield (
-            f"{len(missing)} of {len(meshes)} meshes are not in '{package_of(folder).name}', outside of which none is "
-            f"read, and so not drawn: {', '.join(missing)}."
+            f"{len(missing)} of {len(meshes)} meshes are not drawn, because they are not in "
+            f"'{package_of(folder).name}', and no other folder is read: {', '.join(missing)}."
         )
-
-
-def _stance_notes(layout: Layout, model: pin.Model) -> Iterator[str]:
+    if layout is None:
+        return
     if not is_symmetric(model, mirror(model, layout.pairs)):
-        yield "its left and right side differ in place or mass; `symmetric` drives are not for it."
+        yield "its left and right side differ in place or mass; `symmetric` drives are not possible with this rover."
     data = model.createData()
     pin.forwardKinematics(model, data, pin.neutral(model))
     centres = np.array([data.oMi[model.getJointId(joint)].translation for joint in layout.wheel_joints])
+    # The smallest singular value measures the spread across the plane that fits the wheel centres best.
     singular = np.linalg.svd(centres - centres.mean(axis=0), compute_uv=False)
-    if singular[2] > ON_ONE_PLANE * singular[0]:
-        yield "its wheels do not stand on one plane at zero angles, where static loads are taken; mend the origins."
+    if singular[2] > PLANE_TOLERANCE * singular[0]:
+        yield (
+            "its wheels are not on one plane at zero angles, and static loads are computed at zero angles; correct the "
+            "origins."
+        )
+
+
+def _name_notes(layout: Layout, tree: UrdfTree) -> Iterator[str]:
+    """Yield a note if the names of the wheels state another end (front, rear) or side (left, right) than the TOML. The
+    names may be those of joints or of links.
+    """
+    # Positions as the TOML states them: axles from front to rear along x, left at +y and right at -y.
+    centres = np.array(
+        [[-float(number), 1.0 if side == 0 else -1.0, 0.0] for number in range(len(layout.axles)) for side in (0, 1)]
+    )
+    joints = {joint.name: joint for joint in tree.joints}
+    for names in (layout.wheel_joints, [joints[name].child for name in layout.wheel_joints]):
+        wrong = contradictions(named_places(names), centres)
+        if wrong:
+            words = ", ".join(f"'{names[i]}' at the {place_words(centres[i], centres.mean(axis=0))}" for i in wrong)
+            yield f"the TOML puts {words}, which contradicts the names: check [wheels] and base_rpy."
+            return
 
 
 def _facts(tree: UrdfTree, model: pin.Model, layout: Layout | None) -> Iterator[str]:
+    """Yield sentences that a user can compare with the real rover: mass, size, and the roles of the joints."""
     mass = sum(body.mass for body in model.inertias)
     yield f"{mass:.4g} kg, joints {across(model):.3g} m across, {model.nv} degrees of freedom"
     if layout is None:
-        yield "continuous joints: " + ", ".join(joint.name for joint in tree.joints if joint.kind == "continuous")
+        yield "joints that turn fully: " + ", ".join(joint.name for joint in tree.joints if joint.turns_fully)
         return
     yield f"{len(layout.wheel_joints)} wheels: " + ", ".join(layout.wheel_joints)
     yield "differential: " + (" and ".join(layout.differential) if layout.differential else "none")

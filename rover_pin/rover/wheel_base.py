@@ -1,5 +1,8 @@
-"""Where the wheels stand under the rover."""
+"""Geometry of a rover: positions of the wheels, wheel base and track, effective track in a turn, and extent of the
+bodies.
+"""
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -9,33 +12,36 @@ from rover_pin.base.errors import ParameterError
 from rover_pin.rover.rover import Rover
 
 
-class Base(NamedTuple):
-    """What a rover stands on."""
+class WheelBase(NamedTuple):
+    """Length and width of the rectangle between a rover's wheels."""
 
     length: float
-    "between its outer axles [m]"
+    "distance between the first and the last axle [m]"
     track: float
-    "between its sides' wheels in the middle [m]"
+    "distance between the mean y of the left wheels and the mean y of the right wheels [m]"
 
 
 def wheel_mounts(rover: Rover, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return rotations [n, 3, 3] of the wheels' frames, and their centres in the world [n, 3] (m)."""
+    """Return the poses of the wheels at a configuration q [nq]: the rotations of their frames [n, 3, 3], and their
+    centres in the world [n, 3] (m).
+    """
     data = rover.model.createData()
     pin.forwardKinematics(rover.model, data, q)
-    placed = [data.oMi[wheel.joint] for wheel in rover.wheels]
-    return np.array([pose.rotation for pose in placed]), np.array([pose.translation for pose in placed])
+    poses = [data.oMi[wheel.joint] for wheel in rover.wheels]
+    return np.array([pose.rotation for pose in poses]), np.array([pose.translation for pose in poses])
 
 
 def wheel_places(rover: Rover) -> dict[str, np.ndarray]:
-    """Return the place of each wheel's centre in the base frame, all joints at zero [m]."""
+    """Return name of a wheel -> centre of the wheel in the base frame [3] (m), with all joint angles at zero."""
     _, centres = wheel_mounts(rover, pin.neutral(rover.model))
     return {wheel.name: centre for wheel, centre in zip(rover.wheels, centres, strict=True)}
 
 
 def corners(rover: Rover) -> np.ndarray:
-    """Return where a rover stands, (front, back) x (left, right) x (x, y) in the base frame [m].
+    """Return the four corners of the rectangle between the wheels, in the base frame (m), as an array [2, 2, 2].
 
-    The front is the first axle, the back the last, left and right the mean of the wheels of a side.
+    The indices of the array are (front, back), (left, right) and (x, y). The front is the x of the foremost wheels, the
+    back the x of the rearmost wheels, and left and right are the mean y of the wheels of a side.
     """
     places = wheel_places(rover)
     xs = [place[0] for place in places.values()]
@@ -43,37 +49,81 @@ def corners(rover: Rover) -> np.ndarray:
     return np.array([[(x, np.mean(left)), (x, np.mean(right))] for x in (max(xs), min(xs))])
 
 
-def base_of(rover: Rover) -> Base:
-    """Return the length and the mean width of what a rover stands on [m]."""
+def base_of(rover: Rover) -> WheelBase:
+    """Return the length and the track (mean width) of the rectangle between a rover's wheels [m]."""
     (front_left, front_right), (back_left, _) = corners(rover)
-    return Base(float(front_left[0] - back_left[0]), float(front_left[1] - front_right[1]))
+    return WheelBase(float(front_left[0] - back_left[0]), float(front_left[1] - front_right[1]))
 
 
 def effective_track(rover: Rover, resistance: float = 0.0) -> float:
-    """Return the track B' [m] of wheels that do not slip and turn as fast as those of a rover without steering do.
+    """Return the effective track B' [m] of a rover that turns by different speeds of its two sides (skid steering).
 
-    Wheels at x from the middle of the axles slide sideways by Omega x and along by Omega s, the sides against each
-    other. Equal loads, one friction mu against the slide, whatever its direction, and a motion resistance R against
-    the rolling leave no moment where, `resistance` = R / mu,
+    A skid-steered rover yaws more slowly than its wheel speeds and its track B suggest, because its wheels are dragged
+    sideways. B' is the track of a rover without slip that yaws at the same rate with the same wheel speeds.
 
-        sum ((s B / 2 - x^2) / |(s, x)| - R B / (2 mu)) = 0,  B' = B + 2 s;  of two axles L apart, R = 0: B + L^2 / B.
+    At the yaw rate Omega, a wheel at x from the middle of the axles slides by Omega x across its heading and by Omega s
+    along its heading, where s is the unknown. All wheels carry equal loads; the friction coefficient mu acts against
+    the direction of sliding, and the coefficient R of motion resistance acts against rolling. In a turn on the spot the
+    moments of all wheels balance:
 
-    Source: quasi-static balance, as for skid-steered vehicles on firm ground. A slow build-up of shear takes more.
+        sum over wheels of ((s B / 2 - x^2) / sqrt(s^2 + x^2) - R B / (2 mu)) = 0,  B' = B + 2 s
 
-    Raises ParameterError: r is mu or more: such a rover does not turn.
+    For two axles L apart and R = 0 this gives B' = B + L^2 / B.
+
+    Parameters
+    ----------
+    rover : Rover
+        The rover.
+    resistance : float
+        R / mu [-], in [0, 1).
+
+    Raises
+    ------
+    ParameterError
+        R is not smaller than mu, so that the rover does not turn.
+
+    Source: quasi-static balance, as for skid-steered vehicles on firm ground. Simplified: shear that builds up slowly
+    makes the effective track larger.
     """
-    from scipy.optimize import brentq  # a steered rover has no use for it
+    from scipy.optimize import brentq  # imported here, because a rover with steering does not need it
 
     if not 0.0 <= resistance < 1.0:
         raise ParameterError(
-            f"{rover.name} has no wheel that steers, and its motion resistance is {resistance:.3g} of what the soil "
-            "holds: it does not turn by its sides' speeds; lower R, or give control.track."
+            f"Rover '{rover.name}' has no steered wheel, and its motion resistance is {resistance:.3g} times the "
+            "friction that the soil can bear, so that it does not turn by the speeds of its sides. Lower the motion "
+            "resistance R, or give the effective track as control.track."
         )
     length = np.array([place[0] for place in wheel_places(rover).values()])
     x, track = np.abs(length - np.mean(length)), base_of(rover).track
 
     def moment(s: float) -> float:
+        """Return the sum of the wheels' moments about the middle of the axles, divided by mu times a wheel's load [m],
+        in a turn on the spot. It is 0 for the sought value of s; `effective_track` defines s and mu.
+        """
         return float(np.sum((0.5 * s * track - x**2) / np.maximum(np.hypot(s, x), 1e-12) - 0.5 * resistance * track))
 
-    most = float(np.max(2.0 * x**2 / track + resistance * x)) / (1.0 - resistance)
-    return track + (2.0 * float(brentq(moment, 0.0, most)) if most > 0.0 else 0.0)
+    # At this s even the wheel that is furthest from the middle of the axles drives the turn, so the root lies below.
+    upper = float(np.max(2.0 * x**2 / track + resistance * x)) / (1.0 - resistance)
+    return track + (2.0 * float(brentq(moment, 0.0, upper)) if upper > 0.0 else 0.0)
+
+
+@lru_cache(maxsize=16)
+def reach_of(rover: Rover) -> tuple[np.ndarray, np.ndarray]:
+    """Return the corner of smallest and the corner of largest (x, y, z) of the box around the rover's bodies, [3] and
+    [3] (m), with all joints at zero.
+
+    Coordinates are in the base's axes. The shapes of the URDF are not needed: each body is taken as large as the
+    uniform cuboid with its mass m and inertia J. Along axis i such a cuboid extends sqrt(3 S_ii / m) to either side of
+    its centre, where S = tr(J) / 2 - J is the second moment of its mass. Source: rigid-body statics.
+    """
+    model, data = rover.model, rover.model.createData()
+    pin.forwardKinematics(model, data, pin.neutral(model))
+    # The world (index 0) has no body.
+    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    for pose, body in zip(data.oMi[1:], model.inertias[1:], strict=True):
+        J = pose.rotation @ body.inertia @ pose.rotation.T
+        second = np.trace(J) / 2.0 - np.diag(J)
+        half = np.sqrt(np.maximum(3.0 * second / body.mass, 0.0)) if body.mass > 0.0 else np.zeros(3)
+        centre = pose.act(body.lever)
+        low, high = np.minimum(low, centre - half), np.maximum(high, centre + half)
+    return low, high

@@ -1,4 +1,6 @@
-"""Ready-made drives by name, every number in them open: `scenario` composes scene, model and controller.
+"""Ready-made drives by name, in which every number can be changed.
 
-Start at `scenario`; `catalogue` lists what there is, `road_check` asks whether a rover stands and moves.
+Start at `scenario`, which joins terrain, model and controller. `scenes` holds the names, `catalogue` lists everything
+that a user can choose, `sensitivities` computes the derivatives of a drive, and `road_check` checks whether a rover can
+stand and move on its soil.
 """

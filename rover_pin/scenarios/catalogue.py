@@ -1,4 +1,7 @@
-"""What there is to choose from: scenarios, soils, rovers, effects, settings; found by looking, never listed by hand."""
+"""Lists what a user can choose: scenarios, soils, rovers, effects, samples and settings.
+
+The lists come from the code itself, so that a new scenario, soil or effect is listed without a change here.
+"""
 
 import inspect
 import math
@@ -9,7 +12,7 @@ from typing import Any
 
 from rover_pin.base.arguments import arguments_of
 from rover_pin.base.files.bounded import text
-from rover_pin.base.files.samples import sample_folder, sample_names
+from rover_pin.base.files.paths import sample_folder, sample_names
 from rover_pin.base.files.toml_file import read_toml
 from rover_pin.base.settings import Setting, numbers_of
 from rover_pin.contact import Soil
@@ -22,11 +25,13 @@ from rover_pin.scenarios.scenes import SCENES, Scene
 from rover_pin.simulation.model.effect_files import AnyEffect, package_effects
 
 ACTS = {Effect: "contact", MotorEffect: "motor", BodyEffect: "body", SensorEffect: "sensor"}
+"""Base class of an effect -> word for the part of the rover on which the effect acts. Lists of effects are in this
+order."""
 
 
 @dataclass(frozen=True)
 class Entry:
-    """One thing to choose: its name, what it is in one line, further facts, and its numbers."""
+    """One choice in a list, such as a soil: its name, one line of description, further facts, and its numbers."""
 
     name: str
     summary: str
@@ -34,7 +39,7 @@ class Entry:
     numbers: tuple[Setting, ...] = ()
 
     def as_dict(self) -> dict[str, Any]:
-        """Return plain values, as JSON has them; a bound that is not there is None."""
+        """Return the entry as plain values that can be written to JSON."""
         return {
             "name": self.name,
             "about": self.summary,
@@ -44,23 +49,32 @@ class Entry:
 
 
 def plain(number: Setting) -> dict[str, Any]:
-    """Return a number as plain values; what it has not is left out."""
+    """Return a numeric setting as plain values that can be written to JSON. Empty texts and infinite bounds are left
+    out.
+    """
     table = {name: value for name, value in number._asdict().items() if value not in ("", ())}
     bounds = {name: table.pop(name) for name in ("low", "high")}
     return {**table, **{name: value for name, value in bounds.items() if math.isfinite(value)}}
 
 
 def scenarios() -> list[Entry]:
-    """Return the ready-made drives: ground and duration, the ground's numbers, and what they set that others leave."""
+    """Return the list of ready-made drives, each with the numbers of its terrain and with its settings that are not
+    defaults.
+    """
     return [
         Entry(
-            name, scene.summary or first_sentence(scene.terrain), {"duration_s": scene.duration}, _of_scene(name, scene)
+            name,
+            scene.summary or first_sentence(scene.terrain),
+            {"duration_s": scene.duration},
+            _numbers_of_scene(name, scene),
         )
         for name, scene in SCENES.items()
     ]
 
 
-def _of_scene(name: str, scene: Scene) -> tuple[Setting, ...]:
+def _numbers_of_scene(name: str, scene: Scene) -> tuple[Setting, ...]:
+    """Return the settings of a scene that differ from the defaults, and all numbers of the scene's terrain."""
+    # A terrain of a file has no numbers before the file is known, so that only the arguments of its reader are listed.
     if "path" in scene.terrain_settings:
         arguments = arguments_of(scene.terrain).items()
         return tuple(
@@ -75,71 +89,91 @@ def _of_scene(name: str, scene: Scene) -> tuple[Setting, ...]:
 
 
 def soils() -> list[Entry]:
-    """Return the parameter sets, each number with its source."""
-    return [Entry(name, _soil_summary(soil), {}, numbers_of(soil)) for name, soil in SOILS.items()]
-
-
-def _soil_summary(soil: Soil) -> str:
-    return "The paper's Table 1, completed where it is silent" if type(soil) is Soil else first_sentence(type(soil))
+    """Return the list of the package's soils, each with its numbers and their sources."""
+    entries = []
+    for name, soil in SOILS.items():
+        # The soil of Table 1 is the class Soil itself, whose docstring is about every soil.
+        is_table_1 = type(soil) is Soil
+        summary = "The paper's Table 1, completed where it is silent" if is_table_1 else first_sentence(type(soil))
+        entries.append(Entry(name, summary, {}, numbers_of(soil)))
+    return entries
 
 
 def rovers() -> list[Entry]:
-    """Return the rovers that come along."""
-    return [_rover(file.stem) for file in sorted(rover_folder().glob("*.toml"))]
-
-
-def _rover(name: str) -> Entry:
-    rover = load_rover(name)
-    steered = sum(wheel.steer_dof is not None for wheel in rover.wheels)
-    joints = [angle for angle in rover.angles if not angle.startswith("steer_")]
-    facts = {"wheels": len(rover.wheels), "steered": steered, "mass_kg": round(rover.mass, 6), "suspension": joints}
-    summary = f"{len(rover.wheels)} wheels of r = {1e3 * float(rover.wheel.r):g} mm, {rover.mass:.3g} kg"
-    return Entry(name, summary, {**facts, "file": str(rover_folder() / f"{name}.toml")}, numbers_of(rover.wheel))
+    """Return the list of the package's rovers, each with its mass, wheels and suspension."""
+    entries = []
+    for file in sorted(rover_folder().glob("*.toml")):
+        rover = load_rover(file.stem)
+        facts = {
+            "wheels": len(rover.wheels),
+            "steered": sum(wheel.steer_dof is not None for wheel in rover.wheels),
+            "mass_kg": round(rover.mass, 6),
+            "suspension": [angle for angle in rover.angles if not angle.startswith("steer_")],
+            "file": str(file),
+        }
+        summary = f"{len(rover.wheels)} wheels of r = {1e3 * float(rover.wheel.r):g} mm, {rover.mass:.3g} kg"
+        entries.append(Entry(file.stem, summary, facts, numbers_of(rover.wheel)))
+    return entries
 
 
 def effects() -> list[Entry]:
-    """Return the effects of the package, by where they act."""
-    kinds = sorted(package_effects(), key=lambda kind: (list(ACTS.values()).index(_acts(kind)), kind.__name__))
-    return [_effect(kind) for kind in kinds]
-
-
-def _effect(kind: type[AnyEffect]) -> Entry:
-    summary = first_sentence(sys.modules[kind.__module__])
-    named = {"title": kind.title, "meaning": kind.meaning}
-    facts = {**named, "acts": _acts(kind), "equation": first_line(kind), "vanishes_at": dict(kind.neutral)}
-    return Entry(kind.__name__, summary, facts, numbers_of(kind()))
+    """Return the list of the package's effects, sorted by the part of the rover on which they act, then by name."""
+    entries = []
+    for kind in sorted(package_effects(), key=lambda kind: (list(ACTS.values()).index(_acts(kind)), kind.__name__)):
+        facts = {
+            "title": kind.title,
+            "meaning": kind.meaning,
+            "acts": _acts(kind),
+            "equation": first_line(kind),
+            "vanishes_at": dict(kind.neutral),
+        }
+        entries.append(Entry(kind.__name__, first_sentence(sys.modules[kind.__module__]), facts, numbers_of(kind())))
+    return entries
 
 
 def _acts(kind: type[AnyEffect]) -> str:
+    """Return the word for the part of the rover on which an effect acts (see ACTS)."""
     return next(word for base, word in ACTS.items() if issubclass(kind, base))
 
 
 def samples() -> list[Entry]:
-    """Return the measured data that come along, each with where it is from."""
-    return [_sample(name) for name in sample_names()]
-
-
-def _sample(name: str) -> Entry:
-    folder = sample_folder() / name
-    file = next(folder.glob("*.toml"))
-    summary = text(file).split("\n")[0].removeprefix("#").strip()
-    return Entry(name, summary, {"source": str(read_toml(file)["source"]), "folder": str(folder)})
+    """Return the list of the measured data sets that come with the package, each with its source."""
+    entries = []
+    for name in sample_names():
+        folder = sample_folder() / name
+        file = next(folder.glob("*.toml"))
+        summary = text(file).split("\n")[0].removeprefix("#").strip()  # a comment that describes the sample
+        entries.append(Entry(name, summary, {"source": str(read_toml(file)["source"]), "folder": str(folder)}))
+    return entries
 
 
 def settings(scenario: str = "ditch", **overrides: Any) -> list[Setting]:
-    """Return everything that can be set of a scenario, as driven with what is given, with its default.
+    """Return every setting of a scenario with its default, sorted by the number of dots in its name and then by name.
 
-    Raises ParameterError: an unknown scenario or setting.
+    Parameters
+    ----------
+    scenario : str
+        Name of a ready-made drive.
+    **overrides
+        Settings of the drive. Defaults that depend on these settings, such as the numbers of another soil, follow them.
+
+    Raises
+    ------
+    ParameterError
+        The scenario or a setting is unknown.
     """
     return sorted(settings_of(scenario, **overrides), key=lambda setting: (setting.name.count("."), setting.name))
 
 
 def first_line(thing: Any) -> str:
-    """Return the first line of a docstring, without its full stop."""
+    """Return the first line of the docstring of a module, class or function, without its full stop."""
     return (inspect.getdoc(thing) or "").split("\n")[0].removesuffix(".")
 
 
 def first_sentence(thing: Any) -> str:
-    """Return a docstring's first line as said of a thing: without its full stop and a leading 'Return'."""
+    """Return the first line of the docstring of a module, class or function, as a description for a list.
+
+    The full stop and a leading 'Return' are removed, and the first letter becomes a capital letter.
+    """
     sentence = first_line(thing).removeprefix("Return ")
     return sentence[:1].upper() + sentence[1:]

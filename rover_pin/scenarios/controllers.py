@@ -1,7 +1,6 @@
-"""Ready-made controllers by the words that settings have for them."""
+"""The ready-made controllers that the words of the setting `control` name. Start at `controller_from`."""
 
 import math
-from typing import Any
 
 from rover_pin.base.arguments import spec
 from rover_pin.base.errors import ParameterError
@@ -9,49 +8,78 @@ from rover_pin.base.public import SHORT, fits, words
 from rover_pin.base.quantity import parse_quantity
 from rover_pin.base.settings import Settings
 from rover_pin.base.trust import Trust
-from rover_pin.control.constant import ConstantDuty
 from rover_pin.control.design.controller_file import controller_of_file
-from rover_pin.control.hole_law import HoleLaw
 from rover_pin.control.motion.kinematics import steers
 from rover_pin.control.motion.route import RouteControl, read_route
 from rover_pin.control.motion.servo import HeldSpeeds, Servo, cruise_speed
+from rover_pin.control.open_loop import ConstantDuty, Crab, Turn
 from rover_pin.control.sensing.odometry import Camera, TrackedSlip, Tracker, VisualOdometry
 from rover_pin.control.sensing.onboard_slip import OnboardSlip
 from rover_pin.control.sensing.stop import Stop, StopStuck
-from rover_pin.control.slip_control import HOLE_GAINS, Gains, SlipControl, load_gains, load_hole
+from rover_pin.control.slip_control import HOLE_GAINS, Gains, HoleLaw, SlipControl, load_gains, load_hole
 from rover_pin.control.slip_estimate import SlipEstimate, TableEstimate, TrueSlip, flat_table
-from rover_pin.control.steering import Crab, Turn
 from rover_pin.control.torque_check import LOST_SLIP, NoLimit, TorqueLimit, TorqueLimited
 from rover_pin.effects.motion_resistance import MotionResistance
 from rover_pin.rover.wheel_base import base_of, effective_track
-from rover_pin.scenarios.side_force_choice import TURNS
 from rover_pin.simulation.command import Controller
 from rover_pin.simulation.model.cruise import CRUISE_DUTY
 from rover_pin.simulation.model.defaults import scale
 from rover_pin.simulation.model.model import Model
-from rover_pin.simulation.timing import CONTROL_PERIOD
+from rover_pin.simulation.stepping.timing import CONTROL_PERIOD
 
+TURNS = ("turn", "point-turn", "crab", "cmd-vel", "rates", "route")
+"""Words of the setting `control` for controls that steer the wheels, or that drive the two sides at different
+speeds."""
 CONTROLS = ("none", "limit", "eq9", "onboard", "camera", "tracked", "true", *TURNS)
+"""All words of the setting `control`."""
 RADIUS = 1.0
-"""Radius [m] of a turn of Nexus 6; that of another rover is larger as its wheels are."""
+"""Default radius of a turn of the rover Nexus 6 [m]. For another rover the radius is scaled with the size of the
+wheels."""
 ROUTE = ((1.0, 0.0), (2.0, 0.6), (3.0, 0.6))
-"""Way-points x, y [m] of Nexus 6 where none are given."""
+"""Default way-points (x, y) of a route of the rover Nexus 6 [m]. For another rover they are scaled with the size of the
+wheels."""
 SLIP_LIMIT = spec("", "assumed: the slip whose torque is the limit", 0.0, 1.0)
 AIMS = ("constant", "hole")
+"""Words of the setting `control.aim`: the desired slip is constant, or follows the depth of each wheel's hole."""
 STOPS = {"stuck": True, "never": False}
+"""Word of the setting `control.stop` -> whether the controller stops a rover that is stuck."""
 SEED = 1
-"""Of the noise of a scenario's camera or tracker."""
-NOISE_SEED = spec("", "assumed: any whole number does", 0.0, 2.0**31)
+"""Default seed of the random noise of a camera or a tracker."""
+NOISE_SEED = spec("", "assumed: any whole number", 0.0, 2.0**31)
 LIMITS = ("none", "saturation", "at-slip")
+"""Words of the setting `control.limit`, which chooses how the control limits the wheel torque."""
 
 
 def controller_from(request: Settings, model: Model, trust: Trust) -> Controller:
-    """Return the controller that `control` and `control.FIELD` ask for; a file of one must be trusted."""
+    """Return the controller that the settings `control` and `control.FIELD` describe.
+
+    Parameters
+    ----------
+    request : Settings
+        The user's settings. `control` is a word of CONTROLS, a controller in memory, or the path of a .py file.
+    model : Model
+        The model that is driven; default numbers depend on its rover, motor and soil.
+    trust : Trust
+        The user's consent to run files of code.
+
+    Raises RoverPinError: a word or number is not allowed, or `trust` does not allow a file of code.
+    """
     source = "none: constant duty; eq9: paper, Eq 9"
+    # First possibility: a controller in memory, that is a function that returns duties.
     if not isinstance(request.values.get("control", ""), str):
-        return _own(request.take("control", "none", CONTROLS, source))
+        value = request.take("control", "none", CONTROLS, source)
+        if not fits(value, Controller):
+            raise ParameterError(
+                f"control = {SHORT.repr(value)} is not allowed: give {words(Controller)} and returns duties in [-1, "
+                f"1], or one of {', '.join(CONTROLS)}, or a .py file with a controller. A constant duty is "
+                "control.delta=0.3."
+            )
+        controller: Controller = value
+        return controller
+    # Second possibility: a user's file, which runs only with the user's consent.
     if str(request.values.get("control", "")).endswith(".py"):
         return controller_of_file(request.take("control", "none", CONTROLS, source), model, trust)
+    # Third possibility: a word for a ready-made control.
     kind = request.choice("control", "none", {name: name for name in CONTROLS}, source)
     if kind in ("none", "limit"):
         constant = ConstantDuty(**request.record("control", ConstantDuty))
@@ -65,57 +93,79 @@ def controller_from(request: Settings, model: Model, trust: Trust) -> Controller
         return _route(request, model)
     if kind == "crab":
         return Crab.of(model.rover, **request.arguments("control", Crab.of, {}, ("angle", "delta")))
+    # The remaining words are slip controls, which differ in the slip that they feed back.
     estimate = _estimate(kind, model, request)
     if not isinstance(estimate, OnboardSlip):
         return _slip_control(request, model, estimate, "constant")
     slip_control = _slip_control(request, model, estimate, "hole")
-    stop = request.choice("control.stop", "stuck", STOPS, "beyond the paper: a rover that is stuck digs on")
+    # A rover that is stuck would dig itself in, so that the on-board estimates stop it by default.
+    stop = request.choice("control.stop", "stuck", STOPS, "beyond the paper: a rover that is stuck digs itself in")
     return StopStuck(slip_control, estimate, Stop(**request.record("control.stop", Stop))) if stop else slip_control
 
 
 def drives_straight(request: Settings) -> bool:
-    """Return whether the control is one of those that tell no left from right; one of your own may."""
+    """Return whether the control treats the left and the right side of the rover alike.
+
+    For a user's own control the result is False, because its code is unknown.
+    """
     kind = request.known["control"].value
     return isinstance(kind, str) and kind in CONTROLS and kind not in TURNS
 
 
 def _turn(request: Settings, model: Model, radius: float) -> Turn | HeldSpeeds:
-    """Return a turn by duties and steering; where no wheel steers, by the sides' speeds, which servos hold."""
+    """Return a control that drives a turn of a given radius [m]; the radius 0 is a turn on the spot.
+
+    If wheels can be steered, the control sets duties and steering angles; otherwise servos hold different speeds on the
+    two sides. Settings may replace the radius and the duty.
+    """
     defaults = {"radius": radius, "delta": CRUISE_DUTY}
     chosen = {**defaults, **request.arguments("control", Turn.of, defaults, ("radius", "delta"))}
     if any(steers(model.rover)):
         return Turn.of(model.rover, **chosen)
+    # Without steering, the rover turns like a tracked vehicle: the sides run at different speeds.
     sides = {"track": _track(request, model)}
     sides |= request.arguments("control", HeldSpeeds.of, sides, ("track",))
     return HeldSpeeds.turning(model.rover, model.motor, **chosen, **sides)
 
 
 def _track(request: Settings, model: Model) -> float:
-    """Return the effective track [m] of a rover without steering on its soil, which holds tan phi of the load."""
+    """Return the effective track [m] of a rover without steering on the model's soil (see `effective_track`).
+
+    The friction coefficient between wheel and soil is taken as tan phi, with the friction angle phi of the soil. The
+    result is 0 if a setting states the track.
+    """
     if "control.track" in request.values:
         return 0.0
+    # The ratio of rolling resistance to sliding friction decides how much the speeds of the sides must differ.
     R = sum(float(effect.R) for effect in model.effects if isinstance(effect, MotionResistance))
     return effective_track(model.rover, R / math.tan(float(model.soils[0].phi)))
 
 
 def turning_note(request: Settings, model: Model, controller: Controller) -> tuple[str, ...]:
-    """Return what is to be said of a turn by the sides' speeds."""
+    """Return a tuple with a note for the user if the rover turns by different speeds of its two sides.
+
+    This is so if no wheel can be steered. Otherwise the tuple is empty.
+    """
     if request.known["control"].value not in ("turn", "point-turn") or not isinstance(controller, HeldSpeeds):
         return ()
     return (
-        f"turn: no wheel steers, so servos hold the speeds of its sides, for a track of {controller.track:.3g} m "
-        f"({base_of(model.rover).track:.3g} between the wheels; the rest makes up for scrub and resistance)",
+        f"turn: no wheel steers, so servos hold the speeds of the two sides, for a track of {controller.track:.3g} m "
+        f"({base_of(model.rover).track:.3g} m between the wheels; the difference compensates sliding and resistance)",
     )
 
 
 def _held_speeds(request: Settings, model: Model, kind: str) -> HeldSpeeds:
-    """Return a body speed and yaw rate, or rates of all wheels, held by servos."""
+    """Return a control whose servos hold a body speed and a yaw rate, or the rates of all wheels.
+
+    `kind` is the word of the setting `control`: "cmd-vel" (speed and yaw rate) or "rates" (wheel rates).
+    """
     rover, motor = model.rover, model.motor
     servo, limit = Servo(**request.record("control.servo", Servo)), _limit(request, model, "none")
     if kind == "rates":
         rates = {"rates": (CRUISE_DUTY * float(motor.no_load_rate),) * len(rover.wheels)}
         rates |= request.arguments("control", HeldSpeeds.at, rates, ("rates",))
         return HeldSpeeds.at(rover, motor, rates["rates"], servo, limit)
+    # A rover with steering can also crab; a rover without steering needs its effective track.
     steered = any(steers(rover))
     defaults = {"speed": cruise_speed(rover, motor), "track": 0.0 if steered else _track(request, model)}
     names = ("speed", "yaw_rate", "crab" if steered else "track")
@@ -124,12 +174,17 @@ def _held_speeds(request: Settings, model: Model, kind: str) -> HeldSpeeds:
 
 
 def _route(request: Settings, model: Model) -> RouteControl:
-    """Return what drives a route from where the rover starts; usual way-points are further apart for larger wheels."""
+    """Return the control that drives along way-points, beginning at the rover's start.
+
+    The way-points come from the setting `control.route`. Without this setting, they are ROUTE, scaled with the size of
+    the wheels.
+    """
     size, rover, motor = scale(model.rover), model.rover, model.motor
     default_route = " ".join(f"{size * x:.3g},{size * y:.3g}" for x, y in ROUTE)
     words = str(
-        request.take("control.route", default_route, source="way-points x,y x,y ... [m], or a file of x_m, y_m")
+        request.take("control.route", default_route, source="way-points x,y x,y ... [m], or a file with x_m, y_m")
     )
+    # The way-points count from the rover's start, which other settings may move.
     start = tuple(parse_quantity(request.values.get(f"start.{axis}", 0.0), "m", f"start.{axis}") for axis in "xy")
     defaults = {"speed": cruise_speed(rover, motor), "lookahead": 2.0 * base_of(rover).length}
     if not any(steers(rover)):
@@ -140,9 +195,15 @@ def _route(request: Settings, model: Model) -> RouteControl:
 
 
 def _slip_control(request: Settings, model: Model, estimate: SlipEstimate, usual_aim: str) -> SlipControl:
-    """Return the slip law, its desired slip constant or by each wheel's hole, with usual gains for either."""
+    """Return the slip control that feeds back a given slip estimate.
+
+    The desired slip is constant, or follows the depth of each wheel's hole (setting `control.aim`). Without a file of
+    tuned gains, `usual_aim` is the default of this setting; with such a file, the default is the law for which the file
+    has gains.
+    """
     file = request.take("control.gains", None, source="a file of tuned gains, as tune writes it")
     r = float(model.rover.wheel.r)
+    # A file of tuned gains may hold a law of the desired slip by depth (the hole law).
     tuned = None if file is None else load_hole(str(file), r)
     source = "constant: paper, section 5; hole: beyond the paper"
     usual_aim = usual_aim if file is None else "hole" if tuned else "constant"
@@ -155,18 +216,10 @@ def _slip_control(request: Settings, model: Model, estimate: SlipEstimate, usual
     return SlipControl(gains, estimate, _limit(request, model, "saturation"), hole=hole)
 
 
-def _own(value: Any) -> Controller:
-    """Return a controller in memory."""
-    if not fits(value, Controller):
-        raise ParameterError(
-            f"control = {SHORT.repr(value)} is not allowed: give {words(Controller)} and returns duties in [-1, 1], or "
-            f"one of {', '.join(CONTROLS)}, or a .py file of one; a constant duty is control.delta=0.3."
-        )
-    controller: Controller = value
-    return controller
-
-
 def _estimate(kind: str, model: Model, request: Settings) -> SlipEstimate | OnboardSlip:
+    """Return the slip estimate that belongs to a word of the setting `control`: true, tracked, onboard, camera or
+    eq9.
+    """
     if kind == "true":
         return TrueSlip()
     if kind == "tracked":
@@ -181,7 +234,10 @@ def _estimate(kind: str, model: Model, request: Settings) -> SlipEstimate | Onbo
 
 
 def _seed(request: Settings) -> int:
-    """Return the seed of the noise of a camera or tracker."""
+    """Return the seed of the random noise of a camera or a tracker, from the setting `control.seed`.
+
+    Raises ParameterError: the seed is not a whole number.
+    """
     seed = request.number("control.seed", SEED, NOISE_SEED)
     if seed != int(seed):
         raise ParameterError(f"control.seed = {seed:g} is not allowed: give a whole number.")
@@ -189,6 +245,10 @@ def _seed(request: Settings) -> int:
 
 
 def _limit(request: Settings, model: Model, default: str) -> TorqueLimit | NoLimit:
+    """Return the torque check that the setting `control.limit` chooses. `default` is the word without this setting.
+
+    A torque check limits the wheel torque to the torque that the soil can bear.
+    """
     word = request.choice("control.limit", default, {name: name for name in LIMITS}, "paper, Fig 9: the torque check")
     if word == "none":
         return NoLimit()

@@ -1,4 +1,6 @@
-"""Whether a rover stands on its soil and whether its motors move it: statics and torques against the soil's bounds."""
+"""Checks whether a rover can stand on its soil, and whether its motors can move it there, by statics and torque
+bounds.
+"""
 
 import math
 from dataclasses import dataclass
@@ -8,8 +10,8 @@ from scipy.optimize import brentq
 
 from rover_pin.base.errors import ParameterError
 from rover_pin.contact import Soil
-from rover_pin.control.bound_pull import TractionLimit
 from rover_pin.control.rover_bounds import driven_slope
+from rover_pin.control.torque_bounds import TractionLimit
 from rover_pin.effects.motion_resistance import MotionResistance
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.parameters.gravity import EARTH
@@ -25,94 +27,114 @@ from rover_pin.soil.wheel_forces import TorqueTraction
 
 @dataclass(frozen=True)
 class RoadCheck:
-    """What a rover does on the flat of its soil, in a sentence each; `faults` say why it does not."""
+    """Result of the check whether a rover can stand and move on level ground, in sentences for the user."""
 
     stands: str
+    "whether the rover stands, with loads and depths of the wheels; begins with yes or no"
     moves: str
+    "whether the motors move the rover, with torques and slopes; begins with yes or no"
     assumed: tuple[str, ...]
+    """sentences on numbers of soil and motor that are assumed, because the rover's TOML does not state them"""
     faults: tuple[str, ...] = ()
+    "reasons why the rover does not stand or move; empty if it does both"
 
 
 def road_check(rover: Rover) -> RoadCheck:
-    """Return whether the rover stands on the soil of its TOML and whether its motors move it there, on the Earth.
+    """Return whether a rover can stand on the soil of its TOML, and whether its motors can move it, under Earth's
+    gravity.
 
-    It stands where static loads are carried before any wheel is buried (BURIED r deep at S = 0). It moves where the
-    motors at duty 0.55, held still, exceed the torque R W r that the flat takes. Torque form, the wheel's usual arc.
+    The rover can stand if every wheel carries its static load without slip at a sinkage of at most BURIED r, where r is
+    the wheel radius. It can move if the stall torque of its motors at the usual duty (CRUISE_DUTY) exceeds the torque R
+    W r that level ground needs, where W is the load of a wheel and R the motion resistance as a fraction of W. The
+    traction is that of the torque form with the usual contact angles of the wheel.
 
-    Raises ParameterError: a soil or motor that its TOML names and that is not known.
+    Raises ParameterError: the TOML names an unknown soil or motor.
+
+    Examples
+    --------
+    >>> from rover_pin import load_rover
+    >>> road_check(load_rover("nexus6")).faults
+    ()
     """
-    (soil, of_soil), (motor, of_motor) = driven_soil(rover), own_motor(rover)
-    assumed = (*of_soil, *of_motor)
+    (soil, soil_notes), (motor, motor_notes) = driven_soil(rover), own_motor(rover)
+    assumed = (*soil_notes, *motor_notes)
     try:
         stands = _stance(rover, soil)
-        resistance = _resistance(rover, soil)
+        effects = base_effects(soil, rover, SoilTraction(TorqueTraction(), usual_angles(rover)))
+        resistance = sum(float(effect.R) for effect in effects if isinstance(effect, MotionResistance))
     except ParameterError as error:
-        answer = f"no: {error}"
-        return RoadCheck(answer, "no: it does not stand", assumed, (f"it does not stand on its soil: {error}",))
+        fault = f"the rover does not stand on its soil: {error}"
+        return RoadCheck(f"no: {error}", "no: the rover does not stand", assumed, (fault,))
     moves, fault = _motion(rover, soil, motor, resistance)
     return RoadCheck(stands, moves, assumed, (fault,) if fault else ())
 
 
 def _stance(rover: Rover, soil: Soil) -> str:
+    """Return a sentence with the smallest and largest load and sinkage of the wheels on level ground.
+
+    Raises ParameterError: the rover cannot stand, or a wheel is buried.
+    """
+    # A wheel that hangs higher than the most loaded wheel sinks does not reach the ground; the other wheels carry its
+    # load.
     gaps, loads, depths = hanging_wheels(rover), wheel_loads(rover, 0.0), []
     if gaps:
-        sinks = sinkage(entry_angle(float(loads.max()), 0.0, rover.wheels[0].wheel, soil), rover.wheels[0].wheel)
-        gaps = {name: gap for name, gap in gaps.items() if gap > float(sinks)}
+        deepest = sinkage(entry_angle(float(loads.max()), 0.0, rover.wheels[0].wheel, soil), rover.wheels[0].wheel)
+        gaps = {name: gap for name, gap in gaps.items() if gap > float(deepest)}
         loads = wheel_loads(rover, 0.0, hanging=gaps)
     loaded = [(load, mount) for load, mount in zip(loads, rover.wheels, strict=True) if mount.name not in gaps]
+    # Without slip, the depth follows from the load alone.
     for load, mount in loaded:
         depth = float(sinkage(entry_angle(float(load), 0.0, mount.wheel, soil), mount.wheel))
         if depth > BURIED * float(mount.wheel.r):
             raise ParameterError(
-                f"wheel {mount.name} under {load:.3g} N is buried, {1e3 * depth:.0f} mm deep: over {BURIED:g} r; "
-                "name a firmer soil, in the TOML's [soil], or take wider wheels."
+                f"wheel {mount.name} under {load:.3g} N is buried: it sinks {1e3 * depth:.0f} mm, more than {BURIED:g} "
+                "r. Choose a firmer soil in the TOML's [soil], or wider wheels."
             )
         depths.append(depth)
-    least, shallow, deep = min(load for load, _ in loaded), 1e3 * min(depths), 1e3 * max(depths)
-    return (
-        f"yes: {least:.3g} to {loads.max():.3g} N a wheel, {shallow:.2g} to {deep:.2g} mm deep on the flat"
-        f"{_carrying_nothing(gaps)}"
+    # Loads in newtons, depths in millimetres for the reader.
+    smallest, shallow, deep = min(load for load, _ in loaded), 1e3 * min(depths), 1e3 * max(depths)
+    stance = (
+        f"yes: on level ground the wheels carry {smallest:.3g} to {loads.max():.3g} N and sink {shallow:.2g} to "
+        f"{deep:.2g} mm"
     )
-
-
-def _carrying_nothing(gaps: dict[str, float]) -> str:
-    """Return what is to be said of wheels that hang above the ground."""
     if not gaps:
-        return ""
+        return stance
     carry = "carries" if len(gaps) == 1 else "carry"
-    return f"; {', '.join(gaps)} {carry} nothing, {1e3 * min(gaps.values()):.2g} mm or more above it"
-
-
-def _resistance(rover: Rover, soil: Soil) -> float:
-    effects = base_effects(soil, rover, SoilTraction(TorqueTraction(), usual_angles(rover)))
-    return sum(float(effect.R) for effect in effects if isinstance(effect, MotionResistance))
+    return f"{stance}; {', '.join(gaps)} {carry} nothing, {1e3 * min(gaps.values()):.2g} mm or more above the ground"
 
 
 def _motion(rover: Rover, soil: Soil, motor: Motor, R: float) -> tuple[str, str]:
-    """Return what is said of the motion, and the fault where there is none."""
+    """Return a sentence on whether and how the rover can move, and the fault if it cannot move (else an empty text).
+
+    R is the motion resistance of a wheel as a fraction of its load.
+    """
+    # Torque that one wheel needs on level ground, R W r with its share W of the weight, and torque of its motor.
     weight, stall = rover.mass * EARTH, float(motor.stall_torque)
     needed, torque = R * weight * float(rover.radii.mean()) / len(rover.wheels), CRUISE_DUTY * stall
     if torque <= needed:
-        why = f"its motors stall: {torque:.3g} N m a wheel at duty {CRUISE_DUTY:g}, and the flat takes {needed:.3g} N m"
-        return f"no: {why}", f"{why}; a stronger motor or gear goes into the TOML's [motor]."
-    by_motor = _held_slope(stall * float(np.sum(1.0 / rover.radii)), R, weight)
-    most, slipping = (
+        reason = (
+            f"its motors stall: at duty {CRUISE_DUTY:g} a motor gives {torque:.3g} N m, but the flat takes "
+            f"{needed:.3g} N m a wheel"
+        )
+        return f"no: {reason}", f"{reason}. State a stronger motor or gear in the TOML's [motor]."
+
+    def spare(slope: float) -> float:
+        """Return the thrust of all wheels [N] that remains at full duty on a slope [rad].
+
+        The slope needs the force weight (sin(slope) + R cos(slope)).
+        """
+        return stall * float(np.sum(1.0 / rover.radii)) - weight * (math.sin(slope) + R * math.cos(slope))
+
+    # The steepest slope by the motors is where the thrust at full duty equals the demand. The steepest slope by the
+    # soil depends on the slip: at S = 0.2 the rover still advances well, and at S = 1 it only holds its place.
+    by_motor = 90.0 if spare(math.pi / 2) >= 0.0 else math.degrees(brentq(spare, -math.pi / 2, math.pi / 2))
+    by_soil, slipping = (
         math.degrees(driven_slope(rover, soil, TractionLimit(slip, TorqueTraction(), usual_angles(rover)), R=R))
         for slip in (1.0, 0.2)
     )
-    first = "the motors" if by_motor < most else "the soil"
+    first = "the motors give" if by_motor < by_soil else "the soil gives"
     return (
-        f"yes: the flat takes {needed:.3g} N m a wheel, the motor gives {torque:.3g} N m at duty {CRUISE_DUTY:g}; "
-        f"motors hold {by_motor:.0f} deg at full duty, the soil {most:.0f} deg at S = 1 and {slipping:.0f} deg at "
-        f"S = 0.2: "
-        f"{first} give{'' if first == 'the motors' else 's'} first"
+        f"yes: the flat takes {needed:.3g} N m a wheel, and at duty {CRUISE_DUTY:g} a motor gives {torque:.3g} N m. "
+        f"The motors hold {by_motor:.0f} deg at full duty, the soil {by_soil:.0f} deg at S = 1 and {slipping:.0f} deg "
+        f"at S = 0.2: {first} way first"
     ), ""
-
-
-def _held_slope(thrust: float, R: float, weight: float) -> float:
-    """Return the slope [deg] at which thrust = weight (sin + R cos)."""
-
-    def spare(slope: float) -> float:
-        return thrust - weight * (math.sin(slope) + R * math.cos(slope))
-
-    return 90.0 if spare(math.pi / 2) >= 0.0 else math.degrees(brentq(spare, -math.pi / 2, math.pi / 2))

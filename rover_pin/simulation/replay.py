@@ -1,7 +1,9 @@
-"""A logged run driven again: the model under the logged commands, held to the place where the log was.
+"""Replay of a logged run: the model drives under the logged commands, and is pulled to the logged position so that it
+stays near it.
 
-Commands are duties, which the motors turn into torques, or the measured wheel rates themselves: then the wheels turn as
-they did, whatever torque that takes, motors are out of sight, and what is compared is where that moves the rover.
+The commands are either duties, which the motors turn into torques, or the measured wheel rates. In the second case the
+wheels turn at the measured rates, whatever torque this needs. The motors then have no influence, and the replay shows
+how far wheels with these rates move the rover.
 """
 
 from __future__ import annotations
@@ -15,7 +17,7 @@ import numpy as np
 from rover_pin.base.errors import DataError
 from rover_pin.effects.tracked_point import DRAWN
 from rover_pin.simulation.compiled.kernel import Kernel
-from rover_pin.simulation.failure import FASTEST, failure
+from rover_pin.simulation.failure import MAX_SPEED, failure
 from rover_pin.simulation.logged_inputs import (
     PLACE,
     duty_before,
@@ -26,147 +28,178 @@ from rover_pin.simulation.logged_inputs import (
     true_inputs,
 )
 from rover_pin.simulation.model.model import Model
-from rover_pin.simulation.native.loop import Loop, Outcome
+from rover_pin.simulation.native.loop import Loop, LoopStatus
 from rover_pin.simulation.native.shared import RECORD
-from rover_pin.simulation.pace import FINEST
-from rover_pin.simulation.resolution import parts
-from rover_pin.simulation.start.place import SharedRest, Start, settled_state, taken_over
-from rover_pin.simulation.timing import Timing
-from rover_pin.simulation.trace.inertial import GRAVITY, has_inertial
+from rover_pin.simulation.sensors import GRAVITY, has_inertial
+from rover_pin.simulation.start import SharedRest, Start, settled_state, taken_over
+from rover_pin.simulation.stepping.pace import FINEST
+from rover_pin.simulation.stepping.resolution import parts
+from rover_pin.simulation.stepping.timing import Timing
 from rover_pin.simulation.trace.trace import Trace
 from rover_pin.terrain.terrain import Terrain
 
 PERIOD = 0.05
-"""Time between rows of a replay [s], unless the log's rows are further apart."""
+"""Shortest time between the rows of a replay [s]. If the rows of the log are further apart, the rows of the replay have
+their median distance."""
 ROUGH = 20.0
-"""How many times `pace.ROUGH` its steps may misjudge: a tracker sees less than a drive's tolerance."""
+"""Factor by which a replay enlarges the limits of the forecast error (`pace.ROUGH`, `pace.CALM`), so that its steps may
+be longer than those of a drive. Reason: a tracker that measures positions does not resolve the small errors that a
+drive tolerates."""
 HOLD = 1.0
-"""Time constant [s] with which the simulated rover is drawn to the logged place and heading."""
-CHECKED = 10
-"""Rows between two looks whether the rover still drives."""
+"""Time constant [s] with which the simulated rover is pulled to the logged position and heading."""
+ROWS_PER_CHECK = 10
+"""Number of rows between two checks whether the rover can still drive, or has capsized, for example."""
 FIRST_ROWS = 5
-"""Rows at the start whose mean is the place where the run began, unless the log declares it."""
+"""Number of rows at the beginning of a log whose mean position is taken as the start of the run. It is not used if the
+log declares the start."""
 
 
 @dataclass(frozen=True, eq=False)
-class Commands:
-    """What a logged run did, on the rows of its replay: `t` [s] (T,), duty (T, wheels), steering and place.
-
-    `place` (T, 3) is the logged x, y [m] and heading [rad], not a number where the log has a gap. Where the wheels are
-    held to their measured `rate` [rad/s] (T, wheels), the duty is that rate as a share of the fastest.
+class ReplayCommands:
+    """Commands and positions of a logged run, interpolated to the T rows of its replay, which have equal distances in
+    time.
     """
 
     t: np.ndarray
+    """(T,) times of the rows [s]"""
     duty: np.ndarray
+    """(T, wheels) duties [-]; if the wheels turn at measured rates, these are the rates divided by the largest rate
+    (`shares`)"""
     steer: np.ndarray
+    """(T, servos) commanded angle of each steered wheel [rad]"""
     place: np.ndarray
+    """(T, 3) logged x, y [m] and heading [rad] of the base; NaN in gaps of the log"""
     start: Start
+    "position and heading at which the run begins"
     rate: np.ndarray | None = None
+    "(T, wheels) measured rates [rad/s] at which the wheels turn in the replay; None: the duties drive the motors"
     terrain: Terrain | None = None
-    "the ground of this run alone, instead of the model's"
+    """ground of this run; None: the ground of the model"""
     inertial: bool = False
-    "whether an inertial unit was logged"
+    """whether the log has readings of an inertial measurement unit"""
 
     def on(self, model: Model) -> Model:
-        """Return a model on the ground of this run."""
+        """Return the model with the ground of this run, if the run has its own; otherwise the model itself."""
         return model if self.terrain is None else model.replace(terrain=self.terrain)
 
     @property
     def rate_driven(self) -> bool:
-        """Whether the wheels are held to their measured rates."""
+        """Whether the wheels turn at their measured rates in the replay. If not, the motors turn the wheels under the
+        logged duties.
+        """
         return self.rate is not None
 
     @property
     def period(self) -> float:
-        """Time between rows [s]."""
+        """Time between two rows [s]."""
         return float(self.t[1] - self.t[0])
 
 
 @dataclass(frozen=True, eq=False)
 class Perturbation:
-    """Small additions for a description of what a model lacks, one row a time step: torques, force, grip.
-
-    `torque` (T, wheels) [N m] is added at the wheels, `force` (T,) [N] along the heading, `grip` (T,) changes tan phi
-    of the soil by this share. Any of them may be left out.
+    """Small additions to a replay of T rows, which represent missing effects: a torque at each wheel, a force on the
+    base, and a change of the soil's grip. None means that nothing is added.
     """
 
     torque: np.ndarray | None = None
+    "(T, wheels) torque added at the wheels [N m]"
     force: np.ndarray | None = None
+    """(T,) force on the base along its heading [N]"""
     grip: np.ndarray | None = None
+    """(T,) relative change of tan phi of all soils [-], where phi is the friction angle"""
 
 
 class StepsTaken(NamedTuple):
-    """The step [s] at which commands are looked at, and the lengths [s] of all that were taken, shorter where forces
-    ask for it."""
+    """The time steps that a replay took. Another replay can take equal steps, so that the difference between the two
+    replays contains no difference of step sizes.
+    """
 
     dt: float
+    "length of a step [s] before it is divided into parts"
     lengths: np.ndarray
+    """length of each step that was taken [s]: dt, or a part of dt if forces changed fast"""
 
 
 @dataclass(frozen=True, eq=False)
 class Replay:
-    """What the model did: channels as in a trace, on the rows of the commands; `stop` says why it ended early.
+    """Result of a replay: its channels, the reason if it ended early, and the time steps that it took.
 
-    Slips, sinkages and forces, with which no log is compared, are those of the last step before the row.
+    Slips, sinkages and forces are the values in the last step before a row, not the values at the row itself. They are
+    not compared with logs.
     """
 
     channels: dict[str, np.ndarray] = field(repr=False)
+    """name of a channel, as in a trace -> its values at the rows of the commands"""
     stop: str = ""
+    """reason why the replay ended early, such as "capsized"; empty if the replay is complete"""
     steps: StepsTaken | None = field(default=None, repr=False)
-    "None: it did not begin"
+    """time steps that the replay took; None: the replay did not begin"""
 
 
-def commands(log: Trace, wheels: tuple[str, ...], steered: tuple[str, ...]) -> Commands:
-    """Return the commands and the place of a logged run, on rows of equal distance.
+def commands(log: Trace, wheels: tuple[str, ...], steered: tuple[str, ...]) -> ReplayCommands:
+    """Return the commands and positions of a logged run for a replay, at rows of equal distance in time.
 
-    The duty of a row holds since the row before, as the simulator logs it; of uneven rows, which are read at any time
-    between two commands, and where rows are missing, the mean of both does.
+    Parameters
+    ----------
+    log : Trace
+        A measured run. The duty of a row acts from the previous row until this row, as in the simulator's logs. If rows
+        are uneven or missing, the mean of the duties of two neighbouring rows acts between them.
+    wheels, steered : tuples of str
+        Names of the driven wheels and of the steered wheels, in the rover's order.
 
     Raises
     ------
     DataError
-        A channel that a replay needs and the log does not have, fewer than two rows, or no place where a run begins.
+        The log lacks a channel that a replay needs, has fewer than two rows, or states no position at which the run
+        begins.
     """
     t, x, y, yaw = log.need("t_s", "body_x", "body_y", "body_yaw")
     rate_driven = log.rate_driven
     inputs = np.column_stack(log.need(*(f"{'wheel_rate' if rate_driven else 'duty'}_{wheel}" for wheel in wheels)))
     if len(t) < 2:
-        raise DataError(f"{log.attrs.get('file', 'the run')}: a replay needs two rows at least.")
+        raise DataError(
+            f"{log.attrs.get('file', 'the run')}: the log has {len(t)} rows, but a replay needs at least two: give a "
+            "longer log."
+        )
     period = max(PERIOD, round(float(np.median(np.diff(t))), 6))
     rows = t[0] + period * np.arange(1 + math.floor((t[-1] - t[0]) / period + 1e-6))
-    at = np.searchsorted(t, rows - period / 2)
-    steer = [_hold_last(log[f"steer_{name}"])[at] if f"steer_{name}" in log else np.zeros(at.size) for name in steered]
+    # Commands are steps in time: a row takes the value that was logged for it, never a mean of two commands.
+    nearest = np.searchsorted(t, rows - period / 2)
+    steer = [
+        _hold_last(log[f"steer_{name}"])[nearest] if f"steer_{name}" in log else np.zeros(nearest.size)
+        for name in steered
+    ]
     rate = np.column_stack([fill_gaps(means_at(t, omega, rows, period)) for omega in inputs.T]) if rate_driven else None
     command = np.column_stack([_hold_last(column) for column in inputs.T])
     duty = duty_before(t, command, rows, period) if rate is None else shares(rate)
+    # Position and heading are means around each row. In gaps of the log they are NaN, and the replay runs freely.
     course = np.unwrap(_hold_last(yaw))
-    begun = np.column_stack([means_at(t, column, rows[:FIRST_ROWS], period) for column in (x, y, course)])
+    first = np.column_stack([means_at(t, column, rows[:FIRST_ROWS], period) for column in (x, y, course)])
     declared = log.attrs.get("start")
-    start = Start(**declared) if declared else _mean_start(log, begun, period)
+    if not declared and not np.isfinite(first).any(axis=0).all():
+        raise DataError(
+            f"{log.attrs.get('file', 'the run')}: a replay cannot begin, because the log has no position in the first "
+            f"{len(first) * period:.2g} s and declares no start: give its [[run]] a start (x, y, yaw), or remove the "
+            "rows before the first known body_x, body_y and body_yaw."
+        )
+    start = Start(**declared) if declared else Start(*np.nanmean(first, axis=0).tolist())
     heading = np.where(np.isfinite(yaw), course, np.nan)
     place = np.column_stack([means_at(t, column, rows, period) for column in (x, y, heading)])
     steers = np.column_stack(steer) if steer else np.zeros((len(rows), 0))
-    return Commands(rows, duty, steers, place, start, rate, inertial=has_inertial(log.channels))
-
-
-def _mean_start(log: Trace, first: np.ndarray, period: float) -> Start:
-    """Return the mean of the first rows as the start of a run that declares none."""
-    if not np.isfinite(first).any(axis=0).all():
-        raise DataError(
-            f"{log.attrs.get('file', 'the run')}: no place is known in the first {len(first) * period:.2g} s and "
-            "no start is declared; give its [[run]] a start (x, y, yaw), or drop the rows before the first known "
-            "body_x and body_y."
-        )
-    return Start(*np.nanmean(first, axis=0).tolist())
+    return ReplayCommands(rows, duty, steers, place, start, rate, inertial=has_inertial(log.channels))
 
 
 def shares(rate: np.ndarray) -> np.ndarray:
-    """Return rates as shares of the fastest of them."""
+    """Return wheel rates [rad/s] divided by the largest absolute rate among them [-]. The result takes the place of
+    duties that were not logged.
+    """
     return np.asarray(rate / max(float(np.max(np.abs(rate))), 1e-9))
 
 
 def _hold_last(values: np.ndarray) -> np.ndarray:
-    """Return the values with every gap filled by the last value before it, or the first after it."""
+    """Return a channel in which each gap (NaN) is filled with the last value before it. Gaps at the beginning are
+    filled with the first value after them. If all values are NaN, the result is zero.
+    """
     good = np.flatnonzero(np.isfinite(values))
     if not good.size:
         return np.zeros_like(values)
@@ -175,31 +208,57 @@ def _hold_last(values: np.ndarray) -> np.ndarray:
 
 def replay(
     model: Model,
-    run: Commands,
+    run: ReplayCommands,
     perturbation: Perturbation = Perturbation(),
     rest_state: SharedRest | None = None,
     fine: bool = False,
     steps: StepsTaken | None = None,
 ) -> Replay:
-    """Return what `model` does under the logged commands, from where it comes to rest, or from a `rest_state`.
+    """Drive a model under the commands of a logged run, beginning at rest at the start of the run, and return the
+    channels.
 
-    Steps are a drive's default ones, half as long and judged as a drive's where it is to be `fine`, or those of another
-    replay: what a number changes is smooth then, where steps that each chooses for itself jump.
-    Source: Bock, Recent advances in parameter identification techniques for ODE (1983), internal differentiation.
+    The simulated rover is pulled to the logged x, y and heading with the time constant HOLD, so that it stays on the
+    ground of the logged run, and errors do not accumulate. The channels `body_x`, `body_y` and `body_yaw` of the result
+    do not contain these corrections: they are the integral of the model's own velocity from the start.
 
-    The rover is drawn to the logged x, y and heading with the time constant HOLD, so that it stays on the ground where
-    the log was and errors do not add up. `body_x`, `body_y` and `body_yaw` are what the model itself has driven from
-    the start, without those corrections: the integral of its velocity.
+    Parameters
+    ----------
+    model : Model
+        The model to drive.
+    run : ReplayCommands
+        Commands and positions of the logged run.
+    perturbation : Perturbation
+        Additions to torque, force and grip.
+    rest_state : SharedRest, optional
+        State at rest of another model of this rover, from which this model starts; if missing, the model is set down at
+        the start of the run.
+    fine : bool
+        Take steps of half the default length, with the limits of the forecast error of a drive instead of the wider
+        limits of a replay (ROUGH).
+    steps : StepsTaken, optional
+        Time steps of another replay, which this replay takes again. If two replays take equal steps, their difference
+        is a smooth function of a parameter; if each replay chose its own steps, the difference would jump.
 
     Raises
     ------
     DataError
-        Commands of other wheels than the rover's.
+        The number of wheels in the commands differs from the rover's.
     SimulationError
-        The rover does not settle at the start, or the ground is too stiff for any step.
+        The rover does not come to rest at the start, or the ground is too stiff for every step size.
+
+    Source: Bock, Recent advances in parameter identification techniques for ODE (1983), internal differentiation.
     """
     model = run.on(model)
-    _check_widths(model, run)
+    wheels = model.rover.wheels
+    # Commands for another number of wheels would be given to the wrong wheels.
+    needed = (len(wheels), sum(wheel.steer_dof is not None for wheel in wheels))
+    given = (run.duty.shape[1], run.steer.shape[1])
+    if given != needed:
+        raise DataError(
+            f"the commands are for {given[0]} driven and {given[1]} steered wheels, but the rover has {needed[0]} and "
+            f"{needed[1]}: call `commands` with the names of all driven and all steered wheels."
+        )
+    # The replay begins at rest. Its step divides the time between rows, as finely as the ground needs.
     state = settled_state(model, run.start) if rest_state is None else taken_over(model, rest_state)
     model = model.begin_at(run.start.x, run.start.y)
     longest = Timing(control=run.period, sample=run.period).dt
@@ -207,38 +266,37 @@ def replay(
     kernel = Kernel(model, state, dt, symmetric=False)
     kernel.disable_energy_balance()
     per_row = round(run.period / dt)
-    lengths = {"followed": np.append(steps.lengths, 0.0)} if steps else {}
-    fields = {"rough": 1.0 if fine else ROUGH, **_fields(model, run, perturbation), **lengths}
+    lengths = {"followed": np.append(steps.lengths, 0.0)} if steps else {}  # the 0 marks the end in C
+    fields = {"rough": 1.0 if fine else ROUGH, **_loop_fields(model, run, perturbation), **lengths}
     loop = Loop(kernel, dt, per_row * len(run.t), per_row, **fields)
     loop.keep_history(per_row * len(run.t) * FINEST)
+    # Wheels that are held to measured rates start with the rates of the first row.
     if run.rate is not None:
         kernel.hold(loop.keep["rate_rows"][0].copy())
-    outcome = loop.run(len(run.t))
-    while outcome is Outcome.FAILS:
-        why = failure(model, state, loop.rows["record"][loop.row - 1])
-        if why:
+    # The loop in C may report a failure that `failure` does not confirm. `failure` decides, and the loop goes on.
+    status = loop.run(len(run.t))
+    while status is LoopStatus.FAILS:
+        stop = failure(model, state, loop.rows["record"][loop.row - 1])
+        if stop:
             break
-        outcome = loop.run(len(run.t))
+        status = loop.run(len(run.t))
     else:
-        why = "" if outcome is Outcome.DONE else "diverged"
-    channels = _channels(model, run, _with_last(loop, loop.row - (outcome is Outcome.FAILS)))
-    return Replay(channels, why, StepsTaken(dt, loop.steps_taken()))
+        stop = "" if status is LoopStatus.DONE else "diverged"
+    # After an early end the last good row fills the rest, so that all replays of a run have the same shape. Good rows
+    # are those before the first that is faster than any rover.
+    good = loop.row - (status is LoopStatus.FAILS)
+    if good < len(loop.rows):
+        too_fast = ~(np.abs(loop.rows["v"][:good, :3]).max(axis=1, initial=0.0) < MAX_SPEED)
+        good = int(np.argmax(too_fast)) if too_fast.any() else good
+        loop.rows[good:] = loop.rows[good - 1] if good else loop.now()
+    return Replay(_channels(model, run, loop.rows), stop, StepsTaken(dt, loop.steps_taken()))
 
 
-def _check_widths(model: Model, run: Commands) -> None:
-    """Refuse commands of other wheels than the rover's: the compiled loop reads one a wheel from each row."""
-    wheels = model.rover.wheels
-    need = (len(wheels), sum(wheel.steer_dof is not None for wheel in wheels))
-    have = (run.duty.shape[1], run.steer.shape[1])
-    if have != need:
-        raise DataError(
-            f"the commands are of {have[0]} driven, {have[1]} steered wheels, the rover has {need[0]} and {need[1]}: "
-            "give `commands` the names of all of them."
-        )
-
-
-def _fields(model: Model, run: Commands, perturbation: Perturbation) -> dict[str, Any]:
-    """Return the fields of a replay's loop: its commands, row by row."""
+def _loop_fields(model: Model, run: ReplayCommands, perturbation: Perturbation) -> dict[str, Any]:
+    """Return the fields of the C struct Loop with the commands, the logged positions and the perturbations of a replay,
+    one entry for each row.
+    """
+    # At standstill, a motor gives its stall torque times the duty, so that a torque is added as an additional duty.
     duty = run.duty if perturbation.torque is None else run.duty + perturbation.torque / float(model.motor.stall_torque)
     rows = {
         "duty_rows": duty,
@@ -252,27 +310,18 @@ def _fields(model: Model, run: Commands, perturbation: Perturbation) -> dict[str
     if run.rate is not None:
         fields["rate_rows"] = rates_of(model, channels)
     fields["gave"] = np.zeros(run.steer.shape[1])
-    return {**fields, "place_rows": place, "share": run.period / HOLD, "check_every": CHECKED}
+    return {**fields, "place_rows": place, "share": run.period / HOLD, "check_every": ROWS_PER_CHECK}
 
 
-def _with_last(loop: Loop, good: int) -> np.ndarray:
-    """Return the rows of a replay; after an early end the last good one stands for the rest, or where it is now.
-
-    Good are those before the first that is faster than any rover.
-    """
-    if good < len(loop.rows):
-        is_off = ~(np.abs(loop.rows["v"][:good, :3]).max(axis=1, initial=0.0) < FASTEST)
-        good = int(np.argmax(is_off)) if is_off.any() else good
-        loop.rows[good:] = loop.rows[good - 1] if good else loop.now()
-    return loop.rows
-
-
-def _channels(model: Model, run: Commands, rows: np.ndarray) -> dict[str, np.ndarray]:
+def _channels(model: Model, run: ReplayCommands, rows: np.ndarray) -> dict[str, np.ndarray]:
+    """Return the channels of a replay, named as in a drive log, from the rows that the loop has written."""
     rover = model.rover
     q, v, record, attitude, offset = (rows[name] for name in ("q", "v", "record", "attitude", "moved"))
     channels = {"t_s": run.t}
     current = record[:, :, RECORD.index("current")]
     if run.rate_driven:
+        # Wheels that turn at measured rates have no motor in the model: the current follows from the torque of the
+        # wheel.
         current = tied_means(model, record[:, :, RECORD.index("torque")]) / float(model.motor.constant)
     for i, wheel in enumerate(rover.wheels):
         channels[f"wheel_rate_{wheel.name}"] = v[:, wheel.dof]
@@ -280,6 +329,7 @@ def _channels(model: Model, run: Commands, rows: np.ndarray) -> dict[str, np.nda
         for name in ("slip", "sinkage", "normal", "tangential"):
             channels[f"{name}_{wheel.name}"] = record[:, i, RECORD.index(name)]
     channels |= {name: q[:, index] for name, index in rover.angles.items()}
+    # `moved` is the sum of the corrections towards the log; without them, the position is the model's own.
     channels |= {"body_x": q[:, 0] - offset[:, 0], "body_y": q[:, 1] - offset[:, 1], "body_z": q[:, 2]}
     channels |= {"body_roll": attitude[:, 0], "body_pitch": attitude[:, 1]}
     channels |= {"body_yaw": np.unwrap(attitude[:, 2]) - offset[:, 2], DRAWN: offset[:, 2]}

@@ -1,4 +1,4 @@
-"""Drive a model: the computational flow of Fig 5, step after step."""
+"""Simulated drives of a model under a controller, computed step by step as in the paper's Fig 5."""
 
 from __future__ import annotations
 
@@ -8,24 +8,28 @@ from typing import Any
 
 from rover_pin.base.errors import SimulationError
 from rover_pin.base.public import public
-from rover_pin.simulation.checkpoint import DriveEnd, StepperState
 from rover_pin.simulation.command import Controller
 from rover_pin.simulation.compiled.kernel import Kernel
-from rover_pin.simulation.compiled_run import run_compiled
-from rover_pin.simulation.driving import Drive, Progress
-from rover_pin.simulation.model.implausible import implausible
-from rover_pin.simulation.model.model import Model
-from rover_pin.simulation.outcome.audit import balance_warning, load_warning, pivot_warning
-from rover_pin.simulation.outcome.outcome import HELD, drive_outcome
+from rover_pin.simulation.driving import Progress, RunningDrive, run_compiled
+from rover_pin.simulation.model.model import Model, implausible
+from rover_pin.simulation.outcome.audit import balance_warning, load_warning, pivot_warning, stops_note
+from rover_pin.simulation.outcome.outcome import HELD_SINCE, drive_outcome
 from rover_pin.simulation.outcome.soil_energy import energy_warning
-from rover_pin.simulation.outcome.step_error import innermost
 from rover_pin.simulation.plain.run import run_plain
-from rover_pin.simulation.plain.step import Plain
-from rover_pin.simulation.resolution import parts
-from rover_pin.simulation.start.place import SetDown, Start, hovering, set_down
-from rover_pin.simulation.state import DriveState
-from rover_pin.simulation.timing import Timing
-from rover_pin.simulation.tolerance import DriveJob, Driven, begin_drive, driven_from, driven_to_tolerance, place_of
+from rover_pin.simulation.plain.step import PlainStepper
+from rover_pin.simulation.start import SetDown, Start, hovering, set_down
+from rover_pin.simulation.state import DriveEnd, DriveState, StepperState
+from rover_pin.simulation.stepping.resolution import parts
+from rover_pin.simulation.stepping.step_error import innermost
+from rover_pin.simulation.stepping.timing import Timing
+from rover_pin.simulation.stepping.tolerance import (
+    DriveJob,
+    DriveResult,
+    begin_drive,
+    continue_drive,
+    drive_to_tolerance,
+    place_of,
+)
 from rover_pin.simulation.trace.record import trace_of
 from rover_pin.simulation.trace.trace import Trace
 
@@ -42,45 +46,50 @@ def simulate(
     progress: Progress | None = None,
     measure_error: bool = True,
 ) -> Trace:
-    """Drive `model` under `controller` for `duration` [s] and return the trace.
+    """Simulate a drive of `model` under `controller` for `duration` [s], and return the trace: the recorded channels
+    over time.
 
     Parameters
     ----------
     model : Model
-        Rover, ground, soils, motor and effects, as `scenario(...).model` has them.
+        Rover, ground, soils, motor and effects; `scenario(...).model` gives one.
     controller : Controller
-        Any callable from a `Reading` to a duty, an array of duties (one a wheel) or a `Command`; sampled, then held.
-    start : Start, DriveState or Ended
-        Where to set the rover down at rest; a state to begin in; or `trace.end` of a drive that lasted its duration,
-        to go on from there, equal to the bit to a drive in one at the same step.
+        A callable that takes a `Reading` and returns a duty, an array of duties (one for each wheel) or a `Command`. It
+        is called once in each control period, and its command is held until the next call.
     duration : float
-        How long to drive [s], if nothing ends it before.
+        Time to drive [s]. A failure ends the drive earlier.
+    start : Start, DriveState or DriveEnd
+        A `Start` is a position at which the rover is set down at rest. A `DriveState` is a state with which the drive
+        begins. A `DriveEnd` (`trace.end` of an earlier drive) continues the earlier drive; the result is then equal to
+        the bit to a single drive over the whole time with equal steps.
     timing : Timing
-        Step, control period and rows of the trace [s].
+        Step, control period and time between the rows of the trace [s].
     symmetric : bool
-        Hold the mirror symmetry about the x-z plane, so that round-off cannot break it in long stuck runs.
+        Keep the motion mirror-symmetric about the x-z plane, so that round-off cannot break the symmetry while a rover
+        is stuck for a long time.
     progress : callable, optional
-        Called with the time driven so far [s].
+        Called from time to time with the simulated time [s].
     measure_error : bool
-        Drive again by the same steps in halves, which tells their error, and by these, up to FINER times as fine,
-        until that is within `timing.tolerance`. Most drives take 3 times as long. A controller of one's own is not
-        asked again: the error is that under its commands. False: once.
+        Repeat the drive with every step halved. The difference between both drives gives the error that the step size
+        causes. While this error exceeds `timing.tolerance`, the step is halved further, up to 16 times
+        (`timing.MAX_REFINEMENT`). Most drives take three times as long as with `measure_error=False`, which drives
+        once. A user-supplied controller is not called again; the stated error holds for the commands it gave.
 
     Returns
     -------
     Trace
-        `attrs["stop"]` says why it ended: "duration", or "capsized", "buried", "folded" or "diverged" with the time
-        and the part. What was driven until then is kept. `attrs["step_error_m"]` is 4 times the greatest distance
-        in x and y from the drive by its steps in halves; of a drive that was halved, twice that from the one before,
-        or, where that is more, as much as a quarter of the change before leaves;
-        `attrs["step_error_load"]` the same of the wheels' mean loads, as a share of them. `attrs["dt_s"]`
-        is the step that kept the tolerance; a warning says where none did. No error is there where it was not
-        measured: a part that goes on, a controller of one's own between the rows.
+        `attrs["stop"]` is "duration", or the failure that ended the drive and its time: "capsized", "buried", "folded"
+        or "diverged". The rows before a failure are kept. `attrs["dt_s"]` is the step that was taken [s].
+        `attrs["step_error_m"]` is the estimated error of x and y [m], and `attrs["step_error_load"]` the estimated
+        error of the wheels' mean loads, divided by these loads (`StepChange.errors`). If no step size kept the
+        tolerance, a warning states this. Both errors are missing if they could not be measured: in a continued drive,
+        and under a user-supplied controller whose commands change between rows.
 
     Raises
     ------
     SimulationError
-        The run cannot start: it does not settle, it is not symmetric, or its times do not fit.
+        The drive cannot start: the rover does not come to rest at its start, the ground is not symmetric, or the times
+        do not fit together.
 
     Examples
     --------
@@ -107,22 +116,26 @@ def plain_simulate(
     progress: Progress | None = None,
     measure_error: bool = True,
 ) -> Trace:
-    """Do as `simulate` with the plain NumPy step, far slower; from a `DriveState` it needs no compiler.
+    """Simulate a drive like `simulate`, but with the readable step in NumPy. It is far slower, and its results are
+    equal to those of `simulate` up to round-off.
+
+    The tests compare the compiled step with this function. If `start` is a `DriveState`, no C compiler is needed. If
+    `start` is a `Start`, a compiler is needed, because compiled code sets the rover down.
 
     Parameters
     ----------
     model, controller, duration, start, timing, symmetric, progress, measure_error
-        As those of `simulate`.
+        See `simulate`.
 
     Returns
     -------
     Trace
-        As that of `simulate`, equal to it to round-off.
+        See `simulate`.
 
     Raises
     ------
     SimulationError
-        As `simulate`.
+        See `simulate`.
 
     Examples
     --------
@@ -132,71 +145,96 @@ def plain_simulate(
     >>> bool(abs(plain["body_x"][-1] - compiled["body_x"][-1]) < 1e-9)
     True
     """
-    job = DriveJob(Plain, run_plain, model, controller, duration, timing, symmetric, progress, measure_error)
+    job = DriveJob(PlainStepper, run_plain, model, controller, duration, timing, symmetric, progress, measure_error)
     return _simulate(job, start)
 
 
 def _simulate(job: DriveJob, start: Start | DriveState | DriveEnd) -> Trace:
+    """Check the inputs of a drive, set the rover down at its start or continue an earlier drive, drive with steps that
+    keep the tolerance, and return the trace.
+    """
     model, duration, timing, symmetric = job.model, job.duration, job.timing, job.symmetric
     if not (math.isfinite(duration) and duration > 0.0):
         raise SimulationError(f"duration = {duration:g} s is not allowed: give a positive time.")
     if symmetric and not model.ground.mirror_symmetric:
-        raise SimulationError("A mirror-symmetric drive needs a terrain that is the same on the left and on the right.")
+        raise SimulationError(
+            "A drive with symmetric=True needs a terrain that is the same on the left and on the right of y = 0: give "
+            "such a terrain, or drive with symmetric=False."
+        )
     if symmetric and model.built.up[1] != 0.0:
-        raise SimulationError("A mirror-symmetric drive needs gravity without a pull to one side: set rise_y to 0.")
+        raise SimulationError(
+            "A drive with symmetric=True needs gravity without a pull to the left or right: set rise_y of the model's "
+            "effect GravityTilt to 0, or drive with symmetric=False."
+        )
     if isinstance(start, DriveEnd):
-        return _gone_on(job, start)
+        # Effects that depend on the position of the start keep the start of the first part of the drive.
+        state, model = start.state.copy(), model.begin_at(*start.place)
+        start.refuse_other(timing, symmetric, hovering(model, Start()))
+        # The stepper gets back all its arrays, so that the next step equals that of a drive without interruption.
+        stepper = job.stepper(model, state, start.fine.dt, symmetric)
+        stepper.restore(start.stepper_state.moving)
+        stepper.duty[:], stepper.servo_target[:] = start.stepper_state.duty, start.stepper_state.servo
+        drive = RunningDrive(model, state, stepper, job.controller, start.fine, start.checkpoint)
+        return _drive_trace(job, continue_drive(job, drive), start.place, {})
+    # Ground that is too stiff for any step is refused before the rover is set down on it.
     parts(model, start if isinstance(start, DriveState) else hovering(model, start), timing.dt)
     begin = SetDown(start.copy(), "") if isinstance(start, DriveState) else set_down(model, start, symmetric)
     attrs = {"set_down": begin.standing} if begin.standing else {}
-    return _drive_trace(job, driven_to_tolerance(job, begin.state), place_of(begin.state), attrs)
+    return _drive_trace(job, drive_to_tolerance(job, begin.state), place_of(begin.state), attrs)
 
 
 def set_out(
     model: Model, controller: Controller, duration: float, start: Start, timing: Timing, symmetric: bool = False
-) -> Drive:
-    """Return a drive over the compiled step that has been set down at rest at `start`, and goes on step by step."""
+) -> RunningDrive:
+    """Set a rover down at rest at `start`, and return a drive that has not yet moved. The caller, for example the FMI
+    model of a rover, then advances this drive step by step with the compiled step.
+    """
     job = DriveJob(Kernel, run_compiled, model, controller, duration, timing, symmetric, None, False)
     return begin_drive(job, set_down(model, start, job.symmetric).state)
 
 
-def _gone_on(job: DriveJob, end: DriveEnd) -> Trace:
-    """Drive on from where a drive ended."""
-    state, begun = end.state.copy(), job.model.begin_at(*end.place)
-    end.refuse_other(job.timing, job.symmetric, hovering(begun, Start()))
-    stepper = job.stepper(begun, state, end.fine.dt, job.symmetric)
-    stepper.restore(end.stepper_state.moving)
-    stepper.duty[:], stepper.servo_target[:] = end.stepper_state.duty, end.stepper_state.servo
-    drive = Drive(begun, state, stepper, job.controller, end.fine, end.checkpoint)
-    return _drive_trace(job, driven_from(job, drive), end.place, {})
-
-
-def _drive_trace(job: DriveJob, driven: Driven, place: tuple[float, float], attrs: dict[str, Any]) -> Trace:
-    """Return the trace of a drive, with where it ended if it can go on."""
-    drive, run, rows, change = driven.drive, driven.run, driven.rows, driven.stated
+def _drive_trace(job: DriveJob, result: DriveResult, place: tuple[float, float], attrs: dict[str, Any]) -> Trace:
+    """Return the trace of a finished drive with its channels, outcome and warnings. If no failure ended the drive, the
+    trace also contains the end from which the drive can be continued.
+    """
+    drive, run, rows, change = result.drive, result.run, result.rows, result.stated
+    # Attributes: the step that was taken, the reason of the end, and the errors if they were measured.
     stepper, symmetric = drive.stepper, job.symmetric
     attrs |= {"dt_s": drive.timing.dt, "control_period_s": job.timing.control, "symmetric": symmetric}
     attrs |= {"stop": run.stop, **(change.errors if change else {})}
-    aims = innermost(job.controller)
-    since = getattr(aims, "stands_since", math.inf)
-    trace = trace_of(job.model, rows, attrs | ({HELD: since} if since < math.inf else {}))
-    certain = [load_warning(drive.model, rows), balance_warning(trace)]
-    oddities = [f"{text}." for text in implausible(job.model)]
-    step_warning, energy = change.warning(job.timing.tolerance) if change else "", energy_warning(job.model, trace)
-    shortfall, turned = (getattr(aims, name, lambda trace: "")(trace) for name in ("shortfall", "turn_shortfall"))
-    warnings = [shortfall, *certain, *oddities, step_warning, pivot_warning(stepper.pivoted), energy]
-    trace = annotate_trace(trace, warnings, turned)
+    # Controllers of a route or a turn know since when they hold the wheels still, and whether they have reached their
+    # aim.
+    aiming = innermost(job.controller)
+    held_since = getattr(aiming, "stands_since", math.inf)
+    trace = trace_of(job.model, rows, attrs | ({HELD_SINCE: held_since} if held_since < math.inf else {}))
+    shortfall, turned = (getattr(aiming, name, lambda trace: "")(trace) for name in ("shortfall", "turn_shortfall"))
+    warnings = [
+        shortfall,
+        load_warning(drive.model, rows),
+        balance_warning(trace),
+        *(f"{text}." for text in implausible(job.model)),
+        change.warning(job.timing.tolerance) if change else "",
+        pivot_warning(stepper.pivoted),
+        energy_warning(job.model, trace),
+    ]
+    # Controllers without an aim have no such texts; empty texts are dropped.
+    trace = annotate_trace(trace, warnings, turned, stops_note(job.model, trace))
     if run.stop != "duration":
         return trace
+    # A complete drive can be continued from its end.
     stepper_state = StepperState(tuple(stepper.saved_arrays()), stepper.duty.copy(), stepper.servo_target.copy())
     end = DriveEnd(drive.state.copy(), run.checkpoint, job.timing, drive.timing, place, symmetric, stepper_state)
     return dataclasses.replace(trace, end=end)
 
 
-def annotate_trace(trace: Trace, warnings: list[str], turned: str = "") -> Trace:
-    """Return the trace with what it came to, and with all reasons not to believe it; empty ones are none."""
-    came_to = drive_outcome(trace)
-    attrs: dict[str, Any] = {"outcome": came_to.sentence} if came_to else {}
-    attrs |= {"turned": turned} if turned else {}
+def annotate_trace(trace: Trace, warnings: list[str], turned: str = "", stops: str = "") -> Trace:
+    """Return the trace with texts about the drive added to its `attrs`: the outcome, the note `turned` on a turn that
+    the controller aimed at, the note `stops` on end stops of the suspension that yielded, and the warnings.
+
+    Empty notes and empty warnings are left out.
+    """
+    outcome = drive_outcome(trace)
+    attrs: dict[str, Any] = {"outcome": outcome.sentence} if outcome else {}
+    attrs |= {name: text for name, text in (("turned", turned), ("stops", stops)) if text}
     attrs["warnings"] = [warning for warning in warnings if warning]
     return dataclasses.replace(trace, attrs={**trace.attrs, **attrs})

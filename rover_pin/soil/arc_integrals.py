@@ -1,4 +1,6 @@
-"""Integrals of the stresses over a stretch of the contact arc, with as few operations as the quadrature allows."""
+"""Integrals of the normal stress and the shear stress along a part of a wheel's contact arc, computed with as few
+operations as possible.
+"""
 
 from __future__ import annotations
 
@@ -7,38 +9,63 @@ from typing import NamedTuple
 import casadi as ca
 
 from rover_pin.contact import Scalar
-from rover_pin.soil.quadrature import Graded
-from rover_pin.soil.stress import Mobilised, relative_stress
+from rover_pin.soil.quadrature import QuadratureRule
+from rover_pin.soil.stress import ShearLaw, relative_stress
 
 
 class Arc(NamedTuple):
-    """Integrals over theta [Pa rad]; Arcs of neighbouring stretches add."""
+    """Integrals of the normal stress sigma and the shear stress tau over the angle theta [rad] along a part of a
+    wheel's contact arc.
+
+    The stresses are divided by `stress_scale`, so that an integral is in [rad]. The integrals of a longer arc are the
+    sums of the integrals of its parts.
+    """
 
     sigma_cos: Scalar
+    """int sigma cos theta dtheta: proportional to the part of the normal force that the normal stress carries"""
     tau: Scalar
+    """int tau dtheta: proportional to the torque about the axle"""
     tau_cos: Scalar
+    """int tau cos theta dtheta: proportional to the thrust"""
     tau_sin: Scalar
+    """int tau sin theta dtheta: proportional to the part of the normal force that the shear stress carries"""
 
     def plus(self, arc: Arc) -> Arc:
-        """Return the integrals over both stretches."""
+        """Return the integrals over two parts of the contact arc together: the sum of these integrals and those of
+        `arc`.
+        """
         return Arc(*(mine + theirs for mine, theirs in zip(self, arc, strict=True)))
 
 
 def integrate(
-    theta_1: Scalar, start: Scalar, end: Scalar, law: Mobilised, strength: tuple[Scalar, Scalar, Scalar], rule: Graded
+    theta_1: Scalar,
+    start: Scalar,
+    end: Scalar,
+    law: ShearLaw,
+    strength: tuple[Scalar, Scalar, Scalar],
+    rule: QuadratureRule,
 ) -> Arc:
-    """Return the integrals over s = theta_1 - theta from `start` to `end` [rad].
+    """Return the integrals of the normal stress and the shear stress over a part of a wheel's contact arc.
 
-    sigma = (k_1 + k_2 b) (h / b)^n, h = r (cos theta - cos theta_1), Eqs (4) and (5), which the paper prints at
-    theta = 0 only; tau = (c + sigma tan phi) times the law, Eq (3). Nothing cancels at small angles:
-    cos theta - cos theta_1 = 2 sin(theta_1 - s/2) sin(s/2), and likewise for the sine.
+    The normal stress at the angle theta is sigma = (k_1 + k_2 b) (h / b)^n with the depth h = r (cos theta - cos
+    theta_1), Eqs (4) and (5) of the paper, for a wheel of radius r and width b. (The paper prints this depth for theta
+    = 0 only.) The shear stress is tau = (c + sigma tan phi) times the mobilised fraction of the shear strength, Eq (3),
+    which the argument `law` gives.
 
     Parameters
     ----------
-    law : Mobilised
-        `stress.shear_law(...)` or `stress.full_shear`.
+    theta_1 : Scalar
+        Entry angle [rad], at which the rim enters the soil.
+    start, end : Scalar
+        Ends of the part of the arc, as angles s = theta_1 - theta from the entry [rad].
+    law : ShearLaw
+        Function that returns the mobilised fraction of the shear strength: `stress.shear_law(...)` or
+        `stress.full_shear`.
     strength : tuple
-        From `stress.strength(wheel, soil)`; the integrals are returned per unit of `stress_scale`.
+        The cohesion c divided by `stress_scale`, tan phi, and the sinkage exponent n, as `stress.strength(wheel, soil)`
+        returns them. The integrals are in units of `stress_scale` too.
+    rule : QuadratureRule
+        Nodes and weights of the quadrature on [0, 1].
     """
     cohesion, friction, n = strength
     cos_1, sin_1 = ca.cos(theta_1), ca.sin(theta_1)
@@ -46,6 +73,8 @@ def integrate(
     total = Arc(0.0, 0.0, 0.0, 0.0)
     for psi, weight in zip(rule.psi, rule.weights, strict=True):
         half = half_start + half_length * psi
+        # The differences of cosines and sines to those of the entry, as products that lose no digits at small angles:
+        # cos theta - cos theta_1 = 2 sin(theta_1 - s/2) sin(s/2).
         chord = 2 * ca.sin(half)
         depth, rise = ca.sin(theta_1 - half) * chord, ca.cos(theta_1 - half) * chord
         cos, sin = cos_1 + depth, sin_1 - rise

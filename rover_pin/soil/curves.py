@@ -1,4 +1,4 @@
-"""Families of F(S): the data behind Figs 3 and 6."""
+"""Curves of the traction factor against slip, F(S): the data for figures such as the paper's Figs 3 and 6."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,19 +11,38 @@ from rover_pin.soil.wheel_forces import FORMS, load_traction_factor
 
 @dataclass(frozen=True)
 class TractionCurves:
-    """F(S) of every form and k: slips (101,), curves by (form, k)."""
+    """The data of a traction figure: slip ratios S, an array (101,), and the curves of the traction factor F at these
+    slips, arrays (101,). The key of a curve is the pair (name of the traction form, shear displacement modulus k [m]).
+    """
 
     S: np.ndarray
     curves: dict[tuple[str, float], np.ndarray]
 
 
-def traction_curves(soil: Soil, k: Sequence[float] = (), n: float | None = None) -> TractionCurves:
-    """Return F(S) for S from 0 to 1 at the soil's fixed angles, for each k [m] (the soil's own where none is given)."""
+def traction_curves(
+    soil: Soil, k: Sequence[float] = (), n: float | None = None, wheel: Wheel | None = None
+) -> TractionCurves:
+    """Return curves of the traction factor F(S) for slip ratios S from 0 to 1 and for every traction form (`FORMS`).
+
+    The contact arc has the soil's fixed angles theta_1 and theta_2.
+
+    Parameters
+    ----------
+    soil : Soil
+        The soil.
+    k : sequence of float
+        Shear displacement moduli k [m], with one curve for each. If the sequence is empty, the soil's own k is used.
+    n : float, optional
+        Sinkage exponent that replaces the exponent of the soil.
+    wheel : Wheel, optional
+        The wheel; by default the wheel of Nexus 6.
+    """
     soil = soil if n is None else soil.replace(n=n)
-    slips = np.linspace(0.0, 1.0, 101)
-    curves = {}
+    wheel = Wheel() if wheel is None else wheel
+    slips, curves = np.linspace(0.0, 1.0, 101), {}
+    # One curve for each pair of shear displacement modulus and traction form; one call for each slip is fast enough.
     for value in k or (float(soil.k),):
         varied_soil = soil.replace(k=value)
         for name, form in FORMS.items():
-            curves[name, value] = np.array([float(load_traction_factor(S, varied_soil, Wheel(), form)) for S in slips])
+            curves[name, value] = np.array([float(load_traction_factor(S, varied_soil, wheel, form)) for S in slips])
     return TractionCurves(slips, curves)

@@ -1,8 +1,9 @@
-"""Batch studies: a plan over any parameter, run on all cores or on a cluster, resumed after a kill."""
+"""Batch studies: a scenario is driven with many parameter values, on all cores or on a cluster. A study that was
+stopped can be continued.
+"""
 
-from rover_pin.sweep.axis import LogRange, Range, Values
 from rover_pin.sweep.case import drive_case
-from rover_pin.sweep.plan import Grid, LatinHypercube, Sobol
+from rover_pin.sweep.plan import Grid, LatinHypercube, LogRange, Range, Sobol, Values
 from rover_pin.sweep.reading import read_study
 from rover_pin.sweep.run import Results, sweep
 from rover_pin.sweep.store import collect

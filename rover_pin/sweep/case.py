@@ -1,36 +1,44 @@
-"""One case, run: what is driven, and the row that comes of it."""
+"""Running of one case of a study, and its row in the table of results."""
 
 import inspect
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from rover_pin.base.errors import CacheError, DataError, MissingExtraError, ParameterError
-from rover_pin.sweep.axis import plain
+from rover_pin.base.errors import CacheError, DataError, MissingExtraError, ParameterError, UnknownNameError
+from rover_pin.sweep.plan import plain
 from rover_pin.sweep.study import Case, Study
 
 CaseFunction = Callable[[Study, Case], Mapping[str, Any]]
-"""What runs a case and returns its outcomes: name -> number, text, true/false or None."""
+"""A function that runs one case of a study and returns its outcomes: name -> number, text, true/false or None."""
 Row = dict[str, Any]
-MOST_TRIED = 20
-UNKNOWN_NAME = ("There is no scenario", "There is no setting")
+"""One row of the table of results: name of a column -> value."""
+MAX_CASES_CHECKED = 20
+"""Largest number of cases that are built before a sweep starts, to find names that do not exist. If the values of all
+these cases are refused for another reason, the names are not checked, and each case reports its own error."""
 LEADING = ("case", "repeat", "seed", "key")
-"""Columns before the parameters; the outcomes, in alphabetical order, and `error` come after them."""
+"""First columns of the table of results. The columns of the parameters follow, then the outcomes in alphabetical order,
+then `error`."""
 
 
 def drive_case(study: Study, case: Case) -> Mapping[str, Any]:
-    """Return the summary of the study's scenario, driven with the case's values; `stop` says why it ended.
+    """Drive the scenario of the study with the values of the case, and return the summary of the drive. This is the
+    usual function with which a sweep runs its cases.
 
-    Sentences, such as warnings, stand in one cell.
+    The outcome `stop` states why the drive ended. Several sentences, such as warnings, are joined into one cell.
     """
     summary = scenario_of(study, case).drive().summary()
     return {name: "; ".join(value) if isinstance(value, list | tuple) else value for name, value in summary.items()}
 
 
 def scenario_of(study: Study, case: Case) -> Any:
-    """Return the scenario with the case's values; a terrain of chance is made from the case's seed."""
+    """Return the scenario of a study with the values of a case. If the terrain is random, it is made from the seed of
+    the case.
+    """
     from rover_pin.scenarios.scenario import scenario
     from rover_pin.scenarios.scenes import SCENES
 
+    # Duration and step of the study replace those of the scenario; the values of the case come last and replace
+    # settings.
     times = {name: getattr(study, name) for name in ("duration", "dt") if getattr(study, name) is not None}
     settings = {**times, "trust": study.trust, **study.settings, **case.values}
     if study.scenario in SCENES and "seed" in inspect.signature(SCENES[study.scenario].terrain).parameters:
@@ -39,55 +47,73 @@ def scenario_of(study: Study, case: Case) -> Any:
 
 
 def check_names(study: Study, cases: Sequence[Case]) -> None:
-    """Refuse a scenario or setting that does not exist, before every case fails by it.
+    """Raise an error if the scenario or a setting does not exist. Every case of the sweep would fail with the same
+    error.
 
-    A value that is not allowed is left to its case; only if the scenario can be built are its names known to be good.
+    A value that is not allowed raises no error here: it may concern one case only, and the row of this case reports it.
+
+    Raises UnknownNameError with the name of the study and the unknown name.
     """
-    for case in cases[:MOST_TRIED]:
+    for case in cases[:MAX_CASES_CHECKED]:
         try:
+            # A refused value can hide an unknown name, so cases are tried until one scenario can be built.
             scenario_of(study, case)
             return
-        except ParameterError as error:
-            if str(error).startswith(UNKNOWN_NAME):
-                raise ParameterError(f"study '{study.name}': {error}") from error
+        except UnknownNameError as error:
+            raise UnknownNameError(f"study '{study.name}': {error}") from error
+        except ParameterError:
+            continue
 
 
 def run_case(study: Study, case_function: CaseFunction, case: Case) -> Row:
-    """Return the case's row; whatever goes wrong in it becomes the row's `error`. Wall time is no part of a row.
+    """Run a case and return its row of the table. If the case fails, the row contains the error in its column `error`.
 
-    Raises MissingExtraError, CacheError: the machine, not the case, lacks something: a C compiler, an optional package,
-    a folder for compiled code.
+    A row contains no run time, so that the results of two runs are equal to the byte.
+
+    Raises MissingExtraError or CacheError if this computer lacks a C compiler, an optional package or a folder for
+    compiled code. These errors would occur in every case, so they stop the sweep.
     """
     try:
-        outcomes = _check_outcomes(study, case_function(study, case))
+        outcomes = case_function(study, case)
+        if not isinstance(outcomes, Mapping):
+            raise DataError(
+                f"the case function returned an object of the type {type(outcomes).__name__}; it must return a mapping "
+                "from names of outcomes to their values."
+            )
+        for name, value in outcomes.items():
+            if name in LEADING or name == "error" or name in study.parameters:
+                raise DataError(
+                    f"the outcome '{name}' has the name of a parameter or of a fixed column of the table; rename it."
+                )
+            if not (value is None or isinstance(plain(value), (bool, int, float, str))):
+                raise DataError(
+                    f"the outcome '{name}' has the type {type(value).__name__}; give a number, a text or true/false."
+                )
+        cells = {name: _cell(outcomes[name]) for name in sorted(outcomes)}
     except (MissingExtraError, CacheError):
         raise
     except Exception as error:
         return failed_row(case, error)
-    return {**_head(case), **outcomes, "error": None}
+    # Outcomes are sorted by name, so that the columns do not depend on the order in which a function returns them.
+    return {**_head(case), **cells, "error": None}
 
 
 def failed_row(case: Case, error: BaseException) -> Row:
-    """Return the row of a case that gave no outcomes."""
+    """Return the row of a case that ended with an error. It contains the error and no outcomes."""
     return {**_head(case), "error": f"{type(error).__name__}: {error}"}
 
 
 def _head(case: Case) -> Row:
+    """Return the first columns of a case's row: the columns that identify the case (LEADING), then the values of its
+    parameters.
+    """
     values = {name: _cell(value) for name, value in case.values.items()}
     return {"case": case.index, "repeat": case.repeat, "seed": case.seed, "key": case.key, **values}
 
 
-def _check_outcomes(study: Study, outcomes: Mapping[str, Any]) -> Row:
-    if not isinstance(outcomes, Mapping):
-        raise DataError(f"the case's function returned {type(outcomes).__name__}; it must return a mapping.")
-    for name, value in outcomes.items():
-        if name in LEADING or name == "error" or name in study.parameters:
-            raise DataError(f"the outcome '{name}' has the name of another column; rename it.")
-        if not (value is None or isinstance(plain(value), (bool, int, float, str))):
-            raise DataError(f"the outcome '{name}' is {type(value).__name__}; give a number, text or true/false.")
-    return {name: _cell(outcomes[name]) for name in sorted(outcomes)}
-
-
 def _cell(value: Any) -> Any:
+    """Return a value as a cell of the table. Whole numbers become floats, so that a column has the same type in all
+    rows.
+    """
     value = plain(value)
     return float(value) if isinstance(value, int) and not isinstance(value, bool) else value

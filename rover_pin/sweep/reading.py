@@ -1,4 +1,4 @@
-"""A study from a TOML file."""
+"""Reading of a study from a TOML file."""
 
 import dataclasses
 import math
@@ -10,8 +10,7 @@ from rover_pin.base.errors import ParameterError, closest
 from rover_pin.base.files.toml_file import read_toml
 from rover_pin.base.trust import Trust
 from rover_pin.base.units import UNITS, USUAL, factor_to
-from rover_pin.sweep.axis import Axis, LogRange, Range, Values, kind_of
-from rover_pin.sweep.plan import Grid, LatinHypercube, Plan, Sobol
+from rover_pin.sweep.plan import Axis, Grid, LatinHypercube, LogRange, Plan, Range, Sobol, Values, kind_of
 from rover_pin.sweep.study import Study
 
 PLANS: dict[str, type[Any]] = {"grid": Grid, "latin-hypercube": LatinHypercube, "sobol": Sobol}
@@ -20,11 +19,12 @@ RANGE_KEYS = ("low", "high", "unit", "scale")
 VALUES_KEYS = ("values", "unit")
 SETTING_KEYS = ("value", "unit")
 ENTRY_MARKS = {"low", "high", "values", "value"}
-"""What tells an entry from a table of entries."""
+"""Keys that show that a table of the TOML describes the values of one parameter. A table without these keys contains
+further parameters."""
 
 
 def read_study(path: str | Path, trust: Trust = Trust()) -> Study:
-    """Return the study in a TOML file, as in::
+    """Read a study from a TOML file such as::
 
         name = "ditch"
         scenario = "ditch"
@@ -40,9 +40,10 @@ def read_study(path: str | Path, trust: Trust = Trust()) -> Study:
         soil.c = [0.0, 100.0]
         soil.phi = { values = [30, 37], unit = "deg" }
 
-    Raises DataError: a file that is missing or not TOML, or names another outside its folder that `trust` does not
+    Raises DataError if the file is missing, is not TOML, or names a file outside its folder that `trust` does not
     allow.
-    Raises ParameterError: an unknown name, with the close ones; an empty range; anything that Study refuses.
+    Raises ParameterError if a name is unknown (the message lists similar names), if a range is empty, or if `Study`
+    refuses a value.
     """
     table = read_toml(path)
     trust.refuse_elsewhere(table, Path(path))
@@ -53,32 +54,46 @@ def read_study(path: str | Path, trust: Trust = Trust()) -> Study:
 
 
 def _study(table: dict[str, Any]) -> Study:
+    # Names first: the user learns of a mistyped key, not of a value that seems to be missing because of it.
     fields = (field for field in dataclasses.fields(Study) if field.name != "trust")
     _check_keys(table, [field.name for field in fields], "the study")
     for name in ("name", "scenario", "plan", "parameters"):
         if name not in table:
             raise ParameterError(f"the study has no '{name}': add it.")
     axes = {name: _axis(name, entry) for name, entry in _flat(table["parameters"], "parameters")}
-    settings = {name: _setting(name, entry) for name, entry in _flat(table.get("settings", {}), "settings")}
-    study_fields = {name: value for name, value in table.items() if name not in ("plan", "parameters", "settings")}
-    return Study(**study_fields, plan=_plan(table["plan"]), parameters=axes, settings=settings)
+    settings = {}
+    for name, entry in _flat(table.get("settings", {}), "settings"):
+        if isinstance(entry, Mapping):
+            _check_keys(entry, SETTING_KEYS, f"setting '{name}'")
+            try:
+                entry = _si(entry["value"], entry)
+            except ParameterError as error:
+                raise ParameterError(f"setting '{name}': {error}") from error
+        settings[name] = entry
+    others = {name: value for name, value in table.items() if name not in ("plan", "parameters", "settings")}
+    return Study(**others, plan=_plan(table["plan"]), parameters=axes, settings=settings)
 
 
 def _plan(entry: Any) -> Plan:
     if not isinstance(entry, Mapping) or "kind" not in entry:
-        raise ParameterError('plan needs a kind, as in plan = { kind = "sobol", cases = 64 }.')
+        raise ParameterError('the plan has no kind: write for example plan = { kind = "sobol", cases = 64 }.')
+    # All further keys of the table are arguments of the plan's class.
     kind = _choice_of(entry["kind"], PLANS, "plan")
     arguments = {name: value for name, value in entry.items() if name != "kind"}
     _check_keys(arguments, [field.name for field in dataclasses.fields(kind)], f"the plan '{entry['kind']}'")
     if kind is not Grid and "cases" not in arguments:
-        raise ParameterError(f"the plan '{entry['kind']}' has no 'cases': say how many.")
+        raise ParameterError(f"the plan '{entry['kind']}' has no 'cases': add the number of cases.")
     return kind(**arguments)
 
 
 def _flat(table: Any, where: str, prefix: str = "") -> list[tuple[str, Any]]:
-    """Return dotted name -> entry; in TOML `soil.k = ...` is a table in a table, `"soil.k" = ...` is not."""
+    """Return the entries of a table of parameters with their dotted names.
+
+    TOML reads `soil.k = ...` as a table inside a table, but `"soil.k" = ...` as one name. Both give 'soil.k' here.
+    `where` is the name of the table for errors.
+    """
     if not isinstance(table, Mapping):
-        raise ParameterError(f"{where} must be a table, as in [{where}].")
+        raise ParameterError(f"{where} must be a table, which begins with the line [{where}].")
     entries = []
     for name, entry in table.items():
         if isinstance(entry, Mapping) and not ENTRY_MARKS & set(entry):
@@ -89,6 +104,9 @@ def _flat(table: Any, where: str, prefix: str = "") -> list[tuple[str, Any]]:
 
 
 def _axis(name: str, entry: Any) -> Axis:
+    """Return the axis (the values of a parameter) that an entry of the TOML describes: a list, a table with values, or
+    a table with a range.
+    """
     try:
         if isinstance(entry, list):
             return Values(entry)
@@ -98,49 +116,38 @@ def _axis(name: str, entry: Any) -> Axis:
             _check_keys(entry, VALUES_KEYS, "the list")
             values = entry["values"]
             return Values([_si(value, entry) for value in values] if isinstance(values, list) else values)
-        return _range(entry)
+        _check_keys(entry, RANGE_KEYS, "the range")
+        for end in ("low", "high"):
+            if end not in entry:
+                raise ParameterError(f"the range has no '{end}': give low and high.")
+        scale = _choice_of(entry.get("scale", "linear"), SCALES, "scale")
+        return scale(_si(entry["low"], entry), _si(entry["high"], entry))
     except ParameterError as error:
         raise ParameterError(f"parameter '{name}': {error}") from error
 
 
-def _range(entry: Mapping[str, Any]) -> Range:
-    _check_keys(entry, RANGE_KEYS, "the range")
-    for name in ("low", "high"):
-        if name not in entry:
-            raise ParameterError(f"the range has no '{name}': give low and high.")
-    scale = _choice_of(entry.get("scale", "linear"), SCALES, "scale")
-    return scale(_si(entry["low"], entry), _si(entry["high"], entry))
-
-
-def _setting(name: str, entry: Any) -> Any:
-    if not isinstance(entry, Mapping):
-        return entry
-    _check_keys(entry, SETTING_KEYS, f"setting '{name}'")
-    try:
-        return _si(entry["value"], entry)
-    except ParameterError as error:
-        raise ParameterError(f"setting '{name}': {error}") from error
-
-
 def _si(value: Any, entry: Mapping[str, Any]) -> Any:
-    """Return `value`, in the SI unit when the entry names a unit."""
+    """Return a value of an entry in SI units. If the entry has no unit, its value is already in SI units."""
     if "unit" not in entry:
         return value
     unit = entry["unit"]
+    # The unit itself decides the quantity: the first SI unit to which it converts is taken.
     factor = next(
         (candidate for candidate in (factor_to(str(unit), si) for si in USUAL) if not math.isnan(candidate)), None
     )
     if factor is None or not isinstance(unit, str):
         raise ParameterError(f"there is no unit '{unit}': {closest(unit, UNITS)}")
     if kind_of(value) != "number":
-        raise ParameterError(f"{value!r} has a unit and is not a finite number.")
+        raise ParameterError(f"{value!r} has a unit but is not a finite number.")
     return value * factor
 
 
-def _choice_of(word: Any, choices: Mapping[str, Any], what: str) -> Any:
-    """Return what a word stands for among the choices."""
+def _choice_of(word: Any, choices: Mapping[str, Any], noun: str) -> Any:
+    """Return the value of `choices` with this name. If there is none, an error lists similar names; `noun` says in the
+    error what the name should name.
+    """
     if not isinstance(word, str) or word not in choices:
-        raise ParameterError(f"there is no {what} '{word}': {closest(word, choices)}")
+        raise ParameterError(f"there is no {noun} '{word}': {closest(word, choices)}")
     return choices[word]
 
 

@@ -1,105 +1,58 @@
-"""A batch study, run: its unfinished cases on cores or on a cluster, their rows into a folder."""
+"""Running of a batch study: the unfinished cases are run on all cores or on a cluster, and their rows are saved in a
+folder.
+"""
 
 import hashlib
 import logging
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import closing, contextmanager
+import warnings
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from rover_pin.base.console import plain_column, plain_console
-from rover_pin.base.errors import DataError, RoverPinError
+from rover_pin.base.console import plain_column, plain_console, warn
+from rover_pin.base.encode import printable
+from rover_pin.base.errors import DataError, ParameterError, RoverPinError, SimulationError
 from rover_pin.base.files.bounded import content
 from rover_pin.base.files.paths import is_file
 from rover_pin.base.files.results_folder import alone_in
-from rover_pin.base.jobs.cluster import refuse_both
+from rover_pin.base.jobs.cluster import client_of, on_processes, refuse_both
 from rover_pin.base.jobs.time_left import SECONDS_BETWEEN_LINES
 from rover_pin.base.jobs.workers import ending_workers
-from rover_pin.sweep.axis import LogRange, Values
-from rover_pin.sweep.case import CaseFunction, Row, check_names, drive_case, run_case
-from rover_pin.sweep.spread import on_cluster, on_cores
+from rover_pin.sweep.case import CaseFunction, Row, check_names, drive_case, failed_row, run_case
+from rover_pin.sweep.plan import LogRange, Values
 from rover_pin.sweep.store import CSV, RESULTS, Store
 from rover_pin.sweep.study import Case, Study
 
-Advance = Callable[[bool], None]
-"""To be called after each case with whether it failed."""
-LOG = logging.getLogger("rover_pin")
-
-
-@contextmanager
-def progress(name: str, total: int, done: int) -> Iterator[Advance]:
-    """Show on stderr how many of `total` cases are finished, `done` of them before."""
-    display = _silent if LOG.level > logging.INFO else _bar if sys.stderr.isatty() else _lines
-    with display(name, total, done) as advance:
-        yield advance
-
-
-@contextmanager
-def _silent(name: str, total: int, done: int) -> Iterator[Advance]:
-    yield lambda has_failed: None
-
-
-@contextmanager
-def _bar(name: str, total: int, done: int) -> Iterator[Advance]:
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
-
-    counts = (MofNCompleteColumn(), plain_column("{task.fields[failures]} failed"))
-    columns = (plain_column("{task.description}"), BarColumn(), *counts, TimeRemainingColumn(), plain_column("left"))
-    failed = 0
-    with Progress(*columns, console=plain_console(stderr=True)) as bar:
-        task = bar.add_task(name, total=total, completed=done, failures=0)
-
-        def advance(has_failed: bool) -> None:
-            nonlocal failed
-            failed += has_failed
-            bar.update(task, advance=1, failures=failed)
-
-        yield advance
-
-
-@contextmanager
-def _lines(name: str, total: int, done: int) -> Iterator[Advance]:
-    start = last = time.monotonic()
-    finished = failed = 0
-
-    def say() -> None:
-        seconds = (time.monotonic() - start) / max(finished, 1) * (total - done - finished)
-        remaining = f", about {seconds:.0f} s left" if finished and finished + done < total else ""
-        print(f"{name}: {done + finished} of {total} cases, {failed} failed{remaining}", file=sys.stderr, flush=True)
-
-    def advance(has_failed: bool) -> None:
-        nonlocal finished, failed, last
-        finished += 1
-        failed += has_failed
-        if time.monotonic() - last > SECONDS_BETWEEN_LINES:
-            last = time.monotonic()
-            say()
-
-    say()
-    yield advance
-    say()
-
-
 PICTURE = "summary.png"
+"""Name of the file with the picture of the results."""
+RETRY_SECONDS = 60
+"""Longest time [s] to wait for a case that Dask runs a second time because its worker was lost. After this time the
+scheduler counts as lost, and the sweep ends."""
+KEPT = "The finished cases are kept: run the same sweep again to continue"
 
 
 @dataclass(frozen=True)
 class Results:
-    """What came of a sweep: a pandas DataFrame as of `collect`, and the folder where it lies."""
+    """Results of a sweep: the table as a pandas DataFrame with the columns of `collect`, and the folder with the
+    files.
+    """
 
     name: str
     table: Any
     folder: Path
     taken_over: int = 0
-    "cases that an earlier run had finished there"
+    "number of cases that an earlier run had already finished in this folder"
 
     def summary(self) -> dict[str, Any]:
-        """Return how many cases there are, how many failed and most often why, and the files."""
+        """Return an overview of the results: the number of cases and of failed cases, the three most frequent errors,
+        and the paths of the files.
+        """
         errors = self.table["error"].dropna()
         reasons = {str(reason): int(count) for reason, count in errors.value_counts().head(3).items()}
         files = [str(self.folder / name) for name in (RESULTS, CSV, PICTURE) if (self.folder / name).is_file()]
@@ -116,39 +69,49 @@ def sweep(
     case_function: CaseFunction = drive_case,
     picture: bool = True,
 ) -> Results:
-    """Run the study's cases and return their results; what is finished is in `folder` and is not run again.
+    """Run all cases of a study and return their results.
+
+    Each finished case is saved in `folder` at once. If the sweep is stopped, call it again with the same study and
+    folder: only the unfinished cases run, and the final files equal those of an uninterrupted sweep to the byte.
 
     Parameters
     ----------
     study : Study
-        From `read_study` or made in Python.
+        From `read_study`, or made in Python.
     folder : path, optional
-        Where `results.parquet`, `results.csv` and `summary.png` go; by default `out/<name of the study>`.
+        Folder for `results.parquet`, `results.csv` and `summary.png`; by default `out/<name of the study>`.
     workers : int, optional
-        Processes on this machine; by default one a core.
+        Number of processes on this machine; by default one per core.
     scheduler : str, optional
-        Address of a Dask scheduler, whose workers then do the work. Start them with `--nthreads 1`.
+        Address of a Dask scheduler, whose workers run the cases instead. Start the workers with `--nthreads 1`.
     case_function : callable, optional
-        `(study, case) -> outcomes` to run instead of the scenario; it takes chance from `case.seed` only.
+        `(study, case) -> outcomes`, run instead of the scenario. It must draw random numbers from `case.seed` only.
     picture : bool
         Whether to draw `summary.png`.
 
     Returns
     -------
     Results
-        Whose `table` has one row a case, equal for any number of workers; a failed case has its reason in `error`.
+        Its `table` has one row per case and is equal for any number of workers. A failed case has its reason in the
+        column `error`.
 
     Raises
     ------
     ParameterError
-        A scenario or parameter that does not exist, both `workers` and `scheduler` given, a scheduler that does not
-        answer, or a function that cannot be sent to workers.
+        If a scenario or parameter does not exist, if both `workers` and `scheduler` are given, if the scheduler does
+        not answer, or if the case function cannot be sent to worker processes.
     DataError
-        The folder holds another study, another process is at work there, or its disk is full.
+        If the folder holds another study, if another process writes to it, or if the disk is full.
     MissingExtraError
-        `scheduler` given and Dask not installed, or a worker lacks what a drive needs.
+        If `scheduler` is given and Dask is not installed, or if a worker lacks what a drive needs.
     SimulationError
-        The workers or the scheduler died; finished cases are kept.
+        If the workers or the scheduler died. Finished cases are kept.
+
+    Examples
+    --------
+    >>> from rover_pin.sweep import Grid, LogRange, Study, sweep
+    >>> study = Study("shear", "flat", {"soil.k": LogRange(1e-3, 1e-1)}, Grid(points=3), duration=5.0)
+    >>> table = sweep(study, "out/shear").table  # doctest: +SKIP
     """
     refuse_both(workers, scheduler)
     place = Path(folder or Path("out") / study.name)
@@ -158,51 +121,27 @@ def sweep(
         pending = [case for case in study.cases() if case.key not in before]
         if pending and case_function is drive_case:
             check_names(study, pending)
+        work = partial(run_case, study, case_function)
         try:
-            _run_cases(store, pending, partial(run_case, study, case_function), workers, scheduler)
+            if pending:
+                rows = on_cores(work, pending, workers) if scheduler is None else on_cluster(work, pending, scheduler)
+                _save_rows(store, rows, len(before), len(before) + len(pending))
             results = Results(study.name, store.finish(), store.folder, len(before))
-            if picture:
+            # If every case failed, there is no outcome to draw.
+            if picture and results.table["error"].isna().any():
                 _draw(study, results)
         except OSError as error:
             raise DataError(
-                f"{place}: the results cannot be written ({error.strerror or error}). What is finished is kept there: "
-                "make room, and run the same sweep again to go on."
+                f"{place}: the results cannot be written ({error.strerror or error}). {KEPT}, "
+                "after making room on the disk."
             ) from error
         return results
 
 
-def _draw(study: Study, results: Results) -> None:
-    """Draw the summary, unless every case failed."""
-    from rover_pin.plot.sheet import save
-    from rover_pin.plot.study import study_figure
-
-    if results.table["error"].isna().any():
-        logarithmic = [name for name, axis in study.parameters.items() if isinstance(axis, LogRange)]
-        figure = study_figure(study.name, results.table, _units(study), logarithmic)
-        save(figure, results.folder / PICTURE)
-
-
-def _units(study: Study) -> dict[str, str]:
-    """Return the parameters with their units, as far as the scenario knows them."""
-    from rover_pin.scenarios.scenario import settings_of
-
-    try:
-        first = next(iter(study.cases())).values
-        units = {setting.name: setting.unit for setting in settings_of(study.scenario, **{**study.settings, **first})}
-    except RoverPinError:  # a function of the user's own drives something else
-        units = {}
-    return {name: units.get(name, "") for name in study.parameters}
-
-
-def _run_cases(
-    store: Store, pending: Sequence[Case], work: Callable[[Case], Row], workers: int | None, scheduler: str | None
-) -> None:
-    """Run the cases that are left; stopped, say what is kept and where."""
-    if not pending:
-        return
-    rows = on_cores(work, pending, workers) if scheduler is None else on_cluster(work, pending, scheduler)
-    done = len(store.keys())
-    total = done + len(pending)
+def _save_rows(store: Store, rows: Generator[Row, None, None], done: int, total: int) -> None:
+    """Save the row of each case as soon as the case is finished, and show the progress. `done` of `total` cases were
+    finished before.
+    """
     try:
         with closing(rows), progress(str(store.study["name"]), total, done) as advance:
             for row in rows:
@@ -210,27 +149,187 @@ def _run_cases(
                 done += 1
                 advance(row["error"] is not None)
     except (KeyboardInterrupt, SystemExit) as stop:
-        stop.add_note(f"{done} of {total} cases are kept in {store.folder}: run the same sweep again to go on")
+        stop.add_note(f"{done} of {total} cases are kept in {store.folder}: run the same sweep again to continue")
         raise
 
 
+def _draw(study: Study, results: Results) -> None:
+    """Draw the outcomes against the parameters, and save the picture in the results folder."""
+    from rover_pin.plot.sheet import save
+    from rover_pin.plot.study import study_figure
+    from rover_pin.scenarios.scenario import settings_of
+
+    # The scenario knows the units of its settings. With a case function of the user there may be no such scenario.
+    try:
+        first = next(iter(study.cases())).values
+        units = {setting.name: setting.unit for setting in settings_of(study.scenario, **{**study.settings, **first})}
+    except RoverPinError:
+        units = {}
+    logarithmic = [name for name, axis in study.parameters.items() if isinstance(axis, LogRange)]
+    labels = {name: units.get(name, "") for name in study.parameters}
+    save(study_figure(study.name, results.table, labels, logarithmic), results.folder / PICTURE)
+
+
 def fingerprint(study: Study, case_function: CaseFunction) -> dict[str, Any]:
-    """Return what must be the same for results to belong together."""
+    """Return a description of a sweep. If the description in a results folder equals it, the sweep may continue with
+    the results in this folder.
+
+    The description contains the version of the package, the name of the case function, the study, and a digest of each
+    file that the study names (a model or a terrain). If such a file changes, the study counts as another study.
+    """
+    try:
+        # Results of another version of the package may differ, so that they must not be continued.
+        package = version("rover-pin")
+    except PackageNotFoundError:
+        package = "not installed"
     module, name = (getattr(case_function, part, "?") for part in ("__module__", "__qualname__"))
-    files = _files(study)
-    description = {"rover_pin": _version(), "case_function": f"{module}.{name}", **study.describe()}
+    description = {"rover_pin": package, "case_function": f"{module}.{name}", **study.describe()}
+    lists = [axis.values for axis in study.parameters.values() if isinstance(axis, Values)]
+    words = {word for values in (study.settings.values(), *lists) for word in values if isinstance(word, str)}
+    files = {word: hashlib.sha256(content(word)).hexdigest()[:16] for word in sorted(words) if is_file(Path(word))}
     return {**description, "files": files} if files else description
 
 
-def _files(study: Study) -> dict[str, str]:
-    """Return a digest of each file that the study names, as a model or a ground: once changed, it is another study."""
-    lists = [axis.values for axis in study.parameters.values() if isinstance(axis, Values)]
-    words = {word for values in (study.settings.values(), *lists) for word in values if isinstance(word, str)}
-    return {word: hashlib.sha256(content(word)).hexdigest()[:16] for word in sorted(words) if is_file(Path(word))}
+def on_cores(work: Callable[[Case], Row], cases: Sequence[Case], workers: int | None) -> Generator[Row, None, None]:
+    """Run the cases in `workers` processes (by default one for each core), and yield the row of each case as soon as it
+    is finished.
 
+    `work` is the function that takes a case and returns its row. With one worker the cases run in this process, where a
+    debugger can follow them.
 
-def _version() -> str:
+    Raises ParameterError if `workers` is not a whole number of at least 1, or if `work` cannot be sent to a process.
+    Raises SimulationError if a worker process died.
+    """
+    if workers is not None and (isinstance(workers, bool) or not isinstance(workers, int) or workers < 1):
+        raise ParameterError(
+            f"workers = {workers!r} is not allowed: give a whole number of at least 1, or leave workers "
+            "out to use all cores."
+        )
+    if workers == 1:
+        yield from map(work, cases)
+        return
+    _check_sendable(work)
+    jobs = [(case,) for case in cases]
+    rows = on_processes(work, jobs, -1 if workers is None else workers, return_as="generator_unordered")
+    next(rows)
     try:
-        return version("rover-pin")
-    except PackageNotFoundError:
-        return "not installed"
+        for row in rows:  # noqa: UP028  `yield from` would close the generator before the handler below does
+            yield row
+    except GeneratorExit:
+        with warnings.catch_warnings(action="ignore"):  # joblib warns of tasks whose results nobody collects
+            rows.close()
+        raise
+    except SimulationError as error:
+        raise SimulationError(
+            f"{str(error).rstrip('.')}. {KEPT}, or set workers=1 to see at which case it fails."
+        ) from error
+
+
+def on_cluster(work: Callable[[Case], Row], cases: Sequence[Case], address: str) -> Generator[Row, None, None]:
+    """Run the cases on the Dask cluster at `address`, and yield the row of each case as soon as it is finished.
+
+    If a case kills its workers, its row states this error, and the other cases continue.
+
+    Raises ParameterError if the scheduler does not answer, or if `work` cannot be sent to it.
+    Raises SimulationError if the scheduler is lost, or if the workers cannot run the cases.
+    """
+    with client_of(address) as client:
+        _check_sendable(work)
+        from distributed import KilledWorker, as_completed
+
+        case_of = dict(zip(client.map(work, cases, pure=False), cases, strict=True))
+        for future, result in as_completed(list(case_of), loop=client.loop, with_results=True, raise_errors=False):
+            case = case_of.pop(future)
+            # The case was lost together with its worker. Dask runs it again on another worker, so wait for it.
+            if future.status in ("pending", "lost"):
+                with suppress(Exception):
+                    result = future.result(timeout=RETRY_SECONDS)
+            if future.status == "finished":
+                yield result
+            elif future.status != "error":
+                raise SimulationError(f"The Dask scheduler at {address} is no longer reachable. {KEPT}.")
+            elif isinstance(future.exception(), KilledWorker):
+                yield failed_row(case, future.exception())
+            else:
+                # `run_case` turns errors of a case into rows, so this error concerns the worker's installation.
+                cause = future.exception()
+                while cause.__cause__ is not None:
+                    cause = cause.__cause__
+                raise SimulationError(
+                    f"The cluster at {address} cannot run the cases ({' '.join(str(cause).split())}): "
+                    f"install the same packages there as here. {KEPT}."
+                )
+
+
+def _check_sendable(work: Callable[[Case], Row]) -> None:
+    """Raise an error if a case function cannot be pickled, because it can then not be sent to another process."""
+    from joblib.externals.loky.backend.reduction import dumps
+
+    try:
+        dumps(work)
+    except Exception as error:
+        raise ParameterError(
+            f"The case function cannot be sent to worker processes ({error}). Let it refer only to plain data, and "
+            "open files, locks and the like inside the function, or set workers=1."
+        ) from error
+
+
+Advance = Callable[[bool], None]
+"""Type of a function that is called after each case to show the progress; its argument states whether the case
+failed."""
+LOG = logging.getLogger("rover_pin")
+
+
+@contextmanager
+def progress(name: str, total: int, done: int) -> Iterator[Advance]:
+    """Show on stderr the number of finished cases out of `total`; `done` of them were finished before.
+
+    A terminal gets a bar, a file gets a line from time to time, and with --quiet nothing is shown.
+    """
+    if LOG.level > logging.INFO:
+        yield lambda has_failed: None
+        return
+    with (_bar if sys.stderr.isatty() else _lines)(name, total, done) as advance:
+        yield advance
+
+
+@contextmanager
+def _bar(name: str, total: int, done: int) -> Iterator[Advance]:
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
+
+    counts = (MofNCompleteColumn(), plain_column("{task.fields[failures]} failed"))
+    columns = (plain_column("{task.description}"), BarColumn(), *counts, TimeRemainingColumn(), plain_column("left"))
+    failed = 0
+    with Progress(*columns, console=plain_console(stderr=True)) as bar:
+        task = bar.add_task(printable(name), total=total, completed=done, failures=0)
+
+        def advance(has_failed: bool) -> None:
+            nonlocal failed
+            failed += has_failed
+            bar.update(task, advance=1, failures=failed)
+
+        yield advance
+
+
+@contextmanager
+def _lines(name: str, total: int, done: int) -> Iterator[Advance]:
+    start = last = time.monotonic()
+    finished = failed = 0
+
+    def print_line() -> None:
+        # The remaining time follows from the mean time of the cases of this run only.
+        seconds = (time.monotonic() - start) / max(finished, 1) * (total - done - finished)
+        remaining = f", about {seconds:.0f} s left" if finished and finished + done < total else ""
+        warn(f"{name}: {done + finished} of {total} cases, {failed} failed{remaining}")
+
+    def advance(has_failed: bool) -> None:
+        nonlocal finished, failed, last
+        finished += 1
+        failed += has_failed
+        if time.monotonic() - last > SECONDS_BETWEEN_LINES:
+            last = time.monotonic()
+            print_line()
+
+    print_line()
+    yield advance
+    print_line()

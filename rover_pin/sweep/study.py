@@ -1,4 +1,6 @@
-"""A study: which scenario is driven, what is varied, how often; and its cases, each with its own seed."""
+"""Description of a batch study (scenario, varied parameters, repeats), and the cases of the study, each with its
+seed.
+"""
 
 import dataclasses
 import hashlib
@@ -15,13 +17,16 @@ import numpy as np
 from rover_pin.base.errors import ParameterError, closest
 from rover_pin.base.public import brief
 from rover_pin.base.trust import Trust
-from rover_pin.sweep.axis import Axis, Values, kind_of
-from rover_pin.sweep.plan import MOST_CASES, Group, Plan
+from rover_pin.sweep.plan import MAX_CASES, Axis, Group, Plan, Values, kind_of
 
 
 @dataclass(frozen=True)
 class Case:
-    """One run of a study. Its `key` says what is run, so its seed depends on neither order nor workers."""
+    """One run of a study: a combination of parameter values, and a seed for random numbers.
+
+    The `key` is a digest of everything that determines the run. The seed follows from the key, so that it depends
+    neither on the order of the cases nor on the number of workers.
+    """
 
     index: int
     key: str
@@ -30,44 +35,54 @@ class Case:
 
     @cached_property
     def seed(self) -> int:
-        """A seed in [0, 2^53), exact in any table, that comes from the key alone."""
+        """Seed of this run, computed from the key. It is below 2^53, so that a table of floats holds it exactly."""
         return int(np.random.SeedSequence(int(self.key, 16)).generate_state(1, np.uint64)[0] >> np.uint64(11))
 
 
 @brief
 @dataclass(frozen=True)
 class Study:
-    """What a batch of drives is made of; `read_study` reads one from TOML.
+    """Description of a batch study: a scenario that is driven with many combinations of parameter values. `read_study`
+    reads a study from a TOML file.
 
     Parameters
     ----------
     name : str
-        Letters, digits, `-`, `_` and `.`; also the name of the folder of results.
+        Letters, digits, `-`, `_` and `.`; also the default name of the results folder.
     scenario : str
-        What is driven.
+        Name of the scenario that is driven.
     parameters : mapping
-        Dotted setting of the scenario -> Range, LogRange or Values, in SI units.
+        Name of a setting of the scenario, such as `soil.k` -> the values that it takes: Range, LogRange or Values, in
+        SI units.
     plan : Plan
-        Grid, LatinHypercube or Sobol.
+        Rule that chooses the combinations of values: Grid, LatinHypercube or Sobol.
     paired : tuple of tuples of str
-        Parameters that move together: lists of one length step by step, ranges at the same share of their way.
+        Groups of parameters that change together. In each case, lists of a group (which must have equal length) take
+        their values with the same index, and ranges take the values at the same fraction of their width.
     settings : mapping
-        Settings that every case shares.
+        Name of a setting of the scenario -> its value, the same in all cases.
     duration : float, optional
-        Of each drive [s]; by default the scenario's.
+        Duration of each drive [s]; by default the duration of the scenario.
     dt : float, optional
-        Time step [s]; by default the scenario's.
+        Time step [s]; by default the time step of the scenario.
     seed : int
-        Root of the plan's and of all cases' seeds.
+        Seed from which the plan and the seeds of all cases follow.
     repeats : int
-        How often each point is run, each time with another seed.
+        Number of runs of each combination of values, each with another seed.
     trust : Trust
-        Which files of effects, that the model of a setting names, may run; no part of what the study is.
+        Files of effects whose code may run if a setting names a model file. It does not count as part of the study.
 
     Raises
     ------
     ParameterError
-        What is not allowed, with the parameter's name.
+        If an argument is not allowed; the message names the parameter.
+
+    Examples
+    --------
+    >>> from rover_pin.sweep import Grid, Study, Values
+    >>> study = Study("supply", "flat", {"motor.supply": Values([7.2, 8.0])}, Grid(), repeats=3)
+    >>> len(study.cases())
+    6
     """
 
     name: str
@@ -86,69 +101,96 @@ class Study:
         rows = (list, tuple)
         lists = isinstance(self.paired, rows) and all(isinstance(names, rows) for names in self.paired)
         if not lists or not all(isinstance(name, str) for names in self.paired for name in names):
-            raise ParameterError(f"paired = {self.paired!r} is not a list of lists of parameters.")
+            raise ParameterError(
+                f"paired = {self.paired!r} is not a list of lists of parameter names: write for example "
+                'paired = [["soil.c", "soil.phi"]].'
+            )
         object.__setattr__(self, "paired", tuple(map(tuple, self.paired)))
         if not isinstance(self.scenario, str):
-            raise ParameterError(f"scenario = {self.scenario!r} is not allowed: it is the name of one scenario.")
+            raise ParameterError(f"scenario = {self.scenario!r} is not allowed: give the name of one scenario.")
         if not re.fullmatch(r"[A-Za-z0-9][\w.-]*", str(self.name), re.ASCII):
             raise ParameterError(
-                f"name = {self.name!r} is not allowed: it also names a folder; use letters, digits, '-', '_' and '.'."
+                f"name = {self.name!r} is not allowed, because it also names a folder: "
+                "use letters, digits, '-', '_' and '.'."
             )
-        self._check_numbers()
-        self._check_names()
-
-    def _check_numbers(self) -> None:
         for name, unit in (("duration", "s"), ("dt", "s")):
             value = getattr(self, name)
             if value is not None and (kind_of(value) != "number" or value <= 0.0):
-                raise ParameterError(f"{name} = {value!r} is not allowed: it is a time above 0 {unit}.")
-        for name, least in (("seed", 0), ("repeats", 1)):
+                raise ParameterError(f"{name} = {value!r} is not allowed: give a time of more than 0 {unit}.")
+        for name, minimum in (("seed", 0), ("repeats", 1)):
             value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int) or value < least:
-                raise ParameterError(f"{name} = {value!r} is not allowed: it is a whole number from {least} on.")
+            if isinstance(value, bool) or not isinstance(value, int) or value < minimum:
+                raise ParameterError(f"{name} = {value!r} is not allowed: give a whole number of at least {minimum}.")
+        self._check_names()
 
     def _check_names(self) -> None:
+        """Raise an error if a name occurs twice among settings, parameters and pairs, or if paired parameters cannot
+        change together.
+        """
         if not self.parameters:
             raise ParameterError("the study varies nothing: give at least one parameter.")
         for name in self.settings:
             if name in self.parameters:
                 raise ParameterError(f"'{name}' is both a setting and a parameter: remove one of them.")
             if kind_of(self.settings[name]) is None:
-                raise ParameterError(f"the setting {name} = {self.settings[name]!r} is no number, text or true/false.")
+                raise ParameterError(
+                    f"the setting {name} = {self.settings[name]!r} is not allowed: give a number, a text or true/false."
+                )
         counts = Counter(name for names in self.paired for name in names)
         for name, times in counts.items():
             if name not in self.parameters:
-                raise ParameterError(f"paired names '{name}': {closest(name, self.parameters)}")
+                raise ParameterError(
+                    f"paired names '{name}', which is not among the parameters: {closest(name, self.parameters)}"
+                )
             if times > 1:
-                raise ParameterError(f"paired names '{name}' {times} times: a parameter moves with one group.")
+                raise ParameterError(
+                    f"paired names '{name}' {times} times, but a parameter can be in one group only: name it once."
+                )
         for names in self.paired:
-            _check_group([self.parameters[name] for name in names], names)
+            axes = [self.parameters[name] for name in names]
+            lengths = {len(axis.values) if isinstance(axis, Values) else None for axis in axes}
+            if len(names) < 2 or len(lengths) > 1:
+                raise ParameterError(
+                    f"paired = {list(names)!r} cannot change together: give at least two parameters, either all "
+                    "ranges or all lists of one length."
+                )
 
     def groups(self) -> list[Group]:
-        """Return the plan's directions: paired parameters first named, then in the order of `parameters`."""
+        """Return the dimensions of the plan, in the order of `parameters`. Each is a group of parameters that change
+        together: paired parameters, or a single parameter.
+        """
+        # A group takes the place of its first parameter.
         partners = {name: names for names in self.paired for name in names}
         ordered = dict.fromkeys(partners.get(name, (name,)) for name in self.parameters)
         return [{name: self.parameters[name] for name in names} for names in ordered]
 
     def cases(self) -> list[Case]:
-        """Return all cases in the plan's order, the repeats of a point one after the other."""
+        """Return all cases in the order of the plan; the repeats of a point follow each other.
+
+        Raises ParameterError if there are more than MAX_CASES cases.
+        """
         counts: Counter[str] = Counter()
         cases: list[Case] = []
         points = self.plan.choose(self.groups(), self.seed)
-        if len(points) * self.repeats > MOST_CASES:
+        if len(points) * self.repeats > MAX_CASES:
             raise ParameterError(
-                f"repeats = {self.repeats} of {len(points)} points are more than {MOST_CASES} cases: give fewer."
+                f"repeats = {self.repeats} for each of {len(points)} points gives more than {MAX_CASES} cases, "
+                "the maximum: give fewer repeats or fewer points."
             )
         for point in points:
             values = {name: point[name] for name in self.parameters}
+            # A random plan can choose one point of lists twice. The second choice counts as a repeat, so that no two
+            # cases have the same key and seed.
+            digest = canonical(values)
             for _ in range(self.repeats):
-                digest = canonical(values)
                 cases.append(Case(len(cases), self._key(values, counts[digest]), values, counts[digest]))
                 counts[digest] += 1
         return cases
 
     def describe(self) -> dict[str, Any]:
-        """Return the study as plain data, for comparison and for the record."""
+        """Return the study as plain data (dicts, lists, numbers and texts). It is stored in the results folder, and
+        compared with the study of a later run.
+        """
         plain = {field.name: getattr(self, field.name) for field in dataclasses.fields(self) if field.name != "trust"}
         plain["plan"] = _plain(self.plan)
         plain["parameters"] = {name: _plain(axis) for name, axis in self.parameters.items()}
@@ -156,17 +198,25 @@ class Study:
         return json.loads(json.dumps(plain))
 
     def _key(self, values: Mapping[str, Any], repeat: int) -> str:
-        # Neither the plan nor the name: a point keeps its seed when others join it.
-        what = [self.scenario, self.settings, self.duration, self.dt, str(self.seed), values, repeat]
-        return hashlib.sha256(canonical(what).encode()).hexdigest()[:24]
+        """Return the key of one run, a digest of the scenario, all settings, the values of the parameters and the
+        number of the repeat.
+
+        The plan and the name of the study are not part of the digest, so that a point keeps its seed in a larger
+        plan.
+        """
+        content = [self.scenario, self.settings, self.duration, self.dt, str(self.seed), values, repeat]
+        return hashlib.sha256(canonical(content).encode()).hexdigest()[:24]
 
 
 def canonical(content: Any) -> str:
-    """Return `content` as JSON in which equal things look equal: sorted names, 10 is 10.0."""
+    """Return `content` as JSON text. Equal content gives equal text: names are sorted, and the number 10 is written as
+    10.0.
+    """
     return json.dumps(_floats(content), sort_keys=True, ensure_ascii=False, allow_nan=False)
 
 
 def _floats(content: Any) -> Any:
+    """Return `content`, in which all numbers in nested tables and lists are floats."""
     if isinstance(content, Mapping):
         return {name: _floats(value) for name, value in content.items()}
     if isinstance(content, (list, tuple)):
@@ -175,13 +225,5 @@ def _floats(content: Any) -> Any:
 
 
 def _plain(choice: Any) -> dict[str, Any]:
+    """Return a plan or an axis as plain data, with the name of its class as `kind`."""
     return {"kind": type(choice).__name__, **dataclasses.asdict(choice)}
-
-
-def _check_group(axes: list[Axis], names: tuple[str, ...]) -> None:
-    lengths = {len(axis.values) if isinstance(axis, Values) else None for axis in axes}
-    if len(names) < 2 or len(lengths) > 1:
-        raise ParameterError(
-            f"paired = {list(names)!r} cannot move together: give at least two parameters, either all ranges or all "
-            "lists of one length."
-        )

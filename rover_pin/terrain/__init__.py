@@ -1,4 +1,7 @@
-"""The ground: a height above every (x, y) and the soil there; shapes, files, and its cut by a wheel's plane.
+"""The terrain: its height and soil at every (x, y), ready-made shapes, terrain files, and the section that a wheel's
+plane cuts out of it.
 
-Start at `terrain`; ready-made ones are in `shapes` and `field`.
+`terrain` defines profiles and the two kinds of terrain (`Lanes`, `HeightGrid`), `shapes` makes the terrains of the
+scenes, `edits` changes a terrain, `files` and `raster` read terrains from files, and `section` finds where a wheel
+touches the terrain.
 """

@@ -1,9 +1,11 @@
-"""Terrains to drive on: the paper's field (slope, bump, ditch, rocks) and a few more.
+"""Ready-made terrains: the slope, bump, ditch, rocks and test field of the paper, and further shapes.
 
-Every shape starts on level ground at z = 0 at its `at` or `start` [m along x]. Where the paper gives no geometry, a
-docstring says "assumed". Curves are sampled by straight pieces, whose corners lie on the curve.
+Every shape begins at x = `at` or x = `start` [m] with level ground at z = 0 before it. Geometry that the paper does not
+give is marked "assumed". Curves consist of straight pieces whose corners lie on the curve. Soil index 0 is the model's
+default soil (sand), and soil index 1 is its hard ground.
 """
 
+import itertools
 import math
 from collections.abc import Callable
 from typing import Annotated, Any
@@ -13,23 +15,28 @@ import numpy as np
 from rover_pin.base.arguments import arguments_of, check_arguments, spec
 from rover_pin.base.errors import ParameterError
 from rover_pin.base.quantity import check
-from rover_pin.terrain.checks import STEEPEST
-from rover_pin.terrain.terrain import HeightGrid, Lanes, Profile, Terrain
+from rover_pin.terrain.terrain import MAX_STEEPNESS, HeightGrid, Lanes, Profile
 
 LEAD = 1.0
-"""Level ground described before and behind a shape [m]; it goes on without end."""
+"""Length of the level ground before and behind a shape [m]. Beyond this length, the first and last piece of the profile
+continue in a straight line."""
 PIECES = 24
-"""Straight pieces of a bump or of one wave of a washboard."""
+"""Number of straight pieces of a bump, or of one wave of a washboard."""
 ROCK_PIECES = 12
+"""Number of straight pieces of a rock's half circle."""
+FIELD_GAP = 0.8
+"""Length of the level ground between two parts of the paper's test field [m] (assumed: two lengths of the rover)."""
 DEG = math.pi / 180.0
+"""One degree [rad]."""
 FARTHEST = 1e6
-"""Place [m] or angle [rad] beyond which millimetres and milliradians are lost in round-off."""
+"""Maximum absolute value of the position of a shape [m], and of the position [m] and yaw angle [rad] at which a rover
+starts. Beyond it, round-off exceeds a fraction of a millimetre or milliradian."""
 
 FIG_10 = "paper, Fig 10 and section 4"
 Ground = Annotated[int, spec("", "assumed: an index of the model's soils, 0 the sand, 1 the hard ground", 0, 255)]
 Place = Annotated[float, spec("m", "assumed: level ground before it", -FARTHEST, FARTHEST)]
 Seed = Annotated[int, spec("", "assumed: any number gives another ground", 0, 2**53)]
-Angle = Annotated[float, spec("rad", "paper, section 4: up to 20 deg", -STEEPEST, STEEPEST)]
+Angle = Annotated[float, spec("rad", "paper, section 4: up to 20 deg", -MAX_STEEPNESS, MAX_STEEPNESS)]
 Tilt = Annotated[float, spec("rad", "paper, section 4: up to 20 deg", -80.0 * DEG, 80.0 * DEG)]
 Rate = Annotated[float, spec("rad/m", "assumed: 12 deg after 25 s at 0.05 m/s, paper's Fig 8", 1e-6, 100.0)]
 Steepest = Annotated[float, spec("rad", "paper, section 4: up to 20 deg", 1e-6, 80.0 * DEG)]
@@ -37,17 +44,19 @@ Height = Annotated[float, spec("m", "assumed: crossed on sand", -100.0, 100.0)]
 BumpLength = Annotated[float, spec("m", "assumed: crossed on sand", 1e-3, 1000.0)]
 Depth = Annotated[float, spec("m", FIG_10, 1e-6, 100.0)]
 Width = Annotated[float, spec("m", FIG_10 + "; assumed: from lip to lip", 1e-6, 1000.0)]
-WallAngle = Annotated[float, spec("rad", "assumed: 30 deg is Table 1's phi", 1e-3, STEEPEST)]
-StepAngle = Annotated[float, spec("rad", "assumed: the steepest that a profile may have", 1e-3, STEEPEST)]
-Count = Annotated[int, spec("", "assumed: the paper says several", 1, 10000)]
-RockLength = Annotated[float, spec("m", "assumed: the paper says scattered", 1e-3, 1000.0)]
+WallAngle = Annotated[
+    float, spec("rad", "assumed: 30 deg, the sand's friction angle phi in the paper's Table 1", 1e-3, MAX_STEEPNESS)
+]
+StepAngle = Annotated[float, spec("rad", "assumed: the steepest wall that a profile may have", 1e-3, MAX_STEEPNESS)]
+Count = Annotated[int, spec("", "assumed: the paper speaks of several", 1, 10000)]
+RockLength = Annotated[float, spec("m", "assumed: the paper speaks of scattered rocks", 1e-3, 1000.0)]
 Diameters = Annotated[tuple[float, float], spec("m", "paper, section 4: 5 to 10 cm", 1e-3, 100.0)]
 Left = Annotated[bool, spec("", "assumed: under the left wheels")]
 Amplitude = Annotated[float, spec("m", "assumed: not in the paper", 0.0, 100.0)]
 Wavelength = Annotated[float, spec("m", "assumed: not in the paper", 1e-3, 1000.0)]
 HillHeight = Annotated[float, spec("m", "assumed: not in the paper; standard deviation", 0.0, 100.0)]
 HillLength = Annotated[float, spec("m", "assumed: not in the paper", 0.2, 1000.0)]
-End = Annotated[float, spec("m", "none: no stretch of hard ground is laid")]
+Size = Annotated[float, spec("", "assumed: 1 for the wheels of Nexus 6", 1e-3, 1000.0)]
 
 
 def flat(ground: Ground = 0) -> Lanes:
@@ -57,7 +66,7 @@ def flat(ground: Ground = 0) -> Lanes:
 
 @check_arguments("terrain")
 def incline(angle: Angle, start: Place = 1.0) -> Lanes:
-    """Return level ground that turns into a slope of `angle` [rad] at `start` [m]; negative goes down.
+    """Return level ground with a slope of `angle` [rad] from `start` [m] on; a negative angle leads down.
 
     Source: paper, section 4: the field has "smooth slopes up to the inclination of 20 degrees".
     """
@@ -66,13 +75,15 @@ def incline(angle: Angle, start: Place = 1.0) -> Lanes:
 
 @check_arguments("terrain")
 def growing_slope(rate: Rate = 10.0 * DEG, start: Place = 0.5, steepest: Steepest = 20.0 * DEG) -> Lanes:
-    """Return a slope whose inclination grows by `rate` [rad/m] from `start` [m], until it stays at `steepest` [rad].
+    """Return a slope that begins at `start` [m], whose inclination grows by `rate` [rad/m] until it stays at `steepest`
+    [rad].
 
-    z = -ln(cos(rate s)) / rate over s = x - start, the integral of tan(rate s).
+    The height is z = -ln(cos(rate s)) / rate with s = x - start, which is the integral of tan(rate s).
 
-    Source: paper, Fig 8: "a slope that has an increasing inclination", 12 deg at t = 25 s, and section 4: up to
-    20 deg. The rate is assumed: 12 deg after 25 s at 0.05 m/s is about 10 deg a metre.
+    Source: paper, Fig 8: "a slope that has an increasing inclination", 12 deg at t = 25 s, and section 4: up to 20 deg.
+    The rate is assumed: 12 deg after 25 s at 0.05 m/s is about 10 deg a metre.
     """
+    # There are as many pieces as make the slope turn by half a degree or less at each corner.
     pieces = max(2, math.ceil(steepest / (0.5 * DEG)))
     s = np.linspace(0.0, steepest / rate, pieces + 1)
     z = -np.log(np.cos(rate * s)) / rate
@@ -82,13 +93,14 @@ def growing_slope(rate: Rate = 10.0 * DEG, start: Place = 0.5, steepest: Steepes
 
 @check_arguments("terrain")
 def bump(height: Height = 0.04, length: BumpLength = 0.3, at: Place = 0.5, ground: Ground = 0) -> Lanes:
-    """Return a raised cosine of `height` over `length` [m] across the whole width, of soil index `ground`.
+    """Return a bump across the whole terrain: a raised cosine of `height` [m] and `length` [m] that begins at x = `at`
+    [m].
 
-    z = height / 2 (1 - cos(2 pi s / length)), s = x - at.
+    z = height / 2 (1 - cos(2 pi s / length)), s = x - at. The bump has the soil index `ground`.
 
-    Source: paper, Fig 7: "rover motion moving over a bump". Shape and size are assumed: steep enough to
-    matter, gentle enough to be crossed on sand, as in the paper's simulation, where "all the surface is modeled as
-    dry sand". The paper supposes that the real obstacle was hard: give `ground` = 1 and a harder soil.
+    Source: paper, Fig 7: "rover motion moving over a bump". Shape and size are assumed: the bump is steep enough to
+    matter, and gentle enough to be crossed on sand, as in the paper's simulation, where "all the surface is modeled as
+    dry sand". The paper supposes that the real obstacle was hard; for a hard bump, set `ground` = 1 and a harder soil.
     """
     return Lanes((_bump_profile(height, length, at, ground),))
 
@@ -97,9 +109,10 @@ def bump(height: Height = 0.04, length: BumpLength = 0.3, at: Place = 0.5, groun
 def one_sided_bump(
     height: Height = 0.04, length: BumpLength = 0.3, at: Place = 0.5, ground: Ground = 0, *, left: Left = True
 ) -> Lanes:
-    """Return the same bump under the left wheels (y > 0) only, or under the right ones.
+    """Return a bump (a raised cosine, see `bump`) under the left wheels (y > 0) only, or under the right wheels only.
 
-    It ends at y = 0 with a sheer edge, which a wheel meets over its width: see `terrain.section`.
+    The bump ends at y = 0 with a vertical edge. A wheel crosses the edge gradually, over its width, as
+    `terrain.section` explains.
     """
     level, raised = flat().profiles[0], _bump_profile(height, length, at, ground)
     return Lanes((level, raised) if left else (raised, level), (0.0,))
@@ -107,37 +120,41 @@ def one_sided_bump(
 
 @check_arguments("terrain")
 def ditch(depth: Depth = 0.05, width: Width = 0.2, wall_angle: WallAngle = 30.0 * DEG, at: Place = 0.5) -> Lanes:
-    """Return a ditch with straight walls and a level floor; `width` [m] is measured at the top, from lip to lip.
+    """Return a ditch with straight walls and a level floor. `width` [m] is the width at the top, from lip to lip.
 
-    The floor is width - 2 depth / tan(wall_angle) wide, or nothing, when the walls meet at the depth.
+    The floor is width - 2 depth / tan(wall_angle) wide. It has no width if the walls meet at the depth.
 
-    Source: paper, Fig 10: "a sandy ditch, which has 0.05 [m] depth and 0.2 [m] width"; section 4 calls it sharp.
-    Assumed: the width is that at the top; the paper does not state the wall angle [rad], which decides whether the
-    rover gets out; 30 deg is Table 1's phi, the steepest at which its sand stands by itself.
+    Source: paper, Fig 10: "a sandy ditch, which has 0.05 [m] depth and 0.2 [m] width"; section 4 calls the ditch sharp.
+    Assumed: the paper's width is the width at the top. The paper does not state the wall angle [rad], which decides
+    whether the rover gets out; 30 deg is the internal friction angle phi of Table 1, the steepest angle at which its
+    sand is stable without support.
 
-    Raises ParameterError: walls so gentle that they meet above the depth.
+    Raises ParameterError: the walls are so gentle that they meet above the depth.
     """
+    # `wall` is the horizontal length of one wall.
     wall = depth / math.tan(wall_angle)
     floor = width - 2.0 * wall
     if floor < -1e-9:
         raise ParameterError(
-            f"The ditch's walls at {math.degrees(wall_angle):g} deg meet {0.5 * width * math.tan(wall_angle):.4g} m "
-            f"down, above its depth of {depth:g} m: use {math.degrees(math.atan(2.0 * depth / width)):.4g} deg "
-            "or more, a wider ditch or a shallower one."
+            f"The ditch's walls are inclined by {math.degrees(wall_angle):g} deg. They meet at a depth of "
+            f"{0.5 * width * math.tan(wall_angle):.4g} m, which is less than the ditch's depth of {depth:g} m. Use a "
+            f"wall angle of {math.degrees(math.atan(2.0 * depth / width)):.4g} deg or more, a wider ditch or a "
+            "shallower ditch."
         )
     x = [at - LEAD, at, at + wall, at + width - wall, at + width, at + width + LEAD]
     z = [0.0, 0.0, -depth, -depth, 0.0, 0.0]
-    if floor <= 1e-9:
+    if floor <= 1e-9:  # the walls meet at one point
         x[2:4], z[2:4] = [at + 0.5 * width], [-depth]
     return Lanes((_polyline(x, z),))
 
 
 @check_arguments("terrain")
-def step(height: Height = 0.05, wall_angle: StepAngle = STEEPEST, at: Place = 0.5, ground: Ground = 0) -> Lanes:
-    """Return a step up by `height` [m], or down where it is negative; its wall leans at `wall_angle` [rad].
+def step(height: Height = 0.05, wall_angle: StepAngle = MAX_STEEPNESS, at: Place = 0.5, ground: Ground = 0) -> Lanes:
+    """Return a step up by `height` [m] with a wall inclined by `wall_angle` [rad]; a negative height gives a step down.
 
-    `ground` is the soil index of the wall and of what lies behind it.
+    `ground` is the soil index of the wall and of the ground behind the wall.
     """
+    # The horizontal length of the wall; its minimum keeps the points of the profile apart if the height is 0.
     wall = max(abs(height) / math.tan(wall_angle), 1e-6)
     x = [at - LEAD, at, at + wall, at + wall + LEAD]
     return Lanes((_polyline(x, [0.0, 0.0, height, height], [0, ground, ground]),))
@@ -152,39 +169,57 @@ def rocks(
     diameters: Diameters = (0.05, 0.10),
     ground: Ground = 1,
 ) -> Lanes:
-    """Return half-buried round rocks of soil index `ground`, each at random under the left or the right wheels.
+    """Return level ground with `count` half-buried round rocks of soil index `ground`. Each rock lies under the left or
+    under the right wheels, at random.
 
-    A rock is a half circle in x and z, of 12 straight pieces, and reaches across its side: a half cylinder, not a ball.
-    `count` rocks lie within `length` [m] from `start` [m]; those of one side do not overlap.
+    A rock is a half circle in x and z, of ROCK_PIECES straight pieces, and reaches across the whole left or right half
+    of the terrain: it is a half cylinder and not a ball. The rocks lie within `length` [m] from `start` [m] on, and
+    rocks under the same wheels do not overlap. `diameters` are the smallest and the largest diameter [m].
 
     Source: paper, section 4: "several rocks with the diameter of 5-10 centimeters are scattered over the sand".
-    Assumed: their number, that half of each is buried, and that they are harder than the sand (section 4.2).
+    Assumed: their number, that half of each rock is buried, and that they are harder than the sand (section 4.2).
 
-    Raises ParameterError: rocks that may not fit into the length.
+    Raises ParameterError: rocks of the largest diameter would not fit into the length.
     """
     smallest, largest = diameters
     bounds = arguments_of(rocks)["diameters"].quantity
     check("terrain", "smallest diameter", smallest, bounds)
     check("terrain", "largest diameter", largest, bounds._replace(low=smallest))
     count = int(count)
-    if count * largest > length * (1.0 + 1e-12):  # their sum may be off in its last digits
+    # The sum of the diameters may be off in its last digits.
+    if count * largest > length * (1.0 + 1e-12):
         raise ParameterError(
-            f"{count} rocks of up to {largest:g} m may not fit into {length:g} m: "
-            "ask for fewer, or for a longer stretch."
+            f"{count} rocks with diameters of up to {largest:g} m may not fit into a stretch of {length:g} m: "
+            "ask for fewer rocks, or for a longer stretch."
         )
+    # The free length is divided at random between the rocks, so that no rock overlaps another. The order of the draws
+    # is part of the result: a seed gives the same terrain in each version.
     rng = np.random.default_rng(int(seed))
     size, left = rng.uniform(smallest, largest, count), rng.random(count) < 0.5
     free = np.sort(rng.uniform(0.0, max(length - float(np.sum(size)), 0.0), count))
     begin = start + free + np.concatenate([[0.0], np.cumsum(size)[:-1]])
-    sides = (
-        _rock_row(begin[side], size[side], (start - LEAD, start + length + LEAD), ground) for side in (~left, left)
-    )
-    return Lanes(tuple(sides), (0.0,))
+    # The outline of a rock of unit diameter, from its rear edge to its front edge; both edges lie exactly at z = 0.
+    turn = np.linspace(math.pi, 0.0, ROCK_PIECES + 1)
+    arch = np.concatenate([[0.0], np.sin(turn[1:-1]), [0.0]])
+    profiles = []
+    for side in (~left, left):
+        x, z, soil = [start - LEAD], [0.0], list[int]()
+        for low, diameter in zip(begin[side], size[side], strict=True):
+            # Two rocks that touch share a point.
+            skip = 1 if low - x[-1] <= 1e-9 else 0
+            x.extend((low + 0.5 * diameter * (1.0 + np.cos(turn)))[skip:])
+            z.extend((0.5 * diameter * arch)[skip:])
+            soil.extend(([0] + [ground] * ROCK_PIECES)[skip:])
+        profiles.append(_polyline([*x, start + length + LEAD], [*z, 0.0], [*soil, 0]))
+    return Lanes(tuple(profiles), (0.0,))
 
 
 @check_arguments("terrain")
 def washboard(amplitude: Amplitude = 0.01, wavelength: Wavelength = 0.3, count: Count = 10, at: Place = 0.5) -> Lanes:
-    """Return `count` waves z = amplitude (1 - cos(2 pi s / wavelength)) [m], each twice the amplitude high."""
+    """Return level ground with `count` waves along x; each wave is 2 `amplitude` [m] high and `wavelength` [m] long.
+
+    z = amplitude (1 - cos(2 pi s / wavelength)) with s = x - at.
+    """
     count = int(count)
     phase = np.linspace(0.0, float(count), count * PIECES + 1)
     x = np.concatenate([[at - LEAD], at + wavelength * phase, [at + wavelength * count + LEAD]])
@@ -194,87 +229,112 @@ def washboard(amplitude: Amplitude = 0.01, wavelength: Wavelength = 0.3, count: 
 
 @check_arguments("terrain")
 def cross_slope(angle: Tilt) -> HeightGrid:
-    """Return a plane that rises to the left by `angle` [rad]: z = y tan(angle), 20 m long and 8 m wide."""
+    """Return a plane that rises to the left (+y) by `angle` [rad]: z = y tan(angle), 20 m long and 8 m wide."""
     return _grid(lambda _, y: y * math.tan(angle), 0.1)
 
 
 @check_arguments("terrain")
 def hills(seed: Seed = 0, height: HillHeight = 0.05, wavelength: HillLength = 1.5) -> HeightGrid:
-    """Return random rolling ground, 20 m long and 8 m wide, of standard deviation `height` [m].
+    """Return random rolling ground, 20 m long and 8 m wide, whose heights have the standard deviation `height` [m].
 
-    The sum of 32 plane waves in random directions, of lengths between `wavelength` [m] and three times that.
+    The height is the sum of 32 plane waves in random directions. The lengths of the waves are drawn between
+    `wavelength` [m] and three times `wavelength`.
     """
     rng = np.random.default_rng(int(seed))
     heading, phase = rng.uniform(0.0, 2.0 * math.pi, 32), rng.uniform(0.0, 2.0 * math.pi, 32)
     k = 2.0 * math.pi / (wavelength * rng.uniform(1.0, 3.0, 32))
 
     def waves(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """Return the height [m] at (x, y). All waves have the same amplitude, which is chosen so that the standard
+        deviation of the height is `height`.
+        """
         cosines = np.cos(k * (x[..., None] * np.cos(heading) + y[..., None] * np.sin(heading)) + phase)
         return height * math.sqrt(2.0 / 32.0) * np.sum(cosines, axis=-1)
 
     return _grid(waves, 0.05)
 
 
-def with_ground(terrain: Terrain, x_from: End, x_to: End, index: int) -> Terrain:
-    """Return the terrain with soil index `index` from `x_from` to `x_to` [m], over all y; either may be infinite.
+@check_arguments("terrain")
+def paper_field(
+    seed: Seed = 1,
+    count: Count = 6,
+    depth: Depth = 0.05,
+    width: Width = 0.2,
+    wall_angle: WallAngle = 30.0 * DEG,
+    rate: Rate = 10.0 * DEG,
+    steepest: Steepest = 20.0 * DEG,
+    rocks_length: RockLength = 1.5,
+    size: Size = 1.0,
+) -> Lanes:
+    """Return the paper's test field: rocks from x = 0.5 m on, then a ditch, then a slope that grows to `steepest` [rad]
+    and stays at this inclination.
 
-    In a height grid these are the cells whose middle lies in between.
+    Level ground lies between the three parts.
 
-    Raises ParameterError: a stretch that is empty or holds no cell.
+    Parameters
+    ----------
+    seed, count, rocks_length
+        Random seed, number of rocks, and length of the stretch with rocks [m]; see `rocks`. Rocks have soil index 1.
+    depth, width, wall_angle
+        Depth [m], width at the top [m] and wall angle [rad] of the ditch; see `ditch`.
+    rate, steepest
+        Growth of the inclination [rad/m] and final inclination [rad]; see `growing_slope`.
+    size : float
+        Factor on the lengths that are no arguments: the start of the rocks, the distances between the parts, and the
+        diameters of the rocks.
+
+    Source: paper, section 4: "The test filed includes a sharp ditch in the depth of 5 centimeters and smooth slopes up
+    to the inclination of 20 degrees. In order to test obstacle negotiation, several rocks with the diameter of 5-10
+    centimeters are scattered over the sand." The order and the distances of the parts are assumed here, in addition to
+    the assumptions of `rocks`, `ditch` and `growing_slope`. Rocks of the real field may also have lain on its slopes;
+    here they do not.
+
+    Raises ParameterError: the rocks do not fit into `rocks_length`, or the ditch's walls meet above its depth.
     """
-    if not x_from < x_to:
-        raise ParameterError(f"Soil {index} from x = {x_from:g} m to {x_to:g} m is an empty stretch: swap its ends.")
-    if isinstance(terrain, Lanes):
-        return Lanes(tuple(_lay_ground(profile, x_from, x_to, index) for profile in terrain.profiles), terrain.borders)
-    assert isinstance(terrain, HeightGrid)
-    middle = terrain.x0 + terrain.dx * (np.arange(terrain.ground.shape[0]) + 0.5)
-    inside = (middle >= x_from) & (middle <= x_to)
-    if not np.any(inside):
-        raise ParameterError(
-            f"Soil {index} from x = {x_from:g} m to {x_to:g} m covers no cell of the height grid, "
-            f"which has one each {terrain.dx:g} m from {terrain.extent.x_low:g} to {terrain.extent.x_high:g} m."
-        )
-    ground = np.where(inside[:, None], index, terrain.ground)
-    return HeightGrid(terrain.x0, terrain.y0, terrain.dx, terrain.dy, terrain.z, ground)
+    gap = size * FIELD_GAP
+    ditch_at = size * 0.5 + rocks_length + gap
+    slope_at = ditch_at + width + gap
+    parts = (
+        rocks(seed, count, size * 0.5, rocks_length, (size * 0.05, size * 0.10)),
+        ditch(depth, width, wall_angle, ditch_at),
+        growing_slope(rate, slope_at, steepest),
+    )
+    # The first part ends at the first seam, where the second part begins, and so on. All parts are level sand at z = 0
+    # at the seams, so that they join without a step.
+    ends = [-math.inf, ditch_at - 0.5 * gap, slope_at - 0.5 * gap, math.inf]
+    profiles = []
+    # A part with a single lane, such as the ditch, is the same under the right and the left wheels.
+    for lane in (0, -1):
+        x, z, ground = [], [], []
+        for part, (low, high) in zip((part.profiles[lane] for part in parts), itertools.pairwise(ends), strict=True):
+            inside = (part.x > low) & (part.x < high)
+            x += list(part.x[inside])
+            z += list(part.z[inside])
+            ground += list(part.ground[np.clip(np.flatnonzero(inside), 0, part.ground.size - 1)])
+        profiles.append(Profile(np.array(x), np.array(z), np.array(ground[:-1])))
+    return Lanes(tuple(profiles), (0.0,))
 
 
 def _polyline(x: Any, z: Any, ground: Any = 0) -> Profile:
+    """Return the profile through the points (x, z) of two lists [m]. `ground` is the soil index of each straight piece,
+    or one index for all pieces.
+    """
     return Profile(np.asarray(x, dtype=float), np.asarray(z, dtype=float), np.asarray(ground))
 
 
-def _lay_ground(profile: Profile, x_from: float, x_to: float, index: int) -> Profile:
-    """Cut the profile at the stretch's ends; one outside the profile keeps the old ground beyond it."""
-    x = profile.x
-    for end in (x_from, x_to):
-        if math.isfinite(end):
-            new = [end] if x[0] < end < x[-1] else [end - LEAD, end, end + LEAD]
-            x = np.append(x, [cut for cut in new if np.min(np.abs(x - cut)) > 1e-9])
-    x = np.sort(x)
-    middle = 0.5 * (x[1:] + x[:-1])
-    ground = np.where((middle > x_from) & (middle < x_to), index, profile.ground[profile.piece(middle)])
-    return _polyline(x, profile.height(x), ground)
-
-
 def _bump_profile(height: float, length: float, at: float, ground: int) -> Profile:
+    """Return the profile of a raised cosine from x = `at` [m] on, between level ground; `bump` gives its equation."""
     phase = np.linspace(0.0, 1.0, PIECES + 1)
     x = np.concatenate([[at - LEAD], at + length * phase, [at + length + LEAD]])
     z = np.concatenate([[0.0], 0.5 * height * (1.0 - np.cos(2.0 * math.pi * phase)), [0.0]])
     return _polyline(x, z, np.concatenate([[0], np.full(PIECES, ground), [0]]))
 
 
-def _rock_row(begin: np.ndarray, size: np.ndarray, ends: tuple[float, float], ground: int) -> Profile:
-    turn = np.linspace(math.pi, 0.0, ROCK_PIECES + 1)
-    arch = np.concatenate([[0.0], np.sin(turn[1:-1]), [0.0]])
-    x, z, soil = [ends[0]], [0.0], list[int]()
-    for low, diameter in zip(begin, size, strict=True):
-        skip = 1 if low - x[-1] <= 1e-9 else 0
-        x.extend((low + 0.5 * diameter * (1.0 + np.cos(turn)))[skip:])
-        z.extend((0.5 * diameter * arch)[skip:])
-        soil.extend(([0] + [ground] * ROCK_PIECES)[skip:])
-    return _polyline([*x, ends[1]], [*z, 0.0], [*soil, 0])
-
-
 def _grid(height: Callable[[np.ndarray, np.ndarray], np.ndarray], spacing: float) -> HeightGrid:
+    """Return the height grid of a function that returns the height [m] at (x, y).
+
+    The grid is 20 m long from x = -2 m on and 8 m wide around y = 0, with the spacing `spacing` [m].
+    """
     nx, ny = round(20.0 / spacing) + 1, round(8.0 / spacing) + 1
     x, y = np.meshgrid(-2.0 + spacing * np.arange(nx), spacing * (np.arange(ny) - (ny - 1) / 2), indexing="ij")
     return HeightGrid(-2.0, -4.0, spacing, spacing, height(x, y))

@@ -1,4 +1,5 @@
-"""Gains found by optimisation: a global search, a polish on the full rover, and its verdict.
+"""Tuning: find the gains of a slip control by optimisation, and test them on drives that the search has not used.
 
-Start at `tune`; what is tuned is declared in `study`.
+Start at `tune.tune_gains`. A `study.TuningStudy` states the gains to find and the drives. `improve.improve` does the
+whole work from measured data to tuned gains.
 """

@@ -1,4 +1,8 @@
-"""From measured data to better control: a model with its posterior, torque bounds, tuned gains, what they gain."""
+"""From measured data to a better control: identified models, torque bounds, tuned gains, and the predicted benefit.
+
+The loop (`close_the_loop`) identifies models from the data. Several models that are equally probable represent the
+uncertainty of the identification. The benefit of the control is predicted from drives on all of these models.
+"""
 
 from __future__ import annotations
 
@@ -16,11 +20,9 @@ from rover_pin.base.errors import DataError
 from rover_pin.base.files.paths import is_file, is_folder
 from rover_pin.base.files.whole_file import replace_file
 from rover_pin.base.public import brief
-from rover_pin.base.quantity import Record
 from rover_pin.base.trust import Trust
-from rover_pin.control.hole_law import HoleLaw
 from rover_pin.control.rover_bounds import bounds_of_model
-from rover_pin.control.slip_control import HOLE_GAINS
+from rover_pin.control.slip_control import HOLE_GAINS, HoleLaw
 from rover_pin.control.torque_bounds import SLIP_LIMIT
 from rover_pin.discrepancy.question import Progress
 from rover_pin.loop.close import close_the_loop
@@ -28,119 +30,142 @@ from rover_pin.loop.verdict_file import POSTERIOR
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.model.toml_file import models_of
 from rover_pin.tuning.evaluations import Progress as Stages
-from rover_pin.tuning.report import WORTH, TuningResult
+from rover_pin.tuning.report import MIN_COST_CHANGE, TuningResult
 from rover_pin.tuning.study import DriveCase, Effort, TuningStudy
 from rover_pin.tuning.tune import tune_gains
 
-Grounds = Mapping[str, Sequence[Mapping[str, Any]]]
+Terrains = Mapping[str, Sequence[Mapping[str, Any]]]
+"""The terrains of drives: name of a scenario -> a list of settings, with one drive for each entry of the list."""
 
-TRAINED_ON: Grounds = {
+TRAINING_TERRAINS: Terrains = {
     "incline": [{"terrain.angle_deg": 4.0}, {"terrain.angle_deg": 8.0}, {"terrain.angle_deg": 12.0}],
     "slope": [{}],
     "ditch": [{"terrain.wall_angle_deg": 35.0}, {"terrain.wall_angle_deg": 45.0}],
     "hills": [{}],
     "rocks": [{}],
 }
-HELD_OUT_ON: Grounds = {
+HELD_OUT_TERRAINS: Terrains = {
     "incline": [{"terrain.angle_deg": 6.0}, {"terrain.angle_deg": 10.0}],
     "slope": [{"terrain.start": 0.25}],
     "ditch": [{"terrain.wall_angle_deg": 40.0}],
     "hills": [{"terrain.seed": 2}],
     "rocks": [{"terrain.seed": 2}],
 }
-"""Grounds by scenario with their settings, for who names none: what the scenarios of one heading are."""
+"""TRAINING_TERRAINS and HELD_OUT_TERRAINS are the terrains of the training drives and of the held-out drives in a
+tuning for which the user gives no study. They have the same scenarios with different settings."""
 
 
-def usual_drives(grounds: Grounds) -> tuple[DriveCase, ...]:
-    """Return a drive of the usual duration on each ground."""
+def default_drives(terrains: Terrains) -> tuple[DriveCase, ...]:
+    """Return the drives of a study for the terrains `terrains`: one drive for each entry, with the duration of its
+    scenario.
+    """
     return tuple(
         DriveCase(" ".join([scene, *(f"{value:g}" for value in ground.values())]), scene, tuple(ground.items()))
-        for scene, settings in grounds.items()
+        for scene, settings in terrains.items()
         for ground in settings
     )
 
 
-COVERED = 0.90
-"""Probability of the interval of a predicted gain."""
-STUDY = TuningStudy(
+COVERAGE = 0.90
+"""Probability with which the interval of a prediction contains the true rover's value."""
+DEFAULT_STUDY = TuningStudy(
     "usual grounds",
-    usual_drives(TRAINED_ON),
-    usual_drives(HELD_OUT_ON),
+    default_drives(TRAINING_TERRAINS),
+    default_drives(HELD_OUT_TERRAINS),
     {"k_p": (0.1, 10.0), "k_i": (0.1, 30.0), "S_d": (0.2, 0.8), "hole.S_deep": (0.0, 0.2), "hole.deep": (0.1, 0.4)},
     before=HOLE_GAINS,
     hole=HoleLaw(),
     estimate="onboard",
     effort=Effort(population=8, generations=5, starts=0, keep=4),
 )
-"""What is tuned where no study is named: the hole law, by what rates, currents and angles say."""
+"""The tuning for which the user gives no study: it tunes the gains and the hole law of the slip control that reads
+on-board sensors only."""
 
 
-class Predicted(NamedTuple):
-    """A number of the true rover, from equally probable models: Student's t of one more draw."""
+class Prediction(NamedTuple):
+    """The prediction of a number for the true rover, with an interval, from its values on models that are equally
+    probable.
+
+    The true rover counts as one more draw from the same normal distribution, so that the interval follows from
+    Student's t distribution.
+    """
 
     mean: float
+    """mean of the values on the models"""
     low: float
+    """lower end of the interval, which contains the true rover's value with the probability COVERAGE"""
     high: float
+    "upper end of the interval"
 
     @classmethod
-    def of(cls, values: Any) -> Predicted:
-        """Return mean and interval, of probability COVERED, of the next value; of one value it is unknown."""
+    def of(cls, values: Any) -> Prediction:
+        """Return the prediction of a number from its values on several models. A single value gives an infinite
+        interval.
+        """
         values = np.asarray(values, dtype=float)
+        # The interval for one further draw from a normal distribution of unknown mean and variance.
         n, mean = len(values), float(np.mean(values))
         if n < 2:
             return cls(mean, -math.inf, math.inf)
-        half = float(stdtrit(n - 1, 0.5 + COVERED / 2) * np.std(values, ddof=1) * math.sqrt(1.0 + 1.0 / n))
+        half = float(stdtrit(n - 1, 0.5 + COVERAGE / 2) * np.std(values, ddof=1) * math.sqrt(1.0 + 1.0 / n))
         return cls(mean, mean - half, mean + half)
 
     @property
-    def opposite(self) -> Predicted:
-        """The number with the other sign."""
-        return Predicted(0.0 - self.mean, 0.0 - self.high, 0.0 - self.low)
+    def opposite(self) -> Prediction:
+        """The prediction of the same number multiplied by -1."""
+        return Prediction(0.0 - self.mean, 0.0 - self.high, 0.0 - self.low)
 
     def words(self, unit: str = "", digits: int = 2) -> str:
-        """Return it as text."""
+        """Return the prediction as text: the mean, the interval in brackets, and the unit."""
         return f"{self.mean:.{digits}f} [{self.low:.{digits}f}, {self.high:.{digits}f}]{unit}"
 
 
 @brief
 @dataclass(frozen=True)
 class Improvement:
-    """What the data say of the control: bounds and gains, and what these gain on drives that were not tuned on."""
+    """The result of `improve`: torque bounds, tuned gains, and the predicted benefit of the tuned control."""
 
     tuning: TuningResult
-    bounds: dict[str, Predicted]
-    "least torque bound of a wheel [N m], and the slope [deg] that is climbed at SLIP_LIMIT"
+    "the tuned gains with their scores"
+    bounds: dict[str, Prediction]
+    """predictions of the smallest torque bound of a wheel [N m], and of the slope [deg] that the rover climbs at the
+    slip limit SLIP_LIMIT"""
     now: str
-    "the control that is compared with"
-    gain: dict[str, Predicted]
-    "of tuned against now, on the drives held out: share through, share buried, cost saved"
+    "name of the control with which the tuned control is compared"
+    gain: dict[str, Prediction]
+    """predicted changes on held-out drives by the tuned control, compared with the control `now`: of the fraction of
+    drives that get through (`through`), of the fraction that bury a wheel (`buried`), and the saved cost (`cost saved`)
+    """
 
     @property
     def is_certain(self) -> bool:
-        """Whether the interval of the cost saved lies above nothing."""
+        """Whether the whole interval of the saved cost is above 0."""
         return self.gain["cost saved"].low > 0.0
 
     @property
     def is_worth_it(self) -> bool:
-        """Whether the cost saved, expected over the models, counts."""
-        return self.gain["cost saved"].mean > WORTH
+        """Whether the mean of the saved cost is above MIN_COST_CHANGE, so that the tuned control is advised."""
+        return self.gain["cost saved"].mean > MIN_COST_CHANGE
 
     @property
     def sentence(self) -> str:
-        """The predicted gain in a sentence, or that none is expected: then the control of now is to be kept."""
+        """A sentence that states the predicted benefit of the tuned control. If there is no benefit, the sentence
+        advises to keep the present control.
+        """
+        # The sentence states changes, so that a saved cost becomes a negative change.
         saved, through, buried = (self.gain[name] for name in ("cost saved", "through", "buried"))
         drives = len(self.tuning.study.held_out_runs)
-        what = (
-            f"the cost of a drive changes by {saved.opposite.words()}, {100 * through.mean:+.0f} % of drives get "
-            f"through and {100 * buried.mean:+.0f} % bury a wheel, against {self.now} on {drives} drives that were not "
-            "tuned on"
+        change = (
+            f"compared with {self.now}, the cost of a drive changes by {saved.opposite.words()}, the fraction of "
+            f"drives that get through by {100 * through.mean:+.0f} %, and the fraction that bury a wheel by "
+            f"{100 * buried.mean:+.0f} %, on {drives} held-out drives"
         )
         if not self.is_worth_it:
-            return f"keep {self.now}, no gain is expected: {what}"
-        return f"gain: {what}" if self.is_certain else f"a gain is expected, not certain: {what}"
+            return f"keep {self.now}, because no gain is expected: {change}"
+        return f"gain: {change}" if self.is_certain else f"a gain is expected but not certain: {change}"
 
     def summary(self) -> dict[str, Any]:
-        """Return plain values, for a table or JSON."""
+        """Return the result as plain values, for a table or a JSON file."""
         records = {"gains": self.tuning.gains, "hole law": self.tuning.hole}
         return {
             "gain": self.sentence,
@@ -148,14 +173,14 @@ class Improvement:
             "advice": "the tuned control" if self.is_worth_it else self.now,
             **{name: predicted.words() for name, predicted in (self.bounds | self.gain).items()},
             "control": self.tuning.study.estimate,
-            **{name: _plain(record) for name, record in records.items() if record},
+            **{
+                name: {key: float(value) for key, value in record.values().items()}
+                for name, record in records.items()
+                if record
+            },
             "where": [line for line in self.tuning.by_ground() if line.startswith("held out")],
             "files": [str(file) for file in self.tuning.files],
         }
-
-
-def _plain(record: Record) -> dict[str, float]:
-    return {name: float(value) for name, value in record.values().items()}
 
 
 def improve(
@@ -168,69 +193,105 @@ def improve(
     stages: Stages | None = None,
     workers: int = 0,
 ) -> Improvement:
-    """Close the loop on data, tune the slip control over its posterior, and predict what that gains.
+    """Identify models from data, tune the slip control on these models, and predict the benefit of the tuned control.
 
     Parameters
     ----------
     data : path
-        A drive log or a rig set, or the folder of results of a loop on one.
+        A drive log or a set of rig data, or the results folder of an earlier `close_the_loop`, which is then not
+        repeated.
     out : path
-        Folder: `loop` has the loop's results, `control` the gains, the tables and figures; improve.json the rest.
+        Folder for all results: `loop` with the results of `close_the_loop`, `control` with gains, tables and figures,
+        and improve.json with a summary.
     study : TuningStudy, optional
-        Drives and free numbers; else STUDY, the hole law on the usual grounds.
-    effects, trust
-        As of `close_the_loop`.
-    progress, stages : callable
-        Called with a line before each step of the loop, and with the stage, its finished evaluations and their number.
+        Drives and free numbers; by default DEFAULT_STUDY, the slip control with a hole law on several terrains.
+    effects : path, optional
+        Folder or file with your own effects, which the loop may add to the model.
+    trust : bool
+        Whether effect files that the data name may be executed.
+    progress : callable
+        Called with a line of text before each step of the loop.
+    stages : callable, optional
+        Called with the name of a stage of the tuning, the number of its finished evaluations, and their total.
     workers : int
-        Processes; 0 for all cores.
+        Number of processes; 0 for one per core.
 
     Returns
     -------
     Improvement
-        The gain is of a control by on-board sensors against constant duty, on drives that were not tuned on, with an
-        interval over the models that the data leave open. Where no gain above WORTH is expected over these, it says to
-        keep constant duty; what was tuned stays in `control` nevertheless.
+        The benefit compares the tuned control, which reads on-board sensors, with constant duty on held-out drives. Its
+        interval covers the models that are consistent with the data. If no benefit above MIN_COST_CHANGE is expected,
+        the advice is to keep constant duty; the tuned gains are in `control` in this case as well.
 
     Raises
     ------
-    DataError, ParameterError, OptimisationError
-        As `close_the_loop` and `tune_gains`.
+    DataError
+        The data cannot be read, or the loop has found no model for the tuning.
+    ParameterError
+        A setting of the study or of the data is not allowed.
+    OptimisationError
+        Every training drive ends stuck with all gains.
+
+    Examples
+    --------
+    >>> from rover_pin.tuning.improve import improve
+    >>> print(improve("logs/monday", "out/improve").sentence)  # doctest: +SKIP
     """
     out = Path(out)
+    # A folder with a verdict is the result of a loop already.
     loop = Path(data)
     if not is_file(loop / "verdict.json"):
         loop = out / "loop"
         close_the_loop(data, None, effects, loop, progress, jobs=workers, trust=trust)
     if not is_folder(loop / POSTERIOR):
         raise DataError(
-            f"{loop}: this loop left no {POSTERIOR} to tune over; its report says why. Measure more, or tune on a "
-            "model yourself: rover-pin tune --model FILE."
+            f"{loop}: the loop has written no models to the folder {POSTERIOR}, so that the control cannot be tuned on "
+            "models from the data. The report of the loop states why. Measure more data, or tune on a model of your "
+            "own: rover-pin tune --model FILE."
         )
+    # Tune on all models of the posterior, so that the gains do not fit one of them by chance.
     allowed = Trust.of(effects, trust)
     models = models_of(loop / POSTERIOR)
-    tuning_study = (study or STUDY).on_model(*models).trusting(allowed)
+    tuning_study = (study or DEFAULT_STUDY).on_model(*models).trusting(allowed)
     tuning = tune_gains(tuning_study, out / "control", stages, workers or None)
     improvement = Improvement(
-        tuning, torque_bounds(models, {"trust": allowed}), "constant duty", predicted_gain(tuning)
+        tuning, predicted_bounds(models, {"trust": allowed}), "constant duty", predicted_gain(tuning)
     )
     replace_file(out / "improve.json", json.dumps(improvement.summary(), indent=1) + "\n")
     return improvement
 
 
-def torque_bounds(
+def predicted_bounds(
     models: tuple[Path, ...], settings: Mapping[str, Any], slip: float = SLIP_LIMIT, slope: float = 0.0
-) -> dict[str, Predicted]:
-    """Return the least torque bound on a slope [rad], and the slope climbed at a slip, over the models so set."""
+) -> dict[str, Prediction]:
+    """Return predictions of the smallest torque bound of a rover's wheels and of the slope that the rover can climb,
+    from several models in files.
+
+    Parameters
+    ----------
+    models : tuple of Path
+        Files of models that are equally probable.
+    settings : mapping
+        Settings of the scenario with each model, such as `trust`.
+    slip : float
+        Slip limit of the torque bound and of the climbable slope [-].
+    slope : float
+        Slope on which the torque bound is computed [rad].
+    """
     rows = [bounds_of_model(scenario("flat", model=str(file), **settings).model, slip, slope) for file in models]
     return {
-        "torque bound [N m]": Predicted.of([float(np.min(bounds.limit)) for bounds, _ in rows]),
-        "climbable at the slip limit [deg]": Predicted.of([plain["climbable_at_slip_limit_deg"] for _, plain in rows]),
+        "torque bound [N m]": Prediction.of([float(np.min(bounds.limit)) for bounds, _ in rows]),
+        "climbable at the slip limit [deg]": Prediction.of([plain["climbable_at_slip_limit_deg"] for _, plain in rows]),
     }
 
 
-def predicted_gain(tuning: TuningResult) -> dict[str, Predicted]:
-    """Return what the tuned control gains against constant duty on the drives held out, over their models."""
+def predicted_gain(tuning: TuningResult) -> dict[str, Prediction]:
+    """Return the predicted benefit of the tuned control over constant duty, from the held-out drives of a tuning.
+
+    The dict has three predictions: the change of the fraction of drives that get through (`through`), the change of the
+    fraction that bury a wheel (`buried`), and the saved cost (`cost saved`).
+    """
+    # For each held-out drive: changes of getting through and of burying a wheel, and the saved cost.
     drives = {row.control: row.held_out for row in tuning.drives}
     runs, cost = tuning.study.held_out_runs, tuning.study.cost
     models = np.array([run.case.model_file for run in runs])
@@ -241,5 +302,6 @@ def predicted_gain(tuning: TuningResult) -> dict[str, Predicted]:
             for now, tuned in pairs
         ]
     )
+    # One value per model: the drives of a model are not independent, so only the differences between models count.
     means = np.array([rows[models == model].mean(axis=0) for model in dict.fromkeys(models)])
-    return dict(zip(("through", "buried", "cost saved"), map(Predicted.of, means.T), strict=True))
+    return dict(zip(("through", "buried", "cost saved"), map(Prediction.of, means.T), strict=True))

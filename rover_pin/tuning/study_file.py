@@ -1,4 +1,4 @@
-"""A tuning study as a TOML file."""
+"""Read a tuning study from a TOML file."""
 
 import dataclasses
 from collections.abc import Mapping
@@ -9,27 +9,27 @@ from rover_pin.base.errors import ParameterError, closest
 from rover_pin.base.files.toml_file import read_toml, table_in
 from rover_pin.base.quantity import record_from, to_si
 from rover_pin.base.trust import Trust
-from rover_pin.control.hole_law import HoleLaw
-from rover_pin.control.slip_control import HOLE_GAINS, Gains
+from rover_pin.control.slip_control import HOLE_GAINS, Gains, HoleLaw
 from rover_pin.tuning.drive_score import Cost
 from rover_pin.tuning.study import DriveCase, Effort, TuningStudy
 
-NUMBERS = ("estimate", "seed", "noise_seeds")
+PLAIN_KEYS = ("estimate", "seed", "noise_seeds")
+"""Keys of a study file whose values become fields of `TuningStudy` without conversion."""
 
 
 def read_tuning(path: str | Path, trust: Trust = Trust()) -> TuningStudy:
-    """Return the study in a TOML file, as in::
+    """Return the tuning study in a TOML file such as::
 
         name = "ditch"
         estimate = "true"              # the true slip; eq9, onboard, camera or tracked
-        noise_seeds = 2                # of each drive, where sensors are read
+        noise_seeds = 2                # for each drive, if sensors are read
         seed = 0
         [free]                         # gains to find, with their bounds
         k_p = [0.01, 10.0]
         S_d = [0.05, 0.9]
-        [before]                       # the other gains, and where the free ones come from
+        [before]                       # the other gains, and the free ones before the tuning
         delta_max = 0.55
-        [before.hole]                  # where S_d falls with each wheel's hole; free as "hole.deep"
+        [before.hole]                  # S_d decreases with the depth of each wheel's hole; free as "hole.deep"
         deep = 0.2
         [cost]
         slip = 0.3
@@ -43,10 +43,13 @@ def read_tuning(path: str | Path, trust: Trust = Trust()) -> TuningStudy:
         [[held_out]]
         scenario = "incline"
 
-    Raises DataError: a file that is missing or not TOML, or names another outside its folder that `trust` does not
-    allow.
-    Raises ParameterError: an unknown key or name, with the close ones; anything that TuningStudy refuses.
+    The fields are described at `TuningStudy`, `Cost` and `Effort`. `trust` states which files outside the folder of the
+    study may be read.
+
+    Raises DataError: the file is missing, is not TOML, or names a file outside its folder that `trust` does not allow.
+    Raises ParameterError: a key or name is unknown (the message lists similar names), or `TuningStudy` refuses a value.
     """
+    # Files that the study names are checked before any of them is opened.
     table = read_toml(path)
     trust.refuse_elsewhere(table, Path(path))
     try:
@@ -56,17 +59,21 @@ def read_tuning(path: str | Path, trust: Trust = Trust()) -> TuningStudy:
 
 
 def _study(table: dict[str, Any], stem: str) -> TuningStudy:
+    """Return the tuning study in the table of a TOML file. `stem` is the name of the file without its suffix; it is
+    also the name of a study that has no name.
+    """
     keys = [entry.name for entry in dataclasses.fields(TuningStudy) if entry.name != "hole"]
     for key in table:
         if key not in keys:
             raise ParameterError(f"the study has no key '{key}': {closest(key, keys)}")
-    fields = {key: value for key, value in table.items() if key in NUMBERS}
+    fields = {key: value for key, value in table.items() if key in PLAIN_KEYS}
     name = _name("the study", "name", table.get("name", stem))
     if "free" in table:
         free = _flat(table_in(table, "free", stem))
         fields["free"] = {number: _pair(number, bounds) for number, bounds in free}
     before = dict(table_in(table, "before", stem))
     hole = record_from(HoleLaw, before.pop("hole"), "[before.hole]") if "hole" in before else None
+    # With a hole law, the gains that the file does not name are those that were tuned together with a hole law.
     usual = HOLE_GAINS.values() if hole else {}
     effort = table_in(table, "effort", stem)
     efforts = [entry.name for entry in dataclasses.fields(Effort)]
@@ -86,37 +93,50 @@ def _study(table: dict[str, Any], stem: str) -> TuningStudy:
 
 
 def _pair(name: str, bounds: Any) -> Any:
-    """Return bounds as two numbers; what is none is left for `TuningStudy` to refuse."""
+    """Return the bounds of a free number in SI units. A value that is no pair is returned unchanged.
+
+    `TuningStudy` refuses such a value, with one message for files and for Python.
+    """
     if not isinstance(bounds, tuple):
         return bounds
     return tuple(to_si(bound, "", "", f"the bounds of {name}") for bound in bounds)
 
 
 def _cases(where: str, entries: Any) -> tuple[DriveCase, ...]:
+    """Return the drives in a list of tables of a study file. `where` is the key of the list, training or held_out.
+
+    Raises ParameterError: the value is no list of tables, or a drive has no scenario.
+    """
     if not isinstance(entries, list) or not all(isinstance(entry, Mapping) for entry in entries):
-        raise ParameterError(f"'{where}' must be a list of drives: write each under its own [[{where}]].")
-    return tuple(_case(f"{where} {i + 1}", dict(entry)) for i, entry in enumerate(entries))
-
-
-def _case(where: str, entry: dict[str, Any]) -> DriveCase:
-    if "scenario" not in entry:
-        raise ParameterError(f'{where} names no scenario: add scenario = "ditch", say.')
-    scenario, name = (_name(where, key, entry.pop(key, where)) for key in ("scenario", "name"))
-    post_peak = to_si(entry.pop("post_peak", 0.0), "", "", f"{where}: post_peak")
-    return DriveCase(name, scenario, tuple(sorted(_flat(entry))), post_peak)
+        raise ParameterError(f"'{where}' must be a list of drives: write each drive below its own line [[{where}]].")
+    cases = []
+    for number, table in enumerate(entries, 1):
+        entry, drive = dict(table), f"{where} {number}"
+        if "scenario" not in entry:
+            raise ParameterError(f'the drive {drive} names no scenario: add one, such as scenario = "ditch".')
+        scenario, name = (_name(drive, key, entry.pop(key, drive)) for key in ("scenario", "name"))
+        post_peak = to_si(entry.pop("post_peak", 0.0), "", "", f"{drive}: post_peak")
+        # All other keys are settings of the scenario.
+        cases.append(DriveCase(name, scenario, tuple(sorted(_flat(entry))), post_peak))
+    return tuple(cases)
 
 
 def _name(where: str, key: str, value: Any) -> str:
+    """Return a value that must be a text. Raise ParameterError if it is no text; `where` and `key` name the value in
+    the error.
+    """
     if not isinstance(value, str):
-        raise ParameterError(f"{where}: {key} = {value!r} is not allowed: it is one name, in quotes.")
+        raise ParameterError(f"{where}: {key} = {value!r} is not allowed. Give a name as a text in quotes.")
     return value
 
 
 def _flat(entry: Mapping[str, Any], prefix: str = "") -> list[tuple[str, Any]]:
-    """Return dotted name -> value: in TOML `soil.k = 1` is a table in a table."""
+    """Return the values in a table with their dotted names. TOML reads `soil.k = 1` as a table `soil` within a
+    table.
+    """
     flat: list[tuple[str, Any]] = []
     for name, value in entry.items():
-        # a list, as of effects to add, must be fit for a key
+        # A list, such as effects to add, becomes a tuple, because settings are part of the key of an evaluation.
         plain = tuple(value) if isinstance(value, list) else value
         flat += _flat(value, f"{prefix}{name}.") if isinstance(value, Mapping) else [(f"{prefix}{name}", plain)]
     return flat

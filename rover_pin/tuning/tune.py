@@ -1,10 +1,15 @@
-"""Find gains: a global search, a polish of its best on the full rover, whose verdict decides.
+"""The search for gains: differential evolution, then a polish (a descent) from the best points; drives of the full
+rover (the complete simulation) decide which gains are best.
 
-The landscape of the gains has several minima and cliffs, so that differential evolution looks everywhere first: on the
-reduced model where its slip is that of the full rover (`trust`), on the full rover elsewhere, and wherever sensors are
-read or S_d falls with the hole. Nelder-Mead then goes down from the best points, on the full rover alone, by the very
-score that decides: fewest burials first. It takes no derivatives: over 40 s in a ditch two drives part so fast that
-those of a drive say nothing of gains 1 % away (tests/tuning/test_polish.py).
+The cost as a function of the gains has several minima and cliffs, so that differential evolution searches the whole
+range first. It uses the reduced model for drives on which the slip of this model agrees with the slip of the full rover
+(`trust`). It uses the full rover for all other drives, and always if the control reads sensors or has a hole law. The
+method of Nelder and Mead then descends from the best points on the full rover, with the cost that decides in the end,
+in which fewer burials come first.
+
+The method of Nelder and Mead needs no derivatives. Derivatives of a drive would not help, because within 40 s in a
+ditch two drives diverge so fast that the derivative is useless for gains that differ by 1 %
+(tests/tuning/test_polish.py).
 """
 
 import math
@@ -22,25 +27,41 @@ from rover_pin.base.files.results_folder import alone_in
 from rover_pin.base.jobs.cluster import refuse_both, workers_of
 from rover_pin.base.jobs.workers import ending_workers
 from rover_pin.tuning.drive_score import Score
-from rover_pin.tuning.drives import CHECKED, CONSTANT, Control, build, cautions, full_score, reduced_score, seal
+from rover_pin.tuning.drives import (
+    CONSTANT_DUTY,
+    TORQUE_CHECK,
+    Control,
+    build,
+    cautions,
+    full_score,
+    reduced_score,
+    seal,
+)
 from rover_pin.tuning.evaluations import Evaluations, Progress
-from rover_pin.tuning.report import Candidate, Drives, Trial, TuningResult, write_result
-from rover_pin.tuning.study import LOGARITHMIC, Run, SlipLaw, TuningStudy
-from rover_pin.tuning.trust import Checked, check_drives, checked_over, refusal
+from rover_pin.tuning.report import Candidate, ControlScores, Trial, TuningResult, write_result
+from rover_pin.tuning.study import LOGARITHMIC, SeededDrive, SlipLaw, TuningStudy
+from rover_pin.tuning.trust import ReducedModelCheck, check_drives, refusal, worse_checks
 
-APART = 0.1
-"""Points closer than this in every coordinate of the unit cube count as one."""
+MIN_DISTANCE = 0.1
+"""Minimum difference between two points of the unit cube that are both kept. At least one coordinate must differ by
+this much. The initial simplex of a polish has this size too."""
 
 
-class Point(NamedTuple):
-    """A point of the unit cube with its cost in the search."""
+class SearchPoint(NamedTuple):
+    """A set of gains as a point of the unit cube, in which the search varies the free numbers, with its cost in the
+    search.
+    """
 
     place: np.ndarray
+    "a coordinate from 0 to 1 for each free number (numbers,)"
     cost: float
+    """cost of the training drives by which points are compared"""
     stage: str
+    "origin of the point: search, or polish (the descent after the search)"
     trial: Trial | None = None
+    "fractions of the training drives that get through and that bury a wheel"
     before: float = math.nan
-    "the cost on the full rover where a polish began"
+    "cost on the full rover at the start of a polish"
 
 
 def tune_gains(
@@ -50,31 +71,41 @@ def tune_gains(
     workers: int | None = None,
     scheduler: str | None = None,
 ) -> TuningResult:
-    """Return the best gains found for a study, and what they are worth beside the gains before and constant duty.
+    """Find the best gains for a study, and compare them with the gains before the tuning and with constant duty.
 
     Parameters
     ----------
+    study : TuningStudy
+        Free gains, drives and effort, from `read_tuning` or made in Python.
     out : path, optional
-        Folder for gains.toml, the tables and the finished evaluations; a killed tuning resumes there.
+        Folder for gains.toml, tables, figures and finished evaluations. A tuning that was stopped continues from this
+        folder.
     progress : callable, optional
-        Called with the stage, its finished evaluations and their number.
+        Called with the name of a stage, the number of its finished evaluations, and their total.
     workers : int, optional
-        Processes; by default one a core. The result does not depend on it.
+        Number of processes; by default one per core. The result does not depend on this number.
     scheduler : str, optional
-        Address of a Dask scheduler, whose workers then do the work. Start them with `--nthreads 1`.
+        Address of a Dask scheduler, whose workers run the drives instead of local processes. Start the workers with
+        `--nthreads 1`.
 
     Raises
     ------
     ParameterError
-        A drive with an unknown scenario or setting, or one that its model file rules out; a scheduler that does not
-        answer, or with `workers` given too.
+        A drive has an unknown scenario or setting, or a setting that its model file excludes; the scheduler does not
+        answer; or `workers` and `scheduler` are both given.
     OptimisationError
-        Every training drive ends stuck whatever the gains; `status` holds constant duty's scores.
+        Every training drive ends stuck with all gains; `status` of the error has the scores of constant duty.
     DataError
-        The folder or a model file cannot be used, another process is at work in the folder, or the model was changed
-        meanwhile.
+        The folder or a model file cannot be used, another process writes to the folder, or a model file has changed
+        during the tuning.
+
+    Examples
+    --------
+    >>> from rover_pin.tuning.study_file import read_tuning
+    >>> tune_gains(read_tuning("studies/tune_onboard.toml"), "out/tune").gains  # doctest: +SKIP
     """
     refuse_both(workers, scheduler)
+    # All scenarios are built once before the search, so that a mistake in one of them is reported at once.
     study = seal(study)
     for case in (*study.training, *study.held_out):
         build(case)
@@ -89,47 +120,69 @@ def tune_gains(
 
 
 def _tune_law(study: TuningStudy, evaluations: Evaluations) -> TuningResult:
+    """Run a tuning and return its result: search, polish, choice and report. The scenarios of the study have been
+    checked before.
+    """
     begin = time.perf_counter()
-    checks = checked_over(study, evaluations)
+    # Where the reduced model cannot be trusted, the search uses the full rover.
+    checks = worse_checks(study, evaluations)
     points = search(study, evaluations, checks)
     polished = [polish(study, evaluations, start) for start in spread_points(points, study.effort.starts)]
     candidates = evaluate_points(study, evaluations, [*spread_points(points, study.effort.keep), *polished])
-    constant = _constant(study, evaluations)
+    # Constant duty is the comparison, also in the message if no gains get any drive through.
+    jobs = [(case, Control.of(CONSTANT_DUTY, study.law_before)) for case in study.training]
+    constant = tuple(Score(*score) for score in evaluations.run("constant duty", full_score, jobs))
     if all(score.stuck for candidate in candidates for score in candidate.scores):
+        stuck = int(sum(score.stuck for score in constant))
         raise OptimisationError(
-            f"Tuning '{study.name}': every training drive ends stuck whatever the gains "
-            f"({len(candidates)} sets driven by the full rover); constant duty {study.before.delta_0:g} costs "
-            f"{study.cost.mean(np.array(constant)):.3f} with {_count_stuck(constant)} of {len(constant)} stuck: choose "
-            "gentler drives, or do without this control.",
+            f"Tuning '{study.name}': every training drive ends stuck with each of the {len(candidates)} sets of gains "
+            f"that the full simulation tried. With the constant duty {study.before.delta_0:g}, the cost is "
+            f"{study.cost.mean(np.array(constant)):.3f}, and {stuck} of {len(constant)} drives end stuck. Choose "
+            "gentler drives, or do not use this control.",
             status=constant,
         )
+    # The full rover decides; fewer burials come first.
     best = min(candidates, key=lambda candidate: float(study.cost.choice(np.array(candidate.scores))))
+    # Notes for the report: on which drives the search used the full rover, and what the polish gained.
+    notes = []
+    refused = [check for check in checks if not check.trusted]
+    if not study.has_reduced_model:
+        notes.append("the search uses the full rover, because the reduced model has no sensors and no holes")
+    elif refused:
+        notes.append(f"the search uses the full rover on {len(refused)} of {len(checks)} drives: {refusal(refused)}")
+    if polished:
+        costs = ", ".join(f"{point.before:.4f} to {point.cost:.4f}" for point in polished)
+        notes.append(f"the polish on the full rover reduced the cost of the best starts from {costs}")
     return TuningResult(
         study,
         best.law,
         candidates,
-        tuple(_report(study, evaluations, best.law)),
+        tuple(_report_scores(study, evaluations, best.law)),
         tuple((check.case.name, *check[1:]) for check in check_drives(study, evaluations, best.law)),
         evaluations.fresh,
         time.perf_counter() - begin,
         cautions=cautions((*study.training, *study.held_out)),
-        search_notes=(*_on_full(study, checks), *_polish_notes(polished)),
+        search_notes=tuple(notes),
         trials=tuple(point.trial for point in points if point.trial),
     )
 
 
-def search(study: TuningStudy, evaluations: Evaluations, checks: Sequence[Checked]) -> list[Point]:
-    """Return every point that differential evolution tries, the gains before among the first."""
+def search(study: TuningStudy, evaluations: Evaluations, checks: Sequence[ReducedModelCheck]) -> list[SearchPoint]:
+    """Search the unit cube of all free numbers by differential evolution, and return every point that was evaluated.
+
+    `checks` state for which drives the reduced model is used. The gains before the tuning are in the first population.
+    """
     effort, size = study.effort, len(study.free)
-    tried: list[Point] = []
+    points: list[SearchPoint] = []
 
     def costs(places: np.ndarray) -> np.ndarray:
         scores = search_scores(study, evaluations, [study.law(place) for place in places.T], checks)
         choices = np.asarray(study.cost.choice(scores))
         for place, choice, drives in zip(places.T, choices, scores, strict=True):
-            tried.append(Point(place.copy(), float(choice), "search", Trial.of(drives)))
+            points.append(SearchPoint(place.copy(), float(choice), "search", Trial.of(drives)))
         return choices
 
+    # The first population covers the range evenly and contains the gains before the tuning.
     first = qmc.LatinHypercube(size, seed=study.seed).random(effort.population)
     first[0] = place_of(study, study.law_before)
     differential_evolution(
@@ -143,13 +196,18 @@ def search(study: TuningStudy, evaluations: Evaluations, checks: Sequence[Checke
         vectorized=True,
         seed=study.seed,
     )
-    return tried
+    return points
 
 
 def search_scores(
-    study: TuningStudy, evaluations: Evaluations, laws: Sequence[SlipLaw], checks: Sequence[Checked]
+    study: TuningStudy, evaluations: Evaluations, laws: Sequence[SlipLaw], checks: Sequence[ReducedModelCheck]
 ) -> np.ndarray:
-    """Return the scores (laws, drives, parts): of the reduced model where it is trusted, else of the rover."""
+    """Return the scores of all training drives with each slip control in `laws`, an array (laws, drives, fields of a
+    score).
+
+    If the check of a drive in `checks` allows the reduced model, the scores of this drive come from the reduced model;
+    otherwise they come from the full rover (the complete simulation).
+    """
     runs, trusted = study.training_runs, {check.case.name for check in checks if check.trusted}
     scores = np.zeros((len(laws), len(runs), len(Score._fields)))
     for is_reduced, stage, score in (
@@ -163,38 +221,26 @@ def search_scores(
     return scores
 
 
-def job_of(study: TuningStudy, law: SlipLaw, run: Run) -> tuple[Any, ...]:
-    """Return the arguments of a drive's score."""
+def job_of(study: TuningStudy, law: SlipLaw, run: SeededDrive) -> tuple[Any, ...]:
+    """Return the arguments of `full_score` or `reduced_score` for the drive `run` with the slip control `law`."""
     return run.case, Control.of(study.estimate, law, run.seed)
 
 
-def _on_full(study: TuningStudy, checks: Sequence[Checked]) -> tuple[str, ...]:
-    """Return in words where the search drives the full rover."""
-    if not study.has_reduced_model:
-        return ("the search drives the full rover: its sensors and holes are not in the reduced model",)
-    off = [check for check in checks if not check.trusted]
-    if not off:
-        return ()
-    drives = f"{len(off)} of {len(checks)} drives"
-    return (f"the search drives the full rover on {drives}: {refusal(off)}",)
-
-
-def _polish_notes(polished: Sequence[Point]) -> tuple[str, ...]:
-    """Return in words what each polish made of its start."""
-    costs = [f"{point.before:.4f} to {point.cost:.4f}" for point in polished]
-    return (
-        (f"the polish on the full rover brought the cost of the best starts from {', '.join(costs)}",) if costs else ()
-    )
-
-
 def reduced_costs(study: TuningStudy, evaluations: Evaluations, laws: Sequence[SlipLaw]) -> np.ndarray:
-    """Return the ensemble's cost of each law on the reduced model, unsmoothed but for stuck and buried."""
-    everywhere = [Checked(case, 0.0, 0.0, 0.0) for case in study.training]
+    """Return the cost of all training drives with each slip control in `laws`, an array (laws,). All drives are drives
+    of the reduced model.
+    """
+    # Checks without errors let the search use the reduced model on every drive.
+    everywhere = [ReducedModelCheck(case, 0.0, 0.0, 0.0) for case in study.training]
     return study.cost.mean(search_scores(study, evaluations, laws, everywhere))
 
 
-def polish(study: TuningStudy, evaluations: Evaluations, start: Point) -> Point:
-    """Return where Nelder-Mead comes to from a point, no worse on the full rover than that; `before` says how much."""
+def polish(study: TuningStudy, evaluations: Evaluations, start: SearchPoint) -> SearchPoint:
+    """Descend from a point of the search by the method of Nelder and Mead, with drives of the full rover, and return
+    the best point.
+
+    The result is not worse than the start.
+    """
     size, costs = len(start.place), []
 
     def cost(place: np.ndarray) -> float:
@@ -202,23 +248,35 @@ def polish(study: TuningStudy, evaluations: Evaluations, start: Point) -> Point:
         costs.append(float(study.cost.choice(np.array(evaluations.run("polish on the full rover", full_score, jobs)))))
         return costs[-1]
 
-    inward = np.where(start.place > 0.5, -APART, APART)
+    # The first simplex points into the cube, because a point outside would be clipped and the simplex would be flat.
+    inward = np.where(start.place > 0.5, -MIN_DISTANCE, MIN_DISTANCE)
     options = {"initial_simplex": np.vstack([start.place, start.place + np.diag(inward)]), "maxfev": study.effort.steps}
     result = minimize(cost, start.place, method="Nelder-Mead", bounds=[(0.0, 1.0)] * size, options=options)
-    return Point(np.clip(result.x, 0.0, 1.0), float(result.fun), "polish", before=costs[0])
+    return SearchPoint(np.clip(result.x, 0.0, 1.0), float(result.fun), "polish", before=costs[0])
 
 
-def spread_points(points: Sequence[Point], most: int) -> list[Point]:
-    """Return the best points that lie apart from each other, the best first."""
-    selected: list[Point] = []
+def spread_points(points: Sequence[SearchPoint], count: int) -> list[SearchPoint]:
+    """Return up to `count` points of lowest cost, sorted by cost. A point that is close to a better point is left
+    out.
+    """
+    # Points close to a better one would only repeat it.
+    selected: list[SearchPoint] = []
     for point in sorted(points, key=lambda candidate: candidate.cost):
-        if len(selected) < most and all(np.max(np.abs(point.place - earlier.place)) > APART for earlier in selected):
+        if len(selected) < count and all(
+            np.max(np.abs(point.place - earlier.place)) > MIN_DISTANCE for earlier in selected
+        ):
             selected.append(point)
     return selected
 
 
-def evaluate_points(study: TuningStudy, evaluations: Evaluations, points: Sequence[Point]) -> tuple[Candidate, ...]:
-    """Return the numbers before and those of the points, each with the full rover's scores on the training drives."""
+def evaluate_points(
+    study: TuningStudy, evaluations: Evaluations, points: Sequence[SearchPoint]
+) -> tuple[Candidate, ...]:
+    """Return the candidates of a tuning: the gains before the tuning and the gains at each point, with their scores.
+
+    The full rover (the complete simulation) drives all training drives with each of these gains.
+    """
+    # The gains before the tuning are a candidate too, so that the result is never worse.
     sets = [("before", study.law_before), *((point.stage, study.law(point.place)) for point in points)]
     laws = [law for _, law in sets]
     reduced = reduced_costs(study, evaluations, laws) if study.has_reduced_model else np.full(len(laws), math.nan)
@@ -233,7 +291,11 @@ def evaluate_points(study: TuningStudy, evaluations: Evaluations, points: Sequen
 
 
 def place_of(study: TuningStudy, law: SlipLaw) -> np.ndarray:
-    """Return the point of the unit cube where the free numbers are these, at the nearest bound where outside."""
+    """Return the point of the unit cube, an array with a coordinate for each free number, that belongs to the numbers
+    in `law`. This is the inverse of `TuningStudy.law`.
+
+    A number outside its bounds is moved to the nearest bound.
+    """
     place = []
     for name, (low, high) in study.free.items():
         value = min(max(law.number(name), low), high)
@@ -243,24 +305,21 @@ def place_of(study: TuningStudy, law: SlipLaw) -> np.ndarray:
     return np.array(place)
 
 
-def _report(study: TuningStudy, evaluations: Evaluations, law: SlipLaw) -> list[Drives]:
-    """Return all drives without control, under the torque check alone, and by each estimate before and after."""
-    laws = {"constant duty": (CONSTANT, study.law_before), "torque check": (CHECKED, study.law_before)}
+def _report_scores(study: TuningStudy, evaluations: Evaluations, law: SlipLaw) -> list[ControlScores]:
+    """Return the scores of all drives with each control that the report compares, driven by the full rover (the
+    complete simulation).
+
+    The controls are constant duty, constant duty with the torque check, and the slip control before and after the
+    tuning with each slip estimate.
+    """
+    laws = {"constant duty": (CONSTANT_DUTY, study.law_before), "torque check": (TORQUE_CHECK, study.law_before)}
     for estimate in study.compared:
         laws[f"before, {estimate}"] = (estimate, study.law_before)
         laws[f"tuned, {estimate}"] = (estimate, law)
     runs = (*study.training_runs, *study.held_out_runs)
-    jobs = [(run.case, Control.of(by, numbers, run.seed)) for by, numbers in laws.values() for run in runs]
+    jobs = [(run.case, Control.of(name, numbers, run.seed)) for name, numbers in laws.values() for run in runs]
+    # The flat list of scores is divided into one row for each control, and each row into training and held-out drives.
     scores = [Score(*score) for score in evaluations.run("report on all drives", full_score, jobs)]
     rows = [tuple(scores[i * len(runs) : (i + 1) * len(runs)]) for i in range(len(laws))]
     split = len(study.training_runs)
-    return [Drives(name, row[:split], row[split:]) for name, row in zip(laws, rows, strict=True)]
-
-
-def _constant(study: TuningStudy, evaluations: Evaluations) -> tuple[Score, ...]:
-    jobs = [(case, Control.of(CONSTANT, study.law_before)) for case in study.training]
-    return tuple(Score(*score) for score in evaluations.run("constant duty", full_score, jobs))
-
-
-def _count_stuck(scores: Sequence[Score]) -> int:
-    return int(sum(score.stuck for score in scores))
+    return [ControlScores(name, row[:split], row[split:]) for name, row in zip(laws, rows, strict=True)]

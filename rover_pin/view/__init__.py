@@ -1,6 +1,7 @@
-"""A drive in 3D: one page that needs no network, or served live; and as a moving picture.
+"""Views of a drive: a 3D page for a browser, which needs no network, and an animation.
 
-`subject` reads what is to be seen, `film` turns it into poses, colours, arrows and tracks over time, `ground` and
-`shapes` are the meshes, `stage` puts them into a viser scene, `page` writes it, with plots and `events` in a `panel`;
-`animation` draws GIF and MP4.
+`subject` holds the drive that is shown, and `film` its poses, forces and tracks frame by frame. `ground` and `shapes`
+hold the triangles of the terrain and of the rover. `stage` builds a viser scene from them, `page` writes the scene as
+an HTML page with the plots and events of `panel`, and `animation` draws GIF and MP4. `export` writes tables and
+recordings for other programs.
 """

@@ -1,6 +1,7 @@
-"""A drive as a moving picture, GIF or MP4: from the side, and from above where it turns; slip against time below.
+"""A drive as an animation (GIF or MP4). It shows the rover from the side, from above if the rover turns, and a plot of
+slip against time.
 
-Another drive is drawn through it in blue outlines, as the ghost of the page in 3D.
+A second drive of the same rover, called the ghost, can be drawn over the first drive in blue outlines.
 """
 
 import io
@@ -16,31 +17,47 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Polygon
 from PIL import Image, ImageSequence
 
+from rover_pin.base.encode import figure_text, missing_glyphs_allowed
 from rover_pin.base.files.whole_file import replace_file
 from rover_pin.simulation.trace.draw import wheel_lines
-from rover_pin.simulation.trace.poses import Turned, around, footprint, of_side
+from rover_pin.simulation.trace.poses import PathExtent, around, footprint, of_side
 from rover_pin.view.colours import draw_heights, slip_colour
 from rover_pin.view.film import Film
 
-PICTURES_PER_SECOND, MOST_PICTURES = 10, 100
-"""Of the moving picture; a longer drive is shown faster than it was, which its title says."""
+PICTURES_PER_SECOND, MAX_PICTURES = 10, 100
+"""Number of pictures per second of an animation, and largest number of its pictures. A longer drive is played faster
+than in reality, as the title states."""
 COLOURS = 64
-"""Of a GIF, the same for all pictures: a third of the size that matplotlib's writer gives."""
+"""Number of colours of a GIF. All pictures share one palette of these colours, which keeps the file small."""
 GHOST = "#0072b2"
+"""Colour of the outlines of the ghost, the second drive."""
 
 Draw = Callable[[int], None]
-"""Sets an axes to a frame of the film."""
+"""Type of a function that changes one plot of the figure so that it shows a frame of the film; the argument is the
+index of the frame."""
 
 
 def write_animation(file: Path, film: Film, name: str, ghost: Film | None = None) -> Path:
-    """Write a film as `.gif`, or as `.mp4` by ffmpeg; return its path.
+    """Write a drive as an animation, and return the path of the file.
 
-    Raises DataError: the ghost is of another rover.
+    Parameters
+    ----------
+    file : Path
+        The suffix decides the format: `.mp4` (needs ffmpeg), or a GIF for any other suffix.
+    film, ghost : Film
+        The drive, and optionally a second drive of the same rover that is drawn over it.
+    name : str
+        Title of the figure.
+
+    Raises
+    ------
+    DataError
+        The ghost belongs to another rover, or the file cannot be written.
     """
     if ghost is not None:
         film.refuse_other(ghost)
     span = float(film.t[-1] - film.t[0])
-    count = min(film.t.size, MOST_PICTURES, int(span * PICTURES_PER_SECOND) + 2)
+    count = min(film.t.size, MAX_PICTURES, int(span * PICTURES_PER_SECOND) + 2)
     frames = np.unique(np.linspace(0, film.t.size - 1, count).astype(int))
     faster = span * PICTURES_PER_SECOND / len(frames)
     figure, draws = _figure(film, ghost)
@@ -49,24 +66,30 @@ def write_animation(file: Path, film: Film, name: str, ghost: Film | None = None
         for draw in draws:
             draw(frame)
         speed = f"   ({faster:.2g} times as fast)" if faster > 1.15 else ""
-        figure.axes[0].set_title(f"{name}   t = {film.t[frame]:.1f} s{speed}", fontsize=10)
+        figure.axes[0].set_title(f"{figure_text(name)}   t = {film.t[frame]:.1f} s{speed}", fontsize=10)
 
+    # The layout is computed once and then kept, so that nothing jumps between pictures. Two passes are needed: the
+    # first one changes the ticks, and only the second one leaves room for the changed ticks.
     show(0)
-    for _ in range(2):  # the second time with ticks that fit
-        figure.draw_without_rendering()
-    figure.set_layout_engine("none")  # the same for all pictures, and laid out once
+    with missing_glyphs_allowed():
+        for _ in range(2):
+            figure.draw_without_rendering()
+    figure.set_layout_engine("none")
     moving = FuncAnimation(figure, show, frames=[int(frame) for frame in frames], init_func=lambda: None)
     writer = (FFMpegWriter if file.suffix == ".mp4" else PillowWriter)(fps=PICTURES_PER_SECOND)
-    with tempfile.TemporaryDirectory() as place:
-        rendered = Path(place) / f"made{file.suffix}"
+    with tempfile.TemporaryDirectory() as folder, missing_glyphs_allowed():
+        rendered = Path(folder) / f"made{file.suffix}"
         moving.save(rendered, writer=writer, dpi=100)
-        return replace_file(file, rendered.read_bytes() if file.suffix == ".mp4" else _small(rendered))
+        return replace_file(file, rendered.read_bytes() if file.suffix == ".mp4" else _with_one_palette(rendered))
 
 
-def _small(gif: Path) -> bytes:
-    """Return a GIF whose pictures share one palette, so that what stands still costs nothing."""
+def _with_one_palette(gif: Path) -> bytes:
+    """Return the bytes of a GIF file in which all pictures have the same palette of colours. Parts of a picture that do
+    not change then take no space.
+    """
     with Image.open(gif) as picture:
         pictures, lasts = [frame.convert("RGB") for frame in ImageSequence.Iterator(picture)], picture.info["duration"]
+    # The picture in the middle of the drive supplies the colours for all pictures.
     palette = pictures[len(pictures) // 2].quantize(COLOURS)
     first, *others = (frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in pictures)
     small = io.BytesIO()
@@ -75,13 +98,20 @@ def _small(gif: Path) -> bytes:
 
 
 def _figure(film: Film, ghost: Film | None) -> tuple[Figure, list[Draw]]:
-    """Return the figure and what sets it to a frame: from the side unless it turns far, from above if at all; slip."""
-    turned = Turned.of(film.trace)
+    """Return the figure of an animation, and for each of its plots the function that makes the plot show a frame.
+
+    The side view is left out if the rover turns so far that this view would be useless. The view from above is left out
+    if the rover drives straight on. Slip is drawn if the trace contains it.
+    """
+    extent, box = PathExtent.of(film.trace), film.box
+    length = box.x_high - box.x_low
+    # Each entry is a function that draws a view, and the height of this view divided by its width.
     views: list[tuple[Callable[[Axes, Film, Film | None], Draw], float]] = []
-    if turned.side_tells:
-        views.append((_side, _share(film, 2)))
-    if turned.from_above:
-        views.append((_above, _share(film, 1)))
+    # Each view has equal scales along both axes, so its height follows from what the drive spans, plus a margin [m].
+    if extent.from_the_side:
+        views.append((_side, float(np.ptp(film.centres[..., 2]) + 0.3) / length))
+    if extent.from_above:
+        views.append((_above, float(np.ptp(film.centres[..., 1]) + 0.8) / length))
     if film.slip is not None:
         views.append((_slip, 0.3))
     heights = [min(max(height, 0.16), 0.6) for _, height in views]
@@ -90,27 +120,25 @@ def _figure(film: Film, ghost: Film | None) -> tuple[Figure, list[Draw]]:
     return figure, [view(panel, film, ghost) for (view, _), panel in zip(views, axes, strict=True)]
 
 
-def _share(film: Film, axis: int) -> float:
-    """Return height over width of what a view shows, at equal scales."""
-    box = film.box
-    high = film.centres[..., axis].max() - film.centres[..., axis].min() + (0.3 if axis == 2 else 0.8)
-    return float(high / (box.x_high - box.x_low))
-
-
 def _side(axes: Axes, film: Film, ghost: Film | None) -> Draw:
-    """Draw the left side and the ground under its wheels at every moment; dashed is that under the right ones."""
+    """Draw the rover from its left side, on the terrain under its left wheels; return the function that makes the plot
+    show a frame.
+
+    The terrain under the right wheels is a dashed line where its height differs.
+    """
     box, floor = film.box, float(film.tracks[..., 2].min()) - 0.06
     x = np.linspace(box.x_low, box.x_high, 600)
     sides = {side: of_side(film.rover, side) for side in "lr"}
-    high = float(film.centres[..., 2].max() + 0.2)
-    axes.set(aspect="equal", xlabel="x [m]", ylabel="z [m]", xlim=(box.x_low, box.x_high), ylim=(floor, high))
+    top = float(film.centres[..., 2].max() + 0.2)
+    axes.set(aspect="equal", xlabel="x [m]", ylabel="z [m]", xlim=(box.x_low, box.x_high), ylim=(floor, top))
     sand = axes.add_patch(Polygon(np.zeros((3, 2)), fc="#d9c9a5", ec="#8a7340", lw=1))
     right_ground = axes.plot([], [], color="#8a7340", lw=0.9, ls="--")[0]
-    rovers = [_rover(axes, film, sides["l"], None)]
+    rovers = [_rover_from_side(axes, film, sides["l"], None)]
     if ghost is not None:
-        rovers.append(_as_ghost(film, ghost, _rover(axes, ghost, sides["l"], GHOST)))
+        rovers.append(_at_time_of(film, ghost, _rover_from_side(axes, ghost, sides["l"], GHOST)))
 
     def draw(frame: int) -> None:
+        # On a slope across the path the two sides stand on different heights, which change as the rover moves.
         under, under_right = (
             film.terrain.height(x, np.full(x.size, film.centres[frame, wheels, 1].mean())) for wheels in sides.values()
         )
@@ -122,8 +150,12 @@ def _side(axes: Axes, film: Film, ghost: Film | None) -> Draw:
     return draw
 
 
-def _rover(axes: Axes, film: Film, wheels: list[int], outline: str | None) -> Draw:
-    """Draw rods and wheels of a side, coloured by slip, or in one colour's outlines."""
+def _rover_from_side(axes: Axes, film: Film, wheels: list[int], outline: str | None) -> Draw:
+    """Draw the links and wheels of one side of a rover; return the function that makes the drawing show a frame.
+
+    The wheels have the colour of their slip. If `outline` is a colour, everything is drawn as outlines of this colour.
+    `wheels` are the indices of the wheels to draw.
+    """
     rods = axes.plot([], [], color=outline or "#333333", lw=1.0 if outline else 1.8)[0]
     radii = {n: float(film.rover.wheels[n].wheel.r) for n in wheels}
     rims = {n: axes.add_patch(Circle((0, 0), r, ec=outline or "k", fc="none", lw=1)) for n, r in radii.items()}
@@ -138,19 +170,18 @@ def _rover(axes: Axes, film: Film, wheels: list[int], outline: str | None) -> Dr
     return draw
 
 
-def _as_ghost(film: Film, ghost: Film, draw: Draw) -> Draw:
-    """Return what draws the ghost at the time that a frame of the film has."""
-    return lambda frame: draw(ghost.frame_at(float(film.t[frame])))
-
-
 def _above(axes: Axes, film: Film, ghost: Film | None) -> Draw:
-    """Draw the drive from above: the ground by its height, the tracks so far, the wheels as they are turned."""
+    """Draw the drive from above, and return the function that makes the plot show a frame.
+
+    The plot shows the terrain coloured by height, the tracks of the wheels up to the frame, and the wheels with their
+    steering angles.
+    """
     box = film.box
     draw_heights(axes, film.terrain, (box.x_low, box.x_high, box.y_low, box.y_high))
     axes.set(aspect="equal", xlabel="x [m]", ylabel="y [m]", xlim=(box.x_low, box.x_high), ylim=(box.y_low, box.y_high))
-    rovers = [_rover_above(axes, film, None)]
+    rovers = [_rover_from_above(axes, film, None)]
     if ghost is not None:
-        rovers.append(_as_ghost(film, ghost, _rover_above(axes, ghost, GHOST)))
+        rovers.append(_at_time_of(film, ghost, _rover_from_above(axes, ghost, GHOST)))
 
     def draw(frame: int) -> None:
         for draw_rover in rovers:
@@ -159,8 +190,12 @@ def _above(axes: Axes, film: Film, ghost: Film | None) -> Draw:
     return draw
 
 
-def _rover_above(axes: Axes, film: Film, outline: str | None) -> Draw:
-    """Draw wheels, the line around them and their tracks, coloured by slip, or in one colour's outlines."""
+def _rover_from_above(axes: Axes, film: Film, outline: str | None) -> Draw:
+    """Draw a rover from above, with the tracks of its wheels; return the function that makes the drawing show a frame.
+
+    The wheels have the colour of their slip. If `outline` is a colour, everything is drawn as outlines of this
+    colour.
+    """
     wheels = range(len(film.rover.wheels))
     lines = [axes.plot([], [], color=outline or "#8a7340", lw=0.6 if outline else 1.0)[0] for _ in wheels]
     rims = [axes.add_patch(Polygon(np.zeros((4, 2)), ec=outline or "k", fc="none", lw=0.8)) for _ in wheels]
@@ -177,8 +212,19 @@ def _rover_above(axes: Axes, film: Film, outline: str | None) -> Draw:
     return draw
 
 
+def _at_time_of(film: Film, ghost: Film, draw: Draw) -> Draw:
+    """Return a function that draws the ghost at the time at which the film shows a frame. `draw` is the function that
+    draws a frame of the ghost; the frames of both drives may lie at different times.
+    """
+    return lambda frame: draw(ghost.frame_at(float(film.t[frame])))
+
+
 def _slip(axes: Axes, film: Film, ghost: Film | None) -> Draw:
-    """Draw slip against time, a cursor, and beside it the colours that wheels have at each slip."""
+    """Draw slip against time, with a cursor at the time of the frame; return the function that makes the plot show a
+    frame.
+
+    A strip next to the axis shows which colour a wheel has at each slip.
+    """
     assert film.slip is not None
     wheel_lines(axes, film.trace, "slip")
     handles, labels = axes.get_legend_handles_labels()
@@ -187,17 +233,8 @@ def _slip(axes: Axes, film: Film, ghost: Film | None) -> Draw:
     axes.legend(handles, labels, fontsize=8.5, ncols=7, loc="lower left", bbox_to_anchor=(0.0, 1.0), frameon=False)
     axes.set(xlabel="t [s]", ylabel="slip S [-]", xlim=(film.t[0], film.t[-1]))
     axes.grid(alpha=0.3)
-    _key(axes)
-    cursor = axes.axvline(film.t[0], color="k", lw=1)
 
-    def draw(frame: int) -> None:
-        cursor.set_xdata([film.t[frame]] * 2)
-
-    return draw
-
-
-def _key(axes: Axes) -> None:
-    """Draw the colours of slip along the slip's own axis."""
+    # The colours are drawn along the limits that the slip axis has now, so that each colour is next to its slip.
     low, high = axes.get_ylim()
     edges = np.linspace(low, high, 101)
     colours = np.array([[slip_colour(float(slip))] for slip in 0.5 * (edges[1:] + edges[:-1])])
@@ -206,7 +243,14 @@ def _key(axes: Axes) -> None:
     strip.set(xticks=[], yticks=[], ylim=(low, high))
     strip.set_ylabel("wheels' colour", fontsize=8.5)
     strip.yaxis.set_label_position("right")
+    cursor = axes.axvline(film.t[0], color="k", lw=1)
+
+    def draw(frame: int) -> None:
+        cursor.set_xdata([film.t[frame]] * 2)
+
+    return draw
 
 
 def _colour(film: Film, frame: int, n: int) -> tuple[float, float, float]:
+    """Return the colour (red, green, blue) of wheel number `n` at a frame; grey if the trace has no slip."""
     return slip_colour(np.nan if film.slip is None else float(film.slip[frame, n]))

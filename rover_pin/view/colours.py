@@ -1,6 +1,7 @@
-"""Heights as shades, and colours of slip: blue where a wheel brakes, pale where it rolls, to dark red where it spins.
+"""Colours by which views show slip (blue: the wheel brakes, pale: it rolls, dark red: it spins) and the height of the
+terrain.
 
-They differ in lightness too, so that they are distinct without colours.
+The colours of slip also differ in lightness, so that readers who cannot distinguish the colours can read them.
 """
 
 import numpy as np
@@ -14,36 +15,48 @@ STOPS: tuple[tuple[float, tuple[float, float, float]], ...] = (
     (0.5, (0.95, 0.62, 0.18)),
     (1.0, (0.55, 0.05, 0.10)),
 )
-"""Slip -> red, green, blue in 0..1; linear in between."""
+"""Pairs of a slip and its colour (red, green, blue in 0..1); colours of slips between two pairs are interpolated."""
 UNKNOWN = (0.45, 0.47, 0.50)
-STEPS = 20
-"""Colours of a unit of slip: a wheel's is sent anew only where it changes by one."""
+"""Colour of a wheel whose slip is not known: grey."""
+COLOURS_PER_SLIP = 20
+"""Number of different colours for one unit of slip. Slip is rounded to these colours, because the page stores the
+colour of a wheel only when it changes."""
 
 
 def slip_colour(slip: float) -> tuple[float, float, float]:
-    """Return the colour of a slip; grey where it is not known."""
+    """Return the colour of a slip, as red, green and blue in 0..1; grey if the slip is not finite."""
     if not np.isfinite(slip):
         return UNKNOWN
-    at = [stop[0] for stop in STOPS]
-    rounded = round(slip * STEPS) / STEPS
-    r, g, b = (float(np.interp(rounded, at, [stop[1][i] for stop in STOPS])) for i in range(3))
+    slips = [slip_at_stop for slip_at_stop, _ in STOPS]
+    rounded = round(slip * COLOURS_PER_SLIP) / COLOURS_PER_SLIP
+    r, g, b = (float(np.interp(rounded, slips, [colour[i] for _, colour in STOPS])) for i in range(3))
     return r, g, b
 
 
 def in_bytes(colour: tuple[float, float, float]) -> tuple[int, int, int]:
-    """Return a colour as three whole numbers from 0 to 255."""
+    """Return a colour, given as red, green and blue from 0 to 1, as three whole numbers from 0 to 255."""
     r, g, b = (round(255.0 * channel) for channel in colour)
     return r, g, b
 
 
 def css_gradient() -> str:
-    """Return the colours from slip -1 to 1 as a CSS gradient."""
-    stops = (f"rgb{in_bytes(colour)} {50.0 * (at + 1.0):g}%" for at, colour in STOPS)
+    """Return the colours of slip from -1 to 1 as a gradient in CSS, for the legend of a page."""
+    stops = (f"rgb{in_bytes(colour)} {50.0 * (slip + 1.0):g}%" for slip, colour in STOPS)
     return f"linear-gradient(to right, {', '.join(stops)})"
 
 
 def draw_heights(axes: Axes, terrain: Terrain, box: tuple[float, float, float, float]) -> None:
-    """Colour the ground by its height, where it is not level, and draw what the colours mean beside it."""
+    """Draw the terrain in a view from above, coloured by height, with a colour bar. Level terrain is not coloured.
+
+    Parameters
+    ----------
+    axes : Axes
+        A view from above, x to the right and y upwards.
+    terrain : Terrain
+        The ground.
+    box : tuple
+        Smallest and largest x, smallest and largest y of the coloured part [m].
+    """
     x, y = np.linspace(*box[:2], 400), np.linspace(*box[2:], 300)
     z = terrain.height(*np.meshgrid(x, y))
     if np.ptp(z) > 1e-6:

@@ -1,4 +1,4 @@
-"""A drive for other tools: CSV and Parquet for tables, MCAP for Foxglove, a recording for Rerun."""
+"""Write a drive to files for other programs: CSV and Parquet for tables, MCAP for Foxglove, a recording for Rerun."""
 
 import io
 import json
@@ -9,64 +9,98 @@ from typing import Any
 
 import numpy as np
 
-from rover_pin.base.files.columns import columns_text
+from rover_pin.base.files.table import columns_text
 from rover_pin.base.files.whole_file import replace_file
-from rover_pin.logs.saved import save_trace
-from rover_pin.simulation.trace.trace import Trace
+from rover_pin.logs.drive_log import save_trace
 from rover_pin.view.film import Film
 from rover_pin.view.ground import patches
 from rover_pin.view.shapes import shapes_of
 from rover_pin.view.subject import Subject
 
 NANO = 1e9
+"""Nanoseconds in a second."""
+TRANSFORMS = {"type": "object", "properties": {"transforms": {"type": "array", "items": {"type": "object"}}}}
+"""JSON schema of Foxglove's message FrameTransforms, reduced to the part that programs need to read it."""
 
 
 def write_csv(file: Path, subject: Subject) -> Path:
-    """Write the channels as a table, a column each, named as in a drive log; return its path."""
+    """Write the channels of a drive to a CSV file, and return the path of the file. Each channel is a column, named as
+    in a drive log.
+    """
     return replace_file(file, columns_text(subject.trace.channels))
 
 
 def write_parquet(file: Path, subject: Subject) -> Path:
-    """Write the trace, its units and attributes, exactly; return its path. `load_trace` and pandas read it."""
+    """Write the trace of a drive to a Parquet file, with its units and attributes and without rounding; return the path
+    of the file.
+
+    `load_trace` reads the complete trace back; pandas reads the channels as columns.
+    """
     return save_trace(subject.trace, file)
 
 
 def write_mcap(file: Path, subject: Subject) -> Path:
-    """Write the channels as JSON under `/trace`, and the links as frames under `/tf`; return its path."""
+    """Write a drive as an MCAP file for Foxglove, with the channels as JSON under `/trace` and the poses of the links
+    under `/tf`; return the path of the file.
+    """
     from mcap.writer import Writer
 
-    film, content = _film(subject), io.BytesIO()
+    film, content, trace = Film.of(subject.trace, subject.rover, subject.terrain), io.BytesIO(), subject.trace
+    # A row is a JSON object with one number for each channel; the description of a channel states its unit. JSON has no
+    # NaN, so a missing number is null.
+    properties = {name: {"type": ["number", "null"], "description": f"[{trace.units[name]}]"} for name in trace}
+    row_schema = {"type": "object", "properties": properties}
     writer = Writer(content)
     writer.start(profile="", library="rover_pin")
-    topics = {"/trace": ("rover_pin.Trace", _schema(subject.trace)), "/tf": ("foxglove.FrameTransforms", TRANSFORMS)}
+    topics = {"/trace": ("rover_pin.Trace", row_schema), "/tf": ("foxglove.FrameTransforms", TRANSFORMS)}
     ids = {
         topic: writer.register_channel(
             topic, "json", writer.register_schema(name, "jsonschema", json.dumps(schema).encode())
         )
         for topic, (name, schema) in topics.items()
     }
-    messages: list[tuple[Any, str, Any]] = [
-        (t, "/trace", _row(subject.trace, row)) for row, t in enumerate(subject.trace.t)
-    ]
-    messages += [
-        (t, "/tf", {"transforms": _frames(film, frame, float(t - film.t[0]))}) for frame, t in enumerate(film.t)
-    ]
-    for t, topic, message in sorted(messages, key=lambda entry: float(entry[0])):
-        at = round(NANO * (float(t) - float(subject.trace.t[0])))
+    messages: list[tuple[float, str, Any]] = []
+    for row, t in enumerate(trace.t):
+        values = {name: float(channel[row]) for name, channel in trace.items()}
+        finite = {name: value if math.isfinite(value) else None for name, value in values.items()}
+        messages.append((float(t), "/trace", finite))
+    for frame, t in enumerate(film.t):
+        messages.append((float(t), "/tf", {"transforms": _transforms(film, frame, float(t - film.t[0]))}))
+    # Players expect messages in the order of their times.
+    for t, topic, message in sorted(messages, key=lambda entry: entry[0]):
+        at = round(NANO * (t - float(trace.t[0])))
         writer.add_message(ids[topic], log_time=at, publish_time=at, data=json.dumps(message).encode())
     writer.finish()
     return replace_file(file, content.getvalue())
 
 
+def _transforms(film: Film, frame: int, t: float) -> list[dict[str, Any]]:
+    """Return the poses of all links in the world at a frame, in the form of Foxglove's frame transforms. `t` is the
+    time since the start [s].
+    """
+    seconds = math.floor(t)
+    stamp = {"sec": seconds, "nsec": round(NANO * (t - seconds))}
+    transforms = []
+    for name, (positions, quaternions) in film.links.items():
+        w, x, y, z = map(float, quaternions[frame])
+        translation = dict(zip("xyz", map(float, positions[frame]), strict=True))
+        names = {"timestamp": stamp, "parent_frame_id": "world", "child_frame_id": name}
+        transforms.append({**names, "translation": translation, "rotation": {"x": x, "y": y, "z": z, "w": w}})
+    return transforms
+
+
 def write_rerun(file: Path, subject: Subject) -> Path:
-    """Write ground, links with their shapes, and channels as a recording of Rerun; return its path."""
+    """Write the terrain, the links with their shapes, and the channels of a drive to a recording for Rerun; return the
+    path of the file.
+    """
     import rerun
 
-    film = _film(subject)
-    with tempfile.TemporaryDirectory() as place:
-        rrd_file = Path(place) / "made.rrd"
+    film = Film.of(subject.trace, subject.rover, subject.terrain)
+    with tempfile.TemporaryDirectory() as folder:
+        rrd_file = Path(folder) / "made.rrd"
         recording = rerun.RecordingStream("rover_pin")
         recording.save(rrd_file)
+        # Terrain and shapes never change: a shape is logged below its link and moves with the pose of the link.
         for patch in patches(film.terrain, film.box):
             mesh = rerun.Mesh3D(vertex_positions=patch.vertices, triangle_indices=patch.faces)
             recording.log(f"ground/{patch.soil}", mesh, static=True)
@@ -77,43 +111,12 @@ def write_rerun(file: Path, subject: Subject) -> Path:
             recording.log(f"rover/{shape.link}/{number}", mesh, static=True)
         for frame, t in enumerate(film.t):
             recording.set_time("t_s", duration=float(t))
-            for name, (where, turned) in film.links.items():
-                turn = rerun.Quaternion(xyzw=np.roll(turned[frame], -1))
-                recording.log(f"rover/{name}", rerun.Transform3D(translation=where[frame], quaternion=turn))
+            for name, (positions, quaternions) in film.links.items():
+                # Rerun takes quaternions as x, y, z, w; the film has w first.
+                rotation = rerun.Quaternion(xyzw=np.roll(quaternions[frame], -1))
+                recording.log(f"rover/{name}", rerun.Transform3D(translation=positions[frame], quaternion=rotation))
             for name, values in subject.trace.channels.items():
                 recording.log(f"channels/{name}", rerun.Scalars(float(values[film.rows[frame]])))
         recording.flush()
         recording.disconnect()
         return replace_file(file, rrd_file.read_bytes())
-
-
-def _film(subject: Subject) -> Film:
-    return Film.of(subject.trace, subject.rover, subject.terrain)
-
-
-def _schema(trace: Trace) -> dict[str, Any]:
-    """Return the JSON schema of a row: a number a channel, with its unit."""
-    properties = {name: {"type": ["number", "null"], "description": f"[{trace.units[name]}]"} for name in trace}
-    return {"type": "object", "properties": properties}
-
-
-def _row(trace: Trace, row: int) -> dict[str, float | None]:
-    values = {name: float(channel[row]) for name, channel in trace.items()}
-    return {name: value if math.isfinite(value) else None for name, value in values.items()}
-
-
-TRANSFORMS = {"type": "object", "properties": {"transforms": {"type": "array", "items": {"type": "object"}}}}
-
-
-def _frames(film: Film, frame: int, t: float) -> list[dict[str, Any]]:
-    """Return every link in the world, as Foxglove has frames."""
-    seconds = math.floor(t)
-    stamp = {"sec": seconds, "nsec": round(NANO * (t - seconds))}
-    transforms = []
-    for name, (where, turned) in film.links.items():
-        w, x, y, z = map(float, turned[frame])
-        place = dict(zip("xyz", map(float, where[frame]), strict=True))
-        turn = {"x": x, "y": y, "z": z, "w": w}
-        names = {"timestamp": stamp, "parent_frame_id": "world", "child_frame_id": name}
-        transforms.append({**names, "translation": place, "rotation": turn})
-    return transforms

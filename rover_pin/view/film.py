@@ -1,4 +1,4 @@
-"""A drive as it is shown: where every link is at each frame, the wheels' slip, forces and tracks."""
+"""A drive frame by frame, like a film: the pose of every link, and slip, forces and tracks of the wheels."""
 
 from __future__ import annotations
 
@@ -14,28 +14,40 @@ from rover_pin.simulation.trace.poses import configuration, on_the_ground, place
 from rover_pin.simulation.trace.trace import Trace
 from rover_pin.terrain.terrain import Extent, Terrain
 
-FRAMES_PER_SECOND = 20.0
-MOST_FRAMES = 600
+FRAMES_PER_SECOND, MAX_FRAMES = 20.0, 600
+"""Number of frames of a film per second of the drive, and largest number of frames. A longer drive has fewer frames per
+second."""
 AROUND = 0.4
-"""Ground that is shown beyond the way of the body, along and across, besides the rover itself [m]."""
+"""Width of the strip of terrain that views show on each side of the paths of the wheels [m]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Film:
-    """A drive, frame by frame.
+    """A drive as a film, with the data that views show, for F frames and W wheels.
 
     Parameters
     ----------
+    rover, terrain, trace
+        The rover, its terrain and its trace. Height and attitude of the body are estimated in the trace if they were
+        not recorded.
     t : array (F,)
-        Time of the frames [s], from the trace.
-    links : dict of name -> (positions (F, 3), quaternions w x y z (F, 4))
-        Of every link in the world.
+        Times of the frames [s], as in the trace.
+    links : dict of name -> (positions (F, 3) [m], quaternions w x y z (F, 4))
+        Pose of every link in the world.
     centres : array (F, W, 3)
-        Of the wheels [m].
+        Centres of the wheels [m].
     left : array (F, W, 3)
-        Along the wheels' axles, as they are steered.
+        Unit vectors along the wheels' axles that point to the left; they turn with the steering.
     rows : array (F,)
-        The rows of the trace.
+        Rows of the trace that the frames show.
+
+    Examples
+    --------
+    >>> from rover_pin.scenarios.scenario import scenario
+    >>> drive = scenario("flat", rover="cart", duration=1.0)
+    >>> film = Film.of(drive.drive(), drive.model.rover, drive.model.terrain)
+    >>> film.centres.shape[1:]
+    (4, 3)
     """
 
     rover: Rover
@@ -49,43 +61,49 @@ class Film:
 
     @classmethod
     def of(cls, trace: Trace, rover: Rover, terrain: Terrain) -> Film:
-        """Return the film of a trace: at most 20 frames a second, and 600 in all.
+        """Return the film of a trace.
 
-        Raises DataError: a trace of fewer than two rows, or without the body's x and y.
+        Raises DataError: the trace has fewer than two rows, or no x and y of the body.
         """
         if len(trace.t) < 2:
-            raise DataError("The trace has fewer than two rows, so there is nothing to see: look at its `stop`.")
+            raise DataError(
+                "A trace with fewer than two rows cannot be shown: its attribute `stop` states why the drive ended."
+            )
         trace.need("body_x", "body_y")
         trace = on_the_ground(trace, rover, terrain)
-        rows = _rows(trace.t)
-        names = tuple(wheel.name for wheel in rover.wheels)
-        angles = wheel_angles(trace, names)
+        # Frames are evenly spaced in time, whatever the steps of the trace, with the first and the last row among them.
+        t = trace.t
+        count = int(np.clip((t[-1] - t[0]) * FRAMES_PER_SECOND + 1, 2, MAX_FRAMES))
+        rows = np.unique(np.clip(np.searchsorted(t, np.linspace(t[0], t[-1], count)), 0, t.size - 1))
+        angles = wheel_angles(trace, tuple(wheel.name for wheel in rover.wheels))
         data, model = rover.model.createData(), rover.model
         bodies = [i for i, frame in enumerate(model.frames) if frame.type == pin.FrameType.BODY]
-        places, turns, centres, axles = [], [], [], []
+        positions, quaternions, centres, axles = [], [], [], []
         for row in rows:
             centre, axle = place_links(rover, data, configuration(rover, trace, int(row), angles[row]))
             centres.append(centre)
             axles.append(axle)
             pin.updateFramePlacements(model, data)
-            places.append([np.array(data.oMf[i].translation) for i in bodies])
-            turns.append([np.roll(pin.Quaternion(data.oMf[i].rotation).coeffs(), 1) for i in bodies])
-        where, turned = np.array(places), np.array(turns)
+            positions.append([np.array(data.oMf[i].translation) for i in bodies])
+            # Pinocchio has x, y, z, w; the page takes w first.
+            quaternions.append([np.roll(pin.Quaternion(data.oMf[i].rotation).coeffs(), 1) for i in bodies])
+        where, turned = np.array(positions), np.array(quaternions)
         links = {str(model.frames[i].name): (where[:, n], turned[:, n]) for n, i in enumerate(bodies)}
         return cls(rover, terrain, trace, trace.t[rows], links, np.array(centres), np.array(axles), rows)
 
     @cached_property
     def slip(self) -> np.ndarray | None:
-        """Slip of the wheels (F, W), where it was recorded."""
+        """Slip of the W wheels at the F frames (F, W); None if the trace does not have the slip of each wheel."""
         return self.of_wheels("slip")
 
     @cached_property
     def forces(self) -> np.ndarray | None:
-        """The soil's force on each wheel in the world (F, W, 3) [N], or None where it was not recorded.
+        """Force of the soil on each of the W wheels at the F frames, in the world frame (F, W, 3) [N]; None if the
+        trace has no forces.
 
-        A trace has normal, tangential and side force; they are drawn along the ground's normal under the wheel's
-        centre, the wheel's heading along that ground, and to its left. On an edge, where a wheel stands on several
-        facets, the direction is that of one of them.
+        The normal force of a trace points along the normal of the terrain under the wheel's centre, the tangential
+        force along the wheel's heading on the terrain, and the side force to the left. A wheel at an edge touches
+        several facets of the terrain; the directions then follow one of these facets.
         """
         parts = [self.of_wheels(name) for name in ("normal", "tangential", "lateral")]
         if any(part is None for part in parts):
@@ -97,7 +115,9 @@ class Film:
         return np.asarray(normal * up + tangential * ahead + lateral * np.cross(up, ahead))
 
     def of_wheels(self, channel: str) -> np.ndarray | None:
-        """Return a channel of the wheels (F, W), or None where it was not recorded of all."""
+        """Return a channel of all wheels, such as "slip", at the F frames for the W wheels (F, W); None if the channel
+        was not recorded for every wheel.
+        """
         names = [f"{channel}_{wheel.name}" for wheel in self.rover.wheels]
         if not all(name in self.trace for name in names):
             return None
@@ -105,23 +125,28 @@ class Film:
 
     @cached_property
     def box(self) -> Extent:
-        """The ground that is shown: the way of the wheels and some more."""
+        """Rectangle of the terrain that views show: the area of all wheels' paths, with a margin of AROUND."""
         low, high = self.centres.min(axis=(0, 1)) - AROUND, self.centres.max(axis=(0, 1)) + AROUND
         return Extent(float(low[0]), float(high[0]), float(low[1]), float(high[1]))
 
     @cached_property
     def tracks(self) -> np.ndarray:
-        """Where the wheels' centres pass over the ground (F, W, 3) [m]."""
+        """Points of the terrain below the centres of the W wheels at the F frames (F, W, 3) [m], which form the
+        tracks.
+        """
         x, y = self.centres[..., 0], self.centres[..., 1]
         return np.stack([x, y, self.terrain.height(x, y)], axis=-1)
 
     @cached_property
     def rods(self) -> np.ndarray:
-        """The left side as one line through its joints and wheels (F, N, 3) [m], broken by NaN."""
+        """Points of a line through the joints and wheels of the rover's left side, for the side view, at the F frames
+        (F, N, 3) [m]. NaN separates the pieces of the line.
+        """
         model = self.rover.model
         names = {frame.parentJoint: str(frame.name) for frame in model.frames if frame.type == pin.FrameType.BODY}
-        left = [wheel.joint for wheel in self.rover.wheels if wheel.side == "l"]
-        joints = sorted({joint for wheel in left for joint in model.supports[wheel] if joint > 1})
+        left_wheels = [wheel.joint for wheel in self.rover.wheels if wheel.side == "l"]
+        # Joint 1 is the free flyer: the line begins at the body.
+        joints = sorted({joint for wheel in left_wheels for joint in model.supports[wheel] if joint > 1})
         gap = np.full((self.t.size, 1, 3), np.nan)
         parts = []
         for joint in joints:
@@ -131,16 +156,17 @@ class Film:
 
     @cached_property
     def beside(self) -> np.ndarray:
-        """The ground just outside of each wheel (F, W, 3) [m], where an arrow is not hidden."""
-        out = np.array(
-            [(1.0 if wheel.side == "l" else -1.0) * 0.7 * float(wheel.wheel.b) for wheel in self.rover.wheels]
-        )
-        return np.asarray(self.tracks + out[:, None] * self.left)
+        """Points of the terrain next to each of the W wheels, on its outer side, at the F frames (F, W, 3) [m]. The
+        arrows that show forces start at these points.
+        """
+        outwards = [(1.0 if wheel.side == "l" else -1.0) * 0.7 * float(wheel.wheel.b) for wheel in self.rover.wheels]
+        return np.asarray(self.tracks + np.array(outwards)[:, None] * self.left)
 
     def refuse_other(self, ghost: Film) -> None:
-        """Refuse a ghost of another rover, which could not be drawn with this one's shapes.
+        """Raise an error if a second drive (ghost) has other links than this drive. A ghost is drawn with the shapes of
+        this rover, so that it must be a drive of the same rover.
 
-        Raises DataError: its links are others.
+        Raises DataError: the ghost is a drive of another rover.
         """
         if set(ghost.links) != set(self.links):
             raise DataError(
@@ -148,11 +174,7 @@ class Film:
             )
 
     def frame_at(self, t: float) -> int:
-        """Return the last frame that is not after a time [s]."""
+        """Return the index of the last frame that is not later than the time `t` [s]; 0 for a time before the first
+        frame.
+        """
         return int(np.clip(np.searchsorted(self.t, t + 1e-9, side="right") - 1, 0, self.t.size - 1))
-
-
-def _rows(t: np.ndarray) -> np.ndarray:
-    """Return the rows that are shown: evenly in time, the first and the last among them."""
-    count = int(np.clip((t[-1] - t[0]) * FRAMES_PER_SECOND + 1, 2, MOST_FRAMES))
-    return np.unique(np.clip(np.searchsorted(t, np.linspace(t[0], t[-1], count)), 0, t.size - 1))

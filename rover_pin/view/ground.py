@@ -1,20 +1,23 @@
-"""The true ground as triangles: lanes with their lips and walls, grids with their cells, a colour for each soil."""
+"""The terrain as triangles for the 3D views, with one mesh for each soil. Lanes are drawn with their lips and walls."""
 
 from typing import NamedTuple
 
 import numpy as np
 
-from rover_pin.terrain.profile import Profile
-from rover_pin.terrain.terrain import Extent, HeightGrid, Lanes, Terrain
+from rover_pin.terrain.terrain import Extent, HeightGrid, Lanes, Profile, Terrain
 
 MAX_POINTS = 400
-"""Points of a height grid that are drawn along either axis."""
+"""Largest number of points of a height grid that are drawn along one axis. If the grid has more, points are left
+out."""
 RULED = 0.1
-"""Distance of the lines that are ruled across the ground [m]."""
+"""Distance along x [m] between the lines that are drawn across the terrain to show its shape and the rover's
+progress."""
 
 
 class Patch(NamedTuple):
-    """A piece of ground of one soil: vertices (V, 3) [m] and triangles (F, 3)."""
+    """The part of the terrain that has one soil, as triangles for a 3D view: index of the soil, positions of V vertices
+    (V, 3) [m], and F triangles (F, 3), each given by the indices of its vertices.
+    """
 
     soil: int
     vertices: np.ndarray
@@ -22,54 +25,62 @@ class Patch(NamedTuple):
 
 
 def patches(terrain: Terrain, box: Extent) -> list[Patch]:
-    """Return the ground within a box, one patch a soil."""
-    if isinstance(terrain, Lanes):
-        quads, soils = _lanes(terrain, box)
-    else:
-        quads, soils = _cells(terrain, box)
-    return [_patch(int(soil), quads[soils == soil]) for soil in np.unique(soils)]
-
-
-def _patch(soil: int, quads: np.ndarray) -> Patch:
-    """Return quads (Q, 4, 3) as two triangles each."""
-    first = 4 * np.arange(len(quads))[:, None]
-    faces = np.concatenate([first + np.array([0, 1, 2]), first + np.array([0, 2, 3])])
-    return Patch(soil, quads.reshape(-1, 3), faces)
+    """Return the terrain within a rectangle as triangles, one patch for each soil."""
+    quads, soils = _lanes(terrain, box) if isinstance(terrain, Lanes) else _cells(terrain, box)
+    soil_patches = []
+    for soil in np.unique(soils):
+        corners = quads[soils == soil]
+        # A quad (4, 3) becomes the triangles of its corners 0 1 2 and 0 2 3.
+        first = 4 * np.arange(len(corners))[:, None]
+        faces = np.concatenate([first + np.array([0, 1, 2]), first + np.array([0, 2, 3])])
+        soil_patches.append(Patch(int(soil), corners.reshape(-1, 3), faces))
+    return soil_patches
 
 
 def _lanes(terrain: Lanes, box: Extent) -> tuple[np.ndarray, np.ndarray]:
+    """Return the surface of a terrain that consists of lanes (strips of ground along x) as Q quadrilaterals (Q, 4, 3)
+    [m], and the soil index of each quadrilateral (Q,). Walls between lanes of different height are included.
+    """
+    # The borders between lanes that lie within the rectangle, and its own two sides.
     edges = [box.y_low, *(y for y in terrain.borders if box.y_low < y < box.y_high), box.y_high]
     quads, soils = [], []
     for low, high in zip(edges, edges[1:], strict=False):
         profile = terrain.profiles[int(terrain.lane(0.5 * (low + high)))]
         x = _corners((profile,), box)
-        z, ground = profile.height(x), profile.ground[profile.piece(0.5 * (x[1:] + x[:-1]))]
+        z = profile.height(x)
         quads.append(_strip(x, z, z, low, high))
-        soils.append(ground)
+        soils.append(profile.ground[profile.piece(0.5 * (x[1:] + x[:-1]))])
     for y in edges[1:-1]:
+        # The wall between two lanes has the soil of the higher lane.
         right, left = (terrain.profiles[int(terrain.lane(y + side * 1e-9))] for side in (-1, 1))
         x = _corners((right, left), box)
-        quads.append(_strip(x, right.height(x), left.height(x), y, y))
-        higher = np.where(right.height(0.5 * (x[1:] + x[:-1])) > left.height(0.5 * (x[1:] + x[:-1])), 0, 1)
         middle = 0.5 * (x[1:] + x[:-1])
-        soils.append(
-            np.choose(higher, [side_profile.ground[side_profile.piece(middle)] for side_profile in (right, left)])
-        )
+        quads.append(_strip(x, right.height(x), left.height(x), y, y))
+        right_soil, left_soil = (profile.ground[profile.piece(middle)] for profile in (right, left))
+        soils.append(np.where(right.height(middle) > left.height(middle), right_soil, left_soil))
     return np.concatenate(quads), np.concatenate(soils)
 
 
 def _corners(profiles: tuple[Profile, ...], box: Extent) -> np.ndarray:
+    """Return the x [m] at which the drawn profiles need a point, ascending: the points of all profiles within the
+    rectangle, and its two ends.
+    """
     x = np.concatenate([[box.x_low, box.x_high], *(profile.x for profile in profiles)])
     return np.unique(np.clip(x, box.x_low, box.x_high))
 
 
 def _strip(x: np.ndarray, z_low: np.ndarray, z_high: np.ndarray, y_low: float, y_high: float) -> np.ndarray:
-    """Return the quads (N-1, 4, 3) between a line at y_low and one at y_high."""
+    """Return the quadrilaterals (N-1, 4, 3) [m] between two polylines over the same x (N,): one with the heights
+    `z_low` at y = `y_low`, the other with the heights `z_high` at y = `y_high`.
+    """
     low, high = (np.column_stack([x, np.full(x.size, y), z]) for y, z in ((y_low, z_low), (y_high, z_high)))
     return np.stack([low[:-1], low[1:], high[1:], high[:-1]], axis=1)
 
 
 def _cells(terrain: Terrain, box: Extent) -> tuple[np.ndarray, np.ndarray]:
+    """Return a terrain as Q quadrilaterals (Q, 4, 3) [m] between the points of a grid, and the soil index in the middle
+    of each quadrilateral (Q,).
+    """
     x, y = (_ticks(terrain, low, high, axis) for axis, (low, high) in enumerate((box[:2], box[2:])))
     X, Y = np.meshgrid(x, y, indexing="ij")
     points = np.stack([X, Y, terrain.height(X, Y)], axis=-1)
@@ -79,27 +90,30 @@ def _cells(terrain: Terrain, box: Extent) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _ticks(terrain: Terrain, low: float, high: float, axis: int) -> np.ndarray:
-    """Return where a grid has points within a range, and its ends; thinned out where they are very many."""
+    """Return the coordinates [m] at which the terrain is drawn along an axis (0: x, 1: y), from `low` to `high`.
+
+    They are about MAX_POINTS coordinates at most. For a height grid they are coordinates of its points, for other
+    terrain they are evenly spaced.
+    """
     if not isinstance(terrain, HeightGrid):
         return np.linspace(low, high, MAX_POINTS)
     start, spacing = ((terrain.x0, terrain.dx), (terrain.y0, terrain.dy))[axis]
-    count = terrain.z.shape[axis]
-    ticks = start + spacing * np.arange(count)
+    ticks = start + spacing * np.arange(terrain.z.shape[axis])
     ticks = ticks[(ticks > low) & (ticks < high)]
     return np.concatenate([[low], ticks[:: max(1, ticks.size // MAX_POINTS)], [high]])
 
 
 def ruled_lines(terrain: Terrain, box: Extent) -> np.ndarray:
-    """Return segments (N, 2, 3) of the lines that lie on the ground each 0.1 m along x, from side to side."""
-    across = sorted({box.y_low, box.y_high, *np.linspace(box.y_low, box.y_high, 25), *_seams(terrain, box)})
-    y = np.array(across)
+    """Return the segments (N, 2, 3) [m] of lines that are drawn across the terrain along y, at distances of RULED along
+    x. They show the shape of the terrain and the rover's progress.
+    """
+    # A point on either side of a border makes a line follow the wall between two lanes.
+    borders = terrain.borders if isinstance(terrain, Lanes) else ()
+    seams = [y + side for y in borders if box.y_low < y < box.y_high for side in (-1e-6, 1e-6)]
+    y = np.array(sorted({box.y_low, box.y_high, *np.linspace(box.y_low, box.y_high, 25), *seams}))
     lines = []
     for x in np.arange(np.ceil(box.x_low / RULED), np.floor(box.x_high / RULED) + 1) * RULED:
+        # Lines are drawn 1 mm above the terrain, which would otherwise hide them.
         points = np.column_stack([np.full(y.size, x), y, terrain.height(np.full(y.size, x), y) + 1e-3])
         lines.append(np.stack([points[:-1], points[1:]], axis=1))
     return np.concatenate(lines) if lines else np.zeros((0, 2, 3))
-
-
-def _seams(terrain: Terrain, box: Extent) -> list[float]:
-    borders = terrain.borders if isinstance(terrain, Lanes) else ()
-    return [y + side for y in borders if box.y_low < y < box.y_high for side in (-1e-6, 1e-6)]

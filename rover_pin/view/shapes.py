@@ -1,4 +1,4 @@
-"""The rover's own shapes, link by link: boxes, cylinders, spheres and meshes of its URDF, as triangles."""
+"""The shapes of a rover's links as triangles: the boxes, cylinders, spheres and meshes of its URDF."""
 
 import io
 import logging
@@ -12,58 +12,85 @@ import trimesh
 import yourdfpy
 
 from rover_pin.base.errors import DataError
-from rover_pin.rover.description.meshes import MOST_CORNERS, mesh_file, read_mesh
+from rover_pin.rover.description.meshes import MAX_CORNERS, mesh_file, read_mesh
 from rover_pin.rover.rover import Rover, WheelMount
 
 log = logging.getLogger(__name__)
 
 PLAIN = (0.62, 0.64, 0.67)
-"""Colour of a shape without one."""
+"""Colour of a shape for which the URDF states no colour."""
 ROD = 0.006
-"""Radius [m] of the rods that stand for links without shapes, as a share of what they span at most a tenth."""
+"""Largest radius [m] of the rods that are drawn for links without shapes. The radius of a short rod is a tenth of its
+length."""
 
 
 class Shape(NamedTuple):
-    """A shape of a link: vertices (V, 3) [m] in the link's frame, triangles (F, 3), colour (r, g, b) in 0..1."""
+    """A shape of a link as triangles: positions of V vertices (V, 3) [m] in the link's frame, F triangles (F, 3), each
+    given by the indices of its vertices, and the colour (red, green, blue from 0 to 1).
+    """
 
     link: str
     vertices: np.ndarray
     faces: np.ndarray
     colour: tuple[float, float, float]
     wheel: str = ""
-    "the wheel whose rim this is, which shows its slip"
+    "name of the wheel whose slip this shape shows by its colour; empty for any other shape"
 
 
 def shapes_of(rover: Rover, folder: Path | None = None) -> list[Shape]:
-    """Return the rover's shapes; wheels are drawn as they roll, and links without shapes as rods to their joints.
+    """Return the shapes of all links of a rover.
 
-    Meshes are read from `folder`, that of the rover's TOML, or its package; one that is not there or cannot be read is
-    left out, with a word.
+    Wheels get a mark that shows their rotation. A link without shapes is drawn as rods to the joints that it carries.
+
+    Parameters
+    ----------
+    rover : Rover
+        The rover.
+    folder : Path, optional
+        Folder to which the paths of meshes in the URDF are relative; if missing, no mesh is drawn. A mesh that does not
+        exist or cannot be read is left out, and a warning names it.
     """
     robot = yourdfpy.URDF.load(io.BytesIO(rover.urdf.encode()), load_meshes=False, build_scene_graph=False).robot
+    # The URDF is read again here, because Pinocchio's model does not contain the shapes.
     palette = {material.name: material.color for material in robot.materials}
-    rims = {_link_of(rover, mount): mount for mount in rover.wheels}
+    rims = _wheel_links(rover)
     shapes, missing = list[Shape](), set[str]()
     for link in robot.links:
         link_shapes: list[Shape] = []
         for visual in link.visuals:
-            full = 3 * sum(len(shape.faces) for shape in (*shapes, *link_shapes)) > MOST_CORNERS
-            link_shapes += _shape(link.name, visual, palette, None if full else folder, missing)
+            # Meshes are no longer read when the picture has its maximum number of corners: many links may name one.
+            is_full = 3 * sum(len(shape.faces) for shape in (*shapes, *link_shapes)) > MAX_CORNERS
+            mesh = _triangles(visual.geometry, None if is_full else folder, missing)
+            if mesh is not None:
+                mesh.apply_transform(np.eye(4) if visual.origin is None else visual.origin)
+                colour = _colour(visual.material, palette)
+                link_shapes.append(Shape(link.name, np.asarray(mesh.vertices), np.asarray(mesh.faces), colour))
         if link.name in rims:
             link_shapes = list(_wheel(link.name, rims[link.name], link_shapes, rover))
         shapes += link_shapes or list(_rods(rover, link.name))
     return shapes
 
 
-def _shape(link: str, visual: Any, palette: dict[str, Any], folder: Path | None, missing: set[str]) -> Iterator[Shape]:
-    if (mesh := _mesh(visual.geometry, folder, missing)) is None:
-        return
-    mesh.apply_transform(np.eye(4) if visual.origin is None else visual.origin)
-    yield Shape(link, np.asarray(mesh.vertices), np.asarray(mesh.faces), _colour(visual.material, palette))
+def _wheel_links(rover: Rover) -> dict[str, WheelMount]:
+    """Return name of a link -> wheel, for the link that turns with each wheel. If several links turn with a wheel, the
+    first is taken.
+    """
+    rims: dict[str, WheelMount] = {}
+    for mount in rover.wheels:
+        links = (
+            frame.name
+            for frame in rover.model.frames
+            if frame.type == pin.FrameType.BODY and frame.parentJoint == mount.joint
+        )
+        rims[str(next(links, ""))] = mount
+    return rims
 
 
-def _mesh(geometry: Any, folder: Path | None, missing: set[str]) -> Any:
-    """Return a shape of the URDF as triangles, or None for a mesh that is not to be had, which is said once."""
+def _triangles(geometry: Any, folder: Path | None, missing: set[str]) -> Any:
+    """Return a geometry of the URDF as a trimesh object, or None if it is a mesh that cannot be read.
+
+    A warning names each missing mesh once; `missing` collects the names of these meshes.
+    """
     if geometry.box is not None:
         return trimesh.creation.box(extents=geometry.box.size)
     if geometry.sphere is not None:
@@ -73,18 +100,25 @@ def _mesh(geometry: Any, folder: Path | None, missing: set[str]) -> Any:
     file = None if folder is None else mesh_file(geometry.mesh.filename, folder)
     if file is None:
         if geometry.mesh.filename not in missing:
-            log.warning("the mesh %s is not in the rover's package, or one too many", geometry.mesh.filename)
+            log.warning(
+                "The view leaves out the mesh %s: it is not in the rover's package, or the view is full.",
+                geometry.mesh.filename,
+            )
         missing.add(geometry.mesh.filename)
         return None
     try:
         scale = 1.0 if geometry.mesh.scale is None else geometry.mesh.scale
         return trimesh.Trimesh(*read_mesh(file, scale), process=False)
     except DataError as error:
-        log.warning("%s It is left out.", error)
+        log.warning("%s The view is drawn without it.", error)
         return None
 
 
 def _colour(material: Any, palette: dict[str, Any]) -> tuple[float, float, float]:
+    """Return the colour (red, green, blue) of a material of the URDF.
+
+    A material without a colour refers by its name to `palette`, the materials that the URDF defines for all links.
+    """
     colour = None if material is None else material.color or palette.get(material.name)
     if colour is None:
         return PLAIN
@@ -93,16 +127,26 @@ def _colour(material: Any, palette: dict[str, Any]) -> tuple[float, float, float
 
 
 def _wheel(link: str, mount: WheelMount, link_shapes: list[Shape], rover: Rover) -> Iterator[Shape]:
-    """Yield a wheel's own shapes, or a cylinder of its radius and width; one alone gets a bar that shows it turn."""
+    """Yield the shapes of a wheel. If the link of the wheel has no shapes, a cylinder with the radius and width of the
+    wheel is drawn.
+
+    The largest shape shows the slip by its colour. A wheel with a single shape also gets a bar, which makes its
+    rotation visible.
+    """
     r, b = float(mount.wheel.r), float(mount.wheel.b)
-    to_axle = _axle(rover, mount, link)
+    # A cylinder lies along z: it is turned to the axis of the wheel's joint, seen from the link.
+    data = rover.model.createData()
+    pin.computeJointJacobians(rover.model, data, pin.neutral(rover.model))
+    axis = pin.getJointJacobian(rover.model, data, mount.joint, pin.LOCAL)[3:, mount.dof]
+    frame = rover.model.frames[rover.model.getFrameId(link, pin.FrameType.BODY)]
+    to_axle = frame.placement.inverse().homogeneous @ trimesh.geometry.align_vectors([0.0, 0.0, 1.0], axis)
     if not link_shapes:
-        rim = trimesh.creation.cylinder(radius=r, height=b, sections=48)
-        rim.apply_transform(to_axle)
-        link_shapes = [Shape(link, np.asarray(rim.vertices), np.asarray(rim.faces), PLAIN)]
-    rim_of, *others = sorted(link_shapes, key=lambda shape: -float(np.prod(np.ptp(shape.vertices, axis=0))))
-    yield rim_of._replace(wheel=mount.name)
-    if others:  # it shows by itself how it turns
+        cylinder = trimesh.creation.cylinder(radius=r, height=b, sections=48)
+        cylinder.apply_transform(to_axle)
+        link_shapes = [Shape(link, np.asarray(cylinder.vertices), np.asarray(cylinder.faces), PLAIN)]
+    rim, *others = sorted(link_shapes, key=lambda shape: -float(np.prod(np.ptp(shape.vertices, axis=0))))
+    yield rim._replace(wheel=mount.name)
+    if others:
         yield from others
         return
     bar = trimesh.creation.box(extents=(1.8 * r, 0.16 * r, 1.04 * b))
@@ -111,28 +155,12 @@ def _wheel(link: str, mount: WheelMount, link_shapes: list[Shape], rover: Rover)
 
 
 def _rods(rover: Rover, link: str) -> Iterator[Shape]:
-    """Yield rods from a link without shapes to the joints that hang on it."""
-    frame = rover.model.frames[rover.model.getFrameId(link, pin.FrameType.BODY)]
-    for joint in range(1, rover.model.njoints):
-        end = np.array(frame.placement.actInv(rover.model.jointPlacements[joint]).translation)
+    """Yield the shapes of rods from a link without shapes to the joints that it carries."""
+    model = rover.model
+    frame = model.frames[model.getFrameId(link, pin.FrameType.BODY)]
+    for joint in range(2, model.njoints):  # 0 is the world and 1 the free flyer of the body
+        end = np.array(frame.placement.actInv(model.jointPlacements[joint]).translation)
         length = float(np.linalg.norm(end))
-        if rover.model.parents[joint] == frame.parentJoint and joint > 1 and length > 1e-6:
+        if model.parents[joint] == frame.parentJoint and length > 1e-6:
             rod = trimesh.creation.cylinder(radius=min(ROD, length / 10.0), segment=np.array([np.zeros(3), end]))
             yield Shape(link, np.asarray(rod.vertices), np.asarray(rod.faces), PLAIN)
-
-
-def _link_of(rover: Rover, mount: WheelMount) -> str:
-    """Return the link that turns with a wheel."""
-    for frame in rover.model.frames:
-        if frame.type == pin.FrameType.BODY and frame.parentJoint == mount.joint:
-            return str(frame.name)
-    return ""
-
-
-def _axle(rover: Rover, mount: WheelMount, link: str) -> np.ndarray:
-    """Return the frame of a wheel in its link, whose z is the axis about which it turns [4, 4]."""
-    data = rover.model.createData()
-    pin.computeJointJacobians(rover.model, data, pin.neutral(rover.model))
-    axis = pin.getJointJacobian(rover.model, data, mount.joint, pin.LOCAL)[3:, mount.dof]
-    frame = rover.model.frames[rover.model.getFrameId(link, pin.FrameType.BODY)]
-    return np.array(frame.placement.inverse().homogeneous @ trimesh.geometry.align_vectors([0.0, 0.0, 1.0], axis))

@@ -1,4 +1,6 @@
-"""The scene: ground, rover, ghosts, arrows and tracks as viser's nodes, set to any frame."""
+"""The 3D scene of a drive in viser: ground, rover, ghosts, force arrows and tracks. The scene can show each frame of a
+film.
+"""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -11,60 +13,93 @@ from rover_pin.view.ground import patches, ruled_lines
 from rover_pin.view.shapes import Shape
 
 SOILS = ((201, 176, 130), (128, 124, 122), (176, 140, 110), (150, 160, 140))
-"""Colours of the soils by index: sand, hard ground, others."""
+"""Colours of the soils by soil index: sand, hard ground, and two more. All further soils have the last colour."""
 BLUE, ORANGE = (70, 110, 190), (205, 100, 40)
-"""Colours of ghosts."""
+"""Colours of the ghosts, the transparent second drives (red, green, blue from 0 to 255)."""
 FORCE = (20, 120, 80)
+"""Colour of the arrows for the soil's forces."""
+FORCE_LENGTH = 0.15
+"""Length [m] of the arrow for a force that equals the rover's weight on Earth, divided by the number of wheels."""
 WORLD = "/world"
-"""The frame of all that is seen: it moves so that the rover stays in the middle."""
+"""Path of the scene's root node. This node moves opposite to the rover, so that the rover stays at the origin, where
+the camera looks."""
 PIECES = 60
-"""Pieces in which a track is laid behind its wheel."""
+"""Number of pieces into which the track of each wheel is divided. A piece appears when the wheel has passed its end."""
 
 
 class Ghost(NamedTuple):
-    """Another film of the same rover, seen through in its colour."""
+    """Another drive of the same rover, which the scene draws transparent in one colour (red, green, blue from 0 to
+    255).
+    """
 
     film: Film
     colour: tuple[int, int, int] = BLUE
 
 
 class Stage:
-    """A film in a scene of viser, and others as its ghosts."""
+    """The 3D scene in which viser shows a drive. Other drives of the same rover can be shown as ghosts.
+
+    Parameters
+    ----------
+    scene : viser.SceneApi
+        The empty scene.
+    film : Film
+        The drive, frame by frame.
+    shapes : list of Shape
+        The shapes of the rover, which the ghosts share.
+    ghosts : sequence of Ghost
+        Other drives of the same rover.
+    """
 
     def __init__(self, scene: Any, film: Film, shapes: list[Shape], ghosts: Sequence[Ghost] = ()):
         self.scene, self.film, self.ghosts = scene, film, tuple(ghosts)
         self.shown: dict[str, tuple[int, int, int]] = {}
         scene.set_up_direction("+z")
         self.world = scene.add_frame(WORLD, show_axes=False)
-        self._ground(film)
-        self.frames = {name: scene.add_frame(f"{WORLD}/rover/{name}", show_axes=False) for name in film.links}
-        self.rims = self._rover(f"{WORLD}/rover", shapes, None)
-        self.ghost_frames = [
-            self._ghost(f"{WORLD}/ghost{number}", shapes, ghost) for number, ghost in enumerate(self.ghosts)
-        ]
-        self.tracks = self._tracks(film)
-        self.arrows = (
-            None
-            if film.forces is None
-            else scene.add_arrows(
-                f"{WORLD}/forces", self._arrows(0), FORCE, shaft_radius=0.003, head_radius=0.008, head_length=0.016
+        self._add_ground(film)
+        self.frames = self._add_frames(f"{WORLD}/rover", film)
+        self.rims = self._add_shapes(f"{WORLD}/rover", shapes, None)
+        self.ghost_frames = []
+        for number, ghost in enumerate(self.ghosts):
+            root = f"{WORLD}/ghost{number}"
+            self.ghost_frames.append(self._add_frames(root, ghost.film))
+            self._add_shapes(root, shapes, ghost.colour)
+        self.tracks = self._add_tracks(film)
+        self.arrows = None
+        if film.forces is not None:
+            self.arrows = scene.add_arrows(
+                f"{WORLD}/forces",
+                self._force_arrows(0),
+                FORCE,
+                shaft_radius=0.003,
+                head_radius=0.008,
+                head_length=0.016,
             )
-        )
 
     def show(self, frame: int) -> None:
-        """Set everything to a frame."""
+        """Change the scene so that it shows a frame of the film. Each ghost is shown at its last frame that is not
+        later than this frame.
+        """
         self.world.position = -self.film.centres[frame].mean(axis=0)
         _place(self.frames, self.film, frame)
         for ghost, frames in zip(self.ghosts, self.ghost_frames, strict=True):
             _place(frames, ghost.film, ghost.film.frame_at(float(self.film.t[frame])))
+        # Only changed properties are sent, because each message makes the page larger.
         if self.film.slip is not None:
             for wheel, slip in zip(self.film.rover.wheels, self.film.slip[frame], strict=True):
-                self._colour(wheel.name, in_bytes(slip_colour(float(slip))))
+                colour = in_bytes(slip_colour(float(slip)))
+                if self.shown.get(wheel.name) != colour:
+                    self.shown[wheel.name] = colour
+                    for mesh in self.rims.get(wheel.name, ()):
+                        mesh.color = colour
         if self.arrows is not None:
-            self.arrows.points = self._arrows(frame)
-        self._lay(frame)
+            self.arrows.points = self._force_arrows(frame)
+        for last_frame, line in self.tracks:
+            if line.visible != (last_frame <= frame):
+                line.visible = last_frame <= frame
 
-    def _ground(self, film: Film) -> None:
+    def _add_ground(self, film: Film) -> None:
+        """Add the terrain to the scene: one mesh for each soil, and the lines that are drawn across the terrain."""
         for patch in patches(film.terrain, film.box):
             colour = SOILS[min(patch.soil, len(SOILS) - 1)]
             self.scene.add_mesh_simple(
@@ -79,12 +114,18 @@ class Stage:
             f"{WORLD}/ground/lines", _page_points(ruled_lines(film.terrain, film.box)), (120, 100, 70), thickness=0.0015
         )
 
-    def _ghost(self, root: str, shapes: list[Shape], ghost: Ghost) -> dict[str, Any]:
-        frames = {name: self.scene.add_frame(f"{root}/{name}", show_axes=False) for name in ghost.film.links}
-        self._rover(root, shapes, ghost.colour)
-        return frames
+    def _add_frames(self, root: str, film: Film) -> dict[str, Any]:
+        """Add a node to the scene for each link, below the node `root`; return name of a link -> node. A node has the
+        pose of its link.
+        """
+        return {name: self.scene.add_frame(f"{root}/{name}", show_axes=False) for name in film.links}
 
-    def _rover(self, root: str, shapes: list[Shape], ghostly: tuple[int, int, int] | None) -> dict[str, list[Any]]:
+    def _add_shapes(self, root: str, shapes: list[Shape], ghostly: tuple[int, int, int] | None) -> dict[str, list[Any]]:
+        """Add shapes to the scene, below the nodes of their links; return name of a wheel -> the nodes whose colour
+        shows its slip.
+
+        If `ghostly` is a colour, the shapes are drawn transparent in this colour.
+        """
         rims: dict[str, list[Any]] = {}
         for number, shape in enumerate(shapes):
             mesh = self.scene.add_mesh_simple(
@@ -101,51 +142,46 @@ class Stage:
                 rims.setdefault(shape.wheel, []).append(mesh)
         return rims
 
-    def _tracks(self, film: Film) -> list[list[tuple[int, Any]]]:
-        """Return the pieces of the tracks with the frame from which each is there; hidden at first."""
+    def _add_tracks(self, film: Film) -> list[tuple[int, Any]]:
+        """Add the tracks of the wheels in pieces that are hidden at first; return each piece with the index of the
+        frame from which it is visible.
+        """
         ends = np.unique(np.linspace(0, film.t.size - 1, PIECES + 1).astype(int))
-        lifted = film.tracks + np.array([0.0, 0.0, 2e-3])
-        return [
-            [self._piece(lifted[start : end + 1, w], f"{w}/{start}", start, w) for w in range(lifted.shape[1])]
-            for start, end in zip(ends, ends[1:], strict=False)
-        ]
+        lifted = film.tracks + np.array([0.0, 0.0, 2e-3])  # 2 mm above the terrain, which would hide the tracks
+        tracks = []
+        for start, end in zip(ends, ends[1:], strict=False):
+            for wheel in range(lifted.shape[1]):
+                points = lifted[start : end + 1, wheel]
+                segments = _page_points(np.stack([points[:-1], points[1:]], axis=1))
+                r, g, b = slip_colour(np.nan if film.slip is None else float(film.slip[start, wheel]))
+                darker = in_bytes((0.8 * r, 0.8 * g, 0.8 * b))
+                name = f"{WORLD}/tracks/{wheel}/{start}"
+                line = self.scene.add_line_segments(name, segments, darker, thickness=0.006, visible=False)
+                tracks.append((start + len(points) - 1, line))
+        return tracks
 
-    def _piece(self, points: np.ndarray, name: str, frame: int, wheel: int) -> tuple[int, Any]:
-        slip = np.nan if self.film.slip is None else float(self.film.slip[frame, wheel])
-        segments = _page_points(np.stack([points[:-1], points[1:]], axis=1))
-        r, g, b = slip_colour(slip)
-        colour = in_bytes((0.8 * r, 0.8 * g, 0.8 * b))
-        line = self.scene.add_line_segments(f"{WORLD}/tracks/{name}", segments, colour, thickness=0.006, visible=False)
-        return frame + len(points) - 1, line
-
-    def _lay(self, frame: int) -> None:
-        for piece in self.tracks:
-            for end, line in piece:
-                if line.visible != (end <= frame):
-                    line.visible = end <= frame
-
-    def _colour(self, wheel: str, colour: tuple[int, int, int]) -> None:
-        if self.shown.get(wheel) != colour:
-            self.shown[wheel] = colour
-            for mesh in self.rims.get(wheel, ()):
-                mesh.color = colour
-
-    def _arrows(self, frame: int) -> np.ndarray:
-        """Return the arrows (W, 2, 3), beside each wheel on the ground; its share of the weight is 0.15 m long."""
+    def _force_arrows(self, frame: int) -> np.ndarray:
+        """Return start and end of the force arrows of the W wheels at a frame (W, 2, 3) [m]. Arrows start on the
+        terrain next to the wheel.
+        """
         assert self.film.forces is not None
         rover = self.film.rover
-        scale = 0.15 / (rover.mass * 9.81 / len(rover.wheels))
+        # Length of an arrow for each newton.
+        scale = FORCE_LENGTH / (rover.mass * 9.81 / len(rover.wheels))
         start = self.film.beside[frame]
         return _page_points(np.stack([start, start + scale * self.film.forces[frame]], axis=1))
 
 
 def _page_points(points: np.ndarray) -> np.ndarray:
-    """Return points as the page takes them, in single precision; what is beyond its numbers lies at their end."""
-    most = np.finfo(np.float32).max
-    return np.clip(points, -most, most).astype(np.float32)
+    """Return points as numbers of single precision, because a page stores them so. Values beyond its range are set to
+    the largest value of single precision.
+    """
+    largest = np.finfo(np.float32).max
+    return np.clip(points, -largest, largest).astype(np.float32)
 
 
 def _place(frames: dict[str, Any], film: Film, frame: int) -> None:
+    """Move the nodes of the links to their poses at a frame of a film."""
     for name, node in frames.items():
-        positions, turns = film.links[name]
-        node.position, node.wxyz = positions[frame], turns[frame]
+        positions, quaternions = film.links[name]
+        node.position, node.wxyz = positions[frame], quaternions[frame]

@@ -1,4 +1,4 @@
-"""What is to be seen: a trace with the rover that drove it and the ground."""
+"""The drive that a view shows: a trace together with its rover and its terrain."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +12,9 @@ from rover_pin.terrain.terrain import Terrain
 
 @dataclass(frozen=True)
 class Subject:
-    """A trace, its rover, its ground, and the folder in which the rover's meshes lie."""
+    """The drive that a view shows: a trace, its rover, its terrain, and the folder from which the rover's meshes are
+    read (None: no meshes are drawn).
+    """
 
     name: str
     trace: Trace
@@ -22,7 +24,9 @@ class Subject:
 
 
 def subject_of_log(log: DriveLog, run: str = "") -> Subject:
-    """Return what a run of a drive log shows; its first unless another is named."""
+    """Return one run of a drive log, with its rover and terrain, as the subject of a view. `run` is the name of the
+    run; if it is empty, the first run is taken.
+    """
     trace = log.run(run) if run else log.runs[0]
     name = Path(str(trace.attrs.get("file", log.metadata.name))).stem
     return Subject(
@@ -35,6 +39,8 @@ def subject_of_log(log: DriveLog, run: str = "") -> Subject:
 
 
 def mesh_folder(rover: str) -> Path | None:
-    """Return the folder from which a rover's meshes are named: that of its URDF."""
+    """Return the folder to which the paths of meshes in a rover's URDF are relative. `rover` is the name of a rover of
+    the package, or the path of a rover's TOML.
+    """
     path = Path(rover)
     return urdf_folder(path) if path.suffix else rover_folder()

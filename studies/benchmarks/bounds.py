@@ -26,11 +26,11 @@ from rover_pin.parameters import NEXUS6_WHEEL, SOILS
 WHEEL, SOIL, S_LIM = NEXUS6_WHEEL, SOILS["literature-sand"], 0.2
 LOADS = np.array([7.9, 7.9, 7.3, 7.3, 12.6, 12.6])
 STEP = 1e-4
-"""Relative step of the differences."""
+"""Relative step of the central differences."""
 
 
 def main() -> None:
-    """Time the three ways and compare their results."""
+    """Time the three ways, compare their results and print both."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="fewer repeats")
     quick = parser.parse_args().quick
@@ -53,14 +53,14 @@ def main() -> None:
 
 
 def without_compiler() -> TorqueBounds:
-    """Return the prepared bounds as they are where there is no C compiler."""
+    """Return the torque bounds without compilation, as on a computer that has no C compiler."""
     found = TorqueBounds([WHEEL] * len(LOADS), SOIL, S_LIM)
     found.bind(interpreted_bounds(len(LOADS), BY_LOAD))
     return found
 
 
 def least(call: Callable[[], object], number: int, repeats: int) -> float:
-    """Return the least mean time of a call [us] over the repeats."""
+    """Return the smallest of the mean times per call [us], one mean per repeat."""
     best = math.inf
     for _ in range(repeats):
         start = time.perf_counter()
@@ -71,7 +71,7 @@ def least(call: Callable[[], object], number: int, repeats: int) -> float:
 
 
 def by_scipy() -> WheelBounds:
-    """Return the same with adaptive quadrature, a bracketing search and central differences."""
+    """Return the torque bounds from adaptive quadrature, a bracketing root search and central differences."""
     rows = []
     for load in LOADS:
         step = STEP * load
@@ -81,7 +81,7 @@ def by_scipy() -> WheelBounds:
 
 
 def one_by_scipy(load: float) -> tuple[float, float]:
-    """Return T_sat and T_lim of one wheel."""
+    """Return T_sat and T_lim of one wheel at one load."""
     return torque(lambda j: 1.0, load), torque(lambda j: -math.expm1(-j / SOIL.k), load)
 
 

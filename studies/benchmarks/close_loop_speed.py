@@ -30,21 +30,20 @@ from rover_pin.logs.drive_log import LogMetadata, write_drive_log
 from rover_pin.rover.rover import load_rover
 from rover_pin.simulation.command import Reading
 from rover_pin.simulation.model.model import Model, base_effects
-from rover_pin.simulation.model.motors import nexus6_motor
+from rover_pin.simulation.model.motor import nexus6_motor
 from rover_pin.simulation.sensors import Sensors, measure
 from rover_pin.simulation.simulate import simulate
-from rover_pin.simulation.start.place import Start
+from rover_pin.simulation.start import Start
 from rover_pin.soil.angles import FixedAngles
 from rover_pin.soil.wheel_forces import TorqueTraction
-from rover_pin.terrain.profile import Profile
-from rover_pin.terrain.terrain import Lanes
-from rover_pin.terrain.toml_table import write_terrain
+from rover_pin.terrain.files import write_terrain
+from rover_pin.terrain.terrain import Lanes, Profile
 
 WORKERS = 2
 
 
 def main() -> None:
-    """Measure and print."""
+    """Measure the cost of the command and print it."""
     parser = reader(__doc__, "2 runs of 12 s")
     parser.add_argument("--against", help="an earlier version, from the repository's history")
     asked = parser.parse_args()
@@ -60,7 +59,7 @@ def main() -> None:
 
 
 def write(folder: Path, runs: int, duration: float) -> Path:
-    """Write logs of a rover that drags a tether; return the folder."""
+    """Write the drive logs of a rover that drags a tether, and return their folder."""
     random, model = np.random.default_rng(11), declared_model()
     soil = DRIVEN_SAND.replace(phi=DRIVEN_SAND.phi + math.radians(1.0), k=1.15 * DRIVEN_SAND.k)
     true = model.replace(soils=(soil,)).having(TetherDrag(f_0=2.0))
@@ -80,7 +79,7 @@ def write(folder: Path, runs: int, duration: float) -> Path:
 
 
 def declared_model() -> Model:
-    """Return what the logs declare: waves of 24 mm, then a slope of 5 deg, a point every 60 mm."""
+    """Return the model that the logs declare: waves of 24 mm, then a slope of 5 deg, with a point every 60 mm."""
     x = np.arange(-2.0, 2.81, 0.06)
     z = 0.012 * np.sin(2 * np.pi * x / 0.8) + np.where(x > 0.2, (x - 0.2) * math.tan(math.radians(5.0)), 0.0)
     rover = load_rover("nexus6")

@@ -30,11 +30,11 @@ from speed_table import keep, reader
 from rover_pin.scenarios.scenario import Scenario, scenario
 from rover_pin.simulation import driving
 from rover_pin.simulation import simulate as motion
+from rover_pin.simulation.command import Instant, ReadingPlaces
 from rover_pin.simulation.compiled.kernel import Kernel
-from rover_pin.simulation.instant import Instant, Places
 from rover_pin.simulation.native.loop import Loop
-from rover_pin.simulation.start.place import settled_state
-from rover_pin.simulation.timing import TOLERANCE
+from rover_pin.simulation.start import settled_state
+from rover_pin.simulation.stepping.timing import TOLERANCE
 
 DURATION = 20.0
 WALL, DEPTH, WIDTH, AT = math.radians(30.0), 0.05, 0.2, 0.5
@@ -133,8 +133,8 @@ def parts(case: Scenario, count: int) -> float:
     state.q[:], state.v[:], state.contact[:] = keep.q, keep.v, keep.contact
     crba = 1e6 * each(lambda: pin.crba(model, data, state.q, pin.Convention.WORLD), count)
     nle = 1e6 * each(lambda: pin.nonLinearEffects(model, data, state.q, state.v), count)
-    drive = driving.Drive(case.model, state, kernel, case.controller, case.timing)
-    loop, reading = Loop(kernel, case.timing.dt, 1, 1), Instant(np.zeros(1), 0, Places.of(case.model))
+    drive = driving.RunningDrive(case.model, state, kernel, case.controller, case.timing)
+    loop, reading = Loop(kernel, case.timing.dt, 1, 1), Instant(np.zeros(1), 0, ReadingPlaces.of(case.model))
     obey = 1e6 * each(lambda: driving.obey(drive, reading), count)
     row = 1e6 * each(loop.now, count)
     print(f"microseconds per step: {whole:.1f} in all; Pinocchio's crba {crba:.1f} and its nle {nle:.1f} beside it")

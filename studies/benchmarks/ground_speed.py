@@ -23,8 +23,7 @@ from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.simulate import simulate
 from rover_pin.sweep import read_study
 from rover_pin.sweep.case import drive_case, run_case, scenario_of
-from rover_pin.terrain.profile import Profile
-from rover_pin.terrain.terrain import HeightGrid, Lanes, Terrain
+from rover_pin.terrain.terrain import HeightGrid, Lanes, Profile, Terrain
 
 STUDY = Path(__file__).parents[1] / "sweep_ditch.toml"
 LOW, HIGH = -2.0, 4.0

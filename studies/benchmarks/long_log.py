@@ -20,7 +20,7 @@ import numpy as np
 from former import ROOT
 from process_cost import timed
 
-from rover_pin.base.files.columns import columns_text
+from rover_pin.base.files.table import columns_text
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.rover.rover import load_rover
 from rover_pin.simulation.command import Controller
@@ -28,10 +28,9 @@ from rover_pin.simulation.model.defaults import own_motor, own_soil, usual_angle
 from rover_pin.simulation.model.model import Model, base_effects
 from rover_pin.simulation.sensors import Sensors, measure
 from rover_pin.simulation.simulate import simulate
-from rover_pin.simulation.timing import Timing
+from rover_pin.simulation.stepping.timing import Timing
 from rover_pin.soil.wheel_forces import TorqueTraction
-from rover_pin.terrain.profile import Profile
-from rover_pin.terrain.terrain import Lanes
+from rover_pin.terrain.terrain import Lanes, Profile
 
 HOUR, LEG, HOLD = 3600.0, 40.0, 4.0
 """Seconds of the drive, of one way, and for which a duty holds."""

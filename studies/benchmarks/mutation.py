@@ -48,7 +48,7 @@ CORE = """
 ROOMS = (
     "soil effects terrain rover simulation logs control scenarios measurements experiments/wheel_rig "
     "experiments/drive_log estimation inference discrepancy loop sweep tuning base "
-    "rover/proposal logs/importing"
+    "rover/proposal importing"
 ).split()
 """Folders of rover_pin."""
 

@@ -29,7 +29,7 @@ REPLAY = """
 import json, sys, time
 import numpy as np
 try:
-    from rover_pin.simulation.start.place import shared_rest as settled
+    from rover_pin.simulation.start import shared_rest as settled
     from rover_pin.simulation.replay import commands, replay
     from rover_pin.scenarios.scenario import scenario
     begun = "rest_state"
@@ -55,7 +55,7 @@ COMPILE = """
 import json, resource
 from rover_pin.simulation.compiled.generated_laws import compiled_laws, structure_of
 from rover_pin.simulation.native.compiled_body import KeyedModel, compiled_body
-from rover_pin.simulation.native.library import library
+from rover_pin.simulation.compiled.kernel import library
 from rover_pin.scenarios.scenario import scenario
 model = scenario("ditch", soil="table-1").model
 def spent():

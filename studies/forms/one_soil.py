@@ -10,16 +10,15 @@ from shared.rig_fits import calibrated
 
 from forms.curves import BASELINES, Predict
 from rover_pin.contact import Soil
-from rover_pin.discrepancy.fold_refits import held_out_residual
+from rover_pin.discrepancy.held_out_errors import held_out_residual
 from rover_pin.effects.effect import Effect
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.experiments.wheel_rig.candidates import present_amplitudes
-from rover_pin.experiments.wheel_rig.experiment import RigExperiment
+from rover_pin.experiments.wheel_rig.declared import FULL_BY
+from rover_pin.experiments.wheel_rig.experiment import RigExperiment, join_sets, seen_before
 from rover_pin.experiments.wheel_rig.joint_model import JointModel
 from rover_pin.experiments.wheel_rig.model import ASKEW
-from rover_pin.experiments.wheel_rig.presets import FULL_BY
-from rover_pin.experiments.wheel_rig.sets import join_sets, seen_before
 from rover_pin.measurements.rig_set import RigSet
 
 APART = "pressings apart: "

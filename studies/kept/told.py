@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from rover_pin.discrepancy.decision import beyond_noise
 from rover_pin.discrepancy.verdict import Verdict
-from rover_pin.estimation.profile import MOST
+from rover_pin.estimation.profile import MAJORITY
 
 CLEAR = 3.0
 """Nats from which what was hidden is detectable: odds of 20 to 1."""
@@ -28,7 +28,7 @@ def acts_besides(verdict: Verdict) -> bool:
     """Return whether the verdict says that more than noise is left, or a channel with more than noise can be."""
     assert verdict.beliefs is not None
     more = verdict.beliefs.probability(lambda hypothesis: hypothesis.leaves_more)
-    return more > MOST or bool(beyond_noise(verdict.named, verdict.beliefs))
+    return more > MAJORITY or bool(beyond_noise(verdict.named, verdict.beliefs))
 
 
 def inclusion_of(verdict: Verdict, true: Sequence[str]) -> dict[str, float]:

@@ -12,9 +12,9 @@ from scipy.stats import chi2 as chi2_law
 from rover_pin.base.errors import OptimisationError
 from rover_pin.estimation.experiment import Experiment
 from rover_pin.estimation.fit import Fit, fit
-from rover_pin.estimation.noise import huber
+from rover_pin.estimation.least_squares import Task
 from rover_pin.estimation.parameter import Parameter
-from rover_pin.estimation.task import Task
+from rover_pin.estimation.residual import huber
 
 STARTS, WIDER = 6, (1.0, 2.0, 4.0)
 """Starts of a fit, and how many times as far they lie where none of them ends."""

@@ -16,11 +16,11 @@ import numpy as np
 from rover_pin.base.quantity import Record, quantities, quantity
 from rover_pin.contact import Scalar
 from rover_pin.control.motion.kinematics import BodyMotion, rolling, steers, turning_places
-from rover_pin.control.motion.law_control import LawControl
-from rover_pin.control.steering import Turn
+from rover_pin.control.motion.servo import LawControl
+from rover_pin.control.open_loop import Turn
 from rover_pin.control.torque_check import NoLimit, TorqueLimit
 from rover_pin.rover.rover import Rover
-from rover_pin.simulation.compiled.suspension import suspension_places
+from rover_pin.simulation.state import suspension_places
 
 FRESH = (1.0, -1.0)
 """What the control remembers at the start: the left side, and no uneven ground."""

@@ -5,6 +5,7 @@ import os
 import resource
 import subprocess
 import sys
+import tracemalloc
 import zipfile
 
 import numpy as np
@@ -12,7 +13,7 @@ import pyarrow
 import pyarrow.parquet
 import pytest
 
-from rover_pin.base.files.bounded import MIB, arrays, content, text
+from rover_pin.base.files.bounded import MIB, array_of, arrays, content, text
 from rover_pin.base.files.parquet import unpack_table
 
 
@@ -90,6 +91,42 @@ def test_a_shape_that_its_file_does_not_hold_takes_no_memory(tmp_path):
         arrays(tmp_path / "a.npz")
 
 
+@pytest.mark.parametrize(
+    "shape",
+    [(1 << 44,), (1 << 62, 1 << 62), (-1, 3), (3, 5)],
+    ids=["large", "beyond integers", "negative", "too large"],
+)
+def test_an_npy_is_as_large_as_its_header_states(shape):
+    head = io.BytesIO()
+    np.lib.format.write_array_header_1_0(head, {"descr": "<f8", "fortran_order": False, "shape": shape})
+    tracemalloc.start()
+    with pytest.raises(ValueError):  # noqa: PT011 - NumPy's words
+        array_of(head.getvalue() + bytes(100))
+    assert tracemalloc.get_traced_memory()[1] < 1e6
+    tracemalloc.stop()
+
+
+@pytest.mark.parametrize("version", [(1, 0), (2, 0)])
+@pytest.mark.parametrize(
+    "array", [np.arange(6.0).reshape(2, 3), np.asfortranarray(np.eye(3)), np.zeros((0, 3)), np.array(1)]
+)
+def test_an_npy_comes_back(array, version):
+    made = io.BytesIO()
+    np.lib.format.write_array(made, array, version)
+    found = array_of(made.getvalue())
+    assert np.array_equal(found, array)
+    assert (found.shape, found.dtype) == (array.shape, array.dtype)
+
+
+def test_numbers_are_counted_as_the_floats_that_they_become():
+    """A million bytes are eight millions as floats."""
+    made = io.BytesIO()
+    np.save(made, np.zeros(MIB, dtype=np.uint8))
+    assert array_of(made.getvalue(), 8 * MIB).size == MIB
+    with pytest.raises(OSError, match="7 MiB"):
+        array_of(made.getvalue(), 7 * MIB)
+
+
 def test_a_parquet_table_comes_back():
     given = {"t_s": [0.0, 0.5, None], "run": ["a", None, "a"], "count": [1, 2, 3], "none": [None, None, None]}
     table = pyarrow.table(given).replace_schema_metadata({b"rover_pin": b"{}"})
@@ -106,6 +143,17 @@ BOMBS = {
     "words": (
         lambda: pyarrow.table({"a": pyarrow.array(["x" * 100_000]).dictionary_encode().take(np.zeros(9, dtype=int))}),
         "it has a cell of 100000 characters",
+    ),
+    "cells of text": (
+        lambda: pyarrow.table(
+            {"a": pyarrow.array(["x" * 1000]).dictionary_encode().take(np.zeros(100_000, dtype=int))}
+        ),
+        "it holds more than 16 MiB",
+    ),
+    "bytes": (lambda: pyarrow.table({"a": [b"\xff\x00"] * 9}), "column 'a' holds bytes"),
+    "fixed bytes": (
+        lambda: pyarrow.table({"a": pyarrow.array([b"ab"] * 9, pyarrow.binary(2))}),
+        "column 'a' holds bytes",
     ),
     "lists": (lambda: pyarrow.table({"a": [[0.0] * 100_000] * 9}), "column 'a' holds lists or records"),
 }

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from rover_pin import Soil, Wheel, scenario, torque_bounds
-from rover_pin.loop.close import read_data
+from rover_pin.experiments.wheel_rig.loop_data import RigData
+from rover_pin.loop.close import read_data, verdict_on
 from rover_pin.loop.identify import identify
-from rover_pin.loop.rig import on_rig
 from rover_pin.sweep import read_study
 from rover_pin.tuning.study_file import read_tuning
 from tests.experiments.wheel_rig import linear_rig
@@ -28,7 +28,7 @@ def seen():
     roots += [read_study(STUDIES / "sweep_ditch.toml"), read_tuning(next(STUDIES.glob("tune*.toml")))]
     rows, slope = np.random.default_rng(0).normal(size=(2, 2 * linear_rig.RUNS))
     bed = linear_rig.made(rows, {"soil.phi": linear_rig.law_of("soil.phi", slope)})
-    roots += [on_rig(bed, linear_rig.MODEL, None, lambda said: None, 0)]
+    roots += [verdict_on(RigData(bed, linear_rig.MODEL))]
     roots += [identify("cmu-smooth-wheel"), drive.drive()]
     found, known = {}, set()
     while roots:

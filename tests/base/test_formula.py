@@ -43,7 +43,7 @@ def test_anything_else_is_refused_in_one_sentence(text):
 
 
 def test_too_long_or_deep_formulas_are_refused_huge_ones_are_inf():
-    with pytest.raises(DataError, match=r"1000.*most"):
+    with pytest.raises(DataError, match=r"at most 1000"):
         evaluate("a+" * 600 + "a", COLUMNS, "here")
     assert np.all(np.isinf(evaluate("9**9**9**9", COLUMNS, "here")))
     assert np.all(np.isnan(evaluate("-" * 400 + "a * (0 / 0)", COLUMNS, "here")))

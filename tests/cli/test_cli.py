@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from rover_pin.logs.saved import load_trace
+from rover_pin.logs.drive_log import load_trace
 
 ROOT = Path(__file__).parents[2]
 RIG = ROOT / "studies" / "data" / "cmu-smooth-wheel"
@@ -178,8 +178,8 @@ REFUSED = [
     ("drive ditch --set soil.phi=95deg", "soil.phi = 95 deg is not allowed: it must lie in [0, 60] deg. Its default"),
     ("drive ditch --set duration=-1min", "duration = -1 min is not allowed: it must lie in [1.66667e-08, inf] min."),
     ("drive ditch --add DiggingMemory.length=90m", "DiggingMemory.length = 90 m is not allowed"),
-    ("drive flat --effects SlipSinkge", "SlipSinkge: there is no such effect file; give a .py file"),
-    ("bounds --effects gone.py", "gone.py: there is no such effect file"),
+    ("drive flat --effects SlipSinkge", "SlipSinkge: there is no such file"),
+    ("bounds --effects gone.py", "gone.py: there is no such file"),
     ("drive ditch --set soil.k_mm=5", "did you mean soil.k=5mm?"),
     ("drive ditch --set soil.k_deg=5", "There is no setting 'soil.k_deg' here"),
     ("drive ditch --set soil.k=5kPa", "soil.k: unit 'kPa' does not measure what is asked for; use one of m, mm, cm"),
@@ -199,11 +199,11 @@ REFUSED = [
     ("drive flat --set rover=broken.toml", "broken.toml: the file is not TOML"),
     ("drive polyline --set terrain.path=gone.csv", "gone.csv: the file cannot be read"),
     ("drive polyline --set terrain.path=3", "the file cannot be read"),
-    ("drive polyline", "there is no terrain.csv here: set terrain.path=FILE"),
-    ("drive grid", "there is no terrain.npz here: set terrain.path=FILE"),
-    ("close-loop empty.toml", "empty.toml: this is a file, there is no such folder; give that of a wheel-rig set"),
+    ("drive polyline", "there is no terrain.csv in this folder: set terrain.path=FILE"),
+    ("drive grid", "there is no terrain.npz in this folder: set terrain.path=FILE"),
+    ("close-loop empty.toml", "empty.toml: this is a file"),
     ("drive flat --set duration=0.5 --out broken.toml", "broken.toml"),
-    ("close-loop cmu-smooth-wheel --out broken.toml", "broken.toml: a file stands where the results go"),
+    ("close-loop cmu-smooth-wheel --out broken.toml", "broken.toml: this is a file"),
     ("curve --soil xx", "no soil is named 'xx'"),
     ("curve --k -1", "Soil.k = -1 m is not allowed"),
     ("sweep gone.toml", "cannot be read"),
@@ -228,18 +228,19 @@ REFUSED = [
     ("curve --k 10kg", "--k: unit 'kg'"),
     ("init gone.csv --r 45 --b 50", "Wheel.r = 45 m"),
     ("identify empty.csv", "empty.csv"),
-    ("close-loop gone", "gone: there is no such folder; give that of a wheel-rig set (rig.toml) or of a drive log"),
+    ("close-loop gone", "gone: there is no such folder"),
     ("close-loop gone --model empty.toml", "gone: there is no such folder"),
     ("tune gone.toml", "cannot be read"),
     ("tune broken.toml", "not TOML"),
     ("tune sand.toml --model gone.toml", "gone.toml: the file cannot be read"),
     ("tune sand.toml --model broken.toml", "broken.toml: the file is not TOML"),
     ("tune sand.toml --model empty.toml", "empty.toml: kind = None is not a driving rover's model"),
-    ("tune sand.toml --model model.toml", "training 1: the model file model.toml sets soil: change it there, or"),
+    ("tune sand.toml --model model.toml", "training 1: the model file model.toml sets soil"),
     ("driv", "you mean 'drive'? Known"),
     ("drive", "Missing argument 'scenario'; rover-pin drive --help lists"),
     ("drive ditch --contrl eq9", "such option: --contrl (Possible options: --control"),
-    ("drive ditch --rover x.toml", "setting: --set rover=..."),
+    ("drive ditch --rover x.toml", "'x.toml'"),
+    ("drive ditch --duration 3", "setting: write --set duration=..."),
     ("drive ditch --terrain.depth 3cm", "--terrain.depth"),
     ("drive ditch --rovr x.toml", "such option: --rovr"),
     ("check-urdf --rover x.toml", "such option: --rover"),

@@ -7,7 +7,7 @@ import pytest
 
 from rover_pin import SOILS, RoverPinError, load_rover, scenario
 from rover_pin.parameters import SLOPE_SAND
-from rover_pin.parameters.slope_sand import DING
+from rover_pin.parameters.soils import SLOPE_SAND_SOURCE
 from rover_pin.scenarios.catalogue import settings
 from rover_pin.scenarios.scenes import SCENES
 from rover_pin.simulation.model.effect_files import package_effects
@@ -33,7 +33,7 @@ def test_all_are_listed_with_what_they_are(run, what, names):
 
 def test_settings_have_unit_bounds_default_and_source(run):
     (k,) = [each for each in listed(run, "settings")["settings"] if each["name"] == "soil.k"]
-    assert k == {"name": "soil.k", "value": 0.008, "unit": "m", "low": 1e-5, "high": 0.5, "source": DING}
+    assert k == {"name": "soil.k", "value": 0.008, "unit": "m", "low": 1e-5, "high": 0.5, "source": SLOPE_SAND_SOURCE}
 
 
 @pytest.mark.parametrize("name", [name for name in SCENES if name not in ("polyline", "grid")])

@@ -26,23 +26,23 @@ ENDS = {
     "LinAlgError: Singular matrix": "        np.linalg.inv(np.zeros((2, 2)))\n",
 }
 RETURNS = {
-    "predict returns [1, 2], where a ndarray belongs": (PREDICT, "return [1, 2]"),
-    "noise returns None, where a Noise belongs": (NOISE, f"    def noise(self):\n        return None\n\n{NOISE}"),
-    "unit returns 3, where text belongs": ('return "rad/s" if', "return 3 if"),
-    "read returns None, where a MotorBrake belongs": ("return cls(", "return None and cls("),
-    "uncertain returns [1], where a tuple, each a Parameter belongs": ('"resistance"))', '"resistance")) and [1]'),
+    "predict returns [1, 2], but a ndarray is needed": (PREDICT, "return [1, 2]"),
+    "noise returns None, but a Noise is needed": (NOISE, f"    def noise(self):\n        return None\n\n{NOISE}"),
+    "unit returns 3, but text is needed": ('return "rad/s" if', "return 3 if"),
+    "read returns None, but a MotorBrake is needed": ("return cls(", "return None and cls("),
+    "uncertain returns [1], but a tuple, each a Parameter is needed": ('"resistance"))', '"resistance")) and [1]'),
     "candidates returns <generator": ("return tuple(plain_candidate(kind())", "return (plain_candidate(kind())"),
 }
 SHAPES = {
-    "what predict returns for one model has the shape (1, 3)": (STEADY, "return np.zeros(3)"),
+    "predict returns for one model has the shape (1, 3)": (STEADY, "return np.zeros(3)"),
     "predict gives no finite number": (STEADY, "return np.full(self.observed.shape[:0] + (5, 2, 6), np.nan)"),
-    "where (5, 1, 6) belongs": ('("wheel rate", "current")', '("wheel rate",)'),
+    "(5, 1, 6)": ('("wheel rate", "current")', '("wheel rate",)'),
     "noise().sd is not positive in some channel": (SD, "np.zeros(2)"),
     "noise().sd has the shape (1,)": (SD, "np.ones(1)"),
     "observed holds no number in some channel": ("points[:, 2:4]", "np.nan * points[:, 2:4]"),
-    "channels is 'not there', where a tuple belongs": ("name, channels, ", "name, others, "),
-    "folds is 3, where a tuple belongs": ("return cls(motor, folds", "return cls(motor, 3"),
-    "observed holds object, where numbers": ("points[:, 2:4]", "points[:, 2:4].astype(object)"),
+    "channels is 'not there', but it must be a tuple": ("name, channels, ", "name, others, "),
+    "folds is 3, but it must be a tuple": ("return cls(motor, folds", "return cls(motor, 3"),
+    "observed holds object": ("points[:, 2:4]", "points[:, 2:4].astype(object)"),
     "'motor' has no number 'resist'": ('"resistance")', '"resist")'),
 }
 HEAD = """from dataclasses import dataclass
@@ -59,21 +59,21 @@ class Mine(Effect):
 """
 LOAD, RATE = "    def load", "    def rate(self, *_):\n        return "
 EFFECTS = {
-    "line 11: the code there ends with AttributeError: ": ("contact.rim", "contact.rimm"),
-    "line 10: Mine.load returns None, where a Load, each field as it is declared belongs": ("return Load", "Load"),
+    "a Contact has no 'rimm': did you mean 'rim'": ("contact.rim", "contact.rimm"),
+    "line 10: Mine.load returns None, but a Load, each field of its declared type is needed": ("return Load", "Load"),
     "line 10: Mine.load returns Load(f_t=0.0, f_y=0.0, f_n=0.0, torque='x'": ("self.a * contact.rim", "'x'"),
     "line 11: the code there ends with SyntaxError: ": ("rim)", "rim"),
     "line 6: the code there ends with TypeError: ": ("a: float = quantity(", "b: float\n    a: float = quantity("),
     "line 5: the code there ends with ImportError: ": ("import quantity\n", "import nothing_there\n"),
-    "line 6: Mine.neutral is ['a'], where a dict belongs": ('= {"a": 0.0}', '= ["a"]'),
-    "line 6: Mine.states is ('rust',), where a tuple, each a State belongs": (LOAD, f"    states = ('rust',)\n{LOAD}"),
-    "Mine.rate returns 1 rates of 0 states: give one each": (LOAD, f"{RATE}(1.0,)\n{LOAD}"),
-    "line 10: Mine.rate returns 1.0, where a tuple, each a number or": (LOAD, f"{RATE}1.0\n{LOAD}"),
+    "line 6: Mine.neutral is ['a'], but a dict is needed": ('= {"a": 0.0}', '= ["a"]'),
+    "line 6: Mine.states is ('rust',), but a tuple, each a State is needed": (LOAD, f"    states = ('rust',)\n{LOAD}"),
+    "Mine.rate returns 1 rates for 0 states: give one for each state": (LOAD, f"{RATE}(1.0,)\n{LOAD}"),
+    "line 10: Mine.rate returns 1.0, but a tuple, each a number or": (LOAD, f"{RATE}1.0\n{LOAD}"),
     "The formulas of the effects (contact_law) hold nan": ("self.a * ", "float('nan') * "),
     "The formulas of the effects (contact_law) hold q": ("self.a * ", "__import__('casadi').SX.sym('q') * "),
-    "no quantity of it: it has a.": ('{"a": 0.0}', '{"b": 0.0}'),
+    "it has a.": ('{"a": 0.0}', '{"b": 0.0}'),
     "Mine.a = -2 N m is not allowed": ('{"a": 0.0}', '{"a": -2.0}'),
-    "Mine does not say at which values it vanishes": ('    neutral: ClassVar[dict[str, float]] = {"a": 0.0}\n', ""),
+    "neutral: ClassVar": ('    neutral: ClassVar[dict[str, float]] = {"a": 0.0}\n', ""),
     "it has none. Is @dataclass(frozen=True) above the class?": ("@dataclass(frozen=True)\n", ""),
 }  # fmt: skip
 

@@ -6,6 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from rover_pin.base.errors import DataError
+from rover_pin.base.files.journal import Journal
+from rover_pin.base.files.whole_file import replace_file, write_whole
 from rover_pin.base.jobs.safe_environment import SAFE_PATH
 from rover_pin.demo import rig
 from rover_pin.sweep import store
@@ -57,23 +60,23 @@ soil.k = { low = 1e-3, high = 1e-2 }
 
 def test_a_full_disk_in_a_sweep_keeps_what_is_done(run, monkeypatch):
     Path("study.toml").write_text(STUDY)
-    left, write = [2], store._write
+    entries, append = [], Journal.append
 
-    def full(rows, study, path):
-        if path.parent.name == store.PARTS:
-            left[0] -= 1
-        if left[0] < 0:
-            path.with_name(path.name + ".tmp").write_text("half")
+    def full(journal, entry):
+        if len(entries) == 2:
+            with journal.file.open("a") as file:
+                file.write('{"case": 2, "rep')
             raise OSError(errno.ENOSPC, "No space left on device")
-        write(rows, study, path)
+        entries.append(entry)
+        append(journal, entry)
 
-    monkeypatch.setattr(store, "_write", full)
+    monkeypatch.setattr(Journal, "append", full)
     code, _, err = run("sweep", "study.toml", "--workers", "1")
     assert code == 2
     assert "results cannot" in err
     assert "sweep again" in err
     assert len(store.collect("out/small")) == 2
-    monkeypatch.setattr(store, "_write", write)
+    monkeypatch.setattr(Journal, "append", append)
     code, out, _ = run("sweep", "study.toml", "--workers", "1", "--json")
     assert code == 0
     assert '"cases": 4, "taken_over": 2, "failed": 0' in out
@@ -81,11 +84,11 @@ def test_a_full_disk_in_a_sweep_keeps_what_is_done(run, monkeypatch):
 
 @pytest.mark.slow
 def test_a_full_disk_beside_worker_processes_is_one_sentence(run, monkeypatch):
-    def full(rows, study, path):
+    def full(journal, entry):
         raise OSError(errno.ENOSPC, "No space left on device")
 
     Path("study.toml").write_text(STUDY.replace("points = 4", "points = 12"))
-    monkeypatch.setattr(store, "_write", full)
+    monkeypatch.setattr(Journal, "append", full)
     before = os.environ.get(SAFE_PATH)
     code, _, err = run("-q", "sweep", "study.toml", "--workers", "2")
     assert (code, err.count("\n")) == (2, 1)
@@ -93,13 +96,15 @@ def test_a_full_disk_beside_worker_processes_is_one_sentence(run, monkeypatch):
     assert os.environ.get(SAFE_PATH) == before, "the workers' path of modules is theirs alone"
 
 
-def test_a_full_disk_leaves_no_half_of_a_file(tmp_path):
-    def fails(path):
-        path.write_text("half")
+def test_a_full_disk_leaves_no_half_of_a_file(tmp_path, monkeypatch):
+    def full(descriptor):
         raise OSError(errno.ENOSPC, "No space left on device")
 
+    monkeypatch.setattr("rover_pin.base.files.whole_file.os.fsync", full)
     with pytest.raises(OSError, match="space left"):
-        store._replace(tmp_path / "part.parquet", fails)
+        write_whole(tmp_path / "part.parquet", "half")
+    with pytest.raises(DataError, match=r"part\.parquet.*space left"):
+        replace_file(tmp_path / "part.parquet", "half")
     assert list(tmp_path.iterdir()) == []
 
 

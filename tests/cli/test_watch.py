@@ -54,9 +54,8 @@ def test_a_stranger_s_rates_currents_and_attitude_suffice(run):
     assert trace.attrs["stop"].startswith("buried")
     assert table.alarm.iloc[-1] == 1.0
     assert trace.t[-1] - 8.0 < table.t_s[table.alarm > 0].min() < trace.t[-1] - 1.0
-    assert [line.split(":")[0] for line in result["assumed"]] == [
-        "the currents' scale is unknown", "duties were not logged", "not logged, so taken for 0"
-    ]  # fmt: skip
+    for word, line in zip(("scale", "duties", "walls"), result["assumed"], strict=True):
+        assert word in line
 
 
 @pytest.mark.parametrize(

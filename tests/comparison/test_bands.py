@@ -50,5 +50,5 @@ def test_bounds_of_a_folder_have_an_interval(models, run):
 def test_what_is_of_one_drive_is_refused(models, run):
     code, _, message = run("drive", "flat", "--model", models, "--view")
     assert code == 2
-    assert "a view" in message
-    assert "name one of its files" in message
+    assert "a single drive" in message
+    assert "is a folder of models" in message

@@ -10,9 +10,8 @@ from scipy.optimize import brentq
 from rover_pin import SOILS, Motor, Wheel, load_rover, load_traction_factor, scenario, simulate, torque_bounds
 from rover_pin.base.errors import ParameterError
 from rover_pin.cli.app import app
-from rover_pin.control.bound_pull import TractionLimit
 from rover_pin.control.rover_bounds import climbable_slope, rover_torque_bounds
-from rover_pin.control.torque_bounds import TorqueBounds
+from rover_pin.control.torque_bounds import TorqueBounds, TractionLimit
 from rover_pin.effects.motion_resistance import MotionResistance
 from rover_pin.rover.statics import wheel_loads
 from rover_pin.simulation.compiled.toolchain import compiler

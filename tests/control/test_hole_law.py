@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from rover_pin.control.hole_law import HoleLaw
-from rover_pin.control.slip_control import HOLE_GAINS, SlipControl
+from rover_pin.control.slip_control import HOLE_GAINS, HoleLaw, SlipControl
 from rover_pin.control.slip_estimate import TrueSlip
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.command import Reading, Truth

@@ -1,4 +1,4 @@
-"""Routes: to the end and near the line, the same compiled and asked, mirrored, in the order of the way-points."""
+"""Routes: to the end and near the line, the same compiled and asked, mirrored, in the order of the waypoints."""
 
 import math
 
@@ -98,7 +98,7 @@ def test_files_and_words_are_read(tmp_path):
 
 
 @pytest.mark.parametrize(("text", "named"), [("1,0 2", "control.route"), ("1,a", "control.route"), ("no.csv", "no.csv"),
-                                             ("0,0", "way-points")])  # fmt: skip
+                                             ("0,0", "waypoints")])  # fmt: skip
 def test_what_is_no_route_is_refused(text, named):
     with pytest.raises(RoverPinError, match=named):
         scenario("flat", rover="cart", control="route", **{"control.route": text})

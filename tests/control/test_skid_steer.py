@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rover_pin import load_rover, scenario
-from rover_pin.control.steering import Turn
+from rover_pin.control.open_loop import Turn
 from rover_pin.effects.flank_pressure import FlankPressure
 
 CART = load_rover("cart")
@@ -48,4 +48,4 @@ def test_motors_too_weak_for_scrub_are_said():
     weak = {"motor.resistance": 3.0 * sized.model.motor.resistance}
     assert np.abs(sized.drive().stack("duty")[-1]).max() < 1.0
     warnings = scenario("point-turn", rover="cart", duration=5.0, **weak).drive().attrs["warnings"]
-    assert any("does not follow" in line and "greatest duty" in line for line in warnings)
+    assert any("does not follow" in line and "largest duty" in line for line in warnings)

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 
 from rover_pin import ConstantDuty, SlipControl, Wheel, load_rover, load_traction_factor, scenario, simulate
 from rover_pin.base.errors import ParameterError
+from rover_pin.control.open_loop import Turn
 from rover_pin.control.slip_control import Gains, pi_law
 from rover_pin.control.slip_estimate import SpeedTable, TableEstimate, TrueSlip, calibrated_table
-from rover_pin.control.steering import Turn
 from rover_pin.control.torque_check import LOST_SLIP, NoLimit, TorqueLimit, TorqueLimited
 from rover_pin.effects.motion_resistance import MotionResistance
 from rover_pin.rover.statics import wheel_loads

@@ -14,7 +14,7 @@ from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.rover.driven_loads import configuration, driven_loads, footing
 from rover_pin.rover.statics import wheel_loads
 from rover_pin.simulation.command import Command
-from rover_pin.simulation.compiled.suspension import suspension_places
+from rover_pin.simulation.state import suspension_places
 
 DRIVES = {
     "hills": ("hills", {}, (0.10, 0.01)),

@@ -64,7 +64,7 @@ def test_motors_and_tracker_of_a_synthetic_drive_are_imperfect(tmp_path):
     """Of two logs of one seed, one with nothing wrong with the sensors: zeros wander, no two motors are alike."""
     drive_log.write(tmp_path / "real", "nothing", 0)
     with pytest.MonkeyPatch.context() as exact:
-        for name in ("DRIFT", "MOTORS_APART", "TACHOS_APART"):
+        for name in ("DRIFT", "MOTOR_SD", "TACHO_SD"):
             exact.setattr(drive_log, name, 0.0)
         drive_log.write(tmp_path / "ideal", "nothing", 0)
     real, ideal = (read_drive_log(tmp_path / name).runs for name in ("real", "ideal"))
@@ -78,7 +78,7 @@ def test_motors_and_tracker_of_a_synthetic_drive_are_imperfect(tmp_path):
     ("words", "said"),
     [
         (("nonsense",), "demo 'nonsense'"),
-        (("rig", "--hidden", "SupplySag"), "SupplySag shows"),
+        (("rig", "--hidden", "SupplySag"), "SupplySag"),
         (("slip-slope", "--hidden", "Slip"), "effect 'Slip'"),
         (("rig", "--rover", "cart"), "A rig"),
         (("slip-slope", "--rover", "gone"), "rover 'gone'"),

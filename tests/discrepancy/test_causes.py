@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from rover_pin.discrepancy.candidate import plain_candidate
-from rover_pin.discrepancy.conclude import LOOSE, proper
+from rover_pin.discrepancy.conclude import PRIOR_WIDENING, proper
 from rover_pin.effects.grousers import Grousers
 from rover_pin.effects.post_peak import PostPeak
 from rover_pin.effects.rate_dependence import RateDependence
@@ -37,7 +37,7 @@ def test_a_size_is_neutral_at_none_and_two_defaults_at_one_sd():
 
 def test_a_number_that_nobody_declares_gets_a_wide_prior():
     assumed = Parameter("soil.k", 1.0, 0.5, 0.0, 9.0, prior=False)
-    assert proper(assumed) == replace(assumed, prior=True, scale=LOOSE * 0.5)
+    assert proper(assumed) == replace(assumed, prior=True, scale=PRIOR_WIDENING * 0.5)
     declared = replace(assumed, prior=True)
     assert proper(declared) is declared
 

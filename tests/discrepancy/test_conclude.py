@@ -7,7 +7,7 @@ import pytest
 
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.conclude import conclude
-from rover_pin.estimation.numbers import AWAY
+from rover_pin.estimation.numbers import MAX_DEVIATION
 from tests.inference import linear_search as toys
 
 NAMES = "pqrs"
@@ -76,9 +76,9 @@ def test_what_cannot_be_told_is_listed_and_none_of_it_kept():
 )
 def test_a_number_five_sd_from_what_is_declared_is_inadequate(far, declared, answer):
     """What was assumed contradicts nobody."""
-    found = verdict({}, replace(toys.NUMBER, declared=declared), b=far * AWAY, size=60.0)
+    found = verdict({}, replace(toys.NUMBER, declared=declared), b=far * MAX_DEVIATION, size=60.0)
     assert found.answer is answer
-    assert (found.named, AWAY) == ((), 5.0)
+    assert (found.named, MAX_DEVIATION) == ((), 5.0)
     assert ("base.b" in found.sentence) is (answer is Answer.INADEQUATE)
 
 

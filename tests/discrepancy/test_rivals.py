@@ -7,8 +7,7 @@ import pytest
 from scipy.stats import ttest_1samp
 
 from rover_pin.discrepancy.answer import Answer
-from rover_pin.discrepancy.fold_refits import fall_of
-from rover_pin.discrepancy.held_out_errors import ChannelScore, LevelError
+from rover_pin.discrepancy.held_out_errors import ChannelScore, LevelError, fall_of
 from rover_pin.discrepancy.rivals import against_rivals, is_sure, losses
 from rover_pin.discrepancy.verdict import SCHEMA, Side, Verdict
 from rover_pin.estimation.baselines import Baseline

@@ -10,17 +10,14 @@ import pytest
 from scipy.special import logsumexp
 
 from rover_pin.base.errors import OptimisationError
-from rover_pin.discrepancy import added
 from rover_pin.discrepancy import search as module
-from rover_pin.discrepancy.calibration import is_bent
-from rover_pin.discrepancy.option import options, singles
-from rover_pin.discrepancy.search import Search
-from rover_pin.discrepancy.signature import signatures
+from rover_pin.discrepancy.search import Search, is_bent
+from rover_pin.discrepancy.signature import options, signatures, singles
 from rover_pin.estimation.columns import Columns
-from rover_pin.estimation.fit import STRETCH
+from rover_pin.estimation.fit import STRETCH_BLOCKS
+from rover_pin.inference.beliefs import chosen_without
 from rover_pin.inference.error_model import PRIORS, Discrepancy
-from rover_pin.inference.set_prior import ALLOWED, COUNTS, log_prior
-from rover_pin.inference.weighed_anew import chosen_without
+from rover_pin.inference.priors import COUNT_PRIORS, DISCREPANCY_PRIORS, log_prior
 from tests.inference import linear_causes
 from tests.inference import linear_search as toys
 from tests.inference.test_beliefs import assert_as_often_as_said, calibration
@@ -142,7 +139,7 @@ def test_an_edge_is_moved_until_it_gains_no_more():
     assert float(effect.name.partition("@")[2]) == pytest.approx(0.55, abs=0.03)
     assert effect.a == pytest.approx(0.8, abs=0.1)
     assert patch.names[0] in ("Patch@0.400", "Patch@0.700"), "by the place at which it was listed"
-    assert (added.FIRST, added.LAST) == (0.08, 0.02)
+    assert (module.FIRST_EDGE_STEP, module.LAST_EDGE_STEP) == (0.08, 0.02)
 
 
 # --- what cannot be fitted -------------------------------------------------------------------------------------------
@@ -167,14 +164,14 @@ def test_what_loses_predictions_is_not_chosen():
 
 
 def test_what_no_fit_ends_with_is_said_to_be_untried(monkeypatch):
-    real = added.fit
+    real = module.fit
 
     def fit(task, model, *more, **options):
         if "q" in dict(model.records):
             raise OptimisationError("it does not end", status="")
         return real(task, model, *more, **options)
 
-    monkeypatch.setattr(added, "fit", fit)
+    monkeypatch.setattr(module, "fit", fit)
     beliefs = toys.searched(toys.made(NAMES, {"q": 1.5}, size=12.0), NAMES).beliefs()
     assert beliefs.untried == ("q",)
     assert beliefs.inclusion("q") < 0.2, "of sets that were estimated only, which are improbable"
@@ -330,11 +327,13 @@ def gain_of(experiment):
 
 
 def test_repeated_rows_count_as_often_as_they_are_independent():
-    """Each value stands STRETCH times in a row: what q adds is what it adds to the values, once each."""
+    """Each value stands STRETCH_BLOCKS times in a row: what q adds is what it adds to the values, once each."""
     counted, plain, expected = [], [], []
     for seed in range(6):
         once = toys.made(NAMES, {"q": 0.5}, seed=seed, size=12.0, shape=(6, 2, 12))
-        observed, *columns = (np.repeat(table, STRETCH, axis=2) for table in (once.observed, *once.columns.values()))
+        observed, *columns = (
+            np.repeat(table, STRETCH_BLOCKS, axis=2) for table in (once.observed, *once.columns.values())
+        )
         often = replace(once, observed=observed, columns=dict(zip(once.columns, columns, strict=True)))
         for row, gain in zip((counted, plain, expected), (*gain_of(often), gain_of(once)[1]), strict=True):
             row.append(gain)
@@ -351,7 +350,7 @@ def test_independent_rows_count_in_full(seed):
 
 # --- calibration -----------------------------------------------------------------------------------------------------
 
-SHARES = [share * ALLOWED[count > 0][Discrepancy.NONE] for count, share in enumerate(COUNTS)]
+SHARES = [share * DISCREPANCY_PRIORS[count > 0][Discrepancy.NONE] for count, share in enumerate(COUNT_PRIORS)]
 """Prior probability of no to four causes, where nothing else is left."""
 
 

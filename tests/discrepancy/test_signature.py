@@ -7,7 +7,7 @@ import pytest
 
 from rover_pin.base.quantity import quantities
 from rover_pin.discrepancy.candidate import Candidate
-from rover_pin.discrepancy.signature import SMALL, Signature, signatures
+from rover_pin.discrepancy.signature import REDUCED_SIZE, Signature, signatures
 from rover_pin.effects.rate_dependence import RateDependence
 from rover_pin.estimation.fit import Task, fit
 from rover_pin.inference.cause import SIZE_SD
@@ -60,8 +60,8 @@ class Sinking(toys.Sums):
 def test_what_loses_a_prediction_is_tried_at_a_small_share():
     experiment = toys.made("pq", seed=2, of=Sinking)
     rows = signatures(toys.fitted(experiment), [toys.candidate(name) for name in "pq"])
-    assert [row.share for row in rows] == [SMALL, 1.0]
-    assert rows[0].amplitudes == {"p.a": SMALL}
+    assert [row.share for row in rows] == [REDUCED_SIZE, 1.0]
+    assert rows[0].amplitudes == {"p.a": REDUCED_SIZE}
     assert rows[0].column == pytest.approx(SIZE_SD * experiment.columns["p"], abs=1e-9)
     assert rows[0].start_numbers(0.05) == {"p.a": pytest.approx(0.1)}
 

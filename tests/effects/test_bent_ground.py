@@ -11,12 +11,11 @@ from rover_pin.base.errors import ParameterError
 from rover_pin.effects.bent_ground import BentGround
 from rover_pin.simulation.model.toml_file import read_model, write_model
 from rover_pin.simulation.replay import commands, replay
-from rover_pin.simulation.start.place import Start, settled_state, shared_rest, taken_over
+from rover_pin.simulation.start import Start, settled_state, shared_rest, taken_over
 from rover_pin.simulation.state import roll_pitch_yaw
 from rover_pin.terrain import shapes
-from rover_pin.terrain.bent import bend_terrain
-from rover_pin.terrain.profile import Profile
-from rover_pin.terrain.terrain import HeightGrid, Lanes
+from rover_pin.terrain.edits import bend_terrain
+from rover_pin.terrain.terrain import HeightGrid, Lanes, Profile
 
 FLAT = scenario("flat").model
 SLOPES = (0.03, -0.02, 0.05, 0.0, -0.04)

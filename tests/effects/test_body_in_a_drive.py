@@ -20,8 +20,8 @@ from rover_pin.effects.tether_drag import TetherDrag
 from rover_pin.effects.wheel_scale import WheelScale
 from rover_pin.rover.statics import wheel_loads
 from rover_pin.simulation.compiled.kernel import Kernel
-from rover_pin.simulation.plain.step import Plain
-from rover_pin.simulation.start.place import Start, settled_state
+from rover_pin.simulation.plain.step import PlainStepper
+from rover_pin.simulation.start import Start, settled_state
 from rover_pin.terrain import shapes
 
 BUMP = scenario("one-sided-bump").model
@@ -53,7 +53,7 @@ def test_the_compiled_step_is_the_plain_one(name):
             assert kernel.step() == 0
             continue
         other = state.copy()
-        plain = Plain(made, other, 0.005, symmetric=False)
+        plain = PlainStepper(made, other, 0.005, symmetric=False)
         plain.duty[:], plain.servo_target[:], plain.energy[:] = kernel.duty, kernel.servo_target, kernel.energy
         plain.record[:] = kernel.record
         assert (plain.step(), kernel.step()) == (0, 0)

@@ -15,8 +15,7 @@ from rover_pin.contact import Contact, Load
 from rover_pin.effects.effect import Body, BodyEffect, Drive, Effect, MotorEffect, SensorEffect
 from rover_pin.effects.slip import RelaxedSlip
 from rover_pin.effects.soil_traction import SoilTraction
-from rover_pin.simulation.compiled.constant_part import split_law
-from rover_pin.simulation.compiled.laws import GEOMETRY, contact_law, numbers
+from rover_pin.simulation.compiled.laws import GEOMETRY, contact_law, numbers, split_law
 from rover_pin.simulation.model.effect_files import package_effects, user_effects
 
 

@@ -13,9 +13,9 @@ from rover_pin.effects.pivot_friction import PivotFriction
 from rover_pin.effects.spring_damper import SpringDamper
 from rover_pin.rover.forward_dynamics import mass_matrix
 from rover_pin.simulation.compiled.kernel import Kernel
-from rover_pin.simulation.compiled.suspension import suspension_dofs
-from rover_pin.simulation.start.place import Start, hovering, settled_state
-from rover_pin.simulation.timing import Timing
+from rover_pin.simulation.start import Start, hovering, settled_state
+from rover_pin.simulation.state import suspension_dofs
+from rover_pin.simulation.stepping.timing import Timing
 
 
 def test_the_level_by_hand():
@@ -124,7 +124,7 @@ def test_within_the_play_the_rockers_are_free():
 def test_play_lets_the_body_pitch_by_half_of_it():
     """Standing, the base leans on one end of the play: both rockers turn alike, by a quarter of the backlash each."""
     model = scenario("flat").model.having(DifferentialCompliance(compliance=0.0, backlash=0.04))
-    from rover_pin.simulation.start.place import Start, settled_state
+    from rover_pin.simulation.start import Start, settled_state
 
     q, differential = settled_state(model, Start()).q, model.rover.differential
     angles = q[[differential.q_left, differential.q_right]]

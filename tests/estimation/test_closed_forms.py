@@ -9,16 +9,16 @@ from scipy.stats import chi2 as chi2_law
 
 from rover_pin.base.quantity import Record, quantity
 from rover_pin.estimation.experiment import Differentiable, Experiment, Sensitivities
-from rover_pin.estimation.fit import STRETCH, fit
-from rover_pin.estimation.least_squares import LeastSquares
-from rover_pin.estimation.noise import Noise, declared_noise, huber, noise_of
+from rover_pin.estimation.fit import fit
+from rover_pin.estimation.least_squares import LeastSquares, Task
+from rover_pin.estimation.noise import Noise, declared_noise, noise_of
 from rover_pin.estimation.numbers import profiles
 from rover_pin.estimation.parameter import Parameter
-from rover_pin.estimation.task import Task
+from rover_pin.estimation.residual import huber
 from rover_pin.estimation.wording import Change, Outcome
 from studies.shared.rig_fits import is_adequate
 
-FOLDS, SAMPLES = 3, 20
+FOLDS, SAMPLES, STRETCH = 3, 20, 8
 X = np.random.default_rng(7).normal(size=(2, FOLDS, 1, SAMPLES))
 
 

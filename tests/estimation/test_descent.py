@@ -9,8 +9,7 @@ from scipy.optimize import least_squares, lsq_linear
 from rover_pin.base.errors import OptimisationError
 from rover_pin.estimation import descent
 from rover_pin.estimation.descent import Point, Problem, descend
-from rover_pin.estimation.least_squares import LeastSquares
-from rover_pin.estimation.task import Task
+from rover_pin.estimation.least_squares import LeastSquares, Task
 from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.measurements.rig_reading import read_rig_set
 from studies.shared.rig_fits import scattered
@@ -56,7 +55,7 @@ def test_a_descent_without_a_value_or_an_end_says_so(monkeypatch):
     nowhere = Made(lambda u: [np.nan], lambda u: [[1.0]], [-1.0], [1.0])
     with pytest.raises(OptimisationError, match="no finite value where the descent starts"):
         ended(nowhere, [0.0])
-    monkeypatch.setattr(descent, "STEPS", 2)
+    monkeypatch.setattr(descent, "MAX_STEPS", 2)
     with pytest.raises(OptimisationError, match="did not settle in 2 steps"):
         ended(rosenbrock(), [-1.2, 1.0])
 

@@ -8,7 +8,7 @@ import pytest
 from rover_pin.base.quantity import Record, quantity
 from rover_pin.estimation.experiment import Experiment
 from rover_pin.estimation.fit import Task, fit
-from rover_pin.estimation.least_squares import MOST, RENEWALS, TO_THE_END
+from rover_pin.estimation.least_squares import LIMITS_TO_THE_END, MAX_RENEWALS, MAX_STEPS
 from rover_pin.estimation.noise import declared_noise
 from rover_pin.estimation.parameter import Parameter
 
@@ -56,7 +56,7 @@ def test_a_leader_is_fitted_to_the_end_of_a_bent_valley():
 
 def test_the_usual_turns_do_not_get_there():
     short = fit(task(), Valley(), NUMBERS, START)
-    assert TO_THE_END[0] > MOST
+    assert LIMITS_TO_THE_END[0] > MAX_STEPS
     assert short.chi2 > 10.0
 
 
@@ -85,4 +85,4 @@ def test_slopes_serve_until_they_are_off():
     assert spent((3.2, 9.5), slopes=right, stale=True)[1] == 1, "new ones end it"
     wrong = {"valley.a": np.array([[[6.0, 1.0]]]), "valley.b": np.array([[[1.0, 0.0]]])}
     assert spent((3.2, 9.5), slopes=wrong, reuse=True)[1] == 0, "given ones stay"
-    assert 1 <= spent((-1.0, 9.0), slopes=wrong)[1] <= RENEWALS
+    assert 1 <= spent((-1.0, 9.0), slopes=wrong)[1] <= MAX_RENEWALS

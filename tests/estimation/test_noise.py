@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from rover_pin.estimation.noise import Absorbed, Noise, huber, huber_losses, huber_weights, noise_of
+from rover_pin.estimation.noise import AbsorbedNoise, Noise, noise_of
+from rover_pin.estimation.residual import huber, huber_losses, huber_weights
 
 SHRINK, SPREAD = 0.2, 1.4826
 SD, RHO, MIX = np.array([2.0, 0.5]), np.array([0.6, 0.0]), np.array([[1.0, 0.0], [0.6, 0.8]])
@@ -99,7 +100,7 @@ def test_what_a_fit_took_of_the_noise_is_given_back():
     good = np.ones((1, 1, n), dtype=bool)
     smooth = np.array([np.convolve(random.standard_normal(n), np.ones(5), "same") for _ in range(p)]).T
     hat = smooth @ np.linalg.solve(smooth.T @ smooth, smooth.T)
-    absorbed = Absorbed(np.diag(hat)[None, None], np.append(0.0, np.diag(hat, -1))[None, None])
+    absorbed = AbsorbedNoise(np.diag(hat)[None, None], np.append(0.0, np.diag(hat, -1))[None, None])
     alone, whole, rows = [], [], []
     for _ in range(40):
         noise = random.standard_normal(n)

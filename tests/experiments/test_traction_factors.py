@@ -7,7 +7,7 @@ import pytest
 
 from rover_pin.base.errors import DataError
 from rover_pin.contact import Soil, Wheel
-from rover_pin.discrepancy.standalone import Parts
+from rover_pin.discrepancy.experiment import Parts
 from rover_pin.experiments.traction_factors import TractionFactors
 from rover_pin.loop.identify import identify
 from rover_pin.measurements.traction_points import TractionPoints, read_traction_points

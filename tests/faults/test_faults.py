@@ -2,7 +2,6 @@
 
 import json
 import os
-import re
 import shutil
 import subprocess
 import sys
@@ -40,11 +39,9 @@ HUNGRY = ("curve", "drive flat --set duration=1", "view out/drive/log", "new-eff
 """Commands that are refused memory; the library that writes a sweep's tables ends its process then, with no word."""
 GROWS = ".jsonl"
 """Files that grow by a line as work is finished; whole lines of them are kept."""
-WHOLE_PART = re.compile(r"/parts/\w+\.parquet$")
-"""Finished cases of a sweep, which the next run takes over; one that ends has none left."""
 OF_BINARIES = ".fmu"
 """Files whose bytes depend on where they were compiled."""
-OFTEN = {"curve": 1, "new-effect StickySoil": 1, "drive flat --set duration=1 --view": 9}
+ROWS_PER_PROGRESS = {"curve": 1, "new-effect StickySoil": 1, "drive flat --set duration=1 --view": 9}
 """Which events are refused in the slow tests; nightly all are."""
 
 
@@ -95,7 +92,7 @@ def faults(run):
         found.append("no sentence")
     if run["code"] == 0 and run["absent"]:
         found.append(f"success without {run['absent']}")
-    torn = [name for name in run["changed"] if not name.endswith(GROWS) and not WHOLE_PART.search(name)]
+    torn = [name for name in run["changed"] if not name.endswith(GROWS)]
     torn = [name for name in torn if run["code"] or not name.endswith(OF_BINARIES)]
     return [*found, *(["torn: " + ", ".join(torn)] if torn else []), *(["lost"] if run["lost"] else [])]
 
@@ -106,9 +103,9 @@ def assert_whole(runs):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("line", OFTEN)
+@pytest.mark.parametrize("line", ROWS_PER_PROGRESS)
 def test_a_write_that_is_refused_loses_nothing(line, folder, tmp_path):
-    assert_whole(runs(line, WRITE, folder, tmp_path / "cache", OFTEN[line]))
+    assert_whole(runs(line, WRITE, folder, tmp_path / "cache", ROWS_PER_PROGRESS[line]))
 
 
 @pytest.mark.nightly

@@ -4,6 +4,7 @@ import importlib.util
 import io
 import json
 import os
+import struct
 import sys
 from collections.abc import Callable
 from contextlib import ExitStack, redirect_stderr, redirect_stdout
@@ -59,6 +60,18 @@ class Worn(MotorEffect):
     def torque(self, drive, torque, x):
         return (self.g - 1.0) * torque
 """
+CONTROLLER = """class Hold:
+    def __init__(self, model):
+        self.wheels = len(model.rover.wheels)
+        self.last = 0.0
+    def reset(self):
+        self.last = 0.0
+    def __call__(self, reading):
+        self.last = 0.5 * self.last + 0.2
+        return [self.last] * self.wheels
+def controller(model):
+    return Hold(model)
+"""
 XACRO = """<?xml version="1.0"?>
 <robot name="own" xmlns:xacro="http://www.ros.org/wiki/xacro">
 <xacro:property name="wide" value="0.25"/>
@@ -108,14 +121,12 @@ def _undriven(*given: object, **named: object) -> None:
     raise SimulationError("not driven here")
 
 
-STOPS = (
-    "rover_pin.loop.standalone.conclude",
-    "rover_pin.loop.close.close_rig_loop",
-    "rover_pin.loop.close.close_drive_loop",
-    "rover_pin.tuning.tune.tune_gains",
-    "webbrowser.open",
-)
+STOPS = ("rover_pin.loop.close.close", "rover_pin.tuning.tune.tune_gains", "webbrowser.open")
 """What comes after every file is read, and is not run."""
+
+
+STOPPED = 130
+"""Exit code of a command that Ctrl-C ends, or code of a user's file that raises what Ctrl-C raises."""
 
 
 def command(*words: str) -> Callable[[Path], None]:
@@ -141,7 +152,7 @@ def run_in(folder: Path, words: list[str]) -> None:
                 stack.enter_context(patch(name, _left))
             app.main()
     except SystemExit as left:
-        if left.code not in (0, 1, 2, None):
+        if left.code not in (0, 1, 2, STOPPED, None):
             raise
         if left.code:
             raise DataError((said.getvalue().splitlines() or ["faults were found"])[-1]) from left
@@ -159,7 +170,7 @@ def files(
     scratch: Path, rig: dict[str, bytes], rover: dict[str, bytes], texts: dict[str, bytes]
 ) -> dict[str, dict[str, bytes]]:
     """Return what each door reads, by its name."""
-    recordings, brake = (_module(TESTS / at) for at in ("logs/recordings.py", "oracle/brake_generator.py"))
+    recordings, brake = (_module(TESTS / at) for at in ("importing/recordings.py", "oracle/brake_generator.py"))
     seen = recordings.truth(seconds=24.0)
     folder = scratch / "doors"
     folder.mkdir(exist_ok=True)
@@ -181,6 +192,8 @@ def files(
         "new-rover of xacro": {"own.xacro": XACRO.encode()},
         "own bed": {"mine.py": bed, **brake_files},
         "own effects": {"mine.py": EFFECT.encode()},
+        "own controller": {"mine.py": CONTROLLER.encode()},
+        "import-log of objects": {"drive.mat": _mat_objects(seen)},
         "sweep by command": {"study.toml": SWEEP.encode()},
         "view": {"drive.parquet": _trace()},
         "commands": words,
@@ -196,6 +209,8 @@ READ = {
     "new-rover": command("new-rover", "own.urdf"),
     "new-rover of xacro": command("new-rover", "own.xacro", "--trust"),
     "own bed": command("close-loop", ".", "--experiment", "mine.py"),
+    "own controller": lambda folder: _own_controller(folder),
+    "import-log of objects": command("import-log", "drive.mat", "--rover", "cart"),
     "own effects": lambda folder: _own_effects(folder),
     "sweep by command": command("sweep", "study.toml", "--workers", "1"),
     "view": command("view", "drive.parquet"),
@@ -218,6 +233,15 @@ def _own_effects(folder: Path) -> None:
     from rover_pin.loop.own_effects import refuse_unfit_effects
 
     refuse_unfit_effects(folder / "mine.py")
+
+
+def _own_controller(folder: Path) -> None:
+    """Drive a few steps by a user's controller."""
+    from rover_pin.base.trust import Trust
+    from rover_pin.scenarios.scenario import scenario
+
+    file = str(folder / "mine.py")
+    scenario("flat", rover="cart", control=file, trust=Trust.of(file), duration=0.05).drive(measure_error=False)
 
 
 def _module(file: Path) -> object:
@@ -246,6 +270,18 @@ def _mat(seen: dict[str, np.ndarray]) -> bytes:
     made = io.BytesIO()
     savemat(made, {"log": dict(seen)})
     return made.getvalue()
+
+
+def _mat_objects(seen: dict[str, np.ndarray]) -> bytes:
+    """Numbers beside a datetime, which MATLAB keeps as an object of a class."""
+
+    def element(kind: int, data: bytes) -> bytes:
+        return struct.pack("<II", kind, len(data)) + data + bytes(-len(data) % 8)
+
+    flags = element(6, struct.pack("<II", 17, 0))
+    named = (element(1, word) for word in (b"stamp", b"MCOS", b"datetime"))
+    opaque = element(14, flags + b"".join(named))
+    return _mat(seen) + opaque
 
 
 def _mesh_rover(urdf: bytes) -> dict[str, bytes]:

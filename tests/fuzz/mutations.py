@@ -48,12 +48,19 @@ CELLS = (
     "\x00",
 )
 NOISE = (b"\x00", b"\xff\xfe", b"\n", b"\r", "\u2028".encode(), b"[", b"]]", b'"', b"'''", b"=", b"<!--", b"&x;")
-FLOODS = (b"," * 40, b"{" * 2000, b"x = " + b"[" * 9000)
+FLOODS = (
+    *(b"," * 40, b"{" * 2000, b"x = " + b"[" * 9000, b"," * 300_000, b"a." * 20_000 + b"a = 1", b"\n" * 100_000),
+    *(b"1 " * 100_000, b"<a>" * 20_000, b"'" * 9000, b"0" * 9000, b"\x93NUMPY\x01\x00"),
+)
+"""Many of one mark: what a reader builds of them must stay small."""
 
 
 def mutated(name: str, content: bytes, chance: random.Random) -> bytes:
     """Return the content of a file changed in the way of its kind, or as any bytes."""
-    kinds = {"toml": _toml, "csv": _csv, "urdf": _xml, "xacro": _xml, "npz": _npz, "parquet": _parquet, "py": _python}
+    kinds = {
+        "toml": _toml, "csv": _csv, "urdf": _xml, "xacro": _xml, "dae": _xml, "npz": _npz, "npy": _npy, "mat": _mat,
+        "png": _png, "asc": _esri, "json": _json, "parquet": _parquet, "py": _python,
+    }  # fmt: skip
     own = kinds.get(name.rpartition(".")[2])
     changed = content
     for _ in range(chance.choice((1, 1, 1, 2, 3))):
@@ -222,6 +229,18 @@ def _everyday(content: bytes, chance: random.Random) -> bytes:
 STATEMENTS = (
     *("raise KeyError('x')", "raise SystemExit(3)", "return None", "return [1, 2]", "return 'x'", "import nothing"),
     *("return self", "yield 1", "assert False", "x = [][0]", "1 / 0", "return 1.0", "return (1,)", "del self"),
+    *("raise GeneratorExit", "raise KeyboardInterrupt", "raise RecursionError('deep')", "raise MemoryError()"),
+    *(
+        "raise StopIteration",
+        "import sys; sys.exit(7)",
+        "(lambda f: f(f))(lambda f: f(f))",
+        "raise ExceptionGroup('x', [OSError()])",
+    ),
+    *(
+        "raise OSError(5, 'no such device')",
+        "raise UnicodeDecodeError('utf-8', b'x', 0, 1, 'why')",
+        "import os; os.chdir('/')",
+    ),
     *("raise BaseException('two\\nlines')", "return float('nan')", "nonlocal x", "global np; np = None"),
 )
 TOKENS = (
@@ -299,6 +318,79 @@ ARRAYS = (
     lambda a: a.astype([("f", float)]),
     lambda a: a > 0,
 )
+
+
+SHAPES = ((0, 3), (3, 0), (0,), (1 << 40, 1 << 40), (-1, 3), (2,), (1, 1, 1), (3, 1 << 20), (1 << 31,), ())
+DTYPES = ("<f8", "|O", "|S3", "<U9", "<c16", "|b1", ">f4", "<M8[ns]", "|V8", "[('a', '<f8')]", "<f2", "<i8")
+HEIGHTS = (1e20, -9999.0, np.nan, np.inf, 1e308, 32767.0, -1e-320, 5.0)
+
+
+def _npy(content: bytes, chance: random.Random) -> bytes:
+    """Return an array of another type, shape or with strange heights, or the same numbers under a header that lies."""
+    array, made = np.load(io.BytesIO(content)), io.BytesIO()
+    way = chance.randrange(3)
+    if way == 0:
+        header = {
+            "descr": chance.choice(DTYPES),
+            "fortran_order": chance.random() < 0.3,
+            "shape": chance.choice(SHAPES),
+        }
+        np.lib.format.write_array_header_1_0(made, header)
+        return made.getvalue() + array.tobytes()
+    if way == 1:
+        array = chance.choice(ARRAYS)(array)
+    else:
+        array = array.astype(float)
+        array.flat[[chance.randrange(array.size) for _ in range(chance.choice((1, 3, array.size)))]] = chance.choice(
+            HEIGHTS
+        )
+    np.save(made, array, allow_pickle=True)
+    return made.getvalue()
+
+
+def _mat(content: bytes, chance: random.Random) -> bytes:
+    """Return a .mat of other arrays, nested, of other versions, or with what holds no numbers."""
+    from scipy.io import loadmat, savemat
+
+    table = {name: value for name, value in loadmat(io.BytesIO(content)).items() if not name.startswith("__")}
+    name = chance.choice(list(table))
+    others = (
+        *("text", ["a", "b"], {"x": table[name]}, {}, np.array(["a", 1.0], dtype=object), np.zeros((0, 3)), np.nan),
+        *(np.arange(3.0), np.array([[1 + 2j]]), np.zeros((2, 2, 2)), True, {"a": {"b": {"c": np.arange(40.0)}}}),
+    )
+    table[chance.choice((name, "other"))] = chance.choice(others)
+    made = io.BytesIO()
+    try:
+        savemat(made, table, format=chance.choice(("5", "5", "4")), do_compression=chance.random() < 0.5)
+    except (TypeError, ValueError):  # what version 4 cannot hold
+        savemat(made, table)
+    return made.getvalue()
+
+
+def _png(content: bytes, chance: random.Random) -> bytes:
+    """Return a picture of another mode or size, or with a head that states another one."""
+    from PIL import Image
+
+    way, made = chance.randrange(3), io.BytesIO()
+    if way == 0:
+        at = chance.choice((16, 20, 24, 25, 28))
+        return content[:at] + bytes(chance.randrange(256) for _ in range(4)) + content[at + 4 :]
+    with Image.open(io.BytesIO(content)) as image:
+        changed = (
+            image.convert(chance.choice(("1", "L", "RGB", "RGBA", "LA", "P")))
+            if way == 1
+            else image.resize((chance.choice((1, 2, 300)), chance.choice((1, 2, 300))))
+        )
+        changed.save(made, format="png")
+    return made.getvalue()
+
+
+def _esri(content: bytes, chance: random.Random) -> bytes:
+    """Return a grid with another word somewhere, most often in its head."""
+    words = content.decode().split(" ")
+    at = chance.choice((chance.randrange(min(12, len(words))), chance.randrange(len(words))))
+    words[at] = chance.choice((*CELLS, "-9999", "1e20", "ncols", "100000", "NODATA_value", "\n", *(["0.02"] * 6)))
+    return " ".join(words).encode()
 
 
 def _npz(content: bytes, chance: random.Random) -> bytes:

@@ -33,6 +33,10 @@ def fuzz(total: int, seed: int = 0, only: str = "", scratch: Path | None = None)
         tally = Tally(Counter(), [])
         for reader in readers:
             if only in ("", reader.name):
+                # The valid input first, without a limit: imports and compilation do not count as the reader's time, and
+                # a limit that ends an import would leave half a module behind.
+                reader.lay(base / "input", {})
+                reader.read(base / "input")
                 _fuzz_reader(reader, round(total * reader.share / whole), seed, base / "input", tally)
         return tally
 

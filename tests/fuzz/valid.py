@@ -13,12 +13,15 @@ from unittest.mock import patch
 
 import numpy as np
 import pandas as pd
+import trimesh
 from PIL import Image
+from scipy.io import savemat
 
 from rover_pin.base.errors import DataError
 from rover_pin.base.files.bounded import text
 from rover_pin.base.files.toml_file import toml_text
 from rover_pin.cli import app
+from rover_pin.comparison.verdicts import read_verdict
 from rover_pin.control.slip_control import load_gains
 from rover_pin.experiments.drive_log.checks import log as drive_checks
 from rover_pin.experiments.drive_log.model import base_model, nuisances, with_spread
@@ -30,6 +33,7 @@ from rover_pin.measurements.drive_points import points_of_log
 from rover_pin.measurements.rig_reading import read_rig_set
 from rover_pin.measurements.traction_points import read_traction_points
 from rover_pin.rover.description.layout import rover_folder
+from rover_pin.rover.description.meshes import read_mesh
 from rover_pin.rover.description.tree import read_tree
 from rover_pin.rover.proposal.propose import propose
 from rover_pin.rover.rover import load_rover
@@ -182,6 +186,14 @@ terrain.wall_angle_deg = 35
 scenario = "incline"
 duration = 5
 """
+ESRI = (
+    "ncols 4\nnrows 3\nxllcorner 5.0\nyllcorner 7.0\ncellsize 0.1\nNODATA_value -9999\n"
+    "0 0.01 0.02 0.03\n0.01 0.02 0.03 0.04\n0.02 0.03 0.04 0.05\n"
+)
+VERDICT = """{"name": "small", "answer": "named", "effects": ["SlipSinkage"],
+"held_out": [{"name": "sinkage", "before": 3.0, "after": 1.0, "unit": "mm"}],
+"after": {"parameters": {"n_1": {"value": 0.1, "low": 0.0, "high": null, "unit": ""}}}}"""
+MATRIX = "0,0.01,0.02\n0.01,0.02,0.03\n0.02,0.02,0.02\n"
 FACTORS = "slip,traction_factor,sd,count\n0.1,0.1,0.02,3\n0.3,0.2,0.02,3\n0.6,0.25,0.03,3\n"
 WORDS = (
     "drive ditch --set soil.k=0.01 --set terrain.wall_angle_deg=40 --set motor.supply=7.2 --gravity 1.62 --soil fjs-1",
@@ -243,6 +255,25 @@ def cases(scratch: Path) -> list[Case]:
         Case("grid in csv", {"grid.csv": _grid_csv()}, lambda at: from_grid(at / "grid.csv"), share=0.5),
         Case("grid in npy", {"dem.npy": _raster("npy")}, lambda at: from_grid(at / "dem.npy", cell=0.1), share=0.5),
         Case("grid in png", {"dem.png": _raster("png")}, lambda at: from_grid(at / "dem.png", 0.1, 1.0), share=0.5),
+        Case("grid in esri", {"dem.asc": ESRI.encode()}, lambda at: from_grid(at / "dem.asc"), share=0.5),
+        Case(
+            "grid filled",
+            {"dem.npy": _raster("npy")},
+            lambda at: from_grid(at / "dem.npy", 0.1, missing="fill"),
+            share=0.3,
+        ),
+        Case(
+            "grid cut", {"dem.npy": _raster("npy")}, lambda at: from_grid(at / "dem.npy", 0.1, missing="cut"), share=0.3
+        ),
+        Case("grid in mat", {"dem.mat": _raster("mat")}, lambda at: from_grid(at / "dem.mat", 0.1), share=0.5),
+        Case("matrix in csv", {"dem.csv": MATRIX.encode()}, lambda at: from_grid(at / "dem.csv", 0.1), share=0.5),
+        *(
+            [Case("grid in geotiff", {"dem.tif": made}, lambda at: from_grid(at / "dem.tif"))]
+            if (made := _geotiff())
+            else []
+        ),
+        *[Case(f"mesh in {kind}", {f"a.{kind}": mesh}, _mesh, share=0.4) for kind, mesh in _meshes().items()],
+        Case("verdict", {"verdict.json": VERDICT.encode()}, lambda at: read_verdict(at / "verdict.json"), share=0.5),
         Case("model", {**ground, "model.toml": MODEL.encode()}, lambda at: read_model(at / "model.toml"), share=1.5),
         Case("rig model", {"model.toml": RIG_MODEL.encode()}, lambda at: read_rig_model(at / "model.toml")),
         Case("gains", {"gains.toml": GAINS.encode()}, lambda at: load_gains(at / "gains.toml"), share=0.5),
@@ -402,9 +433,37 @@ def _raster(kind: str) -> bytes:
     made, z = io.BytesIO(), np.arange(20, dtype=np.uint16).reshape(5, 4)
     if kind == "npy":
         np.save(made, 0.01 * z)
+    elif kind == "mat":
+        savemat(made, {"z": 0.01 * z})
     else:
         Image.fromarray(1000 * z).save(made, format="png")
     return made.getvalue()
+
+
+def _geotiff() -> bytes:
+    """Return a small GeoTIFF, or nothing where rasterio is not installed."""
+    try:
+        import rasterio
+    except ImportError:
+        return b""
+    step = rasterio.Affine(0.1, 0.0, 5e5, 0.0, -0.1, 4e6)
+    profile = {"width": 4, "height": 5, "count": 1, "dtype": "float32", "crs": "EPSG:32633", "transform": step}
+    with rasterio.MemoryFile() as memory:
+        with memory.open(driver="GTiff", nodata=-9999.0, **profile) as file:
+            file.write(0.01 * np.arange(20, dtype=np.float32).reshape(1, 5, 4))
+        return memory.read()
+
+
+def _meshes() -> dict[str, bytes]:
+    """Return a small mesh in each format that is read."""
+    box = trimesh.creation.box()
+    made = {kind: box.export(file_type=kind) for kind in ("stl", "obj", "ply")}
+    return {kind: mesh.encode() if isinstance(mesh, str) else mesh for kind, mesh in made.items()}
+
+
+def _mesh(folder: Path) -> None:
+    (file,) = folder.iterdir()
+    read_mesh(file, 1.0)
 
 
 def _grid_csv() -> bytes:

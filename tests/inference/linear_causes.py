@@ -6,8 +6,7 @@ from rover_pin.inference.cause import SIZE_SD
 from rover_pin.inference.error_model import PRIORS, ErrorModel
 from rover_pin.inference.explore import Explorer
 from rover_pin.inference.hypothesis import Fitter
-from rover_pin.inference.set_prior import ALLOWED, COUNTS
-from rover_pin.inference.size_prior import MEDIAN, SPREAD
+from rover_pin.inference.priors import COUNT_PRIORS, DISCREPANCY_PRIORS, SIZE_LOG_SD, SIZE_MEDIAN
 from tests.inference import linear_toy as toys
 
 NOISE = 0.5
@@ -42,7 +41,7 @@ def explorer(toy, names):
 
 def size(draw):
     """A size over its default, as it is thought of beforehand."""
-    return draw.choice([-1.0, 1.0]) * MEDIAN * np.exp(SPREAD * draw.normal())
+    return draw.choice([-1.0, 1.0]) * SIZE_MEDIAN * np.exp(SIZE_LOG_SD * draw.normal())
 
 
 def spread(at, weights):
@@ -58,8 +57,10 @@ def from_the_prior(seed, names, **options):
     """
     draw = np.random.default_rng(seed)
     toy = design(seed + 10**6, names, **options)
-    true = [names[at] for at in draw.permutation(len(names))[: spread(seed * 0.6180340, COUNTS[: len(names) + 1])]]
-    kinds = ALLOWED[bool(true)]
+    true = [
+        names[at] for at in draw.permutation(len(names))[: spread(seed * 0.6180340, COUNT_PRIORS[: len(names) + 1])]
+    ]
+    kinds = DISCREPANCY_PRIORS[bool(true)]
     kind = list(kinds)[spread(seed * 0.7548777, list(kinds.values()))]
     parts = [size(draw) * toy.columns[name] for name in true]
     smooth = draw.normal() * toy.columns["base"] + sum(parts)

@@ -8,10 +8,9 @@ from typing import Any, ClassVar
 import numpy as np
 
 from rover_pin.base.quantity import quantity
-from rover_pin.discrepancy.calibration import calibrate
 from rover_pin.discrepancy.candidate import Candidate
 from rover_pin.discrepancy.question import Question
-from rover_pin.discrepancy.search import Search
+from rover_pin.discrepancy.search import Search, calibrate
 from rover_pin.discrepancy.signature import signatures
 from rover_pin.estimation.experiment import Experiment
 from rover_pin.estimation.fit import Fit

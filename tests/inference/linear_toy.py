@@ -8,8 +8,10 @@ import numpy as np
 from rover_pin.estimation.experiment import Differentiable, Sensitivities
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.inference.cause import Cause
-from rover_pin.inference.error_model import MEMORY
 from rover_pin.inference.samples import samples_of
+
+MEMORY = 0.15
+"""Memory of drift over the length of the campaign, as the equation of the errors has it."""
 
 
 class Toy(Differentiable):

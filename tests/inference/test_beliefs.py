@@ -8,10 +8,11 @@ import pytest
 
 from rover_pin.inference.beliefs import Beliefs
 from rover_pin.inference.error_model import Discrepancy
-from rover_pin.inference.set_prior import COUNTS
 from tests.inference import linear_causes as toys
 
 NAMES = "p", "q", "r"
+COUNTS = 0.5, 0.3, 0.14, 0.05, 0.01
+"""Prior probability of no to four missing causes."""
 
 
 def with_data(toy, amplitudes, seed):

@@ -10,12 +10,14 @@ from hypothesis import strategies as st
 from scipy.special import logsumexp
 from scipy.stats import multivariate_normal, norm
 
-from rover_pin.inference.error_model import PRIORS, Discrepancy, ErrorModel
+from rover_pin.inference.error_model import Discrepancy, ErrorModel
 from rover_pin.inference.evidence import Linear, negative_log, posterior
 from tests.inference import linear_toy as toys
 
 problems = st.tuples(st.integers(0, 10**6), st.sampled_from(list(Discrepancy)), st.booleans())
 quick = settings(max_examples=25)
+SCALES = {"s": (1.0, 0.15), "t": (0.3, 1.0), "d": (0.3, 1.0), "a": (0.05, 0.8), "e": (0.1, 0.5), "l": (0.5, 0.5)}
+"""Median and SD of the logarithm of each scale of the errors, before any data."""
 
 
 def made(toy, kind):
@@ -33,7 +35,7 @@ def matrix(toy, errors, linear, eta):
 
 def log_prior(errors, eta):
     return sum(
-        norm.logpdf(x, math.log(PRIORS[letter].median), PRIORS[letter].sd)
+        norm.logpdf(x, math.log(SCALES[letter][0]), SCALES[letter][1])
         for (letter, _), x in zip(errors.scales, eta, strict=True)
     )
 

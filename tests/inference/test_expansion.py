@@ -12,15 +12,15 @@ from rover_pin.estimation.fit import Task, fit
 from rover_pin.inference.error_model import PRIORS, Discrepancy
 from rover_pin.inference.expansion import Expansion
 from rover_pin.inference.linear_hypothesis import linear_hypothesis, with_function
+from rover_pin.inference.priors import log_share_inside
 from rover_pin.inference.residual_function import (
-    NODE_WEIGHTS,
-    NODES,
+    AMPLITUDE_NODES,
+    AMPLITUDE_WEIGHTS,
     in_shares,
     rows_signal,
     smooth_functions,
     with_functions,
 )
-from rover_pin.inference.size_prior import log_share_inside
 from tests.inference import linear_search as toys
 
 SETS = (), (0,), (1, 2), (0, 1, 2)
@@ -122,10 +122,10 @@ def test_a_function_left_is_that_of_the_dense_law(shared, extra):
     columns, T = function(made, shared)
     rows, A, plain = free(made), matrix(made, extra), made.posterior(extra)
     (found,) = with_functions([(made, plain)], [columns])
-    amplitudes = PRIORS["a"].median * np.exp(PRIORS["a"].sd * NODES)
+    amplitudes = PRIORS["a"].median * np.exp(PRIORS["a"].sd * AMPLITUDE_NODES)
     laws = [law(made, extra, 1.3, a**2 * T @ T.T) for a in amplitudes]
     gains = np.array([log_density(K, rows) for K in laws]) - plain.log_evidence
-    assert found.gain == pytest.approx(math.log(NODE_WEIGHTS @ np.exp(gains)), abs=1e-8)
+    assert found.gain == pytest.approx(math.log(AMPLITUDE_WEIGHTS @ np.exp(gains)), abs=1e-8)
     likeliest = int(np.argmax(gains))
     pull = np.linalg.solve(laws[likeliest], A).T
     assert found.mean == pytest.approx(-pull @ rows, abs=1e-8)

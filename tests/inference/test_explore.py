@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from rover_pin.estimation.profile import CLEAR
+from rover_pin.estimation.profile import CLEAR_SDS
 from tests.inference import linear_causes as toys
 
 NAMES = tuple("pqrstu")
@@ -56,6 +56,6 @@ def test_only_a_stray_is_taken_for_one(case, stray):
     (plain, _), (explorer, _) = explored(case, 0.0), explored(case, stray)
     assert plain.fitter.inflation is None
     table = explorer.fitter.samples.table_of(explorer.fitter.inflation)
-    assert abs(stray) / np.sqrt(table[3, 0, 1]) < 2.0 * CLEAR, "it is near reach then"
+    assert abs(stray) / np.sqrt(table[3, 0, 1]) < 2.0 * CLEAR_SDS, "it is near reach then"
     table[3, 0, 1] = 1.0
     assert (table == 1.0).all()

@@ -11,8 +11,7 @@ from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
 from rover_pin.estimation.noise import declared_noise
-from rover_pin.inference.next_measurement import information, next_measurement
-from rover_pin.inference.outlook import Offer
+from rover_pin.inference.next_measurement import Offer, information, next_measurement
 from tests.inference import linear_toy as toys
 
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from rover_pin.estimation.noise import declared_noise
 from rover_pin.inference.error_model import Discrepancy
 from rover_pin.inference.hypothesis import Fitter
-from rover_pin.inference.outlook import Offer, expectation, with_uncertain_numbers
+from rover_pin.inference.next_measurement import Offer, expectation, with_uncertain_numbers
 from tests.inference import linear_toy as toys
 
 MADE, AHEAD, CHANNELS, SD = 9, 4, 2, 0.4

@@ -8,9 +8,8 @@ from scipy.integrate import quad
 from scipy.stats import norm
 
 from rover_pin.estimation.parameter import Parameter
-from rover_pin.inference.cause import SIZE_SD
-from rover_pin.inference.size_prior import MEDIAN, log_density, log_dependence, log_size_share
-from rover_pin.inference.weighed_anew import drawn_models
+from rover_pin.inference.beliefs import drawn_models
+from rover_pin.inference.priors import log_density, log_dependence, log_size_share
 
 ANYWHERE = (-1e3, 1e3)
 
@@ -20,13 +19,17 @@ def density(u):
 
 
 def test_sizes_have_either_sign_and_their_median():
-    half = MEDIAN / SIZE_SD
+    half = 0.5 / 2.0
     below = quad(density, 0.0, half, epsabs=1e-10)[0]
     above = quad(lambda log_u: density(np.exp(log_u)) * np.exp(log_u), np.log(half), 8.0, epsabs=1e-10)[0]
     assert below == pytest.approx(0.25, abs=1e-6)
     assert above == pytest.approx(0.25, abs=1e-6)
     assert density([-0.3]) == pytest.approx(density([0.3]))
     assert density([0.0]) < 1e-9, "no cause has no size"
+    near = quad(density, half / 2.2465, half * 2.2465, epsabs=1e-10)[0]
+    assert near == pytest.approx(0.25, abs=1e-4), (
+        "half of all sizes lie within a factor of exp(0.6745 1.2) of the median"
+    )
 
 
 @pytest.mark.parametrize("mean", [0.0, -0.05, 0.5, 1.5])

@@ -163,16 +163,16 @@ def shared(tmp_path_factory):
         (PERIOD, {"body_x": TRACKER.format("pose.position")}, "number, but"),
         (PERIOD, {"body_yaw": TRACKER.format("pose.orientation.jaw")}, "body_yaw: did you"),
         (PERIOD, {"body_x": TRACKER.format("header.frame_id")}, "'header.frame_id' of topic '/tracker' is no"),
-        (PERIOD, {"duty_fl": COMMAND.format("data[2]")}, "'data' of topic '/command' has 2 entries, and"),
+        (PERIOD, {"duty_fl": COMMAND.format("data[2]")}, "'data' of topic '/command' has 2 entries"),
         (PERIOD, {"duty_fl": COMMAND.format("layout[2]")}, "'layout' of topic '/command'"),
         (PERIOD, {"wheel_rate_fl": FL.replace("wheel_fl", "wheel_lf")}, "topic '/joint_states' names 'wheel_lf'"),
         (PERIOD, {"wheel_rate_fl": FL.replace("header.stamp", "header.frame_id")}, "time"),
         (PERIOD, {"wheel_rate_fl": FL.replace("name=", "nam=")}, "field 'nam'"),
-        (PERIOD, {"body_x": "3"}, "[columns] body_x = 3: give { topic"),
-        (PERIOD, {"body_x": '{ topic = "/tracker" }'}, "[columns] body_x = {'topic': '/tracker'}: give"),
+        (PERIOD, {"body_x": "3"}, "[columns] body_x = 3 must state a topic"),
+        (PERIOD, {"body_x": '{ topic = "/tracker" }'}, "[columns] body_x = {'topic': '/tracker'} must state"),
         (PERIOD, {"body_x": '{ topic = "/t", field = "x", scal = 2 }'}, "you mean 'scale'?"),
-        (PERIOD, {"body_x": '{ topic = "/t", field = "x", scale = true }'}, "body_x has scale = True: give float"),
-        (PERIOD, {"body_x": '{ topic = "/t", field = "x", hold = 1 }'}, "body_x has hold = 1: give bool"),
+        (PERIOD, {"body_x": '{ topic = "/t", field = "x", scale = true }'}, "body_x: scale = True must be a number"),
+        (PERIOD, {"body_x": '{ topic = "/t", field = "x", hold = 1 }'}, "body_x: hold = 1 must be true or false"),
         (PERIOD, {"body_x": '{ topic = "/t", field = "x[" }'}, "[columns] body_x"),
         (PERIOD, {"body_x": COLUMNS["body_x"].replace("mm", "mN m")}, "body_x: unit 'mN m' does"),
         (PERIOD, dict.fromkeys(COLUMNS), "table [columns]"),
@@ -180,8 +180,8 @@ def shared(tmp_path_factory):
         ("[bag]\nperiod = 0\n", {}, "is 0"),
         ('[bag]\nperiod = { value = 1, unit = "m" }\n', {}, "period: unit 'm' does"),
         ("[bag]\nperiods = 1\n", {}, "unknown key 'periods': did you"),
-        ("[bag]\nperiod = 9.0\n", {}, "stretch"),
-        ("[bag]\nperiod = 1e-9\n", {}, "[bag] period = 1e-09 s makes 29"),
+        ("[bag]\nperiod = 9.0\n", {}, "in common"),
+        ("[bag]\nperiod = 1e-9\n", {}, "[bag] period = 1e-09 s gives 29"),
     ],
 )  # fmt: skip
 def test_mistakes_in_the_map(shared, bag, changes, says):
@@ -210,5 +210,5 @@ def test_what_is_no_bag_or_cannot_be_read(tmp_path, monkeypatch):
             read_drive_log(describe(tmp_path, name))
         assert "\n" not in str(refused.value)
     monkeypatch.setitem(sys.modules, "rosbags.highlevel", None)
-    with pytest.raises(MissingExtraError, match=r"'ros':.*'rover-pin\[ros\]'"):
+    with pytest.raises(MissingExtraError, match="rosbags>="):
         read_drive_log(describe(tmp_path, "run.mcap"))

@@ -7,11 +7,10 @@ import pytest
 
 from rover_pin.base.errors import DataError, ParameterError
 from rover_pin.base.files.toml_file import read_toml, toml_text
-from rover_pin.logs.drive_log import LogMetadata, read_drive_log, write_drive_log
-from rover_pin.logs.saved import load_trace
+from rover_pin.logs.drive_log import LogMetadata, load_trace, read_drive_log, write_drive_log
 from rover_pin.simulation.trace.trace import Trace
 from rover_pin.terrain import shapes
-from rover_pin.terrain.toml_table import write_terrain
+from rover_pin.terrain.files import write_terrain
 
 HEAD = 'kind = "drive-log"\nname = "field"\n'
 RUN = '[[run]]\nfile = "climb.csv"\n'
@@ -160,12 +159,12 @@ def test_text_in_parquet_names_the_row(log):
         ('polylines = "a"\n', "polylines ="),
         ('polyline = "no.csv"\n', "file 'no.csv'"),
         ('polyline = "climb.csv"\n', "no column 'x_m'"),
-        ('polylines = ["g.csv", "g.csv"]\n', "[terrain]: Lanes with 2 profiles"),
-        ('polyline = "g.csv"\npatch = [3]\n', "patch = 3: give"),
-        ('polyline = "g.csv"\npatch = [["ground"]]\n', "patch = ['ground']: give"),
-        ('polyline = "g.csv"\npatch = [{ ground = 1, to = 2 }]\n', "patch = {'ground': 1, 'to': 2}: give"),
+        ('polylines = ["g.csv", "g.csv"]\n', "[terrain]: Lanes have 2 profiles"),
+        ('polyline = "g.csv"\npatch = [3]\n', "patch = 3, which is no table"),
+        ('polyline = "g.csv"\npatch = [["ground"]]\n', "patch = ['ground'], which is no table"),
+        ('polyline = "g.csv"\npatch = [{ ground = 1, to = 2 }]\n', "patch = {'ground': 1, 'to': 2}, which is no table"),
         ('polyline = "g.csv"\npatch = [{ ground = 1, x_to = "a" }]\n', "x_from and x_to"),
-        ('polyline = "g.csv"\npatch = [{ ground = -1 }]\n', "[terrain]: A profile's ground"),
+        ('polyline = "g.csv"\npatch = [{ ground = -1 }]\n', "soil indices `ground`"),
     ],
 )
 def test_mistakes_in_the_terrain(log, table, says):

@@ -46,8 +46,8 @@ def test_what_is_declared_is_known_so_well_as_that_says(tmp_path):
     assert found["MotionResistance.R"].scale == pytest.approx(0.25 * R)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("q", [pytest.param(0.0, marks=pytest.mark.nightly), 1.0])
+@pytest.mark.nightly
+@pytest.mark.parametrize("q", [0.0, 1.0])
 def test_a_null_log_of_another_resistance_needs_no_effect(q, tmp_path):
     """Nothing is hidden, and drive.toml has no [resistance]: R and q are what the log tells."""
     own_log.write(tmp_path / "log", left_out=("resistance",), **TRUTH, **{"effect.MotionResistance.q": q})

@@ -7,13 +7,14 @@ import pytest
 
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.candidate import plain_candidate
+from rover_pin.discrepancy.conclude import conclude
 from rover_pin.discrepancy.question import Question
 from rover_pin.effects.dead_band import DeadBand
 from rover_pin.effects.exit_angle import ExitAngle
 from rover_pin.effects.viscous_friction import ViscousFriction
+from rover_pin.experiments.drive_log import loop_data
 from rover_pin.experiments.drive_log.free_runs import extra_of
-from rover_pin.inference.outlook import Offer
-from rover_pin.loop import drive
+from rover_pin.inference.next_measurement import Offer
 from tests.experiments.drive_log import drive_channels as channels
 from tests.experiments.drive_log import linear_drive as linear
 
@@ -39,10 +40,10 @@ def ahead_of(experiment):
 def verdict_of(monkeypatch):
     """The verdict on a log that hides an exit angle of some size, beside others that may do the same."""
     left = SimpleNamespace(best=SimpleNamespace(description="acts as a force"), terms=(), wheels=())
-    monkeypatch.setattr(drive, "describe", lambda fitted, progress: left)
-    monkeypatch.setattr(drive, "odometry_baselines", lambda experiment, rover: ())
-    monkeypatch.setattr(drive, "experiment_of_log", lambda fitted: fitted.task.experiment)
-    monkeypatch.setattr(drive, "cautions", lambda verdict, free: ())
+    monkeypatch.setattr(loop_data, "describe", lambda fitted, progress: left)
+    monkeypatch.setattr(loop_data, "odometry_baselines", lambda experiment, rover: ())
+    monkeypatch.setattr(loop_data, "experiment_of_log", lambda fitted: fitted.task.experiment)
+    monkeypatch.setattr(loop_data, "cautions", lambda verdict, free: ())
 
     def of(size, alike):
         random = np.random.default_rng(9)
@@ -59,8 +60,8 @@ def verdict_of(monkeypatch):
             "drive-log", "linear", experiment, linear.MODEL, linear.nuisances(), lambda base: tried,
             functions=lambda base: (), offers=lambda leading: [ahead_of(experiment)],
         )  # fmt: skip
-        log = channels.log_of(*channels.GOOD)
-        return drive.verdict_on(log, question, 0, quiet)
+        data = loop_data.DriveLogData(channels.log_of(*channels.GOOD))
+        return data.extra(conclude(question, quiet), question)
 
     return of
 

@@ -15,7 +15,7 @@ from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.loop import close
 from rover_pin.loop.close import close_the_loop
 from rover_pin.loop.provenance import LoopRequest
-from rover_pin.loop.verdict_file import draft_written
+from rover_pin.loop.verdict_file import write_draft
 from tests.oracle import brake_generator as hidden
 
 
@@ -38,7 +38,8 @@ def test_another_answer_does_not(run, tmp_path):
 def test_a_word_that_is_no_answer_is_refused_before_any_work(run, tmp_path):
     code, _, err = closed(run, tmp_path, "--fail-on", "nmed", seed=0)
     assert code == 2
-    assert "'nmed' is no answer of the loop: did you mean 'named'?" in err
+    assert "'nmed'" in err
+    assert "did you mean 'named'" in err
     assert not Path("out").exists()
 
 
@@ -99,7 +100,7 @@ def test_command_repeats_the_request_whatever_names_contain(left_out, monkeypatc
 def test_command_that_tries_a_draft_starts_from_the_same_model(tmp_path, monkeypatch):
     asked = dataclasses.replace(ASKED, effects=None, experiment=None)
     verdict = Verdict("wheel-rig", Answer.NONE_FITS, "x", "nothing fits", None, draft=Draft("code = 1\n"))
-    verdict, [file] = draft_written(verdict, asked, tmp_path / "my out")
+    verdict, [file] = write_draft(verdict, asked, tmp_path / "my out")
     seen = asked_by(verdict.draft.command, monkeypatch)
     assert (seen["data"], seen["model"], seen["trust"]) == (asked.data, asked.model, True)
     assert Path(seen["effects"]) == file

@@ -10,7 +10,7 @@ import pytest
 from rover_pin import Wheel, close_the_loop
 from rover_pin.base.errors import ParameterError
 from rover_pin.estimation.parameter import Prior
-from rover_pin.experiments.wheel_rig.sets import join_sets
+from rover_pin.experiments.wheel_rig.experiment import join_sets
 from rover_pin.loop.identify import identify
 from rover_pin.measurements.channel import DrawbarPull, Sinkage, Torque
 from rover_pin.measurements.rig_set import RigSet
@@ -153,3 +153,25 @@ def test_the_command_prints_the_same_as_text_and_as_json(run):
     assert f"{math.degrees(values['parameters']['soil.phi']['value']):.4g} deg" in text
     shares = values["parameters"]["soil.phi"]
     assert sum(shares["prior_shares"].values()) + shares["data_share"] == pytest.approx(1.0)
+
+
+def test_a_log_without_motors_is_identified_from_its_drives(run, tmp_path):
+    """An imported log declares no motor, so that no torque and no traction factor is known: its drives are replayed."""
+    from tests.importing import recordings
+
+    recordings.plain(recordings.truth(), Path())
+    assert run("import-log", "plain.csv", "--rover", "cart")[0] == 0
+    code, out, err = run("identify", "plain", "--json")
+    assert code == 0, err
+    told = json.loads(out)
+    assert {"soil.phi", "soil.k", "soil.k_1"} <= told["parameters"].keys()
+    assert told["misfit"] < 2.0
+
+
+@pytest.mark.parametrize("command", ["close-loop", "check-data"])
+def test_a_table_alone_is_referred_to_the_commands_that_read_one(command, run):
+    Path("my.csv").write_text("slip,load_N,drawbar_pull_N\n0.1,50,4\n")
+    code, _, err = run(command, "my.csv")
+    assert code == 2
+    assert "rover-pin init" in err
+    assert "rover-pin import-log" in err

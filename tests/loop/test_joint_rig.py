@@ -12,10 +12,10 @@ from rover_pin.effects.bulldozing import Bulldozing
 from rover_pin.effects.lug_excavation import LugExcavation
 from rover_pin.effects.slip_softening import SlipSoftening
 from rover_pin.experiments.wheel_rig.candidates import candidates, rig_kinds
-from rover_pin.experiments.wheel_rig.experiment import RigExperiment
+from rover_pin.experiments.wheel_rig.experiment import RigExperiment, join_sets, read_joint
+from rover_pin.experiments.wheel_rig.loop_data import RigData
 from rover_pin.experiments.wheel_rig.model import RigModel, read_model
-from rover_pin.experiments.wheel_rig.sets import join_sets, read_joint
-from rover_pin.loop.rig import on_rig
+from rover_pin.loop.close import verdict_on
 from rover_pin.measurements.rig_reading import read_rig_set
 from studies.shared.rig_fits import calibrated
 from tests.oracle import rig_generator as hidden
@@ -138,14 +138,14 @@ def test_lugs_dig_from_the_start_where_every_set_declares_them(sets, lugged):
 
 
 def test_what_is_no_joint_fit_is_refused(sets, tmp_path):
-    with pytest.raises(ParameterError, match="of two sets or more"):
+    with pytest.raises(ParameterError, match="two or more data sets"):
         join_sets([read_rig_set(sets[0])])
     twin = written(tmp_path, "small", seed=9)
-    with pytest.raises(DataError, match="small: two sets have this name; give each its own"):
+    with pytest.raises(DataError, match="small: two data sets have this name"):
         read_joint((sets[0], twin))
-    with pytest.raises(DataError, match=r"nowhere: there is no rig.toml in it; several data are rig sets in one sand"):
+    with pytest.raises(DataError, match=r"nowhere: there is no rig.toml"):
         close_the_loop((sets[0], tmp_path / "nowhere"))
-    with pytest.raises(DataError, match="a joint fit of several rig sets does not take a model; leave it out"):
+    with pytest.raises(DataError, match="a joint fit of several rig sets cannot use a model; leave it out"):
         close_the_loop(sets, model="model.toml")
 
 
@@ -156,7 +156,7 @@ def softened(tmp_path_factory):
     sizes = (("small", 0.0625, 0.06, (25.0,)), ("large", 0.125, 0.06, (60.0,)))
     sets = [written(folder, name, "slip_softening", r, b, 3, "", 0.0, loads) for name, r, b, loads in sizes]
     joint = read_joint(sets)
-    return joint, on_rig(joint, joint.base_model(), (SlipSoftening, Bulldozing), lambda said: None)
+    return joint, verdict_on(RigData(joint), (SlipSoftening, Bulldozing))
 
 
 @pytest.mark.slow
@@ -181,7 +181,7 @@ def test_loop_on_two_sets_writes_a_report_and_a_model_of_each(sets, tmp_path):
     verdict = close_the_loop(sets, out=tmp_path)
     assert verdict.answer.value == "no effect needed"
     page = (tmp_path / "report.html").read_text()
-    assert "Set by set" in page
+    assert "Errors of each set" in page
     assert "small: sinkage" in page
     assert {one.name for one in verdict.files} >= {
         "model-small.toml",
@@ -202,7 +202,8 @@ def test_a_run_that_stands_in_two_sets_is_used_once(sets, tmp_path):
     rows = (more / "points.csv").read_text().splitlines() + (sets[0] / "points.csv").read_text().splitlines()[1:4]
     (more / "points.csv").write_text("\n".join(rows) + "\n")
     joint = read_joint((sets[0], more))
-    assert [str(one) for one in joint.twice] == ["more: 3 of 13 runs are in another set too; they are used once."]
+    (finding,) = map(str, joint.twice)
+    assert finding.startswith("more: 3 of 13 runs ")
     assert int(np.isfinite(joint.observed[:, 0]).sum()) == 20
-    with pytest.raises(DataError, match="again: every run of it is in another set too; leave it out"):
+    with pytest.raises(DataError, match="again: every run"):
         join_sets([small, other])

@@ -12,7 +12,7 @@ from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.verdict import SCHEMA
 from rover_pin.experiments.motor_brake import MotorBrake
 from rover_pin.loop.close import close_the_loop
-from rover_pin.loop.standalone import read_standalone
+from rover_pin.loop.experiment_file import read_experiment
 from tests.oracle import brake_generator as hidden
 
 FILE = Path(shipped.__file__)
@@ -73,7 +73,7 @@ def test_user_copy_is_found_by_path_and_the_verdict_is_written(tmp_path):
         ("x = 1\n", "here there is none"),
         ("x = nothing\n", "bench.py, line 1: the code there ends with NameError"),
         (
-            "from rover_pin.discrepancy.standalone import Standalone\nclass Half(Standalone): pass\n",
+            "from rover_pin.discrepancy.experiment import FileExperiment\nclass Half(FileExperiment): pass\n",
             "here there is none",
         ),
     ],
@@ -82,4 +82,4 @@ def test_a_file_that_is_no_experiment_is_refused(tmp_path, text, said):
     if text is not None:
         (tmp_path / "bench.py").write_text(text)
     with pytest.raises(DataError, match=said):
-        read_standalone(tmp_path, tmp_path / "bench.py")
+        read_experiment(tmp_path, tmp_path / "bench.py")

@@ -106,7 +106,7 @@ def test_data_that_it_cannot_read_get_one_sentence(tmp_path):
     (tmp_path / "bench.toml").write_text(text)
     runs = (tmp_path / "runs.csv").read_text()
     (tmp_path / "runs.csv").write_text(runs.replace("run 0,0.040", "run 0,0.010"))
-    with pytest.raises(DataError, match="time_s does not grow"):
+    with pytest.raises(DataError, match="time_s must increase"):
         Pendulum.read(tmp_path)
 
 

@@ -46,7 +46,7 @@ def test_table_without_hidden_effect_needs_none_and_gives_soil(tmp_path):
     assert found.after.misfit < 1.5
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_digging_is_found_in_a_sufficiently_fine_table(tmp_path):
     """n + 0.8 S, an SD of 0.003, slips up to 0.57: chi2 falls by 15, and a smooth function may do as well."""
     made = folder(tmp_path, sd=0.003, slopes=(*generator.SLOPES, 16.0, 18.0), digs=0.8)
@@ -72,8 +72,8 @@ def test_a_slope_that_no_slip_climbs_is_stuck(tmp_path):
     [
         (TOML.replace("slip-slope", "slope"), "", "kind = 'slope'"),
         (TOML + "[motor]\nsupply = 1\n", "", "there is no key 'motor'"),
-        (TOML, "run,slope_deg,slip,slip_sd\na,0.2,55,1\n", "not percent"),
-        (TOML, "run,slope_deg,slip,slip_sd\na,95,0.2,0.1\n", "give degrees, within 45"),
+        (TOML, "run,slope_deg,slip,slip_sd\na,0.2,55,1\n", "not in percent"),
+        (TOML, "run,slope_deg,slip,slip_sd\na,95,0.2,0.1\n", "but the limit is 45; give degrees"),
         (TOML, "run,slope_deg,slip,slip_sd\na,5,0.2,0\n", "slip_sd must be above 0"),
         (TOML, "run,slope,slip,slip_sd\na,5,0.2,0.1\n", "slope_deg"),
     ],

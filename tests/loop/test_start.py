@@ -45,5 +45,5 @@ def test_a_rovers_model_goes_to_a_rig_without_what_a_rig_has_not(tmp_path, caplo
     assert start.wheel == Wheel(0.0625, 0.06)
     assert start.soil == model.soils[0]
     assert [type(effect) for effect in start.effects] == [SoilTraction, MotionResistance, ExitAngle]
-    assert "model.toml: WeakMotor cannot act at a wheel on a rig: left out." in caplog.text
+    assert "model.toml: WeakMotor" in caplog.text
     assert np.isfinite(start.predict([20.0, 20.0], [0.1, 0.4]).drawbar_pull).all()

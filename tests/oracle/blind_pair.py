@@ -9,7 +9,7 @@ import numpy as np
 
 from rover_pin.simulation.command import Command
 from rover_pin.simulation.simulate import Timing, simulate
-from rover_pin.simulation.start.place import Start, settled_state
+from rover_pin.simulation.start import Start, settled_state
 
 HERE = Path(__file__).parent / "blind"
 if "blind" not in sys.modules:

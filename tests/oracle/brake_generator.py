@@ -14,8 +14,11 @@ supply = {{ value = {V}, unit = "V" }}
 """
 
 
-def write(folder, seed, viscous=0.0, square=0.0, resistance=1.03, runs=5, samples=6):
-    """Write points of a motor whose resistance is off, with friction viscous w + square w^2; return the folder."""
+def write(folder, seed, viscous=0.0, square=0.0, dead=0.0, resistance=1.03, runs=5, samples=6):
+    """Write points of a motor whose resistance is off; return the folder.
+
+    Hidden: friction viscous w + square w^2; a driver that swallows a duty of `dead`.
+    """
     random, K = np.random.default_rng(seed), GEAR * K_T
     rows = [HEADER]
     for duty in np.linspace(0.3, 1.0, runs):
@@ -23,7 +26,7 @@ def write(folder, seed, viscous=0.0, square=0.0, resistance=1.03, runs=5, sample
             low, high = 0.0, 2.0 * V / K
             for _ in range(80):
                 rate = (low + high) / 2
-                current = (duty * V - K * rate) / (resistance * R)
+                current = (max(duty - dead, 0.0) * V - K * rate) / (resistance * R)
                 slow = K * current - viscous * rate - square * rate * abs(rate) > load
                 low, high = (rate, high) if slow else (low, rate)
             seen = np.array([rate, current]) + np.array(SD) * random.normal(size=2)

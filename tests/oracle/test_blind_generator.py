@@ -23,8 +23,7 @@ from rover_pin.effects.motion_resistance import MotionResistance
 from rover_pin.logs.drive_log import read_drive_log
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.simulate import Timing
-from rover_pin.terrain.profile import Profile
-from rover_pin.terrain.terrain import Lanes
+from rover_pin.terrain.terrain import Lanes, Profile
 
 HERE = Path(__file__).parent / "blind"
 if "blind_pair" not in sys.modules:
@@ -103,8 +102,8 @@ def test_it_imports_nothing_of_the_package():
     ("effect", "ways", "duration", "resistance"),
     [
         ("none", slice(1, 3), 1.5, RESISTANCE),
-        pytest.param("none", slice(None), 20.0, RESISTANCE, marks=pytest.mark.slow),
-        pytest.param("none", slice(None), 20.0, SKIDDING, marks=pytest.mark.slow),
+        pytest.param("none", slice(None), 20.0, RESISTANCE, marks=pytest.mark.nightly),
+        pytest.param("none", slice(None), 20.0, SKIDDING, marks=pytest.mark.nightly),
         pytest.param("DifferentialCompliance", slice(1, 3), 6.0, RESISTANCE, marks=pytest.mark.slow),
     ],
     ids=["in short", "a whole run", "a run that skids", "a soft differential"],

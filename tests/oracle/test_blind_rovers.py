@@ -19,8 +19,7 @@ from rover_pin.effects.multi_pass import MultiPass
 from rover_pin.effects.pivot_friction import PivotFriction
 from rover_pin.experiments.drive_log.model import base_model
 from rover_pin.logs.drive_log import read_drive_log
-from rover_pin.terrain.profile import Profile
-from rover_pin.terrain.terrain import Lanes
+from rover_pin.terrain.terrain import Lanes, Profile
 
 HERE = Path(__file__).parent / "blind"
 if "blind_pair" not in sys.modules:

@@ -98,7 +98,7 @@ def test_xarray_is_requested_if_missing_and_used_if_present(monkeypatch):
 
     trace = Trace({"t_s": [0.0, 1.0], "body_x": [0.0, 0.5]})
     monkeypatch.setitem(sys.modules, "xarray", None)
-    with pytest.raises(MissingExtraError, match=r"xarray:.*install"):
+    with pytest.raises(MissingExtraError, match=r"xarray.*install"):
         trace.to_xarray()
     made = types.SimpleNamespace(Dataset=lambda data, coords, attrs: (data, coords, attrs))
     monkeypatch.setitem(sys.modules, "xarray", made)

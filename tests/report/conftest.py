@@ -18,23 +18,23 @@ from rover_pin.effects.supply_sag import SupplySag
 from rover_pin.effects.torque_saturation import TorqueSaturation
 from rover_pin.effects.weak_motor import WeakMotor
 from rover_pin.estimation.fit import fit
+from rover_pin.estimation.least_squares import Task
 from rover_pin.estimation.noise import first_noise, noise_of
-from rover_pin.estimation.task import Task
 from rover_pin.experiments.drive_log.candidates import candidate_of
 from rover_pin.experiments.drive_log.experiment import experiment_of
 from rover_pin.experiments.drive_log.features import logged_run
 from rover_pin.experiments.drive_log.free_runs import DriveExtra, free_runs
-from rover_pin.experiments.drive_log.parameters import parameter
+from rover_pin.experiments.drive_log.model import parameter
 from rover_pin.experiments.unlisted.actions import FORCE, Act
 from rover_pin.experiments.unlisted.regressors import Argument, Hats, Polynomial
 from rover_pin.experiments.unlisted.residual import DriveChannelResidual, DriveResidual
-from rover_pin.experiments.unlisted.term import Term
+from rover_pin.experiments.unlisted.terms import Term
 from rover_pin.inference.beliefs import Beliefs
 from rover_pin.logs.drive_log import DriveLog, LogMetadata
 from rover_pin.measurements.checks import Finding
-from rover_pin.simulation.replay import PERIOD, Commands, replay
+from rover_pin.simulation.replay import PERIOD, ReplayCommands, replay
 from rover_pin.simulation.sensors import Sensors, measure
-from rover_pin.simulation.start.place import Start
+from rover_pin.simulation.start import Start
 from rover_pin.simulation.trace.trace import Trace
 from tests.experiments.drive_log.linear_drive import MODEL
 
@@ -45,7 +45,7 @@ def log_of(truth, seed):
     t = PERIOD * np.arange(round(SECONDS / PERIOD))
     duty = np.random.default_rng(seed).uniform(0.45, 0.85, 2)[np.arange(len(t)) * 2 // len(t)]
     steer = np.zeros((len(t), sum(wheel.steer_dof is not None for wheel in truth.rover.wheels)))
-    told = Commands(t, np.repeat(duty[:, None], 6, axis=1), steer, np.full((len(t), 3), np.nan), Start())
+    told = ReplayCommands(t, np.repeat(duty[:, None], 6, axis=1), steer, np.full((len(t), 3), np.nan), Start())
     duties = {f"duty_{wheel.name}": told.duty[:, at] for at, wheel in enumerate(truth.rover.wheels)}
     attrs = {"start": dataclasses.asdict(told.start), "file": f"run_{seed}.csv"}
     trace = measure(Trace({**replay(truth, told).channels, **duties}), Sensors(), seed, truth.sensor_effects)

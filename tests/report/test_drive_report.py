@@ -7,24 +7,23 @@ import numpy as np
 import pytest
 
 from rover_pin.discrepancy.answer import Answer
-from rover_pin.discrepancy.fold_refits import losses_of
-from rover_pin.discrepancy.held_out_errors import together
+from rover_pin.discrepancy.held_out_errors import losses_of, together
 from rover_pin.effects.point_mass import PointMass
-from rover_pin.estimation.noise import huber_weights
-from rover_pin.experiments.drive_log.free_runs import DriveExtra, extra_of
+from rover_pin.estimation.residual import huber_weights
+from rover_pin.experiments.drive_log.free_runs import DriveExtra, cautions, extra_of
 from rover_pin.inference.cause import SIZE_SD
-from rover_pin.report.drive import ghost
-from rover_pin.report.drive.report import at_full_duty, cautions, free_runs_section, labels_of, sides_of, write_report
+from rover_pin.report.drive import report as drive_report
+from rover_pin.report.drive.report import at_full_duty, free_runs_section, labels_of, sides_of, write_report
 from rover_pin.report.drive.runs import Sides, channel_to_show, effect_picture
+from rover_pin.report.sections.causes import sensitivities, sensitivity_section
 from rover_pin.report.sections.held_out import held_out_section
 from rover_pin.report.sections.numbers import most_correlated, number_table
 from rover_pin.report.sections.physics import channel_changes, physics_section
-from rover_pin.report.sections.sensitivity import sensitivities, sensitivity_section
 
 SECTIONS = [
-    "Driven freely", "Seen in 3D", "Error on data that were not fitted", "Where the error lives",
-    "What was added, and how much it does", "Which cause", "Fitted numbers", "What is left", "What could not be told",
-    "Warnings", "The data check", "To repeat it",
+    "Free runs", "3D view", "Held-out errors", "Residuals against time",
+    "Added effects and their influence", "Probabilities of the causes", "Fitted numbers", "Remaining residual",
+    "Detection limits", "Warnings", "The data check", "To repeat this run",
 ]  # fmt: skip
 
 
@@ -51,7 +50,7 @@ QUICK = (Answer.NAMED, Answer.NONE_NEEDED)
     "answer", [pytest.param(answer, marks=[] if answer in QUICK else [pytest.mark.slow]) for answer in Answer]
 )
 def test_every_answer_has_its_page(made, answered, answer, tmp_path, monkeypatch):
-    monkeypatch.setattr(ghost, "find_spec", lambda name: None)  # the scene has a test of its own
+    monkeypatch.setattr(drive_report, "find_spec", lambda name: None)  # the scene has a test of its own
     one = answered(answer)
     page = page_of(made, one, tmp_path)
     assert f"<b>{answer.value[0].upper()}{answer.value[1:]}.</b>" in page
@@ -61,7 +60,7 @@ def test_every_answer_has_its_page(made, answered, answer, tmp_path, monkeypatch
     assert ("draft_effect" in page, "again: try --it" in page) == (drafted, drafted)
     assert ("held-out path: RMSE" in page) == drafted
     assert ("model with supply sag" in page) == added
-    assert ("What was added" in page) == added
+    assert ("Added effects" in page) == added
     assert "+0%" not in page
 
 
@@ -87,7 +86,7 @@ def test_names_are_text_whatever_they_hold(made, verdict, tmp_path):
 
 def test_the_scene_is_of_the_run_that_strays_furthest(made, verdict):
     pytest.importorskip("viser")
-    content = ghost.ghosts(verdict, made[0], sides_of(verdict))().content
+    content = drive_report.ghosts(verdict, made[0], sides_of(verdict))().content
     worst = max(extra_of(verdict).free, key=lambda one: one.before)
     assert content["run"] == worst.run
     assert "orange: base model" in content["page"]
@@ -96,9 +95,9 @@ def test_the_scene_is_of_the_run_that_strays_furthest(made, verdict):
 
 
 def test_without_viser_the_page_says_what_the_scene_takes(made, verdict, monkeypatch, tmp_path):
-    monkeypatch.setattr(ghost, "find_spec", lambda name: None)
+    monkeypatch.setattr(drive_report, "find_spec", lambda name: None)
     text = page_of(made, verdict, tmp_path)
-    assert "pip install 'rover-pin[view]'" in text
+    assert "pip install &#34;viser&gt;=1.0&#34;" in text
     assert "<iframe" not in text
 
 

@@ -12,8 +12,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.report import page as page_module
 from rover_pin.report.drive.report import write_report
+from rover_pin.report.experiment import panel
 from rover_pin.report.page import mark_code
-from rover_pin.report.standalone.report import panel
 from rover_pin.report.words import key
 
 CSS, ZOOM = ((Path(page_module.__file__).parent / name).read_text(encoding="utf-8") for name in ("page.css", "zoom.js"))

@@ -6,16 +6,17 @@ import numpy as np
 import pytest
 
 from rover_pin.contact import Contact, Soil, Wheel
-from rover_pin.discrepancy.fold_refits import held_out_residual
-from rover_pin.estimation.experiment import residual
+from rover_pin.discrepancy.held_out_errors import held_out_residual
+from rover_pin.estimation.residual import residual
 from rover_pin.experiments.unlisted.residual import DriveResidual, channel_residuals
-from rover_pin.experiments.wheel_rig.residual import draft_effect
-from rover_pin.loop.rig import on_rig
+from rover_pin.experiments.wheel_rig.describe import draft_effect
+from rover_pin.experiments.wheel_rig.loop_data import RigData
+from rover_pin.loop.close import verdict_on
 from rover_pin.report.drive.residual import channel_table
 from rover_pin.report.drive.runs import Sides, residual_panels, worst_runs
 from rover_pin.report.rig.figures import residual_panels as rig_residual_panels
 from rover_pin.report.rig.report import test_table as table_of_tests
-from rover_pin.simulation.model.effect_files import user_effects
+from tests.experiments.drafts import SameLaw, effect_in
 from tests.experiments.drive_log import linear_drive as drive
 from tests.experiments.wheel_rig import linear_rig as rig
 
@@ -35,7 +36,7 @@ def deeper():
     rows = np.concatenate([np.zeros(rig.RUNS), rise]) + 0.1 * random.normal(size=2 * rig.RUNS)
     alike = np.cos(40 * np.arange(2 * rig.RUNS))
     made = rig.made(rows, {"soil.phi": rig.law_of("soil.phi", alike)}, ("soil.phi",))
-    return made, on_rig(made, rig.MODEL, None, lambda said: None, 0)
+    return made, verdict_on(RigData(made, rig.MODEL))
 
 
 def test_the_fit_and_the_levels_left_out_have_the_sign(deeper):
@@ -75,10 +76,11 @@ def test_the_figure_of_what_is_left_has_the_sign(deeper):
 def test_the_draft_of_what_is_left_takes_it_away(deeper, tmp_path):
     """Its depth is that of the contact less what is missing: h + (measured - model) is what the rig shows."""
     made, verdict = deeper
-    (tmp_path / "draft.py").write_text(draft_effect(made.sets[0], verdict.extra.before.residuals))
-    (kind,) = user_effects(tmp_path / "draft.py")
+    described = made.sets[0], verdict.extra.before.residuals
+    drafted = draft_effect(*described)
+    law = SameLaw(drafted.effect, effect_in(drafted.text, tmp_path))
     contact = Contact(0.7, 0.0, 0.01, 0.05, 0.0, 0.0, 0.06, 0.0, 0.0, Wheel(), Soil())
-    assert float(kind().amend(contact, ()).h) == pytest.approx(0.01 - 4e-3, abs=3e-4)
+    assert float(law.amend(contact, ()).h) == pytest.approx(0.01 - 4e-3, abs=3e-4)
 
 
 # --- the drive report ------------------------------------------------------------------------------------------------

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from rover_pin.contact import Contact, Load, Wheel
+from rover_pin.experiments.wheel_rig.describe import channel_residuals, draft_effect
 from rover_pin.experiments.wheel_rig.model import RigModel
-from rover_pin.experiments.wheel_rig.residual import channel_residuals, draft_effect
 from rover_pin.measurements.rig_reading import read_rig_set
 from rover_pin.parameters import SOILS
 from rover_pin.report.rig.figures import channel_panels, load_caption, looks
 from rover_pin.report.rig.report import meanings
-from rover_pin.simulation.model.effect_files import effects_of_text
+from tests.experiments.drafts import SameLaw, effect_in
 from tests.oracle.rig_generator import TWO_CHANNELS
 
 SLIPS = (-0.7, 0.0, 0.3, 0.6)
@@ -65,10 +65,11 @@ def test_offset_quadratic_in_the_load_is_described_and_drafted(tmp_path):
     assert left[0].of_load == pytest.approx([2.0, 12.0])
     assert left[0].is_curved
     assert not left[1].is_curved
-    assert "+2 (W / mean W - 1) +12 (W / mean W - 1)^2 N, which takes 100% of it" in left[0].sentence
-    (kind,) = effects_of_text(draft_effect(data, left))
+    assert "+2 (W / mean W - 1) +12 (W / mean W - 1)^2 N" in left[0].sentence
+    drafted = draft_effect(data, left)
+    law = SameLaw(drafted.effect, effect_in(drafted.text, tmp_path))
     contact = Contact(0.2, 0.0, 0.01, 0.05, 0.0, 0.0, 0.06, 0.0, 0.0, Wheel(), SOILS["dry-sand"])
     for load, share in zip((20.0, 30.0, 40.0), w[:3], strict=True):
-        added = kind().load(contact, Load(f_n=load), ())
+        added = law.load(contact, Load(f_n=load), ())
         assert float(added.f_t) == pytest.approx(load / 30 * (2 * share + 12 * share**2))
         assert float(added.torque) == 0.0

@@ -14,17 +14,18 @@ from rover_pin.discrepancy.held_out_errors import ChannelScore
 from rover_pin.estimation.fit import covariance
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.estimation.wording import Against, Change, Outcome, against, format_value, in_words, interval
-from rover_pin.experiments.wheel_rig.diagnostics import Flag
+from rover_pin.experiments.wheel_rig.diagnostics import Flag, parameter_cautions
 from rover_pin.experiments.wheel_rig.experiment import RigExperiment
-from rover_pin.loop.rig import on_rig
+from rover_pin.experiments.wheel_rig.loop_data import RigData
+from rover_pin.loop.close import verdict_on
 from rover_pin.measurements.rig_reading import read_rig_set
 from rover_pin.measurements.rig_set import Independent
-from rover_pin.report.rig.report import of_parameters, write_report
+from rover_pin.report.rig.report import write_report
 from rover_pin.report.sections.held_out import heldout_panel
 from rover_pin.report.words import Labels
 from tests.experiments.wheel_rig import linear_rig as rig
 
-MANNER = Labels("on runs it never saw", "runs")
+MANNER = Labels("in runs that were not fitted", "runs")
 
 
 # --- changes ---------------------------------------------------------------------------------------------------------
@@ -109,7 +110,7 @@ def test_an_interval_that_covers_everything_says_nothing(ends, covered, says):
     assert flag.agrees == (says is Against.AGREES)
     assert f"] {says.value} 38 deg (stated)" in flag.sentence
     cautioned = {Against.AWAY: "sits away from", Against.NOTHING: "is not identified"}
-    (said, *rest) = of_parameters((), [flag]) or [""]
+    (said, *rest) = parameter_cautions((), [flag]) or [""]
     assert rest == []
     assert said == "" if says is Against.AGREES else cautioned[says] in said
 
@@ -120,7 +121,7 @@ def test_undetermined_constant_agrees_with_nothing():
     laws = {"soil.phi": rig.law_of("soil.phi", np.full(2 * rig.RUNS, 1e-4))}
     made = rig.made(random.normal(size=2 * rig.RUNS), laws, ("soil.phi",))
     data = dataclasses.replace(made.sets[0], declared={"phi": 0.6})
-    verdict = on_rig(dataclasses.replace(made, sets=(data,)), rig.MODEL, None, lambda said: None, 0)
+    verdict = verdict_on(RigData(dataclasses.replace(made, sets=(data,)), rig.MODEL))
     (flag,) = verdict.extra.before.flags
     assert flag.says is Against.NOTHING
     assert "nothing of 34.38 deg" in verdict.summary()
@@ -137,7 +138,7 @@ def nothing():
     """A rig verdict on noise: no effect is needed."""
     random = np.random.default_rng(0)
     rows, slope = (random.normal(size=2 * rig.RUNS) for _ in range(2))
-    verdict = on_rig(rig.made(rows, {"soil.phi": rig.law_of("soil.phi", slope)}), rig.MODEL, None, lambda said: None, 0)
+    verdict = verdict_on(RigData(rig.made(rows, {"soil.phi": rig.law_of("soil.phi", slope)}), rig.MODEL))
     assert verdict.answer is Answer.NONE_NEEDED
     return verdict
 

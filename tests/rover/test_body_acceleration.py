@@ -7,8 +7,14 @@ import pinocchio as pin
 import pytest
 
 from rover_pin.base.errors import ParameterError
-from rover_pin.rover.constraints import constraint_rows
-from rover_pin.rover.forward_dynamics import bias, forward_dynamics, forward_dynamics_aba, mass_matrix, wheel_jacobians
+from rover_pin.rover.forward_dynamics import (
+    bias,
+    constraint_rows,
+    forward_dynamics,
+    forward_dynamics_aba,
+    mass_matrix,
+    wheel_jacobians,
+)
 
 SEEDS = range(5)
 
@@ -61,13 +67,13 @@ def test_wheel_jacobians_are_derivatives(rover, random_state):
 @pytest.mark.parametrize(
     ("place", "value", "words"),
     [
-        (0, np.zeros(3), r"q.*\(3,\);.*\(27,\)"),
+        (0, np.zeros(3), r"q.*\(3,\).*\(27,\)"),
         (0, np.zeros(27), "quaternion .x,.*1"),
         (1, np.zeros(27), r"v.*shape \(27,\)"),
         (1, np.full(20, np.nan), "v.*number"),
         (1, np.r_[np.zeros(19), np.inf], "v.*number"),
         (2, np.zeros(6), r"torques.*\(6,\)"),
-        (3, np.zeros((4, 6)), r"wheel_forces has shape \(4, 6\); this rover's must be \(6, 6\)"),
+        (3, np.zeros((4, 6)), r"wheel_forces has shape \(4, 6\), but this rover needs \(6, 6\)"),
     ],
 )
 def test_arrays_that_do_not_fit_are_refused(nexus6, random_state, place, value, words):

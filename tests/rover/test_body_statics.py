@@ -14,9 +14,8 @@ from hypothesis import strategies as st
 from rover_pin.base.errors import ParameterError
 from rover_pin.effects.spring_damper import SpringDamper
 from rover_pin.rover.driven_loads import configuration, driven_loads, footing, turning
-from rover_pin.rover.rover import load_rover
+from rover_pin.rover.rover import is_symmetric, load_rover
 from rover_pin.rover.statics import wheel_loads
-from rover_pin.rover.symmetry import is_symmetric
 
 NEXUS6 = load_rover("nexus6")
 WEIGHT = 5.8 * 9.81

@@ -11,9 +11,8 @@ import pytest
 
 from rover_pin import Trace, load_rover, scenario
 from rover_pin.base.errors import UrdfError
-from rover_pin.rover.constraints import constraint_rows
 from rover_pin.rover.description.layout import shipped_toml
-from rover_pin.rover.forward_dynamics import forward_dynamics, forward_dynamics_aba, mass_matrix
+from rover_pin.rover.forward_dynamics import constraint_rows, forward_dynamics, forward_dynamics_aba, mass_matrix
 from rover_pin.rover.statics import wheel_loads
 from rover_pin.rover.urdf_check import check_urdf
 from rover_pin.simulation.replay import commands, replay
@@ -295,7 +294,7 @@ def test_a_small_fixed_links_inertia_is_a_note(tmp_path):
         ({"base_rpy": [1, 2]}, r"base_rpy = \[1, 2\]"),
         ({"wheels": {"front": ["fl", "fr"], "rear": "rl"}}, "wheels.rear = 'rl'"),
         ({"wheel": {"r": 0.1}}, r"\[wheel\].*'b'.*'front'"),
-        ({"springs": {"rocker": {"k_s": 1}}}, r"\[springs\] names 'rocker', which \[suspension\] has not"),
+        ({"springs": {"rocker": {"k_s": 1}}}, r"\[springs\] names 'rocker', which \[suspension\] does not have"),
         ({"motor": {"stall_torque": 1}}, r"\[motor\].*'no_load_speed'"),
         ({"motor": {"stall_torque": -1, "no_load_speed": 2}}, "MotorSheet.stall_torque = -1 N"),
     ],
@@ -313,5 +312,5 @@ def test_joints_mimicking_in_a_ring_or_by_two_ratios_are_refused(tmp_path):
         load_rover(write(tmp_path, farm, {**THREE_AXLES, **ROCKERS, "coupled": ring}))
     farm.link("bar", "body", "revolute", "0 0 0.5", "0 0 1")
     both = {"rocker_l": {"joint": "bar", "ratio": 2.0}, "rocker_r": {"joint": "bar", "ratio": 2.0}}
-    with pytest.raises(UrdfError, match=r"joint 'rocker_r' would follow .* at once; mend its <mimic>"):
+    with pytest.raises(UrdfError, match=r"joint 'rocker_r' would follow .* at once"):
         load_rover(write(tmp_path, farm, {**THREE_AXLES, **ROCKERS, "coupled": both}))

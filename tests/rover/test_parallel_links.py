@@ -9,12 +9,11 @@ import pytest
 
 from rover_pin import ConstantDuty, load_rover, scenario, simulate
 from rover_pin.base.errors import UrdfError
-from rover_pin.rover.constraints import constraint_rows
-from rover_pin.rover.forward_dynamics import forward_dynamics, forward_dynamics_aba
+from rover_pin.rover.forward_dynamics import constraint_rows, forward_dynamics, forward_dynamics_aba
 from rover_pin.rover.urdf_check import check_urdf
 from rover_pin.simulation.compiled.kernel import Kernel
-from rover_pin.simulation.plain.step import Plain
-from rover_pin.simulation.start.place import Start, hovering
+from rover_pin.simulation.plain.step import PlainStepper
+from rover_pin.simulation.start import Start, hovering
 
 LINKS = load_rover("nexus6_links")
 HALF, BARS = 0.075, 0.03
@@ -123,7 +122,7 @@ def test_differential_torque_closes_equation_8_at_a_rocker():
 def test_compiled_and_plain_step_agree_and_hold_the_links():
     model = scenario("one-sided-bump", rover="nexus6_links").model
     states = [hovering(model, Start(x=0.35)) for _ in range(2)]
-    steppers = [kind(model, state, 0.005, False) for kind, state in zip((Kernel, Plain), states, strict=True)]
+    steppers = [kind(model, state, 0.005, False) for kind, state in zip((Kernel, PlainStepper), states, strict=True)]
     for _ in range(60):
         for stepper in steppers:
             stepper.duty[:] = 0.55
@@ -148,9 +147,9 @@ def test_a_drive_with_parallel_links_keeps_its_energy():
         (
             'joint="bogie_l" multiplier="1" offset="0"',
             'joint="bogie_l" multiplier="1" offset="0.1"',
-            "offset 0.1; one that",
+            "offset 0.1; a joint that",
         ),
-        ('joint="bogie_l" multiplier="1"', 'joint="bogie_l" multiplier="0"', "multiplier 0 and offset 0; one that"),
+        ('joint="bogie_l" multiplier="1"', 'joint="bogie_l" multiplier="0"', "multiplier 0 and offset 0; a joint that"),
     ],
 )
 def test_joints_that_cannot_follow_get_a_sentence(tmp_path, old, new, words):

@@ -105,6 +105,6 @@ def test_the_command_says_who_carries_nothing(run, tmp_path):
     path = write(tmp_path, raised(0.08), THREE_AXLES)
     code, out, _ = run("check-urdf", path, "--json")
     assert code == 0
-    assert "ml, mr carry nothing, 80 mm or more above it" in json.loads(out)["stands"]
+    assert "ml, mr carry nothing, 80 mm or more above the ground" in json.loads(out)["stands"]
     path = write(tmp_path, raised(0.001), THREE_AXLES)
     assert "carry nothing" not in run("check-urdf", path, "--json")[1]

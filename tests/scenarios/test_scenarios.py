@@ -136,7 +136,7 @@ def test_log_declares_its_resistance_and_the_loop_starts_with_it(tmp_path):
     [
         ({"cruise_slip": 0.05, "form": "net"}, "compaction resistance"),
         ({"cruise_slip": -0.9}, r"resistance R.*\[0, 1\]"),
-        ({"cruise_slip": 1.5}, r"give.*\(-1, 1\]"),
+        ({"cruise_slip": 1.5}, r"[Gg]ive.*\(-1, 1\]"),
         ({"cruise_slip": 0.1, "effect.MotionResistance.R": 0.1}, "both.*R"),
         ({"control": "pid"}, "control = 'pid'"),
         ({"form": "nett"}, "mean 'net'"),

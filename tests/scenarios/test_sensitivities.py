@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from rover_pin.base.errors import ParameterError
-from rover_pin.scenarios.along import course_of, drive_along
 from rover_pin.scenarios.scenario import scenario, settings_of
-from rover_pin.scenarios.sensitivities import WIDTH, sensitivities
+from rover_pin.scenarios.sensitivities import RELATIVE_WIDTH as WIDTH
+from rover_pin.scenarios.sensitivities import course_of, drive_along, sensitivities
 
 EIGHTH = {1: 4 / 5, 2: -1 / 5, 3: 4 / 105, 4: -1 / 280}
 """Weights of f(p + i h) - f(p - i h), over h, whose error is of the eighth order."""

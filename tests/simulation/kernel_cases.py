@@ -17,12 +17,12 @@ from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.effects.spring_damper import SpringDamper
 from rover_pin.effects.supply_sag import SupplySag
 from rover_pin.effects.tether_drag import TetherDrag
-from rover_pin.parameters.hard import HARD_GROUND
-from rover_pin.rover.constraints import constraint_rows
+from rover_pin.parameters.soils import HARD_GROUND
+from rover_pin.rover.forward_dynamics import constraint_rows
 from rover_pin.simulation.compiled.kernel import Kernel
 from rover_pin.simulation.model.model import base_effects
 from rover_pin.simulation.native.shared import RECORD
-from rover_pin.simulation.start.place import Start
+from rover_pin.simulation.start import Start
 from rover_pin.soil.angles import SinkageAngles
 from rover_pin.soil.wheel_forces import NetTraction
 from rover_pin.terrain import shapes

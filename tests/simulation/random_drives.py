@@ -8,9 +8,9 @@ import numpy as np
 
 from rover_pin import ConstantDuty, Model, Motor, SlipControl, Soil, Wheel, load_rover, simulate
 from rover_pin.base.quantity import quantities
+from rover_pin.control.open_loop import Turn
 from rover_pin.control.slip_control import Gains
 from rover_pin.control.slip_estimate import TrueSlip
-from rover_pin.control.steering import Turn
 from rover_pin.control.torque_check import TorqueLimit
 from rover_pin.effects.bulldozing import Bulldozing
 from rover_pin.effects.dead_band import DeadBand
@@ -28,7 +28,7 @@ from rover_pin.effects.slip import AlgebraicSlip, RelaxedSlip
 from rover_pin.effects.slip_sinkage import SlipSinkage
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.effects.viscous_friction import ViscousFriction
-from rover_pin.simulation.start.place import Start
+from rover_pin.simulation.start import Start
 from rover_pin.soil.angles import FixedAngles, SinkageAngles
 from rover_pin.soil.wheel_forces import GrossTraction, NetTraction, TorqueTraction
 from rover_pin.terrain import shapes

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from rover_pin.base.errors import SimulationError
 from rover_pin.scenarios.scenario import scenario
-from rover_pin.simulation.timing import DT, TOLERANCE, Timing
+from rover_pin.simulation.stepping.timing import DT, TOLERANCE, Timing
 
 
 @given(

@@ -7,7 +7,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from rover_pin.effects.effect import Body, BodyEffect, Push
-from rover_pin.simulation.compiled.body_law import Joints, body_law, elastic_energy
+from rover_pin.simulation.compiled.body_law import body_law, elastic_energy
+from rover_pin.simulation.state import Joints
 
 JOINTS = Joints(3, (2, 0), ("rocker_r", "bogie_l", "rocker_l"))
 M = 6 + JOINTS.number

@@ -9,8 +9,8 @@ from rover_pin import scenario, simulate
 from rover_pin.base.errors import SimulationError
 from rover_pin.effects.digging_memory import DiggingMemory
 from rover_pin.effects.winding_heating import WindingHeating
-from rover_pin.simulation.checkpoint import DriveEnd
-from rover_pin.simulation.timing import Timing
+from rover_pin.simulation.state import DriveEnd
+from rover_pin.simulation.stepping.timing import Timing
 
 
 def case_of(name, **settings):
@@ -49,9 +49,9 @@ def test_what_cannot_go_on_is_told():
     end = simulate(model, case.controller, 0.12, case.start, Timing(control=0.05, sample=0.02)).end
     assert isinstance(end, DriveEnd)
     for words, changes in (
-        ("between two control times 0.05 s apart", {"timing": Timing(control=0.05, sample=0.02)}),
-        ("as it began: give the same", {"timing": Timing()}),
-        ("as it began: give the same", {"timing": Timing(control=0.05, sample=0.02), "symmetric": True}),
+        ("control period 0.05 s", {"timing": Timing(control=0.05, sample=0.02)}),
+        ("same timing", {"timing": Timing()}),
+        ("same timing", {"timing": Timing(control=0.05, sample=0.02), "symmetric": True}),
     ):
         with pytest.raises(SimulationError, match=words):
             simulate(model, case.controller, 1.0, end, **changes)

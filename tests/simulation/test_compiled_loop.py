@@ -8,21 +8,19 @@ import pytest
 
 from rover_pin import ConstantDuty, Trace, scenario, simulate
 from rover_pin.simulation import replay as replays
-from rover_pin.simulation.checkpoint import Checkpoint
 from rover_pin.simulation.compiled.kernel import Kernel
-from rover_pin.simulation.compiled_run import run_compiled
-from rover_pin.simulation.driving import Drive
+from rover_pin.simulation.driving import RunningDrive, run_compiled
 from rover_pin.simulation.failure import failure
-from rover_pin.simulation.native.control import Commands, commands_of
-from rover_pin.simulation.native.loop import Loop, Outcome
+from rover_pin.simulation.native.control import CompiledController, commands_of
+from rover_pin.simulation.native.loop import Loop, LoopStatus
 from rover_pin.simulation.native.shared import RECORD
-from rover_pin.simulation.pace import FINEST, Pace
 from rover_pin.simulation.plain.run import record_of_instant, run_plain
-from rover_pin.simulation.plain.step import Plain
-from rover_pin.simulation.start.place import Start, settled_state, shared_rest, taken_over
-from rover_pin.simulation.state import base_rotation, roll_pitch_yaw
-from rover_pin.simulation.timing import DT, Timing
-from rover_pin.simulation.trace.rows import row_type
+from rover_pin.simulation.plain.step import PlainStepper
+from rover_pin.simulation.start import Start, settled_state, shared_rest, taken_over
+from rover_pin.simulation.state import Checkpoint, base_rotation, roll_pitch_yaw
+from rover_pin.simulation.stepping.pace import FINEST, Pace
+from rover_pin.simulation.stepping.timing import DT, Timing
+from rover_pin.simulation.trace.record import row_type
 from tests.simulation import random_drives
 
 MOTORS = [RECORD.index(name) for name in ("torque", "current", "supply")]
@@ -55,7 +53,11 @@ def both(case, timing):
             case.controller.reset()
         kernel, times = Kernel(begun, state, timing.dt, symmetric=False), []
         ran.append(
-            (run(Drive(begun, state, kernel, case.controller, timing), case.duration, times.append), times, state)
+            (
+                run(RunningDrive(begun, state, kernel, case.controller, timing), case.duration, times.append),
+                times,
+                state,
+            )
         )
     return ran
 
@@ -165,7 +167,7 @@ def held(run, trace, model):
     return replays.commands(bare, tuple(wheel.name for wheel in model.rover.wheels), steered)
 
 
-@pytest.mark.parametrize("step", [Kernel, Plain])
+@pytest.mark.parametrize("step", [Kernel, PlainStepper])
 def test_a_replay_held_to_wheel_rates_is_the_plain_one(step):
     case, run = logged("ditch", 1.5)
     run = held(run, case.drive(), case.model)
@@ -237,8 +239,8 @@ def loop_of(steps=6, per_sample=2, **more):
 def test_a_drive_that_goes_on_asks_where_it_ended(steps):
     loop = loop_of(per_sample=1, per_control=1)
     loop.ask()
-    loop.go_on(Checkpoint(1.0, steps, FINEST))
-    assert loop.run(6) is Outcome.ASKS
+    loop.continue_from(Checkpoint(1.0, steps, FINEST))
+    assert loop.run(6) is LoopStatus.ASKS
     assert (loop.checkpoint.steps, loop.state.t) == (steps, pytest.approx(1.0 + 0.005 * steps))
 
 
@@ -246,7 +248,7 @@ class Fixed:
     """A controller that is built in, of so many wheels and servos."""
 
     def __init__(self, duty, steer):
-        self.commands = Commands(duty=duty, steer=steer)
+        self.commands = CompiledController(duty=duty, steer=steer)
 
     def __call__(self, reading):
         raise NotImplementedError

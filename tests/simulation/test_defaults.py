@@ -17,7 +17,7 @@ from rover_pin.rover.statics import wheel_loads
 from rover_pin.scenarios.scenes import scale_arguments
 from rover_pin.simulation.model.defaults import own_motor, own_soil
 from rover_pin.terrain import shapes
-from rover_pin.terrain.field import paper_field
+from rover_pin.terrain.shapes import paper_field
 from tests.rover import farm as made
 
 NEXUS6 = load_rover("nexus6")
@@ -33,7 +33,7 @@ def test_the_rule_for_the_soil_gives_nexus_6_its_own():
     """Table 1's k_1 was assumed by that rule; 3e-3 is the round 5.8 kg, 9.81 and the angle of the load."""
     soil, told = own_soil(dataclasses.replace(NEXUS6, soil={}))
     assert float(soil.k_1) == pytest.approx(float(SOILS["table-1"].k_1), rel=1e-4)
-    assert re.search("table-1 of k = 50 mm.*k_1 = 5.42e\\+04 Pa", told[0])
+    assert re.search("table-1 with k = 50 mm.*k_1 = 5.42e\\+04 Pa", told[0])
 
 
 @pytest.mark.parametrize("rover", ["nexus6", "nexus6_links", "cart"])
@@ -56,7 +56,7 @@ def test_the_sized_motor_turns_on_the_spot(rover_file):
     load = rover.mass * 9.81 / 6
     moment = 2 * math.tan(float(SLOPE_SAND.phi)) * load * (0.5333 + 0.0167 + 0.5167)
     assert 6 * 0.55 * float(motor.stall_torque) / 0.15 * 0.4 == pytest.approx(moment, rel=1e-3)
-    assert f"turns {rover.mass:.3g} kg on the spot" in told
+    assert f"turn {rover.mass:.3g} kg on the spot" in told
     speeds = [0.15 * float(motor.no_load_rate) / math.sqrt(0.15), 0.05 / 0.55 / math.sqrt(0.045)]
     assert speeds[0] == pytest.approx(speeds[1])
 
@@ -90,7 +90,7 @@ def test_a_heavy_rover_cruises_where_it_is_said_to(rover_file):
 
 def test_a_wheel_that_no_soil_carries_is_refused(rover_file):
     heavy = load_rover(rover_file).carrying(1e9)
-    with pytest.raises(ParameterError, match=r"no k_1 below 1e9 Pa carries .* name one"):
+    with pytest.raises(ParameterError, match=r"no soil constant k_1 below 1e9 Pa carries .* name a soil"):
         own_soil(heavy)
 
 

@@ -48,7 +48,7 @@ def test_every_effect_can_be_said_and_read_back(kind):
         ("DiggingMemory.cd=0.1", r"DiggingMemory.*'cd':.*'c_d'\?"),
         ("DiggingMemory.c_d", "'c_d'.*EFFECT.*EFFECT.name=value"),
         ("DiggingMemory.", "EFFECT.*EFFECT.name=value"),
-        ("DiggingMemory.c_d=0.1,,length=1", "'' sets nothing"),
+        ("DiggingMemory.c_d=0.1,,length=1", "'' sets no field"),
         ("DiggingMemory.c_d=much", "c_d = 'much'"),
         ("DiggingMemory.c_d=7", r"^effect DiggingMemory: DiggingMemory.c_d = 7.*\[0"),
         ("DiggingMemory.c_d_deg=7", "'c_d_deg'"),

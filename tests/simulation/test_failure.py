@@ -10,12 +10,12 @@ import pytest
 
 from rover_pin import load_rover, scenario
 from rover_pin.simulation.compiled.kernel import Kernel
-from rover_pin.simulation.compiled.suspension import suspension_places
 from rover_pin.simulation.failure import failure
 from rover_pin.simulation.model.model import BURIED
-from rover_pin.simulation.native.loop import Loop, Outcome
+from rover_pin.simulation.native.loop import Loop, LoopStatus
 from rover_pin.simulation.native.shared import RECORD
-from rover_pin.simulation.start.place import Start, hovering
+from rover_pin.simulation.start import Start, hovering
+from rover_pin.simulation.state import suspension_places
 
 ROVER = load_rover("nexus6")
 MODEL = SimpleNamespace(rover=ROVER, buried=BURIED)
@@ -47,7 +47,7 @@ def asked(roll=0.0, pitch=0.0, yaw=0.0, speed=0.0, depth=0.0, joint=0.0, way=1):
     record[2, RECORD.index("sinkage")] = depth * float(ROVER.wheels[2].wheel.r)
     reason = failure(MODEL, SimpleNamespace(q=q, v=v), record)
     if depth == 0.0 and math.isfinite(speed):
-        assert compiled(q, v)[0] is (Outcome.FAILS if reason else Outcome.DONE)
+        assert compiled(q, v)[0] is (LoopStatus.FAILS if reason else LoopStatus.DONE)
     return reason
 
 
@@ -67,7 +67,7 @@ def test_compiled_loop_measures_burial_by_the_wheel_radius(depth):
     sunk = compiled(q, v, touching)[1]["record"][:, at].max()
     outcome, row = compiled(q, v, touching + sunk - depth * r)
     assert row["record"][:, at].max() == pytest.approx(depth * r, rel=1e-6)
-    assert outcome is (Outcome.FAILS if depth > 0.5 else Outcome.DONE)
+    assert outcome is (LoopStatus.FAILS if depth > 0.5 else LoopStatus.DONE)
 
 
 @pytest.mark.parametrize("roll", [8.0, -8.0])
@@ -80,7 +80,7 @@ def test_the_compiled_loop_looks_at_every_wheel(roll, pitch):
     while (sunk := compiled(q, v, height)[1]["record"][:, at]).max() == 0.0:
         height -= 0.003
     deepest, r = int(np.argmax(sunk)), float(ROVER.wheels[0].wheel.r)
-    for depth, outcome in ((0.49, Outcome.DONE), (0.51, Outcome.FAILS)):
+    for depth, outcome in ((0.49, LoopStatus.DONE), (0.51, LoopStatus.FAILS)):
         found, row = compiled(q, v, height + sunk[deepest] - depth * r)
         assert row["record"][deepest, at] == pytest.approx(depth * r, rel=0.01)
         assert np.delete(row["record"][:, at], deepest).max() < 0.45 * r

@@ -16,7 +16,7 @@ from rover_pin.effects.motion_resistance import MotionResistance
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.command import Command
 from rover_pin.simulation.simulate import Timing, simulate
-from rover_pin.simulation.start.place import Start, settled_state
+from rover_pin.simulation.start import Start, settled_state
 
 HERE = Path(__file__).parents[1] / "oracle" / "independent"
 URDF = Path(__file__).parents[2] / "urdf" / "nexus6.urdf"

@@ -12,14 +12,13 @@ from rover_pin.base.errors import ParameterError
 from rover_pin.effects.gravity_tilt import GravityTilt
 from rover_pin.effects.point_mass import PointMass
 from rover_pin.effects.supply_sag import SupplySag
-from rover_pin.simulation.compiled import rover_numbers
+from rover_pin.simulation.compiled import drive_fields
+from rover_pin.simulation.compiled.drive_fields import line_of, terrain_fields
 from rover_pin.simulation.compiled.kernel import Kernel
-from rover_pin.simulation.compiled.terrain_numbers import line_of, terrain_fields
 from rover_pin.simulation.native.shared import N_FACET, N_PATCH
-from rover_pin.simulation.plain.step import Plain
-from rover_pin.simulation.start.place import Start, settled_state
-from rover_pin.terrain.profile import Profile
-from rover_pin.terrain.terrain import Lanes
+from rover_pin.simulation.plain.step import PlainStepper
+from rover_pin.simulation.start import Start, settled_state
+from rover_pin.terrain.terrain import Lanes, Profile
 from tests.simulation import kernel_cases as cases
 
 FLAT = scenario("flat").model
@@ -67,10 +66,10 @@ def test_kernel_without_energy_balance_moves_equally():
 @pytest.mark.parametrize(("limit", "most"), [("MAX_DOF", 20), ("MAX_COLS", 10)])
 def test_a_rover_with_more_joints_than_the_step_holds_is_refused(limit, most, monkeypatch):
     """Nexus 6 has 20 degrees of freedom: 6, four rockers, four servos, six wheels; 10 at most are above a wheel."""
-    made = rover_numbers.rover_fields.__wrapped__
-    monkeypatch.setattr(rover_numbers, limit, most)
+    made = drive_fields.rover_fields.__wrapped__
+    monkeypatch.setattr(drive_fields, limit, most)
     made(FLAT.built, 1e-3, 1.0, True, False)
-    monkeypatch.setattr(rover_numbers, limit, most - 1)
+    monkeypatch.setattr(drive_fields, limit, most - 1)
     with pytest.raises(ParameterError, match=r"20 degrees.*10"):
         made(FLAT.built, 1e-3, 1.0, True, False)
 
@@ -108,7 +107,7 @@ def test_a_drive_between_two_others_of_the_rover_changes_neither(change):
 ROVER, CASES = cases.ROVER, cases.CASES
 
 
-@pytest.mark.parametrize("kind", [Kernel, Plain])
+@pytest.mark.parametrize("kind", [Kernel, PlainStepper])
 def test_steps_that_are_taken_back_leave_nothing_behind(kind):
     """A motor whose current and supply, and gears whose wind-up, the next step reads as well."""
     made = CASES["two-widths"][0].having(SupplySag())

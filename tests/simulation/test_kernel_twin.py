@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from rover_pin.simulation.compiled.kernel import DIRECTION_SPEED, Kernel
-from rover_pin.simulation.plain.step import Plain
-from rover_pin.simulation.start.place import settled_state
+from rover_pin.simulation.plain.step import PlainStepper
+from rover_pin.simulation.start import settled_state
 from tests.simulation import kernel_cases as cases
 
 ROVER, CASES = cases.ROVER, cases.CASES
@@ -39,7 +39,7 @@ def test_steps_agree(name):
         cases.bent(state)
     kernel = Kernel(made, state, 0.005, symmetric=False)
     other = state.copy()
-    plain = Plain(made, other, 0.005, symmetric=False)
+    plain = PlainStepper(made, other, 0.005, symmetric=False)
     duty, steer = cases.DUTY.get(name, 1.0) * np.linspace(0.4, 0.9, 6), np.array([0.1, 0.12, -0.1, -0.12])
     for k in range(1200):
         if k == 900:
@@ -80,7 +80,7 @@ def test_a_step_agrees_that_is_made_symmetric():
 
 def assert_a_step_alike(made, state, symmetric):
     """Return what the second step found misjudged."""
-    plain, kernel = Plain(made, state.copy(), 0.005, symmetric), Kernel(made, state, 0.005, symmetric)
+    plain, kernel = PlainStepper(made, state.copy(), 0.005, symmetric), Kernel(made, state, 0.005, symmetric)
     for stepper in (plain, kernel):
         stepper.duty[:] = np.linspace(-0.3, 0.9, 6)
         stepper.servo_target[:] = [0.1, 0.12, -0.1, -0.12]
@@ -106,8 +106,8 @@ def test_what_a_step_misjudged_is_told_alike(share):
     """One load of one wheel at a time foreseen otherwise: of wheels that carry more than a share, and less of it."""
     made, start = CASES["two-widths"]
     state, told = settled_state(made, start), []
-    plain, kernel = Plain(made, state.copy(), 0.005, False), Kernel(made, state, 0.005, False)
-    plain.share = kernel.struct.wheel_share = share
+    plain, kernel = PlainStepper(made, state.copy(), 0.005, False), Kernel(made, state, 0.005, False)
+    plain.wheel_share = kernel.struct.wheel_share = share
     for _ in range(2):
         assert (plain.step(), kernel.step()) == (0, 0)
     saved = plain.saved_arrays(), kernel.saved_arrays()
@@ -139,7 +139,9 @@ def test_steps_agree_through_rest(name):
         states = [rest.copy(), rest.copy()]
         for state in states:
             through_rest(state, share)
-        kernel, plain = (kind(made, state, 0.005, False) for kind, state in zip((Kernel, Plain), states, strict=True))
+        kernel, plain = (
+            kind(made, state, 0.005, False) for kind, state in zip((Kernel, PlainStepper), states, strict=True)
+        )
         assert (kernel.step(), plain.step()) == (0, 0)
         assert states[1].v == pytest.approx(states[0].v, abs=1e-11)
         assert plain.loads == pytest.approx(kernel.loads, rel=1e-8, abs=1e-9)
@@ -152,7 +154,7 @@ def test_a_dropped_rover_is_the_same_in_both():
     state = settled_state(made, start)
     state.q[2] += 0.01
     other = state.copy()
-    kernel, plain = Kernel(made, state, 0.005, False), Plain(made, other, 0.005, False)
+    kernel, plain = Kernel(made, state, 0.005, False), PlainStepper(made, other, 0.005, False)
     for _ in range(40):
         assert (kernel.step(), plain.step()) == (0, 0)
     assert other.q == pytest.approx(state.q, abs=1e-9)

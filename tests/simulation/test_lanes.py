@@ -9,8 +9,7 @@ import pytest
 from rover_pin.base.errors import ParameterError
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.compiled import toolchain
-from rover_pin.simulation.compiled.constant_part import split_law
-from rover_pin.simulation.compiled.laws import GEOMETRY, contact_law, numbers
+from rover_pin.simulation.compiled.laws import GEOMETRY, contact_law, numbers, split_law
 from rover_pin.simulation.native import lanes
 
 

@@ -92,13 +92,13 @@ def test_an_effect_of_ones_own_keeps_its_file(tmp_path):
     assert (type(found).__name__, found.loud) == ("Squeak", 2.0)
     for content, says in (
         ("import nonsense_that_is_not", "squeak.py, line 1: the code there ends with ModuleNotFoundError"),
-        ("", "no effect stands"),
+        ("", "defines no effect"),
     ):
         (tmp_path / "squeak.py").write_text(content)
         with pytest.raises(DataError, match=says):
             read_model(path, FLAT, trust)
     (tmp_path / "squeak.py").unlink()
-    with pytest.raises(DataError, match=r"squeak\.py:.*effect"):
+    with pytest.raises(DataError, match=r"squeak\.py:.*\.py file"):
         read_model(path, FLAT, trust)
 
 
@@ -106,7 +106,7 @@ def test_an_effect_without_a_file_cannot_be_written(tmp_path):
     """As a class that was written at a prompt."""
     made = {"__name__": "prompt"}
     exec(compile(OWN_EFFECT, "<stdin>", "exec"), made)
-    with pytest.raises(DataError, match=r"Effect.*:.*\.py"):
+    with pytest.raises(DataError, match=r"effect.*:.*\.py"):
         write_model(BASE.having(made["Squeak"]()), tmp_path / "model.toml")
 
 

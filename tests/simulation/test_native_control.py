@@ -12,17 +12,15 @@ import pinocchio as pin
 import pytest
 
 from rover_pin import ConstantDuty, SlipControl, plain_simulate, scenario, simulate
-from rover_pin.control.hole_law import HoleLaw
-from rover_pin.control.slip_control import Gains
+from rover_pin.control.slip_control import Gains, HoleLaw
 from rover_pin.control.slip_estimate import SpeedTable, TableEstimate, TrueSlip
 from rover_pin.control.torque_check import PITCHES, NoLimit, TorqueLimit, TorqueLimited
-from rover_pin.simulation.command import Reading
+from rover_pin.simulation.command import Instant, Reading, ReadingPlaces
 from rover_pin.simulation.compiled.kernel import Kernel
-from rover_pin.simulation.instant import Instant, Places
 from rover_pin.simulation.native.control import commands_of
 from rover_pin.simulation.native.loop import QUESTIONS, Loop
 from rover_pin.simulation.native.shared import RECORD
-from rover_pin.simulation.start.place import Start, hovering
+from rover_pin.simulation.start import Start, hovering
 from studies.shared.tacking import Tacking, TackingControl
 
 CASES = {
@@ -129,7 +127,7 @@ def test_drive_readings_are_looked_up_when_they_are_accessed():
 
     trace = simulate(case.model, watching, 20.0, case.start)
     assert len(kept) == 400 > QUESTIONS
-    assert set(vars(kept[7])) == {"_rows", "_at", "_places", "_row", "t"}
+    assert set(vars(kept[7])) == {"_rows", "_index", "_places", "_row", "t"}
     for at in (1, 150, 399):
         row = round(at * case.timing.control / case.timing.sample) - 1
         now = kept[at]
@@ -190,7 +188,7 @@ def loop_of(commands):
 
 def scramble(loop, rng):
     """Any attitude a rover may have and more, wheels that turn either way or not, any duty and slip."""
-    state, kernel, places = loop.state, loop.kernel, Places.of(MODEL)
+    state, kernel, places = loop.state, loop.kernel, ReadingPlaces.of(MODEL)
     roll, pitch, yaw = rng.uniform(-0.3, 0.3), rng.uniform(-0.9, 0.9), rng.choice([1e-3, 0.3, 1.5]) * rng.normal()
     state.q[2], state.q[3:7] = 50.0, pin.Quaternion(pin.rpy.rpyToMatrix(roll, pitch, yaw)).coeffs()
     state.q[places.suspension] = rng.choice([0.02, 0.15]) * rng.normal(size=len(places.suspension))

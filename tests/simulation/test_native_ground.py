@@ -13,10 +13,9 @@ from hypothesis import strategies as st
 
 from rover_pin import SOILS, scenario
 from rover_pin.simulation.compiled.kernel import Kernel, library
-from rover_pin.simulation.start.place import Start, hovering
-from rover_pin.terrain.profile import Profile
+from rover_pin.simulation.start import Start, hovering
 from rover_pin.terrain.section import patches, wheel_frame
-from rover_pin.terrain.terrain import HeightGrid, Lanes
+from rover_pin.terrain.terrain import HeightGrid, Lanes, Profile
 
 FLAT = scenario("flat").model
 SOFT = (FLAT.soils[0], SOILS["dry-sand"])

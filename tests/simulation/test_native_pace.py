@@ -8,7 +8,7 @@ import pytest
 from rover_pin.simulation import native
 from rover_pin.simulation.compiled import toolchain
 from rover_pin.simulation.native.shared import DriveStruct, LoopStruct, fill
-from rover_pin.simulation.pace import CALM, FINEST, GLANCE, GROWS, ROUGH, Pace
+from rover_pin.simulation.stepping.pace import CALM, FINEST, GLANCE, GROWS, ROUGH, Pace
 
 DT, SEEDS = 0.005, 40
 SIZES = (2, 3)
@@ -39,8 +39,8 @@ SHARES = [
 @pytest.fixture(scope="module")
 def compiled():
     """The pace as a library, over steps of a script."""
-    parts = [native._text(name) for name in ("lanes.h", "types.h", "shared.py", "drive.h")]
-    source = "".join([*parts, "typedef struct Step { int none; } Step;\n", SCRIPT, native._text("pace.c"), PROBES])
+    parts = [native.file_text(name) for name in ("lanes.h", "types.h", "shared.py", "structs.h")]
+    source = "".join([*parts, SCRIPT, native.file_text("pace.c"), PROBES])
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(toolchain, "FLAGS", ("-O0", *toolchain.FLAGS[1:]))
         return toolchain.shared_library(source, "pace")

@@ -9,9 +9,9 @@ import pytest
 
 from rover_pin.base.errors import RoverPinError
 from rover_pin.simulation.simulate import Timing, simulate
-from rover_pin.simulation.start.place import RESTS, SLIDES, set_down
+from rover_pin.simulation.start import RESTS, SLIDES, set_down
 from rover_pin.simulation.state import roll_pitch_yaw
-from rover_pin.simulation.timing import TOLERANCE
+from rover_pin.simulation.stepping.timing import TOLERANCE
 from rover_pin.terrain.terrain import Lanes
 from tests.simulation import random_drives
 

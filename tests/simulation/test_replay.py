@@ -13,8 +13,8 @@ from rover_pin.base.errors import DataError
 from rover_pin.base.quantity import quantity
 from rover_pin.contact import Scalar
 from rover_pin.effects.effect import MotorEffect
-from rover_pin.simulation.replay import Commands, Perturbation, commands, replay
-from rover_pin.simulation.start.place import Start, shared_rest
+from rover_pin.simulation.replay import Perturbation, ReplayCommands, commands, replay
+from rover_pin.simulation.start import Start, shared_rest
 
 NAN = math.nan
 
@@ -98,7 +98,7 @@ def test_a_declared_start_is_taken_and_an_unknown_one_is_refused():
     late = commands(log(body_x=x), ("a",), ())
     assert late.start.x == pytest.approx(x[4]), "of five rows one is known"
     x[4] = NAN
-    with pytest.raises(DataError, match=r"0\.25.*declared"):
+    with pytest.raises(DataError, match=r"0\.25.*declares"):
         commands(log(body_x=x), ("a",), ())
     assert commands(log(body_x=x, attrs=told), ("a",), ()).start.x == 1.0
 
@@ -131,7 +131,7 @@ def test_a_replay_follows_what_runs_away_within_a_row():
     duty = np.concatenate([np.full(60, 0.4), np.full(40, -0.3), np.linspace(-0.3, 0.3, 60)])
     rows = 0.05 * np.arange(len(duty))
     nowhere = np.full((len(duty), 3), NAN)
-    run = Commands(rows, np.tile(duty[:, None], 6), np.zeros((len(duty), 4)), nowhere, Start())
+    run = ReplayCommands(rows, np.tile(duty[:, None], 6), np.zeros((len(duty), 4)), nowhere, Start())
     rest, lurching = shared_rest(model, Start()), model.having(Lurch())
     usual, fine = (replay(lurching, run, rest_state=rest, fine=fine) for fine in (False, True))
     assert (usual.stop, fine.stop) == ("", "")
@@ -144,7 +144,7 @@ def test_rows_from_the_first_that_is_too_fast_on_are_lost():
     """It is looked at once in ten rows; pushed by 1 kN it passes 10 m/s between two looks."""
     model = scenario("flat").model
     rows, force = 0.05 * np.arange(40), np.where(np.arange(40) > 13, 1e3, 0.0)
-    run = Commands(rows, np.full((40, 6), 0.4), np.zeros((40, 4)), np.full((40, 3), NAN), Start())
+    run = ReplayCommands(rows, np.full((40, 6), 0.4), np.zeros((40, 4)), np.full((40, 3), NAN), Start())
     lost = replay(model, run, Perturbation(force=force), rest_state=shared_rest(model, Start()))
     speed = lost.channels["body_vx"]
     assert "diverged" in lost.stop
@@ -156,6 +156,9 @@ def test_commands_of_other_wheels_than_the_rovers_are_refused():
     """The compiled loop reads as many numbers a row as the rover has wheels: it would read what lies behind them."""
     drive = scenario("flat", duration=0.2)
     model, wheels = drive.model, tuple(wheel.name for wheel in drive.model.rover.wheels)
-    for driven, steered, said in ((wheels, (), "6 driven, 0 steered"), (wheels[:4], wheels[:4], "4 driven, 4 steered")):
+    for driven, steered, said in (
+        (wheels, (), "6 driven and 0 steered"),
+        (wheels[:4], wheels[:4], "4 driven and 4 steered"),
+    ):
         with pytest.raises(DataError, match=rf"{said}.* 6 and 4"):
             replay(model, commands(drive.drive(), driven, steered))

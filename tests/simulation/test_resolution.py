@@ -9,18 +9,17 @@ import pytest
 from rover_pin import ConstantDuty, Soil, scenario, simulate
 from rover_pin.base.errors import SimulationError
 from rover_pin.effects.multi_pass import MultiPass
-from rover_pin.rover.constraints import constraint_rows
-from rover_pin.rover.forward_dynamics import mass_matrix, wheel_jacobians
+from rover_pin.rover.forward_dynamics import constraint_rows, mass_matrix, wheel_jacobians
+from rover_pin.simulation.compiled.drive_fields import model_with_armature
 from rover_pin.simulation.compiled.kernel import Kernel
-from rover_pin.simulation.compiled.rover_numbers import model_with_armature
 from rover_pin.simulation.native.shared import RECORD
 from rover_pin.simulation.outcome.audit import balance_warning, load_warning, mean_load
-from rover_pin.simulation.pace import ROUGH, Pace
 from rover_pin.simulation.replay import commands, replay
-from rover_pin.simulation.resolution import MAX_PARTS, contact_frequency, firmness, parts, stiffness
-from rover_pin.simulation.start.place import Start, settled_state
-from rover_pin.simulation.timing import Timing
-from rover_pin.simulation.trace.rows import finite, row_type
+from rover_pin.simulation.start import Start, settled_state
+from rover_pin.simulation.stepping.pace import ROUGH, Pace
+from rover_pin.simulation.stepping.resolution import MAX_PARTS, contact_frequency, firmness, parts, stiffness
+from rover_pin.simulation.stepping.timing import Timing
+from rover_pin.simulation.trace.record import finite, row_type
 from rover_pin.terrain import shapes
 
 
@@ -122,7 +121,7 @@ def test_too_stiff_ground_is_refused_in_one_sentence():
     model = scenario("flat").model
     state = settled_state(model, Start())
     stiff = model.replace(soils=(Soil(k_1=1e9, n=0.1), *model.soils[1:]))
-    message = rf"too stiff for dt = 0\.0166667 s: .* at .* rad/s, .* {MAX_PARTS} are allowed: lower soil"
+    message = rf"too stiff for dt = 0\.0166667 s: .* at .* rad/s, .* {MAX_PARTS} are allowed"
     for start in (state, Start()):
         with pytest.raises(SimulationError, match=message):
             simulate(stiff, ConstantDuty(0.5), 1.0, start)
@@ -135,7 +134,7 @@ def test_too_stiff_ground_is_refused_in_one_sentence():
 
 def test_steps_that_miss_the_load_say_so_or_are_halved(monkeypatch):
     """As it was before the step was divided; where its error is measured, it is driven at a step that is stable."""
-    monkeypatch.setattr("rover_pin.simulation.tolerance.parts", lambda *_: 1)
+    monkeypatch.setattr("rover_pin.simulation.stepping.tolerance.parts", lambda *_: 1)
     measured = scenario("flat", duration=4.0, **{"soil.k_1": 3e7, "soil.k": 0.01}).drive()
     assert (measured.attrs["dt_s"] < 0.005, measured.attrs["warnings"]) == (True, [])
     trace = scenario("flat", duration=4.0, **{"soil.k_1": 1e8, "soil.k": 0.01}).drive(measure_error=False)
@@ -283,6 +282,31 @@ def test_what_carries_more_than_the_weight_speeds_up_the_rover(rise):
     assert mean_load(model, rows) == pytest.approx(1.0)
     rows["impulse"] += 0.3 * np.outer(rows["t"], up) * mass * model.gravity
     assert mean_load(model, rows) == pytest.approx(1.3)
+
+
+@pytest.mark.parametrize(("share", "warns"), [(0.9890, True), (0.9910, False), (1.0090, False), (1.0110, True)])
+def test_a_drive_is_believed_where_the_soil_carried_the_weight_to_one_percent(share, warns):
+    model = scenario("flat").model
+    rows = rows_of(model, 60)
+    rows["impulse"] *= share
+    assert bool(load_warning(model, rows)) is warns
+
+
+@pytest.mark.parametrize(("duration", "warns"), [(0.49, False), (0.51, True)])
+def test_a_drive_of_less_than_half_a_second_is_not_weighed(duration, warns):
+    model = scenario("flat").model
+    rows = rows_of(model, 60, duration)
+    rows["impulse"] *= 2.0
+    assert bool(load_warning(model, rows)) is warns
+
+
+@pytest.mark.parametrize(("share", "warns"), [(0.006, False), (0.014, True)])
+def test_an_energy_account_may_be_off_by_one_percent_of_its_greatest(share, warns):
+    trace = scenario("flat", duration=1.0).drive()
+    greatest = max(float(np.ptp(values)) for name, values in trace.channels.items() if name.startswith("energy_"))
+    gained = trace["energy_motor"] + np.linspace(0.0, share * greatest, len(trace.t))
+    off = dataclasses.replace(trace, channels={**trace.channels, "energy_motor": gained})
+    assert bool(balance_warning(off)) is warns
 
 
 def test_energy_that_does_not_balance_is_told():

@@ -9,12 +9,12 @@ from hypothesis import strategies as st
 from rover_pin import Model, Motor, Soil, load_rover
 from rover_pin.effects.slip import RelaxedSlip
 from rover_pin.effects.soil_traction import SoilTraction
+from rover_pin.simulation.compiled.drive_fields import model_with_armature
 from rover_pin.simulation.compiled.kernel import Kernel
-from rover_pin.simulation.compiled.rover_numbers import model_with_armature
 from rover_pin.simulation.model.model import base_effects
 from rover_pin.simulation.native.compiled_body import KeyedModel, compiled_body
 from rover_pin.simulation.native.rigid_body import inertia_places, rigid_body, tree_of
-from rover_pin.simulation.start.place import Start, hovering
+from rover_pin.simulation.start import Start, hovering
 from rover_pin.terrain import shapes
 
 TIGHT = 1e-12

@@ -10,11 +10,10 @@ from rover_pin.effects.sensor_bias import SensorBias
 from rover_pin.effects.tacho_scale import TachoScale
 from rover_pin.effects.tracked_point import TrackedPoint
 from rover_pin.effects.tracking_delay import TrackingDelay
-from rover_pin.logs.drive_log import read_drive_log
-from rover_pin.logs.saved import save_trace
+from rover_pin.logs.drive_log import read_drive_log, save_trace
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.command import Reading
-from rover_pin.simulation.sensors import Sensed, Sensors, measure
+from rover_pin.simulation.sensors import NoisyController, Sensors, measure
 
 EXACT = Sensors(**dict.fromkeys(quantities(Sensors), 0.0))
 
@@ -111,14 +110,14 @@ def reading(count):
 
 def test_rates_currents_joints_and_attitude_have_noise_and_steps():
     read = []
-    sensed = Sensed(lambda asked: read.append(asked) or 0.5, SENSORS, 3)
+    sensed = NoisyController(lambda asked: read.append(asked) or 0.5, SENSORS, 3)
     assert sensed(reading(40000)) == 0.5
     (one,) = read
     assert np.std(one.current) == pytest.approx(float(SENSORS.current_sd), rel=0.02)
     assert np.mean(one.current) == pytest.approx(0.1, abs=1e-3)
     for values, step in ((one.wheel_rate, 0.5), (one.suspension, 0.25)):
         assert values / step == pytest.approx(np.round(values / step), abs=1e-12)
-    rough = Sensed(lambda asked: read.append(asked) or 0.5, SENSORS.replace(rate_sd=0.6, angle_sd=0.3), 3)
+    rough = NoisyController(lambda asked: read.append(asked) or 0.5, SENSORS.replace(rate_sd=0.6, angle_sd=0.3), 3)
     rough(reading(40000))
     for values, sd, step in ((read[1].wheel_rate, 0.6, 0.5), (read[1].suspension, 0.3, 0.25)):
         assert np.std(values) == pytest.approx(np.hypot(sd, step / 12**0.5), rel=0.02)
@@ -140,7 +139,7 @@ def test_a_reset_begins_the_noise_and_the_controller_again():
             return 0.0
 
     counts = Counts()
-    sensed = Sensed(counts, Sensors(), 5)
+    sensed = NoisyController(counts, Sensors(), 5)
     for _ in range(2):
         sensed(reading(4))
         sensed(reading(4))
@@ -149,4 +148,4 @@ def test_a_reset_begins_the_noise_and_the_controller_again():
     assert np.array_equal(first, again)
     assert not np.array_equal(first, second)
     assert counts.resets == 3, "as it is made, and each time"
-    assert Sensed(lambda asked: 0.25, Sensors(), 5)(reading(4)) == 0.25, "one without a reset"
+    assert NoisyController(lambda asked: 0.25, Sensors(), 5)(reading(4)) == 0.25, "one without a reset"

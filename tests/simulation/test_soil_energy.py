@@ -8,7 +8,7 @@ from scipy.integrate import cumulative_trapezoid
 
 from rover_pin.effects.motion_resistance import MotionResistance
 from rover_pin.scenarios.scenario import scenario
-from rover_pin.simulation.outcome.soil_energy import carriers, energy_warning, spurious_energy
+from rover_pin.simulation.outcome.soil_energy import carrier_rates, energy_warning, spurious_energy
 
 WHEELS = ("fl", "fr", "ml", "mr", "rl", "rr")
 STIFF = {"soil.k": 0.0025, "effect.MotionResistance.R": 0.03}
@@ -40,7 +40,7 @@ def test_forms_without_compaction_give_nothing_at_negative_slip(name, settings):
 def test_the_rate_of_a_wheel_is_that_of_the_world():
     """In a ditch bogies turn by as much as wheels slip: the torque's power is told with the rate of both."""
     model, trace = driven("ditch", slip="algebraic", **{"soil.k": 0.0025})
-    rim = 0.045 * (trace.stack("wheel_rate") + carriers(model, trace))
+    rim = 0.045 * (trace.stack("wheel_rate") + carrier_rates(model, trace))
     v = trace.stack("travel")
     own = (rim - v) / np.maximum(rim, v)
     bare = (0.045 * trace.stack("wheel_rate") - v) / np.maximum(rim, v)

@@ -44,7 +44,7 @@ def tree(*joints):
     return model
 
 
-UNEVEN = pin.Inertia(1.3, np.array([0.03, 0.01, -0.02]), np.diag([0.02, 0.03, 0.04]) + 0.003)
+UNEVEN_SHARE = pin.Inertia(1.3, np.array([0.03, 0.01, -0.02]), np.diag([0.02, 0.03, 0.04]) + 0.003)
 
 
 def shifted(*place, turned=None):
@@ -54,8 +54,8 @@ def shifted(*place, turned=None):
 def test_equal_bodies_are_compiled_once_and_other_trees_apart():
     """One whose last joint turns freely has the same numbers."""
     joint, end = (
-        (pin.JointModelRX(), shifted(0.3, 0.0, 0.0), UNEVEN),
-        (pin.JointModelRX(), shifted(0.0, 0.2, 0.0), UNEVEN),
+        (pin.JointModelRX(), shifted(0.3, 0.0, 0.0), UNEVEN_SHARE),
+        (pin.JointModelRX(), shifted(0.0, 0.2, 0.0), UNEVEN_SHARE),
     )
     model = tree(joint, end)
     assert compiled_body(KeyedModel.of(model)) is compiled_body(KeyedModel.of(model.copy()))

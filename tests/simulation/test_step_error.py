@@ -12,15 +12,15 @@ from rover_pin import ConstantDuty, RoverPinError, plain_simulate, scenario, sim
 from rover_pin.control.torque_check import TorqueLimit, TorqueLimited
 from rover_pin.scenarios.scenario import Scenario
 from rover_pin.simulation.compiled.kernel import Kernel
-from rover_pin.simulation.compiled_run import run_compiled
+from rover_pin.simulation.driving import run_compiled
 from rover_pin.simulation.native.shared import RECORD
-from rover_pin.simulation.outcome.step_error import LOADS, StepChange, complete_steps, repeating, step_change
-from rover_pin.simulation.sensors import Sensed, Sensors
+from rover_pin.simulation.sensors import NoisyController, Sensors
 from rover_pin.simulation.simulate import Timing
-from rover_pin.simulation.start.place import settled_state
-from rover_pin.simulation.timing import FINER, TOLERANCE
-from rover_pin.simulation.tolerance import DriveJob, from_start
-from rover_pin.simulation.trace.rows import row_type
+from rover_pin.simulation.start import settled_state
+from rover_pin.simulation.stepping.step_error import LOADS, StepChange, complete_steps, repeating, step_change
+from rover_pin.simulation.stepping.timing import MAX_REFINEMENT, TOLERANCE
+from rover_pin.simulation.stepping.tolerance import DriveJob, drive_from
+from rover_pin.simulation.trace.record import row_type
 from rover_pin.tuning.drives import drive_full
 from rover_pin.tuning.study import DriveCase
 from studies import step_error
@@ -128,15 +128,15 @@ def test_a_refined_drive_takes_its_usual_steps_in_parts():
     made = scenario("ditch", control="true", duration=1.0)
     strict = dataclasses.replace(made, timing=Timing(tolerance=1e-9)).drive()
     memory = np.array(made.controller.integral)
-    fine = Timing(divided=FINER)
+    fine = Timing(divided=MAX_REFINEMENT)
     state = settled_state(made.model, made.start, made.symmetric)
     job = DriveJob(Kernel, run_compiled, made.model, made.controller, 1.0, Timing(), made.symmetric, None, False)
-    lengths = np.repeat(from_start(job, state).run.lengths / FINER, FINER)
-    plain = from_start(job._replace(timing=fine), state, lengths)
-    assert strict.attrs["dt_s"] == pytest.approx(Timing().dt / FINER)
+    lengths = np.repeat(drive_from(job, state).run.lengths / MAX_REFINEMENT, MAX_REFINEMENT)
+    plain = drive_from(job._replace(timing=fine), state, lengths)
+    assert strict.attrs["dt_s"] == pytest.approx(Timing().dt / MAX_REFINEMENT)
     assert np.array_equal(strict["body_x"], plain.rows["q"][:, 0])
     assert np.array_equal(memory, made.controller.integral)
-    assert any("over the tolerance" in each for each in strict.attrs["warnings"])
+    assert any("exceeds the tolerance" in each for each in strict.attrs["warnings"])
     by_itself = dataclasses.replace(made, timing=fine).drive(measure_error=False)
     ends = [
         simulate(made.model, made.controller, 0.5, end, timing, symmetric=made.symmetric)["body_x"][-1]
@@ -150,13 +150,13 @@ def test_a_controller_of_ones_own_is_asked_once_and_told():
     own = lambda reading: asked.append(reading.t) or 0.3 + 0.1 * np.sin(8.0 * reading.t)  # noqa: E731
     trace = simulate(scenario("flat").model, own, 1.0, timing=Timing(tolerance=1e-9))
     assert (trace.attrs["dt_s"], len(asked)) == (Timing().dt, 20)
-    assert any("over the tolerance" in each for each in trace.attrs["warnings"])
+    assert any("exceeds the tolerance" in each for each in trace.attrs["warnings"])
 
 
 def test_what_halving_does_not_lessen_is_told():
     change = StepChange(1e-3, 0.0, "", 2.0)
     assert "give a smaller dt" in change.warning(1e-4)
-    assert "none is sure" in change._replace(lessens=False).warning(1e-4)
+    assert "no step is safe" in change._replace(lessens=False).warning(1e-4)
 
 
 def test_what_falls_by_more_than_second_order_fell_by_chance():
@@ -199,7 +199,7 @@ def test_commands_are_repeated_where_the_rows_hold_them(control, same):
 def test_what_holds_ones_own_controller_does_not_ask_it_again(within):
     model, asked = scenario("flat").model, []
     own = lambda reading: asked.append(reading.t) or 0.3  # noqa: E731
-    held = Sensed(own, Sensors(), 1) if within == "sensors" else TorqueLimited(own, TorqueLimit.at_slip(model))
+    held = NoisyController(own, Sensors(), 1) if within == "sensors" else TorqueLimited(own, TorqueLimit.at_slip(model))
     trace = simulate(model, held, 0.5)
     rows = rows_at(trace["body_x"], model)
     rows["t"], rows["duty"] = trace.t, trace.stack("duty")
@@ -242,7 +242,7 @@ def test_where_nobody_reads_the_error_nothing_is_driven_twice(monkeypatch):
     def refuse(*given):
         raise AssertionError("driven again")
 
-    monkeypatch.setattr("rover_pin.simulation.tolerance.step_change", refuse)
+    monkeypatch.setattr("rover_pin.simulation.stepping.tolerance.step_change", refuse)
     once = made.drive(measure_error=False)
     assert all(once[name].tobytes() == settled[name].tobytes() for name in settled.channels)
     assert "step_error_m" not in once.attrs
@@ -278,7 +278,7 @@ def judged(chosen):
     n = min(len(own.t), len(exact.t))
     off = np.hypot(*(own[name][:n] - exact[name][:n] for name in ("body_x", "body_y"))).max()
     load, exact_load = (each.stack("normal")[:n].mean(axis=0) for each in (own, exact))
-    kept = not any("over the tolerance" in each for each in own.attrs["warnings"])
+    kept = not any("exceeds the tolerance" in each for each in own.attrs["warnings"])
     share = np.abs(load - exact_load).max() / exact_load.mean()
     return off, own.attrs["step_error_m"], share, own.attrs["step_error_load"], kept
 

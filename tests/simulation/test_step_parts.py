@@ -10,21 +10,19 @@ import pytest
 
 from rover_pin import load_rover, scenario
 from rover_pin.effects.supply_sag import SupplySag
-from rover_pin.rover.constraints import constraint_rows
+from rover_pin.rover.forward_dynamics import constraint_rows
 from rover_pin.simulation import native
 from rover_pin.simulation.compiled import kernel as module
 from rover_pin.simulation.compiled import toolchain
+from rover_pin.simulation.compiled.drive_fields import model_with_armature
 from rover_pin.simulation.compiled.kernel import Kernel
-from rover_pin.simulation.compiled.rover_numbers import model_with_armature
-from rover_pin.simulation.compiled.suspension import suspension_dofs
 from rover_pin.simulation.compiled.toolchain import shared_library
 from rover_pin.simulation.native.compiled_body import elimination
 from rover_pin.simulation.outcome.audit import pivot_warning
-from rover_pin.simulation.plain.step import Plain
-from rover_pin.simulation.start.place import Start, settled_state
+from rover_pin.simulation.plain.step import PlainStepper
+from rover_pin.simulation.start import Start, settled_state
+from rover_pin.simulation.state import suspension_dofs
 
-SHARE = "static double implicit_share(const Drive *d) { return 0.5; }\n"
-NEEDED = "lanes.h types.h shared.py drive.h system.h arc.c states.c solve.c configuration.c".split()
 PROBES = """
 void probe_base(double *q, const double *v, double dt) { advance_base(q, v, dt); }
 void probe_arc(const double *ends, double h, double radius, double n, double *out) {
@@ -42,11 +40,10 @@ def at(array):
 
 @pytest.fixture(scope="module")
 def parts():
-    """Inner functions of the step as a library, from the files that they need."""
-    text = "".join(SHARE * (name == "solve.c") + native._text(name) for name in NEEDED)
+    """The step as a library, with doors to inner functions."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(toolchain, "FLAGS", ("-O0", *toolchain.FLAGS[1:]))
-        made = toolchain.shared_library(text + PROBES, "parts")
+        made = toolchain.shared_library(native.source() + PROBES, "parts")
     pointer = ctypes.POINTER(ctypes.c_double)
     made.probe_base.argtypes = [pointer, pointer, ctypes.c_double]
     made.probe_arc.argtypes = [pointer, *[ctypes.c_double] * 3, pointer]
@@ -105,7 +102,7 @@ def test_integrals_of_the_depth_over_an_arc(parts, n, h):
                 assert got == pytest.approx(float(wanted), rel=2e-6)
 
 
-@pytest.mark.parametrize("kind", [Kernel, Plain])
+@pytest.mark.parametrize("kind", [Kernel, PlainStepper])
 def test_wheels_held_to_a_rate_have_it_and_what_it_takes_is_told(kind):
     """In the air: the torque is that of inverse dynamics for the acceleration that came of it, at half-way speeds."""
     model = scenario("flat").model.having(SupplySag())
@@ -133,7 +130,7 @@ MODEL = scenario("flat").model
 def test_a_plain_step_whose_numbers_are_lost_says_so():
     begun = settled_state(MODEL, Start())
     begun.v[0] = math.nan
-    assert Plain(MODEL, begun, 0.005, False).step() == 1
+    assert PlainStepper(MODEL, begun, 0.005, False).step() == 1
 
 
 def test_plain_step_returns_a_forced_differential_to_its_tie():
@@ -142,7 +139,7 @@ def test_plain_step_returns_a_forced_differential_to_its_tie():
     begun.v[rover.differential.left] = 0.3
     G = constraint_rows(rover)
     assert np.abs(G @ begun.v).max() == pytest.approx(0.3)
-    assert Plain(MODEL, begun, 0.005, False).step() == 0
+    assert PlainStepper(MODEL, begun, 0.005, False).step() == 0
     assert np.abs(G @ begun.v).max() < 1e-9
 
 

@@ -188,7 +188,7 @@ def test_zig_builds_for_any_processor_of_its_kind(monkeypatch):
 
 def test_no_compiler_is_said(monkeypatch):
     monkeypatch.setattr(toolchain, "compiler", lambda: None)
-    with pytest.raises(MissingExtraError, match="`ziglang`"):
+    with pytest.raises(MissingExtraError, match="ziglang"):
         toolchain.shared_library(SOURCE, "twice")
 
 
@@ -196,3 +196,28 @@ def test_a_failing_compiler_is_said(cache):
     with pytest.raises(MissingExtraError, match=r"CC.*works"):
         toolchain.shared_library("this is not C\n", "broken")
     assert not list(cache.iterdir())
+
+
+def test_a_library_that_is_there_serves_without_a_compiler(cache, monkeypatch):
+    """Compiled once, then every compiler is taken away: the same source loads, another one is refused."""
+    toolchain.shared_library(SOURCE, "twice")
+    monkeypatch.setattr(toolchain, "compiler", lambda: None)
+    assert twice(toolchain.shared_library(SOURCE, "twice")) == 42.0
+    with pytest.raises(MissingExtraError, match="compiler"):
+        toolchain.shared_library(SOURCE + "\n", "twice")
+
+
+def test_a_library_for_another_processor_does_not_serve_without_a_compiler(cache, monkeypatch):
+    toolchain.shared_library(SOURCE, "twice")
+    monkeypatch.setattr(toolchain, "compiler", lambda: None)
+    monkeypatch.setattr(toolchain, "level", lambda: "of another processor")
+    with pytest.raises(MissingExtraError, match="compiler"):
+        toolchain.shared_library(SOURCE, "twice")
+
+
+def test_a_damaged_library_does_not_serve_without_a_compiler(cache, monkeypatch):
+    toolchain.shared_library(SOURCE, "twice")
+    only(cache).write_bytes(flipped(only(cache).read_bytes(), 2000))
+    monkeypatch.setattr(toolchain, "compiler", lambda: None)
+    with pytest.raises(MissingExtraError, match="compiler"):
+        toolchain.shared_library(SOURCE, "twice")

@@ -122,5 +122,5 @@ def test_a_case_that_kills_its_worker_is_a_row_with_its_reason(tmp_path, monkeyp
 
 def test_a_missing_dask_is_told_with_the_command(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(MissingExtraError, match=r"needs Dask: run `pip install 'rover-pin\[cluster\]'`"):
+    with pytest.raises(MissingExtraError, match=r'pip install "dask'):
         sweep(STUDY, tmp_path / "out", scheduler="tcp://127.0.0.1:8786", case_function=stub())

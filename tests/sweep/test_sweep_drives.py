@@ -17,7 +17,7 @@ STUDIES = Path(__file__).parents[2] / "studies"
 def test_a_drive_that_cannot_be_is_a_row_with_its_reason(tmp_path):
     study = dataclasses.replace(FLAT, scenario="ditch", parameters={"terrain.wall_angle": Values([0.1, 0.8])})
     table = sweep(study, tmp_path / "out", workers=1).table
-    assert table["error"][0].startswith("ParameterError: The ditch's walls at 5.7")
+    assert table["error"][0].startswith("ParameterError: The ditch's walls are inclined by 5.7")
     assert table["stop"][1] == "duration"
 
 

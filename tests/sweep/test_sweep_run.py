@@ -21,7 +21,7 @@ import rover_pin
 from rover_pin.base.errors import DataError, MissingExtraError, ParameterError, SimulationError
 from rover_pin.sweep import Grid, Range, Study, Values, collect, sweep
 from rover_pin.sweep import store as store_module
-from rover_pin.sweep.store import PARTS, RESULTS
+from rover_pin.sweep.store import RESULTS, ROWS
 
 STUDY = Study("trial", "stub", {"a": Range(0.0, 1.0), "b": Values([1, 2]), "way": Values(["up", "down"])}, Grid(4))
 
@@ -88,7 +88,6 @@ def test_a_finished_sweep_runs_nothing_again(tmp_path):
     before = files(tmp_path / "out")
     pd.testing.assert_frame_equal(sweep(STUDY, tmp_path / "out", workers=1, case_function=forbidden).table, first)
     assert files(tmp_path / "out") == before
-    assert not list((tmp_path / "out" / PARTS).iterdir())
 
 
 def test_an_interrupted_sweep_goes_on(tmp_path):
@@ -105,19 +104,6 @@ def test_an_interrupted_sweep_goes_on(tmp_path):
     assert list(collect(tmp_path / "out")["case"]) == [0, 1, 2, 3, 4]
     assert len(sweep(STUDY, tmp_path / "out", workers=1, case_function=patience).table) == 16
     assert sorted(calls) == sorted([*range(16), 5])
-
-
-def test_many_parts_are_merged_and_lose_nothing(tmp_path, monkeypatch):
-    monkeypatch.setattr(store_module, "MOST_PARTS", 5)
-    counts = []
-
-    def counting(study, case):
-        counts.append(len(list((tmp_path / "out" / PARTS).iterdir())))
-        return {"x": case.index}
-
-    table = sweep(STUDY, tmp_path / "out", workers=1, case_function=counting).table
-    assert max(counts) <= 4 + 3
-    assert list(table["x"]) == list(range(16))
 
 
 def test_a_changed_study_is_refused_with_what_changed(tmp_path):
@@ -151,8 +137,8 @@ def test_a_file_that_was_changed_makes_another_study(tmp_path):
 
 def test_results_of_something_else_are_refused(tmp_path):
     sweep(STUDY, tmp_path, workers=1, case_function=lambda study, case: {})
-    pd.DataFrame({"a": [1.0]}).to_parquet(tmp_path / RESULTS)
-    with pytest.raises(DataError, match=r"results\.parquet:.*sweep"):
+    (tmp_path / ROWS).write_text('{"a": 1.0}\n')
+    with pytest.raises(DataError, match=r"rows\.jsonl, line 1:.*sweep"):
         collect(tmp_path)
 
 
@@ -169,10 +155,12 @@ def test_folders_that_are_no_sweep_are_refused(tmp_path):
 
 def test_damaged_files_are_named(tmp_path):
     sweep(STUDY, tmp_path / "out", workers=1, case_function=stub())
-    (tmp_path / "out" / RESULTS).write_bytes(b"PAR1")
-    with pytest.raises(DataError, match=r"results.parquet:.*cannot"):
+    rows = tmp_path / "out" / ROWS
+    kept = rows.read_bytes()
+    rows.write_bytes(b"{]\n" + kept)
+    with pytest.raises(DataError, match=r"rows.jsonl, line 1:"):
         collect(tmp_path / "out")
-    (tmp_path / "out" / RESULTS).unlink()
+    rows.write_bytes(kept)
     (tmp_path / "out" / "study.json").write_text("{")
     with pytest.raises(DataError, match=r"study.json: not valid JSON"):
         collect(tmp_path / "out")
@@ -189,7 +177,7 @@ def test_a_function_that_cannot_travel_is_told(tmp_path):
         (3.0, "DataError: .*float.*mapping"),
         ({"a": 1.0}, "DataError: .*'a'"),
         ({"seed": 1.0}, "DataError: .*'seed'"),
-        ({"x": [1.0]}, "DataError: .*'x' is list"),
+        ({"x": [1.0]}, "DataError: .*'x' has the type list"),
     ],
 )
 def test_outcomes_that_fit_no_column_are_reasons(tmp_path, returned, said):
@@ -238,6 +226,24 @@ sweep(study, "FOLDER", workers=2, case_function=slowly)
 """
 
 
+def test_a_line_that_a_killed_sweep_left_incomplete_is_run_again(tmp_path):
+    whole = sweep(STUDY, tmp_path / "whole", workers=1, case_function=stub()).table
+    sweep(STUDY, tmp_path / "torn", workers=1, case_function=stub())
+    rows = tmp_path / "torn" / ROWS
+    rows.write_bytes(rows.read_bytes()[:-7])
+    assert len(collect(tmp_path / "torn")) == len(whole) - 1
+    again = sweep(STUDY, tmp_path / "torn", workers=1, case_function=stub())
+    assert again.taken_over == len(whole) - 1
+    assert files(tmp_path / "torn") == files(tmp_path / "whole")
+
+
+def test_a_sweep_without_pyarrow_leaves_a_csv(tmp_path, monkeypatch):
+    monkeypatch.setattr(store_module, "find_spec", lambda name: None)
+    table = sweep(STUDY, tmp_path, workers=1, case_function=stub()).table
+    assert not (tmp_path / RESULTS).exists()
+    assert list(pd.read_csv(tmp_path / "results.csv")["case"]) == list(table["case"])
+
+
 @pytest.mark.slow
 def test_a_killed_sweep_resumes_to_the_same_table(tmp_path):
     def started(folder):
@@ -247,9 +253,13 @@ def test_a_killed_sweep_resumes_to_the_same_table(tmp_path):
         return subprocess.Popen([sys.executable, str(script)], env=env, start_new_session=True, stderr=subprocess.PIPE)
 
     process = started("killed")
-    parts = tmp_path / "killed" / PARTS
+    rows = tmp_path / "killed" / ROWS
     deadline = time.monotonic() + 300.0
-    while len(list(parts.glob("*.parquet"))) < 10 and process.poll() is None and time.monotonic() < deadline:
+    while (
+        (rows.read_bytes().count(b"\n") if rows.exists() else 0) < 10
+        and process.poll() is None
+        and time.monotonic() < deadline
+    ):
         time.sleep(0.02)
     os.killpg(process.pid, signal.SIGKILL)
     process.communicate()

@@ -8,7 +8,7 @@ import pytest
 from rover_pin.base.errors import ParameterError
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.terrain import shapes
-from rover_pin.terrain.field import paper_field
+from rover_pin.terrain.shapes import paper_field
 
 TRACKS = (-0.16, 0.16)
 
@@ -60,7 +60,7 @@ def test_it_has_what_the_paper_says():
 
 @pytest.mark.parametrize(
     ("changes", "message"),
-    [({"rocks_length": 0.0}, "rocks_length = 0"), ({"count": 40}, "40.*0.1.*1.5"), ({"wall_angle": 0.1}, "walls at")],
+    [({"rocks_length": 0.0}, "rocks_length = 0"), ({"count": 40}, "40.*0.1.*1.5"), ({"wall_angle": 0.1}, "walls are")],
 )
 def test_a_part_that_cannot_be_made_is_refused(changes, message):
     with pytest.raises(ParameterError, match=message):

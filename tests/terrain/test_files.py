@@ -7,6 +7,7 @@ import pytest
 
 from rover_pin.base.errors import DataError
 from rover_pin.terrain import shapes
+from rover_pin.terrain.edits import with_ground
 from rover_pin.terrain.files import from_grid, from_polyline, to_grid, to_polyline
 
 
@@ -21,7 +22,7 @@ def write(tmp_path):
 
 
 def test_polyline_there_and_back(tmp_path):
-    terrain = shapes.with_ground(shapes.bump(at=1 / 3), 0.1, 0.4, 2)
+    terrain = with_ground(shapes.bump(at=1 / 3), 0.1, 0.4, 2)
     assert from_polyline(to_polyline(tmp_path / "new" / "bump.csv", terrain.profiles[0])) == terrain
 
 
@@ -33,7 +34,7 @@ def test_polyline_from_parquet(tmp_path):
 
 
 def test_grid_there_and_back(tmp_path):
-    terrain = shapes.with_ground(shapes.hills(1), 1.0, 2.0, 1)
+    terrain = with_ground(shapes.hills(1), 1.0, 2.0, 1)
     assert from_grid(to_grid(tmp_path / "hills.npz", terrain)) == terrain
 
 
@@ -43,7 +44,7 @@ def test_grid_there_and_back(tmp_path):
         ("", "rows"),
         ("x_m,z_m\n", "rows"),
         ("x,z_m\n0,0\n1,0\n", "you mean 'z_m'? Known: x, z_m."),
-        ("x_m,x_m\n0,0\n1,0\n", "1: column 'x_m' stands"),
+        ("x_m,x_m\n0,0\n1,0\n", "two columns 'x_m'"),
         ("x_m,z_m\n0,0\n1,\n", "3: column 'z_m' is nan; every row"),
         ("x_m,z_m\n0,0\n1,inf\n", "line 3: column 'z_m' is inf"),
         ("x_m,z_m,ground\n0,0,\n1,0,0\n", "line 2: column 'ground' is nan"),

@@ -8,11 +8,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rover_pin.terrain.profile import Profile
 from rover_pin.terrain.section import _patches_of, lane_share, strips, wheel_frame
 from rover_pin.terrain.section import patches as patches_and_sinkage
 from rover_pin.terrain.shapes import ditch, flat, incline
-from rover_pin.terrain.terrain import HeightGrid, Lanes
+from rover_pin.terrain.terrain import HeightGrid, Lanes, Profile
 
 R, B = 0.045, 0.05
 

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from rover_pin.base.errors import ParameterError
 from rover_pin.terrain import shapes
+from rover_pin.terrain.edits import with_ground
 
 DEG = math.pi / 180.0
 
@@ -104,7 +105,7 @@ def test_hills_have_their_height_on_average():
 @given(st.floats(-3.0, 3.0), st.floats(0.1, 3.0), st.floats(-4.0, 4.0))
 def test_a_stretch_of_other_soil_leaves_the_heights(x_from, length, x):
     terrain = shapes.bump(ground=1)
-    laid = shapes.with_ground(terrain, x_from, x_from + length, 2)
+    laid = with_ground(terrain, x_from, x_from + length, 2)
     assert laid.height(x, 0.0) == pytest.approx(terrain.height(x, 0.0), abs=1e-12)
     if min(abs(x - x_from), abs(x - x_from - length)) > 1e-8:
         inside = x_from < x < x_from + length
@@ -112,10 +113,10 @@ def test_a_stretch_of_other_soil_leaves_the_heights(x_from, length, x):
 
 
 def test_a_stretch_on_a_grid():
-    laid = shapes.with_ground(shapes.cross_slope(0.1), 1.0, 2.0, 1)
+    laid = with_ground(shapes.cross_slope(0.1), 1.0, 2.0, 1)
     assert laid.ground_at(np.array([0.95, 1.05, 1.95, 2.05]), 0.3).tolist() == [0, 1, 1, 0]
     for reach, last in ((1.048, 0), (1.052, 1)):
-        edge = shapes.with_ground(shapes.cross_slope(0.1), 0.5, reach, 1)
+        edge = with_ground(shapes.cross_slope(0.1), 0.5, reach, 1)
         assert edge.ground_at(1.05, 0.0) == last
     assert laid.height(1.5, 0.7) == shapes.cross_slope(0.1).height(1.5, 0.7)
 
@@ -144,9 +145,9 @@ def test_a_stretch_on_a_grid():
         (lambda: shapes.rocks(0, 1, length=500.0, diameters=(101.0, 101.0)), "smallest diameter = 101"),
         (lambda: shapes.cross_slope(1.5), "angle = 1.5"),
         (lambda: shapes.hills(0, wavelength=0.01), "wavelength = 0.01"),
-        (lambda: shapes.with_ground(shapes.flat(), 1.0, 1.0, 1), "empty stretch"),
-        (lambda: shapes.with_ground(shapes.cross_slope(0.1), 70.0, 80.0, 1), "covers"),
-        (lambda: shapes.with_ground(shapes.flat(), 0.0, 1.0, -1), "whole numbers"),
+        (lambda: with_ground(shapes.flat(), 1.0, 1.0, 1), "empty stretch"),
+        (lambda: with_ground(shapes.cross_slope(0.1), 70.0, 80.0, 1), "covers"),
+        (lambda: with_ground(shapes.flat(), 0.0, 1.0, -1), "whole numbers"),
     ],
 )
 def test_refusals(make, says):

@@ -92,7 +92,7 @@ def test_pickles_compares_and_hashes_by_value(terrain):
 @pytest.mark.parametrize(
     ("make", "says"),
     [
-        (lambda: Profile([0.0], [0.0]), "2 at least"),
+        (lambda: Profile([0.0], [0.0]), "2 numbers"),
         (lambda: Profile([0.0, 1.0], [0.0]), "same length"),
         (lambda: Profile([0.0, 1.0, 1.0], [0.0, 0.0, 1.0]), "point 2 at 1 m follows 1 m"),
         (lambda: Profile([0.0, np.nan], [0.0, 0.0]), "index (1,)"),
@@ -102,11 +102,11 @@ def test_pickles_compares_and_hashes_by_value(terrain):
         (lambda: Profile([0.0, 1.0], [0.0, 0.0], [0.5]), "whole numbers"),
         (lambda: Profile([0.0, 1.0], [0.0, 0.0], [1000]), "whole numbers"),
         (lambda: Profile([0.0, 1.0], [0.0, 0.0], [0, 1]), "of shape (1,)"),
-        (lambda: Lanes(()), "Lanes with 0 profiles"),
-        (lambda: Lanes((RAMP, RAMP)), "border less"),
+        (lambda: Lanes(()), "Lanes have 0 profiles"),
+        (lambda: Lanes((RAMP, RAMP)), "Lanes have 2 profiles and borders at"),
         (lambda: Lanes((RAMP, RAMP, RAMP), (0.1, 0.0)), "increasing"),
         (lambda: HeightGrid(0.0, 0.0, 0.0, 1.0, np.zeros((2, 2))), "dx = 0 m"),
-        (lambda: HeightGrid(0.0, np.inf, 1.0, 1.0, np.zeros((2, 2))), "finite: remove"),
+        (lambda: HeightGrid(0.0, np.inf, 1.0, 1.0, np.zeros((2, 2))), "not finite"),
         (lambda: HeightGrid(0.0, 0.0, 1.0, 1e-3, [[0.0, 0.0, 1.0]] * 2), "89.94 deg"),
         (lambda: HeightGrid(0.0, 0.0, 1.0, 1.0, np.zeros((1, 2))), "shape (1, 2)"),
         (lambda: HeightGrid(0.0, 0.0, 1.0, 1e-3, [[0.0, 0.0], [0.0, 1.0]]), "89.94 deg"),

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from rover_pin.control.slip_control import Gains
-from rover_pin.scenarios.along import course_of, drive_along
+from rover_pin.scenarios.sensitivities import course_of, drive_along
 from rover_pin.tuning.drive_score import score_trace
 from rover_pin.tuning.drives import Control, build, controller_of, full_score
 from rover_pin.tuning.evaluations import Evaluations
 from rover_pin.tuning.study import DriveCase, Effort, SlipLaw, TuningStudy
-from rover_pin.tuning.trust import SLIP_ERROR, check_drives
-from rover_pin.tuning.tune import Point, place_of, polish, tune_gains
+from rover_pin.tuning.trust import MAX_SLIP_ERROR, check_drives
+from rover_pin.tuning.tune import SearchPoint, place_of, polish, tune_gains
 
 LOOSE = (("soil", "table-1"), ("effect.MotionResistance.R", 0.028), ("soil.k", 0.01))
 DITCH = DriveCase("ditch", "ditch", (("duration", 14.0), *LOOSE, ("terrain.wall_angle_deg", 40.0)))
@@ -29,8 +29,8 @@ def cost_of(law):
 def polished():
     evaluations = Evaluations(None, 1, None)
     middle = STUDY.law([0.5, 0.15])
-    assert check_drives(STUDY, evaluations, middle)[0].slip > SLIP_ERROR, "the reduced model is right here"
-    return polish(STUDY, evaluations, Point(place_of(STUDY, middle), 0.0, "search")), evaluations
+    assert check_drives(STUDY, evaluations, middle)[0].slip > MAX_SLIP_ERROR, "the reduced model is right here"
+    return polish(STUDY, evaluations, SearchPoint(place_of(STUDY, middle), 0.0, "search")), evaluations
 
 
 def test_a_polish_lowers_what_the_full_rover_decides_by(polished):

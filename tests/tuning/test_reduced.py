@@ -26,13 +26,12 @@ from rover_pin.parameters import TABLE_1
 from rover_pin.rover.statics import wheel_loads
 from rover_pin.simulation.model.defaults import own_soil
 from rover_pin.soil.sinkage import entry_angle, sinkage
-from rover_pin.tuning.reduced_model.drive import Reduced, as_column
-from rover_pin.tuning.reduced_model.effects import Along, omitted_effects, pull_along
+from rover_pin.tuning.reduced_model.drive import ContinuousControl, ReducedDrive, as_column
+from rover_pin.tuning.reduced_model.effects import BodyPlace, omitted_effects, pull_along
 from rover_pin.tuning.reduced_model.load_transfer import axle_loads
-from rover_pin.tuning.reduced_model.loop import Loop
 
 HELD = Gains(k_p=0.0, k_i=0.0)
-OPEN = Loop(TrueSlip(), NoLimit())
+OPEN = ContinuousControl(TrueSlip(), NoLimit())
 
 
 def test_axle_loads_at_rest_are_those_of_the_wheels():
@@ -63,7 +62,7 @@ def test_reduced_drive_is_near_the_full_one(name, settings, slip, speed):
     """RMSE over 12 s; the bump's is what the suspension's own motion, left out, is worth."""
     scene = scenario(name, soil="table-1", **settings, duration=12.0)
     trace = simulate(scene.model, ConstantDuty(), 12.0, symmetric=True)
-    own = Reduced(scene.model, OPEN, 12.0).drive(HELD, trace.t)
+    own = ReducedDrive(scene.model, OPEN, 12.0).drive(HELD, trace.t)
     assert np.sqrt(np.mean((own["v"] - trace["body_vx"]) ** 2)) < speed
     assert np.sqrt(np.mean((own["slip"] - trace.stack("slip")[:, ::2]) ** 2)) < slip
 
@@ -76,7 +75,7 @@ def test_each_axle_carries_its_full_drive_load_on_a_slope(rover, degrees):
     soil = TABLE_1.replace(k=0.02) if rover == "nexus6" else own_soil(load_rover(rover)).value
     scene = scenario("incline", rover=rover, soil=soil, **slope)
     trace = simulate(scene.model, ConstantDuty(), 8.0, scene.start, scene.timing, symmetric=True)
-    own = Reduced(scene.model, OPEN, 8.0, scene.start.x).drive(HELD, trace.t)
+    own = ReducedDrive(scene.model, OPEN, 8.0, scene.start.x).drive(HELD, trace.t)
     assert own["sinkage"][-1] == pytest.approx(trace.stack("sinkage")[-1, ::2], rel=0.04)
     assert own["slip"][-1] == pytest.approx(trace.stack("slip")[-1, ::2], abs=0.02)
 
@@ -88,7 +87,7 @@ def test_reduced_drive_under_control_is_near_the_full_one():
     estimate = TableEstimate(SpeedTable((0.0, 0.1, 1.0), (0.0, 0.003, 0.092)), 0.045)
     limit, gains = TorqueLimit.saturation(model), Gains(k_p=0.2, k_i=0.3, delta_max=0.7)
     trace = simulate(model, SlipControl(gains, estimate, limit), 12.0, symmetric=True)
-    own = Reduced(model, Loop(estimate, limit), 12.0).drive(gains, trace.t)
+    own = ReducedDrive(model, ContinuousControl(estimate, limit), 12.0).drive(gains, trace.t)
     assert own["x"][-1] == pytest.approx(trace["body_x"][-1], rel=0.03)
 
 
@@ -100,7 +99,7 @@ def test_a_wheel_digs_in_as_deep_as_in_the_full_drive(k, degrees, c_d):
     for S_d in (0.3, 1.0):
         control, gains = TrueSlip(), Gains(S_d=S_d, k_p=0.3)
         trace = simulate(scene.model, SlipControl(gains, control), 25.0, symmetric=True)
-        own = Reduced(scene.model, OPEN, 25.0).drive(gains, trace.t)
+        own = ReducedDrive(scene.model, OPEN, 25.0).drive(gains, trace.t)
         assert np.sqrt(np.mean((own["slip"] - trace.stack("slip")[:, ::2]) ** 2)) < (0.05 if S_d < 1.0 else 0.1)
         assert np.sqrt(np.mean((own["sinkage"] - trace.stack("sinkage")[:, ::2]) ** 2)) < 1e-3
         assert own["x"][-1] == pytest.approx(trace["body_x"][-1], abs=0.05)
@@ -111,7 +110,9 @@ def test_at_rest_the_wheels_stand_as_deep_as_their_loads_ask(d):
     """From the mean load's sinkage to each axle's own, on damped soil and on soil without damping."""
     scene = scenario("flat", soil="table-1", **{"effect.NormalDamping.d": d, "control.delta": 0.0})
     model = scene.model
-    still = Reduced(model, OPEN, 2.0).drive(Gains(k_p=0.0, k_i=0.0, delta_0=0.0, delta_min=0.0), np.array([1.0, 2.0]))
+    still = ReducedDrive(model, OPEN, 2.0).drive(
+        Gains(k_p=0.0, k_i=0.0, delta_0=0.0, delta_min=0.0), np.array([1.0, 2.0])
+    )
     loads = wheel_loads(model.rover, 0.0)[::2]
     expected = [sinkage(entry_angle(load, 0.0, model.rover.wheel, model.soils[0]), model.rover.wheel) for load in loads]
     assert still["sinkage"][-1] == pytest.approx(np.array(expected, dtype=float), rel=0.02)
@@ -120,7 +121,7 @@ def test_at_rest_the_wheels_stand_as_deep_as_their_loads_ask(d):
 def test_a_stuck_drive_stays_finite():
     """The clamped slip: a rover that rolls back on too steep a slope must not blow up."""
     scene = scenario("incline", soil="table-1", **{"terrain.angle_deg": 20, "terrain.start": 0.2})
-    out = np.array(Reduced(scene.model, OPEN, 20.0).outcome()(as_column(HELD))).ravel()
+    out = np.array(ReducedDrive(scene.model, OPEN, 20.0).outcome()(as_column(HELD))).ravel()
     assert np.all(np.isfinite(out))
     assert abs(out[0]) < 1.0
 
@@ -143,7 +144,7 @@ def plain(slope):
 def ends(model):
     """Return the end place [m] of the full and of the reduced drive."""
     trace = simulate(model, ConstantDuty(), DURATION)
-    return trace["body_x"][-1], Reduced(model, OPEN, DURATION).drive(HELD, trace.t)["x"][-1]
+    return trace["body_x"][-1], ReducedDrive(model, OPEN, DURATION).drive(HELD, trace.t)["x"][-1]
 
 
 @pytest.mark.parametrize(
@@ -184,7 +185,7 @@ def test_effects_on_joints_and_sideways_are_named_as_left_out(slope):
 
 
 def test_tether_pulls_by_its_length_and_a_rise_by_its_sine(slope):
-    at = Along(2.0, 0.05, 0.0, 0.0)
+    at = BodyPlace(2.0, 0.05, 0.0, 0.0)
     tether = TetherDrag(f_0=1.0, f_1=0.5, x_0=1.0, v_0=1e-5)
     assert float(pull_along(slope.having(tether), at)) == pytest.approx(-1.5, rel=1e-3)
     leaning = slope.having(GravityTilt(rise_x=0.1))

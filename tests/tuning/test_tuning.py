@@ -13,7 +13,7 @@ from rover_pin.tuning.drive_score import Cost, Score, score_trace
 from rover_pin.tuning.drives import FAILED, Control, build, full_score, reduced_score
 from rover_pin.tuning.evaluations import FILE, Evaluations, key_of
 from rover_pin.tuning.study import DriveCase, Effort, SlipLaw, TuningStudy
-from rover_pin.tuning.trust import SLIP_ERROR, checked_over, refusal
+from rover_pin.tuning.trust import MAX_SLIP_ERROR, refusal, worse_checks
 from rover_pin.tuning.tune import tune_gains
 
 SAND = (("duration", 5.0), ("soil.k", 0.01), ("terrain.angle_deg", 8.0), ("terrain.start", 0.0), ("soil.phi_deg", 30.0))
@@ -76,7 +76,7 @@ def test_all_stuck_is_one_sentence_with_the_constant_duty_score():
         (("soil", "table-1"), ("duration", 20.0), ("terrain.angle_deg", 40.0), ("terrain.start", 0.3)),
     )
     study = dataclasses.replace(STUDY, training=(steep,), held_out=())
-    with pytest.raises(OptimisationError, match=r"\(.*constant.*0.55.*1.*1") as caught:
+    with pytest.raises(OptimisationError, match=r"0\.55.*1 of 1") as caught:
         tune_gains(study, workers=1)
     assert caught.value.status[0].stuck == 1.0
 
@@ -116,7 +116,7 @@ def test_evaluations_on_two_processes_are_those_of_one(tmp_path):
 
 def test_a_damaged_or_impossible_file_of_evaluations(tmp_path):
     (tmp_path / FILE).write_text("nonsense\n")
-    with pytest.raises(DataError, match=r"file.*damaged"):
+    with pytest.raises(DataError, match=rf"{FILE}, line 1: .*damaged"):
         Evaluations(tmp_path, 1, None)
     with pytest.raises(DataError, match="another folder"):
         Evaluations(tmp_path / FILE / "below", 1, None)
@@ -189,10 +189,10 @@ def test_a_drive_that_ended_early_stays_as_deep_as_it_was():
 def test_the_reduced_model_is_checked_where_the_rover_moves():
     """A rover that the gains before hold at a wall is easily modelled; the check takes the worse of two gains."""
     study = dataclasses.replace(STUDY, training=(INCLINE, BEFORE_A_WALL), held_out=())
-    incline, ditch = checked_over(study, Evaluations(None, 1, None))
-    assert incline.slip < SLIP_ERROR
+    incline, ditch = worse_checks(study, Evaluations(None, 1, None))
+    assert incline.slip < MAX_SLIP_ERROR
     assert incline.trusted
-    assert ditch.slip > 2.0 * SLIP_ERROR
+    assert ditch.slip > 2.0 * MAX_SLIP_ERROR
     assert not ditch.trusted
     assert refusal([incline]) == ""
     assert f" {ditch.slip:.3f} (RMSE, limit 0.05) on ditch" in refusal([incline, ditch])

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from rover_pin.base.errors import ParameterError
-from rover_pin.control.hole_law import HoleLaw
-from rover_pin.control.slip_control import HOLE_GAINS, Gains, load_gains, load_hole, save_gains
+from rover_pin.control.slip_control import HOLE_GAINS, Gains, HoleLaw, load_gains, load_hole, save_gains
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.tuning.drives import Control, build, drive_full, full_score
 from rover_pin.tuning.study import DriveCase, SlipLaw
@@ -94,9 +93,9 @@ def test_a_file_of_gains_brings_its_hole_law(tmp_path):
     [
         ("hole.deep =", "hole.depe =", r"'hole.depe':.*'hole.deep'"),
         ("hole.deep = [0.12, 0.4]", "hole.deep = [0.12, 4]", r"hole.deep must lie in"),
-        ("noise_seeds = 2", "noise_seeds = 0", r"noise_seeds = 0.*from 1"),
+        ("noise_seeds = 2", "noise_seeds = 0", r"noise_seeds = 0.*1"),
         ("[before.hole]\nS_deep = 0.15", "[before]\nk_i = 3", r"'hole.deep'"),
-        ('"onboard"', '"onbord"', r"'onbord':.*'onboard'"),
+        ('"onboard"', '"onbord"', r"'onbord' is.*'onboard'"),
         ("S_deep = 0.15", "S_depe = 0.15", r"\[before.hole\].*'S_depe'.*'S_deep'"),
         ("[effort]", "[cost]\nburied = 1.0\n[effort]", r"no field 'buried'"),
     ],
@@ -115,7 +114,7 @@ def test_tune_drives_what_sensors_say(tmp_path, run):
     assert summary["tuned by"] == "onboard slip"
     assert summary["hole law"]["S_deep"] == 0.15
     assert {"training: tuned, onboard", "held out: before, onboard"} <= set(summary)
-    assert any(line.startswith("training, incline, of 2: constant duty") for line in summary["where"])
+    assert any("training" in line and "incline" in line and "constant duty" in line for line in summary["where"])
     table = list(csv.DictReader((tmp_path / "out" / "drives.csv").read_text().splitlines()))
     own = [row for row in table if row["control"] == "tuned, onboard"]
     rows = [(row["set"], row["seed"]) for row in own]

@@ -47,7 +47,7 @@ def test_free_gains_run_between_their_bounds_on_their_scale():
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ('name = "s"', "training scenarios"),
+        ('name = "s"', "no training drives"),
         ("seeds = 1", r"'seeds':.*'seed'\?"),
         ("[effort]\npopulaton = 9\n[[training]]\nscenario = 'flat'", r"'populaton':.*'population'\?"),
         ("[effort]\npopulation = 2\n[[training]]\nscenario = 'flat'", "population = 2"),
@@ -57,7 +57,7 @@ def test_free_gains_run_between_their_bounds_on_their_scale():
         ("[free]\nS_d = [0, 3]\n[[training]]\nscenario = 'flat'", r"lie.*\[-1, 1\]"),
         ("[free]\nS_d = 0.3\n[[training]]\nscenario = 'flat'", r"two numbers, \[low, high\]"),
         ("[free]\n[[training]]\nscenario = 'flat'", "free gains"),
-        ("estimate = 'eq8'\n[[training]]\nscenario = 'flat'", r"estimate = 'eq8':.*'eq9'\?"),
+        ("estimate = 'eq8'\n[[training]]\nscenario = 'flat'", r"estimate = 'eq8' .*'eq9'\?"),
         ("[cost]\nspeed = 1\n[[training]]\nscenario = 'flat'", "field 'speed'"),
         ("[before]\nk_q = 1\n[[training]]\nscenario = 'flat'", r"no field 'k_q'"),
         ("[[training]]\nsoil.k = 0.01", "training 1"),

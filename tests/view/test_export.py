@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from rover_pin.logs.saved import load_trace
+from rover_pin.logs.drive_log import load_trace
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.view.film import Film
 from rover_pin.view.page import write_page
@@ -78,8 +78,8 @@ def test_a_film_plays_from_the_drives_first_second_to_its_last(run):
 
 def test_what_is_missing_is_said(run, log, monkeypatch):
     monkeypatch.setattr("rover_pin.cli.commands.export.find_spec", lambda name: None)
-    assert "package rerun-sdk: pip install 'rover-pin[rerun]'" in run("export", "log", "--to", "rerun")[2]
-    assert "package mcap: pip install 'rover-pin[mcap]'" in run("export", "log", "--to", "mcap")[2]
+    assert 'pip install "rerun-sdk>=0.23"' in run("export", "log", "--to", "rerun")[2]
+    assert 'pip install "mcap>=1.1"' in run("export", "log", "--to", "mcap")[2]
 
 
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)

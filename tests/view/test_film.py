@@ -12,7 +12,7 @@ from matplotlib.patches import Circle
 
 from rover_pin import Trace, load_rover, scenario
 from rover_pin.base.errors import DataError
-from rover_pin.simulation.trace.poses import Turned, on_the_ground
+from rover_pin.simulation.trace.poses import PathExtent, on_the_ground
 from rover_pin.view.animation import _figure, _slip, write_animation
 from rover_pin.view.colours import slip_colour
 from rover_pin.view.film import Film
@@ -132,8 +132,8 @@ OTHER = {"nexus6": "cart", "nexus6_links": "cart", "cart": "nexus6"}
 def test_a_drive_that_turns_is_seen_from_above(turn, across, side, above):
     t = np.linspace(0.0, 1.0, 30)
     trace = Trace({"t_s": t, "body_x": t, "body_y": across * t, "body_yaw": turn * t})
-    turned = Turned.of(trace)
-    assert (turned.side_tells, turned.from_above) == (side, above)
+    turned = PathExtent.of(trace)
+    assert (turned.from_the_side, turned.from_above) == (side, above)
     film = Film.of(trace, load_rover("cart"), scenario("flat").model.terrain)
     assert [axes.get_ylabel() for axes in _figure(film, None)[0].axes] == ["z [m]"] * side + ["y [m]"] * above
 

@@ -8,9 +8,9 @@ import pytest
 from PIL import Image
 
 from rover_pin.cli.subject import read_subject
-from rover_pin.logs.saved import save_trace
+from rover_pin.logs.drive_log import save_trace
 from rover_pin.scenarios.scenario import scenario
-from rover_pin.view.animation import COLOURS, MOST_PICTURES, PICTURES_PER_SECOND, write_animation
+from rover_pin.view.animation import COLOURS, MAX_PICTURES, PICTURES_PER_SECOND, write_animation
 from rover_pin.view.film import Film
 
 WORDS = ("--set", "duration=1.2", "--set", "soil.k=10mm")
@@ -55,7 +55,7 @@ def test_a_long_moving_picture_is_shown_faster_and_stays_small(tmp_path):
     film = Film.of(made.drive(), made.model.rover, made.model.terrain)
     file = write_animation(tmp_path / "flat.gif", film, "flat")
     with Image.open(file) as picture:
-        assert picture.n_frames == MOST_PICTURES
+        assert picture.n_frames == MAX_PICTURES
         assert picture.info["duration"] == 1000 // PICTURES_PER_SECOND
         assert len(picture.convert("RGB").getcolors(1 << 20)) <= COLOURS
     assert file.stat().st_size < 600_000
@@ -83,7 +83,7 @@ def test_what_cannot_be_seen_is_refused_in_one_sentence(run, words, sentence):
 def test_a_missing_viser_or_ffmpeg_is_said_before_the_drive(run, monkeypatch):
     monkeypatch.setattr(util, "find_spec", lambda name: None)
     monkeypatch.setattr("rover_pin.cli.commands.view.find_spec", lambda name: None)
-    assert "3D needs viser: pip install 'rover-pin[view]'." in run("drive", "flat", "--view")[2]
+    assert 'needs viser. Run `pip install "viser>=1.0"`' in run("drive", "flat", "--view")[2]
     monkeypatch.setattr("shutil.which", lambda name, path: None)
     assert "drive.mp4 needs ffmpeg" in run("drive", "flat", "--mp4")[2]
     assert not Path("out").exists()

@@ -1,36 +1,97 @@
-"""Whether there is a file of a name that a user gave, and how another file names it."""
+"""Paths that come from a user or a data set: whether they exist, how one file refers to another, and names of samples.
+
+The samples are the measured data sets that come with the package. A command finds them by name from any folder.
+"""
 
 import os
 from importlib.resources import files
 from pathlib import Path
 
+from rover_pin.base.errors import closest
+
 
 def is_file(path: Path) -> bool:
-    """Return whether this is a file; False too where no file can have such a name, which `Path.is_file` raises for."""
+    """Return whether the path is a file.
+
+    For a name that no file can have, such as one of 5,000 letters, the result is False; `Path.is_file` raises an error.
+    """
     try:
         return path.is_file()
     except OSError:
         return False
 
 
-def exists(path: Path) -> bool:
-    """Return whether this is a file or folder; False too where none can have such a name."""
-    return is_file(path) or is_folder(path)
-
-
 def is_folder(path: Path) -> bool:
-    """Return whether this is a folder; False too where none can have such a name."""
+    """Return whether the path is a folder.
+
+    For a name that no folder can have, such as one of 5,000 letters, the result is False.
+    """
     try:
         return path.is_dir()
     except OSError:
         return False
 
 
+def exists(path: Path) -> bool:
+    """Return whether the path is a file or a folder.
+
+    For a name that no file and no folder can have, such as one of 5,000 letters, the result is False.
+    """
+    return is_file(path) or is_folder(path)
+
+
 def named_from(folder: Path, name: str | Path) -> str:
-    """Return how a file in this folder names what a user gave: a file by the way to it, anything else as it is."""
+    """Return the text that a file in `folder` has to contain in order to refer to another file: the path from that
+    folder.
+
+    If `name` is not the path of an existing file, for example because it is the name of a rover of the package, `name`
+    is returned unchanged.
+    """
     return os.path.relpath(Path(name).resolve(), folder.resolve()) if is_file(Path(name)) else str(name)
 
 
 def text_of_package(folder: str, name: str) -> str:
-    """Return a text file that comes with the package, by its folder as a module's name."""
+    """Return the text of a file that is installed with the package, such as `panel.css` in the folder `rover_pin.view`.
+
+    `folder` is written with dots, like a module; `name` is the name of the file.
+    """
     return files(folder).joinpath(name).read_text(encoding="utf-8")
+
+
+def sample_folder() -> Path:
+    """Return the folder of the sample data sets: `samples` in an installed package, `studies/data` in a clone of the
+    repository.
+    """
+    # In a clone of the repository, the samples lie outside the package.
+    package = Path(str(files("rover_pin")))
+    inside = package / "samples"
+    return inside if inside.is_dir() else package.parent / "studies" / "data"
+
+
+def sample_names() -> list[str]:
+    """Return the sorted names of the measured data sets that come with the package."""
+    return sorted(folder.name for folder in sample_folder().iterdir() if folder.is_dir())
+
+
+def data_path(location: str | Path) -> Path:
+    """Return the path of a data set from the path or the sample name that a user gave.
+
+    If the path `location` exists, it is returned. Otherwise, if the package has a sample of this name, the path of the
+    sample is returned. Otherwise `location` is returned unchanged, and the caller reports that the data are missing.
+    """
+    path = Path(location)
+    sample = sample_folder() / path
+    # An absolute path or a path with '..' cannot name a sample, and must not lead out of the samples' folder.
+    is_named = path.parts and not path.is_absolute() and ".." not in path.parts
+    return sample if is_named and not exists(path) and exists(sample) else path
+
+
+def closest_samples(location: str | Path) -> str:
+    """Return the last sentence of an error about missing data, which lists the samples with names similar to
+    `location`.
+
+    The text is empty if `location` exists, or if it is a path of several parts, because a sample's name has only one
+    part.
+    """
+    path = Path(location)
+    return f" Of samples {closest(path, sample_names())}" if len(path.parts) == 1 and not exists(path) else ""

@@ -1,4 +1,7 @@
-"""The folders in which the package keeps what it made, or found sound, for a later run: nobody else can write there."""
+"""The folders in which the package keeps compiled code and the results of checks for later runs.
+
+The package loads compiled libraries from such a folder. Therefore only the user and root may be able to write there.
+"""
 
 import contextlib
 import hashlib
@@ -13,40 +16,44 @@ from rover_pin.base.files.whole_file import replace_file
 
 VARIABLE = "ROVER_PIN_CACHE"
 OTHERS_WRITE = 0o022
+"""Permission bits of a folder with which its group, or all users, can write to it."""
 HINT = f"set {VARIABLE} to a folder of your own that can be written"
+MAX_DIGESTS = 200
+"""Maximum number of successful checks of one kind (such as checks of URDF files) that are remembered. Beyond this
+number the oldest are forgotten; a forgotten check runs again when its result is needed."""
 
 
 def private_folders() -> list[Path]:
-    """Return the folders that may hold compiled code and findings, the preferred first, made where they are missing.
+    """Return the folders that may hold compiled code, the preferred folder first. Missing folders are created.
 
-    They are $ROVER_PIN_CACHE alone where it is set, else rover_pin in the user's cache and one of the user's in the
-    system's folder for temporary files. A folder that belongs to another user than root, or to which others can write,
-    is not among them: its libraries would run as ours.
+    If $ROVER_PIN_CACHE is set, its folder is the only candidate. Otherwise the candidates are `rover_pin` in the user's
+    cache, and a folder of the user in the system's folder for temporary files. A candidate is left out if it belongs to
+    a user other than this user and root, or if other users can write to it.
 
-    Raises CacheError: there is none.
+    Raises CacheError: no candidate can be used.
     """
     configured = os.environ.get(VARIABLE)
-    folders, troubles = [Path(configured)] if configured else _usual(), {}
-    for folder in folders:
-        troubles[folder] = _trouble(folder)
+    folders = [Path(configured)] if configured else []
+    if not configured:
+        with contextlib.suppress(RuntimeError):  # raised for a user without a home folder
+            folders.append(Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "rover_pin")
+        with contextlib.suppress(OSError):  # raised where there is no folder for temporary files
+            folders.append(Path(tempfile.gettempdir()) / f"rover_pin-{os.geteuid()}")
+    troubles = {folder: _trouble(folder) for folder in folders}
     safe = [folder for folder in folders if not troubles[folder]]
     if not safe:
-        reasons = "; ".join(f"{folder}: {trouble}" for folder, trouble in troubles.items()) or "there is no home"
+        reasons = (
+            "; ".join(f"{folder}: {trouble}" for folder, trouble in troubles.items()) or "this user has no home folder"
+        )
         raise CacheError(f"Compiled code cannot be kept ({reasons}): {HINT}.")
     return safe
 
 
-def _usual() -> list[Path]:
-    folders = []
-    with contextlib.suppress(RuntimeError):  # a user without a home
-        folders.append(Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "rover_pin")
-    with contextlib.suppress(OSError):  # no folder for temporary files
-        folders.append(Path(tempfile.gettempdir()) / f"rover_pin-{os.geteuid()}")
-    return folders
-
-
 def _trouble(folder: Path) -> str:
-    """Return why a folder may not hold code, or nothing; make it where it is missing."""
+    """Return the reason why compiled code must not be kept in a folder, or an empty text if the folder is safe.
+
+    A missing folder is created.
+    """
     try:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         status = folder.stat()
@@ -57,28 +64,34 @@ def _trouble(folder: Path) -> str:
     return "other users can write to it" if status.st_mode & OTHERS_WRITE else ""
 
 
-MAX_DIGESTS = 200
-"""Digests that are kept, the latest; what falls out is checked anew."""
-
-
 def digest_of(parts: Iterable[str]) -> str:
-    """Return the digest of all that a finding depends on."""
+    """Return one digest of several texts. Callers pass all texts on which the result of a check depends."""
     return hashlib.sha256("\0".join(parts).encode()).hexdigest()
 
 
 def is_cached(kind: str, digest: str) -> bool:
-    """Return whether this was found sound by this user on this machine; False where nothing can be kept."""
+    """Return whether a check has already succeeded on the same data, so that the check need not run again.
+
+    `kind` names the check, such as "urdf"; `digest` is the digest of the data from `digest_of`.
+    """
     return digest in _digests(kind)
 
 
 def remember(kind: str, digest: str) -> None:
-    """Keep that this was found sound; where no private folder takes it, it is checked again next time."""
+    """Store that a check has succeeded, so that later runs skip the check (see `is_cached`).
+
+    `kind` names the check; `digest` is the digest of the checked data. If no private folder can be written, nothing is
+    stored, and the check runs again in the next run.
+    """
     digests = [*(old_digest for old_digest in _digests(kind) if old_digest != digest), digest][-MAX_DIGESTS:]
     with contextlib.suppress(CacheError, DataError):
         replace_file(_file(kind), "\n".join(digests))
 
 
 def _digests(kind: str) -> list[str]:
+    """Return the digests of the data that passed a kind of check, the oldest first; an empty list if no file can be
+    read.
+    """
     try:
         return bounded.text(_file(kind)).split()
     except (CacheError, DataError, OSError, UnicodeDecodeError):
@@ -86,4 +99,5 @@ def _digests(kind: str) -> list[str]:
 
 
 def _file(kind: str) -> Path:
+    """Return the path of the file that stores the successful checks of one kind."""
     return private_folders()[0] / f"{kind}.sound"

@@ -1,4 +1,6 @@
-"""A folder of results: one process at a time writes there, and it is said what a further run replaces."""
+"""The folder of a run's results. Only one process at a time may write there, and the log names the files to be
+replaced.
+"""
 
 import fcntl
 import logging
@@ -12,32 +14,39 @@ from rover_pin.base.files.paths import exists
 
 LOCK = ".rover_pin.lock"
 OF_A_LOOP = ("report.html", "verdict.json", "model.toml", "posterior", "draft_effect")
-"""What a run of the loop may leave in its folder, besides pictures."""
+"""Files and folders, apart from pictures, that `close_the_loop` may write into its folder of results."""
 
 log = logging.getLogger(__name__)
 
 
 @contextmanager
 def alone_in(folder: str | Path | None) -> Iterator[None]:
-    """Hold a folder, made where it is missing, until the block ends; the system lets go of it for who is killed.
+    """Lock a folder of results until the end of the `with` block, so that no other run writes there.
 
-    None is no folder: nothing is written, nothing held.
+    A missing folder is created, and removed again if it is empty at the end of the block. If the process is killed, the
+    system releases the lock. With `folder` None, nothing is locked.
 
-    Raises DataError: another process, or another thread of this one, holds it; or it cannot be made or locked.
+    Raises DataError: another process or another thread has locked the folder, or the folder cannot be created or
+    locked.
     """
     if folder is None:
         yield
         return
     folder = Path(folder)
     if exists(folder) and not folder.is_dir():
-        raise DataError(f"{folder}: a file stands where the results go; give a folder.")
+        raise DataError(f"{folder}: this is a file, but the results need a folder; give another name.")
     missing = not exists(folder)
     try:
         folder.mkdir(parents=True, exist_ok=True)
         lock_fd = _lock_file(folder / LOCK)
     except BlockingIOError:
+        # The lock holds the number of its process. The file may be gone by now, or be half written.
+        holder = "another process"
+        with suppress(OSError):
+            number = (folder / LOCK).read_bytes()[:20]
+            holder = f"process {number.decode()}" if number.isdigit() else holder
         raise DataError(
-            f"{folder}: {_holder(folder / LOCK)} is at work in this folder: wait until it has ended, or name another "
+            f"{folder}: {holder} is writing results into this folder: wait until it has ended, or name another "
             "folder for the results."
         ) from None
     except OSError as error:
@@ -50,26 +59,42 @@ def alone_in(folder: str | Path | None) -> Iterator[None]:
         os.close(lock_fd)
         with suppress(OSError):
             if missing:
-                folder.rmdir()  # where nothing came to lie in it
+                folder.rmdir()  # fails, as it should, where the block has written files
 
 
 def replacing(folder: str | Path, names: Sequence[str], untouched: Sequence[str] = ()) -> str:
-    """Return what of an earlier run a new one may replace in a folder, and what it leaves; nothing if it is empty."""
-    there, stay = ([name for name in group if exists(Path(folder) / name)] for group in (names, untouched))
-    message = f"{folder}: an earlier run's results are there, which this one replaces as it writes its own: "
-    note = f" Not written anew, and still of an earlier run: {', '.join(stay)}." if stay else ""
-    return f"{message}{', '.join(there)}.{note}" if there else ""
+    """Return a message that names the files of an earlier run that a new run will replace; an empty text if there are
+    none.
+
+    `names` are the files that the new run writes. `untouched` are files that the new run does not write, and that a
+    user could mistake for results of the new run.
+    """
+    replaced, kept = ([name for name in group if exists(Path(folder) / name)] for group in (names, untouched))
+    message = f"{folder}: this run replaces these results of an earlier run: "
+    note = f" These files of an earlier run are kept: {', '.join(kept)}." if kept else ""
+    return f"{message}{', '.join(replaced)}.{note}" if replaced else ""
 
 
 def say_what_is_replaced(folder: str | Path | None, names: Sequence[str], untouched: Sequence[str] = ()) -> None:
-    """Log what of an earlier run a new one may replace; to be called when nothing is left that could refuse the run."""
+    """Log which files of an earlier run a new run will replace. `names` and `untouched` are the same as for
+    `replacing`.
+
+    Call this only after every check that could still refuse the new run; otherwise the user reads that results are
+    replaced although they are not.
+    """
     message = "" if folder is None else replacing(folder, names, untouched)
     if message:
         log.info("rover-pin: %s", message)
 
 
 def _lock_file(file: Path) -> int:
-    """Return the open file, locked; one that its holder has removed meanwhile is no lock, and is made again."""
+    """Lock a lock file, write the number of this process into it, and return its file descriptor. A missing file is
+    created.
+
+    Raises BlockingIOError: another process has locked the file.
+    """
+    # Between opening and locking, the previous holder may have removed the file. A lock on a removed file excludes
+    # nobody, so the file is then created again.
     while True:
         opened = os.open(file, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o600)
         try:
@@ -82,10 +107,3 @@ def _lock_file(file: Path) -> int:
             os.close(opened)
             raise
         os.close(opened)
-
-
-def _holder(file: Path) -> str:
-    with suppress(OSError):
-        number = file.read_bytes()[:20]
-        return f"process {number.decode()}" if number.isdigit() else "another process"
-    return "another process"

@@ -1,4 +1,4 @@
-"""Long work: worker processes, a cluster, the time left, and an environment that runs nothing from the working folder.
+"""Long calculations: worker processes, a Dask cluster, the remaining time, and protection from code among the data.
 
 Start at `cluster`.
 """

@@ -1,4 +1,4 @@
-"""Work on this machine's cores (joblib) or on a Dask cluster; what distributes it is theirs, not ours."""
+"""Running many jobs in parallel, on the cores of this machine (by joblib) or on a Dask cluster."""
 
 import os
 import socket
@@ -7,30 +7,43 @@ from contextlib import contextmanager
 from typing import Any
 
 from rover_pin.base.errors import MissingExtraError, ParameterError, SimulationError
+from rover_pin.base.extras import install_command
 from rover_pin.base.jobs.safe_environment import safe_path
 from rover_pin.base.jobs.workers import working_for
 
 CONNECT_SECONDS = 5
-"""How long a scheduler may take to be reached."""
+"""Maximum time to connect to a Dask scheduler [s]. After it, the scheduler counts as absent."""
 START_SECONDS = 30
-"""How long it may then take to answer, and its first worker to be there: a busy machine starts one in 10 s."""
-AT_ONCE = 8
-"""Short jobs that a process is handed at a time, at most."""
+"""Maximum time to wait for the answer of a Dask scheduler, and then for its first worker [s]. After it, an error is
+raised. A busy machine may need 10 s to start a worker."""
+MAX_JOBS_AT_ONCE = 8
+"""Maximum number of short jobs that are sent to a process together."""
 Workers = Any
-"""How many processes (int; -1 for one a core), or the client of a cluster (distributed.Client)."""
+"""Type of the workers that run jobs: a number of processes (int; -1 means one for each core), or a client of a Dask
+cluster (distributed.Client)."""
 
 
 def refuse_both(workers: int | None, scheduler: str | None) -> None:
-    """Refuse a number of processes beside a scheduler."""
+    """Check that a user did not give both a number of processes and the address of a Dask scheduler.
+
+    A scheduler has its own workers, so a number of processes would have no meaning.
+
+    Raises ParameterError: both were given.
+    """
     if workers is not None and scheduler is not None:
-        raise ParameterError("workers and scheduler are both given: the scheduler's workers are its own; drop one.")
+        raise ParameterError(
+            "workers and scheduler are both given, but a scheduler has its own workers: give only one."
+        )
 
 
 @contextmanager
 def workers_of(count: int, scheduler: str | None) -> Iterator[Workers]:
-    """Yield that many processes, or the cluster of the Dask scheduler at an address.
+    """Yield the workers to pass to `results`: a number of processes, or the client of a Dask scheduler.
 
-    Raises ParameterError, MissingExtraError: as of `client_of`.
+    `scheduler` is the address of the scheduler. If it is None, the workers are `count` processes of this machine.
+
+    Raises MissingExtraError: a scheduler is given, but Dask is not installed.
+    Raises ParameterError: no scheduler answers at the address, or the scheduler has no workers.
     """
     if scheduler is None:
         yield count
@@ -42,12 +55,13 @@ def workers_of(count: int, scheduler: str | None) -> Iterator[Workers]:
 def results(
     function: Callable[..., Any], jobs: Sequence[tuple[Any, ...]], workers: Workers, short: bool = False
 ) -> Iterator[Any]:
-    """Yield `function(*job)` for each job, in order; one worker is this process itself.
+    """Yield the result of `function(*job)` for each job, in the order of the jobs.
 
-    What a dead worker of a cluster was at is run again by another. Jobs that are `short` are handed to processes
-    several at a time: what they share is sent once.
+    With one worker, the jobs run in this process. If a worker of a cluster dies, another worker runs its job again. If
+    `short` is True, several jobs are sent to a process together, so that objects that the jobs share are sent only
+    once.
 
-    Raises SimulationError: the scheduler went away, or a job cannot be run there.
+    Raises SimulationError: the connection to the scheduler is lost, or a job cannot be run there.
     """
     if workers == 1:
         return (function(*job) for job in jobs)
@@ -56,6 +70,7 @@ def results(
     from joblib import effective_n_jobs
 
     at_once = handed_at_once(len(jobs), effective_n_jobs(workers)) if short else "auto"
+    # The first value (None) is taken here, so that the processes start now and not when the first result is read.
     begun = on_processes(function, jobs, workers, return_as="generator", batch_size=at_once)
     next(begun)
     return begun
@@ -64,16 +79,18 @@ def results(
 def on_processes(
     function: Callable[..., Any], jobs: Sequence[tuple[Any, ...]], workers: int, **options: Any
 ) -> Generator[Any, None, None]:
-    """Yield None when the workers are at work, then `function(*job)` of each job; `options` are joblib's.
+    """Run jobs on worker processes of this machine. Yield None when the processes have started, then each job's result.
 
-    A process has one thread and a share of the machine's memory, and takes no code from the working directory.
+    The results, `function(*job)`, come in the order of the jobs. `options` are passed to `joblib.Parallel`. Each
+    process has one thread and a limited part of the machine's memory, and imports no module from the working directory.
 
-    Raises SimulationError: a process died, or needs more memory than its share.
+    Raises SimulationError: a process died, or needs more memory than its limit.
     """
     from joblib import Parallel, delayed, effective_n_jobs, parallel_config
     from joblib.externals.loky.process_executor import BrokenProcessPool
 
-    count = min(effective_n_jobs(workers), max(len(jobs), effective_n_jobs(-1)))  # more would have nothing to do
+    # More processes than jobs would have nothing to do.
+    count = min(effective_n_jobs(workers), max(len(jobs), effective_n_jobs(-1)))
     with parallel_config(backend="loky", inner_max_num_threads=1):
         parallel = Parallel(n_jobs=count, **options)
     try:
@@ -82,52 +99,69 @@ def on_processes(
             yield None
             yield from results
     except BrokenProcessPool as error:
-        raise SimulationError("A worker process died (killed, out of memory, or a crash in native code).") from error
+        raise SimulationError(
+            "A worker process died (it was killed, was out of memory, or crashed in native code): run again, with "
+            "fewer workers if memory was short."
+        ) from error
     except MemoryError as error:
         raise SimulationError(
-            f"A job needs more memory than the share of one of {count} processes: take fewer workers."
+            f"A job needs more memory than each of the {count} processes may use: run with fewer workers."
         ) from error
 
 
 def handed_at_once(jobs: int, workers: int) -> int:
-    """Return how many short jobs a process is handed at a time: all have two turns at least, so none idles for long."""
-    return min(max(jobs // (2 * workers), 1), AT_ONCE)
+    """Return how many short jobs are sent to a worker process together.
+
+    Each process gets at least two portions, so that no process is idle for long while the last jobs finish.
+    """
+    return min(max(jobs // (2 * workers), 1), MAX_JOBS_AT_ONCE)
 
 
 def _on_cluster(function: Callable[..., Any], jobs: Sequence[tuple[Any, ...]], client: Any) -> Iterator[Any]:
+    """Yield the result of `function(*job)` for each job, in the order of the jobs, computed by the workers of a Dask
+    client.
+
+    Raises SimulationError: the connection to the scheduler is lost, a job kills its workers, or a worker lacks a
+    package.
+    """
     from distributed import KilledWorker
     from distributed.client import FutureCancelledError
 
     address = client.scheduler.address
+    # All jobs are submitted at once. `pure=False`: without it, Dask would compute equal jobs only once.
     for future in [client.submit(function, *job, pure=False) for job in jobs]:
         try:
             yield future.result()
         except KilledWorker as error:
-            raise SimulationError(f"A job killed every worker of the cluster at {address} that took it.") from error
+            raise SimulationError(
+                f"A job killed every worker of the cluster at {address} that ran it; see the log of the workers."
+            ) from error
         except (FutureCancelledError, OSError) as error:
             raise SimulationError(f"The Dask scheduler at {address} went away.") from error
         except ImportError as error:
             raise SimulationError(
-                f"The cluster at {address} cannot run this ({error}): install the same packages there as here."
+                f"The workers of the cluster at {address} lack a package ({error}): install the same packages there as "
+                "on this machine."
             ) from error
 
 
 @contextmanager
 def client_of(address: str) -> Iterator[Any]:
-    """Yield the client of the Dask scheduler at an address, with a worker at least.
+    """Yield a client of the Dask scheduler at an address such as tcp://127.0.0.1:8786. The scheduler has at least one
+    worker.
 
-    Raises MissingExtraError: dask is not installed.
-    Raises ParameterError: no scheduler answers there, or it has no workers.
+    Raises MissingExtraError: Dask is not installed.
+    Raises ParameterError: no scheduler answers at the address, or the scheduler has no workers.
     """
     try:
         from distributed import Client
         from distributed.comm.addressing import get_address_host_port
     except ImportError as error:
         raise MissingExtraError(
-            "Work on a cluster needs Dask: run `pip install 'rover-pin[cluster]'` here and on the workers."
+            f"Work on a cluster needs Dask. Run `{install_command('cluster')}` here and on the workers."
         ) from error
     try:
-        # Asked before Dask starts its threads, which a busy machine may do too late for Dask.
+        # A plain connection first: on a busy machine, Dask's own threads may start too late for its time limit.
         socket.create_connection(get_address_host_port(address, strict=True), CONNECT_SECONDS).close()
         client = Client(address, timeout=START_SECONDS, set_as_default=False)
     except (OSError, ValueError, TypeError) as error:

@@ -1,7 +1,9 @@
-"""The working directory holds data: no program, module or setting of it is taken by us or our children.
+"""An environment in which no code of the working directory runs, because this directory may hold data of another
+person.
 
-Python puts the working directory first on the path of `python -m` and `python -c`, by which worker processes and their
-trackers start; a shell does so for an empty entry of PATH, and matplotlib reads ./matplotlibrc.
+Without this environment, code in the working directory could run in several ways. Python puts this directory first on
+the search path of `python -m` and `python -c`, with which worker processes start. An empty entry of PATH or PYTHONPATH
+means the working directory. matplotlib reads ./matplotlibrc, which names programs.
 """
 
 import importlib
@@ -13,49 +15,62 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import lru_cache
-from pathlib import Path
+
+from rover_pin.base.jobs.search_path import PYTHON_PATH, leave_search_path, search_path_without_folder
 
 SAFE_PATH = "PYTHONSAFEPATH"
 PICTURES = "matplotlib"
 _LOCK = threading.RLock()
 _OPEN_BLOCKS: list[str] = []
 _BEFORE: dict[str, str] = {}
-LEAST_SHARE = 2 << 30
-"""Bytes that any process may have: the largest file that is read (`bounded`), and as much to work with it."""
+MIN_MEMORY_LIMIT = 2 << 30
+"""Smallest memory limit that is set for a process [bytes]. It suffices for the largest file that is read and one
+copy."""
 
 
 def leave_folder_out() -> None:
-    """Take nothing from the working directory from now on, and bound our memory: for a process that is ours alone."""
-    package_root = str(Path(__file__).parents[1])
-    if not sys.flags.safe_path and sys.path[:1] in ([""], [os.getcwd()]) and os.getcwd() != package_root:
-        del sys.path[0]
+    """Exclude code in the working directory from this process, and limit the memory of the process.
+
+    Call this only in a process that runs the command line: it changes the environment and the search path of the
+    process.
+    """
+    leave_search_path()
     os.environ.update(safe_environment())
     read_pictures_settings()
     bound_memory()
 
 
 def safe_environment() -> dict[str, str]:
-    """Return our environment, with which a child finds no module and no program in the working directory."""
-    return {**os.environ, SAFE_PATH: "1", "PATH": _absolute(os.environ.get("PATH", os.defpath))}
+    """Return environment variables for a child process that must find no module and no program in the working
+    directory.
+    """
+    python_path = {PYTHON_PATH: search_path_without_folder(os.environ.get(PYTHON_PATH, ""))}
+    return {**os.environ, **python_path, SAFE_PATH: "1", "PATH": _absolute(os.environ.get("PATH", os.defpath))}
 
 
 def program(name: str) -> str | None:
-    """Return the path of a program, or None; one in the working directory only where its name says so."""
+    """Return the absolute path of a program on the search path (PATH), or None if there is no such program.
+
+    The working directory is not searched, but `name` may be the path of a program in it.
+    """
     path = shutil.which(name, path=safe_environment()["PATH"])
     return path and os.path.abspath(path)
 
 
 @contextmanager
 def safe_path() -> Iterator[None]:
-    """Let the Python processes that start in this block, also by themselves, import nothing from here.
+    """Prevent Python processes that start inside this `with` block from importing modules of the working directory.
 
-    Blocks may end in any order, as those of generators do: what stood before the first comes back after the last.
+    Several blocks may be open and may end in any order, as blocks in generators do. When the last block has ended, the
+    environment from before the first block is restored.
     """
     with _LOCK:
         if not _OPEN_BLOCKS:
-            _BEFORE.update({name: value for name, value in os.environ.items() if name == SAFE_PATH})
+            _BEFORE.update({name: value for name, value in os.environ.items() if name in (SAFE_PATH, PYTHON_PATH)})
         _OPEN_BLOCKS.append(SAFE_PATH)
         os.environ[SAFE_PATH] = "1"
+        if PYTHON_PATH in os.environ:
+            os.environ[PYTHON_PATH] = search_path_without_folder(os.environ[PYTHON_PATH])
     try:
         yield
     finally:
@@ -63,12 +78,15 @@ def safe_path() -> Iterator[None]:
             _OPEN_BLOCKS.pop()
             if not _OPEN_BLOCKS:
                 os.environ.pop(SAFE_PATH, None)
-                os.environ.update(_BEFORE)
+                os.environ.update(_BEFORE)  # including PYTHONPATH
                 _BEFORE.clear()
 
 
 def read_pictures_settings() -> None:
-    """Import matplotlib where it does not see a ./matplotlibrc, which names programs to run; no cost where none is."""
+    """Import matplotlib from the root folder if the working directory has a file `matplotlibrc`.
+
+    matplotlib would read this file at import, and its settings may name programs that matplotlib runs.
+    """
     if PICTURES in sys.modules or not os.path.lexists("matplotlibrc"):
         return
     working_folder = os.open(".", os.O_RDONLY)
@@ -82,17 +100,21 @@ def read_pictures_settings() -> None:
 
 @lru_cache(maxsize=1)
 def bound_memory(workers: int = 1) -> None:
-    """Bound the memory of this process and of each that it starts to a share: one of as many as work, and one more.
+    """Limit the memory of this process, and of each process that it starts, to 1 / (`workers` + 1) of the machine's
+    memory.
 
-    What is bounded is what a process writes (RLIMIT_DATA): of addresses alone (RLIMIT_AS), libraries reserve far more
-    than they use. Beyond it a MemoryError is raised, and the machine goes on.
+    A process that needs more gets a MemoryError, and the machine stays usable. The limit applies to the memory that a
+    process writes to (RLIMIT_DATA). A limit on addresses (RLIMIT_AS) would be wrong, because libraries reserve far more
+    addresses than they use.
     """
+    # One share of the memory is left for this process and for the rest of the machine.
     machine = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-    share = max(machine // (workers + 1), LEAST_SHARE)
+    share = max(machine // (workers + 1), MIN_MEMORY_LIMIT)
     soft, hard = resource.getrlimit(resource.RLIMIT_DATA)
     bounds = [limit for limit in (share, soft, hard) if limit != resource.RLIM_INFINITY]
     resource.setrlimit(resource.RLIMIT_DATA, (min(bounds), hard))
 
 
 def _absolute(path: str) -> str:
+    """Return a search path for programs (a value of PATH) without its relative entries."""
     return os.pathsep.join(filter(os.path.isabs, path.split(os.pathsep))) or os.defpath

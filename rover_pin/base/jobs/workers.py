@@ -1,4 +1,4 @@
-"""Worker processes end with the program that started them, however it is asked to end."""
+"""Worker processes that end together with the program that started them, even if the program is killed."""
 
 import os
 import signal
@@ -14,12 +14,12 @@ from typing import Any
 
 from rover_pin.base.jobs.safe_environment import bound_memory, read_pictures_settings
 
-LOOKED = 1.0
-"""Time [s] between a worker's looks at whether its program is still there."""
+SECONDS_BETWEEN_LOOKS = 1.0
+"""Interval at which a worker process checks whether the program that started it is still running [s]."""
 
 
 class Terminated(SystemExit):
-    """The program was asked to end by SIGTERM."""
+    """Raised when the program is asked to end by the signal SIGTERM."""
 
     def __init__(self) -> None:
         super().__init__(128 + signal.SIGTERM)
@@ -27,21 +27,30 @@ class Terminated(SystemExit):
 
 @contextmanager
 def ending_workers() -> Iterator[None]:
-    """Let SIGTERM raise `Terminated` in this block; when that or Ctrl-C ends it, no worker process goes on.
+    """Make SIGTERM raise `Terminated` inside this `with` block, and end all worker processes if SIGTERM or Ctrl-C ends
+    it.
 
-    A handler of the program's own stays, and in another thread than the main one there can be none.
+    If the program has its own handler of SIGTERM, or if this thread is not the main thread, SIGTERM is not handled
+    here.
     """
     handles_term = (
         threading.current_thread() is threading.main_thread() and signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
     )
+
+    def terminate(number: int, frame: FrameType | None) -> None:
+        raise Terminated
+
     if handles_term:
-        signal.signal(signal.SIGTERM, _terminate)
+        signal.signal(signal.SIGTERM, terminate)
     try:
         yield
     except (KeyboardInterrupt, SystemExit):
         if handles_term:
-            signal.signal(signal.SIGTERM, signal.SIG_IGN)  # a second one would end this by a traceback
-        _end_all()
+            signal.signal(signal.SIGTERM, signal.SIG_IGN)  # a second signal would end the clean-up with a traceback
+        if "joblib.externals.loky" in sys.modules:  # otherwise no worker was started
+            from joblib.externals.loky import get_reusable_executor
+
+            get_reusable_executor(reuse=True).shutdown(wait=True, kill_workers=True)
         raise
     finally:
         if handles_term:
@@ -49,9 +58,19 @@ def ending_workers() -> Iterator[None]:
 
 
 def working_for(program: int, workers: int, function: Callable[..., Any], *job: Any) -> Any:
-    """Return `function(*job)`, in one of `workers` processes, which end when the process `program` is gone.
+    """Return `function(*job)`, computed in a worker process that ends when the program that started it has ended.
 
-    A program that is killed outright (SIGKILL, no memory left) cannot end its workers itself.
+    A program that is killed outright (by SIGKILL, or for lack of memory) cannot end its workers. Therefore a worker
+    starts at its first job to watch the program, and ends when the program is gone.
+
+    Parameters
+    ----------
+    program : int
+        Process number of the program that started the worker.
+    workers : int
+        Number of worker processes, which determines the memory limit of each.
+    function, *job
+        The function to call, and its arguments.
     """
     if os.getpid() != program:
         _follow(program, workers)
@@ -60,31 +79,27 @@ def working_for(program: int, workers: int, function: Callable[..., Any], *job: 
 
 @lru_cache(maxsize=1)
 def _follow(program: int, workers: int) -> None:
+    """Prepare this worker process once: limit its memory, and start a thread that watches the program.
+
+    `program` is the process number of the program that started the worker, and `workers` is the number of workers.
+    """
     read_pictures_settings()
     bound_memory(workers)
     threading.Thread(target=_end_after, args=(program,), daemon=True).start()
 
 
 def _end_after(program: int) -> None:
+    """Wait until the program with this process number has ended, then end this worker process at once."""
     while os.getppid() == program:
-        time.sleep(LOOKED)
+        time.sleep(SECONDS_BETWEEN_LOOKS)
     os._exit(1)
 
 
-def _terminate(number: int, frame: FrameType | None) -> None:
-    raise Terminated
-
-
-def _end_all() -> None:
-    """End joblib's processes, if it has started any."""
-    if "joblib.externals.loky" in sys.modules:
-        from joblib.externals.loky import get_reusable_executor
-
-        get_reusable_executor(reuse=True).shutdown(wait=True, kill_workers=True)
-
-
 def sent_by_value(module: ModuleType) -> None:
-    """Let worker processes be sent what a module defines: they cannot import one that was read from a user's file."""
-    for name in ("joblib.externals.cloudpickle", "cloudpickle"):  # joblib before 1.6 brings its own; Dask's
+    """Register a module whose functions and classes are sent to worker processes as code, not as a name to import.
+
+    A module that was loaded from a user's file needs this, because the worker processes cannot import it.
+    """
+    for name in ("joblib.externals.cloudpickle", "cloudpickle"):
         with suppress(ImportError):
             import_module(name).register_pickle_by_value(module)

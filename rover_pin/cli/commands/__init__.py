@@ -1,6 +1,7 @@
-"""Commands that `cli` adds to its own: one file each, or two of a kind; what a command needs is imported when it runs.
+"""The commands that are not in `app`: one file for each command, or for a few commands that belong together.
 
-Their files postpone no annotations: typer would evaluate every one of those strings, several times, at every start.
+Every command imports the modules that it needs when it runs, so that the program starts fast. The files do not use
+`from __future__ import annotations`, because typer would then evaluate each annotation several times at every start.
 """
 
 import typer
@@ -24,7 +25,7 @@ from rover_pin.cli.commands import (
 
 
 def add_to(app: typer.Typer) -> None:
-    """Add the commands of this room."""
+    """Add the commands of this package to the typer application `app`."""
     app.command("map")(map_ground.map_ground)
     app.command()(curve.curve)
     app.command("list")(listing.list_)

@@ -1,4 +1,7 @@
-"""A drive on all models of a folder, as a loop leaves them in `posterior`: bands in place of lines."""
+"""`rover-pin drive --model FOLDER`: drives a scenario on all models of a folder and plots quantiles of the results.
+
+The models are equally probable, for example the posterior of a close-loop run.
+"""
 
 from pathlib import Path
 from typing import Any
@@ -7,7 +10,10 @@ from rover_pin.base.errors import ParameterError
 
 
 def bands(name: str, folder: Path, settings: dict[str, Any], out: Path) -> dict[str, Any]:
-    """Drive a scenario on each model, write bands.csv and bands.png, and return what the models say of it."""
+    """Drive a scenario on each model of a folder, write bands.csv and bands.png, and return a summary over the models.
+
+    `name` is the scenario, `settings` are the user's settings of the drive, and `out` is the folder of the results.
+    """
     from rover_pin.comparison.bands import drive_on_models
     from rover_pin.plot import save, write_csv
     from rover_pin.plot.bands import bands_figure
@@ -26,6 +32,15 @@ def bands(name: str, folder: Path, settings: dict[str, Any], out: Path) -> dict[
 
 
 def refuse_of_one_model(views: list[str], folder: Path) -> None:
-    """Refuse what is of one drive."""
+    """Check that the user requests no page, GIF or film together with a folder of models, because these show a single
+    drive.
+
+    `views` are the names of the requested files, and `folder` is the folder of models.
+
+    Raises ParameterError: `views` is not empty.
+    """
     if views:
-        raise ParameterError(f"a view: {folder} is a folder of models; name one of its files for that.")
+        raise ParameterError(
+            f"a page, GIF or film shows a single drive, but {folder} is a folder of models: give --model one of its "
+            "files."
+        )

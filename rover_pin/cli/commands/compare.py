@@ -1,46 +1,50 @@
-"""`rover-pin compare`: two verdicts, models or drives as one sentence and one table."""
+"""`rover-pin compare`: prints the differences between two verdicts, models or drives as one sentence and one table."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from rover_pin.base.console import say
 from rover_pin.base.trust import Trust
-from rover_pin.cli.options import AsJson, Trusted
+from rover_pin.cli.options import AsJson, Run, Trusted
 from rover_pin.cli.terminal import json_text
 
 if TYPE_CHECKING:
     from rover_pin.comparison.side import Comparison
 
-WIDEST = 44
-"""Letters of a column; what is longer sticks out, and is never cut."""
+MAX_COLUMN_WIDTH = 44
+"""Maximum width of a column of the printed table, in letters. A longer cell is not cut; it shifts the rest of its row
+to the right."""
 
 
 def compare(
     first: Annotated[Path, typer.Argument(metavar="A", help="A close-loop's folder, a model.toml, a drive log.")],
-    second: Annotated[Path, typer.Argument(metavar="B", help="Another one of the same kind.")],
-    run: Annotated[str, typer.Option(help="Which run of drive logs; the first, if not said.")] = "",
-    all_: Annotated[bool, typer.Option("--all", help="Print also what does not differ.")] = False,
+    second: Annotated[Path, typer.Argument(metavar="B", help="Another verdict, model or log, as A is.")],
+    run: Run = "",
+    all_: Annotated[bool, typer.Option("--all", help="Also print the rows that do not differ.")] = False,
     trust: Trusted = False,
     as_json: AsJson = False,
 ) -> None:
-    """Compare two verdicts, two models or two drives. One sentence, and a table of what differs."""
+    """Compare two verdicts, two models or two drives. Prints one sentence and a table of differences."""
     from rover_pin.comparison.compare import compare as compared
 
     comparison = compared(first, second, run, Trust(everything=trust))
-    print(json_text(comparison.as_dict()) if as_json else table(comparison, all_))
+    say(json_text(comparison.as_dict()) if as_json else table(comparison, all_))
 
 
 def table(comparison: "Comparison", include_equal: bool = False) -> str:
-    """Return the sentence and the table of what differs, or of everything."""
+    """Return a comparison as text: one sentence, and a table of the rows that differ.
+
+    With `include_equal`, the table has all rows.
+    """
     rows = [row for row in comparison.rows if include_equal or row.differs]
     lines = [comparison.sentence, "", f"A  {comparison.first}", f"B  {comparison.second}"]
     if rows:
         cells = [("", "A", "B", "B - A", ""), *(row[:5] for row in rows)]
-        widths = [min(max(len(row[i]) for row in cells), WIDEST) for i in range(4)]
+        # The fifth cell is a remark at the end of the row, so its width does not matter.
+        widths = [min(max(len(row[i]) for row in cells), MAX_COLUMN_WIDTH) for i in range(4)]
         pairs = ((*(f"{cell:{width}}" for cell, width in zip(row, widths, strict=False)), row[4]) for row in cells)
         lines += ["", *("  ".join(row).rstrip() for row in pairs)]
     equal_count = len(comparison.rows) - len(rows)
-    return "\n".join(
-        [*lines, *([f"\n{equal_count} more rows are the same; --all prints them."] if equal_count else [])]
-    )
+    return "\n".join([*lines, *([f"\n{equal_count} more rows are equal; --all prints them."] if equal_count else [])])

@@ -1,4 +1,4 @@
-"""`rover-pin curve`: the load-traction factor against slip."""
+"""`rover-pin curve`: draws the load-traction factor F against slip S."""
 
 from pathlib import Path
 from typing import Annotated
@@ -6,31 +6,46 @@ from typing import Annotated
 import typer
 
 from rover_pin.base.files.results_folder import alone_in
-from rover_pin.cli.options import AsJson, Out, SoilName
-from rover_pin.cli.terminal import report, stoppable
+from rover_pin.cli.options import AsJson, Out, Set, SoilName
+from rover_pin.cli.terminal import report, soil_and_wheel, stoppable
 
 
 def curve(
-    soil: SoilName = "table-1",
+    soil: SoilName = "",
     k: Annotated[
-        list[str], typer.Option(help="Shear displacement, as 10mm, repeatable; default: the soil's own.")
-    ] = [],  # noqa: B006
+        list[str], typer.Option(help="Shear displacement, as 10mm; can be repeated; default: the soil's own.")
+    ] = [],  # noqa: B006 - typer wants a list
     n: Annotated[str, typer.Option(help="Sinkage exponent, in place of the soil's.")] = "",
+    set_: Set = [],  # noqa: B006
     out: Out = Path("out/curve"),
     as_json: AsJson = False,
 ) -> None:
-    """Draw the load-traction factor F(S) against slip. In every form, at the soil's fixed angles."""
+    """Draw the load-traction factor F(S) against slip, in every form, at the soil's fixed angles.
+
+    The soil is table-1 by default. --set changes its numbers (soil.phi=33deg, or phi=33deg) and those of the wheel
+    (wheel.r=10cm).
+    """
     from rover_pin import plot
+    from rover_pin.base.errors import ParameterError
     from rover_pin.base.quantity import parse_quantity
+    from rover_pin.contact import Wheel
     from rover_pin.parameters import soil_named
     from rover_pin.soil.curves import traction_curves
 
+    # The same number may be given by its own option and by --set; two different values would hide one of them.
+    base = soil_named(soil or "table-1")
+    changes, sizes = soil_and_wheel(set_, base, Wheel())
+    for option, given in (("k", k), ("n", n)):
+        if given and option in changes:
+            raise ParameterError(f"--{option} and --set soil.{option} both state {option}: give one of them.")
     lengths = [parse_quantity(length, "m", "--k") for length in k]
-    table = traction_curves(soil_named(soil), lengths, parse_quantity(n, "", "--n") if n else None)
+    exponent = parse_quantity(n, "", "--n") if n else None
+    table = traction_curves(base.replace(**changes), lengths, exponent, Wheel().replace(**sizes))
     with stoppable(out, ("traction.csv", "traction.png")), alone_in(out):
-        files = plot.traction_figure(table, soil, out)
+        files = plot.traction_figure(table, soil or "table-1", out)
+    # The printed table has F at three slips: S = 0, 0.2 and 1, the rows 0, 20 and -1 of the curve.
     at = {f"F({form}, k = {1e3 * value:g} mm)": curve for (form, value), curve in table.curves.items()}
     rows = {
         name: {"S=0": float(curve[0]), "S=0.2": float(curve[20]), "S=1": float(curve[-1])} for name, curve in at.items()
     }
-    report({"soil": soil, **rows, "files": [str(file) for file in files]}, as_json)
+    report({"soil": soil or "table-1", **rows, "files": [str(file) for file in files]}, as_json)

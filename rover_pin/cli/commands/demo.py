@@ -1,14 +1,15 @@
-"""`rover-pin demo`: a data set that one can answer, with what one wants hidden in it."""
+"""`rover-pin demo`: makes up a data set whose missing effect is known, so that a user can try close-loop on it."""
 
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from rover_pin.base.encode import shell_word
 from rover_pin.base.errors import ParameterError, closest
 from rover_pin.base.files.paths import is_file
 from rover_pin.base.files.results_folder import alone_in
-from rover_pin.cli.options import AsJson
+from rover_pin.cli.options import AsJson, NamedOut, RoverName
 from rover_pin.cli.terminal import progress, report
 from rover_pin.demo import SETS
 
@@ -16,23 +17,26 @@ from rover_pin.demo import SETS
 def demo(
     kind: Annotated[str, typer.Argument(help="rig, drive-log or slip-slope.")],
     hidden: Annotated[
-        str, typer.Option(help="What to hide: EFFECT or EFFECT.name=value, any (chance chooses), nothing.")
+        str, typer.Option(help="The hidden effect: EFFECT or EFFECT.name=value, any (chosen at random), or nothing.")
     ] = "any",
-    seed: Annotated[int, typer.Option(help="Of the noise, the true soil and the choice.")] = 0,
-    rover: Annotated[str, typer.Option(help="nexus6, cart, or your rover's TOML; not for a rig.")] = "nexus6",
-    tell: Annotated[bool, typer.Option("--tell", help="Say what was hidden.")] = False,
-    out: Annotated[Path | None, typer.Option(help="Folder for the set; else demo-KIND.")] = None,
+    seed: Annotated[int, typer.Option(help="Seed of the noise, of the true soil and of the choice.")] = 0,
+    rover: RoverName = "",
+    tell: Annotated[bool, typer.Option("--tell", help="Print the hidden effect.")] = False,
+    out: NamedOut = None,
     as_json: AsJson = False,
 ) -> None:
-    """Make up a data set to try the loop on, truth beside it."""
+    """Make up a data set to try the loop on. The truth is written next to it; the folder is demo-KIND by default."""
     if kind not in SETS:
         raise ParameterError(f"There is no demo '{kind}': {closest(kind, SETS)}")
-    if kind == "rig" and rover != "nexus6":
+    if kind == "rig" and rover:
         raise ParameterError("A rig has no rover: leave --rover out, or make a drive-log or slip-slope.")
     folder = out or Path(f"demo-{kind}")
+    # A folder with two kinds of data sets would be read as the wrong kind later.
     others = [file for set_kind, file in SETS.items() if set_kind != kind and is_file(folder / file)]
     if others:
-        raise ParameterError(f"{folder}: another kind of set is there ({others[0]}): give another --out.")
+        raise ParameterError(
+            f"{folder}: this folder holds a data set of another kind ({others[0]}): name another folder with --out."
+        )
     from rover_pin.demo import drive_log, rig, slip_slope
     from rover_pin.demo import hidden as hiding
 
@@ -40,10 +44,13 @@ def demo(
         if kind == "rig":
             demo_set = rig.write(folder, hidden, seed)
         elif kind == "slip-slope":
-            demo_set = slip_slope.write(folder, hidden, seed, rover)
+            demo_set = slip_slope.write(folder, hidden, seed, rover or "nexus6")
         else:
             with progress("driving", drive_log.RUNS, silent=as_json) as advance:
-                demo_set = drive_log.write(folder, hidden, seed, rover, advance)
+                demo_set = drive_log.write(folder, hidden, seed, rover or "nexus6", advance)
     answer = {"hidden": demo_set.truth["hidden"]} if tell else {}
     truth = {"truth": str(hiding.truth_file(folder)), **answer}
-    report({"files": list(map(str, demo_set.files)), **truth, "next": f"rover-pin close-loop {folder}"}, as_json)
+    report(
+        {"files": list(map(str, demo_set.files)), **truth, "next": f"rover-pin close-loop {shell_word(folder)}"},
+        as_json,
+    )

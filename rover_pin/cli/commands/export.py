@@ -1,4 +1,4 @@
-"""`rover-pin export`, `export-c`, `export-fmu`, `export-mjcf`: a drive, a control, a rover for other tools."""
+"""`rover-pin export`, `export-c`, `export-fmu`, `export-mjcf`: write drives, controls and rovers for other programs."""
 
 from enum import StrEnum
 from importlib.util import find_spec
@@ -7,20 +7,34 @@ from typing import Annotated
 
 import typer
 
+from rover_pin.base.encode import shell_line
 from rover_pin.base.errors import MissingExtraError
+from rover_pin.base.extras import install_command
 from rover_pin.base.files.results_folder import alone_in, say_what_is_replaced
 from rover_pin.base.files.whole_file import replace_file
 from rover_pin.base.trust import Trust
 from rover_pin.cli.completing import scenario_names
-from rover_pin.cli.options import Add, AsJson, Gravity, ModelFile, Set, SoilName, Trusted
+from rover_pin.cli.options import (
+    Add,
+    AsJson,
+    Control,
+    Effects,
+    Gravity,
+    ModelFile,
+    Out,
+    RoverName,
+    Run,
+    Set,
+    SoilName,
+    Trusted,
+)
 from rover_pin.cli.terminal import drive_settings, report
 
 Scene = Annotated[str, typer.Argument(autocompletion=scenario_names, help="The rover and its ground: ditch ...")]
-Folder = Annotated[Path, typer.Option("--out", help="Folder for the files.")]
 
 
 class Kind(StrEnum):
-    """What a drive is exported to."""
+    """The file formats into which `rover-pin export` writes a drive."""
 
     CSV = "csv"
     PARQUET = "parquet"
@@ -31,15 +45,16 @@ class Kind(StrEnum):
 def export(
     path: Annotated[Path, typer.Argument(help="A drive log's folder, or a trace in .parquet.")],
     to: Annotated[Kind, typer.Option(help="csv, parquet (pandas), mcap (Foxglove), rerun.")] = Kind.CSV,
-    run: Annotated[str, typer.Option(help="Which run of a log; its first, if not said.")] = "",
+    run: Run = "",
     trust: Trusted = False,
-    out: Annotated[Path, typer.Option("--out", help="Folder for the file.")] = Path("out/export"),
+    out: Out = Path("out/export"),
     as_json: AsJson = False,
 ) -> None:
     """Write a drive as a table, for Foxglove (MCAP), or for Rerun."""
     if to in (Kind.MCAP, Kind.RERUN) and find_spec(to.value) is None:
-        name = {Kind.MCAP: "MCAP needs the package mcap", Kind.RERUN: "Rerun needs the package rerun-sdk"}[to]
-        raise MissingExtraError(f"Exporting to {name}: pip install 'rover-pin[{to.value}]'.")
+        # Checked before the drive is read, which may take long.
+        need = {Kind.MCAP: "MCAP needs the package mcap", Kind.RERUN: "Rerun needs the package rerun-sdk"}[to]
+        raise MissingExtraError(f"An export to {need}, which is not installed. Run `{install_command(to.value)}`.")
     from rover_pin.cli.subject import read_subject
     from rover_pin.view import export as writing
 
@@ -54,50 +69,63 @@ def export_c(
     scenario: Annotated[
         str, typer.Argument(autocompletion=scenario_names, help="The rover and soil to control: ditch, flat ...")
     ],
-    control: Annotated[
-        str, typer.Option(help="eq9 (the paper's), onboard, camera, true (slip is given), or cmd-vel.")
-    ] = "onboard",
+    rover: RoverName = "",
+    control: Control = "onboard",
     gravity: Gravity = "",
     soil: SoilName = "",
     model: ModelFile = None,
     add: Add = [],  # noqa: B006 - typer wants a list
     set_: Set = [],  # noqa: B006
-    out: Folder = Path("out/control"),
+    effects: Effects = None,
+    trust: Trusted = False,
+    out: Out = Path("out/control"),
     as_json: AsJson = False,
 ) -> None:
-    """Write a slip control, or cmd-vel, as C, with test vectors."""
-    from rover_pin.control.embedded.folder import taken_away, write_control
+    """Write a slip control, or cmd-vel, as C, with test vectors.
+
+    --control may be eq9, onboard (the default), camera, true (your program gives the slip) or cmd-vel.
+    """
+    from rover_pin.onboard.embedded.folder import control_export, write_control
     from rover_pin.scenarios.scenario import scenario as ready
 
-    chosen = ready(scenario, **drive_settings(control, gravity, soil, model, add, set_))
-    taken = taken_away(chosen.controller, chosen.model)
+    settings = drive_settings(set_, rover=rover, control=control, gravity=gravity, soil=soil, model=model, add=add)
+    settings["trust"] = Trust.of(effects, trust)
+    chosen = ready(scenario, **settings)
+    export = control_export(chosen.controller, chosen.model)
     say_what_is_replaced(out, ("rover_control.c",))
     with alone_in(out):
-        files = write_control(taken, out)
+        files = write_control(export, out)
+    # Without -ffp-contract=off, fused operations would round differently from the test vectors.
     build = "cc -std=c11 -O2 -ffp-contract=off rover_control.c test_vectors.c -lm -o test_vectors"
-    report({"control": control, "rover": taken.rover.name, "build": build, "files": list(map(str, files))}, as_json)
+    report({"control": control, "rover": export.rover.name, "build": build, "files": list(map(str, files))}, as_json)
 
 
 def export_fmu(
     scenario: Scene,
-    control: Annotated[
-        str, typer.Option(help="Of the second unit: eq9, onboard, camera, true (slip is given), or cmd-vel.")
-    ] = "",
+    rover: RoverName = "",
+    control: Control = "",
     gravity: Gravity = "",
     soil: SoilName = "",
     model: ModelFile = None,
     add: Add = [],  # noqa: B006
     set_: Set = [],  # noqa: B006
-    out: Folder = Path("out/fmu"),
+    effects: Effects = None,
+    trust: Trusted = False,
+    out: Out = Path("out/fmu"),
     as_json: AsJson = False,
 ) -> None:
-    """Write a rover, and a slip control, as FMI 3.0 units."""
-    from rover_pin.control.fmi.controller import unit_of
-    from rover_pin.control.fmi.plant import plant
-    from rover_pin.control.fmi.unit import write_unit
+    """Write a rover, and a slip control, as FMI 3.0 units.
+
+    With --control (eq9, onboard, camera, true or cmd-vel) a second unit has the control.
+    """
+    from rover_pin.onboard.fmi.controller import unit_of
+    from rover_pin.onboard.fmi.plant import plant
+    from rover_pin.onboard.fmi.unit import write_unit
     from rover_pin.scenarios.scenario import scenario as ready
 
-    chosen = ready(scenario, **drive_settings(control, gravity, soil, model, add, set_))
+    settings = drive_settings(set_, rover=rover, control=control, gravity=gravity, soil=soil, model=model, add=add)
+    settings["trust"] = Trust.of(effects, trust)
+    chosen = ready(scenario, **settings)
     units = [plant(chosen.model, chosen.start, chosen.timing)]
     units += [unit_of(chosen.controller, chosen.model)] if control else []
     say_what_is_replaced(out, tuple(f"{unit.name}.fmu" for unit in units))
@@ -109,19 +137,24 @@ def export_fmu(
 
 def export_mjcf(
     scenario: Scene,
+    rover: RoverName = "",
     gravity: Gravity = "",
     soil: SoilName = "",
     model: ModelFile = None,
     add: Add = [],  # noqa: B006
     set_: Set = [],  # noqa: B006
-    out: Folder = Path("out/mjcf"),
+    effects: Effects = None,
+    trust: Trusted = False,
+    out: Out = Path("out/mjcf"),
     as_json: AsJson = False,
 ) -> None:
-    """Write a rover for MuJoCo, and how to drive it on its soil."""
-    from rover_pin.control.mujoco.mjcf import TIMESTEP, drive_text, mjcf
+    """Write a rover for MuJoCo, and a program that drives it on its soil."""
+    from rover_pin.onboard.mujoco.mjcf import TIMESTEP, drive_text, mjcf
     from rover_pin.scenarios.scenario import scenario as ready
 
-    chosen = ready(scenario, **drive_settings("", gravity, soil, model, add, set_))
+    settings = drive_settings(set_, rover=rover, gravity=gravity, soil=soil, model=model, add=add)
+    settings["trust"] = Trust.of(effects, trust)
+    chosen = ready(scenario, **settings)
     settings = {name: str(value) if isinstance(value, Path) else value for name, value in chosen.settings.items()}
     texts = {
         out / "rover.xml": mjcf(chosen.model, chosen.start, min(TIMESTEP, chosen.timing.dt)),
@@ -130,4 +163,4 @@ def export_mjcf(
     say_what_is_replaced(out, tuple(file.name for file in texts))
     with alone_in(out):
         files = [str(replace_file(file, content)) for file, content in texts.items()]
-    report({"rover": chosen.model.rover.name, "files": files, "next": f"python {files[1]}"}, as_json)
+    report({"rover": chosen.model.rover.name, "files": files, "next": shell_line(["python", Path(files[1])])}, as_json)

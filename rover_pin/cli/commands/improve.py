@@ -1,4 +1,4 @@
-"""`rover-pin improve`: from a log or a rig set to gains, with what they are expected to gain."""
+"""`rover-pin improve`: tunes control gains on a drive log or a rig set, and predicts their benefit."""
 
 import logging
 from pathlib import Path
@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from rover_pin.cli.options import AsJson, Effects, Out, Trusted
+from rover_pin.cli.options import AsJson, Effects, Out, Trusted, Workers
 from rover_pin.cli.terminal import report, stages, stoppable
 
 log = logging.getLogger(__name__)
@@ -17,25 +17,26 @@ def improve(
         Path, typer.Argument(help="Folder with drive.toml or rig.toml, or with the results of close-loop on one.")
     ],
     study: Annotated[
-        Path | None, typer.Option(help="A tuning study's TOML file: drives and free numbers; else the usual grounds.")
+        Path | None,
+        typer.Option(help="A tuning study's TOML file, with drives and free numbers; the usual grounds if not given."),
     ] = None,
     effects: Effects = None,
     trust: Trusted = False,
-    workers: Annotated[int, typer.Option(help="Processes; 0 for all cores.")] = 0,
+    workers: Workers = 0,
     out: Out = Path("out/improve"),
     as_json: AsJson = False,
 ) -> None:
-    """Tune the control on data, and predict what it gains. It closes the loop, and tunes over what that leaves open.
+    """Tune the control on data, and predict the benefit. It closes the loop, and tunes over all models that remain.
 
-    Written are the model and its posterior (loop), the gains that `drive --set control.gains=` takes (control), and
-    improve.json. Where no gain is certain, it is said.
+    It writes the model and its posterior (loop), the gains for `drive --set control.gains=` (control), and
+    improve.json. If no benefit is certain, the result states so.
     """
     from rover_pin.base.trust import Trust
     from rover_pin.tuning.improve import improve as improved
     from rover_pin.tuning.study_file import read_tuning
 
     chosen = None if study is None else read_tuning(study, Trust.of(effects, trust))
-    say = (lambda message: None) if as_json else log.info
+    note_progress = (lambda message: None) if as_json else log.info
     with stoppable(out, ("improve.json", "loop", "control")):
-        result = improved(data, out, chosen, effects, trust, say, stages(as_json), workers)
+        result = improved(data, out, chosen, effects, trust, note_progress, stages(as_json), workers)
     report(result.summary(), as_json)

@@ -1,43 +1,78 @@
-"""`rover-pin init`: a wheel-rig set out of a CSV of one's own."""
+"""`rover-pin init`: makes a wheel-rig set from a user's table of measurements."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
-from rover_pin.base.errors import ParameterError
-from rover_pin.cli.options import AsJson
-from rover_pin.cli.terminal import assignments, report
+from rover_pin.base.encode import shell_word
+from rover_pin.base.errors import ParameterError, RoverPinError
+from rover_pin.cli.options import AsJson, Column, Gravity, NamedOut, Radius, Width
+from rover_pin.cli.terminal import assignments, formulas, report
 
 
 def init(
-    table: Annotated[Path, typer.Argument(help="CSV or Parquet: a row a run, slip, load, what was measured.")],
-    radius: Annotated[str, typer.Option("--r", help="Radius of the wheel, as 45mm.")],
-    width: Annotated[str, typer.Option("--b", help="Width of the wheel, as 50mm.")],
+    table: Annotated[
+        Path, typer.Argument(help="CSV or Parquet: one row a run, with slip, load and what was measured.")
+    ],
+    radius: Radius,
+    width: Width,
     noise: Annotated[
-        list[str], typer.Option(metavar="CHANNEL=SD", help="Scatter of a channel, as drawbar_pull=0.5N, repeatable.")
+        list[str],
+        typer.Option(metavar="CHANNEL=SD", help="SD of one run, as drawbar_pull=0.5N; repeats show it otherwise."),
     ] = [],  # noqa: B006 - typer wants a list
-    out: Annotated[Path | None, typer.Option(help="Folder for the set; the table's name, if not said.")] = None,
+    column: Column = [],  # noqa: B006
+    slip_definition: Annotated[
+        str, typer.Option(help="What the slips are divided by: eq-1 (the faster), over-travel-speed, over-rim-speed.")
+    ] = "eq-1",
+    gravity: Gravity = "",
+    out: NamedOut = None,
     as_json: AsJson = False,
 ) -> None:
-    """Make a wheel-rig set out of a table of your own. It is checked; close-loop and identify read it."""
+    """Make a wheel-rig set out of a table of your own, and check it; close-loop and identify read the set.
+
+    Columns are recognised by name and unit. The noise of a channel is taken from repeated runs, from a column of its
+    SD, or from --noise. How every column was read is printed, also where the table is refused.
+    """
     from rover_pin.base.quantity import parse_quantity
     from rover_pin.contact import Wheel
     from rover_pin.loop.data_check import check_data
-    from rover_pin.measurements.foreign_rig import channel_unit, read_foreign, write_rig_set
+    from rover_pin.measurements.checks import SLIP_DEFINITIONS
+    from rover_pin.measurements.foreign_rig import RigTable, channel_unit, gravity_note, write_rig_set
+    from rover_pin.parameters.gravity import gravity_named
 
-    scatter = assignments(noise, "--noise")
-    sds = {
-        name: (parse_quantity(sd, channel_unit(name), f"--noise {name}"), channel_unit(name))
-        for name, sd in scatter.items()
+    stated = {
+        name: parse_quantity(sd, channel_unit(name), f"--noise {name}")
+        for name, sd in assignments(noise, "--noise").items()
     }
+    columns = formulas(column)
+    if slip_definition not in SLIP_DEFINITIONS:
+        raise ParameterError(f"--slip-definition {slip_definition}: choose one of {', '.join(SLIP_DEFINITIONS)}.")
+    # Gravity at the test converts masses to weights.
+    at_test = gravity_named(gravity) if gravity else None
     wheel = Wheel(r=parse_quantity(radius, "m", "--r"), b=parse_quantity(width, "m", "--b"))
     folder = table.with_suffix("") if out is None else out
     if folder == table:
-        raise ParameterError(f"{table}: give a folder for the set: --out FOLDER.")
-    read = read_foreign(table)
-    read.refuse_without_noise(table, sds)
-    files = write_rig_set(folder, table.stem, read, wheel, sds)
-    data_check = check_data(folder)
-    facts = {"columns": list(read.notes), "holds": data_check.holds, "findings": list(map(str, data_check.findings))}
-    report({"files": list(map(str, files)), **facts, "next": f"rover-pin close-loop {folder}"}, as_json)
+        raise ParameterError(f"{table}: the data set needs a folder of its own: name the folder with --out FOLDER.")
+
+    read = RigTable(table, columns)
+    files: list[Path] = []
+    try:
+        points = read.points(wheel, slip_definition)
+        read.notes += filter(None, [gravity_note(points, at_test)])
+        sds = read.noise(points, stated, slip_definition)
+        is_new = not folder.exists()
+        files = write_rig_set(folder, table.stem, points, wheel, sds, at_test, slip_definition)
+        data_check = check_data(folder)
+    except RoverPinError:
+        # a set that cannot be used is not left behind; how its columns were read is what helps to mend the table
+        for file in files:
+            file.unlink(missing_ok=True)
+        if files and is_new:
+            folder.rmdir()
+        report({"columns": read.notes}, as_json)
+        raise
+    result: dict[str, Any] = {"files": list(map(str, files)), "columns": read.notes, "holds": data_check.holds}
+    result["findings"] = list(map(str, data_check.findings))
+    result["next"] = f"rover-pin close-loop {shell_word(folder)}"
+    report(result, as_json)

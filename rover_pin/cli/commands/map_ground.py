@@ -1,5 +1,6 @@
-"""`rover-pin map`: what becomes of a rover all over its ground."""
+"""`rover-pin map`: maps a rover's slip, energy and risk of getting stuck over the terrain of a scenario."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -8,7 +9,21 @@ import typer
 from rover_pin.base.errors import ParameterError
 from rover_pin.base.trust import Trust
 from rover_pin.cli.completing import scenario_names
-from rover_pin.cli.options import Add, AsJson, Effects, Gravity, ModelFile, Scheduler, Set, SoilName, Trusted
+from rover_pin.cli.options import (
+    Add,
+    AsJson,
+    Control,
+    Effects,
+    Gravity,
+    ModelFile,
+    Out,
+    RoverName,
+    Scheduler,
+    Set,
+    SoilName,
+    Trusted,
+    Workers,
+)
 from rover_pin.cli.terminal import drive_settings, report, stoppable
 
 
@@ -16,34 +31,48 @@ def map_ground(
     scenario: Annotated[
         str, typer.Argument(autocompletion=scenario_names, help="hills, grid (with --set terrain.path=dem.tif) ...")
     ],
-    control: Annotated[str, typer.Option(help="As of drive; it drives straight on: none, cmd-vel, eq9 ...")] = "",
+    rover: RoverName = "",
+    control: Control = "",
     gravity: Gravity = "",
     soil: SoilName = "",
     model: ModelFile = None,
     add: Add = [],  # noqa: B006 - typer wants a list
     set_: Set = [],  # noqa: B006
-    spacing: Annotated[str, typer.Option(help="Between places [m]; the rover's length, or 200 places.")] = "0",
-    headings: Annotated[int, typer.Option(help="Evenly around each place; the worst counts.")] = 8,
-    box: Annotated[str, typer.Option(help="X_FROM,X_TO,Y_FROM,Y_TO of the places [m]; else all of the ground.")] = "",
-    workers: Annotated[int, typer.Option(help="Processes; 0 for all cores.")] = 0,
+    spacing: Annotated[
+        str,
+        typer.Option(
+            help="Distance between places [m]; by default the rover's length, or more for at most 200 places."
+        ),
+    ] = "0",
+    headings: Annotated[int, typer.Option(help="Number of headings at each place; the worst one counts.")] = 8,
+    box: Annotated[
+        str, typer.Option(help="X_FROM,X_TO,Y_FROM,Y_TO of the places [m]; all of the ground if not given.")
+    ] = "",
+    workers: Workers = 0,
     scheduler: Scheduler = "",
     effects: Effects = None,
     trust: Trusted = False,
-    out: Annotated[Path, typer.Option("--out", help="Folder for the results.")] = Path("out/map"),
+    out: Out = Path("out/map"),
     as_json: AsJson = False,
 ) -> None:
-    """Map slip, energy per metre and P(stuck) over the ground. P(stuck) takes a folder of models; it resumes."""
+    """Map slip, energy per metre and P(stuck) over the ground. P(stuck) needs a folder of models; it can resume.
+
+    The rover drives straight on, so that --control must be one without turns: none, cmd-vel, eq9 ...
+    """
     from rover_pin.base.quantity import parse_quantity
-    from rover_pin.comparison.ground_map import ground_map
+    from rover_pin.comparison.ground_map import MapSettings, ground_map
     from rover_pin.simulation.model.toml_file import models_of
 
-    settings = drive_settings(control, gravity, soil, None, [], set_) | ({"add": " ".join(add)} if add else {})
+    settings = drive_settings(set_, rover=rover, control=control, gravity=gravity, soil=soil) | (
+        {"add": " ".join(add)} if add else {}
+    )
+    # An empty --box means the whole terrain.
     ends = tuple(parse_quantity(end, "m", "--box") for end in box.split(",") if box)
     if len(ends) not in (0, 4):
         raise ParameterError(f"--box {box} is not allowed: give four ends, X_FROM,X_TO,Y_FROM,Y_TO, as 0,5,-2,2.")
-    places = {"spacing": parse_quantity(spacing, "m", "--spacing"), "headings": headings} | (
-        {"box": ends} if ends else {}
-    )
+    places = MapSettings(parse_quantity(spacing, "m", "--spacing"), headings)
+    if ends:
+        places = replace(places, box=(ends[0], ends[1], ends[2], ends[3]))
     files, allowed = models_of(model) if model else (), Trust.of(effects, trust)
     with stoppable():
         _, summary = ground_map(scenario, settings, files, out, places, allowed, workers or None, scheduler or None)

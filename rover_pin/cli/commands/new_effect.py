@@ -1,4 +1,4 @@
-"""`rover-pin new-effect`, `new-rover`: files to begin with, an effect and its test, or the TOML of a rover."""
+"""`rover-pin new-effect`, `new-rover`: write the first files for a user's own effect, with its test, or own rover."""
 
 import re
 from enum import StrEnum
@@ -8,14 +8,15 @@ from typing import Annotated
 
 import typer
 
+from rover_pin.base.encode import shell_word
 from rover_pin.base.errors import ParameterError
 from rover_pin.base.files.paths import exists
-from rover_pin.cli.options import AsJson
+from rover_pin.cli.options import AsJson, NamedOut, Out, Radius, Trusted, Width
 from rover_pin.cli.terminal import report
 
 
 class Acts(StrEnum):
-    """Where an effect acts."""
+    """The parts of the rover on which a new effect can act."""
 
     CONTACT = "contact"
     MOTOR = "motor"
@@ -25,41 +26,57 @@ class Acts(StrEnum):
 def new_effect(
     name: Annotated[str, typer.Argument(help="The class's name, as StickySoil.")],
     acts: Annotated[Acts, typer.Option(help="Where it acts.")] = Acts.CONTACT,
-    out: Annotated[Path, typer.Option("--out", help="Folder for the two files.")] = Path("."),
+    out: Out = Path("."),
     as_json: AsJson = False,
 ) -> None:
-    """Write an effect of your own to start from, and its test. The test says whether it keeps the contract."""
+    """Write a first version of your own effect, and its test. The test checks what every effect must fulfil."""
     from importlib.resources import files
 
     from rover_pin.base.files.whole_file import replace_file
+    from rover_pin.simulation.model.effect_source import first_version
 
     if not re.fullmatch(r"[A-Z][A-Za-z0-9]*", name):
-        raise ParameterError(f"'{name}' is no name of an effect: write it as a class's, as StickySoil.")
+        raise ParameterError(f"'{name}' cannot be the name of an effect: give a class name, for example StickySoil.")
+    # StickySoil becomes sticky_soil.
     stem = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name).lower()
-    kinds = {f"{stem}.py": acts.value, f"test_{stem}.py": "test"}
-    for file in kinds:
-        if exists(out / file):
-            raise ParameterError(f"{out / file}: there is one already: take another name, or another folder by --out.")
-    folder = files("rover_pin.cli.commands") / "templates"
-    texts = {file: Template((folder / f"{kind}.txt").read_text(encoding="utf-8")) for file, kind in kinds.items()}
-    paths = [
-        str(replace_file(out / file, text.substitute(Name=name, file=f"{stem}.py"))) for file, text in texts.items()
-    ]
-    then = [f"pytest {paths[1]}", f"rover-pin close-loop DATA --effects {paths[0]}"]
+    test = Template((files("rover_pin.cli.commands") / "test_of_new_effect.txt").read_text(encoding="utf-8"))
+    texts = {
+        out / f"{stem}.py": first_version(name, acts.value).text,
+        out / f"test_{stem}.py": test.substitute(Name=name, file=f"{stem}.py"),
+    }
+    for file in texts:
+        if exists(file):
+            raise ParameterError(f"{file}: this file exists: take another name, or another folder by --out.")
+    paths = [str(replace_file(file, text)) for file, text in texts.items()]
+    then = [f"pytest {shell_word(Path(paths[1]))}", f"rover-pin close-loop DATA --effects {shell_word(Path(paths[0]))}"]
     report({"files": paths, "next": then}, as_json)
 
 
 def new_rover(
     urdf: Annotated[Path, typer.Argument(help="A rover's .urdf, or a .xacro.")],
-    out: Annotated[Path | None, typer.Option("--out", help="The TOML to write; beside the URDF.")] = None,
-    trust: Annotated[bool, typer.Option("--trust", help="Let a .xacro run the code that it holds.")] = False,
+    out: NamedOut = None,
+    front: Annotated[
+        str,
+        typer.Option(
+            metavar="AXIS", help="The base link's axis that points forward, as -x; else the wheels' names decide."
+        ),
+    ] = "",
+    radius: Radius = "",
+    width: Width = "",
+    trust: Trusted = False,
     as_json: AsJson = False,
 ) -> None:
-    """Propose which joint of a URDF plays which part. Writes its TOML, every guess marked, and a picture with names."""
+    """Propose the roles of a URDF's joints. Writes a TOML with every guess marked, and a picture with names.
+
+    The TOML is written next to the URDF by default. Exit code 1: the rover has faults.
+    """
+    from rover_pin.base.quantity import parse_quantity
     from rover_pin.base.trust import Trust
     from rover_pin.rover.proposal.new_rover import new_rover as propose
 
-    result = propose(urdf, out, Trust(everything=trust))
+    # Without --r and --b, the wheel's size is taken from the shapes in the URDF.
+    r, b = (parse_quantity(text, "m", name) if text else None for name, text in (("--r", radius), ("--b", width)))
+    result = propose(urdf, out, Trust(everything=trust), front=front, r=r, b=b)
     proposal = result.proposal
     wheels = {axle.name: " ".join(wheel.joint for wheel in axle.wheels) for axle in proposal.axles}
     steering = {axle.name: " ".join(axle.steering) for axle in proposal.axles if axle.steering}
@@ -76,7 +93,7 @@ def new_rover(
         "files": [str(file) for file in result.files],
     }
     toml = next(file for file in result.files if file.suffix == ".toml")
-    facts["next"] = f"look at what is marked GUESSED, then: rover-pin check-urdf {toml}"
+    facts["next"] = f"check the parts marked GUESSED, then: rover-pin check-urdf {shell_word(toml)}"
     report(facts, as_json)
     if not result.report.ok:
         raise typer.Exit(1)

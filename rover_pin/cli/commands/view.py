@@ -1,18 +1,19 @@
-"""`rover-pin view`: a drive in 3D, as one page, and as a moving picture."""
+"""`rover-pin view`: shows a drive in 3D, as an HTML page, an animated GIF or a film."""
 
-import sys
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from rover_pin.base.console import warn
 from rover_pin.base.errors import MissingExtraError
+from rover_pin.base.extras import install_command
 from rover_pin.base.files.paths import is_file
 from rover_pin.base.files.results_folder import alone_in
 from rover_pin.base.jobs.safe_environment import program
 from rover_pin.base.trust import Trust
-from rover_pin.cli.options import AsJson, Out, Trusted
+from rover_pin.cli.options import AsJson, Gif, Mp4, Open, Out, Run, Trusted
 from rover_pin.cli.terminal import report, stoppable
 
 if TYPE_CHECKING:
@@ -25,16 +26,16 @@ PAGE, GIF, MP4 = SEEN = ("view.html", "drive.gif", "drive.mp4")
 
 def view(
     path: Annotated[Path, typer.Argument(help="A drive log's folder, or a trace in .parquet.")],
-    compare: Annotated[Path | None, typer.Option(help="Another one, shown as its ghost.")] = None,
-    run: Annotated[str, typer.Option(help="Which run of a log; its first, if not said.")] = "",
-    gif: Annotated[bool, typer.Option("--gif", help="Write a moving picture too.")] = False,
-    mp4: Annotated[bool, typer.Option("--mp4", help="Write a film too; needs ffmpeg.")] = False,
-    open_: Annotated[bool, typer.Option("--open", help="Open the page in your browser.")] = False,
+    compare: Annotated[Path | None, typer.Option(help="Another drive, shown as a transparent ghost.")] = None,
+    run: Run = "",
+    gif: Gif = False,
+    mp4: Mp4 = False,
+    open_: Open = False,
     trust: Trusted = False,
     out: Out = Path("out/view"),
     as_json: AsJson = False,
 ) -> None:
-    """Show a drive in 3D: one page that needs no network. It has ground, slip, forces, tracks and a time slider."""
+    """Show a drive in 3D, as one page that needs no network. It has ground, slip, forces, tracks and a time slider."""
     from rover_pin.cli.subject import read_subject
 
     subject = read_subject(path, run, Trust(everything=trust))
@@ -48,27 +49,44 @@ def view(
 
 
 def open_page(out: Path, name: str = PAGE) -> None:
-    """Open the page that was written to a folder in the browser of this machine, if it has one."""
+    """Open an HTML page of a folder in this machine's browser. If no browser is found, print the path of the page.
+
+    `out` is the folder and `name` is the file of the page.
+    """
     import webbrowser
 
     if is_file(out / name) and webbrowser.open((out / name).resolve().as_uri()) is False:
-        print(f"rover-pin: no browser was found on this machine; open {out / name} in one.", file=sys.stderr)
+        warn(f"rover-pin: no browser was found on this machine; open {out / name} in one.")
 
 
 def requested_files(view: bool, gif: bool, mp4: bool) -> list[str]:
-    """Return the names of the files that are asked for; what they need is looked for before any work.
+    """Return the names of the view files that the user requested with the options --view, --gif and --mp4.
 
-    Raises MissingExtraError: viser or ffmpeg is not there.
+    Raises MissingExtraError: viser or ffmpeg, which such a file needs, is not installed.
     """
     if view and find_spec("viser") is None:
-        raise MissingExtraError("The view in 3D needs viser: pip install 'rover-pin[view]'.")
+        raise MissingExtraError(f"The view in 3D needs viser. Run `{install_command('view')}`.")
     if mp4 and program("ffmpeg") is None:
         raise MissingExtraError(f"{MP4} needs ffmpeg, which is not on the path: install it, or ask for --gif.")
     return [name for name, wanted in {PAGE: view, GIF: gif, MP4: mp4}.items() if wanted]
 
 
 def write_requested(chosen: "Scenario", trace: "Trace", wanted: list[str], out: Path) -> list[Path]:
-    """Write pages and moving pictures of a drive just driven; return their paths, none where it has not moved on."""
+    """Write the requested view files of a drive, and return their paths.
+
+    A drive with less than two rows cannot be shown; no file is written then.
+
+    Parameters
+    ----------
+    chosen : Scenario
+        The scenario that was driven.
+    trace : Trace
+        The recorded drive.
+    wanted : list of str
+        Names of the files to write, from `requested_files`.
+    out : Path
+        Folder of the files.
+    """
     if not wanted or len(trace.t) < 2:
         return []
     from rover_pin.view.subject import Subject, mesh_folder
@@ -79,7 +97,10 @@ def write_requested(chosen: "Scenario", trace: "Trace", wanted: list[str], out: 
 
 
 def write_seen(subject: "Subject", ghost: "Subject | None", file: Path) -> Path:
-    """Write a page or a moving picture, by the file's name; return its path."""
+    """Write an HTML page, a GIF or a film of a drive, depending on the suffix of `file`, and return its path.
+
+    `ghost` is a second drive that is shown transparent, or None.
+    """
     if file.suffix == ".html":
         from rover_pin.view.page import write_page
 
@@ -87,6 +108,7 @@ def write_seen(subject: "Subject", ghost: "Subject | None", file: Path) -> Path:
     from rover_pin.view.animation import write_animation
     from rover_pin.view.film import Film
 
+    # A GIF or a film: the second drive, if given, is drawn over the first one.
     film, *ghosts = (
         Film.of(drive.trace, drive.rover, drive.terrain) for drive in (subject, ghost) if drive is not None
     )

@@ -1,4 +1,4 @@
-"""`rover-pin watch`: a recorded drive before the monitor of stuck and buried wheels."""
+"""`rover-pin watch`: runs the monitor, which predicts stuck and buried wheels, on a recorded drive."""
 
 from pathlib import Path
 from typing import Annotated
@@ -7,28 +7,28 @@ import typer
 
 from rover_pin.base.files.results_folder import alone_in
 from rover_pin.base.trust import Trust
-from rover_pin.cli.options import AsJson, Effects, ModelFile, Out, Trusted
+from rover_pin.cli.options import AsJson, Effects, ModelFile, Out, Run, Trusted
 from rover_pin.cli.terminal import report, stoppable
 
 
 def watch(
     log: Annotated[Path, typer.Argument(help="The folder of a drive log.")],
-    run: Annotated[str, typer.Option(help="Which run of the log; its first, if not said.")] = "",
+    run: Run = "",
     model: ModelFile = None,
     effects: Effects = None,
     trust: Trusted = False,
     out: Out = Path("out/watch"),
     as_json: AsJson = False,
 ) -> None:
-    """Say when a logged drive was about to be stuck. Also when buried, and why; watch.csv has every sample."""
+    """Print when a logged drive was about to get stuck or buried, and why. watch.csv has every sample."""
     import pandas as pd
 
     from rover_pin import plot
-    from rover_pin.base.files.samples import data_path
-    from rover_pin.control.monitor.monitor import CAUSES, Monitor
-    from rover_pin.control.monitor.recording import alarms, forecasts_of, monitor_input
+    from rover_pin.base.files.paths import data_path
     from rover_pin.experiments.drive_log.model import base_model, has_current_scale
     from rover_pin.logs.drive_log import read_drive_log
+    from rover_pin.onboard.monitor.monitor import CAUSES, Monitor
+    from rover_pin.onboard.monitor.recording import alarms, forecasts_of, monitor_input
     from rover_pin.plot.forecast import forecast_figure
     from rover_pin.simulation.model.toml_file import read_model
     from rover_pin.terrain.shapes import flat
@@ -36,17 +36,20 @@ def watch(
     trusted = Trust.of(effects, trust)
     drive_log = read_drive_log(data_path(log), trusted)
     trace = drive_log.run(run) if run else drive_log.runs[0]
+    # Without a model of the user, the monitor uses the base model that the log itself declares.
     watched_model = base_model(drive_log) if model is None else read_model(model, flat(), trusted)
     monitor = Monitor.of(watched_model)
     readings = monitor_input(trace, watched_model, monitor.estimate.period, has_current_scale(drive_log))
     with stoppable(out, ("watch.csv", "watch.png")), alone_in(out):
         forecasts = forecasts_of(monitor, readings)
         rows = pd.DataFrame(forecasts).rename(columns={"t": "t_s"})
+        # The probabilities of the causes are one column each, such as p_grip_lost.
         rows[[f"p_{cause.replace(' ', '_')}" for cause in CAUSES]] = rows.pop("causes").tolist()
         table = plot.write_csv(rows, out / "watch.csv")
         figure = plot.save(
             forecast_figure(forecasts, f"{drive_log.metadata.name}: {trace.attrs['file']}"), out / "watch.png"
         )
+    # One line for each interval of alarm.
     lines = [
         f"{begin:.2f} to {end:.2f} s: {cause}, P(stuck) up to {p_stuck:.2f}, P(buried) up to {p_buried:.2f}"
         for begin, end, p_stuck, p_buried, cause in alarms(forecasts)

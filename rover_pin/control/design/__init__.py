@@ -1,1 +1,3 @@
-"""For a controller of your own: a file of it, a drive sample by sample, the linear model at a trim point."""
+"""Tools for the design of a controller: a controller from a user's file, a drive that is simulated sample by sample, a
+linear model at a trim point, and the package's laws as CasADi functions.
+"""

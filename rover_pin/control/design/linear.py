@@ -1,4 +1,6 @@
-"""The linear model of a rover under way, at a trim point: dx/dt = A x + B u, y = C x + D u, as control theory asks."""
+"""The linear model dx/dt = A x + B u, y = C x + D u of a rover at a trim point, for the design of controllers. x are
+the deviations of the states from the trim point, u those of the duties, and y those of the outputs.
+"""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -8,81 +10,113 @@ import pinocchio as pin
 from scipy.linalg import expm
 
 from rover_pin.base.errors import SimulationError
-from rover_pin.control.constant import ConstantDuty
+from rover_pin.control.open_loop import ConstantDuty
 from rover_pin.simulation.compiled.kernel import Kernel
 from rover_pin.simulation.model.model import Model
 from rover_pin.simulation.native.shared import RECORD
 from rover_pin.simulation.simulate import simulate
-from rover_pin.simulation.start.place import Start
+from rover_pin.simulation.start import Start
 from rover_pin.simulation.state import DriveState
 
-STEP = 2e-5
-"""Time [s] over which rates are taken: modes faster than 1/STEP are damped by the step itself."""
-CHANGE = 1e-6
-"""By how much a state or a duty is changed to either side, in its own unit."""
-STEADY = 0.02
-"""Most acceleration of the base at a trim point [m/s^2, rad/s^2]."""
-READ = {"slip": RECORD.index("slip"), "current": RECORD.index("current")}
+RATE_STEP = 2e-5
+"""Time step of the simulation from which the time derivatives of the states are computed [s]. The step damps modes that
+are faster than 1 / RATE_STEP."""
+DIFFERENCE = 1e-6
+"""Change of a state or duty in each direction for central differences, in the unit of the state or duty."""
+MAX_ACCELERATION = 0.02
+"""Maximum acceleration of the base at a trim point [m/s^2, rad/s^2]. A state with a larger acceleration is no trim
+point and is refused."""
+OUTPUT_COLUMNS = {"slip": RECORD.index("slip"), "current": RECORD.index("current")}
+"""Column of a wheel's slip and of its current in the simulation's record of a step, by the name of the output."""
 
 
 @dataclass(frozen=True, eq=False)
 class LinearModel:
-    """Deviations from a trim point: states x, duties u of the wheels, outputs y, with their names.
+    """The linear model dx/dt = A x + B u, y = C x + D u for deviations of a rover from a trim point.
 
-    States are the way of every degree of freedom (the base's in its own axes), its speed, and the effects' own states,
-    wheel by wheel; outputs are the base's forward speed, and slip, rate and current of each wheel.
+    The states x are the displacement and the speed of each degree of freedom (for the base, in the axes of the base),
+    and the states of the model's effects for each wheel. The inputs u are the duties of the wheels. The outputs y are
+    the forward speed of the base, and the slip, the current and the rate of each wheel.
     """
 
     A: np.ndarray
+    """matrix A (states, states): derivatives of dx/dt with respect to the states x"""
     B: np.ndarray
+    """matrix B (states, inputs): derivatives of dx/dt with respect to the duties u"""
     C: np.ndarray
+    """matrix C (outputs, states): derivatives of the outputs y with respect to the states x"""
     D: np.ndarray
+    """matrix D (outputs, inputs): derivatives of the outputs y with respect to the duties u"""
     states: tuple[str, ...]
+    """names of the states x"""
     inputs: tuple[str, ...]
+    """names of the duties u"""
     outputs: tuple[str, ...]
+    """names of the outputs y"""
 
     def response(self, omega: float) -> np.ndarray:
-        """Return C (i omega - A)^-1 B + D [outputs, inputs] at an angular frequency [rad/s]."""
+        """Return the frequency response of the outputs to the duties, a complex matrix (outputs, inputs), at the
+        angular frequency `omega` [rad/s].
+
+        The response is C (i omega I - A)^-1 B + D.
+        """
         return np.asarray(self.C @ np.linalg.solve(1j * omega * np.eye(len(self.A)) - self.A, self.B) + self.D)
 
     def step_response(self, t: np.ndarray) -> np.ndarray:
-        """Return what the outputs have become [times, outputs] after all duties rose by 1 at t = 0; t is evenly spaced.
+        """Return the outputs (times, outputs) at the times t [s] after all duties have increased by 1 at t = 0.
 
-        By the matrix exponential of x and u together over the time between two of t [s]; linear, so for any rise.
+        The times must be evenly spaced. The response is linear in the increase of the duties, so that it can be scaled
+        to another increase. It is computed by the matrix exponential for one interval of t, with the states x and the
+        duties u in one vector.
         """
         states, inputs = self.B.shape
-        both = np.zeros((states + inputs, states + inputs))
-        both[:states] = np.hstack([self.A, self.B])
-        over_time, at = expm(both * (t[1] - t[0])), np.repeat([0.0, 1.0], [states, inputs])
+        # d/dt (x, u) = [[A, B], [0, 0]] (x, u): with the constant duties as states, one exponential serves for both.
+        system = np.zeros((states + inputs, states + inputs))
+        system[:states] = np.hstack([self.A, self.B])
+        transition, state = expm(system * (t[1] - t[0])), np.repeat([0.0, 1.0], [states, inputs])
         rows = []
         for _ in t:
-            rows.append(self.C @ at[:states] + self.D @ at[states:])
-            at = over_time @ at
+            rows.append(self.C @ state[:states] + self.D @ state[states:])
+            state = transition @ state
         return np.array(rows)
 
 
 def trim_state(model: Model, duty: float, duration: float = 10.0, start: Start = Start()) -> DriveState:
-    """Return the state in which a `model` drives steadily, `duration` [s] after its `start` at a constant `duty`.
+    """Return a trim point of a model: the state that the rover has reached after a drive at a constant duty, in which
+    it no longer accelerates.
 
-    Raises SimulationError: the drive ends before, or is not steady then.
+    The rover drives from `start` for `duration` [s] with the duty `duty` [-] of all wheels.
+
+    Raises SimulationError: the drive ends earlier, or the base still accelerates by more than `MAX_ACCELERATION`.
     """
     trace = simulate(model, ConstantDuty(duty), duration, start, measure_error=False)
     if trace.end is None:
-        raise SimulationError(f"There is no trim point: the drive ends ({trace.attrs['stop']}); take gentler ground.")
+        raise SimulationError(
+            f"There is no trim point, because the drive ends before {duration:g} s ({trace.attrs['stop']}). Choose "
+            "gentler ground."
+        )
     state = trace.end.state
+    # The rates of the speeds follow the rates of the displacements; the first six belong to the base.
     acceleration = float(np.max(np.abs(_Rates(model, state, duty).at(state, duty).x[model.rover.model.nv :][:6])))
-    if acceleration > STEADY:
+    if acceleration > MAX_ACCELERATION:
         raise SimulationError(
             f"There is no trim point after {duration:g} s at a duty of {duty:g}: the base still accelerates by "
-            f"{acceleration:.2g} m/s^2 or rad/s^2, allowed is {STEADY:g}; drive longer, or on even ground."
+            f"{acceleration:.2g} m/s^2 or rad/s^2, and the limit is {MAX_ACCELERATION:g}. "
+            "Drive longer, or on even ground."
         )
     return state
 
 
 def linear_model(model: Model, state: DriveState, duty: float) -> LinearModel:
-    """Return the linear model of `model` at a `state` under a `duty` of all wheels, by differences of its step.
+    """Return the linear model of a rover at a state, with the same duty [-] for all wheels.
 
-    Limits: what turns its sense there, as dry friction at rest, has no linear model. Source: none; numerical.
+    The matrices follow from central differences of the compiled step of the simulation. The state should be a trim
+    point (`trim_state`), because the linear model describes deviations from a steady motion. A force that changes its
+    sign at the state, such as dry friction at rest, has no linear model.
+
+    Raises SimulationError: the step fails at the state.
+
+    Source: none.
 
     Examples
     --------
@@ -92,32 +126,43 @@ def linear_model(model: Model, state: DriveState, duty: float) -> LinearModel:
     >>> bool(abs(linear.response(0.01)[0].sum()) > abs(linear.response(100.0)[0].sum()))
     True
     """
+    # One column of slopes for each state, then one for each duty, by central differences.
     rates, wheels = _Rates(model, state, duty), len(model.rover.wheels)
     size, duties = rates.size, np.full(wheels, float(duty))
     columns = [rates.slope(state, duties, np.eye(size)[i], np.zeros(wheels)) for i in range(size)]
     columns += [rates.slope(state, duties, np.zeros(size), np.eye(wheels)[i]) for i in range(wheels)]
     x_slopes, y_slopes = (np.array(part).T for part in zip(*columns, strict=True))
+    # The columns of the states give A and C, and the columns of the duties give B and D.
     names = [wheel.name for wheel in model.rover.wheels]
-    outputs = ("speed", *(f"{kind}_{name}" for kind in (*READ, "rate") for name in names))
+    outputs = ("speed", *(f"{kind}_{name}" for kind in (*OUTPUT_COLUMNS, "rate") for name in names))
     inputs = tuple(f"duty_{name}" for name in names)
     A, B, C, D = (*np.split(x_slopes, [size], axis=1), *np.split(y_slopes, [size], axis=1))
     return LinearModel(A, B, C, D, rates.names(), inputs, outputs)
 
 
 class _Point(NamedTuple):
-    """Rates of the states, and the outputs."""
+    """The time derivatives of a model's states and its outputs at one state; or the derivatives of both along a
+    direction.
+    """
 
     x: np.ndarray
+    """time derivatives of the states (states,)"""
     y: np.ndarray
+    """outputs (outputs,)"""
 
 
 class _Rates:
-    """How the states of a model move from any of them, by one short step."""
+    """The time derivatives of a model's states, and its outputs, at every given state. They are computed by one short
+    step of the simulation.
+    """
 
     def __init__(self, model: Model, state: DriveState, duty: float):
         self.model, self.pin_model = model, model.rover.model
         self.state = state.copy()
-        self.kernel = Kernel(model.begin_at(float(state.q[0]), float(state.q[1])), self.state, STEP, symmetric=False)
+        self.kernel = Kernel(
+            model.begin_at(float(state.q[0]), float(state.q[1])), self.state, RATE_STEP, symmetric=False
+        )
+        # One step fills the kernel's memory. Every rate starts from this memory, so that the rates are comparable.
         self.kernel.disable_energy_balance()
         self.kernel.duty[:] = duty
         self.kernel.step()
@@ -125,45 +170,60 @@ class _Rates:
         self.size = 2 * self.pin_model.nv + state.contact.size + state.motor.size
 
     def at(self, state: DriveState, duty: np.ndarray | float) -> _Point:
-        """Return rates and outputs at a state under duties."""
+        """Return the time derivatives of the states, and the outputs, at a state with the duty `duty`: one number for
+        each wheel, or one number for all wheels.
+        """
+        # The kernel works on `self.state`, so the state is copied into it, and changes by the step.
         self.kernel.restore(self.memory)
         now = self.state
         now.q[:], now.v[:], now.contact[:], now.motor[:] = state.q, state.v, state.contact, state.motor
         self.kernel.duty[:] = duty
         if self.kernel.step():
-            raise SimulationError("The step fails at the trim point: take another state.")
-        way = pin.difference(self.pin_model, state.q, now.q)
-        parts = [way, now.v - state.v, (now.contact - state.contact).ravel(), (now.motor - state.motor).ravel()]
+            raise SimulationError("The step of the simulation fails at the trim point. Choose another state.")
+        displacement = pin.difference(self.pin_model, state.q, now.q)
+        parts = [
+            displacement,
+            now.v - state.v,
+            (now.contact - state.contact).ravel(),
+            (now.motor - state.motor).ravel(),
+        ]
+        # Outputs: forward speed, slips and currents of the wheels by the record of the step, and wheel rates.
         wheels = [mount.dof for mount in self.model.rover.wheels]
-        read = [self.kernel.record[:, place] for place in READ.values()]
-        return _Point(np.concatenate(parts) / STEP, np.concatenate([[state.v[0]], *read, state.v[wheels]]))
+        read = [self.kernel.record[:, column] for column in OUTPUT_COLUMNS.values()]
+        return _Point(np.concatenate(parts) / RATE_STEP, np.concatenate([[state.v[0]], *read, state.v[wheels]]))
 
     def slope(self, state: DriveState, duty: np.ndarray, x: np.ndarray, u: np.ndarray) -> _Point:
-        """Return the slopes of rates and outputs along a direction of states and duties."""
+        """Return the derivatives of the states' rates and of the outputs along a direction, by central differences. The
+        direction has the components x for the states and u for the duties.
+        """
         forward, backward = (
-            self.at(self._move_state(state, sign * CHANGE * x), duty + sign * CHANGE * u) for sign in (1.0, -1.0)
+            self.at(self._displace(state, sign * DIFFERENCE * x), duty + sign * DIFFERENCE * u) for sign in (1.0, -1.0)
         )
-        return _Point(*((after - before) / (2.0 * CHANGE) for after, before in zip(forward, backward, strict=True)))
+        return _Point(*((after - before) / (2.0 * DIFFERENCE) for after, before in zip(forward, backward, strict=True)))
 
-    def _move_state(self, state: DriveState, x: np.ndarray) -> DriveState:
+    def _displace(self, state: DriveState, x: np.ndarray) -> DriveState:
+        """Return a copy of a state that is displaced by the vector x. The configuration q is displaced on its manifold
+        by Pinocchio, and the other parts of the state by addition.
+        """
         nv, moved = self.pin_model.nv, state.copy()
-        way, speed, contact, motor = np.split(x, [nv, 2 * nv, 2 * nv + state.contact.size])
-        moved.q[:] = pin.integrate(self.pin_model, state.q, way)
+        displacement, speed, contact, motor = np.split(x, [nv, 2 * nv, 2 * nv + state.contact.size])
+        moved.q[:] = pin.integrate(self.pin_model, state.q, displacement)
         moved.v += speed
         moved.contact += contact.reshape(state.contact.shape)
         moved.motor += motor.reshape(state.motor.shape)
         return moved
 
     def names(self) -> tuple[str, ...]:
-        """Return the states' names."""
+        """Return the names of the states x: displacements, speeds, and the effects' states of each wheel."""
+        # The names follow the order of `at`: displacements, speeds, states of contact effects and of motor effects.
         base = ["x", "y", "z", "roll", "pitch", "yaw"]
         joints = list(self.pin_model.names)[2:]
-        ways = [f"way of {name}" for name in [*base, *joints]]
-        own = [
+        names = [*base, *joints]
+        effect_states = [
             f"{state.name} of {mount.name}"
             for effects in (self.model.contact_effects, self.model.motor_effects)
             for mount in self.model.rover.wheels
             for effect in effects
             for state in effect.states
         ]
-        return (*ways, *(name.replace("way", "speed") for name in ways), *own)
+        return (*(f"displacement of {name}" for name in names), *(f"speed of {name}" for name in names), *effect_states)

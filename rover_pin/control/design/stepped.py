@@ -1,33 +1,37 @@
-"""A drive that waits for its command at every sample: for another simulator, a learner, or hardware in the loop."""
+"""A simulated drive that takes one command at a time, for co-simulation, reinforcement learning, or hardware in the
+loop.
+"""
 
 from typing import Any
 
 from rover_pin.base.errors import SimulationError
 from rover_pin.simulation.command import Command, Reading
-from rover_pin.simulation.compiled_run import questions
-from rover_pin.simulation.driving import Ran, obey
+from rover_pin.simulation.driving import LoopResult, obey, questions
 from rover_pin.simulation.model.model import Model
 from rover_pin.simulation.simulate import set_out
-from rover_pin.simulation.start.place import Start
-from rover_pin.simulation.timing import Timing
-from rover_pin.simulation.trace.record import trace_of
-from rover_pin.simulation.trace.rows import finite
+from rover_pin.simulation.start import Start
+from rover_pin.simulation.stepping.timing import Timing
+from rover_pin.simulation.trace.record import finite, trace_of
 from rover_pin.simulation.trace.trace import Trace
 
 
 class SteppedDrive:
-    """A rover set down at rest; `step` commands it for a control period and returns what is read then.
+    """A simulated drive that a caller advances step by step: `step` applies a command for one control period and
+    returns the next reading of the sensors.
+
+    The drive begins with the rover set down at rest. `reading` is the latest reading, and `stop` is the reason why the
+    drive has ended, or an empty text while it continues.
 
     Parameters
     ----------
     model : Model
-        As `scenario(...).model` has it.
+        Rover, soil and ground, for example `scenario(...).model`.
     duration : float
-        After which it ends [s].
+        Time after which the drive ends [s].
     start : Start
-        Where it is set down.
+        Position and heading at which the rover is set down.
     timing : Timing
-        Step, control period and rows of the trace [s].
+        Time step, control period and period of the trace's rows [s].
 
     Examples
     --------
@@ -41,39 +45,42 @@ class SteppedDrive:
 
     def __init__(self, model: Model, duration: float, start: Start = Start(), timing: Timing = Timing()):
         self.stop, self.command = "", Command(0.0)
-        "why the drive ended, as the trace says it; empty while it goes on"
-        self._drive = set_out(model, self._command, duration, start, timing)
-        self._asking = questions(self._drive, duration)
-        self._ran: Ran | None = None
-        self.reading = next(self._asking)
-        "what is read now"
+        "reason why the drive ended, as in the trace; an empty text while the drive continues"
+        # The simulation asks for the command of each sample through this function, and gets the latest one.
+        self._drive = set_out(model, lambda reading: self.command, duration, start, timing)
+        self._readings = questions(self._drive, duration)
+        self._result: LoopResult | None = None
+        self.reading = next(self._readings)
+        "the latest reading"
 
     def step(self, command: Command | Any) -> Reading:
-        """Command a `Command`, a duty, or one a wheel, for a control period; return what is read then.
+        """Apply a command for one control period, and return the reading of the sensors at the end of the period.
 
-        Raises SimulationError: the drive has ended, or the command is none.
+        The command is a `Command`, one duty for all wheels, or an array of duties (wheels,) [-].
+
+        Raises SimulationError: the drive has ended, or the value is not a command.
         """
         if self.stop:
-            raise SimulationError(f"The drive has ended ({self.stop}): begin another one.")
+            raise SimulationError(f"The drive has ended ({self.stop}), so that no step is left. Start another drive.")
         self.command = command
+        # The command holds from this sample on. The generator then runs to the next sample, or ends with the drive.
         obey(self._drive, self.reading)
         try:
-            self.reading = next(self._asking)
+            self.reading = next(self._readings)
         except StopIteration as end:
-            self._ran = end.value
+            self._result = end.value
             self.stop = end.value.stop
         return self.reading
 
     def trace(self) -> Trace:
-        """Return the trace of a drive that has ended.
+        """Return the trace of the drive, the record of its channels over time, after the drive has ended.
 
-        Raises SimulationError: it goes on.
+        Raises SimulationError: the drive has not ended.
         """
-        if self._ran is None:
-            raise SimulationError("The drive goes on: its trace is there when `stop` says why it ended.")
+        if self._result is None:
+            raise SimulationError(
+                "The drive has not ended, so that it has no trace yet. Call `step` until `stop` is no longer empty."
+            )
         timing = self._drive.timing
         attrs = {"dt_s": timing.dt, "control_period_s": timing.control, "symmetric": False, "stop": self.stop}
-        return trace_of(self._drive.model, finite(self._ran.rows), attrs)
-
-    def _command(self, reading: Reading) -> Command | Any:
-        return self.command
+        return trace_of(self._drive.model, finite(self._result.rows), attrs)

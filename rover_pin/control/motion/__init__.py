@@ -1,1 +1,3 @@
-"""Motions of the body: what wheels do for it (`kinematics`), and controls that hold them there. Start with `servo`."""
+"""Control of the body's motion: the wheel speeds and steering angles for a motion (`kinematics`), servos that hold
+wheel speeds (`servo`), and routes of waypoints (`route`).
+"""

@@ -1,4 +1,4 @@
-"""A route of way-points, driven by pure pursuit: the curvature to a point ahead, held by the wheels' servos."""
+"""Drive a route of waypoints by pure pursuit: the rover steers along an arc to a point that lies ahead on the route."""
 
 import math
 from dataclasses import dataclass
@@ -10,76 +10,96 @@ import numpy as np
 
 from rover_pin.base.arguments import check_arguments, spec
 from rover_pin.base.errors import DataError, ParameterError
-from rover_pin.base.files.columns import read_columns
+from rover_pin.base.files.table import read_columns
 from rover_pin.contact import Scalar
 from rover_pin.control.motion.kinematics import BodyMotion, rolling, steers, turning_places
-from rover_pin.control.motion.law_control import LawControl
-from rover_pin.control.motion.servo import FASTEST, Servo, servo_duties, servo_symbols
-from rover_pin.control.steering import MOST_STEER
+from rover_pin.control.motion.servo import MAX_COMMAND, LawControl, Servo, servo_duties, servo_symbols
+from rover_pin.control.open_loop import MAX_STEER
 from rover_pin.control.torque_check import NoLimit, TorqueLimit
 from rover_pin.rover.rover import Rover
 from rover_pin.rover.wheel_base import effective_track
 from rover_pin.simulation.model.motor import Motor
-from rover_pin.simulation.timing import CONTROL_PERIOD
+from rover_pin.simulation.stepping.timing import CONTROL_PERIOD
 from rover_pin.simulation.trace.trace import Trace
 
-FAR = 1e12
-"""Squared distance [m^2] of a piece of the route that is not looked at."""
-MOST_POINTS = 500
-"""Way-points of a route: its law has a formula for each."""
+EXCLUDED = 1e12
+"""Squared distance [m^2] that replaces the distance to a segment of the route outside the search, so that this segment
+is never the nearest one."""
+MAX_POINTS = 500
+"""Maximum number of waypoints of a route. A longer route is refused, because the compiled law has a formula for each
+waypoint."""
 NUMBERS = ("omega_0", "period", "speed", "lookahead", "reach", "bend")
+"""Names of the constants of the route law, in their order: wheel rate at full duty without load [rad/s], sampling time
+[s], speed [m/s], look-ahead distance [m], distance to the end of the route at which the rover stops [m], and largest
+curvature of the rover's arc [1/m]."""
 
 
 def _nearest(points: ca.SX, starts: ca.SX, x: Scalar, y: Scalar, done: Scalar, ahead: Scalar) -> Scalar:
-    """Return how far along the route [m] its point nearest to x, y is, between `done` and `ahead` beyond it."""
-    best, way = ca.SX(FAR), done
+    """Return the arc length [m] of the point of a route that is nearest to the position (x, y).
+
+    The search covers the arc lengths from `done`, which the rover has reached before, to `done` + `ahead`. Without
+    these limits, the rover could continue on the wrong branch where a route crosses itself. `points` are the waypoints
+    (points, 2) and `starts` their arc lengths [m].
+    """
+    best, arc_length = ca.SX(EXCLUDED), done
     for i in range(points.size1() - 1):
+        # The nearest point of each segment, limited to the part of the segment that lies within the search.
         length = starts[i + 1] - starts[i]
         dx, dy = (points[i + 1, 0] - points[i, 0]) / length, (points[i + 1, 1] - points[i, 1]) / length
         along = (x - points[i, 0]) * dx + (y - points[i, 1]) * dy
         low, high = ca.fmax(done - starts[i], 0.0), ca.fmin(done + ahead - starts[i], length)
         along = ca.fmin(ca.fmax(along, low), high)
         off = (points[i, 0] + along * dx - x) ** 2 + (points[i, 1] + along * dy - y) ** 2
-        off = ca.if_else(low > high, FAR, off)
-        best, way = ca.fmin(off, best), ca.if_else(off < best, starts[i] + along, way)
-    return way
-
-
-def _point_at(points: ca.SX, starts: ca.SX, way: Scalar) -> tuple[Scalar, Scalar]:
-    """Return the route's point so far along it; beyond its end its last piece goes on."""
-    place = (points[0, 0], points[0, 1])
-    for i in range(points.size1() - 1):
-        share = (way - starts[i]) / (starts[i + 1] - starts[i])
-        point = (points[i, c] + share * (points[i + 1, c] - points[i, c]) for c in (0, 1))
-        place = tuple(ca.if_else(share >= 0.0, new, old) for new, old in zip(point, place, strict=True))
-    return place
+        off = ca.if_else(low > high, EXCLUDED, off)
+        best, arc_length = ca.fmin(off, best), ca.if_else(off < best, starts[i] + along, arc_length)
+    return arc_length
 
 
 @lru_cache(maxsize=16)
-def _law(steering: tuple[bool, ...], count: int) -> ca.Function:
-    """Return the law of a rover whose wheels steer or not, along `count` points, with way, arrival, integrals."""
+def _route_law(steering: tuple[bool, ...], count: int) -> ca.Function:
+    """Return the CasADi function that steers a rover along a route of `count` waypoints, with the inputs and outputs of
+    `LawControl.law`.
+
+    `steering` states for each wheel whether it can steer. The memory of the law contains the arc length that the rover
+    has reached on the route [m], the time of arrival [s], and the integrals of the wheels' servos.
+    """
+    # The inputs of the law, see `LawControl`.
     n = len(steering)
     place, read, limits = ca.SX.sym("place", 3), ca.SX.sym("read", 3 + n), ca.SX.sym("limits", 2 * n)
     memory, (servo, symbols) = ca.SX.sym("memory", 2 + n), servo_symbols()
     chosen, wheels, radii = ca.SX.sym("chosen", len(NUMBERS)), ca.SX.sym("wheels", 2, n), ca.SX.sym("radii", n)
     points, starts = ca.SX.sym("points", count, 2), ca.SX.sym("starts", count)
     omega_0, period, speed, lookahead, reach, bend = ca.vertsplit(chosen)
-    way = _nearest(points, starts, place[1], place[2], memory[0], lookahead)
-    remaining = starts[count - 1] - way
-    motion = _pursuit(_point_at(points, starts, way + lookahead), place, read[2], bend)
+    arc_length = _nearest(points, starts, place[1], place[2], memory[0], lookahead)
+    remaining = starts[count - 1] - arc_length
+    # The target lies `lookahead` further along the route; beyond the end, the last segment is extended.
+    target = (points[0, 0], points[0, 1])
+    for i in range(count - 1):
+        share = (arc_length + lookahead - starts[i]) / (starts[i + 1] - starts[i])
+        point = (points[i, c] + share * (points[i + 1, c] - points[i, c]) for c in (0, 1))
+        target = tuple(ca.if_else(share >= 0.0, new, old) for new, old in zip(point, target, strict=True))
+    motion = _pursuit(target, place, read[2], bend)
+    # Over the last look-ahead distance the rover slows down; within `reach` of the end, the wheels are held.
     pace = ca.if_else(remaining > reach, speed * ca.fmin(remaining / lookahead, 1.0), 0.0)
-    speeds, angles = rolling([ca.vertsplit(wheels[:, at]) for at in range(n)], steering, motion)
+    speeds, angles = rolling([ca.vertsplit(wheels[:, i]) for i in range(n)], steering, motion)
+    # The motion has unit speed. It is scaled to the speed, or to the speed at which the fastest wheel has full duty.
     rates = ca.vertcat(*speeds) / radii
     rates = rates * ca.fmin(pace, omega_0 * servo.delta_max / ca.mmax(ca.fabs(rates)))
     duties, integrals = servo_duties(servo, rates, read[3:], memory[2:], limits, omega_0, period)
     numbers = ca.vertcat(symbols, chosen, ca.vec(wheels), radii, ca.vec(points), starts)
     arrival = ca.if_else(remaining > reach, place[0], memory[1])
-    out = [duties, ca.vertcat(*angles), ca.vertcat(way, arrival, integrals)]
+    out = [duties, ca.vertcat(*angles), ca.vertcat(arc_length, arrival, integrals)]
     return ca.Function("route", [place, read, limits, memory, numbers], out)
 
 
 def _pursuit(target: tuple[Scalar, Scalar], place: ca.SX, yaw: Scalar, bend: Scalar) -> BodyMotion:
-    """Return the motion at unit speed on the arc through the target: kappa = 2 y / (x^2 + y^2) in the body's axes."""
+    """Return the motion of the body at unit speed along the arc from its position to a target (pure pursuit).
+
+    In the axes of the body, the arc to a target at (x, y) has the curvature 2 y / (x^2 + y^2). The curvature is limited
+    to `bend` [1/m]. A target behind the rover is approached on the tightest arc. `place` is (t, x, y) of the rover, and
+    `yaw` its yaw angle [rad].
+    """
+    # The target in the axes of the body: x ahead, y to the left.
     dx, dy = target[0] - place[1], target[1] - place[2]
     along, across = ca.cos(yaw) * dx + ca.sin(yaw) * dy, ca.cos(yaw) * dy - ca.sin(yaw) * dx
     kappa = 2.0 * across / (along**2 + across**2)
@@ -90,26 +110,34 @@ def _pursuit(target: tuple[Scalar, Scalar], place: ca.SX, yaw: Scalar, bend: Sca
 
 @dataclass
 class RouteControl(LawControl):
-    """Drives a route: pure pursuit of the point `lookahead` further on, by the base's true x, y and its yaw.
+    """A control that drives a rover along a route of waypoints by pure pursuit.
 
-    It slows down over the last `lookahead`; within `reach` of the end servos hold its wheels still. Curvature is held
-    to what wheels can steer, or to the sides' track where none does. It does not know obstacles.
+    The rover steers along an arc to a target point, which is further along the route by the distance `lookahead`. The
+    control uses the true position and yaw of the base. Over the last `lookahead` of the route the rover slows down, and
+    within `reach` of the end the servos hold the wheels still. The curvature of the arc is limited by the largest
+    steering angle, or, if no wheel steers, by a turn about one side of the rover. Obstacles are not considered.
 
     Parameters
     ----------
     rover, motor : Rover, Motor
-        What is driven.
+        The rover that is driven, and its motors.
     points : array
-        Way-points x, y [m] (m, 2), the first where the route begins.
+        Waypoints x, y (points, 2) [m]; the first waypoint is the start of the route.
     speed, lookahead : float
-        [m/s], [m]
-    servo, limit, track
-        As of `HeldSpeeds`.
+        Speed [m/s], and look-ahead distance along the route [m].
+    servo : Servo
+        Gains of the servos that hold the wheel rates, and the largest duty.
+    limit : TorqueLimit or NoLimit
+        A torque limit that also limits the duties.
+    track : float
+        Effective distance between the two sides of the rover [m], used if no wheel steers; 0 means `effective_track`.
+    period : float
+        Time between two samples [s].
 
     Raises
     ------
     ParameterError
-        Fewer than two way-points that differ.
+        Fewer than two waypoints differ, or there are more than `MAX_POINTS`.
 
     Source: R. C. Coulter, Implementation of the pure pursuit path tracking algorithm, CMU-RI-TR-92-01 (1992).
     """
@@ -125,10 +153,14 @@ class RouteControl(LawControl):
     period: float = CONTROL_PERIOD
 
     def __post_init__(self) -> None:
+        # A waypoint equal to its predecessor would give a segment of length 0, by which the law divides.
         steps = np.hypot(*np.diff(self.points, axis=0).T)
         self.points = self.points[np.concatenate([[True], steps > 0.0])]
-        if not 2 <= len(self.points) <= MOST_POINTS:
-            raise ParameterError(f"a route needs 2 to {MOST_POINTS} way-points that differ: it has {len(self.points)}.")
+        if not 2 <= len(self.points) <= MAX_POINTS:
+            raise ParameterError(
+                f"A route needs 2 to {MAX_POINTS} waypoints that differ from their predecessors, but this route has "
+                f"{len(self.points)}. Give more waypoints, or fewer."
+            )
         self.memory = self.fresh
 
     @classmethod
@@ -138,68 +170,90 @@ class RouteControl(LawControl):
         rover: Rover,
         motor: Motor,
         points: np.ndarray,
-        speed: Annotated[float, spec("m/s", "forwards", 1e-4, FASTEST)],
-        lookahead: Annotated[float, spec("m", "assumed: twice from first to last axle", 1e-3, 1e3)],
-        track: Annotated[float, spec("m", "0: `effective_track`, where no wheel steers", 0.0, 1e3)] = 0.0,
+        speed: Annotated[float, spec("m/s", "forwards", 1e-4, MAX_COMMAND)],
+        lookahead: Annotated[
+            float, spec("m", "assumed: twice the distance from the first to the last axle", 1e-3, 1e3)
+        ],
+        track: Annotated[float, spec("m", "0 means `effective_track`; used if no wheel steers", 0.0, 1e3)] = 0.0,
         servo: Servo = Servo(),
         limit: TorqueLimit | NoLimit = NoLimit(),
     ) -> Self:
-        """Return the control, its numbers checked."""
+        """Return the control that drives a rover along a route, after checking that its numbers are within their
+        bounds.
+
+        Raises ParameterError: a number is out of its bounds, or the route has too few or too many waypoints.
+        """
         return cls(rover, motor, points, speed, lookahead, servo, limit, track)
 
     @property
     def starts(self) -> np.ndarray:
-        """How far along the route each way-point is [m]."""
+        """Arc length of each waypoint along the route [m]."""
         return np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(self.points, axis=0).T))])
 
     @property
     def reach(self) -> float:
-        """How near to its end it stops [m]: a wheel's radius."""
+        """Distance to the end of the route at which the rover stops [m]: the radius of its largest wheel."""
         return float(self.rover.radii.max())
 
     @property
     def duration(self) -> float:
-        """How long it takes at its speed [s], slowing down at the end, and as much again for slip and turns."""
+        """Time allowed for the route [s]: twice the time that a rover would need without slip at the commanded
+        speed.
+        """
+        # The speed decreases with the remaining distance, so that the last look-ahead distance takes a logarithmic
+        # time.
         slowing = self.lookahead * math.log(max(self.lookahead / self.reach, 1.0))
         return 2.0 * (float(self.starts[-1]) + slowing) / self.speed
 
     @property
     def law(self) -> ca.Function:
-        """Its law as one function."""
-        return _law(steers(self.rover), len(self.points))
+        """The law of the control as a CasADi function, with the inputs and outputs of `LawControl.law`."""
+        return _route_law(steers(self.rover), len(self.points))
 
     @property
     def numbers(self) -> np.ndarray:
-        """Servo, `NUMBERS`, places and radii of the wheels, way-points and how far along each is."""
+        """The constants of the law: numbers of the servo, `NUMBERS`, wheel positions and radii, waypoints, and the
+        waypoints' arc lengths.
+        """
         steering = steers(self.rover)
         places = turning_places(self.rover, 0.0 if any(steering) else self.track or effective_track(self.rover))
-        tightest = np.max(np.abs(places[:, 1]) + np.abs(places[:, 0]) / math.tan(MOST_STEER))
+        # The tightest turn for which the wheels steer by at most `MAX_STEER`, over all wheels.
+        tightest = np.max(np.abs(places[:, 1]) + np.abs(places[:, 0]) / math.tan(MAX_STEER))
         chosen = [float(self.motor.no_load_rate), self.period, self.speed, self.lookahead, self.reach, 1.0 / tightest]
         parts = [[*self.servo.values().values()], chosen, places.ravel(), self.rover.radii, self.points.T.ravel()]
         return np.concatenate([*parts, self.starts])
 
     @property
     def fresh(self) -> np.ndarray:
-        """At the beginning, without integrals."""
+        """The memory of the law at the start of a drive, all zeros: arc length 0, no arrival, and servo integrals of
+        0.
+        """
         return np.zeros(2 + len(self.rover.wheels))
 
     @property
     def stands_since(self) -> float:
-        """When it came to the end [s], where its wheels are held; infinite until then."""
+        """Time at which the rover arrived at the end of its route [s]; infinite before the arrival."""
         return float(self.memory[1]) if self.starts[-1] - self.memory[0] <= self.reach else math.inf
 
     def shortfall(self, trace: Trace) -> str:
-        """Return what to say of a drive that did not come to the end of its route."""
+        """Return a warning if the rover has not reached the end of its route in a drive, and an empty text
+        otherwise.
+        """
         remaining = float(self.starts[-1] - self.memory[0])
-        text = f"the route is not finished: {remaining:.2g} m of its {self.starts[-1]:.3g} m are left."
+        text = f"the route is not finished: {remaining:.2g} m of {self.starts[-1]:.3g} m remain."
         return text if remaining > self.reach else ""
 
 
 def read_route(text: str, start: tuple[float, float]) -> np.ndarray:
-    """Return way-points (m, 2) [m] from the start on: `x,y x,y ...`, or a CSV or Parquet file with x_m and y_m.
+    """Return the waypoints (points, 2) [m] of a route that the user gives as a text. `start` becomes the first
+    waypoint.
 
-    Raises DataError, ParameterError: a file without these columns, or words that are no pairs of numbers.
+    The text is a list of pairs `x,y x,y ...` [m], or the path of a CSV or Parquet file with the columns x_m and y_m.
+
+    Raises DataError: the file cannot be read, lacks one of these columns or has no waypoints. Raises ParameterError:
+    the text has commas and is not a list of pairs of finite numbers.
     """
+    # A text with a comma is a list of pairs, any other text is a path.
     if "," in text:
         try:
             points = np.array([[float(number) for number in pair.split(",")] for pair in text.split()])
@@ -207,12 +261,13 @@ def read_route(text: str, start: tuple[float, float]) -> np.ndarray:
             points = np.zeros(0)
         if points.ndim != 2 or points.shape[1] != 2 or not np.all(np.isfinite(points)):
             raise ParameterError(
-                f'control.route = {text!r} is not allowed: give a file, or pairs in metres, "1,0 2,0.5".'
+                f"control.route = {text!r} is not allowed. Give a CSV or Parquet file with the columns x_m and y_m, or "
+                'pairs x,y in metres such as "1,0 2,0.5".'
             )
     else:
         table = read_columns(text)
         table.refuse_gaps("x_m", "y_m")
         points = np.column_stack(table.need("x_m", "y_m"))
     if not len(points):
-        raise DataError(f"{text}: there are no way-points.")
+        raise DataError(f"{text}: the route has no waypoints. Give at least one row with x_m and y_m.")
     return np.vstack([start, points])

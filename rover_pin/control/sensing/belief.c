@@ -1,11 +1,16 @@
-/* One sample of the on-board belief: particles of travel, slips and holes, moved on and weighed. belief.py says why. */
+/* The particle filter of the on-board slip estimate: `rover_pin_sense` takes in one sample of the sensors.
+
+   Each particle has a mode (moving or stalled), a forward speed of the base, and for each wheel a slip and the depth of
+   its hole. A sample moves the particles on by one period and weighs them by the readings. The class OnboardSlip in
+   onboard_slip.py describes the model, laws.py the densities, and belief.py the fields of the struct Belief. */
 #include <math.h>
 #include <string.h>
 
 #define HALF_TURN 3.14159265358979323846
 
-/* Where the chances of a sample begin: SplitMix64 of Steele, Lea and Flood (2014), Fast splittable pseudorandom number
-   generators. What an earlier sample drew does not move them. */
+/* Return the state of the random numbers at the beginning of a sample, by SplitMix64 of Steele, Lea and Flood (2014),
+   Fast splittable pseudorandom number generators. The state depends on the number of the sample only, so that the number
+   of draws in an earlier sample does not change the draws of this sample. */
 static unsigned long long chance_of(integer sample) {
   unsigned long long x = (unsigned long long)(sample + 2) * 0x9E3779B97F4A7C15ULL;
   x = (x ^ (x >> 30)) * 0xBF58476D1CE4E5B9ULL;
@@ -13,16 +18,19 @@ static unsigned long long chance_of(integer sample) {
   return x ^ (x >> 31);
 }
 
+/* Map a chance in [0, 1) to [low, high). */
 static real within(real low, real high, real chance) { return low + (high - low) * chance; }
 
-static void fill_normal(Belief *b, real *out) { /* Box and Muller's pairs */
+/* Fill a row of N particles with standard normal numbers, by pairs of Box and Muller. */
+static void fill_normal(Belief *b, real *out) {
   for (integer i = 0; i < b->N; i += 2) {
-    const real far = sqrt(-2.0 * log(1.0 - next_chance(&b->random))), turn = 2.0 * HALF_TURN * next_chance(&b->random);
-    out[i] = far * cos(turn);
-    out[i + 1] = far * sin(turn);
+    const real radius = sqrt(-2.0 * log(1.0 - next_chance(&b->random))), turn = 2.0 * HALF_TURN * next_chance(&b->random);
+    out[i] = radius * cos(turn);
+    out[i + 1] = radius * sin(turn);
   }
 }
 
+/* Return the median of the values of all wheels. */
 static real median(const real *values, integer n) {
   real sorted[MAX_WHEELS];
   for (integer i = 0; i < n; ++i) {
@@ -33,30 +41,33 @@ static real median(const real *values, integer n) {
   return 0.5 * (sorted[(n - 1) / 2] + sorted[n / 2]);
 }
 
-/* Mean distance of the wheels' values from their median. */
-static real apart(const real *values, integer n) {
+/* Return the mean absolute deviation of the wheels' values from their median. */
+static real deviation(const real *values, integer n) {
   const real middle = median(values, n);
   real sum = 0.0;
   for (integer i = 0; i < n; ++i) sum += fabs(values[i] - middle);
   return sum / n;
 }
 
-/* Begin anew: any travel may be, nothing slips, no hole is dug. */
+/* Reset the belief to the start of a drive: any speed is possible, no wheel slips, and no hole is dug. */
 void rover_pin_forget(Belief *b) {
   b->random = chance_of(-1);
-  b->count = b->k = b->backwards = b->folds = b->no_progress = 0;
+  b->count = b->k = b->backwards = b->rates_known = b->no_progress = 0;
   b->wall = b->rolled = b->bend = b->reference = b->stuck = b->speed = b->pace = 0.0;
   memset(b->slip, 0, b->n * b->N * sizeof(real));
   memset(b->hole, 0, b->n * b->N * sizeof(real));
   for (integer i = 0; i < b->N; ++i) {
-    b->share[i] = within(0.0, 1.1, next_chance(&b->random));
+    b->ratio[i] = within(0.0, 1.1, next_chance(&b->random));
     b->stalled[i] = next_chance(&b->random) < 0.1;
-    b->log_weight[i] = b->way[i] = 0.0;
+    b->log_weight[i] = b->distance[i] = 0.0;
   }
 }
 
-/* Means over the last samples: of posture, torque and rate; and the posture's rates over all that are kept. */
-static void felt(Belief *b, const real *sample) {
+/* Keep a sample, and compute the means of the latest samples and the rates of the posture.
+
+   The means cover fewer samples for wheel rates and currents (RECENT) than for the posture (POSTURE), because the posture
+   changes more slowly. The rates are the slopes of straight lines through all samples that are kept. */
+static void update_means(Belief *b, const real *sample) {
   const integer n = b->n, p = b->n_posture, size = p + 2 * n;
   if (b->count == WINDOW) memmove(b->samples, b->samples + size, (WINDOW - 1) * size * sizeof(real));
   else ++b->count;
@@ -65,6 +76,7 @@ static void felt(Belief *b, const real *sample) {
   memset(b->rates, 0, p * sizeof(real));
   real squares = 0.0;
   for (integer k = 0; k < b->count; ++k) {
+    /* The times t are relative to their mean, so that the slope is sum(t y) / sum(t^2). */
     const real *row = b->samples + k * size, t = b->period * (k - 0.5 * (b->count - 1));
     const integer ago = b->count - k, of_posture = b->count < POSTURE ? b->count : POSTURE;
     const integer of_rest = b->count < RECENT ? b->count : RECENT;
@@ -73,132 +85,147 @@ static void felt(Belief *b, const real *sample) {
     for (integer i = 0; i < size; ++i)
       if (ago <= (i < p ? of_posture : of_rest)) b->mean[i] += row[i] / (i < p ? of_posture : of_rest);
   }
-  b->folds = b->count >= LEAST_ROWS;
-  for (integer i = 0; i < p; ++i) b->rates[i] = b->folds ? b->rates[i] / squares : 0.0;
+  b->rates_known = b->count >= MIN_ROWS;
+  for (integer i = 0; i < p; ++i) b->rates[i] = b->rates_known ? b->rates[i] / squares : 0.0;
 }
 
-/* The ground under the wheels, their rim speeds over it, and the torque over load of those that tell something. */
-static void look(Belief *b) {
+/* Compute slope and load under each wheel, its rim speed over the ground and its torque factor, and look for a wall. */
+static void read_ground(Belief *b) {
   const integer n = b->n, p = b->n_posture;
   for (integer i = 0; i < n; ++i) b->torque[i] = b->torque_per_current * b->mean[p + n + i];
-  const real *asked[3] = {b->mean, b->rates, b->torque};
-  real *told[1] = {b->under};
-  ground(asked, told, b->work_i, b->work_w, 0);
+  const real *inputs[3] = {b->mean, b->rates, b->torque};
+  real *outputs[1] = {b->under};
+  ground(inputs, outputs, b->work_i, b->work_w, 0);
   real highest = 0.0;
   for (integer i = 0; i < n; ++i) {
     const real load = b->under[LOAD * n + i];
+    /* The mount of the wheel turns with the suspension, which adds to the rate of the wheel relative to the ground. */
     b->rim[i] = b->radius[i] * (b->mean[p + i] + b->under[SWING * n + i]);
-    b->tells[i] = load > LEAST_LOAD && fabs(b->rim[i]) > LEAST_RIM && !b->backwards;
-    b->factor[i] = b->torque[i] / (b->radius[i] * fmax(load, LEAST_LOAD));
-    if (b->tells[i]) highest = fmax(highest, b->factor[i]);
+    b->informative[i] = load > MIN_LOAD && fabs(b->rim[i]) > MIN_RIM && !b->backwards;
+    b->factor[i] = b->torque[i] / (b->radius[i] * fmax(load, MIN_LOAD));
+    if (b->informative[i]) highest = fmax(highest, b->factor[i]);
   }
-  b->bend = apart(b->under + SLOPE * n, n);
-  const real excess = b->bend > BENT ? fmax(highest / b->most_factor - 1.1, 0.0) : 0.0;
+  /* A torque 10 % above the largest torque of the soil means a wall, and 40 % above it a wall for certain. The low-pass
+     filter of `wall` avoids that a single noisy torque counts. On even ground there is no wall. */
+  b->bend = deviation(b->under + SLOPE * n, n);
+  const real excess = b->bend > MIN_BEND ? fmax(highest / b->max_factor - 1.1, 0.0) : 0.0;
   b->wall += b->wall_gain * (fmin(excess / 0.3, 1.0) - b->wall);
 }
 
-/* Modes and travel a period later; a rover that turns back may do anything. Every particle draws as often, whatever
-   it does, so that one that hardly does otherwise leaves the others' chances alone. */
-static void move(Belief *b, int backwards) {
+/* Advance mode, speed and distance of every particle by one period.
+
+   If the rover changes its direction, any speed is possible again. Every particle takes the same number of random
+   numbers in every case, so that a small change of one particle does not change the random numbers of the others. */
+static void move_particles(Belief *b, int backwards) {
   b->pace = median(b->rim, b->n);
   const real dt = b->period, usual = fmax(fabs(b->pace), b->floor);
-  const real falls = (b->stalls + b->wall_stalls * fmin(b->wall, 1.0)) * dt;
+  const real stall_chance = (b->stalls + b->wall_stalls * fmin(b->wall, 1.0)) * dt;
   b->reference = backwards ? -usual : usual;
   fill_normal(b, b->chance);
   for (integer i = 0; i < b->N; ++i) {
-    real share = b->share[i];
+    real ratio = b->ratio[i];
     int stalled = b->stalled[i] > 0.0;
     real drawn[4];
     for (int c = 0; c < 4; ++c) drawn[c] = next_chance(&b->random);
     if (backwards != b->backwards) {
-      share = within(0.3, 1.0, drawn[0]);
+      ratio = within(0.3, 1.0, drawn[0]);
       stalled = drawn[1] < 0.1;
     }
     const int frees = stalled && drawn[2] < b->frees * dt;
-    stalled = (stalled && !frees) || (!stalled && drawn[2] < falls);
-    share += b->wander * sqrt(dt) * b->chance[i];
-    if (frees) share = within(0.0, 0.6, drawn[0]);
-    if (!stalled && drawn[3] < b->surprise * dt) share = within(-0.2, 1.2, drawn[1]);
-    b->share[i] = stalled ? 0.03 * b->chance[i] : fmin(fmax(share, -0.4), 1.4);
+    stalled = (stalled && !frees) || (!stalled && drawn[2] < stall_chance);
+    /* A random walk of the speed; a particle that comes free, or is surprised, gets a new speed. */
+    ratio += b->wander * sqrt(dt) * b->chance[i];
+    if (frees) ratio = within(0.0, 0.6, drawn[0]);
+    if (!stalled && drawn[3] < b->surprise * dt) ratio = within(-0.2, 1.2, drawn[1]);
+    b->ratio[i] = stalled ? 0.03 * b->chance[i] : fmin(fmax(ratio, -0.4), 1.4);
     b->stalled[i] = stalled;
-    b->travel[i] = b->reference * b->share[i];
-    b->way[i] += b->travel[i] * dt;
+    b->travel[i] = b->reference * b->ratio[i];
+    b->distance[i] += b->travel[i] * dt;
   }
   b->backwards = backwards;
   b->rolled += fmax(b->pace, 0.0) * dt;
 }
 
-/* Slips and holes a period later, and what the torques say of them. */
-static void turn_wheels(Belief *b) {
-  _Alignas(64) real given[3 * LANES], result[2 * LANES], F[LANES];
+/* Advance slips and holes of all particles by one period, and weigh the particles by the torques of the wheels. */
+static void advance_wheels(Belief *b) {
+  _Alignas(64) real state[3 * LANES], result[2 * LANES], F[LANES];
   const integer n = b->n, N = b->N;
-  const real wide[1] = {b->strength * b->strength + b->bend * b->bend + b->wall_share * b->wall * b->wall_share * b->wall};
-  for (integer i = 0; i < N; ++i) b->odds[i] = 1.0;
+  /* Relative variance of a torque factor: of the soil and the loads, of bent ground, and of a wall. */
+  const real variance[1] = {b->strength * b->strength + b->bend * b->bend + b->wall_error * b->wall * b->wall_error * b->wall};
+  for (integer i = 0; i < N; ++i) b->likelihood[i] = 1.0;
   for (integer w = 0; w < n; ++w) {
     const real wheel[4] = {b->under[AHEAD * n + w], b->under[LEVEL * n + w], b->rim[w], b->radius[w]};
-    const real read[2] = {b->factor[w], wide[0]};
+    const real reading[2] = {b->factor[w], variance[0]};
     for (integer i = 0; i < N; i += LANES) {
       real *slip = b->slip + w * N + i, *hole = b->hole + w * N + i;
-      memcpy(given, b->travel + i, sizeof F);
-      memcpy(given + LANES, slip, sizeof F);
-      memcpy(given + 2 * LANES, hole, sizeof F);
-      wheel_law(given, wheel, result);
+      memcpy(state, b->travel + i, sizeof F);
+      memcpy(state + LANES, slip, sizeof F);
+      memcpy(state + 2 * LANES, hole, sizeof F);
+      wheel_law(state, wheel, result);
       memcpy(slip, result, sizeof F);
       memcpy(hole, result + LANES, sizeof F);
-      if (!b->tells[w]) continue;
+      if (!b->informative[w]) continue;
       for (int lane = 0; lane < LANES; ++lane) F[lane] = at_slip(b->factors, slip[lane]);
-      torque_law(F, read, result);
-      for (int lane = 0; lane < LANES; ++lane) b->odds[i + lane] *= result[lane];
+      torque_law(F, reading, result);
+      for (int lane = 0; lane < LANES; ++lane) b->likelihood[i + lane] *= result[lane];
     }
   }
-  for (integer i = 0; i < N; ++i) b->log_weight[i] += log(b->odds[i]) * b->period / b->correlated;
+  /* Torques within the time `correlated` have one error, so that a sample counts for period / correlated of a reading. */
+  for (integer i = 0; i < N; ++i) b->log_weight[i] += log(b->likelihood[i]) * b->period / b->correlated;
 }
 
-/* Weigh by a law of one number a particle. */
-static void weigh(Belief *b, lanes_law law, const real *of, const real *shared, real by) {
+/* Add to the logarithm of each particle's weight a law of one number of the particle, times a factor. */
+static void weigh(Belief *b, lanes_law law, const real *numbers, const real *shared, real factor) {
   _Alignas(64) real result[LANES];
   for (integer i = 0; i < b->N; i += LANES) {
-    law(of + i, shared, result);
-    for (int lane = 0; lane < LANES; ++lane) b->log_weight[i + lane] += by * result[lane];
+    law(numbers + i, shared, result);
+    for (int lane = 0; lane < LANES; ++lane) b->log_weight[i + lane] += factor * result[lane];
   }
 }
 
-/* What the change of the posture over seconds says of the way of each particle, and of any progress at all. */
-static void look_back(Belief *b) {
+/* Once in every stride: weigh the particles by how the posture has changed over STILL and over PAST - 1 strides.
+
+   On bent ground, a rover that moves changes its posture. If the posture stays the same although the rims have turned,
+   the rover does not get on (`no_progress`). */
+static void weigh_by_posture(Belief *b) {
   const integer n = b->n, row = b->k / b->stride;
   if (b->k % b->stride) return;
+  /* Store the present heights, bend, rim travel and distances in the ring of the latest PAST strides. */
   real *now = b->past + (row % PAST) * (n + 2), changed[MAX_WHEELS], bend = 0.0, change = 0.0;
   memcpy(now, b->under + HEIGHT * n, n * sizeof(real));
   now[n] = b->bend;
   now[n + 1] = b->rolled;
-  memcpy(b->way_then + (row % PAST) * b->N, b->way, b->N * sizeof(real));
+  memcpy(b->past_distance + (row % PAST) * b->N, b->distance, b->N * sizeof(real));
   for (integer back = 1; back <= PAST - 1 && back <= row; ++back) {
     const real *then = b->past + ((row - back) % PAST) * (n + 2);
     bend += then[n];
     for (integer i = 0; i < n; ++i) changed[i] = now[i] - then[i];
-    change = fmax(change, apart(changed, n));
+    /* The largest change within the time counts, because a wheel may rise and fall again. */
+    change = fmax(change, deviation(changed, n));
     if (back != STILL && back != PAST - 1) continue;
     const real mean = (bend + b->bend) / (back + 1), rolled = b->rolled - then[n + 1];
-    for (integer i = 0; i < b->N; ++i) b->odds[i] = b->way[i] - b->way_then[((row - back) % PAST) * b->N + i];
+    for (integer i = 0; i < b->N; ++i) b->likelihood[i] = b->distance[i] - b->past_distance[((row - back) % PAST) * b->N + i];
     const real shared[2] = {change, mean};
-    weigh(b, still_law, b->odds, shared, 2.0 / STILL);
+    weigh(b, still_law, b->likelihood, shared, 2.0 / STILL);
     if (back == PAST - 1)
-      b->no_progress = mean > BENT && rolled > b->least_roll && change < fmax(0.3 * rolled * mean, b->settled);
+      b->no_progress = mean > MIN_BEND && rolled > b->min_roll && change < fmax(0.3 * rolled * mean, b->settled);
   }
 }
 
-/* Weights of sum 1, and what is told of slips, holes and standing. */
-static real tell(Belief *b) {
+/* Scale the weights to the sum 1, and compute the estimates: means and SDs of slips and holes, P(the rover stands).
+
+   Return the effective number of particles, 1 / sum(weight^2). */
+static real compute_estimates(Belief *b) {
   const integer n = b->n, N = b->N;
-  real most = b->log_weight[0], sum = 0.0, squares = 0.0;
-  for (integer i = 0; i < N; ++i) most = fmax(most, b->log_weight[i]);
-  for (integer i = 0; i < N; ++i) sum += b->weight[i] = exp(b->log_weight[i] -= most);
+  real highest = b->log_weight[0], sum = 0.0, squares = 0.0;
+  for (integer i = 0; i < N; ++i) highest = fmax(highest, b->log_weight[i]);
+  for (integer i = 0; i < N; ++i) sum += b->weight[i] = exp(b->log_weight[i] -= highest);
   b->stuck = b->speed = 0.0;
   for (integer i = 0; i < N; ++i) {
     const real p = b->weight[i] /= sum;
     squares += p * p;
     b->speed += p * b->travel[i];
-    if (b->stalled[i] > 0.0 || b->share[i] < STANDING) b->stuck += p;
+    if (b->stalled[i] > 0.0 || b->ratio[i] < STANDING_RATIO) b->stuck += p;
   }
   b->stuck = b->no_progress ? 1.0 : fmin(b->stuck, 1.0);
   for (integer w = 0; w < n; ++w) {
@@ -209,19 +236,22 @@ static real tell(Belief *b) {
       ss += b->weight[i] * (slip[i] - s) * (slip[i] - s);
       dd += b->weight[i] * (hole[i] - d) * (hole[i] - d);
     }
-    real *told = b->told + 4 * w;
-    told[0] = fmin(fmax(s, -1.0), 1.0); told[1] = sqrt(ss);
-    told[2] = d; told[3] = sqrt(dd);
+    real *estimates = b->estimates + 4 * w;
+    estimates[0] = fmin(fmax(s, -1.0), 1.0); estimates[1] = sqrt(ss);
+    estimates[2] = d; estimates[3] = sqrt(dd);
   }
   return 1.0 / squares;
 }
 
-static void pick(Belief *b, real *row) {
+/* Reorder a row of N particles: each particle gets the value of its parent. */
+static void copy_parents(Belief *b, real *row) {
   for (integer i = 0; i < b->N; ++i) b->chance[i] = row[b->parent[i]];
   memcpy(row, b->chance, b->N * sizeof(real));
 }
 
-/* Particles anew, in proportion to their weights, with even spacing. */
+/* Draw new particles of equal weight, each a copy of an old particle, in proportion to the old weights.
+
+   The draws are evenly spaced (systematic resampling), which adds less noise than independent draws. */
 static void resample(Belief *b) {
   const real first = next_chance(&b->random);
   real sum = b->weight[0];
@@ -230,39 +260,43 @@ static void resample(Belief *b) {
     while (k < b->N - 1 && sum < (i + first) / b->N) sum += b->weight[++k];
     b->parent[i] = k;
   }
-  real *rows[] = {b->share, b->stalled, b->travel, b->way};
-  for (int r = 0; r < 4; ++r) pick(b, rows[r]);
-  for (integer w = 0; w < b->n; ++w) pick(b, b->slip + w * b->N), pick(b, b->hole + w * b->N);
-  for (integer r = 0; r < PAST; ++r) pick(b, b->way_then + r * b->N);
-  for (integer r = 0; r < b->lag + 1; ++r) pick(b, b->travel_then + r * b->N);
+  real *rows[] = {b->ratio, b->stalled, b->travel, b->distance};
+  for (int r = 0; r < 4; ++r) copy_parents(b, rows[r]);
+  for (integer w = 0; w < b->n; ++w) copy_parents(b, b->slip + w * b->N), copy_parents(b, b->hole + w * b->N);
+  for (integer r = 0; r < PAST; ++r) copy_parents(b, b->past_distance + r * b->N);
+  for (integer r = 0; r < b->lag + 1; ++r) copy_parents(b, b->past_travel + r * b->N);
   memset(b->log_weight, 0, b->N * sizeof(real));
 }
 
-/* Visual odometry tells the speed of `lag` samples ago. */
-static void see(Belief *b, real late) {
+/* Weigh the particles by visual odometry: `late` is the measured speed `lag` samples ago, or NaN if there is none. */
+static void weigh_by_odometry(Belief *b, real late) {
   const integer rows = b->lag + 1;
-  memcpy(b->travel_then + (b->k % rows) * b->N, b->travel, b->N * sizeof(real));
+  memcpy(b->past_travel + (b->k % rows) * b->N, b->travel, b->N * sizeof(real));
   if (!isfinite(late) || b->k < b->lag) return;
-  const real *then = b->travel_then + ((b->k - b->lag) % rows) * b->N;
+  const real *then = b->past_travel + ((b->k - b->lag) % rows) * b->N;
   for (integer i = 0; i < b->N; ++i) {
-    const real off = (late - then[i]) / b->odometry_sd;
-    b->log_weight[i] -= 0.5 * off * off;
+    const real error = (late - then[i]) / b->odometry_sd;
+    b->log_weight[i] -= 0.5 * error * error;
   }
 }
 
-/* One sample: posture, wheel rates and currents; whether the duties turn back; a late speed, or NaN. */
+/* Update the belief by one sample: posture, wheel rates and currents.
+
+   `backwards` is 1 if the duties drive the rover backwards. `late` is the speed by visual odometry, or NaN. */
 void rover_pin_sense(Belief *b, const real *sample, integer backwards, real late) {
   b->random = chance_of(b->k);
-  felt(b, sample);
-  look(b);
-  move(b, backwards != 0);
-  turn_wheels(b);
-  if (b->folds) {
-    const real shared[3] = {apart(b->under + RISE * b->n, b->n), b->bend, fmin(b->wall, 1.0)};
-    weigh(b, fold_law, b->travel, shared, b->period / b->fold_correlated);
+  update_means(b, sample);
+  read_ground(b);
+  move_particles(b, backwards != 0);
+  advance_wheels(b);
+  /* On bent ground, the wheels rise relative to each other at a rate that depends on the speed. */
+  if (b->rates_known) {
+    const real shared[3] = {deviation(b->under + RISE * b->n, b->n), b->bend, fmin(b->wall, 1.0)};
+    weigh(b, fold_law, b->travel, shared, b->period / b->rise_correlated);
   }
-  look_back(b);
-  if (b->lag) see(b, late);
-  if (tell(b) < 0.5 * b->N) resample(b);
+  weigh_by_posture(b);
+  if (b->lag) weigh_by_odometry(b, late);
+  /* When few particles have most of the weight, the others are replaced by copies of them. */
+  if (compute_estimates(b) < 0.5 * b->N) resample(b);
   ++b->k;
 }

@@ -1,4 +1,6 @@
-"""What cameras tell, noisy, late or nothing: the speed of the base from on board, the slip by a tracker beside."""
+"""Simulated speed measurements by cameras, with noise, delay and dropouts: visual odometry on board, and an external
+tracker.
+"""
 
 import math
 from collections import deque
@@ -16,54 +18,93 @@ from rover_pin.soil.slip import slip_ratio
 
 @dataclass(frozen=True)
 class Camera(Record):
-    """A visual odometry's errors. Source: assumed, of the order of what rovers report; the paper has none."""
+    """The errors of visual odometry, a speed measurement from the images of a camera on board.
+
+    Source: assumed, of the size that rovers report; the paper has no visual odometry.
+    """
 
     sd: Scalar = quantity(0.004, "m/s", "assumed: a tenth of the rover's speed", 1e-5, 10.0)
     scale: Scalar = quantity(1.0, "", "assumed: a calibrated stereo base", 0.1, 10.0)
-    latency: Scalar = quantity(0.5, "s", "assumed: matching two images takes so long", 0.0, 10.0)
+    latency: Scalar = quantity(0.5, "s", "assumed: time to match two images", 0.0, 10.0)
     period: Scalar = quantity(0.1, "s", "assumed: ten images a second", 1e-3, 10.0)
-    dropouts: Scalar = quantity(0.1, "", "assumed: share of images without features", 0.0, 1.0)
+    dropouts: Scalar = quantity(0.1, "", "assumed: fraction of images without features", 0.0, 1.0)
 
 
 class VisualOdometry:
-    """What a camera tells of the forward speed, sample by sample; `reset` starts the noise of the seed again."""
+    """A simulated visual odometry, which measures the forward speed with noise, latency and dropouts, sample by sample.
+
+    Parameters
+    ----------
+    camera : Camera
+        The errors of the measurement.
+    control_period : float
+        Time between two calls of `speed` [s].
+    seed : int
+        Seed of the random noise; `reset` starts the noise from this seed again.
+    """
 
     def __init__(self, camera: Camera, control_period: float, seed: int):
         self.camera, self.seed = camera, seed
         self.lag = round(float(camera.latency) / control_period)
-        self.every = max(1, round(float(camera.period) / control_period))
+        "latency, as a number of samples"
+        self.image_interval = max(1, round(float(camera.period) / control_period))
+        "number of samples from one image to the next"
         self.reset()
 
     def reset(self) -> None:
-        """Begin again."""
+        """Start the noise from its seed again and discard the images that are still being processed, at the start of a
+        drive.
+        """
         self.random = np.random.default_rng(self.seed)
         self.pending: deque[float] = deque()
-        self.taken = 0
+        self.samples = 0
 
     def speed(self, reading: Reading) -> float:
-        """Return the forward speed of `latency` ago [m/s]; NaN where no image tells it."""
+        """Return the forward speed [m/s] that was measured one latency ago, or NaN if no image measured the speed at
+        that time.
+
+        Call this method once in each control period.
+        """
         heading, velocity = reading.attitude[2], reading.truth.velocity
         true_speed = float(velocity[0]) * math.cos(heading) + float(velocity[1]) * math.sin(heading)
         noise, lost = self.random.standard_normal(), self.random.random() < float(self.camera.dropouts)
-        self.taken += 1
-        seen = not lost and self.taken % self.every == 0
+        self.samples += 1
+        seen = not lost and self.samples % self.image_interval == 0
         measured = float(self.camera.scale) * true_speed + float(self.camera.sd) * noise
+        # One value for each sample waits for the latency to pass, so that a late value keeps its own time.
         self.pending.append(measured if seen else math.nan)
         return self.pending.popleft() if len(self.pending) > self.lag else math.nan
 
 
 @dataclass(frozen=True)
 class Tracker(Record):
-    """What a tracker beside the test bed adds to the truth; 0 and 0 is the truth itself."""
+    """The errors of an external tracker next to the test rig. If both numbers are 0, the tracker measures the true
+    speed.
+    """
 
-    sd: Scalar = quantity(Sensors().velocity_sd, "m/s", "assumed: video tracking, as of `Sensors`", 0.0, 1.0)
-    delay: Scalar = quantity(0.1, "s", "assumed: two images are taken, matched and sent", 0.0, 10.0)
+    sd: Scalar = quantity(Sensors().velocity_sd, "m/s", "assumed: video tracking, the value of `Sensors`", 0.0, 1.0)
+    delay: Scalar = quantity(0.1, "s", "assumed: time to take, match and send two images", 0.0, 10.0)
 
 
 class TrackedSlip:
-    """S_hat by Eq (1) from the travel speed of a while ago with noise, which is that of the body: all wheels share it.
+    """A slip estimate by Eq (1) of the paper from the wheel rates and the travel speed that an external tracker
+    measures.
 
-    `reset` starts the noise of the seed again. Source: section 2, "3D video tracking"; its errors are assumed.
+    The measured travel speed has noise and a delay. The noise is the same for all wheels, because the tracker measures
+    the body.
+
+    Parameters
+    ----------
+    radii : array
+        Radii of the wheels (wheels,) [m].
+    tracker : Tracker
+        The errors of the measurement.
+    period : float
+        Time between two calls of `slip` [s].
+    seed : int
+        Seed of the random noise; `reset` starts the noise from this seed again.
+
+    Source: section 2 of the paper, "3D video tracking"; its errors are assumed.
     """
 
     def __init__(self, radii: np.ndarray, tracker: Tracker, period: float, seed: int):
@@ -72,20 +113,28 @@ class TrackedSlip:
         self.reset()
 
     def reset(self) -> None:
-        """Begin again."""
+        """Start the noise from its seed again and discard the images that are still being processed, at the start of a
+        drive.
+        """
         self.random = np.random.default_rng(self.seed)
         self.pending: deque[tuple[np.ndarray, np.ndarray]] = deque()
 
     def slip(self, reading: Reading) -> np.ndarray:
-        """Return S_hat, one value a wheel [-]; the first one until a later one has come through."""
+        """Return the estimated slip S_hat of each wheel (wheels,) [-], as it was one delay ago. Until the delay has
+        passed, the result is the estimate of the first sample.
+
+        Call this method once in each control period.
+        """
+        # One random number is added to the speeds of all wheels, because the tracker measures the body once.
         rim = self.radii * reading.wheel_rate
         v = reading.truth.travel + float(self.tracker.sd) * self.random.standard_normal()
         S = [float(slip_ratio(*speeds, AlgebraicSlip().v_0)) for speeds in zip(rim.tolist(), v.tolist(), strict=True)]
+        # A wheel in reverse has the slip of its mirror image.
         self.pending.append((np.clip(np.where(rim < 0.0, -1.0, 1.0) * S, -1.0, 1.0), v))
         if len(self.pending) > self.lag + 1:
             self.pending.popleft()
         return self.pending[0][0]
 
     def travel(self, reading: Reading) -> np.ndarray:
-        """Return the travel speeds behind the slips last told [m/s]."""
+        """Return the travel speeds of the wheels (wheels,) [m/s] from which the latest S_hat was computed."""
         return self.pending[0][1]

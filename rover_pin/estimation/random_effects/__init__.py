@@ -1,1 +1,3 @@
-"""What measurements share by chance beyond their noise: folds that differ, noise that drifts; how each is learnt."""
+"""Random differences between groups of samples, such as newly prepared terrain, and the estimation of noise from
+residuals.
+"""

@@ -1,4 +1,4 @@
-"""Logged drives of a rover, as an experiment: replayed models, features that are compared, candidates, verdict.
+"""A drive log as an experiment: models are replayed on the runs of the log, and the predictions are compared with it.
 
 Start at `experiment`.
 """

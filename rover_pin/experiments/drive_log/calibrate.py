@@ -1,7 +1,7 @@
-"""A drive log's model with its uncertain numbers fitted: from where the loop looks for what is missing.
+"""Prepare a drive log for a fit: return its experiment, its model and its uncertain numbers, including current scales.
 
-Currents of which only the shape is known, counts of a converter or amperes of motors that nobody declared, get a scale
-and a zero that are fitted with the rest.
+A current is unscaled if it is recorded in counts of a converter, or in amperes of a motor without a declared torque
+constant. Its scale and zero are unknown and are fitted together with the other numbers.
 """
 
 import dataclasses
@@ -14,97 +14,119 @@ from rover_pin.discrepancy.question import Progress
 from rover_pin.effects.raw_current import RawCurrent
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.experiments.drive_log.experiment import DriveExperiment, experiment_of
-from rover_pin.experiments.drive_log.features import TELL_GROUND, LoggedRun, logged_runs
-from rover_pin.experiments.drive_log.model import has_current_scale, nuisances
-from rover_pin.experiments.drive_log.parameters import parameter
+from rover_pin.experiments.drive_log.features import ATTITUDE, LoggedRun, logged_runs
+from rover_pin.experiments.drive_log.model import has_current_scale, nuisances, parameter
 from rover_pin.experiments.drive_log.resume import Memory
 from rover_pin.logs.drive_log import DriveLog
 from rover_pin.logs.run_terrain import level_on
 from rover_pin.simulation.model.model import Model
-from rover_pin.simulation.replay import Replay
 from rover_pin.simulation.trace.trace import Trace
 
-
-def runs_on_estimated_ground(log: DriveLog, model: Model, jobs: Workers = 1) -> tuple[LoggedRun, ...]:
-    """Return all runs of a log; where a run tells its ground, on that under the model's rover, not under a rigid plank.
-
-    The model drives over the ground of the level as it was measured; by as much as its own level differs from that
-    ground the measured one differs from the true: less that, the ground is estimated anew. What is left is of second
-    order, and what another soil lets it sink otherwise. Where the model does not drive to the end, the first stands.
-    """
-    runs = logged_runs(log, model.rover)
-    estimated_indices = [at for at, trace in enumerate(log.runs) if log.is_estimated(trace)]
-    if not estimated_indices:
-        return runs
-    replays = experiment_of([runs[at] for at in estimated_indices], model, jobs).replays(model)
-    corrected_runs = {
-        at: _standing(log, log.runs[at], runs[at], replay)
-        for at, replay in zip(estimated_indices, replays, strict=True)
-    }
-    return tuple(corrected_runs.get(at, run) for at, run in enumerate(runs))
-
-
-def _standing(log: DriveLog, trace: Trace, run: LoggedRun, driven: Replay) -> LoggedRun:
-    """Return a run on the ground of its level, less how far a replay's own level differs from its ground."""
-    if driven.stop or run.commands.terrain is None:
-        return run
-    under = level_on(run.commands.terrain, log.load_rover(), run.commands.place)
-    stance = {name: driven.channels[name] - under[name] for name in TELL_GROUND if name in trace}
-    finite = np.all(np.isfinite(list(stance.values())), axis=0) if stance else np.zeros(0, dtype=bool)
-    if not finite.any():
-        return run
-    less = {name: trace[name] - np.interp(trace.t, run.commands.t[finite], row[finite]) for name, row in stance.items()}
-    ground = log.terrain_of(Trace({**trace.channels, **less}, dict(trace.units), dict(trace.attrs)))
-    return dataclasses.replace(run, commands=dataclasses.replace(run.commands, terrain=ground))
-
-
-PULL = 0.03
-"""Pull of a wheel as a share of its load to which a channel's spread may belong at the least: the scale's SD is that
-spread over this pull's current, several times what pulls on slopes and soft ground make of it."""
+MIN_PULL = 0.03
+"""Smallest pull of a wheel, as a fraction of its load, that may cause the variation of a current with unknown scale.
+The prior SD of the scale is this variation divided by the current at this pull, which is several times the scale that
+slopes and soft ground would give."""
 
 
 def experiment_on(
     log: DriveLog, model: Model, jobs: Workers = 1, progress: Progress = lambda message: None, memory: Memory = Memory()
 ) -> tuple[DriveExperiment, Model, tuple[Parameter, ...]]:
-    """Return a log as an experiment, every run replayed from where the rover stood at its start, model and numbers."""
+    """Return a drive log as an experiment to which a model can be fitted, with the model and its uncertain numbers.
+
+    Parameters
+    ----------
+    log : DriveLog
+        The log. Each run is replayed from the state in which the rover rests at the start of the run.
+    model : Model
+        The model of the rover. The returned model also has a scale and a zero for each current whose scale is unknown.
+    jobs : Workers
+        Processes that replay the runs.
+    progress : callable
+        Gets a message before each long step.
+    memory : Memory
+        Store of finished replays, from which a stopped loop continues.
+    """
     model = with_raw_currents(log, model)
     progress("setting the rover down at every start")
     experiment = experiment_of(runs_on_estimated_ground(log, model, jobs), model, jobs, memory, log.noise_sd)
     return experiment, model, (*nuisances(log, model), *raw_current_numbers(log, model))
 
 
-def with_raw_currents(log: DriveLog, model: Model) -> Model:
-    """Return the model with a scale and a zero for every current that is a count, both unknown.
+def runs_on_estimated_ground(log: DriveLog, model: Model, jobs: Workers = 1) -> tuple[LoggedRun, ...]:
+    """Return all runs of a log, with an improved terrain for each run whose terrain is estimated from the rover's
+    attitude.
 
-    Amperes count so too where the wheels are held to their rates and no torque constant is declared: the torque that
-    they stand for is then unknown by as much.
+    The first estimate takes the measured attitude of the body for the inclination of the ground. The model then drives
+    over this terrain, and its body differs in attitude from the ground because of suspension and sinkage. This
+    difference is subtracted from the measured attitude, which gives the second estimate. Its error is of second order,
+    except for the sinkage if the true soil is another one. If the model does not drive to the end of a run, the first
+    estimate is kept.
+    """
+    runs = list(logged_runs(log, model.rover))
+    # Declared terrains are exact and stay unchanged.
+    indices = [index for index, trace in enumerate(log.runs) if log.is_estimated(trace)]
+    if not indices:
+        return tuple(runs)
+    # The model drives over the first estimate, which shows how its body differs in attitude from the ground below it.
+    replays = experiment_of([runs[index] for index in indices], model, jobs).replays(model)
+    for index, replay in zip(indices, replays, strict=True):
+        trace, run = log.runs[index], runs[index]
+        if replay.stop or run.commands.terrain is None:
+            continue
+        # `level` is the attitude of a rigid rover on the same ground.
+        level = level_on(run.commands.terrain, log.load_rover(), run.commands.place)
+        difference = {name: replay.channels[name] - level[name] for name in ATTITUDE if name in trace}
+        rows = list(difference.values())
+        finite = np.all(np.isfinite(rows), axis=0) if rows else np.zeros(0, dtype=bool)
+        if not finite.any():
+            continue
+        t = run.commands.t[finite]
+        # The log and the replay have different times, so the difference is interpolated to the times of the log.
+        corrected = {name: trace[name] - np.interp(trace.t, t, row[finite]) for name, row in difference.items()}
+        ground = log.terrain_of(Trace({**trace.channels, **corrected}, dict(trace.units), dict(trace.attrs)))
+        runs[index] = dataclasses.replace(run, commands=dataclasses.replace(run.commands, terrain=ground))
+    return tuple(runs)
+
+
+def with_raw_currents(log: DriveLog, model: Model) -> Model:
+    """Return the model with a sensor effect RawCurrent for each current whose scale and zero are unknown.
+
+    The scale of a current in amperes also counts as unknown if the wheels are held to their measured rates and no
+    torque constant is declared, because the torque that belongs to the current is then unknown.
     """
     for wheel, channel, values in _unscaled_currents(log):
-        have = [
-            effect for effect in model.sensor_effects if isinstance(effect, RawCurrent) and effect.channel == channel
-        ]
-        zero = float(np.nanmedian(values))
-        model = model if have else model.having(RawCurrent(scale=0.0, offset=zero, motor=wheel, channel=channel))
+        # A model file may already contain the sensor effect, with fitted numbers.
+        is_present = any(
+            isinstance(effect, RawCurrent) and effect.channel == channel for effect in model.sensor_effects
+        )
+        if not is_present:
+            # The median current is a good initial guess of the zero, because the scale starts at 0.
+            zero = float(np.nanmedian(values))
+            model = model.having(RawCurrent(scale=0.0, offset=zero, motor=wheel, channel=channel))
     return model
 
 
 def raw_current_numbers(log: DriveLog, model: Model) -> Iterator[Parameter]:
-    """Yield scale and zero of each of the model's raw currents, with priors that say nothing but their order."""
+    """Yield scale and zero of each current whose scale is unknown, as parameters whose priors state only their order of
+    magnitude.
+    """
+    # Current of a motor whose wheel pulls with the fraction MIN_PULL of its load.
     load = model.rover.mass * abs(model.gravity) / len(model.rover.wheels)
-    current = PULL * load * float(np.mean(model.rover.radii)) / float(model.motor.constant)
+    current = MIN_PULL * load * float(np.mean(model.rover.radii)) / float(model.motor.constant)
     for _, channel, values in _unscaled_currents(log):
-        spread = max(float(np.nanstd(values)), 1e-9)
-        source = "only the order that the channel's spread tells"
-        yield parameter(model, f"RawCurrent[{channel}].scale", spread / current, source=source)
-        yield parameter(model, f"RawCurrent[{channel}].offset", 3.0 * spread, source=source)
+        sd = max(float(np.nanstd(values)), 1e-9)
+        source = "only the order of magnitude, from the channel's spread"
+        yield parameter(model, f"RawCurrent[{channel}].scale", sd / current, source=source)
+        yield parameter(model, f"RawCurrent[{channel}].offset", 3.0 * sd, source=source)
 
 
 def _unscaled_currents(log: DriveLog) -> Iterator[tuple[str, str, np.ndarray]]:
-    """Yield wheel, channel and all values of the currents whose scale is unknown."""
+    """Yield each current whose scale is unknown, as (wheel, channel, values in all runs)."""
     is_scaled = has_current_scale(log)
     for wheel in log.metadata.wheels:
+        # Counts of a converter never have a scale; amperes have one if the motor's constants are known.
         names = (f"raw_current_{wheel}", f"current_{wheel}_A")
-        for name, unknown in zip(names, (True, not is_scaled), strict=True):
+        for name, is_unknown in zip(names, (True, not is_scaled), strict=True):
             values = np.concatenate([run[name] for run in log.runs if name in run] or [np.zeros(0)])
-            if unknown and np.isfinite(values).any():
+            if is_unknown and np.isfinite(values).any():
                 yield wheel, name, values

@@ -1,15 +1,17 @@
-"""What a drive model may lack: every known effect at every wheel, channel or place, and priors that may be wrong."""
+"""List the candidates for a missing effect of a drive model: each known effect at each wheel, channel or place.
+
+An effect that the model already has can be a candidate too: its number is then fitted without its prior.
+"""
 
 import dataclasses
 import math
 from collections.abc import Iterable, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from rover_pin.base.quantity import quantities
-from rover_pin.discrepancy.candidate import SPACING, Candidate, plain_candidate, released_candidate
+from rover_pin.discrepancy.candidate import PLACE_SPACING, Candidate, plain_candidate, released_candidate
 from rover_pin.effects.bent_ground import KNOTS, BentGround
 from rover_pin.effects.effect import MotorEffect
 from rover_pin.effects.gravity_tilt import GravityTilt
@@ -17,50 +19,63 @@ from rover_pin.effects.sensor_bias import SensorBias
 from rover_pin.estimation.experiment import find
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.experiments.drive_log.experiment import DriveExperiment
-from rover_pin.experiments.drive_log.parameters import owner_name, owners
+from rover_pin.experiments.drive_log.model import owner_name, owners
 from rover_pin.parameters.gravity import EARTH
 from rover_pin.rover.rover import Rover
 from rover_pin.rover.wheel_base import corners
 from rover_pin.simulation.model.defaults import NEXUS6_MASS, has_papers_wheel, scale
-from rover_pin.simulation.model.effect_files import AnyEffect, known_effects, reading_traction
+from rover_pin.simulation.model.effect_files import AnyEffect, reading_traction
 from rover_pin.simulation.model.model import Model
 
 BIASED = ("body_roll", "body_pitch", "rocker_", "bogie_", "current_", "gyro_", "accelerometer_")
-"""Channels whose zero may be wrong; those of rates are the tachogenerators' gains."""
-SHORTEST = 0.2
-"""Way along x from which a bend is identified [m]: the rover's own length smooths what is shorter (assumed)."""
-MOST_PLACES = 60
-"""Places at which a patch is tried, of those where more than one run has been."""
+"""Channels (or beginnings of channel names) whose sensor may have a wrong zero. Wheel rates are not among them: their
+sensors, tachogenerators, may only have a wrong gain."""
+MIN_DISTANCE = 0.2
+"""A bent ground is a candidate only if the runs of a log extend along x by more than this distance [m]. The length of
+the rover smooths bends over shorter distances (assumed)."""
+MAX_PLACES = 60
+"""Maximum number of places along the runs at which a patch of different ground is tried as a candidate."""
 SMOOTHING = (".x_0", ".y_0", ".v_0", ".w_s", ".theta_c", ".relaxation")
-"""Quantities that round a law off at standstill, or say where a run began: no data tell them, so they stay."""
+"""Endings of the names of quantities that are never fitted. These quantities smooth a law at standstill or hold the
+start of a run, so that no data determine them."""
 
 
 def candidates(
-    model: Model, experiment: DriveExperiment, free: Sequence[Parameter], effects_path: str | Path | None
+    model: Model, experiment: DriveExperiment, free: Sequence[Parameter], kinds: Iterable[type[AnyEffect]]
 ) -> tuple[Candidate, ...]:
-    """Return everything that the model may lack and its rover can have, for the channels and places of these runs.
+    """Return the candidates for a missing effect of a drive model, for the channels and places of the runs in a log.
+
+    An effect is a candidate if the model does not have it, if it can act on this rover, and if it can change the
+    channels of the log. A number of an effect that the model already has is a candidate too, and is then fitted without
+    its prior, if the user declared the number or if its value is neutral (the effect then does nothing). A number that
+    is only assumed is no candidate, because a different value of an assumed number is not a missing effect.
 
     Parameters
     ----------
+    model : Model
+        The model to which effects may be added.
+    experiment : DriveExperiment
+        The runs of the log as an experiment.
     free : sequence of Parameter
-        The uncertain numbers; of effects those are candidates too, freed from their priors, that are declared, or
-        neutral beforehand: of what is assumed to be something, nothing is missing where it is something else.
-    effects_path : path or None
-        A user's effect file or folder.
+        The uncertain numbers of the model (`nuisances`).
+    kinds : classes of effects
+        Classes of all known effects, including those of the user (`known_effects`).
     """
+    # Soil, motor and effects without a neutral value belong to every model, so their numbers are no missing effects.
     unknown = {owner_name(effect) for effect in model.sensor_effects if not effect.neutral}
     excluded_owners = {"soil", "motor"} | unknown
-    own_numbers = [number for number in free if number.prior and number.name.rpartition(".")[0] not in excluded_owners]
-    loosened = [
-        released_candidate(number, owners(model))
-        for number in own_numbers
-        if number.declared or _is_neutral(number, model)
-    ]
+    loosened = []
+    for number in free:
+        if number.prior and number.name.rpartition(".")[0] not in excluded_owners:
+            record, quantity, _ = find(owners(model), number.name)
+            if number.declared or record.neutral.get(quantity) == number.origin:
+                loosened.append(released_candidate(number, owners(model)))
+    # Contact effects of the model's own classes are left out, all others only at the same wheel, channel or place.
     present = {owner_name(effect) for effect in model.all_effects}
     present_kinds = {type(effect).__name__ for effect in model.contact_effects}
     added = [
         candidate_of(effect)
-        for kind in known_effects(effects_path)
+        for kind in kinds
         if kind.neutral and kind.__name__ not in present_kinds
         for effect in variants(kind, model, experiment)
         if owner_name(effect) not in present and not model.refusal(effect) and shows(effect, experiment)
@@ -68,29 +83,26 @@ def candidates(
     return (*loosened, *added)
 
 
-def _is_neutral(number: Parameter, model: Model) -> bool:
-    """Return whether a number is beforehand what it is where its effect does nothing."""
-    record, quantity, _ = find(owners(model), number.name)
-    return bool(record.neutral.get(quantity) == number.origin)
-
-
 def shows(effect: AnyEffect, experiment: DriveExperiment) -> bool:
-    """Return whether an effect can show in such logs.
+    """Return whether an effect can change the compared channels in the runs of a log.
 
-    Wheels held to their rates hide what acts in the motors; where each run tells its own ground, no tilt or bend of all
-    shows.
+    An effect in the motors cannot change them if the wheels are held to their measured rates. A tilt or bend of the
+    common ground cannot change them if a run has a terrain of its own.
     """
-    own_ground = any(run.commands.terrain is not None for run in experiment.runs)
-    in_motor = experiment.rate_driven and isinstance(effect, MotorEffect)
-    return not in_motor and not (own_ground and type(effect) in (GravityTilt, BentGround))
+    # Both a tilt and a bend of the ground act on the common terrain, which such a run does not use.
+    has_own_terrain = any(run.commands.terrain is not None for run in experiment.runs)
+    is_in_motor = experiment.rate_driven and isinstance(effect, MotorEffect)
+    return not is_in_motor and not (has_own_terrain and type(effect) in (GravityTilt, BentGround))
 
 
 def candidate_of(effect: AnyEffect) -> Candidate:
-    """Return an effect as a candidate: its class, and its wheel, joint or channel, or where on the way it begins.
+    """Return an effect as a candidate that states on which wheel, joint, channel or stretch of ground the effect acts.
 
-    A bent ground has a place, all of the way, and need not be sought.
+    A stretch of ground is stated by the x at which it begins, and the search for the best place moves it. A bent ground
+    extends over the whole path, so its place is not searched.
     """
     plain = plain_candidate(effect, owner_name(effect))
+    # Quantities that no data determine are not fitted.
     plain = dataclasses.replace(plain, shapes=tuple(name for name in plain.shapes if not name.endswith(SMOOTHING)))
     if isinstance(effect, BentGround):
         return dataclasses.replace(plain, shapes=())
@@ -100,13 +112,20 @@ def candidate_of(effect: AnyEffect) -> Candidate:
 
 
 def scale_effect(effect: Any, rover: Rover, gravity: float) -> Any:
-    """Return an effect whose forces, torques and masses, assumed for Nexus 6, are in proportion for another rover.
+    """Return an effect after scaling its forces, torques and masses from the paper's rover Nexus 6 to another rover.
 
-    A force goes with the weight, a torque with weight times wheel radius. Tried at its size for a rover of 6 kg, a
-    cable behind one of 60 kg moved nothing and was never looked at.
+    Forces are scaled by the rover's weight, and torques by its weight times its wheel radius. Without the scaling, each
+    effect would be tried with the size for a rover of 6 kg, which is too small to show on a rover of 60 kg. Scaled
+    values are kept within the bounds of their quantities.
+
+    Parameters
+    ----------
+    gravity : float
+        Gravity where the rover drives [m/s^2].
     """
     if has_papers_wheel(rover):
         return effect
+    # Each unit has its own ratio: a stiffness per metre, for example, is a weight divided by a length.
     mass, length = rover.mass / NEXUS6_MASS, scale(rover)
     weight = mass * abs(gravity) / EARTH
     ratios = {"kg": mass, "N": weight, "N/m": weight / length, "rad/(N m)": 1.0 / (weight * length)}
@@ -117,54 +136,55 @@ def scale_effect(effect: Any, rover: Rover, gravity: float) -> Any:
 
 
 def variants(kind: type[AnyEffect], model: Model, experiment: DriveExperiment) -> Iterable[AnyEffect]:
-    """Return the effect at its default size, once for every wheel, channel or place where it may be."""
+    """Return the effects of one class at their default size: one effect for each wheel, channel or place on which it
+    may act.
+    """
     effect: Any = scale_effect(reading_traction(kind(), model.effects), model.rover, model.gravity)
+    # Which field an effect has decides where it can act: channel, wheel, stretch of ground, or everywhere.
     fields = {field.name: field for field in dataclasses.fields(effect)}
     if isinstance(effect, SensorBias):
         names = [name for name in experiment.channels if name.startswith(BIASED)]
         return [effect.replace(channel=name) for name in names]
     if "wheel" in fields:
+        # An effect takes wheels either by number, or by name with "" for all wheels.
         wheels = [wheel.name for wheel in model.rover.wheels]
-        owners_of: Sequence[Any] = range(len(wheels)) if isinstance(effect.wheel, int) else ["", *wheels]
-        return [effect.replace(wheel=wheel) for wheel in owners_of]
+        wheel_labels: Sequence[Any] = range(len(wheels)) if isinstance(effect.wheel, int) else ["", *wheels]
+        return [effect.replace(wheel=wheel) for wheel in wheel_labels]
     if isinstance(effect, BentGround):
-        return _along_the_way(effect, experiment, float(np.abs(corners(model.rover)[..., 0]).max()))
+        # The knots of the bend lie along the path of the wheels, which reach ahead of the body and behind it.
+        ahead = float(np.abs(corners(model.rover)[..., 0]).max())
+        low, high = _range_of_x(experiment)
+        begin, spacing = low - ahead, (high - low + 2 * ahead) / (KNOTS - 1)
+        bent = effect.replace(x_from=begin - spacing, length=(KNOTS + 1) * spacing)
+        return [bent] if high - low > MIN_DISTANCE else []
     if "x_from" in effect.places:
         return [effect.replace(x_from=x) for x in _places(experiment, float(effect.length))]
     return [effect]
 
 
-def _along_the_way(effect: BentGround, experiment: DriveExperiment, ahead: float) -> list[BentGround]:
-    """Return a bent ground with knots along all that wheels passed, to `ahead` of the body [m]; none without a way."""
-    low, high = _reach_of(experiment)
-    begin, spacing = low - ahead, (high - low + 2 * ahead) / (KNOTS - 1)
-    return [effect.replace(x_from=begin - spacing, length=(KNOTS + 1) * spacing)] if high - low > SHORTEST else []
-
-
-def _reach_of(experiment: DriveExperiment) -> tuple[float, float]:
-    """Return the least and the greatest x [m] where any run was."""
+def _range_of_x(experiment: DriveExperiment) -> tuple[float, float]:
+    """Return the smallest and the largest x [m] that the body of the rover reaches in all runs."""
     xs = np.concatenate([run.commands.place[:, 0] for run in experiment.runs])
     return float(np.nanmin(xs)), float(np.nanmax(xs))
 
 
 def _places(experiment: DriveExperiment, length: float) -> list[float]:
-    """Return where a patch may begin: all along the ground that the runs have driven.
+    """Return the positions x [m] at which a patch of ground of this length may begin, PLACE_SPACING apart along the
+    runs.
 
-    Where that is too long, only on what more than one run has passed: a patch that one run met is that run's ground.
+    If there are more than MAX_PLACES positions, only those are returned that several runs have crossed. A patch that a
+    single run has crossed cannot be distinguished from the random ground of this run.
     """
-    low, high = _reach_of(experiment)
+    low, high = _range_of_x(experiment)
     low, high = low - 0.1, high + 0.1
-    count = math.ceil((high - low) / SPACING)
-    places = range(count) if count <= MOST_PLACES else _passed_twice(experiment, low, count)
-    return [low + SPACING * at - length / 4 for at in places]
-
-
-def _passed_twice(experiment: DriveExperiment, low: float, count: int) -> list[int]:
-    """Return at most MOST_PLACES of the places that more than one run has passed."""
-    passed = np.zeros(count, dtype=int)
-    for run in experiment.runs:
-        x = run.commands.place[:, 0]
-        at = np.unique(np.floor((x[np.isfinite(x)] - low) / SPACING).astype(int))
-        passed[at] += 1
-    shared = np.flatnonzero(passed > 1)
-    return [int(at) for at in shared[:: max(1, math.ceil(len(shared) / MOST_PLACES))]]
+    count = math.ceil((high - low) / PLACE_SPACING)
+    places: Iterable[int] = range(count)
+    if count > MAX_PLACES:
+        # Number of runs that cross each place.
+        crossings = np.zeros(count, dtype=int)
+        for run in experiment.runs:
+            x = run.commands.place[:, 0]
+            crossings[np.unique(np.floor((x[np.isfinite(x)] - low) / PLACE_SPACING).astype(int))] += 1
+        shared = np.flatnonzero(crossings > 1)
+        places = [int(place) for place in shared[:: max(1, math.ceil(len(shared) / MAX_PLACES))]]
+    return [low + PLACE_SPACING * place - length / 4 for place in places]

@@ -1,93 +1,136 @@
-"""What a user would otherwise take for a drive: wheel odometry with a slip that is fitted to the other runs."""
+"""Wheel odometry with fitted slip: the simple kinematic model with which a user would predict a drive without this
+model.
+
+The verdict on a drive log states the held-out errors of this odometry next to the errors of the fitted model, so that a
+reader sees how much the fitted model gains.
+"""
 
 from collections.abc import Sequence
 
 import numpy as np
 
 from rover_pin.estimation.baselines import Baseline
-from rover_pin.estimation.experiment import LEAST_NOISE
+from rover_pin.estimation.experiment import MIN_NOISE
 from rover_pin.experiments.drive_log.experiment import DriveExperiment
 from rover_pin.experiments.drive_log.features import DRIFT, HEADING, PATH, SPEED, LoggedRun
-from rover_pin.rover.rover import Rover
+from rover_pin.rover.rover import Rover, WheelMount
 from rover_pin.rover.wheel_base import wheel_places
 from rover_pin.simulation.logged_inputs import fill_gaps
 
 CURVE, GIVEN = "kinematic model with fitted slip", "the measured wheel rates"
+"""Name of the odometry in reports, and the input that the odometry is given."""
 POINT_STEP = 1e-3
-"""Offset of the tracked point [m] for its derivative."""
+"""Displacement of the tracked point [m] for the finite differences that give the derivatives with respect to its
+place."""
+
+Tables = list[tuple[np.ndarray, np.ndarray]]
+"""For each run: regressors (4, channels, blocks) and measured features (channels, blocks), both divided by the noise
+SD."""
 
 
 def odometry_baselines(
     experiment: DriveExperiment, rover: Rover, later: DriveExperiment | None = None
 ) -> tuple[Baseline, ...]:
-    """Return the held-out errors of odometry, v = (1 - s) mean(r omega) and psi' = g (right - left) r omega.
+    """Return the held-out error of wheel odometry for each feature of the place: PATH, DRIFT, HEADING and SPEED.
 
-    The tracked point lies at x, y from the centre of turning. One s, g, x and y for all runs but the one that is
-    predicted, or for all of them where it is one of `later`, by least squares in units of the noise; the rover goes
-    where it heads. Unlike the model, which is given the duties, it is given the measured wheel rates; where one was not
-    measured, or no place, there is no odometry.
+    The odometry computes the speed v = (1 - s) mean(r omega) along the heading, and the yaw rate psi' = g (r omega of
+    the right side - r omega of the left side). Here s is the slip, g a gain [1/m], and r omega the rim speeds [m/s].
+    The tracked point lies at (x, y) from the centre of turning. The numbers s, g, x and y are fitted by least squares,
+    in units of the noise, to all runs except the run that is predicted.
+
+    The fitted model predicts the wheel rates from the duties, but the odometry is given the measured wheel rates.
+
+    Parameters
+    ----------
+    experiment : DriveExperiment
+        The runs of a log as an experiment.
+    rover : Rover
+        The rover of the log.
+    later : DriveExperiment, optional
+        Runs of a later log. If given, these runs are predicted, and s, g, x and y are fitted to all runs of
+        `experiment`.
+
+    Returns
+    -------
+    tuple of Baseline
+        The error of the odometry for each feature. The tuple is empty if the log has no place, or if a run has no wheel
+        rate on one side of the rover.
     """
-    rates = [f"wheel_rate_{wheel.name}" for wheel in rover.wheels]
-    channels = _channels(experiment)
-    if not channels or any(rate not in run.measured for run in experiment.runs for rate in rates):
+    # The gain of the yaw rate needs the rates of both sides.
+    channels = [name for name in (PATH, DRIFT, HEADING, SPEED) if name in experiment.channels]
+    sides = {wheel.side for wheel in rover.wheels}
+    if not channels or any({wheel.side for wheel in _measured(run, rover)} != sides for run in experiment.runs):
         return ()
-    floor = _floor(experiment, channels)
+    # A feature without noise would have an infinite weight, so MIN_NOISE is the lower limit.
+    floor = np.fmax(experiment.floor()[[experiment.channels.index(name) for name in channels]], MIN_NOISE)[:, None]
     runs = _tables(experiment, rover, channels, floor)
-    cases = [([*runs[:at], *runs[at + 1 :]], run) for at, run in enumerate(runs)]
+    # Each run is predicted with numbers that are fitted to the other runs, like the runs of the model.
+    cases = [([*runs[:index], *runs[index + 1 :]], run) for index, run in enumerate(runs)]
     if later is not None:
         cases = [(runs, run) for run in _tables(later, rover, channels, floor)]
-    missed = [floor * (measured - np.tensordot(_fit_factors(of), table, axes=1)) for of, (table, measured) in cases]
-    errors = np.array([np.sqrt(np.nanmean(rows**2, axis=1)) for rows in missed])
-    rms = np.sqrt(np.nanmean(np.concatenate(missed, axis=1) ** 2, axis=1))
+    residuals = []
+    for training, (regressors, measured) in cases:
+        # Factors of the regressors: 1 - s, g, and the place of the tracked point.
+        table, values = (np.concatenate(parts, axis=-1) for parts in zip(*training, strict=True))
+        good = np.isfinite(values)
+        factors = np.asarray(np.linalg.lstsq(table[:, good].T, values[good])[0])
+        residuals.append(floor * (measured - np.tensordot(factors, regressors, axes=1)))
+    errors = np.array([np.sqrt(np.nanmean(rows**2, axis=1)) for rows in residuals])
+    rms = np.sqrt(np.nanmean(np.concatenate(residuals, axis=1) ** 2, axis=1))
     return tuple(
         Baseline(name, experiment.unit(name), CURVE, float(error), GIVEN, tuple(map(float, by_fold)))
         for name, error, by_fold in zip(channels, rms, errors.T, strict=True)
     )
 
 
-def _channels(experiment: DriveExperiment) -> list[str]:
-    return [name for name in (PATH, DRIFT, HEADING, SPEED) if name in experiment.channels]
-
-
-def _floor(experiment: DriveExperiment, channels: Sequence[str]) -> np.ndarray:
-    at = [experiment.channels.index(name) for name in channels]
-    return np.fmax(experiment.floor()[at], LEAST_NOISE)[:, None]
-
-
-Tables = list[tuple[np.ndarray, np.ndarray]]
+def _measured(run: LoggedRun, rover: Rover) -> list[WheelMount]:
+    """Return the wheels of the rover whose rates were recorded in the run."""
+    return [wheel for wheel in rover.wheels if f"wheel_rate_{wheel.name}" in run.measured]
 
 
 def _tables(experiment: DriveExperiment, rover: Rover, channels: Sequence[str], floor: np.ndarray) -> Tables:
-    """Return the regressors (4, channels, blocks) and what was measured (channels, blocks) of each run, over noise."""
-    at = [experiment.channels.index(name) for name in channels]
-    observed = [row[at, : run.observed.shape[1]] for row, run in zip(experiment.observed, experiment.runs, strict=True)]
-    regressors = (_regressors(run, rover, channels) for run in experiment.runs)
-    return [(table / floor, measured / floor) for table, measured in zip(regressors, observed, strict=True)]
+    """Return the regressors of the odometry and the measured features of each run, both divided by the noise SD
+    `floor`.
 
-
-def _fit_factors(runs: Tables) -> np.ndarray:
-    """Return the factors of the regressors by least squares."""
-    regressors, measured = (np.concatenate(tables, axis=-1) for tables in zip(*runs, strict=True))
-    good = np.isfinite(measured)
-    return np.asarray(np.linalg.lstsq(regressors[:, good].T, measured[good])[0])
+    `floor` has one value for each feature (channels, 1).
+    """
+    # Dividing by the noise gives all features the same weight in the least-squares fit.
+    rows = [experiment.channels.index(name) for name in channels]
+    tables = []
+    for run, observed in zip(experiment.runs, experiment.observed, strict=True):
+        regressors, measured = _regressors(run, rover, channels), observed[rows, : run.observed.shape[1]]
+        tables.append((regressors / floor, measured / floor))
+    return tables
 
 
 def _regressors(run: LoggedRun, rover: Rover, names: Sequence[str]) -> np.ndarray:
-    """Return features (4, channels, blocks): the way and the turn of wheels that do not slip, and what x and y add."""
-    at = [run.channels.index(name) for name in names]
-    there, *beside = (_odometry(run, rover, point)[at] for point in (0j, POINT_STEP, 1j * POINT_STEP))
+    """Return the regressors of a run (4, channels, blocks), by which the four numbers of wheel odometry are fitted.
+
+    The four numbers are 1 - s with the slip s, the gain g of the yaw rate, and the place x, y of the tracked point.
+
+    The regressors are the features of distance and of turn for wheels that do not slip, and the derivatives of these
+    features by x and y.
+    """
+    rows = [run.channels.index(name) for name in names]
+    # The features are linear in the place of the tracked point, so one small displacement gives the derivative.
+    centre, *displaced = (_odometry(run, rover, point)[rows] for point in (0j, POINT_STEP, 1j * POINT_STEP))
     turns = np.array([[name == HEADING] for name in names])
-    return np.array([there * ~turns, there * turns, *((rows - there) / POINT_STEP for rows in beside)])
+    return np.array([centre * ~turns, centre * turns, *((table - centre) / POINT_STEP for table in displaced)])
 
 
 def _odometry(run: LoggedRun, rover: Rover, point: complex) -> np.ndarray:
-    """Return the features (channels, blocks) of a point of a rover whose wheels do not slip, its heading that of g = 1.
+    """Return the features (channels, blocks) that wheel odometry without slip gives for one tracked point on the rover.
 
-    It goes where the log heads; where that is the course, its own heading is the course of where its wheels turn it.
+    The yaw rate is the difference between the rim speeds of both sides (gain g = 1). `point` is the place of the
+    tracked point as x + i y in the axes of the body [m]. The body moves along the logged heading. If the log computes
+    the heading from the place, the feature HEADING is computed from a place that moves along the heading of the
+    odometry itself.
     """
-    rims = np.array([wheel.wheel.r * fill_gaps(run.measured[f"wheel_rate_{wheel.name}"]) for wheel in rover.wheels])
-    places = wheel_places(rover)
-    left = np.array([places[wheel.name][1] > 0.0 for wheel in rover.wheels])
+    wheels, places = _measured(run, rover), wheel_places(rover)
+    # Positive yaw is to the left, so the right rims are faster in a left turn.
+    rims = np.array([wheel.wheel.r * fill_gaps(run.measured[f"wheel_rate_{wheel.name}"]) for wheel in wheels])
+    left = np.array([places[wheel.name][1] > 0.0 for wheel in wheels])
+    # The place of the tracked point moves with the body and also turns with it.
     speed, turn = rims.mean(axis=0), rims[~left].mean(axis=0) - rims[left].mean(axis=0)
     yaw = np.cumsum(turn) * run.commands.period
 

@@ -1,4 +1,6 @@
-"""What acts that is on no list: an action times a regressor of measured signals, described and drafted as an effect.
+"""Describe what a fitted drive model leaves unexplained, as an effect that no effect file contains.
 
-Start at `residual`.
+Such an unlisted effect is described as an action (such as a torque on one wheel) times a function of a signal.
+`residual` describes the residual of a fitted drive model, `terms` fits and ranks the descriptions, and `draft` makes an
+effect file of the best one. Start at `residual`.
 """

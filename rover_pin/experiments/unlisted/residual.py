@@ -1,4 +1,6 @@
-"""What a fitted drive model leaves: how large, where, and as what an effect that nobody has listed would act."""
+"""Describe the residual of a fitted drive model: its size, where it is largest, and the unlisted effect that fits it
+best.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -12,44 +14,52 @@ from rover_pin.discrepancy.search import Search
 from rover_pin.discrepancy.signature import signatures
 from rover_pin.estimation.fit import Fit, table_of
 from rover_pin.estimation.noise import correlation
-from rover_pin.estimation.wording import AT_FLOOR
+from rover_pin.estimation.wording import FLOOR_RATIO
 from rover_pin.experiments.drive_log.candidates import candidate_of, variants
 from rover_pin.experiments.drive_log.experiment import experiment_of_log
 from rover_pin.experiments.drive_log.features import blocks
 from rover_pin.experiments.unlisted.actions import Scene
 from rover_pin.experiments.unlisted.draft import can_draft, draft
-from rover_pin.experiments.unlisted.term import Term
-from rover_pin.experiments.unlisted.terms import terms
+from rover_pin.experiments.unlisted.terms import Term, terms
 from rover_pin.simulation.logged_inputs import fill_gaps
-from rover_pin.simulation.model.effect_files import effects_of_text
+from rover_pin.simulation.model.effect_source import DraftedEffect
 
-UNLISTED = 20.0
-"""Net gain of a term from which the residual is not noise. Why: complete models of five sets showed 6 at most."""
+MIN_NET_GAIN = 20.0
+"""Minimum net gain of the best description of a residual, from which the residual counts as more than noise. The net
+gain is the decrease of chi2 by the description, minus the decrease that chance gives. For models that lack nothing, it
+stays clearly below this value."""
+WORST_BLOCKS = 4
+"""Number of successive half-second blocks over which the residual is summed, to find where it is largest."""
 
 
 class DriveChannelResidual(NamedTuple):
-    """What one channel leaves, in whitened units, where 1 is the noise."""
+    """Size of one channel's residual (measured minus predicted), and where the residual is largest.
+
+    The size is stated in SDs of the declared noise.
+    """
 
     name: str
     rms: float
+    """RMS of the residual divided by its noise; about 1 if the residual is only noise"""
     memory: float
-    "correlation of successive blocks"
+    """correlation between the residuals of successive half-second blocks"""
     correlations: dict[str, float]
-    "with duty, slip, pitch, place and time"
+    """correlations of the residual with duty, slip, pitch, place and time"""
     worst_run: str
+    """name of the run with the largest residual over two seconds"""
     worst_time: float
-    "middle of the worst two seconds of that run [s]"
+    """time in the middle of these two seconds [s]"""
     worst_place: float
-    "x of the base there [m]"
+    """x coordinate of the rover's base at this time [m]"""
 
     @property
     def is_noise(self) -> bool:
-        """Whether nothing is left to describe."""
-        return self.rms < AT_FLOOR
+        """Whether the residual of the channel is not larger than its noise."""
+        return self.rms < FLOOR_RATIO
 
     @property
     def sentence(self) -> str:
-        """One sentence for a reader."""
+        """A sentence for the report on the size of the residual, where it is largest, and its strongest correlation."""
         if self.is_noise:
             return f"{self.name}: {self.rms:.2f} times the noise"
         name, value = max(self.correlations.items(), key=lambda pair: abs(pair[1]))
@@ -61,68 +71,120 @@ class DriveChannelResidual(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class DriveResidual:
-    """What a fitted model leaves; `terms` are sorted, the one that describes it best first."""
+    """Residual of a fitted drive model: its size for each channel, and the terms that describe it.
+
+    A term is an action (such as a torque on one wheel) times a function of one signal.
+    """
 
     terms: tuple[Term, ...] = field(repr=False)
+    """terms (each an action times a function of a signal) that were fitted to the residual, the best one first"""
     channels: tuple[DriveChannelResidual, ...]
     wheels: tuple[str, ...]
+    "names of the rover's wheels"
 
     @property
     def best(self) -> Term:
-        """The term that describes it best."""
+        """The term (an action times a function of a signal) that describes the residual best."""
         return self.terms[0]
 
     @property
     def second(self) -> Term:
-        """The best term that acts otherwise or depends on something else: what it may be instead."""
+        """The second-best term (an action times a function of a signal), as an alternative explanation of the
+        residual.
+        """
         return self.terms[1]
 
     @property
     def is_noise(self) -> bool:
-        """Whether no term takes more than those of a complete model do."""
-        return self.best.strength < UNLISTED
+        """Whether the residual is noise, that is, whether its best description gains no more than for a model that
+        lacks nothing.
+        """
+        return self.best.strength < MIN_NET_GAIN
 
     @property
     def description(self) -> str:
-        """What is left, in a few sentences."""
+        """The two best terms with their net gains, as sentences for the report."""
         if self.is_noise:
-            return f"Nothing is left that any term describes (net gain {self.best.strength:.0f})."
-        sand_note = ", no more than sand that is prepared anew" if self.best.is_raking else ""
+            return f"No term describes the remaining residual (net gain {self.best.strength:.0f})."
+        sand_note = ", no more than newly prepared sand differs by" if self.best.is_raking else ""
         return (
-            f"What is left {self.best.description}{sand_note} (net gain {self.best.strength:.0f}). The next best: "
-            f"it {self.second.description} (net gain {self.second.strength:.0f})."
+            f"The remaining residual {self.best.description}{sand_note} (net gain {self.best.strength:.0f}). The "
+            f"second-best description: it {self.second.description} (net gain {self.second.strength:.0f})."
         )
 
 
 def describe(fit: Fit, progress: Callable[[str], None] = lambda line: None) -> DriveResidual:
-    """Return what a fitted model leaves, by channel and as terms.
+    """Describe what a fitted drive model leaves unexplained: the residual of each channel, and terms that fit the
+    residual.
 
-    A few perturbed replays show how a unit of torque, force and grip moves the features; each times a function of
-    measured signals is a term, and the one that takes most chi2 beyond its number of columns describes the residual.
+    A term is an action, such as a torque on one wheel, times a function of a signal. A few simulations with a small
+    additional torque, force or grip show how one unit of each action changes every channel. Every term is fitted to the
+    residual. The terms are ranked by their decrease of chi2 minus the decrease that a term with as many unknown numbers
+    has by chance.
+
+    Parameters
+    ----------
+    fit : Fit
+        A drive model fitted to the runs of a log.
+    progress : callable, optional
+        Function that is called with a line of text before each long step.
     """
     scene = Scene(fit)
-    progress("Nudging the replays")
+    progress("perturbing the replays")
     return DriveResidual(terms(scene), channel_residuals(scene), scene.wheels)
 
 
-def draft_effect(residual: DriveResidual, name: str) -> str:
-    """Return the text of an effect file with the effect `name`: the best term that an effect can imitate.
+def draft_effect(residual: DriveResidual, name: str) -> DraftedEffect:
+    """Return a new effect that imitates the residual, as the text of an effect file and as an object.
 
-    Raises ParameterError: no term can be drafted.
+    `name` becomes the name of the effect's class.
+
+    The effect acts as the best term does that can be drafted. A term is an action times a function of a signal.
+
+    Raises ParameterError: no term of the residual can be drafted as an effect.
     """
-    able = (term for term in residual.terms if can_draft(term))
-    return draft(next(able, residual.best), name, residual.wheels)
+    # The best term may need an action that no effect can perform; then the next one is drafted.
+    term = next((term for term in residual.terms if can_draft(term)), residual.best)
+    return draft(term, name, residual.wheels)
 
 
 def channel_residuals(scene: Scene) -> tuple[DriveChannelResidual, ...]:
-    """Return what each channel leaves."""
-    rows = table_of(scene.fit)
-    table = signals(scene)
-    return tuple(_channel(scene, name, rows[:, at], table) for at, name in enumerate(scene.experiment.channels))
+    """Return size and correlations of the residual for each channel, and where it is largest, for a fitted model with
+    its runs.
+    """
+    # The table holds the whitened residuals as (runs, channels, blocks); NaN marks blocks that are not compared.
+    table = table_of(scene.fit)
+    signal_means = signals(scene)
+    residuals = []
+    for index, name in enumerate(scene.experiment.channels):
+        rows = table[:, index]
+        finite = np.isfinite(rows)
+        values = rows[finite]
+        # A moving sum over several blocks is less sensitive to a single outlier than the largest block is.
+        power = np.nan_to_num(rows) ** 2
+        sums = np.array([np.convolve(row, np.ones(WORST_BLOCKS), "same") for row in power])
+        worst = int(np.argmax(np.where(np.isfinite(rows), sums, -1.0)))
+        run, block = (int(position) for position in np.unravel_index(worst, sums.shape))
+        residuals.append(
+            DriveChannelResidual(
+                name,
+                float(np.sqrt(np.mean(values**2))) if values.size else 0.0,
+                correlation(rows[:, 1:].ravel(), rows[:, :-1].ravel()),
+                {signal: correlation(values, means[finite]) for signal, means in signal_means.items()},
+                scene.experiment.runs[run].name,
+                float(signal_means["time"][run, block]),
+                float(signal_means["place"][run, block]),
+            )
+        )
+    return tuple(residuals)
 
 
 def signals(scene: Scene) -> dict[str, np.ndarray]:
-    """Return the block means (runs, blocks) of what a residual may go with."""
+    """Return the five signals with which the report correlates a residual: name -> half-second means (runs, blocks).
+
+    Shorter runs are filled with NaN up to the length of the longest run.
+    """
+    # The slip is no channel of a log, so it is that of the replay. The pitch is measured if the log has it.
     signal_by_name: dict[str, Callable[[int], np.ndarray]] = {
         "duty": lambda run: scene.experiment.runs[run].commands.duty.mean(axis=1),
         "slip": lambda run: np.mean([scene.replayed_row(run, f"slip_{wheel}") for wheel in scene.wheels], axis=0),
@@ -131,47 +193,39 @@ def signals(scene: Scene) -> dict[str, np.ndarray]:
         "time": lambda run: scene.experiment.runs[run].commands.t,
     }
     means = {name: np.full((len(scene.experiment.runs), scene.experiment.length), np.nan) for name in signal_by_name}
-    for name, of in signal_by_name.items():
+    for name, signal_of_run in signal_by_name.items():
         for run, logged_run in enumerate(scene.experiment.runs):
-            block = blocks(of(run), logged_run.commands.period)
+            block = blocks(signal_of_run(run), logged_run.commands.period)
             means[name][run, : len(block)] = block
     return means
 
 
-def _channel(scene: Scene, name: str, rows: np.ndarray, signals: dict[str, np.ndarray]) -> DriveChannelResidual:
-    finite = np.isfinite(rows)
-    values = rows[finite]
-    run, block = _worst(rows)
-    return DriveChannelResidual(
-        name,
-        float(np.sqrt(np.mean(values**2))) if values.size else 0.0,
-        correlation(rows[:, 1:].ravel(), rows[:, :-1].ravel()),
-        {signal: correlation(values, table[finite]) for signal, table in signals.items()},
-        scene.experiment.runs[run].name,
-        float(signals["time"][run, block]),
-        float(signals["place"][run, block]),
-    )
-
-
-def _worst(rows: np.ndarray, width: int = 4) -> tuple[int, int]:
-    """Return run and block in the middle of the blocks with the greatest sum of squares."""
-    power = np.nan_to_num(rows) ** 2
-    sums = np.array([np.convolve(row, np.ones(width), "same") for row in power])
-    run, block = np.unravel_index(int(np.argmax(np.where(np.isfinite(rows), sums, -1.0))), sums.shape)
-    return int(run), int(block)
-
-
 def draft_term(fit: Fit, residual: DriveResidual, name: str, progress: Progress) -> Draft | None:
-    """Return the draft of what a fit leaves, tried on it; None where no effect can imitate any term."""
+    """Draft an effect that imitates the residual of a fit, fit it together with the model, and return it with its gain.
+
+    The result is None if the residual has no description from which an effect can be drafted.
+
+    Parameters
+    ----------
+    fit : Fit
+        The fitted drive model.
+    residual : DriveResidual
+        Residual of that fit.
+    name : str
+        Name of the drafted effect.
+    progress : callable
+        Function that is called with a line of text before each long step.
+    """
     if not any(can_draft(term) for term in residual.terms):
         return None
-    progress("trying the draft of what is left")
-    text = draft_effect(residual, name)
-    (kind,) = effects_of_text(text)
+    progress("trying the draft of the residual")
+    drafted = draft_effect(residual, name)
+    # The draft competes as any candidate does, so that its gain includes the refitted parameters.
     search = Search(fit, progress)
-    search.run(signatures(fit, [candidate_of(effect) for effect in variants(kind, fit.model, experiment_of_log(fit))]))
+    tried = variants(type(drafted.effect), fit.model, experiment_of_log(fit))
+    search.run(signatures(fit, [candidate_of(variant) for variant in tried]))
     rows = [row for (row, *_) in search.fitted.values() if row.causes]
     if not rows:
-        return draft_of(text, fit, None, -1.0)
+        return draft_of(drafted.text, fit, None, -1.0)
     best, without = max(rows, key=lambda row: row.log_evidence), search.fitted[frozenset()][0]
-    return draft_of(text, fit, best.fit, best.log_evidence - without.log_evidence)
+    return draft_of(drafted.text, fit, best.fit, best.log_evidence - without.log_evidence)

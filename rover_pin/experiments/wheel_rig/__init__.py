@@ -1,4 +1,6 @@
-"""Runs of wheels on a rig, one set or several in one sand, as one experiment: model, checks, candidates, what is left.
+"""Runs of wheels on a test rig as one experiment, from one data set or from several data sets with the same sand.
 
-Start at `experiment` and `model`; the data are `measurements.rig_set`.
+`experiment` holds the runs and the uncertain numbers, `model` the model of a wheel, `candidates` the effects that the
+model may lack, and `describe` the description of the residual. `loop_data` has the data in the form that the loop (the
+search for missing effects) needs. Data sets are read as `measurements.rig_set.RigSet`.
 """

@@ -1,4 +1,4 @@
-"""Which effects may be missing: every effect file of the package and of a user's folder, found by looking."""
+"""List the effects that the model of a wheel on a rig may lack, from the package and from a user's folder."""
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -9,77 +9,115 @@ from rover_pin.base.errors import DataError
 from rover_pin.discrepancy.candidate import Candidate, plain_candidate
 from rover_pin.effects.effect import Effect
 from rover_pin.estimation.parameter import Parameter
+from rover_pin.experiments.wheel_rig.declared import is_of_other_wheel, preset_candidate
 from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.joint_model import JointModel
 from rover_pin.experiments.wheel_rig.model import ASKEW, NOMINAL, RigModel, conditions, predictor
-from rover_pin.experiments.wheel_rig.presets import is_of_other_wheel, preset_candidate
 from rover_pin.measurements.channel import RIG_CHANNELS
 from rover_pin.measurements.rig_set import RigSet
 from rover_pin.simulation.model.effect_files import AnyEffect, known_effects, reading_traction, user_effects
 from rover_pin.soil.slip import rim_and_travel
 
-OF_SPEED = 0.05
-"""Relative change of a signature with speed from which it needs the speeds. Why: less is noise (assumed)."""
+SPEED_TOLERANCE = 0.05
+"""Maximum relative change of the response to an effect if the assumed speed is multiplied by four. If the change is
+larger, the effect counts as dependent on speed and is tried only if speeds were measured (assumed)."""
 
 
 def effect_kinds(folder: str | Path | None = None) -> list[type[Effect]]:
-    """Return the contact effects that can be added to a model: those that name the values at which they vanish.
+    """Return the classes of contact effects that can be added to a model, that is, those that declare neutral values.
 
-    Every `Effect` of a user's folder of effect files, or of one file, takes the place of the package's of its name.
+    An effect does nothing at its neutral values. An effect of the user's file or folder replaces the package's effect
+    of the same name.
 
-    Raises DataError: the path is missing, holds no effect, or a file cannot be run.
+    Raises
+    ------
+    DataError
+        The path does not exist or holds no contact effect, or a file cannot be run.
     """
-    if folder is not None and not _that_vanish(user_effects(folder)):
+    if folder is not None and not _contact_effects(user_effects(folder)):
         raise DataError(
-            f"{folder}: no effect stands there; give a .py file with a class that derives from Effect and names its "
+            f"{folder}: there is no effect in it; give a .py file with a class that derives from Effect and names its "
             "`neutral` values, or a folder of such files."
         )
-    return _that_vanish(known_effects(folder))
+    return _contact_effects(known_effects(folder))
 
 
 def rig_kinds(folder: str | Path | None = None) -> list[type[Effect]]:
-    """Return the effects that a rig can show: none of a place, none that changes the slip."""
-    return [kind for kind in effect_kinds(folder) if not kind.places and not kind.before_slip]
+    """Return the classes of effects that can change the channels of a rig, from the package and from a user's file or
+    folder.
+    """
+    return shown_by_rigs(effect_kinds(folder))
 
 
-def _that_vanish(kinds: Iterable[type[AnyEffect]]) -> list[type[Effect]]:
+def shown_by_rigs(kinds: Iterable[type[AnyEffect]]) -> list[type[Effect]]:
+    """Return those of the given classes of effects that can change the channels of a rig.
+
+    These are contact effects that do not depend on a place and do not change the slip. The slip is measured by the rig,
+    so effects that change it do not show.
+    """
+    return [kind for kind in _contact_effects(kinds) if not kind.places and not kind.before_slip]
+
+
+def _contact_effects(kinds: Iterable[type[AnyEffect]]) -> list[type[Effect]]:
+    """Return those of the given classes that are contact effects with neutral values, at which the effect does
+    nothing.
+    """
     return [kind for kind in kinds if issubclass(kind, Effect) and kind.neutral]
 
 
 def candidates(
     experiment: RigExperiment, model: RigModel | JointModel, kinds: Sequence[type[Effect]]
 ) -> tuple[Candidate, ...]:
-    """Return what the model may lack of these kinds: what it does not have, and every set shows by its own model.
+    """Return the effects that the model lacks and that can change the channels of every data set, as candidates.
 
-    An effect of speed is left out where a set has no speeds: what was assumed of them would decide; one of lugs where
-    the wheel that is declared has none. Geometry is as declared.
+    An effect that depends on the speed is left out if a data set states no speeds, because its response would depend on
+    the assumed speed. An effect of lugs is left out if rig.toml declares that the wheel has no lugs. Declared numbers
+    of lugs and sand are the initial values of the effects.
+
+    Parameters
+    ----------
+    experiment : RigExperiment
+        The data sets as an experiment.
+    model : RigModel or JointModel
+        The base model.
+    kinds : sequence of type
+        Classes of the effects that are considered.
     """
     declared = experiment.declared
+    # An effect that contains another one (`holds`) already has its influence.
     present = {name for effect in model.effects for name in (type(effect).__name__, *effect.holds)}
     pairs = [(data, model.of(data.name)) for data in experiment.sets]
-    silent = [(data, set_model) for data, set_model in pairs if data.speeds is None]
+    without_speeds = [(data, set_model) for data, set_model in pairs if data.speeds is None]
     effects = [default_effect(kind, pairs[0][1]) for kind in kinds if kind.__name__ not in present]
     return tuple(
         preset_candidate(effect, declared)
         for effect in effects
-        if not is_of_other_wheel(effect, declared) and not any(needs_speeds(*pair, effect) for pair in silent)
+        if not is_of_other_wheel(effect, declared) and not any(needs_speeds(*pair, effect) for pair in without_speeds)
     )
 
 
 def default_effect(kind: type[Effect], model: RigModel) -> Effect:
-    """Return the effect at its defaults, reading traction as the model's `SoilTraction` does where it asks."""
+    """Return an effect with default numbers, but with the form and the contact angles of the model's traction law.
+
+    Form and angles keep their defaults if the effect or the model does not have them.
+    """
     return reading_traction(kind(), model.effects)
 
 
 def needs_speeds(data: RigSet, model: RigModel, effect: Effect) -> bool:
-    """Return whether what the effect moves changes with the speed at which the wheel is driven."""
+    """Return whether the change of the channels by an effect depends on the speed of the wheel, at the same slip."""
+    # The slip stays the same, because both speeds are multiplied by four.
     fast = 4 * NOMINAL * np.column_stack(rim_and_travel(data.slip)[::-1])
     slow_moved, fast_moved = (_effect_response(data, model, effect, speeds) for speeds in (None, fast))
-    return bool(np.linalg.norm(fast_moved - slow_moved) > OF_SPEED * np.linalg.norm(slow_moved))
+    return bool(np.linalg.norm(fast_moved - slow_moved) > SPEED_TOLERANCE * np.linalg.norm(slow_moved))
 
 
 def _effect_response(data: RigSet, model: RigModel, effect: Effect, speeds: np.ndarray | None) -> np.ndarray:
-    """Return what the effect at its default size moves [SD]; 0 where it carries no load."""
+    """Return the change of the channels by an effect with default numbers (channels, runs), in SDs of the noise.
+
+    The change is 0 in a run whose load cannot be carried by any sinkage.
+    """
+    # Dividing by the noise makes changes of different channels comparable.
     runs = conditions(data.load, data.slip, speeds, data.slip_angle)
     rows = [RIG_CHANNELS.index(type(channel)) for channel in data.channels]
     sd = np.array([channel.sd for channel in data.channels])
@@ -90,7 +128,11 @@ def _effect_response(data: RigSet, model: RigModel, effect: Effect, speeds: np.n
 
 
 def present_amplitudes(effects: Sequence[Effect], known_parameters: Sequence[Parameter] = ()) -> tuple[Parameter, ...]:
-    """Return the sizes of a model's effects, but for what it starts from, and for the known ones."""
+    """Return the sizes (amplitudes) of the effects that a model has in addition to the base model, as free parameters.
+
+    A parameter that is one of the `known_parameters` is left out.
+    """
+    # Effects of the base model are part of every model, so their sizes are not free.
     present_candidates = [plain_candidate(effect) for effect in effects if effect not in ASKEW]
     known_names = {parameter.name for parameter in known_parameters}
     return tuple(
@@ -102,6 +144,8 @@ def present_amplitudes(effects: Sequence[Effect], known_parameters: Sequence[Par
 
 
 def numbers_of(experiment: RigExperiment, model: RigModel | JointModel) -> tuple[Parameter, ...]:
-    """Return the free numbers of a model: what is uncertain of the sets, and the sizes of the effects it has."""
+    """Return the free parameters of a fit: the uncertain numbers of the data sets, and the sizes of the model's added
+    effects.
+    """
     uncertain_numbers = experiment.uncertain(model)
     return (*uncertain_numbers, *present_amplitudes(model.effects, uncertain_numbers))

@@ -1,29 +1,36 @@
-"""Whether rig sets can answer at all, alone or together: refusals, and findings that a reader should know of."""
+"""Checks of wheel-rig data sets: refuse data sets that cannot give an answer, and list findings for a report."""
 
 from collections.abc import Iterator
 
 import numpy as np
 
 from rover_pin.base.errors import DataError
-from rover_pin.estimation.noise import HUBER_THRESHOLD
-from rover_pin.estimation.wording import NOISE_LIKE
+from rover_pin.estimation.residual import HUBER_THRESHOLD
+from rover_pin.estimation.wording import MAX_NOISE_RATIO
 from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.measurements.channel import RIG_CHANNELS, RigChannel
 from rover_pin.measurements.checks import Finding
+from rover_pin.measurements.repeats import repeat_groups
 from rover_pin.measurements.rig_physics import Check, refuse_impossible, suspicions
-from rover_pin.measurements.rig_set import SAME_SLIP, STRAIGHT, RigSet, classes
+from rover_pin.measurements.rig_set import SAME_SLIP, RigSet
 
-FEWEST_LEVELS = 3
-"""Levels without which nothing that depends on slip can be held out. Why: one is left out, and two are a slope."""
-SAME_WEIGHT = 1.1
-"""Runs of a level whose loads, in order, step by less than this are repeats: assumed, a hung weight varies by 5 %."""
+MIN_LEVELS = 3
+"""Minimum number of slip levels (groups of runs at one slip). If one level is held out, the two others still determine
+how a channel changes with the slip."""
 
 
 def refuse_unfit(experiment: RigExperiment) -> None:
-    """Refuse sets that cannot answer whatever the model; of several only what no wheel on any soil gives.
+    """Raise an error if data sets cannot give an answer with any model.
 
-    Raises DataError: of one set one level, constant slip, or a channel that never moves; what `refuse_impossible`
-    refuses.
+    A single data set must have several slips, several slip levels, and channels that change. If several data sets are
+    used, one may lack information that another one has, so they are refused only because of physically impossible
+    numbers.
+
+    Raises
+    ------
+    DataError
+        A single data set has one slip level, a constant slip, or a channel that never changes; or a data set has
+        numbers that are physically impossible (`refuse_impossible`).
     """
     for data in experiment.sets:
         if len(experiment.sets) == 1:
@@ -32,108 +39,137 @@ def refuse_unfit(experiment: RigExperiment) -> None:
 
 
 def _refuse_unvaried(data: RigSet) -> None:
+    """Raise an error if a data set has a constant slip, a single slip level, or a channel that never changes."""
+    # The three faults of a data set without variation: one slip, one level, or a channel that never changes.
     if not np.ptp(data.slip) > 0.0:
         raise DataError(
-            f"{data.name}: slip is {data.slip[0]:g} in every run, so no effect differs from a constant; add runs at "
+            f"{data.name}: slip is {data.slip[0]:g} in every run, so every effect looks like a constant; add runs at "
             "other slips, best from 0 to 0.8."
         )
     if len(data.level_names) < 2:
         raise DataError(
-            f"{data.name}: all runs are one level ({data.level_names[0]}), so none can be held out; give the runs at "
-            "different slips different levels, or leave the column out."
+            f"{data.name}: all runs are of one level of slip ({data.level_names[0]}), so no level can be held out; "
+            "give runs at different slips different levels, or leave the column level out."
         )
     for channel in data.channels:
         values = channel.measured[channel.has_value]
         if values.size > 2 and np.ptp(values) == 0.0:
             raise DataError(
-                f"{data.name}: {channel.column} is {values[0]:g} in all {values.size} runs, as of a sensor "
-                "that is stuck or unplugged; remove the column or mend it."
+                f"{data.name}: {channel.column} is {values[0]:g} in all {values.size} runs, so the "
+                "sensor may be stuck or unplugged; remove the column or correct its values."
             )
 
 
 def too_poor(experiment: RigExperiment, nuisances: int) -> str:
-    """Return why the sets cannot tell an effect from nuisance parameters and what would, or an empty string."""
+    """Return why the data sets cannot distinguish an effect from other uncertain numbers, with the remedy; empty if
+    they can.
+
+    `nuisances` is the number of uncertain soil constants that are fitted.
+    """
     if len(experiment.sets) > 1:
         levels = len(experiment.folds)
-        least = f"{levels} levels in all sets: measure at {FEWEST_LEVELS} or more, or give more sets."
-        return least if levels < FEWEST_LEVELS else ""
+        remedy = (
+            f"there are {levels} levels of slip in all data sets together: measure at {MIN_LEVELS} or more, or give "
+            "more data sets."
+        )
+        return remedy if levels < MIN_LEVELS else ""
+    # A single data set is tested for few levels, a small range of slip, and few values.
     (data,) = experiment.sets
     values, span = sum(int(channel.has_value.sum()) for channel in data.channels), np.ptp(data.slip)
-    if len(data.level_names) < FEWEST_LEVELS:
+    if len(data.level_names) < MIN_LEVELS:
         return (
-            f"{len(data.level_names)} levels of slip: with one held out nothing that depends on slip is left to fit; "
-            f"measure at {FEWEST_LEVELS} or more."
+            f"there are {len(data.level_names)} levels of slip, and if one is held out, no dependence on slip can be "
+            f"fitted; measure at {MIN_LEVELS} or more."
         )
     if span < SAME_SLIP:
-        return f"slips span {span:.2f} only; measure from about 0 to 0.6 or more."
-    if values < nuisances + FEWEST_LEVELS:
+        return f"the slips span only {span:.2f}; measure from about 0 to 0.6 or more."
+    if values < nuisances + MIN_LEVELS:
         return (
-            f"{values} measured values for {nuisances} uncertain soil constants leave too little to tell an effect "
-            "from them; measure more levels, or sinkage and torque as well."
+            f"{values} measured values are too few to distinguish an effect from {nuisances} uncertain soil constants; "
+            "measure more levels, or sinkage and torque as well."
         )
     return ""
 
 
 def findings(experiment: RigExperiment) -> list[Finding]:
-    """Return what a reader should know before any result, of several sets with the set's name before its place."""
-    of_sets = ((data.name, finding) for data in experiment.sets for finding in _of_set(data))
-    placed = (row._replace(where=experiment.in_set(name, ", ", row.where)) for name, row in of_sets)
-    return [*experiment.twice, *placed]
+    """Return what the data check found and a reader should know before reading results of a fit.
+
+    Findings are gaps, scatter beyond the stated noise, and missing measurements. If there are several data sets, each
+    finding names its data set.
+    """
+    # Only checks that are beyond their limit become findings.
+    rows = list(experiment.twice)
+    for data in experiment.sets:
+        checks = [
+            *_missing_information(data),
+            *(check for channel in data.channels for check in _channel_checks(data, channel)),
+        ]
+        findings_of_set = [
+            *data.unread,
+            *suspicions(data),
+            *(Finding(check.what, data.place(check.column), check.todo) for check in checks if check.is_beyond),
+        ]
+        rows += [row._replace(where=experiment.in_set(data.name, ", ", row.where)) for row in findings_of_set]
+    return rows
 
 
-def _of_set(data: RigSet) -> list[Finding]:
-    checks = [*_lacks(data), *(check for channel in data.channels for check in _of_channel(data, channel))]
-    of_data = [Finding(check.what, data.place(check.column), check.todo) for check in checks if check.is_beyond]
-    return [*data.unread, *suspicions(data), *of_data]
-
-
-def _lacks(data: RigSet) -> Iterator[Check]:
+def _missing_information(data: RigSet) -> Iterator[Check]:
+    """Yield checks for missing measurements without which some numbers or effects cannot be determined."""
+    # If the declared soil cannot carry a load, the declaration is wrong: a fit starts from a firmer soil then.
     alone = RigExperiment((data,))
     lost = alone.unpredicted_part(alone.base_model())
-    todo = "if that load is right, declare a firmer soil.k_1: a fit starts at the next one that carries all runs"
+    todo = "if the load is right, declare a firmer soil.k_1: a fit starts at the next value that carries all runs"
     yield Check(bool(lost), f"{lost} with the soil as declared", todo, "load_N")
+    # Side force and moment exist only with a slip angle, so their absence is no finding.
     present = {type(channel) for channel in data.channels}
     for kind in (kind for kind in RIG_CHANNELS if not kind.is_sideways):
-        what, todo = f"{kind.name} was not measured", "effects that it alone shows stay hidden"
+        what = f"{kind.name} was not measured"
+        todo = f"an effect that changes only the {kind.name} cannot be found"
         yield Check(kind not in present, what, todo, kind.column)
-    what = f"all loads are alike ({np.min(data.load):.3g} to {np.max(data.load):.3g} N)"
-    todo = "n, c and effects of the load are not identifiable; vary the load 1.5 times"
+    what = f"all loads are nearly equal ({np.min(data.load):.3g} to {np.max(data.load):.3g} N)"
+    todo = "n, c and effects of the load are not identifiable; vary the load by a factor of 1.5"
     yield Check(not data.loads_vary, what, todo, "load_N")
-    todo = "the noise is as stated, not measured; repeat each level"
+    todo = "the noise is stated but not measured; repeat each level"
     yield Check(bool(np.bincount(repeats(data)).max() < 2), "no level is repeated", todo, "level")
-    todo = "effects of speed are left out; give rim or travel speed, as a column or in [speed]"
+    todo = "effects of the speed are left out; give rim or travel speed, as a column or in [speed]"
     yield Check(data.speeds is None, "no speeds", todo, "rim_speed_mps")
 
 
-def _of_channel(data: RigSet, channel: RigChannel) -> Iterator[Check]:
+def _channel_checks(data: RigSet, channel: RigChannel) -> Iterator[Check]:
+    """Yield checks of one channel: gaps, repeated runs that scatter more than the stated noise, and outliers among
+    them.
+    """
+    # A stated noise below the scatter of repeats would make scatter look like an effect.
     empty, scatter, group = int((~channel.has_value).sum()), repeat_sd(data, channel), repeats(data)
     what = f"{empty} of {channel.has_value.size} runs have no {channel.name}"
     yield Check(empty > 0, what, "their other channels are used", channel.column)
-    what = f"repeats scatter {scatter:.1f} times as much as the stated noise"
-    yield Check(scatter > NOISE_LIKE, what, "state the larger noise", channel.column)
+    what = f"the SD of repeats is {scatter:.1f} times the stated noise"
+    yield Check(scatter > MAX_NOISE_RATIO, what, "state the larger noise", channel.column)
+    # Fewer than three repeats do not show which of them is the outlier.
     for number in range(group.max() + 1):
-        at = np.flatnonzero((group == number) & channel.has_value)
-        if at.size >= 3:
-            off = np.abs(channel.measured[at] - np.median(channel.measured[at])) / channel.sd[at]
-            what = f"{data.runs[at[off.argmax()]]} lies {off.max():.0f} SD from its repeats"
-            todo = "look at that run; it counts less in the fits"
+        members = np.flatnonzero((group == number) & channel.has_value)
+        if members.size >= 3:
+            values = channel.measured[members]
+            off = np.abs(values - np.median(values)) / channel.sd[members]
+            what = f"{data.runs[members[off.argmax()]]} lies {off.max():.0f} SD from its repeats"
+            todo = "look at this run; it has less weight in the fits"
             yield Check(off.max() > HUBER_THRESHOLD, what, todo, channel.column)
 
 
 def repeats(data: RigSet) -> np.ndarray:
-    """Return which group of repeats each run is of: of a level and slip angle, loads by less than SAME_WEIGHT apart."""
-    askew = classes(data.slip_angle, STRAIGHT)
-    order = np.lexsort((data.load, askew, data.level))
-    load, level, angle = data.load[order], data.level[order], askew[order]
-    is_new_group = (np.diff(level) != 0) | (np.diff(angle) != 0) | (load[1:] > SAME_WEIGHT * load[:-1])
-    group = np.empty(order.size, dtype=int)
-    group[order] = np.concatenate([[0], np.cumsum(is_new_group)])
-    return group
+    """Return for each run the number of its group of repeated runs (runs,): runs with equal slip level, load and slip
+    angle.
+    """
+    return repeat_groups(data.level, data.load, data.slip_angle)
 
 
 def repeat_sd(data: RigSet, channel: RigChannel) -> float:
-    """Return the pooled SD of repeats in stated SDs, NaN where no run is repeated."""
+    """Return the SD of a channel among repeated runs, pooled over all groups and divided by the stated SD.
+
+    About 1 means that the stated noise is right. The result is NaN if no run is repeated.
+    """
     scaled, group = (channel.measured / channel.sd)[channel.has_value], repeats(data)[channel.has_value]
+    # Each group loses one degree of freedom by its mean.
     count = np.bincount(group)
     mean = np.bincount(group, scaled) / np.maximum(count, 1)
     freedom = scaled.size - np.count_nonzero(count)

@@ -1,4 +1,10 @@
-"""Steady runs of a wheel on a rig as compiled functions: what carries the load, and what is then read and follows."""
+"""Compiled CasADi functions for steady runs of a wheel on a rig: sinkage that carries the load, readings, derivatives.
+
+The unknowns z of a run are ln y and the states of the effects, where y is the sinkage below the soil surface that the
+effects leave. The unknowns are the solution of F(z) = 0 with F(z) = (ln f_n - ln W, rates of the states), where f_n is
+the normal force of all effects and W the load. `model.RigPredictor` solves F = 0 by Newton's method with these
+functions.
+"""
 
 from collections.abc import Sequence
 from functools import lru_cache
@@ -9,114 +15,162 @@ import casadi as ca
 from rover_pin.base.quantity import quantities
 from rover_pin.contact import Contact, Load, Soil, Wheel
 from rover_pin.effects.effect import Effect
-from rover_pin.measurements.rig_errors import RigErrors
+from rover_pin.measurements.channel import RigErrors
 from rover_pin.soil.sinkage import power_law_guess
 from rover_pin.soil.slip import STANDS
 from rover_pin.soil.wheel_forces import pressing_force
 
-LAWS = 512
-"""Structures whose functions are kept: some sets' worth, as a study of many sets asks for the same ones."""
+MAX_CACHED_LAWS = 512
+"""Maximum number of models whose compiled functions are kept in memory. A study of many data sets needs them again."""
 
-SLOWEST = 1e-9
-"""Speed [m/s] below which nothing moves."""
+MIN_SPEED = 1e-9
+"""Minimum value of the speed in the denominator of the sideways slip [m/s]. It avoids a division by zero."""
 
-LEAP = 1.5
-"""Longest Newton step in ln y."""
+MAX_STEP = 1.5
+"""Maximum Newton step in ln y. A longer step can leave the range in which the balance is nearly linear in ln y."""
 
 CONDITIONS = 5
-"""Inputs of a steady run: load [N], slip [-], speed along the heading, rim speed, speed along the axle [m/s]."""
+"""Number of inputs of a steady run: load [N], slip [-], speed along the heading, rim speed, speed along the axle
+[m/s]."""
 
 VALUES = 5
-"""What is predicted at each run."""
+"""Number of predicted channels of each run."""
 
 FIELDS: tuple[str, ...] = (*quantities(Wheel), *quantities(Soil))
-"""Constants of wheel and soil, in the order in which laws take them."""
+"""Names of the constants of wheel and soil. The vector of all parameters begins with these constants in this order."""
 
 
 def parameter_names(effects: tuple[Effect, ...]) -> tuple[str, ...]:
-    """Return the names of all parameters: those of wheel and soil, `Effect.parameter`, `rig.error`."""
+    """Return the names of all parameters of a model with these effects.
+
+    The constants of wheel and soil come first, then "Effect.parameter" for each effect, then "rig.error" for each
+    reading error.
+    """
     effect_names = [f"{type(effect).__name__}.{name}" for effect in effects for name in quantities(effect)]
     return (*FIELDS, *effect_names, *(f"rig.{name}" for name in quantities(RigErrors)))
 
 
 class Balance(NamedTuple):
-    """A structure's equations: the values and the balance F at z, and what starts and steps Newton's method."""
+    """Equations of a steady run of a wheel, as CasADi expressions of its unknowns, inputs and parameters."""
 
     z: ca.SX
+    """unknowns: ln y, where y is the sinkage below the soil surface that the effects leave, and the states of the
+    effects"""
     condition: ca.SX
+    "inputs of a run (5,)"
     p: ca.SX
+    "all parameters, in the order of `parameter_names`"
     h: ca.SX
+    "sinkage [m]"
     values: ca.SX
+    """readings of the rig (5,)"""
     balance: ca.SX
+    """F(z) = (ln f_n - ln W, rates of the states) with the normal force f_n and the load W; 0 in a steady run"""
     first: ca.Function
+    "(condition, p) -> initial guess of z"
     newton: ca.Function
+    "(z, condition, p) -> z after one Newton step, and ln(carried load / load) before the step"
 
 
 class Law(NamedTuple):
-    """Functions of all runs: where Newton's method starts, one step of it and ln f_n - ln W before it, what is read."""
+    """Compiled functions for the steady runs of a wheel. Each treats several runs at once, with one column for each
+    run.
+    """
 
     first: ca.Function
+    "(conditions, p) -> initial guesses of the unknowns"
     newton: ca.Function
+    "(unknowns, conditions, p) -> unknowns after one Newton step, and ln(carried load / load) before the step"
     point: ca.Function
+    "(unknowns, conditions, p) -> readings, ln(carried load / load), and derivatives of the readings"
 
 
-@lru_cache(maxsize=LAWS)
+@lru_cache(maxsize=MAX_CACHED_LAWS)
 def steady_law(effects: tuple[Effect, ...], free: tuple[str, ...], runs: int) -> Law:
-    """Return the law of a structure for several runs at once, all with the same parameters."""
+    """Return the compiled functions for several steady runs of a wheel. All runs have the same parameters.
+
+    Parameters
+    ----------
+    effects : tuple of Effect
+        The effects with default numbers (`RigModel.structure`).
+    free : tuple of str
+        Names of the parameters by which the readings are differentiated.
+    runs : int
+        Number of runs with different inputs.
+    """
     equations = _balance(effects)
-    every = zip(("first", "newton", "point"), (equations.first, equations.newton, _point(effects, free)), strict=True)
-    return Law(*(function.map(name, "serial", runs, [function.n_in() - 1], []) for name, function in every))
+    functions = (equations.first, equations.newton, _point(effects, free))
+    # The last argument of each function is the vector of parameters, which all runs share.
+    named = zip(("first", "newton", "point"), functions, strict=True)
+    return Law(*(function.map(name, "serial", runs, [function.n_in() - 1], []) for name, function in named))
 
 
-@lru_cache(maxsize=LAWS)
+@lru_cache(maxsize=MAX_CACHED_LAWS)
 def _point(effects: tuple[Effect, ...], free: tuple[str, ...]) -> ca.Function:
-    """Return (z, condition, parameters) -> one column: channels, the load's error, derivatives column by column.
+    """Return the compiled function from the unknowns of a run to the readings and their derivatives by `free`.
 
-    At the balance F = 0 the derivative dz/dp = -(dF/dz)^-1 dF/dp is exact. The error is infinite beyond the axle.
+    The function (z, condition, parameters) gives one column: readings, load error ln(carried load / load), and
+    derivatives. The unknowns z are a solution of F(z) = 0, so that the wheel carries its load and the states of the
+    effects are steady. For such z, the derivative of the unknowns by the parameters p is exactly dz/dp = -(dF/dz)^-1
+    dF/dp (theorem on implicit functions). The load error is infinite if the wheel has sunk below its axle, so that the
+    run counts as not predicted.
     """
     equations, names = _balance(effects), parameter_names(effects)
     wanted = ca.vertcat(*(equations.p[names.index(name)] for name in free)) if free else ca.SX(0, 1)
-    # one sweep for all: four of them held each other's operations once more
-    every = ca.jacobian(ca.vertcat(equations.values, equations.balance), ca.vertcat(equations.z, wanted))
-    by_z, by_p = every[:, : equations.z.numel()], every[:, equations.z.numel() :]
+    # One Jacobian of readings and balance, because separate Jacobians would repeat the operations that they share.
+    jacobian = ca.jacobian(ca.vertcat(equations.values, equations.balance), ca.vertcat(equations.z, wanted))
+    by_z, by_p = jacobian[:, : equations.z.numel()], jacobian[:, equations.z.numel() :]
     total = by_p[:VALUES, :] - ca.mtimes(by_z[:VALUES, :], _solve(by_z[VALUES:, :], by_p[VALUES:, :]))
     error = ca.if_else(equations.h > equations.p[names.index("r")], ca.inf, equations.balance[0])
     column = ca.densify(ca.vertcat(equations.values, error, ca.vec(ca.densify(total))))
     return ca.Function("point", [equations.z, equations.condition, equations.p], [column])
 
 
-@lru_cache(maxsize=LAWS)
+@lru_cache(maxsize=MAX_CACHED_LAWS)
 def _balance(effects: tuple[Effect, ...]) -> Balance:
-    """Return what a structure is solved from: z = (ln y, states) makes F = (ln f_n - ln W, rates) vanish."""
+    """Return the equations F(z) = 0 of a steady run of a wheel with these effects.
+
+    The unknowns z are ln y, where y is the sinkage below the soil surface that the effects leave, and the states of the
+    effects. F consists of ln(carried load / load) and the rates of the states.
+    """
     names = parameter_names(effects)
     condition, p = ca.SX.sym("condition", CONDITIONS), ca.SX.sym("p", len(names))
     z = ca.SX.sym("z", 1 + sum(len(effect.states) for effect in effects))
     errors = RigErrors().replace(
         **{error_name: p[names.index(f"rig.{error_name}")] for error_name in quantities(RigErrors)}
     )
+    # The rig states the load with a scale error, so the true load is load_scale times the stated load.
     true = ca.vertcat(condition[0] * errors.load_scale, condition[1:])
     load, h, balance, start = _chain_loads(effects, true, p, z)
     read = ca.vertcat(*errors.read(load, h, true[0]))
     values, balance, h = ca.cse([read, balance, h])
     step = -_solve(ca.jacobian(balance, z), balance)
     first = ca.Function("first", [condition, p], [ca.vertcat(start, *_at_rest(z, balance, p))])
-    newton = ca.Function("newton", [z, condition, p], [_limit_step(z, step, p[FIELDS.index("r")]), balance[0]])
+    # A Newton step changes ln y by at most MAX_STEP, and never to a sinkage below the axle.
+    limited = ca.fmax(ca.fmin(step[0], MAX_STEP), -MAX_STEP)
+    ln_y = ca.fmin(z[0] + limited, ca.log(p[FIELDS.index("r")]))
+    others = [z[i] + step[i] for i in range(1, z.numel())]
+    newton = ca.Function("newton", [z, condition, p], [ca.vertcat(ln_y, *others), balance[0]])
     return Balance(z, condition, p, h, values, balance, first, newton)
 
 
 def _chain_loads(effects: tuple[Effect, ...], condition: ca.SX, p: ca.SX, z: ca.SX) -> tuple[Load, ca.SX, ca.SX, ca.SX]:
-    """Return the load of all effects in turn, h, what must vanish at the balance, and where Newton's method starts.
+    """Return the forces of all effects on the wheel, the sinkage h, the balance F, and the initial guess of ln y.
 
-    h = floor + y with y the sinkage into the ground that effects leave, as lugs do a trench: above its floor nothing
-    carries, and f_n tells no way down. f_n of y is nearly a power, whatever the states are.
+    The balance is F = (ln f_n - ln W, rates of the states), where f_n is the normal force of all effects and W the
+    load. The sinkage is h = floor + y, where the floor is the sinkage at which the wheel first touches the soil. It can
+    differ from 0, because effects such as the trench that lugs dig may remove soil. At a smaller sinkage nothing
+    carries the wheel, and f_n would not depend on h. As a function of y, f_n is nearly a power law for any states, so
+    that Newton's method for ln y converges quickly.
     """
     wheel, soil, valued_effects = with_values_of(effects, p)
     states = iter(ca.vertsplit(z)[1:])
     x = [tuple(next(states) for _ in effect.states) for effect in effects]
     load, S, v_x, rim, v_y = ca.vertsplit(condition)
     contact = Contact(S, 0.0, wheel.r, v_x, v_y, 0.0, rim, 0.0, 0.0, wheel, soil)
+    # The sideways slip is the sideways speed divided by the faster of rim speed and travel speed.
     passing = ca.fmax(ca.fmax(ca.fabs(rim), ca.fabs(v_x)), STANDS * ca.fabs(v_y))
-    contact = contact._replace(S_y=v_y / ca.fmax(passing, SLOWEST))
+    contact = contact._replace(S_y=v_y / ca.fmax(passing, MIN_SPEED))
     h = _floor(valued_effects, contact, x) + ca.exp(z[0])
     contact = _amend_contact(valued_effects, contact._replace(h=h), x)
     push = Load()
@@ -127,25 +181,30 @@ def _chain_loads(effects: tuple[Effect, ...], condition: ca.SX, p: ca.SX, z: ca.
         for effect, own_states in zip(valued_effects, x, strict=True)
         for rate in effect.rate(contact, push, own_states)
     ]
+    # The initial guess follows from the entry angle at which a power law carries the load: h = r (1 - cos theta).
     shallow = 2 * wheel.r * ca.sin(ca.exp(power_law_guess(ca.log(load), wheel, soil)) / 2) ** 2
     return push, h, ca.vertcat(ca.log(push.f_n / load), *rates), ca.log(shallow)
 
 
 def with_values_of(effects: tuple[Effect, ...], p: ca.SX) -> tuple[Wheel, Soil, list[Effect]]:
-    """Return wheel, soil and effects with their parts of the vector of all parameters."""
+    """Return wheel, soil and effects whose numbers are the entries of the vector `p` of all parameters."""
+    # The order is that of `parameter_names`.
     values = iter(ca.vertsplit(p))
     wheel = Wheel().replace(**{name: next(values) for name in quantities(Wheel)})
     soil = Soil().replace(**{name: next(values) for name in quantities(Soil)})
     return wheel, soil, [effect.replace(**{name: next(values) for name in quantities(effect)}) for effect in effects]
 
 
-@lru_cache(maxsize=LAWS)
+@lru_cache(maxsize=MAX_CACHED_LAWS)
 def pressed_law(effects: tuple[Effect, ...], free: tuple[str, ...], points: int) -> ca.Function:
-    """Return (sinkages, parameters) -> columns of ln f_n of a wheel that is pressed in, and its slopes by `free`.
+    """Return the compiled function from sinkages to the logarithm of the force that presses a wheel into the soil.
 
-    Nothing turns or slides (`pressing_force`); effects amend the soil as at rest.
+    The function (sinkages, parameters) also gives the derivatives of ln f_n by the parameters `free`, where f_n is the
+    force. The wheel neither turns nor slides (see `pressing_force`), and the effects change the contact as they do at
+    rest. The result has one column for each of the `points` sinkages.
     """
     names = parameter_names(effects)
+    # A pressed wheel has neither slip nor speed, and its effects have not built up any states.
     h, p = ca.SX.sym("h"), ca.SX.sym("p", len(names))
     wheel, soil, valued_effects = with_values_of(effects, p)
     contact = Contact(0.0, 0.0, h, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, wheel, soil)
@@ -157,7 +216,10 @@ def pressed_law(effects: tuple[Effect, ...], free: tuple[str, ...], points: int)
 
 
 def _at_rest(z: ca.SX, balance: ca.SX, p: ca.SX) -> list[ca.SX]:
-    """Return the states where rates vanish, the wheel sunk to its axle: one step, as rates are linear in states."""
+    """Return the initial guess of the effects' states: their steady values for a wheel that has sunk to its axle.
+
+    The rates of the states are linear in the states, so one Newton step gives the steady values.
+    """
     if z.numel() == 1:
         return []
     step = -_solve(ca.jacobian(balance, z)[1:, 1:], balance[1:])
@@ -166,23 +228,26 @@ def _at_rest(z: ca.SX, balance: ca.SX, p: ca.SX) -> list[ca.SX]:
 
 
 def _amend_contact(effects: Sequence[Effect], contact: Contact, x: Sequence[tuple[ca.SX, ...]]) -> Contact:
+    """Return the contact after all effects have changed it one after the other. `x` holds the states of each effect."""
     for effect, own_states in zip(effects, x, strict=True):
         contact = effect.amend(contact, own_states)
     return contact
 
 
 def _floor(effects: Sequence[Effect], contact: Contact, x: Sequence[tuple[ca.SX, ...]]) -> ca.SX:
-    """Return how deep the wheel stands before the ground that effects leave meets it: where the secant of h is 0."""
+    """Return the sinkage at which the wheel first touches the soil surface that the effects leave [m].
+
+    Effects change the sinkage of the contact. The result is the sinkage h at which the changed sinkage is 0. It is
+    found by a secant through h = r and h = 2 r, which is exact if the changed sinkage is linear in h.
+    """
     r = contact.wheel.r
     once, twice = (_amend_contact(effects, contact._replace(h=times * r), x).h for times in (1.0, 2.0))
     return r * (1.0 - once / (twice - once))
 
 
 def _solve(matrix: ca.SX, right: ca.SX) -> ca.SX:
+    """Return the solution x of the linear equations `matrix` x = `right`.
+
+    A single equation is solved by a division, which compiles to less code.
+    """
     return right / matrix if matrix.numel() == 1 else ca.solve(matrix, right)
-
-
-def _limit_step(z: ca.SX, step: ca.SX, r: ca.SX) -> ca.SX:
-    """Return z after the step, ln y within a leap and to the axle."""
-    ln_y = ca.fmin(z[0] + ca.fmax(ca.fmin(step[0], LEAP), -LEAP), ca.log(r))
-    return ca.vertcat(ln_y, *(z[i] + step[i] for i in range(1, z.numel())))

@@ -1,1 +1,4 @@
-"""The report of a drive log: start at `report.write_report`."""
+"""The report of a drive log. `report` writes the page, and `runs` and `residual` make its figures and tables.
+
+Start at `report.write_report`.
+"""

@@ -1,4 +1,7 @@
-"""Pictures of a drive report along time: what was measured and modelled, what is left of it, and free runs."""
+"""Figures of the report of a drive log: residuals against time, and the residual that the added effects reduce most.
+
+All values are means over half a second, which a fit compares with the model.
+"""
 
 from typing import NamedTuple
 
@@ -6,25 +9,27 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from rover_pin.base.encode import figure_text
 from rover_pin.estimation.fit import Fit
-from rover_pin.estimation.noise import huber, rms_of
+from rover_pin.estimation.noise import rms_of
+from rover_pin.estimation.residual import huber
 from rover_pin.estimation.wording import in_words
-from rover_pin.experiments.drive_log.checks.columns import stretches
+from rover_pin.experiments.drive_log.checks.channels import stretches
 from rover_pin.experiments.drive_log.experiment import DriveExperiment, experiment_of_log
 from rover_pin.experiments.drive_log.features import BLOCK, DRIFT, HEADING, LEAK, PATH, SPEED
 from rover_pin.experiments.unlisted.actions import Scene
 from rover_pin.experiments.unlisted.residual import signals
 from rover_pin.report.page import Picture
 from rover_pin.report.svg import AFTER, BEFORE, GREY, NOISE
-from rover_pin.report.words import as_text
 from rover_pin.simulation.trace.channels import wheel_of
 
-CHANNELS, OF_A_KIND, RUNS = 5, 2, 2
-"""Channels that are drawn, and of one kind; runs that are drawn."""
-LOOKS = ((BEFORE, "--", "base model"), (AFTER, "-", "with what was added"))
+MAX_CHANNELS, MAX_OF_A_KIND, MAX_RUNS = 5, 2, 2
+"""Maximum numbers in a figure: of channels, of channels of one kind (such as wheel rates), and of runs."""
+LOOKS = ((BEFORE, "--", "base model"), (AFTER, "-", "with added effects"))
+"""Colour, line style and label for the base model (first entry) and for the model with added effects (second entry)."""
 WORDS = {
-    PATH: f"way ahead in {LEAK:g} s",
-    DRIFT: f"way aside in {LEAK:g} s",
+    PATH: f"distance ahead in {LEAK:g} s",
+    DRIFT: f"distance aside in {LEAK:g} s",
     HEADING: f"turn in {LEAK:g} s",
     SPEED: "speed ahead",
     "body_z": "elevation",
@@ -32,75 +37,96 @@ WORDS = {
     "body_pitch": "pitch",
     "battery_V": "bus voltage",
 }
-"""What channels that are of no wheel or joint are, for a reader."""
+"""Name of a channel that belongs to no wheel or joint -> its name in the report."""
 
 
 class Sides(NamedTuple):
-    """The base model and the model with what was added, on the same runs; the same fit where nothing was added."""
+    """Two fits that figures compare: the fit of the base model (`before`) and of the model with added effects
+    (`after`).
+
+    Both are the same fit if no effect was added.
+    """
 
     before: Fit
     after: Fit
 
     @property
     def added(self) -> bool:
-        """Whether anything was added."""
+        """Whether an effect was added to the base model."""
         return self.after is not self.before
 
     @property
     def experiment(self) -> DriveExperiment:
-        """The runs."""
+        """The experiment that both fits describe: the runs of the drive log."""
         return experiment_of_log(self.before)
 
 
 def words_of(channel: str) -> str:
-    """Return a channel's name for a reader: wheel_rate_fl is 'wheel rate fl'."""
+    """Return the name of a channel in words for the report, such as "wheel rate fl" for wheel_rate_fl."""
     return WORDS.get(channel, channel.removesuffix("_A").replace("_", " "))
 
 
 def worst_runs(fit: Fit) -> list[int]:
-    """Return the runs that the model misses most, by chi2 a block, the worst first."""
+    """Return the numbers of the runs that a fit describes worst, the worst first; at most MAX_RUNS.
+
+    Runs are ranked by their chi2 divided by their number of values. A value is the mean of one channel over half a
+    second.
+    """
     rows, owner = fit.rows, fit.task.noise.fold
+    # Huber's loss instead of squares: a few outliers must not decide which run counts as the worst.
     misfit = [
         huber(rows[owner == run]) / max(int((owner == run).sum()), 1) for run, _ in enumerate(fit.task.experiment.folds)
     ]
-    return [int(run) for run in np.argsort(misfit)[::-1][:RUNS]]
+    return [int(run) for run in np.argsort(misfit)[::-1][:MAX_RUNS]]
 
 
 def telling_channels(sides: Sides) -> list[int]:
-    """Return the channels whose residual changed most, in SDs of its noise; the largest where nothing was added."""
-    rms = [_rms(side) for side in sides]
+    """Return the row numbers of the channels that the figure of residuals shows, at most MAX_CHANNELS.
+
+    If effects were added, these are the channels whose residuals changed most in units of the noise; otherwise the
+    channels with the largest residuals. At most MAX_OF_A_KIND channels of one kind are shown, so that six wheels do not
+    fill the figure.
+    """
+    rms = []
+    for fit in sides:
+        noise = fit.task.noise
+        # `missed` is NaN after a replay has broken off, so that there is no error.
+        rms.append(rms_of(fit.residual, noise.good & ~np.isnan(fit.missed)) / noise.floor)
     size = np.abs(rms[0] - rms[1]) if sides.added else rms[0]
     chosen_rows: list[int] = []
     for row in np.argsort(size)[::-1]:
         kinds = [_kind(sides.experiment.channels[chosen_row]) for chosen_row in chosen_rows]
-        chosen_rows += [int(row)] if kinds.count(_kind(sides.experiment.channels[row])) < OF_A_KIND else []
-    return chosen_rows[:CHANNELS]
+        chosen_rows += [int(row)] if kinds.count(_kind(sides.experiment.channels[row])) < MAX_OF_A_KIND else []
+    return chosen_rows[:MAX_CHANNELS]
 
 
 def _kind(channel: str) -> str:
+    """Return the kind of a channel, such as wheel_rate for wheel_rate_fl.
+
+    The kind is the name without the wheel, or the first word of the name for a channel that belongs to no wheel.
+    """
     wheel = wheel_of(channel)
     return channel.replace(f"_{wheel}", "") if wheel else channel.partition("_")[0]
 
 
-def _rms(fit: Fit) -> np.ndarray:
-    noise = fit.task.noise
-    return rms_of(fit.residual, noise.good & ~np.isnan(fit.missed)) / noise.floor  # no error where a run breaks off
-
-
 def residual_panels(sides: Sides) -> tuple[Figure, ...]:
-    """Return measured - model of the telling channels against time, a panel for each of the worst runs."""
+    """Return figures of the residuals (measured - model) against time, one figure for each of the worst-fitted runs."""
     return tuple(_residuals(sides, run) for run in worst_runs(sides.before))
 
 
 def _residuals(sides: Sides, run: int) -> Figure:
-    """Return the channels of a run, one above the other, what is not compared shaded."""
+    """Return the figure of the residuals of one run against time, with one panel for each channel.
+
+    `run` is the number of the run. Intervals in which a channel is not compared with the model are grey.
+    """
     channels, experiment = telling_channels(sides), sides.experiment
     figure = Figure(figsize=(4.9, 1.5 * len(channels) + 1.1), layout="constrained")
     axes = figure.subplots(len(channels), 1, sharex=True, squeeze=False)[:, 0]
     for axis, row in zip(axes, channels, strict=True):
+        # The unit is chosen by the size of the noise, so that the numbers on the axis are short.
         noise = float(sides.before.task.noise.floor[row])
         factor, unit = in_words(experiment.unit(experiment.channels[row]), noise)
-        axis.set_ylabel(f"{as_text(words_of(experiment.channels[row]))}\n[{unit or '-'}]", fontsize=8.5)
+        axis.set_ylabel(f"{figure_text(words_of(experiment.channels[row]))}\n[{unit or '-'}]", fontsize=8.5)
         _shade_gaps(axis, experiment, run, row)
         axis.axhspan(-factor * noise, factor * noise, color=NOISE, alpha=0.6, lw=0, label="±1 SD of the noise")
         axis.axhline(0, color="k", lw=0.7)
@@ -108,17 +134,22 @@ def _residuals(sides: Sides, run: int) -> Figure:
             times, residual = experiment.runs[run].times, factor * fit.missed[run, row]
             axis.plot(times, residual[: len(times)], color=colour, ls=style, lw=1.3, label=label)
     axes[-1].set_xlabel("time [s]")
+    # One legend for all panels; equal labels appear once.
     handles = {label: handle for axis in axes for handle, label in zip(*axis.get_legend_handles_labels(), strict=True)}
     figure.legend(list(handles.values()), list(handles), loc="outside upper center", ncols=2, frameon=False,
-                  title=as_text(f"{experiment.runs[run].name}: measured - model"), fontsize=8.5)  # fmt: skip
+                  title=figure_text(f"{experiment.runs[run].name}: measured - model"), fontsize=8.5)  # fmt: skip
     return figure
 
 
 def _shade_gaps(axis: Axes, experiment: DriveExperiment, run: int, row: int) -> None:
-    """Shade the stretches of a run in which a channel is not compared."""
+    """Shade the intervals of a run in which a channel is not compared with the model.
+
+    `run` and `row` are the numbers of the run and of the channel in the experiment.
+    """
     times = experiment.runs[run].times
     out = ~np.isfinite(experiment.observed[run, row, : len(times)])
     for number, (start, end) in enumerate(stretches(out)):
+        # A time is the middle of its half second, so the interval begins and ends a quarter of a second outside.
         ends = times[start] - BLOCK / 2, times[end - 1] + BLOCK / 2
         axis.axvspan(*ends, color=GREY, alpha=0.25, lw=0, label=None if number else "not compared")
     axis.set_xlim(times[0] - BLOCK / 2, times[-1] + BLOCK / 2)
@@ -126,77 +157,103 @@ def _shade_gaps(axis: Axes, experiment: DriveExperiment, run: int, row: int) -> 
     axis.grid(alpha=0.25)
 
 
-PARTS, LEAST = 12, 4
-"""Parts of as many half seconds each into which a signal is cut, of few half seconds fewer; half seconds of a part."""
+MAX_PARTS, MIN_PART_SIZE = 12, 4
+"""Maximum number of groups into which the half-second means are divided along a signal, and minimum number of
+half-second means in a group. The residuals are averaged in each group."""
 SIGNALS = {"duty": "mean duty [-]", "slip": "mean slip [-]", "pitch": "pitch [deg]", "place": "x [m]",
            "time": "time in the run [s]"}  # fmt: skip
+"""Name of a signal along which residuals are averaged -> label of its axis."""
 
 
-class Shown(NamedTuple):
-    """What one channel leaves in each part along one signal, before and after."""
+class ResidualAlong(NamedTuple):
+    """Mean residuals of one channel along one signal, without and with the added effects.
+
+    The half-second means of the channel are sorted along the signal and divided into groups of equal size. The
+    residuals are averaged in each group.
+    """
 
     channel: str
     signal: str
     along: np.ndarray
-    "mean of the signal (parts,)"
+    """mean of the signal in each group (groups,)"""
     residual: np.ndarray
-    "mean of measured - model (2, parts), in the channel's unit"
+    """mean of measured - model in each group, without and with the added effects (2, groups), in the channel's unit"""
     sd: np.ndarray
-    "of that mean, by the scatter in its part (2, parts)"
+    """standard deviations of the mean residuals, from the scatter in each group (2, groups)"""
     compared: int
-    "half seconds that are compared"
+    """number of half-second means that are compared"""
 
     @property
     def gain(self) -> float:
-        """How far the sum of squares of the means, in their SDs, falls; how large it is where nothing was added."""
+        """By how much the added effects decrease the sum of squared mean residuals, in units of the squared SDs of
+        these means.
+
+        If no effect was added, this is the sum itself.
+        """
+        # Both sums are in units of the SDs with the added effects, so that they can be subtracted.
         before, after = np.sum((self.residual / self.sd[-1]) ** 2, axis=1)
         return float(before - after if before != after else before)
 
 
-def channel_to_show(sides: Sides) -> Shown | None:
-    """Return the channel and the signal along which what was added takes most; None where too little is compared."""
+def channel_to_show(sides: Sides) -> ResidualAlong | None:
+    """Return the mean residuals of the channel, along the signal, for which the added effects reduce the residuals
+    most.
+
+    The result is None if too few half-second means are compared.
+    """
+    # Every channel is tried along every signal.
     table = signals(Scene(sides.after))
-    chosen = [
+    candidates = [
         _along(sides, row, name, table[name]) for row in range(len(sides.experiment.channels)) for name in SIGNALS
     ]
-    return max(filter(None, chosen), key=lambda section: section.gain, default=None)
+    return max(filter(None, candidates), key=lambda candidate: candidate.gain, default=None)
 
 
-def _along(sides: Sides, row: int, name: str, signal: np.ndarray) -> Shown | None:
+def _along(sides: Sides, row: int, name: str, signal: np.ndarray) -> ResidualAlong | None:
+    """Return the mean residuals of one channel in groups along one signal.
+
+    The result is None if the signal is constant or if too few half-second means are compared. `row` is the number of
+    the channel, `name` is the name of the signal, and `signal` holds its values.
+    """
     residual = np.array([np.where(fit.task.noise.good[:, row], fit.missed[:, row], np.nan) for fit in sides])
     compared = np.isfinite(residual).all(axis=0) & np.isfinite(signal)
-    count = min(PARTS, int(compared.sum()) // LEAST)
+    count = min(MAX_PARTS, int(compared.sum()) // MIN_PART_SIZE)
     if count < 2 or np.ptp(signal[compared]) == 0.0:
         return None
+    # Groups with equal numbers of half-second means, in the order of the signal.
     parts = np.array_split(np.argsort(signal[compared], kind="stable"), count)
     values = [residual[:, compared][:, part] for part in parts]
     means, sds = (np.array([of(value, axis=1) for value in values]).T for of in (np.mean, np.std))
+    # SD of a mean is the SD of the values divided by the square root of their number; tiny avoids a division by 0.
     sds = np.maximum(sds, np.finfo(float).tiny) / np.sqrt([len(part) for part in parts])
     along = np.array([signal[compared][part].mean() for part in parts])
-    return Shown(sides.experiment.channels[row], name, along, means, sds, int(compared.sum()))
+    return ResidualAlong(sides.experiment.channels[row], name, along, means, sds, int(compared.sum()))
 
 
 def effect_picture(sides: Sides) -> Picture | None:
-    """Return the means of that channel's residual with their SDs: the base model, and that with what was added."""
-    section = channel_to_show(sides)
-    if section is None:
+    """Return the picture of the channel and the signal for which the added effects reduce the mean residuals most.
+
+    The result is None if too few half-second means are compared.
+    """
+    shown = channel_to_show(sides)
+    if shown is None:
         return None
-    channel, signal = words_of(section.channel), SIGNALS[section.signal]
-    factor, unit = in_words(sides.experiment.unit(section.channel), float(np.abs(section.residual).max()))
+    channel, signal = words_of(shown.channel), SIGNALS[shown.signal]
+    factor, unit = in_words(sides.experiment.unit(shown.channel), float(np.abs(shown.residual).max()))
     figure = Figure(figsize=(7.2, 3.0), layout="constrained")
     axis = figure.subplots()
-    along = np.degrees(section.along) if section.signal == "pitch" else section.along
+    along = np.degrees(shown.along) if shown.signal == "pitch" else shown.along
     looks = LOOKS[: 1 + sides.added]
-    for missed, sd, (colour, style, label) in zip(section.residual, section.sd, looks, strict=False):
+    for missed, sd, (colour, style, label) in zip(shown.residual, shown.sd, looks, strict=False):
         axis.errorbar(along, factor * missed, factor * sd, color=colour, ls=style, marker="o", ms=4, lw=1.3, capsize=2,
                       label=label)  # fmt: skip
     axis.axhline(0, color="k", lw=0.9, label="as measured")
-    axis.set(xlabel=signal, ylabel=f"{as_text(channel)}:\nmeasured - model [{unit or '-'}]")
+    axis.set(xlabel=signal, ylabel=f"{figure_text(channel)}:\nmeasured - model [{unit or '-'}]")
     axis.grid(alpha=0.25)
     figure.legend(loc="outside upper center", ncols=3, frameon=False, fontsize=8.5)
-    where = "it shows most" if sides.added else "most is left"
-    blocks = f"{section.compared} half seconds of {len(sides.experiment.runs)} runs in {len(along)} parts"
-    errors = [f"{factor * float(np.sqrt(np.mean(residual**2))):.2g} {unit}" for residual in section.residual]
+    where = f"The added effects change {channel} most" if sides.added else f"{channel} has the largest residual"
+    blocks = f"{shown.compared} blocks of half a second from {len(sides.experiment.runs)} runs, in {len(along)} parts"
+    errors = [f"{factor * float(np.sqrt(np.mean(residual**2))):.2g} {unit}" for residual in shown.residual]
     alt = f"Measured minus model of {channel} against {signal}, RMS of the means: {errors[0]}"
     alt += f" before, {errors[1]} after." if sides.added else "."
-    return Picture((figure,), alt, f"Where {where}: {channel}, means with their SDs; {blocks}.")
+    return Picture((figure,), alt, f"{where[:1].upper()}{where[1:]}. Means with their SDs: {blocks}.")

@@ -1,1 +1,4 @@
-"""The report of a wheel-rig set: start at `report.write_report`."""
+"""The report of wheel-rig data sets. `report` writes the page, and `figures` draws channels and residuals.
+
+Start at `report.write_report`.
+"""

@@ -1,4 +1,6 @@
-"""The pictures of a rig's report: channels against slip, measured, before and after, and what each model leaves."""
+"""Figures of the report of wheel-rig data: channels against slip, measured and predicted, and residuals against
+slip.
+"""
 
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
@@ -15,12 +17,16 @@ from rover_pin.measurements.rig_set import SAME_LOAD, RigSet
 from rover_pin.report.svg import AFTER, BEFORE, GREY
 from rover_pin.report.words import key
 
-PANEL = (5.2, 3.0)
-POINTS = 80
+PANEL_SIZE = (5.2, 3.0)
+"""Width and height of a panel [inch]."""
+CURVE_POINTS = 80
+"""Number of points of a predicted curve."""
+SAME_SLIP = 0.02
+"""Runs whose slips differ by less than this count as runs at the same slip [-]."""
 
 
 class Look(NamedTuple):
-    """How one model is drawn."""
+    """A model that a figure shows, with the colour, line style and label of its curves."""
 
     model: RigModel
     colour: str
@@ -29,22 +35,33 @@ class Look(NamedTuple):
 
 
 def looks(before: RigModel, after: RigModel | None, added: str) -> list[Look]:
-    """Return the models that are drawn: the base model, and that with what was added."""
+    """Return the models that a figure shows: the base model, and the model with added effects (`after`) unless it is
+    None.
+
+    `added` names the added effects in the legend.
+    """
     drawn_models = [Look(before, BEFORE, "--", "base model, fitted")]
     return drawn_models if after is None else [*drawn_models, Look(after, AFTER, "-", key(added))]
 
 
 def channel_panels(data: RigSet, drawn_models: Sequence[Look]) -> tuple[Figure, ...]:
-    """Return one panel a channel: measured points with their noise, and the models under the load of each point."""
+    """Return one figure for each channel against slip: the measured points with their noise, and a curve of each
+    model.
+    """
     return tuple(_panel(data, channel, drawn_models) for channel in data.channels)
 
 
 def _panel(data: RigSet, channel: RigChannel, drawn_models: Sequence[Look]) -> Figure:
-    figure = Figure(figsize=PANEL, layout="constrained")
+    """Return the figure of one channel against slip.
+
+    The labels with load and slip angle stand at the curves of the last model only.
+    """
+    figure = Figure(figsize=PANEL_SIZE, layout="constrained")
     axis, (scale, unit) = figure.subplots(), in_words(channel.unit)
     measured, sd = scale * channel.measured, scale * channel.sd
     axis.errorbar(data.slip, measured, sd, fmt="ko", ms=4, capsize=2, label="measured, ±1 SD")
     for look in drawn_models:
+        # Only the first curve of a model gets an entry in the legend.
         for number, (slip, values, curve_label) in enumerate(_curves(look.model, data, channel)):
             axis.plot(slip, scale * values, look.line, color=look.colour, label=None if number else look.label)
             if curve_label and look is drawn_models[-1] and np.isfinite(values).any():
@@ -59,26 +76,40 @@ def _panel(data: RigSet, channel: RigChannel, drawn_models: Sequence[Look]) -> F
 
 
 Curve = tuple[np.ndarray, np.ndarray, str]
+"""Type of a curve: slips, predicted values and label."""
 
 
 def _curves(model: RigModel, data: RigSet, channel: RigChannel) -> Iterator[Curve]:
-    """Yield the model against slip, what its channel is, and what the curve is of: an angle, a load, or nothing."""
+    """Yield the curves of a model for one channel: one curve for each slip angle and each of up to three loads.
+
+    The label of a curve states its slip angle and its load, if the runs differ in them.
+    """
     angles = np.round(data.slip_angle, 2)
     for angle in np.unique(angles):
         subset = data.rows(angles == angle)
-        of = f"{np.degrees(angle):.0f} deg" if np.ptp(angles) > 0 else ""
+        angle_label = f"{np.degrees(angle):.0f} deg" if np.ptp(angles) > 0 else ""
         for load, load_label in _loads(subset):
-            slip = np.linspace(min(0.0 if angle == 0.0 else 1.0, subset.slip.min()), subset.slip.max(), POINTS)
-            under = _along(subset, slip, subset.load) if load is None else np.full(slip.size, load)
-            runs = conditions(under, slip, _speeds(subset, slip), np.mean(subset.slip_angle))
+            # A curve begins at slip 0, or at the smallest measured slip if that is negative or the wheel is askew.
+            slip = np.linspace(min(0.0 if angle == 0.0 else 1.0, subset.slip.min()), subset.slip.max(), CURVE_POINTS)
+            loads = _along(subset, slip, subset.load) if load is None else np.full(slip.size, load)
+            speeds = None
+            if subset.speeds is not None:
+                speeds = np.column_stack([_along(subset, slip, np.asarray(subset.speeds)[:, i]) for i in range(2)])
+            # Conditions as in the runs: load, slip, speeds and slip angle.
+            runs = conditions(loads, slip, speeds, np.mean(subset.slip_angle))
             values = predictor(model, (), runs)(model.vector()).values
-            yield slip, values[RIG_CHANNELS.index(type(channel))], ", ".join(filter(None, (of, load_label)))
+            yield slip, values[RIG_CHANNELS.index(type(channel))], ", ".join(filter(None, (angle_label, load_label)))
 
 
 def _loads(data: RigSet) -> list[tuple[float | None, str]]:
-    """Return the loads of curves: three where several were set, else that of the points at each slip."""
+    """Return the loads [N] under which the curves of a model are drawn, each with the label of its curve.
+
+    If the loads were chosen independently of the slip, these are the smallest, the median and the largest load.
+    Otherwise the list has one entry, whose load is None: the curve follows the measured load along the slip, and has no
+    label.
+    """
     load = data.load
-    if not data.loads_vary or not _set_apart(data):
+    if not data.loads_vary or not _loads_were_chosen(data):
         return [(None, "")]
     return [
         (float(drawn_load), f"{drawn_load:.3g} N")
@@ -86,51 +117,64 @@ def _loads(data: RigSet) -> list[tuple[float | None, str]]:
     ]
 
 
-def _set_apart(data: RigSet) -> bool:
-    """Return whether loads differ at one slip: then they were set, and no curve through them has a meaning."""
+def _loads_were_chosen(data: RigSet) -> bool:
+    """Return whether runs at the same slip had different loads, so that the loads were chosen independently of the
+    slip.
+
+    In this case a single curve over slip would join points under different loads.
+    """
     slip, load = data.slip, data.load
-    same_slip = np.abs(slip[:, None] - slip) < 0.02
+    # All pairs of runs: some pair has nearly the same slip, and loads with a ratio of SAME_LOAD or more.
+    same_slip = np.abs(slip[:, None] - slip) < SAME_SLIP
     return bool(np.any(same_slip & (load[:, None] >= SAME_LOAD * load)))
 
 
 def _along(data: RigSet, slip: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Return the mean of a quantity at the levels, between them in a straight line."""
+    """Return a quantity of the runs (`values`) at the slips `slip`.
+
+    The quantity is interpolated linearly between its means at the slip levels.
+    """
+    # A slip level is a group of runs with nearly the same slip.
     levels = [data.level == number for number in range(len(data.level_names))]
-    at = np.array([np.mean(data.slip[at_level]) for at_level in levels])
-    means = np.array([np.mean(values[at_level], axis=0) for at_level in levels])
-    order = np.argsort(at)
-    return np.asarray(np.interp(slip, at[order], means[order]))
-
-
-def _speeds(data: RigSet, slip: np.ndarray) -> np.ndarray | None:
-    if data.speeds is None:
-        return None
-    return np.column_stack([_along(data, slip, np.asarray(data.speeds)[:, i]) for i in range(2)])
+    level_slips = np.array([np.mean(data.slip[is_in_level]) for is_in_level in levels])
+    means = np.array([np.mean(values[is_in_level], axis=0) for is_in_level in levels])
+    order = np.argsort(level_slips)
+    return np.asarray(np.interp(slip, level_slips[order], means[order]))
 
 
 def load_caption(data: RigSet) -> str:
-    """Return under which load the models are drawn."""
+    """Return the sentence of a caption that states the loads under which the models' curves are drawn."""
     load = data.load
     if (drawn := len(_loads(data))) > 1:
         count = {2: "two", 3: "three"}[drawn]
         which = f"the {count} loads" if np.unique(load).size == drawn else f"{count} of the loads"
-        return f"The models are drawn at {which} that were set, as written at their ends."
+        return f"The models are drawn under {which} of the runs, which the ends of the curves state."
     if np.ptp(load) < 0.01 * load.mean():
         return f"The models are drawn under the mean load, {load.mean():.3g} N."
     return f"The models are drawn under the load that each level had: {load.min():.3g} to {load.max():.3g} N."
 
 
 def residual_panels(data: RigSet, before: FitDiagnostics, after: FitDiagnostics | None) -> tuple[Figure, ...]:
-    """Return one panel a channel: the mean of measured - model at each level, with its noise, before and after."""
-    line = "" if _set_apart(data) or np.ptp(data.slip_angle) > 0 else "-"  # no line through loads
+    """Return one figure for each channel: the mean residual at each slip level, with its noise.
+
+    `before` and `after` are the diagnostics of the base model and of the model with added effects; `after` is None if
+    no effect was added.
+    """
+    # A line through the levels would join different loads or slip angles.
+    line = "" if _loads_were_chosen(data) or np.ptp(data.slip_angle) > 0 else "-"
     return tuple(_residual_panel(row, channel, before, after, line) for row, channel in enumerate(data.channels))
 
 
 def _residual_panel(
     row: int, channel: RigChannel, before: FitDiagnostics, after: FitDiagnostics | None, line: str
 ) -> Figure:
-    figure = Figure(figsize=(PANEL[0], 3.1), layout="constrained")
+    """Return the figure of the residuals of one channel against slip.
+
+    `row` is the number of the channel, and `line` is the style of the line through the slip levels (empty for no line).
+    """
+    figure = Figure(figsize=(PANEL_SIZE[0], 3.1), layout="constrained")
     axis, (scale, unit) = figure.subplots(), in_words(channel.unit)
+    # The band shows the noise of a single run; the bars show the noise of the mean of a level.
     noise = scale * float(np.sqrt(np.mean(channel.sd**2)))
     axis.axhspan(-noise, noise, color=GREY, alpha=0.2, lw=0, label="±1 SD of one run")
     _levels(axis, before, row, scale, (BEFORE, "o", "before", line))
@@ -144,6 +188,10 @@ def _residual_panel(
 
 
 def _levels(axis: Axes, side: FitDiagnostics, row: int, scale: float, style: tuple[str, str, str, str]) -> None:
+    """Draw the mean residuals of one model at each slip level. `style` is the colour, marker, label and line style.
+
+    `row` is the number of the channel, and `scale` converts its residuals from SI to the unit of the axis.
+    """
     levels = sorted(side.residuals[row].levels, key=lambda level: level.slip)
     colour, marker, label, line = style
     axis.errorbar(

@@ -1,1 +1,1 @@
-"""Sections that the report of any data has: each a function, see `report.section`."""
+"""Sections that the reports of all kinds of data have. Each function takes a verdict and returns a `page.Section`."""

@@ -1,4 +1,4 @@
-"""Errors on what was not fitted: by channel, and by what was left out."""
+"""The section on the held-out errors: by channel, and by the part of the data that was held out of the fit."""
 
 import math
 from collections.abc import Sequence
@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
+from rover_pin.base.encode import figure_text
 from rover_pin.discrepancy.held_out_errors import ChannelScore
 from rover_pin.discrepancy.rivals import is_better
 from rover_pin.discrepancy.verdict import Verdict
@@ -15,13 +16,15 @@ from rover_pin.estimation.wording import MAX_NAMED, Outcome, figure, format_valu
 from rover_pin.report.headline import by_outcome, worst
 from rover_pin.report.page import AWAY, Picture, Row, Section, Table
 from rover_pin.report.svg import AFTER, BEFORE, GREY
-from rover_pin.report.words import Labels, as_text
-
-CAPTION = "What a user would otherwise take, on the same data left out; marked where it is better than the model"
+from rover_pin.report.words import Labels
 
 
 def held_out_section(verdict: Verdict, labels: Labels) -> Section | None:
-    """Return held-out errors before and after, with what may be claimed of each; None where nothing could be fitted."""
+    """Return the section with the held-out errors and the claims that they allow; None if there are no held-out errors.
+
+    Each fold of the data (a run or a slip level) is predicted by a fit to all other folds. The errors are those of the
+    base model and of the model with added effects.
+    """
     scores, added = verdict.scores, bool(verdict.named)
     if not scores:
         return None
@@ -34,41 +37,50 @@ def held_out_section(verdict: Verdict, labels: Labels) -> Section | None:
         "baselines": baseline_table(verdict, labels),
         "worse": got_worse((labels.channel(score.name), score.worded) for score in scores) if added else "",
     }
-    pictures = {"heldout": _picture(scores, added, labels)} if len(scores) > MAX_NAMED else {}
-    return Section("Error on data that were not fitted", "sections/held_out.html", content, pictures)
-
-
-def _picture(scores: Sequence[ChannelScore], added: bool, labels: Labels) -> Picture:
-    """Return the errors of many channels at a glance."""
-    better, worse = (len(by_outcome(scores, outcome)) for outcome in (Outcome.BETTER, Outcome.WORSE))
-    summary = f"{better} of {len(scores)} channels are predicted better and {worse} worse"
-    alt = f"Held-out error of each channel over its noise; {summary if added else 'nothing was added'}."
-    return Picture((heldout_panel(scores, added, labels),), alt)
+    # A few channels are clear from the table alone; many channels need a picture.
+    pictures = {}
+    if len(scores) > MAX_NAMED:
+        better, worse = (len(by_outcome(scores, outcome)) for outcome in (Outcome.BETTER, Outcome.WORSE))
+        summary = f"{better} of {len(scores)} channels are predicted better and {worse} worse"
+        alt = f"Held-out error of each channel over its noise; {summary if added else 'nothing was added'}."
+        pictures["heldout"] = Picture((heldout_panel(scores, added, labels),), alt)
+    return Section("Held-out errors", "sections/held_out.html", content, pictures)
 
 
 def parts_table(verdict: Verdict, labels: Labels) -> Table:
-    """Return the errors by what was left out: of every channel where there are few, else of all together."""
+    """Return the table of the errors in each held-out fold of the data, which is a run or a slip level.
+
+    If there are few channels, the table has the error of each channel; otherwise it has chi2 of all channels together.
+    """
     scores, added = verdict.scores, bool(verdict.named)
     if len(scores) > MAX_NAMED or not all(score.levels for score in scores):
-        return _together(verdict, labels)
-    heads = ("left out", *(labels.channel(score.name) + ", before to after" * added for score in scores))
+        return _misfit_table(verdict, labels)
+    # One row for each held-out fold, and one column for each channel.
+    heads = ("held out", *(labels.channel(score.name) + ", before to after" * added for score in scores))
     pairs = zip(*([_level(level, score, added) for level in score.levels] for score in scores), strict=True)
     names = [level.level for level in scores[0].levels]
     return Table(heads, tuple(Row((labels.fold(name), *cells)) for name, cells in zip(names, pairs, strict=True)))
 
 
-def _together(verdict: Verdict, labels: Labels) -> Table:
+def _misfit_table(verdict: Verdict, labels: Labels) -> Table:
+    """Return the table of chi2 per measured value, all channels together, in each held-out fold (a run or a slip
+    level).
+    """
     added, rows = bool(verdict.named), []
     for run_score in verdict.runs:
         cells = (labels.fold(run_score.run), f"{run_score.blocks}", figure(run_score.before, ".2f"))
         after = (figure(run_score.after, ".2f"), run_score.worded.text) if added else ()
+        # A row is marked if the whole interval of the change is above zero, so that the fold became worse.
         rows.append(Row((*cells, *after), AWAY * (added and run_score.low > 0)))
-    heads = ("left out", "blocks", *(("before", "after", "change, 95 %") if added else ("misfit",)))
-    return Table(heads, tuple(rows), "All channels together: chi2 for each number measured; 1 is the noise.")
+    heads = ("held out", "blocks", *(("before", "after", "change, 95 %") if added else ("chi2 per value",)))
+    return Table(heads, tuple(rows), "All channels together: chi2 per measured value, where 1 is the noise.")
 
 
 def baseline_table(verdict: Verdict, labels: Labels) -> Table | None:
-    """Return the held-out errors of what a user would otherwise take, beside the model's; None where none was tried."""
+    """Return the table that compares the held-out errors of simple curves with those of the model.
+
+    The result is None if no curve was tried.
+    """
     scores = {score.name: score for score in verdict.scores}
     rows = []
     for baseline in verdict.baselines:
@@ -77,10 +89,17 @@ def baseline_table(verdict: Verdict, labels: Labels) -> Table | None:
             errors = format_value(baseline.error, baseline.unit), format_value(score.after, baseline.unit)
             away = AWAY * is_better(baseline.error, score.floor, score.after)
             rows.append(Row((labels.channel(baseline.channel), curve, *errors), away))
-    return Table(("channel", "otherwise", "its error", "the model's"), tuple(rows), CAPTION) if rows else None
+    heads = ("channel", "curve", "error of the curve", "error of the model")
+    caption = "Simple curves in place of the model, on the same held-out data. A mark shows where the curve is better."
+    return Table(heads, tuple(rows), caption) if rows else None
 
 
 def _level(level: Any, score: ChannelScore, added: bool) -> str:
+    """Return the errors of a channel in one held-out fold (`level`) as text, or a dash if nothing was measured in the
+    fold.
+
+    The text has the error without and, if effects were added (`added`), with the added effects.
+    """
     if math.isnan(level.before) and level.level not in score.lost:
         return "-"
     before = format_value(level.before, score.unit)
@@ -88,8 +107,10 @@ def _level(level: Any, score: ChannelScore, added: bool) -> str:
 
 
 def channel_table(scores: Sequence[ChannelScore], added: bool, labels: Labels) -> Table:
-    """Return held-out errors by channel, the farthest from its noise first."""
-    heads = ("channel", "before", "after", "change, 95 %", "noise", "times the noise", "what may be said")
+    """Return the table of held-out errors by channel. The channel with the largest error relative to its noise comes
+    first.
+    """
+    heads = ("channel", "before", "after", "change, 95 %", "noise", "times the noise", "claim")
     rows = []
     for score in worst(scores):
         name, floor, times = (
@@ -108,20 +129,25 @@ def channel_table(scores: Sequence[ChannelScore], added: bool, labels: Labels) -
 
 
 def heldout_panel(scores: Sequence[ChannelScore], added: bool, labels: Labels) -> Figure:
-    """Return each channel's held-out error in times its noise, before and after."""
+    """Return the figure of each channel's held-out error divided by its noise, without and with the added effects.
+
+    The axis is logarithmic. A hollow marker without a line shows a channel whose change is within the scatter, so that
+    no change is claimed.
+    """
     ranked = sorted(scores, key=lambda score: score.times(score.before))
     places = np.arange(len(ranked))
     before, after = np.array([(score.times(score.before), score.times(score.after)) for score in ranked]).T
     figure = Figure(figsize=(7.2, 0.24 * len(ranked) + 1.3), layout="constrained")
     axis = figure.subplots()
+    # The line at 1 marks an error as large as the noise.
     axis.axvline(1, color="k", lw=0.8)
     axis.plot(before, places, "o", color=BEFORE, ms=5, label="base model")
     if added:
         changed = np.array([score.worded.outcome in (Outcome.BETTER, Outcome.WORSE) for score in ranked], dtype=bool)
         axis.hlines(places[changed], before[changed], after[changed], color=GREY, lw=1, zorder=1)
-        axis.plot(after[changed], places[changed], "s", color=AFTER, ms=5, label="with what was added")
+        axis.plot(after[changed], places[changed], "s", color=AFTER, ms=5, label="with added effects")
         axis.plot(after[~changed], places[~changed], "s", color=AFTER, mfc="none", ms=5, label="no change to claim")
-    axis.set_yticks(places, [as_text(labels.channel(score.name)) for score in ranked], fontsize=8.5)
+    axis.set_yticks(places, [figure_text(labels.channel(score.name)) for score in ranked], fontsize=8.5)
     axis.set_xscale("log")
     axis.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axis.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))

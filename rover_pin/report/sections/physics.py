@@ -1,4 +1,4 @@
-"""What was added: its meaning, how much it does, its equation, and its numbers with their sources."""
+"""The section on the added effects: meaning, influence on the channels, equation, and numbers with their sources."""
 
 import inspect
 from collections.abc import Callable
@@ -18,19 +18,26 @@ from rover_pin.report.words import Labels, brief, capital
 def physics_section(
     verdict: Verdict, labels: Labels, describe_size: Callable[[Any], str] = lambda effect: ""
 ) -> Section | None:
-    """Return each added effect, None where there is none.
+    """Return the section that describes each added effect; None if no effect was added.
 
-    `describe_size` says more of how much one does, where a kind of data can.
+    `describe_size` is a function that returns one more sentence on the influence of an effect, for example on a drive
+    on level ground, or an empty text.
     """
     if not verdict.effects or verdict.after is None:
         return None
     effects = [_effect(effect, verdict.after, labels, describe_size) for effect in verdict.effects]
-    return Section("What was added, and how much it does", "sections/physics.html", {"effects": effects})
+    return Section("Added effects and their influence", "sections/physics.html", {"effects": effects})
 
 
 def _effect(effect: Any, side: Side, labels: Labels, describe_size: Callable[[Any], str]) -> dict[str, Any]:
+    """Return what the section's template shows of one added effect, by the names of the template's variables.
+
+    These are its title, name, meaning, influence, law, and table of parameters. `side` holds the fit of the model with
+    the added effects.
+    """
     kind, fitted = type(effect), side.fit
     records = fitted.task.experiment.records(fitted.model)
+    # Two effects of one class may be in the model; the equal effect is taken.
     owners = [name for name, record in records.items() if type(record) is kind]
     owner = next((name for name in owners if records[name] == effect), owners[0])
     sentences = [practical(fitted, owner, labels), describe_size(effect)]
@@ -40,13 +47,16 @@ def _effect(effect: Any, side: Side, labels: Labels, describe_size: Callable[[An
         "name": owner,
         "meaning": capital(meaning_of(kind)) + ".",
         "does": [line for line in sentences if line],
-        "equation": paragraphs[0] if paragraphs else "",
-        "more": paragraphs[1:],
+        "law": paragraphs,
         "numbers": _numbers(effect, owner, side),
     }
 
 
 def _numbers(effect: Any, owner: str, side: Side) -> Table:
+    """Return the table of an effect's parameters: fitted values, defaults, bounds, and sources of the defaults.
+
+    `owner` is the name of the effect in the fitted model.
+    """
     fitted = {number.name: number for number in side.numbers}
     rows = []
     for name, quantity in quantities(effect).items():
@@ -59,22 +69,26 @@ def _numbers(effect: Any, owner: str, side: Side) -> Table:
     return Table(("parameter", "fitted, 95 %", "default", "allowed", "source of the default"), tuple(rows))
 
 
-SMALL = 1.0
-"""SDs of its noise below which what an effect does to a channel is not worth a word."""
+MIN_INFLUENCE = 1.0
+"""Smallest influence of an effect on a channel that the report describes, as a multiple of the channel's noise."""
 
 
-class Size(NamedTuple):
-    """What an effect does to one channel where it does most [the channel's unit]."""
+class Influence(NamedTuple):
+    """Largest influence of an effect on one channel, over all compared values of all runs or slip levels."""
 
     channel: str
     unit: str
     fold: str
+    """name of the run or slip level with the largest influence"""
     with_it: float
+    "predicted value with the effect, in the channel's unit"
     without: float
+    "predicted value with the effect at its neutral values"
     in_noise: float
+    """difference of the two predicted values, divided by the SD of the channel's noise"""
 
     def describe(self, labels: Labels) -> str:
-        """One clause for a reader."""
+        """Return the influence as a clause: "sinkage is 12 mm instead of 10 mm, 2.0 mm more, 20%, at S = 0.5"."""
         by = abs(self.with_it - self.without)
         share = f", {by / abs(self.without):.0%}" if abs(self.without) > by else ""
         more = "more" if self.with_it > self.without else "less"
@@ -84,24 +98,35 @@ class Size(NamedTuple):
         )
 
 
-def channel_changes(fitted: Fit, owner: str) -> list[Size]:
-    """Return what an effect of a fitted model does to each channel, the most in SDs of its noise first."""
+def channel_changes(fitted: Fit, owner: str) -> list[Influence]:
+    """Return the influence of an effect on each channel. The channel with the largest influence relative to its noise
+    is first.
+
+    The influence is the difference of two predictions: with the effect, and with the effect at its neutral values,
+    where it vanishes. `owner` is the name of the effect in the fitted model.
+    """
     experiment = fitted.task.experiment
     effect = experiment.records(fitted.model)[owner]
     bare = experiment.replace_record(fitted.model, owner, effect.replace(**effect.neutral))
     predicted = experiment.predict([fitted.model, bare])
+    # Only values that were measured count; elsewhere nothing shows the effect.
     difference = np.where(np.isfinite(experiment.observed), predicted[0] - predicted[1], 0.0)
     changes = []
-    for at, channel in enumerate(experiment.channels):
-        noise = max(float(fitted.task.noise.floor[at]), 1e-300)
-        fold, sample = np.unravel_index(int(np.argmax(np.abs(difference[:, at]))), difference[:, at].shape)
-        with_it, bare_value = (float(side[fold, at, sample]) for side in predicted)
+    for row, channel in enumerate(experiment.channels):
+        noise = max(float(fitted.task.noise.floor[row]), 1e-300)
+        # Position of the largest difference of this channel, as the fold and the sample in it.
+        fold, sample = np.unravel_index(int(np.argmax(np.abs(difference[:, row]))), difference[:, row].shape)
+        with_it, bare_value = (float(side[fold, row, sample]) for side in predicted)
         by = abs(with_it - bare_value) / noise
-        changes.append(Size(channel, experiment.unit(channel), experiment.folds[fold], with_it, bare_value, by))
-    return sorted(changes, key=lambda size: -size.in_noise)
+        changes.append(Influence(channel, experiment.unit(channel), experiment.folds[fold], with_it, bare_value, by))
+    return sorted(changes, key=lambda influence: -influence.in_noise)
 
 
 def practical(fitted: Fit, owner: str, labels: Labels) -> str:
-    """Return in one sentence what an effect does to the channels where it does most; empty where to none."""
-    clauses = [size.describe(labels) for size in channel_changes(fitted, owner)[:MAX_LISTED] if size.in_noise >= SMALL]
-    return f"With it {'; '.join(clauses)}." if clauses else ""
+    """Return a sentence on the channels that an effect changes most; an empty text if all changes are below the noise.
+
+    `owner` is the name of the effect in the fitted model.
+    """
+    largest = channel_changes(fitted, owner)[:MAX_LISTED]
+    clauses = [influence.describe(labels) for influence in largest if influence.in_noise >= MIN_INFLUENCE]
+    return f"With this effect {'; '.join(clauses)}." if clauses else ""

@@ -1,5 +1,6 @@
-"""What a rover's URDF and TOML say, and whether a rover can be made of it; nothing here moves yet.
+"""Reading and checking of a rover's two files, the URDF and the TOML, before a drive.
 
-`tree` and `layout` read the two files, `faults` judges them stage by stage, `as_driven` puts joints into the forms that
-drives know. Start with `layout.read_layout`.
+`tree` reads the URDF and `layout` the TOML, `joint_forms` rewrites the joints as drives need them, and `faults` lists
+the faults of both files. `inertia_check`, `drawn_axis` and `cross_check` are parts of this check; `meshes` reads mesh
+files.
 """

@@ -1,76 +1,121 @@
-"""Which joint of a URDF plays which part of a rover: the small TOML beside it."""
+"""Reading of a rover's TOML, which states the role of each joint of the URDF, the wheel sizes, springs, motor and soil.
 
-from collections.abc import Mapping
+`read_layout` reads the TOML and the URDF that it names; `Layout` is the result.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+from rover_pin.base.encode import printable
 from rover_pin.base.errors import DataError, ParameterError, UrdfError, closest
 from rover_pin.base.files.bounded import text
 from rover_pin.base.files.paths import is_file
 from rover_pin.base.files.toml_file import read_toml
-from rover_pin.base.quantity import record_from
+from rover_pin.base.quantity import Record, as_float, quantity, record_from
 from rover_pin.base.trust import Trust
-from rover_pin.contact import Wheel
+from rover_pin.contact import Scalar, Wheel
 from rover_pin.effects.spring_damper import SpringDamper
-from rover_pin.rover.description.as_driven import as_driven
-from rover_pin.rover.description.motor_sheet import MotorSheet
-from rover_pin.rover.description.rover_toml import part_of, read_forms, read_motor, read_soil, read_springs
+from rover_pin.rover.description.joint_forms import JointForms, normalise_urdf
 from rover_pin.rover.description.tree import urdf_text
 
 KEYS = (
     *("name", "urdf", "base", "base_rpy", "cut", "tied_sides", "wheels", "wheel", "steering", "suspension"),
     *("differential", "coupled", "held", "springs", "motor", "soil"),
 )
+"""All keys that a rover's TOML may have."""
 NEEDED = ("name", "urdf", "base", "wheels", "wheel")
+"""The keys that a rover's TOML must have."""
+
+
+UNSTATED = "a data sheet has it: see [motor] in the rover's TOML"
+"""Source that is shown for the two numbers of a motor that have no default, because every data sheet states them."""
+
+
+@dataclass(frozen=True)
+class MotorSheet(Record):
+    """The data sheet of a wheel's motor: torque and speed of the shaft at full voltage, and the gear to the wheel.
+
+    The stall torque at the wheel is efficiency * gear * stall_torque, and the no-load speed of the wheel is
+    no_load_speed / gear. The data sheet of a gear motor states the values at its output, so that gear = 1.
+
+    Source: the straight line of a DC motor between stall torque and no-load speed, which every data sheet has.
+    Simplified: the gear's losses are proportional to the torque, and are the same when the wheel drives the motor.
+
+    Examples
+    --------
+    >>> MotorSheet(stall_torque=12.0, no_load_speed="20rpm").gear
+    1.0
+    """
+
+    stall_torque: Scalar = quantity(1.0, "N m", UNSTATED, 1e-6, 1e5)
+    no_load_speed: Scalar = quantity(2.0, "rad/s", UNSTATED, 1e-3, 1e5)
+    voltage: Scalar = quantity(12.0, "V", "assumed: only currents depend on it", 0.1, 1e3)
+    gear: Scalar = quantity(1.0, "", "assumed: the sheet is of the geared motor's output", 1e-2, 1e5)
+    efficiency: Scalar = quantity(1.0, "", "assumed: the sheet is of the geared motor's output", 0.05, 1.0)
+    rotor_inertia: Scalar = quantity(0.0, "kg m^2", "assumed: none", 0.0, 10.0)
 
 
 @dataclass(frozen=True)
 class Axle:
-    """The joints of an axle's left and right wheel, and those that steer them; the wheels' size."""
+    """One axle of a rover: the joints of its two wheels, the joints that steer them, and the size of the wheels."""
 
     name: str
     wheels: tuple[str, str]
+    "joints of the left and the right wheel"
     steering: tuple[str | None, str | None]
+    """joints that steer the left and the right wheel; None for a wheel that is not steered"""
     wheel: Wheel
 
 
 @dataclass(frozen=True)
 class Layout:
-    """A rover's TOML, read: names of joints only; `file` is the URDF's name for messages."""
+    """The content of a rover's TOML, in which joints are given by name, and the text of its URDF."""
 
     name: str
     file: str
+    """name of the URDF file, for error messages"""
     text: str
-    "the URDF's, as it is driven: see `as_driven`"
+    """text of the URDF, rewritten by `normalise_urdf`"""
     base: str
+    """link whose frame is the base frame of the rover"""
     axles: tuple[Axle, ...]
+    """axles in the order from front to rear"""
     suspension: Mapping[str, tuple[str, ...]]
-    "channel -> joints (left, right), or the one joint in the middle"
+    """name of a suspension angle -> its joints (left, right), or its only joint in the middle"""
     differential: tuple[str, str] | None
+    """the two rockers that a differential joins, left and right; None: there is no differential"""
     coupled: tuple[str, ...] = ()
-    "joints that the TOML lets follow others and that are in no table besides"
+    """joints that only the table [coupled] of the TOML names"""
     springs: tuple[SpringDamper, ...] = ()
     motor: MotorSheet | str | None = None
     soil: Mapping[str, Any] = field(default_factory=dict)
-    "[soil] as it is written: the ground to drive on where nothing else is said"
+    """table [soil] of the TOML, for drives for which the user states no other soil"""
     changes: tuple[str, ...] = ()
-    "what was changed in the URDF, a sentence each"
+    """changes of the URDF that `normalise_urdf` made, one sentence for each"""
 
     @property
     def wheel_joints(self) -> list[str]:
-        """The wheels' joints, from front to rear, left before right."""
+        """Return the names of the wheels' joints, in the order from front to rear, left before right."""
         return [joint for axle in self.axles for joint in axle.wheels]
 
     @property
     def angles(self) -> dict[str, str]:
-        """Channel -> joint of every suspension and steering angle."""
+        """Return, for every angle of suspension and steering, the name of its column in a trace -> the name of its
+        joint.
+        """
         return dict(self.channels)
 
     @property
     def channels(self) -> list[tuple[str, str]]:
-        """Channel and joint of every suspension and steering angle; no channel may be there twice."""
+        """Return (name of the column in a trace, name of the joint) for every angle of suspension and steering.
+
+        The result is a list and not a mapping, because two tables of a faulty TOML may give one name to two angles;
+        `read_layout` refuses such a TOML.
+        """
         channels = []
         for name, joints in self.suspension.items():
             ends = [""] if len(joints) == 1 else ["_l", "_r"]
@@ -82,7 +127,9 @@ class Layout:
 
     @property
     def pairs(self) -> list[tuple[str, str]]:
-        """The joints (left, right) that are each other's mirror image; one in the middle is its own."""
+        """Return the pairs of joints (left, right) that are mirror images of each other. A joint in the middle of the
+        rover is paired with itself.
+        """
         pairs = [axle.wheels for axle in self.axles]
         pairs += [(a, b) for axle in self.axles for a, b in [axle.steering] if a is not None and b is not None]
         pairs += [(joints[0], joints[-1]) for joints in self.suspension.values()]
@@ -90,47 +137,84 @@ class Layout:
 
 
 def shipped_toml(name: str) -> Path:
-    """Return the TOML of a rover that comes with the package.
+    """Return the path of the TOML of a rover that comes with the package.
 
-    Raises UrdfError: there is none of this name.
+    Raises UrdfError: the package has no rover with this name.
     """
     rovers = {file.stem: file for file in rover_folder().glob("*.toml")}
     if name not in rovers:
         raise UrdfError(
-            f"There is no rover '{name}': {closest(name, rovers)} For one of your own give the path of its .toml."
+            f"There is no rover '{name}': {closest(name, rovers)} For your own rover give the path of its .toml."
         )
     return rovers[name]
 
 
 def rover_folder() -> Path:
-    """Return the folder of the rovers that come with the package: inside it, or beside it in a checkout."""
+    """Return the folder of the rovers that come with the package: inside the package, or next to it in a checkout."""
     package = Path(str(files("rover_pin")))
     inside = package / "urdf"
     return inside if inside.is_dir() else package.parent / "urdf"
 
 
 def read_layout(path: Path, trust: Trust = Trust()) -> Layout:
-    """Return the layout in a TOML, with the text of its URDF, which lies in its folder unless `trust` allows more.
+    """Return the content of a rover's TOML, with the text of the URDF that it names.
 
-    Raises UrdfError: a missing file, one elsewhere, a key that is missing, unknown or of the wrong form.
+    Parameters
+    ----------
+    path : path
+        The TOML file.
+    trust : Trust
+        Whether the URDF may lie outside the TOML's folder.
+
+    Raises
+    ------
+    UrdfError
+        A file is missing or lies outside the folder; a key is missing, unknown or has a wrong form; or a joint of the
+        URDF cannot take the form that the TOML states.
+
+    Examples
+    --------
+    >>> layout = read_layout(shipped_toml("cart"))
+    >>> [axle.name for axle in layout.axles], len(layout.wheel_joints)
+    (['front', 'back'], 4)
     """
     where = path.name
     if path.suffix == ".urdf":
-        raise UrdfError(f"{where}: give the .toml that says which of its joints are wheels, not the URDF itself.")
+        raise UrdfError(f"{where}: give the .toml that states which joints are wheels, not the URDF itself.")
     table = _table(path)
-    _check_keys(table, where)
-    axles, suspension = _axles(table, where), _suspension(table, where)
-    differential = _differential(table, suspension, where)
+    for key in table:
+        if key not in KEYS:
+            raise UrdfError(f"{where}: unknown key '{key}': {closest(key, KEYS)}")
+    for key in NEEDED:
+        if key not in table:
+            raise UrdfError(f"{where}: '{key}' is missing; a rover's TOML needs {', '.join(NEEDED)}.")
+
+    # The roles of the joints are read first, because the forms of the joints depend on them.
+    axles = _axles(table, where)
+    suspension = {
+        name: _joints(joints, f"{where}: suspension.{name}", (1, 2))
+        for name, joints in part_of(table, "suspension", where).items()
+    }
+    differential = None
+    if "differential" in table:
+        pair = str(part_of(table, "differential", where).get("pair", ""))
+        if len(suspension.get(pair, ())) != 2:
+            pairs = [name for name, members in suspension.items() if len(members) == 2]
+            raise UrdfError(
+                f"{where}: differential.pair = '{pair}' is no pair of the suspension: {closest(pair, pairs)}"
+            )
+        differential = (suspension[pair][0], suspension[pair][1])
     forms = read_forms(table, where, axles, suspension, differential)
     named = {*forms.wheels, *forms.steering, *(joint for joints in suspension.values() for joint in joints)}
+
     urdf = _urdf(path, table["urdf"], trust)
     if not is_file(urdf):
-        raise UrdfError(f"{where}: there is no file '{urdf.name}' beside it; mend 'urdf'.")
-    driven = as_driven(urdf_text(urdf), urdf.name, forms)
+        raise UrdfError(f"{where}: there is no file '{urdf.name}' next to the TOML; correct 'urdf'.")
+    normalised = normalise_urdf(urdf_text(urdf), urdf.name, forms)
     layout = Layout(
-        name=str(table["name"]),
+        name=printable(str(table["name"])),
         file=urdf.name,
-        text=driven.text,
+        text=normalised.text,
         base=str(table["base"]),
         axles=axles,
         suspension=suspension,
@@ -139,13 +223,15 @@ def read_layout(path: Path, trust: Trust = Trust()) -> Layout:
         springs=read_springs(table, where),
         motor=read_motor(table, where),
         soil=read_soil(table, where),
-        changes=driven.changes,
+        changes=normalised.changes,
     )
+    # Two angles with one name would be one column of a trace.
     channels = [channel for channel, _ in layout.channels]
     if twice := [channel for channel in channels if channels.count(channel) > 1]:
         raise UrdfError(
-            f"{where}: two angles would be called '{twice[0]}'; a pair of [suspension] is called by its name and _l or "
-            "_r, a joint of [coupled] by its own: rename the pair, or name the joint in [suspension]."
+            f"{where}: two angles would be called '{twice[0]}': the angles of a pair in [suspension] are called by the "
+            "pair's name and _l or _r, and a joint of [coupled] by the joint's name. Rename the pair, or name the "
+            "joint in [suspension]."
         )
     return layout
 
@@ -156,7 +242,11 @@ def urdf_folder(path: Path) -> Path:
 
 
 def layout_texts(path: Path, trust: Trust = Trust()) -> tuple[str, ...]:
-    """Return the texts of a TOML and its URDF; nothing where they cannot be read, of which `read_layout` says why."""
+    """Return the texts of a rover's TOML and of its URDF. A rover in the cache is used again only if these texts have
+    not changed.
+
+    If a file cannot be read, the result is empty; `read_layout` then raises an error with the reason.
+    """
     try:
         table = _table(path)
         return text(path), text(_urdf(path, table.get("urdf"), trust))
@@ -164,38 +254,18 @@ def layout_texts(path: Path, trust: Trust = Trust()) -> tuple[str, ...]:
         return ()
 
 
-def _check_keys(table: Mapping[str, Any], where: str) -> None:
-    for key in table:
-        if key not in KEYS:
-            raise UrdfError(f"{where}: unknown key '{key}': {closest(key, KEYS)}")
-    for key in NEEDED:
-        if key not in table:
-            raise UrdfError(f"{where}: '{key}' is missing; a rover's TOML needs {', '.join(NEEDED)}.")
-
-
 def _urdf(path: Path, name: Any, trust: Trust) -> Path:
+    """Return the path of the URDF that a TOML names. An error is raised if the URDF lies in a folder that `trust` does
+    not allow.
+    """
     try:
         return trust.within(path.parent, name, f"{path.name}: urdf")
     except DataError as error:
         raise UrdfError(str(error)) from error
 
 
-def _wheel(table: Mapping[str, Any], axle: str, where: str) -> Wheel:
-    """Return the size of an axle's wheels: what [wheel] says, and what [wheel.AXLE] says otherwise."""
-    part = part_of(table, "wheel", where)
-    axle_table = part_of(part, axle, f"{where}: wheel")
-    dimensions = {**{name: value for name, value in part.items() if name not in table["wheels"]}, **axle_table}
-    try:
-        wheel: Wheel = record_from(Wheel, dimensions, f"{where}: wheel")
-    except ParameterError as error:
-        raise UrdfError(str(error)) from error
-    for name in ("r", "b"):
-        if name not in dimensions:
-            raise UrdfError(f"{where}: [wheel] does not say '{name}' of axle '{axle}'; write both r and b in metres.")
-    return wheel
-
-
 def _table(path: Path) -> dict[str, Any]:
+    """Return the content of a TOML file; raise UrdfError if it is missing or no TOML."""
     if not is_file(path):
         raise UrdfError(f"There is no rover file '{path}'; give the path of a .toml.")
     try:
@@ -205,62 +275,229 @@ def _table(path: Path) -> dict[str, Any]:
 
 
 def _axles(table: Mapping[str, Any], where: str) -> tuple[Axle, ...]:
+    """Return the axles of a rover from the tables [wheels], [steering] and [wheel] of its TOML."""
     wheels, steering = part_of(table, "wheels", where), part_of(table, "steering", where)
     if len(wheels) < 2:
         raise UrdfError(f"{where}: [wheels] names {len(wheels)} axles; a rover needs two or more, from front to rear.")
     if "" in wheels:
-        raise UrdfError(f"{where}: an axle of [wheels] has no name; give it one, as front: wheels go by its letter.")
+        raise UrdfError(
+            f"{where}: an axle of [wheels] has no name; give it a name such as front, because wheels are called by its "
+            "first letter."
+        )
+    for name in wheels:
+        if not (name[0].isascii() and name[0].isalnum()):
+            raise UrdfError(
+                f"{where}: the axle {name!r} of [wheels] must begin with a letter or a digit from a to z or 0 to 9, "
+                "because the names of its wheels begin with this character."
+            )
+    # A wheel is called by the first letter of its axle and its side, for instance fl.
     if len({name[:1] for name in wheels}) < len(wheels):
         raise UrdfError(
-            f"{where}: the axles {', '.join(wheels)} begin with the same letter; rename one, wheels go by it."
+            f"{where}: the axles {', '.join(wheels)} must begin with different letters: rename an axle, because wheels "
+            "are called by the first letter of their axle."
         )
     for name in steering:
         if name not in wheels:
             raise UrdfError(f"{where}: [steering] has no axle '{name}' to steer: {closest(name, wheels)}")
     axles = []
     for name, joints in wheels.items():
-        _refuse_single(name, joints, where)
+        single = [joints] if isinstance(joints, str) else joints
+        if isinstance(single, list) and len(single) == 1:
+            raise UrdfError(
+                f"{where}: wheels.{name} = {single[0]!r} has no partner, but the wheels of a rover must be in pairs of "
+                "joint names [left, right]. A single wheel or castor that carries little load may be held (in [held]) "
+                "or cut; its load then goes to the other wheels."
+            )
         pair = _joints(joints, f"{where}: wheels.{name}", (2,))
         steer = _joints(steering[name], f"{where}: steering.{name}", (2,)) if name in steering else (None, None)
         axles.append(Axle(name, (pair[0], pair[1]), (steer[0], steer[1]), _wheel(table, name, where)))
     return tuple(axles)
 
 
-def _refuse_single(name: str, joints: Any, where: str) -> None:
-    single = [joints] if isinstance(joints, str) else joints
-    if isinstance(single, list) and len(single) == 1:
-        raise UrdfError(
-            f"{where}: wheels.{name} = {single[0]!r} has no partner, it must be a pair of joint names [left, right]: "
-            "rovers here have their wheels in pairs; a single wheel or castor that carries little may be held, in "
-            "[held], or cut, with what it would carry left to the others."
-        )
-
-
-def _suspension(table: Mapping[str, Any], where: str) -> dict[str, tuple[str, ...]]:
-    part = part_of(table, "suspension", where)
-    return {name: _joints(joints, f"{where}: suspension.{name}", (1, 2)) for name, joints in part.items()}
+def _wheel(table: Mapping[str, Any], axle: str, where: str) -> Wheel:
+    """Return the size of an axle's wheels from the table [wheel] of the TOML. Numbers in [wheel.AXLE] replace those in
+    [wheel] for this axle.
+    """
+    part = part_of(table, "wheel", where)
+    axle_table = part_of(part, axle, f"{where}: wheel")
+    dimensions = {**{name: value for name, value in part.items() if name not in table["wheels"]}, **axle_table}
+    wheel: Wheel = record_of(Wheel, dimensions, f"{where}: wheel")
+    for name in ("r", "b"):
+        if name not in dimensions:
+            raise UrdfError(f"{where}: [wheel] does not state '{name}' of axle '{axle}'; give both r and b in metres.")
+    return wheel
 
 
 def _joints(value: Any, where: str, counts: tuple[int, ...]) -> tuple[str, ...]:
+    """Return the joint names in an entry of the TOML. An error is raised if their number is not among `counts`."""
     joints = (value,) if isinstance(value, str) else value
     if (
         not isinstance(joints, (list, tuple))
         or len(joints) not in counts
-        or not all(isinstance(j, str) for j in joints)
+        or not all(isinstance(joint, str) for joint in joints)
     ):
         either = "a pair of joint names [left, right]" + (", or one name" if 1 in counts else "")
         raise UrdfError(f"{where} = {value!r} must be {either}.")
     return tuple(joints)
 
 
-def _differential(
-    table: Mapping[str, Any], suspension: Mapping[str, tuple[str, ...]], where: str
-) -> tuple[str, str] | None:
-    if "differential" not in table:
+def part_of(table: Mapping[str, Any], key: str, where: str) -> Mapping[str, Any]:
+    """Return the table with this key in a TOML, or an empty table if the key is missing.
+
+    Raises UrdfError: the value of the key is no table.
+    """
+    part = table.get(key, {})
+    if not isinstance(part, Mapping):
+        raise UrdfError(f"{where}: '{key}' must be a table, written [{key}] on a separate line.")
+    return part
+
+
+def read_forms(
+    table: Mapping[str, Any],
+    where: str,
+    axles: Sequence[Any],
+    suspension: Mapping[str, tuple[str, ...]],
+    differential: tuple[str, str] | None,
+) -> JointForms:
+    """Return the statements of a rover's TOML on the joints of the URDF: their roles, and which of them are held,
+    coupled or removed.
+
+    Parameters
+    ----------
+    table, where : mapping, str
+        The content of the TOML, and the name of its file for errors.
+    axles : sequence of Axle
+        The axles of the rover.
+    suspension : mapping
+        Name of a suspension angle -> joints (left, right), or the one joint in the middle.
+    differential : pair of str or None
+        The two rockers, left and right.
+
+    Raises
+    ------
+    UrdfError
+        A table or a number has a wrong form.
+    """
+    tied = table.get("tied_sides", False)
+    if not isinstance(tied, bool):
+        raise UrdfError(f"{where}: tied_sides = {tied!r} must be true (the wheels of a side turn together) or false.")
+    coupled = {
+        name: _leader(entry, f"{where}: coupled.{name}") for name, entry in part_of(table, "coupled", where).items()
+    }
+    wheels = tuple(joint for axle in axles for joint in axle.wheels)
+    steering = tuple(joint for axle in axles for joint in axle.steering if joint is not None)
+    # A coupled joint that is neither wheel nor steering moves with the suspension, so that it is a pivot.
+    pivots = [joint for joints in suspension.values() for joint in joints]
+    linked = [joint for follower, (leader, _) in coupled.items() for joint in (follower, leader)]
+    pivots += [joint for joint in linked if joint not in (*wheels, *steering)]
+    cut = table.get("cut", [])
+    if not isinstance(cut, (list, tuple)) or not all(isinstance(name, str) for name in cut):
+        raise UrdfError(f"{where}: cut = {cut!r} must be a list of joint names.")
+    return JointForms(
+        base=str(table["base"]),
+        wheels=wheels,
+        steering=steering,
+        pivots=tuple(dict.fromkeys(pivots)),
+        differential=differential,
+        sides=tuple(tuple(axle.wheels[side] for axle in axles) for side in (0, 1)) if tied else (),
+        held_joints=dict(part_of(table, "held", where)),
+        coupled=coupled,
+        cut=tuple(cut),
+        base_rpy=_rpy(table.get("base_rpy", (0.0, 0.0, 0.0)), f"{where}: base_rpy"),
+    )
+
+
+def read_springs(table: Mapping[str, Any], where: str) -> tuple[SpringDamper, ...]:
+    """Return the springs and dampers of the table [springs] in a rover's TOML. Each has the name of the suspension
+    angle on which it acts.
+
+    Raises UrdfError: an entry does not describe a spring, or the table [suspension] does not have its name.
+    """
+    suspension = part_of(table, "suspension", where)
+    names = [*suspension, *(f"{name}_{side}" for name in suspension for side in "lr")]
+    springs = []
+    for name, entry in part_of(table, "springs", where).items():
+        if name not in names:
+            raise UrdfError(
+                f"{where}: [springs] names '{name}', which [suspension] does not have: {closest(name, names)}"
+            )
+        if not isinstance(entry, Mapping):
+            raise UrdfError(f"{where}: springs.{name} = {entry!r} must be a table such as {{ k_s = 50.0, d = 2.0 }}.")
+        spring = record_of(SpringDamper, {"k_s": 0.0, "d": 0.0, **entry}, f"{where}: springs.{name}")
+        springs.append(spring.replace(joint=name))
+    return tuple(springs)
+
+
+def read_soil(table: Mapping[str, Any], where: str) -> Mapping[str, Any]:
+    """Return the table [soil] of a rover's TOML. The short form soil = "fjs-1" is returned as a table with this
+    name.
+    """
+    soil = table.get("soil", {})
+    return {"name": soil} if isinstance(soil, str) else part_of(table, "soil", where)
+
+
+def read_motor(table: Mapping[str, Any], where: str) -> MotorSheet | str | None:
+    """Return the motor that a rover's TOML states.
+
+    The result is the data sheet in [motor], the name in motor = "speed-like", or None if the TOML states no motor.
+
+    Raises UrdfError: a number is out of bounds, or the stall torque or no-load speed is missing.
+    """
+    if "motor" not in table:
         return None
-    pair = str(part_of(table, "differential", where).get("pair", ""))
-    joints = suspension.get(pair, ())
-    if len(joints) != 2:
-        pairs = [name for name, members in suspension.items() if len(members) == 2]
-        raise UrdfError(f"{where}: differential.pair = '{pair}' is no pair of the suspension: {closest(pair, pairs)}")
-    return joints[0], joints[1]
+    if isinstance(table["motor"], str):
+        return table["motor"]
+    part = part_of(table, "motor", where)
+    for key in ("stall_torque", "no_load_speed"):
+        if key not in part:
+            raise UrdfError(
+                f"{where}: [motor] needs '{key}', which data sheets state; delete the table if it is unknown."
+            )
+    sheet: MotorSheet = record_of(MotorSheet, part, f"{where}: motor")
+    return sheet
+
+
+def record_of(kind: Any, entry: Mapping[str, Any], where: str) -> Any:
+    """Return an object of the class `kind` (for example a data sheet or a spring), whose fields a table of the TOML
+    states.
+
+    Raises UrdfError: the table has an unknown field, or a wrong unit or value.
+    """
+    try:
+        return record_from(kind, entry, where)
+    except ParameterError as error:
+        raise UrdfError(str(error)) from error
+
+
+def _leader(entry: Any, where: str) -> tuple[str, float]:
+    """Return the joint that a coupled joint follows, and the ratio of their angles, from an entry of the table
+    [coupled].
+    """
+    table = entry if isinstance(entry, Mapping) else {"joint": entry}
+    for key in table:
+        if key not in ("joint", "ratio"):
+            raise UrdfError(f"{where} has no key '{key}': {closest(key, ('joint', 'ratio'))}")
+    joint, ratio = table.get("joint"), table.get("ratio", 1.0)
+    number = not isinstance(ratio, bool) and isinstance(ratio, (int, float))
+    if not isinstance(joint, str) or not number or not 1e-6 <= abs(as_float(ratio)) <= 1e6:
+        raise UrdfError(
+            f'{where} = {entry!r} must name the joint that it follows: {{ joint = "rocker_l", ratio = -0.5 }}.'
+        )
+    return joint, float(ratio)
+
+
+def _rpy(value: Any, where: str) -> tuple[float, float, float]:
+    """Return roll, pitch and yaw [rad] from an entry of the TOML.
+
+    Raises UrdfError: the entry is no list of three numbers, or an angle exceeds a full turn, because it is then
+    probably in degrees.
+    """
+    numbers = value if isinstance(value, (list, tuple)) else ()
+    if len(numbers) != 3 or any(isinstance(number, bool) or not isinstance(number, (int, float)) for number in numbers):
+        raise UrdfError(f"{where} = {value!r} must be roll, pitch and yaw in radians, for example [3.14159, 0.0, 0.0].")
+    roll, pitch, yaw = (as_float(number) for number in numbers)
+    if not max(abs(roll), abs(pitch), abs(yaw)) <= 2.0 * math.pi:
+        raise UrdfError(
+            f"{where} = {value!r} must be angles within a full turn, in radians, for example [3.14159, 0, 0]."
+        )
+    return roll, pitch, yaw

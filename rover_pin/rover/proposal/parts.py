@@ -1,87 +1,113 @@
-"""What `new-rover` proposes of a URDF's joints, as plain records."""
+"""The classes that describe a proposed rover (wheels, axles, roles of joints), and the tree of a URDF's joints, which
+shows which joints a joint carries.
+"""
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from rover_pin.rover.description.tree import Joint, UrdfTree, turn
+from rover_pin.rover.description.tree import Joint, UrdfTree
+from rover_pin.rover.proposal.frames import rotation
 from rover_pin.rover.proposal.wheel_shape import WheelSize
-
-FRAMES = {
-    (0.0, 0.0, 0.0): "x forward, y left, z up",
-    (math.pi, 0.0, 0.0): "x forward, y right, z down",
-    (0.0, 0.0, -math.pi / 2): "x right, y forward, z up",
-    (math.pi / 2, 0.0, 0.0): "x forward, y up, z right",
-}
-"""Base frames that are tried, by the base_rpy that turns each to x forward, y left, z up.
-
-No frame tells which end is the front: of two that differ in that alone the usual one stands here."""
 
 
 @dataclass(frozen=True)
 class GuessedWheel:
-    """A joint that may be a wheel's: where its centre lies, in axes x forward, y left, z up [m], and its size."""
+    """A joint that is proposed as a wheel's joint, with the centre and the size of the wheel."""
 
     joint: str
     centre: np.ndarray
+    "centre of the wheel in axes x forward, y left, z up [3] (m)"
     size: WheelSize
 
 
 @dataclass(frozen=True)
 class GuessedAxle:
-    """Two wheels beside each other, and the joints that steer them."""
+    """A proposed axle: two wheels opposite each other, and the joints that steer them."""
 
     name: str
     wheels: tuple[GuessedWheel, GuessedWheel]
+    "the left wheel and the right wheel"
     steering: tuple[str, str] | None
+    """joints that steer the left and the right wheel; None if the wheels are not steered"""
 
 
 @dataclass
 class Proposal:
-    """What is proposed, and why."""
+    """The proposed roles of the joints of a URDF (wheel, steering, suspension, held), with the reason for each
+    guess.
+    """
 
     base: str
+    "link whose frame is the base frame"
     base_rpy: tuple[float, float, float]
+    """rotation (roll, pitch, yaw) that turns the base link's axes to x forward, y left, z up [rad]"""
     axles: tuple[GuessedAxle, ...]
     suspension: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    """name of a suspension angle -> its joints (left, right), or its one joint in the middle"""
     differential: str = ""
+    """name in `suspension` of the pair of rockers that a differential joins; empty if there is no differential"""
     coupled: dict[str, tuple[str, float]] = field(default_factory=dict)
-    "joint -> the joint of the suspension that it follows, and by how much"
+    """name of a joint -> the joint of the suspension that it follows, and the ratio of their angles"""
     held_joints: dict[str, float] = field(default_factory=dict)
+    """name of a joint -> angle [rad] or travel [m] at which it is fixed"""
     cut: tuple[str, ...] = ()
+    """joints that close a loop, and are removed because a URDF is a tree"""
     reasons: dict[str, str] = field(default_factory=dict)
-    "part or joint -> why"
+    """name of a joint, or of an entry such as "front" -> reason for the guess, for the comments in the TOML"""
     skid: bool = False
-    "whether it turns by its sides' speeds alone"
+    """whether the rover has no steering, and turns by different speeds of its two sides"""
 
     @property
     def wheels(self) -> list[GuessedWheel]:
-        """The wheels, from front to rear, left before right."""
+        """Return the proposed wheels, in the order from front to rear, left before right."""
         return [wheel for axle in self.axles for wheel in axle.wheels]
 
 
 class Topology:
-    """Which link carries which in a URDF; a loop is cut at all joints but the first to a link."""
+    """The tree of a URDF's joints, in the frame of the rover's base link.
+
+    Joints between a world link and the rover are left out. If several joints lead to one link, which closes a loop,
+    only the first of these joints is kept, and the others are in `cut`.
+
+    Attributes
+    ----------
+    tree : UrdfTree
+        The URDF.
+    base : str
+        Name of the base link.
+    places : dict
+        Link -> transform to the frame of the base link at zero angles [4, 4].
+    joints : dict
+        Name -> joint, without the joints in `cut`.
+    above : dict
+        Link -> the joint that leads to it.
+    cut : tuple of str
+        Joints that close a loop.
+    dropped : set of str
+        Joints between a world link and the rover.
+    """
 
     def __init__(self, tree: UrdfTree):
         self.tree, self.places = tree, tree.placements
+        # Reversed, so that of several joints with one child link the first joint of the file is kept.
         first = {joint.child: joint.name for joint in reversed(tree.joints)}
         self.cut = tuple(joint.name for joint in tree.joints if first[joint.child] != joint.name)
         self.joints = {joint.name: joint for joint in tree.joints if joint.name not in self.cut}
         self.above = {joint.child: joint for joint in self.joints.values()}
-        free = [joint for joint in tree.joints if joint.kind == "floating" and joint.parent in tree.roots]
-        self.base = free[0].child if free else (tree.roots or [""])[0]
-        self.dropped = {joint.name for joint in free}
+        world = tree.world_joints or [j for j in tree.joints if j.kind == "floating" and j.parent in tree.roots][:1]
+        self.base = world[-1].child if world else (tree.roots or [""])[0]
+        self.dropped = {joint.name for joint in world}
         if self.base in self.places:
             inverse = np.linalg.inv(self.places[self.base])
             self.places = {name: inverse @ place for name, place in self.places.items()}
 
     def ancestors(self, joint: str) -> list[Joint]:
-        """Return the moving joints above a joint, nearest first."""
+        """Return the moving joints that carry a joint, in the order from the nearest one to the base."""
         ancestors: list[Joint] = []
         link = self.joints[joint].parent
+        # The number of joints bounds the loop, because the joints of a faulty URDF may form a ring.
         while link in self.above and len(ancestors) <= len(self.joints):
             up = self.above[link]
             if up.moves and up.name not in self.dropped:
@@ -91,23 +117,24 @@ class Topology:
 
     @property
     def moving(self) -> list[Joint]:
-        """The joints that move, but for a floating one at the root."""
+        """Return the joints that move. The joints between a world link and the rover are left out."""
         return [joint for joint in self.joints.values() if joint.moves and joint.name not in self.dropped]
 
     def below(self, joint: str, wheels: Sequence[str]) -> list[str]:
-        """Return which of these wheels hang below a joint."""
+        """Return those wheels that a joint carries. `wheels` are the names of the joints of all wheels that are
+        considered.
+        """
         return [wheel for wheel in wheels if joint in [up.name for up in self.ancestors(wheel)]]
 
     def axis(self, joint: Joint, rpy: tuple[float, float, float]) -> np.ndarray:
-        """Return a joint's axis [3] in axes x forward, y left, z up."""
+        """Return the unit vector of a joint's axis [3] in axes that point x forward, y left, z up. The rotation `rpy`
+        turns the base link's axes to these axes.
+        """
         unit = joint.axis / max(float(np.linalg.norm(joint.axis)), 1e-12)
         return np.asarray(rotation(rpy) @ self.places[joint.child][:3, :3] @ unit)
 
     def centre(self, joint: Joint, rpy: tuple[float, float, float]) -> np.ndarray:
-        """Return where a joint lies [3] (m)."""
+        """Return the position of a joint [3] (m) in axes that point x forward, y left, z up. The rotation `rpy` turns
+        the base link's axes to these axes.
+        """
         return np.asarray(rotation(rpy) @ self.places[joint.child][:3, 3])
-
-
-def rotation(rpy: tuple[float, float, float]) -> np.ndarray:
-    """Return the rotation of roll, pitch and yaw [3, 3]."""
-    return np.asarray(turn("z", rpy[2]) @ turn("y", rpy[1]) @ turn("x", rpy[0]))

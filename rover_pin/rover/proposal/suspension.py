@@ -1,4 +1,6 @@
-"""The pivots between a rover's body and its wheels, by topology: rockers, bogies, what couples them, what is held."""
+"""Proposal for the pivots between a rover's body and its wheels: rockers, bogies, their couplings, and joints that are
+held at an angle.
+"""
 
 import math
 import re
@@ -6,21 +8,32 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from rover_pin.rover.description.as_driven import ALONG
+from rover_pin.rover.description.joint_forms import ALONG
 from rover_pin.rover.description.tree import Joint
 from rover_pin.rover.proposal.parts import Proposal, Topology
 
-NEAR = 0.5
-"""Largest offset along x and z between two pivots that are a pair, in wheel radii."""
+MAX_OFFSET = 0.5
+"""Largest offset along x and z between the two pivots of a pair (left, right), and largest distance between the two
+halves of a rocker, divided by the wheel radius."""
+UPRIGHT_AXIS = 0.7
+"""Smallest cosine of the angle between an axis and the vertical with which the axis counts as upright. A joint with an
+upright axis steers, and is no pivot of the suspension."""
 BARS = ("diff", "bar", "brace", "balance")
-"""Words in the names of what joins two rockers."""
+"""Words in the names of bars that connect two rockers."""
+LEVELS = ("bogie", "second_bogie", "third_bogie")
+"""Names for a pivot of the suspension that is carried by one other pivot on its side, by two, or by three or more."""
 
 
 def add_suspension(view: Topology, proposal: Proposal) -> Proposal:
-    """Return the proposal with its suspension, differential, coupled and held joints."""
+    """Add the suspension, the differential, and the coupled and held joints to a proposal; return the proposal.
+
+    Every moving joint that is neither wheel nor steering gets one of these roles, because a rover is refused if a
+    moving joint has no role.
+    """
     wheels = [wheel.joint for wheel in proposal.wheels]
     steering = [joint for axle in proposal.axles for joint in axle.steering or ()]
     sides = ({axle.wheels[0].joint for axle in proposal.axles}, {axle.wheels[1].joint for axle in proposal.axles})
+    # A pivot turns about an axis that is not upright, and carries more than one wheel but not all wheels.
     pivots: list[Joint] = []
     unassigned: list[Joint] = []
     for joint in view.moving:
@@ -28,25 +41,45 @@ def add_suspension(view: Topology, proposal: Proposal) -> Proposal:
             continue
         below = view.below(joint.name, wheels)
         turns = joint.kind in ("revolute", "continuous")
-        upright = joint.child in view.places and abs(view.axis(joint, proposal.base_rpy)[2]) >= 0.7
+        upright = joint.child in view.places and abs(view.axis(joint, proposal.base_rpy)[2]) >= UPRIGHT_AXIS
         swings = turns and not upright and 1 < len(below) < len(wheels)
         (pivots if swings else unassigned).append(joint)
     for name, joints in _named_pivots(view, proposal, pivots, sides):
         proposal.suspension[name] = tuple(joint.name for joint in joints)
+    # A joint that carries one wheel may be the second half of a rocker.
     unassigned = [joint for joint in unassigned if not _other_half(view, proposal, joint, wheels)]
-    _differential(view, proposal, sides)
-    _rest(view, proposal, unassigned, wheels)
+    _find_differential(view, proposal, sides)
+
+    # Joints that the URDF couples to a joint with a role move with it; all others are held within their stops.
+    roles = {*wheels, *steering} | {joint for joints in proposal.suspension.values() for joint in joints}
+    linked: set[str] = set()
+    for joint in view.moving:
+        if joint.mimic is not None:
+            pair = {joint.name, joint.mimic.joint}
+            linked |= pair - roles if pair & roles else set()
+    for joint in unassigned:
+        if joint.name in linked and joint.kind != "prismatic":
+            proposal.suspension[joint.name] = (joint.name,)
+            proposal.reasons[joint.name] = "the URDF's <mimic> couples it to the suspension"
+        else:
+            proposal.held_joints[joint.name] = _rest_value(joint)
+            proposal.reasons[joint.name] = _why_held(view, joint, wheels)
     proposal.skid = not steering
     proposal.cut = view.cut
     for name in view.cut:
-        proposal.reasons[name] = "it closes a loop; a URDF is a tree"
+        proposal.reasons[name] = "it closes a loop, but a URDF is a tree"
     return proposal
 
 
 def _named_pivots(
     view: Topology, proposal: Proposal, pivots: list[Joint], sides: tuple[set[str], set[str]]
 ) -> Iterator[tuple[str, list[Joint]]]:
-    """Yield the names of pairs (left, right) of pivots, and of single ones in the middle."""
+    """Yield the pivots of the suspension with their names: for each pair (left, right), and for each single pivot in
+    the middle, the name in the table [suspension] and the joints.
+
+    A pivot without a partner on the other side becomes a held joint of the proposal. `sides` are the joints of the left
+    wheels and of the right wheels.
+    """
     wheels = [*sides[0], *sides[1]]
     of_left = [pivot for pivot in pivots if set(view.below(pivot.name, wheels)) <= sides[0]]
     of_right = [pivot for pivot in pivots if set(view.below(pivot.name, wheels)) <= sides[1]]
@@ -54,16 +87,22 @@ def _named_pivots(
     for left in of_left:
         right = _partner(view, proposal, left, of_right)
         if right is None:
-            proposal.held_joints[left.name] = _rest_angle(left)
+            proposal.held_joints[left.name] = _rest_value(left)
             proposal.reasons[left.name] = "it carries wheels but has no partner on the other side"
             continue
-        name = _level(view, left, of_left)
+        # A rocker carries other pivots, and another pivot carries a bogie. Any other pivot is called arm for now:
+        # `_find_differential` shows whether the arms carry all wheels of their sides, and are then rockers.
+        names = [member.name for member in of_left]
+        above = [up.name for up in view.ancestors(left.name) if up.name in names]
+        carries = any(left.name in [up.name for up in view.ancestors(member.name)] for member in of_left)
+        name = LEVELS[min(len(above), 3) - 1] if above else "rocker" if carries else "arm"
         used.append(name)
         yield name + (str(used.count(name)) if used.count(name) > 1 else ""), [left, right]
         of_right.remove(right)
     for right in of_right:
-        proposal.held_joints[right.name] = _rest_angle(right)
+        proposal.held_joints[right.name] = _rest_value(right)
         proposal.reasons[right.name] = "it carries wheels but has no partner on the other side"
+    # The remaining pivots carry wheels of both sides.
     for middle in (
         pivot for pivot in pivots if pivot not in of_left and set(view.below(pivot.name, wheels)) & sides[0]
     ):
@@ -73,18 +112,25 @@ def _named_pivots(
 
 
 def _partner(view: Topology, proposal: Proposal, left: Joint, others: list[Joint]) -> Joint | None:
-    """Return the pivot on the right that lies beside one on the left, with as many joints above it."""
-    r = proposal.wheels[0].size.r
-    at, rpy = view.centre(left, proposal.base_rpy), proposal.base_rpy
+    """Return the pivot on the right side that belongs to a left pivot: it lies opposite, and the same number of joints
+    carries it. If `others`, the pivots on the right side, contain no such pivot, the result is None.
+    """
+    r, rpy = proposal.wheels[0].size.r, proposal.base_rpy
     candidates = [
         candidate for candidate in others if len(view.ancestors(candidate.name)) == len(view.ancestors(left.name))
     ]
-    distances = [float(np.hypot(*(view.centre(candidate, rpy) - at)[[0, 2]])) for candidate in candidates]
-    return candidates[int(np.argmin(distances))] if distances and min(distances) <= NEAR * r else None
+    distances = [
+        float(np.hypot(*(view.centre(candidate, rpy) - view.centre(left, rpy))[[0, 2]])) for candidate in candidates
+    ]
+    return candidates[int(np.argmin(distances))] if distances and min(distances) <= MAX_OFFSET * r else None
 
 
 def _other_half(view: Topology, proposal: Proposal, joint: Joint, wheels: list[str]) -> bool:
-    """Couple a pivot of one wheel to one of several wheels on the same pin: two halves of one rocker."""
+    """Couple a joint that carries one wheel to a pivot with the same axis, if there is such a pivot; return whether
+    there is one.
+
+    Some URDFs divide a rocker into a front arm and a rear arm that turn about one pin, each with its own joint.
+    """
     if joint.kind not in ("revolute", "continuous") or len(view.below(joint.name, wheels)) != 1:
         return False
     rpy, r = proposal.base_rpy, proposal.wheels[0].size.r
@@ -92,88 +138,55 @@ def _other_half(view: Topology, proposal: Proposal, joint: Joint, wheels: list[s
         partner = view.joints[pivot]
         distance = float(np.linalg.norm(view.centre(partner, rpy) - view.centre(joint, rpy)))
         along = float(view.axis(partner, rpy) @ view.axis(joint, rpy))
-        if distance < NEAR * r and abs(along) > ALONG and partner not in view.ancestors(joint.name):
+        if distance < MAX_OFFSET * r and abs(along) > ALONG and partner not in view.ancestors(joint.name):
             proposal.coupled[joint.name] = (pivot, math.copysign(1.0, along))
-            proposal.reasons[joint.name] = f"it turns about the same pin as '{pivot}': two halves of one rocker"
+            proposal.reasons[joint.name] = f"it turns about the pin of '{pivot}': two halves of one rocker"
             return True
     return False
 
 
-def _level(view: Topology, pivot: Joint, side: list[Joint]) -> str:
-    """Return rocker for a pivot that carries others or all wheels of its side, bogie for one that another carries."""
-    names = [member.name for member in side]
-    above = [up.name for up in view.ancestors(pivot.name) if up.name in names]
-    carries = [member for member in side if pivot.name in [up.name for up in view.ancestors(member.name)]]
-    return ("bogie", "second_bogie", "third_bogie")[min(len(above), 3) - 1] if above else "rocker" if carries else "arm"
+def _find_differential(view: Topology, proposal: Proposal, sides: tuple[set[str], set[str]]) -> None:
+    """Set the differential of a proposal, if there is a pair of pivots of which each carries all wheels of its side.
 
-
-def _differential(view: Topology, proposal: Proposal, sides: tuple[set[str], set[str]]) -> None:
-    """Name the pair that carries all wheels of either side: nothing but a differential (or springs) holds the body."""
+    Without a differential, a spring or a lock between two such pivots, nothing would hold the body upright. `sides` are
+    the joints of the left wheels and of the right wheels.
+    """
     wheels = [*sides[0], *sides[1]]
+    word = "bogie"
     for name, joints in list(proposal.suspension.items()):
-        carries_all = len(joints) == 2 and all(
-            _carried_wheels(view, proposal, joint, wheels) == side for joint, side in zip(joints, sides, strict=True)
-        )
-        if carries_all:
-            proposal.differential = name.replace("arm", "rocker")
-            proposal.suspension = _rename_arms(proposal.suspension, "rocker")
+        carried = []
+        for joint in joints:
+            halves = [half for half, (pivot, _) in proposal.coupled.items() if pivot == joint]
+            carried.append({wheel for member in (joint, *halves) for wheel in view.below(member, wheels)})
+        if carried == list(sides):
+            proposal.differential, word = name.replace("arm", "rocker"), "rocker"
             proposal.reasons["differential"] = (
                 f"'{joints[0]}' and '{joints[1]}' carry all wheels of their sides: without a differential, springs or "
                 "a lock between them the body falls over"
             )
-            return
-    proposal.suspension = _rename_arms(proposal.suspension, "bogie")
+            break
+    # Arms (pivots that carry no other pivot) get their final name: rockers if they carry all wheels, else bogies.
+    proposal.suspension = {re.sub("^arm", word, name): joints for name, joints in proposal.suspension.items()}
 
 
-def _rename_arms(suspension: dict[str, tuple[str, ...]], word: str) -> dict[str, tuple[str, ...]]:
-    """Return the suspension with its arms, which carry no other pivot, called rockers or bogies."""
-    return {re.sub("^arm", word, name): joints for name, joints in suspension.items()}
-
-
-def _carried_wheels(view: Topology, proposal: Proposal, joint: str, wheels: list[str]) -> set[str]:
-    halves = [half for half, (pivot, _) in proposal.coupled.items() if pivot == joint]
-    return {wheel for member in (joint, *halves) for wheel in view.below(member, wheels)}
-
-
-def _rest(view: Topology, proposal: Proposal, unassigned: list[Joint], wheels: list[str]) -> None:
-    """Couple what the URDF couples to the suspension; hold everything else within its stops."""
-    roles = {*wheels, *(joint for axle in proposal.axles for joint in axle.steering or ())}
-    roles |= {joint for joints in proposal.suspension.values() for joint in joints}
-    linked = _linked_joints(view, roles)
-    for joint in unassigned:
-        if joint.name in linked and joint.kind != "prismatic":
-            proposal.suspension[joint.name] = (joint.name,)
-            proposal.reasons[joint.name] = "the URDF's <mimic> couples it to the suspension"
-            continue
-        proposal.held_joints[joint.name] = _rest_angle(joint)
-        proposal.reasons[joint.name] = _why(view, joint, wheels)
-
-
-def _rest_angle(joint: Joint) -> float:
-    """Return the value within a joint's stops that is nearest to 0 [rad or m]."""
+def _rest_value(joint: Joint) -> float:
+    """Return the angle [rad] or travel [m] at which a joint is held. It is 0 if 0 lies between the stops, otherwise the
+    nearer stop.
+    """
     low, high = joint.limits
     stops = joint.limited and joint.kind in ("revolute", "prismatic") and low < high
     return min(max(0.0, low), high) if stops else 0.0
 
 
-def _linked_joints(view: Topology, roles: set[str]) -> set[str]:
-    """Return what the URDF's mimics tie to joints that have a role."""
-    linked_joints: set[str] = set()
-    for joint in view.moving:
-        if joint.mimic is not None:
-            pair = {joint.name, joint.mimic.joint}
-            linked_joints |= pair - roles if pair & roles else set()
-    return linked_joints
-
-
-def _why(view: Topology, joint: Joint, wheels: list[str]) -> str:
+def _why_held(view: Topology, joint: Joint, wheels: list[str]) -> str:
+    """Return the reason why a joint is held, for the comment in the TOML; `wheels` are the joints of all wheels."""
     below = view.below(joint.name, wheels)
     if len(below) == 1:
-        return f"it carries the wheel '{below[0]}' alone: a leg or swing arm, held as a rigid one"
+        return f"it carries the wheel '{below[0]}' alone: a leg or swing arm, which is held rigid"
     if len(below) == len(wheels):
-        return "all wheels hang below it"
+        return "it carries all wheels"
     if below:
         return "it carries wheels but turns about an upright axis or slides"
     if any(word in joint.name.lower() for word in BARS):
-        return "it may be a differential's bar: its weight counts, its motion does not"
-    return "it carries no wheel: an arm, mast or the like"
+        return "it may be the bar of a differential: its weight counts, but its motion does not"
+    return "it carries no wheel: probably an arm or a mast"

@@ -1,8 +1,7 @@
-"""How large a wheel is, from what its link draws: cylinders, spheres, meshes, or its inertia where nothing is drawn."""
+"""Size of a wheel, found from the cylinders, spheres and meshes that its link draws, or from its inertia."""
 
 import logging
 import math
-from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -14,48 +13,71 @@ from rover_pin.rover.description.tree import Joint, Link, Shape, UrdfTree
 
 log = logging.getLogger(__name__)
 
-ROUND = 0.2
-"""Largest difference of a round shape's two diameters, or of two shapes of a rim, over the larger: treads have lugs."""
+ROUNDNESS_TOLERANCE = 0.2
+"""Largest difference between two diameters of a shape that counts as round, as a fraction of the larger diameter;
+treads have lugs.
+
+Shapes whose radii differ by at most this fraction belong to one rim."""
 
 
 class WheelSize(NamedTuple):
-    """Radius and width [m], and where they come from."""
+    """Radius and width of a wheel, and their source in words."""
 
     r: float
+    "radius [m]"
     b: float
+    "width [m]"
     source: str
+    "part of the URDF that shows the size, for the comment in the TOML"
 
 
-def wheel_size(tree: UrdfTree, joint: Joint, folder: Path) -> WheelSize | None:
-    """Return the size of what turns about a joint, if round about its axis: of its largest shapes, a cylinder's."""
+def wheel_size(tree: UrdfTree, joint: Joint, folder: Path, *, drawn_only: bool = False) -> WheelSize | None:
+    """Return the size of the wheel that turns about a joint; None if the URDF does not show the size.
+
+    The size is that of the largest shape that is round about the joint's axis. A cylinder of about this radius is
+    preferred to a mesh, because the author of the URDF stated its size. If no shape is round, the inertia gives a rough
+    size, unless `drawn_only` is true.
+
+    Parameters
+    ----------
+    tree : UrdfTree
+        The URDF.
+    joint : Joint
+        The joint of the wheel.
+    folder : path
+        The folder of the URDF, in which its meshes are searched.
+    drawn_only : bool
+        Whether only the drawn shapes may show the size, and not the inertia.
+    """
+    # Links that are fixed to the joint's link, such as a tyre on a hub, turn with it and are part of the wheel.
     links = {link.name: link for link in tree.links}
     group = [links[name] for name in tree.rigid_group(joint.child) if name in links]
     places = tree.placements
-    at = np.linalg.inv(places[joint.child]) if joint.child in places else np.eye(4)
+    to_joint = np.linalg.inv(places[joint.child]) if joint.child in places else np.eye(4)
     candidates: list[WheelSize] = []
     for link in group:
-        placement = at @ places.get(link.name, np.eye(4))
-        candidates += _shape_candidates(link, placement, joint.axis, folder)
+        placement = to_joint @ places.get(link.name, np.eye(4))
+        for shape in link.shapes:
+            points = _points(shape, folder)
+            if points is None:
+                continue
+            to_axis = placement @ shape.placement
+            size = _about(points @ to_axis[:3, :3].T + to_axis[:3, 3], joint.axis)
+            if size is not None:
+                candidates.append(WheelSize(*size, f"the {shape.kind} that link '{link.name}' draws"))
+    # Shapes of about the largest radius are the rim; smaller shapes are hubs or motors.
     if candidates:
-        rim = (1.0 - ROUND) * max(size.r for size in candidates)
+        rim = (1.0 - ROUNDNESS_TOLERANCE) * max(size.r for size in candidates)
         return max(candidates, key=lambda size: (size.r >= rim, "cylinder" in size.source, size.r))
-    return _of_inertia(links[joint.child], joint.axis)
-
-
-def _shape_candidates(link: Link, placement: np.ndarray, axis: np.ndarray, folder: Path) -> Iterator[WheelSize]:
-    for shape in link.shapes:
-        corners = _points(shape, folder)
-        if corners is None:
-            continue
-        place = placement @ shape.placement
-        points = corners @ place[:3, :3].T + place[:3, 3]
-        size = _about(points, axis)
-        if size is not None:
-            yield WheelSize(*size, f"the {shape.kind} that link '{link.name}' draws")
+    return None if drawn_only else _of_inertia(links[joint.child], joint.axis)
 
 
 def _about(points: np.ndarray, axis: np.ndarray) -> tuple[float, float] | None:
-    """Return radius and width of points about an axis through the origin, if they are round about it."""
+    """Return radius and width [m] of a body that is given by points on its surface [n, 3], about an axis [3] through
+    the origin; None if the body is not round about this axis.
+    """
+    # The spans along two directions across the axis must be nearly equal, and about twice the reach. Otherwise the
+    # shape is no disc, or its centre lies off the axis.
     unit = axis / np.linalg.norm(axis)
     along = points @ unit
     aside = points - np.outer(along, unit)
@@ -63,12 +85,13 @@ def _about(points: np.ndarray, axis: np.ndarray) -> tuple[float, float] | None:
     first /= np.linalg.norm(first)
     spans = [float(np.ptp(aside @ direction)) for direction in (first, np.cross(unit, first))]
     reach = float(np.max(np.linalg.norm(aside, axis=1)))
-    if not min(spans) > (1.0 - ROUND) * max(spans) or not max(spans) > 1.5 * reach:
+    if not min(spans) > (1.0 - ROUNDNESS_TOLERANCE) * max(spans) or not max(spans) > 1.5 * reach:
         return None
     return reach, float(np.ptp(along))
 
 
 def _points(shape: Shape, folder: Path) -> np.ndarray | None:
+    """Return points on the outline of a shape in the shape's frame [n, 3] (m); None for a box or a missing mesh."""
     turns = np.linspace(0.0, 2.0 * math.pi, 72, endpoint=False)
     if shape.kind == "cylinder":
         r, length = shape.size
@@ -76,11 +99,9 @@ def _points(shape: Shape, folder: Path) -> np.ndarray | None:
         return np.vstack([ring + np.array([0.0, 0.0, end * length / 2.0]) for end in (-1.0, 1.0)])
     if shape.kind == "sphere":
         return shape.size[0] * np.vstack([np.eye(3), -np.eye(3)])
-    return _vertices(shape, folder) if shape.kind == "mesh" else None
-
-
-def _vertices(shape: Shape, folder: Path) -> np.ndarray | None:
-    """Return the corners of a mesh that can be found and read [n, 3], else None: meshes may be missing."""
+    if shape.kind != "mesh":
+        return None
+    # If a mesh is missing or damaged, other shapes or the inertia must show the size.
     file = mesh_file(shape.mesh, folder)
     try:
         points = read_mesh(file, shape.size)[0] if file is not None else np.empty((0, 3))
@@ -91,7 +112,12 @@ def _vertices(shape: Shape, folder: Path) -> np.ndarray | None:
 
 
 def _of_inertia(link: Link, axis: np.ndarray) -> WheelSize | None:
-    """Return the solid cylinder of the link's inertia: I = m r^2 / 2 about the axis, m (3 r^2 + b^2) / 12 across it."""
+    """Return the size of the solid cylinder with the same inertia as the link, about an axis [3]; None if there is no
+    such cylinder.
+
+    A solid cylinder of mass m, radius r and width b has the moment of inertia m r^2 / 2 about its axis, and m (3 r^2 +
+    b^2) / 12 across its axis. A real wheel has its mass further out or further in, so that the size is rough.
+    """
     if link.body is None or not link.body.mass > 0.0:
         return None
     unit = link.body.axes.T @ (axis / np.linalg.norm(axis))
@@ -100,5 +126,6 @@ def _of_inertia(link: Link, axis: np.ndarray) -> WheelSize | None:
     if not axial > 0.0:
         return None
     r = math.sqrt(2.0 * axial / link.body.mass)
+    # The width must be positive, also for a ring, for which the solid cylinder would have none.
     b = math.sqrt(max(12.0 * across / link.body.mass - 3.0 * r**2, (0.2 * r) ** 2))
     return WheelSize(r, b, f"the inertia of link '{link.name}' as a solid cylinder's, which is a poor measure")

@@ -1,4 +1,6 @@
-"""The compiled step from Python's side: laws as generated C, numbers of rover and terrain, toolchain and its cache.
+"""The compiled step, as Python uses it: the contact and motor laws as generated C code, and the numbers of rover and
+terrain that the C code of the step reads.
 
-Start at `step`; `laws` and `body_law` are the CasADi functions that are compiled.
+Start at `kernel`, which combines these laws and numbers with the C code of the step. `laws` and `body_law` contain the
+CasADi functions that are compiled; `toolchain` compiles C code and stores the libraries.
 """

@@ -1,4 +1,6 @@
-"""A model's generated laws, compiled once for each structure of effects."""
+"""The contact, motor and body laws of a model as generated and compiled C code. All models with effects of the same
+classes share one compiled library, whatever the numbers of these effects.
+"""
 
 import ctypes
 from dataclasses import dataclass
@@ -7,92 +9,117 @@ from typing import Any, NamedTuple
 
 from rover_pin.base.quantity import quantities
 from rover_pin.simulation.compiled import laws
-from rover_pin.simulation.compiled.body_law import Joints, body_law
-from rover_pin.simulation.compiled.constant_part import split_law
-from rover_pin.simulation.compiled.suspension import joints_of
+from rover_pin.simulation.compiled.body_law import body_law
+from rover_pin.simulation.compiled.laws import split_law
 from rover_pin.simulation.compiled.toolchain import shared_library
 from rover_pin.simulation.model.model import Model
 from rover_pin.simulation.native import lanes
-
-
-@dataclass(frozen=True)
-class CompiledLaws:
-    """The addresses of the generated laws and the work space they want; `body` is 0 where nothing acts on it.
-
-    The contact law is in two parts: `contact_before` gives the `held` values of a wheel and a soil for `contact`.
-    """
-
-    handle: ctypes.CDLL
-    contact_before: int
-    contact: int
-    motor: int
-    body: int
-    held: int
-    lanes: int
-    "patches or wheels that `contact` and `motor` take at once"
-    work: tuple[int, int]
-
+from rover_pin.simulation.state import Joints, joints_of
 
 LANE_COUNT_SOURCE = "int law_lanes(void) { return LANES; }\n"
-"Lets the step check that it passes as many lanes."
-
-
-class LawsSource(NamedTuple):
-    """C of a structure's laws, the functions' names in the order of the struct Drive, and what they want."""
-
-    text: str
-    names: tuple[str, ...]
-    held: int
-    work: tuple[int, int]
-
-
-@lru_cache(maxsize=64)
-def laws_source(structure: Any) -> LawsSource:
-    """Return the generated laws of this structure; the numbers stay parameters."""
-    before, during = split_law(laws.contact_law(structure.contact), len(laws.GEOMETRY))
-    motor = laws.motor_law(structure.motor, structure.motor_effects)
-    scalar = [before]
-    if structure.body_effects:
-        assert structure.joints is not None
-        scalar.append(body_law(structure.body_effects, structure.joints))
-    together = lanes.header() + lanes.c_source(during) + lanes.c_source(motor, shared=[2]) + LANE_COUNT_SOURCE
-    names = ("contact_law_before", "contact_law_during", "motor_law", *(f.name() for f in scalar[1:]))
-    work = max(f.sz_iw() for f in scalar), max(f.sz_w() for f in scalar)
-    return LawsSource(laws.generated_source(*scalar) + together, names, before.numel_out(0), work)
-
-
-@lru_cache(maxsize=64)
-def compiled_laws(structure: Any) -> CompiledLaws:
-    """Return the laws of this structure, compiled; a sweep compiles once."""
-    source = laws_source(structure)
-    handle = shared_library(source.text, "laws")
-    at = [ctypes.cast(getattr(handle, name), ctypes.c_void_p).value or 0 for name in source.names]
-    body = at[3] if source.names[3:] else 0
-    return CompiledLaws(handle, at[0], at[1], at[2], body, source.held, int(handle.law_lanes()), source.work)
+"""C source of a function with which the step checks that the laws were compiled for the same number of SIMD lanes as
+the step itself."""
 
 
 @dataclass(frozen=True)
 class Structure:
-    """What decides the generated code: the classes of the effects and their choices, not their numbers."""
+    """The properties of a model that decide its generated C code: the classes of its effects and their choices (such as
+    the traction form), but not their numbers. Models with equal structure share one compiled library.
+    """
 
     contact: tuple[Any, ...]
     motor: Any
     motor_effects: tuple[Any, ...]
     body_effects: tuple[Any, ...] = ()
     joints: Joints | None = None
+    """the suspension's joints if the model has body effects, otherwise None"""
 
 
 def structure_of(model: Model) -> Structure:
-    """Return the model's structure: its effects with every number at the default."""
+    """Return the properties of a model that decide its generated C code.
+
+    In the result, every quantity of every effect is set to its default. Models that differ only in numbers therefore
+    have equal results.
+    """
+
+    # Models that differ in numbers only then have one structure, and one compiled library.
+    def with_defaults(effects: tuple[Any, ...]) -> tuple[Any, ...]:
+        return tuple(
+            effect.replace(**{name: type(effect).__dataclass_fields__[name].default for name in quantities(effect)})
+            for effect in effects
+        )
+
     return Structure(
-        tuple(_plain(effect) for effect in model.contact_effects),
+        with_defaults(model.contact_effects),
         type(model.motor)(),
-        tuple(_plain(effect) for effect in model.motor_effects),
-        tuple(_plain(effect) for effect in model.body_effects),
+        with_defaults(model.motor_effects),
+        with_defaults(model.body_effects),
         joints_of(model.rover) if model.body_effects else None,
     )
 
 
-def _plain(record: Any) -> Any:
-    default = {name: type(record).__dataclass_fields__[name].default for name in quantities(record)}
-    return record.replace(**default)
+class LawsSource(NamedTuple):
+    """C source of the laws of a model's effects, with the names of its functions and the sizes of the memory that they
+    need.
+    """
+
+    text: str
+    names: tuple[str, ...]
+    """names of the C functions: precomputed part of the contact law, contact law, motor law, and, if the model has body
+    effects, body law"""
+    held: int
+    """number of constants that the precomputed part of the contact law computes for each pair of wheel and soil"""
+    work: tuple[int, int]
+    "sizes of the integer and of the real work space that the functions need"
+
+
+@lru_cache(maxsize=64)
+def laws_source(structure: Structure) -> LawsSource:
+    """Return the generated C code of the laws for a structure of effects. All numbers of the effects are parameters of
+    the code, so that a change of a number needs no new code.
+    """
+    # The part of the contact law that depends only on wheel, soil and parameters is computed before the drive.
+    before, during = split_law(laws.contact_law(structure.contact), len(laws.GEOMETRY))
+    motor = laws.motor_law(structure.motor, structure.motor_effects)
+    scalar = [before]
+    if structure.body_effects:
+        assert structure.joints is not None
+        scalar.append(body_law(structure.body_effects, structure.joints))
+    # Contact and motor laws run over SIMD lanes; the motor's parameters (input 2) are the same in all lanes.
+    over_lanes = lanes.header() + lanes.c_source(during) + lanes.c_source(motor, shared=[2]) + LANE_COUNT_SOURCE
+    names = ("contact_law_before", "contact_law_during", "motor_law", *(f.name() for f in scalar[1:]))
+    work = max(f.sz_iw() for f in scalar), max(f.sz_w() for f in scalar)
+    return LawsSource(laws.generated_source(*scalar) + over_lanes, names, before.numel_out(0), work)
+
+
+@dataclass(frozen=True)
+class CompiledLaws:
+    """Addresses of the compiled C functions for a structure of effects, and the sizes that they need."""
+
+    handle: ctypes.CDLL
+    """the loaded library; it is stored here because the addresses are valid only while it is loaded"""
+    contact_before: int
+    """address of the function that precomputes the constants of the contact law from the numbers of a wheel and a
+    soil"""
+    contact: int
+    motor: int
+    body: int
+    """address of the body law; 0 if the structure contains no body effect"""
+    held: int
+    lanes: int
+    """number of SIMD lanes: the functions `contact` and `motor` evaluate this number of patches or wheels at once"""
+    work: tuple[int, int]
+    "sizes of the integer and of the real work space that the functions need"
+
+
+@lru_cache(maxsize=64)
+def compiled_laws(structure: Structure) -> CompiledLaws:
+    """Return the compiled laws for a structure of effects. They are compiled at the first call, and loaded from a
+    stored library later, so that a sweep over numbers of effects compiles once.
+    """
+    source = laws_source(structure)
+    handle = shared_library(source.text, "laws")
+    # Without body effects there is no body law, and its address is 0.
+    addresses = [ctypes.cast(getattr(handle, name), ctypes.c_void_p).value or 0 for name in source.names]
+    before, contact, motor, body, *_ = [*addresses, 0]
+    return CompiledLaws(handle, before, contact, motor, body, source.held, int(handle.law_lanes()), source.work)

@@ -1,4 +1,7 @@
-"""Compile generated C once for this processor, and keep the result in a folder that is cleared of what is old."""
+"""Compile generated C code once for the processor of this computer, and store the libraries in a private folder.
+
+Files of damaged libraries are removed from the folder.
+"""
 
 import contextlib
 import ctypes
@@ -16,19 +19,28 @@ from functools import lru_cache
 from pathlib import Path
 
 from rover_pin.base.errors import NO_ROOM, CacheError, MissingExtraError
+from rover_pin.base.extras import install_command
 from rover_pin.base.files.private_folders import HINT, private_folders
 from rover_pin.base.jobs.safe_environment import bound_memory, program, safe_environment
 
 log = logging.getLogger(__name__)
 FLAGS = ("-O3", "-fPIC", "-shared", "-fno-math-errno", "-ffp-contract=off")
+"""Options of the compiler. A product and a sum are not fused into one operation (-ffp-contract=off), so that all
+processors give equal bits."""
 PLAIN_CPU = "-mcpu=baseline"
-"""Zig builds for this very processor unless set otherwise; a folder of libraries may be shared with another."""
+"""Option of the compiler Zig for code that every processor of this architecture can run. Without this option, Zig
+compiles for the processor of this computer only, although another computer may use the same folder of libraries."""
 SEPARATOR = "\0"
-FULL = os.strerror(errno.ENOSPC)
+"""Character between the texts from which the digest in a library's file name is computed; none of these texts can
+contain it."""
+DISK_FULL = os.strerror(errno.ENOSPC)
+"""Words in a compiler's output that report a full disk."""
 
 
 def compiler() -> list[str] | None:
-    """Return the command of a C compiler: $CC, cc, gcc, clang, or the `ziglang` package; None where there is none."""
+    """Return the command of a C compiler, or None if there is none. The first that exists of these is returned: $CC,
+    cc, gcc, clang, and the Python package `ziglang`.
+    """
     for name in (os.environ.get("CC"), "cc", "gcc", "clang"):
         if name and (executable := program(name)):
             return [executable]
@@ -38,45 +50,103 @@ def compiler() -> list[str] | None:
 
 
 def shared_library(source: str, name: str) -> ctypes.CDLL:
-    """Return the library compiled from C `source`, from `private_folders` where the same was compiled before.
+    """Return the library that is compiled from the C code `source`. If it was compiled before, it is loaded from a
+    private folder instead (`private_folders`).
 
-    Raises MissingExtraError: there is no C compiler, or it fails; the message says how to get one.
-    Raises CacheError: there is no private folder that can hold the library.
+    If there is no compiler, a library that another compiler made earlier from the same source is used, provided that it
+    was made for this processor and for this C library.
+
+    Parameters
+    ----------
+    source : str
+        The C code.
+    name : str
+        Beginning of the name of the library's file.
+
+    Raises
+    ------
+    MissingExtraError
+        There is no stored library, and no C compiler or a compiler that fails. The message states how to get a
+        compiler.
+    CacheError
+        No private folder can hold the library.
     """
-    command = found_compiler()
-    words = [source, *command, *FLAGS, *fast_flags(command), sys.platform, os.uname().machine, *platform.libc_ver()]
-    stem = f"{name}-{hashlib.sha256(SEPARATOR.join(words).encode()).hexdigest()[:20]}"
-    folders = private_folders()
+    # The first digest stands for the library's purpose: machines of different kinds may share a folder.
+    wanted = [source, sys.platform, os.uname().machine, level() if has_vector_math() else "", *platform.libc_ver()]
+    prefix, command, folders = f"{name}-{_digest(wanted)}", compiler(), private_folders()
+    if command is None:
+        # Without a compiler, take any stored library with the same purpose, whatever compiler has made it.
+        for folder in folders:
+            for stem in sorted({file.name.rpartition("-")[0] for file in folder.glob(f"{prefix}-*-*.so")}):
+                if (library := cached_library(folder, stem)) is not None:
+                    return library
+        command = found_compiler()
+    # The second digest stands for the compiler and its options.
+    stem = f"{prefix}-{_digest([*command, *FLAGS, *fast_flags(command)])}"
     cached = next(filter(None, (cached_library(folder, stem) for folder in folders)), None)
     return cached or build_library(
         folders, stem, lambda place: _compile_sources(command, {"source.c": source}, place, fast_flags(command))
     )
 
 
+def _digest(words: Sequence[str]) -> str:
+    """Return a digest of several texts, 20 hexadecimal digits, as part of a library's file name."""
+    return hashlib.sha256(SEPARATOR.join(words).encode()).hexdigest()[:20]
+
+
 def portable_library(sources: Mapping[str, str], place: Path) -> Path:
-    """Return the file of a library of these C files, for any processor of this machine's kind; errors as above."""
+    """Compile C files into a library that runs on every processor of this architecture, and return the path of its
+    file.
+
+    Parameters
+    ----------
+    sources : mapping
+        Name -> content of each C file.
+    place : Path
+        Folder in which the files and the library are written.
+    """
     return _compile_sources(found_compiler(), sources, place)
 
 
 def found_compiler() -> list[str]:
-    """Return the command of `compiler`; refuse where there is none."""
+    """Return the command of a C compiler (`compiler`).
+
+    Raises MissingExtraError: there is no compiler. The message states how to install one.
+    """
     command = compiler()
     if command is None:
         raise MissingExtraError(
-            "No C compiler found, and the fast simulator is compiled on first use: install gcc or clang, or "
-            "the package `ziglang` (`pip install rover-pin[compiler]`)."
+            "No C compiler found. The fast simulator is compiled on first use: install gcc, clang or "
+            f"the package ziglang (`{install_command('compiler')}`)."
         )
     return command
 
 
 def fast_flags(command: list[str]) -> list[str]:
-    """Return what lets the compiler use this processor's vectors: nothing where elementary functions have none."""
-    if len(command) > 1 or not (level() and has_vector_math()):  # zig brings its own C library
+    """Return the compiler options with which the laws use the vector instructions of this processor.
+
+    The list is empty if vector instructions cannot be used: with the compiler Zig, on an unknown processor, or if the C
+    library has no vector functions.
+    """
+    if len(command) > 1 or not (level() and has_vector_math()):  # zig has its own C library, without libmvec
         return []
     return [f"-march={level()}", "-DLIBMVEC"]
 
 
 def _compile_sources(command: list[str], sources: Mapping[str, str], place: Path, fast: Sequence[str] = ()) -> Path:
+    """Compile C files into a library, and return the path of its file.
+
+    Parameters
+    ----------
+    command : list of str
+        The command of the compiler.
+    sources : mapping
+        Name -> content of each C file.
+    place : Path
+        Folder in which the C files and the library are written.
+    fast : sequence of str
+        Options for vector instructions. If the compiler refuses them, the files are compiled without them.
+    """
     log.debug("compiling %d characters of C with %s", sum(map(len, sources.values())), " ".join(command))
     library = place / "made.so"
     for name, source in sources.items():
@@ -90,12 +160,15 @@ def _compile_sources(command: list[str], sources: Mapping[str, str], place: Path
         )  # fmt: skip
         if run.returncode == 0:
             break
-    if run.returncode and FULL in run.stderr:
-        raise OSError(errno.ENOSPC, FULL)
+    if run.returncode and DISK_FULL in run.stderr:
+        raise OSError(errno.ENOSPC, DISK_FULL)
     if run.returncode:
+        # The first line with an error is the most informative; a compiler that crashes may print no such line.
         lines = run.stderr.strip().splitlines()
         why = [line for line in lines if "error" in line][:1] or lines[-1:]
-        raise MissingExtraError(f"The C compiler {' '.join(command)} failed: {why}; set CC to one that works.")
+        raise MissingExtraError(
+            f"The C compiler {' '.join(command)} failed: {why}; set the variable CC to a compiler that works."
+        )
     return library
 
 
@@ -103,27 +176,34 @@ X86_LEVELS = {
     "x86-64-v4": "avx512f avx512bw avx512cd avx512dq avx512vl avx2 bmi1 bmi2 fma f16c abm movbe",
     "x86-64-v3": "avx2 bmi1 bmi2 fma f16c abm movbe",
 }
-"""Feature levels of the x86-64 psABI, the highest first, and what each needs of /proc/cpuinfo's flags."""
+"""Feature levels of x86-64 processors (psABI), the highest first, and for each level the flags that /proc/cpuinfo must
+list."""
 CPUINFO = Path("/proc/cpuinfo")
 VECTOR_MATH = (2, 35)
-"""The glibc whose libmvec has every function that laws use, on x86-64."""
+"""First version of the C library glibc on x86-64 whose vector functions (libmvec) include all functions that the laws
+use. With an older version, the laws are computed without vector functions."""
 
 
 @lru_cache(maxsize=1)
 def level() -> str:
-    """Return the highest feature level that this processor has, or nothing where only the plain one is known."""
+    """Return the highest feature level of this processor that the compiler may use (a key of X86_LEVELS). The result is
+    an empty string if only the basic level is certain.
+    """
     if platform.machine() not in ("x86_64", "AMD64"):
         return ""
     try:
         lines = CPUINFO.read_text(encoding="utf-8", errors="replace").splitlines()
     except OSError:
         return ""
+    # The first processor in the list stands for all of them.
     flags = next((set(line.split(":", 1)[1].split()) for line in lines if line.startswith("flags")), set())
     return next((name for name, needs in X86_LEVELS.items() if flags.issuperset(needs.split())), "")
 
 
 def has_vector_math() -> bool:
-    """Return whether the C library has the elementary functions for vectors (libmvec)."""
+    """Return whether the C library has vector versions of the elementary functions (libmvec), such as exp for several
+    numbers at once.
+    """
     name, version = platform.libc_ver()
     if name != "glibc" or platform.machine() not in ("x86_64", "AMD64"):
         return False
@@ -131,7 +211,9 @@ def has_vector_math() -> bool:
 
 
 def cached_library(folder: Path, stem: str) -> ctypes.CDLL | None:
-    """Return the library of this stem, or None; one that is not as it was made, or does not load, is removed."""
+    """Return the stored library in a folder whose file name begins with `stem`, or None if there is none. A file that
+    cannot be loaded, or whose content does not fit the digest in its name, is removed.
+    """
     for file in sorted(folder.glob(f"{stem}-*.so")):
         with contextlib.suppress(OSError):
             if file == _library_file(folder, stem, file.read_bytes()):
@@ -142,22 +224,45 @@ def cached_library(folder: Path, stem: str) -> ctypes.CDLL | None:
 
 
 def build_library(folders: Sequence[Path], stem: str, make: Callable[[Path], Path]) -> ctypes.CDLL:
-    """Return the library whose file `make(folder)` writes, kept in the first folder that takes it.
+    """Build a library, store it in the first folder that can hold it, and return it.
 
-    Its name has the digest of its content, so one step puts both in place, whoever else builds it meanwhile.
+    The file's name contains the digest of its content. A single rename therefore puts library and digest in place, even
+    if other processes build the same library at the same time.
 
-    Raises CacheError: no folder takes it, or it cannot be loaded. MemoryError: there is no room for it.
+    Parameters
+    ----------
+    folders : sequence of Path
+        The folders, in the order in which they are tried.
+    stem : str
+        Beginning of the file's name.
+    make : callable
+        Function that builds the library in a folder and returns the path of its file.
+
+    Raises
+    ------
+    CacheError
+        No folder can hold the library, or it cannot be loaded.
+    MemoryError
+        There is not enough memory to load it.
     """
+    # If a folder is full, read-only or mounted without the right to execute, the next folder is tried.
     troubles = []
     for folder in folders:
         try:
-            return _load_library(_place_library(folder, stem, make))
+            with tempfile.TemporaryDirectory(dir=folder) as place:
+                compiled = make(Path(place))
+                file = _library_file(folder, stem, compiled.read_bytes())
+                os.replace(compiled, file)
+            return _load_library(file)
         except OSError as error:
             troubles.append(f"{folder}: {error.strerror or error}")
     raise CacheError(f"Compiled code cannot be kept or loaded ({'; '.join(troubles)}): {HINT}.")
 
 
 def _load_library(file: Path) -> ctypes.CDLL:
+    """Load a library from its file and return it. If there is not enough memory for it, MemoryError is raised instead
+    of OSError.
+    """
     try:
         return ctypes.CDLL(str(file))
     except OSError as error:
@@ -166,13 +271,8 @@ def _load_library(file: Path) -> ctypes.CDLL:
         raise
 
 
-def _place_library(folder: Path, stem: str, make: Callable[[Path], Path]) -> Path:
-    with tempfile.TemporaryDirectory(dir=folder) as place:
-        compiled = make(Path(place))
-        file = _library_file(folder, stem, compiled.read_bytes())
-        os.replace(compiled, file)
-    return file
-
-
 def _library_file(folder: Path, stem: str, content: bytes) -> Path:
+    """Return the path under which a library is stored in a folder. The file name contains a digest of the library's
+    content, so that a changed file is detected.
+    """
     return folder / f"{stem}-{hashlib.sha256(content).hexdigest()[:32]}.so"

@@ -1,4 +1,4 @@
-"""What is driven: rover, terrain, motors and effects as one `model`; read from and written to TOML.
+"""The model of a drive: rover, terrain, soils, motors and effects; read from and written to TOML.
 
-Start at `model`; what is assumed where nothing is declared is in `defaults`.
+Start at `model`. `defaults` contains the assumptions for a rover whose files state no motor or no soil.
 """

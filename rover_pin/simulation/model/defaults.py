@@ -1,6 +1,8 @@
-"""What a rover drives with where nothing is said: motor, soil and sizes by its own weight and wheels, each reported.
+"""Default motor, default soil and size ratio of a rover whose TOML declares no motor or no soil. They are derived from
+the rover's weight and wheels, and reported as assumed.
 
-The numbers of Nexus 6 are its own: another rover takes over none of them but as a ratio that is stated here.
+Numbers of Nexus 6, the paper's rover, are never used directly for another rover, but only in the ratios that this
+module states.
 """
 
 import math
@@ -13,48 +15,56 @@ from rover_pin.base.quantity import record_from
 from rover_pin.contact import Soil, Wheel
 from rover_pin.effects.slip import RelaxedSlip
 from rover_pin.parameters import NEXUS6_WHEEL, SLOPE_SAND, TABLE_1, name_of, soil_named
-from rover_pin.parameters.bekker import at_width
+from rover_pin.parameters.bekker import at_width, from_bekker
 from rover_pin.parameters.gravity import EARTH
-from rover_pin.rover.description.motor_sheet import MotorSheet
 from rover_pin.rover.rover import Rover
 from rover_pin.rover.wheel_base import base_of, wheel_places
 from rover_pin.simulation.model.cruise import CRUISE_DUTY, CRUISE_SPEED
-from rover_pin.simulation.model.motor import Motor
-from rover_pin.simulation.model.motors import motor_named
+from rover_pin.simulation.model.motor import Motor, motor_named
 from rover_pin.soil.angles import ANGLES, FixedAngles, SinkageAngles
 from rover_pin.soil.wheel_forces import wheel_forces
 
-HOLDS = math.radians(25.0)
-"""Slope on which the sized motors hold the rover at duty 0.55: above the 20 deg of the paper's test field, assumed."""
+HOLDING_SLOPE = math.radians(25.0)
+"""Slope [rad] on which a default motor holds the rover at duty 0.55; the motor is sized accordingly. Assumed: above the
+20 deg of the paper's test field."""
 FROUDE = CRUISE_SPEED / CRUISE_DUTY / math.sqrt(EARTH * float(NEXUS6_WHEEL.r))
-"""Full speed over sqrt(g r), of the paper's 0.05 m/s at duty 0.55 with wheels of 45 mm: 0.14."""
+"""Froude number of the rover's speed at full duty, speed / sqrt(g r), with gravity g and wheel radius r: 0.14, from the
+paper's 0.05 m/s at duty 0.55 with r = 45 mm. Default motors of other rovers get the same Froude number."""
 NEXUS6_MASS = 5.8
 """Mass of the paper's rover [kg]."""
-ROTOR = 1e-3 / (NEXUS6_MASS / 6 * float(NEXUS6_WHEEL.r) ** 2)
-"""Rotor inertia at the wheel over (mass / wheels) r^2, of the motor assumed for Nexus 6."""
+ROTOR_SHARE = 1e-3 / (NEXUS6_MASS / 6 * float(NEXUS6_WHEEL.r) ** 2)
+"""Ratio of the inertia of a motor's rotor, as it acts at the wheel, to m r^2 / n, with the rover's mass m, wheel radius
+r and number of wheels n. It is computed from the motor that is assumed for Nexus 6, and used for the default motors of
+other rovers."""
 SUPPLY, GEAR = 12.0, 100.0
-"""Supply [V] and gear of a sized motor, assumed: only currents depend on them."""
+"""SUPPLY and GEAR: supply voltage [V] and gear ratio of a default motor (assumed); only currents depend on them."""
 
 
 Kind = TypeVar("Kind")
 
 
-class Chosen(NamedTuple, Generic[Kind]):
-    """A motor or soil, and the sentence that says how it was chosen; none where the TOML states it."""
+class Selection(NamedTuple, Generic[Kind]):
+    """The motor or the soil that was chosen for a rover, together with the assumptions behind the choice."""
 
     value: Kind
     assumed: tuple[str, ...] = ()
+    """sentences that state the assumptions; empty if nothing was assumed, because the rover's TOML or the caller states
+    the motor or soil"""
 
 
 def scale(rover: Rover) -> float:
-    """Return the size of the rover's largest wheel over that of Nexus 6, for which ready-made terrains are made."""
+    """Return the size of a rover relative to Nexus 6: its largest wheel radius divided by the wheel radius of Nexus 6.
+    Ready-made terrains are scaled by this ratio.
+    """
     return float(rover.radii.max()) / float(NEXUS6_WHEEL.r)
 
 
 def pace(rover: Rover, motor: Motor) -> float:
-    """Return by how much longer the rover takes over a terrain of its size than Nexus 6 over its own.
+    """Return the ratio by which durations of ready-made drives are multiplied for a rover: the time that it needs for a
+    terrain of its size, relative to the time that Nexus 6 needs for the original terrain.
 
-    Source: way over speed at full duty without load; 1 for the paper's wheels whatever the motor.
+    The ratio is the size of the terrain divided by the rover's speed at full duty without load, divided by the same
+    quotient of Nexus 6. For wheels of the paper's size it is 1 with every motor, by definition.
     """
     if scale(rover) == 1.0:
         return 1.0
@@ -62,113 +72,155 @@ def pace(rover: Rover, motor: Motor) -> float:
 
 
 def has_papers_wheel(rover: Rover) -> bool:
-    """Return whether all wheels have the size of Nexus 6's, for which Table 1's angles hold."""
+    """Return whether all wheels of a rover have the radius and width of Nexus 6's wheels. Only for such wheels the
+    fixed contact angles of Table 1 of the paper hold.
+    """
     nexus6_size = (float(NEXUS6_WHEEL.r), float(NEXUS6_WHEEL.b))
     return all((float(mount.wheel.r), float(mount.wheel.b)) == nexus6_size for mount in rover.wheels)
 
 
 def usual_angles(rover: Rover, name: str = "") -> FixedAngles | SinkageAngles:
-    """Return the angles of this word, else Table 1's fixed ones for the paper's wheel, the sinkage's for any other."""
+    """Return the contact angles with this name, "fixed" or "sinkage". Without a name, return the usual angles of the
+    rover: fixed angles for wheels of the paper's size, for which the paper states them, and angles that follow the
+    sinkage for all other wheels.
+    """
     return ANGLES.get(name) or ANGLES["fixed" if has_papers_wheel(rover) else "sinkage"]
 
 
 def usual_slip(rover: Rover) -> RelaxedSlip:
-    """Return the paper's wheels' relaxation, its length in the proportion of the wheel: a contact is as long."""
+    """Return the default law of slip. Its relaxation length, the distance over which the slip follows the speeds, is
+    proportional to the wheel radius, because the length of the contact is.
+    """
     relaxed, size = RelaxedSlip(), scale(rover)
     return relaxed if size == 1.0 else relaxed.replace(length=size * relaxed.length)
 
 
-def own_motor(rover: Rover) -> Chosen[Motor]:
-    """Return the motor of the rover's TOML: named, of its data sheet, or sized by its weight where it states none.
+def own_motor(rover: Rover) -> Selection[Motor]:
+    """Return the motor that the rover's TOML names or describes by a data sheet. If the TOML has no motor, return a
+    default motor that is sized by the rover's weight.
 
-    Sized: T_stall = m g r max(sin(25 deg), `scrub_share`) / (0.55 n), omega_0 = FROUDE sqrt(g / r).
+    The default motor has the stall torque T_stall = m g r max(sin(25 deg), `scrub_share`) / (0.55 n) and the no-load
+    rate omega_0 = FROUDE sqrt(g / r), for a rover of mass m with n wheels of radius r under gravity g.
 
-    Raises ParameterError: an unknown name.
+    Raises ParameterError: the TOML names an unknown motor.
     """
     if isinstance(rover.motor, str):
-        return Chosen(motor_named(rover.motor))
+        return Selection(motor_named(rover.motor))
     if rover.motor is not None:
-        return Chosen(_of_sheet(rover.motor))
+        # The data sheet of the motor alone: k_t = V / omega_0, and the resistance that gives its stall torque.
+        sheet = rover.motor
+        k_t = float(sheet.voltage) / float(sheet.no_load_speed)
+        stall = float(sheet.efficiency) * float(sheet.gear) * float(sheet.stall_torque)
+        resistance = float(sheet.gear) * k_t * float(sheet.voltage) / stall
+        return Selection(Motor(sheet.voltage, resistance, k_t, sheet.gear, sheet.rotor_inertia))
+    # No motor is declared: size one by the rover's weight and wheels.
     n, r = len(rover.wheels), float(rover.radii.max())
     scrub = scrub_share(rover)
-    share, rate = max(math.sin(HOLDS), scrub), FROUDE * math.sqrt(EARTH / r)
+    share, rate = max(math.sin(HOLDING_SLOPE), scrub), FROUDE * math.sqrt(EARTH / r)
     stall = rover.mass * EARTH * r * share / CRUISE_DUTY / n
+    # Supply voltage and gear are assumed; the torque constant and the resistance follow from rate and stall torque.
     constant = SUPPLY / rate
-    inertia = ROTOR * rover.mass / n * r**2
+    inertia = ROTOR_SHARE * rover.mass / n * r**2
     motor = Motor(SUPPLY, constant * SUPPLY / stall, constant / GEAR, GEAR, inertia / GEAR**2)
+    # The sentence names the condition that decided the stall torque: the slope, or the turn on the spot.
     holds = (
-        f"holds {rover.mass:.3g} kg on {math.degrees(HOLDS):.0f} deg"
+        f"hold {rover.mass:.3g} kg on a slope of {math.degrees(HOLDING_SLOPE):.0f} deg"
         if share > scrub
-        else (f"turns {rover.mass:.3g} kg on the spot by the sides' speeds, its wheels dragged sideways,")
+        else f"turn {rover.mass:.3g} kg on the spot by different speeds of the two sides, which drags wheels sideways"
     )
-    return Chosen(
+    return Selection(
         motor,
         (
-            f"motor: none in the TOML's [motor], so one of {stall:.3g} N m stalled and {rate:.3g} rad/s without load "
-            f"a wheel, which {holds} at duty {CRUISE_DUTY:g} and drives {FROUDE:.2g} sqrt(g r) at full duty",
+            f"motor: none in the TOML's [motor], so every wheel gets a motor with the stall torque {stall:.3g} N m and "
+            f"the no-load rate {rate:.3g} rad/s; at duty {CRUISE_DUTY:g} these motors {holds}, and at full duty they "
+            f"drive the rover at {FROUDE:.2g} sqrt(g r)",
         ),
     )
 
 
 def scrub_share(rover: Rover) -> float:
-    """Return the thrust, over their load, that wheels need to turn a rover on the spot by its sides' speeds; else 0.
+    """Return the ratio of thrust to load [-] that the wheels need to turn the rover on the spot by different speeds of
+    its two sides (skid-steering).
 
-    Wheels dragged sideways resist by tan phi of their load, x from the middle of the axles; the thrusts turn it by half
-    the track B: tan phi sum |x| / (n B / 2). Source: moments about the middle, equal loads, as for tracks (Wong, Theory
-    of Ground Vehicles, skid-steering); phi of slope-sand, whatever the soil.
+    The ratio is 0 for a rover with steered wheels. A wheel that is dragged sideways resists with tan phi times its
+    load, at the distance |x| from the middle of the axles; phi is the friction angle of the soil. The thrusts of the n
+    wheels act with the lever arm B / 2, half the track B. The moments balance if the ratio is tan phi sum |x| / (n B /
+    2).
+
+    Source: moments about the middle under equal loads, as for tracks (Wong, Theory of Ground Vehicles, skid-steering);
+    slope-sand gives phi, whatever the soil.
     """
     if any(wheel.steer_dof is not None for wheel in rover.wheels):
         return 0.0
+    # Distances of the wheels from the middle of the axles, along x.
     x = np.array([place[0] for place in wheel_places(rover).values()])
     return float(math.tan(float(SLOPE_SAND.phi)) * np.mean(np.abs(x - np.mean(x))) / (0.5 * base_of(rover).track))
 
 
-def _of_sheet(sheet: MotorSheet) -> Motor:
-    """Return K = V / omega_0 at the wheel and the resistance that gives the stall torque there."""
-    k_t = float(sheet.voltage) / float(sheet.no_load_speed)
-    stall = float(sheet.efficiency) * float(sheet.gear) * float(sheet.stall_torque)
-    resistance = float(sheet.gear) * k_t * float(sheet.voltage) / stall
-    return Motor(sheet.voltage, resistance, k_t, sheet.gear, sheet.rotor_inertia)
+def driven_soil(rover: Rover, name: str = "") -> Selection[Soil]:
+    """Return the soil for a simulated drive of a rover: the soil that the caller or the rover's TOML names, otherwise
+    slope-sand with a shear displacement k that is scaled with the wheel radius (`own_soil`).
 
-
-def driven_soil(rover: Rover, name: str = "") -> Chosen[Soil]:
-    """Return the soil of a drive: `own_soil`'s with slope-sand as usual, its k in the proportion of the wheel.
-
-    On it every shipped rover slips 0.22 on 10 deg. What data are fitted with starts at Table 1 instead.
+    On this default soil, all rovers of the package have similar slip on a slope. Fits of measured data start from the
+    soil of Table 1 of the paper instead.
     """
     return own_soil(rover, name, SLOPE_SAND.replace(k=scale(rover) * SLOPE_SAND.k))
 
 
-def own_soil(rover: Rover, name: str = "", default: Soil = TABLE_1) -> Chosen[Soil]:
-    """Return the soil that is named, else that of the TOML's [soil], else the usual one made firm enough for the rover.
+def own_soil(rover: Rover, name: str = "", default: Soil = TABLE_1) -> Selection[Soil]:
+    """Return the soil with this name, otherwise the soil in the rover's TOML, otherwise the default soil, which is made
+    firm enough to carry the rover.
 
-    Named soils are converted to the width of the rover's wheels. Table 1's own k_1 is assumed so that Nexus 6 sinks to
-    theta_1 = 35 deg; the same is done for any other rover: Eq (6) at theta_1, S = 0, carries its share of the weight.
+    A named soil is converted to the width of the rover's wheels. The default soil gets the constant k_1 with which a
+    wheel under an equal share of the weight sinks to the soil's entry angle theta_1 at the slip S = 0, by Eq (6) of the
+    paper, the normal force. Nexus 6 on the soil of Table 1 fulfils this condition.
 
-    Raises ParameterError: an unknown name, field, unit or value.
+    Parameters
+    ----------
+    rover : Rover
+        The rover.
+    name : str
+        Name of a soil. If empty, the soil in the rover's TOML is used, or `default` if the TOML has none.
+    default : Soil
+        Soil that is assumed if neither `name` nor the TOML states a soil; only its k_1 is adapted.
+
+    Raises
+    ------
+    ParameterError
+        A name, field, unit or value is unknown or beyond its limits.
     """
+    # A soil that the caller or the TOML names, with the constants that the TOML changes.
     constants = {key: value for key, value in rover.soil.items() if key != "name"}
     if name or rover.soil:
         named = soil_named(str(name or rover.soil.get("name", "table-1")))
-        soil = at_width(named, float(rover.wheels[0].wheel.b), float(NEXUS6_WHEEL.b))
+        b = float(rover.wheels[0].wheel.b)
+        soil = at_width(named, b, float(NEXUS6_WHEEL.b))
         if name or not constants:
-            return Chosen(soil)
-        declared_soil = record_from(type(named), constants, f"rover '{rover.name}': [soil]")
-        return Chosen(soil.replace(**{key: getattr(declared_soil, key) for key in constants}))
+            return Selection(soil)
+        where = f"rover '{rover.name}': [soil]"
+        # Bekker's constants of the TOML are converted to the wheel's width.
+        constants = from_bekker(constants, b, where)
+        declared_soil = record_from(type(named), constants, where)
+        return Selection(soil.replace(**{key: getattr(declared_soil, key) for key in constants}))
+    # Nothing is named: make the default soil firm enough for the wheel that needs it most.
     load = rover.mass * EARTH / len(rover.wheels)
     k_1 = max(_firm_enough(mount.wheel, default, load) for mount in rover.wheels)
-    sand = f"{name_of(default)} of k = {1e3 * float(default.k):.3g} mm and k_1 = {k_1:.3g} Pa"
-    return Chosen(
+    sand = f"{name_of(default)} with k = {1e3 * float(default.k):.3g} mm and k_1 = {k_1:.3g} Pa"
+    return Selection(
         default.replace(k_1=k_1),
         (
-            f"soil: none named, so {sand}, in which a wheel under {load:.3g} N sinks to theta_1 = "
-            f"{math.degrees(float(default.theta_1)):.0f} deg as Nexus 6's does",
+            f"soil: none named, so {sand}, in which a wheel under {load:.3g} N sinks to the entry angle theta_1 = "
+            f"{math.degrees(float(default.theta_1)):.0f} deg, as the wheels of Nexus 6 do",
         ),
     )
 
 
 def _firm_enough(wheel: Wheel, soil: Soil, load: float) -> float:
-    """Return k_1 [Pa] at which the wheel at S = 0 carries the load at the soil's theta_1; f_n is linear in k_1."""
+    """Return the soil constant k_1 [Pa] with which the soil carries the load [N] under a wheel at the slip S = 0 and at
+    the soil's own entry angle theta_1. The normal force f_n is linear in k_1, so that two evaluations give the
+    result.
+    """
+    # Two values of k_1 give the straight line f_n(k_1), which is solved for the load.
     forces = [
         float(wheel_forces(0.0, soil.theta_1, soil.theta_2, wheel, soil.replace(k_1=k_1)).f_n) for k_1 in (1e4, 1e6)
     ]
@@ -176,7 +228,8 @@ def _firm_enough(wheel: Wheel, soil: Soil, load: float) -> float:
     k_1 = 1e4 + (load - forces[0]) / slope
     if not 0.0 < k_1 < 1e9:
         raise ParameterError(
-            f"no k_1 below 1e9 Pa carries {load:.3g} N on a wheel of r = {float(wheel.r):g} m and "
-            f"b = {float(wheel.b):g} m: name one, in the TOML's [soil] or with --soil."
+            "A default soil cannot be derived for this rover, because no soil constant k_1 below 1e9 Pa carries "
+            f"{load:.3g} N on a wheel of r = {float(wheel.r):g} m and b = {float(wheel.b):g} m: name a soil, in "
+            "[soil] of the rover's TOML or with --soil."
         )
     return k_1

@@ -1,4 +1,6 @@
-"""Effects in files: found by their class's name in the package or in a user's file, written to TOML and read back."""
+"""Effects in files: effect classes in the package or in a user's Python file, and single effects as tables of a TOML
+file.
+"""
 
 import dataclasses
 import hashlib
@@ -6,7 +8,6 @@ import importlib
 import inspect
 import pkgutil
 import sys
-import tempfile
 from collections.abc import Iterable, Mapping
 from functools import lru_cache
 from importlib.machinery import SourceFileLoader
@@ -16,99 +17,126 @@ from typing import Any, TypeVar
 
 import rover_pin.effects
 from rover_pin.base.errors import DataError, closest
-from rover_pin.base.files.paths import is_file, is_folder
+from rover_pin.base.files.paths import is_file
 from rover_pin.base.files.toml_file import text_in
 from rover_pin.base.jobs.workers import sent_by_value
 from rover_pin.base.quantity import Record, as_table, quantities, record_from
-from rover_pin.base.trust import Trust
+from rover_pin.base.trust import Trust, code_files
 from rover_pin.base.users_code import guard, is_stop, mistake
+from rover_pin.contact import Scalar
 from rover_pin.effects.effect import BodyEffect, Effect, MotorEffect, SensorEffect
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.soil.angles import FixedAngles, SinkageAngles
 from rover_pin.soil.wheel_forces import FORMS
 
 BASES = (Effect, MotorEffect, BodyEffect, SensorEffect)
+"""Base classes of all effects. The base class decides where an effect acts: at the contact, in a motor, on the body, or
+in a sensor."""
 AnyEffect = Effect | MotorEffect | BodyEffect | SensorEffect
 OneKind = TypeVar("OneKind", bound=Record)
 ANGLES = {kind.__name__: kind() for kind in (FixedAngles, SinkageAngles)}
 CHOICES: dict[str, Mapping[str, Any]] = {"is no traction form": FORMS, "are no angles": ANGLES}
-"""How one says that there is none, and the choices by the word for them in a file."""
-OWN = "rover_pin.effects."
+"""The fields of an effect that are no numbers: the traction form and the contact angles. For each of them, the second
+half of the error message for an unknown word -> the allowed words, each with its value."""
+PACKAGE = "rover_pin.effects."
+"""Beginning of the names of the modules that contain the package's own effects. All other effects are a user's."""
 
 
 @lru_cache(maxsize=1)
 def package_effects() -> tuple[type[AnyEffect], ...]:
-    """Return every effect of the package, by looking at its files."""
+    """Return the classes of all effects that the package contains."""
     names = [module.name for module in pkgutil.iter_modules(rover_pin.effects.__path__)]
-    return tuple(kind for name in names for kind in defined_in(importlib.import_module(OWN + name)))
+    return tuple(kind for name in names for kind in defined_in(importlib.import_module(PACKAGE + name)))
 
 
 def user_effects(path: str | Path) -> tuple[type[AnyEffect], ...]:
-    """Return the effects that a user's file defines, or all files of a folder.
+    """Return the classes of effects that a user's Python file defines. If the path is a folder, all Python files in it
+    are read. The code of the files is run.
 
-    Raises DataError: the path is missing, holds no effect, or a file cannot be run.
+    Raises DataError: the path is missing, its files define no effect, or a file cannot be run.
     """
     path = Path(path)
-    files = sorted(path.glob("*.py")) if is_folder(path) else [path]
-    kinds = tuple(kind for file in files for kind in defined_in(run_file(file)))
+    kinds = tuple(kind for file in code_files(path) for kind in defined_in(run_file(file)))
     for kind in kinds:
-        _default_effect(kind)
+        # An error in the class is reported now, with its file and line, rather than in the middle of a drive.
+        try:
+            kind()
+        except BaseException as error:
+            if is_stop(error):
+                raise
+            raise mistake(error, str(inspect.getfile(kind)), inspect.getsourcelines(kind)[1]) from error
     if not kinds:
         bases = ", ".join(base.__name__ for base in BASES)
-        raise DataError(f"{path}: no effect stands there; give a .py file with a class that derives from {bases}.")
+        raise DataError(
+            f"{path}: the file or folder defines no effect; give a .py file with a class that derives from {bases}."
+        )
     return kinds
 
 
 def known_effects(path: str | Path | None = None) -> tuple[type[AnyEffect], ...]:
-    """Return the package's effects and a user's, which take the place of those of their names; errors as of both."""
+    """Return the classes of the package's effects and of the effects in a user's file or folder. If a user's effect has
+    the name of a package's effect, only the user's is returned.
+    """
     kinds = (*package_effects(), *(user_effects(path) if path else ()))
     return tuple({kind.__name__: kind for kind in kinds}.values())
 
 
 def trusted_effects(trust: Trust) -> tuple[type[AnyEffect], ...]:
-    """Return the effects of all files that the user trusts by name; a file may hold none, as a controller's does."""
-    files = [file for path in trust.effects for file in (sorted(path.glob("*.py")) if is_folder(path) else [path])]
+    """Return the classes of effects in all files whose code the user allows to run. Such a file may also contain no
+    effect, for example the file of a controller.
+    """
+    files = (file for path in trust.effects for file in code_files(path))
     return tuple(kind for file in files for kind in defined_in(run_file(file)))
 
 
-def _default_effect(kind: type[AnyEffect]) -> AnyEffect:
-    """Return an effect of a user's file with its defaults, as it is tried first."""
-    try:
-        return kind()
-    except Exception as error:
-        if is_stop(error):
-            raise
-        file = str(inspect.getfile(kind))
-        raise mistake(error, file, inspect.getsourcelines(kind)[1]) from error
+def effect_class(
+    name: str, base: type[OneKind], quantities: Mapping[str, Any], members: Mapping[str, Any], content: str
+) -> type[OneKind]:
+    """Return a new class of effects that is made of Python objects. No text from a data set is compiled for this class,
+    so that a data set cannot run code.
 
-
-def effects_of_text(text: str) -> tuple[type[AnyEffect], ...]:
-    """Return the effects that the text of an effect file defines, of which no file is kept."""
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "measured_remainder.py"
-        file.write_text(text, encoding="utf-8")
-        return user_effects(file)
+    Parameters
+    ----------
+    name : str
+        Name of the class.
+    base : type
+        One of `BASES`, or a class that derives from one of them.
+    quantities : mapping
+        Name -> `quantity(...)` of each parameter.
+    members : mapping
+        Hooks as functions, and class variables such as `title` and `neutral`.
+    content : str
+        A text that differs if the law of the effect differs. It distinguishes the class from other classes with the
+        same name, for example when a stored result is looked up by a digest of the model.
+    """
+    module = f"rover_pin_drafted_{hashlib.sha256(content.encode()).hexdigest()[:16]}"
+    body = {**members, **quantities, "__module__": module, "__annotations__": dict.fromkeys(quantities, Scalar)}
+    return dataclasses.dataclass(frozen=True)(type(name, (base,), body))
 
 
 def defined_in(module: ModuleType) -> tuple[type[AnyEffect], ...]:
-    """Return the effects that a module defines itself."""
+    """Return the effect classes that a module defines itself, without the classes that it imports."""
     kinds = [kind for _, kind in inspect.getmembers(module, inspect.isclass) if kind.__module__ == module.__name__]
     return tuple(kind for kind in kinds if issubclass(kind, BASES) and kind not in BASES)
 
 
 def run_file(file: Path) -> ModuleType:
-    """Return the module that a user's Python file makes, from its text alone: no compiled copy beside it is read.
+    """Run a user's Python file and return its module.
 
-    Raises DataError: it is missing or cannot be run.
+    Only the text of the file is run, because the user may have read it. A compiled copy of the file (.pyc), which may
+    differ, is never used.
+
+    Raises DataError: the file is missing or cannot be run.
     """
     if not is_file(file):
-        raise DataError(f"{file}: there is no such effect file; give a .py file or a folder of them.")
+        raise DataError(f"{file}: this Python file does not exist; give a .py file, or a folder of .py files.")
     path = str(file.resolve())
+    # Each path gets its own module name, so that two files with the same name do not replace each other.
     name = f"rover_pin_user_effect_{file.stem}_{hashlib.sha256(path.encode()).hexdigest()[:8]}"
-    loader = _AsRead(name, path)
+    loader = _TextLoader(name, path)
     module = ModuleType(name)
     module.__file__ = path
-    sys.modules[name] = module  # dataclasses look their module up while they are made
+    sys.modules[name] = module  # a dataclass looks its module up while it is created
     try:
         loader.exec_module(module)
         guard(module)
@@ -117,20 +145,31 @@ def run_file(file: Path) -> ModuleType:
         if is_stop(error):
             raise
         raise mistake(error, path) from error
+    # Worker processes do not have the file's module, so they get its classes by value.
     sent_by_value(module)
     return module
 
 
-class _AsRead(SourceFileLoader):
-    """Runs the text of a file, which its user may have read, never a compiled copy."""
+class _TextLoader(SourceFileLoader):
+    """A module loader that compiles the text of a file at each call and never uses a compiled copy (.pyc)."""
 
     def get_code(self, fullname: str) -> CodeType:
-        """Return the code of the text."""
+        """Return the code that is compiled from the present text of the file."""
         return self.source_to_code(self.get_data(self.path), self.path)
 
 
 def reading_traction(effect: OneKind, present: Iterable[Any]) -> OneKind:
-    """Return an effect that reads the traction law with the form and angles of the `SoilTraction` that is present."""
+    """Return an effect with the traction form and the contact angles of a model's traction law, so that both use the
+    same formulas.
+
+    Parameters
+    ----------
+    effect : effect
+        The effect. Of form and angles, only the fields that it has are set.
+    present : iterable of effects
+        The effects of the model; the first `SoilTraction` among them is the traction law. If there is none, `effect` is
+        returned unchanged.
+    """
     choice_names = {field.name for field in dataclasses.fields(effect)} - set(quantities(effect))
     for traction in present:
         if isinstance(traction, SoilTraction):
@@ -139,49 +178,60 @@ def reading_traction(effect: OneKind, present: Iterable[Any]) -> OneKind:
 
 
 def effect_entry(effect: AnyEffect) -> dict[str, Any]:
-    """Return an effect as a TOML table: its class's name, its choices, its quantities with units.
+    """Return an effect as a TOML table, from which `effect_from` makes an equal effect: the name of its class, its
+    choices (traction form, contact angles), and its quantities with units.
 
-    An effect from outside the package keeps the path of its file.
+    For an effect from outside the package, the table also contains the path of the file that defines its class.
     """
     kind = type(effect)
     entry: dict[str, Any] = {"name": kind.__name__}
-    if not kind.__module__.startswith(OWN):
+    if not kind.__module__.startswith(PACKAGE):
         entry["file"] = str(file_of(kind))
     for field in dataclasses.fields(effect):
         if field.name not in quantities(effect):
-            entry[field.name] = _word(getattr(effect, field.name))
+            value = getattr(effect, field.name)
+            # A choice is written as its word in CHOICES; numbers and texts are written unchanged.
+            words = [word for options in CHOICES.values() for word, o in options.items() if type(o) is type(value)]
+            entry[field.name] = words[0] if words else value
     return entry | as_table(effect)
 
 
 def file_of(kind: type[AnyEffect]) -> Path:
-    """Return the file with an effect's code.
+    """Return the path of the Python file that defines a class of effects.
 
-    Raises DataError: it has none, as one that was written at a prompt.
+    Raises DataError: there is no file, because the class was typed at a Python prompt.
     """
     try:
         return Path(inspect.getfile(kind))
     except (TypeError, OSError) as error:
         raise DataError(
-            f"Effect {kind.__name__} has no file of its code, from which a model could be read back: put its class "
-            "into a .py file."
+            f"A model with the effect {kind.__name__} cannot be written, because the class of the effect is not in a "
+            "file from which it could be read again: put the class into a .py file."
         ) from error
 
 
-def _word(choice: Any) -> Any:
-    """Return the word that stands for a choice in a file; numbers and text stand for themselves."""
-    for options in CHOICES.values():
-        for word, option in options.items():
-            if type(option) is type(choice):
-                return word
-    return choice
-
-
 def effect_from(entry: Mapping[str, Any], where: str, folder: Path, trust: Trust = Trust()) -> AnyEffect:
-    """Return the effect of a TOML table; a `file` of its code may be relative to `folder`, and `trust` must allow it.
+    """Return the effect that a TOML table describes.
 
-    Raises DataError: an effect or choice that is not known, or a file of code that is not trusted or cannot be run.
-    Raises ParameterError: an unknown field, unit or value, or one out of bounds.
+    Parameters
+    ----------
+    entry : mapping
+        The table: the name of the effect's class, optionally the file that defines the class, and the effect's fields.
+    where : str
+        Position of the table in the TOML file, for error messages.
+    folder : Path
+        Folder of the TOML file; the path of the effect's `file` is relative to it.
+    trust : Trust
+        The files whose code may run; it must contain the effect's `file`.
+
+    Raises
+    ------
+    DataError
+        An effect, or the word for a choice, is not known; or a file of code is not trusted or cannot be run.
+    ParameterError
+        A field, unit or value is unknown or beyond its limits.
     """
+    # Code of a user runs only from a file that is trusted.
     kinds, file = {kind.__name__: kind for kind in package_effects()}, entry.get("file")
     if file is not None:
         code = folder / str(file)
@@ -191,12 +241,16 @@ def effect_from(entry: Mapping[str, Any], where: str, folder: Path, trust: Trust
 
 
 def effect_among(kinds: Mapping[str, type[AnyEffect]], entry: Mapping[str, Any], where: str) -> AnyEffect:
-    """Return the effect of a TOML table, one of these by the names of their classes; see `effect_from`."""
+    """Return the effect that a TOML table describes. The table names the class of the effect, which must be a key of
+    `kinds` (name -> class). The errors are those of `effect_from`.
+    """
+    # "name" and "file" decide the class; all other keys are fields of it.
     name = text_in(entry, "name", where)
     fields = {field: value for field, value in entry.items() if field not in ("name", "file")}
     if name not in kinds:
         raise DataError(f"{where}: there is no effect '{name}': {closest(name, kinds)}")
     default, where = kinds[name](), f"{where} {name}"
+    # Choices are words, all other fields quantities.
     choices = {
         field.name: _choice(fields.pop(field.name), getattr(default, field.name), f"{where}: {field.name}")
         for field in dataclasses.fields(default)
@@ -207,12 +261,14 @@ def effect_among(kinds: Mapping[str, type[AnyEffect]], entry: Mapping[str, Any],
 
 
 def _choice(value: Any, default: Any, where: str) -> Any:
-    """Return what a file's word stands for, where the field's default is `default`."""
+    """Return the value of a field that is no number, such as the traction form, from the word in a file. The type of
+    the field's default decides which words are allowed.
+    """
     for none, options in CHOICES.items():
         if type(default) in map(type, options.values()):
             if not isinstance(value, str) or value not in options:
                 raise DataError(f"{where}: there {none} '{value}': {closest(str(value), options)}")
             return options[value]
     if type(value) is not type(default):
-        raise DataError(f"{where} = {value!r} must be like {default!r}.")
+        raise DataError(f"{where} = {value!r} has the wrong type: give a value such as {default!r}.")
     return value

@@ -1,4 +1,6 @@
-"""Effects in a word, as a command line names them: `DiggingMemory.c_d=0.1,length=0.05`, `WeakMotor.wheel=ml,g=0.3`."""
+"""Effects written as words of a command line, such as `DiggingMemory.c_d=0.1,length=0.05` or
+`WeakMotor.wheel=ml,g=0.3`: the class of the effect, a point, and values of its fields.
+"""
 
 import dataclasses
 from collections.abc import Iterable, Mapping
@@ -19,20 +21,34 @@ from rover_pin.simulation.model.effect_files import (
 )
 from rover_pin.simulation.model.model import OWNERS, Model, same_place
 
-FORM = "write it as EFFECT or EFFECT.name=value,name=value, as DiggingMemory.c_d=0.1"
+FORM = "write it as EFFECT or EFFECT.name=value,name=value, for example DiggingMemory.c_d=0.1"
+"""Advice in the errors for a word that does not have the form of an effect."""
 
 
 def having(model: Model, effects: AnyEffect | str | Iterable[AnyEffect | str], trust: Trust = Trust()) -> Model:
-    """Return the model with effects added in turn, each an effect or a word for one; a text may hold several words.
+    """Return the model with effects added one after the other. The effects may be given as objects or as words of a
+    command line.
 
-    A class that is not of the package is sought in the files that `trust` names.
+    If the model already has an effect of the class and owner (wheel, channel, joint) that a word names, this effect is
+    changed: fields that the word does not name keep their values. Otherwise fields that the word does not name get the
+    defaults of the class. An effect that uses a traction form and contact angles gets those of the model's traction
+    law.
 
-    A word changes what it names of the effect of its class and wheel or channel that the model has, else of the
-    class's defaults; an effect that reads the traction law reads the model's. A wheel goes by name or number, an angle
-    with `_deg` behind its name is in degrees.
+    Parameters
+    ----------
+    model : Model
+        The model.
+    effects : effect, str, or iterable of both
+        Effects, or words for effects. A text may contain several words, separated by spaces. In a word, a wheel is
+        given by its name or number. An angle may be given in degrees: `_deg` is then added to the name of the field.
+    trust : Trust
+        Files with effects of the user, whose code may run. A class that is not part of the package is searched in these
+        files.
 
-    Raises ParameterError: a word or value that cannot be read, an unknown effect or field, with the close ones, a value
-    out of bounds.
+    Raises
+    ------
+    ParameterError
+        A word or value cannot be read, an effect or field is unknown, or a value lies beyond its limits.
     """
     entries = _flatten_effects(effects)
     kinds = kinds_for([entry for entry in entries if isinstance(entry, str)], trust)
@@ -42,7 +58,9 @@ def having(model: Model, effects: AnyEffect | str | Iterable[AnyEffect | str], t
 
 
 def kinds_for(effect_words: Iterable[str], trust: Trust = Trust()) -> dict[str, type[AnyEffect]]:
-    """Return the effects of the package by name; where a word names another, those of trusted files too."""
+    """Return name -> class of all effects that may be needed to read the words `effect_words`: the effects of the
+    package, and, if a word names a class that the package does not have, also the effects in the trusted files.
+    """
     kinds = {kind.__name__: kind for kind in package_effects()}
     if all(word.partition(".")[0] in kinds for word in effect_words):
         return kinds
@@ -50,12 +68,18 @@ def kinds_for(effect_words: Iterable[str], trust: Trust = Trust()) -> dict[str, 
 
 
 def words_of(effects: AnyEffect | str | Iterable[AnyEffect | str]) -> list[str]:
-    """Return the words for effects: read again they give the same ones, if the package knows their classes."""
+    """Return the words for effects, in the order of the effects. `having` makes equal effects from these words, if the
+    classes of the effects are known.
+    """
     return [entry if isinstance(entry, str) else word_of(entry) for entry in _flatten_effects(effects)]
 
 
 def word_of(effect: AnyEffect) -> str:
-    """Return the word for an effect, every field in it."""
+    """Return the word for an effect, such as `WeakMotor.wheel=2,g=0.3`. It states the value of every field, so that
+    `effect_of` makes an equal effect from it.
+    """
+    # The TOML table of the effect holds the value of every field; units are left out, because a bare number is read in
+    # the quantity's own unit.
     entry = effect_entry(effect)
     fields = {name: value["value"] if isinstance(value, dict) else value for name, value in entry.items()}
     settings = ",".join(
@@ -65,28 +89,48 @@ def word_of(effect: AnyEffect) -> str:
 
 
 def _flatten_effects(effects: Any) -> list[AnyEffect | str]:
-    """Return the effects and the single words."""
+    """Return effects and words in one flat list. `effects` is an effect, a text with several words, or a nested list of
+    both.
+    """
     if isinstance(effects, str):
         return list(effects.split())
     if isinstance(effects, BASES):
         return [effects]
     if not isinstance(effects, Iterable):
-        raise ParameterError(f"{effects!r} is no effect that could be added: {FORM}, or give an effect.")
+        raise ParameterError(
+            f"{effects!r} is neither an effect nor a text that describes effects: {FORM}, or give an effect object."
+        )
     return [word for entry in effects for word in _flatten_effects(entry)]
 
 
 def effect_of(word: str, model: Model, kinds: Mapping[str, type[AnyEffect]] | None = None) -> AnyEffect:
-    """Return the effect that a word stands for on this model, of the package unless other `kinds` are given."""
+    """Return the effect that a word such as "WeakMotor.wheel=ml,g=0.3" describes for a model.
+
+    Parameters
+    ----------
+    word : str
+        The word: name of the class, a point, and values of fields.
+    model : Model
+        The model for which the effect is meant. If it already has an effect of this class and owner, the fields that
+        the word does not name keep their values.
+    kinds : mapping, optional
+        Name -> class of the known effects; if missing, the effects of the package.
+
+    Raises ParameterError: the word cannot be read, an effect or field is unknown, or a value lies beyond its limits.
+    """
+    # A word is the name of the class, then settings behind the first point.
     name, dot, settings = word.partition(".")
     kinds = kinds_for(()) if kinds is None else kinds
     if name not in kinds:
         raise ParameterError(
-            f"There is no effect '{name}' to add: {closest(name, kinds)} One of your own needs --effects FILE."
+            f"There is no effect '{name}' to add: {closest(name, kinds)} To add an effect of your own, name the file "
+            "that defines it, which needs --effects FILE."
         )
     if dot and not settings:
-        raise ParameterError(f"{word}: {FORM}.")
+        raise ParameterError(f"{word}: no settings follow the point; {FORM}.")
     texts = dict(_pair(word, part) for part in settings.split(",")) if dot else {}
     effect = reading_traction(kinds[name](), model.all_effects)
+    # The owner decides which effect of the model the word changes, so it is set first.
     owners = [field for field in OWNERS if field in texts and hasattr(effect, field)]
     for field in owners:
         effect = effect.replace(**{field: _owner(word, texts.pop(field), getattr(effect, field), model.rover)})
@@ -99,14 +143,19 @@ def effect_of(word: str, model: Model, kinds: Mapping[str, type[AnyEffect]] | No
 
 
 def _pair(word: str, part: str) -> tuple[str, str]:
+    """Return the name of the field and the text of the value in `part`, one setting `field=value` of an effect's
+    word.
+    """
     field, sign, text = part.partition("=")
     if not (field and sign and text):
-        raise ParameterError(f"{word}: '{part}' sets nothing: {FORM}.")
+        raise ParameterError(f"{word}: '{part}' sets no field: {FORM}.")
     return field, text
 
 
 def _owner(word: str, text: str, default: Any, rover: Rover) -> Any:
-    """Return a wheel or channel as the effect's field has it: by name, or by number in the rover's order."""
+    """Return the owner of an effect, which is the wheel, the channel or the joint at which the effect acts, from a
+    text. The result has the type of the field's `default`: a name, or the index of a wheel.
+    """
     names = [wheel.name for wheel in rover.wheels]
     if isinstance(default, str):
         return names[int(text)] if text.isdigit() and int(text) < len(names) else text
@@ -118,7 +167,9 @@ def _owner(word: str, text: str, default: Any, rover: Rover) -> Any:
 
 
 def _value(word: str, effect: AnyEffect, field: str, text: str) -> tuple[str, Any]:
-    """Return a field's name and value; quantities are numbers, the rest are words."""
+    """Return the name of an effect's field and its value, read from the text of a setting. The value is a number if the
+    field is a quantity, otherwise the text itself.
+    """
     name = field.removesuffix("_deg")
     angle = name != field and name in quantities(effect) and quantities(effect)[name].unit == "rad"
     name = name if angle else field
@@ -127,6 +178,7 @@ def _value(word: str, effect: AnyEffect, field: str, text: str) -> tuple[str, An
         if name not in names:
             raise ParameterError(f"{word}: {type(effect).__name__} has no field '{field}': {closest(field, names)}")
         return name, text
+    # A bare number is in degrees if the field's name ends with _deg, else in the quantity's own unit.
     spec, bare = quantities(effect)[name], "deg" if angle else ""
     value = parse_quantity(text, spec.unit, f"{word}: {field}", bare or None)
     check(f"effect {type(effect).__name__}: {type(effect).__name__}", name, value, spec, written_unit(text) or bare)

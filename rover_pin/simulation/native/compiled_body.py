@@ -1,4 +1,6 @@
-"""The compiled rigid body, one for all rovers of a tree."""
+"""The compiled rigid-body dynamics of a rover, shared by all rovers with the same kinematic tree, and the order in
+which the speeds are eliminated from its equations of motion.
+"""
 
 from __future__ import annotations
 
@@ -11,42 +13,52 @@ import casadi as ca
 import numpy as np
 import pinocchio as pin
 
-from rover_pin.simulation.compiled.constant_part import split_law
-from rover_pin.simulation.compiled.laws import generated_source
+from rover_pin.simulation.compiled.laws import generated_source, split_law
 from rover_pin.simulation.compiled.toolchain import shared_library
 from rover_pin.simulation.native.rigid_body import Joint, inertia_places, rigid_body, tree_of
 
 
 @dataclass(frozen=True)
 class CompiledBody:
-    """The address of the generated function, its constants of one rover, and where its column's parts lie."""
+    """The compiled function of a rover's rigid-body dynamics, the constants that it takes for this rover, and the
+    layout of its output (`rigid_body.Motion`).
+    """
 
     handle: ctypes.CDLL
+    """the loaded library; it is stored here because the address is valid only while it is loaded"""
     address: int
+    """address of the compiled C function"""
     precomputed: np.ndarray
+    """constants of the rover: the values of all expressions that depend on masses and lengths only"""
     rows: np.ndarray
     columns: np.ndarray
-    "of the inertia's entries, in its upper triangle"
+    """rows and columns: row and column, in the upper triangle of the joint-space inertia, of each inertia entry in the
+    output"""
     ends: dict[str, int]
-    "where the parts of the column end: those of `Motion`"
+    """name of each part of `Motion` -> index behind its last entry in the output column"""
     work: tuple[int, int]
+    """sizes of the integer and of the real work space that the function needs"""
 
 
 @dataclass(frozen=True)
 class KeyedModel:
-    """A model, the same as any other of equal content: what is worked out for one holds for all."""
+    """A Pinocchio model in a form that can be a key of a cache: two models with equal content compare as equal, so that
+    a result that was computed for one of them is used for the other.
+    """
 
     content: bytes
     model: pin.Model = field(compare=False)
 
     @classmethod
     def of(cls, model: pin.Model) -> KeyedModel:
-        """Return the model with its content."""
+        """Return the model as a key of a cache, together with the bytes by which models are compared."""
         return cls(_content(model), model)
 
 
 def _content(model: pin.Model) -> bytes:
-    """Return all that `tree_of` reads of a model, as bytes."""
+    """Return everything that `tree_of` reads from a model, as bytes. Two models with equal bytes have the same
+    kinematic tree, masses and lengths.
+    """
     parts = [
         f"{joint.shortname()} {joint.idx_q} {parent}" for joint, parent in zip(model.joints, model.parents, strict=True)
     ]
@@ -60,18 +72,23 @@ def _content(model: pin.Model) -> bytes:
 def order_of_elimination(
     keyed_model: KeyedModel, coupled: tuple[tuple[int, int], ...], together: tuple[int, ...]
 ) -> tuple[list[int], list[list[int]]]:
-    """Return `elimination` of a model."""
+    """Return the result of `elimination` for a model. It is computed once for all models with equal content."""
     return elimination(keyed_model.model, coupled, together)
 
 
 @lru_cache(maxsize=64)
 def compiled_body(keyed_model: KeyedModel) -> CompiledBody:
-    """Return the rigid body of a model, compiled; its numbers stay parameters, so a load or a sweep compiles once."""
+    """Return the compiled rigid-body dynamics of a model.
+
+    The numbers of the model (masses, lengths) are parameters of the compiled function, so that a sweep over them
+    compiles once.
+    """
     model = keyed_model.model
     tree = tree_of(model)
     handle, before, during = _compile_body(tree.joints, model.nq, model.nv)
     precomputed = np.array(before(np.zeros(0), tree.parameters)).ravel()
     rows, columns = np.array(inertia_places(tree.joints), dtype=np.int64).T
+    # Layout of the output column, in the order of `Motion`.
     joints = len(tree.joints) - 1
     lengths = {"inertia": len(rows), "bias": model.nv, "axes": 3 * joints, "points": 3 * joints}
     lengths |= {"rotation": 9, "potential": 1}
@@ -81,7 +98,7 @@ def compiled_body(keyed_model: KeyedModel) -> CompiledBody:
 
 
 def body_source(model: pin.Model) -> tuple[str, str]:
-    """Return the C of a model's rigid body, and its function's name."""
+    """Return the C source of a model's rigid-body dynamics, and the name of the C function in it."""
     during = _rigid_body_laws(tree_of(model).joints, model.nq, model.nv)[1]
     return generated_source(during, name="body"), during.name()
 
@@ -100,15 +117,30 @@ def _compile_body(joints: tuple[Joint, ...], nq: int, nv: int) -> tuple[ctypes.C
 def elimination(
     model: pin.Model, coupled: Sequence[tuple[int, int]], together: Sequence[int]
 ) -> tuple[list[int], list[list[int]]]:
-    """Return the free velocities from the leaves to the base, and what each still meets when it is eliminated.
+    """Return the order in which the speeds are eliminated from the equations of motion, and for each eliminated speed
+    the later speeds whose equations the elimination changes.
 
-    A velocity meets those of the joints that bear its own or that it bears. What `together` lists (what a body effect
-    acts on) all meet; a leader meets what its follower (follower, leader) met, which is free no more.
-    Source: Featherstone, Rigid Body Dynamics Algorithms (2008), section 6.5; fill-in as of any sparse factorisation.
+    Two speeds are called neighbours if their entry in the system matrix is not zero. The speeds of a joint and of a
+    joint that carries it are neighbours. Elimination from the leaves of the tree to the base creates no further
+    entries.
+
+    Parameters
+    ----------
+    model : pin.Model
+        The kinematic tree.
+    coupled : sequence of (follower, leader)
+        Joints whose speeds have a fixed ratio. The coupling itself eliminates the follower; its leader becomes a
+        neighbour of all neighbours of the follower.
+    together : sequence of int
+        Speeds that a body effect couples with each other: all of them are neighbours.
+
+    Source: Featherstone, Rigid Body Dynamics Algorithms (2008), section 6.5; fill-in as in any sparse factorisation.
     """
     meets: list[set[int]] = [set() for _ in range(model.nv)]
     for joint in range(1, model.njoints):
-        _all_meet(meets, _bears(model, joint))
+        # The speeds that move this joint: those of the joints that carry it. The first of its supports is the world.
+        carriers = (model.joints[support] for support in list(model.supports[joint])[1:])
+        _all_meet(meets, [place for carrier in carriers for place in range(carrier.idx_v, carrier.idx_v + carrier.nv)])
     _all_meet(meets, together)
     for follower, leader in coupled:
         for neighbour in list(meets[follower]):
@@ -116,6 +148,7 @@ def elimination(
     bound = {follower for follower, _ in coupled}
     order = [i for i in range(model.nv - 1, -1, -1) if i not in bound]
     above = []
+    # Eliminating a speed makes all its neighbours neighbours of each other: the fill-in.
     for i in order:
         remaining = {j for j in meets[i] if j < i and j not in bound}
         _all_meet(meets, remaining)
@@ -123,14 +156,10 @@ def elimination(
     return order, above
 
 
-def _bears(model: pin.Model, joint: int) -> list[int]:
-    """Return the velocities that move a joint."""
-    bearers = (model.joints[support] for support in list(model.supports[joint])[1:])
-    return [index for bearer in bearers for index in range(bearer.idx_v, bearer.idx_v + bearer.nv)]
-
-
 def _all_meet(meets: list[set[int]], group: Iterable[int]) -> None:
-    """Let all of a group meet; that each then meets itself as well says nothing."""
+    """Enter into `meets` (speed -> its neighbours) that all speeds of a group are neighbours of each other and of
+    themselves.
+    """
     members = set(group)
     for i in members:
         meets[i] |= members

@@ -1,10 +1,11 @@
-/* The built-in controllers, sampled in the loop: twins of control/'s classes, which say what they do and why. */
+/* The built-in controllers, sampled within the loop: twins of the classes in control/, which explain them. */
 
-/* What the sensors read at this sample, with their noise and steps if they have any: attitude, then rate and current of
-   the wheels, then angles of the suspension. */
+/* Write the sensor readings of this sample: attitude (3), then rates and currents of the wheels, then angles of the
+   suspension. Noise and quantisation are added where sensors have them. */
 static void read_sensors(Drive *d, Loop *l) {
   observe(d, l);
   const integer n = d->n_wheels, sizes[4] = {3, n, n, l->n_folding};
+  /* One row of noise for each sample, in the order of the readings. */
   const double *noise = l->noise ? l->noise + l->noise_row++ * (3 + 2 * n + l->n_folding) : 0;
   double *read = l->read;
   find_attitude(d->q, read);
@@ -22,33 +23,39 @@ static void read_sensors(Drive *d, Loop *l) {
     }
 }
 
-/* The on-board estimate takes the sample in: posture, rates, currents. */
+/* Pass the sample to the on-board slip estimate: roll and pitch, suspension, rates, currents. The sign of the
+   largest duty tells it whether the rover drives backwards. */
 static void estimate_slip(const Drive *d, const Loop *l) {
   const integer n = d->n_wheels, links = l->n_folding;
-  double most = d->duty[0];
-  for (integer w = 1; w < n; ++w) most = larger(most, d->duty[w]);
+  double largest = d->duty[0];
+  for (integer w = 1; w < n; ++w) largest = larger(largest, d->duty[w]);
   memcpy(l->sample, l->read, 2 * sizeof(double));
   memcpy(l->sample + 2, l->read + 3 + 2 * n, links * sizeof(double));
   memcpy(l->sample + 2 + links, l->read + 3, 2 * n * sizeof(double));
-  l->sense(l->belief, l->sample, most < l->backwards, NAN);
+  l->sense(l->belief, l->sample, largest < l->backwards, NAN);
 }
 
-/* The deepest that a wheel's hole may be, by the estimate. */
-static double hole_depth(const Loop *l, integer wheel) { return l->slips_and_holes[4 * wheel + 2] + l->slips_and_holes[4 * wheel + 3]; }
+/* Upper estimate of the depth of a wheel's hole [m]: mean plus one standard deviation. */
+static double hole_depth(const Loop *l, integer wheel) {
+  const double *estimate = l->slips_and_holes + 4 * wheel;
+  return estimate[2] + estimate[3];
+}
 
-/* v_hat of Eq (9) from the duty now applied. */
+/* v_hat of Eq (9): travel speed from the duty that is applied now [m/s]. */
 static double speed_by_table(const Loop *l, double duty) {
   return signed_speed(duty, l->table_duty, l->table_speed, l->n_table);
 }
 
-/* The greatest |duty| that the torque limit allows a wheel in a sense of driving. */
-static double most_duty(const Loop *l, integer wheel, double pitch, double rate, double sense) {
+/* Largest |duty| that the torque limit allows a wheel at this pitch, for driving forwards (sense 1) or backwards
+   (-1). */
+static double max_duty(const Loop *l, integer wheel, double pitch, double rate, double sense) {
   if (!l->limit_pitch) return 1.0;
   const double torque = between(pitch, l->limit_pitch, l->limit_torque + wheel * l->n_pitches, l->n_pitches);
   return duty_for(torque, l->stall_torque, sense * rate / l->no_load_rate);
 }
 
-/* One sample of the slip control: its duty; its integral and hole go on. */
+/* Return the duty of the slip control for one wheel, and advance its integral and its memory of the hole's depth.
+   The slip comes from the on-board estimate, from Eq (9), or from the simulator itself. */
 static double slip_control(const Drive *d, Loop *l, integer wheel, double pitch, double rate) {
   const double *truth = l->now + wheel * N_RECORD;
   double travel = truth[RECORD_TRAVEL], slip = truth[RECORD_SLIP];
@@ -60,8 +67,9 @@ static double slip_control(const Drive *d, Loop *l, integer wheel, double pitch,
     travel = speed_by_table(l, d->duty[wheel]);
     slip = slip_by_table(l->table_radius, rate, travel);
   }
-  const double most = most_duty(l, wheel, pitch, rate, 1.0);
-  const double seen[6] = {slip, l->integral[wheel], most, rate, travel, l->depth[wheel]};
+  const double largest = max_duty(l, wheel, pitch, rate, 1.0);
+  /* Inputs and outputs of `SlipLaw.law` in native/control.py. */
+  const double seen[6] = {slip, l->integral[wheel], largest, rate, travel, l->depth[wheel]};
   const double *arguments[2] = {seen, l->gains};
   double out[3], *results[1] = {out};
   l->slip_law(arguments, results, d->work_i, d->work_w, 0);
@@ -70,19 +78,20 @@ static double slip_control(const Drive *d, Loop *l, integer wheel, double pitch,
   return out[0];
 }
 
-/* One sample of a law of the whole rover: duties and steering; its memory goes on. */
+/* Evaluate a control law of the whole rover: duties and steering; its memory advances. The limits are the lowest and
+   highest duty of each wheel under the torque limit. */
 static void obey_law(Drive *d, const Loop *l) {
   const double place[3] = {l->begin + l->k * l->dt, d->q[0], d->q[1]};
   for (integer w = 0; w < d->n_wheels; ++w)
     for (int sense = 0; sense < 2; ++sense)
-      l->law_limits[sense * d->n_wheels + w] = (2 * sense - 1) * most_duty(l, w, l->read[1], l->read[3 + w], 2 * sense - 1);
+      l->law_limits[sense * d->n_wheels + w] = (2 * sense - 1) * max_duty(l, w, l->read[1], l->read[3 + w], 2 * sense - 1);
   const double *arguments[5] = {place, l->read, l->law_limits, l->law_memory, l->law_numbers};
   double *results[3] = {d->duty, d->servo_target, l->law_next};
   l->drive_law(arguments, results, d->work_i, l->law_w, 0);
   memcpy(l->law_memory, l->law_next, l->n_memory * sizeof(double));
 }
 
-/* Stop for good where the estimate says that the rover stands and digs. */
+/* Set all duties to zero for the rest of the drive once the estimate reports that the rover stands and digs. */
 static void stop_stuck(Drive *d, const Loop *l) {
   double *stopped = l->stop_memory + 1, deepest = 0.0;
   for (integer w = 0; w < d->n_wheels; ++w) deepest = larger(deepest, hole_depth(l, w) / d->radius[w]);
@@ -90,6 +99,8 @@ static void stop_stuck(Drive *d, const Loop *l) {
   if (*stopped > 0.0) memset(d->duty, 0, d->n_wheels * sizeof(double));
 }
 
+/* Sample the built-in controller: readings, estimate, then the duty of each wheel from the law of the rover, the
+   slip control, or the fixed duty under the torque limit. */
 static void command(Drive *d, Loop *l) {
   read_sensors(d, l);
   if (l->sense) estimate_slip(d, l);
@@ -99,7 +110,7 @@ static void command(Drive *d, Loop *l) {
     const double rate = l->read[3 + w], pitch = l->read[1];
     double duty = l->drive_law ? d->duty[w] : l->duty_fixed[w];
     if (l->slip_law) duty = slip_control(d, l, w, pitch, rate);
-    else duty = fmin(fmax(duty, -most_duty(l, w, pitch, rate, -1.0)), most_duty(l, w, pitch, rate, 1.0));
+    else duty = fmin(fmax(duty, -max_duty(l, w, pitch, rate, -1.0)), max_duty(l, w, pitch, rate, 1.0));
     d->duty[w] = fmin(1.0, fmax(-1.0, duty));
   }
   if (l->stop_memory) stop_stuck(d, l);

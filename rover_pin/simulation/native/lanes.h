@@ -1,8 +1,10 @@
-/* V: one number for each of LANES patches or wheels, by the vector types of GCC and Clang. With -DLIBMVEC the elementary
-   functions are those of glibc's libmvec, else libm's one after another: the same source everywhere. */
+/* A SIMD vector V has one number for each of LANES patches or wheels. The vector types are those of GCC and Clang.
+   With -DLIBMVEC the elementary functions are those of glibc's libmvec; without, each lane calls libm in turn, so
+   that one source serves all machines. */
 #include <math.h>
 #include <stdint.h>
 
+/* Widest vector of this processor, and the names of libmvec's functions for it. */
 #if defined(__AVX512F__)
 #define LANES 8
 #define MVEC(f) _ZGVeN8v_##f
@@ -19,8 +21,10 @@
 
 typedef double V __attribute__((vector_size(8 * LANES)));
 typedef int64_t VMask __attribute__((vector_size(8 * LANES)));
-#define ALL(x) ((V){0} + (x)) /* the same number in all lanes */
+#define ALL(x) ((V){0} + (x)) /* a vector with this number in all lanes */
 
+/* EACH defines a function that calls libm once for each lane, TOGETHER one that calls libmvec for all lanes, where
+   that exists. */
 #define EACH(f)                                              \
   static inline V v_##f(V x) {                               \
     for (int lane = 0; lane < LANES; ++lane) x[lane] = f(x[lane]); \
@@ -47,6 +51,7 @@ EACH(sqrt)
 TOGETHER(exp) TOGETHER(expm1) TOGETHER(log) TOGETHER(log1p) TOGETHER(sin) TOGETHER(cos) TOGETHER(tan) TOGETHER(asin)
 TOGETHER(acos) TOGETHER(atan) TOGETHER(sinh) TOGETHER(cosh) TOGETHER(tanh) TOGETHER(erf) TOGETHER2(pow) TOGETHER2(atan2)
 
+/* Comparisons give masks of all ones or all zeros. A mask becomes 1.0 or 0.0 (v_truth), as CasADi's logic expects. */
 static inline V v_where(VMask m, V a, V b) { return (V)((m & (VMask)a) | (~m & (VMask)b)); }
 static inline V v_truth(VMask m) { return (V)(m & (VMask)ALL(1.0)); }
 static inline V v_fabs(V x) { return (V)((VMask)x & 0x7fffffffffffffffLL); }

@@ -1,4 +1,6 @@
-"""A CasADi function as C over SIMD lanes: every operation once, for all patches or wheels together."""
+"""C code of a CasADi function that uses SIMD lanes: each operation is done for several contact patches or wheels at
+once.
+"""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -9,7 +11,8 @@ from rover_pin.base.errors import ParameterError
 from rover_pin.base.files.paths import text_of_package
 
 OPERATIONS = {getattr(ca, name): name for name in dir(ca) if name.startswith("OP_")}
-ONE = {
+"""Number of a CasADi operation -> its name, such as OP_ADD."""
+UNARY = {
     "OP_NEG": "-{0}",
     "OP_SQ": "{0} * {0}",
     "OP_TWICE": "{0} + {0}",
@@ -18,11 +21,11 @@ ONE = {
     "OP_SIGN": "v_sign({0})",
     "OP_FABS": "v_fabs({0})",
 }
-ONE |= {
+UNARY |= {
     f"OP_{name.upper()}": f"v_{name}({{0}})"
     for name in "sqrt exp expm1 log log1p sin cos tan asin acos atan sinh cosh tanh erf".split()
 }
-TWO = {
+BINARY = {
     "OP_ADD": "{0} + {1}",
     "OP_SUB": "{0} - {1}",
     "OP_MUL": "{0} * {1}",
@@ -40,31 +43,54 @@ TWO = {
     "OP_OR": "v_or({0}, {1})",
     "OP_IF_ELSE_ZERO": "v_if({0}, {1})",
 }
-EITHER_WAY = ("OP_ADD", "OP_MUL")
-"""Operations whose order of arguments is nothing."""
+"""UNARY and BINARY: name of a CasADi operation with one or with two arguments -> its C code, in which {0} and {1} stand
+for the arguments. lanes.h defines the functions v_..."""
+COMMUTATIVE = ("OP_ADD", "OP_MUL")
+"""Operations whose result does not change if the two arguments are exchanged. They are recognised as equal in both
+orders."""
 
 
 class _Value(NamedTuple):
+    """An intermediate value of a function: its C code, and the indices of the other intermediate values that occur in
+    this code.
+    """
+
     code: str
-    of: tuple[int, ...]
+    arguments: tuple[int, ...]
 
 
 def header() -> str:
-    """Return the C source that lanes need."""
+    """Return the C source (lanes.h) that must stand before the code that `c_source` returns."""
     return text_of_package("rover_pin.simulation.native", "lanes.h")
 
 
 def c_source(function: ca.Function, shared: Sequence[int] = ()) -> str:
-    """Return C source of `void name(const double *in0, ..., double *out)`, over lanes.
+    """Return the C source of a CasADi function, as `void name(const double *in0, ..., double *out)`, that evaluates the
+    function in several SIMD lanes at once.
 
-    Entry i of an input or of the output is LANES numbers from LANES i on; inputs that are `shared` are plain numbers,
-    the same in all lanes. Equal values are worked out once, and exp(x) as expm1(x) + 1 where that is there: CasADi
-    differentiates the second into the first.
+    LANES is the number of lanes. Each entry of an input and of the output is a group of LANES numbers, one for each
+    lane; entry i begins at the index LANES i. Inputs whose numbers are listed in `shared` hold one number for each
+    entry, which all lanes use. Equal values are computed once. exp(x) is computed as expm1(x) + 1 if expm1(x) occurs
+    too, which it often does because CasADi differentiates expm1 into exp.
+
+    Parameters
+    ----------
+    function : ca.Function
+        A function of CasADi's scalars (SX) with one output.
+    shared : sequence of int
+        Numbers of the inputs that all lanes share.
+
+    Raises
+    ------
+    ParameterError
+        The function uses an operation that lanes.h does not have.
     """
     values, outputs = _number_values(function, frozenset(shared))
     lines = [f"  const V a{i} = {values[i].code};" for i in _needed_values(values, set(outputs.values()))]
     lines += [f"  out[{place}] = a{i};" for place, i in sorted(outputs.items())]
+    # Entries of the output that are always zero do not occur among the function's instructions.
     lines += [f"  out[{place}] = ALL(0.0);" for place in range(function.numel_out(0)) if place not in outputs]
+    # Inputs with one number for each lane arrive as plain doubles, and are cast to the vector type V.
     inputs = range(function.n_in())
     names = ", ".join(f"const double *restrict {'in' if k in shared else 'given'}{k}" for k in inputs)
     casts = [f"  const V *restrict in{k} = (const V *)given{k};" for k in inputs if k not in shared]
@@ -73,23 +99,28 @@ def c_source(function: ca.Function, shared: Sequence[int] = ()) -> str:
 
 
 def _number_values(function: ca.Function, shared: frozenset[int]) -> tuple[list[_Value], dict[int, int]]:
-    """Return all values, each once, and which of them each place of the output is."""
+    """Return the different intermediate values of a function, and a mapping from the index of each output entry to the
+    index of its value. `shared` are the inputs that all lanes share.
+    """
     values: list[_Value] = []
-    number: dict[tuple[object, ...], int] = {}
-    slot: dict[int, int] = {}
+    number: dict[tuple[object, ...], int] = {}  # number of the value for an operation and its arguments
+    slot: dict[int, int] = {}  # number of the value that each of CasADi's work slots holds
     outputs: dict[int, int] = {}
 
-    def value(key: tuple[object, ...], code: str, of: tuple[int, ...] = ()) -> int:
+    def value(key: tuple[object, ...], code: str, arguments: tuple[int, ...] = ()) -> int:
         if key not in number:
             number[key] = len(values)
-            values.append(_Value(code, of))
+            values.append(_Value(code, arguments))
         return number[key]
 
+    # Read the function's instructions in order. A value with a known operation and known arguments is not computed
+    # again.
     for k in range(function.n_instructions()):
         name = OPERATIONS[function.instruction_id(k)]
         into, out = function.instruction_input(k), function.instruction_output(k)
         if name == "OP_INPUT":
-            slot[out[0]] = value((name, *into), _input(into[0], into[1], shared))
+            text = f"in{into[0]}[{into[1]}]"
+            slot[out[0]] = value((name, *into), f"ALL({text})" if into[0] in shared else text)
         elif name == "OP_CONST":
             constant = float(function.instruction_constant(k))
             slot[out[0]] = value((name, constant), f"ALL({constant!r})")
@@ -98,41 +129,32 @@ def _number_values(function: ca.Function, shared: frozenset[int]) -> tuple[list[
         elif name == "OP_ASSIGN":
             slot[out[0]] = slot[into[0]]
         else:
-            of = tuple(slot[i] for i in into[: 1 if name in ONE else 2])
-            key = (name, *(sorted(of) if name in EITHER_WAY else of))
-            slot[out[0]] = value(key, _code(name, of), of)
-    return _with_shared_exponentials(values, number), outputs
-
-
-def _input(argument: int, entry: int, shared: frozenset[int]) -> str:
-    text = f"in{argument}[{entry}]"
-    return f"ALL({text})" if argument in shared else text
-
-
-def _code(name: str, of: tuple[int, ...]) -> str:
-    template = ONE.get(name) or TWO.get(name)
-    if template is None:
-        raise ParameterError(
-            f"The compiled step does not know CasADi's operation {name}, which an effect uses: write the effect with "
-            "arithmetic, powers, comparisons and elementary functions."
-        )
-    return template.format(*(f"a{i}" for i in of))
-
-
-def _with_shared_exponentials(values: list[_Value], number: dict[tuple[object, ...], int]) -> list[_Value]:
+            template = UNARY.get(name) or BINARY.get(name)
+            if template is None:
+                raise ParameterError(
+                    f"An effect uses CasADi's operation {name}, which the compiled step does not support: write the "
+                    "effect with arithmetic, powers, comparisons and elementary functions only."
+                )
+            arguments = tuple(slot[i] for i in into[: 1 if name in UNARY else 2])
+            key = (name, *(sorted(arguments) if name in COMMUTATIVE else arguments))
+            slot[out[0]] = value(key, template.format(*(f"a{i}" for i in arguments)), arguments)
+    # Replace exp(x) by expm1(x) + 1 if the function computes expm1(x) anyway.
     for key, i in number.items():
         less_one = number.get(("OP_EXPM1", *key[1:])) if key[0] == "OP_EXP" else None
         if less_one is not None:
             values[i] = _Value(f"a{less_one} + 1.0", (less_one,))
-    return values
+    return values, outputs
 
 
 def _needed_values(values: list[_Value], wanted: set[int]) -> list[int]:
-    """Return the values that the wanted ones need, each after what it needs."""
+    """Return the indices of the wanted values and of all values that they use, in an order in which each value follows
+    the values that it uses.
+    """
     done: dict[int, None] = {}
+    # Search depth first with an explicit stack, because the chains of a law are longer than Python's recursion limit.
     stack = sorted(wanted, reverse=True)
     while stack:
-        missing = [i for i in values[stack[-1]].of if i not in done]
+        missing = [i for i in values[stack[-1]].arguments if i not in done]
         if missing:
             stack += missing[::-1]
         else:

@@ -1,4 +1,6 @@
-"""The compiled loop: a whole drive or replay in one call, or from one question to a controller to the next."""
+"""The compiled loop over the steps, as Python uses it. One call runs a drive or a replay to its end, or until a
+controller in Python has to be called.
+"""
 
 from __future__ import annotations
 
@@ -9,43 +11,65 @@ from typing import Any
 
 import numpy as np
 
-from rover_pin.simulation.checkpoint import Checkpoint
-from rover_pin.simulation.compiled.kernel import Kernel
-from rover_pin.simulation.compiled.suspension import suspension_places
-from rover_pin.simulation.failure import FASTEST, FOLDED, UPRIGHT
-from rover_pin.simulation.instant import Instant, Places
-from rover_pin.simulation.native.library import library
+from rover_pin.simulation.command import Instant, ReadingPlaces
+from rover_pin.simulation.compiled.kernel import Kernel, library
+from rover_pin.simulation.failure import MAX_OVERTRAVEL, MAX_SPEED, MIN_UPRIGHT_COSINE
 from rover_pin.simulation.native.shared import LoopStruct, fill
-from rover_pin.simulation.pace import FINEST
-from rover_pin.simulation.trace.rows import row_type
+from rover_pin.simulation.state import Checkpoint, suspension_places
+from rover_pin.simulation.stepping.pace import FINEST
+from rover_pin.simulation.trace.record import row_type
 
 
-class Outcome(IntEnum):
-    """Why the loop came back."""
+class LoopStatus(IntEnum):
+    """Reason why the compiled loop returned to Python; the enum in native/structs.h has equal numbers."""
 
     DONE = 0
+    """the requested number of rows is written, or the drive has reached its end"""
     NOT_FINITE = 1
+    "a step failed: a velocity is not finite"
     SINGULAR = 2
+    "a step failed: its equations are singular"
     ASKS = 3
+    "a controller in Python has to be called"
     FAILS = 4
+    """the drive has to end: the rover is too fast, has capsized, is buried, or has folded its suspension (`failure`)"""
 
 
 QUESTIONS = 256
-"""Rows of questions that have room at once; those that a controller keeps stay."""
+"""Number of readings for a controller in Python for which memory is reserved at once. A controller may keep its
+readings, so that memory is not used again; new memory is reserved after this number of readings."""
 
 
 class Loop:
-    """Steps of a kernel with its rows; `rows` is filled as far as `row`."""
+    """The compiled loop over the steps of a drive. It also writes the rows of the drive and runs controllers of the
+    package.
+
+    Parameters
+    ----------
+    kernel : Kernel
+        The compiled step, with its model and state.
+    dt : float
+        Length of a step [s] before it is divided into parts.
+    steps : int
+        Number of steps of the length dt in the drive.
+    per_sample : int
+        Number of steps of the length dt between two rows.
+    **fields
+        Further fields of the struct Loop (`native/shared.py`, LOOP_FIELDS), for example those of a controller.
+    """
 
     def __init__(self, kernel: Kernel, dt: float, steps: int, per_sample: int, **fields: Any):
         model, state = kernel.model, kernel.state
         self.kernel, self.state = kernel, state
+        # Python's arrays are shared with C: rows of the drive, and corrections of a replay.
         self.rows = np.zeros(steps // per_sample, dtype=row_type(model))
+        "rows of the drive; only the first `row` of them are written so far"
         self.moved = np.zeros(3)
         self.struct = LoopStruct()
         self.keep: dict[str, Any] = {}
         self._run = library().rover_pin_run
         self._addresses = ctypes.addressof(kernel.struct), ctypes.addressof(self.struct)
+        # Settings of any drive; those of a controller or a replay follow from `fields`.
         joints, stops = suspension_places(model.rover), model.rover.model
         self.set(
             dt=dt,
@@ -61,10 +85,10 @@ class Loop:
             n_folding=len(joints),
             folding_q=joints,
             folding_limits=np.column_stack([stops.lowerPositionLimit[joints], stops.upperPositionLimit[joints]]),
-            fastest=FASTEST,
-            upright=UPRIGHT,
+            fastest=MAX_SPEED,
+            upright=MIN_UPRIGHT_COSINE,
             buried=model.buried,
-            folded=FOLDED,
+            folded=MAX_OVERTRAVEL,
             mass=model.built.mass,
             down=kernel.gravity.copy(),
             soils_at_rest=kernel.soils.copy(),
@@ -76,77 +100,92 @@ class Loop:
         self.set(**fields)
 
     def set(self, **values: Any) -> None:
-        """Let fields of the struct Loop have these values; an array stays where it is."""
+        """Set fields of the struct Loop by name. Arrays are not copied: C reads and writes the caller's arrays."""
         fill(self.struct, self.keep, values)
 
-    def keep_history(self, most: int) -> None:
-        """Keep the lengths of steps from now on, `most` and a look at most."""
-        self.history = np.zeros(2 + most)
+    def keep_history(self, count: int) -> None:
+        """Record the lengths of the following steps, at most `count` of them. `steps_taken` returns the lengths."""
+        # The first number is the count of steps, and one more step is needed to evaluate the forces (`pace.look`).
+        self.history = np.zeros(2 + count)
         self.kernel.keep_history(self.history)
+        # A step that is undone must not be counted, so that the counter is restored with the state.
         self.set(**_moving([*self.kernel.moving, self.history[:1]]))
 
     def steps_taken(self) -> np.ndarray:
-        """Return the length [s] of each step since `keep_history`, or since this was asked last."""
+        """Return the length [s] of each step since the last call of this function, or since `keep_history`, and clear
+        the record.
+        """
         lengths = self.history[1 : 1 + int(self.history[0])].copy()
         self.history[0] = 0.0
         return lengths
 
     def ask(self) -> None:
-        """Let the loop come back at every control sample, to ask a controller."""
-        self.places = Places.of(self.kernel.model)
+        """Make the loop return to Python at the beginning of every control period, so that a controller in Python can
+        be called.
+        """
+        self.places = ReadingPlaces.of(self.kernel.model)
         self.set(asks=1, asked=QUESTIONS)
 
     def question(self) -> Instant:
-        """Return what is to be read at the instant at which the loop asks."""
+        """Return the reading for a controller in Python, after the loop returned because the controller has to be
+        called.
+        """
         return Instant(self.keep["questions"], self.struct.asked - 1, self.places)
 
-    def _make_room(self) -> None:
-        if self.struct.asks and self.struct.asked == QUESTIONS:
-            self.set(asked=0, questions=np.zeros(QUESTIONS, dtype=self.rows.dtype))
-
-    def go_on(self, checkpoint: Checkpoint) -> None:
-        """Count on from where a drive ended; the kernel's arrays are already as they were there."""
+    def continue_from(self, checkpoint: Checkpoint) -> None:
+        """Continue an earlier drive at its checkpoint (time and number of steps). The caller has already restored the
+        arrays of the kernel to their values at the checkpoint.
+        """
         self.set(begin=checkpoint.begin, k=checkpoint.steps, steps=checkpoint.steps + self.struct.steps)
         self.set(size=checkpoint.size)
         self.kernel.set_step(checkpoint.size * (self.struct.dt / FINEST))
 
     @property
     def checkpoint(self) -> Checkpoint:
-        """How far the drive is."""
-        struct = self.struct
-        return Checkpoint(struct.begin, struct.k, struct.size)
+        """Time and number of steps that the drive has reached, from which another loop can continue the drive."""
+        return Checkpoint(self.struct.begin, self.struct.k, self.struct.size)
 
-    def run(self, until: int) -> Outcome:
-        """Go on to the row `until`, or the end, a failure, or a question; the state's time follows."""
-        self._make_room()
-        step = self._run(*self._addresses, until)
+    def run(self, until: int) -> LoopStatus:
+        """Drive until `until` rows are written, until the end of the drive, until a step or the drive fails, or until a
+        controller in Python has to be called. Return which of these ended the loop. The time of the state is
+        updated.
+        """
+        if self.struct.asks and self.struct.asked == QUESTIONS:
+            self.set(asked=0, questions=np.zeros(QUESTIONS, dtype=self.rows.dtype))
+        status = self._run(*self._addresses, until)
         self.state.t = self.struct.begin + self.struct.k * self.struct.dt
-        return Outcome(step)
+        return LoopStatus(status)
 
     def now(self) -> np.ndarray:
-        """Return the present instant as a row."""
+        """Return the present state of the drive in the form of a row. The row is not added to the rows of the drive."""
         row = np.zeros(1, dtype=self.rows.dtype)
         library().rover_pin_row(*self._addresses, row.ctypes.data)
         return np.asarray(row[0])
 
     @property
     def row(self) -> int:
-        """How many rows there are."""
+        """Number of rows written so far."""
         return int(self.struct.row)
 
     @property
     def done(self) -> bool:
-        """Whether the last step is taken."""
+        """Whether the drive has reached its end."""
         return bool(self.struct.k >= self.struct.steps)
 
 
 def _moving(arrays: Sequence[np.ndarray]) -> dict[str, Any]:
-    """Return the fields that say what a step changes, with room to save it twice."""
+    """Return the fields of the struct Loop that describe the arrays which a step changes: their addresses and sizes,
+    and memory for two copies of them. The loop needs the copies to undo steps.
+    """
     assert all(array.flags.c_contiguous and array.dtype == float for array in arrays)
-    lengths = np.array([array.size for array in arrays], dtype=np.int64)
-    total = int(lengths.sum())
+    # C copies the arrays by address and size, so they must be contiguous.
+    sizes = np.array([array.size for array in arrays], dtype=np.int64)
+    total = int(sizes.sum())
     addresses = np.array([array.ctypes.data for array in arrays], dtype=np.int64)
     return {
-        "moving": addresses, "moving_sizes": lengths, "n_moving": len(lengths), "moving_size": total,
+        "moving": addresses,
+        "moving_sizes": sizes,
+        "n_moving": len(sizes),
+        "moving_size": total,
         "saved": np.zeros(2 * total),
-    }  # fmt: skip
+    }

@@ -1,8 +1,12 @@
-"""The rover's rigid body as CasADi expressions, one pass over Pinocchio's loaded model.
+"""The rigid-body dynamics of a rover as CasADi expressions: inertia, bias force, joint axes and potential energy, from
+one pass over the kinematic tree of Pinocchio's model.
 
-Every number of the model (placements, inertias) that is not 0, 1 or -1 stays a parameter, so that rovers of one tree
-share one compiled function, whatever they carry. Source: Featherstone, Rigid Body Dynamics Algorithms (2008), tables
-5.1 (recursive Newton-Euler) and 6.2 (composite rigid bodies).
+Every number of the model (placements, inertias) that is not 0, 1 or -1 is a parameter of the expressions. Rovers with
+the same kinematic tree therefore share one compiled function, whatever they carry. The frame of each joint is turned so
+that the joint's axis is x, which makes rotation matrices sparse.
+
+Source: Featherstone, Rigid Body Dynamics Algorithms (2008), tables 5.1 (recursive Newton-Euler) and 6.2 (composite
+rigid bodies).
 """
 
 from __future__ import annotations
@@ -15,77 +19,102 @@ import numpy as np
 import pinocchio as pin
 
 ROUND_OFF = 1e-15
-"""Share of a placement's or an inertia's largest number below which the others are nothing."""
-SAME = 1e-13
-"""Share of a wheel's inertia to which it is one of revolution."""
+"""Limit of round-off. A number of a placement or of an inertia counts as zero if it is smaller than this fraction of
+the largest number in the same vector or matrix."""
+REVOLUTION_TOLERANCE = 1e-13
+"""A wheel counts as a body of revolution if the asymmetry of its inertia does not exceed this fraction of its largest
+moment of inertia. Its rotation angle then has no influence on the dynamics, which simplifies the code."""
 BASE = 1
+"""Index in Pinocchio's model of the joint that represents the free base."""
 
 
 @dataclass(frozen=True)
 class Joint:
-    """A joint whose frame is turned so that its axis is x: what of it decides the generated code."""
+    """The properties of a joint that decide the generated code of the rigid-body dynamics. The joint's frame is turned
+    so that the joint's axis is x.
+    """
 
     parent: int
+    """index of the joint that carries this joint"""
     q: int
+    "index of the joint's first entry in the configuration q"
     v: int
+    "index of the joint's first entry in the velocity v"
     turns_freely: bool
-    "unbounded: its place in q is a cosine and a sine"
+    "whether the joint turns without limits: q then holds the cosine and the sine of its angle"
     revolves: bool
-    "nothing changes as it turns: it bears nothing and is a body of revolution about its axis"
+    """whether the joint carries no other joint, and its body is a body of revolution about the joint's axis, such as a
+    wheel: its rotation angle then has no influence on the dynamics"""
     numbers: tuple[int | None, ...]
-    "rotation (9), translation (3), mass, mass times lever (3), inertia about the joint (6): 0, 1, -1, or a parameter"
+    """numbers of the joint: rotation matrix (9), translation (3), mass, mass times position of the centre of mass (3),
+    inertia about the joint (6). Each entry is 0, 1 or -1 if the number has this value, or None if the number is a
+    parameter"""
 
 
 class Tree(NamedTuple):
-    """A rigid body in two parts: what is compiled, and the parameters of it."""
+    """A kinematic tree in two parts: the joints, which decide the generated code, and the values of the parameters
+    (masses, lengths), with which the code is called.
+    """
 
     joints: tuple[Joint, ...]
     parameters: np.ndarray
 
 
 class Motion(NamedTuple):
-    """Pinocchio's quantities of a tree, as expressions of q, v and gravity."""
+    """Dynamic quantities of a rover as CasADi expressions of configuration q, velocity v and gravity, in Pinocchio's
+    conventions.
+    """
 
     inertia: Any
-    "upper triangle of the joint-space inertia, without rotors"
+    """upper triangle of the joint-space inertia (nv, nv), without the inertia of the motors' rotors"""
     bias: Any
-    "nonlinear effects: Coriolis, centrifugal and gravity"
+    "bias force (nv,): Coriolis, centrifugal and gravity terms"
     axes: Any
-    "of every joint but the base, in the world (3 x joints)"
+    "unit vectors along the axes of all joints except the base, in the world (3, joints)"
     points: Any
-    "where these axes are (3 x joints)"
+    """a point on the axis of each joint except the base, in the world (3, joints)"""
     rotation: Any
-    "of the base (3 x 3)"
+    """rotation matrix (3, 3) of the base, from the base's axes to the world's"""
     potential: Any
+    "potential energy [J]"
 
 
 def tree_of(model: pin.Model) -> Tree:
-    """Return a model with a free base and revolute joints as a tree, bodies' frames turned to their joints' axes."""
+    """Return the kinematic tree of a Pinocchio model that has a free base and revolute joints."""
     assert model.jointPlacements[BASE].isIdentity(), "the step takes the base's own frame"
     data = model.createData()
     pin.computeJointJacobians(model, data, pin.neutral(model))
     turns = [np.eye(3)] * 2 + [_turn_to(_axis(model, data, i)) for i in range(2, model.njoints)]
     joints, parameters = [], []
+    # Numbers 0, 1 and -1 become part of the code, all others become parameters.
     for i in range(BASE, model.njoints):
         joint, parent = model.joints[i], model.parents[i]
         numbers = _numbers(model, i, turns[parent], turns[i])
         special = [int(number) if number in (0.0, 1.0, -1.0) else None for number in numbers]
-        if i == BASE:  # a load changes its inertia, not its code
+        if i == BASE:  # a load may change any number of its inertia, and must not change the code
             special[12:] = [None] * 10
-        revolves = i > BASE and i not in list(model.parents) and _revolves(numbers)
+        # A body of revolution is centred on its axis x, and of its inertia only Iyy = Izz and Ixx are not zero.
+        (_, y, z), (xx, xy, xz, yy, yz, zz) = numbers[13:16], numbers[16:]
+        asymmetry = np.abs([xy, xz, yz, yy - zz])
+        symmetric = not (y or z) and bool(np.all(asymmetry <= REVOLUTION_TOLERANCE * max(xx, yy)))
+        revolves = i > BASE and i not in list(model.parents) and symmetric
         joints.append(Joint(parent, joint.idx_q, joint.idx_v, joint.nq == 2, revolves, tuple(special)))
         parameters += [number for number, kind in zip(numbers, special, strict=True) if kind is None]
     return Tree(tuple(joints), np.array(parameters))
 
 
 def _axis(model: pin.Model, data: pin.Data, i: int) -> np.ndarray:
+    """Return the unit vector of the axis of joint i in its own frame. The joint must be a revolute joint."""
     column = pin.getJointJacobian(model, data, i, pin.LOCAL)[:, model.joints[i].idx_v]
     assert not column[:3].any(), "the step knows revolute joints only"
     return np.array(column[3:])
 
 
 def _turn_to(axis: np.ndarray) -> np.ndarray:
-    """Return a rotation that takes x to the axis; of 0, 1 and -1 alone where the axis is."""
+    """Return a rotation matrix (3, 3) that turns the x axis to `axis`. If the numbers of `axis` are 0, 1 and -1 only,
+    so are those of the matrix, which keeps the generated code short.
+    """
+    # Complete the axis to a right-handed frame, beginning with a unit vector that is not parallel to it.
     axis = _clean(axis)
     auxiliary = np.roll(np.eye(3)[int(np.argmax(np.abs(axis)))], 1)
     y = auxiliary - (auxiliary @ axis) * axis
@@ -94,8 +123,15 @@ def _turn_to(axis: np.ndarray) -> np.ndarray:
 
 
 def _numbers(model: pin.Model, i: int, parent: np.ndarray, R: np.ndarray) -> np.ndarray:
+    """Return the numbers of joint i as one array, in the order of `Joint.numbers`: rotation, translation, mass,
+    position of the centre of mass and inertia.
+
+    `parent` and `R` are the rotations (3, 3) by which the frame of the parent joint and the frame of joint i are
+    turned, so that the axis of each joint is x.
+    """
     placement, inertia = model.jointPlacements[i], model.inertias[i]
     mass, lever = inertia.mass, R.T @ np.array(inertia.lever)
+    # Parallel axes: the inertia about the joint instead of the centre of mass.
     about_joint = R.T @ np.array(inertia.inertia) @ R + mass * (lever @ lever * np.eye(3) - np.outer(lever, lever))
     parts = [
         parent.T @ placement.rotation @ R,
@@ -108,28 +144,28 @@ def _numbers(model: pin.Model, i: int, parent: np.ndarray, R: np.ndarray) -> np.
 
 
 def _clean(numbers: np.ndarray) -> np.ndarray:
-    """Return the numbers without what round-off left of 0, 1 and -1."""
+    """Return the numbers without round-off: a number that differs from 0, 1 or -1 only by round-off is replaced by 0, 1
+    or -1.
+    """
     scale = float(np.max(np.abs(numbers), initial=0.0))
     cleaned = np.where(np.abs(numbers) <= ROUND_OFF * scale, 0.0, numbers)
     rounded = np.rint(cleaned)
     return np.where(np.abs(cleaned - rounded) <= ROUND_OFF, rounded, cleaned)
 
 
-def _revolves(numbers: np.ndarray) -> bool:
-    (_, y, z), (xx, xy, xz, yy, yz, zz) = numbers[13:16], numbers[16:]
-    off = np.abs([xy, xz, yz, yy - zz])
-    return not (y or z) and bool(np.all(off <= SAME * max(xx, yy)))
-
-
 def rigid_body(joints: tuple[Joint, ...], nq: int, nv: int) -> ca.Function:
-    """Return the function (q, v and gravity (3); none; parameters) -> the parts of `Motion` in one column.
+    """Return a CasADi function that computes the dynamic quantities in `Motion`, as one column, for a tree of joints
+    with nq coordinates and nv degrees of freedom.
 
-    The inertia comes as the entries of `inertia_places`; all others are zero.
+    The inputs of the function are a column of configuration q, velocity v and gravity; an empty column; and the
+    parameters of the joints. Of the inertia, the output contains only the entries that `inertia_places` lists, because
+    all others are zero.
     """
     q, v, gravity = ca.SX.sym("q", nq), ca.SX.sym("v", nv), ca.SX.sym("gravity", 3)
     count = sum(number is None for joint in joints for number in joint.numbers)
     parameters = ca.SX.sym("parameter", count)
-    motion = _Pass(joints, q, v, gravity, parameters).motion(nv)
+    # One column with the inertia's entries that are not always zero, then the other quantities.
+    motion = _RecursivePass(joints, q, v, gravity, parameters).motion(nv)
     above = inertia_places(joints)
     parts = [motion.inertia[row, column] for row, column in above]
     parts += [ca.densify(motion.bias), *(ca.vec(ca.densify(part)) for part in motion[2:])]
@@ -139,7 +175,10 @@ def rigid_body(joints: tuple[Joint, ...], nq: int, nv: int) -> ca.Function:
 
 
 def inertia_places(joints: tuple[Joint, ...]) -> list[tuple[int, int]]:
-    """Return the (row, column) of the upper triangle's entries that are not always zero: a joint and those above it."""
+    """Return row and column of those entries in the upper triangle of the joint-space inertia that are not always zero.
+
+    An entry is not always zero if it belongs to a joint and itself, or to a joint and a joint that carries it.
+    """
     places = [(row, column) for column in range(6) for row in range(column + 1)]
     for joint in joints[1:]:
         places += [(row, joint.v) for row in [*range(6), *(joints[i - 1].v for i in _above(joints, joint)), joint.v]]
@@ -147,6 +186,9 @@ def inertia_places(joints: tuple[Joint, ...]) -> list[tuple[int, int]]:
 
 
 def _above(joints: tuple[Joint, ...], joint: Joint) -> list[int]:
+    """Return the indices of the joints on the path from the base to a joint, from the base outwards. The base and the
+    joint itself are left out.
+    """
     ancestors = []
     while joint.parent != BASE:
         ancestors.append(joint.parent)
@@ -154,11 +196,17 @@ def _above(joints: tuple[Joint, ...], joint: Joint) -> list[int]:
     return ancestors[::-1]
 
 
-class _Pass:
-    """Outwards for speeds and accelerations, inwards for forces and composite inertias."""
+class _RecursivePass:
+    """The recursive Newton-Euler algorithm on a tree of joints: from the base outwards for speeds and accelerations,
+    then inwards for forces and for composite inertias (the inertia of a body with all bodies that it carries).
+
+    All vectors of body i are in its own frame; the rotation R[i] and the translation p[i] place this frame in the frame
+    of the parent body.
+    """
 
     def __init__(self, joints: tuple[Joint, ...], q: ca.SX, v: ca.SX, gravity: ca.SX, parameters: ca.SX):
         self.joints, self.q, self.v, self.gravity = dict(enumerate(joints, BASE)), q, v, gravity
+        # Numbers 0, 1 and -1 enter as constants, so that CasADi simplifies the expressions with them.
         symbols = iter(ca.vertsplit(parameters))
         numbers = [[next(symbols) if kind is None else ca.SX(kind) for kind in joint.numbers] for joint in joints]
         self.fixed = {i: _Numbers.of(joint_numbers) for i, joint_numbers in enumerate(numbers, BASE)}
@@ -170,10 +218,14 @@ class _Pass:
         self.gain: dict[int, tuple[ca.SX, ca.SX]] = {}
 
     def motion(self, nv: int) -> Motion:
-        """Return all parts of the motion."""
+        """Compute the dynamic quantities of the tree, and return them as a `Motion`. The tree has nv degrees of
+        freedom.
+        """
+        # Outwards: place, speed and acceleration of each body.
         for i in self.joints:
             self._place(i)
             self._move(i)
+        # Inwards: each body passes its force and its composite inertia (itself and all it carries) to its parent.
         force: dict[int, tuple[ca.SX, ...]] = {i: self._force(i) for i in self.joints}
         composite: dict[int, tuple[ca.SX, ...]] = {i: self.fixed[i][2:] for i in self.joints}
         inertia, bias = ca.SX(nv, nv), ca.SX(nv, 1)
@@ -182,7 +234,12 @@ class _Pass:
             self._inertia_column(inertia, i, composite[i])
             parent = self.joints[i].parent
             force[parent] = _add(force[parent], self._force_on_parent(i, *force[i]))
-            composite[parent] = _add(composite[parent], self._composite_below(i, *composite[i]))
+            # The composite inertia in the parent's frame, by the theorem of parallel axes.
+            mass, first, second = composite[i]
+            R, P, turned = self.R[i], _cross(self.p[i]), _cross(self.R[i] @ first)
+            below = (mass, R @ first + mass * self.p[i], R @ second @ R.T - P @ turned - turned @ P - mass * P @ P)
+            composite[parent] = _add(composite[parent], below)
+        # The base's composite inertia is that of the whole rover: mass, mass times lever, inertia about the base.
         mass, first, second = composite[BASE]
         bias[:3], bias[3:6] = force[BASE]
         inertia[:3, :3], inertia[:3, 3:6], inertia[3:6, 3:6] = mass * ca.SX.eye(3), -_cross(first), second
@@ -192,11 +249,13 @@ class _Pass:
         return Motion(inertia, bias, axes, points, self.world[BASE], -ca.dot(self.gravity, centre))
 
     def _place(self, i: int) -> None:
+        """Compute and store the placement of body i in its parent's frame and in the world."""
         joint, fixed = self.joints[i], self.fixed[i]
         if i == BASE:
             self.R[i], self.p[i] = rotation_of(self.q[3:7]), self.q[:3]
             self.world[i], self.at[i] = self.R[i], self.p[i]
             return
+        # A joint turns about its x axis; for a body of revolution that carries nothing, the turn changes no quantity.
         angle = self.q[joint.q]
         cosine, sine = (angle, self.q[joint.q + 1]) if joint.turns_freely else (ca.cos(angle), ca.sin(angle))
         self.R[i] = fixed.rotation if joint.revolves else fixed.rotation @ _about_x(cosine, sine)
@@ -206,13 +265,18 @@ class _Pass:
         self.at[i] = self.at[parent] + self.world[parent] @ self.p[i]
 
     def _move(self, i: int) -> None:
-        """Work out speed and acceleration (linear, angular) without joint accelerations, against free fall."""
+        """Compute and store the speed and the bias acceleration of body i, both as a linear and an angular vector.
+
+        The bias acceleration is the acceleration of the body if no joint accelerates, minus gravity. Subtracting
+        gravity has the same effect on the forces as gravity itself.
+        """
         joint, R, p = self.joints[i], self.R[i], self.p[i]
         if i == BASE:
             self.speed[i] = (self.v[:3], self.v[3:6])
             self.gain[i] = (R.T @ -self.gravity, ca.SX(3, 1))
             return
         (v, w), (a, b) = self.speed[joint.parent], self.gain[joint.parent]
+        # Speed and acceleration of the parent at the joint, plus the joint's own turn about x.
         w_j = ca.SX(3, 1)
         w_j[0] = self.v[joint.v]
         linear, angular = R.T @ (v + ca.cross(w, p)), R.T @ w + w_j
@@ -220,21 +284,25 @@ class _Pass:
         self.gain[i] = (R.T @ (a + ca.cross(b, p)) + ca.cross(linear, w_j), R.T @ b + ca.cross(angular, w_j))
 
     def _force(self, i: int) -> tuple[ca.SX, ca.SX]:
+        """Return the force, and the moment about its joint, that give body i its bias acceleration (Newton-Euler
+        equations).
+        """
         (v, w), (a, b), (mass, first, second) = self.speed[i], self.gain[i], self.fixed[i][2:]
         momentum, spin = mass * v - ca.cross(first, w), second @ w + ca.cross(first, v)
         force = mass * a - ca.cross(first, b) + ca.cross(w, momentum)
         return force, second @ b + ca.cross(first, a) + ca.cross(w, spin) + ca.cross(v, momentum)
 
     def _force_on_parent(self, i: int, force: Any, moment: Any) -> tuple[ca.SX, ca.SX]:
-        """Return a force on body i as one on its parent."""
+        """Convert a force and a moment about the joint of body i to the parent's frame and joint, and return them."""
         below = self.R[i] @ force
         return below, self.R[i] @ moment + ca.cross(self.p[i], below)
 
-    def _composite_below(self, i: int, mass: ca.SX, first: ca.SX, second: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
-        R, P, turned = self.R[i], _cross(self.p[i]), _cross(self.R[i] @ first)
-        return mass, self.R[i] @ first + mass * self.p[i], R @ second @ R.T - P @ turned - turned @ P - mass * P @ P
-
     def _inertia_column(self, inertia: ca.SX, i: int, composite: tuple[ca.SX, ...]) -> None:
+        """Write the column of joint i into the joint-space inertia. The column contains the forces on joint i and on
+        all joints that carry it, for a unit acceleration of joint i.
+        """
+        # Momentum of the composite body for a unit rate of joint i about its axis x: the linear part is x cross
+        # `first`.
         _, first, second = composite
         column = self.joints[i].v
         force, moment = ca.vertcat(0, -first[2], first[1]), second[:, 0]
@@ -246,15 +314,23 @@ class _Pass:
 
 
 class _Numbers(NamedTuple):
+    """The numbers of one joint as CasADi expressions, ordered into matrices and vectors."""
+
     rotation: ca.SX
+    """rotation matrix (3, 3) of the joint's frame in its parent's frame, at the joint angle 0"""
     place: ca.SX
+    "origin of the joint's frame in its parent's frame (3,)"
     mass: ca.SX
     first: ca.SX
+    """mass times position of the centre of mass relative to the joint (3,)"""
     second: ca.SX
+    """inertia about the joint's origin (3, 3)"""
 
     @staticmethod
     def of(numbers: list[ca.SX]) -> _Numbers:
-        """Sort a joint's numbers; zeros are left out of the matrices."""
+        """Return the numbers of a joint, a list in the order of `Joint.numbers`, as sparse matrices. Entries that are
+        zero are not stored, so that CasADi leaves out the operations with them.
+        """
         column = ca.vertcat(*numbers)
         xx, xy, xz, yy, yz, zz = numbers[16:]
         second = [ca.horzcat(xx, xy, xz), ca.horzcat(xy, yy, yz), ca.horzcat(xz, yz, zz)]
@@ -272,6 +348,7 @@ def _add(first: tuple[ca.SX, ...], second: tuple[ca.SX, ...]) -> tuple[ca.SX, ..
 
 
 def _cross(a: ca.SX) -> ca.SX:
+    """Return the matrix (3, 3) of the cross product with `a`: the product of the matrix with a vector b is a x b."""
     matrix = ca.SX(3, 3)
     matrix[0, 1], matrix[0, 2], matrix[1, 2] = -a[2], a[1], -a[0]
     matrix[1, 0], matrix[2, 0], matrix[2, 1] = a[2], -a[1], a[0]
@@ -279,13 +356,14 @@ def _cross(a: ca.SX) -> ca.SX:
 
 
 def _about_x(cosine: ca.SX, sine: ca.SX) -> ca.SX:
+    """Return the matrix (3, 3) of a rotation about x, from the cosine and the sine of its angle."""
     matrix = ca.SX(3, 3)
     matrix[0, 0], matrix[1, 1], matrix[2, 2], matrix[1, 2], matrix[2, 1] = 1, cosine, cosine, -sine, sine
     return matrix
 
 
 def rotation_of(quaternion: ca.SX) -> ca.SX:
-    """Return the rotation matrix of a unit quaternion (x, y, z, w), as an expression."""
+    """Return the rotation matrix (3, 3) of a unit quaternion (x, y, z, w) as a CasADi expression."""
     x, y, z, w = ca.vertsplit(quaternion)
     rows = [
         [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],

@@ -1,10 +1,12 @@
-/* What is logged of an instant, in the order of trace/rows.py; and whether the drive can go on. */
+/* Rows of the drive's log, in the order of trace/rows.py; and the check whether the drive can go on. */
 
+/* Copy n numbers into a row; return the place behind them. */
 static double *put(double *row, const double *values, integer n) {
   memcpy(row, values, n * sizeof(double));
   return row + n;
 }
 
+/* Roll, pitch (nose down positive) and yaw [rad] of the base, world z-y-x, from its quaternion. */
 static void find_attitude(const double *q, double *attitude) {
   const double x = q[3], y = q[4], z = q[5], w = q[6];
   attitude[0] = atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y));
@@ -12,7 +14,7 @@ static void find_attitude(const double *q, double *attitude) {
   attitude[2] = atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z));
 }
 
-/* The base's velocity in the world. */
+/* Velocity of the base in the world [m/s]: its own velocity v, rotated by the quaternion. */
 static void find_velocity(const double *q, const double *v, double *velocity) {
   double once[3], twice[3];
   cross(q + 3, v, once);
@@ -20,8 +22,9 @@ static void find_velocity(const double *q, const double *v, double *velocity) {
   for (int i = 0; i < 3; ++i) velocity[i] = v[i] + 2.0 * (q[6] * once[i] + twice[i]);
 }
 
-/* Let the motors' part of `now` be of this instant. */
-static void look_at_motors(Drive *d, Loop *l) {
+/* Update the motors' part of `now` to this instant: the motor law for a step of GLANCE seconds. The loop swaps
+   record and `now`, so that the record of the last step is kept. */
+static void update_motors_now(Drive *d, Loop *l) {
   const double dt = d->dt;
   d->dt = GLANCE;
   add_motors(d, bus_current(d), d->step);
@@ -33,20 +36,23 @@ static void look_at_motors(Drive *d, Loop *l) {
   }
 }
 
-/* What a step records is of its begin. A replay compares nothing of the soil's loads, and keeps its last step's; wheels
-   that are held to rates have no torque in an instant. */
+/* Bring `now` up to this instant, once for each instant, because a step records the forces at its beginning. A
+   replay is not compared with the soil's loads and keeps those of its last step; wheels that are held to rates have
+   no torque of an instant. */
 static void observe(Drive *d, Loop *l) {
   if (l->seen) return;
   if (l->place_rows) {
-    keep_now(d, l);
-    if (!d->held_rate) look_at_motors(d, l);
+    copy_to_now(d, l);
+    if (!d->held_rate) update_motors_now(d, l);
   } else {
     look(d, l, 0);
   }
   l->seen = 1;
 }
 
+/* Write the row of this instant; row_type in trace/rows.py has the same order. */
 void rover_pin_row(Drive *d, Loop *l, double *row) {
+  /* Quantities that a step does not need: energies, attitude, velocity in the world. */
   double mechanical[2] = {0.0, 0.0}, attitude[3], velocity[3];
   observe(d, l);
   if (d->accounts) rover_pin_energies(d, mechanical);
@@ -67,7 +73,8 @@ void rover_pin_row(Drive *d, Loop *l, double *row) {
   put(row, l->moved, 3);
 }
 
-/* Whether the drive has capsized, is buried, folded or diverged: failure.py says which, and with what. */
+/* Whether the drive has diverged, capsized, buried a wheel or folded its suspension. failure.py has the same limits
+   and puts the failure into words. */
 static int fails(const Drive *d, const Loop *l) {
   const double x = d->q[3], y = d->q[4];
   for (int i = 0; i < 3; ++i) if (!(fabs(d->v[i]) < l->fastest)) return 1;

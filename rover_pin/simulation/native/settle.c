@@ -1,23 +1,25 @@
-/* A rover set down in one call: relaxation.py says how and why. */
+/* Setting a rover down in one call. start.py (relax_state) gives the equations and the source. */
 
+/* Results; start.py has the same numbers in the enum Rest. */
 enum { RESTS, SLIDES, NEVER };
-#define AIM 1e-8       /* acceleration over gravity at which a rover is at rest: what is aimed at, */
-#define AT_REST 1e-5   /* and what is still taken */
-#define PITCH 4        /* the base's in v, */
-#define NUDGE 1e-6     /* and a turn that no rest notices [rad] */
-#define MOST_STEPS 300
-#define FURTHEST 0.1   /* way of a wheel in a step over its radius: what was worked out at its begin hardly holds beyond */
-#define SLOW 0.25      /* factors of the step's length after one that came no closer to rest, and after one that did */
-#define FAST 2.0
-#define LONGEST 100.0  /* longest step over the first, in which a wheel falls by FURTHEST: Newton's */
-static const integer SLIDE[3] = {0, 1, 5}; /* the base's own x, y and yaw in v */
+#define AIM 1e-8       /* acceleration over gravity at which the rover counts as at rest, and the search ends */
+#define AT_REST 1e-5   /* largest remaining acceleration over gravity that is accepted as rest */
+#define PITCH 4        /* degree of freedom of the base's pitch */
+#define NUDGE 1e-6     /* [rad] turn that does not disturb a stable rest, but leaves an unstable one */
+#define MAX_STEPS 300          /* of one search */
+#define MAX_DISPLACEMENT 0.1   /* largest displacement of a wheel in one step, over its radius */
+#define SHORTER 0.25           /* factor of the step's length after a step that did not come closer to rest */
+#define LONGER 2.0             /* factor after a step that did */
+#define MAX_LENGTH 100.0       /* longest step over the first one: so long that it is a step of Newton's method */
+static const integer SLIDE[3] = {0, 1, 5}; /* degrees of freedom that slide the base along the ground: x, y and yaw */
 
+/* Copy n numbers into a room; return the place behind them. */
 static double *keep_part(double *room, const double *from, integer n) {
   memcpy(room, from, n * sizeof(double));
   return room + n;
 }
 
-/* The state, without what is recorded of it. */
+/* Save the state: q, v, and the states of contacts and motors. */
 static void keep_state(const Drive *d, double *room) {
   room = keep_part(room, d->q, d->nq);
   room = keep_part(room, d->v, d->nv);
@@ -25,7 +27,7 @@ static void keep_state(const Drive *d, double *room) {
   keep_part(room, d->motor_states, d->n_wheels * d->n_motor_states);
 }
 
-/* All of it but q. */
+/* Restore all of a saved state but q. */
 static void take_states(const Drive *d, const double *room) {
   const integer contact = d->n_wheels * d->n_contact_states;
   room += d->nq;
@@ -34,30 +36,33 @@ static void take_states(const Drive *d, const double *room) {
   memcpy(d->motor_states, room + d->nv + contact, d->n_wheels * d->n_motor_states * sizeof(double));
 }
 
+/* Restore a saved state. */
 static void take_state(const Drive *d, const double *room) {
   memcpy(d->q, room, d->nq * sizeof(double));
   take_states(d, room);
 }
 
-static double greatest_way(const Drive *d, const Settling *s) {
-  double most = 0.0;
-  for (integer i = 0; i < d->nv; ++i) most = larger(most, fabs(s->lengths[i] * d->v[i]));
-  return most;
+/* Return the largest speed, with angular speeds times a length [m/s]; locked speeds have the length 0. */
+static double largest_speed(const Drive *d, const Settling *s) {
+  double largest = 0.0;
+  for (integer i = 0; i < d->nv; ++i) largest = larger(largest, fabs(s->lengths[i] * d->v[i]));
+  return largest;
 }
 
-/* The greatest acceleration of what is free to move, over gravity, with lengths for angles. */
-static double unbalanced(Drive *d, const Settling *s) {
+/* Return the largest acceleration of the free speeds over gravity; angular accelerations count times a length. It is
+   found by a step of GLANCE seconds from rest. */
+static double remaining_acceleration(Drive *d, const Settling *s) {
   keep_state(d, s->looked);
-  d->dt = GLANCE; /* its speeds over its length are the accelerations */
+  d->dt = GLANCE; /* from no speed, the speeds after the step over its length are the accelerations */
   d->settling = DRIVING;
   const int failed = rover_pin_step(d);
-  const double speed = greatest_way(d, s);
+  const double speed = largest_speed(d, s);
   take_state(d, s->looked);
   return failed ? INFINITY : speed / GLANCE / s->gravity;
 }
 
-/* Back to its x, y and heading, along the ground. */
-static void put_back(Drive *d, const Settling *s) {
+/* Put the base back to its x, y and heading, along the slope of the ground. */
+static void put_base_back(Drive *d, const Settling *s) {
   double attitude[3];
   find_attitude(d->q, attitude);
   turn_base(d->q, remainder(s->yaw - attitude[2], 2.0 * PI));
@@ -65,18 +70,19 @@ static void put_back(Drive *d, const Settling *s) {
   for (int c = 0; c < 2; ++c) d->q[c] = s->place[c];
 }
 
-/* The shear that a step has built up: its greatest change; then, of the state before, so much of it. */
-static double most_sheared(const Drive *d, const Settling *s) {
+/* Return the largest change of a shear state in a step. */
+static double largest_shear(const Drive *d, const Settling *s) {
   const double *before = s->before + d->nq + d->nv;
-  double most = 0.0;
+  double largest = 0.0;
   for (integer w = 0; w < d->n_wheels; ++w)
     for (integer k = 0; k < s->n_slip; ++k) {
       const integer at = w * d->n_contact_states + s->slip[k];
-      most = larger(most, fabs(d->contact_states[at] - before[at]));
+      largest = larger(largest, fabs(d->contact_states[at] - before[at]));
     }
-  return most;
+  return largest;
 }
 
+/* Set the shear states to a share of the step's change, within the shear of a wheel that only slides. */
 static void shear(const Drive *d, const Settling *s, double share, const double *reached) {
   const double *before = s->before + d->nq + d->nv;
   for (integer w = 0; w < d->n_wheels; ++w)
@@ -87,46 +93,52 @@ static void shear(const Drive *d, const Settling *s, double share, const double 
     }
 }
 
-/* Step once from s->before, at most as far as FURTHEST allows; 1: that was the whole step, 0: less of it, -1: no step. */
+/* Take one implicit step from s->before, shortened so that no wheel moves further than MAX_DISPLACEMENT. Return 1
+   for a whole step, 0 for a shortened one, -1 where the step failed. */
 static int settle_step(Drive *d, const Settling *s, double dt, int how) {
   double reached[MAX_DOF * MAX_STATES];
   d->dt = dt;
   d->settling = how;
   if (rover_pin_step(d)) return -1;
+  /* Shorten the step where a wheel would move, or the soil be sheared, too far. */
   for (int i = 0; i < 3; ++i) d->v[SLIDE[i]] = 0.0;
-  const double way = greatest_way(d, s) * 0.5 * dt / (FURTHEST * s->radius);
-  const double slid = how == ON_THE_SOIL ? most_sheared(d, s) / s->most_slid : 0.0;
-  const double share = 1.0 / larger(1.0, larger(way, slid));
+  const double moved = largest_speed(d, s) * 0.5 * dt / (MAX_DISPLACEMENT * s->radius);
+  const double slid = how == ON_THE_SOIL ? largest_shear(d, s) / s->most_slid : 0.0;
+  const double share = 1.0 / larger(1.0, larger(moved, slid));
+  /* Move from the old configuration at the new speeds for the shortened step, then take the speeds away again. */
   memcpy(d->q, s->before, d->nq * sizeof(double));
   d->dt = dt * share;
   drift(d);
   memcpy(reached, d->contact_states, d->n_wheels * d->n_contact_states * sizeof(double));
   take_states(d, s->before);
   if (how == ON_THE_SOIL) shear(d, s, share, reached);
-  put_back(d, s);
+  put_base_back(d, s);
   return share == 1.0;
 }
 
-/* Short steps follow the force, long ones are Newton's; return what is left. */
+/* Search for the rest: short steps follow the force, long ones are Newton's. The step grows while the rest comes
+   nearer. Return the remaining acceleration over gravity. */
 static double relax(Drive *d, const Settling *s, int how) {
-  double dt = sqrt(FURTHEST * s->radius / s->gravity), left = unbalanced(d, s);
-  const double longest = LONGEST * dt;
-  for (int k = 0; k < MOST_STEPS && !(left <= AIM); ++k) {
+  double dt = sqrt(MAX_DISPLACEMENT * s->radius / s->gravity), remaining = remaining_acceleration(d, s);
+  const double longest = MAX_LENGTH * dt;
+  for (int k = 0; k < MAX_STEPS && !(remaining <= AIM); ++k) {
     keep_state(d, s->before);
     const int whole = settle_step(d, s, dt, how);
-    const double now = whole < 0 ? INFINITY : unbalanced(d, s);
+    const double now = whole < 0 ? INFINITY : remaining_acceleration(d, s);
+    /* A step that failed is repeated with a shorter one. */
     if (!isfinite(now)) {
       take_state(d, s->before);
-      dt *= SLOW;
+      dt *= SHORTER;
       continue;
     }
-    dt = smaller(longest, dt * (whole && now < left ? FAST : now > FAST * left ? SLOW : 1.0));
-    left = now;
+    dt = smaller(longest, dt * (whole && now < remaining ? LONGER : now > LONGER * remaining ? SHORTER : 1.0));
+    remaining = now;
   }
-  return left;
+  return remaining;
 }
 
-/* At rest in hand; the second time from a slightly other pitch, so that it does not rest where it would tip over. */
+/* Find the rest of a rover that is held in hand. The second search starts from a slightly different pitch, so that
+   an unstable rest, from which the rover would tip over, is remaining. */
 static double rest_in_hand(Drive *d, const Settling *s) {
   relax(d, s, IN_HAND);
   d->v[PITCH] = NUDGE;
@@ -136,15 +148,18 @@ static double rest_in_hand(Drive *d, const Settling *s) {
   return relax(d, s, IN_HAND);
 }
 
-/* Set the rover down; the wheels' rotors are locked, and so is its slide, until it is let go. */
+/* Set the rover down. The caller has locked the wheels' rotors and the base's slide along the ground; the slide is
+   set free here after the rest in hand. Return RESTS where the soil holds the rover, SLIDES where it does not (the
+   state is then that of the rest in hand), NEVER where it does not come to rest even in hand. */
 int rover_pin_set_down(Drive *d, const Settling *s) {
   if (!(rest_in_hand(d, s) <= AT_REST)) return NEVER;
   keep_state(d, s->in_hand);
+  /* Release the base's slide along the ground. */
   for (int i = 0; i < 3; ++i) {
     d->armature[SLIDE[i]] = s->free_rotors[i];
     s->lengths[SLIDE[i]] = s->free_lengths[i];
   }
-  if (unbalanced(d, s) <= AT_REST) return RESTS;
+  if (remaining_acceleration(d, s) <= AT_REST) return RESTS;
   if (s->n_slip && relax(d, s, ON_THE_SOIL) <= AT_REST) return RESTS;
   take_state(d, s->in_hand);
   return SLIDES;

@@ -1,7 +1,10 @@
-/* The new speeds, as plain/step.py says, by the tree's own elimination. */
+/* The change of the speeds over a step, by the two-stage Rosenbrock method that plain/step.py explains. The
+   equations are solved by Gaussian elimination in the order of the kinematic tree, from the leaves to the base, so
+   that no zero fills in which the tree does not fill anyway (Featherstone 2008, section 6.5). */
 
-#define LEAST_PIVOT 1e-12 /* of what stood on the diagonal */
+#define LEAST_PIVOT 1e-12 /* smallest pivot over the diagonal before elimination; below, rows have to be exchanged */
 
+/* Back substitution with the eliminated A, whose diagonal holds the inverse pivots. */
 static void substitute_back(const Drive *d, double A[][MAX_DOF], double *b) {
   for (integer o = d->n_free - 1; o >= 0; --o) {
     const integer k = d->free_order[o], m = d->free_count[o], *above = d->free_above + o * MAX_DOF;
@@ -11,8 +14,9 @@ static void substitute_back(const Drive *d, double A[][MAX_DOF], double *b) {
   }
 }
 
-/* Eliminate in the order of `free_order`, from the leaves to the base: nothing fills in that `free_above` does not list,
-   whose first entries are the base's. No row is exchanged; return SINGULAR where that asks for one. */
+/* Eliminate in the order `free_order` and solve for b in place. `free_above` lists the columns that row o still
+   meets; the first of them belong to the base and are treated as one vector. No rows are exchanged; return SINGULAR
+   where a pivot is too small. */
 static int eliminate(const Drive *d, double A[][MAX_DOF], double *b) {
   double diagonal[MAX_DOF];
   for (integer i = 0; i < d->nv; ++i) diagonal[i] = fabs(A[i][i]);
@@ -20,6 +24,7 @@ static int eliminate(const Drive *d, double A[][MAX_DOF], double *b) {
     const integer k = d->free_order[o], m = d->free_count[o], *above = d->free_above + o * MAX_DOF;
     const integer base = m < 6 ? m : 6;
     if (!(fabs(A[k][k]) > LEAST_PIVOT * diagonal[k])) return SINGULAR;
+    /* The base's columns of the pivot row are one vector of 8, whose last two entries stay zero. */
     const double inverse = 1.0 / A[k][k], *pivot = A[k], b_k = b[k];
     Row first = {0};
     for (integer c = 0; c < base; ++c) first[c] = pivot[c];
@@ -36,7 +41,8 @@ static int eliminate(const Drive *d, double A[][MAX_DOF], double *b) {
   return OK;
 }
 
-/* Solve for another right side with what `eliminate` left of A. */
+/* Solve for another right side b with the A that `eliminate` left: below the diagonal it still holds the columns, on
+   it the inverse pivots. */
 static void solve_again(const Drive *d, double A[][MAX_DOF], double *b) {
   for (integer o = 0; o < d->n_free; ++o) {
     const integer k = d->free_order[o], m = d->free_count[o], *above = d->free_above + o * MAX_DOF;
@@ -46,8 +52,9 @@ static void solve_again(const Drive *d, double A[][MAX_DOF], double *b) {
   substitute_back(d, A, b);
 }
 
-/* Gaussian elimination with row pivoting on A (n x n) and b. */
+/* Gaussian elimination with partial pivoting of A (n x n) and b. Return SINGULAR where a column has no pivot. */
 static int eliminate_pivoted(integer n, double A[][MAX_DOF], double *b) {
+  /* The row with the largest entry in column p becomes the pivot. */
   for (integer p = 0; p < n; ++p) {
     integer best = p;
     for (integer i = p + 1; i < n; ++i) if (fabs(A[i][p]) > fabs(A[best][p])) best = i;
@@ -71,8 +78,9 @@ static int eliminate_pivoted(integer n, double A[][MAX_DOF], double *b) {
   return OK;
 }
 
-/* The same equations with every row free to be exchanged. */
+/* Solve the same equations with partial pivoting, on the free speeds alone: slow, and rarely needed. */
 static int solve_pivoted(const Drive *d, double A[][MAX_DOF], double *b) {
+  /* Copy rows and columns of the free speeds, without those of followers. */
   double x[MAX_DOF], packed[MAX_DOF][MAX_DOF];
   const integer n = d->n_free;
   for (integer i = 0; i < n; ++i) {
@@ -84,12 +92,12 @@ static int solve_pivoted(const Drive *d, double A[][MAX_DOF], double *b) {
   return status;
 }
 
-/* v_follower = ratio v_leader: what acts on a follower goes to its leader. */
+/* Coupled joints have v_follower = ratio v_leader. Add the force on a follower to its leader. */
 static void couple(const Drive *d, double *b) {
   for (integer c = 0; c < d->n_coupled; ++c) b[d->coupled_dof[2 * c + 1]] += d->coupled_ratio[c] * b[d->coupled_dof[2 * c]];
 }
 
-/* So do a follower's row and column. */
+/* Add a follower's row and column of A to its leader's. */
 static void couple_system(const Drive *d, double A[][MAX_DOF]) {
   for (integer c = 0; c < d->n_coupled; ++c) {
     const integer follower = d->coupled_dof[2 * c], leader = d->coupled_dof[2 * c + 1];
@@ -99,12 +107,14 @@ static void couple_system(const Drive *d, double A[][MAX_DOF]) {
   }
 }
 
+/* Set the followers' speeds from their leaders'. */
 static void set_followers(const Drive *d, double *speeds) {
   for (integer c = 0; c < d->n_coupled; ++c)
     speeds[d->coupled_dof[2 * c]] = d->coupled_ratio[c] * speeds[d->coupled_dof[2 * c + 1]];
 }
 
-/* Motors as the soil; springs and the body's push fully implicit, as if they were mass. */
+/* Complete the equations. Motors enter as the soil does, with the weight gamma; servos, stops and body effects are
+   fully implicit, so that dt times their slopes goes into A and `mass` alike. */
 static void complete_system(const Drive *d, System *system, const BodyPush *push) {
   const double implicit_dt = implicit_share(d) * d->dt;
   for (integer i = 0; i < d->nv; ++i) {
@@ -123,14 +133,17 @@ static void complete_system(const Drive *d, System *system, const BodyPush *push
   }
 }
 
-/* Whether b is more than GROWS times a, and more than round-off. */
+/* Whether b is larger than GROWS a and larger than round-off. */
 static int outgrows(double a, double b) { return fabs(b) > larger(GROWS * fabs(a), LEAST_GROWN); }
 
-/* By how much A^-1 mass enlarges a speed that it enlarges twice, at most: one that the forces push away; else 0. */
+/* Growth factor of the step: the largest factor by which a further solve enlarges a speed that both solves before
+   have enlarged by more than GROWS, in the same direction. Forces push such a speed away faster than the step can
+   follow. 0 where there is none. */
 static double growth(const Drive *d, System *system, const double *first, const double *second, int pivots) {
-  double third[MAX_DOF], most = 0.0;
+  double third[MAX_DOF], largest = 0.0;
   const integer nv = d->nv;
   integer grown = 0;
+  /* A third solve is made only if a speed has grown: rarely. */
   for (integer i = 0; i < nv; ++i) grown += outgrows(first[i], second[i]);
   if (!grown) return 0.0;
   for (integer i = 0; i < nv; ++i) third[i] = along(system->mass[i], second, (nv + 7) / 8);
@@ -140,23 +153,27 @@ static double growth(const Drive *d, System *system, const double *first, const 
   set_followers(d, third);
   for (integer i = 0; i < nv; ++i)
     if (outgrows(first[i], second[i]) && outgrows(second[i], third[i]) && first[i] * third[i] > 0.0)
-      most = larger(most, fabs(third[i] / second[i]));
-  return most;
+      largest = larger(largest, fabs(third[i] / second[i]));
+  return largest;
 }
 
-/* A k_1 = dt force and A k_2 = mass k_1: du = gamma k_1 + (1 - gamma) k_2, in the mean forces gamma (k_1 + (1 - gamma) k_2). */
+/* Solve A k_1 = dt force and A k_2 = mass k_1; the change of the speeds is du = gamma k_1 + (1 - gamma) k_2, the
+   change that belongs to the mean force is mean_du = gamma (k_1 + (1 - gamma) k_2). */
 static int solve_speeds(Drive *d, System *system) {
   _Alignas(64) double first[MAX_DOF] = {0.0}, second[MAX_DOF] = {0.0};
   double b[MAX_DOF], left_row[MAX_DOF], lacks = 0.0;
   const integer nv = d->nv, left = d->differential_left;
   const double gamma = implicit_share(d);
   for (integer i = 0; i < nv; ++i) b[i] = d->dt * system->force[i];
+  /* The differential's torque is the residual of the left rocker's own equation, which the coupling below mixes with
+     the right one: keep its row. */
   if (left >= 0) {
     memcpy(left_row, system->A[left], nv * sizeof(double));
     lacks = -b[left];
   }
   couple_system(d, system->A);
   couple(d, b);
+  /* First solve. `kept` is for the case that elimination meets a small pivot. */
   memcpy(first, b, nv * sizeof(double));
   for (integer i = 0; i < nv; ++i) memcpy(system->kept[i], system->A[i], nv * sizeof(double));
   int status = eliminate(d, system->A, first);
@@ -167,12 +184,14 @@ static int solve_speeds(Drive *d, System *system) {
     status = solve_pivoted(d, system->kept, first);
   }
   set_followers(d, first);
+  /* Second solve with the same left side. */
   for (integer i = 0; i < nv; ++i) second[i] = along(system->mass[i], first, (nv + 7) / 8);
   if (left >= 0) lacks -= (1.0 - gamma) * second[left];
   couple(d, second);
   if (pivots) solve_pivoted(d, system->kept, second);
   else solve_again(d, system->A, second);
   set_followers(d, second);
+  /* du, mean_du, and the residual of the left rocker's equation. */
   for (integer i = 0; i < nv; ++i) {
     d->du[i] = gamma * first[i] + (1.0 - gamma) * second[i];
     system->mean_du[i] = gamma * (first[i] + (1.0 - gamma) * second[i]);

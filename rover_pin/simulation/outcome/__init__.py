@@ -1,4 +1,4 @@
-"""What a drive came to, and whether it is to be believed: outcome, energy account, error of the step.
+"""The outcome of a drive in one sentence, and checks whether the simulation of the drive can be believed.
 
-Start at `outcome` and `audit`.
+Start at `outcome` and `audit`; `soil_energy` detects traction laws that create energy.
 """

@@ -1,4 +1,6 @@
-"""What a finished drive must say about itself: that it is not to be believed, and why."""
+"""Checks of a finished drive. Each reason not to believe the simulation becomes a warning. A note lists the end stops
+of the suspension that yielded.
+"""
 
 import contextlib
 import math
@@ -6,59 +8,111 @@ import math
 import numpy as np
 
 from rover_pin.simulation.model.model import Model
+from rover_pin.simulation.state import suspension_places
 from rover_pin.simulation.trace.trace import Trace
 
 LOAD_BAND = (0.99, 1.01)
-"""`mean_load` within which a drive is believed: 0.9997 to 1.005 in 300 random drives that resolve it, 6 to
-137 in drives that did not."""
-SHORTEST = 0.5
-"""Time [s] below which a drive is too short for its mean load to say anything."""
-MOST_UNBALANCED, AT_REST = 0.01, 1e-6
-"""Error of the energy's balance beyond which a drive is not believed; and energy over weight times a wheel's radius
-that is none."""
+"""Smallest and largest value of `mean_load`, the mean force of the soil divided by the rover's weight, with which a
+drive is believed. By Newton's second law the value is 1. Outside this range a warning is given; steps that are too long
+for stiff ground give several times 1."""
+MIN_DURATION = 0.5
+"""Shortest drive [s] whose mean load is checked. In a shorter drive a single bounce would decide the mean."""
+MIN_YIELD = math.radians(0.1)
+"""Smallest angle [rad] beyond an end stop for which a note states that the end stop yielded."""
+MAX_ENERGY_ERROR, MIN_ENERGY = 0.01, 1e-6
+"""MAX_ENERGY_ERROR: largest relative error of the energy balance with which a drive is believed; beyond it, a warning
+is given. MIN_ENERGY: if the drive's largest energy, divided by weight times wheel radius, is below this value, the
+rover counts as at rest, and the balance is not checked."""
 
 
 def load_warning(model: Model, rows: np.ndarray) -> str:
-    """Return a sentence where the soil carried more or less than the weight, or nothing."""
+    """Return a warning if the soil carried more or less than the rover's weight on average, or an empty string if it
+    carried the weight.
+    """
     load = mean_load(model, rows)
     if LOAD_BAND[0] <= load <= LOAD_BAND[1]:
         return ""
     return (
-        f"the soil carried {load:.3g} times the rover's weight on average, which no body can: the step "
+        f"the soil carried {load:.3g} times the rover's weight on average, which is physically impossible: the step "
         "is too coarse for this ground; give a smaller dt."
     )
 
 
 def balance_warning(trace: Trace) -> str:
-    """Return a sentence where the account of a drive's energy does not balance, or nothing; at rest there is none."""
+    """Return a warning if the energies of a drive do not balance (work of the motors against mechanical energy and
+    losses), or an empty string if they do.
+    """
     if len(trace.t) < 2:
         return ""
-    most = max(float(np.ptp(values)) for name, values in trace.channels.items() if name.startswith("energy_"))
+    largest = max(float(np.ptp(values)) for name, values in trace.channels.items() if name.startswith("energy_"))
     weight = float(np.mean(np.sum(trace.stack("normal"), axis=1)))
-    off = trace.energy_error()
-    if off <= MOST_UNBALANCED or most <= AT_REST * weight * float(np.min(trace.attrs["wheel_radii_m"])):
+    error = trace.energy_error()
+    # At rest the energies are round-off, whose balance means nothing.
+    if error <= MAX_ENERGY_ERROR or largest <= MIN_ENERGY * weight * float(np.min(trace.attrs["wheel_radii_m"])):
         return ""
-    return f"its energy does not balance, by {off:.2g} of the greatest: the step is too coarse; give a smaller dt."
+    return (
+        f"its energy does not balance: the error is {error:.2g} of the largest energy, which shows that the step is "
+        "too coarse; give a smaller dt."
+    )
+
+
+def stops_note(model: Model, trace: Trace) -> str:
+    """Return a note on the suspension joints that went beyond their end stops, or an empty string if no joint did.
+
+    Example: "stops yielded: bogie_l 2.0 deg past its stop at 5.7 deg (t = 3.1 s)". The end stops of the simulation are
+    stiff springs with dampers, because a rigid stop would be hit within one step. They therefore yield under load. The
+    angle of a joint is compared with the limit that the URDF states.
+    """
+    limits, notes = model.rover.model, []
+    joints = set(suspension_places(model.rover).tolist())
+    for name, place in model.rover.angles.items():
+        if place not in joints or name not in trace or not len(trace.t):
+            continue
+        low, high = float(limits.lowerPositionLimit[place]), float(limits.upperPositionLimit[place])
+        angle = trace[name]
+        # The row with the largest excess over either limit.
+        past = np.maximum(angle - high, low - angle)
+        row = int(np.nanargmax(past)) if np.any(np.isfinite(past)) else 0
+        if past[row] > MIN_YIELD:
+            stop = high if angle[row] > high else low
+            notes.append(
+                f"{name} {math.degrees(past[row]):.2g} deg past its stop at {math.degrees(stop):.3g} deg "
+                f"(t = {trace.t[row]:.3g} s)"
+            )
+    return f"stops yielded: {', '.join(notes)}" if notes else ""
 
 
 def pivot_warning(steps: int) -> str:
-    """Return a sentence where the equations were nearly singular in some steps, or nothing."""
+    """Return a warning if the equations of motion were nearly singular in at least one step, or an empty string.
+    `steps` is the number of such steps.
+    """
     if not steps:
         return ""
     return (
         f"the equations of motion were nearly singular in {steps} steps, which were solved with exchanged rows: "
-        "look for a joint that moves next to no mass, or give a smaller dt."
+        "look for a joint that carries hardly any mass, or give a smaller dt."
     )
 
 
 def mean_load(model: Model, rows: np.ndarray) -> float:
-    """Return the mean of the soil's forces against gravity over the weight [-], less what the rover gained in momentum.
+    """Return the mean force with which the soil carried the rover in a drive, divided by the rover's weight [-]. Forces
+    that accelerated the rover upwards are subtracted, so that a correct simulation gives 1.
 
-    (I . up / T - m dv/dt) / (m g), I the impulse of all wheels' forces as each step began: 1 by Newton's second law
-    where the steps resolve them, whatever the ground. 1 for a drive of less than SHORTEST.
+    The result is (I . up / T - m dv/dt) / (m g), where I is the impulse of the soil's forces on all wheels in the
+    duration T, computed from the forces at the beginning of each step, and m dv/dt is the mean rate of change of the
+    upward momentum. By Newton's second law the result is 1 on every ground, if the steps resolve the forces. For a
+    drive shorter than MIN_DURATION the function returns 1. If the mean is not a number, it returns infinity.
+
+    Parameters
+    ----------
+    model : Model
+        The model of the drive.
+    rows : array (`row_type`)
+        The rows of the drive.
     """
-    if not len(rows) or rows["t"][-1] - rows["t"][0] < SHORTEST:
+    if not len(rows) or rows["t"][-1] - rows["t"][0] < MIN_DURATION:
         return 1.0
+    # Impulse and upward velocity are compared between the first and the last row.
     rover, first, last = model.built, rows[0], rows[-1]
     climb = [float(rover.up @ row["velocity"]) for row in (first, last)]
     force = float(rover.up @ (last["impulse"] - first["impulse"])) - rover.mass * (climb[1] - climb[0])
@@ -67,7 +121,9 @@ def mean_load(model: Model, rows: np.ndarray) -> float:
 
 
 def radii_of(trace: Trace) -> np.ndarray:
-    """Return the wheels' radii [m]; NaN where a file has none, or no such numbers."""
+    """Return the radii of the wheels (wheels,) [m] from the attributes of a trace; NaN if the trace, which may come
+    from a file, does not have such numbers.
+    """
     with contextlib.suppress(KeyError, TypeError, ValueError):
         return np.asarray(trace.attrs["wheel_radii_m"], dtype=float).reshape(len(trace.wheels), 1)[:, 0]
     return np.full(len(trace.wheels), math.nan)

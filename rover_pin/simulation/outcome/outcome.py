@@ -1,6 +1,9 @@
-"""What a drive came to, in one sentence: it drives on or turns, is stuck, stalled, slid back, or held, since when.
+"""The outcome of a drive in one sentence: whether the rover drives on, turns, is stuck, stalled, slid back or held, and
+since when.
 
-Lengths are in r and the rims' way, times in the drive's duration, for any rover; wheels in the sense they are driven.
+Lengths are compared with the wheel radius r and with the distance that the rims have turned, times with the drive's
+duration, so that the outcome does not depend on the size of the rover. Distances are positive in the direction of the
+duty: a rover that is driven backwards covers a positive distance if it moves backwards.
 """
 
 import math
@@ -11,181 +14,229 @@ import numpy as np
 from rover_pin.simulation.outcome.audit import radii_of
 from rover_pin.simulation.trace.trace import Trace
 
-GRIP = 0.1
-"""Travel over what the rims turn, from which on a rover moves: below it, all in all, S is above 0.9."""
-SPEED_SHARE = 0.05
-"""Mechanical over electric energy, which is the wheels' speed over that without a load, below which motors stall."""
-SHORT = 0.1
-"""Share of a wheel's radius that counts as standing still."""
-LEAST_CROSSINGS = 4
-"""Changes of a wheel's sense in the later half of a drive from which it swings."""
-NO_DUTY, HELD = 1e-9, "stands_since"
-"""Duty that is none, round-off of a servo that rests; and of a trace since when [s] servos hold the wheels still."""
+MIN_TRAVEL_RATIO = 0.1
+"""The rover counts as stuck if the distance travelled, divided by the distance that the rims have turned, is below this
+number (slip S > 0.9)."""
+MIN_SPEED_SHARE = 0.05
+"""The motors count as stalled if their mechanical work, divided by the electric energy that they take, is below this
+number. This ratio is about the wheels' speed divided by their speed without load."""
+STILL_SHARE = 0.1
+"""The rover counts as not moving if the distance that it has moved, divided by the wheel radius, is below this
+number."""
+MIN_CROSSINGS = 4
+"""The wheels count as swinging to and fro if they change their direction, on average, at least this number of times in
+the later half of a drive."""
+NO_DUTY = 1e-9
+"""Largest absolute duty with which a motor counts as not driven. The duties of a servo at rest are not exactly 0
+because of round-off."""
+HELD_SINCE = "stands_since"
+"""Name of an attribute of a trace: the time [s] since which a controller holds the wheels still, because the rover has
+reached its aim."""
 ON_THE_SPOT = 0.2
-"""Body's way over its wheels', below which it turns on the spot; its way aside over theirs, from which it is said."""
+"""Limit with two uses. The rover counts as turning on the spot if the body's path, divided by the wheels' travel, is
+below this number. The outcome mentions that the rover slides sideways if the sideways motion, divided by the travel, is
+above it."""
 
 
 class DriveOutcome(NamedTuple):
-    """What a drive came to; `since` [s] is NaN where it was so from the start."""
+    """The outcome of a drive: its type, the time since which it holds, and a sentence for the user."""
 
     kind: str
-    "driving, rocking, creeping, sliding, stuck, stalled, slid back, held, slid, stopped, or ended"
+    """type of the outcome: driving, rocking, creeping, sliding, stuck, stalled, slid back, held, slid, stopped, or
+    ended (`drive_outcome` explains these words)"""
     since: float
+    """time [s] at which this outcome began; NaN if it holds from the start of the drive"""
     sentence: str
 
 
-class Ways(NamedTuple):
-    """Rows (T,) of a drive: time [s], mean ways of rims and wheels in the driven sense [m], if driven; mean r [m]."""
+class WheelPaths(NamedTuple):
+    """Distances that rims and wheels have covered since the start, at each of the T rows of a drive. All distances are
+    means over the wheels.
+    """
 
     t: np.ndarray
+    """(T,) times of the rows [s]"""
     turned: np.ndarray
+    """(T,) distance that the rims have turned, forwards or backwards [m]; it never decreases"""
     travelled: np.ndarray
+    """(T,) distance that the wheels' centres have moved, positive in the direction of their duty [m]"""
     driven: np.ndarray
+    """(T,) whether at least one motor is driven (its duty is not 0)"""
     r: float
+    "mean wheel radius [m]"
 
 
 def drive_outcome(trace: Trace) -> DriveOutcome | None:
-    """Return what a drive came to, or None where the trace has not the truth that it takes.
+    """Return the outcome of a drive, or None if the trace lacks channels that are needed for it, such as the wheels'
+    travel, which no sensor measures.
 
-    - ended: stopped before its time, as `attrs["stop"]` says;
-    - slid back: more than a radius behind the furthest place, in the sense of its duty, or going back at the end;
-    - stalled: driven, but the motors turn at less than 5 % of their speed without a load, and no wheel by a tenth of r
-      over the last tenth of the drive; that they creep is said with their share of that speed;
-    - rocking: over the later half, its wheels swing to and fro, and less than half of that takes them on;
-    - sliding: the body goes further aside than its wheels travel, over the last twentieth of the drive;
-    - stuck: over every last radius that the rims turn, the wheels travel less than a tenth of it;
-    - held, slid: never driven, and moved by less than r / 10, or by more; held also where driven, by less than r / 10;
-    - stopped: no longer driven at the end, or held still by a control that has come to its end;
-    - creeping, driving: the rest, the wheels travelling less than half of what they turn, or more; on the spot where
-      the body's way is less than a fifth of the wheels'.
+    The outcomes are tested in this order, and the first that holds is returned:
+
+    - ended: a failure stopped the drive before its time, as `attrs["stop"]` states;
+    - slid back: at the end, the rover is more than one wheel radius behind the furthest position that it reached in the
+      direction of its duty, or moves back;
+    - stopped: the motors are not driven at the end, or a controller that has reached its aim holds the wheels still;
+    - rocking: over the later half, the wheels swing to and fro, and less than half of their motion moves the rover on;
+    - stalled: over the last tenth of the drive the motors are driven, but turn at less than 5 % of their speed without
+      load, and no rim moves by a tenth of the wheel radius r; for wheels that creep, the sentence states their speed as
+      a fraction of the speed without load;
+    - held, slid: the motors were never driven, and the rover moved by less than r / 10 (held) or by more (slid); the
+      outcome is also held if the motors were driven but the rover moved by less than r / 10;
+    - sliding: over the last twentieth of the drive, the body moves further sideways than its wheels travel;
+    - stuck: at the end, while the rims turn by one wheel radius, the wheels travel less than a tenth of this distance;
+    - creeping, driving: all other drives; the wheels travel less than half of the distance that the rims turn
+      (creeping), or more (driving). The sentence states that the rover turns on the spot if the body's path is less
+      than a fifth of the wheels' path.
     """
     needed = [f"{name}_{wheel}" for name in ("wheel_rate", "travel", "duty") for wheel in trace.wheels]
     if not {*needed, "body_x", "body_y", "energy_motor", "energy_electric"} <= trace.channels.keys():
         return None
     if str(trace.attrs.get("stop", "duration")) != "duration":
-        return DriveOutcome("ended", float(trace.t[-1]), f"{trace.attrs['stop']}, {_place(trace, -1)}")
+        return DriveOutcome("ended", float(trace.t[-1]), f"{trace.attrs['stop']}, {_place(trace)}")
     if len(trace.t) < 2 or not trace.wheels or not np.all(radii_of(trace) > 0.0):
         return None
-    ways = ways_of(trace)
-    if not np.any(ways.driven):
-        return _parked_outcome(trace, ways)
-    for judge in (_slid_back, _stopped_outcome, _rocking, _stalled_outcome, _barely_moved, _sliding, _stuck_outcome):
-        outcome = judge(trace, ways)
+    paths = wheel_paths(trace)
+    # A drive that was never driven is held or slid. For all others the first condition that holds decides.
+    if not np.any(paths.driven):
+        return _parked(trace, paths)
+    for judge in (_slid_back, _stopped, _rocking, _stalled, _barely_moved, _sliding, _stuck):
+        outcome = judge(trace, paths)
         if outcome is not None:
             return outcome
-    return _driving(trace, ways)
+    return _driving(trace, paths)
 
 
-def ways_of(trace: Trace) -> Ways:
-    """Return how far rims and wheels have come at each row."""
+def wheel_paths(trace: Trace) -> WheelPaths:
+    """Return the distances that rims and wheels have covered at each row of a drive."""
     r = radii_of(trace)
     duty, dt = trace.stack("duty"), np.diff(trace.t, prepend=trace.t[:1])[:, None]
-    sense = _held_sense(duty)
-    rims, travel = sense * r * trace.stack("wheel_rate"), sense * trace.stack("travel")
-    turned, travelled = (np.cumsum(np.mean(speed * dt, axis=1)) for speed in (np.abs(rims), travel))
-    driven = np.any(np.abs(duty) > NO_DUTY, axis=1) & (trace.t <= float(trace.attrs.get(HELD, math.inf)))
-    return Ways(trace.t, turned, travelled, driven, float(np.mean(r)))
-
-
-def _held_sense(duty: np.ndarray) -> np.ndarray:
-    """Return the sign of each wheel's duty, through a pause that of before, 1 before the first."""
+    # The sense of a wheel is the sign of its duty; in a pause that of the last duty, and 1 before the first.
     sign = np.sign(duty)
     last = np.maximum.accumulate(np.where(sign != 0.0, np.arange(len(sign))[:, None], -1), axis=0)
-    last_sign = np.take_along_axis(sign, np.maximum(last, 0), axis=0)
-    return np.where(last < 0, 1.0, last_sign)
+    sense = np.where(last < 0, 1.0, np.take_along_axis(sign, np.maximum(last, 0), axis=0))
+    rims, travel = sense * r * trace.stack("wheel_rate"), sense * trace.stack("travel")
+    turned, travelled = (np.cumsum(np.mean(speed * dt, axis=1)) for speed in (np.abs(rims), travel))
+    driven = np.any(np.abs(duty) > NO_DUTY, axis=1) & (trace.t <= float(trace.attrs.get(HELD_SINCE, math.inf)))
+    return WheelPaths(trace.t, turned, travelled, driven, float(np.mean(r)))
 
 
-def _furthest(trace: Trace) -> float:
-    return float(np.max(np.hypot(*(trace[name] - trace[name][0] for name in ("body_x", "body_y")))))
-
-
-def _parked_outcome(trace: Trace, ways: Ways) -> DriveOutcome:
+def _parked(trace: Trace, paths: WheelPaths) -> DriveOutcome:
+    """Return the outcome of a drive whose motors were never driven: "held" if the rover stood still, "slid" if it
+    moved.
+    """
     distance = _furthest(trace)
-    _, swing = _swing(trace, ways)
+    _, swing = _swing(trace, paths)
     swing = swing and f"; {swing}"
-    if distance < SHORT * ways.r:
+    if distance < STILL_SHARE * paths.r:
         return DriveOutcome("held", math.nan, f"held: not driven, it stood still to {1e3 * distance:.2g} mm{swing}")
-    way = "forwards" if ways.travelled[-1] > 0.0 else "back"
+    direction = "forwards" if paths.travelled[-1] > 0.0 else "back"
     return DriveOutcome(
-        "slid", math.nan, f"slid {way} by {_length(distance)} without being driven, {_place(trace, -1)}{swing}"
+        "slid", math.nan, f"slid {direction} by {_length(distance)} without being driven, {_place(trace)}{swing}"
     )
 
 
-def _swing(trace: Trace, ways: Ways) -> tuple[float, str]:
-    """Return at what rate [Hz] wheels swing in the later half of a drive, and in words if little of it takes them on.
+def _furthest(trace: Trace) -> float:
+    """Return the largest horizontal distance of the body from its position in the first row [m]."""
+    return float(np.max(np.hypot(*(trace[name] - trace[name][0] for name in ("body_x", "body_y")))))
 
-    A soil whose traction at no slip exceeds the resistance, F(0) > R, drives wheels that stand: no rest is stable.
+
+def _swing(trace: Trace, paths: WheelPaths) -> tuple[float, str]:
+    """Return the frequency [Hz] at which the wheels swing to and fro in the later half of a drive, and a text about
+    this motion.
+
+    The frequency is 0 if the wheels do not swing. The text is empty unless less than half of the wheels' motion moves
+    the rover on. Reason for such a motion under a constant duty: if the traction factor of the soil at zero slip
+    exceeds the motion resistance, F(0) > R, the soil drives wheels that stand still, so that no state of rest is
+    stable.
     """
-    late = slice(len(ways.t) // 2, None)
-    t, rates, signs = ways.t[late], trace.stack("wheel_rate")[late], np.sign(trace.stack("duty")[late])
-    net = ways.r * float(np.mean(np.abs(np.trapezoid(rates, t, axis=0))))
+    # Net distance of the rims, and number of changes of direction, both as means over the wheels.
+    late = slice(len(paths.t) // 2, None)
+    t, rates, signs = paths.t[late], trace.stack("wheel_rate")[late], np.sign(trace.stack("duty")[late])
+    net = paths.r * float(np.mean(np.abs(np.trapezoid(rates, t, axis=0))))
     crossings = float(np.mean(np.sum(np.diff(np.sign(rates), axis=0) != 0.0, axis=0)))
-    if crossings < LEAST_CROSSINGS:
+    if crossings < MIN_CROSSINGS:
         return 0.0, ""
-    to_and_fro, rate = float(ways.turned[-1] - ways.turned[late][0]), 0.5 * crossings / float(t[-1] - t[0])
-    if to_and_fro < SHORT * ways.r or net > 0.5 * to_and_fro:
+    to_and_fro, rate = float(paths.turned[-1] - paths.turned[late][0]), 0.5 * crossings / float(t[-1] - t[0])
+    if to_and_fro < STILL_SHARE * paths.r or net > 0.5 * to_and_fro:
         return rate, ""
+    # A controller that changes the sign of its duty may cause the swing itself.
     why = ", which the soil drives: F(0) > R" if np.all(signs == signs[0]) else ""
     return rate, f"its wheels swing to and fro at {rate:.1f} Hz{why}"
 
 
-def _rocking(trace: Trace, ways: Ways) -> DriveOutcome | None:
-    _, swinging = _swing(trace, ways)
-    if not swinging:
+def _rocking(trace: Trace, paths: WheelPaths) -> DriveOutcome | None:
+    """Return the outcome "rocking" if the wheels swing to and fro in the later half of the drive; otherwise None."""
+    _, swing = _swing(trace, paths)
+    if not swing:
         return None
-    time, travel, _ = _aside(trace, ways)
-    text = f"{swinging}; all in all it moves at {abs(travel) / time:.2g} m/s, {_place(trace, -1)}{_turn_text(trace)}"
+    time, travel, _ = _late_motion(trace, paths)
+    text = f"{swing}; on average it moves at {abs(travel) / time:.2g} m/s, {_place(trace)}{_turn_text(trace)}"
     return DriveOutcome("rocking", math.nan, text)
 
 
-def _slid_back(trace: Trace, ways: Ways) -> DriveOutcome | None:
-    most = int(np.argmax(ways.travelled))
-    back = float(ways.travelled[most] - ways.travelled[-1])
-    if back < ways.r:
+def _slid_back(trace: Trace, paths: WheelPaths) -> DriveOutcome | None:
+    """Return the outcome "slid back" if the drive ends more than one wheel radius behind the furthest position that the
+    rover reached; otherwise None.
+    """
+    # Distances are positive in the direction of the duty, so that the largest one is the furthest position.
+    furthest = int(np.argmax(paths.travelled))
+    back = float(paths.travelled[furthest] - paths.travelled[-1])
+    if back < paths.r:
         return None
-    when = _since(ways, most)
-    return DriveOutcome("slid back", float(ways.t[most]), f"slid back by {_length(back)} {when}, {_place(trace, -1)}")
+    when = _since(paths, furthest)
+    return DriveOutcome("slid back", float(paths.t[furthest]), f"slid back by {_length(back)} {when}, {_place(trace)}")
 
 
-def _stopped_outcome(trace: Trace, ways: Ways) -> DriveOutcome | None:
-    if ways.driven[-1]:
+def _stopped(trace: Trace, paths: WheelPaths) -> DriveOutcome | None:
+    """Return the outcome "stopped" if the motors are not driven at the end of the drive, or if a controller holds the
+    wheels still; otherwise None.
+    """
+    if paths.driven[-1]:
         return None
-    off = int(np.flatnonzero(ways.driven)[-1]) + 1
-    on, how = float(ways.travelled[-1] - ways.travelled[off]), "held still" if HELD in trace.attrs else "not driven"
-    text = f"{how} since {ways.t[off]:.1f} s, it moved on by {_length(on)}, {_place(trace, -1)}"
-    return DriveOutcome("stopped", float(ways.t[off]), text)
+    end = int(np.flatnonzero(paths.driven)[-1]) + 1
+    after, how = float(paths.travelled[-1] - paths.travelled[end]), "not driven"
+    if HELD_SINCE in trace.attrs:
+        how = "held still"
+    text = f"{how} since {paths.t[end]:.1f} s, it moved on by {_length(after)}, {_place(trace)}"
+    return DriveOutcome("stopped", float(paths.t[end]), text)
 
 
-def _stalled_outcome(trace: Trace, ways: Ways) -> DriveOutcome | None:
-    """Over the last tenth of the drive and as long before as it was so."""
-    window = max(2, len(ways.t) // 10)
-    gave, took = (trace[name][window:] - trace[name][:-window] for name in ("energy_motor", "energy_electric"))
-    rolled = ways.turned[window:] - ways.turned[:-window]
-    still = (np.abs(gave) < SPEED_SHARE * took) & (rolled < SHORT * ways.r)
-    if not still.size or not still[-1]:
-        return None
-    first = _last_stretch(still)
-    text = f"{_not_turning(trace, ways, first)}, {_place(trace, -1)}{_turn_text(trace)}"
-    return DriveOutcome("stalled", float(ways.t[first]), text)
-
-
-def _not_turning(trace: Trace, ways: Ways, first: int) -> str:
-    """Return how far from turning the wheels are since this row: not at all, or at so much of what is asked."""
-    since, duty = _since(ways, first), float(np.mean(np.abs(trace.stack("duty")[-1])))
-    crept = float(ways.turned[-1] - ways.turned[first])
-    if crept < SHORT * ways.r:
-        return f"stalled {since}: no wheel turns at a duty of {duty:.2g}"
-    gave, took = (float(trace[name][-1] - trace[name][first]) for name in ("energy_motor", "energy_electric"))
-    pace, share = 1e3 * crept / float(ways.t[-1] - ways.t[first]), 100.0 * abs(gave) / took
-    return (
-        f"all but stalled {since}: the wheels creep at {pace:.2g} mm/s, {share:.2g} % of their speed without a load "
-        f"at a duty of {duty:.2g}"
+def _stalled(trace: Trace, paths: WheelPaths) -> DriveOutcome | None:
+    """Return the outcome "stalled", with the time at which it began, if the motors stall over the last tenth of the
+    drive; otherwise None.
+    """
+    # Over each window of a tenth of the drive: work of the motors, energy from the supply, distance of the rims.
+    window = max(2, len(paths.t) // 10)
+    mechanical, electric = (
+        trace[name][window:] - trace[name][:-window] for name in ("energy_motor", "energy_electric")
     )
+    rolled = paths.turned[window:] - paths.turned[:-window]
+    stalls = (np.abs(mechanical) < MIN_SPEED_SHARE * electric) & (rolled < STILL_SHARE * paths.r)
+    if not stalls.size or not stalls[-1]:
+        return None
+    # The stall began where the last unbroken run of stalled windows begins.
+    first = _last_stretch(stalls)
+    since, duty = _since(paths, first), float(np.mean(np.abs(trace.stack("duty")[-1])))
+    crept = float(paths.turned[-1] - paths.turned[first])
+    # Wheels that creep for long cover some distance, and are reported with their speed.
+    if crept < STILL_SHARE * paths.r:
+        text = f"stalled {since}: no wheel turns at a duty of {duty:.2g}"
+    else:
+        given, drawn = (float(trace[name][-1] - trace[name][first]) for name in ("energy_motor", "energy_electric"))
+        pace, share = 1e3 * crept / float(paths.t[-1] - paths.t[first]), 100.0 * abs(given) / drawn
+        text = (
+            f"all but stalled {since}: the wheels creep at {pace:.2g} mm/s, {share:.2g} % of their speed without a "
+            f"load at a duty of {duty:.2g}"
+        )
+    return DriveOutcome("stalled", float(paths.t[first]), f"{text}, {_place(trace)}{_turn_text(trace)}")
 
 
-def _barely_moved(trace: Trace, ways: Ways) -> DriveOutcome | None:
+def _barely_moved(trace: Trace, paths: WheelPaths) -> DriveOutcome | None:
+    """Return the outcome "held" if the motors were driven, but neither the body nor the rims moved by a tenth of the
+    wheel radius; otherwise None.
+    """
     distance = _furthest(trace)
-    if max(distance, ways.turned[-1]) >= SHORT * ways.r:
+    if max(distance, paths.turned[-1]) >= STILL_SHARE * paths.r:
         return None
     duty = float(np.mean(np.abs(trace.stack("duty")[-1])))
     return DriveOutcome(
@@ -193,103 +244,125 @@ def _barely_moved(trace: Trace, ways: Ways) -> DriveOutcome | None:
     )
 
 
-def _aside(trace: Trace, ways: Ways) -> tuple[float, float, float]:
-    """Return the last twentieth of a drive [s], and what wheels travel and the body goes aside of that in it [m].
+def _late_motion(trace: Trace, paths: WheelPaths) -> tuple[float, float, float]:
+    """Return the rover's motion near the end of a drive as three numbers: a duration [s], the distance that the wheels
+    travel in it [m], and the distance that the body moves sideways in it [m].
 
-    Where wheels swing it is the body's mean way in 1 s over the later half: a twentieth takes the swing for the pace.
-    Of a rover that turns wheels travel further than the body, which is what comes on.
-    Aside is the body's way across its heading, but no more than aside^2 = body^2 - travel^2: wheels that are steered
-    travel across the heading too, and do not slide.
+    The duration is the last twentieth of the drive. In a turn the wheels travel further than the body; the travel is
+    then limited to the body's path. The sideways distance is the displacement across the body's heading, but not more
+    than sqrt(body^2 - travel^2), because steered wheels travel across the heading too, without sliding.
+
+    If the wheels swing to and fro, a twentieth may contain a single swing. The result is then the body's mean motion in
+    1 s, averaged over the later half of the drive, and a sideways distance of 0.
     """
-    swings = _swing(trace, ways)[0] > 0.0
-    row = -1 - max(1, len(ways.t) // (2 if swings else 20))
+    # Displacement and heading of the body since the beginning of the window.
+    swings = _swing(trace, paths)[0] > 0.0
+    row = -1 - max(1, len(paths.t) // (2 if swings else 20))
     x, y = (float(trace[name][-1] - trace[name][row]) for name in ("body_x", "body_y"))
     yaw = float(np.mean(trace["body_yaw"][row:])) if "body_yaw" in trace else math.atan2(y, x)
-    travel = float(ways.travelled[-1] - ways.travelled[row])
+    travel = float(paths.travelled[-1] - paths.travelled[row])
     if swings:
-        slopes = (np.polyfit(ways.t[row:], trace[name][row:], 1)[0] for name in ("body_x", "body_y"))
+        slopes = (np.polyfit(paths.t[row:], trace[name][row:], 1)[0] for name in ("body_x", "body_y"))
         return 1.0, math.copysign(math.hypot(*slopes), travel), 0.0
+    # Path of the body, uphill and downhill included.
     places = np.stack([trace[name][row:] for name in ("body_x", "body_y", "body_z") if name in trace])
     body = float(np.sum(np.linalg.norm(np.diff(places), axis=0)))
     travel = math.copysign(min(abs(travel), body), travel)
     across = abs(y * math.cos(yaw) - x * math.sin(yaw))
-    return float(ways.t[-1] - ways.t[row]), travel, min(across, math.sqrt(max(x**2 + y**2 - travel**2, 0.0)))
+    return float(paths.t[-1] - paths.t[row]), travel, min(across, math.sqrt(max(x**2 + y**2 - travel**2, 0.0)))
 
 
-def _sliding(trace: Trace, ways: Ways) -> DriveOutcome | None:
-    time, travel, aside = _aside(trace, ways)
-    if aside <= max(abs(travel), SHORT * ways.r):
+def _sliding(trace: Trace, paths: WheelPaths) -> DriveOutcome | None:
+    """Return the outcome "sliding" if the body moves further sideways than its wheels travel, near the end of the
+    drive; otherwise None.
+    """
+    time, travel, sideways = _late_motion(trace, paths)
+    if sideways <= max(abs(travel), STILL_SHARE * paths.r):
         return None
-    text = f"slides aside at {aside / time:.2g} m/s, its wheels travel at {travel / time:.2g} m/s, {_place(trace, -1)}"
+    text = f"slides aside at {sideways / time:.2g} m/s, its wheels travel at {travel / time:.2g} m/s, {_place(trace)}"
     return DriveOutcome("sliding", math.nan, text + _turn_text(trace))
 
 
-def _stuck_outcome(trace: Trace, ways: Ways) -> DriveOutcome | None:
-    ratio = _grip(ways)
-    if not ratio.size or ratio[-1] >= GRIP:
+def _stuck(trace: Trace, paths: WheelPaths) -> DriveOutcome | None:
+    """Return the outcome "stuck", with the time at which it began, if the wheels travel less than a tenth of the
+    distance that the rims turn; otherwise None.
+    """
+    ratio = _travel_ratio(paths)
+    if not ratio.size or ratio[-1] >= MIN_TRAVEL_RATIO:
         return None
-    first = _last_stretch(ratio < GRIP)
+    first = _last_stretch(ratio < MIN_TRAVEL_RATIO)
     least = np.min(np.mean(trace.stack("slip")[first:], axis=0)) if f"slip_{trace.wheels[0]}" in trace else math.nan
-    tell = f": all wheels above S = {math.floor(100 * least) / 100:g}" if least > 0.0 else ""
-    return DriveOutcome("stuck", float(ways.t[first]), f"stuck {_place(trace, -1)} {_since(ways, first)}{tell}")
+    slips = f": all wheels above S = {math.floor(100 * least) / 100:g}" if least > 0.0 else ""
+    return DriveOutcome("stuck", float(paths.t[first]), f"stuck {_place(trace)} {_since(paths, first)}{slips}")
 
 
-def _driving(trace: Trace, ways: Ways) -> DriveOutcome:
-    ratio = _grip(ways)
+def _driving(trace: Trace, paths: WheelPaths) -> DriveOutcome:
+    """Return the outcome of a drive for which no other outcome holds: "driving" or "creeping" if the rover moves on or
+    turns on the spot, "slid back" if it slowly moves against its duty.
+    """
+    ratio = _travel_ratio(paths)
     last = float(ratio[-1]) if ratio.size else 1.0
-    window = max(1, len(ways.t) // 20)
-    time, travel, aside = _aside(trace, ways)
-    kind, word = ("driving", "drives on") if last >= 0.5 else ("creeping", "creeps on")
-    place = f"{_place(trace, -1)}{_turn_text(trace)}"
-    rate = _rate_on_the_spot(trace, ways, window)
-    if rate:
-        sense, halting = "left" if rate > 0.0 else "right", "" if kind == "driving" else ", its wheels slip much"
-        return DriveOutcome(kind, math.nan, f"turns {sense} on the spot at {abs(rate):.2g} deg/s{halting}, {place}")
-    across = f", sliding aside at {aside / time:.2g} m/s" if aside > ON_THE_SPOT * abs(travel) else ""
+    kind, verb = ("driving", "drives on") if last >= 0.5 else ("creeping", "creeps on")
+    place = f"{_place(trace)}{_turn_text(trace)}"
+    # The rover turns on the spot if, over the last twentieth, the body's path is short compared with the wheels'.
+    begin = -1 - max(1, len(paths.t) // 20)
+    path = float(np.sum(np.hypot(*(np.diff(trace[name][begin:]) for name in ("body_x", "body_y")))))
+    on_the_spot = path <= ON_THE_SPOT * abs(float(paths.travelled[-1] - paths.travelled[begin]))
+    if on_the_spot and _turn_text(trace):
+        turn = math.degrees(float(trace["body_yaw"][-1] - trace["body_yaw"][begin]))
+        rate = turn / float(paths.t[-1] - paths.t[begin])
+        if rate:
+            sense, slipping = "left" if rate > 0.0 else "right", "" if kind == "driving" else ", its wheels slip much"
+            text = f"turns {sense} on the spot at {abs(rate):.2g} deg/s{slipping}, {place}"
+            return DriveOutcome(kind, math.nan, text)
+    time, travel, sideways = _late_motion(trace, paths)
+    across = f", sliding aside at {sideways / time:.2g} m/s" if sideways > ON_THE_SPOT * abs(travel) else ""
+    # Slower than `_slid_back` requires, the rover moves against its duty.
     if travel < 0.0:
-        kind, word, travel = "slid back", "slides back, against its duty,", -travel
-    return DriveOutcome(kind, math.nan, f"{word} at {travel / time:.2g} m/s{across}, {place}")
+        kind, verb, travel = "slid back", "slides back, against its duty,", -travel
+    return DriveOutcome(kind, math.nan, f"{verb} at {travel / time:.2g} m/s{across}, {place}")
 
 
-def _rate_on_the_spot(trace: Trace, ways: Ways, window: int) -> float:
-    """Return the yaw rate [deg/s] over the last `window` rows of a rover that turns on the spot, else 0."""
-    if "body_yaw" not in trace or not _turn_text(trace):
-        return 0.0
-    x, y = (np.diff(trace[name][-1 - window :]) for name in ("body_x", "body_y"))
-    wheels = abs(float(ways.travelled[-1] - ways.travelled[-1 - window]))
-    if float(np.sum(np.hypot(x, y))) > ON_THE_SPOT * wheels:
-        return 0.0
-    turn = math.degrees(float(trace["body_yaw"][-1] - trace["body_yaw"][-1 - window]))
-    return turn / float(ways.t[-1] - ways.t[-1 - window])
-
-
-def _grip(ways: Ways) -> np.ndarray:
-    """Return, for each row from which the rims still turn by r, what the wheels travel over that way."""
-    turned, r = ways.turned, ways.r  # r is lost in the rounding of rims that turned by 1e15 m
+def _travel_ratio(paths: WheelPaths) -> np.ndarray:
+    """Return, for each row of a drive, the distance travelled while the rims turn by the next wheel radius r, divided
+    by the distance that the rims turn in this time. Rows after which the rims turn by less than r are left out.
+    """
+    # Rims that have turned by 1e15 m lose r in round-off; the second condition keeps the distances positive.
+    turned, r = paths.turned, paths.r
     begin = np.flatnonzero((turned <= turned[-1] - r) & (turned < turned[-1]))
     end = np.maximum(np.searchsorted(turned, turned[begin] + r), np.searchsorted(turned, turned[begin], side="right"))
-    return (ways.travelled[end] - ways.travelled[begin]) / (turned[end] - turned[begin])
+    return (paths.travelled[end] - paths.travelled[begin]) / (turned[end] - turned[begin])
 
 
-def _last_stretch(so: np.ndarray) -> int:
-    """Return where the last run of True begins."""
-    otherwise = np.flatnonzero(~so)
-    return int(otherwise[-1]) + 1 if otherwise.size else 0
+def _last_stretch(condition: np.ndarray) -> int:
+    """Return the row at which the last unbroken run of True begins in `condition` (T,). The result is 0 if all values
+    are True, and T if the last value is False.
+    """
+    false_rows = np.flatnonzero(~condition)
+    return int(false_rows[-1]) + 1 if false_rows.size else 0
 
 
-def _since(ways: Ways, row: int) -> str:
-    return "from the start" if row <= len(ways.t) // 50 else f"since {ways.t[row]:.1f} s"
+def _since(paths: WheelPaths, row: int) -> str:
+    """Return the time since which an outcome holds, in words: "since 3.2 s", or "from the start" if `row`, at which the
+    outcome begins, lies within the first fiftieth of the drive.
+    """
+    return "from the start" if row <= len(paths.t) // 50 else f"since {paths.t[row]:.1f} s"
 
 
-def _place(trace: Trace, row: int) -> str:
-    x, y = (round(float(trace[name][row]), 2) + 0.0 for name in ("body_x", "body_y"))
+def _place(trace: Trace) -> str:
+    """Return the position at which a drive ends, in words, such as "at x = 1.20 m"."""
+    x, y = (round(float(trace[name][-1]), 2) + 0.0 for name in ("body_x", "body_y"))
     return f"at x = {x:.2f} m" + (f", y = {y:.2f} m" if y else "")
 
 
 def _turn_text(trace: Trace) -> str:
+    """Return the change of the heading over the whole drive in words, such as ", turned by 30 deg"; an empty string if
+    it does not exceed 5 deg.
+    """
     turn = math.degrees(trace["body_yaw"][-1] - trace["body_yaw"][0]) if "body_yaw" in trace else 0.0
     return f", turned by {turn:.0f} deg" if abs(turn) > 5.0 else ""
 
 
 def _length(length: float) -> str:
+    """Return a length as a text, in mm if it is below half a metre, otherwise in m."""
     return f"{1e3 * length:.0f} mm" if abs(length) < 0.5 else f"{length:.2f} m"

@@ -1,4 +1,6 @@
-"""What a soil gives that it has not: traction laws that create energy, found in the energy balance of a drive."""
+"""Energy that the soil returns in a drive although it has not received it before. Such energy shows that a traction law
+creates energy.
+"""
 
 from functools import lru_cache
 from typing import NamedTuple
@@ -12,156 +14,192 @@ from rover_pin.effects.motion_resistance import MotionResistance
 from rover_pin.effects.slip import RelaxedSlip
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.simulation.compiled import laws
-from rover_pin.simulation.compiled.suspension import joints_of, suspension_dofs
 from rover_pin.simulation.model.model import Model
+from rover_pin.simulation.state import joints_of, suspension_dofs
 from rover_pin.simulation.trace.trace import Trace
 from rover_pin.soil.angles import Angles, FixedAngles
 from rover_pin.soil.sinkage import sinkage
 from rover_pin.soil.wheel_forces import wheel_forces
 
-GRID = np.linspace(-1.0, 1.0, 81)
-"""Slips at which the law's shear is taken; its integral is that of a smooth curve to 1e-4."""
+SLIP_GRID = np.linspace(-1.0, 1.0, 81)
+"""Slips at which the shear of the contact law is integrated. The integral is right to 1e-4, because the curve is
+smooth."""
+MIN_REPORTED_SHARE = 0.005
+"""Limit for a warning about spurious energy, as a fraction of the drive's largest energy, or of weight times wheel
+radius if this is larger. Less energy is not reported."""
+LAG_REASON = (
+    "sheared soil acts like a spring, and returns more energy than it stored if the load or the ground under a wheel "
+    "changes meanwhile; effect.RelaxedSlip.length sets the distance over which the slip lags"
+)
+"""Reason that the warning states for energy that a traction form creates, unless REASONS has another reason for this
+form."""
+REASONS = {"net": "near rest, the compaction resistance of Eq (7) pushes the rover although no wheel rolls"}
+"""Name of a traction form (the formula by which pull follows from the stresses) -> reason why this form creates energy.
+All other forms get LAG_REASON."""
 
 
 class ShearStore(NamedTuple):
-    """The account of that spring, all wheels together, at each row of a drive [J]; 0 where slip follows at once."""
+    """Energy [J] that the sheared soil under all wheels stores like a spring, at each of the T rows of a drive.
+
+    Both arrays are 0 if the slip follows the speeds without a lag (`AlgebraicSlip`).
+    """
 
     taken: np.ndarray
-    "what it took since the row before, L sum f_n M(s) ds; negative while it gives back"
+    """(T,) energy that the soil has stored since the previous row, L sum f_n M(s) ds (`shear_store` defines the
+    symbols); negative if the soil has returned energy"""
     stored: np.ndarray
-    "what it holds, E"
+    """(T,) total energy that is stored at the row"""
 
     @property
     def overdrawn(self) -> float:
-        """By how much it gave back more than it had held and took [J]: loads that change make it, at most."""
+        """Energy [J] that the sheared soil returned in excess of the energy that it had stored before. This happens if
+        wheel loads change in the meantime.
+        """
         balance = np.cumsum(self.taken)
         return max(0.0, float(np.max(np.maximum.accumulate(balance - self.stored) - balance)))
 
 
 def shear_store(model: Model, trace: Trace) -> ShearStore:
-    """Return what the shear under the wheels takes, holds and gives back over the rows of a drive.
+    """Return the energy that the sheared soil under the wheels stores and returns over the rows of a drive.
 
-    `RelaxedSlip` is L ds/dt = r omega - v - u s, u = max(|r omega|, |v|): of the power of a shear force f = T / r,
-    f (r omega - v) = f u s + f L ds/dt, the first is lost and the second loads a spring whose stretch is L s. It holds
-    E = L f_n int M ds, M = T / (r f_n) of the model's soil and angles, from the slip at which M is 0. Left out is what
-    further effects add to M, soils of another ground index than 0, and the shear sideways.
+    The slip law `RelaxedSlip` is L ds/dt = r omega - v - u s, with the slip s, its length L, the rim speed r omega, the
+    travel speed v and u = max(|r omega|, |v|). A shear force f = T / r (torque T, wheel radius r) has the power f (r
+    omega - v) = f u s + f L ds/dt: the first part is lost, and the second part loads a spring whose stretch is L s. The
+    spring stores E = L f_n int M ds, where M = T / (r f_n) follows from the model's soil and angles, and f_n is the
+    normal force; the integral begins at the slip at which M is 0. The function neglects the contributions of further
+    effects to M, soils with a ground index other than 0, and sideways shear.
+
+    Parameters
+    ----------
+    model, trace : Model, Trace
+        The model and the trace of its drive.
     """
     slip, load = model.slip, np.maximum(trace.stack("normal"), 0.0)
     if not isinstance(slip, RelaxedSlip):
         return ShearStore(np.zeros(len(load)), np.zeros(len(load)))
-    lagging = _lagging(trace.t, trace.stack("slip"), float(slip.damping))
+    # The law's own state s follows from the recorded slip S = s + damping ds/dt, by implicit steps from row to row.
+    S, damping = trace.stack("slip"), float(slip.damping)
+    s = S.copy()
+    for row, dt in enumerate(np.diff(trace.t), start=1):
+        s[row] = (damping * s[row - 1] + dt * S[row]) / (damping + dt)
     angles = next((effect.angles for effect in model.effects if isinstance(effect, SoilTraction)), FixedAngles())
-    # As plain numbers, whatever they came as: so the soil is found again.
+    # As plain numbers, so that the integral of an equal soil is found again.
     soil = Soil(*laws.numbers(model.soils[:1]).tolist())
     shear = [_integral_of_shear(angles, soil, mount.wheel) for mount in model.rover.wheels]
-    stretched = [np.interp(s, GRID, integral) for s, integral in zip(lagging.T, shear, strict=True)]
+    stretched = [np.interp(of_wheel, SLIP_GRID, integral) for of_wheel, integral in zip(s.T, shear, strict=True)]
     stored = float(slip.length) * np.column_stack(stretched)
     return ShearStore(np.sum(load * np.diff(stored, axis=0, prepend=stored[:1]), axis=1), np.sum(load * stored, axis=1))
 
 
-def _lagging(t: np.ndarray, S: np.ndarray, damping: float) -> np.ndarray:
-    """Return the state s of S = s + T ds/dt, by implicit steps from row to row; it begins at S."""
-    s = S.copy()
-    for row, dt in enumerate(np.diff(t), start=1):
-        s[row] = (damping * s[row - 1] + dt * S[row]) / (damping + dt)
-    return s
-
-
 @lru_cache(maxsize=64)
 def _integral_of_shear(angles: Angles, soil: Soil, wheel: Wheel) -> np.ndarray:
-    """Return int M ds at the slips of GRID, from where M is 0: 0 where it is least; not to be written to."""
-    forces = wheel_forces(ca.DM(GRID), *angles.angles(sinkage(soil.theta_1, wheel), wheel, soil), wheel, soil)
+    """Return the integral of the torque ratio M over the slip S, int M dS, at the slips of SLIP_GRID. M = T / (r f_n),
+    with the torque T, the wheel radius r and the normal force f_n.
+
+    The integral begins at the slip at which M is 0, where the integral is smallest. The array is stored for later calls
+    and must not be changed.
+    """
+    # The torque ratio at all slips at once, and its integral by trapezia.
+    forces = wheel_forces(ca.DM(SLIP_GRID), *angles.angles(sinkage(soil.theta_1, wheel), wheel, soil), wheel, soil)
     M = np.array(forces.torque / (wheel.r * forces.f_n)).ravel()
-    integral = np.concatenate([[0.0], np.cumsum(0.5 * (M[1:] + M[:-1]) * np.diff(GRID))])
+    integral = np.concatenate([[0.0], np.cumsum(0.5 * (M[1:] + M[:-1]) * np.diff(SLIP_GRID))])
     return integral - np.min(integral)
 
 
-WORTH_TELLING = 0.005
-"""Share of the drive's greatest energy, or of weight times wheel radius, from which spurious energy is reported."""
-
-LAGS = (
-    "slip that lags keeps its shear while a wheel's load or ground changes, and gives back more than it stored; "
-    "effect.RelaxedSlip.length says how far it lags"
-)
-WHY = {"net": "near rest Eq (7)'s compaction pushes, though nothing rolls"}
-"""Why a form gives energy, where it is not that its slip `LAGS`."""
-
-
 class SpuriousEnergy(NamedTuple):
-    """Energy [J] that a drive had from nowhere."""
+    """Energy [J] that a rover received from the soil in a drive although the soil had not received this energy
+    before.
+    """
 
     traction: float
-    "integral of max(-sum (T omega - (f_t + R f_n s) v), 0) over the drive, less what sheared soil had stored of it"
+    """energy created by the traction law: the power that sheared soil returns to wheels and rover (`spurious_energy`),
+    integrated over the drive, minus the energy that the sheared soil had stored"""
     soil: float
-    "by how much the soil's account fell in all, less what pressed wheels in"
+    """largest decrease of the energy that the soil has taken, minus the energy with which the wheels had been pressed
+    into the soil"""
     meanwhile: float
-    "what the motors gave while traction did [J]"
+    """work of the motors in those intervals in which the traction law returned energy"""
 
 
 def spurious_energy(model: Model, trace: Trace, least: float = 0.0) -> SpuriousEnergy:
-    """Return what the soil gave from nowhere over the rows of a drive, two at least; up to `least` [J] in all is 0.
+    """Return the energy that the soil created over the rows of a drive.
 
-    Sheared soil takes T omega - f_t v from a wheel, omega of the world and not of the link that carries it, without
-    what `MotionResistance` takes of f_t: below 0 it drives the wheel and the rover at once. At a steady slip no law
-    does (`soil.wheel_forces.paid_for`); a lagging slip that falls gives back what sheared soil stored (`shear_store`).
+    Sheared soil takes the power T omega - f_t v from a wheel, where T is the wheel's torque, omega its rate in the
+    world, f_t its tangential force without the part of `MotionResistance`, and v its travel speed. If this power is
+    negative, the soil drives both the wheel and the rover. At a steady slip no traction law does this
+    (`soil.wheel_forces.paid_for`). If the slip lags behind the speeds and falls, the soil returns energy that it had
+    stored (`shear_store`), which is not spurious.
+
+    Parameters
+    ----------
+    model, trace : Model, Trace
+        The model and the trace of its drive, which must have at least two rows.
+    least : float
+        Limit [J]. If the soil returned less energy than this by traction, the energy created by traction counts as
+        zero, and the stored energy is not computed.
     """
+    # Power that the soil takes from each wheel, without the motion resistance; below 0 the soil gives.
     dt = np.diff(trace.t, prepend=trace.t[:1])
     torque, pull, load, v = map(trace.stack, ("torque", "tangential", "normal", "travel"))
-    rate = trace.stack("wheel_rate") + carriers(model, trace)
+    rate = trace.stack("wheel_rate") + carrier_rates(model, trace)
     rim = rate * model.built.radii
     for effect in model.effects:
         if isinstance(effect, MotionResistance):
             pull = pull + float(effect.R) * load * v / np.hypot(v, effect.fading(rim))
     taken = np.sum(torque * rate - pull * v, axis=1) * dt
+    # Sheared soil may give back what it had stored, and nothing more.
+    gave = np.maximum(-taken, 0.0)
+    traction = 0.0
+    if np.sum(gave) > least:
+        store = shear_store(model, trace)
+        unstored = np.sum(np.maximum(gave + np.minimum(store.taken, 0.0), 0.0))
+        traction = float(min(np.sum(gave), unstored + store.overdrawn))
+
+    # The soil's account may fall by the energy with which wheels were pressed in, int f_n dh ~ f_n h / (n + 3/2).
     power = np.gradient(trace["energy_motor"], trace.t)
     pressed = np.sum(load * trace.stack("sinkage"), axis=1) / (float(model.soils[0].n) + 1.5)
-    # Before the first row a rover that was set down has had nothing, and its wheels held no more than they do later.
+    # A rover that was set down has pressed its wheels in before the first row, by no more than later.
     start = [-float(np.max(pressed))] if "set_down" in trace.attrs else []
     lost = np.array([*start, *(trace["energy_soil"] - pressed)])
     fall = float(np.max(np.maximum.accumulate(lost) - lost))
-    gave = np.maximum(-taken, 0.0)
-    unstored = _unstored_energy(model, trace, gave) if np.sum(gave) > least else 0.0
-    return SpuriousEnergy(unstored, fall, float(power[taken < 0.0] @ dt[taken < 0.0]))
-
-
-def _unstored_energy(model: Model, trace: Trace, gave: np.ndarray) -> float:
-    """Return what of what traction gave from row to row [J] sheared soil had not stored before."""
-    store = shear_store(model, trace)
-    unstored = np.sum(np.maximum(gave + np.minimum(store.taken, 0.0), 0.0))
-    return float(min(np.sum(gave), unstored + store.overdrawn))
+    return SpuriousEnergy(traction, fall, float(power[taken < 0.0] @ dt[taken < 0.0]))
 
 
 def energy_warning(model: Model, trace: Trace) -> str:
-    """Return what is to be said of a drive's energy from nowhere: nothing below half a per cent of its energy.
+    """Return a warning about energy that the soil created in a drive, or an empty string if it created less than
+    MIN_REPORTED_SHARE of the drive's energy.
 
-    What traction alone gave is its law's, at any step; the soil's account may fall by a coarse step. (Of 1,000 random
-    drives of an earlier form of this account traction alone gave in 49, of which none moved at half the step.)
+    Two cases are distinguished. Energy that traction creates is caused by the traction law, at every step size. A
+    decrease of the energy that the soil has taken may also be caused by a step that is too long.
     """
     if len(trace.t) < 2:
         return ""
-    least = WORTH_TELLING * _scale(trace)
-    extra = spurious_energy(model, trace, least)
-    return "; ".join(
-        sentence for sentence in (_of_traction(trace, extra, least), _of_account(extra, least)) if sentence
-    )
+    # The limit is a fraction of the largest energy of the drive.
+    terms = [np.ptp(values) for name, values in trace.channels.items() if name.startswith("energy_")]
+    weight = float(np.mean(np.sum(trace.stack("normal"), axis=1)))
+    least = MIN_REPORTED_SHARE * max(float(max(terms)), weight * float(np.mean(trace.attrs["wheel_radii_m"])))
+    extra, sentences = spurious_energy(model, trace, least), []
+    # A share above the motors' own work would not be informative.
+    if extra.traction > least:
+        form, share = trace.attrs.get("traction_form", ""), ""
+        if extra.meanwhile > extra.traction:
+            share = f", {100.0 * extra.traction / extra.meanwhile:.2g} % of the motors' work meanwhile"
+        sentences.append(
+            f"the {form} form's traction gave {extra.traction:.2g} J from nowhere{share}: "
+            f"{REASONS.get(form, LAG_REASON)}"
+        )
+    if extra.soil > least:
+        sentences.append(
+            f"the soil returned energy that it had not received: its energy account fell by {extra.soil:.2g} J more "
+            "than the wheels had pressed into it, as loads and sinkages show"
+        )
+    return "; ".join(sentences)
 
 
-def _of_traction(trace: Trace, extra: SpuriousEnergy, least: float) -> str:
-    if extra.traction <= least:
-        return ""
-    form, works = trace.attrs.get("traction_form", ""), extra.meanwhile > extra.traction
-    share = f", {100.0 * extra.traction / extra.meanwhile:.2g} % of the motors' work meanwhile" if works else ""
-    return f"the {form} form's traction gave {extra.traction:.2g} J from nowhere{share}: {WHY.get(form, LAGS)}"
-
-
-def _of_account(extra: SpuriousEnergy, least: float) -> str:
-    if extra.soil <= least:
-        return ""
-    return f"the soil's account fell by {extra.soil:.2g} J more than loads and sinkages of the rows had pressed into it"
-
-
-def carriers(model: Model, trace: Trace) -> np.ndarray:
-    """Return how fast the links that carry the wheels pitch [rows, wheels] [rad/s]: of the base, and of the joints."""
+def carrier_rates(model: Model, trace: Trace) -> np.ndarray:
+    """Return the pitch rate of the link that carries each wheel (rows, wheels) [rad/s]. It is the pitch rate of the
+    base plus the rates of the suspension joints between base and wheel.
+    """
     rover = model.built
     data = rover.model.createData()
     pin.computeJointJacobians(rover.model, data, pin.neutral(rover.model))
@@ -170,12 +208,7 @@ def carriers(model: Model, trace: Trace) -> np.ndarray:
     base = np.gradient(trace["body_pitch"], trace.t)
     pitch_rates = []
     for mount in rover.wheels:
+        # Row 4 of the Jacobian is the rotation about y, at the neutral configuration.
         J = pin.getJointJacobian(rover.model, data, mount.joint, pin.LOCAL_WORLD_ALIGNED)
         pitch_rates.append(base + sum(J[4, dof] * rate for dof, rate in rates.items()))
     return np.array(pitch_rates).T
-
-
-def _scale(trace: Trace) -> float:
-    terms = [np.ptp(values) for name, values in trace.channels.items() if name.startswith("energy_")]
-    weight = float(np.mean(np.sum(trace.stack("normal"), axis=1)))
-    return max(float(max(terms)), weight * float(np.mean(trace.attrs["wheel_radii_m"])))

@@ -1,4 +1,5 @@
-"""The step, its contact law and the loop in plain NumPy and Pinocchio: slow, readable, the compiled step's reference.
+"""The step, its contact law and the loop of a drive in NumPy and Pinocchio: slow and readable. Tests compare the
+compiled step with this code.
 
 Start at `step`.
 """

@@ -1,114 +1,135 @@
-"""The step in plain NumPy and Pinocchio: slow, readable, and the reference of the compiled kernel.
+"""The step in plain NumPy and Pinocchio: slow and readable. The compiled step (native/step.c) is tested against it.
 
-One step of Eq (8), second order: half a step of the configuration, the velocities by a Rosenbrock method with the
-forces there, the other half. With u the velocities, x the effects' own states, Q(u, x) the soil's generalised force and
-tau(u) the motors',
+One step of Eq (8), the equation of motion, has the convergence order two. The configuration moves by half a step, the
+velocities change by a two-stage Rosenbrock method with the forces at this configuration, and the configuration moves by
+the other half of the step. With the velocities u, the states x of the effects, the soil's generalised force Q(u, x),
+the motors' generalised force tau(u), the bias force nle, the mass matrix M and the step dt,
 
     q <- q (+) dt/2 u,    F = Q + tau - nle,    D = dQ/du + dQ/dx dx/du + dtau/du,    gamma = 1 - 1/sqrt(2),
     (M - gamma dt D) k_1 = dt F + G^T lambda_1,    (M - gamma dt D) k_2 = M k_1 + G^T lambda_2,
     du = gamma k_1 + (1 - gamma) k_2,    G (u + du) = 0,    u <- u + du,    q <- q (+) dt/2 u.
 
-With z = dt M^-1 D it leaves (1 + (1 - 2 gamma) z) / (1 - gamma z)^2 of what decays: exp(z) to second order, and nothing
-of what is far faster than the step (L-stable); by the midpoint rule motors would ring until the next command. The mean
-force of the step is F + D w, w = gamma (k_1 + (1 - gamma) k_2) in place of du/2. The states' own step
-dx = (I - dt/2 r_x)^-1 dt (r + r_u w), r = dx/dt, enters Q with one half. Steering servos, end stops and what pushes the
-body are taken fully implicitly: their slopes times dt are in M. Forces that change with u are thus stiffly stable,
-those of the soil that change with q (a spring of some 2 kN/m a wheel) are explicit.
+G contains the constraints (the differential and coupled joints), and lambda their forces. This method was chosen for
+its stability: with z = dt M^-1 D, a decaying motion is multiplied by (1 + (1 - 2 gamma) z) / (1 - gamma z)^2. This is
+exp(z) to second order, and 0 for motions that are far faster than the step (L-stable); with the midpoint rule, motors
+would ring until the next command.
+
+The mean force of the step is F + D w, where w = gamma (k_1 + (1 - gamma) k_2) takes the place of du/2. The effects'
+states change by dx = (I - dt/2 r_x)^-1 dt (r + r_u w) with the rates r = dx/dt, and half of dx enters Q. Steering
+servos, end stops and body effects are taken fully implicitly: dt times their slopes is added to M. Forces that depend
+on u are therefore stable however stiff they are. The forces of the soil that depend on q act like springs of some 2
+kN/m at each wheel; they are explicit and limit the step (`stepping/resolution.py`).
 
 Source: Hairer and Wanner, Solving Ordinary Differential Equations II (1996), sections IV.6 and IV.7.
 """
 
-from collections.abc import Sequence
-
 import numpy as np
 import pinocchio as pin
 
-from rover_pin.contact import Load
-from rover_pin.rover.constraints import constraint_rows
+from rover_pin.rover.forward_dynamics import constraint_rows
 from rover_pin.simulation.compiled import laws
 from rover_pin.simulation.compiled.body_law import body_law
-from rover_pin.simulation.compiled.kernel import HOLDING
-from rover_pin.simulation.compiled.rover_numbers import SERVO_GAIN, STOP_GAIN, model_with_armature
-from rover_pin.simulation.compiled.suspension import joint_strength, joints_of, suspension_dofs, suspension_places
+from rover_pin.simulation.compiled.drive_fields import SERVO_GAIN, STOP_GAIN, joint_strength, model_with_armature
+from rover_pin.simulation.compiled.kernel import HOLDING_INERTIA, StepArrays
 from rover_pin.simulation.model.model import Model
-from rover_pin.simulation.native.shared import ENERGY, GAMMA, RECORD
-from rover_pin.simulation.pace import growth
-from rover_pin.simulation.plain.law import LawValue, PlainLaw
-from rover_pin.simulation.state import DriveState
+from rover_pin.simulation.native.shared import GAMMA, RECORD
+from rover_pin.simulation.plain.law import PlainLaw
+from rover_pin.simulation.state import DriveState, joints_of, suspension_dofs, suspension_places
+from rover_pin.simulation.stepping.pace import growth
 from rover_pin.terrain.section import Facet, Patch, WheelFrame, patches, wheel_frame
 
+SLIP, SLIP_Y, SINKAGE, NORMAL, TANGENTIAL, LATERAL, SOIL_TORQUE, TRAVEL, PATCHES, TORQUE, CURRENT, SUPPLY = range(
+    len(RECORD)
+)
+"""Indices of the columns of the array `record`, which holds the quantities of the wheels; they have the order of
+RECORD."""
 
-class Plain:
-    """A model's drive from one step to the next; interface of `Kernel`."""
+
+class PlainStepper(StepArrays):
+    """The step of a model in NumPy: slow and readable. It is one of the two classes that advance a drive (`Stepper`),
+    and has the same attributes as the other, `Kernel`, which is compiled.
+
+    Parameters
+    ----------
+    model, state : Model, DriveState
+        The model to drive, and its state, which the steps change (`StepArrays`).
+    dt : float
+        Length of the steps [s].
+    symmetric : bool
+        Keep the motion mirror-symmetric about the x-z plane.
+    """
 
     def __init__(self, model: Model, state: DriveState, dt: float, symmetric: bool):
-        self.model, self.state, self.dt, self.symmetric = model, state, dt, symmetric
+        super().__init__(model, state)
+        self.dt, self.symmetric = dt, symmetric
         self.rover, self.ground = model.built, model.ground
         self.pin_model = model_with_armature(self.rover, float(model.motor.armature))
         self.data = self.pin_model.createData()
-        n = len(self.rover.wheels)
-        self.record, self.loads, self.energy = np.zeros((n, len(RECORD))), np.zeros((n, 6)), np.zeros(len(ENERGY))
-        self.mean_loads, self.load_slopes = np.zeros((n, 6)), np.zeros((n, 6, self.pin_model.nv))
-        self.impulse, self.differential = np.zeros(3), np.zeros(1)
-        self.share = model.wheel_share
-        self.foreseen, self.misjudged, self.growth, self.pivoted = np.zeros((n, 4)), 0.0, 0.0, 0
-        self.duty = np.zeros(n)
+
+        # Derivative of each wheel's load by the change du of the speeds, and the numbers that decide whether a step is
+        # repeated.
+        self.load_slopes = np.zeros((len(self.rover.wheels), 6, self.pin_model.nv))
+        self.wheel_share = model.wheel_share
+        self.misjudged, self.growth, self.pivoted = 0.0, 0.0, 0
+
         self.held_rate: np.ndarray | None = None
-        steered = {i: wheel.steer_dof for i, wheel in enumerate(self.rover.wheels) if wheel.steer_dof is not None}
-        self.servo_wheels, self.servo_dofs = list(steered), list(steered.values())
-        self.servo_target = np.zeros(max(1, len(self.servo_wheels)))
-        self.moving = [state.q, state.v, state.contact, state.motor, self.record, self.loads, self.foreseen]
-        self.moving += [self.energy, self.impulse, self.differential]
+        self.servo_dofs = [wheel.steer_dof for wheel in self.rover.wheels if wheel.steer_dof is not None]
+
+        # Laws of contact, motor and body, and their parameters.
         self.law = PlainLaw(model)
         self.motor = laws.as_numbers(laws.motor_law(model.motor, model.motor_effects))
-        self.body = laws.as_numbers(body_law(model.body_effects, joints_of(self.rover)))
         self.motor_parameters = laws.numbers([model.motor, *model.motor_effects])
+        self.body = laws.as_numbers(body_law(model.body_effects, joints_of(self.rover)))
 
     def set_step(self, dt: float) -> None:
-        """Let steps have this length [s] from now on."""
+        """Set the length of the following steps [s]."""
         self.dt = dt
 
     def hold(self, rates: np.ndarray) -> None:
-        """Turn the wheels at these rates [rad/s] from now on, whatever that takes; the array may change in place."""
+        """From now on, turn the wheels at these rates (wheels,) [rad/s] instead of driving them by the motors.
+
+        The array is not copied: the caller may change the rates in place.
+        """
         self.held_rate = rates
 
-    def saved_arrays(self) -> list[np.ndarray]:
-        """Return a copy of all that a step changes."""
-        return [array.copy() for array in self.moving]
-
-    def restore(self, saved: Sequence[np.ndarray]) -> None:
-        """Go back to where `saved_arrays` was taken."""
-        for array, value in zip(self.moving, saved, strict=True):
-            array[...] = value
-
     def energies(self) -> tuple[float, float]:
-        """Return kinetic and potential energy [J] at the present state."""
+        """Return kinetic and potential energy of the rover in its present state [J]."""
         kinetic = pin.computeKineticEnergy(self.pin_model, self.data, self.state.q, self.state.v)
         return kinetic, pin.computePotentialEnergy(self.pin_model, self.data, self.state.q)
 
     def step(self) -> int:
-        """Advance the state by dt; return 0, or 1 when a number is not finite."""
+        """Advance the state by dt. Return 0 if the step succeeded, or 1 if a velocity is not finite."""
         state, nv, n = self.state, self.pin_model.nv, len(self.rover.wheels)
+        # First half of the configuration's step, at the old speeds.
         state.q[:] = pin.integrate(self.pin_model, state.q, 0.5 * self.dt * state.v)
         pin.computeJointJacobians(self.pin_model, self.data, state.q)
+
+        # Forces there, each with its slope with the speeds. A sagging supply feels the currents of the last step, which
+        # are read before the record is cleared.
+        self.bus = float(self.duty @ self.record[:, CURRENT])
         self.soil_Q, self.soil_D = np.zeros(nv), np.zeros((nv, nv))
-        self.bus = float(self.duty @ self.record[:, 10])
         self.record[:], self.loads[:], self.load_slopes[:], self.misjudged = 0.0, 0.0, 0.0, 0.0
         self.begun, self.end, self.end_slope = np.zeros((n, 4)), np.zeros((n, 4)), np.zeros((n, 4, nv))
-        updates = [self._wheel(index) for index in range(n)]
+        contact_steps = [self._wheel(index) for index in range(n)]
         motor_Q, motor_D, motor_steps = self._motors()
         spring_Q, spring_D = self._springs()
         push_Q, push_D = self._push()
+
+        # Change of the speeds, and the change w that belongs to the mean force.
         du, mean_du = self._solve(
             self.soil_Q + motor_Q + spring_Q + push_Q, self.soil_D + np.diag(motor_D), np.diag(spring_D) + push_D
         )
+
+        # Store the loads that are predicted for the end, the mean loads, and the energy account.
         self.foreseen[:] = self.end + self.end_slope @ du
         self.mean_loads[:] = self.loads + self.load_slopes @ mean_du
         motor = motor_Q + motor_D * mean_du
         if self.held_rate is not None:
-            self.record[:, 9] = motor[[wheel.dof for wheel in self.rover.wheels]]
+            self.record[:, TORQUE] = motor[[wheel.dof for wheel in self.rover.wheels]]
         self._account(du, self.soil_Q + self.soil_D @ mean_du, motor, spring_Q + spring_D * du, push_Q + push_D @ du)
-        for index, (gain, slope) in enumerate(updates):
+
+        # The effects' states, the speeds, and the second half of the configuration's step.
+        for index, (gain, slope) in enumerate(contact_steps):
             state.contact[index] += gain + slope @ mean_du
         for wheel, row, (gain, slope) in zip(self.rover.wheels, state.motor, motor_steps, strict=True):
             row += gain + slope * mean_du[wheel.dof]
@@ -120,73 +141,124 @@ class Plain:
         return 0 if np.all(np.isfinite(state.v)) else 1
 
     def _solve(self, force: np.ndarray, D: np.ndarray, implicit_D: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return du and w; `implicit_D` is the slope of what is taken fully implicitly."""
+        """Return the change of the speeds in a step, du, and the change of the speeds at which the mean force of the
+        step acts, w; both are arrays (nv,).
+
+        The docstring of the module contains the equations.
+
+        Parameters
+        ----------
+        force : array (nv,)
+            Generalised force without the bias force.
+        D : array (nv, nv)
+            Derivative by the speeds of all forces except the fully implicit ones.
+        implicit_D : array (nv, nv)
+            Derivative by the speeds of the forces that are taken fully implicitly (servos, end stops, body effects).
+        """
+        # Mass matrix with the implicit slopes, and the bias force (Coriolis, centrifugal, gravity).
         model, state = self.pin_model, self.state
-        M = pin.crba(model, self.data, state.q)
+        M = pin.crba(model, self.data, state.q)  # upper triangle only
         mass = np.triu(M) + np.triu(M, 1).T - self.dt * implicit_D
         nle = pin.nonLinearEffects(model, self.data, state.q, state.v)
         effective_mass = mass - GAMMA * self.dt * D
+        # Constraints are added as rows with multipliers; the same matrix serves all three solves.
         rigid = self.rover.differential is not None and self.model.rigid_differential
         G = constraint_rows(self.rover, differential=rigid)
         saddle = np.block([[effective_mass, G.T], [G, np.zeros((len(G), len(G)))]])
         first = np.linalg.solve(saddle, np.append(self.dt * (force - nle), -G @ state.v))
         second = np.linalg.solve(saddle, np.append(mass @ first[: model.nv], -G @ state.v))
         solved, mean_du = GAMMA * first + (1.0 - GAMMA) * second, GAMMA * (first + (1.0 - GAMMA) * second)
+        # A third solve shows whether forces push a speed away faster than the step can follow.
         du, third = solved[: model.nv], np.linalg.solve(saddle, np.append(mass @ second[: model.nv], -G @ state.v))
         self.growth = growth(*(solution[: model.nv] for solution in (first, second, third)))
+        # The multiplier of the differential's constraint is its impulse; without the constraint, an effect gives it.
         self.differential[0] = -mean_du[model.nv] / GAMMA / self.dt if rigid else self.torque + self.torque_slope @ du
         return np.asarray(du), np.asarray(mean_du[: model.nv])
 
     def _wheel(self, index: int) -> tuple[np.ndarray, np.ndarray]:
-        """Add a wheel's patches; return how its states move: gain and slope by du."""
+        """Add the loads of all contact patches of one wheel to the generalised force of the soil, and return the change
+        of the wheel's effect states in this step.
+
+        The change is returned as a constant c (states,) and a matrix A (states, nv): the states change by c + A w,
+        where w is the change of the speeds at which the mean force of the step acts (`_solve`).
+        """
+        # Find the patches under the wheel at its present position.
         mount = self.rover.wheels[index]
         centre = self.data.oMi[mount.joint].translation.copy()
         J = pin.getJointJacobian(self.pin_model, self.data, mount.joint, pin.LOCAL_WORLD_ALIGNED)
         frame = wheel_frame(centre, J[3:, mount.dof].copy())
         exponents = [float(soil.n) for soil in self.model.soils]
         contacts, sinkage = patches(self.ground, frame, float(mount.wheel.r), float(mount.wheel.b), exponents)
+        # The states of a wheel in the air are advanced with a patch that carries no load.
         nx = self.state.contact.shape[1]
         airborne = not contacts
         if airborne and nx:
-            contacts = [Patch(1e-9, 0.0, 0.0, 0.0, 0.0, _below(frame))]
+            below = Facet(np.array([-1.0, -1.0]), np.array([1.0, -1.0]), frame.up, 0)
+            contacts = [Patch(1e-9, 0.0, 0.0, 0.0, 0.0, below)]
+        if not contacts:
+            return np.zeros(nx), np.zeros((nx, J.shape[1]))
         weights, gains, slopes = [], [], []
         for patch in contacts:
             weight, gain, slope = self._patch(index, frame, J, patch)
             weights.append(weight)
             gains.append(weight * gain)
             slopes.append(weight * slope)
-        if not weights:
-            return np.zeros(nx), np.zeros((nx, J.shape[1]))
-        self._judge(index)
-        self.record[index, [0, 1, 7]] /= sum(weights)
-        self.record[index, 2] = sinkage
-        self.record[index, 8] = 0.0 if airborne else len(contacts)
+
+        # Forecast error: load per normal force now, minus the value that the last step predicted. A wheel that carries
+        # less than its equal share of the weight counts less.
+        now, before = self.begun[index], self.foreseen[index]
+        if now[2] > 0.0 and before[2] > 0.0:
+            arms = [1.0, 1.0, 1.0, float(mount.wheel.r)]
+            error = float((np.abs(now / now[2] - before / before[2]) / arms).max())
+            self.misjudged = max(self.misjudged, error * min(1.0, now[2] / self.wheel_share))
+
+        # Slips, travel speed and states are means over the patches, weighted by the normal force.
+        self.record[index, [SLIP, SLIP_Y, TRAVEL]] /= sum(weights)
+        self.record[index, SINKAGE] = sinkage
+        self.record[index, PATCHES] = 0.0 if airborne else len(contacts)
         return np.sum(gains, axis=0) / sum(weights), np.sum(slopes, axis=0) / sum(weights)
 
     def _patch(
         self, index: int, frame: WheelFrame, J: np.ndarray, patch: Patch
     ) -> tuple[float, np.ndarray, np.ndarray]:
+        """Add the load of one contact patch to the generalised force of the soil. Return the weight of the patch, and
+        the change of the wheel's effect states that this patch alone would cause.
+
+        The weight is the normal force; the means over the patches of a wheel are computed with these weights. The
+        change is returned as a constant c (states,) and a matrix A (states, nv): the states change by c + A w, where w
+        is the change of the speeds at which the mean force of the step acts (`_solve`).
+        """
         mount, N = self.rover.wheels[index], patch.facet.normal
         r, velocity = float(mount.wheel.r), J[:3] @ self.state.v
+        # Directions in the patch's plane: t forwards along the ground, `side` to the left.
         t = np.cross(frame.axle, N)
         t /= np.linalg.norm(t)
         side = np.cross(N, t)
-        see = np.array([t @ J[:3], side @ J[:3], -N @ J[:3], r * frame.axle @ J[3:]])
-        speeds = see @ self.state.v
+        # The law's speeds v_x, v_y, v_n and rim are linear in the speeds of the rover.
+        speed_rows = np.array([t @ J[:3], side @ J[:3], -N @ J[:3], r * frame.axle @ J[3:]])
+        speeds = speed_rows @ self.state.v
         constants = [mount.wheel, self.model.soils[patch.facet.ground]]
         contact = np.array([patch.h, *speeds, frame.centre[0], mount.axle, *laws.numbers(constants)])
         law = self.law(contact, self.state.contact[index])
-        step, step_by_speed = self._state_step(law)
+
+        # Implicit midpoint step of the states, half of which enters the load.
+        implicit = np.eye(len(law.rate)) - 0.5 * self.dt * law.rate_by_state
+        step = np.linalg.solve(implicit, self.dt * law.rate)
+        step_by_speed = np.linalg.solve(implicit, self.dt * law.rate_by_speed)
         load = law.load + 0.5 * law.load_by_state @ step
         by_speed = law.by_speed + 0.5 * law.load_by_state @ step_by_speed
 
-        in_plane = patch.facet.in_plane
-        arm = -r * (in_plane[0] * frame.forward + in_plane[1] * frame.up)
+        # Load at the beginning of the step, and the load that is predicted for its end.
         share, tilt, turn = patch.share, patch.tilt, patch.turn
         parts = np.array([share, share, share, turn])
         self.begun[index] += parts * law.load
         self.end[index] += parts * (2.0 * load - law.load)
-        self.end_slope[index] += parts[:, None] * (by_speed @ see)
+        self.end_slope[index] += parts[:, None] * (by_speed @ speed_rows)
+
+        # Wrench at the wheel's centre for a unit of f_t, f_y, f_n and torque. The law gives the moment about the axle
+        # itself, so that only the parts across the axle are taken from the lever arms.
+        in_plane = patch.facet.in_plane
+        arm = -r * (in_plane[0] * frame.forward + in_plane[1] * frame.up)
         edge = patch.side * np.array([0.0, 1.0, 0.0])
         forces = np.array([share * t + tilt * N, share * side, share * N - tilt * t + edge, np.zeros(3)])
         off_axle = np.eye(3) - np.outer(frame.axle, frame.axle)
@@ -194,36 +266,34 @@ class Plain:
         moments = np.array([*(off_axle @ moment for moment in lever), -turn * frame.axle])
         push = forces @ J[:3] + moments @ J[3:]
         self.soil_Q += push.T @ load
-        self.soil_D += push.T @ by_speed @ see
-        weight = max(share * load[2], 1e-12)
-        scaled = Load(*(parts * load))
-        self.record[index, :2] += weight * law.slip
-        lateral = scaled.f_y + patch.side * side[1] * load[2]
-        self.record[index, 3:8] += [scaled.f_n, scaled.f_t, lateral, scaled.torque, weight * float(velocity @ t)]
+        self.soil_D += push.T @ by_speed @ speed_rows
         wrench = np.concatenate([forces.T, moments.T])
         self.loads[index] += wrench @ load
-        self.load_slopes[index] += wrench @ by_speed @ see
-        return weight, step, step_by_speed @ see
+        self.load_slopes[index] += wrench @ by_speed @ speed_rows
 
-    def _judge(self, index: int) -> None:
-        """Compare a wheel's load, by its normal force, with what the step before took it to become."""
-        now, before = self.begun[index], self.foreseen[index]
-        if now[2] > 0.0 and before[2] > 0.0:
-            off = np.abs(now / now[2] - before / before[2]) / [1.0, 1.0, 1.0, float(self.rover.wheels[index].wheel.r)]
-            self.misjudged = max(self.misjudged, float(off.max()) * min(1.0, now[2] / self.share))
-
-    def _state_step(self, law: LawValue) -> tuple[np.ndarray, np.ndarray]:
-        implicit = np.eye(len(law.rate)) - 0.5 * self.dt * law.rate_by_state
-        return np.linalg.solve(implicit, self.dt * law.rate), np.linalg.solve(implicit, self.dt * law.rate_by_speed)
+        # Records: forces add over the patches; slip and travel are weighted by the normal force.
+        weight = max(share * load[2], 1e-12)
+        f_t, f_y, f_n, torque = parts * load
+        self.record[index, [SLIP, SLIP_Y]] += weight * law.slip
+        self.record[index, NORMAL] += f_n
+        self.record[index, TANGENTIAL] += f_t
+        self.record[index, LATERAL] += f_y + patch.side * side[1] * load[2]
+        self.record[index, SOIL_TORQUE] += torque
+        self.record[index, TRAVEL] += weight * float(velocity @ t)
+        return weight, step, step_by_speed @ speed_rows
 
     def _motors(self) -> tuple[np.ndarray, np.ndarray, list[tuple[np.ndarray, np.ndarray]]]:
+        """Return three results for the motors in this step: their torques and the derivatives of the torques by the
+        speeds, both (nv,), and for each motor the change of its states as a constant (states,) and its derivative by
+        the wheel's speed (states,).
+        """
         nv, nx = self.pin_model.nv, self.state.motor.shape[1]
         torque, slope, steps = np.zeros(nv), np.zeros(nv), []
         for index, wheel in enumerate(self.rover.wheels):
             states = self.state.motor[index]
-            out = self.motor(
-                np.array([self.duty[index], self.state.v[wheel.dof], index, self.bus]), states, self.motor_parameters
-            )
+            inputs = np.array([self.duty[index], self.state.v[wheel.dof], index, self.bus])
+            out = self.motor(inputs, states, self.motor_parameters)
+            # Output: torque, its slope, current, supply voltage, then the blocks of the states.
             rate, rate_slope, by_state = np.split(out[4 : 4 + 3 * nx], 3)
             implicit = np.eye(nx) - 0.5 * self.dt * out[4 + 3 * nx :].reshape((nx, nx), order="F")
             gain = np.linalg.solve(implicit, self.dt * rate)
@@ -231,25 +301,26 @@ class Plain:
             torque[wheel.dof] = out[0] + 0.5 * by_state @ gain
             slope[wheel.dof] = out[1] + 0.5 * by_state @ gain_slope
             steps.append((gain, gain_slope))
-            self.record[index, 9:12] = torque[wheel.dof], out[2], out[3]
-        self._hold(torque, slope)
+            self.record[index, [TORQUE, CURRENT, SUPPLY]] = torque[wheel.dof], out[2], out[3]
+        if self.held_rate is not None:
+            # (M + J) du = J (rate - v) with an inertia J so large that M hardly counts.
+            for wheel, rate in zip(self.rover.wheels, self.held_rate, strict=True):
+                hold_gain = HOLDING_INERTIA * self.rover.mass * float(wheel.wheel.r) ** 2 / (GAMMA * self.dt)
+                torque[wheel.dof] = hold_gain * (rate - self.state.v[wheel.dof])
+                slope[wheel.dof] = -hold_gain
         return torque, slope, steps
 
-    def _hold(self, torque: np.ndarray, slope: np.ndarray) -> None:
-        """Hold the wheels to a rate at the step's end: (M + J) du = J (rate - v), J so large that M hardly counts."""
-        if self.held_rate is None:
-            return
-        for wheel, rate in zip(self.rover.wheels, self.held_rate, strict=True):
-            gain = HOLDING * self.rover.mass * float(wheel.wheel.r) ** 2 / (GAMMA * self.dt)
-            torque[wheel.dof] = gain * (rate - self.state.v[wheel.dof])
-            slope[wheel.dof] = -gain
-
     def _springs(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return steering servos and end stops (which push, never pull): stiff springs taken at the end of the step."""
+        """Return the torques of the steering servos and of the end stops, and their derivatives by the speeds, both
+        (nv,).
+
+        Servos and end stops are stiff springs with dampers. Their torque is taken at the end of the step, which keeps
+        the step stable.
+        """
         model, state = self.pin_model, self.state
+        # Gains are those of Nexus 6, scaled with the rover's mass and wheels.
         force, slope = np.zeros(model.nv), np.zeros(model.nv)
         q_of = {model.joints[j].idx_v: model.joints[j].idx_q for j in range(2, model.njoints)}
-
         strength = joint_strength(self.model.rover)
 
         def spring(dof: int, over: float, base_gains: tuple[float, float]) -> None:
@@ -264,36 +335,48 @@ class Plain:
             over = angle - np.clip(angle, model.lowerPositionLimit[q_of[dof]], model.upperPositionLimit[q_of[dof]])
             if over != 0.0:
                 spring(dof, over, STOP_GAIN)
+            # A joint that leaves its stop faster than the damper allows is not pulled back.
             if force[dof] * over > 0.0:
                 force[dof] = slope[dof] = 0.0
         return force, slope
 
     def _push(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return what acts on the body at the end of the step, and its slope; keep the differential's torque."""
+        """Return the generalised force of the body effects (nv,) and its derivatives by the speeds (nv, nv). The torque
+        of the differential and its derivatives are stored in the stepper.
+        """
         state, nv = self.state, self.pin_model.nv
         joints, places = suspension_dofs(self.rover), suspension_places(self.rover)
-        m, at = 6 + len(joints), [*range(6), *joints]
+        # Body effects push the base (6) and the joints of the suspension.
+        m, dofs = 6 + len(joints), [*range(6), *joints]
         inputs = np.concatenate([state.q[:7], state.v[:6], state.q[places], state.v[joints], [0.5 * self.dt]])
         out = self.body(inputs, np.zeros(0), laws.numbers(self.model.body_effects))
         force, slope, self.torque_slope = np.zeros(nv), np.zeros((nv, nv)), np.zeros(nv)
-        force[at], slope[np.ix_(at, at)] = out[:m], out[m : m + m * m].reshape((m, m), order="F")
-        self.torque, self.torque_slope[at] = float(out[m + m * m]), out[m + m * m + 1 :]
+        # Output: Q, D by columns, the differential's torque, its slopes.
+        force[dofs], slope[np.ix_(dofs, dofs)] = out[:m], out[m : m + m * m].reshape((m, m), order="F")
+        self.torque, self.torque_slope[dofs] = float(out[m + m * m]), out[m + m * m + 1 :]
         return force, slope
 
     def _account(
         self, du: np.ndarray, soil: np.ndarray, motor: np.ndarray, springs: np.ndarray, push: np.ndarray
     ) -> None:
+        """Add the energies of the present step to the sums of energies since the start of the drive. Each energy is a
+        generalised force times the mean speed v + du/2 of the step times dt.
+
+        Parameters
+        ----------
+        du : array (nv,)
+            Change of the speeds in the step.
+        soil, motor, springs, push : arrays (nv,)
+            Generalised forces of the soil, the motors, the servos and end stops, and the body effects, as means over
+            the step.
+        """
         speed = self.state.v + 0.5 * du
-        stopped = springs.copy()
-        stopped[self.servo_dofs] = 0.0
-        electric = float(np.sum(self.record[:, 10] * self.record[:, 11] * self.duty))
-        steered = (springs - stopped) @ speed
+        # Servos and end stops share one vector of forces; their energies are counted separately.
+        stops = springs.copy()
+        stops[self.servo_dofs] = 0.0
+        electric = float(np.sum(self.record[:, CURRENT] * self.record[:, SUPPLY] * self.duty))
+        servos = (springs - stops) @ speed
         self.impulse += self.dt * self.loads[:, :3].sum(axis=0)
         self.energy += self.dt * np.array(
-            [motor @ speed, -(soil @ speed), -(stopped @ speed), -steered, electric, -(push @ speed)]
+            [motor @ speed, -(soil @ speed), -(stops @ speed), -servos, electric, -(push @ speed)]
         )
-
-
-def _below(frame: WheelFrame) -> Facet:
-    """Return a facet across the plane of a wheel in the air, for the rates of its states."""
-    return Facet(np.array([-1.0, -1.0]), np.array([1.0, -1.0]), frame.up, 0)

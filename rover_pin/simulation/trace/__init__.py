@@ -1,4 +1,4 @@
-"""What a drive leaves: named channels with units over time, written to and read from files, and drawn.
+"""The trace of a drive: named channels with units over time, read from and written to files, and drawn.
 
-Start at `trace`; `record` makes one from the rows of a drive.
+Start at `trace`. `record` makes a trace from the rows of a drive, `channels` contains the names and units.
 """

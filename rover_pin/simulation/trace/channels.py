@@ -1,10 +1,12 @@
-"""Names and units of what is recorded of a drive: the columns of a drive log, and the truth that only a model knows."""
+"""Names and units of the channels of a drive: the columns of a drive log, and channels that only a simulator can
+record.
+"""
 
 from collections.abc import Iterable
 from functools import lru_cache
 
 WHEELS = ("fl", "fr", "ml", "mr", "rl", "rr")
-"""Wheel names unless a log says otherwise: front, middle, rear; left, right."""
+"""Names of the wheels of a log that declares none: f, m, r for front, middle, rear, then l, r for left, right."""
 
 PER_WHEEL = {
     "duty": "-",
@@ -19,14 +21,17 @@ PER_WHEEL = {
     "travel": "m/s",
     "raw_current": "-",
 }
-"""Channels named `CHANNEL_WHEEL`; the motor current is `current_WHEEL_A`, `raw_current_WHEEL` in counts of unknown
-scale and zero. From slip to travel they are truth only."""
+"""Channels that exist for each wheel, with their units. The name of such a channel in a log is `CHANNEL_WHEEL`, for
+example `slip_fl`. The motor current is `current_WHEEL_A`, or `raw_current_WHEEL` if it is recorded in counts of unknown
+scale and zero. No sensor measures the channels from slip to travel."""
 DUTIES, RATES = "duties", "rates"
-"""What may be the input of a replay: duties that drive the motors, or the wheel rates that were measured."""
+"""Words with which a log states the inputs of its replay: the duties that drive the motors, or the measured wheel
+rates."""
 ODOMETRY = "odometry"
-"""What a pose may be that was not measured but computed of the wheels."""
-TELLING = ("duty", "wheel_rate", "steer", "slip")
-"""Channels from whose names the wheels are read; others may be of something else, as a torque_sensor."""
+"""Word with which a log states that its pose was not measured, but computed from the wheel rates."""
+WHEEL_NAMING = ("duty", "wheel_rate", "steer", "slip")
+"""Channels from whose names the names of the wheels are read. The names of other channels, such as torque_sensor, may
+end with a word that is not a wheel."""
 
 WHOLE = {
     "t_s": "s",
@@ -38,13 +43,14 @@ WHOLE = {
     **{f"accelerometer_{axis}": "m/s^2" for axis in "xyz"},
     "differential_torque": "N m",
 }
-"""Channels of the rover; joint angles and energies are recognised by the start of their names."""
+"""Channels that exist once for the whole rover, with their units."""
 BY_START = {"rocker_": "rad", "bogie_": "rad", "energy_": "J"}
+"""Beginning of a channel's name -> its unit, for joint angles and energies, of which a rover may have any number."""
 
 
 @lru_cache(maxsize=4096)
 def unit_of(name: str) -> str:
-    """Return the unit of a channel by its name; empty where the name tells none."""
+    """Return the unit of a channel by its name; an empty string if the name is not known."""
     if name in WHOLE:
         return WHOLE[name]
     if name.startswith("current_") and name.endswith("_A"):
@@ -54,17 +60,20 @@ def unit_of(name: str) -> str:
 
 
 def wheel_of(name: str) -> str | None:
-    """Return the wheel that a channel's name ends with, or None where it tells none."""
+    """Return the name of the wheel in a channel's name, or None if the channel does not belong to a wheel."""
     if name.startswith("current_") and name.endswith("_A"):
         return name[len("current_") : -len("_A")]
-    for channel in TELLING:
+    for channel in WHEEL_NAMING:
         if name.startswith(f"{channel}_"):
             return name[len(channel) + 1 :]
     return None
 
 
 def is_column(name: str, wheels: Iterable[str]) -> bool:
-    """Return whether a name is that of a drive log's column, of one of these wheels where any are given."""
+    """Return whether `name` can be the name of a column in a drive log.
+
+    If `wheels` are given, the name of a column for a wheel is accepted only if its wheel is among them.
+    """
     if name in WHOLE or name.startswith(tuple(BY_START)):
         return True
     ends = [name[len(kind) + 1 :] for kind in PER_WHEEL if name.startswith(f"{kind}_")]
@@ -73,10 +82,10 @@ def is_column(name: str, wheels: Iterable[str]) -> bool:
 
 
 def is_current(name: str) -> bool:
-    """Return whether a channel is a motor's current, in amperes or in counts."""
+    """Return whether a channel is a motor current, either in amperes or in counts."""
     return name.startswith(("current_", "raw_current_"))
 
 
 def wheels_in(names: Iterable[str]) -> tuple[str, ...]:
-    """Return the wheels that channels are of, in order of appearance."""
+    """Return the names of the wheels that occur in the channels' names, in the order of their first occurrence."""
     return tuple(dict.fromkeys(wheel for wheel in map(wheel_of, names) if wheel))

@@ -1,4 +1,6 @@
-"""One run in a file: read from CSV or Parquet with its checks, written to Parquet with its attributes."""
+"""Files with one run of a rover: read from CSV or Parquet with checks, and written to Parquet with units and
+attributes.
+"""
 
 import io
 import json
@@ -9,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from rover_pin.base.errors import DataError, ParameterError, closest
-from rover_pin.base.files.columns import Columns, read_columns
-from rover_pin.base.files.parquet import parquet_table
+from rover_pin.base.files.parquet import need_pyarrow, parquet_table
+from rover_pin.base.files.table import Columns, read_columns
 from rover_pin.base.files.toml_file import table_in
 from rover_pin.base.files.whole_file import replace_file
 from rover_pin.base.quantity import to_si
@@ -18,12 +20,29 @@ from rover_pin.simulation.trace.channels import unit_of, wheel_of
 from rover_pin.simulation.trace.trace import Trace
 
 METADATA = b"rover_pin"
+"""Key under which a Parquet file stores the units and attributes of a trace in its metadata."""
+MAX_READING = 1e36
+"""Largest absolute value that a channel may have, in its unit; a larger one is refused as an error in the file. The
+largest usual value, a time in nanoseconds, is near 2e18."""
 
 
 def read_run(path: str | Path, wheels: Sequence[str] = (), attrs: Mapping[str, Any] | None = None) -> Trace:
-    """Return the run in a CSV or Parquet file; `attrs` are added to those that the file holds.
+    """Return the run in a CSV or Parquet file as a trace, in SI units.
 
-    Raises DataError: a file that cannot be read, or what `run_from` refuses.
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+    wheels : sequence of str
+        Names of the wheels. A channel of a wheel that is not among them raises an error. If empty, all names are
+        allowed.
+    attrs : mapping, optional
+        Attributes to add to those in the file.
+
+    Raises
+    ------
+    DataError
+        The file cannot be read, or `run_from` refuses its table.
     """
     return run_from(read_columns(path), wheels, attrs)
 
@@ -34,22 +53,58 @@ def run_from(
     attrs: Mapping[str, Any] | None = None,
     units: Mapping[str, str] | None = None,
 ) -> Trace:
-    """Return the run of a table in SI; `units` are those of its columns where their names tell others.
+    """Return the run in a table of channels as a trace, in SI units, after a check of the columns.
 
-    Raises DataError: no `t_s`, text where a number belongs, a time that is missing or does not increase, a duty outside
-    [-1, 1], a unit that is of another kind than the channel, or channels of a wheel that is not among `wheels`, where
-    any are given.
+    Parameters
+    ----------
+    table : Columns
+        The table that was read from a file.
+    wheels, attrs
+        See `read_run`.
+    units : mapping of name -> str, optional
+        Units of the columns that differ from the unit in which the channel is usually recorded; these columns are
+        converted.
+
+    Raises
+    ------
+    DataError
+        There is no `t_s`; a time is missing or does not increase; a cell holds text instead of a number, or a number
+        beyond MAX_READING; a duty lies outside [-1, 1]; a unit does not fit its channel; or a channel belongs to a
+        wheel that is not among `wheels`.
     """
+    # The times are checked first: the other checks need complete and increasing times.
     table.need("t_s")
     table.refuse_gaps("t_s")
     table.refuse_steps_back("t_s")
-    _refuse_percent(table)
-    _refuse_strange_wheels(table, wheels)
+    for name, values in table.values.items():
+        # No sensor gives so large a number, and its products leave the range of floats.
+        huge = np.flatnonzero(np.isfinite(values) & (np.abs(values) > MAX_READING))
+        if huge.size:
+            raise DataError(
+                f"{table.path}, {table.places[huge[0]]}: {name} = {values[huge[0]]:g} is too large: at most "
+                f"{MAX_READING:g} is allowed; leave the cell empty if nothing was measured."
+            )
+        # A duty beyond 1 is probably in percent.
+        wrong = np.flatnonzero(np.abs(values) > 1.0) if name.startswith("duty_") else np.zeros(0, dtype=int)
+        if wrong.size:
+            raise DataError(
+                f"{table.path}, {table.places[wrong[0]]}: {name} = {values[wrong[0]]:g} is outside [-1, 1]: "
+                "give the duty as a signed share, not in percent."
+            )
+        wheel = wheel_of(name)
+        if wheels and wheel is not None and wheel not in wheels:
+            raise DataError(
+                f"{table.path}: column '{name}' is of a wheel '{wheel}' that is not declared: {closest(wheel, wheels)} "
+                "Rename the column, or name all wheels as wheels = [...] in the log."
+            )
+    # A unit for a column that is missing is a misspelt name.
     for name in units or {}:
         if name not in table.values:
             raise DataError(
-                f"{table.path}: units name a column '{name}' that is not there: {closest(name, table.values)}"
+                f"{table.path}: a unit is given for the column '{name}', which the file does not have: "
+                f"{closest(name, table.values)}"
             )
+    # Units of the caller replace those in the file's metadata.
     metadata = _metadata(table.path) if table.path.suffix == ".parquet" else {}
     declared_units = {**metadata.get("units", {}), **(units or {})}
     channels = {name: _si(table, name, declared_units.get(name, unit_of(name))) for name in table.values}
@@ -58,7 +113,9 @@ def run_from(
 
 
 def _si(table: Columns, name: str, unit: Any) -> np.ndarray:
-    """Return a column in the unit that its name tells, if it does."""
+    """Return a column of a table, converted from `unit` to the SI unit of its channel. A column whose name is no known
+    channel is not converted.
+    """
     try:
         factor = to_si(1.0, unit, unit_of(name) or unit, f"{table.path}: column '{name}'")
     except ParameterError as error:
@@ -67,7 +124,12 @@ def _si(table: Columns, name: str, unit: Any) -> np.ndarray:
 
 
 def write_parquet(path: str | Path, trace: Trace) -> Path:
-    """Write a trace to one Parquet file that `read_run` reads; return its path."""
+    """Write a trace to one Parquet file, which `read_run` reads, and return its path.
+
+    Raises DataError: an attribute of the trace is not a plain value, or the file cannot be written.
+    Raises MissingExtraError: pyarrow is not installed.
+    """
+    need_pyarrow(path)
     import pyarrow
     import pyarrow.parquet
 
@@ -76,45 +138,35 @@ def write_parquet(path: str | Path, trace: Trace) -> Path:
     except TypeError as error:
         raise DataError(f"{path}: an attribute of the trace is not a plain value: {error}.") from error
     table = pyarrow.table(trace.channels).replace_schema_metadata({METADATA: metadata.encode()})
+    # Written to memory first, so that the file is replaced in one step.
     content = io.BytesIO()
     pyarrow.parquet.write_table(table, content)
     return replace_file(path, content.getvalue())
 
 
 def _plain(value: Any) -> Any:
+    """Return a NumPy value as a plain Python value, which JSON can store; raise TypeError for every other value."""
     if isinstance(value, (np.generic, np.ndarray)):
         return value.tolist()
     raise TypeError(f"{value!r}")
 
 
 def _metadata(path: Path) -> dict[str, Any]:
+    """Return the units and the attributes of a trace from the metadata of a Parquet file. Both are empty if another
+    program wrote the file.
+    """
+    # Files of other programs have no such key, or other metadata under it.
     raw = (parquet_table(path).schema.metadata or {}).get(METADATA)
     try:
         metadata = json.loads(raw) if raw else {}
     except (ValueError, RecursionError) as error:
         raise DataError(
-            f"{path}: what the file says of its columns is not JSON: write it with `write_parquet`."
+            f"{path}: the metadata of its columns is not JSON: write the file with `write_parquet`."
         ) from error
+    # Another program may have used the same key for other metadata.
     if not isinstance(metadata, dict):
-        raise DataError(f"{path}: what the file says of its columns is {metadata!r}, not a table of units and attrs.")
+        raise DataError(
+            f"{path}: the metadata of its columns is {metadata!r}, not a table of units and attrs: write the file with "
+            "`write_parquet`."
+        )
     return {name: table_in(metadata, name, path) for name in ("units", "attrs")}
-
-
-def _refuse_percent(table: Columns) -> None:
-    for name, values in table.values.items():
-        wrong = np.flatnonzero(np.abs(values) > 1.0) if name.startswith("duty_") else np.zeros(0, dtype=int)
-        if wrong.size:
-            raise DataError(
-                f"{table.path}, {table.places[wrong[0]]}: {name} = {values[wrong[0]]:g} is outside [-1, 1]: "
-                "give the duty as a signed share, not in percent."
-            )
-
-
-def _refuse_strange_wheels(table: Columns, wheels: Sequence[str]) -> None:
-    for name in table.values:
-        wheel = wheel_of(name)
-        if wheels and wheel is not None and wheel not in wheels:
-            raise DataError(
-                f"{table.path}: column '{name}' is of a wheel '{wheel}' that is not declared: {closest(wheel, wheels)} "
-                "Rename the column, or name all wheels as wheels = [...] in the log."
-            )

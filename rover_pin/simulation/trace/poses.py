@@ -1,4 +1,4 @@
-"""Where every link of the rover is at a row of a trace: what figures and views draw."""
+"""Poses of the rover's wheels and links at the rows of a trace, from which figures and views are drawn."""
 
 from __future__ import annotations
 
@@ -14,63 +14,86 @@ from rover_pin.simulation.trace.trace import Trace
 from rover_pin.terrain.terrain import Terrain
 
 
-class Turned(NamedTuple):
-    """How far a drive turns [rad], and goes across its first heading [m]: what says from where it is to be seen."""
+class PathExtent(NamedTuple):
+    """Two numbers on the path of a drive: how much the rover turns, and how far it moves sideways. Figures decide by
+    them whether to show the drive from the side or from above.
+    """
 
     turn: float
+    """difference between the largest and the smallest heading [rad]"""
     across: float
+    """width of the path across the initial heading [m]"""
 
     @classmethod
-    def of(cls, trace: Trace) -> Turned:
-        """Return what a trace turned; one without heading went straight on."""
+    def of(cls, trace: Trace) -> PathExtent:
+        """Return the extent of a trace's path. A trace without a heading counts as a straight drive."""
         x, y, yaw = (np.nan_to_num(trace.get(f"body_{name}", np.zeros(trace.t.size))) for name in ("x", "y", "yaw"))
         return cls(float(np.ptp(yaw)), float(np.ptp(np.cos(yaw[0]) * y - np.sin(yaw[0]) * x)))
 
     @property
     def from_above(self) -> bool:
-        """Whether it turns by more than 10 deg or goes 5 cm across, so that the view from above says something."""
-        return not self.side_tells or self.turn > math.radians(10.0) or self.across > 0.05
+        """Whether a figure needs a view from above, because the rover turns by more than 10 deg, or moves more than 5
+        cm across its initial heading.
+        """
+        return not self.from_the_side or self.turn > math.radians(10.0) or self.across > 0.05
 
     @property
-    def side_tells(self) -> bool:
-        """Whether it turns by less than 60 deg: beyond, the view from the side says nothing any more."""
+    def from_the_side(self) -> bool:
+        """Whether a view from the side shows the drive well, because the rover turns by less than 60 deg."""
         return self.turn < math.radians(60.0)
 
 
 def configuration(rover: Rover, trace: Trace, row: int, turned: np.ndarray | None = None) -> np.ndarray:
-    """Return the configuration q of a row of the trace; a joint that was not recorded is at zero, or at its leader's.
+    """Return the configuration q (nq,) of a rover at one row of a trace, for drawing.
+
+    A joint whose angle is not in the trace gets the angle zero. A joint that is coupled to another joint gets the angle
+    that follows from the coupling.
 
     Parameters
     ----------
+    rover : Rover
+        The rover.
+    trace : Trace
+        A simulated or measured drive.
+    row : int
+        The row.
     turned : array (wheels,), optional
-        Angle of each wheel [rad] (see `wheel_angles`); 0 without.
+        Angle of each wheel [rad] (`wheel_angles`); if missing, all angles are 0.
     """
     q = pin.neutral(rover.model)
-    q[:3] = [_at(trace, f"body_{axis}", row) for axis in "xyz"]
-    roll, pitch, yaw = (_at(trace, f"body_{name}", row) for name in ("roll", "pitch", "yaw"))
+    q[:3] = [_number(trace, f"body_{axis}", row) for axis in "xyz"]
+    roll, pitch, yaw = (_number(trace, f"body_{name}", row) for name in ("roll", "pitch", "yaw"))
     q[3:7] = pin.Quaternion(pin.rpy.rpyToMatrix(roll, pitch, yaw)).coeffs()
     for name, index in rover.angles.items():
-        q[index] = _at(trace, name, row)
+        q[index] = _number(trace, name, row)
+    # A coupled joint follows its leader, unless it is a wheel, whose angle comes with `turned`.
     spinning = {rover.model.joints[mount.joint].idx_q for mount in rover.wheels}
     for coupling in rover.couplings:
         if coupling.q_follower not in spinning:
             q[coupling.q_follower] = coupling.ratio * q[coupling.q_leader]
     for mount, angle in zip(rover.wheels, turned if turned is not None else (), strict=False):
         joint = rover.model.joints[mount.joint]
-        at = slice(joint.idx_q, joint.idx_q + joint.nq)
-        q[at] = (math.cos(angle), math.sin(angle)) if joint.nq == 2 else angle
+        place = slice(joint.idx_q, joint.idx_q + joint.nq)
+        q[place] = (math.cos(angle), math.sin(angle)) if joint.nq == 2 else angle
     return q
 
 
 def wheel_angles(trace: Trace, wheels: tuple[str, ...]) -> np.ndarray:
-    """Return how far each wheel has turned since the first row [rad] (T, wheels); 0 where no rate is known."""
+    """Return the angle by which each wheel has turned since the first row (T, wheels) [rad]; 0 for a wheel whose rate
+    was not recorded.
+    """
+    # A gap in the rates counts as standing still.
     dt = np.diff(trace.t, prepend=trace.t[:1])
     rates = [np.nan_to_num(trace.get(f"wheel_rate_{name}", np.zeros(dt.size))) for name in wheels]
     return np.cumsum(np.column_stack(rates) * dt[:, None], axis=0)
 
 
 def place_links(rover: Rover, data: pin.Data, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Set the places of all joints in `data`; return the wheels' centres, and axles to the left, each (wheels, 3)."""
+    """Compute the poses of all links of a rover at the configuration q, and return the centres and axles of its wheels.
+
+    The poses are stored in Pinocchio's `data`. Centres and axles are arrays (wheels, 3): positions in the world [m],
+    and unit vectors along the axles that point to the left.
+    """
     pin.computeJointJacobians(rover.model, data, q)
     centres = np.array([data.oMi[mount.joint].translation for mount in rover.wheels])
     axles = np.array([data.J[3:, mount.dof] for mount in rover.wheels])
@@ -78,17 +101,28 @@ def place_links(rover: Rover, data: pin.Data, q: np.ndarray) -> tuple[np.ndarray
 
 
 def of_side(rover: Rover, side: str) -> list[int]:
-    """Return the wheels of a side."""
+    """Return the indices of the wheels on one side of a rover; `side` is "l" (left) or "r" (right)."""
     return [n for n, wheel in enumerate(rover.wheels) if wheel.side == side]
 
 
 def around(rover: Rover) -> list[int]:
-    """Return the wheels in order around the rover."""
+    """Return the indices of the wheels in the order in which they stand around the rover: the left side, then the right
+    side in reverse order. Lines through the wheels in this order draw the outline of a rover seen from above.
+    """
     return of_side(rover, "l") + of_side(rover, "r")[::-1]
 
 
 def footprint(mount: WheelMount, centre: np.ndarray, axle: np.ndarray) -> np.ndarray:
-    """Return the corners (4, 2) of a wheel seen from above [m]."""
+    """Return the four corners x, y (4, 2) [m] of the rectangle that a wheel covers if it is seen from above.
+
+    Parameters
+    ----------
+    mount : WheelMount
+        The wheel, with its radius and width.
+    centre, axle : arrays (3,)
+        Centre of the wheel [m] and unit vector along its axle, in the world.
+    """
+    # Horizontal unit vectors to the left and ahead of the wheel; a steeply tilted axle must not divide by zero.
     left = axle[:2] / max(float(np.linalg.norm(axle[:2])), 1e-9)
     ahead = np.array([left[1], -left[0]])
     along, across = float(mount.wheel.r) * ahead, 0.5 * float(mount.wheel.b) * left
@@ -96,39 +130,39 @@ def footprint(mount: WheelMount, centre: np.ndarray, axle: np.ndarray) -> np.nda
 
 
 def on_the_ground(trace: Trace, rover: Rover, terrain: Terrain) -> Trace:
-    """Return the trace with the height and attitude that were not recorded: those of a rover that stands on its wheels.
+    """Return the trace with estimates of height, roll and pitch of the base, if these were not recorded.
 
-    The plane through the ground under the wheels' centres, by least squares, is what the rover stands on.
+    At each row, the rover is set on the plane that fits the ground under its wheels' centres best (least squares).
     """
-    missing = [name for name in ("body_z", "body_roll", "body_pitch") if not _is_recorded(trace, name)]
+    missing = [
+        name
+        for name in ("body_z", "body_roll", "body_pitch")
+        if name not in trace or not np.any(np.isfinite(trace[name]))
+    ]
     if not missing:
         return trace
+    # NaN would make the least-squares fit fail, so that a row without a position is treated as if it were at the
+    # origin.
     x, y = (np.nan_to_num(trace[f"body_{axis}"]) for axis in "xy")
     yaw = np.nan_to_num(trace.get("body_yaw", np.zeros(x.size)))
     places = np.array(list(wheel_places(rover).values()))
     radii = np.array([float(wheel.wheel.r) for wheel in rover.wheels])
-    stood = [_standing_pose(terrain, places, radii, *pose) for pose in zip(x, y, yaw, strict=True)]
-    estimated = dict(zip(("body_z", "body_roll", "body_pitch"), np.array(stood).T, strict=True))
+    terms, poses = np.column_stack([np.ones(len(places)), places[:, :2]]), []
+    for x_0, y_0, heading in zip(x, y, yaw, strict=True):
+        cos, sin = math.cos(heading), math.sin(heading)
+        # Compute the height of the base above the ground under each wheel, and fit a plane to these heights.
+        wheel_x, wheel_y = x_0 + cos * places[:, 0] - sin * places[:, 1], y_0 + sin * places[:, 0] + cos * places[:, 1]
+        lift = terrain.height(wheel_x, wheel_y) + radii - places[:, 2]
+        (z, rise_x, rise_y), *_ = np.linalg.lstsq(terms, lift, rcond=None)
+        # A plane that rises towards +y rolls the rover to the right; one that rises towards +x lifts the nose.
+        poses.append((float(z), math.atan(rise_y), -math.atan(rise_x)))
+    estimated = dict(zip(("body_z", "body_roll", "body_pitch"), np.array(poses).T, strict=True))
     return Trace(
         {**trace.channels, **{name: estimated[name] for name in missing}}, dict(trace.units), dict(trace.attrs)
     )
 
 
-def _standing_pose(
-    terrain: Terrain, places: np.ndarray, radii: np.ndarray, x: float, y: float, yaw: float
-) -> tuple[float, float, float]:
-    """Return z [m], roll and pitch [rad] of the base at x, y and yaw."""
-    cos, sin = math.cos(yaw), math.sin(yaw)
-    ground = terrain.height(x + cos * places[:, 0] - sin * places[:, 1], y + sin * places[:, 0] + cos * places[:, 1])
-    lift = ground + radii - places[:, 2]
-    (z, rise_x, rise_y), *_ = np.linalg.lstsq(np.column_stack([np.ones(len(places)), places[:, :2]]), lift, rcond=None)
-    return float(z), math.atan(rise_y), -math.atan(rise_x)
-
-
-def _is_recorded(trace: Trace, name: str) -> bool:
-    return name in trace and bool(np.any(np.isfinite(trace[name])))
-
-
-def _at(trace: Trace, name: str, row: int) -> float:
+def _number(trace: Trace, name: str, row: int) -> float:
+    """Return the value of a channel at a row; 0 if the channel was not recorded, or if it has a gap at this row."""
     value = float(trace[name][row]) if name in trace else 0.0
     return value if math.isfinite(value) else 0.0

@@ -1,4 +1,6 @@
-"""From the rows of a drive to its trace: channels named as in a drive log, and the truth beside them."""
+"""The rows of a drive, as the loop writes them, and the trace that is made of these rows: channels, attributes and
+notes.
+"""
 
 from collections.abc import Mapping
 from typing import Any
@@ -12,27 +14,91 @@ from rover_pin.effects.slip_sinkage import SlipSinkage
 from rover_pin.effects.slip_softening import SlipSoftening
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.simulation.compiled.body_law import elastic_energy
-from rover_pin.simulation.compiled.suspension import joints_of, suspension_places
 from rover_pin.simulation.model.cruise import level_slip, traction_factor
 from rover_pin.simulation.model.model import Model
 from rover_pin.simulation.native.shared import ENERGY, RECORD
+from rover_pin.simulation.state import joints_of, suspension_places
 from rover_pin.simulation.trace.trace import Trace
 from rover_pin.version import __version__
 
 WHEEL_CHANNELS = {
-    "slip": ("slip", "-"),
-    "sinkage": ("sinkage", "m"),
-    "normal": ("normal", "N"),
-    "tangential": ("tangential", "N"),
-    "lateral": ("lateral", "N"),
-    "torque": ("torque", "N m"),
-    "travel": ("travel", "m/s"),
+    "slip": "-",
+    "sinkage": "m",
+    "normal": "N",
+    "tangential": "N",
+    "lateral": "N",
+    "torque": "N m",
+    "travel": "m/s",
 }
-"""Truth-only channels: name -> (column of the record, unit)."""
+"""Channels of a wheel that only a simulator can record, with their units. Each channel is the column with the same name
+in the array `record` of a row."""
+PAYING_EFFECTS: dict[type, type] = {SlipSinkage: SlipSoftening, SkidSinkage: Ploughing}
+"""Pairs of effects: class of an effect that lifts a wheel without work if its slip falls -> class of the effect that
+adds this work. A note names the second effect if a model has the first."""
+
+
+def row_type(model: Model) -> np.dtype[Any]:
+    """Return the NumPy type of the rows of a drive. A row consists of these fields, in the order in which
+    `rover_pin_row` in native/row.c writes them:
+
+    - t: time [s];
+    - q, v: configuration and velocity (`DriveState`);
+    - record: (wheels, quantities) quantities of the wheels at this instant, such as slip and loads; columns: `RECORD`;
+    - duty, servo: (wheels,) duties and (servos,) commanded steering angles [rad];
+    - energy: (terms,) energies summed since the start of the drive [J]; terms: `ENERGY`;
+    - impulse: (3,) sum over time of the soil's forces on all wheels [N s];
+    - differential: torque of the differential on the left rocker [N m];
+    - mechanical: kinetic and potential energy [J];
+    - attitude: roll, pitch (positive: nose down) and yaw of the base [rad];
+    - velocity: (3,) velocity of the base in the world [m/s];
+    - moved: (3,) sum of the corrections by which a replay has moved the rover in x, y [m] and heading [rad]; 0 in a
+      drive.
+    """
+    # C writes a row as consecutive numbers, so that the order of these fields is the layout in native/row.c.
+    rover = model.rover
+    wheels = len(rover.wheels)
+    steered = sum(wheel.steer_dof is not None for wheel in rover.wheels)
+    shapes: dict[str, tuple[int, ...]] = {
+        "t": (),
+        "q": (rover.model.nq,),
+        "v": (rover.model.nv,),
+        "record": (wheels, len(RECORD)),
+        "duty": (wheels,),
+        "servo": (steered,),
+        "energy": (len(ENERGY),),
+        "impulse": (3,),
+        "differential": (),
+        "mechanical": (2,),
+        "attitude": (3,),
+        "velocity": (3,),
+        "moved": (3,),
+    }
+    return np.dtype([(name, float, shape) for name, shape in shapes.items()])
+
+
+def finite(rows: np.ndarray) -> np.ndarray:
+    """Return the rows of a drive before the first row with a number that is not finite. Such numbers occur if the
+    computation of a drive diverges.
+    """
+    if not len(rows):
+        return rows
+    bad = ~np.isfinite(np.ascontiguousarray(rows).view(float).reshape(len(rows), -1)).all(axis=1)
+    return rows[: int(bad.argmax())] if bad.any() else rows
 
 
 def trace_of(model: Model, rows: np.ndarray, attrs: Mapping[str, Any]) -> Trace:
-    """Return the trace of sampled rows (`row_type`); empty where the drive failed before the first."""
+    """Return the trace that is made of the rows of a drive. The trace has no rows if the drive failed before its first
+    row.
+
+    Parameters
+    ----------
+    model : Model
+        The model of the drive.
+    rows : array (`row_type`)
+        The rows of the drive.
+    attrs : mapping
+        Attributes to add to those that describe the model (`model_attrs`).
+    """
     if not len(rows):
         return Trace({"t_s": np.zeros(0)}, {"t_s": "s"}, {**model_attrs(model), **attrs})
     channels: dict[str, np.ndarray] = {}
@@ -41,14 +107,15 @@ def trace_of(model: Model, rows: np.ndarray, attrs: Mapping[str, Any]) -> Trace:
     def put(name: str, unit: str, values: np.ndarray) -> None:
         channels[name], units[name] = values.copy(), unit
 
+    # Channels of each wheel, then of the suspension and the base.
     put("t_s", "s", rows["t"])
     q, v, record, duty, energy = (rows[name] for name in ("q", "v", "record", "duty", "energy"))
     for i, wheel in enumerate(model.rover.wheels):
         put(f"duty_{wheel.name}", "-", duty[:, i])
         put(f"wheel_rate_{wheel.name}", "rad/s", v[:, wheel.dof])
         put(f"current_{wheel.name}_A", "A", record[:, i, RECORD.index("current")])
-        for channel, (column, unit) in WHEEL_CHANNELS.items():
-            put(f"{channel}_{wheel.name}", unit, record[:, i, RECORD.index(column)])
+        for channel, unit in WHEEL_CHANNELS.items():
+            put(f"{channel}_{wheel.name}", unit, record[:, i, RECORD.index(channel)])
     for name, index in model.rover.angles.items():
         put(name, "rad", q[:, index])
     for i, axis in enumerate("xyz"):
@@ -59,25 +126,28 @@ def trace_of(model: Model, rows: np.ndarray, attrs: Mapping[str, Any]) -> Trace:
     for i, axis in enumerate("xyz"):
         put(f"body_v{axis}", "m/s", rows["velocity"][:, i])
     put("battery_V", "V", record[:, 0, RECORD.index("supply")])
+    # The last term of the energy account belongs to body effects, and is zero without them.
     for i, name in enumerate(ENERGY if model.body_effects else ENERGY[:-1]):
         put(f"energy_{name}", "J", energy[:, i])
+    # The torque between the rockers, and the mechanical energy of the whole rover.
     if model.rover.differential is not None:
         put("differential_torque", "N m", rows["differential"])
     put("energy_kinetic", "J", rows["mechanical"][:, 0])
     put("energy_potential", "J", rows["mechanical"][:, 1])
     if model.body_effects:
-        put("energy_elastic", "J", _elastic(model, q))
+        # Springs of body effects store a part of `energy_body`.
+        stored = elastic_energy(model.body_effects, joints_of(model.rover))
+        places = suspension_places(model.rover)
+        put("energy_elastic", "J", np.array(stored.map(len(q))(q[:, :7].T, q[:, places].T)).ravel())
     return Trace(channels, units, {**model_attrs(model), **attrs})
 
 
-def _elastic(model: Model, q: np.ndarray) -> np.ndarray:
-    """Return the part of `energy_body` that springs hold at each configuration (rows)."""
-    energy = elastic_energy(model.body_effects, joints_of(model.rover))
-    return np.array(energy.map(len(q))(q[:, :7].T, q[:, suspension_places(model.rover)].T)).ravel()
-
-
 def model_attrs(model: Model) -> dict[str, Any]:
-    """Return what a trace says of its model: names of rover, traction form and effects, R, gravity, versions."""
+    """Return the attributes of a trace that describe its model, such as the names of rover, wheels and effects, the
+    motion resistance R, gravity, the version of the package, and notes.
+    """
+    # Effects that depend on the traction law have the same traction form, so that the first form found is that of the
+    # traction law.
     forms = [effect.form.name for effect in model.effects if hasattr(effect, "form")]
     resistances = [float(effect.R) for effect in model.effects if isinstance(effect, MotionResistance)]
     return {
@@ -96,47 +166,37 @@ def model_attrs(model: Model) -> dict[str, Any]:
 
 
 def notes(model: Model) -> list[str]:
-    """Return what a reader should know of a model: driven wheels skid on the flat, sinking or rising costs nothing."""
-    return [note for note in (_skids(model), *_unpaid_notes(model), *_lift_notes(model)) if note]
+    """Return notes on properties of a model that a user may not expect, one sentence for each.
 
-
-def _skids(model: Model) -> str:
+    There are three possible notes: driven wheels skid on level ground; effects that change the sinkage neither cost nor
+    save energy; wheels rise without work if their slip falls.
+    """
+    # Wheels that skid: the declared resistance is less than the shear at no slip.
+    sentences = []
     tractions = [effect for effect in model.effects if isinstance(effect, SoilTraction)]
-    if not tractions:
-        return ""
-    R = sum(float(effect.R) for effect in model.effects if isinstance(effect, MotionResistance))
-    level = model.soils[0], model.rover, tractions[0], model.gravity
-    slip = level_slip(R, *level)
-    if not slip:
-        return ""
-    return (
-        f"R = {R:.3g} is less than the {traction_factor(0.0, *level):.3g} that shearing this soil takes at no slip: "
-        f"driven wheels skid at S = {slip:.2g} on level ground; leave R out, or give more."
-    )
-
-
-def _unpaid_notes(model: Model) -> list[str]:
-    tractions = [effect for effect in model.effects if isinstance(effect, SoilTraction)]
+    if tractions:
+        R = sum(float(effect.R) for effect in model.effects if isinstance(effect, MotionResistance))
+        level = model.soils[0], model.rover, tractions[0], model.gravity
+        slip = level_slip(R, *level)
+        if slip:
+            sentences.append(
+                f"The motion resistance R = {R:.3g} is less than the traction factor F(0) = "
+                f"{traction_factor(0.0, *level):.3g} of this soil at zero slip, so that driven wheels skid at S = "
+                f"{slip:.2g} on level ground; leave R out, or give a larger R."
+            )
+    # Effects that change the sinkage do not change R, and only the net form contains the compaction resistance.
     unpaid = [type(effect).__name__ for effect in model.effects if effect.unpaid]
-    if not unpaid or not any(traction.leaves_compaction_out for traction in tractions):
-        return []
-    who, form = f"{', '.join(unpaid)} change{'s' * (len(unpaid) == 1)}", tractions[0].form.name
-    return [
-        f"{who} how deep wheels stand, and the {form} form lets that cost or save nothing: R stays; form=net with "
-        "angles=sinkage pays for it."
-    ]
-
-
-def _lift_notes(model: Model) -> list[str]:
-    lifted = [
-        (type(effect).__name__, PAYING[type(effect)].__name__) for effect in model.effects if type(effect) in PAYING
-    ]
-    return [
-        f"{name} lifts a wheel whose slip falls as a spring would, by what it sank: sand gives nothing back; {paying} "
-        "pays for the lift."
-        for name, paying in lifted
-    ]
-
-
-PAYING: dict[type, type] = {SlipSinkage: SlipSoftening, SkidSinkage: Ploughing}
-"""Laws of the slip of now, and those of the same thing that pay for the way up."""
+    if unpaid and any(traction.leaves_compaction_out for traction in tractions):
+        names, form = f"{', '.join(unpaid)} change{'s' * (len(unpaid) == 1)}", tractions[0].form.name
+        sentences.append(
+            f"{names} how deep wheels sink, but with the {form} form this costs or saves no energy, because the motion "
+            "resistance R does not change; with form=net and angles=sinkage, sinking costs energy."
+        )
+    # The depth follows the present slip, so that a falling slip lifts the wheel without work.
+    for effect in model.effects:
+        if type(effect) in PAYING_EFFECTS:
+            sentences.append(
+                f"{type(effect).__name__} lifts a wheel like a spring when its slip falls, although sand returns no "
+                f"energy; the effect {PAYING_EFFECTS[type(effect)].__name__} adds the work of this lift."
+            )
+    return sentences

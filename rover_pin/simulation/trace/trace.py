@@ -1,43 +1,47 @@
-"""What a drive leaves: named channels over time, with units, that can judge themselves."""
+"""The trace of a drive: named channels over time with their units, with checks and a summary."""
 
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rover_pin.base.errors import DataError, MissingExtraError, ParameterError, closest
+from rover_pin.base.errors import DataError, MissingExtraError, ParameterError, UnknownAttributeError, closest
+from rover_pin.base.extras import install_command
 from rover_pin.base.public import html_table
-from rover_pin.simulation.checkpoint import DriveEnd
+from rover_pin.simulation.state import DriveEnd
 from rover_pin.simulation.trace.channels import RATES, unit_of, wheels_in
 
 NOT_LOSSES = ("energy_motor", "energy_electric", "energy_kinetic", "energy_potential", "energy_elastic")
-"""Energy channels beside what soil, stops, servos and further effects take; springs' share is within `energy_body`."""
-SUMMARY_ATTRS = "stop outcome turned warnings notes assumed set_down traction_form motion_resistance_R".split()
-"""Attributes that a summary repeats."""
+"""Names of the energy channels that are no losses. All other energy channels are losses (in soil, end stops, servos and
+body effects). `energy_elastic` is no loss of its own, because it is the part of `energy_body` that springs store."""
+SUMMARY_ATTRS = "stop outcome turned stops warnings notes assumed set_down traction_form motion_resistance_R".split()
+"""Names of the attributes of a trace that are part of its summary."""
 
 
 @dataclass(frozen=True, eq=False)
 class Trace(Mapping[str, np.ndarray]):
-    """Channels of one drive, simulated or measured: a mapping from names to arrays, equal only to itself.
+    """The recorded channels of one drive, simulated or measured: a mapping from names to arrays over time. Two
+    different traces never compare as equal.
 
     Parameters
     ----------
     channels : dict of name -> array (T,)
-        `t_s` [s], increasing, and any others of the same length, named as the columns of a drive log; NaN is a gap.
+        The times `t_s` [s], which increase, and other channels of equal length, named as the columns of a drive log.
+        NaN marks a gap.
     units : dict of name -> str, optional
-        Units; those of the known names need not be given.
+        Units of channels. Channels with a known name need no unit here.
     attrs : dict, optional
-        Plain values about the drive: rover, control, traction form, dt_s, gravity_mps2, stop, versions, ...
-    end : Ended, optional
-        Where a simulated drive ended, for `simulate` to go on from; no file keeps it.
+        Plain values that describe the drive: rover, control, traction form, dt_s, gravity_mps2, stop, versions, ...
+    end : DriveEnd, optional
+        End of a simulated drive, from which `simulate` continues the drive; it is not written to files.
 
     Raises
     ------
     DataError
-        Channels that are no numbers by name, no `t_s`, a time that is not finite or not increasing, or channels of
-        different lengths.
+        The channels are no dict of numbers, there is no `t_s`, a time is not finite or does not increase, or channels
+        have different lengths.
 
     Examples
     --------
@@ -56,22 +60,42 @@ class Trace(Mapping[str, np.ndarray]):
             channels = {name: _unchanging(values) for name, values in dict(self.channels).items()}
         except (TypeError, ValueError) as error:
             raise DataError(f"Trace: channels are no dict of numbers by name: {error}.") from error
+        # The class is frozen, so that fields are set by `object.__setattr__`.
         object.__setattr__(self, "channels", channels)
         object.__setattr__(self, "units", {name: self.units.get(name, unit_of(name)) for name in channels})
         (t,) = self.need("t_s")
         for name, values in channels.items():
             if values.shape != t.shape or t.ndim != 1:
                 raise DataError(
-                    f"Channel '{name}' has shape {values.shape}, t_s {t.shape}: give one number a row to each."
+                    f"Channel '{name}' has shape {values.shape}, t_s {t.shape}: every channel must have one number for "
+                    "each time in t_s."
                 )
         wrong = np.flatnonzero(~(np.diff(t, prepend=-np.inf) > 0.0) | ~np.isfinite(t))
         if wrong.size:
-            raise DataError(f"t_s must be finite and increase, but it is {t[wrong[0]]:g} s at row {wrong[0]}.")
+            raise DataError(
+                f"The times t_s must be finite and increase from row to row, but t_s is {t[wrong[0]]:g} s at row "
+                f"{wrong[0]}: remove or correct this row."
+            )
 
     def __getitem__(self, name: str) -> np.ndarray:
         if name not in self.channels:
             raise ParameterError(f"The trace has no channel '{name}': {closest(name, self.channels)}")
         return self.channels[name]
+
+    if not TYPE_CHECKING:  # for a type checker, the method would mean that every attribute exists
+
+        def __getattr__(self, name: str) -> Any:
+            """Refuse an unknown attribute; for the name of a channel, the error advises brackets."""
+            if name.startswith("_"):
+                raise AttributeError(name)
+            channels = self.__dict__.get("channels", {})
+            hint = f"write trace['{name}'] for the channel." if name in channels else ""
+            per_wheel = [channel for channel in channels if channel.startswith(f"{name}_")]
+            if per_wheel and not hint:
+                hint = f"write trace['{per_wheel[0]}'] for a channel, or trace.stack('{name}') for all wheels."
+            raise UnknownAttributeError(
+                self, name, [*channels, *(key for key in dir(type(self)) if key[0] != "_")], hint
+            )
 
     def __contains__(self, name: object) -> bool:
         return name in self.channels
@@ -83,58 +107,70 @@ class Trace(Mapping[str, np.ndarray]):
         return len(self.channels)
 
     def get(self, name: str, default: Any = None) -> Any:
-        """Return a channel, or `default` where it was not recorded."""
+        """Return the values of a channel (T,), or `default` if the channel was not recorded."""
         return self.channels.get(name, default)
 
-    # arrays have no one truth value: a trace is compared by identity, as it is hashed
+    # A comparison of arrays gives no single truth value: a trace is compared by identity, and hashed accordingly.
     __eq__ = object.__eq__
     __hash__ = object.__hash__
 
     @property
     def t(self) -> np.ndarray:
-        """Time [s] (T,)."""
+        """Times of the rows [s] (T,)."""
         return self.channels["t_s"]
 
     @property
     def wheels(self) -> tuple[str, ...]:
-        """Names of the wheels: as declared in `attrs`, else those that channels are of."""
+        """Names of the wheels: those that `attrs` declares, otherwise those that occur in the names of the channels."""
         return tuple(self.attrs.get("wheels") or wheels_in(self.channels))
 
     @property
     def rate_driven(self) -> bool:
-        """Whether a replay turns the wheels at their measured rates: no duty was recorded, or the log says so."""
+        """Whether a replay of this trace turns the wheels at their measured rates instead of driving the motors by
+        duties, because no duty was recorded or `attrs` asks for it.
+        """
         return self.attrs.get("input") == RATES or not any(name.startswith("duty_") for name in self.channels)
 
     def unit(self, name: str) -> str:
-        """Return a channel's unit."""
+        """Return the unit of a channel; an empty string if no unit is known."""
         self[name]
         return self.units[name]
 
     def stack(self, name: str) -> np.ndarray:
-        """Return a channel of all wheels (T, wheels), as in `stack("slip")`, in the order of `wheels`."""
+        """Return the channel of this name of all wheels as one array (T, wheels), for example `stack("slip")`. The
+        columns have the order of `wheels`.
+
+        The column of a wheel for which the channel was not recorded is NaN, if the channel was recorded for at least
+        one other wheel.
+        """
         suffix = "_A" if name == "current" else ""
-        return np.column_stack([self[f"{name}_{wheel}{suffix}"] for wheel in self.wheels])
+        columns = [f"{name}_{wheel}{suffix}" for wheel in self.wheels]
+        recorded = any(column in self.channels for column in columns)
+        unknown = np.full(len(self.t), np.nan)
+        return np.column_stack([self.channels.get(column, unknown) if recorded else self[column] for column in columns])
 
     def need(self, *names: str) -> tuple[np.ndarray, ...]:
-        """Return these channels; one error names all that are missing.
+        """Return the channels of these names, in this order.
 
-        Raises DataError: a channel that was not recorded.
+        Raises DataError: at least one of the channels was not recorded; the error names all that are missing.
         """
         missing = [name for name in names if name not in self.channels]
         if missing:
             where = f"{self.attrs['file']}: " if "file" in self.attrs else ""
             raise DataError(
-                f"{where}channel{'s' * (len(missing) > 1)} {', '.join(missing)} needed and not recorded: "
+                f"{where}{'these channels are' if len(missing) > 1 else 'this channel is'} needed, but "
+                f"{'were' if len(missing) > 1 else 'was'} not recorded: {', '.join(missing)}; "
                 f"{closest(missing[0], self.channels)}"
             )
         return tuple(self.channels[name] for name in names)
 
     def energy_error(self) -> float:
-        """Return the greatest energy that the balance leaves unexplained, over the greatest energy in it [-].
+        """Return the largest error of the drive's energy balance, divided by the largest energy in the balance [-]. It
+        shows whether the steps of a simulation were short enough.
 
-        |E_motor - (E_kinetic + E_potential + sum of losses)| / max |term|, each term counted from the first row, both
-        maxima over time; the losses are all other `energy_` channels but the electric one: soil, stops, servos, ...
-        0 where nothing moves, NaN where there are fewer than two rows.
+        |E_motor - (E_kinetic + E_potential + sum of losses)| / max |term|. Each term is counted from the first row, and
+        both maxima are taken over time. The losses are all other `energy_` channels except the electric one: soil,
+        stops, servos, ... The result is 0 if nothing moves, and NaN for fewer than two rows.
         """
         motor, *stored = (
             values - values[:1] for values in self.need("energy_motor", "energy_kinetic", "energy_potential")
@@ -146,12 +182,16 @@ class Trace(Mapping[str, np.ndarray]):
         ]
         if len(self.t) < 2:
             return math.nan
+        # Work of the motors = mechanical energy + losses.
         residual = np.max(np.abs(motor - sum(stored) - sum(losses)))
         scale = max(float(np.max(np.abs(term))) for term in (motor, *stored, *losses))
         return float(residual / scale) if scale > 0.0 else 0.0
 
     def summary(self) -> dict[str, Any]:
-        """Return a few plain values of the drive; what was not recorded is left out, and gaps are passed over."""
+        """Return a few numbers and texts that describe the drive, as name -> value. A number is left out if its
+        channels were not recorded, and gaps in channels are ignored.
+        """
+        # Each group of values is left out if its channels are missing.
         short = {"end_time_s": float(self.t[-1]), **self._travel()} if len(self.t) else {}
         if "body_pitch" in self:
             short["max_pitch_deg"] = math.degrees(_over(np.max, np.abs(self["body_pitch"])))
@@ -162,10 +202,14 @@ class Trace(Mapping[str, np.ndarray]):
             short["energy_motor_J"], short["energy_error"] = float(self["energy_motor"][-1]), self.energy_error()
         if "step_error_m" in self.attrs:
             short["step_error_mm"] = 1e3 * float(self.attrs["step_error_m"])
+        # Empty lists of warnings and notes are left out too.
         attrs = {name: self.attrs[name] for name in SUMMARY_ATTRS if self.attrs.get(name, []) != []}
         return {**attrs, **{name: value for name, value in short.items() if math.isfinite(value)}}
 
     def _travel(self) -> dict[str, float]:
+        """Return the length of the path and the position at the end of the drive [m], as entries of the summary. Rows
+        without a known position are ignored.
+        """
         if not {"body_x", "body_y"} <= self.channels.keys():
             return {}
         x, y = self.need("body_x", "body_y")
@@ -177,14 +221,15 @@ class Trace(Mapping[str, np.ndarray]):
         return {"distance_m": path, "end_x_m": float(x[-1]), "end_y_m": float(y[-1])}
 
     def plot(self, *names: str, ax: Any = None) -> Any:
-        """Draw channels against time; return matplotlib's axes.
+        """Draw channels against time, and return matplotlib's axes.
 
         Parameters
         ----------
         *names : str
-            Channels, or what all wheels share of one (`slip`, `duty`, `current`); the slip of all wheels if none.
+            Names of channels, or names that all wheels share (`slip`, `duty`, `current`). Without a name, the slip of
+            all wheels is drawn.
         ax : matplotlib axes, optional
-            Where to draw; those of a new figure of pyplot's, if none, which a notebook or `pyplot.show()` shows.
+            Axes to draw into. If missing, a new figure of pyplot is made, which a notebook or `pyplot.show()` shows.
         """
         from rover_pin.simulation.trace.draw import draw
 
@@ -200,8 +245,10 @@ class Trace(Mapping[str, np.ndarray]):
         return f"<Trace: {len(self.t)} rows of {len(self.channels)} channels{span}{stop}>"
 
     def _repr_html_(self) -> str:
-        """Return the summary as a table, for notebooks."""
-        rows = {name: _value_text(value) for name, value in self.summary().items()}
+        """Return the summary as an HTML table, which notebooks show."""
+        rows = {
+            name: f"{value:.4g}" if isinstance(value, float) else str(value) for name, value in self.summary().items()
+        }
         return html_table(f"{len(self.t)} rows of {len(self.channels)} channels", rows)
 
     def to_xarray(self) -> Any:
@@ -212,13 +259,13 @@ class Trace(Mapping[str, np.ndarray]):
         try:
             import xarray
         except ImportError as error:
-            raise MissingExtraError("Trace.to_xarray needs xarray: pip install 'rover-pin[xarray]'.") from error
+            raise MissingExtraError(f"Trace.to_xarray needs xarray. Run `{install_command('xarray')}`.") from error
         data = {name: ("t_s", values, {"units": self.units[name]}) for name, values in self.channels.items()}
         t = data.pop("t_s")
         return xarray.Dataset(data, coords={"t_s": t}, attrs=dict(self.attrs))
 
     def to_frame(self) -> Any:
-        """Return the channels as a pandas DataFrame; its `attrs` hold the trace's attributes and units."""
+        """Return the channels as a pandas DataFrame. Its `attrs` contain the attributes and the units of the trace."""
         import pandas
 
         frame = pandas.DataFrame(self.channels)
@@ -227,7 +274,9 @@ class Trace(Mapping[str, np.ndarray]):
 
 
 def _unchanging(values: Any) -> np.ndarray:
-    """Return numbers that nobody can change: as they are where that is so already."""
+    """Return the values as a read-only array of floats. An array that is already read-only is returned without a
+    copy.
+    """
     if type(values) is np.ndarray and values.dtype == float and values.base is None and not values.flags.writeable:
         return values
     numbers = np.array(values, dtype=float)
@@ -235,10 +284,9 @@ def _unchanging(values: Any) -> np.ndarray:
     return numbers
 
 
-def _value_text(value: Any) -> str:
-    return f"{value:.4g}" if isinstance(value, float) else str(value)
-
-
 def _over(reduce: Callable[[np.ndarray], Any], values: np.ndarray) -> float:
+    """Return the value of the function `reduce` (a mean or a maximum) for the finite values of an array, or NaN if no
+    value is finite.
+    """
     valid = values[np.isfinite(values)]
     return float(reduce(valid)) if valid.size else math.nan

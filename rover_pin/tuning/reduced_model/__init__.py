@@ -1,1 +1,1 @@
-"""A longitudinal model of the driving rover, small enough to be driven many times: begin with `drive`."""
+"""The reduced model of a driving rover, which is fast enough for thousands of drives in a search. Start at `drive`."""

@@ -28,8 +28,8 @@ def test_its_sizes_and_names_fit(flat):
     assert linear.C.shape == (len(linear.outputs), states)
     assert linear.D.shape == (len(linear.outputs), wheels)
     assert states == 2 * model.rover.model.nv + state.contact.size + state.motor.size
-    way, speed = linear.states.index("way of x"), linear.states.index("speed of x")
-    assert linear.A[way, speed] == pytest.approx(1.0, abs=1e-3)
+    displacement, speed = linear.states.index("displacement of x"), linear.states.index("speed of x")
+    assert linear.A[displacement, speed] == pytest.approx(1.0, abs=1e-3)
     assert linear.C[0, speed] == pytest.approx(1.0)
     assert linear.D[linear.outputs.index("current_fl"), 0] > 0.0
 

@@ -27,7 +27,7 @@ def test_it_is_the_drive_of_the_same_law():
 
 def test_it_says_why_it_ended_and_ends():
     drive = SteppedDrive(scenario("flat").model, 0.2)
-    with pytest.raises(SimulationError, match="goes on"):
+    with pytest.raises(SimulationError, match="not ended"):
         drive.trace()
     with pytest.raises(SimulationError, match=r"duty 1\.5"):
         drive.step(1.5)

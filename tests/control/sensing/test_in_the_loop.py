@@ -8,7 +8,7 @@ import pytest
 from rover_pin import scenario, simulate
 from rover_pin.control.sensing.onboard_slip import OnboardSlip
 from rover_pin.simulation.native.control import commands_of
-from rover_pin.simulation.sensors import Sensed, Sensors
+from rover_pin.simulation.sensors import NoisyController, Sensors
 from studies.shared.tacking import TackingControl
 
 CONTROLS = {
@@ -27,7 +27,7 @@ def controller_of(name, noisy, scene="ditch", **settings):
     chosen = scenario(scene, **CONTROLS.get(name, {}), **settings)
     if name == TACKS:
         chosen = dataclasses.replace(chosen, controller=TackingControl(chosen.model.rover))
-    return chosen, Sensed(chosen.controller, Sensors(), 3) if noisy else chosen.controller
+    return chosen, NoisyController(chosen.controller, Sensors(), 3) if noisy else chosen.controller
 
 
 def alike(one, other):
@@ -70,7 +70,9 @@ def test_what_must_be_asked_is_asked():
         """An estimate of a user's own."""
 
     chosen, control = controller_of("hole law", False)
-    assert commands_of(Sensed(Sensed(control, Sensors(), 1), Sensors(), 2), 6) is None, "noise upon noise"
+    assert commands_of(NoisyController(NoisyController(control, Sensors(), 1), Sensors(), 2), 6) is None, (
+        "noise upon noise"
+    )
     camera = scenario("ditch", control="camera").controller
     assert commands_of(camera, 6) is None
     control.controller.estimate = Own.of(chosen.model)

@@ -5,16 +5,16 @@ import pytest
 from scipy.integrate import quad
 
 from rover_pin.base.errors import ParameterError
-from rover_pin.control.hole_law import HoleLaw
 from rover_pin.control.sensing.ground import UnderWheels, ground_law
-from rover_pin.control.sensing.laws import FACTORS, ReadingTrust, fold_law, still_law, torque_law, wheel_law
+from rover_pin.control.sensing.laws import FACTOR_RANGE, ReadingTrust, fold_law, still_law, torque_law, wheel_law
 from rover_pin.control.sensing.odometry import Camera, TrackedSlip, Tracker, VisualOdometry
+from rover_pin.control.slip_control import HoleLaw
 from rover_pin.effects.slip import RelaxedSlip
 from rover_pin.rover.driven_loads import configuration, driven_loads, footing, turning
 from rover_pin.rover.wheel_base import wheel_mounts
 from rover_pin.scenarios.scenario import scenario
 from rover_pin.simulation.command import Reading, Truth
-from rover_pin.simulation.compiled.suspension import suspension_places
+from rover_pin.simulation.state import suspension_places
 
 PERIOD = 0.05
 
@@ -36,7 +36,7 @@ def test_a_particle_s_slip_settles_at_eq_1():
 def test_a_torque_s_density_is_one_but_for_strays(share):
     law = torque_law(ReadingTrust())
     total, _ = quad(lambda factor: float(law(0.3, [factor, share])), -3.0, 3.0, points=[0.3])
-    assert total == pytest.approx(0.9 + 0.1 * 6.0 / FACTORS, rel=1e-6)
+    assert total == pytest.approx(0.9 + 0.1 * 6.0 / FACTOR_RANGE, rel=1e-6)
     assert float(law(0.3, [1.5, share])) == pytest.approx(0.05, rel=1e-6), "a wall may read anything"
 
 
@@ -60,6 +60,15 @@ def test_densities_of_what_is_read_are_one(bend):
     assert quad(lambda rise: np.exp(float(fold(0.05, [rise, bend]))), 0.0, 1.0, points=[0.01])[0] == pytest.approx(1.0)
     total = quad(lambda change: np.exp(float(still(0.08, [change, bend]))), 0.0, 0.5, points=[0.001, 0.02])[0]
     assert total == pytest.approx(1.0, abs=1e-6)
+
+
+@pytest.mark.parametrize(("u", "bend"), [(0.0, 0.1), (0.01, 0.0), (0.05, 0.2), (-0.08, 0.4)])
+def test_wheels_that_climb_rise_as_the_slope_of_their_way(u, bend):
+    """At a wall all wheels climb `lift` beyond the bend, so the mean rise is u times that slope, and at least noise."""
+    trust = ReadingTrust()
+    law, _ = fold_and_still(1.0)
+    mean = quad(lambda rise: rise * np.exp(float(law(u, [rise, bend]))), 0.0, 2.0, points=[0.005, 0.05], limit=200)[0]
+    assert mean == pytest.approx(abs(complex(trust.settling, u * (bend + trust.lift))), rel=1e-6)
 
 
 STEP = 1e-5

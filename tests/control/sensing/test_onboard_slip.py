@@ -7,8 +7,8 @@ from rover_pin import ConstantDuty, scenario, simulate
 from rover_pin.control.sensing.odometry import Camera, VisualOdometry
 from rover_pin.control.sensing.onboard_slip import OnboardSlip
 from rover_pin.control.sensing.stop import StopStuck
-from rover_pin.simulation.sensors import Sensed, Sensors
-from rover_pin.simulation.timing import CONTROL_PERIOD
+from rover_pin.simulation.sensors import NoisyController, Sensors
+from rover_pin.simulation.stepping.timing import CONTROL_PERIOD
 
 QUIET = Sensors(rate_sd=0.0, rate_step=0.0, angle_sd=0.0, angle_step=0.0, current_sd=0.0, attitude_sd=0.0)
 
@@ -37,7 +37,7 @@ class Watched:
 def watched(name, sensors, duration, estimate=None, **settings):
     scene = scenario(name, soil="table-1", duration=duration, **settings)
     watch = Watched(estimate or OnboardSlip.of(scene.model))
-    simulate(scene.model, Sensed(watch, sensors, 1), duration, scene.start)
+    simulate(scene.model, NoisyController(watch, sensors, 1), duration, scene.start)
     return watch
 
 
@@ -89,7 +89,7 @@ def test_sensed_readings_repeat_and_leave_the_truth():
     scene = scenario("flat", soil="table-1")
     for _ in range(2):
         seen.append([])
-        watch = Sensed(lambda reading: seen[-1].append(reading) or 0.5, Sensors(), 7)
+        watch = NoisyController(lambda reading: seen[-1].append(reading) or 0.5, Sensors(), 7)
         simulate(scene.model, watch, 0.5, scene.start)
     assert all(np.array_equal(a.current, b.current) for a, b in zip(*seen, strict=True))
     assert np.std([reading.wheel_rate[0] - reading.wheel_rate[1] for reading in seen[0]]) > 0.005
@@ -119,7 +119,7 @@ class Minding(Watched):
 def minding(name, duration, **settings):
     scene = scenario(name, soil="table-1", duration=duration, **settings)
     watch = Minding(OnboardSlip.of(scene.model))
-    return watch, simulate(scene.model, Sensed(watch, Sensors(), 1), duration, scene.start)
+    return watch, simulate(scene.model, NoisyController(watch, Sensors(), 1), duration, scene.start)
 
 
 def test_it_knows_that_it_stands_in_a_ditch_and_how_deep():

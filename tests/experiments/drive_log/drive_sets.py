@@ -7,7 +7,7 @@ import numpy as np
 
 from rover_pin import Model, Motor, load_rover, simulate
 from rover_pin.base.quantity import as_table
-from rover_pin.discrepancy.calibration import calibrate
+from rover_pin.discrepancy.search import calibrate
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.experiments.drive_log.calibrate import experiment_on
 from rover_pin.experiments.drive_log.model import DRIVEN_SAND
@@ -15,13 +15,12 @@ from rover_pin.experiments.drive_log.resume import Memory
 from rover_pin.logs.drive_log import LogMetadata, write_drive_log
 from rover_pin.simulation.model.defaults import usual_angles, usual_slip
 from rover_pin.simulation.model.model import base_effects
-from rover_pin.simulation.model.motors import nexus6_motor
+from rover_pin.simulation.model.motor import nexus6_motor
 from rover_pin.simulation.sensors import Sensors, measure
-from rover_pin.simulation.start.place import Start
+from rover_pin.simulation.start import Start
 from rover_pin.soil.wheel_forces import TorqueTraction
-from rover_pin.terrain.profile import Profile
-from rover_pin.terrain.terrain import Lanes
-from rover_pin.terrain.toml_table import write_terrain
+from rover_pin.terrain.files import write_terrain
+from rover_pin.terrain.terrain import Lanes, Profile
 
 
 def base(name="nexus6", waves=0.012):

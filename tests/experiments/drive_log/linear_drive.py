@@ -13,11 +13,10 @@ from rover_pin.effects.weak_motor import WeakMotor
 from rover_pin.estimation.experiment import Experiment
 from rover_pin.estimation.fit import Fit, Task, fit
 from rover_pin.estimation.noise import Noise
-from rover_pin.experiments.drive_log.model import DRIVEN_SAND
-from rover_pin.experiments.drive_log.parameters import owner_name, owners, parameter, with_record
+from rover_pin.experiments.drive_log.model import DRIVEN_SAND, owner_name, owners, parameter, with_record
 from rover_pin.rover.rover import load_rover
 from rover_pin.simulation.model.model import Model, base_effects
-from rover_pin.simulation.model.motors import nexus6_motor
+from rover_pin.simulation.model.motor import nexus6_motor
 from rover_pin.soil.angles import FixedAngles
 from rover_pin.soil.wheel_forces import TorqueTraction
 from rover_pin.terrain.shapes import flat

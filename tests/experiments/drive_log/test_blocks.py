@@ -15,7 +15,7 @@ from rover_pin.experiments.drive_log.experiment import DriveExperiment, experime
 from rover_pin.experiments.drive_log.features import logged_run
 from rover_pin.simulation.replay import commands, replay
 from rover_pin.simulation.simulate import Timing
-from rover_pin.simulation.start.place import Start
+from rover_pin.simulation.start import Start
 
 WHEELS = ("fl", "fr", "ml", "mr", "rl", "rr")
 STEERED = ("fl", "fr", "rl", "rr")

@@ -17,9 +17,10 @@ from rover_pin.effects.weak_motor import WeakMotor
 from rover_pin.experiments.drive_log import candidates as proposals
 from rover_pin.experiments.drive_log.calibrate import raw_current_numbers, with_raw_currents
 from rover_pin.experiments.drive_log.candidates import _places, candidate_of, candidates, scale_effect
-from rover_pin.experiments.drive_log.parameters import parameter
-from rover_pin.experiments.drive_log.places import neighbours
+from rover_pin.experiments.drive_log.experiment import neighbours
+from rover_pin.experiments.drive_log.model import parameter
 from rover_pin.rover.wheel_base import wheel_places
+from rover_pin.simulation.model.effect_files import known_effects
 from rover_pin.terrain.shapes import flat
 
 BENCH = SimpleNamespace(
@@ -41,13 +42,13 @@ def model(name):
 
 
 def tried(name, own=None):
-    return {each.kind: each for each in candidates(model(name), BENCH, (), own)}
+    return {each.kind: each for each in candidates(model(name), BENCH, (), known_effects(own))}
 
 
 def test_every_candidate_can_be_added_to_the_rover():
     for name in ("nexus6", "cart"):
         made = model(name)
-        assert all(each.effect in each.on(made).all_effects for each in candidates(made, BENCH, (), None))
+        assert all(each.effect in each.on(made).all_effects for each in candidates(made, BENCH, (), known_effects()))
 
 
 def driven(along, terrain=None):
@@ -59,21 +60,27 @@ def driven(along, terrain=None):
 
 def test_a_bent_ground_has_knots_along_all_that_wheels_passed():
     way = [0.3, -0.4, np.nan, 1.6]
-    (bent,) = (each for each in candidates(model("nexus6"), driven(way), (), None) if each.kind == "BentGround")
+    (bent,) = (
+        each for each in candidates(model("nexus6"), driven(way), (), known_effects()) if each.kind == "BentGround"
+    )
     begin, length = float(bent.effect.x_from), float(bent.effect.length)
     ahead = np.ptp([place[0] for place in wheel_places(load_rover()).values()]) / 2
     assert begin + length * np.arange(1, 6) / 6 == pytest.approx(np.linspace(-0.4 - ahead, 1.6 + ahead, 5))
     assert (bent.name, len(bent.amplitudes), bent.shapes) == ("BentGround", 5, ())
     assert not neighbours(bent, 0.1), "its place is not sought"
     for bench in (driven([0.0, 0.1]), driven(way, flat())):
-        assert "BentGround" not in {each.kind for each in candidates(model("nexus6"), bench, (), None)}
+        assert "BentGround" not in {each.kind for each in candidates(model("nexus6"), bench, (), known_effects())}
 
 
 def test_a_bent_ground_reaches_as_far_as_the_farthest_wheel(monkeypatch):
     """Of a rover whose base is over its back axle, which drives both ways."""
     xs = np.array([0.5, -0.1])
     monkeypatch.setattr(proposals, "corners", lambda rover: np.stack([np.array([[x, 0.2], [x, -0.2]]) for x in xs]))
-    (bent,) = (each for each in candidates(model("nexus6"), driven([0.0, 1.0]), (), None) if each.kind == "BentGround")
+    (bent,) = (
+        each
+        for each in candidates(model("nexus6"), driven([0.0, 1.0]), (), known_effects())
+        if each.kind == "BentGround"
+    )
     assert bent.effect.x_from + bent.effect.length / 6 == pytest.approx(-0.5)
 
 
@@ -147,7 +154,7 @@ def test_numbers_with_priors_are_candidates_except_soil_motor():
     model = with_raw_currents(log, MODEL).having(TachoScale(e=0.0, wheel="fl")).having(WeakMotor(g=0.0, wheel=1))
     free = [parameter(model, name, 0.01) for name in ("soil.phi", "motor.gear", "TachoScale[fl].e", "WeakMotor[1].g")]
     free += [replace(parameter(model, "TachoScale[fl].e", 0.01), prior=False), *raw_current_numbers(log, model)]
-    found = candidates(model, experiment(), free, None)
+    found = candidates(model, experiment(), free, known_effects())
     assert [each.amplitudes for each in found if each.released] == [("TachoScale[fl].e",), ("WeakMotor[1].g",)]
     names = [each.name for each in found if not each.released]
     assert "TachoScale[fl]" not in names
@@ -160,7 +167,7 @@ def test_numbers_with_priors_are_candidates_except_soil_motor():
 def test_what_is_assumed_to_be_something_is_not_missing(e, declared, freed):
     model = MODEL.having(TachoScale(e=e, wheel="fl"))
     known = replace(parameter(model, "TachoScale[fl].e", 0.01), declared=declared)
-    assert any(each.released for each in candidates(model, experiment(), [known], None)) is freed
+    assert any(each.released for each in candidates(model, experiment(), [known], known_effects())) is freed
 
 
 def test_on_a_long_way_only_what_two_runs_have_passed_is_tried():

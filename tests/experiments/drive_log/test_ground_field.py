@@ -14,20 +14,19 @@ from rover_pin.effects.gravity_tilt import GravityTilt
 from rover_pin.estimation.fit import Task, fit
 from rover_pin.estimation.noise import Noise, declared_noise
 from rover_pin.estimation.random_effects.learnt_noise import with_random_effects
+from rover_pin.experiments.drive_log import ground_variability
+from rover_pin.experiments.drive_log import random_effects as ground
 from rover_pin.experiments.drive_log.candidates import candidate_of, variants
+from rover_pin.experiments.drive_log.excluded_rows import on_borders
 from rover_pin.experiments.drive_log.experiment import experiment_of
 from rover_pin.experiments.drive_log.features import LEAK, logged_run
-from rover_pin.experiments.drive_log.ground import field as ground
-from rover_pin.experiments.drive_log.ground import run_variability
-from rover_pin.experiments.drive_log.parameters import parameter
-from rover_pin.experiments.drive_log.readings.ambiguous_timing import STEPS
-from rover_pin.experiments.drive_log.readings.lane_borders import on_borders
+from rover_pin.experiments.drive_log.model import parameter
+from rover_pin.experiments.drive_log.random_effects import STEPS
 from rover_pin.rover.wheel_base import wheel_places
-from rover_pin.simulation.replay import PERIOD, Commands, replay
-from rover_pin.simulation.start.place import Start
-from rover_pin.terrain.profile import FAR, Profile
+from rover_pin.simulation.replay import PERIOD, ReplayCommands, replay
+from rover_pin.simulation.start import Start
 from rover_pin.terrain.shapes import flat
-from rover_pin.terrain.terrain import Lanes
+from rover_pin.terrain.terrain import BEYOND, Lanes, Profile
 from tests.experiments.drive_log.linear_drive import on_flat
 
 SECONDS, SD = 12.0, 1e-3
@@ -41,7 +40,7 @@ def model():
 def commands(model, duty, yaw=0.0):
     t = PERIOD * np.arange(round(SECONDS / PERIOD))
     steer = np.zeros((len(t), sum(wheel.steer_dof is not None for wheel in model.rover.wheels)))
-    return Commands(t, np.full((len(t), 6), duty), steer, np.full((len(t), 3), np.nan), Start(yaw=yaw))
+    return ReplayCommands(t, np.full((len(t), 6), duty), steer, np.full((len(t), 3), np.nan), Start(yaw=yaw))
 
 
 def logged(truths, name="run"):
@@ -99,7 +98,9 @@ def test_grip_of_a_run_acts_like_a_change_of_the_friction_angle(two, model, fiel
 
 def test_slope_of_a_run_acts_like_ground_of_that_slope(model):
     """The ground itself is inclined, a second way to say it: drive, currents and attitude move alike."""
-    rise = Lanes((Profile(np.array([-FAR, FAR]), np.array([-FAR, FAR]) * math.tan(ground.SLOPE.size)),))
+    rise = Lanes(
+        (Profile(np.array([-BEYOND[0], BEYOND[0]]), np.array([-BEYOND[0], BEYOND[0]]) * math.tan(ground.SLOPE.size)),)
+    )
     experiment = experiment_of(logged([(model, 0.6, 0.0)]), model)
     inclined = experiment_of(experiment.runs, model.replace(terrain=rise))
     difference = inclined.predict([model.replace(terrain=rise)])[0] - experiment.predict([model])[0]
@@ -157,7 +158,7 @@ def test_runs_on_slopes_of_their_own_are_told_and_where(model):
     experiment = experiment_of(logged(truths), model)
     # a tilt of gravity shows in the drive, not in the attitude, which is of the table's frame: pitch is left out
     found = taught(_without(experiment, "body_pitch", "body_z"), model)
-    told = run_variability.ground_variability(found)
+    told = ground_variability.ground_variability(found)
     of_run = next(one for one in told.learnt if one.kind == ground.SLOPE_OF_RUN)
     assert of_run.sd == pytest.approx(0.02, rel=0.4)
     assert told.rms == pytest.approx(0.02 * math.sqrt(2 / 3), rel=0.15)
@@ -197,7 +198,7 @@ def test_ends_of_a_stretch_follow_the_facing_direction(model):
     tilted = model.having(GravityTilt(rise_x=0.02, rise_y=0.0))
     truths = [(tilted, 0.6, math.pi), (model, 0.6, math.pi), (model, 0.7, math.pi)]
     found = taught(_without(experiment_of(logged(truths), model), "body_pitch", "body_z"), model)
-    worst = run_variability.ground_variability(found).worst
+    worst = ground_variability.ground_variability(found).worst
     assert worst.run == "run-0"
     assert worst.slope < -0.01
     assert worst.begin[0] - worst.end[0] > 0.1
@@ -205,7 +206,7 @@ def test_ends_of_a_stretch_follow_the_facing_direction(model):
     back = dataclasses.replace(logged_runs(found)[0], heading=logged_runs(found)[0].heading + math.pi)
     turned = dataclasses.replace(found.task.experiment, runs=(back, *logged_runs(found)[1:]))
     task = dataclasses.replace(found.task, experiment=turned)
-    again = run_variability.ground_variability(dataclasses.replace(found, task=task)).worst
+    again = ground_variability.ground_variability(dataclasses.replace(found, task=task)).worst
     assert (again.begin, again.end) == (worst.end, worst.begin)
 
 
@@ -216,7 +217,7 @@ def logged_runs(found):
 def test_ground_as_declared_is_not_doubted(model):
     experiment = experiment_of(logged([(model, 0.6, 0.0), (model, 0.7, 0.0)]), model)
     found = taught(experiment, model)
-    told = run_variability.ground_variability(found)
+    told = ground_variability.ground_variability(found)
     assert told.worst is None
     assert told.sentence == ""
     assert told.rms < 1e-3

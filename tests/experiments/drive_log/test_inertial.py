@@ -12,7 +12,7 @@ from rover_pin.effects.gear_friction import GearFriction
 from rover_pin.experiments.drive_log.model import base_model, with_spread
 from rover_pin.logs.drive_log import read_drive_log
 from rover_pin.loop.close import close_the_loop
-from rover_pin.simulation.trace.inertial import ACCELEROMETER, GYRO, inertial
+from rover_pin.simulation.sensors import ACCELEROMETER, GYRO, inertial
 from tests.experiments.drive_log import drive_sets
 
 G = 9.81
@@ -124,11 +124,11 @@ def odometry(folder, rover="nexus6"):
 def test_wheel_odometry_alone_compares_currents_and_tilts(tmp_path):
     folder = drive_sets.write(tmp_path / "log", [GearFriction(tau_c=0.08)], extra=unit(), waves=0.0)
     odometry(folder)
-    with pytest.raises(DataError, match=r"they are the wheels' odometry; .* say place = 'odometry' in drive.toml"):
+    with pytest.raises(DataError, match=r"they are the wheels' odometry; .* write place = 'odometry' in drive.toml"):
         close_the_loop(folder, out=tmp_path / "out", jobs=2)
     file = folder / "drive.toml"
     file.write_text(file.read_text(encoding="utf-8").replace("\n[", '\nplace = "odometry"\n[', 1), encoding="utf-8")
     verdict = close_the_loop(folder, out=tmp_path / "out", jobs=2)
     assert verdict.named == ("GearFriction",)
     assert not {"path", "drift", "heading", "speed", "body_z"} & {score.name for score in verdict.scores}
-    assert any("slip is not known" in str(finding) for finding in verdict.findings)
+    assert any("slip is not measured" in str(finding) for finding in verdict.findings)

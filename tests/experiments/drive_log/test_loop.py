@@ -84,7 +84,7 @@ def test_a_loop_that_was_killed_goes_on_and_says_the_same(loop, sagging, tmp_pat
     assert len(kept) > 3
     steps = []
     close_the_loop(sagging, out=tmp_path, progress=steps.append, jobs=2)
-    assert steps[1] == f"going on: {len(kept)} finished steps are kept in {tmp_path}/.resume"
+    assert steps[1].endswith(f"{len(kept)} finished steps are kept in {tmp_path}/.resume")
     assert said(tmp_path) == said(whole)
     assert (tmp_path / "model.toml").read_bytes() == (whole / "model.toml").read_bytes()
 
@@ -132,7 +132,7 @@ def test_log_of_a_user_rover_gives_a_model_readable_anywhere(tmp_path, monkeypat
 def test_a_model_of_the_other_kind_is_refused(tmp_path):
     folder = drive_sets.write(tmp_path, runs=1, duration=1.0)
     log = read_drive_log(folder)
-    with pytest.raises(DataError, match="a drive log starts from a rover's model, not from a RigModel"):
+    with pytest.raises(DataError, match="starts from the model of a rover, but this is a RigModel"):
         close_the_loop(log, RigModel(Wheel(), Soil()))
-    with pytest.raises(DataError, match="a wheel-rig set starts from a wheel's model"):
+    with pytest.raises(DataError, match="starts from the model of a wheel"):
         close_the_loop(RIG, drive_sets.base())

@@ -21,13 +21,12 @@ from rover_pin.experiments.drive_log import next_drives as next_drives_file
 from rover_pin.experiments.drive_log.candidates import candidate_of
 from rover_pin.experiments.drive_log.experiment import experiment_of
 from rover_pin.experiments.drive_log.features import logged_run
+from rover_pin.experiments.drive_log.model import parameter
 from rover_pin.experiments.drive_log.next_drives import _choice, _offer_of_run, next_drives
-from rover_pin.experiments.drive_log.parameters import parameter
-from rover_pin.inference.next_measurement import next_measurement
-from rover_pin.inference.outlook import expectation, with_uncertain_numbers
-from rover_pin.simulation.replay import PERIOD, Commands, Replay, replay
+from rover_pin.inference.next_measurement import expectation, next_measurement, with_uncertain_numbers
+from rover_pin.simulation.replay import PERIOD, Replay, ReplayCommands, replay
 from rover_pin.simulation.sensors import Sensors, measure
-from rover_pin.simulation.start.place import Start
+from rover_pin.simulation.start import Start
 from rover_pin.terrain.shapes import flat
 from tests.experiments.drive_log.linear_drive import on_flat
 
@@ -57,7 +56,7 @@ def forward(model, seed, seconds=12.0):
     t = PERIOD * np.arange(round(seconds / PERIOD))
     levels = np.random.default_rng(seed).uniform(0.45, 0.85, 4)[np.arange(len(t)) * 4 // len(t)]
     steer = np.zeros((len(t), sum(wheel.steer_dof is not None for wheel in model.rover.wheels)))
-    return Commands(t, np.repeat(levels[:, None], 6, axis=1), steer, np.full((len(t), 3), np.nan), Start())
+    return ReplayCommands(t, np.repeat(levels[:, None], 6, axis=1), steer, np.full((len(t), 3), np.nan), Start())
 
 
 def logged(truth, base):

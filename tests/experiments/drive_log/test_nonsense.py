@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from rover_pin.experiments.drive_log.checks.driven import Driven
 from rover_pin.experiments.drive_log.checks.log import faults, findings
-from rover_pin.experiments.drive_log.checks.odometry import odometry_faults, odometry_findings
+from rover_pin.experiments.drive_log.checks.pose import pose_like_the_wheels, pose_of_the_wheels
+from rover_pin.experiments.drive_log.checks.run_blocks import RunBlocks
 from rover_pin.simulation.model.motor import Motor
 from tests.experiments.drive_log import drive_channels as channels
 
@@ -39,7 +39,7 @@ def odometry(run, scale=1.0, noise=0.0, wheels=WHEELS, rounded=12, late=0):
 )
 def test_a_pose_that_is_the_wheels_odometry_is_refused(how):
     run = odometry(drive(0, hill=0.0), **how)
-    assert "they are the wheels' odometry; give a pose that was measured otherwise" in said(log_of(run))
+    assert "they are the wheels' odometry; give a pose from another sensor" in said(log_of(run))
 
 
 @pytest.mark.parametrize("how", [{"rounded": 3}, {"noise": 5e-4}, {"noise": 1.5e-3}], ids=["in mm", "0.5 mm", "1.5 mm"])
@@ -54,8 +54,8 @@ def test_odometry_under_noise_is_named(how):
 @pytest.mark.parametrize("hill", [0.02, 0.05, 0.12])
 def test_a_tracked_pose_on_slopes_is_never_taken_for_odometry(seed, hill):
     for noise in (0.02, 0.3, 1.0):
-        run = Driven(log_of(drive(seed, hill=hill, noise=noise)).runs[0], R)
-        assert not [*odometry_faults(run), *odometry_findings(run)]
+        run = RunBlocks(log_of(drive(seed, hill=hill, noise=noise)).runs[0], R)
+        assert not [*pose_of_the_wheels(run, 0.005), *pose_like_the_wheels(run, 0.05)]
 
 
 def circling(seed=0, noise=0.02):
@@ -125,15 +125,15 @@ def with_currents(scale, seed=0):
 @pytest.mark.parametrize(("scale", "word"), [(0.01, "0.01 times"), (1.0, ""), (0.5, ""), (2.0, "")])
 def test_currents_in_another_scale_are_refused(scale, word):
     told = said(log_of(with_currents(scale)))
-    assert ("what [motor] draws at these duties" in told) is bool(word)
+    assert ("that [motor] draws at these duties" in told) is bool(word)
     assert word in told
 
 
 def test_currents_that_are_hardly_the_motors_are_named():
     log = log_of(with_currents(0.2))
     assert faults(log) == ()
-    (told,) = [str(each) for each in findings(log) if "what [motor] draws" in str(each)]
+    (told,) = [str(each) for each in findings(log) if "that [motor] draws" in str(each)]
     assert "the currents are 0.2 times" in told
     assert "check their scale, and supply, resistance, k_t and gear of [motor]" in told
     unknown = log_of(with_currents(0.01), motor={"supply": 7.2, "resistance": 24.0})
-    assert "what [motor] draws" not in said(unknown)
+    assert "that [motor] draws" not in said(unknown)

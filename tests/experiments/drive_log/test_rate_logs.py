@@ -14,22 +14,22 @@ from rover_pin.effects.effect import MotorEffect
 from rover_pin.effects.gravity_tilt import GravityTilt
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.experiments.drive_log.calibrate import runs_on_estimated_ground
-from rover_pin.experiments.drive_log.candidate_runs import candidate_runs
 from rover_pin.experiments.drive_log.candidates import candidates
 from rover_pin.experiments.drive_log.checks.log import faults, findings
 from rover_pin.experiments.drive_log.experiment import experiment_of
 from rover_pin.experiments.drive_log.features import logged_runs
 from rover_pin.experiments.drive_log.model import base_model, is_rate_driven, nuisances, with_spread
+from rover_pin.experiments.drive_log.next_drives import candidate_runs
 from rover_pin.logs.drive_log import LogMetadata, read_drive_log, write_drive_log
 from rover_pin.simulation.model.defaults import own_motor, own_soil, usual_angles, usual_slip
+from rover_pin.simulation.model.effect_files import known_effects
 from rover_pin.simulation.model.model import base_effects
-from rover_pin.simulation.model.motors import nexus6_motor
+from rover_pin.simulation.model.motor import nexus6_motor
 from rover_pin.simulation.replay import replay
-from rover_pin.simulation.start.place import Start
-from rover_pin.simulation.timing import Timing
+from rover_pin.simulation.start import Start
+from rover_pin.simulation.stepping.timing import Timing
 from rover_pin.soil.wheel_forces import TorqueTraction
-from rover_pin.terrain.profile import Profile
-from rover_pin.terrain.terrain import Lanes
+from rover_pin.terrain.terrain import Lanes, Profile
 from tests.experiments.drive_log import drive_sets
 
 write = drive_sets.write
@@ -66,7 +66,9 @@ def test_its_model_frees_no_motor_and_lacks_none(log):
     assert not [name for name in names if name.startswith(("motor.", "WeakMotor"))]
     assert {"soil.phi", "MotionResistance.R", "TachoScale[fl].e"} <= set(names)
     experiment = experiment_of(logged_runs(log, model.rover), model)
-    assert not [one for one in candidates(model, experiment, (), None) if isinstance(one.effect, MotorEffect)]
+    assert not [
+        one for one in candidates(model, experiment, (), known_effects()) if isinstance(one.effect, MotorEffect)
+    ]
     assert {"path", "heading", "body_pitch", "rocker_l"} <= set(experiment.channels)
     assert not [name for name in experiment.channels if name.startswith(("wheel_rate_", "current_"))]
 
@@ -95,11 +97,12 @@ def test_duties_are_ignored_if_the_log_declares_rates_as_input(tmp_path):
         read_drive_log(folder)
 
 
-def test_without_duties_all_wheel_rates_are_needed(tmp_path):
+def test_without_duties_wheel_rates_of_both_sides_are_needed(tmp_path):
     folder = write(tmp_path, runs=1, duration=3.0)
-    log = only(folder, lambda name: not name.startswith("duty_") and name != "wheel_rate_ml")
-    (fault,) = faults(log)
-    assert "there is no column 'wheel_rate_ml'" in str(fault)
+    log = only(folder, lambda name: not name.startswith("duty_") and name not in ("wheel_rate_ml", "wheel_rate_mr"))
+    assert faults(log) == ()
+    right = ("wheel_rate_fr", "wheel_rate_mr", "wheel_rate_rr")
+    assert {str(fault).split("'")[1] for fault in faults(only(folder, lambda name: name not in right))} >= set(right)
 
 
 def test_a_wheel_that_is_logged_backwards_is_named(tmp_path):

@@ -8,10 +8,16 @@ import pytest
 
 from rover_pin import Trace, load_rover
 from rover_pin.experiments.drive_log.checks.log import findings
+from rover_pin.experiments.drive_log.excluded_rows import (
+    JUMPS,
+    AmbiguousStep,
+    ambiguous_steps,
+    later_duties,
+    pose_outliers,
+    without_pose_outliers,
+)
 from rover_pin.experiments.drive_log.features import AFTER_TURN, LEAK, LoggedRun, in_whole_gaps, logged_run
-from rover_pin.experiments.drive_log.readings.ambiguous_timing import AmbiguousStep, ambiguous_steps, later_duties
-from rover_pin.experiments.drive_log.readings.outliers import JUMPS, pose_outliers, without_pose_outliers
-from rover_pin.experiments.drive_log.readings.tracker import COURSE, HEIGHT, PLACE, TILT, TRACKER, tracker_columns
+from rover_pin.experiments.drive_log.random_effects import COURSE, HEIGHT, PLACE, TILT, TRACKER, tracker_columns
 from tests.experiments.drive_log import drive_channels as channels
 
 GOOD, changed, log_of = channels.GOOD, channels.changed, channels.log_of
@@ -128,7 +134,7 @@ def test_blocks_at_ambiguous_steps_are_excluded_and_reported():
     assert np.mean(other) < 0.01, "what is driven there counts"
     assert (len(even.later), len(rows.later)) == (0, count)
     said = [str(each) for each in findings(log)]
-    assert any(f"so the instants of {count} steps of the duty are unknown, to 0.0" in each for each in said), said
+    assert any(f"so the instants of {count} steps of the duty are unknown, by up to 0.0" in each for each in said), said
 
 
 def test_a_step_in_doubt_is_late_by_the_sd_of_its_instant():

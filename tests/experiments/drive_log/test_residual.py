@@ -1,16 +1,17 @@
 """What a fitted drive model leaves, and the draft of the effect that does it."""
 
 import dataclasses
+import keyword
 import math
 from pathlib import Path
 
+import cloudpickle
 import numpy as np
 import pytest
 
 from rover_pin.contact import Contact, Soil, Wheel
 from rover_pin.discrepancy.draft import score_draft as scored_draft
-from rover_pin.discrepancy.option import singles
-from rover_pin.discrepancy.signature import signatures
+from rover_pin.discrepancy.signature import signatures, singles
 from rover_pin.effects.effect import Body, Drive
 from rover_pin.effects.tether_drag import TetherDrag
 from rover_pin.estimation.fit import Task, fit
@@ -19,19 +20,20 @@ from rover_pin.estimation.random_effects.learnt_noise import with_noise
 from rover_pin.experiments.drive_log.candidates import candidates
 from rover_pin.experiments.drive_log.experiment import experiment_of
 from rover_pin.experiments.drive_log.features import logged_run
-from rover_pin.experiments.drive_log.model import nuisances, with_spread
-from rover_pin.experiments.drive_log.parameters import parameter
+from rover_pin.experiments.drive_log.model import nuisances, parameter, with_spread
+from rover_pin.experiments.drive_log.resume import digest
 from rover_pin.experiments.unlisted.actions import FORCE, GRIP, LEAN, READING, TORQUE, VOLTAGE, Act
-from rover_pin.experiments.unlisted.draft import draft
+from rover_pin.experiments.unlisted.draft import class_name, draft
 from rover_pin.experiments.unlisted.regressors import Argument, Hats, Polynomial, Wave
 from rover_pin.experiments.unlisted.residual import DriveResidual, describe, draft_effect, draft_term
-from rover_pin.experiments.unlisted.term import Term
+from rover_pin.experiments.unlisted.terms import Term
 from rover_pin.inference.expansion import Expansion
 from rover_pin.logs.drive_log import DriveLog, LogMetadata
-from rover_pin.simulation.model.effect_files import user_effects
+from rover_pin.simulation.model.effect_files import known_effects, user_effects
 from rover_pin.simulation.sensors import Sensors, measure
 from rover_pin.simulation.simulate import Timing, simulate
-from rover_pin.simulation.start.place import Start
+from rover_pin.simulation.start import Start
+from tests.experiments.drafts import SameLaw, effect_in
 from tests.experiments.drive_log.linear_drive import on_flat
 
 WHEELS = ("fl", "fr", "ml", "mr", "rl", "rr")
@@ -64,13 +66,12 @@ def term(kind, where, argument, size, unit="N m"):
 
 
 def made(one, tmp_path):
-    """Return the drafted effect, written and read back."""
-    file = tmp_path / f"draft_{abs(hash(one.description))}.py"
-    file.write_text(draft(one, "my draft", WHEELS))
-    (kind,) = user_effects(file)
-    assert kind.__name__ == "MyDraft"
-    assert kind.neutral == {"size": 0.0}
-    return kind()
+    """The drafted effect, as an object and as its source is read back."""
+    drafted = draft(one, "my draft", WHEELS)
+    law = SameLaw(drafted.effect, effect_in(drafted.text, tmp_path))
+    assert type(law.drafted).__name__ == "MyDraft"
+    assert law.drafted.neutral == {"size": 0.0}
+    return law
 
 
 def argument(name, basis, unit="", per_run=False):
@@ -151,13 +152,35 @@ def test_a_reading_draft_is_a_sensor(tmp_path):
     assert np.allclose(read, 1.05 * current + 0.01)
 
 
+def test_class_of_a_draft_is_none_of_the_names_that_its_file_imports():
+    for name in ("load", "none", "true", "body effect", "state", "", "\x1b", "class", "9"):
+        word = class_name(name)
+        assert word.isidentifier()
+        assert not keyword.iskeyword(word)
+        assert word not in ("Load", "State", "Push", "ClassVar", "Effect", "BodyEffect")
+    assert len(class_name(300 * "a")) < 100
+
+
+def test_drafts_of_two_laws_are_two_classes_to_a_digest_and_a_draft_made_again_is_the_same():
+    laws = [term(LEAN, "", argument("nothing", Polynomial(0.0, 1.0, 0)), [size], "N") for size in (0.4, 0.5, 0.4)]
+    first, other, again = (digest(draft(law, "own", WHEELS).effect) for law in laws)
+    assert first != other
+    assert first == again
+
+
+def test_a_drafted_effect_reaches_another_process():
+    law = draft(term(LEAN, "", argument("nothing", Polynomial(0.0, 1.0, 0)), [0.4], "N"), "own", WHEELS).effect
+    received = cloudpickle.loads(cloudpickle.dumps(law.replace(size=2.0)))
+    assert float(received.push(body()).f_x) == pytest.approx(0.8)
+
+
 def test_residual_drafts_the_best_term_an_effect_can_imitate():
     blind = term(TORQUE, "fl", argument("pitch", Polynomial(0.0, 0.1, 2), "rad"), [0.0, 0.1, 0.0])
     able = term(LEAN, "", argument("nothing", Polynomial(0.0, 1.0, 0)), [0.4], "N")
     remainder = DriveResidual((blind, able), (), WHEELS)
     assert "a torque on wheel fl that depends on the pitch" in remainder.description
     assert "+0.4 +- 0.001 N all the time" in remainder.description
-    assert "class Own(BodyEffect)" in draft_effect(remainder, "own")
+    assert "class Own(BodyEffect)" in draft_effect(remainder, "own").text
     assert DriveResidual((dataclasses.replace(able, held_out=3.0),) * 2, (), WHEELS).is_noise
 
 
@@ -215,15 +238,17 @@ def test_unlisted_eccentric_wheel_is_described_and_drafted(tmp_path):
     amplitude = np.max(np.abs(remainder.best.curve.value))
     assert amplitude == pytest.approx(0.03, rel=0.25)
 
-    drafted = tmp_path / "drafted.py"
-    drafted.write_text(draft_effect(remainder, "eccentric wheel again"))
+    written = tmp_path / "drafted.py"
+    written.write_text(draft_effect(remainder, "eccentric wheel again").text)
     gains, plain = {}, Expansion(base, np.zeros((len(base.rows), 0))).posterior().log_evidence
-    for own in (file, drafted):
+    for own in (file, written):
         listed = [
-            one for one in candidates(base.model, experiment, base.parameters, own) if one.name.startswith("Eccentric")
+            one
+            for one in candidates(base.model, experiment, base.parameters, known_effects(own))
+            if one.name.startswith("Eccentric")
         ]
         (gains[own],) = singles(base, signatures(base, listed)) - plain
-    assert gains[drafted] > 0.9 * gains[file] > 25.0
+    assert gains[written] > 0.9 * gains[file] > 25.0
     assert {channel.name for channel in remainder.channels} == set(experiment.channels)
     tried = draft_term(base, remainder, "eccentric wheel again", lambda said: None)
     assert tried.accepted

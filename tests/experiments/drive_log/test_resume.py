@@ -13,6 +13,7 @@ from rover_pin.experiments.drive_log.experiment import DriveExperiment
 from rover_pin.experiments.drive_log.model import base_model, with_spread
 from rover_pin.experiments.drive_log.resume import FOLDER, Memory, digest
 from rover_pin.logs.drive_log import read_drive_log
+from rover_pin.simulation.model.effect_files import known_effects
 from tests.experiments.drive_log import drive_sets
 
 
@@ -35,7 +36,7 @@ def same(one, other):
 
 def test_who_stops_the_work_is_told_what_is_kept(tmp_path):
     memory = Memory(tmp_path, "key")
-    for notes in ([], [f"1 finished steps are kept in {tmp_path}/{FOLDER}: the same command goes on there"]):
+    for notes in ([], [f"1 finished steps are kept in {tmp_path}/{FOLDER}: run the same command again to continue"]):
         with pytest.raises(KeyboardInterrupt) as stop, memory.noting():
             raise KeyboardInterrupt
         assert getattr(stop.value, "__notes__", []) == notes
@@ -91,7 +92,7 @@ def test_calibration_and_signatures_are_resumed_without_a_replay(tmp_path, monke
 
     def through(memory):
         base = drive_sets.calibrated_on(log, start, memory)
-        tried = candidates(base.model, base.task.experiment, base.parameters, None)[:6]
+        tried = candidates(base.model, base.task.experiment, base.parameters, known_effects())[:6]
         return base, signatures(base, tried)
 
     whole, moved = through(Memory())

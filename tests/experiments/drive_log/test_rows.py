@@ -9,9 +9,9 @@ import pytest
 from rover_pin.effects.hard_patch import HardPatch
 from rover_pin.effects.supply_sag import SupplySag
 from rover_pin.experiments.drive_log.candidates import candidate_of
+from rover_pin.experiments.drive_log.experiment import neighbours
 from rover_pin.experiments.drive_log.features import PATH, LoggedRun, comparable_rows, driven_features
 from rover_pin.experiments.drive_log.free_runs import free_runs
-from rover_pin.experiments.drive_log.places import neighbours
 
 T = np.arange(0.0, 12.0, 0.1)
 

@@ -5,13 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from rover_pin.base.files.samples import data_path
-from rover_pin.discrepancy.added import place_edges
-from rover_pin.discrepancy.option import options, singles
-from rover_pin.discrepancy.signature import signatures
+from rover_pin.base.files.paths import data_path
+from rover_pin.discrepancy.search import place_edges
+from rover_pin.discrepancy.signature import options, signatures, singles
 from rover_pin.effects.hard_patch import HardPatch
 from rover_pin.effects.supply_sag import SupplySag
-from rover_pin.estimation.slopes import slopes_at
+from rover_pin.estimation.experiment import slopes_at
 from rover_pin.experiments.drive_log.calibrate import experiment_on
 from rover_pin.experiments.drive_log.candidates import candidates
 from rover_pin.experiments.drive_log.model import base_model, with_spread

@@ -8,11 +8,11 @@ import pytest
 from scipy.signal import lfilter
 
 from rover_pin.base.errors import DataError, ParameterError
+from rover_pin.experiments.drive_log.block_noise import scatter
 from rover_pin.experiments.drive_log.checks.log import findings
 from rover_pin.experiments.drive_log.experiment import DriveExperiment
 from rover_pin.experiments.drive_log.features import BLOCK, logged_run
-from rover_pin.experiments.drive_log.readings.scatter import scatter
-from rover_pin.logs.declared_noise import kind_of
+from rover_pin.logs.drive_log import kind_of
 from rover_pin.rover.rover import load_rover
 from tests.experiments.drive_log import drive_channels as channels
 

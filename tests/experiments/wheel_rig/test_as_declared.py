@@ -11,10 +11,10 @@ from rover_pin.effects.exit_angle import ExitAngle
 from rover_pin.effects.lug_excavation import LugExcavation
 from rover_pin.estimation.numbers import Number
 from rover_pin.experiments.wheel_rig.candidates import candidates, rig_kinds
+from rover_pin.experiments.wheel_rig.declared import describe_declared
 from rover_pin.experiments.wheel_rig.diagnostics import flags
 from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.model import RigModel
-from rover_pin.experiments.wheel_rig.presets import describe_declared
 from rover_pin.loop.close import close_the_loop
 from rover_pin.loop.identify import identify
 from rover_pin.measurements.channel import DrawbarPull
@@ -153,7 +153,7 @@ def test_wheel_spinning_on_the_spot_does_not_give_its_rim_speed(plain, tmp_path)
     def spot(table):
         return table.assign(slip=1.0).drop(columns="rim_speed_mps")
 
-    with pytest.raises(DataError, match="row 1 has slip 1, at which travel_speed_mps is 0 and does not tell the other"):
+    with pytest.raises(DataError, match=r"row 1 has slip 1.*travel_speed_mps is 0"):
         read_rig_set(changed(plain, tmp_path / "spot", points=spot))
 
 
@@ -182,7 +182,7 @@ def test_what_is_declared_presets_the_effects_that_have_it(plain, tmp_path):
     assert tried["FlankPressure"].effect.phi_f == pytest.approx(math.radians(29.0))
     assert "FlankPressure.phi_f" in tried["FlankPressure"].shapes, "an angle of repose is where a fit starts"
     said = describe_declared(data, [one.effect for one in tried.values()])
-    assert any(line.startswith("bulk_density holds Bulldozing.gamma") for line in said)
+    assert any(line.startswith("bulk_density ") and "Bulldozing.gamma" in line for line in said)
     assert any("lug_height" in line and "LugExcavation.h_l" in line for line in said)
     assert not any("not used" in line for line in said)
     first = describe_declared(data, [ExitAngle()])[0]

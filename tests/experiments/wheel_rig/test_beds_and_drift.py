@@ -6,11 +6,12 @@ import pytest
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.conclude import explorer_of
 from rover_pin.experiments.wheel_rig.experiment import RigExperiment
+from rover_pin.experiments.wheel_rig.loop_data import RigData
 from rover_pin.experiments.wheel_rig.model import RigModel
 from rover_pin.inference.error_model import Discrepancy
 from rover_pin.loop.close import close_the_loop
-from rover_pin.loop.rig import question_of
 from rover_pin.measurements.rig_reading import read_rig_set
+from rover_pin.simulation.model.effect_files import known_effects
 from tests.oracle import rig_generator as generator
 
 SLIPS = (-0.3, -0.15, 0.0, 0.1, 0.2, 0.35, 0.5, 0.7, 0.85)
@@ -40,7 +41,7 @@ def written(folder, seed, noise, mixed=True, stiffer=None, **soil):
 def explored(folder):
     """The data's own fit of the base model, and what else was made of it."""
     data = read_rig_set(folder)
-    question = question_of(RigExperiment((data,)), RigModel(data.wheel, data.soil()))
+    question = RigData(RigExperiment((data,)), RigModel(data.wheel, data.soil())).question(known_effects())
     explorer = explorer_of(question, lambda said: None)
     (plain, *_) = explorer.fitted[frozenset()]
     assert plain.errors.discrepancy is Discrepancy.NONE

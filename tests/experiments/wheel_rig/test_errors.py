@@ -7,7 +7,7 @@ from rover_pin import Soil, Wheel, close_the_loop
 from rover_pin.base.errors import DataError
 from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.model import ASKEW, RigModel
-from rover_pin.measurements.rig_errors import RigErrors
+from rover_pin.measurements.channel import RigErrors
 from rover_pin.measurements.rig_reading import read_rig_set
 from studies.shared.rig_fits import calibrated
 from tests.oracle import rig_generator as hidden

@@ -27,7 +27,7 @@ def test_newtons_method_ends_where_more_steps_end(name, monkeypatch):
     """It stops once a step is small: no run is less well balanced for that, neither its load nor its states."""
     model = RigModel(WHEEL, SOIL, (*PAPER, *([KINDS[name]()] if name else [])))
     short = predictor(model, ("phi", "k", "k_1"), RUNS)(model.vector())
-    monkeypatch.setattr(rig, "SETTLED", 0.0)
+    monkeypatch.setattr(rig, "STEP_TOLERANCE", 0.0)
     whole = predictor(model, ("phi", "k", "k_1"), RUNS)(model.vector())
     assert np.abs(short.error).max() < 1e-10
     for own, full in ((short.values, whole.values), (short.jacobian, whole.jacobian)):

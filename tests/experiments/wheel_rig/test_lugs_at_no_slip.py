@@ -19,9 +19,8 @@ from rover_pin.effects.rate_dependence import RateDependence
 from rover_pin.effects.slip_softening import SlipSoftening
 from rover_pin.experiments.wheel_rig.candidates import present_amplitudes
 from rover_pin.experiments.wheel_rig.checks import findings
-from rover_pin.experiments.wheel_rig.experiment import RigExperiment
+from rover_pin.experiments.wheel_rig.experiment import RigExperiment, join_sets
 from rover_pin.experiments.wheel_rig.model import PAPER
-from rover_pin.experiments.wheel_rig.sets import join_sets
 from rover_pin.measurements.rig_reading import read_rig_set
 from studies.shared.rig_fits import calibrated
 
@@ -88,7 +87,7 @@ def test_half_way_up_the_lugs_is_the_best_of_their_height(tmp_path):
 
 def test_a_wheel_that_does_not_say_is_told_of(tmp_path):
     said = [str(each) for each in findings(RigExperiment((read_rig_set(LUGGED),)))]
-    assert any("lug_height without r_over_lugs; r, slip and rim speed are taken as the rim's" in each for each in said)
+    assert any("lug_height" in each and "r_over_lugs" in each for each in said)
     for value in ("true", "false"):
         said = findings(RigExperiment((read_rig_set(over_lugs(tmp_path / value, value)),)))
         assert not any("r_over_lugs" in str(each) for each in said)

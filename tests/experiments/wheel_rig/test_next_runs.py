@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 
-from rover_pin.base.files.samples import data_path
+from rover_pin.base.files.paths import data_path
 from rover_pin.experiments.wheel_rig.next_runs import LOADS, SLIPS, runs_ahead
 from rover_pin.measurements.rig_reading import read_rig_set
 

@@ -44,21 +44,21 @@ def test_real_wheels_raise_no_alarm(name):
 
 IMPOSSIBLE = [
     (DING, {"kind": Torque, "factor": -1.0}, "torque_Nm is negative at slips above 0.1, where the wheel drives"),
-    (CMU, {"kind": Sinkage, "factor": -1.0}, "sinkage_m is negative .* multiply it by -1: positive is down"),
+    (CMU, {"kind": Sinkage, "factor": -1.0}, "sinkage_m is negative .* by -1: positive is down"),
     (DING, {"load": 1.0 / 9.81}, "torque_Nm is 3.51 times the load times radius, more than any soil gives"),
     (DING, {"kind": Torque, "factor": 1e-3}, "gives out 313 times the work that its torque puts in"),
     (DING, {"r": 10.0}, "gives out 3.13 times the work .* and the wheel's r"),
     (CMU, {"kind": DrawbarPull, "factor": 1e3}, "drawbar_pull_N is 42.8 times the load, more than any soil gives"),
-    (CMU, {"load": 1e7}, "no wheel's; give newtons"),
+    (CMU, {"load": 1e7}, "load_N ranges from .*; give newtons"),
 ]
 HARDLY_MEANT = [
     (CMU, {"kind": DrawbarPull, "factor": -1.0}, "falls with slip, from 1.02 to -1.16 N"),
     (DING, {"kind": DrawbarPull, "factor": -1.0}, "falls with slip, from -2.25 to -15 N"),
-    (CMU, {"load": 100.0}, "drawbar_pull_N is never more than 0.00073 of the load"),
+    (CMU, {"load": 100.0}, "drawbar_pull_N never exceeds 0.00073 times the load"),
     (DING, {"load": 100.0}, "torque_Nm at slips above 0.3 is 0.0041 times load times radius, less than any soil"),
     (CMU, {"load": 1.0 / 9.81}, "pressure over sinkage is 3.5e+04 Pa/m, softer than loose sand; check load_N (newtons"),
     (CMU, {"kind": Sinkage, "factor": 1e-3}, "stiffer than clay"),
-    (CMU, {"r": 10.0}, "the wheel is 0.048 times as wide as high"),
+    (CMU, {"r": 10.0}, "the wheel's width is 0.048 times its diameter"),
     (DING, {"kind": DrawbarPull, "factor": 6.0}, "drawbar_pull_N is 1.12 times the load in the median, more than sand"),
 ]
 
@@ -102,7 +102,7 @@ def test_single_rows_and_torques_that_cannot_be():
     spoilt = pull.measured.copy()
     spoilt[3] = 1e308
     others = tuple(each for each in rig.channels if each is not pull)
-    with pytest.raises(DataError, match=r"drawbar_pull_N is .* times the load in row 4; mend or remove that row"):
+    with pytest.raises(DataError, match=r"drawbar_pull_N is .* times the load in row 4; correct or remove that row"):
         refuse_impossible(dataclasses.replace(rig, channels=(DrawbarPull(spoilt, pull.sd), *others)))
     still = RigSet(Wheel(), np.array([0.2, 0.4, 0.6]), 10.0, (Torque(np.full(3, 5e-4), 1e-5),))
     with pytest.raises(DataError, match=r"is 0.0011 times load times radius, less than any soil gives"):
@@ -112,7 +112,7 @@ def test_single_rows_and_torques_that_cannot_be():
 def test_a_noise_that_no_sensor_has_is_refused():
     rig = read_rig_set(DATA / CMU)
     sunk = next(each for each in rig.channels if isinstance(each, Sinkage))
-    with pytest.raises(DataError, match=r"noise of sinkage_m is .* of what was measured, no sensor's; state the SD"):
+    with pytest.raises(DataError, match=r"noise of sinkage_m is .*; state the SD"):
         refuse_impossible(dataclasses.replace(rig, channels=(Sinkage(sunk.measured, 1e-320),)))
 
 
@@ -189,7 +189,7 @@ def test_a_channel_without_its_unit_is_refused(tmp_path, name):
     column = "drawbar_pull_N" if name == "drawbar_pull" else "sinkage_m"
     points = (copied / "points.csv").read_text()
     (copied / "points.csv").write_text(points.replace(f",{column},", f",{name},", 1))
-    with pytest.raises(DataError, match=f"column '{name}' is not read: .*{column}.* Convert it to SI"):
+    with pytest.raises(DataError, match=f"column '{name}' is not read: .*{column}.* to SI"):
         read_rig_set(copied)
 
 
@@ -219,7 +219,7 @@ def test_a_sign_is_wrong_beyond_three_sds_of_a_run(kind, slip, sense):
             said = ""
         except DataError as error:
             said = str(error)
-        assert ("multiply it by -1" in said) is refused
+        assert ("by -1" in said) is refused
 
 
 LEVELS, SD = 6, 0.1
@@ -249,7 +249,7 @@ def test_the_pooled_sd_of_repeats(times):
     assert np.isnan(repeat_sd(alone, alone.channels[0]))
     assert "no level is repeated" in said(alone)
     assert "no level is repeated" not in said(data)
-    assert ("repeats scatter" in said(data)) is (times > 1.5)
+    assert ("the SD of repeats" in said(data)) is (times > 1.5)
 
 
 @pytest.mark.parametrize("off", [3.5, 4.5])
@@ -275,8 +275,8 @@ def experiment_of(*arguments, **named):
 def test_what_is_too_poor():
     enough = rig_of(scattered(0.5))
     assert too_poor(RigExperiment((enough,)), 9) == ""
-    assert "12 measured values for 10 uncertain soil constants" in too_poor(RigExperiment((enough,)), 10)
+    assert "10 uncertain soil constants" in too_poor(RigExperiment((enough,)), 10)
     assert too_poor(experiment_of(scattered(0.5), slips=np.linspace(0.1, 0.26, LEVELS)), 2) == ""
-    assert "slips span 0.14 only" in too_poor(experiment_of(scattered(0.5), slips=np.linspace(0.1, 0.24, LEVELS)), 2)
+    assert "slips span only 0.14" in too_poor(experiment_of(scattered(0.5), slips=np.linspace(0.1, 0.24, LEVELS)), 2)
     assert too_poor(experiment_of(scattered(0.5), levels=3), 2) == ""
     assert "2 levels of slip" in too_poor(experiment_of(scattered(0.5), levels=2), 2)

@@ -9,10 +9,9 @@ import pytest
 from rover_pin import Soil, Wheel, close_the_loop
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.experiments.wheel_rig.candidates import default_effect, rig_kinds
-from rover_pin.experiments.wheel_rig.experiment import RigExperiment
+from rover_pin.experiments.wheel_rig.experiment import RigExperiment, join_sets
 from rover_pin.experiments.wheel_rig.model import PAPER, RigModel
 from rover_pin.experiments.wheel_rig.runs import PRESSED, pressed_in
-from rover_pin.experiments.wheel_rig.sets import join_sets
 from rover_pin.loop.identify import identify
 from rover_pin.measurements.pressed import Trial
 from rover_pin.measurements.rig_reading import read_rig_set
@@ -47,6 +46,20 @@ def forces(rig, effects=(), scale=1.0):
 
 def as_wheel(rig):
     return Wheel(r=rig.r, b=rig.b)
+
+
+@pytest.mark.parametrize(
+    ("boxes", "names"), [((), ["0", "1", "2"]), (("f-d", "loose"), ["f-d, 1", "f-d, 0", "f-d, 2"])]
+)
+def test_a_pressing_is_named_in_words(tmp_path, boxes, names):
+    """Its fold was called `pressed in: ('f-d', 1)`, a tuple of Python, in every report."""
+    path = pressed_set(tmp_path, hidden.Rig("none"))
+    if boxes:
+        lines = (path / "penetration.csv").read_text().splitlines()
+        rows = [f"{boxes[0]},{line}" for line in lines[1:]]
+        (path / "penetration.csv").write_text("\n".join([f"box,{lines[0]}", *rows]) + "\n")
+    trials = read_rig_set(path).trials
+    assert sorted(trial.name for trial in trials) == sorted(names)
 
 
 def test_it_predicts_what_plain_sums_press():
@@ -117,7 +130,7 @@ def test_pressings_tell_the_exponent_that_one_load_does_not(tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("stiffer", [0.7, 1.0, 1.5])
+@pytest.mark.parametrize("stiffer", [*(pytest.param(x, marks=pytest.mark.nightly) for x in (0.7, 1.0)), 1.5])
 def test_sand_stiffer_when_pressed_is_said_and_not_bent(tmp_path, stiffer):
     """The soil under the rolling wheel stays what it is, and nothing is missing."""
     rig = hidden.Rig("none")

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from rover_pin.contact import Contact, Load, Soil, Wheel
-from rover_pin.experiments.wheel_rig.residual import channel_residuals, draft_effect
+from rover_pin.experiments.wheel_rig.describe import channel_residuals, draft_effect
 from rover_pin.experiments.wheel_rig.similarity import ANGLE, LOAD, SLIP, TRAVEL, collapses, simplest, slip_of_travel
 from rover_pin.measurements.rig_reading import read_rig_set
-from rover_pin.simulation.model.effect_files import effects_of_text
+from tests.experiments.drafts import SameLaw, effect_in
 
 RATIOS, ANGLES, LOADS = (0.3, 0.55, 0.8, 1.1, 1.6, 2.5), (0.0, 0.4, 0.8), (20.0, 45.0)
 R, B = 0.0625, 0.06
@@ -105,7 +105,7 @@ def test_the_command_writes_table_and_figure(tmp_path, run, monkeypatch):
     assert Path("here/similarity.png").read_bytes().startswith(b"\x89PNG")
     code, _, refused = run("check-data", "steepening-slope", "--similarity")
     assert code == 2
-    assert "similarity is of a wheel rig's runs; give a folder with rig.toml" in refused
+    assert "give a folder with rig.toml" in refused
 
 
 def test_a_draft_of_a_wheel_askew_is_of_the_whole_travel(tmp_path):
@@ -120,9 +120,10 @@ def test_a_draft_of_a_wheel_askew_is_of_the_whole_travel(tmp_path):
     )
     assert left[0].powers == pytest.approx([2.0, 3.0], abs=1e-6)
     assert left[2].powers == pytest.approx([4.0, -5.0], abs=1e-6)
-    assert "+2 +3 S' N, which takes 100% of it" in left[0].sentence
-    assert "+4 -5 S' N sin beta, which takes 100% of it" in left[2].sentence
-    (kind,) = effects_of_text(draft_effect(data, left))
+    assert "+2 +3 S' N" in left[0].sentence
+    assert "+4 -5 S' N sin beta" in left[2].sentence
+    drafted = draft_effect(data, left)
+    law = SameLaw(drafted.effect, effect_in(drafted.text, tmp_path))
     W = float(np.mean(data.load))
     for slip, angle in ((0.5, 0.4), (-0.3, 0.8), (0.2, 0.0)):
         rim, v = (1.0, 1 - slip) if slip > 0 else (1 + slip, 1.0)
@@ -130,8 +131,8 @@ def test_a_draft_of_a_wheel_askew_is_of_the_whole_travel(tmp_path):
         contact = Contact(
             slip, -v * math.tan(angle), 0.01, v, -v * math.tan(angle), 0.0, rim, 0.0, 0.0, Wheel(), Soil()
         )
-        added, of_travel = kind().load(contact, Load(f_n=W), ()), (rim - V) / max(rim, V)
+        added, of_travel = law.load(contact, Load(f_n=W), ()), (rim - V) / max(rim, V)
         assert float(added.f_t) == pytest.approx(2.0 + 3.0 * of_travel, abs=1e-5)
         assert float(added.f_y) == pytest.approx((4.0 - 5.0 * of_travel) * math.sin(angle), abs=1e-5)
     contact = contact._replace(S=ca.SX.sym("S"))
-    assert isinstance(kind().load(contact, Load(f_n=W), ()).f_t, ca.SX)
+    assert isinstance(law.drafted.load(contact, Load(f_n=W), ()).f_t, ca.SX)

@@ -1,6 +1,8 @@
-"""Whether the runs of a drive log excite enough to tell effects apart, and which run to add where not.
+"""Check whether the runs of a drive log contain enough manoeuvres to distinguish effects, and name the run to add.
 
-Which effects look alike without what is measured in trials: a lumped six-wheel rover, 15 effects hidden in turn.
+The tables DUTY_DRIVEN, RATE_DRIVEN and OF_RUNS have one row for each channel or manoeuvre. Without it, the effects
+named in the row have the same influence on all measured channels. The rows come from trials with a lumped six-wheel
+rover in which 15 effects were hidden in turn.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -8,210 +10,278 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rover_pin.experiments.drive_log.checks.driven import Driven, degrees, spread
-from rover_pin.experiments.drive_log.readings.ambiguous_timing import SAME_DUTY
+from rover_pin.experiments.drive_log.checks.run_blocks import RunBlocks, degrees, spread
+from rover_pin.experiments.drive_log.excluded_rows import SAME_DUTY
 from rover_pin.measurements.checks import Finding
 from rover_pin.measurements.rig_set import SAME_SLIP
 
-LOW_DUTY = 0.15
-"""A drive's lowest duty that still tells where motion begins."""
+MAX_LOW_DUTY = 0.15
+"""If the smallest duty in a log is at most this value, the runs show the duty at which motion begins."""
 
-APART = np.radians(120.0)
-"""Directions of travel this far apart count as opposite."""
+OPPOSITE_ANGLE = np.radians(120.0)
+"""Minimum angle between two directions of travel [rad] that count as opposite."""
 
-PAUSE = 5.0
-"""A stop that lets a motor cool visibly [s]."""
+MIN_PAUSE = 5.0
+"""Minimum duration of a stop [s] that counts as a pause: a motor cools measurably in this time."""
 
-UNLIKE = 0.05
-"""Duties of the wheels that differ by less drive them alike."""
+MIN_DUTY_DIFFERENCE = 0.05
+"""Minimum difference between the duties of two wheels [-] from which the duties count as different."""
 
-SHARE = 0.1
-"""Share of the driven time that something must take up."""
+MIN_TIME_FRACTION = 0.1
+"""Minimum fraction of the driven time that a manoeuvre must take, if the log is to count as containing it."""
 
-LEAST_RUNS, LEAST_TIME = 2, 20.0
-"""Runs, and driven time [s], that a log has at least. Why: one is left out; 20 s are 40 blocks for some 20 numbers."""
+MIN_RUNS, MIN_TIME = 2, 20.0
+"""Minimum number of runs, and minimum driven time [s], of a log for which the loop gives an answer. One run is held
+out; 20 s are 40 half-second blocks for about 20 uncertain numbers."""
 
 
-def excitation_findings(runs: Sequence[Driven], where: str) -> Iterator[Finding]:
-    """Yield, for each missing excitation, the effects that cannot be distinguished without it and the run to add."""
+def excitation_findings(runs: Sequence[RunBlocks], where: str) -> Iterator[Finding]:
+    """Yield a finding for each missing channel or manoeuvre: the effects that cannot be distinguished without it, and
+    the run to add.
+
+    `where` is the name of the log, which is printed with each finding.
+    """
+    # Without duties, other manoeuvres matter, and motors cannot be identified at all.
     rate_driven = any(run.trace.rate_driven for run in runs)
-    lacks = [*_lacks(RATE_DRIVEN, runs)] if rate_driven else [*_lacks(DUTY_DRIVEN, runs), *_electric(runs)]
-    for what, todo in (*lacks, *_lacks(OF_RUNS, runs)):
+    missing = [*_missing(RATE_DRIVEN, runs)] if rate_driven else [*_missing(DUTY_DRIVEN, runs), *_electric(runs)]
+    for what, todo in (*missing, *_missing(OF_RUNS, runs)):
         yield Finding(what, where, todo)
 
 
-def too_poor(runs: Sequence[Driven]) -> str:
-    """Return why the log can answer nothing and what would, or an empty string."""
-    if len(runs) < LEAST_RUNS:
-        return f"{len(runs)} run: none can be held out; add two or more, each of 40 s."
+def too_poor(runs: Sequence[RunBlocks]) -> str:
+    """Return why the runs cannot show a missing effect, with the remedy; an empty text if they can show one.
+
+    Possible reasons are fewer than MIN_RUNS runs, less than MIN_TIME of driving, or no variation in duty, slope and
+    slip.
+    """
+    if len(runs) < MIN_RUNS:
+        return f"there is only {len(runs)} run, so no run can be held out; add two or more runs of 40 s each."
     driven = sum(run.moving_time for run in runs)
-    if driven < LEAST_TIME:
-        return f"the wheels turn for {driven:.3g} s in all; drive for {LEAST_TIME:.0f} s at least, best 6 runs of 40 s."
+    if driven < MIN_TIME:
+        return (
+            f"the wheels turn for only {driven:.3g} s in all runs together; drive for {MIN_TIME:.0f} s at least, best "
+            "in 6 runs of 40 s."
+        )
+    # Variation of at least one of the three is enough.
     if len(levels(runs)) < 2 and pitch_range(runs) < np.radians(2.0) and slip_range(runs) < 0.5 * SAME_SLIP:
         return (
-            "one duty, no slope and no change of slip: every effect looks like a change of soil or motor; vary the "
-            "duty in 0.4 to 0.85 every 2.5 to 5 s, and drive slopes of up to 8 deg both ways."
+            "all runs have one duty, no slope and no change of slip, so every effect looks like a change of soil or "
+            "motor; change the duty every 2.5 to 5 s, between 0.4 and 0.85, and drive slopes of up to 8 deg up and "
+            "down."
         )
     return ""
 
 
-def levels(runs: Sequence[Driven]) -> np.ndarray:
-    """Return duties of the driven time that lie a level apart, those of one sample in a hundred left out."""
-    driven_duties = [duty[run.moving[run.block]] for run in runs for duty in _commands(run).T]
+def levels(runs: Sequence[RunBlocks]) -> np.ndarray:
+    """Return the distinct duties at which the wheels are driven (n,), rounded to multiples of SAME_DUTY.
+
+    A duty that occurs in fewer than 1 % of the samples is left out. In a log without duties, the wheel rates are used
+    instead, as fractions of the fastest rate.
+    """
+    # Only rows with a turning wheel count; a duty at standstill says nothing.
+    driven_duties = [
+        duty[run.moving[run.block]]
+        for run in runs
+        for duty in (run.duty[run.block] if run.trace.rate_driven else run.trace.stack("duty")).T
+    ]
     duties = np.concatenate(driven_duties) if driven_duties else np.zeros(0)
     duties = duties[np.isfinite(duties)]
     grid, count = np.unique(np.round(duties / SAME_DUTY), return_counts=True)
     grid = grid[count > 0.01 * max(duties.size, 1)]
+    # Neighbouring grid points are one level that noise distributes over both.
     distinct_levels: list[float] = []
     for level in grid:
         distinct_levels += [level] if not distinct_levels or level - distinct_levels[-1] > 1.5 else []
     return SAME_DUTY * np.array(distinct_levels)
 
 
-def _commands(run: Driven) -> np.ndarray:
-    """Return the duties, or the rates that are the input as shares of the fastest (T, wheels)."""
-    return run.duty[run.block] if run.trace.rate_driven else run.trace.stack("duty")
-
-
-def slip_range(runs: Sequence[Driven]) -> float:
-    """Return the range of slip that the runs reach."""
+def slip_range(runs: Sequence[RunBlocks]) -> float:
+    """Return the range of the slip ratio while the rover drives steadily in all runs, from the 5th to the 95th
+    percentile.
+    """
     return spread(np.concatenate([run.slip for run in runs])) if runs else 0.0
 
 
-def pitch_range(runs: Sequence[Driven]) -> float:
-    """Return the range of pitch [rad] of the driven time; of the tracked climb where no pitch is recorded."""
-    return spread(np.concatenate([_inclination(run)[run.moving] for run in runs])) if runs else 0.0
+def pitch_range(runs: Sequence[RunBlocks]) -> float:
+    """Return the range of the pitch while the wheels turn in all runs [rad], from the 5th to the 95th percentile.
+
+    If a run has no pitch, the climb angle of the tracked place is used instead.
+    """
+
+    # The pitch is measured directly; the climb angle of the tracked height is the second choice.
+    def inclination(run: RunBlocks) -> np.ndarray:
+        if "body_pitch" in run.trace:
+            return run.mean(run.trace["body_pitch"])
+        if "body_z" not in run.trace:
+            return np.full(run.moving.shape, np.nan)
+        return np.arctan2(run.slope(run.trace["body_z"]), np.maximum(np.abs(run.velocity), 1e-3))
+
+    return spread(np.concatenate([inclination(run)[run.moving] for run in runs])) if runs else 0.0
 
 
-def _inclination(run: Driven) -> np.ndarray:
-    if "body_pitch" in run.trace:
-        return run.mean(run.trace["body_pitch"])
-    if "body_z" not in run.trace:
-        return np.full(run.moving.shape, np.nan)
-    return np.arctan2(run.slope(run.trace["body_z"]), np.maximum(np.abs(run.velocity), 1e-3))
-
-
-def _reaches_low_duty(runs: Sequence[Driven]) -> bool:
+def has_low_duty(runs: Sequence[RunBlocks]) -> bool:
+    """Return whether the wheels are driven at a duty of at most MAX_LOW_DUTY other than zero."""
+    # Duty 0 is no low duty: the motor then brakes.
     duties = np.abs(levels(runs))
     driving = duties[duties > 0.5 * SAME_DUTY]
-    return bool(driving.size and driving.min() <= LOW_DUTY)
+    return bool(driving.size and driving.min() <= MAX_LOW_DUTY)
 
 
-def _opposite_share(runs: Sequence[Driven]) -> float:
-    """Return the share of the steady travel that is far off the mean direction."""
+def opposite_fraction(runs: Sequence[RunBlocks]) -> float:
+    """Return the fraction of the steadily driven time in which the rover travels away from its mean direction of
+    travel.
+
+    A direction counts if its angle to the mean direction is larger than half of OPPOSITE_ANGLE. If all runs go in one
+    direction, the fraction is 0.
+    """
     velocities = [run.velocity[run.steady & (np.abs(run.velocity) > 0.1 * np.abs(run.rim))] for run in runs]
-    ways = np.concatenate(velocities) if velocities else np.zeros(0, dtype=complex)
-    return float(np.mean(np.abs(np.angle(ways * np.conj(ways.mean()))) > 0.5 * APART)) if ways.size else 0.0
+    travel = np.concatenate(velocities) if velocities else np.zeros(0, dtype=complex)
+    if not travel.size:
+        return 0.0
+    return float(np.mean(np.abs(np.angle(travel * np.conj(travel.mean()))) > 0.5 * OPPOSITE_ANGLE))
 
 
-def _reverses(run: Driven) -> bool:
+def has_pause(run: RunBlocks) -> bool:
+    """Return whether the rover stops for at least MIN_PAUSE between two drives of the run."""
+    # The number of still blocks between two moving ones, times the duration of a block.
+    moving = np.flatnonzero(run.moving)
+    return bool(np.any(np.diff(moving) - 1 >= MIN_PAUSE / run.length)) if moving.size else False
+
+
+def has_reversal(run: RunBlocks) -> bool:
+    """Return whether the duties of the run are positive at some times and negative at others."""
     signs = np.sign(run.duty)
     return bool(np.nanmin(signs, initial=1) < 0 < np.nanmax(signs, initial=-1))
 
 
-def _pauses(run: Driven) -> bool:
-    moving = np.flatnonzero(run.moving)
-    return bool(np.any(np.diff(moving) - 1 >= PAUSE / run.length)) if moving.size else False
+def different_duty_fraction(runs: Sequence[RunBlocks]) -> float:
+    """Return the fraction of the steadily driven time in which the duties of the wheels differ by more than
+    MIN_DUTY_DIFFERENCE.
+    """
+    ranges = np.concatenate([np.ptp(run.duty[run.steady], axis=1) for run in runs])
+    return float(np.mean(ranges > MIN_DUTY_DIFFERENCE)) if ranges.size else 0.0
 
 
-def _unlike_share(runs: Sequence[Driven]) -> float:
-    """Return the share of the steady time in which the wheels get different duties."""
-    gaps = np.concatenate([np.ptp(run.duty[run.steady], axis=1) for run in runs])
-    return float(np.mean(gaps > UNLIKE)) if gaps.size else 0.0
+def are_replicates(a: RunBlocks, b: RunBlocks) -> bool:
+    """Return whether one run repeats the other: both have the same duties and start in the same direction."""
+    # The shorter run must have at least 80 % of the length of the other one.
+    rows = min(len(a.duty), len(b.duty))
+    if rows < 0.8 * max(len(a.duty), len(b.duty)) or a.trace.wheels != b.trace.wheels or not rows:
+        return False
+    difference = np.abs(a.duty[:rows] - b.duty[:rows])
+    angle = abs(float(np.angle(a.heading[0] * np.conj(b.heading[0]))))
+    return bool(np.mean(difference[np.isfinite(difference)] < SAME_DUTY) > 1.0 - MIN_TIME_FRACTION) and angle < 0.5
 
 
-def _electric(runs: Sequence[Driven]) -> Iterator[tuple[str, str]]:
-    currents = _lacking(runs, lambda run: [f"current_{wheel}_A" for wheel in run.trace.wheels], "motor currents are")
+def _electric(runs: Sequence[RunBlocks]) -> Iterator[tuple[str, str]]:
+    """Yield pairs (consequence, remedy) for motor currents and battery voltages that at least one of the runs does not
+    have.
+    """
+    currents = _missing_columns(
+        runs, lambda run: [f"current_{wheel}_A" for wheel in run.trace.wheels], "motor currents are"
+    )
     if currents:
         yield (
             f"{currents} not recorded, so friction of the gear and dead band, a weak motor and its "
-            "tachometer's scale look alike, and viscous friction is hidden",
+            "tachometer's scale cannot be distinguished, and viscous friction is hidden",
             "record current_WHEEL_A",
         )
-    supply = _lacking(runs, lambda run: ["battery_V"], "battery_V is")
+    supply = _missing_columns(runs, lambda run: ["battery_V"], "battery_V is")
     if supply:
         yield f"{supply} not recorded, so sag and run-down of the supply show in the wheel rates only", "record it"
 
 
-def _lacking(runs: Sequence[Driven], wanted: Callable[[Driven], list[str]], all_of_them: str) -> str:
-    """Return what of the wanted columns is missing, with its verb: `all_of_them`, those of some runs, or nothing."""
+def _missing_columns(runs: Sequence[RunBlocks], columns: Callable[[RunBlocks], list[str]], if_all: str) -> str:
+    """Return the beginning of a sentence on missing columns, such as "current_fl_A of a.csv is"; empty if no column is
+    missing.
+
+    If all `columns` are missing in all runs, the beginning of the sentence is `if_all`.
+    """
     missing = [
-        (name, str(run.trace.attrs.get("file"))) for run in runs for name in wanted(run) if name not in run.trace
+        (name, str(run.trace.attrs.get("file"))) for run in runs for name in columns(run) if name not in run.trace
     ]
-    if not missing or len(missing) == sum(len(wanted(run)) for run in runs):
-        return all_of_them if missing else ""
-    names, files = (", ".join(dict.fromkeys(pair[at] for pair in missing)) for at in (0, 1))
+    if not missing or len(missing) == sum(len(columns(run)) for run in runs):
+        return if_all if missing else ""
+    names, files = (", ".join(dict.fromkeys(column)) for column in zip(*missing, strict=True))
     return f"{names} of {files} {'is' if len(missing) == 1 else 'are'}"
 
 
-def _replicates(a: Driven, b: Driven) -> bool:
-    """Whether two runs have the same duties and start in the same direction."""
-    rows = min(len(a.duty), len(b.duty))
-    if rows < 0.8 * max(len(a.duty), len(b.duty)) or a.trace.wheels != b.trace.wheels or not rows:
-        return False
-    duty_gap = np.abs(a.duty[:rows] - b.duty[:rows])
-    turned = abs(float(np.angle(a.heading[0] * np.conj(b.heading[0]))))
-    return bool(np.mean(duty_gap[np.isfinite(duty_gap)] < SAME_DUTY) > 1.0 - SHARE) and turned < 0.5
+class ExcitationCheck(NamedTuple):
+    """A check whether the runs of a log contain a manoeuvre, by a statistic of all runs and the minimum of this
+    statistic.
 
+    If the statistic is below the minimum, the report states which effects cannot be distinguished (`consequence`) and
+    which run to add (`remedy`).
+    """
 
-class Lack(NamedTuple):
-    """What runs may lack: a statistic that is below its least value, what then looks alike, and the run to add."""
-
-    statistic: Callable[[Sequence[Driven]], float]
-    least: float
-    what: str
-    "with the statistic as {value}, in {degrees}, and {s} behind what is more than one"
-    todo: str
+    statistic: Callable[[Sequence[RunBlocks]], float]
+    minimum: float
+    consequence: str
+    """text in which {value} stands for the statistic, {degrees} for the statistic as an angle, and {s} for the plural
+    ending"""
+    remedy: str
 
 
 OF_MOTION = (
-    Lack(slip_range, SAME_SLIP,
-         "slips span {value:.2f} only, so what depends on slip cannot be distinguished from the soil's constants",
+    ExcitationCheck(slip_range, SAME_SLIP,
+         "slips span {value:.2f} only, so effects that depend on slip look like other constants of the soil",
          "add a run up a slope that grows until the wheels slip by 0.3 or more"),
-    Lack(pitch_range, np.radians(5.0),
-         "slopes span {degrees} only, so multi-pass, a shifted centre of mass and effects of the load look alike",
+    ExcitationCheck(pitch_range, np.radians(5.0),
+         "slopes span {degrees} only, so multi-pass, a shifted centre of mass and effects of the load cannot be "
+         "distinguished",
          "add runs up and down a slope of about 8 deg, or repeat one with 1 kg more"),
-    Lack(_opposite_share, 0.5 * SHARE,
-         "all runs go one way, so a wrong slope, the drag of a tether and rolling resistance look alike",
+    ExcitationCheck(opposite_fraction, 0.5 * MIN_TIME_FRACTION,
+         "all runs go in one direction, so a wrong slope, the drag of a tether and rolling resistance cannot be "
+         "distinguished",
          "repeat a run in the opposite direction"),
 )  # fmt: skip
 DUTY_DRIVEN = (
-    Lack(lambda runs: levels(runs).size, 3,
+    ExcitationCheck(lambda runs: levels(runs).size, 3,
          "the duty has {value} level{s}, so friction of the gear, rolling resistance, supply and strength of the "
-         "motors look alike", "add a run with duties of 0.4 to 0.85, each held for 2.5 to 5 s"),
-    Lack(_reaches_low_duty, 1, "no low duty, so friction of the gear and a dead band of the driver look alike",
-         "add a staircase of duty down to 0.06, or lift the wheels and record one"),
+         "motors cannot be distinguished", "add a run with duties of 0.4 to 0.85, each held for 2.5 to 5 s"),
+    ExcitationCheck(has_low_duty, 1,
+         "no low duty, so friction of the gear and a dead band of the driver cannot be distinguished",
+         "add a run whose duty falls in steps to 0.06, or record such steps with lifted wheels"),
     *OF_MOTION,
-    Lack(lambda runs: any(map(_pauses, runs)), 1,
-         "no stop between two drives, so heating of the windings, sag of the supply and digging look alike",
-         "add a run that drives, pauses for a minute and drives on"),
-    Lack(lambda runs: any(map(_reverses, runs)), 1,
-         "no reversal, so multi-pass, tachometer scales and the wheel's radius look alike",
+    ExcitationCheck(lambda runs: any(map(has_pause, runs)), 1,
+         "no stop between two drives, so heating of the windings, sag of the supply and digging cannot be "
+         "distinguished", "add a run that drives, pauses for a minute and drives on"),
+    ExcitationCheck(lambda runs: any(map(has_reversal, runs)), 1,
+         "no reversal, so multi-pass, tachometer scales and the wheel's radius cannot be distinguished",
          "add a run that drives back in its own ruts"),
-    Lack(_unlike_share, SHARE,
-         "all wheels get one duty, so one weak motor, a tachometer's scale and uneven loads look alike",
+    ExcitationCheck(different_duty_fraction, MIN_TIME_FRACTION,
+         "all wheels get one duty, so one weak motor, a tachometer's scale and uneven loads cannot be distinguished",
          "add a run in which the wheels' duties differ by up to 0.1"),
 )  # fmt: skip
+"""Checks of a log with duties, whose simulations take the duties as their input."""
 RATE_DRIVEN = (
-    Lack(lambda runs: 0, 1,
-         "no duty is recorded, so the wheels are held to their measured rates: what acts in the motors and gears "
-         "(friction, weak motors, sag, heating, a dead band) does not show",
+    ExcitationCheck(lambda runs: 0, 1,
+         "no duty is recorded, so the wheels are held to their measured rates: effects in the motors and gears "
+         "(friction, weak motors, sag, heating, a dead band) do not show",
          "record duty_WHEEL, or current_WHEEL_A, if that matters"),
-    Lack(lambda runs: any("body_pitch" in run.trace or "body_z" in run.trace for run in runs), 1,
+    ExcitationCheck(lambda runs: any("body_pitch" in run.trace or "body_z" in run.trace for run in runs), 1,
          "neither pitch nor height is recorded, so slip cannot be distinguished from an unknown slope",
          "record body_pitch or body_z, or declare the terrain"),
     *OF_MOTION,
 )  # fmt: skip
+"""Checks of a log without duties, whose simulations take the measured wheel rates as their input."""
 OF_RUNS = (
-    Lack(len, 3, "{value} run{s}: results of so few held-out runs mean little", "add runs, best 6 and 3 to hold out"),
-    Lack(lambda runs: any(_replicates(a, b) for i, a in enumerate(runs) for b in runs[:i]), 1,
-         "no run is repeated, so what scatters and what the model cannot describe look alike",
+    ExcitationCheck(len, 3, "{value} run{s}: results of so few held-out runs mean little",
+         "add runs: best are 6 runs to fit and 3 to hold out"),
+    ExcitationCheck(lambda runs: any(are_replicates(a, b) for i, a in enumerate(runs) for b in runs[:i]), 1,
+         "no run is repeated, so a scatter from run to run and an error of the model cannot be distinguished",
          "repeat a run with the same commands on freshly raked soil"),
 )  # fmt: skip
+"""Checks of the number of runs and of repeated runs, for every log."""
 
 
-def _lacks(table: Sequence[Lack], runs: Sequence[Driven]) -> Iterator[tuple[str, str]]:
-    for lack in table:
-        value = lack.statistic(runs)
-        if value < lack.least:
-            yield lack.what.format(value=value, degrees=degrees(value), s="s" * (value != 1)), lack.todo
+def _missing(table: Sequence[ExcitationCheck], runs: Sequence[RunBlocks]) -> Iterator[tuple[str, str]]:
+    """Yield the pair (consequence, remedy) of each check whose statistic is below its minimum in the runs of a log.
+
+    The statistic of such a check is below the minimum.
+    """
+    for check in table:
+        value = check.statistic(runs)
+        if value < check.minimum:
+            text = check.consequence.format(value=value, degrees=degrees(value), s="s" * (value != 1))
+            yield text, check.remedy

@@ -1,31 +1,141 @@
-"""Whether a drive log can answer at all: refusals, findings that a reader should know of, and what to drive next.
+"""Apply all checks of a drive log, and list them in tables with their limits and remedies.
 
-`read_drive_log` has refused before: clocks that run back, text for numbers, duties in percent, undeclared wheels.
+A check of a run is a row (statistic, limit, remedy) of the table REFUSALS or NOTES. `refuse_unfit` stops the loop
+before it fits a log that would mislead every model. `findings` returns the notes for the reader. Checks of the whole
+log (its rover, channels, declared values and manoeuvres) are called directly. `read_drive_log` has already refused
+decreasing times, text in place of numbers, duties in percent, and undeclared wheels.
 """
 
-from collections.abc import Callable, Iterator
+import math
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any, NamedTuple
 
 from rover_pin.base.errors import DataError
 from rover_pin.base.jobs.time_left import telling
-from rover_pin.base.quantity import quantities, record_from
+from rover_pin.base.quantity import Record, quantities, record_from
 from rover_pin.contact import Wheel
-from rover_pin.experiments.drive_log.checks import columns, declared, excitation, odometry, sensors, signs, speeds
-from rover_pin.experiments.drive_log.checks.driven import Declared, Driven, Remarks
-from rover_pin.experiments.drive_log.checks.units import unit_faults
+from rover_pin.estimation.wording import MAX_NOISE_RATIO
+from rover_pin.experiments.drive_log.checks import channels, excitation, motors, pose
+from rover_pin.experiments.drive_log.checks.run_blocks import (
+    SUSPECT_RATIO,
+    WRONG_RATIO,
+    DeclaredFacts,
+    Remarks,
+    RunBlocks,
+)
+from rover_pin.experiments.drive_log.excluded_rows import lanes_under, white_noise_sd
 from rover_pin.experiments.drive_log.features import BLOCK, logged_run
-from rover_pin.experiments.drive_log.readings.lane_borders import lanes_under
-from rover_pin.logs.drive_log import DriveLog
+from rover_pin.experiments.drive_log.model import is_rate_driven, usual_soil
+from rover_pin.logs.drive_log import FILE, NOISE, DriveLog, kind_of
 from rover_pin.logs.run_terrain import is_of_run
 from rover_pin.measurements.checks import Finding, merge_findings
 from rover_pin.rover.wheel_base import base_of
+from rover_pin.simulation.model.defaults import own_motor
 from rover_pin.simulation.model.motor import Motor
+from rover_pin.terrain.files import LARGEST
+
+SOIL = ("phi", "k", "k_1")
+MOTOR = ("supply", "resistance", "k_t", "gear")
+"""Numbers of a soil (SOIL) and of a motor (MOTOR) that the loop needs most. If a log does not declare them, a note is
+given."""
+
+MAX_WHEEL_ERROR = 0.02
+"""Maximum relative difference between a declared wheel radius or width and that of the rover's wheel. A larger
+difference is not a rounding error: the smallest wheels have 5 mm, rounded to 0.1 mm."""
+
+MAX_NUMBER = 1e12
+"""Maximum absolute value of a number in a channel. A larger number is a code of a program for a missing value, because
+no quantity of a rover comes near this number."""
+
+
+class Check(NamedTuple):
+    """A check of one run: a statistic, the limit beyond which the statistic shows a fault, and the remedy of the
+    fault.
+    """
+
+    statistic: Callable[[RunBlocks, Any], Remarks]
+    """function of a run and the limit, which yields pairs (fault, remedy)"""
+    limit: Any
+    """limit of the statistic, in the unit of the statistic; the docstring of the statistic explains it"""
+    remedy: str
+    """remedy of the check, which is printed for faults whose own remedy is empty"""
+
+    def findings(self, run: RunBlocks) -> Iterator[Finding]:
+        """Apply the check to a run, and yield each fault as a finding with the name of the run's file and the
+        remedy.
+        """
+        return (Finding(what, run.name, todo or self.remedy) for what, todo in self.statistic(run, self.limit))
+
+
+REFUSALS: tuple[tuple[Check, ...], ...] = (
+    (
+        Check(channels.frozen_sensors, 0.1,
+              "the sensor is stuck or unplugged: replace its data, or leave the run out"),
+        Check(motors.wrong_wheel_signs, motors.OPPOSITE, "multiply the channel by -1"),
+    ),
+    (
+        Check(pose.far_places, 10.0 * LARGEST, "give metres from an origin on the declared ground"),
+        Check(channels.slow_sampling, 1.0,
+              "if t_s is in milliseconds divide it by 1000, else log twice a second or more"),
+        Check(pose.wrong_speed_units, (0.5, 5.0),
+              "check the units of wheel_rate_*, body_x and body_y, and the wheel's radius"),
+        Check(channels.angles_in_degrees, channels.MAX_ANGLES, "if it is in degrees multiply it by pi / 180"),
+        Check(channels.thousandths, (channels.MAX_VOLTS, channels.MAX_AMPERES), "divide it by 1000"),
+        Check(pose.wrong_velocity, 2.0, "give m/s, or leave them out"),
+        Check(pose.racing_height, SUSPECT_RATIO, "give metres: if it is in mm divide it by 1000"),
+        Check(motors.racing_wheels, SUSPECT_RATIO, "give duties from -1 to 1, and correct [motor]"),
+        Check(pose.start_offset, (0.25, math.radians(30.0)),
+              "give start in the axes and units of body_x, body_y and body_yaw, or leave it out"),
+    ),
+    (
+        Check(pose.wrong_heading, pose.MAX_ASTRAY,
+              "check the axes of body_x and body_y, and that body_yaw is in radians and 0 along the x axis; or leave "
+              "body_yaw out, so that import-log takes the direction of travel as heading"),
+        Check(pose.wrong_pitch, 5.0, "multiply it by pi / 180, or by -1"),
+        Check(pose.pose_of_the_wheels, 0.005,
+              "give a pose from another sensor, such as a camera, GNSS or a total station; or write place = "
+              "'odometry' in drive.toml: then only currents, tilts and turn rates are compared, and no slip"),
+    ),
+    (Check(motors.currents_off_the_motor, WRONG_RATIO, "give amperes, or leave the currents out"),),
+)  # fmt: skip
+"""Checks whose faults refuse a run, in four stages. Of the first three stages, only the first one with a fault is
+reported: speeds can be judged only after the wheels are right, and signs only after the units are right. The last stage
+is always reported."""
+
+NOTES: tuple[Check, ...] = (
+    Check(pose.start_offset, (0.03, math.radians(6.0)),
+          "the first seconds of the run are affected: correct start, or leave it out"),
+    Check(pose.beyond_the_ground, 0.0, "the ground there is guessed: extend the terrain's file"),
+    Check(channels.gaps, (channels.NOTABLE_SHARE, channels.NOTABLE_LENGTH), ""),
+    Check(channels.late_samples, channels.MAX_LATE_PERIODS,
+          "look for dropped frames; the motion between these samples is unknown"),
+    Check(channels.ambiguous_duty_steps, 1, "nothing is compared in the half-seconds around them"),
+    Check(channels.stuck_channels, 3.0, "empty these cells, or leave the run out"),
+    Check(channels.outlying_poses, 1, ""),
+    Check(channels.jumps, channels.MIN_ANGLE_JUMP, "the tracker has probably lost the rover: empty the wrong cells"),
+    Check(channels.spikes, 4.0, "empty these cells"),
+    Check(motors.travel_against_wheels, 0.05,
+          "the rover slides, or the clocks of tracker and wheels differ: compare their times"),
+    Check(motors.negative_slip, -0.15,
+          "check the wheel's radius and the tracker's scale, unless the rover drives downhill"),
+    Check(motors.wrong_supply, 0.3, "correct the supply in [motor], or the voltage's scale"),
+    Check(motors.currents_beyond_stall, 1.5,
+          "correct resistance and supply in [motor], or the current's scale"),
+    Check(pose.pose_like_the_wheels, 0.05,
+          "if they are wheel odometry, give a measured pose; otherwise add runs on slopes, where the slip varies"),
+    Check(motors.currents_off_the_motor, SUSPECT_RATIO,
+          "check their scale, and supply, resistance, k_t and gear of [motor]"),
+    Check(pose.unlevel_differential, 0.02,
+          "take the potentiometers' zero on level ground, or expect a sensor bias"),
+    Check(motors.doubtful_current_signs, motors.OPPOSITE, "check the zero and the sign of the channel"),
+)  # fmt: skip
+"""Checks whose faults are notes for the reader. The loop uses such a run and takes the fault into account."""
 
 
 def refuse_unfit(log: DriveLog) -> None:
-    """Refuse a log that would mislead whatever the model.
+    """Raise DataError if the log has a fault that would mislead every model, such as a wrong unit or a wrong sign.
 
-    Raises DataError: a needed channel that is missing, mostly empty or stuck; an infinite number; a wrong unit; a wrong
-    sign. The first of `faults`.
+    The error message states the first fault and the number of further faults.
     """
     log_faults = faults(log)
     if log_faults:
@@ -34,103 +144,167 @@ def refuse_unfit(log: DriveLog) -> None:
 
 
 def faults(log: DriveLog) -> tuple[Finding, ...]:
-    """Return every reason to refuse the log, those that differ only in their run as one."""
-    missing = [*declared.rover_faults(log), *columns.column_faults(log), *columns.absurd_faults(log)]
-    return merge_findings(missing or _faults_of_runs(log))
+    """Return all faults for which a drive log is refused. A fault that several runs have is one finding.
 
-
-def _faults_of_runs(log: DriveLog) -> Iterator[Finding]:
-    """Yield of each run what the first stage finds that finds anything, and currents that are not its motors'."""
+    If the rover or a channel of the log is wrong, only these faults are returned, because the checks of the runs need
+    correct channels.
+    """
+    of_log = [*rover_faults(log), *channels.missing_channels(log), *channels.absurd_numbers(log, MAX_NUMBER)]
+    if of_log:
+        return merge_findings(of_log)
+    of_runs: list[Finding] = []
     runs = driven_runs(log)
     for run in telling(runs, len(runs), "runs looked at for faults"):
-        by_stage = ([finding for check in checks for finding in _by(check, run)] for checks in FAULTS)
-        yield from (*next(filter(None, by_stage), []), *_by(sensors.current_faults, run))
-
-
-Check = Callable[[Driven], Remarks]
-FAULTS: tuple[tuple[Check, ...], ...] = (
-    (sensors.frozen_faults, signs.wheel_sign_faults),
-    (declared.far_faults, unit_faults, speeds.velocity_faults, speeds.height_faults, speeds.racing_faults,
-     declared.start_faults),
-    (signs.heading_faults, signs.pitch_faults, odometry.odometry_faults),
-)  # fmt: skip
-"""What refuses a run: speeds tell something only where the wheels are right, signs only where the units are."""
-FINDINGS: tuple[Check, ...] = (
-    declared.start_findings, declared.ground_findings, columns.gap_findings, columns.clock_findings,
-    columns.ambiguous_step_findings, sensors.stuck_findings, sensors.jump_findings, sensors.range_findings,
-    sensors.supply_findings, odometry.odometry_findings, sensors.current_findings, signs.differential_findings,
-)  # fmt: skip
-"""What a reader should know of a run."""
-
-
-def _by(check: Check, run: Driven) -> Iterator[Finding]:
-    return (Finding(what, run.name, todo) for what, todo in check(run))
+        # A stage is computed only if the stages before find nothing: its statistics need the checked channels.
+        *stages, last = REFUSALS
+        by_stage = ([finding for check in stage for finding in check.findings(run)] for stage in stages)
+        of_runs += next(filter(None, by_stage), [])
+        of_runs += (finding for check in last for finding in check.findings(run))
+    return merge_findings(of_runs)
 
 
 def findings(log: DriveLog) -> tuple[Finding, ...]:
-    """Return what a reader should know, one line each: channels, gaps, sensors, then excitation."""
-    of_data = [*columns.column_findings(log), *declared.declared_findings(log), *_of_runs(log)]
+    """Return the notes of the data check for the reader: on channels, declared values, runs, and missing manoeuvres.
+
+    A log with notes is fitted nevertheless. `faults` returns the faults for which a log is refused.
+    """
+    # The same fault in several runs becomes one finding.
+    of_data = [*channels.unrecorded_channels(log), *declared_findings(log), *_notes_of_runs(log)]
     of_loop = excitation.excitation_findings(driven_runs(log), log.metadata.name)
     return merge_findings([*of_data, *compared_findings(log), *of_loop])
 
 
 def data_findings(log: DriveLog) -> tuple[Finding, ...]:
-    """Return those of the findings that say of the data what any fit to them should know: channels, gaps, sensors."""
-    return merge_findings([*columns.column_findings(log), *_of_runs(log)])
+    """Return the notes that concern every fit to the log: on channels that are not recorded, gaps, and faulty
+    sensors.
+    """
+    return merge_findings([*channels.unrecorded_channels(log), *_notes_of_runs(log)])
 
 
-def _of_runs(log: DriveLog) -> Iterator[Finding]:
+def _notes_of_runs(log: DriveLog) -> Iterator[Finding]:
+    """Apply the checks of the table NOTES to all runs, and yield their findings."""
     runs = driven_runs(log)
     for run in telling(runs, len(runs), "runs checked"):
-        for check in FINDINGS:
-            yield from _by(check, run)
+        for check in NOTES:
+            yield from check.findings(run)
 
 
 def too_poor(log: DriveLog) -> str:
-    """Return why the log cannot tell an effect from soil and motor and what would, or an empty string."""
+    """Return why the runs cannot distinguish a missing effect from wrong soil and motor constants, with the remedy.
+
+    The text is empty if they can distinguish it.
+    """
     return excitation.too_poor(driven_runs(log))
 
 
-def driven_runs(log: DriveLog) -> list[Driven]:
-    """Return the runs as the checks look at them, with the wheels' radius as declared, else the rover's."""
+def driven_runs(log: DriveLog) -> list[RunBlocks]:
+    """Return the runs of a log in the form that the checks need, with means over blocks of time.
+
+    The radius of the wheels is the radius that the log declares, or otherwise the radius of the rover's wheels.
+    """
+    # A declared radius replaces that of the rover, as the user states it for this log.
     rover, metadata = log.load_rover(), log.metadata
     declared_wheel = {name: entry for name, entry in metadata.wheel.items() if name == "r"}
     wheel = record_from(Wheel, declared_wheel, f"{log.file}: [wheel]") if declared_wheel else rover.wheel
-    of_log = Declared(
+    # Checks of the motor use only what the log itself declares, because a usual motor could be another one.
+    facts = DeclaredFacts(
         _motor(log, {"supply", "resistance"}),
         _motor(log, {"supply", "resistance", "k_t", "gear"}),
         log.terrain() if metadata.terrain and not is_of_run(metadata.terrain) else None,
         base_of(rover).length,
         rover.differential is not None,
     )
-    return [Driven(run, float(wheel.r), of_log) for run in log.runs]
+    return [RunBlocks(run, float(wheel.r), facts) for run in log.runs]
 
 
 def _motor(log: DriveLog, needed: set[str]) -> Motor | None:
-    """Return the motor of a log that declares what is needed of it, or None, without what is no part of a `Motor`."""
+    """Return the motor that a log declares in its table [motor], or None if one of the `needed` numbers is not
+    declared.
+
+    Keys of the table that are not numbers of a motor are ignored.
+    """
+    # A motor with assumed numbers would accuse a correct log, so all needed numbers must be declared.
     table = {name: entry for name, entry in log.metadata.motor.items() if name in quantities(Motor)}
     return record_from(Motor, table, f"{log.file}: [motor]") if needed <= table.keys() else None
 
 
-def compared_findings(log: DriveLog) -> Iterator[Finding]:
-    """Yield each run without a half-second mean that is compared: left out like any other, it tells nothing.
+def rover_faults(log: DriveLog) -> Iterator[Finding]:
+    """Yield a finding for each difference between the wheels of a log and the wheels of its rover, in name, radius or
+    width.
+    """
+    rover = log.load_rover()
+    # Every column of a wheel is found by the wheel's name, so the names must agree.
+    rover_wheels = tuple(wheel.name for wheel in rover.wheels)
+    if set(rover_wheels) != set(log.metadata.wheels):
+        log_wheels = ", ".join(log.metadata.wheels)
+        what = f"the wheels are {log_wheels}, but those of the rover '{rover.name}' are {', '.join(rover_wheels)}"
+        yield Finding(what, FILE, "give the rover that was driven, and name wheels and columns as it does")
+    for name in ("r", "b"):
+        if name in log.metadata.wheel:
+            size = float(getattr(record_from(Wheel, {name: log.metadata.wheel[name]}, f"{log.file}: [wheel]"), name))
+            actual = float(getattr(rover.wheel, name))
+            if abs(size - actual) > MAX_WHEEL_ERROR * actual:
+                has = f"the wheels of the rover '{rover.name}' have {name} = {1e3 * actual:.4g} mm"
+                what = f"[wheel] has {name} = {1e3 * size:.4g} mm, but {has}"
+                yield Finding(what, FILE, "every simulation uses the rover's wheel: correct [wheel], or the rover")
 
-    Yield also how long a wheel stood on the border of two lanes, where that was long enough to be missed.
+
+def declared_findings(log: DriveLog) -> Iterator[Finding]:
+    """Yield notes on the declared values of a log: soil and motor numbers that are not declared, and noise that is too
+    small.
+
+    A number that is not declared is reported with the value that the loop assumes. A declared noise is too small if the
+    samples scatter by more than MAX_NOISE_RATIO times the declared SD.
+    """
+    rover = log.load_rover()
+    kinds: list[tuple[str, Mapping[str, Any], tuple[str, ...], Record]] = [
+        ("soil", log.metadata.soil, SOIL, usual_soil(rover)),
+        ("motor", log.metadata.motor, MOTOR, own_motor(rover).value),
+    ]
+    for title, table, names, record in kinds[:1] if is_rate_driven(log) else kinds:
+        # The assumed values are printed, so that the reader sees what the loop would use.
+        undeclared = [name for name in names if name not in table]
+        if undeclared:
+            specs = quantities(record)
+            assumed = (f"{float(getattr(record, name)):.4g} {specs[name].unit}".strip() for name in undeclared)
+            what = f"[{title}] does not declare {', '.join(undeclared)}, so {', '.join(assumed)} are assumed"
+            yield Finding(what, FILE, f"a wrong {title} can look like a missing effect: declare the known numbers")
+    # Only the channel with the largest scatter of each kind is compared with [noise], so that a kind has one note.
+    largest: dict[str, tuple[float, str, str]] = {}
+    for run in log.runs:
+        for name in (channel for channel in run.channels if kind_of(channel) in log.noise_sd):
+            kind, scatter = kind_of(name), (white_noise_sd(run[name]), name, str(run.attrs["file"]))
+            largest[kind] = max(largest.get(kind, scatter), scatter)
+    for kind, (sd, name, where) in largest.items():
+        stated = log.noise_sd[kind]
+        if sd > MAX_NOISE_RATIO * stated:
+            what = f"[noise] declares {kind} = {stated:.3g} {NOISE[kind]}, but {name} scatters by {sd:.3g}"
+            yield Finding(what, where, "correct [noise]; until then the loop uses the scatter of the samples as noise")
+
+
+def compared_findings(log: DriveLog) -> Iterator[Finding]:
+    """Yield a finding for each run without compared rows, and for each run in which a wheel is on the border of two
+    lanes.
+
+    If no half-second mean of a run is compared, a fit to the other runs cannot be tested on it. If a wheel is on the
+    border between two lanes with different heights, the height under this wheel is unknown.
     """
     rover, shared = log.load_rover(), log.terrain()
     for trace in log.runs:
-        run = logged_run(trace, rover, lanes_under(log, trace, shared))
+        # The same function as in the fit decides which rows are compared.
+        run, where = logged_run(trace, rover, lanes_under(log, trace, shared)), str(trace.attrs["file"])
+        # Up to one block, a crossing of the border costs nothing worth a note.
         if run.on_border > BLOCK:
             yield Finding(
-                f"for {run.on_border:.1f} s a wheel stands on the border of lanes of other heights: what carries it "
-                "there is not declared, and not compared",
-                str(trace.attrs["file"]),
+                f"for {run.on_border:.1f} s a wheel is on the border of lanes with different heights: the height under "
+                "it is not declared, so this time is not compared",
+                where,
                 "drive in the middle of the lanes, or declare the ground as a grid",
             )
         if not run.usable.any():
             yield Finding(
-                "the rover stands or turns on the spot, so nothing of this run is compared, and leaving it out tests "
-                "nothing",
-                str(trace.attrs["file"]),
-                "drop it from drive.toml, or drive ahead or back for 5 s or more in it",
+                "the rover stands or turns on the spot, so nothing of this run is compared, and holding it out of a "
+                "fit tests nothing",
+                where,
+                "remove the run from drive.toml, or drive ahead or back for 5 s or more in it",
             )

@@ -1,1 +1,0 @@
-"""The monitor: whether a rover will be stuck or buried within seconds, and why. Start at `monitor`."""

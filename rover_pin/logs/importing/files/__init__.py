@@ -1,1 +1,0 @@
-"""Files of recordings as tables: text, Parquet, MATLAB, ROS bags."""

@@ -1,0 +1,119 @@
+"""Read an experiment that is defined by one Python file: a file of the package, or a file of a user."""
+
+import importlib
+import inspect
+import pkgutil
+from functools import cache
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+
+import rover_pin.experiments
+from rover_pin.base.errors import DataError
+from rover_pin.base.files.paths import is_file
+from rover_pin.discrepancy.experiment import FileExperiment
+from rover_pin.simulation.model.effect_files import run_file
+
+
+@cache
+def package_experiments() -> dict[str, type[FileExperiment]]:
+    """Return the package's own experiment classes on which the loop can run, by the name of their file without
+    suffix.
+    """
+    names = [module.name for module in pkgutil.iter_modules(rover_pin.experiments.__path__) if not module.ispkg]
+    modules = {name: importlib.import_module(f"rover_pin.experiments.{name}") for name in names}
+    return {name: kind for name, module in modules.items() for kind in _experiments_in(module) if kind.is_for_loop}
+
+
+def _experiments_in(module: ModuleType) -> list[type[FileExperiment]]:
+    """Return the experiment classes that a module defines itself. Abstract and imported classes are left out."""
+    return [
+        kind
+        for _, kind in inspect.getmembers(module, inspect.isclass)
+        if kind.__module__ == module.__name__ and issubclass(kind, FileExperiment) and not inspect.isabstract(kind)
+    ]
+
+
+def package_experiment(data: Path) -> str | None:
+    """Return the name of the package's experiment that can read the data in a folder; None if no experiment can.
+
+    An experiment is recognised by the name of its data file, such as slope.toml.
+    """
+    marks = {kind.file: name for name, kind in package_experiments().items() if kind.file}
+    return next((name for file, name in marks.items() if is_file(data / file)), None)
+
+
+def read_experiment(data: str | Path, experiment: str | Path) -> FileExperiment:
+    """Return the experiment that a Python file defines, after it has read and checked its data.
+
+    Parameters
+    ----------
+    data : path
+        Path of the data; it is passed to the experiment's method `read`.
+    experiment : path or str
+        A Python file with one class that derives from `FileExperiment`, or the name of one of the package's own
+        experiments. The code of the file runs.
+
+    Raises
+    ------
+    DataError
+        If there is no such file, if it cannot be run or does not define exactly one experiment, if its `read` refuses
+        the data, or if its arrays do not fit each other.
+    """
+    # A name of the package comes first, then a file of the user.
+    own = package_experiments()
+    if str(experiment) in own:
+        kinds = [own[str(experiment)]]
+    elif is_file(Path(experiment)):
+        kinds = _experiments_in(run_file(Path(experiment)))
+    else:
+        names = ", ".join(own)
+        raise DataError(f"{experiment}: there is no such file of an experiment; give its path, or one of: {names}.")
+    if len(kinds) != 1:
+        names = ", ".join(kind.__name__ for kind in kinds) or "none"
+        raise DataError(
+            f"{experiment}: the file of an experiment must define exactly one class that derives from "
+            "rover_pin.discrepancy.experiment.FileExperiment and implements all of its abstract methods; "
+            f"here there is {names}."
+        )
+    built = kinds[0].read(Path(data))
+    _refuse_unfit(built, str(experiment))
+    return built
+
+
+def _refuse_unfit(experiment: FileExperiment, where: str) -> None:
+    """Check the types and shapes of an experiment's arrays. Otherwise a fit would fail later with a less clear message.
+
+    Raises DataError: an array has a wrong type or shape, or lacks finite numbers. `where` is the beginning of the
+    message.
+    """
+    for name, kind in {"channels": tuple, "folds": tuple, "observed": np.ndarray}.items():
+        value = getattr(experiment, name, "not there")
+        if not isinstance(value, kind):
+            raise DataError(f"{where}: {name} is {value!r}, but it must be a {kind.__name__}.")
+    observed = experiment.observed
+    if observed.dtype.kind != "f":
+        raise DataError(f"{where}: observed holds {observed.dtype}, but it must hold float numbers.")
+    # The declared model must predict every measured value before anything is fitted.
+    noise, predicted = experiment.noise(), experiment.predict([experiment.base_model()])
+    counts = (len(experiment.folds), len([experiment.unit(channel) for channel in experiment.channels]))
+    full_shape = (*counts, *observed.shape[2:3])
+    shapes = {
+        "observed (folds, channels, samples)": (observed.shape, full_shape),
+        "the array that predict returns for one model": (predicted.shape, (1, *full_shape)),
+        "noise().good": (noise.good.shape, full_shape),
+        "noise().sd": (noise.sd.shape, full_shape if noise.sd.ndim == 3 else full_shape[1:2]),
+    }
+    for name, (shape, expected) in shapes.items():
+        if shape != expected or len(full_shape) != 3:
+            raise DataError(f"{where}: {name} has the shape {shape}, but {expected} is needed.")
+    measured = np.isfinite(observed)
+    finite = np.isfinite(predicted[0][measured])
+    for problem, good in (
+        ("observed holds no number in some channel", measured.any(axis=(0, 2))),
+        ("predict gives no finite number for the declared model where something was measured", finite),
+        ("noise().sd is not positive in some channel", noise.floor > 0.0),
+    ):
+        if not good.all():
+            raise DataError(f"{where}: {problem}; correct the file or its data.")

@@ -1,0 +1,44 @@
+/* Test of the exported control: test_vectors vectors.csv LIMIT
+
+   The program gives the readings in vectors.csv to the control, compares its answers with those in the file, and prints
+   the largest difference. It returns 0 if the difference is within LIMIT, 1 if it is not, and 2 if the file cannot be
+   read. */
+#include "rover_control.h"
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+/* Read a row of numbers, with the commas between them. */
+static int read_row(FILE *file, double *values, int count) {
+  int i;
+  for (i = 0; i < count; ++i) {
+    if (fscanf(file, " %lf", values + i) != 1) return 0;
+    fgetc(file);
+  }
+  return 1;
+}
+
+int main(int argc, char **argv) {
+  enum { IN = sizeof(RoverReading) / sizeof(rover_real), OUT = ROVER_WHEELS + ROVER_STEERED };
+  static RoverControl control;
+  RoverReading in;
+  RoverCommand out;
+  FILE *file = argc > 1 ? fopen(argv[1], "r") : NULL;
+  const double limit = argc > 2 ? atof(argv[2]) : 1e-12;
+  double row[1 + IN + OUT], worst = 0.0;
+  int rows = 0, i;
+  if (!file || fscanf(file, "%*[^\n]") == EOF) return 2;
+  while (read_row(file, row, 1 + IN + OUT)) {
+    if (row[0] > 0.5) rover_control_reset(&control);
+    for (i = 0; i < IN; ++i) ((rover_real *)&in)[i] = (rover_real)row[1 + i];
+    rover_control_step(&control, &in, &out);
+    for (i = 0; i < OUT; ++i) {
+      const double difference = fabs((double)((rover_real *)&out)[i] - row[1 + IN + i]);
+      worst = difference > worst || isnan(difference) ? difference : worst;
+    }
+    ++rows;
+  }
+  fclose(file);
+  printf("%d samples, largest difference %.2g\n", rows, worst);
+  return rows && worst <= limit ? 0 : 1;
+}

@@ -1,1 +1,0 @@
-"""The report of a test bench: start at `report.write_report`."""

@@ -1,0 +1,445 @@
+"""Rewriting of a URDF for drives. Joints that the TOML holds become fixed, the axes of wheels (and of rockers and
+steering joints) point in the same direction, and each group of coupled joints gets one leading joint.
+
+Pinocchio, viewers and drives all read the text that `normalise_urdf` returns. A URDF that needs no change is returned
+byte for byte; otherwise each change is reported in one sentence.
+"""
+
+import math
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from rover_pin.base.errors import ParameterError, UrdfError, closest
+from rover_pin.base.quantity import refuse_strange, to_si, value_and_unit
+from rover_pin.rover.description.tree import Joint, UrdfTree, read_tree, turn
+
+ALONG = 0.95
+"""Smallest cosine of the angle between an axis and the direction in which it must point. It allows 18 deg, because
+wheels may have camber."""
+MOTION_ELEMENTS = ("axis", "limit", "mimic", "dynamics", "safety_controller", "calibration")
+"""XML elements that describe the motion of a joint. They are removed if the joint becomes fixed."""
+
+
+@dataclass(frozen=True)
+class JointForms:
+    """Everything that a rover's TOML states about the joints of its URDF: the role of each joint, and whether it is
+    held at an angle, coupled to another joint, or removed.
+    """
+
+    base: str
+    "link whose frame is the rover's base frame"
+    wheels: tuple[str, ...] = ()
+    "joints of the wheels"
+    steering: tuple[str, ...] = ()
+    "joints that steer wheels"
+    pivots: tuple[str, ...] = ()
+    "joints of the suspension"
+    differential: tuple[str, str] | None = None
+    """the two rockers that a differential joins, left and right; None: there is no differential"""
+    sides: tuple[tuple[str, ...], ...] = ()
+    """joints of wheels that belts or gears tie together, one tuple for each side, the front wheel first"""
+    held_joints: Mapping[str, Any] = field(default_factory=dict)
+    """name of a joint -> angle [rad] or travel [m] at which it is fixed: a number, or { value, unit }"""
+    coupled: Mapping[str, tuple[str, float]] = field(default_factory=dict)
+    """name of a joint -> the joint that it follows, and the ratio of its angle to the angle of that joint"""
+    cut: tuple[str, ...] = ()
+    """joints that close a loop, and are removed because a URDF is a tree"""
+    base_rpy: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """roll, pitch and yaw [rad] of the base link relative to axes that point x forward, y left, z up"""
+
+
+class NormalisedUrdf(NamedTuple):
+    """The rewritten text of a URDF, and one sentence for each change."""
+
+    text: str
+    changes: tuple[str, ...]
+
+
+@dataclass
+class _Robot:
+    """The XML elements of a URDF. The steps of `normalise_urdf` change them in place."""
+
+    element: ET.Element
+    file: str
+
+    @property
+    def joints(self) -> dict[str, ET.Element]:
+        """Return the `<joint>` elements by name."""
+        return {str(joint.get("name")): joint for joint in self.element.findall("joint")}
+
+    @property
+    def text(self) -> str:
+        """Return the text of the URDF in its present form."""
+        return ET.tostring(self.element, encoding="unicode")
+
+    @property
+    def tree(self) -> UrdfTree:
+        """Return the links and joints of the URDF in its present form."""
+        return read_tree(self.text, self.file)
+
+    def joint_element(self, joint: str, key: str) -> ET.Element:
+        """Return the `<joint>` element with this name.
+
+        Parameters
+        ----------
+        joint : str
+            Name of the joint.
+        key : str
+            Key of the TOML in which the joint is named, for the error.
+
+        Raises UrdfError: there is no such joint.
+        """
+        if joint not in self.joints:
+            raise UrdfError(
+                f"{self.file}: there is no joint '{joint}', which the TOML's {key} names: {closest(joint, self.joints)}"
+            )
+        return self.joints[joint]
+
+
+class Relation(NamedTuple):
+    """The coupling of two joints: the angle of `joint` is `ratio` times the angle of `leader`."""
+
+    joint: str
+    leader: str
+    ratio: float
+
+
+def normalise_urdf(text: str, file: str, forms: JointForms) -> NormalisedUrdf:
+    """Return the text of a URDF, rewritten so that drives can use its joints, and one sentence for each change.
+
+    Joints that the TOML holds become fixed, wheels become continuous, the axes of wheels, rockers and steering joints
+    are turned in one direction, and each group of coupled joints gets one leading joint.
+
+    Parameters
+    ----------
+    text, file : str
+        Content and name of the URDF file.
+    forms : JointForms
+        The statements of the rover's TOML on the joints.
+
+    Raises
+    ------
+    UrdfError
+        The text is not a URDF, or a joint cannot be changed as the TOML states.
+    """
+    read_tree(text, file)  # refuses a text that is no URDF before anything is changed
+    robot = _Robot(ET.fromstring(text), file)
+    # The order matters: loops are cut before any step walks the tree, and axes are turned before joints follow one
+    # leader, because a turned axis changes the sign of every ratio in which its joint occurs.
+    changes: list[str] = []
+    for name in forms.cut:
+        robot.element.remove(robot.joint_element(name, "cut"))
+        changes.append(f"joint '{name}' is cut.")
+    changes += _remove_world(robot, forms)
+    for name, (leader, ratio) in forms.coupled.items():
+        joint = robot.joint_element(name, "[coupled]")
+        robot.joint_element(leader, "[coupled]")
+        _follow(joint, leader, ratio)
+        changes.append(f"joint '{name}' follows '{leader}' {ratio:+g} : 1, as the TOML states.")
+    changes += _hold_joints(robot, forms)
+    changes += _correct_types(robot, forms)
+    changes += _add_base_frame(robot, forms)
+    changes += _turn_axes(robot, forms)
+    # Belts or gears tie the wheels of a side: all of them follow its first wheel.
+    for first, *others in forms.sides:
+        for name in others:
+            _follow(robot.joint_element(name, "[wheels]"), first, 1.0)
+        robot.joint_element(first, "[wheels]")
+        changes.append(f"wheels '{first}', " + ", ".join(f"'{name}'" for name in others) + " turn together.")
+    changes += _follow_one_leader(robot.joints, forms.differential, file)
+    return NormalisedUrdf(robot.text if changes else text, tuple(changes))
+
+
+def _remove_world(robot: _Robot, forms: JointForms) -> Iterator[str]:
+    """Remove the joints and links by which a simulator places or moves the rover in its world, and yield a sentence
+    about the change.
+
+    The base of a rover is free without these joints, because `free_tree` adds six free motions.
+    """
+    chain = robot.tree.world_joints
+    moving = [number for number, joint in enumerate(chain) if joint.moves]
+    removed = chain[: moving[-1] + 1] if moving else []
+    links = [joint.parent for joint in removed]
+    # A TOML that names one of these links as the base, or holds one of these joints, needs them. They stay, and the
+    # check reports a fault later.
+    if not removed or forms.base in links or any(joint.name in forms.held_joints for joint in removed):
+        return
+    for joint in removed:
+        robot.element.remove(robot.joints[joint.name])
+        robot.element.remove(next(link for link in robot.element.findall("link") if link.get("name") == joint.parent))
+    names = ", ".join(f"the {joint.kind} joint '{joint.name}' and its link '{joint.parent}'" for joint in removed)
+    yield f"the base is free without {names}, which are therefore removed."
+
+
+def _follow(joint: ET.Element, leader: str, ratio: float) -> None:
+    """Replace the `<mimic>` of a joint, so that the angle of the joint is `ratio` times the angle of `leader`."""
+    for old in joint.findall("mimic"):
+        joint.remove(old)
+    ET.SubElement(joint, "mimic", joint=leader, multiplier=repr(ratio), offset="0")
+
+
+def _hold_joints(robot: _Robot, forms: JointForms) -> Iterator[str]:
+    """Fix the joints that the TOML holds, and all joints that follow them, at their angles; yield a sentence about the
+    change.
+    """
+    for name in forms.held_joints:
+        robot.joint_element(name, "[held]")
+    tree = robot.tree
+    values = {name: _held_value(tree.joint(name), entry, robot.file) for name, entry in forms.held_joints.items()}
+    # A chain of followers has as many members as there are joints or fewer, so that this many passes reach its end.
+    for _ in tree.joints:
+        for joint in tree.joints:
+            if joint.mimic is not None and joint.mimic.joint in values and joint.name not in values:
+                values[joint.name] = joint.mimic.multiplier * values[joint.mimic.joint] + joint.mimic.offset
+    for name, value in values.items():
+        held_joint = tree.joint(name)
+        if held_joint is not None and held_joint.moves:
+            _fix(robot.joints[name], held_joint, value)
+    if values:
+        yield f"{len(values)} joints are held: " + ", ".join(
+            f"'{name}' at {value:.3g}" for name, value in values.items()
+        )
+
+
+def _held_value(joint: Joint | None, entry: Any, file: str) -> float:
+    """Return the angle [rad] or travel [m] at which a joint is held, from its `entry` in the table [held] of the TOML.
+
+    Raises UrdfError: the entry is not a number of the right unit, or the number lies beyond the joint's stops.
+    """
+    assert joint is not None
+    unit, where = "m" if joint.kind == "prismatic" else "rad", f"{file}: held joint '{joint.name}'"
+    try:
+        if isinstance(entry, Mapping):
+            refuse_strange(entry, where)
+        value = to_si(*value_and_unit(entry, unit), unit, where)
+    except ParameterError as error:
+        raise UrdfError(str(error)) from error
+    low, high = joint.limits
+    if joint.limited and joint.kind != "continuous" and not low - 1e-6 <= value <= high + 1e-6:
+        raise UrdfError(f"{where} = {value:g} {unit} is beyond its stops; hold it within [{low:g}, {high:g}] {unit}.")
+    return value
+
+
+def _fix(element: ET.Element, joint: Joint, value: float) -> None:
+    """Make a joint fixed at an angle [rad] or travel [m]. The `<origin>` of the joint then includes this motion."""
+    # A floating or planar joint has no single coordinate, so that it is fixed at its origin.
+    if joint.kind in ("floating", "planar"):
+        value = 0.0
+    motion, length = np.eye(4), float(np.linalg.norm(joint.axis))
+    axis = joint.axis / length if length > 0.0 else joint.axis
+    if joint.kind == "prismatic":
+        motion[:3, 3] = value * axis
+    else:
+        motion[:3, :3] = pin.AngleAxis(value, axis).toRotationMatrix()
+    _set_origin(element, joint.origin @ motion)
+    element.set("type", "fixed")
+    for tag in MOTION_ELEMENTS:
+        for part in element.findall(tag):
+            element.remove(part)
+
+
+def _set_origin(element: ET.Element, placement: np.ndarray) -> None:
+    """Write a transform [4, 4] into the `<origin>` element of a joint, as xyz and rpy."""
+    origin = element.find("origin")
+    origin = ET.SubElement(element, "origin") if origin is None else origin
+    origin.set("xyz", " ".join(repr(float(number)) for number in placement[:3, 3]))
+    origin.set("rpy", " ".join(repr(float(number)) for number in pin.rpy.matrixToRpy(placement[:3, :3])))
+
+
+def _correct_types(robot: _Robot, forms: JointForms) -> Iterator[str]:
+    """Correct the types of joints, and yield a sentence for each change.
+
+    Wheels get the type continuous. Pivots and steering joints that are continuous get stops half a turn to either side.
+    """
+    for name, joint in robot.joints.items():
+        # yourdfpy and Pinocchio disagree on a fixed joint that follows another.
+        if joint.get("type") == "fixed" and (mimic := joint.find("mimic")) is not None:
+            joint.remove(mimic)
+            yield f"joint '{name}' is fixed: its <mimic> is ignored."
+        if name in forms.wheels and joint.get("type") == "revolute":
+            joint.set("type", "continuous")
+            yield f"wheel joint '{name}' is revolute: its stops are ignored, because a wheel turns without end."
+        elif name in (*forms.pivots, *forms.steering) and joint.get("type") == "continuous":
+            # Pinocchio stores a continuous joint as cosine and sine, but the suspension needs an angle.
+            joint.set("type", "revolute")
+            for old in joint.findall("limit"):
+                joint.remove(old)
+            ET.SubElement(joint, "limit", lower=repr(-math.pi), upper=repr(math.pi), effort="0", velocity="0")
+            yield f"joint '{name}' is continuous: stops half a turn to either side are added."
+
+
+def _add_base_frame(robot: _Robot, forms: JointForms) -> Iterator[str]:
+    """Add a new root link whose frame is the base frame of the rover, if the root link of the URDF has another frame;
+    yield a sentence about the change.
+
+    The position and attitude of a drive are those of the root link. The TOML may name another link as the base that is
+    fixed to the root link, and may turn the base's axes by base_rpy.
+    """
+    tree = robot.tree
+    if len(tree.roots) != 1 or forms.base not in tree.rigid_group(tree.roots[0]):
+        return  # `role_faults` reports this
+    if forms.base == tree.roots[0] and not any(forms.base_rpy):
+        return
+    # The new link is fixed above the old root link, so that the base link has the attitude base_rpy at its origin.
+    roll, pitch, yaw = forms.base_rpy
+    placement = np.eye(4)
+    placement[:3, :3] = turn("z", yaw) @ turn("y", pitch) @ turn("x", roll)
+    root, name = tree.roots[0], f"{forms.base}_frame"
+    ET.SubElement(robot.element, "link", name=name)
+    joint = ET.SubElement(robot.element, "joint", name=f"{name}_joint", type="fixed")
+    ET.SubElement(joint, "parent", link=name)
+    ET.SubElement(joint, "child", link=root)
+    _set_origin(joint, placement @ np.linalg.inv(tree.placements[forms.base]))
+    turned = f", turned by base_rpy = {list(forms.base_rpy)}" if any(forms.base_rpy) else ""
+    yield f"position and attitude refer to link '{forms.base}'{turned}; the URDF's root is '{root}'."
+
+
+def _turn_axes(robot: _Robot, forms: JointForms) -> Iterator[str]:
+    """Reverse each axis that points to -y (wheels, rockers) or to -z (steering), and yield a sentence for each role.
+
+    After this step a positive rate rolls every wheel forward, and a positive steering angle turns every wheel left.
+    """
+    tree = robot.tree
+    places = tree.placements
+    for role, names, direction in (
+        ("wheel", forms.wheels, 1),
+        ("rocker", forms.differential or (), 1),
+        ("steering", forms.steering, 2),
+    ):
+        # An axis that points neither along the direction nor against it is a fault, which `axis_faults` reports.
+        wrong = []
+        for name in names:
+            joint = tree.joint(name)
+            if joint is not None and joint.child in places and np.linalg.norm(joint.axis) > 0.0:
+                unit = joint.axis / np.linalg.norm(joint.axis)
+                if (places[joint.child][:3, :3] @ unit)[direction] <= -ALONG:
+                    wrong.append(name)
+        for name in wrong:
+            _reverse(robot, name)
+        if wrong:
+            quoted_names = ", ".join(f"'{name}'" for name in wrong)
+            sense = "turn left" if direction == 2 else "roll forward" if role == "wheel" else "lower the front wheels"
+            points = f"joint '{wrong[0]}' points" if len(wrong) == 1 else f"joints {quoted_names} point"
+            yield (
+                f"{role} {points} to -{'xyz'[direction]}: the signs of its angles and rates are reversed, "
+                f"so that positive values {sense}."
+            )
+
+
+def _reverse(robot: _Robot, name: str) -> None:
+    """Reverse the direction of a joint's axis. Its stops, and the ratios of all `<mimic>` elements in which the joint
+    occurs, change accordingly.
+    """
+    joint = robot.joints[name]
+    axis = joint.find("axis")
+    axis = ET.SubElement(joint, "axis", xyz="1 0 0") if axis is None else axis
+    # 0.0 - x instead of -x, because a negative zero would be written as "-0.0".
+    axis.set("xyz", " ".join(repr(0.0 - float(number)) for number in str(axis.get("xyz")).split()))
+    limit = joint.find("limit")
+    if limit is not None:
+        low, high = (float(limit.get(end, "0")) for end in ("lower", "upper"))
+        limit.set("lower", repr(0.0 - high))
+        limit.set("upper", repr(0.0 - low))
+    for other_name, other_joint in robot.joints.items():
+        mimic = other_joint.find("mimic")
+        if mimic is None:
+            continue
+        if mimic.get("joint") == name:  # another joint follows this joint
+            mimic.set("multiplier", repr(-float(mimic.get("multiplier", "1"))))
+        if other_name == name:  # this joint follows another: both ratio and offset change sign
+            mimic.set("multiplier", repr(-float(mimic.get("multiplier", "1"))))
+            mimic.set("offset", repr(0.0 - float(mimic.get("offset", "0"))))
+
+
+def _follow_one_leader(
+    joints: Mapping[str, ET.Element], differential: tuple[str, str] | None, file: str
+) -> Iterator[str]:
+    """Rewrite the `<mimic>` elements so that all joints of a group follow one leading joint directly; yield a sentence
+    for each change.
+
+    A URDF may chain such relations in any order, but the equation of motion (Eq (8) of the paper) needs one constraint
+    row for each follower, with one common leader of the group. The left rocker of the differential leads all joints
+    that are connected to it (gear, bar or brace). In every other group, the leader is the joint that follows no other
+    joint.
+
+    Raises UrdfError: joints follow each other in a ring, or a joint would have to turn by two ratios at once.
+    """
+    relations, has_offset = [], False
+    for name, joint in joints.items():
+        mimic = joint.find("mimic")
+        if mimic is not None and mimic.get("joint") in joints and joint.get("type") != "fixed":
+            ratio, offset = (float(mimic.get(key, default)) for key, default in (("multiplier", "1"), ("offset", "0")))
+            if ratio:
+                has_offset = has_offset or bool(offset)
+                if {name, mimic.get("joint")} != set(differential or ()):
+                    relations.append(Relation(name, str(mimic.get("joint")), ratio))
+    # `_coupling_faults` refuses offsets later. Nothing is rewritten, so that its message has the names of the file.
+    if not relations or has_offset:
+        return
+    if differential is not None:
+        relations.append(Relation(differential[1], differential[0], -1.0))
+    for leader in _leaders(relations, differential, file):
+        for name, ratio in _ratios(leader, relations, file).items():
+            # Each rocker follows its partner only. A rocker may also be missing from the URDF, which is a fault.
+            if name == leader or {name, leader} == set(differential or ()):
+                continue
+            mimic = joints[name].find("mimic")
+            if mimic is None or mimic.get("joint") != leader:
+                _follow(joints[name], leader, ratio)
+                yield f"joint '{name}' follows '{leader}' {ratio:+g} : 1, as the URDF states by a chain of joints."
+        if differential is not None and leader == differential[0]:
+            # The rockers follow no other joint than each other, so that a relation to another joint is removed.
+            for name, partner in (differential, differential[::-1]):
+                mimic = joints[name].find("mimic") if name in joints else None
+                if mimic is not None and mimic.get("joint") != partner:
+                    joints[name].remove(mimic)
+                    yield f"rocker '{name}' leads '{mimic.get('joint')}', where the URDF states the reverse."
+
+
+def _leaders(relations: list[Relation], differential: tuple[str, str] | None, file: str) -> list[str]:
+    """Return the names of the leading joints, one for each group of joints that relations connect.
+
+    Raises UrdfError: all joints of a group follow another joint, so that they form a ring.
+    """
+    followers = {relation.joint for relation in relations}
+    first = [] if differential is None else [differential[0]]
+    free = dict.fromkeys(relation.leader for relation in relations if relation.leader not in followers)
+    leaders: list[str] = []
+    reached: set[str] = set()
+    for leader in [*first, *free]:
+        if leader not in reached:
+            leaders.append(leader)
+            reached |= set(_ratios(leader, relations, file))
+    if lost := sorted({name for relation in relations for name in relation[:2]} - reached):
+        raise UrdfError(
+            f"{file}: joint '{lost[0]}' follows itself in a ring of <mimic>: let one joint of the ring lead."
+        )
+    return leaders
+
+
+def _ratios(leader: str, relations: list[Relation], file: str) -> dict[str, float]:
+    """Return, for all joints of a leader's group, name of the joint -> its angle divided by the angle of the leader.
+
+    Raises UrdfError: two chains of relations from the leader to a joint give different ratios.
+    """
+    ratios = {leader: 1.0}
+    # The list of names grows during the loop by the joints that are connected to each of its joints.
+    for name in (names := [leader]):
+        for joint, lead, ratio in relations:
+            # A relation can be followed in both directions, with the ratio or its inverse.
+            for start, end, factor in ((joint, lead, 1.0 / ratio), (lead, joint, ratio)):
+                if start == name and end not in ratios:
+                    ratios[end] = factor * ratios[name]
+                    names.append(end)
+    for joint, lead, ratio in relations:
+        if joint in ratios and not math.isclose(ratios[joint], ratio * ratios[lead], rel_tol=1e-6):
+            raise UrdfError(
+                f"{file}: joint '{joint}' would follow '{leader}' by {ratio * ratios[lead]:g} and {ratios[joint]:g} at "
+                "once; correct its <mimic> or the TOML's [differential] and [coupled]."
+            )
+    return ratios

@@ -1,4 +1,0 @@
-"""Where a drive begins: a rover set down on its terrain, brought to rest, and whether it stands there.
-
-Start at `place`.
-"""
