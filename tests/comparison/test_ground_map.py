@@ -116,7 +116,7 @@ def test_a_drive_says_how_the_ground_under_it_lies(run):
         (("hills", "--box", "30,40,0,1"), "no place for a drive"),
         (("hills", "--set", "duration=1000"), "no place for a drive"),
         (("hills", "--headings", "0"), "1 to 360"),
-        (("hills", "--spacing", "-1"), "metres above 0"),
+        (("hills", "--spacing", "-1"), "spacing of more than 0 m"),
         (("hills", "--set", "terain.seed=2"), "terrain.seed"),
     ],
 )

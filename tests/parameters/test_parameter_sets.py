@@ -108,7 +108,7 @@ def test_a_modulus_is_read_as_published(name, unit, si):
 
 def test_inches_without_an_exponent_are_refused():
     assert bekker_si("k_c", 2.0, "kN/m^(n+1)", None, "x") == 2000.0
-    with pytest.raises(ParameterError, match=r"depends.*declare"):
+    with pytest.raises(ParameterError, match=r"lb/in.*power of n"):
         bekker_si("k_c", 2.0, "lb/in^(n+1)", None, "x")
 
 
@@ -132,5 +132,5 @@ def test_a_set_in_published_units_is_that_in_si(tmp_path):
     assert float(read[0].wheel.r) == pytest.approx(0.157353)
     assert np.allclose(read[0].channels[0].sd, 0.1 * POUND)
     (tmp_path / "si" / "rig.toml").write_text((tmp_path / "si" / "rig.toml").read_text().replace("n+2)'", "n+1)'"))
-    with pytest.raises(DataError, match=r"k_phi:.*k_phi's"):
+    with pytest.raises(DataError, match=r"k_phi: unit 'N/m\^\(n\+1\)'"):
         read_rig_set(tmp_path / "si")
