@@ -1,4 +1,5 @@
-"""Function arguments whose unit, bounds and source stand in the annotation, and a decorator that checks their values.
+"""Function arguments whose unit, bounds and source are stated in the annotation, and a decorator that checks their
+values.
 
 @check_arguments("terrain")
 def bump(height: Annotated[float, spec("m", "assumed", -100.0, 100.0)] = 0.04) -> Lanes: ...
@@ -39,7 +40,7 @@ class Argument(NamedTuple):
 def arguments_of(function: Callable[..., Any]) -> dict[str, Argument]:
     """Return the arguments of a function, or the fields of a class, that have a unit: a dict from name to `Argument`.
 
-    These are the arguments whose annotation is `Annotated[..., spec(...)]`. Other arguments are left out.
+    These are the arguments whose annotation is `Annotated[..., spec(...)]`. The dict omits all other arguments.
     """
     hints = get_type_hints(function, include_extras=True)
     # The parts of `Annotated[float, spec(...)]` are the type and the Quantity.
@@ -53,7 +54,7 @@ def check_arguments(owner: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
     Errors name an argument as `owner.argument`, for example `terrain.height`.
 
     Raises ParameterError: when the decorated function is called with a value that is not a number, is out of bounds, or
-    is not whole although its annotation says `int`.
+    is not whole although its annotation is `int`.
     """
 
     def decorate(function: Callable[P, R]) -> Callable[P, R]:

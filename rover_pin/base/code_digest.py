@@ -26,6 +26,7 @@ def key_of_code(others: Iterable[Path] = ()) -> str:
 @lru_cache(maxsize=1)
 def _package_key() -> str:
     """Return the digest of the package's version and of its Python and C files."""
+    # Every file is hashed by itself, so that moving text from the end of one file to the next changes the digest.
     package = Path(str(files("rover_pin")))
     digest = hashlib.sha256(__version__.encode())
     for file in sorted(file for kind in ("*.py", "*.c") for file in package.rglob(kind)):

@@ -20,7 +20,7 @@ XML_ILLEGAL = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]
 
 
 def printable(text: str) -> str:
-    r"""Return a text in which control characters are escaped, so that a terminal shows them instead of obeying them.
+    r"""Escape the control characters of a text, so that a terminal shows them instead of obeying them.
 
     Control characters here are ESC, BEL, newline and similar characters, marks that change the direction of writing,
     and halves of a surrogate pair. Letters of all scripts stay unchanged.
@@ -35,7 +35,7 @@ def printable(text: str) -> str:
 
 
 def printable_lines(text: str) -> str:
-    """Return a text of several lines in which all control characters but the newlines are escaped."""
+    """Escape all control characters of a text except its newlines."""
     return "\n".join(map(printable, text.split("\n")))
 
 
@@ -134,6 +134,7 @@ def shell_word(word: str | PurePath) -> str:
     characters are written as in `$'\\033'`, which bash, zsh and ksh convert back.
     """
     text = str(word)
+    # `ls` and `cp` of a file named `-r` would take the name for an option.
     if isinstance(word, PurePath) and text.startswith("-"):
         text = f"./{text}"
     if text.isprintable():

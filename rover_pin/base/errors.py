@@ -14,9 +14,9 @@ logging.getLogger("rover_pin").addHandler(logging.NullHandler())
 
 MAX_MESSAGE, MESSAGE_TAIL = 1200, 250
 """Maximum number of characters of an error message (MAX_MESSAGE), and number of characters that are kept at the end of
-a longer message (MESSAGE_TAIL). The middle of a longer message is left out, because the remedy is stated last."""
+a longer message (MESSAGE_TAIL). A longer message loses its middle part, because its end states the remedy."""
 NO_ROOM = "failed to map segment"
-"""Words by which the system's error is recognised when a library cannot be loaded for lack of memory."""
+"""Part of the operating system's error text when a library cannot be loaded for lack of memory."""
 
 
 class RoverPinError(Exception):
@@ -45,12 +45,12 @@ class ParameterError(RoverPinError):
 class UnknownNameError(ParameterError):
     """Raised for a scenario, or a setting of a scenario, that does not exist.
 
-    A batch study stops at this error, because all of its cases would fail with the same error.
+    A batch study stops at this error, because all of its cases would fail with this error.
     """
 
 
 class UrdfError(RoverPinError):
-    """Raised for a description of a rover (URDF or TOML) from which no rover can be built."""
+    """Raised if no rover can be built from its description (URDF or TOML)."""
 
 
 class DataError(RoverPinError):
@@ -66,7 +66,7 @@ class CacheError(RoverPinError):
 
 
 class UnknownAttributeError(ParameterError, AttributeError):
-    """Raised if an object has no attribute of a given name, as `soil.cohesion` for a `Soil` without this field.
+    """Raised if an object has no attribute of a given name, such as `soil.cohesion`, because `Soil` has no such field.
 
     The text of the message is made only when it is read, because programs also probe objects for attributes and ignore
     the error.
@@ -88,10 +88,9 @@ class UnknownAttributeError(ParameterError, AttributeError):
         self.owner, self.unknown, self.names, self.hint = type(owner).__name__, name, tuple(names), hint
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Return the constructor and its argument with which another process rebuilds the error (Python's pickle
-        protocol).
+        """Return the constructor and the argument that rebuild the error in another process (Python's pickle protocol).
 
-        The rebuilt error is a ParameterError with the same message, so that the object itself need not be sent.
+        The rebuilt error is a ParameterError with an equal message, so that the object itself need not be sent.
         """
         return ParameterError, (str(self),)
 
@@ -123,7 +122,7 @@ class OptimisationError(RoverPinError):
 def one_line(text: str) -> str:
     """Return a text as one line of at most MAX_MESSAGE characters, without control characters.
 
-    Newlines become spaces. The middle of a longer text is left out.
+    Newlines become spaces. A longer text loses its middle part.
     """
     line = printable(" ".join(text.splitlines()).strip())
     if len(line) <= MAX_MESSAGE:
@@ -165,6 +164,7 @@ def closest(name: Any, names: Iterable[Any]) -> str:
     >>> closest("sol", ["soil", "rover"])
     "did you mean 'soil'? Known: rover, soil."
     """
+    # An empty list cannot suggest anything.
     name, names = str(name), sorted(map(str, names))
     if not names:
         return "there is none."
@@ -177,6 +177,8 @@ def closest(name: Any, names: Iterable[Any]) -> str:
         return f"did you mean '{meant}'?"
     import difflib
 
+    # The search for similar spellings: a ratio of 1 is an equal word, and 0.6 is a word with about one wrong letter in
+    # three.
     hits = difflib.get_close_matches(name, names, n=8, cutoff=0.5)
     is_close = bool(hits) and difflib.SequenceMatcher(None, name, hits[0]).ratio() > 0.6
     # A short list of names is printed in full, with the most similar name as a suggestion.

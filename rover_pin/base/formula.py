@@ -64,7 +64,7 @@ def unwrap_angle(angle: Array) -> Array:
 
 
 def north(lat: Array, lon: Array) -> Array:
-    """Return how far north of the first row each row lies [m] (rows,), from latitudes and longitudes [deg].
+    """Return the distance north of the first row [m] (rows,) of each row, from latitudes and longitudes [deg].
 
     The distance is M (lat - lat_0), in the plane that touches the WGS 84 ellipsoid at the first row (latitude lat_0). M
     is the radius of the meridian, a (1 - e^2) / (1 - e^2 sin^2 lat_0)^1.5, with a and e of the ellipsoid.
@@ -75,7 +75,7 @@ def north(lat: Array, lon: Array) -> Array:
 
 
 def east(lat: Array, lon: Array) -> Array:
-    """Return how far east of the first row each row lies [m] (rows,), from latitudes and longitudes [deg].
+    """Return the distance east of the first row [m] (rows,) of each row, from latitudes and longitudes [deg].
 
     The distance is N cos(lat_0) (lon - lon_0), where lat_0 and lon_0 belong to the first row. N is the radius a /
     sqrt(1 - e^2 sin^2 lat_0), with a and e of the WGS 84 ellipsoid.
@@ -90,7 +90,7 @@ def course(x: Array, y: Array, t: Array) -> Array:
     row.
 
     x and y are positions [m] and t are times [s], all arrays (rows,). Where the rover hardly moves, the direction is
-    interpolated between the rows in which it moves.
+    interpolated between the rows of clear motion.
     """
     return heading(x, y, t, np.ones(len(t)))
 
@@ -101,9 +101,11 @@ def heading(x: Array, y: Array, t: Array, v: Array) -> Array:
 
     x and y are positions [m], t are times [s] and v are speeds [m/s], all arrays (rows,).
     """
+    # Two positions are the minimum for a direction.
     finite = np.isfinite(x + y)
     if finite.sum() < 2:
         return np.full(len(t), np.nan)
+    # A rover that drives backwards looks against its motion, so the sign of the change is reversed.
     dx, dy = (np.where(v < 0, -1.0, 1.0) * change(coordinate, t, finite) for coordinate in (x, y))
     distance = np.hypot(dx, dy)
     # While a rover stands still, noise alone decides the direction, so rows with a short distance are not used.
@@ -114,8 +116,7 @@ def heading(x: Array, y: Array, t: Array, v: Array) -> Array:
 
 
 def change(value: Array, t: Array, finite: Array) -> Array:
-    """Return by how much a value (rows,) changes from 0.5 s before to 0.5 s after each row; t are the times of the rows
-    [s].
+    """Return the change of a value (rows,) from 0.5 s before to 0.5 s after each row; t are the times of the rows [s].
 
     Only rows where `finite` is True are used; between them the value is interpolated linearly.
     """
@@ -167,8 +168,7 @@ OPERATORS: dict[type, Callable[[Any, Any], Any]] = {
     ast.Pow: operator.pow,
 }  # fmt: skip
 COLUMN = "col"
-"""Name of the pseudo-function `col`. In a formula, `col("any name")` stands for a column whose name is not an
-identifier."""
+"""Name of the pseudo-function `col`. In a formula, `col("any name")` means a column whose name is not an identifier."""
 
 
 def evaluate(text: str, columns: Mapping[str, Array], where: str) -> Array:
@@ -202,7 +202,7 @@ def names_in(text: str, where: str) -> tuple[str, ...]:
 
 
 def quote(name: str) -> str:
-    """Return the text by which a formula refers to the column `name`.
+    """Return the text that a formula contains to refer to the column `name`.
 
     A name that is an identifier is returned unchanged; any other name, such as "speed [rpm]", is written `col("...")`.
     """
@@ -241,7 +241,7 @@ def _names(node: ast.expr) -> Iterator[str]:
 
 
 def _is_column(node: ast.Call) -> bool:
-    """Return whether a function call in a formula is `col("name")`, which stands for the column with this name."""
+    """Return whether a function call in a formula is `col("name")`, which means the column with this name."""
     text = len(node.args) == 1 and isinstance(node.args[0], ast.Constant) and isinstance(node.args[0].value, str)
     return text and isinstance(node.func, ast.Name) and node.func.id == COLUMN and not node.keywords
 
@@ -253,6 +253,7 @@ def _value(node: ast.expr, columns: Mapping[str, Array], where: str) -> Any:
 
     Raises DataError: the tree holds something else than numbers, columns, arithmetic, and calls of known functions.
     """
+    # Only plain numbers are allowed: True and texts are constants of Python as well.
     if isinstance(node, ast.Constant) and type(node.value) in (int, float):
         return float(node.value)  # type: ignore[arg-type]
     if isinstance(node, ast.Name):
@@ -265,6 +266,7 @@ def _value(node: ast.expr, columns: Mapping[str, Array], where: str) -> Any:
     if isinstance(node, ast.UnaryOp) and isinstance(node.op, (ast.UAdd, ast.USub)):
         value = _value(node.operand, columns, where)
         return -value if isinstance(node.op, ast.USub) else value
+    # Only a function that is called by its name is allowed, so that no attribute of an object can be reached.
     if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
         return _evaluate_call(node, node.func.id, columns, where)
     raise DataError(
@@ -284,7 +286,7 @@ def _column(name: str, columns: Mapping[str, Array], where: str) -> Array:
 
 
 def _evaluate_call(node: ast.Call, name: str, columns: Mapping[str, Array], where: str) -> Any:
-    """Return the value of a function call in a formula: of `col("name")`, or of a function in FUNCTIONS.
+    """Return the value of a function call in a formula. The call is `col("name")` or calls a function in FUNCTIONS.
 
     Raises DataError: the function is unknown, or the number of arguments is wrong.
     """

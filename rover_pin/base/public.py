@@ -1,6 +1,6 @@
 """Checks of the arguments of public functions and classes. A wrong argument raises an error of one sentence.
 
-The annotations in the signature state what is allowed. If Python has no class for a kind of value, the annotation is
+The annotations in the signature state the allowed values. If Python has no class for a kind of value, the annotation is
 `Annotated[Any, Kind(...)]`.
 """
 
@@ -24,7 +24,7 @@ SHORT.maxother = SHORT.maxstring = 60
 
 
 class Kind(NamedTuple):
-    """A kind of value for which Python has no class.
+    """A kind of value that has no class of its own in Python.
 
     `words` names the kind in errors, and `holds` is a function that returns whether a value is of this kind.
     """
@@ -52,10 +52,12 @@ def _guard_call(function: Any, hinted: Any) -> Any:
     For a function, `hinted` is the function. For a dataclass, `function` is its __init__ and `hinted` is the class.
     """
     signature, owner = inspect.signature(function), hinted.__qualname__
+    # Arguments such as *args and **kwargs hold several values, so they are not compared with a single annotation.
     names = [name for name in signature.parameters if name != "self"]
     several = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)
     single = [name for name in names if signature.parameters[name].kind not in several]
 
+    # The annotations are resolved at the first call, because they may name classes that are defined later.
     @functools.cache
     def hints() -> dict[str, Any]:
         all_hints = get_type_hints(hinted, include_extras=True)
@@ -91,23 +93,28 @@ def refuse_unknown(owner: str, keywords: Iterable[str], names: Collection[str]) 
 def fits(value: Any, hint: Any) -> bool:
     """Return whether a value fits a type annotation. If the annotation cannot be checked, the result is True."""
     origin, inner = get_origin(hint), get_args(hint)
+    # The `Kind` in an annotation and the annotated type must both fit.
     if origin is Annotated:
         return all(marker.holds(value) for marker in inner[1:] if isinstance(marker, Kind)) and fits(value, inner[0])
     if origin in (Union, UnionType):
         return any(fits(value, option) for option in inner)
+    # A whole number is a valid float, but True and False are numbers only by Python's inheritance.
     if hint in (float, int):
         return isinstance(value, Real if hint is float else Integral) and not isinstance(value, bool)
+    # All elements of a tuple, or all values of a dict, must fit; only tuples of one repeated type are checked.
     if origin is tuple or origin is dict:
         parts = tuple(value.values()) if isinstance(value, dict) else value
         part = inner[-1] if origin is dict else inner[0] if inner[1:] == (...,) else Any
         return isinstance(value, origin) and all(fits(element, part) for element in parts)
     if getattr(origin, "__name__", "") == "Callable":
         return callable(value) and not isinstance(value, type) and _takes(value, inner[0])
+    # A protocol has no class to test, so the value must have each of its public members.
     if getattr(hint, "_is_protocol", False):
         return all(hasattr(value, name) for name in vars(hint) if not name.startswith("_"))
     kind = PathLike if hint is Path else origin or hint
     if not isinstance(kind, type) or kind is Any:
         return True
+    # The fields of a NamedTuple are checked too, because NamedTuple itself does not check them.
     hints = get_type_hints(kind, include_extras=True) if issubclass(kind, tuple) and hasattr(kind, "_fields") else {}
     return isinstance(value, kind) and all(fits(getattr(value, name), field_hint) for name, field_hint in hints.items())
 
@@ -147,8 +154,8 @@ def words(hint: Any) -> str:
 def brief(kind: type[Any]) -> Any:
     """Give a dataclass or NamedTuple a short repr for people and an HTML table for notebooks, and return the class.
 
-    A long field is shown by its type and its number of elements. Do not use such a repr to tell objects apart, because
-    different objects may have the same repr.
+    A long field is shown by its type and its number of elements. Do not use such a repr to distinguish objects, because
+    different objects may have equal reprs.
     """
     type.__setattr__(kind, "__repr__", _brief)
     if not hasattr(kind, "_repr_html_"):
@@ -195,10 +202,12 @@ def _part(value: Any) -> str:
     """Return the value of a field as short text for a repr: a number, a short list, or the type and the size of the
     value.
     """
+    # Numbers and texts are shown in full, up to a maximum length.
     if isinstance(value, float):
         return f"{value:.6g}"
     if isinstance(value, (str, PathLike)):
         return SHORT.repr(str(value))
+    # Arrays are shown by their shape, because their elements would fill the line.
     if hasattr(value, "shape"):
         return f"array{value.shape}"
     if isinstance(value, Collection) and value:

@@ -114,7 +114,7 @@ class Record:
             raise UnknownAttributeError(self, name, [field.name for field in dataclasses.fields(self)])
 
     def replace(self, **changes: Any) -> Self:
-        """Return a copy of the record in which the given fields are changed.
+        """Return a copy of the record with the given fields changed.
 
         Raises ParameterError: a field does not exist, or its new value is not allowed.
         """
@@ -128,7 +128,7 @@ class Record:
 def quantities(record: Record | type[Record]) -> dict[str, Quantity]:
     """Return the units, sources, bounds and symbols of a record's fields: a dict from field name to `Quantity`.
 
-    `record` may be a record or its class. Fields that are not made by `quantity(...)` are left out.
+    `record` may be a record or its class. The dict omits fields that are not made by `quantity(...)`.
     """
     kind: Any = record if isinstance(record, type) else type(record)
     return dict(_quantities_of_class(kind))
@@ -147,8 +147,8 @@ def _quantities_of_class(kind: Any) -> dict[str, Quantity]:
 def check(owner: str, name: str, value: Any, spec: Quantity, written: str = "") -> None:
     """Check that a value is a finite number within the bounds of `spec`. A CasADi expression is not checked.
 
-    The error calls the number `owner.name`, or `name` if `owner` is empty. `written` is the unit in which the user gave
-    the number (empty means SI); the error states the number and its bounds in this unit.
+    The error calls the number `owner.name`, or `name` if `owner` is empty. `written` is the unit that the user wrote
+    (empty means SI); the error states the number and its bounds in this unit.
 
     Raises ParameterError: the value is not a number, is not finite, or is out of bounds.
     """
@@ -286,7 +286,7 @@ def declared_sds(table: Mapping[str, Any], record: type[Record], where: str) -> 
     """Return the standard deviations (SD) that a table of a file states: a dict from the quantity's name to its SD in
     SI.
 
-    `record` is the class of records whose quantities the table holds. Quantities without a stated SD are left out.
+    `record` is the class of records whose quantities the table holds. The dict omits quantities without a stated SD.
 
     Raises DataError: an SD is not a positive number. `where` is the beginning of the message.
     Raises ParameterError: a unit is unknown or measures another kind of quantity.
@@ -309,6 +309,7 @@ def record_from(record: type[Record], table: Mapping[str, Any], where: str) -> A
             f"{where}: {table!r} is not a table; write one line for each quantity, such as name = 1.0."
         )
     specs = quantities(record)
+    # The record is created from plain numbers in SI, so each entry with a unit is converted first.
     fields = dict(table)
     for name, entry in table.items():
         if name not in specs:
@@ -321,6 +322,7 @@ def record_from(record: type[Record], table: Mapping[str, Any], where: str) -> A
             unit = specs[name].unit
             fields[name] = to_si(entry["value"], entry.get("unit", unit), unit, f"{where}: '{name}'")
             check(f"{where}: {record.__name__}", name, fields[name], specs[name], str(entry.get("unit", "")))
+    # A number that was given without a table is checked by the record itself; its error gets the place in the file.
     try:
         return record(**fields)
     except ParameterError as error:

@@ -97,8 +97,7 @@ class Settings:
     def word(self, name: str, default: str, choices: Collection[str], source: str) -> str:
         """Return the word that the user gave for a setting; an empty text if the user did not give the setting.
 
-        `default` is the word that has the same effect as leaving the setting out; it only appears in the list of
-        settings.
+        `default` is the word whose effect equals that without the setting; it only appears in the list of settings.
 
         Raises ParameterError: the word is not one of `choices`.
         """
@@ -110,7 +109,7 @@ class Settings:
         """Return the user's values of the settings `prefix.FIELD`, where FIELD is a quantity of a record: field ->
         value (SI).
 
-        Fields that the user did not give are left out.
+        The dict omits fields that the user did not give.
 
         Raises ParameterError: a value is not a number, has a unit of another kind of quantity, or is out of bounds.
         """
@@ -123,8 +122,8 @@ class Settings:
         """Return the user's values of the settings `prefix.NAME`, where NAME is an argument of a function: name ->
         value (SI).
 
-        The unit, bounds and source of an argument come from its annotation (see `spec`). Arguments that the user did
-        not give are left out.
+        The unit, bounds and source of an argument come from its annotation (see `spec`). The dict omits arguments that
+        the user did not give.
 
         Parameters
         ----------
@@ -172,8 +171,8 @@ class Settings:
         """Return the user's values (SI) of some settings in a dict from the last part of the setting's name to the
         value.
 
-        An angle may also be given in degrees, under its name followed by `_deg`. Settings that the user did not give
-        are left out, but are listed as known.
+        An angle may also be given in degrees, under its name followed by `_deg`. The dict omits settings that the user
+        did not give, but they are listed as known.
         """
         values: dict[str, Any] = {}
         for setting in settings:
@@ -188,6 +187,7 @@ class Settings:
             if degrees in self.values:
                 written = setting.unit.replace("rad", "deg")
                 values[key] = parse_quantity(self.values.pop(degrees), setting.unit, degrees, written)
+            # The bounds are checked in the unit that the user wrote, so that the error speaks of this number.
             if key in values:
                 _check(setting, values[key], written)
                 self._in_force(setting.name, values[key])
@@ -215,6 +215,7 @@ def _read(setting: Setting, value: Any) -> Any:
 
     Raises ParameterError: the value cannot be converted.
     """
+    # The type of the default decides how the text is read, from the simplest type to a tuple of numbers.
     if isinstance(setting.value, str):
         return str(value)
     if isinstance(setting.value, bool):
@@ -230,7 +231,7 @@ def _read(setting: Setting, value: Any) -> Any:
 
 
 def _check(setting: Setting, value: Any, written: str) -> None:
-    """Check that a number is within the bounds of its setting. `written` is the unit in which the user gave the number.
+    """Check that a number is within the bounds of its setting. `written` is the unit that the user wrote.
 
     Raises ParameterError: the number is out of bounds.
     """

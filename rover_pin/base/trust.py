@@ -60,7 +60,7 @@ class Trust:
         )
 
     def within(self, folder: Path, name: object, where: str) -> Path:
-        """Return the path of the file to which a description in `folder` refers by `name`.
+        """Return the path of the file that a description in `folder` calls `name`.
 
         `where` is the beginning of an error message.
 
@@ -94,6 +94,7 @@ class Trust:
                 pending += [(str(key), child) for key, child in entry.items()]
             elif isinstance(entry, list):
                 pending += [(name, child) for child in entry]
+            # Only a text that is the path of an existing file can lead outside; all other texts are harmless.
             elif isinstance(entry, str) and os.path.lexists(entry):
                 real = _real(Path(entry), str(file))
                 if not any(real.is_relative_to(root) for root in inside):

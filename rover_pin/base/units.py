@@ -1,10 +1,10 @@
-"""The grammar of units, the same for every value, column and option that names a unit.
+"""The grammar of units, which holds for every value, column and option that names a unit.
 
 Within the package, all numbers are in SI units.
 
 A unit is a product of symbols with whole powers, divided by other products: `N m`, `N·m`, `N.m`, `N*m`, `Nm`, `m/s2`,
 `m s^-2`, `rad/(N m)`. Some texts have several readings: `Nms` is N m s or newton milliseconds, a pound is a force or a
-mass. The kind of quantity that is needed then decides. Capital letters count, unless no reading exists that way.
+mass. The kind of quantity that is needed then decides. Capital letters count, unless the text has no reading with them.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ USUAL = {
     "Pa": ("N/m^2", "kPa", "MPa", "kN/m^2", "psi"), "m/s": ("mm/s", "cm/s", "km/h"), "m/s^2": (), "rad/m": ("deg/m",),
     "rad/s": ("rpm", "deg/s", "rev/s"), "kg/m^3": ("g/cm^3", "t/m^3", "lb/ft^3"),
 }  # fmt: skip
-"""SI unit of a kind of quantity -> other units in which this kind is often given; errors and tables list them."""
+"""SI unit of a kind of quantity -> other units that are common for this kind; errors and tables list them."""
 MAX_UNIT_LETTERS = 24
 """Maximum number of letters of a unit. A longer text does not count as a unit, because trying all its readings would
 take long."""
@@ -74,7 +74,7 @@ NONE = Unit(Fraction(1), (0,) * len(BASE))
 
 @cache
 def _symbols(folded: bool) -> dict[str, tuple[Unit, ...]]:
-    """Return a dict from each symbol of a unit to all units that it can stand for.
+    """Return a dict from each symbol of a unit to all units that it can mean.
 
     With `folded`, the symbols are in small letters, so that capital letters do not count.
     """
@@ -102,7 +102,7 @@ def _symbols(folded: bool) -> dict[str, tuple[Unit, ...]]:
 def _over(text: str, symbols: dict[str, tuple[Unit, ...]]) -> list[Unit]:
     """Return all possible meanings of a text such as `rad/(N m)/s`: a product divided by further products.
 
-    `symbols` maps each symbol to the units that it can stand for.
+    `symbols` maps each symbol to the units that it can mean.
     """
     # The first product is the numerator; each further product, with or without brackets, is a divisor.
     above, *below = (re.sub(r"^\((.*)\)$", r"\1", part.strip()) for part in text.split("/"))
@@ -116,15 +116,17 @@ def _over(text: str, symbols: dict[str, tuple[Unit, ...]]) -> list[Unit]:
 def _product(text: str, symbols: dict[str, tuple[Unit, ...]], cache: dict[str, list[Unit]]) -> list[Unit]:
     """Return all possible meanings of a product of unit symbols that a blank, a point, a hyphen or nothing separates.
 
-    The function tries every symbol with which the text begins, and reads the text after this symbol in the same way.
-    `symbols` maps each symbol to the units that it can stand for. `cache` keeps the meanings of each text, so that no
+    The function tries every symbol at the beginning of the text, and reads the text after this symbol by a recursive
+    call. `symbols` maps each symbol to the units that it can mean. `cache` keeps the meanings of each text, so that no
     text is read twice.
     """
     if not text:
+        # The end of the text is reached, so the product is complete.
         return [NONE]
     if text not in cache:
         ways = set()
         for end in range(1, len(text) + 1):
+            # One symbol may mean several units, and each meaning is continued with the rest of the text.
             for unit in symbols.get(text[:end], ()):
                 power, tail = POWER.findall(text[end:])[0]
                 ways |= {after.times(unit, int(power or 1)) for after in _product(tail, symbols, cache)}
@@ -192,5 +194,4 @@ def name_and_unit(header: str) -> tuple[str, str]:
 
 
 UNITS = {name: (si, factor_to(name, si)) for si, names in USUAL.items() for name in (si, *names) if name}
-"""Name of a unit, as the package prints it -> the SI unit of the same kind of quantity, and the factor to this SI
-unit."""
+"""Name of a unit, as the package prints it -> the SI unit of this kind of quantity, and the factor to the SI unit."""

@@ -1,7 +1,7 @@
 """Wrappers that report failures of the code in a user's file, such as an effect or a controller.
 
-An exception in the user's code becomes a one-line error with the file and the line. A return value of a wrong type is
-reported in the same form; the base class of the effect or controller declares the right type.
+An exception in the user's code becomes a one-line error with the file and the line. A return value of a wrong type
+becomes such an error as well; the base class of the effect or controller declares the right type.
 """
 
 import functools
@@ -20,7 +20,7 @@ MAX_QUOTED = 80
 
 
 def mistake(error: BaseException, file: str, otherwise: int = 0) -> DataError:
-    """Return an error that reports an exception with the line of the user's file in which the exception arose.
+    """Return an error that reports an exception with the line of the user's file that raised it.
 
     If the exception passed through several lines of the file, the last line is named. If it passed through no line of
     the file, the line `otherwise` is named, or no line if `otherwise` is 0.

@@ -51,6 +51,7 @@ def content(path: str | Path, max_bytes: int = MAX_UNPACKED_BYTES, head: int | N
             raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
         if not stat.S_ISREG(status.st_mode):
             raise OSError(errno.EINVAL, "it is a device or a pipe, not a file")
+        # One byte more than allowed is read, so that a file that has grown since is noticed below.
         raw = file.read(max_bytes + 1 if head is None else head) if status.st_size <= max_bytes else b""
     # The file may have grown after the system stated its size, so the bytes that were read are counted as well.
     if max(status.st_size, len(raw)) > max_bytes:
@@ -106,11 +107,13 @@ def array_of(raw: bytes, max_bytes: int = MAX_NUMBERS_BYTES) -> np.ndarray:
     Raises ValueError: the bytes are not an `.npy` file of plain values, or the file is damaged.
     """
     file = io.BytesIO(raw)
+    # The format version decides how the header is encoded.
     version = np.lib.format.read_magic(file)
     readers = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
     if version not in readers:
         raise ValueError(f"its format version is {version[0]}.{version[1]}; only versions 1.0 and 2.0 can be read")
     shape, columns_first, dtype = readers[version](file)
+    # Objects would be unpickled, and unpickling runs code.
     if dtype.hasobject:
         raise ValueError("it holds Python objects instead of plain numbers")
     count, following_bytes = math.prod(shape), len(raw) - file.tell()
@@ -120,6 +123,7 @@ def array_of(raw: bytes, max_bytes: int = MAX_NUMBERS_BYTES) -> np.ndarray:
         )
     if count * BYTES_PER_NUMBER > max_bytes:
         raise too_large(max_bytes)
+    # NumPy refuses an empty buffer, so an array without elements is made separately.
     values = np.frombuffer(raw, dtype, count, file.tell()) if count else np.zeros(0, dtype)
     return values.reshape(shape, order="F" if columns_first else "C")
 

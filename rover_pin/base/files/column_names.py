@@ -133,6 +133,7 @@ def word(name: str) -> Word:
     # A unit may stand in brackets, or after a slash, a comma or "in", at the end of the name.
     bracket = re.search(r"(?:\s*[\[({<]\s*|\s+/\s+|\s*,\s+|\s+in\s+)([^\[({<\])}>]{1,12}?)\s*[\])}>]?\s*$", name)
     unit = stated_unit(bracket[1]) if bracket else ""
+    # A unit in brackets is removed from the name before the name is split into words.
     stem = name[: bracket.start()] if bracket and unit else name
     tokens = tokens_of(stem)
     # Two words at the end may be a unit without its slash, as in "speed_m_s".
@@ -142,6 +143,7 @@ def word(name: str) -> Word:
     is_unit = len(tokens[-1]) > 1 or bool(ONE_LETTER.get(tokens[-1], set()) & set(tokens[:-1]))
     if not unit and len(tokens) > 1 and tokens[-1] in UNITS and is_unit:
         unit, tokens = UNITS[tokens[-1]], tokens[:-1]
+    # The word rpm is both the quantity and its unit, so it stays a word of the name.
     if not unit and "rpm" in tokens:
         unit = "rpm"
     return Word(name, tuple(tokens), unit)
@@ -172,10 +174,10 @@ def usual_unit(text: str) -> str:
 
 
 def stated_unit(text: str) -> str:
-    """Return the symbol of a unit that stands in brackets in a column name; an empty text if the text is not a unit.
+    """Return the symbol of a unit that a column name has in brackets; an empty text if the text is not a unit.
 
-    If a unit of UNITS has the same size, its symbol is returned, so that callers have to handle few symbols. Any other
-    unit of a length, time, angle, rate, speed, acceleration, current or voltage is returned as it is written.
+    If a unit of UNITS has an equal size, its symbol is returned, so that callers have to handle few symbols. Any other
+    unit of a length, time, angle, rate, speed, acceleration, current or voltage is returned unchanged.
     """
     unit = usual_unit(text)
     if unit or not any(char.isalpha() for char in text):
@@ -205,8 +207,10 @@ def corner(tokens: tuple[str, ...]) -> tuple[str, str, tuple[str, ...]]:
     axles = {"front": both & FRONT, "rear": both & REAR, "mid": both & MIDDLE}
     side = next((name for name, words in sides.items() if words), "")
     axle = next((name for name, words in axles.items() if words), "")
+    # The letter r is right, unless another word states the side; then r is the axle (rear).
     if "r" in both:
         side, axle = (side or "r", axle) if axle or not side else (side, "rear")
+    # An axle without a side does not identify a wheel.
     if not side:
         axle = ""
     used = set().union(*sides.values(), *(axles.values() if axle else ()), {"r"} if side else set())

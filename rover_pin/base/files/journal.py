@@ -1,4 +1,4 @@
-"""Journals: files in which a long calculation records each finished piece of work, so that a later run can resume."""
+"""Journals: a long calculation records each finished piece of work in such a file, so that a later run can resume."""
 
 import json
 import os
@@ -11,7 +11,7 @@ from rover_pin.base.files.whole_file import write_whole
 
 
 class Journal:
-    """A file in which a long calculation records each finished piece of work as one line of JSON.
+    """A file that records each finished piece of a long calculation as one line of JSON.
 
     A later run reads the entries and skips the finished pieces. An entry is on the disk as soon as `append` returns. If
     the process is killed while it writes, the file ends with an incomplete line; call `repair` to remove this line
@@ -41,12 +41,13 @@ class Journal:
             os.fsync(file.fileno())
 
     def entries(self) -> list[Any]:
-        """Return the entries of all complete lines, in the order in which they were added. The file is not changed.
+        """Return the entries of all complete lines, the oldest first. The file is not changed.
 
         If the file does not exist, the list is empty.
 
         Raises DataError: the file cannot be read, or a complete line is not JSON.
         """
+        # A missing file is the journal of a calculation that has not finished any piece.
         try:
             raw = content(self.file) if self.file.exists() else b""
         except OSError as error:

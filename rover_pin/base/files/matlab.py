@@ -31,10 +31,11 @@ OPAQUE = 17
 OTHER_CLASSES = {1: "cell array", 3: "object", 4: "text", 5: "sparse matrix", 16: "function"}
 """Class number of a MATLAB variable that holds no plain numbers -> the name of its class."""
 TYPES_4 = ("f8", "f4", "i4", "i2", "u2", "u1")
-"""NumPy types of numbers in a version 4 file. The index is the digit with which the file states the type."""
+"""NumPy types of numbers in a version 4 file. The index in this tuple is the digit that the file states for the
+type."""
 ELEMENT = 512
-"""Number of bytes that each matrix counts in addition to its numbers. The bytes stand for the Python object of the
-matrix, and they limit the number of matrices, because a file of many empty matrices would take a long time to read."""
+"""Number of bytes that each matrix counts in addition to its numbers. They account for the Python object of the matrix,
+and they limit the number of matrices, because a file of many empty matrices would take a long time to read."""
 
 
 class NotNumbers(NamedTuple):
@@ -64,6 +65,7 @@ def mat_variables(path: Path) -> Variables:
             raise DataError(
                 f"{path}: a .mat file of version 7.3 cannot be read: save the variables with '-v7', or as CSV."
             )
+        # The allowance counts decompressed bytes and numbers together, because both are in memory at the same time.
         allowance = Allowance(2 * MAX_NUMBERS_BYTES)
         return dict(_variables_4(file, allowance) if 0 in file[:4] else _variables_5(file, allowance))
     except (OSError, ValueError, struct.error, zlib.error, OverflowError, RecursionError) as error:
@@ -101,14 +103,17 @@ def _variables_4(file: bytes, allowance: Allowance) -> Iterator[tuple[str, np.nd
         # The integers are small, so the two high bytes of the first integer are zero in the right byte order.
         order = "<" if file[start + 2 : start + 4] == b"\0\0" else ">"
         kind, rows, columns, is_complex, length = struct.unpack_from(f"{order}5i", file, start)
+        # Numbers outside their possible range show that the bytes are not a header of version 4.
         if not (0 <= kind % 1000 < 60 and length > 0 and min(rows, columns) >= 0):
             raise ValueError
         dtype = np.dtype(f"{order}{TYPES_4[kind % 100 // 10]}")
         begin, count = start + 20 + length, rows * columns
+        # The size is taken from the allowance before the numbers are read, so that a false size cannot fill the memory.
         allowance.take(ELEMENT + BYTES_PER_NUMBER * count)
         values = np.frombuffer(file, dtype, count, begin)
         if kind % 10 == 0 and not is_complex:
             yield file[start + 20 : begin - 1].decode("latin-1"), values.reshape(rows, columns, order="F").squeeze()
+        # The imaginary parts of a complex array follow its real parts, so its data are twice as long.
         start = begin + count * dtype.itemsize * (2 if is_complex else 1)
 
 
@@ -130,6 +135,7 @@ def _matrix(body: memoryview, order: str, allowance: Allowance) -> tuple[str, An
     """
     allowance.take(ELEMENT)
     parts = _elements(body, order)
+    # A damaged element may have fewer than four parts; empty parts take the place of the missing ones.
     (_, flags), (_, shape), (_, name), (kind, first) = itertools.islice(itertools.chain(parts, 4 * [(0, body[:0])]), 4)
     if not len(flags):
         return "", None
@@ -148,6 +154,8 @@ def _matrix(body: memoryview, order: str, allowance: Allowance) -> tuple[str, An
         fields = [_matrix(field, order, allowance)[1] for _, field in parts] if keys else []
         value = {key: _join_records(fields[index :: len(keys)]) for index, key in enumerate(keys)}
     elif array_class in NUMBERS and not flag & COMPLEX and kind in ELEMENT_TYPES:
+        # The numbers are stored column by column. Dimensions of length 1 are removed, so that a column becomes a
+        # vector.
         numbers = np.frombuffer(first, f"{order}{ELEMENT_TYPES[kind]}")
         allowance.take(BYTES_PER_NUMBER * numbers.size)
         value = numbers.reshape(dimensions, order="F").squeeze()

@@ -24,11 +24,10 @@ def need_pyarrow(path: str | Path) -> None:
 
 
 def parquet_table(path: Path) -> Any:
-    """Return a Parquet file as a pyarrow Table. No two of its columns have the same name.
+    """Return a Parquet file as a pyarrow Table. Its column names are unique.
 
     Raises DataError: the file is missing, unpacks to more than MAX_NUMBERS_BYTES, cannot be read by pyarrow, or has two
-    columns of the same name.
-    Raises MissingExtraError: pyarrow is not installed.
+    columns with equal names. Raises MissingExtraError: pyarrow is not installed.
     """
     need_pyarrow(path)
     try:
@@ -58,6 +57,7 @@ def unpack_table(packed: bytes, max_bytes: int = MAX_NUMBERS_BYTES) -> Any:
     import pyarrow.parquet
     from pyarrow import types
 
+    # The types of the columns are checked first, because they are known before any cell is unpacked.
     reader = pyarrow.BufferReader(packed)
     schema = pyarrow.parquet.ParquetFile(reader).schema_arrow
     for field in schema:
@@ -81,6 +81,7 @@ def unpack_table(packed: bytes, max_bytes: int = MAX_NUMBERS_BYTES) -> Any:
         raise too_large(max_bytes)
     table, remaining_bytes = file.read(), max_bytes - cells
     for number, field in enumerate(table.schema):
+        # A column of texts is paid for by the length of all its cells before it is expanded.
         if types.is_dictionary(field.type) and _is_text(field.type):
             remaining_bytes -= _text_bytes(table.column(number))
             if remaining_bytes < 0:
@@ -116,6 +117,7 @@ def _text_bytes(column: Any) -> int:
     total = 0
     for chunk in column.chunks:
         lengths = pyarrow.compute.binary_length(chunk.dictionary)
+        # The longest text of the chunk is checked first: a single huge text must not be multiplied by its cells.
         longest = pyarrow.compute.max(lengths).as_py() or 0
         if longest > MAX_CELL:
             raise OSError(errno.EFBIG, f"it has a cell of {longest} characters, and {MAX_CELL} is the maximum")

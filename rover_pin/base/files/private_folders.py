@@ -1,4 +1,4 @@
-"""The folders in which the package keeps compiled code and the results of checks for later runs.
+"""The folders where the package keeps compiled code and the results of checks for later runs.
 
 The package loads compiled libraries from such a folder. Therefore only the user and root may be able to write there.
 """
@@ -16,7 +16,7 @@ from rover_pin.base.files.whole_file import replace_file
 
 VARIABLE = "ROVER_PIN_CACHE"
 OTHERS_WRITE = 0o022
-"""Permission bits of a folder with which its group, or all users, can write to it."""
+"""Permission bits that allow a folder's group, or all users, to write to it."""
 HINT = f"set {VARIABLE} to a folder of your own that can be written"
 MAX_DIGESTS = 200
 """Maximum number of successful checks of one kind (such as checks of URDF files) that are remembered. Beyond this
@@ -27,11 +27,12 @@ def private_folders() -> list[Path]:
     """Return the folders that may hold compiled code, the preferred folder first. Missing folders are created.
 
     If $ROVER_PIN_CACHE is set, its folder is the only candidate. Otherwise the candidates are `rover_pin` in the user's
-    cache, and a folder of the user in the system's folder for temporary files. A candidate is left out if it belongs to
-    a user other than this user and root, or if other users can write to it.
+    cache, and a folder of the user in the system's folder for temporary files. A candidate is not returned if it
+    belongs to a user other than this user and root, or if other users can write to it.
 
     Raises CacheError: no candidate can be used.
     """
+    # A folder that the user configured is used alone: a silent change to another folder would surprise the user.
     configured = os.environ.get(VARIABLE)
     folders = [Path(configured)] if configured else []
     if not configured:
@@ -39,6 +40,7 @@ def private_folders() -> list[Path]:
             folders.append(Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "rover_pin")
         with contextlib.suppress(OSError):  # raised where there is no folder for temporary files
             folders.append(Path(tempfile.gettempdir()) / f"rover_pin-{os.geteuid()}")
+    # Someone else's library in such a folder would run as this user, so unsafe folders are never returned.
     troubles = {folder: _trouble(folder) for folder in folders}
     safe = [folder for folder in folders if not troubles[folder]]
     if not safe:

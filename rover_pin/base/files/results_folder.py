@@ -29,6 +29,7 @@ def alone_in(folder: str | Path | None) -> Iterator[None]:
     Raises DataError: another process or another thread has locked the folder, or the folder cannot be created or
     locked.
     """
+    # A run without a folder of results writes nothing, so it needs no lock.
     if folder is None:
         yield
         return
@@ -52,6 +53,8 @@ def alone_in(folder: str | Path | None) -> Iterator[None]:
     except OSError as error:
         raise DataError(f"{folder}: the folder cannot be used for results: {error.strerror}.") from error
     try:
+        # The lock file is removed before the lock is released, so that no second run locks a file that is about to
+        # vanish.
         yield
     finally:
         with suppress(OSError):
@@ -76,8 +79,7 @@ def replacing(folder: str | Path, names: Sequence[str], untouched: Sequence[str]
 
 
 def say_what_is_replaced(folder: str | Path | None, names: Sequence[str], untouched: Sequence[str] = ()) -> None:
-    """Log which files of an earlier run a new run will replace. `names` and `untouched` are the same as for
-    `replacing`.
+    """Log which files of an earlier run a new run will replace. For `names` and `untouched`, see `replacing`.
 
     Call this only after every check that could still refuse the new run; otherwise the user reads that results are
     replaced although they are not.

@@ -62,7 +62,7 @@ class Table(NamedTuple):
     notes: tuple[str, ...] = ()
     """remarks about how the file was read, such as the recognised delimiter"""
     faults: tuple[str, ...] = ()
-    """sentences on rows that were left out because they have too many or too few cells, and on repeated column names"""
+    """sentences on omitted rows, which have too many or too few cells, and on repeated column names"""
 
     def numbers(self, name: str) -> np.ndarray:
         """Return the values of a column as an array of floats (rows,), with NaN for a missing cell.
@@ -70,6 +70,7 @@ class Table(NamedTuple):
         Raises DataError: a cell is not a number; the message names the line and the column.
         """
         values = self.columns[name]
+        # A column of numbers needs no conversion of single cells.
         if values.dtype.kind in "fiub":
             return values.astype(float)
         numbers = []
@@ -89,7 +90,7 @@ class Table(NamedTuple):
     def refuse_faults(self) -> None:
         """Check that the file has no fault: no row of a wrong length and no repeated column name.
 
-        Raises DataError: a row has too many or too few cells, or two columns have the same name.
+        Raises DataError: a row has too many or too few cells, or two columns have equal names.
         """
         if self.faults:
             raise DataError(f"{self.path}, {self.faults[0]}")
@@ -125,10 +126,11 @@ def measured_points(path: Path, required: Sequence[str] = (), texts: Sequence[st
 def read_table(path: Path) -> Table:
     """Return the table in a Parquet file (.parquet, .pq) or in a text file of any layout (any other suffix).
 
-    Rows with too many or too few cells are left out, and `faults` of the returned table lists them.
+    Rows with too many or too few cells are omitted, and `faults` of the returned table lists them.
 
     Raises DataError: the file is missing, is a spreadsheet or an archive, cannot be read, or has no rows.
     """
+    # Parquet files are read by pyarrow, which opens the file itself; all other files are read as bytes here.
     try:
         raw = content(path, MAX_TABLE_BYTES) if path.suffix not in (".parquet", ".pq") else b""
     except OSError as error:
@@ -139,6 +141,7 @@ def read_table(path: Path) -> Table:
         )
     table = _text_table(path, raw) if raw or path.suffix not in (".parquet", ".pq") else _parquet_table(path)
     if not table.places:
+        # A table whose every row was omitted reports the first of these rows rather than an empty file.
         table.refuse_faults()
         raise DataError(
             f"{path}: the file has no rows of data: write one line of column names, then one line for each row."
@@ -234,6 +237,7 @@ def _repeated_headers(lines: list[str], layout: Layout) -> tuple[set[int], list[
         if first not in lines[index] or row_of(index) != header:
             continue
         dropped.add(index)
+        # The line of units below the repeated header, and the title above it, are parts of the repetition.
         if layout.units and place + 1 < len(filled) and row_of(filled[place + 1]) == units:
             dropped.add(filled[place + 1])
         title = [cell for cell in row_of(filled[place - 1]) if cell] if place else []
@@ -251,6 +255,7 @@ def decode(raw: bytes) -> tuple[str, str]:
     The byte-order mark decides. Without a mark, the encoding is UTF-16 if every second byte is zero, UTF-8 if the bytes
     are valid UTF-8, and cp1252 (Windows, western Europe) otherwise.
     """
+    # A byte-order mark is the only certain statement about the encoding.
     for mark, encoding in ENCODINGS:
         if raw.startswith(mark):
             return raw.decode(encoding, errors="replace"), encoding
@@ -277,12 +282,13 @@ def _data_lines(lines: list[str], layout: Layout) -> list[int]:
 def _names(lines: list[str], layout: Layout) -> tuple[list[str], list[str]]:
     """Return the column names with their units, and a sentence on each name that occurs twice.
 
-    The second column with the same name is renamed to "name (2)", so that no column is lost. If the file has no header,
+    A second column with an equal name is renamed to "name (2)", so that no column is lost. If the file has no header,
     the columns are called "column 1", "column 2" and so on.
     """
     if layout.header < 0:
         return [f"column {number}" for number in range(1, 1 + layout.width)], []
     names = fit_row(cells(lines[layout.header], layout.delimiter), layout.width, names=True)
+    # The line below the names holds the units, so each unit is appended to its name.
     if layout.units:
         units = fit_row(cells(lines[layout.header + 1], layout.delimiter), layout.width, names=True)
         names = [_with_unit(name, unit.strip("[]() ")) for name, unit in zip(names, units, strict=False)]
@@ -307,7 +313,7 @@ def _column(name: str, column: tuple[str, ...], decimal: str) -> tuple[str, np.n
     """Return the name of a column and its values: an array of numbers if every cell is a number, else an array of
     texts.
 
-    If all cells have the same unit, as in `80 N`, the unit is moved from the cells into the name, as in `load [N]`.
+    If all cells have one common unit, as in `80 N`, the unit is moved from the cells into the name, as in `load [N]`.
 
     `column` holds the cells as texts, and `decimal` is the decimal mark of the file.
     """
@@ -382,7 +388,7 @@ def read_columns(path: str | Path) -> Columns:
     """Return the columns of a table of numbers, from a text file of any layout or from Parquet.
 
     Raises DataError: the file cannot be read as a table, a row has another number of cells than the header, two columns
-    have the same name, or a cell holds text instead of a number.
+    have equal names, or a cell holds text instead of a number.
     """
     table = read_table(Path(path))
     table.refuse_faults()
@@ -390,10 +396,10 @@ def read_columns(path: str | Path) -> Columns:
 
 
 def columns_text(values: dict[str, np.ndarray]) -> str:
-    """Return the text of a CSV file with one column for each of the arrays (rows,), which all have the same length.
+    """Return the text of a CSV file with one column for each of the arrays (rows,). All arrays have equal lengths.
 
-    `values` maps column names to arrays. Each number is written with as many digits as its exact value needs. A name
-    with a comma or a quotation mark, such as "x, m", is quoted.
+    `values` maps column names to arrays. Each number is written with all digits that its exact value needs. A name with
+    a comma or a quotation mark, such as "x, m", is quoted.
     """
     names = map(csv_cell, values)
     rows = zip(*(np.asarray(column, dtype=float).tolist() for column in values.values()), strict=True)

@@ -10,12 +10,11 @@ from typing import NamedTuple
 from rover_pin.base.units import readings
 
 DELIMITERS = (";", "\t", "|", ",", " ")
-"""Delimiters that are tried on a text file. If two of them fit equally well, the one that stands earlier here is
-taken."""
+"""Delimiters that are tried on a text file. If two of them fit equally well, the earlier one of this tuple is taken."""
 SAMPLED_LINES = 60
-"""Number of non-empty lines at the beginning of a file from which the delimiter and the header are recognised."""
+"""Number of non-empty lines that are read, at the beginning of a file, to recognise the delimiter and the header."""
 MISSING = {"", "-", "--", "\u2013", "\u2014", "na", "n/a", "#n/a", "nan", "null", "none"}
-"""Cells, in small letters, that stand for a missing number."""
+"""Cells, in small letters, that mark a missing number."""
 UNIT = r"[A-Za-z°%µμΩ][^\s,;]{0,7}(?:\s?m)?"
 NUMBERS = {
     ".": re.compile(rf"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)(?:\s*({UNIT}))?"),
@@ -53,8 +52,8 @@ def layout_of(lines: list[str]) -> Layout:
     """Return the layout of the table in the lines of a text file.
 
     Each delimiter is tried with each decimal mark, and the layout with the highest score is returned (see
-    `_score_layout`): the layout under which lines of equal length have the most numbers. If no layout gives numbers,
-    the first line that is not a comment counts as the header, and its most frequent delimiter is taken.
+    `_score_layout`). This layout gives the most numbers in lines of equal length. If no layout gives numbers, the first
+    line that is not a comment counts as the header, and its most frequent delimiter is taken.
     """
     # The layout to return if no delimiter gives numbers.
     filled_lines = [index for index, line in enumerate(lines[: 10 * SAMPLED_LINES]) if line.strip()]

@@ -22,8 +22,7 @@ four names."""
 TEXTS_AND_COMMENTS = re.compile(
     r'''"""(?:[^"\\]|\\.|"(?!""))*+"""|'{3}(?:[^']|'(?!''))*+'{3}|"(?:[^"\\\n]|\\.)*+"|'[^'\n]*+'|#[^\n]*+''', re.DOTALL
 )
-"""Pattern of the parts of a TOML file in which a dot does not join the names of a key: texts in quotes, and
-comments."""
+"""Pattern of texts in quotes and of comments in a TOML file. A dot in these parts does not join the names of a key."""
 DEEP_KEY = re.compile(rf"(?<![\w-])[\w-]++(?:[ \t]*+\.[ \t]*+[\w-]++){{{MAX_KEY_PARTS}}}")
 """Pattern of a dotted key with more than MAX_KEY_PARTS names."""
 
@@ -58,7 +57,7 @@ def read_toml(path: str | Path) -> dict[str, Any]:
 
 
 def table_in(table: Mapping[str, Any], key: str, where: object) -> dict[str, Any]:
-    """Return the inner table that stands under a key of a TOML table; an empty dict if the key is missing.
+    """Return the inner table of a TOML table that has this key; an empty dict if the key is missing.
 
     Raises DataError: the value of the key is not a table. `where` is the beginning of the message.
     """
@@ -69,7 +68,7 @@ def table_in(table: Mapping[str, Any], key: str, where: object) -> dict[str, Any
 
 
 def tables_in(table: Mapping[str, Any], key: str, where: object) -> list[dict[str, Any]]:
-    """Return the list of tables that stands under a key of a TOML table; an empty list if the key is missing.
+    """Return the list of tables that a TOML table has under this key; an empty list if the key is missing.
 
     Raises DataError: the value of the key is not a list of tables. `where` is the beginning of the message.
     """
@@ -80,7 +79,7 @@ def tables_in(table: Mapping[str, Any], key: str, where: object) -> list[dict[st
 
 
 def text_in(table: Mapping[str, Any], key: str, where: object, default: str = "") -> str:
-    """Return the text that stands under a key of a TOML table; `default` if the key is missing.
+    """Return the text that a TOML table has under this key; `default` if the key is missing.
 
     Raises DataError: the value of the key is not a text. `where` is the beginning of the message.
     """
@@ -93,7 +92,7 @@ def text_in(table: Mapping[str, Any], key: str, where: object, default: str = ""
 def toml_text(table: Mapping[str, Any]) -> str:
     """Return a dict as the text of a TOML file: plain values first, then `[tables]` and `[[lists of tables]]`.
 
-    Entries whose value is None are left out.
+    Entries whose value is None are omitted.
 
     Raises DataError: TOML has no form for a value in the dict.
     """
@@ -117,7 +116,7 @@ def toml_key(name: str) -> str:
 
 
 def _pairs(table: Mapping[str, Any]) -> str:
-    """Return the entries of a dict as lines `key = value` of TOML; entries whose value is None are left out."""
+    """Return the entries of a dict as lines `key = value` of TOML; entries whose value is None are omitted."""
     return "".join(
         f"{toml_key(name)} = {toml_value(name, value)}\n" for name, value in table.items() if value is not None
     )
@@ -137,6 +136,7 @@ def toml_value(name: str, value: Any) -> str:
         return repr(value)
     if isinstance(value, str):
         return toml_string(value)
+    # A table inside a table is written in braces, because a heading in brackets would end the outer table.
     if isinstance(value, Mapping):
         inner = (f"{toml_key(key)} = {toml_value(key, entry)}" for key, entry in value.items() if entry is not None)
         return "{" + ", ".join(inner) + "}"

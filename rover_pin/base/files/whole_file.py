@@ -10,12 +10,13 @@ from rover_pin.base.errors import DataError
 def write_whole(path: Path, new_content: bytes | str) -> None:
     """Write a file so that a reader sees either its old content or all of the new content.
 
-    The content goes into a temporary file in the same folder, which must exist. The temporary file is then renamed to
-    `path`. If the process is killed or the power fails, `path` holds the old content or the new one, never a part.
+    The content goes into a temporary file in the folder of `path`, which must exist. The temporary file is then renamed
+    to `path`. If the process is killed or the power fails, `path` holds the old content or the new one, never a part.
 
     Raises OSError: the file cannot be written. The old file is then unchanged. Use `replace_file` to get an error that
     names the file.
     """
+    # The temporary file lies in the folder of the target, because a rename is one step only within one file system.
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
         with temporary.open("wb") as file:

@@ -63,6 +63,7 @@ def results(
 
     Raises SimulationError: the connection to the scheduler is lost, or a job cannot be run there.
     """
+    # One worker needs no other process, and errors then show the place in the code directly.
     if workers == 1:
         return (function(*job) for job in jobs)
     if not isinstance(workers, int):
@@ -94,6 +95,7 @@ def on_processes(
     with parallel_config(backend="loky", inner_max_num_threads=1):
         parallel = Parallel(n_jobs=count, **options)
     try:
+        # The processes are started inside this block, because they take over its search path.
         with safe_path():
             results = parallel(delayed(working_for)(os.getpid(), count, function, *job) for job in jobs)
             yield None
@@ -110,7 +112,7 @@ def on_processes(
 
 
 def handed_at_once(jobs: int, workers: int) -> int:
-    """Return how many short jobs are sent to a worker process together.
+    """Return the number of short jobs that are sent to a worker process together.
 
     Each process gets at least two portions, so that no process is idle for long while the last jobs finish.
     """
@@ -169,6 +171,7 @@ def client_of(address: str) -> Iterator[Any]:
             f"No Dask scheduler answers at '{address}': start one with `dask scheduler` "
             "and give the address that it prints, such as tcp://127.0.0.1:8786."
         ) from error
+    # The client closes its connection at the end of the block, also after an error.
     with client:
         try:
             client.wait_for_workers(1, timeout=START_SECONDS)

@@ -1,9 +1,9 @@
-"""An environment in which no code of the working directory runs, because this directory may hold data of another
+"""An environment that keeps code of the working directory from running, because this directory may hold data of another
 person.
 
-Without this environment, code in the working directory could run in several ways. Python puts this directory first on
-the search path of `python -m` and `python -c`, with which worker processes start. An empty entry of PATH or PYTHONPATH
-means the working directory. matplotlib reads ./matplotlibrc, which names programs.
+Without this environment, three mechanisms could run code in the working directory. Python puts this directory first on
+the search path of `python -m` and `python -c`, and worker processes start by such commands. An empty entry of PATH or
+PYTHONPATH means the working directory. matplotlib reads ./matplotlibrc, which names programs.
 """
 
 import importlib
@@ -64,6 +64,7 @@ def safe_path() -> Iterator[None]:
     Several blocks may be open and may end in any order, as blocks in generators do. When the last block has ended, the
     environment from before the first block is restored.
     """
+    # The first open block stores the environment, and the last one to end restores it.
     with _LOCK:
         if not _OPEN_BLOCKS:
             _BEFORE.update({name: value for name, value in os.environ.items() if name in (SAFE_PATH, PYTHON_PATH)})

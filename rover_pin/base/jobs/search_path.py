@@ -1,4 +1,4 @@
-"""Removes the working directory, which holds data and no code, from the folders in which Python looks for modules.
+"""Removes the working directory, which holds data and no code, from the folders that Python searches for modules.
 
 This module imports only `os` and `sys`, which Python has loaded before any program begins. The program imports
 everything else after it has called `leave_search_path`.
@@ -16,7 +16,7 @@ def is_working_folder(entry: str, folder: str) -> bool:
 
 
 def is_clone(folder: str) -> bool:
-    """Return whether `folder` is the clone of the repository from which this program runs."""
+    """Return whether `folder` is the clone of the repository that contains this running program."""
     clone = __file__
     for _ in ("jobs", "base", "rover_pin", "clone"):
         clone = os.path.dirname(clone)
@@ -26,8 +26,8 @@ def is_clone(folder: str) -> bool:
 def search_path_without_folder(path: str) -> str:
     """Return a value of PYTHONPATH without the entries that are relative or lead to the working directory.
 
-    An empty entry, as in `:/opt/ros`, means the working directory. If the working directory is the clone from which
-    this program runs, the value is returned unchanged.
+    An empty entry, as in `:/opt/ros`, means the working directory. If the working directory is the clone that contains
+    this program, the value is returned unchanged.
     """
     folder = os.getcwd()
     if is_clone(folder):
@@ -38,7 +38,7 @@ def search_path_without_folder(path: str) -> str:
 def leave_search_path() -> None:
     """Remove the working directory from the search path for modules, in this process and in processes that it starts.
 
-    If the working directory is the clone from which this program runs, it stays on the path.
+    If the working directory is the clone that contains this program, it stays on the path.
     """
     folder = os.getcwd()
     if not is_clone(folder):
@@ -48,5 +48,6 @@ def leave_search_path() -> None:
         sys.path[:] = [
             entry for entry in sys.path if not is_working_folder(entry, folder) and os.path.realpath(entry) not in data
         ]
+    # Child processes read the environment variable, so it is corrected as well.
     if PYTHON_PATH in os.environ:
         os.environ[PYTHON_PATH] = search_path_without_folder(os.environ[PYTHON_PATH])

@@ -21,7 +21,7 @@ T = TypeVar("T")
 class TimeLeft:
     """Logs the progress of a long calculation: the number of finished parts, and an estimate of the remaining time.
 
-    The estimate assumes that the remaining parts take as long on average as the finished parts. `what` names the
+    The estimate assumes that a remaining part takes the average time of the finished parts. `what` names the
     calculation in the log. `clock` returns the time in seconds; a test passes its own clock.
     """
 
@@ -49,7 +49,7 @@ def format_duration(seconds: float) -> str:
 
 
 def telling(rows: Iterable[T], total: int, what: str) -> Iterator[T]:
-    """Yield `rows` unchanged, and show how many of the `total` rows are finished and how much time remains.
+    """Yield `rows` unchanged, and show the number of finished rows out of `total` and the remaining time.
 
     On a terminal a progress bar appears after SECONDS_BEFORE_BAR; elsewhere a line is logged every ten seconds. `what`
     names the work in the progress bar and in the log.
@@ -61,6 +61,7 @@ def telling(rows: Iterable[T], total: int, what: str) -> Iterator[T]:
     with ExitStack() as stack:
         bar: Any = None
         for count, row in enumerate(rows, 1):
+            # The caller works on the row before the next row is requested, so the time of its work is measured too.
             yield row
             # The bar appears only on a terminal, and only if messages of this level are wanted.
             is_long = count < total and time.monotonic() - start >= SECONDS_BEFORE_BAR

@@ -33,6 +33,7 @@ def ending_workers() -> Iterator[None]:
     If the program has its own handler of SIGTERM, or if this thread is not the main thread, SIGTERM is not handled
     here.
     """
+    # Only the main thread may set a handler, and a program that embeds this package keeps its own handler.
     handles_term = (
         threading.current_thread() is threading.main_thread() and signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
     )
