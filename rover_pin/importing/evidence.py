@@ -27,6 +27,10 @@ asked."""
 NONE_FITS = math.log(0.05)
 """Logarithm of the prior probability that no interpretation of the columns is right. An interpretation is taken only if
 its evidence against chance is large compared with this probability."""
+NOT_AS_NAMED = math.log(1e-4)
+"""Logarithm of the prior probability that a column with a channel's own name, such as `body_pitch`, holds something
+else. Such a column is taken unless the motion of the drive contradicts it: on level ground, where the motion says
+nothing about the pitch, the name alone decides."""
 LOG_SCALE_RANGE = 2.0 * math.log(1e4)
 """Width of the prior of the logarithm of an entirely unknown scale, which may lie anywhere between 1e-4 and 1e4."""
 OUTLYING_SHARE = 0.1

@@ -18,6 +18,7 @@ from rover_pin.base.files.column_names import COMMAND, ODOMETRY, Word, corner
 from rover_pin.base.formula import change, integral, quote
 from rover_pin.importing.evidence import (
     NONE_FITS,
+    NOT_AS_NAMED,
     independent,
     is_settled,
     mean_known,
@@ -91,8 +92,13 @@ def channels(
             f"--column {first.target}={ways}"
         )
 
-    pitch = _tilts("body_pitch", called.PITCH, words, recordings, heading)
-    take([(item, log + _climb_evidence(item, recordings, values, rover)) for item, log in pitch], NONE_FITS)
+    pitch = list(_tilts("body_pitch", called.PITCH, words, recordings, heading))
+    # The climb of the drive is evidence for or against a pitch; a column with the channel's own name needs none.
+    has_own_name = any(item.entry == {"column": item.target} for item, _ in pitch)
+    take(
+        [(item, log + _climb_evidence(item, recordings, values, rover)) for item, log in pitch],
+        NOT_AS_NAMED if has_own_name else NONE_FITS,
+    )
     # One sensor measures pitch and roll, so that both probably have the same unit.
     unit = next((item.entry.get("unit") for item in guesses if item.target == "body_pitch"), None)
     roll = _tilts("body_roll", called.ROLL, words, recordings, heading)

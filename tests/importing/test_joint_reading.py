@@ -235,6 +235,21 @@ def test_angles_without_a_unit_are_known_by_the_climb(tmp_path):
     assert any(line.startswith("body_pitch = -pitch [deg]") for line in made.columns)
 
 
+def test_a_pitch_by_its_own_name_is_taken_unless_the_climb_contradicts_it(tmp_path):
+    """On level ground, where a pitch is noise, the name decides; where the rover climbs, the climb does."""
+    seen = recordings.truth()
+    noise = np.random.default_rng(8).normal(0.0, 0.01, (5, len(seen["t_s"])))
+    for number, pitch in enumerate([seen["body_pitch"], *noise]):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        made, _ = imported(table_of(seen, body_pitch=pitch), folder)
+        assert any(line.startswith("body_pitch = body_pitch") for line in made.columns)
+    folder = tmp_path / "reversed"
+    folder.mkdir()
+    made, _ = imported(table_of(seen, **{"z [m]": seen["body_z"], "body_pitch": -seen["body_pitch"]}), folder)
+    assert not any(line.startswith("body_pitch =") for line in made.columns)
+
+
 @pytest.mark.parametrize("frame", [1.0, -1.0])
 @pytest.mark.parametrize(
     ("gyro", "accelerometer", "per_rate", "per_force"),

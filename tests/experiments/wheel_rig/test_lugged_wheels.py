@@ -159,7 +159,6 @@ def test_lugged_wheel_is_fitted_from_locked_to_spinning(run):
     code, out, _ = run("close-loop", "mine", "--json", "--out", "out")
     told = json.loads(out)
     assert (code, told["answer"]) == (0, "no effect needed")
-    assert "however small, the model does not predict all that was measured" in page()
     for name, true in (("soil.k", SAND.k), ("soil.phi", SAND.phi), ("LugExcavation.h_l", lugs.h_l)):
         assert told["after"][name]["low"] < true < told["after"][name]["high"]
     assert all(score["after"] < 2 * score["floor"] and not score["lost"] for score in told["held_out"])

@@ -13,9 +13,9 @@ FEW, MANY = (1,), 200
 
 
 def driven(seed, folder):
-    """The periods that a random drive goes on for; None where the rover cannot be set down."""
-    chosen = random_drives.drive(seed)
+    """The periods that a random drive goes on for; None if the soil cannot carry the rover, or the rover cannot be set down."""
     try:
+        chosen = random_drives.drive(seed)
         unit = plant(chosen.model, chosen.start)
     except RoverPinError:
         return None
