@@ -13,7 +13,7 @@ FEW, MANY = (1,), 200
 
 
 def driven(seed, folder):
-    """The periods that a random drive goes on for; None if the soil cannot carry the rover, or the rover cannot be set down."""
+    """Return the number of periods that a random drive lasts; None if the rover cannot be set down on its soil."""
     try:
         chosen = random_drives.drive(seed)
         unit = plant(chosen.model, chosen.start)
