@@ -177,8 +177,7 @@ def closest(name: Any, names: Iterable[Any]) -> str:
         return f"did you mean '{meant}'?"
     import difflib
 
-    # The search for similar spellings: a ratio of 1 is an equal word, and 0.6 is a word with about one wrong letter in
-    # three.
+    # Similar spellings are suggested only above a ratio of 0.6; the ratio of equal words is 1.
     hits = difflib.get_close_matches(name, names, n=8, cutoff=0.5)
     is_close = bool(hits) and difflib.SequenceMatcher(None, name, hits[0]).ratio() > 0.6
     # A short list of names is printed in full, with the most similar name as a suggestion.

@@ -64,9 +64,12 @@ def main() -> None:
     try:
         app()
     except RoverPinError as error:
+        # The message of this package is one line already and states the remedy, so no traceback is printed.
         warn(f"rover-pin: {error}")
         sys.exit(2)
     except (MemoryError, ImportError) as error:
+        # A library that cannot be loaded for lack of memory raises an ImportError; any other ImportError is a fault of
+        # the program.
         if isinstance(error, ImportError) and NO_ROOM not in str(error):
             raise
         warn(
@@ -75,6 +78,7 @@ def main() -> None:
         )
         sys.exit(2)
     except OSError as error:
+        # An OSError without a number does not come from the system, so it is a fault of the program.
         if error.errno is None:
             raise
         # For example a full disk, or a folder without permission to write.
@@ -118,6 +122,7 @@ def drive(
     settings["trust"] = Trust.of([file for file in (effects, own) if file], trust)
     views = requested_files(view or open_, gif, mp4)
     if model is not None and model.is_dir():
+        # Pages and films show a single drive, so they are refused before the models are driven.
         refuse_of_one_model(views, model)
         with stoppable(out, ("bands.csv", "bands.png")), alone_in(out):
             report(bands(scenario, model, settings, out), as_json)
@@ -127,6 +132,7 @@ def drive(
     untouched = [name for name in SEEN if name not in views]
     with stoppable(out, ("log/drive.toml", "snapshots.png", "history.png", *views), untouched), alone_in(out):
         _drive_scenario(chosen, views, out, as_json)
+    # The browser opens only after the lock on the folder has been released.
     if open_:
         open_page(out)
 
@@ -152,6 +158,7 @@ def _drive_scenario(chosen: Any, views: list[str], out: Path, as_json: bool) -> 
         figures = plot.drive_figures(trace, chosen.model, out)
         result["files"] = list(map(str, [out / "log", *figures, *write_requested(chosen, trace, views, out)]))
     report(result, as_json)
+    # The summary and the rows before the failure are printed first, and then the exit code reports the failure.
     if str(trace.attrs["stop"]).startswith("diverged"):
         raise typer.Exit(1)
 
@@ -267,9 +274,8 @@ def identify(
 ) -> None:
     """Fit soil and wheel to data, and print which numbers the data determine.
 
-    This is the fit of the base model, with which close-loop begins. --set fixes a number, and --prior states its mean
-    and SD. All other numbers are as the data declare them, or assumed; each estimate lists the numbers that it depends
-    on.
+    close-loop begins with this fit of the base model. --set fixes a number, and --prior states its mean and SD. All
+    other numbers are as the data declare them, or assumed; each estimate lists the numbers that it depends on.
     """
     from rover_pin.contact import Soil, Wheel
     from rover_pin.loop.data_check import measured_in
@@ -282,8 +288,10 @@ def identify(
         for name, value in numbers.items()
     }
     measured, findings = measured_in(data[0] if len(data) == 1 else tuple(data), Trust(everything=trust))
+    # With --json, the output is read by a program, so no progress is logged.
     progress_line = (lambda message: None) if as_json else log.info
     result = identified(measured, priors(prior), fixed, progress=progress_line)
+    # The findings of the check are logged before the result, because they limit the trust in the numbers.
     for finding in findings:
         log.warning("%s", finding)
     say(json_text(result.as_dict()) if as_json else result.report())
@@ -309,6 +317,7 @@ def tune(
     allowed = Trust.of(effects, trust)
     tuning_study = read_tuning(study, allowed)
     tuning_study = (tuning_study if model is None else tuning_study.on_model(*models_of(model))).trusting(allowed)
+    # A drive that cannot get stuck, for example, does not help the tuning; the log warns of it before the long run.
     for line in cautions((*tuning_study.training, *tuning_study.held_out)):
         log.warning("%s", line)
     with stoppable(out, ("gains.toml", "drives.csv", "candidates.csv", "drives.png", "frontier.png")):

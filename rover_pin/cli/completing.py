@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from rover_pin.scenarios.catalogue import Entry
 
 SOIL = "soil."
-"""Prefix of the names of the soil's settings. For the command `identify`, the prefix may be left out."""
+"""Prefix of the names of the soil's settings. The command `identify` also accepts the names without this prefix."""
 SETTING_OPTIONS = ("rover", "control", "gravity", "soil", "model", "add")
 """Options of the command `drive` that can also be given by --set."""
 
@@ -77,14 +77,15 @@ def settings_to_set(ctx: typer.Context, begun: str) -> list[tuple[str, str]]:
 
     Before the `=`, these are the names of settings that begin with the letters typed so far; after it, the allowed
     words. The settings belong to the scenario in the command line, with its `--add`, `--model` and earlier `--set`; for
-    `identify` they are those of the soil. A command line with an error gets no completion, because the command will
-    report the error.
+    `identify` they are the settings of the soil. A command line with an error gets no completion, because the command
+    will report the error.
     """
     name, equals, value = begun.partition("=")
     try:
         settings = _settings(ctx)
     except (RoverPinError, typer.BadParameter):
         return []
+    # After the `=`, only settings with a list of allowed words have completions.
     if equals:
         return [
             (f"{name}={word}", "")
@@ -107,6 +108,7 @@ def _settings(ctx: typer.Context) -> "list[Setting]":
         **assignments(ctx.params.get("set_") or []),
     }
     overrides = {option: value if option == "add" else str(value) for option, value in options.items() if value}
+    # `identify` has no scenario, and it accepts the names of the soil with and without their prefix.
     if ctx.info_name == "identify":
         soil = [setting for setting in catalogue.settings("flat") if setting.name.startswith(SOIL)]
         return [*soil, *(setting._replace(name=setting.name.removeprefix(SOIL)) for setting in soil)]

@@ -14,8 +14,8 @@ from rover_pin.base.errors import ParameterError, closest
 from rover_pin.version import __version__
 
 USAGE_ERROR: type[Exception] = typer.BadParameter.__mro__[1]
-"""The exception that typer raises for words that it cannot parse. It is taken from a subclass, because the module in
-which typer defines the exception depends on the version of typer."""
+"""The exception that typer raises for words that it cannot parse. It is taken from a subclass, because the module that
+defines the exception depends on the version of typer."""
 LEVELS = {"quiet": logging.WARNING, "": logging.INFO, "verbose": logging.DEBUG}
 
 
@@ -32,7 +32,8 @@ GROUPS = {
 class LineFormatter(logging.Formatter):
     """Formats each record of the log as one line.
 
-    An information stands alone, a warning gets a prefix, and a debug message (option -v) gets its time and module.
+    A message of level INFO is printed alone, a warning gets a prefix, and a debug message (option -v) gets its time and
+    module.
     """
 
     def format(self, record: logging.LogRecord) -> str:
@@ -63,7 +64,7 @@ def speak(level: str = "") -> None:
 
 
 class Program(TyperGroup):
-    """The program as a group of commands. The options `-q` and `-v` may stand anywhere in the line, also after the
+    """The program as a group of commands. The options `-q` and `-v` may be written anywhere in the line, also after the
     command.
     """
 
@@ -77,7 +78,7 @@ class Program(TyperGroup):
             command.params = [*command.params, *shared]
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
-        """Write the list of commands in the help of the program, in groups with the same column width."""
+        """Write the list of commands in the help of the program, in groups with one common column width."""
         width = max(map(len, self.commands))
         for title, names in GROUPS.items():
             help_lines = {name: self.commands[name].get_short_help_str(formatter.width) for name in names.split()}
@@ -110,6 +111,7 @@ class Program(TyperGroup):
                     f"{meant}=..."
                 )
                 raise ParameterError(text) from None
+            # typer's message may have several lines; an error of this program is one line.
             message = " ".join(error.format_message().split()).rstrip(".")
             hint = f"; rover-pin {error.ctx.info_name} --help lists all options" if error.ctx else ""
             raise ParameterError(f"{message}{hint}.") from None

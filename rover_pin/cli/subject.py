@@ -18,9 +18,8 @@ def read_subject(path: Path, run: str = "", trust: Trust = Trust()) -> Subject:
     Parameters
     ----------
     path : path
-        Folder of a drive log, or the .parquet file of a trace. A trace names the scenario that simulated the drive;
-        rover
-        and terrain are taken from this scenario.
+        Folder of a drive log, or the .parquet file of a trace. A trace names the scenario that simulated the drive, and
+        this scenario has the rover and the terrain.
     run : str
         Name of a run of the drive log; the first run if empty.
     trust : Trust
@@ -32,6 +31,7 @@ def read_subject(path: Path, run: str = "", trust: Trust = Trust()) -> Subject:
         The path is neither a drive log nor a trace, the log has no such run, or the trace names no scenario.
     """
     path = data_path(path)
+    # A folder with a drive log holds the measured drives, and any other path must be the trace of a simulated one.
     if is_file(path / FILE):
         return subject_of_log(read_drive_log(path, trust), run)
     if path.suffix != ".parquet":
@@ -46,5 +46,6 @@ def read_subject(path: Path, run: str = "", trust: Trust = Trust()) -> Subject:
             f"{path}: the trace names no scenario of this package, so its rover and terrain are unknown; save the "
             "drive as a drive log with `Scenario.write_log`."
         )
+    # The scenario is made again from the settings of the trace, because a trace holds neither rover nor terrain.
     model = scenario(name, **{**settings, "trust": trust}).model
     return Subject(path.stem, trace, model.rover, model.ground, mesh_folder(str(settings.get("rover", "nexus6"))))

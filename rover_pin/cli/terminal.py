@@ -54,10 +54,11 @@ def priors(words: Iterable[str]) -> dict[str, Any]:
 def drive_settings(set_: list[str], **options: Any) -> dict[str, Any]:
     """Return the settings of a scenario from the option `--set` and from options such as `--soil`.
 
-    `set_` are the words NAME=VALUE of `--set`. Options that were not given (empty values) are left out.
+    `set_` are the words NAME=VALUE of `--set`. The dict omits options that were not given (empty values).
 
-    Raises ParameterError: an option and a `--set` give the same setting different values.
+    Raises ParameterError: an option and a `--set` give different values to one setting.
     """
+    # Empty values are options that the user did not give.
     given = {name: str(value) if isinstance(value, Path) else value for name, value in options.items() if value}
     settings = assignments(set_)
     for name in given.keys() & settings.keys():
@@ -107,6 +108,7 @@ def stages(is_silent: bool) -> Callable[[str, int, int], None]:
     """
     from rover_pin.base.jobs.time_left import TimeLeft
 
+    # One estimate of the remaining time for each stage, which starts when the stage first reports.
     begun: dict[str, TimeLeft] = {}
 
     def say(name: str, done: int, total: int) -> None:
@@ -129,6 +131,7 @@ def assignments(words: Iterable[str], option: str = "--set") -> dict[str, Any]:
         name, sign, value = word.partition("=")
         if not sign:
             raise ParameterError(f"{option} {word}: write it as NAME=VALUE, as --set soil.k=0.01.")
+        # A text that is no number keeps its unit or its word, and the setting itself converts it later.
         try:
             values[name] = float(value)
         except ValueError:
@@ -148,8 +151,8 @@ def stoppable(out: Path | None = None, replaced: Sequence[str] = (), untouched: 
         Names of the files that the command writes into the folder. If files of an earlier run have these names, the log
         first states that they will be replaced.
     untouched : sequence of str
-        Names of files that this command does not write. If files of an earlier run have these names, the log says so,
-        because a user could take them for results of this run.
+        Names of files that this command does not write. If files of an earlier run have these names, the log states
+        that they are kept, because a user could take them for results of this run.
     """
     say_what_is_replaced(out, replaced, untouched)
     # A file counts as written by this run if its time of change differs from the time before the run.
@@ -201,6 +204,7 @@ def numbers_table(settings: Iterable[Setting]) -> None:
         (setting.name, format_value(setting.value, setting.unit), limits_of(setting), setting.source)
         for setting in settings
     ]
+    # The widest cell decides the width of its column, up to a maximum.
     widths = [min(max(len(row[i]) for row in rows), MAX_COLUMN_WIDTH) for i in range(3)]
     for row in rows:
         cells = (f"{cell:{width}}" for cell, width in zip(row, widths, strict=False))
@@ -232,6 +236,7 @@ def format_value(value: Any, unit: str = "") -> str:
     """Return a value as text: a number with six digits and its unit, and an angle also in degrees."""
     if value is None or value == ():
         return "none"
+    # A tuple of numbers shares one unit, which follows the last number.
     if isinstance(value, tuple) and all(isinstance(number, (int, float)) for number in value):
         return f"{', '.join(f'{number:.6g}' for number in value)} {unit}".rstrip()
     if isinstance(value, bool) or not isinstance(value, (int, float)):
@@ -286,6 +291,7 @@ def progress(what: str, total: float, silent: bool) -> Iterator[Callable[[float]
     The block gets a function to call with the finished amount of work, at most `total`. No bar is shown in a pipe, with
     --json (`silent`) or with -q. `what` names the work in the bar.
     """
+    # A bar would fill a file or a pipe with control characters.
     if silent or not sys.stderr.isatty() or logging.getLogger("rover_pin").level > logging.INFO:
         yield lambda done: None
         return

@@ -20,7 +20,7 @@ over."""
 @brief
 @dataclass(frozen=True)
 class Bands:
-    """Results of driving the same scenario on n models, at T common times.
+    """Results of driving one scenario on n models, at T common times.
 
     If a drive ended early, its last state is repeated until the end of the longest drive.
     """

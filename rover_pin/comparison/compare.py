@@ -25,9 +25,8 @@ def compare(first: str | Path, second: str | Path, run: str = "", trust: Trust =
     Parameters
     ----------
     first, second : path
-        Two paths of the same kind: the results folder of a close-loop run or its verdict.json; a model.toml; the folder
-        of
-        a drive log or a trace in .parquet.
+        Two paths with results of one kind. A verdict is the results folder of a close-loop run or its verdict.json, a
+        model is a model.toml, and a drive is the folder of a drive log or a trace in .parquet.
     run : str
         Name of the run to compare, for drive logs with several runs; by default the first run.
     trust : Trust

@@ -135,7 +135,7 @@ def _numbers(trace: Trace) -> dict[str, Value]:
 
 
 def _channels(first: Trace, second: Trace, t: np.ndarray) -> Iterator[Channel]:
-    """Yield each channel that both drives recorded in the same unit, with values at the times t [s].
+    """Yield each channel that both drives recorded in one unit, with values at the times t [s].
 
     The channels of single wheels, such as the wheel rates, are joined to one channel with a column for each wheel.
     """
@@ -167,6 +167,7 @@ def _describe_difference(t: np.ndarray, channels: list[Channel]) -> str:
     """
     period = f"Over the {t[-1] - t[0]:.1f} s that both drives cover"
     if all(channel.rms == 0.0 for channel in channels):
+        # Equal drives need no further clauses.
         return f"{period}, all {len(channels)} common channels are equal."
     by_name = {channel.name: channel for channel in channels}
     clauses = []

@@ -1,4 +1,6 @@
-"""Map how well a rover can drive on a terrain: it simulates a short drive from each place of a grid in each heading."""
+"""Map a rover's slip, energy and risk of getting stuck on a terrain, by a short simulated drive from each place of a
+grid in each heading.
+"""
 
 import dataclasses
 import json
@@ -85,7 +87,7 @@ def ground_map(
     ----------
     name, settings
         Scenario and settings as for `scenario`; values are numbers or words. The side force is `combined` unless the
-        settings say otherwise, because a rover across a slope also slides sideways.
+        settings name another law, because a rover across a slope also slides sideways.
     models : sequence of path
         Files of equally probable models; if empty, the model of the settings is used.
     out : path
@@ -100,10 +102,9 @@ def ground_map(
     -------
     table : DataFrame
         One row for each place: slope and roughness over the length of the rover (see `slope_and_roughness`), and the
-        largest slip and energy per metre over the headings, as medians over the models. With several models there are
-        also
-        the 95 % quantiles and `p_stuck`, the fraction of models on which the rover is stuck. With one model there is
-        `stuck`, 0 or 1.
+        largest slip and energy per metre over the headings, as medians over the models. With several models, the table
+        also has the 95 % quantiles and `p_stuck`, the fraction of models on which the rover is stuck. With one model
+        there is `stuck`, 0 or 1.
     summary : dict
         The places, the extremes of the map, and the files.
 
@@ -221,7 +222,7 @@ def drive_from(study: Study, case: Case) -> dict[str, Any]:
 def _cached_scenario(name: str, settings: str, trust: Trust) -> Scenario:
     """Return the scenario with these settings, which are a JSON text. Only the last scenario is kept for the next call.
 
-    Consecutive drives of a map use the same model, so that its scenario is built only once.
+    Consecutive drives of a map use one model, so that its scenario is built only once.
     """
     return dataclasses.replace(scenario(name, **json.loads(settings), trust=trust), symmetric=False)
 

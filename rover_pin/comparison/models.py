@@ -1,4 +1,4 @@
-"""Compare two models, number by number. A model is that of a rover, or that of a wheel on a test rig."""
+"""Compare two models, number by number. Each is the model of a rover, or of a wheel on a test rig."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -41,7 +41,7 @@ def read_side(path: Path, trust: Trust) -> Side:
 
 
 def _records(model: RigModel | Model) -> Iterator[tuple[str, Any]]:
-    """Yield the wheels, soils and motor of a model, each with the name under which its numbers are listed."""
+    """Yield the wheels, soils and motor of a model, each with the first part of the names of its numbers."""
     if isinstance(model, RigModel):
         yield from (("wheel", model.wheel), ("soil", model.soil))
     else:

@@ -51,8 +51,8 @@ class Row(NamedTuple):
 class Comparison(NamedTuple):
     """Result of a comparison: one sentence, a table of rows, and the differences as numbers.
 
-    `kind` says what was compared (drives, models or verdicts), and `first` and `second` are the labels of the two
-    results.
+    `kind` is the kind of the compared results (drives, models or verdicts), and `first` and `second` are the labels of
+    the two results.
     """
 
     kind: str
@@ -115,7 +115,7 @@ def _note(first: Value, second: Value) -> str:
 def differences(first: Side, second: Side) -> dict[str, float]:
     """Return the value in the second result minus the value in the first, by name, for numbers in both results [SI].
 
-    Numbers whose units differ are left out.
+    The dict omits numbers whose units differ.
     """
     both = [name for name in first.numbers if name in second.numbers]
     pairs = {name: (first.numbers[name], second.numbers[name]) for name in both}

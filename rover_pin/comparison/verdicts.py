@@ -44,7 +44,7 @@ def read_verdict(path: Path) -> Side:
 
 
 def _to_float(value: float | None) -> float:
-    """Return a number from a JSON file as a float. JSON has no NaN; null stands for it."""
+    """Return a number from a JSON file as a float. JSON has no NaN, so a verdict contains null in its place."""
     return math.nan if value is None else float(value)
 
 
@@ -74,7 +74,8 @@ def compare_verdicts(first: Side, second: Side) -> Comparison:
 
 
 def _compare_errors(first: Side, changes: dict[str, float]) -> str:
-    """Return a sentence on how many held-out errors are smaller or larger in the second verdict than in the first.
+    """Return a sentence with the numbers of held-out errors that are smaller and larger in the second verdict than in
+    the first.
 
     `changes` maps the name of each number to its change from the first to the second verdict.
     """

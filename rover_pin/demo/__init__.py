@@ -5,4 +5,4 @@ the folder of the data set they write a file with the truth: the hidden effect a
 """
 
 SETS = {"rig": "rig.toml", "drive-log": "drive.toml", "slip-slope": "slope.toml"}
-"""Kind of simulated data set -> the file by which a folder is recognised as a data set of this kind."""
+"""Kind of simulated data set -> the file that marks a folder as a data set of this kind."""

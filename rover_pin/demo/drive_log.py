@@ -41,13 +41,14 @@ RUNS, SECONDS = 6, 16.0
 first two runs. A slower rover gets longer runs."""
 K, K_SD, PHI_SD = 0.005, 0.2, math.radians(1.5)
 """Shear displacement k that the log states for the sand under the wheels of Nexus 6 [m], and the standard deviations of
-the soil tests: of k and k_1 as fractions of their values [-], and of the friction angle phi [rad]."""
+the soil tests. K_SD holds for k and k_1 as a fraction of their values [-], and PHI_SD for the friction angle phi
+[rad]."""
 DRIFT = 5e-4
 """Standard deviation of the drift of the tracked position, in x and in y, after one second [m]. The drift is a random
 walk."""
 MOTOR_SD, TACHO_SD = 0.01, 0.005
-"""Standard deviations of the differences between wheels, as fractions [-]: of the motor torque, and of the gain of the
-tachogenerator, which is the sensor of the wheel rate."""
+"""Standard deviations of the differences between wheels, as fractions [-]. MOTOR_SD holds for the motor torque, and
+TACHO_SD for the gain of the tachogenerator, which is the sensor of the wheel rate."""
 
 
 def write(folder: Path, hidden: str, seed: int, rover: str = "nexus6", progress: Progress | None = None) -> DemoSet:
@@ -117,7 +118,7 @@ def write(folder: Path, hidden: str, seed: int, rover: str = "nexus6", progress:
 
 
 def hidden_model(model: Model, hidden: str, random: np.random.Generator) -> tuple[Model, AnyEffect | None]:
-    """Return the true model, with which the log is simulated, and the hidden effect, which the stated `model` lacks.
+    """Return the true model, which simulates the log, and the hidden effect, which the stated `model` lacks.
 
     The true model has a friction angle phi and a shear displacement k that are drawn around the stated values with half
     the stated standard deviation. Its motors and tachogenerators differ slightly from wheel to wheel, as in a real

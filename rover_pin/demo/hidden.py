@@ -27,8 +27,8 @@ ANY, NONE = "any", "nothing"
 CONTACT = ("SlipSinkage.n_1=0.7", "ExitAngle.e_1=0.4", "PostPeak.fraction=0.4")
 """Effects at the wheel contact that the choice "any" can hide, with sizes that are visible in a simulated data set."""
 DRIVEN = ("SupplySag.R_b=3", "WeakMotor.wheel=0,g=0.3", "TetherDrag.f_0=2,f_1=0.5", *CONTACT)
-"""Effects that the choice "any" can hide in a drive log: effects of motors, battery and tether, and those at the wheel
-contact."""
+"""Effects that the choice "any" can hide in a drive log: effects of motors, battery and tether, and the effects at the
+wheel contact."""
 
 
 @dataclass(frozen=True)

@@ -18,13 +18,13 @@ from rover_pin.simulation.model.effect_files import reading_traction
 
 MAX_SLOPE_DEG, SLOPES, MAX_SLIP = 30.0, 7, 0.85
 """Steepest slope that is considered [deg], number of driven slopes, and maximum slip on a driven slope [-]. A slope
-with more slip is not driven: the rover would nearly stand still there, so that nobody would measure on it."""
+with more slip is not driven, because the rover would hardly move there, and nobody would measure on it."""
 DAYS = ("day-1", "day-2", "day-3")
 NOISE = 0.012
 """Standard deviation of one measured slip [-], assumed for a drive of one minute on prepared sand."""
 PHI_SD, K_SD = math.radians(2.0), 0.25
-"""Standard deviations that the table states for its soil: of the friction angle phi [rad], and of the shear
-displacement k as a fraction of k [-]."""
+"""Standard deviations that the table states for its soil. PHI_SD holds for the friction angle phi [rad], and K_SD for
+the shear displacement k, as a fraction of k [-]."""
 
 
 def write(folder: Path, hidden: str, seed: int, rover: str = "nexus6") -> DemoSet:

@@ -69,9 +69,8 @@ def close_the_loop(
     effects : path or None
         Effect file or folder of a user, in addition to the effects of the package.
     out : path or None
-        Folder for report.html, verdict.json, model.toml and figures. A loop on a drive log that was stopped continues
-        from
-        the results in this folder. Without `out`, nothing is written.
+        Folder for report.html, verdict.json, model.toml and figures. If a loop on a drive log was stopped, the next
+        call continues from the results in this folder. Without `out`, nothing is written.
     progress : callable
         Called with one line of text before each step.
     seed : int
@@ -107,6 +106,7 @@ def close_the_loop(
     >>> verdict.answer.value, [type(effect).__name__ for effect in verdict.effects]
     ('one of a set of effects is missing', ['SlipSinkage'])
     """
+    # Arguments that contradict each other, and effect files with mistakes, are refused before any data are read.
     refuse_both(jobs or None, scheduler)
     if effects is not None:
         refuse_unfit_effects(effects)
@@ -116,6 +116,7 @@ def close_the_loop(
         data = data_path(data)
         experiment = experiment or package_experiment(data)
     request = LoopRequest(data, model, effects, out, experiment, trust, seed)
+    # From here on the kind of the data is known, and the request names the folder that was read.
     measurements = _read(request)
     if isinstance(measurements, DriveLog):
         request = dataclasses.replace(request, data=measurements.folder)
@@ -124,6 +125,7 @@ def close_the_loop(
             "scheduler is given, but only the loop on a drive log uses a scheduler; on other data the loop takes "
             "some seconds on one core. Leave scheduler out."
         )
+    # The folder stays locked, and Ctrl-C ends the workers, until the last file has been written.
     with alone_in(out), ending_workers(), workers_of(jobs or os.cpu_count() or 1, scheduler) as workers:
         return close(loop_data(measurements, request, workers, progress), request, progress)
 
@@ -133,6 +135,7 @@ def close(data: LoopData, request: LoopRequest, progress: Progress = quiet) -> V
     there.
     """
     start = time.monotonic()
+    # All checks of the data have passed, so the user may now read that old results will be replaced.
     say_what_is_replaced(request.out, OF_A_LOOP)
     with data.resuming(progress):
         verdict = verdict_on(data, known_effects(request.effects), progress, request.seed)
@@ -150,8 +153,8 @@ def verdict_on(
 
     If the data are insufficient, the answer is "cannot tell", and no model is fitted.
 
-    `kinds` are the classes of effects that may be missing, by default those of the package. `seed` is the seed for the
-    initial guesses of the fits and for the bootstrap.
+    `kinds` are the classes of effects that may be missing, by default all classes of the package. `seed` is the seed
+    for the initial guesses of the fits and for the bootstrap.
     """
     findings = data.findings()
     if reason := data.insufficient():
@@ -165,7 +168,7 @@ def verdict_on(
 def loop_data(
     measurements: Measurements, request: LoopRequest, workers: Workers = 1, progress: Progress = quiet
 ) -> LoopData:
-    """Check measured data, and return them together with the model from which the loop starts.
+    """Check measured data, and return them together with the starting model of the loop.
 
     `request` holds the user's arguments, such as the model to start from. `workers` replay the runs of a drive log.
 
@@ -201,6 +204,7 @@ def _read(request: LoopRequest) -> Measurements:
     Raises DataError if the data cannot be read, or if a joint fit is requested with a model or with an experiment file.
     """
     data, trust = request.data, Trust(everything=request.trust)
+    # Several folders give a joint fit, which declares its own base model and has no experiment file.
     if isinstance(data, tuple):
         for noun, value in (("a model", request.model), ("an experiment's file", request.experiment)):
             if value is not None:
@@ -242,7 +246,7 @@ MADE_BY = (
 
 
 def start_on(data: RigSet | DriveLog, file: str | Path, trust: Trust = Trust()) -> RigModel | Model:
-    """Read a model file, and return the model from which the loop on these data starts.
+    """Read a model file, and return it as the starting model of the loop on these data.
 
     See `start_on_log` for a drive log, and `start_on_rig` for a wheel-rig set.
 

@@ -32,7 +32,7 @@ from rover_pin.simulation.model.defaults import usual_slip
 from rover_pin.simulation.model.motor import Motor
 
 MOTOR_CONSTANTS = ("supply", "resistance", "k_t", "gear")
-"""Names of the motor constants from which the traction factors of a drive log are computed."""
+"""Names of the motor constants that enter the traction factors of a drive log."""
 
 
 class DataCheck(NamedTuple):
@@ -73,7 +73,7 @@ def rig_set_in(folder: str | Path, trust: Trust = Trust()) -> RigSet:
 
 
 Measured = RigSet | RigExperiment | FileExperiment | DriveLog
-"""The types of measured data in memory to which `identify` can fit the numbers of a base model."""
+"""The types of measured data in memory that `identify` can fit the numbers of a base model to."""
 
 
 class CheckedData(NamedTuple):
@@ -84,17 +84,15 @@ class CheckedData(NamedTuple):
 
 
 def measured_in(path: str | Path | tuple[str | Path, ...], trust: Trust = Trust()) -> CheckedData:
-    """Read and check the measured data to which `identify` fits the numbers of a model.
+    """Read and check measured data for `identify`, which fits the numbers of a model to them.
 
     Parameters
     ----------
     path : str, Path or tuple of them
         A folder with rig.toml, a folder with drive.toml, a CSV file with the columns slip, traction_factor and sd, or
-        the
-        name of a sample. If drive.toml declares its [motor], traction factors are computed from the drives; otherwise
-        the
-        drives are simulated again with the logged commands. Several paths are wheel-rig sets that were measured in the
-        same sand.
+        the name of a sample. If drive.toml declares its [motor], traction factors are computed from the drives;
+        otherwise the drives are simulated again with the logged commands. Several paths are wheel-rig sets that were
+        measured in one sand.
 
     Raises
     ------
@@ -150,7 +148,7 @@ def factors_of(log: DriveLog) -> TractionFactors:
 def _motor_shifts(log: DriveLog, motor: Motor, points: TractionPoints) -> Iterator[Shift]:
     """Yield, for each uncertain motor constant, how an error of one standard deviation changes the traction factors.
 
-    A motor constant is left out if the standard deviations of the points already contain its error.
+    A motor constant yields nothing if the standard deviations of the points already contain its error.
     """
     sds = declared_sds(log.metadata.motor, Motor, f"{log.file}: [motor]")
     for name in MOTOR_CONSTANTS:
@@ -179,11 +177,11 @@ def _lag_shifts(log: DriveLog, motor: Motor, lag: RelaxedSlip, points: TractionP
 
 
 def _factor_shift(shifted: TractionPoints, points: TractionPoints) -> np.ndarray:
-    """Return by how much the traction factors (n,) change if one number, such as a motor constant, is wrong.
+    """Return the change of the traction factors (n,) if one number, such as a motor constant, is wrong.
 
     The result is the factors of `points` minus the factors of `shifted`, the points that were computed with the wrong
     number. The two can differ in length, so each point is compared with the shifted point that is nearest in slip and
-    load. As a rule, both points come from the same class of slip and load.
+    load. As a rule, both points come from one class of slip and load.
     """
     # Slip in units of the width of a slip class, and log load in units of the width of a load class.
     places = []

@@ -27,7 +27,7 @@ def package_experiments() -> dict[str, type[FileExperiment]]:
 
 
 def _experiments_in(module: ModuleType) -> list[type[FileExperiment]]:
-    """Return the experiment classes that a module defines itself. Abstract and imported classes are left out."""
+    """Return the experiment classes that a module defines itself. Abstract and imported classes do not count."""
     return [
         kind
         for _, kind in inspect.getmembers(module, inspect.isclass)
@@ -96,6 +96,7 @@ def _refuse_unfit(experiment: FileExperiment, where: str) -> None:
     if observed.dtype.kind != "f":
         raise DataError(f"{where}: observed holds {observed.dtype}, but it must hold float numbers.")
     # The declared model must predict every measured value before anything is fitted.
+    # One prediction with the declared model gives all shapes that are compared below.
     noise, predicted = experiment.noise(), experiment.predict([experiment.base_model()])
     counts = (len(experiment.folds), len([experiment.unit(channel) for channel in experiment.channels]))
     full_shape = (*counts, *observed.shape[2:3])
@@ -108,6 +109,7 @@ def _refuse_unfit(experiment: FileExperiment, where: str) -> None:
     for name, (shape, expected) in shapes.items():
         if shape != expected or len(full_shape) != 3:
             raise DataError(f"{where}: {name} has the shape {shape}, but {expected} is needed.")
+    # A fit needs measured numbers, finite predictions where something was measured, and positive noise.
     measured = np.isfinite(observed)
     finite = np.isfinite(predicted[0][measured])
     for problem, good in (

@@ -55,7 +55,7 @@ def identify(
     """Fit the numbers of the base model to data, as `close_the_loop` does before it looks for a missing effect.
 
     Every number that the loop treats as uncertain is fitted, and its declared or assumed value is its prior. The
-    intervals are those of the posterior distribution. If the data differ from the model smoothly, and not only by
+    intervals are intervals of the posterior distribution. If the data differ from the model smoothly, and not only by
     noise, the posterior distribution includes this difference. `variance_shares` divides the posterior variance of each
     number into a part that comes from the data and parts that come from the priors. The parts show whether a number
     depends on an assumption.

@@ -26,6 +26,7 @@ def refuse_unfit_effects(path: str | Path) -> None:
     the effect.
     """
     kinds, rover = user_effects(path), load_rover("nexus6")
+    # The model of a common rover is enough to compute the formulas of an effect once.
     effects = base_effects(Soil(), rover, SoilTraction())
     model = Model(rover, flat(), (Soil(),), Motor(), effects=effects)
     for kind in kinds:

@@ -46,7 +46,8 @@ Nexus 6 (`NEXUS6_WHEEL`); `bekker.at_width` converts them to another width."""
 
 
 def name_of(soil: Soil) -> str:
-    """Return the name in `SOILS` of the published soil from which a soil was derived; "table-1" if it has no such soil.
+    """Return the name in `SOILS` of the published soil that a soil was derived from; "table-1" if `SOILS` has no such
+    soil.
 
     The class of the soil decides, because a soil with changed parameters keeps the class of the published soil.
     """

@@ -58,6 +58,7 @@ def bekker_si(name: str, value: float, unit: str, n: float | None, where: str) -
     factor, length = factor_to(top, "Pa" if pressure else "N"), factor_to(under, "m")
     # A pressure is a force over m^2, which adds 2 to the power of length.
     power = int((matched[3] or "0").replace(" ", "")) if matched else 0
+    # An unknown unit makes the product NaN. A known unit must have the power of length of this constant.
     if math.isnan(factor * length) or power + 2 * pressure != POWERS[name]:
         over, pascals = f"/m^(n+{POWERS[name]})", "kPa/m^(n-1)" if name == "k_c" else "kPa/m^n"
         raise ParameterError(
@@ -77,9 +78,9 @@ def bekker_si(name: str, value: float, unit: str, n: float | None, where: str) -
 def bekker(k_c: Scalar, k_phi: Scalar, n: Scalar, b: Scalar) -> tuple[Scalar, Scalar]:
     """Return the constants k_1 [Pa] and k_2 [Pa/m] of Eq (4) from Bekker's constants, for a wheel of width b [m].
 
-    Bekker's pressure at the sinkage z, p = (k_c / b + k_phi) z^n, equals that of Eq (4), p = (k_1 + k_2 b) (z / b)^n,
-    if k_1 = k_c b^(n-1) and k_2 = k_phi b^(n-1). The constants of Eq (4) are therefore valid for one width only, except
-    for n = 1.
+    Bekker's pressure at the sinkage z, p = (k_c / b + k_phi) z^n, equals the pressure of Eq (4), p = (k_1 + k_2 b) (z /
+    b)^n, if k_1 = k_c b^(n-1) and k_2 = k_phi b^(n-1). The constants of Eq (4) are therefore valid for one width only,
+    except for n = 1.
 
     Parameters
     ----------
@@ -103,7 +104,7 @@ def bekker(k_c: Scalar, k_phi: Scalar, n: Scalar, b: Scalar) -> tuple[Scalar, Sc
 
 
 def from_bekker(table: Mapping[str, Any], b: Scalar, where: str, n: float | None = None) -> dict[str, Any]:
-    """Return a table of soil constants in which k_1 [Pa] and k_2 [Pa/m] of Eq (4) replace Bekker's k_c and k_phi.
+    """Return a table of soil constants with k_1 [Pa] and k_2 [Pa/m] of Eq (4) in place of Bekker's k_c and k_phi.
 
     Eq (4) is the pressure p = (k_1 + k_2 b) (z / b)^n at the sinkage z. A table without k_c and k_phi is returned
     unchanged.
@@ -113,7 +114,7 @@ def from_bekker(table: Mapping[str, Any], b: Scalar, where: str, n: float | None
     table : mapping
         Numbers in SI or `{ value, unit }` entries, by name; k_c and k_phi in a unit that `bekker_si` accepts.
     b : Scalar
-        Width of the wheel for which the constants are converted [m].
+        Width [m] of the wheel; the constants k_1 and k_2 hold for this width.
     where : str
         Location of the table for an error message: file and key.
     n : float, optional
@@ -122,11 +123,12 @@ def from_bekker(table: Mapping[str, Any], b: Scalar, where: str, n: float | None
     Raises
     ------
     ParameterError
-        One of k_c, k_phi and n is missing, or k_1 or k_2 is given as well.
+        One of k_c, k_phi and n is missing, or k_1 or k_2 is also given.
     """
     given = [name for name in POWERS if name in table]
     if not given:
         return dict(table)
+    # Two statements of one stiffness could contradict each other, so they are refused.
     both = [name for name in ("k_1", "k_2") if name in table]
     if both:
         raise ParameterError(
@@ -144,6 +146,7 @@ def from_bekker(table: Mapping[str, Any], b: Scalar, where: str, n: float | None
         )
     if isinstance(exponent, bool) or not isinstance(exponent, (int, float)):
         raise ParameterError(f"{where}: n = {exponent!r} is not a number.")
+    # Each constant is converted by its own unit; without a unit, it is taken in SI.
     constants = {}
     for name in given:
         written = table[name] if isinstance(table[name], Mapping) else {"value": table[name]}
@@ -151,6 +154,7 @@ def from_bekker(table: Mapping[str, Any], b: Scalar, where: str, n: float | None
         unit = str(written.get("unit", f"N/m^(n+{POWERS[name]})"))
         number = to_si(written.get("value"), "", "", f"{where}: {name}")
         constants[name] = bekker_si(name, number, unit, float(exponent), f"{where}: {name}")
+    # From here on only Eq (4) is used, so k_c and k_phi are removed from the table.
     k_1, k_2 = bekker(constants["k_c"], constants["k_phi"], float(exponent), b)
     return {**{name: value for name, value in table.items() if name not in POWERS}, "k_1": k_1, "k_2": k_2}
 

@@ -1,4 +1,4 @@
-"""Gravity on the surface of the bodies on which rovers drive [m/s^2]."""
+"""Gravity on the surface of the Earth, the Moon and Mars [m/s^2], and functions that read a user's gravity."""
 
 from typing import Any
 
@@ -26,6 +26,7 @@ def gravity_named(word: str | float) -> float:
     >>> gravity_named("moon")
     1.62
     """
+    # A name has priority over a number, because no number is the name of a body.
     if isinstance(word, str) and word in GRAVITIES:
         return GRAVITIES[word]
     try:

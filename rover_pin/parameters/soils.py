@@ -3,8 +3,8 @@ ground.
 
 "The paper" is the paper on slip control of the rover Nexus 6. Its Table 1 lists identified soil constants, and its Eq
 (4) is the law of normal stress. The first publications of the simulants were not available; each entry was checked in
-public code that quotes it, as its docstring states. If a source does not state the angles of entry and exit, those of
-Table 1 are assumed.
+public code that quotes it, as its docstring states. If a source does not state the angles of entry and exit, the angles
+of Table 1 are assumed.
 """
 
 import math
@@ -26,7 +26,7 @@ constants k_1 and k_2 of the normal stress are assumed (see `Soil`)."""
 class LiteratureSand(Soil):
     """Sand of section 4.1 of the paper: "in literature it appears that phi = 32 [deg], c = 0 and k = 0.025 [m]".
 
-    All other constants are those of Table 1.
+    All other constants are taken from Table 1.
     """
 
     c: Scalar = quantity(0.0, "Pa", "paper, section 4.1, its reference 18", 0.0, 1e6, "c")
@@ -38,9 +38,9 @@ LITERATURE_SAND = LiteratureSand()
 
 
 HARD_GROUND = Soil(c=0.0, phi=math.radians(35.0), k=1e-3, k_1=1e6, k_2=0.0, n=1.0)
-"""Rock or board under a rubber wheel, described by the same equations as sand. The sinkage is 0.8 mm, and the full grip
-of tan 35 deg is reached after a shear displacement of the order of 1 mm. The values are assumed, because the paper
-states only that "in reality, the obstacle has a hard surface" (Fig 7)."""
+"""Rock or board under a rubber wheel, described by the equations for sand. The sinkage is 0.8 mm, and the full grip of
+tan 35 deg is reached after a shear displacement of the order of 1 mm. The values are assumed, because the paper states
+only that "in reality, the obstacle has a hard surface" (Fig 7)."""
 
 
 SLOPE_SAND_SOURCE = "chosen for a slip of 0.2 on 10 deg: Ding et al. 2011, Fig 9"
@@ -50,17 +50,19 @@ SLOPE_SAND_SOURCE = "chosen for a slip of 0.2 on 10 deg: Ding et al. 2011, Fig 9
 class SlopeSand(Soil):
     """Firm dry sand: phi 41 deg, k 8 mm, otherwise Table 1 of the paper.
 
-    The friction angle phi and the shear displacement k were chosen, not measured on one soil. With them Nexus 6 slips
-    on slopes about as much as the two wheels in `studies/data/ding-2011-*` (80 N, 315 mm; Ding et al. 2011, J.
-    Terramechanics 48(1), Fig 9). The slip of a measured wheel on a slope follows from its drawbar pull, because a wheel
-    that climbs steadily pulls its load times the tangent of the slope. On shallow slopes this sand slips more than
-    those wheels do. Looser sands, such as that of `studies/data/cmu-grousered-wheel`, slip far more.
+    The friction angle phi and the shear displacement k were chosen, not measured on one soil. With them the slip of
+    Nexus 6 on slopes is about equal to the slip of the two wheels in `studies/data/ding-2011-*` (80 N, 315 mm; Ding et
+    al. 2011, J. Terramechanics 48(1), Fig 9). The slip of a measured wheel on a slope follows from its drawbar pull,
+    because a wheel that climbs steadily pulls its load times the tangent of the slope. On shallow slopes, Nexus 6 slips
+    more on this sand than the measured wheels. On looser sands, such as the sand of `studies/data/cmu-grousered-wheel`,
+    wheels slip far more.
     """
 
     phi: Scalar = quantity(math.radians(41.0), "rad", SLOPE_SAND_SOURCE, 0.0, math.radians(60.0), "phi")
     k: Scalar = quantity(0.008, "m", SLOPE_SAND_SOURCE, 1e-5, 0.5, "k")
 
 
+# Wong states Bekker's constants; Eq (4) needs k_1 and k_2, which hold for the width of the Nexus 6 wheel.
 WONG = "Wong, Theory of Ground Vehicles, dry sand (LLL)"
 K_1, K_2 = bekker(0.99e3, 1528.43e3, 1.1, NEXUS6_WHEEL.b)
 
@@ -69,8 +71,8 @@ K_1, K_2 = bekker(0.99e3, 1528.43e3, 1.1, NEXUS6_WHEEL.b)
 class DrySand(Soil):
     """Dry sand of the Land Locomotion Laboratory, the first row of Wong's table of soils, for a wheel of 50 mm width.
 
-    n 1.1, k_c 0.99 kN/m^(n+1), k_phi 1528.43 kN/m^(n+2), c 1.04 kPa, phi 28 deg. Checked against three public
-    terramechanics codes that quote the same row. The table states no k; Wong's range for sand is 10 mm (firm) to 25 mm
+    n 1.1, k_c 0.99 kN/m^(n+1), k_phi 1528.43 kN/m^(n+2), c 1.04 kPa, phi 28 deg. The numbers agree with three public
+    terramechanics codes that quote this row. The table states no k; Wong's range for sand is 10 mm (firm) to 25 mm
     (loose).
     """
 
@@ -90,6 +92,7 @@ DING = "Ding et al. 2011, J. Terramechanics 48(1), and 2015: HIT-LSS1"
 MOON = "Lunar Sourcebook 1991, as listed by Ding et al. 2015"
 MARSSIM = "Zhou et al. 2023, MarsSim, Table 2: sand"
 
+# Bekker's constants of each source, converted to k_1 and k_2 for the width of the Nexus 6 wheel.
 FJS1_K = bekker(1.37e3, 814e3, 1.0, NEXUS6_WHEEL.b)
 HIT_K = bekker(15.6e3, 2407.4e3, 1.1, NEXUS6_WHEEL.b)
 MOON_K = bekker(1.4e3, 820e3, 1.0, NEXUS6_WHEEL.b)
@@ -116,8 +119,8 @@ class Fjs1(Soil):
 class HitLss1(Soil):
     """HIT-LSS1, lunar simulant of Harbin: n 1.1, c 0.25 kPa, phi 31.9 deg, k 9.7 to 13.1 mm.
 
-    k_c is 15.6 kN/m^(n+1) and k_phi 2407.4 kN/m^(n+2). Checked in two public codes that quote Ding's tables. The data
-    in `studies/data/ding-2011-*` were measured on this soil.
+    k_c is 15.6 kN/m^(n+1) and k_phi 2407.4 kN/m^(n+2). The numbers agree with two public codes that quote Ding's
+    tables. The data in `studies/data/ding-2011-*` were measured on this soil.
     """
 
     c: Scalar = quantity(250.0, "Pa", DING, 0.0, 1e6, "c")
@@ -148,8 +151,8 @@ class LunarNominal(Soil):
 class MarsSimSand(Soil):
     """Sand of MarsSim, a simulator of Mars rovers: k_c 13.6 kN/m^(n+1), k_phi 2259.1 kN/m^(n+2), n 0.92, c 462 Pa.
 
-    phi is 35 deg and k 15 mm. Checked in one public code that quotes MarsSim's Table 2. In MarsSim, n grows with the
-    slip S (0.92 + 0.5 S); this entry holds for S = 0.
+    phi is 35 deg and k 15 mm. The numbers agree with one public code that quotes MarsSim's Table 2. In MarsSim, n grows
+    with the slip S (0.92 + 0.5 S); this entry holds for S = 0.
     """
 
     c: Scalar = quantity(462.3, "Pa", MARSSIM, 0.0, 1e6, "c")

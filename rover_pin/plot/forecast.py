@@ -13,8 +13,8 @@ from rover_pin.simulation.trace.draw import COLOURS
 def forecast_figure(forecasts: list[Forecast], title: str) -> Figure:
     """Return the figure of the monitor's forecast probabilities against time.
 
-    The upper panel shows the probabilities of getting stuck and of getting buried, and the lower panel those of the
-    causes. The times of alarms are shaded grey.
+    The upper panel shows the probabilities of getting stuck and of getting buried, and the lower panel shows the
+    probabilities of the causes. The times of alarms are shaded grey.
     """
     figure, (upper, lower) = new_figure(2, size=(9.0, 5.0), sharex=True)
     t = np.array([forecast.t for forecast in forecasts])

@@ -50,6 +50,7 @@ def map_figure(
     axes[0, 0].set(title="height", aspect="equal")
     drawn = [(name, label) for name, label in LABELS.items() if name in bands]
     for panel, (name, label) in zip(axes.flat[1:], drawn, strict=True):
+        # Places without a finite number are masked, so that the grey of the panel shows through.
         values = np.ma.masked_invalid(bands[name].T)
         # Energy grows without bound towards places where the rover gets stuck.
         norm = "log" if name.startswith("energy") and np.ma.min(values) > 0.0 else "linear"

@@ -7,7 +7,7 @@ from rover_pin.control.design.linear import LinearModel
 from rover_pin.plot.sheet import new_figure
 
 RISE = 0.1
-"""Step by which all motor duties rise in the step response [-]."""
+"""Size of the step in all motor duties for the step response [-]."""
 
 
 def response_figure(linear: LinearModel, seconds: float = 1.0, outputs: tuple[str, ...] = ("speed",)) -> Figure:

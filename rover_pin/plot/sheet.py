@@ -13,7 +13,7 @@ from rover_pin.base.files.whole_file import replace_file
 
 MARGINS = (0.75, 0.15, 0.5, 0.5)
 """Margins around the axes of a sheet: left, right, bottom and top [in]. They are fixed, because a layout that measures
-every text would take as long as the drawing itself."""
+every text would double the time of the drawing."""
 
 MAX_TITLE = 110
 """Maximum number of characters in a line of a title above the axes of a sheet. A longer title continues on the next

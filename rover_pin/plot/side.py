@@ -18,7 +18,9 @@ SAND, EDGE = "#d9c9a5", "#8a7340"
 
 
 class Pose(NamedTuple):
-    """What is needed to draw a rover with W wheels at one moment: its configuration and the positions of its wheels."""
+    """The pose of a rover with W wheels at one moment: its configuration and the positions of its wheels, for drawing
+    it.
+    """
 
     t: float
     "time [s]"
@@ -101,6 +103,7 @@ def draw_ground(axes: Axes, terrain: Terrain, span: tuple[float, float], under: 
     low = float(np.min(z))
     axes.fill_between(x, z, low - 0.05, color=SAND, lw=0)
     axes.plot(x, z, color=EDGE, lw=1)
+    # The terrain under the wheels of the other side is drawn only if it differs visibly.
     other_z = ground_line(terrain, *span, other_y)[1]
     if np.max(np.abs(other_z - z)) > 1e-6:
         axes.plot(x, other_z, color=EDGE, lw=0.8, ls="--")
@@ -108,7 +111,9 @@ def draw_ground(axes: Axes, terrain: Terrain, span: tuple[float, float], under: 
 
 
 def draw_above(axes: Axes, rover: Rover, pose: Pose, colour: Any) -> None:
-    """Draw a rover from above: its wheels, turned as they are steered, and the polygon through the wheel centres."""
+    """Draw a rover from above: its wheels, turned by their steering angles, and the polygon through the wheel
+    centres.
+    """
     axes.add_patch(Polygon(pose.centres[around(rover), :2], fc="none", ec=colour, lw=0.8))
     for wheel, centre, axle in zip(rover.wheels, pose.centres, pose.axles, strict=True):
         axes.add_patch(Polygon(footprint(wheel, centre, axle), fc="none", ec=colour, lw=1.2))

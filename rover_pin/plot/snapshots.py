@@ -32,9 +32,9 @@ SAME_PLACE = 0.02
 def snapshots(trace: Trace, model: Model, count: int = 6) -> Figure:
     """Return the figure of a rover at evenly spaced moments of a drive. Later moments are darker.
 
-    The side view shows the side with the less even terrain; the terrain under the other side is a dashed line. The side
-    view is left out if the rover turns, or its wheels move sideways, so far that a single profile does not represent
-    the terrain under the wheels. The view from above is drawn if the rover turns, or if there is no side view.
+    The side view shows the side with the less even terrain; the terrain under the other side is a dashed line. If the
+    rover turns, or its wheels move sideways, so far that a single profile does not represent the terrain under the
+    wheels, the figure has no side view. The view from above is drawn if the rover turns, or if there is no side view.
 
     Parameters
     ----------
@@ -47,6 +47,7 @@ def snapshots(trace: Trace, model: Model, count: int = 6) -> Figure:
     """
     trace = on_the_ground(trace, model.rover, model.terrain)
     x, y = (trace.get(f"body_{name}", np.zeros(trace.t.size)) for name in "xy")
+    # A long path gets more moments, so that the distance between two drawn rovers is about SPACING.
     distance = float(np.nansum(np.hypot(np.diff(x), np.diff(y))))
     rows = np.linspace(0, trace.t.size - 1, max(count, round((0.6 + distance) / SPACING))).astype(int)
     instants = poses(trace, model.rover, rows)
@@ -113,6 +114,7 @@ class _SideView(_View):
         """Draw the terrain, the rover at each moment, and the times of the moments."""
         rover, far_side = self.model.rover, "r" if self.side == "l" else "l"
         draw_ground(axes, self.model.terrain, self.span, self.y[self.side], self.y[far_side])
+        # Earlier moments are light and the last moment is black.
         for shade, pose in zip(np.linspace(0.65, 0.0, len(self.instants)), self.instants, strict=True):
             draw_rover(axes, rover, pose.q, str(shade), self.side)
         for x, when, line in _side_labels(self.instants, self.span):
@@ -144,8 +146,8 @@ class _AboveView(_View):
     def _labels(self) -> Iterator[tuple[np.ndarray, str]]:
         """Yield the position (2,) [m] and the text of each time label in the view from above.
 
-        A label is in the middle of its rover, or ahead of the rover if several rovers overlap. Labels at the same
-        position are joined to one label.
+        A label is in the middle of its rover, or ahead of the rover if several rovers overlap. Labels at one position
+        are joined to one label.
         """
         # Size of a label in metres of the drawing, at the coarser of the two scales.
         metres_per_inch = max((self.high[0] - self.low[0]) / WIDTH, (self.high[1] - self.low[1]) / self.height)
@@ -184,17 +186,18 @@ def _ahead(pose: Pose, r: float) -> np.ndarray:
 
 
 def _radius(rover: Rover) -> float:
-    """Return the radius of the rover's largest wheel [m], in which the margins of the drawings are measured."""
+    """Return the radius of the rover's largest wheel [m]. The margins of the drawings are multiples of this radius."""
     return max(float(wheel.wheel.r) for wheel in rover.wheels)
 
 
 def _side_labels(instants: list[Pose], span: tuple[float, float]) -> Iterator[tuple[float, str, int]]:
     """Yield the position x [m], the text and the line (0 or 1) of each time label above the rovers in the side view.
 
-    Rovers at the same position share a label. A label that is close to the previous label is drawn one line higher.
-    `span` is the smallest and the largest x of the view [m].
+    Rovers at one position share a label. A label that is close to the previous label is drawn one line higher. `span`
+    is the smallest and the largest x of the view [m].
     """
     width = span[1] - span[0]
+    # Consecutive rovers at almost one position form a group, which gets one label.
     groups: list[list[Pose]] = []
     for pose in instants:
         if groups and abs(pose.q[0] - groups[-1][-1].q[0]) < SAME_PLACE * width:

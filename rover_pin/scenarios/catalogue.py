@@ -1,4 +1,4 @@
-"""Lists what a user can choose: scenarios, soils, rovers, effects, samples and settings.
+"""Lists the choices of a user: scenarios, soils, rovers, effects, samples and settings.
 
 The lists come from the code itself, so that a new scenario, soil or effect is listed without a change here.
 """
@@ -49,8 +49,8 @@ class Entry:
 
 
 def plain(number: Setting) -> dict[str, Any]:
-    """Return a numeric setting as plain values that can be written to JSON. Empty texts and infinite bounds are left
-    out.
+    """Return a numeric setting as plain values that can be written to JSON. Empty texts and infinite bounds are
+    omitted.
     """
     table = {name: value for name, value in number._asdict().items() if value not in ("", ())}
     bounds = {name: table.pop(name) for name in ("low", "high")}

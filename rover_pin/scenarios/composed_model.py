@@ -136,6 +136,7 @@ def _on_soil(request: Settings, rover: Rover, soil: Soil, traction: SoilTraction
 
     The settings `motor` and `slip` choose the motor and the law of slip. `traction` is the law of traction on the soil.
     """
+    # The motor is a word of the settings, or the motor that the rover's TOML states or its weight implies.
     word = request.word(
         "motor", rover.motor if isinstance(rover.motor, str) else "of its TOML or weight", MOTORS, MOTOR
     )
@@ -153,8 +154,8 @@ def on_its_side(model: Model, request: Settings, askew: bool, of_file: bool) -> 
     """Return the model with the law of the side force that the setting `side` chooses, and a note if a default is used.
 
     The combined law is the default for wheels that turn, drive sideways or drive across a slope; then the note states
-    this choice. A wheel rig with slip angles starts from the same law (`experiments.wheel_rig.model.ASKEW`) and
-    estimates the pressure on the flank.
+    this choice. A wheel rig with slip angles also starts from the combined law (`experiments.wheel_rig.model.ASKEW`)
+    and estimates the pressure on the flank.
 
     Parameters
     ----------
@@ -167,6 +168,7 @@ def on_its_side(model: Model, request: Settings, askew: bool, of_file: bool) -> 
     of_file : bool
         Whether the model was read from a file. It then keeps the law of the file unless a setting names a law.
     """
+    # Wheels that slide sideways need the law in which thrust and side force share the soil's strength.
     default = "combined" if askew or request.values.get("control") in TURNS else "shear"
     word = request.word("side", default, SIDES, SIDE)
     if (word or ("shear" if of_file else default)) == "shear":
@@ -192,6 +194,7 @@ def as_it_cruises(model: Model, request: Settings, resists: bool) -> tuple[Model
         raise ParameterError(
             "cruise_slip and effect.MotionResistance.R both state the motion resistance R: give only one of them."
         )
+    # A stated resistance is kept, and a model without the effect has no resistance to derive.
     if slip is None and (
         resists or declared_R or not any(isinstance(effect, MotionResistance) for effect in model.effects)
     ):

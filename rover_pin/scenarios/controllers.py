@@ -36,7 +36,7 @@ RADIUS = 1.0
 """Default radius of a turn of the rover Nexus 6 [m]. For another rover the radius is scaled with the size of the
 wheels."""
 ROUTE = ((1.0, 0.0), (2.0, 0.6), (3.0, 0.6))
-"""Default way-points (x, y) of a route of the rover Nexus 6 [m]. For another rover they are scaled with the size of the
+"""Default waypoints (x, y) of a route of the rover Nexus 6 [m]. For another rover they are scaled with the size of the
 wheels."""
 SLIP_LIMIT = spec("", "assumed: the slip whose torque is the limit", 0.0, 1.0)
 AIMS = ("constant", "hole")
@@ -174,9 +174,9 @@ def _held_speeds(request: Settings, model: Model, kind: str) -> HeldSpeeds:
 
 
 def _route(request: Settings, model: Model) -> RouteControl:
-    """Return the control that drives along way-points, beginning at the rover's start.
+    """Return the control that drives along waypoints, beginning at the rover's start.
 
-    The way-points come from the setting `control.route`. Without this setting, they are ROUTE, scaled with the size of
+    The waypoints come from the setting `control.route`. Without this setting, they are ROUTE, scaled with the size of
     the wheels.
     """
     size, rover, motor = scale(model.rover), model.rover, model.motor
@@ -186,6 +186,7 @@ def _route(request: Settings, model: Model) -> RouteControl:
     )
     # The way-points count from the rover's start, which other settings may move.
     start = tuple(parse_quantity(request.values.get(f"start.{axis}", 0.0), "m", f"start.{axis}") for axis in "xy")
+    # The look-ahead distance of two wheel bases is long enough that the rover does not swing around the path.
     defaults = {"speed": cruise_speed(rover, motor), "lookahead": 2.0 * base_of(rover).length}
     if not any(steers(rover)):
         defaults["track"] = _track(request, model)
@@ -198,8 +199,8 @@ def _slip_control(request: Settings, model: Model, estimate: SlipEstimate, usual
     """Return the slip control that feeds back a given slip estimate.
 
     The desired slip is constant, or follows the depth of each wheel's hole (setting `control.aim`). Without a file of
-    tuned gains, `usual_aim` is the default of this setting; with such a file, the default is the law for which the file
-    has gains.
+    tuned gains, `usual_aim` is the default of this setting; with such a file, the default is the law that the gains in
+    the file were tuned for.
     """
     file = request.take("control.gains", None, source="a file of tuned gains, as tune writes it")
     r = float(model.rover.wheel.r)
@@ -211,6 +212,7 @@ def _slip_control(request: Settings, model: Model, estimate: SlipEstimate, usual
     if aim == "hole":
         of_rover = tuned or HoleLaw(r=r)
         hole = of_rover.replace(**request.record("control.hole", of_rover))
+    # Gains that were tuned in a file come first; without a file, each law has its own default gains.
     gains = load_gains(str(file)) if file is not None else HOLE_GAINS if hole else Gains()
     gains = gains.replace(**request.record("control", gains))
     return SlipControl(gains, estimate, _limit(request, model, "saturation"), hole=hole)
@@ -220,6 +222,7 @@ def _estimate(kind: str, model: Model, request: Settings) -> SlipEstimate | Onbo
     """Return the slip estimate that belongs to a word of the setting `control`: true, tracked, onboard, camera or
     eq9.
     """
+    # Each word names the source of the slip: the simulation itself, a tracker, the on-board model, or a camera.
     if kind == "true":
         return TrueSlip()
     if kind == "tracked":

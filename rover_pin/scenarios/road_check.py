@@ -1,6 +1,4 @@
-"""Checks whether a rover can stand on its soil, and whether its motors can move it there, by statics and torque
-bounds.
-"""
+"""Checks whether the soil carries a rover, and whether its motors can move it there, by statics and torque bounds."""
 
 import math
 from dataclasses import dataclass
@@ -27,26 +25,28 @@ from rover_pin.soil.wheel_forces import TorqueTraction
 
 @dataclass(frozen=True)
 class RoadCheck:
-    """Result of the check whether a rover can stand and move on level ground, in sentences for the user."""
+    """Result of the check on level ground: whether the soil carries the rover and whether it can move, in sentences for
+    the user.
+    """
 
     stands: str
-    "whether the rover stands, with loads and depths of the wheels; begins with yes or no"
+    "whether the soil carries the rover, with loads and depths of the wheels; begins with yes or no"
     moves: str
     "whether the motors move the rover, with torques and slopes; begins with yes or no"
     assumed: tuple[str, ...]
     """sentences on numbers of soil and motor that are assumed, because the rover's TOML does not state them"""
     faults: tuple[str, ...] = ()
-    "reasons why the rover does not stand or move; empty if it does both"
+    "faults of the rover: the soil does not carry it, or it cannot move; empty without a fault"
 
 
 def road_check(rover: Rover) -> RoadCheck:
-    """Return whether a rover can stand on the soil of its TOML, and whether its motors can move it, under Earth's
+    """Return whether the soil of a rover's TOML carries the rover, and whether its motors can move it, under Earth's
     gravity.
 
-    The rover can stand if every wheel carries its static load without slip at a sinkage of at most BURIED r, where r is
-    the wheel radius. It can move if the stall torque of its motors at the usual duty (CRUISE_DUTY) exceeds the torque R
-    W r that level ground needs, where W is the load of a wheel and R the motion resistance as a fraction of W. The
-    traction is that of the torque form with the usual contact angles of the wheel.
+    The soil carries the rover if every wheel bears its static load without slip at a sinkage of at most BURIED r, where
+    r is the wheel radius. The rover can move if the stall torque of its motors at the usual duty (CRUISE_DUTY) exceeds
+    the torque R W r that level ground needs, where W is the load of a wheel and R the motion resistance as a fraction
+    of W. The check takes the torque form of traction with the usual contact angles of the wheel.
 
     Raises ParameterError: the TOML names an unknown soil or motor.
 
@@ -58,6 +58,7 @@ def road_check(rover: Rover) -> RoadCheck:
     """
     (soil, soil_notes), (motor, motor_notes) = driven_soil(rover), own_motor(rover)
     assumed = (*soil_notes, *motor_notes)
+    # The stance fails if a wheel sinks too deep; the rover can then not move either.
     try:
         stands = _stance(rover, soil)
         effects = base_effects(soil, rover, SoilTraction(TorqueTraction(), usual_angles(rover)))
@@ -72,7 +73,7 @@ def road_check(rover: Rover) -> RoadCheck:
 def _stance(rover: Rover, soil: Soil) -> str:
     """Return a sentence with the smallest and largest load and sinkage of the wheels on level ground.
 
-    Raises ParameterError: the rover cannot stand, or a wheel is buried.
+    Raises ParameterError: the soil cannot carry the rover, or a wheel is buried.
     """
     # A wheel that hangs higher than the most loaded wheel sinks does not reach the ground; the other wheels carry its
     # load.

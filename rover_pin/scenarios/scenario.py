@@ -1,4 +1,5 @@
-"""Ready-made drives by name, in which every number can be changed. The command line and batch studies run them.
+"""Ready-made drives by name. Every number of a drive can be changed. The command line and batch studies run these
+drives.
 
 Start at `scenario`.
 """
@@ -80,7 +81,7 @@ class Scenario:
     symmetric: bool = False
     """whether the left and the right side of rover and terrain are mirror images, so that only one half is computed"""
     settings: Mapping[str, Any] = field(default_factory=dict)
-    """settings that the user has given; objects in memory are left out"""
+    """settings that the user has given, without objects in memory"""
     assumed: tuple[str, ...] = ()
     """sentences on assumptions about the rover, where neither its TOML nor a setting states a number"""
 
@@ -192,7 +193,7 @@ class Scenario:
 
 @public
 def scenario(name: str, /, **settings: Any) -> Scenario:
-    """Return a ready-made drive, in which settings change the model, the controller and the duration.
+    """Return a ready-made drive. The settings change its model, its controller and its duration.
 
     The name of a setting may have a dot, which a Python keyword cannot have. Pass such settings as
     `**{"terrain.wall_angle_deg": 40}`.
@@ -221,8 +222,8 @@ def scenario(name: str, /, **settings: Any) -> Scenario:
         - `form`: net, torque, gross; `angles`: fixed, sinkage; `slip`: relaxed, algebraic
         - `side`: the law of the side force, combined or shear; combined is the default if wheels slide sideways
         - `add`: effects, or words for effects such as "DiggingMemory.c_d=0.1,length=0.05"; `effect.CLASS.FIELD`
-        - `cruise_slip`: the slip on level ground, by default 0.05, from which the motion resistance R is derived; an R
-          that a setting or a model file states does not change
+        - `cruise_slip`: the slip on level ground, by default 0.05, which determines the motion resistance R; an R that
+        a setting or a model file states does not change
         - `model`: the model file of a drive, instead of rover, soil, form, angles and slip; or the model file of a
           wheel rig, instead of soil, form and angles
         - `buried`: the sinkage that ends a drive, as a fraction of the wheel radius, by default 0.5
@@ -266,7 +267,7 @@ def settings_of(name: str, /, **settings: Any) -> tuple[Setting, ...]:
     """Return every setting of a scenario with its default value, unit and source.
 
     Settings that are given replace their defaults. Defaults that depend on a given setting, such as the numbers of
-    another soil, are those that follow from it.
+    another soil, follow this setting.
     """
     return tuple(_make_scenario(name, settings)[1].known.values())
 
@@ -278,6 +279,7 @@ def _make_scenario(name: str, settings: Mapping[str, Any]) -> tuple[Scenario, Se
     """
     if name not in SCENES:
         raise UnknownNameError(f"There is no scenario '{name}': {closest(name, SCENES)}")
+    # The steps below follow the order in which settings depend on each other: ground, model, controller, start, times.
     scene = SCENES[name]
     # Records in memory are written as settings first, so that all code below reads settings only.
     record_names = [name for name, kind in WHOLE.items() if isinstance(settings.get(name), kind)]
@@ -296,6 +298,7 @@ def _make_scenario(name: str, settings: Mapping[str, Any]) -> tuple[Scenario, Se
     controller = controller_from(request, model, trust)
     assumed = (*assumed, *turning_note(request, model, controller))
     start = Start(**request.arguments("start", Start))
+    # The duration comes last, because a route determines it, and slower rovers get more time.
     dt = request.number("dt", Timing().dt, STEP)
     scene_duration = scene.duration * pace(model.rover, model.motor)
     default_duration = controller.duration if isinstance(controller, RouteControl) else scene_duration
@@ -346,11 +349,11 @@ def _scene_on(scene: Scene, ground: Any, request: Settings) -> Scene:
 
 
 def spell_settings(settings: Mapping[str, Any], record_names: Sequence[str]) -> dict[str, Any]:
-    """Return the settings in which objects in memory are replaced by one setting for each of their fields.
+    """Return the settings after each object in memory was replaced by one setting for each of its fields.
 
     For example, soil=Soil(k=0.01) becomes soil.k=0.01 and the other fields of the soil. `record_names` are the names of
-    the settings that are such objects. A soil also gets the name of the package's soil from which it was derived,
-    unless a model file is given.
+    the settings that are such objects. A soil also gets the name of the package's soil that it was derived from, unless
+    a model file is given.
     """
     fields = {f"{name}.{field}": value for name in record_names for field, value in vars(settings[name]).items()}
     if "soil" in record_names and "model" not in settings:
@@ -383,6 +386,7 @@ def _terrain(scene: Scene, request: Settings, size: float) -> Terrain:
             "file of your own ground."
         )
     terrain = scene.terrain(**{**preset, **overrides})
+    # The stretch of hard ground is laid over the terrain as its second soil.
     patch = request.arguments("patch", with_ground, {"x_from": -math.inf, "x_to": math.inf}, ("x_from", "x_to"))
     if patch:
         terrain = with_ground(terrain, **{"x_from": -math.inf, "x_to": math.inf, **patch}, index=1)

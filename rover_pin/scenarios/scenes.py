@@ -101,7 +101,7 @@ def scale_arguments(terrain: Callable[..., Terrain], arguments: Mapping[str, Any
     terrain : callable
         The terrain function.
     arguments : mapping
-        Arguments that differ from the function's defaults; they are scaled as well.
+        Arguments that differ from the function's defaults; they are also scaled.
     size : float
         Size of the rover's wheels divided by the size of Nexus 6's wheels. With 1, only `arguments` are returned.
     """

@@ -33,7 +33,7 @@ unit.
 Drives are reproducible to about 1e-14 of a channel, and derivatives change noticeably if a number changes by about 1e-4
 of its value. The width lies between these two limits."""
 FIXED = ("dt", "duration")
-"""Settings for which no sensitivity is computed, because no channel depends on them if the time steps are fixed."""
+"""Settings without a sensitivity, because no channel depends on them if the time steps are fixed."""
 
 
 @brief
@@ -76,8 +76,8 @@ def sensitivities(
     step earlier or later, or makes a duty meet its limit at another sample. Within 2 h of a bend the error is an upper
     bound of the effect of the bend. At the bend itself the derivative is the mean of R and L.
 
-    The derivatives are those of the computed drive. Long drives through ditches are so sensitive that their derivatives
-    hold only for extremely small changes of a number; give larger `widths` for them.
+    The derivatives are derivatives of the computed drive. Long drives through ditches are so sensitive that their
+    derivatives hold only for extremely small changes of a number; give larger `widths` for them.
 
     Parameters
     ----------
@@ -124,6 +124,7 @@ def sensitivities(
         if not 0.0 < width < math.inf:
             raise ParameterError(f"widths['{number}'] = {width:g} is not allowed: give a positive number.")
     known = {}
+    # The settings of the drive show which names exist, and which of them are numbers.
     for setting in settings_of(name, **settings):
         number = setting.value
         # Words and switches are settings without a derivative.
@@ -142,6 +143,7 @@ def sensitivities(
         width = widths.get(number, RELATIVE_WIDTH * abs(value) or RELATIVE_WIDTH)
         # The number replaces a setting of the same angle in degrees.
         others = {key: setting for key, setting in settings.items() if key != f"{number}_deg"}
+        # Two neighbours on each side give the difference over h, over 2 h, and the one-sided derivatives.
         neighbours = (scenario(name, **{**others, number: value + i * width}) for i in (-2, -1, 1, 2))
         around = [drive_along(neighbour, course) for neighbour in neighbours]
         slopes[number] = _slope(trace, around, value, width, unit)
@@ -152,8 +154,7 @@ def course_of(scene: Scenario, trace: Trace) -> StepsTaken:
     """Return the time steps that a scenario's drive has taken, so that `drive_along` can repeat the drive with these
     steps.
 
-    `trace` is the trace of this drive. If the drive was refined to measure its error, its steps are divided in the same
-    way.
+    `trace` is the trace of this drive. If the drive was refined to measure its error, its steps are divided here too.
     """
     # The drive is repeated once without measuring its error, to learn the lengths of its steps.
     drive, duration = _set_out(scene), len(trace.t) * scene.timing.sample

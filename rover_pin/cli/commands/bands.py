@@ -20,6 +20,7 @@ def bands(name: str, folder: Path, settings: dict[str, Any], out: Path) -> dict[
     from rover_pin.simulation.model.toml_file import models_of
 
     files = models_of(folder)
+    # The models replace the single model of the settings.
     drives = drive_on_models(name, files, {key: value for key, value in settings.items() if key != "model"})
     title = (
         f"{name} on {len(files)} models of {folder.name}: stuck on {sum(drives.stuck)}, buried on {sum(drives.buried)}"

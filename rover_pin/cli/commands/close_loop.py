@@ -43,6 +43,7 @@ def close_loop(
     from rover_pin.report.labels import labels_of
     from rover_pin.report.verdict_page import first_lines
 
+    # The words of --fail-on are checked before the long run, so that a misspelt word does not waste it.
     failing = answers_named(fail_on)
     note_progress = (lambda message: None) if as_json else log.info
     with stoppable():
@@ -52,6 +53,7 @@ def close_loop(
         )  # fmt: skip
     if as_json:
         say(json.dumps(verdict.as_dict(), default=str))
+    # People read the answer in a few sentences first; the table and the path of the report follow.
     else:
         say(f"{first_lines(verdict, labels_of(verdict))}\n\n{verdict.summary()}\nwritten: {out / REPORT}")
     if open_:

@@ -46,5 +46,6 @@ def table(comparison: "Comparison", include_equal: bool = False) -> str:
         widths = [min(max(len(row[i]) for row in cells), MAX_COLUMN_WIDTH) for i in range(4)]
         pairs = ((*(f"{cell:{width}}" for cell, width in zip(row, widths, strict=False)), row[4]) for row in cells)
         lines += ["", *("  ".join(row).rstrip() for row in pairs)]
+    # The number of omitted rows is printed, so that a short table is not taken for the whole comparison.
     equal_count = len(comparison.rows) - len(rows)
     return "\n".join([*lines, *([f"\n{equal_count} more rows are equal; --all prints them."] if equal_count else [])])

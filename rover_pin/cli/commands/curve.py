@@ -22,8 +22,8 @@ def curve(
 ) -> None:
     """Draw the load-traction factor F(S) against slip, in every form, at the soil's fixed angles.
 
-    The soil is table-1 by default. --set changes its numbers (soil.phi=33deg, or phi=33deg) and those of the wheel
-    (wheel.r=10cm).
+    The soil is table-1 by default. --set changes the numbers of the soil (soil.phi=33deg, or phi=33deg) and of the
+    wheel (wheel.r=10cm).
     """
     from rover_pin import plot
     from rover_pin.base.errors import ParameterError
@@ -38,6 +38,7 @@ def curve(
     for option, given in (("k", k), ("n", n)):
         if given and option in changes:
             raise ParameterError(f"--{option} and --set soil.{option} both state {option}: give one of them.")
+    # The options are read before any curve is computed, so that a wrong unit is reported at once.
     lengths = [parse_quantity(length, "m", "--k") for length in k]
     exponent = parse_quantity(n, "", "--n") if n else None
     table = traction_curves(base.replace(**changes), lengths, exponent, Wheel().replace(**sizes))

@@ -46,8 +46,10 @@ def demo(
         elif kind == "slip-slope":
             demo_set = slip_slope.write(folder, hidden, seed, rover or "nexus6")
         else:
+            # Only a drive log is simulated drive by drive and takes long enough for a progress bar.
             with progress("driving", drive_log.RUNS, silent=as_json) as advance:
                 demo_set = drive_log.write(folder, hidden, seed, rover or "nexus6", advance)
+    # The hidden effect is the answer of the exercise, so it is printed only on request.
     answer = {"hidden": demo_set.truth["hidden"]} if tell else {}
     truth = {"truth": str(hiding.truth_file(folder)), **answer}
     report(

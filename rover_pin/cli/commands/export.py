@@ -34,7 +34,7 @@ Scene = Annotated[str, typer.Argument(autocompletion=scenario_names, help="The r
 
 
 class Kind(StrEnum):
-    """The file formats into which `rover-pin export` writes a drive."""
+    """The file formats that `rover-pin export` can write."""
 
     CSV = "csv"
     PARQUET = "parquet"
@@ -59,6 +59,7 @@ def export(
     from rover_pin.view import export as writing
 
     subject = read_subject(path, run, Trust(everything=trust))
+    # The name of a format is the last part of the name of its writer, such as `write_mcap`.
     write = getattr(writing, f"write_{to.value}")
     file = out / f"{subject.trace.attrs.get('scenario', 'drive')}{'.rrd' if to is Kind.RERUN else f'.{to.value}'}"
     say_what_is_replaced(out, (file.name,))
@@ -91,6 +92,7 @@ def export_c(
     settings = drive_settings(set_, rover=rover, control=control, gravity=gravity, soil=soil, model=model, add=add)
     settings["trust"] = Trust.of(effects, trust)
     chosen = ready(scenario, **settings)
+    # The C code contains the numbers of this rover and this soil, so the scenario is made first.
     export = control_export(chosen.controller, chosen.model)
     say_what_is_replaced(out, ("rover_control.c",))
     with alone_in(out):
@@ -127,6 +129,7 @@ def export_fmu(
     settings["trust"] = Trust.of(effects, trust)
     chosen = ready(scenario, **settings)
     units = [plant(chosen.model, chosen.start, chosen.timing)]
+    # The rover is the first unit; the control is a second unit, so that a user can replace it.
     units += [unit_of(chosen.controller, chosen.model)] if control else []
     say_what_is_replaced(out, tuple(f"{unit.name}.fmu" for unit in units))
     with alone_in(out):
@@ -155,6 +158,7 @@ def export_mjcf(
     settings = drive_settings(set_, rover=rover, gravity=gravity, soil=soil, model=model, add=add)
     settings["trust"] = Trust.of(effects, trust)
     chosen = ready(scenario, **settings)
+    # The program contains the settings as text, and a path is not a plain value.
     settings = {name: str(value) if isinstance(value, Path) else value for name, value in chosen.settings.items()}
     texts = {
         out / "rover.xml": mjcf(chosen.model, chosen.start, min(TIMESTEP, chosen.timing.dt)),

@@ -37,6 +37,7 @@ def import_log(
         "lacks": list(drive_log.lacks),
         "notes": list(drive_log.notes),
     }
+    # The new log is checked as close-loop would check it, so that the user sees its faults now.
     try:
         data_check = check_data(folder)
     # Also if the check refuses the new log, the user sees how its columns were read.

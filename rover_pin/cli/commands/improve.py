@@ -35,6 +35,7 @@ def improve(
     from rover_pin.tuning.improve import improve as improved
     from rover_pin.tuning.study_file import read_tuning
 
+    # The study is read before the loop starts, so that an error in it does not waste a long run.
     chosen = None if study is None else read_tuning(study, Trust.of(effects, trust))
     note_progress = (lambda message: None) if as_json else log.info
     with stoppable(out, ("improve.json", "loop", "control")):

@@ -51,6 +51,7 @@ def init(
     # Gravity at the test converts masses to weights.
     at_test = gravity_named(gravity) if gravity else None
     wheel = Wheel(r=parse_quantity(radius, "m", "--r"), b=parse_quantity(width, "m", "--b"))
+    # The data set lies next to the table, in a folder with the name of the table, unless --out names another.
     folder = table.with_suffix("") if out is None else out
     if folder == table:
         raise ParameterError(f"{table}: the data set needs a folder of its own: name the folder with --out FOLDER.")
@@ -60,9 +61,12 @@ def init(
     try:
         points = read.points(wheel, slip_definition)
         read.notes += filter(None, [gravity_note(points, at_test)])
+        # The stated noise is used for its channels; the noise of the others comes from repeated runs or a column of
+        # SDs.
         sds = read.noise(points, stated, slip_definition)
         is_new = not folder.exists()
         files = write_rig_set(folder, table.stem, points, wheel, sds, at_test, slip_definition)
+        # The new set is read back and checked as close-loop would check it.
         data_check = check_data(folder)
     except RoverPinError:
         # a set that cannot be used is not left behind; how its columns were read is what helps to mend the table

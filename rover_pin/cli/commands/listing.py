@@ -1,4 +1,4 @@
-"""`rover-pin list`: lists what a user can choose, with unit, bounds, default and source of each number."""
+"""`rover-pin list`: lists the choices of a user, with unit, bounds, default and source of each number."""
 
 from enum import StrEnum
 from typing import TYPE_CHECKING, Annotated
@@ -37,6 +37,7 @@ def list_(
     """List scenarios, soils, rovers, effects, samples or settings. Each number has unit, default, bounds and source."""
     from rover_pin.scenarios import catalogue
 
+    # Without an argument, only the names of all kinds are listed, because all numbers would fill many screens.
     if what is None:
         names = {kind.value: [entry.name for entry in getattr(catalogue, kind)()] for kind in What}
         summary = {name: ", ".join(kind_names) for name, kind_names in names.items()}
@@ -44,6 +45,7 @@ def list_(
             names if as_json else {**summary, "next": "rover-pin list soils, rover-pin list soils dry-sand"}, as_json
         )
         return
+    # The settings depend on the scenario and on other settings, so a scenario is made to list them.
     if what is What.SETTINGS:
         settings = catalogue.settings(name or "ditch", **assignments(set_))
         if as_json:

@@ -73,6 +73,7 @@ def map_ground(
     places = MapSettings(parse_quantity(spacing, "m", "--spacing"), headings)
     if ends:
         places = replace(places, box=(ends[0], ends[1], ends[2], ends[3]))
+    # Without a model, the map holds for the settings alone; with a folder, each of its models is driven.
     files, allowed = models_of(model) if model else (), Trust.of(effects, trust)
     with stoppable():
         _, summary = ground_map(scenario, settings, files, out, places, allowed, workers or None, scheduler or None)

@@ -35,6 +35,7 @@ def new_effect(
     from rover_pin.base.files.whole_file import replace_file
     from rover_pin.simulation.model.effect_source import first_version
 
+    # The name becomes the name of a class in the file, so it must be an identifier.
     if not re.fullmatch(r"[A-Z][A-Za-z0-9]*", name):
         raise ParameterError(f"'{name}' cannot be the name of an effect: give a class name, for example StickySoil.")
     # StickySoil becomes sticky_soil.
@@ -44,6 +45,7 @@ def new_effect(
         out / f"{stem}.py": first_version(name, acts.value).text,
         out / f"test_{stem}.py": test.substitute(Name=name, file=f"{stem}.py"),
     }
+    # Both files are checked before one is written, so that no half of the pair is left.
     for file in texts:
         if exists(file):
             raise ParameterError(f"{file}: this file exists: take another name, or another folder by --out.")
@@ -77,6 +79,7 @@ def new_rover(
     # Without --r and --b, the wheel's size is taken from the shapes in the URDF.
     r, b = (parse_quantity(text, "m", name) if text else None for name, text in (("--r", radius), ("--b", width)))
     result = propose(urdf, out, Trust(everything=trust), front=front, r=r, b=b)
+    # The table lists all guesses, because the user must check each of them.
     proposal = result.proposal
     wheels = {axle.name: " ".join(wheel.joint for wheel in axle.wheels) for axle in proposal.axles}
     steering = {axle.name: " ".join(axle.steering) for axle in proposal.axles if axle.steering}
@@ -95,5 +98,6 @@ def new_rover(
     toml = next(file for file in result.files if file.suffix == ".toml")
     facts["next"] = f"check the parts marked GUESSED, then: rover-pin check-urdf {shell_word(toml)}"
     report(facts, as_json)
+    # The files are written in spite of the faults, so that the user can mend them; the exit code reports the faults.
     if not result.report.ok:
         raise typer.Exit(1)

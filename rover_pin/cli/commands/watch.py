@@ -39,6 +39,7 @@ def watch(
     # Without a model of the user, the monitor uses the base model that the log itself declares.
     watched_model = base_model(drive_log) if model is None else read_model(model, flat(), trusted)
     monitor = Monitor.of(watched_model)
+    # The monitor gets only signals that a rover has on board; a missing signal is replaced by an assumed value.
     readings = monitor_input(trace, watched_model, monitor.estimate.period, has_current_scale(drive_log))
     with stoppable(out, ("watch.csv", "watch.png")), alone_in(out):
         forecasts = forecasts_of(monitor, readings)
