@@ -74,7 +74,7 @@ def _entries(title: str, entries: list[Any], command: str) -> str:
         title = f"{each.name}: {each.facts['title']}" if each.facts.get("title") else each.name
         parts.append(f"\n## {_plain(title)}\n\n{_plain(each.summary)}.{example}\n")
         for name, value in each.facts.items():
-            if name not in ("file", "title") and (value or value == 0):
+            if name not in ("file", "title", "package") and (value or value == 0):
                 words, said = fact(name, value).split(": ", 1)
                 parts.append(f"\n- {words}: {_plain(said) if name in PROSE else _code(said)}")
         parts.append(f"\n\n{_table(each.numbers)}\n" if each.numbers else "\n")

@@ -27,7 +27,7 @@ class Setting(NamedTuple):
     low: float = -math.inf
     high: float = math.inf
     source: str = ""
-    choices: tuple[str, ...] = ()
+    choices: Collection[str] = ()
 
     @classmethod
     def of(cls, name: str, value: Any, spec: Quantity) -> Self:
@@ -67,9 +67,10 @@ class Settings:
         self.values = dict(values)
         self.known: dict[str, Setting] = {}
 
-    def take(self, name: str, default: Any, choices: Iterable[str] = (), source: str = "") -> Any:
+    def take(self, name: str, default: Any, choices: Collection[str] = (), source: str = "") -> Any:
         """Return the user's value of a setting, or the default if the user did not give the setting."""
-        return self._take_value(Setting(name, default, source=source, choices=tuple(choices)))
+        # The choices are kept as they are, because to list them may take time, as for soils of other packages.
+        return self._take_value(Setting(name, default, source=source, choices=choices))
 
     def number(self, name: str, default: float, spec: Quantity) -> float:
         """Return the value of a numeric setting in SI, or the default if the user did not give the setting.

@@ -39,15 +39,27 @@ def rover_names(begun: str) -> list[str]:
     return [name for name in sorted(file.stem for file in rover_folder().glob("*.toml")) if name.startswith(begun)]
 
 
+def listed_entries(what: str) -> "list[Entry]":
+    """Return the entries that `rover-pin list KIND` shows for a kind, such as "soils". For the kind "settings", these
+    are the settings of the scenario `ditch`.
+    """
+    if what == "experiments":
+        from rover_pin.loop.experiment_file import experiments
+
+        return experiments()
+    from rover_pin.scenarios import catalogue
+
+    entries: list[Entry] = getattr(catalogue, what)()
+    return entries
+
+
 def listed_names(ctx: typer.Context, begun: str) -> list[tuple[str, str]]:
     """Return the names that may follow `rover-pin list KIND`, each with its description.
 
     For the kind `settings`, these are the names of scenarios. `begun` are the letters typed so far.
     """
-    from rover_pin.scenarios import catalogue
-
     what = str(ctx.params.get("what") or "scenarios")
-    entries: list[Entry] = getattr(catalogue, "scenarios" if what == "settings" else what)()
+    entries = listed_entries("scenarios" if what == "settings" else what)
     return [(entry.name, entry.summary) for entry in entries if entry.name.startswith(begun)]
 
 

@@ -8,7 +8,7 @@ from rover_pin.base.errors import DataError
 from rover_pin.base.files import bounded
 from rover_pin.comparison.side import Comparison, Side, Value, differences, number_rows, word_rows
 from rover_pin.effects.names import display_name
-from rover_pin.simulation.model.effect_files import package_effects
+from rover_pin.simulation.model.effect_files import installed_effects
 
 FILE = "verdict.json"
 HELD_OUT = "held-out error, "
@@ -27,7 +27,7 @@ def read_verdict(path: Path) -> Side:
         words = {
             "data": str(table["name"]),
             "answer": str(table["answer"]),
-            ADDED: display_name(" + ".join(table["effects"]), package_effects()) or "nothing",
+            ADDED: display_name(" + ".join(table["effects"]), installed_effects()) or "nothing",
         }
         numbers = {HELD_OUT + row["name"]: Value(_to_float(row["after"]), row["unit"]) for row in table["held_out"]}
         # A drive log's verdict has its numbers one level deeper, under "parameters".

@@ -29,8 +29,8 @@ from rover_pin.experiments.wheel_rig.experiment import RigExperiment, read_joint
 from rover_pin.experiments.wheel_rig.loop_data import RigData, start_on_rig
 from rover_pin.experiments.wheel_rig.model import RigModel
 from rover_pin.logs.drive_log import FILE, DriveLog, read_drive_log
-from rover_pin.loop.experiment_file import package_experiment, read_experiment
-from rover_pin.loop.own_effects import refuse_unfit_effects
+from rover_pin.loop.experiment_file import experiment_of_folder, read_experiment
+from rover_pin.loop.own_effects import refuse_unfit_effects, refuse_unfit_offered_effects
 from rover_pin.loop.provenance import LoopRequest, provenance
 from rover_pin.loop.verdict_file import write_results
 from rover_pin.measurements.rig_file import RIG_FILE
@@ -110,11 +110,12 @@ def close_the_loop(
     refuse_both(jobs or None, scheduler)
     if effects is not None:
         refuse_unfit_effects(effects)
+    refuse_unfit_offered_effects()
     if isinstance(data, tuple):
         data = tuple(data_path(folder) for folder in data)
     elif isinstance(data, (str, Path)):
         data = data_path(data)
-        experiment = experiment or package_experiment(data)
+        experiment = experiment or experiment_of_folder(data)
     request = LoopRequest(data, model, effects, out, experiment, trust, seed)
     # From here on the kind of the data is known, and the request names the folder that was read.
     measurements = _read(request)
@@ -153,8 +154,8 @@ def verdict_on(
 
     If the data are insufficient, the answer is "cannot tell", and no model is fitted.
 
-    `kinds` are the classes of effects that may be missing, by default all classes of the package. `seed` is the seed
-    for the initial guesses of the fits and for the bootstrap.
+    `kinds` are the classes of effects that may be missing, by default those of the package and of other installed
+    packages. `seed` is the seed for the initial guesses of the fits and for the bootstrap.
     """
     findings = data.findings()
     if reason := data.insufficient():

@@ -1,4 +1,4 @@
-"""Read an experiment that is defined by one Python file: a file of the package, or a file of a user."""
+"""Read an experiment defined by one class: of the package, of another installed package, or of a user's file."""
 
 import importlib
 import inspect
@@ -12,7 +12,9 @@ import numpy as np
 import rover_pin.experiments
 from rover_pin.base.errors import DataError
 from rover_pin.base.files.paths import is_file
+from rover_pin.base.installed_packages import EXPERIMENTS, Offer, offers
 from rover_pin.discrepancy.experiment import FileExperiment
+from rover_pin.scenarios.catalogue import OWN_PACKAGE, Entry, first_sentence
 from rover_pin.simulation.model.effect_files import run_file
 
 
@@ -26,6 +28,31 @@ def package_experiments() -> dict[str, type[FileExperiment]]:
     return {name: kind for name, module in modules.items() for kind in _experiments_in(module) if kind.is_for_loop}
 
 
+def offered_experiments() -> dict[str, Offer]:
+    """Return what other installed packages offer as experiments, by the name of the entry point."""
+    return offers(EXPERIMENTS, tuple(package_experiments()))
+
+
+def installed_experiments() -> dict[str, type[FileExperiment]]:
+    """Return the experiment classes of the package and of other installed packages, by name.
+
+    Raises DataError if the code of a package cannot be imported, or if it offers no experiment class.
+    """
+    classes = {name: offer.load((FileExperiment,)) for name, offer in offered_experiments().items()}
+    return {**package_experiments(), **classes}
+
+
+def experiments() -> list[Entry]:
+    """Return the list of all experiments that `close-loop --experiment NAME` knows, each with its data file and with
+    the package from which it comes.
+    """
+    sources = {name: offer.source for name, offer in offered_experiments().items()}
+    return [
+        Entry(name, first_sentence(kind), {"data_file": kind.file, "package": sources.get(name, OWN_PACKAGE)})
+        for name, kind in installed_experiments().items()
+    ]
+
+
 def _experiments_in(module: ModuleType) -> list[type[FileExperiment]]:
     """Return the experiment classes that a module defines itself. Abstract and imported classes do not count."""
     return [
@@ -35,12 +62,12 @@ def _experiments_in(module: ModuleType) -> list[type[FileExperiment]]:
     ]
 
 
-def package_experiment(data: Path) -> str | None:
-    """Return the name of the package's experiment that can read the data in a folder; None if no experiment can.
+def experiment_of_folder(data: Path) -> str | None:
+    """Return the name of the installed experiment that can read the data in a folder; None if no experiment can.
 
     An experiment is recognised by the name of its data file, such as slope.toml.
     """
-    marks = {kind.file: name for name, kind in package_experiments().items() if kind.file}
+    marks = {kind.file: name for name, kind in installed_experiments().items() if kind.file}
     return next((name for file, name in marks.items() if is_file(data / file)), None)
 
 
@@ -52,8 +79,8 @@ def read_experiment(data: str | Path, experiment: str | Path) -> FileExperiment:
     data : path
         Path of the data; it is passed to the experiment's method `read`.
     experiment : path or str
-        A Python file with one class that derives from `FileExperiment`, or the name of one of the package's own
-        experiments. The code of the file runs.
+        A Python file with one class that derives from `FileExperiment`, or the name of an experiment of the package or
+        of another installed package. The code of the file runs.
 
     Raises
     ------
@@ -61,8 +88,9 @@ def read_experiment(data: str | Path, experiment: str | Path) -> FileExperiment:
         If there is no such file, if it cannot be run or does not define exactly one experiment, if its `read` refuses
         the data, or if its arrays do not fit each other.
     """
-    # A name of the package comes first, then a file of the user.
+    # A name of the package comes first, then another installed package, then a file of the user.
     own = package_experiments()
+    own = own if str(experiment) in own else installed_experiments()
     if str(experiment) in own:
         kinds = [own[str(experiment)]]
     elif is_file(Path(experiment)):

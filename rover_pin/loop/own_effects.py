@@ -1,6 +1,9 @@
-"""Check a user's effect files before any fit, so that a mistake is reported at once and not after the fits."""
+"""Check the effects of a user and of other installed packages before any fit, so that a mistake is reported at once and
+not after the fits.
+"""
 
 import inspect
+from collections.abc import Mapping
 from pathlib import Path
 
 from rover_pin.base.errors import DataError, RoverPinError
@@ -11,7 +14,7 @@ from rover_pin.effects.effect import Effect, MotorEffect
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.rover.rover import load_rover
 from rover_pin.simulation.compiled.laws import contact_law, motor_law
-from rover_pin.simulation.model.effect_files import AnyEffect, reading_traction, user_effects
+from rover_pin.simulation.model.effect_files import AnyEffect, offered_effects, reading_traction, user_effects
 from rover_pin.simulation.model.model import Model, base_effects
 from rover_pin.simulation.model.motor import Motor
 from rover_pin.terrain.shapes import flat
@@ -25,12 +28,26 @@ def refuse_unfit_effects(path: str | Path) -> None:
     Raises DataError if a file cannot be run or an effect in it cannot be used; the message names the file, the line and
     the effect.
     """
-    kinds, rover = user_effects(path), load_rover("nexus6")
+    _refuse_unfit({kind: str(path) for kind in user_effects(path)})
+
+
+def refuse_unfit_offered_effects() -> None:
+    """Check that the loop can add and remove each effect that another installed package offers.
+
+    Raises DataError if such an effect cannot be imported or used; the message names the package.
+    """
+    if offered := offered_effects():
+        _refuse_unfit({kind: f"installed package {offer.source}" for kind, offer in offered.items()})
+
+
+def _refuse_unfit(kinds: Mapping[type[AnyEffect], str]) -> None:
+    """Check that the loop can use each effect in `kinds`: class -> words for the place from which the class comes."""
+    rover = load_rover("nexus6")
     # The model of a common rover is enough to compute the formulas of an effect once.
     effects = base_effects(Soil(), rover, SoilTraction())
     model = Model(rover, flat(), (Soil(),), Motor(), effects=effects)
-    for kind in kinds:
-        _refuse_missing_neutral(kind, f"{path}: {kind.__name__}")
+    for kind, place in kinds.items():
+        _refuse_missing_neutral(kind, f"{place}: {kind.__name__}")
         try:
             # Build the effect, move it to its neutral values, and write its formulas out as the loop will.
             effect = reading_traction(kind(), model.effects)

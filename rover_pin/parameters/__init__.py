@@ -1,6 +1,10 @@
 """Published soil parameters with their sources, which are found by name in `SOILS`, and the gravity of three bodies."""
 
+from collections.abc import Iterator, Mapping
+
 from rover_pin.base.errors import ParameterError, closest
+from rover_pin.base.installed_packages import SOILS as OFFERED_SOILS
+from rover_pin.base.installed_packages import Offer, offers
 from rover_pin.contact import Soil
 from rover_pin.parameters.soils import (
     DRY_SAND,
@@ -21,12 +25,42 @@ SLOPE_SAND = SlopeSand()
 wheels on dry sand."""
 
 
-class SoilTable(dict[str, Soil]):
-    """A dict of soil parameters by name, whose error about an unknown name lists the most similar names."""
+class SoilTable(Mapping[str, Soil]):
+    """Soil parameters by name: the soils of the package, then the soils that other installed packages offer.
 
-    def __missing__(self, name: object) -> Soil:
-        """Raise a ParameterError for an unknown name. The message lists the most similar names."""
-        raise ParameterError(f"no soil is named {name!r}: {closest(name, self)}")
+    An error about an unknown name lists the most similar names. The other packages are looked up only if a name is
+    needed that the package itself does not have, or if all names are listed.
+    """
+
+    def __init__(self, own: Mapping[str, Soil]):
+        self.own = dict(own)
+
+    def offered(self) -> dict[str, Offer]:
+        """Return the soils that other installed packages offer, by name, without importing them."""
+        return offers(OFFERED_SOILS, tuple(self.own))
+
+    def __getitem__(self, name: str) -> Soil:
+        """Return the soil with this name.
+
+        Raises ParameterError for an unknown name; the message lists the most similar names. Raises DataError if the
+        code of the package that offers the soil cannot be imported or defines no soil.
+        """
+        if name in self.own:
+            return self.own[name]
+        if name not in (offered := self.offered()):
+            raise ParameterError(f"no soil is named {name!r}: {closest(name, self)}")
+        soil: Soil = offered[name].load((Soil,))()
+        return soil
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.own or name in self.offered()
+
+    def __iter__(self) -> Iterator[str]:
+        yield from self.own
+        yield from self.offered()
+
+    def __len__(self) -> int:
+        return len(self.own) + len(self.offered())
 
 
 SOILS = SoilTable(
@@ -41,8 +75,9 @@ SOILS = SoilTable(
         "mars-sand": MARSSIM_SAND,
     }
 )
-"""Name of a soil -> its parameters. Parameters that depend on the width of the wheel hold for the wheel of the rover
-Nexus 6 (`NEXUS6_WHEEL`); `bekker.at_width` converts them to another width."""
+"""Name of a soil -> its parameters, also of soils that other installed packages offer. Parameters that
+depend on the width of the wheel hold for the wheel of the rover Nexus 6 (`NEXUS6_WHEEL`); `bekker.at_width` converts
+them to another width."""
 
 
 def name_of(soil: Soil) -> str:

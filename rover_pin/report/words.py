@@ -12,7 +12,7 @@ from rover_pin.estimation.numbers import Number
 from rover_pin.estimation.wording import in_words
 from rover_pin.inference.beliefs import Hypothesis
 from rover_pin.inference.cause import Cause
-from rover_pin.simulation.model.effect_files import package_effects
+from rover_pin.simulation.model.effect_files import installed_effects
 
 MAX_LEGEND_LINE = 36
 """Maximum number of characters in a line of a figure's legend. Longer texts continue on the next line. Two columns of
@@ -99,9 +99,10 @@ def pair(before: float, after: float, unit: str) -> tuple[str, str]:
 def kinds_of(verdict: Verdict) -> tuple[type, ...]:
     """Return the classes of all effects that sentences about a verdict may name.
 
-    These are the effects of the package, the added effects, and the effects whose probability was computed.
+    These are the effects of the package and of other installed packages, the added effects, and the effects
+    whose probability was computed.
     """
-    kinds = {kind.__name__: kind for kind in (*package_effects(), *map(type, verdict.effects))}
+    kinds = {kind.__name__: kind for kind in (*installed_effects(), *map(type, verdict.effects))}
     for hypothesis in verdict.beliefs.hypotheses if verdict.beliefs is not None else ():
         for missing in hypothesis.causes:
             if missing.owner and re.split(r"[\[@]", missing.name)[0] not in kinds:

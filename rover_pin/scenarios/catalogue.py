@@ -22,8 +22,10 @@ from rover_pin.rover.description.layout import rover_folder
 from rover_pin.rover.rover import load_rover
 from rover_pin.scenarios.scenario import settings_of
 from rover_pin.scenarios.scenes import SCENES, Scene
-from rover_pin.simulation.model.effect_files import AnyEffect, package_effects
+from rover_pin.simulation.model.effect_files import AnyEffect, offered_effects, package_effects
 
+OWN_PACKAGE = "rover_pin"
+"""Word in lists for a soil, effect or experiment that rover_pin itself contains, instead of another package's name."""
 ACTS = {Effect: "contact", MotorEffect: "motor", BodyEffect: "body", SensorEffect: "sensor"}
 """Base class of an effect -> word for the part of the rover on which the effect acts. Lists of effects are in this
 order."""
@@ -53,6 +55,8 @@ def plain(number: Setting) -> dict[str, Any]:
     omitted.
     """
     table = {name: value for name, value in number._asdict().items() if value not in ("", ())}
+    if number.choices:
+        table["choices"] = tuple(number.choices)
     bounds = {name: table.pop(name) for name in ("low", "high")}
     return {**table, **{name: value for name, value in bounds.items() if math.isfinite(value)}}
 
@@ -89,13 +93,17 @@ def _numbers_of_scene(name: str, scene: Scene) -> tuple[Setting, ...]:
 
 
 def soils() -> list[Entry]:
-    """Return the list of the package's soils, each with its numbers and their sources."""
+    """Return the list of the soils of the package and of other installed packages, each with its numbers and their
+    sources.
+    """
     entries = []
+    offered = SOILS.offered()
     for name, soil in SOILS.items():
         # The soil of Table 1 is the class Soil itself, whose docstring is about every soil.
         is_table_1 = type(soil) is Soil
         summary = "The paper's Table 1, completed where it is silent" if is_table_1 else first_sentence(type(soil))
-        entries.append(Entry(name, summary, {}, numbers_of(soil)))
+        package = offered[name].source if name in offered else OWN_PACKAGE
+        entries.append(Entry(name, summary, {"package": package}, numbers_of(soil)))
     return entries
 
 
@@ -117,17 +125,23 @@ def rovers() -> list[Entry]:
 
 
 def effects() -> list[Entry]:
-    """Return the list of the package's effects, sorted by the part of the rover on which they act, then by name."""
-    entries = []
-    for kind in sorted(package_effects(), key=lambda kind: (list(ACTS.values()).index(_acts(kind)), kind.__name__)):
+    """Return the list of the effects of the package and of other installed packages, sorted by the part of the rover on
+    which they act, then by name.
+    """
+    entries, offered = [], offered_effects()
+    places = list(ACTS.values())
+    for kind in sorted((*package_effects(), *offered), key=lambda kind: (places.index(_acts(kind)), kind.__name__)):
         facts = {
             "title": kind.title,
             "meaning": kind.meaning,
             "acts": _acts(kind),
             "equation": first_line(kind),
             "vanishes_at": dict(kind.neutral),
+            "package": offered[kind].source if kind in offered else OWN_PACKAGE,
         }
-        entries.append(Entry(kind.__name__, first_sentence(sys.modules[kind.__module__]), facts, numbers_of(kind())))
+        # Each effect of the package is described by its file; another package may have several effects in one file.
+        described = kind if kind in offered else sys.modules[kind.__module__]
+        entries.append(Entry(kind.__name__, first_sentence(described), facts, numbers_of(kind())))
     return entries
 
 

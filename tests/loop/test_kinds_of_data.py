@@ -9,7 +9,7 @@ import pytest
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.experiments.motor_brake import MotorBrake
 from rover_pin.loop.close import close, loop_data, verdict_on
-from rover_pin.loop.experiment_file import package_experiment, package_experiments
+from rover_pin.loop.experiment_file import experiment_of_folder, package_experiments
 from rover_pin.loop.provenance import LoopRequest
 from rover_pin.measurements.checks import Finding
 from rover_pin.simulation.model.motor import Motor
@@ -45,9 +45,9 @@ def tide(folds):
 def test_the_packages_experiments_are_found_by_looking(tmp_path):
     assert {"motor_brake", "pendulum", "slip_slope"} <= set(package_experiments())
     assert "traction_factors" not in package_experiments()
-    assert package_experiment(tmp_path) is None
+    assert experiment_of_folder(tmp_path) is None
     (tmp_path / "slope.toml").write_text("")
-    assert package_experiment(tmp_path) == "slip_slope"
+    assert experiment_of_folder(tmp_path) == "slip_slope"
 
 
 def test_data_that_cannot_answer_say_so_under_their_own_kind(tmp_path):

@@ -1,18 +1,15 @@
 """`rover-pin list`: lists the choices of a user, with unit, bounds, default and source of each number."""
 
 from enum import StrEnum
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from rover_pin.base.console import say
 from rover_pin.base.errors import ParameterError, closest
-from rover_pin.cli.completing import listed_names
+from rover_pin.cli.completing import listed_entries, listed_names
 from rover_pin.cli.options import AsJson, Set
 from rover_pin.cli.terminal import assignments, fact, json_text, numbers_table, report
-
-if TYPE_CHECKING:
-    from rover_pin.scenarios.catalogue import Entry
 
 
 class What(StrEnum):
@@ -22,6 +19,7 @@ class What(StrEnum):
     SOILS = "soils"
     ROVERS = "rovers"
     EFFECTS = "effects"
+    EXPERIMENTS = "experiments"
     SAMPLES = "samples"
     SETTINGS = "settings"
 
@@ -34,12 +32,14 @@ def list_(
     set_: Set = [],  # noqa: B006 - typer wants a list
     as_json: AsJson = False,
 ) -> None:
-    """List scenarios, soils, rovers, effects, samples or settings. Each number has unit, default, bounds and source."""
+    """List scenarios, soils, rovers, effects, experiments, samples or settings, with the package that an effect, soil
+    or experiment comes from. Each number has unit, default, bounds and source.
+    """
     from rover_pin.scenarios import catalogue
 
     # Without an argument, only the names of all kinds are listed, because all numbers would fill many screens.
     if what is None:
-        names = {kind.value: [entry.name for entry in getattr(catalogue, kind)()] for kind in What}
+        names = {kind.value: [entry.name for entry in listed_entries(kind)] for kind in What}
         summary = {name: ", ".join(kind_names) for name, kind_names in names.items()}
         report(
             names if as_json else {**summary, "next": "rover-pin list soils, rover-pin list soils dry-sand"}, as_json
@@ -54,7 +54,7 @@ def list_(
             numbers_table(settings)
             say("\nChange them by --set NAME=VALUE, with or without a unit: soil.k=5mm, terrain.wall_angle=40deg.")
         return
-    entries: list[Entry] = getattr(catalogue, what.value)()
+    entries = listed_entries(what)
     if name:
         known = [entry.name for entry in entries]
         entries = [entry for entry in entries if entry.name == name]
@@ -80,4 +80,6 @@ def list_(
             if entry.facts.get("acts", group) != group:
                 group = entry.facts["acts"]
                 say(f"{group}:")
-            say(f"{entry.name:{width}}  {entry.summary}")
+            package = entry.facts.get("package", catalogue.OWN_PACKAGE)
+            source = f" (from {package})" if package != catalogue.OWN_PACKAGE else ""
+            say(f"{entry.name:{width}}  {entry.summary}{source}")

@@ -40,7 +40,7 @@ from rover_pin.experiments.wheel_rig.model import read_model as read_rig_model
 from rover_pin.logs.drive_log import DriveLog
 from rover_pin.measurements.checks import Finding
 from rover_pin.rover.rover import Rover
-from rover_pin.simulation.model.effect_files import file_of, user_effects
+from rover_pin.simulation.model.effect_files import file_of, offered_effects, user_effects
 from rover_pin.simulation.model.model import Model, base_effects
 from rover_pin.simulation.model.toml_file import RIG_KIND, read_model, write_model
 
@@ -114,13 +114,14 @@ class DriveLogData(LoopData):
         """Return the data with a store that keeps results of replays in `folder`, so that a stopped loop can continue.
 
         Replays depend on the formulas of the effects. Therefore stored results are used only if the code of all effect
-        files is unchanged: the user's file `effects`, and the files of the effects in the model. If `folder` is None,
-        nothing is stored.
+        files is unchanged: the user's file `effects`, the files of effects that other installed packages offer, and
+        the files of the effects in the model. If `folder` is None, nothing is stored.
         """
         if folder is None:
             return self
         # Results are found by the code of these files, so that a changed formula never meets old results.
-        kinds = (*(user_effects(effects) if effects else ()), *map(type, self.base_model().all_effects))
+        users = (*offered_effects(), *(user_effects(effects) if effects else ()))
+        kinds = (*users, *map(type, self.base_model().all_effects))
         memory = Memory(folder, key_of_code({file_of(kind) for kind in kinds}))
         return dataclasses.replace(self, model=self.base_model(), memory=memory)
 

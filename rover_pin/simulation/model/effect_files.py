@@ -1,5 +1,5 @@
-"""Effects in files: effect classes in the package or in a user's Python file, and single effects as tables of a TOML
-file.
+"""Effects in files: effect classes in the package, in other installed packages or in a user's Python file, and single
+effects as tables of a TOML file.
 """
 
 import dataclasses
@@ -16,9 +16,10 @@ from types import CodeType, ModuleType
 from typing import Any, TypeVar
 
 import rover_pin.effects
-from rover_pin.base.errors import DataError, closest
+from rover_pin.base.errors import DataError, RoverPinError, closest
 from rover_pin.base.files.paths import is_file
 from rover_pin.base.files.toml_file import text_in
+from rover_pin.base.installed_packages import EFFECTS, Offer, offers
 from rover_pin.base.jobs.workers import sent_by_value
 from rover_pin.base.quantity import Record, as_table, quantities, record_from
 from rover_pin.base.trust import Trust, code_files
@@ -39,7 +40,10 @@ CHOICES: dict[str, Mapping[str, Any]] = {"is no traction form": FORMS, "are no a
 """The fields of an effect that are no numbers: the traction form and the contact angles. For each of them, the second
 half of the error message for an unknown word -> the allowed words, each with its value."""
 PACKAGE = "rover_pin.effects."
-"""Beginning of the names of the modules that contain the package's own effects. All other effects are a user's."""
+"""Beginning of the names of the modules that contain the package's own effects. All other effects are a user's, or
+belong to another installed package."""
+NO_FIELDS = ("name", "file", "package")
+"""Keys of an effect's TOML table that decide its class. All other keys are fields of the effect."""
 
 
 @lru_cache(maxsize=1)
@@ -47,6 +51,36 @@ def package_effects() -> tuple[type[AnyEffect], ...]:
     """Return the classes of all effects that the package contains."""
     names = [module.name for module in pkgutil.iter_modules(rover_pin.effects.__path__)]
     return tuple(kind for name in names for kind in defined_in(importlib.import_module(PACKAGE + name)))
+
+
+def offered_effects() -> dict[type[AnyEffect], Offer]:
+    """Return the classes of all effects that other installed packages offer, each with its package.
+
+    Raises DataError: an effect cannot be imported or created, is no effect, is not named by its entry point as its
+    class is named, or has the name of another effect. The message names the package.
+    """
+    classes: dict[type[AnyEffect], Offer] = {}
+    for name, offer in offers(EFFECTS, tuple(kind.__name__ for kind in package_effects())).items():
+        kind = offer.load(BASES)
+        if kind.__name__ != name:
+            raise DataError(
+                f"The installed package {offer.source} offers the effect {kind.__name__} under the name '{name}'; in "
+                f"its entry point, the name must be {kind.__name__}."
+            )
+        try:
+            kind()
+        except BaseException as error:
+            if is_stop(error) and not isinstance(error, RoverPinError):
+                raise
+            place = f"{inspect.getfile(kind)} (installed package {offer.source})"
+            raise mistake(error, place, inspect.getsourcelines(kind)[1]) from error
+        classes[kind] = offer
+    return classes
+
+
+def installed_effects() -> tuple[type[AnyEffect], ...]:
+    """Return the classes of the package's effects and of the effects that other installed packages offer."""
+    return (*package_effects(), *offered_effects())
 
 
 def user_effects(path: str | Path) -> tuple[type[AnyEffect], ...]:
@@ -74,10 +108,10 @@ def user_effects(path: str | Path) -> tuple[type[AnyEffect], ...]:
 
 
 def known_effects(path: str | Path | None = None) -> tuple[type[AnyEffect], ...]:
-    """Return the classes of the package's effects and of the effects in a user's file or folder. If a user's effect has
-    the name of a package's effect, only the user's is returned.
+    """Return the classes of the package's effects, of the effects of other installed packages, and of the effects in a
+    user's file or folder. If a user's effect has the name of a package's effect, only the user's is returned.
     """
-    kinds = (*package_effects(), *(user_effects(path) if path else ()))
+    kinds = (*installed_effects(), *(user_effects(path) if path else ()))
     return tuple({kind.__name__: kind for kind in kinds}.values())
 
 
@@ -181,12 +215,14 @@ def effect_entry(effect: AnyEffect) -> dict[str, Any]:
     """Return an effect as a TOML table, from which `effect_from` makes an equal effect: the name of its class, its
     choices (traction form, contact angles), and its quantities with units.
 
-    For an effect from outside the package, the table also contains the path of the file that defines its class.
+    For an effect of another installed package, the table also contains the name of this package; for a user's effect,
+    it contains the path of the file that defines its class.
     """
     kind = type(effect)
     entry: dict[str, Any] = {"name": kind.__name__}
     if not kind.__module__.startswith(PACKAGE):
-        entry["file"] = str(file_of(kind))
+        offered = offered_effects()
+        entry |= {"package": offered[kind].package} if kind in offered else {"file": str(file_of(kind))}
     for field in dataclasses.fields(effect):
         if field.name not in quantities(effect):
             value = getattr(effect, field.name)
@@ -216,7 +252,8 @@ def effect_from(entry: Mapping[str, Any], where: str, folder: Path, trust: Trust
     Parameters
     ----------
     entry : mapping
-        The table: the name of the effect's class, optionally the file that defines the class, and the effect's fields.
+        The table: the name of the effect's class, optionally the file or the installed package that defines the class,
+        and the effect's fields.
     where : str
         Position of the table in the TOML file, for error messages.
     folder : Path
@@ -233,6 +270,8 @@ def effect_from(entry: Mapping[str, Any], where: str, folder: Path, trust: Trust
     """
     # Code of a user runs only from a file that is trusted.
     kinds, file = {kind.__name__: kind for kind in package_effects()}, entry.get("file")
+    if file is None and ("package" in entry or entry.get("name") not in kinds):
+        kinds = _with_offered_effects(kinds, entry, where)
     if file is not None:
         code = folder / str(file)
         trust.refuse_code(code, f"{where} {text_in(entry, 'name', where)}".rstrip())
@@ -240,13 +279,29 @@ def effect_from(entry: Mapping[str, Any], where: str, folder: Path, trust: Trust
     return effect_among(kinds, entry, where)
 
 
+def _with_offered_effects(
+    kinds: Mapping[str, type[AnyEffect]], entry: Mapping[str, Any], where: str
+) -> dict[str, type[AnyEffect]]:
+    """Return name -> class of the known effects and of those that other installed packages offer.
+
+    Raises DataError: the effect's TOML table names a package that is not installed or does not offer the effect.
+    """
+    offered = offered_effects()
+    package, name = entry.get("package"), entry.get("name")
+    if package is not None and (name, package) not in {(kind.__name__, one.package) for kind, one in offered.items()}:
+        raise DataError(
+            f"{where}: the effect '{name}' belongs to the package '{package}', but no installed package of this name "
+            "offers it. If you trust the maker of this package, install it."
+        )
+    return {**kinds, **{kind.__name__: kind for kind in offered}}
+
+
 def effect_among(kinds: Mapping[str, type[AnyEffect]], entry: Mapping[str, Any], where: str) -> AnyEffect:
     """Return the effect that a TOML table describes. The table names the class of the effect, which must be a key of
     `kinds` (name -> class). The errors are those of `effect_from`.
     """
-    # "name" and "file" decide the class; all other keys are fields of it.
     name = text_in(entry, "name", where)
-    fields = {field: value for field, value in entry.items() if field not in ("name", "file")}
+    fields = {field: value for field, value in entry.items() if field not in NO_FIELDS}
     if name not in kinds:
         raise DataError(f"{where}: there is no effect '{name}': {closest(name, kinds)}")
     default, where = kinds[name](), f"{where} {name}"

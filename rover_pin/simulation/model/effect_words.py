@@ -12,9 +12,11 @@ from rover_pin.base.trust import Trust
 from rover_pin.rover.rover import Rover
 from rover_pin.simulation.model.effect_files import (
     BASES,
+    NO_FIELDS,
     AnyEffect,
     effect_among,
     effect_entry,
+    installed_effects,
     package_effects,
     reading_traction,
     trusted_effects,
@@ -59,12 +61,13 @@ def having(model: Model, effects: AnyEffect | str | Iterable[AnyEffect | str], t
 
 def kinds_for(effect_words: Iterable[str], trust: Trust = Trust()) -> dict[str, type[AnyEffect]]:
     """Return name -> class of all effects that may be needed to read the words `effect_words`: the effects of the
-    package, and, if a word names a class that the package does not have, also the effects in the trusted files.
+    package, and, if a word names a class that the package does not have, also the effects of other installed packages
+    and the effects in the trusted files.
     """
     kinds = {kind.__name__: kind for kind in package_effects()}
     if all(word.partition(".")[0] in kinds for word in effect_words):
         return kinds
-    return kinds | {kind.__name__: kind for kind in trusted_effects(trust)}
+    return {kind.__name__: kind for kind in (*installed_effects(), *trusted_effects(trust))}
 
 
 def words_of(effects: AnyEffect | str | Iterable[AnyEffect | str]) -> list[str]:
@@ -82,9 +85,7 @@ def word_of(effect: AnyEffect) -> str:
     # the quantity's own unit.
     entry = effect_entry(effect)
     fields = {name: value["value"] if isinstance(value, dict) else value for name, value in entry.items()}
-    settings = ",".join(
-        f"{name}={value}" for name, value in fields.items() if name not in ("name", "file") and value != ""
-    )
+    settings = ",".join(f"{name}={value}" for name, value in fields.items() if name not in NO_FIELDS and value != "")
     return f"{entry['name']}.{settings}" if settings else entry["name"]
 
 

@@ -33,7 +33,7 @@ from rover_pin.effects.slip import AlgebraicSlip, RelaxedSlip
 from rover_pin.parameters.gravity import EARTH, gravity_from
 from rover_pin.rover.description.layout import read_layout, rover_folder
 from rover_pin.rover.rover import load_named
-from rover_pin.simulation.model.effect_files import AnyEffect, effect_entry, effect_from
+from rover_pin.simulation.model.effect_files import AnyEffect, effect_entry, effect_from, file_of, offered_effects
 from rover_pin.simulation.model.model import BURIED, Model
 from rover_pin.simulation.model.motor import Motor
 from rover_pin.terrain.files import terrain_from, write_terrain
@@ -200,9 +200,11 @@ def is_rig_model(path: str | Path) -> bool:
 
 
 def _effect_files(path: Path, table: dict[str, Any]) -> list[Path]:
-    """Return the paths of the Python files with users' effects that a model file names."""
+    """Return the paths of the Python files with effects from outside the package that a model file names."""
     files: list[Path] = []
     entries = [table.get("slip", {}), *table.get("effect", [])]
+    if names := {entry.get("name") for entry in entries if "package" in entry}:
+        files += [file_of(kind) for kind in offered_effects() if kind.__name__ in names]
     for file in (path.parent / str(entry["file"]) for entry in entries if "file" in entry):
         files += sorted(file.glob("*.py")) if file.is_dir() else [file]
     return files
